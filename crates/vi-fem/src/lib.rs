@@ -1,0 +1,1 @@
+//! Meshes, elements and materials: a mass and potentials.

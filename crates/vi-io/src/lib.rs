@@ -1,0 +1,1 @@
+//! Reads and writes files: meshes and arrays, no physics.

@@ -1,0 +1,1 @@
+//! Time integrators, assembly, nonlinear and sparse solves.

@@ -1,0 +1,1 @@
+//! Variational: deformable bodies by finite elements and variational integrators.
