@@ -1,0 +1,67 @@
+//! The one error type of this crate. It must not know who reports it.
+
+/// What can be wrong with a Lagrangian system or a scheme, with the facts.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CoreError {
+    /// Two arrays that must have the same length have not.
+    #[error("{what}: expected {expected} entries, found {found}")]
+    Length {
+        /// The array in question.
+        what: &'static str,
+        /// The length that the system implies.
+        expected: usize,
+        /// The length that was given.
+        found: usize,
+    },
+    /// A free coordinate carries no inertia.
+    #[error(
+        "coordinate {dof} is free but its mass is {mass} kg; a free coordinate needs a positive, finite mass"
+    )]
+    Mass {
+        /// The coordinate x_i.
+        dof: usize,
+        /// Its mass, kg.
+        mass: f64,
+    },
+    /// A coordinate that is named does not exist, or is named twice.
+    #[error("{what}: coordinate {dof} is out of range or given twice (there are {count})")]
+    Coordinate {
+        /// The list in question.
+        what: &'static str,
+        /// The coordinate x_i.
+        dof: usize,
+        /// How many coordinates there are.
+        count: usize,
+    },
+    /// A term's stencil names a node that the system has not.
+    #[error("term '{term}', stencil {stencil}: node {node} is out of range (there are {count})")]
+    Stencil {
+        /// The term's name.
+        term: String,
+        /// The stencil's index.
+        stencil: usize,
+        /// The node that does not exist.
+        node: usize,
+        /// How many nodes there are.
+        count: usize,
+    },
+    /// A scheme or quadrature that is not defined for this number of points.
+    #[error("{what} with {count} points is not defined; {allowed}")]
+    Points {
+        /// The rule in question.
+        what: &'static str,
+        /// The number of points that was asked for.
+        count: usize,
+        /// What is defined.
+        allowed: &'static str,
+    },
+    /// A nonlinear solve of the dense oracle did not converge.
+    #[error("no convergence after {iterations} iterations: residual {residual:e}")]
+    Convergence {
+        /// Newton iterations made.
+        iterations: usize,
+        /// Norm of the last residual.
+        residual: f64,
+    },
+}

@@ -1,0 +1,70 @@
+//! The energy ledger: where every joule of a run went. It must not know how the parts are
+//! computed; each stepper computes them on its own, so that closing to round-off is a test.
+
+/// What changed the total energy T + V over one step, J. Their sum is the change.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct StepEnergy {
+    /// Work done on the body by prescribed motion.
+    pub prescribed: f64,
+    /// Work of named non-conservative forces.
+    pub force: f64,
+    /// Work of physical damping (≤ 0).
+    pub damping: f64,
+    /// Error of the scheme: for implicit midpoint ΔV − ∇V(x_mid)·Δx.
+    pub scheme: f64,
+    /// Work of the residual that the nonlinear solver left.
+    pub residual: f64,
+}
+
+impl StepEnergy {
+    /// Sum of all parts, J.
+    pub fn total(&self) -> f64 {
+        self.prescribed + self.force + self.damping + self.scheme + self.residual
+    }
+}
+
+impl std::ops::AddAssign for StepEnergy {
+    fn add_assign(&mut self, step: Self) {
+        self.prescribed += step.prescribed;
+        self.force += step.force;
+        self.damping += step.damping;
+        self.scheme += step.scheme;
+        self.residual += step.residual;
+    }
+}
+
+/// The account of a run: initial energy plus what came in and went out, against what there is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EnergyLedger {
+    /// Total energy T + V at the start, J.
+    pub initial: f64,
+    /// Total energy now, J.
+    pub current: f64,
+    /// Everything that changed it, J.
+    pub parts: StepEnergy,
+    /// Largest |H − H₀ − work put in| so far, J: the drift.
+    pub drift: f64,
+    /// Largest kinetic energy so far, J: the scale of the exchange.
+    pub kinetic_max: f64,
+}
+
+impl EnergyLedger {
+    /// A ledger that opens with total energy `initial` and kinetic energy `kinetic`, J.
+    pub fn new(initial: f64, kinetic: f64) -> Self {
+        Self { initial, current: initial, parts: StepEnergy::default(), drift: 0.0, kinetic_max: kinetic }
+    }
+
+    /// Enters one step: what changed the energy, and the total and kinetic energy after it, J.
+    pub fn enter(&mut self, step: StepEnergy, total: f64, kinetic: f64) {
+        self.parts += step;
+        self.current = total;
+        self.kinetic_max = self.kinetic_max.max(kinetic);
+        let work = self.parts.prescribed + self.parts.force + self.parts.damping;
+        self.drift = self.drift.max((total - self.initial - work).abs());
+    }
+
+    /// What the parts leave unexplained, J: round-off if every part is right.
+    pub fn unexplained(&self) -> f64 {
+        self.current - self.initial - self.parts.total()
+    }
+}

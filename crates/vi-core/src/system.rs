@@ -1,0 +1,119 @@
+//! A Lagrangian system L = T − V and its state (q, p). It must not know how time is stepped.
+
+use crate::{Coordinates, CoreError, Potential};
+
+/// The Lagrangian L(q, q̇, t) = ½ q̇ᵀM q̇ − Σ V(x(q, t), t), with lumped (diagonal) mass M.
+///
+/// Prescribed coordinates leave the kinetic energy; they act through V(x(q, t), t).
+pub struct System {
+    mass: Vec<f64>,
+    free_mass: Vec<f64>,
+    potentials: Vec<Box<dyn Potential>>,
+    coordinates: Coordinates,
+}
+
+impl System {
+    /// A system from the lumped mass of every coordinate x_i (kg), its potentials and coordinates.
+    ///
+    /// # Errors
+    /// Where lengths differ, a free coordinate has no mass, or a stencil names a missing node.
+    pub fn new(
+        mass: Vec<f64>,
+        potentials: Vec<Box<dyn Potential>>,
+        coordinates: Coordinates,
+    ) -> Result<Self, CoreError> {
+        let count = coordinates.dof_count();
+        if mass.len() != count {
+            return Err(CoreError::Length { what: "mass", expected: count, found: mass.len() });
+        }
+        for &dof in coordinates.free() {
+            let value = mass[dof as usize];
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(CoreError::Mass { dof: dof as usize, mass: value });
+            }
+        }
+        for potential in &potentials {
+            let stencils = potential.stencils();
+            for (k, &node) in stencils.nodes.iter().enumerate() {
+                if (node as usize + 1) * stencils.block > count {
+                    return Err(CoreError::Stencil {
+                        term: potential.name().to_owned(),
+                        stencil: k / stencils.arity,
+                        node: node as usize,
+                        count: count / stencils.block,
+                    });
+                }
+            }
+        }
+        let free_mass = coordinates.free().iter().map(|&dof| mass[dof as usize]).collect();
+        Ok(Self { mass, free_mass, potentials, coordinates })
+    }
+
+    /// Lumped mass of every coordinate x_i, kg.
+    pub fn mass(&self) -> &[f64] {
+        &self.mass
+    }
+
+    /// Lumped mass of every free coordinate q_k, kg: the diagonal of M.
+    pub fn free_mass(&self) -> &[f64] {
+        &self.free_mass
+    }
+
+    /// The terms of V.
+    pub fn potentials(&self) -> &[Box<dyn Potential>] {
+        &self.potentials
+    }
+
+    /// The map x(q, t).
+    pub fn coordinates(&self) -> &Coordinates {
+        &self.coordinates
+    }
+
+    /// The state with positions x (m) and velocities v (m/s) of all coordinates at time t (s);
+    /// entries of prescribed coordinates are ignored.
+    ///
+    /// # Errors
+    /// [`CoreError::Length`] where x or v has not one entry a coordinate.
+    pub fn state(&self, t: f64, x: &[f64], v: &[f64]) -> Result<State, CoreError> {
+        let expected = self.coordinates.dof_count();
+        for (what, array) in [("positions", x), ("velocities", v)] {
+            if array.len() != expected {
+                return Err(CoreError::Length { what, expected, found: array.len() });
+            }
+        }
+        let mut q = vec![0.0; self.coordinates.free_count()];
+        let mut p = q.clone();
+        self.coordinates.restrict(x, &mut q);
+        self.coordinates.restrict(v, &mut p);
+        for (p, m) in p.iter_mut().zip(&self.free_mass) {
+            *p *= m;
+        }
+        Ok(State { t, q, p })
+    }
+
+    /// Positions x(q, t) of all coordinates, m.
+    pub fn positions(&self, state: &State) -> Vec<f64> {
+        let mut x = vec![0.0; self.coordinates.dof_count()];
+        self.coordinates.embed(&state.q, state.t, &mut x);
+        x
+    }
+
+    /// Velocities ẋ of all coordinates, m/s: M⁻¹p where free, the path's where prescribed.
+    pub fn velocities(&self, state: &State) -> Vec<f64> {
+        let mut x_dot = vec![0.0; self.coordinates.dof_count()];
+        let q_dot: Vec<f64> = state.p.iter().zip(&self.free_mass).map(|(p, m)| p / m).collect();
+        self.coordinates.embed_velocity(&q_dot, state.t, &mut x_dot);
+        x_dot
+    }
+}
+
+/// A point of phase space: never two old positions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    /// Time, s.
+    pub t: f64,
+    /// Free coordinates, m.
+    pub q: Vec<f64>,
+    /// Their momenta ∂L/∂q̇ = M q̇, kg m/s.
+    pub p: Vec<f64>,
+}
