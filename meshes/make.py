@@ -1,0 +1,415 @@
+#!/usr/bin/env python3
+"""Makes every mesh of this directory with gmsh. What each one is: README.md.
+
+    pip install gmsh==4.15.2 numpy
+    python make.py                                  # all of them, written beside this file
+    python make.py --only bracket
+    python make.py --turek 8 --element tet10 --out flag-8.msh    # the flag, 8 cells across its height
+
+Lengths are in metres. One thread and no random state: the same gmsh version writes the same files.
+Every mesh is checked before it is written (positive volumes, no node without an element) and its
+counts and quality are printed.
+"""
+
+import argparse
+import math
+import pathlib
+
+import gmsh
+import numpy as np
+
+HERE = pathlib.Path(__file__).resolve().parent
+MM = 1e-3
+
+# --- Parameters -----------------------------------------------------------------------------------
+
+BEAM = dict(size=(1.0, 0.25, 0.25), cells=(16, 4, 4))
+
+# A steel fork (E = 206 GPa, nu = .29, rho = 7850 kg/m3) that rings at 440 Hz with the end of its stem
+# held. Estimate: each prong is an Euler-Bernoulli cantilever from its tip along the centre line to the
+# middle of the bend,
+#     length = prong + (pi / 2) (gap + thickness) / 2,
+#     f = (1.875104^2 / 2 pi) sqrt(E / rho) (thickness / sqrt 12) / length^2  =  436 Hz.
+# Quadratic tetrahedra on this mesh give 440 Hz. Linear ones lock in bending and ring sharp (README.md).
+FORK = dict(
+    thickness=4.0 * MM,  # of a prong, in x, the direction in which it swings
+    depth=6.0 * MM,      # of the U, in z
+    gap=8.0 * MM,        # between the prongs; the bend is a half ring of inner radius gap / 2
+    prong=77.7 * MM,     # straight part, in y
+    stem=34.0 * MM,      # below the bend
+    stem_diameter=4.0 * MM,  # 1 mm clear of both faces of the U: no thin ledge, so no small edge
+    edge=1.1 * MM,       # target edge of the tetrahedra, the same everywhere
+)
+STEEL = dict(young=2.06e11, density=7850.0)
+
+BRACKET = dict(
+    width=60.0 * MM,         # in y
+    foot=55.0 * MM,          # in x
+    height=60.0 * MM,        # in z
+    plate=7.0 * MM,          # thickness of both legs
+    inner_fillet=8.0 * MM,
+    outer_fillet=5.0 * MM,
+    corner_radius=10.0 * MM, # of the four free corners
+    bolt_diameter=9.0 * MM,
+    bolt_pitch=34.0 * MM,    # between the two holes, in y
+    bolt_at=36.0 * MM,       # their distance from the back, in x
+    pin_diameter=16.0 * MM,
+    pin_at=38.0 * MM,        # height of the pin hole in the upright leg
+    edge=3.1 * MM,
+    hole_edge=2.0 * MM,
+)
+
+# Turek & Hron's elastic flag: a bar behind a circle, so its clamped end is an arc.
+TUREK = dict(centre=(0.2, 0.2), radius=0.05, right=0.6, bottom=0.19, top=0.21, thickness=0.005)
+TUREK_COMMITTED = dict(cells=4, element="hex20")
+
+CLOTH = dict(size=1.0, edge=0.042)
+
+
+# --- The meshes -----------------------------------------------------------------------------------
+
+
+def beam(path):
+    """Kuhn tetrahedra, six to a cell, around the diagonal from the cell's lowest to its highest corner."""
+    start()
+    size, cells = BEAM["size"], BEAM["cells"]
+    nx, ny, nz = (n + 1 for n in cells)
+
+    def node(i, j, k):
+        return 1 + i + nx * (j + ny * k)
+
+    points = [
+        (size[0] * i / cells[0], size[1] * j / cells[1], size[2] * k / cells[2])
+        for k in range(nz) for j in range(ny) for i in range(nx)
+    ]
+    steps = np.eye(3, dtype=int)
+    even = {(0, 1, 2), (1, 2, 0), (2, 0, 1)}
+    tets, walls = [], {"clamp": [], "tip": []}
+    for k in range(cells[2]):
+        for j in range(cells[1]):
+            for i in range(cells[0]):
+                low = np.array((i, j, k))
+                for a, b, c in [(0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)]:
+                    corners = [low, low + steps[a], low + steps[a] + steps[b], low + 1]
+                    if (a, b, c) not in even:  # an odd order of the axes is a mirror image
+                        corners[1], corners[2] = corners[2], corners[1]
+                    tets.append([node(*corner) for corner in corners])
+    for k in range(cells[2]):
+        for j in range(cells[1]):
+            # The Kuhn cell's faces x = const are cut along the diagonal (0,0)-(1,1), too.
+            for name, i in [("clamp", 0), ("tip", cells[0])]:
+                a, b, c, d = node(i, j, k), node(i, j + 1, k), node(i, j + 1, k + 1), node(i, j, k + 1)
+                outward = [(a, b, c), (a, c, d)] if name == "tip" else [(a, c, b), (a, d, c)]
+                walls[name] += outward
+
+    volume = gmsh.model.addDiscreteEntity(3, 1)
+    gmsh.model.mesh.addNodes(3, volume, range(1, len(points) + 1), np.ravel(points))
+    gmsh.model.mesh.addElementsByType(volume, 4, [], np.ravel(tets))
+    group(3, [volume], "beam")
+    for tag, name in enumerate(walls, 1):
+        gmsh.model.addDiscreteEntity(2, tag)
+        gmsh.model.mesh.addElementsByType(tag, 2, [], np.ravel(walls[name]))
+        group(2, [tag], name)
+    point = gmsh.model.addDiscreteEntity(0, 1)
+    gmsh.model.mesh.addElementsByType(point, 15, [], [node(cells[0], cells[1] // 2, cells[2] // 2)])
+    group(0, [point], "tip_centre")
+    gmsh.model.mesh.reclassifyNodes()
+    finish(path)
+
+
+def tuning_fork(path):
+    """U of two prongs and a half ring, on a round stem. Prongs in +y, swinging in x."""
+    start()
+    occ, p = gmsh.model.occ, FORK
+    inner, outer = p["gap"] / 2, p["gap"] / 2 + p["thickness"]
+    z = -p["depth"] / 2
+    ring = occ.cut(
+        [(3, occ.addCylinder(0, 0, z, 0, 0, p["depth"], outer))],
+        [(3, occ.addCylinder(0, 0, z, 0, 0, p["depth"], inner)),
+         (3, occ.addBox(-2 * outer, 0, z, 4 * outer, 2 * outer, p["depth"]))],
+    )[0]
+    prongs = [(3, occ.addBox(x, 0, z, p["thickness"], p["prong"], p["depth"])) for x in (-outer, inner)]
+    # The stem starts inside the bend, so that the two really join.
+    root, end = -(inner + outer) / 2, -outer - p["stem"]
+    stem = [(3, occ.addCylinder(0, root, 0, 0, end - root, 0, p["stem_diameter"] / 2))]
+    fork = occ.fuse(ring, prongs + stem)[0]
+    occ.synchronize()
+    [(_, body)] = fork
+    r = p["stem_diameter"] / 2
+
+    group(3, [body], "fork")
+    group(2, faces_in((-r, end, -r), (r, end, r)), "handle")
+    for name, left, right in [("left_tip", -outer, -inner), ("right_tip", inner, outer)]:
+        group(2, faces_in((left, p["prong"], z), (right, p["prong"], -z)), name)
+    uniform_size(p["edge"])
+    generate(3)
+    print(f"  cantilever estimate of the pitch: {analytic_pitch():.1f} Hz")
+    finish(path)
+
+
+def analytic_pitch():
+    """First bending frequency of a prong as an Euler-Bernoulli cantilever, Hz. See `FORK`."""
+    wave_speed = math.sqrt(STEEL["young"] / STEEL["density"])
+    gyration = FORK["thickness"] / math.sqrt(12)
+    length = FORK["prong"] + math.pi / 2 * (FORK["gap"] + FORK["thickness"]) / 2
+    return 1.8751040687**2 / (2 * math.pi) * wave_speed * gyration / length**2
+
+
+def bracket(path):
+    """L of two plates: foot in the plane z = 0 with two bolt holes, upright leg at x = 0 with a pin hole."""
+    start()
+    occ, p = gmsh.model.occ, BRACKET
+    width, foot, height, plate = p["width"], p["foot"], p["height"], p["plate"]
+    tiny = 0.01 * MM
+
+    body = occ.fuse([(3, occ.addBox(0, 0, 0, foot, width, plate))],
+                    [(3, occ.addBox(0, 0, 0, plate, width, height))])[0]
+    occ.synchronize()
+    [(_, tag)] = body
+
+    def edge(x, z):
+        return curves_in((x - tiny, -tiny, z - tiny), (x + tiny, width + tiny, z + tiny))
+
+    corners = []
+    for y in (0, width):
+        corners += curves_in((foot - tiny, y - tiny, -tiny), (foot + tiny, y + tiny, plate + tiny))
+        corners += curves_in((-tiny, y - tiny, height - tiny), (plate + tiny, y + tiny, height + tiny))
+    inner, outer = edge(plate, plate), edge(0, 0)
+    radii = [p["inner_fillet"]] * len(inner) + [p["outer_fillet"]] * len(outer) + [p["corner_radius"]] * len(corners)
+    solid = occ.fillet([tag], inner + outer + corners, radii)
+
+    holes = [
+        (p["bolt_at"], width / 2 + side * p["bolt_pitch"] / 2, -plate, 0, 3 * plate, p["bolt_diameter"] / 2)
+        for side in (-1, 1)
+    ]
+    tools = [(3, occ.addCylinder(x, y, z, dx, 0, dz, r)) for x, y, z, dx, dz, r in holes]
+    tools.append((3, occ.addCylinder(-plate, width / 2, p["pin_at"], 3 * plate, 0, 0, p["pin_diameter"] / 2)))
+    solid = occ.cut(solid, tools)[0]
+    occ.synchronize()
+    [(_, tag)] = solid
+
+    group(3, [tag], "bracket")
+    bolts = []
+    for x, y, _, _, _, r in holes:
+        bolts += faces_in((x - r, y - r, 0), (x + r, y + r, plate))
+    r = p["pin_diameter"] / 2
+    pin = faces_in((0, width / 2 - r, p["pin_at"] - r), (plate, width / 2 + r, p["pin_at"] + r))
+    group(2, bolts, "bolts")
+    group(2, pin, "pin")
+    group(2, faces_in((0, 0, height), (plate, width, height)), "load_face")
+    group(2, faces_in((0, 0, 0), (foot, width, 0)), "base")
+
+    near = gmsh.model.mesh.field.add("Distance")
+    gmsh.model.mesh.field.setNumbers(near, "SurfacesList", bolts + pin)
+    gmsh.model.mesh.field.setNumber(near, "Sampling", 40)
+    size = gmsh.model.mesh.field.add("Threshold")
+    for key, value in [("InField", near), ("SizeMin", p["hole_edge"]), ("SizeMax", p["edge"]),
+                       ("DistMin", 1 * MM), ("DistMax", 10 * MM)]:
+        gmsh.model.mesh.field.setNumber(size, key, value)
+    gmsh.model.mesh.field.setAsBackgroundMesh(size)
+    uniform_size(p["edge"])
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 0)
+    generate(3)
+    finish(path, binary=True)
+
+
+def turek_flag(path, cells, element):
+    """One layer of `cells` across the height; about square in the plane. The left end lies on the circle."""
+    start()
+    geo, p = gmsh.model.geo, TUREK
+    (cx, cy), bottom, top, right = p["centre"], p["bottom"], p["top"], p["right"]
+    left = cx + math.sqrt(p["radius"] ** 2 - (top - cy) ** 2)
+    along = round((right - cx - p["radius"]) / (top - bottom) * cells)
+
+    centre = geo.addPoint(cx, cy, 0)
+    low_left, low_right = geo.addPoint(left, bottom, 0), geo.addPoint(right, bottom, 0)
+    tip, high_right, high_left = geo.addPoint(right, cy, 0), geo.addPoint(right, top, 0), geo.addPoint(left, top, 0)
+    lower = geo.addLine(low_left, low_right)
+    end = [geo.addLine(low_right, tip), geo.addLine(tip, high_right)]
+    upper = geo.addLine(high_right, high_left)
+    arc = geo.addCircleArc(high_left, centre, low_left)
+    face = geo.addPlaneSurface([geo.addCurveLoop([lower, *end, upper, arc])])
+    for curve, count in [(lower, along), (upper, along), (end[0], cells // 2), (end[1], cells // 2), (arc, cells)]:
+        geo.mesh.setTransfiniteCurve(curve, count + 1)
+    geo.mesh.setTransfiniteSurface(face, "Left", [low_left, low_right, high_right, high_left])
+    hexahedra = element.startswith("hex")
+    if hexahedra:
+        geo.mesh.setRecombine(2, face)
+    made = geo.extrude([(2, face)], 0, 0, p["thickness"], numElements=[1], recombine=hexahedra)
+    geo.synchronize()
+
+    far, volume = made[0][1], made[1][1]
+    sheet = p["thickness"]
+    group(3, [volume], "flag")
+    group(2, faces_in((left, bottom, 0), (cx + p["radius"], top, sheet)), "clamp")
+    group(2, [face, far], "side")
+    group(0, points_in((right, cy, 0), (right, cy, sheet)), "A")
+    generate(3)
+    if element != "hex8":
+        # The new nodes of the arc go onto the circle.
+        gmsh.option.setNumber("Mesh.SecondOrderLinear", 0)
+        gmsh.option.setNumber("Mesh.SecondOrderIncomplete", int(element == "hex20"))
+        gmsh.model.mesh.setOrder(2)
+    finish(path)
+
+
+def cloth(path):
+    """Unit square in the plane z = 0, Delaunay triangles. Corners a, b, c, d anticlockwise from the origin."""
+    start()
+    geo, side = gmsh.model.geo, CLOTH["size"]
+    corners = [geo.addPoint(x, y, 0) for x, y in [(0, 0), (side, 0), (side, side), (0, side)]]
+    edges = [geo.addLine(corners[i], corners[(i + 1) % 4]) for i in range(4)]
+    face = geo.addPlaneSurface([geo.addCurveLoop(edges)])
+    geo.synchronize()
+    group(2, [face], "cloth")
+    for edge, name in zip(edges, ["bottom", "right", "top", "left"]):
+        group(1, [edge], name)
+    for corner, name in zip(corners, "abcd"):
+        group(0, [corner], name)
+    uniform_size(CLOTH["edge"])
+    gmsh.option.setNumber("Mesh.Algorithm", 5)  # the frontal method would lay almost regular rows
+    generate(2)
+    finish(path)
+
+
+# --- Gmsh -----------------------------------------------------------------------------------------
+
+
+def start():
+    gmsh.option.restoreDefaults()
+    for key, value in [("General.Terminal", 0), ("General.NumThreads", 1), ("Mesh.Algorithm", 6),
+                       ("Mesh.Algorithm3D", 1), ("Mesh.Optimize", 1), ("Mesh.MshFileVersion", 4.1)]:
+        gmsh.option.setNumber(key, value)
+    gmsh.clear()
+
+
+def group(dimension, tags, name):
+    if not tags:
+        raise SystemExit(f"no entity found for the group '{name}'")
+    gmsh.model.addPhysicalGroup(dimension, tags, name=name)
+
+
+def entities_in(low, high, dimension, slack):
+    """Tags of the entities that lie wholly in a box. (OpenCASCADE's own boxes are larger by 1e-7.)"""
+    low, high = (np.array(low, float) - slack).tolist(), (np.array(high, float) + slack).tolist()
+    return [tag for _, tag in gmsh.model.getEntitiesInBoundingBox(*low, *high, dim=dimension)]
+
+
+def points_in(low, high, slack=1e-6):
+    return entities_in(low, high, 0, slack)
+
+
+def curves_in(low, high, slack=1e-6):
+    return entities_in(low, high, 1, slack)
+
+
+def faces_in(low, high, slack=1e-6):
+    return entities_in(low, high, 2, slack)
+
+
+def uniform_size(edge):
+    gmsh.option.setNumber("Mesh.MeshSizeMin", edge)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", edge)
+    gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
+    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+
+
+def generate(dimension):
+    gmsh.model.mesh.generate(dimension)
+    if dimension == 3:
+        for _ in range(3):
+            gmsh.model.mesh.optimize("")
+            gmsh.model.mesh.optimize("Netgen")
+
+
+def finish(path, binary=False):
+    """Checks the mesh, prints its counts and quality, and writes the elements of the named groups."""
+    dimension = max(d for d, _ in gmsh.model.getPhysicalGroups())
+    groups = gmsh.model.getPhysicalGroups()
+    saved = [gmsh.model.mesh.getNodesForPhysicalGroup(d, tag)[0] for d, tag in groups]
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    row = {tag: i for i, tag in enumerate(tags)}
+    points = coordinates.reshape(-1, 3)
+    used = set()
+    print(path.name)
+    for kind in gmsh.model.mesh.getElementTypes(dimension):
+        name, _, order, count, _, corners = gmsh.model.mesh.getElementProperties(kind)
+        elements, nodes = gmsh.model.mesh.getElementsByType(kind)
+        used.update(nodes.tolist())
+        if dimension == 3:
+            least = gmsh.model.mesh.getElementQualities(elements, "minDetJac").min()
+            if least <= 0:
+                raise SystemExit(f"{path.name}: an element is inverted (least Jacobian {least:g})")
+        cells = points[[row[tag] for tag in nodes]].reshape(-1, count, 3)[:, :corners]
+        print(f"  {len(elements)} {name} of order {order}, {quality(cells, name)}")
+    loose = set(np.concatenate(saved).tolist()) - used
+    if loose:
+        raise SystemExit(f"{path.name}: {len(loose)} nodes belong to no element")
+    for (d, tag), nodes in zip(groups, saved):
+        print(f"  {['point', 'curve', 'surface', 'volume'][d]} group {gmsh.model.getPhysicalName(d, tag)}: {len(nodes)} nodes")
+    gmsh.option.setNumber("Mesh.Binary", int(binary))
+    gmsh.write(str(path))
+    print(f"  {len(used)} nodes, {path.stat().st_size / 1024:.0f} KiB")
+
+
+def quality(cells, name):
+    """Edge lengths; for simplices also the angles and the radius ratio (1 = regular)."""
+    pairs = [(i, j) for i in range(cells.shape[1]) for j in range(i)]
+    lengths = np.array([np.linalg.norm(cells[:, i] - cells[:, j], axis=1) for i, j in pairs])
+    text = f"edges and diagonals {lengths.min():.3g} to {lengths.max():.3g} m"
+    if cells.shape[1] == 3:
+        angles = []
+        for i in range(3):
+            u, v = cells[:, (i + 1) % 3] - cells[:, i], cells[:, (i + 2) % 3] - cells[:, i]
+            angles.append(np.degrees(np.arccos((u * v).sum(1) / np.linalg.norm(u, axis=1) / np.linalg.norm(v, axis=1))))
+        text = f"edges {lengths.min():.3g} to {lengths.max():.3g} m, angles {np.min(angles):.1f} to {np.max(angles):.1f} degrees"
+    if cells.shape[1] == 4 and "Tetra" in name:
+        a, b, c, d = (cells[:, i] for i in range(4))
+        volume = np.abs(np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a))) / 6
+        faces = [(b, c, d), (a, d, c), (a, b, d), (a, c, b)]
+        normals = [np.cross(q - p, r - p) for p, q, r in faces]
+        areas = [np.linalg.norm(n, axis=1) / 2 for n in normals]
+        angles = np.array([
+            180 - np.degrees(np.arccos(np.clip((normals[i] * normals[j]).sum(1) / (4 * areas[i] * areas[j]), -1, 1)))
+            for i, j in pairs
+        ])
+        height = 3 * volume / np.max(areas, axis=0)
+        insphere = 3 * volume / np.sum(areas, axis=0)
+        u, v, w = (np.linalg.norm(x, axis=1) * np.linalg.norm(y, axis=1)
+                   for x, y in [(b - a, c - d), (c - a, b - d), (d - a, b - c)])
+        heron = np.sqrt(np.maximum((u + v + w) * (u + v - w) * (u - v + w) * (v + w - u), 0))
+        ratio = 3 * insphere / (heron / (24 * volume))
+        text = (f"volume {volume.sum():.6g} m3, edges {lengths.min():.3g} to {lengths.max():.3g} m, "
+                f"dihedral angles {angles.min():.1f} to {angles.max():.1f} degrees, "
+                f"least height {height.min():.3g} m, radius ratio least {ratio.min():.3f}, mean {ratio.mean():.3f}")
+    return text
+
+
+def main():
+    made = {
+        "beam": beam,
+        "tuning-fork": tuning_fork,
+        "bracket": bracket,
+        "turek-hron-flag": lambda path: turek_flag(path, **TUREK_COMMITTED),
+        "cloth": cloth,
+    }
+    parser = argparse.ArgumentParser(description="Makes the meshes of this directory.")
+    parser.add_argument("--only", choices=made, help="make this one alone")
+    parser.add_argument("--turek", type=int, metavar="N", help="make the flag alone, N (even) cells across its height")
+    parser.add_argument("--element", choices=["hex8", "hex20", "hex27", "tet10"], default="hex20", help="for --turek")
+    parser.add_argument("--out", type=pathlib.Path, help="for --turek (default: flag-ELEMENT-N.msh, here)")
+    arguments = parser.parse_args()
+    gmsh.initialize(readConfigFiles=False)
+    if arguments.turek is None:
+        for name in [arguments.only] if arguments.only else made:
+            made[name](HERE / f"{name}.msh")
+    else:
+        if arguments.turek < 2 or arguments.turek % 2:
+            parser.error("--turek: an even number, 2 or more, so that the point A is a node")
+        path = arguments.out or pathlib.Path(f"flag-{arguments.element}-{arguments.turek}.msh")
+        turek_flag(path, arguments.turek, arguments.element)
+    gmsh.finalize()
+
+
+if __name__ == "__main__":
+    main()
