@@ -1,1 +1,16 @@
-//! Time integrators, assembly, nonlinear and sparse solves.
+//! Time integrators, assembly, nonlinear and sparse solves for `vi-core` systems.
+//!
+//! This crate knows stencils, small dense blocks, sparse systems and time steps. It must not know
+//! an element or a material.
+
+mod assembly;
+mod error;
+mod factor;
+mod matrix;
+mod pcg;
+
+pub use assembly::{Assembler, AssemblyWork, Energies, HessianEvaluation};
+pub use error::{NotPositiveDefinite, SolverError, TermFault};
+pub use factor::{Factor, FactorFacts};
+pub use matrix::SymmetricMatrix;
+pub use pcg::{Pcg, PcgFacts, PcgReport, Preconditioner};

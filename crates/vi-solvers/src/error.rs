@@ -1,0 +1,71 @@
+//! What can go wrong in assembly and in sparse solves, with the facts.
+
+use thiserror::Error;
+
+/// Errors of this crate.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum SolverError {
+    /// The fill-reducing ordering could not be made.
+    #[error("ordering of {nodes} nodes failed: METIS reports {code}")]
+    Ordering {
+        /// Nodes of the graph.
+        nodes: usize,
+        /// METIS' return code.
+        code: i32,
+    },
+    /// The factor would not fit in memory or its index type.
+    #[error("symbolic factorisation of {dofs} unknowns failed: {reason}")]
+    Symbolic {
+        /// Unknowns.
+        dofs: usize,
+        /// Why.
+        reason: &'static str,
+    },
+    /// A pivot was not positive.
+    #[error(transparent)]
+    NotPositiveDefinite(#[from] NotPositiveDefinite),
+    /// A solve was asked of a factor that holds no matrix yet.
+    #[error("solve before the first factorisation")]
+    NotFactored,
+    /// A solve left a residual above what round-off explains.
+    #[error("linear solve left a relative residual of {residual:e}, {limit:e} allowed")]
+    Residual {
+        /// ‖Ax − b‖ / ‖b‖.
+        residual: f64,
+        /// What is allowed.
+        limit: f64,
+    },
+    /// Conjugate gradients did not reach the tolerance.
+    #[error(
+        "conjugate gradients: relative residual {residual:e} after {iterations} iterations, {tolerance:e} wanted"
+    )]
+    ConjugateGradients {
+        /// Iterations made.
+        iterations: u32,
+        /// Relative residual in the preconditioned norm.
+        residual: f64,
+        /// What was wanted.
+        tolerance: f64,
+    },
+}
+
+/// A matrix has a pivot that is not positive: a Cholesky factor does not exist.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[error("matrix is not positive definite: pivot {pivot:e} at free coordinate {free}")]
+pub struct NotPositiveDefinite {
+    /// Index of the free coordinate q_k where the pivot failed.
+    pub free: usize,
+    /// The pivot.
+    pub pivot: f64,
+}
+
+/// A term of the potential has no finite value: which, where and why.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error("{term}: element {}: {} = {:e} {}", .fault.element, .fault.quantity, .fault.value, .fault.domain)]
+pub struct TermFault {
+    /// The term's name.
+    pub term: String,
+    /// The element, quantity, value and domain.
+    pub fault: vi_core::Fault,
+}
