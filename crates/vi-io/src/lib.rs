@@ -1,1 +1,18 @@
 //! Reads and writes files: meshes and arrays, no physics.
+//!
+//! [`read_mesh`] reads every format into one [`MeshFile`]. The `parse_*` functions do the same for bytes in memory.
+//! Memory is bounded by a small multiple of the file, whatever its headers claim; whatever is wrong is an [`IoError`]
+//! that names the file, the line or byte, and the way out.
+
+mod cell;
+mod cursor;
+mod error;
+mod gmsh;
+mod mesh;
+mod read;
+
+pub use cell::CellKind;
+pub use error::{IoError, Place};
+pub use gmsh::parse_msh;
+pub use mesh::{CellBlock, DataArray, Group, MeshFile};
+pub use read::{parse_mesh, read_mesh};

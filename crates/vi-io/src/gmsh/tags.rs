@@ -1,0 +1,63 @@
+//! From the tags that Gmsh gives to nodes and elements (any numbers, in any order) to places in our arrays.
+
+use std::collections::HashMap;
+
+/// Where each tag is.
+#[derive(Default)]
+pub(super) struct TagIndex {
+    /// By tag, `NONE` where there is none: used while tags are dense.
+    table: Vec<u32>,
+    /// Tags too large for the table.
+    others: HashMap<u64, u32>,
+}
+
+const NONE: u32 = u32::MAX;
+
+impl TagIndex {
+    /// Place `i` for tag `tags[i]`.
+    ///
+    /// # Errors
+    /// The place of a tag that occurred before.
+    pub(super) fn new(tags: &[u64]) -> Result<Self, usize> {
+        let mut index = Self::with_room(tags.len());
+        for (place, &tag) in tags.iter().enumerate() {
+            if index.insert(tag, place as u32).is_some() {
+                return Err(place);
+            }
+        }
+        Ok(index)
+    }
+
+    /// As `new`, a tag that occurs twice staying with its first place.
+    pub(super) fn with_first_of_copies(tags: &[u64]) -> Self {
+        let mut index = Self::with_room(tags.len());
+        for (place, &tag) in tags.iter().enumerate().rev() {
+            index.insert(tag, place as u32);
+        }
+        index
+    }
+
+    pub(super) fn get(&self, tag: u64) -> Option<u32> {
+        match self.table.get(tag as usize) {
+            Some(&place) => (place != NONE).then_some(place),
+            None => self.others.get(&tag).copied(),
+        }
+    }
+
+    fn with_room(count: usize) -> Self {
+        Self {
+            table: vec![NONE; 2 * count + 1],
+            others: HashMap::new(),
+        }
+    }
+
+    fn insert(&mut self, tag: u64, place: u32) -> Option<u32> {
+        match self.table.get_mut(tag as usize) {
+            Some(entry) => {
+                let before = std::mem::replace(entry, place);
+                (before != NONE).then_some(before)
+            }
+            None => self.others.insert(tag, place),
+        }
+    }
+}
