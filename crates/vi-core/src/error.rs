@@ -56,6 +56,29 @@ pub enum CoreError {
         /// What is defined.
         allowed: &'static str,
     },
+    /// The quadrature has too few points for the interpolation: some motion costs no action.
+    #[error(
+        "degenerate scheme: a quadrature of {points} points cannot see the velocity of a polynomial of degree {degree}; \
+         use at least {degree} points inside the step or at its ends"
+    )]
+    Degenerate {
+        /// Degree of the interpolation.
+        degree: usize,
+        /// Points of the quadrature.
+        points: usize,
+    },
+    /// A step that does not move time.
+    #[error("the step must be finite and not zero, found h = {h} s")]
+    StepSize {
+        /// The step, s.
+        h: f64,
+    },
+    /// The discrete Legendre transform has no inverse at this step.
+    #[error("the step equations are singular at h = {h} s: D1 D2 L_d has no inverse; choose another step")]
+    SingularStep {
+        /// The step, s.
+        h: f64,
+    },
     /// A nonlinear solve of the dense oracle did not converge.
     #[error("no convergence after {iterations} iterations: residual {residual:e}")]
     Convergence {

@@ -7,9 +7,12 @@
 mod conserved;
 mod coordinates;
 mod error;
+mod interpolation;
 mod ledger;
 mod potential;
+pub mod problems;
 mod quadrature;
+pub mod reference;
 mod scheme;
 mod system;
 
