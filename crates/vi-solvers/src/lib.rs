@@ -4,12 +4,15 @@
 //! an element or a material.
 
 mod assembly;
+mod energy;
 mod error;
 mod factor;
+mod gather;
 mod matrix;
 mod pcg;
 
-pub use assembly::{Assembler, AssemblyWork, Energies, HessianEvaluation};
+pub use assembly::{Assembler, AssemblyWork, HessianEvaluation};
+pub use energy::Energies;
 pub use error::{NotPositiveDefinite, SolverError, TermFault};
 pub use factor::{Factor, FactorFacts};
 pub use matrix::SymmetricMatrix;
