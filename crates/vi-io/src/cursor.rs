@@ -31,13 +31,7 @@ pub(crate) struct Cursor<'a> {
 
 impl<'a> Cursor<'a> {
     pub(crate) fn new(bytes: &'a [u8], file: &'a Path) -> Self {
-        Self {
-            bytes,
-            position: 0,
-            file,
-            encoding: Encoding::Text,
-            size_width: 8,
-        }
+        Self { bytes, position: 0, file, encoding: Encoding::Text, size_width: 8 }
     }
 
     pub(crate) fn file(&self) -> &'a Path {
@@ -62,11 +56,7 @@ impl<'a> Cursor<'a> {
 
     /// The place of a byte offset: its line in a text, itself in binary data.
     pub(crate) fn place_at(&self, position: usize) -> Place {
-        if self.encoding == Encoding::Text {
-            self.line_at(position)
-        } else {
-            Place::Byte(position)
-        }
+        if self.encoding == Encoding::Text { self.line_at(position) } else { Place::Byte(position) }
     }
 
     pub(crate) fn line_at(&self, position: usize) -> Place {
@@ -86,12 +76,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    pub(crate) fn syntax_at(
-        &self,
-        position: usize,
-        expected: impl Into<String>,
-        found: &[u8],
-    ) -> IoError {
+    pub(crate) fn syntax_at(&self, position: usize, expected: impl Into<String>, found: &[u8]) -> IoError {
         IoError::Syntax {
             file: self.file.into(),
             place: self.place_at(position),
@@ -101,11 +86,7 @@ impl<'a> Cursor<'a> {
     }
 
     pub(crate) fn inconsistent_at(&self, position: usize, what: impl Into<String>) -> IoError {
-        IoError::Inconsistent {
-            file: self.file.into(),
-            place: self.place_at(position),
-            what: what.into(),
-        }
+        IoError::Inconsistent { file: self.file.into(), place: self.place_at(position), what: what.into() }
     }
 
     pub(crate) fn unsupported_at(
@@ -123,12 +104,7 @@ impl<'a> Cursor<'a> {
     }
 
     /// Accepts a count of records that take at least `bytes_each` bytes each, if the rest of the file can hold them.
-    pub(crate) fn count(
-        &self,
-        count: u64,
-        bytes_each: usize,
-        what: &str,
-    ) -> Result<usize, IoError> {
+    pub(crate) fn count(&self, count: u64, bytes_each: usize, what: &str) -> Result<usize, IoError> {
         // One separator less than numbers: the last one may end the file.
         let room = self.remaining() as u64 + 1;
         match count.checked_mul(bytes_each.max(1) as u64) {
@@ -144,21 +120,14 @@ impl<'a> Cursor<'a> {
     }
 
     pub(crate) fn skip_whitespace(&mut self) {
-        let white = self
-            .rest()
-            .iter()
-            .take_while(|byte| byte.is_ascii_whitespace())
-            .count();
+        let white = self.rest().iter().take_while(|byte| byte.is_ascii_whitespace()).count();
         self.position += white;
     }
 
     /// Skips spaces and at most one end of line: what stands between a text header and binary data.
     pub(crate) fn skip_line_end(&mut self) {
-        let spaces = self
-            .rest()
-            .iter()
-            .take_while(|&&byte| byte == b' ' || byte == b'\t' || byte == b'\r')
-            .count();
+        let spaces =
+            self.rest().iter().take_while(|&&byte| byte == b' ' || byte == b'\t' || byte == b'\r').count();
         if self.rest().get(spaces) == Some(&b'\n') {
             self.position += spaces + 1;
         }
@@ -170,16 +139,9 @@ impl<'a> Cursor<'a> {
         if rest.is_empty() {
             return None;
         }
-        let length = rest
-            .iter()
-            .position(|&byte| byte == b'\n')
-            .unwrap_or(rest.len());
+        let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
         self.position += (length + 1).min(rest.len());
-        Some(
-            rest[..length]
-                .strip_suffix(b"\r")
-                .unwrap_or(&rest[..length]),
-        )
+        Some(rest[..length].strip_suffix(b"\r").unwrap_or(&rest[..length]))
     }
 
     /// The next word between white space.
@@ -191,10 +153,7 @@ impl<'a> Cursor<'a> {
     pub(crate) fn next_token(&mut self) -> Option<&'a [u8]> {
         self.skip_whitespace();
         let rest = self.rest();
-        let length = rest
-            .iter()
-            .position(u8::is_ascii_whitespace)
-            .unwrap_or(rest.len());
+        let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
         self.position += length;
         (length > 0).then(|| &rest[..length])
     }
@@ -239,9 +198,7 @@ impl<'a> Cursor<'a> {
     pub(crate) fn size(&mut self, what: &str) -> Result<u64, IoError> {
         match (self.encoding, self.size_width) {
             (Encoding::Text, _) => self.text_number(what),
-            (_, 4) => self
-                .array(what)
-                .map(|bytes| u32::from_le_bytes(bytes).into()),
+            (_, 4) => self.array(what).map(|bytes| u32::from_le_bytes(bytes).into()),
             _ => self.array(what).map(u64::from_le_bytes),
         }
     }

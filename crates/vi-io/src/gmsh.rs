@@ -36,12 +36,11 @@ pub fn parse_msh(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
         match (name, version) {
             (b"PhysicalNames", _) => reading.physical_names(&mut cursor)?,
             (b"Entities", Version::Four) => v4::entities(&mut cursor, &mut reading, false)?,
-            (b"PartitionedEntities", Version::Four) => {
-                v4::entities(&mut cursor, &mut reading, true)?
-            }
+            (b"PartitionedEntities", Version::Four) => v4::entities(&mut cursor, &mut reading, true)?,
             (b"Nodes" | b"Elements", _) if !reading.seen.insert(name) => {
-                return Err(cursor
-                    .inconsistent_at(start, format!("a second ${} section", name.escape_ascii())));
+                return Err(
+                    cursor.inconsistent_at(start, format!("a second ${} section", name.escape_ascii()))
+                );
             }
             (b"Nodes", Version::Two) => v2::nodes(&mut cursor, &mut reading)?,
             (b"Nodes", Version::Four) => v4::nodes(&mut cursor, &mut reading)?,
@@ -50,17 +49,17 @@ pub fn parse_msh(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
             (b"NodeData", _) => reading.views.extend(view::read(&mut cursor, Site::Points)?),
             (b"ElementData", _) => reading.views.extend(view::read(&mut cursor, Site::Cells)?),
             (b"ElementNodeData", _) => {
-                reading.mesh.notes.push(
-                    "$ElementNodeData is left out: only data at nodes or elements are read".into(),
-                );
+                reading
+                    .mesh
+                    .notes
+                    .push("$ElementNodeData is left out: only data at nodes or elements are read".into());
                 skip_section(&mut cursor, name)?;
             }
             _ => skip_section(&mut cursor, name)?,
         }
         end_of_section(&mut cursor, name)?;
     }
-    if !reading.seen.contains(b"Nodes".as_slice()) || !reading.seen.contains(b"Elements".as_slice())
-    {
+    if !reading.seen.contains(b"Nodes".as_slice()) || !reading.seen.contains(b"Elements".as_slice()) {
         return Err(cursor.truncated("the mesh: there is no $Nodes or no $Elements section"));
     }
     reading.finish(version)
@@ -97,15 +96,9 @@ impl<'a> Reading<'a> {
             let tag: i32 = cursor.text_number("the tag of a physical name")?;
             let at = cursor.position();
             let line = cursor.line().unwrap_or_default().trim_ascii();
-            let name = line
-                .strip_prefix(b"\"")
-                .and_then(|rest| rest.strip_suffix(b"\""));
-            let name =
-                name.ok_or_else(|| cursor.syntax_at(at, "a physical name in quotes", line))?;
-            self.names.insert(
-                (dimension, tag.saturating_abs()),
-                String::from_utf8_lossy(name).into_owned(),
-            );
+            let name = line.strip_prefix(b"\"").and_then(|rest| rest.strip_suffix(b"\""));
+            let name = name.ok_or_else(|| cursor.syntax_at(at, "a physical name in quotes", line))?;
+            self.names.insert((dimension, tag.saturating_abs()), String::from_utf8_lossy(name).into_owned());
         }
         Ok(())
     }
@@ -122,16 +115,13 @@ impl<'a> Reading<'a> {
         let mut nodes = [0; 27];
         let nodes = &mut nodes[..kind.node_count()];
         for (node, &node_tag) in nodes.iter_mut().zip(node_tags) {
-            *node = self
-                .node_tags
-                .get(node_tag)
-                .ok_or_else(|| IoError::UnknownNode {
-                    file: cursor.file().into(),
-                    place: cursor.place_at(at),
-                    cell: tag,
-                    node: node_tag as i64,
-                    node_count: self.mesh.points.len(),
-                })?;
+            *node = self.node_tags.get(node_tag).ok_or_else(|| IoError::UnknownNode {
+                file: cursor.file().into(),
+                place: cursor.place_at(at),
+                cell: tag,
+                node: node_tag as i64,
+                node_count: self.mesh.points.len(),
+            })?;
         }
         kind.gmsh_to_vtk(nodes);
         self.mesh.push_cell(kind, nodes);
@@ -139,13 +129,7 @@ impl<'a> Reading<'a> {
         Ok((self.cell_tags.len() - 1) as u32)
     }
 
-    fn push_point(
-        &mut self,
-        cursor: &Cursor,
-        at: usize,
-        tag: u64,
-        x: [f64; 3],
-    ) -> Result<(), IoError> {
+    fn push_point(&mut self, cursor: &Cursor, at: usize, tag: u64, x: [f64; 3]) -> Result<(), IoError> {
         if x.iter().any(|x| !x.is_finite()) {
             return Err(IoError::NotFinite {
                 file: cursor.file().into(),
@@ -166,28 +150,17 @@ impl<'a> Reading<'a> {
             self.members.entry((*dimension, *tag)).or_default();
         }
         for ((dimension, tag), mut cells) in self.members {
-            let name = self
-                .names
-                .remove(&(dimension, tag))
-                .unwrap_or_else(|| tag.to_string());
+            let name = self.names.remove(&(dimension, tag)).unwrap_or_else(|| tag.to_string());
             if cells.is_empty() {
-                self.mesh.notes.push(format!(
-                    "the physical group \"{name}\" (dimension {dimension}) has no elements"
-                ));
+                self.mesh
+                    .notes
+                    .push(format!("the physical group \"{name}\" (dimension {dimension}) has no elements"));
             }
             // One name for two tags is one region.
-            match self
-                .mesh
-                .groups
-                .iter_mut()
-                .find(|group| group.name == name && group.dimension == dimension)
+            match self.mesh.groups.iter_mut().find(|group| group.name == name && group.dimension == dimension)
             {
                 Some(group) => group.cells.append(&mut cells),
-                None => self.mesh.groups.push(Group {
-                    name,
-                    dimension,
-                    cells,
-                }),
+                None => self.mesh.groups.push(Group { name, dimension, cells }),
             }
         }
         for group in &mut self.mesh.groups {

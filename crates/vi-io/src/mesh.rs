@@ -70,9 +70,7 @@ impl MeshFile {
 
     /// Kind and nodes of every cell, in order.
     pub fn cells(&self) -> impl Iterator<Item = (CellKind, &[u32])> {
-        self.blocks
-            .iter()
-            .flat_map(|block| block.cells().map(|nodes| (block.kind, nodes)))
+        self.blocks.iter().flat_map(|block| block.cells().map(|nodes| (block.kind, nodes)))
     }
 
     /// The point array of this name.
@@ -87,10 +85,7 @@ impl MeshFile {
 
     /// The group of this name; of several, the one of the highest dimension.
     pub fn group(&self, name: &str) -> Option<&Group> {
-        self.groups
-            .iter()
-            .filter(|group| group.name == name)
-            .max_by_key(|group| group.dimension)
+        self.groups.iter().filter(|group| group.name == name).max_by_key(|group| group.dimension)
     }
 
     /// Appends one cell, to the last block if that is of its kind.
@@ -98,10 +93,7 @@ impl MeshFile {
         debug_assert_eq!(nodes.len(), kind.node_count());
         match self.blocks.last_mut() {
             Some(block) if block.kind == kind => block.nodes.extend_from_slice(nodes),
-            _ => self.blocks.push(CellBlock {
-                kind,
-                nodes: nodes.to_vec(),
-            }),
+            _ => self.blocks.push(CellBlock { kind, nodes: nodes.to_vec() }),
         }
     }
 }

@@ -25,19 +25,13 @@ pub fn read_mesh(path: &Path) -> Result<MeshFile, IoError> {
 /// # Errors
 /// [`IoError::UnknownFormat`], or what is wrong in it.
 pub fn parse_mesh(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
-    let extension = file
-        .extension()
-        .and_then(|extension| extension.to_str())
-        .unwrap_or_default()
-        .to_ascii_lowercase();
+    let extension =
+        file.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
     match extension.as_str() {
         "msh" => parse_msh(bytes, file),
         _ => {
             let found = format!("it begins with {}", excerpt(&bytes[..bytes.len().min(40)]));
-            Err(IoError::UnknownFormat {
-                file: file.into(),
-                found,
-            })
+            Err(IoError::UnknownFormat { file: file.into(), found })
         }
     }
 }

@@ -21,31 +21,14 @@ fn parse(text: &str) -> Result<vi_io::MeshFile, IoError> {
 #[test]
 fn version_2_copies_of_an_element_become_one_cell_in_several_groups() {
     let mesh = parse(TWO).unwrap();
-    assert_eq!(
-        mesh.points,
-        [
-            [0.0, 0.0, 0.0],
-            [1.0, 0.0, 0.0],
-            [0.0, 1.0, 0.0],
-            [0.0, 0.0, 1.0]
-        ]
-    );
+    assert_eq!(mesh.points, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
     assert_eq!(mesh.blocks.len(), 2);
     assert_eq!(mesh.blocks[0].nodes, [0, 1, 2, 1, 3, 0]);
-    assert_eq!(
-        (mesh.blocks[1].kind, &mesh.blocks[1].nodes[..]),
-        (CellKind::Tetra4, &[0, 1, 2, 3][..])
-    );
+    assert_eq!((mesh.blocks[1].kind, &mesh.blocks[1].nodes[..]), (CellKind::Tetra4, &[0, 1, 2, 3][..]));
     let group = |name| mesh.group(name).unwrap();
-    assert_eq!(
-        (group("clamp").dimension, &group("clamp").cells[..]),
-        (2, &[0][..])
-    );
+    assert_eq!((group("clamp").dimension, &group("clamp").cells[..]), (2, &[0][..]));
     assert_eq!((group("9").dimension, &group("9").cells[..]), (2, &[0][..]));
-    assert_eq!(
-        (group("steel").dimension, &group("steel").cells[..]),
-        (3, &[2][..])
-    );
+    assert_eq!((group("steel").dimension, &group("steel").cells[..]), (3, &[2][..]));
     assert_eq!(mesh.groups.len(), 3);
     assert_eq!(mesh.notes.len(), 1);
     let velocity = mesh.point_array("velocity").unwrap();
@@ -55,86 +38,30 @@ fn version_2_copies_of_an_element_become_one_cell_in_several_groups() {
 #[test]
 fn version_4_entities_put_their_elements_into_several_groups() {
     let mesh = parse(FOUR).unwrap();
-    let names: Vec<_> = mesh
-        .groups
-        .iter()
-        .map(|group| (group.name.as_str(), group.dimension, group.cells.clone()))
-        .collect();
-    assert_eq!(
-        names,
-        [("4", 2, vec![0]), ("9", 2, vec![0]), ("steel", 3, vec![1])]
-    );
+    let names: Vec<_> =
+        mesh.groups.iter().map(|group| (group.name.as_str(), group.dimension, group.cells.clone())).collect();
+    assert_eq!(names, [("4", 2, vec![0]), ("9", 2, vec![0]), ("steel", 3, vec![1])]);
     assert_eq!(mesh.blocks[1].nodes, [0, 1, 2, 3]);
 }
 
 #[test]
 fn errors_name_the_line() {
     let wrong = parse(&TWO.replace("7 1 0 0\n", "7 1 x 0\n")).unwrap_err();
-    assert!(
-        matches!(
-            wrong,
-            IoError::Syntax {
-                place: Place::Line(12),
-                ..
-            }
-        ),
-        "{wrong}"
-    );
+    assert!(matches!(wrong, IoError::Syntax { place: Place::Line(12), .. }), "{wrong}");
     let wrong = parse(&TWO.replace("7 1 0 0\n", "7 1 nan 0\n")).unwrap_err();
-    assert!(
-        matches!(
-            wrong,
-            IoError::NotFinite {
-                place: Place::Line(12),
-                node: 7,
-                ..
-            }
-        ),
-        "{wrong}"
-    );
+    assert!(matches!(wrong, IoError::NotFinite { place: Place::Line(12), node: 7, .. }), "{wrong}");
     let wrong = parse(&TWO.replace("3 2 2 0 6 7 2 10", "3 2 2 0 6 7 3 10")).unwrap_err();
     assert!(
-        matches!(
-            wrong,
-            IoError::UnknownNode {
-                place: Place::Line(20),
-                cell: 3,
-                node: 3,
-                ..
-            }
-        ),
+        matches!(wrong, IoError::UnknownNode { place: Place::Line(20), cell: 3, node: 3, .. }),
         "{wrong}"
     );
     let wrong = parse(&TWO.replace("3 2 2 0 6 7 2 10", "3 21 2 0 6 7 2 10")).unwrap_err();
-    assert!(
-        matches!(
-            wrong,
-            IoError::UnsupportedCell {
-                place: Place::Line(20),
-                code: 21,
-                ..
-            }
-        ),
-        "{wrong}"
-    );
+    assert!(matches!(wrong, IoError::UnsupportedCell { place: Place::Line(20), code: 21, .. }), "{wrong}");
     let wrong = parse(&TWO.replace("$Nodes\n4\n", "$Nodes\n1000000000000\n")).unwrap_err();
     assert!(
-        matches!(
-            wrong,
-            IoError::CountTooLarge {
-                place: Place::Line(10),
-                count: 1_000_000_000_000,
-                ..
-            }
-        ),
+        matches!(wrong, IoError::CountTooLarge { place: Place::Line(10), count: 1_000_000_000_000, .. }),
         "{wrong}"
     );
     let wrong = parse(&TWO[..200]).unwrap_err();
-    assert!(
-        matches!(
-            wrong,
-            IoError::Truncated { .. } | IoError::CountTooLarge { .. }
-        ),
-        "{wrong}"
-    );
+    assert!(matches!(wrong, IoError::Truncated { .. } | IoError::CountTooLarge { .. }), "{wrong}");
 }

@@ -48,6 +48,53 @@ pub enum SolverError {
         /// What was wanted.
         tolerance: f64,
     },
+    /// A term of the potential left its domain.
+    #[error("{term}")]
+    Term {
+        /// Which, where and why.
+        term: TermFault,
+        /// Was it so before the step began? Then no smaller step helps.
+        at_start: bool,
+    },
+    /// A number is not finite and no term says why: the step is far too large.
+    #[error("{what} is not finite (at coordinate {dof})")]
+    NotFinite {
+        /// The array in question.
+        what: &'static str,
+        /// The first coordinate x_i where it is so.
+        dof: usize,
+        /// Was it so before the step began?
+        at_start: bool,
+    },
+    /// The nonlinear solve did not converge.
+    #[error(
+        "no convergence after {iterations} iterations: residual {residual:e} relative in the energy \
+         norm, {tolerance:e} asked for; a smaller step helps"
+    )]
+    NoConvergence {
+        /// Newton iterations made.
+        iterations: u32,
+        /// Last residual, relative, in the energy norm.
+        residual: f64,
+        /// What was asked for.
+        tolerance: f64,
+    },
+    /// An option outside its domain.
+    #[error("{option} = {value}: {allowed}")]
+    Option {
+        /// Its name in a scene file.
+        option: &'static str,
+        /// The value given.
+        value: f64,
+        /// What is allowed.
+        allowed: &'static str,
+    },
+    /// A memory to continue from that does not fit.
+    #[error("cannot continue: the memory of the stepper has no fitting '{missing}'")]
+    Memory {
+        /// What is missing or has the wrong size.
+        missing: &'static str,
+    },
 }
 
 /// A matrix has a pivot that is not positive: a Cholesky factor does not exist.

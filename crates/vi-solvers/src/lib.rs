@@ -9,11 +9,17 @@ mod error;
 mod factor;
 mod gather;
 mod matrix;
+mod method;
 mod pcg;
+mod stability;
+mod stepper;
 
 pub use assembly::{Assembler, AssemblyWork, HessianEvaluation};
 pub use energy::Energies;
 pub use error::{NotPositiveDefinite, SolverError, TermFault};
 pub use factor::{Factor, FactorFacts};
 pub use matrix::SymmetricMatrix;
+pub use method::{Method, MethodFacts, stepper};
 pub use pcg::{Pcg, PcgFacts, PcgReport, Preconditioner};
+pub use stability::{HighestFrequency, highest_frequency};
+pub use stepper::{LinearSolver, SolverOptions, StepError, StepReport, Stepper, StepperMemory, Work};

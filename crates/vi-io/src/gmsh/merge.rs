@@ -61,8 +61,8 @@ impl Reading<'_> {
         }
         self.mesh.blocks = kept.blocks;
         self.cell_tags = cell_tags;
-        self.mesh.notes.push(format!(
-            "{copies} copies of elements that are in several physical groups were merged"
-        ));
+        self.mesh
+            .notes
+            .push(format!("{copies} copies of elements that are in several physical groups were merged"));
     }
 }

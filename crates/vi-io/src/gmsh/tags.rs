@@ -45,10 +45,7 @@ impl TagIndex {
     }
 
     fn with_room(count: usize) -> Self {
-        Self {
-            table: vec![NONE; 2 * count + 1],
-            others: HashMap::new(),
-        }
+        Self { table: vec![NONE; 2 * count + 1], others: HashMap::new() }
     }
 
     fn insert(&mut self, tag: u64, place: u32) -> Option<u32> {

@@ -7,11 +7,7 @@ use crate::error::IoError;
 
 pub(super) fn nodes(cursor: &mut Cursor, reading: &mut Reading) -> Result<(), IoError> {
     let announced: u64 = cursor.text_number("the number of nodes")?;
-    let bytes_each = if cursor.encoding == Encoding::Text {
-        8
-    } else {
-        28
-    };
+    let bytes_each = if cursor.encoding == Encoding::Text { 8 } else { 28 };
     let count = cursor.count(announced, bytes_each, "nodes")?;
     if cursor.encoding != Encoding::Text {
         cursor.skip_line_end();
@@ -29,9 +25,8 @@ pub(super) fn nodes(cursor: &mut Cursor, reading: &mut Reading) -> Result<(), Io
         reading.push_point(cursor, at + 1, tag, x)?;
         tags.push(tag);
     }
-    reading.node_tags = TagIndex::new(&tags).map_err(|i| {
-        cursor.inconsistent_at(start, format!("the node tag {} occurs twice", tags[i]))
-    })?;
+    reading.node_tags = TagIndex::new(&tags)
+        .map_err(|i| cursor.inconsistent_at(start, format!("the node tag {} occurs twice", tags[i])))?;
     Ok(())
 }
 
@@ -59,15 +54,11 @@ pub(super) fn elements(cursor: &mut Cursor, reading: &mut Reading) -> Result<(),
             tag_count = cursor.int("the number of tags of an element")?;
         }
         let kind = kind_of(cursor, at + 1, code, tag)?;
-        let run = usize::try_from(run)
-            .ok()
-            .filter(|&run| run > 0 && run <= count - done);
-        let run = run.ok_or_else(|| {
-            cursor.inconsistent_at(at, "a run of elements is longer than their number")
-        })?;
-        let tag_count = u64::try_from(tag_count).map_err(|_| {
-            cursor.inconsistent_at(at, "the number of tags of an element is negative")
-        })?;
+        let run = usize::try_from(run).ok().filter(|&run| run > 0 && run <= count - done);
+        let run =
+            run.ok_or_else(|| cursor.inconsistent_at(at, "a run of elements is longer than their number"))?;
+        let tag_count = u64::try_from(tag_count)
+            .map_err(|_| cursor.inconsistent_at(at, "the number of tags of an element is negative"))?;
         let tag_count = cursor.count(tag_count, 2, "tags of an element")?;
         for _ in 0..run {
             let at = cursor.position();
@@ -91,11 +82,7 @@ pub(super) fn elements(cursor: &mut Cursor, reading: &mut Reading) -> Result<(),
             let cell = reading.push_element(cursor, at + 1, kind, tag, nodes)?;
             reading.cell_entities.push(entity);
             if physical != 0 {
-                reading
-                    .members
-                    .entry((kind.dimension(), physical))
-                    .or_default()
-                    .push(cell);
+                reading.members.entry((kind.dimension(), physical)).or_default().push(cell);
             }
         }
         done += run;
@@ -106,6 +93,5 @@ pub(super) fn elements(cursor: &mut Cursor, reading: &mut Reading) -> Result<(),
 fn positive(cursor: &mut Cursor, what: &str) -> Result<u64, IoError> {
     let at = cursor.position();
     let value = cursor.int(what)?;
-    u64::try_from(value)
-        .map_err(|_| cursor.inconsistent_at(at + 1, format!("{what} is negative ({value})")))
+    u64::try_from(value).map_err(|_| cursor.inconsistent_at(at + 1, format!("{what} is negative ({value})")))
 }

@@ -8,19 +8,11 @@ use crate::error::IoError;
 
 /// Least bytes that a number takes: a digit and a separator, or four binary bytes.
 fn number_bytes(cursor: &Cursor) -> usize {
-    if cursor.encoding == Encoding::Text {
-        2
-    } else {
-        4
-    }
+    if cursor.encoding == Encoding::Text { 2 } else { 4 }
 }
 
 /// Geometric entities, for their physical tags; those of a partitioned mesh say where they come from as well.
-pub(super) fn entities(
-    cursor: &mut Cursor,
-    reading: &mut Reading,
-    partitioned: bool,
-) -> Result<(), IoError> {
+pub(super) fn entities(cursor: &mut Cursor, reading: &mut Reading, partitioned: bool) -> Result<(), IoError> {
     let least = number_bytes(cursor);
     if partitioned {
         cursor.size("the number of partitions")?;
@@ -90,20 +82,14 @@ pub(super) fn nodes(cursor: &mut Cursor, reading: &mut Reading) -> Result<(), Io
         let announced = cursor.size("the number of nodes in a block")?;
         let in_block = cursor.count(announced, 4 * least, "nodes in a block")?;
         if in_block > count - tags.len() {
-            return Err(cursor.inconsistent_at(
-                at,
-                format!("the node blocks hold more than the {count} nodes announced"),
-            ));
+            return Err(cursor
+                .inconsistent_at(at, format!("the node blocks hold more than the {count} nodes announced")));
         }
         for _ in 0..in_block {
             let tag = cursor.size("a node tag")?;
             tags.push(tag);
         }
-        let parameters = if parametric == 0 {
-            0
-        } else {
-            dimension.clamp(0, 3)
-        };
+        let parameters = if parametric == 0 { 0 } else { dimension.clamp(0, 3) };
         for i in tags.len() - in_block..tags.len() {
             let at = cursor.position();
             let mut x = [0.0; 3];
@@ -117,15 +103,11 @@ pub(super) fn nodes(cursor: &mut Cursor, reading: &mut Reading) -> Result<(), Io
         }
     }
     if tags.len() != count {
-        let what = format!(
-            "the node blocks hold {} nodes, {count} were announced",
-            tags.len()
-        );
+        let what = format!("the node blocks hold {} nodes, {count} were announced", tags.len());
         return Err(cursor.inconsistent_at(start, what));
     }
-    reading.node_tags = TagIndex::new(&tags).map_err(|i| {
-        cursor.inconsistent_at(start, format!("the node tag {} occurs twice", tags[i]))
-    })?;
+    reading.node_tags = TagIndex::new(&tags)
+        .map_err(|i| cursor.inconsistent_at(start, format!("the node tag {} occurs twice", tags[i])))?;
     Ok(())
 }
 
@@ -167,9 +149,8 @@ pub(super) fn elements(cursor: &mut Cursor, reading: &mut Reading) -> Result<(),
             reading.push_element(cursor, at + 1, kind, tag, nodes)?;
         }
         done += in_block;
-        let physical = usize::try_from(dimension)
-            .ok()
-            .and_then(|dimension| reading.entities.get(&(dimension, entity)));
+        let physical =
+            usize::try_from(dimension).ok().and_then(|dimension| reading.entities.get(&(dimension, entity)));
         for &physical in physical.into_iter().flatten() {
             memberships_left = memberships_left.checked_sub(in_block).ok_or_else(|| {
                 cursor.unsupported_at(
@@ -178,10 +159,7 @@ pub(super) fn elements(cursor: &mut Cursor, reading: &mut Reading) -> Result<(),
                     "put elements into fewer groups",
                 )
             })?;
-            let cells = reading
-                .members
-                .entry((kind.dimension(), physical))
-                .or_default();
+            let cells = reading.members.entry((kind.dimension(), physical)).or_default();
             cells.extend(first..first + in_block as u32);
         }
     }

@@ -29,13 +29,9 @@ pub(super) fn read(cursor: &mut Cursor, site: Site) -> Result<Option<View>, IoEr
     cursor.line();
     let mut name = String::new();
     for i in 0..string_count {
-        let line = cursor
-            .line()
-            .ok_or_else(|| cursor.truncated("the name of a view"))?;
+        let line = cursor.line().ok_or_else(|| cursor.truncated("the name of a view"))?;
         if i == 0 {
-            name = String::from_utf8_lossy(line.trim_ascii())
-                .trim_matches('"')
-                .to_string();
+            name = String::from_utf8_lossy(line.trim_ascii()).trim_matches('"').to_string();
         }
     }
     let real_count: u64 = cursor.text_number("the number of reals of a view")?;
@@ -52,20 +48,14 @@ pub(super) fn read(cursor: &mut Cursor, site: Site) -> Result<Option<View>, IoEr
     }
     let [_, components, entries] = integers;
     if ![1, 3, 9].contains(&components) {
-        return Err(cursor.inconsistent_at(
-            start,
-            format!("a view has {components} components (1, 3 or 9 are possible)"),
-        ));
+        return Err(cursor
+            .inconsistent_at(start, format!("a view has {components} components (1, 3 or 9 are possible)")));
     }
     let text = cursor.encoding == Encoding::Text;
     let components = components as usize;
     let entries = cursor.count(
         entries,
-        if text {
-            2 * (1 + components)
-        } else {
-            4 + 8 * components
-        },
+        if text { 2 * (1 + components) } else { 4 + 8 * components },
         "values of a view",
     )?;
     if !text {
@@ -79,24 +69,14 @@ pub(super) fn read(cursor: &mut Cursor, site: Site) -> Result<Option<View>, IoEr
             values.push(cursor.real("a value of a view")?);
         }
     }
-    Ok(Some(View {
-        site,
-        name,
-        components,
-        tags,
-        values,
-    }))
+    Ok(Some(View { site, name, components, tags, values }))
 }
 
 impl View {
     /// Puts the values where their tags say, among `count` points or cells. Where there is none it is 0, with a note;
     /// a view of less than an eighth is left out (it would take memory out of proportion to the file).
     pub(super) fn place(self, index: &TagIndex, count: usize, mesh: &mut MeshFile) {
-        let site = if self.site == Site::Points {
-            "nodes"
-        } else {
-            "elements"
-        };
+        let site = if self.site == Site::Points { "nodes" } else { "elements" };
         if self.tags.len() < count.div_ceil(8) {
             let note = format!(
                 "the view \"{}\" has values at {} of {count} {site}: left out",
@@ -109,11 +89,7 @@ impl View {
         let mut values = vec![0.0; count * self.components];
         let mut set = vec![false; count];
         let mut unknown = 0;
-        for (tag, value) in self
-            .tags
-            .iter()
-            .zip(self.values.chunks_exact(self.components))
-        {
+        for (tag, value) in self.tags.iter().zip(self.values.chunks_exact(self.components)) {
             match index.get(*tag) {
                 Some(i) => {
                     let i = i as usize;
@@ -136,22 +112,12 @@ impl View {
                 self.name
             ));
         }
-        let data = if self.site == Site::Points {
-            &mut mesh.point_data
-        } else {
-            &mut mesh.cell_data
-        };
-        let array = DataArray {
-            name: self.name,
-            components: self.components,
-            values,
-        };
+        let data = if self.site == Site::Points { &mut mesh.point_data } else { &mut mesh.cell_data };
+        let array = DataArray { name: self.name, components: self.components, values };
         match data.iter_mut().find(|other| other.name == array.name) {
             Some(other) => {
-                mesh.notes.push(format!(
-                    "the view \"{}\" occurs several times: the last is taken",
-                    array.name
-                ));
+                mesh.notes
+                    .push(format!("the view \"{}\" occurs several times: the last is taken", array.name));
                 *other = array;
             }
             None => data.push(array),
