@@ -288,9 +288,7 @@ fn kind_of(cursor: &Cursor, at: usize, code: i32, tag: u64) -> Result<CellKind, 
         code: code.into(),
         name: match code {
             14 => " (pyramid with 14 nodes; set Mesh.SecondOrderIncomplete = 1)",
-            20 | 21 | 22 | 23 | 24 | 25 | 26 | 27 | 28 | 29 | 30 | 31 => {
-                " (of order 3 or more; set Mesh.ElementOrder ≤ 2)"
-            }
+            20..=31 => " (of order 3 or more; set Mesh.ElementOrder ≤ 2)",
             _ => "",
         },
         supported: SUPPORTED,

@@ -9,10 +9,18 @@ mod cursor;
 mod error;
 mod gmsh;
 mod mesh;
+mod pvd;
 mod read;
+mod replace;
+mod vtu_write;
 
 pub use cell::CellKind;
 pub use error::{IoError, Place};
 pub use gmsh::parse_msh;
 pub use mesh::{CellBlock, DataArray, Group, MeshFile};
+pub use pvd::PvdSeries;
 pub use read::{parse_mesh, read_mesh};
+pub use replace::replace_file;
+pub use vtu_write::{
+    Precision, VtuArray, VtuEncoding, VtuFrame, VtuOptions, VtuValues, encode_vtu, write_vtu,
+};

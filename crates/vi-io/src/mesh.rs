@@ -15,6 +15,8 @@ pub struct MeshFile {
     pub point_data: Vec<DataArray>,
     /// Arrays over all cells, in the order of the blocks.
     pub cell_data: Vec<DataArray>,
+    /// Time of the data in seconds, where the file has it (`TimeValue` of VTK files).
+    pub time: Option<f64>,
     /// What was repaired or left out in reading, one line each.
     pub notes: Vec<String>,
 }

@@ -1,0 +1,443 @@
+//! Writes VTU files (VTK XML unstructured grids), streaming from slices. Knows no physics.
+//!
+//! Sizes of compressed data are known only after them, so their headers and offsets are filled in afterwards:
+//! one block of data is all that is held in memory.
+//!
+//! Source: VTK file formats, "XML file formats"; the compressed layout is that of vtkXMLDataParser.
+
+use std::io::{self, Seek, SeekFrom, Write};
+use std::path::Path;
+
+use base64::engine::general_purpose::STANDARD;
+use base64::write::EncoderWriter;
+use flate2::{Compress, Compression, FlushCompress, Status};
+use quick_xml::escape::escape;
+
+use crate::error::IoError;
+use crate::mesh::{CellBlock, Group};
+use crate::replace::replace_file;
+
+/// Bytes of a block that is compressed on its own.
+const BLOCK: usize = 1 << 17;
+/// Room for a 64-bit offset that is filled in later.
+const OFFSET_DIGITS: usize = 20;
+
+/// What a VTU file shall hold.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct VtuFrame<'a> {
+    /// Coordinates in metres.
+    pub points: &'a [[f64; 3]],
+    /// The cells.
+    pub blocks: &'a [CellBlock],
+    /// Groups of cells; they become cell arrays `group:<name>` of 0 and 1, which the reader turns back into groups.
+    pub groups: &'a [Group],
+    /// Arrays over the points.
+    pub point_data: &'a [VtuArray<'a>],
+    /// Arrays over all cells, in the order of the blocks.
+    pub cell_data: &'a [VtuArray<'a>],
+    /// Time in seconds, written as `TimeValue`.
+    pub time: Option<f64>,
+}
+
+/// A named array to be written.
+#[derive(Clone, Copy, Debug)]
+pub struct VtuArray<'a> {
+    /// The name.
+    pub name: &'a str,
+    /// Values per point or cell, at least 1.
+    pub components: usize,
+    /// The values, tuple after tuple.
+    pub values: VtuValues<'a>,
+}
+
+/// Values of an array to be written.
+#[derive(Clone, Copy, Debug)]
+pub enum VtuValues<'a> {
+    /// Real numbers, all finite; written in the precision of the options.
+    Real(&'a [f64]),
+    /// Integers such as `material_id`, written as Int32.
+    Integer(&'a [i32]),
+}
+
+impl VtuValues<'_> {
+    fn len(&self) -> usize {
+        match self {
+            Self::Real(values) => values.len(),
+            Self::Integer(values) => values.len(),
+        }
+    }
+}
+
+/// How real numbers are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// Float32: for viewing.
+    Single,
+    /// Float64: bit for bit, for restarts.
+    #[default]
+    Double,
+}
+
+/// Where and how data stand in the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum VtuEncoding {
+    /// Behind the XML as raw bytes: small and fast.
+    #[default]
+    AppendedRaw,
+    /// Inside the XML as base64: valid XML that more tools read.
+    InlineBase64,
+}
+
+/// How a VTU file is written. The default is appended raw, compressed, in double precision.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VtuOptions {
+    /// Where and how data stand in the file.
+    pub encoding: VtuEncoding,
+    /// Precision of points and real arrays.
+    pub precision: Precision,
+    /// Level of zlib from 1 (fast) to 9 (small); 0 writes uncompressed data.
+    pub compression: u32,
+}
+
+impl Default for VtuOptions {
+    fn default() -> Self {
+        Self { encoding: VtuEncoding::AppendedRaw, precision: Precision::Double, compression: 1 }
+    }
+}
+
+/// Writes a VTU file as a whole: `path` is replaced when all is written.
+///
+/// # Errors
+/// [`IoError::BadOutput`] if lengths do not fit together, a node is not there or a value is not finite;
+/// [`IoError::System`] if the file cannot be written. In both cases an older file stays as it was.
+pub fn write_vtu(path: &Path, frame: &VtuFrame, options: VtuOptions) -> Result<(), IoError> {
+    let wrong = |what: String| IoError::BadOutput { file: path.into(), what };
+    check(frame, options.precision).map_err(wrong)?;
+    replace_file(path, |file| encode_vtu(file, frame, options))
+}
+
+/// Writes the bytes of a VTU file from the present position of `out`, which is that of the file's first byte.
+///
+/// # Errors
+/// What `out` reports, and [`io::ErrorKind::InvalidInput`] for what [`write_vtu`] reports as [`IoError::BadOutput`].
+pub fn encode_vtu<W: Write + Seek>(out: &mut W, frame: &VtuFrame, options: VtuOptions) -> io::Result<()> {
+    check(frame, options.precision).map_err(|what| io::Error::new(io::ErrorKind::InvalidInput, what))?;
+    let cell_count: usize = frame.blocks.iter().map(CellBlock::cell_count).sum();
+    let node_count: usize = frame.blocks.iter().map(|block| block.nodes.len()).sum();
+    let wide = node_count.max(frame.points.len()) > i32::MAX as usize;
+    let mut writer = Writer { out, options, later: Vec::new() };
+    let compressor = if options.compression > 0 { " compressor=\"vtkZLibDataCompressor\"" } else { "" };
+    writeln!(
+        writer.out,
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" \
+         header_type=\"UInt64\"{compressor}>\n<UnstructuredGrid>"
+    )?;
+    if let Some(time) = frame.time {
+        writeln!(
+            writer.out,
+            "<FieldData>\n<DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" format=\"ascii\">{time:?}\
+             </DataArray>\n</FieldData>"
+        )?;
+    }
+    writeln!(writer.out, "<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{cell_count}\">", frame.points.len())?;
+    writeln!(writer.out, "<PointData>")?;
+    for array in frame.point_data {
+        writer.array(array.name, array.components, Data::Values(array.values))?;
+    }
+    writeln!(writer.out, "</PointData>\n<CellData>")?;
+    for array in frame.cell_data {
+        writer.array(array.name, array.components, Data::Values(array.values))?;
+    }
+    for group in frame.groups {
+        writer.array(
+            &format!("group:{}", group.name),
+            1,
+            Data::Member { cells: &group.cells, cell_count },
+        )?;
+    }
+    writeln!(writer.out, "</CellData>\n<Points>")?;
+    writer.array("Points", 3, Data::Values(VtuValues::Real(frame.points.as_flattened())))?;
+    writeln!(writer.out, "</Points>\n<Cells>")?;
+    writer.array("connectivity", 1, Data::Connectivity { blocks: frame.blocks, wide })?;
+    writer.array("offsets", 1, Data::Offsets { blocks: frame.blocks, wide })?;
+    writer.array("types", 1, Data::Types(frame.blocks))?;
+    writeln!(writer.out, "</Cells>\n</Piece>\n</UnstructuredGrid>")?;
+    writer.appended()?;
+    writeln!(writer.out, "</VTKFile>")
+}
+
+/// Says what in a frame does not fit together.
+fn check(frame: &VtuFrame, precision: Precision) -> Result<(), String> {
+    let point_count = frame.points.len();
+    let mut cell_count = 0;
+    for block in frame.blocks {
+        if block.nodes.len() % block.kind.node_count() != 0 {
+            return Err(format!(
+                "a block of {} has {} nodes, no multiple of {}",
+                block.kind.name(),
+                block.nodes.len(),
+                block.kind.node_count()
+            ));
+        }
+        if let Some(node) = block.nodes.iter().find(|&&node| node as usize >= point_count) {
+            return Err(format!("a cell uses node {node} of {point_count}"));
+        }
+        cell_count += block.cell_count();
+    }
+    for group in frame.groups {
+        if let Some(cell) = group.cells.iter().find(|&&cell| cell as usize >= cell_count) {
+            return Err(format!("the group \"{}\" has cell {cell} of {cell_count}", group.name));
+        }
+    }
+    let greatest = if precision == Precision::Single { f64::from(f32::MAX) } else { f64::MAX };
+    let finite = |name: &str, values: &[f64]| match values
+        .iter()
+        .position(|value| value.is_nan() || value.abs() > greatest)
+    {
+        Some(i) => Err(format!("value {i} of \"{name}\" is {}, which this precision cannot hold", values[i])),
+        None => Ok(()),
+    };
+    finite("Points", frame.points.as_flattened())?;
+    if let Some(time) = frame.time.filter(|time| !time.is_finite()) {
+        return Err(format!("the time is {time}"));
+    }
+    for (arrays, count, site) in
+        [(frame.point_data, point_count, "points"), (frame.cell_data, cell_count, "cells")]
+    {
+        for array in arrays {
+            let (found, components) = (array.values.len(), array.components);
+            if components == 0 || found != count * components {
+                return Err(format!(
+                    "\"{}\" has {found} values for {count} {site} of {components} components",
+                    array.name
+                ));
+            }
+            if let VtuValues::Real(values) = array.values {
+                finite(array.name, values)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The content of one `DataArray`.
+#[derive(Clone, Copy)]
+enum Data<'a> {
+    Values(VtuValues<'a>),
+    Member { cells: &'a [u32], cell_count: usize },
+    Connectivity { blocks: &'a [CellBlock], wide: bool },
+    Offsets { blocks: &'a [CellBlock], wide: bool },
+    Types(&'a [CellBlock]),
+}
+
+struct Writer<'a, W> {
+    out: &'a mut W,
+    options: VtuOptions,
+    /// Arrays to be appended, each with the position where its offset goes.
+    later: Vec<(u64, Data<'a>)>,
+}
+
+impl<'a, W: Write + Seek> Writer<'a, W> {
+    fn array(&mut self, name: &str, components: usize, data: Data<'a>) -> io::Result<()> {
+        let kind = match data {
+            Data::Values(VtuValues::Real(_)) if self.options.precision == Precision::Single => "Float32",
+            Data::Values(VtuValues::Real(_)) => "Float64",
+            Data::Values(VtuValues::Integer(_)) => "Int32",
+            Data::Connectivity { wide, .. } | Data::Offsets { wide, .. } if wide => "Int64",
+            Data::Connectivity { .. } | Data::Offsets { .. } => "Int32",
+            Data::Member { .. } | Data::Types(_) => "UInt8",
+        };
+        let name = escape(name);
+        write!(
+            self.out,
+            "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\""
+        )?;
+        match self.options.encoding {
+            VtuEncoding::AppendedRaw => {
+                write!(self.out, "appended\" offset=")?;
+                self.later.push((self.out.stream_position()?, data));
+                writeln!(self.out, "{:width$}/>", "", width = OFFSET_DIGITS + 2)
+            }
+            VtuEncoding::InlineBase64 => {
+                writeln!(self.out, "binary\">")?;
+                self.payload(data)?;
+                writeln!(self.out, "\n</DataArray>")
+            }
+        }
+    }
+
+    /// The section of appended data, and the offsets into it.
+    fn appended(&mut self) -> io::Result<()> {
+        if self.later.is_empty() {
+            return Ok(());
+        }
+        write!(self.out, "<AppendedData encoding=\"raw\">\n_")?;
+        let origin = self.out.stream_position()?;
+        for (place, data) in std::mem::take(&mut self.later) {
+            let here = self.out.stream_position()?;
+            self.patch(place, format!("\"{}\"", here - origin).as_bytes())?;
+            self.payload(data)?;
+        }
+        writeln!(self.out, "\n</AppendedData>")
+    }
+
+    fn patch(&mut self, place: u64, bytes: &[u8]) -> io::Result<()> {
+        let here = self.out.stream_position()?;
+        self.out.seek(SeekFrom::Start(place))?;
+        self.out.write_all(bytes)?;
+        self.out.seek(SeekFrom::Start(here))?;
+        Ok(())
+    }
+
+    fn payload(&mut self, data: Data) -> io::Result<()> {
+        fn nodes(blocks: &[CellBlock]) -> impl Iterator<Item = u32> {
+            blocks.iter().flat_map(|block| block.nodes.iter().copied())
+        }
+        fn ends(blocks: &[CellBlock]) -> impl Iterator<Item = u64> {
+            let sizes = blocks
+                .iter()
+                .flat_map(|block| std::iter::repeat_n(block.kind.node_count(), block.cell_count()));
+            sizes.scan(0, |end, size| {
+                *end += size as u64;
+                Some(*end)
+            })
+        }
+        let cell_count = |blocks: &[CellBlock]| blocks.iter().map(CellBlock::cell_count).sum::<usize>();
+        let node_count = |blocks: &[CellBlock]| blocks.iter().map(|block| block.nodes.len()).sum::<usize>();
+        match data {
+            Data::Values(VtuValues::Real(values)) if self.options.precision == Precision::Single => {
+                self.items(values.len(), values.iter().map(|&value| (value as f32).to_le_bytes()))
+            }
+            Data::Values(VtuValues::Real(values)) => {
+                self.items(values.len(), values.iter().map(|value| value.to_le_bytes()))
+            }
+            Data::Values(VtuValues::Integer(values)) => {
+                self.items(values.len(), values.iter().map(|value| value.to_le_bytes()))
+            }
+            Data::Member { cells, cell_count } => {
+                let mut is_member = vec![0u8; cell_count];
+                for &cell in cells {
+                    is_member[cell as usize] = 1;
+                }
+                self.items(cell_count, is_member.iter().map(|&byte| [byte]))
+            }
+            Data::Connectivity { blocks, wide: false } => {
+                self.items(node_count(blocks), nodes(blocks).map(|node| (node as i32).to_le_bytes()))
+            }
+            Data::Connectivity { blocks, wide: true } => {
+                self.items(node_count(blocks), nodes(blocks).map(|node| i64::from(node).to_le_bytes()))
+            }
+            Data::Offsets { blocks, wide: false } => {
+                self.items(cell_count(blocks), ends(blocks).map(|end| (end as i32).to_le_bytes()))
+            }
+            Data::Offsets { blocks, wide: true } => {
+                self.items(cell_count(blocks), ends(blocks).map(|end| end.to_le_bytes()))
+            }
+            Data::Types(blocks) => {
+                let codes = blocks
+                    .iter()
+                    .flat_map(|block| std::iter::repeat_n([block.kind.vtk_code()], block.cell_count()));
+                self.items(cell_count(blocks), codes)
+            }
+        }
+    }
+
+    /// Header and data of an array of `count` items of `WIDTH` bytes.
+    fn items<const WIDTH: usize>(
+        &mut self,
+        count: usize,
+        mut items: impl Iterator<Item = [u8; WIDTH]>,
+    ) -> io::Result<()> {
+        let length = count * WIDTH;
+        let mut next_block = |block: &mut Vec<u8>| {
+            block.clear();
+            block.extend(items.by_ref().take(BLOCK / WIDTH).flatten());
+            !block.is_empty()
+        };
+        let mut block = Vec::with_capacity(BLOCK.min(length));
+        if self.options.compression == 0 {
+            let mut stream = Stream::new(&mut *self.out, self.options.encoding);
+            stream.write_all(&(length as u64).to_le_bytes())?;
+            while next_block(&mut block) {
+                stream.write_all(&block)?;
+            }
+            return stream.finish();
+        }
+        // Number of blocks, bytes of a whole block, bytes of a last partial block, then each compressed size.
+        let block_count = length.div_ceil(BLOCK);
+        let mut header = vec![block_count as u64, BLOCK as u64, (length % BLOCK) as u64];
+        header.resize(3 + block_count, 0);
+        let place = self.out.stream_position()?;
+        self.header(&header)?;
+        let mut stream = Stream::new(&mut *self.out, self.options.encoding);
+        let mut compress = Compress::new(Compression::new(self.options.compression.min(9)), true);
+        let mut packed = Vec::new();
+        let mut i = 3;
+        while next_block(&mut block) {
+            deflate(&mut compress, &block, &mut packed)?;
+            header[i] = packed.len() as u64;
+            i += 1;
+            stream.write_all(&packed)?;
+        }
+        stream.finish()?;
+        let end = self.out.stream_position()?;
+        self.out.seek(SeekFrom::Start(place))?;
+        self.header(&header)?;
+        self.out.seek(SeekFrom::Start(end))?;
+        Ok(())
+    }
+
+    fn header(&mut self, header: &[u64]) -> io::Result<()> {
+        let bytes: Vec<u8> = header.iter().flat_map(|value| value.to_le_bytes()).collect();
+        let mut stream = Stream::new(&mut *self.out, self.options.encoding);
+        stream.write_all(&bytes)?;
+        stream.finish()
+    }
+}
+
+/// One block as a zlib stream of its own.
+fn deflate(compress: &mut Compress, block: &[u8], packed: &mut Vec<u8>) -> io::Result<()> {
+    compress.reset();
+    packed.clear();
+    // zlib's own bound for what cannot be compressed.
+    packed.reserve(block.len() + block.len() / 1000 + 64);
+    loop {
+        let read = compress.total_in() as usize;
+        match compress
+            .compress_vec(&block[read..], packed, FlushCompress::Finish)
+            .map_err(io::Error::other)?
+        {
+            Status::StreamEnd => return Ok(()),
+            Status::Ok | Status::BufError => packed.reserve(1 << 12),
+        }
+    }
+}
+
+/// Bytes as they are, or as base64 with its padding at the end.
+enum Stream<'a, W: Write> {
+    Raw(&'a mut W),
+    Base64(Box<EncoderWriter<'static, base64::engine::GeneralPurpose, &'a mut W>>),
+}
+
+impl<'a, W: Write> Stream<'a, W> {
+    fn new(out: &'a mut W, encoding: VtuEncoding) -> Self {
+        match encoding {
+            VtuEncoding::AppendedRaw => Self::Raw(out),
+            VtuEncoding::InlineBase64 => Self::Base64(Box::new(EncoderWriter::new(out, &STANDARD))),
+        }
+    }
+
+    fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
+        match self {
+            Self::Raw(out) => out.write_all(bytes),
+            Self::Base64(encoder) => encoder.write_all(bytes),
+        }
+    }
+
+    fn finish(self) -> io::Result<()> {
+        match self {
+            Self::Raw(_) => Ok(()),
+            Self::Base64(mut encoder) => encoder.finish().map(|_| ()),
+        }
+    }
+}
