@@ -1,1 +1,33 @@
-//! Meshes, elements and materials: a mass and potentials.
+//! Meshes, elements and materials: they produce a mass and potentials.
+//!
+//! This crate knows shapes at rest and laws of matter. It must not know a sparse matrix, a time step
+//! or a file. Start with [`Mesh`], [`Law`] and [`elastic`]; to add a law see [`Material`], to add an
+//! element see [`Element`].
+
+mod elastic;
+mod element;
+mod error;
+mod generate;
+mod instructions;
+mod load;
+mod mass;
+mod material;
+mod mesh;
+mod pack;
+mod real;
+mod svd;
+pub mod tensor;
+
+pub use elastic::{elastic, elastic_on};
+pub use element::{Element, ElementKind, Tet4};
+pub use error::FemError;
+pub use generate::BoxMesh;
+pub use instructions::InstructionSet;
+pub use load::{Gravity, PointSpring, SpringEnd};
+pub use mass::{MassProperties, add_lumped_mass, mass_properties, rigid_velocities};
+pub use material::{
+    Corotated, Domain, Isotropic, Law, Linear, Material, MooneyRivlin, MooneyRivlinParameters, NeoHookean,
+    Parameters, StVenantKirchhoff, StableNeoHookean,
+};
+pub use mesh::{ElementBlock, Mesh, Region};
+pub use real::Real;

@@ -1,0 +1,282 @@
+//! The strain energy Σ_e ∫ Ψ(F) dV of a region: elements × law, erased to a potential once. It must
+//! not know how blocks are summed.
+
+use std::cell::RefCell;
+use std::ops::Range;
+
+use pulp::Arch;
+use vi_core::{Account, Fault, HessianKind, Potential, Stencils, Traits, packed_len};
+
+use crate::element::{Element, SolidVisitor, kernel::Solids};
+use crate::material::{self, Domain, Law, LawVisitor, Material, PackedMat3, PackedTangent};
+use crate::pack::{GROUP, Pack};
+use crate::tensor::determinant;
+use crate::{ElementKind, FemError, InstructionSet, Mesh};
+
+/// Groups of points that are worked on together: enough that a kernel's start costs nothing, few
+/// enough that F stays in the first cache. No element has more quadrature points.
+const POINTS: usize = 32;
+
+/// The elastic potential of the elements `elements` (numbers in the mesh's cell order, all of one
+/// kind or several) with one law. Node a of the mesh is node a + `node_offset` of the system.
+///
+/// One potential an element kind, in the order in which the kinds first occur.
+///
+/// # Errors
+/// [`FemError::OutOfRange`] for elements that are not there, [`FemError::Unsupported`] for cells
+/// that are not solid elements, [`FemError::Inverted`] for elements without positive volume,
+/// [`FemError::Parameter`] for parameters out of range (the first; [`Law::check`] gives all).
+pub fn elastic(
+    mesh: &Mesh,
+    elements: &[u32],
+    law: &Law,
+    node_offset: usize,
+    name: &str,
+) -> Result<Vec<Box<dyn Potential>>, FemError> {
+    elastic_on(InstructionSet::Best, mesh, elements, law, node_offset, name)
+}
+
+/// [`elastic`] on a chosen instruction set, to compare them.
+///
+/// # Errors
+/// As [`elastic`], and [`FemError::Invalid`] where the machine has not that instruction set.
+pub fn elastic_on(
+    instructions: InstructionSet,
+    mesh: &Mesh,
+    elements: &[u32],
+    law: &Law,
+    node_offset: usize,
+    name: &str,
+) -> Result<Vec<Box<dyn Potential>>, FemError> {
+    let arch = instructions.arch()?;
+    if let Some(problem) = law.parameters().check().into_iter().next() {
+        return Err(problem);
+    }
+    let mut kinds: Vec<(ElementKind, Vec<u32>)> = Vec::new();
+    for &element in elements {
+        let Some((kind, _)) = mesh.cell(element as usize) else {
+            return Err(FemError::OutOfRange {
+                what: "elastic region, element",
+                index: element as usize,
+                target: "cell",
+                value: element as usize,
+                available: mesh.cell_count(),
+            });
+        };
+        match kinds.iter_mut().find(|(other, _)| *other == kind) {
+            Some((_, list)) => list.push(element),
+            None => kinds.push((kind, vec![element])),
+        }
+    }
+    let label = format!("{name}: {}", law.name());
+    kinds
+        .into_iter()
+        .map(|(kind, elements)| {
+            let build = BuildElement { arch, mesh, elements, law, node_offset, name: label.clone() };
+            kind.visit_solid(build).ok_or(FemError::Unsupported { kind, used: "solid elements" })?
+        })
+        .collect()
+}
+
+struct BuildElement<'a> {
+    arch: Arch,
+    mesh: &'a Mesh,
+    elements: Vec<u32>,
+    law: &'a Law,
+    node_offset: usize,
+    name: String,
+}
+
+impl SolidVisitor for BuildElement<'_> {
+    type Output = Result<Box<dyn Potential>, FemError>;
+
+    fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) -> Self::Output {
+        let Self { arch, mesh, elements, law, node_offset, name } = self;
+        let cells = elements.iter().filter_map(|&element| mesh.cell(element as usize));
+        let nodes: Vec<u32> = cells.flat_map(|(_, nodes)| nodes.iter().copied()).collect();
+        let total = elements.len();
+        let mut solids = Solids::<E, N, Q>::new(arch, &mesh.points, nodes).map_err(|inverted| {
+            let count = inverted.len();
+            let named = inverted.into_iter().take(5);
+            let first = named.map(|(index, volume)| (elements[index] as usize, volume)).collect();
+            FemError::Inverted { count, total, first }
+        })?;
+        solids.shift_nodes(node_offset as u32);
+        Ok(law.visit(BuildLaw { solids, elements, name }))
+    }
+}
+
+struct BuildLaw<E, const N: usize, const Q: usize> {
+    solids: Solids<E, N, Q>,
+    elements: Vec<u32>,
+    name: String,
+}
+
+impl<E: Element<N, Q>, const N: usize, const Q: usize> LawVisitor for BuildLaw<E, N, Q> {
+    type Output = Box<dyn Potential>;
+    fn visit<M: Material>(self, material: M) -> Self::Output {
+        let Self { solids, elements, name } = self;
+        Box::new(ElasticPotential { solids, material, elements, name })
+    }
+}
+
+/// V = Σ_e Σ_q w_q det J_q Ψ(F_q), one stencil an element.
+struct ElasticPotential<E, M, const N: usize, const Q: usize> {
+    solids: Solids<E, N, Q>,
+    material: M,
+    /// The caller's number of each element.
+    elements: Vec<u32>,
+    name: String,
+}
+
+thread_local! {
+    /// Room for the tangents and the Hessian of one group; grows once a thread.
+    static ROOM: RefCell<(Vec<PackedTangent>, Vec<Pack>)> = const { RefCell::new((Vec::new(), Vec::new())) };
+}
+
+impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> ElasticPotential<E, M, N, Q> {
+    /// Runs `work` on the groups that `range` touches, some at a time, with F at their points.
+    #[inline]
+    fn in_passes(
+        &self,
+        range: &Range<usize>,
+        x: &[f64],
+        mut work: impl FnMut(Range<usize>, &mut [PackedMat3]),
+    ) {
+        const { assert!(Q <= POINTS) };
+        let mut room = [[Pack::default(); 9]; POINTS];
+        let (mut group, end) = (range.start / GROUP, range.end.div_ceil(GROUP));
+        while group < end {
+            let next = end.min(group + POINTS / Q);
+            let points = &mut room[..(next - group) * Q];
+            self.solids.deformations(group..next, x, points);
+            work(group..next, points);
+            group = next;
+        }
+    }
+
+    fn tangent_blocks(
+        &self,
+        range: Range<usize>,
+        x: &[f64],
+        out: &mut [f64],
+        tangents: impl Fn(Arch, &M, &[PackedMat3], &mut [PackedTangent]),
+    ) {
+        if range.is_empty() {
+            return;
+        }
+        ROOM.with_borrow_mut(|(tangent_room, block)| {
+            tangent_room.resize(Q.max(tangent_room.len()), [Pack::default(); 45]);
+            let size = packed_len(3 * N);
+            block.resize(size.max(block.len()), Pack::default());
+            let (tangent_room, block) = (&mut tangent_room[..Q], &mut block[..size]);
+            self.in_passes(&range, x, |groups, points| {
+                for (group, points) in groups.zip(points.chunks_exact(Q)) {
+                    tangents(self.solids.arch(), &self.material, points, tangent_room);
+                    self.solids.hessians(group, tangent_room, block, range.clone(), out);
+                }
+            });
+        });
+    }
+}
+
+/// Copies the lanes of `range` that lie in `group` to `out`, which begins with range.start.
+fn scatter(
+    group: usize,
+    range: &Range<usize>,
+    size: usize,
+    out: &mut [f64],
+    value: impl Fn(usize, usize) -> f64,
+) {
+    let first = group * GROUP;
+    for element in range.start.max(first)..range.end.min(first + GROUP) {
+        for k in 0..size {
+            out[(element - range.start) * size + k] = value(element - first, k);
+        }
+    }
+}
+
+impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
+    for ElasticPotential<E, M, N, Q>
+{
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn account(&self) -> Account {
+        Account::Elastic
+    }
+
+    fn stencils(&self) -> Stencils<'_> {
+        Stencils { arity: N, block: 3, nodes: self.solids.nodes() }
+    }
+
+    fn traits(&self) -> Traits {
+        let hessian = if M::LINEAR { HessianKind::Constant } else { HessianKind::Varying };
+        Traits { hessian, time_dependent: false }
+    }
+
+    fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        let mut densities = [Pack::default(); POINTS];
+        self.in_passes(&range, x, |groups, points| {
+            material::energies(self.solids.arch(), &self.material, points, &mut densities[..points.len()]);
+            for (group, densities) in groups.zip(densities.chunks_exact(Q)) {
+                let mut sum = Pack::default();
+                for (density, volume) in densities.iter().zip(self.solids.volumes(group)) {
+                    for lane in 0..GROUP {
+                        sum.0[lane] += density.0[lane] * volume.0[lane];
+                    }
+                }
+                scatter(group, &range, 1, out, |lane, _| sum.0[lane]);
+            }
+        });
+    }
+
+    fn gradients(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        self.in_passes(&range, x, |groups, points| {
+            material::stresses(self.solids.arch(), &self.material, points);
+            self.solids.forces(groups, points, range.clone(), out);
+        });
+    }
+
+    fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        self.tangent_blocks(range, x, out, material::tangents::<M>);
+    }
+
+    fn projected_hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        self.tangent_blocks(range, x, out, material::projected_tangents::<M>);
+    }
+
+    fn mean_deformations(&self, range: Range<usize>, x: &[f64], out: &mut [f64]) -> bool {
+        self.in_passes(&range, x, |groups, points| {
+            for (group, points) in groups.zip(points.chunks_exact(Q)) {
+                let value = |lane: usize, k: usize| {
+                    let weighted = self.solids.volumes(group).zip(points.iter());
+                    weighted.map(|(volume, f)| volume.0[lane] * f[k].0[lane]).sum()
+                };
+                scatter(group, &range, 9, out, value);
+            }
+        });
+        true
+    }
+
+    fn fault(&self, stencil: usize, x: &[f64], _t: f64) -> Option<Fault> {
+        if M::DOMAIN == Domain::Everywhere || stencil >= self.solids.count() {
+            return None;
+        }
+        let mut worst = f64::INFINITY;
+        self.in_passes(&(stencil..stencil + 1), x, |_, points| {
+            for f in points.iter() {
+                let f = [0, 1, 2].map(|i| [0, 1, 2].map(|j| f[3 * i + j].0[stencil % GROUP]));
+                let j = determinant(&f);
+                worst = worst.min(if j.is_nan() { f64::NEG_INFINITY } else { j });
+            }
+        });
+        (worst <= 0.0).then(|| Fault {
+            element: self.elements[stencil] as usize,
+            quantity: "det F",
+            value: worst,
+            domain: "must be positive",
+        })
+    }
+}

@@ -1,0 +1,284 @@
+//! One kernel serves every solid element: x ↦ F at the quadrature points, P ↦ nodal forces, tangents
+//! ↦ element Hessians, eight elements at a time. It must not know laws.
+//!
+//! Of the geometry at rest a quadrature point keeps only J⁻¹ = (∂X/∂ξ)⁻¹ and its volume w det J:
+//! F = (Σ x_a ⊗ ∂N_a/∂ξ) J⁻¹ and f_a = Σ_q w P J⁻ᵀ ∂N_a/∂ξ.
+
+use std::marker::PhantomData;
+use std::ops::Range;
+
+use pulp::{Arch, Simd, WithSimd};
+use vi_core::packed_len;
+
+use super::Element;
+use crate::material::{PackedMat3, PackedTangent, load_mat3, store_mat3};
+use crate::pack::{GROUP, Pack, parts};
+use crate::real::{Lane, Real};
+use crate::tensor::{Mat3, cofactor, determinant, dot, packed_index, product, product_transposed};
+
+/// The geometry at rest of one quadrature point of a group of elements.
+#[derive(Debug, Clone, Copy)]
+struct PointGeometry {
+    /// (∂X/∂ξ)⁻¹ by rows, 1/m.
+    inverse: PackedMat3,
+    /// w det(∂X/∂ξ), m³.
+    volume: Pack,
+}
+
+/// Solid elements of one kind, in groups of eight; the last group is filled up with copies of the
+/// last element.
+pub(crate) struct Solids<E, const N: usize, const Q: usize> {
+    arch: Arch,
+    count: usize,
+    nodes: Vec<u32>,
+    geometry: Vec<PointGeometry>,
+    gradients: [[[f64; 3]; N]; Q],
+    element: PhantomData<E>,
+}
+
+impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
+    /// Elements with these nodes (N each) at rest at `points`. Elements that are inverted or have no
+    /// volume are returned instead: (index in the list, smallest w det J · Q-fold volume, m³).
+    pub(crate) fn new(
+        arch: Arch,
+        points: &[[f64; 3]],
+        mut nodes: Vec<u32>,
+    ) -> Result<Self, Vec<(usize, f64)>> {
+        let count = nodes.len() / N;
+        let groups = count.div_ceil(GROUP);
+        if let Some(last) = count.checked_sub(1) {
+            let last: Vec<u32> = nodes[last * N..].to_vec();
+            nodes.extend(last.iter().cycle().take((groups * GROUP - count) * N));
+        }
+        let rule = E::rule();
+        let gradients = rule.map(|(xi, _)| E::gradients(xi));
+        let empty = PointGeometry { inverse: [Pack::default(); 9], volume: Pack::default() };
+        let mut geometry = vec![empty; groups * Q];
+        let mut inverted = Vec::new();
+        for element in 0..groups * GROUP {
+            let (group, lane) = (element / GROUP, element % GROUP);
+            let x: [[f64; 3]; N] = std::array::from_fn(|a| points[nodes[element * N + a] as usize]);
+            let mut worst = f64::INFINITY;
+            for q in 0..Q {
+                let jacobian = E::reference_gradient(&x, &gradients[q]);
+                let det = determinant(&jacobian);
+                worst = worst.min(if det.is_nan() { f64::NEG_INFINITY } else { det });
+                let cofactor = cofactor(&jacobian);
+                let target = &mut geometry[group * Q + q];
+                for i in 0..3 {
+                    for j in 0..3 {
+                        target.inverse[3 * i + j].0[lane] = cofactor[j][i] / det;
+                    }
+                }
+                target.volume.0[lane] = rule[q].1 * det;
+            }
+            // Zero volume up to round-off of an element of this size.
+            let size = x.iter().flat_map(|a| (0..3).map(|i| (a[i] - x[0][i]).abs())).fold(0.0, f64::max);
+            if worst <= 1e-14 * size.powi(3) && element < count {
+                inverted.push((element, worst * rule.iter().map(|(_, weight)| weight).sum::<f64>()));
+            }
+        }
+        if !inverted.is_empty() {
+            return Err(inverted);
+        }
+        Ok(Self { arch, count, nodes, geometry, gradients, element: PhantomData })
+    }
+
+    /// How many elements.
+    pub(crate) fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Instruction set that the kernels run on.
+    pub(crate) fn arch(&self) -> Arch {
+        self.arch
+    }
+
+    /// Node numbers, N an element.
+    pub(crate) fn nodes(&self) -> &[u32] {
+        &self.nodes[..self.count * N]
+    }
+
+    /// Adds `offset` to every node number.
+    pub(crate) fn shift_nodes(&mut self, offset: u32) {
+        for node in &mut self.nodes {
+            *node += offset;
+        }
+    }
+
+    /// The volumes w det J of the quadrature points of a group, m³.
+    pub(crate) fn volumes(&self, group: usize) -> impl Iterator<Item = &Pack> {
+        self.geometry[group * Q..][..Q].iter().map(|point| &point.volume)
+    }
+
+    /// F at the quadrature points of some groups, Q a group.
+    #[inline(never)]
+    pub(crate) fn deformations(&self, groups: Range<usize>, x: &[f64], out: &mut [PackedMat3]) {
+        self.arch.dispatch(Deformations { solids: self, groups, x, out });
+    }
+
+    /// Gradients of the elements of `range` from P at the quadrature points of `groups`.
+    #[inline(never)]
+    pub(crate) fn forces(
+        &self,
+        groups: Range<usize>,
+        stresses: &[PackedMat3],
+        range: Range<usize>,
+        out: &mut [f64],
+    ) {
+        self.arch.dispatch(Forces { solids: self, groups, stresses, range, out });
+    }
+
+    /// Packed Hessians of the elements of `range` in `group` from the tangents at its quadrature
+    /// points; `block` is room for one packed Hessian of a group.
+    #[inline(never)]
+    pub(crate) fn hessians(
+        &self,
+        group: usize,
+        tangents: &[PackedTangent],
+        block: &mut [Pack],
+        range: Range<usize>,
+        out: &mut [f64],
+    ) {
+        self.arch.dispatch(Hessians { solids: self, group, tangents, block });
+        let size = packed_len(3 * N);
+        let first = group * GROUP;
+        for element in range.start.max(first)..range.end.min(first + GROUP) {
+            let target = &mut out[(element - range.start) * size..][..size];
+            for (target, pack) in target.iter_mut().zip(block.iter()) {
+                *target = pack.0[element - first];
+            }
+        }
+    }
+}
+
+struct Deformations<'a, E, const N: usize, const Q: usize> {
+    solids: &'a Solids<E, N, Q>,
+    groups: Range<usize>,
+    x: &'a [f64],
+    out: &'a mut [PackedMat3],
+}
+
+impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Deformations<'_, E, N, Q> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { solids, groups, x, out } = self;
+        let mut local = [[Pack::default(); 3]; N];
+        for (group, out) in groups.zip(out.chunks_exact_mut(Q)) {
+            let nodes = &solids.nodes[group * GROUP * N..][..GROUP * N];
+            for (lane, nodes) in nodes.chunks_exact(N).enumerate() {
+                for a in 0..N {
+                    let point = &x[3 * nodes[a] as usize..][..3];
+                    for i in 0..3 {
+                        local[a][i].0[lane] = point[i];
+                    }
+                }
+            }
+            for part in 0..parts::<S>() {
+                let x: [[Lane<S>; 3]; N] =
+                    std::array::from_fn(|a| [0, 1, 2].map(|i| local[a][i].load(simd, part)));
+                for q in 0..Q {
+                    let inverse = load_mat3(simd, &solids.geometry[group * Q + q].inverse, part);
+                    let f = product(&E::reference_gradient(&x, &solids.gradients[q]), &inverse);
+                    store_mat3(&mut out[q], part, &f);
+                }
+            }
+        }
+    }
+}
+
+struct Forces<'a, E, const N: usize, const Q: usize> {
+    solids: &'a Solids<E, N, Q>,
+    groups: Range<usize>,
+    stresses: &'a [PackedMat3],
+    range: Range<usize>,
+    out: &'a mut [f64],
+}
+
+impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Forces<'_, E, N, Q> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { solids, groups, stresses, range, out } = self;
+        let mut local = [[Pack::default(); 3]; N];
+        for (group, stresses) in groups.zip(stresses.chunks_exact(Q)) {
+            for part in 0..parts::<S>() {
+                let mut f = [[Lane::splat(simd, 0.0); 3]; N];
+                for q in 0..Q {
+                    let geometry = &solids.geometry[group * Q + q];
+                    let volume = geometry.volume.load(simd, part);
+                    let inverse = load_mat3(simd, &geometry.inverse, part);
+                    let p = product_transposed(&load_mat3(simd, &stresses[q], part), &inverse);
+                    let p: Mat3<Lane<S>> = p.map(|row| row.map(|value| value * volume));
+                    E::add_reference_forces(&p, &solids.gradients[q], &mut f);
+                }
+                for a in 0..N {
+                    for i in 0..3 {
+                        local[a][i].store(part, f[a][i]);
+                    }
+                }
+            }
+            let first = group * GROUP;
+            for element in range.start.max(first)..range.end.min(first + GROUP) {
+                let target = &mut out[(element - range.start) * 3 * N..][..3 * N];
+                for a in 0..N {
+                    for i in 0..3 {
+                        target[3 * a + i] = local[a][i].0[element - first];
+                    }
+                }
+            }
+        }
+    }
+}
+
+struct Hessians<'a, E, const N: usize, const Q: usize> {
+    solids: &'a Solids<E, N, Q>,
+    group: usize,
+    tangents: &'a [PackedTangent],
+    block: &'a mut [Pack],
+}
+
+impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Hessians<'_, E, N, Q> {
+    type Output = ();
+    /// K_(ai)(bk) = Σ_q w Σ_jl G_aj C_ijkl G_bl, G_a = J⁻ᵀ ∂N_a/∂ξ.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { solids, group, tangents, block } = self;
+        block.fill(Pack::default());
+        for (q, tangent) in tangents.iter().enumerate() {
+            let geometry = &solids.geometry[group * Q + q];
+            for part in 0..parts::<S>() {
+                let volume = geometry.volume.load(simd, part);
+                let inverse = load_mat3(simd, &geometry.inverse, part);
+                let entry = |row: usize, column: usize| {
+                    let (low, high) = if row < column { (row, column) } else { (column, row) };
+                    tangent[packed_index(high, low)].load(simd, part)
+                };
+                let g: [[Lane<S>; 3]; N] = std::array::from_fn(|a| {
+                    let [x, y, z] = solids.gradients[q][a].map(|value| Lane::splat(simd, value));
+                    [0, 1, 2].map(|j| inverse[2][j].mul_add(z, inverse[1][j].mul_add(y, inverse[0][j] * x)))
+                });
+                for a in 0..N {
+                    let weighted = g[a].map(|value| value * volume);
+                    for i in 0..3 {
+                        // Σ_j G_aj C_ijkl for all (k, l).
+                        let row: Mat3<Lane<S>> = [0, 1, 2].map(|k| {
+                            [0, 1, 2].map(|l| {
+                                let c = [0, 1, 2].map(|j| entry(3 * i + j, 3 * k + l));
+                                dot(weighted, c)
+                            })
+                        });
+                        for b in 0..=a {
+                            for k in 0..if b == a { i + 1 } else { 3 } {
+                                let target = &mut block[packed_index(3 * a + i, 3 * b + k)];
+                                let sum = target.load(simd, part) + dot(row[k], g[b]);
+                                target.store(part, sum);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

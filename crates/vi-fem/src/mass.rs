@@ -1,0 +1,151 @@
+//! Lumped masses, and what follows from them: total mass, centre, inertia. It must not know laws.
+
+use crate::element::{Element, SolidVisitor};
+use crate::tensor::{Mat3, cross, determinant};
+use crate::{FemError, Mesh};
+
+/// Mass of each node of the mesh, kg: those of `elements` (numbers of solid cells) at a density,
+/// kg/m³, added to `masses`. Row sums of ρ ∫ N_a N_b dV where they are positive for the element, and
+/// the scaled diagonal of Hinton, Rock & Zienkiewicz (1976) otherwise: positive for every kind.
+///
+/// # Errors
+/// [`FemError::OutOfRange`] for cells that are not there, [`FemError::Unsupported`] for cells that
+/// are not solid elements.
+pub fn add_lumped_mass(
+    mesh: &Mesh,
+    elements: &[u32],
+    density: f64,
+    masses: &mut [f64],
+) -> Result<(), FemError> {
+    for &element in elements {
+        let Some((kind, nodes)) = mesh.cell(element as usize) else {
+            return Err(FemError::OutOfRange {
+                what: "mass, element",
+                index: element as usize,
+                target: "cell",
+                value: element as usize,
+                available: mesh.cell_count(),
+            });
+        };
+        kind.visit_solid(AddMass { mesh, nodes, density, masses })
+            .ok_or(FemError::Unsupported { kind, used: "solid elements" })?;
+    }
+    Ok(())
+}
+
+struct AddMass<'a> {
+    mesh: &'a Mesh,
+    nodes: &'a [u32],
+    density: f64,
+    masses: &'a mut [f64],
+}
+
+impl SolidVisitor for AddMass<'_> {
+    type Output = ();
+    fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) {
+        let x: [[f64; 3]; N] = std::array::from_fn(|a| self.mesh.points[self.nodes[a] as usize]);
+        let shares = mass_shares::<E, N, Q>(&x);
+        for (&node, share) in self.nodes.iter().zip(shares) {
+            self.masses[node as usize] += self.density * share;
+        }
+    }
+}
+
+/// Volume that each node of an element at rest at `x` stands for, m³; their sum is the volume.
+pub(crate) fn mass_shares<E: Element<N, Q>, const N: usize, const Q: usize>(x: &[[f64; 3]; N]) -> [f64; N] {
+    let (mut rows, mut diagonal, mut volume) = ([0.0; N], [0.0; N], 0.0);
+    for (xi, weight) in E::rule() {
+        let dv = weight * determinant(&E::reference_gradient(x, &E::gradients(xi)));
+        let values = E::values(xi);
+        volume += dv;
+        for a in 0..N {
+            rows[a] += dv * values[a];
+            diagonal[a] += dv * values[a] * values[a];
+        }
+    }
+    // Whether row sums do is a property of the kind, so that all elements of a mesh agree.
+    let reference = E::rule().iter().fold([0.0; N], |mut sum, &(xi, weight)| {
+        let values = E::values(xi);
+        for a in 0..N {
+            sum[a] += weight * values[a];
+        }
+        sum
+    });
+    if reference.iter().all(|&share| share > 1e-9) {
+        return rows;
+    }
+    let scale = volume / diagonal.iter().sum::<f64>();
+    diagonal.map(|share| scale * share)
+}
+
+/// Mass, centre and inertia of a set of point masses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MassProperties {
+    /// Total mass, kg.
+    pub mass: f64,
+    /// Centre of mass, m.
+    pub centre: [f64; 3],
+    /// Inertia tensor about the centre, Σ m (|r|² I − r ⊗ r), kg m².
+    pub inertia: [[f64; 3]; 3],
+}
+
+/// Mass properties of points (m) with masses (kg).
+pub fn mass_properties(points: &[[f64; 3]], masses: &[f64]) -> MassProperties {
+    let mass: f64 = masses.iter().sum();
+    let mut centre = [0.0; 3];
+    for (point, m) in points.iter().zip(masses) {
+        for i in 0..3 {
+            centre[i] += m * point[i] / mass;
+        }
+    }
+    let mut inertia: Mat3<f64> = [[0.0; 3]; 3];
+    for (point, m) in points.iter().zip(masses) {
+        let r = [0, 1, 2].map(|i| point[i] - centre[i]);
+        let square: f64 = r.iter().map(|value| value * value).sum();
+        for i in 0..3 {
+            for j in 0..3 {
+                inertia[i][j] += m * (if i == j { square } else { 0.0 } - r[i] * r[j]);
+            }
+        }
+    }
+    MassProperties { mass, centre, inertia }
+}
+
+/// Velocities v + ω × (x − centre), m/s, of points (m) that move as one rigid body; flat, 3 a point.
+pub fn rigid_velocities(
+    points: &[[f64; 3]],
+    centre: [f64; 3],
+    velocity: [f64; 3],
+    angular_velocity: [f64; 3],
+) -> Vec<f64> {
+    let at = |point: &[f64; 3]| {
+        let spin = cross(angular_velocity, [0, 1, 2].map(|i| point[i] - centre[i]));
+        [0, 1, 2].map(|i| velocity[i] + spin[i])
+    };
+    points.iter().flat_map(at).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{BoxMesh, ElementKind};
+
+    #[test]
+    fn a_box_has_the_mass_and_centre_of_a_box() {
+        let mesh = BoxMesh {
+            size: [2.0, 1.0, 0.5],
+            cells: [8, 4, 2],
+            element: ElementKind::Tet4,
+            origin: [1.0, 0.0, 0.0],
+        }
+        .build()
+        .unwrap();
+        let mut masses = vec![0.0; mesh.points.len()];
+        add_lumped_mass(&mesh, &mesh.cells_of_dimension(3), 3.0, &mut masses).unwrap();
+        let found = mass_properties(&mesh.points, &masses);
+        assert!((found.mass - 3.0).abs() < 1e-14);
+        let expected = [2.0, 0.5, 0.25];
+        assert!((0..3).all(|i| (found.centre[i] - expected[i]).abs() < 1e-14), "{found:?}");
+        assert!(found.inertia[0][0] > 0.0 && found.inertia[0][1].abs() < 0.05);
+    }
+}

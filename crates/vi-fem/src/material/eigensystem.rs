@@ -1,0 +1,64 @@
+//! The eigensystem that every isotropic law shares, and the positive-definite part of a tangent.
+//! It must not know which law.
+//!
+//! In the frame of the singular values, F = UΣVᵀ, the tangent of an isotropic law is a 3 × 3 block
+//! of stretches and three 2 × 2 blocks [[a, b], [b, a]], one a pair of axes, with eigenvalues a + b
+//! (flip) and a − b (twist) (Smith, de Goes & Kim 2019, Analytic Eigensystems for Isotropic
+//! Distortion Energies).
+
+use super::Material;
+use crate::Real;
+use crate::svd::{svd, symmetric_eigen};
+use crate::tensor::{Mat3, Tangent, product_transposed};
+
+const PAIRS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
+
+/// The rotation R = U Vᵀ nearest to F.
+#[inline(always)]
+pub(super) fn rotations<R: Real>(u: &Mat3<R>, v: &Mat3<R>) -> Mat3<R> {
+    product_transposed(u, v)
+}
+
+/// The three unit twists (u_i ⊗ v_j − u_j ⊗ v_i)/√2 with their axes (i, j).
+#[inline(always)]
+pub(super) fn twists<R: Real>(u: &Mat3<R>, v: &Mat3<R>) -> [(usize, usize, Mat3<R>); 3] {
+    PAIRS.map(|(i, j)| (i, j, pair(u, v, i, j, -std::f64::consts::FRAC_1_SQRT_2)))
+}
+
+/// (u_i ⊗ v_j)/√2 + s u_j ⊗ v_i.
+#[inline(always)]
+fn pair<R: Real>(u: &Mat3<R>, v: &Mat3<R>, i: usize, j: usize, s: f64) -> Mat3<R> {
+    [0, 1, 2].map(|row| {
+        let (first, second) = (u[row][i] * std::f64::consts::FRAC_1_SQRT_2, u[row][j] * s);
+        [0, 1, 2].map(|column| first.mul_add(v[column][j], second * v[column][i]))
+    })
+}
+
+/// The tangent with its negative eigenvalues set to zero.
+#[inline(always)]
+pub(super) fn projected_tangent<M: Material, R: Real>(material: &M, f: &Mat3<R>) -> Tangent<R> {
+    if M::LINEAR {
+        return material.tangent(f);
+    }
+    let (u, sigma, v) = svd(f);
+    let zero = sigma[0].constant(0.0);
+    let stretch = [[sigma[0], zero, zero], [zero, sigma[1], zero], [zero, zero, sigma[2]]];
+    let principal = material.tangent(&stretch);
+    // Zero for negative numbers, NaN for NaN.
+    let positive = |value: R| (value + value.abs()) * 0.5;
+
+    let block = [0, 1, 2].map(|i| [0, 1, 2].map(|j| principal.entry(4 * i, 4 * j)));
+    let (values, vectors) = symmetric_eigen(&block);
+    let mut tangent = Tangent::identity(zero);
+    for k in 0..3 {
+        let weighted = [0, 1, 2].map(|i| [0, 1, 2].map(|j| u[i][j] * vectors[j][k]));
+        tangent.add_square(positive(values[k]), &product_transposed(&weighted, &v));
+    }
+    for (i, j) in PAIRS {
+        let (a, b) = (principal.entry(3 * i + j, 3 * i + j), principal.entry(3 * i + j, 3 * j + i));
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        tangent.add_square(positive(a + b), &pair(&u, &v, i, j, half));
+        tangent.add_square(positive(a - b), &pair(&u, &v, i, j, -half));
+    }
+    tangent
+}

@@ -1,0 +1,125 @@
+//! A mesh as finite elements see it: points, cells of all dimensions, named regions. It must not
+//! know files, laws or time.
+
+mod check;
+
+use crate::{ElementKind, FemError};
+
+/// Points, blocks of cells of one kind each, and named sets of cells.
+///
+/// Cells are numbered through all blocks in order: the first cell of block b follows the last of
+/// block b − 1. A body's volume cells and the facets, edges and points of its boundary are all cells.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Mesh {
+    /// Positions at rest, m.
+    pub points: Vec<[f64; 3]>,
+    /// Cells.
+    pub blocks: Vec<ElementBlock>,
+    /// Named sets of cells; a cell may be in several.
+    pub regions: Vec<Region>,
+}
+
+/// Cells of one kind.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ElementBlock {
+    /// Their kind.
+    pub kind: ElementKind,
+    /// Node numbers, `kind.node_count()` a cell, in VTK's order.
+    pub nodes: Vec<u32>,
+}
+
+impl ElementBlock {
+    /// How many cells.
+    pub fn count(&self) -> usize {
+        self.nodes.len() / self.kind.node_count()
+    }
+}
+
+/// A named set of cells of one dimension: a material region or a part of the boundary.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Region {
+    /// The name that scenes call it by.
+    pub name: String,
+    /// 3 volume, 2 surface, 1 curve, 0 points.
+    pub dimension: usize,
+    /// Cell numbers.
+    pub elements: Vec<u32>,
+}
+
+impl Mesh {
+    /// How many cells of all kinds.
+    pub fn cell_count(&self) -> usize {
+        self.blocks.iter().map(ElementBlock::count).sum()
+    }
+
+    /// Kind and nodes of a cell.
+    pub fn cell(&self, index: usize) -> Option<(ElementKind, &[u32])> {
+        let mut index = index;
+        for block in &self.blocks {
+            let (count, arity) = (block.count(), block.kind.node_count());
+            if index < count {
+                return Some((block.kind, &block.nodes[index * arity..][..arity]));
+            }
+            index -= count;
+        }
+        None
+    }
+
+    /// The numbers of all cells of a dimension.
+    pub fn cells_of_dimension(&self, dimension: usize) -> Vec<u32> {
+        let mut first = 0;
+        let mut cells = Vec::new();
+        for block in &self.blocks {
+            let next = first + block.count() as u32;
+            if block.kind.dimension() == dimension {
+                cells.extend(first..next);
+            }
+            first = next;
+        }
+        cells
+    }
+
+    /// The region of this name.
+    ///
+    /// # Errors
+    /// [`FemError::UnknownRegion`] with the names there are.
+    pub fn region(&self, name: &str) -> Result<&Region, FemError> {
+        self.regions.iter().find(|region| region.name == name).ok_or_else(|| FemError::UnknownRegion {
+            name: name.into(),
+            available: self.regions.iter().map(|region| region.name.clone()).collect(),
+        })
+    }
+
+    /// The nodes of all cells of the regions of this name (a name may stand for a volume and a
+    /// surface at once), ascending, each once.
+    ///
+    /// # Errors
+    /// [`FemError::UnknownRegion`] with the names there are.
+    pub fn region_nodes(&self, name: &str) -> Result<Vec<u32>, FemError> {
+        self.region(name)?;
+        let regions = self.regions.iter().filter(|region| region.name == name);
+        let cells = regions.flat_map(|region| &region.elements);
+        let mut nodes: Vec<u32> = cells
+            .filter_map(|&cell| self.cell(cell as usize))
+            .flat_map(|(_, nodes)| nodes.iter().copied())
+            .collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        Ok(nodes)
+    }
+
+    /// The nodes in a box (its faces included), ascending.
+    pub fn nodes_in_box(&self, min: [f64; 3], max: [f64; 3]) -> Vec<u32> {
+        let inside = |point: &[f64; 3]| (0..3).all(|i| min[i] <= point[i] && point[i] <= max[i]);
+        (0..self.points.len()).filter(|&node| inside(&self.points[node])).map(|node| node as u32).collect()
+    }
+
+    /// The node nearest to a point (the first of equals); None for a mesh without points.
+    pub fn nearest_node(&self, point: [f64; 3]) -> Option<u32> {
+        let distance = |node: &[f64; 3]| -> f64 { (0..3).map(|i| (node[i] - point[i]).powi(2)).sum() };
+        let nodes = 0..self.points.len();
+        nodes
+            .min_by(|&a, &b| distance(&self.points[a]).total_cmp(&distance(&self.points[b])))
+            .map(|node| node as u32)
+    }
+}
