@@ -13,6 +13,7 @@ mod load;
 mod mass;
 mod material;
 mod mesh;
+mod motion;
 mod pack;
 mod real;
 mod svd;
@@ -30,4 +31,5 @@ pub use material::{
     Parameters, StVenantKirchhoff, StableNeoHookean,
 };
 pub use mesh::{ElementBlock, Mesh, Region};
+pub use motion::{Motion, Rotate, Sine, Table, Translate};
 pub use real::Real;

@@ -2,7 +2,7 @@
 //! It must not know what it is used for.
 
 use crate::Real;
-use crate::tensor::{Mat3, cross, dot, right_cauchy_green};
+use crate::tensor::{Mat3, cross, dot, mat3, right_cauchy_green, transpose, vec3};
 
 /// Sweeps of cyclic Jacobi rotations: five reach round-off from any start (quadratic convergence).
 const SWEEPS: usize = 5;
@@ -47,21 +47,20 @@ pub(crate) fn svd<R: Real>(f: &Mat3<R>) -> (Mat3<R>, [R; 3], Mat3<R>) {
     let zero = values[0].constant(0.0);
     let one = values[0].constant(1.0);
     // Columns with their eigenvalues, sorted; each exchange turns one column over to keep det V = 1.
-    let mut columns = [0, 1, 2].map(|j| (values[j], [q[0][j], q[1][j], q[2][j]]));
+    let mut columns = vec3!(j => (values[j], [q[0][j], q[1][j], q[2][j]]));
     for (i, j) in [(0, 1), (0, 2), (1, 2)] {
-        let rising = columns[j].0 - columns[i].0;
-        let (a, b) = (columns[i], columns[j]);
-        let pick = |yes: R, no: R| rising.if_positive(yes, no);
-        columns[i] = (pick(b.0, a.0), [0, 1, 2].map(|k| pick(b.1[k], a.1[k])));
-        columns[j] = (pick(a.0, b.0), [0, 1, 2].map(|k| pick(-a.1[k], b.1[k])));
+        let ((high, a), (low, b)) = (columns[i], columns[j]);
+        let rising = low - high;
+        columns[i] = (rising.if_positive(low, high), vec3!(k => rising.if_positive(b[k], a[k])));
+        columns[j] = (rising.if_positive(high, low), vec3!(k => rising.if_positive(-a[k], b[k])));
     }
-    let v = columns.map(|(_, column)| column);
-    let image = v.map(|column| f.map(|row| dot(row, column)));
+    let v = vec3!(j => columns[j].1);
+    let image = mat3!(j i => dot(f[i], v[j]));
 
     let sigma_0 = dot(image[0], image[0]).sqrt();
     let u0 = normalised_or(image[0], [one, zero, zero]);
     let along = dot(u0, image[1]);
-    let rest = [0, 1, 2].map(|k| image[1][k] - along * u0[k]);
+    let rest = vec3!(k => image[1][k] - along * u0[k]);
     // Where F has rank one, any direction across u₀ will do: the one from its smaller entries.
     let aside = (u0[0].abs() - 0.5).if_positive(zero, one);
     let other = one - aside;
@@ -70,7 +69,7 @@ pub(crate) fn svd<R: Real>(f: &Mat3<R>) -> (Mat3<R>, [R; 3], Mat3<R>) {
     let u2 = cross(u0, u1);
     let sigma = [sigma_0, dot(u1, image[1]), dot(u2, image[2])];
     let u = [u0, u1, u2];
-    (crate::tensor::transpose(&u), sigma, crate::tensor::transpose(&v))
+    (transpose(&u), sigma, transpose(&v))
 }
 
 /// a/‖a‖, or `otherwise` where a vanishes.
@@ -79,13 +78,13 @@ fn normalised_or<R: Real>(a: [R; 3], otherwise: [R; 3]) -> [R; 3] {
     let square = dot(a, a);
     let inverse = square.constant(1.0) / (square + TINY).sqrt();
     let large = square - 1e-280;
-    [0, 1, 2].map(|k| large.if_positive(a[k] * inverse, otherwise[k]))
+    vec3!(k => large.if_positive(a[k] * inverse, otherwise[k]))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tensor::{determinant, product, product_transposed, transpose};
+    use crate::tensor::{determinant, product, product_transposed};
 
     fn close(a: &Mat3<f64>, b: &Mat3<f64>, tolerance: f64) {
         for (x, y) in a.iter().flatten().zip(b.iter().flatten()) {

@@ -5,30 +5,61 @@ use crate::Real;
 /// A 3 × 3 matrix by rows: `f[i][j]`, i the spatial index, j the material one.
 pub type Mat3<R> = [[R; 3]; 3];
 
+/// `vec3!(i => a[i])` is `[a[0], a[1], a[2]]`.
+///
+/// Kernels are written with these macros and plain loops, never with closures given to the standard
+/// library: what is not inlined for certain is compiled without the vector instructions, and then
+/// each lane operation is a call (measured: sixty times slower).
+macro_rules! vec3 {
+    ($i:ident => $entry:expr) => {
+        [
+            {
+                let $i = 0usize;
+                $entry
+            },
+            {
+                let $i = 1usize;
+                $entry
+            },
+            {
+                let $i = 2usize;
+                $entry
+            },
+        ]
+    };
+}
+
+/// `mat3!(i j => a[j][i])` is Aᵀ.
+macro_rules! mat3 {
+    ($i:ident $j:ident => $entry:expr) => {
+        $crate::tensor::vec3!($i => $crate::tensor::vec3!($j => $entry))
+    };
+}
+
+pub(crate) use {mat3, vec3};
+
 /// A B.
 #[inline(always)]
 pub fn product<R: Real>(a: &Mat3<R>, b: &Mat3<R>) -> Mat3<R> {
-    a.map(|row| [0, 1, 2].map(|j| row[2].mul_add(b[2][j], row[1].mul_add(b[1][j], row[0] * b[0][j]))))
+    mat3!(i j => a[i][2].mul_add(b[2][j], a[i][1].mul_add(b[1][j], a[i][0] * b[0][j])))
 }
 
 /// A Bᵀ.
 #[inline(always)]
 pub fn product_transposed<R: Real>(a: &Mat3<R>, b: &Mat3<R>) -> Mat3<R> {
-    a.map(|row| b.map(|other| dot(row, other)))
+    mat3!(i j => dot(a[i], b[j]))
 }
 
 /// Aᵀ.
 #[inline(always)]
 pub fn transpose<R: Real>(a: &Mat3<R>) -> Mat3<R> {
-    [0, 1, 2].map(|i| [a[0][i], a[1][i], a[2][i]])
+    mat3!(i j => a[j][i])
 }
 
 /// FᵀF, the right Cauchy–Green tensor.
 #[inline(always)]
 pub fn right_cauchy_green<R: Real>(f: &Mat3<R>) -> Mat3<R> {
-    let c = |i: usize, j: usize| f[2][i].mul_add(f[2][j], f[1][i].mul_add(f[1][j], f[0][i] * f[0][j]));
-    let (c01, c02, c12) = (c(0, 1), c(0, 2), c(1, 2));
-    [[c(0, 0), c01, c02], [c01, c(1, 1), c12], [c02, c12, c(2, 2)]]
+    left_cauchy_green(&transpose(f))
 }
 
 /// FFᵀ, the left Cauchy–Green tensor.
@@ -71,13 +102,7 @@ pub fn determinant<R: Real>(f: &Mat3<R>) -> R {
 /// α A + β B.
 #[inline(always)]
 pub fn combine<R: Real>(alpha: R, a: &Mat3<R>, beta: R, b: &Mat3<R>) -> Mat3<R> {
-    [0, 1, 2].map(|i| [0, 1, 2].map(|j| alpha.mul_add(a[i][j], beta * b[i][j])))
-}
-
-/// α A.
-#[inline(always)]
-pub fn scaled<R: Real>(alpha: R, a: &Mat3<R>) -> Mat3<R> {
-    a.map(|row| row.map(|value| alpha * value))
+    mat3!(i j => alpha.mul_add(a[i][j], beta * b[i][j]))
 }
 
 /// The tangent ∂²Ψ/∂F∂F as a symmetric 9 × 9 matrix over the entries (i, j) ↦ 3i + j of F: the
@@ -89,6 +114,12 @@ pub struct Tangent<R>(pub [R; 45]);
 #[inline(always)]
 pub const fn packed_index(row: usize, column: usize) -> usize {
     row * (row + 1) / 2 + column
+}
+
+/// Where an entry of a symmetric matrix lies in its packed lower triangle.
+#[inline(always)]
+pub const fn symmetric_index(row: usize, column: usize) -> usize {
+    if row >= column { packed_index(row, column) } else { packed_index(column, row) }
 }
 
 impl<R: Real> Tangent<R> {
@@ -105,7 +136,7 @@ impl<R: Real> Tangent<R> {
     /// The entry (i j, k l).
     #[inline(always)]
     pub fn entry(&self, row: usize, column: usize) -> R {
-        self.0[if row >= column { packed_index(row, column) } else { packed_index(column, row) }]
+        self.0[symmetric_index(row, column)]
     }
 
     /// += α A ⊗ A.

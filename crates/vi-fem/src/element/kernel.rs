@@ -13,8 +13,10 @@ use vi_core::packed_len;
 use super::Element;
 use crate::material::{PackedMat3, PackedTangent, load_mat3, store_mat3};
 use crate::pack::{GROUP, Pack, parts};
-use crate::real::{Lane, Real};
-use crate::tensor::{Mat3, cofactor, determinant, dot, packed_index, product, product_transposed};
+use crate::real::Lane;
+use crate::tensor::{
+    cofactor, determinant, dot, mat3, packed_index, product, product_transposed, symmetric_index, vec3,
+};
 
 /// The geometry at rest of one quadrature point of a group of elements.
 #[derive(Debug, Clone, Copy)]
@@ -176,8 +178,10 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Deformations
                 }
             }
             for part in 0..parts::<S>() {
-                let x: [[Lane<S>; 3]; N] =
-                    std::array::from_fn(|a| [0, 1, 2].map(|i| local[a][i].load(simd, part)));
+                let mut x = [[Lane::splat(simd, 0.0); 3]; N];
+                for a in 0..N {
+                    x[a] = vec3!(i => local[a][i].load(simd, part));
+                }
                 for q in 0..Q {
                     let inverse = load_mat3(simd, &solids.geometry[group * Q + q].inverse, part);
                     let f = product(&E::reference_gradient(&x, &solids.gradients[q]), &inverse);
@@ -210,7 +214,7 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Forces<'_, E
                     let volume = geometry.volume.load(simd, part);
                     let inverse = load_mat3(simd, &geometry.inverse, part);
                     let p = product_transposed(&load_mat3(simd, &stresses[q], part), &inverse);
-                    let p: Mat3<Lane<S>> = p.map(|row| row.map(|value| value * volume));
+                    let p = mat3!(i j => p[i][j] * volume);
                     E::add_reference_forces(&p, &solids.gradients[q], &mut f);
                 }
                 for a in 0..N {
@@ -251,24 +255,19 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Hessians<'_,
             for part in 0..parts::<S>() {
                 let volume = geometry.volume.load(simd, part);
                 let inverse = load_mat3(simd, &geometry.inverse, part);
-                let entry = |row: usize, column: usize| {
-                    let (low, high) = if row < column { (row, column) } else { (column, row) };
-                    tangent[packed_index(high, low)].load(simd, part)
-                };
-                let g: [[Lane<S>; 3]; N] = std::array::from_fn(|a| {
-                    let [x, y, z] = solids.gradients[q][a].map(|value| Lane::splat(simd, value));
-                    [0, 1, 2].map(|j| inverse[2][j].mul_add(z, inverse[1][j].mul_add(y, inverse[0][j] * x)))
-                });
+                let mut g = [[Lane::splat(simd, 0.0); 3]; N];
                 for a in 0..N {
-                    let weighted = g[a].map(|value| value * volume);
+                    let xi = vec3!(m => Lane::splat(simd, solids.gradients[q][a][m]));
+                    g[a] = vec3!(j => dot([inverse[0][j], inverse[1][j], inverse[2][j]], xi));
+                }
+                for a in 0..N {
+                    let weighted = vec3!(j => g[a][j] * volume);
                     for i in 0..3 {
                         // Σ_j G_aj C_ijkl for all (k, l).
-                        let row: Mat3<Lane<S>> = [0, 1, 2].map(|k| {
-                            [0, 1, 2].map(|l| {
-                                let c = [0, 1, 2].map(|j| entry(3 * i + j, 3 * k + l));
-                                dot(weighted, c)
-                            })
-                        });
+                        let row = mat3!(k l => dot(
+                            weighted,
+                            vec3!(j => tangent[symmetric_index(3 * i + j, 3 * k + l)].load(simd, part))
+                        ));
                         for b in 0..=a {
                             for k in 0..if b == a { i + 1 } else { 3 } {
                                 let target = &mut block[packed_index(3 * a + i, 3 * b + k)];

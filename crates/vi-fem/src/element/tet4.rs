@@ -2,7 +2,7 @@
 
 use super::Element;
 use crate::Real;
-use crate::tensor::Mat3;
+use crate::tensor::{Mat3, mat3};
 
 /// Nodes 0, e₁, e₂, e₃; N = 1 − ξ − η − ζ, ξ, η, ζ.
 #[derive(Debug, Clone, Copy)]
@@ -28,7 +28,7 @@ impl Element<4, 1> for Tet4 {
     /// Columns x₁ − x₀, x₂ − x₀, x₃ − x₀.
     #[inline(always)]
     fn reference_gradient<R: Real>(x: &[[R; 3]; 4], _: &[[f64; 3]; 4]) -> Mat3<R> {
-        [0, 1, 2].map(|i| [x[1][i] - x[0][i], x[2][i] - x[0][i], x[3][i] - x[0][i]])
+        mat3!(i j => x[j + 1][i] - x[0][i])
     }
 
     #[inline(always)]

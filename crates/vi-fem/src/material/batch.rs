@@ -10,7 +10,7 @@ use super::eigensystem::projected_tangent;
 use super::{Material, Tangent};
 use crate::pack::{Pack, parts};
 use crate::real::Lane;
-use crate::tensor::Mat3;
+use crate::tensor::{Mat3, mat3};
 
 /// A 3 × 3 matrix of each of a group of points, by rows.
 pub(crate) type PackedMat3 = [Pack; 9];
@@ -19,7 +19,7 @@ pub(crate) type PackedTangent = [Pack; 45];
 
 #[inline(always)]
 pub(crate) fn load_mat3<S: Simd>(simd: S, packed: &PackedMat3, part: usize) -> Mat3<Lane<S>> {
-    [0, 1, 2].map(|i| [0, 1, 2].map(|j| packed[3 * i + j].load(simd, part)))
+    mat3!(i j => packed[3 * i + j].load(simd, part))
 }
 
 #[inline(always)]
@@ -71,8 +71,8 @@ impl<M: Material, const PROJECTED: bool> WithSimd for Tangents<'_, M, PROJECTED>
                 let f = load_mat3(simd, f, part);
                 let Tangent(entries) =
                     if PROJECTED { projected_tangent(material, &f) } else { material.tangent(&f) };
-                for (pack, entry) in packed.iter_mut().zip(entries) {
-                    pack.store(part, entry);
+                for k in 0..45 {
+                    packed[k].store(part, entries[k]);
                 }
             }
         }

@@ -4,7 +4,7 @@ use super::eigensystem::{rotations, twists};
 use super::{Isotropic, Material, Parameters};
 use crate::Real;
 use crate::svd::svd;
-use crate::tensor::{Mat3, Tangent, contract, product_transposed};
+use crate::tensor::{Mat3, Tangent, contract, mat3, product_transposed};
 
 /// Ψ = μ ‖F − R‖² + λ/2 (tr(RᵀF) − 3)², R the rotation nearest to F (Müller et al. 2002; analytic
 /// tangent after Kim & Eberle 2022, §5). Defined for every F: R is a rotation for inverted F too.
@@ -29,7 +29,7 @@ impl Material for Corotated {
     fn energy<R: Real>(&self, f: &Mat3<R>) -> R {
         let (u, _, v) = svd(f);
         let r = product_transposed(&u, &v);
-        let difference = [0, 1, 2].map(|i| [0, 1, 2].map(|j| f[i][j] - r[i][j]));
+        let difference = mat3!(i j => f[i][j] - r[i][j]);
         let trace = contract(&r, &difference);
         contract(&difference, &difference) * self.mu + trace * trace * (0.5 * self.lambda)
     }
@@ -39,9 +39,9 @@ impl Material for Corotated {
     fn stress<R: Real>(&self, f: &Mat3<R>) -> Mat3<R> {
         let (u, _, v) = svd(f);
         let r = product_transposed(&u, &v);
-        let difference = [0, 1, 2].map(|i| [0, 1, 2].map(|j| f[i][j] - r[i][j]));
+        let difference = mat3!(i j => f[i][j] - r[i][j]);
         let trace = contract(&r, &difference) * self.lambda;
-        [0, 1, 2].map(|i| [0, 1, 2].map(|j| trace.mul_add(r[i][j], difference[i][j] * (2.0 * self.mu))))
+        mat3!(i j => trace.mul_add(r[i][j], difference[i][j] * (2.0 * self.mu)))
     }
 
     /// 2μ I + λ R ⊗ R + (λ (tr(RᵀF) − 3) − 2μ) ∂R/∂F, ∂R/∂F = Σ 2/(σ_i + σ_j) T_ij ⊗ T_ij over the

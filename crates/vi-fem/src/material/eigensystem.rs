@@ -9,7 +9,7 @@
 use super::Material;
 use crate::Real;
 use crate::svd::{svd, symmetric_eigen};
-use crate::tensor::{Mat3, Tangent, product_transposed};
+use crate::tensor::{Mat3, Tangent, mat3, product_transposed};
 
 const PAIRS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
 
@@ -22,16 +22,21 @@ pub(super) fn rotations<R: Real>(u: &Mat3<R>, v: &Mat3<R>) -> Mat3<R> {
 /// The three unit twists (u_i ⊗ v_j − u_j ⊗ v_i)/√2 with their axes (i, j).
 #[inline(always)]
 pub(super) fn twists<R: Real>(u: &Mat3<R>, v: &Mat3<R>) -> [(usize, usize, Mat3<R>); 3] {
-    PAIRS.map(|(i, j)| (i, j, pair(u, v, i, j, -std::f64::consts::FRAC_1_SQRT_2)))
+    let twist = -std::f64::consts::FRAC_1_SQRT_2;
+    [(0, 1, pair(u, v, 0, 1, twist)), (0, 2, pair(u, v, 0, 2, twist)), (1, 2, pair(u, v, 1, 2, twist))]
 }
 
 /// (u_i ⊗ v_j)/√2 + s u_j ⊗ v_i.
 #[inline(always)]
 fn pair<R: Real>(u: &Mat3<R>, v: &Mat3<R>, i: usize, j: usize, s: f64) -> Mat3<R> {
-    [0, 1, 2].map(|row| {
-        let (first, second) = (u[row][i] * std::f64::consts::FRAC_1_SQRT_2, u[row][j] * s);
-        [0, 1, 2].map(|column| first.mul_add(v[column][j], second * v[column][i]))
-    })
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    mat3!(row column => (u[row][i] * half).mul_add(v[column][j], u[row][j] * s * v[column][i]))
+}
+
+/// max(value, 0), NaN for NaN.
+#[inline(always)]
+fn positive<R: Real>(value: R) -> R {
+    (value + value.abs()) * 0.5
 }
 
 /// The tangent with its negative eigenvalues set to zero.
@@ -44,14 +49,12 @@ pub(super) fn projected_tangent<M: Material, R: Real>(material: &M, f: &Mat3<R>)
     let zero = sigma[0].constant(0.0);
     let stretch = [[sigma[0], zero, zero], [zero, sigma[1], zero], [zero, zero, sigma[2]]];
     let principal = material.tangent(&stretch);
-    // Zero for negative numbers, NaN for NaN.
-    let positive = |value: R| (value + value.abs()) * 0.5;
 
-    let block = [0, 1, 2].map(|i| [0, 1, 2].map(|j| principal.entry(4 * i, 4 * j)));
+    let block = mat3!(i j => principal.entry(4 * i, 4 * j));
     let (values, vectors) = symmetric_eigen(&block);
     let mut tangent = Tangent::identity(zero);
     for k in 0..3 {
-        let weighted = [0, 1, 2].map(|i| [0, 1, 2].map(|j| u[i][j] * vectors[j][k]));
+        let weighted = mat3!(i j => u[i][j] * vectors[j][k]);
         tangent.add_square(positive(values[k]), &product_transposed(&weighted, &v));
     }
     for (i, j) in PAIRS {

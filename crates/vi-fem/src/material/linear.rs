@@ -2,7 +2,7 @@
 
 use super::{Isotropic, Material, Parameters};
 use crate::Real;
-use crate::tensor::{Mat3, Tangent, contract};
+use crate::tensor::{Mat3, Tangent, contract, mat3};
 
 /// Ψ = μ ε:ε + λ/2 (tr ε)², ε = sym(F) − I.
 ///
@@ -40,7 +40,7 @@ impl Material for Linear {
     fn stress<R: Real>(&self, f: &Mat3<R>) -> Mat3<R> {
         let e = strain(f);
         let pressure = (e[0][0] + e[1][1] + e[2][2]) * self.lambda;
-        let mut p = e.map(|row| row.map(|value| value * (2.0 * self.mu)));
+        let mut p = mat3!(i j => e[i][j] * (2.0 * self.mu));
         for i in 0..3 {
             p[i][i] = p[i][i] + pressure;
         }
@@ -51,7 +51,7 @@ impl Material for Linear {
     fn tangent<R: Real>(&self, f: &Mat3<R>) -> Tangent<R> {
         let (zero, mu, lambda) =
             (f[0][0].constant(0.0), f[0][0].constant(self.mu), f[0][0].constant(self.lambda));
-        let identity = [0, 1, 2].map(|i| [0, 1, 2].map(|j| zero.constant(if i == j { 1.0 } else { 0.0 })));
+        let identity = mat3!(i j => zero.constant(if i == j { 1.0 } else { 0.0 }));
         // μ (δ_ik δ_jl + δ_il δ_jk) + λ δ_ij δ_kl
         let mut tangent = Tangent::identity(mu);
         tangent.add_crossed(mu, &identity);

@@ -5,7 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::parameters::require_positive;
 use super::{Domain, Material, Parameters};
-use crate::tensor::{Mat3, Tangent, cofactor, contract, dot, left_cauchy_green, product, right_cauchy_green};
+use crate::tensor::{
+    Mat3, Tangent, cofactor, contract, dot, left_cauchy_green, mat3, product, right_cauchy_green,
+};
 use crate::{FemError, Real};
 
 /// Parameters of [`MooneyRivlin`].
@@ -93,8 +95,8 @@ fn invariants<R: Real>(f: &Mat3<R>) -> Invariants<R> {
         i2,
         j,
         power: j.if_positive(inverse_root * inverse_root, j.constant(f64::NAN)),
-        di1: f.map(|row| row.map(|value| value * 2.0)),
-        di2: [0, 1, 2].map(|i| [0, 1, 2].map(|k| (i1 * f[i][k] - fc[i][k]) * 2.0)),
+        di1: mat3!(i j => f[i][j] * 2.0),
+        di2: mat3!(i j => (i1 * f[i][j] - fc[i][j]) * 2.0),
         dj,
     }
 }
@@ -122,8 +124,7 @@ impl Material for MooneyRivlin {
         let Invariants { i1, i2, j, power, di1, di2, dj } = invariants(f);
         let (by_i1, by_i2) = (power * self.c10, power * power * self.c01);
         let by_j = (j - 1.0) * self.bulk - (by_i1 * i1 * 2.0 + by_i2 * i2 * 4.0) / (j * 3.0);
-        [0, 1, 2]
-            .map(|i| [0, 1, 2].map(|k| by_i1.mul_add(di1[i][k], by_i2.mul_add(di2[i][k], by_j * dj[i][k]))))
+        mat3!(i j => by_i1.mul_add(di1[i][j], by_i2.mul_add(di2[i][j], by_j * dj[i][j])))
     }
 
     #[inline(always)]

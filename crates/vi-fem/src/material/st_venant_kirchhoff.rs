@@ -2,7 +2,7 @@
 
 use super::{Isotropic, Material, Parameters};
 use crate::Real;
-use crate::tensor::{Mat3, Tangent, contract, left_cauchy_green, product, right_cauchy_green};
+use crate::tensor::{Mat3, Tangent, contract, left_cauchy_green, mat3, product, right_cauchy_green};
 
 /// Ψ = μ E:E + λ/2 (tr E)², E = (FᵀF − I)/2.
 ///
@@ -17,7 +17,8 @@ pub struct StVenantKirchhoff {
 /// Green–Lagrange strain E.
 #[inline(always)]
 fn strain<R: Real>(f: &Mat3<R>) -> Mat3<R> {
-    let mut e = right_cauchy_green(f).map(|row| row.map(|value| value * 0.5));
+    let c = right_cauchy_green(f);
+    let mut e = mat3!(i j => c[i][j] * 0.5);
     for i in 0..3 {
         e[i][i] = e[i][i] - 0.5;
     }
@@ -30,7 +31,7 @@ impl StVenantKirchhoff {
     fn second_stress<R: Real>(&self, f: &Mat3<R>) -> Mat3<R> {
         let e = strain(f);
         let pressure = (e[0][0] + e[1][1] + e[2][2]) * self.lambda;
-        let mut s = e.map(|row| row.map(|value| value * (2.0 * self.mu)));
+        let mut s = mat3!(i j => e[i][j] * (2.0 * self.mu));
         for i in 0..3 {
             s[i][i] = s[i][i] + pressure;
         }

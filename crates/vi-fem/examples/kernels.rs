@@ -1,0 +1,72 @@
+//! What the element kernels cost: ns an element for energy, gradient, Hessian and projected Hessian,
+//! for each law and instruction set, on one thread, asked in chunks as an assembler asks.
+//!
+//! `cargo run --release -p vi-fem --example kernels [cells across, 16] [element, tet4]`
+
+use std::time::Instant;
+
+use vi_core::packed_len;
+use vi_fem::{
+    BoxMesh, ElementKind, InstructionSet, Isotropic, Law, MooneyRivlinParameters, Parameters, elastic_on,
+};
+
+/// Elements asked at a time: their blocks stay in the second cache.
+const CHUNK: usize = 512;
+
+fn main() {
+    let mut arguments = std::env::args().skip(1);
+    let n: u32 = arguments.next().map_or(16, |n| n.parse().expect("a number of cells"));
+    let element = arguments.next().map_or(ElementKind::Tet4, |name| {
+        *ElementKind::ALL.iter().find(|kind| kind.name() == name).expect("an element")
+    });
+    let mesh = BoxMesh { size: [1.0, 0.25, 0.25], cells: [4 * n, n, n], element, origin: [0.0; 3] };
+    let mesh = mesh.build().expect("a box");
+    let elements = mesh.cells_of_dimension(3);
+    let wave = |value: f64, i: usize| value + 2e-3 * (9.0 * value + 2.0 * i as f64).sin() / f64::from(n);
+    let x: Vec<f64> =
+        mesh.points.iter().flatten().enumerate().map(|(i, &value)| wave(value, i % 3)).collect();
+    println!("{} elements {element}, ns an element (least of several passes)", elements.len());
+    println!(
+        "{:22} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}",
+        "law", "set", "energy", "gradient", "Hessian", "projected", "mean F"
+    );
+    let isotropic = Isotropic::example;
+    for law in [
+        Law::StVenantKirchhoff(isotropic()),
+        Law::NeoHookean(isotropic()),
+        Law::StableNeoHookean(isotropic()),
+        Law::Linear(isotropic()),
+        Law::Corotated(isotropic()),
+        Law::MooneyRivlin(MooneyRivlinParameters::example()),
+    ] {
+        for set in [InstructionSet::Scalar, InstructionSet::Avx2, InstructionSet::Avx512] {
+            let Ok(potentials) = elastic_on(set, &mesh, &elements, &law, 0, "box") else { continue };
+            let potential = &potentials[0];
+            let (count, size) = (potential.stencils().count(), potential.stencils().size());
+            let mut out = vec![0.0; CHUNK * packed_len(size)];
+            let mut time = |passes: usize, work: &dyn Fn(std::ops::Range<usize>, &mut [f64])| {
+                let pass = |out: &mut [f64]| {
+                    let start = Instant::now();
+                    for first in (0..count).step_by(CHUNK) {
+                        work(first..count.min(first + CHUNK), out);
+                    }
+                    start.elapsed().as_secs_f64()
+                };
+                let least = (0..passes).map(|_| pass(&mut out)).fold(f64::INFINITY, f64::min);
+                least / count as f64 * 1e9
+            };
+            let figures = [
+                time(20, &|range, out| potential.energies(range, &x, 0.0, out)),
+                time(20, &|range, out| potential.gradients(range, &x, 0.0, out)),
+                time(7, &|range, out| potential.hessians(range, &x, 0.0, out)),
+                time(3, &|range, out| potential.projected_hessians(range, &x, 0.0, out)),
+                time(7, &|range, out| {
+                    potential.mean_deformations(range, &x, out);
+                }),
+            ];
+            print!("{:22} {:>8}", law.name(), format!("{set:?}").to_lowercase());
+            figures.iter().for_each(|figure| print!(" {figure:8.2}"));
+            println!();
+        }
+    }
+}
