@@ -3,16 +3,21 @@
 //! This crate knows stencils, small dense blocks, sparse systems and time steps. It must not know
 //! an element or a material.
 
+mod accounts;
 mod assembly;
+mod comparison;
 mod energy;
 mod error;
 mod factor;
+mod forces;
 mod gather;
+mod kick_drift;
 mod matrix;
 mod method;
 mod pcg;
 mod stability;
 mod stepper;
+mod vectors;
 
 pub use assembly::{Assembler, AssemblyWork, HessianEvaluation};
 pub use energy::Energies;

@@ -3,6 +3,8 @@
 
 use vi_core::System;
 
+use crate::comparison::ForwardEuler;
+use crate::kick_drift::{Coefficients, KickDrift};
 use crate::{SolverError, SolverOptions, Stepper};
 
 /// A time integrator with its parameters.
@@ -110,8 +112,8 @@ impl Method {
             Self::SymplecticEulerA => explicit("symplectic-euler-a", 1, false, 1, 2.0, 1.8, "teaching; as cheap as Störmer–Verlet and less accurate"),
             Self::SymplecticEulerB => explicit("symplectic-euler-b", 1, false, 1, 2.0, 1.8, "teaching; as cheap as Störmer–Verlet and less accurate"),
             Self::StormerVerlet => explicit("stormer-verlet", 2, true, 1, 2.0, 1.8, "soft bodies, many steps, 1e-2 to 1e-4"),
-            Self::BlanesMoan4 => explicit("blanes-moan-4", 4, true, 6, 3.16, 2.8, "soft bodies at 1e-4 to 1e-7"),
-            Self::BlanesMoan6 => explicit("blanes-moan-6", 6, true, 11, 4.0, 3.0, "soft bodies beyond 1e-7; reference solutions"),
+            Self::BlanesMoan4 => explicit("blanes-moan-4", 4, true, 6, 3.1634, 2.8, "soft bodies at 1e-4 to 1e-7"),
+            Self::BlanesMoan6 => explicit("blanes-moan-6", 6, true, 11, 3.1414, 2.8, "soft bodies beyond 1e-7; reference solutions"),
             Self::ImplicitMidpoint => implicit("implicit-midpoint", 2, true, SYMPLECTIC, "stiff bodies, steps far beyond the explicit limit"),
             Self::Gauss { stages } => implicit("gauss", 2 * stages, true, SYMPLECTIC, "stiff bodies where accuracy matters"),
             Self::EnergyMomentum => MethodFacts { is_variational: false, ..implicit("energy-momentum", 2, true, "energy and momenta, exactly", "long stiff runs") },
@@ -182,9 +184,21 @@ fn dissipative(name: &'static str, order: usize, is_symmetric: bool) -> MethodFa
 /// [`SolverError::Option`] where a parameter of the method or an option is outside its domain.
 pub fn stepper(
     method: &Method,
-    _system: &System,
+    system: &System,
     options: &SolverOptions,
 ) -> Result<Box<dyn Stepper>, SolverError> {
-    let _ = options;
-    Err(SolverError::Option { option: method.name(), value: 0.0, allowed: "not built yet" })
+    let explicit = |coefficients: Coefficients| -> Box<dyn Stepper> {
+        Box::new(KickDrift::new(method.name(), coefficients, system, options))
+    };
+    Ok(match *method {
+        Method::SymplecticEulerA => explicit(Coefficients::symplectic_euler_a()),
+        Method::SymplecticEulerB => explicit(Coefficients::symplectic_euler_b()),
+        Method::StormerVerlet => explicit(Coefficients::stormer_verlet()),
+        Method::BlanesMoan4 => explicit(Coefficients::blanes_moan_4()),
+        Method::BlanesMoan6 => explicit(Coefficients::blanes_moan_6()),
+        Method::ForwardEuler => Box::new(ForwardEuler::new(system, options)),
+        _ => {
+            return Err(SolverError::Option { option: method.name(), value: 0.0, allowed: "not built yet" });
+        }
+    })
 }

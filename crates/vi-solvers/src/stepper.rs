@@ -207,3 +207,8 @@ impl StepperMemory {
         found.map(|&(_, value)| value).ok_or(SolverError::Memory { missing: name })
     }
 }
+
+/// Is `memory` that of the scheme `name`?
+pub(crate) fn expect_method(memory: &StepperMemory, name: &'static str) -> Result<(), SolverError> {
+    if memory.method == name { Ok(()) } else { Err(SolverError::Memory { missing: name }) }
+}

@@ -1,0 +1,242 @@
+//! All explicit variational schemes as one kernel: kicks p −= b h ∂V/∂q and drifts q += a h M⁻¹p in
+//! turn, b₀ a₁ b₁ … aₙ bₙ. Time advances with the drifts, so that prescribed motion is read at the
+//! time of each kick. No Hessian is ever made here, and this room must not know a linear solver.
+//!
+//! Coefficients: Marsden & West 2001 §2.6 for Euler and Störmer–Verlet; S. Blanes, P.C. Moan,
+//! "Practical symplectic partitioned Runge–Kutta and Runge–Kutta–Nyström methods", J. Comput. Appl.
+//! Math. 142 (2002) 313–330, Table 3, for SRKN₆ᵇ (order 4) and SRKN₁₁ᵇ (order 6).
+
+use vi_core::{State, StepEnergy, System};
+
+use crate::accounts::{self, Potentials};
+use crate::forces::{Forces, check_state};
+use crate::stepper::expect_method;
+use crate::vectors;
+use crate::{SolverError, SolverOptions, StepError, StepReport, Stepper, StepperMemory, Work};
+
+/// Kick and drift coefficients, in units of h; one kick more than drifts.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Coefficients {
+    pub(crate) kicks: Vec<f64>,
+    pub(crate) drifts: Vec<f64>,
+}
+
+impl Coefficients {
+    pub(crate) fn symplectic_euler_a() -> Self {
+        Self { kicks: vec![1.0, 0.0], drifts: vec![1.0] }
+    }
+
+    pub(crate) fn symplectic_euler_b() -> Self {
+        Self { kicks: vec![0.0, 1.0], drifts: vec![1.0] }
+    }
+
+    pub(crate) fn stormer_verlet() -> Self {
+        Self { kicks: vec![0.5, 0.5], drifts: vec![1.0] }
+    }
+
+    pub(crate) fn blanes_moan_4() -> Self {
+        let b = [0.082_984_406_417_405_2, 0.396_309_801_498_368, -0.039_056_304_922_348_6];
+        let a = [0.245_298_957_184_271, 0.604_872_665_711_080];
+        let a3 = 0.5 - (a[0] + a[1]);
+        let b4 = 1.0 - 2.0 * (b[0] + b[1] + b[2]);
+        Self {
+            kicks: vec![b[0], b[1], b[2], b4, b[2], b[1], b[0]],
+            drifts: vec![a[0], a[1], a3, a3, a[1], a[0]],
+        }
+    }
+
+    pub(crate) fn blanes_moan_6() -> Self {
+        let mut b = vec![
+            0.041_464_998_518_262_4,
+            0.198_128_671_918_067,
+            -0.040_006_192_104_153_3,
+            0.075_253_984_301_580_7,
+            -0.011_511_387_420_687_9,
+        ];
+        let a = [
+            0.123_229_775_946_271,
+            0.290_553_797_799_558,
+            -0.127_049_212_625_417,
+            -0.246_331_761_062_075,
+            0.357_208_872_795_928,
+        ];
+        b.push(0.5 - b.iter().sum::<f64>());
+        let middle = 1.0 - 2.0 * a.iter().sum::<f64>();
+        let kicks = b.iter().chain(b.iter().rev()).copied().collect();
+        let drifts = a.iter().chain([&middle]).chain(a.iter().rev()).copied().collect();
+        Self { kicks, drifts }
+    }
+}
+
+/// The stepper of a list of coefficients.
+pub(crate) struct KickDrift {
+    name: &'static str,
+    coefficients: Coefficients,
+    forces: Forces,
+    potentials: Potentials,
+    ledger: bool,
+    q: Vec<f64>,
+    p: Vec<f64>,
+    x_dot: Vec<f64>,
+}
+
+impl KickDrift {
+    pub(crate) fn new(
+        name: &'static str,
+        coefficients: Coefficients,
+        system: &System,
+        options: &SolverOptions,
+    ) -> Self {
+        let n = system.coordinates().free_count();
+        Self {
+            name,
+            coefficients,
+            forces: Forces::new(system),
+            potentials: Potentials::new(),
+            ledger: options.ledger,
+            q: vec![0.0; n],
+            p: vec![0.0; n],
+            x_dot: Vec::new(),
+        }
+    }
+
+    /// p −= b h ∂V/∂q, then q += a h M⁻¹p. With a ledger, the work that the kick does on the kinetic
+    /// energy and on the prescribed coordinates is entered, and returned as minus their sum.
+    fn kick_drift(&mut self, system: &System, t: f64, kick: f64, drift: f64, energy: &mut StepEnergy) -> f64 {
+        let mass = system.free_mass();
+        let free = system.coordinates().free();
+        let gradient = self.forces.gradient();
+        let mut work = 0.0;
+        if self.ledger && kick != 0.0 {
+            let p = &self.p;
+            let half = 0.5 * kick;
+            let mean_velocity = |k: usize| (p[k] - half * gradient[free[k] as usize]) / mass[k];
+            work -= kick * accounts::free_work(system, gradient, mean_velocity);
+            if system.coordinates().is_moving() {
+                self.x_dot.resize(gradient.len(), 0.0);
+                // Only the prescribed entries are read, so any free velocity will do.
+                system.coordinates().embed_velocity(&self.p, t, &mut self.x_dot);
+                let done = kick * accounts::prescribed_work(system, gradient, &self.x_dot);
+                energy.prescribed += done;
+                work -= done;
+            }
+        }
+        vectors::update_pair(&mut self.q, &mut self.p, |k, q, p| {
+            if kick != 0.0 {
+                *p -= kick * gradient[free[k] as usize];
+            }
+            *q += drift * (*p / mass[k]);
+        });
+        work
+    }
+
+    fn advance(&mut self, system: &System, state: &State, h: f64) -> Result<StepEnergy, SolverError> {
+        check_state(state, system)?;
+        self.q.copy_from_slice(&state.q);
+        self.p.copy_from_slice(&state.p);
+        let mut energy = StepEnergy::default();
+        if self.ledger {
+            self.potentials.open(system, &mut self.forces, &state.q, state.t);
+        }
+        let drifts = self.coefficients.drifts.len();
+        let (mut t, mut elapsed, mut kicked) = (state.t, 0.0, 0.0);
+        for i in 0..=drifts {
+            let kick = self.coefficients.kicks[i] * h;
+            let drift = if i < drifts { self.coefficients.drifts[i] } else { 0.0 };
+            if kick != 0.0 {
+                self.forces.evaluate(system, &self.q, t, i == 0)?;
+            }
+            kicked += self.kick_drift(system, t, kick, drift * h, &mut energy);
+            elapsed += drift;
+            t = if i + 1 >= drifts { state.t + h } else { state.t + elapsed * h };
+        }
+        check_finite(&self.q, &self.p, system)?;
+        if self.ledger {
+            let (change, loads) = self.potentials.close(system, &mut self.forces, &self.q, t);
+            energy.force = loads;
+            energy.scheme = change - loads + kicked;
+        }
+        Ok(energy)
+    }
+}
+
+/// A result that has overflowed is not a step.
+pub(crate) fn check_finite(q: &[f64], p: &[f64], system: &System) -> Result<(), SolverError> {
+    if vectors::sum(q.len(), |k| 0.0 * q[k] + 0.0 * p[k]) == 0.0 {
+        return Ok(());
+    }
+    let k = q.iter().zip(p).position(|(q, p)| !(q.is_finite() && p.is_finite())).unwrap_or(0);
+    let dof = system.coordinates().free()[k] as usize;
+    Err(SolverError::NotFinite { what: "result of the step", dof, at_start: false })
+}
+
+impl Stepper for KickDrift {
+    fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
+        let before = self.forces.work;
+        let energy = self.advance(system, state, h).map_err(|cause| StepError { t: state.t, h, cause })?;
+        std::mem::swap(&mut state.q, &mut self.q);
+        std::mem::swap(&mut state.p, &mut self.p);
+        state.t += h;
+        self.forces.work.steps += 1;
+        Ok(StepReport { iterations: 0, energy, work: self.forces.work - before })
+    }
+
+    fn work(&self) -> Work {
+        self.forces.work
+    }
+
+    fn memory(&self) -> StepperMemory {
+        // The last force is evaluated again at the same place, to the same bits.
+        StepperMemory { method: self.name.to_owned(), ..Default::default() }
+    }
+
+    fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
+        expect_method(memory, self.name)?;
+        self.forces = Forces::new(system);
+        self.potentials = Potentials::new();
+        Ok(())
+    }
+
+    fn gradient(&self) -> Option<&[f64]> {
+        self.coefficients.kicks.last().is_some_and(|&b| b != 0.0).then(|| self.forces.known_gradient())?
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Coefficients;
+    use crate::Method;
+
+    /// The smallest z = hω at which the trace of the step's 2 × 2 matrix on the oscillator leaves
+    /// ±2, by a scan: the first gap of stability of the high orders near z = π is narrow.
+    fn first_gap(scheme: &Coefficients) -> f64 {
+        let trace = |z: f64| {
+            // (q, p) in units where ω = 1 and h = z.
+            let column = |mut q: f64, mut p: f64| {
+                for i in 0..scheme.kicks.len() {
+                    p -= scheme.kicks[i] * z * q;
+                    q += scheme.drifts.get(i).unwrap_or(&0.0) * z * p;
+                }
+                (q, p)
+            };
+            column(1.0, 0.0).0 + column(0.0, 1.0).1
+        };
+        (1..).map(|k| 5e-5 * f64::from(k)).find(|&z| trace(z).abs() > 2.0 + 1e-12).unwrap()
+    }
+
+    #[test]
+    fn stability_limits_of_the_table_are_the_first_gaps() {
+        for (method, scheme) in [
+            (Method::SymplecticEulerA, Coefficients::symplectic_euler_a()),
+            (Method::SymplecticEulerB, Coefficients::symplectic_euler_b()),
+            (Method::StormerVerlet, Coefficients::stormer_verlet()),
+            (Method::BlanesMoan4, Coefficients::blanes_moan_4()),
+            (Method::BlanesMoan6, Coefficients::blanes_moan_6()),
+        ] {
+            let facts = method.facts();
+            let (stated, found) = (facts.stability_limit.unwrap(), first_gap(&scheme));
+            assert!(stated <= found && stated > found - 2e-4, "{}: {stated} {found}", facts.name);
+            assert!(facts.recommended_limit.unwrap() < stated);
+        }
+    }
+}

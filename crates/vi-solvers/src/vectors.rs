@@ -1,0 +1,133 @@
+//! Sums and updates of long vectors, on both cores where they are long. The tree of every sum is
+//! fixed by its length, so that the bits do not depend on the number of threads.
+//! It must not know what the numbers mean.
+
+use std::ops::Range;
+
+/// Entries that one task works on; also the leaf of the tree of every sum.
+const LEAF: usize = 4096;
+/// Length from which tasks are worth their cost.
+const PARALLEL: usize = 32_768;
+
+/// Σ term(k) over 0..n, by a fixed binary tree.
+pub(crate) fn sum(n: usize, term: impl Fn(usize) -> f64 + Sync) -> f64 {
+    tree(0..n, &|leaf: Range<usize>| leaf.map(&term).sum(), &|a, b| a + b)
+}
+
+/// max |value(k)| over 0..n; NaN counts as +∞.
+pub(crate) fn max_abs(n: usize, value: impl Fn(usize) -> f64 + Sync) -> f64 {
+    let leaf = |leaf: Range<usize>| {
+        leaf.fold(0.0_f64, |max, k| {
+            let v = value(k).abs();
+            if v.is_nan() { f64::INFINITY } else { max.max(v) }
+        })
+    };
+    tree(0..n, &leaf, &f64::max)
+}
+
+fn tree<L, C>(range: Range<usize>, leaf: &L, combine: &C) -> f64
+where
+    L: Fn(Range<usize>) -> f64 + Sync,
+    C: Fn(f64, f64) -> f64 + Sync,
+{
+    let n = range.len();
+    if n <= LEAF {
+        return leaf(range);
+    }
+    let middle = range.start + n / 2;
+    let (left, right) = (range.start..middle, middle..range.end);
+    let (a, b) = if n >= PARALLEL {
+        rayon::join(|| tree(left, leaf, combine), || tree(right, leaf, combine))
+    } else {
+        (tree(left, leaf, combine), tree(right, leaf, combine))
+    };
+    combine(a, b)
+}
+
+/// out[k] = value(k).
+pub(crate) fn fill(out: &mut [f64], value: impl Fn(usize) -> f64 + Sync) {
+    fill_from(0, out, &value);
+}
+
+fn fill_from(first: usize, out: &mut [f64], value: &(impl Fn(usize) -> f64 + Sync)) {
+    let n = out.len();
+    if n >= PARALLEL {
+        let (left, right) = out.split_at_mut(n / 2);
+        rayon::join(|| fill_from(first, left, value), || fill_from(first + n / 2, right, value));
+    } else {
+        for (k, out) in out.iter_mut().enumerate() {
+            *out = value(first + k);
+        }
+    }
+}
+
+/// update(k, &mut a[k]).
+pub(crate) fn update(a: &mut [f64], update: impl Fn(usize, &mut f64) + Sync) {
+    update_from(0, a, &update);
+}
+
+fn update_from(first: usize, a: &mut [f64], update: &(impl Fn(usize, &mut f64) + Sync)) {
+    let n = a.len();
+    if n >= PARALLEL {
+        let (left, right) = a.split_at_mut(n / 2);
+        rayon::join(|| update_from(first, left, update), || update_from(first + n / 2, right, update));
+    } else {
+        for (k, a) in a.iter_mut().enumerate() {
+            update(first + k, a);
+        }
+    }
+}
+
+/// update(k, &mut a[k], &mut b[k]) for two vectors of one length.
+pub(crate) fn update_pair(a: &mut [f64], b: &mut [f64], update: impl Fn(usize, &mut f64, &mut f64) + Sync) {
+    update_pair_from(0, a, b, &update);
+}
+
+fn update_pair_from(
+    first: usize,
+    a: &mut [f64],
+    b: &mut [f64],
+    update: &(impl Fn(usize, &mut f64, &mut f64) + Sync),
+) {
+    let n = a.len();
+    if n >= PARALLEL {
+        let (a_left, a_right) = a.split_at_mut(n / 2);
+        let (b_left, b_right) = b.split_at_mut(n / 2);
+        rayon::join(
+            || update_pair_from(first, a_left, b_left, update),
+            || update_pair_from(first + n / 2, a_right, b_right, update),
+        );
+    } else {
+        for (k, (a, b)) in a.iter_mut().zip(b).enumerate() {
+            update(first + k, a, b);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_do_not_depend_on_the_number_of_threads() {
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let mut a = vec![0.0; 200_001];
+                fill(&mut a, |k| (k as f64).sin());
+                let mut b = a.clone();
+                update(&mut a, |k, a| *a /= 1.0 + k as f64);
+                update_pair(&mut a, &mut b, |_, a, b| *b += *a);
+                (sum(a.len(), |k| a[k] * b[k]), max_abs(b.len(), |k| b[k]))
+            })
+        };
+        assert_eq!(run(1), run(2));
+        assert_eq!(run(1), run(8));
+    }
+
+    #[test]
+    fn nan_is_larger_than_any_number() {
+        let a = [1.0, f64::NAN, 2.0];
+        assert_eq!(max_abs(3, |k| a[k]), f64::INFINITY);
+    }
+}
