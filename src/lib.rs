@@ -1,1 +1,36 @@
-//! Variational: deformable bodies by finite elements and variational integrators.
+//! Variational simulates deformable bodies, cloth and solids, by the finite element method.
+//!
+//! A scene is a Lagrangian L = T − V. A time integrator is a choice: how the trajectory is
+//! interpolated × how the action is integrated. The rest follows from Hamilton's principle.
+//!
+//! [`scene::Scene`] says what there is, [`simulation::Simulation`] steps it, [`run::run`] writes it.
+//! The layers below are re-exported as [`core`], [`fem`], [`solvers`] and [`io`].
+
+#[cfg(feature = "cli")]
+pub mod cli;
+mod frames;
+mod history;
+mod mesh_import;
+pub mod model;
+pub mod momentum;
+pub mod pitch;
+pub mod report;
+pub mod run;
+pub mod scene;
+pub mod simulation;
+pub mod stability;
+
+pub use vi_core as core;
+pub use vi_fem as fem;
+pub use vi_io as io;
+pub use vi_solvers as solvers;
+
+/// What most programs need.
+pub mod prelude {
+    pub use crate::run::{RunError, Watch, run};
+    pub use crate::scene::{
+        Assert, Axis, Body, Field, Fix, Output, Precision, Probe, Scene, SchemeName, Solver, Time,
+    };
+    pub use crate::simulation::{Observation, Simulation};
+    pub use vi_fem::{MaterialSpec, Motion};
+}

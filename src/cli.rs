@@ -1,0 +1,77 @@
+//! The command line: words in, exit codes out. It must not know physics.
+//!
+//! Exit codes: 0 done, 2 bad input, 3 an assertion of the scene broken, 4 no convergence,
+//! 5 input/output, 130 ended by Ctrl-C with everything written.
+
+mod info;
+mod progress;
+mod run;
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::scene::Scene;
+
+/// Simulates deformable bodies by finite elements and variational time integrators.
+#[derive(Debug, Parser)]
+#[command(name = "variational", version, about)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run a scene and write history.csv, frames and report.json
+    Run(run::RunArguments),
+    /// Check scenes and their meshes without running: everything that is wrong, at once
+    Check {
+        /// Scene files
+        #[arg(required = true)]
+        scenes: Vec<PathBuf>,
+        /// Set a key of the scene, e.g. time.step=0.01
+        #[arg(long = "set", value_name = "KEY=VALUE")]
+        overrides: Vec<String>,
+    },
+    /// Print the JSON schema of a scene
+    Schema,
+    /// Print what a scene or a mesh holds
+    Info {
+        /// A scene (.toml) or a mesh file
+        file: PathBuf,
+    },
+}
+
+/// Exit codes of the program.
+pub(crate) mod exit {
+    pub(crate) const DONE: u8 = 0;
+    pub(crate) const BAD_INPUT: u8 = 2;
+    pub(crate) const BROKEN: u8 = 3;
+    pub(crate) const NO_CONVERGENCE: u8 = 4;
+    pub(crate) const INPUT_OUTPUT: u8 = 5;
+    pub(crate) const INTERRUPTED: u8 = 130;
+}
+
+/// Runs the program with these arguments (the first is its name).
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let arguments = match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            // The text is the whole answer: a closed pipe leaves nobody to tell.
+            let _ = error.print();
+            return ExitCode::from(if error.use_stderr() { exit::BAD_INPUT } else { exit::DONE });
+        }
+    };
+    ExitCode::from(match arguments.command {
+        Command::Run(arguments) => run::run(&arguments),
+        Command::Check { scenes, overrides } => run::check(&scenes, &overrides),
+        Command::Schema => {
+            println!("{:#}", Scene::schema());
+            exit::DONE
+        }
+        Command::Info { file } => info::info(&file),
+    })
+}

@@ -1,0 +1,108 @@
+//! `variational info`: what a scene or a mesh holds.
+
+use std::path::Path;
+
+use super::exit;
+use crate::scene::Scene;
+use crate::simulation::Simulation;
+use crate::stability::stability;
+
+pub(super) fn info(path: &Path) -> u8 {
+    if path.extension().is_some_and(|extension| extension == "toml") { scene(path) } else { mesh(path) }
+}
+
+fn mesh(path: &Path) -> u8 {
+    let file = match vi_io::read_mesh(path) {
+        Ok(file) => file,
+        Err(error) => {
+            eprintln!("error: {error}");
+            return exit::BAD_INPUT;
+        }
+    };
+    println!("{}: {} points, {} cells", path.display(), file.points.len(), file.cell_count());
+    let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for x in &file.points {
+        for k in 0..3 {
+            min[k] = min[k].min(x[k]);
+            max[k] = max[k].max(x[k]);
+        }
+    }
+    if !file.points.is_empty() {
+        println!("extent   {min:?} to {max:?}");
+    }
+    for kind in vi_io::CellKind::ALL {
+        let count: usize = file.blocks.iter().filter(|b| b.kind == *kind).map(|b| b.cell_count()).sum();
+        if count > 0 {
+            println!("cells    {count} {}", kind.name());
+        }
+    }
+    for group in &file.groups {
+        let what = ["points", "curve", "surface", "volume"][group.dimension.min(3)];
+        println!("region   '{}', {what}, {} cells", group.name, group.cells.len());
+    }
+    for array in &file.point_data {
+        println!("points   '{}', {} components", array.name, array.components);
+    }
+    for array in &file.cell_data {
+        println!("cells    '{}', {} components", array.name, array.components);
+    }
+    for note in &file.notes {
+        println!("note     {note}");
+    }
+    exit::DONE
+}
+
+fn scene(path: &Path) -> u8 {
+    let Ok((scene, parsed)) = super::run::accept(path, &[]) else { return exit::BAD_INPUT };
+    let simulation = match Simulation::new(scene) {
+        Ok(simulation) => simulation,
+        Err(problems) => {
+            super::run::print_problems(problems, &parsed, path);
+            return exit::BAD_INPUT;
+        }
+    };
+    let scene = simulation.scene();
+    println!("{}: {}", path.display(), scene.title);
+    println!(
+        "time     {} steps of {:.6e} s by {}",
+        simulation.step_count(),
+        simulation.step_size(),
+        scene.time.method().name()
+    );
+    for (body, said) in simulation.bodies().iter().zip(&scene.bodies) {
+        let component = &simulation.components()[body.component];
+        let nodes = body.node_offset..body.node_offset + body.mesh.points().len();
+        let mass: f64 = nodes.map(|node| component.system().mass()[3 * node]).sum();
+        println!(
+            "body     '{}': {} nodes, {} elements, {mass:.6e} kg, component {}",
+            body.name,
+            body.mesh.points().len(),
+            body.mesh.element_count(),
+            body.component
+        );
+        for entry in &said.material.0 {
+            println!("material {} in {}", entry.law.name(), entry.region.as_deref().unwrap_or("the rest"));
+        }
+        for region in body.mesh.regions() {
+            println!("region   '{}', dimension {}", region.name, region.dimension);
+        }
+    }
+    for (i, component) in simulation.components().iter().enumerate() {
+        let coordinates = component.system().coordinates();
+        let free = coordinates.free_count();
+        println!("system {i}: {free} of {} coordinates are free", coordinates.dof_count());
+        for term in component.system().potentials() {
+            println!("term     '{}': {} stencils", term.name(), term.stencils().count());
+        }
+    }
+    if let Some(note) = stability(&simulation) {
+        println!(
+            "explicit step limit {:.4e} s (highest frequency {:.4e} rad/s)",
+            note.step_limit, note.highest_frequency
+        );
+    }
+    for note in simulation.notes() {
+        println!("note     {note}");
+    }
+    exit::DONE
+}

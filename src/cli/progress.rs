@@ -1,0 +1,76 @@
+//! Progress of a run: a bar with the time left on a terminal, plain lines in a pipe.
+
+use std::io::IsTerminal;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::run::Watch;
+use crate::simulation::Simulation;
+
+/// Watches a run for the person at the terminal, and for Ctrl-C.
+pub(super) struct Progress {
+    quiet: bool,
+    stop: Arc<AtomicBool>,
+    bar: Option<ProgressBar>,
+    tenths: u64,
+}
+
+impl Progress {
+    pub(super) fn new(quiet: bool, stop: Arc<AtomicBool>) -> Self {
+        Self { quiet, stop, bar: None, tenths: 0 }
+    }
+
+    pub(super) fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+impl Watch for Progress {
+    fn start(&mut self, simulation: &Simulation, notes: &[String]) {
+        for note in notes {
+            eprintln!("note: {note}");
+        }
+        if self.quiet {
+            return;
+        }
+        let elements: usize = simulation.bodies().iter().map(|body| body.mesh.element_count()).sum();
+        let nodes: usize = simulation.bodies().iter().map(|body| body.mesh.points().len()).sum();
+        eprintln!(
+            "{} bodies, {nodes} nodes, {elements} elements; {} steps of {:.4e} s by {}",
+            simulation.bodies().len(),
+            simulation.step_count(),
+            simulation.step_size(),
+            simulation.scene().time.method().name(),
+        );
+        if std::io::stderr().is_terminal() {
+            let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {pos}/{len} steps  {per_sec}  left {eta}");
+            let bar = ProgressBar::new(simulation.step_count());
+            self.bar = Some(match style {
+                Ok(style) => bar.with_style(style),
+                Err(_) => bar,
+            });
+        }
+    }
+
+    fn step(&mut self, simulation: &Simulation) -> bool {
+        let (steps, count) = (simulation.steps(), simulation.step_count());
+        match &self.bar {
+            Some(bar) => {
+                // Drawing is throttled by the bar; so is the lock that it takes.
+                if steps.is_multiple_of(16) || steps == count {
+                    bar.set_position(steps);
+                }
+            }
+            None if !self.quiet && steps * 10 / count > self.tenths => {
+                self.tenths = steps * 10 / count;
+                eprintln!("{:3} %  t = {:.6e} s", self.tenths * 10, simulation.time());
+            }
+            None => {}
+        }
+        !self.stop.load(Ordering::Relaxed)
+    }
+}

@@ -1,0 +1,215 @@
+//! `variational run` and `variational check`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::Args;
+
+use super::exit;
+use super::progress::Progress;
+use crate::report::{Outcome, Report};
+use crate::run::{RunError, run as run_scene};
+use crate::scene::{Parsed, Problem, Scene};
+use crate::simulation::Simulation;
+
+#[derive(Debug, Args)]
+pub(super) struct RunArguments {
+    /// The scene file
+    scene: PathBuf,
+    /// Output directory (default: the scene's, else out/<scene>)
+    #[arg(long, value_name = "DIRECTORY")]
+    out: Option<PathBuf>,
+    /// Set a key of the scene, e.g. time.step=0.01
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+    /// Threads (default: one a core); the results are the same
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Print errors only
+    #[arg(long, short)]
+    quiet: bool,
+    /// Print the report as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: &RunArguments) -> u8 {
+    let scene = match accept(&arguments.scene, &arguments.overrides) {
+        Ok((scene, _)) => scene,
+        Err(code) => return code,
+    };
+    let mut pool = rayon::ThreadPoolBuilder::new();
+    if let Some(threads) = arguments.threads {
+        if threads == 0 {
+            eprintln!("error: --threads must be at least 1");
+            return exit::BAD_INPUT;
+        }
+        pool = pool.num_threads(threads);
+    }
+    let pool = match pool.build() {
+        Ok(pool) => pool,
+        Err(error) => {
+            eprintln!("error: cannot start threads: {error}");
+            return exit::INPUT_OUTPUT;
+        }
+    };
+    let name = name_of(&arguments.scene);
+    let directory = output_directory(&scene, &name, arguments.out.as_deref());
+    if let Err(error) = writable(&directory) {
+        eprintln!(
+            "error: {}: output directory not writable: {error}; choose another with --out",
+            directory.display()
+        );
+        return exit::BAD_INPUT;
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    if let Err(error) = ctrlc::set_handler(move || {
+        // A second Ctrl-C does not wait for the step.
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(i32::from(exit::INTERRUPTED));
+        }
+    }) {
+        eprintln!("note: Ctrl-C will end at once, without writing: {error}");
+    }
+    let mut progress = Progress::new(arguments.quiet || arguments.json, stop);
+    let result = pool.install(|| run_scene(scene, &name, &directory, &mut progress));
+    progress.finish();
+    match result {
+        Ok(report) => conclude(&report, &directory, arguments),
+        Err(RunError::Scene(problems)) => refuse(problems, &arguments.scene, &arguments.overrides),
+        Err(error @ RunError::Step { .. }) => {
+            eprintln!("error: {error}");
+            eprintln!("what was reached is in {}", directory.display());
+            exit::NO_CONVERGENCE
+        }
+        Err(error) => {
+            eprintln!("error: {error}");
+            exit::INPUT_OUTPUT
+        }
+    }
+}
+
+fn conclude(report: &Report, directory: &Path, arguments: &RunArguments) -> u8 {
+    if arguments.json {
+        match serde_json::to_string_pretty(report) {
+            Ok(text) => println!("{text}"),
+            Err(error) => eprintln!("error: {error}"),
+        }
+    } else if !arguments.quiet {
+        summary(report, directory);
+    }
+    for broken in &report.broken {
+        eprintln!("assertion broken: {broken}");
+    }
+    match report.outcome {
+        Some(Outcome::Interrupted) => exit::INTERRUPTED,
+        _ if !report.broken.is_empty() => exit::BROKEN,
+        _ => exit::DONE,
+    }
+}
+
+fn summary(report: &Report, directory: &Path) {
+    let drift = report.energy_drift;
+    println!(
+        "{} steps of {:.4e} s by {} in {:.2} s (set-up {:.2} s, output {:.2} s)",
+        report.steps,
+        report.h,
+        report.scheme,
+        report.stepping_seconds,
+        report.setup_seconds,
+        report.output_seconds
+    );
+    println!("energy drift {drift:.2e} of the largest kinetic energy");
+    for (probe, pitch) in &report.pitch {
+        match pitch.as_f64() {
+            Some(pitch) => println!("pitch at '{probe}': {pitch:.2} Hz"),
+            None => println!("pitch at '{probe}': too few samples to tell"),
+        }
+    }
+    println!("written to {}", directory.display());
+}
+
+pub(super) fn check(scenes: &[PathBuf], overrides: &[String]) -> u8 {
+    let mut code = exit::DONE;
+    for path in scenes {
+        match accept(path, overrides) {
+            Err(error) => code = code.max(error),
+            Ok((scene, parsed)) => {
+                let directory = output_directory(&scene, &name_of(path), None);
+                let mut problems = match Simulation::new(scene) {
+                    Ok(_) => Vec::new(),
+                    Err(problems) => problems,
+                };
+                if let Err(error) = writable(&directory) {
+                    let message = format!("{}: not writable: {error}", directory.display());
+                    problems.push(Problem::new("output.directory", message));
+                }
+                if problems.is_empty() {
+                    println!("{}: ok", path.display());
+                } else {
+                    print_problems(problems, &parsed, path);
+                    code = exit::BAD_INPUT;
+                }
+            }
+        }
+    }
+    code
+}
+
+/// Reads a scene and its meshes' headers; on problems prints all of them, with those of its meshes.
+pub(super) fn accept(path: &Path, overrides: &[String]) -> Result<(Scene, Parsed), u8> {
+    let mut parsed = Scene::read(path, overrides).map_err(|error| {
+        eprintln!("error: {}: cannot read the scene: {error}", path.display());
+        exit::BAD_INPUT
+    })?;
+    if parsed.problems.is_empty()
+        && let Some(scene) = parsed.scene.clone()
+    {
+        return Ok((scene, parsed));
+    }
+    let mut problems = std::mem::take(&mut parsed.problems);
+    if let Some(scene) = &parsed.scene {
+        problems.extend(crate::model::mesh_problems(scene).into_iter().map(|problem| Problem {
+            file: Some(path.to_owned()),
+            ..parsed.locate(problem)
+        }));
+    }
+    for problem in &problems {
+        eprintln!("error: {problem}");
+    }
+    Err(exit::BAD_INPUT)
+}
+
+fn refuse(problems: Vec<Problem>, path: &Path, overrides: &[String]) -> u8 {
+    if let Ok(parsed) = Scene::read(path, overrides) {
+        print_problems(problems, &parsed, path);
+    }
+    exit::BAD_INPUT
+}
+
+pub(super) fn print_problems(problems: Vec<Problem>, parsed: &Parsed, path: &Path) {
+    for problem in problems {
+        let located = Problem { file: Some(path.to_owned()), ..parsed.locate(problem) };
+        eprintln!("error: {located}");
+    }
+}
+
+/// The scene file's name without its ending.
+fn name_of(path: &Path) -> String {
+    path.file_stem().map_or_else(|| "scene".to_owned(), |stem| stem.to_string_lossy().into_owned())
+}
+
+fn output_directory(scene: &Scene, name: &str, out: Option<&Path>) -> PathBuf {
+    out.map(Path::to_owned)
+        .or_else(|| scene.output.directory.clone())
+        .unwrap_or_else(|| Path::new("out").join(name))
+}
+
+/// Could files be written into this directory, or into the nearest one above it that exists?
+/// Leaves nothing behind.
+fn writable(directory: &Path) -> std::io::Result<()> {
+    let existing = directory.ancestors().find(|path| path.exists()).filter(|path| !path.as_os_str().is_empty());
+    tempfile::tempfile_in(existing.unwrap_or(Path::new("."))).map(|_| ())
+}

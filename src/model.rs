@@ -1,0 +1,60 @@
+//! From a scene to Lagrangian systems: meshes are read, masses and potentials made, coordinates
+//! prescribed, and bodies that act on each other joined. It must not know how time is stepped.
+
+mod assemble;
+mod load;
+mod prescribe;
+
+use vi_core::{State, System};
+use vi_fem::Mesh;
+
+use crate::scene::{Problem, Scene};
+
+/// A body of a scene with its mesh.
+#[derive(Debug)]
+pub struct BodyModel {
+    /// Its name.
+    pub name: String,
+    /// Its mesh at rest.
+    pub mesh: Mesh,
+    /// Number of the material entry of each volume element.
+    pub material_ids: Vec<u32>,
+    /// Number of the component that it is part of.
+    pub component: usize,
+    /// Its first node among the nodes of the component.
+    pub node_offset: usize,
+}
+
+/// A probe with its node found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ProbeTarget {
+    /// Number of the body.
+    pub body: usize,
+    /// Node of the body's mesh.
+    pub node: usize,
+}
+
+/// A scene as systems.
+pub(crate) struct Model {
+    pub(crate) bodies: Vec<BodyModel>,
+    pub(crate) probes: Vec<ProbeTarget>,
+    pub(crate) components: Vec<(System, State)>,
+    pub(crate) notes: Vec<String>,
+}
+
+impl Model {
+    /// Reads all meshes and builds all systems.
+    pub(crate) fn build(scene: &Scene) -> Result<Self, Vec<Problem>> {
+        let (loaded, problems) = load::load(scene);
+        if !problems.is_empty() {
+            return Err(problems);
+        }
+        assemble::assemble(scene, loaded)
+    }
+}
+
+/// Everything that is wrong with the meshes of a scene and what refers to them.
+#[cfg(feature = "cli")]
+pub(crate) fn mesh_problems(scene: &Scene) -> Vec<Problem> {
+    load::load(scene).1
+}

@@ -1,0 +1,188 @@
+//! Masses, potentials and initial states of the components of a scene: bodies that springs join are
+//! one component, all others stand alone. It must not read files.
+
+use vi_core::{Potential, State, System};
+use vi_fem::{Gravity, PointSpring, PointSprings};
+
+use super::load::{End, Loaded, LoadedBody};
+use super::prescribe::{NodalFix, coordinates};
+use super::{BodyModel, Model};
+use crate::scene::{Body, Problem, Scene};
+
+pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Problem>> {
+    let component_of = components(&loaded);
+    let component_count = component_of.iter().max().map_or(0, |&last| last + 1);
+    let Loaded { bodies: loaded_bodies, fixes, probes, strikes, springs } = loaded;
+
+    let mut problems = Vec::new();
+    let mut notes = Vec::new();
+    let mut parts: Vec<Part> = (0..component_count).map(|_| Part::default()).collect();
+    let mut bodies = Vec::with_capacity(loaded_bodies.len());
+    for (i, body) in loaded_bodies.into_iter().enumerate() {
+        let part = &mut parts[component_of[i]];
+        let node_offset = part.mass.len();
+        notes.extend(body.notes.iter().cloned());
+        if let Err(message) = part.add(&scene.bodies[i], &body, node_offset) {
+            problems.push(Problem::new(format!("body[{i}]"), message));
+        }
+        bodies.push(BodyModel {
+            name: scene.bodies[i].name.clone(),
+            mesh: body.mesh,
+            material_ids: body.material_ids,
+            component: component_of[i],
+            node_offset,
+        });
+    }
+    if !problems.is_empty() {
+        return Err(problems);
+    }
+    for (strike, (body, nodes)) in scene.strikes.iter().zip(&strikes) {
+        let part = &mut parts[bodies[*body].component];
+        part.strike(nodes, bodies[*body].node_offset, strike.impulse);
+    }
+    for (spring, ends) in scene.springs.iter().zip(&springs) {
+        let node = |end: &End| match *end {
+            End::Node(target) => Ok((bodies[target.body].node_offset + target.node) as u32),
+            End::Place(place) => Err(place),
+        };
+        let Ok(from) = node(&ends[0]) else { continue };
+        let End::Node(target) = ends[0] else { continue };
+        let part = &mut parts[bodies[target.body].component];
+        let to = node(&ends[1]);
+        let far = to.map_or_else(|place| place, |node| part.rest[node as usize]);
+        let near = part.rest[from as usize];
+        let distance = (0..3).map(|k| (far[k] - near[k]).powi(2)).sum::<f64>().sqrt();
+        let rest_length = spring.length.unwrap_or(distance);
+        part.springs.push(PointSpring { from, to: to.into(), stiffness: spring.stiffness, rest_length });
+    }
+    let mut built = Vec::with_capacity(parts.len());
+    for (c, part) in parts.into_iter().enumerate() {
+        let fixes: Vec<NodalFix> = scene
+            .fixes
+            .iter()
+            .zip(&fixes)
+            .enumerate()
+            .filter(|(_, (_, (body, _)))| bodies[*body].component == c)
+            .map(|(index, (fix, (body, nodes)))| {
+                let offset = bodies[*body].node_offset as u32;
+                NodalFix { index, fix, nodes: nodes.iter().map(|node| node + offset).collect() }
+            })
+            .collect();
+        match part.into_system(scene.gravity, &fixes) {
+            Ok(system) => built.push(system),
+            Err(problem) => problems.push(problem),
+        }
+    }
+    if problems.is_empty() {
+        Ok(Model { bodies, probes, components: built, notes })
+    } else {
+        Err(problems)
+    }
+}
+
+/// The component of each body: bodies joined by springs share one, numbered by their first body.
+fn components(loaded: &Loaded) -> Vec<usize> {
+    let mut label: Vec<usize> = (0..loaded.bodies.len()).collect();
+    for ends in &loaded.springs {
+        if let [End::Node(a), End::Node(b)] = ends {
+            let (keep, drop) = (label[a.body].min(label[b.body]), label[a.body].max(label[b.body]));
+            label.iter_mut().filter(|l| **l == drop).for_each(|l| *l = keep);
+        }
+    }
+    let mut order = label.clone();
+    order.sort_unstable();
+    order.dedup();
+    label.iter().map(|l| order.partition_point(|o| o < l)).collect()
+}
+
+/// A component under construction.
+#[derive(Default)]
+struct Part {
+    /// Lumped mass a node, kg.
+    mass: Vec<f64>,
+    rest: Vec<[f64; 3]>,
+    x: Vec<f64>,
+    v: Vec<f64>,
+    potentials: Vec<Box<dyn Potential>>,
+    springs: Vec<PointSpring>,
+}
+
+impl Part {
+    fn add(&mut self, body: &Body, loaded: &LoadedBody, node_offset: usize) -> Result<(), String> {
+        let mesh = &loaded.mesh;
+        let entries = &body.material.0;
+        let density: Vec<f64> = entries.iter().map(|entry| entry.law.density()).collect();
+        let mass = vi_fem::lumped_mass(mesh, |element| density[loaded.material_ids[element] as usize])
+            .map_err(|error| error.to_string())?;
+        for (i, entry) in entries.iter().enumerate() {
+            let elements: Vec<u32> = (0..mesh.element_count() as u32)
+                .filter(|&element| loaded.material_ids[element as usize] == i as u32)
+                .collect();
+            if elements.is_empty() {
+                continue;
+            }
+            let place = entry.region.as_ref().map_or_else(|| body.name.clone(), |r| format!("{}/{r}", body.name));
+            let name = format!("{place}: {}", entry.law.name());
+            let terms = vi_fem::elastic(mesh, &elements, &entry.law, node_offset, &name)
+                .map_err(|error| error.to_string())?;
+            self.potentials.extend(terms);
+        }
+        let rest: Vec<f64> = mesh.points().iter().flatten().copied().collect();
+        let mut x = rest.clone();
+        if let Some(displacement) = &loaded.displacement {
+            x.iter_mut().zip(displacement).for_each(|(x, u)| *x += u);
+        }
+        let mut v = loaded.velocity.clone().unwrap_or_else(|| vec![0.0; x.len()]);
+        add_rigid_velocity(body, &mass, &x, &mut v);
+        self.rest.extend_from_slice(mesh.points());
+        self.mass.extend(mass);
+        self.x.extend(x);
+        self.v.extend(v);
+        Ok(())
+    }
+
+    /// Shares an impulse (N s) among nodes by mass: all get the velocity impulse / Σm.
+    fn strike(&mut self, nodes: &[u32], node_offset: usize, impulse: [f64; 3]) {
+        let mass: f64 = nodes.iter().map(|&node| self.mass[node_offset + node as usize]).sum();
+        for &node in nodes {
+            for k in 0..3 {
+                self.v[3 * (node_offset + node as usize) + k] += impulse[k] / mass;
+            }
+        }
+    }
+
+    fn into_system(mut self, gravity: [f64; 3], fixes: &[NodalFix]) -> Result<(System, State), Problem> {
+        let coordinates = coordinates(fixes, &self.x)?;
+        if gravity != [0.0; 3] {
+            self.potentials.push(Box::new(Gravity::new("gravity", &self.mass, gravity)));
+        }
+        if !self.springs.is_empty() {
+            self.potentials.push(Box::new(PointSprings::new("springs", self.springs)));
+        }
+        let mass = self.mass.iter().flat_map(|&m| [m; 3]).collect();
+        let system = System::new(mass, self.potentials, coordinates)
+            .map_err(|error| Problem::new("body", error.to_string()))?;
+        let state = system.state(0.0, &self.x, &self.v).map_err(|error| Problem::new("body", error.to_string()))?;
+        Ok((system, state))
+    }
+}
+
+/// Adds v + ω × (x − c), with c the centre of mass, to velocities (m/s).
+fn add_rigid_velocity(body: &Body, mass: &[f64], x: &[f64], v: &mut [f64]) {
+    let linear = body.velocity.unwrap_or_default();
+    let w = body.angular_velocity.unwrap_or_default();
+    let total: f64 = mass.iter().sum();
+    let mut centre = [0.0; 3];
+    for (m, x) in mass.iter().zip(x.as_chunks::<3>().0) {
+        for k in 0..3 {
+            centre[k] += m * x[k] / total;
+        }
+    }
+    for (v, x) in v.as_chunks_mut::<3>().0.iter_mut().zip(x.as_chunks::<3>().0) {
+        let r: [f64; 3] = std::array::from_fn(|k| x[k] - centre[k]);
+        for k in 0..3 {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            v[k] += linear[k] + w[i] * r[j] - w[j] * r[i];
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! Reads the meshes of a scene and finds the nodes and regions that the scene names, so that
+//! everything that is wrong is known at once. It must not build potentials.
+
+use vi_fem::Mesh;
+
+use super::ProbeTarget;
+use crate::mesh_import;
+use crate::scene::{Body, BoxRegion, Problem, Scene, SpringEnd};
+
+/// The bodies and attachments of a scene, with nodes instead of names.
+pub(super) struct Loaded {
+    pub(super) bodies: Vec<LoadedBody>,
+    /// For each fix: number of the body and its nodes.
+    pub(super) fixes: Vec<(usize, Vec<u32>)>,
+    pub(super) probes: Vec<ProbeTarget>,
+    /// For each strike: number of the body and its nodes.
+    pub(super) strikes: Vec<(usize, Vec<u32>)>,
+    /// For each spring: its two ends.
+    pub(super) springs: Vec<[End; 2]>,
+}
+
+/// One end of a spring.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum End {
+    /// A node of a body.
+    Node(ProbeTarget),
+    /// A place in space, m.
+    Place([f64; 3]),
+}
+
+/// A body as it was read.
+pub(super) struct LoadedBody {
+    pub(super) mesh: Mesh,
+    pub(super) displacement: Option<Vec<f64>>,
+    pub(super) velocity: Option<Vec<f64>>,
+    /// Number of the material entry of each volume element.
+    pub(super) material_ids: Vec<u32>,
+    pub(super) notes: Vec<String>,
+}
+
+/// Reads everything; bodies that could not be read leave problems, and whatever refers to them is passed over.
+pub(super) fn load(scene: &Scene) -> (Loaded, Vec<Problem>) {
+    let mut problems = Vec::new();
+    let bodies: Vec<Option<LoadedBody>> =
+        scene.bodies.iter().enumerate().map(|(i, body)| load_body(body, i, &mut problems)).collect();
+    let mut finder = Finder { scene, bodies: &bodies, problems };
+
+    let mut fixes = Vec::new();
+    for (i, fix) in scene.fixes.iter().enumerate() {
+        let key = format!("fix[{i}]");
+        let Some((body, mesh)) = finder.mesh(&fix.body) else { continue };
+        let nodes = if let Some(region) = &fix.region {
+            finder.region(mesh, region, format!("{key}.region"))
+        } else if let Some(within) = &fix.within {
+            finder.within(mesh, within, format!("{key}.box"))
+        } else {
+            finder.listed(mesh, fix.nodes.as_deref().unwrap_or_default(), format!("{key}.nodes"))
+        };
+        fixes.push((body, nodes));
+    }
+    let mut probes = Vec::new();
+    for (i, probe) in scene.probes.iter().enumerate() {
+        probes.extend(finder.node(&probe.body, probe.point, probe.node, &format!("probe[{i}]")));
+    }
+    let mut strikes = Vec::new();
+    for (i, strike) in scene.strikes.iter().enumerate() {
+        let Some((body, mesh)) = finder.mesh(&strike.body) else { continue };
+        strikes.push((body, finder.region(mesh, &strike.region, format!("strike[{i}].region"))));
+    }
+    let mut springs = Vec::new();
+    for (i, spring) in scene.springs.iter().enumerate() {
+        let from = finder.end(&spring.from, &format!("spring[{i}].from"));
+        let to = finder.end(&spring.to, &format!("spring[{i}].to"));
+        springs.extend(from.zip(to).map(|(from, to)| [from, to]));
+    }
+    let problems = finder.problems;
+    (Loaded { bodies: bodies.into_iter().flatten().collect(), fixes, probes, strikes, springs }, problems)
+}
+
+fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<LoadedBody> {
+    let key = format!("body[{index}]");
+    let scale = body.scale.unwrap_or(1.0);
+    let translate = body.translate.unwrap_or_default();
+    let (mesh, displacement, velocity, notes) = if let Some(path) = &body.mesh {
+        match mesh_import::read(path, scale, translate) {
+            Ok(read) => {
+                let notes = read.notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
+                (read.mesh, read.displacement, read.velocity, notes)
+            }
+            Err(messages) => {
+                let key = format!("{key}.mesh");
+                problems.extend(messages.into_iter().map(|message| Problem::new(key.clone(), message)));
+                return None;
+            }
+        }
+    } else {
+        let shape = body.box_shape.as_ref()?;
+        let origin = std::array::from_fn(|k| scale * shape.origin[k] + translate[k]);
+        let size = shape.size.map(|size| scale * size);
+        match vi_fem::box_mesh(size, shape.cells, &shape.element, origin) {
+            Ok(mesh) => (mesh, None, None, Vec::new()),
+            Err(error) => {
+                problems.push(Problem::new(format!("{key}.box"), error.to_string()));
+                return None;
+            }
+        }
+    };
+    let material_ids = match materials(body, &mesh) {
+        Ok(ids) => ids,
+        Err(message) => {
+            problems.push(Problem::new(format!("{key}.material"), message));
+            return None;
+        }
+    };
+    Some(LoadedBody { mesh, displacement, velocity, material_ids, notes })
+}
+
+/// The material entry of each volume element.
+fn materials(body: &Body, mesh: &Mesh) -> Result<Vec<u32>, String> {
+    const NONE: u32 = u32::MAX;
+    let entries = &body.material.0;
+    let rest = entries.iter().position(|entry| entry.region.is_none()).map_or(NONE, |i| i as u32);
+    let mut ids = vec![rest; mesh.element_count()];
+    let mut named = vec![false; ids.len()];
+    for (i, entry) in entries.iter().enumerate() {
+        let Some(region) = &entry.region else { continue };
+        for element in mesh.region_elements(region).map_err(|error| error.to_string())? {
+            let element = element as usize;
+            if std::mem::replace(&mut named[element], true) {
+                let other = entries[ids[element] as usize].region.as_deref().unwrap_or_default();
+                return Err(format!("element {element} is in regions '{other}' and '{region}', both with a material"));
+            }
+            ids[element] = i as u32;
+        }
+    }
+    match ids.iter().position(|&id| id == NONE) {
+        Some(element) => Err(format!(
+            "element {element} is in no region that has a material; add a material without `region` for the rest"
+        )),
+        None => Ok(ids),
+    }
+}
+
+/// Finds nodes by what a scene says of them.
+struct Finder<'a> {
+    scene: &'a Scene,
+    bodies: &'a [Option<LoadedBody>],
+    problems: Vec<Problem>,
+}
+
+impl<'a> Finder<'a> {
+    fn say(&mut self, key: impl Into<String>, message: impl Into<String>) {
+        self.problems.push(Problem::new(key, message));
+    }
+
+    /// The body of this name and its mesh; nothing where it is unknown or could not be read, which
+    /// has been said before.
+    fn mesh(&self, name: &str) -> Option<(usize, &'a Mesh)> {
+        let body = self.scene.bodies.iter().position(|body| body.name == name)?;
+        self.bodies[body].as_ref().map(|loaded| (body, &loaded.mesh))
+    }
+
+    fn region(&mut self, mesh: &Mesh, region: &str, key: String) -> Vec<u32> {
+        mesh.region_nodes(region).unwrap_or_else(|error| {
+            self.say(key, error.to_string());
+            Vec::new()
+        })
+    }
+
+    fn within(&mut self, mesh: &Mesh, within: &BoxRegion, key: String) -> Vec<u32> {
+        let is_inside = |x: &[f64; 3]| (0..3).all(|k| within.min[k] <= x[k] && x[k] <= within.max[k]);
+        let points = mesh.points().iter().enumerate();
+        let nodes: Vec<u32> = points.filter(|(_, x)| is_inside(x)).map(|(i, _)| i as u32).collect();
+        if nodes.is_empty() {
+            let (min, max) = bounds(mesh);
+            self.say(key, format!("no node is in this box; the body lies in {min:?} to {max:?} m"));
+        }
+        nodes
+    }
+
+    fn listed(&mut self, mesh: &Mesh, nodes: &[usize], key: String) -> Vec<u32> {
+        let count = mesh.points().len();
+        if let Some(node) = nodes.iter().find(|&&node| node >= count) {
+            self.say(key, format!("there is no node {node}; the body has nodes 0 to {}", count - 1));
+            return Vec::new();
+        }
+        nodes.iter().map(|&node| node as u32).collect()
+    }
+
+    fn node(
+        &mut self,
+        name: &str,
+        point: Option<[f64; 3]>,
+        node: Option<usize>,
+        key: &str,
+    ) -> Option<ProbeTarget> {
+        let (body, mesh) = self.mesh(name)?;
+        let node = match (node, point) {
+            (Some(node), _) => {
+                *self.listed(mesh, &[node], format!("{key}.node")).first()? as usize
+            }
+            (None, Some(point)) => nearest(mesh, point),
+            (None, None) => return None,
+        };
+        Some(ProbeTarget { body, node })
+    }
+
+    fn end(&mut self, end: &SpringEnd, key: &str) -> Option<End> {
+        match &end.body {
+            Some(body) => self.node(body, end.point, end.node, key).map(End::Node),
+            None => end.point.map(End::Place),
+        }
+    }
+}
+
+fn nearest(mesh: &Mesh, point: [f64; 3]) -> usize {
+    let distance = |x: &[f64; 3]| (0..3).map(|k| (x[k] - point[k]).powi(2)).sum::<f64>();
+    let mut best = (0, f64::INFINITY);
+    for (i, x) in mesh.points().iter().enumerate() {
+        let d = distance(x);
+        if d < best.1 {
+            best = (i, d);
+        }
+    }
+    best.0
+}
+
+/// Least and greatest coordinates of a mesh, m.
+pub(crate) fn bounds(mesh: &Mesh) -> ([f64; 3], [f64; 3]) {
+    let mut min = [f64::INFINITY; 3];
+    let mut max = [f64::NEG_INFINITY; 3];
+    for x in mesh.points() {
+        for k in 0..3 {
+            min[k] = min[k].min(x[k]);
+            max[k] = max[k].max(x[k]);
+        }
+    }
+    (min, max)
+}

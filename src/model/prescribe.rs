@@ -1,0 +1,68 @@
+//! From fixes to prescribed coordinates. It must not know where the nodes came from.
+
+use std::collections::HashMap;
+
+use vi_core::{Coordinates, CoreError, Fixed, Prescribed};
+use vi_fem::{Motion, MotionPath};
+
+use crate::scene::{Fix, Problem};
+
+/// A fix with its nodes found, in the numbering of a component.
+pub(super) struct NodalFix<'a> {
+    /// Number of the fix in the scene, for messages.
+    pub(super) index: usize,
+    pub(super) fix: &'a Fix,
+    pub(super) nodes: Vec<u32>,
+}
+
+/// The coordinates of a component whose nodes start at x (m, 3 a node).
+///
+/// The same coordinate may be named by several fixes if they agree on its motion.
+pub(super) fn coordinates(fixes: &[NodalFix], x: &[f64]) -> Result<Coordinates, Problem> {
+    let mut owner: HashMap<u32, usize> = HashMap::new();
+    let mut groups: Vec<Prescribed> = Vec::new();
+    let mut held = Vec::new();
+    for (i, nodal) in fixes.iter().enumerate() {
+        let mut dofs = Vec::new();
+        for &node in &nodal.nodes {
+            for &axis in &nodal.fix.axes {
+                let dof = 3 * node + axis as u32;
+                match owner.get(&dof) {
+                    None => {
+                        owner.insert(dof, i);
+                        dofs.push(dof);
+                    }
+                    Some(&other) if fixes[other].fix.motion == nodal.fix.motion => {}
+                    Some(&other) => {
+                        return Err(Problem::new(
+                            format!("fix[{}]", nodal.index),
+                            format!(
+                                "prescribes node {node} along {axis:?} with another motion than fix[{}]; \
+                                 let each coordinate follow one",
+                                fixes[other].index
+                            ),
+                        ));
+                    }
+                }
+            }
+        }
+        match &nodal.fix.motion {
+            None => held.extend(dofs),
+            Some(motion) => {
+                if !dofs.is_empty() {
+                    groups.push(moving(motion, dofs, x));
+                }
+            }
+        }
+    }
+    if !held.is_empty() {
+        let places = held.iter().map(|&dof| x[dof as usize]).collect();
+        groups.push(Prescribed { dofs: held, path: Box::new(Fixed(places)) });
+    }
+    Coordinates::new(x.len(), groups).map_err(|error: CoreError| Problem::new("fix", error.to_string()))
+}
+
+fn moving(motion: &Motion, dofs: Vec<u32>, x: &[f64]) -> Prescribed {
+    let path = MotionPath::new(motion.clone(), &dofs, x);
+    Prescribed { dofs, path: Box::new(path) }
+}

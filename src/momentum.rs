@@ -1,0 +1,64 @@
+//! How far linear and angular momentum moved over a run, relative to what is in motion.
+//! It must not know why: a fixed node or gravity changes them rightly.
+
+use crate::simulation::{Observation, Simulation};
+
+/// Follows the momenta of a run.
+#[derive(Debug, Clone)]
+pub struct MomentumLedger {
+    first: Observation,
+    mass: f64,
+    size: f64,
+    kinetic_max: f64,
+    linear: f64,
+    angular: f64,
+}
+
+impl MomentumLedger {
+    /// Opens at the first observation.
+    pub fn new(simulation: &Simulation, first: &Observation) -> Self {
+        let mut mass = 0.0;
+        let mut size: f64 = 0.0;
+        for component in simulation.components() {
+            mass += component.system().free_mass().iter().sum::<f64>() / 3.0;
+            let x = component.system().positions(component.state());
+            size = x.iter().fold(size, |size, x| size.max(x.abs()));
+        }
+        let first_kinetic = first.kinetic;
+        Self { first: first.clone(), mass, size, kinetic_max: first_kinetic, linear: 0.0, angular: 0.0 }
+    }
+
+    /// Enters an observation.
+    pub fn enter(&mut self, seen: &Observation) {
+        self.kinetic_max = self.kinetic_max.max(seen.kinetic);
+        for k in 0..3 {
+            self.linear = self.linear.max((seen.momentum[k] - self.first.momentum[k]).abs());
+            let change = seen.angular_momentum[k] - self.first.angular_momentum[k];
+            self.angular = self.angular.max(change.abs());
+        }
+    }
+
+    /// Largest change of a component of linear momentum, kg m/s.
+    pub fn linear_change(&self) -> f64 {
+        self.linear
+    }
+
+    /// Largest change of a component of angular momentum, kg m²/s.
+    pub fn angular_change(&self) -> f64 {
+        self.angular
+    }
+
+    /// The change of linear momentum over √(2 m T_max), the most that mass m can carry with that energy.
+    pub fn linear_drift(&self) -> f64 {
+        relative(self.linear, (2.0 * self.mass * self.kinetic_max).sqrt())
+    }
+
+    /// The change of angular momentum over √(2 m T_max) times the greatest coordinate.
+    pub fn angular_drift(&self) -> f64 {
+        relative(self.angular, (2.0 * self.mass * self.kinetic_max).sqrt() * self.size)
+    }
+}
+
+fn relative(change: f64, scale: f64) -> f64 {
+    if change == 0.0 { 0.0 } else { change / scale }
+}

@@ -1,0 +1,108 @@
+//! The pitch of a probe: the frequency of its strongest oscillation.
+//! It must not know what oscillates.
+
+use rustfft::FftPlanner;
+use rustfft::num_complex::Complex;
+
+use crate::scene::{Axis, Probe};
+use crate::simulation::Observation;
+
+/// Collects the displacements of the probes that ask for their pitch.
+pub struct PitchFinder {
+    tracks: Vec<Track>,
+    times: Vec<f64>,
+}
+
+struct Track {
+    name: String,
+    probe: usize,
+    axis: Axis,
+    values: Vec<f64>,
+}
+
+impl PitchFinder {
+    /// For the probes with `pitch`, from the first observation on.
+    pub fn new(probes: &[Probe], first: &Observation) -> Self {
+        let tracks = probes
+            .iter()
+            .enumerate()
+            .filter_map(|(i, probe)| {
+                let axis = probe.pitch?;
+                Some(Track { name: probe.name.clone(), probe: i, axis, values: Vec::new() })
+            })
+            .collect();
+        let mut finder = Self { tracks, times: Vec::new() };
+        finder.enter(first);
+        finder
+    }
+
+    /// Enters an observation.
+    pub fn enter(&mut self, seen: &Observation) {
+        if self.tracks.is_empty() {
+            return;
+        }
+        self.times.push(seen.t);
+        for track in &mut self.tracks {
+            track.values.push(seen.probes[track.probe].displacement[track.axis as usize]);
+        }
+    }
+
+    /// Name and pitch (Hz) of each probe that asks for it; none where too little was seen.
+    pub fn pitches(&self) -> Vec<(String, Option<f64>)> {
+        let n = self.times.len();
+        let interval = if n > 1 { (self.times[n - 1] - self.times[0]) / (n - 1) as f64 } else { 0.0 };
+        self.tracks.iter().map(|track| (track.name.clone(), pitch(&track.values, interval))).collect()
+    }
+}
+
+/// Frequency (Hz) of the strongest oscillation in equally spaced samples (`interval` in s): the peak
+/// of the spectrum under a Hann window, zero-padded fourfold and refined by a parabola through the
+/// logarithms of the three highest bins.
+pub fn pitch(samples: &[f64], interval: f64) -> Option<f64> {
+    let n = samples.len();
+    if n < 16 || interval <= 0.0 {
+        return None;
+    }
+    let mean = samples.iter().sum::<f64>() / n as f64;
+    let size = (4 * n).next_power_of_two();
+    let mut spectrum = vec![Complex::default(); size];
+    for (i, sample) in samples.iter().enumerate() {
+        let window = (std::f64::consts::PI * (i as f64 + 0.5) / n as f64).sin().powi(2);
+        spectrum[i].re = (sample - mean) * window;
+    }
+    FftPlanner::new().plan_fft_forward(size).process(&mut spectrum);
+    let power: Vec<f64> = spectrum[..size / 2].iter().map(Complex::norm_sqr).collect();
+    // What is slower than two periods in the window cannot be told from drift.
+    let lowest = 2 * size / n;
+    let peak = (lowest..power.len() - 1).max_by(|&a, &b| power[a].total_cmp(&power[b]))?;
+    if power[peak] <= 0.0 {
+        return None;
+    }
+    let [left, top, right] = [peak - 1, peak, peak + 1].map(|i| power[i].max(f64::MIN_POSITIVE).ln());
+    let bend = left - 2.0 * top + right;
+    let shift = if bend < 0.0 { 0.5 * (left - right) / bend } else { 0.0 };
+    Some((peak as f64 + shift) / (size as f64 * interval))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::pitch;
+
+    #[test]
+    fn a_sine_is_found_between_the_bins() {
+        for frequency in [12.3, 440.0, 441.37] {
+            let interval = 1e-4;
+            let samples: Vec<f64> = (0..5000)
+                .map(|i| 0.3 + (std::f64::consts::TAU * frequency * i as f64 * interval).sin())
+                .collect();
+            let found = pitch(&samples, interval).unwrap();
+            assert!((found / frequency - 1.0).abs() < 1e-4, "{found} for {frequency}");
+        }
+    }
+
+    #[test]
+    fn silence_has_no_pitch() {
+        assert_eq!(pitch(&[1.0; 100], 0.1), None);
+        assert_eq!(pitch(&[1.0, 2.0], 0.1), None);
+    }
+}

@@ -1,0 +1,174 @@
+//! report.json: what ran, how long each phase took, the work that was counted, where energy went.
+//! It must not change a run.
+
+use std::io;
+use std::path::Path;
+
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+use vi_core::EnergyLedger;
+
+use crate::momentum::MomentumLedger;
+use crate::pitch::PitchFinder;
+use crate::scene::Scene;
+use crate::simulation::Simulation;
+use crate::stability::StabilityNote;
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Outcome {
+    /// At its end.
+    Done,
+    /// By the user, after a step.
+    Interrupted,
+    /// By a failed step.
+    Failed(String),
+}
+
+/// The report of a run.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// Version of this program.
+    pub version: &'static str,
+    /// Name of the scene.
+    pub name: String,
+    /// The scene as it ran.
+    pub scene: Scene,
+    /// Threads of the pool.
+    pub threads: usize,
+    /// Name of the scheme.
+    pub scheme: &'static str,
+    /// Is it variational (symplectic)?
+    pub variational: bool,
+    /// Step that lands on the end, s.
+    pub h: f64,
+    /// Steps made.
+    pub steps: u64,
+    /// How it ended.
+    pub outcome: Option<Outcome>,
+    /// Nodes of all bodies.
+    pub node_count: usize,
+    /// Elements of all bodies.
+    pub element_count: usize,
+    /// Free coordinates.
+    pub free_coordinates: usize,
+    /// Independent systems, and how many of them have nothing to step.
+    pub components: Value,
+    /// Stability limit of an explicit scheme.
+    pub stability: Value,
+    /// What was repaired or left out of meshes, and warnings.
+    pub notes: Vec<String>,
+    /// Building systems, s.
+    pub setup_seconds: f64,
+    /// Stepping alone, s.
+    pub stepping_seconds: f64,
+    /// History and frames, s.
+    pub output_seconds: f64,
+    /// Counted work.
+    pub work: Map<String, Value>,
+    /// Frames written.
+    pub frames: usize,
+    /// The energy ledger, J.
+    pub energy: Value,
+    /// The momentum ledger.
+    pub momentum: Value,
+    /// Pitch of the probes that ask for it, Hz.
+    pub pitch: Map<String, Value>,
+    /// Asserts of the scene that are broken.
+    pub broken: Vec<String>,
+    /// Energy drift over the largest kinetic energy.
+    #[serde(skip)]
+    pub energy_drift: f64,
+}
+
+impl Report {
+    pub(crate) fn new(simulation: &Simulation, name: &str, stability: Option<&StabilityNote>) -> Self {
+        let scene = simulation.scene();
+        let method = scene.time.method();
+        let components = simulation.components();
+        let idle = components.iter().filter(|component| component.stepper().is_none()).count();
+        let mut notes = simulation.notes().to_vec();
+        notes.extend(stability.and_then(StabilityNote::warning));
+        Self {
+            version: env!("CARGO_PKG_VERSION"),
+            name: name.to_owned(),
+            scene: scene.clone(),
+            threads: rayon::current_num_threads(),
+            scheme: method.name(),
+            variational: method.facts().is_variational,
+            h: simulation.step_size(),
+            steps: 0,
+            outcome: None,
+            node_count: simulation.bodies().iter().map(|body| body.mesh.points().len()).sum(),
+            element_count: simulation.bodies().iter().map(|body| body.mesh.element_count()).sum(),
+            free_coordinates: components.iter().map(|c| c.system().coordinates().free_count()).sum(),
+            components: json!({ "count": components.len(), "without_free_coordinates": idle }),
+            stability: stability.map_or(Value::Null, |note| {
+                json!({ "highest_frequency": note.highest_frequency, "step_limit": note.step_limit,
+                        "exceeded": note.warning().is_some() })
+            }),
+            notes,
+            setup_seconds: 0.0,
+            stepping_seconds: 0.0,
+            output_seconds: 0.0,
+            work: Map::new(),
+            frames: 0,
+            energy: Value::Null,
+            momentum: Value::Null,
+            pitch: Map::new(),
+            broken: Vec::new(),
+            energy_drift: 0.0,
+        }
+    }
+
+    pub(crate) fn close(
+        &mut self,
+        simulation: &Simulation,
+        outcome: Outcome,
+        frames: usize,
+        energy: &EnergyLedger,
+        momentum: &MomentumLedger,
+        pitch: &PitchFinder,
+    ) {
+        self.steps = simulation.steps();
+        self.outcome = Some(outcome);
+        self.work = simulation.work().iter().map(|(name, count)| (name.to_owned(), count.into())).collect();
+        self.frames = frames;
+        self.energy_drift = if energy.drift == 0.0 { 0.0 } else { energy.drift / energy.kinetic_max };
+        let parts = &energy.parts;
+        self.energy = json!({
+            "initial": energy.initial, "final": energy.current,
+            "drift": energy.drift, "largest_kinetic": energy.kinetic_max, "relative_drift": self.energy_drift,
+            "prescribed_work": parts.prescribed, "force_work": parts.force, "damping_work": parts.damping,
+        });
+        if simulation.scene().output.ledger {
+            self.energy["scheme_error"] = parts.scheme.into();
+            self.energy["residual_work"] = parts.residual.into();
+            self.energy["unexplained"] = energy.unexplained().into();
+        }
+        self.momentum = json!({
+            "linear_change": momentum.linear_change(), "relative_linear_drift": momentum.linear_drift(),
+            "angular_change": momentum.angular_change(), "relative_angular_drift": momentum.angular_drift(),
+        });
+        self.pitch = pitch.pitches().into_iter().map(|(name, pitch)| (name, json!(pitch))).collect();
+        let asserts = &simulation.scene().assert;
+        for (name, bound, value) in [
+            ("energy_drift", asserts.energy_drift, self.energy_drift),
+            ("momentum_drift", asserts.momentum_drift, momentum.linear_drift()),
+            ("angular_momentum_drift", asserts.angular_momentum_drift, momentum.angular_drift()),
+        ] {
+            if let Some(bound) = bound
+                && !(value <= bound)
+            {
+                self.broken.push(format!("{name} is {value:.3e}, the scene asserts at most {bound:.3e}"));
+            }
+        }
+    }
+
+    pub(crate) fn write(&self, path: &Path) -> io::Result<()> {
+        let mut text = serde_json::to_string_pretty(self)?;
+        text.push('\n');
+        std::fs::write(path, text)
+    }
+}

@@ -1,0 +1,182 @@
+//! A scene: everything that a run needs, as one serde value that the builder and TOML share.
+//! It must not know how a scene is run, nor read a mesh.
+
+mod body;
+mod check;
+mod output;
+#[cfg(feature = "cli")]
+mod parse;
+mod time;
+
+use std::path::{Path, PathBuf};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use body::{
+    Axis, Body, BoxRegion, BoxShape, Fix, MaterialEntry, Materials, Probe, Spring, SpringEnd, Strike,
+};
+pub use check::Problem;
+pub use output::{Assert, Encoding, Field, Output, Precision};
+#[cfg(feature = "cli")]
+pub use parse::Parsed;
+pub use time::{LinearChoice, SchemeName, Solver, Time};
+
+/// A scene. Its TOML form has the same names; unknown keys are errors.
+///
+/// ```
+/// use variational::prelude::*;
+/// let scene = Scene::new(Time::new(1.0, 0.01, SchemeName::StormerVerlet))
+///     .gravity([0.0, -9.81, 0.0])
+///     .body(Body::from_box("block", [1.0, 0.2, 0.2], [5, 1, 1], MaterialSpec::neo_hookean(1e6, 0.3, 1000.0)))
+///     .fix(Fix::region("block", "x-min"));
+/// assert!(scene.problems().is_empty());
+/// ```
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// What the scene is, in words.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub title: String,
+    /// Acceleration of gravity, m/s².
+    #[serde(default)]
+    pub gravity: [f64; 3],
+    /// How time is stepped.
+    pub time: Time,
+    /// Deformable bodies.
+    #[serde(rename = "body")]
+    pub bodies: Vec<Body>,
+    /// Prescribed coordinates: fixed, or moving on a given path.
+    #[serde(rename = "fix", default, skip_serializing_if = "Vec::is_empty")]
+    pub fixes: Vec<Fix>,
+    /// Springs between points, or between a point and a place in space.
+    #[serde(rename = "spring", default, skip_serializing_if = "Vec::is_empty")]
+    pub springs: Vec<Spring>,
+    /// Impulses given to a region at t = 0.
+    #[serde(rename = "strike", default, skip_serializing_if = "Vec::is_empty")]
+    pub strikes: Vec<Strike>,
+    /// Points whose motion is written to history.csv.
+    #[serde(rename = "probe", default, skip_serializing_if = "Vec::is_empty")]
+    pub probes: Vec<Probe>,
+    /// How implicit equations are solved.
+    #[serde(default)]
+    pub solver: Solver,
+    /// What is written.
+    #[serde(default)]
+    pub output: Output,
+    /// What must hold at the end; exit code 3 if broken.
+    #[serde(default)]
+    pub assert: Assert,
+}
+
+impl Scene {
+    /// An empty scene with this stepping of time.
+    pub fn new(time: Time) -> Self {
+        Self {
+            title: String::new(),
+            gravity: [0.0; 3],
+            time,
+            bodies: Vec::new(),
+            fixes: Vec::new(),
+            springs: Vec::new(),
+            strikes: Vec::new(),
+            probes: Vec::new(),
+            solver: Solver::default(),
+            output: Output::default(),
+            assert: Assert::default(),
+        }
+    }
+
+    /// Sets the title.
+    pub fn title(mut self, title: impl Into<String>) -> Self {
+        self.title = title.into();
+        self
+    }
+
+    /// Sets gravity, m/s².
+    pub fn gravity(mut self, gravity: [f64; 3]) -> Self {
+        self.gravity = gravity;
+        self
+    }
+
+    /// Adds a body.
+    pub fn body(mut self, body: Body) -> Self {
+        self.bodies.push(body);
+        self
+    }
+
+    /// Adds prescribed coordinates.
+    pub fn fix(mut self, fix: Fix) -> Self {
+        self.fixes.push(fix);
+        self
+    }
+
+    /// Adds a spring.
+    pub fn spring(mut self, spring: Spring) -> Self {
+        self.springs.push(spring);
+        self
+    }
+
+    /// Adds an impulse at t = 0.
+    pub fn strike(mut self, strike: Strike) -> Self {
+        self.strikes.push(strike);
+        self
+    }
+
+    /// Adds a probe.
+    pub fn probe(mut self, probe: Probe) -> Self {
+        self.probes.push(probe);
+        self
+    }
+
+    /// Sets how implicit equations are solved.
+    pub fn solver(mut self, solver: Solver) -> Self {
+        self.solver = solver;
+        self
+    }
+
+    /// Sets what is written.
+    pub fn output(mut self, output: Output) -> Self {
+        self.output = output;
+        self
+    }
+
+    /// Everything that is wrong with the values of this scene, without reading any file.
+    pub fn problems(&self) -> Vec<Problem> {
+        check::problems(self)
+    }
+
+    /// The JSON schema of a scene, with units and ranges in the descriptions.
+    pub fn schema() -> serde_json::Value {
+        schemars::schema_for!(Scene).into()
+    }
+
+    /// Reads mesh paths as relative to `directory`, where the scene file lies.
+    pub fn relative_to(mut self, directory: &Path) -> Self {
+        for body in &mut self.bodies {
+            if let Some(mesh) = &mut body.mesh
+                && mesh.is_relative()
+            {
+                *mesh = normal(directory.join(&*mesh));
+            }
+        }
+        self
+    }
+}
+
+/// `a/b/../c` as `a/c`, for readable messages; symbolic links are not followed.
+fn normal(path: PathBuf) -> PathBuf {
+    let mut out = PathBuf::new();
+    for part in path.components() {
+        match part {
+            std::path::Component::CurDir => {}
+            std::path::Component::ParentDir
+                if matches!(out.components().next_back(), Some(std::path::Component::Normal(_))) =>
+            {
+                out.pop();
+            }
+            other => out.push(other),
+        }
+    }
+    out
+}

@@ -1,0 +1,269 @@
+//! What is wrong with the values of a scene: everything at once, each with its key and the way out.
+//! It must not read a file; meshes are checked when they are loaded.
+
+use std::collections::HashSet;
+use std::fmt;
+use std::path::PathBuf;
+
+use super::{Axis, Body, Scene, SchemeName};
+
+/// One thing that is wrong with a scene: where, what, and the way out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Problem {
+    /// The scene file, where there is one.
+    pub file: Option<PathBuf>,
+    /// Line in that file, from 1.
+    pub line: Option<usize>,
+    /// The key, e.g. `body[0].material.density`; empty for the whole scene.
+    pub key: String,
+    /// What is wrong, and the way out.
+    pub message: String,
+}
+
+impl Problem {
+    /// A problem at a key.
+    pub fn new(key: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { file: None, line: None, key: key.into(), message: message.into() }
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(file) = &self.file {
+            write!(f, "{}:", file.display())?;
+            match self.line {
+                Some(line) => write!(f, "{line}: ")?,
+                None => f.write_str(" ")?,
+            }
+        }
+        if self.key.is_empty() { f.write_str(&self.message) } else { write!(f, "{}: {}", self.key, self.message) }
+    }
+}
+
+/// Collects problems with the key that they are at.
+struct Checker {
+    problems: Vec<Problem>,
+}
+
+impl Checker {
+    fn say(&mut self, key: impl Into<String>, message: impl Into<String>) {
+        self.problems.push(Problem::new(key, message));
+    }
+
+    fn positive(&mut self, key: impl Into<String>, value: f64, unit: &str) {
+        if !(value > 0.0 && value.is_finite()) {
+            self.say(key, format!("must be positive and finite, is {value} {unit}"));
+        }
+    }
+
+    fn finite(&mut self, key: impl Into<String>, values: &[f64]) {
+        if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+            self.say(key, format!("must be finite, holds {value}"));
+        }
+    }
+
+    fn at_most_one_of(&mut self, key: &str, given: &[(&str, bool)], needed: bool) {
+        let count = given.iter().filter(|(_, is_given)| *is_given).count();
+        let names: Vec<_> = given.iter().map(|(name, _)| format!("`{name}`")).collect();
+        let names = names.join(", ");
+        if count > 1 {
+            self.say(key, format!("give only one of {names}"));
+        } else if count == 0 && needed {
+            self.say(key, format!("missing key: give one of {names}"));
+        }
+    }
+}
+
+pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
+    let mut check = Checker { problems: Vec::new() };
+    check.finite("gravity", &scene.gravity);
+    time(&mut check, scene);
+    if scene.bodies.is_empty() {
+        check.say("body", "a scene needs at least one [[body]]");
+    }
+    let mut names = HashSet::new();
+    for (i, b) in scene.bodies.iter().enumerate() {
+        if !names.insert(b.name.as_str()) {
+            check.say(format!("body[{i}].name"), format!("there is another body named '{}'", b.name));
+        }
+        body(&mut check, &format!("body[{i}]"), b);
+    }
+    attachments(&mut check, scene);
+    output(&mut check, scene);
+    check.problems
+}
+
+fn time(check: &mut Checker, scene: &Scene) {
+    let time = &scene.time;
+    check.positive("time.end", time.end, "s");
+    check.positive("time.step", time.step, "s");
+    if time.step > time.end && time.end > 0.0 {
+        check.say("time.step", format!("must not exceed `end` ({} s), is {} s", time.end, time.step));
+    }
+    if time.end / time.step > 9e15 {
+        check.say("time.step", "asks for more steps than can be counted");
+    }
+    match time.stages {
+        Some(stages) if time.scheme != SchemeName::Gauss => check.say(
+            "time.stages",
+            format!("only scheme \"gauss\" has stages; take `stages = {stages}` out, or choose gauss"),
+        ),
+        Some(stages) if !(1..=5).contains(&stages) => {
+            check.say("time.stages", format!("must be 1 to 5, is {stages}"));
+        }
+        _ => {}
+    }
+    if let Some(radius) = time.spectral_radius {
+        if time.scheme != SchemeName::GeneralizedAlpha {
+            check.say("time.spectral_radius", "only scheme \"generalized-alpha\" has a spectral radius");
+        } else if !(0.0..=1.0).contains(&radius) {
+            check.say("time.spectral_radius", format!("must be 0 to 1, is {radius}"));
+        }
+    }
+    let tolerance = scene.solver.tolerance;
+    if !(1e-14..=0.1).contains(&tolerance) {
+        check.say("solver.tolerance", format!("must be 1e-14 (to round-off) to 0.1, is {tolerance:e}"));
+    }
+}
+
+fn body(check: &mut Checker, key: &str, body: &Body) {
+    if body.name.is_empty() {
+        check.say(format!("{key}.name"), "must not be empty");
+    }
+    check.at_most_one_of(key, &[("mesh", body.mesh.is_some()), ("box", body.box_shape.is_some())], true);
+    if let Some(shape) = &body.box_shape {
+        for &size in &shape.size {
+            check.positive(format!("{key}.box.size"), size, "m");
+        }
+        if shape.cells.contains(&0) {
+            check.say(format!("{key}.box.cells"), "must be at least 1 along each edge");
+        }
+        let cells = shape.cells.iter().try_fold(1usize, |a, &b| a.checked_mul(b));
+        if cells.is_none_or(|count| count > 200_000_000) {
+            check.say(format!("{key}.box.cells"), "asks for more than 2e8 cells");
+        }
+        check.finite(format!("{key}.box.origin"), &shape.origin);
+    }
+    if let Some(scale) = body.scale {
+        check.positive(format!("{key}.scale"), scale, "");
+    }
+    for (name, value) in [
+        ("translate", body.translate),
+        ("velocity", body.velocity),
+        ("angular_velocity", body.angular_velocity),
+    ] {
+        check.finite(format!("{key}.{name}"), &value.unwrap_or_default());
+    }
+    let entries = &body.material.0;
+    if entries.is_empty() {
+        check.say(format!("{key}.material"), "missing: the list holds no material");
+    }
+    let mut regions = HashSet::new();
+    for (i, entry) in entries.iter().enumerate() {
+        let key =
+            if entries.len() == 1 { format!("{key}.material") } else { format!("{key}.material[{i}]") };
+        for message in entry.law.problems() {
+            check.say(key.clone(), message);
+        }
+        if !regions.insert(entry.region.as_deref()) {
+            check.say(key, "two materials for the same region");
+        }
+    }
+}
+
+fn attachments(check: &mut Checker, scene: &Scene) {
+    let names: Vec<_> = scene.bodies.iter().map(|body| body.name.as_str()).collect();
+    let known = |check: &mut Checker, key: String, name: &str| {
+        if !names.contains(&name) {
+            check.say(key, format!("there is no body '{name}'; there are: {}", names.join(", ")));
+        }
+    };
+    for (i, fix) in scene.fixes.iter().enumerate() {
+        let key = format!("fix[{i}]");
+        known(check, format!("{key}.body"), &fix.body);
+        let given = [
+            ("region", fix.region.is_some()),
+            ("box", fix.within.is_some()),
+            ("nodes", fix.nodes.is_some()),
+        ];
+        check.at_most_one_of(&key, &given, true);
+        if fix.axes.is_empty() {
+            check.say(format!("{key}.axes"), "names no axis; take it out to prescribe all three");
+        }
+        for axis in [Axis::X, Axis::Y, Axis::Z] {
+            if fix.axes.iter().filter(|&&a| a == axis).count() > 1 {
+                check.say(format!("{key}.axes"), "names an axis twice");
+            }
+        }
+        if let Some(motion) = &fix.motion {
+            for message in motion.problems() {
+                check.say(format!("{key}.motion"), message);
+            }
+        }
+        if let Some(within) = &fix.within {
+            if (0..3).any(|k| within.min[k] > within.max[k] || within.min[k].is_nan() || within.max[k].is_nan()) {
+                check.say(format!("{key}.box"), "`min` must not exceed `max`");
+            }
+        }
+    }
+    for (i, spring) in scene.springs.iter().enumerate() {
+        let key = format!("spring[{i}]");
+        check.positive(format!("{key}.stiffness"), spring.stiffness, "N/m");
+        if spring.length.is_some_and(|length| !(length >= 0.0 && length.is_finite())) {
+            check.say(format!("{key}.length"), "must be zero or positive, in m");
+        }
+        if spring.from.body.is_none() {
+            check.say(format!("{key}.from"), "missing key `body`: the first end must be on a body");
+        }
+        for (side, end) in [("from", &spring.from), ("to", &spring.to)] {
+            let key = format!("{key}.{side}");
+            if let Some(body) = &end.body {
+                known(check, format!("{key}.body"), body);
+            } else if end.node.is_some() {
+                check.say(format!("{key}.node"), "a node needs a `body`");
+            }
+            let given = [("point", end.point.is_some()), ("node", end.node.is_some())];
+            check.at_most_one_of(&key, &given, true);
+        }
+    }
+    for (i, strike) in scene.strikes.iter().enumerate() {
+        known(check, format!("strike[{i}].body"), &strike.body);
+        check.finite(format!("strike[{i}].impulse"), &strike.impulse);
+    }
+    let mut probes = HashSet::new();
+    for (i, probe) in scene.probes.iter().enumerate() {
+        let key = format!("probe[{i}]");
+        known(check, format!("{key}.body"), &probe.body);
+        let given = [("point", probe.point.is_some()), ("node", probe.node.is_some())];
+        check.at_most_one_of(&key, &given, true);
+        check.finite(format!("{key}.point"), &probe.point.unwrap_or_default());
+        if probe.name.is_empty() || probe.name.contains([',', '\n', '"']) {
+            check.say(format!("{key}.name"), "must be a word without commas or quotes: it heads columns");
+        }
+        if !probes.insert(probe.name.as_str()) {
+            check.say(format!("{key}.name"), format!("there is another probe named '{}'", probe.name));
+        }
+    }
+}
+
+fn output(check: &mut Checker, scene: &Scene) {
+    if let Some(interval) = scene.output.interval {
+        check.positive("output.interval", interval, "s");
+    }
+    let mut fields = HashSet::new();
+    for field in &scene.output.fields {
+        if !fields.insert(*field as u8) {
+            check.say("output.fields", "names a field twice");
+        }
+    }
+    let assert = &scene.assert;
+    for (name, bound) in [
+        ("energy_drift", assert.energy_drift),
+        ("momentum_drift", assert.momentum_drift),
+        ("angular_momentum_drift", assert.angular_momentum_drift),
+    ] {
+        if bound.is_some_and(|bound| !(bound >= 0.0)) {
+            check.say(format!("assert.{name}"), "must be zero or positive");
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! What a run writes, and what must hold at its end.
+
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A field that can be written to the frames. Nothing is computed that is not named.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Field {
+    /// Displacement from rest, m (points).
+    Displacement,
+    /// Velocity, m/s (points).
+    Velocity,
+    /// Number of the body in the scene, from 0 (cells).
+    BodyId,
+    /// Number of the material entry of the body, from 0 (cells).
+    MaterialId,
+}
+
+/// Precision of the frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// 32 bits, for viewing.
+    #[default]
+    F32,
+    /// 64 bits: a frame can start another run.
+    F64,
+}
+
+/// How arrays are stored in the frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Encoding {
+    /// Appended raw, zlib.
+    #[default]
+    Raw,
+    /// Inline base64, zlib: for readers that cannot read appended data.
+    Base64,
+}
+
+/// `[output]`: what is written, and where.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Output {
+    /// Directory, relative to the working directory (default `out/<scene>`); `--out` overrides.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub directory: Option<PathBuf>,
+    /// Time between frames, s (> 0); omit for none. A frame is written at the nearest step.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interval: Option<f64>,
+    /// A row of history.csv every n steps, and always the first and the last (default 1; 0: those two only).
+    #[serde(default = "Output::default_history")]
+    pub history: u64,
+    /// Fields of the frames; nothing is computed that is not named.
+    #[serde(default = "Output::default_fields")]
+    pub fields: Vec<Field>,
+    /// Precision of the frames.
+    #[serde(default)]
+    pub precision: Precision,
+    /// Encoding of the frames.
+    #[serde(default)]
+    pub encoding: Encoding,
+    /// Keep the full energy ledger: every step's scheme error and residual work, computed on its own.
+    /// It costs an energy evaluation a step, and an extra residual in implicit steps.
+    #[serde(default)]
+    pub ledger: bool,
+}
+
+impl Output {
+    fn default_history() -> u64 {
+        1
+    }
+
+    fn default_fields() -> Vec<Field> {
+        vec![Field::Displacement]
+    }
+}
+
+impl Default for Output {
+    fn default() -> Self {
+        Self {
+            directory: None,
+            interval: None,
+            history: Self::default_history(),
+            fields: Self::default_fields(),
+            precision: Precision::default(),
+            encoding: Encoding::default(),
+            ledger: false,
+        }
+    }
+}
+
+/// `[assert]`: a scene can be a test; exit code 3 if broken.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Assert {
+    /// Largest |H − H₀ − work of prescribed motion| over the largest kinetic energy.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub energy_drift: Option<f64>,
+    /// Largest change of linear momentum over the largest Σ m|v| (free bodies without gravity).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub momentum_drift: Option<f64>,
+    /// Largest change of angular momentum over the largest Σ m|x||v| (free bodies without gravity).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub angular_momentum_drift: Option<f64>,
+}

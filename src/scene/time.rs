@@ -1,0 +1,140 @@
+//! How time is stepped and how implicit equations are solved, as a scene says it.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use vi_solvers::{LinearSolver, Method, SolverOptions};
+
+/// The name of a time integrator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum SchemeName {
+    /// Variational, explicit, order 1.
+    SymplecticEulerA,
+    /// Variational, explicit, order 1.
+    SymplecticEulerB,
+    /// Variational, explicit, order 2.
+    StormerVerlet,
+    /// Symplectic Runge-Kutta-Nyström, explicit, order 4.
+    #[serde(rename = "blanes-moan-4")]
+    BlanesMoan4,
+    /// Symplectic Runge-Kutta-Nyström, explicit, order 6.
+    #[serde(rename = "blanes-moan-6")]
+    BlanesMoan6,
+    /// Variational, implicit, order 2.
+    ImplicitMidpoint,
+    /// Variational, implicit, order 2 · stages.
+    Gauss,
+    /// Conserves energy and momenta, implicit, order 2.
+    EnergyMomentum,
+    /// Not variational: gains energy.
+    ForwardEuler,
+    /// Not variational: loses energy.
+    BackwardEuler,
+    /// Not variational: loses energy.
+    Bdf2,
+    /// Not variational: average acceleration.
+    Newmark,
+    /// Not variational: loses energy at high frequencies.
+    #[serde(rename = "generalized-alpha")]
+    GeneralizedAlpha,
+}
+
+/// `[time]`: how long, in which steps, by which scheme.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Time {
+    /// End of the run, s (> 0).
+    pub end: f64,
+    /// Step h, s (> 0). It is adjusted to end/round(end/step), so that a step lands on `end`.
+    pub step: f64,
+    /// The time integrator.
+    pub scheme: SchemeName,
+    /// Stages of `gauss`, 1 to 5 (default 2).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stages: Option<usize>,
+    /// Spectral radius at infinite frequency of `generalized-alpha`, 0 to 1 (default 0.8).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spectral_radius: Option<f64>,
+}
+
+impl Time {
+    /// From 0 to `end` (s) in steps of `step` (s).
+    pub fn new(end: f64, step: f64, scheme: SchemeName) -> Self {
+        Self { end, step, scheme, stages: None, spectral_radius: None }
+    }
+
+    /// Number of steps, end/step rounded and at least one, and the step that lands on `end`, s.
+    pub fn steps(&self) -> (u64, f64) {
+        let count = (self.end / self.step).round().max(1.0);
+        (count as u64, self.end / count)
+    }
+
+    /// The integrator that is asked for.
+    pub fn method(&self) -> Method {
+        match self.scheme {
+            SchemeName::SymplecticEulerA => Method::SymplecticEulerA,
+            SchemeName::SymplecticEulerB => Method::SymplecticEulerB,
+            SchemeName::StormerVerlet => Method::StormerVerlet,
+            SchemeName::BlanesMoan4 => Method::BlanesMoan4,
+            SchemeName::BlanesMoan6 => Method::BlanesMoan6,
+            SchemeName::ImplicitMidpoint => Method::ImplicitMidpoint,
+            SchemeName::Gauss => Method::Gauss { stages: self.stages.unwrap_or(2) },
+            SchemeName::EnergyMomentum => Method::EnergyMomentum,
+            SchemeName::ForwardEuler => Method::ForwardEuler,
+            SchemeName::BackwardEuler => Method::BackwardEuler,
+            SchemeName::Bdf2 => Method::Bdf2,
+            SchemeName::Newmark => Method::Newmark,
+            SchemeName::GeneralizedAlpha => {
+                Method::GeneralizedAlpha { spectral_radius: self.spectral_radius.unwrap_or(0.8) }
+            }
+        }
+    }
+}
+
+/// Which linear solver serves implicit steps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum LinearChoice {
+    /// The cheaper one by the counted work.
+    #[default]
+    Auto,
+    /// Sparse Cholesky factor.
+    Cholesky,
+    /// Preconditioned conjugate gradients.
+    Pcg,
+}
+
+/// `[solver]`: how implicit equations are solved.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Solver {
+    /// Relative tolerance of every implicit solve in the energy norm, 1e-14 to 1e-1 (default 1e-6);
+    /// 1e-14 means: to round-off.
+    #[serde(default = "Solver::default_tolerance")]
+    pub tolerance: f64,
+    /// The linear solver.
+    #[serde(default)]
+    pub linear: LinearChoice,
+}
+
+impl Solver {
+    fn default_tolerance() -> f64 {
+        1e-6
+    }
+
+    /// As the solvers take it.
+    pub fn options(&self) -> SolverOptions {
+        let linear = match self.linear {
+            LinearChoice::Auto => LinearSolver::Auto,
+            LinearChoice::Cholesky => LinearSolver::Cholesky,
+            LinearChoice::Pcg => LinearSolver::Pcg,
+        };
+        SolverOptions { tolerance: self.tolerance, linear, ..SolverOptions::default() }
+    }
+}
+
+impl Default for Solver {
+    fn default() -> Self {
+        Self { tolerance: Self::default_tolerance(), linear: LinearChoice::Auto }
+    }
+}

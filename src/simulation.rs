@@ -1,0 +1,283 @@
+//! A scene come to life: systems with their states and steppers, stepped together.
+//! It must not know files: `run.rs` writes what it observes.
+
+use rayon::prelude::*;
+use vi_core::{State, System, angular_momentum, kinetic_energy, linear_momentum};
+use vi_solvers::{Assembler, StepError, Stepper, Work};
+
+use crate::model::{BodyModel, Model, ProbeTarget};
+use crate::scene::{Problem, Scene};
+
+/// Bodies that act on each other, as one Lagrangian system with its integrator.
+///
+/// Bodies apart from each other are separate components and cost what they cost alone; a component
+/// without a free coordinate has no stepper and costs nothing.
+pub struct Component {
+    pub(crate) system: System,
+    pub(crate) state: State,
+    pub(crate) stepper: Option<Box<dyn Stepper>>,
+    /// Evaluates energies for observers; made when first asked for.
+    observer: Option<Assembler>,
+}
+
+impl Component {
+    /// The Lagrangian system.
+    pub fn system(&self) -> &System {
+        &self.system
+    }
+
+    /// Its state.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// The integrator; none where no coordinate is free.
+    pub fn stepper(&self) -> Option<&dyn Stepper> {
+        self.stepper.as_deref()
+    }
+}
+
+/// Position and displacement of a probe, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ProbeValue {
+    /// Where the node is.
+    pub position: [f64; 3],
+    /// Where it is, from where it is at rest.
+    pub displacement: [f64; 3],
+}
+
+/// Energies, momenta and probes at one time.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Observation {
+    /// Time, s.
+    pub t: f64,
+    /// Kinetic energy, J.
+    pub kinetic: f64,
+    /// Strain energy, J.
+    pub elastic: f64,
+    /// Energy of weight, J, zero at the origin.
+    pub gravity: f64,
+    /// Energy of other conservative loads, J.
+    pub load: f64,
+    /// Linear momentum of the free coordinates, kg m/s.
+    pub momentum: [f64; 3],
+    /// Angular momentum of the free coordinates about the origin, kg m²/s.
+    pub angular_momentum: [f64; 3],
+    /// The probes, in the order of the scene.
+    pub probes: Vec<ProbeValue>,
+}
+
+impl Observation {
+    /// Total energy, J.
+    pub fn total(&self) -> f64 {
+        self.kinetic + self.elastic + self.gravity + self.load
+    }
+}
+
+/// What one step of all components did.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Stepped {
+    /// Newton iterations.
+    pub iterations: u64,
+    /// What changed the energy, J (where the ledger is kept, and always the prescribed work).
+    pub energy: vi_core::StepEnergy,
+}
+
+/// A scene with its state, ready to be stepped.
+pub struct Simulation {
+    scene: Scene,
+    bodies: Vec<BodyModel>,
+    probes: Vec<ProbeTarget>,
+    components: Vec<Component>,
+    notes: Vec<String>,
+    steps: u64,
+    step_count: u64,
+    h: f64,
+}
+
+impl Simulation {
+    /// Reads the meshes of a scene and builds its systems at t = 0.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the scene and its meshes, at once.
+    pub fn new(scene: Scene) -> Result<Self, Vec<Problem>> {
+        let problems = scene.problems();
+        if !problems.is_empty() {
+            return Err(problems);
+        }
+        let model = Model::build(&scene)?;
+        let mut problems = Vec::new();
+        let mut options = scene.solver.options();
+        options.ledger = scene.output.ledger;
+        let method = scene.time.method();
+        let mut components = Vec::with_capacity(model.components.len());
+        for (system, state) in model.components {
+            let stepper = if system.coordinates().free_count() == 0 {
+                None
+            } else {
+                match vi_solvers::stepper(&method, &system, &options) {
+                    Ok(stepper) => Some(stepper),
+                    Err(error) => {
+                        problems.push(Problem::new("time", error.to_string()));
+                        None
+                    }
+                }
+            };
+            components.push(Component { system, state, stepper, observer: None });
+        }
+        if !problems.is_empty() {
+            return Err(problems);
+        }
+        let (step_count, h) = scene.time.steps();
+        Ok(Self {
+            scene,
+            bodies: model.bodies,
+            probes: model.probes,
+            components,
+            notes: model.notes,
+            steps: 0,
+            step_count,
+            h,
+        })
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The bodies, in the order of the scene.
+    pub fn bodies(&self) -> &[BodyModel] {
+        &self.bodies
+    }
+
+    /// The systems.
+    pub fn components(&self) -> &[Component] {
+        &self.components
+    }
+
+    /// What was repaired or left out when meshes were read.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// The step h that lands on the scene's end, s.
+    pub fn step_size(&self) -> f64 {
+        self.h
+    }
+
+    /// Steps made.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// Steps that the scene asks for.
+    pub fn step_count(&self) -> u64 {
+        self.step_count
+    }
+
+    /// Time, s.
+    pub fn time(&self) -> f64 {
+        self.steps as f64 * self.h
+    }
+
+    /// Is the end reached?
+    pub fn is_done(&self) -> bool {
+        self.steps >= self.step_count
+    }
+
+    /// Advances every component by one step.
+    ///
+    /// # Errors
+    /// The first component's [`StepError`]; all states are then as before.
+    pub fn step(&mut self) -> Result<Stepped, StepError> {
+        let h = self.h;
+        let t_next = (self.steps + 1) as f64 * h;
+        let advance = |component: &mut Component| -> Result<Stepped, StepError> {
+            let mut done = Stepped::default();
+            if let Some(stepper) = &mut component.stepper {
+                let report = stepper.step(&component.system, &mut component.state, h)?;
+                done.iterations = u64::from(report.iterations);
+                done.energy = report.energy;
+            }
+            component.state.t = t_next;
+            Ok(done)
+        };
+        let mut total = Stepped::default();
+        if let [component] = self.components.as_mut_slice() {
+            total = advance(component)?;
+        } else {
+            let before: Vec<State> = self.components.iter().map(|c| c.state.clone()).collect();
+            let results: Vec<_> = self.components.par_iter_mut().map(advance).collect();
+            if results.iter().any(Result::is_err) {
+                for (component, state) in self.components.iter_mut().zip(before) {
+                    component.state = state;
+                }
+            }
+            for result in results {
+                let done = result?;
+                total.iterations += done.iterations;
+                total.energy += done.energy;
+            }
+        }
+        self.steps += 1;
+        Ok(total)
+    }
+
+    /// Work done by all steppers so far.
+    pub fn work(&self) -> Work {
+        let mut total = Work::default();
+        for stepper in self.components.iter().filter_map(Component::stepper) {
+            total += stepper.work();
+        }
+        total
+    }
+
+    /// Energies, momenta and probes now. Costs one energy evaluation.
+    pub fn observe(&mut self) -> Observation {
+        let mut seen = Observation { t: self.time(), ..Observation::default() };
+        let mut positions = Vec::with_capacity(self.components.len());
+        for component in &mut self.components {
+            let Component { system, state, observer, .. } = component;
+            let x = system.positions(state);
+            let energies =
+                observer.get_or_insert_with(|| Assembler::new(system)).energies(system, &x, state.t);
+            seen.elastic += energies.elastic;
+            seen.gravity += energies.gravity;
+            seen.load += energies.load;
+            seen.kinetic += kinetic_energy(system, state);
+            let (linear, angular) = (linear_momentum(system, state), angular_momentum(system, state));
+            for k in 0..3 {
+                seen.momentum[k] += linear[k];
+                seen.angular_momentum[k] += angular[k];
+            }
+            positions.push(x);
+        }
+        let value = |probe: &ProbeTarget| {
+            let body = &self.bodies[probe.body];
+            let (x, node) = (&positions[body.component], body.node_offset + probe.node);
+            let position = std::array::from_fn(|k| x[3 * node + k]);
+            let rest = body.mesh.points()[probe.node];
+            ProbeValue { position, displacement: std::array::from_fn(|k| position[k] - rest[k]) }
+        };
+        seen.probes = self.probes.iter().map(value).collect();
+        seen
+    }
+
+    /// Positions of the nodes of body number `body`, m.
+    pub fn positions(&self, body: usize) -> Vec<[f64; 3]> {
+        self.nodal(body, |component| component.system.positions(&component.state))
+    }
+
+    /// Velocities of the nodes of body number `body`, m/s.
+    pub fn velocities(&self, body: usize) -> Vec<[f64; 3]> {
+        self.nodal(body, |component| component.system.velocities(&component.state))
+    }
+
+    fn nodal(&self, body: usize, values: impl Fn(&Component) -> Vec<f64>) -> Vec<[f64; 3]> {
+        let body = &self.bodies[body];
+        let all = values(&self.components[body.component]);
+        let own = &all[3 * body.node_offset..3 * (body.node_offset + body.mesh.points().len())];
+        own.as_chunks::<3>().0.to_vec()
+    }
+}

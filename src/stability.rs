@@ -1,0 +1,59 @@
+//! Is an explicit step below its stability limit? Asked before the run, by the highest frequency of
+//! the scene. It must not know how that is found.
+
+use rayon::prelude::*;
+use vi_solvers::{Method, highest_frequency};
+
+use crate::simulation::{Component, Simulation};
+
+/// The stability of an explicit scheme at the start of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StabilityNote {
+    /// The scheme.
+    pub method: Method,
+    /// The step, s.
+    pub step: f64,
+    /// Highest angular frequency ω of the scene at its start, rad/s.
+    pub highest_frequency: f64,
+    /// The greatest stable step, (hω limit)/ω, s.
+    pub step_limit: f64,
+}
+
+impl StabilityNote {
+    /// What to say before the run where the step is above the limit.
+    pub fn warning(&self) -> Option<String> {
+        if self.step <= self.step_limit {
+            return None;
+        }
+        let name = self.method.name();
+        let (h, limit) = (self.step, self.step_limit);
+        Some(if limit == 0.0 {
+            format!("{name} is unstable at any step: its energy grows; it is here for comparison")
+        } else {
+            format!(
+                "the step {h:.3e} s is above the stability limit {limit:.3e} s of {name} (highest frequency {:.4e} rad/s): \
+                 the run will blow up; use a step of {:.3e} s or an implicit scheme",
+                self.highest_frequency,
+                0.9 * limit
+            )
+        })
+    }
+}
+
+/// The stability of a simulation's explicit scheme; none for implicit schemes, or where nothing moves.
+pub fn stability(simulation: &Simulation) -> Option<StabilityNote> {
+    let method = simulation.scene().time.method();
+    let limit = method.facts().stability_limit?;
+    let frequency = |component: &Component| {
+        component.stepper()?;
+        highest_frequency(component.system(), component.state()).ok().map(|found| found.omega)
+    };
+    let found: Vec<Option<f64>> = simulation.components().par_iter().map(frequency).collect();
+    let highest = found.into_iter().flatten().fold(0.0, f64::max);
+    (highest > 0.0).then(|| StabilityNote {
+        method,
+        step: simulation.step_size(),
+        highest_frequency: highest,
+        step_limit: limit / highest,
+    })
+}

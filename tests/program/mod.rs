@@ -1,0 +1,125 @@
+//! Runs the program on a scene in a directory of its own, and reads what it wrote.
+#![allow(dead_code, reason = "each test binary uses a part of this room")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use tempfile::TempDir;
+
+/// A run that has ended.
+pub struct Program {
+    directory: TempDir,
+    pub output: Output,
+}
+
+impl Program {
+    /// Runs a scene that must succeed; `DATA` in it stands for tests/data, `MESHES` for meshes.
+    pub fn run(scene: &str) -> Self {
+        Self::run_with(scene, &[])
+    }
+
+    /// The same, with further arguments.
+    pub fn run_with(scene: &str, arguments: &[&str]) -> Self {
+        let program = Self::try_run(scene, arguments);
+        assert!(program.output.status.success(), "{}", program.errors());
+        program
+    }
+
+    /// Runs a scene that may fail.
+    pub fn try_run(scene: &str, arguments: &[&str]) -> Self {
+        let directory = TempDir::new().unwrap();
+        let path = directory.path().join("scene.toml");
+        std::fs::write(&path, with_paths(scene)).unwrap();
+        let output = command()
+            .current_dir(directory.path())
+            .args(["run", "scene.toml"])
+            .args(if arguments.contains(&"--out") { &[][..] } else { &["--out", "out"] })
+            .args(arguments)
+            .output()
+            .unwrap();
+        Self { directory, output }
+    }
+
+    /// `variational check` on a scene.
+    pub fn check(scene: &str) -> Self {
+        let directory = TempDir::new().unwrap();
+        std::fs::write(directory.path().join("scene.toml"), with_paths(scene)).unwrap();
+        let output = command().current_dir(directory.path()).args(["check", "scene.toml"]).output().unwrap();
+        Self { directory, output }
+    }
+
+    /// The directory that the run was started in.
+    pub fn directory(&self) -> &Path {
+        self.directory.path()
+    }
+
+    /// The directory that it wrote.
+    pub fn out(&self) -> PathBuf {
+        self.directory.path().join("out")
+    }
+
+    pub fn errors(&self) -> String {
+        String::from_utf8_lossy(&self.output.stderr).into_owned()
+    }
+
+    pub fn code(&self) -> Option<i32> {
+        self.output.status.code()
+    }
+
+    pub fn history(&self) -> History {
+        History::read(&self.out().join("history.csv"))
+    }
+
+    pub fn report(&self) -> serde_json::Value {
+        serde_json::from_str(&std::fs::read_to_string(self.out().join("report.json")).unwrap()).unwrap()
+    }
+}
+
+fn with_paths(scene: &str) -> String {
+    let root = env!("CARGO_MANIFEST_DIR");
+    scene.replace("DATA", &format!("{root}/tests/data")).replace("MESHES", &format!("{root}/meshes"))
+}
+
+/// The program as it was built for the tests.
+pub fn command() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_variational"))
+}
+
+/// history.csv.
+pub struct History {
+    names: Vec<String>,
+    rows: Vec<Vec<f64>>,
+}
+
+impl History {
+    pub fn read(path: &Path) -> Self {
+        let text = std::fs::read_to_string(path).unwrap();
+        let mut lines = text.lines();
+        let names = lines.next().unwrap().split(',').map(str::to_owned).collect();
+        let rows = lines.map(|line| line.split(',').map(|value| value.parse().unwrap()).collect()).collect();
+        Self { names, rows }
+    }
+
+    pub fn column(&self, name: &str) -> Vec<f64> {
+        let i = self.names.iter().position(|n| n == name).unwrap_or_else(|| panic!("no column {name}"));
+        self.rows.iter().map(|row| row[i]).collect()
+    }
+
+    pub fn first(&self, name: &str) -> f64 {
+        self.column(name)[0]
+    }
+
+    pub fn last(&self, name: &str) -> f64 {
+        *self.column(name).last().unwrap()
+    }
+
+    /// The value in the row nearest to t.
+    pub fn at(&self, name: &str, t: f64) -> f64 {
+        let times = self.column("t");
+        let nearest = (0..times.len())
+            .min_by(|&a, &b| (times[a] - t).abs().total_cmp(&(times[b] - t).abs()))
+            .unwrap();
+        assert!((times[nearest] - t).abs() < 1e-9, "no row at t = {t}");
+        self.column(name)[nearest]
+    }
+}
