@@ -32,5 +32,5 @@ pub mod prelude {
         Assert, Axis, Body, Field, Fix, Output, Precision, Probe, Scene, SchemeName, Solver, Time,
     };
     pub use crate::simulation::{Observation, Simulation};
-    pub use vi_fem::{MaterialSpec, Motion};
+    pub use vi_fem::{BoxMesh, ElementKind, Isotropic, Law, Motion};
 }

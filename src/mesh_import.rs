@@ -55,8 +55,11 @@ fn import(file: MeshFile, scale: f64, translate: [f64; 3]) -> Result<Imported, V
         .into_iter()
         .map(|group| Region { name: group.name, dimension: group.dimension, elements: group.cells })
         .collect();
-    let mesh = if problems.is_empty() { Mesh::new(points, blocks, regions) } else { return Err(problems) };
-    let mesh = mesh.map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>())?;
+    if !problems.is_empty() {
+        return Err(problems);
+    }
+    let mesh = Mesh { points, blocks, regions };
+    mesh.check(3).map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>())?;
     Ok(Imported { mesh, displacement, velocity, notes: file.notes })
 }
 

@@ -17,12 +17,19 @@ pub struct BodyModel {
     pub name: String,
     /// Its mesh at rest.
     pub mesh: Mesh,
-    /// Number of the material entry of each volume element.
-    pub material_ids: Vec<u32>,
+    /// The elements of each of its material entries.
+    pub materials: Vec<Vec<u32>>,
     /// Number of the component that it is part of.
     pub component: usize,
     /// Its first node among the nodes of the component.
     pub node_offset: usize,
+}
+
+impl BodyModel {
+    /// Number of its elements.
+    pub fn element_count(&self) -> usize {
+        self.materials.iter().map(Vec::len).sum()
+    }
 }
 
 /// A probe with its node found.

@@ -100,8 +100,8 @@ impl Report {
             h: simulation.step_size(),
             steps: 0,
             outcome: None,
-            node_count: simulation.bodies().iter().map(|body| body.mesh.points().len()).sum(),
-            element_count: simulation.bodies().iter().map(|body| body.mesh.element_count()).sum(),
+            node_count: simulation.bodies().iter().map(|body| body.mesh.points.len()).sum(),
+            element_count: simulation.bodies().iter().map(|body| body.element_count()).sum(),
             free_coordinates: components.iter().map(|c| c.system().coordinates().free_count()).sum(),
             components: json!({ "count": components.len(), "without_free_coordinates": idle }),
             stability: stability.map_or(Value::Null, |note| {

@@ -14,7 +14,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use body::{
-    Axis, Body, BoxRegion, BoxShape, Fix, MaterialEntry, Materials, Probe, Spring, SpringEnd, Strike,
+    Axis, Body, BoxRegion, Fix, MaterialEntry, Materials, Probe, Spring, SpringEnd, Strike,
 };
 pub use check::Problem;
 pub use output::{Assert, Encoding, Field, Output, Precision};
@@ -28,7 +28,11 @@ pub use time::{LinearChoice, SchemeName, Solver, Time};
 /// use variational::prelude::*;
 /// let scene = Scene::new(Time::new(1.0, 0.01, SchemeName::StormerVerlet))
 ///     .gravity([0.0, -9.81, 0.0])
-///     .body(Body::from_box("block", [1.0, 0.2, 0.2], [5, 1, 1], MaterialSpec::neo_hookean(1e6, 0.3, 1000.0)))
+///     .body(Body::from_box(
+///         "block",
+///         BoxMesh { size: [1.0, 0.2, 0.2], cells: [5, 1, 1], element: ElementKind::Tet4, origin: [0.0; 3] },
+///         Law::NeoHookean(Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 }),
+///     ))
 ///     .fix(Fix::region("block", "x-min"));
 /// assert!(scene.problems().is_empty());
 /// ```

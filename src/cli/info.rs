@@ -71,19 +71,19 @@ fn scene(path: &Path) -> u8 {
     );
     for (body, said) in simulation.bodies().iter().zip(&scene.bodies) {
         let component = &simulation.components()[body.component];
-        let nodes = body.node_offset..body.node_offset + body.mesh.points().len();
+        let nodes = body.node_offset..body.node_offset + body.mesh.points.len();
         let mass: f64 = nodes.map(|node| component.system().mass()[3 * node]).sum();
         println!(
             "body     '{}': {} nodes, {} elements, {mass:.6e} kg, component {}",
             body.name,
-            body.mesh.points().len(),
-            body.mesh.element_count(),
+            body.mesh.points.len(),
+            body.element_count(),
             body.component
         );
         for entry in &said.material.0 {
             println!("material {} in {}", entry.law.name(), entry.region.as_deref().unwrap_or("the rest"));
         }
-        for region in body.mesh.regions() {
+        for region in &body.mesh.regions {
             println!("region   '{}', dimension {}", region.name, region.dimension);
         }
     }

@@ -37,8 +37,8 @@ impl Watch for Progress {
         if self.quiet {
             return;
         }
-        let elements: usize = simulation.bodies().iter().map(|body| body.mesh.element_count()).sum();
-        let nodes: usize = simulation.bodies().iter().map(|body| body.mesh.points().len()).sum();
+        let elements: usize = simulation.bodies().iter().map(|body| body.element_count()).sum();
+        let nodes: usize = simulation.bodies().iter().map(|body| body.mesh.points.len()).sum();
         eprintln!(
             "{} bodies, {nodes} nodes, {elements} elements; {} steps of {:.4e} s by {}",
             simulation.bodies().len(),

@@ -2,11 +2,11 @@
 //! one component, all others stand alone. It must not read files.
 
 use vi_core::{Potential, State, System};
-use vi_fem::{Gravity, PointSpring, PointSprings};
+use vi_fem::{Gravity, PointSpring, SpringEnd, add_lumped_mass, mass_properties, rigid_velocities};
 
 use super::load::{End, Loaded, LoadedBody};
 use super::prescribe::{NodalFix, coordinates};
-use super::{BodyModel, Model};
+use super::{BodyModel, Model, ProbeTarget};
 use crate::scene::{Body, Problem, Scene};
 
 pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Problem>> {
@@ -28,7 +28,7 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
         bodies.push(BodyModel {
             name: scene.bodies[i].name.clone(),
             mesh: body.mesh,
-            material_ids: body.material_ids,
+            materials: body.materials,
             component: component_of[i],
             node_offset,
         });
@@ -40,20 +40,21 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
         let part = &mut parts[bodies[*body].component];
         part.strike(nodes, bodies[*body].node_offset, strike.impulse);
     }
-    for (spring, ends) in scene.springs.iter().zip(&springs) {
-        let node = |end: &End| match *end {
-            End::Node(target) => Ok((bodies[target.body].node_offset + target.node) as u32),
-            End::Place(place) => Err(place),
-        };
-        let Ok(from) = node(&ends[0]) else { continue };
-        let End::Node(target) = ends[0] else { continue };
+    for (i, (spring, ends)) in scene.springs.iter().zip(&springs).enumerate() {
+        let node = |target: &ProbeTarget| (bodies[target.body].node_offset + target.node) as u32;
+        let End::Node(target) = &ends[0] else { continue };
         let part = &mut parts[bodies[target.body].component];
-        let to = node(&ends[1]);
-        let far = to.map_or_else(|place| place, |node| part.rest[node as usize]);
-        let near = part.rest[from as usize];
+        let near = part.rest[node(target) as usize];
+        let (to, far) = match &ends[1] {
+            End::Node(other) => (SpringEnd::Node(node(other)), part.rest[node(other) as usize]),
+            End::Place(place) => (SpringEnd::Anchor(*place), *place),
+        };
         let distance = (0..3).map(|k| (far[k] - near[k]).powi(2)).sum::<f64>().sqrt();
-        let rest_length = spring.length.unwrap_or(distance);
-        part.springs.push(PointSpring { from, to: to.into(), stiffness: spring.stiffness, rest_length });
+        let length = spring.length.unwrap_or(distance);
+        match PointSpring::new(&format!("spring {i}"), node(target), to, spring.stiffness, length) {
+            Ok(term) => part.potentials.push(Box::new(term)),
+            Err(error) => problems.push(Problem::new(format!("spring[{i}]"), error.to_string())),
+        }
     }
     let mut built = Vec::with_capacity(parts.len());
     for (c, part) in parts.into_iter().enumerate() {
@@ -104,37 +105,38 @@ struct Part {
     x: Vec<f64>,
     v: Vec<f64>,
     potentials: Vec<Box<dyn Potential>>,
-    springs: Vec<PointSpring>,
 }
 
 impl Part {
     fn add(&mut self, body: &Body, loaded: &LoadedBody, node_offset: usize) -> Result<(), String> {
         let mesh = &loaded.mesh;
-        let entries = &body.material.0;
-        let density: Vec<f64> = entries.iter().map(|entry| entry.law.density()).collect();
-        let mass = vi_fem::lumped_mass(mesh, |element| density[loaded.material_ids[element] as usize])
-            .map_err(|error| error.to_string())?;
-        for (i, entry) in entries.iter().enumerate() {
-            let elements: Vec<u32> = (0..mesh.element_count() as u32)
-                .filter(|&element| loaded.material_ids[element as usize] == i as u32)
-                .collect();
+        let mut mass = vec![0.0; mesh.points.len()];
+        for (entry, elements) in body.material.0.iter().zip(&loaded.materials) {
             if elements.is_empty() {
                 continue;
             }
-            let place = entry.region.as_ref().map_or_else(|| body.name.clone(), |r| format!("{}/{r}", body.name));
+            add_lumped_mass(mesh, elements, entry.law.density(), &mut mass)
+                .map_err(|error| error.to_string())?;
+            let place =
+                entry.region.as_ref().map_or_else(|| body.name.clone(), |r| format!("{}/{r}", body.name));
             let name = format!("{place}: {}", entry.law.name());
-            let terms = vi_fem::elastic(mesh, &elements, &entry.law, node_offset, &name)
+            let terms = vi_fem::elastic(mesh, elements, &entry.law, node_offset, &name)
                 .map_err(|error| error.to_string())?;
             self.potentials.extend(terms);
         }
-        let rest: Vec<f64> = mesh.points().iter().flatten().copied().collect();
+        let rest: Vec<f64> = mesh.points.as_flattened().iter().copied().collect();
         let mut x = rest.clone();
         if let Some(displacement) = &loaded.displacement {
             x.iter_mut().zip(displacement).for_each(|(x, u)| *x += u);
         }
         let mut v = loaded.velocity.clone().unwrap_or_else(|| vec![0.0; x.len()]);
-        add_rigid_velocity(body, &mass, &x, &mut v);
-        self.rest.extend_from_slice(mesh.points());
+        let positions = x.as_chunks::<3>().0;
+        let centre = mass_properties(positions, &mass).centre;
+        let linear = body.velocity.unwrap_or_default();
+        let angular = body.angular_velocity.unwrap_or_default();
+        let rigid = rigid_velocities(positions, centre, linear, angular);
+        v.iter_mut().zip(&rigid).for_each(|(v, rigid)| *v += rigid);
+        self.rest.extend_from_slice(&mesh.points);
         self.mass.extend(mass);
         self.x.extend(x);
         self.v.extend(v);
@@ -154,10 +156,7 @@ impl Part {
     fn into_system(mut self, gravity: [f64; 3], fixes: &[NodalFix]) -> Result<(System, State), Problem> {
         let coordinates = coordinates(fixes, &self.x)?;
         if gravity != [0.0; 3] {
-            self.potentials.push(Box::new(Gravity::new("gravity", &self.mass, gravity)));
-        }
-        if !self.springs.is_empty() {
-            self.potentials.push(Box::new(PointSprings::new("springs", self.springs)));
+            self.potentials.push(Box::new(Gravity::new(&self.mass, gravity)));
         }
         let mass = self.mass.iter().flat_map(|&m| [m; 3]).collect();
         let system = System::new(mass, self.potentials, coordinates)
@@ -167,22 +166,3 @@ impl Part {
     }
 }
 
-/// Adds v + ω × (x − c), with c the centre of mass, to velocities (m/s).
-fn add_rigid_velocity(body: &Body, mass: &[f64], x: &[f64], v: &mut [f64]) {
-    let linear = body.velocity.unwrap_or_default();
-    let w = body.angular_velocity.unwrap_or_default();
-    let total: f64 = mass.iter().sum();
-    let mut centre = [0.0; 3];
-    for (m, x) in mass.iter().zip(x.as_chunks::<3>().0) {
-        for k in 0..3 {
-            centre[k] += m * x[k] / total;
-        }
-    }
-    for (v, x) in v.as_chunks_mut::<3>().0.iter_mut().zip(x.as_chunks::<3>().0) {
-        let r: [f64; 3] = std::array::from_fn(|k| x[k] - centre[k]);
-        for k in 0..3 {
-            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-            v[k] += linear[k] + w[i] * r[j] - w[j] * r[i];
-        }
-    }
-}

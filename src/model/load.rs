@@ -1,7 +1,9 @@
 //! Reads the meshes of a scene and finds the nodes and regions that the scene names, so that
 //! everything that is wrong is known at once. It must not build potentials.
 
-use vi_fem::Mesh;
+use std::collections::HashMap;
+
+use vi_fem::{BoxMesh, Mesh};
 
 use super::ProbeTarget;
 use crate::mesh_import;
@@ -33,8 +35,8 @@ pub(super) struct LoadedBody {
     pub(super) mesh: Mesh,
     pub(super) displacement: Option<Vec<f64>>,
     pub(super) velocity: Option<Vec<f64>>,
-    /// Number of the material entry of each volume element.
-    pub(super) material_ids: Vec<u32>,
+    /// The elements of each material entry.
+    pub(super) materials: Vec<Vec<u32>>,
     pub(super) notes: Vec<String>,
 }
 
@@ -95,9 +97,12 @@ fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<L
         }
     } else {
         let shape = body.box_shape.as_ref()?;
-        let origin = std::array::from_fn(|k| scale * shape.origin[k] + translate[k]);
-        let size = shape.size.map(|size| scale * size);
-        match vi_fem::box_mesh(size, shape.cells, &shape.element, origin) {
+        let placed = BoxMesh {
+            origin: std::array::from_fn(|k| scale * shape.origin[k] + translate[k]),
+            size: shape.size.map(|size| scale * size),
+            ..shape.clone()
+        };
+        match placed.build() {
             Ok(mesh) => (mesh, None, None, Vec::new()),
             Err(error) => {
                 problems.push(Problem::new(format!("{key}.box"), error.to_string()));
@@ -105,40 +110,49 @@ fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<L
             }
         }
     };
-    let material_ids = match materials(body, &mesh) {
-        Ok(ids) => ids,
+    let materials = match materials(body, &mesh) {
+        Ok(elements) => elements,
         Err(message) => {
             problems.push(Problem::new(format!("{key}.material"), message));
             return None;
         }
     };
-    Some(LoadedBody { mesh, displacement, velocity, material_ids, notes })
+    Some(LoadedBody { mesh, displacement, velocity, materials, notes })
 }
 
-/// The material entry of each volume element.
-fn materials(body: &Body, mesh: &Mesh) -> Result<Vec<u32>, String> {
-    const NONE: u32 = u32::MAX;
+/// The elements of each material entry.
+fn materials(body: &Body, mesh: &Mesh) -> Result<Vec<Vec<u32>>, String> {
+    const NONE: usize = usize::MAX;
     let entries = &body.material.0;
-    let rest = entries.iter().position(|entry| entry.region.is_none()).map_or(NONE, |i| i as u32);
-    let mut ids = vec![rest; mesh.element_count()];
-    let mut named = vec![false; ids.len()];
+    let volume = mesh.cells_of_dimension(3);
+    let mut owner: HashMap<u32, usize> = HashMap::new();
     for (i, entry) in entries.iter().enumerate() {
-        let Some(region) = &entry.region else { continue };
-        for element in mesh.region_elements(region).map_err(|error| error.to_string())? {
-            let element = element as usize;
-            if std::mem::replace(&mut named[element], true) {
-                let other = entries[ids[element] as usize].region.as_deref().unwrap_or_default();
-                return Err(format!("element {element} is in regions '{other}' and '{region}', both with a material"));
+        let Some(name) = &entry.region else { continue };
+        let region = mesh.region(name).map_err(|error| error.to_string())?;
+        if region.dimension != 3 {
+            return Err(format!("region '{name}' has dimension {}; a material fills volumes", region.dimension));
+        }
+        for &element in &region.elements {
+            if let Some(other) = owner.insert(element, i) {
+                let other = entries[other].region.as_deref().unwrap_or_default();
+                return Err(format!(
+                    "element {element} is in the regions '{other}' and '{name}', which both have a material"
+                ));
             }
-            ids[element] = i as u32;
         }
     }
-    match ids.iter().position(|&id| id == NONE) {
-        Some(element) => Err(format!(
-            "element {element} is in no region that has a material; add a material without `region` for the rest"
-        )),
-        None => Ok(ids),
+    let rest = entries.iter().position(|entry| entry.region.is_none()).unwrap_or(NONE);
+    let mut elements = vec![Vec::new(); entries.len()];
+    for element in volume {
+        let entry = owner.get(&element).copied().unwrap_or(rest);
+        if entry == NONE {
+            return Err(format!(
+                "element {element} is in no region that has a material; add a material without `region` for the rest"
+            ));
+        }
+        elements[entry].push(element);
     }
+    Ok(elements)
 }
 
 /// Finds nodes by what a scene says of them.
@@ -168,9 +182,7 @@ impl<'a> Finder<'a> {
     }
 
     fn within(&mut self, mesh: &Mesh, within: &BoxRegion, key: String) -> Vec<u32> {
-        let is_inside = |x: &[f64; 3]| (0..3).all(|k| within.min[k] <= x[k] && x[k] <= within.max[k]);
-        let points = mesh.points().iter().enumerate();
-        let nodes: Vec<u32> = points.filter(|(_, x)| is_inside(x)).map(|(i, _)| i as u32).collect();
+        let nodes = mesh.nodes_in_box(within.min, within.max);
         if nodes.is_empty() {
             let (min, max) = bounds(mesh);
             self.say(key, format!("no node is in this box; the body lies in {min:?} to {max:?} m"));
@@ -179,7 +191,7 @@ impl<'a> Finder<'a> {
     }
 
     fn listed(&mut self, mesh: &Mesh, nodes: &[usize], key: String) -> Vec<u32> {
-        let count = mesh.points().len();
+        let count = mesh.points.len();
         if let Some(node) = nodes.iter().find(|&&node| node >= count) {
             self.say(key, format!("there is no node {node}; the body has nodes 0 to {}", count - 1));
             return Vec::new();
@@ -199,7 +211,7 @@ impl<'a> Finder<'a> {
             (Some(node), _) => {
                 *self.listed(mesh, &[node], format!("{key}.node")).first()? as usize
             }
-            (None, Some(point)) => nearest(mesh, point),
+            (None, Some(point)) => mesh.nearest_node(point)? as usize,
             (None, None) => return None,
         };
         Some(ProbeTarget { body, node })
@@ -213,23 +225,11 @@ impl<'a> Finder<'a> {
     }
 }
 
-fn nearest(mesh: &Mesh, point: [f64; 3]) -> usize {
-    let distance = |x: &[f64; 3]| (0..3).map(|k| (x[k] - point[k]).powi(2)).sum::<f64>();
-    let mut best = (0, f64::INFINITY);
-    for (i, x) in mesh.points().iter().enumerate() {
-        let d = distance(x);
-        if d < best.1 {
-            best = (i, d);
-        }
-    }
-    best.0
-}
-
 /// Least and greatest coordinates of a mesh, m.
-pub(crate) fn bounds(mesh: &Mesh) -> ([f64; 3], [f64; 3]) {
+fn bounds(mesh: &Mesh) -> ([f64; 3], [f64; 3]) {
     let mut min = [f64::INFINITY; 3];
     let mut max = [f64::NEG_INFINITY; 3];
-    for x in mesh.points() {
+    for x in &mesh.points {
         for k in 0..3 {
             min[k] = min[k].min(x[k]);
             max[k] = max[k].max(x[k]);

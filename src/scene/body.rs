@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
-use vi_fem::{MaterialSpec, Motion};
+use vi_fem::{BoxMesh, Law, Motion};
 
 /// `[[body]]`: a deformable body from a mesh file or a generated shape.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -16,9 +16,9 @@ pub struct Body {
     /// `velocity` (m/s) in it are the initial state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mesh: Option<PathBuf>,
-    /// A box, instead of a mesh.
+    /// A box, instead of a mesh. Regions: `box`, `x-min`, `x-max`, `y-min` … `z-max`.
     #[serde(rename = "box", default, skip_serializing_if = "Option::is_none")]
-    pub box_shape: Option<BoxShape>,
+    pub box_shape: Option<BoxMesh>,
     /// What it is made of: one material, or a list of them by region.
     pub material: Materials,
     /// Factor on the coordinates of the mesh, e.g. 0.001 for a mesh in millimetres (> 0).
@@ -36,7 +36,7 @@ pub struct Body {
 }
 
 impl Body {
-    fn new(name: impl Into<String>, material: MaterialSpec) -> Self {
+    fn new(name: impl Into<String>, material: Law) -> Self {
         Self {
             name: name.into(),
             mesh: None,
@@ -50,18 +50,12 @@ impl Body {
     }
 
     /// A body from a mesh file, of one material.
-    pub fn from_mesh(name: impl Into<String>, mesh: impl Into<PathBuf>, material: MaterialSpec) -> Self {
+    pub fn from_mesh(name: impl Into<String>, mesh: impl Into<PathBuf>, material: Law) -> Self {
         Self { mesh: Some(mesh.into()), ..Self::new(name, material) }
     }
 
-    /// A box with one corner at the origin: size in m, cells a side, of one material.
-    pub fn from_box(
-        name: impl Into<String>,
-        size: [f64; 3],
-        cells: [usize; 3],
-        material: MaterialSpec,
-    ) -> Self {
-        let shape = BoxShape { size, cells, element: BoxShape::default_element(), origin: [0.0; 3] };
+    /// A generated box of one material.
+    pub fn from_box(name: impl Into<String>, shape: BoxMesh, material: Law) -> Self {
         Self { box_shape: Some(shape), ..Self::new(name, material) }
     }
 
@@ -84,28 +78,6 @@ impl Body {
     }
 }
 
-/// A box of cells, each cut into elements. Regions: `box`, `x-min`, `x-max`, `y-min` … `z-max`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct BoxShape {
-    /// Edge lengths, m (> 0).
-    pub size: [f64; 3],
-    /// Cells along each edge (≥ 1).
-    pub cells: [usize; 3],
-    /// Element type.
-    #[serde(default = "BoxShape::default_element")]
-    pub element: String,
-    /// The corner with the least coordinates, m.
-    #[serde(default)]
-    pub origin: [f64; 3],
-}
-
-impl BoxShape {
-    fn default_element() -> String {
-        "tet4".to_owned()
-    }
-}
-
 /// One material for the whole body, or one a region.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Materials(pub Vec<MaterialEntry>);
@@ -116,7 +88,7 @@ pub struct MaterialEntry {
     /// The region.
     pub region: Option<String>,
     /// The law and its parameters.
-    pub law: MaterialSpec,
+    pub law: Law,
 }
 
 impl Serialize for MaterialEntry {
@@ -138,7 +110,7 @@ impl<'de> Deserialize<'de> for MaterialEntry {
             Some(serde_json::Value::String(name)) => Some(name),
             Some(other) => return Err(D::Error::custom(format!("region: expected a string, found {other}"))),
         };
-        let law = MaterialSpec::deserialize(serde_json::Value::Object(table)).map_err(D::Error::custom)?;
+        let law = Law::deserialize(serde_json::Value::Object(table)).map_err(D::Error::custom)?;
         Ok(Self { region, law })
     }
 }
@@ -178,7 +150,7 @@ impl JsonSchema for Materials {
     }
 
     fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
-        let law = generator.subschema_for::<MaterialSpec>();
+        let law = generator.subschema_for::<Law>();
         schemars::json_schema!({
             "description": "One material, or a list of materials with `region`, the volume region that each fills.",
             "anyOf": [law, { "type": "array", "items": { "allOf": [law], "properties": { "region": { "type": "string" } } } }]

@@ -131,19 +131,6 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
         check.say(format!("{key}.name"), "must not be empty");
     }
     check.at_most_one_of(key, &[("mesh", body.mesh.is_some()), ("box", body.box_shape.is_some())], true);
-    if let Some(shape) = &body.box_shape {
-        for &size in &shape.size {
-            check.positive(format!("{key}.box.size"), size, "m");
-        }
-        if shape.cells.contains(&0) {
-            check.say(format!("{key}.box.cells"), "must be at least 1 along each edge");
-        }
-        let cells = shape.cells.iter().try_fold(1usize, |a, &b| a.checked_mul(b));
-        if cells.is_none_or(|count| count > 200_000_000) {
-            check.say(format!("{key}.box.cells"), "asks for more than 2e8 cells");
-        }
-        check.finite(format!("{key}.box.origin"), &shape.origin);
-    }
     if let Some(scale) = body.scale {
         check.positive(format!("{key}.scale"), scale, "");
     }
@@ -162,8 +149,8 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
     for (i, entry) in entries.iter().enumerate() {
         let key =
             if entries.len() == 1 { format!("{key}.material") } else { format!("{key}.material[{i}]") };
-        for message in entry.law.problems() {
-            check.say(key.clone(), message);
+        for problem in entry.law.check().err().unwrap_or_default() {
+            check.say(key.clone(), problem.to_string());
         }
         if !regions.insert(entry.region.as_deref()) {
             check.say(key, "two materials for the same region");

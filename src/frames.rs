@@ -1,0 +1,138 @@
+//! Frames for viewing: all bodies at rest with their displacement, as a VTU series. Nothing is
+//! computed that the scene does not name. It must not know how files are encoded.
+
+use std::path::{Path, PathBuf};
+
+use vi_io::{CellBlock, CellKind, IoError, PvdSeries, VtuArray, VtuFrame, VtuOptions, VtuValues};
+
+use crate::scene::{Encoding, Field, Precision};
+use crate::simulation::Simulation;
+
+/// Writes `<name>.pvd` and `frame_000000.vtu` …
+pub struct FrameWriter {
+    directory: PathBuf,
+    series: PvdSeries,
+    interval: f64,
+    options: VtuOptions,
+    fields: Vec<Field>,
+    /// Points of all bodies at rest, m.
+    points: Vec<[f64; 3]>,
+    blocks: Vec<CellBlock>,
+    body_ids: Vec<i32>,
+    material_ids: Vec<i32>,
+}
+
+impl FrameWriter {
+    /// A series in a directory, one frame every `interval` (s).
+    ///
+    /// # Errors
+    /// Where a mesh cannot be written.
+    pub fn create(
+        directory: &Path,
+        name: &str,
+        simulation: &Simulation,
+        interval: f64,
+    ) -> Result<Self, IoError> {
+        let output = &simulation.scene().output;
+        let options = VtuOptions {
+            encoding: match output.encoding {
+                Encoding::Raw => vi_io::VtuEncoding::AppendedRaw,
+                Encoding::Base64 => vi_io::VtuEncoding::InlineBase64,
+            },
+            precision: match output.precision {
+                Precision::F32 => vi_io::Precision::Single,
+                Precision::F64 => vi_io::Precision::Double,
+            },
+            ..VtuOptions::default()
+        };
+        let mut writer = Self {
+            directory: directory.to_owned(),
+            series: PvdSeries::new(&directory.join(format!("{name}.pvd"))),
+            interval,
+            options,
+            fields: output.fields.clone(),
+            points: Vec::new(),
+            blocks: Vec::new(),
+            body_ids: Vec::new(),
+            material_ids: Vec::new(),
+        };
+        for (id, body) in simulation.bodies().iter().enumerate() {
+            writer.add(id as i32, body);
+        }
+        Ok(writer)
+    }
+
+    fn add(&mut self, id: i32, body: &crate::model::BodyModel) {
+        let offset = self.points.len() as u32;
+        self.points.extend_from_slice(&body.mesh.points);
+        for (material, elements) in body.materials.iter().enumerate() {
+            for &element in elements {
+                let Some((kind, nodes)) = body.mesh.cell(element as usize) else { continue };
+                let Some(kind) = CellKind::from_vtk(kind.vtk_code()) else { continue };
+                let nodes = nodes.iter().map(|node| node + offset);
+                match self.blocks.last_mut() {
+                    Some(block) if block.kind == kind => block.nodes.extend(nodes),
+                    _ => self.blocks.push(CellBlock { kind, nodes: nodes.collect() }),
+                }
+                self.body_ids.push(id);
+                self.material_ids.push(material as i32);
+            }
+        }
+    }
+
+    /// Frames written.
+    pub fn count(&self) -> usize {
+        self.series.frames().len()
+    }
+
+    /// Is the simulation at the step nearest to the time of the next frame, or beyond it?
+    pub fn is_due(&self, simulation: &Simulation) -> bool {
+        let next = self.count() as f64 * self.interval;
+        simulation.time() + 0.5 * simulation.step_size() > next
+    }
+
+    /// Writes a frame of the state now.
+    ///
+    /// # Errors
+    /// Where a value is not finite or a file cannot be written.
+    pub fn write(&mut self, simulation: &Simulation) -> Result<(), IoError> {
+        let bodies = 0..simulation.bodies().len();
+        let mut points: Vec<(&str, Vec<f64>)> = Vec::new();
+        let mut cells: Vec<(&str, &[i32])> = Vec::new();
+        for field in &self.fields {
+            match field {
+                Field::Displacement => {
+                    let x = bodies.clone().flat_map(|body| simulation.positions(body));
+                    let u = x.zip(&self.points).flat_map(|(x, rest)| [0, 1, 2].map(|k| x[k] - rest[k]));
+                    points.push(("displacement", u.collect()));
+                }
+                Field::Velocity => {
+                    let v = bodies.clone().flat_map(|body| simulation.velocities(body));
+                    points.push(("velocity", v.flatten().collect()));
+                }
+                Field::BodyId => cells.push(("body_id", &self.body_ids)),
+                Field::MaterialId => cells.push(("material_id", &self.material_ids)),
+            }
+        }
+        let point_data: Vec<VtuArray> = points
+            .iter()
+            .map(|(name, values)| VtuArray { name, components: 3, values: VtuValues::Real(values) })
+            .collect();
+        let cell_data: Vec<VtuArray> = cells
+            .iter()
+            .map(|(name, values)| VtuArray { name, components: 1, values: VtuValues::Integer(values) })
+            .collect();
+        let time = simulation.time();
+        let frame = VtuFrame {
+            points: &self.points,
+            blocks: &self.blocks,
+            groups: &[],
+            point_data: &point_data,
+            cell_data: &cell_data,
+            time: Some(time),
+        };
+        let file = format!("frame_{:06}.vtu", self.count());
+        vi_io::write_vtu(&self.directory.join(&file), &frame, self.options)?;
+        self.series.push(time, &file)
+    }
+}
