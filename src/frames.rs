@@ -9,7 +9,7 @@ use crate::scene::{Encoding, Field, Precision};
 use crate::simulation::Simulation;
 
 /// Writes `<name>.pvd` and `frame_000000.vtu` …
-pub struct FrameWriter {
+pub(crate) struct FrameWriter {
     directory: PathBuf,
     series: PvdSeries,
     interval: f64,
@@ -27,7 +27,7 @@ impl FrameWriter {
     ///
     /// # Errors
     /// Where a mesh cannot be written.
-    pub fn create(
+    pub(crate) fn create(
         directory: &Path,
         name: &str,
         simulation: &Simulation,
@@ -81,12 +81,12 @@ impl FrameWriter {
     }
 
     /// Frames written.
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.series.frames().len()
     }
 
     /// Is the simulation at the step nearest to the time of the next frame, or beyond it?
-    pub fn is_due(&self, simulation: &Simulation) -> bool {
+    pub(crate) fn is_due(&self, simulation: &Simulation) -> bool {
         let next = self.count() as f64 * self.interval;
         simulation.time() + 0.5 * simulation.step_size() > next
     }
@@ -95,7 +95,7 @@ impl FrameWriter {
     ///
     /// # Errors
     /// Where a value is not finite or a file cannot be written.
-    pub fn write(&mut self, simulation: &Simulation) -> Result<(), IoError> {
+    pub(crate) fn write(&mut self, simulation: &Simulation) -> Result<(), IoError> {
         let bodies = 0..simulation.bodies().len();
         let mut points: Vec<(&str, Vec<f64>)> = Vec::new();
         let mut cells: Vec<(&str, &[i32])> = Vec::new();

@@ -8,7 +8,7 @@ use std::path::Path;
 use crate::simulation::Observation;
 
 /// Writes history.csv.
-pub struct HistoryWriter {
+pub(crate) struct HistoryWriter {
     file: BufWriter<File>,
 }
 
@@ -19,7 +19,7 @@ impl HistoryWriter {
     ///
     /// # Errors
     /// Where the file cannot be written.
-    pub fn create(path: &Path, probes: &[String], has_loads: bool) -> io::Result<Self> {
+    pub(crate) fn create(path: &Path, probes: &[String], has_loads: bool) -> io::Result<Self> {
         let mut file = BufWriter::new(File::create(path)?);
         write!(file, "t,kinetic,elastic,gravity,total,px,py,pz,lx,ly,lz")?;
         for name in probes {
@@ -39,7 +39,7 @@ impl HistoryWriter {
     ///
     /// # Errors
     /// Where the file cannot be written.
-    pub fn write(&mut self, row: &Observation, iterations: u64, has_loads: bool) -> io::Result<()> {
+    pub(crate) fn write(&mut self, row: &Observation, iterations: u64, has_loads: bool) -> io::Result<()> {
         let file = &mut self.file;
         write!(file, "{:.16e}", row.t)?;
         let energies = [row.kinetic, row.elastic, row.gravity, row.total()];
@@ -62,7 +62,7 @@ impl HistoryWriter {
     ///
     /// # Errors
     /// Where the file cannot be written.
-    pub fn flush(&mut self) -> io::Result<()> {
+    pub(crate) fn flush(&mut self) -> io::Result<()> {
         self.file.flush()
     }
 }

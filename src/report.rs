@@ -159,7 +159,7 @@ impl Report {
             ("angular_momentum_drift", asserts.angular_momentum_drift, momentum.angular_drift()),
         ] {
             if let Some(bound) = bound
-                && !(value <= bound)
+                && (value > bound || value.is_nan())
             {
                 self.broken.push(format!("{name} is {value:.3e}, the scene asserts at most {bound:.3e}"));
             }

@@ -72,7 +72,7 @@ impl Watch for () {}
 pub fn run(scene: Scene, name: &str, directory: &Path, watch: &mut dyn Watch) -> Result<Report, RunError> {
     let begin = Instant::now();
     let simulation = Simulation::new(scene).map_err(RunError::Scene)?;
-    Run::start(simulation, name, directory, begin)?.to_end(watch)
+    Run::start(simulation, name, directory, begin)?.complete(watch)
 }
 
 /// A run under way.
@@ -137,7 +137,7 @@ impl Run {
         })
     }
 
-    fn to_end(mut self, watch: &mut dyn Watch) -> Result<Report, RunError> {
+    fn complete(mut self, watch: &mut dyn Watch) -> Result<Report, RunError> {
         let mut notes = self.simulation.notes().to_vec();
         notes.extend(self.stability.as_ref().and_then(StabilityNote::warning));
         watch.start(&self.simulation, &notes);
@@ -163,7 +163,7 @@ impl Run {
             let step = self.simulation.steps();
             let go_on = watch.step(&self.simulation);
             interrupted = !go_on && !is_last;
-            if is_last || interrupted || (every > 0 && step % every == 0) {
+            if is_last || interrupted || (every > 0 && step.is_multiple_of(every)) {
                 self.observe()?;
             }
             if let Some(frames) = &mut self.frames
@@ -218,7 +218,8 @@ fn clear(directory: &Path, name: &str) -> io::Result<()> {
         let Some(file) = file.to_str() else { continue };
         let digits = file.strip_prefix("frame_").and_then(|rest| rest.strip_suffix(".vtu"));
         let is_frame = digits.is_some_and(|d| d.len() >= 6 && d.bytes().all(|b| b.is_ascii_digit()));
-        let is_ours = is_frame || file == "history.csv" || file == "report.json" || file == format!("{name}.pvd");
+        let is_ours =
+            is_frame || file == "history.csv" || file == "report.json" || file == format!("{name}.pvd");
         if is_ours && entry.file_type()?.is_file() {
             std::fs::remove_file(entry.path())?;
         }

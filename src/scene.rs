@@ -13,9 +13,7 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use body::{
-    Axis, Body, BoxRegion, Fix, MaterialEntry, Materials, Probe, Spring, SpringEnd, Strike,
-};
+pub use body::{Axis, Body, BoxRegion, Fix, MaterialEntry, Materials, Probe, Spring, SpringEnd, Strike};
 pub use check::Problem;
 pub use output::{Assert, Encoding, Field, Output, Precision};
 #[cfg(feature = "cli")]

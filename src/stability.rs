@@ -2,9 +2,10 @@
 //! the scene. It must not know how that is found.
 
 use rayon::prelude::*;
+use vi_core::{State, System};
 use vi_solvers::{Method, highest_frequency};
 
-use crate::simulation::{Component, Simulation};
+use crate::simulation::Simulation;
 
 /// The stability of an explicit scheme at the start of a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,11 +45,15 @@ impl StabilityNote {
 pub fn stability(simulation: &Simulation) -> Option<StabilityNote> {
     let method = simulation.scene().time.method();
     let limit = method.facts().stability_limit?;
-    let frequency = |component: &Component| {
-        component.stepper()?;
-        highest_frequency(component.system(), component.state()).ok().map(|found| found.omega)
-    };
-    let found: Vec<Option<f64>> = simulation.components().par_iter().map(frequency).collect();
+    let moving: Vec<(&System, &State)> = simulation
+        .components()
+        .iter()
+        .filter(|component| component.stepper().is_some())
+        .map(|component| (component.system(), component.state()))
+        .collect();
+    let frequency =
+        |&(system, state): &(&System, &State)| highest_frequency(system, state).ok().map(|found| found.omega);
+    let found: Vec<Option<f64>> = moving.par_iter().map(frequency).collect();
     let highest = found.into_iter().flatten().fold(0.0, f64::max);
     (highest > 0.0).then(|| StabilityNote {
         method,

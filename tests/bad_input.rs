@@ -78,7 +78,8 @@ fn mesh(name: &str, content: &[u8], expected: &[&str]) {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join(name);
     std::fs::write(&path, content).unwrap();
-    let scene = GOOD.replace("MESHES/beam.msh", path.to_str().unwrap()).replace("region = \"clamp\"", "nodes = [0]");
+    let scene =
+        GOOD.replace("MESHES/beam.msh", path.to_str().unwrap()).replace("region = \"clamp\"", "nodes = [0]");
     let mut expected = expected.to_vec();
     expected.push(name);
     refused(&scene, &expected);

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use super::exit;
-use crate::scene::Scene;
 use crate::simulation::Simulation;
 use crate::stability::stability;
 

@@ -47,7 +47,9 @@ impl Watch for Progress {
             simulation.scene().time.method().name(),
         );
         if std::io::stderr().is_terminal() {
-            let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {pos}/{len} steps  {per_sec}  left {eta}");
+            let style = ProgressStyle::with_template(
+                "{bar:40} {percent:>3} %  {pos}/{len} steps  {per_sec}  left {eta}",
+            );
             let bar = ProgressBar::new(simulation.step_count());
             self.bar = Some(match style {
                 Ok(style) => bar.with_style(style),
@@ -59,12 +61,8 @@ impl Watch for Progress {
     fn step(&mut self, simulation: &Simulation) -> bool {
         let (steps, count) = (simulation.steps(), simulation.step_count());
         match &self.bar {
-            Some(bar) => {
-                // Drawing is throttled by the bar; so is the lock that it takes.
-                if steps.is_multiple_of(16) || steps == count {
-                    bar.set_position(steps);
-                }
-            }
+            // Not at every step: a step can be shorter than the lock that the bar takes.
+            Some(bar) if steps.is_multiple_of(16) || steps == count => bar.set_position(steps),
             None if !self.quiet && steps * 10 / count > self.tenths => {
                 self.tenths = steps * 10 / count;
                 eprintln!("{:3} %  t = {:.6e} s", self.tenths * 10, simulation.time());

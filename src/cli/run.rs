@@ -171,10 +171,11 @@ pub(super) fn accept(path: &Path, overrides: &[String]) -> Result<(Scene, Parsed
     }
     let mut problems = std::mem::take(&mut parsed.problems);
     if let Some(scene) = &parsed.scene {
-        problems.extend(crate::model::mesh_problems(scene).into_iter().map(|problem| Problem {
-            file: Some(path.to_owned()),
-            ..parsed.locate(problem)
-        }));
+        problems.extend(
+            crate::model::mesh_problems(scene)
+                .into_iter()
+                .map(|problem| Problem { file: Some(path.to_owned()), ..parsed.locate(problem) }),
+        );
     }
     for problem in &problems {
         eprintln!("error: {problem}");
@@ -210,6 +211,7 @@ fn output_directory(scene: &Scene, name: &str, out: Option<&Path>) -> PathBuf {
 /// Could files be written into this directory, or into the nearest one above it that exists?
 /// Leaves nothing behind.
 fn writable(directory: &Path) -> std::io::Result<()> {
-    let existing = directory.ancestors().find(|path| path.exists()).filter(|path| !path.as_os_str().is_empty());
+    let existing =
+        directory.ancestors().find(|path| path.exists()).filter(|path| !path.as_os_str().is_empty());
     tempfile::tempfile_in(existing.unwrap_or(Path::new("."))).map(|_| ())
 }

@@ -74,11 +74,7 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
             Err(problem) => problems.push(problem),
         }
     }
-    if problems.is_empty() {
-        Ok(Model { bodies, probes, components: built, notes })
-    } else {
-        Err(problems)
-    }
+    if problems.is_empty() { Ok(Model { bodies, probes, components: built, notes }) } else { Err(problems) }
 }
 
 /// The component of each body: bodies joined by springs share one, numbered by their first body.
@@ -124,8 +120,7 @@ impl Part {
                 .map_err(|error| error.to_string())?;
             self.potentials.extend(terms);
         }
-        let rest: Vec<f64> = mesh.points.as_flattened().iter().copied().collect();
-        let mut x = rest.clone();
+        let mut x = mesh.points.as_flattened().to_vec();
         if let Some(displacement) = &loaded.displacement {
             x.iter_mut().zip(displacement).for_each(|(x, u)| *x += u);
         }
@@ -161,8 +156,8 @@ impl Part {
         let mass = self.mass.iter().flat_map(|&m| [m; 3]).collect();
         let system = System::new(mass, self.potentials, coordinates)
             .map_err(|error| Problem::new("body", error.to_string()))?;
-        let state = system.state(0.0, &self.x, &self.v).map_err(|error| Problem::new("body", error.to_string()))?;
+        let state =
+            system.state(0.0, &self.x, &self.v).map_err(|error| Problem::new("body", error.to_string()))?;
         Ok((system, state))
     }
 }
-

@@ -130,7 +130,10 @@ fn materials(body: &Body, mesh: &Mesh) -> Result<Vec<Vec<u32>>, String> {
         let Some(name) = &entry.region else { continue };
         let region = mesh.region(name).map_err(|error| error.to_string())?;
         if region.dimension != 3 {
-            return Err(format!("region '{name}' has dimension {}; a material fills volumes", region.dimension));
+            return Err(format!(
+                "region '{name}' has dimension {}; a material fills volumes",
+                region.dimension
+            ));
         }
         for &element in &region.elements {
             if let Some(other) = owner.insert(element, i) {
@@ -208,9 +211,7 @@ impl<'a> Finder<'a> {
     ) -> Option<ProbeTarget> {
         let (body, mesh) = self.mesh(name)?;
         let node = match (node, point) {
-            (Some(node), _) => {
-                *self.listed(mesh, &[node], format!("{key}.node")).first()? as usize
-            }
+            (Some(node), _) => *self.listed(mesh, &[node], format!("{key}.node")).first()? as usize,
             (None, Some(point)) => mesh.nearest_node(point)? as usize,
             (None, None) => return None,
         };

@@ -1,11 +1,12 @@
 //! What is wrong with the values of a scene: everything at once, each with its key and the way out.
 //! It must not read a file; meshes are checked when they are loaded.
 
+use std::cmp::Ordering::{Equal, Less};
 use std::collections::HashSet;
 use std::fmt;
 use std::path::PathBuf;
 
-use super::{Axis, Body, Scene, SchemeName};
+use super::{Axis, Body, BoxRegion, Scene, SchemeName};
 
 /// One thing that is wrong with a scene: where, what, and the way out.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,7 +37,11 @@ impl fmt::Display for Problem {
                 None => f.write_str(" ")?,
             }
         }
-        if self.key.is_empty() { f.write_str(&self.message) } else { write!(f, "{}: {}", self.key, self.message) }
+        if self.key.is_empty() {
+            f.write_str(&self.message)
+        } else {
+            write!(f, "{}: {}", self.key, self.message)
+        }
     }
 }
 
@@ -147,8 +152,7 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
     }
     let mut regions = HashSet::new();
     for (i, entry) in entries.iter().enumerate() {
-        let key =
-            if entries.len() == 1 { format!("{key}.material") } else { format!("{key}.material[{i}]") };
+        let key = if entries.len() == 1 { format!("{key}.material") } else { format!("{key}.material[{i}]") };
         for problem in entry.law.check().err().unwrap_or_default() {
             check.say(key.clone(), problem.to_string());
         }
@@ -168,11 +172,8 @@ fn attachments(check: &mut Checker, scene: &Scene) {
     for (i, fix) in scene.fixes.iter().enumerate() {
         let key = format!("fix[{i}]");
         known(check, format!("{key}.body"), &fix.body);
-        let given = [
-            ("region", fix.region.is_some()),
-            ("box", fix.within.is_some()),
-            ("nodes", fix.nodes.is_some()),
-        ];
+        let given =
+            [("region", fix.region.is_some()), ("box", fix.within.is_some()), ("nodes", fix.nodes.is_some())];
         check.at_most_one_of(&key, &given, true);
         if fix.axes.is_empty() {
             check.say(format!("{key}.axes"), "names no axis; take it out to prescribe all three");
@@ -187,10 +188,9 @@ fn attachments(check: &mut Checker, scene: &Scene) {
                 check.say(format!("{key}.motion"), message);
             }
         }
-        if let Some(within) = &fix.within {
-            if (0..3).any(|k| within.min[k] > within.max[k] || within.min[k].is_nan() || within.max[k].is_nan()) {
-                check.say(format!("{key}.box"), "`min` must not exceed `max`");
-            }
+        let is_empty = |within: &BoxRegion| (0..3).any(|k| !matches!(within.min[k].partial_cmp(&within.max[k]), Some(Less | Equal)));
+        if fix.within.as_ref().is_some_and(is_empty) {
+            check.say(format!("{key}.box"), "`min` must not exceed `max`");
         }
     }
     for (i, spring) in scene.springs.iter().enumerate() {
@@ -249,7 +249,7 @@ fn output(check: &mut Checker, scene: &Scene) {
         ("momentum_drift", assert.momentum_drift),
         ("angular_momentum_drift", assert.angular_momentum_drift),
     ] {
-        if bound.is_some_and(|bound| !(bound >= 0.0)) {
+        if bound.is_some_and(|bound| bound.is_nan() || bound < 0.0) {
             check.say(format!("assert.{name}"), "must be zero or positive");
         }
     }

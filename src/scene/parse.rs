@@ -111,7 +111,9 @@ fn decode(text: &str, masked: &mut String, problems: &mut Vec<Problem>) -> Optio
         let key = at.map_or(String::new(), |i| entries[i].key.clone());
         let child_was_blanked = |name: &str| {
             let child = if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") };
-            blanked.iter().any(|&i| entries[i].key == child || entries[i].key.starts_with(&format!("{child}[")))
+            blanked
+                .iter()
+                .any(|&i| entries[i].key == child || entries[i].key.starts_with(&format!("{child}[")))
         };
         let known = missing.is_some_and(|name| child_was_blanked(name.trim_matches('`')));
         if !known {
@@ -119,10 +121,12 @@ fn decode(text: &str, masked: &mut String, problems: &mut Vec<Problem>) -> Optio
                 Some(name) => format!("missing key {name}; `variational schema` lists the keys"),
                 None => error.message().replace("unknown field", "unknown key").replace('\n', " "),
             };
-            let line = at.map(|i| line_of(text, entries[i].whole.start.max(if missing.is_some() { 0 } else { span.start })));
+            let line = at.map(|i| {
+                line_of(text, entries[i].whole.start.max(if missing.is_some() { 0 } else { span.start }))
+            });
             problems.push(Problem { line, ..Problem::new(key, message) });
         }
-        let Some(i) = at else { return None };
+        let i = at?;
         blanked.insert(i);
         for range in &entries[i].erase {
             let blank: String =
@@ -245,10 +249,12 @@ fn set(text: &str, overrides: &[String]) -> Result<String, Problem> {
     let Ok(mut document) = text.parse::<DocumentMut>() else { return Ok(text.to_owned()) };
     for assignment in overrides {
         let wrong = |why: &str| Problem::new("", format!("--set {assignment}: {why}"));
-        let (path, value) =
-            assignment.split_once('=').ok_or_else(|| wrong("write it as key.path=value"))?;
-        let value: Value =
-            value.trim().parse().or_else(|_| format!("{:?}", value.trim()).parse()).map_err(|_| wrong("no TOML value"))?;
+        let (path, value) = assignment.split_once('=').ok_or_else(|| wrong("write it as key.path=value"))?;
+        let value: Value = value
+            .trim()
+            .parse()
+            .or_else(|_| format!("{:?}", value.trim()).parse())
+            .map_err(|_| wrong("no TOML value"))?;
         let mut item = document.as_item_mut();
         let parts: Vec<_> = path.trim().split('.').collect();
         for (depth, part) in parts.iter().enumerate() {

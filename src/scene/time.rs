@@ -83,7 +83,7 @@ impl Time {
             SchemeName::ForwardEuler => Method::ForwardEuler,
             SchemeName::BackwardEuler => Method::BackwardEuler,
             SchemeName::Bdf2 => Method::Bdf2,
-            SchemeName::Newmark => Method::Newmark,
+            SchemeName::Newmark => Method::Newmark { beta: 0.25, gamma: 0.5 },
             SchemeName::GeneralizedAlpha => {
                 Method::GeneralizedAlpha { spectral_radius: self.spectral_radius.unwrap_or(0.8) }
             }

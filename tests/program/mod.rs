@@ -116,9 +116,8 @@ impl History {
     /// The value in the row nearest to t.
     pub fn at(&self, name: &str, t: f64) -> f64 {
         let times = self.column("t");
-        let nearest = (0..times.len())
-            .min_by(|&a, &b| (times[a] - t).abs().total_cmp(&(times[b] - t).abs()))
-            .unwrap();
+        let nearest =
+            (0..times.len()).min_by(|&a, &b| (times[a] - t).abs().total_cmp(&(times[b] - t).abs())).unwrap();
         assert!((times[nearest] - t).abs() < 1e-9, "no row at t = {t}");
         self.column(name)[nearest]
     }
