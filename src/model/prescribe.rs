@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use vi_core::{Coordinates, CoreError, Fixed, Prescribed};
-use vi_fem::{Motion, MotionPath};
+use vi_core::{Coordinates, CoreError, Fixed, Path, Prescribed};
+use vi_fem::{FemError, Motion};
 
 use crate::scene::{Fix, Problem};
 
@@ -50,7 +50,10 @@ pub(super) fn coordinates(fixes: &[NodalFix], x: &[f64]) -> Result<Coordinates, 
             None => held.extend(dofs),
             Some(motion) => {
                 if !dofs.is_empty() {
-                    groups.push(moving(motion, dofs, x));
+                    let path = path(motion, &dofs, x).map_err(|error| {
+                        Problem::new(format!("fix[{}].motion", nodal.index), error.to_string())
+                    })?;
+                    groups.push(Prescribed { dofs, path });
                 }
             }
         }
@@ -62,7 +65,10 @@ pub(super) fn coordinates(fixes: &[NodalFix], x: &[f64]) -> Result<Coordinates, 
     Coordinates::new(x.len(), groups).map_err(|error: CoreError| Problem::new("fix", error.to_string()))
 }
 
-fn moving(motion: &Motion, dofs: Vec<u32>, x: &[f64]) -> Prescribed {
-    let path = MotionPath::new(motion.clone(), &dofs, x);
-    Prescribed { dofs, path: Box::new(path) }
+fn path(motion: &Motion, dofs: &[u32], x: &[f64]) -> Result<Box<dyn Path>, FemError> {
+    let start = |&dof: &u32| {
+        let node = dof as usize / 3;
+        (std::array::from_fn(|k| x[3 * node + k]), dof as usize % 3)
+    };
+    motion.path(dofs.iter().map(start).collect())
 }

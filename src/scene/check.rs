@@ -6,6 +6,8 @@ use std::collections::HashSet;
 use std::fmt;
 use std::path::PathBuf;
 
+use vi_fem::Motion;
+
 use super::{Axis, Body, BoxRegion, Scene, SchemeName};
 
 /// One thing that is wrong with a scene: where, what, and the way out.
@@ -183,12 +185,12 @@ fn attachments(check: &mut Checker, scene: &Scene) {
                 check.say(format!("{key}.axes"), "names an axis twice");
             }
         }
-        if let Some(motion) = &fix.motion {
-            for message in motion.problems() {
-                check.say(format!("{key}.motion"), message);
-            }
+        if let Some(Err(error)) = fix.motion.as_ref().map(Motion::check) {
+            check.say(format!("{key}.motion"), error.to_string());
         }
-        let is_empty = |within: &BoxRegion| (0..3).any(|k| !matches!(within.min[k].partial_cmp(&within.max[k]), Some(Less | Equal)));
+        let is_empty = |within: &BoxRegion| {
+            (0..3).any(|k| !matches!(within.min[k].partial_cmp(&within.max[k]), Some(Less | Equal)))
+        };
         if fix.within.as_ref().is_some_and(is_empty) {
             check.say(format!("{key}.box"), "`min` must not exceed `max`");
         }
