@@ -60,14 +60,14 @@ impl Watch for Progress {
 
     fn step(&mut self, simulation: &Simulation) -> bool {
         let (steps, count) = (simulation.steps(), simulation.step_count());
-        match &self.bar {
+        if let Some(bar) = &self.bar {
             // Not at every step: a step can be shorter than the lock that the bar takes.
-            Some(bar) if steps.is_multiple_of(16) || steps == count => bar.set_position(steps),
-            None if !self.quiet && steps * 10 / count > self.tenths => {
-                self.tenths = steps * 10 / count;
-                eprintln!("{:3} %  t = {:.6e} s", self.tenths * 10, simulation.time());
+            if steps.is_multiple_of(16) || steps == count {
+                bar.set_position(steps);
             }
-            None => {}
+        } else if !self.quiet && steps * 10 / count > self.tenths {
+            self.tenths = steps * 10 / count;
+            eprintln!("{:3} %  t = {:.6e} s", self.tenths * 10, simulation.time());
         }
         !self.stop.load(Ordering::Relaxed)
     }

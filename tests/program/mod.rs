@@ -7,26 +7,26 @@ use std::process::{Command, Output};
 use tempfile::TempDir;
 
 /// A run that has ended.
-pub struct Program {
+pub(crate) struct Program {
     directory: TempDir,
-    pub output: Output,
+    pub(crate) output: Output,
 }
 
 impl Program {
     /// Runs a scene that must succeed; `DATA` in it stands for tests/data, `MESHES` for meshes.
-    pub fn run(scene: &str) -> Self {
+    pub(crate) fn run(scene: &str) -> Self {
         Self::run_with(scene, &[])
     }
 
     /// The same, with further arguments.
-    pub fn run_with(scene: &str, arguments: &[&str]) -> Self {
+    pub(crate) fn run_with(scene: &str, arguments: &[&str]) -> Self {
         let program = Self::try_run(scene, arguments);
         assert!(program.output.status.success(), "{}", program.errors());
         program
     }
 
     /// Runs a scene that may fail.
-    pub fn try_run(scene: &str, arguments: &[&str]) -> Self {
+    pub(crate) fn try_run(scene: &str, arguments: &[&str]) -> Self {
         let directory = TempDir::new().unwrap();
         let path = directory.path().join("scene.toml");
         std::fs::write(&path, with_paths(scene)).unwrap();
@@ -41,7 +41,7 @@ impl Program {
     }
 
     /// `variational check` on a scene.
-    pub fn check(scene: &str) -> Self {
+    pub(crate) fn check(scene: &str) -> Self {
         let directory = TempDir::new().unwrap();
         std::fs::write(directory.path().join("scene.toml"), with_paths(scene)).unwrap();
         let output = command().current_dir(directory.path()).args(["check", "scene.toml"]).output().unwrap();
@@ -49,28 +49,28 @@ impl Program {
     }
 
     /// The directory that the run was started in.
-    pub fn directory(&self) -> &Path {
+    pub(crate) fn directory(&self) -> &Path {
         self.directory.path()
     }
 
     /// The directory that it wrote.
-    pub fn out(&self) -> PathBuf {
+    pub(crate) fn out(&self) -> PathBuf {
         self.directory.path().join("out")
     }
 
-    pub fn errors(&self) -> String {
+    pub(crate) fn errors(&self) -> String {
         String::from_utf8_lossy(&self.output.stderr).into_owned()
     }
 
-    pub fn code(&self) -> Option<i32> {
+    pub(crate) fn code(&self) -> Option<i32> {
         self.output.status.code()
     }
 
-    pub fn history(&self) -> History {
+    pub(crate) fn history(&self) -> History {
         History::read(&self.out().join("history.csv"))
     }
 
-    pub fn report(&self) -> serde_json::Value {
+    pub(crate) fn report(&self) -> serde_json::Value {
         serde_json::from_str(&std::fs::read_to_string(self.out().join("report.json")).unwrap()).unwrap()
     }
 }
@@ -81,18 +81,18 @@ fn with_paths(scene: &str) -> String {
 }
 
 /// The program as it was built for the tests.
-pub fn command() -> Command {
+pub(crate) fn command() -> Command {
     Command::new(env!("CARGO_BIN_EXE_variational"))
 }
 
 /// history.csv.
-pub struct History {
+pub(crate) struct History {
     names: Vec<String>,
     rows: Vec<Vec<f64>>,
 }
 
 impl History {
-    pub fn read(path: &Path) -> Self {
+    pub(crate) fn read(path: &Path) -> Self {
         let text = std::fs::read_to_string(path).unwrap();
         let mut lines = text.lines();
         let names = lines.next().unwrap().split(',').map(str::to_owned).collect();
@@ -100,21 +100,21 @@ impl History {
         Self { names, rows }
     }
 
-    pub fn column(&self, name: &str) -> Vec<f64> {
+    pub(crate) fn column(&self, name: &str) -> Vec<f64> {
         let i = self.names.iter().position(|n| n == name).unwrap_or_else(|| panic!("no column {name}"));
         self.rows.iter().map(|row| row[i]).collect()
     }
 
-    pub fn first(&self, name: &str) -> f64 {
+    pub(crate) fn first(&self, name: &str) -> f64 {
         self.column(name)[0]
     }
 
-    pub fn last(&self, name: &str) -> f64 {
+    pub(crate) fn last(&self, name: &str) -> f64 {
         *self.column(name).last().unwrap()
     }
 
     /// The value in the row nearest to t.
-    pub fn at(&self, name: &str, t: f64) -> f64 {
+    pub(crate) fn at(&self, name: &str, t: f64) -> f64 {
         let times = self.column("t");
         let nearest =
             (0..times.len()).min_by(|&a, &b| (times[a] - t).abs().total_cmp(&(times[b] - t).abs())).unwrap();
