@@ -29,7 +29,8 @@ pub use vi_solvers as solvers;
 pub mod prelude {
     pub use crate::run::{RunError, Watch, run};
     pub use crate::scene::{
-        Assert, Axis, Body, Field, Fix, Output, Precision, Probe, Scene, SchemeName, Solver, Spring, SpringEnd, Strike, Time,
+        Assert, Axis, Body, Field, Fix, Output, Precision, Probe, Scene, SchemeName, Solver, Spring,
+        SpringEnd, Strike, Time,
     };
     pub use crate::simulation::{Observation, Simulation};
     pub use vi_fem::{BoxMesh, ElementKind, Isotropic, Law, Motion};

@@ -30,8 +30,12 @@ fn time(end: f64, step: f64, (scheme, stages): (SchemeName, Option<usize>)) -> T
 }
 
 fn block(name: &str) -> Body {
-    let shape =
-        BoxMesh { size: [0.4, 0.2, 0.2], cells: [2, 1, 1], element: ElementKind::Tet4, origin: [0.1, 0.0, -0.1] };
+    let shape = BoxMesh {
+        size: [0.4, 0.2, 0.2],
+        cells: [2, 1, 1],
+        element: ElementKind::Tet4,
+        origin: [0.1, 0.0, -0.1],
+    };
     Body::from_box("block", shape, law(name))
 }
 
@@ -63,7 +67,10 @@ fn momenta_are_kept_to_round_off() {
                 let linear = (last.momentum[k] - first.momentum[k]).abs() / scale;
                 assert!(linear < 1e-12, "{scheme:?} {name}: linear momentum off by {linear:e}");
                 let angular = (last.angular_momentum[k] - first.angular_momentum[k]).abs() / scale;
-                assert!(name == "linear" || angular < 1e-12, "{scheme:?} {name}: angular momentum off by {angular:e}");
+                assert!(
+                    name == "linear" || angular < 1e-12,
+                    "{scheme:?} {name}: angular momentum off by {angular:e}"
+                );
             }
         }
     }
@@ -141,10 +148,9 @@ fn explicit_steps_build_no_hessian() {
 #[test]
 fn the_ledger_closes() {
     for scheme in SCHEMES {
-        let motion: Motion = serde_json::from_str(
-            r#"{ "kind": "sine", "amplitude": [0.0, 0.02, 0.01], "frequency": 8.0 }"#,
-        )
-        .unwrap();
+        let motion: Motion =
+            serde_json::from_str(r#"{ "kind": "sine", "amplitude": [0.0, 0.02, 0.01], "frequency": 8.0 }"#)
+                .unwrap();
         let scene = Scene::new(time(0.1, 1e-3, scheme))
             .gravity([0.0, -9.81, 0.0])
             .body(block("neo-hookean"))

@@ -33,7 +33,8 @@ fn same_bits(scheme: &str, end: f64, step: f64) {
         .replace("STEP", &step.to_string())
         .replace("INTERVAL", &(end / 2.0).to_string());
     let runs = ["1", "2", "8"].map(|threads| Program::run_with(&scene, &["--threads", threads]));
-    let mut files: Vec<_> = std::fs::read_dir(runs[0].out()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    let mut files: Vec<_> =
+        std::fs::read_dir(runs[0].out()).unwrap().map(|e| e.unwrap().file_name()).collect();
     files.retain(|file| file != "report.json");
     assert_eq!(files.len(), 5, "{files:?}");
     for file in files {
