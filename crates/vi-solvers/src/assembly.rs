@@ -5,6 +5,7 @@ use vi_core::{Fault, System};
 
 use crate::energy::{Energies, EnergySum};
 use crate::gather::{self, Gather};
+use crate::hessian::HessianSum;
 use crate::{SymmetricMatrix, TermFault};
 
 /// Which Hessian to assemble.
@@ -23,10 +24,12 @@ pub struct AssemblyWork {
     pub energies: u64,
     /// Gradients of the whole system.
     pub gradients: u64,
-    /// Hessians of the whole system.
+    /// Hessians of the whole system, not counting calls where nothing could have changed.
     pub hessians: u64,
     /// Stencils whose gradient is made once: V is affine, or none of their coordinates ever moves.
     pub constant_stencils: u64,
+    /// Stencils without a Hessian on free coordinates: V is affine, or all their coordinates are prescribed.
+    pub hessian_skipped_stencils: u64,
 }
 
 /// Sums the stencils of a system; all methods give the same bits on any number of threads and allocate
@@ -34,6 +37,7 @@ pub struct AssemblyWork {
 pub struct Assembler {
     energy: EnergySum,
     gather: Gather,
+    hessian: Option<HessianSum>,
     work: AssemblyWork,
 }
 
@@ -43,7 +47,7 @@ impl Assembler {
         let gather = Gather::new(system);
         let work =
             AssemblyWork { constant_stencils: gather.constant_stencils() as u64, ..Default::default() };
-        Self { energy: EnergySum::new(system), gather, work }
+        Self { energy: EnergySum::new(system), gather, hessian: None, work }
     }
 
     /// V(x, t) by account, J.
@@ -62,14 +66,21 @@ impl Assembler {
     }
 
     /// ∂²V/∂q² on the free coordinates, N/m.
+    ///
+    /// Terms whose Hessian is constant are evaluated at the first call only.
     pub fn hessian(
         &mut self,
-        _system: &System,
-        _x: &[f64],
-        _t: f64,
-        _kind: HessianEvaluation,
+        system: &System,
+        x: &[f64],
+        t: f64,
+        kind: HessianEvaluation,
     ) -> &SymmetricMatrix {
-        unimplemented!()
+        let hessian = self.hessian.get_or_insert_with(|| HessianSum::new(system));
+        self.work.hessian_skipped_stencils = hessian.skipped_stencils() as u64;
+        if hessian.evaluate(system, x, t, kind) {
+            self.work.hessians += 1;
+        }
+        hessian.matrix()
     }
 
     /// Σ V_e F̄_e (m³, row-major) over the stencils around each node; false where no term has it.
@@ -114,6 +125,6 @@ impl Assembler {
 
     /// Bytes of maps and buffers, beyond what the terms hold.
     pub fn bytes(&self) -> usize {
-        self.gather.bytes()
+        self.gather.bytes() + self.hessian.as_ref().map_or(0, HessianSum::bytes)
     }
 }

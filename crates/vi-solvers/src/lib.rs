@@ -12,6 +12,7 @@ mod factor;
 mod forces;
 mod gather;
 mod kick_drift;
+mod hessian;
 mod matrix;
 mod method;
 mod pcg;
