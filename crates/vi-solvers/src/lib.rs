@@ -15,6 +15,7 @@ mod kick_drift;
 mod hessian;
 mod matrix;
 mod method;
+mod ordering;
 mod pcg;
 mod stability;
 mod stepper;

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use crate::gather::{group_by, with_scratch};
+use crate::ordering::Graph;
 
 /// Rows that one task of a product computes.
 const ROWS_PER_TASK: usize = 512;
@@ -102,6 +103,23 @@ impl Pattern {
                 free[k as usize] = *value;
             }
         }
+    }
+
+    /// The graph of the rows: an edge where two nodes share an entry.
+    pub(crate) fn graph(&self) -> Graph {
+        let block = self.block;
+        let (mut start, mut neighbours) = (vec![0], Vec::new());
+        let mut weights = Vec::new();
+        for row in 0..self.row_count() {
+            let lower = self.row(row);
+            neighbours.extend(self.columns[lower.start..lower.end - 1].iter().map(|&column| column as i32));
+            let upper = self.upper_start[row] as usize..self.upper_start[row + 1] as usize;
+            neighbours.extend(self.upper_rows[upper].iter().map(|&row| row as i32));
+            start.push(neighbours.len() as i32);
+            let free = self.free_of[row * block..(row + 1) * block].iter().filter(|&&k| k != NONE);
+            weights.push(free.count() as i32);
+        }
+        Graph { start, neighbours, weights }
     }
 
     fn bytes(&self) -> usize {
