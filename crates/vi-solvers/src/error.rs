@@ -99,12 +99,10 @@ pub enum SolverError {
 
 /// A matrix has a pivot that is not positive: a Cholesky factor does not exist.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
-#[error("matrix is not positive definite: pivot {pivot:e} at free coordinate {free}")]
+#[error("matrix is not positive definite: the pivot of free coordinate {free} is not positive")]
 pub struct NotPositiveDefinite {
     /// Index of the free coordinate q_k where the pivot failed.
     pub free: usize,
-    /// The pivot.
-    pub pivot: f64,
 }
 
 /// A term of the potential has no finite value: which, where and why.

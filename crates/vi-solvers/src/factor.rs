@@ -1,36 +1,36 @@
-//! Sparse Cholesky factor of A = M + cK by faer's supernodal kernel on a nodal order.
-//! Only the rooms `factor*` know faer.
+//! Sparse Cholesky factor of A = M + cK: a nodal multifrontal method.
+//!
+//! The tree of fronts is made once a pattern (`tree`); a factorisation walks it from the leaves, sums
+//! the entries of A and the updates of the children into each dense front, eliminates its columns
+//! (`front`), and passes the update on. Independent subtrees run in parallel; sums have a fixed order,
+//! so the bits are the same on any number of threads. All memory is laid out beforehand: panels of L in
+//! postorder, updates on two stacks that alternate with the depth of the tree.
+//! Every solve is checked against the A that was factored. This room must not know dense kernels.
+
+mod front;
+mod solve;
+mod tree;
 
 use std::sync::Arc;
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::LltError;
-use faer::perm::PermRef;
-use faer::sparse::linalg::SupernodalThreshold;
-use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
-};
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
-use faer::{Conj, MatMut, Par, Side};
-
-use crate::matrix::{NONE, SymmetricMatrix};
-use crate::ordering::Ordering;
+use crate::matrix::SymmetricMatrix;
 use crate::{NotPositiveDefinite, SolverError};
+use tree::{Family, Supernode, Tree};
 
 /// A relative residual above this is an error: round-off of a sound factor stays far below.
 const RESIDUAL_LIMIT: f64 = 1e-8;
 
-/// A residual above this is refined once.
+/// A relative residual above this is refined once.
 const REFINE_ABOVE: f64 = 1e-12;
 
 /// Size and cost of a factor.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct FactorFacts {
-    /// Entries of the factor.
+    /// Entries of the factor, stored zeros included.
     pub nnz: u64,
-    /// Floating-point operations of a factorisation.
+    /// Floating-point operations of a factorisation (a multiplication with an addition counts two).
     pub flops: f64,
-    /// Bytes read by one solve.
+    /// Bytes read by one solve, its residual included.
     pub solve_bytes: f64,
     /// Bytes held.
     pub bytes: u64,
@@ -40,91 +40,37 @@ pub struct FactorFacts {
 
 /// Sparse Cholesky factor L Lᵀ = A = M + cK.
 pub struct Factor {
-    symbolic: SymbolicCholesky<usize>,
-    /// The lower triangle of A by columns of free coordinates, and where its values are in `matrix`.
-    column_start: Vec<usize>,
-    row_index: Vec<usize>,
-    sources: Vec<u32>,
-    column_values: Vec<f64>,
-    factor_values: Vec<f64>,
-    memory: MemBuffer,
+    tree: Tree,
+    /// The panels of L, in postorder.
+    panels: Vec<f64>,
+    /// The two stacks of updates.
+    stacks: [Vec<f64>; 2],
     /// A as it was factored, for residuals.
     matrix: SymmetricMatrix,
     rhs: Vec<f64>,
     residual: Vec<f64>,
+    permuted: Vec<f64>,
+    shared: Vec<f64>,
     is_factored: bool,
 }
 
 impl Factor {
-    /// Ordering and symbolic factorisation, once a pattern.
+    /// Ordering and layout, once a pattern.
     ///
     /// # Errors
-    /// Where the ordering fails or the factor does not fit in memory.
+    /// Where the ordering fails or a front exceeds the index type.
     pub fn new(pattern: &SymmetricMatrix) -> Result<Self, SolverError> {
         let matrix = SymmetricMatrix::zeros(Arc::clone(&pattern.pattern));
-        let pattern = &*matrix.pattern;
-        let (block, n) = (pattern.block, pattern.free_count);
-        let ordering = Ordering::new(&pattern.graph())?;
-        let free = |row: u32, k: usize| pattern.free_of[row as usize * block + k];
-        let forward: Vec<usize> = ordering
-            .order
-            .iter()
-            .flat_map(|&row| (0..block).map(move |k| free(row, k)))
-            .filter(|&k| k != NONE)
-            .map(|k| k as usize)
-            .collect();
-        let mut backward = vec![0; n];
-        for (k, &dof) in forward.iter().enumerate() {
-            backward[dof] = k;
-        }
-        let mut entries: Vec<(usize, usize, u32)> = Vec::new();
-        for row in 0..pattern.row_count() as u32 {
-            for entry in pattern.row(row as usize) {
-                let (column, place) = (pattern.columns[entry], pattern.places[entry] as usize);
-                for (i, j) in (0..block).flat_map(|i| (0..block).map(move |j| (i, j))) {
-                    let (a, b) = (free(row, i), free(column, j));
-                    if a != NONE && b != NONE && a >= b {
-                        let source = (place * block + i) * block + j;
-                        entries.push((b as usize, a as usize, source as u32));
-                    }
-                }
-            }
-        }
-        entries.sort_unstable();
-        let mut column_start = vec![0; n + 1];
-        for entry in &entries {
-            column_start[entry.0 + 1] += 1;
-        }
-        for k in 0..n {
-            column_start[k + 1] += column_start[k];
-        }
-        let row_index: Vec<usize> = entries.iter().map(|entry| entry.1).collect();
-        let sources: Vec<u32> = entries.iter().map(|entry| entry.2).collect();
-        let too_large = |_| SolverError::Symbolic { dofs: n, reason: "out of memory" };
-        let symbolic = factorize_symbolic_cholesky(
-            SymbolicSparseColMatRef::new_checked(n, n, &column_start, None, &row_index),
-            Side::Lower,
-            SymmetricOrdering::Custom(PermRef::new_checked(&forward, &backward, n)),
-            CholeskySymbolicParams {
-                supernodal_flop_ratio_threshold: SupernodalThreshold::AUTO,
-                ..Default::default()
-            },
-        )
-        .map_err(too_large)?;
-        let numeric = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
-        let solve = symbolic.solve_in_place_scratch::<f64>(1, Par::Seq);
-        let memory = MemBuffer::try_new(numeric.or(solve))
-            .map_err(|_| SolverError::Symbolic { dofs: n, reason: "out of memory" })?;
+        let tree = Tree::new(&matrix.pattern)?;
+        let n = matrix.free_count();
         Ok(Self {
-            column_values: vec![0.0; row_index.len()],
-            factor_values: vec![0.0; symbolic.len_val()],
-            memory,
-            symbolic,
-            column_start,
-            row_index,
-            sources,
+            panels: vec![0.0; tree.panel_length],
+            stacks: tree.stack.map(|length| vec![0.0; length]),
+            shared: vec![0.0; tree.vector_length],
             rhs: vec![0.0; n],
             residual: vec![0.0; n],
+            permuted: vec![0.0; n],
+            tree,
             matrix,
             is_factored: false,
         })
@@ -134,41 +80,33 @@ impl Factor {
     ///
     /// # Errors
     /// Where a pivot is not positive; the factor then holds nothing.
+    ///
+    /// # Panics
+    /// Where k has another pattern than the factor was made for.
     pub fn factorize(
         &mut self,
         mass: &[f64],
         c: f64,
         k: &SymmetricMatrix,
     ) -> Result<(), NotPositiveDefinite> {
+        assert!(self.matrix.has_pattern_of(k), "a factor serves one pattern");
         self.matrix.set_shifted(mass, c, k);
-        for (value, &source) in self.column_values.iter_mut().zip(&self.sources) {
-            *value = self.matrix.values[source as usize];
-        }
-        let n = self.rhs.len();
-        let symbolic = SymbolicSparseColMatRef::new_checked(n, n, &self.column_start, None, &self.row_index);
-        let result = self.symbolic.factorize_numeric_llt(
-            &mut self.factor_values,
-            SparseColMatRef::new(symbolic, &self.column_values),
-            Side::Lower,
-            Default::default(),
-            Par::Seq,
-            MemStack::new(&mut self.memory),
-            Default::default(),
-        );
-        self.is_factored = result.is_ok();
-        match result {
-            Ok(_) => Ok(()),
-            Err(LltError::NonPositivePivot { index }) => {
-                let free = self.symbolic.perm().map_or(index, |perm| perm.arrays().0[index.min(n - 1)]);
-                Err(NotPositiveDefinite { free, pivot: f64::NAN })
-            }
-        }
+        self.is_factored = false;
+        let tree = &self.tree;
+        let walk = Walk { tree, values: &self.matrix.values, block: self.matrix.pattern.block };
+        let [stack, spare] = &mut self.stacks;
+        walk.family(&tree.roots, &mut self.panels, stack, spare).map_err(|position| {
+            let free = tree.permutation[position] as usize;
+            NotPositiveDefinite { free }
+        })?;
+        self.is_factored = true;
+        Ok(())
     }
 
     /// Solves A x = b in place and returns ‖Ax − b‖/‖b‖.
     ///
     /// # Errors
-    /// Where the residual is above 1e-8 after refinement.
+    /// Where the residual is above 1e-8 after one step of refinement, or nothing has been factored.
     pub fn solve(&mut self, rhs_to_solution: &mut [f64]) -> Result<f64, SolverError> {
         if !self.is_factored {
             return Err(SolverError::NotFactored);
@@ -178,11 +116,11 @@ impl Factor {
         if norm == 0.0 {
             return Ok(0.0);
         }
-        self.apply(rhs_to_solution);
+        self.apply_inverse(rhs_to_solution);
         let mut residual = self.update_residual(rhs_to_solution) / norm;
         if residual > REFINE_ABOVE {
             let mut correction = std::mem::take(&mut self.residual);
-            self.apply(&mut correction);
+            self.apply_inverse(&mut correction);
             for (x, d) in rhs_to_solution.iter_mut().zip(&correction) {
                 *x += d;
             }
@@ -196,26 +134,29 @@ impl Factor {
         }
     }
 
-    /// Size and cost.
-    pub fn facts(&self) -> FactorFacts {
-        let nnz = self.factor_values.len() as u64;
-        FactorFacts {
-            nnz,
-            flops: (nnz as f64).powi(2) / self.rhs.len().max(1) as f64,
-            solve_bytes: 16.0 * nnz as f64,
-            bytes: 8 * nnz + self.matrix.bytes() as u64,
-            supernodes: 0,
+    /// x ← (LLᵀ)⁻¹ x without a check: a preconditioner where A has moved on since.
+    pub(crate) fn apply_inverse(&mut self, x: &mut [f64]) {
+        for (value, &free) in self.permuted.iter_mut().zip(&self.tree.permutation) {
+            *value = x[free as usize];
+        }
+        solve::solve(&self.tree, &self.panels, &mut self.permuted, &mut self.shared);
+        for (value, &free) in self.permuted.iter().zip(&self.tree.permutation) {
+            x[free as usize] = *value;
         }
     }
 
-    fn apply(&mut self, x: &mut [f64]) {
-        let rows = x.len();
-        LltRef::new(&self.symbolic, &self.factor_values).solve_in_place_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(x, rows, 1),
-            Par::Seq,
-            MemStack::new(&mut self.memory),
-        );
+    /// Size and cost.
+    pub fn facts(&self) -> FactorFacts {
+        let stacks: usize = self.stacks.iter().map(Vec::len).sum();
+        let vectors = 4 * self.rhs.len() + self.shared.len();
+        FactorFacts {
+            nnz: self.panels.len() as u64,
+            flops: self.tree.flops,
+            solve_bytes: (16 * self.panels.len() + self.matrix.bytes()) as f64,
+            bytes: (8 * (self.panels.len() + stacks + vectors) + self.matrix.bytes() + self.tree.bytes())
+                as u64,
+            supernodes: self.tree.supernodes.len(),
+        }
     }
 
     /// residual = b − Ax; returns its norm.
@@ -230,4 +171,157 @@ impl Factor {
 
 fn norm(x: &[f64]) -> f64 {
     x.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// What a factorisation reads. Errors are the position of the coordinate whose pivot is not positive.
+struct Walk<'a> {
+    tree: &'a Tree,
+    /// The values of A.
+    values: &'a [f64],
+    block: usize,
+}
+
+impl Walk<'_> {
+    /// Eliminates the subtrees of a family. Their updates are left in `stack`; `panels` are theirs.
+    fn family(
+        &self,
+        family: &Family,
+        panels: &mut [f64],
+        stack: &mut [f64],
+        spare: &mut [f64],
+    ) -> Result<(), usize> {
+        let members = &self.tree.members[family.members.clone()];
+        if family.parallel {
+            return self.side_by_side(members, panels, stack, spare);
+        }
+        let mut rest = panels;
+        for &member in members {
+            let node = &self.tree.supernodes[member as usize];
+            let (panels, others) = rest.split_at_mut(self.subtree_length(node));
+            rest = others;
+            let own = &mut stack[node.update..][..node.own];
+            self.subtree(node, panels, own, &mut spare[..node.other])?;
+        }
+        Ok(())
+    }
+
+    fn side_by_side(
+        &self,
+        members: &[u32],
+        panels: &mut [f64],
+        stack: &mut [f64],
+        spare: &mut [f64],
+    ) -> Result<(), usize> {
+        let supernodes = &self.tree.supernodes;
+        match members {
+            [] => Ok(()),
+            &[member] => self.subtree(&supernodes[member as usize], panels, stack, spare),
+            _ => {
+                let (left, right) = members.split_at(members.len() / 2);
+                let sum = |length: &dyn Fn(&Supernode) -> usize| {
+                    left.iter().map(|&member| length(&supernodes[member as usize])).sum::<usize>()
+                };
+                let (left_panels, right_panels) = panels.split_at_mut(sum(&|node| self.subtree_length(node)));
+                let (left_stack, right_stack) = stack.split_at_mut(sum(&|node| node.own));
+                let (left_spare, right_spare) = spare.split_at_mut(sum(&|node| node.other));
+                let (on_left, on_right) = rayon::join(
+                    || self.side_by_side(left, left_panels, left_stack, left_spare),
+                    || self.side_by_side(right, right_panels, right_stack, right_spare),
+                );
+                on_left.and(on_right)
+            }
+        }
+    }
+
+    /// Numbers in the panels of a subtree.
+    fn subtree_length(&self, node: &Supernode) -> usize {
+        node.panel + node.panel_length() - self.tree.supernodes[node.subtree].panel
+    }
+
+    /// Eliminates a subtree: its panels end with the root's own, its update is left at the start of `own`.
+    fn subtree(
+        &self,
+        node: &Supernode,
+        panels: &mut [f64],
+        own: &mut [f64],
+        other: &mut [f64],
+    ) -> Result<(), usize> {
+        let (descendants, panel) = panels.split_at_mut(panels.len() - node.panel_length());
+        self.family(&node.children, descendants, other, own)?;
+        panel.fill(0.0);
+        self.add_entries(node, panel);
+        let update = &mut own[..node.below() * node.below()];
+        let members = &self.tree.members[node.children.members.clone()];
+        if !members.is_empty() {
+            update.fill(0.0);
+        }
+        for &child in members {
+            self.add_update(node, &self.tree.supernodes[child as usize], other, panel, update);
+        }
+        front::eliminate(panel, node.rows, node.columns, update, members.is_empty())
+            .map_err(|column| node.first + column)
+    }
+
+    /// The entries of A in the columns of a front.
+    fn add_entries(&self, node: &Supernode, panel: &mut [f64]) {
+        match self.block {
+            3 => self.add_blocks::<3>(node, panel),
+            2 => self.add_blocks::<2>(node, panel),
+            _ => self.add_blocks::<1>(node, panel),
+        }
+        for number in &self.tree.numbers[node.numbers.clone()] {
+            panel[number.target as usize] = self.values[number.source as usize];
+        }
+    }
+
+    fn add_blocks<const B: usize>(&self, node: &Supernode, panel: &mut [f64]) {
+        let (values, _) = self.values.as_chunks::<B>();
+        for block in &self.tree.blocks[node.blocks.clone()] {
+            let place = (block.source / 2) as usize * B;
+            let value = &values[place..place + B];
+            let transposed = block.source % 2 == 1;
+            // A diagonal block writes above the diagonal too: those places are never read.
+            for j in 0..B {
+                let target = &mut panel[block.target as usize + j * node.rows..][..B];
+                for i in 0..B {
+                    target[i] = if transposed { value[j][i] } else { value[i][j] };
+                }
+            }
+        }
+    }
+
+    /// Adds the lower triangle of a child's update to the parent's front.
+    fn add_update(
+        &self,
+        node: &Supernode,
+        child: &Supernode,
+        stack: &[f64],
+        panel: &mut [f64],
+        update: &mut [f64],
+    ) {
+        let order = child.below();
+        let source = &stack[child.update..][..order * order];
+        let runs = &self.tree.runs[child.runs.clone()];
+        for (k, run) in runs.iter().enumerate() {
+            for offset in 0..run.length as usize {
+                let column = run.from as usize + offset;
+                let source = &source[column * order..][..order];
+                let to = run.to as usize + offset;
+                // The rest of this run, then the runs after it.
+                let here = (column, to, run.length as usize - offset);
+                let after =
+                    runs[k + 1..].iter().map(|run| (run.from as usize, run.to as usize, run.length as usize));
+                let (target, skip) = match to.checked_sub(node.columns) {
+                    None => (&mut panel[to * node.rows..][..node.rows], 0),
+                    Some(to) => (&mut update[to * node.below()..][..node.below()], node.columns),
+                };
+                for (from, to, length) in std::iter::once(here).chain(after) {
+                    let target = &mut target[to - skip..][..length];
+                    for (target, source) in target.iter_mut().zip(&source[from..][..length]) {
+                        *target += source;
+                    }
+                }
+            }
+        }
+    }
 }

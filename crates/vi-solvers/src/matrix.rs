@@ -84,6 +84,12 @@ impl Pattern {
         self.row_start[row] as usize..self.row_start[row + 1] as usize
     }
 
+    /// The entries above the diagonal of a column read as a row: (row, place) with row > column.
+    pub(crate) fn upper(&self, column: usize) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let range = self.upper_start[column] as usize..self.upper_start[column + 1] as usize;
+        range.map(|k| (self.upper_rows[k], self.upper_places[k]))
+    }
+
     /// Place of the diagonal block of a row.
     pub(crate) fn diagonal_place(&self, row: usize) -> usize {
         self.places[self.row_start[row + 1] as usize - 1] as usize

@@ -8,14 +8,14 @@ use vi_core::{
     Account, Coordinates, Fault, Fixed, HessianKind, Path, Potential, Prescribed, Stencils, System, Traits,
 };
 
-pub struct Springs {
-    pub arity: usize,
-    pub nodes: Vec<u32>,
+pub(crate) struct Springs {
+    pub(crate) arity: usize,
+    pub(crate) nodes: Vec<u32>,
     /// |x_a − x_b|² at rest, a pair (a, b < a) of each stencil.
-    pub rest: Vec<f64>,
-    pub stiffness: f64,
+    pub(crate) rest: Vec<f64>,
+    pub(crate) stiffness: f64,
     /// Calls of (energies, gradients, hessians), in stencils.
-    pub calls: [std::sync::atomic::AtomicUsize; 3],
+    pub(crate) calls: [std::sync::atomic::AtomicUsize; 3],
 }
 
 fn point(x: &[f64], node: u32) -> [f64; 3] {
@@ -29,7 +29,7 @@ fn difference(x: &[f64], a: u32, b: u32) -> ([f64; 3], f64) {
 }
 
 impl Springs {
-    pub fn new(arity: usize, nodes: Vec<u32>, stiffness: f64, x: &[f64]) -> Self {
+    pub(crate) fn new(arity: usize, nodes: Vec<u32>, stiffness: f64, x: &[f64]) -> Self {
         let mut rest = Vec::new();
         for stencil in nodes.chunks(arity) {
             for a in 0..arity {
@@ -128,7 +128,7 @@ impl Potential for Springs {
 }
 
 /// A box of (a, b, c) cells of six stencils each: the positions and the stencils' nodes.
-pub fn block(cells: [usize; 3]) -> (Vec<f64>, Vec<u32>) {
+pub(crate) fn block(cells: [usize; 3]) -> (Vec<f64>, Vec<u32>) {
     let [a, b, c] = cells;
     let node = |i: usize, j: usize, k: usize| ((i * (b + 1) + j) * (c + 1) + k) as u32;
     let mut x = Vec::new();
@@ -159,13 +159,13 @@ pub fn block(cells: [usize; 3]) -> (Vec<f64>, Vec<u32>) {
 }
 
 /// A prescription of some coordinates to stay where x has them.
-pub fn fixed(x: &[f64], dofs: Vec<u32>) -> Vec<Prescribed> {
+pub(crate) fn fixed(x: &[f64], dofs: Vec<u32>) -> Vec<Prescribed> {
     let values = dofs.iter().map(|&dof| x[dof as usize]).collect();
     vec![Prescribed { dofs, path: Box::new(Fixed(values)) as Box<dyn Path> }]
 }
 
 /// A box of springs, clamped where the first coordinate of a node is zero if so asked.
-pub fn block_system(cells: [usize; 3], clamped: bool) -> (System, Vec<f64>) {
+pub(crate) fn block_system(cells: [usize; 3], clamped: bool) -> (System, Vec<f64>) {
     let (x, nodes) = block(cells);
     let count = x.len();
     let clamp = if clamped {
@@ -179,12 +179,12 @@ pub fn block_system(cells: [usize; 3], clamped: bool) -> (System, Vec<f64>) {
 }
 
 /// Positions moved by smooth, reproducible amounts.
-pub fn deformed(x: &[f64], amplitude: f64) -> Vec<f64> {
+pub(crate) fn deformed(x: &[f64], amplitude: f64) -> Vec<f64> {
     x.iter().enumerate().map(|(k, x)| x + amplitude * (0.7 * k as f64 + x).sin()).collect()
 }
 
 /// The sum of a term's blocks in order, entry by entry: the oracle of every gather.
-pub fn dense(system: &System, x: &[f64], t: f64) -> (f64, Vec<f64>, Vec<Vec<f64>>) {
+pub(crate) fn dense(system: &System, x: &[f64], t: f64) -> (f64, Vec<f64>, Vec<Vec<f64>>) {
     let count = x.len();
     let (mut energy, mut gradient, mut hessian) = (0.0, vec![0.0; count], vec![vec![0.0; count]; count]);
     for potential in system.potentials() {
