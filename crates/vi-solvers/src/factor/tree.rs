@@ -304,19 +304,15 @@ impl Tree {
                 self.blocks.push(BlockSource { source: 2 * place + u32::from(transposed), target });
                 continue;
             }
-            let mut across = 0;
-            for j in (0..block).filter(|&j| free(this)[j] != NONE) {
-                let mut down = 0;
-                for i in (0..block).filter(|&i| free(other)[i] != NONE) {
+            for (across, j) in (0..block).filter(|&j| free(this)[j] != NONE).enumerate() {
+                for (down, i) in (0..block).filter(|&i| free(other)[i] != NONE).enumerate() {
                     let (r, c) = if transposed { (j, i) } else { (i, j) };
                     if row + down >= column + across {
                         let source = ((place as usize * block + r) * block + c) as u32;
                         let target = ((column + across) * rows + row + down) as u32;
                         self.numbers.push(NumberSource { source, target });
                     }
-                    down += 1;
                 }
-                across += 1;
             }
         }
     }
