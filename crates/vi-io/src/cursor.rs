@@ -124,6 +124,14 @@ impl<'a> Cursor<'a> {
         self.position += white;
     }
 
+    /// Where the next thing begins, for messages.
+    pub(crate) fn start(&mut self) -> usize {
+        if self.encoding == Encoding::Text {
+            self.skip_whitespace();
+        }
+        self.position
+    }
+
     /// Skips spaces and at most one end of line: what stands between a text header and binary data.
     pub(crate) fn skip_line_end(&mut self) {
         let spaces =

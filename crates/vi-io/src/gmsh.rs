@@ -94,7 +94,7 @@ impl<'a> Reading<'a> {
         for _ in 0..cursor.count(count, 7, "physical names")? {
             let dimension: usize = cursor.text_number("the dimension of a physical name")?;
             let tag: i32 = cursor.text_number("the tag of a physical name")?;
-            let at = cursor.position();
+            let at = cursor.start();
             let line = cursor.line().unwrap_or_default().trim_ascii();
             let name = line.strip_prefix(b"\"").and_then(|rest| rest.strip_suffix(b"\""));
             let name = name.ok_or_else(|| cursor.syntax_at(at, "a physical name in quotes", line))?;
@@ -188,7 +188,7 @@ fn header(cursor: &mut Cursor) -> Result<Version, IoError> {
         end_of_section(cursor, b"Comments")?;
         cursor.skip_whitespace();
     }
-    let at = cursor.position();
+    let at = cursor.start();
     let first = cursor.token("$MeshFormat")?;
     if first == b"$NOD" {
         return Err(cursor.unsupported_at(at, "the MSH format 1", RESAVE));
@@ -196,14 +196,14 @@ fn header(cursor: &mut Cursor) -> Result<Version, IoError> {
     if first != b"$MeshFormat" {
         return Err(cursor.syntax_at(at, "$MeshFormat", first));
     }
-    let at = cursor.position();
+    let at = cursor.start();
     let number = cursor.token("the format version")?;
     let version = match number {
         b"2" | b"2.0" | b"2.1" | b"2.2" => Version::Two,
         b"4.1" => Version::Four,
         _ => {
             return Err(cursor.unsupported_at(
-                at + 1,
+                at,
                 format!("the MSH format {}", number.escape_ascii()),
                 RESAVE,
             ));
@@ -219,7 +219,7 @@ fn header(cursor: &mut Cursor) -> Result<Version, IoError> {
         0 => {}
         1 => {
             cursor.skip_line_end();
-            let at = cursor.position();
+            let at = cursor.start();
             cursor.encoding = match cursor.take(4, "the number that shows the byte order")? {
                 [1, 0, 0, 0] => Encoding::Little,
                 [0, 0, 0, 1] => Encoding::Big,
@@ -241,7 +241,7 @@ fn header(cursor: &mut Cursor) -> Result<Version, IoError> {
 /// The name of the next section, the cursor behind its line.
 fn section<'a>(cursor: &mut Cursor<'a>) -> Result<Option<&'a [u8]>, IoError> {
     cursor.skip_whitespace();
-    let at = cursor.position();
+    let at = cursor.start();
     let Some(line) = cursor.line() else {
         return Ok(None);
     };
@@ -253,7 +253,7 @@ fn section<'a>(cursor: &mut Cursor<'a>) -> Result<Option<&'a [u8]>, IoError> {
 
 fn end_of_section(cursor: &mut Cursor, name: &[u8]) -> Result<(), IoError> {
     cursor.skip_whitespace();
-    let at = cursor.position();
+    let at = cursor.start();
     let expected = || format!("$End{}", name.escape_ascii());
     let found = cursor.token(&format!("the section before {}", expected()))?;
     if found.strip_prefix(b"$End") == Some(name) {

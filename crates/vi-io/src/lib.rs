@@ -8,19 +8,28 @@ mod cell;
 mod cursor;
 mod error;
 mod gmsh;
+mod legacy;
 mod mesh;
+mod obj;
 mod pvd;
 mod read;
 mod replace;
+mod stl;
+mod vtk;
+mod vtu;
 mod vtu_write;
 
 pub use cell::CellKind;
 pub use error::{IoError, Place};
 pub use gmsh::parse_msh;
+pub use legacy::parse_vtk;
 pub use mesh::{CellBlock, DataArray, Group, MeshFile};
+pub use obj::parse_obj;
 pub use pvd::PvdSeries;
 pub use read::{parse_mesh, read_mesh};
 pub use replace::replace_file;
+pub use stl::parse_stl;
+pub use vtu::parse_vtu;
 pub use vtu_write::{
     Precision, VtuArray, VtuEncoding, VtuFrame, VtuOptions, VtuValues, encode_vtu, write_vtu,
 };

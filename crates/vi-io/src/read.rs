@@ -5,7 +5,11 @@ use std::path::Path;
 use crate::cursor::excerpt;
 use crate::error::IoError;
 use crate::gmsh::parse_msh;
+use crate::legacy::parse_vtk;
 use crate::mesh::MeshFile;
+use crate::obj::parse_obj;
+use crate::stl::parse_stl;
+use crate::vtu::parse_vtu;
 
 /// Reads a mesh file of any format known here.
 ///
@@ -27,8 +31,21 @@ pub fn read_mesh(path: &Path) -> Result<MeshFile, IoError> {
 pub fn parse_mesh(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let extension =
         file.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let start = bytes.trim_ascii_start();
+    let is_xml = start.starts_with(b"<?xml") || start.starts_with(b"<VTKFile");
+    if start.starts_with(b"$MeshFormat") || start.starts_with(b"$Comments") || start.starts_with(b"$NOD") {
+        return parse_msh(bytes, file);
+    }
+    if start.starts_with(b"# vtk DataFile") {
+        return parse_vtk(bytes, file);
+    }
     match extension.as_str() {
+        _ if is_xml => parse_vtu(bytes, file),
         "msh" => parse_msh(bytes, file),
+        "vtk" => parse_vtk(bytes, file),
+        "vtu" | "vtp" => parse_vtu(bytes, file),
+        "obj" => parse_obj(bytes, file),
+        "stl" => parse_stl(bytes, file),
         _ => {
             let found = format!("it begins with {}", excerpt(&bytes[..bytes.len().min(40)]));
             Err(IoError::UnknownFormat { file: file.into(), found })

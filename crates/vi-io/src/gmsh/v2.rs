@@ -16,13 +16,13 @@ pub(super) fn nodes(cursor: &mut Cursor, reading: &mut Reading) -> Result<(), Io
     let mut tags = Vec::with_capacity(count);
     reading.mesh.points.reserve_exact(count);
     for _ in 0..count {
-        let at = cursor.position();
+        let at = cursor.start();
         let tag = positive(cursor, "a node tag")?;
         let mut x = [0.0; 3];
         for x in &mut x {
             *x = cursor.real("a node coordinate")?;
         }
-        reading.push_point(cursor, at + 1, tag, x)?;
+        reading.push_point(cursor, at, tag, x)?;
         tags.push(tag);
     }
     reading.node_tags = TagIndex::new(&tags)
@@ -39,7 +39,7 @@ pub(super) fn elements(cursor: &mut Cursor, reading: &mut Reading) -> Result<(),
     }
     let mut done = 0;
     while done < count {
-        let at = cursor.position();
+        let at = cursor.start();
         // A text has this head on every line, binary data once for a run of elements.
         let (code, run, tag_count);
         let mut tag = 0;
@@ -53,7 +53,7 @@ pub(super) fn elements(cursor: &mut Cursor, reading: &mut Reading) -> Result<(),
             run = cursor.int("a number of elements")?;
             tag_count = cursor.int("the number of tags of an element")?;
         }
-        let kind = kind_of(cursor, at + 1, code, tag)?;
+        let kind = kind_of(cursor, at, code, tag)?;
         let run = usize::try_from(run).ok().filter(|&run| run > 0 && run <= count - done);
         let run =
             run.ok_or_else(|| cursor.inconsistent_at(at, "a run of elements is longer than their number"))?;
@@ -61,7 +61,7 @@ pub(super) fn elements(cursor: &mut Cursor, reading: &mut Reading) -> Result<(),
             .map_err(|_| cursor.inconsistent_at(at, "the number of tags of an element is negative"))?;
         let tag_count = cursor.count(tag_count, 2, "tags of an element")?;
         for _ in 0..run {
-            let at = cursor.position();
+            let at = cursor.start();
             if !text {
                 tag = positive(cursor, "an element tag")?;
             }
@@ -79,7 +79,7 @@ pub(super) fn elements(cursor: &mut Cursor, reading: &mut Reading) -> Result<(),
             for node in nodes.iter_mut() {
                 *node = positive(cursor, "a node of an element")?;
             }
-            let cell = reading.push_element(cursor, at + 1, kind, tag, nodes)?;
+            let cell = reading.push_element(cursor, at, kind, tag, nodes)?;
             reading.cell_entities.push(entity);
             if physical != 0 {
                 reading.members.entry((kind.dimension(), physical)).or_default().push(cell);
@@ -91,7 +91,7 @@ pub(super) fn elements(cursor: &mut Cursor, reading: &mut Reading) -> Result<(),
 }
 
 fn positive(cursor: &mut Cursor, what: &str) -> Result<u64, IoError> {
-    let at = cursor.position();
+    let at = cursor.start();
     let value = cursor.int(what)?;
-    u64::try_from(value).map_err(|_| cursor.inconsistent_at(at + 1, format!("{what} is negative ({value})")))
+    u64::try_from(value).map_err(|_| cursor.inconsistent_at(at, format!("{what} is negative ({value})")))
 }

@@ -75,7 +75,7 @@ pub(super) fn nodes(cursor: &mut Cursor, reading: &mut Reading) -> Result<(), Io
     let mut tags: Vec<u64> = Vec::with_capacity(count);
     reading.mesh.points.reserve_exact(count);
     for _ in 0..block_count {
-        let at = cursor.position();
+        let at = cursor.start();
         let dimension = cursor.int("the dimension of an entity")?;
         cursor.int("the tag of an entity")?;
         let parametric = cursor.int("whether nodes are parametric")?;
@@ -91,7 +91,7 @@ pub(super) fn nodes(cursor: &mut Cursor, reading: &mut Reading) -> Result<(), Io
         }
         let parameters = if parametric == 0 { 0 } else { dimension.clamp(0, 3) };
         for i in tags.len() - in_block..tags.len() {
-            let at = cursor.position();
+            let at = cursor.start();
             let mut x = [0.0; 3];
             for x in &mut x {
                 *x = cursor.real("a node coordinate")?;
@@ -99,7 +99,7 @@ pub(super) fn nodes(cursor: &mut Cursor, reading: &mut Reading) -> Result<(), Io
             for _ in 0..parameters {
                 cursor.real("a node parameter")?;
             }
-            reading.push_point(cursor, at + 1, tags[i], x)?;
+            reading.push_point(cursor, at, tags[i], x)?;
         }
     }
     if tags.len() != count {
@@ -124,7 +124,7 @@ pub(super) fn elements(cursor: &mut Cursor, reading: &mut Reading) -> Result<(),
     let mut memberships_left = cursor.remaining();
     let mut done = 0;
     for _ in 0..block_count {
-        let at = cursor.position();
+        let at = cursor.start();
         let dimension = cursor.int("the dimension of an entity")?;
         let entity = cursor.int("the tag of an entity")?;
         let code = cursor.int("an element type")?;
@@ -136,17 +136,17 @@ pub(super) fn elements(cursor: &mut Cursor, reading: &mut Reading) -> Result<(),
                 format!("the element blocks hold more than the {count} elements announced"),
             ));
         }
-        let kind: CellKind = kind_of(cursor, at + 1, code, 0)?;
+        let kind: CellKind = kind_of(cursor, at, code, 0)?;
         let first = reading.cell_tags.len() as u32;
         for _ in 0..in_block {
-            let at = cursor.position();
+            let at = cursor.start();
             let tag = cursor.size("an element tag")?;
             let mut nodes = [0; 27];
             let nodes = &mut nodes[..kind.node_count()];
             for node in nodes.iter_mut() {
                 *node = cursor.size("a node of an element")?;
             }
-            reading.push_element(cursor, at + 1, kind, tag, nodes)?;
+            reading.push_element(cursor, at, kind, tag, nodes)?;
         }
         done += in_block;
         let physical =

@@ -1,0 +1,5 @@
+//! What the two VTK formats share: number types, cells from connectivity, groups from arrays.
+
+pub(crate) mod cells;
+pub(crate) mod groups;
+pub(crate) mod number;

@@ -1,0 +1,155 @@
+//! Cells from VTK's types, offsets and connectivity. Composite cells (poly-lines, strips, polygons) are taken apart,
+//! and the arrays over cells follow them.
+
+use std::path::Path;
+
+use crate::cell::{CellKind, SUPPORTED};
+use crate::error::{IoError, Place};
+use crate::mesh::{DataArray, MeshFile};
+
+/// Cells of one source, growing.
+#[derive(Default)]
+pub(crate) struct CellReader {
+    base: usize,
+    point_count: usize,
+    /// For each cell of the mesh the cell of the file it comes from.
+    source: Vec<u32>,
+    /// Cells of the file.
+    file_cells: u32,
+    /// Cells that were taken apart.
+    divided: usize,
+}
+
+impl CellReader {
+    /// From now on, node numbers start with point `base` and stay below `point_count`: pieces of a file are numbered
+    /// each for itself.
+    pub(crate) fn set_points(&mut self, base: usize, point_count: usize) {
+        (self.base, self.point_count) = (base, point_count);
+    }
+
+    /// Takes over one cell of the file.
+    pub(crate) fn push(
+        &mut self,
+        mesh: &mut MeshFile,
+        file: &Path,
+        place: impl Fn() -> Place,
+        code: i64,
+        nodes: &[i64],
+    ) -> Result<(), IoError> {
+        let (base, point_count) = (self.base, self.point_count);
+        let cell = u64::from(self.file_cells);
+        let unknown = |node| IoError::UnknownNode {
+            file: file.into(),
+            place: place(),
+            cell,
+            node,
+            node_count: point_count,
+        };
+        let mut corners = Vec::with_capacity(nodes.len());
+        for &node in nodes {
+            match usize::try_from(node) {
+                Ok(i) if i < point_count => corners.push((base + i) as u32),
+                _ => return Err(unknown(node)),
+            }
+        }
+        let n = &corners;
+        match (code, n.len()) {
+            (2, 1..) => n.iter().for_each(|&node| mesh.push_cell(CellKind::Vertex1, &[node])),
+            (4, 2..) => n.windows(2).for_each(|pair| mesh.push_cell(CellKind::Line2, pair)),
+            (6, 3..) => {
+                for (i, t) in n.windows(3).enumerate() {
+                    // Every other triangle of a strip is turned round.
+                    let t = if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
+                    mesh.push_cell(CellKind::Triangle3, &t);
+                }
+            }
+            (7, 3) => mesh.push_cell(CellKind::Triangle3, n),
+            (7, 4) => mesh.push_cell(CellKind::Quad4, n),
+            (7, 5..) => n[1..]
+                .windows(2)
+                .for_each(|pair| mesh.push_cell(CellKind::Triangle3, &[n[0], pair[0], pair[1]])),
+            (8, 4) => mesh.push_cell(CellKind::Quad4, &[n[0], n[1], n[3], n[2]]),
+            (11, 8) => {
+                mesh.push_cell(CellKind::Hexahedron8, &[n[0], n[1], n[3], n[2], n[4], n[5], n[7], n[6]])
+            }
+            _ => {
+                let kind = u8::try_from(code).ok().and_then(CellKind::from_vtk).ok_or_else(|| {
+                    IoError::UnsupportedCell {
+                        file: file.into(),
+                        place: place(),
+                        cell,
+                        format: "VTK",
+                        code,
+                        name: name(code),
+                        supported: SUPPORTED,
+                    }
+                })?;
+                if n.len() != kind.node_count() {
+                    let what = format!(
+                        "cell {cell} is a {} with {} nodes instead of {}",
+                        kind.name(),
+                        n.len(),
+                        kind.node_count()
+                    );
+                    return Err(IoError::Inconsistent { file: file.into(), place: place(), what });
+                }
+                mesh.push_cell(kind, n);
+            }
+        }
+        let made = match code {
+            2 => n.len(),
+            4 => n.len() - 1,
+            6 => n.len() - 2,
+            7 if n.len() > 4 => n.len() - 2,
+            _ => 1,
+        };
+        if made > 1 {
+            self.divided += 1;
+        }
+        self.source.resize(self.source.len() + made, self.file_cells);
+        self.file_cells += 1;
+        Ok(())
+    }
+
+    /// Cells of the file taken over so far.
+    pub(crate) fn file_cell_count(&self) -> usize {
+        self.file_cells as usize
+    }
+
+    /// Lets the arrays over the file's cells follow the cells that were taken apart, and says so. Arrays that would
+    /// take more than `room` values together are left out, with a note: many arrays over one long poly-line would
+    /// take memory out of proportion to the file.
+    pub(crate) fn finish(self, mesh: &mut MeshFile, mut room: usize) {
+        if self.divided == 0 {
+            return;
+        }
+        let note =
+            "cells of several parts (poly-lines, strips, polygons) were divided into lines and triangles";
+        mesh.notes.push(format!("{} {note}", self.divided));
+        let notes = &mut mesh.notes;
+        mesh.cell_data.retain_mut(|DataArray { name, components, values }| {
+            let left = self.source.len().checked_mul(*components).and_then(|needed| room.checked_sub(needed));
+            let Some(left) = left else {
+                notes.push(format!("the cell array \"{name}\" is left out: too large for the divided cells"));
+                return false;
+            };
+            room = left;
+            let tuples = self.source.iter().map(|&i| &values[i as usize * *components..][..*components]);
+            *values = tuples.flatten().copied().collect();
+            true
+        });
+    }
+}
+
+fn name(code: i64) -> &'static str {
+    match code {
+        0 => " (empty cell)",
+        30 | 33 | 34 | 35 | 36 | 37 => " (a quadratic kind)",
+        41 => " (convex point set)",
+        42 => " (polyhedron)",
+        60..=67 => " (of higher order)",
+        68..=74 => " (Lagrange cell)",
+        75..=81 => " (Bézier cell)",
+        _ => "",
+    }
+}

@@ -1,0 +1,58 @@
+//! Groups from cell arrays: VTK files have no named groups, so arrays of integers with known names stand for them.
+
+use std::collections::BTreeMap;
+
+use crate::mesh::{DataArray, Group, MeshFile};
+
+/// Arrays whose values are numbers of regions. A region of value 3 is the group "material_id=3"; with Gmsh's own
+/// array it is "3", as an unnamed physical group of a .msh file is.
+pub(crate) const REGION_ARRAYS: [&str; 5] =
+    ["region_id", "material_id", "body_id", "gmsh:physical", "CellEntityIds"];
+/// Arrays `group:<name>` hold 1 in the cells of the group, and 0 in the others.
+const MEMBER_PREFIX: &str = "group:";
+/// More regions than this are no regions but a numbering of cells.
+const REGION_LIMIT: usize = 1000;
+
+/// Makes groups of the arrays that stand for them. `group:…` arrays are consumed, the others stay.
+pub(crate) fn from_arrays(mesh: &mut MeshFile) {
+    let dimensions: Vec<u8> = mesh.cells().map(|(kind, _)| kind.dimension() as u8).collect();
+    let arrays = std::mem::take(&mut mesh.cell_data);
+    for array in arrays {
+        if let Some(name) = array.name.strip_prefix(MEMBER_PREFIX).filter(|_| is_integer(&array)) {
+            let mut members: BTreeMap<u8, Vec<u32>> = BTreeMap::new();
+            for (i, _) in array.values.iter().enumerate().filter(|(_, value)| **value != 0.0) {
+                members.entry(dimensions[i]).or_default().push(i as u32);
+            }
+            mesh.groups.extend(members.into_iter().map(|(dimension, cells)| Group {
+                name: name.into(),
+                dimension: dimension.into(),
+                cells,
+            }));
+            continue;
+        }
+        if REGION_ARRAYS.contains(&array.name.as_str()) && is_integer(&array) {
+            let mut members: BTreeMap<(u8, i64), Vec<u32>> = BTreeMap::new();
+            for (i, &value) in array.values.iter().enumerate() {
+                members.entry((dimensions[i], value as i64)).or_default().push(i as u32);
+            }
+            if members.len() > REGION_LIMIT {
+                mesh.notes.push(format!(
+                    "\"{}\" has {} values: too many for regions",
+                    array.name,
+                    members.len()
+                ));
+            } else {
+                mesh.groups.extend(members.into_iter().map(|((dimension, value), cells)| {
+                    let gmsh = array.name == "gmsh:physical";
+                    let name = if gmsh { value.to_string() } else { format!("{}={value}", array.name) };
+                    Group { name, dimension: dimension.into(), cells }
+                }));
+            }
+        }
+        mesh.cell_data.push(array);
+    }
+}
+
+fn is_integer(array: &DataArray) -> bool {
+    array.components == 1 && array.values.iter().all(|value| value.fract() == 0.0)
+}
