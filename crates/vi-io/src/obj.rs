@@ -79,7 +79,7 @@ impl Obj {
             b"f" | b"l" | b"p" => {
                 let mut corners = Vec::new();
                 for word in words {
-                    corners.push(self.corner(cursor, at, word)?);
+                    corners.push(self.corner(cursor, at, word, keyword == b"f")?);
                 }
                 self.cell(cursor, at, keyword, &corners)?;
             }
@@ -99,7 +99,7 @@ impl Obj {
     }
 
     /// A corner `v`, `v/vt`, `v//vn` or `v/vt/vn`: its vertex.
-    fn corner(&mut self, cursor: &Cursor, at: usize, word: &[u8]) -> Result<u32, IoError> {
+    fn corner(&mut self, cursor: &Cursor, at: usize, word: &[u8], is_face: bool) -> Result<u32, IoError> {
         let mut parts = word.split(|&byte| byte == b'/');
         let vertex = index(cursor, at, parts.next().unwrap_or_default())?;
         let vertex = absolute(vertex, self.mesh.points.len()).ok_or_else(|| IoError::UnknownNode {
@@ -121,7 +121,8 @@ impl Obj {
                 let same = |before: u32| self.textures[before as usize] == self.textures[texture as usize];
                 self.has_seams |= before.is_some_and(|before| !same(before));
             }
-            None => self.corners_without_uv += 1,
+            None if is_face => self.corners_without_uv += 1,
+            None => {}
         }
         Ok(vertex)
     }

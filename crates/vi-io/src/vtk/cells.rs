@@ -18,6 +18,8 @@ pub(crate) struct CellReader {
     file_cells: u32,
     /// Cells that were taken apart.
     divided: usize,
+    /// Wedges that were turned round.
+    turned: usize,
 }
 
 impl CellReader {
@@ -68,6 +70,10 @@ impl CellReader {
             (7, 5..) => n[1..]
                 .windows(2)
                 .for_each(|pair| mesh.push_cell(CellKind::Triangle3, &[n[0], pair[0], pair[1]])),
+            (13, 6) if is_inward(&mesh.points, n) => {
+                mesh.push_cell(CellKind::Wedge6, &[n[0], n[2], n[1], n[3], n[5], n[4]]);
+                self.turned += 1;
+            }
             (8, 4) => mesh.push_cell(CellKind::Quad4, &[n[0], n[1], n[3], n[2]]),
             (11, 8) => {
                 mesh.push_cell(CellKind::Hexahedron8, &[n[0], n[1], n[3], n[2], n[4], n[5], n[7], n[6]])
@@ -120,6 +126,10 @@ impl CellReader {
     /// take more than `room` values together are left out, with a note: many arrays over one long poly-line would
     /// take memory out of proportion to the file.
     pub(crate) fn finish(self, mesh: &mut MeshFile, mut room: usize) {
+        if self.turned > 0 {
+            let note = "wedges had their base facing outwards, as old VTK manuals have it: turned round";
+            mesh.notes.push(format!("{} {note}", self.turned));
+        }
         if self.divided == 0 {
             return;
         }
@@ -139,6 +149,16 @@ impl CellReader {
             true
         });
     }
+}
+
+/// Whether a wedge is numbered by the drawing in VTK's older manuals, which some programs follow (Gmsh's VTK export):
+/// the normal of its first triangle points away from the second one.
+fn is_inward(points: &[[f64; 3]], n: &[u32]) -> bool {
+    let [o, a, b, c] = [n[0], n[1], n[2], n[3]].map(|i| points[i as usize]);
+    let edge = |to: [f64; 3]| [to[0] - o[0], to[1] - o[1], to[2] - o[2]];
+    let [a, b, c] = [edge(a), edge(b), edge(c)];
+    let normal = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    normal[0] * c[0] + normal[1] * c[1] + normal[2] * c[2] < 0.0
 }
 
 fn name(code: i64) -> &'static str {

@@ -1,0 +1,231 @@
+//! The sample files, each written by another program in one of its dialects (`data/make.py`), read as what they are.
+
+use std::path::{Path, PathBuf};
+
+use vi_io::{CellKind, MeshFile, read_mesh};
+
+fn data() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data")
+}
+
+fn read(name: &str) -> MeshFile {
+    read_mesh(&data().join(name)).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn names_beginning(start: &str) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(data())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name.starts_with(start))
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn every_encoding_of_vtk_holds_the_same_mesh() {
+    let names = names_beginning("cells-");
+    assert!(names.len() >= 27, "{names:?}");
+    let text = read("cells-vtk-text-32.vtu");
+    for name in names {
+        let mesh = read(&name);
+        assert_eq!(mesh.points.len(), 9, "{name}");
+        assert_eq!(mesh.points[8], [0.5, 0.5, 2.0], "{name}");
+        let kinds: Vec<_> = mesh.blocks.iter().map(|block| (block.kind, block.cell_count())).collect();
+        assert_eq!(
+            kinds,
+            [(CellKind::Hexahedron8, 1), (CellKind::Pyramid5, 1), (CellKind::Triangle3, 2)],
+            "{name}"
+        );
+        assert_eq!(mesh.blocks[0].nodes, [0, 1, 2, 3, 4, 5, 6, 7], "{name}");
+        assert_eq!(mesh.blocks[1].nodes, [4, 5, 6, 7, 8], "{name}");
+        assert_eq!(mesh.blocks[2].nodes, [0, 1, 2, 0, 2, 3], "{name}");
+        let displacement = mesh.point_array("displacement").unwrap();
+        assert_eq!(displacement.components, 3, "{name}");
+        // Legacy text and meshio's text hold fewer digits.
+        let tolerance = if name.ends_with("text.vtk") {
+            1e-5
+        } else if name.contains("meshio-text") {
+            1e-11
+        } else {
+            0.0
+        };
+        for (x, u) in mesh.points.iter().zip(displacement.values.as_chunks::<3>().0) {
+            for (u, expected) in u.iter().zip([x[0] * 0.1, x[1] * -0.2, x[2] * (1.0 / 3.0)]) {
+                assert!((u - expected).abs() <= tolerance, "{name}: {u} {expected}");
+            }
+        }
+        assert_eq!(mesh.cell_array("material_id").unwrap().values, [3.0, 4.0, 3.0, 3.0], "{name}");
+        assert_eq!(mesh.groups, text.groups, "{name}");
+        assert_eq!(mesh.group("material_id=3").unwrap().cells, [0], "{name}: the volume comes first");
+        assert!(mesh.notes.is_empty(), "{name}: {:?}", mesh.notes);
+    }
+}
+
+#[test]
+fn every_version_of_gmsh_holds_the_same_box() {
+    for (start, kind, least) in [
+        ("tetra-", CellKind::Tetra4, 6),
+        ("tetra10-", CellKind::Tetra10, 6),
+        ("hexahedron-", CellKind::Hexahedron8, 1),
+        ("hexahedron20-", CellKind::Hexahedron20, 1),
+        ("hexahedron27-", CellKind::Hexahedron27, 1),
+        ("wedge-", CellKind::Wedge6, 2),
+        ("wedge15-", CellKind::Wedge15, 2),
+    ] {
+        let names = names_beginning(start);
+        assert!(!names.is_empty(), "{start}");
+        let first = read(&names[0]);
+        for name in names {
+            let mesh = read(&name);
+            let volumes: Vec<_> = mesh.blocks.iter().filter(|block| block.kind.dimension() == 3).collect();
+            assert!(volumes.iter().all(|block| block.kind == kind), "{name}");
+            let steel = mesh.group("steel").unwrap();
+            assert_eq!(steel.dimension, 3, "{name}");
+            assert!(steel.cells.len() >= least, "{name}");
+            assert_eq!(
+                steel.cells.len(),
+                volumes.iter().map(|block| block.cell_count()).sum::<usize>(),
+                "{name}"
+            );
+            assert_eq!(mesh.group("tip").unwrap().dimension, 0, "{name}");
+            // "clamp" is one of the three surfaces of the group 7.
+            let (clamp, seven) = (mesh.group("clamp").unwrap(), mesh.group("7").unwrap());
+            assert_eq!((clamp.dimension, seven.dimension), (2, 2), "{name}");
+            assert!(
+                !clamp.cells.is_empty() && clamp.cells.iter().all(|cell| seven.cells.contains(cell)),
+                "{name}"
+            );
+            assert!(seven.cells.len() > clamp.cells.len(), "{name}");
+            assert_eq!(volume(&mesh, &steel.cells), 0.25, "{name}");
+            middles_lie_between_corners(&name, &mesh);
+            assert_eq!(mesh.points.len(), first.points.len(), "{name}");
+            for group in &first.groups {
+                let other =
+                    mesh.groups.iter().find(|g| g.name == group.name && g.dimension == group.dimension);
+                assert_eq!(other.unwrap().cells.len(), group.cells.len(), "{name} {}", group.name);
+            }
+        }
+    }
+}
+
+/// Corners of the midside nodes in VTK's order.
+fn edges(kind: CellKind) -> (usize, &'static [[usize; 2]]) {
+    const HEXAHEDRON: &[[usize; 2]] =
+        &[[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
+    match kind {
+        CellKind::Tetra10 => (4, &[[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]]),
+        CellKind::Hexahedron20 | CellKind::Hexahedron27 => (8, HEXAHEDRON),
+        CellKind::Wedge15 => (6, &[[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]]),
+        CellKind::Triangle6 => (3, &[[0, 1], [1, 2], [2, 0]]),
+        CellKind::Quad8 | CellKind::Quad9 => (4, &[[0, 1], [1, 2], [2, 3], [3, 0]]),
+        CellKind::Line3 => (2, &[[0, 1]]),
+        _ => (0, &[]),
+    }
+}
+
+fn middles_lie_between_corners(name: &str, mesh: &MeshFile) {
+    for (kind, nodes) in mesh.cells() {
+        let (corners, edges) = edges(kind);
+        let x = |i: usize| mesh.points[nodes[i] as usize];
+        for (i, &[a, b]) in edges.iter().enumerate() {
+            for k in 0..3 {
+                let middle = (x(a)[k] + x(b)[k]) / 2.0;
+                assert!((x(corners + i)[k] - middle).abs() < 1e-12, "{name}: {} edge {i}", kind.name());
+            }
+        }
+        if kind == CellKind::Hexahedron27 {
+            // Faces −x +x −y +y −z +z of the cell's own axes: the middle of four corners.
+            let faces = [[0, 3, 7, 4], [1, 2, 6, 5], [0, 1, 5, 4], [3, 2, 6, 7], [0, 1, 2, 3], [4, 5, 6, 7]];
+            for (i, face) in faces.iter().enumerate() {
+                for k in 0..3 {
+                    let middle = face.iter().map(|&corner| x(corner)[k]).sum::<f64>() / 4.0;
+                    assert!((x(20 + i)[k] - middle).abs() < 1e-12, "{name}: face {i}");
+                }
+            }
+        }
+    }
+}
+
+/// Volume of straight-sided cells by tetrahedra around their corners, to twelve digits; every cell must be positive.
+fn volume(mesh: &MeshFile, cells: &[u32]) -> f64 {
+    let all: Vec<_> = mesh.cells().collect();
+    let mut sum = 0.0;
+    for &cell in cells {
+        let (kind, nodes) = all[cell as usize];
+        let tets: &[[usize; 4]] = match kind {
+            CellKind::Tetra4 | CellKind::Tetra10 => &[[0, 1, 2, 3]],
+            CellKind::Wedge6 | CellKind::Wedge15 => &[[0, 1, 2, 3], [1, 2, 3, 4], [2, 3, 4, 5]],
+            _ => &[[0, 1, 3, 4], [1, 2, 3, 6], [1, 3, 4, 6], [1, 4, 5, 6], [3, 4, 6, 7]],
+        };
+        for (i, tet) in tets.iter().enumerate() {
+            let [o, a, b, c] = tet.map(|i| mesh.points[nodes[i] as usize]);
+            let edge = |to: [f64; 3]| [to[0] - o[0], to[1] - o[1], to[2] - o[2]];
+            let [a, b, c] = [edge(a), edge(b), edge(c)];
+            let normal = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+            let six = normal[0] * c[0] + normal[1] * c[1] + normal[2] * c[2];
+            assert!(i > 0 || six > 0.0, "cell {cell} is turned inside out");
+            sum += six.abs() / 6.0;
+        }
+    }
+    (sum * 1e12).round() / 1e12
+}
+
+#[test]
+fn views_of_gmsh_become_point_data() {
+    for name in ["view-text.msh", "view-binary.msh"] {
+        let mesh = read(name);
+        let displacement = mesh.point_array("displacement").unwrap_or_else(|| panic!("{name}"));
+        for (x, u) in mesh.points.iter().zip(displacement.values.as_chunks::<3>().0) {
+            for k in 0..3 {
+                assert!((u[k] - (k + 1) as f64 * x[k]).abs() < 1e-12, "{name}: {x:?} {u:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn poly_data_are_taken_apart_and_their_arrays_follow() {
+    for name in [
+        "surface-4.2-text.vtk",
+        "surface-4.2-binary.vtk",
+        "surface-5.1-text.vtk",
+        "surface-5.1-binary.vtk",
+        "surface.vtp",
+    ] {
+        let mesh = read(name);
+        let kinds: Vec<_> = mesh.blocks.iter().map(|block| (block.kind, block.cell_count())).collect();
+        let expected =
+            [(CellKind::Vertex1, 1), (CellKind::Line2, 2), (CellKind::Quad4, 6), (CellKind::Triangle3, 2)];
+        assert_eq!(kinds, expected, "{name}");
+        let number = &mesh.cell_array("file cell").unwrap().values;
+        assert_eq!(*number, [0.0, 1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 8.0], "{name}");
+        assert_eq!(mesh.notes.len(), 1, "{name}: {:?}", mesh.notes);
+    }
+}
+
+#[test]
+fn stl_corners_are_welded() {
+    for name in ["cube-text.stl", "cube-binary.stl"] {
+        let mesh = read(name);
+        assert_eq!((mesh.points.len(), mesh.cell_count()), (8, 12), "{name}");
+        assert!(mesh.notes[0].contains("36 corners"), "{:?}", mesh.notes);
+    }
+    assert_eq!(read("cube-text.stl").group("cube").unwrap().cells.len(), 12);
+}
+
+#[test]
+fn obj_polygons_negative_numbers_groups_and_texture_coordinates() {
+    let mesh = read("cube.obj");
+    assert_eq!((mesh.points.len(), mesh.cell_count()), (8, 14));
+    assert_eq!(mesh.blocks[0].nodes[..6], [0, 3, 2, 0, 2, 1]);
+    assert_eq!(mesh.blocks[0].nodes[6..12], [4, 5, 6, 4, 6, 7], "counted from the end");
+    assert_eq!(mesh.group("sides").unwrap().cells, [0, 1, 2, 3, 4, 5]);
+    assert_eq!(mesh.group("all").unwrap().cells.len(), 12);
+    let uv = mesh.point_array("uv").unwrap();
+    assert_eq!(uv.components, 2);
+    for (x, uv) in mesh.points.iter().zip(uv.values.as_chunks::<2>().0) {
+        assert_eq!(x[..2], uv[..]);
+    }
+    assert_eq!(mesh.notes, ["6 faces of more than three corners were cut into triangles"]);
+}

@@ -1,0 +1,124 @@
+//! What the VTU writer writes is what the reader reads: bit for bit in double precision.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use vi_io::{
+    CellBlock, CellKind, Group, IoError, Precision, PvdSeries, VtuArray, VtuEncoding, VtuFrame, VtuOptions,
+    VtuValues, encode_vtu, parse_vtu, write_vtu,
+};
+
+/// Numbers without a pattern, of all sizes.
+fn noise(count: usize) -> Vec<f64> {
+    let mut state = 7u64;
+    let mut next = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state >> 11
+    };
+    (0..count).map(|i| (next() as f64 - (1u64 << 52) as f64) * 10f64.powi(i as i32 % 40 - 30)).collect()
+}
+
+#[test]
+fn frames_come_back_bit_for_bit_in_every_encoding() {
+    // Large enough for several compressed blocks and a partial last one.
+    for n in [8, 1000, 20_000] {
+        let points: Vec<[f64; 3]> = noise(3 * n).as_chunks::<3>().0.to_vec();
+        let velocity = noise(3 * n + 5).split_off(5);
+        let tets: Vec<u32> = (0..4 * n as u32).map(|i| i * 7 % n as u32).collect();
+        let blocks = [
+            CellBlock { kind: CellKind::Tetra4, nodes: tets },
+            CellBlock { kind: CellKind::Hexahedron8, nodes: (0..8).collect() },
+        ];
+        let material: Vec<i32> = (0..=n as i32).map(|i| i % 3).collect();
+        let groups = [Group { name: "cl & <amp>".into(), dimension: 3, cells: vec![1, 3] }];
+        let frame = VtuFrame {
+            points: &points,
+            blocks: &blocks,
+            groups: &groups,
+            point_data: &[VtuArray {
+                name: "a \"b\" & <c>",
+                components: 3,
+                values: VtuValues::Real(&velocity),
+            }],
+            cell_data: &[VtuArray {
+                name: "material_id",
+                components: 1,
+                values: VtuValues::Integer(&material),
+            }],
+            time: Some(0.1 + 0.2),
+        };
+        for encoding in [VtuEncoding::AppendedRaw, VtuEncoding::InlineBase64] {
+            for precision in [Precision::Single, Precision::Double] {
+                for compression in [0, 1, 6] {
+                    let mut bytes = Cursor::new(Vec::new());
+                    encode_vtu(&mut bytes, &frame, VtuOptions { encoding, precision, compression }).unwrap();
+                    let mesh = parse_vtu(bytes.get_ref(), Path::new("frame.vtu")).unwrap();
+                    let round =
+                        |x: &f64| if precision == Precision::Single { f64::from(*x as f32) } else { *x };
+                    let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+                    let rounded =
+                        |values: &[f64]| values.iter().map(|x| round(x).to_bits()).collect::<Vec<_>>();
+                    assert_eq!(bits(mesh.points.as_flattened()), rounded(points.as_flattened()));
+                    assert_eq!(bits(&mesh.point_array("a \"b\" & <c>").unwrap().values), rounded(&velocity));
+                    assert_eq!(mesh.blocks, blocks);
+                    assert_eq!(mesh.group("cl & <amp>").unwrap().cells, [1, 3]);
+                    assert_eq!(mesh.group("material_id=2").unwrap().cells.len(), (n + 1) / 3);
+                    assert_eq!(mesh.time, Some(0.1 + 0.2));
+                    assert!(mesh.notes.is_empty());
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn an_empty_mesh_is_a_file_too() {
+    for encoding in [VtuEncoding::AppendedRaw, VtuEncoding::InlineBase64] {
+        for compression in [0, 1] {
+            let mut bytes = Cursor::new(Vec::new());
+            let options = VtuOptions { encoding, compression, ..VtuOptions::default() };
+            encode_vtu(&mut bytes, &VtuFrame::default(), options).unwrap();
+            let mesh = parse_vtu(bytes.get_ref(), Path::new("empty.vtu")).unwrap();
+            assert_eq!((mesh.points.len(), mesh.cell_count()), (0, 0));
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_written_leaves_the_old_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("frame.vtu");
+    std::fs::write(&path, "old").unwrap();
+    let points = [[0.0, f64::NAN, 0.0]];
+    let nan = write_vtu(&path, &VtuFrame { points: &points, ..VtuFrame::default() }, VtuOptions::default());
+    assert!(matches!(nan, Err(IoError::BadOutput { .. })), "{nan:?}");
+    let far = VtuArray { name: "u", components: 1, values: VtuValues::Real(&[1e39]) };
+    let frame = VtuFrame { points: &[[0.0; 3]], point_data: &[far], ..VtuFrame::default() };
+    let single = VtuOptions { precision: Precision::Single, ..VtuOptions::default() };
+    assert!(matches!(write_vtu(&path, &frame, single), Err(IoError::BadOutput { .. })));
+    let short = VtuArray { name: "u", components: 3, values: VtuValues::Real(&[1.0, 2.0]) };
+    let frame = VtuFrame { points: &[[0.0; 3]], point_data: &[short], ..VtuFrame::default() };
+    assert!(matches!(write_vtu(&path, &frame, VtuOptions::default()), Err(IoError::BadOutput { .. })));
+    let nowhere =
+        write_vtu(&directory.path().join("no/frame.vtu"), &VtuFrame::default(), VtuOptions::default());
+    assert!(matches!(nowhere, Err(IoError::System { .. })));
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1, "nothing temporary stays");
+}
+
+#[test]
+fn a_series_is_whole_after_every_frame_and_can_be_continued() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("run.pvd");
+    let mut series = PvdSeries::new(&path);
+    for i in 0..3 {
+        series.push(0.1 * f64::from(i), &format!("frame & {i}.vtu")).unwrap();
+        assert_eq!(PvdSeries::open(&path).unwrap(), series);
+    }
+    let mut again = PvdSeries::open(&path).unwrap();
+    again.truncate_after(0.1);
+    again.push(0.15, "other.vtu").unwrap();
+    let times: Vec<f64> = PvdSeries::open(&path).unwrap().frames().iter().map(|frame| frame.0).collect();
+    assert_eq!(times, [0.0, 0.1, 0.15]);
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
+}
