@@ -72,7 +72,7 @@ impl<'a> Cursor<'a> {
         IoError::Truncated {
             file: self.file.into(),
             place: self.place_at(self.bytes.len()),
-            what: what.into(),
+            what: shown(&what.into()),
         }
     }
 
@@ -80,13 +80,17 @@ impl<'a> Cursor<'a> {
         IoError::Syntax {
             file: self.file.into(),
             place: self.place_at(position),
-            expected: expected.into(),
+            expected: shown(&expected.into()),
             found: excerpt(found),
         }
     }
 
     pub(crate) fn inconsistent_at(&self, position: usize, what: impl Into<String>) -> IoError {
-        IoError::Inconsistent { file: self.file.into(), place: self.place_at(position), what: what.into() }
+        IoError::Inconsistent {
+            file: self.file.into(),
+            place: self.place_at(position),
+            what: shown(&what.into()),
+        }
     }
 
     pub(crate) fn unsupported_at(
@@ -98,7 +102,7 @@ impl<'a> Cursor<'a> {
         IoError::Unsupported {
             file: self.file.into(),
             place: self.place_at(position),
-            what: what.into(),
+            what: shown(&what.into()),
             remedy,
         }
     }
@@ -112,7 +116,7 @@ impl<'a> Cursor<'a> {
             _ => Err(IoError::CountTooLarge {
                 file: self.file.into(),
                 place: self.place(),
-                what: what.into(),
+                what: shown(what),
                 count,
                 room: self.remaining() as u64,
             }),
@@ -228,4 +232,14 @@ pub(crate) fn excerpt(found: &[u8]) -> String {
     let shown = &found[..found.len().min(40)];
     let more = if shown.len() < found.len() { "…" } else { "" };
     format!("\"{}{more}\"", shown.escape_ascii())
+}
+
+/// A text that may hold words of the file, fit for a message: on one line, and not too long.
+pub(crate) fn shown(text: &str) -> String {
+    let plain = |c: char| if c.is_control() { '\u{FFFD}' } else { c };
+    let mut out: String = text.chars().take(200).map(plain).collect();
+    if text.chars().nth(200).is_some() {
+        out.push('…');
+    }
+    out
 }

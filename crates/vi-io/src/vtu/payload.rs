@@ -12,7 +12,7 @@ use base64::engine::general_purpose::STANDARD;
 use flate2::{Decompress, FlushDecompress, Status};
 
 use super::{Form, Spec};
-use crate::cursor::{Cursor, Encoding, excerpt};
+use crate::cursor::{Cursor, Encoding, excerpt, shown};
 use crate::error::{IoError, Place};
 
 /// Bytes that one byte of zlib data can unpack to, rounded up (1032, zlib technical details).
@@ -202,7 +202,7 @@ impl<'a> Payloads<'a> {
                     STANDARD.decode_vec(part, &mut out).map_err(|error| IoError::Syntax {
                         file: self.file.into(),
                         place: self.place(spec.at),
-                        expected: format!("base64 in the array \"{}\" ({error})", spec.name),
+                        expected: shown(&format!("base64 in the array \"{}\" ({error})", spec.name)),
                         found: excerpt(part),
                     })?;
                     text = &text[part.len()..];
@@ -244,14 +244,14 @@ impl<'a> Payloads<'a> {
         IoError::CountTooLarge {
             file: self.file.into(),
             place: self.place(spec.at),
-            what: format!("numbers (or blocks) of the array \"{}\"", spec.name),
+            what: shown(&format!("numbers (or blocks) of the array \"{}\"", spec.name)),
             count,
             room: room as u64,
         }
     }
 
     fn inconsistent(&self, spec: &Spec, what: String) -> IoError {
-        let what = format!("the array \"{}\": {what}", spec.name);
+        let what = shown(&format!("the array \"{}\": {what}", spec.name));
         IoError::Inconsistent { file: self.file.into(), place: self.place(spec.at), what }
     }
 
