@@ -260,9 +260,7 @@ impl Legacy<'_> {
         if line_end && self.cursor.encoding != Encoding::Text {
             self.cursor.skip_line_end();
         }
-        let values = self.numbers(number, length, &format!("the array \"{name}\""), |number, bytes| {
-            Some(number.reals(bytes, true))
-        })?;
+        let values = self.reals_here(number, length, &format!("the array \"{name}\""))?;
         if components == 0 {
             return Ok(());
         }
@@ -367,6 +365,16 @@ impl Legacy<'_> {
     fn reals(&mut self, number: Number, count: usize, what: &str) -> Result<Vec<f64>, IoError> {
         if self.cursor.encoding != Encoding::Text {
             self.cursor.skip_line_end();
+        }
+        self.reals_here(number, count, what)
+    }
+
+    /// `count` real numbers, the cursor being on the first of them.
+    fn reals_here(&mut self, number: Number, count: usize, what: &str) -> Result<Vec<f64>, IoError> {
+        if number == Number::Real(4) && self.cursor.encoding == Encoding::Text {
+            // Nine digits are a float exactly, but not the double that they are near.
+            let values: Vec<f32> = self.numbers(number, count, what, |_, _| None)?;
+            return Ok(values.into_iter().map(f64::from).collect());
         }
         self.numbers(number, count, what, |number, bytes| Some(number.reals(bytes, true)))
     }

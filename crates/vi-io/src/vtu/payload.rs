@@ -14,6 +14,7 @@ use flate2::{Decompress, FlushDecompress, Status};
 use super::{Form, Spec};
 use crate::cursor::{Cursor, Encoding, excerpt, shown};
 use crate::error::{IoError, Place};
+use crate::vtk::number::Number;
 
 /// Bytes that one byte of zlib data can unpack to, rounded up (1032, zlib technical details).
 const GREATEST_RATIO: usize = 1040;
@@ -53,6 +54,11 @@ impl<'a> Payloads<'a> {
     /// The `count` numbers of an array as f64.
     pub(super) fn reals(&mut self, spec: &Spec, count: usize) -> Result<Vec<f64>, IoError> {
         if let Content::Text(range) = &spec.content {
+            if spec.number == Number::Real(4) {
+                // Nine digits are a float exactly, but not the double that they are near.
+                let values: Vec<f32> = self.text(spec, range.clone(), count)?;
+                return Ok(values.into_iter().map(f64::from).collect());
+            }
             return self.text(spec, range.clone(), count);
         }
         let bytes = self.decode(spec, count)?;
