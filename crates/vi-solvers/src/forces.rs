@@ -43,12 +43,23 @@ impl Forces {
         &self.x
     }
 
+    /// t of the last configuration, s.
+    pub(crate) fn time(&self) -> f64 {
+        self.t
+    }
+
+    /// Goes to positions `x` of all coordinates at time t.
+    pub(crate) fn go_to_positions(&mut self, x: &[f64], t: f64) {
+        self.x.copy_from_slice(x);
+        self.t = t;
+        self.gradient_is_of_x = false;
+    }
+
     /// The gradient at the last configuration, if it was evaluated there.
     pub(crate) fn known_gradient(&self) -> Option<&[f64]> {
         self.gradient_is_of_x.then_some(&self.gradient[..])
     }
 
-    #[allow(dead_code)]
     pub(crate) fn assembler(&mut self) -> &mut Assembler {
         &mut self.assembler
     }
@@ -111,7 +122,6 @@ impl Forces {
     }
 
     /// ∂²V/∂q² at the last configuration.
-    #[allow(dead_code)]
     pub(crate) fn hessian(&mut self, system: &System, kind: HessianEvaluation) -> &SymmetricMatrix {
         self.work.hessians += 1;
         self.work.projections += u64::from(kind == HessianEvaluation::Projected);

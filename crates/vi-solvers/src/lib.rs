@@ -5,6 +5,7 @@
 
 mod accounts;
 mod assembly;
+mod balance;
 mod comparison;
 mod energy;
 mod error;
@@ -12,14 +13,19 @@ mod factor;
 mod forces;
 mod gather;
 mod hessian;
+mod inverse;
 mod kick_drift;
 mod matrix;
 mod method;
+mod newton;
 mod ordering;
 mod pcg;
+mod policy;
 mod stability;
+mod stages;
 mod stepper;
 mod vectors;
+mod warp;
 
 pub use assembly::{Assembler, AssemblyWork, HessianEvaluation};
 pub use energy::Energies;

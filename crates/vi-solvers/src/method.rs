@@ -3,8 +3,9 @@
 
 use vi_core::System;
 
-use crate::comparison::ForwardEuler;
+use crate::comparison::{BackwardEuler, Bdf2, ForwardEuler, GeneralizedAlpha, Newmark};
 use crate::kick_drift::{Coefficients, KickDrift};
+use crate::stages::{Midpoint, OneStage};
 use crate::{SolverError, SolverOptions, Stepper};
 
 /// A time integrator with its parameters.
@@ -197,6 +198,15 @@ pub fn stepper(
         Method::BlanesMoan4 => explicit(Coefficients::blanes_moan_4()),
         Method::BlanesMoan6 => explicit(Coefficients::blanes_moan_6()),
         Method::ForwardEuler => Box::new(ForwardEuler::new(system, options)),
+        Method::ImplicitMidpoint => Box::new(OneStage::new(Midpoint, system, options)?),
+        Method::BackwardEuler => Box::new(OneStage::new(BackwardEuler, system, options)?),
+        Method::Bdf2 => Box::new(OneStage::new(Bdf2::default(), system, options)?),
+        Method::Newmark { beta, gamma } => {
+            Box::new(OneStage::new(Newmark::new(beta, gamma)?, system, options)?)
+        }
+        Method::GeneralizedAlpha { spectral_radius } => {
+            Box::new(OneStage::new(GeneralizedAlpha::new(spectral_radius)?, system, options)?)
+        }
         _ => {
             return Err(SolverError::Option { option: method.name(), value: 0.0, allowed: "not built yet" });
         }

@@ -1,0 +1,178 @@
+//! A⁻¹ for A = M + cK as Newton's method uses it: a Cholesky factor, made at one configuration and
+//! used, turned with the material, at later ones. It must not know which equations are solved.
+
+use vi_core::{HessianKind, System};
+
+use crate::forces::Forces;
+use crate::policy::UnitCosts;
+use crate::warp::Warp;
+use crate::{Factor, HessianEvaluation, SolverError, StepperMemory};
+
+/// Why a factor is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Reason {
+    /// There was none, or h has changed.
+    New,
+    /// The old one had become dearer than a new one.
+    Stale,
+    /// Inside a step that converged too slowly.
+    Slow,
+    /// Newton's method in full.
+    Newton,
+}
+
+/// Where and how the current factor was made: enough to make it again.
+#[derive(Debug, Clone, PartialEq)]
+struct Origin {
+    c: f64,
+    x: Vec<f64>,
+    t: f64,
+    projected: bool,
+}
+
+pub(crate) struct Inverse {
+    factor: Option<Factor>,
+    origin: Option<Origin>,
+    warp: Option<Warp>,
+    /// Are all Hessians constant? Then a factor is never stale.
+    is_linear: bool,
+    costs: UnitCosts,
+}
+
+impl Inverse {
+    pub(crate) fn new(system: &System) -> Self {
+        let is_linear = system.potentials().iter().all(|term| term.traits().hessian != HessianKind::Varying);
+        let warp = if is_linear { None } else { Warp::new(system) };
+        Self { factor: None, origin: None, warp, is_linear, costs: UnitCosts::default() }
+    }
+
+    /// Is K the same everywhere?
+    pub(crate) fn is_linear(&self) -> bool {
+        self.is_linear
+    }
+
+    /// Is there a factor for this c?
+    pub(crate) fn is_for(&self, c: f64) -> bool {
+        self.origin.as_ref().is_some_and(|origin| (origin.c / c - 1.0).abs() < 1e-9)
+    }
+
+    pub(crate) fn costs(&self) -> &UnitCosts {
+        &self.costs
+    }
+
+    /// Factors A = M + cK at the last configuration of `forces`; where K is indefinite and A is not
+    /// positive definite, with the terms' Hessians projected.
+    pub(crate) fn make(
+        &mut self,
+        system: &System,
+        forces: &mut Forces,
+        c: f64,
+        reason: Reason,
+    ) -> Result<(), SolverError> {
+        let exact = self.factorize(system, forces, c, HessianEvaluation::Exact, reason);
+        let projected = match exact {
+            Err(SolverError::NotPositiveDefinite(_)) if !self.is_linear => {
+                self.factorize(system, forces, c, HessianEvaluation::Projected, reason)?;
+                true
+            }
+            other => {
+                other?;
+                false
+            }
+        };
+        let (x, t) = (forces.positions().to_vec(), forces.time());
+        if let Some(warp) = &mut self.warp {
+            warp.remember(system, forces.assembler(), &x);
+        }
+        self.origin = Some(Origin { c, x, t, projected });
+        Ok(())
+    }
+
+    fn factorize(
+        &mut self,
+        system: &System,
+        forces: &mut Forces,
+        c: f64,
+        kind: HessianEvaluation,
+        reason: Reason,
+    ) -> Result<(), SolverError> {
+        self.origin = None;
+        let count = &mut forces.work;
+        count.factorizations += 1;
+        match reason {
+            Reason::New => count.factorizations_new += 1,
+            Reason::Stale => count.factorizations_stale += 1,
+            Reason::Slow => count.factorizations_slow += 1,
+            Reason::Newton => count.factorizations_newton += 1,
+        }
+        let hessian = forces.hessian(system, kind);
+        let factor = match &mut self.factor {
+            Some(factor) => factor,
+            none => {
+                let factor = none.insert(Factor::new(hessian)?);
+                self.costs = UnitCosts::new(system, &factor.facts());
+                factor
+            }
+        };
+        Ok(factor.factorize(system.free_mass(), c, hessian)?)
+    }
+
+    /// Turns the factor with the material, as it is at the last configuration of `forces`.
+    pub(crate) fn turn(&mut self, system: &System, forces: &mut Forces) {
+        if let (Some(warp), Some(_)) = (&mut self.warp, &self.origin) {
+            let x = forces.positions().to_vec();
+            warp.turn(system, forces.assembler(), &x);
+        }
+    }
+
+    /// v ← A⁻¹v.
+    pub(crate) fn apply(&mut self, forces: &mut Forces, v: &mut [f64]) -> Result<(), SolverError> {
+        let factor = self.factor.as_mut().ok_or(SolverError::NotFactored)?;
+        forces.work.solves += 1;
+        match &self.warp {
+            Some(warp) => {
+                warp.to_origin(v);
+                factor.solve(v)?;
+                warp.to_now(v);
+            }
+            None => {
+                factor.solve(v)?;
+            }
+        }
+        Ok(())
+    }
+
+    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
+        if let Some(origin) = &self.origin {
+            memory.arrays.push(("factor.x".into(), origin.x.clone()));
+            memory.arrays.push(("factor.c_t".into(), vec![origin.c, origin.t]));
+            memory.counts.push(("factor.projected".into(), u64::from(origin.projected)));
+        }
+    }
+
+    /// Makes the factor that `memory` tells of.
+    pub(crate) fn restore(
+        &mut self,
+        system: &System,
+        forces: &mut Forces,
+        memory: &StepperMemory,
+    ) -> Result<(), SolverError> {
+        self.origin = None;
+        let Ok(x) = memory.array("factor.x") else { return Ok(()) };
+        let &[c, t] = memory.array("factor.c_t")? else {
+            return Err(SolverError::Memory { missing: "factor.c_t" });
+        };
+        if x.len() != system.coordinates().dof_count() {
+            return Err(SolverError::Memory { missing: "factor.x" });
+        }
+        let projected = memory.count("factor.projected")? == 1;
+        let kind = if projected { HessianEvaluation::Projected } else { HessianEvaluation::Exact };
+        forces.go_to_positions(x, t);
+        self.factorize(system, forces, c, kind, Reason::New)?;
+        if let Some(warp) = &mut self.warp {
+            warp.remember(system, forces.assembler(), x);
+        }
+        self.origin = Some(Origin { c, x: x.to_vec(), t, projected });
+        Ok(())
+    }
+}

@@ -1,0 +1,115 @@
+//! When a new factor pays. Costs are counted in fixed units (seconds of one reference core, from
+//! counts of flops and bytes), never measured with a clock, so that equal runs are equal to the bit.
+//! It must not know how factors are made.
+
+use vi_core::{HessianKind, System, packed_len};
+
+use crate::{FactorFacts, SolverError, StepperMemory};
+
+/// Seconds of the reference core for one entry of a local gradient, and of a local Hessian.
+const GRADIENT_ENTRY: f64 = 2.0e-9;
+const HESSIAN_ENTRY: f64 = 1.8e-9;
+/// Flops a second of a factorisation, bytes a second of a solve.
+const FACTOR_RATE: f64 = 25e9;
+const SOLVE_RATE: f64 = 8e9;
+
+/// Costs of the pieces of an implicit step, s of the reference core.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct UnitCosts {
+    pub(crate) gradient: f64,
+    pub(crate) hessian: f64,
+    pub(crate) factor: f64,
+    pub(crate) solve: f64,
+}
+
+impl UnitCosts {
+    pub(crate) fn new(system: &System, facts: &FactorFacts) -> Self {
+        let (mut gradient, mut hessian) = (0.0, 0.0);
+        for term in system.potentials() {
+            let stencils = term.stencils();
+            let (count, size) = (stencils.count() as f64, stencils.size());
+            let kind = term.traits().hessian;
+            if kind != HessianKind::Zero {
+                gradient += GRADIENT_ENTRY * count * size as f64;
+            }
+            if kind == HessianKind::Varying {
+                hessian += HESSIAN_ENTRY * count * packed_len(size) as f64;
+            }
+        }
+        let (factor, solve) = (facts.flops / FACTOR_RATE, facts.solve_bytes / SOLVE_RATE);
+        Self { gradient, hessian, factor, solve }
+    }
+
+    /// Cost of a new factor in iterations with the old one.
+    fn refactor(&self) -> f64 {
+        let iteration = self.gradient + self.solve;
+        if iteration > 0.0 { (self.hessian + self.factor) / iteration } else { 1.0 }
+    }
+}
+
+/// The history of a factor in iterations.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Policy {
+    /// Steps with this factor.
+    age: u64,
+    /// Iterations with it, in all and in the last step.
+    total: u64,
+    last: u64,
+    /// Iterations of a step with a new factor.
+    fresh: u64,
+    /// Mean contraction of the last step.
+    contraction: f64,
+}
+
+impl Policy {
+    /// A new factor before the next step, as the classic rule of replacement: its next step costs
+    /// more than the average of its life, the price of a new one included.
+    pub(crate) fn is_stale(&self, costs: &UnitCosts) -> bool {
+        self.age > 0 && self.last as f64 > (costs.refactor() + self.total as f64) / self.age as f64
+    }
+
+    /// A new factor inside a step that has made `iterations` and foresees `remaining` more?
+    pub(crate) fn is_slow(&self, costs: &UnitCosts, iterations: u64, remaining: f64) -> bool {
+        iterations as f64 + remaining > self.fresh.max(2) as f64 + costs.refactor() + 2.0
+    }
+
+    /// The contraction to expect of the first iteration of a step.
+    pub(crate) fn expected_contraction(&self) -> Option<f64> {
+        (self.age > 0 && self.contraction > 0.0).then_some(self.contraction)
+    }
+
+    /// A factor was made.
+    pub(crate) fn renew(&mut self) {
+        *self = Self { fresh: self.fresh, ..Self::default() };
+    }
+
+    /// A step has ended that made `iterations` with the current factor.
+    pub(crate) fn enter(&mut self, iterations: u64, contraction: Option<f64>) {
+        if self.age == 0 {
+            self.fresh = iterations;
+        }
+        self.age += 1;
+        self.total += iterations;
+        self.last = iterations;
+        if let Some(contraction) = contraction {
+            self.contraction = contraction;
+        }
+    }
+
+    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
+        let Self { age, total, last, fresh, contraction } = *self;
+        let counts = [age, total, last, fresh, contraction.to_bits()];
+        for (name, value) in NAMES.into_iter().zip(counts) {
+            memory.counts.push((name.to_owned(), value));
+        }
+    }
+
+    pub(crate) fn from_memory(memory: &StepperMemory) -> Result<Self, SolverError> {
+        let [age, total, last, fresh, contraction] = NAMES.map(|name| memory.count(name));
+        let contraction = f64::from_bits(contraction?);
+        Ok(Self { age: age?, total: total?, last: last?, fresh: fresh?, contraction })
+    }
+}
+
+const NAMES: [&str; 5] =
+    ["policy.age", "policy.total", "policy.last", "policy.fresh", "policy.contraction_bits"];

@@ -1,0 +1,366 @@
+//! One implicit stage, M w + c ∂V/∂q(û + w, t_s) = 0, and the steppers that are made of it: implicit
+//! midpoint and, for comparison, Newmark, generalised-α, BDF2 and backward Euler differ only in û,
+//! c, t_s and in what follows from w ([`Rule`]). It must not know how A is factored.
+//!
+//! The unknown is the increment w = c a of the stage and never u = û + w itself: so momenta come from
+//! accelerations with their full relative precision, not from differences of positions. The solution
+//! minimises Φ(w) = ½ wᵀM w + c V(x(û + w, t_s)).
+
+use vi_core::{State, StepEnergy, System};
+
+use crate::accounts::{self, Potentials};
+use crate::balance;
+use crate::forces::{Forces, check_state};
+use crate::inverse::Inverse;
+use crate::kick_drift::check_finite;
+use crate::newton::{Equations, Newton, Start};
+use crate::stepper::expect_method;
+use crate::vectors;
+use crate::{SolverError, SolverOptions, StepError, StepReport, Stepper, StepperMemory, Work};
+
+/// What one step of a one-stage method is, for one coordinate: v is its velocity at the start, w the
+/// stage increment, and `k` its index in the rule's own history.
+pub(crate) trait Rule: Send + Sync {
+    /// Scene name.
+    fn name(&self) -> &'static str;
+    /// c of the stage equation, s².
+    fn coefficient(&self, h: f64) -> f64;
+    /// Is Δp·v̄ = R·Δq/c − g·Δq to round-off, as for implicit midpoint?
+    fn is_variational(&self) -> bool {
+        false
+    }
+    /// Time of the stage, in units of h from the start.
+    fn time(&self) -> f64;
+    /// û − q₀.
+    fn offset(&self, k: usize, v: f64, h: f64) -> f64;
+    /// The changes of q and of velocity over the step.
+    fn change(&self, k: usize, v: f64, w: f64, h: f64) -> (f64, f64);
+    /// Makes ready for a step from `state`: a history that does not belong to it is begun anew.
+    fn open(&mut self, _: &System, _: &mut Forces, _: &State, _h: f64) -> Result<(), SolverError> {
+        Ok(())
+    }
+    /// The step has been made: keeps what the next one needs.
+    fn close(&mut self, _system: &System, _before: &State, _after: &State, _w: &[f64], _h: f64) {}
+    /// What it keeps.
+    fn remember(&self, _memory: &mut StepperMemory) {}
+    /// Takes over what it kept.
+    fn restore(&mut self, _memory: &StepperMemory) -> Result<(), SolverError> {
+        Ok(())
+    }
+}
+
+/// Linear × midpoint (Marsden & West 2001, §2.6.2): û = q₀ + (h/2) v₀, c = h²/4.
+pub(crate) struct Midpoint;
+
+impl Rule for Midpoint {
+    fn name(&self) -> &'static str {
+        "implicit-midpoint"
+    }
+    fn is_variational(&self) -> bool {
+        true
+    }
+    fn coefficient(&self, h: f64) -> f64 {
+        0.25 * h * h
+    }
+    fn time(&self) -> f64 {
+        0.5
+    }
+    fn offset(&self, _k: usize, v: f64, h: f64) -> f64 {
+        0.5 * h * v
+    }
+    fn change(&self, _k: usize, v: f64, w: f64, h: f64) -> (f64, f64) {
+        (h * v + 2.0 * w, 4.0 * w / h)
+    }
+}
+
+/// The unknowns and buffers of one stage.
+struct Stage {
+    c: f64,
+    /// Time of the stage, s.
+    t: f64,
+    /// 2 T of the start, J: part of the energy that errors are relative to.
+    twice_kinetic: f64,
+    /// q₀ and û − q₀.
+    origin: Vec<f64>,
+    offset: Vec<f64>,
+    /// w/c of the last two steps, from which the next is extrapolated.
+    history: [Vec<f64>; 2],
+    history_count: usize,
+    w: Vec<f64>,
+    base: Vec<f64>,
+    correction: Vec<f64>,
+    /// −R.
+    residual: Vec<f64>,
+    /// û + w.
+    q: Vec<f64>,
+    twice_origin: f64,
+}
+
+impl Stage {
+    fn new(n: usize) -> Self {
+        let zero = || vec![0.0; n];
+        Self {
+            c: 0.0,
+            t: 0.0,
+            twice_kinetic: 0.0,
+            origin: zero(),
+            offset: zero(),
+            history: [zero(), zero()],
+            history_count: 0,
+            w: zero(),
+            base: zero(),
+            correction: zero(),
+            residual: zero(),
+            q: zero(),
+            twice_origin: 0.0,
+        }
+    }
+
+    fn open(&mut self, system: &System, rule: &impl Rule, state: &State, h: f64) {
+        let mass = system.free_mass();
+        self.c = rule.coefficient(h);
+        self.t = state.t + rule.time() * h;
+        self.origin.copy_from_slice(&state.q);
+        vectors::fill(&mut self.offset, |k| rule.offset(k, state.p[k] / mass[k], h));
+        self.twice_kinetic = vectors::sum(mass.len(), |k| state.p[k] * state.p[k] / mass[k]);
+        self.twice_origin = vectors::sum(mass.len(), |k| mass[k] * state.q[k] * state.q[k]);
+    }
+
+    fn configure(&mut self) {
+        let Self { q, origin, offset, w, .. } = self;
+        vectors::fill(q, |k| origin[k] + (offset[k] + w[k]));
+    }
+
+    fn close(&mut self) {
+        let Self { history: [last, older], w, c, .. } = self;
+        std::mem::swap(last, older);
+        vectors::fill(last, |k| w[k] / *c);
+        self.history_count = (self.history_count + 1).min(2);
+    }
+}
+
+/// A stage of a system: what Newton's method sees.
+struct StageEquations<'a> {
+    system: &'a System,
+    stage: &'a mut Stage,
+}
+
+impl Equations for StageEquations<'_> {
+    fn coefficient(&self) -> f64 {
+        self.stage.c
+    }
+
+    fn start(&mut self, start: Start) {
+        let Stage { c, history: [last, older], history_count, w, base, offset, .. } = self.stage;
+        match (start, *history_count) {
+            (Start::Predicted, 2) => vectors::fill(w, |k| *c * (2.0 * last[k] - older[k])),
+            (Start::Predicted, 1) => vectors::fill(w, |k| *c * last[k]),
+            (Start::Predicted | Start::Inertial, _) => w.fill(0.0),
+            (Start::Still, _) => vectors::fill(w, |k| -offset[k]),
+        }
+        base.copy_from_slice(w);
+    }
+
+    fn linearize(&mut self, _system: &System, _forces: &mut Forces) -> Result<(), SolverError> {
+        // The last evaluation was made at the iterate.
+        Ok(())
+    }
+
+    fn evaluate(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
+        self.stage.configure();
+        let stage = &mut *self.stage;
+        forces.evaluate(system, &stage.q, stage.t, false)?;
+        let (gradient, mass, free) = (forces.gradient(), system.free_mass(), system.coordinates().free());
+        let (w, c) = (&stage.w, stage.c);
+        vectors::fill(&mut stage.residual, |k| -(mass[k] * w[k] + c * gradient[free[k] as usize]));
+        Ok(())
+    }
+
+    fn correct(&mut self, inverse: &mut Inverse, forces: &mut Forces) -> Result<f64, SolverError> {
+        let Stage { correction, residual, w, base, c, .. } = self.stage;
+        correction.copy_from_slice(residual);
+        inverse.apply(forces, correction)?;
+        base.copy_from_slice(w);
+        Ok(vectors::sum(residual.len(), |k| residual[k] * correction[k]) / *c)
+    }
+
+    fn advance(&mut self, fraction: f64) {
+        let Stage { w, base, correction, .. } = self.stage;
+        vectors::fill(w, |k| base[k] + fraction * correction[k]);
+    }
+
+    fn slope(&self) -> f64 {
+        let Stage { residual, correction, c, .. } = &*self.stage;
+        vectors::sum(residual.len(), |k| residual[k] * correction[k]) / c
+    }
+
+    fn merit(&mut self, system: &System, forces: &mut Forces) -> Option<f64> {
+        self.stage.configure();
+        let (w, mass, c) = (&self.stage.w, system.free_mass(), self.stage.c);
+        let kinetic = vectors::sum(w.len(), |k| 0.5 * mass[k] * w[k] * w[k]) / c;
+        Some(kinetic + forces.energy(system, &self.stage.q, self.stage.t))
+    }
+
+    fn energy_scale(&self) -> f64 {
+        let (w, mass) = (&self.stage.w, self.system.free_mass());
+        0.5 * self.stage.twice_kinetic + vectors::sum(w.len(), |k| mass[k] * w[k] * w[k]) / self.stage.c
+    }
+
+    fn is_at_resolution(&self) -> bool {
+        let (d, mass) = (&self.stage.correction, self.system.free_mass());
+        let square = vectors::sum(d.len(), |k| mass[k] * d[k] * d[k]);
+        square <= f64::EPSILON * f64::EPSILON * self.stage.twice_origin
+    }
+}
+
+/// The stepper of a one-stage method.
+pub(crate) struct OneStage<R> {
+    rule: R,
+    forces: Forces,
+    inverse: Inverse,
+    newton: Newton,
+    potentials: Potentials,
+    ledger: bool,
+    stage: Stage,
+    after: State,
+    x_start: Vec<f64>,
+    dx: Vec<f64>,
+}
+
+impl<R: Rule> OneStage<R> {
+    pub(crate) fn new(rule: R, system: &System, options: &SolverOptions) -> Result<Self, SolverError> {
+        let n = system.coordinates().free_count();
+        Ok(Self {
+            rule,
+            forces: Forces::new(system),
+            inverse: Inverse::new(system),
+            newton: Newton::new(options)?,
+            potentials: Potentials::new(),
+            ledger: options.ledger,
+            stage: Stage::new(n),
+            after: State { t: 0.0, q: vec![0.0; n], p: vec![0.0; n] },
+            x_start: Vec::new(),
+            dx: Vec::new(),
+        })
+    }
+
+    fn advance(&mut self, system: &System, state: &State, h: f64) -> Result<(u32, StepEnergy), SolverError> {
+        check_state(state, system)?;
+        if self.ledger {
+            self.potentials.open(system, &mut self.forces, &state.q, state.t);
+        }
+        self.rule.open(system, &mut self.forces, state, h)?;
+        self.stage.open(system, &self.rule, state, h);
+        let iterations = self.solve(system)?;
+        let (rule, w, mass) = (&self.rule, &self.stage.w, system.free_mass());
+        let State { t, q, p } = &mut self.after;
+        *t = state.t + h;
+        vectors::update_pair(q, p, |k, q, p| {
+            let (dq, dv) = rule.change(k, state.p[k] / mass[k], w[k], h);
+            *q = state.q[k] + dq;
+            *p = state.p[k] + mass[k] * dv;
+        });
+        check_finite(q, p, system)?;
+        let energy = if self.ledger { self.account(system, state)? } else { StepEnergy::default() };
+        self.rule.close(system, state, &self.after, &self.stage.w, h);
+        self.stage.close();
+        Ok((iterations, energy))
+    }
+
+    /// Solves the stage; 0 iterations where the body is at rest in balance.
+    fn solve(&mut self, system: &System) -> Result<u32, SolverError> {
+        let Self { forces, inverse, newton, stage, .. } = self;
+        if stage.origin.is_empty() {
+            return Ok(0);
+        }
+        if balance::may_be_at_rest(stage.twice_kinetic, &stage.history[0], stage.history_count) {
+            stage.w.fill(0.0);
+            stage.configure();
+            forces.evaluate(system, &stage.q, stage.t, false)?;
+            if balance::is_at_rest(system, forces, newton.tolerance()) {
+                forces.work.skipped += 1;
+                return Ok(0);
+            }
+        }
+        let mut equations = StageEquations { system, stage };
+        Ok(newton.solve(system, forces, inverse, &mut equations)?.iterations)
+    }
+
+    /// The parts of the step's change of energy. With ΔT = Δp·v̄ and g = ∂V/∂x at the stage, they are
+    /// the work g·Δx on prescribed coordinates, the residual's work R·Δq/c, and the rest that the
+    /// scheme makes: ΔV − g·Δx, and for schemes that are not variational Δp·v̄ + (g − R/c)·Δq.
+    fn account(&mut self, system: &System, before: &State) -> Result<StepEnergy, SolverError> {
+        let Self { forces, stage, after, potentials, x_start, dx, .. } = self;
+        stage.configure();
+        forces.evaluate(system, &stage.q, stage.t, false)?;
+        let (mass, free) = (system.free_mass(), system.coordinates().free());
+        let coordinates = system.coordinates();
+        x_start.resize(coordinates.dof_count(), 0.0);
+        dx.resize(coordinates.dof_count(), 0.0);
+        coordinates.embed(&before.q, before.t, x_start);
+        coordinates.embed(&after.q, after.t, dx);
+        vectors::update(dx, |k, dx| *dx -= x_start[k]);
+        let gradient = forces.gradient();
+        let (w, c, step) = (&stage.w, stage.c, &*dx);
+        let along = |k: usize| step[free[k] as usize];
+        let prescribed = accounts::prescribed_work(system, gradient, step);
+        let elastic = accounts::free_work(system, gradient, along);
+        let inertia = |k: usize| mass[k] * w[k] / c;
+        let residual = vectors::sum(w.len(), |k| (inertia(k) + gradient[free[k] as usize]) * along(k));
+        let kinetic = vectors::sum(w.len(), |k| {
+            (after.p[k] - before.p[k]) * 0.5 * (before.p[k] + after.p[k]) / mass[k]
+        });
+        let inertial = vectors::sum(w.len(), |k| inertia(k) * along(k));
+        let (change, loads) = potentials.close(system, forces, &after.q, after.t);
+        let mut scheme = change - loads - elastic - prescribed;
+        if !self.rule.is_variational() {
+            scheme += kinetic - inertial;
+        }
+        Ok(StepEnergy { prescribed, force: loads, damping: 0.0, scheme, residual })
+    }
+}
+
+impl<R: Rule> Stepper for OneStage<R> {
+    fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
+        let before = self.forces.work;
+        let (iterations, energy) =
+            self.advance(system, state, h).map_err(|cause| StepError { t: state.t, h, cause })?;
+        std::mem::swap(&mut self.after, state);
+        self.forces.work.steps += 1;
+        Ok(StepReport { iterations, energy, work: self.forces.work - before })
+    }
+
+    fn work(&self) -> Work {
+        self.forces.work
+    }
+
+    fn memory(&self) -> StepperMemory {
+        let mut memory = StepperMemory { method: self.rule.name().to_owned(), ..Default::default() };
+        memory.arrays.push(("stage.last".into(), self.stage.history[0].clone()));
+        memory.arrays.push(("stage.older".into(), self.stage.history[1].clone()));
+        memory.counts.push(("stage.history".into(), self.stage.history_count as u64));
+        self.inverse.remember(&mut memory);
+        self.newton.remember(&mut memory);
+        self.rule.remember(&mut memory);
+        memory
+    }
+
+    fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
+        expect_method(memory, self.rule.name())?;
+        for (history, name) in self.stage.history.iter_mut().zip(["stage.last", "stage.older"]) {
+            let array = memory.array(name)?;
+            if array.len() != history.len() {
+                return Err(SolverError::Memory { missing: name });
+            }
+            history.copy_from_slice(array);
+        }
+        self.stage.history_count = memory.count("stage.history")? as usize;
+        self.forces = Forces::new(system);
+        self.potentials = Potentials::new();
+        self.newton.restore(memory)?;
+        self.rule.restore(memory)?;
+        self.inverse.restore(system, &mut self.forces, memory)?;
+        self.forces.work = Work::default();
+        Ok(())
+    }
+}
