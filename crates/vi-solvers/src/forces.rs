@@ -103,6 +103,14 @@ impl Forces {
         Err(self.why_not_finite(system, at_start))
     }
 
+    /// The error of a failed step from `state`: where the start itself has no finite force, that.
+    pub(crate) fn explain(&mut self, system: &System, state: &State, error: SolverError) -> SolverError {
+        if check_state(state, system).is_err() {
+            return error;
+        }
+        self.evaluate(system, &state.q, state.t, true).err().unwrap_or(error)
+    }
+
     /// V at (q, t), J.
     pub(crate) fn energy(&mut self, system: &System, q: &[f64], t: f64) -> f64 {
         self.go_to(system, q, t);

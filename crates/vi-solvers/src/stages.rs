@@ -323,8 +323,10 @@ impl<R: Rule> OneStage<R> {
 impl<R: Rule> Stepper for OneStage<R> {
     fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
         let before = self.forces.work;
-        let (iterations, energy) =
-            self.advance(system, state, h).map_err(|cause| StepError { t: state.t, h, cause })?;
+        let (iterations, energy) = self.advance(system, state, h).map_err(|error| {
+            let cause = self.forces.explain(system, state, error);
+            StepError { t: state.t, h, cause }
+        })?;
         std::mem::swap(&mut self.after, state);
         self.forces.work.steps += 1;
         Ok(StepReport { iterations, energy, work: self.forces.work - before })
