@@ -23,7 +23,7 @@ use view::{Site, View};
 ///
 /// Physical groups become groups (unnamed ones are called by their number), nodes stay in the order of the file, the
 /// copies of an element that MSH 2 keeps for each of its groups are merged. `$NodeData` and `$ElementData` become
-/// point and cell arrays. Memory stays below forty times the size of the file.
+/// point and cell arrays. Memory stays below 64 times the size of the file.
 ///
 /// # Errors
 /// Everything of [`IoError`] that reading has, with the line in a text and the byte offset in binary data.

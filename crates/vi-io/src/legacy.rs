@@ -14,7 +14,7 @@ use crate::vtk::number::Number;
 
 /// Reads a legacy VTK file that is in memory; `file` is for the messages only.
 ///
-/// Cell arrays become groups as in [`parse_vtu`](crate::parse_vtu). Memory stays below forty times the file.
+/// Cell arrays become groups as in [`parse_vtu`](crate::parse_vtu). Memory stays below 64 times the file.
 ///
 /// # Errors
 /// Everything of [`IoError`] that reading has, with the line in a text and the byte offset in binary data.

@@ -205,7 +205,8 @@ impl Obj {
             .members
             .into_iter()
             .map(|((name, dimension), mut cells)| {
-                // An object and a group may have one name.
+                // A face may name one group twice, as group and as object for instance.
+                cells.sort_unstable();
                 cells.dedup();
                 Group { name, dimension, cells }
             })

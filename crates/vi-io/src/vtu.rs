@@ -22,7 +22,7 @@ use payload::{Content, Payloads};
 /// Reads a VTU or VTP file that is in memory; `file` is for the messages only.
 ///
 /// Text, inline base64, appended raw and appended base64 data are read, each uncompressed or with zlib, of either byte
-/// order and header type. Pieces are joined. Memory stays below forty times the file, plus what compressed arrays
+/// order and header type. Pieces are joined. Memory stays below 64 times the file, plus what compressed arrays
 /// unpack to: zlib can pack at most 1032 bytes into one, and more is refused.
 ///
 /// Integer cell arrays named `region_id`, `material_id`, `body_id`, `gmsh:physical` or `CellEntityIds` are given as

@@ -137,7 +137,7 @@ fn damaged_files_are_refused_or_read_within_the_laws() {
     }
     let tries: usize = std::env::var("VI_IO_MUTATIONS")
         .ok()
-        .map_or(2000, |count| count.parse().expect("VI_IO_MUTATIONS is a number"));
+        .map_or(1000, |count| count.parse().expect("VI_IO_MUTATIONS is a number"));
     let mut random = Random(2);
     let mut accepted = 0;
     for (file, bytes) in &samples {

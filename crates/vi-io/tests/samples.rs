@@ -229,3 +229,10 @@ fn obj_polygons_negative_numbers_groups_and_texture_coordinates() {
     }
     assert_eq!(mesh.notes, ["6 faces of more than three corners were cut into triangles"]);
 }
+
+#[test]
+fn an_obj_face_that_names_its_group_twice_is_in_it_once() {
+    let text = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\no all\ng all all\nf 1 2 3 4\n";
+    let mesh = vi_io::parse_obj(text, Path::new("twice.obj")).unwrap();
+    assert_eq!(mesh.group("all").unwrap().cells, [0, 1]);
+}
