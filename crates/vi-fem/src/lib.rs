@@ -4,6 +4,8 @@
 //! or a file. Start with [`Mesh`], [`Law`] and [`elastic`]; to add a law see [`Material`], to add an
 //! element see [`Element`].
 
+mod bending;
+mod dihedral;
 mod elastic;
 mod element;
 mod error;
@@ -12,13 +14,19 @@ mod instructions;
 mod load;
 mod mass;
 mod material;
+mod membrane;
 mod mesh;
 mod motion;
 mod pack;
 mod real;
+mod sheet;
+mod sheet_body;
+mod sheet_material;
+mod surface;
 mod svd;
 pub mod tensor;
 
+pub use bending::Bending;
 pub use elastic::{elastic, elastic_on};
 pub use element::{Element, ElementKind, Tet4};
 pub use error::FemError;
@@ -30,6 +38,15 @@ pub use material::{
     Corotated, Domain, Isotropic, Law, Linear, Material, MooneyRivlin, MooneyRivlinParameters, NeoHookean,
     Parameters, StVenantKirchhoff, StableNeoHookean,
 };
+pub use membrane::{
+    CorotatedSheet, NeoHookeanSheet, OrthotropicParameters, OrthotropicSheet, StVenantKirchhoffSheet,
+};
 pub use mesh::{ElementBlock, Mesh, Region};
 pub use motion::{Motion, Rotate, Sine, Table, Translate};
 pub use real::Real;
+pub use sheet::{SheetMesh, SheetPattern};
+pub use sheet_body::Sheet;
+pub use sheet_material::{
+    IsotropicSheet, SheetCommon, SheetLaw, SheetMaterial, SheetParameters, SheetResponse,
+};
+pub use surface::{Orientation, orient_triangles};

@@ -1,0 +1,91 @@
+//! A sheet's potentials and mass from its triangles and law. It must not know any one law or bending
+//! model.
+
+use vi_core::Potential;
+
+use crate::bending::BentSheet;
+use crate::membrane::BuildMembrane;
+use crate::sheet_material::SheetLaw;
+use crate::surface::Surface;
+use crate::tensor::{cross, dot};
+use crate::{FemError, Mesh};
+
+/// Triangles with a law, bent and stretched from a shape at rest.
+#[derive(Debug, Clone, Copy)]
+pub struct Sheet<'a> {
+    /// The shape at rest. Where a sheet is cut from a flat pattern this is the pattern.
+    pub mesh: &'a Mesh,
+    /// Cell numbers of its triangles.
+    pub elements: &'a [u32],
+    /// Law and parameters.
+    pub law: &'a SheetLaw,
+    /// Node a of the mesh is node a + `node_offset` of the system.
+    pub node_offset: usize,
+    /// Name of the body: the potentials are called `name: membrane` and `name: bending`.
+    pub name: &'a str,
+    /// Is the sheet free of moments when flat, whatever the shape of the mesh?
+    pub flat: bool,
+    /// Boundary edges (pairs of nodes of the mesh) whose normal is held in space as it is in the mesh:
+    /// clamped, if their nodes are prescribed too.
+    pub clamped: &'a [[u32; 2]],
+}
+
+impl Sheet<'_> {
+    /// The membrane's potential, and those of bending: several for `shell`, one for each size of
+    /// stencil, all of one name.
+    ///
+    /// # Errors
+    /// The first parameter out of its range ([`SheetLaw::check`] gives all); cells that are not there,
+    /// are no triangles or have no area; triangles folded onto each other at rest; clamped edges that
+    /// are not on the boundary; `quadratic` on a curved rest shape.
+    pub fn potentials(&self) -> Result<Vec<Box<dyn Potential>>, FemError> {
+        if let Err(problems) = self.law.check()
+            && let Some(first) = problems.into_iter().next()
+        {
+            return Err(first);
+        }
+        let surface = Surface::new(self.mesh, self.elements)?;
+        let parameters = self.law.parameters();
+        let common = parameters.common();
+        let direction = parameters.direction();
+        let membrane = BuildMembrane {
+            surface: &surface,
+            thickness: common.thickness,
+            direction,
+            tension_field: common.tension_field,
+            node_offset: self.node_offset,
+            name: format!("{}: membrane", self.name),
+        };
+        let mut potentials = vec![self.law.visit(membrane)];
+        let inertia = common.thickness.powi(3) / 12.0;
+        let bent = BentSheet {
+            surface: &surface,
+            flat: self.flat,
+            moduli: parameters.moduli().map(|row| row.map(|modulus| inertia * modulus)),
+            direction,
+            clamped: self.clamped,
+            node_offset: self.node_offset,
+            name: format!("{}: bending", self.name),
+        };
+        potentials.extend(common.bending.potentials(&bent)?);
+        Ok(potentials)
+    }
+
+    /// Mass of each node of the mesh, kg, a third of each triangle's: added to `masses`.
+    ///
+    /// # Errors
+    /// As [`Sheet::potentials`].
+    pub fn add_lumped_mass(&self, masses: &mut [f64]) -> Result<(), FemError> {
+        let surface = Surface::new(self.mesh, self.elements)?;
+        let density = self.law.area_density();
+        for (triangle, nodes) in surface.triangles.iter().enumerate() {
+            let [a, b, c] = surface.corners(triangle);
+            let normal = cross([0, 1, 2].map(|i| b[i] - a[i]), [0, 1, 2].map(|i| c[i] - a[i]));
+            let share = density * 0.5 * dot(normal, normal).sqrt() / 3.0;
+            for &node in nodes {
+                masses[node as usize] += share;
+            }
+        }
+        Ok(())
+    }
+}

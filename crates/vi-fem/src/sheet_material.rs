@@ -1,0 +1,317 @@
+//! What a scene says of a sheet's matter, and the registry that makes a law a scene's word.
+//!
+//! To add a law: one file in `membrane/` with a [`SheetMaterial`], one line in `sheet_materials!`
+//! below. The line gives the scene name, the schema entry, the potential and the law tests.
+//! This room must not know meshes.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::bending::Bending;
+use crate::membrane::{CorotatedSheet, NeoHookeanSheet, OrthotropicSheet, StVenantKirchhoffSheet};
+use crate::{FemError, Parameters};
+
+/// A membrane law in plane stress: the energy density W(e) (J/m³ of the sheet at rest) of Green's
+/// strain e = (E₁₁, E₂₂, 2E₁₂), E = ½(FᵀF − I) in an orthonormal frame of the rest plane, F = ∂x/∂X
+/// 3 × 2. The strain across the thickness has been eliminated by S₃₃ = 0. Objective by its argument.
+pub trait SheetMaterial: Send + Sync + 'static {
+    /// What the scene file says of it.
+    type Parameters: SheetParameters;
+    /// Is there a tension field ([`SheetMaterial::relaxed`])?
+    const HAS_TENSION_FIELD: bool;
+
+    /// The law with these parameters, which have passed [`SheetParameters::check`].
+    fn new(parameters: &Self::Parameters) -> Self;
+    /// W(e) and its derivatives; W = +∞ outside the domain.
+    fn response(&self, strain: &[f64; 3]) -> SheetResponse;
+    /// The relaxed W(e) of a sheet that wrinkles instead of bearing compression (Pipkin 1986).
+    fn relaxed(&self, strain: &[f64; 3]) -> SheetResponse {
+        self.response(strain)
+    }
+}
+
+/// W and its derivatives at a strain.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SheetResponse {
+    /// W, J/m³.
+    pub energy: f64,
+    /// Second Piola–Kirchhoff stress ∂W/∂e = (S₁₁, S₂₂, S₁₂), Pa.
+    pub stress: [f64; 3],
+    /// ∂²W/∂e², Pa; symmetric.
+    pub tangent: [[f64; 3]; 3],
+}
+
+/// Parameters of a sheet: what every law has to answer of them.
+pub trait SheetParameters {
+    /// What all sheets have.
+    fn common(&self) -> SheetCommon;
+    /// Plane-stress moduli ∂²W/∂e² at rest, Pa, in the frame of the law's own directions.
+    fn moduli(&self) -> [[f64; 3]; 3];
+    /// The direction in space that the law's first axis follows, if the law has axes.
+    fn direction(&self) -> Option<[f64; 3]> {
+        None
+    }
+    /// Everything that is wrong with them.
+    fn check(&self) -> Vec<FemError>;
+    /// Sound parameters, for tests and first steps.
+    fn example() -> Self
+    where
+        Self: Sized;
+}
+
+/// What all sheets have.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SheetCommon {
+    /// Mass per area at rest, kg/m².
+    pub area_density: f64,
+    /// Thickness, m.
+    pub thickness: f64,
+    /// How it resists bending.
+    pub bending: Bending,
+    /// Do wrinkles below the size of the mesh take away compression?
+    pub tension_field: bool,
+}
+
+/// Parameters of an isotropic sheet:
+/// `{ law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0, thickness = 1e-3 }`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct IsotropicSheet {
+    /// Young's modulus E, Pa; positive.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub young: f64,
+    /// Poisson's ratio ν, without unit; in (−1, ½).
+    #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5))]
+    pub poisson: f64,
+    /// Density ρ at rest, kg/m³; this or `area_density`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub density: Option<f64>,
+    /// Mass per area at rest, kg/m²; this or `density`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub area_density: Option<f64>,
+    /// Thickness h, m; positive.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub thickness: f64,
+    /// How the sheet resists bending.
+    #[serde(default)]
+    pub bending: Bending,
+    /// Let wrinkles below the size of the mesh take away compression.
+    #[serde(default)]
+    pub tension_field: bool,
+}
+
+impl IsotropicSheet {
+    /// Lamé's (λ, μ) of the solid, Pa.
+    pub(crate) fn lame(&self) -> (f64, f64) {
+        crate::Isotropic { young: self.young, poisson: self.poisson, density: 1.0 }.lame()
+    }
+
+    /// (E ν/(1 − ν²), μ): Lamé's constants in plane stress, Pa.
+    pub(crate) fn plane_stress(&self) -> (f64, f64) {
+        (
+            self.young * self.poisson / (1.0 - self.poisson * self.poisson),
+            self.young / (2.0 * (1.0 + self.poisson)),
+        )
+    }
+}
+
+impl SheetParameters for IsotropicSheet {
+    fn common(&self) -> SheetCommon {
+        SheetCommon {
+            area_density: area_density(self.density, self.area_density, self.thickness),
+            thickness: self.thickness,
+            bending: self.bending,
+            tension_field: self.tension_field,
+        }
+    }
+
+    fn moduli(&self) -> [[f64; 3]; 3] {
+        let (lambda, mu) = self.plane_stress();
+        let axial = lambda + 2.0 * mu;
+        [[axial, lambda, 0.0], [lambda, axial, 0.0], [0.0, 0.0, mu]]
+    }
+
+    fn check(&self) -> Vec<FemError> {
+        let mut problems = Vec::new();
+        require_positive(&mut problems, "young", self.young, "Young's modulus must be positive (Pa)");
+        if !(self.poisson > -1.0 && self.poisson < 0.5) {
+            problems.push(FemError::Parameter {
+                key: "poisson",
+                value: self.poisson,
+                requirement: "Poisson's ratio must lie in (-1, 0.5); for an incompressible sheet take 0.49",
+            });
+        }
+        check_sheet(&mut problems, self.density, self.area_density, self.thickness);
+        problems
+    }
+
+    fn example() -> Self {
+        Self {
+            young: 1e6,
+            poisson: 0.3,
+            density: Some(1000.0),
+            area_density: None,
+            thickness: 1e-2,
+            bending: Bending::Shell,
+            tension_field: false,
+        }
+    }
+}
+
+/// Mass per area, kg/m², from whichever was given.
+pub(crate) fn area_density(density: Option<f64>, area_density: Option<f64>, thickness: f64) -> f64 {
+    area_density.or_else(|| density.map(|density| density * thickness)).unwrap_or(f64::NAN)
+}
+
+/// Checks what all sheets have.
+pub(crate) fn check_sheet(
+    problems: &mut Vec<FemError>,
+    density: Option<f64>,
+    area_density: Option<f64>,
+    thickness: f64,
+) {
+    require_positive(
+        problems,
+        "thickness",
+        thickness,
+        "the thickness of a sheet must be positive (m); for cloth without bending stiffness say \
+         bending = \"none\"",
+    );
+    match (density, area_density) {
+        (Some(value), None) => {
+            require_positive(problems, "density", value, "density must be positive (kg/m³)");
+        }
+        (None, Some(value)) => {
+            require_positive(problems, "area_density", value, "mass per area must be positive (kg/m²)");
+        }
+        (given, _) => problems.push(FemError::Invalid {
+            what: "sheet material",
+            problem: format!(
+                "give density (kg/m³) or area_density (kg/m²), {}",
+                if given.is_some() { "not both" } else { "one of them" }
+            ),
+        }),
+    }
+}
+
+/// Adds a problem unless `value` is positive and finite.
+pub(crate) fn require_positive(
+    problems: &mut Vec<FemError>,
+    key: &'static str,
+    value: f64,
+    requirement: &'static str,
+) {
+    if !(value > 0.0 && value.is_finite()) {
+        problems.push(FemError::Parameter { key, value, requirement });
+    }
+}
+
+/// Work to do with a law whose type is known only at run time.
+pub(crate) trait SheetVisitor {
+    type Output;
+    fn visit<M: SheetMaterial>(self, material: M) -> Self::Output;
+}
+
+macro_rules! sheet_materials {
+    ($($(#[$doc:meta])* $variant:ident($material:ident) = $name:literal;)*) => {
+        /// A sheet's law and its parameters as the scene file says them.
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+        #[serde(tag = "law", rename_all = "kebab-case")]
+        #[non_exhaustive]
+        pub enum SheetLaw {
+            $($(#[$doc])* #[serde(rename = $name)] $variant(<$material as SheetMaterial>::Parameters),)*
+        }
+
+        impl SheetLaw {
+            /// The scene names of all laws.
+            pub const NAMES: &'static [&'static str] = &[$($name),*];
+
+            /// The scene name of this law.
+            pub fn name(&self) -> &'static str {
+                match self { $(Self::$variant(_) => $name,)* }
+            }
+
+            /// Its parameters.
+            pub fn parameters(&self) -> &dyn SheetParameters {
+                match self { $(Self::$variant(parameters) => parameters,)* }
+            }
+
+            /// One of each law, with sound parameters.
+            pub fn examples() -> Vec<Self> {
+                vec![$(Self::$variant(<$material as SheetMaterial>::Parameters::example())),*]
+            }
+
+            /// The same law with another answer to bending.
+            pub fn with_bending(mut self, bending: Bending) -> Self {
+                match &mut self { $(Self::$variant(parameters) => parameters.bending = bending,)* }
+                self
+            }
+
+            fn has_tension_field(&self) -> bool {
+                match self { $(Self::$variant(_) => $material::HAS_TENSION_FIELD,)* }
+            }
+
+            pub(crate) fn visit<V: SheetVisitor>(&self, visitor: V) -> V::Output {
+                match self { $(Self::$variant(parameters) => visitor.visit($material::new(parameters)),)* }
+            }
+        }
+    };
+}
+
+sheet_materials! {
+    /// St. Venant–Kirchhoff, W = μ E:E + ½ E ν/(1 − ν²) (tr E)²: small strains, large rotations.
+    StVenantKirchhoff(StVenantKirchhoffSheet) = "st-venant-kirchhoff";
+    /// Neo-Hookean with logarithmic volume terms, in plane stress: large strains.
+    NeoHookean(NeoHookeanSheet) = "neo-hookean";
+    /// Corotated linear elasticity: linear in the principal stretches.
+    Corotated(CorotatedSheet) = "corotated";
+    /// Orthotropic St. Venant–Kirchhoff: woven cloth with warp, weft and shear moduli.
+    Orthotropic(OrthotropicSheet) = "orthotropic";
+}
+
+impl SheetLaw {
+    /// Mass per area at rest, kg/m².
+    pub fn area_density(&self) -> f64 {
+        self.parameters().common().area_density
+    }
+
+    /// Everything that is wrong with the parameters.
+    ///
+    /// # Errors
+    /// All problems at once.
+    pub fn check(&self) -> Result<(), Vec<FemError>> {
+        let mut problems = self.parameters().check();
+        if self.parameters().common().tension_field && !self.has_tension_field() {
+            problems.push(FemError::Invalid {
+                what: "tension_field",
+                problem: format!("the law {} has none; take an isotropic law, or leave it off", self.name()),
+            });
+        }
+        if problems.is_empty() { Ok(()) } else { Err(problems) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_says_a_sheet_in_one_line() {
+        let text = r#"{ "law": "neo-hookean", "young": 1e6, "poisson": 0.3, "area_density": 0.2,
+                        "thickness": 1e-3, "bending": "hinge" }"#;
+        let law: SheetLaw = serde_json::from_str(text).unwrap();
+        law.check().unwrap();
+        assert_eq!((law.name(), law.area_density()), ("neo-hookean", 0.2));
+        assert_eq!(law.parameters().common().bending, Bending::Hinge);
+        let misspelt = text.replace("thickness", "tickness");
+        assert!(serde_json::from_str::<SheetLaw>(&misspelt).is_err());
+    }
+
+    #[test]
+    fn zero_thickness_and_missing_mass_are_errors_with_a_way_out() {
+        let text = r#"{ "law": "corotated", "young": 1e6, "poisson": 0.3, "thickness": 0.0 }"#;
+        let problems = serde_json::from_str::<SheetLaw>(text).unwrap().check().unwrap_err();
+        let text: Vec<String> = problems.iter().map(ToString::to_string).collect();
+        assert!(text[0].contains("thickness") && text[1].contains("area_density"), "{text:?}");
+    }
+}

@@ -1,0 +1,289 @@
+//! The triangles of a sheet and their edges: who is whose neighbour, and which way is up. It must not
+//! know laws.
+
+use crate::{ElementKind, FemError, Mesh};
+
+/// Triangles of a mesh with their edges.
+pub(crate) struct Surface {
+    /// Positions at rest of all nodes of the mesh, m.
+    pub(crate) points: Vec<[f64; 3]>,
+    /// Nodes of each triangle.
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// The mesh's number of each triangle.
+    pub(crate) cells: Vec<u32>,
+    /// Edges, ascending by their nodes.
+    pub(crate) edges: Vec<Edge>,
+    /// The three edges of each triangle: edge k lies opposite node k.
+    pub(crate) edges_of: Vec<[u32; 3]>,
+}
+
+/// An edge and the triangles that meet there, ascending.
+pub(crate) struct Edge {
+    /// Its nodes, ascending.
+    pub(crate) nodes: [u32; 2],
+    /// Triangle and which of its edges this is.
+    pub(crate) sides: Vec<(u32, u8)>,
+}
+
+impl Surface {
+    /// The triangles `elements` of a mesh.
+    ///
+    /// # Errors
+    /// Cells that are not there or no linear triangles, and triangles without area.
+    pub(crate) fn new(mesh: &Mesh, elements: &[u32]) -> Result<Self, FemError> {
+        let mut triangles = Vec::with_capacity(elements.len());
+        for (index, &element) in elements.iter().enumerate() {
+            match mesh.cell(element as usize) {
+                Some((ElementKind::Tri3, &[a, b, c])) => triangles.push([a, b, c]),
+                Some((kind, _)) => {
+                    return Err(FemError::Unsupported { kind, used: "elements of a sheet (they are tri3)" });
+                }
+                None => {
+                    return Err(FemError::OutOfRange {
+                        what: "sheet, element",
+                        index,
+                        target: "cell",
+                        value: element as usize,
+                        available: mesh.cell_count(),
+                    });
+                }
+            }
+        }
+        check_areas(&mesh.points, &triangles, elements)?;
+        let (edges, edges_of) = edges(&triangles);
+        Ok(Self { points: mesh.points.clone(), triangles, cells: elements.to_vec(), edges, edges_of })
+    }
+
+    /// Rest positions of a triangle's nodes, m.
+    pub(crate) fn corners(&self, triangle: usize) -> [[f64; 3]; 3] {
+        self.triangles[triangle].map(|node| self.points[node as usize])
+    }
+
+    /// The node of a triangle opposite its edge `k`, and the edge's nodes in the triangle's sense.
+    pub(crate) fn around(&self, triangle: u32, k: u8) -> [u32; 3] {
+        let nodes = self.triangles[triangle as usize];
+        let k = usize::from(k);
+        [nodes[k], nodes[(k + 1) % 3], nodes[(k + 2) % 3]]
+    }
+}
+
+/// Edges with the triangles that meet there, and the edges of each triangle.
+fn edges(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
+    let mut sides = Vec::with_capacity(3 * triangles.len());
+    for (triangle, nodes) in triangles.iter().enumerate() {
+        for k in 0..3 {
+            let (a, b) = (nodes[(k + 1) % 3], nodes[(k + 2) % 3]);
+            sides.push(([a.min(b), a.max(b)], triangle as u32, k as u8));
+        }
+    }
+    sides.sort_unstable();
+    let mut edges: Vec<Edge> = Vec::new();
+    let mut edges_of = vec![[0; 3]; triangles.len()];
+    for (nodes, triangle, k) in sides {
+        if edges.last().is_none_or(|edge| edge.nodes != nodes) {
+            edges.push(Edge { nodes, sides: Vec::with_capacity(2) });
+        }
+        let index = edges.len() - 1;
+        edges[index].sides.push((triangle, k));
+        edges_of[triangle as usize][usize::from(k)] = index as u32;
+    }
+    (edges, edges_of)
+}
+
+/// Refuses triangles whose height over the longest side is below 1e-8 of that side.
+fn check_areas(points: &[[f64; 3]], triangles: &[[u32; 3]], elements: &[u32]) -> Result<(), FemError> {
+    let mut bad = Vec::new();
+    for (nodes, &element) in triangles.iter().zip(elements) {
+        let [a, b, c] = nodes.map(|node| points[node as usize]);
+        let squared = |p: [f64; 3], q: [f64; 3]| (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>();
+        let longest = squared(a, b).max(squared(b, c)).max(squared(c, a));
+        let (u, v) = ([0, 1, 2].map(|k| b[k] - a[k]), [0, 1, 2].map(|k| c[k] - a[k]));
+        let normal = crate::tensor::cross(u, v);
+        let area = 0.5 * crate::tensor::dot(normal, normal).sqrt();
+        if area.is_nan() || area <= 0.5e-8 * longest {
+            bad.push((element, area));
+        }
+    }
+    let Some(&(element, area)) = bad.first() else { return Ok(()) };
+    Err(FemError::Invalid {
+        what: "sheet",
+        problem: format!(
+            "{} of {} triangles have no area (first: element {element}, {area:.3e} m²); remove them or \
+             merge their nodes in the mesh",
+            bad.len(),
+            triangles.len()
+        ),
+    })
+}
+
+/// What [`orient_triangles`] found and did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub struct Orientation {
+    /// Connected pieces.
+    pub pieces: usize,
+    /// Triangles that were turned over, so that neighbours face the same way.
+    pub turned: usize,
+    /// Edges where neighbours still face opposite ways: the piece is one-sided, like a Möbius strip.
+    pub one_sided: usize,
+    /// Edges where more than two triangles meet.
+    pub branched: usize,
+    /// Edges with one triangle.
+    pub boundary: usize,
+}
+
+impl Orientation {
+    /// What a user should hear of it; none where the triangles were as they should be.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        if self.turned > 0 {
+            notes.push(format!("{} triangles were turned over to face as their neighbours do", self.turned));
+        }
+        if self.one_sided > 0 {
+            notes.push(format!(
+                "the surface is one-sided: neighbours face opposite ways across {} edges (bending does not \
+                 mind; the side that a pressure acts on is not defined)",
+                self.one_sided
+            ));
+        }
+        if self.branched > 0 {
+            notes.push(format!(
+                "more than two triangles meet at {} edges; every pair of them bends as a hinge there",
+                self.branched
+            ));
+        }
+        notes
+    }
+}
+
+/// Turns triangles over so that the neighbours across every edge of two triangles face the same way as
+/// far as the surface has two sides. In each piece the majority decides; ties go to the first triangle.
+///
+/// # Errors
+/// As for the potentials of a sheet: cells that are not triangles, or without area.
+pub fn orient_triangles(mesh: &mut Mesh, elements: &[u32]) -> Result<Orientation, FemError> {
+    let surface = Surface::new(mesh, elements)?;
+    let count = surface.triangles.len();
+    let mut report = Orientation::default();
+    let mut flipped: Vec<Option<bool>> = vec![None; count];
+    for start in 0..count {
+        if flipped[start].is_some() {
+            continue;
+        }
+        report.pieces += 1;
+        flipped[start] = Some(false);
+        let mut piece = vec![start];
+        let mut next = 0;
+        while next < piece.len() {
+            let triangle = piece[next];
+            next += 1;
+            for edge in surface.edges_of[triangle] {
+                let edge = &surface.edges[edge as usize];
+                let [one, two] = edge.sides[..] else { continue };
+                let other = if one.0 as usize == triangle { two.0 } else { one.0 } as usize;
+                if flipped[other].is_none() {
+                    let must_turn = same_sense(&surface, one, two);
+                    flipped[other] = flipped[triangle].map(|turned| turned != must_turn);
+                    piece.push(other);
+                }
+            }
+        }
+        let turned = piece.iter().filter(|&&triangle| flipped[triangle] == Some(true)).count();
+        if 2 * turned > piece.len() {
+            for &triangle in &piece {
+                flipped[triangle] = flipped[triangle].map(|turned| !turned);
+            }
+        }
+    }
+    for edge in &surface.edges {
+        match edge.sides[..] {
+            [_] => report.boundary += 1,
+            [one, two] => {
+                let turned = flipped[one.0 as usize] != flipped[two.0 as usize];
+                report.one_sided += usize::from(same_sense(&surface, one, two) != turned);
+            }
+            _ => report.branched += 1,
+        }
+    }
+    for (triangle, &element) in elements.iter().enumerate() {
+        if flipped[triangle] == Some(true) {
+            turn_over(mesh, element as usize);
+            report.turned += 1;
+        }
+    }
+    Ok(report)
+}
+
+/// Do two triangles run along their common edge in the same sense (so that they face opposite ways)?
+fn same_sense(surface: &Surface, one: (u32, u8), two: (u32, u8)) -> bool {
+    surface.around(one.0, one.1)[1] == surface.around(two.0, two.1)[1]
+}
+
+fn turn_over(mesh: &mut Mesh, mut cell: usize) {
+    for block in &mut mesh.blocks {
+        if cell < block.count() {
+            block.nodes.swap(3 * cell + 1, 3 * cell + 2);
+            return;
+        }
+        cell -= block.count();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ElementBlock, SheetMesh};
+
+    fn sheet() -> Mesh {
+        let spec = r#"{ "size": [1.0, 1.0], "cells": [3, 3] }"#;
+        serde_json::from_str::<SheetMesh>(spec).unwrap().build().unwrap()
+    }
+
+    #[test]
+    fn triangles_that_face_the_wrong_way_are_turned_over_and_said_so() {
+        let good = sheet();
+        let elements = good.cells_of_dimension(2);
+        let mut mesh = good.clone();
+        for cell in [1, 7, 8] {
+            turn_over(&mut mesh, cell);
+        }
+        let report = orient_triangles(&mut mesh, &elements).unwrap();
+        assert_eq!((report.turned, report.pieces, report.one_sided, report.boundary), (3, 1, 0, 12));
+        assert_eq!(report.notes().len(), 1);
+        assert_eq!(mesh, good);
+    }
+
+    #[test]
+    fn a_moebius_strip_has_one_side() {
+        let count = 8;
+        let node = |i: usize, k: usize| (if i < count { 2 * i + k } else { 1 - k }) as u32;
+        let mut nodes = Vec::new();
+        for i in 0..count {
+            nodes.extend([node(i, 0), node(i + 1, 0), node(i, 1)]);
+            nodes.extend([node(i + 1, 0), node(i + 1, 1), node(i, 1)]);
+        }
+        let points = (0..count)
+            .flat_map(|i| {
+                let phi = i as f64 / count as f64 * std::f64::consts::TAU;
+                [-0.3, 0.3].map(|s: f64| {
+                    let r = 1.0 + s * (0.5 * phi).cos();
+                    [r * phi.cos(), r * phi.sin(), s * (0.5 * phi).sin()]
+                })
+            })
+            .collect();
+        let mut mesh =
+            Mesh { points, blocks: vec![ElementBlock { kind: ElementKind::Tri3, nodes }], regions: vec![] };
+        let elements = mesh.cells_of_dimension(2);
+        let report = orient_triangles(&mut mesh, &elements).unwrap();
+        assert_eq!(report.one_sided, 1, "{report:?}");
+    }
+
+    #[test]
+    fn a_triangle_without_area_is_an_error_that_names_it() {
+        let mut mesh = sheet();
+        mesh.points[5] = mesh.points[4];
+        let elements = mesh.cells_of_dimension(2);
+        let message = Surface::new(&mesh, &elements).err().unwrap().to_string();
+        assert!(message.contains("no area") && message.contains("element"), "{message}");
+    }
+}
