@@ -260,7 +260,7 @@ fn positive_stress([s11, s22, s12]: [f64; 3]) -> [f64; 3] {
         return [s11, s22, s12];
     }
     let largest = mean + radius;
-    if !(largest > 0.0) {
+    if largest.is_nan() || largest <= 0.0 {
         return [0.0; 3];
     }
     // ½ (I + deviator/radius) projects onto the larger eigenvalue's direction.

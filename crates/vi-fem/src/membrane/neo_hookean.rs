@@ -22,7 +22,7 @@ impl SheetMaterial for NeoHookeanSheet {
 
     fn response(&self, strain: &[f64; 3]) -> SheetResponse {
         from_invariants(strain, |i, j| {
-            if !(j > 0.0) {
+            if j.is_nan() || j <= 0.0 {
                 let nan = f64::NAN;
                 return Invariants { energy: f64::INFINITY, first: [nan; 2], second: [nan; 3] };
             }

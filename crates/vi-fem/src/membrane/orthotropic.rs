@@ -88,7 +88,8 @@ impl SheetParameters for OrthotropicParameters {
         {
             require_positive(&mut problems, key, value, "moduli must be positive (Pa)");
         }
-        if !(self.poisson * self.poisson * self.young_weft < self.young_warp) {
+        let is_stable = self.poisson * self.poisson * self.young_weft < self.young_warp;
+        if !is_stable {
             problems.push(FemError::Parameter {
                 key: "poisson",
                 value: self.poisson,
