@@ -1,0 +1,91 @@
+//! Plates and shells against reference cases on refined meshes, structured and not, as Markdown:
+//! `cargo run --release -p vi-fem --example shell_validation > docs/validation-shells.md`.
+
+#[path = "../tests/plates/cases.rs"]
+mod cases;
+#[path = "../tests/plates/skyline.rs"]
+mod skyline;
+#[path = "../tests/plates/structure.rs"]
+mod structure;
+
+use cases::Outcome;
+use vi_fem::SheetPattern;
+
+const PATTERNS: [(SheetPattern, &str); 3] =
+    [(SheetPattern::Diagonal, "diagonal"), (SheetPattern::Cross, "cross"), (SheetPattern::Random, "random")];
+
+/// A table of the largest error on each mesh with the observed order, and the values on the finest.
+fn table(title: &str, limit: f64, cells: &[[u32; 2]], run: impl Fn([u32; 2], SheetPattern) -> Outcome) {
+    println!("\n## {title}\n\nAsked: {:.1} %.\n", 100.0 * limit);
+    println!("| pattern | cells | triangles | largest error | at | order |\n|---|---|---|---|---|---|");
+    let mut finest = Vec::new();
+    for (pattern, name) in PATTERNS {
+        let mut previous: Option<(f64, usize)> = None;
+        for &mesh in cells {
+            let outcome = run(mesh, pattern);
+            let error = outcome.worst();
+            let at = outcome.values.iter().find(|value| value.3 == error).map_or("", |value| &value.0);
+            let order = previous.map_or("".into(), |(last, count)| {
+                let refined = (outcome.triangles as f64 / count as f64).sqrt();
+                format!("{:.2}", (last / error).ln() / refined.ln())
+            });
+            let [nx, ny] = mesh;
+            println!(
+                "| {name} | {nx} × {ny} | {} | {:.3} % | {at} | {order} |",
+                outcome.triangles,
+                100.0 * error
+            );
+            previous = Some((error, outcome.triangles));
+            if Some(&mesh) == cells.last() {
+                finest.push(outcome);
+            }
+        }
+    }
+    println!("\nOn the finest meshes:\n\n| | reference | diagonal | cross | random |\n|---|---|---|---|---|");
+    for row in 0..finest[0].values.len() {
+        let (what, _, reference, _) = &finest[0].values[row];
+        let of = |k: usize| finest[k].values[row].1;
+        println!("| {what} | {reference:.6} | {:.6} | {:.6} | {:.6} |", of(0), of(1), of(2));
+    }
+}
+
+fn main() {
+    let chosen = std::env::args().nth(1);
+    let wants = |name: &str| chosen.as_deref().is_none_or(|chosen| chosen == name);
+    println!("# Validation of the `shell` model\n");
+    println!(
+        "Made by `cargo run --release -p vi-fem --example shell_validation > docs/validation-shells.md`."
+    );
+    println!("Static equilibria by Newton's method, frequencies by subspace iteration, all with the");
+    println!(
+        "potentials of `bending = \"shell\"` and `law = \"st-venant-kirchhoff\"`. The error of a mesh is"
+    );
+    println!("its largest over all values of the case; `cells` are those of the sheet generator.");
+    if wants("shear") {
+        let cells = [[20, 2], [40, 4], [80, 8]];
+        table("Cantilever, end shear (D1)", 0.005, &cells, cases::end_shear);
+    }
+    if wants("moment") {
+        let cells = [[48, 2], [96, 4], [192, 8]];
+        table("Cantilever, end moment to a full circle (D1)", 0.01, &cells, cases::end_moment);
+    }
+    if wants("weight") {
+        let cells = [[32, 2], [64, 4], [128, 8]];
+        table("Plate strip under its own weight (C3)", 0.005, &cells, cases::self_weight);
+    }
+    if wants("buckling") {
+        let cells = [[100, 2], [200, 4], [400, 8]];
+        table("Lateral buckling (D2)", 0.01, &cells, cases::lateral_buckling);
+    }
+    for supports in ["free", "CFFF", "clamped", "supported"] {
+        if wants(supports) {
+            let run = |cells: [u32; 2], pattern| cases::plate(supports, cells[0], pattern);
+            let cells = [[10, 10], [20, 20], [40, 40]];
+            table(&format!("Square plate, {supports}: frequencies ω a² √(ρh/D) (E1)"), 0.01, &cells, run);
+        }
+    }
+    if wants("annulus") {
+        let cells = [[60, 4], [120, 8], [240, 16]];
+        table("Slit annulus (D1)", 0.015, &cells, cases::slit_annulus);
+    }
+}
