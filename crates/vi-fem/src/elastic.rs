@@ -1,6 +1,9 @@
 //! The strain energy Σ_e ∫ Ψ(F) dV of a region: elements × law, erased to a potential once. It must
 //! not know how blocks are summed.
 
+#[cfg(test)]
+mod laws;
+
 use std::cell::RefCell;
 use std::ops::Range;
 

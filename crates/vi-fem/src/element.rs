@@ -4,15 +4,28 @@
 //! `elements!` below. The lines give the scene name, the file-format code, the kernels and the law
 //! tests. This room must not know laws or meshes.
 
+mod hex20;
+mod hex27;
+mod hex8;
 pub(crate) mod kernel;
 #[cfg(test)]
 mod laws;
+mod rule;
+mod tet10;
 mod tet4;
+mod wedge15;
+mod wedge6;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use hex8::Hex8;
+pub use hex20::Hex20;
+pub use hex27::Hex27;
 pub use tet4::Tet4;
+pub use tet10::Tet10;
+pub use wedge6::Wedge6;
+pub use wedge15::Wedge15;
 
 use crate::Real;
 use crate::tensor::Mat3;
@@ -20,8 +33,15 @@ use crate::tensor::Mat3;
 /// An isoparametric solid element with `N` nodes and `Q` quadrature points on its reference cell:
 /// x(ξ) = Σ x_a N_a(ξ).
 pub trait Element<const N: usize, const Q: usize>: Send + Sync + 'static {
+    /// Degree of the polynomials that the rule integrates exactly.
+    const DEGREE: usize;
+
     /// Quadrature of the strain energy: points ξ and weights, whose sum is the reference volume.
     fn rule() -> [([f64; 3], f64); Q];
+    /// Quadrature of the mass.
+    fn mass_rule() -> Vec<([f64; 3], f64)> {
+        Self::rule().to_vec()
+    }
     /// Nodes of the reference cell, in VTK's order.
     fn nodes() -> [[f64; 3]; N];
     /// Shape functions N_a(ξ).
@@ -167,6 +187,12 @@ elements! {
     }
     solids {
         Tet4: Tet4, 4 nodes, 1 points;
+        Tet10: Tet10, 10 nodes, 4 points;
+        Hex8: Hex8, 8 nodes, 8 points;
+        Hex20: Hex20, 20 nodes, 27 points;
+        Hex27: Hex27, 27 nodes, 27 points;
+        Wedge6: Wedge6, 6 nodes, 6 points;
+        Wedge15: Wedge15, 15 nodes, 18 points;
     }
 }
 

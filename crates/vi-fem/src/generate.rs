@@ -1,8 +1,11 @@
 //! Box meshes. It must not know laws or files.
 
+mod cells;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use self::cells::LatticePoint;
 use crate::{ElementBlock, ElementKind, FemError, Mesh, Region};
 
 /// A box of cells: `box = { size = [1.0, 0.25, 0.25], cells = [16, 4, 4], element = "tet4" }`.
@@ -25,14 +28,43 @@ fn default_element() -> ElementKind {
     ElementKind::Tet4
 }
 
-/// Kuhn's six tetrahedra of a cube with corners i + 2j + 4k, all around the diagonal 0–7, so that
-/// neighbouring cubes match. Ordered and turned as in the reference cases.
-const KUHN: [[usize; 4]; 6] =
-    [[0, 1, 3, 7], [0, 5, 1, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 6, 4, 7]];
+/// The faces of a box: name, the axis they are across, and whether they are the far one.
+const FACES: [(&str, usize, bool); 6] = [
+    ("x-min", 0, false),
+    ("x-max", 0, true),
+    ("y-min", 1, false),
+    ("y-max", 1, true),
+    ("z-min", 2, false),
+    ("z-max", 2, true),
+];
+
+/// The lattice of half cells of a box, and the numbers of those of its points that are nodes.
+struct Lattice {
+    /// Points along each axis, 2 cells + 1.
+    counts: [usize; 3],
+    numbers: Vec<u32>,
+}
+
+impl Lattice {
+    fn index(&self, cell: [usize; 3], point: LatticePoint) -> usize {
+        let [i, j, k] = [0, 1, 2].map(|axis| 2 * cell[axis] + point[axis]);
+        i + self.counts[0] * (j + self.counts[1] * k)
+    }
+}
+
+/// All cells (i, j, k), i fastest, of which those across an axis may be held at one index.
+fn cells_of(counts: [usize; 3], held: Option<(usize, usize)>) -> impl Iterator<Item = [usize; 3]> {
+    let range = move |axis: usize| match held {
+        Some((held_axis, index)) if held_axis == axis => index..index + 1,
+        _ => 0..counts[axis],
+    };
+    range(2).flat_map(move |k| range(1).flat_map(move |j| range(0).map(move |i| [i, j, k])))
+}
 
 impl BoxMesh {
-    /// The mesh: nodes in lattice order, i fastest, node = i + j nx + k nx ny; the volume region
-    /// `box` and the surface regions `x-min x-max y-min y-max z-min z-max`.
+    /// The mesh: nodes in lattice order, i fastest (for elements without middle nodes, node =
+    /// i + j nx + k nx ny); the volume region `box` and the surface regions
+    /// `x-min x-max y-min y-max z-min z-max`.
     ///
     /// # Errors
     /// [`FemError::Parameter`] for a size that is not positive or no cells,
@@ -40,69 +72,57 @@ impl BoxMesh {
     pub fn build(&self) -> Result<Mesh, FemError> {
         self.check()?;
         let kind = self.element;
-        if kind != ElementKind::Tet4 {
+        let Some(elements) = cells::elements(kind) else {
             return Err(FemError::Unsupported { kind, used: "elements of a box" });
-        }
-        let cells = self.cells.map(|count| count as usize);
-        let lattice = cells.map(|count| count + 1);
-        let node = |i: usize, j: usize, k: usize| (i + lattice[0] * (j + lattice[1] * k)) as u32;
-        let at = |axis: usize, index: usize| {
-            self.origin[axis] + self.size[axis] * (index as f64 / cells[axis] as f64)
         };
-        let mut points = Vec::with_capacity(lattice.iter().product());
-        for k in 0..lattice[2] {
-            for j in 0..lattice[1] {
-                for i in 0..lattice[0] {
-                    points.push([at(0, i), at(1, j), at(2, k)]);
-                }
-            }
-        }
-        let mut volume = Vec::with_capacity(24 * cells.iter().product::<usize>());
-        for k in 0..cells[2] {
-            for j in 0..cells[1] {
-                for i in 0..cells[0] {
-                    let corner = |c: usize| node(i + (c & 1), j + ((c >> 1) & 1), k + ((c >> 2) & 1));
-                    volume.extend(KUHN.iter().flatten().map(|&c| corner(c)));
-                }
-            }
-        }
-        let volume_count = volume.len() / 4;
-        let mut regions =
-            vec![Region { name: "box".into(), dimension: 3, elements: (0..volume_count as u32).collect() }];
-        let mut facets = Vec::new();
-        for (name, axis, far) in [
-            ("x-min", 0, false),
-            ("x-max", 0, true),
-            ("y-min", 1, false),
-            ("y-max", 1, true),
-            ("z-min", 2, false),
-            ("z-max", 2, true),
-        ] {
-            let first = volume_count + facets.len() / 3;
-            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-            for b in 0..cells[v] {
-                for a in 0..cells[u] {
-                    let corner = |da: usize, db: usize| {
-                        let mut index = [0; 3];
-                        index[axis] = if far { cells[axis] } else { 0 };
-                        (index[u], index[v]) = (a + da, b + db);
-                        node(index[0], index[1], index[2])
-                    };
-                    // Kuhn's cut of a face is its diagonal from the least to the greatest corner.
-                    let [p00, p10, p11, p01] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
-                    let triangles =
-                        if far { [p00, p10, p11, p00, p11, p01] } else { [p00, p11, p10, p00, p01, p11] };
-                    facets.extend(triangles);
-                }
-            }
-            let elements = (first as u32..(volume_count + facets.len() / 3) as u32).collect();
+        let counts = self.cells.map(|count| count as usize);
+        let mut lattice = Lattice { counts: counts.map(|count| 2 * count + 1), numbers: Vec::new() };
+        let points = self.number_nodes(&mut lattice, &elements);
+        let number = |cell, point: &LatticePoint| lattice.numbers[lattice.index(cell, *point)];
+
+        let in_cell = |cell| elements.iter().flatten().map(move |point| number(cell, point));
+        let nodes: Vec<u32> = cells_of(counts, None).flat_map(in_cell).collect();
+        let mut cell_count = nodes.len() / kind.node_count();
+        let all = (0..cell_count as u32).collect();
+        let mut regions = vec![Region { name: "box".into(), dimension: 3, elements: all }];
+        let mut blocks = vec![ElementBlock { kind, nodes }];
+        for (name, axis, far) in FACES {
+            let (facet_kind, facets) = cells::facets(kind, axis, far);
+            let held = Some((axis, if far { counts[axis] - 1 } else { 0 }));
+            let on_face = |cell| facets.iter().flatten().map(move |point| number(cell, point));
+            let nodes: Vec<u32> = cells_of(counts, held).flat_map(on_face).collect();
+            let next = cell_count + nodes.len() / facet_kind.node_count();
+            let elements = (cell_count as u32..next as u32).collect();
             regions.push(Region { name: name.into(), dimension: 2, elements });
+            cell_count = next;
+            match blocks.last_mut() {
+                Some(block) if block.kind == facet_kind => block.nodes.extend(nodes),
+                _ => blocks.push(ElementBlock { kind: facet_kind, nodes }),
+            }
         }
-        let blocks = vec![
-            ElementBlock { kind, nodes: volume },
-            ElementBlock { kind: ElementKind::Tri3, nodes: facets },
-        ];
         Ok(Mesh { points, blocks, regions })
+    }
+
+    /// Numbers the lattice points that elements use, in lattice order; returns where they lie.
+    fn number_nodes(&self, lattice: &mut Lattice, elements: &[Vec<LatticePoint>]) -> Vec<[f64; 3]> {
+        let counts = self.cells.map(|count| count as usize);
+        let mut used = vec![false; lattice.counts.iter().product()];
+        for cell in cells_of(counts, None) {
+            for &point in elements.iter().flatten() {
+                used[lattice.index(cell, point)] = true;
+            }
+        }
+        let mut points = Vec::new();
+        lattice.numbers = vec![u32::MAX; used.len()];
+        for (index, _) in used.iter().enumerate().filter(|(_, used)| **used) {
+            lattice.numbers[index] = points.len() as u32;
+            let [nx, ny, _] = lattice.counts;
+            let at = [index % nx, index / nx % ny, index / (nx * ny)];
+            points.push([0, 1, 2].map(|axis| {
+                self.origin[axis] + self.size[axis] * (at[axis] as f64 / (2 * counts[axis]) as f64)
+            }));
+        }
+        points
     }
 
     fn check(&self) -> Result<(), FemError> {
@@ -168,5 +188,27 @@ mod tests {
             flux += crate::tensor::determinant(&[a, b, c]) / 2.0;
         }
         assert!((flux - 3.0).abs() < 1e-14, "{flux}");
+    }
+
+    #[test]
+    fn boxes_of_all_elements_are_sound_and_share_their_middle_nodes() {
+        for &element in ElementKind::SOLIDS {
+            let size = [1.0, 2.0, 0.5];
+            let mesh = BoxMesh { size, cells: [2, 3, 1], element, origin: [0.0; 3] }.build().unwrap();
+            mesh.check(3).unwrap();
+            assert!(mesh.region_nodes("z-max").unwrap().len() >= 12, "{element}");
+            if [ElementKind::Tet4, ElementKind::Hex8, ElementKind::Wedge6].contains(&element) {
+                assert_eq!(mesh.points.len(), 3 * 4 * 2);
+            }
+            if element == ElementKind::Hex27 || element == ElementKind::Tet10 {
+                assert_eq!(mesh.points.len(), 5 * 7 * 3);
+            }
+            let mut masses = vec![0.0; mesh.points.len()];
+            crate::add_lumped_mass(&mesh, &mesh.cells_of_dimension(3), 2.0, &mut masses).unwrap();
+            assert!(
+                (masses.iter().sum::<f64>() - 2.0).abs() < 1e-13 && masses.iter().all(|&m| m > 0.0),
+                "{element}"
+            );
+        }
     }
 }

@@ -54,7 +54,7 @@ impl SolidVisitor for AddMass<'_> {
 /// Volume that each node of an element at rest at `x` stands for, m³; their sum is the volume.
 pub(crate) fn mass_shares<E: Element<N, Q>, const N: usize, const Q: usize>(x: &[[f64; 3]; N]) -> [f64; N] {
     let (mut rows, mut diagonal, mut volume) = ([0.0; N], [0.0; N], 0.0);
-    for (xi, weight) in E::rule() {
+    for (xi, weight) in E::mass_rule() {
         let dv = weight * determinant(&E::reference_gradient(x, &E::gradients(xi)));
         let values = E::values(xi);
         volume += dv;
@@ -64,7 +64,7 @@ pub(crate) fn mass_shares<E: Element<N, Q>, const N: usize, const Q: usize>(x: &
         }
     }
     // Whether row sums do is a property of the kind, so that all elements of a mesh agree.
-    let reference = E::rule().iter().fold([0.0; N], |mut sum, &(xi, weight)| {
+    let reference = E::mass_rule().iter().fold([0.0; N], |mut sum, &(xi, weight)| {
         let values = E::values(xi);
         for a in 0..N {
             sum[a] += weight * values[a];

@@ -85,6 +85,11 @@ macro_rules! materials {
             /// The scene names of all laws.
             pub const NAMES: &'static [&'static str] = &[$($name),*];
 
+            /// One of each law with sound parameters, for tests and first steps.
+            pub fn examples() -> Vec<Self> {
+                vec![$(Self::$variant(Parameters::example())),*]
+            }
+
             /// The scene name of this law.
             pub fn name(&self) -> &'static str {
                 match self { $(Self::$variant(_) => $name,)* }

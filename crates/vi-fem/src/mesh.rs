@@ -2,6 +2,7 @@
 //! know files, laws or time.
 
 mod check;
+mod lift;
 
 use crate::{ElementKind, FemError};
 

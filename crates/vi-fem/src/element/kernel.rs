@@ -17,6 +17,7 @@ use crate::real::Lane;
 use crate::tensor::{
     cofactor, determinant, dot, mat3, packed_index, product, product_transposed, symmetric_index, vec3,
 };
+use crate::transpose::{gather, scatter_rows};
 
 /// The geometry at rest of one quadrature point of a group of elements.
 #[derive(Debug, Clone, Copy)]
@@ -142,15 +143,7 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
         range: Range<usize>,
         out: &mut [f64],
     ) {
-        self.arch.dispatch(Hessians { solids: self, group, tangents, block });
-        let size = packed_len(3 * N);
-        let first = group * GROUP;
-        for element in range.start.max(first)..range.end.min(first + GROUP) {
-            let target = &mut out[(element - range.start) * size..][..size];
-            for (target, pack) in target.iter_mut().zip(block.iter()) {
-                *target = pack.0[element - first];
-            }
-        }
+        self.arch.dispatch(Hessians { solids: self, group, tangents, block, range, out });
     }
 }
 
@@ -166,25 +159,17 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Deformations
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { solids, groups, x, out } = self;
-        let mut local = [[Pack::default(); 3]; N];
         for (group, out) in groups.zip(out.chunks_exact_mut(Q)) {
             let nodes = &solids.nodes[group * GROUP * N..][..GROUP * N];
-            for (lane, nodes) in nodes.chunks_exact(N).enumerate() {
-                for a in 0..N {
-                    let point = &x[3 * nodes[a] as usize..][..3];
-                    for i in 0..3 {
-                        local[a][i].0[lane] = point[i];
-                    }
-                }
-            }
             for part in 0..parts::<S>() {
-                let mut x = [[Lane::splat(simd, 0.0); 3]; N];
+                let nodes = &nodes[part * S::F64_LANES * N..][..S::F64_LANES * N];
+                let mut position = [[Lane::splat(simd, 0.0); 3]; N];
                 for a in 0..N {
-                    x[a] = vec3!(i => local[a][i].load(simd, part));
+                    position[a] = gather(simd, x, &nodes[a..], N);
                 }
                 for q in 0..Q {
                     let inverse = load_mat3(simd, &solids.geometry[group * Q + q].inverse, part);
-                    let f = product(&E::reference_gradient(&x, &solids.gradients[q]), &inverse);
+                    let f = product(&E::reference_gradient(&position, &solids.gradients[q]), &inverse);
                     store_mat3(&mut out[q], part, &f);
                 }
             }
@@ -223,15 +208,24 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Forces<'_, E
                     }
                 }
             }
-            let first = group * GROUP;
-            for element in range.start.max(first)..range.end.min(first + GROUP) {
-                let target = &mut out[(element - range.start) * 3 * N..][..3 * N];
-                for a in 0..N {
-                    for i in 0..3 {
-                        target[3 * a + i] = local[a][i].0[element - first];
-                    }
-                }
-            }
+            put(simd, local.as_flattened(), group, &range, out);
+        }
+    }
+}
+
+/// Copies the elements of `range` that lie in `group` from lanes to `out`, which begins with
+/// range.start and holds `packs.len()` numbers an element.
+#[inline(always)]
+fn put<S: Simd>(simd: S, packs: &[Pack], group: usize, range: &Range<usize>, out: &mut [f64]) {
+    let (first, size) = (group * GROUP, packs.len());
+    if range.start <= first && first + GROUP <= range.end {
+        scatter_rows(simd, packs, &mut out[(first - range.start) * size..][..GROUP * size]);
+        return;
+    }
+    for element in range.start.max(first)..range.end.min(first + GROUP) {
+        let target = &mut out[(element - range.start) * size..][..size];
+        for k in 0..size {
+            target[k] = packs[k].0[element - first];
         }
     }
 }
@@ -241,6 +235,8 @@ struct Hessians<'a, E, const N: usize, const Q: usize> {
     group: usize,
     tangents: &'a [PackedTangent],
     block: &'a mut [Pack],
+    range: Range<usize>,
+    out: &'a mut [f64],
 }
 
 impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Hessians<'_, E, N, Q> {
@@ -248,8 +244,8 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Hessians<'_,
     /// K_(ai)(bk) = Σ_q w Σ_jl G_aj C_ijkl G_bl, G_a = J⁻ᵀ ∂N_a/∂ξ.
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { solids, group, tangents, block } = self;
-        block.fill(Pack::default());
+        let Self { solids, group, tangents, block, range, out } = self;
+        let block = &mut block[..packed_len(3 * N)];
         for (q, tangent) in tangents.iter().enumerate() {
             let geometry = &solids.geometry[group * Q + q];
             for part in 0..parts::<S>() {
@@ -262,22 +258,26 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Hessians<'_,
                 }
                 for a in 0..N {
                     let weighted = vec3!(j => g[a][j] * volume);
-                    for i in 0..3 {
-                        // Σ_j G_aj C_ijkl for all (k, l).
-                        let row = mat3!(k l => dot(
-                            weighted,
-                            vec3!(j => tangent[symmetric_index(3 * i + j, 3 * k + l)].load(simd, part))
-                        ));
-                        for b in 0..=a {
-                            for k in 0..if b == a { i + 1 } else { 3 } {
-                                let target = &mut block[packed_index(3 * a + i, 3 * b + k)];
-                                let sum = target.load(simd, part) + dot(row[k], g[b]);
-                                target.store(part, sum);
+                    // Σ_j G_aj C_ijkl for all (i, k, l).
+                    let rows = vec3!(i => mat3!(k l => dot(
+                        weighted,
+                        vec3!(j => tangent[symmetric_index(3 * i + j, 3 * k + l)].load(simd, part))
+                    )));
+                    for b in 0..=a {
+                        let term = mat3!(i k => dot(rows[i][k], g[b]));
+                        for i in 0..3 {
+                            let length = if b < a { 3 } else { i + 1 };
+                            let target = &mut block[packed_index(3 * a + i, 3 * b)..][..length];
+                            for k in 0..length {
+                                let before =
+                                    if q == 0 { Lane::splat(simd, 0.0) } else { target[k].load(simd, part) };
+                                target[k].store(part, before + term[i][k]);
                             }
                         }
                     }
                 }
             }
         }
+        put(simd, block, group, &range, out);
     }
 }

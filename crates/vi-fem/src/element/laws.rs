@@ -7,6 +7,52 @@ pub(super) fn check<E: Element<N, Q>, const N: usize, const Q: usize>(kind: Elem
     assert_eq!(kind.node_count(), N);
     shapes_interpolate::<E, N, Q>();
     gradients_are_those_of_the_values::<E, N, Q>();
+    rules_are_exact_to_their_degree::<E, N, Q>(kind);
+    nodes_carry_positive_mass::<E, N, Q>(kind);
+}
+
+/// ∫ x^a y^b z^c over the reference cell.
+fn moment(kind: ElementKind, [a, b, c]: [i32; 3]) -> f64 {
+    let factorial = |n: i32| (1..=n).map(f64::from).product::<f64>();
+    match kind {
+        ElementKind::Tet4 | ElementKind::Tet10 => {
+            factorial(a) * factorial(b) * factorial(c) / factorial(a + b + c + 3)
+        }
+        ElementKind::Wedge6 | ElementKind::Wedge15 => {
+            factorial(a) * factorial(b) / factorial(a + b + 2) / f64::from(c + 1)
+        }
+        _ => [a, b, c].iter().map(|&n| if n % 2 == 0 { 2.0 / f64::from(n + 1) } else { 0.0 }).product(),
+    }
+}
+
+fn rules_are_exact_to_their_degree<E: Element<N, Q>, const N: usize, const Q: usize>(kind: ElementKind) {
+    let check = |rule: &[([f64; 3], f64)], degree: i32| {
+        for a in 0..=degree {
+            for b in 0..=degree - a {
+                for c in 0..=degree - a - b {
+                    let term = |xi: &[f64; 3]| xi[0].powi(a) * xi[1].powi(b) * xi[2].powi(c);
+                    let sum: f64 = rule.iter().map(|(xi, weight)| weight * term(xi)).sum();
+                    let expected = moment(kind, [a, b, c]);
+                    assert!((sum - expected).abs() < 1e-14, "{kind}: x^{a} y^{b} z^{c}: {sum} {expected}");
+                }
+            }
+        }
+    };
+    check(&E::rule(), E::DEGREE as i32);
+    check(&E::mass_rule(), E::DEGREE as i32);
+    if kind == ElementKind::Tet10 {
+        check(&E::mass_rule(), 5);
+    }
+}
+
+fn nodes_carry_positive_mass<E: Element<N, Q>, const N: usize, const Q: usize>(kind: ElementKind) {
+    let shares = crate::mass::mass_shares::<E, N, Q>(&E::nodes());
+    assert!(shares.iter().all(|&share| share > 0.0), "{kind}: {shares:?}");
+    assert!((shares.iter().sum::<f64>() - moment(kind, [0; 3])).abs() < 1e-14);
+    if kind == ElementKind::Tet10 {
+        // Straight sides: 1/36 and 4/27 of the whole.
+        assert!((6.0 * shares[0] - 1.0 / 36.0).abs() < 1e-14 && (6.0 * shares[9] - 4.0 / 27.0).abs() < 1e-14);
+    }
 }
 
 fn samples<E: Element<N, Q>, const N: usize, const Q: usize>() -> Vec<[f64; 3]> {

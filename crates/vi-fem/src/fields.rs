@@ -1,0 +1,192 @@
+//! What a deformed body feels, element by element: stress, strain, energy. Evaluated only when asked
+//! for. It must not know files.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::element::{Element, SolidVisitor};
+use crate::material::{LawVisitor, Material};
+use crate::tensor::{Mat3, cofactor, determinant, product, product_transposed, right_cauchy_green};
+use crate::{FemError, Law, Mesh};
+
+/// A quantity of each element: the mean over its volume at rest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ElementField {
+    /// Cauchy stress σ = P Fᵀ/J, Pa; 9 components by rows.
+    Stress,
+    /// Von Mises stress √(3/2 s:s), s the deviator of σ, Pa.
+    VonMises,
+    /// Green–Lagrange strain E = (FᵀF − I)/2; 9 components by rows.
+    Strain,
+    /// Volume ratio J = det F.
+    #[serde(rename = "J")]
+    J,
+    /// Strain energy Ψ in a volume at rest, J/m³.
+    EnergyDensity,
+}
+
+impl ElementField {
+    /// The name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stress => "stress",
+            Self::VonMises => "von_mises",
+            Self::Strain => "strain",
+            Self::J => "J",
+            Self::EnergyDensity => "energy_density",
+        }
+    }
+
+    /// Numbers an element.
+    pub fn component_count(self) -> usize {
+        match self {
+            Self::Stress | Self::Strain => 9,
+            Self::VonMises | Self::J | Self::EnergyDensity => 1,
+        }
+    }
+}
+
+/// `field` of each of `elements` (numbers of solid cells) of one law at positions x (m, flat, 3 a node
+/// of the mesh); `field.component_count()` numbers an element. Outside a law's domain they are NaN
+/// or infinite.
+///
+/// # Errors
+/// [`FemError::OutOfRange`] for cells that are not there, [`FemError::Unsupported`] for cells that
+/// are not solid elements.
+pub fn element_field(
+    mesh: &Mesh,
+    elements: &[u32],
+    law: &Law,
+    x: &[f64],
+    field: ElementField,
+) -> Result<Vec<f64>, FemError> {
+    let mut points = Vec::new();
+    let mut values = Vec::with_capacity(elements.len() * field.component_count());
+    for &element in elements {
+        let Some((kind, nodes)) = mesh.cell(element as usize) else {
+            return Err(FemError::OutOfRange {
+                what: "field, element",
+                index: element as usize,
+                target: "cell",
+                value: element as usize,
+                available: mesh.cell_count(),
+            });
+        };
+        points.clear();
+        kind.visit_solid(Deform { mesh, nodes, x, points: &mut points })
+            .ok_or(FemError::Unsupported { kind, used: "solid elements" })?;
+        values.extend(law.visit(Mean { points: &points, field }));
+    }
+    Ok(values)
+}
+
+/// F and the volume at rest of each quadrature point of one element.
+struct Deform<'a> {
+    mesh: &'a Mesh,
+    nodes: &'a [u32],
+    x: &'a [f64],
+    points: &'a mut Vec<(Mat3<f64>, f64)>,
+}
+
+impl SolidVisitor for Deform<'_> {
+    type Output = ();
+    fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) {
+        let rest: [[f64; 3]; N] = std::array::from_fn(|a| self.mesh.points[self.nodes[a] as usize]);
+        let now: [[f64; 3]; N] = std::array::from_fn(|a| {
+            let start = 3 * self.nodes[a] as usize;
+            [self.x[start], self.x[start + 1], self.x[start + 2]]
+        });
+        for (xi, weight) in E::rule() {
+            let gradients = E::gradients(xi);
+            let jacobian = E::reference_gradient(&rest, &gradients);
+            let det = determinant(&jacobian);
+            // J⁻¹ = (cof J)ᵀ/det J.
+            let inverse = cofactor(&jacobian).map(|row| row.map(|value| value / det));
+            let f = product_transposed(&E::reference_gradient(&now, &gradients), &inverse);
+            self.points.push((f, weight * det));
+        }
+    }
+}
+
+struct Mean<'a> {
+    points: &'a [(Mat3<f64>, f64)],
+    field: ElementField,
+}
+
+impl LawVisitor for Mean<'_> {
+    type Output = Vec<f64>;
+    fn visit<M: Material>(self, material: M) -> Vec<f64> {
+        let volume: f64 = self.points.iter().map(|(_, volume)| volume).sum();
+        let mut mean = vec![0.0; self.field.component_count()];
+        let mut add = |share: f64, values: &[f64]| {
+            for (mean, value) in mean.iter_mut().zip(values) {
+                *mean += share * value;
+            }
+        };
+        for (f, dv) in self.points {
+            let share = dv / volume;
+            match self.field {
+                ElementField::Stress => add(share, cauchy(&material, f).as_flattened()),
+                ElementField::VonMises => add(share, &[von_mises(&cauchy(&material, f))]),
+                ElementField::Strain => {
+                    let c = right_cauchy_green(f);
+                    let strain = [0, 1, 2]
+                        .map(|i| [0, 1, 2].map(|j| 0.5 * (c[i][j] - if i == j { 1.0 } else { 0.0 })));
+                    add(share, strain.as_flattened());
+                }
+                ElementField::J => add(share, &[determinant(f)]),
+                ElementField::EnergyDensity => add(share, &[material.energy(f)]),
+            }
+        }
+        mean
+    }
+}
+
+/// σ = P Fᵀ/J.
+fn cauchy<M: Material>(material: &M, f: &Mat3<f64>) -> Mat3<f64> {
+    let j = determinant(f);
+    let transposed = [0, 1, 2].map(|i| [f[0][i], f[1][i], f[2][i]]);
+    product(&material.stress(f), &transposed).map(|row| row.map(|value| value / j))
+}
+
+fn von_mises(stress: &Mat3<f64>) -> f64 {
+    let pressure = (stress[0][0] + stress[1][1] + stress[2][2]) / 3.0;
+    let mut sum = 0.0;
+    for i in 0..3 {
+        for j in 0..3 {
+            let deviator = stress[i][j] - if i == j { pressure } else { 0.0 };
+            sum += deviator * deviator;
+        }
+    }
+    (1.5 * sum).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{BoxMesh, ElementKind, Isotropic};
+
+    /// Uniaxial stress of the neo-Hookean law (reference case C6): σ₁₁ = P₁₁ λ/J, nothing else.
+    #[test]
+    fn uniaxial_stress_of_every_element() {
+        let (stretch, side) = (2.0, 0.7980775445);
+        for &element in ElementKind::SOLIDS {
+            let mesh =
+                BoxMesh { size: [1.0; 3], cells: [1, 2, 1], element, origin: [0.0; 3] }.build().unwrap();
+            let x: Vec<f64> =
+                mesh.points.iter().flat_map(|p| [stretch * p[0], side * p[1], side * p[2]]).collect();
+            let law = Law::NeoHookean(Isotropic { young: 10.0, poisson: 0.3, density: 1.0 });
+            let elements = mesh.cells_of_dimension(3);
+            let field = |field| element_field(&mesh, &elements, &law, &x, field).unwrap();
+            let axial = 10.0 * 0.6467446602 / (side * side);
+            assert!((field(ElementField::Stress)[0] - axial).abs() < 1e-7);
+            assert!(field(ElementField::Stress)[4].abs() < 1e-7);
+            assert!((field(ElementField::VonMises)[0] - axial).abs() < 1e-7);
+            assert!((field(ElementField::J)[0] - stretch * side * side).abs() < 1e-12);
+            assert!((field(ElementField::Strain)[0] - 1.5).abs() < 1e-12);
+            assert_eq!(field(ElementField::Strain).len(), 9 * elements.len());
+            assert!(field(ElementField::EnergyDensity)[0] > 0.0);
+        }
+    }
+}
