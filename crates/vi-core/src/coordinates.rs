@@ -85,7 +85,7 @@ impl Coordinates {
         self.free.len()
     }
 
-    /// The coordinates x_i that are free, ascending: q_k = x[free[k]].
+    /// The coordinates x_i that are free, ascending: `q[k] = x[free[k]]`.
     pub fn free(&self) -> &[u32] {
         &self.free
     }

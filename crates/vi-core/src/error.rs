@@ -79,7 +79,13 @@ pub enum CoreError {
         /// The step, s.
         h: f64,
     },
-    /// A nonlinear solve of the dense oracle did not converge.
+    /// The Legendre transform has no inverse: some velocity costs no kinetic energy.
+    #[error("the mass d2L/dv2 has no inverse at t = {t} s: some velocity does not enter the Lagrangian")]
+    SingularMass {
+        /// The time, s.
+        t: f64,
+    },
+    /// A nonlinear solve did not converge.
     #[error("no convergence after {iterations} iterations: residual {residual:e}")]
     Convergence {
         /// Newton iterations made.

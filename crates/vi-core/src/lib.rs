@@ -6,9 +6,12 @@
 
 mod conserved;
 mod coordinates;
+pub mod discrete;
 mod error;
 mod interpolation;
+pub mod lagrange;
 mod ledger;
+mod newton;
 mod potential;
 pub mod problems;
 mod quadrature;

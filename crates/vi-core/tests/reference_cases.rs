@@ -173,7 +173,8 @@ fn shadow_hamiltonians_drift_with_the_fourth_order() {
         let (curvature, force) = terms(s);
         problem.energy(s) - h * h / 24.0 * (curvature + force)
     };
-    let shadows: [(Scheme, &dyn Fn(&State, f64) -> f64); 2] =
+    type Shadow<'a> = &'a dyn Fn(&State, f64) -> f64;
+    let shadows: [(Scheme, Shadow); 2] =
         [(Scheme::stormer_verlet(), &verlet), (Scheme::implicit_midpoint(), &midpoint)];
     for (scheme, shadow) in shadows {
         let drift = |h: f64| {
