@@ -85,6 +85,15 @@ pub enum CoreError {
         /// The time, s.
         t: f64,
     },
+    /// The second variation is singular where an isolated equilibrium was sought.
+    #[error(
+        "the second variation is singular near parameter {parameter}: equilibria are not isolated there; \
+         start elsewhere or follow the branch through this point"
+    )]
+    SingularStiffness {
+        /// The parameter.
+        parameter: f64,
+    },
     /// A nonlinear solve did not converge.
     #[error("no convergence after {iterations} iterations: residual {residual:e}")]
     Convergence {

@@ -5,9 +5,13 @@
 //! data, and what they conserve. It must not know a mesh, a sparse matrix or a file.
 
 mod conserved;
+pub mod constraints;
 mod coordinates;
+pub mod diagnostics;
+mod differentiate;
 pub mod discrete;
 mod error;
+pub mod generalised;
 mod interpolation;
 pub mod lagrange;
 mod ledger;
@@ -16,7 +20,9 @@ mod potential;
 pub mod problems;
 mod quadrature;
 pub mod reference;
+pub mod rotations;
 mod scheme;
+pub mod statics;
 mod system;
 
 pub use conserved::{angular_momentum, kinetic_energy, linear_momentum};

@@ -4,8 +4,8 @@ use nalgebra::DVector;
 use vi_core::discrete::{
     DiscreteLagrangian, HermiteLagrangian, HermiteState, stationary_hermite_path, stationary_path,
 };
-use vi_core::lagrange::{FirstOrder, HigherLagrangian, Scalar, Symmetry, energy, momentum_map, velocities};
-use vi_core::problems::{Kepler, Pendulum};
+use vi_core::lagrange::{FirstOrder, Scalar, Symmetry, energy, momentum_map, velocities};
+use vi_core::problems::{Kepler, PaisUhlenbeck, Pendulum};
 use vi_core::{CoreError, Interpolation, Quadrature, Scheme, State, lagrangian, reference};
 
 fn schemes() -> Vec<Scheme> {
@@ -152,18 +152,6 @@ fn hermite_cubics_solve_the_boundary_value_problem_of_an_ordinary_lagrangian() {
     assert!(order > 3.7, "{order}");
 }
 
-/// The Pais–Uhlenbeck oscillator with frequencies 1 and 2.
-struct PaisUhlenbeck;
-
-impl HigherLagrangian for PaisUhlenbeck {
-    fn dof_count(&self) -> usize {
-        1
-    }
-    fn value<D: Scalar>(&self, _t: D, q: &[D], v: &[D], a: &[D]) -> D {
-        (a[0] * a[0] - v[0] * v[0] * 5.0 + q[0] * q[0] * 4.0) * 0.5
-    }
-}
-
 #[test]
 fn an_acceleration_dependent_lagrangian_marches() {
     // q = 0.7 cos t + 0.3 sin 2t. Ostrogradsky momenta: π = q̈, p = −5 q̇ − q⃛.
@@ -174,7 +162,7 @@ fn an_acceleration_dependent_lagrangian_marches() {
     let error = |steps: usize| {
         let rule = Quadrature::gauss_legendre(4).unwrap();
         let h = 3.0 / steps as f64;
-        let discrete = HermiteLagrangian::new(&PaisUhlenbeck, rule, h).unwrap();
+        let discrete = HermiteLagrangian::new(&PaisUhlenbeck(1.0, 2.0), rule, h).unwrap();
         let mut z = DVector::from_vec(vec![q(0.0), v(0.0)]);
         let mut momentum = DVector::from_vec(vec![-5.0 * v(0.0) - j(0.0), a(0.0)]);
         for k in 0..steps {

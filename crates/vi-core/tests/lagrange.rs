@@ -2,10 +2,10 @@
 
 use num_dual::{Dual, Dual64};
 use vi_core::lagrange::{
-    HigherLagrangian, Scalar, Symmetry, Trajectory, accelerations, action, along, along_varied, energy,
-    higher_residual, momenta, momentum_map, motion, residual, symmetry_defect, total_derivative, variation,
-    velocities,
+    Scalar, Symmetry, Trajectory, accelerations, action, along, along_varied, energy, higher_residual,
+    momenta, momentum_map, motion, residual, symmetry_defect, total_derivative, variation, velocities,
 };
+use vi_core::problems::PaisUhlenbeck;
 use vi_core::{lagrangian, trajectory};
 
 #[test]
@@ -156,27 +156,15 @@ fn a_symmetry_is_seen_and_gives_its_momentum() {
     assert!((momentum_map(&Turn, &q, &v) - (0.3 * 0.4 + 0.9 * 0.2)).abs() < 1e-15);
 }
 
-/// L = ½ (q̈² + 2 ω² … ): the Pais–Uhlenbeck oscillator with frequencies 1 and 2.
-struct PaisUhlenbeck;
-
-impl HigherLagrangian for PaisUhlenbeck {
-    fn dof_count(&self) -> usize {
-        1
-    }
-    fn value<D: Scalar>(&self, _t: D, q: &[D], v: &[D], a: &[D]) -> D {
-        (a[0] * a[0] - v[0] * v[0] * 5.0 + q[0] * q[0] * 4.0) * 0.5
-    }
-}
-
 #[test]
 fn higher_lagrangians_have_their_fourth_order_equation() {
     // q⁗ + 5 q̈ + 4 q = 0: frequencies 1 and 2, and no other.
     let path = trajectory!(|t| vec![t.cos() * 0.7 + (t * 2.0).sin() * 0.3]);
     let wrong = trajectory!(|t| vec![(t * 1.5).cos()]);
     for t in [0.0, 0.6, 1.7] {
-        assert!(higher_residual(&PaisUhlenbeck, &path, t).amax() < 1e-12);
+        assert!(higher_residual(&PaisUhlenbeck(1.0, 2.0), &path, t).amax() < 1e-12);
     }
-    assert!(higher_residual(&PaisUhlenbeck, &wrong, 0.3).amax() > 0.1);
+    assert!(higher_residual(&PaisUhlenbeck(1.0, 2.0), &wrong, 0.3).amax() > 0.1);
     // An ordinary Lagrangian gives minus its ordinary residual.
     let quartic = lagrangian!(1; |_t, q, v| v[0] * v[0] * (q[0] * q[0] + 1.0) - q[0].powi(4));
     let ordinary = residual(&quartic, &path, 0.4)[0];

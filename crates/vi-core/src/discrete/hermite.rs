@@ -8,10 +8,10 @@
 //! [`DiscreteLagrangian`](super::DiscreteLagrangian). It must not know which problem it serves.
 
 use nalgebra::{DMatrix, DVector};
-use num_dual::{Dual64, HyperDual64};
 
+use crate::differentiate::Function;
 use crate::lagrange::{HigherLagrangian, Scalar};
-use crate::{CoreError, Quadrature, newton};
+use crate::{CoreError, Quadrature, differentiate, newton};
 
 /// Position and velocity at a node of the path, n each.
 #[derive(Debug, Clone, PartialEq)]
@@ -86,38 +86,17 @@ impl<'a, L: HigherLagrangian> HermiteLagrangian<'a, L> {
 
     /// L_d(z_0, z_1).
     pub fn value(&self, t: f64, z_0: &DVector<f64>, z_1: &DVector<f64>) -> f64 {
-        let z: Vec<f64> = z_0.iter().chain(z_1.iter()).copied().collect();
-        self.evaluate(t, &z)
+        self.evaluate(t, &ends(z_0, z_1))
     }
 
     /// (D₁L_d, D₂L_d), 4n entries: −P_0 and P_1.
     pub fn gradient(&self, t: f64, z_0: &DVector<f64>, z_1: &DVector<f64>) -> DVector<f64> {
-        let mut z: Vec<Dual64> = z_0.iter().chain(z_1.iter()).map(|&z| Dual64::from_re(z)).collect();
-        DVector::from_fn(z.len(), |i, _| {
-            z[i].eps = 1.0;
-            let slope = self.evaluate(t, &z).eps;
-            z[i].eps = 0.0;
-            slope
-        })
+        differentiate::gradient(&StepAction { discrete: self, t }, &ends(z_0, z_1))
     }
 
     /// The second derivatives of L_d, 4n × 4n.
     pub fn hessian(&self, t: f64, z_0: &DVector<f64>, z_1: &DVector<f64>) -> DMatrix<f64> {
-        let mut z: Vec<HyperDual64> =
-            z_0.iter().chain(z_1.iter()).map(|&z| HyperDual64::from_re(z)).collect();
-        let mut out = DMatrix::zeros(z.len(), z.len());
-        for i in 0..z.len() {
-            z[i].eps1 = 1.0;
-            for j in 0..=i {
-                z[j].eps2 = 1.0;
-                let mixed = self.evaluate(t, &z).eps1eps2;
-                z[j].eps2 = 0.0;
-                out[(i, j)] = mixed;
-                out[(j, i)] = mixed;
-            }
-            z[i].eps1 = 0.0;
-        }
-        out
+        differentiate::hessian(&StepAction { discrete: self, t }, &ends(z_0, z_1))
     }
 
     /// One step: from z_0 and its momentum P_0 = (p, π), with p = ∂L/∂q̇ − d/dt ∂L/∂q̈ and
@@ -145,4 +124,20 @@ impl<'a, L: HigherLagrangian> HermiteLagrangian<'a, L> {
         let next = self.gradient(t, z_0, &z_1).rows(m, m).into_owned();
         Ok((z_1, next))
     }
+}
+
+/// L_d as a function of (z_0, z_1) alone.
+struct StepAction<'a, 'b, L: HigherLagrangian> {
+    discrete: &'a HermiteLagrangian<'b, L>,
+    t: f64,
+}
+
+impl<L: HigherLagrangian> Function for StepAction<'_, '_, L> {
+    fn value<D: Scalar>(&self, z: &[D]) -> D {
+        self.discrete.evaluate(self.t, z)
+    }
+}
+
+fn ends(z_0: &DVector<f64>, z_1: &DVector<f64>) -> Vec<f64> {
+    z_0.iter().chain(z_1.iter()).copied().collect()
 }

@@ -58,14 +58,19 @@ pub fn velocities(lagrangian: &impl Expand, t: f64, q: &[f64], p: &[f64]) -> Res
     const MAX_ITERATIONS: usize = 50;
     let p = DVector::from_column_slice(p);
     let mut v = DVector::zeros(p.len());
+    let mut previous = f64::INFINITY;
     for _ in 0..MAX_ITERATIONS {
         let at = lagrangian.expansion(t, q, v.as_slice());
         let defect = &p - at.d_v;
         let update = at.vv.lu().solve(&defect).ok_or(CoreError::SingularMass { t })?;
         v += &update;
-        if update.amax() <= 1e-14 * v.amax() {
+        // Round-off: so small against the velocities (or a unit of them, near rest) that it no
+        // longer falls.
+        let size = update.amax();
+        if size <= 1e-14 * v.amax() || (size <= 1e-12 * (1.0 + v.amax()) && size >= 0.5 * previous) {
             return Ok(v);
         }
+        previous = size;
     }
     let residual = (momenta(lagrangian, t, q, v.as_slice()) - p).norm();
     Err(CoreError::Convergence { iterations: MAX_ITERATIONS, residual })

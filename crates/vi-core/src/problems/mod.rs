@@ -1,16 +1,30 @@
-//! A small library of mechanical problems with known answers, shared by tests and documentation.
-//! Each is a [`System`](crate::System) built from potentials. This room must not know a scheme.
+//! A small library of mechanical problems with known answers, shared by tests and documentation:
+//! systems of potentials, Lagrangians, embeddings, bodies. This room must not know a scheme.
 
+mod bar;
+mod bead;
+mod bodies;
 mod chain;
 mod elliptic;
+mod henon_heiles;
 mod kepler;
+mod lever;
 mod oscillator;
+mod pais_uhlenbeck;
 mod pendulum;
+mod spherical;
 mod term;
 
+pub use bar::Bar;
+pub use bead::BeadOnHoop;
+pub use bodies::{double_pendulum, flip_period, free_body, heavy_top, principal_inertia};
 pub use chain::SpringChain;
 pub use elliptic::{Jacobi, complete_elliptic_k, jacobi};
+pub use henon_heiles::HenonHeiles;
 pub use kepler::Kepler;
+pub use lever::Lever;
 pub use oscillator::Oscillator;
+pub use pais_uhlenbeck::PaisUhlenbeck;
 pub use pendulum::Pendulum;
+pub use spherical::{Sphere, SphericalPendulum};
 pub use term::{Jet, Term};
