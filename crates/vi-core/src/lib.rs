@@ -33,3 +33,22 @@ pub use potential::{Account, Fault, HessianKind, Potential, Stencils, Traits, pa
 pub use quadrature::Quadrature;
 pub use scheme::{Interpolation, Scheme};
 pub use system::{State, System};
+
+/// The pages of `docs/theory`, whose snippets are tests.
+#[cfg(doctest)]
+mod theory {
+    #[doc = include_str!("../../../docs/theory/01-hamilton.md")]
+    mod hamilton {}
+    #[doc = include_str!("../../../docs/theory/02-discrete.md")]
+    mod discrete {}
+    #[doc = include_str!("../../../docs/theory/03-generalised.md")]
+    mod generalised {}
+    #[doc = include_str!("../../../docs/theory/04-constraints.md")]
+    mod constraints {}
+    #[doc = include_str!("../../../docs/theory/05-rotations.md")]
+    mod rotations {}
+    #[doc = include_str!("../../../docs/theory/06-diagnostics.md")]
+    mod diagnostics {}
+    #[doc = include_str!("../../../docs/theory/07-finite-elements.md")]
+    mod finite_elements {}
+}
