@@ -36,6 +36,14 @@ pub enum SolverError {
         /// What is allowed.
         limit: f64,
     },
+    /// Conjugate gradients met a direction in which the matrix or the preconditioner is not positive.
+    #[error("conjugate gradients: curvature {curvature:e} at iteration {iterations}: not positive definite")]
+    NegativeCurvature {
+        /// Iterations made.
+        iterations: u32,
+        /// dᵀAd.
+        curvature: f64,
+    },
     /// Conjugate gradients did not reach the tolerance.
     #[error(
         "conjugate gradients: relative residual {residual:e} after {iterations} iterations, {tolerance:e} wanted"

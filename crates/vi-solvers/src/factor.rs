@@ -134,6 +134,11 @@ impl Factor {
         }
     }
 
+    /// Does it hold a factor, or has nothing been factored, or the last attempt failed?
+    pub fn is_factored(&self) -> bool {
+        self.is_factored
+    }
+
     /// x ← (LLᵀ)⁻¹ x without a check: a preconditioner where A has moved on since.
     pub(crate) fn apply_inverse(&mut self, x: &mut [f64]) {
         for (value, &free) in self.permuted.iter_mut().zip(&self.tree.permutation) {
