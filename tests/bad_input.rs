@@ -96,7 +96,7 @@ fn meshes() {
     mesh("flat.vtk", &vtk("POINTS 4 double\n0 0 0 1 0 0 0 1 0 1 1 0", tet), &["element 0", "volume"]);
     let five = "POINTS 5 double\n0 0 0 1 0 0 0 1 0 0 0 1 7 7 7";
     mesh("unused.vtk", &vtk(five, tet), &["1 of 5 nodes", "4"]);
-    mesh("nan.vtk", &vtk("POINTS 4 double\n0 0 0 1 nan 0 0 1 0 0 0 1", tet), &["nan", "line 6"]);
+    mesh("nan.vtk", &vtk("POINTS 4 double\n0 0 0 1 nan 0 0 1 0 0 0 1", tet), &["NaN", "node 1"]);
     mesh("truncated.vtk", &vtk("POINTS 4 double\n0 0 0 1 0 0", ""), &["truncated"]);
     mesh("garbage.msh", &[0xde, 0xad, 0xbe, 0xef, 0, 1, 2, 3, 0xff, 0xfe], &[]);
     mesh("kind.vtk", &vtk(four, "CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n41"), &["41"]);
