@@ -4,6 +4,8 @@
 use vi_core::System;
 
 use crate::comparison::{BackwardEuler, Bdf2, ForwardEuler, GeneralizedAlpha, Newmark};
+use crate::energy_momentum::EnergyMomentum;
+use crate::gauss::Gauss;
 use crate::kick_drift::{Coefficients, KickDrift};
 use crate::stages::{Midpoint, OneStage};
 use crate::{SolverError, SolverOptions, Stepper};
@@ -199,6 +201,8 @@ pub fn stepper(
         Method::BlanesMoan6 => explicit(Coefficients::blanes_moan_6()),
         Method::ForwardEuler => Box::new(ForwardEuler::new(system, options)),
         Method::ImplicitMidpoint => Box::new(OneStage::new(Midpoint, system, options)?),
+        Method::Gauss { stages: 1 } => Box::new(OneStage::new(Midpoint, system, options)?),
+        Method::Gauss { stages } => Box::new(Gauss::new(stages, system, options)?),
         Method::BackwardEuler => Box::new(OneStage::new(BackwardEuler, system, options)?),
         Method::Bdf2 => Box::new(OneStage::new(Bdf2::default(), system, options)?),
         Method::Newmark { beta, gamma } => {
@@ -207,8 +211,6 @@ pub fn stepper(
         Method::GeneralizedAlpha { spectral_radius } => {
             Box::new(OneStage::new(GeneralizedAlpha::new(spectral_radius)?, system, options)?)
         }
-        _ => {
-            return Err(SolverError::Option { option: method.name(), value: 0.0, allowed: "not built yet" });
-        }
+        Method::EnergyMomentum => Box::new(OneStage::new(EnergyMomentum::new(system), system, options)?),
     })
 }

@@ -34,6 +34,10 @@ pub(crate) enum Start {
 pub(crate) trait Equations {
     /// c of the model A = M + cK.
     fn coefficient(&self) -> f64;
+    /// Is A with K at the unknowns ∂R/∂w itself?
+    fn model_is_exact(&self) -> bool {
+        true
+    }
     /// Sets the unknowns.
     fn start(&mut self, start: Start);
     /// Goes where K is taken.
@@ -139,7 +143,7 @@ impl Newton {
                     continue;
                 }
             }
-            self.consider_new_factor(inverse, &mut attempt, eta);
+            self.consider_new_factor(inverse, equations, &mut attempt, eta);
         }
         Err(SolverError::NoConvergence {
             iterations: self.max_iterations,
@@ -182,9 +186,10 @@ impl Newton {
         }
         if attempt.to_round_off {
             // Until nothing more is gained.
-            return eta < 1e-9 && contraction.is_some_and(|theta| theta > 0.5);
+            let stalled = if equations.model_is_exact() { 0.5 } else { 0.9 };
+            return eta < 1e-9 && contraction.is_some_and(|theta| theta > stalled);
         }
-        if inverse.is_linear() {
+        if inverse.is_linear() && equations.model_is_exact() {
             // One solve of a linear system with its own factor is exact.
             return true;
         }
@@ -249,11 +254,17 @@ impl Newton {
         }))
     }
 
-    fn consider_new_factor(&self, inverse: &Inverse, attempt: &mut Attempt, eta: f64) {
+    fn consider_new_factor<E: Equations>(
+        &self,
+        inverse: &Inverse,
+        equations: &E,
+        attempt: &mut Attempt,
+        eta: f64,
+    ) {
         if inverse.is_linear() {
             return;
         }
-        if attempt.to_round_off {
+        if attempt.to_round_off && equations.model_is_exact() {
             // The last iterations keep the factor of a nearly converged iterate.
             if eta > 1e-7 {
                 attempt.wanted = Some(Reason::Newton);

@@ -35,6 +35,16 @@ pub(crate) trait Rule: Send + Sync {
     fn offset(&self, k: usize, v: f64, h: f64) -> f64;
     /// The changes of q and of velocity over the step.
     fn change(&self, k: usize, v: f64, w: f64, h: f64) -> (f64, f64);
+    /// The solver's tolerance that serves the tolerance asked for.
+    fn tolerance(&self, tolerance: f64) -> f64 {
+        tolerance
+    }
+    /// Is there a force beside −∂V/∂q at the stage? Then the stage minimises nothing.
+    fn has_correction(&self) -> bool {
+        false
+    }
+    /// What is added to ∂V/∂q at the stage.
+    fn correction(&mut self, _trial: &Trial<'_>, _out: &mut [f64]) {}
     /// Makes ready for a step from `state`: a history that does not belong to it is begun anew.
     fn open(&mut self, _: &System, _: &mut Forces, _: &State, _h: f64) -> Result<(), SolverError> {
         Ok(())
@@ -46,6 +56,24 @@ pub(crate) trait Rule: Send + Sync {
     /// Takes over what it kept.
     fn restore(&mut self, _memory: &StepperMemory) -> Result<(), SolverError> {
         Ok(())
+    }
+}
+
+/// A stage that is being solved, evaluated at û + w.
+pub(crate) struct Trial<'a> {
+    pub(crate) system: &'a System,
+    pub(crate) forces: &'a Forces,
+    pub(crate) start_q: &'a [f64],
+    pub(crate) start_t: f64,
+    pub(crate) h: f64,
+    offset: &'a [f64],
+    w: &'a [f64],
+}
+
+impl Trial<'_> {
+    /// û + w − q₀ of coordinate k.
+    pub(crate) fn increment(&self, k: usize) -> f64 {
+        self.offset[k] + self.w[k]
     }
 }
 
@@ -93,7 +121,11 @@ struct Stage {
     residual: Vec<f64>,
     /// û + w.
     q: Vec<f64>,
+    /// The rule's addition to the force there.
+    added: Vec<f64>,
     twice_origin: f64,
+    start_t: f64,
+    h: f64,
 }
 
 impl Stage {
@@ -112,7 +144,10 @@ impl Stage {
             correction: zero(),
             residual: zero(),
             q: zero(),
+            added: zero(),
             twice_origin: 0.0,
+            start_t: 0.0,
+            h: 0.0,
         }
     }
 
@@ -120,6 +155,7 @@ impl Stage {
         let mass = system.free_mass();
         self.c = rule.coefficient(h);
         self.t = state.t + rule.time() * h;
+        (self.start_t, self.h) = (state.t, h);
         self.origin.copy_from_slice(&state.q);
         vectors::fill(&mut self.offset, |k| rule.offset(k, state.p[k] / mass[k], h));
         self.twice_kinetic = vectors::sum(mass.len(), |k| state.p[k] * state.p[k] / mass[k]);
@@ -131,6 +167,23 @@ impl Stage {
         vectors::fill(q, |k| origin[k] + (offset[k] + w[k]));
     }
 
+    /// Evaluates the forces at û + w, the rule's addition with them.
+    fn evaluate(
+        &mut self,
+        system: &System,
+        rule: &mut impl Rule,
+        forces: &mut Forces,
+    ) -> Result<(), SolverError> {
+        self.configure();
+        forces.evaluate(system, &self.q, self.t, false)?;
+        if rule.has_correction() {
+            let Self { origin, offset, w, added, start_t, h, .. } = self;
+            let (start_t, h, start_q) = (*start_t, *h, &*origin);
+            rule.correction(&Trial { system, forces, start_q, start_t, h, offset, w }, added);
+        }
+        Ok(())
+    }
+
     fn close(&mut self) {
         let Self { history: [last, older], w, c, .. } = self;
         std::mem::swap(last, older);
@@ -140,14 +193,19 @@ impl Stage {
 }
 
 /// A stage of a system: what Newton's method sees.
-struct StageEquations<'a> {
+struct StageEquations<'a, R> {
     system: &'a System,
+    rule: &'a mut R,
     stage: &'a mut Stage,
 }
 
-impl Equations for StageEquations<'_> {
+impl<R: Rule> Equations for StageEquations<'_, R> {
     fn coefficient(&self) -> f64 {
         self.stage.c
+    }
+
+    fn model_is_exact(&self) -> bool {
+        !self.rule.has_correction()
     }
 
     fn start(&mut self, start: Start) {
@@ -167,12 +225,10 @@ impl Equations for StageEquations<'_> {
     }
 
     fn evaluate(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
-        self.stage.configure();
-        let stage = &mut *self.stage;
-        forces.evaluate(system, &stage.q, stage.t, false)?;
+        self.stage.evaluate(system, self.rule, forces)?;
         let (gradient, mass, free) = (forces.gradient(), system.free_mass(), system.coordinates().free());
-        let (w, c) = (&stage.w, stage.c);
-        vectors::fill(&mut stage.residual, |k| -(mass[k] * w[k] + c * gradient[free[k] as usize]));
+        let Stage { w, c, added, residual, .. } = &mut *self.stage;
+        vectors::fill(residual, |k| -(mass[k] * w[k] + *c * (gradient[free[k] as usize] + added[k])));
         Ok(())
     }
 
@@ -195,6 +251,9 @@ impl Equations for StageEquations<'_> {
     }
 
     fn merit(&mut self, system: &System, forces: &mut Forces) -> Option<f64> {
+        if self.rule.has_correction() {
+            return None;
+        }
         self.stage.configure();
         let (w, mass, c) = (&self.stage.w, system.free_mass(), self.stage.c);
         let kinetic = vectors::sum(w.len(), |k| 0.5 * mass[k] * w[k] * w[k]) / c;
@@ -230,11 +289,12 @@ pub(crate) struct OneStage<R> {
 impl<R: Rule> OneStage<R> {
     pub(crate) fn new(rule: R, system: &System, options: &SolverOptions) -> Result<Self, SolverError> {
         let n = system.coordinates().free_count();
+        let tolerance = rule.tolerance(options.tolerance);
         Ok(Self {
             rule,
             forces: Forces::new(system),
             inverse: Inverse::new(system),
-            newton: Newton::new(options)?,
+            newton: Newton::new(&SolverOptions { tolerance, ..options.clone() })?,
             potentials: Potentials::new(),
             ledger: options.ledger,
             stage: Stage::new(n),
@@ -269,7 +329,7 @@ impl<R: Rule> OneStage<R> {
 
     /// Solves the stage; 0 iterations where the body is at rest in balance.
     fn solve(&mut self, system: &System) -> Result<u32, SolverError> {
-        let Self { forces, inverse, newton, stage, .. } = self;
+        let Self { rule, forces, inverse, newton, stage, .. } = self;
         if stage.origin.is_empty() {
             return Ok(0);
         }
@@ -282,17 +342,16 @@ impl<R: Rule> OneStage<R> {
                 return Ok(0);
             }
         }
-        let mut equations = StageEquations { system, stage };
+        let mut equations = StageEquations { system, rule, stage };
         Ok(newton.solve(system, forces, inverse, &mut equations)?.iterations)
     }
 
     /// The parts of the step's change of energy. With ΔT = Δp·v̄ and g = ∂V/∂x at the stage, they are
-    /// the work g·Δx on prescribed coordinates, the residual's work R·Δq/c, and the rest that the
+    /// the work g·Δx (g with the rule's addition) on prescribed coordinates, the residual's work R·Δq/c, and the rest that the
     /// scheme makes: ΔV − g·Δx, and for schemes that are not variational Δp·v̄ + (g − R/c)·Δq.
     fn account(&mut self, system: &System, before: &State) -> Result<StepEnergy, SolverError> {
-        let Self { forces, stage, after, potentials, x_start, dx, .. } = self;
-        stage.configure();
-        forces.evaluate(system, &stage.q, stage.t, false)?;
+        let Self { rule, forces, stage, after, potentials, x_start, dx, .. } = self;
+        stage.evaluate(system, rule, forces)?;
         let (mass, free) = (system.free_mass(), system.coordinates().free());
         let coordinates = system.coordinates();
         x_start.resize(coordinates.dof_count(), 0.0);
@@ -304,9 +363,12 @@ impl<R: Rule> OneStage<R> {
         let (w, c, step) = (&stage.w, stage.c, &*dx);
         let along = |k: usize| step[free[k] as usize];
         let prescribed = accounts::prescribed_work(system, gradient, step);
-        let elastic = accounts::free_work(system, gradient, along);
+        let added = &stage.added;
+        let elastic =
+            accounts::free_work(system, gradient, along) + vectors::sum(w.len(), |k| added[k] * along(k));
         let inertia = |k: usize| mass[k] * w[k] / c;
-        let residual = vectors::sum(w.len(), |k| (inertia(k) + gradient[free[k] as usize]) * along(k));
+        let residual =
+            vectors::sum(w.len(), |k| (inertia(k) + gradient[free[k] as usize] + added[k]) * along(k));
         let kinetic = vectors::sum(w.len(), |k| {
             (after.p[k] - before.p[k]) * 0.5 * (before.p[k] + after.p[k]) / mass[k]
         });

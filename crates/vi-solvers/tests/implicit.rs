@@ -2,13 +2,13 @@
 
 mod bodies;
 
-use bodies::{moving_chain, run, stepper_of, to_round_off};
+use bodies::{moving_chain, run, stepper_of};
 use vi_core::problems::{Oscillator, Pendulum, SpringChain};
 use vi_core::{EnergyLedger, Scheme, State, System, kinetic_energy, reference};
 use vi_solvers::{Method, SolverError, SolverOptions};
 
 fn gauss() -> impl Iterator<Item = Method> {
-    (1..=5).map(|stages| Method::Gauss { stages })
+    (1..=3).map(|stages| Method::Gauss { stages })
 }
 
 fn variational() -> impl Iterator<Item = Method> {

@@ -1,0 +1,362 @@
+//! Gauss collocation with s stages, order 2s, solved with one symmetric positive definite factor.
+//!
+//! With T = A² (A Butcher's matrix) the stages Q_i = q₀ + c_i h v₀ + Z_i solve
+//! R_i = M Z_i + h² Σ_j T_ij ∂V/∂q(Q_j) = 0. The iteration replaces QᵀTQ by a lower triangular L of
+//! constant diagonal θ (`splitting`), so that all its blocks are A = M + h²θK: with r̃ = −QᵀR,
+//! ρ_i = r̃_i − Σ_{j<i} (L_ij/θ)(ρ_j − M Δ̃_j), A Δ̃_i = ρ_i, Z += Q Δ̃, and no product with K.
+//! For s ≥ 2 the stages minimise no function. This room must not know how A is factored.
+
+mod coefficients;
+
+use vi_core::{State, StepEnergy, System};
+
+use crate::accounts::{self, Potentials};
+use crate::balance;
+use crate::forces::{Forces, check_state};
+use crate::inverse::Inverse;
+use crate::kick_drift::check_finite;
+use crate::newton::{Equations, Newton, Start};
+use crate::stepper::expect_method;
+use crate::vectors;
+use crate::{SolverError, SolverOptions, StepError, StepReport, Stepper, StepperMemory, Work};
+
+use coefficients::Coefficients;
+
+/// The unknowns and buffers of the stages; stage vectors are stored one after the other.
+struct Stages {
+    coefficients: Coefficients,
+    h: f64,
+    t: f64,
+    twice_kinetic: f64,
+    twice_origin: f64,
+    origin: Vec<f64>,
+    velocity: Vec<f64>,
+    /// Z/h² of the last step, from which the next is extrapolated.
+    history: Vec<f64>,
+    has_history: bool,
+    z: Vec<f64>,
+    base: Vec<f64>,
+    correction: Vec<f64>,
+    /// r̃ and then ρ.
+    residual: Vec<f64>,
+    /// ∂V/∂q at the stages.
+    gradients: Vec<f64>,
+    q: Vec<f64>,
+}
+
+impl Stages {
+    fn new(coefficients: Coefficients, n: usize) -> Self {
+        let s = coefficients.stages();
+        let zero = || vec![0.0; s * n];
+        Self {
+            coefficients,
+            h: 0.0,
+            t: 0.0,
+            twice_kinetic: 0.0,
+            twice_origin: 0.0,
+            origin: vec![0.0; n],
+            velocity: vec![0.0; n],
+            history: zero(),
+            has_history: false,
+            z: zero(),
+            base: zero(),
+            correction: zero(),
+            residual: zero(),
+            gradients: zero(),
+            q: vec![0.0; n],
+        }
+    }
+
+    fn open(&mut self, system: &System, state: &State, h: f64) {
+        let mass = system.free_mass();
+        (self.h, self.t) = (h, state.t);
+        self.origin.copy_from_slice(&state.q);
+        vectors::fill(&mut self.velocity, |k| state.p[k] / mass[k]);
+        self.twice_kinetic = vectors::sum(mass.len(), |k| state.p[k] * state.p[k] / mass[k]);
+        self.twice_origin = vectors::sum(mass.len(), |k| mass[k] * state.q[k] * state.q[k]);
+    }
+
+    fn model_coefficient(&self) -> f64 {
+        self.h * self.h * self.coefficients.theta
+    }
+
+    /// Goes to stage i: sets `q` and returns its time.
+    fn configure(&mut self, i: usize) -> f64 {
+        let Self { coefficients, h, t, origin, velocity, z, q, .. } = self;
+        let (n, offset) = (q.len(), coefficients.c[i] * *h);
+        let z = &z[i * n..(i + 1) * n];
+        vectors::fill(q, |k| origin[k] + (offset * velocity[k] + z[k]));
+        *t + offset
+    }
+
+    fn evaluate(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
+        let n = self.q.len();
+        for i in 0..self.coefficients.stages() {
+            let t = self.configure(i);
+            forces.evaluate(system, &self.q, t, false)?;
+            system.coordinates().restrict(forces.gradient(), &mut self.gradients[i * n..(i + 1) * n]);
+        }
+        Ok(())
+    }
+
+    /// Σ_j matrix_ij of the stage vectors, for coordinate k.
+    fn combine(row: &[f64], vectors: &[f64], n: usize, k: usize) -> f64 {
+        row.iter().enumerate().map(|(j, a)| a * vectors[j * n + k]).sum()
+    }
+}
+
+struct GaussEquations<'a> {
+    system: &'a System,
+    stages: &'a mut Stages,
+}
+
+impl Equations for GaussEquations<'_> {
+    fn coefficient(&self) -> f64 {
+        self.stages.model_coefficient()
+    }
+
+    fn model_is_exact(&self) -> bool {
+        false
+    }
+
+    fn start(&mut self, start: Start) {
+        let Stages { coefficients, h, origin, velocity, history, has_history, z, base, .. } = self.stages;
+        let n = origin.len();
+        for (i, z) in z.chunks_exact_mut(n).enumerate() {
+            match start {
+                Start::Predicted if *has_history => {
+                    let row = &coefficients.prediction[i];
+                    vectors::fill(z, |k| *h * *h * Stages::combine(row, history, n, k));
+                }
+                Start::Predicted | Start::Inertial => z.fill(0.0),
+                Start::Still => vectors::fill(z, |k| -coefficients.c[i] * *h * velocity[k]),
+            }
+        }
+        base.copy_from_slice(z);
+    }
+
+    fn linearize(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
+        // One K for all stages: that of the middle one.
+        let t = self.stages.configure(self.stages.coefficients.stages() / 2);
+        forces.evaluate(system, &self.stages.q, t, false)
+    }
+
+    fn evaluate(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
+        self.stages.evaluate(system, forces)?;
+        let Stages { coefficients, h, z, residual, gradients, q, .. } = &mut *self.stages;
+        let (n, mass) = (q.len(), system.free_mass());
+        // r̃ = −QᵀR = −(Qᵀ M Z + h² (QᵀT) g).
+        for (i, residual) in residual.chunks_exact_mut(n).enumerate() {
+            let (rotation, weights) = (&coefficients.q_transposed[i], &coefficients.q_transposed_t[i]);
+            vectors::fill(residual, |k| {
+                let inertia = mass[k] * Stages::combine(rotation, z, n, k);
+                -(inertia + *h * *h * Stages::combine(weights, gradients, n, k))
+            });
+        }
+        Ok(())
+    }
+
+    fn correct(&mut self, inverse: &mut Inverse, forces: &mut Forces) -> Result<f64, SolverError> {
+        let Stages { coefficients, correction, residual, z, base, q, .. } = &mut *self.stages;
+        let (n, mass) = (q.len(), self.system.free_mass());
+        let mut energy = 0.0;
+        for i in 0..coefficients.stages() {
+            let (done, delta) = correction.split_at_mut(i * n);
+            let (rho, current) = residual.split_at_mut(i * n);
+            let (delta, current) = (&mut delta[..n], &mut current[..n]);
+            for j in 0..i {
+                let coupling = coefficients.l[i][j] / coefficients.theta;
+                let (rho, done) = (&rho[j * n..(j + 1) * n], &done[j * n..(j + 1) * n]);
+                vectors::update(current, |k, r| *r -= coupling * (rho[k] - mass[k] * done[k]));
+            }
+            delta.copy_from_slice(current);
+            inverse.apply(forces, delta)?;
+            energy += vectors::sum(n, |k| current[k] * delta[k]);
+        }
+        base.copy_from_slice(z);
+        Ok(energy / self.coefficient())
+    }
+
+    fn advance(&mut self, fraction: f64) {
+        let Stages { coefficients, correction, z, base, q, .. } = &mut *self.stages;
+        let n = q.len();
+        for (i, z) in z.chunks_exact_mut(n).enumerate() {
+            let (row, base) = (&coefficients.q[i], &base[i * n..(i + 1) * n]);
+            vectors::fill(z, |k| base[k] + fraction * Stages::combine(row, correction, n, k));
+        }
+    }
+
+    fn slope(&self) -> f64 {
+        // There is no merit whose slope this were.
+        0.0
+    }
+
+    fn merit(&mut self, _system: &System, _forces: &mut Forces) -> Option<f64> {
+        None
+    }
+
+    fn energy_scale(&self) -> f64 {
+        let (z, n, mass) = (&self.stages.z, self.stages.q.len(), self.system.free_mass());
+        let square = vectors::sum(z.len(), |k| mass[k % n] * z[k] * z[k]);
+        0.5 * self.stages.twice_kinetic + square / self.coefficient()
+    }
+
+    fn is_at_resolution(&self) -> bool {
+        let (d, n, mass) = (&self.stages.correction, self.stages.q.len(), self.system.free_mass());
+        let square = vectors::sum(d.len(), |k| mass[k % n] * d[k] * d[k]);
+        square <= f64::EPSILON * f64::EPSILON * self.stages.twice_origin
+    }
+}
+
+/// The stepper.
+pub(crate) struct Gauss {
+    forces: Forces,
+    inverse: Inverse,
+    newton: Newton,
+    potentials: Potentials,
+    ledger: bool,
+    stages: Stages,
+    after: State,
+    x_dot: Vec<f64>,
+}
+
+impl Gauss {
+    const NAME: &str = "gauss";
+
+    /// s from 2 to 5; one stage is implicit midpoint.
+    pub(crate) fn new(s: usize, system: &System, options: &SolverOptions) -> Result<Self, SolverError> {
+        let n = system.coordinates().free_count();
+        Ok(Self {
+            forces: Forces::new(system),
+            inverse: Inverse::new(system),
+            newton: Newton::new(options)?,
+            potentials: Potentials::new(),
+            ledger: options.ledger,
+            stages: Stages::new(Coefficients::new(s)?, n),
+            after: State { t: 0.0, q: vec![0.0; n], p: vec![0.0; n] },
+            x_dot: Vec::new(),
+        })
+    }
+
+    fn advance(&mut self, system: &System, state: &State, h: f64) -> Result<(u32, StepEnergy), SolverError> {
+        check_state(state, system)?;
+        if self.ledger {
+            self.potentials.open(system, &mut self.forces, &state.q, state.t);
+        }
+        self.stages.open(system, state, h);
+        let iterations = self.solve(system)?;
+        let Stages { coefficients, z, velocity, history, has_history, .. } = &mut self.stages;
+        let (n, mass) = (state.q.len(), system.free_mass());
+        let State { t, q, p } = &mut self.after;
+        *t = state.t + h;
+        vectors::update_pair(q, p, |k, q, p| {
+            let dq = h * velocity[k] + Stages::combine(&coefficients.position, z, n, k);
+            let dv = Stages::combine(&coefficients.velocity, z, n, k) / h;
+            *q = state.q[k] + dq;
+            *p = state.p[k] + mass[k] * dv;
+        });
+        check_finite(q, p, system)?;
+        vectors::fill(history, |k| z[k] / (h * h));
+        *has_history = true;
+        let energy = if self.ledger { self.account(system)? } else { StepEnergy::default() };
+        Ok((iterations, energy))
+    }
+
+    fn solve(&mut self, system: &System) -> Result<u32, SolverError> {
+        let Self { forces, inverse, newton, stages, .. } = self;
+        if stages.origin.is_empty() {
+            return Ok(0);
+        }
+        let steps = usize::from(stages.has_history);
+        if balance::may_be_at_rest(stages.twice_kinetic, &stages.history, steps) {
+            stages.z.fill(0.0);
+            let mut is_at_rest = true;
+            for i in 0..stages.coefficients.stages() {
+                let t = stages.configure(i);
+                forces.evaluate(system, &stages.q, t, false)?;
+                is_at_rest &= balance::is_at_rest(system, forces, newton.tolerance());
+            }
+            if is_at_rest {
+                forces.work.skipped += 1;
+                return Ok(0);
+            }
+        }
+        let mut equations = GaussEquations { system, stages };
+        Ok(newton.solve(system, forces, inverse, &mut equations)?.iterations)
+    }
+
+    /// ΔT = h Σ b_i M a_i·V_i with stage velocities V_i = v₀ + h Σ A_ij a_j, for the method conserves
+    /// quadratic invariants. So the work on prescribed coordinates is h Σ b_i g_i·ẋ_i, the residual's
+    /// h Σ b_i (M a_i + g_i)·V_i, and the scheme's part ΔV − h Σ b_i g_i·V_i over all coordinates.
+    fn account(&mut self, system: &System) -> Result<StepEnergy, SolverError> {
+        let Self { forces, stages, after, potentials, x_dot, .. } = self;
+        stages.evaluate(system, forces)?;
+        let (h, n, mass) = (stages.h, stages.q.len(), system.free_mass());
+        x_dot.resize(system.coordinates().dof_count(), 0.0);
+        let (mut prescribed, mut residual, mut free) = (0.0, 0.0, 0.0);
+        for i in 0..stages.coefficients.stages() {
+            if system.coordinates().is_moving() {
+                let t = stages.configure(i);
+                forces.evaluate(system, &stages.q, t, false)?;
+                system.coordinates().embed_velocity(&stages.velocity, t, x_dot);
+                prescribed += h
+                    * stages.coefficients.b[i]
+                    * accounts::prescribed_work(system, forces.gradient(), x_dot);
+            }
+            let Stages { coefficients, z, velocity, gradients, .. } = &*stages;
+            let weight = h * coefficients.b[i];
+            let gradient = &gradients[i * n..(i + 1) * n];
+            let stage_velocity =
+                |k: usize| velocity[k] + Stages::combine(&coefficients.stage_velocity[i], z, n, k) / h;
+            let inertia =
+                |k: usize| mass[k] * Stages::combine(&coefficients.acceleration[i], z, n, k) / (h * h);
+            free += weight * vectors::sum(n, |k| gradient[k] * stage_velocity(k));
+            residual += weight * vectors::sum(n, |k| (inertia(k) + gradient[k]) * stage_velocity(k));
+        }
+        let (change, loads) = potentials.close(system, forces, &after.q, after.t);
+        let scheme = change - loads - free - prescribed;
+        Ok(StepEnergy { prescribed, force: loads, damping: 0.0, scheme, residual })
+    }
+}
+
+impl Stepper for Gauss {
+    fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
+        let before = self.forces.work;
+        let (iterations, energy) = self.advance(system, state, h).map_err(|error| {
+            let cause = self.forces.explain(system, state, error);
+            StepError { t: state.t, h, cause }
+        })?;
+        std::mem::swap(&mut self.after, state);
+        self.forces.work.steps += 1;
+        Ok(StepReport { iterations, energy, work: self.forces.work - before })
+    }
+
+    fn work(&self) -> Work {
+        self.forces.work
+    }
+
+    fn memory(&self) -> StepperMemory {
+        let mut memory = StepperMemory { method: Self::NAME.to_owned(), ..Default::default() };
+        memory.arrays.push(("stages.last".into(), self.stages.history.clone()));
+        memory.counts.push(("stages.history".into(), u64::from(self.stages.has_history)));
+        self.inverse.remember(&mut memory);
+        self.newton.remember(&mut memory);
+        memory
+    }
+
+    fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
+        expect_method(memory, Self::NAME)?;
+        let history = memory.array("stages.last")?;
+        if history.len() != self.stages.history.len() {
+            return Err(SolverError::Memory { missing: "stages.last" });
+        }
+        self.stages.history.copy_from_slice(history);
+        self.stages.has_history = memory.count("stages.history")? == 1;
+        self.forces = Forces::new(system);
+        self.potentials = Potentials::new();
+        self.newton.restore(memory)?;
+        self.inverse.restore(system, &mut self.forces, memory)?;
+        self.forces.work = Work::default();
+        Ok(())
+    }
+}
