@@ -3,6 +3,7 @@
 //! Exit codes: 0 done, 2 bad input, 3 an assertion of the scene broken, 4 no convergence,
 //! 5 input/output, 130 ended by Ctrl-C with everything written.
 
+mod bench;
 mod info;
 mod progress;
 mod run;
@@ -27,6 +28,8 @@ struct Arguments {
 enum Command {
     /// Run a scene and write history.csv, frames and report.json
     Run(run::RunArguments),
+    /// Measure schemes and steps on a scene: run time against error, and what to use
+    Bench(bench::BenchArguments),
     /// Check scenes and their meshes without running: everything that is wrong, at once
     Check {
         /// Scene files
@@ -67,6 +70,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     };
     ExitCode::from(match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
+        Command::Bench(arguments) => bench::bench_scene(&arguments),
         Command::Check { scenes, overrides } => run::check(&scenes, &overrides),
         Command::Schema => {
             println!("{:#}", Scene::schema());

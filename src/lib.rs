@@ -6,6 +6,7 @@
 //! [`scene::Scene`] says what there is, [`simulation::Simulation`] steps it, [`run::run`] writes it.
 //! The layers below are re-exported as [`core`], [`fem`], [`solvers`] and [`io`].
 
+pub mod bench;
 #[cfg(feature = "cli")]
 pub mod cli;
 mod frames;
@@ -19,6 +20,7 @@ pub mod run;
 pub mod scene;
 pub mod simulation;
 pub mod stability;
+pub mod trial;
 
 pub use vi_core as core;
 pub use vi_fem as fem;

@@ -39,20 +39,9 @@ pub(super) fn run(arguments: &RunArguments) -> u8 {
         Ok((scene, _)) => scene,
         Err(code) => return code,
     };
-    let mut pool = rayon::ThreadPoolBuilder::new();
-    if let Some(threads) = arguments.threads {
-        if threads == 0 {
-            eprintln!("error: --threads must be at least 1");
-            return exit::BAD_INPUT;
-        }
-        pool = pool.num_threads(threads);
-    }
-    let pool = match pool.build() {
+    let pool = match thread_pool(arguments.threads) {
         Ok(pool) => pool,
-        Err(error) => {
-            eprintln!("error: cannot start threads: {error}");
-            return exit::INPUT_OUTPUT;
-        }
+        Err(code) => return code,
     };
     let name = name_of(&arguments.scene);
     let directory = output_directory(&scene, &name, arguments.out.as_deref());
@@ -63,17 +52,7 @@ pub(super) fn run(arguments: &RunArguments) -> u8 {
         );
         return exit::BAD_INPUT;
     }
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    if let Err(error) = ctrlc::set_handler(move || {
-        // A second Ctrl-C does not wait for the step.
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(i32::from(exit::INTERRUPTED));
-        }
-    }) {
-        eprintln!("note: Ctrl-C will end at once, without writing: {error}");
-    }
-    let mut progress = Progress::new(arguments.quiet || arguments.json, stop);
+    let mut progress = Progress::new(arguments.quiet || arguments.json, stop_on_ctrl_c());
     let result = pool.install(|| run_scene(scene, &name, &directory, &mut progress));
     progress.finish();
     match result {
@@ -89,6 +68,37 @@ pub(super) fn run(arguments: &RunArguments) -> u8 {
             exit::INPUT_OUTPUT
         }
     }
+}
+
+/// The threads of a command.
+pub(super) fn thread_pool(threads: Option<usize>) -> Result<rayon::ThreadPool, u8> {
+    let mut pool = rayon::ThreadPoolBuilder::new();
+    if let Some(threads) = threads {
+        if threads == 0 {
+            eprintln!("error: --threads must be at least 1");
+            return Err(exit::BAD_INPUT);
+        }
+        pool = pool.num_threads(threads);
+    }
+    pool.build().map_err(|error| {
+        eprintln!("error: cannot start threads: {error}");
+        exit::INPUT_OUTPUT
+    })
+}
+
+/// A flag that Ctrl-C sets.
+pub(super) fn stop_on_ctrl_c() -> Arc<AtomicBool> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    if let Err(error) = ctrlc::set_handler(move || {
+        // A second Ctrl-C does not wait for the step.
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(i32::from(exit::INTERRUPTED));
+        }
+    }) {
+        eprintln!("note: Ctrl-C will end at once, without writing: {error}");
+    }
+    stop
 }
 
 fn conclude(report: &Report, directory: &Path, arguments: &RunArguments) -> u8 {
@@ -198,7 +208,7 @@ pub(super) fn print_problems(problems: Vec<Problem>, parsed: &Parsed, path: &Pat
 }
 
 /// The scene file's name without its ending.
-fn name_of(path: &Path) -> String {
+pub(super) fn name_of(path: &Path) -> String {
     path.file_stem().map_or_else(|| "scene".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
@@ -210,7 +220,7 @@ fn output_directory(scene: &Scene, name: &str, out: Option<&Path>) -> PathBuf {
 
 /// Could files be written into this directory, or into the nearest one above it that exists?
 /// Leaves nothing behind.
-fn writable(directory: &Path) -> std::io::Result<()> {
+pub(super) fn writable(directory: &Path) -> std::io::Result<()> {
     let existing =
         directory.ancestors().find(|path| path.exists()).filter(|path| !path.as_os_str().is_empty());
     tempfile::tempfile_in(existing.unwrap_or(Path::new("."))).map(|_| ())

@@ -1,0 +1,108 @@
+//! The reference solution of a bench: two runs of one high-order scheme, whose difference is the
+//! evidence. It must not look at the rows.
+
+use std::time::{Duration, Instant};
+
+use super::{BenchError, BenchWatch, ReferenceFacts};
+use crate::scene::{Scene, SchemeName};
+use crate::trial::{Choice, Norm, Trial, TrialError, run};
+
+/// hω of the finer Blanes–Moan run: well inside stability, error 1e-9 and below where the motion is
+/// that of the low modes.
+const FREQUENCY_STEP: f64 = 1.5;
+/// A difference that no row needs to be measured below.
+const ENOUGH: f64 = 3e-11;
+const GAUSS_TOLERANCE: f64 = 1e-10;
+
+pub(super) struct Reference {
+    pub(super) end: Vec<Vec<f64>>,
+    pub(super) facts: ReferenceFacts,
+}
+
+/// Finds a reference within `share` of wall time: by Blanes and Moan's method of order 6 where its steps
+/// fit, else by Gauss's method with 3 stages, refined until the next halving would not fit.
+pub(super) fn find(
+    scene: &Scene,
+    norm: &Norm,
+    omega: f64,
+    share: Duration,
+    watch: &mut dyn BenchWatch,
+) -> Result<Reference, BenchError> {
+    let begin = Instant::now();
+    let explicit = Choice {
+        scheme: SchemeName::BlanesMoan6,
+        stages: None,
+        steps: ((scene.time.end * omega / FREQUENCY_STEP).ceil() as u64).max(16),
+    };
+    let mut tried = Vec::new();
+    let probe_fraction = (4.0 / explicit.steps as f64).min(1.0);
+    let probe = run(explicit.apply(scene), probe_fraction, share, &mut || watch.go_on());
+    match probe.map(|probe| probe.seconds / 4.0 * explicit.steps as f64) {
+        // The pair costs one and a half runs.
+        Ok(seconds) if 1.5 * seconds <= share.as_secs_f64() => {
+            let pair = ladder(scene, norm, explicit, share, begin, watch);
+            match pair {
+                Ok(found) => return Ok(found),
+                Err(why) => tried.push(format!("{}: {why}", explicit.label())),
+            }
+        }
+        Ok(seconds) => tried.push(format!("{} would take {seconds:.0} s", explicit.label())),
+        Err(why) => tried.push(format!("{}: {why}", explicit.label())),
+    }
+    let mut tight = scene.clone();
+    tight.solver.tolerance = tight.solver.tolerance.min(GAUSS_TOLERANCE);
+    let gauss = Choice { scheme: SchemeName::Gauss, stages: Some(3), steps: 64 };
+    ladder(&tight, norm, gauss, share, begin, watch).map_err(|why| {
+        tried.push(format!("{}: {why}", gauss.label()));
+        BenchError::Reference { why: tried.join("; ") }
+    })
+}
+
+/// Halves the step from 2/`choice.steps` on until two solutions agree or time is up.
+fn ladder(
+    scene: &Scene,
+    norm: &Norm,
+    choice: Choice,
+    share: Duration,
+    begin: Instant,
+    watch: &mut dyn BenchWatch,
+) -> Result<Reference, TrialError> {
+    let mut coarser: Option<(u64, Trial)> = None;
+    let mut best: Option<Reference> = None;
+    let mut steps = choice.steps.div_ceil(2);
+    loop {
+        let left = share.saturating_sub(begin.elapsed());
+        let fits = coarser.as_ref().is_none_or(|(_, trial)| 2.0 * trial.seconds < left.as_secs_f64());
+        if best.is_some() && !fits {
+            break;
+        }
+        let refined = Choice { steps, ..choice };
+        watch.next(&format!("reference: {} in {steps} steps", choice.label()), 0.0, left);
+        let done = run(refined.apply(scene), 1.0, left, &mut || watch.go_on());
+        match (done, &coarser) {
+            (Ok(trial), Some((coarser_steps, previous))) => {
+                let difference = norm.error(&previous.end, &trial.end);
+                if difference.is_finite() {
+                    let facts = ReferenceFacts {
+                        scheme: choice.label(),
+                        steps,
+                        difference,
+                        coarser_steps: *coarser_steps,
+                    };
+                    best = Some(Reference { end: trial.end.clone(), facts });
+                    if difference < ENOUGH {
+                        break;
+                    }
+                }
+                coarser = Some((steps, trial));
+            }
+            (Ok(trial), None) => coarser = Some((steps, trial)),
+            // A coarse run may fail where a finer one does not.
+            (Err(TrialError::Failed(_)), None) if steps < 64 * choice.steps => {}
+            (Err(why), _) if best.is_none() => return Err(why),
+            (Err(_), _) => break,
+        }
+        steps *= 2;
+    }
+    best.ok_or(TrialError::Failed("no two solutions could be compared".to_owned()))
+}

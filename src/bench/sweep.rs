@@ -1,0 +1,298 @@
+//! The order of a bench: reference, ladders of steps, refinement at the wanted error, repeats.
+//! It must not write anything.
+
+use std::time::{Duration, Instant};
+
+use super::reference::{Reference, find};
+use super::tables::recommend;
+use super::{BenchError, BenchOptions, BenchReport, BenchWatch, Row};
+use crate::scene::{Scene, SchemeName};
+use crate::simulation::Simulation;
+use crate::trial::{Choice, Norm, Trial, TrialError, highest, run};
+
+const REFERENCE_SHARE: f64 = 0.35;
+const ROWS_SHARE: f64 = 0.85;
+/// Ladders end below this error: no run time is chosen by less.
+const FINEST: f64 = 1e-7;
+const COARSEST_IMPLICIT: u64 = 16;
+const REPEATS: u32 = 3;
+/// Runs longer than this are timed once, s.
+const SHORT: f64 = 1.0;
+
+/// Measures schemes × steps on `scene`.
+///
+/// # Errors
+/// [`BenchError`] where the scene is wrong, nothing moves, or no reference fits into the budget.
+pub fn bench(
+    scene: &Scene,
+    options: &BenchOptions,
+    watch: &mut dyn BenchWatch,
+) -> Result<BenchReport, BenchError> {
+    let begin = Instant::now();
+    let schemes = schemes(options)?;
+    let simulation = Simulation::new(scene.clone()).map_err(BenchError::Scene)?;
+    // The simulation's scene has its scheme and step settled, whatever the file left open.
+    let scene = simulation.scene().clone();
+    let omega = highest(&simulation).ok_or(BenchError::NothingMoves)?;
+    let norm = Norm::new(&simulation);
+    drop(simulation);
+    let reference = find(&scene, &norm, omega, options.budget.mul_f64(REFERENCE_SHARE), watch)?;
+    let mut sweep = Sweep {
+        accuracy: options.accuracy.unwrap_or(1e-2),
+        budget: options.budget,
+        begin,
+        scene,
+        norm,
+        reference,
+        rows: Vec::new(),
+        watch,
+    };
+    let present = Choice::of(&sweep.scene);
+    sweep.enter(present);
+    sweep.rows[0].is_present = true;
+    sweep.climb(schemes, omega);
+    sweep.refine();
+    sweep.repeat();
+    Ok(sweep.close())
+}
+
+/// The schemes to sweep.
+fn schemes(options: &BenchOptions) -> Result<Vec<(SchemeName, Option<usize>)>, BenchError> {
+    let usual = [
+        ("stormer-verlet", SchemeName::StormerVerlet, None),
+        ("blanes-moan-4", SchemeName::BlanesMoan4, None),
+        ("blanes-moan-6", SchemeName::BlanesMoan6, None),
+        ("implicit-midpoint", SchemeName::ImplicitMidpoint, None),
+        ("gauss 2", SchemeName::Gauss, Some(2)),
+        ("gauss 3", SchemeName::Gauss, Some(3)),
+        ("energy-momentum", SchemeName::EnergyMomentum, None),
+    ];
+    let others = [
+        ("symplectic-euler-a", SchemeName::SymplecticEulerA, None),
+        ("symplectic-euler-b", SchemeName::SymplecticEulerB, None),
+        ("gauss 1", SchemeName::Gauss, Some(1)),
+        ("gauss 4", SchemeName::Gauss, Some(4)),
+        ("gauss 5", SchemeName::Gauss, Some(5)),
+        ("forward-euler", SchemeName::ForwardEuler, None),
+        ("backward-euler", SchemeName::BackwardEuler, None),
+        ("bdf2", SchemeName::Bdf2, None),
+        ("newmark", SchemeName::Newmark, None),
+        ("generalized-alpha", SchemeName::GeneralizedAlpha, None),
+    ];
+    if options.schemes.is_empty() {
+        return Ok(usual.into_iter().map(|(_, scheme, stages)| (scheme, stages)).collect());
+    }
+    let known = || usual.iter().chain(&others);
+    let find = |name: &String| {
+        let found = known().find(|(label, ..)| label == name);
+        found.map(|&(_, scheme, stages)| (scheme, stages)).ok_or_else(|| BenchError::Scheme {
+            name: name.clone(),
+            known: known().map(|(label, ..)| *label).collect::<Vec<_>>().join(", "),
+        })
+    };
+    options.schemes.iter().map(find).collect()
+}
+
+struct Sweep<'a> {
+    scene: Scene,
+    norm: Norm,
+    reference: Reference,
+    accuracy: f64,
+    budget: Duration,
+    begin: Instant,
+    rows: Vec<Row>,
+    watch: &'a mut dyn BenchWatch,
+}
+
+/// A scheme with its next number of steps.
+struct Ladder {
+    next: Choice,
+    predicted: f64,
+    failures: u32,
+}
+
+impl Sweep<'_> {
+    fn left(&self, share: f64) -> Duration {
+        self.budget.mul_f64(share).saturating_sub(self.begin.elapsed())
+    }
+
+    /// Runs one combination and enters its row.
+    fn enter(&mut self, choice: Choice) {
+        let left = self.left(ROWS_SHARE);
+        let spent = self.begin.elapsed().as_secs_f64() / self.budget.as_secs_f64();
+        self.watch.next(&format!("{} in {} steps", choice.label(), choice.steps), spent, left);
+        let done = run(choice.apply(&self.scene), 1.0, left, &mut || self.watch.go_on());
+        let row = self.row(choice, done);
+        self.rows.push(row);
+    }
+
+    fn row(&self, choice: Choice, done: Result<Trial, TrialError>) -> Row {
+        let mut row = Row {
+            scheme: choice.label(),
+            choice,
+            steps: choice.steps,
+            step: self.scene.time.end / choice.steps as f64,
+            seconds: None,
+            repeats: 1,
+            error: None,
+            observed_order: None,
+            energy_drift: None,
+            work: serde_json::Map::new(),
+            on_front: false,
+            is_present: false,
+            at_reference: false,
+            failure: None,
+        };
+        match done {
+            Ok(trial) => {
+                let error = self.norm.error(&trial.end, &self.reference.end);
+                row.seconds = Some(trial.seconds);
+                row.energy_drift = Some(trial.energy_drift);
+                row.work =
+                    trial.work.iter().map(|(name, count)| (name.to_owned(), count.into())).collect();
+                row.at_reference = error < 3.0 * self.reference.facts.difference;
+                if error.is_finite() {
+                    row.error = Some(error);
+                } else {
+                    row.failure = Some("the end state is not finite".to_owned());
+                }
+            }
+            Err(why) => row.failure = Some(why.to_string()),
+        }
+        row
+    }
+
+    /// Halves the step of every scheme, always that run next which should take least.
+    fn climb(&mut self, schemes: Vec<(SchemeName, Option<usize>)>, omega: f64) {
+        let end = self.scene.time.end;
+        let ladder = |(scheme, stages)| {
+            let first = Choice { scheme, stages, steps: 1 };
+            let coarsest = match first.method().facts().recommended_limit {
+                Some(limit) if limit > 0.0 => (end * omega / limit).ceil() as u64,
+                Some(_) => (end * omega).ceil() as u64,
+                None => COARSEST_IMPLICIT,
+            };
+            Ladder { next: Choice { steps: coarsest.max(1), ..first }, predicted: 0.0, failures: 0 }
+        };
+        let mut ladders: Vec<Ladder> = schemes.into_iter().map(ladder).collect();
+        while self.watch.go_on() {
+            let left = self.left(ROWS_SHARE).as_secs_f64();
+            ladders.retain(|ladder| ladder.predicted < left);
+            let Some(ladder) = ladders.iter_mut().min_by(|a, b| a.predicted.total_cmp(&b.predicted)) else {
+                break;
+            };
+            let choice = ladder.next;
+            self.enter(choice);
+            let Some(row) = self.rows.last() else { break };
+            match (row.error, row.seconds) {
+                (Some(error), Some(seconds)) => {
+                    ladder.failures = 0;
+                    ladder.predicted = 2.0 * seconds;
+                    if error < FINEST || row.at_reference {
+                        ladder.predicted = f64::INFINITY;
+                    }
+                }
+                _ => {
+                    ladder.failures += 1;
+                    ladder.predicted *= 2.0;
+                    if ladder.failures >= 4 {
+                        ladder.predicted = f64::INFINITY;
+                    }
+                }
+            }
+            ladder.next.steps *= 2;
+        }
+    }
+
+    /// For every scheme whose ladder steps over the wanted error: the step that should just reach it.
+    fn refine(&mut self) {
+        let reach = 0.8 * self.accuracy;
+        let mut wanted = Vec::new();
+        for coarse in &self.rows {
+            let Some(fine) = self.rows.iter().find(|fine| is_halved(fine, coarse)) else { continue };
+            let (Some(e), Some(e_fine)) = (coarse.error, fine.error) else { continue };
+            if e > self.accuracy && e_fine < reach {
+                let share = (e / reach).ln() / (e / e_fine).ln();
+                let steps = (coarse.steps as f64 * 2.0_f64.powf(share)).ceil() as u64;
+                if steps > coarse.steps && steps < fine.steps {
+                    wanted.push((Choice { steps, ..coarse.choice }, fine.seconds.unwrap_or(0.0)));
+                }
+            }
+        }
+        for (choice, seconds) in wanted {
+            if self.watch.go_on() && self.left(ROWS_SHARE).as_secs_f64() > seconds {
+                self.enter(choice);
+            }
+        }
+    }
+
+    /// Times short rows again, in turn, so that a disturbance of the machine hits all alike.
+    fn repeat(&mut self) {
+        for turn in 1..REPEATS {
+            for index in 0..self.rows.len() {
+                let row = &self.rows[index];
+                let Some(seconds) = row.seconds.filter(|seconds| *seconds < SHORT) else { continue };
+                let left = self.left(1.0);
+                if left.as_secs_f64() < 2.0 * seconds || !self.watch.go_on() {
+                    continue;
+                }
+                let choice = row.choice;
+                let spent = self.begin.elapsed().as_secs_f64() / self.budget.as_secs_f64();
+                self.watch.next(&format!("{} again, {}", choice.label(), turn + 1), spent, left);
+                let again = run(choice.apply(&self.scene), 1.0, left, &mut || self.watch.go_on());
+                if let Ok(again) = again {
+                    let row = &mut self.rows[index];
+                    row.seconds = Some(seconds.min(again.seconds));
+                    row.repeats += 1;
+                }
+            }
+        }
+    }
+
+    fn close(mut self) -> BenchReport {
+        let orders: Vec<Option<f64>> = self
+            .rows
+            .iter()
+            .map(|fine| {
+                let coarse = self.rows.iter().find(|coarse| is_halved(fine, coarse))?;
+                let usable = !fine.at_reference && coarse.error? < 0.5;
+                usable.then_some((coarse.error? / fine.error?).log2())
+            })
+            .collect();
+        for (row, order) in self.rows.iter_mut().zip(orders) {
+            row.observed_order = order;
+        }
+        mark_front(&mut self.rows);
+        let mut report = BenchReport {
+            version: env!("CARGO_PKG_VERSION"),
+            threads: rayon::current_num_threads(),
+            accuracy: self.accuracy,
+            reference: self.reference.facts,
+            rows: self.rows,
+            recommendation: String::new(),
+            recommended: None,
+            seconds: self.begin.elapsed().as_secs_f64(),
+        };
+        (report.recommended, report.recommendation) = recommend(&report);
+        report
+    }
+}
+
+/// Is `fine` the same scheme as `coarse` with twice its steps?
+fn is_halved(fine: &Row, coarse: &Row) -> bool {
+    fine.scheme == coarse.scheme && fine.steps == 2 * coarse.steps
+}
+
+/// Marks the rows for which no other is both faster and more accurate.
+fn mark_front(rows: &mut [Row]) {
+    let mut order: Vec<(usize, f64, f64)> =
+        rows.iter().enumerate().filter_map(|(i, row)| Some((i, row.seconds?, row.error?))).collect();
+    order.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.2.total_cmp(&b.2)));
+    let mut least = f64::INFINITY;
+    for (index, _, error) in order {
+        if error < least {
+            least = error;
+            rows[index].on_front = true;
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! `variational bench`: words in, table and files out. It must not measure.
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::exit;
+use super::run::{accept, name_of, print_problems, stop_on_ctrl_c, thread_pool, writable};
+use crate::bench::{BenchError, BenchOptions, BenchReport, BenchWatch, bench};
+
+#[derive(Debug, Args)]
+pub(super) struct BenchArguments {
+    /// The scene file
+    scene: PathBuf,
+    /// Wall time for everything, s
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
+    budget: f64,
+    /// The relative error wanted at the end (default: the scene's time.tolerance, else 0.01)
+    #[arg(long, value_name = "ERROR")]
+    error: Option<f64>,
+    /// Schemes to sweep, comma-separated, e.g. stormer-verlet,"gauss 3"
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    schemes: Vec<String>,
+    /// Output directory (default: out/<scene>-bench)
+    #[arg(long, value_name = "DIRECTORY")]
+    out: Option<PathBuf>,
+    /// Set a key of the scene, e.g. time.end=0.5
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+    /// Threads (default: one a core)
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Print the recommendation only
+    #[arg(long, short)]
+    quiet: bool,
+    /// Print the report as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
+    let (scene, parsed) = match accept(&arguments.scene, &arguments.overrides) {
+        Ok(accepted) => accepted,
+        Err(code) => return code,
+    };
+    for (key, value) in [("--budget", Some(arguments.budget)), ("--error", arguments.error)] {
+        if value.is_some_and(|value| !(value > 0.0 && value < 1e9)) {
+            eprintln!("error: {key} must be positive");
+            return exit::BAD_INPUT;
+        }
+    }
+    let pool = match thread_pool(arguments.threads) {
+        Ok(pool) => pool,
+        Err(code) => return code,
+    };
+    let name = name_of(&arguments.scene);
+    let directory =
+        arguments.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{name}-bench")));
+    if let Err(error) = writable(&directory) {
+        eprintln!(
+            "error: {}: output directory not writable: {error}; choose another with --out",
+            directory.display()
+        );
+        return exit::BAD_INPUT;
+    }
+    let options = BenchOptions {
+        budget: Duration::from_secs_f64(arguments.budget),
+        accuracy: arguments.error,
+        schemes: arguments.schemes.clone(),
+    };
+    let mut watch = Watch::new(arguments.quiet || arguments.json, stop_on_ctrl_c());
+    let result = pool.install(|| bench(&scene, &options, &mut watch));
+    watch.finish();
+    let report = match result {
+        Ok(report) => report,
+        Err(BenchError::Scene(problems)) => {
+            print_problems(problems, &parsed, &arguments.scene);
+            return exit::BAD_INPUT;
+        }
+        Err(error) => {
+            eprintln!("error: {}: {error}", arguments.scene.display());
+            let is_numerical = matches!(error, BenchError::Reference { .. });
+            return if is_numerical { exit::NO_CONVERGENCE } else { exit::BAD_INPUT };
+        }
+    };
+    let title = if scene.title.is_empty() { name } else { scene.title };
+    if let Err(error) = write(&report, &title, &directory) {
+        eprintln!("error: {}: {error}", directory.display());
+        return exit::INPUT_OUTPUT;
+    }
+    if arguments.json {
+        match serde_json::to_string_pretty(&report) {
+            Ok(text) => println!("{text}"),
+            Err(error) => eprintln!("error: {error}"),
+        }
+        return exit::DONE;
+    }
+    if !arguments.quiet {
+        print!("{}", report.table());
+        println!("written to {}", directory.display());
+    }
+    println!("{}.", report.recommendation);
+    exit::DONE
+}
+
+fn write(report: &BenchReport, title: &str, directory: &Path) -> std::io::Result<()> {
+    std::fs::create_dir_all(directory)?;
+    let json = serde_json::to_string_pretty(report)? + "\n";
+    std::fs::write(directory.join("bench.csv"), report.csv())?;
+    std::fs::write(directory.join("bench.json"), json)?;
+    std::fs::write(directory.join("bench.svg"), report.chart(title))
+}
+
+/// A bar with the time left on a terminal, a line for every run in a pipe.
+struct Watch {
+    quiet: bool,
+    stop: Arc<AtomicBool>,
+    bar: Option<ProgressBar>,
+}
+
+impl Watch {
+    fn new(quiet: bool, stop: Arc<AtomicBool>) -> Self {
+        let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
+            let bar = ProgressBar::new(1000);
+            match ProgressStyle::with_template("{bar:40} {percent:>3} %  {msg}") {
+                Ok(style) => bar.with_style(style),
+                Err(_) => bar,
+            }
+        });
+        Self { quiet, stop, bar }
+    }
+
+    fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+impl BenchWatch for Watch {
+    fn next(&mut self, what: &str, spent: f64, left: Duration) {
+        let left = left.as_secs_f64();
+        match &self.bar {
+            Some(bar) => {
+                bar.set_position((1000.0 * spent.min(1.0)) as u64);
+                bar.set_message(format!("{what}, at most {left:.0} s left"));
+            }
+            None if !self.quiet => {
+                eprintln!("{:3.0} %  {what}, at most {left:.0} s left", 100.0 * spent.min(1.0));
+            }
+            None => {}
+        }
+    }
+
+    fn go_on(&mut self) -> bool {
+        !self.stop.load(Ordering::Relaxed)
+    }
+}

@@ -1,0 +1,182 @@
+//! A scene run for its end state, run time and work alone: no history, no frames. The common ground
+//! of everything by which the program measures itself. It must not know why it is asked.
+
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+use vi_solvers::{Work, highest_frequency};
+
+use crate::scene::{Scene, SchemeName};
+use crate::simulation::Simulation;
+
+/// A time integrator with its step.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Choice {
+    /// The scheme.
+    pub scheme: SchemeName,
+    /// Stages of `gauss`.
+    pub stages: Option<usize>,
+    /// Number of steps from 0 to the end.
+    pub steps: u64,
+}
+
+impl Choice {
+    /// What a scene asks for.
+    pub fn of(scene: &Scene) -> Self {
+        Self { scheme: scene.time.scheme, stages: scene.time.stages, steps: scene.time.steps().0 }
+    }
+
+    /// The scene with this choice in place of its own.
+    pub fn apply(&self, scene: &Scene) -> Scene {
+        let mut scene = scene.clone();
+        scene.time.scheme = self.scheme;
+        scene.time.stages = self.stages;
+        scene.time.step = scene.time.end / self.steps as f64;
+        if self.scheme != SchemeName::GeneralizedAlpha {
+            scene.time.spectral_radius = None;
+        }
+        scene.output.interval = None;
+        scene.output.ledger = false;
+        scene
+    }
+
+    /// Name of the scheme with its stages, e.g. `gauss 3`.
+    pub fn label(&self) -> String {
+        let name = self.method().name();
+        match self.stages {
+            Some(stages) => format!("{name} {stages}"),
+            None => name.to_owned(),
+        }
+    }
+
+    /// The integrator.
+    pub fn method(&self) -> vi_solvers::Method {
+        let mut time = crate::scene::Time::new(1.0, 1.0, self.scheme);
+        time.stages = self.stages;
+        time.method()
+    }
+}
+
+/// What a trial reached.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// Free coordinates at the end, by component, m.
+    pub end: Vec<Vec<f64>>,
+    /// Seconds of stepping.
+    pub seconds: f64,
+    /// max |H − H₀| over the largest kinetic energy, at some 32 times of the run.
+    pub energy_drift: f64,
+    /// Counted work.
+    pub work: Work,
+}
+
+/// Why a trial has no end state.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TrialError {
+    /// A step failed or the energy left all bounds.
+    #[error("{0}")]
+    Failed(String),
+    /// It took longer than it was given.
+    #[error("out of time at t = {t:.3e} s")]
+    OutOfTime {
+        /// Time reached, s.
+        t: f64,
+    },
+    /// The caller asked to stop.
+    #[error("stopped")]
+    Stopped,
+}
+
+/// Runs `scene` until t = `fraction` · end, for `limit` at most; asks `go_on` at some 32 times.
+pub fn run(
+    scene: Scene,
+    fraction: f64,
+    limit: Duration,
+    go_on: &mut dyn FnMut() -> bool,
+) -> Result<Trial, TrialError> {
+    let mut simulation = Simulation::new(scene)
+        .map_err(|problems| TrialError::Failed(problems.iter().map(ToString::to_string).collect()))?;
+    let count = ((simulation.step_count() as f64 * fraction).round() as u64).max(1);
+    let stretch = count.div_ceil(32).max(1);
+    let first = simulation.observe();
+    let (mut kinetic, mut drift) = (first.kinetic, 0.0_f64);
+    let mut spent = Duration::ZERO;
+    let mut prescribed = 0.0;
+    while simulation.steps() < count {
+        let steps = stretch.min(count - simulation.steps());
+        let begin = Instant::now();
+        for _ in 0..steps {
+            match simulation.step() {
+                Ok(done) => prescribed += done.energy.prescribed,
+                Err(error) => return Err(TrialError::Failed(error.to_string())),
+            }
+            if begin.elapsed() + spent > limit {
+                return Err(TrialError::OutOfTime { t: simulation.time() });
+            }
+        }
+        spent += begin.elapsed();
+        let seen = simulation.observe();
+        if !seen.total().is_finite() {
+            return Err(TrialError::Failed(format!("blew up before t = {:.3e} s", simulation.time())));
+        }
+        kinetic = kinetic.max(seen.kinetic);
+        drift = drift.max((seen.total() - first.total() - prescribed).abs());
+        if !go_on() {
+            return Err(TrialError::Stopped);
+        }
+    }
+    Ok(Trial {
+        end: simulation.components().iter().map(|c| c.state().q.clone()).collect(),
+        seconds: spent.as_secs_f64(),
+        energy_drift: if drift == 0.0 { 0.0 } else { drift / kinetic },
+        work: simulation.work(),
+    })
+}
+
+/// The norm in which end states are compared: ‖w‖²_M = Σ mᵢ wᵢ² over the free coordinates.
+pub struct Norm {
+    mass: Vec<Vec<f64>>,
+    rest: Vec<Vec<f64>>,
+}
+
+impl Norm {
+    /// The norm of a simulation's systems; displacements count from rest.
+    pub fn new(simulation: &Simulation) -> Self {
+        let components = simulation.components();
+        let mut rest: Vec<Vec<f64>> =
+            components.iter().map(|c| vec![0.0; c.system().coordinates().dof_count()]).collect();
+        for body in simulation.bodies() {
+            let points = body.mesh.points.as_flattened();
+            let first = 3 * body.node_offset;
+            rest[body.component][first..first + points.len()].copy_from_slice(points);
+        }
+        let restricted = components.iter().zip(&rest).map(|(component, x)| {
+            let mut q = vec![0.0; component.system().coordinates().free_count()];
+            component.system().coordinates().restrict(x, &mut q);
+            q
+        });
+        Self {
+            mass: components.iter().map(|c| c.system().free_mass().to_vec()).collect(),
+            rest: restricted.collect(),
+        }
+    }
+
+    /// ‖u − u_ref‖_M / ‖u_ref‖_M.
+    pub fn error(&self, end: &[Vec<f64>], reference: &[Vec<f64>]) -> f64 {
+        (self.squares(end, reference) / self.squares(&self.rest, reference)).sqrt()
+    }
+
+    fn squares(&self, a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
+        let component = |((mass, a), b): ((&Vec<f64>, &Vec<f64>), &Vec<f64>)| -> f64 {
+            mass.iter().zip(a).zip(b).map(|((m, a), b)| m * (a - b) * (a - b)).sum()
+        };
+        self.mass.iter().zip(a).zip(b).map(component).sum()
+    }
+}
+
+/// The highest angular frequency of a scene at its start, rad/s; none where nothing moves.
+pub fn highest(simulation: &Simulation) -> Option<f64> {
+    let moving = simulation.components().iter().filter(|component| component.stepper().is_some());
+    let found = moving.filter_map(|c| highest_frequency(c.system(), c.state()).ok()).map(|f| f.omega);
+    found.reduce(f64::max).filter(|omega| *omega > 0.0)
+}
