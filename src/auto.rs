@@ -62,7 +62,7 @@ pub struct AutoReport {
 ///
 /// # Errors
 /// The scene's problems, or none of the schemes got through its trials.
-pub fn choose(scene: &Scene) -> Result<(Scene, AutoReport), Vec<Problem>> {
+pub fn choose(scene: &Scene) -> Result<(Scene, Choice, AutoReport), Vec<Problem>> {
     let tolerance = scene.time.tolerance.unwrap_or(1e-4);
     let start = Choice { scheme: SchemeName::StormerVerlet, stages: None, steps: 1 };
     let simulation = Simulation::new(start.apply(scene))?;
@@ -77,7 +77,7 @@ pub fn choose(scene: &Scene) -> Result<(Scene, AutoReport), Vec<Problem>> {
         };
         let mut settled = scene.clone();
         settled.time.choose(start.scheme, None, 1);
-        return Ok((settled, report));
+        return Ok((settled, start, report));
     };
     let mut search =
         Search { scene, norm: Norm::new(&simulation), omega, aim: SAFETY * tolerance, spent: 0.0 };
@@ -100,10 +100,12 @@ pub fn choose(scene: &Scene) -> Result<(Scene, AutoReport), Vec<Problem>> {
         return Err(vec![Problem::new("time.scheme", message)]);
     };
     let mut settled = scene.clone();
-    settled.time.choose(best.choice.scheme, best.choice.stages, best.steps);
+    let choice = best.choice;
+    settled.time.choose(choice.scheme, choice.stages, choice.steps);
     let reason = explain(&candidates, tolerance, omega, verlet, explicit_seconds, search.spent);
     let trial_seconds = search.spent;
-    Ok((settled, AutoReport { tolerance, highest_frequency: omega, candidates, trial_seconds, reason }))
+    let report = AutoReport { tolerance, highest_frequency: omega, candidates, trial_seconds, reason };
+    Ok((settled, choice, report))
 }
 
 fn explain(

@@ -9,7 +9,7 @@
 
 use serde::Serialize;
 
-use crate::scene::{Scene, SchemeName};
+use crate::scene::SchemeName;
 use crate::simulation::{ProbeValue, Simulation};
 use crate::trial::{Choice, highest};
 
@@ -43,7 +43,7 @@ impl Estimator {
         let choice = Choice::of(scene);
         let facts = choice.method().facts();
         let mut notes = Vec::new();
-        let mut companion = |choice: Choice| match Simulation::new(companion_scene(scene, choice)) {
+        let mut companion = |choice: Choice| match Simulation::new(choice.apply(scene)) {
             Ok(companion) => Some(companion),
             Err(problems) => {
                 notes.extend(problems.iter().map(|problem| format!("no error estimate: {problem}")));
@@ -90,12 +90,6 @@ impl Estimator {
         };
         Some((0..probes.len()).map(value).collect())
     }
-}
-
-fn companion_scene(scene: &Scene, choice: Choice) -> Scene {
-    let mut companion = choice.apply(scene);
-    companion.time.estimate = false;
-    companion
 }
 
 fn advance(

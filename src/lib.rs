@@ -6,9 +6,12 @@
 //! [`scene::Scene`] says what there is, [`simulation::Simulation`] steps it, [`run::run`] writes it.
 //! The layers below are re-exported as [`core`], [`fem`], [`solvers`] and [`io`].
 
+pub mod auto;
 pub mod bench;
 #[cfg(feature = "cli")]
 pub mod cli;
+pub mod estimate;
+pub mod explain;
 mod frames;
 mod history;
 mod mesh_import;

@@ -8,6 +8,8 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 use vi_core::EnergyLedger;
 
+use crate::auto::AutoReport;
+use crate::estimate::ProbeEstimate;
 use crate::momentum::MomentumLedger;
 use crate::pitch::PitchFinder;
 use crate::scene::Scene;
@@ -65,6 +67,12 @@ pub struct Report {
     pub stepping_seconds: f64,
     /// History and frames, s.
     pub output_seconds: f64,
+    /// Companion runs of the error estimate, s; part of the output.
+    pub estimating_seconds: f64,
+    /// Why this scheme and step, where the scene left them open.
+    pub auto: Option<AutoReport>,
+    /// Estimated errors of the probes at the end.
+    pub estimate: Map<String, Value>,
     /// Counted work.
     pub work: Map<String, Value>,
     /// Frames written.
@@ -85,7 +93,7 @@ pub struct Report {
 impl Report {
     pub(crate) fn new(simulation: &Simulation, name: &str, stability: Option<&StabilityNote>) -> Self {
         let scene = simulation.scene();
-        let method = scene.time.method();
+        let method = simulation.method();
         let components = simulation.components();
         let idle = components.iter().filter(|component| component.stepper().is_none()).count();
         let mut notes = simulation.notes().to_vec();
@@ -112,6 +120,9 @@ impl Report {
             setup_seconds: 0.0,
             stepping_seconds: 0.0,
             output_seconds: 0.0,
+            estimating_seconds: 0.0,
+            auto: simulation.auto().cloned(),
+            estimate: Map::new(),
             work: Map::new(),
             frames: 0,
             energy: Value::Null,
@@ -164,6 +175,20 @@ impl Report {
                 self.broken.push(format!("{name} is {value:.3e}, the scene asserts at most {bound:.3e}"));
             }
         }
+    }
+
+    /// Enters the estimated errors of the probes where the run ended.
+    pub(crate) fn estimate(&mut self, simulation: &Simulation, estimates: &[ProbeEstimate], notes: &[String]) {
+        self.notes.extend(notes.iter().cloned());
+        for (probe, estimate) in simulation.scene().probes.iter().zip(estimates) {
+            self.estimate.insert(probe.name.clone(), json!(estimate));
+        }
+    }
+
+    /// What was done, in counts.
+    #[cfg(feature = "cli")]
+    pub(crate) fn account(&self) -> String {
+        crate::explain::account(&self.work)
     }
 
     pub(crate) fn write(&self, path: &Path) -> io::Result<()> {

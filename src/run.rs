@@ -8,8 +8,9 @@ use std::time::Instant;
 use vi_core::EnergyLedger;
 use vi_solvers::StepError;
 
+use crate::estimate::{Estimator, ProbeEstimate};
 use crate::frames::FrameWriter;
-use crate::history::HistoryWriter;
+use crate::history::{Columns, HistoryWriter};
 use crate::momentum::MomentumLedger;
 use crate::pitch::PitchFinder;
 use crate::report::{Outcome, Report};
@@ -86,7 +87,8 @@ struct Run {
     pitch: PitchFinder,
     stability: Option<StabilityNote>,
     iterations: u64,
-    has_loads: bool,
+    estimator: Option<Estimator>,
+    estimates: Vec<ProbeEstimate>,
     report: Report,
 }
 
@@ -110,8 +112,11 @@ impl Run {
             component.system().potentials().iter().any(|term| term.account() == vi_core::Account::Load)
         });
         let path = directory.join("history.csv");
-        let mut history = HistoryWriter::create(&path, &probes, has_loads).map_err(output(&path))?;
-        history.write(&first, 0, has_loads).map_err(output(&path))?;
+        let mut estimator = simulation.scene().time.estimate.then(|| Estimator::new(&simulation));
+        let estimates = estimator.as_mut().and_then(|estimator| estimator.compare(0, &first.probes));
+        let columns = Columns { has_loads, has_estimates: estimator.is_some() };
+        let mut history = HistoryWriter::create(&path, &probes, columns).map_err(output(&path))?;
+        history.write(&first, 0, estimates.as_deref()).map_err(output(&path))?;
         let frames = match simulation.scene().output.interval {
             Some(interval) => {
                 let mut frames = FrameWriter::create(directory, name, &simulation, interval)?;
@@ -132,7 +137,8 @@ impl Run {
             history,
             frames,
             stability,
-            has_loads,
+            estimator,
+            estimates: estimates.unwrap_or_default(),
             report,
         })
     }
@@ -196,7 +202,14 @@ impl Run {
         self.ledger.enter(vi_core::StepEnergy::default(), seen.total(), seen.kinetic);
         self.momentum.enter(&seen);
         self.pitch.enter(&seen);
-        let result = self.history.write(&seen, std::mem::take(&mut self.iterations), self.has_loads);
+        let begin = Instant::now();
+        let steps = self.simulation.steps();
+        let estimates = self.estimator.as_mut().and_then(|estimator| estimator.compare(steps, &seen.probes));
+        self.report.estimating_seconds += begin.elapsed().as_secs_f64();
+        let result = self.history.write(&seen, std::mem::take(&mut self.iterations), estimates.as_deref());
+        if let Some(estimates) = estimates {
+            self.estimates = estimates;
+        }
         result.map_err(|source| RunError::Output { path: self.directory.join("history.csv"), source })
     }
 
@@ -205,6 +218,9 @@ impl Run {
         self.history.flush().map_err(|source| RunError::Output { path, source })?;
         let frame_count = self.frames.as_ref().map_or(0, FrameWriter::count);
         self.report.close(&self.simulation, outcome, frame_count, &self.ledger, &self.momentum, &self.pitch);
+        if let Some(estimator) = &self.estimator {
+            self.report.estimate(&self.simulation, &self.estimates, estimator.notes());
+        }
         let path = self.directory.join("report.json");
         self.report.write(&path).map_err(|source| RunError::Output { path, source })
     }

@@ -3,8 +3,9 @@
 
 use rayon::prelude::*;
 use vi_core::{State, System, angular_momentum, kinetic_energy, linear_momentum};
-use vi_solvers::{Assembler, StepError, Stepper, Work};
+use vi_solvers::{Assembler, Method, StepError, Stepper, Work};
 
+use crate::auto::AutoReport;
 use crate::model::{BodyModel, Model, ProbeTarget};
 use crate::scene::{Problem, Scene};
 
@@ -93,6 +94,8 @@ pub struct Simulation {
     steps: u64,
     step_count: u64,
     h: f64,
+    method: Method,
+    auto: Option<AutoReport>,
 }
 
 impl Simulation {
@@ -105,11 +108,17 @@ impl Simulation {
         if !problems.is_empty() {
             return Err(problems);
         }
+        let (scene, method, auto) = match scene.time.method() {
+            Some(method) => (scene, method, None),
+            None => {
+                let (settled, choice, report) = crate::auto::choose(&scene)?;
+                (settled, choice.method(), Some(report))
+            }
+        };
         let model = Model::build(&scene)?;
         let mut problems = Vec::new();
         let mut options = scene.solver.options();
         options.ledger = scene.output.ledger;
-        let method = scene.time.method();
         let mut components = Vec::with_capacity(model.components.len());
         for (system, state) in model.components {
             let stepper = if system.coordinates().free_count() == 0 {
@@ -138,10 +147,22 @@ impl Simulation {
             steps: 0,
             step_count,
             h,
+            method,
+            auto,
         })
     }
 
-    /// The scene.
+    /// The integrator.
+    pub fn method(&self) -> Method {
+        self.method
+    }
+
+    /// Why this scheme and step, where the scene left them open.
+    pub fn auto(&self) -> Option<&AutoReport> {
+        self.auto.as_ref()
+    }
+
+    /// The scene, with scheme and step settled.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }

@@ -43,7 +43,7 @@ impl StabilityNote {
 
 /// The stability of a simulation's explicit scheme; none for implicit schemes, or where nothing moves.
 pub fn stability(simulation: &Simulation) -> Option<StabilityNote> {
-    let method = simulation.scene().time.method();
+    let method = simulation.method();
     let limit = method.facts().stability_limit?;
     let moving: Vec<(&System, &State)> = simulation
         .components()

@@ -4,12 +4,12 @@
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
-use vi_solvers::{Work, highest_frequency};
+use vi_solvers::{Method, Work, highest_frequency};
 
-use crate::scene::{Scene, SchemeName};
+use crate::scene::{Scene, SchemeName, Time};
 use crate::simulation::Simulation;
 
-/// A time integrator with its step.
+/// A time integrator with its step; never `auto`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Choice {
     /// The scheme.
@@ -29,12 +29,8 @@ impl Choice {
     /// The scene with this choice in place of its own.
     pub fn apply(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();
-        scene.time.scheme = self.scheme;
-        scene.time.stages = self.stages;
-        scene.time.step = scene.time.end / self.steps as f64;
-        if self.scheme != SchemeName::GeneralizedAlpha {
-            scene.time.spectral_radius = None;
-        }
+        scene.time.choose(self.scheme, self.stages, self.steps);
+        scene.time.estimate = false;
         scene.output.interval = None;
         scene.output.ledger = false;
         scene
@@ -50,10 +46,10 @@ impl Choice {
     }
 
     /// The integrator.
-    pub fn method(&self) -> vi_solvers::Method {
-        let mut time = crate::scene::Time::new(1.0, 1.0, self.scheme);
+    pub fn method(&self) -> Method {
+        let mut time = Time::new(1.0, 1.0, self.scheme);
         time.stages = self.stages;
-        time.method()
+        time.method().unwrap_or(Method::StormerVerlet)
     }
 }
 

@@ -38,7 +38,7 @@ pub fn bench(
     drop(simulation);
     let reference = find(&scene, &norm, omega, options.budget.mul_f64(REFERENCE_SHARE), watch)?;
     let mut sweep = Sweep {
-        accuracy: options.accuracy.unwrap_or(1e-2),
+        accuracy: options.accuracy.or(scene.time.tolerance).unwrap_or(1e-2),
         budget: options.budget,
         begin,
         scene,

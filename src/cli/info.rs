@@ -66,7 +66,7 @@ fn scene(path: &Path) -> u8 {
         "time     {} steps of {:.6e} s by {}",
         simulation.step_count(),
         simulation.step_size(),
-        scene.time.method().name()
+        simulation.method().name()
     );
     for (body, said) in simulation.bodies().iter().zip(&scene.bodies) {
         let component = &simulation.components()[body.component];

@@ -6,20 +6,22 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::explain::explain;
 use crate::run::Watch;
 use crate::simulation::Simulation;
 
 /// Watches a run for the person at the terminal, and for Ctrl-C.
 pub(super) struct Progress {
     quiet: bool,
+    explain: bool,
     stop: Arc<AtomicBool>,
     bar: Option<ProgressBar>,
     tenths: u64,
 }
 
 impl Progress {
-    pub(super) fn new(quiet: bool, stop: Arc<AtomicBool>) -> Self {
-        Self { quiet, stop, bar: None, tenths: 0 }
+    pub(super) fn new(quiet: bool, explain: bool, stop: Arc<AtomicBool>) -> Self {
+        Self { quiet, explain, stop, bar: None, tenths: 0 }
     }
 
     pub(super) fn finish(&self) {
@@ -34,8 +36,14 @@ impl Watch for Progress {
         for note in notes {
             eprintln!("note: {note}");
         }
+        if self.explain {
+            eprint!("{}", explain(simulation));
+        }
         if self.quiet {
             return;
+        }
+        if let Some(auto) = simulation.auto() {
+            eprintln!("{}", auto.reason);
         }
         let elements: usize = simulation.bodies().iter().map(|body| body.element_count()).sum();
         let nodes: usize = simulation.bodies().iter().map(|body| body.mesh.points.len()).sum();
@@ -44,7 +52,7 @@ impl Watch for Progress {
             simulation.bodies().len(),
             simulation.step_count(),
             simulation.step_size(),
-            simulation.scene().time.method().name(),
+            simulation.method().name(),
         );
         if std::io::stderr().is_terminal() {
             let style = ProgressStyle::with_template(

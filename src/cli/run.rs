@@ -32,6 +32,9 @@ pub(super) struct RunArguments {
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
+    /// Print what is built, made once, skipped and why; after the run, what was done
+    #[arg(long)]
+    explain: bool,
 }
 
 pub(super) fn run(arguments: &RunArguments) -> u8 {
@@ -52,7 +55,7 @@ pub(super) fn run(arguments: &RunArguments) -> u8 {
         );
         return exit::BAD_INPUT;
     }
-    let mut progress = Progress::new(arguments.quiet || arguments.json, stop_on_ctrl_c());
+    let mut progress = Progress::new(arguments.quiet || arguments.json, arguments.explain, stop_on_ctrl_c());
     let result = pool.install(|| run_scene(scene, &name, &directory, &mut progress));
     progress.finish();
     match result {
@@ -110,6 +113,9 @@ fn conclude(report: &Report, directory: &Path, arguments: &RunArguments) -> u8 {
     } else if !arguments.quiet {
         summary(report, directory);
     }
+    if arguments.explain {
+        eprint!("{}", report.account());
+    }
     for broken in &report.broken {
         eprintln!("assertion broken: {broken}");
     }
@@ -132,6 +138,16 @@ fn summary(report: &Report, directory: &Path) {
         report.output_seconds
     );
     println!("energy drift {drift:.2e} of the largest kinetic energy");
+    for (probe, estimate) in &report.estimate {
+        let error = |axis: usize| estimate["error"][axis].as_f64().unwrap_or(f64::NAN);
+        let order = estimate["observed_order"].as_f64().map_or("not seen".to_owned(), |order| format!("{order:.1}"));
+        println!(
+            "error of '{probe}' at the end: ± {:.1e}, {:.1e}, {:.1e} m (observed order {order})",
+            error(0),
+            error(1),
+            error(2)
+        );
+    }
     for (probe, pitch) in &report.pitch {
         match pitch.as_f64() {
             Some(pitch) => println!("pitch at '{probe}': {pitch:.2} Hz"),

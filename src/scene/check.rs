@@ -103,12 +103,28 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
 fn time(check: &mut Checker, scene: &Scene) {
     let time = &scene.time;
     check.positive("time.end", time.end, "s");
-    check.positive("time.step", time.step, "s");
-    if time.step > time.end && time.end > 0.0 {
-        check.say("time.step", format!("must not exceed `end` ({} s), is {} s", time.end, time.step));
+    match time.step {
+        Some(step) => {
+            check.positive("time.step", step, "s");
+            if step > time.end && time.end > 0.0 {
+                check.say("time.step", format!("must not exceed `end` ({} s), is {step} s", time.end));
+            }
+            if time.end / step > 9e15 {
+                check.say("time.step", "asks for more steps than can be counted");
+            }
+            if time.scheme == SchemeName::Auto {
+                check.say("time.step", "scheme \"auto\" chooses the step; take `step` out, or name a scheme");
+            }
+        }
+        None if time.scheme != SchemeName::Auto => {
+            check.say("time.step", "missing key: a step in s (only scheme \"auto\" chooses it)");
+        }
+        None => {}
     }
-    if time.end / time.step > 9e15 {
-        check.say("time.step", "asks for more steps than can be counted");
+    if let Some(tolerance) = time.tolerance
+        && !(1e-9..=0.5).contains(&tolerance)
+    {
+        check.say("time.tolerance", format!("must be 1e-9 to 0.5, is {tolerance:e}"));
     }
     match time.stages {
         Some(stages) if time.scheme != SchemeName::Gauss => check.say(

@@ -37,6 +37,8 @@ pub enum SchemeName {
     /// Not variational: loses energy at high frequencies.
     #[serde(rename = "generalized-alpha")]
     GeneralizedAlpha,
+    /// Scheme and step chosen for `tolerance` by measured costs and trial runs.
+    Auto,
 }
 
 /// `[time]`: how long, in which steps, by which scheme.
@@ -46,7 +48,9 @@ pub struct Time {
     /// End of the run, s (> 0).
     pub end: f64,
     /// Step h, s (> 0). It is adjusted to end/round(end/step), so that a step lands on `end`.
-    pub step: f64,
+    /// Left out with scheme `auto` only, which chooses it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub step: Option<f64>,
     /// The time integrator.
     pub scheme: SchemeName,
     /// Stages of `gauss`, 1 to 5 (default 2).
@@ -55,23 +59,55 @@ pub struct Time {
     /// Spectral radius at infinite frequency of `generalized-alpha`, 0 to 1 (default 0.8).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spectral_radius: Option<f64>,
+    /// Relative error wanted at `end`, 1e-9 to 0.5 (default 1e-4): what `auto` and `bench` aim at.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tolerance: Option<f64>,
+    /// Estimate the error of every probe by companion runs with other steps (5 to 10 times the cost).
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub estimate: bool,
 }
 
 impl Time {
     /// From 0 to `end` (s) in steps of `step` (s).
     pub fn new(end: f64, step: f64, scheme: SchemeName) -> Self {
-        Self { end, step, scheme, stages: None, spectral_radius: None }
+        let none = Self::auto(end, 1e-4);
+        Self { step: Some(step), scheme, tolerance: None, ..none }
+    }
+
+    /// From 0 to `end` (s) with a relative error of `tolerance` at the end, by a scheme and a step that the
+    /// program chooses.
+    pub fn auto(end: f64, tolerance: f64) -> Self {
+        Self {
+            end,
+            step: None,
+            scheme: SchemeName::Auto,
+            stages: None,
+            spectral_radius: None,
+            tolerance: Some(tolerance),
+            estimate: false,
+        }
+    }
+
+    /// Settles scheme and step: `steps` of them from 0 to `end`.
+    pub fn choose(&mut self, scheme: SchemeName, stages: Option<usize>, steps: u64) {
+        if scheme != self.scheme {
+            self.spectral_radius = None;
+        }
+        self.scheme = scheme;
+        self.stages = stages;
+        self.step = Some(self.end / steps as f64);
     }
 
     /// Number of steps, end/step rounded and at least one, and the step that lands on `end`, s.
     pub fn steps(&self) -> (u64, f64) {
-        let count = (self.end / self.step).round().max(1.0);
+        let count = (self.end / self.step.unwrap_or(self.end)).round().max(1.0);
         (count as u64, self.end / count)
     }
 
-    /// The integrator that is asked for.
-    pub fn method(&self) -> Method {
-        match self.scheme {
+    /// The integrator that is asked for; none where it is yet to be chosen.
+    pub fn method(&self) -> Option<Method> {
+        Some(match self.scheme {
+            SchemeName::Auto => return None,
             SchemeName::SymplecticEulerA => Method::SymplecticEulerA,
             SchemeName::SymplecticEulerB => Method::SymplecticEulerB,
             SchemeName::StormerVerlet => Method::StormerVerlet,
@@ -87,7 +123,7 @@ impl Time {
             SchemeName::GeneralizedAlpha => {
                 Method::GeneralizedAlpha { spectral_radius: self.spectral_radius.unwrap_or(0.8) }
             }
-        }
+        })
     }
 }
 

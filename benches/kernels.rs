@@ -1,0 +1,119 @@
+//! Element kernels, gather, Hessian, factor, solve and whole steps on the cantilever block P1
+//! (docs/performance.md), at n = 4, 8, 16: `cargo bench --bench kernels`.
+
+use std::hint::black_box;
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use variational::prelude::*;
+use variational::solvers::{Assembler, Factor, HessianEvaluation};
+
+const SIZES: [u32; 3] = [4, 8, 16];
+
+fn block(n: u32, law: Law, scheme: SchemeName, step: f64) -> Simulation {
+    let mesh = BoxMesh {
+        size: [1.0, 0.25, 0.25],
+        cells: [4 * n, n, n],
+        element: ElementKind::Tet4,
+        origin: [0.0; 3],
+    };
+    let scene = Scene::new(Time::new(1.0, step, scheme))
+        .gravity([0.0, -9.81, 0.0])
+        .body(Body::from_box("block", mesh, law))
+        .fix(Fix::region("block", "x-min"));
+    match Simulation::new(scene) {
+        Ok(simulation) => simulation,
+        Err(problems) => panic!("{problems:?}"),
+    }
+}
+
+fn laws() -> [(&'static str, Law); 2] {
+    let constants = Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 };
+    [("st-venant-kirchhoff", Law::StVenantKirchhoff(constants)), ("neo-hookean", Law::NeoHookean(constants))]
+}
+
+/// Forces and Hessians of all elements on one thread, without the sums over nodes.
+fn elements(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("elements");
+    for n in SIZES {
+        for (name, law) in laws() {
+            let simulation = block(n, law, SchemeName::StormerVerlet, 1e-4);
+            let component = &simulation.components()[0];
+            let (system, state) = (component.system(), component.state());
+            let x = system.positions(state);
+            let elastic = &system.potentials()[0];
+            let (count, size) = (elastic.stencils().count(), elastic.stencils().size());
+            group.throughput(Throughput::Elements(count as u64));
+            let mut gradients = vec![0.0; count * size];
+            group.bench_function(BenchmarkId::new(format!("force/{name}"), n), |bencher| {
+                bencher.iter(|| elastic.gradients(0..count, black_box(&x), 0.0, &mut gradients));
+            });
+            let mut hessians = vec![0.0; count * size * (size + 1) / 2];
+            group.bench_function(BenchmarkId::new(format!("hessian/{name}"), n), |bencher| {
+                bencher.iter(|| elastic.hessians(0..count, black_box(&x), 0.0, &mut hessians));
+            });
+        }
+    }
+    group.finish();
+}
+
+/// Whole gradients and Hessians, sums included, and the linear algebra of an implicit step.
+fn assembly(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("assembly");
+    group.sample_size(10);
+    for n in SIZES {
+        let (_, law) = laws()[0].clone();
+        let simulation = block(n, law, SchemeName::StormerVerlet, 1e-4);
+        let component = &simulation.components()[0];
+        let (system, state) = (component.system(), component.state());
+        let x = system.positions(state);
+        let mut assembler = Assembler::new(system);
+        let mut gradient = vec![0.0; x.len()];
+        group.bench_function(BenchmarkId::new("gradient", n), |bencher| {
+            bencher.iter(|| assembler.gradient(system, black_box(&x), 0.0, &mut gradient));
+        });
+        group.bench_function(BenchmarkId::new("hessian", n), |bencher| {
+            bencher.iter(|| {
+                assembler.hessian(system, black_box(&x), 0.0, HessianEvaluation::Exact);
+            });
+        });
+        let stiffness = assembler.hessian(system, &x, 0.0, HessianEvaluation::Exact);
+        let (mass, c) = (system.free_mass(), 0.25e-4);
+        let mut factor = match Factor::new(stiffness) {
+            Ok(factor) => factor,
+            Err(error) => panic!("{error}"),
+        };
+        group.bench_function(BenchmarkId::new("factor", n), |bencher| {
+            bencher.iter(|| factor.factorize(mass, c, black_box(stiffness)));
+        });
+        let rhs = vec![1.0; mass.len()];
+        let mut solution = rhs.clone();
+        group.bench_function(BenchmarkId::new("solve", n), |bencher| {
+            bencher.iter(|| {
+                solution.copy_from_slice(&rhs);
+                factor.solve(black_box(&mut solution))
+            });
+        });
+    }
+    group.finish();
+}
+
+/// Steps of whole schemes.
+fn steps(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("step");
+    group.sample_size(10);
+    for n in SIZES {
+        for (name, scheme, step) in [
+            ("stormer-verlet", SchemeName::StormerVerlet, 1.0 / (260.0 * f64::from(n))),
+            ("blanes-moan-4", SchemeName::BlanesMoan4, 1.0 / (170.0 * f64::from(n))),
+            ("implicit-midpoint", SchemeName::ImplicitMidpoint, 0.01),
+        ] {
+            let (_, law) = laws()[0].clone();
+            let mut simulation = block(n, law, scheme, step);
+            group.bench_function(BenchmarkId::new(name, n), |bencher| bencher.iter(|| simulation.step()));
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(kernels, elements, assembly, steps);
+criterion_main!(kernels);

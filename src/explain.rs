@@ -1,0 +1,150 @@
+//! What a run builds, what it makes once, and what it skips and why: `variational run --explain`.
+//! It must not change the run; the work counts of report.json are the proof of what it says.
+
+use std::fmt::Write;
+
+use serde_json::{Map, Value};
+use vi_core::{HessianKind, Potential, System};
+use vi_solvers::{Assembler, Factor, HessianEvaluation};
+
+use crate::simulation::{Component, Simulation};
+
+/// What will be built, by component and term.
+///
+/// For implicit schemes it makes matrix and factor once, on its own, to tell their size.
+pub fn explain(simulation: &Simulation) -> String {
+    let method = simulation.method();
+    let facts = method.facts();
+    let mut text = format!(
+        "{}: order {}, {}; {}\n",
+        method.name(),
+        facts.order,
+        if facts.is_explicit { "explicit" } else { "implicit" },
+        if facts.is_variational { "variational" } else { "not variational" }
+    );
+    for (index, component) in simulation.components().iter().enumerate() {
+        let bodies: Vec<&str> = simulation
+            .bodies()
+            .iter()
+            .filter(|body| body.component == index)
+            .map(|body| body.name.as_str())
+            .collect();
+        let _ = writeln!(text, "system {index}: {}", bodies.join(", "));
+        system(&mut text, component, facts.is_explicit);
+    }
+    text
+}
+
+fn system(text: &mut String, component: &Component, is_explicit: bool) {
+    let system = component.system();
+    let coordinates = system.coordinates();
+    let (all, free) = (coordinates.dof_count(), coordinates.free_count());
+    let _ = writeln!(text, "  coordinates: {all}, of which {free} free; prescribed ones are eliminated");
+    let _ = writeln!(text, "  mass: {free} numbers (lumped), {}", bytes(8 * free as u64));
+    if component.stepper().is_none() {
+        let _ = writeln!(text, "  skipped: no coordinate is free, nothing is stepped");
+        return;
+    }
+    let mut varying = false;
+    for potential in system.potentials() {
+        varying |= potential.traits().hessian == HessianKind::Varying;
+        term(text, system, potential.as_ref(), is_explicit);
+    }
+    let mut assembler = Assembler::new(system);
+    let constant = assembler.work().constant_stencils;
+    let _ = writeln!(text, "  gradients made once: {constant} stencils (affine terms, and those that cannot move)");
+    if is_explicit {
+        let _ = writeln!(text, "  skipped: Hessian, sparsity pattern, ordering and factor; explicit steps need none");
+        return;
+    }
+    let state = component.state();
+    let x = system.positions(state);
+    let matrix = assembler.hessian(system, &x, state.t, HessianEvaluation::Exact);
+    let _ = writeln!(
+        text,
+        "  matrix M + cK: {free} × {free}, {} entries in its lower triangle, {}; {}",
+        matrix.nnz(),
+        bytes(matrix.bytes() as u64),
+        if varying { "the pattern is made once, the values when a factor is renewed" } else { "made once" }
+    );
+    match Factor::new(matrix) {
+        Ok(factor) => {
+            let facts = factor.facts();
+            let _ = writeln!(
+                text,
+                "  factor: {} entries in {} supernodes, {}, {:.3} Gflop; ordering and symbolic part made once{}",
+                facts.nnz,
+                facts.supernodes,
+                bytes(facts.bytes),
+                1e-9 * facts.flops,
+                if varying { "" } else { ", the numeric part too while h stays" }
+            );
+        }
+        Err(error) => {
+            let _ = writeln!(text, "  factor: {error}");
+        }
+    }
+}
+
+fn term(text: &mut String, system: &System, potential: &dyn Potential, is_explicit: bool) {
+    let stencils = potential.stencils();
+    let coordinates = system.coordinates();
+    let mut moving = vec![false; coordinates.dof_count()];
+    for &dof in coordinates.free() {
+        moving[dof as usize] = true;
+    }
+    let can_move = |stencil: &usize| {
+        let mut nodes = stencils.of(*stencil).iter();
+        let block = stencils.block;
+        nodes.any(|&node| (0..block).any(|k| moving[node as usize * block + k]))
+    };
+    let still = stencils.count() - (0..stencils.count()).filter(can_move).count();
+    let traits = potential.traits();
+    let gradient = match (traits.hessian, traits.time_dependent) {
+        (HessianKind::Zero, false) => "gradient made once (affine)",
+        _ => "gradient at every evaluation",
+    };
+    let hessian = match traits.hessian {
+        _ if is_explicit => "no Hessian (explicit)",
+        HessianKind::Zero => "no Hessian (affine)",
+        HessianKind::Constant => "Hessian made once (quadratic)",
+        HessianKind::Varying => "Hessian when a factor is renewed",
+    };
+    let _ = write!(
+        text,
+        "  term '{}': {} stencils of {} nodes; {gradient}; {hessian}",
+        potential.name(),
+        stencils.count(),
+        stencils.arity
+    );
+    if still > 0 {
+        let _ = write!(text, "; {still} stencils cannot move");
+    }
+    let (n, count) = (stencils.size() as u64, stencils.count() as u64);
+    let local = if is_explicit { 8 * n * count } else { 8 * (n + n * (n + 1) / 2) * count };
+    let _ = writeln!(text, "; local blocks {}", bytes(local));
+}
+
+/// What was done, in counts.
+pub fn account(work: &Map<String, Value>) -> String {
+    let (done, none): (Vec<_>, Vec<_>) = work.iter().partition(|(_, count)| count.as_u64() != Some(0));
+    let words = |name: &str| name.replace('_', " ");
+    let done: Vec<String> = done.iter().map(|(name, count)| format!("{count} {}", words(name))).collect();
+    let none: Vec<String> = none.iter().map(|(name, _)| words(name)).collect();
+    let mut text = format!("done: {}\n", done.join(", "));
+    if !none.is_empty() {
+        let _ = writeln!(text, "never: {}", none.join(", "));
+    }
+    text
+}
+
+/// 1536 as `1.5 kB`.
+fn bytes(count: u64) -> String {
+    let value = count as f64;
+    match value {
+        v if v >= 1e9 => format!("{:.1} GB", 1e-9 * v),
+        v if v >= 1e6 => format!("{:.1} MB", 1e-6 * v),
+        v if v >= 1e3 => format!("{:.1} kB", 1e-3 * v),
+        v => format!("{v} B"),
+    }
+}
