@@ -57,7 +57,8 @@ impl Estimator {
             let shadow = Choice { scheme: SchemeName::BlanesMoan4, stages: None, steps };
             let limit = shadow.method().facts().recommended_limit.unwrap_or(0.0);
             // At twice the step it costs 3 forces a step of the run, where that is stable.
-            let is_slow = highest(simulation).is_some_and(|omega| 2.0 * simulation.step_size() * omega <= limit);
+            let is_slow =
+                highest(simulation).is_some_and(|omega| 2.0 * simulation.step_size() * omega <= limit);
             let stride = if can_double && is_slow { 2 } else { 1 };
             (None, companion(Choice { steps: steps / stride, ..shadow }), stride)
         } else if can_double {

@@ -52,9 +52,15 @@ fn system(text: &mut String, component: &Component, is_explicit: bool) {
     }
     let mut assembler = Assembler::new(system);
     let constant = assembler.work().constant_stencils;
-    let _ = writeln!(text, "  gradients made once: {constant} stencils (affine terms, and those that cannot move)");
+    let _ = writeln!(
+        text,
+        "  gradients made once: {constant} stencils (affine terms, and those that cannot move)"
+    );
     if is_explicit {
-        let _ = writeln!(text, "  skipped: Hessian, sparsity pattern, ordering and factor; explicit steps need none");
+        let _ = writeln!(
+            text,
+            "  skipped: Hessian, sparsity pattern, ordering and factor; explicit steps need none"
+        );
         return;
     }
     let state = component.state();

@@ -178,7 +178,12 @@ impl Report {
     }
 
     /// Enters the estimated errors of the probes where the run ended.
-    pub(crate) fn estimate(&mut self, simulation: &Simulation, estimates: &[ProbeEstimate], notes: &[String]) {
+    pub(crate) fn estimate(
+        &mut self,
+        simulation: &Simulation,
+        estimates: &[ProbeEstimate],
+        notes: &[String],
+    ) {
         self.notes.extend(notes.iter().cloned());
         for (probe, estimate) in simulation.scene().probes.iter().zip(estimates) {
             self.estimate.insert(probe.name.clone(), json!(estimate));

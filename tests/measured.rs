@@ -110,7 +110,10 @@ fn an_estimate_covers_the_error_and_shows_the_order() {
         let truth = fine.observe().probes[0].displacement;
         for k in 0..3 {
             let error = (probes[0].displacement[k] - truth[k]).abs();
-            assert!((0.5 * error..3.0 * error + 1e-9).contains(&estimate.error[k]), "{scheme:?} {k}: {error:e} {estimate:?}");
+            assert!(
+                (0.5 * error..3.0 * error + 1e-9).contains(&estimate.error[k]),
+                "{scheme:?} {k}: {error:e} {estimate:?}"
+            );
         }
         assert!((1.6..2.4).contains(&estimate.observed_order.unwrap()), "{scheme:?}: {estimate:?}");
     }

@@ -45,8 +45,11 @@ impl Axis {
 impl BenchReport {
     /// Run time over error as SVG.
     pub fn chart(&self, title: &str) -> String {
-        let shown: Vec<&Row> =
-            self.rows.iter().filter(|row| row.error.is_some_and(|error| error > 0.0 && error < 3.0)).collect();
+        let shown: Vec<&Row> = self
+            .rows
+            .iter()
+            .filter(|row| row.error.is_some_and(|error| error > 0.0 && error < 3.0))
+            .collect();
         let [left, top, right, bottom] = FRAME;
         let errors = shown.iter().filter_map(|row| row.error).chain([self.accuracy]);
         let x = Axis::over(errors, left, right);

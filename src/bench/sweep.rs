@@ -148,8 +148,7 @@ impl Sweep<'_> {
                 let error = self.norm.error(&trial.end, &self.reference.end);
                 row.seconds = Some(trial.seconds);
                 row.energy_drift = Some(trial.energy_drift);
-                row.work =
-                    trial.work.iter().map(|(name, count)| (name.to_owned(), count.into())).collect();
+                row.work = trial.work.iter().map(|(name, count)| (name.to_owned(), count.into())).collect();
                 row.at_reference = error < 3.0 * self.reference.facts.difference;
                 if error.is_finite() {
                     row.error = Some(error);

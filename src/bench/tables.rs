@@ -100,7 +100,11 @@ impl BenchReport {
             reference.steps,
             reference.difference,
             reference.coarser_steps,
-            if self.rows.iter().any(|row| row.at_reference) { "; ≈: no better known than that" } else { "" }
+            if self.rows.iter().any(|row| row.at_reference) {
+                "; ≈: no better known than that"
+            } else {
+                ""
+            }
         );
         text
     }
@@ -110,8 +114,11 @@ impl BenchReport {
         let mut text = String::from(
             "scheme,steps,step,seconds,repeats,error,observed_order,energy_drift,on_front,is_present,at_reference,failure",
         );
-        let names: Vec<&String> =
-            self.rows.iter().find(|row| !row.work.is_empty()).map_or(Vec::new(), |row| row.work.keys().collect());
+        let names: Vec<&String> = self
+            .rows
+            .iter()
+            .find(|row| !row.work.is_empty())
+            .map_or(Vec::new(), |row| row.work.keys().collect());
         for name in &names {
             let _ = write!(text, ",{name}");
         }
@@ -164,7 +171,13 @@ fn engineering(value: f64, unit: &str) -> String {
         _ => (1e9, "n"),
     };
     let scaled = value * scale;
-    let digits = if scaled >= 100.0 { 0 } else if scaled >= 10.0 { 1 } else { 2 };
+    let digits = if scaled >= 100.0 {
+        0
+    } else if scaled >= 10.0 {
+        1
+    } else {
+        2
+    };
     let text = format!("{scaled:.digits$}");
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
     format!("{text} {prefix}{unit}")

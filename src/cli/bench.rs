@@ -59,8 +59,7 @@ pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
         Err(code) => return code,
     };
     let name = name_of(&arguments.scene);
-    let directory =
-        arguments.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{name}-bench")));
+    let directory = arguments.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{name}-bench")));
     if let Err(error) = writable(&directory) {
         eprintln!(
             "error: {}: output directory not writable: {error}; choose another with --out",

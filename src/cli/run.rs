@@ -140,7 +140,8 @@ fn summary(report: &Report, directory: &Path) {
     println!("energy drift {drift:.2e} of the largest kinetic energy");
     for (probe, estimate) in &report.estimate {
         let error = |axis: usize| estimate["error"][axis].as_f64().unwrap_or(f64::NAN);
-        let order = estimate["observed_order"].as_f64().map_or("not seen".to_owned(), |order| format!("{order:.1}"));
+        let order =
+            estimate["observed_order"].as_f64().map_or("not seen".to_owned(), |order| format!("{order:.1}"));
         println!(
             "error of '{probe}' at the end: ± {:.1e}, {:.1e}, {:.1e} m (observed order {order})",
             error(0),

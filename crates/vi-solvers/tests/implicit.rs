@@ -281,7 +281,11 @@ fn a_body_at_rest_in_balance_is_not_solved() {
             assert_eq!(stepper.step(&system, &mut state, 0.1).unwrap().iterations, 0);
         }
         let work = stepper.work();
-        assert_eq!((work.hessians, work.factorizations, work.solves, work.skipped), (0, 0, 0, 5), "{method:?}");
+        assert_eq!(
+            (work.hessians, work.factorizations, work.solves, work.skipped),
+            (0, 0, 0, 5),
+            "{method:?}"
+        );
         assert_eq!((&state.q, &state.p), (&start.q, &start.p));
         // Once pushed, it moves.
         state.p[0] = 0.1;
