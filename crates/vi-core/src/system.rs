@@ -1,14 +1,18 @@
 //! A Lagrangian system L = T − V and its state (q, p). It must not know how time is stepped.
 
-use crate::{Coordinates, CoreError, Potential};
+use std::sync::Arc;
+
+use crate::{Coordinates, CoreError, Force, Potential, Stencils};
 
 /// The Lagrangian L(q, q̇, t) = ½ q̇ᵀM q̇ − Σ V(x(q, t), t), with lumped (diagonal) mass M.
 ///
-/// Prescribed coordinates leave the kinetic energy; they act through V(x(q, t), t).
+/// Prescribed coordinates leave the kinetic energy; they act through V(x(q, t), t). Forces that no
+/// potential gives are listed apart: M q̈ = −∂V/∂q + Σ f(x, ẋ, t).
 pub struct System {
     mass: Vec<f64>,
     free_mass: Vec<f64>,
     potentials: Vec<Box<dyn Potential>>,
+    forces: Vec<Arc<dyn Force>>,
     coordinates: Coordinates,
 }
 
@@ -33,20 +37,22 @@ impl System {
             }
         }
         for potential in &potentials {
-            let stencils = potential.stencils();
-            for (k, &node) in stencils.nodes.iter().enumerate() {
-                if (node as usize + 1) * stencils.block > count {
-                    return Err(CoreError::Stencil {
-                        term: potential.name().to_owned(),
-                        stencil: k / stencils.arity,
-                        node: node as usize,
-                        count: count / stencils.block,
-                    });
-                }
-            }
+            check_stencils(potential.name(), potential.stencils(), count)?;
         }
         let free_mass = coordinates.free().iter().map(|&dof| mass[dof as usize]).collect();
-        Ok(Self { mass, free_mass, potentials, coordinates })
+        Ok(Self { mass, free_mass, potentials, forces: Vec::new(), coordinates })
+    }
+
+    /// The system with these forces besides its potentials.
+    ///
+    /// # Errors
+    /// [`CoreError::Stencil`] where a stencil names a missing node.
+    pub fn with_forces(mut self, forces: Vec<Arc<dyn Force>>) -> Result<Self, CoreError> {
+        for force in &forces {
+            check_stencils(force.name(), force.stencils(), self.mass.len())?;
+        }
+        self.forces = forces;
+        Ok(self)
     }
 
     /// Lumped mass of every coordinate x_i, kg.
@@ -62,6 +68,11 @@ impl System {
     /// The terms of V.
     pub fn potentials(&self) -> &[Box<dyn Potential>] {
         &self.potentials
+    }
+
+    /// The forces that no potential gives.
+    pub fn forces(&self) -> &[Arc<dyn Force>] {
+        &self.forces
     }
 
     /// The map x(q, t).
@@ -105,6 +116,21 @@ impl System {
         self.coordinates.embed_velocity(&q_dot, state.t, &mut x_dot);
         x_dot
     }
+}
+
+/// Do the stencils of a term name only nodes within `count` coordinates?
+fn check_stencils(term: &str, stencils: Stencils<'_>, count: usize) -> Result<(), CoreError> {
+    for (k, &node) in stencils.nodes.iter().enumerate() {
+        if (node as usize + 1) * stencils.block > count {
+            return Err(CoreError::Stencil {
+                term: term.to_owned(),
+                stencil: k / stencils.arity,
+                node: node as usize,
+                count: count / stencils.block,
+            });
+        }
+    }
+    Ok(())
 }
 
 /// A point of phase space: never two old positions.

@@ -97,6 +97,20 @@ pub enum SolverError {
         /// What is allowed.
         allowed: &'static str,
     },
+    /// A scheme that has no place for a force that no potential gives.
+    #[error(
+        "scheme {scheme} cannot take the force '{force}', which {reason}; take the force out or choose one of {schemes}"
+    )]
+    Force {
+        /// The scheme's name.
+        scheme: &'static str,
+        /// The force's name.
+        force: String,
+        /// Why not.
+        reason: &'static str,
+        /// Schemes that can.
+        schemes: &'static str,
+    },
     /// A memory to continue from that does not fit.
     #[error("cannot continue: the memory of the stepper has no fitting '{missing}'")]
     Memory {

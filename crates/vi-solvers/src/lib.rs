@@ -7,6 +7,7 @@ mod accounts;
 mod assembly;
 mod balance;
 mod comparison;
+mod damped;
 mod energy;
 mod energy_momentum;
 mod error;
