@@ -4,11 +4,15 @@
 //! or a file. Start with [`Mesh`], [`Law`] and [`elastic`]; to add a law see [`Material`], to add an
 //! element see [`Element`].
 
+mod amplitude;
 mod bending;
+mod dead_load;
 mod dihedral;
 mod elastic;
 mod element;
 mod error;
+mod expression;
+mod facet;
 mod fields;
 mod generate;
 mod instructions;
@@ -19,6 +23,7 @@ mod membrane;
 mod mesh;
 mod motion;
 mod pack;
+mod pressure;
 mod real;
 mod sheet;
 mod sheet_body;
@@ -28,10 +33,14 @@ mod svd;
 pub mod tensor;
 mod transpose;
 
+pub use amplitude::Amplitude;
 pub use bending::Bending;
+pub use dead_load::{DeadLoad, VectorField};
 pub use elastic::{elastic, elastic_on};
 pub use element::{Element, ElementKind, Hex8, Hex20, Hex27, Tet4, Tet10, Wedge6, Wedge15};
 pub use error::FemError;
+pub use expression::Expression;
+pub use facet::Surface;
 pub use fields::{ElementField, element_field};
 pub use generate::BoxMesh;
 pub use instructions::InstructionSet;
@@ -46,6 +55,7 @@ pub use membrane::{
 };
 pub use mesh::{ElementBlock, Mesh, Region};
 pub use motion::{Motion, Rotate, Sine, Table, Translate};
+pub use pressure::{Pressure, pressure};
 pub use real::Real;
 pub use sheet::{SheetMesh, SheetPattern};
 pub use sheet_body::Sheet;

@@ -97,6 +97,21 @@ pub enum SolverError {
         /// What is allowed.
         allowed: &'static str,
     },
+    /// No equilibrium was found beyond a load factor.
+    #[error(
+        "no equilibrium beyond load factor {load_factor}: an increment of {increment:e} fails ({cause}){}",
+        explain_lowest(.lowest)
+    )]
+    Equilibrium {
+        /// Load factor of the last equilibrium.
+        load_factor: f64,
+        /// The smallest increment that was tried.
+        increment: f64,
+        /// Lowest ω² of the last equilibrium, 1/s²: near zero at a limit point.
+        lowest: Option<f64>,
+        /// Why that increment failed.
+        cause: Box<SolverError>,
+    },
     /// A scheme that has no place for a force that no potential gives.
     #[error(
         "scheme {scheme} cannot take the force '{force}', which {reason}; take the force out or choose one of {schemes}"
@@ -135,4 +150,14 @@ pub struct TermFault {
     pub term: String,
     /// The element, quantity, value and domain.
     pub fault: vi_core::Fault,
+}
+
+fn explain_lowest(lowest: &Option<f64>) -> String {
+    match lowest {
+        Some(lowest) => format!(
+            "; the lowest eigenvalue of the last equilibrium is {lowest:e} 1/s²: where it has fallen towards \
+             zero this is a limit point, which an arc-length search can pass"
+        ),
+        None => String::new(),
+    }
 }

@@ -2,6 +2,11 @@
 //! turn, b₀ a₁ b₁ … aₙ bₙ. Time advances with the drifts, so that prescribed motion is read at the
 //! time of each kick. No Hessian is ever made here, and this room must not know a linear solver.
 //!
+//! Forces that no potential gives join the kicks, p += b h (f(q, v) − ∂V/∂q). Those that depend on
+//! velocity are read at the velocity before the kick, and in the closing kick of a symmetric scheme at
+//! one predicted by that reading (Heun): Störmer–Verlet keeps order 2, the Euler schemes order 1. In
+//! the ledger their work is f·v̄, v̄ being the mean of the velocities before and after the kick.
+//!
 //! Coefficients: Marsden & West 2001 §2.6 for Euler and Störmer–Verlet; S. Blanes, P.C. Moan,
 //! "Practical symplectic partitioned Runge–Kutta and Runge–Kutta–Nyström methods", J. Comput. Appl.
 //! Math. 142 (2002) 313–330, Table 3, for SRKN₆ᵇ (order 4) and SRKN₁₁ᵇ (order 6).
@@ -9,6 +14,7 @@
 use vi_core::{State, StepEnergy, System};
 
 use crate::accounts::{self, Potentials};
+use crate::force_sum::ForceSum;
 use crate::forces::{Forces, check_state};
 use crate::stepper::expect_method;
 use crate::vectors;
@@ -78,6 +84,9 @@ pub(crate) struct KickDrift {
     q: Vec<f64>,
     p: Vec<f64>,
     x_dot: Vec<f64>,
+    nonconservative: Option<ForceSum>,
+    /// f − ∂V/∂x of all coordinates where there are forces without a potential.
+    net: Vec<f64>,
 }
 
 impl KickDrift {
@@ -97,7 +106,91 @@ impl KickDrift {
             q: vec![0.0; n],
             p: vec![0.0; n],
             x_dot: Vec::new(),
+            nonconservative: ForceSum::new(system),
+            net: Vec::new(),
         }
+    }
+
+    /// Evaluates the forces without a potential at the positions of the last gradient, before a kick
+    /// (b h = `kick`) or, where `closes`, as the closing kick of a symmetric scheme reads them.
+    fn evaluate_nonconservative(
+        &mut self,
+        system: &System,
+        t: f64,
+        kick: f64,
+        closes: bool,
+    ) -> Result<(), SolverError> {
+        let Some(forces) = &mut self.nonconservative else { return Ok(()) };
+        let (mass, free) = (system.free_mass(), system.coordinates().free());
+        let gradient = self.forces.gradient();
+        let count = gradient.len();
+        self.net.resize(count, 0.0);
+        self.x_dot.resize(count, 0.0);
+        let p = &self.p;
+        let velocity: Vec<f64> = p.iter().zip(mass).map(|(p, m)| p / m).collect();
+        system.coordinates().embed_velocity(&velocity, t, &mut self.x_dot);
+        forces.evaluate(self.forces.positions(), &self.x_dot, t);
+        if closes && forces.depends_on_velocity() {
+            let predicted: Vec<f64> = (0..p.len())
+                .map(|k| {
+                    let dof = free[k] as usize;
+                    (p[k] + kick * (forces.total(dof) - gradient[dof])) / mass[k]
+                })
+                .collect();
+            system.coordinates().embed_velocity(&predicted, t, &mut self.x_dot);
+            forces.evaluate(self.forces.positions(), &self.x_dot, t);
+        }
+        for dof in 0..count {
+            self.net[dof] = forces.total(dof) - gradient[dof];
+        }
+        if vectors::sum(count, |k| 0.0 * self.net[k]) == 0.0 {
+            return Ok(());
+        }
+        let dof = self.net.iter().position(|f| !f.is_finite()).unwrap_or(0);
+        Err(SolverError::NotFinite { what: "force without a potential", dof, at_start: false })
+    }
+
+    /// Kick and drift with forces that have no potential; returns as [`KickDrift::kick_drift`].
+    fn forced_kick_drift(
+        &mut self,
+        system: &System,
+        t: f64,
+        kick: f64,
+        drift: f64,
+        energy: &mut StepEnergy,
+    ) -> f64 {
+        let (mass, free) = (system.free_mass(), system.coordinates().free());
+        let mut work = 0.0;
+        if self.ledger
+            && kick != 0.0
+            && let Some(forces) = &self.nonconservative
+        {
+            let gradient = self.forces.gradient();
+            let mean: Vec<f64> = (0..self.p.len())
+                .map(|k| (self.p[k] + 0.5 * kick * self.net[free[k] as usize]) / mass[k])
+                .collect();
+            work -= kick * accounts::free_work(system, gradient, |k| mean[k]);
+            // Forces work on prescribed coordinates too; whoever moves those pays for the rest.
+            self.x_dot.resize(gradient.len(), 0.0);
+            system.coordinates().embed_velocity(&mean, t, &mut self.x_dot);
+            let x_dot = &self.x_dot;
+            energy.force += kick * vectors::sum(x_dot.len(), |dof| forces.by_account(dof).0 * x_dot[dof]);
+            energy.damping += kick * vectors::sum(x_dot.len(), |dof| forces.by_account(dof).1 * x_dot[dof]);
+            if system.coordinates().is_moving() {
+                let moved = kick * accounts::prescribed_work(system, gradient, x_dot);
+                let negative: Vec<f64> = self.net.iter().map(|net| -net).collect();
+                energy.prescribed += kick * accounts::prescribed_work(system, &negative, x_dot);
+                work -= moved;
+            }
+        }
+        let net = &self.net;
+        vectors::update_pair(&mut self.q, &mut self.p, |k, q, p| {
+            if kick != 0.0 {
+                *p += kick * net[free[k] as usize];
+            }
+            *q += drift * (*p / mass[k]);
+        });
+        work
     }
 
     /// p −= b h ∂V/∂q, then q += a h M⁻¹p. With a ledger, the work that the kick does on the kinetic
@@ -145,15 +238,21 @@ impl KickDrift {
             let drift = if i < drifts { self.coefficients.drifts[i] } else { 0.0 };
             if kick != 0.0 {
                 self.forces.evaluate(system, &self.q, t, i == 0)?;
+                let closes = i == drifts && self.coefficients.kicks[0] != 0.0;
+                self.evaluate_nonconservative(system, t, kick, closes)?;
             }
-            kicked += self.kick_drift(system, t, kick, drift * h, &mut energy);
+            kicked += if self.nonconservative.is_some() {
+                self.forced_kick_drift(system, t, kick, drift * h, &mut energy)
+            } else {
+                self.kick_drift(system, t, kick, drift * h, &mut energy)
+            };
             elapsed += drift;
             t = if i + 1 >= drifts { state.t + h } else { state.t + elapsed * h };
         }
         check_finite(&self.q, &self.p, system)?;
         if self.ledger {
             let (change, loads) = self.potentials.close(system, &mut self.forces, &self.q, t);
-            energy.force = loads;
+            energy.force += loads;
             energy.scheme = change - loads + kicked;
         }
         Ok(energy)

@@ -8,7 +8,7 @@ use crate::energy_momentum::EnergyMomentum;
 use crate::gauss::Gauss;
 use crate::kick_drift::{Coefficients, KickDrift};
 use crate::stages::{Midpoint, OneStage};
-use crate::{SolverError, SolverOptions, Stepper, damped};
+use crate::{SolverError, SolverOptions, Stepper, force_sum};
 
 /// A time integrator with its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -190,7 +190,7 @@ pub fn stepper(
     system: &System,
     options: &SolverOptions,
 ) -> Result<Box<dyn Stepper>, SolverError> {
-    damped::check_forces(method, system)?;
+    force_sum::check(method, system)?;
     let explicit = |coefficients: Coefficients| -> Box<dyn Stepper> {
         Box::new(KickDrift::new(method.name(), coefficients, system, options))
     };

@@ -1,0 +1,365 @@
+//! Facets of a surface: shape functions, quadrature and orientation of triangles and quadrilaterals.
+//! It must not know loads, laws or volumes' kernels.
+
+use std::collections::HashMap;
+
+use crate::tensor::cross;
+use crate::{ElementKind, FemError, Mesh};
+
+/// Nodes of the largest facet.
+pub(crate) const MAX_NODES: usize = 9;
+
+/// A quadrature point of a reference facet.
+#[derive(Debug, Clone)]
+pub(crate) struct FacetPoint {
+    pub(crate) weight: f64,
+    /// N_a(ξ, η).
+    pub(crate) values: Vec<f64>,
+    /// ∂N_a/∂(ξ, η).
+    pub(crate) gradients: Vec<[f64; 2]>,
+}
+
+/// The rule of a kind: exact for ∫ N_a (x,ξ × x,η) dξdη, the force of a pressure.
+pub(crate) fn rule(kind: ElementKind) -> Option<Vec<FacetPoint>> {
+    let points: Vec<([f64; 2], f64)> = match kind {
+        ElementKind::Tri3 => triangle_degree_2(),
+        ElementKind::Tri6 => triangle_degree_4(),
+        ElementKind::Quad4 => square(&gauss_2()),
+        ElementKind::Quad8 | ElementKind::Quad9 => square(&gauss_3()),
+        _ => return None,
+    };
+    let point = |(xi, weight)| {
+        let (values, gradients) = shapes(kind, xi).into_iter().unzip();
+        FacetPoint { weight, values, gradients }
+    };
+    Some(points.into_iter().map(point).collect())
+}
+
+fn triangle_degree_2() -> Vec<([f64; 2], f64)> {
+    let [a, b] = [1.0 / 6.0, 2.0 / 3.0];
+    [[a, a], [b, a], [a, b]].map(|xi| (xi, 1.0 / 6.0)).to_vec()
+}
+
+/// Six points (Dunavant 1985, table II).
+fn triangle_degree_4() -> Vec<([f64; 2], f64)> {
+    let mut points = Vec::new();
+    for (a, weight) in
+        [(0.445_948_490_915_965, 0.223_381_589_678_011), (0.091_576_213_509_771, 0.109_951_743_655_322)]
+    {
+        let b = 1.0 - 2.0 * a;
+        points.extend([[a, a], [b, a], [a, b]].map(|xi| (xi, 0.5 * weight)));
+    }
+    points
+}
+
+fn gauss_2() -> Vec<(f64, f64)> {
+    let a = (1.0_f64 / 3.0).sqrt();
+    vec![(-a, 1.0), (a, 1.0)]
+}
+
+fn gauss_3() -> Vec<(f64, f64)> {
+    let a = 0.6_f64.sqrt();
+    vec![(-a, 5.0 / 9.0), (0.0, 8.0 / 9.0), (a, 5.0 / 9.0)]
+}
+
+fn square(line: &[(f64, f64)]) -> Vec<([f64; 2], f64)> {
+    line.iter().flat_map(|&(y, wy)| line.iter().map(move |&(x, wx)| ([x, y], wx * wy))).collect()
+}
+
+/// (N_a, ∂N_a/∂(ξ, η)) in VTK's order; triangles on ξ, η ≥ 0, ξ + η ≤ 1, squares on [−1, 1]².
+fn shapes(kind: ElementKind, [x, y]: [f64; 2]) -> Vec<(f64, [f64; 2])> {
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    match kind {
+        ElementKind::Tri3 => vec![(1.0 - x - y, [-1.0, -1.0]), (x, [1.0, 0.0]), (y, [0.0, 1.0])],
+        ElementKind::Tri6 => {
+            let l = [1.0 - x - y, x, y];
+            let d = [[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]];
+            let mut out: Vec<_> =
+                (0..3).map(|i| (l[i] * (2.0 * l[i] - 1.0), d[i].map(|d| (4.0 * l[i] - 1.0) * d))).collect();
+            for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+                let gradient = [0, 1].map(|k| 4.0 * (d[i][k] * l[j] + l[i] * d[j][k]));
+                out.push((4.0 * l[i] * l[j], gradient));
+            }
+            out
+        }
+        ElementKind::Quad4 => corners
+            .map(|[a, b]| {
+                let (p, q) = (1.0 + a * x, 1.0 + b * y);
+                (0.25 * p * q, [0.25 * a * q, 0.25 * b * p])
+            })
+            .to_vec(),
+        ElementKind::Quad8 => {
+            let mut out: Vec<_> = corners
+                .iter()
+                .map(|&[a, b]| {
+                    let (p, q, r) = (1.0 + a * x, 1.0 + b * y, a * x + b * y - 1.0);
+                    (0.25 * p * q * r, [0.25 * a * q * (r + p), 0.25 * b * p * (r + q)])
+                })
+                .collect();
+            for [a, b] in [[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]] {
+                out.push(if a == 0.0 {
+                    let q = 1.0 + b * y;
+                    (0.5 * (1.0 - x * x) * q, [-x * q, 0.5 * b * (1.0 - x * x)])
+                } else {
+                    let p = 1.0 + a * x;
+                    (0.5 * (1.0 - y * y) * p, [0.5 * a * (1.0 - y * y), -y * p])
+                });
+            }
+            out
+        }
+        _ => {
+            // Products of Lagrange polynomials through −1, 0, 1; nodes by their coordinates.
+            let line = |node: f64, x: f64| match node {
+                -1.0 => (0.5 * x * (x - 1.0), x - 0.5),
+                0.0 => (1.0 - x * x, -2.0 * x),
+                _ => (0.5 * x * (x + 1.0), x + 0.5),
+            };
+            let middles = [[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, 0.0]];
+            let nodes = corners.into_iter().chain(middles);
+            nodes
+                .map(|[a, b]| {
+                    let ((p, dp), (q, dq)) = (line(a, x), line(b, y));
+                    (p * q, [dp * q, p * dq])
+                })
+                .collect()
+        }
+    }
+}
+
+/// Facets of one kind with their rule.
+#[derive(Debug, Clone)]
+pub(crate) struct FacetBlock {
+    pub(crate) kind: ElementKind,
+    /// `kind.node_count()` a facet.
+    pub(crate) nodes: Vec<u32>,
+    /// The mesh's number of each facet.
+    pub(crate) cells: Vec<u32>,
+    pub(crate) rule: Vec<FacetPoint>,
+}
+
+impl FacetBlock {
+    pub(crate) fn arity(&self) -> usize {
+        self.kind.node_count()
+    }
+
+    pub(crate) fn facets(&self) -> impl Iterator<Item = &[u32]> {
+        self.nodes.chunks_exact(self.arity())
+    }
+}
+
+/// Position and tangents x, x,ξ, x,η at a point of a facet.
+pub(crate) fn frame(point: &FacetPoint, nodes: impl Iterator<Item = [f64; 3]>) -> [[f64; 3]; 3] {
+    let mut out = [[0.0; 3]; 3];
+    for ((x, value), gradient) in nodes.zip(&point.values).zip(&point.gradients) {
+        for i in 0..3 {
+            out[0][i] += value * x[i];
+            out[1][i] += gradient[0] * x[i];
+            out[2][i] += gradient[1] * x[i];
+        }
+    }
+    out
+}
+
+/// A part of the boundary of a body: the facets of a named region.
+#[derive(Debug, Clone)]
+pub struct Surface {
+    pub(crate) name: String,
+    pub(crate) blocks: Vec<FacetBlock>,
+}
+
+impl Surface {
+    /// The facets of the surface region `name`. Those that bound a solid element look away from it,
+    /// whatever the order of their nodes in the mesh.
+    ///
+    /// # Errors
+    /// [`FemError::UnknownRegion`] with the names there are; [`FemError::Invalid`] where the region has
+    /// no facets.
+    pub fn of_region(mesh: &Mesh, name: &str) -> Result<Self, FemError> {
+        mesh.region(name)?;
+        let regions = mesh.regions.iter().filter(|region| region.name == name && region.dimension == 2);
+        let mut cells: Vec<u32> = regions.flat_map(|region| region.elements.iter().copied()).collect();
+        cells.sort_unstable();
+        cells.dedup();
+        if cells.is_empty() {
+            let dimension = mesh.region(name)?.dimension;
+            let problem =
+                format!("region '{name}' has dimension {dimension} and no facets; name a surface region");
+            return Err(FemError::Invalid { what: "surface", problem });
+        }
+        let mut blocks: Vec<FacetBlock> = Vec::new();
+        for cell in cells {
+            let Some((kind, nodes)) = mesh.cell(cell as usize) else { continue };
+            let block = match blocks.iter_mut().position(|block| block.kind == kind) {
+                Some(k) => &mut blocks[k],
+                None => {
+                    let rule =
+                        rule(kind).ok_or(FemError::Unsupported { kind, used: "facets of a surface" })?;
+                    blocks.push(FacetBlock { kind, nodes: Vec::new(), cells: Vec::new(), rule });
+                    let last = blocks.len() - 1;
+                    &mut blocks[last]
+                }
+            };
+            block.nodes.extend(nodes);
+            block.cells.push(cell);
+        }
+        let mut surface = Self { name: name.into(), blocks };
+        surface.look_outwards(mesh);
+        Ok(surface)
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Area at rest, m².
+    pub fn area(&self, mesh: &Mesh) -> f64 {
+        let mut area = 0.0;
+        for block in &self.blocks {
+            for nodes in block.facets() {
+                for point in &block.rule {
+                    let [_, a, b] = frame(point, nodes.iter().map(|&node| mesh.points[node as usize]));
+                    let n = cross(a, b);
+                    area += point.weight * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
+                }
+            }
+        }
+        area
+    }
+
+    /// Turns facets over that look into the solid element that they bound.
+    fn look_outwards(&mut self, mesh: &Mesh) {
+        let mut facet_of: HashMap<u32, Vec<(usize, usize)>> = HashMap::new();
+        for (b, block) in self.blocks.iter().enumerate() {
+            for (f, nodes) in block.facets().enumerate() {
+                facet_of.entry(nodes[0]).or_default().push((b, f));
+            }
+        }
+        let mut turn = Vec::new();
+        for solid in mesh.blocks.iter().filter(|block| block.kind.dimension() == 3) {
+            for cell in solid.nodes.chunks_exact(solid.kind.node_count()) {
+                let candidates = cell.iter().filter_map(|node| facet_of.get(node)).flatten();
+                for &(b, f) in candidates {
+                    let block = &self.blocks[b];
+                    let nodes = &block.nodes[f * block.arity()..][..block.arity()];
+                    if nodes.iter().all(|node| cell.contains(node)) && looks_at(mesh, block, nodes, cell) {
+                        turn.push((b, f));
+                    }
+                }
+            }
+        }
+        for (b, f) in turn {
+            let block = &mut self.blocks[b];
+            let arity = block.arity();
+            turn_over(block.kind, &mut block.nodes[f * arity..][..arity]);
+        }
+    }
+}
+
+/// Does the normal of a facet point to the middle of a cell?
+fn looks_at(mesh: &Mesh, block: &FacetBlock, nodes: &[u32], cell: &[u32]) -> bool {
+    let at = |&node: &u32| mesh.points[node as usize];
+    let mut middle = [0.0; 3];
+    for x in cell.iter().map(at) {
+        for i in 0..3 {
+            middle[i] += x[i] / cell.len() as f64;
+        }
+    }
+    let mut sum = 0.0;
+    for point in &block.rule {
+        let [x, a, b] = frame(point, nodes.iter().map(at));
+        let n = cross(a, b);
+        sum += (0..3).map(|i| n[i] * (middle[i] - x[i])).sum::<f64>();
+    }
+    sum > 0.0
+}
+
+/// Reverses the sense of rotation of a facet's nodes.
+fn turn_over(kind: ElementKind, nodes: &mut [u32]) {
+    match kind {
+        ElementKind::Tri3 => nodes.swap(1, 2),
+        ElementKind::Tri6 => {
+            nodes.swap(1, 2);
+            nodes.swap(3, 5);
+        }
+        ElementKind::Quad4 => nodes.swap(1, 3),
+        _ => {
+            nodes.swap(1, 3);
+            nodes.swap(4, 7);
+            nodes.swap(5, 6);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KINDS: [ElementKind; 5] =
+        [ElementKind::Tri3, ElementKind::Tri6, ElementKind::Quad4, ElementKind::Quad8, ElementKind::Quad9];
+
+    fn reference_nodes(kind: ElementKind) -> Vec<[f64; 2]> {
+        let all = match kind {
+            ElementKind::Tri3 | ElementKind::Tri6 => {
+                vec![[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
+            }
+            _ => vec![
+                [-1.0, -1.0],
+                [1.0, -1.0],
+                [1.0, 1.0],
+                [-1.0, 1.0],
+                [0.0, -1.0],
+                [1.0, 0.0],
+                [0.0, 1.0],
+                [-1.0, 0.0],
+                [0.0, 0.0],
+            ],
+        };
+        all[..kind.node_count()].to_vec()
+    }
+
+    #[test]
+    fn shapes_interpolate_and_gradients_are_theirs() {
+        for kind in KINDS {
+            for (a, xi) in reference_nodes(kind).into_iter().enumerate() {
+                for (b, (value, gradient)) in shapes(kind, xi).into_iter().enumerate() {
+                    assert!((value - if a == b { 1.0 } else { 0.0 }).abs() < 1e-14, "{kind} N_{b} at {a}");
+                    for k in 0..2 {
+                        let e = 1e-5;
+                        let shifted = |by: f64| {
+                            let mut xi = xi;
+                            xi[k] += by;
+                            shapes(kind, xi)[b].0
+                        };
+                        let slope = (shifted(e) - shifted(-e)) / (2.0 * e);
+                        assert!((slope - gradient[k]).abs() < 1e-9, "{kind}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn rules_integrate_what_they_promise() {
+        // ∫ x^p y^q over the triangle = p! q!/(p + q + 2)!, over the square a product.
+        let factorial = |n: u32| (1..=n).map(f64::from).product::<f64>();
+        for (kind, degree) in [(ElementKind::Tri3, 2), (ElementKind::Tri6, 4)] {
+            for p in 0..=degree {
+                for q in 0..=degree - p {
+                    let points = if degree == 2 { triangle_degree_2() } else { triangle_degree_4() };
+                    let sum: f64 =
+                        points.iter().map(|(xi, w)| w * xi[0].powi(p as i32) * xi[1].powi(q as i32)).sum();
+                    let exact = factorial(p) * factorial(q) / factorial(p + q + 2);
+                    assert!((sum - exact).abs() < 1e-14, "{kind} x^{p} y^{q}");
+                }
+            }
+        }
+        for (line, degree) in [(gauss_2(), 3), (gauss_3(), 5)] {
+            for p in 0..=degree {
+                let sum: f64 = line.iter().map(|(x, w)| w * x.powi(p)).sum();
+                let exact = if p % 2 == 0 { 2.0 / f64::from(p + 1) } else { 0.0 };
+                assert!((sum - exact).abs() < 1e-14);
+            }
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! Sums of the forces that no potential gives, and of their symmetric tangents.
+//!
+//! A force at given velocities is to an assembler what a gradient is, and its tangent what a Hessian
+//! is: the terms are wrapped as such and summed by the same rooms, to the same bits on any number of
+//! threads. The wrapped terms read positions and velocities one after another from one array.
+//! This room must not know what a force is, nor how time is stepped.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use vi_core::{
+    Account, Coordinates, Fixed, Force, ForceAccount, HessianKind, Potential, Prescribed, Stencils, System,
+    Traits,
+};
+
+use crate::{Assembler, HessianEvaluation, Method, SolverError, SymmetricMatrix};
+
+/// Refuses the forces that a scheme has no place for.
+///
+/// # Errors
+/// [`SolverError::Force`] with the force and the schemes that take it.
+pub(crate) fn check(method: &Method, system: &System) -> Result<(), SolverError> {
+    let refuse = |force: &Arc<dyn Force>, reason, schemes| {
+        Err(SolverError::Force { scheme: method.name(), force: force.name().to_owned(), reason, schemes })
+    };
+    match method {
+        Method::SymplecticEulerA | Method::SymplecticEulerB | Method::StormerVerlet => Ok(()),
+        Method::BlanesMoan4 | Method::BlanesMoan6 => {
+            match system.forces().iter().find(|force| force.depends_on_velocity()) {
+                None => Ok(()),
+                Some(force) => refuse(
+                    force,
+                    "depends on velocity: its order would be lost",
+                    "stormer-verlet, symplectic-euler-a, symplectic-euler-b",
+                ),
+            }
+        }
+        _ => match system.forces().first() {
+            None => Ok(()),
+            Some(force) => {
+                refuse(force, "has no potential", "stormer-verlet, symplectic-euler-a, symplectic-euler-b")
+            }
+        },
+    }
+}
+
+/// What of a force stands in for a Hessian.
+#[derive(Clone, Copy, PartialEq)]
+enum Tangent {
+    /// −∂f/∂x.
+    Stiffness,
+    /// −∂f/∂ẋ.
+    Damping,
+}
+
+/// A force as a potential: gradient −f, Hessian the tangent.
+struct Term {
+    force: Arc<dyn Force>,
+    tangent: Tangent,
+}
+
+impl Potential for Term {
+    fn name(&self) -> &str {
+        self.force.name()
+    }
+
+    fn account(&self) -> Account {
+        Account::Load
+    }
+
+    fn stencils(&self) -> Stencils<'_> {
+        self.force.stencils()
+    }
+
+    /// Time-dependent, so that nothing is taken for constant: velocities change unseen.
+    fn traits(&self) -> Traits {
+        Traits { hessian: HessianKind::Varying, time_dependent: true }
+    }
+
+    fn energies(&self, range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
+        out[..range.len()].fill(0.0);
+    }
+
+    fn gradients(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        let (x, v) = x.split_at(x.len() / 2);
+        self.force.forces(range, x, v, t, out);
+        out.iter_mut().for_each(|value| *value = -*value);
+    }
+
+    fn hessians(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        let (x, v) = x.split_at(x.len() / 2);
+        match self.tangent {
+            Tangent::Stiffness => self.force.stiffness(range, x, v, t, out),
+            Tangent::Damping => self.force.damping(range, x, v, t, out),
+        }
+    }
+}
+
+/// Wrapped terms as a system of their own.
+struct Group {
+    system: System,
+    assembler: Assembler,
+    /// −Σ f of every coordinate at the last evaluation, N.
+    negative: Vec<f64>,
+}
+
+impl Group {
+    /// The forces that `keep` says; none where there are none.
+    fn new(system: &System, tangent: Tangent, keep: impl Fn(&dyn Force) -> bool) -> Option<Self> {
+        let forces = system.forces().iter().filter(|force| keep(force.as_ref()));
+        let terms: Vec<Box<dyn Potential>> = forces
+            .map(|force| Box::new(Term { force: Arc::clone(force), tangent }) as Box<dyn Potential>)
+            .collect();
+        if terms.is_empty() {
+            return None;
+        }
+        let count = system.coordinates().dof_count();
+        let dofs: Vec<u32> =
+            system.coordinates().prescribed().iter().flat_map(|group| group.dofs.iter().copied()).collect();
+        let path = Box::new(Fixed(vec![0.0; dofs.len()]));
+        // Both have been accepted before, as parts of `system`.
+        let coordinates = Coordinates::new(count, vec![Prescribed { dofs, path }]).ok()?;
+        let system = System::new(system.mass().to_vec(), terms, coordinates).ok()?;
+        Some(Self { assembler: Assembler::new(&system), system, negative: vec![0.0; count] })
+    }
+}
+
+/// The forces of a system.
+pub(crate) struct ForceSum {
+    force: Option<Group>,
+    damping: Option<Group>,
+    stiffness_tangent: Option<Group>,
+    damping_tangent: Option<Group>,
+    depends_on_velocity: bool,
+    /// Positions, then velocities.
+    state: Vec<f64>,
+    t: f64,
+}
+
+impl ForceSum {
+    /// Maps of the forces; none where the system has none.
+    pub(crate) fn new(system: &System) -> Option<Self> {
+        if system.forces().is_empty() {
+            return None;
+        }
+        let of = |account| Group::new(system, Tangent::Stiffness, |force| force.account() == account);
+        Some(Self {
+            force: of(ForceAccount::Force),
+            damping: of(ForceAccount::Damping),
+            stiffness_tangent: None,
+            damping_tangent: None,
+            depends_on_velocity: system.forces().iter().any(|force| force.depends_on_velocity()),
+            state: vec![0.0; 2 * system.coordinates().dof_count()],
+            t: 0.0,
+        })
+    }
+
+    /// Does any force depend on ẋ?
+    pub(crate) fn depends_on_velocity(&self) -> bool {
+        self.depends_on_velocity
+    }
+
+    /// Evaluates all forces at positions and velocities of all coordinates.
+    pub(crate) fn evaluate(&mut self, x: &[f64], v: &[f64], t: f64) {
+        let (positions, velocities) = self.state.split_at_mut(x.len());
+        positions.copy_from_slice(x);
+        velocities.copy_from_slice(v);
+        self.t = t;
+        for group in [&mut self.force, &mut self.damping].into_iter().flatten() {
+            group.assembler.gradient(&group.system, &self.state, t, &mut group.negative);
+        }
+    }
+
+    /// Force on coordinate x_i by ledger account, N: (force, damping).
+    pub(crate) fn by_account(&self, dof: usize) -> (f64, f64) {
+        let of = |group: &Option<Group>| group.as_ref().map_or(0.0, |group| -group.negative[dof]);
+        (of(&self.force), of(&self.damping))
+    }
+
+    /// Force on coordinate x_i, N.
+    pub(crate) fn total(&self, dof: usize) -> f64 {
+        let (force, damping) = self.by_account(dof);
+        force + damping
+    }
+
+    /// Symmetric part of −∂f/∂x on the free coordinates at the last evaluation.
+    pub(crate) fn stiffness(&mut self, system: &System) -> Option<&SymmetricMatrix> {
+        if self.stiffness_tangent.is_none() {
+            self.stiffness_tangent = Group::new(system, Tangent::Stiffness, |_| true);
+        }
+        let group = self.stiffness_tangent.as_mut()?;
+        Some(group.assembler.hessian(&group.system, &self.state, self.t, HessianEvaluation::Exact))
+    }
+
+    /// Symmetric part of −∂f/∂ẋ on the free coordinates at the last evaluation; none where no force
+    /// depends on ẋ.
+    pub(crate) fn damping(&mut self, system: &System) -> Option<&SymmetricMatrix> {
+        if self.damping_tangent.is_none() {
+            self.damping_tangent = Group::new(system, Tangent::Damping, Force::depends_on_velocity);
+        }
+        let group = self.damping_tangent.as_mut()?;
+        Some(group.assembler.hessian(&group.system, &self.state, self.t, HessianEvaluation::Exact))
+    }
+}

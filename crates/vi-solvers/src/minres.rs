@@ -1,0 +1,73 @@
+//! Minimal residuals for a symmetric, perhaps indefinite K with a definite factor of K + σM as
+//! preconditioner (Paige & Saunders 1975). It must not know what K stands for.
+
+use crate::SolverError;
+use crate::statics::Balance;
+use crate::vectors;
+
+/// Solves K x = b with the last factor of K + σM in `balance` as preconditioner, until the
+/// residual in the norm of the preconditioner is below `tolerance` of its first value.
+pub(crate) fn minimal_residual(
+    balance: &mut Balance,
+    b: &[f64],
+    tolerance: f64,
+    max_iterations: u32,
+) -> Result<Vec<f64>, SolverError> {
+    let n = b.len();
+    let mut x = vec![0.0; n];
+    // Lanczos vectors v (unpreconditioned) and z = P⁻¹v.
+    let (mut v_last, mut v) = (vec![0.0; n], b.to_vec());
+    let mut z = v.clone();
+    balance.solve(&mut z)?;
+    let mut beta = vectors::sum(n, |k| v[k] * z[k]).max(0.0).sqrt();
+    if beta == 0.0 {
+        return Ok(x);
+    }
+    let first = beta;
+    let mut residual = beta;
+    let (mut c, mut c_last, mut s, mut s_last) = (1.0, 1.0, 0.0, 0.0);
+    let (mut w, mut w_last) = (vec![0.0; n], vec![0.0; n]);
+    let mut image = vec![0.0; n];
+    for _ in 0..max_iterations {
+        let scale = 1.0 / beta;
+        vectors::update(&mut v, |_, value| *value *= scale);
+        vectors::update(&mut z, |_, value| *value *= scale);
+        balance.multiply(&z, &mut image);
+        let alpha = vectors::sum(n, |k| z[k] * image[k]);
+        vectors::update(&mut image, |k, value| *value -= alpha * v[k] + beta * v_last[k]);
+        let direction = std::mem::replace(&mut z, image.clone());
+        balance.solve(&mut z)?;
+        let beta_next = vectors::sum(n, |k| image[k] * z[k]).max(0.0).sqrt();
+        // The column (0, …, β, α, β⁺) turned by the two rotations before it.
+        let third = s_last * beta;
+        let turned = c_last * beta;
+        let second = c * turned + s * alpha;
+        let diagonal = c * alpha - s * turned;
+        let length = diagonal.hypot(beta_next);
+        if length == 0.0 {
+            break;
+        }
+        (c_last, s_last) = (c, s);
+        (c, s) = (diagonal / length, beta_next / length);
+        let (old, older) = (&w, &w_last);
+        let mut next = vec![0.0; n];
+        vectors::fill(&mut next, |k| (direction[k] - second * old[k] - third * older[k]) / length);
+        let along = c * residual;
+        vectors::update(&mut x, |k, value| *value += along * next[k]);
+        residual *= -s;
+        w_last = std::mem::replace(&mut w, next);
+        v_last = std::mem::replace(&mut v, image.clone());
+        beta = beta_next;
+        if residual.abs() <= tolerance * first || beta == 0.0 {
+            return Ok(x);
+        }
+    }
+    if residual.abs() <= 1e-6 * first {
+        return Ok(x);
+    }
+    Err(SolverError::NoConvergence {
+        iterations: max_iterations,
+        residual: residual.abs() / first,
+        tolerance,
+    })
+}

@@ -1,0 +1,256 @@
+//! Vibration modes about a state: the lowest eigenpairs of K φ = ω² M φ, with rigid motions named.
+//! It must not know how the states came about, nor elements.
+
+mod lanczos;
+
+use vi_core::{Account, Coordinates, Fixed, Potential, Prescribed, State, System};
+
+use crate::matrix_sum::MatrixSum;
+use crate::statics::Balance;
+use crate::vectors;
+use crate::{Assembler, Factor, HessianEvaluation, SolverError, SymmetricMatrix};
+
+pub(crate) use lanczos::lowest_pairs;
+
+/// Which modes, and how well.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModeOptions {
+    /// How many, rigid ones included.
+    pub count: usize,
+    /// Residual ‖A⁻¹Mφ − θφ‖_M/θ of the shifted and inverted problem; eigenvalues are good to its square.
+    pub tolerance: f64,
+}
+
+impl Default for ModeOptions {
+    fn default() -> Self {
+        Self { count: 12, tolerance: 1e-7 }
+    }
+}
+
+/// A mode of vibration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mode {
+    /// ω², 1/s²; negative where the state is unstable.
+    pub omega_squared: f64,
+    /// φ on the free coordinates, φᵀMφ = 1 (kg^(−1/2)).
+    pub shape: Vec<f64>,
+    /// A motion of the whole body that strains nothing.
+    pub is_rigid: bool,
+    /// ‖Kφ − ω²Mφ‖ / ((|ω²| + σ) ‖Mφ‖), in the norm of the inverse lumped mass; σ is the shift.
+    pub residual: f64,
+}
+
+impl Mode {
+    /// ω/2π, Hz; zero where ω² is not positive.
+    pub fn frequency(&self) -> f64 {
+        self.omega_squared.max(0.0).sqrt() / std::f64::consts::TAU
+    }
+}
+
+/// The lowest modes about `state`, by ascending ω². The tangent is that of V and of the forces that no
+/// potential gives (its symmetric part). `mass` holds the kinetic energy as quadratic local terms of the
+/// velocities, Hessians being blocks of M (consistent mass); without them M is the lumped mass.
+///
+/// # Errors
+/// [`SolverError::Option`] for a count of zero, an error of a term or factor, or
+/// [`SolverError::NoConvergence`].
+pub fn modes(
+    system: &System,
+    state: &State,
+    mass: Vec<Box<dyn Potential>>,
+    options: &ModeOptions,
+) -> Result<Vec<Mode>, SolverError> {
+    if options.count == 0 {
+        let allowed = "must be at least 1";
+        return Err(SolverError::Option { option: "modes.count", value: 0.0, allowed });
+    }
+    crate::forces::check_state(state, system)?;
+    let mut balance = Balance::new(system);
+    let mut residual = vec![0.0; state.q.len()];
+    balance.residual(&state.q, state.t, &mut residual)?;
+    let stiffness = balance.tangent(&state.q, state.t, HessianEvaluation::Exact)?.clone();
+    let lumped = system.free_mass().to_vec();
+    let mut pencil = match mass.is_empty() {
+        true => Pencil::lumped(stiffness, lumped)?,
+        false => Pencil::consistent(stiffness, lumped, mass_matrix(system, mass)?)?,
+    };
+    let count = options.count.min(state.q.len());
+    let pairs = lowest_pairs(&mut pencil, count, options.tolerance)?;
+    let rigid = rigid_motions(system, state, &mut pencil);
+    let scale = pairs.iter().map(|pair| pair.value.abs()).fold(0.0, f64::max);
+    let n = state.q.len();
+    let mut modes = Vec::with_capacity(pairs.len());
+    for pair in pairs {
+        let residual = pencil.residual(&pair.vector, pair.value);
+        let mut weighted = vec![0.0; n];
+        pencil.multiply_mass(&pair.vector, &mut weighted);
+        let overlap: f64 =
+            rigid.iter().map(|motion| vectors::sum(n, |k| motion[k] * weighted[k]).powi(2)).sum();
+        // A body whose modes are all rigid has nothing to compare with but the shift.
+        let is_zero = pair.value.abs() <= 1e-6 * scale.max(pencil.shift);
+        modes.push(Mode {
+            omega_squared: pair.value,
+            shape: pair.vector,
+            is_rigid: is_zero && overlap > 0.999,
+            residual,
+        });
+    }
+    Ok(modes)
+}
+
+/// M from its local terms.
+fn mass_matrix(system: &System, terms: Vec<Box<dyn Potential>>) -> Result<SymmetricMatrix, SolverError> {
+    debug_assert!(terms.iter().all(|term| term.account() == Account::Elastic));
+    let count = system.coordinates().dof_count();
+    let groups = system.coordinates().prescribed().iter();
+    let dofs: Vec<u32> = groups.flat_map(|group| group.dofs.iter().copied()).collect();
+    let path = Box::new(Fixed(vec![0.0; dofs.len()]));
+    let mismatch = |_| SolverError::Memory { missing: "mass of this system" };
+    let coordinates = Coordinates::new(count, vec![Prescribed { dofs, path }]).map_err(mismatch)?;
+    let system = System::new(system.mass().to_vec(), terms, coordinates).map_err(mismatch)?;
+    let mut assembler = Assembler::new(&system);
+    Ok(assembler.hessian(&system, &vec![0.0; count], 0.0, HessianEvaluation::Exact).clone())
+}
+
+/// K and M with a factor of K + σM.
+pub(crate) struct Pencil {
+    stiffness: SymmetricMatrix,
+    lumped: Vec<f64>,
+    /// The consistent mass and the sum K + σM, where mass is not lumped.
+    consistent: Option<(SymmetricMatrix, MatrixSum)>,
+    factor: Factor,
+    /// σ, 1/s².
+    pub(crate) shift: f64,
+}
+
+impl Pencil {
+    pub(crate) fn lumped(stiffness: SymmetricMatrix, lumped: Vec<f64>) -> Result<Self, SolverError> {
+        let factor = Factor::new(&stiffness)?;
+        Ok(Self { stiffness, lumped, consistent: None, factor, shift: 0.0 })
+    }
+
+    fn consistent(
+        stiffness: SymmetricMatrix,
+        lumped: Vec<f64>,
+        mass: SymmetricMatrix,
+    ) -> Result<Self, SolverError> {
+        let sum = MatrixSum::new(&[&stiffness, &mass])?;
+        let factor = Factor::new(sum.matrix())?;
+        Ok(Self { stiffness, lumped, consistent: Some((mass, sum)), factor, shift: 0.0 })
+    }
+
+    /// Number of unknowns.
+    pub(crate) fn size(&self) -> usize {
+        self.lumped.len()
+    }
+
+    /// max K_ii/M_ii, 1/s².
+    pub(crate) fn stiffest(&self) -> f64 {
+        let mut diagonal = vec![0.0; self.size()];
+        self.stiffness.diagonal(&mut diagonal);
+        diagonal.iter().zip(&self.lumped).map(|(k, m)| (k / m).abs()).fold(0.0, f64::max)
+    }
+
+    /// Factors K + σM for the given σ or the smallest of σ, 10 σ, 100 σ, … for which it is definite.
+    pub(crate) fn factorize(&mut self, shift: f64) -> Result<(), SolverError> {
+        let mut shift = shift;
+        let mut last = None;
+        for _ in 0..25 {
+            let result = match &mut self.consistent {
+                None => {
+                    let mass: Vec<f64> = self.lumped.iter().map(|mass| shift * mass).collect();
+                    self.factor.factorize(&mass, 1.0, &self.stiffness)
+                }
+                Some((mass, sum)) => {
+                    self.factor.factorize(&[], 1.0, sum.combine(&[(1.0, &self.stiffness), (shift, mass)]))
+                }
+            };
+            match result {
+                Ok(()) => {
+                    self.shift = shift;
+                    return Ok(());
+                }
+                Err(error) => last = Some(error),
+            }
+            shift *= 10.0;
+        }
+        Err(last.map_or(SolverError::NotFactored, SolverError::NotPositiveDefinite))
+    }
+
+    /// x = (K + σM)⁻¹ b in place.
+    pub(crate) fn solve(&mut self, rhs_to_solution: &mut [f64]) -> Result<(), SolverError> {
+        self.factor.solve(rhs_to_solution).map(|_| ())
+    }
+
+    /// y = M x.
+    pub(crate) fn multiply_mass(&self, x: &[f64], y: &mut [f64]) {
+        match &self.consistent {
+            Some((mass, _)) => mass.multiply(x, y),
+            None => vectors::fill(y, |k| self.lumped[k] * x[k]),
+        }
+    }
+
+    /// ‖Kφ − λMφ‖ / ((|λ| + σ) ‖Mφ‖) in the norm of the inverse lumped mass.
+    fn residual(&self, vector: &[f64], value: f64) -> f64 {
+        let n = self.size();
+        let (mut k_x, mut m_x) = (vec![0.0; n], vec![0.0; n]);
+        self.stiffness.multiply(vector, &mut k_x);
+        self.multiply_mass(vector, &mut m_x);
+        let difference = vectors::sum(n, |k| (k_x[k] - value * m_x[k]).powi(2) / self.lumped[k]);
+        let size = vectors::sum(n, |k| m_x[k] * m_x[k] / self.lumped[k]);
+        (difference / size).sqrt() / (value.abs() + self.shift)
+    }
+}
+
+/// Translations and infinitesimal rotations of the free coordinates about `state`, M-orthonormal; none
+/// for systems that are not points in space.
+fn rigid_motions(system: &System, state: &State, pencil: &mut Pencil) -> Vec<Vec<f64>> {
+    let free = system.coordinates().free();
+    if !system.coordinates().dof_count().is_multiple_of(3) {
+        return Vec::new();
+    }
+    let x = system.positions(state);
+    let n = free.len();
+    let mut motions: Vec<Vec<f64>> = Vec::new();
+    for kind in 0..6 {
+        let axis = kind % 3;
+        let mut motion: Vec<f64> = free
+            .iter()
+            .map(|&dof| {
+                let (node, k) = (dof as usize / 3 * 3, dof as usize % 3);
+                let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
+                match kind < 3 {
+                    true => f64::from(u8::from(k == axis)),
+                    // e_axis × x
+                    false if k == last => x[node + next],
+                    false if k == next => -x[node + last],
+                    false => 0.0,
+                }
+            })
+            .collect();
+        let size = pencil.mass_product(&motion, &motion).sqrt();
+        for _ in 0..2 {
+            for other in &motions {
+                let along = pencil.mass_product(other, &motion);
+                for (value, other) in motion.iter_mut().zip(other) {
+                    *value -= along * other;
+                }
+            }
+        }
+        let rest = pencil.mass_product(&motion, &motion).sqrt();
+        if n > 0 && rest > 1e-6 * size {
+            motion.iter_mut().for_each(|value| *value /= rest);
+            motions.push(motion);
+        }
+    }
+    motions
+}
+
+impl Pencil {
+    /// xᵀM y.
+    pub(crate) fn mass_product(&self, x: &[f64], y: &[f64]) -> f64 {
+        let mut m_y = vec![0.0; y.len()];
+        self.multiply_mass(y, &mut m_y);
+        vectors::sum(x.len(), |k| x[k] * m_y[k])
+    }
+}
