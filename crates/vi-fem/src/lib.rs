@@ -6,6 +6,7 @@
 
 mod amplitude;
 mod bending;
+mod consistent_mass;
 mod dead_load;
 mod dihedral;
 mod elastic;
@@ -16,6 +17,7 @@ mod facet;
 mod fields;
 mod generate;
 mod instructions;
+mod kelvin_voigt;
 mod load;
 mod mass;
 mod material;
@@ -35,6 +37,7 @@ mod transpose;
 
 pub use amplitude::Amplitude;
 pub use bending::Bending;
+pub use consistent_mass::consistent_mass;
 pub use dead_load::{DeadLoad, VectorField};
 pub use elastic::{elastic, elastic_on};
 pub use element::{Element, ElementKind, Hex8, Hex20, Hex27, Tet4, Tet10, Wedge6, Wedge15};
@@ -44,6 +47,7 @@ pub use facet::Surface;
 pub use fields::{ElementField, element_field};
 pub use generate::BoxMesh;
 pub use instructions::InstructionSet;
+pub use kelvin_voigt::{MassDamping, Viscosity, kelvin_voigt};
 pub use load::{Gravity, PointSpring, SpringEnd};
 pub use mass::{MassProperties, add_lumped_mass, mass_properties, rigid_velocities};
 pub use material::{

@@ -192,11 +192,17 @@ impl ForceSum {
         Some(group.assembler.hessian(&group.system, &self.state, self.t, HessianEvaluation::Exact))
     }
 
+    /// All forces at positions and velocities of all coordinates, N.
+    pub(crate) fn all(&mut self, x: &[f64], v: &[f64], t: f64) -> Vec<f64> {
+        self.evaluate(x, v, t);
+        (0..x.len()).map(|dof| self.total(dof)).collect()
+    }
+
     /// Symmetric part of −∂f/∂ẋ on the free coordinates at the last evaluation; none where no force
     /// depends on ẋ.
     pub(crate) fn damping(&mut self, system: &System) -> Option<&SymmetricMatrix> {
         if self.damping_tangent.is_none() {
-            self.damping_tangent = Group::new(system, Tangent::Damping, Force::depends_on_velocity);
+            self.damping_tangent = Group::new(system, Tangent::Damping, |force| force.depends_on_velocity());
         }
         let group = self.damping_tangent.as_mut()?;
         Some(group.assembler.hessian(&group.system, &self.state, self.t, HessianEvaluation::Exact))

@@ -45,5 +45,6 @@ pub use pcg::{Pcg, PcgFacts, PcgReport, Preconditioner};
 pub use stability::{HighestFrequency, highest_frequency};
 pub use statics::{
     CriticalKind, CriticalPoint, LoadStep, StaticOptions, StaticReport, equilibrium, equilibrium_path,
+    reactions,
 };
 pub use stepper::{LinearSolver, SolverOptions, StepError, StepReport, Stepper, StepperMemory, Work};

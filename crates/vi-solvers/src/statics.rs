@@ -11,7 +11,8 @@ use vi_core::{State, System};
 
 pub(crate) use balance::Balance;
 
-use crate::{HessianEvaluation, SolverError, Work};
+use crate::force_sum::ForceSum;
+use crate::{Assembler, HessianEvaluation, SolverError, Work};
 use newton::Stop;
 
 /// How equilibria are searched for.
@@ -91,6 +92,9 @@ pub struct StaticReport {
     pub steps: Vec<LoadStep>,
     /// Critical points passed, in order.
     pub critical: Vec<CriticalPoint>,
+    /// Load factors of stable equilibria from which the next one could only be reached across states
+    /// without stability: there the body snapped, and the path that it was on has ended.
+    pub jumps: Vec<f64>,
     /// Increments that failed and were halved.
     pub halvings: u32,
     /// Work done.
@@ -151,6 +155,23 @@ pub fn equilibrium_path(
     Ok(search.report)
 }
 
+/// The forces that hold the prescribed coordinates, N: ∂V/∂x − f where they do not accelerate; zero at
+/// free coordinates. One entry a coordinate.
+pub fn reactions(system: &System, state: &State) -> Vec<f64> {
+    let (x, v) = (system.positions(state), system.velocities(state));
+    let mut out = vec![0.0; x.len()];
+    Assembler::new(system).gradient(system, &x, state.t, &mut out);
+    if let Some(mut forces) = ForceSum::new(system) {
+        for (out, force) in out.iter_mut().zip(forces.all(&x, &v, state.t)) {
+            *out -= force;
+        }
+    }
+    for &dof in system.coordinates().free() {
+        out[dof as usize] = 0.0;
+    }
+    out
+}
+
 fn check(options: &StaticOptions) -> Result<(), SolverError> {
     for (option, value) in [
         ("static.increment", options.increment),
@@ -209,15 +230,26 @@ impl<'a> Search<'a> {
                 stop = self.stop;
                 result = newton::solve(&mut self.balance, &mut q, t, &mut stop);
             }
+            let tried = (t - state.t).abs();
+            let was_stable = self.report.steps.last().is_none_or(|step| step.is_stable);
             match result {
-                Ok(iterations) => {
+                // The body may have snapped to another equilibrium: look closer before that is accepted.
+                Ok(newton::Solved { stayed_definite: false, .. })
+                    if was_stable && !self.report.steps.is_empty() && tried > self.closest(span) =>
+                {
+                    increment = 0.25 * tried * span.signum();
+                    self.report.halvings += 1;
+                }
+                Ok(newton::Solved { iterations, stayed_definite }) => {
                     self.stop.scale = stop.scale;
                     let before =
                         State { t: state.t, q: std::mem::replace(&mut state.q, q.clone()), p: Vec::new() };
                     state.t = t;
                     let mut is_stable =
                         self.balance.factorize(&state.q, t, HessianEvaluation::Exact, 0.0)?.is_ok();
-                    let was_stable = self.report.steps.last().is_none_or(|step| step.is_stable);
+                    if is_stable && was_stable && !stayed_definite && !self.report.steps.is_empty() {
+                        self.report.jumps.push(before.t);
+                    }
                     if is_stable != was_stable && self.options.find_critical {
                         self.find_critical(&before, state)?;
                     }
@@ -236,7 +268,6 @@ impl<'a> Search<'a> {
                     has_velocity = is_stable && self.velocity(state, increment, &mut velocity)?;
                 }
                 Err(cause) => {
-                    let tried = (t - state.t).abs();
                     increment = 0.5 * tried * span.signum();
                     self.report.halvings += 1;
                     if increment.abs() < self.options.smallest_increment {
@@ -245,6 +276,11 @@ impl<'a> Search<'a> {
                 }
             }
         }
+    }
+
+    /// The increment at which a step across an indefinite tangent is accepted.
+    fn closest(&self, span: f64) -> f64 {
+        (1e-3 * span.abs()).max(self.options.smallest_increment)
     }
 
     /// dq/dt = −K⁻¹ ∂r/∂t at an equilibrium whose tangent was just factored; false where it has none.

@@ -62,6 +62,7 @@ pub(super) fn follow(search: &mut Search, state: &mut State, steps: u32) -> Resu
         };
         let result = if overshoots {
             super::newton::solve(&mut search.balance, &mut trial.q, end, &mut stop)
+                .map(|solved| solved.iterations)
         } else {
             correct(search, state, &mut trial, psi, length, &mut shift)
         };

@@ -82,12 +82,6 @@ impl<'a> Balance<'a> {
         Ok(())
     }
 
-    /// ∂V/∂x − f of all coordinates where the last residual was evaluated: at prescribed coordinates
-    /// the reaction, the force that holds them.
-    pub(crate) fn reactions(&self) -> &[f64] {
-        &self.gradient
-    }
-
     /// V(q, t), J; infinite outside the domain of a term.
     pub(crate) fn energy(&mut self, q: &[f64], t: f64) -> f64 {
         self.go_to(q, t);

@@ -42,7 +42,6 @@ impl Search<'_> {
             let (value, _) = lowest(&mut self.balance, &q, t)?;
             if value.abs() <= 1e-9 * first.abs().max(last.abs()) {
                 (low, high) = ((t, value), (t, value));
-                (f_low, f_high) = (value, value);
                 break;
             }
             if value * f_low > 0.0 {

@@ -27,41 +27,53 @@ impl Stop {
     }
 }
 
-/// What was tried with the tangent until it had a Cholesky factor.
-fn factorize_somehow(balance: &mut Balance, q: &[f64], t: f64) -> Result<(), SolverError> {
+/// What a solve took.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Solved {
+    pub(crate) iterations: u32,
+    /// Was the tangent definite at every iterate? Then the equilibrium lies on the path that the start
+    /// is on; otherwise the body may have snapped.
+    pub(crate) stayed_definite: bool,
+}
+
+/// Factors the tangent, or what has to stand in for it where it is not definite; returns whether it was.
+fn factorize_somehow(balance: &mut Balance, q: &[f64], t: f64) -> Result<bool, SolverError> {
     if balance.factorize(q, t, HessianEvaluation::Exact, 0.0)?.is_ok() {
-        return Ok(());
+        return Ok(true);
     }
-    let Err(mut failure) = balance.factorize(q, t, HessianEvaluation::Projected, 0.0)? else { return Ok(()) };
+    let Err(mut failure) = balance.factorize(q, t, HessianEvaluation::Projected, 0.0)? else {
+        return Ok(false);
+    };
     // Semidefinite: a little mass makes it definite, e.g. for a string that is not yet taut.
     let stiffest = balance.stiffest(q, t)?;
     for exponent in [-10, -8, -6, -4, -2] {
         match balance.factorize(q, t, HessianEvaluation::Projected, stiffest * 10.0_f64.powi(exponent))? {
-            Ok(()) => return Ok(()),
+            Ok(()) => return Ok(false),
             Err(next) => failure = next,
         }
     }
     Err(failure.into())
 }
 
-/// Goes from `q` to an equilibrium at t, minimising V where all forces are conservative. Returns the
-/// iterations made; `q` is overwritten even in failure.
+/// Goes from `q` to an equilibrium at t, minimising V where all forces are conservative; `q` is
+/// overwritten even in failure.
 pub(crate) fn solve(
     balance: &mut Balance,
     q: &mut [f64],
     t: f64,
     stop: &mut Stop,
-) -> Result<u32, SolverError> {
+) -> Result<Solved, SolverError> {
     let n = q.len();
     let (mut r, mut step, mut trial) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     stop.scale = stop.scale.max(1e-12 * balance.energy_scale(q, t));
     balance.residual(q, t, &mut r)?;
     let mut last = f64::INFINITY;
+    let mut stayed_definite = true;
     for iteration in 1..=stop.max_iterations {
         if r.iter().all(|&r| r == 0.0) {
-            return Ok(iteration - 1);
+            return Ok(Solved { iterations: iteration - 1, stayed_definite });
         }
-        factorize_somehow(balance, q, t)?;
+        stayed_definite &= factorize_somehow(balance, q, t)?;
         for (step, r) in step.iter_mut().zip(&r) {
             *step = -r;
         }
@@ -81,7 +93,7 @@ pub(crate) fn solve(
             }
             balance.residual(q, t, &mut r)?;
             if is_done {
-                return Ok(iteration);
+                return Ok(Solved { iterations: iteration, stayed_definite });
             }
             continue;
         }

@@ -1,0 +1,158 @@
+//! Equilibria against closed forms: snap-through, buckling, jumps, forces without a potential.
+
+mod forces;
+
+use forces::Linear;
+use vi_core::problems::{Jet, Term};
+use vi_core::{Coordinates, HessianKind, Potential, State, Stencils, System, Traits};
+use vi_solvers::{CriticalKind, SolverError, StaticOptions, equilibrium, equilibrium_path};
+
+/// One coordinate with V(x, t) = U(x) − t P x.
+struct Loaded<U>(U, f64);
+
+impl<U: Fn(f64) -> [f64; 3] + Send + Sync> Potential for Loaded<U> {
+    fn name(&self) -> &str {
+        "loaded"
+    }
+    fn account(&self) -> vi_core::Account {
+        vi_core::Account::Elastic
+    }
+    fn stencils(&self) -> Stencils<'_> {
+        Stencils { arity: 1, block: 1, nodes: &[0] }
+    }
+    fn traits(&self) -> Traits {
+        Traits { hessian: HessianKind::Varying, time_dependent: true }
+    }
+    fn energies(&self, _: std::ops::Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        out[0] = (self.0)(x[0])[0] - t * self.1 * x[0];
+    }
+    fn gradients(&self, _: std::ops::Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        out[0] = (self.0)(x[0])[1] - t * self.1;
+    }
+    fn hessians(&self, _: std::ops::Range<usize>, x: &[f64], _: f64, out: &mut [f64]) {
+        out[0] = (self.0)(x[0])[2];
+    }
+}
+
+fn one(potential: impl Potential + 'static) -> (System, State) {
+    let system = System::new(vec![1.0], vec![Box::new(potential)], Coordinates::all_free(1)).unwrap();
+    (system, State { t: 0.0, q: vec![0.0], p: vec![0.0] })
+}
+
+/// A shallow arch of two bars, V = ((1 − w)² − 1)²/2 of the sag w: it snaps at P = 4/(3√3).
+fn arch(load: f64) -> (System, State) {
+    let energy = |w: f64| {
+        let y = 1.0 - w;
+        [0.5 * (y * y - 1.0).powi(2), -2.0 * y * (y * y - 1.0), 6.0 * y * y - 2.0]
+    };
+    one(Loaded(energy, load))
+}
+
+const SNAP: f64 = 0.769_800_358_919_501;
+
+#[test]
+fn below_the_limit_load_the_arch_carries_to_round_off() {
+    let (system, mut state) = arch(0.9 * SNAP);
+    let report = equilibrium(&system, &mut state, &StaticOptions::default()).unwrap();
+    let y = 1.0 - state.q[0];
+    assert!((2.0 * y * (1.0 - y * y) - 0.9 * SNAP).abs() < 1e-12);
+    assert!(report.is_stable() && report.jumps.is_empty() && report.critical.is_empty());
+    assert_eq!((state.t, report.load_factor()), (1.0, 1.0));
+}
+
+#[test]
+fn beyond_it_the_arch_snaps_and_the_report_says_where() {
+    let (system, mut state) = arch(1.25 * SNAP);
+    let options = StaticOptions { increment: 0.1, largest_increment: 0.1, ..Default::default() };
+    let report = equilibrium(&system, &mut state, &options).unwrap();
+    assert!(state.q[0] > 2.0 && report.is_stable());
+    assert_eq!(report.jumps.len(), 1);
+    assert!((report.jumps[0] - 0.8).abs() < 2e-3, "{:?}", report.jumps);
+}
+
+#[test]
+fn the_arc_goes_through_both_limit_points() {
+    let (system, mut state) = arch(1.25 * SNAP);
+    let options =
+        StaticOptions { increment: 0.05, largest_increment: 0.2, arc_steps: Some(500), ..Default::default() };
+    let mut path = Vec::new();
+    let report = equilibrium_path(&system, &mut state, &options, &mut |state, _| {
+        path.push((state.t, state.q[0]));
+        true
+    })
+    .unwrap();
+    for (t, w) in &path {
+        let y = 1.0 - w;
+        assert!((2.0 * y * (1.0 - y * y) - t * 1.25 * SNAP).abs() < 1e-10, "{t} {w}");
+    }
+    let unstable: Vec<_> = report.steps.iter().filter(|step| !step.is_stable).collect();
+    assert!(unstable.len() > 5);
+    assert_eq!(report.critical.len(), 2);
+    for (critical, expected) in report.critical.iter().zip([0.8, -0.8]) {
+        assert_eq!(critical.kind, CriticalKind::Limit);
+        assert!((critical.load_factor - expected).abs() < 0.02, "{critical:?}");
+    }
+    assert!(state.t == 1.0 && state.q[0] > 2.0 && report.is_stable());
+}
+
+#[test]
+fn a_column_buckles_at_its_critical_load_and_a_push_bends_it() {
+    // A rigid link on a spring of turning: V = θ²/2 − t P (1 − cos θ), critical at t P = 1.
+    let column = |load: f64| {
+        let jet = move |_: usize, x: &[f64; 2]| {
+            // The second coordinate only carries the load factor: it is prescribed to be t.
+            let (angle, t) = (x[0], x[1]);
+            let p = load * t;
+            Jet {
+                energy: 0.5 * angle * angle - p * (1.0 - angle.cos()),
+                gradient: [angle - p * angle.sin(), -load * (1.0 - angle.cos())],
+                hessian: [[1.0 - p * angle.cos(), -load * angle.sin()], [-load * angle.sin(), 0.0]],
+            }
+        };
+        let term = Term { name: "column", block: 2, nodes: vec![0], hessian: HessianKind::Varying, jet };
+        let path = Box::new(forces::Clock);
+        let coordinates = Coordinates::new(2, vec![vi_core::Prescribed { dofs: vec![1], path }]).unwrap();
+        let system = System::new(vec![1.0; 2], vec![Box::new(term)], coordinates).unwrap();
+        (system, State { t: 0.0, q: vec![0.0], p: vec![0.0] })
+    };
+    let (system, mut state) = column(2.0);
+    let options = StaticOptions { increment: 0.3, largest_increment: 0.3, ..Default::default() };
+    let report = equilibrium(&system, &mut state, &options).unwrap();
+    assert_eq!(state.q, [0.0]);
+    assert!(!report.is_stable());
+    let critical = report.critical[0];
+    assert_eq!((critical.kind, report.critical.len()), (CriticalKind::Bifurcation, 1));
+    assert!((critical.load_factor - 0.5).abs() < 1e-8, "{critical:?}");
+
+    let (system, mut state) = column(2.0);
+    let options = StaticOptions { push: Some(0.1), ..options };
+    let report = equilibrium(&system, &mut state, &options).unwrap();
+    assert!(report.is_stable());
+    let angle = state.q[0].abs();
+    assert!(angle > 1.0 && (angle - 2.0 * angle.sin()).abs() < 1e-9, "{angle}");
+}
+
+#[test]
+fn a_load_that_nothing_carries_is_an_error_and_leaves_the_state() {
+    // U = 1 − exp(−x): its force never exceeds 1 from the right.
+    let (system, mut state) = one(Loaded(|x: f64| [1.0 - (-x).exp(), (-x).exp(), -(-x).exp()], 2.0));
+    let before = state.clone();
+    match equilibrium(&system, &mut state, &StaticOptions::default()) {
+        Err(error @ SolverError::Equilibrium { .. }) => {
+            assert!(error.to_string().contains("no equilibrium beyond load factor"), "{error}");
+        }
+        other => panic!("{other:?}"),
+    }
+    assert_eq!(state, before);
+}
+
+#[test]
+fn forces_without_a_potential_take_part() {
+    // x = f(x) = 1 + x/2 at rest: x = 2.
+    let jet = |_: usize, x: &[f64; 1]| Jet { energy: 0.5 * x[0] * x[0], gradient: *x, hessian: [[1.0]] };
+    let spring = Term { name: "spring", block: 1, nodes: vec![0], hessian: HessianKind::Constant, jet };
+    let (system, mut state) = one(spring);
+    let system = system.with_forces(vec![Linear::shared(1.0, 0.5, 0.0)]).unwrap();
+    equilibrium(&system, &mut state, &StaticOptions::default()).unwrap();
+    assert!((state.q[0] - 2.0).abs() < 1e-12, "{:?}", state.q);
+}
