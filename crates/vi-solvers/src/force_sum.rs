@@ -15,6 +15,9 @@ use vi_core::{
 
 use crate::{Assembler, HessianEvaluation, Method, SolverError, SymmetricMatrix};
 
+/// Schemes that take every force.
+const TAKE_ALL: &str = "implicit-midpoint, stormer-verlet, symplectic-euler-a, symplectic-euler-b";
+
 /// Refuses the forces that a scheme has no place for.
 ///
 /// # Errors
@@ -24,22 +27,19 @@ pub(crate) fn check(method: &Method, system: &System) -> Result<(), SolverError>
         Err(SolverError::Force { scheme: method.name(), force: force.name().to_owned(), reason, schemes })
     };
     match method {
-        Method::SymplecticEulerA | Method::SymplecticEulerB | Method::StormerVerlet => Ok(()),
+        Method::SymplecticEulerA
+        | Method::SymplecticEulerB
+        | Method::StormerVerlet
+        | Method::ImplicitMidpoint => Ok(()),
         Method::BlanesMoan4 | Method::BlanesMoan6 => {
             match system.forces().iter().find(|force| force.depends_on_velocity()) {
                 None => Ok(()),
-                Some(force) => refuse(
-                    force,
-                    "depends on velocity: its order would be lost",
-                    "stormer-verlet, symplectic-euler-a, symplectic-euler-b",
-                ),
+                Some(force) => refuse(force, "depends on velocity: its order would be lost", TAKE_ALL),
             }
         }
         _ => match system.forces().first() {
             None => Ok(()),
-            Some(force) => {
-                refuse(force, "has no potential", "stormer-verlet, symplectic-euler-a, symplectic-euler-b")
-            }
+            Some(force) => refuse(force, "has no potential", TAKE_ALL),
         },
     }
 }
@@ -192,19 +192,23 @@ impl ForceSum {
         Some(group.assembler.hessian(&group.system, &self.state, self.t, HessianEvaluation::Exact))
     }
 
-    /// All forces at positions and velocities of all coordinates, N.
-    pub(crate) fn all(&mut self, x: &[f64], v: &[f64], t: f64) -> Vec<f64> {
-        self.evaluate(x, v, t);
-        (0..x.len()).map(|dof| self.total(dof)).collect()
-    }
-
-    /// Symmetric part of −∂f/∂ẋ on the free coordinates at the last evaluation; none where no force
+    /// Symmetric parts of −∂f/∂x and −∂f/∂ẋ at the last evaluation; the latter only where a force
     /// depends on ẋ.
-    pub(crate) fn damping(&mut self, system: &System) -> Option<&SymmetricMatrix> {
+    pub(crate) fn tangents(
+        &mut self,
+        system: &System,
+    ) -> (Option<&SymmetricMatrix>, Option<&SymmetricMatrix>) {
+        if self.stiffness_tangent.is_none() {
+            self.stiffness_tangent = Group::new(system, Tangent::Stiffness, |_| true);
+        }
         if self.damping_tangent.is_none() {
             self.damping_tangent = Group::new(system, Tangent::Damping, |force| force.depends_on_velocity());
         }
-        let group = self.damping_tangent.as_mut()?;
-        Some(group.assembler.hessian(&group.system, &self.state, self.t, HessianEvaluation::Exact))
+        let (state, t) = (&self.state, self.t);
+        let [stiffness, damping] = [&mut self.stiffness_tangent, &mut self.damping_tangent].map(|group| {
+            let group = group.as_mut()?;
+            Some(group.assembler.hessian(&group.system, state, t, HessianEvaluation::Exact))
+        });
+        (stiffness, damping)
     }
 }

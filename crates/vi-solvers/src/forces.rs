@@ -3,6 +3,8 @@
 
 use vi_core::{State, System};
 
+use crate::force_sum::ForceSum;
+use crate::matrix_sum::MatrixSum;
 use crate::vectors;
 use crate::{Assembler, HessianEvaluation, SolverError, SymmetricMatrix, Work};
 
@@ -16,7 +18,18 @@ pub(crate) struct Forces {
     /// Does `gradient` belong to `x` and `t`?
     gradient_is_of_x: bool,
     is_time_dependent: bool,
+    /// Forces without a potential, where the scheme has asked for them.
+    nonconservative: Option<Nonconservative>,
     pub(crate) work: Work,
+}
+
+/// Forces without a potential at the velocities that a stage implies.
+struct Nonconservative {
+    sum: ForceSum,
+    x_dot: Vec<f64>,
+    /// ∂ẋ/∂q within the stage, 1/s.
+    rate: f64,
+    tangent: Option<MatrixSum>,
 }
 
 impl Forces {
@@ -29,8 +42,39 @@ impl Forces {
             gradient: vec![0.0; count],
             gradient_is_of_x: false,
             is_time_dependent: system.potentials().iter().any(|term| term.traits().time_dependent),
+            nonconservative: None,
             work: Work::default(),
         }
+    }
+
+    /// The same with the forces that no potential gives: gradients are then ∂V/∂x − f, and Hessians
+    /// have their tangents added. The velocities are those of [`Forces::set_velocities`].
+    pub(crate) fn with_nonconservative(system: &System) -> Self {
+        let count = system.coordinates().dof_count();
+        let whole = |sum| Nonconservative { sum, x_dot: vec![0.0; count], rate: 0.0, tangent: None };
+        Self { nonconservative: ForceSum::new(system).map(whole), ..Self::new(system) }
+    }
+
+    /// Are there forces without a potential in what is evaluated?
+    pub(crate) fn has_nonconservative(&self) -> bool {
+        self.nonconservative.is_some()
+    }
+
+    /// Sets the velocities q̇ of the next evaluation, at time t, with ∂q̇/∂q = `rate` (1/s).
+    pub(crate) fn set_velocities(&mut self, system: &System, q_dot: &[f64], t: f64, rate: f64) {
+        if let Some(forces) = &mut self.nonconservative {
+            system.coordinates().embed_velocity(q_dot, t, &mut forces.x_dot);
+            forces.rate = rate;
+            self.gradient_is_of_x = false;
+        }
+    }
+
+    /// Work of the forces without a potential of the last evaluation along `dx`, by account: (force,
+    /// damping), J.
+    pub(crate) fn nonconservative_work(&self, dx: &[f64]) -> (f64, f64) {
+        let Some(forces) = &self.nonconservative else { return (0.0, 0.0) };
+        let force = vectors::sum(dx.len(), |dof| forces.sum.by_account(dof).0 * dx[dof]);
+        (force, vectors::sum(dx.len(), |dof| forces.sum.by_account(dof).1 * dx[dof]))
     }
 
     /// ∂V/∂x of all coordinates at the last configuration, N.
@@ -94,6 +138,12 @@ impl Forces {
         }
         self.assembler.gradient(system, &self.x, t, &mut self.gradient);
         self.work.gradients += 1;
+        if let Some(forces) = &mut self.nonconservative {
+            forces.sum.evaluate(&self.x, &forces.x_dot, t);
+            for (dof, gradient) in self.gradient.iter_mut().enumerate() {
+                *gradient -= forces.sum.total(dof);
+            }
+        }
         let gradient = &self.gradient;
         let total = vectors::sum(gradient.len(), |k| 0.0 * gradient[k]);
         if total == 0.0 {
@@ -129,11 +179,36 @@ impl Forces {
         self.is_time_dependent
     }
 
-    /// ∂²V/∂q² at the last configuration.
-    pub(crate) fn hessian(&mut self, system: &System, kind: HessianEvaluation) -> &SymmetricMatrix {
+    /// ∂²V/∂q² at the last configuration, with the tangents of forces without a potential.
+    ///
+    /// # Errors
+    /// Where those cannot be summed into one matrix.
+    pub(crate) fn hessian(
+        &mut self,
+        system: &System,
+        kind: HessianEvaluation,
+    ) -> Result<&SymmetricMatrix, SolverError> {
         self.work.hessians += 1;
         self.work.projections += u64::from(kind == HessianEvaluation::Projected);
-        self.assembler.hessian(system, &self.x, self.t, kind)
+        let k = self.assembler.hessian(system, &self.x, self.t, kind);
+        let Some(Nonconservative { sum, x_dot, rate, tangent }) = &mut self.nonconservative else {
+            return Ok(k);
+        };
+        sum.evaluate(&self.x, x_dot, self.t);
+        let (stiffness, damping) = sum.tangents(system);
+        let parts: Vec<(f64, &SymmetricMatrix)> = [Some((1.0, k)), stiffness.map(|m| (1.0, m))]
+            .into_iter()
+            .chain([damping.map(|m| (*rate, m))])
+            .flatten()
+            .collect();
+        let tangent = match tangent {
+            Some(tangent) => tangent,
+            none => {
+                let matrices: Vec<&SymmetricMatrix> = parts.iter().map(|part| part.1).collect();
+                none.insert(MatrixSum::new(&matrices)?)
+            }
+        };
+        Ok(tangent.combine(&parts))
     }
 
     fn why_not_finite(&self, system: &System, at_start: bool) -> SolverError {

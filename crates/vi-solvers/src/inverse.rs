@@ -41,7 +41,8 @@ pub(crate) struct Inverse {
 
 impl Inverse {
     pub(crate) fn new(system: &System) -> Self {
-        let is_linear = system.potentials().iter().all(|term| term.traits().hessian != HessianKind::Varying);
+        let is_linear = system.forces().is_empty()
+            && system.potentials().iter().all(|term| term.traits().hessian != HessianKind::Varying);
         let warp = if is_linear { None } else { Warp::new(system) };
         Self { factor: None, origin: None, warp, is_linear, costs: UnitCosts::default() }
     }
@@ -105,7 +106,7 @@ impl Inverse {
             Reason::Slow => count.factorizations_slow += 1,
             Reason::Newton => count.factorizations_newton += 1,
         }
-        let hessian = forces.hessian(system, kind);
+        let hessian = forces.hessian(system, kind)?;
         let factor = match &mut self.factor {
             Some(factor) => factor,
             none => {

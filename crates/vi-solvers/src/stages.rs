@@ -29,6 +29,10 @@ pub(crate) trait Rule: Send + Sync {
     fn is_variational(&self) -> bool {
         false
     }
+    /// Is q̇ of the stage (û − q₀ + w)/√c? Then forces that depend on it can be taken.
+    fn takes_forces(&self) -> bool {
+        false
+    }
     /// Time of the stage, in units of h from the start.
     fn time(&self) -> f64;
     /// û − q₀.
@@ -83,6 +87,9 @@ pub(crate) struct Midpoint;
 impl Rule for Midpoint {
     fn name(&self) -> &'static str {
         "implicit-midpoint"
+    }
+    fn takes_forces(&self) -> bool {
+        true
     }
     fn is_variational(&self) -> bool {
         true
@@ -175,6 +182,7 @@ impl Stage {
         forces: &mut Forces,
     ) -> Result<(), SolverError> {
         self.configure();
+        self.set_velocities(system, forces);
         forces.evaluate(system, &self.q, self.t, false)?;
         if rule.has_correction() {
             let Self { origin, offset, w, added, start_t, h, .. } = self;
@@ -182,6 +190,15 @@ impl Stage {
             rule.correction(&Trial { system, forces, start_q, start_t, h, offset, w }, added);
         }
         Ok(())
+    }
+
+    /// Tells the forces without a potential how fast the stage moves, q̇ = (û − q₀ + w)/√c.
+    fn set_velocities(&self, system: &System, forces: &mut Forces) {
+        if forces.has_nonconservative() {
+            let rate = 1.0 / self.c.sqrt();
+            let q_dot: Vec<f64> = self.offset.iter().zip(&self.w).map(|(o, w)| rate * (o + w)).collect();
+            forces.set_velocities(system, &q_dot, self.t, rate);
+        }
     }
 
     fn close(&mut self) {
@@ -251,7 +268,7 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn merit(&mut self, system: &System, forces: &mut Forces) -> Option<f64> {
-        if self.rule.has_correction() {
+        if self.rule.has_correction() || forces.has_nonconservative() {
             return None;
         }
         self.stage.configure();
@@ -286,13 +303,18 @@ pub(crate) struct OneStage<R> {
     dx: Vec<f64>,
 }
 
+/// The forces that a rule takes.
+fn forces_of(rule: &impl Rule, system: &System) -> Forces {
+    if rule.takes_forces() { Forces::with_nonconservative(system) } else { Forces::new(system) }
+}
+
 impl<R: Rule> OneStage<R> {
     pub(crate) fn new(rule: R, system: &System, options: &SolverOptions) -> Result<Self, SolverError> {
         let n = system.coordinates().free_count();
         let tolerance = rule.tolerance(options.tolerance);
         Ok(Self {
+            forces: forces_of(&rule, system),
             rule,
-            forces: Forces::new(system),
             inverse: Inverse::new(system),
             newton: Newton::new(&SolverOptions { tolerance, ..options.clone() })?,
             potentials: Potentials::new(),
@@ -333,7 +355,9 @@ impl<R: Rule> OneStage<R> {
         if stage.origin.is_empty() {
             return Ok(0);
         }
-        if balance::may_be_at_rest(stage.twice_kinetic, &stage.history[0], stage.history_count) {
+        if !forces.has_nonconservative()
+            && balance::may_be_at_rest(stage.twice_kinetic, &stage.history[0], stage.history_count)
+        {
             stage.w.fill(0.0);
             stage.configure();
             forces.evaluate(system, &stage.q, stage.t, false)?;
@@ -347,8 +371,9 @@ impl<R: Rule> OneStage<R> {
     }
 
     /// The parts of the step's change of energy. With ΔT = Δp·v̄ and g = ∂V/∂x at the stage, they are
-    /// the work g·Δx (g with the rule's addition) on prescribed coordinates, the residual's work R·Δq/c, and the rest that the
-    /// scheme makes: ΔV − g·Δx, and for schemes that are not variational Δp·v̄ + (g − R/c)·Δq.
+    /// the work g·Δx (g with the rule's addition) on prescribed coordinates, the residual's work R·Δq/c, and the
+    /// rest that the scheme makes: ΔV − g·Δx (with forces f that have no potential g is ∂V/∂x − f, and their work
+    /// f·Δx is a part of its own), and for schemes that are not variational Δp·v̄ + (g − R/c)·Δq.
     fn account(&mut self, system: &System, before: &State) -> Result<StepEnergy, SolverError> {
         let Self { rule, forces, stage, after, potentials, x_start, dx, .. } = self;
         stage.evaluate(system, rule, forces)?;
@@ -373,12 +398,13 @@ impl<R: Rule> OneStage<R> {
             (after.p[k] - before.p[k]) * 0.5 * (before.p[k] + after.p[k]) / mass[k]
         });
         let inertial = vectors::sum(w.len(), |k| inertia(k) * along(k));
+        let (force, damping) = forces.nonconservative_work(step);
         let (change, loads) = potentials.close(system, forces, &after.q, after.t);
-        let mut scheme = change - loads - elastic - prescribed;
+        let mut scheme = change - loads - elastic - prescribed - force - damping;
         if !self.rule.is_variational() {
             scheme += kinetic - inertial;
         }
-        Ok(StepEnergy { prescribed, force: loads, damping: 0.0, scheme, residual })
+        Ok(StepEnergy { prescribed, force: force + loads, damping, scheme, residual })
     }
 }
 
@@ -419,7 +445,7 @@ impl<R: Rule> Stepper for OneStage<R> {
             history.copy_from_slice(array);
         }
         self.stage.history_count = memory.count("stage.history")? as usize;
-        self.forces = Forces::new(system);
+        self.forces = forces_of(&self.rule, system);
         self.potentials = Potentials::new();
         self.newton.restore(memory)?;
         self.rule.restore(memory)?;

@@ -19,12 +19,15 @@ fn exact(c: f64, t: f64) -> (f64, f64) {
 fn orders_are_kept_and_the_ledger_closes() {
     let c = 0.3;
     let problem = Oscillator::with_frequency(1.0);
-    for (method, order) in
-        [(Method::StormerVerlet, 2.0), (Method::SymplecticEulerA, 1.0), (Method::SymplecticEulerB, 1.0)]
-    {
+    for (method, order) in [
+        (Method::StormerVerlet, 2.0),
+        (Method::ImplicitMidpoint, 2.0),
+        (Method::SymplecticEulerA, 1.0),
+        (Method::SymplecticEulerB, 1.0),
+    ] {
         let error = |steps: usize| {
             let system = problem.system().unwrap().with_forces(vec![Linear::shared(0.0, 0.0, c)]).unwrap();
-            let options = SolverOptions { ledger: true, ..Default::default() };
+            let options = SolverOptions { ledger: true, tolerance: 1e-14, ..Default::default() };
             let mut stepper = stepper(&method, &system, &options).unwrap();
             let mut state = State { t: 0.0, q: vec![1.0], p: vec![0.0] };
             let before = problem.energy(&state);
