@@ -3,6 +3,7 @@
 
 mod assemble;
 mod load;
+mod loads;
 mod prescribe;
 
 use vi_core::{State, System};

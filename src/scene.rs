@@ -3,9 +3,11 @@
 
 mod body;
 mod check;
+mod load;
 mod output;
 #[cfg(feature = "cli")]
 mod parse;
+mod statics;
 mod time;
 
 use std::path::{Path, PathBuf};
@@ -15,9 +17,12 @@ use serde::{Deserialize, Serialize};
 
 pub use body::{Axis, Body, BoxRegion, Fix, MaterialEntry, Materials, Probe, Spring, SpringEnd, Strike};
 pub use check::Problem;
+pub(crate) use load::field;
+pub use load::{Damping, FieldComponent, Load};
 pub use output::{Assert, Encoding, Field, Output, Precision};
 #[cfg(feature = "cli")]
 pub use parse::Parsed;
+pub use statics::Static;
 pub use time::{LinearChoice, SchemeName, Solver, Time};
 
 /// A scene. Its TOML form has the same names; unknown keys are errors.
@@ -57,6 +62,15 @@ pub struct Scene {
     /// Impulses given to a region at t = 0.
     #[serde(rename = "strike", default, skip_serializing_if = "Vec::is_empty")]
     pub strikes: Vec<Strike>,
+    /// Forces on bodies.
+    #[serde(rename = "load", default, skip_serializing_if = "Vec::is_empty")]
+    pub loads: Vec<Load>,
+    /// Physical damping; off by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub damping: Option<Damping>,
+    /// Solve for equilibria instead of stepping time.
+    #[serde(rename = "static", default, skip_serializing_if = "Option::is_none")]
+    pub statics: Option<Static>,
     /// Points whose motion is written to history.csv.
     #[serde(rename = "probe", default, skip_serializing_if = "Vec::is_empty")]
     pub probes: Vec<Probe>,
@@ -82,6 +96,9 @@ impl Scene {
             fixes: Vec::new(),
             springs: Vec::new(),
             strikes: Vec::new(),
+            loads: Vec::new(),
+            damping: None,
+            statics: None,
             probes: Vec::new(),
             solver: Solver::default(),
             output: Output::default(),
@@ -122,6 +139,24 @@ impl Scene {
     /// Adds an impulse at t = 0.
     pub fn strike(mut self, strike: Strike) -> Self {
         self.strikes.push(strike);
+        self
+    }
+
+    /// Adds a load.
+    pub fn load(mut self, load: Load) -> Self {
+        self.loads.push(load);
+        self
+    }
+
+    /// Sets physical damping.
+    pub fn damping(mut self, damping: Damping) -> Self {
+        self.damping = Some(damping);
+        self
+    }
+
+    /// Solves for equilibria instead of stepping time.
+    pub fn statics(mut self, statics: Static) -> Self {
+        self.statics = Some(statics);
         self
     }
 

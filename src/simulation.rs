@@ -123,6 +123,8 @@ impl Simulation {
         for (system, state) in model.components {
             let stepper = if system.coordinates().free_count() == 0 {
                 None
+            } else if let Some(statics) = &scene.statics {
+                Some(vi_solvers::quasi_static(&system, statics.options(), options.ledger))
             } else {
                 match vi_solvers::stepper(&method, &system, &options) {
                     Ok(stepper) => Some(stepper),

@@ -1,10 +1,13 @@
 //! Masses, potentials and initial states of the components of a scene: bodies that springs join are
 //! one component, all others stand alone. It must not read files.
 
-use vi_core::{Potential, State, System};
+use std::sync::Arc;
+
+use vi_core::{Force, Potential, State, System};
 use vi_fem::{Gravity, PointSpring, SpringEnd, add_lumped_mass, mass_properties, rigid_velocities};
 
 use super::load::{End, Loaded, LoadedBody};
+use super::loads;
 use super::prescribe::{NodalFix, coordinates};
 use super::{BodyModel, Model, ProbeTarget};
 use crate::scene::{Body, Problem, Scene};
@@ -56,6 +59,35 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
             Err(error) => problems.push(Problem::new(format!("spring[{i}]"), error.to_string())),
         }
     }
+    for (i, load) in scene.loads.iter().enumerate() {
+        let Some(number) = bodies.iter().position(|body| body.name == load.body()) else { continue };
+        let body = &bodies[number];
+        let own: Vec<_> = scene
+            .fixes
+            .iter()
+            .zip(&fixes)
+            .filter(|(_, (of, _))| *of == number)
+            .map(|(fix, (_, nodes))| (fix, nodes.as_slice()))
+            .collect();
+        match loads::load(load, i, body, &own) {
+            Ok(added) => {
+                let part = &mut parts[body.component];
+                part.potentials.extend(added.potentials);
+                part.forces.extend(added.forces);
+            }
+            Err(message) => problems.push(Problem::new(format!("load[{i}]"), message)),
+        }
+    }
+    if let Some(damping) = &scene.damping {
+        for (body, of_scene) in bodies.iter().zip(&scene.bodies) {
+            let part = &mut parts[body.component];
+            let masses = &part.mass[body.node_offset..][..body.mesh.points.len()];
+            match loads::damping(damping, of_scene, body, masses) {
+                Ok(forces) => part.forces.extend(forces),
+                Err(message) => problems.push(Problem::new("damping", message)),
+            }
+        }
+    }
     let mut built = Vec::with_capacity(parts.len());
     for (c, part) in parts.into_iter().enumerate() {
         let fixes: Vec<NodalFix> = scene
@@ -101,6 +133,7 @@ struct Part {
     x: Vec<f64>,
     v: Vec<f64>,
     potentials: Vec<Box<dyn Potential>>,
+    forces: Vec<Arc<dyn Force>>,
 }
 
 impl Part {
@@ -155,6 +188,7 @@ impl Part {
         }
         let mass = self.mass.iter().flat_map(|&m| [m; 3]).collect();
         let system = System::new(mass, self.potentials, coordinates)
+            .and_then(|system| system.with_forces(self.forces))
             .map_err(|error| Problem::new("body", error.to_string()))?;
         let state =
             system.state(0.0, &self.x, &self.v).map_err(|error| Problem::new("body", error.to_string()))?;

@@ -235,6 +235,35 @@ fn attachments(check: &mut Checker, scene: &Scene) {
         known(check, format!("strike[{i}].body"), &strike.body);
         check.finite(format!("strike[{i}].impulse"), &strike.impulse);
     }
+    for (i, load) in scene.loads.iter().enumerate() {
+        known(check, format!("load[{i}].body"), load.body());
+        for (key, message) in load.problems() {
+            let key = if key.is_empty() { format!("load[{i}]") } else { format!("load[{i}].{key}") };
+            check.say(key, message);
+        }
+    }
+    if let Some(damping) = &scene.damping {
+        for (name, value) in [
+            ("shear_viscosity", damping.shear_viscosity),
+            ("stiffness_time", damping.stiffness_time),
+            ("mass_rate", damping.mass_rate),
+        ] {
+            if !(value >= 0.0 && value.is_finite()) {
+                check.say(format!("damping.{name}"), format!("must be zero or positive, is {value}"));
+            }
+        }
+        check.finite("damping.bulk_viscosity", &[damping.bulk_viscosity]);
+    }
+    if let Some(statics) = &scene.statics {
+        check.positive("static.smallest_increment", statics.smallest_increment, "");
+        if !(1e-14..=0.1).contains(&statics.tolerance) {
+            let message = format!("must be 1e-14 (to round-off) to 0.1, is {:e}", statics.tolerance);
+            check.say("static.tolerance", message);
+        }
+        if statics.push.is_some_and(|push| !push.is_finite()) {
+            check.say("static.push", "must be finite");
+        }
+    }
     let mut probes = HashSet::new();
     for (i, probe) in scene.probes.iter().enumerate() {
         let key = format!("probe[{i}]");

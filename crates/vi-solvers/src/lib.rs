@@ -27,6 +27,7 @@ mod newton;
 mod ordering;
 mod pcg;
 mod policy;
+mod quasi_static;
 mod stability;
 mod stages;
 mod statics;
@@ -42,6 +43,7 @@ pub use matrix::SymmetricMatrix;
 pub use method::{Method, MethodFacts, stepper};
 pub use modes::{Mode, ModeOptions, modes};
 pub use pcg::{Pcg, PcgFacts, PcgReport, Preconditioner};
+pub use quasi_static::quasi_static;
 pub use stability::{HighestFrequency, highest_frequency};
 pub use statics::{
     CriticalKind, CriticalPoint, LoadStep, StaticOptions, StaticReport, equilibrium, equilibrium_path,

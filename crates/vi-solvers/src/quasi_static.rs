@@ -1,0 +1,60 @@
+//! Equilibria one after another as a stepper: t is the load factor, momenta are zero.
+//! It must not know what is loaded.
+
+use vi_core::{State, StepEnergy, System};
+
+use crate::stepper::expect_method;
+use crate::{
+    Assembler, SolverError, StaticOptions, StepError, StepReport, Stepper, StepperMemory, Work, equilibrium,
+};
+
+const NAME: &str = "static";
+
+struct QuasiStatic {
+    options: StaticOptions,
+    ledger: Option<Assembler>,
+    work: Work,
+}
+
+/// A stepper that goes from the equilibrium at t to that at t + h; steps are cut further as `options`
+/// say, whose end is not used. The work of loads and prescribed motion, ΔV along a path of equilibria,
+/// is entered as work of forces where a ledger is kept.
+pub fn quasi_static(system: &System, options: StaticOptions, ledger: bool) -> Box<dyn Stepper> {
+    Box::new(QuasiStatic { options, ledger: ledger.then(|| Assembler::new(system)), work: Work::default() })
+}
+
+impl Stepper for QuasiStatic {
+    fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
+        let options = StaticOptions {
+            end: state.t + h,
+            increment: h.abs(),
+            largest_increment: h.abs(),
+            ..self.options.clone()
+        };
+        let before = state.clone();
+        let report =
+            equilibrium(system, state, &options).map_err(|cause| StepError { t: before.t, h, cause })?;
+        let mut energy = StepEnergy::default();
+        if let Some(assembler) = &mut self.ledger {
+            let mut potential =
+                |state: &State| assembler.energies(system, &system.positions(state), state.t).total();
+            energy.force = potential(state) - potential(&before) - vi_core::kinetic_energy(system, &before);
+        }
+        let mut work = report.work;
+        work.steps = 1;
+        self.work += work;
+        Ok(StepReport { iterations: work.newton_iterations as u32, energy, work })
+    }
+
+    fn work(&self) -> Work {
+        self.work
+    }
+
+    fn memory(&self) -> StepperMemory {
+        StepperMemory { method: NAME.to_owned(), ..Default::default() }
+    }
+
+    fn restore(&mut self, _system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
+        expect_method(memory, NAME)
+    }
+}

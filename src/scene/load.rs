@@ -1,0 +1,146 @@
+//! Loads and damping, as a scene says them. It must not know how they are made.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use vi_fem::{Amplitude, FemError, VectorField};
+
+/// A component of a field: a number, or a formula of `x y z`, the position at rest (m).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum FieldComponent {
+    /// The same everywhere.
+    Number(f64),
+    /// A formula such as `"1e3*(1 - y/2)"`.
+    Formula(String),
+}
+
+/// `[[load]]`: a force on a body. Its `amplitude` is a number, a formula of t (s) or a table
+/// `[[t, factor], …]`; in a static solve t is the load factor.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Load {
+    /// A dead traction on a surface: force per area at rest that keeps its direction.
+    Traction {
+        /// The body.
+        body: String,
+        /// A surface region of its mesh.
+        region: String,
+        /// Traction, Pa.
+        traction: [FieldComponent; 3],
+        /// Factor in time (default 1).
+        #[serde(default)]
+        amplitude: Amplitude,
+    },
+    /// A pressure that follows the deformed surface.
+    Pressure {
+        /// The body.
+        body: String,
+        /// A surface region of its mesh.
+        region: String,
+        /// Pressure, Pa; positive pushes into the body.
+        pressure: f64,
+        /// Factor in time (default 1).
+        #[serde(default)]
+        amplitude: Amplitude,
+    },
+    /// A dead force at one node.
+    Point {
+        /// The body.
+        body: String,
+        /// A point, m: the nearest node is loaded.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        point: Option<[f64; 3]>,
+        /// A node, instead of a point.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        node: Option<usize>,
+        /// Force, N.
+        force: [f64; 3],
+        /// Factor in time (default 1).
+        #[serde(default)]
+        amplitude: Amplitude,
+    },
+    /// A dead force per volume at rest.
+    BodyForce {
+        /// The body.
+        body: String,
+        /// A volume region of its mesh (default: the whole body).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        region: Option<String>,
+        /// Force per volume, N/m³.
+        force: [FieldComponent; 3],
+        /// Factor in time (default 1).
+        #[serde(default)]
+        amplitude: Amplitude,
+    },
+}
+
+impl Load {
+    /// The body that it acts on.
+    pub fn body(&self) -> &str {
+        match self {
+            Self::Traction { body, .. }
+            | Self::Pressure { body, .. }
+            | Self::Point { body, .. }
+            | Self::BodyForce { body, .. } => body,
+        }
+    }
+
+    /// What is wrong with its values, each with the key within the load.
+    pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
+        let mut problems = Vec::new();
+        let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
+        match self {
+            Self::Traction { traction: components, .. } => {
+                problems.extend(field(components).err().map(|error| ("traction", error.to_string())));
+            }
+            Self::BodyForce { force: components, .. } => {
+                problems.extend(field(components).err().map(|error| ("force", error.to_string())));
+            }
+            Self::Pressure { pressure, .. } if !pressure.is_finite() => {
+                problems.push(("pressure", format!("must be finite, is {pressure} Pa")));
+            }
+            Self::Point { point, node, force, .. } => {
+                if point.is_some() == node.is_some() {
+                    problems.push(("", "give one of `point`, `node`".to_owned()));
+                }
+                if !finite(force) || !finite(&point.unwrap_or_default()) {
+                    problems.push(("force", "force and point must be finite".to_owned()));
+                }
+            }
+            Self::Pressure { .. } => {}
+        }
+        problems
+    }
+}
+
+/// The field of three components.
+///
+/// # Errors
+/// Where a formula does not parse.
+pub(crate) fn field(components: &[FieldComponent; 3]) -> Result<VectorField, FemError> {
+    let text = components.each_ref().map(|component| match component {
+        FieldComponent::Number(value) if value.is_finite() => format!("{value:e}"),
+        FieldComponent::Number(value) => value.to_string(),
+        FieldComponent::Formula(formula) => formula.clone(),
+    });
+    // A sign in front of a number is a formula's minus: the value is the same to the bit.
+    VectorField::expressions([text[0].as_str(), text[1].as_str(), text[2].as_str()])
+}
+
+/// `[damping]`: physical damping of all solids, off by default. Its joules are in the ledger.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Damping {
+    /// Kelvin–Voigt shear viscosity η, Pa s: S = 2η Ė + ζ tr(Ė) I in the material frame.
+    #[serde(default)]
+    pub shear_viscosity: f64,
+    /// Kelvin–Voigt bulk viscosity ζ, Pa s.
+    #[serde(default)]
+    pub bulk_viscosity: f64,
+    /// Rayleigh's β, s: viscosities β μ and β λ of each material; rigid motion is untouched.
+    #[serde(default)]
+    pub stiffness_time: f64,
+    /// Rayleigh's α, 1/s: f = −α m v, a drag that slows rigid motion too.
+    #[serde(default)]
+    pub mass_rate: f64,
+}
