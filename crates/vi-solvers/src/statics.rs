@@ -162,8 +162,9 @@ pub fn reactions(system: &System, state: &State) -> Vec<f64> {
     let mut out = vec![0.0; x.len()];
     Assembler::new(system).gradient(system, &x, state.t, &mut out);
     if let Some(mut forces) = ForceSum::new(system) {
-        for (out, force) in out.iter_mut().zip(forces.all(&x, &v, state.t)) {
-            *out -= force;
+        forces.evaluate(&x, &v, state.t);
+        for (dof, out) in out.iter_mut().enumerate() {
+            *out -= forces.total(dof);
         }
     }
     for &dof in system.coordinates().free() {
