@@ -236,7 +236,7 @@ def main():
     for picture in PICTURES:
         name = f"theory_{picture.__name__}"
         figure = picture(read(tables / f"{name}.csv"))
-        figure.savefig(images / f"{name}.png", dpi=110)
+        figure.savefig(images / f"{name}.png", dpi=100)
         plt.close(figure)
 
 
