@@ -34,6 +34,7 @@ mod surface;
 mod svd;
 pub mod tensor;
 mod transpose;
+mod wind;
 
 pub use amplitude::Amplitude;
 pub use bending::Bending;
@@ -67,3 +68,4 @@ pub use sheet_material::{
     IsotropicSheet, SheetCommon, SheetLaw, SheetMaterial, SheetParameters, SheetResponse,
 };
 pub use surface::{Orientation, orient_triangles};
+pub use wind::Wind;
