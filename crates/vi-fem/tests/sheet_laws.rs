@@ -269,6 +269,43 @@ fn a_rolled_sheet_has_the_energy_of_its_curvature_in_any_direction() {
     }
 }
 
+/// On right-angled triangles with diagonals along (1, 1), a cylinder in the direction α bends the three
+/// hinges of a cell by κl(c² + cs), κl(s² + cs) and −√2 κl cs, which gives 1 + sin 2α + sin² 2α times the
+/// energy of the plate: right along the legs, ¾ to 3 times elsewhere.
+#[test]
+fn hinges_depend_on_the_mesh_as_they_must() {
+    let (cells, radius) = (40, 5.0);
+    let mesh = sheet_mesh([1.0, 1.0], [cells, cells], SheetPattern::Diagonal);
+    for bending in [Bending::Hinge, Bending::Quadratic] {
+        let law = first_law(bending);
+        let stiffness = law.parameters().common().thickness.powi(3) / 12.0 * law.parameters().moduli()[0][0];
+        let bent = &potentials(&mesh, &law, &[]).unwrap()[1];
+        for step in 0..12 {
+            let angle = f64::from(step) * std::f64::consts::PI / 12.0;
+            let (s, c) = angle.sin_cos();
+            let roll = |p: &[f64; 3]| {
+                let (along, across) = ((c * p[0] + s * p[1]) / radius, c * p[1] - s * p[0]);
+                let x = radius * along.sin();
+                let z = radius * (1.0 - along.cos());
+                [c * x - s * across, s * x + c * across, z]
+            };
+            let x: Vec<f64> = mesh.points.iter().flat_map(roll).collect();
+            let mut energy = 0.0;
+            for (stencil, value) in energies(&**bent, &x).into_iter().enumerate() {
+                // Middles of edges in a square of 20 × 20 cells: one hinge of each kind a cell.
+                let [a, b] = [0, 1].map(|k| mesh.points[bent.stencils().of(stencil)[k] as usize]);
+                if (0..2).all(|i| (0.25 - 1e-9..0.75 - 1e-9).contains(&(0.5 * (a[i] + b[i])))) {
+                    energy += value;
+                }
+            }
+            let ratio = energy / (0.5 * stiffness * 0.25 / (radius * radius));
+            let twice = (2.0 * angle).sin();
+            let expected = 1.0 + twice + twice * twice;
+            assert!((ratio / expected - 1.0).abs() < 1e-3, "{bending:?} at {angle} rad: {ratio} {expected}");
+        }
+    }
+}
+
 #[test]
 fn curvature_of_both_signs_and_twist_is_exact_for_small_quadratic_shapes() {
     // w = ½ (κ₁₁x² + 2κ₁₂xy + κ₂₂y²), so small that the sheet hardly stretches.

@@ -3,8 +3,8 @@
 //!
 //! k = h³/12 Q_mm, the bending modulus across the edge (for isotropic sheets D = E h³/(12(1 − ν²))).
 //! With it, cylinders are right on equilateral triangles in every direction, and on right-angled ones
-//! along their legs; across the diagonals of `diagonal` the model is up to 3 times too stiff or too
-//! soft. On equilateral triangles the model is an isotropic plate with ν = −1/3.
+//! along their legs; in the direction α of `diagonal` the energy is 1 + sin 2α + sin² 2α times the
+//! plate's, ¾ to 3. On equilateral triangles the model is an isotropic plate with ν = −1/3.
 
 use std::ops::Range;
 
