@@ -71,12 +71,12 @@ impl Structure {
     }
 
     pub(crate) fn energy(&self, x: &[f64]) -> f64 {
-        let of = |potential: &Box<dyn Potential>| {
+        let of = |potential: &dyn Potential| {
             let mut out = vec![0.0; potential.stencils().count()];
             potential.energies(0..out.len(), x, 0.0, &mut out);
             out.iter().sum::<f64>()
         };
-        self.potentials.iter().map(of).sum()
+        self.potentials.iter().map(|potential| of(&**potential)).sum()
     }
 
     /// ∂V/∂q, N.
