@@ -8,7 +8,7 @@ use vi_core::{EnergyLedger, Scheme, State, System, kinetic_energy, reference};
 use vi_solvers::{Method, SolverError, SolverOptions};
 
 fn gauss() -> impl Iterator<Item = Method> {
-    (1..=3).map(|stages| Method::Gauss { stages })
+    (1..=5).map(|stages| Method::Gauss { stages })
 }
 
 fn variational() -> impl Iterator<Item = Method> {
