@@ -5,6 +5,7 @@
 
 mod bench;
 mod info;
+mod modes;
 mod progress;
 mod run;
 
@@ -39,6 +40,8 @@ enum Command {
         #[arg(long = "set", value_name = "KEY=VALUE")]
         overrides: Vec<String>,
     },
+    /// Find the lowest vibration modes of a scene; write modes.csv and mode shapes
+    Modes(modes::ModesArguments),
     /// Print the JSON schema of a scene
     Schema,
     /// Print what a scene or a mesh holds
@@ -72,6 +75,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Bench(arguments) => bench::bench_scene(&arguments),
         Command::Check { scenes, overrides } => run::check(&scenes, &overrides),
+        Command::Modes(arguments) => modes::modes(&arguments),
         Command::Schema => {
             println!("{:#}", Scene::schema());
             exit::DONE

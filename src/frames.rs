@@ -135,4 +135,21 @@ impl FrameWriter {
         vi_io::write_vtu(&self.directory.join(&file), &frame, self.options)?;
         self.series.push(time, &file)
     }
+
+    /// Writes one file, out of the series, with a displacement (m, 3 a point of all bodies).
+    ///
+    /// # Errors
+    /// Where a value is not finite or the file cannot be written.
+    pub(crate) fn write_shape(&self, file: &str, displacement: &[f64]) -> Result<(), IoError> {
+        let values = VtuValues::Real(displacement);
+        let frame = VtuFrame {
+            points: &self.points,
+            blocks: &self.blocks,
+            groups: &[],
+            point_data: &[VtuArray { name: "displacement", components: 3, values }],
+            cell_data: &[],
+            time: None,
+        };
+        vi_io::write_vtu(&self.directory.join(file), &frame, self.options)
+    }
 }

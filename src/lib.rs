@@ -24,6 +24,7 @@ pub mod scene;
 pub mod simulation;
 pub mod stability;
 pub mod trial;
+pub mod vibration;
 
 pub use vi_core as core;
 pub use vi_fem as fem;
@@ -34,8 +35,8 @@ pub use vi_solvers as solvers;
 pub mod prelude {
     pub use crate::run::{RunError, Watch, run};
     pub use crate::scene::{
-        Assert, Axis, Body, Field, Fix, Output, Precision, Probe, Scene, SchemeName, Solver, Spring,
-        SpringEnd, Strike, Time,
+        Assert, Axis, Body, Damping, Field, FieldComponent, Fix, Load, Output, Precision, Probe, Scene,
+        SchemeName, Solver, Spring, SpringEnd, Static, Strike, Time,
     };
     pub use crate::simulation::{Observation, Simulation};
     pub use vi_fem::{BoxMesh, ElementKind, Isotropic, Law, Motion};

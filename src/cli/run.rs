@@ -229,7 +229,7 @@ pub(super) fn name_of(path: &Path) -> String {
     path.file_stem().map_or_else(|| "scene".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
-fn output_directory(scene: &Scene, name: &str, out: Option<&Path>) -> PathBuf {
+pub(super) fn output_directory(scene: &Scene, name: &str, out: Option<&Path>) -> PathBuf {
     out.map(Path::to_owned)
         .or_else(|| scene.output.directory.clone())
         .unwrap_or_else(|| Path::new("out").join(name))

@@ -1,0 +1,126 @@
+//! The vibration modes of a scene about its initial or static state, to files. It must not know how
+//! eigenpairs are found.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use vi_core::Potential;
+use vi_fem::consistent_mass;
+use vi_solvers::{Mode, ModeOptions, SolverError};
+
+use crate::frames::FrameWriter;
+use crate::run::RunError;
+use crate::scene::{Problem, Scene};
+use crate::simulation::Simulation;
+
+/// Which mass the modes see.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MassKind {
+    /// ρ ∫ N_a N_b dV.
+    Consistent,
+    /// A mass a node, as the time integrators have it.
+    Lumped,
+}
+
+/// A mode and the component that vibrates.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneMode {
+    /// Number of the component.
+    pub component: usize,
+    /// The mode.
+    pub mode: Mode,
+}
+
+/// The lowest `count` modes of each component, by ascending frequency. A scene with `[static]` is first
+/// brought to equilibrium at the end of its time, so that modes are those of the loaded body.
+///
+/// # Errors
+/// [`RunError`] where the scene, the equilibrium or the eigenproblem fails.
+pub fn scene_modes(
+    simulation: &mut Simulation,
+    count: usize,
+    mass: MassKind,
+) -> Result<Vec<SceneMode>, RunError> {
+    if simulation.scene().statics.is_some() {
+        while !simulation.is_done() {
+            let step = simulation.steps() + 1;
+            simulation.step().map_err(|source| RunError::Step { step, source })?;
+        }
+    }
+    let fail = |error: SolverError| RunError::Scene(vec![Problem::new("modes", error.to_string())]);
+    let mut found = Vec::new();
+    for (number, component) in simulation.components().iter().enumerate() {
+        if component.system().coordinates().free_count() == 0 {
+            continue;
+        }
+        let mut kinetic: Vec<Box<dyn Potential>> = Vec::new();
+        if mass == MassKind::Consistent {
+            let bodies = simulation.bodies().iter().zip(&simulation.scene().bodies);
+            for (body, of_scene) in bodies.filter(|(body, _)| body.component == number) {
+                for (entry, elements) in of_scene.material.0.iter().zip(&body.materials) {
+                    let density = entry.law.density();
+                    let terms = consistent_mass(&body.mesh, elements, density, body.node_offset, &body.name)
+                        .map_err(|error| RunError::Scene(vec![Problem::new("modes", error.to_string())]))?;
+                    kinetic.extend(terms);
+                }
+            }
+        }
+        let options = ModeOptions { count, ..ModeOptions::default() };
+        let modes =
+            vi_solvers::modes(component.system(), component.state(), kinetic, &options).map_err(fail)?;
+        found.extend(modes.into_iter().map(|mode| SceneMode { component: number, mode }));
+    }
+    found.sort_by(|a, b| a.mode.omega_squared.total_cmp(&b.mode.omega_squared));
+    Ok(found)
+}
+
+/// Writes `modes.csv` and, for each mode, `mode_000.vtu` with its shape as `displacement`, scaled so that
+/// the largest entry is 1 m.
+///
+/// # Errors
+/// [`RunError`] where the scene cannot be solved or a file cannot be written.
+pub fn write_modes(
+    scene: Scene,
+    directory: &Path,
+    count: usize,
+    mass: MassKind,
+) -> Result<Vec<SceneMode>, RunError> {
+    let mut simulation = Simulation::new(scene).map_err(RunError::Scene)?;
+    let modes = scene_modes(&mut simulation, count, mass)?;
+    let output = |path: &Path| {
+        let path = path.to_owned();
+        move |source| RunError::Output { path, source }
+    };
+    std::fs::create_dir_all(directory).map_err(output(directory))?;
+    let mut table = String::from("mode,component,omega_squared,frequency,rigid,residual\n");
+    let frames = FrameWriter::create(directory, "modes", &simulation, 1.0)?;
+    for (number, SceneMode { component, mode }) in modes.iter().enumerate() {
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            table,
+            "{number},{component},{:.16e},{:.16e},{},{:.3e}",
+            mode.omega_squared,
+            mode.frequency(),
+            mode.is_rigid,
+            mode.residual
+        );
+        let system = simulation.components()[*component].system();
+        let largest = mode.shape.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+        let mut shape = vec![0.0; system.coordinates().dof_count()];
+        for (&dof, value) in system.coordinates().free().iter().zip(&mode.shape) {
+            shape[dof as usize] = value / largest;
+        }
+        let mut displacement = Vec::new();
+        for body in simulation.bodies() {
+            let points = 3 * body.mesh.points.len();
+            match body.component == *component {
+                true => displacement.extend_from_slice(&shape[3 * body.node_offset..][..points]),
+                false => displacement.resize(displacement.len() + points, 0.0),
+            }
+        }
+        frames.write_shape(&format!("mode_{number:03}.vtu"), &displacement)?;
+    }
+    let path = directory.join("modes.csv");
+    std::fs::write(&path, table).map_err(output(&path))?;
+    Ok(modes)
+}
