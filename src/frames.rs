@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
+use vi_fem::{ElementField, element_field};
 use vi_io::{CellBlock, CellKind, IoError, PvdSeries, VtuArray, VtuFrame, VtuOptions, VtuValues};
 
 use crate::scene::{Encoding, Field, Precision};
@@ -99,6 +100,7 @@ impl FrameWriter {
         let bodies = 0..simulation.bodies().len();
         let mut points: Vec<(&str, Vec<f64>)> = Vec::new();
         let mut cells: Vec<(&str, &[i32])> = Vec::new();
+        let mut real_cells: Vec<(ElementField, Vec<f64>)> = Vec::new();
         for field in &self.fields {
             match field {
                 Field::Displacement => {
@@ -110,6 +112,17 @@ impl FrameWriter {
                     let v = bodies.clone().flat_map(|body| simulation.velocities(body));
                     points.push(("velocity", v.flatten().collect()));
                 }
+                Field::ReactionForce => {
+                    let forces = bodies.clone().flat_map(|body| simulation.reactions(body));
+                    points.push(("reaction_force", forces.flatten().collect()));
+                }
+                Field::Stress => real_cells.push(self.element_values(simulation, ElementField::Stress)),
+                Field::VonMises => real_cells.push(self.element_values(simulation, ElementField::VonMises)),
+                Field::Strain => real_cells.push(self.element_values(simulation, ElementField::Strain)),
+                Field::J => real_cells.push(self.element_values(simulation, ElementField::J)),
+                Field::EnergyDensity => {
+                    real_cells.push(self.element_values(simulation, ElementField::EnergyDensity));
+                }
                 Field::BodyId => cells.push(("body_id", &self.body_ids)),
                 Field::MaterialId => cells.push(("material_id", &self.material_ids)),
             }
@@ -118,10 +131,17 @@ impl FrameWriter {
             .iter()
             .map(|(name, values)| VtuArray { name, components: 3, values: VtuValues::Real(values) })
             .collect();
-        let cell_data: Vec<VtuArray> = cells
-            .iter()
-            .map(|(name, values)| VtuArray { name, components: 1, values: VtuValues::Integer(values) })
-            .collect();
+        let integers = cells.iter().map(|(name, values)| VtuArray {
+            name,
+            components: 1,
+            values: VtuValues::Integer(values),
+        });
+        let reals = real_cells.iter().map(|(field, values)| VtuArray {
+            name: field.name(),
+            components: field.component_count(),
+            values: VtuValues::Real(values),
+        });
+        let cell_data: Vec<VtuArray> = integers.chain(reals).collect();
         let time = simulation.time();
         let frame = VtuFrame {
             points: &self.points,
@@ -134,6 +154,22 @@ impl FrameWriter {
         let file = format!("frame_{:06}.vtu", self.count());
         vi_io::write_vtu(&self.directory.join(&file), &frame, self.options)?;
         self.series.push(time, &file)
+    }
+
+    /// A field of all elements, in the order of the cells.
+    fn element_values(&self, simulation: &Simulation, field: ElementField) -> (ElementField, Vec<f64>) {
+        let mut values = Vec::with_capacity(self.body_ids.len() * field.component_count());
+        for (number, body) in simulation.bodies().iter().enumerate() {
+            let x = simulation.positions(number);
+            for (entry, elements) in simulation.scene().bodies[number].material.0.iter().zip(&body.materials)
+            {
+                // The cells have been accepted as solid elements of this mesh when the body was built.
+                if let Ok(part) = element_field(&body.mesh, elements, &entry.law, x.as_flattened(), field) {
+                    values.extend(part);
+                }
+            }
+        }
+        (field, values)
     }
 
     /// Writes one file, out of the series, with a displacement (m, 3 a point of all bodies).

@@ -297,6 +297,11 @@ impl Simulation {
         self.nodal(body, |component| component.system.velocities(&component.state))
     }
 
+    /// Forces that hold the prescribed coordinates of body number `body`, N; zero elsewhere.
+    pub fn reactions(&self, body: usize) -> Vec<[f64; 3]> {
+        self.nodal(body, |component| vi_solvers::reactions(&component.system, &component.state))
+    }
+
     fn nodal(&self, body: usize, values: impl Fn(&Component) -> Vec<f64>) -> Vec<[f64; 3]> {
         let body = &self.bodies[body];
         let all = values(&self.components[body.component]);

@@ -13,6 +13,20 @@ pub enum Field {
     Displacement,
     /// Velocity, m/s (points).
     Velocity,
+    /// Force that holds the prescribed coordinates, N; zero elsewhere (points). Without their inertia
+    /// where they accelerate.
+    ReactionForce,
+    /// Cauchy stress, Pa, 9 components by rows (cells).
+    Stress,
+    /// Von Mises stress, Pa (cells).
+    VonMises,
+    /// Green–Lagrange strain, 9 components by rows (cells).
+    Strain,
+    /// Volume ratio det F (cells).
+    #[serde(rename = "J")]
+    J,
+    /// Strain energy in a volume at rest, J/m³ (cells).
+    EnergyDensity,
     /// Number of the body in the scene, from 0 (cells).
     BodyId,
     /// Number of the material entry of the body, from 0 (cells).
