@@ -41,3 +41,8 @@ pub mod prelude {
     pub use crate::simulation::{Observation, Simulation};
     pub use vi_fem::{BoxMesh, ElementKind, Isotropic, Law, Motion};
 }
+
+/// The README's code runs with the documentation's.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct Readme;

@@ -29,9 +29,9 @@ pub enum SolverError {
     #[error("solve before the first factorisation")]
     NotFactored,
     /// A solve left a residual above what round-off explains.
-    #[error("linear solve left a relative residual of {residual:e}, {limit:e} allowed")]
+    #[error("linear solve left a backward error of {residual:e}, {limit:e} allowed")]
     Residual {
-        /// ‖Ax − b‖ / ‖b‖.
+        /// ‖Ax − b‖/(‖b‖ + max|a_ij| ‖x‖).
         residual: f64,
         /// What is allowed.
         limit: f64,

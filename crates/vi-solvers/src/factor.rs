@@ -17,7 +17,8 @@ use crate::matrix::SymmetricMatrix;
 use crate::{NotPositiveDefinite, SolverError};
 use tree::{Family, Supernode, Tree};
 
-/// A relative residual above this is an error: round-off of a sound factor stays far below.
+/// A backward error above this is an error: round-off of a sound factor stays far below, however
+/// badly conditioned A is.
 const RESIDUAL_LIMIT: f64 = 1e-8;
 
 /// A relative residual above this is refined once.
@@ -51,6 +52,8 @@ pub struct Factor {
     residual: Vec<f64>,
     permuted: Vec<f64>,
     shared: Vec<f64>,
+    /// Largest diagonal entry of A: no entry of a positive definite matrix is larger.
+    largest: f64,
     is_factored: bool,
 }
 
@@ -72,6 +75,7 @@ impl Factor {
             permuted: vec![0.0; n],
             tree,
             matrix,
+            largest: 0.0,
             is_factored: false,
         })
     }
@@ -99,14 +103,18 @@ impl Factor {
             let free = tree.permutation[position] as usize;
             NotPositiveDefinite { free }
         })?;
+        self.matrix.diagonal(&mut self.rhs);
+        self.largest = self.rhs.iter().fold(0.0, |largest: f64, &entry| largest.max(entry));
         self.is_factored = true;
         Ok(())
     }
 
-    /// Solves A x = b in place and returns ‖Ax − b‖/‖b‖.
+    /// Solves A x = b in place and returns ‖Ax − b‖/‖b‖. What it is judged by is the backward error
+    /// ‖Ax − b‖/(‖b‖ + max|a_ij| ‖x‖): a solution that is exact for a matrix next to A is all that
+    /// round-off leaves where A is badly conditioned (Higham, Accuracy and Stability, §7.1).
     ///
     /// # Errors
-    /// Where the residual is above 1e-8 after one step of refinement, or nothing has been factored.
+    /// Where the backward error is above 1e-8 after one step of refinement, or nothing has been factored.
     pub fn solve(&mut self, rhs_to_solution: &mut [f64]) -> Result<f64, SolverError> {
         if !self.is_factored {
             return Err(SolverError::NotFactored);
@@ -127,10 +135,11 @@ impl Factor {
             self.residual = correction;
             residual = self.update_residual(rhs_to_solution) / norm;
         }
-        if residual <= RESIDUAL_LIMIT {
+        let backward = residual * norm / (norm + self.largest * self::norm(rhs_to_solution));
+        if backward <= RESIDUAL_LIMIT {
             Ok(residual)
         } else {
-            Err(SolverError::Residual { residual, limit: RESIDUAL_LIMIT })
+            Err(SolverError::Residual { residual: backward, limit: RESIDUAL_LIMIT })
         }
     }
 
