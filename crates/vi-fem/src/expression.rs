@@ -12,8 +12,12 @@ const MAX_DEPTH: usize = 100;
 /// Intermediate values that a formula may need at once.
 const MAX_STACK: usize = 64;
 
+/// A function of one argument, and of two.
+type Unary = fn(f64) -> f64;
+type Binary = fn(f64, f64) -> f64;
+
 /// Functions of one argument.
-const UNARY: &[(&str, fn(f64) -> f64)] = &[
+const UNARY: &[(&str, Unary)] = &[
     ("sin", f64::sin),
     ("cos", f64::cos),
     ("tan", f64::tan),
@@ -32,7 +36,7 @@ const UNARY: &[(&str, fn(f64) -> f64)] = &[
 ];
 
 /// Functions of two arguments.
-const BINARY: &[(&str, fn(f64, f64) -> f64)] =
+const BINARY: &[(&str, Binary)] =
     &[("min", f64::min), ("max", f64::max), ("atan2", f64::atan2), ("pow", f64::powf)];
 
 #[derive(Debug, Clone, Copy)]
@@ -45,8 +49,8 @@ enum Code {
     Multiply,
     Divide,
     Power,
-    Unary(fn(f64) -> f64),
-    Binary(fn(f64, f64) -> f64),
+    Unary(Unary),
+    Binary(Binary),
 }
 
 /// A formula in named variables.
