@@ -28,7 +28,10 @@ fn block(n: u32, law: Law, scheme: SchemeName, step: f64) -> Simulation {
 
 fn laws() -> [(&'static str, Law); 2] {
     let constants = Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 };
-    [("st-venant-kirchhoff", Law::StVenantKirchhoff(constants)), ("neo-hookean", Law::NeoHookean(constants))]
+    [
+        ("st-venant-kirchhoff", Law::StVenantKirchhoff(constants.clone())),
+        ("neo-hookean", Law::NeoHookean(constants)),
+    ]
 }
 
 /// Forces and Hessians of all elements on one thread, without the sums over nodes.

@@ -289,11 +289,11 @@ impl Ladder {
     fn candidate(&self, aim: f64) -> Option<Candidate> {
         let [.., coarse, fine] = self.differences[..] else { return None };
         let order = (coarse / fine).log2().min(self.choice.method().facts().order as f64);
-        if !(order >= 0.8) {
+        if order.is_nan() || order < 0.8 {
             return None;
         }
         let error = fine / (2.0_f64.powf(order) - 1.0);
-        if !(error <= aim) {
+        if error.is_nan() || error > aim {
             return None;
         }
         // Back to the step that just reaches it, but not beyond those that showed the order.
