@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use vi_fem::{ElementField, element_field};
 use vi_io::{CellBlock, CellKind, IoError, PvdSeries, VtuArray, VtuFrame, VtuOptions, VtuValues};
 
-use crate::scene::{Encoding, Field, Precision};
+use crate::scene::{Encoding, Field, Precision, Substance};
 use crate::simulation::Simulation;
 
 /// Writes `<name>.pvd` and `frame_000000.vtu` …
@@ -163,8 +163,10 @@ impl FrameWriter {
             let x = simulation.positions(number);
             for (entry, elements) in simulation.scene().bodies[number].material.0.iter().zip(&body.materials)
             {
+                // A scene with sheets asks for none of these: its check sees to it.
+                let Substance::Solid(law) = &entry.law else { continue };
                 // The cells have been accepted as solid elements of this mesh when the body was built.
-                if let Ok(part) = element_field(&body.mesh, elements, &entry.law, x.as_flattened(), field) {
+                if let Ok(part) = element_field(&body.mesh, elements, law, x.as_flattened(), field) {
                     values.extend(part);
                 }
             }

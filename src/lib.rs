@@ -36,10 +36,13 @@ pub mod prelude {
     pub use crate::run::{RunError, Watch, run};
     pub use crate::scene::{
         Assert, Axis, Body, Damping, Field, FieldComponent, Fix, Load, Output, Precision, Probe, Scene,
-        SchemeName, Solver, Spring, SpringEnd, Static, Strike, Time,
+        SchemeName, Solver, Spring, SpringEnd, Static, Strike, Substance, Time,
     };
     pub use crate::simulation::{Observation, Simulation};
-    pub use vi_fem::{BoxMesh, ElementKind, Isotropic, Law, Motion};
+    pub use vi_fem::{
+        Bending, BoxMesh, ElementKind, Isotropic, IsotropicSheet, Law, Motion, SheetLaw, SheetMesh,
+        SheetPattern, Wind,
+    };
 }
 
 /// The README's code runs with the documentation's.

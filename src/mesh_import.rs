@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use vi_fem::{ElementBlock, ElementKind, Mesh, Region};
+use vi_fem::{ElementBlock, ElementKind, Mesh, Region, orient_triangles};
 use vi_io::{CellKind, DataArray, MeshFile};
 
 /// A body as its mesh file has it.
@@ -17,18 +17,29 @@ pub(crate) struct Imported {
     pub(crate) notes: Vec<String>,
 }
 
-/// Reads a mesh file; lengths are multiplied by `scale`, then `translate` (m) is added.
+/// Reads a mesh file; lengths are multiplied by `scale`, then `translate` (m) is added. Its elements are
+/// the cells of `dimension`: 3 for a solid, 2 for a sheet, whose triangles are made to face one way.
 ///
 /// # Errors
 /// Everything that is wrong with the file or the mesh, in words that name the file.
-pub(crate) fn read(path: &Path, scale: f64, translate: [f64; 3]) -> Result<Imported, Vec<String>> {
+pub(crate) fn read(
+    path: &Path,
+    scale: f64,
+    translate: [f64; 3],
+    dimension: usize,
+) -> Result<Imported, Vec<String>> {
     let file = vi_io::read_mesh(path).map_err(|error| vec![error.to_string()])?;
-    import(file, scale, translate).map_err(|messages| {
+    import(file, scale, translate, dimension).map_err(|messages| {
         messages.into_iter().map(|message| format!("{}: {message}", path.display())).collect()
     })
 }
 
-fn import(file: MeshFile, scale: f64, translate: [f64; 3]) -> Result<Imported, Vec<String>> {
+fn import(
+    file: MeshFile,
+    scale: f64,
+    translate: [f64; 3],
+    dimension: usize,
+) -> Result<Imported, Vec<String>> {
     let mut problems = Vec::new();
     let mut initial = |name: &str| match vector(&file, name) {
         Ok(values) => values,
@@ -58,9 +69,25 @@ fn import(file: MeshFile, scale: f64, translate: [f64; 3]) -> Result<Imported, V
     if !problems.is_empty() {
         return Err(problems);
     }
-    let mesh = Mesh { points, blocks, regions };
-    mesh.check(3).map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>())?;
-    Ok(Imported { mesh, displacement, velocity, notes: file.notes })
+    let mut mesh = Mesh { points, blocks, regions };
+    let has = |dimension: usize| !mesh.cells_of_dimension(dimension).is_empty();
+    if dimension == 2 && has(3) {
+        let problem = "the mesh has volume cells: it is a solid, whose material has no `thickness`";
+        return Err(vec![problem.to_owned()]);
+    }
+    if dimension == 3 && has(2) && !has(3) {
+        let problem = "the mesh has triangles and no volume cells: it is a sheet, whose material needs the key \
+                       `thickness` (m)";
+        return Err(vec![problem.to_owned()]);
+    }
+    mesh.check(dimension).map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>())?;
+    let mut notes = file.notes;
+    if dimension == 2 {
+        let elements = mesh.cells_of_dimension(2);
+        let orientation = orient_triangles(&mut mesh, &elements).map_err(|error| vec![error.to_string()])?;
+        notes.extend(orientation.notes());
+    }
+    Ok(Imported { mesh, displacement, velocity, notes })
 }
 
 /// A point array of three components, all finite.

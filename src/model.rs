@@ -5,6 +5,7 @@ mod assemble;
 mod load;
 mod loads;
 mod prescribe;
+mod sheets;
 
 use vi_core::{State, System};
 use vi_fem::Mesh;

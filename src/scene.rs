@@ -4,6 +4,7 @@
 mod body;
 mod check;
 mod load;
+mod material;
 mod output;
 #[cfg(feature = "cli")]
 mod parse;
@@ -14,11 +15,13 @@ use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use vi_fem::Wind;
 
-pub use body::{Axis, Body, BoxRegion, Fix, MaterialEntry, Materials, Probe, Spring, SpringEnd, Strike};
+pub use body::{Axis, Body, BoxRegion, Fix, Probe, RestShape, Spring, SpringEnd, Strike};
 pub use check::Problem;
 pub(crate) use load::field;
 pub use load::{Damping, FieldComponent, Load};
+pub use material::{MaterialEntry, Materials, Substance};
 pub use output::{Assert, Encoding, Field, Output, Precision};
 #[cfg(feature = "cli")]
 pub use parse::Parsed;
@@ -65,6 +68,9 @@ pub struct Scene {
     /// Forces on bodies.
     #[serde(rename = "load", default, skip_serializing_if = "Vec::is_empty")]
     pub loads: Vec<Load>,
+    /// Air around all sheets: drag and wind; none by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wind: Option<Wind>,
     /// Physical damping; off by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub damping: Option<Damping>,
@@ -97,6 +103,7 @@ impl Scene {
             springs: Vec::new(),
             strikes: Vec::new(),
             loads: Vec::new(),
+            wind: None,
             damping: None,
             statics: None,
             probes: Vec::new(),
@@ -145,6 +152,12 @@ impl Scene {
     /// Adds a load.
     pub fn load(mut self, load: Load) -> Self {
         self.loads.push(load);
+        self
+    }
+
+    /// Sets the air around all sheets.
+    pub fn wind(mut self, wind: Wind) -> Self {
+        self.wind = Some(wind);
         self
     }
 

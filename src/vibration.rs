@@ -10,7 +10,7 @@ use vi_solvers::{Mode, ModeOptions, SolverError};
 
 use crate::frames::FrameWriter;
 use crate::run::RunError;
-use crate::scene::{Problem, Scene};
+use crate::scene::{Problem, Scene, Substance};
 use crate::simulation::Simulation;
 
 /// Which mass the modes see.
@@ -58,7 +58,12 @@ pub fn scene_modes(
             let bodies = simulation.bodies().iter().zip(&simulation.scene().bodies);
             for (body, of_scene) in bodies.filter(|(body, _)| body.component == number) {
                 for (entry, elements) in of_scene.material.0.iter().zip(&body.materials) {
-                    let density = entry.law.density();
+                    let Substance::Solid(law) = &entry.law else {
+                        let message =
+                            format!("'{}' is a sheet, whose mass is lumped; ask for that", body.name);
+                        return Err(RunError::Scene(vec![Problem::new("modes", message)]));
+                    };
+                    let density = law.density();
                     let terms = consistent_mass(&body.mesh, elements, density, body.node_offset, &body.name)
                         .map_err(|error| RunError::Scene(vec![Problem::new("modes", error.to_string())]))?;
                     kinetic.extend(terms);

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::exit;
+use crate::scene::Substance;
 use crate::simulation::Simulation;
 use crate::stability::stability;
 
@@ -80,7 +81,13 @@ fn scene(path: &Path) -> u8 {
             body.component
         );
         for entry in &said.material.0 {
-            println!("material {} in {}", entry.law.name(), entry.region.as_deref().unwrap_or("the rest"));
+            let place = entry.region.as_deref().unwrap_or("the rest");
+            print!("material {} in {place}", entry.law.name());
+            if let Substance::Sheet(law) = &entry.law {
+                let thickness = law.parameters().common().thickness;
+                print!(", a sheet of {thickness:e} m and {:e} kg/m²", law.area_density());
+            }
+            println!();
         }
         for region in &body.mesh.regions {
             println!("region   '{}', dimension {}", region.name, region.dimension);

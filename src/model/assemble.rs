@@ -4,13 +4,13 @@
 use std::sync::Arc;
 
 use vi_core::{Force, Potential, State, System};
-use vi_fem::{Gravity, PointSpring, SpringEnd, add_lumped_mass, mass_properties, rigid_velocities};
+use vi_fem::{Gravity, PointSpring, Sheet, SpringEnd, add_lumped_mass, mass_properties, rigid_velocities};
 
 use super::load::{End, Loaded, LoadedBody};
 use super::loads;
 use super::prescribe::{NodalFix, coordinates};
-use super::{BodyModel, Model, ProbeTarget};
-use crate::scene::{Body, Problem, Scene};
+use super::{BodyModel, Model, ProbeTarget, sheets};
+use crate::scene::{Body, Problem, RestShape, Scene, Substance};
 
 pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Problem>> {
     let component_of = components(&loaded);
@@ -25,9 +25,25 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
         let part = &mut parts[component_of[i]];
         let node_offset = part.mass.len();
         notes.extend(body.notes.iter().cloned());
-        if let Err(message) = part.add(&scene.bodies[i], &body, node_offset) {
+        let clamps: Vec<&[u32]> = scene
+            .fixes
+            .iter()
+            .zip(&fixes)
+            .filter(|(fix, (of, _))| fix.rotation && *of == i)
+            .map(|(_, (_, nodes))| nodes.as_slice())
+            .collect();
+        if let Err(message) = part.add(&scene.bodies[i], &body, node_offset, &clamps) {
             problems.push(Problem::new(format!("body[{i}]"), message));
         }
+        if let Some(wind) = &scene.wind
+            && scene.bodies[i].dimension() == 2
+        {
+            match sheets::wind(wind, &body, node_offset, &scene.bodies[i].name) {
+                Ok(force) => part.forces.push(force),
+                Err(message) => problems.push(Problem::new("wind", message)),
+            }
+        }
+        notes.extend(sheets::notes(scene, i));
         bodies.push(BodyModel {
             name: scene.bodies[i].name.clone(),
             mesh: body.mesh,
@@ -137,21 +153,37 @@ struct Part {
 }
 
 impl Part {
-    fn add(&mut self, body: &Body, loaded: &LoadedBody, node_offset: usize) -> Result<(), String> {
+    /// `clamps` are nodes of a sheet; edges of its boundary between nodes of one clamp keep their normal.
+    fn add(
+        &mut self,
+        body: &Body,
+        loaded: &LoadedBody,
+        node_offset: usize,
+        clamps: &[&[u32]],
+    ) -> Result<(), String> {
         let mesh = &loaded.mesh;
         let mut mass = vec![0.0; mesh.points.len()];
         for (entry, elements) in body.material.0.iter().zip(&loaded.materials) {
             if elements.is_empty() {
                 continue;
             }
-            add_lumped_mass(mesh, elements, entry.law.density(), &mut mass)
-                .map_err(|error| error.to_string())?;
             let place =
                 entry.region.as_ref().map_or_else(|| body.name.clone(), |r| format!("{}/{r}", body.name));
-            let name = format!("{place}: {}", entry.law.name());
-            let terms = vi_fem::elastic(mesh, elements, &entry.law, node_offset, &name)
-                .map_err(|error| error.to_string())?;
-            self.potentials.extend(terms);
+            let terms = match &entry.law {
+                Substance::Solid(law) => {
+                    let name = format!("{place}: {}", law.name());
+                    add_lumped_mass(mesh, elements, law.density(), &mut mass)
+                        .and_then(|()| vi_fem::elastic(mesh, elements, law, node_offset, &name))
+                }
+                Substance::Sheet(law) => {
+                    let clamped = sheets::clamped(mesh, elements, clamps);
+                    let flat = body.rest == Some(RestShape::Flat);
+                    let sheet =
+                        Sheet { mesh, elements, law, node_offset, name: &place, flat, clamped: &clamped };
+                    sheet.add_lumped_mass(&mut mass).and_then(|()| sheet.potentials())
+                }
+            };
+            self.potentials.extend(terms.map_err(|error| error.to_string())?);
         }
         let mut x = mesh.points.as_flattened().to_vec();
         if let Some(displacement) = &loaded.displacement {

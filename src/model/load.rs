@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use vi_fem::{BoxMesh, Mesh};
+use vi_fem::{BoxMesh, FemError, Mesh, SheetMesh};
 
 use super::ProbeTarget;
 use crate::mesh_import;
@@ -84,7 +84,7 @@ fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<L
     let scale = body.scale.unwrap_or(1.0);
     let translate = body.translate.unwrap_or_default();
     let (mesh, displacement, velocity, notes) = if let Some(path) = &body.mesh {
-        match mesh_import::read(path, scale, translate) {
+        match mesh_import::read(path, scale, translate, body.dimension()) {
             Ok(read) => {
                 let notes = read.notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
                 (read.mesh, read.displacement, read.velocity, notes)
@@ -96,16 +96,11 @@ fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<L
             }
         }
     } else {
-        let shape = body.box_shape.as_ref()?;
-        let placed = BoxMesh {
-            origin: std::array::from_fn(|k| scale * shape.origin[k] + translate[k]),
-            size: shape.size.map(|size| scale * size),
-            ..shape.clone()
-        };
-        match placed.build() {
+        let (built, shape) = generate(body, scale, translate)?;
+        match built {
             Ok(mesh) => (mesh, None, None, Vec::new()),
             Err(error) => {
-                problems.push(Problem::new(format!("{key}.box"), error.to_string()));
+                problems.push(Problem::new(format!("{key}.{shape}"), error.to_string()));
                 return None;
             }
         }
@@ -120,20 +115,32 @@ fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<L
     Some(LoadedBody { mesh, displacement, velocity, materials, notes })
 }
 
+/// The mesh of a generated shape, and the shape's key.
+fn generate(body: &Body, scale: f64, translate: [f64; 3]) -> Option<(Result<Mesh, FemError>, &'static str)> {
+    let place = |origin: [f64; 3]| std::array::from_fn(|k| scale * origin[k] + translate[k]);
+    if let Some(shape) = &body.box_shape {
+        let size = shape.size.map(|size| scale * size);
+        let placed = BoxMesh { origin: place(shape.origin), size, ..shape.clone() };
+        return Some((placed.build(), "box"));
+    }
+    let shape = body.sheet.as_ref()?;
+    let size = shape.size.map(|size| scale * size);
+    let placed = SheetMesh { origin: place(shape.origin), size, ..shape.clone() };
+    Some((placed.build(), "sheet"))
+}
+
 /// The elements of each material entry.
 fn materials(body: &Body, mesh: &Mesh) -> Result<Vec<Vec<u32>>, String> {
     const NONE: usize = usize::MAX;
     let entries = &body.material.0;
-    let volume = mesh.cells_of_dimension(3);
+    let dimension = body.dimension();
     let mut owner: HashMap<u32, usize> = HashMap::new();
     for (i, entry) in entries.iter().enumerate() {
         let Some(name) = &entry.region else { continue };
         let region = mesh.region(name).map_err(|error| error.to_string())?;
-        if region.dimension != 3 {
-            return Err(format!(
-                "region '{name}' has dimension {}; a material fills volumes",
-                region.dimension
-            ));
+        if region.dimension != dimension {
+            let fills = if dimension == 3 { "fills volumes" } else { "of a sheet covers surfaces" };
+            return Err(format!("region '{name}' has dimension {}; a material {fills}", region.dimension));
         }
         for &element in &region.elements {
             if let Some(other) = owner.insert(element, i) {
@@ -146,7 +153,7 @@ fn materials(body: &Body, mesh: &Mesh) -> Result<Vec<Vec<u32>>, String> {
     }
     let rest = entries.iter().position(|entry| entry.region.is_none()).unwrap_or(NONE);
     let mut elements = vec![Vec::new(); entries.len()];
-    for element in volume {
+    for element in mesh.cells_of_dimension(dimension) {
         let entry = owner.get(&element).copied().unwrap_or(rest);
         if entry == NONE {
             return Err(format!(

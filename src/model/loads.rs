@@ -7,7 +7,7 @@ use vi_core::{Force, Potential};
 use vi_fem::{DeadLoad, MassDamping, Pressure, Surface, Viscosity, kelvin_voigt, pressure};
 
 use super::BodyModel;
-use crate::scene::{Body, Damping, Fix, Load, field};
+use crate::scene::{Body, Damping, Fix, Load, Substance, field};
 
 /// What a load or damping adds to a component.
 #[derive(Default)]
@@ -83,7 +83,8 @@ pub(super) fn damping(
     let text = |error: vi_fem::FemError| error.to_string();
     let mut forces: Vec<Arc<dyn Force>> = Vec::new();
     for (entry, elements) in scene_body.material.0.iter().zip(&body.materials) {
-        let (lambda, mu) = entry.law.parameters().lame();
+        let Substance::Solid(law) = &entry.law else { continue };
+        let (lambda, mu) = law.parameters().lame();
         let viscosity = Viscosity {
             shear: damping.shear_viscosity + damping.stiffness_time * mu,
             bulk: damping.bulk_viscosity + damping.stiffness_time * lambda,

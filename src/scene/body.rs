@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer, Serialize};
-use vi_fem::{BoxMesh, Law, Motion};
+use serde::{Deserialize, Serialize};
+use vi_fem::{BoxMesh, Motion, SheetMesh};
+
+use super::{MaterialEntry, Materials, Substance};
 
 /// `[[body]]`: a deformable body from a mesh file or a generated shape.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -12,15 +14,22 @@ use vi_fem::{BoxMesh, Law, Motion};
 pub struct Body {
     /// Its name, by which fixes, probes and springs refer to it.
     pub name: String,
-    /// Mesh file (.msh, .vtk, .vtu), relative to the scene file. Point data `displacement` (m) and
-    /// `velocity` (m/s) in it are the initial state.
+    /// Mesh file (.msh, .vtk, .vtu), relative to the scene file: of volume cells for a solid, of
+    /// triangles for a sheet. Point data `displacement` (m) and `velocity` (m/s) in it are the initial state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mesh: Option<PathBuf>,
     /// A box, instead of a mesh. Regions: `box`, `x-min`, `x-max`, `y-min` … `z-max`.
     #[serde(rename = "box", default, skip_serializing_if = "Option::is_none")]
     pub box_shape: Option<BoxMesh>,
-    /// What it is made of: one material, or a list of them by region.
+    /// A rectangle of cloth or shell, instead of a mesh. Regions: `sheet`, `x-min`, `x-max`, `y-min`,
+    /// `y-max`, and the corners `x-min-y-min` … `x-max-y-max`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sheet: Option<SheetMesh>,
+    /// What it is made of: one material, or a list of them by region. That of a sheet has `thickness`.
     pub material: Materials,
+    /// Shape in which a sheet has no bending moments (default: that of its mesh).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rest: Option<RestShape>,
     /// Factor on the coordinates of the mesh, e.g. 0.001 for a mesh in millimetres (> 0).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
@@ -35,13 +44,25 @@ pub struct Body {
     pub angular_velocity: Option<[f64; 3]>,
 }
 
+/// Shape in which a sheet has no bending moments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum RestShape {
+    /// That of its mesh.
+    Mesh,
+    /// Flat, whatever the shape of the mesh.
+    Flat,
+}
+
 impl Body {
-    fn new(name: impl Into<String>, material: Law) -> Self {
+    fn new(name: impl Into<String>, material: impl Into<Substance>) -> Self {
         Self {
             name: name.into(),
             mesh: None,
             box_shape: None,
-            material: Materials(vec![MaterialEntry { region: None, law: material }]),
+            sheet: None,
+            material: Materials(vec![MaterialEntry { region: None, law: material.into() }]),
+            rest: None,
             scale: None,
             translate: None,
             velocity: None,
@@ -50,13 +71,27 @@ impl Body {
     }
 
     /// A body from a mesh file, of one material.
-    pub fn from_mesh(name: impl Into<String>, mesh: impl Into<PathBuf>, material: Law) -> Self {
+    pub fn from_mesh(
+        name: impl Into<String>,
+        mesh: impl Into<PathBuf>,
+        material: impl Into<Substance>,
+    ) -> Self {
         Self { mesh: Some(mesh.into()), ..Self::new(name, material) }
     }
 
     /// A generated box of one material.
-    pub fn from_box(name: impl Into<String>, shape: BoxMesh, material: Law) -> Self {
+    pub fn from_box(name: impl Into<String>, shape: BoxMesh, material: impl Into<Substance>) -> Self {
         Self { box_shape: Some(shape), ..Self::new(name, material) }
+    }
+
+    /// A generated sheet of one material.
+    pub fn from_sheet(name: impl Into<String>, shape: SheetMesh, material: impl Into<Substance>) -> Self {
+        Self { sheet: Some(shape), ..Self::new(name, material) }
+    }
+
+    /// Dimension of its elements: 2 for a sheet, 3 for a solid, by its first material.
+    pub fn dimension(&self) -> usize {
+        self.material.0.first().map_or(3, |entry| entry.law.dimension())
     }
 
     /// Sets the initial velocity, m/s.
@@ -75,86 +110,6 @@ impl Body {
     pub fn translate(mut self, translate: [f64; 3]) -> Self {
         self.translate = Some(translate);
         self
-    }
-}
-
-/// One material for the whole body, or one a region.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Materials(pub Vec<MaterialEntry>);
-
-/// A material and the volume region that it fills (none: all that no other entry names).
-#[derive(Debug, Clone, PartialEq)]
-pub struct MaterialEntry {
-    /// The region.
-    pub region: Option<String>,
-    /// The law and its parameters.
-    pub law: Law,
-}
-
-impl Serialize for MaterialEntry {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut value = serde_json::to_value(&self.law).map_err(serde::ser::Error::custom)?;
-        if let (Some(region), Some(table)) = (&self.region, value.as_object_mut()) {
-            table.insert("region".to_owned(), region.as_str().into());
-        }
-        value.serialize(serializer)
-    }
-}
-
-impl<'de> Deserialize<'de> for MaterialEntry {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        use serde::de::Error;
-        let mut table = serde_json::Map::deserialize(deserializer)?;
-        let region = match table.remove("region") {
-            None => None,
-            Some(serde_json::Value::String(name)) => Some(name),
-            Some(other) => return Err(D::Error::custom(format!("region: expected a string, found {other}"))),
-        };
-        let law = Law::deserialize(serde_json::Value::Object(table)).map_err(D::Error::custom)?;
-        Ok(Self { region, law })
-    }
-}
-
-impl Serialize for Materials {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self.0.as_slice() {
-            [one] if one.region.is_none() => one.serialize(serializer),
-            many => many.serialize(serializer),
-        }
-    }
-}
-
-impl<'de> Deserialize<'de> for Materials {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct OneOrMany;
-        impl<'de> serde::de::Visitor<'de> for OneOrMany {
-            type Value = Materials;
-            fn expecting(&self, formatter: &mut std::fmt::Formatter) -> std::fmt::Result {
-                formatter.write_str("a material table, or a list of them with `region`")
-            }
-            fn visit_map<A: serde::de::MapAccess<'de>>(self, map: A) -> Result<Materials, A::Error> {
-                let one = MaterialEntry::deserialize(serde::de::value::MapAccessDeserializer::new(map))?;
-                Ok(Materials(vec![one]))
-            }
-            fn visit_seq<A: serde::de::SeqAccess<'de>>(self, seq: A) -> Result<Materials, A::Error> {
-                Vec::deserialize(serde::de::value::SeqAccessDeserializer::new(seq)).map(Materials)
-            }
-        }
-        deserializer.deserialize_any(OneOrMany)
-    }
-}
-
-impl JsonSchema for Materials {
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "Materials".into()
-    }
-
-    fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
-        let law = generator.subschema_for::<Law>();
-        schemars::json_schema!({
-            "description": "One material, or a list of materials with `region`, the volume region that each fills.",
-            "anyOf": [law, { "type": "array", "items": { "allOf": [law], "properties": { "region": { "type": "string" } } } }]
-        })
     }
 }
 
@@ -201,6 +156,9 @@ pub struct Fix {
     /// How they move (default: not at all).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<Motion>,
+    /// Clamp a sheet: hold the normal of the edges of its boundary between these nodes as it is in the mesh.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub rotation: bool,
 }
 
 impl Fix {
@@ -216,6 +174,7 @@ impl Fix {
             nodes: None,
             axes: Self::all_axes(),
             motion: None,
+            rotation: false,
         }
     }
 
@@ -243,6 +202,12 @@ impl Fix {
     /// Moves them on a path.
     pub fn motion(mut self, motion: Motion) -> Self {
         self.motion = Some(motion);
+        self
+    }
+
+    /// Clamps a sheet: holds the normal of the edges of its boundary between these nodes.
+    pub fn rotation(mut self) -> Self {
+        self.rotation = true;
         self
     }
 }

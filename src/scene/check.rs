@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use vi_fem::Motion;
 
-use super::{Axis, Body, BoxRegion, Scene, SchemeName};
+use super::{Axis, Body, BoxRegion, Field, Scene, SchemeName, Substance};
 
 /// One thing that is wrong with a scene: where, what, and the way out.
 #[derive(Debug, Clone, PartialEq)]
@@ -153,7 +153,9 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
     if body.name.is_empty() {
         check.say(format!("{key}.name"), "must not be empty");
     }
-    check.at_most_one_of(key, &[("mesh", body.mesh.is_some()), ("box", body.box_shape.is_some())], true);
+    let shapes =
+        [("mesh", body.mesh.is_some()), ("box", body.box_shape.is_some()), ("sheet", body.sheet.is_some())];
+    check.at_most_one_of(key, &shapes, true);
     if let Some(scale) = body.scale {
         check.positive(format!("{key}.scale"), scale, "");
     }
@@ -168,11 +170,28 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
     if entries.is_empty() {
         check.say(format!("{key}.material"), "missing: the list holds no material");
     }
+    if body.rest.is_some() && body.dimension() != 2 {
+        check.say(format!("{key}.rest"), "only a sheet has it (its material has `thickness`); take it out");
+    }
     let mut regions = HashSet::new();
     for (i, entry) in entries.iter().enumerate() {
         let key = if entries.len() == 1 { format!("{key}.material") } else { format!("{key}.material[{i}]") };
         for problem in entry.law.check().err().unwrap_or_default() {
             check.say(key.clone(), problem.to_string());
+        }
+        match &entry.law {
+            Substance::Solid(_) if body.sheet.is_some() => {
+                check.say(key.clone(), "missing key `thickness`: the material of a sheet needs it (m)");
+            }
+            Substance::Sheet(_) if body.box_shape.is_some() => check.say(
+                key.clone(),
+                "`thickness` is not allowed: a box is a solid; take it out, or make the body with `sheet`",
+            ),
+            law if law.dimension() != body.dimension() => check.say(
+                key.clone(),
+                "a body is a solid or a sheet: give all of its materials `thickness`, or none of them",
+            ),
+            _ => {}
         }
         if !regions.insert(entry.region.as_deref()) {
             check.say(key, "two materials for the same region");
@@ -200,6 +219,19 @@ fn attachments(check: &mut Checker, scene: &Scene) {
             if fix.axes.iter().filter(|&&a| a == axis).count() > 1 {
                 check.say(format!("{key}.axes"), "names an axis twice");
             }
+        }
+        let is_sheet = |body: &Body| body.name != fix.body || body.dimension() == 2;
+        if fix.rotation && !scene.bodies.iter().all(is_sheet) {
+            check.say(
+                format!("{key}.rotation"),
+                "only sheets have it; nodes of a solid that are held hold its rotation",
+            );
+        }
+        if fix.rotation && matches!(fix.motion, Some(Motion::Rotate(_))) {
+            check.say(
+                format!("{key}.rotation"),
+                "holds the normal in space; it cannot go with a turning motion",
+            );
         }
         if let Some(Err(error)) = fix.motion.as_ref().map(Motion::check) {
             check.say(format!("{key}.motion"), error.to_string());
@@ -240,6 +272,19 @@ fn attachments(check: &mut Checker, scene: &Scene) {
         for (key, message) in load.problems() {
             let key = if key.is_empty() { format!("load[{i}]") } else { format!("load[{i}].{key}") };
             check.say(key, message);
+        }
+    }
+    if let Some(wind) = &scene.wind {
+        check.finite("wind.velocity", &wind.velocity);
+        for (name, value) in
+            [("density", wind.density), ("normal", wind.normal), ("tangential", wind.tangential)]
+        {
+            if !(value >= 0.0 && value.is_finite()) {
+                check.say(format!("wind.{name}"), format!("must be zero or positive, is {value}"));
+            }
+        }
+        if !scene.bodies.iter().any(|body| body.dimension() == 2) {
+            check.say("wind", "acts on sheets, and the scene has none; take it out");
         }
     }
     if let Some(damping) = &scene.damping {
@@ -288,6 +333,14 @@ fn output(check: &mut Checker, scene: &Scene) {
     for field in &scene.output.fields {
         if !fields.insert(*field as u8) {
             check.say("output.fields", "names a field twice");
+        }
+        let is_of_solids = matches!(
+            field,
+            Field::Stress | Field::VonMises | Field::Strain | Field::J | Field::EnergyDensity
+        );
+        if let Some(sheet) = scene.bodies.iter().find(|body| is_of_solids && body.dimension() == 2) {
+            let name = &sheet.name;
+            check.say("output.fields", format!("{field:?} is known of solids only, and '{name}' is a sheet"));
         }
     }
     let assert = &scene.assert;

@@ -1,0 +1,67 @@
+//! What sheets have beside solids: clamped edges, air around them, and notes. It must not know laws.
+
+use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
+
+use vi_core::Force;
+use vi_fem::{Mesh, Wind};
+
+use super::load::LoadedBody;
+use crate::scene::Scene;
+
+/// The edges of the boundary of triangles whose nodes are both in one of `clamps`, ascending.
+pub(super) fn clamped(mesh: &Mesh, elements: &[u32], clamps: &[&[u32]]) -> Vec<[u32; 2]> {
+    if clamps.is_empty() {
+        return Vec::new();
+    }
+    let mut sides: HashMap<[u32; 2], usize> = HashMap::new();
+    for &element in elements {
+        let Some((_, &[a, b, c])) = mesh.cell(element as usize) else { continue };
+        for (p, q) in [(a, b), (b, c), (c, a)] {
+            *sides.entry([p.min(q), p.max(q)]).or_default() += 1;
+        }
+    }
+    let clamps: Vec<HashSet<u32>> = clamps.iter().map(|nodes| nodes.iter().copied().collect()).collect();
+    let is_held = |edge: &[u32; 2]| clamps.iter().any(|nodes| edge.iter().all(|node| nodes.contains(node)));
+    let mut edges: Vec<[u32; 2]> = sides
+        .into_iter()
+        .filter(|(edge, count)| *count == 1 && is_held(edge))
+        .map(|(edge, _)| edge)
+        .collect();
+    edges.sort_unstable();
+    edges
+}
+
+/// The air's force on all triangles of a body.
+pub(super) fn wind(
+    wind: &Wind,
+    body: &LoadedBody,
+    node_offset: usize,
+    name: &str,
+) -> Result<Arc<dyn Force>, String> {
+    let elements: Vec<u32> = body.materials.iter().flatten().copied().collect();
+    let force = wind.force(&body.mesh, &elements, node_offset, name).map_err(|error| error.to_string())?;
+    Ok(Arc::from(force))
+}
+
+/// What does not act on a sheet as a reader of the scene could expect.
+pub(super) fn notes(scene: &Scene, index: usize) -> Vec<String> {
+    let body = &scene.bodies[index];
+    let mut notes = Vec::new();
+    if body.dimension() != 2 {
+        return notes;
+    }
+    if body.material.0.len() > 1 {
+        notes.push(format!(
+            "{}: where two materials of a sheet meet, the seam bends freely: each material resists bending \
+             within its own region",
+            body.name
+        ));
+    }
+    let is_viscous =
+        |d: &crate::scene::Damping| [d.shear_viscosity, d.bulk_viscosity, d.stiffness_time] != [0.0; 3];
+    if scene.damping.as_ref().is_some_and(is_viscous) {
+        notes.push(format!("{}: viscosity is of solids; only `mass_rate` damps a sheet", body.name));
+    }
+    notes
+}
