@@ -90,7 +90,7 @@ fn meshes() {
     change("beam.msh", "no-such.msh", &["no-such.msh", "scene.toml:8"]);
     let vtk = |points: &str, cells: &str| format!("{POINTS}{points}\n{cells}\n").into_bytes();
     let four = "POINTS 4 double\n0 0 0 1 0 0 0 1 0 0 0 1";
-    mesh("surface.vtk", &vtk(four, "CELLS 1 4\n3 0 1 2\nCELL_TYPES 1\n5"), &["no elements of dimension 3"]);
+    mesh("surface.vtk", &vtk(four, "CELLS 1 4\n3 0 1 2\nCELL_TYPES 1\n5"), &["no volume cells", "thickness"]);
     let tet = "CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n10";
     mesh("inverted.vtk", &vtk(four, "CELLS 1 5\n4 0 2 1 3\nCELL_TYPES 1\n10"), &["element 0", "inverted"]);
     mesh("flat.vtk", &vtk("POINTS 4 double\n0 0 0 1 0 0 0 1 0 1 1 0", tet), &["element 0", "volume"]);

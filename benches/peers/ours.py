@@ -9,7 +9,7 @@ import meshio
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAM = ROOT / "target" / "release" / "variational"
+PROGRAM = Path(os.environ.get("VARIATIONAL", ROOT / "target" / "release" / "variational"))
 
 SCENE = """
 gravity = [0.0, -9.81, 0.0]

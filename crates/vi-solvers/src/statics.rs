@@ -12,8 +12,11 @@ use vi_core::{State, System};
 pub(crate) use balance::Balance;
 
 use crate::force_sum::ForceSum;
-use crate::{Assembler, HessianEvaluation, SolverError, Work};
+use crate::{Assembler, HessianEvaluation, SolverError, Work, vectors};
 use newton::Stop;
+
+/// A body that moves this many times further per unit of load than in the step before may have snapped.
+const SNAP_RATIO: f64 = 5.0;
 
 /// How equilibria are searched for.
 #[derive(Debug, Clone, PartialEq)]
@@ -215,6 +218,8 @@ impl<'a> Search<'a> {
         let span = end - state.t;
         let (mut q, mut velocity) = (state.q.clone(), vec![0.0; state.q.len()]);
         let mut increment = self.options.increment.min(self.options.largest_increment) * span.signum();
+        // How far the body moved per unit of load in the last step.
+        let mut last_rate = 0.0;
         // Is dq/dt known, from a tangent that holds at `state`?
         let mut has_velocity = false;
         loop {
@@ -233,22 +238,26 @@ impl<'a> Search<'a> {
             }
             let tried = (t - state.t).abs();
             let was_stable = self.report.steps.last().is_none_or(|step| step.is_stable);
+            let rate = self.distance(&q, &state.q) / tried;
+            let lost_definiteness = result.as_ref().is_ok_and(|solved| !solved.stayed_definite);
+            let has_leapt = last_rate > 0.0 && rate > SNAP_RATIO * last_rate;
+            let may_have_snapped =
+                was_stable && !self.report.steps.is_empty() && (lost_definiteness || has_leapt);
             match result {
-                // The body may have snapped to another equilibrium: look closer before that is accepted.
-                Ok(newton::Solved { stayed_definite: false, .. })
-                    if was_stable && !self.report.steps.is_empty() && tried > self.closest(span) =>
-                {
+                // Perhaps to another equilibrium: look closer before that is accepted.
+                Ok(_) if may_have_snapped && tried > self.closest(span) => {
                     increment = 0.25 * tried * span.signum();
                     self.report.halvings += 1;
                 }
-                Ok(newton::Solved { iterations, stayed_definite }) => {
+                Ok(newton::Solved { iterations, .. }) => {
+                    last_rate = rate;
                     self.stop.scale = stop.scale;
                     let before =
                         State { t: state.t, q: std::mem::replace(&mut state.q, q.clone()), p: Vec::new() };
                     state.t = t;
                     let mut is_stable =
                         self.balance.factorize(&state.q, t, HessianEvaluation::Exact, 0.0)?.is_ok();
-                    if is_stable && was_stable && !stayed_definite && !self.report.steps.is_empty() {
+                    if is_stable && may_have_snapped {
                         self.report.jumps.push(before.t);
                     }
                     if is_stable != was_stable && self.options.find_critical {
@@ -282,6 +291,13 @@ impl<'a> Search<'a> {
     /// The increment at which a step across an indefinite tangent is accepted.
     fn closest(&self, span: f64) -> f64 {
         (1e-3 * span.abs()).max(self.options.smallest_increment)
+    }
+
+    /// Root mean square distance of two configurations, m, weighted by mass.
+    fn distance(&self, a: &[f64], b: &[f64]) -> f64 {
+        let mass = self.balance.system.free_mass();
+        let square = vectors::sum(a.len(), |k| mass[k] * (a[k] - b[k]).powi(2));
+        (square / vectors::sum(a.len(), |k| mass[k])).sqrt()
     }
 
     /// dq/dt = −K⁻¹ ∂r/∂t at an equilibrium whose tangent was just factored; false where it has none.

@@ -1,0 +1,74 @@
+//! pyvista and meshio read every file that a run writes, and its values equal history.csv's.
+//!
+//! Needs Python with the packages of tests/python/requirements.txt; `VARIATIONAL_PYTHON` names another
+//! interpreter. Where there is none the test says so and passes.
+
+mod program;
+
+use std::process::Command;
+
+use program::Program;
+
+const SCENE: &str = r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.02
+step = 0.001
+scheme = "stormer-verlet"
+[[body]]
+name = "beam"
+box = { size = [1.0, 0.2, 0.2], cells = [5, 1, 1] }
+material = { law = "neo-hookean", young = 1e5, poisson = 0.3, density = 1000.0 }
+[[fix]]
+body = "beam"
+region = "x-min"
+[[probe]]
+name = "tip"
+body = "beam"
+point = [1.0, 0.2, 0.2]
+[output]
+interval = 0.005
+fields = ["displacement", "velocity", "body_id", "material_id"]
+precision = "PRECISION"
+encoding = "ENCODING"
+"#;
+
+#[test]
+fn python_reads_what_was_written() {
+    let python = std::env::var("VARIATIONAL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let can = Command::new(&python).args(["-c", "import pyvista, meshio"]).output();
+    if !can.is_ok_and(|output| output.status.success()) {
+        println!("skipped: {python} with pyvista and meshio is not there (tests/python/requirements.txt)");
+        return;
+    }
+    for (precision, encoding) in [("f32", "raw"), ("f64", "raw"), ("f32", "base64"), ("f64", "base64")] {
+        let run = Program::run(&SCENE.replace("PRECISION", precision).replace("ENCODING", encoding));
+        let mut check = Command::new(&python);
+        check.arg(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/check_outputs.py")).arg(run.out());
+        if encoding == "base64" {
+            check.arg("--meshio");
+        }
+        let output = check.output().unwrap();
+        let said =
+            String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{precision} {encoding}:\n{said}");
+    }
+}
+
+/// A frame in double precision starts another run where it left off.
+#[test]
+fn a_frame_can_start_a_run() {
+    let scene = SCENE.replace("PRECISION", "f64").replace("ENCODING", "raw");
+    let whole = Program::run(&scene).history();
+    let first = Program::run(&scene.replace("end = 0.02", "end = 0.01"));
+    let frame = first.out().join("frame_000002.vtu");
+    let again = scene
+        .replace("end = 0.02", "end = 0.01")
+        .replace("box = { size = [1.0, 0.2, 0.2], cells = [5, 1, 1] }", &format!("mesh = {frame:?}"))
+        .replace("region = \"x-min\"", "box = { min = [0.0, 0.0, 0.0], max = [0.0, 1.0, 1.0] }");
+    let second = Program::run(&again).history();
+    for column in ["tip.x", "tip.z", "total"] {
+        let (a, b) = (whole.last(column), second.last(column));
+        assert!((a - b).abs() < 1e-12 * a.abs().max(1.0), "{column}: {a} and {b}");
+    }
+}
