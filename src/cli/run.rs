@@ -137,7 +137,10 @@ fn summary(report: &Report, directory: &Path) {
         report.setup_seconds,
         report.output_seconds
     );
-    println!("energy drift {drift:.2e} of the largest kinetic energy");
+    // In statics nothing moves, and there is no drift to speak of.
+    if drift.is_finite() {
+        println!("energy drift {drift:.2e} of the largest kinetic energy");
+    }
     for (probe, estimate) in &report.estimate {
         let error = |axis: usize| estimate["error"][axis].as_f64().unwrap_or(f64::NAN);
         let order =
