@@ -102,7 +102,10 @@ pub fn choose(scene: &Scene) -> Result<(Scene, Choice, AutoReport), Vec<Problem>
     let mut settled = scene.clone();
     let choice = best.choice;
     settled.time.choose(choice.scheme, choice.stages, choice.steps);
-    let reason = explain(&candidates, tolerance, omega, verlet, explicit_seconds, search.spent);
+    let mut reason = explain(&candidates, tolerance, omega, verlet, explicit_seconds, search.spent);
+    if let Some(step) = scene.time.step {
+        reason.push_str(&format!(" The step of the scene, {step:e} s, is not used: `auto` chooses it."));
+    }
     let trial_seconds = search.spent;
     let report = AutoReport { tolerance, highest_frequency: omega, candidates, trial_seconds, reason };
     Ok((settled, choice, report))

@@ -153,7 +153,7 @@ impl Report {
             "drift": energy.drift, "largest_kinetic": energy.kinetic_max, "relative_drift": self.energy_drift,
             "prescribed_work": parts.prescribed, "force_work": parts.force, "damping_work": parts.damping,
         });
-        if simulation.scene().output.ledger {
+        if simulation.has_ledger() {
             self.energy["scheme_error"] = parts.scheme.into();
             self.energy["residual_work"] = parts.residual.into();
             self.energy["unexplained"] = energy.unexplained().into();

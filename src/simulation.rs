@@ -96,6 +96,7 @@ pub struct Simulation {
     h: f64,
     method: Method,
     auto: Option<AutoReport>,
+    has_ledger: bool,
 }
 
 impl Simulation {
@@ -118,9 +119,14 @@ impl Simulation {
         let model = Model::build(&scene)?;
         let mut problems = Vec::new();
         let mut options = scene.solver.options();
-        options.ledger = scene.output.ledger;
         let mut components = Vec::with_capacity(model.components.len());
+        let mut has_ledger = false;
         for (system, state) in model.components {
+            options.ledger = match scene.output.ledger {
+                Some(asked) => asked,
+                None => scene.statics.is_none() && is_worked_on(&system),
+            };
+            has_ledger |= options.ledger;
             let stepper = if system.coordinates().free_count() == 0 {
                 None
             } else if let Some(statics) = &scene.statics {
@@ -151,7 +157,13 @@ impl Simulation {
             h,
             method,
             auto,
+            has_ledger,
         })
+    }
+
+    /// Does any component keep the full energy ledger?
+    pub(crate) fn has_ledger(&self) -> bool {
+        self.has_ledger
     }
 
     /// The integrator.
@@ -308,4 +320,12 @@ impl Simulation {
         let own = &all[3 * body.node_offset..3 * (body.node_offset + body.mesh.points.len())];
         own.as_chunks::<3>().0.to_vec()
     }
+}
+
+/// Does something outside put energy in or take it out: moving supports, forces without a potential, or loads
+/// that change in time?
+fn is_worked_on(system: &System) -> bool {
+    system.coordinates().is_moving()
+        || !system.forces().is_empty()
+        || system.potentials().iter().any(|term| term.traits().time_dependent)
 }

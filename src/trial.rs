@@ -32,7 +32,7 @@ impl Choice {
         scene.time.choose(self.scheme, self.stages, self.steps);
         scene.time.estimate = false;
         scene.output.interval = None;
-        scene.output.ledger = false;
+        scene.output.ledger = None;
         scene
     }
 
@@ -60,7 +60,7 @@ pub struct Trial {
     pub end: Vec<Vec<f64>>,
     /// Seconds of stepping.
     pub seconds: f64,
-    /// max |H − H₀| over the largest kinetic energy, at some 32 times of the run.
+    /// max |H − H₀ − work from outside| over the largest kinetic energy, at some 32 times of the run.
     pub energy_drift: f64,
     /// Counted work.
     pub work: Work,
@@ -97,13 +97,13 @@ pub fn run(
     let first = simulation.observe();
     let (mut kinetic, mut drift) = (first.kinetic, 0.0_f64);
     let mut spent = Duration::ZERO;
-    let mut prescribed = 0.0;
+    let mut outside = 0.0;
     while simulation.steps() < count {
         let steps = stretch.min(count - simulation.steps());
         let begin = Instant::now();
         for _ in 0..steps {
             match simulation.step() {
-                Ok(done) => prescribed += done.energy.prescribed,
+                Ok(done) => outside += done.energy.prescribed + done.energy.force + done.energy.damping,
                 Err(error) => return Err(TrialError::Failed(error.to_string())),
             }
             if begin.elapsed() + spent > limit {
@@ -116,7 +116,7 @@ pub fn run(
             return Err(TrialError::Failed(format!("blew up before t = {:.3e} s", simulation.time())));
         }
         kinetic = kinetic.max(seen.kinetic);
-        drift = drift.max((seen.total() - first.total() - prescribed).abs());
+        drift = drift.max((seen.total() - first.total() - outside).abs());
         if !go_on() {
             return Err(TrialError::Stopped);
         }

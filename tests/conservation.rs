@@ -155,7 +155,7 @@ fn the_ledger_closes() {
             .gravity([0.0, -9.81, 0.0])
             .body(block("neo-hookean"))
             .fix(Fix::region("block", "x-min").motion(motion))
-            .output(Output { ledger: true, ..Output::default() });
+            .output(Output { ledger: Some(true), ..Output::default() });
         let mut simulation = Simulation::new(scene).unwrap();
         let first = simulation.observe();
         let mut parts = variational::core::StepEnergy::default();
@@ -169,4 +169,26 @@ fn the_ledger_closes() {
         assert!(gap.abs() < 1e-12 * kinetic.max(parts.prescribed.abs()), "{scheme:?}: {gap:e} J unexplained");
         assert!(parts.prescribed.abs() > 1e-3);
     }
+}
+
+/// Where something outside works on a body, its joules are reported without being asked for, and are not
+/// taken for drift.
+#[test]
+fn work_from_outside_is_not_drift() {
+    let damping: variational::scene::Damping = serde_json::from_str(r#"{ "stiffness_time": 1e-3 }"#).unwrap();
+    let scene = Scene::new(time(0.2, 1e-3, (SchemeName::StormerVerlet, None)))
+        .gravity([0.0, -9.81, 0.0])
+        .body(block("neo-hookean"))
+        .fix(Fix::region("block", "x-min"))
+        .damping(damping);
+    let mut simulation = Simulation::new(scene).unwrap();
+    let first = simulation.observe();
+    let (mut damping, mut kinetic) = (0.0, 0.0_f64);
+    while !simulation.is_done() {
+        damping += simulation.step().unwrap().energy.damping;
+        kinetic = kinetic.max(simulation.observe().kinetic);
+    }
+    let change = simulation.observe().total() - first.total();
+    assert!(damping < -1e-3 * kinetic, "{damping:e} J of damping");
+    assert!((change - damping).abs() < 1e-3 * kinetic, "{change:e} J is not {damping:e} J");
 }

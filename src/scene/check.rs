@@ -112,9 +112,6 @@ fn time(check: &mut Checker, scene: &Scene) {
             if time.end / step > 9e15 {
                 check.say("time.step", "asks for more steps than can be counted");
             }
-            if time.scheme == SchemeName::Auto {
-                check.say("time.step", "scheme \"auto\" chooses the step; take `step` out, or name a scheme");
-            }
         }
         None if time.scheme != SchemeName::Auto => {
             check.say("time.step", "missing key: a step in s (only scheme \"auto\" chooses it)");

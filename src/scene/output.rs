@@ -77,10 +77,12 @@ pub struct Output {
     /// Encoding of the frames.
     #[serde(default)]
     pub encoding: Encoding,
-    /// Keep the full energy ledger: every step's scheme error and residual work, computed on its own.
-    /// It costs an energy evaluation a step, and an extra residual in implicit steps.
-    #[serde(default)]
-    pub ledger: bool,
+    /// Keep the full energy ledger: every step's work, scheme error and residual work, each computed on
+    /// its own. It costs an energy evaluation a step, and an extra residual in implicit steps.
+    /// Default: where something outside works on a body (moving supports, wind, damping, loads that follow
+    /// or change), for without the ledger their joules would look like drift.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ledger: Option<bool>,
 }
 
 impl Output {
@@ -102,7 +104,7 @@ impl Default for Output {
             fields: Self::default_fields(),
             precision: Precision::default(),
             encoding: Encoding::default(),
-            ledger: false,
+            ledger: None,
         }
     }
 }
@@ -111,7 +113,7 @@ impl Default for Output {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Assert {
-    /// Largest |H − H₀ − work of prescribed motion| over the largest kinetic energy.
+    /// Largest |H − H₀ − work of moving supports, forces and damping| over the largest kinetic energy.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub energy_drift: Option<f64>,
     /// Largest change of linear momentum over the largest Σ m|v| (free bodies without gravity).

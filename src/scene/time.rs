@@ -48,7 +48,7 @@ pub struct Time {
     /// End of the run, s (> 0).
     pub end: f64,
     /// Step h, s (> 0). It is adjusted to end/round(end/step), so that a step lands on `end`.
-    /// Left out with scheme `auto` only, which chooses it.
+    /// Scheme `auto` chooses it: there it may be left out, and is not used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step: Option<f64>,
     /// The time integrator.
