@@ -1,10 +1,14 @@
 //! From a mesh file, which knows no physics, to the mesh of a body and its initial state.
 //! It must not know formats or potentials.
 
+mod sheet;
+
 use std::path::Path;
 
-use vi_fem::{ElementBlock, ElementKind, Mesh, Region, orient_triangles};
+use vi_fem::{CellField, ElementBlock, ElementKind, Mesh, Region, orient_triangles};
 use vi_io::{CellKind, DataArray, MeshFile};
+
+use crate::scene::{Body, RestShape};
 
 /// A body as its mesh file has it.
 #[derive(Debug)]
@@ -14,33 +18,49 @@ pub(crate) struct Imported {
     pub(crate) displacement: Option<Vec<f64>>,
     /// Initial velocity, m/s, where the file has point data of this name.
     pub(crate) velocity: Option<Vec<f64>>,
+    /// The flat pattern that a sheet is cut from, m: the corners of every cell.
+    pub(crate) pattern: Option<Vec<[[f64; 2]; 3]>>,
+    /// Vectors a cell, by name.
+    pub(crate) fields: Vec<CellField>,
     pub(crate) notes: Vec<String>,
 }
 
-/// Reads a mesh file; lengths are multiplied by `scale`, then `translate` (m) is added. Its elements are
-/// the cells of `dimension`: 3 for a solid, 2 for a sheet, whose triangles are made to face one way.
+impl Imported {
+    /// A mesh that no file has, at rest.
+    pub(crate) fn generated(mesh: Mesh) -> Self {
+        let (fields, notes) = (Vec::new(), Vec::new());
+        Self { mesh, displacement: None, velocity: None, pattern: None, fields, notes }
+    }
+}
+
+/// Reads the mesh file of a body. Its elements are the cells of the body's dimension: 3 for a solid, 2 for
+/// a sheet, whose triangles are welded and made to face one way.
 ///
 /// # Errors
 /// Everything that is wrong with the file or the mesh, in words that name the file.
-pub(crate) fn read(
-    path: &Path,
-    scale: f64,
-    translate: [f64; 3],
-    dimension: usize,
-) -> Result<Imported, Vec<String>> {
+pub(crate) fn read(path: &Path, body: &Body) -> Result<Imported, Vec<String>> {
     let file = vi_io::read_mesh(path).map_err(|error| vec![error.to_string()])?;
-    import(file, scale, translate, dimension).map_err(|messages| {
+    import(file, body).map_err(|messages| {
         messages.into_iter().map(|message| format!("{}: {message}", path.display())).collect()
     })
 }
 
-fn import(
-    file: MeshFile,
-    scale: f64,
-    translate: [f64; 3],
-    dimension: usize,
-) -> Result<Imported, Vec<String>> {
+fn import(mut file: MeshFile, body: &Body) -> Result<Imported, Vec<String>> {
+    let (scale, translate) = (body.scale.unwrap_or(1.0), body.translate.unwrap_or_default());
+    let dimension = body.dimension();
     let mut problems = Vec::new();
+    if let Some(part) = &body.part {
+        take_part(&mut file, part, dimension).map_err(|problem| vec![problem])?;
+    }
+    for block in &file.blocks {
+        if kind(block.kind).is_none() {
+            problems.push(format!("cells of type {} are not supported", block.kind.name()));
+        }
+    }
+    problems.extend(dimension_problem(&file, dimension));
+    if problems.is_empty() && dimension == 2 {
+        problems.extend(sheet::prepare(&mut file, body.weld.map(|weld| weld / scale)).err());
+    }
     let mut initial = |name: &str| match vector(&file, name) {
         Ok(values) => values,
         Err(problem) => {
@@ -53,41 +73,90 @@ fn import(
         u
     });
     let velocity = initial("velocity");
-    let points = file.points.iter().map(|x| std::array::from_fn(|k| scale * x[k] + translate[k])).collect();
-    let mut blocks = Vec::with_capacity(file.blocks.len());
-    for block in file.blocks {
-        match kind(block.kind) {
-            Some(kind) => blocks.push(ElementBlock { kind, nodes: block.nodes }),
-            None => problems.push(format!("cells of type {} are not supported", block.kind.name())),
-        }
-    }
-    let regions = file
-        .groups
-        .into_iter()
-        .map(|group| Region { name: group.name, dimension: group.dimension, elements: group.cells })
-        .collect();
     if !problems.is_empty() {
         return Err(problems);
     }
-    let mut mesh = Mesh { points, blocks, regions };
-    let has = |dimension: usize| !mesh.cells_of_dimension(dimension).is_empty();
+    let points = file.points.iter().map(|x| std::array::from_fn(|k| scale * x[k] + translate[k])).collect();
+    let blocks = file
+        .blocks
+        .iter()
+        .filter_map(|block| Some(ElementBlock { kind: kind(block.kind)?, nodes: block.nodes.clone() }))
+        .collect();
+    let region = |group: &vi_io::Group| Region {
+        name: group.name.clone(),
+        dimension: group.dimension,
+        elements: group.cells.clone(),
+    };
+    let mut mesh = Mesh { points, blocks, regions: file.groups.iter().map(region).collect() };
+    mesh.check(dimension).map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>())?;
+    let fields = file.cell_data.iter().filter_map(cell_field).collect();
+    let mut notes = std::mem::take(&mut file.notes);
+    let mut pattern = None;
+    if dimension == 2 {
+        if body.rest == Some(RestShape::Flat) {
+            pattern = sheet::pattern(&file, &mesh, scale, body.uv_scale).map_err(|problem| vec![problem])?;
+        }
+        let elements = mesh.cells_of_dimension(2);
+        let before = mesh.clone();
+        let orientation = orient_triangles(&mut mesh, &elements).map_err(|error| vec![error.to_string()])?;
+        if let Some(pattern) = &mut pattern {
+            for cell in elements {
+                if mesh.cell(cell as usize) != before.cell(cell as usize) {
+                    pattern[cell as usize].swap(1, 2);
+                }
+            }
+        }
+        notes.extend(orientation.notes());
+    }
+    Ok(Imported { mesh, displacement, velocity, pattern, fields, notes })
+}
+
+/// Leaves the cells of the group `part`, and of lower dimension those on its nodes.
+fn take_part(file: &mut MeshFile, part: &str, dimension: usize) -> Result<(), String> {
+    let is_part = |group: &&vi_io::Group| group.dimension == dimension && group.name == part;
+    let Some(group) = file.groups.iter().find(is_part) else {
+        let of_dimension = file.groups.iter().filter(|group| group.dimension == dimension);
+        let names: Vec<_> = of_dimension.map(|group| group.name.as_str()).collect();
+        return Err(format!(
+            "there is no group '{part}' of {}; there are: {}",
+            if dimension == 3 { "volumes" } else { "surfaces" },
+            if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+        ));
+    };
+    let cells = group.cells.clone();
+    let mut used = vec![false; file.points.len()];
+    for (_, (_, nodes)) in
+        file.cells().enumerate().filter(|(cell, _)| cells.binary_search(&(*cell as u32)).is_ok())
+    {
+        nodes.iter().for_each(|&node| used[node as usize] = true);
+    }
+    file.retain_cells(|cell, kind, nodes| {
+        cells.binary_search(&(cell as u32)).is_ok()
+            || kind.dimension() < dimension && nodes.iter().all(|&node| used[node as usize])
+    });
+    Ok(())
+}
+
+/// Is the mesh a solid's where a sheet is wanted, or the reverse?
+fn dimension_problem(file: &MeshFile, dimension: usize) -> Option<String> {
+    let has = |dimension: usize| file.blocks.iter().any(|block| block.kind.dimension() == dimension);
     if dimension == 2 && has(3) {
-        let problem = "the mesh has volume cells: it is a solid, whose material has no `thickness`";
-        return Err(vec![problem.to_owned()]);
+        let problem = "the mesh has volume cells: it is a solid, whose material has no `thickness`; for a sheet of \
+                       one of its surface groups name that with `part`";
+        return Some(problem.to_owned());
     }
     if dimension == 3 && has(2) && !has(3) {
         let problem = "the mesh has triangles and no volume cells: it is a sheet, whose material needs the key \
                        `thickness` (m)";
-        return Err(vec![problem.to_owned()]);
+        return Some(problem.to_owned());
     }
-    mesh.check(dimension).map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>())?;
-    let mut notes = file.notes;
-    if dimension == 2 {
-        let elements = mesh.cells_of_dimension(2);
-        let orientation = orient_triangles(&mut mesh, &elements).map_err(|error| vec![error.to_string()])?;
-        notes.extend(orientation.notes());
-    }
-    Ok(Imported { mesh, displacement, velocity, notes })
+    None
+}
+
+/// A cell array of vectors.
+fn cell_field(array: &DataArray) -> Option<CellField> {
+    let values = (array.components == 3).then(|| array.values.as_chunks::<3>().0.to_vec())?;
+    Some(CellField { name: array.name.clone(), values })
 }
 
 /// A point array of three components, all finite.

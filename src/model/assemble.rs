@@ -24,7 +24,7 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
     for (i, body) in loaded_bodies.into_iter().enumerate() {
         let part = &mut parts[component_of[i]];
         let node_offset = part.mass.len();
-        notes.extend(body.notes.iter().cloned());
+        notes.extend(body.read.notes.iter().cloned());
         let clamps: Vec<&[u32]> = scene
             .fixes
             .iter()
@@ -46,7 +46,7 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
         notes.extend(sheets::notes(scene, i));
         bodies.push(BodyModel {
             name: scene.bodies[i].name.clone(),
-            mesh: body.mesh,
+            mesh: body.read.mesh,
             materials: body.materials,
             component: component_of[i],
             node_offset,
@@ -161,7 +161,8 @@ impl Part {
         node_offset: usize,
         clamps: &[&[u32]],
     ) -> Result<(), String> {
-        let mesh = &loaded.mesh;
+        let read = &loaded.read;
+        let mesh = &read.mesh;
         let mut mass = vec![0.0; mesh.points.len()];
         for (entry, elements) in body.material.0.iter().zip(&loaded.materials) {
             if elements.is_empty() {
@@ -178,18 +179,23 @@ impl Part {
                 Substance::Sheet(law) => {
                     let clamped = sheets::clamped(mesh, elements, clamps);
                     let flat = body.rest == Some(RestShape::Flat);
-                    let sheet =
-                        Sheet { mesh, elements, law, node_offset, name: &place, flat, clamped: &clamped };
+                    let sheet = Sheet {
+                        flat,
+                        pattern: read.pattern.as_deref(),
+                        fields: &read.fields,
+                        clamped: &clamped,
+                        ..Sheet::new(mesh, elements, law, node_offset, &place)
+                    };
                     sheet.add_lumped_mass(&mut mass).and_then(|()| sheet.potentials())
                 }
             };
             self.potentials.extend(terms.map_err(|error| error.to_string())?);
         }
         let mut x = mesh.points.as_flattened().to_vec();
-        if let Some(displacement) = &loaded.displacement {
+        if let Some(displacement) = &read.displacement {
             x.iter_mut().zip(displacement).for_each(|(x, u)| *x += u);
         }
-        let mut v = loaded.velocity.clone().unwrap_or_else(|| vec![0.0; x.len()]);
+        let mut v = read.velocity.clone().unwrap_or_else(|| vec![0.0; x.len()]);
         let positions = x.as_chunks::<3>().0;
         let centre = mass_properties(positions, &mass).centre;
         let linear = body.velocity.unwrap_or_default();

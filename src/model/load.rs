@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use vi_fem::{BoxMesh, FemError, Mesh, SheetMesh};
 
 use super::ProbeTarget;
-use crate::mesh_import;
+use crate::mesh_import::{self, Imported};
 use crate::scene::{Body, BoxRegion, Problem, Scene, SpringEnd};
 
 /// The bodies and attachments of a scene, with nodes instead of names.
@@ -32,12 +32,9 @@ pub(super) enum End {
 
 /// A body as it was read.
 pub(super) struct LoadedBody {
-    pub(super) mesh: Mesh,
-    pub(super) displacement: Option<Vec<f64>>,
-    pub(super) velocity: Option<Vec<f64>>,
+    pub(super) read: Imported,
     /// The elements of each material entry.
     pub(super) materials: Vec<Vec<u32>>,
-    pub(super) notes: Vec<String>,
 }
 
 /// Reads everything; bodies that could not be read leave problems, and whatever refers to them is passed over.
@@ -83,11 +80,11 @@ fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<L
     let key = format!("body[{index}]");
     let scale = body.scale.unwrap_or(1.0);
     let translate = body.translate.unwrap_or_default();
-    let (mesh, displacement, velocity, notes) = if let Some(path) = &body.mesh {
-        match mesh_import::read(path, scale, translate, body.dimension()) {
-            Ok(read) => {
-                let notes = read.notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
-                (read.mesh, read.displacement, read.velocity, notes)
+    let read = if let Some(path) = &body.mesh {
+        match mesh_import::read(path, body) {
+            Ok(mut read) => {
+                read.notes.iter_mut().for_each(|note| *note = format!("{}: {note}", path.display()));
+                read
             }
             Err(messages) => {
                 let key = format!("{key}.mesh");
@@ -98,21 +95,21 @@ fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<L
     } else {
         let (built, shape) = generate(body, scale, translate)?;
         match built {
-            Ok(mesh) => (mesh, None, None, Vec::new()),
+            Ok(mesh) => Imported::generated(mesh),
             Err(error) => {
                 problems.push(Problem::new(format!("{key}.{shape}"), error.to_string()));
                 return None;
             }
         }
     };
-    let materials = match materials(body, &mesh) {
+    let materials = match materials(body, &read.mesh) {
         Ok(elements) => elements,
         Err(message) => {
             problems.push(Problem::new(format!("{key}.material"), message));
             return None;
         }
     };
-    Some(LoadedBody { mesh, displacement, velocity, materials, notes })
+    Some(LoadedBody { read, materials })
 }
 
 /// The mesh of a generated shape, and the shape's key.
@@ -181,7 +178,7 @@ impl<'a> Finder<'a> {
     /// has been said before.
     fn mesh(&self, name: &str) -> Option<(usize, &'a Mesh)> {
         let body = self.scene.bodies.iter().position(|body| body.name == name)?;
-        self.bodies[body].as_ref().map(|loaded| (body, &loaded.mesh))
+        self.bodies[body].as_ref().map(|loaded| (body, &loaded.read.mesh))
     }
 
     fn region(&mut self, mesh: &Mesh, region: &str, key: String) -> Vec<u32> {

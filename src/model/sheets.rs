@@ -40,7 +40,8 @@ pub(super) fn wind(
     name: &str,
 ) -> Result<Arc<dyn Force>, String> {
     let elements: Vec<u32> = body.materials.iter().flatten().copied().collect();
-    let force = wind.force(&body.mesh, &elements, node_offset, name).map_err(|error| error.to_string())?;
+    let force =
+        wind.force(&body.read.mesh, &elements, node_offset, name).map_err(|error| error.to_string())?;
     Ok(Arc::from(force))
 }
 

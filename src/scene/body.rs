@@ -14,10 +14,18 @@ use super::{MaterialEntry, Materials, Substance};
 pub struct Body {
     /// Its name, by which fixes, probes and springs refer to it.
     pub name: String,
-    /// Mesh file (.msh, .vtk, .vtu), relative to the scene file: of volume cells for a solid, of
-    /// triangles for a sheet. Point data `displacement` (m) and `velocity` (m/s) in it are the initial state.
+    /// Mesh file (.msh, .vtk, .vtu, .vtp, .obj, .stl), relative to the scene file: of volume cells for a
+    /// solid, of triangles for a sheet. Point data `displacement` (m) and `velocity` (m/s) in it are the initial
+    /// state. Of a sheet, quadrilaterals are cut, points on each other welded, triangles turned to face one way,
+    /// and points without a triangle left out, each with a note; nodes are numbered after that.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mesh: Option<PathBuf>,
+    /// Take only this group of the mesh file: a volume of it for a solid, a surface for a sheet.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<String>,
+    /// Distance below which points of a sheet's mesh file are one, m (≥ 0; default: 1e-9 of its extent).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weld: Option<f64>,
     /// A box, instead of a mesh. Regions: `box`, `x-min`, `x-max`, `y-min` … `z-max`.
     #[serde(rename = "box", default, skip_serializing_if = "Option::is_none")]
     pub box_shape: Option<BoxMesh>,
@@ -27,9 +35,12 @@ pub struct Body {
     pub sheet: Option<SheetMesh>,
     /// What it is made of: one material, or a list of them by region. That of a sheet has `thickness`.
     pub material: Materials,
-    /// Shape in which a sheet has no bending moments (default: that of its mesh).
+    /// Shape of a sheet at rest (default: that of its mesh).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rest: Option<RestShape>,
+    /// Length of a unit of texture coordinates, m (> 0; default: that of the file's unit), for rest = "flat".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uv_scale: Option<f64>,
     /// Factor on the coordinates of the mesh, e.g. 0.001 for a mesh in millimetres (> 0).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
@@ -44,13 +55,15 @@ pub struct Body {
     pub angular_velocity: Option<[f64; 3]>,
 }
 
-/// Shape in which a sheet has no bending moments.
+/// Shape of a sheet at rest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RestShape {
     /// That of its mesh.
     Mesh,
-    /// Flat, whatever the shape of the mesh.
+    /// Flat. Where the mesh file has texture coordinates (u, v), they are the pattern that the sheet is cut
+    /// from, one chart or several: without stress in that shape. Else the lengths of the mesh are kept, and
+    /// only bending takes the sheet as flat.
     Flat,
 }
 
@@ -59,10 +72,13 @@ impl Body {
         Self {
             name: name.into(),
             mesh: None,
+            part: None,
+            weld: None,
             box_shape: None,
             sheet: None,
             material: Materials(vec![MaterialEntry { region: None, law: material.into() }]),
             rest: None,
+            uv_scale: None,
             scale: None,
             translate: None,
             velocity: None,

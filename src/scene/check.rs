@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use vi_fem::Motion;
 
-use super::{Axis, Body, BoxRegion, Field, Scene, SchemeName, Substance};
+use super::{Axis, Body, BoxRegion, Field, RestShape, Scene, SchemeName, Substance};
 
 /// One thing that is wrong with a scene: where, what, and the way out.
 #[derive(Debug, Clone, PartialEq)]
@@ -169,6 +169,23 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
     }
     if body.rest.is_some() && body.dimension() != 2 {
         check.say(format!("{key}.rest"), "only a sheet has it (its material has `thickness`); take it out");
+    }
+    for (name, is_given) in [("part", body.part.is_some()), ("weld", body.weld.is_some())] {
+        if is_given && body.mesh.is_none() {
+            check.say(format!("{key}.{name}"), "only a body with a `mesh` file has it; take it out");
+        }
+    }
+    if body.weld.is_some() && body.dimension() != 2 {
+        check.say(format!("{key}.weld"), "only the points of a sheet are welded; take it out");
+    }
+    if body.weld.is_some_and(|weld| !(weld >= 0.0 && weld.is_finite())) {
+        check.say(format!("{key}.weld"), "must be zero or positive, in m");
+    }
+    if let Some(uv_scale) = body.uv_scale {
+        check.positive(format!("{key}.uv_scale"), uv_scale, "m");
+        if body.mesh.is_none() || body.rest != Some(RestShape::Flat) {
+            check.say(format!("{key}.uv_scale"), "needs a `mesh` file and rest = \"flat\"; take it out");
+        }
     }
     let mut regions = HashSet::new();
     for (i, entry) in entries.iter().enumerate() {

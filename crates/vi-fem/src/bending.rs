@@ -22,9 +22,10 @@ pub(crate) struct BentSheet<'a> {
     pub(crate) surface: &'a Surface,
     /// Is the sheet at rest when flat, whatever its shape?
     pub(crate) flat: bool,
-    /// Bending moduli h³/12 Q, N m, in the frame that follows `direction`; on (κ₁₁, κ₂₂, 2κ₁₂).
+    /// Bending moduli h³/12 Q, N m, in the frame that follows `directions`; on (κ₁₁, κ₂₂, 2κ₁₂).
     pub(crate) moduli: [[f64; 3]; 3],
-    pub(crate) direction: Option<[f64; 3]>,
+    /// The first axis of the law in each triangle, if it has axes.
+    pub(crate) directions: Option<&'a [[f64; 3]]>,
     /// Boundary edges whose normal is held in space.
     pub(crate) clamped: &'a [[u32; 2]],
     pub(crate) node_offset: usize,
@@ -33,7 +34,7 @@ pub(crate) struct BentSheet<'a> {
 
 impl BentSheet<'_> {
     fn frame(&self, triangle: usize) -> Frame {
-        frame(&self.surface.corners(triangle), self.direction)
+        frame(&self.surface.corners(triangle), self.directions.map(|all| all[triangle]))
     }
 
     /// A triangle's corners in its own plane, m.

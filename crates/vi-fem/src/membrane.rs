@@ -23,7 +23,7 @@ use crate::tensor::{cross, dot};
 /// An orthonormal frame of a triangle at rest: two axes in its plane, and the normal.
 pub(crate) type Frame = [[f64; 3]; 3];
 
-/// The frame of a triangle whose first axis follows `direction` (projected), else its first edge.
+/// The frame of a triangle whose first axis is `direction`, a unit vector in its plane, else its first edge.
 pub(crate) fn frame(corners: &[[f64; 3]; 3], direction: Option<[f64; 3]>) -> Frame {
     let edge = |k: usize| [0, 1, 2].map(|i| corners[k][i] - corners[0][i]);
     let unit = |v: [f64; 3]| {
@@ -31,16 +31,7 @@ pub(crate) fn frame(corners: &[[f64; 3]; 3], direction: Option<[f64; 3]>) -> Fra
         v.map(|c| c / length)
     };
     let normal = unit(cross(edge(1), edge(2)));
-    let axis = direction
-        .map(unit)
-        .map(|d| {
-            let across = dot(d, normal);
-            [0, 1, 2].map(|i| d[i] - across * normal[i])
-        })
-        // A direction along the normal has no projection.
-        .filter(|d| dot(*d, *d) > 1e-12)
-        .unwrap_or_else(|| edge(1));
-    let first = unit(axis);
+    let first = direction.unwrap_or_else(|| unit(edge(1)));
     [first, cross(normal, first), normal]
 }
 
@@ -66,7 +57,8 @@ pub(crate) fn barycentric_gradients(p: &[[f64; 2]; 3]) -> ([[f64; 2]; 3], f64) {
 pub(crate) struct BuildMembrane<'a> {
     pub(crate) surface: &'a Surface,
     pub(crate) thickness: f64,
-    pub(crate) direction: Option<[f64; 3]>,
+    /// The first axis of the law in each triangle, if it has axes.
+    pub(crate) directions: Option<&'a [[f64; 3]]>,
     pub(crate) tension_field: bool,
     pub(crate) node_offset: usize,
     pub(crate) name: String,
@@ -80,7 +72,7 @@ impl SheetVisitor for BuildMembrane<'_> {
         let rest = (0..surface.triangles.len())
             .map(|triangle| {
                 let corners = surface.corners(triangle);
-                let frame = frame(&corners, self.direction);
+                let frame = frame(&corners, self.directions.map(|all| all[triangle]));
                 let (gradients, area) = barycentric_gradients(&flatten(&corners, &frame));
                 Rest { gradients, volume: area * self.thickness, frame }
             })

@@ -8,12 +8,12 @@ use crate::membrane::BuildMembrane;
 use crate::sheet_material::SheetLaw;
 use crate::surface::Surface;
 use crate::tensor::{cross, dot};
-use crate::{FemError, Mesh};
+use crate::{CellField, FemError, Mesh};
 
 /// Triangles with a law, bent and stretched from a shape at rest.
 #[derive(Debug, Clone, Copy)]
 pub struct Sheet<'a> {
-    /// The shape at rest. Where a sheet is cut from a flat pattern this is the pattern.
+    /// The triangles, and the shape at rest unless there is a pattern.
     pub mesh: &'a Mesh,
     /// Cell numbers of its triangles.
     pub elements: &'a [u32],
@@ -25,12 +25,35 @@ pub struct Sheet<'a> {
     pub name: &'a str,
     /// Is the sheet free of moments when flat, whatever the shape of the mesh?
     pub flat: bool,
+    /// The flat pattern that the sheet is cut from, m: the corners of every cell of the mesh.
+    pub pattern: Option<&'a [[[f64; 2]; 3]]>,
+    /// Vectors over the cells of the mesh that a law may name.
+    pub fields: &'a [CellField],
     /// Boundary edges (pairs of nodes of the mesh) whose normal is held in space as it is in the mesh:
     /// clamped, if their nodes are prescribed too.
     pub clamped: &'a [[u32; 2]],
 }
 
-impl Sheet<'_> {
+impl<'a> Sheet<'a> {
+    /// A sheet with the shape of its mesh at rest.
+    pub fn new(
+        mesh: &'a Mesh,
+        elements: &'a [u32],
+        law: &'a SheetLaw,
+        node_offset: usize,
+        name: &'a str,
+    ) -> Self {
+        Self { mesh, elements, law, node_offset, name, flat: false, pattern: None, fields: &[], clamped: &[] }
+    }
+
+    fn surface(&self) -> Result<Surface, FemError> {
+        let surface = Surface::new(self.mesh, self.elements)?;
+        match self.pattern {
+            Some(pattern) => surface.with_pattern(pattern),
+            None => Ok(surface),
+        }
+    }
+
     /// The membrane's potential, and those of bending: several for `shell`, one for each size of
     /// stencil, all of one name.
     ///
@@ -44,14 +67,15 @@ impl Sheet<'_> {
         {
             return Err(first);
         }
-        let surface = Surface::new(self.mesh, self.elements)?;
+        let surface = self.surface()?;
         let parameters = self.law.parameters();
         let common = parameters.common();
-        let direction = parameters.direction();
+        let directions = parameters.direction().map(|d| d.on(&surface, self.fields)).transpose()?;
+        let directions = directions.as_deref();
         let membrane = BuildMembrane {
             surface: &surface,
             thickness: common.thickness,
-            direction,
+            directions,
             tension_field: common.tension_field,
             node_offset: self.node_offset,
             name: format!("{}: membrane", self.name),
@@ -60,9 +84,9 @@ impl Sheet<'_> {
         let inertia = common.thickness.powi(3) / 12.0;
         let bent = BentSheet {
             surface: &surface,
-            flat: self.flat,
+            flat: self.flat || self.pattern.is_some(),
             moduli: parameters.moduli().map(|row| row.map(|modulus| inertia * modulus)),
-            direction,
+            directions,
             clamped: self.clamped,
             node_offset: self.node_offset,
             name: format!("{}: bending", self.name),
@@ -76,7 +100,7 @@ impl Sheet<'_> {
     /// # Errors
     /// As [`Sheet::potentials`].
     pub fn add_lumped_mass(&self, masses: &mut [f64]) -> Result<(), FemError> {
-        let surface = Surface::new(self.mesh, self.elements)?;
+        let surface = self.surface()?;
         let density = self.law.area_density();
         for (triangle, nodes) in surface.triangles.iter().enumerate() {
             let [a, b, c] = surface.corners(triangle);

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bending::Bending;
 use crate::membrane::{CorotatedSheet, NeoHookeanSheet, OrthotropicSheet, StVenantKirchhoffSheet};
-use crate::{FemError, Parameters};
+use crate::{Direction, FemError, Parameters};
 
 /// A membrane law in plane stress: the energy density W(e) (J/m³ of the sheet at rest) of Green's
 /// strain e = (E₁₁, E₂₂, 2E₁₂), E = ½(FᵀF − I) in an orthonormal frame of the rest plane, F = ∂x/∂X
@@ -47,8 +47,8 @@ pub trait SheetParameters {
     fn common(&self) -> SheetCommon;
     /// Plane-stress moduli ∂²W/∂e² at rest, Pa, in the frame of the law's own directions.
     fn moduli(&self) -> [[f64; 3]; 3];
-    /// The direction in space that the law's first axis follows, if the law has axes.
-    fn direction(&self) -> Option<[f64; 3]> {
+    /// The direction on the sheet at rest that the law's first axis follows, if the law has axes.
+    fn direction(&self) -> Option<&Direction> {
         None
     }
     /// Everything that is wrong with them.

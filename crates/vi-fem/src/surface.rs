@@ -5,8 +5,10 @@ use crate::{ElementKind, FemError, Mesh};
 
 /// Triangles of a mesh with their edges.
 pub(crate) struct Surface {
-    /// Positions at rest of all nodes of the mesh, m.
+    /// Positions of all nodes of the mesh, m.
     pub(crate) points: Vec<[f64; 3]>,
+    /// Corners of each triangle in the flat pattern it is cut from, m, where there is one.
+    pattern: Option<Vec<[[f64; 3]; 3]>>,
     /// Nodes of each triangle.
     pub(crate) triangles: Vec<[u32; 3]>,
     /// The mesh's number of each triangle.
@@ -51,11 +53,68 @@ impl Surface {
         }
         check_areas(&mesh.points, &triangles, elements)?;
         let (edges, edges_of) = edges(&triangles);
-        Ok(Self { points: mesh.points.clone(), triangles, cells: elements.to_vec(), edges, edges_of })
+        let (points, cells) = (mesh.points.clone(), elements.to_vec());
+        Ok(Self { points, pattern: None, triangles, cells, edges, edges_of })
     }
 
-    /// Rest positions of a triangle's nodes, m.
+    /// The surface with the shape at rest of a flat pattern: the corners (m) of every cell of the mesh.
+    ///
+    /// # Errors
+    /// A pattern of another length, triangles without area in it, neighbours folded onto each other in it.
+    pub(crate) fn with_pattern(mut self, pattern: &[[[f64; 2]; 3]]) -> Result<Self, FemError> {
+        let invalid = |problem| FemError::Invalid { what: "pattern of a sheet", problem };
+        let Some(flat) = self.cells.iter().map(|&cell| pattern.get(cell as usize).copied()).collect() else {
+            return Err(invalid(format!("it has {} cells, fewer than the mesh", pattern.len())));
+        };
+        let flat: Vec<[[f64; 2]; 3]> = flat;
+        let twice_area =
+            |[a, b, c]: &[[f64; 2]; 3]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        for (triangle, corners) in flat.iter().enumerate() {
+            let squared = |k: usize, l: usize| (0..2).map(|i| (corners[k][i] - corners[l][i]).powi(2)).sum();
+            let longest = [squared(0, 1), squared(1, 2), squared(2, 0)].into_iter().fold(0.0, f64::max);
+            let area = 0.5 * twice_area(corners).abs();
+            if area.is_nan() || area <= 0.5e-8 * longest {
+                return Err(invalid(format!(
+                    "element {} has no area in it ({area:.3e} m²); mend the texture coordinates",
+                    self.cells[triangle]
+                )));
+            }
+        }
+        for edge in &self.edges {
+            let [one, two] = edge.sides[..] else { continue };
+            let corner = |side: (u32, u8), node: u32| {
+                let k = (0..3).find(|&k| self.triangles[side.0 as usize][k] == node).unwrap_or(0);
+                flat[side.0 as usize][k]
+            };
+            let is_one_chart = edge.nodes.iter().all(|&node| corner(one, node) == corner(two, node));
+            let faces = |side: (u32, u8)| twice_area(&flat[side.0 as usize]) > 0.0;
+            if is_one_chart && (faces(one) == faces(two)) == same_sense(&self, one, two) {
+                return Err(invalid(format!(
+                    "element {} is folded over onto its neighbour, element {}; unfold the texture coordinates, or \
+                     give the two charts of their own",
+                    self.cells[one.0 as usize], self.cells[two.0 as usize]
+                )));
+            }
+        }
+        self.pattern = Some(flat.iter().map(|corners| corners.map(|[u, v]| [u, v, 0.0])).collect());
+        Ok(self)
+    }
+
+    /// Is the shape at rest a flat pattern?
+    pub(crate) fn has_pattern(&self) -> bool {
+        self.pattern.is_some()
+    }
+
+    /// Corners of a triangle at rest, m.
     pub(crate) fn corners(&self, triangle: usize) -> [[f64; 3]; 3] {
+        match &self.pattern {
+            Some(pattern) => pattern[triangle],
+            None => self.placed(triangle),
+        }
+    }
+
+    /// Corners of a triangle where the mesh has them, m.
+    pub(crate) fn placed(&self, triangle: usize) -> [[f64; 3]; 3] {
         self.triangles[triangle].map(|node| self.points[node as usize])
     }
 

@@ -25,7 +25,7 @@ fn potentials(
     clamped: &[[u32; 2]],
 ) -> Result<Vec<Box<dyn Potential>>, FemError> {
     let elements = mesh.cells_of_dimension(2);
-    Sheet { mesh, elements: &elements, law, node_offset: 0, name: "flag", flat: false, clamped }.potentials()
+    Sheet { clamped, ..Sheet::new(mesh, &elements, law, 0, "flag") }.potentials()
 }
 
 /// Positions with a smooth large deformation and a deterministic ripple.

@@ -6,6 +6,7 @@
 
 mod cell;
 mod cursor;
+mod edit;
 mod error;
 mod gmsh;
 mod legacy;

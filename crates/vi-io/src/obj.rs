@@ -13,8 +13,9 @@ use crate::mesh::{DataArray, Group, MeshFile};
 /// Reads an OBJ file that is in memory; `file` is for the messages only.
 ///
 /// Faces of more than three corners are cut into triangles from their first corner, with a note. Groups (`g`), objects
-/// (`o`) and materials (`usemtl`) become groups. Texture coordinates become the point array `uv`, if no vertex has two
-/// of them. Normals and free-form surfaces are passed over.
+/// (`o`) and materials (`usemtl`) become groups. Texture coordinates become the point array `uv`, or, where a vertex has
+/// several of them, the cell array `uv` of six components: u v of the three corners of each triangle. Normals and
+/// free-form surfaces are passed over.
 ///
 /// # Errors
 /// Everything of [`IoError`] that reading has, with the line.
@@ -36,8 +37,10 @@ pub fn parse_obj(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
 struct Obj {
     mesh: MeshFile,
     textures: Vec<[f64; 2]>,
-    /// Texture coordinates of each vertex: none yet, one, or several.
+    /// Texture coordinates of each vertex: none yet, or the last.
     uv: Vec<Option<u32>>,
+    /// Texture coordinates of the corners of each cell; of lines and points none.
+    corner_uv: Vec<[Option<u32>; 3]>,
     has_seams: bool,
     corners_without_uv: usize,
     cell_count: u32,
@@ -98,8 +101,14 @@ impl Obj {
         Ok(())
     }
 
-    /// A corner `v`, `v/vt`, `v//vn` or `v/vt/vn`: its vertex.
-    fn corner(&mut self, cursor: &Cursor, at: usize, word: &[u8], is_face: bool) -> Result<u32, IoError> {
+    /// A corner `v`, `v/vt`, `v//vn` or `v/vt/vn`: its vertex and its texture coordinates.
+    fn corner(
+        &mut self,
+        cursor: &Cursor,
+        at: usize,
+        word: &[u8],
+        is_face: bool,
+    ) -> Result<(u32, Option<u32>), IoError> {
         let mut parts = word.split(|&byte| byte == b'/');
         let vertex = index(cursor, at, parts.next().unwrap_or_default())?;
         let vertex = absolute(vertex, self.mesh.points.len()).ok_or_else(|| IoError::UnknownNode {
@@ -109,6 +118,7 @@ impl Obj {
             node: vertex,
             node_count: self.mesh.points.len(),
         })?;
+        let mut texture_of_corner = None;
         match parts.next().filter(|part| !part.is_empty()) {
             Some(part) => {
                 let texture = index(cursor, at, part)?;
@@ -117,6 +127,7 @@ impl Obj {
                         format!("texture coordinate {texture} is not among the {}", self.textures.len());
                     cursor.inconsistent_at(at, what)
                 })?;
+                texture_of_corner = Some(texture);
                 let before = self.uv[vertex as usize].replace(texture);
                 let same = |before: u32| self.textures[before as usize] == self.textures[texture as usize];
                 self.has_seams |= before.is_some_and(|before| !same(before));
@@ -124,10 +135,16 @@ impl Obj {
             None if is_face => self.corners_without_uv += 1,
             None => {}
         }
-        Ok(vertex)
+        Ok((vertex, texture_of_corner))
     }
 
-    fn cell(&mut self, cursor: &Cursor, at: usize, keyword: &[u8], corners: &[u32]) -> Result<(), IoError> {
+    fn cell(
+        &mut self,
+        cursor: &Cursor,
+        at: usize,
+        keyword: &[u8],
+        corners: &[(u32, Option<u32>)],
+    ) -> Result<(), IoError> {
         let least = match keyword {
             b"f" => 3,
             b"l" => 2,
@@ -142,20 +159,24 @@ impl Obj {
         match keyword {
             b"f" => {
                 for pair in corners[1..].windows(2) {
-                    self.mesh.push_cell(CellKind::Triangle3, &[corners[0], pair[0], pair[1]]);
+                    let triangle = [corners[0], pair[0], pair[1]];
+                    self.mesh.push_cell(CellKind::Triangle3, &triangle.map(|(vertex, _)| vertex));
+                    self.corner_uv.push(triangle.map(|(_, texture)| texture));
                     self.cell_count += 1;
                 }
                 self.divided += usize::from(corners.len() > 3);
             }
             b"l" => {
                 for pair in corners.windows(2) {
-                    self.mesh.push_cell(CellKind::Line2, pair);
+                    self.mesh.push_cell(CellKind::Line2, &[pair[0].0, pair[1].0]);
+                    self.corner_uv.push([None; 3]);
                     self.cell_count += 1;
                 }
             }
             _ => {
-                for &corner in corners {
-                    self.mesh.push_cell(CellKind::Vertex1, &[corner]);
+                for &(vertex, _) in corners {
+                    self.mesh.push_cell(CellKind::Vertex1, &[vertex]);
+                    self.corner_uv.push([None; 3]);
                     self.cell_count += 1;
                 }
             }
@@ -190,9 +211,12 @@ impl Obj {
             notes.push(format!("{count} lines \"{keyword}\" were passed over"));
         }
         let with_uv = self.uv.iter().any(Option::is_some);
-        if with_uv && (self.has_seams || self.corners_without_uv > 0) {
-            let why = if self.has_seams { "a vertex has several" } else { "a corner has none" };
-            notes.push(format!("the texture coordinates are left out: {why}"));
+        if with_uv && self.corners_without_uv > 0 {
+            notes.push("the texture coordinates are left out: a corner has none".into());
+        } else if with_uv && self.has_seams {
+            let value = |texture: &Option<u32>| texture.map_or([0.0; 2], |k| self.textures[k as usize]);
+            let values = self.corner_uv.iter().flatten().flat_map(value).collect();
+            self.mesh.cell_data.push(DataArray { name: "uv".into(), components: 6, values });
         } else if with_uv {
             let values = self
                 .uv

@@ -49,7 +49,8 @@ pub(super) fn across(sheet: &BentSheet, hinge: &Hinge) -> f64 {
     let (triangle, k) = (hinge.first.0 as usize, usize::from(hinge.first.1));
     let p = sheet.plane(triangle);
     let (a, b) = (p[(k + 1) % 3], p[(k + 2) % 3]);
-    let m = [(b[1] - a[1]) / hinge.length, (a[0] - b[0]) / hinge.length];
+    let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+    let m = [(b[1] - a[1]) / length, (a[0] - b[0]) / length];
     let strain = [m[0] * m[0], m[1] * m[1], 2.0 * m[0] * m[1]];
     (0..3).map(|i| (0..3).map(|j| strain[i] * sheet.moduli[i][j] * strain[j]).sum::<f64>()).sum()
 }

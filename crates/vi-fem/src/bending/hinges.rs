@@ -4,6 +4,7 @@
 use super::BentSheet;
 use crate::FemError;
 use crate::dihedral;
+use crate::surface::Surface;
 use crate::tensor::{cross, dot};
 
 /// What turns against the first triangle.
@@ -91,14 +92,12 @@ fn hinge(
         Opposite::Held(position) => position,
     };
     let corners = [point(a), point(b), point(c), d];
-    let e = [0, 1, 2].map(|i| corners[1][i] - corners[0][i]);
-    let length = dot(e, e).sqrt();
-    let height_and_foot = |corner: [f64; 3]| {
-        let r = [0, 1, 2].map(|i| corner[i] - corners[0][i]);
-        let n = cross(e, r);
-        (dot(n, n).sqrt() / length, dot(r, e) / length - 0.5 * length)
+    let near = wing(surface, first, a);
+    // A support is the mirror image of its triangle.
+    let far = match opposite {
+        Opposite::Node(_, second) => wing(surface, second, a),
+        Opposite::Held(_) => near,
     };
-    let ((height_c, foot_c), (height_d, foot_d)) = (height_and_foot(corners[2]), height_and_foot(d));
     let rest_angle = dihedral::angle(&corners);
     if rest_angle.abs() > std::f64::consts::PI - 1e-3 {
         return Err(FemError::Invalid {
@@ -116,8 +115,30 @@ fn hinge(
         first,
         is_single,
         rest_angle: if sheet.flat { 0.0 } else { rest_angle },
-        length,
-        heights: [height_c, height_d],
-        feet: [foot_c, foot_d],
+        length: 0.5 * (near.length + far.length),
+        heights: [near.height, far.height],
+        feet: [near.foot, far.foot],
     })
+}
+
+/// A triangle at an edge at rest, m.
+#[derive(Clone, Copy)]
+struct Wing {
+    length: f64,
+    height: f64,
+    foot: f64,
+}
+
+/// The triangle of `side` as it is at rest, the edge running from node a.
+fn wing(surface: &Surface, side: (u32, u8), a: u32) -> Wing {
+    let (triangle, k) = (side.0 as usize, usize::from(side.1));
+    let corners = surface.corners(triangle);
+    let (mut from, mut to) = ((k + 1) % 3, (k + 2) % 3);
+    if surface.triangles[triangle][from] != a {
+        (from, to) = (to, from);
+    }
+    let e = [0, 1, 2].map(|i| corners[to][i] - corners[from][i]);
+    let r = [0, 1, 2].map(|i| corners[k][i] - corners[from][i]);
+    let (length, n) = (dot(e, e).sqrt(), cross(e, r));
+    Wing { length, height: dot(n, n).sqrt() / length, foot: dot(r, e) / length - 0.5 * length }
 }

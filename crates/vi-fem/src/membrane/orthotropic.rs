@@ -3,11 +3,11 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::FemError;
 use crate::bending::Bending;
 use crate::sheet_material::{
     SheetCommon, SheetMaterial, SheetParameters, SheetResponse, area_density, check_sheet, require_positive,
 };
+use crate::{Direction, FemError};
 
 /// W = ½ eᵀQ e, e = (E₁₁, E₂₂, 2E₁₂) in the frame of warp and weft;
 /// Q = [[E₁, ν₁₂E₂, 0], [ν₁₂E₂, E₂, 0], [0, 0, G(1 − ν₁₂ν₂₁)]]/(1 − ν₁₂ν₂₁), ν₂₁ = ν₁₂ E₂/E₁
@@ -33,9 +33,9 @@ pub struct OrthotropicParameters {
     /// Shear modulus G between warp and weft, Pa; positive.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub shear: f64,
-    /// Direction of the warp at rest in space, projected onto each triangle; any length.
+    /// Direction of the warp on the sheet at rest (default: along x).
     #[serde(default = "default_warp")]
-    pub warp: [f64; 3],
+    pub warp: Direction,
     /// Density ρ at rest, kg/m³; this or `area_density`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub density: Option<f64>,
@@ -53,8 +53,8 @@ pub struct OrthotropicParameters {
     pub tension_field: bool,
 }
 
-fn default_warp() -> [f64; 3] {
-    [1.0, 0.0, 0.0]
+fn default_warp() -> Direction {
+    Direction::Constant([1.0, 0.0, 0.0])
 }
 
 impl SheetParameters for OrthotropicParameters {
@@ -77,8 +77,8 @@ impl SheetParameters for OrthotropicParameters {
         ]
     }
 
-    fn direction(&self) -> Option<[f64; 3]> {
-        Some(self.warp)
+    fn direction(&self) -> Option<&Direction> {
+        Some(&self.warp)
     }
 
     fn check(&self) -> Vec<FemError> {
@@ -96,8 +96,7 @@ impl SheetParameters for OrthotropicParameters {
                 requirement: "its square must be below young_warp / young_weft, or the sheet is unstable",
             });
         }
-        let length = self.warp.iter().map(|c| c * c).sum::<f64>().sqrt();
-        require_positive(&mut problems, "warp", length, "the warp direction must not be zero");
+        problems.extend(self.warp.problem("warp"));
         check_sheet(&mut problems, self.density, self.area_density, self.thickness);
         problems
     }
@@ -108,7 +107,7 @@ impl SheetParameters for OrthotropicParameters {
             young_weft: 4e5,
             poisson: 0.2,
             shear: 1e5,
-            warp: [1.0, 0.5, 0.0],
+            warp: Direction::Constant([1.0, 0.5, 0.0]),
             density: Some(1000.0),
             area_density: None,
             thickness: 1e-2,

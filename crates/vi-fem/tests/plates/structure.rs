@@ -33,8 +33,7 @@ impl Structure {
         sweep: impl Fn(usize) -> f64,
     ) -> Self {
         let elements = mesh.cells_of_dimension(2);
-        let sheet =
-            Sheet { mesh, elements: &elements, law, node_offset: 0, name: "sheet", flat: false, clamped };
+        let sheet = Sheet { clamped, ..Sheet::new(mesh, &elements, law, 0, "sheet") };
         let mut masses = vec![0.0; mesh.points.len()];
         sheet.add_lumped_mass(&mut masses).unwrap();
         let potentials = sheet.potentials().unwrap();
