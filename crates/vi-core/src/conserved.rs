@@ -8,11 +8,14 @@ pub fn kinetic_energy(system: &System, state: &State) -> f64 {
     0.5 * state.p.iter().zip(system.free_mass()).map(|(p, m)| p * p / m).sum::<f64>()
 }
 
-/// Linear momentum P = Σ p of points in space (3 coordinates a node), kg m/s.
+/// Linear momentum P = Σ p of points in space (3 coordinates a node), kg m/s; directors have none.
 pub fn linear_momentum(system: &System, state: &State) -> [f64; 3] {
     let mut total = [0.0; 3];
-    for (&dof, p) in system.coordinates().free().iter().zip(&state.p) {
-        total[dof as usize % 3] += p;
+    let coordinates = system.coordinates();
+    for (&dof, p) in coordinates.free().iter().zip(&state.p) {
+        if !coordinates.is_director(dof / 3) {
+            total[dof as usize % 3] += p;
+        }
     }
     total
 }

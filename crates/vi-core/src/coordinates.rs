@@ -1,8 +1,9 @@
 //! Generalised coordinates of a body of points: x = x(q, t), where q are the free coordinates and
-//! the others follow a prescribed path. Prescribed coordinates are eliminated, never penalised.
-//! This room must not know why a coordinate is prescribed.
+//! the others follow a prescribed path, or are weighted sums of these two (`combination.rs`). All
+//! others are eliminated, never penalised. This room must not know why a coordinate is prescribed.
 
-use crate::CoreError;
+use crate::combination::Combinations;
+use crate::{Combination, CoreError};
 
 /// A prescribed motion of a list of coordinates.
 pub trait Path: Send + Sync {
@@ -45,12 +46,16 @@ pub struct Coordinates {
     dof_count: usize,
     free: Vec<u32>,
     prescribed: Vec<Prescribed>,
+    combinations: Option<Combinations>,
+    /// Nodes that translations do not move, ascending.
+    directors: Vec<u32>,
 }
 
 impl Coordinates {
     /// All `dof_count` coordinates are free: x = q.
     pub fn all_free(dof_count: usize) -> Self {
-        Self { dof_count, free: (0..dof_count as u32).collect(), prescribed: Vec::new() }
+        let free = (0..dof_count as u32).collect();
+        Self { dof_count, free, prescribed: Vec::new(), combinations: None, directors: Vec::new() }
     }
 
     /// The coordinates that no path of `prescribed` names are free, in ascending order.
@@ -72,7 +77,102 @@ impl Coordinates {
             }
         }
         let free = (0..dof_count as u32).filter(|&dof| is_free[dof as usize]).collect();
-        Ok(Self { dof_count, free, prescribed })
+        Ok(Self { dof_count, free, prescribed, combinations: None, directors: Vec::new() })
+    }
+
+    /// The same with tied nodes, and with nodes that are directors (see `combination.rs`), both of
+    /// three coordinates a node. Tied nodes may be named by those that are tied to them.
+    ///
+    /// # Errors
+    /// [`CoreError::Coordinate`] where a node is out of range or tied twice; [`CoreError::Combination`]
+    /// where a tied node is prescribed, ties go in a ring, or weights on points do not sum to one.
+    pub fn with_combinations(
+        mut self,
+        combinations: &[Combination],
+        directors: &[u32],
+    ) -> Result<Self, CoreError> {
+        let node_count = self.dof_count / 3;
+        let mut is_director = vec![false; node_count];
+        for &node in directors {
+            match is_director.get_mut(node as usize) {
+                Some(flag) => *flag = true,
+                None => {
+                    let (dof, count) = (3 * node as usize, self.dof_count);
+                    return Err(CoreError::Coordinate { what: "directors", dof, count });
+                }
+            }
+        }
+        self.directors = (0..node_count as u32).filter(|&node| is_director[node as usize]).collect();
+        if combinations.is_empty() {
+            return Ok(self);
+        }
+        let tied = Combinations::new(node_count, combinations, &is_director)?;
+        for &dof in self.prescribed.iter().flat_map(|group| &group.dofs) {
+            if tied.of(dof / 3).is_some() {
+                let reason =
+                    "it is prescribed too; a node follows a path or other nodes, not both".to_owned();
+                return Err(CoreError::Combination { node: dof as usize / 3, reason });
+            }
+        }
+        self.free.retain(|&dof| tied.of(dof / 3).is_none());
+        self.combinations = Some(tied);
+        Ok(self)
+    }
+
+    /// Are there tied nodes?
+    pub fn has_combinations(&self) -> bool {
+        self.combinations.is_some()
+    }
+
+    /// The tied nodes, ascending, each with its sum over nodes that are not tied: (node, weight).
+    pub fn combinations(&self) -> impl Iterator<Item = (u32, &[(u32, f64)])> {
+        self.combinations.iter().flat_map(Combinations::iter)
+    }
+
+    /// The sum of a node over nodes that are not tied, where it is tied.
+    pub fn combination(&self, node: u32) -> Option<&[(u32, f64)]> {
+        self.combinations.as_ref()?.of(node)
+    }
+
+    /// The nodes that turn as points do but are not moved by translations, ascending.
+    pub fn directors(&self) -> &[u32] {
+        &self.directors
+    }
+
+    /// Is a node a director?
+    pub fn is_director(&self, node: u32) -> bool {
+        !self.directors.is_empty() && self.directors.binary_search(&node).is_ok()
+    }
+
+    /// Sᵀ on a covector of all coordinates, in place: what acts on tied nodes acts on the nodes they
+    /// are tied to instead, and the entries of tied nodes are zero.
+    pub fn pull_back(&self, covector: &mut [f64]) {
+        if let Some(tied) = &self.combinations {
+            tied.pull_back(covector);
+        }
+    }
+
+    /// The lumped mass of the free coordinates from that of every coordinate, kg.
+    pub(crate) fn free_mass(&self, mass: &[f64]) -> Result<Vec<f64>, CoreError> {
+        let of_free = |mass: &[f64]| self.free.iter().map(|&dof| mass[dof as usize]).collect();
+        let Some(tied) = &self.combinations else { return Ok(of_free(mass)) };
+        let mut pulled = mass.to_vec();
+        tied.pull_back_mass(&mut pulled)?;
+        Ok(of_free(&pulled))
+    }
+
+    /// The same coordinates with all prescribed ones held at zero.
+    #[must_use]
+    pub fn held(&self) -> Self {
+        let dofs: Vec<u32> = self.prescribed.iter().flat_map(|group| group.dofs.iter().copied()).collect();
+        let path = Box::new(Fixed(vec![0.0; dofs.len()]));
+        Self {
+            dof_count: self.dof_count,
+            free: self.free.clone(),
+            prescribed: vec![Prescribed { dofs, path }],
+            combinations: self.combinations.clone(),
+            directors: self.directors.clone(),
+        }
     }
 
     /// Number of coordinates x_i.
@@ -104,15 +204,21 @@ impl Coordinates {
     pub fn embed(&self, q: &[f64], t: f64, x: &mut [f64]) {
         self.scatter_free(q, x);
         self.scatter_prescribed(x, |path, out| path.position(t, out));
+        if let Some(tied) = &self.combinations {
+            tied.embed(x);
+        }
     }
 
     /// ẋ = ∂x/∂q q̇ + ∂x/∂t, m/s.
     pub fn embed_velocity(&self, q_dot: &[f64], t: f64, x_dot: &mut [f64]) {
         self.scatter_free(q_dot, x_dot);
         self.scatter_prescribed(x_dot, |path, out| path.velocity(t, out));
+        if let Some(tied) = &self.combinations {
+            tied.embed(x_dot);
+        }
     }
 
-    /// q from x: the entries of the free coordinates. Also pulls a covector back, Sᵀf.
+    /// q from x: the entries of the free coordinates. Of a covector that has been pulled back, Sᵀf.
     pub fn restrict(&self, x: &[f64], q: &mut [f64]) {
         for (value, &dof) in q.iter_mut().zip(&self.free) {
             *value = x[dof as usize];

@@ -34,6 +34,20 @@ pub enum CoreError {
         /// How many coordinates there are.
         count: usize,
     },
+    /// A node cannot be tied to others as asked.
+    #[error("node {node} cannot be tied to others: {reason}")]
+    Combination {
+        /// The tied node.
+        node: usize,
+        /// Why not.
+        reason: String,
+    },
+    /// A constraint that constrains nothing.
+    #[error("constraint '{constraint}' reads no free coordinate: remove it, or free what it joins")]
+    Constraint {
+        /// Its name.
+        constraint: String,
+    },
     /// A term's stencil names a node that the system has not.
     #[error("term '{term}', stencil {stencil}: node {node} is out of range (there are {count})")]
     Stencil {

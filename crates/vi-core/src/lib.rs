@@ -4,6 +4,7 @@
 //! This crate knows potentials as sums of local terms, generalised coordinates, schemes as plain
 //! data, and what they conserve. It must not know a mesh, a sparse matrix or a file.
 
+mod combination;
 mod conserved;
 pub mod constraints;
 mod coordinates;
@@ -26,6 +27,7 @@ mod scheme;
 pub mod statics;
 mod system;
 
+pub use combination::{Combination, TiedMass};
 pub use conserved::{angular_momentum, kinetic_energy, linear_momentum};
 pub use coordinates::{Coordinates, Fixed, Path, Prescribed};
 pub use error::CoreError;

@@ -48,7 +48,7 @@ pub fn energy(system: &System, x: &[f64], t: f64) -> f64 {
     total
 }
 
-/// ∂V/∂x (N), one entry a coordinate x_i.
+/// ∂V/∂x (N), one entry a coordinate x_i, pulled back from tied nodes.
 pub fn gradient(system: &System, x: &[f64], t: f64) -> Vec<f64> {
     let mut total = vec![0.0; x.len()];
     for potential in system.potentials() {
@@ -62,10 +62,11 @@ pub fn gradient(system: &System, x: &[f64], t: f64) -> Vec<f64> {
             }
         }
     }
+    system.coordinates().pull_back(&mut total);
     total
 }
 
-/// ∂²V/∂x² (N/m), a full symmetric matrix over all coordinates x_i.
+/// ∂²V/∂x² (N/m), a full symmetric matrix over all coordinates x_i, pulled back from tied nodes.
 pub fn hessian(system: &System, x: &[f64], t: f64) -> DMatrix<f64> {
     let mut total = DMatrix::zeros(x.len(), x.len());
     for potential in system.potentials() {
@@ -84,6 +85,17 @@ pub fn hessian(system: &System, x: &[f64], t: f64) -> DMatrix<f64> {
                     }
                 }
             }
+        }
+    }
+    if system.coordinates().has_combinations() {
+        // SᵀKS: once by columns, once by rows.
+        for _ in 0..2 {
+            for mut column in total.column_iter_mut() {
+                let mut pulled = column.iter().copied().collect::<Vec<f64>>();
+                system.coordinates().pull_back(&mut pulled);
+                column.copy_from_slice(&pulled);
+            }
+            total.transpose_mut();
         }
     }
     total

@@ -2,17 +2,20 @@
 
 use std::sync::Arc;
 
+use crate::constraints::QuadraticConstraint;
 use crate::{Coordinates, CoreError, Force, Potential, Stencils};
 
 /// The Lagrangian L(q, q̇, t) = ½ q̇ᵀM q̇ − Σ V(x(q, t), t), with lumped (diagonal) mass M.
 ///
 /// Prescribed coordinates leave the kinetic energy; they act through V(x(q, t), t). Forces that no
-/// potential gives are listed apart: M q̈ = −∂V/∂q + Σ f(x, ẋ, t).
+/// potential gives are listed apart: M q̈ = −∂V/∂q + Σ f(x, ẋ, t). So are constraints g(x) = 0, whose
+/// multipliers add −(∂g/∂q)ᵀλ.
 pub struct System {
     mass: Vec<f64>,
     free_mass: Vec<f64>,
     potentials: Vec<Box<dyn Potential>>,
     forces: Vec<Arc<dyn Force>>,
+    constraints: Vec<QuadraticConstraint>,
     coordinates: Coordinates,
 }
 
@@ -30,8 +33,8 @@ impl System {
         if mass.len() != count {
             return Err(CoreError::Length { what: "mass", expected: count, found: mass.len() });
         }
-        for &dof in coordinates.free() {
-            let value = mass[dof as usize];
+        let free_mass = coordinates.free_mass(&mass)?;
+        for (&dof, &value) in coordinates.free().iter().zip(&free_mass) {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(CoreError::Mass { dof: dof as usize, mass: value });
             }
@@ -39,8 +42,8 @@ impl System {
         for potential in &potentials {
             check_stencils(potential.name(), potential.stencils(), count)?;
         }
-        let free_mass = coordinates.free().iter().map(|&dof| mass[dof as usize]).collect();
-        Ok(Self { mass, free_mass, potentials, forces: Vec::new(), coordinates })
+        let (forces, constraints) = (Vec::new(), Vec::new());
+        Ok(Self { mass, free_mass, potentials, forces, constraints, coordinates })
     }
 
     /// The system with these forces besides its potentials.
@@ -55,7 +58,24 @@ impl System {
         Ok(self)
     }
 
-    /// Lumped mass of every coordinate x_i, kg.
+    /// The system on the surface g(x) = 0 of these constraints; what they say of tied nodes they say
+    /// of the nodes those are tied to.
+    ///
+    /// # Errors
+    /// [`CoreError::Stencil`] where a constraint names a missing node, [`CoreError::Constraint`] where
+    /// it reads no free coordinate.
+    pub fn with_constraints(mut self, constraints: Vec<QuadraticConstraint>) -> Result<Self, CoreError> {
+        let resolved = constraints.into_iter().map(|constraint| constraint.resolved(&self.coordinates));
+        self.constraints = resolved.collect::<Result<_, _>>()?;
+        Ok(self)
+    }
+
+    /// The constraints, on nodes that are not tied.
+    pub fn constraints(&self) -> &[QuadraticConstraint] {
+        &self.constraints
+    }
+
+    /// Lumped mass of every coordinate x_i, kg: that of tied nodes is theirs.
     pub fn mass(&self) -> &[f64] {
         &self.mass
     }

@@ -56,13 +56,15 @@ impl Assembler {
         self.energy.evaluate(system, x, t)
     }
 
-    /// ∂V/∂x of every coordinate, N; not finite where x is outside the domain of a term.
+    /// ∂V/∂x of every coordinate, N, pulled back from tied nodes (whose entries are zero); not finite
+    /// where x is outside the domain of a term.
     ///
     /// What never changes (affine terms without t, stencils whose coordinates are all fixed) is
     /// evaluated at the first call only.
     pub fn gradient(&mut self, system: &System, x: &[f64], t: f64, out: &mut [f64]) {
         self.work.gradients += 1;
         self.gather.gradient(system, x, t, out);
+        system.coordinates().pull_back(out);
     }
 
     /// ∂²V/∂q² on the free coordinates, N/m.

@@ -54,5 +54,12 @@ fn magnitudes(system: &System, x: &[f64], t: f64) -> Vec<f64> {
             }
         }
     }
+    for (node, terms) in system.coordinates().combinations() {
+        for &(k, weight) in terms {
+            for axis in 0..3 {
+                total[3 * k as usize + axis] += weight.abs() * total[3 * node as usize + axis];
+            }
+        }
+    }
     total
 }

@@ -184,14 +184,17 @@ impl Parts {
         let dofs = |term: &dyn Potential, stencil: usize| {
             let stencils = term.stencils();
             let block = stencils.block;
-            stencils
-                .of(stencil)
-                .iter()
-                .flat_map(move |&node| {
-                    let first = node as usize * block;
-                    first..first + block
-                })
-                .collect::<Vec<usize>>()
+            let mut dofs = Vec::new();
+            for &node in stencils.of(stencil) {
+                // A tied node stands for those that it is tied to.
+                match coordinates.combination(node * block as u32 / 3) {
+                    Some(terms) => {
+                        dofs.extend(terms.iter().flat_map(|&(k, _)| 3 * k as usize..3 * k as usize + 3));
+                    }
+                    None => dofs.extend(node as usize * block..(node as usize + 1) * block),
+                }
+            }
+            dofs
         };
         for (term, _) in terms.iter().filter(|(term, _)| !is_affine(term.as_ref())) {
             for stencil in 0..term.stencils().count() {
@@ -249,11 +252,17 @@ impl Parts {
     fn deform(&self, system: &System, x: &[f64], dq: &mut [f64]) {
         let (mass, free) = (system.free_mass(), system.coordinates().free());
         let mut rigid = vec![Rigid::default(); self.count];
+        // Directors turn about the origin and are not translated.
+        let is_director = |k: usize| system.coordinates().is_director(free[k] / 3);
+        let arm_of = |rigid: &Rigid, k: usize| match is_director(k) {
+            true => place(x, free[k] as usize),
+            false => place(x, free[k] as usize) - rigid.centre,
+        };
         let each = || {
             let parts = self.of_free.iter().enumerate().filter(|&(_, &part)| part != NONE);
             parts.map(|(k, &part)| (k, part as usize, free[k] as usize % 3))
         };
-        for (k, part, axis) in each() {
+        for (k, part, axis) in each().filter(|&(k, ..)| !is_director(k)) {
             rigid[part].mass[axis] += mass[k];
             rigid[part].momentum[axis] += mass[k] * dq[k];
             rigid[part].centre[axis] += mass[k] * x[free[k] as usize];
@@ -270,9 +279,11 @@ impl Parts {
             }
         }
         for (k, part, axis) in each() {
-            dq[k] -= rigid[part].velocity[axis];
+            if !is_director(k) {
+                dq[k] -= rigid[part].velocity[axis];
+            }
             if self.rotations[part] {
-                let arm = rigid[part].arm(x, free[k] as usize);
+                let arm = arm_of(&rigid[part], k);
                 rigid[part].spin += mass[k] * dq[k] * arm.cross(&Vector3::ith(axis, 1.0));
                 let direction = arm.cross(&Vector3::ith(axis, 1.0));
                 rigid[part].inertia += mass[k] * direction * direction.transpose();
@@ -289,7 +300,7 @@ impl Parts {
         }
         for (k, part, axis) in each() {
             if self.rotations[part] {
-                dq[k] -= rigid[part].rotation.cross(&rigid[part].arm(x, free[k] as usize))[axis];
+                dq[k] -= rigid[part].rotation.cross(&arm_of(&rigid[part], k))[axis];
             }
         }
     }
@@ -307,11 +318,10 @@ struct Rigid {
     rotation: Vector3<f64>,
 }
 
-impl Rigid {
-    fn arm(&self, x: &[f64], dof: usize) -> Vector3<f64> {
-        let node = dof - dof % 3;
-        Vector3::new(x[node], x[node + 1], x[node + 2]) - self.centre
-    }
+/// Where the node of a coordinate is.
+fn place(x: &[f64], dof: usize) -> Vector3<f64> {
+    let node = dof - dof % 3;
+    Vector3::new(x[node], x[node + 1], x[node + 2])
 }
 
 /// Do all stencils of a term feel shape alone: no net force and no net torque at a place where no

@@ -8,10 +8,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{
-    Account, Coordinates, Fixed, Force, ForceAccount, HessianKind, Potential, Prescribed, Stencils, System,
-    Traits,
-};
+use vi_core::{Account, Force, ForceAccount, HessianKind, Potential, Stencils, System, Traits};
 
 use crate::{Assembler, HessianEvaluation, Method, SolverError, SymmetricMatrix};
 
@@ -115,11 +112,8 @@ impl Group {
             return None;
         }
         let count = system.coordinates().dof_count();
-        let dofs: Vec<u32> =
-            system.coordinates().prescribed().iter().flat_map(|group| group.dofs.iter().copied()).collect();
-        let path = Box::new(Fixed(vec![0.0; dofs.len()]));
-        // Both have been accepted before, as parts of `system`.
-        let coordinates = Coordinates::new(count, vec![Prescribed { dofs, path }]).ok()?;
+        // Accepted before, as parts of `system`.
+        let coordinates = system.coordinates().held();
         let system = System::new(system.mass().to_vec(), terms, coordinates).ok()?;
         Some(Self { assembler: Assembler::new(&system), system, negative: vec![0.0; count] })
     }

@@ -40,7 +40,12 @@ pub(crate) fn with_scratch<R>(length: usize, body: impl FnOnce(&mut [f64]) -> R)
 /// Coordinates in a block of the system's nodal arrays: the largest of 3, 2, 1 that divides the block
 /// of every term. Terms with larger blocks are seen as stencils of more, smaller nodes.
 pub(crate) fn common_block(system: &System) -> usize {
+    let has_ties = system.coordinates().has_combinations();
     let divides = |block: usize| {
+        // Ties are between nodes of three coordinates, or parts of such nodes.
+        if has_ties && block == 2 {
+            return false;
+        }
         system.coordinates().dof_count().is_multiple_of(block)
             && system.potentials().iter().all(|term| term.stencils().block.is_multiple_of(block))
     };
@@ -54,8 +59,8 @@ pub(crate) fn chunk_length(stencil_count: usize, arity: usize) -> usize {
     (stencil_count / 32).next_multiple_of(BATCH).clamp(BATCH, 1024).min(largest)
 }
 
-/// Can a coordinate change, and is it solved for?
-#[derive(Clone, Copy, PartialEq, Eq)]
+/// Can a coordinate change, and is it solved for? The freest first.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Mobility {
     Free,
     Moving,
@@ -69,6 +74,13 @@ pub(crate) fn mobilities(system: &System) -> Vec<Mobility> {
         let kind = if group.path.is_fixed() { Mobility::Fixed } else { Mobility::Moving };
         for &dof in &group.dofs {
             mobility[dof as usize] = kind;
+        }
+    }
+    // A tied node moves as the freest of those that it is tied to.
+    for (node, terms) in system.coordinates().combinations() {
+        for axis in 0..3 {
+            let of = terms.iter().map(|term| mobility[3 * term.0 as usize + axis]);
+            mobility[3 * node as usize + axis] = of.min().unwrap_or(Mobility::Fixed);
         }
     }
     mobility

@@ -16,6 +16,7 @@ use crate::gather::{
     Mobility, Span, common_block, group_by, mobilities, mobility_of, parts, spans, with_scratch,
 };
 use crate::matrix::{NONE, Pattern, SymmetricMatrix};
+use crate::tied::TiedHessian;
 
 /// Stencils whose packed blocks are evaluated together.
 const BATCH: usize = 16;
@@ -64,14 +65,27 @@ pub(crate) struct HessianSum {
     /// The evaluation that the constant chunks hold.
     constants: Option<HessianEvaluation>,
     matrix: SymmetricMatrix,
+    /// Where nodes are tied: `matrix` counts them as free, and this is what comes of it.
+    tied: Option<TiedHessian>,
 }
 
-/// The row of each node and the free index of each coordinate of each row.
-fn rows(system: &System, block: usize) -> (Vec<u32>, Vec<u32>) {
-    let count = system.coordinates().dof_count();
+/// The row of each node and the free index of each coordinate of each row; where `with_tied`, as if
+/// tied nodes were free.
+fn rows(system: &System, block: usize, with_tied: bool) -> (Vec<u32>, Vec<u32>) {
+    let coordinates = system.coordinates();
+    let count = coordinates.dof_count();
     let mut free_index = vec![NONE; count];
-    for (k, &dof) in system.coordinates().free().iter().enumerate() {
+    for (k, &dof) in coordinates.free().iter().enumerate() {
         free_index[dof as usize] = k as u32;
+    }
+    if with_tied {
+        let mut next = coordinates.free_count() as u32;
+        for (node, _) in coordinates.combinations() {
+            for index in &mut free_index[3 * node as usize..][..3] {
+                *index = next;
+                next += 1;
+            }
+        }
     }
     let (mut row_of, mut free_of) = (vec![NONE; count / block], Vec::new());
     for (node, free) in free_index.chunks_exact(block).enumerate() {
@@ -135,7 +149,7 @@ impl HessianSum {
     pub(crate) fn new(system: &System) -> Self {
         let block = common_block(system);
         let mobility = mobilities(system);
-        let (row_of, free_of) = rows(system, block);
+        let (row_of, free_of) = rows(system, block, true);
         let row_count = free_of.len() / block;
         let (included, skipped_stencils) = varying_spans(system, &mobility);
         let mut patterns: Vec<ChunkPattern> =
@@ -225,7 +239,10 @@ impl HessianSum {
             .filter(|(entry, _)| partially_free(entry.0) || partially_free(entry.1))
             .map(|(&(row, column), &place)| (place, row, column))
             .collect();
+        let matrix = SymmetricMatrix::zeros(Arc::new(Pattern::new(block, &entries, places, free_of)));
+        let (untied_row_of, untied_free_of) = rows(system, block, false);
         Self {
+            tied: TiedHessian::new(system, &matrix, &row_of, &untied_row_of, untied_free_of),
             stencil_count: chunks.iter().map(|chunk| chunk.span.stencils.len()).sum(),
             chunks,
             codes,
@@ -236,7 +253,7 @@ impl HessianSum {
             masked,
             skipped_stencils,
             constants: None,
-            matrix: SymmetricMatrix::zeros(Arc::new(Pattern::new(block, &entries, places, free_of))),
+            matrix,
         }
     }
 
@@ -250,10 +267,11 @@ impl HessianSum {
         4 * (self.codes.len() + self.shared_start.len() + self.shared_slots.len())
             + 8 * self.partial.len()
             + self.matrix.bytes()
+            + self.tied.as_ref().map_or(0, TiedHessian::bytes)
     }
 
     pub(crate) fn matrix(&self) -> &SymmetricMatrix {
-        &self.matrix
+        self.tied.as_ref().map_or(&self.matrix, TiedHessian::matrix)
     }
 
     /// Evaluates what has changed; returns whether anything had to be evaluated.
@@ -268,6 +286,9 @@ impl HessianSum {
             _ => self.evaluate_blocks::<1>(system, x, t, kind, skip_constants),
         }
         self.constants = Some(kind);
+        if let Some(tied) = &mut self.tied {
+            tied.pull_back(&self.matrix);
+        }
         true
     }
 

@@ -3,7 +3,7 @@
 
 mod lanczos;
 
-use vi_core::{Account, Coordinates, Fixed, Potential, Prescribed, State, System};
+use vi_core::{Account, Potential, State, System};
 
 use crate::matrix_sum::MatrixSum;
 use crate::statics::Balance;
@@ -101,15 +101,11 @@ pub fn modes(
 /// M from its local terms.
 fn mass_matrix(system: &System, terms: Vec<Box<dyn Potential>>) -> Result<SymmetricMatrix, SolverError> {
     debug_assert!(terms.iter().all(|term| term.account() == Account::Elastic));
-    let count = system.coordinates().dof_count();
-    let groups = system.coordinates().prescribed().iter();
-    let dofs: Vec<u32> = groups.flat_map(|group| group.dofs.iter().copied()).collect();
-    let path = Box::new(Fixed(vec![0.0; dofs.len()]));
     let mismatch = |_| SolverError::Memory { missing: "mass of this system" };
-    let coordinates = Coordinates::new(count, vec![Prescribed { dofs, path }]).map_err(mismatch)?;
+    let coordinates = system.coordinates().held();
     let system = System::new(system.mass().to_vec(), terms, coordinates).map_err(mismatch)?;
     let mut assembler = Assembler::new(&system);
-    Ok(assembler.hessian(&system, &vec![0.0; count], 0.0, HessianEvaluation::Exact).clone())
+    Ok(assembler.hessian(&system, &vec![0.0; system.mass().len()], 0.0, HessianEvaluation::Exact).clone())
 }
 
 /// K and M with a factor of K + σM.
@@ -209,6 +205,7 @@ fn rigid_motions(system: &System, state: &State, pencil: &mut Pencil) -> Vec<Vec
     if !system.coordinates().dof_count().is_multiple_of(3) {
         return Vec::new();
     }
+    let is_director = |dof: u32| system.coordinates().is_director(dof / 3);
     let x = system.positions(state);
     let n = free.len();
     let mut motions: Vec<Vec<f64>> = Vec::new();
@@ -220,7 +217,7 @@ fn rigid_motions(system: &System, state: &State, pencil: &mut Pencil) -> Vec<Vec
                 let (node, k) = (dof as usize / 3 * 3, dof as usize % 3);
                 let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
                 match kind < 3 {
-                    true => f64::from(u8::from(k == axis)),
+                    true => f64::from(u8::from(k == axis && !is_director(dof))),
                     // e_axis × x
                     false if k == last => x[node + next],
                     false if k == next => -x[node + last],

@@ -1,14 +1,17 @@
 //! Holonomic constraints g(q) = 0 with multipliers: the motion stays on its surface to round-off,
 //! and the multipliers are the forces that keep it there.
 //!
-//! Two rooms: [`Rattle`] for a [`System`](crate::System), explicit in the potential; and
-//! [`Constrained`], any Lagrangian with polynomials of degree s on Lobatto points, of order 2s,
-//! whose first member is RATTLE. Neither must know which surface it is.
+//! [`Constraint`] is any surface; [`QuadraticConstraint`] one that a [`System`](crate::System) carries
+//! to the sparse steppers of other crates. Two integrators for small systems: [`Rattle`] for a system,
+//! explicit in the potential; and [`Constrained`], any Lagrangian with polynomials of degree s on
+//! Lobatto points, of order 2s, whose first member is RATTLE. Neither must know which surface it is.
 
 mod constrained;
 mod constraint;
+mod quadratic;
 mod rattle;
 
 pub use constrained::Constrained;
 pub use constraint::Constraint;
+pub use quadratic::{Place, QuadraticConstraint};
 pub use rattle::Rattle;
