@@ -17,17 +17,13 @@ use crate::{Direction, FemError, Parameters};
 pub trait SheetMaterial: Send + Sync + 'static {
     /// What the scene file says of it.
     type Parameters: SheetParameters;
-    /// Is there a tension field ([`SheetMaterial::relaxed`])?
-    const HAS_TENSION_FIELD: bool;
 
     /// The law with these parameters, which have passed [`SheetParameters::check`].
     fn new(parameters: &Self::Parameters) -> Self;
     /// W(e) and its derivatives; W = +∞ outside the domain.
     fn response(&self, strain: &[f64; 3]) -> SheetResponse;
     /// The relaxed W(e) of a sheet that wrinkles instead of bearing compression (Pipkin 1986).
-    fn relaxed(&self, strain: &[f64; 3]) -> SheetResponse {
-        self.response(strain)
-    }
+    fn relaxed(&self, strain: &[f64; 3]) -> SheetResponse;
 }
 
 /// W and its derivatives at a strain.
@@ -247,8 +243,10 @@ macro_rules! sheet_materials {
                 self
             }
 
-            fn has_tension_field(&self) -> bool {
-                match self { $(Self::$variant(_) => $material::HAS_TENSION_FIELD,)* }
+            /// The same law with or without wrinkles below the size of the mesh.
+            pub fn with_tension_field(mut self, tension_field: bool) -> Self {
+                match &mut self { $(Self::$variant(parameters) => parameters.tension_field = tension_field,)* }
+                self
             }
 
             pub(crate) fn visit<V: SheetVisitor>(&self, visitor: V) -> V::Output {
@@ -280,13 +278,7 @@ impl SheetLaw {
     /// # Errors
     /// All problems at once.
     pub fn check(&self) -> Result<(), Vec<FemError>> {
-        let mut problems = self.parameters().check();
-        if self.parameters().common().tension_field && !self.has_tension_field() {
-            problems.push(FemError::Invalid {
-                what: "tension_field",
-                problem: format!("the law {} has none; take an isotropic law, or leave it off", self.name()),
-            });
-        }
+        let problems = self.parameters().check();
         if problems.is_empty() { Ok(()) } else { Err(problems) }
     }
 }

@@ -15,7 +15,6 @@ pub struct CorotatedSheet {
 
 impl SheetMaterial for CorotatedSheet {
     type Parameters = IsotropicSheet;
-    const HAS_TENSION_FIELD: bool = true;
 
     fn new(parameters: &IsotropicSheet) -> Self {
         let (lambda, mu) = parameters.plane_stress();

@@ -13,7 +13,6 @@ pub struct NeoHookeanSheet {
 
 impl SheetMaterial for NeoHookeanSheet {
     type Parameters = IsotropicSheet;
-    const HAS_TENSION_FIELD: bool = true;
 
     fn new(parameters: &IsotropicSheet) -> Self {
         let (lambda, mu) = parameters.lame();

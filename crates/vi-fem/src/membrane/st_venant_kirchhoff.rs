@@ -14,7 +14,6 @@ pub struct StVenantKirchhoffSheet {
 
 impl SheetMaterial for StVenantKirchhoffSheet {
     type Parameters = IsotropicSheet;
-    const HAS_TENSION_FIELD: bool = true;
 
     fn new(parameters: &IsotropicSheet) -> Self {
         let (lambda, mu) = parameters.plane_stress();
