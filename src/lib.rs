@@ -35,8 +35,8 @@ pub use vi_solvers as solvers;
 pub mod prelude {
     pub use crate::run::{RunError, Watch, run};
     pub use crate::scene::{
-        Assert, Axis, Body, Damping, Field, FieldComponent, Fix, Load, Output, Precision, Probe, Scene,
-        SchemeName, Solver, Spring, SpringEnd, Static, Strike, Substance, Time,
+        Assert, Attach, Axis, Body, Damping, Field, FieldComponent, Fix, Load, Output, Precision, Probe,
+        Scene, SchemeName, Seam, Solver, Spring, SpringEnd, Static, Strike, Substance, Time,
     };
     pub use crate::simulation::{Observation, Simulation};
     pub use vi_fem::{

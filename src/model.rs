@@ -6,6 +6,7 @@ mod load;
 mod loads;
 mod prescribe;
 mod sheets;
+mod ties;
 
 use vi_core::{State, System};
 use vi_fem::Mesh;

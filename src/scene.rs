@@ -1,6 +1,7 @@
 //! A scene: everything that a run needs, as one serde value that the builder and TOML share.
 //! It must not know how a scene is run, nor read a mesh.
 
+mod attach;
 mod body;
 mod check;
 mod load;
@@ -17,6 +18,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vi_fem::Wind;
 
+pub use attach::{Attach, Seam};
 pub use body::{Axis, Body, BoxRegion, Fix, Probe, RestShape, Spring, SpringEnd, Strike};
 pub use check::Problem;
 pub(crate) use load::field;
@@ -62,6 +64,12 @@ pub struct Scene {
     /// Springs between points, or between a point and a place in space.
     #[serde(rename = "spring", default, skip_serializing_if = "Vec::is_empty")]
     pub springs: Vec<Spring>,
+    /// Nodes held by springs on another body's surface, or on places in space.
+    #[serde(rename = "attach", default, skip_serializing_if = "Vec::is_empty")]
+    pub attachments: Vec<Attach>,
+    /// Edges of sheets sewn together.
+    #[serde(rename = "seam", default, skip_serializing_if = "Vec::is_empty")]
+    pub seams: Vec<Seam>,
     /// Impulses given to a region at t = 0.
     #[serde(rename = "strike", default, skip_serializing_if = "Vec::is_empty")]
     pub strikes: Vec<Strike>,
@@ -101,6 +109,8 @@ impl Scene {
             bodies: Vec::new(),
             fixes: Vec::new(),
             springs: Vec::new(),
+            attachments: Vec::new(),
+            seams: Vec::new(),
             strikes: Vec::new(),
             loads: Vec::new(),
             wind: None,
@@ -140,6 +150,18 @@ impl Scene {
     /// Adds a spring.
     pub fn spring(mut self, spring: Spring) -> Self {
         self.springs.push(spring);
+        self
+    }
+
+    /// Attaches nodes of a body.
+    pub fn attach(mut self, attach: Attach) -> Self {
+        self.attachments.push(attach);
+        self
+    }
+
+    /// Adds a seam.
+    pub fn seam(mut self, seam: Seam) -> Self {
+        self.seams.push(seam);
         self
     }
 

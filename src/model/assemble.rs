@@ -4,7 +4,9 @@
 use std::sync::Arc;
 
 use vi_core::{Force, Potential, State, System};
-use vi_fem::{Gravity, PointSpring, Sheet, SpringEnd, add_lumped_mass, mass_properties, rigid_velocities};
+use vi_fem::{
+    Anchor, Gravity, PointSpring, Sheet, SpringEnd, add_lumped_mass, mass_properties, rigid_velocities,
+};
 
 use super::load::{End, Loaded, LoadedBody};
 use super::loads;
@@ -15,7 +17,7 @@ use crate::scene::{Body, Problem, RestShape, Scene, Substance};
 pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Problem>> {
     let component_of = components(&loaded);
     let component_count = component_of.iter().max().map_or(0, |&last| last + 1);
-    let Loaded { bodies: loaded_bodies, fixes, probes, strikes, springs } = loaded;
+    let Loaded { bodies: loaded_bodies, fixes, probes, strikes, springs, ties } = loaded;
 
     let mut problems = Vec::new();
     let mut notes = Vec::new();
@@ -75,6 +77,21 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
             Err(error) => problems.push(Problem::new(format!("spring[{i}]"), error.to_string())),
         }
     }
+    for set in ties {
+        let offset = |body: usize| bodies[body].node_offset as u32;
+        let part = &mut parts[bodies[set.body].component];
+        let mut springs = set.ties;
+        for tie in &mut springs {
+            tie.node += offset(set.body);
+            if let (Anchor::Nodes(weights), Some(to)) = (&mut tie.anchor, set.to) {
+                weights.iter_mut().for_each(|(node, _)| *node += offset(to));
+            }
+        }
+        match vi_fem::ties(&springs, &set.name) {
+            Ok(terms) => part.potentials.extend(terms),
+            Err(error) => problems.push(Problem::new(set.name, error.to_string())),
+        }
+    }
     for (i, load) in scene.loads.iter().enumerate() {
         let Some(number) = bodies.iter().position(|body| body.name == load.body()) else { continue };
         let body = &bodies[number];
@@ -125,14 +142,17 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
     if problems.is_empty() { Ok(Model { bodies, probes, components: built, notes }) } else { Err(problems) }
 }
 
-/// The component of each body: bodies joined by springs share one, numbered by their first body.
+/// The component of each body: bodies joined by springs or ties share one, numbered by their first body.
 fn components(loaded: &Loaded) -> Vec<usize> {
     let mut label: Vec<usize> = (0..loaded.bodies.len()).collect();
-    for ends in &loaded.springs {
-        if let [End::Node(a), End::Node(b)] = ends {
-            let (keep, drop) = (label[a.body].min(label[b.body]), label[a.body].max(label[b.body]));
-            label.iter_mut().filter(|l| **l == drop).for_each(|l| *l = keep);
-        }
+    let springs = loaded.springs.iter().filter_map(|ends| match ends {
+        [End::Node(a), End::Node(b)] => Some((a.body, b.body)),
+        _ => None,
+    });
+    let ties = loaded.ties.iter().filter_map(|set| Some((set.body, set.to?)));
+    for (a, b) in springs.chain(ties) {
+        let (keep, drop) = (label[a].min(label[b]), label[a].max(label[b]));
+        label.iter_mut().filter(|l| **l == drop).for_each(|l| *l = keep);
     }
     let mut order = label.clone();
     order.sort_unstable();

@@ -6,8 +6,9 @@ use std::collections::HashMap;
 use vi_fem::{BoxMesh, FemError, Mesh, SheetMesh};
 
 use super::ProbeTarget;
+use super::ties::{self, TieSet};
 use crate::mesh_import::{self, Imported};
-use crate::scene::{Body, BoxRegion, Problem, Scene, SpringEnd};
+use crate::scene::{Attach, Body, BoxRegion, Problem, Scene, Seam, SpringEnd};
 
 /// The bodies and attachments of a scene, with nodes instead of names.
 pub(super) struct Loaded {
@@ -19,6 +20,8 @@ pub(super) struct Loaded {
     pub(super) strikes: Vec<(usize, Vec<u32>)>,
     /// For each spring: its two ends.
     pub(super) springs: Vec<[End; 2]>,
+    /// Attachments, then seams.
+    pub(super) ties: Vec<TieSet>,
 }
 
 /// One end of a spring.
@@ -48,13 +51,8 @@ pub(super) fn load(scene: &Scene) -> (Loaded, Vec<Problem>) {
     for (i, fix) in scene.fixes.iter().enumerate() {
         let key = format!("fix[{i}]");
         let Some((body, mesh)) = finder.mesh(&fix.body) else { continue };
-        let nodes = if let Some(region) = &fix.region {
-            finder.region(mesh, region, format!("{key}.region"))
-        } else if let Some(within) = &fix.within {
-            finder.within(mesh, within, format!("{key}.box"))
-        } else {
-            finder.listed(mesh, fix.nodes.as_deref().unwrap_or_default(), format!("{key}.nodes"))
-        };
+        let nodes =
+            finder.selected(mesh, fix.region.as_deref(), fix.within.as_ref(), fix.nodes.as_deref(), &key);
         fixes.push((body, nodes));
     }
     let mut probes = Vec::new();
@@ -72,8 +70,18 @@ pub(super) fn load(scene: &Scene) -> (Loaded, Vec<Problem>) {
         let to = finder.end(&spring.to, &format!("spring[{i}].to"));
         springs.extend(from.zip(to).map(|(from, to)| [from, to]));
     }
+    let mut ties = Vec::new();
+    for (i, attach) in scene.attachments.iter().enumerate() {
+        ties.extend(finder.attachment(attach, format!("attach[{i}]")));
+    }
+    for (i, seam) in scene.seams.iter().enumerate() {
+        ties.extend(finder.seam(seam, format!("seam[{i}]")));
+    }
     let problems = finder.problems;
-    (Loaded { bodies: bodies.into_iter().flatten().collect(), fixes, probes, strikes, springs }, problems)
+    (
+        Loaded { bodies: bodies.into_iter().flatten().collect(), fixes, probes, strikes, springs, ties },
+        problems,
+    )
 }
 
 fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<LoadedBody> {
@@ -179,6 +187,61 @@ impl<'a> Finder<'a> {
     fn mesh(&self, name: &str) -> Option<(usize, &'a Mesh)> {
         let body = self.scene.bodies.iter().position(|body| body.name == name)?;
         self.bodies[body].as_ref().map(|loaded| (body, &loaded.read.mesh))
+    }
+
+    /// The nodes of a region, in a box, or of a list.
+    fn selected(
+        &mut self,
+        mesh: &Mesh,
+        region: Option<&str>,
+        within: Option<&BoxRegion>,
+        nodes: Option<&[usize]>,
+        key: &str,
+    ) -> Vec<u32> {
+        match (region, within) {
+            (Some(region), _) => self.region(mesh, region, format!("{key}.region")),
+            (None, Some(within)) => self.within(mesh, within, format!("{key}.box")),
+            (None, None) => self.listed(mesh, nodes.unwrap_or_default(), format!("{key}.nodes")),
+        }
+    }
+
+    fn attachment(&mut self, attach: &Attach, name: String) -> Option<TieSet> {
+        let (body, mesh) = self.mesh(&attach.body)?;
+        let (region, within) = (attach.region.as_deref(), attach.within.as_ref());
+        let nodes = self.selected(mesh, region, within, attach.nodes.as_deref(), &name);
+        let bodies = self.bodies;
+        let own = bodies[body].as_ref()?;
+        let Some(to) = &attach.to else {
+            return Some(TieSet { name, body, to: None, ties: ties::to_space(attach, &nodes, own) });
+        };
+        let (to, _) = self.mesh(to)?;
+        let dimension = self.scene.bodies[to].dimension();
+        match ties::to_surface(attach, &nodes, own, bodies[to].as_ref()?, dimension) {
+            Ok(ties) => Some(TieSet { name, body, to: Some(to), ties }),
+            Err(message) => {
+                self.say(format!("{name}.surface"), message);
+                None
+            }
+        }
+    }
+
+    fn seam(&mut self, seam: &Seam, name: String) -> Option<TieSet> {
+        let ((body, mesh), (to, to_mesh)) = (self.mesh(&seam.body)?, self.mesh(seam.to_body())?);
+        if let (Some(region), Some(to_region)) = (&seam.region, &seam.to_region) {
+            let bodies = [self.bodies[body].as_ref()?, self.bodies[to].as_ref()?];
+            return match ties::along_curves(seam, [region, to_region], bodies) {
+                Ok((true, ties)) => Some(TieSet { name, body, to: Some(to), ties }),
+                Ok((false, ties)) => Some(TieSet { name, body: to, to: Some(body), ties }),
+                Err(message) => {
+                    self.say(name, message);
+                    None
+                }
+            };
+        }
+        let nodes = self.listed(mesh, seam.nodes.as_deref().unwrap_or_default(), format!("{name}.nodes"));
+        let others =
+            self.listed(to_mesh, seam.to_nodes.as_deref().unwrap_or_default(), format!("{name}.to_nodes"));
+        Some(TieSet { name, body, to: Some(to), ties: ties::in_pairs(seam, &nodes, &others) })
     }
 
     fn region(&mut self, mesh: &Mesh, region: &str, key: String) -> Vec<u32> {

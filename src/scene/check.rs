@@ -277,6 +277,25 @@ fn attachments(check: &mut Checker, scene: &Scene) {
             check.at_most_one_of(&key, &given, true);
         }
     }
+    let keyed = |key: String, part: &str| if part.is_empty() { key } else { format!("{key}.{part}") };
+    for (i, attach) in scene.attachments.iter().enumerate() {
+        known(check, format!("attach[{i}].body"), &attach.body);
+        if let Some(to) = &attach.to {
+            known(check, format!("attach[{i}].to"), to);
+        }
+        for (part, message) in attach.problems() {
+            check.say(keyed(format!("attach[{i}]"), part), message);
+        }
+    }
+    for (i, seam) in scene.seams.iter().enumerate() {
+        known(check, format!("seam[{i}].body"), &seam.body);
+        if let Some(to) = &seam.to {
+            known(check, format!("seam[{i}].to"), to);
+        }
+        for (part, message) in seam.problems() {
+            check.say(keyed(format!("seam[{i}]"), part), message);
+        }
+    }
     for (i, strike) in scene.strikes.iter().enumerate() {
         known(check, format!("strike[{i}].body"), &strike.body);
         check.finite(format!("strike[{i}].impulse"), &strike.impulse);

@@ -67,7 +67,7 @@ fn square(line: &[(f64, f64)]) -> Vec<([f64; 2], f64)> {
 }
 
 /// (N_a, ∂N_a/∂(ξ, η)) in VTK's order; triangles on ξ, η ≥ 0, ξ + η ≤ 1, squares on [−1, 1]².
-fn shapes(kind: ElementKind, [x, y]: [f64; 2]) -> Vec<(f64, [f64; 2])> {
+pub(crate) fn shapes(kind: ElementKind, [x, y]: [f64; 2]) -> Vec<(f64, [f64; 2])> {
     let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
     match kind {
         ElementKind::Tri3 => vec![(1.0 - x - y, [-1.0, -1.0]), (x, [1.0, 0.0]), (y, [0.0, 1.0])],
@@ -132,8 +132,6 @@ pub(crate) struct FacetBlock {
     pub(crate) kind: ElementKind,
     /// `kind.node_count()` a facet.
     pub(crate) nodes: Vec<u32>,
-    /// The mesh's number of each facet.
-    pub(crate) cells: Vec<u32>,
     pub(crate) rule: Vec<FacetPoint>,
 }
 
@@ -186,25 +184,28 @@ impl Surface {
                 format!("region '{name}' has dimension {dimension} and no facets; name a surface region");
             return Err(FemError::Invalid { what: "surface", problem });
         }
-        let mut blocks: Vec<FacetBlock> = Vec::new();
+        let mut blocks: Vec<(ElementKind, Vec<u32>)> = Vec::new();
         for cell in cells {
             let Some((kind, nodes)) = mesh.cell(cell as usize) else { continue };
-            let block = match blocks.iter_mut().position(|block| block.kind == kind) {
-                Some(k) => &mut blocks[k],
-                None => {
-                    let rule =
-                        rule(kind).ok_or(FemError::Unsupported { kind, used: "facets of a surface" })?;
-                    blocks.push(FacetBlock { kind, nodes: Vec::new(), cells: Vec::new(), rule });
-                    let last = blocks.len() - 1;
-                    &mut blocks[last]
-                }
-            };
-            block.nodes.extend(nodes);
-            block.cells.push(cell);
+            let index = blocks.iter().position(|block| block.0 == kind).unwrap_or_else(|| {
+                blocks.push((kind, Vec::new()));
+                blocks.len() - 1
+            });
+            blocks[index].1.extend(nodes);
         }
-        let mut surface = Self { name: name.into(), blocks };
+        let mut surface = Self::from_blocks(name, blocks)?;
         surface.look_outwards(mesh);
         Ok(surface)
+    }
+
+    /// Facets by kind with their nodes.
+    pub(crate) fn from_blocks(name: &str, blocks: Vec<(ElementKind, Vec<u32>)>) -> Result<Self, FemError> {
+        let with_rule = |(kind, nodes)| {
+            let rule = rule(kind).ok_or(FemError::Unsupported { kind, used: "facets of a surface" })?;
+            Ok(FacetBlock { kind, nodes, rule })
+        };
+        let blocks = blocks.into_iter().map(with_rule).collect::<Result<_, _>>()?;
+        Ok(Self { name: name.into(), blocks })
     }
 
     /// Its name.
@@ -225,6 +226,21 @@ impl Surface {
             }
         }
         area
+    }
+
+    /// ⅓ ∫ x·n dA at rest, m³: the volume inside, where it is closed.
+    #[cfg(test)]
+    pub(crate) fn enclosed_volume(&self, mesh: &Mesh) -> f64 {
+        let mut volume = 0.0;
+        for block in &self.blocks {
+            for nodes in block.facets() {
+                for point in &block.rule {
+                    let [x, a, b] = frame(point, nodes.iter().map(|&node| mesh.points[node as usize]));
+                    volume += point.weight * crate::tensor::dot(x, cross(a, b)) / 3.0;
+                }
+            }
+        }
+        volume
     }
 
     /// Turns facets over that look into the solid element that they bound.

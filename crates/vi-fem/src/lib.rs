@@ -6,6 +6,7 @@
 
 mod amplitude;
 mod bending;
+mod boundary;
 mod consistent_mass;
 mod dead_load;
 mod dihedral;
@@ -25,6 +26,7 @@ mod material;
 mod membrane;
 mod mesh;
 mod motion;
+mod nearest;
 mod pack;
 mod pressure;
 mod real;
@@ -34,6 +36,7 @@ mod sheet_material;
 mod surface;
 mod svd;
 pub mod tensor;
+mod tie;
 mod transpose;
 mod wind;
 
@@ -62,6 +65,7 @@ pub use membrane::{
 };
 pub use mesh::{ElementBlock, Mesh, Region};
 pub use motion::{Motion, Rotate, Sine, Table, Translate};
+pub use nearest::{NearestPoints, SurfacePoint};
 pub use pressure::{Pressure, pressure};
 pub use real::Real;
 pub use sheet::{SheetMesh, SheetPattern};
@@ -70,4 +74,5 @@ pub use sheet_material::{
     IsotropicSheet, SheetCommon, SheetLaw, SheetMaterial, SheetParameters, SheetResponse,
 };
 pub use surface::{Orientation, orient_triangles};
+pub use tie::{Anchor, Tie, ties};
 pub use wind::Wind;

@@ -1,0 +1,136 @@
+//! The boundary of a body without names: the faces that one element has alone; of a sheet, the sheet. It
+//! must not know loads or what is done with the boundary.
+
+use std::collections::HashMap;
+
+use crate::facet::Surface;
+use crate::{ElementKind, FemError, Mesh};
+
+/// Corners of the faces, outward, then what lies on edges and faces.
+struct Faces {
+    corners: &'static [&'static [u32]],
+    /// Ends of the edges whose midpoints follow the corners.
+    edges: &'static [[u32; 2]],
+    /// Number of corners of the element.
+    corner_count: u32,
+    /// Does each face have a node in its middle, after those of the edges?
+    has_middles: bool,
+}
+
+const TET: &[&[u32]] = &[&[0, 1, 3], &[1, 2, 3], &[2, 0, 3], &[0, 2, 1]];
+const HEX: &[&[u32]] =
+    &[&[0, 4, 7, 3], &[1, 2, 6, 5], &[0, 1, 5, 4], &[3, 7, 6, 2], &[0, 3, 2, 1], &[4, 5, 6, 7]];
+const WEDGE: &[&[u32]] = &[&[0, 2, 1], &[3, 4, 5], &[0, 1, 4, 3], &[1, 2, 5, 4], &[2, 0, 3, 5]];
+const TET_EDGES: &[[u32; 2]] = &[[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]];
+const HEX_EDGES: &[[u32; 2]] =
+    &[[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
+const WEDGE_EDGES: &[[u32; 2]] = &[[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]];
+
+fn faces(kind: ElementKind) -> Option<Faces> {
+    let (corners, edges, corner_count, has_middles) = match kind {
+        ElementKind::Tet4 => (TET, &[][..], 4, false),
+        ElementKind::Tet10 => (TET, TET_EDGES, 4, false),
+        ElementKind::Hex8 => (HEX, &[][..], 8, false),
+        ElementKind::Hex20 => (HEX, HEX_EDGES, 8, false),
+        ElementKind::Hex27 => (HEX, HEX_EDGES, 8, true),
+        ElementKind::Wedge6 => (WEDGE, &[][..], 6, false),
+        ElementKind::Wedge15 => (WEDGE, WEDGE_EDGES, 6, false),
+        _ => return None,
+    };
+    Some(Faces { corners, edges, corner_count, has_middles })
+}
+
+impl Faces {
+    /// Kind and local nodes of face number f.
+    fn face(&self, f: usize) -> (ElementKind, Vec<u32>) {
+        let corners = self.corners[f];
+        let mut nodes = corners.to_vec();
+        for k in 0..corners.len() {
+            let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
+            let middle = self.edges.iter().position(|&[p, q]| (p, q) == (a, b) || (p, q) == (b, a));
+            nodes.extend(middle.map(|edge| self.corner_count + edge as u32));
+        }
+        if self.has_middles {
+            nodes.push(self.corner_count + (self.edges.len() + f) as u32);
+        }
+        let kind = match (corners.len(), nodes.len()) {
+            (3, 3) => ElementKind::Tri3,
+            (3, _) => ElementKind::Tri6,
+            (_, 4) => ElementKind::Quad4,
+            (_, 8) => ElementKind::Quad8,
+            _ => ElementKind::Quad9,
+        };
+        (kind, nodes)
+    }
+}
+
+impl Surface {
+    /// The boundary of the elements of `dimension`: for 3 the faces that belong to one element alone,
+    /// looking outwards; for 2 all elements, as they look.
+    ///
+    /// # Errors
+    /// [`FemError::Unsupported`] for elements whose faces are not known.
+    pub fn of_body(mesh: &Mesh, dimension: usize) -> Result<Self, FemError> {
+        let mut blocks: Vec<(ElementKind, Vec<u32>)> = Vec::new();
+        let mut add = |kind: ElementKind, nodes: &[u32]| {
+            let index = blocks.iter().position(|block| block.0 == kind).unwrap_or_else(|| {
+                blocks.push((kind, Vec::new()));
+                blocks.len() - 1
+            });
+            blocks[index].1.extend(nodes);
+        };
+        // Faces in the order of their elements, with how often their corners occur.
+        let mut all: Vec<(ElementKind, Vec<u32>, Vec<u32>)> = Vec::new();
+        let mut count: HashMap<Vec<u32>, u32> = HashMap::new();
+        for cell in mesh.cells_of_dimension(dimension) {
+            let Some((kind, nodes)) = mesh.cell(cell as usize) else { continue };
+            if dimension == 2 {
+                add(kind, nodes);
+                continue;
+            }
+            let faces = faces(kind).ok_or(FemError::Unsupported { kind, used: "elements with faces" })?;
+            for (f, corners) in faces.corners.iter().enumerate() {
+                let (kind, local) = faces.face(f);
+                let face: Vec<u32> = local.iter().map(|&k| nodes[k as usize]).collect();
+                let mut key = face[..corners.len()].to_vec();
+                key.sort_unstable();
+                *count.entry(key.clone()).or_default() += 1;
+                all.push((kind, face, key));
+            }
+        }
+        for (kind, face, key) in &all {
+            if count[key] == 1 {
+                add(*kind, face);
+            }
+        }
+        Surface::from_blocks("boundary", blocks)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::BoxMesh;
+
+    #[test]
+    fn a_box_has_the_surface_of_a_box() {
+        for element in [
+            ElementKind::Tet4,
+            ElementKind::Tet10,
+            ElementKind::Hex8,
+            ElementKind::Hex20,
+            ElementKind::Hex27,
+            ElementKind::Wedge6,
+            ElementKind::Wedge15,
+        ] {
+            let size = [1.0, 2.0, 3.0];
+            let Ok(mesh) = (BoxMesh { size, cells: [2, 2, 3], element, origin: [0.0; 3] }).build() else {
+                continue;
+            };
+            let surface = Surface::of_body(&mesh, 3).unwrap();
+            assert!((surface.area(&mesh) - 22.0).abs() < 1e-12, "{element}");
+            // ∮ x·n dA = 3 V says that all faces look outwards and midpoints are in their places.
+            assert!((surface.enclosed_volume(&mesh) - 6.0).abs() < 1e-12, "{element}");
+        }
+    }
+}

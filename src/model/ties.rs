@@ -1,0 +1,228 @@
+//! From attachments and seams to ties between nodes: nearest points of surfaces, points along curves. It
+//! must not build potentials.
+
+use std::collections::HashMap;
+
+use vi_fem::{Anchor, ElementKind, Mesh, NearestPoints, Surface, Tie};
+
+use super::load::LoadedBody;
+use crate::scene::{Attach, Seam};
+
+/// Nodes of body number `body` tied to another body, or to places in space.
+pub(super) struct TieSet {
+    /// For reports, e.g. `attach[0]`.
+    pub(super) name: String,
+    pub(super) body: usize,
+    /// The other body.
+    pub(super) to: Option<usize>,
+    /// Ties; nodes are those of the bodies' own meshes, `node` of `body`, anchors of `to`.
+    pub(super) ties: Vec<Tie>,
+}
+
+/// Distances below this times the extent of a body are no distance.
+const NEAR: f64 = 1e-9;
+
+/// Where the nodes of a body start, m.
+fn start(body: &LoadedBody) -> Vec<[f64; 3]> {
+    let mut x = body.read.mesh.points.clone();
+    if let Some(u) = &body.read.displacement {
+        for (x, u) in x.iter_mut().zip(u.as_chunks::<3>().0) {
+            (0..3).for_each(|k| x[k] += u[k]);
+        }
+    }
+    x
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
+}
+
+fn extent(x: &[[f64; 3]]) -> f64 {
+    x.iter().map(|&p| distance(p, x[0])).fold(0.0, f64::max)
+}
+
+/// Ties of `nodes` to the surface of another body.
+pub(super) fn to_surface(
+    attach: &Attach,
+    nodes: &[u32],
+    body: &LoadedBody,
+    to: &LoadedBody,
+    dimension: usize,
+) -> Result<Vec<Tie>, String> {
+    let mesh = &to.read.mesh;
+    let surface = match &attach.surface {
+        Some(region) => Surface::of_region(mesh, region),
+        None => Surface::of_body(mesh, dimension),
+    };
+    let surface = surface.map_err(|error| error.to_string())?;
+    let (x, y) = (start(body), start(to));
+    let search = NearestPoints::new(&surface, &y);
+    let near = NEAR * extent(&y);
+    let tie = |&node: &u32| {
+        let found = search.of(x[node as usize]).ok_or("the surface has no facets")?;
+        let gap = if found.distance > near { found.distance } else { 0.0 };
+        Ok(Tie {
+            node,
+            anchor: Anchor::Nodes(found.weights),
+            stiffness: attach.stiffness,
+            length: attach.length.unwrap_or(gap),
+        })
+    };
+    nodes.iter().map(tie).collect()
+}
+
+/// Ties of `nodes` to where they start, or to where that is carried.
+pub(super) fn to_space(attach: &Attach, nodes: &[u32], body: &LoadedBody) -> Vec<Tie> {
+    let x = start(body);
+    let tie = |&node: &u32| Tie {
+        node,
+        anchor: Anchor::Place(x[node as usize], attach.motion.clone()),
+        stiffness: attach.stiffness,
+        length: attach.length.unwrap_or(0.0),
+    };
+    nodes.iter().map(tie).collect()
+}
+
+/// The stitches of a seam between two curves: for each, a node of the one with more nodes (true: the
+/// first), and weights on the other.
+pub(super) fn along_curves(
+    seam: &Seam,
+    regions: [&str; 2],
+    bodies: [&LoadedBody; 2],
+) -> Result<(bool, Vec<Tie>), String> {
+    let places = bodies.map(start);
+    let mut curves = Vec::new();
+    for k in 0..2 {
+        curves.push(curve(&bodies[k].read.mesh, regions[k])?);
+    }
+    let [Curve { nodes: first, is_closed }, Curve { nodes: second, is_closed: other_closed }] =
+        &mut curves[..]
+    else {
+        return Ok((true, Vec::new()));
+    };
+    if is_closed != other_closed {
+        return Err(format!(
+            "of the curves '{}' and '{}' one is closed and the other has ends",
+            regions[0], regions[1]
+        ));
+    }
+    align(first, second, &places, *is_closed, seam.reverse);
+    let is_first_finer = first.len() >= second.len();
+    let (fine, coarse, x, y) = if is_first_finer {
+        (&*first, &*second, &places[0], &places[1])
+    } else {
+        (&*second, &*first, &places[1], &places[0])
+    };
+    let (at, along) = (parts(fine, x), parts(coarse, y));
+    // The last node of a closed curve is its first again.
+    let count = if *is_closed { fine.len() - 1 } else { fine.len() };
+    let stitch = |k: usize| {
+        let s = at[k];
+        let next = along.partition_point(|&part| part < s).clamp(1, along.len() - 1);
+        let (low, high) = (along[next - 1], along[next]);
+        let share = ((s - low) / (high - low)).clamp(0.0, 1.0);
+        let share = if share < 1e-9 { 0.0 } else { share };
+        let share = if share > 1.0 - 1e-9 { 1.0 } else { share };
+        let weights = [(coarse[next - 1], 1.0 - share), (coarse[next], share)];
+        Tie {
+            node: fine[k],
+            anchor: Anchor::Nodes(weights.into_iter().filter(|(_, weight)| *weight != 0.0).collect()),
+            stiffness: seam.stiffness,
+            length: seam.length,
+        }
+    };
+    Ok((is_first_finer, (0..count).map(stitch).collect()))
+}
+
+/// Stitches node by node.
+pub(super) fn in_pairs(seam: &Seam, nodes: &[u32], to_nodes: &[u32]) -> Vec<Tie> {
+    let stitch = |(&node, &other): (&u32, &u32)| Tie {
+        node,
+        anchor: Anchor::Nodes(vec![(other, 1.0)]),
+        stiffness: seam.stiffness,
+        length: seam.length,
+    };
+    nodes.iter().zip(to_nodes).map(stitch).collect()
+}
+
+/// The nodes of a curve in order; of a closed one the first is the last again.
+struct Curve {
+    nodes: Vec<u32>,
+    is_closed: bool,
+}
+
+/// The lines of a region as one curve.
+fn curve(mesh: &Mesh, region: &str) -> Result<Curve, String> {
+    mesh.region(region).map_err(|error| error.to_string())?;
+    let mut neighbours: HashMap<u32, Vec<u32>> = HashMap::new();
+    let cells =
+        mesh.regions.iter().filter(|r| r.name == region && r.dimension == 1).flat_map(|r| &r.elements);
+    for &cell in cells {
+        if let Some((ElementKind::Line2, &[a, b])) = mesh.cell(cell as usize) {
+            neighbours.entry(a).or_default().push(b);
+            neighbours.entry(b).or_default().push(a);
+        }
+    }
+    let refused = |why: &str| format!("region '{region}' {why}; name a curve, or give the nodes one by one");
+    if neighbours.is_empty() {
+        return Err(refused("has no lines"));
+    }
+    if neighbours.values().any(|others| others.len() > 2) {
+        return Err(refused("branches"));
+    }
+    let mut ends: Vec<u32> =
+        neighbours.iter().filter(|(_, others)| others.len() == 1).map(|(&node, _)| node).collect();
+    ends.sort_unstable();
+    let is_closed = ends.is_empty();
+    let start = ends.first().copied().or_else(|| neighbours.keys().min().copied()).unwrap_or_default();
+    let mut nodes = vec![start];
+    let mut before = u32::MAX;
+    loop {
+        let here = nodes[nodes.len() - 1];
+        let mut others = neighbours[&here].clone();
+        others.sort_unstable();
+        let Some(&next) = others.iter().find(|&&next| next != before) else { break };
+        nodes.push(next);
+        if next == start {
+            break;
+        }
+        before = here;
+    }
+    if nodes.len() != neighbours.len() + usize::from(is_closed) {
+        return Err(refused("is in several pieces"));
+    }
+    Ok(Curve { nodes, is_closed })
+}
+
+/// Turns the second curve, and of a closed one its start, to where it is nearest to the first; then
+/// against that, if asked.
+fn align(first: &[u32], second: &mut Vec<u32>, x: &[Vec<[f64; 3]>; 2], is_closed: bool, reverse: bool) {
+    let far = |p: u32, q: u32| distance(x[0][p as usize], x[1][q as usize]);
+    if is_closed {
+        second.pop();
+        let nearest = (0..second.len())
+            .min_by(|&a, &b| far(first[0], second[a]).total_cmp(&far(first[0], second[b])))
+            .unwrap_or(0);
+        second.rotate_left(nearest);
+        second.push(second[0]);
+    }
+    // Compared at a quarter and three quarters, which a closed curve tells apart too.
+    let at = |nodes: &[u32], quarter: usize| nodes[quarter * (nodes.len() - 1) / 4];
+    let cost = |second: &[u32]| far(at(first, 1), at(second, 1)) + far(at(first, 3), at(second, 3));
+    let turned: Vec<u32> = second.iter().rev().copied().collect();
+    if (cost(&turned) < cost(second)) != reverse {
+        *second = turned;
+    }
+}
+
+/// The part of the length that lies before each node, 0 to 1.
+fn parts(nodes: &[u32], x: &[[f64; 3]]) -> Vec<f64> {
+    let mut parts = vec![0.0];
+    for pair in nodes.windows(2) {
+        let last = parts[parts.len() - 1];
+        parts.push(last + distance(x[pair[0] as usize], x[pair[1] as usize]));
+    }
+    let whole = parts[parts.len() - 1];
+    parts.iter_mut().for_each(|part| *part /= whole);
+    parts
+}

@@ -1,0 +1,137 @@
+//! Attachments and seams, as a scene says them. It must not know how nodes are found or tied.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use vi_fem::Motion;
+
+use super::BoxRegion;
+
+/// `[[attach]]`: nodes of a body held by springs, each to the nearest point of another body's surface, or to
+/// the place where it starts, which may move. V = ½ k (|x − y| − L)² a node.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Attach {
+    /// The body whose nodes are attached.
+    pub body: String,
+    /// A named region of its mesh …
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<String>,
+    /// … or the nodes in a box …
+    #[serde(rename = "box", default, skip_serializing_if = "Option::is_none")]
+    pub within: Option<BoxRegion>,
+    /// … or a list of nodes, from 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nodes: Option<Vec<usize>>,
+    /// The body whose surface holds them; without it, they are held in space.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to: Option<String>,
+    /// A surface region of that body (default: its whole boundary).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surface: Option<String>,
+    /// How the places in space move, without `to` (default: not at all).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<Motion>,
+    /// Stiffness k of each node's spring, N/m (> 0).
+    pub stiffness: f64,
+    /// Length L at which a spring has no force, m (≥ 0; default: the distance at the start).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length: Option<f64>,
+}
+
+impl Attach {
+    /// What is wrong with its values, each with the key within it.
+    pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
+        let mut problems = spring_problems(self.stiffness, self.length);
+        let given = [self.region.is_some(), self.within.is_some(), self.nodes.is_some()];
+        if given.iter().filter(|given| **given).count() != 1 {
+            problems.push(("", "give one of `region`, `box`, `nodes`".to_owned()));
+        }
+        if self.to.as_ref() == Some(&self.body) {
+            problems.push(("to", "a body cannot be attached to itself; sew it with [[seam]]".to_owned()));
+        }
+        if self.surface.is_some() && self.to.is_none() {
+            problems.push(("surface", "is a region of the body `to`, which is missing".to_owned()));
+        }
+        if let Some(motion) = &self.motion {
+            if self.to.is_some() {
+                let message = "places move by themselves or with the body `to`; give one of them";
+                problems.push(("motion", message.to_owned()));
+            }
+            problems.extend(motion.check().err().map(|error| ("motion", error.to_string())));
+        }
+        problems
+    }
+}
+
+fn spring_problems(stiffness: f64, length: Option<f64>) -> Vec<(&'static str, String)> {
+    let mut problems = Vec::new();
+    if !(stiffness > 0.0 && stiffness.is_finite()) {
+        problems.push(("stiffness", format!("must be positive and finite, is {stiffness} N/m")));
+    }
+    if length.is_some_and(|length| !(length >= 0.0 && length.is_finite())) {
+        problems.push(("length", "must be zero or positive, in m".to_owned()));
+    }
+    problems
+}
+
+/// `[[seam]]`: two edges sewn together by springs of length zero, or of `length`.
+///
+/// By `region` and `to_region`, curves of the two meshes, every node of the one with more nodes is sewn to
+/// the point of the other at the same part of its length. By `nodes` and `to_nodes` they are sewn in pairs.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Seam {
+    /// The first body.
+    pub body: String,
+    /// A curve region of its mesh …
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<String>,
+    /// … or a list of nodes, from 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nodes: Option<Vec<usize>>,
+    /// The second body (default: the first).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to: Option<String>,
+    /// A curve region of its mesh, with `region`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to_region: Option<String>,
+    /// A list of as many nodes, with `nodes`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to_nodes: Option<Vec<usize>>,
+    /// Run along the second curve against the direction that brings the ends nearest.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub reverse: bool,
+    /// Stiffness k of each stitch, N/m (> 0).
+    pub stiffness: f64,
+    /// Length L of a stitch without force, m (≥ 0).
+    #[serde(default)]
+    pub length: f64,
+}
+
+impl Seam {
+    /// The second body.
+    pub fn to_body(&self) -> &str {
+        self.to.as_deref().unwrap_or(&self.body)
+    }
+
+    /// What is wrong with its values, each with the key within it.
+    pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
+        let mut problems = spring_problems(self.stiffness, Some(self.length));
+        match (&self.region, &self.to_region, &self.nodes, &self.to_nodes) {
+            (Some(_), Some(_), None, None) => {}
+            (None, None, Some(nodes), Some(to_nodes)) => {
+                if nodes.len() != to_nodes.len() {
+                    let (count, other) = (nodes.len(), to_nodes.len());
+                    problems
+                        .push(("to_nodes", format!("{other} nodes for the {count} of `nodes`: give pairs")));
+                }
+                if self.reverse {
+                    let message = "turns a curve; pairs of nodes are sewn as they are given";
+                    problems.push(("reverse", message.to_owned()));
+                }
+            }
+            _ => problems.push(("", "give `region` and `to_region`, or `nodes` and `to_nodes`".to_owned())),
+        }
+        problems
+    }
+}
