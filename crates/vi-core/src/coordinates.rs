@@ -203,10 +203,15 @@ impl Coordinates {
     /// x(q, t), m.
     pub fn embed(&self, q: &[f64], t: f64, x: &mut [f64]) {
         self.scatter_free(q, x);
-        self.scatter_prescribed(x, |path, out| path.position(t, out));
+        self.place_prescribed(t, x);
         if let Some(tied) = &self.combinations {
             tied.embed(x);
         }
+    }
+
+    /// The prescribed entries of x(q, t), m; the others stay as they are.
+    pub fn place_prescribed(&self, t: f64, x: &mut [f64]) {
+        self.scatter_prescribed(x, |path, out| path.position(t, out));
     }
 
     /// ẋ = ∂x/∂q q̇ + ∂x/∂t, m/s.

@@ -1,15 +1,17 @@
-//! What the element kernels cost: ns an element for energy, gradient, Hessian and projected Hessian,
-//! for each law and instruction set, on one thread, asked in chunks as an assembler asks.
+//! What the element kernels cost: ns an element for energy, gradient, gradient summed at the nodes,
+//! Hessian and projected Hessian, for each law and instruction set, on one thread, asked in chunks as an
+//! assembler asks.
 //!
 //! `cargo run --release -p vi-fem --example kernels [cells across, 16] [element, tet4]`
 
+use std::cell::RefCell;
 use std::time::Instant;
 
-use vi_core::packed_len;
+use vi_core::{Padded, Patch, Stencils, packed_len};
 use vi_fem::{BoxMesh, ElementKind, InstructionSet, Law, elastic_on};
 
 /// Elements asked at a time: their blocks stay in the second cache.
-const CHUNK: usize = 512;
+const CHUNK: usize = 1024;
 /// How often everything is done.
 const PASSES: usize = 7;
 
@@ -27,8 +29,8 @@ fn main() {
         mesh.points.iter().flatten().enumerate().map(|(i, &value)| wave(value, i % 3)).collect();
     println!("{} elements {element}, ns an element (least of {PASSES} passes)", elements.len());
     println!(
-        "{:22} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}",
-        "law", "set", "energy", "gradient", "Hessian", "projected", "mean F"
+        "{:22} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}",
+        "law", "set", "energy", "gradient", "summed", "Hessian", "projected", "mean F"
     );
     for law in Law::examples() {
         for set in [InstructionSet::Scalar, InstructionSet::Avx2, InstructionSet::Avx512] {
@@ -49,9 +51,21 @@ fn main() {
                 }
                 least.iter().sum::<f64>() / count as f64 * 1e9
             };
+            let patches: Vec<PatchOfChunk> = (0..count.div_ceil(CHUNK))
+                .map(|chunk| {
+                    PatchOfChunk::new(potential.stencils(), chunk * CHUNK..count.min((chunk + 1) * CHUNK), &x)
+                })
+                .collect();
+            let sums = RefCell::new(vec![Padded::default(); CHUNK * potential.stencils().arity]);
             let figures = [
                 time(&|range, out| potential.energies(range, &x, 0.0, out)),
                 time(&|range, out| potential.gradients(range, &x, 0.0, out)),
+                time(&|range, _| {
+                    let PatchOfChunk { places, x } = &patches[range.start / CHUNK];
+                    let mut sums = sums.borrow_mut();
+                    sums[..x.len()].fill(Padded::default());
+                    potential.add_gradients(range, 0.0, Patch { places, x, sums: &mut sums[..x.len()] });
+                }),
                 time(&|range, out| potential.hessians(range, &x, 0.0, out)),
                 time(&|range, out| potential.projected_hessians(range, &x, 0.0, out)),
                 time(&|range, out| {
@@ -62,5 +76,26 @@ fn main() {
             figures.iter().for_each(|figure| print!(" {figure:8.2}"));
             println!();
         }
+    }
+}
+
+/// The nodes of a chunk side by side.
+struct PatchOfChunk {
+    places: Vec<u16>,
+    x: Vec<Padded>,
+}
+
+impl PatchOfChunk {
+    fn new(stencils: Stencils<'_>, range: std::ops::Range<usize>, x: &[f64]) -> Self {
+        let nodes = &stencils.nodes[range.start * stencils.arity..range.end * stencils.arity];
+        let mut own = nodes.to_vec();
+        own.sort_unstable();
+        own.dedup();
+        let place = |node: &u32| own.binary_search(node).expect("a node of the chunk") as u16;
+        let point = |node: &u32| {
+            let at = 3 * *node as usize;
+            Padded([x[at], x[at + 1], x[at + 2], 0.0])
+        };
+        Self { places: nodes.iter().map(place).collect(), x: own.iter().map(point).collect() }
     }
 }

@@ -8,10 +8,11 @@ use std::cell::RefCell;
 use std::ops::Range;
 
 use pulp::Arch;
-use vi_core::{Account, Fault, HessianKind, Potential, Stencils, Traits, packed_len};
+use vi_core::{Account, Fault, HessianKind, Patch, Potential, Stencils, Traits, packed_len};
 
 use crate::element::{Element, SolidVisitor, kernel::Solids};
 use crate::material::{self, Domain, Law, LawVisitor, Material, PackedMat3, PackedTangent};
+use crate::order::sort_by_place;
 use crate::pack::{GROUP, Pack};
 use crate::tensor::determinant;
 use crate::{ElementKind, FemError, InstructionSet, Mesh};
@@ -94,7 +95,8 @@ impl SolidVisitor for BuildElement<'_> {
     type Output = Result<Box<dyn Potential>, FemError>;
 
     fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) -> Self::Output {
-        let Self { arch, mesh, elements, law, node_offset, name } = self;
+        let Self { arch, mesh, mut elements, law, node_offset, name } = self;
+        sort_by_place(mesh, &mut elements);
         let cells = elements.iter().filter_map(|&element| mesh.cell(element as usize));
         let nodes: Vec<u32> = cells.flat_map(|(_, nodes)| nodes.iter().copied()).collect();
         let total = elements.len();
@@ -138,12 +140,18 @@ thread_local! {
 }
 
 impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> ElasticPotential<E, M, N, Q> {
-    /// Runs `work` on the groups that `range` touches, some at a time, with F at their points.
+    /// F of groups at the positions `x` of all nodes.
+    fn at<'a>(&'a self, x: &'a [f64]) -> impl Fn(Range<usize>, &mut [PackedMat3]) + 'a {
+        |groups, out| self.solids.deformations(groups, x, out)
+    }
+
+    /// Runs `work` on the groups that `range` touches, some at a time, with F at their points from
+    /// `deform`.
     #[inline]
     fn in_passes(
         &self,
         range: &Range<usize>,
-        x: &[f64],
+        deform: impl Fn(Range<usize>, &mut [PackedMat3]),
         mut work: impl FnMut(Range<usize>, &mut [PackedMat3]),
     ) {
         const { assert!(Q <= POINTS) };
@@ -152,7 +160,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> ElasticPoten
         while group < end {
             let next = end.min(group + POINTS / Q);
             let points = &mut room[..(next - group) * Q];
-            self.solids.deformations(group..next, x, points);
+            deform(group..next, points);
             work(group..next, points);
             group = next;
         }
@@ -173,7 +181,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> ElasticPoten
             let size = packed_len(3 * N);
             block.resize(size.max(block.len()), Pack::default());
             let (tangent_room, block) = (&mut tangent_room[..Q], &mut block[..size]);
-            self.in_passes(&range, x, |groups, points| {
+            self.in_passes(&range, self.at(x), |groups, points| {
                 for (group, points) in groups.zip(points.chunks_exact(Q)) {
                     tangents(self.solids.arch(), &self.material, points, tangent_room);
                     self.solids.hessians(group, tangent_room, block, range.clone(), out);
@@ -221,7 +229,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
 
     fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         let mut densities = [Pack::default(); POINTS];
-        self.in_passes(&range, x, |groups, points| {
+        self.in_passes(&range, self.at(x), |groups, points| {
             material::energies(self.solids.arch(), &self.material, points, &mut densities[..points.len()]);
             for (group, densities) in groups.zip(densities.chunks_exact(Q)) {
                 let mut sum = Pack::default();
@@ -236,10 +244,26 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
     }
 
     fn gradients(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        self.in_passes(&range, x, |groups, points| {
+        self.in_passes(&range, self.at(x), |groups, points| {
             material::stresses(self.solids.arch(), &self.material, points);
             self.solids.forces(groups, points, range.clone(), out);
         });
+    }
+
+    fn add_gradients(&self, range: Range<usize>, _t: f64, patch: Patch<'_>) -> bool {
+        if E::WITH_LAWS {
+            self.solids.add_forces_of(&self.material, range, patch);
+            return true;
+        }
+        let Patch { places, x, sums } = patch;
+        let deform = |groups: Range<usize>, out: &mut [PackedMat3]| {
+            self.solids.patch_deformations(groups, range.clone(), places, x, out);
+        };
+        self.in_passes(&range, deform, |groups, points| {
+            material::stresses(self.solids.arch(), &self.material, points);
+            self.solids.add_forces(groups, points, range.clone(), places, sums);
+        });
+        true
     }
 
     fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
@@ -251,7 +275,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
     }
 
     fn mean_deformations(&self, range: Range<usize>, x: &[f64], out: &mut [f64]) -> bool {
-        self.in_passes(&range, x, |groups, points| {
+        self.in_passes(&range, self.at(x), |groups, points| {
             for (group, points) in groups.zip(points.chunks_exact(Q)) {
                 let value = |lane: usize, k: usize| {
                     let weighted = self.solids.volumes(group).zip(points.iter());
@@ -268,7 +292,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
             return None;
         }
         let mut worst = f64::INFINITY;
-        self.in_passes(&(stencil..stencil + 1), x, |_, points| {
+        self.in_passes(&(stencil..stencil + 1), self.at(x), |_, points| {
             for f in points.iter() {
                 let f = [0, 1, 2].map(|i| [0, 1, 2].map(|j| f[3 * i + j].0[stencil % GROUP]));
                 let j = determinant(&f);

@@ -10,6 +10,7 @@ mod hex8;
 pub(crate) mod kernel;
 #[cfg(test)]
 mod laws;
+mod patch;
 mod rule;
 mod tet10;
 mod tet4;
@@ -35,6 +36,9 @@ use crate::tensor::Mat3;
 pub trait Element<const N: usize, const Q: usize>: Send + Sync + 'static {
     /// Degree of the polynomials that the rule integrates exactly.
     const DEGREE: usize;
+    /// Are force kernels compiled for each pair of this element and a law, instead of one for the
+    /// element and one for the law that meet in memory? Pays where a quadrature point costs little.
+    const WITH_LAWS: bool = false;
 
     /// Quadrature of the strain energy: points ξ and weights, whose sum is the reference volume.
     fn rule() -> [([f64; 3], f64); Q];

@@ -27,6 +27,7 @@ mod membrane;
 mod mesh;
 mod motion;
 mod nearest;
+mod order;
 mod pack;
 mod pressure;
 mod real;

@@ -67,6 +67,16 @@ impl Assembler {
         system.coordinates().pull_back(out);
     }
 
+    /// The first half of [`Assembler::gradient`]; the sums over nodes are left to who passes over them.
+    pub(crate) fn sum_chunks(&mut self, system: &System, x: &[f64], t: f64) {
+        self.work.gradients += 1;
+        self.gather.sum_chunks(system, x, t);
+    }
+
+    pub(crate) fn gather(&self) -> &Gather {
+        &self.gather
+    }
+
     /// ∂²V/∂q² on the free coordinates, N/m.
     ///
     /// Terms whose Hessian is constant are evaluated at the first call only.

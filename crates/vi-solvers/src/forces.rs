@@ -5,6 +5,7 @@ use vi_core::{State, System};
 
 use crate::force_sum::ForceSum;
 use crate::matrix_sum::MatrixSum;
+use crate::sweep::{Arrays, Found, Pass, Sweep};
 use crate::vectors;
 use crate::{Assembler, HessianEvaluation, SolverError, SymmetricMatrix, Work};
 
@@ -18,6 +19,8 @@ pub(crate) struct Forces {
     /// Does `gradient` belong to `x` and `t`?
     gradient_is_of_x: bool,
     is_time_dependent: bool,
+    /// Does t matter to neither V nor x(q, t)?
+    is_autonomous: bool,
     /// Forces without a potential, where the scheme has asked for them.
     nonconservative: Option<Nonconservative>,
     pub(crate) work: Work,
@@ -35,13 +38,15 @@ struct Nonconservative {
 impl Forces {
     pub(crate) fn new(system: &System) -> Self {
         let count = system.coordinates().dof_count();
+        let is_time_dependent = system.potentials().iter().any(|term| term.traits().time_dependent);
         Self {
             assembler: Assembler::new(system),
             x: vec![f64::NAN; count],
             t: f64::NAN,
             gradient: vec![0.0; count],
             gradient_is_of_x: false,
-            is_time_dependent: system.potentials().iter().any(|term| term.traits().time_dependent),
+            is_time_dependent,
+            is_autonomous: !is_time_dependent && !system.coordinates().is_moving(),
             nonconservative: None,
             work: Work::default(),
         }
@@ -108,15 +113,65 @@ impl Forces {
         &mut self.assembler
     }
 
-    /// Is (q, t), to the bit, where the last evaluation was made?
+    /// Is (q, t), to the bit, where the last evaluation was made? Where t does not matter, it need not
+    /// be the same: a clock that counts steps and one that adds them up differ by round-off.
     pub(crate) fn is_at(&self, system: &System, q: &[f64], t: f64) -> bool {
         let free = system.coordinates().free();
-        self.t == t && q.iter().zip(free).all(|(q, &dof)| *q == self.x[dof as usize])
+        self.is_at_time(t) && q.iter().zip(free).all(|(q, &dof)| *q == self.x[dof as usize])
+    }
+
+    fn is_at_time(&self, t: f64) -> bool {
+        self.t == t || (self.is_autonomous && !self.t.is_nan())
+    }
+
+    /// Is the gradient known at time t, wherever that was?
+    pub(crate) fn knows_gradient_of(&self, t: f64) -> bool {
+        self.gradient_is_of_x && self.is_at_time(t)
+    }
+
+    /// Forgets where the last evaluation was made.
+    pub(crate) fn forget(&mut self) {
+        self.t = f64::NAN;
+        self.gradient_is_of_x = false;
+    }
+
+    /// Has nothing been evaluated yet, or all been forgotten?
+    pub(crate) fn is_blank(&self) -> bool {
+        self.t.is_nan()
+    }
+
+    /// Makes a pass of an explicit step over q and p. The gradient is that of the last
+    /// [`Forces::sum_chunks`] where `sums`, else the one that is known.
+    pub(crate) fn sweep(
+        &mut self,
+        sweep: &Sweep,
+        from: Option<&State>,
+        sums: bool,
+        (kick, drift): (f64, f64),
+        (q, p): (&mut [f64], &mut [f64]),
+    ) -> Found {
+        let pass = Pass { from, sums: sums.then(|| self.assembler.gather()), kick, drift };
+        let found = sweep.pass(pass, Arrays { gradient: &mut self.gradient, x: &mut self.x, q, p });
+        self.gradient_is_of_x = (sums || self.gradient_is_of_x) && drift == 0.0 && found == Found::Sound;
+        found
+    }
+
+    /// Evaluates ∂V/∂x where the last pass went, at time t, up to the sums over nodes: they are the
+    /// next pass's.
+    pub(crate) fn sum_chunks(&mut self, system: &System, t: f64) {
+        if system.coordinates().is_moving() {
+            system.coordinates().place_prescribed(t, &mut self.x);
+        }
+        self.t = t;
+        self.gradient_is_of_x = false;
+        self.work.gradients += 1;
+        self.assembler.sum_chunks(system, &self.x, t);
     }
 
     /// Goes to (q, t); keeps the gradient only where that is where it was evaluated, to the bit.
-    fn go_to(&mut self, system: &System, q: &[f64], t: f64) {
+    pub(crate) fn go_to(&mut self, system: &System, q: &[f64], t: f64) {
         if self.is_at(system, q, t) {
+            self.t = t;
             return;
         }
         system.coordinates().embed(q, t, &mut self.x);

@@ -1,17 +1,18 @@
 //! Sums of local blocks into nodal arrays, in two phases with the same bits on any number of threads.
 //!
 //! The stencils of every term are cut into chunks whose size depends on the stencil count alone.
-//! Phase 1, parallel over chunks: kernels write the blocks of a few stencils into a buffer that stays
-//! in cache, and the blocks are added in stencil order into the chunk's own nodal sums. Phase 2,
-//! parallel over nodes: the sums of the chunks around a node are added in chunk order through a map
-//! made once. Memory traffic is that of the chunks' nodes (about .3 a tetrahedron), not of the blocks.
+//! Phase 1, parallel over chunks: a chunk adds up its stencils at its own nodes, in cache. Terms that
+//! know how do so themselves, from a copy of the nodes' positions; of the others, the blocks of a few
+//! stencils are written into a buffer and added. Phase 2, parallel over nodes: the sums of the chunks
+//! around a node are added in chunk order through a map made once. Memory traffic is that of the
+//! chunks' nodes (about .3 a tetrahedron), not of the blocks.
 //! This room must not know what the blocks mean, nor a matrix.
 
 use std::cell::RefCell;
 use std::ops::Range;
 
 use rayon::prelude::*;
-use vi_core::{HessianKind, Potential, System};
+use vi_core::{HessianKind, Padded, Patch, Potential, System};
 
 /// Stencils whose blocks are evaluated together: their gradients stay in the first-level cache.
 pub(crate) const BATCH: usize = 64;
@@ -24,6 +25,7 @@ const NODES_PER_TASK: usize = 1024;
 
 thread_local! {
     static SCRATCH: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
+    static POSITIONS: RefCell<Vec<Padded>> = const { RefCell::new(Vec::new()) };
 }
 
 /// Calls `body` with a buffer of `length` numbers that the thread keeps from call to call.
@@ -52,11 +54,13 @@ pub(crate) fn common_block(system: &System) -> usize {
     [3, 2].into_iter().find(|&block| divides(block)).unwrap_or(1)
 }
 
-/// Stencils in a chunk: some 32 chunks a term so that threads stay in balance, yet large enough that
-/// most nodes of a chunk are its own, and small enough for its sums to stay in the second-level cache.
-pub(crate) fn chunk_length(stencil_count: usize, arity: usize) -> usize {
-    let largest = (usize::from(u16::MAX) / arity.max(1)).clamp(1, 1024);
-    (stencil_count / 32).next_multiple_of(BATCH).clamp(BATCH, 1024).min(largest)
+/// Stencils in a chunk: at least eight chunks a term so that threads stay in balance, yet large enough
+/// that most nodes of a chunk are its own, and small enough (`size` coordinates a stencil) for its
+/// positions and sums to stay in the first-level cache.
+pub(crate) fn chunk_length(stencil_count: usize, size: usize) -> usize {
+    let largest = (usize::from(u16::MAX) / size.max(1)).clamp(1, 1024);
+    let fitting = (12 * 1024 / size.max(1)).next_multiple_of(BATCH).clamp(BATCH, 1024);
+    (stencil_count / 8).next_multiple_of(BATCH).clamp(BATCH, fitting).min(largest)
 }
 
 /// Can a coordinate change, and is it solved for? The freest first.
@@ -125,6 +129,8 @@ struct Chunk {
     local: usize,
     /// Its nodal sums in `Gather::partial`.
     slots: Range<usize>,
+    /// Does the term add up its stencils itself?
+    patched: bool,
 }
 
 /// The maps from the stencils of a system to its nodes, and the buffers of the sums.
@@ -134,10 +140,13 @@ pub(crate) struct Gather {
     chunks: Vec<Chunk>,
     /// Per stencil and local node: the node's place among the chunk's nodal sums.
     local: Vec<u16>,
+    /// The node of each nodal sum of each chunk.
+    slot_nodes: Vec<u32>,
     /// Node n is summed from the slots `node_slots[node_start[n]..node_start[n + 1]]`.
     node_start: Vec<u32>,
     node_slots: Vec<u32>,
-    partial: Vec<f64>,
+    /// The nodal sums of the chunks, of which the first `block` numbers count.
+    partial: Vec<Padded>,
     stencil_count: usize,
     /// Spans whose gradient never changes: all coordinates fixed, or V affine and free of t.
     constant: Vec<Span>,
@@ -158,6 +167,8 @@ impl Gather {
             let traits = potential.traits();
             let stencils = potential.stencils();
             let split = stencils.block / block;
+            let nothing = Patch { places: &[], x: &[], sums: &mut [] };
+            let patched = stencils.block == 3 && block == 3 && potential.add_gradients(0..0, 0.0, nothing);
             for span in spans(term, potential.as_ref()) {
                 let (free, moving) = mobility_of(&span, potential.as_ref(), &mobility);
                 let still = traits.hessian == HessianKind::Zero || !(free || moving);
@@ -179,13 +190,25 @@ impl Gather {
                     }
                 }
                 stencil_count += span.stencils.len();
-                chunks.push(Chunk { span, local: start, slots: first..slot_nodes.len() });
+                chunks.push(Chunk { span, local: start, slots: first..slot_nodes.len(), patched });
             }
         }
         local.shrink_to_fit();
         let (node_start, node_slots) = group_by(&slot_nodes, node_count);
-        let partial = vec![0.0; slot_nodes.len() * block];
-        Self { block, chunks, local, node_start, node_slots, partial, stencil_count, constant, base: None }
+        let partial = vec![Padded::default(); slot_nodes.len()];
+        slot_nodes.shrink_to_fit();
+        Self {
+            block,
+            chunks,
+            local,
+            slot_nodes,
+            node_start,
+            node_slots,
+            partial,
+            stencil_count,
+            constant,
+            base: None,
+        }
     }
 
     /// Coordinates a node.
@@ -200,56 +223,66 @@ impl Gather {
 
     /// Bytes held by maps and buffers.
     pub(crate) fn bytes(&self) -> usize {
-        2 * self.local.len() + 4 * (self.node_start.len() + self.node_slots.len()) + 8 * self.partial.len()
+        let maps = self.slot_nodes.len() + self.node_start.len() + self.node_slots.len();
+        2 * self.local.len() + 4 * maps + size_of::<Padded>() * self.partial.len()
+    }
+
+    /// Is there enough to do for several threads?
+    pub(crate) fn is_parallel(&self) -> bool {
+        self.stencil_count >= PARALLEL_STENCILS
     }
 
     /// ∂V/∂x of every coordinate.
     pub(crate) fn gradient(&mut self, system: &System, x: &[f64], t: f64, out: &mut [f64]) {
-        match self.block {
-            3 => self.gradient_in_blocks::<3>(system, x, t, out),
-            2 => self.gradient_in_blocks::<2>(system, x, t, out),
-            _ => self.gradient_in_blocks::<1>(system, x, t, out),
+        self.sum_chunks(system, x, t);
+        let (this, length) = (&*self, NODES_PER_TASK * self.block);
+        let sum = |(task, out): (usize, &mut [f64])| this.sum_nodes(task * NODES_PER_TASK, out);
+        if self.is_parallel() {
+            out.par_chunks_mut(length).enumerate().for_each(sum);
+        } else {
+            out.chunks_mut(length).enumerate().for_each(sum);
         }
     }
 
-    fn gradient_in_blocks<const B: usize>(&mut self, system: &System, x: &[f64], t: f64, out: &mut [f64]) {
+    /// Phase 1: the nodal sums of every chunk.
+    pub(crate) fn sum_chunks(&mut self, system: &System, x: &[f64], t: f64) {
         if self.base.is_none() && !self.constant.is_empty() {
             self.base = Some(sum_constant(&self.constant, system, x, t));
         }
-        let potentials = system.potentials();
-        let evaluate = |span: &Span, batch: Range<usize>, blocks: &mut [f64]| {
-            potentials[span.term].gradients(batch, x, t, blocks);
-        };
-        let parallel = self.stencil_count >= PARALLEL_STENCILS;
-        let (partial, _) = self.partial.as_chunks_mut::<B>();
-        let sum = PartialSums { local: &self.local, system, evaluate: &evaluate };
-        sum.chunks(&self.chunks, partial, parallel);
-        self.nodal_sums::<B>(self.base.as_deref(), out, parallel);
+        let parallel = self.is_parallel();
+        let sum = PartialSums { local: &self.local, slot_nodes: &self.slot_nodes, system, x, t, parallel };
+        match self.block {
+            3 => sum.chunks::<3>(&self.chunks, &mut self.partial),
+            2 => sum.chunks::<2>(&self.chunks, &mut self.partial),
+            _ => sum.chunks::<1>(&self.chunks, &mut self.partial),
+        }
     }
 
-    /// Phase 2.
-    fn nodal_sums<const B: usize>(&self, base: Option<&[f64]>, out: &mut [f64], parallel: bool) {
-        let (partial, _) = self.partial.as_chunks::<B>();
+    /// Phase 2: ∂V/∂x of the nodes from `first` on that `out` has room for.
+    pub(crate) fn sum_nodes(&self, first: usize, out: &mut [f64]) {
+        match self.block {
+            3 => self.sum_nodes_of::<3>(first, out),
+            2 => self.sum_nodes_of::<2>(first, out),
+            _ => self.sum_nodes_of::<1>(first, out),
+        }
+    }
+
+    fn sum_nodes_of<const B: usize>(&self, first: usize, out: &mut [f64]) {
         let (out, _) = out.as_chunks_mut::<B>();
-        let base = base.map(|base| base.as_chunks::<B>().0);
-        let sum = |(task, out): (usize, &mut [[f64; B]])| {
-            let first = task * NODES_PER_TASK;
-            for (node, out) in (first..).zip(out) {
-                let slots = self.node_start[node] as usize..self.node_start[node + 1] as usize;
-                let mut total = base.map_or([0.0; B], |base| base[node]);
-                for &slot in &self.node_slots[slots] {
-                    let part = &partial[slot as usize];
-                    for k in 0..B {
-                        total[k] += part[k];
-                    }
-                }
-                *out = total;
+        let starts = &self.node_start[first..=first + out.len()];
+        let base = self.base.as_deref().map(|base| &base.as_chunks::<B>().0[first..]);
+        for (k, out) in out.iter_mut().enumerate() {
+            let mut total = Padded::default().0;
+            if let Some(base) = base {
+                total[..B].copy_from_slice(&base[k]);
             }
-        };
-        if parallel {
-            out.par_chunks_mut(NODES_PER_TASK).enumerate().for_each(sum);
-        } else {
-            out.chunks_mut(NODES_PER_TASK).enumerate().for_each(sum);
+            for &slot in &self.node_slots[starts[k] as usize..starts[k + 1] as usize] {
+                let part = &self.partial[slot as usize].0;
+                for k in 0..4 {
+                    total[k] += part[k];
+                }
+            }
+            out.copy_from_slice(&total[..B]);
         }
     }
 
@@ -288,40 +321,62 @@ impl Gather {
     }
 }
 
-/// Phase 1: what a chunk adds up.
-struct PartialSums<'a, E> {
+/// Phase 1: what chunks add up.
+struct PartialSums<'a> {
     local: &'a [u16],
+    slot_nodes: &'a [u32],
     system: &'a System,
-    evaluate: &'a E,
+    x: &'a [f64],
+    t: f64,
+    parallel: bool,
 }
 
-impl<E: Fn(&Span, Range<usize>, &mut [f64]) + Sync> PartialSums<'_, E> {
+impl PartialSums<'_> {
     /// Halves the list of chunks, and with it the array of their sums, until one is left.
-    fn chunks<const B: usize>(&self, chunks: &[Chunk], partial: &mut [[f64; B]], parallel: bool) {
+    fn chunks<const B: usize>(&self, chunks: &[Chunk], partial: &mut [Padded]) {
         match chunks {
             [] => {}
-            [chunk] => self.chunk(chunk, partial),
+            [chunk] if chunk.patched => self.patch(chunk, partial),
+            [chunk] => self.chunk::<B>(chunk, partial),
             _ => {
                 let (left, right) = chunks.split_at(chunks.len() / 2);
                 let middle = right[0].slots.start - left[0].slots.start;
                 let (left_sums, right_sums) = partial.split_at_mut(middle);
-                if parallel {
-                    rayon::join(
-                        || self.chunks(left, left_sums, parallel),
-                        || self.chunks(right, right_sums, parallel),
-                    );
+                if self.parallel {
+                    rayon::join(|| self.chunks::<B>(left, left_sums), || self.chunks::<B>(right, right_sums));
                 } else {
-                    self.chunks(left, left_sums, parallel);
-                    self.chunks(right, right_sums, parallel);
+                    self.chunks::<B>(left, left_sums);
+                    self.chunks::<B>(right, right_sums);
                 }
             }
         }
     }
 
-    fn chunk<const B: usize>(&self, chunk: &Chunk, sums: &mut [[f64; B]]) {
-        let stencils = self.system.potentials()[chunk.span.term].stencils();
+    /// A chunk of a term that adds up its stencils itself.
+    fn patch(&self, chunk: &Chunk, sums: &mut [Padded]) {
+        sums.fill(Padded::default());
+        let potential = &self.system.potentials()[chunk.span.term];
+        let arity = potential.stencils().arity;
+        let places = &self.local[chunk.local..chunk.local + chunk.span.stencils.len() * arity];
+        let nodes = &self.slot_nodes[chunk.slots.clone()];
+        let (points, _) = self.x.as_chunks::<3>();
+        POSITIONS.with_borrow_mut(|x| {
+            x.resize(nodes.len().max(x.len()), Padded::default());
+            let x = &mut x[..nodes.len()];
+            for (x, &node) in x.iter_mut().zip(nodes) {
+                let [x0, x1, x2] = points[node as usize];
+                *x = Padded([x0, x1, x2, 0.0]);
+            }
+            potential.add_gradients(chunk.span.stencils.clone(), self.t, Patch { places, x, sums });
+        });
+    }
+
+    /// A chunk whose blocks are written, a few at a time, and added.
+    fn chunk<const B: usize>(&self, chunk: &Chunk, sums: &mut [Padded]) {
+        let potential = &self.system.potentials()[chunk.span.term];
+        let stencils = potential.stencils();
         let (size, arity) = (stencils.size(), stencils.size() / B);
-        sums.fill([0.0; B]);
+        sums.fill(Padded::default());
         let mut local = &self.local[chunk.local..chunk.local + chunk.span.stencils.len() * arity];
         with_scratch(BATCH * size, |scratch| {
             let end = chunk.span.stencils.end;
@@ -330,9 +385,9 @@ impl<E: Fn(&Span, Range<usize>, &mut [f64]) + Sync> PartialSums<'_, E> {
                 let blocks = &mut scratch[..batch.len() * size];
                 let (here, rest) = local.split_at(batch.len() * arity);
                 local = rest;
-                (self.evaluate)(&chunk.span, batch, blocks);
+                potential.gradients(batch, self.x, self.t, blocks);
                 for (&place, block) in here.iter().zip(blocks.as_chunks::<B>().0) {
-                    let sum = &mut sums[usize::from(place)];
+                    let sum = &mut sums[usize::from(place)].0;
                     for k in 0..B {
                         sum[k] += block[k];
                     }

@@ -32,6 +32,7 @@ mod stability;
 mod stages;
 mod statics;
 mod stepper;
+mod sweep;
 mod tied;
 mod vectors;
 mod warp;

@@ -1,7 +1,7 @@
 //! What the elastic potential of every element with every law must keep. New elements and laws enter
 //! by their registration lines.
 
-use vi_core::{Potential, packed_len};
+use vi_core::{Padded, Patch, Potential, packed_len};
 
 use super::elastic_on;
 use crate::tensor::{Mat3, product};
@@ -222,6 +222,44 @@ fn a_stencil_does_not_depend_on_the_range_it_is_asked_in() {
             assert_eq!(part, energies[range]);
         }
     });
+}
+
+/// ∂V/∂x of the stencils of `range` as the term itself adds it up, the nodes of the patch in reverse.
+fn patch_gradient(potential: &dyn Potential, range: std::ops::Range<usize>, x: &[f64]) -> Vec<f64> {
+    let (stencils, count) = (potential.stencils(), x.len() / 3);
+    let points = x.as_chunks::<3>().0.iter().rev();
+    let points: Vec<Padded> = points.map(|&[a, b, c]| Padded([a, b, c, f64::NAN])).collect();
+    let nodes = range.clone().flat_map(|stencil| stencils.of(stencil));
+    let places: Vec<u16> = nodes.map(|&node| (count - 1 - node as usize) as u16).collect();
+    let mut sums = vec![Padded::default(); count];
+    let patch = Patch { places: &places, x: &points, sums: &mut sums };
+    assert!(potential.add_gradients(range, 0.0, patch));
+    sums.iter().rev().flat_map(|sum| [sum.0[0], sum.0[1], sum.0[2]]).collect()
+}
+
+#[test]
+fn a_patch_sums_what_the_blocks_are() {
+    for &kind in ElementKind::SOLIDS {
+        let mesh = distorted(kind);
+        let x = flat(&mesh, bent);
+        for law in Law::examples() {
+            for set in [InstructionSet::Scalar, InstructionSet::Avx2, InstructionSet::Avx512] {
+                let built = elastic_on(set, &mesh, &mesh.cells_of_dimension(3), &law, 0, "test");
+                let Some(potential) = built.ok().map(|mut potentials| potentials.remove(0)) else { continue };
+                let count = potential.stencils().count();
+                let whole = gradient(potential.as_ref(), &x);
+                let scale = size_of(&gradient_blocks(potential.as_ref(), &x));
+                // Runs that begin and end inside groups of eight.
+                let mut sum = vec![0.0; x.len()];
+                for range in [0..0, 0..1, 1..count / 2, count / 2..count - 1, count - 1..count] {
+                    let part = patch_gradient(potential.as_ref(), range, &x);
+                    sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
+                }
+                let close = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-12 * scale;
+                assert!(whole.iter().zip(&sum).all(close), "{kind} {} {set:?}", law.name());
+            }
+        }
+    }
 }
 
 #[test]

@@ -21,11 +21,11 @@ use crate::transpose::{gather, scatter_rows};
 
 /// The geometry at rest of one quadrature point of a group of elements.
 #[derive(Debug, Clone, Copy)]
-struct PointGeometry {
+pub(super) struct PointGeometry {
     /// (∂X/∂ξ)⁻¹ by rows, 1/m.
-    inverse: PackedMat3,
+    pub(super) inverse: PackedMat3,
     /// w det(∂X/∂ξ), m³.
-    volume: Pack,
+    pub(super) volume: Pack,
 }
 
 /// Solid elements of one kind, in groups of eight; the last group is filled up with copies of the
@@ -34,8 +34,10 @@ pub(crate) struct Solids<E, const N: usize, const Q: usize> {
     arch: Arch,
     count: usize,
     nodes: Vec<u32>,
-    geometry: Vec<PointGeometry>,
-    gradients: [[[f64; 3]; N]; Q],
+    /// Q a group.
+    pub(super) geometry: Vec<PointGeometry>,
+    /// ∂N_a/∂ξ at the quadrature points.
+    pub(super) gradients: [[[f64; 3]; N]; Q],
     element: PhantomData<E>,
 }
 
@@ -147,6 +149,29 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
     }
 }
 
+impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
+    /// Nodal forces of a part of a group from P at its quadrature points.
+    #[inline(always)]
+    pub(super) fn lane_forces<S: Simd>(
+        &self,
+        simd: S,
+        group: usize,
+        stresses: &[PackedMat3],
+        part: usize,
+    ) -> [[Lane<S>; 3]; N] {
+        let mut forces = [[Lane::splat(simd, 0.0); 3]; N];
+        for q in 0..Q {
+            let geometry = &self.geometry[group * Q + q];
+            let volume = geometry.volume.load(simd, part);
+            let inverse = load_mat3(simd, &geometry.inverse, part);
+            let p = product_transposed(&load_mat3(simd, &stresses[q], part), &inverse);
+            let p = mat3!(i j => p[i][j] * volume);
+            E::add_reference_forces(&p, &self.gradients[q], &mut forces);
+        }
+        forces
+    }
+}
+
 struct Deformations<'a, E, const N: usize, const Q: usize> {
     solids: &'a Solids<E, N, Q>,
     groups: Range<usize>,
@@ -193,15 +218,7 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Forces<'_, E
         let mut local = [[Pack::default(); 3]; N];
         for (group, stresses) in groups.zip(stresses.chunks_exact(Q)) {
             for part in 0..parts::<S>() {
-                let mut f = [[Lane::splat(simd, 0.0); 3]; N];
-                for q in 0..Q {
-                    let geometry = &solids.geometry[group * Q + q];
-                    let volume = geometry.volume.load(simd, part);
-                    let inverse = load_mat3(simd, &geometry.inverse, part);
-                    let p = product_transposed(&load_mat3(simd, &stresses[q], part), &inverse);
-                    let p = mat3!(i j => p[i][j] * volume);
-                    E::add_reference_forces(&p, &solids.gradients[q], &mut f);
-                }
+                let f = solids.lane_forces(simd, group, stresses, part);
                 for a in 0..N {
                     for i in 0..3 {
                         local[a][i].store(part, f[a][i]);
