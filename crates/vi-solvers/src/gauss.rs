@@ -119,6 +119,16 @@ impl Equations for GaussEquations<'_> {
         false
     }
 
+    fn unknowns(&self) -> &[f64] {
+        &self.stages.z
+    }
+
+    fn go_to(&mut self, unknowns: &[f64]) {
+        let Stages { z, base, .. } = &mut *self.stages;
+        z.copy_from_slice(unknowns);
+        base.copy_from_slice(unknowns);
+    }
+
     fn start(&mut self, start: Start) {
         let Stages { coefficients, h, origin, velocity, history, has_history, z, base, .. } = self.stages;
         let n = origin.len();
@@ -128,7 +138,11 @@ impl Equations for GaussEquations<'_> {
                     let row = &coefficients.prediction[i];
                     vectors::fill(z, |k| *h * *h * Stages::combine(row, history, n, k));
                 }
-                Start::Predicted | Start::Inertial => z.fill(0.0),
+                Start::Stiff if *has_history => {
+                    let last = &history[i * n..(i + 1) * n];
+                    vectors::fill(z, |k| *h * *h * last[k]);
+                }
+                Start::Predicted | Start::Stiff | Start::Inertial => z.fill(0.0),
                 Start::Still => vectors::fill(z, |k| -coefficients.c[i] * *h * velocity[k]),
             }
         }
@@ -175,6 +189,14 @@ impl Equations for GaussEquations<'_> {
         }
         base.copy_from_slice(z);
         Ok(energy / self.coefficient())
+    }
+
+    fn correction(&mut self) -> (&mut [f64], &[f64]) {
+        (&mut self.stages.correction, &self.stages.residual)
+    }
+
+    fn has_merit(&self) -> bool {
+        false
     }
 
     fn advance(&mut self, fraction: f64) {

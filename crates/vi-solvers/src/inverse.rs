@@ -70,15 +70,29 @@ impl Inverse {
         c: f64,
         reason: Reason,
     ) -> Result<(), SolverError> {
-        let exact = self.factorize(system, forces, c, HessianEvaluation::Exact, reason);
-        let projected = match exact {
-            Err(SolverError::NotPositiveDefinite(_)) if !self.is_linear => {
+        self.make_as(system, forces, c, reason, HessianEvaluation::Exact)
+    }
+
+    /// The same with the Hessian of this kind to begin with.
+    pub(crate) fn make_as(
+        &mut self,
+        system: &System,
+        forces: &mut Forces,
+        c: f64,
+        reason: Reason,
+        kind: HessianEvaluation,
+    ) -> Result<(), SolverError> {
+        let first = self.factorize(system, forces, c, kind, reason);
+        let projected = match first {
+            Err(SolverError::NotPositiveDefinite(_))
+                if !self.is_linear && kind == HessianEvaluation::Exact =>
+            {
                 self.factorize(system, forces, c, HessianEvaluation::Projected, reason)?;
                 true
             }
             other => {
                 other?;
-                false
+                kind == HessianEvaluation::Projected
             }
         };
         let (x, t) = (forces.positions().to_vec(), forces.time());

@@ -1,7 +1,12 @@
 //! Newton's method for the equations of an implicit step, with the cheapest factor that converges,
-//! and the ladder by which it escalates: turned old factor → factor at the iterate → full Newton
-//! with line search → projected Hessians → failure with the facts. A halved step is the caller's
-//! to try, for it changes h. This room must not know which scheme the equations come from.
+//! and the ladder by which it escalates: turned old factor → factor at the iterate → descent by full
+//! Newton steps, with projected Hessians where they are needed (`descent`) → failure with the facts.
+//! A halved step is the caller's to try, for it changes h. This room must not know which scheme the
+//! equations come from.
+
+mod anderson;
+mod descent;
+mod krylov;
 
 use vi_core::System;
 
@@ -9,6 +14,7 @@ use crate::forces::Forces;
 use crate::inverse::{Inverse, Reason};
 use crate::policy::Policy;
 use crate::{SolverError, SolverOptions, StepperMemory};
+use anderson::Anderson;
 
 /// Tolerances below this one mean: to round-off.
 const ROUND_OFF: f64 = 1e-12;
@@ -16,18 +22,35 @@ const ROUND_OFF: f64 = 1e-12;
 const SEARCH_ABOVE: f64 = 1e-3;
 /// A trial whose slope is below this part of the first one is accepted without an energy.
 const SLOPE_KEPT: f64 = 0.9;
-/// New factors inside one step after which every iteration makes its own.
-const FACTORS_BEFORE_NEWTON: u32 = 2;
+/// Relative error of a start above which the others are looked at.
+const DOUBT_ABOVE: f64 = 0.05;
+/// New factors that slow convergence may ask for inside one step before the descent begins.
+const FACTORS_BEFORE_DESCENT: u32 = 2;
 
 /// Where an iteration may start, from the best guess to the safest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Start {
-    /// Extrapolated from the last steps.
+    /// Extrapolated from the last steps, for motions that the steps resolve.
     Predicted,
+    /// Extrapolated so that oscillations far beyond the step, which a scheme turns into ones of a period of
+    /// one or two steps, are continued too.
+    Stiff,
     /// Without acceleration.
     Inertial,
     /// Where the step began.
     Still,
+}
+
+impl Start {
+    const ALL: [Self; 4] = [Self::Predicted, Self::Stiff, Self::Inertial, Self::Still];
+
+    pub(crate) fn number(self) -> u64 {
+        self as u64
+    }
+
+    pub(crate) fn from_number(number: u64) -> Option<Self> {
+        Self::ALL.into_iter().find(|start| start.number() == number)
+    }
 }
 
 /// Equations R(w) = 0 with a symmetric positive definite model A ≈ ∂R/∂w.
@@ -38,19 +61,32 @@ pub(crate) trait Equations {
     fn model_is_exact(&self) -> bool {
         true
     }
+    /// The unknowns, to be kept.
+    fn unknowns(&self) -> &[f64];
+    /// Sets the unknowns to ones that were kept.
+    fn go_to(&mut self, unknowns: &[f64]);
     /// Sets the unknowns.
     fn start(&mut self, start: Start);
+    /// Leaves out of R what keeps its solution from minimising the merit, or puts it back; false where
+    /// there is no such part.
+    fn simplify(&mut self, _simple: bool) -> bool {
+        false
+    }
     /// Goes where K is taken.
     fn linearize(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError>;
     /// Evaluates −R at the unknowns.
     fn evaluate(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError>;
     /// Solves for the correction δ = −A⁻¹R; returns its energy −Rᵀδ/c, J.
     fn correct(&mut self, inverse: &mut Inverse, forces: &mut Forces) -> Result<f64, SolverError>;
+    /// δ of the last correction, and Aδ.
+    fn correction(&mut self) -> (&mut [f64], &[f64]);
     /// Sets the unknowns to those of the last correction plus `fraction` of δ.
     fn advance(&mut self, fraction: f64);
     /// −R·δ/c at the unknowns, J: minus the slope of the merit along δ.
     fn slope(&self) -> f64;
-    /// A function that the solution minimises, over c, J; none where there is no such.
+    /// Is there a function that the solution minimises?
+    fn has_merit(&self) -> bool;
+    /// That function over c, J; none where there is no such.
     fn merit(&mut self, system: &System, forces: &mut Forces) -> Option<f64>;
     /// The energy that errors are relative to, J.
     fn energy_scale(&self) -> f64;
@@ -64,10 +100,18 @@ pub(crate) struct Solved {
     pub(crate) iterations: u32,
 }
 
+/// What became of the cheap iteration.
+enum Course {
+    Solved(Solved),
+    /// Given up after so many iterations, the last with this relative error.
+    Stuck(u32),
+}
+
 pub(crate) struct Newton {
     tolerance: f64,
     max_iterations: u32,
     pub(crate) policy: Policy,
+    anderson: Anderson,
 }
 
 impl Newton {
@@ -81,7 +125,7 @@ impl Newton {
             let allowed = "must be at least 1";
             return Err(SolverError::Option { option: "max_iterations", value: 0.0, allowed });
         }
-        Ok(Self { tolerance, max_iterations, policy: Policy::default() })
+        Ok(Self { tolerance, max_iterations, policy: Policy::default(), anderson: Anderson::default() })
     }
 
     pub(crate) fn tolerance(&self) -> f64 {
@@ -98,58 +142,117 @@ impl Newton {
         equations: &mut E,
     ) -> Result<Solved, SolverError> {
         let mut attempt = Attempt::new(self.tolerance <= ROUND_OFF);
-        self.begin(system, forces, equations, Start::Predicted)?;
-        if !inverse.is_for(equations.coefficient()) {
+        if self.policy.has_descended && !inverse.is_linear() {
+            // Old factors did not serve the last step: the first trouble leads on at once.
+            attempt.wanted = Some(Reason::Slow);
+            attempt.troubles = FACTORS_BEFORE_DESCENT;
+        }
+        self.begin(system, forces, equations, self.policy.start)?;
+        match self.iterate(system, forces, inverse, equations, attempt)? {
+            Course::Solved(solved) => Ok(solved),
+            Course::Stuck(iterations) => self.descend(system, forces, inverse, equations, iterations),
+        }
+    }
+
+    /// Iterates from where the equations were evaluated last, with the factor at hand, and with a few new
+    /// ones.
+    fn iterate<E: Equations>(
+        &mut self,
+        system: &System,
+        forces: &mut Forces,
+        inverse: &mut Inverse,
+        equations: &mut E,
+        mut attempt: Attempt,
+    ) -> Result<Course, SolverError> {
+        self.anderson.restart();
+        if attempt.wanted.is_some() {
+            // It begins with a new factor.
+        } else if !inverse.is_for(equations.coefficient()) {
             attempt.wanted = Some(Reason::New);
         } else if !inverse.is_linear() && self.policy.is_stale(inverse.costs()) {
             attempt.wanted = Some(Reason::Stale);
         } else {
             inverse.turn(system, forces);
         }
-        let mut last_residual = f64::INFINITY;
+        let has_merit = equations.has_merit();
         for iteration in 1..=self.max_iterations {
             if let Some(reason) = attempt.wanted.take() {
+                if attempt.troubles > FACTORS_BEFORE_DESCENT {
+                    return Ok(Course::Stuck(iteration - 1));
+                }
                 equations.linearize(system, forces)?;
                 inverse.make(system, forces, equations.coefficient(), reason)?;
                 equations.evaluate(system, forces)?;
                 self.policy.renew();
+                self.anderson.restart();
                 attempt.renew();
             }
-            let decrement = equations.correct(inverse, forces)?;
+            let mut decrement = equations.correct(inverse, forces)?;
             forces.work.newton_iterations += 1;
             attempt.with_factor += 1;
+            let doubtful = |equations: &E| decrement > DOUBT_ABOVE * DOUBT_ABOVE * equations.energy_scale();
+            if iteration == 1 && !inverse.is_linear() && doubtful(equations) {
+                decrement = self.choose_start(system, forces, inverse, equations, decrement)?;
+            }
+            if !inverse.is_linear() || !equations.model_is_exact() {
+                // Where a merit is searched along, the correction must point down it.
+                let small = decrement <= SEARCH_ABOVE * SEARCH_ABOVE * equations.energy_scale();
+                let (delta, load) = equations.correction();
+                self.anderson.enter(delta, load, small || !has_merit);
+            }
             equations.advance(1.0);
             let scale = equations.energy_scale();
             let eta = if decrement > 0.0 { (decrement / scale).sqrt() } else { 0.0 };
             let contraction = attempt.enter(eta);
-            last_residual = eta;
-            if self.is_converged(inverse, equations, &attempt, eta, contraction) {
+            if self.is_converged(inverse, equations, attempt.to_round_off, eta, contraction) {
                 self.policy.enter(attempt.with_factor, attempt.mean_contraction());
-                return Ok(Solved { iterations: iteration });
+                return Ok(Course::Solved(Solved { iterations: iteration }));
             }
-            if contraction.is_some_and(|theta| theta > 2.0) || !eta.is_finite() {
-                // Diverging: begin again with a factor of where we are.
+            let diverges = contraction.is_some_and(|theta| theta > 2.0) || !eta.is_finite();
+            let gone =
+                if diverges { None } else { self.accept(system, forces, equations, eta, decrement).ok() };
+            let Some(fraction) = gone else {
+                // Begin again with a factor of where we are.
                 attempt.escalate(Reason::Slow);
                 self.begin(system, forces, equations, attempt.safer_start())?;
+                self.anderson.restart();
                 continue;
-            }
-            let trial = self.accept(system, forces, equations, eta, decrement);
-            match trial {
-                Ok(()) => {}
-                Err(error) if attempt.is_fresh() => return Err(self.explain(error, iteration, eta)),
-                Err(_) => {
-                    attempt.escalate(Reason::Slow);
-                    self.begin(system, forces, equations, attempt.safer_start())?;
-                    continue;
-                }
-            }
+            };
+            self.anderson.advance(equations.correction().0, fraction);
             self.consider_new_factor(inverse, equations, &mut attempt, eta);
         }
-        Err(SolverError::NoConvergence {
-            iterations: self.max_iterations,
-            residual: last_residual,
-            tolerance: self.tolerance,
-        })
+        Ok(Course::Stuck(self.max_iterations))
+    }
+
+    /// Begins again at the start with the smallest correction, `decrement` that of the one in use, and
+    /// corrects there.
+    fn choose_start<E: Equations>(
+        &mut self,
+        system: &System,
+        forces: &mut Forces,
+        inverse: &mut Inverse,
+        equations: &mut E,
+        decrement: f64,
+    ) -> Result<f64, SolverError> {
+        let (used, mut least) = (self.policy.start, decrement);
+        let mut last = used;
+        for start in Start::ALL.into_iter().filter(|&start| start != used) {
+            equations.start(start);
+            last = start;
+            if equations.evaluate(system, forces).is_ok() {
+                let decrement = equations.correct(inverse, forces)?;
+                forces.work.newton_iterations += 1;
+                if decrement < least {
+                    (self.policy.start, least) = (start, decrement);
+                }
+            }
+        }
+        if last != self.policy.start {
+            equations.start(self.policy.start);
+            equations.evaluate(system, forces)?;
+            least = equations.correct(inverse, forces)?;
+        }
+        Ok(least)
     }
 
     /// Starts at the best of the places from `first` on where the residual is finite.
@@ -160,10 +263,9 @@ impl Newton {
         equations: &mut E,
         first: Start,
     ) -> Result<(), SolverError> {
-        let all = [Start::Predicted, Start::Inertial, Start::Still];
-        let from = all.iter().position(|&start| start == first).unwrap_or(0);
+        let from = Start::ALL.iter().position(|&start| start == first).unwrap_or(0);
         let mut outcome = Ok(());
-        for &start in &all[from..] {
+        for &start in Start::ALL[from..].iter().chain(&Start::ALL[..from]) {
             equations.start(start);
             outcome = equations.evaluate(system, forces);
             if outcome.is_ok() {
@@ -177,14 +279,14 @@ impl Newton {
         &self,
         inverse: &Inverse,
         equations: &E,
-        attempt: &Attempt,
+        to_round_off: bool,
         eta: f64,
         contraction: Option<f64>,
     ) -> bool {
         if eta == 0.0 || equations.is_at_resolution() {
             return true;
         }
-        if attempt.to_round_off {
+        if to_round_off {
             // Until nothing more is gained.
             let stalled = if equations.model_is_exact() { 0.5 } else { 0.9 };
             return eta < 1e-9 && contraction.is_some_and(|theta| theta > stalled);
@@ -200,7 +302,7 @@ impl Newton {
         }
     }
 
-    /// Evaluates at the full correction, or at a part of it where that is too far.
+    /// Evaluates at the full correction, or at a part of it where that is too far; returns the part.
     fn accept<E: Equations>(
         &self,
         system: &System,
@@ -208,50 +310,19 @@ impl Newton {
         equations: &mut E,
         eta: f64,
         decrement: f64,
-    ) -> Result<(), SolverError> {
+    ) -> Result<f64, SolverError> {
         let outcome = equations.evaluate(system, forces);
         if outcome.is_ok() && (eta <= SEARCH_ABOVE || equations.slope().abs() <= SLOPE_KEPT * decrement) {
-            return Ok(());
+            return Ok(1.0);
         }
         equations.advance(0.0);
-        let Some(before) = equations.merit(system, forces) else {
+        if let Some(before) = equations.merit(system, forces) {
+            descent::search(system, forces, equations, before, decrement)
+        } else {
             // No merit: only keep inside the domain of the terms.
-            let mut fraction = 1.0;
-            let mut outcome = outcome;
-            while outcome.is_err() && fraction > 1e-6 {
-                fraction *= 0.5;
-                equations.advance(fraction);
-                forces.work.line_searches += 1;
-                outcome = equations.evaluate(system, forces);
-            }
-            if outcome.is_ok() && fraction == 1.0 {
-                equations.advance(1.0);
-                return equations.evaluate(system, forces);
-            }
-            return outcome;
-        };
-        let mut fraction = 1.0;
-        let mut last = outcome.err();
-        while fraction > 1e-12 {
-            equations.advance(fraction);
-            forces.work.line_searches += 1;
-            let after = equations.merit(system, forces).unwrap_or(f64::INFINITY);
-            // Armijo's condition; energies are only good to their round-off.
-            if after <= before - 1e-4 * fraction * decrement + 1e-15 * before.abs() {
-                match equations.evaluate(system, forces) {
-                    Ok(()) => return Ok(()),
-                    Err(error) => last = Some(error),
-                }
-            }
-            let parabola = 0.5 * fraction * fraction * decrement / (after - before + fraction * decrement);
-            let kept = if parabola.is_finite() { parabola } else { 0.0 };
-            fraction = kept.clamp(0.1 * fraction, 0.5 * fraction);
+            equations.advance(1.0);
+            descent::keep_inside(system, forces, equations)
         }
-        Err(last.unwrap_or(SolverError::NoConvergence {
-            iterations: 0,
-            residual: eta,
-            tolerance: self.tolerance,
-        }))
     }
 
     fn consider_new_factor<E: Equations>(
@@ -271,10 +342,6 @@ impl Newton {
             }
             return;
         }
-        if attempt.new_factors > FACTORS_BEFORE_NEWTON {
-            attempt.wanted = Some(Reason::Newton);
-            return;
-        }
         let Some(theta) = attempt.mean_contraction() else { return };
         let remaining = if theta < 1.0 {
             ((self.tolerance * (1.0 - theta) / eta).ln() / theta.ln()).max(0.0)
@@ -283,15 +350,6 @@ impl Newton {
         };
         if self.policy.is_slow(inverse.costs(), attempt.with_factor, remaining) {
             attempt.escalate(Reason::Slow);
-        }
-    }
-
-    fn explain(&self, error: SolverError, iterations: u32, residual: f64) -> SolverError {
-        match error {
-            SolverError::NoConvergence { .. } => {
-                SolverError::NoConvergence { iterations, residual, tolerance: self.tolerance }
-            }
-            other => other,
         }
     }
 
@@ -309,7 +367,8 @@ impl Newton {
 struct Attempt {
     to_round_off: bool,
     wanted: Option<Reason>,
-    new_factors: u32,
+    /// How often it converged slowly, or not at all.
+    troubles: u32,
     restarts: u32,
     /// Iterations with the current factor.
     with_factor: u64,
@@ -322,7 +381,7 @@ impl Attempt {
         Self {
             to_round_off,
             wanted: None,
-            new_factors: 0,
+            troubles: 0,
             restarts: 0,
             with_factor: 0,
             first_eta: 0.0,
@@ -330,30 +389,29 @@ impl Attempt {
         }
     }
 
+    /// One that begins with a factor of where it begins.
+    fn with_new_factor(tolerance: f64) -> Self {
+        Self { wanted: Some(Reason::Newton), ..Self::new(tolerance <= ROUND_OFF) }
+    }
+
     fn renew(&mut self) {
-        self.new_factors += 1;
         self.with_factor = 0;
         self.last_eta = None;
     }
 
     fn escalate(&mut self, reason: Reason) {
-        let newton = self.new_factors >= FACTORS_BEFORE_NEWTON;
-        self.wanted = Some(if newton { Reason::Newton } else { reason });
+        self.troubles += 1;
+        self.wanted = Some(reason);
         self.last_eta = None;
     }
 
     fn safer_start(&mut self) -> Start {
         self.restarts += 1;
         match self.restarts {
-            1 => Start::Predicted,
+            1 => Start::Stiff,
             2 => Start::Inertial,
             _ => Start::Still,
         }
-    }
-
-    /// Is the factor in use that of the last configuration?
-    fn is_fresh(&self) -> bool {
-        self.new_factors > FACTORS_BEFORE_NEWTON
     }
 
     /// Enters the error of an iteration; returns its ratio to the one before.

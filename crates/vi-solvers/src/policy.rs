@@ -4,6 +4,7 @@
 
 use vi_core::{HessianKind, System, packed_len};
 
+use crate::newton::Start;
 use crate::{FactorFacts, SolverError, StepperMemory};
 
 /// Seconds of the reference core for one entry of a local gradient, and of a local Hessian.
@@ -12,6 +13,9 @@ const HESSIAN_ENTRY: f64 = 1.8e-9;
 /// Flops a second of a factorisation, bytes a second of a solve.
 const FACTOR_RATE: f64 = 25e9;
 const SOLVE_RATE: f64 = 8e9;
+
+/// A better contraction than this is not relied on before it has been seen in the step itself.
+const LEAST_CONTRACTION: f64 = 0.05;
 
 /// Costs of the pieces of an implicit step, s of the reference core.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -48,7 +52,7 @@ impl UnitCosts {
 }
 
 /// The history of a factor in iterations.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Policy {
     /// Steps with this factor.
     age: u64,
@@ -59,6 +63,24 @@ pub(crate) struct Policy {
     fresh: u64,
     /// Mean contraction of the last step.
     contraction: f64,
+    /// Where a step begins: where the last doubtful one began best.
+    pub(crate) start: Start,
+    /// Did the last step need full Newton steps?
+    pub(crate) has_descended: bool,
+}
+
+impl Default for Policy {
+    fn default() -> Self {
+        Self {
+            age: 0,
+            total: 0,
+            last: 0,
+            fresh: 0,
+            contraction: 0.0,
+            start: Start::Predicted,
+            has_descended: false,
+        }
+    }
 }
 
 impl Policy {
@@ -73,18 +95,20 @@ impl Policy {
         iterations as f64 + remaining > self.fresh.max(2) as f64 + costs.refactor() + 2.0
     }
 
-    /// The contraction to expect of the first iteration of a step.
+    /// The contraction to expect of the first iteration of a step: that of the last step, if its factor
+    /// was already an old one; what a factor does where it was made says nothing of where it will be used.
     pub(crate) fn expected_contraction(&self) -> Option<f64> {
-        (self.age > 0 && self.contraction > 0.0).then_some(self.contraction)
+        (self.age > 1 && self.contraction > 0.0).then(|| self.contraction.max(LEAST_CONTRACTION))
     }
 
     /// A factor was made.
     pub(crate) fn renew(&mut self) {
-        *self = Self { fresh: self.fresh, ..Self::default() };
+        *self = Self { fresh: self.fresh, start: self.start, ..Self::default() };
     }
 
     /// A step has ended that made `iterations` with the current factor.
     pub(crate) fn enter(&mut self, iterations: u64, contraction: Option<f64>) {
+        self.has_descended = false;
         if self.age == 0 {
             self.fresh = iterations;
         }
@@ -97,19 +121,29 @@ impl Policy {
     }
 
     pub(crate) fn remember(&self, memory: &mut StepperMemory) {
-        let Self { age, total, last, fresh, contraction } = *self;
-        let counts = [age, total, last, fresh, contraction.to_bits()];
+        let Self { age, total, last, fresh, contraction, start, has_descended } = *self;
+        let contraction = contraction.to_bits();
+        let counts = [age, total, last, fresh, contraction, start.number(), u64::from(has_descended)];
         for (name, value) in NAMES.into_iter().zip(counts) {
             memory.counts.push((name.to_owned(), value));
         }
     }
 
     pub(crate) fn from_memory(memory: &StepperMemory) -> Result<Self, SolverError> {
-        let [age, total, last, fresh, contraction] = NAMES.map(|name| memory.count(name));
+        let [age, total, last, fresh, contraction, start, descended] = NAMES.map(|name| memory.count(name));
         let contraction = f64::from_bits(contraction?);
-        Ok(Self { age: age?, total: total?, last: last?, fresh: fresh?, contraction })
+        let start = Start::from_number(start?).ok_or(SolverError::Memory { missing: "policy.start" })?;
+        let has_descended = descended? == 1;
+        Ok(Self { age: age?, total: total?, last: last?, fresh: fresh?, contraction, start, has_descended })
     }
 }
 
-const NAMES: [&str; 5] =
-    ["policy.age", "policy.total", "policy.last", "policy.fresh", "policy.contraction_bits"];
+const NAMES: [&str; 7] = [
+    "policy.age",
+    "policy.total",
+    "policy.last",
+    "policy.fresh",
+    "policy.contraction_bits",
+    "policy.start",
+    "policy.descended",
+];

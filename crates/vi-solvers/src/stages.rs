@@ -108,6 +108,9 @@ impl Rule for Midpoint {
     }
 }
 
+/// Names of the accelerations that are kept.
+const HISTORY: [&str; 3] = ["stage.last", "stage.older", "stage.oldest"];
+
 /// The unknowns and buffers of one stage.
 struct Stage {
     c: f64,
@@ -118,8 +121,8 @@ struct Stage {
     /// q₀ and û − q₀.
     origin: Vec<f64>,
     offset: Vec<f64>,
-    /// w/c of the last two steps, from which the next is extrapolated.
-    history: [Vec<f64>; 2],
+    /// w/c of the last steps, from which the next is extrapolated.
+    history: [Vec<f64>; 3],
     history_count: usize,
     w: Vec<f64>,
     base: Vec<f64>,
@@ -133,6 +136,10 @@ struct Stage {
     twice_origin: f64,
     start_t: f64,
     h: f64,
+    /// Is the rule's addition left out, so that the stage minimises Φ?
+    is_simple: bool,
+    /// Are there forces without a potential?
+    is_forced: bool,
 }
 
 impl Stage {
@@ -144,7 +151,7 @@ impl Stage {
             twice_kinetic: 0.0,
             origin: zero(),
             offset: zero(),
-            history: [zero(), zero()],
+            history: [zero(), zero(), zero()],
             history_count: 0,
             w: zero(),
             base: zero(),
@@ -155,6 +162,8 @@ impl Stage {
             twice_origin: 0.0,
             start_t: 0.0,
             h: 0.0,
+            is_simple: false,
+            is_forced: false,
         }
     }
 
@@ -162,7 +171,7 @@ impl Stage {
         let mass = system.free_mass();
         self.c = rule.coefficient(h);
         self.t = state.t + rule.time() * h;
-        (self.start_t, self.h) = (state.t, h);
+        (self.start_t, self.h, self.is_simple) = (state.t, h, false);
         self.origin.copy_from_slice(&state.q);
         vectors::fill(&mut self.offset, |k| rule.offset(k, state.p[k] / mass[k], h));
         self.twice_kinetic = vectors::sum(mass.len(), |k| state.p[k] * state.p[k] / mass[k]);
@@ -184,7 +193,9 @@ impl Stage {
         self.configure();
         self.set_velocities(system, forces);
         forces.evaluate(system, &self.q, self.t, false)?;
-        if rule.has_correction() {
+        if self.is_simple {
+            self.added.fill(0.0);
+        } else if rule.has_correction() {
             let Self { origin, offset, w, added, start_t, h, .. } = self;
             let (start_t, h, start_q) = (*start_t, *h, &*origin);
             rule.correction(&Trial { system, forces, start_q, start_t, h, offset, w }, added);
@@ -202,10 +213,10 @@ impl Stage {
     }
 
     fn close(&mut self) {
-        let Self { history: [last, older], w, c, .. } = self;
-        std::mem::swap(last, older);
-        vectors::fill(last, |k| w[k] / *c);
-        self.history_count = (self.history_count + 1).min(2);
+        let Self { history, w, c, .. } = self;
+        history.rotate_right(1);
+        vectors::fill(&mut history[0], |k| w[k] / *c);
+        self.history_count = (self.history_count + 1).min(history.len());
     }
 }
 
@@ -225,12 +236,30 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         !self.rule.has_correction()
     }
 
+    fn simplify(&mut self, simple: bool) -> bool {
+        self.stage.is_simple = simple && self.rule.has_correction();
+        self.rule.has_correction()
+    }
+
+    fn unknowns(&self) -> &[f64] {
+        &self.stage.w
+    }
+
+    fn go_to(&mut self, unknowns: &[f64]) {
+        let Stage { w, base, .. } = &mut *self.stage;
+        w.copy_from_slice(unknowns);
+        base.copy_from_slice(unknowns);
+    }
+
     fn start(&mut self, start: Start) {
-        let Stage { c, history: [last, older], history_count, w, base, offset, .. } = self.stage;
+        let Stage { c, history: [last, older, oldest], history_count, w, base, offset, .. } = self.stage;
         match (start, *history_count) {
-            (Start::Predicted, 2) => vectors::fill(w, |k| *c * (2.0 * last[k] - older[k])),
+            (Start::Predicted, 2..) => vectors::fill(w, |k| *c * (2.0 * last[k] - older[k])),
+            // Exact for straight lines and for what changes its sign at every step.
+            (Start::Stiff, 3..) => vectors::fill(w, |k| *c * (last[k] + (older[k] - oldest[k]))),
+            (Start::Stiff, 2) => vectors::fill(w, |k| *c * older[k]),
             (Start::Predicted, 1) => vectors::fill(w, |k| *c * last[k]),
-            (Start::Predicted | Start::Inertial, _) => w.fill(0.0),
+            (Start::Predicted | Start::Stiff | Start::Inertial, _) => w.fill(0.0),
             (Start::Still, _) => vectors::fill(w, |k| -offset[k]),
         }
         base.copy_from_slice(w);
@@ -257,6 +286,10 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         Ok(vectors::sum(residual.len(), |k| residual[k] * correction[k]) / *c)
     }
 
+    fn correction(&mut self) -> (&mut [f64], &[f64]) {
+        (&mut self.stage.correction, &self.stage.residual)
+    }
+
     fn advance(&mut self, fraction: f64) {
         let Stage { w, base, correction, .. } = self.stage;
         vectors::fill(w, |k| base[k] + fraction * correction[k]);
@@ -267,8 +300,12 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         vectors::sum(residual.len(), |k| residual[k] * correction[k]) / c
     }
 
+    fn has_merit(&self) -> bool {
+        (!self.rule.has_correction() || self.stage.is_simple) && !self.stage.is_forced
+    }
+
     fn merit(&mut self, system: &System, forces: &mut Forces) -> Option<f64> {
-        if self.rule.has_correction() || forces.has_nonconservative() {
+        if !self.has_merit() {
             return None;
         }
         self.stage.configure();
@@ -366,6 +403,7 @@ impl<R: Rule> OneStage<R> {
                 return Ok(0);
             }
         }
+        stage.is_forced = forces.has_nonconservative();
         let mut equations = StageEquations { system, rule, stage };
         Ok(newton.solve(system, forces, inverse, &mut equations)?.iterations)
     }
@@ -426,8 +464,9 @@ impl<R: Rule> Stepper for OneStage<R> {
 
     fn memory(&self) -> StepperMemory {
         let mut memory = StepperMemory { method: self.rule.name().to_owned(), ..Default::default() };
-        memory.arrays.push(("stage.last".into(), self.stage.history[0].clone()));
-        memory.arrays.push(("stage.older".into(), self.stage.history[1].clone()));
+        for (name, history) in HISTORY.iter().zip(&self.stage.history) {
+            memory.arrays.push(((*name).to_owned(), history.clone()));
+        }
         memory.counts.push(("stage.history".into(), self.stage.history_count as u64));
         self.inverse.remember(&mut memory);
         self.newton.remember(&mut memory);
@@ -437,7 +476,7 @@ impl<R: Rule> Stepper for OneStage<R> {
 
     fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
         expect_method(memory, self.rule.name())?;
-        for (history, name) in self.stage.history.iter_mut().zip(["stage.last", "stage.older"]) {
+        for (history, name) in self.stage.history.iter_mut().zip(HISTORY) {
             let array = memory.array(name)?;
             if array.len() != history.len() {
                 return Err(SolverError::Memory { missing: name });

@@ -171,8 +171,10 @@ work! {
     newton_iterations,
     /// Energies or residuals evaluated in line searches.
     line_searches,
-    /// Hessians projected to be positive definite after a factorisation had failed.
+    /// Hessians projected to be positive definite, where the exact one gave no factor or no good direction.
     projections,
+    /// Steps whose cheap iteration failed and that full Newton steps down an energy solved.
+    descents,
     /// Implicit steps whose prediction already satisfied the tolerance: nothing was solved.
     skipped,
 }

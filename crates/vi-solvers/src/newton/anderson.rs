@@ -1,0 +1,124 @@
+//! Anderson's acceleration of an iteration w ← w + δ(w) with one and the same factor (D. G. Anderson,
+//! J. ACM 12 (1965) 547–560; Walker, Ni, SIAM J. Numer. Anal. 49 (2011) 1715–1735): the last few
+//! corrections tell how the iteration treats a few directions, and those are corrected in one go.
+//! Sums are taken in the norm of A, in which errors are judged. This room must not know a scheme.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::vectors;
+
+/// Differences that are kept.
+const DEPTH: usize = 4;
+/// A difference that the newer ones nearly contain is left out.
+const INDEPENDENT: f64 = 1e-10;
+
+/// One difference of successive iterates.
+struct Difference {
+    /// δ' − δ, and A times it.
+    change: Vec<f64>,
+    load: Vec<f64>,
+    /// w' − w + δ' − δ.
+    whole: Vec<f64>,
+}
+
+#[derive(Default)]
+pub(super) struct Anderson {
+    /// δ and Aδ of the last iteration; none when a new factor begins.
+    last: Option<(Vec<f64>, Vec<f64>)>,
+    /// w' − w of the last iteration.
+    gone: Vec<f64>,
+    /// Newest first.
+    differences: Vec<Difference>,
+}
+
+impl Anderson {
+    /// Forgets: the factor or the place has changed.
+    pub(super) fn restart(&mut self) {
+        self.last = None;
+        self.differences.clear();
+    }
+
+    /// Takes the correction δ with Aδ = `load`; where it is to be mixed, replaces it.
+    pub(super) fn enter(&mut self, delta: &mut [f64], load: &[f64], mix: bool) {
+        let n = delta.len();
+        let (mut raw, mut raw_load) = match self.last.take() {
+            Some((last, last_load)) => {
+                let mut difference =
+                    if self.differences.len() == DEPTH { self.differences.pop() } else { None }
+                        .unwrap_or_else(|| Difference {
+                            change: vec![0.0; n],
+                            load: vec![0.0; n],
+                            whole: vec![0.0; n],
+                        });
+                let gone = &self.gone;
+                vectors::fill(&mut difference.change, |k| delta[k] - last[k]);
+                vectors::fill(&mut difference.load, |k| load[k] - last_load[k]);
+                let change = &difference.change;
+                vectors::fill(&mut difference.whole, |k| gone[k] + change[k]);
+                self.differences.insert(0, difference);
+                (last, last_load)
+            }
+            None => (vec![0.0; n], vec![0.0; n]),
+        };
+        raw.copy_from_slice(delta);
+        raw_load.copy_from_slice(load);
+        self.last = Some((raw, raw_load));
+        if mix && !self.differences.is_empty() {
+            let weights = self.weights(load);
+            for (difference, weight) in self.differences.iter().zip(&weights) {
+                let whole = &difference.whole;
+                vectors::update(delta, |k, delta| *delta -= weight * whole[k]);
+            }
+        }
+    }
+
+    /// The step was made: w' − w = fraction · δ.
+    pub(super) fn advance(&mut self, delta: &[f64], fraction: f64) {
+        self.gone.resize(delta.len(), 0.0);
+        vectors::fill(&mut self.gone, |k| fraction * delta[k]);
+    }
+
+    /// Weights γ of the differences with the least ‖δ − Σ γ_i Δδ_i‖ in the norm of A.
+    fn weights(&self, load: &[f64]) -> Vec<f64> {
+        let n = load.len();
+        let product = |i: usize, load: &[f64]| {
+            let change = &self.differences[i].change;
+            vectors::sum(n, |k| change[k] * load[k])
+        };
+        let mut count = self.differences.len();
+        let all = DMatrix::from_fn(count, count, |i, j| product(i.min(j), &self.differences[i.max(j)].load));
+        let rhs = DVector::from_fn(count, |i, _| product(i, load));
+        while count > 0 {
+            let gram = all.view((0, 0), (count, count)).into_owned();
+            if let Some(cholesky) = gram.clone().cholesky() {
+                let l = cholesky.l_dirty();
+                if (0..count).all(|i| l[(i, i)] * l[(i, i)] > INDEPENDENT * gram[(i, i)]) {
+                    return cholesky.solve(&rhs.rows(0, count).into_owned()).iter().copied().collect();
+                }
+            }
+            count -= 1;
+        }
+        Vec::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_linear_iteration_of_four_slow_directions_ends_after_five_steps() {
+        // w ← w + δ, δ = −(1 − s_k) w_k: contraction s_k, some of it above 1; A = 1.
+        let keep = [0.9, -1.5, 0.5, 2.0, 0.0, 0.0, 0.0];
+        let mut w = vec![1.0; 7];
+        let mut anderson = Anderson::default();
+        for _ in 0..6 {
+            let load: Vec<f64> = w.iter().zip(keep).map(|(w, s)| -(1.0 - s) * w).collect();
+            let mut delta = load.clone();
+            anderson.enter(&mut delta, &load, true);
+            anderson.advance(&delta, 1.0);
+            w.iter_mut().zip(&delta).for_each(|(w, d)| *w += d);
+        }
+        assert!(w.iter().all(|w| w.abs() < 1e-9), "{w:?}");
+    }
+}

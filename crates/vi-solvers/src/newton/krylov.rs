@@ -1,0 +1,122 @@
+//! A full Newton step for equations whose Jacobian J is not their model A: stages that are coupled, forces
+//! without a potential, discrete gradients. J δ = −R is solved by GMRES (Saad, Schultz 1986) with A⁻¹
+//! in front and products with J by differences of R, so that nothing but residuals and corrections is
+//! asked of the equations. The step is shortened until A⁻¹R falls (Deuflhard's natural monotonicity
+//! test, Newton Methods for Nonlinear Problems, §3.3). This room must not know a scheme.
+
+use nalgebra::{DMatrix, DVector};
+use vi_core::System;
+
+use super::Equations;
+use crate::forces::Forces;
+use crate::inverse::Inverse;
+use crate::{SolverError, vectors};
+
+/// Largest number of products with J.
+const BASIS: usize = 25;
+/// J δ = −R is solved to this relative error.
+const FORCING: f64 = 1e-2;
+/// Length of a difference, relative to the unknowns or to the correction.
+const DIFFERENCE: f64 = 1e-4;
+/// Shortest part of a step.
+const SHORTEST: f64 = 1e-2;
+
+fn norm(v: &[f64]) -> f64 {
+    vectors::sum(v.len(), |k| v[k] * v[k]).sqrt()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    vectors::sum(a.len(), |k| a[k] * b[k])
+}
+
+/// Makes the step from the place of the last correction A⁻¹(−R); returns the part of it that was made.
+pub(super) fn step<E: Equations>(
+    system: &System,
+    forces: &mut Forces,
+    inverse: &mut Inverse,
+    equations: &mut E,
+) -> Result<f64, SolverError> {
+    let first = equations.correction().0.to_vec();
+    // The place is where the last correction was made.
+    equations.advance(0.0);
+    let place = equations.unknowns().to_vec();
+    let delta = solve(system, forces, inverse, equations, &place, &first)?;
+    let size = norm(&first);
+    let mut fraction = 1.0;
+    let mut failure = None;
+    while fraction >= SHORTEST {
+        forces.work.line_searches += 1;
+        match correct_along(system, forces, inverse, equations, &place, &delta, fraction) {
+            Ok(correction) if norm(correction) <= (1.0 - 0.25 * fraction) * size => return Ok(fraction),
+            Ok(_) => {}
+            Err(error) => failure = Some(error),
+        }
+        fraction *= 0.5;
+    }
+    let stuck = SolverError::NoConvergence { iterations: 0, residual: 1.0, tolerance: 0.0 };
+    Err(failure.unwrap_or(stuck))
+}
+
+/// A⁻¹(−R) where the equations come to from `place` along `direction`.
+fn correct_along<'a, E: Equations>(
+    system: &System,
+    forces: &mut Forces,
+    inverse: &mut Inverse,
+    equations: &'a mut E,
+    place: &[f64],
+    direction: &[f64],
+    length: f64,
+) -> Result<&'a [f64], SolverError> {
+    equations.go_to(place);
+    equations.correction().0.copy_from_slice(direction);
+    equations.advance(length);
+    equations.evaluate(system, forces)?;
+    equations.correct(inverse, forces)?;
+    Ok(equations.correction().0)
+}
+
+/// δ with ‖A⁻¹(R + Jδ)‖ ≤ forcing · ‖A⁻¹R‖, `first` = −A⁻¹R.
+fn solve<E: Equations>(
+    system: &System,
+    forces: &mut Forces,
+    inverse: &mut Inverse,
+    equations: &mut E,
+    place: &[f64],
+    first: &[f64],
+) -> Result<Vec<f64>, SolverError> {
+    let size = norm(first);
+    let length = DIFFERENCE * norm(place).max(size);
+    let mut basis: Vec<Vec<f64>> = vec![first.iter().map(|value| value / size).collect()];
+    let mut hessenberg = DMatrix::zeros(BASIS + 1, BASIS);
+    let mut weights = DVector::zeros(0);
+    for column in 0..BASIS {
+        let there = correct_along(system, forces, inverse, equations, place, &basis[column], length)?;
+        let mut image: Vec<f64> = first.iter().zip(there).map(|(a, b)| (a - b) / length).collect();
+        // Twice is enough (Kahan, Parlett).
+        for _ in 0..2 {
+            for (row, other) in basis.iter().enumerate() {
+                let part = dot(other, &image);
+                hessenberg[(row, column)] += part;
+                vectors::update(&mut image, |k, value| *value -= part * other[k]);
+            }
+        }
+        let rest = norm(&image);
+        hessenberg[(column + 1, column)] = rest;
+        let matrix = hessenberg.view((0, 0), (column + 2, column + 1)).into_owned();
+        let mut rhs = DVector::zeros(column + 2);
+        rhs[0] = size;
+        let Ok(found) = matrix.clone().svd(true, true).solve(&rhs, 1e-14) else { break };
+        let residual = (&matrix * &found - &rhs).norm();
+        weights = found;
+        if residual <= FORCING * size || rest <= 1e-14 * size {
+            break;
+        }
+        vectors::update(&mut image, |_, value| *value /= rest);
+        basis.push(image);
+    }
+    let mut delta = vec![0.0; first.len()];
+    for (weight, direction) in weights.iter().zip(&basis) {
+        vectors::update(&mut delta, |k, value| *value += weight * direction[k]);
+    }
+    Ok(delta)
+}
