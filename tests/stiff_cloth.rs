@@ -16,7 +16,7 @@ fn sheet(young: f64) -> Simulation {
     );
     let scene = Scene::new(Time::new(1.0, STEP, SchemeName::ImplicitMidpoint))
         .gravity([0.0, 0.0, -9.81])
-        .body(Body::from_sheet("flag", sheet, serde_json::from_str(&law).unwrap()))
+        .body(Body::from_sheet("flag", sheet, serde_json::from_str::<SheetLaw>(&law).unwrap()))
         .fix(Fix::region("flag", "x-min"));
     Simulation::new(scene).unwrap()
 }
