@@ -251,3 +251,83 @@ fn closed_curves_are_sewn_all_round() {
     let least = 24.0 * 0.5 * 10.0 / 16.0;
     assert!(elastic > least && elastic < 1.15 * least, "{elastic} {least}");
 }
+
+/// Without a stiffness nothing gives: the nodes stay where they are held, at any scheme, and momenta stay.
+#[test]
+fn exact_ties_hold_exactly() {
+    let joint = "[[attach]]\nbody = \"cloth\"\nregion = \"x-min\"\nto = \"block\"\n\
+                 [[probe]]\nname = \"a\"\nbody = \"cloth\"\npoint = [0.0, 0.0, 0.0]\n\
+                 [[probe]]\nname = \"b\"\nbody = \"block\"\npoint = [0.0, 0.0, 0.0]";
+    for (scheme, step) in [("stormer-verlet", 5e-4), ("implicit-midpoint", 2e-3), ("energy-momentum", 2e-3)] {
+        let history = Program::run(&held(scheme, step, joint)).history();
+        let drift = |name: &str| {
+            let values = history.column(name);
+            values.iter().map(|value| (value - values[0]).abs()).fold(0.0, f64::max)
+        };
+        for axis in ["x", "y", "z"] {
+            let [a, b] = ["a", "b"].map(|probe| history.column(&format!("{probe}.{axis}")));
+            assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-14), "{scheme} {axis}");
+        }
+        for name in ["px", "py", "pz", "lx", "ly", "lz"] {
+            assert!(drift(name) < 1e-10, "{scheme}: {name} drifts by {:e}", drift(name));
+        }
+        assert!(drift("kinetic") > 1e-3 && drift("total") < 0.02 * drift("kinetic"), "{scheme}");
+    }
+}
+
+/// Four panels sewn around a common corner, one side of it held: every pair of edges stays together.
+#[test]
+fn exact_seams_share_corners_and_may_be_held() {
+    let mut text = String::from(
+        "gravity = [0.0, 0.0, -9.81]\n[time]\nend = 0.05\nstep = 0.0005\nscheme = \"stormer-verlet\"\n\
+         [[fix]]\nbody = \"b01\"\nregion = \"x-min\"\n[output]\nhistory = 1\n",
+    );
+    for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+        // Panels above have twice the cells.
+        let cells = 3 + 3 * j;
+        text += &format!(
+            "[[body]]\nname = \"b{i}{j}\"\nsheet = {{ size = [0.5, 0.5], cells = [{cells}, {cells}], \
+             origin = [{}, {}, 0] }}\nmaterial = {{ law = \"neo-hookean\", young = 1e4, poisson = 0.3, \
+             area_density = 0.2, thickness = 1e-3 }}\n",
+            0.5 * f64::from(i),
+            0.5 * f64::from(j)
+        );
+        for (k, corner) in [[0.5, 0.5, 0.0], [0.5, 1.0 * f64::from(j), 0.0]].iter().enumerate() {
+            text += &format!("[[probe]]\nname = \"p{i}{j}{k}\"\nbody = \"b{i}{j}\"\npoint = {corner:?}\n");
+        }
+    }
+    for (a, b, region, to) in
+        [("b00", "b10", "x-max", "x-min"), ("b00", "b01", "y-max", "y-min"), ("b01", "b11", "x-max", "x-min")]
+    {
+        text +=
+            &format!("[[seam]]\nbody = \"{a}\"\nregion = \"{region}\"\nto = \"{b}\"\nto_region = \"{to}\"\n");
+    }
+    let history = Program::run(&text).history();
+    assert!(history.last("p000.z") < -1e-3);
+    for axis in ["x", "y", "z"] {
+        let corner = |body: &str| history.last(&format!("p{body}0.{axis}"));
+        for body in ["10", "01", "11"] {
+            assert!((corner("00") - corner(body)).abs() < 1e-14, "{body} {axis}");
+        }
+        assert_eq!(history.last(&format!("p001.{axis}")), history.last(&format!("p101.{axis}")));
+    }
+}
+
+#[test]
+fn what_does_not_meet_cannot_be_held_exactly() {
+    let exact = |gap: f64| {
+        panels([2, 2], gap, "region = \"x-max\"\nto_region = \"x-min\"").replace("stiffness = 5.0\n", "")
+    };
+    let program = Program::check(&exact(0.1));
+    assert!(program.errors().contains("only edges that meet"), "{}", program.errors());
+    assert_eq!(Program::check(&exact(0.0)).code(), Some(0));
+    for (joint, words) in [
+        ("to = \"block\"\nregion = \"x-max\"", "from the surface"),
+        ("region = \"x-max\"", "[[fix]]"),
+        ("to = \"block\"\nregion = \"x-min\"\nlength = 0.1", "need a `stiffness`"),
+    ] {
+        let program =
+            Program::check(&held("stormer-verlet", 1e-3, &format!("[[attach]]\nbody = \"cloth\"\n{joint}")));
+        assert!(program.code() == Some(2) && program.errors().contains(words), "{}", program.errors());
+    }
+}

@@ -1,23 +1,24 @@
 //! Masses, potentials and initial states of the components of a scene: bodies that springs join are
 //! one component, all others stand alone. It must not read files.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use vi_core::{Force, Potential, State, System};
 use vi_fem::{
-    Anchor, Gravity, PointSpring, Sheet, SpringEnd, add_lumped_mass, mass_properties, rigid_velocities,
+    Anchor, Gravity, PointSpring, Sheet, SpringEnd, Tie, add_lumped_mass, mass_properties, rigid_velocities,
 };
 
 use super::load::{End, Loaded, LoadedBody};
 use super::loads;
 use super::prescribe::{NodalFix, coordinates};
-use super::{BodyModel, Model, ProbeTarget, sheets};
+use super::{BodyModel, Model, ProbeTarget, sheets, ties};
 use crate::scene::{Body, Problem, RestShape, Scene, Substance};
 
 pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Problem>> {
     let component_of = components(&loaded);
     let component_count = component_of.iter().max().map_or(0, |&last| last + 1);
-    let Loaded { bodies: loaded_bodies, fixes, probes, strikes, springs, ties } = loaded;
+    let Loaded { bodies: loaded_bodies, fixes, probes, strikes, springs, ties: tie_sets } = loaded;
 
     let mut problems = Vec::new();
     let mut notes = Vec::new();
@@ -77,7 +78,7 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
             Err(error) => problems.push(Problem::new(format!("spring[{i}]"), error.to_string())),
         }
     }
-    for set in ties {
+    for set in tie_sets {
         let offset = |body: usize| bodies[body].node_offset as u32;
         let part = &mut parts[bodies[set.body].component];
         let mut springs = set.ties;
@@ -86,6 +87,10 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
             if let (Anchor::Nodes(weights), Some(to)) = (&mut tie.anchor, set.to) {
                 weights.iter_mut().for_each(|(node, _)| *node += offset(to));
             }
+        }
+        if set.is_exact {
+            part.ties.extend(springs);
+            continue;
         }
         match vi_fem::ties(&springs, &set.name) {
             Ok(terms) => part.potentials.extend(terms),
@@ -170,6 +175,8 @@ struct Part {
     v: Vec<f64>,
     potentials: Vec<Box<dyn Potential>>,
     forces: Vec<Arc<dyn Force>>,
+    /// What is held exactly.
+    ties: Vec<Tie>,
 }
 
 impl Part {
@@ -241,6 +248,16 @@ impl Part {
 
     fn into_system(mut self, gravity: [f64; 3], fixes: &[NodalFix]) -> Result<(System, State), Problem> {
         let coordinates = coordinates(fixes, &self.x)?;
+        let coordinates = if self.ties.is_empty() {
+            coordinates
+        } else {
+            let prescribed: HashSet<u32> =
+                coordinates.prescribed().iter().flat_map(|group| &group.dofs).map(|dof| dof / 3).collect();
+            let combinations = ties::combinations(&self.ties, |node| prescribed.contains(&node));
+            coordinates
+                .with_combinations(&combinations, &[])
+                .map_err(|error| Problem::new("attach", format!("what is held exactly: {error}")))?
+        };
         if gravity != [0.0; 3] {
             self.potentials.push(Box::new(Gravity::new(&self.mass, gravity)));
         }

@@ -212,14 +212,19 @@ impl<'a> Finder<'a> {
         let bodies = self.bodies;
         let own = bodies[body].as_ref()?;
         let Some(to) = &attach.to else {
-            return Some(TieSet { name, body, to: None, ties: ties::to_space(attach, &nodes, own) });
+            let ties = ties::to_space(attach, &nodes, own);
+            return Some(TieSet { name, body, to: None, is_exact: false, ties });
         };
         let (to, _) = self.mesh(to)?;
         let dimension = self.scene.bodies[to].dimension();
         match ties::to_surface(attach, &nodes, own, bodies[to].as_ref()?, dimension) {
-            Ok(ties) => Some(TieSet { name, body, to: Some(to), ties }),
+            Ok(ties) => {
+                let is_exact = attach.stiffness.is_none();
+                Some(TieSet { name, body, to: Some(to), is_exact, ties })
+            }
             Err(message) => {
-                self.say(format!("{name}.surface"), message);
+                let key = if attach.surface.is_some() { format!("{name}.surface") } else { name };
+                self.say(key, message);
                 None
             }
         }
@@ -227,21 +232,24 @@ impl<'a> Finder<'a> {
 
     fn seam(&mut self, seam: &Seam, name: String) -> Option<TieSet> {
         let ((body, mesh), (to, to_mesh)) = (self.mesh(&seam.body)?, self.mesh(seam.to_body())?);
-        if let (Some(region), Some(to_region)) = (&seam.region, &seam.to_region) {
-            let bodies = [self.bodies[body].as_ref()?, self.bodies[to].as_ref()?];
-            return match ties::along_curves(seam, [region, to_region], bodies) {
-                Ok((true, ties)) => Some(TieSet { name, body, to: Some(to), ties }),
-                Ok((false, ties)) => Some(TieSet { name, body: to, to: Some(body), ties }),
-                Err(message) => {
-                    self.say(name, message);
-                    None
-                }
-            };
+        let bodies = [self.bodies[body].as_ref()?, self.bodies[to].as_ref()?];
+        let sewn = if let (Some(region), Some(to_region)) = (&seam.region, &seam.to_region) {
+            ties::along_curves(seam, [region, to_region], bodies)
+        } else {
+            let listed = |nodes: &'_ Option<Vec<usize>>| nodes.clone().unwrap_or_default();
+            let nodes = self.listed(mesh, &listed(&seam.nodes), format!("{name}.nodes"));
+            let others = self.listed(to_mesh, &listed(&seam.to_nodes), format!("{name}.to_nodes"));
+            ties::in_pairs(seam, &nodes, &others, bodies).map(|ties| (true, ties))
+        };
+        let is_exact = seam.stiffness.is_none();
+        match sewn {
+            Ok((true, ties)) => Some(TieSet { name, body, to: Some(to), is_exact, ties }),
+            Ok((false, ties)) => Some(TieSet { name, body: to, to: Some(body), is_exact, ties }),
+            Err(message) => {
+                self.say(name, message);
+                None
+            }
         }
-        let nodes = self.listed(mesh, seam.nodes.as_deref().unwrap_or_default(), format!("{name}.nodes"));
-        let others =
-            self.listed(to_mesh, seam.to_nodes.as_deref().unwrap_or_default(), format!("{name}.to_nodes"));
-        Some(TieSet { name, body, to: Some(to), ties: ties::in_pairs(seam, &nodes, &others) })
     }
 
     fn region(&mut self, mesh: &Mesh, region: &str, key: String) -> Vec<u32> {

@@ -3,6 +3,7 @@
 
 use std::collections::HashMap;
 
+use vi_core::{Combination, TiedMass};
 use vi_fem::{Anchor, ElementKind, Mesh, NearestPoints, Surface, Tie};
 
 use super::load::LoadedBody;
@@ -15,9 +16,14 @@ pub(super) struct TieSet {
     pub(super) body: usize,
     /// The other body.
     pub(super) to: Option<usize>,
+    /// Are the ties springs, or exact? Of the latter stiffness and length say nothing.
+    pub(super) is_exact: bool,
     /// Ties; nodes are those of the bodies' own meshes, `node` of `body`, anchors of `to`.
     pub(super) ties: Vec<Tie>,
 }
+
+/// Nodes held exactly must be this near to where they are held, as a part of the extent of a body.
+const MEET: f64 = 1e-6;
 
 /// Distances below this times the extent of a body are no distance.
 const NEAR: f64 = 1e-9;
@@ -61,10 +67,17 @@ pub(super) fn to_surface(
     let tie = |&node: &u32| {
         let found = search.of(x[node as usize]).ok_or("the surface has no facets")?;
         let gap = if found.distance > near { found.distance } else { 0.0 };
+        if attach.stiffness.is_none() && found.distance > MEET * extent(&y) {
+            return Err(format!(
+                "node {node} is {:.3e} m from the surface; only what lies on it can be held exactly: move the \
+                 bodies together, or give a `stiffness`",
+                found.distance
+            ));
+        }
         Ok(Tie {
             node,
             anchor: Anchor::Nodes(found.weights),
-            stiffness: attach.stiffness,
+            stiffness: attach.stiffness.unwrap_or_default(),
             length: attach.length.unwrap_or(gap),
         })
     };
@@ -77,7 +90,7 @@ pub(super) fn to_space(attach: &Attach, nodes: &[u32], body: &LoadedBody) -> Vec
     let tie = |&node: &u32| Tie {
         node,
         anchor: Anchor::Place(x[node as usize], attach.motion.clone()),
-        stiffness: attach.stiffness,
+        stiffness: attach.stiffness.unwrap_or_default(),
         length: attach.length.unwrap_or(0.0),
     };
     nodes.iter().map(tie).collect()
@@ -127,22 +140,83 @@ pub(super) fn along_curves(
         Tie {
             node: fine[k],
             anchor: Anchor::Nodes(weights.into_iter().filter(|(_, weight)| *weight != 0.0).collect()),
-            stiffness: seam.stiffness,
-            length: seam.length,
+            stiffness: seam.stiffness.unwrap_or_default(),
+            length: seam.length.unwrap_or(0.0),
         }
     };
-    Ok((is_first_finer, (0..count).map(stitch).collect()))
+    let ties: Vec<Tie> = (0..count).map(stitch).collect();
+    check_meeting(seam, &ties, x, y)?;
+    Ok((is_first_finer, ties))
+}
+
+/// What is sewn exactly must meet at the start.
+fn check_meeting(seam: &Seam, ties: &[Tie], x: &[[f64; 3]], y: &[[f64; 3]]) -> Result<(), String> {
+    if seam.stiffness.is_some() {
+        return Ok(());
+    }
+    for tie in ties {
+        let Anchor::Nodes(weights) = &tie.anchor else { continue };
+        let other = [0, 1, 2].map(|i| weights.iter().map(|&(node, w)| w * y[node as usize][i]).sum());
+        let gap = distance(x[tie.node as usize], other);
+        if gap > MEET * extent(y) {
+            return Err(format!(
+                "node {} is {gap:.3e} m from where it is sewn; only edges that meet can be sewn exactly: move \
+                 them together, or give a `stiffness`",
+                tie.node
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Stitches node by node.
-pub(super) fn in_pairs(seam: &Seam, nodes: &[u32], to_nodes: &[u32]) -> Vec<Tie> {
+pub(super) fn in_pairs(
+    seam: &Seam,
+    nodes: &[u32],
+    to_nodes: &[u32],
+    bodies: [&LoadedBody; 2],
+) -> Result<Vec<Tie>, String> {
     let stitch = |(&node, &other): (&u32, &u32)| Tie {
         node,
         anchor: Anchor::Nodes(vec![(other, 1.0)]),
-        stiffness: seam.stiffness,
-        length: seam.length,
+        stiffness: seam.stiffness.unwrap_or_default(),
+        length: seam.length.unwrap_or(0.0),
     };
-    nodes.iter().zip(to_nodes).map(stitch).collect()
+    let ties: Vec<Tie> = nodes.iter().zip(to_nodes).map(stitch).collect();
+    check_meeting(seam, &ties, &start(bodies[0]), &start(bodies[1]))?;
+    Ok(ties)
+}
+
+/// Exact ties as combinations. Where one node is tied to one other, either may be the one that is
+/// eliminated: not the prescribed one, nor one that is tied already, so that corners of several seams and
+/// held seams are sound.
+pub(super) fn combinations(ties: &[Tie], is_prescribed: impl Fn(u32) -> bool) -> Vec<Combination> {
+    let mut root: HashMap<u32, u32> = HashMap::new();
+    let find = |root: &HashMap<u32, u32>, mut node: u32| {
+        while let Some(&next) = root.get(&node) {
+            node = next;
+        }
+        node
+    };
+    let mut combinations = Vec::new();
+    for tie in ties {
+        let Anchor::Nodes(weights) = &tie.anchor else { continue };
+        if let [(other, _)] = weights[..] {
+            let (mut node, mut other) = (find(&root, tie.node), find(&root, other));
+            if node == other {
+                continue;
+            }
+            if is_prescribed(node) {
+                std::mem::swap(&mut node, &mut other);
+            }
+            root.insert(node, other);
+            combinations.push(Combination { node, terms: vec![(other, 1.0)], mass: TiedMass::Exact });
+        } else {
+            let (node, terms) = (tie.node, weights.clone());
+            combinations.push(Combination { node, terms, mass: TiedMass::Lumped });
+        }
+    }
+    combinations
 }
 
 /// The nodes of a curve in order; of a closed one the first is the last again.

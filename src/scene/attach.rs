@@ -6,8 +6,9 @@ use vi_fem::Motion;
 
 use super::BoxRegion;
 
-/// `[[attach]]`: nodes of a body held by springs, each to the nearest point of another body's surface, or to
-/// the place where it starts, which may move. V = ½ k (|x − y| − L)² a node.
+/// `[[attach]]`: nodes of a body held, each to the nearest point of another body's surface, or to the place
+/// where it starts, which may move. With `stiffness` by springs, V = ½ k (|x − y| − L)² a node; without it
+/// exactly: x = y is eliminated, and the mass of x shared by the nodes of y.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Attach {
@@ -31,8 +32,10 @@ pub struct Attach {
     /// How the places in space move, without `to` (default: not at all).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<Motion>,
-    /// Stiffness k of each node's spring, N/m (> 0).
-    pub stiffness: f64,
+    /// Stiffness k of each node's spring, N/m (> 0); without it the nodes, which must lie on the surface
+    /// `to`, are held there exactly.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stiffness: Option<f64>,
     /// Length L at which a spring has no force, m (≥ 0; default: the distance at the start).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub length: Option<f64>,
@@ -42,6 +45,10 @@ impl Attach {
     /// What is wrong with its values, each with the key within it.
     pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
         let mut problems = spring_problems(self.stiffness, self.length);
+        if self.stiffness.is_none() && self.to.is_none() {
+            let message = "missing key: places in space hold by springs; for exact places take [[fix]]";
+            problems.push(("stiffness", message.to_owned()));
+        }
         let given = [self.region.is_some(), self.within.is_some(), self.nodes.is_some()];
         if given.iter().filter(|given| **given).count() != 1 {
             problems.push(("", "give one of `region`, `box`, `nodes`".to_owned()));
@@ -63,9 +70,14 @@ impl Attach {
     }
 }
 
-fn spring_problems(stiffness: f64, length: Option<f64>) -> Vec<(&'static str, String)> {
+fn spring_problems(stiffness: Option<f64>, length: Option<f64>) -> Vec<(&'static str, String)> {
     let mut problems = Vec::new();
-    if !(stiffness > 0.0 && stiffness.is_finite()) {
+    if stiffness.is_none() && length.is_some() {
+        problems.push(("length", "is that of springs, which need a `stiffness`".to_owned()));
+    }
+    if let Some(stiffness) = stiffness
+        && !(stiffness > 0.0 && stiffness.is_finite())
+    {
         problems.push(("stiffness", format!("must be positive and finite, is {stiffness} N/m")));
     }
     if length.is_some_and(|length| !(length >= 0.0 && length.is_finite())) {
@@ -74,7 +86,8 @@ fn spring_problems(stiffness: f64, length: Option<f64>) -> Vec<(&'static str, St
     problems
 }
 
-/// `[[seam]]`: two edges sewn together by springs of length zero, or of `length`.
+/// `[[seam]]`: two edges sewn together: with `stiffness` by springs of length zero, or of `length`; without
+/// it exactly, the nodes of the one being where the other is.
 ///
 /// By `region` and `to_region`, curves of the two meshes, every node of the one with more nodes is sewn to
 /// the point of the other at the same part of its length. By `nodes` and `to_nodes` they are sewn in pairs.
@@ -101,11 +114,12 @@ pub struct Seam {
     /// Run along the second curve against the direction that brings the ends nearest.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub reverse: bool,
-    /// Stiffness k of each stitch, N/m (> 0).
-    pub stiffness: f64,
-    /// Length L of a stitch without force, m (≥ 0).
-    #[serde(default)]
-    pub length: f64,
+    /// Stiffness k of each stitch, N/m (> 0); without it the edges, which must meet, are joined exactly.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stiffness: Option<f64>,
+    /// Length L of a stitch without force, m (≥ 0; default 0).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length: Option<f64>,
 }
 
 impl Seam {
@@ -116,7 +130,7 @@ impl Seam {
 
     /// What is wrong with its values, each with the key within it.
     pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
-        let mut problems = spring_problems(self.stiffness, Some(self.length));
+        let mut problems = spring_problems(self.stiffness, self.length);
         match (&self.region, &self.to_region, &self.nodes, &self.to_nodes) {
             (Some(_), Some(_), None, None) => {}
             (None, None, Some(nodes), Some(to_nodes)) => {

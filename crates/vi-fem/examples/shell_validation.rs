@@ -6,6 +6,8 @@
 mod annulus;
 #[path = "../tests/plates/cases.rs"]
 mod cases;
+#[path = "../tests/plates/cloth.rs"]
+mod cloth;
 #[path = "../tests/plates/skyline.rs"]
 mod skyline;
 #[path = "../tests/plates/structure.rs"]
@@ -98,6 +100,29 @@ fn main() {
             let cells = [[10, 10], [20, 20], [40, 40], [80, 80]];
             table(&format!("Square plate, {supports}: frequencies ω a² √(ρh/D) (E1)"), 0.01, &cells, run);
         }
+    }
+    if wants("catenary") {
+        let cells = [[16, 2], [32, 2], [64, 4]];
+        table("Catenary, a stiff strip of three lengths (D3)", 0.005, &cells, cloth::catenary);
+    }
+    if wants("chain") {
+        let cells = [[20, 1], [40, 1], [80, 1], [160, 1]];
+        table("Hanging chain: frequencies ω√(L/g) of a strip (D3)", 0.01, &cells, cloth::chain);
+        println!("\nEach mode stands for as many as the strip has fibres; the worst of them is shown.");
+    }
+    if wants("drum") {
+        let cells = [[12, 12], [24, 24], [48, 48]];
+        table("Circular drum: frequencies ωR/c (D3)", 0.01, &cells, cloth::drum);
+        println!("\nThe mesh is that of a square moved onto the disc.");
+    }
+    if wants("rolled") {
+        let cells = [[10, 10], [20, 20], [40, 40], [80, 80]];
+        table(
+            "Rolled sheet: bending energy over ½ D A/R² in twelve directions (D3)",
+            0.01,
+            &cells,
+            cloth::rolled,
+        );
     }
     if wants("annulus") {
         let cells = [[60, 4], [120, 8], [240, 16]];

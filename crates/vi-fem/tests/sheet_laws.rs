@@ -216,47 +216,6 @@ fn blocks_do_not_depend_on_the_batch_and_projected_ones_are_not_negative() {
     }
 }
 
-/// Bending energy of a unit square rolled onto a cylinder of radius R in the direction `angle`, of the
-/// triangles that are well inside (at a free edge the sheet may straighten), over ½ D/R² times their area.
-fn rolled(pattern: SheetPattern, cells: u32, radius: f64, angle: f64) -> f64 {
-    let law = first_law(Bending::Shell);
-    let mesh = sheet_mesh([1.0, 1.0], [cells, cells], pattern);
-    let (s, c) = angle.sin_cos();
-    let roll = |p: &[f64; 3]| {
-        let (along, across) = ((c * p[0] + s * p[1]) / radius, c * p[1] - s * p[0]);
-        [radius * along.sin(), across, radius * (1.0 - along.cos())]
-    };
-    let x: Vec<f64> = mesh.points.iter().flat_map(roll).collect();
-    let stiffness = law.parameters().common().thickness.powi(3) / 12.0 * law.parameters().moduli()[0][0];
-    let (mut energy, mut area) = (0.0, 0.0);
-    let margin = 3.0 / f64::from(cells);
-    for potential in potentials(&mesh, &law, &[]).unwrap().iter().skip(1) {
-        for (stencil, value) in energies(&**potential, &x).into_iter().enumerate() {
-            // The triangle's own corners come first in its stencil.
-            let [a, b, c] = [0, 1, 2].map(|k| mesh.points[potential.stencils().of(stencil)[k] as usize]);
-            let is_inside = (0..2)
-                .map(|i| (a[i] + b[i] + c[i]) / 3.0)
-                .all(|centre| centre > margin && centre < 1.0 - margin);
-            if is_inside {
-                energy += value;
-                area += 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
-            }
-        }
-    }
-    energy / (0.5 * stiffness * area / (radius * radius))
-}
-
-#[test]
-fn a_rolled_sheet_has_the_energy_of_its_curvature_in_any_direction() {
-    for pattern in [SheetPattern::Diagonal, SheetPattern::Cross, SheetPattern::Random] {
-        for step in 0..12 {
-            let angle = f64::from(step) * std::f64::consts::PI / 12.0;
-            let ratio = rolled(pattern, 40, 0.5, angle);
-            assert!((ratio - 1.0).abs() < 0.01, "{pattern:?} at {angle} rad: {ratio}");
-        }
-    }
-}
-
 /// On right-angled triangles with diagonals along (1, 1), a cylinder in the direction α bends the three
 /// hinges of a cell by κl(c² + cs), κl(s² + cs) and −√2 κl cs, which gives 1 + sin 2α + sin² 2α times the
 /// energy of the plate: right along the legs, ¾ to 3 times elsewhere.

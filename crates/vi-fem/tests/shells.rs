@@ -3,6 +3,8 @@
 
 #[path = "plates/cases.rs"]
 mod cases;
+#[path = "plates/cloth.rs"]
+mod cloth;
 #[path = "plates/skyline.rs"]
 mod skyline;
 #[path = "plates/structure.rs"]
@@ -61,4 +63,24 @@ fn frequencies_converge_at_second_order_on_any_mesh() {
             assert!(order > 1.8, "{pattern:?}, {supports}: order {order}");
         }
     }
+}
+
+#[test]
+fn a_stiff_strip_hangs_as_a_catenary() {
+    within(0.005, |pattern| cloth::catenary([32, 2], pattern));
+}
+
+#[test]
+fn a_hanging_strip_swings_as_a_chain() {
+    within(0.01, |pattern| cloth::chain([80, 1], pattern));
+}
+
+#[test]
+fn a_circular_drum_sounds_at_the_zeros_of_bessels_functions() {
+    within(0.01, |pattern| cloth::drum([24, 24], pattern));
+}
+
+#[test]
+fn a_rolled_sheet_has_the_energy_of_its_curvature_in_any_direction() {
+    within(0.01, |pattern| cloth::rolled([40, 40], pattern));
 }

@@ -80,7 +80,13 @@ impl Structure {
 
     /// ∂V/∂q, N.
     fn gradient(&self, x: &[f64]) -> Vec<f64> {
-        let mut sum = vec![0.0; self.free.len()];
+        let all = self.internal_forces(x);
+        self.free.iter().map(|&dof| all[dof]).collect()
+    }
+
+    /// ∂V/∂x of all coordinates, free or held, N.
+    pub(crate) fn internal_forces(&self, x: &[f64]) -> Vec<f64> {
+        let mut sum = vec![0.0; x.len()];
         for potential in &self.potentials {
             let stencils = potential.stencils();
             let size = stencils.size();
@@ -88,10 +94,7 @@ impl Structure {
             potential.gradients(0..stencils.count(), x, 0.0, &mut out);
             for (stencil, block) in out.chunks_exact(size).enumerate() {
                 for (n, value) in block.iter().enumerate() {
-                    let dof = 3 * stencils.of(stencil)[n / 3] as usize + n % 3;
-                    if let Some(row) = self.place[dof] {
-                        sum[row] += value;
-                    }
+                    sum[3 * stencils.of(stencil)[n / 3] as usize + n % 3] += value;
                 }
             }
         }
