@@ -7,6 +7,7 @@ mod bench;
 mod info;
 mod modes;
 mod progress;
+mod resume;
 mod run;
 
 use std::ffi::OsString;
@@ -29,6 +30,8 @@ struct Arguments {
 enum Command {
     /// Run a scene and write history.csv, frames and report.json
     Run(run::RunArguments),
+    /// Continue a run from its newest checkpoint, to the same bits as if it had never ended
+    Resume(resume::ResumeArguments),
     /// Measure schemes and steps on a scene: run time against error, and what to use
     Bench(bench::BenchArguments),
     /// Check scenes and their meshes without running: everything that is wrong, at once
@@ -73,6 +76,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     };
     ExitCode::from(match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
+        Command::Resume(arguments) => resume::resume(&arguments),
         Command::Bench(arguments) => bench::bench_scene(&arguments),
         Command::Check { scenes, overrides } => run::check(&scenes, &overrides),
         Command::Modes(arguments) => modes::modes(&arguments),

@@ -9,8 +9,11 @@
 
 use serde::Serialize;
 
+use vi_solvers::SolverError;
+
+use crate::checkpoint::record::record;
 use crate::scene::SchemeName;
-use crate::simulation::{ProbeValue, Simulation};
+use crate::simulation::{ProbeValue, Simulation, Snapshot};
 use crate::trial::{Choice, highest};
 
 /// The estimated error of a probe.
@@ -21,6 +24,24 @@ pub struct ProbeEstimate {
     /// Order observed; none where the differences do not show one.
     pub observed_order: Option<f64>,
 }
+
+record!(ProbeEstimate { error: [f64; 3], observed_order: Option<f64> });
+
+/// The companions of a run between two steps; none where there is none or it was lost.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Companions {
+    double: Option<Snapshot>,
+    half: Option<Snapshot>,
+    shadow: Option<Snapshot>,
+    notes: Vec<String>,
+}
+
+record!(Companions {
+    double: Option<Snapshot>,
+    half: Option<Snapshot>,
+    shadow: Option<Snapshot>,
+    notes: Vec<String>,
+});
 
 /// The companions of a run.
 pub struct Estimator {
@@ -72,6 +93,33 @@ impl Estimator {
     /// What could not be done, in words.
     pub fn notes(&self) -> &[String] {
         &self.notes
+    }
+
+    /// What the companions are now.
+    pub fn snapshot(&self) -> Companions {
+        let of = |companion: &Option<Simulation>| companion.as_ref().map(Simulation::snapshot);
+        let notes = self.notes.clone();
+        Companions { double: of(&self.double), half: of(&self.half), shadow: of(&self.shadow), notes }
+    }
+
+    /// Makes the companions what those of an equal run were.
+    ///
+    /// # Errors
+    /// As [`Simulation::restore`].
+    pub fn restore(&mut self, was: &Companions) -> Result<(), SolverError> {
+        let pairs = [
+            (&mut self.double, &was.double),
+            (&mut self.half, &was.half),
+            (&mut self.shadow, &was.shadow),
+        ];
+        for (companion, was) in pairs {
+            match (companion.as_mut(), was) {
+                (Some(companion), Some(was)) => companion.restore(was)?,
+                _ => *companion = None,
+            }
+        }
+        self.notes.clone_from(&was.notes);
+        Ok(())
     }
 
     /// Brings all companions to `step` steps of the run and compares; none at a step on which not all of

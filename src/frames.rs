@@ -23,6 +23,10 @@ pub(crate) struct FrameWriter {
     material_ids: Vec<i32>,
 }
 
+fn frame_file(number: usize) -> String {
+    format!("frame_{number:06}.vtu")
+}
+
 impl FrameWriter {
     /// A series in a directory, one frame every `interval` (s).
     ///
@@ -84,6 +88,37 @@ impl FrameWriter {
     /// Frames written.
     pub(crate) fn count(&self) -> usize {
         self.series.frames().len()
+    }
+
+    /// Time and file of every frame.
+    pub(crate) fn frames(&self) -> &[(f64, String)] {
+        self.series.frames()
+    }
+
+    /// Continues after these frames of an earlier run; files of later ones go.
+    ///
+    /// # Errors
+    /// Where a file cannot be written or removed.
+    pub(crate) fn resume(&mut self, frames: &[(f64, String)]) -> Result<(), IoError> {
+        self.series.set_frames(frames.to_vec())?;
+        for count in self.count().. {
+            let file = self.directory.join(frame_file(count));
+            match std::fs::remove_file(&file) {
+                Ok(()) => {}
+                Err(error) if error.kind() == std::io::ErrorKind::NotFound => break,
+                Err(source) => return Err(IoError::System { file, action: "remove", source }),
+            }
+        }
+        Ok(())
+    }
+
+    /// Drops all but the first frames.
+    ///
+    /// # Errors
+    /// Where a file cannot be written or removed.
+    pub(crate) fn truncate(&mut self, count: usize) -> Result<(), IoError> {
+        let kept = self.frames()[..count.min(self.count())].to_vec();
+        if kept.len() < self.count() { self.resume(&kept) } else { Ok(()) }
     }
 
     /// Is the simulation at the step nearest to the time of the next frame, or beyond it?
@@ -151,7 +186,7 @@ impl FrameWriter {
             cell_data: &cell_data,
             time: Some(time),
         };
-        let file = format!("frame_{:06}.vtu", self.count());
+        let file = frame_file(self.count());
         vi_io::write_vtu(&self.directory.join(&file), &frame, self.options)?;
         self.series.push(time, &file)
     }

@@ -1,8 +1,10 @@
 //! history.csv: a row of energies, momenta and probes every n steps. It must not know clock time,
 //! so that equal runs are equal files.
+//! Writing into a text in memory cannot fail; what `write!` returns there is passed over.
 
+use std::fmt::Write as _;
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use crate::estimate::ProbeEstimate;
@@ -22,36 +24,85 @@ pub(crate) struct Columns {
 pub(crate) struct HistoryWriter {
     file: BufWriter<File>,
     columns: Columns,
+    /// Bytes written so far, in the buffer or in the file.
+    bytes: u64,
+}
+
+/// Work since the row before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct RowWork {
+    /// Newton iterations.
+    pub(crate) iterations: u64,
+    /// Substeps of steps that were cut.
+    pub(crate) substeps: u64,
 }
 
 impl HistoryWriter {
     /// Creates the file and writes its header. Columns: `t` s; energies, J; linear momentum, kg m/s;
     /// angular momentum about the origin, kg m²/s; for each probe position and displacement, m; then
-    /// the Newton iterations since the row before.
+    /// the Newton iterations and the substeps since the row before.
     ///
     /// # Errors
     /// Where the file cannot be written.
     pub(crate) fn create(path: &Path, probes: &[String], columns: Columns) -> io::Result<Self> {
-        let mut file = BufWriter::new(File::create(path)?);
-        write!(file, "t,kinetic,elastic,gravity,total,px,py,pz,lx,ly,lz")?;
+        let mut line = "t,kinetic,elastic,gravity,total,px,py,pz,lx,ly,lz".to_owned();
         for name in probes {
             for column in ["x", "y", "z", "ux", "uy", "uz"] {
-                write!(file, ",{name}.{column}")?;
+                let _ = write!(line, ",{name}.{column}");
             }
         }
-        write!(file, ",newton_iterations")?;
+        line.push_str(",newton_iterations,substeps");
         if columns.has_loads {
-            write!(file, ",load")?;
+            line.push_str(",load");
         }
         if columns.has_estimates {
             for name in probes {
                 for column in ["ex", "ey", "ez", "order"] {
-                    write!(file, ",{name}.{column}")?;
+                    let _ = write!(line, ",{name}.{column}");
                 }
             }
         }
-        writeln!(file)?;
-        Ok(Self { file, columns })
+        let mut writer = Self { file: BufWriter::new(File::create(path)?), columns, bytes: 0 };
+        writer.append(line)?;
+        Ok(writer)
+    }
+
+    /// Continues a file after its first `bytes`; what is behind them goes.
+    ///
+    /// # Errors
+    /// Where the file cannot be written.
+    pub(crate) fn resume(path: &Path, columns: Columns, bytes: u64) -> io::Result<Self> {
+        let file = File::options().write(true).open(path)?;
+        let mut writer = Self { file: BufWriter::new(file), columns, bytes };
+        writer.truncate(bytes)?;
+        Ok(writer)
+    }
+
+    /// Drops what is behind the first `bytes`.
+    ///
+    /// # Errors
+    /// Where the file cannot be written.
+    pub(crate) fn truncate(&mut self, bytes: u64) -> io::Result<()> {
+        self.file.flush()?;
+        self.file.get_ref().set_len(bytes)?;
+        self.file.seek(SeekFrom::Start(bytes))?;
+        self.bytes = bytes;
+        Ok(())
+    }
+
+    /// Bytes written so far, when they are on the disk.
+    ///
+    /// # Errors
+    /// Where the file cannot be written.
+    pub(crate) fn sync(&mut self) -> io::Result<u64> {
+        self.file.flush()?;
+        self.file.get_ref().sync_data()?;
+        Ok(self.bytes)
+    }
+
+    /// Bytes written so far.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.bytes
     }
 
     /// Appends one row.
@@ -61,38 +112,42 @@ impl HistoryWriter {
     pub(crate) fn write(
         &mut self,
         row: &Observation,
-        iterations: u64,
+        work: RowWork,
         estimates: Option<&[ProbeEstimate]>,
     ) -> io::Result<()> {
-        let file = &mut self.file;
-        write!(file, "{:.16e}", row.t)?;
+        let mut line = format!("{:.16e}", row.t);
+        let mut number = |value: f64| {
+            let _ = write!(line, ",{value:.16e}");
+        };
         let energies = [row.kinetic, row.elastic, row.gravity, row.total()];
-        for value in energies.iter().chain(&row.momentum).chain(&row.angular_momentum) {
-            write!(file, ",{value:.16e}")?;
-        }
+        energies.iter().chain(&row.momentum).chain(&row.angular_momentum).for_each(|&value| number(value));
         for probe in &row.probes {
-            for value in probe.position.iter().chain(&probe.displacement) {
-                write!(file, ",{value:.16e}")?;
-            }
+            probe.position.iter().chain(&probe.displacement).for_each(|&value| number(value));
         }
-        write!(file, ",{iterations}")?;
+        let _ = write!(line, ",{},{}", work.iterations, work.substeps);
         if self.columns.has_loads {
-            write!(file, ",{:.16e}", row.load)?;
+            let _ = write!(line, ",{:.16e}", row.load);
         }
         if self.columns.has_estimates {
             for index in 0..row.probes.len() {
                 match estimates.map(|estimates| estimates[index]) {
                     Some(ProbeEstimate { error: [x, y, z], observed_order }) => {
-                        write!(file, ",{x:.16e},{y:.16e},{z:.16e},")?;
+                        let _ = write!(line, ",{x:.16e},{y:.16e},{z:.16e},");
                         if let Some(order) = observed_order {
-                            write!(file, "{order:.16e}")?;
+                            let _ = write!(line, "{order:.16e}");
                         }
                     }
-                    None => write!(file, ",,,,")?,
+                    None => line.push_str(",,,,"),
                 }
             }
         }
-        writeln!(file)
+        self.append(line)
+    }
+
+    fn append(&mut self, mut line: String) -> io::Result<()> {
+        line.push('\n');
+        self.bytes += line.len() as u64;
+        self.file.write_all(line.as_bytes())
     }
 
     /// Hands everything to the operating system.

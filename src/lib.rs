@@ -8,11 +8,13 @@
 
 pub mod auto;
 pub mod bench;
+pub mod checkpoint;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod estimate;
 pub mod explain;
 mod frames;
+pub mod guard;
 mod history;
 mod mesh_import;
 pub mod model;
@@ -35,8 +37,9 @@ pub use vi_solvers as solvers;
 pub mod prelude {
     pub use crate::run::{RunError, Watch, run};
     pub use crate::scene::{
-        Assert, Attach, Axis, Body, Damping, Field, FieldComponent, Fix, Load, Output, Precision, Probe,
-        Scene, SchemeName, Seam, Solver, Spring, SpringEnd, Static, Strike, Substance, Time,
+        Assert, Attach, Axis, Body, Checkpoints, Damping, Field, FieldComponent, Fix, Guard, GuardAction,
+        Load, Output, Precision, Probe, Scene, SchemeName, Seam, Solver, Spring, SpringEnd, Static, Strike,
+        Substance, Time,
     };
     pub use crate::simulation::{Observation, Simulation};
     pub use vi_fem::{

@@ -1,18 +1,31 @@
 //! How far linear and angular momentum moved over a run, relative to what is in motion.
 //! It must not know why: a fixed node or gravity changes them rightly.
 
+use crate::checkpoint::record::record;
 use crate::simulation::{Observation, Simulation};
 
 /// Follows the momenta of a run.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct MomentumLedger {
-    first: Observation,
+    first: Momenta,
     mass: f64,
     size: f64,
     kinetic_max: f64,
     linear: f64,
     angular: f64,
 }
+
+/// Linear and angular momentum.
+type Momenta = ([f64; 3], [f64; 3]);
+
+record!(MomentumLedger {
+    first: Momenta,
+    mass: f64,
+    size: f64,
+    kinetic_max: f64,
+    linear: f64,
+    angular: f64,
+});
 
 impl MomentumLedger {
     /// Opens at the first observation.
@@ -25,15 +38,16 @@ impl MomentumLedger {
             size = x.iter().fold(size, |size, x| size.max(x.abs()));
         }
         let first_kinetic = first.kinetic;
-        Self { first: first.clone(), mass, size, kinetic_max: first_kinetic, linear: 0.0, angular: 0.0 }
+        let first = (first.momentum, first.angular_momentum);
+        Self { first, mass, size, kinetic_max: first_kinetic, linear: 0.0, angular: 0.0 }
     }
 
     /// Enters an observation.
     pub fn enter(&mut self, seen: &Observation) {
         self.kinetic_max = self.kinetic_max.max(seen.kinetic);
         for k in 0..3 {
-            self.linear = self.linear.max((seen.momentum[k] - self.first.momentum[k]).abs());
-            let change = seen.angular_momentum[k] - self.first.angular_momentum[k];
+            self.linear = self.linear.max((seen.momentum[k] - self.first.0[k]).abs());
+            let change = seen.angular_momentum[k] - self.first.1[k];
             self.angular = self.angular.max(change.abs());
         }
     }

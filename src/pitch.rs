@@ -47,6 +47,30 @@ impl PitchFinder {
         }
     }
 
+    /// Samples that were entered.
+    pub(crate) fn len(&self) -> usize {
+        self.times.len()
+    }
+
+    /// Forgets all but the first samples.
+    pub(crate) fn truncate(&mut self, len: usize) {
+        self.times.truncate(len);
+        self.tracks.iter_mut().for_each(|track| track.values.truncate(len));
+    }
+
+    /// All samples: times, and the values of each probe that asks for its pitch.
+    pub(crate) fn samples(&self) -> (Vec<f64>, Vec<Vec<f64>>) {
+        (self.times.clone(), self.tracks.iter().map(|track| track.values.clone()).collect())
+    }
+
+    /// Takes over [`PitchFinder::samples`] of a finder for the same probes.
+    pub(crate) fn restore(&mut self, (times, values): &(Vec<f64>, Vec<Vec<f64>>)) {
+        self.times.clone_from(times);
+        for (track, values) in self.tracks.iter_mut().zip(values) {
+            track.values.clone_from(values);
+        }
+    }
+
     /// Name and pitch (Hz) of each probe that asks for it; none where too little was seen.
     pub fn pitches(&self) -> Vec<(String, Option<f64>)> {
         let n = self.times.len();

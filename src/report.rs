@@ -8,8 +8,8 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 use vi_core::EnergyLedger;
 
-use crate::auto::AutoReport;
 use crate::estimate::ProbeEstimate;
+use crate::guard::EnergyGuard;
 use crate::momentum::MomentumLedger;
 use crate::pitch::PitchFinder;
 use crate::scene::Scene;
@@ -70,9 +70,13 @@ pub struct Report {
     /// Companion runs of the error estimate, s; part of the output.
     pub estimating_seconds: f64,
     /// Why this scheme and step, where the scene left them open.
-    pub auto: Option<AutoReport>,
+    pub auto: Value,
     /// Estimated errors of the probes at the end.
     pub estimate: Map<String, Value>,
+    /// Steps that were cut into substeps, these, and the smallest of them, s.
+    pub substeps: Value,
+    /// Energy that nothing put in, and what the guard did about it.
+    pub guard: Value,
     /// Counted work.
     pub work: Map<String, Value>,
     /// Frames written.
@@ -85,6 +89,9 @@ pub struct Report {
     pub pitch: Map<String, Value>,
     /// Asserts of the scene that are broken.
     pub broken: Vec<String>,
+    /// Energy that was gained in spite of the guard, in words.
+    #[serde(skip)]
+    pub warning: Option<String>,
     /// Energy drift over the largest kinetic energy.
     #[serde(skip)]
     pub energy_drift: f64,
@@ -121,16 +128,26 @@ impl Report {
             stepping_seconds: 0.0,
             output_seconds: 0.0,
             estimating_seconds: 0.0,
-            auto: simulation.auto().cloned(),
+            auto: json!(simulation.auto()),
             estimate: Map::new(),
+            substeps: Value::Null,
+            guard: Value::Null,
             work: Map::new(),
             frames: 0,
             energy: Value::Null,
             momentum: Value::Null,
             pitch: Map::new(),
             broken: Vec::new(),
+            warning: None,
             energy_drift: 0.0,
         }
+    }
+
+    /// Enters what the energy guard saw and did.
+    pub(crate) fn guard(&mut self, guard: &EnergyGuard) {
+        self.guard = guard.report();
+        self.notes.extend(guard.warning());
+        self.warning = guard.warning();
     }
 
     pub(crate) fn close(
@@ -145,6 +162,9 @@ impl Report {
         self.steps = simulation.steps();
         self.outcome = Some(outcome);
         self.work = simulation.work().iter().map(|(name, count)| (name.to_owned(), count.into())).collect();
+        let cut = simulation.substeps();
+        self.substeps = json!({ "steps_cut": cut.steps, "substeps": cut.substeps,
+                                "smallest": simulation.step_size() / cut.finest as f64 });
         self.frames = frames;
         self.energy_drift = if energy.drift == 0.0 { 0.0 } else { energy.drift / energy.kinetic_max };
         let parts = &energy.parts;
@@ -196,9 +216,16 @@ impl Report {
         crate::explain::account(&self.work)
     }
 
+    /// Writes report.json as a whole: it is there when the run has ended, and not before.
     pub(crate) fn write(&self, path: &Path) -> io::Result<()> {
         let mut text = serde_json::to_string_pretty(self)?;
         text.push('\n');
-        std::fs::write(path, text)
+        let temporary = path.with_extension("json.tmp");
+        let written = std::fs::write(&temporary, text).and_then(|()| std::fs::rename(&temporary, path));
+        if written.is_err() {
+            // The first error is the one to report; the temporary file may not even exist.
+            let _ = std::fs::remove_file(&temporary);
+        }
+        written
     }
 }

@@ -1,22 +1,21 @@
-//! A whole run: steps a simulation to its end and writes what the scene asks for.
-//! It must not know the command line; a caller watches through [`Watch`].
+//! A whole run: steps a simulation to its end and writes what the scene asks for, from the start or
+//! from a checkpoint. It must not know the command line; a caller watches through [`Watch`].
+
+mod safety;
+mod stepping;
 
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use vi_core::EnergyLedger;
 use vi_solvers::StepError;
 
-use crate::estimate::{Estimator, ProbeEstimate};
-use crate::frames::FrameWriter;
-use crate::history::{Columns, HistoryWriter};
-use crate::momentum::MomentumLedger;
-use crate::pitch::PitchFinder;
-use crate::report::{Outcome, Report};
+use crate::checkpoint::{self, Checkpoint, CheckpointError};
+use crate::report::Report;
 use crate::scene::{Problem, Scene};
-use crate::simulation::{Observation, Simulation};
-use crate::stability::{StabilityNote, stability};
+use crate::simulation::Simulation;
+pub(crate) use stepping::Course;
+use stepping::Run;
 
 /// Why a run ended before its end.
 #[derive(Debug, thiserror::Error)]
@@ -33,6 +32,25 @@ pub enum RunError {
         /// Why.
         source: StepError,
     },
+    /// The energy guard ended the run; what was reached is written.
+    #[error(
+        "step {step}: the energy guard ends the run at t = {t} s: {joules:.3e} J were gained that nothing put in, \
+         {relative:.2e} of the energy given, {bound:e} allowed{after}"
+    )]
+    Guard {
+        /// The last step made.
+        step: u64,
+        /// Its time, s.
+        t: f64,
+        /// Growth, J.
+        joules: f64,
+        /// Growth relative to the exchange.
+        relative: f64,
+        /// What is allowed.
+        bound: f64,
+        /// What was tried, in words; may be empty.
+        after: &'static str,
+    },
     /// A file could not be written.
     #[error("{}: {source}", .path.display())]
     Output {
@@ -44,6 +62,17 @@ pub enum RunError {
     /// A mesh file could not be written.
     #[error(transparent)]
     Frame(#[from] vi_io::IoError),
+    /// There is nothing to continue from, or it does not fit.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+}
+
+impl RunError {
+    /// An error of writing `path`.
+    fn output(path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Output { path, source }
+    }
 }
 
 fn list(problems: &[Problem]) -> String {
@@ -58,12 +87,14 @@ pub trait Watch {
     fn step(&mut self, _simulation: &Simulation) -> bool {
         true
     }
+    /// The last step was made, or one failed: the state that is left.
+    fn end(&mut self, _simulation: &Simulation) {}
 }
 
 /// Watches nothing.
 impl Watch for () {}
 
-/// Runs a scene and writes history.csv, frames and report.json into `directory`.
+/// Runs a scene and writes history.csv, frames, checkpoints and report.json into `directory`.
 ///
 /// The directory is made only once the whole scene has been accepted; what an earlier run wrote
 /// there is replaced, nothing else is touched.
@@ -71,163 +102,54 @@ impl Watch for () {}
 /// # Errors
 /// [`RunError`]; what was reached before the error is written, but for errors of output itself.
 pub fn run(scene: Scene, name: &str, directory: &Path, watch: &mut dyn Watch) -> Result<Report, RunError> {
+    run_from(None, scene, name, directory, watch)
+}
+
+/// [`run`] of a scene that was read from `file`: its path and the keys that were set in it, by which
+/// [`resume`] finds it again.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_from(
+    file: Option<(&Path, &[String])>,
+    scene: Scene,
+    name: &str,
+    directory: &Path,
+    watch: &mut dyn Watch,
+) -> Result<Report, RunError> {
     let begin = Instant::now();
+    let origin = scene.checkpoint.as_ref().map(|_| checkpoint::Origin::new(&scene, name));
     let simulation = Simulation::new(scene).map_err(RunError::Scene)?;
-    Run::start(simulation, name, directory, begin)?.complete(watch)
+    // A mesh that cannot be read is a problem of the scene, and has been reported as one.
+    let mut origin = origin.transpose()?;
+    if let (Some(origin), Some((path, overrides))) = (&mut origin, file) {
+        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        origin.file = Some((path.display().to_string(), overrides.to_vec()));
+    }
+    Run::start(simulation, name, directory, origin, begin)?.complete(watch)
 }
 
-/// A run under way.
-struct Run {
-    simulation: Simulation,
-    directory: PathBuf,
-    history: HistoryWriter,
-    frames: Option<FrameWriter>,
-    ledger: EnergyLedger,
-    momentum: MomentumLedger,
-    pitch: PitchFinder,
-    stability: Option<StabilityNote>,
-    iterations: u64,
-    estimator: Option<Estimator>,
-    estimates: Vec<ProbeEstimate>,
-    report: Report,
+/// Continues the run of `scene` in `directory` from a checkpoint of it, to the same bits as if it had
+/// never been interrupted.
+///
+/// # Errors
+/// [`RunError::Checkpoint`] where scene or meshes have changed; else as [`run`].
+pub fn resume(
+    scene: Scene,
+    checkpoint: &Checkpoint,
+    directory: &Path,
+    watch: &mut dyn Watch,
+) -> Result<Report, RunError> {
+    let begin = Instant::now();
+    checkpoint.origin.check(&scene)?;
+    let scene = checkpoint.origin.settle(scene)?;
+    let simulation = Simulation::new(scene).map_err(RunError::Scene)?;
+    Run::resume(simulation, checkpoint, directory, begin)?.complete(watch)
 }
 
-impl Run {
-    fn start(
-        mut simulation: Simulation,
-        name: &str,
-        directory: &Path,
-        begin: Instant,
-    ) -> Result<Self, RunError> {
-        let output = |path: &Path| {
-            let path = path.to_owned();
-            move |source| RunError::Output { path, source }
-        };
-        let stability = stability(&simulation);
-        std::fs::create_dir_all(directory).map_err(output(directory))?;
-        clear(directory, name).map_err(output(directory))?;
-        let first = simulation.observe();
-        let probes: Vec<_> = simulation.scene().probes.iter().map(|probe| probe.name.clone()).collect();
-        let has_loads = simulation.components().iter().any(|component| {
-            component.system().potentials().iter().any(|term| term.account() == vi_core::Account::Load)
-        });
-        let path = directory.join("history.csv");
-        let mut estimator = simulation.scene().time.estimate.then(|| Estimator::new(&simulation));
-        let estimates = estimator.as_mut().and_then(|estimator| estimator.compare(0, &first.probes));
-        let columns = Columns { has_loads, has_estimates: estimator.is_some() };
-        let mut history = HistoryWriter::create(&path, &probes, columns).map_err(output(&path))?;
-        history.write(&first, 0, estimates.as_deref()).map_err(output(&path))?;
-        let frames = match simulation.scene().output.interval {
-            Some(interval) => {
-                let mut frames = FrameWriter::create(directory, name, &simulation, interval)?;
-                frames.write(&simulation)?;
-                Some(frames)
-            }
-            None => None,
-        };
-        let mut report = Report::new(&simulation, name, stability.as_ref());
-        report.setup_seconds = begin.elapsed().as_secs_f64();
-        Ok(Self {
-            ledger: EnergyLedger::new(first.total(), first.kinetic),
-            momentum: MomentumLedger::new(&simulation, &first),
-            pitch: PitchFinder::new(&simulation.scene().probes, &first),
-            directory: directory.to_owned(),
-            iterations: 0,
-            simulation,
-            history,
-            frames,
-            stability,
-            estimator,
-            estimates: estimates.unwrap_or_default(),
-            report,
-        })
-    }
-
-    fn complete(mut self, watch: &mut dyn Watch) -> Result<Report, RunError> {
-        let mut notes = self.simulation.notes().to_vec();
-        notes.extend(self.stability.as_ref().and_then(StabilityNote::warning));
-        watch.start(&self.simulation, &notes);
-        let every = self.simulation.scene().output.history;
-        let mut failure = None;
-        let mut interrupted = false;
-        while !self.simulation.is_done() {
-            let begin = Instant::now();
-            let stepped = self.simulation.step();
-            self.report.stepping_seconds += begin.elapsed().as_secs_f64();
-            match stepped {
-                Ok(stepped) => {
-                    self.iterations += stepped.iterations;
-                    self.ledger.parts += stepped.energy;
-                }
-                Err(source) => {
-                    failure = Some(RunError::Step { step: self.simulation.steps() + 1, source });
-                    break;
-                }
-            }
-            let is_last = self.simulation.is_done();
-            let begin = Instant::now();
-            let step = self.simulation.steps();
-            let go_on = watch.step(&self.simulation);
-            interrupted = !go_on && !is_last;
-            if is_last || interrupted || (every > 0 && step.is_multiple_of(every)) {
-                self.observe()?;
-            }
-            if let Some(frames) = &mut self.frames
-                && (frames.is_due(&self.simulation) || is_last || interrupted)
-            {
-                frames.write(&self.simulation)?;
-            }
-            self.report.output_seconds += begin.elapsed().as_secs_f64();
-            if interrupted {
-                break;
-            }
-        }
-        let outcome = match &failure {
-            Some(error) => Outcome::Failed(error.to_string()),
-            None if interrupted => Outcome::Interrupted,
-            None => Outcome::Done,
-        };
-        if failure.is_some() && every != 1 {
-            self.observe()?;
-        }
-        self.finish(outcome)?;
-        match failure {
-            Some(error) => Err(error),
-            None => Ok(self.report),
-        }
-    }
-
-    fn observe(&mut self) -> Result<(), RunError> {
-        let seen: Observation = self.simulation.observe();
-        self.ledger.enter(vi_core::StepEnergy::default(), seen.total(), seen.kinetic);
-        self.momentum.enter(&seen);
-        self.pitch.enter(&seen);
-        let begin = Instant::now();
-        let steps = self.simulation.steps();
-        let estimates = self.estimator.as_mut().and_then(|estimator| estimator.compare(steps, &seen.probes));
-        self.report.estimating_seconds += begin.elapsed().as_secs_f64();
-        let result = self.history.write(&seen, std::mem::take(&mut self.iterations), estimates.as_deref());
-        if let Some(estimates) = estimates {
-            self.estimates = estimates;
-        }
-        result.map_err(|source| RunError::Output { path: self.directory.join("history.csv"), source })
-    }
-
-    fn finish(&mut self, outcome: Outcome) -> Result<(), RunError> {
-        let path = self.directory.join("history.csv");
-        self.history.flush().map_err(|source| RunError::Output { path, source })?;
-        let frame_count = self.frames.as_ref().map_or(0, FrameWriter::count);
-        self.report.close(&self.simulation, outcome, frame_count, &self.ledger, &self.momentum, &self.pitch);
-        if let Some(estimator) = &self.estimator {
-            self.report.estimate(&self.simulation, &self.estimates, estimator.notes());
-        }
-        let path = self.directory.join("report.json");
-        self.report.write(&path).map_err(|source| RunError::Output { path, source })
-    }
-}
-
-/// Removes what an earlier run wrote into a directory: its history, report, frames and series.
+/// Removes what an earlier run wrote into a directory: its history, report, frames, series and checkpoints.
 fn clear(directory: &Path, name: &str) -> io::Result<()> {
+    checkpoint::remove_all(directory)?;
     for entry in std::fs::read_dir(directory)? {
         let entry = entry?;
         let file = entry.file_name();

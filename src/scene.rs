@@ -9,6 +9,7 @@ mod material;
 mod output;
 #[cfg(feature = "cli")]
 mod parse;
+mod safety;
 mod statics;
 mod time;
 
@@ -27,6 +28,7 @@ pub use material::{MaterialEntry, Materials, Substance};
 pub use output::{Assert, Encoding, Field, Output, Precision};
 #[cfg(feature = "cli")]
 pub use parse::Parsed;
+pub use safety::{Checkpoints, Guard, GuardAction};
 pub use statics::Static;
 pub use time::{LinearChoice, SchemeName, Solver, Time};
 
@@ -94,6 +96,12 @@ pub struct Scene {
     /// What is written.
     #[serde(default)]
     pub output: Output,
+    /// Files to continue from; none by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub checkpoint: Option<Checkpoints>,
+    /// What to do about energy that nothing has put in; by default it warns.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub guard: Option<Guard>,
     /// What must hold at the end; exit code 3 if broken.
     #[serde(default)]
     pub assert: Assert,
@@ -119,6 +127,8 @@ impl Scene {
             probes: Vec::new(),
             solver: Solver::default(),
             output: Output::default(),
+            checkpoint: None,
+            guard: None,
             assert: Assert::default(),
         }
     }
@@ -210,6 +220,18 @@ impl Scene {
     /// Sets what is written.
     pub fn output(mut self, output: Output) -> Self {
         self.output = output;
+        self
+    }
+
+    /// Writes checkpoints.
+    pub fn checkpoint(mut self, checkpoint: Checkpoints) -> Self {
+        self.checkpoint = Some(checkpoint);
+        self
+    }
+
+    /// Sets the energy guard.
+    pub fn guard(mut self, guard: Guard) -> Self {
+        self.guard = Some(guard);
         self
     }
 

@@ -1,13 +1,18 @@
 //! A scene come to life: systems with their states and steppers, stepped together.
 //! It must not know files: `run.rs` writes what it observes.
 
+mod march;
+mod snapshot;
+
 use rayon::prelude::*;
 use vi_core::{State, System, angular_momentum, kinetic_energy, linear_momentum};
-use vi_solvers::{Assembler, Method, StepError, Stepper, Work};
+use vi_solvers::{Assembler, Method, SolverError, SolverOptions, StepError, Stepper, Work};
 
 use crate::auto::AutoReport;
 use crate::model::{BodyModel, Model, ProbeTarget};
 use crate::scene::{Problem, Scene};
+use march::{Cut, March, march};
+pub use snapshot::{Snapshot, Substeps};
 
 /// Bodies that act on each other, as one Lagrangian system with its integrator.
 ///
@@ -19,6 +24,8 @@ pub struct Component {
     pub(crate) stepper: Option<Box<dyn Stepper>>,
     /// Evaluates energies for observers; made when first asked for.
     observer: Option<Assembler>,
+    /// Does its stepper keep the full energy ledger?
+    keeps_ledger: bool,
 }
 
 impl Component {
@@ -69,6 +76,12 @@ pub struct Observation {
 }
 
 impl Observation {
+    /// Are all energies and momenta finite?
+    pub fn is_finite(&self) -> bool {
+        let sum = self.total() + self.momentum.iter().chain(&self.angular_momentum).sum::<f64>();
+        sum.is_finite()
+    }
+
     /// Total energy, J.
     pub fn total(&self) -> f64 {
         self.kinetic + self.elastic + self.gravity + self.load
@@ -82,6 +95,8 @@ pub struct Stepped {
     pub iterations: u64,
     /// What changed the energy, J (where the ledger is kept, and always the prescribed work).
     pub energy: vi_core::StepEnergy,
+    /// Substeps of all components; 0 where every step was made as it was asked for.
+    pub substeps: u64,
 }
 
 /// A scene with its state, ready to be stepped.
@@ -96,7 +111,13 @@ pub struct Simulation {
     h: f64,
     method: Method,
     auto: Option<AutoReport>,
-    has_ledger: bool,
+    options: SolverOptions,
+    /// Into how many parts each step is cut from the start; 1 unless [`Simulation::halve`].
+    parts: u32,
+    switched: bool,
+    substeps: Substeps,
+    /// Work of steppers that have been replaced, and of the run that this one continues.
+    earlier_work: Work,
 }
 
 impl Simulation {
@@ -120,13 +141,11 @@ impl Simulation {
         let mut problems = Vec::new();
         let mut options = scene.solver.options();
         let mut components = Vec::with_capacity(model.components.len());
-        let mut has_ledger = false;
         for (system, state) in model.components {
             options.ledger = match scene.output.ledger {
                 Some(asked) => asked,
                 None => scene.statics.is_none() && is_worked_on(&system),
             };
-            has_ledger |= options.ledger;
             let stepper = if system.coordinates().free_count() == 0 {
                 None
             } else if let Some(statics) = &scene.statics {
@@ -140,7 +159,8 @@ impl Simulation {
                     }
                 }
             };
-            components.push(Component { system, state, stepper, observer: None });
+            let keeps_ledger = options.ledger;
+            components.push(Component { system, state, stepper, observer: None, keeps_ledger });
         }
         if !problems.is_empty() {
             return Err(problems);
@@ -157,13 +177,22 @@ impl Simulation {
             h,
             method,
             auto,
-            has_ledger,
+            options,
+            parts: 1,
+            switched: false,
+            substeps: Substeps { finest: 1, ..Substeps::default() },
+            earlier_work: Work::default(),
         })
     }
 
     /// Does any component keep the full energy ledger?
     pub(crate) fn has_ledger(&self) -> bool {
-        self.has_ledger
+        self.components.iter().any(|component| component.keeps_ledger)
+    }
+
+    /// Is all work from outside accounted for, or is there none?
+    pub(crate) fn is_accounted(&self) -> bool {
+        self.components.iter().all(|component| component.keeps_ledger || !is_worked_on(&component.system))
     }
 
     /// The integrator.
@@ -221,26 +250,41 @@ impl Simulation {
         self.steps >= self.step_count
     }
 
-    /// Advances every component by one step.
+    /// Steps that were cut into substeps so far.
+    pub fn substeps(&self) -> Substeps {
+        self.substeps
+    }
+
+    /// Advances every component by one step, in substeps where it fails as a whole and the scene allows them.
     ///
     /// # Errors
     /// The first component's [`StepError`]; all states are then as before.
     pub fn step(&mut self) -> Result<Stepped, StepError> {
         let h = self.h;
-        let t_next = (self.steps + 1) as f64 * h;
-        let advance = |component: &mut Component| -> Result<Stepped, StepError> {
-            let mut done = Stepped::default();
-            if let Some(stepper) = &mut component.stepper {
-                let report = stepper.step(&component.system, &mut component.state, h)?;
-                done.iterations = u64::from(report.iterations);
-                done.energy = report.energy;
+        let end = (self.steps + 1) as f64 * h;
+        // Statics cuts its increments by itself.
+        let further = self.scene.time.substeps && self.scene.statics.is_none();
+        let cut = Cut { parts: self.parts, further };
+        let advance = |component: &mut Component| -> Result<March, StepError> {
+            let Component { system, state, stepper, .. } = component;
+            match stepper {
+                Some(stepper) => march(stepper.as_mut(), system, state, h, end, cut),
+                None => {
+                    state.t = end;
+                    Ok(March::default())
+                }
             }
-            component.state.t = t_next;
-            Ok(done)
         };
         let mut total = Stepped::default();
+        let mut finest = self.parts;
+        let mut enter = |done: March| {
+            total.iterations += done.iterations;
+            total.energy += done.energy;
+            total.substeps += done.substeps;
+            finest = finest.max(done.finest);
+        };
         if let [component] = self.components.as_mut_slice() {
-            total = advance(component)?;
+            enter(advance(component)?);
         } else {
             let before: Vec<State> = self.components.iter().map(|c| c.state.clone()).collect();
             let results: Vec<_> = self.components.par_iter_mut().map(advance).collect();
@@ -250,10 +294,13 @@ impl Simulation {
                 }
             }
             for result in results {
-                let done = result?;
-                total.iterations += done.iterations;
-                total.energy += done.energy;
+                enter(result?);
             }
+        }
+        if total.substeps > 0 {
+            self.substeps.steps += 1;
+            self.substeps.substeps += total.substeps;
+            self.substeps.finest = self.substeps.finest.max(u64::from(finest));
         }
         self.steps += 1;
         Ok(total)
@@ -261,7 +308,7 @@ impl Simulation {
 
     /// Work done by all steppers so far.
     pub fn work(&self) -> Work {
-        let mut total = Work::default();
+        let mut total = self.earlier_work;
         for stepper in self.components.iter().filter_map(Component::stepper) {
             total += stepper.work();
         }
@@ -297,6 +344,19 @@ impl Simulation {
         };
         seen.probes = self.probes.iter().map(value).collect();
         seen
+    }
+
+    /// Why energies or momenta are not finite: the first term that has left its domain, or an overflow.
+    pub(crate) fn fault(&mut self) -> SolverError {
+        for component in &mut self.components {
+            let Component { system, state, observer, .. } = component;
+            let x = system.positions(state);
+            let assembler = observer.get_or_insert_with(|| Assembler::new(system));
+            if let Some(term) = assembler.fault(system, &x, state.t) {
+                return SolverError::Term { term, at_start: true };
+            }
+        }
+        SolverError::NotFinite { what: "energy or momentum", dof: 0, at_start: true }
     }
 
     /// Positions of the nodes of body number `body`, m.

@@ -90,6 +90,9 @@ pub fn run(
     limit: Duration,
     go_on: &mut dyn FnMut() -> bool,
 ) -> Result<Trial, TrialError> {
+    // What a scheme can do is asked, not how it can be rescued.
+    let mut scene = scene;
+    scene.time.substeps = false;
     let mut simulation = Simulation::new(scene)
         .map_err(|problems| TrialError::Failed(problems.iter().map(ToString::to_string).collect()))?;
     let count = ((simulation.step_count() as f64 * fraction).round() as u64).max(1);

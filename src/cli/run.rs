@@ -8,8 +8,9 @@ use clap::Args;
 
 use super::exit;
 use super::progress::Progress;
+use crate::checkpoint::{CheckpointError, newest};
 use crate::report::{Outcome, Report};
-use crate::run::{RunError, run as run_scene};
+use crate::run::{RunError, run_from};
 use crate::scene::{Parsed, Problem, Scene};
 use crate::simulation::Simulation;
 
@@ -26,15 +27,29 @@ pub(super) struct RunArguments {
     /// Threads (default: one a core); the results are the same
     #[arg(long)]
     threads: Option<usize>,
+    #[command(flatten)]
+    say: Say,
+}
+
+/// What a run prints.
+#[derive(Debug, Args)]
+pub(super) struct Say {
     /// Print errors only
     #[arg(long, short)]
-    quiet: bool,
+    pub(super) quiet: bool,
     /// Print the report as JSON
     #[arg(long)]
     json: bool,
     /// Print what is built, made once, skipped and why; after the run, what was done
     #[arg(long)]
     explain: bool,
+}
+
+impl Say {
+    /// The watch of a run that prints so.
+    pub(super) fn progress(&self) -> Progress {
+        Progress::new(self.quiet || self.json, self.explain, stop_on_ctrl_c())
+    }
 }
 
 pub(super) fn run(arguments: &RunArguments) -> u8 {
@@ -55,21 +70,13 @@ pub(super) fn run(arguments: &RunArguments) -> u8 {
         );
         return exit::BAD_INPUT;
     }
-    let mut progress = Progress::new(arguments.quiet || arguments.json, arguments.explain, stop_on_ctrl_c());
-    let result = pool.install(|| run_scene(scene, &name, &directory, &mut progress));
+    let mut progress = arguments.say.progress();
+    let source = (arguments.scene.as_path(), arguments.overrides.as_slice());
+    let result = pool.install(|| run_from(Some(source), scene, &name, &directory, &mut progress));
     progress.finish();
     match result {
-        Ok(report) => conclude(&report, &directory, arguments),
         Err(RunError::Scene(problems)) => refuse(problems, &arguments.scene, &arguments.overrides),
-        Err(error @ RunError::Step { .. }) => {
-            eprintln!("error: {error}");
-            eprintln!("what was reached is in {}", directory.display());
-            exit::NO_CONVERGENCE
-        }
-        Err(error) => {
-            eprintln!("error: {error}");
-            exit::INPUT_OUTPUT
-        }
+        other => conclude(other, &directory, &arguments.say),
     }
 }
 
@@ -104,16 +111,28 @@ pub(super) fn stop_on_ctrl_c() -> Arc<AtomicBool> {
     stop
 }
 
-fn conclude(report: &Report, directory: &Path, arguments: &RunArguments) -> u8 {
-    if arguments.json {
+/// Says how a run ended; the exit code.
+pub(super) fn conclude(result: Result<Report, RunError>, directory: &Path, say: &Say) -> u8 {
+    let report = match result {
+        Ok(report) => report,
+        Err(error) => {
+            eprintln!("error: {error}");
+            return explain_failure(&error, directory);
+        }
+    };
+    let report = &report;
+    if say.json {
         match serde_json::to_string_pretty(report) {
             Ok(text) => println!("{text}"),
             Err(error) => eprintln!("error: {error}"),
         }
-    } else if !arguments.quiet {
+    } else if !say.quiet {
         summary(report, directory);
     }
-    if arguments.explain {
+    if let Some(warning) = &report.warning {
+        eprintln!("warning: {warning}");
+    }
+    if say.explain {
         eprint!("{}", report.account());
     }
     for broken in &report.broken {
@@ -124,6 +143,30 @@ fn conclude(report: &Report, directory: &Path, arguments: &RunArguments) -> u8 {
         _ if !report.broken.is_empty() => exit::BROKEN,
         _ => exit::DONE,
     }
+}
+
+/// What is left after a failed run; the exit code.
+fn explain_failure(error: &RunError, directory: &Path) -> u8 {
+    let code = match error {
+        RunError::Step { .. } | RunError::Guard { .. } => {
+            eprintln!("what was reached is in {}", directory.display());
+            exit::NO_CONVERGENCE
+        }
+        RunError::Scene(_)
+        | RunError::Checkpoint(CheckpointError::None { .. } | CheckpointError::Changed { .. }) => {
+            return exit::BAD_INPUT;
+        }
+        _ => exit::INPUT_OUTPUT,
+    };
+    if let Ok(found) = newest(directory) {
+        let path = found.path.display();
+        eprintln!(
+            "the last good state is {path} (step {}): `variational resume {}` continues from there",
+            found.checkpoint.steps(),
+            directory.display()
+        );
+    }
+    code
 }
 
 fn summary(report: &Report, directory: &Path) {
@@ -137,6 +180,24 @@ fn summary(report: &Report, directory: &Path) {
         report.setup_seconds,
         report.output_seconds
     );
+    let cut = |key: &str| report.substeps[key].as_u64().unwrap_or(0);
+    if cut("steps_cut") > 0 {
+        let smallest = report.substeps["smallest"].as_f64().unwrap_or(f64::NAN);
+        println!(
+            "{} steps were cut into {} substeps, of {smallest:.3e} s at least",
+            cut("steps_cut"),
+            cut("substeps")
+        );
+    }
+    for event in report.guard["events"].as_array().into_iter().flatten() {
+        let number = |key: &str| event[key].as_f64().unwrap_or(f64::NAN);
+        println!(
+            "energy guard: {:.3e} J gained at t = {:.4e} s; went on {}",
+            number("joules"),
+            number("t"),
+            event["action"].as_str().unwrap_or_default()
+        );
+    }
     // In statics nothing moves, and there is no drift to speak of.
     if drift.is_finite() {
         println!("energy drift {drift:.2e} of the largest kinetic energy");

@@ -376,6 +376,21 @@ fn output(check: &mut Checker, scene: &Scene) {
             check.say("output.fields", format!("{field:?} is known of solids only, and '{name}' is a sheet"));
         }
     }
+    if let Some(checkpoint) = &scene.checkpoint {
+        check.positive("checkpoint.interval", checkpoint.interval, "s");
+        if checkpoint.keep == 0 {
+            check.say("checkpoint.keep", "must be at least 1; take [checkpoint] out to write none");
+        }
+    }
+    if let Some(guard) = &scene.guard {
+        check.positive("guard.bound", guard.bound, "");
+        if guard.acts() && scene.output.ledger == Some(false) {
+            check.say("guard.action", "needs the energy ledger; take `output.ledger = false` out");
+        }
+        if scene.statics.is_some() {
+            check.say("guard", "watches motion, and a static scene has none; take it out");
+        }
+    }
     let assert = &scene.assert;
     for (name, bound) in [
         ("energy_drift", assert.energy_drift),

@@ -65,9 +65,21 @@ pub struct Time {
     /// Estimate the error of every probe by companion runs with other steps (5 to 10 times the cost).
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub estimate: bool,
+    /// Cut a step that fails into halves, down to h/1024, and go back to h after it (default true); false
+    /// ends the run at the first step that fails.
+    #[serde(default = "Time::default_substeps", skip_serializing_if = "Time::has_default_substeps")]
+    pub substeps: bool,
 }
 
 impl Time {
+    fn default_substeps() -> bool {
+        true
+    }
+
+    fn has_default_substeps(substeps: &bool) -> bool {
+        *substeps
+    }
+
     /// From 0 to `end` (s) in steps of `step` (s).
     pub fn new(end: f64, step: f64, scheme: SchemeName) -> Self {
         let none = Self::auto(end, 1e-4);
@@ -85,6 +97,7 @@ impl Time {
             spectral_radius: None,
             tolerance: Some(tolerance),
             estimate: false,
+            substeps: true,
         }
     }
 

@@ -73,9 +73,13 @@ impl PvdSeries {
         &self.frames
     }
 
-    /// Drops the frames after a time, as a run does that continues from there. The file changes with the next push.
-    pub fn truncate_after(&mut self, time: f64) {
-        self.frames.retain(|frame| frame.0 <= time);
+    /// Makes these the frames, as a run does that continues after them, and replaces the series' file.
+    ///
+    /// # Errors
+    /// [`IoError::System`] if it cannot be written; the old file is then untouched.
+    pub fn set_frames(&mut self, frames: Vec<(f64, String)>) -> Result<(), IoError> {
+        self.frames = frames;
+        self.save()
     }
 
     /// Adds a frame, its file given relative to the series' own directory, and replaces the series' file.
@@ -84,6 +88,10 @@ impl PvdSeries {
     /// [`IoError::System`] if it cannot be written; the old file is then untouched.
     pub fn push(&mut self, time: f64, file: &str) -> Result<(), IoError> {
         self.frames.push((time, file.into()));
+        self.save()
+    }
+
+    fn save(&self) -> Result<(), IoError> {
         replace_file(&self.path, |out| {
             writeln!(
                 out,

@@ -7,6 +7,7 @@
 
 use vi_core::System;
 
+use crate::StepperMemory;
 use crate::forces::Forces;
 use crate::vectors;
 
@@ -34,6 +35,19 @@ pub(crate) struct Potentials {
 impl Potentials {
     pub(crate) fn new() -> Self {
         Self { start: 0.0, x: Vec::new(), t: 0.0, kept: None }
+    }
+
+    /// Enters the energy at the end of the last step.
+    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
+        if let Some(kept) = self.kept {
+            memory.arrays.push(("potentials.end".into(), vec![kept]));
+        }
+    }
+
+    /// Takes over what [`Potentials::remember`] entered.
+    pub(crate) fn recall(memory: &StepperMemory) -> Self {
+        let kept = memory.array("potentials.end").ok().and_then(|array| array.first().copied());
+        Self { kept, ..Self::new() }
     }
 
     /// Opens a step at (q, t); the energy is known already if the last step ended there.

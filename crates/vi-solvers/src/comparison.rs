@@ -18,6 +18,11 @@ pub(crate) use forward_euler::ForwardEuler;
 pub(crate) use generalized_alpha::GeneralizedAlpha;
 pub(crate) use newmark::Newmark;
 
+/// Is `state` where the last step ended? Its time may differ in the last bits.
+fn continues(last: &State, state: &State, h: f64) -> bool {
+    (last.t - state.t).abs() <= 1e-6 * h && last.q == state.q && last.p == state.p
+}
+
 /// The acceleration that Newmark's family carries from step to step, with the state it belongs to.
 #[derive(Default)]
 struct CarriedAcceleration {
@@ -27,8 +32,14 @@ struct CarriedAcceleration {
 
 impl CarriedAcceleration {
     /// At a state where no step has ended, −M⁻¹ ∂V/∂q.
-    fn open(&mut self, system: &System, forces: &mut Forces, state: &State) -> Result<(), SolverError> {
-        if self.state.as_ref() == Some(state) {
+    fn open(
+        &mut self,
+        system: &System,
+        forces: &mut Forces,
+        state: &State,
+        h: f64,
+    ) -> Result<(), SolverError> {
+        if self.state.as_ref().is_some_and(|last| continues(last, state, h)) {
             return Ok(());
         }
         forces.evaluate(system, &state.q, state.t, true)?;

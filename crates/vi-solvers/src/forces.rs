@@ -7,7 +7,7 @@ use crate::force_sum::ForceSum;
 use crate::matrix_sum::MatrixSum;
 use crate::sweep::{Arrays, Found, Pass, Sweep};
 use crate::vectors;
-use crate::{Assembler, HessianEvaluation, SolverError, SymmetricMatrix, Work};
+use crate::{Assembler, HessianEvaluation, SolverError, StepperMemory, SymmetricMatrix, Work};
 
 /// The sums of a system's terms with the buffers to evaluate them.
 pub(crate) struct Forces {
@@ -102,6 +102,20 @@ impl Forces {
         self.x.copy_from_slice(x);
         self.t = t;
         self.gradient_is_of_x = false;
+    }
+
+    /// ẋ and ∂ẋ/∂q of the last evaluation, where there are forces that may depend on them.
+    pub(crate) fn velocities(&self) -> Option<(Vec<f64>, f64)> {
+        self.nonconservative.as_ref().map(|forces| (forces.x_dot.clone(), forces.rate))
+    }
+
+    /// Goes to what [`Forces::velocities`] gave.
+    pub(crate) fn go_to_velocities(&mut self, rates: &Option<(Vec<f64>, f64)>) {
+        if let (Some(forces), Some((x_dot, rate))) = (&mut self.nonconservative, rates) {
+            forces.x_dot.clone_from(x_dot);
+            forces.rate = *rate;
+            self.gradient_is_of_x = false;
+        }
     }
 
     /// The gradient at the last configuration, if it was evaluated there.
@@ -264,6 +278,38 @@ impl Forces {
             }
         };
         Ok(tangent.combine(&parts))
+    }
+
+    /// Enters where the last evaluation was made, so that a run that continues evaluates no more than one that
+    /// was never interrupted.
+    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
+        if self.t.is_nan() {
+            return;
+        }
+        memory.arrays.push(("forces.x".into(), self.x.clone()));
+        memory.arrays.push(("forces.t".into(), vec![self.t]));
+        let knows_gradient = self.gradient_is_of_x && self.nonconservative.is_none();
+        memory.counts.push(("forces.gradient".into(), u64::from(knows_gradient)));
+    }
+
+    /// Goes to where [`Forces::remember`] was.
+    ///
+    /// # Errors
+    /// Where the memory is that of another system.
+    pub(crate) fn recall(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
+        let Ok(x) = memory.array("forces.x") else { return Ok(()) };
+        let &[t] = memory.array("forces.t")? else {
+            return Err(SolverError::Memory { missing: "forces.t" });
+        };
+        if x.len() != self.x.len() {
+            return Err(SolverError::Memory { missing: "forces.x" });
+        }
+        self.go_to_positions(x, t);
+        if memory.count("forces.gradient")? == 1 {
+            self.assembler.gradient(system, &self.x, t, &mut self.gradient);
+            self.gradient_is_of_x = true;
+        }
+        Ok(())
     }
 
     fn why_not_finite(&self, system: &System, at_start: bool) -> SolverError {

@@ -361,6 +361,8 @@ impl Stepper for Gauss {
         let mut memory = StepperMemory { method: Self::NAME.to_owned(), ..Default::default() };
         memory.arrays.push(("stages.last".into(), self.stages.history.clone()));
         memory.counts.push(("stages.history".into(), u64::from(self.stages.has_history)));
+        self.forces.remember(&mut memory);
+        self.potentials.remember(&mut memory);
         self.inverse.remember(&mut memory);
         self.newton.remember(&mut memory);
         memory
@@ -375,9 +377,10 @@ impl Stepper for Gauss {
         self.stages.history.copy_from_slice(history);
         self.stages.has_history = memory.count("stages.history")? == 1;
         self.forces = Forces::new(system);
-        self.potentials = Potentials::new();
+        self.potentials = Potentials::recall(memory);
         self.newton.restore(memory)?;
         self.inverse.restore(system, &mut self.forces, memory)?;
+        self.forces.recall(system, memory)?;
         self.forces.work = Work::default();
         Ok(())
     }

@@ -28,6 +28,8 @@ struct Origin {
     x: Vec<f64>,
     t: f64,
     projected: bool,
+    /// ẋ and ∂ẋ/∂q, where forces depend on them.
+    rates: Option<(Vec<f64>, f64)>,
 }
 
 pub(crate) struct Inverse {
@@ -95,11 +97,11 @@ impl Inverse {
                 kind == HessianEvaluation::Projected
             }
         };
-        let (x, t) = (forces.positions().to_vec(), forces.time());
+        let (x, t, rates) = (forces.positions().to_vec(), forces.time(), forces.velocities());
         if let Some(warp) = &mut self.warp {
             warp.remember(system, forces.assembler(), &x);
         }
-        self.origin = Some(Origin { c, x, t, projected });
+        self.origin = Some(Origin { c, x, t, projected, rates });
         Ok(())
     }
 
@@ -162,6 +164,10 @@ impl Inverse {
             memory.arrays.push(("factor.x".into(), origin.x.clone()));
             memory.arrays.push(("factor.c_t".into(), vec![origin.c, origin.t]));
             memory.counts.push(("factor.projected".into(), u64::from(origin.projected)));
+            if let Some((x_dot, rate)) = &origin.rates {
+                memory.arrays.push(("factor.x_dot".into(), x_dot.clone()));
+                memory.arrays.push(("factor.rate".into(), vec![*rate]));
+            }
         }
     }
 
@@ -182,12 +188,17 @@ impl Inverse {
         }
         let projected = memory.count("factor.projected")? == 1;
         let kind = if projected { HessianEvaluation::Projected } else { HessianEvaluation::Exact };
+        let rates = match (memory.array("factor.x_dot"), memory.array("factor.rate")) {
+            (Ok(x_dot), Ok(&[rate])) if x_dot.len() == x.len() => Some((x_dot.to_vec(), rate)),
+            _ => None,
+        };
         forces.go_to_positions(x, t);
+        forces.go_to_velocities(&rates);
         self.factorize(system, forces, c, kind, Reason::New)?;
         if let Some(warp) = &mut self.warp {
             warp.remember(system, forces.assembler(), x);
         }
-        self.origin = Some(Origin { c, x: x.to_vec(), t, projected });
+        self.origin = Some(Origin { c, x: x.to_vec(), t, projected, rates });
         Ok(())
     }
 }

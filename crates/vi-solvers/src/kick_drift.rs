@@ -334,14 +334,17 @@ impl Stepper for KickDrift {
 
     fn memory(&self) -> StepperMemory {
         // The last force is evaluated again at the same place, to the same bits.
-        StepperMemory { method: self.name.to_owned(), ..Default::default() }
+        let mut memory = StepperMemory { method: self.name.to_owned(), ..Default::default() };
+        self.forces.remember(&mut memory);
+        self.potentials.remember(&mut memory);
+        memory
     }
 
     fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
         expect_method(memory, self.name)?;
         self.forces = Forces::new(system);
-        self.potentials = Potentials::new();
-        Ok(())
+        self.potentials = Potentials::recall(memory);
+        self.forces.recall(system, memory)
     }
 
     fn gradient(&self) -> Option<&[f64]> {

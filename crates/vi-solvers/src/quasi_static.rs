@@ -55,6 +55,7 @@ impl Stepper for QuasiStatic {
     }
 
     fn restore(&mut self, _system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
+        self.work = Work::default();
         expect_method(memory, NAME)
     }
 }

@@ -468,6 +468,8 @@ impl<R: Rule> Stepper for OneStage<R> {
             memory.arrays.push(((*name).to_owned(), history.clone()));
         }
         memory.counts.push(("stage.history".into(), self.stage.history_count as u64));
+        self.forces.remember(&mut memory);
+        self.potentials.remember(&mut memory);
         self.inverse.remember(&mut memory);
         self.newton.remember(&mut memory);
         self.rule.remember(&mut memory);
@@ -485,10 +487,11 @@ impl<R: Rule> Stepper for OneStage<R> {
         }
         self.stage.history_count = memory.count("stage.history")? as usize;
         self.forces = forces_of(&self.rule, system);
-        self.potentials = Potentials::new();
+        self.potentials = Potentials::recall(memory);
         self.newton.restore(memory)?;
         self.rule.restore(memory)?;
         self.inverse.restore(system, &mut self.forces, memory)?;
+        self.forces.recall(system, memory)?;
         self.forces.work = Work::default();
         Ok(())
     }

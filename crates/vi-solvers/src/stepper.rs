@@ -67,6 +67,9 @@ impl StepError {
                 | SolverError::NotFinite { at_start: false, .. }
                 | SolverError::NoConvergence { .. }
                 | SolverError::NotPositiveDefinite(_)
+                | SolverError::NegativeCurvature { .. }
+                | SolverError::ConjugateGradients { .. }
+                | SolverError::Residual { .. }
         )
     }
 }
@@ -126,6 +129,18 @@ macro_rules! work {
             /// Names and counts, in order.
             pub fn iter(&self) -> impl Iterator<Item = (&'static str, u64)> + use<> {
                 [$((stringify!($name), self.$name)),*].into_iter()
+            }
+
+            /// Counts by their names; none where a name is unknown.
+            pub fn from_counts<'a>(counts: impl IntoIterator<Item = (&'a str, u64)>) -> Option<Self> {
+                let mut work = Self::default();
+                for (name, count) in counts {
+                    match name {
+                        $(stringify!($name) => work.$name = count,)*
+                        _ => return None,
+                    }
+                }
+                Some(work)
             }
         }
 

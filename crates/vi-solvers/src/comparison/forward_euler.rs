@@ -84,13 +84,16 @@ impl Stepper for ForwardEuler {
     }
 
     fn memory(&self) -> StepperMemory {
-        StepperMemory { method: Self::NAME.to_owned(), ..Default::default() }
+        let mut memory = StepperMemory { method: Self::NAME.to_owned(), ..Default::default() };
+        self.forces.remember(&mut memory);
+        self.potentials.remember(&mut memory);
+        memory
     }
 
     fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
         expect_method(memory, Self::NAME)?;
         self.forces = Forces::new(system);
-        self.potentials = Potentials::new();
-        Ok(())
+        self.potentials = Potentials::recall(memory);
+        self.forces.recall(system, memory)
     }
 }

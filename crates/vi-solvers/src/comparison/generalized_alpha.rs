@@ -68,9 +68,9 @@ impl Rule for GeneralizedAlpha {
         system: &System,
         forces: &mut Forces,
         state: &State,
-        _h: f64,
+        h: f64,
     ) -> Result<(), SolverError> {
-        self.carried.open(system, forces, state)
+        self.carried.open(system, forces, state, h)
     }
     fn close(&mut self, _: &System, _before: &State, after: &State, w: &[f64], h: f64) {
         let (c, alpha_m) = (self.coefficient(h), self.alpha_m);

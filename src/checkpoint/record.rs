@@ -1,0 +1,209 @@
+//! Values as bytes and back: little-endian, lengths before contents, nothing else. The order of a
+//! struct's fields in [`record!`] is its format. It must not know what the values mean.
+//!
+//! Reading allocates no more than the bytes that are left could hold, whatever a length claims.
+
+use vi_core::{EnergyLedger, State, StepEnergy};
+use vi_solvers::{StepperMemory, Work};
+
+/// The bytes are not those of the value that was asked for.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("byte {at}: {what}")]
+pub struct Damage {
+    /// Where in the record, from 0.
+    pub at: usize,
+    /// What is wrong.
+    pub what: String,
+}
+
+/// Bytes that are being read.
+pub(crate) struct Source<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Source<'a> {
+    pub(crate) fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0 }
+    }
+
+    /// Bytes that are left.
+    pub(crate) fn left(&self) -> usize {
+        self.bytes.len() - self.at
+    }
+
+    pub(crate) fn damage(&self, what: impl Into<String>) -> Damage {
+        Damage { at: self.at, what: what.into() }
+    }
+
+    fn take(&mut self, count: usize) -> Result<&'a [u8], Damage> {
+        if count > self.left() {
+            let what = format!("{count} bytes are announced, {} are left", self.left());
+            return Err(self.damage(what));
+        }
+        let taken = &self.bytes[self.at..self.at + count];
+        self.at += count;
+        Ok(taken)
+    }
+
+    /// A length whose items take at least `size` bytes each.
+    fn length(&mut self, size: usize) -> Result<usize, Damage> {
+        let length = u64::read(self)?;
+        let room = (self.left() / size.max(1)) as u64;
+        if length > room {
+            return Err(self.damage(format!("{length} items are announced, {room} have room")));
+        }
+        Ok(length as usize)
+    }
+}
+
+/// A value with a form in bytes.
+pub(crate) trait Record: Sized {
+    /// The least number of bytes that a value takes.
+    const SIZE: usize;
+    /// Appends the value.
+    fn write(&self, out: &mut Vec<u8>);
+    /// Reads a value.
+    fn read(from: &mut Source<'_>) -> Result<Self, Damage>;
+}
+
+impl Record for u64 {
+    const SIZE: usize = 8;
+    fn write(&self, out: &mut Vec<u8>) {
+        out.extend_from_slice(&self.to_le_bytes());
+    }
+    fn read(from: &mut Source<'_>) -> Result<Self, Damage> {
+        let mut bytes = [0; 8];
+        bytes.copy_from_slice(from.take(8)?);
+        Ok(Self::from_le_bytes(bytes))
+    }
+}
+
+impl Record for f64 {
+    const SIZE: usize = 8;
+    fn write(&self, out: &mut Vec<u8>) {
+        self.to_bits().write(out);
+    }
+    fn read(from: &mut Source<'_>) -> Result<Self, Damage> {
+        u64::read(from).map(Self::from_bits)
+    }
+}
+
+impl Record for bool {
+    const SIZE: usize = 1;
+    fn write(&self, out: &mut Vec<u8>) {
+        out.push(u8::from(*self));
+    }
+    fn read(from: &mut Source<'_>) -> Result<Self, Damage> {
+        match from.take(1)? {
+            [0] => Ok(false),
+            [1] => Ok(true),
+            other => Err(from.damage(format!("a truth value is {}", other[0]))),
+        }
+    }
+}
+
+impl Record for String {
+    const SIZE: usize = 8;
+    fn write(&self, out: &mut Vec<u8>) {
+        (self.len() as u64).write(out);
+        out.extend_from_slice(self.as_bytes());
+    }
+    fn read(from: &mut Source<'_>) -> Result<Self, Damage> {
+        let length = from.length(1)?;
+        let bytes = from.take(length)?.to_vec();
+        Self::from_utf8(bytes).map_err(|_| from.damage("a text is not UTF-8"))
+    }
+}
+
+impl<T: Record> Record for Vec<T> {
+    const SIZE: usize = 8;
+    fn write(&self, out: &mut Vec<u8>) {
+        (self.len() as u64).write(out);
+        out.reserve(self.len() * T::SIZE);
+        self.iter().for_each(|value| value.write(out));
+    }
+    fn read(from: &mut Source<'_>) -> Result<Self, Damage> {
+        let length = from.length(T::SIZE)?;
+        // Items may be larger in memory than in the file: they are not reserved for at once.
+        let mut values = Self::new();
+        for _ in 0..length {
+            values.push(T::read(from)?);
+        }
+        Ok(values)
+    }
+}
+
+impl<T: Record> Record for Option<T> {
+    const SIZE: usize = 1;
+    fn write(&self, out: &mut Vec<u8>) {
+        self.is_some().write(out);
+        if let Some(value) = self {
+            value.write(out);
+        }
+    }
+    fn read(from: &mut Source<'_>) -> Result<Self, Damage> {
+        Ok(if bool::read(from)? { Some(T::read(from)?) } else { None })
+    }
+}
+
+impl<A: Record, B: Record> Record for (A, B) {
+    const SIZE: usize = A::SIZE + B::SIZE;
+    fn write(&self, out: &mut Vec<u8>) {
+        self.0.write(out);
+        self.1.write(out);
+    }
+    fn read(from: &mut Source<'_>) -> Result<Self, Damage> {
+        Ok((A::read(from)?, B::read(from)?))
+    }
+}
+
+impl<const N: usize> Record for [f64; N] {
+    const SIZE: usize = 8 * N;
+    fn write(&self, out: &mut Vec<u8>) {
+        self.iter().for_each(|value| value.write(out));
+    }
+    fn read(from: &mut Source<'_>) -> Result<Self, Damage> {
+        let mut values = [0.0; N];
+        for value in &mut values {
+            *value = f64::read(from)?;
+        }
+        Ok(values)
+    }
+}
+
+impl Record for Work {
+    const SIZE: usize = 8;
+    fn write(&self, out: &mut Vec<u8>) {
+        let counts: Vec<(String, u64)> = self.iter().map(|(name, count)| (name.to_owned(), count)).collect();
+        counts.write(out);
+    }
+    fn read(from: &mut Source<'_>) -> Result<Self, Damage> {
+        let counts = Vec::<(String, u64)>::read(from)?;
+        Self::from_counts(counts.iter().map(|(name, count)| (name.as_str(), *count)))
+            .ok_or_else(|| from.damage("counts of work that this version does not know"))
+    }
+}
+
+/// Implements [`Record`] by the named fields, in this order.
+macro_rules! record {
+    ($type:ty { $($field:ident: $of:ty),+ $(,)? }) => {
+        impl $crate::checkpoint::record::Record for $type {
+            const SIZE: usize = 0 $(+ <$of as $crate::checkpoint::record::Record>::SIZE)+;
+            fn write(&self, out: &mut Vec<u8>) {
+                $($crate::checkpoint::record::Record::write(&self.$field, out);)+
+            }
+            fn read(
+                from: &mut $crate::checkpoint::record::Source<'_>,
+            ) -> Result<Self, $crate::checkpoint::record::Damage> {
+                Ok(Self { $($field: $crate::checkpoint::record::Record::read(from)?),+ })
+            }
+        }
+    };
+}
+pub(crate) use record;
+
+record!(State { t: f64, q: Vec<f64>, p: Vec<f64> });
+record!(StepperMemory { method: String, arrays: Vec<(String, Vec<f64>)>, counts: Vec<(String, u64)> });
+record!(StepEnergy { prescribed: f64, force: f64, damping: f64, scheme: f64, residual: f64 });
+record!(EnergyLedger { initial: f64, current: f64, parts: StepEnergy, drift: f64, kinetic_max: f64 });

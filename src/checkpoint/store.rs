@@ -1,0 +1,134 @@
+//! Checkpoints as files of a directory: each is whole or not there, the newest few are kept, and the
+//! newest sound one is found. It must not know what a checkpoint holds.
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use super::{Checkpoint, CheckpointError};
+use crate::scene::Checkpoints;
+
+const PREFIX: &str = "checkpoint_";
+const ENDING: &str = ".vck";
+
+/// Where checkpoints go, and when.
+pub(crate) struct Store {
+    directory: PathBuf,
+    interval: f64,
+    keep: usize,
+}
+
+impl Store {
+    pub(crate) fn new(directory: &Path, rule: &Checkpoints) -> Self {
+        let keep = usize::try_from(rule.keep).unwrap_or(usize::MAX);
+        Self { directory: directory.to_owned(), interval: rule.interval, keep }
+    }
+
+    /// Is the end of step `steps`, of h (s) each, the nearest to a multiple of the interval?
+    pub(crate) fn is_due(&self, steps: u64, h: f64) -> bool {
+        let count = |steps: f64| (steps * h / self.interval).floor();
+        count(steps as f64 + 0.5) > count(steps as f64 - 0.5)
+    }
+
+    /// Writes a checkpoint through a temporary file: when this returns, it is on the disk under its name,
+    /// and those before the newest few are gone.
+    pub(crate) fn write(&self, checkpoint: &Checkpoint) -> io::Result<()> {
+        let path = self.directory.join(format!("{PREFIX}{:012}{ENDING}", checkpoint.steps()));
+        let temporary = path.with_extension("tmp");
+        let written = (|| {
+            let mut file = File::create(&temporary)?;
+            file.write_all(&checkpoint.encode())?;
+            file.sync_all()?;
+            drop(file);
+            fs::rename(&temporary, &path)?;
+            sync_directory(&self.directory)
+        })();
+        if let Err(error) = written {
+            // The first error is the one to report; the temporary file may not even exist.
+            let _ = fs::remove_file(&temporary);
+            return Err(error);
+        }
+        let all = files(&self.directory)?;
+        for old in &all[..all.len().saturating_sub(self.keep)] {
+            fs::remove_file(old)?;
+        }
+        Ok(())
+    }
+}
+
+/// A directory's entries are only on the disk when it is synced itself; elsewhere than on Unix it cannot be.
+fn sync_directory(directory: &Path) -> io::Result<()> {
+    if cfg!(unix) { File::open(directory)?.sync_all() } else { Ok(()) }
+}
+
+/// Checkpoints of a directory, the oldest first.
+fn files(directory: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(directory)? {
+        let path = entry?.path();
+        if is_checkpoint(&path, ENDING) {
+            found.push(path);
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+fn is_checkpoint(path: &Path, ending: &str) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str());
+    let digits = name.and_then(|name| name.strip_prefix(PREFIX)?.strip_suffix(ending));
+    digits.is_some_and(|digits| digits.len() >= 12 && digits.bytes().all(|byte| byte.is_ascii_digit()))
+}
+
+/// Removes the checkpoints of an earlier run, and what one that was killed while writing has left.
+pub(crate) fn remove_all(directory: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(directory)? {
+        let path = entry?.path();
+        if is_checkpoint(&path, ENDING) || is_checkpoint(&path, ".tmp") {
+            fs::remove_file(path)?;
+        }
+    }
+    Ok(())
+}
+
+/// The newest sound checkpoint of a directory.
+#[derive(Debug)]
+pub struct Found {
+    /// It.
+    pub checkpoint: Checkpoint,
+    /// Its file.
+    pub path: PathBuf,
+    /// Newer ones that cannot be used, and why.
+    pub damages: Vec<String>,
+}
+
+/// Finds the newest sound checkpoint of a directory whose history.csv reaches to it.
+///
+/// # Errors
+/// [`CheckpointError`] where there is none.
+pub fn newest(directory: &Path) -> Result<Found, CheckpointError> {
+    if !directory.is_dir() {
+        return Err(CheckpointError::None { directory: directory.to_owned() });
+    }
+    let unread = |path: &Path, source| CheckpointError::Read { path: path.to_owned(), source };
+    let all = files(directory).map_err(|source| unread(directory, source))?;
+    let history = fs::metadata(directory.join("history.csv")).map_or(0, |facts| facts.len());
+    let mut damages = Vec::new();
+    for path in all.into_iter().rev() {
+        let bytes = fs::read(&path).map_err(|source| unread(&path, source))?;
+        let why = match Checkpoint::decode(&bytes) {
+            Ok(checkpoint) if checkpoint.course.history_bytes <= history => {
+                return Ok(Found { checkpoint, path, damages });
+            }
+            Ok(_) => "history.csv ends before it".to_owned(),
+            Err(damage) => damage.to_string(),
+        };
+        damages.push(format!("{}: {why}", path.display()));
+    }
+    let directory = directory.to_owned();
+    Err(if damages.is_empty() {
+        CheckpointError::None { directory }
+    } else {
+        CheckpointError::Damaged { directory, damages }
+    })
+}

@@ -1,0 +1,55 @@
+//! Whatever bytes a checkpoint file holds, reading it is an error or the value that was written.
+
+use super::*;
+use crate::prelude::*;
+
+fn some_bytes() -> Vec<u8> {
+    let scene = Scene::new(Time::new(0.01, 1e-3, SchemeName::Bdf2))
+        .body(Body::from_box(
+            "block",
+            BoxMesh { size: [1.0; 3], cells: [1; 3], element: ElementKind::Tet4, origin: [0.0; 3] },
+            Law::NeoHookean(Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 }),
+        ))
+        .probe(Probe { pitch: Some(Axis::X), ..Probe::node("p", "block", 3) })
+        .output(Output { interval: Some(1e-3), ..Output::default() })
+        .checkpoint(Checkpoints::every(2e-3));
+    let directory = tempfile::tempdir().unwrap();
+    crate::run::run(scene, "test", directory.path(), &mut ()).unwrap();
+    std::fs::read(newest(directory.path()).unwrap().path).unwrap()
+}
+
+#[test]
+fn damage_is_found_wherever_it_is() {
+    let good = some_bytes();
+    let value = Checkpoint::decode(&good).unwrap();
+    assert_eq!(value.steps(), 8);
+    assert_eq!(value.encode(), good);
+    for length in 0..good.len() {
+        assert!(Checkpoint::decode(&good[..length]).is_err(), "cut at {length}");
+    }
+    for at in 0..good.len() {
+        let mut bad = good.clone();
+        bad[at] ^= 1 << (at % 8);
+        assert!(Checkpoint::decode(&bad).is_err(), "a wrong bit at {at}");
+    }
+}
+
+/// Records whose checksum is right but whose content is not: lengths that claim more than there is are
+/// refused before anything is allocated for them.
+#[test]
+fn a_record_with_a_right_checksum_can_still_be_wrong() {
+    let good = some_bytes();
+    let mut accepted = 0;
+    for at in (24..good.len() - 4).step_by(3) {
+        for value in [0x00, 0x7f, 0xff] {
+            let mut bad = good.clone();
+            bad[at] = value;
+            let end = bad.len() - 4;
+            let sum = crc32fast::hash(&bad[..end]);
+            bad[end..].copy_from_slice(&sum.to_le_bytes());
+            accepted += u32::from(Checkpoint::decode(&bad).is_ok());
+        }
+    }
+    // A number may be another number.
+    assert!(accepted > 0);
+}

@@ -1,0 +1,91 @@
+//! `variational resume`: finds the newest sound checkpoint of a directory, and the scene that it is of.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::exit;
+use super::run::{Say, conclude, thread_pool};
+use crate::checkpoint::{CheckpointError, Origin, newest};
+use crate::run::{RunError, resume as resume_run};
+use crate::scene::Scene;
+
+#[derive(Debug, Args)]
+pub(super) struct ResumeArguments {
+    /// The directory that the run writes
+    directory: PathBuf,
+    /// Threads (default: one a core); the results are the same
+    #[arg(long)]
+    threads: Option<usize>,
+    #[command(flatten)]
+    say: Say,
+}
+
+pub(super) fn resume(arguments: &ResumeArguments) -> u8 {
+    let directory = &arguments.directory;
+    if let Some(steps) = finished(directory) {
+        println!("{}: the run is finished, {steps} steps; there is nothing to resume", directory.display());
+        return exit::DONE;
+    }
+    let found = match newest(directory) {
+        Ok(found) => found,
+        Err(error) => return conclude(Err(error.into()), directory, &arguments.say),
+    };
+    for damage in &found.damages {
+        eprintln!("warning: damaged: {damage}");
+    }
+    let (path, step) = (found.path.display(), found.checkpoint.steps());
+    if !found.damages.is_empty() {
+        eprintln!("warning: falling back to {path}");
+    }
+    let scene = match scene(&found.checkpoint.origin) {
+        Ok(scene) => scene,
+        Err(code) => return code,
+    };
+    let pool = match thread_pool(arguments.threads) {
+        Ok(pool) => pool,
+        Err(code) => return code,
+    };
+    if !arguments.say.quiet {
+        eprintln!("resuming {path} after step {step}");
+    }
+    let mut progress = arguments.say.progress();
+    let result = pool.install(|| resume_run(scene, &found.checkpoint, directory, &mut progress));
+    progress.finish();
+    if let Err(RunError::Scene(problems)) = &result {
+        problems.iter().for_each(|problem| eprintln!("error: {problem}"));
+        return exit::BAD_INPUT;
+    }
+    conclude(result, directory, &arguments.say)
+}
+
+/// The steps of a run that has reached its end.
+fn finished(directory: &Path) -> Option<u64> {
+    let text = std::fs::read_to_string(directory.join("report.json")).ok()?;
+    let report: serde_json::Value = serde_json::from_str(&text).ok()?;
+    (report["outcome"] == "done").then(|| report["steps"].as_u64()).flatten()
+}
+
+/// The scene that was run: from its file, or as the checkpoint holds it where that is gone.
+fn scene(origin: &Origin) -> Result<Scene, u8> {
+    let parsed = match &origin.file {
+        Some((file, overrides)) if Path::new(file).exists() => Scene::read(Path::new(file), overrides)
+            .map_err(|source| {
+                let path = PathBuf::from(file);
+                eprintln!("error: {}", CheckpointError::Read { path, source });
+                exit::INPUT_OUTPUT
+            })?,
+        Some((file, _)) => {
+            eprintln!("note: {file} is gone; the scene is taken from the checkpoint");
+            Scene::parse(&origin.scene, &[])
+        }
+        None => Scene::parse(&origin.scene, &[]),
+    };
+    for problem in &parsed.problems {
+        eprintln!("error: {problem}");
+    }
+    match parsed.scene {
+        Some(scene) if parsed.problems.is_empty() => Ok(scene),
+        _ => Err(exit::BAD_INPUT),
+    }
+}

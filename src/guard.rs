@@ -1,0 +1,131 @@
+//! The energy guard: has a run more energy than anything has put into it? It must not know how the
+//! run answers.
+//!
+//! Growth is H − H₀ − W, total energy beyond its start and the work W of loads, prescribed motion and
+//! damping. It is judged by the exchange, the largest energy that motion and deformation were given:
+//! max over time of H₀ + W⁺ − V_weight − V_load, with the work W⁺ of loads and prescribed motion.
+
+use serde::Serialize;
+use serde_json::{Value, json};
+use vi_core::EnergyLedger;
+
+use crate::checkpoint::record::record;
+use crate::scene::{Guard, GuardAction};
+use crate::simulation::Observation;
+
+/// Round-off of an energy, relative to the largest part of it.
+const NOISE: f64 = 1e-11;
+
+/// What the guard did.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GuardEvent {
+    /// The step after which energy was found to have grown.
+    pub step: u64,
+    /// Its time, s.
+    pub t: f64,
+    /// Growth, J.
+    pub joules: f64,
+    /// Growth relative to the exchange.
+    pub relative: f64,
+    /// What was done, and from when on.
+    pub action: String,
+}
+
+record!(GuardEvent { step: u64, t: f64, joules: f64, relative: f64, action: String });
+
+/// Growth that was seen.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Growth {
+    /// Now, J.
+    pub(crate) now: f64,
+    /// The largest, J.
+    largest: f64,
+    /// The exchange, J.
+    pub(crate) exchange: f64,
+    /// Growth that the guard has come to terms with when it acted, J.
+    accepted: f64,
+}
+
+record!(Growth { now: f64, largest: f64, exchange: f64, accepted: f64 });
+
+/// Watches the energy of a run.
+pub(crate) struct EnergyGuard {
+    pub(crate) rule: Guard,
+    pub(crate) growth: Growth,
+    pub(crate) events: Vec<GuardEvent>,
+    /// Steps before it judges: a body that starts from rest has exchanged next to nothing at first, and the
+    /// energy of a scheme of order 1 is off by 1/n of that in step n.
+    grace: u64,
+}
+
+impl EnergyGuard {
+    /// For a scheme of this order, from the first observation on.
+    pub(crate) fn new(rule: Guard, order: usize, first: &Observation) -> Self {
+        let grace = if order < 2 { (4.0 / rule.bound).ceil() as u64 } else { 8 };
+        let exchange = first.kinetic + first.elastic;
+        let growth = Growth { exchange, ..Growth::default() };
+        Self { rule, growth, events: Vec::new(), grace }
+    }
+
+    /// Enters an observation and the account of the run until then.
+    pub(crate) fn enter(&mut self, seen: &Observation, ledger: &EnergyLedger) {
+        let parts = &ledger.parts;
+        let work = parts.prescribed + parts.force + parts.damping;
+        let given = ledger.initial + parts.prescribed + parts.force - seen.gravity - seen.load;
+        let growth = &mut self.growth;
+        growth.exchange = growth.exchange.max(given);
+        let scale = [seen.kinetic, seen.elastic, seen.gravity, seen.load, ledger.initial, parts.force]
+            .into_iter()
+            .chain([parts.prescribed, parts.damping])
+            .fold(0.0, |scale: f64, part| scale.max(part.abs()));
+        growth.now = seen.total() - ledger.initial - work - NOISE * scale;
+        growth.largest = growth.largest.max(growth.now);
+    }
+
+    /// Is growth now, after `steps` steps, beyond the bound?
+    pub(crate) fn is_exceeded(&self, steps: u64) -> bool {
+        let Growth { now, exchange, accepted, .. } = self.growth;
+        steps > self.grace && now > accepted + self.rule.bound * exchange
+    }
+
+    /// Notes what was done about the growth after `step` (at t, s). The run has gone back to `good`.
+    pub(crate) fn act(&mut self, step: u64, t: f64, action: String, good: Growth) {
+        let event = GuardEvent {
+            step,
+            t,
+            joules: self.growth.now,
+            relative: self.growth.now / self.growth.exchange,
+            action,
+        };
+        self.events.push(event);
+        self.growth = Growth { accepted: good.now.max(good.accepted), ..good };
+    }
+
+    /// The largest growth over the exchange; zero where there was none.
+    pub(crate) fn relative(&self) -> f64 {
+        let Growth { largest, exchange, .. } = self.growth;
+        if largest > 0.0 { largest / exchange } else { 0.0 }
+    }
+
+    /// What must not pass in silence: energy beyond the bound, though the run went on.
+    pub(crate) fn warning(&self) -> Option<String> {
+        let relative = self.relative();
+        if self.rule.action == GuardAction::Off || relative <= self.rule.bound {
+            return None;
+        }
+        let Growth { largest, exchange, .. } = self.growth;
+        Some(format!(
+            "energy was gained that nothing put in: {largest:.3e} J, {relative:.1e} of the {exchange:.3e} J that \
+             motion and deformation were given; take a smaller step, or let [guard] act on it"
+        ))
+    }
+
+    /// For report.json.
+    pub(crate) fn report(&self) -> Value {
+        json!({
+            "action": self.rule.action, "bound": self.rule.bound, "growth": self.growth.largest,
+            "exchange": self.growth.exchange, "relative_growth": self.relative(),
+            "exceeded": self.warning().is_some(), "events": self.events,
+        })
+    }
+}

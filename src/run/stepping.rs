@@ -1,0 +1,306 @@
+//! The loop of a run: steps, rows and frames as they fall due, and the end. What it does for safety
+//! (checkpoints, the energy guard) is `safety.rs`. It must not know how a step is made.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use vi_core::{EnergyLedger, StepEnergy};
+use vi_solvers::{SolverError, StepError};
+
+use super::safety::Good;
+use super::{RunError, Watch, clear};
+use crate::checkpoint::record::record;
+use crate::checkpoint::{Checkpoint, Origin, Store};
+use crate::estimate::{Estimator, ProbeEstimate};
+use crate::frames::FrameWriter;
+use crate::guard::{EnergyGuard, Growth};
+use crate::history::{Columns, HistoryWriter, RowWork};
+use crate::momentum::MomentumLedger;
+use crate::pitch::PitchFinder;
+use crate::report::{Outcome, Report};
+use crate::scene::{Guard, GuardAction};
+use crate::simulation::{Observation, Simulation};
+use crate::stability::{StabilityNote, stability};
+
+/// What a run has seen and written so far: what it goes back with, and continues with.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Course {
+    pub(super) ledger: EnergyLedger,
+    pub(super) momentum: MomentumLedger,
+    /// Since the last row.
+    pub(super) work: RowWork,
+    pub(super) growth: Growth,
+    /// The step of the last row.
+    pub(super) row: u64,
+    pub(crate) history_bytes: u64,
+    pub(super) frames: u64,
+    pub(super) samples: u64,
+}
+
+record!(RowWork { iterations: u64, substeps: u64 });
+record!(Course {
+    ledger: EnergyLedger,
+    momentum: MomentumLedger,
+    work: RowWork,
+    growth: Growth,
+    row: u64,
+    history_bytes: u64,
+    frames: u64,
+    samples: u64,
+});
+
+/// A run under way.
+pub(super) struct Run {
+    pub(super) simulation: Simulation,
+    pub(super) directory: PathBuf,
+    pub(super) history: HistoryWriter,
+    pub(super) frames: Option<FrameWriter>,
+    pub(super) ledger: EnergyLedger,
+    pub(super) momentum: MomentumLedger,
+    pub(super) work: RowWork,
+    pub(super) row: u64,
+    pub(super) pitch: PitchFinder,
+    pub(super) guard: EnergyGuard,
+    pub(super) good: Option<Good>,
+    pub(super) store: Option<(Store, Origin)>,
+    pub(super) estimator: Option<Estimator>,
+    pub(super) estimates: Vec<ProbeEstimate>,
+    pub(super) report: Report,
+    stability: Option<StabilityNote>,
+}
+
+impl Run {
+    /// A run at its start, its first row and frame written.
+    pub(super) fn start(
+        simulation: Simulation,
+        name: &str,
+        directory: &Path,
+        origin: Option<Origin>,
+        begin: Instant,
+    ) -> Result<Self, RunError> {
+        std::fs::create_dir_all(directory).map_err(RunError::output(directory))?;
+        clear(directory, name).map_err(RunError::output(directory))?;
+        let path = directory.join("history.csv");
+        let history = |probes: &[String], columns| HistoryWriter::create(&path, probes, columns);
+        let (mut run, first) = Self::build(simulation, name, directory, origin, history)?;
+        if !first.is_finite() {
+            // Nothing can be written of such a state.
+            return Err(run.refuse_start());
+        }
+        let estimates = run.estimator.as_mut().and_then(|estimator| estimator.compare(0, &first.probes));
+        run.history.write(&first, RowWork::default(), estimates.as_deref()).map_err(RunError::output(&path))?;
+        run.estimates = estimates.unwrap_or_default();
+        if let Some(frames) = &mut run.frames {
+            frames.write(&run.simulation)?;
+        }
+        run.report.setup_seconds = begin.elapsed().as_secs_f64();
+        run.save()?;
+        Ok(run)
+    }
+
+    /// A run where a checkpoint left it.
+    pub(super) fn resume(
+        simulation: Simulation,
+        checkpoint: &Checkpoint,
+        directory: &Path,
+        begin: Instant,
+    ) -> Result<Self, RunError> {
+        let name = &checkpoint.origin.name;
+        let path = directory.join("history.csv");
+        let bytes = checkpoint.course.history_bytes;
+        let history = |_: &[String], columns| HistoryWriter::resume(&path, columns, bytes);
+        let origin = checkpoint.origin.clone();
+        let (mut run, _) = Self::build(simulation, name, directory, Some(origin), history)?;
+        // What an interrupted run reported is no longer so.
+        let report = directory.join("report.json");
+        if report.exists() {
+            std::fs::remove_file(&report).map_err(RunError::output(&report))?;
+        }
+        run.reinstate(checkpoint)?;
+        run.report.setup_seconds += begin.elapsed().as_secs_f64();
+        Ok(run)
+    }
+
+    fn build(
+        mut simulation: Simulation,
+        name: &str,
+        directory: &Path,
+        origin: Option<Origin>,
+        history: impl FnOnce(&[String], Columns) -> std::io::Result<HistoryWriter>,
+    ) -> Result<(Self, Observation), RunError> {
+        let stability = stability(&simulation);
+        let first = simulation.observe();
+        let scene = simulation.scene();
+        let probes: Vec<_> = scene.probes.iter().map(|probe| probe.name.clone()).collect();
+        let has_loads = simulation.components().iter().any(|component| {
+            component.system().potentials().iter().any(|term| term.account() == vi_core::Account::Load)
+        });
+        let estimator = scene.time.estimate.then(|| Estimator::new(&simulation));
+        let columns = Columns { has_loads, has_estimates: estimator.is_some() };
+        let path = directory.join("history.csv");
+        let history = history(&probes, columns).map_err(RunError::output(&path))?;
+        let frames = scene.output.interval;
+        let frames =
+            frames.map(|interval| FrameWriter::create(directory, name, &simulation, interval)).transpose()?;
+        let mut rule = scene.guard.unwrap_or(Guard::silent());
+        if scene.statics.is_some() || !simulation.is_accounted() {
+            // Without the work from outside, growth would not be known from it.
+            rule.action = GuardAction::Off;
+        }
+        let store = scene.checkpoint.as_ref().map(|rule| Store::new(directory, rule)).zip(origin);
+        let run = Self {
+            ledger: EnergyLedger::new(first.total(), first.kinetic),
+            momentum: MomentumLedger::new(&simulation, &first),
+            pitch: PitchFinder::new(&scene.probes, &first),
+            guard: EnergyGuard::new(rule, simulation.method().facts().order, &first),
+            report: Report::new(&simulation, name, stability.as_ref()),
+            directory: directory.to_owned(),
+            work: RowWork::default(),
+            row: 0,
+            estimates: Vec::new(),
+            good: None,
+            simulation,
+            history,
+            frames,
+            store,
+            stability,
+            estimator,
+        };
+        Ok((run, first))
+    }
+
+    /// Steps to the end, or to where the run fails or is stopped, and writes everything.
+    pub(super) fn complete(mut self, watch: &mut dyn Watch) -> Result<Report, RunError> {
+        let mut notes = self.simulation.notes().to_vec();
+        notes.extend(self.stability.as_ref().and_then(StabilityNote::warning));
+        watch.start(&self.simulation, &notes);
+        let mut failure = None;
+        let mut interrupted = false;
+        while !self.simulation.is_done() && !interrupted {
+            match self.advance() {
+                Ok(()) => {}
+                Err(error @ (RunError::Step { .. } | RunError::Guard { .. })) => {
+                    failure = Some(error);
+                    break;
+                }
+                Err(error) => return Err(error),
+            }
+            let go_on = watch.step(&self.simulation);
+            interrupted = !go_on && !self.simulation.is_done();
+        }
+        watch.end(&self.simulation);
+        if failure.is_some() || interrupted {
+            self.leave()?;
+        }
+        let outcome = match &failure {
+            Some(error) => Outcome::Failed(error.to_string()),
+            None if interrupted => Outcome::Interrupted,
+            None => Outcome::Done,
+        };
+        self.finish(outcome)?;
+        match failure {
+            Some(error) => Err(error),
+            None => Ok(self.report),
+        }
+    }
+
+    /// One step with its row, frame and checkpoint where they are due; the energy guard may go back instead.
+    fn advance(&mut self) -> Result<(), RunError> {
+        self.keep_good();
+        let begin = Instant::now();
+        let stepped = self.simulation.step();
+        self.report.stepping_seconds += begin.elapsed().as_secs_f64();
+        let step = self.simulation.steps();
+        let stepped = stepped.map_err(|source| RunError::Step { step: step + 1, source })?;
+        self.work.iterations += stepped.iterations;
+        self.work.substeps += stepped.substeps;
+        self.ledger.parts += stepped.energy;
+        let begin = Instant::now();
+        let every = self.simulation.scene().output.history;
+        let row_is_due = self.simulation.is_done() || (every > 0 && step.is_multiple_of(every));
+        if row_is_due || self.guard.rule.acts() {
+            let seen = self.simulation.observe();
+            if !seen.is_finite() {
+                return Err(self.overflow());
+            }
+            self.guard.enter(&seen, &self.ledger);
+            if self.guard.rule.acts() && self.guard.is_exceeded(step) {
+                return self.answer();
+            }
+            if row_is_due {
+                self.row(&seen)?;
+            }
+        }
+        let is_done = self.simulation.is_done();
+        if let Some(frames) = &mut self.frames
+            && (frames.is_due(&self.simulation) || is_done)
+        {
+            frames.write(&self.simulation)?;
+        }
+        self.save_if_due()?;
+        self.report.output_seconds += begin.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// The state at which a run ends before its end: a checkpoint, and then the row and the frame that
+    /// were not due there.
+    fn leave(&mut self) -> Result<(), RunError> {
+        let begin = Instant::now();
+        let seen = self.simulation.observe();
+        if seen.is_finite() {
+            self.save()?;
+            if self.row < self.simulation.steps() {
+                self.row(&seen)?;
+            }
+            if let Some(frames) = &mut self.frames
+                && frames.frames().last().is_none_or(|last| last.0 < self.simulation.time())
+            {
+                frames.write(&self.simulation)?;
+            }
+        }
+        self.report.output_seconds += begin.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    fn row(&mut self, seen: &Observation) -> Result<(), RunError> {
+        self.ledger.enter(StepEnergy::default(), seen.total(), seen.kinetic);
+        self.momentum.enter(seen);
+        self.pitch.enter(seen);
+        let begin = Instant::now();
+        let steps = self.simulation.steps();
+        self.row = steps;
+        let estimates = self.estimator.as_mut().and_then(|estimator| estimator.compare(steps, &seen.probes));
+        self.report.estimating_seconds += begin.elapsed().as_secs_f64();
+        let result = self.history.write(seen, std::mem::take(&mut self.work), estimates.as_deref());
+        if let Some(estimates) = estimates {
+            self.estimates = estimates;
+        }
+        result.map_err(RunError::output(&self.directory.join("history.csv")))
+    }
+
+    fn finish(&mut self, outcome: Outcome) -> Result<(), RunError> {
+        let path = self.directory.join("history.csv");
+        self.history.flush().map_err(RunError::output(&path))?;
+        let frame_count = self.frames.as_ref().map_or(0, FrameWriter::count);
+        self.report.guard(&self.guard);
+        self.report.close(&self.simulation, outcome, frame_count, &self.ledger, &self.momentum, &self.pitch);
+        if let Some(estimator) = &self.estimator {
+            self.report.estimate(&self.simulation, &self.estimates, estimator.notes());
+        }
+        let path = self.directory.join("report.json");
+        self.report.write(&path).map_err(RunError::output(&path))
+    }
+
+    /// The start is not a state: says why, with a report but no row and no frame.
+    fn refuse_start(&mut self) -> RunError {
+        let error = self.overflow();
+        self.finish(Outcome::Failed(error.to_string())).err().unwrap_or(error)
+    }
+
+    /// Energies or momenta that are not finite.
+    fn overflow(&mut self) -> RunError {
+        let cause: SolverError = self.simulation.fault();
+        let (t, h) = (self.simulation.time(), self.simulation.step_size());
+        RunError::Step { step: self.simulation.steps(), source: StepError { t, h, cause } }
+    }
+}

@@ -1,0 +1,81 @@
+//! One component over one step of the run: as a whole or, where that fails, in substeps of h/2, h/4 …
+//! h/1024, back to h after. It must not know which scheme steps.
+
+use vi_core::{State, StepEnergy, System};
+use vi_solvers::{StepError, Stepper};
+
+/// Substeps of a step at its floor: 2¹⁰.
+pub(crate) const FLOOR: u32 = 1024;
+
+/// What the way through one step was.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct March {
+    pub(crate) iterations: u64,
+    pub(crate) energy: StepEnergy,
+    /// Substeps made; 0 where the step was made as it was asked for.
+    pub(crate) substeps: u64,
+    /// The step was cut into at most this many equal parts.
+    pub(crate) finest: u32,
+}
+
+/// How a step may be made.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Cut {
+    /// Parts to begin with, a power of two.
+    pub(crate) parts: u32,
+    /// May a part that fails be cut further?
+    pub(crate) further: bool,
+}
+
+/// Advances `state` by h (s), to the time `end`.
+///
+/// # Errors
+/// That of the smallest substep tried; the state is then as it was.
+pub(crate) fn march(
+    stepper: &mut dyn Stepper,
+    system: &System,
+    state: &mut State,
+    h: f64,
+    end: f64,
+    cut: Cut,
+) -> Result<March, StepError> {
+    let mut done = March { finest: 1, ..March::default() };
+    if cut.parts == 1 {
+        match stepper.step(system, state, h) {
+            Ok(report) => {
+                done.iterations = u64::from(report.iterations);
+                done.energy = report.energy;
+                state.t = end;
+                return Ok(done);
+            }
+            Err(error) if cut.further && error.smaller_step_may_help() => {}
+            Err(error) => return Err(error),
+        }
+    }
+    let before = state.clone();
+    // In units of h/1024, so that every sum is exact.
+    let largest = FLOOR / cut.parts.max(2);
+    let (mut at, mut size) = (0, largest);
+    while at < FLOOR {
+        match stepper.step(system, state, h * f64::from(size) / f64::from(FLOOR)) {
+            Ok(report) => {
+                done.iterations += u64::from(report.iterations);
+                done.energy += report.energy;
+                done.substeps += 1;
+                done.finest = done.finest.max(FLOOR / size);
+                at += size;
+                state.t = before.t + h * (f64::from(at) / f64::from(FLOOR));
+                while size < largest && at.is_multiple_of(2 * size) {
+                    size *= 2;
+                }
+            }
+            Err(error) if cut.further && size > 1 && error.smaller_step_may_help() => size /= 2,
+            Err(error) => {
+                *state = before;
+                return Err(error);
+            }
+        }
+    }
+    state.t = end;
+    Ok(done)
+}

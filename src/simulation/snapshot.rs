@@ -1,0 +1,153 @@
+//! Everything that the next steps of a simulation depend on beyond its scene, to go back to or to
+//! continue from, bit for bit. It must not know files.
+
+use vi_core::State;
+use vi_solvers::{Method, SolverError, SolverOptions, StepperMemory, Work};
+
+use super::{Component, Simulation, march};
+use crate::checkpoint::record::record;
+
+/// Steps that were cut into substeps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Substeps {
+    /// Steps that were cut.
+    pub steps: u64,
+    /// Substeps that they were cut into.
+    pub substeps: u64,
+    /// The smallest substep was h divided by this; 1 where none was cut.
+    pub finest: u64,
+}
+
+/// A simulation between two steps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Snapshot {
+    pub(super) steps: u64,
+    pub(super) parts: u64,
+    pub(super) switched: bool,
+    pub(super) components: Vec<(State, Option<StepperMemory>)>,
+    pub(super) work: Work,
+    pub(super) substeps: Substeps,
+}
+
+record!(Substeps { steps: u64, substeps: u64, finest: u64 });
+record!(Snapshot {
+    steps: u64,
+    parts: u64,
+    switched: bool,
+    components: Vec<(State, Option<StepperMemory>)>,
+    work: Work,
+    substeps: Substeps,
+});
+
+impl Snapshot {
+    /// Steps made.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+}
+
+impl Simulation {
+    /// What it is now.
+    pub fn snapshot(&self) -> Snapshot {
+        let of = |component: &Component| {
+            (component.state.clone(), component.stepper.as_ref().map(|stepper| stepper.memory()))
+        };
+        Snapshot {
+            steps: self.steps,
+            parts: u64::from(self.parts),
+            switched: self.switched,
+            components: self.components.iter().map(of).collect(),
+            work: self.work(),
+            substeps: self.substeps,
+        }
+    }
+
+    /// Becomes what an equal simulation was; the next steps are the same to the bit.
+    ///
+    /// # Errors
+    /// [`SolverError`] where the snapshot is that of another scene; the simulation is then of no use.
+    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SolverError> {
+        if snapshot.components.len() != self.components.len() {
+            return Err(SolverError::Memory { missing: "number of systems" });
+        }
+        let parts = u32::try_from(snapshot.parts).ok().filter(|&parts| {
+            parts.is_power_of_two() && parts <= march::FLOOR && snapshot.steps <= self.step_count
+        });
+        self.parts = parts.ok_or(SolverError::Memory { missing: "number of steps" })?;
+        if snapshot.switched != self.switched {
+            let method = if snapshot.switched { Method::EnergyMomentum } else { self.method };
+            self.set_steppers(method)?;
+            self.switched = snapshot.switched;
+        }
+        for (component, (state, memory)) in self.components.iter_mut().zip(&snapshot.components) {
+            if [&state.q, &state.p].iter().any(|values| values.len() != component.state.q.len()) {
+                return Err(SolverError::Memory { missing: "state of this system" });
+            }
+            component.state = state.clone();
+            match (&mut component.stepper, memory) {
+                (Some(stepper), Some(memory)) => stepper.restore(&component.system, memory)?,
+                (None, None) => {}
+                _ => return Err(SolverError::Memory { missing: "stepper" }),
+            }
+        }
+        self.steps = snapshot.steps;
+        self.earlier_work = snapshot.work;
+        self.substeps = snapshot.substeps;
+        Ok(())
+    }
+
+    /// Becomes what it was; the work of the steps that are given up stays counted.
+    ///
+    /// # Errors
+    /// As [`Simulation::restore`].
+    pub(crate) fn go_back(&mut self, snapshot: &Snapshot) -> Result<(), SolverError> {
+        let work = self.work();
+        self.restore(snapshot)?;
+        self.earlier_work = work;
+        Ok(())
+    }
+
+    /// Cuts every step from now on into twice as many parts; false where they are at the floor, h/1024.
+    pub fn halve(&mut self) -> bool {
+        let can = self.parts < march::FLOOR;
+        if can {
+            self.parts *= 2;
+        }
+        can
+    }
+
+    /// The step that is made now, s: h, or the part of it that [`Simulation::halve`] has left.
+    pub fn part(&self) -> f64 {
+        self.h / f64::from(self.parts)
+    }
+
+    /// Continues by `energy-momentum`.
+    ///
+    /// # Errors
+    /// [`SolverError`] where a force of the scene rules that out; nothing has then changed.
+    pub fn switch(&mut self) -> Result<(), SolverError> {
+        let work = self.work();
+        self.set_steppers(Method::EnergyMomentum)?;
+        self.earlier_work = work;
+        self.switched = true;
+        Ok(())
+    }
+
+    /// Has it been switched to `energy-momentum`?
+    pub fn is_switched(&self) -> bool {
+        self.switched
+    }
+
+    fn set_steppers(&mut self, method: Method) -> Result<(), SolverError> {
+        let make = |component: &Component| {
+            let needed = component.stepper.is_some();
+            let options = SolverOptions { ledger: component.keeps_ledger, ..self.options.clone() };
+            needed.then(|| vi_solvers::stepper(&method, &component.system, &options)).transpose()
+        };
+        let steppers = self.components.iter().map(make).collect::<Result<Vec<_>, _>>()?;
+        for (component, stepper) in self.components.iter_mut().zip(steppers) {
+            component.stepper = stepper;
+        }
+        Ok(())
+    }
+}
