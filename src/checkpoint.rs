@@ -16,8 +16,8 @@ use crate::scene::{Body, Scene, SchemeName};
 use crate::simulation::Snapshot;
 pub use record::Damage;
 use record::{Record, Source, record};
-pub(crate) use store::{Store, remove_all};
 pub use store::{Found, newest};
+pub(crate) use store::{Store, remove_all};
 
 const MAGIC: &[u8; 8] = b"VI-CHECK";
 /// Changes with every change of the record.

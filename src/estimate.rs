@@ -107,11 +107,8 @@ impl Estimator {
     /// # Errors
     /// As [`Simulation::restore`].
     pub fn restore(&mut self, was: &Companions) -> Result<(), SolverError> {
-        let pairs = [
-            (&mut self.double, &was.double),
-            (&mut self.half, &was.half),
-            (&mut self.shadow, &was.shadow),
-        ];
+        let pairs =
+            [(&mut self.double, &was.double), (&mut self.half, &was.half), (&mut self.shadow, &was.shadow)];
         for (companion, was) in pairs {
             match (companion.as_mut(), was) {
                 (Some(companion), Some(was)) => companion.restore(was)?,

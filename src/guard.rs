@@ -61,7 +61,7 @@ pub(crate) struct EnergyGuard {
 impl EnergyGuard {
     /// For a scheme of this order, from the first observation on.
     pub(crate) fn new(rule: Guard, order: usize, first: &Observation) -> Self {
-        let grace = if order < 2 { (4.0 / rule.bound).ceil() as u64 } else { 8 };
+        let grace = if order < 2 { (4.0 / rule.bound).ceil() as u64 } else { 2 };
         let exchange = first.kinetic + first.elastic;
         let growth = Growth { exchange, ..Growth::default() };
         Self { rule, growth, events: Vec::new(), grace }
@@ -88,17 +88,12 @@ impl EnergyGuard {
         steps > self.grace && now > accepted + self.rule.bound * exchange
     }
 
-    /// Notes what was done about the growth after `step` (at t, s). The run has gone back to `good`.
-    pub(crate) fn act(&mut self, step: u64, t: f64, action: String, good: Growth) {
-        let event = GuardEvent {
-            step,
-            t,
-            joules: self.growth.now,
-            relative: self.growth.now / self.growth.exchange,
-            action,
-        };
+    /// Notes what was done about the growth that was `seen` after `step` (at t, s). The run has gone back to
+    /// a good point, and further growth counts from there.
+    pub(crate) fn act(&mut self, step: u64, t: f64, action: String, seen: Growth) {
+        let event = GuardEvent { step, t, joules: seen.now, relative: seen.now / seen.exchange, action };
         self.events.push(event);
-        self.growth = Growth { accepted: good.now.max(good.accepted), ..good };
+        self.growth.accepted = self.growth.accepted.max(self.growth.now);
     }
 
     /// The largest growth over the exchange; zero where there was none.

@@ -18,14 +18,7 @@ pub struct MomentumLedger {
 /// Linear and angular momentum.
 type Momenta = ([f64; 3], [f64; 3]);
 
-record!(MomentumLedger {
-    first: Momenta,
-    mass: f64,
-    size: f64,
-    kinetic_max: f64,
-    linear: f64,
-    angular: f64,
-});
+record!(MomentumLedger { first: Momenta, mass: f64, size: f64, kinetic_max: f64, linear: f64, angular: f64 });
 
 impl MomentumLedger {
     /// Opens at the first observation.

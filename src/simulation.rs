@@ -5,7 +5,7 @@ mod march;
 mod snapshot;
 
 use rayon::prelude::*;
-use vi_core::{State, System, angular_momentum, kinetic_energy, linear_momentum};
+use vi_core::{HessianKind, State, System, angular_momentum, kinetic_energy, linear_momentum};
 use vi_solvers::{Assembler, Method, SolverError, SolverOptions, StepError, Stepper, Work};
 
 use crate::auto::AutoReport;
@@ -26,6 +26,8 @@ pub struct Component {
     observer: Option<Assembler>,
     /// Does its stepper keep the full energy ledger?
     keeps_ledger: bool,
+    /// Can a configuration lie outside the domain of a term?
+    has_domain: bool,
 }
 
 impl Component {
@@ -160,7 +162,8 @@ impl Simulation {
                 }
             };
             let keeps_ledger = options.ledger;
-            components.push(Component { system, state, stepper, observer: None, keeps_ledger });
+            let has_domain = has_domain(&system);
+            components.push(Component { system, state, stepper, observer: None, keeps_ledger, has_domain });
         }
         if !problems.is_empty() {
             return Err(problems);
@@ -260,15 +263,24 @@ impl Simulation {
     /// # Errors
     /// The first component's [`StepError`]; all states are then as before.
     pub fn step(&mut self) -> Result<Stepped, StepError> {
-        let h = self.h;
+        let (h, is_static) = (self.h, self.scene.statics.is_some());
         let end = (self.steps + 1) as f64 * h;
         // Statics cuts its increments by itself.
-        let further = self.scene.time.substeps && self.scene.statics.is_none();
+        let further = self.scene.time.substeps && !is_static;
         let cut = Cut { parts: self.parts, further };
         let advance = |component: &mut Component| -> Result<March, StepError> {
-            let Component { system, state, stepper, .. } = component;
+            let Component { system, state, stepper, observer, has_domain, .. } = component;
             match stepper {
-                Some(stepper) => march(stepper.as_mut(), system, state, h, end, cut),
+                Some(stepper) => {
+                    // Not all schemes look at the end of a step: implicit midpoint only sees its middle.
+                    let unseen = *has_domain && !is_static && stepper.gradient().is_none();
+                    let mut check = |system: &System, state: &State| {
+                        let assembler = observer.get_or_insert_with(|| Assembler::new(system));
+                        accepts(assembler, system, state)
+                    };
+                    let check: Option<march::Check<'_>> = if unseen { Some(&mut check) } else { None };
+                    march(stepper.as_mut(), system, state, h, end, cut, check)
+                }
                 None => {
                     state.t = end;
                     Ok(March::default())
@@ -380,6 +392,32 @@ impl Simulation {
         let own = &all[3 * body.node_offset..3 * (body.node_offset + body.mesh.points.len())];
         own.as_chunks::<3>().0.to_vec()
     }
+}
+
+/// Can a configuration lie outside the domain of a term? So it can where the first stencil has no energy when
+/// all its nodes are in one place.
+fn has_domain(system: &System) -> bool {
+    let collapsed = vec![0.0; system.coordinates().dof_count()];
+    system.potentials().iter().any(|term| {
+        let mut energy = [0.0];
+        let is_varying = term.traits().hessian == HessianKind::Varying && term.stencils().count() > 0;
+        if is_varying {
+            term.energies(0..1, &collapsed, 0.0, &mut energy);
+        }
+        !energy[0].is_finite()
+    })
+}
+
+/// Do all terms have a finite energy at a state?
+fn accepts(assembler: &mut Assembler, system: &System, state: &State) -> Result<(), SolverError> {
+    let x = system.positions(state);
+    if assembler.energies(system, &x, state.t).total().is_finite() {
+        return Ok(());
+    }
+    Err(match assembler.fault(system, &x, state.t) {
+        Some(term) => SolverError::Term { term, at_start: false },
+        None => SolverError::NotFinite { what: "energy", dof: 0, at_start: false },
+    })
 }
 
 /// Does something outside put energy in or take it out: moving supports, forces without a potential, or loads

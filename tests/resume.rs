@@ -24,8 +24,13 @@ fn written(directory: &Path) -> Vec<(String, Vec<u8>)> {
             let mut bytes = std::fs::read(&path).unwrap();
             if name == "report.json" {
                 let mut report: Value = serde_json::from_slice(&bytes).unwrap();
-                let clocks: Vec<String> =
-                    report.as_object().unwrap().keys().filter(|key| key.ends_with("seconds")).cloned().collect();
+                let clocks: Vec<String> = report
+                    .as_object()
+                    .unwrap()
+                    .keys()
+                    .filter(|key| key.ends_with("seconds"))
+                    .cloned()
+                    .collect();
                 clocks.iter().for_each(|key| report[key] = Value::Null);
                 bytes = report.to_string().into_bytes();
             }
@@ -56,8 +61,12 @@ impl Watch for StopAfter {
 }
 
 fn block(law: Law) -> Body {
-    let shape =
-        BoxMesh { size: [0.4, 0.2, 0.2], cells: [2, 1, 1], element: ElementKind::Tet4, origin: [0.1, 0.0, -0.1] };
+    let shape = BoxMesh {
+        size: [0.4, 0.2, 0.2],
+        cells: [2, 1, 1],
+        element: ElementKind::Tet4,
+        origin: [0.1, 0.0, -0.1],
+    };
     Body::from_box("block", shape, law)
 }
 

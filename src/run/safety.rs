@@ -60,13 +60,14 @@ impl Run {
             Err(RunError::Guard { step, t, joules: now, relative, bound, after })
         };
         let Some(good) = self.good.take() else { return end(self, "") };
-        let back = good.course.growth;
         let from = good.simulation.steps() as f64 * self.simulation.step_size();
         let (part, was_switched) = (self.simulation.part(), self.simulation.is_switched());
         if part <= self.simulation.step_size() / 1024.0 {
             return end(self, ", though the step was halved to h/1024");
         }
-        self.simulation.go_back(&good.simulation).map_err(|error| CheckpointError::Unfit(error.to_string()))?;
+        self.simulation
+            .go_back(&good.simulation)
+            .map_err(|error| CheckpointError::Unfit(error.to_string()))?;
         if let Some(estimator) = &mut self.estimator {
             let restored = estimator.restore(&good.companions);
             restored.map_err(|error| CheckpointError::Unfit(error.to_string()))?;
@@ -83,8 +84,9 @@ impl Run {
                 format!("from t = {from:e} s on with steps of {:e} s{why}", self.simulation.part())
             }
         };
+        let seen = self.guard.growth;
         self.go_back(&good.course)?;
-        self.guard.act(step, t, action, back);
+        self.guard.act(step, t, action, seen);
         Ok(())
     }
 
@@ -107,8 +109,7 @@ impl Run {
     /// Saves a checkpoint where one is due.
     pub(super) fn save_if_due(&mut self) -> Result<(), RunError> {
         let (steps, h) = (self.simulation.steps(), self.simulation.step_size());
-        if !self.simulation.is_done()
-            && self.store.as_ref().is_some_and(|(store, _)| store.is_due(steps, h))
+        if !self.simulation.is_done() && self.store.as_ref().is_some_and(|(store, _)| store.is_due(steps, h))
         {
             // A run that continues goes back no further than here, so neither does this one.
             self.good = None;

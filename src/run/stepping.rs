@@ -88,7 +88,9 @@ impl Run {
             return Err(run.refuse_start());
         }
         let estimates = run.estimator.as_mut().and_then(|estimator| estimator.compare(0, &first.probes));
-        run.history.write(&first, RowWork::default(), estimates.as_deref()).map_err(RunError::output(&path))?;
+        run.history
+            .write(&first, RowWork::default(), estimates.as_deref())
+            .map_err(RunError::output(&path))?;
         run.estimates = estimates.unwrap_or_default();
         if let Some(frames) = &mut run.frames {
             frames.write(&run.simulation)?;

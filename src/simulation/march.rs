@@ -2,7 +2,7 @@
 //! h/1024, back to h after. It must not know which scheme steps.
 
 use vi_core::{State, StepEnergy, System};
-use vi_solvers::{StepError, Stepper};
+use vi_solvers::{SolverError, StepError, StepReport, Stepper};
 
 /// Substeps of a step at its floor: 2¹⁰.
 pub(crate) const FLOOR: u32 = 1024;
@@ -18,6 +18,9 @@ pub(crate) struct March {
     pub(crate) finest: u32,
 }
 
+/// Is the state at the end of a step one that the terms of the potential accept?
+pub(crate) type Check<'a> = &'a mut dyn FnMut(&System, &State) -> Result<(), SolverError>;
+
 /// How a step may be made.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cut {
@@ -25,6 +28,28 @@ pub(crate) struct Cut {
     pub(crate) parts: u32,
     /// May a part that fails be cut further?
     pub(crate) further: bool,
+}
+
+/// A stepper whose steps count only where their end passes a check.
+struct Checked<'a, 'b> {
+    stepper: &'a mut dyn Stepper,
+    check: Option<Check<'b>>,
+}
+
+impl Checked<'_, '_> {
+    fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
+        let Some(check) = &mut self.check else { return self.stepper.step(system, state, h) };
+        let before = state.clone();
+        let report = self.stepper.step(system, state, h)?;
+        match check(system, state) {
+            Ok(()) => Ok(report),
+            Err(cause) => {
+                let t = before.t;
+                *state = before;
+                Err(StepError { t, h, cause })
+            }
+        }
+    }
 }
 
 /// Advances `state` by h (s), to the time `end`.
@@ -38,7 +63,9 @@ pub(crate) fn march(
     h: f64,
     end: f64,
     cut: Cut,
+    check: Option<Check<'_>>,
 ) -> Result<March, StepError> {
+    let mut stepper = Checked { stepper, check };
     let mut done = March { finest: 1, ..March::default() };
     if cut.parts == 1 {
         match stepper.step(system, state, h) {
