@@ -5,6 +5,7 @@
 
 mod hinge;
 mod hinges;
+mod patches;
 mod quadratic;
 mod reconstruction;
 mod shell;
