@@ -34,7 +34,7 @@ pub use coordinates::{Coordinates, Fixed, Path, Prescribed};
 pub use error::CoreError;
 pub use force::{Force, ForceAccount};
 pub use ledger::{EnergyLedger, StepEnergy};
-pub use patch::{Padded, Patch};
+pub use patch::{Padded, Patch, PatchArray};
 pub use potential::{Account, Fault, HessianKind, Potential, Stencils, Traits, packed_len};
 pub use quadrature::Quadrature;
 pub use scheme::{Interpolation, Scheme};

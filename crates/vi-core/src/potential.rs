@@ -116,14 +116,17 @@ pub trait Potential: Send + Sync {
     /// Gradients ∂V_s/∂x, N: n a stencil, n = `stencils().size()`.
     fn gradients(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]);
 
-    /// Adds the gradients of a run of stencils to the sums of its nodes, for terms of points in space
-    /// (block 3) that know a faster way there than one block a stencil. Returns whether the term is
-    /// one; it answers the same for every run, an empty one too, and else touches nothing.
-    ///
-    /// The order of additions at a node may depend on the run, by round-off.
-    fn add_gradients(&self, _range: Range<usize>, _t: f64, _patch: Patch<'_>) -> bool {
+    /// Does the term know [`Potential::add_gradients`]?
+    fn adds_gradients(&self) -> bool {
         false
     }
+
+    /// Adds the gradients of a run of stencils to the sums of its nodes, for terms of points in space
+    /// (block 3) that know a faster way there than one block a stencil. Only called
+    /// where [`Potential::adds_gradients`].
+    ///
+    /// The order of additions at a node may depend on the run, and with it their round-off.
+    fn add_gradients(&self, _range: Range<usize>, _t: f64, _patch: Patch<'_>) {}
 
     /// Hessians ∂²V_s/∂x², N/m: the packed lower triangle by rows, (0,0) (1,0) (1,1) (2,0) …,
     /// n(n+1)/2 a stencil.

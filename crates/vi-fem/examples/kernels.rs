@@ -7,7 +7,7 @@
 use std::cell::RefCell;
 use std::time::Instant;
 
-use vi_core::{Padded, Patch, Stencils, packed_len};
+use vi_core::{Padded, Patch, PatchArray, Stencils, packed_len};
 use vi_fem::{BoxMesh, ElementKind, InstructionSet, Law, elastic_on};
 
 /// Elements asked at a time: their blocks stay in the second cache.
@@ -56,15 +56,14 @@ fn main() {
                     PatchOfChunk::new(potential.stencils(), chunk * CHUNK..count.min((chunk + 1) * CHUNK), &x)
                 })
                 .collect();
-            let sums = RefCell::new(vec![Padded::default(); CHUNK * potential.stencils().arity]);
+            let sums = RefCell::new(Patch::zeros());
             let figures = [
                 time(&|range, out| potential.energies(range, &x, 0.0, out)),
                 time(&|range, out| potential.gradients(range, &x, 0.0, out)),
                 time(&|range, _| {
                     let PatchOfChunk { places, x } = &patches[range.start / CHUNK];
                     let mut sums = sums.borrow_mut();
-                    sums[..x.len()].fill(Padded::default());
-                    potential.add_gradients(range, 0.0, Patch { places, x, sums: &mut sums[..x.len()] });
+                    potential.add_gradients(range, 0.0, Patch { places, x, sums: &mut sums });
                 }),
                 time(&|range, out| potential.hessians(range, &x, 0.0, out)),
                 time(&|range, out| potential.projected_hessians(range, &x, 0.0, out)),
@@ -82,7 +81,7 @@ fn main() {
 /// The nodes of a chunk side by side.
 struct PatchOfChunk {
     places: Vec<u16>,
-    x: Vec<Padded>,
+    x: Box<PatchArray>,
 }
 
 impl PatchOfChunk {
@@ -96,6 +95,8 @@ impl PatchOfChunk {
             let at = 3 * *node as usize;
             Padded([x[at], x[at + 1], x[at + 2], 0.0])
         };
-        Self { places: nodes.iter().map(place).collect(), x: own.iter().map(point).collect() }
+        let mut x = Patch::zeros();
+        x.iter_mut().zip(&own).for_each(|(x, node)| *x = point(node));
+        Self { places: nodes.iter().map(place).collect(), x }
     }
 }

@@ -10,7 +10,7 @@ use std::ops::Range;
 use pulp::Arch;
 use vi_core::{Account, Fault, HessianKind, Patch, Potential, Stencils, Traits, packed_len};
 
-use crate::element::{Element, SolidVisitor, kernel::Solids};
+use crate::element::{Element, SolidVisitor, kernel::Solids, patch::whole_groups};
 use crate::material::{self, Domain, Law, LawVisitor, Material, PackedMat3, PackedTangent};
 use crate::order::sort_by_place;
 use crate::pack::{GROUP, Pack};
@@ -250,20 +250,29 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
         });
     }
 
-    fn add_gradients(&self, range: Range<usize>, _t: f64, patch: Patch<'_>) -> bool {
-        if E::WITH_LAWS {
-            self.solids.add_forces_of(&self.material, range, patch);
-            return true;
-        }
-        let Patch { places, x, sums } = patch;
-        let deform = |groups: Range<usize>, out: &mut [PackedMat3]| {
-            self.solids.patch_deformations(groups, range.clone(), places, x, out);
-        };
-        self.in_passes(&range, deform, |groups, points| {
-            material::stresses(self.solids.arch(), &self.material, points);
-            self.solids.add_forces(groups, points, range.clone(), places, sums);
-        });
+    fn adds_gradients(&self) -> bool {
         true
+    }
+
+    fn add_gradients(&self, range: Range<usize>, _t: f64, patch: Patch<'_>) {
+        let Patch { places, x, sums } = patch;
+        whole_groups(range, places, N, |groups, places| {
+            if E::IS_SIMPLEX {
+                self.solids.add_simplex_forces(&self.material, groups, places, x, sums);
+                return;
+            }
+            let places_of = |part: &Range<usize>| {
+                let start = (part.start - groups.start) * GROUP * N;
+                &places[start..start + part.len() * GROUP * N]
+            };
+            let deform = |part: Range<usize>, out: &mut [PackedMat3]| {
+                self.solids.patch_deformations(part.clone(), places_of(&part), x, out);
+            };
+            self.in_passes(&(groups.start * GROUP..groups.end * GROUP), deform, |part, points| {
+                material::stresses(self.solids.arch(), &self.material, points);
+                self.solids.add_forces(part.clone(), points, places_of(&part), sums);
+            });
+        });
     }
 
     fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {

@@ -29,6 +29,7 @@ mod motion;
 mod nearest;
 mod order;
 mod pack;
+mod places;
 mod pressure;
 mod real;
 mod sheet;

@@ -4,10 +4,7 @@
 //! Moving single numbers costs more than all arithmetic of a linear tetrahedron, so that AVX2 and
 //! AVX-512 have their own ways here; every way moves the same numbers to the same places.
 
-use std::ops::Range;
-
 use pulp::Simd;
-use vi_core::Padded;
 
 use crate::pack::{GROUP, Pack};
 use crate::real::Lane;
@@ -47,76 +44,6 @@ pub(crate) fn gather<S: Simd>(simd: S, x: &[f64], nodes: &[u32], stride: usize) 
     [local[0].load(simd, 0), local[1].load(simd, 0), local[2].load(simd, 0)]
 }
 
-/// The coordinates of `S::F64_LANES` nodes of a patch in lanes: place `places[stride · lane]` each.
-#[inline(always)]
-pub(crate) fn gather_places<S: Simd>(simd: S, x: &[Padded], places: &[u16], stride: usize) -> [Lane<S>; 3] {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::any::Any;
-        let token: &dyn Any = &simd;
-        if let Some(&v4) = token.downcast_ref::<pulp::x86::V4>() {
-            let [a, b, c] = x86::gather_places_8(v4, x, places, stride);
-            return [
-                Lane::new(simd, pulp::bytemuck::cast(a)),
-                Lane::new(simd, pulp::bytemuck::cast(b)),
-                Lane::new(simd, pulp::bytemuck::cast(c)),
-            ];
-        }
-        if let Some(&v3) = token.downcast_ref::<pulp::x86::V3>() {
-            let [a, b, c] = x86::gather_places_4(v3, x, places, stride);
-            return [
-                Lane::new(simd, pulp::bytemuck::cast(a)),
-                Lane::new(simd, pulp::bytemuck::cast(b)),
-                Lane::new(simd, pulp::bytemuck::cast(c)),
-            ];
-        }
-    }
-    let mut local = [Pack::default(); 3];
-    for lane in 0..S::F64_LANES {
-        let point = &x[usize::from(places[stride * lane])].0;
-        for i in 0..3 {
-            local[i].0[lane] = point[i];
-        }
-    }
-    [local[0].load(simd, 0), local[1].load(simd, 0), local[2].load(simd, 0)]
-}
-
-/// Adds a vector of each of `lanes` to its place, `places[stride · lane]`, in the order of the lanes.
-#[inline(always)]
-pub(crate) fn add_to_places<S: Simd>(
-    simd: S,
-    value: [Lane<S>; 3],
-    places: &[u16],
-    stride: usize,
-    lanes: Range<usize>,
-    sums: &mut [Padded],
-) {
-    #[cfg(target_arch = "x86_64")]
-    if lanes.len() == S::F64_LANES {
-        use pulp::bytemuck::cast;
-        use std::any::Any;
-        let token: &dyn Any = &simd;
-        if let Some(&v4) = token.downcast_ref::<pulp::x86::V4>() {
-            let value = [cast(value[0].raw()), cast(value[1].raw()), cast(value[2].raw())];
-            return x86::add_8(v4, value, places, stride, sums);
-        }
-        if let Some(&v3) = token.downcast_ref::<pulp::x86::V3>() {
-            let value = [cast(value[0].raw()), cast(value[1].raw()), cast(value[2].raw())];
-            return x86::add_4(v3, value, places, stride, sums);
-        }
-    }
-    let mut local = [Pack::default(); 3];
-    for i in 0..3 {
-        local[i].store(0, value[i]);
-    }
-    for lane in lanes {
-        let sum = &mut sums[usize::from(places[stride * lane])].0;
-        for i in 0..3 {
-            sum[i] += local[i].0[lane];
-        }
-    }
-}
-
 /// `rows[lane · K + k] = packs[k][lane]`, K the number of packs.
 #[inline(always)]
 pub(crate) fn scatter_rows<S: Simd>(simd: S, packs: &[Pack], rows: &mut [f64]) {
@@ -145,14 +72,13 @@ pub(crate) fn scatter_rows<S: Simd>(simd: S, packs: &[Pack], rows: &mut [f64]) {
 }
 
 #[cfg(target_arch = "x86_64")]
-mod x86 {
+pub(crate) mod x86 {
     use pulp::bytemuck::cast;
     use pulp::x86::{V3, V4};
     use pulp::{f64x4, f64x8};
     use std::arch::x86_64::{__m256d, __m512d};
 
     use crate::pack::Pack;
-    use vi_core::Padded;
 
     /// Four numbers of which the first three are the node's coordinates: the fourth is the next
     /// node's, and is dropped.
@@ -169,48 +95,20 @@ mod x86 {
 
     #[inline(always)]
     pub(super) fn gather_8(simd: V4, x: &[f64], nodes: &[u32], stride: usize) -> [f64x8; 3] {
-        let mut pairs = [[simd.avx._mm256_setzero_pd(); 2]; 4];
+        let isa = simd.avx512f;
+        let mut pairs = [isa._mm512_setzero_pd(); 4];
         for lane in 0..4 {
-            pairs[lane] = [point(x, nodes[stride * lane]), point(x, nodes[stride * (lane + 4)])];
+            let low = isa._mm512_castpd256_pd512(point(x, nodes[stride * lane]));
+            pairs[lane] = isa._mm512_insertf64x4::<1>(low, point(x, nodes[stride * (lane + 4)]));
         }
         columns_8(simd, pairs)
-    }
-
-    #[inline(always)]
-    fn place(x: &[Padded], place: u16) -> __m256d {
-        cast(x[usize::from(place)].0)
-    }
-
-    #[inline(always)]
-    pub(super) fn gather_places_8(simd: V4, x: &[Padded], places: &[u16], stride: usize) -> [f64x8; 3] {
-        let mut pairs = [[simd.avx._mm256_setzero_pd(); 2]; 4];
-        for lane in 0..4 {
-            pairs[lane] = [place(x, places[stride * lane]), place(x, places[stride * (lane + 4)])];
-        }
-        columns_8(simd, pairs)
-    }
-
-    #[inline(always)]
-    pub(super) fn gather_places_4(simd: V3, x: &[Padded], places: &[u16], stride: usize) -> [f64x4; 3] {
-        let nodes = [
-            place(x, places[0]),
-            place(x, places[stride]),
-            place(x, places[2 * stride]),
-            place(x, places[3 * stride]),
-        ];
-        columns_4(simd, nodes)
     }
 
     /// From nodes l and l + 4 side by side, x y z and a number that is dropped each, to x, y and z of
     /// eight nodes.
     #[inline(always)]
-    pub(super) fn columns_8(simd: V4, nodes: [[__m256d; 2]; 4]) -> [f64x8; 3] {
+    pub(crate) fn columns_8(simd: V4, pairs: [__m512d; 4]) -> [f64x8; 3] {
         let isa = simd.avx512f;
-        let mut pairs = [isa._mm512_setzero_pd(); 4];
-        for lane in 0..4 {
-            let low = isa._mm512_castpd256_pd512(nodes[lane][0]);
-            pairs[lane] = isa._mm512_insertf64x4::<1>(low, nodes[lane][1]);
-        }
         let xz_01 = isa._mm512_unpacklo_pd(pairs[0], pairs[1]);
         let xz_23 = isa._mm512_unpacklo_pd(pairs[2], pairs[3]);
         let y_01 = isa._mm512_unpackhi_pd(pairs[0], pairs[1]);
@@ -222,56 +120,6 @@ mod x86 {
             cast(isa._mm512_permutex2var_pd(y_01, first, y_23)),
             cast(isa._mm512_permutex2var_pd(xz_01, second, xz_23)),
         ]
-    }
-
-    /// Adds x, y, z of eight nodes to their places; what is added to the fourth numbers means nothing.
-    #[inline(always)]
-    pub(super) fn add_8(simd: V4, value: [f64x8; 3], places: &[u16], stride: usize, sums: &mut [Padded]) {
-        let isa = simd.avx512f;
-        let [x, y, z]: [__m512d; 3] = [cast(value[0]), cast(value[1]), cast(value[2])];
-        let (even, odd) = (isa._mm512_unpacklo_pd(x, y), isa._mm512_unpackhi_pd(x, y));
-        let pairs = [
-            isa._mm512_permutex2var_pd(even, cast([0u64, 1, 8, 8, 4, 5, 12, 12]), z),
-            isa._mm512_permutex2var_pd(odd, cast([0u64, 1, 9, 9, 4, 5, 13, 13]), z),
-            isa._mm512_permutex2var_pd(even, cast([2u64, 3, 10, 10, 6, 7, 14, 14]), z),
-            isa._mm512_permutex2var_pd(odd, cast([2u64, 3, 11, 11, 6, 7, 15, 15]), z),
-        ];
-        for lane in 0..4 {
-            add(
-                simd.avx,
-                isa._mm512_castpd512_pd256(pairs[lane]),
-                &mut sums[usize::from(places[stride * lane])],
-            );
-        }
-        for lane in 0..4 {
-            let high = isa._mm512_extractf64x4_pd::<1>(pairs[lane]);
-            add(simd.avx, high, &mut sums[usize::from(places[stride * (lane + 4)])]);
-        }
-    }
-
-    #[inline(always)]
-    fn add(isa: pulp::core_arch::x86::Avx, value: __m256d, sum: &mut Padded) {
-        sum.0 = cast(isa._mm256_add_pd(cast(sum.0), value));
-    }
-
-    /// [`add_8`] for four nodes.
-    #[inline(always)]
-    pub(super) fn add_4(simd: V3, value: [f64x4; 3], places: &[u16], stride: usize, sums: &mut [Padded]) {
-        let isa = simd.avx;
-        let [x, y, z]: [__m256d; 3] = [cast(value[0]), cast(value[1]), cast(value[2])];
-        let (even, odd) = (isa._mm256_unpacklo_pd(x, y), isa._mm256_unpackhi_pd(x, y));
-        let (z_even, z_odd) = (isa._mm256_unpacklo_pd(z, z), isa._mm256_unpackhi_pd(z, z));
-        for (lane, value) in [
-            isa._mm256_permute2f128_pd::<0x20>(even, z_even),
-            isa._mm256_permute2f128_pd::<0x20>(odd, z_odd),
-            isa._mm256_permute2f128_pd::<0x31>(even, z_even),
-            isa._mm256_permute2f128_pd::<0x31>(odd, z_odd),
-        ]
-        .into_iter()
-        .enumerate()
-        {
-            add(isa, value, &mut sums[usize::from(places[stride * lane])]);
-        }
     }
 
     #[inline(always)]
@@ -287,7 +135,7 @@ mod x86 {
 
     /// From x y z and a number that is dropped of each of four nodes to their x, y and z.
     #[inline(always)]
-    pub(super) fn columns_4(simd: V3, [a, b, c, d]: [__m256d; 4]) -> [f64x4; 3] {
+    pub(crate) fn columns_4(simd: V3, [a, b, c, d]: [__m256d; 4]) -> [f64x4; 3] {
         let isa = simd.avx;
         let (xz_01, xz_23) = (isa._mm256_unpacklo_pd(a, b), isa._mm256_unpacklo_pd(c, d));
         let (y_01, y_23) = (isa._mm256_unpackhi_pd(a, b), isa._mm256_unpackhi_pd(c, d));
@@ -398,24 +246,11 @@ mod tests {
             let x: Vec<f64> = (0..60).map(f64::from).collect();
             let nodes: Vec<u32> = (0..16).map(|k| (7 * k + 19) % 20).collect();
             let found = gather(simd, &x, &nodes, 2);
-            let padded: Vec<Padded> = x.chunks(3).map(|p| Padded([p[0], p[1], p[2], f64::NAN])).collect();
-            let places: Vec<u16> = nodes.iter().map(|&node| node as u16).collect();
-            let placed = gather_places(simd, &padded, &places, 2);
-            let mut sums = vec![Padded::default(); 20];
-            add_to_places(simd, placed, &places, 2, 0..S::F64_LANES, &mut sums);
-            add_to_places(simd, placed, &places, 2, 0..1, &mut sums);
             for i in 0..3 {
                 let mut pack = Pack::default();
                 pack.store(0, found[i]);
-                let mut placed_pack = Pack::default();
-                placed_pack.store(0, placed[i]);
                 for lane in 0..S::F64_LANES {
-                    let node = nodes[2 * lane] as usize;
-                    assert_eq!(pack.0[lane], x[3 * node + i], "{i} {lane}");
-                    assert_eq!(placed_pack.0[lane], x[3 * node + i], "{i} {lane}");
-                    let times = (0..S::F64_LANES).filter(|&l| nodes[2 * l] as usize == node).count();
-                    let times = times + usize::from(nodes[0] as usize == node);
-                    assert_eq!(sums[node].0[i], times as f64 * x[3 * node + i], "{i} {lane}");
+                    assert_eq!(pack.0[lane], x[3 * nodes[2 * lane] as usize + i], "{i} {lane}");
                 }
             }
             for size in [1, 3, 4, 6, 8, 12, 30, 78] {

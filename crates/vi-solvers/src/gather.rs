@@ -12,7 +12,7 @@ use std::cell::RefCell;
 use std::ops::Range;
 
 use rayon::prelude::*;
-use vi_core::{HessianKind, Padded, Patch, Potential, System};
+use vi_core::{HessianKind, Padded, Patch, PatchArray, Potential, System};
 
 /// Stencils whose blocks are evaluated together: their gradients stay in the first-level cache.
 pub(crate) const BATCH: usize = 64;
@@ -25,7 +25,8 @@ const NODES_PER_TASK: usize = 1024;
 
 thread_local! {
     static SCRATCH: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
-    static POSITIONS: RefCell<Vec<Padded>> = const { RefCell::new(Vec::new()) };
+    /// Positions and sums of a patch.
+    static PATCH: RefCell<Option<[Box<PatchArray>; 2]>> = const { RefCell::new(None) };
 }
 
 /// Calls `body` with a buffer of `length` numbers that the thread keeps from call to call.
@@ -167,8 +168,7 @@ impl Gather {
             let traits = potential.traits();
             let stencils = potential.stencils();
             let split = stencils.block / block;
-            let nothing = Patch { places: &[], x: &[], sums: &mut [] };
-            let patched = stencils.block == 3 && block == 3 && potential.add_gradients(0..0, 0.0, nothing);
+            let patched = stencils.block == 3 && block == 3 && potential.adds_gradients();
             for span in spans(term, potential.as_ref()) {
                 let (free, moving) = mobility_of(&span, potential.as_ref(), &mobility);
                 let still = traits.hessian == HessianKind::Zero || !(free || moving);
@@ -354,20 +354,21 @@ impl PartialSums<'_> {
 
     /// A chunk of a term that adds up its stencils itself.
     fn patch(&self, chunk: &Chunk, sums: &mut [Padded]) {
-        sums.fill(Padded::default());
         let potential = &self.system.potentials()[chunk.span.term];
         let arity = potential.stencils().arity;
         let places = &self.local[chunk.local..chunk.local + chunk.span.stencils.len() * arity];
         let nodes = &self.slot_nodes[chunk.slots.clone()];
         let (points, _) = self.x.as_chunks::<3>();
-        POSITIONS.with_borrow_mut(|x| {
-            x.resize(nodes.len().max(x.len()), Padded::default());
-            let x = &mut x[..nodes.len()];
+        PATCH.with_borrow_mut(|patch| {
+            let [x, local] = patch.get_or_insert_with(|| [Patch::zeros(), Patch::zeros()]);
             for (x, &node) in x.iter_mut().zip(nodes) {
                 let [x0, x1, x2] = points[node as usize];
                 *x = Padded([x0, x1, x2, 0.0]);
             }
-            potential.add_gradients(chunk.span.stencils.clone(), self.t, Patch { places, x, sums });
+            local[..nodes.len()].fill(Padded::default());
+            let run = Patch { places, x, sums: local };
+            potential.add_gradients(chunk.span.stencils.clone(), self.t, run);
+            sums.copy_from_slice(&local[..nodes.len()]);
         });
     }
 

@@ -227,14 +227,15 @@ fn a_stencil_does_not_depend_on_the_range_it_is_asked_in() {
 /// ∂V/∂x of the stencils of `range` as the term itself adds it up, the nodes of the patch in reverse.
 fn patch_gradient(potential: &dyn Potential, range: std::ops::Range<usize>, x: &[f64]) -> Vec<f64> {
     let (stencils, count) = (potential.stencils(), x.len() / 3);
-    let points = x.as_chunks::<3>().0.iter().rev();
-    let points: Vec<Padded> = points.map(|&[a, b, c]| Padded([a, b, c, f64::NAN])).collect();
+    let (mut points, mut sums) = (Patch::zeros(), Patch::zeros());
+    for (point, &[a, b, c]) in points.iter_mut().zip(x.as_chunks::<3>().0.iter().rev()) {
+        *point = Padded([a, b, c, f64::NAN]);
+    }
     let nodes = range.clone().flat_map(|stencil| stencils.of(stencil));
     let places: Vec<u16> = nodes.map(|&node| (count - 1 - node as usize) as u16).collect();
-    let mut sums = vec![Padded::default(); count];
-    let patch = Patch { places: &places, x: &points, sums: &mut sums };
-    assert!(potential.add_gradients(range, 0.0, patch));
-    sums.iter().rev().flat_map(|sum| [sum.0[0], sum.0[1], sum.0[2]]).collect()
+    assert!(potential.adds_gradients());
+    potential.add_gradients(range, 0.0, Patch { places: &places, x: &points, sums: &mut sums });
+    sums[..count].iter().rev().flat_map(|sum| [sum.0[0], sum.0[1], sum.0[2]]).collect()
 }
 
 #[test]

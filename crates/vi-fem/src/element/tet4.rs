@@ -10,7 +10,7 @@ pub struct Tet4;
 
 impl Element<4, 1> for Tet4 {
     const DEGREE: usize = 1;
-    const WITH_LAWS: bool = true;
+    const IS_SIMPLEX: bool = true;
 
     fn rule() -> [([f64; 3], f64); 1] {
         [([0.25; 3], 1.0 / 6.0)]
