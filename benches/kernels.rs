@@ -1,9 +1,14 @@
-//! Element kernels, gather, Hessian, factor, solve and whole steps on the cantilever block P1
-//! (docs/performance.md), at n = 4, 8, 16: `cargo bench --bench kernels`.
+//! Element kernels of every law, gather, Hessian, factor, solve, whole steps and the writing of VTU files
+//! on the cantilever block P1 (docs/performance.md), at n = 4, 8, 16: `cargo bench --bench kernels`; a
+//! part of them by its name, `cargo bench --bench kernels -- step/stormer-verlet`.
 
 use std::hint::black_box;
+use std::io::Cursor;
+use std::time::Duration;
 
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use variational::io::{CellBlock, CellKind, VtuArray, VtuFrame, VtuOptions, VtuValues, encode_vtu};
 use variational::prelude::*;
 use variational::solvers::{Assembler, Factor, HessianEvaluation};
 
@@ -26,19 +31,22 @@ fn block(n: u32, law: Law, scheme: SchemeName, step: f64) -> Simulation {
     }
 }
 
-fn laws() -> [(&'static str, Law); 2] {
-    let constants = Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 };
-    [
-        ("st-venant-kirchhoff", Law::StVenantKirchhoff(constants.clone())),
-        ("neo-hookean", Law::NeoHookean(constants)),
-    ]
+fn st_venant_kirchhoff() -> Law {
+    Law::StVenantKirchhoff(Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 })
+}
+
+/// Ten samples in a second: differences of a few per cent show, and all benches take minutes.
+fn quick(group: &mut BenchmarkGroup<'_, WallTime>) {
+    group.sample_size(10).warm_up_time(Duration::from_millis(200)).measurement_time(Duration::from_secs(1));
 }
 
 /// Forces and Hessians of all elements on one thread, without the sums over nodes.
 fn elements(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("elements");
+    quick(&mut group);
     for n in SIZES {
-        for (name, law) in laws() {
+        for law in Law::examples() {
+            let name = law.name();
             let simulation = block(n, law, SchemeName::StormerVerlet, 1e-4);
             let component = &simulation.components()[0];
             let (system, state) = (component.system(), component.state());
@@ -62,9 +70,9 @@ fn elements(criterion: &mut Criterion) {
 /// Whole gradients and Hessians, sums included, and the linear algebra of an implicit step.
 fn assembly(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("assembly");
-    group.sample_size(10);
+    quick(&mut group);
     for n in SIZES {
-        let (_, law) = laws()[0].clone();
+        let law = st_venant_kirchhoff();
         let simulation = block(n, law, SchemeName::StormerVerlet, 1e-4);
         let component = &simulation.components()[0];
         let (system, state) = (component.system(), component.state());
@@ -103,14 +111,14 @@ fn assembly(criterion: &mut Criterion) {
 /// Steps of whole schemes.
 fn steps(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("step");
-    group.sample_size(10);
+    quick(&mut group);
     for n in SIZES {
         for (name, scheme, step) in [
             ("stormer-verlet", SchemeName::StormerVerlet, 1.0 / (260.0 * f64::from(n))),
             ("blanes-moan-4", SchemeName::BlanesMoan4, 1.0 / (170.0 * f64::from(n))),
             ("implicit-midpoint", SchemeName::ImplicitMidpoint, 0.01),
         ] {
-            let (_, law) = laws()[0].clone();
+            let law = st_venant_kirchhoff();
             let mut simulation = block(n, law, scheme, step);
             group.bench_function(BenchmarkId::new(name, n), |bencher| bencher.iter(|| simulation.step()));
         }
@@ -118,5 +126,30 @@ fn steps(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(kernels, elements, assembly, steps);
+/// A frame with displacements, into memory.
+fn output(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("output");
+    quick(&mut group);
+    for n in SIZES {
+        let simulation = block(n, st_venant_kirchhoff(), SchemeName::StormerVerlet, 1e-4);
+        let mesh = &simulation.bodies()[0].mesh;
+        let nodes = simulation.components()[0].system().potentials()[0].stencils().nodes.to_vec();
+        let blocks = [CellBlock { kind: CellKind::Tet4, nodes }];
+        let displacement: Vec<f64> = mesh.points.iter().flatten().map(|x| 1e-2 * (7.0 * x).sin()).collect();
+        let arrays =
+            [VtuArray { name: "displacement", components: 3, values: VtuValues::Real(&displacement) }];
+        let frame =
+            VtuFrame { points: &mesh.points, blocks: &blocks, point_data: &arrays, ..VtuFrame::default() };
+        let mut file = Cursor::new(Vec::new());
+        group.bench_function(BenchmarkId::new("vtu", n), |bencher| {
+            bencher.iter(|| {
+                file.set_position(0);
+                encode_vtu(&mut file, black_box(&frame), VtuOptions::default())
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(kernels, elements, assembly, steps, output);
 criterion_main!(kernels);

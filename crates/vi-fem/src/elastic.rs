@@ -276,6 +276,10 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
     }
 
     fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        if E::IS_SIMPLEX {
+            self.solids.simplex_hessians(&self.material, range, x, out);
+            return;
+        }
         self.tangent_blocks(range, x, out, material::tangents::<M>);
     }
 

@@ -12,6 +12,7 @@ pub(crate) mod kernel;
 mod laws;
 pub(crate) mod patch;
 mod rule;
+mod simplex;
 mod tet10;
 mod tet4;
 mod wedge15;
@@ -37,8 +38,8 @@ pub trait Element<const N: usize, const Q: usize>: Send + Sync + 'static {
     /// Degree of the polynomials that the rule integrates exactly.
     const DEGREE: usize;
     /// Is it the linear simplex, x₁ − x₀, x₂ − x₀, x₃ − x₀ the columns of ∂x/∂ξ, with one quadrature
-    /// point? Its force kernel is compiled with every law, instead of one for the element and one for
-    /// the law that meet in memory: where so little is computed, that is a quarter of the time.
+    /// point? Its kernels are compiled with every law, instead of one for the element and one for the
+    /// law that meet in memory: where so little is computed, that is a quarter of the time.
     const IS_SIMPLEX: bool = false;
 
     /// Quadrature of the strain energy: points ξ and weights, whose sum is the reference volume.

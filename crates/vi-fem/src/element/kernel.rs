@@ -104,6 +104,11 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
         &self.nodes[..self.count * N]
     }
 
+    /// [`Solids::nodes`] of whole groups.
+    pub(super) fn padded_nodes(&self) -> &[u32] {
+        &self.nodes
+    }
+
     /// Adds `offset` to every node number.
     pub(crate) fn shift_nodes(&mut self, offset: u32) {
         for node in &mut self.nodes {
@@ -233,7 +238,7 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Forces<'_, E
 /// Copies the elements of `range` that lie in `group` from lanes to `out`, which begins with
 /// range.start and holds `packs.len()` numbers an element.
 #[inline(always)]
-fn put<S: Simd>(simd: S, packs: &[Pack], group: usize, range: &Range<usize>, out: &mut [f64]) {
+pub(super) fn put<S: Simd>(simd: S, packs: &[Pack], group: usize, range: &Range<usize>, out: &mut [f64]) {
     let (first, size) = (group * GROUP, packs.len());
     if range.start <= first && first + GROUP <= range.end {
         scatter_rows(simd, packs, &mut out[(first - range.start) * size..][..GROUP * size]);

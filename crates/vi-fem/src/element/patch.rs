@@ -7,12 +7,12 @@ use pulp::{Simd, WithSimd};
 use vi_core::{Patch, PatchArray};
 
 use super::Element;
-use super::kernel::{PointGeometry, Solids};
-use crate::material::{Material, PackedMat3, load_mat3, store_mat3};
+use super::kernel::Solids;
+use crate::material::{PackedMat3, load_mat3, store_mat3};
 use crate::pack::{GROUP, parts};
-use crate::places::{add_edge_forces, add_to_places, gather_edges, gather_places};
+use crate::places::{add_to_places, gather_places};
 use crate::real::Lane;
-use crate::tensor::{mat3, product, product_transposed};
+use crate::tensor::product;
 
 /// Most nodes of an element.
 const MOST_NODES: usize = 27;
@@ -29,7 +29,7 @@ pub(crate) fn whole_groups(
     while element < range.end {
         let group = element / GROUP;
         let rest = &places[(element - range.start) * node_count..];
-        let end = if element % GROUP == 0 { range.end / GROUP } else { group };
+        let end = if element.is_multiple_of(GROUP) { range.end / GROUP } else { group };
         if group < end {
             work(group..end, &rest[..(end - group) * GROUP * node_count]);
             element = end * GROUP;
@@ -45,20 +45,6 @@ pub(crate) fn whole_groups(
 }
 
 impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
-    /// Adds the forces of groups of simplices, in registers from positions to sums.
-    #[inline(never)]
-    pub(crate) fn add_simplex_forces<M: Material>(
-        &self,
-        material: &M,
-        groups: Range<usize>,
-        places: &[u16],
-        x: &PatchArray,
-        sums: &mut PatchArray,
-    ) {
-        let geometry = &self.geometry[groups];
-        self.arch().dispatch(Simplices { geometry, material, places, x, sums });
-    }
-
     /// F at the quadrature points of groups, Q a group.
     #[inline(never)]
     pub(crate) fn patch_deformations(
@@ -92,33 +78,6 @@ fn positions<S: Simd, const N: usize>(simd: S, x: &PatchArray, places: &[u16]) -
         positions[a] = gather_places(simd, x, &places[a..], N);
     }
     positions
-}
-
-struct Simplices<'a, M> {
-    geometry: &'a [PointGeometry],
-    material: &'a M,
-    places: &'a [u16],
-    x: &'a PatchArray,
-    sums: &'a mut PatchArray,
-}
-
-impl<M: Material> WithSimd for Simplices<'_, M> {
-    type Output = ();
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { geometry, material, places, x, sums } = self;
-        let (places, _) = places.as_chunks::<{ 4 * GROUP }>();
-        for (geometry, places) in geometry.iter().zip(places) {
-            for part in 0..parts::<S>() {
-                let places = &places[part * S::F64_LANES * 4..][..S::F64_LANES * 4];
-                let inverse = load_mat3(simd, &geometry.inverse, part);
-                let f = product(&gather_edges(simd, x, places), &inverse);
-                let p = product_transposed(&material.stress(&f), &inverse);
-                let volume = geometry.volume.load(simd, part);
-                add_edge_forces(simd, mat3!(i j => p[i][j] * volume), places, sums);
-            }
-        }
-    }
 }
 
 struct Deformations<'a, E, const N: usize, const Q: usize> {
