@@ -65,6 +65,15 @@ TUREK_COMMITTED = dict(cells=4, element="hex20")
 
 CLOTH = dict(size=1.0, edge=0.042)
 
+# Cook's membrane: cells grow geometrically from the clamped edge and from both of its corners.
+COOK = dict(cells=12, growth=1.35, thickness=0.1)
+# NAFEMS FV32, the upper half of its thickness of .05 m: z = 0 is its mid-plane.
+TAPERED = dict(length=10.0, widths=(5.0, 1.0), cells=(12, 6), half_thickness=0.025)
+# Thick shells of radii 1 and 2, in cells (round a quarter or a patch, across the wall).
+CYLINDER = dict(radii=(1.0, 2.0), cells=(8, 6), thickness=0.125)
+SPHERE = dict(radii=(1.0, 2.0), cells=(4, 5))
+MIXED = dict(size=(2.0, 1.0, 0.5), edge=0.34)
+
 
 # --- The meshes -----------------------------------------------------------------------------------
 
@@ -272,6 +281,150 @@ def cloth(path):
     finish(path)
 
 
+def cook(path):
+    """(0,0) (48,44) (48,60) (0,44), one layer; straight edges, so that it may be lifted and refined."""
+    p = COOK
+
+    def graded(count):
+        steps = np.cumsum(np.concatenate([[0], p["growth"] ** np.arange(count)]))
+        return steps / steps[-1]
+
+    half = graded(p["cells"] // 2) / 2
+    across = np.concatenate([half, 1 - half[-2::-1]])
+
+    def place(x):
+        low, high = 44 * x[0], 44 + 16 * x[0]
+        return 48 * x[0], low + x[1] * (high - low), x[2]
+
+    cells = bricks(graded(p["cells"]), across, [0, p["thickness"]])
+    surfaces = {
+        "clamp": lambda x: x[0] == 0, "end": lambda x: x[0] == 1,
+        "back": lambda x: x[2] == 0, "front": lambda x: x[2] == p["thickness"],
+    }
+    hexahedra(path, "membrane", cells, surfaces, place, order=1)
+
+
+def tapered(path):
+    p = TAPERED
+    (wide, narrow), (along, across) = p["widths"], p["cells"]
+
+    def place(x):
+        width = wide + x[0] * (narrow - wide)
+        return p["length"] * x[0], (x[1] - 0.5) * width, x[2]
+
+    cells = bricks(np.linspace(0, 1, along + 1), np.linspace(0, 1, across + 1), [0, p["half_thickness"]])
+    surfaces = {"clamp": lambda x: x[0] == 0, "middle": lambda x: x[2] == 0}
+    hexahedra(path, "membrane", cells, surfaces, place, order=1)
+
+
+def cylinder(path):
+    """A quarter. Every node of a curved face lies on its cylinder."""
+    p = CYLINDER
+    around, through = p["cells"]
+
+    def place(x):
+        angle = math.pi / 2 * x[1]
+        return x[0] * math.cos(angle), x[0] * math.sin(angle), x[2]
+
+    cells = bricks(np.linspace(*p["radii"], through + 1), np.linspace(0, 1, around + 1), [0, p["thickness"]])
+    surfaces = {
+        "inner": lambda x: x[0] == p["radii"][0], "outer": lambda x: x[0] == p["radii"][1],
+        "y0": lambda x: x[1] == 0, "x0": lambda x: x[1] == 1,
+    }
+    hexahedra(path, "wall", cells, surfaces, place, order=2)
+
+
+def sphere(path):
+    """An octant in three patches. Every node of a curved face lies on its sphere."""
+    p = SPHERE
+    around, through = p["cells"]
+    patch = np.linspace(0, 1, around + 1)
+    first = bricks(patch, patch, np.linspace(*p["radii"], through + 1))
+    # A cell of the patch z = max is (a r, b r, r); the others follow by turning x, y, z.
+    first = np.stack([first[..., 0] * first[..., 2], first[..., 1] * first[..., 2], first[..., 2]], axis=-1)
+    cells = np.concatenate([np.roll(first, k, axis=-1) for k in range(3)])
+
+    def place(x):
+        radius = max(x)
+        direction = np.tan(math.pi / 4 * np.array(x) / radius)
+        return tuple(radius * direction / np.linalg.norm(direction))
+
+    surfaces = {
+        "inner": lambda x: abs(max(x) - p["radii"][0]) < 1e-9, "outer": lambda x: abs(max(x) - p["radii"][1]) < 1e-9,
+        "x0": lambda x: x[0] == 0, "y0": lambda x: x[1] == 0, "z0": lambda x: x[2] == 0,
+    }
+    hexahedra(path, "wall", cells, surfaces, place, order=2)
+
+
+def mixed(path):
+    """Hexahedra for x < 1 and wedges beyond, of second order."""
+    start()
+    geo, (length, width, height) = gmsh.model.geo, MIXED["size"]
+    xs = [0, length / 2, length]
+    low, high = ([geo.addPoint(x, y, 0) for x in xs] for y in (0, width))
+    rungs = [geo.addLine(a, b) for a, b in zip(low, high)]
+    made = []
+    for k in range(2):
+        sides = geo.addLine(low[k], low[k + 1]), geo.addLine(high[k], high[k + 1])
+        face = geo.addPlaneSurface([geo.addCurveLoop([sides[0], rungs[k + 1], -sides[1], -rungs[k]])])
+        if k == 0:
+            for curve in [*sides, *rungs[:2]]:
+                geo.mesh.setTransfiniteCurve(curve, 4)
+            geo.mesh.setTransfiniteSurface(face)
+            geo.mesh.setRecombine(2, face)
+        made += geo.extrude([(2, face)], 0, 0, height, numElements=[2], recombine=True)
+    geo.synchronize()
+    group(3, [tag for d, tag in made if d == 3], "block")
+    for name, (a, b) in {"x-min": ((0, 0, 0), (0, width, height)), "y-min": ((0, 0, 0), (length, 0, height)),
+                         "z-min": ((0, 0, 0), (length, width, 0)), "x-max": ((length, 0, 0), (length, width, height))}.items():
+        group(2, faces_in(a, b), name)
+    uniform_size(MIXED["edge"])
+    generate(3)
+    gmsh.model.mesh.setOrder(2)
+    finish(path)
+
+
+def bricks(xs, ys, zs):
+    """Corners of all cells of a lattice, 8 each, in Gmsh's order."""
+    around = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    return np.array([
+        [(xs[i + a], ys[j + b], zs[k + c]) for a, b, c in around]
+        for k in range(len(zs) - 1) for j in range(len(ys) - 1) for i in range(len(xs) - 1)
+    ])
+
+
+def hexahedra(path, name, cells, surfaces, place, order):
+    """Hexahedra with these corners in a space where they are straight; `place` takes all nodes, those in the
+    middles too, to where they belong. A boundary facet is of a surface whose condition all its corners keep."""
+    start()
+    keys = np.round(cells.reshape(-1, 3), 9)
+    points, numbers = np.unique(keys, axis=0, return_inverse=True)
+    cells = numbers.reshape(-1, 8) + 1
+    volume = gmsh.model.addDiscreteEntity(3, 1)
+    gmsh.model.mesh.addNodes(3, volume, range(1, len(points) + 1), np.ravel(points))
+    gmsh.model.mesh.addElementsByType(volume, 5, [], np.ravel(cells))
+    sides = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
+    seen = {}
+    for cell in cells:
+        for side in sides:
+            facet = [cell[i] for i in side]
+            seen.setdefault(tuple(sorted(facet)), []).append(facet)
+    boundary = [facets[0] for facets in seen.values() if len(facets) == 1]
+    for tag, (surface, holds) in enumerate(surfaces.items(), 1):
+        facets = [facet for facet in boundary if all(holds(points[node - 1]) for node in facet)]
+        gmsh.model.addDiscreteEntity(2, tag)
+        gmsh.model.mesh.addElementsByType(tag, 3, [], np.ravel(facets))
+        group(2, [tag], surface)
+    group(3, [volume], name)
+    gmsh.model.mesh.reclassifyNodes()
+    if order == 2:
+        gmsh.model.mesh.setOrder(2)
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    for tag, x in zip(tags, coordinates.reshape(-1, 3)):
+        gmsh.model.mesh.setNode(tag, [v + 0.0 for v in place(np.round(x, 12))], [])
+    finish(path, binary=order == 2)
+
+
 # --- Gmsh -----------------------------------------------------------------------------------------
 
 
@@ -392,6 +545,11 @@ def main():
         "bracket": bracket,
         "turek-hron-flag": lambda path: turek_flag(path, **TUREK_COMMITTED),
         "cloth": cloth,
+        "cook": cook,
+        "tapered": tapered,
+        "cylinder": cylinder,
+        "sphere": sphere,
+        "mixed": mixed,
     }
     parser = argparse.ArgumentParser(description="Makes the meshes of this directory.")
     parser.add_argument("--only", choices=made, help="make this one alone")

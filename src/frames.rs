@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use vi_fem::{ElementField, element_field};
+use vi_fem::{ElementField, element_field, nodal_field};
 use vi_io::{CellBlock, CellKind, IoError, PvdSeries, VtuArray, VtuFrame, VtuOptions, VtuValues};
 
 use crate::scene::{Encoding, Field, Precision, Substance};
@@ -136,35 +136,47 @@ impl FrameWriter {
         let mut points: Vec<(&str, Vec<f64>)> = Vec::new();
         let mut cells: Vec<(&str, &[i32])> = Vec::new();
         let mut real_cells: Vec<(ElementField, Vec<f64>)> = Vec::new();
-        for field in &self.fields {
+        let mut nodal: Vec<(String, usize, Vec<f64>)> = Vec::new();
+        for &field in &self.fields {
+            if let Some((of_elements, is_nodal)) = field.of_elements() {
+                match is_nodal {
+                    true => nodal.push(self.nodal_values(simulation, of_elements)),
+                    false => real_cells.push(self.element_values(simulation, of_elements)),
+                }
+                continue;
+            }
+            let vectors = |values: &dyn Fn(usize) -> Vec<[f64; 3]>| -> Vec<f64> {
+                bodies.clone().flat_map(values).flatten().collect()
+            };
             match field {
                 Field::Displacement => {
                     let x = bodies.clone().flat_map(|body| simulation.positions(body));
                     let u = x.zip(&self.points).flat_map(|(x, rest)| [0, 1, 2].map(|k| x[k] - rest[k]));
                     points.push(("displacement", u.collect()));
                 }
-                Field::Velocity => {
-                    let v = bodies.clone().flat_map(|body| simulation.velocities(body));
-                    points.push(("velocity", v.flatten().collect()));
+                Field::Velocity => points.push(("velocity", vectors(&|body| simulation.velocities(body)))),
+                Field::Acceleration => {
+                    points.push(("acceleration", vectors(&|body| simulation.accelerations(body))));
+                }
+                Field::ExternalForce => {
+                    points.push(("external_force", vectors(&|body| simulation.external_forces(body))));
                 }
                 Field::ReactionForce => {
-                    let forces = bodies.clone().flat_map(|body| simulation.reactions(body));
-                    points.push(("reaction_force", forces.flatten().collect()));
-                }
-                Field::Stress => real_cells.push(self.element_values(simulation, ElementField::Stress)),
-                Field::VonMises => real_cells.push(self.element_values(simulation, ElementField::VonMises)),
-                Field::Strain => real_cells.push(self.element_values(simulation, ElementField::Strain)),
-                Field::J => real_cells.push(self.element_values(simulation, ElementField::J)),
-                Field::EnergyDensity => {
-                    real_cells.push(self.element_values(simulation, ElementField::EnergyDensity));
+                    points.push(("reaction_force", vectors(&|body| simulation.reactions(body))));
                 }
                 Field::BodyId => cells.push(("body_id", &self.body_ids)),
                 Field::MaterialId => cells.push(("material_id", &self.material_ids)),
+                _ => {}
             }
         }
         let point_data: Vec<VtuArray> = points
             .iter()
             .map(|(name, values)| VtuArray { name, components: 3, values: VtuValues::Real(values) })
+            .chain(nodal.iter().map(|(name, components, values)| VtuArray {
+                name,
+                components: *components,
+                values: VtuValues::Real(values),
+            }))
             .collect();
         let integers = cells.iter().map(|(name, values)| VtuArray {
             name,
@@ -201,12 +213,34 @@ impl FrameWriter {
                 // A scene with sheets asks for none of these: its check sees to it.
                 let Substance::Solid(law) = &entry.law else { continue };
                 // The cells have been accepted as solid elements of this mesh when the body was built.
-                if let Ok(part) = element_field(&body.mesh, elements, law, x.as_flattened(), field) {
+                let cure = simulation.scene().bodies[number].locking;
+                if let Ok(part) = element_field(&body.mesh, elements, law, cure, x.as_flattened(), field) {
                     values.extend(part);
                 }
             }
         }
         (field, values)
+    }
+
+    /// A field smoothed to the points of all bodies: its name, components and values.
+    fn nodal_values(&self, simulation: &Simulation, field: ElementField) -> (String, usize, Vec<f64>) {
+        let mut values = Vec::with_capacity(self.points.len() * field.component_count());
+        for (number, body) in simulation.bodies().iter().enumerate() {
+            let x = simulation.positions(number);
+            let of_scene = &simulation.scene().bodies[number];
+            let entries = of_scene.material.0.iter().zip(&body.materials);
+            let parts: Vec<_> = entries
+                .filter_map(|(entry, elements)| match &entry.law {
+                    Substance::Solid(law) => Some((elements.as_slice(), law)),
+                    Substance::Sheet(_) => None,
+                })
+                .collect();
+            // The cells have been accepted as solid elements of this mesh when the body was built.
+            if let Ok(part) = nodal_field(&body.mesh, &parts, of_scene.locking, x.as_flattened(), field) {
+                values.extend(part);
+            }
+        }
+        (format!("nodal_{}", field.name()), field.component_count(), values)
     }
 
     /// Writes one file, out of the series, with a displacement (m, 3 a point of all bodies).

@@ -43,8 +43,8 @@ pub mod prelude {
     };
     pub use crate::simulation::{Observation, Simulation};
     pub use vi_fem::{
-        Bending, BoxMesh, ElementKind, Isotropic, IsotropicSheet, Law, Motion, SheetLaw, SheetMesh,
-        SheetPattern, Wind,
+        Bending, BoxMesh, ElementKind, Isotropic, IsotropicSheet, Law, LockingCure, Motion, SheetLaw,
+        SheetMesh, SheetPattern, Wind,
     };
 }
 

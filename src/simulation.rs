@@ -386,6 +386,17 @@ impl Simulation {
         self.nodal(body, |component| vi_solvers::reactions(&component.system, &component.state))
     }
 
+    /// Accelerations of the nodes of body number `body`, m/s²: M⁻¹(f − ∂V/∂x) with the lumped mass, and those of
+    /// their path at prescribed coordinates.
+    pub fn accelerations(&self, body: usize) -> Vec<[f64; 3]> {
+        self.nodal(body, |component| vi_solvers::accelerations(&component.system, &component.state))
+    }
+
+    /// Forces of weight, loads and wind on the nodes of body number `body`, N.
+    pub fn external_forces(&self, body: usize) -> Vec<[f64; 3]> {
+        self.nodal(body, |component| vi_solvers::external_forces(&component.system, &component.state))
+    }
+
     fn nodal(&self, body: usize, values: impl Fn(&Component) -> Vec<f64>) -> Vec<[f64; 3]> {
         let body = &self.bodies[body];
         let all = values(&self.components[body.component]);

@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use vi_core::{Force, Potential, State, System};
 use vi_fem::{
-    Anchor, Gravity, PointSpring, Sheet, SpringEnd, Tie, add_lumped_mass, mass_properties, rigid_velocities,
+    Anchor, Gravity, LockingCure, PointSpring, Sheet, SpringEnd, Tie, add_lumped_mass, mass_properties,
+    rigid_velocities,
 };
 
 use super::load::{End, Loaded, LoadedBody};
@@ -200,8 +201,14 @@ impl Part {
             let terms = match &entry.law {
                 Substance::Solid(law) => {
                     let name = format!("{place}: {}", law.name());
-                    add_lumped_mass(mesh, elements, law.density(), &mut mass)
-                        .and_then(|()| vi_fem::elastic(mesh, elements, law, node_offset, &name))
+                    add_lumped_mass(mesh, elements, law.density(), &mut mass).and_then(|()| {
+                        match body.locking {
+                            LockingCure::None => vi_fem::elastic(mesh, elements, law, node_offset, &name),
+                            LockingCure::MeanDilation => {
+                                vi_fem::mean_dilation(mesh, elements, law, node_offset, &name)
+                            }
+                        }
+                    })
                 }
                 Substance::Sheet(law) => {
                     let clamped = sheets::clamped(mesh, elements, clamps);

@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use vi_fem::{BoxMesh, FemError, Mesh, SheetMesh};
+use vi_fem::{BoxMesh, ElementKind, FemError, FinerMesh, LockingCure, Mesh, SheetMesh};
 
 use super::ProbeTarget;
 use super::ties::{self, TieSet};
@@ -110,6 +110,31 @@ fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<L
             }
         }
     };
+    let mut read = read;
+    if body.order == Some(2) {
+        read = on(read, Mesh::lifted);
+    }
+    for _ in 0..body.refine.unwrap_or(0) {
+        if read.pattern.is_some() {
+            let message = "a sheet cut from a flat pattern of texture coordinates cannot be refined; take it out";
+            problems.push(Problem::new(format!("{key}.refine"), message));
+            return None;
+        }
+        read = on(read, Mesh::refined);
+    }
+    if body.locking != LockingCure::None {
+        let solids = read.mesh.blocks.iter().filter(|block| block.kind.dimension() == 3);
+        let (tet4, others): (Vec<_>, Vec<_>) = solids.partition(|block| block.kind == ElementKind::Tet4);
+        if others.is_empty() {
+            let message =
+                "tet4 has one quadrature point, which mean dilation leaves as it is: use `order = 2`, or hex8";
+            problems.push(Problem::new(format!("{key}.locking"), message));
+            return None;
+        }
+        if !tet4.is_empty() {
+            read.notes.push(format!("{}: mean dilation leaves the body's tet4 as they are", body.name));
+        }
+    }
     let materials = match materials(body, &read.mesh) {
         Ok(elements) => elements,
         Err(message) => {
@@ -118,6 +143,18 @@ fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<L
         }
     };
     Some(LoadedBody { read, materials })
+}
+
+/// A body on a finer mesh.
+fn on(read: Imported, make: impl Fn(&Mesh) -> FinerMesh) -> Imported {
+    let finer = make(&read.mesh);
+    let carry = |values: Option<Vec<f64>>| values.map(|values| finer.interpolate(&values));
+    let mut fields = read.fields;
+    for field in &mut fields {
+        field.values = finer.cells.iter().map(|&cell| field.values[cell as usize]).collect();
+    }
+    let (displacement, velocity) = (carry(read.displacement), carry(read.velocity));
+    Imported { displacement, velocity, fields, mesh: finer.mesh, ..read }
 }
 
 /// The mesh of a generated shape, and the shape's key.

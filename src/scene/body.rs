@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use vi_fem::{BoxMesh, Motion, SheetMesh};
+use vi_fem::{BoxMesh, LockingCure, Motion, SheetMesh};
 
 use super::{MaterialEntry, Materials, Substance};
 
@@ -35,6 +35,18 @@ pub struct Body {
     pub sheet: Option<SheetMesh>,
     /// What it is made of: one material, or a list of them by region. That of a sheet has `thickness`.
     pub material: Materials,
+    /// 2: quadratic elements in the place of a solid's linear ones (tet10, hex20, wedge15), with straight edges
+    /// but where the mesh has curved ones; elements that are quadratic stay as they are (default 1: as the mesh is).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub order: Option<u8>,
+    /// Halve every element so many times (0 to 6; default 0): 8 small ones a volume, 4 a triangle. Nodes keep
+    /// their numbers, regions what they cover.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refine: Option<u32>,
+    /// Cure of a solid's locking near incompressibility (default none). `mean-dilation` gives each element one
+    /// volume ratio, for hex8 and wedge6 with ν towards ½; tet4 has no use of it.
+    #[serde(default, skip_serializing_if = "Body::is_plain")]
+    pub locking: LockingCure,
     /// Shape of a sheet at rest (default: that of its mesh).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rest: Option<RestShape>,
@@ -77,6 +89,9 @@ impl Body {
             box_shape: None,
             sheet: None,
             material: Materials(vec![MaterialEntry { region: None, law: material.into() }]),
+            order: None,
+            refine: None,
+            locking: LockingCure::None,
             rest: None,
             uv_scale: None,
             scale: None,
@@ -103,6 +118,28 @@ impl Body {
     /// A generated sheet of one material.
     pub fn from_sheet(name: impl Into<String>, shape: SheetMesh, material: impl Into<Substance>) -> Self {
         Self { sheet: Some(shape), ..Self::new(name, material) }
+    }
+
+    fn is_plain(locking: &LockingCure) -> bool {
+        *locking == LockingCure::None
+    }
+
+    /// Sets the order of a solid's elements: 2 puts quadratic ones in the place of linear ones.
+    pub fn order(mut self, order: u8) -> Self {
+        self.order = Some(order);
+        self
+    }
+
+    /// Halves every element so many times.
+    pub fn refine(mut self, times: u32) -> Self {
+        self.refine = Some(times);
+        self
+    }
+
+    /// Sets the cure of locking.
+    pub fn locking(mut self, cure: LockingCure) -> Self {
+        self.locking = cure;
+        self
     }
 
     /// Dimension of its elements: 2 for a sheet, 3 for a solid, by its first material.

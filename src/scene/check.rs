@@ -6,9 +6,9 @@ use std::collections::HashSet;
 use std::fmt;
 use std::path::PathBuf;
 
-use vi_fem::Motion;
+use vi_fem::{LockingCure, Motion};
 
-use super::{Axis, Body, BoxRegion, Field, RestShape, Scene, SchemeName, Substance};
+use super::{Axis, Body, BoxRegion, RestShape, Scene, SchemeName, Substance};
 
 /// One thing that is wrong with a scene: where, what, and the way out.
 #[derive(Debug, Clone, PartialEq)]
@@ -162,6 +162,18 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
         ("angular_velocity", body.angular_velocity),
     ] {
         check.finite(format!("{key}.{name}"), &value.unwrap_or_default());
+    }
+    if body.order.is_some_and(|order| !(1..=2).contains(&order)) {
+        check.say(format!("{key}.order"), "must be 1 (as the mesh is) or 2 (quadratic elements)");
+    }
+    if body.order == Some(2) && body.dimension() == 2 {
+        check.say(format!("{key}.order"), "sheets are made of linear triangles; take it out");
+    }
+    if body.refine.is_some_and(|times| times > 6) {
+        check.say(format!("{key}.refine"), "must be 0 to 6: each time there are 8 times as many elements");
+    }
+    if body.locking != LockingCure::None && body.dimension() == 2 {
+        check.say(format!("{key}.locking"), "is of solids; take it out");
     }
     let entries = &body.material.0;
     if entries.is_empty() {
@@ -367,10 +379,7 @@ fn output(check: &mut Checker, scene: &Scene) {
         if !fields.insert(*field as u8) {
             check.say("output.fields", "names a field twice");
         }
-        let is_of_solids = matches!(
-            field,
-            Field::Stress | Field::VonMises | Field::Strain | Field::J | Field::EnergyDensity
-        );
+        let is_of_solids = field.of_elements().is_some();
         if let Some(sheet) = scene.bodies.iter().find(|body| is_of_solids && body.dimension() == 2) {
             let name = &sheet.name;
             check.say("output.fields", format!("{field:?} is known of solids only, and '{name}' is a sheet"));

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use vi_fem::ElementField;
 
 /// A field that can be written to the frames. Nothing is computed that is not named.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -13,6 +14,10 @@ pub enum Field {
     Displacement,
     /// Velocity, m/s (points).
     Velocity,
+    /// Acceleration M⁻¹(f − ∂V/∂x), m/s²; that of their path at prescribed coordinates (points).
+    Acceleration,
+    /// Force of weight, loads and wind, N; of the lumped mass where it is weight (points).
+    ExternalForce,
     /// Force that holds the prescribed coordinates, N; zero elsewhere (points). Without their inertia
     /// where they accelerate.
     ReactionForce,
@@ -27,10 +32,40 @@ pub enum Field {
     J,
     /// Strain energy in a volume at rest, J/m³ (cells).
     EnergyDensity,
+    /// Cauchy stress smoothed to the nodes, Pa, 9 components by rows (points).
+    NodalStress,
+    /// Von Mises stress of the smoothed stress, Pa (points).
+    NodalVonMises,
+    /// Green–Lagrange strain smoothed to the nodes, 9 components by rows (points).
+    NodalStrain,
+    /// Volume ratio det F smoothed to the nodes (points).
+    #[serde(rename = "nodal_J")]
+    NodalJ,
+    /// Strain energy in a volume at rest smoothed to the nodes, J/m³ (points).
+    NodalEnergyDensity,
     /// Number of the body in the scene, from 0 (cells).
     BodyId,
     /// Number of the material entry of the body, from 0 (cells).
     MaterialId,
+}
+
+impl Field {
+    /// For fields that elements of solids have: which, and whether it is smoothed to the nodes.
+    pub fn of_elements(self) -> Option<(ElementField, bool)> {
+        Some(match self {
+            Self::Stress => (ElementField::Stress, false),
+            Self::VonMises => (ElementField::VonMises, false),
+            Self::Strain => (ElementField::Strain, false),
+            Self::J => (ElementField::J, false),
+            Self::EnergyDensity => (ElementField::EnergyDensity, false),
+            Self::NodalStress => (ElementField::Stress, true),
+            Self::NodalVonMises => (ElementField::VonMises, true),
+            Self::NodalStrain => (ElementField::Strain, true),
+            Self::NodalJ => (ElementField::J, true),
+            Self::NodalEnergyDensity => (ElementField::EnergyDensity, true),
+            _ => return None,
+        })
+    }
 }
 
 /// Precision of the frames.

@@ -71,7 +71,9 @@ fn rich_rule(kind: ElementKind, low: [f64; 3], high: [f64; 3]) -> Vec<([f64; 3],
                     ElementKind::Tet4 | ElementKind::Tet10 => {
                         ([u, v * (1.0 - u), w * (1.0 - u) * (1.0 - v)], (1.0 - u) * (1.0 - u) * (1.0 - v))
                     }
-                    ElementKind::Wedge6 | ElementKind::Wedge15 => ([u, v * (1.0 - u), w], 1.0 - u),
+                    ElementKind::Wedge6 | ElementKind::Wedge15 | ElementKind::Wedge18 => {
+                        ([u, v * (1.0 - u), w], 1.0 - u)
+                    }
                     _ => ([u, v, w], 1.0),
                 };
                 let size = [0, 1, 2].map(|k| high[k] - low[k]);

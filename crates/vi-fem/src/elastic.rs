@@ -5,6 +5,7 @@
 mod laws;
 
 use std::cell::RefCell;
+use std::marker::PhantomData;
 use std::ops::Range;
 
 use pulp::Arch;
@@ -19,7 +20,7 @@ use crate::{ElementKind, FemError, InstructionSet, Mesh};
 
 /// Groups of points that are worked on together: enough that a kernel's start costs nothing, few
 /// enough that F stays in the first cache. No element has more quadrature points.
-const POINTS: usize = 32;
+pub(crate) const POINTS: usize = 32;
 
 /// The elastic potential of the elements `elements` (numbers in the mesh's cell order, all of one
 /// kind or several) with one law. Node a of the mesh is node a + `node_offset` of the system.
@@ -52,6 +53,28 @@ pub fn elastic_on(
     node_offset: usize,
     name: &str,
 ) -> Result<Vec<Box<dyn Potential>>, FemError> {
+    by_kind::<Plain>(instructions, mesh, elements, law, node_offset, name)
+}
+
+/// How the strain energy of elements is formed from their deformation.
+pub(crate) trait Build {
+    fn build<E: Element<N, Q>, const N: usize, const Q: usize>(
+        solids: Solids<E, N, Q>,
+        elements: Vec<u32>,
+        law: &Law,
+        name: String,
+    ) -> Box<dyn Potential>;
+}
+
+/// One potential an element kind, each made by `B`.
+pub(crate) fn by_kind<B: Build>(
+    instructions: InstructionSet,
+    mesh: &Mesh,
+    elements: &[u32],
+    law: &Law,
+    node_offset: usize,
+    name: &str,
+) -> Result<Vec<Box<dyn Potential>>, FemError> {
     let arch = instructions.arch()?;
     if let Some(problem) = law.parameters().check().into_iter().next() {
         return Err(problem);
@@ -76,26 +99,28 @@ pub fn elastic_on(
     kinds
         .into_iter()
         .map(|(kind, elements)| {
-            let build = BuildElement { arch, mesh, elements, law, node_offset, name: label.clone() };
+            let name = label.clone();
+            let build = BuildElement::<B> { arch, mesh, elements, law, node_offset, name, form: PhantomData };
             kind.visit_solid(build).ok_or(FemError::Unsupported { kind, used: "solid elements" })?
         })
         .collect()
 }
 
-struct BuildElement<'a> {
+struct BuildElement<'a, B> {
     arch: Arch,
     mesh: &'a Mesh,
     elements: Vec<u32>,
     law: &'a Law,
     node_offset: usize,
     name: String,
+    form: PhantomData<B>,
 }
 
-impl SolidVisitor for BuildElement<'_> {
+impl<B: Build> SolidVisitor for BuildElement<'_, B> {
     type Output = Result<Box<dyn Potential>, FemError>;
 
     fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) -> Self::Output {
-        let Self { arch, mesh, mut elements, law, node_offset, name } = self;
+        let Self { arch, mesh, mut elements, law, node_offset, name, .. } = self;
         sort_by_place(mesh, &mut elements);
         let cells = elements.iter().filter_map(|&element| mesh.cell(element as usize));
         let nodes: Vec<u32> = cells.flat_map(|(_, nodes)| nodes.iter().copied()).collect();
@@ -107,7 +132,21 @@ impl SolidVisitor for BuildElement<'_> {
             FemError::Inverted { count, total, first }
         })?;
         solids.shift_nodes(node_offset as u32);
-        Ok(law.visit(BuildLaw { solids, elements, name }))
+        Ok(B::build(solids, elements, law, name))
+    }
+}
+
+/// Ψ(F) at every point.
+struct Plain;
+
+impl Build for Plain {
+    fn build<E: Element<N, Q>, const N: usize, const Q: usize>(
+        solids: Solids<E, N, Q>,
+        elements: Vec<u32>,
+        law: &Law,
+        name: String,
+    ) -> Box<dyn Potential> {
+        law.visit(BuildLaw { solids, elements, name })
     }
 }
 
@@ -306,11 +345,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
         }
         let mut worst = f64::INFINITY;
         self.in_passes(&(stencil..stencil + 1), self.at(x), |_, points| {
-            for f in points.iter() {
-                let f = [0, 1, 2].map(|i| [0, 1, 2].map(|j| f[3 * i + j].0[stencil % GROUP]));
-                let j = determinant(&f);
-                worst = worst.min(if j.is_nan() { f64::NEG_INFINITY } else { j });
-            }
+            worst = least_determinant(points, stencil % GROUP);
         });
         (worst <= 0.0).then(|| Fault {
             element: self.elements[stencil] as usize,
@@ -319,4 +354,13 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
             domain: "must be positive",
         })
     }
+}
+
+/// The least J = det F of one lane; −∞ where one is not a number.
+pub(crate) fn least_determinant(points: &[PackedMat3], lane: usize) -> f64 {
+    points.iter().fold(f64::INFINITY, |least, f| {
+        let f = [0, 1, 2].map(|i| [0, 1, 2].map(|j| f[3 * i + j].0[lane]));
+        let j = determinant(&f);
+        least.min(if j.is_nan() { f64::NEG_INFINITY } else { j })
+    })
 }

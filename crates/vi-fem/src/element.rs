@@ -16,6 +16,7 @@ mod simplex;
 mod tet10;
 mod tet4;
 mod wedge15;
+mod wedge18;
 mod wedge6;
 
 use schemars::JsonSchema;
@@ -28,6 +29,7 @@ pub use tet4::Tet4;
 pub use tet10::Tet10;
 pub use wedge6::Wedge6;
 pub use wedge15::Wedge15;
+pub use wedge18::Wedge18;
 
 use crate::Real;
 use crate::tensor::Mat3;
@@ -190,6 +192,8 @@ elements! {
         Wedge6 = "wedge6", dimension 3, nodes 6, vtk 13;
         /// Quadratic wedge.
         Wedge15 = "wedge15", dimension 3, nodes 15, vtk 26;
+        /// Biquadratic wedge.
+        Wedge18 = "wedge18", dimension 3, nodes 18, vtk 32;
     }
     solids {
         Tet4: Tet4, 4 nodes, 1 points;
@@ -199,6 +203,7 @@ elements! {
         Hex27: Hex27, 27 nodes, 27 points;
         Wedge6: Wedge6, 6 nodes, 6 points;
         Wedge15: Wedge15, 15 nodes, 18 points;
+        Wedge18: Wedge18, 18 nodes, 18 points;
     }
 }
 

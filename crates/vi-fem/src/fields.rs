@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::element::{Element, SolidVisitor};
 use crate::material::{LawVisitor, Material};
 use crate::tensor::{Mat3, cofactor, determinant, product, product_transposed, right_cauchy_green};
-use crate::{FemError, Law, Mesh};
+use crate::{FemError, Law, LockingCure, Mesh};
 
 /// A quantity of each element: the mean over its volume at rest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -49,7 +49,7 @@ impl ElementField {
 
 /// `field` of each of `elements` (numbers of solid cells) of one law at positions x (m, flat, 3 a node
 /// of the mesh); `field.component_count()` numbers an element. Outside a law's domain they are NaN
-/// or infinite.
+/// or infinite. With mean dilation they are those of F̄.
 ///
 /// # Errors
 /// [`FemError::OutOfRange`] for cells that are not there, [`FemError::Unsupported`] for cells that
@@ -58,88 +58,123 @@ pub fn element_field(
     mesh: &Mesh,
     elements: &[u32],
     law: &Law,
+    cure: LockingCure,
     x: &[f64],
     field: ElementField,
 ) -> Result<Vec<f64>, FemError> {
-    let mut points = Vec::new();
     let mut values = Vec::with_capacity(elements.len() * field.component_count());
     for &element in elements {
-        let Some((kind, nodes)) = mesh.cell(element as usize) else {
-            return Err(FemError::OutOfRange {
-                what: "field, element",
-                index: element as usize,
-                target: "cell",
-                value: element as usize,
-                available: mesh.cell_count(),
-            });
+        let points = deformed(mesh, element, x)?;
+        let at_points = law.visit(AtPoints { points: &points, field, cure });
+        let volume: f64 = points.iter().map(|point| point.volume).sum();
+        let mean = |k: usize| {
+            let terms = points.iter().zip(at_points.chunks_exact(field.component_count()));
+            terms.map(|(point, values)| point.volume / volume * values[k]).sum::<f64>()
         };
-        points.clear();
-        kind.visit_solid(Deform { mesh, nodes, x, points: &mut points })
-            .ok_or(FemError::Unsupported { kind, used: "solid elements" })?;
-        values.extend(law.visit(Mean { points: &points, field }));
+        values.extend((0..field.component_count()).map(mean));
     }
     Ok(values)
 }
 
-/// F and the volume at rest of each quadrature point of one element.
+/// A quadrature point of a deformed element.
+pub(crate) struct DeformedPoint {
+    pub(crate) xi: [f64; 3],
+    /// Weight on the reference cell.
+    pub(crate) weight: f64,
+    pub(crate) f: Mat3<f64>,
+    /// At rest, m³.
+    pub(crate) volume: f64,
+}
+
+/// The quadrature points of an element.
+pub(crate) fn deformed(mesh: &Mesh, element: u32, x: &[f64]) -> Result<Vec<DeformedPoint>, FemError> {
+    let Some((kind, nodes)) = mesh.cell(element as usize) else {
+        return Err(FemError::OutOfRange {
+            what: "field, element",
+            index: element as usize,
+            target: "cell",
+            value: element as usize,
+            available: mesh.cell_count(),
+        });
+    };
+    kind.visit_solid(Deform { mesh, nodes, x }).ok_or(FemError::Unsupported { kind, used: "solid elements" })
+}
+
 struct Deform<'a> {
     mesh: &'a Mesh,
     nodes: &'a [u32],
     x: &'a [f64],
-    points: &'a mut Vec<(Mat3<f64>, f64)>,
 }
 
 impl SolidVisitor for Deform<'_> {
-    type Output = ();
-    fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) {
+    type Output = Vec<DeformedPoint>;
+    fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) -> Vec<DeformedPoint> {
         let rest: [[f64; 3]; N] = std::array::from_fn(|a| self.mesh.points[self.nodes[a] as usize]);
         let now: [[f64; 3]; N] = std::array::from_fn(|a| {
             let start = 3 * self.nodes[a] as usize;
             [self.x[start], self.x[start + 1], self.x[start + 2]]
         });
-        for (xi, weight) in E::rule() {
+        let point = |(xi, weight): ([f64; 3], f64)| {
             let gradients = E::gradients(xi);
             let jacobian = E::reference_gradient(&rest, &gradients);
             let det = determinant(&jacobian);
             // J⁻¹ = (cof J)ᵀ/det J.
             let inverse = cofactor(&jacobian).map(|row| row.map(|value| value / det));
             let f = product_transposed(&E::reference_gradient(&now, &gradients), &inverse);
-            self.points.push((f, weight * det));
-        }
+            DeformedPoint { xi, weight, f, volume: weight * det }
+        };
+        E::rule().map(point).into_iter().collect()
     }
 }
 
-struct Mean<'a> {
-    points: &'a [(Mat3<f64>, f64)],
-    field: ElementField,
+/// A field at each point of one element.
+pub(crate) struct AtPoints<'a> {
+    pub(crate) points: &'a [DeformedPoint],
+    pub(crate) field: ElementField,
+    pub(crate) cure: LockingCure,
 }
 
-impl LawVisitor for Mean<'_> {
+impl LawVisitor for AtPoints<'_> {
     type Output = Vec<f64>;
     fn visit<M: Material>(self, material: M) -> Vec<f64> {
-        let volume: f64 = self.points.iter().map(|(_, volume)| volume).sum();
-        let mut mean = vec![0.0; self.field.component_count()];
-        let mut add = |share: f64, values: &[f64]| {
-            for (mean, value) in mean.iter_mut().zip(values) {
-                *mean += share * value;
-            }
-        };
-        for (f, dv) in self.points {
-            let share = dv / volume;
+        let mut values = Vec::with_capacity(self.points.len() * self.field.component_count());
+        let mut deformations: Vec<Mat3<f64>> = self.points.iter().map(|point| point.f).collect();
+        if self.cure == LockingCure::MeanDilation {
+            let volumes: Vec<f64> = self.points.iter().map(|point| point.volume).collect();
+            adjust(M::LINEAR, &mut deformations, &volumes);
+        }
+        for f in &deformations {
             match self.field {
-                ElementField::Stress => add(share, cauchy(&material, f).as_flattened()),
-                ElementField::VonMises => add(share, &[von_mises(&cauchy(&material, f))]),
+                ElementField::Stress => values.extend(cauchy(&material, f).as_flattened()),
+                ElementField::VonMises => values.push(von_mises(&cauchy(&material, f))),
                 ElementField::Strain => {
                     let c = right_cauchy_green(f);
                     let strain = [0, 1, 2]
                         .map(|i| [0, 1, 2].map(|j| 0.5 * (c[i][j] - if i == j { 1.0 } else { 0.0 })));
-                    add(share, strain.as_flattened());
+                    values.extend(strain.as_flattened());
                 }
-                ElementField::J => add(share, &[determinant(f)]),
-                ElementField::EnergyDensity => add(share, &[material.energy(f)]),
+                ElementField::J => values.push(determinant(f)),
+                ElementField::EnergyDensity => values.push(material.energy(f)),
             }
         }
-        mean
+        values
+    }
+}
+
+/// F̄ from F, as [`crate::mean_dilation`] has it.
+fn adjust(is_linear: bool, deformations: &mut [Mat3<f64>], volumes: &[f64]) {
+    let measure = |f: &Mat3<f64>| if is_linear { f[0][0] + f[1][1] + f[2][2] } else { determinant(f) };
+    let whole: f64 = volumes.iter().sum();
+    let theta = deformations.iter().zip(volumes).map(|(f, dv)| dv * measure(f)).sum::<f64>() / whole;
+    for f in deformations {
+        let own = measure(f);
+        for i in 0..3 {
+            if is_linear {
+                f[i][i] += (theta - own) / 3.0;
+            } else {
+                f[i] = f[i].map(|value| (theta / own).cbrt() * value);
+            }
+        }
     }
 }
 
@@ -150,7 +185,7 @@ fn cauchy<M: Material>(material: &M, f: &Mat3<f64>) -> Mat3<f64> {
     product(&material.stress(f), &transposed).map(|row| row.map(|value| value / j))
 }
 
-fn von_mises(stress: &Mat3<f64>) -> f64 {
+pub(crate) fn von_mises(stress: &Mat3<f64>) -> f64 {
     let pressure = (stress[0][0] + stress[1][1] + stress[2][2]) / 3.0;
     let mut sum = 0.0;
     for i in 0..3 {
@@ -178,7 +213,9 @@ mod tests {
                 mesh.points.iter().flat_map(|p| [stretch * p[0], side * p[1], side * p[2]]).collect();
             let law = Law::NeoHookean(Isotropic { young: 10.0, poisson: 0.3, density: 1.0 });
             let elements = mesh.cells_of_dimension(3);
-            let field = |field| element_field(&mesh, &elements, &law, &x, field).unwrap();
+            let cure =
+                if element == ElementKind::Hex8 { LockingCure::MeanDilation } else { LockingCure::None };
+            let field = |field| element_field(&mesh, &elements, &law, cure, &x, field).unwrap();
             let axial = 10.0 * 0.6467446602 / (side * side);
             assert!((field(ElementField::Stress)[0] - axial).abs() < 1e-7);
             assert!(field(ElementField::Stress)[4].abs() < 1e-7);

@@ -23,10 +23,12 @@ mod kelvin_voigt;
 mod load;
 mod mass;
 mod material;
+mod mean_dilation;
 mod membrane;
 mod mesh;
 mod motion;
 mod nearest;
+mod nodal_fields;
 mod order;
 mod pack;
 mod places;
@@ -48,7 +50,7 @@ pub use consistent_mass::consistent_mass;
 pub use dead_load::{DeadLoad, VectorField};
 pub use direction::{CellDirection, CellField, Direction, DirectionComponent};
 pub use elastic::{elastic, elastic_on};
-pub use element::{Element, ElementKind, Hex8, Hex20, Hex27, Tet4, Tet10, Wedge6, Wedge15};
+pub use element::{Element, ElementKind, Hex8, Hex20, Hex27, Tet4, Tet10, Wedge6, Wedge15, Wedge18};
 pub use error::FemError;
 pub use expression::Expression;
 pub use facet::Surface;
@@ -62,12 +64,14 @@ pub use material::{
     Corotated, Domain, Isotropic, Law, Linear, Material, MooneyRivlin, MooneyRivlinParameters, NeoHookean,
     Parameters, StVenantKirchhoff, StableNeoHookean,
 };
+pub use mean_dilation::{LockingCure, mean_dilation};
 pub use membrane::{
     CorotatedSheet, NeoHookeanSheet, OrthotropicParameters, OrthotropicSheet, StVenantKirchhoffSheet,
 };
-pub use mesh::{ElementBlock, Mesh, Region};
+pub use mesh::{ElementBlock, FinerMesh, Mesh, Region};
 pub use motion::{Motion, Rotate, Sine, Table, Translate};
 pub use nearest::{NearestPoints, SurfacePoint};
+pub use nodal_fields::nodal_field;
 pub use pressure::{Pressure, pressure};
 pub use real::Real;
 pub use sheet::{SheetMesh, SheetPattern};

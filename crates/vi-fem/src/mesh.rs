@@ -2,7 +2,11 @@
 //! know files, laws or time.
 
 mod check;
+mod finer;
 mod lift;
+mod refine;
+
+pub use finer::FinerMesh;
 
 use crate::{ElementKind, FemError};
 

@@ -5,7 +5,7 @@ use vi_core::{Padded, Patch, Potential, packed_len};
 
 use super::elastic_on;
 use crate::tensor::{Mat3, product};
-use crate::{BoxMesh, ElementKind, InstructionSet, Isotropic, Law, Mesh, elastic};
+use crate::{BoxMesh, ElementKind, InstructionSet, Isotropic, Law, Mesh, elastic, mean_dilation};
 
 /// A box of 2 × 2 × 2 cells, its inner nodes moved: no element is like another.
 fn distorted(element: ElementKind) -> Mesh {
@@ -66,6 +66,8 @@ fn for_all(check: impl Fn(ElementKind, &Mesh, &Law, &dyn Potential)) {
         let mesh = distorted(kind);
         for law in Law::examples() {
             check(kind, &mesh, &law, potential(&mesh, &law).as_ref());
+            let cured = mean_dilation(&mesh, &mesh.cells_of_dimension(3), &law, 0, "mean dilation");
+            check(kind, &mesh, &law, cured.unwrap().remove(0).as_ref());
         }
     }
 }

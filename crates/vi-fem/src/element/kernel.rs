@@ -117,7 +117,7 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
     }
 
     /// The volumes w det J of the quadrature points of a group, m³.
-    pub(crate) fn volumes(&self, group: usize) -> impl Iterator<Item = &Pack> {
+    pub(crate) fn volumes(&self, group: usize) -> impl Iterator<Item = &Pack> + Clone {
         self.geometry[group * Q..][..Q].iter().map(|point| &point.volume)
     }
 

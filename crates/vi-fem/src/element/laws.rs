@@ -18,7 +18,7 @@ fn moment(kind: ElementKind, [a, b, c]: [i32; 3]) -> f64 {
         ElementKind::Tet4 | ElementKind::Tet10 => {
             factorial(a) * factorial(b) * factorial(c) / factorial(a + b + c + 3)
         }
-        ElementKind::Wedge6 | ElementKind::Wedge15 => {
+        ElementKind::Wedge6 | ElementKind::Wedge15 | ElementKind::Wedge18 => {
             factorial(a) * factorial(b) / factorial(a + b + 2) / f64::from(c + 1)
         }
         _ => [a, b, c].iter().map(|&n| if n % 2 == 0 { 2.0 / f64::from(n + 1) } else { 0.0 }).product(),

@@ -25,7 +25,7 @@ pub(super) fn elements(kind: ElementKind) -> Option<Vec<Vec<LatticePoint>>> {
     let (linear, cells) = match kind {
         ElementKind::Tet4 | ElementKind::Tet10 => (ElementKind::Tet4, TETRAHEDRA),
         ElementKind::Hex8 | ElementKind::Hex20 | ElementKind::Hex27 => (ElementKind::Hex8, HEXAHEDRA),
-        ElementKind::Wedge6 | ElementKind::Wedge15 => (ElementKind::Wedge6, WEDGES),
+        ElementKind::Wedge6 | ElementKind::Wedge15 | ElementKind::Wedge18 => (ElementKind::Wedge6, WEDGES),
         _ => return None,
     };
     let nodes = kind.visit_solid(Nodes)?;
@@ -63,14 +63,14 @@ impl SolidVisitor for Values {
 pub(super) fn facets(kind: ElementKind, axis: usize, far: bool) -> (ElementKind, Vec<Vec<LatticePoint>>) {
     let triangles = match kind {
         ElementKind::Tet4 | ElementKind::Tet10 => true,
-        ElementKind::Wedge6 | ElementKind::Wedge15 => axis == 2,
+        ElementKind::Wedge6 | ElementKind::Wedge15 | ElementKind::Wedge18 => axis == 2,
         _ => false,
     };
     let facet_kind = match (kind, triangles) {
-        (ElementKind::Tet10 | ElementKind::Wedge15, true) => ElementKind::Tri6,
+        (ElementKind::Tet10 | ElementKind::Wedge15 | ElementKind::Wedge18, true) => ElementKind::Tri6,
         (_, true) => ElementKind::Tri3,
         (ElementKind::Hex20 | ElementKind::Wedge15, false) => ElementKind::Quad8,
-        (ElementKind::Hex27, false) => ElementKind::Quad9,
+        (ElementKind::Hex27 | ElementKind::Wedge18, false) => ElementKind::Quad9,
         (_, false) => ElementKind::Quad4,
     };
     // Corners in the face's own axes u, v, counter-clockwise seen from outside a far face.

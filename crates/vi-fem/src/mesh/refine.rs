@@ -1,0 +1,287 @@
+//! Uniform refinement: every cell in smaller ones of its kind, half its size. It must not know where
+//! the mesh came from.
+//!
+//! A node of a small cell is a point ξ of the reference cell of the large one, and lies where its shape
+//! functions put it: curved cells stay as curved as they are. Two cells that share a facet give its
+//! points the same weights, by which they are known to be one node.
+
+use std::collections::HashMap;
+
+use super::{FinerMesh, Mesh, Region};
+use crate::element::{Element, SolidVisitor};
+use crate::{ElementBlock, ElementKind, facet};
+
+/// Weights of shape functions at quarter points are whole numbers of this.
+const WEIGHT_UNIT: f64 = 1.0 / 4096.0;
+
+type Point = [f64; 3];
+
+impl Mesh {
+    /// The mesh with 8 small cells in the place of every volume cell, 4 of every surface cell, 2 of
+    /// every edge; regions hold the small cells of their cells. Of a tetrahedron's octahedron in the
+    /// middle the shortest diagonal is taken.
+    pub fn refined(&self) -> FinerMesh {
+        let mut nodes = Nodes::of(self);
+        let mut blocks = Vec::with_capacity(self.blocks.len());
+        // First small cell of each large one.
+        let (mut first, mut next) = (Vec::with_capacity(self.cell_count() + 1), 0);
+        for block in &self.blocks {
+            let kind = block.kind;
+            let (linear, places) = (linear(kind), reference_nodes(kind));
+            let mut fine = Vec::new();
+            for cell in block.nodes.chunks_exact(kind.node_count()) {
+                let at = |xi: Point| nodes.position(cell, &values(kind, xi));
+                let children = children(linear, at);
+                first.push(next);
+                next += children.len() as u32;
+                for corners in children {
+                    for place in &places {
+                        let weights = values(linear, *place);
+                        let xi = [0, 1, 2]
+                            .map(|i| weights.iter().zip(&corners).map(|(w, c)| w * c[i]).sum::<f64>());
+                        fine.push(nodes.number(cell, &values(kind, xi)));
+                    }
+                }
+            }
+            blocks.push(ElementBlock { kind, nodes: fine });
+        }
+        first.push(next);
+        let children_of = |&cell: &u32| first[cell as usize]..first[cell as usize + 1];
+        let region = |region: &Region| Region {
+            name: region.name.clone(),
+            dimension: region.dimension,
+            elements: region.elements.iter().flat_map(children_of).collect(),
+        };
+        let regions = self.regions.iter().map(region).collect();
+        let count = |cell: usize| (first[cell + 1] - first[cell]) as usize;
+        let cells = (0..first.len() - 1).flat_map(|cell| vec![cell as u32; count(cell)]).collect();
+        FinerMesh { mesh: Mesh { points: nodes.points, blocks, regions }, parents: nodes.parents, cells }
+    }
+}
+
+/// The nodes of the fine mesh, growing.
+struct Nodes {
+    points: Vec<Point>,
+    parents: Vec<Vec<(u32, f64)>>,
+    numbers: HashMap<Vec<(u32, i32)>, u32>,
+}
+
+impl Nodes {
+    fn of(mesh: &Mesh) -> Self {
+        let all = 0..mesh.points.len() as u32;
+        let one = (1.0 / WEIGHT_UNIT) as i32;
+        Self {
+            points: mesh.points.clone(),
+            parents: all.clone().map(|node| vec![(node, 1.0)]).collect(),
+            numbers: all.map(|node| (vec![(node, one)], node)).collect(),
+        }
+    }
+
+    fn position(&self, cell: &[u32], weights: &[f64]) -> Point {
+        let sum = |i: usize| cell.iter().zip(weights).map(|(&n, w)| w * self.points[n as usize][i]).sum();
+        [0, 1, 2].map(sum)
+    }
+
+    fn number(&mut self, cell: &[u32], weights: &[f64]) -> u32 {
+        let mut key: Vec<(u32, i32)> = cell
+            .iter()
+            .zip(weights)
+            .map(|(&node, weight)| (node, (weight / WEIGHT_UNIT).round() as i32))
+            .filter(|(_, weight)| *weight != 0)
+            .collect();
+        key.sort_unstable();
+        if let Some(&number) = self.numbers.get(&key) {
+            return number;
+        }
+        let number = self.points.len() as u32;
+        self.points.push(self.position(cell, weights));
+        self.parents
+            .push(key.iter().map(|&(node, weight)| (node, f64::from(weight) * WEIGHT_UNIT)).collect());
+        self.numbers.insert(key, number);
+        number
+    }
+}
+
+/// The linear kind with the same corners.
+fn linear(kind: ElementKind) -> ElementKind {
+    match kind {
+        ElementKind::Line3 => ElementKind::Line2,
+        ElementKind::Tri6 => ElementKind::Tri3,
+        ElementKind::Quad8 | ElementKind::Quad9 => ElementKind::Quad4,
+        ElementKind::Tet10 => ElementKind::Tet4,
+        ElementKind::Hex20 | ElementKind::Hex27 => ElementKind::Hex8,
+        ElementKind::Wedge15 | ElementKind::Wedge18 => ElementKind::Wedge6,
+        kind => kind,
+    }
+}
+
+struct Values(Point);
+impl SolidVisitor for Values {
+    type Output = Vec<f64>;
+    fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) -> Vec<f64> {
+        E::values(self.0).to_vec()
+    }
+}
+
+struct Places;
+impl SolidVisitor for Places {
+    type Output = Vec<Point>;
+    fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) -> Vec<Point> {
+        E::nodes().to_vec()
+    }
+}
+
+/// N_a(ξ); a line is ξ ∈ [0, 1].
+fn values(kind: ElementKind, xi: Point) -> Vec<f64> {
+    let x = xi[0];
+    match kind {
+        ElementKind::Point => vec![1.0],
+        ElementKind::Line2 => vec![1.0 - x, x],
+        ElementKind::Line3 => vec![(1.0 - x) * (1.0 - 2.0 * x), x * (2.0 * x - 1.0), 4.0 * x * (1.0 - x)],
+        kind if kind.dimension() == 2 => {
+            facet::shapes(kind, [xi[0], xi[1]]).into_iter().map(|(value, _)| value).collect()
+        }
+        kind => kind.visit_solid(Values(xi)).unwrap_or_default(),
+    }
+}
+
+/// Nodes of the reference cell.
+fn reference_nodes(kind: ElementKind) -> Vec<Point> {
+    let flat = |places: &[[f64; 2]]| places.iter().map(|&[x, y]| [x, y, 0.0]).collect::<Vec<_>>();
+    let triangle = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]];
+    let square = [
+        [-1.0, -1.0],
+        [1.0, -1.0],
+        [1.0, 1.0],
+        [-1.0, 1.0],
+        [0.0, -1.0],
+        [1.0, 0.0],
+        [0.0, 1.0],
+        [-1.0, 0.0],
+        [0.0, 0.0],
+    ];
+    let count = kind.node_count();
+    match linear(kind) {
+        ElementKind::Point => vec![[0.0; 3]],
+        ElementKind::Line2 => flat(&[[0.0, 0.0], [1.0, 0.0], [0.5, 0.0]][..count]),
+        ElementKind::Tri3 => flat(&triangle[..count]),
+        ElementKind::Quad4 => flat(&square[..count]),
+        _ => kind.visit_solid(Places).unwrap_or_default(),
+    }
+}
+
+fn middle(a: Point, b: Point) -> Point {
+    [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]))
+}
+
+/// Corners of the small cells in the reference cell; `at` is where a reference point lies in space.
+fn children(linear: ElementKind, at: impl Fn(Point) -> Point) -> Vec<Vec<Point>> {
+    let corners = reference_nodes(linear);
+    match linear {
+        ElementKind::Point => vec![corners],
+        ElementKind::Tri3 => triangles(&corners),
+        ElementKind::Tet4 => tetrahedra(&corners, at),
+        ElementKind::Wedge6 => {
+            let (low, high) = (triangles(&corners[..3]), triangles(&corners[3..]));
+            let layer = |(low, high): (&Vec<Point>, &Vec<Point>)| {
+                let half: Vec<Point> = low.iter().zip(high).map(|(&a, &b)| middle(a, b)).collect();
+                [[&low[..], &half].concat(), [&half[..], high].concat()]
+            };
+            low.iter().zip(&high).flat_map(layer).collect()
+        }
+        // Lines and products of them: the small cell at each corner.
+        _ => corners
+            .iter()
+            .map(|&corner| corners.iter().map(|&other| middle(corner, other)).collect())
+            .collect(),
+    }
+}
+
+fn triangles(c: &[Point]) -> Vec<Vec<Point>> {
+    let [a, b, d] = [middle(c[0], c[1]), middle(c[1], c[2]), middle(c[2], c[0])];
+    vec![vec![c[0], a, d], vec![a, c[1], b], vec![d, b, c[2]], vec![a, b, d]]
+}
+
+/// Four tetrahedra at the corners and four around a diagonal of the octahedron between them.
+fn tetrahedra(c: &[Point], at: impl Fn(Point) -> Point) -> Vec<Vec<Point>> {
+    let m = |a: usize, b: usize| middle(c[a], c[b]);
+    let mut cells = vec![
+        vec![c[0], m(0, 1), m(0, 2), m(0, 3)],
+        vec![m(0, 1), c[1], m(1, 2), m(1, 3)],
+        vec![m(0, 2), m(1, 2), c[2], m(2, 3)],
+        vec![m(0, 3), m(1, 3), m(2, 3), c[3]],
+    ];
+    // Diagonals, that of Bey (1995) first, and the edges around them.
+    let choices = [
+        ([m(0, 2), m(1, 3)], [m(0, 1), m(1, 2), m(2, 3), m(0, 3)]),
+        ([m(0, 1), m(2, 3)], [m(0, 2), m(1, 2), m(1, 3), m(0, 3)]),
+        ([m(0, 3), m(1, 2)], [m(0, 1), m(0, 2), m(2, 3), m(1, 3)]),
+    ];
+    let length = |[a, b]: [Point; 2]| -> f64 {
+        let (a, b) = (at(a), at(b));
+        (0..3).map(|i| (a[i] - b[i]).powi(2)).sum()
+    };
+    let mut best = choices[0];
+    for choice in &choices[1..] {
+        if length(choice.0) < 0.999 * length(best.0) {
+            best = *choice;
+        }
+    }
+    let ([a, b], ring) = best;
+    for k in 0..4 {
+        let (p, q) = (ring[k], ring[(k + 1) % 4]);
+        let edges = [b, p, q].map(|x| [0, 1, 2].map(|i| x[i] - a[i]));
+        let is_right = crate::tensor::determinant(&edges) > 0.0;
+        cells.push(if is_right { vec![a, b, p, q] } else { vec![a, b, q, p] });
+    }
+    cells
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::BoxMesh;
+
+    #[test]
+    fn a_refined_box_is_the_finer_box() {
+        for &element in ElementKind::SOLIDS {
+            let build =
+                |cells| BoxMesh { size: [1.0, 2.0, 0.5], cells, element, origin: [0.0; 3] }.build().unwrap();
+            let (coarse, fine) = (build([2, 1, 1]), build([4, 2, 2]));
+            let refined = coarse.refined();
+            refined.mesh.check(3).unwrap();
+            assert_eq!(refined.mesh.points.len(), fine.points.len(), "{element}");
+            assert_eq!(refined.mesh.points[..coarse.points.len()], coarse.points[..]);
+            for point in &refined.mesh.points {
+                let near = fine.points[fine.nearest_node(*point).unwrap() as usize];
+                assert!((0..3).all(|i| (near[i] - point[i]).abs() < 1e-14), "{element}: {point:?}");
+            }
+            for name in ["box", "x-max", "z-min"] {
+                let count = |mesh: &Mesh| mesh.region(name).unwrap().elements.len();
+                assert_eq!(count(&refined.mesh), count(&fine), "{element}");
+                let nodes = |mesh: &Mesh| mesh.region_nodes(name).unwrap().len();
+                assert_eq!(nodes(&refined.mesh), nodes(&fine), "{element}: {name}");
+            }
+            // Linear functions are carried over.
+            let linear: Vec<f64> =
+                coarse.points.iter().flat_map(|p| [p[0] - p[2], 3.0 * p[1], 1.0]).collect();
+            let carried = refined.interpolate(&linear);
+            for (p, value) in refined.mesh.points.iter().zip(carried.chunks_exact(3)) {
+                let expected = [p[0] - p[2], 3.0 * p[1], 1.0];
+                assert!((0..3).all(|i| (value[i] - expected[i]).abs() < 1e-14));
+            }
+        }
+    }
+
+    #[test]
+    fn curved_cells_stay_curved() {
+        let shape = BoxMesh { size: [1.0; 3], cells: [1; 3], element: ElementKind::Hex27, origin: [0.0; 3] };
+        let mut mesh = shape.build().unwrap();
+        let bend = |x: [f64; 3]| [x[0], x[1] + 0.3 * x[0] * x[0], x[2]];
+        mesh.points.iter_mut().for_each(|x| *x = bend(*x));
+        for x in &mesh.refined().mesh.points {
+            let straight = [x[0], x[1] - 0.3 * x[0] * x[0], x[2]];
+            assert!(straight.map(|v| 4.0 * v).iter().all(|v| (v - v.round()).abs() < 1e-13), "{x:?}");
+        }
+    }
+}

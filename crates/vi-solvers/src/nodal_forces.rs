@@ -1,0 +1,65 @@
+//! What acts on the nodes, for observers: accelerations, external forces. Evaluated only when asked
+//! for. It must not know how time is stepped.
+
+use vi_core::{Account, ForceAccount, State, Stencils, System};
+
+use crate::Assembler;
+use crate::force_sum::ForceSum;
+
+/// Accelerations of all coordinates, m/s²: M⁻¹(f − ∂V/∂x) with the lumped mass where they are free,
+/// and those of their path (by differences of its velocity) where they are prescribed.
+pub fn accelerations(system: &System, state: &State) -> Vec<f64> {
+    let (x, v) = (system.positions(state), system.velocities(state));
+    let mut gradient = vec![0.0; x.len()];
+    Assembler::new(system).gradient(system, &x, state.t, &mut gradient);
+    let mut forces = ForceSum::new(system);
+    if let Some(forces) = &mut forces {
+        forces.evaluate(&x, &v, state.t);
+    }
+    let coordinates = system.coordinates();
+    let mut out = vec![0.0; x.len()];
+    if coordinates.is_moving() {
+        let step = 1e-6 * (1.0 + state.t.abs());
+        // No path is asked where it was before the beginning.
+        let (from, to) = ((state.t - step).max(state.t.min(0.0)), state.t + step);
+        let still = vec![0.0; coordinates.free_count()];
+        let mut before = vec![0.0; x.len()];
+        coordinates.embed_velocity(&still, from, &mut before);
+        coordinates.embed_velocity(&still, to, &mut out);
+        out.iter_mut().zip(&before).for_each(|(out, before)| *out = (*out - before) / (to - from));
+    }
+    for &dof in coordinates.free() {
+        let dof = dof as usize;
+        let force = forces.as_ref().map_or(0.0, |forces| forces.total(dof));
+        out[dof] = (force - gradient[dof]) / system.mass()[dof];
+    }
+    out
+}
+
+/// Forces of weight, loads and wind on all coordinates, N; neither elastic nor damping forces.
+pub fn external_forces(system: &System, state: &State) -> Vec<f64> {
+    let (x, v) = (system.positions(state), system.velocities(state));
+    let mut out = vec![0.0; x.len()];
+    let mut add = |stencils: Stencils<'_>, blocks: &[f64], sign: f64| {
+        for (stencil, block) in blocks.chunks_exact(stencils.size()).enumerate() {
+            for (node, values) in stencils.of(stencil).iter().zip(block.chunks_exact(stencils.block)) {
+                for (k, value) in values.iter().enumerate() {
+                    out[*node as usize * stencils.block + k] += sign * value;
+                }
+            }
+        }
+    };
+    for term in system.potentials().iter().filter(|term| term.account() != Account::Elastic) {
+        let stencils = term.stencils();
+        let mut blocks = vec![0.0; stencils.count() * stencils.size()];
+        term.gradients(0..stencils.count(), &x, state.t, &mut blocks);
+        add(stencils, &blocks, -1.0);
+    }
+    for force in system.forces().iter().filter(|force| force.account() == ForceAccount::Force) {
+        let stencils = force.stencils();
+        let mut blocks = vec![0.0; stencils.count() * stencils.size()];
+        force.forces(0..stencils.count(), &x, &v, state.t, &mut blocks);
+        add(stencils, &blocks, 1.0);
+    }
+    out
+}
