@@ -65,8 +65,10 @@ TUREK_COMMITTED = dict(cells=4, element="hex20")
 
 CLOTH = dict(size=1.0, edge=0.042)
 
-# Cook's membrane: cells grow geometrically from the clamped edge and from both of its corners.
-COOK = dict(cells=12, growth=1.35, thickness=0.1)
+# Cook's membrane: cells grow geometrically from its singular corner (0, 44) to `largest`.
+COOK = dict(least=0.06, growth=1.6, largest=5.0, thickness=0.1)
+# The flag of Turek and Hron with cells that grow from the two singular ends of its clamp.
+TUREK_GRADED = dict(least=0.0004, growth=1.8, largest=(0.013, 0.004))
 # NAFEMS FV32, the upper half of its thickness of .05 m: z = 0 is its mid-plane.
 TAPERED = dict(length=10.0, widths=(5.0, 1.0), cells=(12, 6), half_thickness=0.025)
 # Thick shells of radii 1 and 2, in cells (round a quarter or a patch, across the wall).
@@ -285,23 +287,39 @@ def cook(path):
     """(0,0) (48,44) (48,60) (0,44), one layer; straight edges, so that it may be lifted and refined."""
     p = COOK
 
-    def graded(count):
-        steps = np.cumsum(np.concatenate([[0], p["growth"] ** np.arange(count)]))
-        return steps / steps[-1]
-
-    half = graded(p["cells"] // 2) / 2
-    across = np.concatenate([half, 1 - half[-2::-1]])
-
     def place(x):
         low, high = 44 * x[0], 44 + 16 * x[0]
         return 48 * x[0], low + x[1] * (high - low), x[2]
 
-    cells = bricks(graded(p["cells"]), across, [0, p["thickness"]])
+    along = graded(p["least"], p["growth"], p["largest"], 48)
+    low, high = np.linspace(0, 0.5, 6), 1 - graded(p["least"], p["growth"], p["largest"], 22)[::-1] / 2
+    cells = bricks(along, np.concatenate([low, high[1:]]), [0, p["thickness"]])
     surfaces = {
         "clamp": lambda x: x[0] == 0, "end": lambda x: x[0] == 1,
         "back": lambda x: x[2] == 0, "front": lambda x: x[2] == p["thickness"],
     }
     hexahedra(path, "membrane", cells, surfaces, place, order=1)
+
+
+def turek_graded(path):
+    """As the flag of one layer, hex20, its clamped end exactly on the circle."""
+    p, g = TUREK, TUREK_GRADED
+    (cx, cy), height = p["centre"], p["top"] - p["bottom"]
+    along = graded(g["least"], g["growth"], g["largest"][0], p["right"] - cx - p["radius"])
+    half = graded(g["least"], g["growth"], g["largest"][1], height / 2) / 2
+    across = np.concatenate([half, 1 - half[-2::-1]])
+
+    def place(x):
+        y = p["bottom"] + height * x[1]
+        left = cx + math.sqrt(p["radius"] ** 2 - (y - cy) ** 2)
+        return left + x[0] * (p["right"] - left), y, x[2]
+
+    cells = bricks(along, across, [0, p["thickness"]])
+    surfaces = {
+        "clamp": lambda x: x[0] == 0,
+        "side": lambda x: x[2] in (0, p["thickness"]),
+    }
+    hexahedra(path, "flag", cells, surfaces, place, order=2, incomplete=True)
 
 
 def tapered(path):
@@ -384,6 +402,15 @@ def mixed(path):
     finish(path)
 
 
+def graded(least, growth, largest, length):
+    """Places from 0 to 1 on a line of this length: steps from `least` that grow to `largest`."""
+    steps = [least]
+    while sum(steps) + steps[-1] * growth < length:
+        steps.append(min(growth * steps[-1], largest))
+    places = np.cumsum([0, *steps])
+    return places / places[-1]
+
+
 def bricks(xs, ys, zs):
     """Corners of all cells of a lattice, 8 each, in Gmsh's order."""
     around = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
@@ -393,7 +420,7 @@ def bricks(xs, ys, zs):
     ])
 
 
-def hexahedra(path, name, cells, surfaces, place, order):
+def hexahedra(path, name, cells, surfaces, place, order, incomplete=False):
     """Hexahedra with these corners in a space where they are straight; `place` takes all nodes, those in the
     middles too, to where they belong. A boundary facet is of a surface whose condition all its corners keep."""
     start()
@@ -418,6 +445,7 @@ def hexahedra(path, name, cells, surfaces, place, order):
     group(3, [volume], name)
     gmsh.model.mesh.reclassifyNodes()
     if order == 2:
+        gmsh.option.setNumber("Mesh.SecondOrderIncomplete", int(incomplete))
         gmsh.model.mesh.setOrder(2)
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     for tag, x in zip(tags, coordinates.reshape(-1, 3)):
@@ -545,6 +573,7 @@ def main():
         "bracket": bracket,
         "turek-hron-flag": lambda path: turek_flag(path, **TUREK_COMMITTED),
         "cloth": cloth,
+        "turek-hron-flag-graded": turek_graded,
         "cook": cook,
         "tapered": tapered,
         "cylinder": cylinder,

@@ -4,6 +4,7 @@
 //! 5 input/output, 130 ended by Ctrl-C with everything written.
 
 mod bench;
+mod convergence;
 mod info;
 mod modes;
 mod progress;
@@ -34,6 +35,8 @@ enum Command {
     Resume(resume::ResumeArguments),
     /// Measure schemes and steps on a scene: run time against error, and what to use
     Bench(bench::BenchArguments),
+    /// Refine the mesh and the step of a scene: observed orders, and estimates of the exact values
+    Convergence(convergence::ConvergenceArguments),
     /// Check scenes and their meshes without running: everything that is wrong, at once
     Check {
         /// Scene files
@@ -78,6 +81,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Resume(arguments) => resume::resume(&arguments),
         Command::Bench(arguments) => bench::bench_scene(&arguments),
+        Command::Convergence(arguments) => convergence::study(&arguments),
         Command::Check { scenes, overrides } => run::check(&scenes, &overrides),
         Command::Modes(arguments) => modes::modes(&arguments),
         Command::Schema => {

@@ -11,6 +11,7 @@ pub mod bench;
 pub mod checkpoint;
 #[cfg(feature = "cli")]
 pub mod cli;
+pub mod convergence;
 pub mod estimate;
 pub mod explain;
 mod frames;

@@ -1,0 +1,323 @@
+//! `variational convergence`: a scene on finer meshes and with smaller steps, and what that tells about the
+//! exact solution. It must not know the command line.
+//!
+//! Space: every element is halved again and again. Time: the step is, on the scene's own mesh. Static scenes
+//! have no time study; with `modes` the frequencies of vibration are studied, in space. Explicit schemes take
+//! the smallest step of the study on all meshes, so that it is stable on the finest.
+
+mod extrapolate;
+mod tables;
+
+use std::time::Instant;
+
+use serde::Serialize;
+use vi_solvers::StepError;
+
+use crate::run::RunError;
+use crate::scene::{Load, Problem, Scene, SpringEnd};
+use crate::simulation::{Observation, Simulation};
+use crate::trial::Choice;
+use crate::vibration::{MassKind, scene_modes};
+
+pub use extrapolate::{Extrapolation, extrapolate};
+
+/// What a study is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ConvergenceOptions {
+    /// Meshes and steps, 2 to 6; 3 or more show an order.
+    pub levels: u32,
+    /// Refine the mesh.
+    pub space: bool,
+    /// Refine the step.
+    pub time: bool,
+    /// Study so many frequencies of vibration instead of the end of the run.
+    pub modes: Option<usize>,
+}
+
+impl Default for ConvergenceOptions {
+    fn default() -> Self {
+        Self { levels: 3, space: true, time: true, modes: None }
+    }
+}
+
+/// Follows a study.
+pub trait ConvergenceWatch {
+    /// What is about to run.
+    fn next(&mut self, _what: &str) {}
+    /// Asked often: false ends the study.
+    fn go_on(&mut self) -> bool {
+        true
+    }
+}
+
+impl ConvergenceWatch for () {}
+
+/// One run of a study.
+#[derive(Debug, Clone, Serialize)]
+pub struct Level {
+    /// How often the elements of the scene were halved.
+    pub refined: u32,
+    /// Nodes of all bodies.
+    pub nodes: usize,
+    /// Steps.
+    pub steps: u64,
+    /// Step, s.
+    pub step: f64,
+    /// Seconds of the run.
+    pub seconds: f64,
+    /// The quantities, in the order of [`Study::rows`].
+    #[serde(skip)]
+    pub values: Vec<f64>,
+}
+
+/// One quantity on all levels.
+#[derive(Debug, Clone, Serialize)]
+pub struct Row {
+    /// `tip.ux` (m) and so on for probes, `kinetic`, `elastic`, `total` (J), `mode 7` (Hz); at the end of the scene.
+    pub quantity: String,
+    /// Its values, the coarsest level first.
+    pub values: Vec<f64>,
+    /// What they tell.
+    #[serde(flatten)]
+    pub extrapolation: Extrapolation,
+}
+
+/// A study in space or in time.
+#[derive(Debug, Clone, Serialize)]
+pub struct Study {
+    /// `space` or `time`.
+    pub of: &'static str,
+    /// Its runs.
+    pub levels: Vec<Level>,
+    /// Its quantities.
+    pub rows: Vec<Row>,
+}
+
+/// The exact value of a quantity, as far as the studies tell.
+#[derive(Debug, Clone, Serialize)]
+pub struct Estimate {
+    /// The quantity.
+    pub quantity: String,
+    /// Its estimate: the finest mesh, corrected in space and in time.
+    pub value: f64,
+    /// Error bar: the sum of the sizes of both corrections.
+    pub error: f64,
+}
+
+/// The outcome.
+#[derive(Debug, Clone, Serialize)]
+pub struct ConvergenceReport {
+    /// Version of this program.
+    pub version: &'static str,
+    /// The scheme; none for statics and modes.
+    pub scheme: Option<String>,
+    /// Its order in time.
+    pub formal_order: Option<usize>,
+    /// The studies.
+    pub studies: Vec<Study>,
+    /// The estimates.
+    pub estimates: Vec<Estimate>,
+}
+
+/// Why there is no study.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConvergenceError {
+    /// The scene is wrong.
+    #[error("the scene is wrong")]
+    Scene(Vec<Problem>),
+    /// A run failed.
+    #[error("{what}: {source}")]
+    Step {
+        /// The run.
+        what: String,
+        /// Why.
+        source: StepError,
+    },
+    /// The modes were not found.
+    #[error("{what}: {source}")]
+    Modes {
+        /// The run.
+        what: String,
+        /// Why.
+        source: RunError,
+    },
+    /// The caller asked to stop.
+    #[error("stopped")]
+    Stopped,
+    /// There is nothing to refine.
+    #[error("{0}")]
+    Nothing(String),
+}
+
+/// Studies a scene.
+///
+/// # Errors
+/// [`ConvergenceError`].
+pub fn convergence(
+    scene: &Scene,
+    options: &ConvergenceOptions,
+    watch: &mut dyn ConvergenceWatch,
+) -> Result<ConvergenceReport, ConvergenceError> {
+    let first = Simulation::new(scene.clone()).map_err(ConvergenceError::Scene)?;
+    // With scheme and step settled, and points of the scene's mesh named by their nodes.
+    let scene = by_nodes(&first);
+    let moves = scene.statics.is_none() && options.modes.is_none();
+    if options.modes.is_none() && scene.probes.is_empty() && !moves {
+        let problem = "the scene has no probe: add a [[probe]], whose displacement is studied";
+        return Err(ConvergenceError::Nothing(problem.to_owned()));
+    }
+    let choice = Choice::of(&scene);
+    let facts = choice.method().facts();
+    let finest = options.levels - 1;
+    let names = names(&scene, options);
+    let mut studies = Vec::new();
+    let steps = |halved: u32| choice.steps << if moves { halved } else { 0 };
+    let mut study = |of: &'static str, runs: &mut dyn Iterator<Item = (u32, u64)>| {
+        let mut levels = Vec::new();
+        for (refined, steps) in runs {
+            let mut run = Choice { steps, ..choice }.apply(&scene);
+            for body in &mut run.bodies {
+                body.refine = Some(body.refine.unwrap_or(0) + refined);
+            }
+            levels.push(level(run, refined, options, watch)?);
+        }
+        studies.push(Study { of, rows: rows(&names, &levels), levels });
+        Ok(())
+    };
+    if options.space {
+        // The step of all meshes.
+        let count = steps(if facts.is_explicit { finest } else { 0 });
+        study("space", &mut (0..options.levels).map(|refined| (refined, count)))?;
+    }
+    if options.time && moves {
+        study("time", &mut (0..options.levels).map(|halved| (0, steps(halved))))?;
+    }
+    if studies.is_empty() {
+        let problem = "statics and modes have no time study: leave --time out";
+        return Err(ConvergenceError::Nothing(problem.to_owned()));
+    }
+    Ok(ConvergenceReport {
+        version: env!("CARGO_PKG_VERSION"),
+        scheme: moves.then(|| choice.label()),
+        formal_order: moves.then_some(facts.order),
+        estimates: estimates(&studies),
+        studies,
+    })
+}
+
+/// The settled scene, with nodes in the place of points, so that finer meshes have the same places.
+fn by_nodes(simulation: &Simulation) -> Scene {
+    let mut scene = simulation.scene().clone();
+    let bodies = simulation.bodies();
+    let settle = |name: &str, point: &mut Option<[f64; 3]>, node: &mut Option<usize>| {
+        let body = bodies.iter().find(|body| body.name == name);
+        if let (Some(place), Some(body)) = (*point, body)
+            && let Some(nearest) = body.mesh.nearest_node(place)
+        {
+            (*point, *node) = (None, Some(nearest as usize));
+        }
+    };
+    for probe in &mut scene.probes {
+        settle(&probe.body, &mut probe.point, &mut probe.node);
+    }
+    for load in &mut scene.loads {
+        if let Load::Point { body, point, node, .. } = load {
+            settle(body, point, node);
+        }
+    }
+    for spring in &mut scene.springs {
+        for SpringEnd { body, point, node } in [&mut spring.from, &mut spring.to] {
+            if let Some(body) = body {
+                settle(body, point, node);
+            }
+        }
+    }
+    scene
+}
+
+/// Names of the quantities.
+fn names(scene: &Scene, options: &ConvergenceOptions) -> Vec<String> {
+    if let Some(count) = options.modes {
+        return (0..count).map(|mode| format!("mode {mode}")).collect();
+    }
+    let of_probe = |name: &String| ["ux", "uy", "uz"].map(|axis| format!("{name}.{axis}"));
+    let probes = scene.probes.iter().flat_map(|probe| of_probe(&probe.name));
+    probes.chain(["kinetic", "elastic", "load", "total"].map(str::to_owned)).collect()
+}
+
+/// Runs a scene to its end.
+fn level(
+    scene: Scene,
+    refined: u32,
+    options: &ConvergenceOptions,
+    watch: &mut dyn ConvergenceWatch,
+) -> Result<Level, ConvergenceError> {
+    let begin = Instant::now();
+    let mut simulation = Simulation::new(scene).map_err(ConvergenceError::Scene)?;
+    let nodes: usize = simulation.bodies().iter().map(|body| body.mesh.points.len()).sum();
+    let what = format!("{nodes} nodes, {} steps", simulation.step_count());
+    watch.next(&what);
+    if !watch.go_on() {
+        return Err(ConvergenceError::Stopped);
+    }
+    let values = if let Some(count) = options.modes {
+        let modes = scene_modes(&mut simulation, count, MassKind::Consistent);
+        let modes = modes.map_err(|source| ConvergenceError::Modes { what, source })?;
+        modes.iter().take(count).map(|found| found.mode.frequency()).collect()
+    } else {
+        while !simulation.is_done() {
+            simulation.step().map_err(|source| ConvergenceError::Step { what: what.clone(), source })?;
+            if !watch.go_on() {
+                return Err(ConvergenceError::Stopped);
+            }
+        }
+        values(&simulation.observe())
+    };
+    Ok(Level {
+        refined,
+        nodes,
+        steps: simulation.step_count(),
+        step: simulation.step_size(),
+        seconds: begin.elapsed().as_secs_f64(),
+        values,
+    })
+}
+
+/// The quantities of a state, in the order of their names.
+fn values(seen: &Observation) -> Vec<f64> {
+    let probes = seen.probes.iter().flat_map(|probe| probe.displacement);
+    probes.chain([seen.kinetic, seen.elastic, seen.load, seen.total()]).collect()
+}
+
+/// Quantities that are not zero everywhere, with what their values tell.
+fn rows(names: &[String], levels: &[Level]) -> Vec<Row> {
+    let row = |(k, name): (usize, &String)| {
+        let values: Option<Vec<f64>> = levels.iter().map(|level| level.values.get(k).copied()).collect();
+        let values = values?;
+        if values.iter().all(|value| *value == 0.0) {
+            return None;
+        }
+        Some(Row { quantity: name.clone(), extrapolation: extrapolate(&values), values })
+    };
+    names.iter().enumerate().filter_map(row).collect()
+}
+
+/// The finest mesh, corrected by what is left in space, and in time at its step.
+fn estimates(studies: &[Study]) -> Vec<Estimate> {
+    let find = |of: &str| studies.iter().find(|study| study.of == of);
+    let (space, time) = (find("space"), find("time"));
+    let Some(leading) = space.or(time) else { return Vec::new() };
+    let estimate = |row: &Row| {
+        let (mut value, mut error) = (row.extrapolation.value, row.extrapolation.error);
+        if let (Some(space), Some(time)) = (space, time)
+            && let Some(same) = time.rows.iter().find(|other| other.quantity == row.quantity)
+            && let Some(level) = time.levels.iter().position(|level| level.steps == space.levels[0].steps)
+        {
+            value += same.extrapolation.value - same.values[level];
+            error += same.extrapolation.error;
+        }
+        Estimate { quantity: row.quantity.clone(), value, error }
+    };
+    leading.rows.iter().map(estimate).collect()
+}
