@@ -59,7 +59,7 @@ pub use generate::BoxMesh;
 pub use instructions::InstructionSet;
 pub use kelvin_voigt::{MassDamping, Viscosity, kelvin_voigt};
 pub use load::{Gravity, PointSpring, SpringEnd};
-pub use mass::{MassProperties, add_lumped_mass, mass_properties, rigid_velocities};
+pub use mass::{MassProperties, add_lumped_mass, add_row_sums, mass_properties, rigid_velocities};
 pub use material::{
     Corotated, Domain, Isotropic, Law, Linear, Material, MooneyRivlin, MooneyRivlinParameters, NeoHookean,
     Parameters, StVenantKirchhoff, StableNeoHookean,

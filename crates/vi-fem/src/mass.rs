@@ -33,6 +33,48 @@ pub fn add_lumped_mass(
     Ok(())
 }
 
+/// Row sums ρ ∫ N_a dV, kg, added to `sums`: what weight acts on in equilibrium, of the accuracy of the
+/// element. They may be negative (tet10, hex20), so that they are no masses.
+///
+/// # Errors
+/// As [`add_lumped_mass`].
+pub fn add_row_sums(mesh: &Mesh, elements: &[u32], density: f64, sums: &mut [f64]) -> Result<(), FemError> {
+    for &element in elements {
+        let Some((kind, nodes)) = mesh.cell(element as usize) else {
+            return Err(FemError::OutOfRange {
+                what: "mass, element",
+                index: element as usize,
+                target: "cell",
+                value: element as usize,
+                available: mesh.cell_count(),
+            });
+        };
+        kind.visit_solid(AddRowSums { mesh, nodes, density, sums })
+            .ok_or(FemError::Unsupported { kind, used: "solid elements" })?;
+    }
+    Ok(())
+}
+
+struct AddRowSums<'a> {
+    mesh: &'a Mesh,
+    nodes: &'a [u32],
+    density: f64,
+    sums: &'a mut [f64],
+}
+
+impl SolidVisitor for AddRowSums<'_> {
+    type Output = ();
+    fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) {
+        let x: [[f64; 3]; N] = std::array::from_fn(|a| self.mesh.points[self.nodes[a] as usize]);
+        for (xi, weight) in E::mass_rule() {
+            let dv = weight * determinant(&E::reference_gradient(&x, &E::gradients(xi)));
+            for (&node, value) in self.nodes.iter().zip(E::values(xi)) {
+                self.sums[node as usize] += self.density * dv * value;
+            }
+        }
+    }
+}
+
 struct AddMass<'a> {
     mesh: &'a Mesh,
     nodes: &'a [u32],
@@ -147,5 +189,22 @@ mod tests {
         let expected = [2.0, 0.5, 0.25];
         assert!((0..3).all(|i| (found.centre[i] - expected[i]).abs() < 1e-14), "{found:?}");
         assert!(found.inertia[0][0] > 0.0 && found.inertia[0][1].abs() < 0.05);
+    }
+
+    #[test]
+    fn row_sums_integrate_shape_functions() {
+        for &element in ElementKind::SOLIDS {
+            let shape = BoxMesh { size: [2.0, 1.0, 1.0], cells: [2, 1, 1], element, origin: [0.0; 3] };
+            let mesh = shape.build().unwrap();
+            let mut sums = vec![0.0; mesh.points.len()];
+            add_row_sums(&mesh, &mesh.cells_of_dimension(3), 1.0, &mut sums).unwrap();
+            // ∫ 1, x and, where the element has it, x² dV.
+            let degrees = if element.node_count() > 8 { 3 } else { 2 };
+            for k in 0..degrees {
+                let sum: f64 = sums.iter().zip(&mesh.points).map(|(m, x)| m * x[0].powi(k)).sum();
+                let exact = 2.0_f64.powi(k + 1) / f64::from(k + 1);
+                assert!((sum - exact).abs() < 1e-13, "{element} {k}: {sum}");
+            }
+        }
     }
 }
