@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use vi_core::{Force, Potential, State, System};
 use vi_fem::{
-    Anchor, Gravity, LockingCure, PointSpring, Sheet, SpringEnd, Tie, add_lumped_mass, mass_properties,
+    Anchor, Gravity, LockingCure, PointSpring, Sheet, SpringEnd, Tie, add_lumped_mass, add_row_sums,
+    mass_properties,
     rigid_velocities,
 };
 
@@ -23,7 +24,8 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
 
     let mut problems = Vec::new();
     let mut notes = Vec::new();
-    let mut parts: Vec<Part> = (0..component_count).map(|_| Part::default()).collect();
+    let is_static = scene.statics.is_some();
+    let mut parts: Vec<Part> = (0..component_count).map(|_| Part { is_static, ..Part::default() }).collect();
     let mut bodies = Vec::with_capacity(loaded_bodies.len());
     for (i, body) in loaded_bodies.into_iter().enumerate() {
         let part = &mut parts[component_of[i]];
@@ -169,8 +171,12 @@ fn components(loaded: &Loaded) -> Vec<usize> {
 /// A component under construction.
 #[derive(Default)]
 struct Part {
+    /// Nothing moves: weight may act on row sums of the mass, of the accuracy of the elements.
+    is_static: bool,
     /// Lumped mass a node, kg.
     mass: Vec<f64>,
+    /// What weight acts on a node, kg.
+    heavy: Vec<f64>,
     rest: Vec<[f64; 3]>,
     x: Vec<f64>,
     v: Vec<f64>,
@@ -192,6 +198,7 @@ impl Part {
         let read = &loaded.read;
         let mesh = &read.mesh;
         let mut mass = vec![0.0; mesh.points.len()];
+        let mut heavy = mass.clone();
         for (entry, elements) in body.material.0.iter().zip(&loaded.materials) {
             if elements.is_empty() {
                 continue;
@@ -201,6 +208,10 @@ impl Part {
             let terms = match &entry.law {
                 Substance::Solid(law) => {
                     let name = format!("{place}: {}", law.name());
+                    if self.is_static {
+                        let sums = add_row_sums(mesh, elements, law.density(), &mut heavy);
+                        sums.map_err(|error| error.to_string())?;
+                    }
                     add_lumped_mass(mesh, elements, law.density(), &mut mass).and_then(|()| {
                         match body.locking {
                             LockingCure::None => vi_fem::elastic(mesh, elements, law, node_offset, &name),
@@ -237,6 +248,8 @@ impl Part {
         let rigid = rigid_velocities(positions, centre, linear, angular);
         v.iter_mut().zip(&rigid).for_each(|(v, rigid)| *v += rigid);
         self.rest.extend_from_slice(&mesh.points);
+        let is_heavy = self.is_static && body.dimension() == 3;
+        self.heavy.extend(if is_heavy { heavy } else { mass.clone() });
         self.mass.extend(mass);
         self.x.extend(x);
         self.v.extend(v);
@@ -266,7 +279,7 @@ impl Part {
                 .map_err(|error| Problem::new("attach", format!("what is held exactly: {error}")))?
         };
         if gravity != [0.0; 3] {
-            self.potentials.push(Box::new(Gravity::new(&self.mass, gravity)));
+            self.potentials.push(Box::new(Gravity::new(&self.heavy, gravity)));
         }
         let mass = self.mass.iter().flat_map(|&m| [m; 3]).collect();
         let system = System::new(mass, self.potentials, coordinates)

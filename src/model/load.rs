@@ -116,7 +116,8 @@ fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<L
     }
     for _ in 0..body.refine.unwrap_or(0) {
         if read.pattern.is_some() {
-            let message = "a sheet cut from a flat pattern of texture coordinates cannot be refined; take it out";
+            let message =
+                "a sheet cut from a flat pattern of texture coordinates cannot be refined; take it out";
             problems.push(Problem::new(format!("{key}.refine"), message));
             return None;
         }
@@ -126,8 +127,7 @@ fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<L
         let solids = read.mesh.blocks.iter().filter(|block| block.kind.dimension() == 3);
         let (tet4, others): (Vec<_>, Vec<_>) = solids.partition(|block| block.kind == ElementKind::Tet4);
         if others.is_empty() {
-            let message =
-                "tet4 has one quadrature point, which mean dilation leaves as it is: use `order = 2`, or hex8";
+            let message = "tet4 has one quadrature point, which mean dilation leaves as it is: use `order = 2`, or hex8";
             problems.push(Problem::new(format!("{key}.locking"), message));
             return None;
         }
