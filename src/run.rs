@@ -83,6 +83,8 @@ fn list(problems: &[Problem]) -> String {
 pub trait Watch {
     /// The systems are built; what is to be said before the first step.
     fn start(&mut self, _simulation: &Simulation, _notes: &[String]) {}
+    /// Something that a reader should hear was found on the way, e.g. a limit point.
+    fn finding(&mut self, _finding: &str) {}
     /// A step was made. Return false to end the run after it, with everything written.
     fn step(&mut self, _simulation: &Simulation) -> bool {
         true

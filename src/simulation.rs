@@ -228,6 +228,12 @@ impl Simulation {
         &self.notes
     }
 
+    /// What a reader should hear of the steps since the last call, e.g. of a limit point.
+    pub fn take_findings(&mut self) -> Vec<String> {
+        let steppers = self.components.iter_mut().filter_map(|component| component.stepper.as_mut());
+        steppers.flat_map(|stepper| stepper.take_findings()).collect()
+    }
+
     /// The step h that lands on the scene's end, s.
     pub fn step_size(&self) -> f64 {
         self.h

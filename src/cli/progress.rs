@@ -66,6 +66,13 @@ impl Watch for Progress {
         }
     }
 
+    fn finding(&mut self, finding: &str) {
+        match &self.bar {
+            Some(bar) => bar.println(format!("note: {finding}")),
+            None => eprintln!("note: {finding}"),
+        }
+    }
+
     fn step(&mut self, simulation: &Simulation) -> bool {
         let (steps, count) = (simulation.steps(), simulation.step_count());
         if let Some(bar) = &self.bar {

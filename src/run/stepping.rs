@@ -187,6 +187,10 @@ impl Run {
                 }
                 Err(error) => return Err(error),
             }
+            for finding in self.simulation.take_findings() {
+                watch.finding(&finding);
+                self.report.notes.push(finding);
+            }
             let go_on = watch.step(&self.simulation);
             interrupted = !go_on && !self.simulation.is_done();
         }

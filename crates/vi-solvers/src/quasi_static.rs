@@ -5,7 +5,8 @@ use vi_core::{State, StepEnergy, System};
 
 use crate::stepper::expect_method;
 use crate::{
-    Assembler, SolverError, StaticOptions, StepError, StepReport, Stepper, StepperMemory, Work, equilibrium,
+    Assembler, CriticalKind, SolverError, StaticOptions, StaticReport, StepError, StepReport, Stepper,
+    StepperMemory, Work, equilibrium,
 };
 
 const NAME: &str = "static";
@@ -14,13 +15,36 @@ struct QuasiStatic {
     options: StaticOptions,
     ledger: Option<Assembler>,
     work: Work,
+    findings: Vec<String>,
+}
+
+/// Critical points and snaps of a step, in words.
+fn findings(report: &StaticReport) -> impl Iterator<Item = String> {
+    let critical = report.critical.iter().map(|point| {
+        let what = match point.kind {
+            CriticalKind::Limit => "a limit point, where the load that the body carries turns",
+            CriticalKind::Bifurcation => "a bifurcation: the body buckles",
+        };
+        let [before, after] = point.eigenvalues;
+        let factor = point.load_factor;
+        format!("at load factor {factor:.6} {what} (lowest ω² {before:.3e} before, {after:.3e} 1/s² after)")
+    });
+    let snapped = |t: &f64| {
+        format!("the path of equilibria ends at load factor {t:.6}: the body has snapped beyond it")
+    };
+    critical.chain(report.jumps.iter().map(snapped)).collect::<Vec<_>>().into_iter()
 }
 
 /// A stepper that goes from the equilibrium at t to that at t + h; steps are cut further as `options`
 /// say, whose end is not used. The work of loads and prescribed motion, ΔV along a path of equilibria,
 /// is entered as work of forces where a ledger is kept.
 pub fn quasi_static(system: &System, options: StaticOptions, ledger: bool) -> Box<dyn Stepper> {
-    Box::new(QuasiStatic { options, ledger: ledger.then(|| Assembler::new(system)), work: Work::default() })
+    Box::new(QuasiStatic {
+        options,
+        ledger: ledger.then(|| Assembler::new(system)),
+        work: Work::default(),
+        findings: Vec::new(),
+    })
 }
 
 impl Stepper for QuasiStatic {
@@ -34,6 +58,7 @@ impl Stepper for QuasiStatic {
         let before = state.clone();
         let report =
             equilibrium(system, state, &options).map_err(|cause| StepError { t: before.t, h, cause })?;
+        self.findings.extend(findings(&report));
         let mut energy = StepEnergy::default();
         if let Some(assembler) = &mut self.ledger {
             let mut potential =
@@ -48,6 +73,10 @@ impl Stepper for QuasiStatic {
 
     fn work(&self) -> Work {
         self.work
+    }
+
+    fn take_findings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.findings)
     }
 
     fn memory(&self) -> StepperMemory {

@@ -31,6 +31,11 @@ pub trait Stepper: Send {
     fn gradient(&self) -> Option<&[f64]> {
         None
     }
+
+    /// What a reader should hear of the steps since the last call, e.g. of a limit point.
+    fn take_findings(&mut self) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 /// What one step did.

@@ -1,0 +1,254 @@
+//! Laws that scenes keep in space and time together: orders of manufactured motions, damping that spares
+//! rigid motion, modes of loaded bodies, snap-through.
+
+mod program;
+
+use program::Program;
+use variational::prelude::{Scene, Simulation};
+use variational::vibration::{MassKind, scene_modes};
+
+fn simulation(scene: &str) -> Simulation {
+    let parsed = Scene::parse(scene, &[]);
+    assert!(parsed.problems.is_empty(), "{:?}", parsed.problems);
+    Simulation::new(parsed.scene.unwrap()).unwrap()
+}
+
+/// u = (φ, 0, 0) t²/2, φ = sin πx sin πy sin πz on the unit cube with its surface held: the body forces
+/// ρφ e₁ and −div σ(φ e₁) t²/2 make it exact. λ = μ = 1 (E = 2.5, ν = .25), ρ = 1.
+fn manufactured(element: &str, cells: u32) -> f64 {
+    let faces: String = ["x-min", "x-max", "y-min", "y-max", "z-min", "z-max"]
+        .iter()
+        .map(|face| format!("[[fix]]\nbody = \"cube\"\nregion = \"{face}\"\n"))
+        .collect();
+    let scene = format!(
+        r#"
+        [time]
+        end = 1.0
+        step = 0.125
+        scheme = "gauss"
+        stages = 2
+        [solver]
+        tolerance = 1e-12
+        [[body]]
+        name = "cube"
+        box = {{ size = [1.0, 1.0, 1.0], cells = [{cells}, {cells}, {cells}], element = "{element}" }}
+        material = {{ law = "linear", young = 2.5, poisson = 0.25, density = 1.0 }}
+        {faces}
+        [[load]]
+        kind = "body-force"
+        body = "cube"
+        force = ["sin(pi*x)*sin(pi*y)*sin(pi*z)", 0.0, 0.0]
+        [[load]]
+        kind = "body-force"
+        body = "cube"
+        force = ["5*pi^2*sin(pi*x)*sin(pi*y)*sin(pi*z)", "-2*pi^2*cos(pi*x)*cos(pi*y)*sin(pi*z)",
+                 "-2*pi^2*cos(pi*x)*sin(pi*y)*cos(pi*z)"]
+        amplitude = "t^2/2"
+        "#
+    );
+    let mut simulation = simulation(&scene);
+    while !simulation.is_done() {
+        simulation.step().unwrap();
+    }
+    let mesh = &simulation.bodies()[0].mesh;
+    let mut square = 0.0;
+    for (x, rest) in simulation.positions(0).iter().zip(&mesh.points) {
+        let phi: f64 = rest.iter().map(|x| (std::f64::consts::PI * x).sin()).product();
+        let exact = [0.5 * phi, 0.0, 0.0];
+        square += (0..3).map(|k| (x[k] - rest[k] - exact[k]).powi(2)).sum::<f64>();
+    }
+    (square / mesh.points.len() as f64).sqrt()
+}
+
+/// Linear elements are of order 2, and so are quadratic ones whose lumped mass is exact for linear fields
+/// only; hex27 has its nodes at Lobatto points and keeps order 3 and better.
+#[test]
+fn a_manufactured_motion_shows_the_order_of_each_element() {
+    for (element, cells, order) in [
+        ("tet4", [4, 8], 1.8),
+        ("hex8", [4, 8], 1.8),
+        ("wedge6", [4, 8], 1.8),
+        ("tet10", [2, 4], 2.5),
+        ("hex20", [2, 4], 2.5),
+        ("wedge15", [2, 4], 2.5),
+        ("wedge18", [2, 4], 2.5),
+        ("hex27", [2, 4], 2.8),
+    ] {
+        let errors = cells.map(|cells| manufactured(element, cells));
+        let found = (errors[0] / errors[1]).log2();
+        assert!(found > order, "{element}: {errors:?}, order {found:.2}");
+    }
+}
+
+const FREE: &str = r#"
+    gravity = [0.0, 0.0, GRAVITY]
+    [time]
+    end = 0.5
+    step = 0.005
+    scheme = "SCHEME"
+    [solver]
+    tolerance = 1e-13
+    [damping]
+    shear_viscosity = VISCOSITY
+    bulk_viscosity = VISCOSITY
+    stiffness_time = TIME
+    [[body]]
+    name = "block"
+    box = { size = [1.0, 0.5, 0.25], cells = [2, 1, 1], element = "tet10" }
+    material = { law = "st-venant-kirchhoff", young = 1e5, poisson = 0.3, density = 1000.0 }
+    velocity = [1.0, 0.0, 2.0]
+    angular_velocity = SPIN
+"#;
+
+fn free(gravity: &str, spin: &str, damped: bool) -> Simulation {
+    let (viscosity, time) = if damped { ("50.0", "0.001") } else { ("0.0", "0.0") };
+    let scene = FREE
+        .replace("GRAVITY", gravity)
+        .replace("SCHEME", "implicit-midpoint")
+        .replace("VISCOSITY", viscosity)
+        .replace("TIME", time)
+        .replace("SPIN", spin);
+    let mut simulation = simulation(&scene);
+    while !simulation.is_done() {
+        simulation.step().unwrap();
+    }
+    simulation
+}
+
+#[test]
+fn free_fall_is_untouched_by_viscosity() {
+    let fallen = free("-9.81", "[0.0, 0.0, 0.0]", true);
+    // Midpoint is exact for a parabola.
+    let t = 0.5_f64;
+    let motion = [t, 0.0, 2.0 * t - 0.5 * 9.81 * t * t];
+    for (x, rest) in fallen.positions(0).iter().zip(&fallen.bodies()[0].mesh.points) {
+        assert!((0..3).all(|k| (x[k] - rest[k] - motion[k]).abs() < 1e-10), "{x:?} {rest:?}");
+    }
+}
+
+/// A slow spin strains the block by 1e-8: viscosity takes less than that of its energy, and no momentum.
+#[test]
+fn rigid_spin_is_untouched_by_viscosity() {
+    let spin = "[0.0, 0.0, 0.01]";
+    let (mut damped, mut free) = (free("0.0", spin, true), free("0.0", spin, false));
+    let (damped, free) = (damped.observe(), free.observe());
+    for k in 0..3 {
+        assert!((damped.angular_momentum[k] - free.angular_momentum[k]).abs() < 1e-9);
+        assert!((damped.momentum[k] - free.momentum[k]).abs() < 1e-9);
+    }
+    // Of spinning alone: 125 kg, ½ m v² = 312.5 J of flight.
+    let spinning = free.kinetic - 0.5 * 125.0 * 5.0;
+    assert!(
+        spinning > 1e-4 && (free.total() - damped.total()).abs() < 1e-6 * spinning,
+        "{free:?} {damped:?}"
+    );
+}
+
+/// A clamped column under a dead axial load P: ω² falls to nothing at Euler's load π²EI/(4L²), and is
+/// near ω₀² (1 − P/P_E) on the way.
+#[test]
+fn modes_are_those_of_the_loaded_body() {
+    let (height, young) = (0.05_f64, 1e9);
+    let euler = std::f64::consts::PI.powi(2) * young * height.powi(4) / 12.0 / 4.0;
+    let lowest = |share: f64| {
+        let traction = -share * euler / height.powi(2);
+        let mut simulation = simulation(&format!(
+            r#"
+            [time]
+            end = 1.0
+            step = 1.0
+            scheme = "implicit-midpoint"
+            [static]
+            tolerance = 1e-10
+            [[body]]
+            name = "column"
+            box = {{ size = [1.0, {height}, {height}], cells = [10, 1, 1], element = "hex20" }}
+            material = {{ law = "st-venant-kirchhoff", young = {young:e}, poisson = 0.0, density = 1000.0 }}
+            [[fix]]
+            body = "column"
+            region = "x-min"
+            [[load]]
+            kind = "traction"
+            body = "column"
+            region = "x-max"
+            traction = [{traction:.6}, 0.0, 0.0]
+            amplitude = "t"
+            "#
+        ));
+        scene_modes(&mut simulation, 2, MassKind::Consistent).unwrap()[0].mode.omega_squared
+    };
+    let [free, half, most] = [0.0, 0.5, 0.95].map(lowest);
+    assert!((half / free - 0.5).abs() < 0.02, "{}", half / free);
+    assert!((most / free - 0.05).abs() < 0.02, "{}", most / free);
+}
+
+/// A shallow arch of two straight legs, pushed down at its crown: it carries a greatest load, and snaps
+/// through to the other side. The program follows the path by arc length and says where the limit is.
+#[test]
+fn snap_through_is_followed_by_arc_length_from_a_scene() {
+    use variational::fem::{BoxMesh, ElementKind};
+    use variational::io::{CellBlock, CellKind, VtuFrame, VtuOptions, write_vtu};
+    let shape = BoxMesh {
+        size: [2.0, 0.05, 0.05],
+        cells: [16, 1, 1],
+        element: ElementKind::Hex20,
+        origin: [-1.0, 0.0, 0.0],
+    };
+    let mut mesh = shape.build().unwrap();
+    mesh.points.iter_mut().for_each(|x| x[1] += 0.15 * (1.0 - x[0].abs()));
+    let blocks = [CellBlock { kind: CellKind::from_vtk(25).unwrap(), nodes: mesh.blocks[0].nodes.clone() }];
+    let directory = tempfile::TempDir::new().unwrap();
+    let file = directory.path().join("arch.vtu");
+    let frame = VtuFrame {
+        points: &mesh.points,
+        blocks: &blocks,
+        groups: &[],
+        point_data: &[],
+        cell_data: &[],
+        time: None,
+    };
+    let options = VtuOptions { precision: variational::io::Precision::Double, ..VtuOptions::default() };
+    write_vtu(&file, &frame, options).unwrap();
+    let scene = format!(
+        r#"
+        [time]
+        end = 1.0
+        step = 0.5
+        scheme = "implicit-midpoint"
+        [static]
+        arc_steps = 400
+        [[body]]
+        name = "arch"
+        mesh = "{}"
+        material = {{ law = "st-venant-kirchhoff", young = 1e6, poisson = 0.0, density = 1.0 }}
+        [[fix]]
+        body = "arch"
+        box = {{ min = [-1.000001, -1.0, -1.0], max = [-0.999999, 1.0, 1.0] }}
+        [[fix]]
+        body = "arch"
+        box = {{ min = [0.999999, -1.0, -1.0], max = [1.000001, 1.0, 1.0] }}
+        [[fix]]
+        body = "arch"
+        box = {{ min = [-2.0, -1.0, -1.0], max = [2.0, 1.0, 1.0] }}
+        axes = ["z"]
+        [[load]]
+        kind = "point"
+        body = "arch"
+        point = [0.0, 0.2, 0.025]
+        force = [0.0, -60.0, 0.0]
+        amplitude = "t"
+        [[probe]]
+        name = "crown"
+        body = "arch"
+        point = [0.0, 0.2, 0.025]
+        "#,
+        file.display()
+    );
+    let program = Program::run(&scene);
+    let crown = program.history().column("crown.uy");
+    assert!(*crown.last().unwrap() < -0.3, "through to the other side: {crown:?}");
+    let text = program.errors();
+    assert!(text.contains("limit point"), "{text}");
+    let notes = program.report()["notes"].to_string();
+    assert!(notes.contains("limit point"), "{notes}");
+}

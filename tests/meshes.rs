@@ -1,0 +1,128 @@
+//! Meshes of scenes: mixed cells of second order from Gmsh, lifted and refined meshes, fields on them.
+
+mod program;
+
+use program::Program;
+use variational::fem::ElementKind;
+use variational::prelude::Simulation;
+
+/// Uniform tension of a block of hexahedra and wedges: exact, so every wrong node order shows.
+const MIXED: &str = r#"
+    [time]
+    end = 1.0
+    step = 1.0
+    scheme = "implicit-midpoint"
+    [static]
+    tolerance = 1e-12
+    [[body]]
+    name = "block"
+    mesh = "MESHES/mixed.msh"
+    material = { law = "neo-hookean", young = 10.0, poisson = 0.3, density = 1.0 }
+    [[fix]]
+    body = "block"
+    region = "x-min"
+    axes = ["x"]
+    [[fix]]
+    body = "block"
+    region = "y-min"
+    axes = ["y"]
+    [[fix]]
+    body = "block"
+    region = "z-min"
+    axes = ["z"]
+    [[load]]
+    kind = "traction"
+    body = "block"
+    region = "x-max"
+    traction = [6.467446602, 0.0, 0.0]
+    amplitude = "t"
+    [[probe]]
+    name = "corner"
+    body = "block"
+    point = [2.0, 1.0, 0.5]
+    [output]
+    interval = 1.0
+    precision = "f64"
+    fields = ["displacement", "stress", "nodal_stress", "nodal_von_mises", "nodal_J", "von_mises",
+              "reaction_force", "external_force", "acceleration"]
+"#;
+
+#[test]
+fn hexahedra_and_wedges_of_second_order_share_a_uniform_stress() {
+    for locking in ["none", "mean-dilation"] {
+        let key = format!("mesh = \"MESHES/mixed.msh\"\n    locking = \"{locking}\"");
+        let program = Program::run(&MIXED.replace("mesh = \"MESHES/mixed.msh\"", &key));
+        let history = program.history();
+        for (column, exact) in
+            [("corner.x", 4.0), ("corner.y", 0.7980775445), ("corner.z", 0.7980775445 / 2.0)]
+        {
+            let found = history.last(column);
+            assert!((found - exact).abs() < 1e-7, "{locking} {column}: {found}");
+        }
+        let frame = variational::io::read_mesh(&program.out().join("frame_000001.vtu")).unwrap();
+        let axial = 6.467446602 / (0.7980775445 * 0.7980775445);
+        let nodal = frame.point_array("nodal_stress").unwrap();
+        assert_eq!(nodal.components, 9);
+        assert!(nodal.values.chunks(9).all(|s| (s[0] - axial).abs() < 1e-5 && s[4].abs() < 1e-5));
+        let von_mises = frame.point_array("nodal_von_mises").unwrap();
+        assert!(von_mises.values.iter().all(|value| (value - axial).abs() < 1e-5));
+        let of_cells = frame.cell_data.iter().find(|array| array.name == "stress").unwrap();
+        assert!(of_cells.values.chunks(9).all(|s| (s[0] - axial).abs() < 1e-5));
+        // Loads and reactions balance, node by node where both act on all.
+        let sum = |name: &str, axis: usize| -> f64 {
+            frame.point_array(name).unwrap().values.iter().skip(axis).step_by(3).sum()
+        };
+        // 6.467… Pa on 1 × .5 m².
+        assert!((sum("external_force", 0) - 6.467446602 * 0.5).abs() < 1e-9);
+        assert!((sum("reaction_force", 0) + sum("external_force", 0)).abs() < 1e-6);
+        let accelerations = frame.point_array("acceleration").unwrap();
+        assert!(accelerations.values.iter().all(|a| a.abs() < 1e-4), "in balance");
+    }
+}
+
+fn simulation(scene: &str) -> Simulation {
+    let meshes = concat!(env!("CARGO_MANIFEST_DIR"), "/meshes");
+    let parsed = variational::scene::Scene::parse(&scene.replace("MESHES", meshes), &[]);
+    assert!(parsed.problems.is_empty(), "{:?}", parsed.problems);
+    Simulation::new(parsed.scene.unwrap()).unwrap()
+}
+
+#[test]
+fn order_and_refine_change_a_mesh_and_keep_its_regions() {
+    let beam = |keys: &str| {
+        simulation(&format!(
+            "[time]\nend = 1.0\nstep = 0.1\nscheme = \"implicit-midpoint\"\n[[body]]\nname = \"beam\"\n\
+             mesh = \"MESHES/beam.msh\"\n{keys}\n\
+             material = {{ law = \"linear\", young = 1e6, poisson = 0.3, density = 1000.0 }}\n\
+             [[fix]]\nbody = \"beam\"\nregion = \"clamp\"\n"
+        ))
+    };
+    let (plain, lifted, refined) = (beam(""), beam("order = 2"), beam("order = 2\nrefine = 1"));
+    let mesh = |simulation: &Simulation| simulation.bodies()[0].mesh.clone();
+    assert_eq!(mesh(&plain).points.len(), 425);
+    assert_eq!(mesh(&lifted).blocks[0].kind, ElementKind::Tet10);
+    assert_eq!(mesh(&lifted).points.len(), 33 * 9 * 9);
+    assert_eq!(mesh(&refined).points.len(), 65 * 17 * 17);
+    assert_eq!(mesh(&refined).region_nodes("tip").unwrap().len(), 17 * 17);
+    assert_eq!(mesh(&refined).points[..425], mesh(&plain).points[..]);
+    assert_eq!(refined.bodies()[0].element_count(), 8 * plain.bodies()[0].element_count());
+}
+
+#[test]
+fn keys_that_cannot_be_are_refused_with_the_way_out() {
+    let said = |keys: &str| {
+        let shape = r#"box = { size = [1.0, 1.0, 1.0], cells = [1, 1, 1] }"#;
+        let scene = format!(
+            "[time]\nend = 1.0\nstep = 0.1\nscheme = \"implicit-midpoint\"\n[[body]]\nname = \"b\"\n{shape}\n{keys}\n\
+             material = {{ law = \"linear\", young = 1e6, poisson = 0.3, density = 1.0 }}\n"
+        );
+        let program = Program::try_run(&scene, &[]);
+        assert_eq!(program.output.status.code(), Some(2));
+        program.errors()
+    };
+    assert!(said("order = 3").contains("order"));
+    assert!(said("refine = 9").contains("0 to 6"));
+    let text = said("locking = \"mean-dilation\"");
+    assert!(text.contains("tet4") && text.contains("hex8"), "{text}");
+    assert!(said("locking = \"f-bar\"").contains("mean-dilation"));
+}
