@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 use vi_fem::Wind;
 
 pub use attach::{Attach, Seam};
+pub(crate) use body::MOST_REFINED;
 pub use body::{Axis, Body, BoxRegion, Fix, Probe, RestShape, Spring, SpringEnd, Strike};
 pub use check::Problem;
 pub(crate) use load::field;

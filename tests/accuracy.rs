@@ -51,13 +51,17 @@ fn manufactured(element: &str, cells: u32) -> f64 {
         simulation.step().unwrap();
     }
     let mesh = &simulation.bodies()[0].mesh;
-    let mut square = 0.0;
+    let (mut square, mut count) = (0.0, 0.0_f64);
     for (x, rest) in simulation.positions(0).iter().zip(&mesh.points) {
         let phi: f64 = rest.iter().map(|x| (std::f64::consts::PI * x).sin()).product();
+        if phi.abs() < 1e-9 {
+            continue;
+        }
+        count += 1.0;
         let exact = [0.5 * phi, 0.0, 0.0];
         square += (0..3).map(|k| (x[k] - rest[k] - exact[k]).powi(2)).sum::<f64>();
     }
-    (square / mesh.points.len() as f64).sqrt()
+    (square / count).sqrt()
 }
 
 /// Linear elements are of order 2, and so are quadratic ones whose lumped mass is exact for linear fields

@@ -111,9 +111,9 @@ fn nearly_incompressible_cylinder_does_not_lock() {
         let cure = format!("body.0.locking='{cure}'");
         displacement("cylinder.toml", &["body.0.material.poisson=0.4999", &load, &cure])[0]
     };
-    // The cure of quadratic elements; without it they do not lock either, here.
-    close(with("mean-dilation"), 0.25, 2e-3, "mean dilation");
-    close(with("none"), 0.25, 2e-3, "hex27");
+    // Quadratic elements stiffen a little, which the cure takes away.
+    close(with("none"), 0.25, 1e-2, "hex27");
+    close(with("mean-dilation"), 0.25, 1e-3, "mean dilation");
 }
 
 #[test]
@@ -124,8 +124,8 @@ fn c2_elastica() {
         simulation.step().unwrap();
         if (simulation.time() - t).abs() < 1e-9 {
             let [ux, uy, _] = simulation.observe().probes[0].displacement;
-            close(-ux, u, 5e-4, "shortening");
-            close(-uy, w, 5e-4, "deflection");
+            close(-ux, u, 1e-3, "shortening");
+            close(-uy, w, 1e-3, "deflection");
             exact.next();
         }
     }
@@ -157,7 +157,8 @@ fn c6_uniaxial_stretch_and_its_reactions() {
     }
 }
 
-/// Waves with kinks: the error falls with h and Δt together, at a rate that the kinks set.
+/// Where the m-th derivative of a wave leaps, a scheme of order 2 converges at order 2m/3 in the maximum
+/// (Brenner, Thomée & Wahlbin 1975): 4/3 under gravity, 2/3 under a tip force.
 #[test]
 fn b5_bar_waves() {
     let gravity = |t: f64| 1e-3 * (0.5 * t * t - (t - 1.0).max(0.0).powi(2));
@@ -175,12 +176,16 @@ fn b5_bar_waves() {
         }
         worst / exact(2.0)
     };
-    for (name, exact, order) in
-        [("bar-gravity.toml", &gravity as &dyn Fn(f64) -> f64, 1.5), ("bar-force.toml", &force, 0.6)]
-    {
+    for (name, exact, order) in [
+        ("bar-gravity.toml", &gravity as &dyn Fn(f64) -> f64, 4.0 / 3.0),
+        ("bar-force.toml", &force, 2.0 / 3.0),
+    ] {
         let errors = [0, 1, 2].map(|halved| largest_error(name, halved, exact));
         let found = [0, 1].map(|k| (errors[k] / errors[k + 1]).log2());
-        assert!(errors[2] < 0.01 && found.iter().all(|found| *found > order), "{name}: {errors:?} {found:?}");
+        assert!(
+            errors[2] < 0.01 && found.iter().all(|found| (found - order).abs() < 0.1),
+            "{name}: {errors:?} {found:?}"
+        );
     }
 }
 

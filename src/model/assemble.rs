@@ -7,8 +7,7 @@ use std::sync::Arc;
 use vi_core::{Force, Potential, State, System};
 use vi_fem::{
     Anchor, Gravity, LockingCure, PointSpring, Sheet, SpringEnd, Tie, add_lumped_mass, add_row_sums,
-    mass_properties,
-    rigid_velocities,
+    mass_properties, rigid_velocities,
 };
 
 use super::load::{End, Loaded, LoadedBody};

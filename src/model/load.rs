@@ -8,7 +8,7 @@ use vi_fem::{BoxMesh, ElementKind, FemError, FinerMesh, LockingCure, Mesh, Sheet
 use super::ProbeTarget;
 use super::ties::{self, TieSet};
 use crate::mesh_import::{self, Imported};
-use crate::scene::{Attach, Body, BoxRegion, Problem, Scene, Seam, SpringEnd};
+use crate::scene::{Attach, Body, BoxRegion, MOST_REFINED, Problem, Scene, Seam, SpringEnd};
 
 /// The bodies and attachments of a scene, with nodes instead of names.
 pub(super) struct Loaded {
@@ -113,6 +113,10 @@ fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<L
     let mut read = read;
     if body.order == Some(2) {
         read = on(read, Mesh::lifted);
+    }
+    if body.refine.is_some_and(|times| times > MOST_REFINED) {
+        // That has been said of the scene.
+        return None;
     }
     for _ in 0..body.refine.unwrap_or(0) {
         if read.pattern.is_some() {

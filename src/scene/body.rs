@@ -79,6 +79,9 @@ pub enum RestShape {
     Flat,
 }
 
+/// How often elements may be halved.
+pub(crate) const MOST_REFINED: u32 = 6;
+
 impl Body {
     fn new(name: impl Into<String>, material: impl Into<Substance>) -> Self {
         Self {

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use vi_fem::{LockingCure, Motion};
 
-use super::{Axis, Body, BoxRegion, RestShape, Scene, SchemeName, Substance};
+use super::{Axis, Body, BoxRegion, MOST_REFINED, RestShape, Scene, SchemeName, Substance};
 
 /// One thing that is wrong with a scene: where, what, and the way out.
 #[derive(Debug, Clone, PartialEq)]
@@ -169,7 +169,7 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
     if body.order == Some(2) && body.dimension() == 2 {
         check.say(format!("{key}.order"), "sheets are made of linear triangles; take it out");
     }
-    if body.refine.is_some_and(|times| times > 6) {
+    if body.refine.is_some_and(|times| times > MOST_REFINED) {
         check.say(format!("{key}.refine"), "must be 0 to 6: each time there are 8 times as many elements");
     }
     if body.locking != LockingCure::None && body.dimension() == 2 {

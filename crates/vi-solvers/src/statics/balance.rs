@@ -22,6 +22,8 @@ pub(crate) struct Balance<'a> {
     shifted_mass: Vec<f64>,
     /// K of the last factorisation with a shift.
     unshifted: Option<SymmetricMatrix>,
+    /// Diagonal of the K of the last factorisation, N/m.
+    diagonal: Vec<f64>,
     pub(crate) work: Work,
 }
 
@@ -40,6 +42,7 @@ impl<'a> Balance<'a> {
             gradient: vec![0.0; count],
             shifted_mass: vec![0.0; system.coordinates().free_count()],
             unshifted: None,
+            diagonal: vec![0.0; system.coordinates().free_count()],
             work: Work::default(),
         }
     }
@@ -137,7 +140,9 @@ impl<'a> Balance<'a> {
         }
         let mut factor = self.factor.take();
         let mass = std::mem::take(&mut self.shifted_mass);
+        let mut diagonal = std::mem::take(&mut self.diagonal);
         let k = self.tangent(q, t, kind)?;
+        k.diagonal(&mut diagonal);
         let made = match &mut factor {
             Some(factor) => factor,
             none => none.insert(Factor::new(k)?),
@@ -146,9 +151,18 @@ impl<'a> Balance<'a> {
         self.unshifted = (shift != 0.0).then(|| k.clone());
         self.factor = factor;
         self.shifted_mass = mass;
+        self.diagonal = diagonal;
         self.work.factorizations += 1;
         self.work.factorizations_newton += 1;
         Ok(result)
+    }
+
+    /// Is r no more than the rounding of positions leaves, |r_i| ≤ 16 ε K_ii max |x|? K is that of the last
+    /// factorisation.
+    pub(crate) fn is_round_off(&self, r: &[f64]) -> bool {
+        let reach = self.x.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let noise = 16.0 * f64::EPSILON * reach;
+        r.iter().zip(&self.diagonal).all(|(r, k)| r.abs() <= noise * k.abs())
     }
 
     /// Solves with the last factor, in place.

@@ -74,6 +74,9 @@ pub(crate) fn solve(
             return Ok(Solved { iterations: iteration - 1, stayed_definite });
         }
         stayed_definite &= factorize_somehow(balance, q, t)?;
+        if balance.is_round_off(&r) {
+            return Ok(Solved { iterations: iteration - 1, stayed_definite });
+        }
         for (step, r) in step.iter_mut().zip(&r) {
             *step = -r;
         }
