@@ -140,7 +140,7 @@ pub enum ConvergenceError {
         /// The run.
         what: String,
         /// Why.
-        source: RunError,
+        source: Box<RunError>,
     },
     /// The caller asked to stop.
     #[error("stopped")]
@@ -263,7 +263,7 @@ fn level(
     }
     let values = if let Some(count) = options.modes {
         let modes = scene_modes(&mut simulation, count, MassKind::Consistent);
-        let modes = modes.map_err(|source| ConvergenceError::Modes { what, source })?;
+        let modes = modes.map_err(|source| ConvergenceError::Modes { what, source: Box::new(source) })?;
         modes.iter().take(count).map(|found| found.mode.frequency()).collect()
     } else {
         while !simulation.is_done() {
