@@ -31,7 +31,7 @@ struct CarriedAcceleration {
 }
 
 impl CarriedAcceleration {
-    /// At a state where no step has ended, −M⁻¹ ∂V/∂q.
+    /// At a state where no step has ended, M⁻¹ (f − ∂V/∂q).
     fn open(
         &mut self,
         system: &System,
@@ -41,6 +41,10 @@ impl CarriedAcceleration {
     ) -> Result<(), SolverError> {
         if self.state.as_ref().is_some_and(|last| continues(last, state, h)) {
             return Ok(());
+        }
+        if forces.has_nonconservative() {
+            let q_dot: Vec<f64> = state.p.iter().zip(system.free_mass()).map(|(p, m)| p / m).collect();
+            forces.set_velocities(system, &q_dot, state.t, 0.0);
         }
         forces.evaluate(system, &state.q, state.t, true)?;
         let (gradient, mass) = (forces.gradient(), system.free_mass());

@@ -13,31 +13,29 @@ use vi_core::{Account, Force, ForceAccount, HessianKind, Potential, Stencils, Sy
 use crate::{Assembler, HessianEvaluation, Method, SolverError, SymmetricMatrix};
 
 /// Schemes that take every force.
-const TAKE_ALL: &str = "implicit-midpoint, stormer-verlet, symplectic-euler-a, symplectic-euler-b";
+const TAKE_ALL: &str = "stormer-verlet, symplectic-euler-a, symplectic-euler-b and all implicit schemes";
 
 /// Refuses the forces that a scheme has no place for.
 ///
 /// # Errors
 /// [`SolverError::Force`] with the force and the schemes that take it.
 pub(crate) fn check(method: &Method, system: &System) -> Result<(), SolverError> {
-    let refuse = |force: &Arc<dyn Force>, reason, schemes| {
-        Err(SolverError::Force { scheme: method.name(), force: force.name().to_owned(), reason, schemes })
+    let refuse = |force: &Arc<dyn Force>, reason| {
+        let (scheme, force) = (method.name(), force.name().to_owned());
+        Err(SolverError::Force { scheme, force, reason, schemes: TAKE_ALL })
     };
     match method {
-        Method::SymplecticEulerA
-        | Method::SymplecticEulerB
-        | Method::StormerVerlet
-        | Method::ImplicitMidpoint => Ok(()),
         Method::BlanesMoan4 | Method::BlanesMoan6 => {
             match system.forces().iter().find(|force| force.depends_on_velocity()) {
                 None => Ok(()),
-                Some(force) => refuse(force, "depends on velocity: its order would be lost", TAKE_ALL),
+                Some(force) => refuse(force, "depends on velocity: its order would be lost"),
             }
         }
-        _ => match system.forces().first() {
+        Method::ForwardEuler => match system.forces().first() {
             None => Ok(()),
-            Some(force) => refuse(force, "has no potential", TAKE_ALL),
+            Some(force) => refuse(force, "has no potential"),
         },
+        _ => Ok(()),
     }
 }
 

@@ -89,11 +89,27 @@ impl Stages {
         *t + offset
     }
 
+    /// Velocity of coordinate k at stage i.
+    fn stage_velocity(&self, i: usize, k: usize) -> f64 {
+        let Self { coefficients, z, velocity, h, q, .. } = self;
+        velocity[k] + Self::combine(&coefficients.stage_velocity[i], z, q.len(), k) / h
+    }
+
+    /// Evaluates the forces at stage i, those without a potential at its velocity.
+    fn evaluate_stage(&mut self, i: usize, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
+        let t = self.configure(i);
+        if forces.has_nonconservative() {
+            let q_dot: Vec<f64> = (0..self.q.len()).map(|k| self.stage_velocity(i, k)).collect();
+            // With this rate the model has h√θ where the stages have the eigenvalues of h A.
+            forces.set_velocities(system, &q_dot, t, 1.0 / self.model_coefficient().sqrt());
+        }
+        forces.evaluate(system, &self.q, t, false)
+    }
+
     fn evaluate(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
         let n = self.q.len();
         for i in 0..self.coefficients.stages() {
-            let t = self.configure(i);
-            forces.evaluate(system, &self.q, t, false)?;
+            self.evaluate_stage(i, system, forces)?;
             system.coordinates().restrict(forces.gradient(), &mut self.gradients[i * n..(i + 1) * n]);
         }
         Ok(())
@@ -151,8 +167,8 @@ impl Equations for GaussEquations<'_> {
 
     fn linearize(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
         // One K for all stages: that of the middle one.
-        let t = self.stages.configure(self.stages.coefficients.stages() / 2);
-        forces.evaluate(system, &self.stages.q, t, false)
+        let middle = self.stages.coefficients.stages() / 2;
+        self.stages.evaluate_stage(middle, system, forces)
     }
 
     fn evaluate(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
@@ -249,7 +265,7 @@ impl Gauss {
     pub(crate) fn new(s: usize, system: &System, options: &SolverOptions) -> Result<Self, SolverError> {
         let n = system.coordinates().free_count();
         Ok(Self {
-            forces: Forces::new(system),
+            forces: Forces::with_nonconservative(system),
             inverse: Inverse::new(system),
             newton: Newton::new(options)?,
             potentials: Potentials::new(),
@@ -290,7 +306,8 @@ impl Gauss {
             return Ok(0);
         }
         let steps = usize::from(stages.has_history);
-        if balance::may_be_at_rest(stages.twice_kinetic, &stages.history, steps) {
+        if !forces.has_nonconservative()
+            && balance::may_be_at_rest(stages.twice_kinetic, &stages.history, steps) {
             stages.z.fill(0.0);
             let mut is_at_rest = true;
             for i in 0..stages.coefficients.stages() {
@@ -309,35 +326,37 @@ impl Gauss {
 
     /// ΔT = h Σ b_i M a_i·V_i with stage velocities V_i = v₀ + h Σ A_ij a_j, for the method conserves
     /// quadratic invariants. So the work on prescribed coordinates is h Σ b_i g_i·ẋ_i, the residual's
-    /// h Σ b_i (M a_i + g_i)·V_i, and the scheme's part ΔV − h Σ b_i g_i·V_i over all coordinates.
+    /// h Σ b_i (M a_i + g_i)·V_i, and the scheme's part ΔV − h Σ b_i g_i·V_i over all coordinates. With forces f
+    /// that have no potential g is ∂V/∂x − f, and their work h Σ b_i f_i·ẋ_i has its own parts.
     fn account(&mut self, system: &System) -> Result<StepEnergy, SolverError> {
         let Self { forces, stages, after, potentials, x_dot, .. } = self;
         stages.evaluate(system, forces)?;
         let (h, n, mass) = (stages.h, stages.q.len(), system.free_mass());
         x_dot.resize(system.coordinates().dof_count(), 0.0);
         let (mut prescribed, mut residual, mut free) = (0.0, 0.0, 0.0);
+        let (mut force, mut damping) = (0.0, 0.0);
         for i in 0..stages.coefficients.stages() {
-            if system.coordinates().is_moving() {
-                let t = stages.configure(i);
-                forces.evaluate(system, &stages.q, t, false)?;
-                system.coordinates().embed_velocity(&stages.velocity, t, x_dot);
-                prescribed += h
-                    * stages.coefficients.b[i]
-                    * accounts::prescribed_work(system, forces.gradient(), x_dot);
+            let weight = h * stages.coefficients.b[i];
+            if system.coordinates().is_moving() || forces.has_nonconservative() {
+                stages.evaluate_stage(i, system, forces)?;
+                let q_dot: Vec<f64> = (0..n).map(|k| stages.stage_velocity(i, k)).collect();
+                system.coordinates().embed_velocity(&q_dot, forces.time(), x_dot);
+                prescribed += weight * accounts::prescribed_work(system, forces.gradient(), x_dot);
+                let (by_force, by_damping) = forces.nonconservative_work(x_dot);
+                force += weight * by_force;
+                damping += weight * by_damping;
             }
-            let Stages { coefficients, z, velocity, gradients, .. } = &*stages;
-            let weight = h * coefficients.b[i];
-            let gradient = &gradients[i * n..(i + 1) * n];
-            let stage_velocity =
-                |k: usize| velocity[k] + Stages::combine(&coefficients.stage_velocity[i], z, n, k) / h;
-            let inertia =
-                |k: usize| mass[k] * Stages::combine(&coefficients.acceleration[i], z, n, k) / (h * h);
-            free += weight * vectors::sum(n, |k| gradient[k] * stage_velocity(k));
-            residual += weight * vectors::sum(n, |k| (inertia(k) + gradient[k]) * stage_velocity(k));
+            let stages = &*stages;
+            let gradient = &stages.gradients[i * n..(i + 1) * n];
+            let acceleration = &stages.coefficients.acceleration[i];
+            let inertia = |k: usize| mass[k] * Stages::combine(acceleration, &stages.z, n, k) / (h * h);
+            free += weight * vectors::sum(n, |k| gradient[k] * stages.stage_velocity(i, k));
+            residual += weight
+                * vectors::sum(n, |k| (inertia(k) + gradient[k]) * stages.stage_velocity(i, k));
         }
         let (change, loads) = potentials.close(system, forces, &after.q, after.t);
-        let scheme = change - loads - free - prescribed;
-        Ok(StepEnergy { prescribed, force: loads, damping: 0.0, scheme, residual })
+        let scheme = change - loads - free - prescribed - force - damping;
+        Ok(StepEnergy { prescribed, force: force + loads, damping, scheme, residual })
     }
 }
 
@@ -376,7 +395,7 @@ impl Stepper for Gauss {
         }
         self.stages.history.copy_from_slice(history);
         self.stages.has_history = memory.count("stages.history")? == 1;
-        self.forces = Forces::new(system);
+        self.forces = Forces::with_nonconservative(system);
         self.potentials = Potentials::recall(memory);
         self.newton.restore(memory)?;
         self.inverse.restore(system, &mut self.forces, memory)?;

@@ -29,16 +29,16 @@ pub(crate) trait Rule: Send + Sync {
     fn is_variational(&self) -> bool {
         false
     }
-    /// Is q̇ of the stage (û − q₀ + w)/√c? Then forces that depend on it can be taken.
-    fn takes_forces(&self) -> bool {
-        false
-    }
     /// Time of the stage, in units of h from the start.
     fn time(&self) -> f64;
     /// û − q₀.
     fn offset(&self, k: usize, v: f64, h: f64) -> f64;
-    /// The changes of q and of velocity over the step.
+    /// The changes of q and of velocity over the step, affine in w.
     fn change(&self, k: usize, v: f64, w: f64, h: f64) -> (f64, f64);
+    /// Velocity at the stage, for forces that depend on it: as far between the two ends as the stage is.
+    fn velocity(&self, k: usize, v: f64, w: f64, h: f64) -> f64 {
+        v + self.time() * self.change(k, v, w, h).1
+    }
     /// The solver's tolerance that serves the tolerance asked for.
     fn tolerance(&self, tolerance: f64) -> f64 {
         tolerance
@@ -88,9 +88,6 @@ impl Rule for Midpoint {
     fn name(&self) -> &'static str {
         "implicit-midpoint"
     }
-    fn takes_forces(&self) -> bool {
-        true
-    }
     fn is_variational(&self) -> bool {
         true
     }
@@ -138,12 +135,13 @@ struct Stage {
     h: f64,
     /// Is the rule's addition left out, so that the stage minimises Φ?
     is_simple: bool,
-    /// Are there forces without a potential?
+    /// Are there forces without a potential? Then velocities at the start are kept.
     is_forced: bool,
+    velocity: Vec<f64>,
 }
 
 impl Stage {
-    fn new(n: usize) -> Self {
+    fn new(n: usize, is_forced: bool) -> Self {
         let zero = || vec![0.0; n];
         Self {
             c: 0.0,
@@ -163,7 +161,8 @@ impl Stage {
             start_t: 0.0,
             h: 0.0,
             is_simple: false,
-            is_forced: false,
+            is_forced,
+            velocity: Vec::new(),
         }
     }
 
@@ -174,6 +173,10 @@ impl Stage {
         (self.start_t, self.h, self.is_simple) = (state.t, h, false);
         self.origin.copy_from_slice(&state.q);
         vectors::fill(&mut self.offset, |k| rule.offset(k, state.p[k] / mass[k], h));
+        if self.is_forced {
+            self.velocity.clear();
+            self.velocity.extend(state.p.iter().zip(mass).map(|(p, m)| p / m));
+        }
         self.twice_kinetic = vectors::sum(mass.len(), |k| state.p[k] * state.p[k] / mass[k]);
         self.twice_origin = vectors::sum(mass.len(), |k| mass[k] * state.q[k] * state.q[k]);
     }
@@ -191,7 +194,7 @@ impl Stage {
         forces: &mut Forces,
     ) -> Result<(), SolverError> {
         self.configure();
-        self.set_velocities(system, forces);
+        self.set_velocities(system, rule, forces);
         forces.evaluate(system, &self.q, self.t, false)?;
         if self.is_simple {
             self.added.fill(0.0);
@@ -203,11 +206,12 @@ impl Stage {
         Ok(())
     }
 
-    /// Tells the forces without a potential how fast the stage moves, q̇ = (û − q₀ + w)/√c.
-    fn set_velocities(&self, system: &System, forces: &mut Forces) {
-        if forces.has_nonconservative() {
-            let rate = 1.0 / self.c.sqrt();
-            let q_dot: Vec<f64> = self.offset.iter().zip(&self.w).map(|(o, w)| rate * (o + w)).collect();
+    /// Tells the forces without a potential how fast the stage moves.
+    fn set_velocities(&self, system: &System, rule: &impl Rule, forces: &mut Forces) {
+        if self.is_forced && !self.w.is_empty() {
+            let (v, w, h) = (&self.velocity, &self.w, self.h);
+            let rate = rule.velocity(0, 0.0, 1.0, h) - rule.velocity(0, 0.0, 0.0, h);
+            let q_dot: Vec<f64> = (0..w.len()).map(|k| rule.velocity(k, v[k], w[k], h)).collect();
             forces.set_velocities(system, &q_dot, self.t, rate);
         }
     }
@@ -237,8 +241,9 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn simplify(&mut self, simple: bool) -> bool {
-        self.stage.is_simple = simple && self.rule.has_correction();
-        self.rule.has_correction()
+        let may_be = self.rule.has_correction() && !self.stage.is_forced;
+        self.stage.is_simple = simple && may_be;
+        may_be
     }
 
     fn unknowns(&self) -> &[f64] {
@@ -340,23 +345,18 @@ pub(crate) struct OneStage<R> {
     dx: Vec<f64>,
 }
 
-/// The forces that a rule takes.
-fn forces_of(rule: &impl Rule, system: &System) -> Forces {
-    if rule.takes_forces() { Forces::with_nonconservative(system) } else { Forces::new(system) }
-}
-
 impl<R: Rule> OneStage<R> {
     pub(crate) fn new(rule: R, system: &System, options: &SolverOptions) -> Result<Self, SolverError> {
         let n = system.coordinates().free_count();
         let tolerance = rule.tolerance(options.tolerance);
         Ok(Self {
-            forces: forces_of(&rule, system),
+            forces: Forces::with_nonconservative(system),
             rule,
             inverse: Inverse::new(system),
             newton: Newton::new(&SolverOptions { tolerance, ..options.clone() })?,
             potentials: Potentials::new(),
             ledger: options.ledger,
-            stage: Stage::new(n),
+            stage: Stage::new(n, !system.forces().is_empty()),
             after: State { t: 0.0, q: vec![0.0; n], p: vec![0.0; n] },
             x_start: Vec::new(),
             dx: Vec::new(),
@@ -392,7 +392,7 @@ impl<R: Rule> OneStage<R> {
         if stage.origin.is_empty() {
             return Ok(0);
         }
-        if !forces.has_nonconservative()
+        if !stage.is_forced
             && balance::may_be_at_rest(stage.twice_kinetic, &stage.history[0], stage.history_count)
         {
             stage.w.fill(0.0);
@@ -403,7 +403,6 @@ impl<R: Rule> OneStage<R> {
                 return Ok(0);
             }
         }
-        stage.is_forced = forces.has_nonconservative();
         let mut equations = StageEquations { system, rule, stage };
         Ok(newton.solve(system, forces, inverse, &mut equations)?.iterations)
     }
@@ -486,7 +485,7 @@ impl<R: Rule> Stepper for OneStage<R> {
             history.copy_from_slice(array);
         }
         self.stage.history_count = memory.count("stage.history")? as usize;
-        self.forces = forces_of(&self.rule, system);
+        self.forces = Forces::with_nonconservative(system);
         self.potentials = Potentials::recall(memory);
         self.newton.restore(memory)?;
         self.rule.restore(memory)?;
