@@ -11,7 +11,8 @@ use crate::simulation::{Component, Simulation};
 
 /// What will be built, by component and term.
 ///
-/// For implicit schemes it makes matrix and factor once, on its own, to tell their size.
+/// For implicit schemes it makes the matrix and, on the side, one step, to tell their sizes and which linear
+/// solver serves it.
 pub fn explain(simulation: &Simulation) -> String {
     let method = simulation.method();
     let facts = method.facts();
@@ -31,8 +32,26 @@ pub fn explain(simulation: &Simulation) -> String {
             .collect();
         let _ = writeln!(text, "system {index}: {}", bodies.join(", "));
         system(&mut text, component, facts.is_explicit);
+        if !facts.is_explicit && component.stepper().is_some() && simulation.scene().statics.is_none() {
+            linear_solver(&mut text, simulation, component);
+        }
     }
     text
+}
+
+/// Which linear solver serves the steps, found by making one.
+fn linear_solver(text: &mut String, simulation: &Simulation, component: &Component) {
+    let options = simulation.scene().solver.options();
+    let Ok(mut stepper) = vi_solvers::stepper(&simulation.method(), component.system(), &options) else {
+        return;
+    };
+    let mut state = component.state().clone();
+    let step = stepper.step(component.system(), &mut state, simulation.step_size());
+    let _ = match (stepper.linear_solver(), step) {
+        (Some(reason), _) => writeln!(text, "  linear solver: {reason}"),
+        (None, Ok(_)) => writeln!(text, "  linear solver: none yet, the first step has nothing to solve"),
+        (None, Err(error)) => writeln!(text, "  linear solver: not known, {error}"),
+    };
 }
 
 fn system(text: &mut String, component: &Component, is_explicit: bool) {

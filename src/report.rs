@@ -79,6 +79,8 @@ pub struct Report {
     pub guard: Value,
     /// Counted work.
     pub work: Map<String, Value>,
+    /// Which linear solver served each system that had equations to solve, and why.
+    pub linear_solvers: Vec<String>,
     /// Frames written.
     pub frames: usize,
     /// The energy ledger, J.
@@ -133,6 +135,7 @@ impl Report {
             substeps: Value::Null,
             guard: Value::Null,
             work: Map::new(),
+            linear_solvers: Vec::new(),
             frames: 0,
             energy: Value::Null,
             momentum: Value::Null,
@@ -165,6 +168,9 @@ impl Report {
         let cut = simulation.substeps();
         self.substeps = json!({ "steps_cut": cut.steps, "substeps": cut.substeps,
                                 "smallest": simulation.step_size() / cut.finest as f64 });
+        let steppers = simulation.components().iter().filter_map(|component| component.stepper());
+        self.linear_solvers =
+            steppers.filter_map(|stepper| stepper.linear_solver()).map(str::to_owned).collect();
         self.frames = frames;
         self.energy_drift = if energy.drift == 0.0 { 0.0 } else { energy.drift / energy.kinetic_max };
         let parts = &energy.parts;

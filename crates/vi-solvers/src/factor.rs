@@ -58,7 +58,7 @@ pub struct Factor {
 }
 
 impl Factor {
-    /// Ordering and layout, once a pattern.
+    /// Ordering and layout, once a pattern; the factor's own memory is taken by the first factorisation.
     ///
     /// # Errors
     /// Where the ordering fails or a front exceeds the index type.
@@ -67,8 +67,8 @@ impl Factor {
         let tree = Tree::new(&matrix.pattern)?;
         let n = matrix.free_count();
         Ok(Self {
-            panels: vec![0.0; tree.panel_length],
-            stacks: tree.stack.map(|length| vec![0.0; length]),
+            panels: Vec::new(),
+            stacks: [Vec::new(), Vec::new()],
             shared: vec![0.0; tree.vector_length],
             rhs: vec![0.0; n],
             residual: vec![0.0; n],
@@ -96,6 +96,10 @@ impl Factor {
         assert!(self.matrix.has_pattern_of(k), "a factor serves one pattern");
         self.matrix.set_shifted(mass, c, k);
         self.is_factored = false;
+        self.panels.resize(self.tree.panel_length, 0.0);
+        for (stack, length) in self.stacks.iter_mut().zip(self.tree.stack) {
+            stack.resize(length, 0.0);
+        }
         let tree = &self.tree;
         let walk = Walk { tree, values: &self.matrix.values, block: self.matrix.pattern.block };
         let [stack, spare] = &mut self.stacks;
@@ -143,6 +147,18 @@ impl Factor {
         }
     }
 
+    /// The same without a check, where the caller's own residual is one.
+    ///
+    /// # Errors
+    /// Where nothing has been factored.
+    pub(crate) fn solve_unchecked(&mut self, rhs_to_solution: &mut [f64]) -> Result<(), SolverError> {
+        if !self.is_factored {
+            return Err(SolverError::NotFactored);
+        }
+        self.apply_inverse(rhs_to_solution);
+        Ok(())
+    }
+
     /// Does it hold a factor, or has nothing been factored, or the last attempt failed?
     pub fn is_factored(&self) -> bool {
         self.is_factored
@@ -161,13 +177,13 @@ impl Factor {
 
     /// Size and cost.
     pub fn facts(&self) -> FactorFacts {
-        let stacks: usize = self.stacks.iter().map(Vec::len).sum();
+        let stacks: usize = self.tree.stack.iter().sum();
         let vectors = 4 * self.rhs.len() + self.shared.len();
         FactorFacts {
-            nnz: self.panels.len() as u64,
+            nnz: self.tree.panel_length as u64,
             flops: self.tree.flops,
-            solve_bytes: (16 * self.panels.len() + self.matrix.bytes()) as f64,
-            bytes: (8 * (self.panels.len() + stacks + vectors) + self.matrix.bytes() + self.tree.bytes())
+            solve_bytes: (16 * self.tree.panel_length + self.matrix.bytes()) as f64,
+            bytes: (8 * (self.tree.panel_length + stacks + vectors) + self.matrix.bytes() + self.tree.bytes())
                 as u64,
             supernodes: self.tree.supernodes.len(),
         }

@@ -266,7 +266,7 @@ impl Gauss {
         let n = system.coordinates().free_count();
         Ok(Self {
             forces: Forces::with_nonconservative(system),
-            inverse: Inverse::new(system),
+            inverse: Inverse::new(system, options.linear),
             newton: Newton::new(options)?,
             potentials: Potentials::new(),
             ledger: options.ledger,
@@ -307,7 +307,8 @@ impl Gauss {
         }
         let steps = usize::from(stages.has_history);
         if !forces.has_nonconservative()
-            && balance::may_be_at_rest(stages.twice_kinetic, &stages.history, steps) {
+            && balance::may_be_at_rest(stages.twice_kinetic, &stages.history, steps)
+        {
             stages.z.fill(0.0);
             let mut is_at_rest = true;
             for i in 0..stages.coefficients.stages() {
@@ -351,8 +352,8 @@ impl Gauss {
             let acceleration = &stages.coefficients.acceleration[i];
             let inertia = |k: usize| mass[k] * Stages::combine(acceleration, &stages.z, n, k) / (h * h);
             free += weight * vectors::sum(n, |k| gradient[k] * stages.stage_velocity(i, k));
-            residual += weight
-                * vectors::sum(n, |k| (inertia(k) + gradient[k]) * stages.stage_velocity(i, k));
+            residual +=
+                weight * vectors::sum(n, |k| (inertia(k) + gradient[k]) * stages.stage_velocity(i, k));
         }
         let (change, loads) = potentials.close(system, forces, &after.q, after.t);
         let scheme = change - loads - free - prescribed - force - damping;
@@ -374,6 +375,10 @@ impl Stepper for Gauss {
 
     fn work(&self) -> Work {
         self.forces.work
+    }
+
+    fn linear_solver(&self) -> Option<&str> {
+        Some(self.inverse.reason()).filter(|reason| !reason.is_empty())
     }
 
     fn memory(&self) -> StepperMemory {

@@ -1,12 +1,14 @@
-//! A⁻¹ for A = M + cK as Newton's method uses it: a Cholesky factor, made at one configuration and
-//! used, turned with the material, at later ones. It must not know which equations are solved.
+//! A⁻¹ for A = M + cK as Newton's method uses it: a factor, or a preconditioned matrix, made at one
+//! configuration and used, turned with the material, at later ones. It must not know which equations are
+//! solved.
 
 use vi_core::{HessianKind, System};
 
 use crate::forces::Forces;
+use crate::linear::Linear;
 use crate::policy::UnitCosts;
 use crate::warp::Warp;
-use crate::{Factor, HessianEvaluation, SolverError, StepperMemory};
+use crate::{HessianEvaluation, LinearSolver, SolverError, StepperMemory, Work};
 
 /// Why a factor is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,20 +35,19 @@ struct Origin {
 }
 
 pub(crate) struct Inverse {
-    factor: Option<Factor>,
+    linear: Linear,
     origin: Option<Origin>,
     warp: Option<Warp>,
     /// Are all Hessians constant? Then a factor is never stale.
     is_linear: bool,
-    costs: UnitCosts,
 }
 
 impl Inverse {
-    pub(crate) fn new(system: &System) -> Self {
+    pub(crate) fn new(system: &System, choice: LinearSolver) -> Self {
         let is_linear = system.forces().is_empty()
             && system.potentials().iter().all(|term| term.traits().hessian != HessianKind::Varying);
         let warp = if is_linear { None } else { Warp::new(system) };
-        Self { factor: None, origin: None, warp, is_linear, costs: UnitCosts::default() }
+        Self { linear: Linear::new(choice, is_linear), origin: None, warp, is_linear }
     }
 
     /// Is K the same everywhere?
@@ -60,7 +61,17 @@ impl Inverse {
     }
 
     pub(crate) fn costs(&self) -> &UnitCosts {
-        &self.costs
+        self.linear.costs()
+    }
+
+    /// From here on, or no longer, solves are subtracted from each other.
+    pub(crate) fn tighten(&mut self, tight: bool) {
+        self.linear.tighten(tight);
+    }
+
+    /// Which linear solver, and why.
+    pub(crate) fn reason(&self) -> &str {
+        self.linear.reason()
     }
 
     /// Factors A = M + cK at the last configuration of `forces`; where K is indefinite and A is not
@@ -122,16 +133,11 @@ impl Inverse {
             Reason::Slow => count.factorizations_slow += 1,
             Reason::Newton => count.factorizations_newton += 1,
         }
+        let mut work = Work::default();
         let hessian = forces.hessian(system, kind)?;
-        let factor = match &mut self.factor {
-            Some(factor) => factor,
-            none => {
-                let factor = none.insert(Factor::new(hessian)?);
-                self.costs = UnitCosts::new(system, &factor.facts());
-                factor
-            }
-        };
-        Ok(factor.factorize(system.free_mass(), c, hessian)?)
+        let made = self.linear.make(system, c, hessian, &mut work);
+        forces.work += work;
+        made
     }
 
     /// Turns the factor with the material, as it is at the last configuration of `forces`.
@@ -144,19 +150,17 @@ impl Inverse {
 
     /// v ← A⁻¹v.
     pub(crate) fn apply(&mut self, forces: &mut Forces, v: &mut [f64]) -> Result<(), SolverError> {
-        let factor = self.factor.as_mut().ok_or(SolverError::NotFactored)?;
+        let Self { linear, warp, .. } = self;
         forces.work.solves += 1;
-        match &self.warp {
+        match warp {
             Some(warp) => {
                 warp.to_origin(v);
-                factor.solve(v)?;
+                linear.apply(v, &mut forces.work)?;
                 warp.to_now(v);
+                Ok(())
             }
-            None => {
-                factor.solve(v)?;
-            }
+            None => linear.apply(v, &mut forces.work),
         }
-        Ok(())
     }
 
     pub(crate) fn remember(&self, memory: &mut StepperMemory) {
@@ -168,6 +172,7 @@ impl Inverse {
                 memory.arrays.push(("factor.x_dot".into(), x_dot.clone()));
                 memory.arrays.push(("factor.rate".into(), vec![*rate]));
             }
+            self.linear.remember(memory);
         }
     }
 
@@ -192,6 +197,7 @@ impl Inverse {
             (Ok(x_dot), Ok(&[rate])) if x_dot.len() == x.len() => Some((x_dot.to_vec(), rate)),
             _ => None,
         };
+        self.linear.restore(memory)?;
         forces.go_to_positions(x, t);
         forces.go_to_velocities(&rates);
         self.factorize(system, forces, c, kind, Reason::New)?;

@@ -18,6 +18,7 @@ mod gauss;
 mod hessian;
 mod inverse;
 mod kick_drift;
+mod linear;
 mod matrix;
 mod matrix_sum;
 mod method;

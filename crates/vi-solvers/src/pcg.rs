@@ -117,7 +117,8 @@ impl Pcg {
     /// the relative error in the energy norm.
     ///
     /// # Errors
-    /// Where it does not converge within `max_iterations`, or A is not positive definite.
+    /// Where it does not converge within `max_iterations`, or A is not positive definite; `x` then holds what
+    /// was reached, which descends as the solution does.
     pub fn solve(
         &mut self,
         rhs: &[f64],
@@ -193,6 +194,7 @@ fn iterate(
     let mut iterations = 0;
     while square > tolerance * tolerance * first {
         if iterations == max_iterations {
+            matrix.pattern.collect(solution, x);
             let residual = (square / first).sqrt();
             return Err(SolverError::ConjugateGradients { iterations, residual, tolerance });
         }
@@ -200,6 +202,8 @@ fn iterate(
         matrix.multiply_padded(direction, product);
         let curvature = dot(direction, product, pieces);
         if curvature.is_nan() || curvature <= 0.0 {
+            // What has been reached minimises on a smaller space; at first, the preconditioned load.
+            matrix.pattern.collect(if iterations == 1 { direction } else { solution }, x);
             return Err(SolverError::NegativeCurvature { iterations, curvature });
         }
         let step = square / curvature;

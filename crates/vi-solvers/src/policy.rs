@@ -17,6 +17,11 @@ const SOLVE_RATE: f64 = 8e9;
 /// A better contraction than this is not relied on before it has been seen in the step itself.
 const LEAST_CONTRACTION: f64 = 0.05;
 
+/// Seconds of the reference core to move so many bytes through sparse or triangular products.
+pub(crate) fn bytes(count: f64) -> f64 {
+    count / SOLVE_RATE
+}
+
 /// Costs of the pieces of an implicit step, s of the reference core.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct UnitCosts {
@@ -51,14 +56,19 @@ impl UnitCosts {
     }
 }
 
+/// Weight of the past in the mean of recent iterations.
+const FADING: f64 = 0.7;
+
 /// The history of a factor in iterations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Policy {
     /// Steps with this factor.
     age: u64,
-    /// Iterations with it, in all and in the last step.
+    /// Iterations with it in all.
     total: u64,
-    last: u64,
+    /// Iterations a step of late: a mean in which a step counts `FADING` times the one after it, so that
+    /// one dear step is no verdict.
+    recent: f64,
     /// Iterations of a step with a new factor.
     fresh: u64,
     /// Mean contraction of the last step.
@@ -74,7 +84,7 @@ impl Default for Policy {
         Self {
             age: 0,
             total: 0,
-            last: 0,
+            recent: 0.0,
             fresh: 0,
             contraction: 0.0,
             start: Start::Predicted,
@@ -87,7 +97,7 @@ impl Policy {
     /// A new factor before the next step, as the classic rule of replacement: its next step costs
     /// more than the average of its life, the price of a new one included.
     pub(crate) fn is_stale(&self, costs: &UnitCosts) -> bool {
-        self.age > 0 && self.last as f64 > (costs.refactor() + self.total as f64) / self.age as f64
+        self.age > 0 && self.recent > (costs.refactor() + self.total as f64) / self.age as f64
     }
 
     /// A new factor inside a step that has made `iterations` and foresees `remaining` more?
@@ -114,34 +124,39 @@ impl Policy {
         }
         self.age += 1;
         self.total += iterations;
-        self.last = iterations;
+        self.recent = match self.age {
+            1 => iterations as f64,
+            _ => FADING * self.recent + (1.0 - FADING) * iterations as f64,
+        };
         if let Some(contraction) = contraction {
             self.contraction = contraction;
         }
     }
 
     pub(crate) fn remember(&self, memory: &mut StepperMemory) {
-        let Self { age, total, last, fresh, contraction, start, has_descended } = *self;
+        let Self { age, total, recent, fresh, contraction, start, has_descended } = *self;
         let contraction = contraction.to_bits();
-        let counts = [age, total, last, fresh, contraction, start.number(), u64::from(has_descended)];
+        let recent = recent.to_bits();
+        let counts = [age, total, recent, fresh, contraction, start.number(), u64::from(has_descended)];
         for (name, value) in NAMES.into_iter().zip(counts) {
             memory.counts.push((name.to_owned(), value));
         }
     }
 
     pub(crate) fn from_memory(memory: &StepperMemory) -> Result<Self, SolverError> {
-        let [age, total, last, fresh, contraction, start, descended] = NAMES.map(|name| memory.count(name));
+        let [age, total, recent, fresh, contraction, start, descended] = NAMES.map(|name| memory.count(name));
         let contraction = f64::from_bits(contraction?);
         let start = Start::from_number(start?).ok_or(SolverError::Memory { missing: "policy.start" })?;
+        let recent = f64::from_bits(recent?);
         let has_descended = descended? == 1;
-        Ok(Self { age: age?, total: total?, last: last?, fresh: fresh?, contraction, start, has_descended })
+        Ok(Self { age: age?, total: total?, recent, fresh: fresh?, contraction, start, has_descended })
     }
 }
 
 const NAMES: [&str; 7] = [
     "policy.age",
     "policy.total",
-    "policy.last",
+    "policy.recent_bits",
     "policy.fresh",
     "policy.contraction_bits",
     "policy.start",

@@ -352,7 +352,7 @@ impl<R: Rule> OneStage<R> {
         Ok(Self {
             forces: Forces::with_nonconservative(system),
             rule,
-            inverse: Inverse::new(system),
+            inverse: Inverse::new(system, options.linear),
             newton: Newton::new(&SolverOptions { tolerance, ..options.clone() })?,
             potentials: Potentials::new(),
             ledger: options.ledger,
@@ -459,6 +459,10 @@ impl<R: Rule> Stepper for OneStage<R> {
 
     fn work(&self) -> Work {
         self.forces.work
+    }
+
+    fn linear_solver(&self) -> Option<&str> {
+        Some(self.inverse.reason()).filter(|reason| !reason.is_empty())
     }
 
     fn memory(&self) -> StepperMemory {

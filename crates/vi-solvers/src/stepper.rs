@@ -27,6 +27,11 @@ pub trait Stepper: Send {
     /// the factorisation that it asks for.
     fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError>;
 
+    /// Which linear solver serves its steps, and why; none before the first solve and in explicit schemes.
+    fn linear_solver(&self) -> Option<&str> {
+        None
+    }
+
     /// ∂V/∂x (N, all coordinates) at the end of the last step, where the scheme knows it anyway.
     fn gradient(&self) -> Option<&[f64]> {
         None
@@ -183,7 +188,7 @@ work! {
     factorizations_slow,
     /// Of these: full Newton iterations.
     factorizations_newton,
-    /// Linear solves with a factor.
+    /// Linear solves.
     solves,
     /// Iterations of conjugate gradients.
     pcg_iterations,

@@ -4,7 +4,10 @@ mod springs;
 
 use springs::{Springs, block, block_system, deformed, fixed};
 use vi_core::{Coordinates, System};
-use vi_solvers::{Assembler, Factor, HessianEvaluation, Pcg, Preconditioner, SolverError, SymmetricMatrix};
+use vi_solvers::{
+    Assembler, Factor, HessianEvaluation, LinearSolver, Method, Pcg, Preconditioner, SolverError,
+    SolverOptions, SymmetricMatrix, Work,
+};
 
 const KINDS: [Preconditioner; 3] =
     [Preconditioner::BlockJacobi, Preconditioner::Ssor, Preconditioner::BlockIncompleteCholesky];
@@ -60,6 +63,37 @@ fn prescribed_axes_do_not_enter() {
     let term = Springs::new(4, nodes, 1.0, &x);
     let system = System::new(vec![1.0; x.len()], vec![Box::new(term)], coordinates).unwrap();
     check(&system, &x, 3.0);
+}
+
+#[test]
+fn implicit_steps_are_the_same_with_either_solver() {
+    let (system, x) = block_system([8, 3, 3], true);
+    let v: Vec<f64> = (0..x.len()).map(|k| 0.3 * (0.7 * k as f64).sin()).collect();
+    let start = system.state(0.0, &x, &v).unwrap();
+    let methods =
+        [Method::ImplicitMidpoint, Method::Gauss { stages: 2 }, Method::EnergyMomentum, Method::Bdf2];
+    for method in methods {
+        let run = |linear: LinearSolver| {
+            let options = SolverOptions { linear, tolerance: 1e-10, ..Default::default() };
+            let mut stepper = vi_solvers::stepper(&method, &system, &options).unwrap();
+            assert_eq!(stepper.linear_solver(), None);
+            let mut state = start.clone();
+            for _ in 0..10 {
+                stepper.step(&system, &mut state, 0.1).unwrap();
+            }
+            let reason = stepper.linear_solver().unwrap().to_owned();
+            (state.q, stepper.work(), reason)
+        };
+        let (direct, counts, reason) = run(LinearSolver::Cholesky);
+        assert!(counts.pcg_iterations == 0 && reason.starts_with("cholesky"), "{reason} {counts:?}");
+        let (iterated, Work { pcg_iterations, .. }, reason) = run(LinearSolver::Pcg);
+        assert!(pcg_iterations > 0 && reason.starts_with("pcg"), "{reason}");
+        let difference = largest_difference(&iterated, &direct);
+        assert!(difference < 1e-8, "{}: {difference:e}", method.name());
+        // A small system is not worth a thought.
+        let (_, counts, reason) = run(LinearSolver::Auto);
+        assert!(counts.pcg_iterations == 0 && reason.starts_with("cholesky"), "{reason}");
+    }
 }
 
 #[test]

@@ -103,7 +103,12 @@ impl Newton {
             equations.advance(0.0);
             let step = match equations.merit(system, forces) {
                 Some(before) => full_step(system, forces, equations, before, decrement),
-                None => krylov::step(system, forces, inverse, equations),
+                None => {
+                    inverse.tighten(true);
+                    let step = krylov::step(system, forces, inverse, equations);
+                    inverse.tighten(false);
+                    step
+                }
             };
             let stuck = SolverError::NoConvergence { iterations: iteration, residual: eta, tolerance };
             let fraction = step.map_err(|error| match error {
