@@ -153,7 +153,11 @@ impl Combinations {
     ///
     /// # Errors
     /// [`CoreError::Combination`] where that is not diagonal.
-    pub(crate) fn pull_back_mass(&self, mass: &mut [f64]) -> Result<(), CoreError> {
+    pub(crate) fn pull_back_mass(
+        &self,
+        mass: &mut [f64],
+        is_free: impl Fn(u32) -> bool,
+    ) -> Result<(), CoreError> {
         // What stands beside the diagonal, by pair of nodes; isotropic up to prescribed axes.
         let mut beside: std::collections::BTreeMap<(u32, u32), (f64, u32)> = Default::default();
         for (place, (node, terms)) in self.iter().enumerate() {
@@ -172,7 +176,8 @@ impl Combinations {
                 }
             }
         }
-        for ((l, k), (value, node)) in beside {
+        // Between nodes that are both prescribed there is no motion to couple.
+        for ((l, k), (value, node)) in beside.into_iter().filter(|((l, k), _)| is_free(*l) || is_free(*k)) {
             let scale = (mass[BLOCK * k as usize] * mass[BLOCK * l as usize]).sqrt();
             if value.abs() > 1e-9 * scale {
                 return Err(CoreError::Combination {

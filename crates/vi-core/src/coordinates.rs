@@ -157,7 +157,8 @@ impl Coordinates {
         let of_free = |mass: &[f64]| self.free.iter().map(|&dof| mass[dof as usize]).collect();
         let Some(tied) = &self.combinations else { return Ok(of_free(mass)) };
         let mut pulled = mass.to_vec();
-        tied.pull_back_mass(&mut pulled)?;
+        let is_free = |node: u32| (0..3).any(|k| self.free.binary_search(&(3 * node + k)).is_ok());
+        tied.pull_back_mass(&mut pulled, is_free)?;
         Ok(of_free(&pulled))
     }
 

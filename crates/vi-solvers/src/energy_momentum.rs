@@ -14,7 +14,7 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use vi_core::{HessianKind, Potential, System};
 
-use crate::stages::{Midpoint, Rule, Trial};
+use crate::stages::{Midpoint, Multipliers, Rule, Trial};
 
 /// Stencils evaluated at once.
 const BATCH: usize = 512;
@@ -114,6 +114,9 @@ impl Rule for EnergyMomentum {
     }
     fn change(&self, k: usize, v: f64, w: f64, h: f64) -> (f64, f64) {
         Midpoint.change(k, v, w, h)
+    }
+    fn multipliers(&self) -> Option<Multipliers> {
+        Some(Multipliers::Middle)
     }
     fn tolerance(&self, tolerance: f64) -> f64 {
         // Energy errs as the residual's work: linear in it, where other schemes' is quadratic.

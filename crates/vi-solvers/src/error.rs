@@ -126,6 +126,30 @@ pub enum SolverError {
         /// Schemes that can.
         schemes: &'static str,
     },
+    /// A scheme or analysis that has no place for constraints.
+    #[error(
+        "{asker} cannot keep the constraint '{constraint}'; choose one of implicit-midpoint, energy-momentum, \
+         stormer-verlet, symplectic-euler-a, symplectic-euler-b, or take rigid bodies and joints out"
+    )]
+    Constrained {
+        /// The scheme or analysis.
+        asker: &'static str,
+        /// The first constraint.
+        constraint: String,
+    },
+    /// The surface of the constraints was not reached.
+    #[error(
+        "constraint '{constraint}' is {defect:e} off after {iterations} iterations: the step is too long, or joints \
+         depend on each other here"
+    )]
+    Surface {
+        /// The constraint furthest off.
+        constraint: String,
+        /// Iterations made.
+        iterations: u32,
+        /// Its value.
+        defect: f64,
+    },
     /// A memory to continue from that does not fit.
     #[error("cannot continue: the memory of the stepper has no fitting '{missing}'")]
     Memory {

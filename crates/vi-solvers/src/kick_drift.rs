@@ -7,6 +7,9 @@
 //! one predicted by that reading (Heun): Störmer–Verlet keeps order 2, the Euler schemes order 1. In
 //! the ledger their work is f·v̄, v̄ being the mean of the velocities before and after the kick.
 //!
+//! Where there are constraints, each drift puts q on their surface by multipliers along their gradients
+//! at its start and the step ends with p tangent: RATTLE for Störmer–Verlet (`surface.rs`).
+//!
 //! Coefficients: Marsden & West 2001 §2.6 for Euler and Störmer–Verlet; S. Blanes, P.C. Moan,
 //! "Practical symplectic partitioned Runge–Kutta and Runge–Kutta–Nyström methods", J. Comput. Appl.
 //! Math. 142 (2002) 313–330, Table 3, for SRKN₆ᵇ (order 4) and SRKN₁₁ᵇ (order 6).
@@ -17,6 +20,7 @@ use crate::accounts::{self, Potentials};
 use crate::force_sum::ForceSum;
 use crate::forces::{Forces, check_state};
 use crate::stepper::expect_method;
+use crate::surface::Surface;
 use crate::sweep::{Found, Sweep};
 use crate::vectors;
 use crate::{SolverError, SolverOptions, StepError, StepReport, Stepper, StepperMemory, Work};
@@ -89,6 +93,10 @@ pub(crate) struct KickDrift {
     nonconservative: Option<ForceSum>,
     /// f − ∂V/∂x of all coordinates where there are forces without a potential.
     net: Vec<f64>,
+    /// Where there are constraints.
+    surface: Option<Surface>,
+    /// The multipliers' impulses of a drift, N s.
+    impulses: Vec<f64>,
 }
 
 impl KickDrift {
@@ -112,7 +120,35 @@ impl KickDrift {
             x_dot: Vec::new(),
             nonconservative: ForceSum::new(system),
             net: Vec::new(),
+            impulses: Vec::new(),
+            surface: Surface::new(system),
         }
+    }
+
+    /// After a drift to time t, with the directions of the multipliers from its start: puts q on the
+    /// surface (SHAKE). Returns the change of kinetic energy less the work of prescribed motion.
+    fn reach(
+        &mut self,
+        system: &System,
+        t: f64,
+        drift: f64,
+        energy: &mut StepEnergy,
+    ) -> Result<f64, SolverError> {
+        let Some(surface) = &mut self.surface else { return Ok(0.0) };
+        self.impulses.clear();
+        self.impulses.resize(surface.multiplier_count(), 0.0);
+        let (q, p) = (&mut self.q, &mut self.p);
+        let mut change = surface.reach(system, q, p, t, drift, &mut self.impulses)?;
+        let done = surface.impulse_work(&self.impulses);
+        energy.prescribed += done;
+        change -= done;
+        if self.nonconservative.is_some() {
+            // What is read next depends on velocity: let it be a velocity on the surface.
+            let [flattened, done] = surface.flatten(system, q, p, t)?;
+            energy.prescribed += done;
+            change += flattened - done;
+        }
+        Ok(change)
     }
 
     /// Evaluates the forces without a potential at the positions of the last gradient, before a kick
@@ -289,6 +325,11 @@ impl KickDrift {
                 let closes = i == drifts && self.coefficients.kicks[0] != 0.0;
                 self.evaluate_nonconservative(system, t, kick, closes)?;
             }
+            if drift != 0.0
+                && let Some(surface) = &mut self.surface
+            {
+                surface.direct(system, &self.q, t);
+            }
             kicked += if self.nonconservative.is_some() {
                 self.forced_kick_drift(system, t, kick, drift * h, &mut energy)
             } else {
@@ -296,6 +337,14 @@ impl KickDrift {
             };
             elapsed += drift;
             t = if i + 1 >= drifts { state.t + h } else { state.t + elapsed * h };
+            if drift != 0.0 && self.surface.is_some() {
+                kicked += self.reach(system, t, drift * h, &mut energy)?;
+            }
+        }
+        if let Some(surface) = &mut self.surface {
+            let [change, done] = surface.flatten(system, &self.q, &mut self.p, t)?;
+            energy.prescribed += done;
+            kicked += change - done;
         }
         check_finite(&self.q, &self.p, system)?;
         if self.ledger {

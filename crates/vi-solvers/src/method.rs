@@ -8,7 +8,7 @@ use crate::energy_momentum::EnergyMomentum;
 use crate::gauss::Gauss;
 use crate::kick_drift::{Coefficients, KickDrift};
 use crate::stages::{Midpoint, OneStage};
-use crate::{SolverError, SolverOptions, Stepper, force_sum};
+use crate::{SolverError, SolverOptions, Stepper, force_sum, surface};
 
 /// A time integrator with its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -191,6 +191,7 @@ pub fn stepper(
     options: &SolverOptions,
 ) -> Result<Box<dyn Stepper>, SolverError> {
     force_sum::check(method, system)?;
+    surface::check(method, system)?;
     let explicit = |coefficients: Coefficients| -> Box<dyn Stepper> {
         Box::new(KickDrift::new(method.name(), coefficients, system, options))
     };

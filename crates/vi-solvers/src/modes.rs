@@ -64,6 +64,7 @@ pub fn modes(
         let allowed = "must be at least 1";
         return Err(SolverError::Option { option: "modes.count", value: 0.0, allowed });
     }
+    crate::surface::refuse("a search for modes", system, true)?;
     crate::forces::check_state(state, system)?;
     let mut balance = Balance::new(system);
     let mut residual = vec![0.0; state.q.len()];

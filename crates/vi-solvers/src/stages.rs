@@ -10,6 +10,7 @@ use vi_core::{State, StepEnergy, System};
 
 use crate::accounts::{self, Potentials};
 use crate::balance;
+use crate::constrained::Constrained;
 use crate::forces::{Forces, check_state};
 use crate::inverse::Inverse;
 use crate::kick_drift::check_finite;
@@ -43,6 +44,11 @@ pub(crate) trait Rule: Send + Sync {
     fn tolerance(&self, tolerance: f64) -> f64 {
         tolerance
     }
+    /// Where multipliers take their directions and whether the momentum is made tangent at the end;
+    /// none where the scheme has no place for constraints.
+    fn multipliers(&self) -> Option<Multipliers> {
+        None
+    }
     /// Is there a force beside −∂V/∂q at the stage? Then the stage minimises nothing.
     fn has_correction(&self) -> bool {
         false
@@ -61,6 +67,16 @@ pub(crate) trait Rule: Send + Sync {
     fn restore(&mut self, _memory: &StepperMemory) -> Result<(), SolverError> {
         Ok(())
     }
+}
+
+/// Where the multipliers of a step take their directions ∂g/∂q.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Multipliers {
+    /// At the start, and at the end for the momentum: variational (Marsden & West 2001, §3.5).
+    Ends,
+    /// At the stage in the middle of the step, where they do no work on quadratic constraints: energy
+    /// is kept (Gonzalez 1999). The momentum is tangent in the mean of its ends.
+    Middle,
 }
 
 /// A stage that is being solved, evaluated at û + w.
@@ -100,6 +116,9 @@ impl Rule for Midpoint {
     fn offset(&self, _k: usize, v: f64, h: f64) -> f64 {
         0.5 * h * v
     }
+    fn multipliers(&self) -> Option<Multipliers> {
+        Some(Multipliers::Ends)
+    }
     fn change(&self, _k: usize, v: f64, w: f64, h: f64) -> (f64, f64) {
         (h * v + 2.0 * w, 4.0 * w / h)
     }
@@ -138,12 +157,16 @@ struct Stage {
     /// Are there forces without a potential? Then velocities at the start are kept.
     is_forced: bool,
     velocity: Vec<f64>,
+    /// Where there are constraints.
+    constrained: Option<Constrained>,
 }
 
 impl Stage {
-    fn new(n: usize, is_forced: bool) -> Self {
+    fn new(system: &System, rule: &impl Rule) -> Self {
+        let (n, is_forced) = (system.coordinates().free_count(), !system.forces().is_empty());
         let zero = || vec![0.0; n];
         Self {
+            constrained: rule.multipliers().and_then(|multipliers| Constrained::new(system, multipliers)),
             c: 0.0,
             t: 0.0,
             twice_kinetic: 0.0,
@@ -179,6 +202,9 @@ impl Stage {
         }
         self.twice_kinetic = vectors::sum(mass.len(), |k| state.p[k] * state.p[k] / mass[k]);
         self.twice_origin = vectors::sum(mass.len(), |k| mass[k] * state.q[k] * state.q[k]);
+        if let Some(constrained) = &mut self.constrained {
+            constrained.open(system, state, h);
+        }
     }
 
     fn configure(&mut self) {
@@ -203,6 +229,14 @@ impl Stage {
             let (start_t, h, start_q) = (*start_t, *h, &*origin);
             rule.correction(&Trial { system, forces, start_q, start_t, h, offset, w }, added);
         }
+        let Self { constrained, added, q, origin, offset, w, t, .. } = self;
+        if let Some(constrained) = constrained {
+            if !rule.has_correction() {
+                added.fill(0.0);
+            }
+            let end = |k: usize| origin[k] + 2.0 * (offset[k] + w[k]);
+            constrained.evaluate(system, q, *t, end, added);
+        }
         Ok(())
     }
 
@@ -213,6 +247,18 @@ impl Stage {
             let rate = rule.velocity(0, 0.0, 1.0, h) - rule.velocity(0, 0.0, 0.0, h);
             let q_dot: Vec<f64> = (0..w.len()).map(|k| rule.velocity(k, v[k], w[k], h)).collect();
             forces.set_velocities(system, &q_dot, self.t, rate);
+        }
+    }
+
+    /// Puts the end of the step on the surface of the constraints, to round-off.
+    fn reach(&mut self, system: &System, before: &State) -> Result<(), SolverError> {
+        let Self { constrained, origin, offset, w, h, .. } = self;
+        match constrained {
+            Some(constrained) => {
+                let end = |k: usize, w: f64| origin[k] + 2.0 * (offset[k] + w);
+                constrained.reach(system, end, w, before.t + *h)
+            }
+            None => Ok(()),
         }
     }
 
@@ -237,13 +283,17 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn model_is_exact(&self) -> bool {
-        !self.rule.has_correction()
+        !self.rule.has_correction() && self.stage.constrained.is_none()
     }
 
     fn simplify(&mut self, simple: bool) -> bool {
-        let may_be = self.rule.has_correction() && !self.stage.is_forced;
+        let may_be = self.rule.has_correction() && !self.stage.is_forced && self.stage.constrained.is_none();
         self.stage.is_simple = simple && may_be;
         may_be
+    }
+
+    fn is_whole(&self) -> bool {
+        self.stage.constrained.is_none()
     }
 
     fn unknowns(&self) -> &[f64] {
@@ -284,10 +334,13 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn correct(&mut self, inverse: &mut Inverse, forces: &mut Forces) -> Result<f64, SolverError> {
-        let Stage { correction, residual, w, base, c, .. } = self.stage;
+        let Stage { correction, residual, w, base, c, constrained, .. } = self.stage;
         correction.copy_from_slice(residual);
         inverse.apply(forces, correction)?;
         base.copy_from_slice(w);
+        if let Some(constrained) = constrained {
+            return constrained.correct(*c, inverse, forces, residual, correction);
+        }
         Ok(vectors::sum(residual.len(), |k| residual[k] * correction[k]) / *c)
     }
 
@@ -296,8 +349,11 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn advance(&mut self, fraction: f64) {
-        let Stage { w, base, correction, .. } = self.stage;
+        let Stage { w, base, correction, constrained, .. } = self.stage;
         vectors::fill(w, |k| base[k] + fraction * correction[k]);
+        if let Some(constrained) = constrained {
+            constrained.advance(fraction);
+        }
     }
 
     fn slope(&self) -> f64 {
@@ -306,7 +362,8 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn has_merit(&self) -> bool {
-        (!self.rule.has_correction() || self.stage.is_simple) && !self.stage.is_forced
+        let is_plain = !self.stage.is_forced && self.stage.constrained.is_none();
+        (!self.rule.has_correction() || self.stage.is_simple) && is_plain
     }
 
     fn merit(&mut self, system: &System, forces: &mut Forces) -> Option<f64> {
@@ -351,12 +408,12 @@ impl<R: Rule> OneStage<R> {
         let tolerance = rule.tolerance(options.tolerance);
         Ok(Self {
             forces: Forces::with_nonconservative(system),
-            rule,
             inverse: Inverse::new(system, options.linear),
             newton: Newton::new(&SolverOptions { tolerance, ..options.clone() })?,
             potentials: Potentials::new(),
             ledger: options.ledger,
-            stage: Stage::new(n, !system.forces().is_empty()),
+            stage: Stage::new(system, &rule),
+            rule,
             after: State { t: 0.0, q: vec![0.0; n], p: vec![0.0; n] },
             x_start: Vec::new(),
             dx: Vec::new(),
@@ -371,6 +428,7 @@ impl<R: Rule> OneStage<R> {
         self.rule.open(system, &mut self.forces, state, h)?;
         self.stage.open(system, &self.rule, state, h);
         let iterations = self.solve(system)?;
+        self.stage.reach(system, state)?;
         let (rule, w, mass) = (&self.rule, &self.stage.w, system.free_mass());
         let State { t, q, p } = &mut self.after;
         *t = state.t + h;
@@ -379,6 +437,9 @@ impl<R: Rule> OneStage<R> {
             *q = state.q[k] + dq;
             *p = state.p[k] + mass[k] * dv;
         });
+        if let Some(constrained) = &mut self.stage.constrained {
+            constrained.close(system, q, p, *t)?;
+        }
         check_finite(q, p, system)?;
         let energy = if self.ledger { self.account(system, state)? } else { StepEnergy::default() };
         self.rule.close(system, state, &self.after, &self.stage.w, h);
@@ -393,6 +454,7 @@ impl<R: Rule> OneStage<R> {
             return Ok(0);
         }
         if !stage.is_forced
+            && stage.constrained.is_none()
             && balance::may_be_at_rest(stage.twice_kinetic, &stage.history[0], stage.history_count)
         {
             stage.w.fill(0.0);
@@ -424,7 +486,10 @@ impl<R: Rule> OneStage<R> {
         let gradient = forces.gradient();
         let (w, c, step) = (&stage.w, stage.c, &*dx);
         let along = |k: usize| step[free[k] as usize];
-        let prescribed = accounts::prescribed_work(system, gradient, step);
+        let mut prescribed = accounts::prescribed_work(system, gradient, step);
+        if let Some(constrained) = &stage.constrained {
+            prescribed += constrained.prescribed_work(step);
+        }
         let added = &stage.added;
         let elastic =
             accounts::free_work(system, gradient, along) + vectors::sum(w.len(), |k| added[k] * along(k));
@@ -438,7 +503,7 @@ impl<R: Rule> OneStage<R> {
         let (force, damping) = forces.nonconservative_work(step);
         let (change, loads) = potentials.close(system, forces, &after.q, after.t);
         let mut scheme = change - loads - elastic - prescribed - force - damping;
-        if !self.rule.is_variational() {
+        if !self.rule.is_variational() || stage.constrained.is_some() {
             scheme += kinetic - inertial;
         }
         Ok(StepEnergy { prescribed, force: force + loads, damping, scheme, residual })
@@ -473,6 +538,9 @@ impl<R: Rule> Stepper for OneStage<R> {
         memory.counts.push(("stage.history".into(), self.stage.history_count as u64));
         self.forces.remember(&mut memory);
         self.potentials.remember(&mut memory);
+        if let Some(constrained) = &self.stage.constrained {
+            memory.arrays.push(("stage.multipliers".into(), constrained.multipliers().to_vec()));
+        }
         self.inverse.remember(&mut memory);
         self.newton.remember(&mut memory);
         self.rule.remember(&mut memory);
@@ -489,6 +557,9 @@ impl<R: Rule> Stepper for OneStage<R> {
             history.copy_from_slice(array);
         }
         self.stage.history_count = memory.count("stage.history")? as usize;
+        if let Some(constrained) = &mut self.stage.constrained {
+            constrained.restore(memory.array("stage.multipliers")?)?;
+        }
         self.forces = Forces::with_nonconservative(system);
         self.potentials = Potentials::recall(memory);
         self.newton.restore(memory)?;

@@ -141,6 +141,7 @@ pub fn equilibrium_path(
     watch: &mut dyn FnMut(&State, &LoadStep) -> bool,
 ) -> Result<StaticReport, SolverError> {
     check(options)?;
+    crate::surface::refuse("a static solve", system, true)?;
     crate::forces::check_state(state, system)?;
     let mut search = Search::new(system, options, watch);
     let mut found = State { t: state.t, q: state.q.clone(), p: vec![0.0; state.p.len()] };

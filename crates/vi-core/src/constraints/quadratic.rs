@@ -137,11 +137,14 @@ impl QuadraticConstraint {
         value
     }
 
-    /// The sum of the sizes of what g adds up at x: g is good to this times the unit of round-off.
-    pub fn magnitude(&self, x: &[f64]) -> f64 {
+    /// The sum of the sizes of what g adds up at x, where a linear term is taken at `size` (m) at least:
+    /// g is good to this times the unit of round-off.
+    pub fn magnitude(&self, x: &[f64], size: f64) -> f64 {
         let at = |node: u32, k: usize| x[3 * node as usize + k].abs();
-        let linear =
-            self.linear.iter().map(|&(node, a)| (0..3).map(|k| (at(node, k) * a[k]).abs()).sum::<f64>());
+        let linear = self
+            .linear
+            .iter()
+            .map(|&(node, a)| (0..3).map(|k| at(node, k).max(size) * a[k].abs()).sum::<f64>());
         let products = self
             .products
             .iter()

@@ -103,11 +103,15 @@ impl Newton {
             equations.advance(0.0);
             let step = match equations.merit(system, forces) {
                 Some(before) => full_step(system, forces, equations, before, decrement),
-                None => {
+                None if equations.is_whole() => {
                     inverse.tighten(true);
                     let step = krylov::step(system, forces, inverse, equations);
                     inverse.tighten(false);
                     step
+                }
+                None => {
+                    equations.advance(1.0);
+                    keep_inside(system, forces, equations)
                 }
             };
             let stuck = SolverError::NoConvergence { iterations: iteration, residual: eta, tolerance };
