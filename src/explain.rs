@@ -118,6 +118,12 @@ fn term(text: &mut String, system: &System, potential: &dyn Potential, is_explic
     for &dof in coordinates.free() {
         moving[dof as usize] = true;
     }
+    for (node, terms) in coordinates.combinations() {
+        for axis in 0..3 {
+            let free = terms.iter().any(|&(k, _)| moving[3 * k as usize + axis]);
+            moving[3 * node as usize + axis] = free;
+        }
+    }
     let can_move = |stencil: &usize| {
         let mut nodes = stencils.of(*stencil).iter();
         let block = stencils.block;

@@ -16,8 +16,11 @@ pub(crate) struct FrameWriter {
     interval: f64,
     options: VtuOptions,
     fields: Vec<Field>,
-    /// Points of all bodies at rest, m.
+    /// Points of all bodies at rest, then of the surfaces of rigid bodies at the start, m.
     points: Vec<[f64; 3]>,
+    /// For each rigid body the points of its surface in its own axes, m; cells in all.
+    surfaces: Vec<Vec<[f64; 3]>>,
+    surface_cells: usize,
     blocks: Vec<CellBlock>,
     body_ids: Vec<i32>,
     material_ids: Vec<i32>,
@@ -57,6 +60,8 @@ impl FrameWriter {
             options,
             fields: output.fields.clone(),
             points: Vec::new(),
+            surfaces: Vec::new(),
+            surface_cells: 0,
             blocks: Vec::new(),
             body_ids: Vec::new(),
             material_ids: Vec::new(),
@@ -64,7 +69,29 @@ impl FrameWriter {
         for (id, body) in simulation.bodies().iter().enumerate() {
             writer.add(id as i32, body);
         }
+        for id in 0..simulation.rigids().len() {
+            writer.add_surface(id, simulation);
+        }
         Ok(writer)
+    }
+
+    /// Rigid bodies are numbered after the others; they have no material (−1).
+    fn add_surface(&mut self, id: usize, simulation: &Simulation) {
+        let shape = simulation.rigids()[id].shape;
+        let (points, triangles) = shape.as_ref().map(crate::model::surface).unwrap_or_default();
+        let offset = self.points.len() as u32;
+        self.points.extend(simulation.carried(id, &points));
+        self.surfaces.push(points);
+        self.surface_cells += triangles.len();
+        let body = (simulation.bodies().len() + id) as i32;
+        self.body_ids.resize(self.body_ids.len() + triangles.len(), body);
+        self.material_ids.resize(self.body_ids.len(), -1);
+        let nodes = triangles.into_iter().flatten().map(|node| node + offset);
+        match self.blocks.last_mut() {
+            Some(block) if block.kind == CellKind::Triangle3 => block.nodes.extend(nodes),
+            _ => self.blocks.push(CellBlock { kind: CellKind::Triangle3, nodes: nodes.collect() }),
+        }
+        self.blocks.retain(|block| !block.nodes.is_empty());
     }
 
     fn add(&mut self, id: i32, body: &crate::model::BodyModel) {
@@ -145,16 +172,26 @@ impl FrameWriter {
                 }
                 continue;
             }
+            // Rigid bodies have no nodes of their own: zero on their surfaces.
             let vectors = |values: &dyn Fn(usize) -> Vec<[f64; 3]>| -> Vec<f64> {
-                bodies.clone().flat_map(values).flatten().collect()
+                let mut all: Vec<f64> = bodies.clone().flat_map(values).flatten().collect();
+                all.resize(3 * self.points.len(), 0.0);
+                all
             };
             match field {
                 Field::Displacement => {
-                    let x = bodies.clone().flat_map(|body| simulation.positions(body));
+                    let surfaces = self.surfaces.iter().enumerate();
+                    let carried = surfaces.flat_map(|(id, points)| simulation.carried(id, points));
+                    let x = bodies.clone().flat_map(|body| simulation.positions(body)).chain(carried);
                     let u = x.zip(&self.points).flat_map(|(x, rest)| [0, 1, 2].map(|k| x[k] - rest[k]));
                     points.push(("displacement", u.collect()));
                 }
-                Field::Velocity => points.push(("velocity", vectors(&|body| simulation.velocities(body)))),
+                Field::Velocity => {
+                    let surfaces = self.surfaces.iter().enumerate();
+                    let carried = surfaces.flat_map(|(id, points)| simulation.carried_velocities(id, points));
+                    let v = bodies.clone().flat_map(|body| simulation.velocities(body)).chain(carried);
+                    points.push(("velocity", v.flatten().collect()));
+                }
                 Field::Acceleration => {
                     points.push(("acceleration", vectors(&|body| simulation.accelerations(body))));
                 }
@@ -219,6 +256,8 @@ impl FrameWriter {
                 }
             }
         }
+        // Rigid bodies have none.
+        values.resize(values.len() + self.surface_cells * field.component_count(), 0.0);
         (field, values)
     }
 
@@ -240,6 +279,8 @@ impl FrameWriter {
                 values.extend(part);
             }
         }
+        // Rigid bodies have none.
+        values.resize(self.points.len() * field.component_count(), 0.0);
         (format!("nodal_{}", field.name()), field.component_count(), values)
     }
 
@@ -248,7 +289,9 @@ impl FrameWriter {
     /// # Errors
     /// Where a value is not finite or the file cannot be written.
     pub(crate) fn write_shape(&self, file: &str, displacement: &[f64]) -> Result<(), IoError> {
-        let values = VtuValues::Real(displacement);
+        let mut displacement = displacement.to_vec();
+        displacement.resize(3 * self.points.len(), 0.0);
+        let values = VtuValues::Real(&displacement);
         let frame = VtuFrame {
             points: &self.points,
             blocks: &self.blocks,

@@ -11,10 +11,12 @@ use crate::estimate::ProbeEstimate;
 use crate::simulation::Observation;
 
 /// Columns that not every run has.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Columns {
     /// `load`: the energy of conservative loads other than weight, J.
     pub(crate) has_loads: bool,
+    /// For each rigid body its name, then `x y z` (its centre, m) and `qw qx qy qz` (its orientation).
+    pub(crate) rigids: Vec<String>,
     /// For each probe `ex ey ez`, the estimated |error| of its displacement, m, and the observed `order`;
     /// empty in rows at which nothing could be compared.
     pub(crate) has_estimates: bool,
@@ -54,6 +56,11 @@ impl HistoryWriter {
         line.push_str(",newton_iterations,substeps");
         if columns.has_loads {
             line.push_str(",load");
+        }
+        for name in &columns.rigids {
+            for column in ["x", "y", "z", "qw", "qx", "qy", "qz"] {
+                let _ = write!(line, ",{name}.{column}");
+            }
         }
         if columns.has_estimates {
             for name in probes {
@@ -127,6 +134,11 @@ impl HistoryWriter {
         let _ = write!(line, ",{},{}", work.iterations, work.substeps);
         if self.columns.has_loads {
             let _ = write!(line, ",{:.16e}", row.load);
+        }
+        for pose in &row.rigids {
+            for value in pose.position.iter().chain(&pose.orientation) {
+                let _ = write!(line, ",{value:.16e}");
+            }
         }
         if self.columns.has_estimates {
             for index in 0..row.probes.len() {

@@ -39,8 +39,8 @@ pub mod prelude {
     pub use crate::run::{RunError, Watch, run};
     pub use crate::scene::{
         Assert, Attach, Axis, Body, Checkpoints, Damping, Field, FieldComponent, Fix, Guard, GuardAction,
-        Load, Output, Precision, Probe, Scene, SchemeName, Seam, Solver, Spring, SpringEnd, Static, Strike,
-        Substance, Time,
+        Inertia, Joint, Load, Output, Precision, Probe, Rigid, RigidShape, Scene, SchemeName, Seam, Solver,
+        Spring, SpringEnd, Static, Strike, Substance, Time, Turn,
     };
     pub use crate::simulation::{Observation, Simulation};
     pub use vi_fem::{

@@ -5,11 +5,16 @@ mod assemble;
 mod load;
 mod loads;
 mod prescribe;
+mod rigid;
+mod shape;
 mod sheets;
 mod ties;
 
 use vi_core::{State, System};
 use vi_fem::Mesh;
+
+pub use rigid::{Pose, RigidModel};
+pub(crate) use shape::surface;
 
 use crate::scene::{Problem, Scene};
 
@@ -47,6 +52,7 @@ pub struct ProbeTarget {
 /// A scene as systems.
 pub(crate) struct Model {
     pub(crate) bodies: Vec<BodyModel>,
+    pub(crate) rigids: Vec<RigidModel>,
     pub(crate) probes: Vec<ProbeTarget>,
     pub(crate) components: Vec<(System, State)>,
     pub(crate) notes: Vec<String>,

@@ -26,9 +26,15 @@ impl MomentumLedger {
         let mut mass = 0.0;
         let mut size: f64 = 0.0;
         for component in simulation.components() {
-            mass += component.system().free_mass().iter().sum::<f64>() / 3.0;
-            let x = component.system().positions(component.state());
-            size = x.iter().fold(size, |size, x| size.max(x.abs()));
+            let system = component.system();
+            let coordinates = system.coordinates();
+            // Directors are no places, and their inertia is no mass.
+            let of_points = coordinates.free().iter().zip(system.free_mass());
+            let of_points = of_points.filter(|(dof, _)| !coordinates.is_director(**dof / 3));
+            mass += of_points.map(|(_, mass)| mass).sum::<f64>() / 3.0;
+            let x = system.positions(component.state());
+            let places = (0_u32..).zip(x.chunks(3)).filter(|(node, _)| !coordinates.is_director(*node));
+            size = places.flat_map(|(_, x)| x).fold(size, |size, x| size.max(x.abs()));
         }
         let first_kinetic = first.kinetic;
         let first = (first.momentum, first.angular_momentum);

@@ -9,6 +9,7 @@ mod material;
 mod output;
 #[cfg(feature = "cli")]
 mod parse;
+mod rigid;
 mod safety;
 mod statics;
 mod time;
@@ -29,6 +30,7 @@ pub use material::{MaterialEntry, Materials, Substance};
 pub use output::{Assert, Encoding, Field, Output, Precision};
 #[cfg(feature = "cli")]
 pub use parse::Parsed;
+pub use rigid::{Inertia, Joint, Rigid, RigidShape, Turn};
 pub use safety::{Checkpoints, Guard, GuardAction};
 pub use statics::Static;
 pub use time::{LinearChoice, SchemeName, Solver, Time};
@@ -59,8 +61,14 @@ pub struct Scene {
     /// How time is stepped.
     pub time: Time,
     /// Deformable bodies.
-    #[serde(rename = "body")]
+    #[serde(rename = "body", default, skip_serializing_if = "Vec::is_empty")]
     pub bodies: Vec<Body>,
+    /// Rigid bodies, free, held or moved.
+    #[serde(rename = "rigid", default, skip_serializing_if = "Vec::is_empty")]
+    pub rigids: Vec<Rigid>,
+    /// Joints of rigid bodies.
+    #[serde(rename = "joint", default, skip_serializing_if = "Vec::is_empty")]
+    pub joints: Vec<Joint>,
     /// Prescribed coordinates: fixed, or moving on a given path.
     #[serde(rename = "fix", default, skip_serializing_if = "Vec::is_empty")]
     pub fixes: Vec<Fix>,
@@ -116,6 +124,8 @@ impl Scene {
             gravity: [0.0; 3],
             time,
             bodies: Vec::new(),
+            rigids: Vec::new(),
+            joints: Vec::new(),
             fixes: Vec::new(),
             springs: Vec::new(),
             attachments: Vec::new(),
@@ -149,6 +159,18 @@ impl Scene {
     /// Adds a body.
     pub fn body(mut self, body: Body) -> Self {
         self.bodies.push(body);
+        self
+    }
+
+    /// Adds a rigid body.
+    pub fn rigid(mut self, rigid: Rigid) -> Self {
+        self.rigids.push(rigid);
+        self
+    }
+
+    /// Adds a joint of rigid bodies.
+    pub fn joint(mut self, joint: Joint) -> Self {
+        self.joints.push(joint);
         self
     }
 

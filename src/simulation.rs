@@ -9,7 +9,7 @@ use vi_core::{HessianKind, State, System, angular_momentum, kinetic_energy, line
 use vi_solvers::{Assembler, Method, SolverError, SolverOptions, StepError, Stepper, Work};
 
 use crate::auto::AutoReport;
-use crate::model::{BodyModel, Model, ProbeTarget};
+use crate::model::{BodyModel, Model, Pose, ProbeTarget, RigidModel};
 use crate::scene::{Problem, Scene};
 use march::{Cut, March, march};
 pub use snapshot::{Snapshot, Substeps};
@@ -75,6 +75,8 @@ pub struct Observation {
     pub angular_momentum: [f64; 3],
     /// The probes, in the order of the scene.
     pub probes: Vec<ProbeValue>,
+    /// The rigid bodies, in the order of the scene.
+    pub rigids: Vec<Pose>,
 }
 
 impl Observation {
@@ -105,6 +107,7 @@ pub struct Stepped {
 pub struct Simulation {
     scene: Scene,
     bodies: Vec<BodyModel>,
+    rigids: Vec<RigidModel>,
     probes: Vec<ProbeTarget>,
     components: Vec<Component>,
     notes: Vec<String>,
@@ -172,6 +175,7 @@ impl Simulation {
         Ok(Self {
             scene,
             bodies: model.bodies,
+            rigids: model.rigids,
             probes: model.probes,
             components,
             notes: model.notes,
@@ -216,6 +220,11 @@ impl Simulation {
     /// The bodies, in the order of the scene.
     pub fn bodies(&self) -> &[BodyModel] {
         &self.bodies
+    }
+
+    /// The rigid bodies, in the order of the scene.
+    pub fn rigids(&self) -> &[RigidModel] {
+        &self.rigids
     }
 
     /// The systems.
@@ -361,6 +370,7 @@ impl Simulation {
             ProbeValue { position, displacement: std::array::from_fn(|k| position[k] - rest[k]) }
         };
         seen.probes = self.probes.iter().map(value).collect();
+        seen.rigids = self.rigids.iter().map(|rigid| rigid.pose(&positions[rigid.component])).collect();
         seen
     }
 
@@ -385,6 +395,23 @@ impl Simulation {
     /// Velocities of the nodes of body number `body`, m/s.
     pub fn velocities(&self, body: usize) -> Vec<[f64; 3]> {
         self.nodal(body, |component| component.system.velocities(&component.state))
+    }
+
+    /// Points given in the own axes of rigid body number `rigid` from its centre, where they are now (m).
+    pub fn carried(&self, rigid: usize, points: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let (rigid, component) = self.rigid(rigid);
+        rigid.carry(&component.system.positions(&component.state), points)
+    }
+
+    /// Their velocities now, m/s.
+    pub fn carried_velocities(&self, rigid: usize, points: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let (rigid, component) = self.rigid(rigid);
+        rigid.carry(&component.system.velocities(&component.state), points)
+    }
+
+    fn rigid(&self, rigid: usize) -> (&RigidModel, &Component) {
+        let rigid = &self.rigids[rigid];
+        (rigid, &self.components[rigid.component])
     }
 
     /// Forces that hold the prescribed coordinates of body number `body`, N; zero elsewhere.

@@ -115,6 +115,12 @@ pub fn write_modes(
         for (&dof, value) in system.coordinates().free().iter().zip(&mode.shape) {
             shape[dof as usize] = value / largest;
         }
+        for (node, terms) in system.coordinates().combinations() {
+            for axis in 0..3 {
+                let along = terms.iter().map(|&(k, weight)| weight * shape[3 * k as usize + axis]);
+                shape[3 * node as usize + axis] = along.sum();
+            }
+        }
         let mut displacement = Vec::new();
         for body in simulation.bodies() {
             let points = 3 * body.mesh.points.len();

@@ -4,7 +4,8 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use vi_core::{Force, Potential, State, System};
+use vi_core::constraints::QuadraticConstraint;
+use vi_core::{Combination, Force, Potential, Prescribed, State, System};
 use vi_fem::{
     Anchor, Gravity, LockingCure, PointSpring, Sheet, SpringEnd, Tie, add_lumped_mass, add_row_sums,
     mass_properties, rigid_velocities,
@@ -13,13 +14,14 @@ use vi_fem::{
 use super::load::{End, Loaded, LoadedBody};
 use super::loads;
 use super::prescribe::{NodalFix, coordinates};
-use super::{BodyModel, Model, ProbeTarget, sheets, ties};
+use super::rigid::{self, Attached};
+use super::{BodyModel, Model, ProbeTarget, RigidModel, sheets, ties};
 use crate::scene::{Body, Problem, RestShape, Scene, Substance};
 
 pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Problem>> {
-    let component_of = components(&loaded);
+    let component_of = components(scene, &loaded);
     let component_count = component_of.iter().max().map_or(0, |&last| last + 1);
-    let Loaded { bodies: loaded_bodies, fixes, probes, strikes, springs, ties: tie_sets } = loaded;
+    let Loaded { bodies: loaded_bodies, fixes, probes, strikes, springs, held, ties: tie_sets } = loaded;
 
     let mut problems = Vec::new();
     let mut notes = Vec::new();
@@ -99,6 +101,8 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
             Err(error) => problems.push(Problem::new(set.name, error.to_string())),
         }
     }
+    let rigids = add_rigids(scene, &held, &component_of[bodies.len()..], &bodies, &mut parts);
+    let rigids = rigids.map_err(|found| problems.extend(found)).unwrap_or_default();
     for (i, load) in scene.loads.iter().enumerate() {
         let Some(number) = bodies.iter().position(|body| body.name == load.body()) else { continue };
         let body = &bodies[number];
@@ -146,18 +150,83 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
             Err(problem) => problems.push(problem),
         }
     }
-    if problems.is_empty() { Ok(Model { bodies, probes, components: built, notes }) } else { Err(problems) }
+    if problems.is_empty() {
+        Ok(Model { bodies, rigids, probes, components: built, notes })
+    } else {
+        Err(problems)
+    }
 }
 
-/// The component of each body: bodies joined by springs or ties share one, numbered by their first body.
-fn components(loaded: &Loaded) -> Vec<usize> {
-    let mut label: Vec<usize> = (0..loaded.bodies.len()).collect();
+/// Adds the rigid bodies, with what is attached to them and their joints, to the components.
+fn add_rigids(
+    scene: &Scene,
+    held: &[Vec<(usize, Vec<u32>)>],
+    component_of: &[usize],
+    bodies: &[BodyModel],
+    parts: &mut [Part],
+) -> Result<Vec<RigidModel>, Vec<Problem>> {
+    let (mut all, mut problems) = (Vec::new(), Vec::new());
+    // What nodes weigh when those that are tied to them have handed on their mass.
+    let weights: Vec<Vec<f64>> = parts.iter().map(Part::handed_on_mass).collect();
+    for (i, rigid) in scene.rigids.iter().enumerate() {
+        let component = component_of[i];
+        let part = &mut parts[component];
+        let mut nodes: Vec<usize> = held[i]
+            .iter()
+            .flat_map(|(body, nodes)| nodes.iter().map(|&node| bodies[*body].node_offset + node as usize))
+            .collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        let attached: Vec<Attached> = nodes
+            .into_iter()
+            .map(|node| Attached {
+                node: node as u32,
+                x: [0, 1, 2].map(|k| part.x[3 * node + k]),
+                mass: weights[component][node],
+            })
+            .collect();
+        match rigid::build(rigid, &attached, component, part.mass.len()) {
+            Ok(added) => {
+                part.take(&added);
+                all.push(added);
+            }
+            Err(message) => problems.push(Problem::new(format!("rigid[{i}]"), message)),
+        }
+    }
+    if !problems.is_empty() {
+        return Err(problems);
+    }
+    let numbered = |name: &str| all.iter().find(|added| added.model.name == name);
+    for (i, joint) in scene.joints.iter().enumerate() {
+        let Some(body) = numbered(joint.body()) else { continue };
+        let to = joint.to().and_then(numbered);
+        let constraints = rigid::joint(joint, &format!("joint[{i}]"), body, to);
+        parts[body.model.component].constraints.extend(constraints);
+    }
+    Ok(all.into_iter().map(|added| added.model).collect())
+}
+
+/// The component of each body, then of each rigid body: those joined by springs, ties, attachments or
+/// joints share one, numbered by their first.
+fn components(scene: &Scene, loaded: &Loaded) -> Vec<usize> {
+    let body_count = loaded.bodies.len();
+    let mut label: Vec<usize> = (0..body_count + scene.rigids.len()).collect();
+    let rigid = |name: &str| scene.rigids.iter().position(|rigid| rigid.name == name);
+    let joints = scene
+        .joints
+        .iter()
+        .filter_map(|joint| Some((body_count + rigid(joint.body())?, body_count + rigid(joint.to()?)?)));
+    let held = loaded
+        .held
+        .iter()
+        .enumerate()
+        .flat_map(|(number, bodies)| bodies.iter().map(move |(body, _)| (*body, body_count + number)));
     let springs = loaded.springs.iter().filter_map(|ends| match ends {
         [End::Node(a), End::Node(b)] => Some((a.body, b.body)),
         _ => None,
     });
     let ties = loaded.ties.iter().filter_map(|set| Some((set.body, set.to?)));
-    for (a, b) in springs.chain(ties) {
+    for (a, b) in springs.chain(ties).chain(joints).chain(held) {
         let (keep, drop) = (label[a].min(label[b]), label[a].max(label[b]));
         label.iter_mut().filter(|l| **l == drop).for_each(|l| *l = keep);
     }
@@ -183,6 +252,11 @@ struct Part {
     forces: Vec<Arc<dyn Force>>,
     /// What is held exactly.
     ties: Vec<Tie>,
+    /// What rigid bodies add beside nodes.
+    held: Vec<Combination>,
+    directors: Vec<u32>,
+    constraints: Vec<QuadraticConstraint>,
+    prescribed: Vec<Prescribed>,
 }
 
 impl Part {
@@ -255,6 +329,27 @@ impl Part {
         Ok(())
     }
 
+    /// Takes the nodes of a rigid body and what ties them.
+    fn take(&mut self, added: &rigid::Added) {
+        self.mass.extend(&added.mass);
+        self.rest.extend(added.x.as_chunks::<3>().0);
+        self.x.extend(&added.x);
+        self.v.extend(&added.v);
+        self.held.extend(added.ties.iter().cloned());
+        self.directors.extend(added.directors);
+        self.constraints.extend(added.constraints.iter().cloned());
+        self.prescribed.extend(added.prescribed());
+    }
+
+    /// The mass of its nodes when those tied to others have handed theirs on, kg.
+    fn handed_on_mass(&self) -> Vec<f64> {
+        let mut mass = self.mass.clone();
+        if !self.ties.is_empty() {
+            vi_core::hand_on_lumped_mass(&ties::combinations(&self.ties, |_| false), &mut mass);
+        }
+        mass
+    }
+
     /// Shares an impulse (N s) among nodes by mass: all get the velocity impulse / Σm.
     fn strike(&mut self, nodes: &[u32], node_offset: usize, impulse: [f64; 3]) {
         let mass: f64 = nodes.iter().map(|&node| self.mass[node_offset + node as usize]).sum();
@@ -266,15 +361,16 @@ impl Part {
     }
 
     fn into_system(mut self, gravity: [f64; 3], fixes: &[NodalFix]) -> Result<(System, State), Problem> {
-        let coordinates = coordinates(fixes, &self.x)?;
-        let coordinates = if self.ties.is_empty() {
+        let coordinates = coordinates(fixes, self.prescribed, &self.x)?;
+        let coordinates = if self.ties.is_empty() && self.directors.is_empty() {
             coordinates
         } else {
             let prescribed: HashSet<u32> =
                 coordinates.prescribed().iter().flat_map(|group| &group.dofs).map(|dof| dof / 3).collect();
-            let combinations = ties::combinations(&self.ties, |node| prescribed.contains(&node));
+            let mut combinations = ties::combinations(&self.ties, |node| prescribed.contains(&node));
+            combinations.extend(self.held);
             coordinates
-                .with_combinations(&combinations, &[])
+                .with_combinations(&combinations, &self.directors)
                 .map_err(|error| Problem::new("attach", format!("what is held exactly: {error}")))?
         };
         if gravity != [0.0; 3] {
@@ -283,9 +379,12 @@ impl Part {
         let mass = self.mass.iter().flat_map(|&m| [m; 3]).collect();
         let system = System::new(mass, self.potentials, coordinates)
             .and_then(|system| system.with_forces(self.forces))
+            .and_then(|system| system.with_constraints(self.constraints))
             .map_err(|error| Problem::new("body", error.to_string()))?;
-        let state =
+        let mut state =
             system.state(0.0, &self.x, &self.v).map_err(|error| Problem::new("body", error.to_string()))?;
+        vi_solvers::make_tangent(&system, &mut state)
+            .map_err(|error| Problem::new("joint", error.to_string()))?;
         Ok((system, state))
     }
 }

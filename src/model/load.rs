@@ -20,6 +20,8 @@ pub(super) struct Loaded {
     pub(super) strikes: Vec<(usize, Vec<u32>)>,
     /// For each spring: its two ends.
     pub(super) springs: Vec<[End; 2]>,
+    /// For each rigid body: what is attached to it, as number of a body and nodes of its mesh.
+    pub(super) held: Vec<Vec<(usize, Vec<u32>)>>,
     /// Attachments, then seams.
     pub(super) ties: Vec<TieSet>,
 }
@@ -71,7 +73,13 @@ pub(super) fn load(scene: &Scene) -> (Loaded, Vec<Problem>) {
         springs.extend(from.zip(to).map(|(from, to)| [from, to]));
     }
     let mut ties = Vec::new();
+    let mut held = vec![Vec::new(); scene.rigids.len()];
     for (i, attach) in scene.attachments.iter().enumerate() {
+        let to = scene.rigids.iter().position(|rigid| attach.to.as_ref() == Some(&rigid.name));
+        if let Some(to) = to {
+            held[to].extend(finder.held(attach, &format!("attach[{i}]")));
+            continue;
+        }
         ties.extend(finder.attachment(attach, format!("attach[{i}]")));
     }
     for (i, seam) in scene.seams.iter().enumerate() {
@@ -79,7 +87,15 @@ pub(super) fn load(scene: &Scene) -> (Loaded, Vec<Problem>) {
     }
     let problems = finder.problems;
     (
-        Loaded { bodies: bodies.into_iter().flatten().collect(), fixes, probes, strikes, springs, ties },
+        Loaded {
+            bodies: bodies.into_iter().flatten().collect(),
+            fixes,
+            probes,
+            strikes,
+            springs,
+            held,
+            ties,
+        },
         problems,
     )
 }
@@ -244,6 +260,13 @@ impl<'a> Finder<'a> {
             (None, Some(within)) => self.within(mesh, within, format!("{key}.box")),
             (None, None) => self.listed(mesh, nodes.unwrap_or_default(), format!("{key}.nodes")),
         }
+    }
+
+    /// Number of the body whose nodes a rigid body holds, and the nodes.
+    fn held(&mut self, attach: &Attach, name: &str) -> Option<(usize, Vec<u32>)> {
+        let (body, mesh) = self.mesh(&attach.body)?;
+        let (region, within) = (attach.region.as_deref(), attach.within.as_ref());
+        Some((body, self.selected(mesh, region, within, attach.nodes.as_deref(), name)))
     }
 
     fn attachment(&mut self, attach: &Attach, name: String) -> Option<TieSet> {

@@ -15,12 +15,16 @@ pub(super) struct NodalFix<'a> {
     pub(super) nodes: Vec<u32>,
 }
 
-/// The coordinates of a component whose nodes start at x (m, 3 a node).
+/// The coordinates of a component whose nodes start at x (m, 3 a node), with `others` prescribed too.
 ///
 /// The same coordinate may be named by several fixes if they agree on its motion.
-pub(super) fn coordinates(fixes: &[NodalFix], x: &[f64]) -> Result<Coordinates, Problem> {
+pub(super) fn coordinates(
+    fixes: &[NodalFix],
+    others: Vec<Prescribed>,
+    x: &[f64],
+) -> Result<Coordinates, Problem> {
     let mut owner: HashMap<u32, usize> = HashMap::new();
-    let mut groups: Vec<Prescribed> = Vec::new();
+    let mut groups = others;
     let mut held = Vec::new();
     for (i, nodal) in fixes.iter().enumerate() {
         let mut dofs = Vec::new();

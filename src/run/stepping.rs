@@ -138,7 +138,8 @@ impl Run {
             component.system().potentials().iter().any(|term| term.account() == vi_core::Account::Load)
         });
         let estimator = scene.time.estimate.then(|| Estimator::new(&simulation));
-        let columns = Columns { has_loads, has_estimates: estimator.is_some() };
+        let rigids = simulation.rigids().iter().map(|rigid| rigid.name.clone()).collect();
+        let columns = Columns { has_loads, rigids, has_estimates: estimator.is_some() };
         let path = directory.join("history.csv");
         let history = history(&probes, columns).map_err(RunError::output(&path))?;
         let frames = scene.output.interval;

@@ -85,8 +85,8 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
     let mut check = Checker { problems: Vec::new() };
     check.finite("gravity", &scene.gravity);
     time(&mut check, scene);
-    if scene.bodies.is_empty() {
-        check.say("body", "a scene needs at least one [[body]]");
+    if scene.bodies.is_empty() && scene.rigids.is_empty() {
+        check.say("body", "a scene needs at least one [[body]] or [[rigid]]");
     }
     let mut names = HashSet::new();
     for (i, b) in scene.bodies.iter().enumerate() {
@@ -95,6 +95,12 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
         }
         body(&mut check, &format!("body[{i}]"), b);
     }
+    for (i, rigid) in scene.rigids.iter().enumerate() {
+        if !names.insert(rigid.name.as_str()) {
+            check.say(format!("rigid[{i}].name"), format!("there is another body named '{}'", rigid.name));
+        }
+    }
+    rigids(&mut check, scene);
     attachments(&mut check, scene);
     output(&mut check, scene);
     check.problems
@@ -225,6 +231,58 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
     }
 }
 
+/// Rigid bodies, their joints and what is attached to them.
+fn rigids(check: &mut Checker, scene: &Scene) {
+    let names: Vec<_> = scene.rigids.iter().map(|rigid| rigid.name.as_str()).collect();
+    let keyed = |key: String, part: &str| if part.is_empty() { key } else { format!("{key}.{part}") };
+    for (i, rigid) in scene.rigids.iter().enumerate() {
+        for (part, message) in rigid.problems() {
+            check.say(keyed(format!("rigid[{i}]"), part), message);
+        }
+    }
+    for (i, joint) in scene.joints.iter().enumerate() {
+        for (part, name) in [("body", Some(joint.body())), ("to", joint.to())] {
+            if let Some(name) = name
+                && !names.contains(&name)
+            {
+                let there = names.join(", ");
+                let message = format!("there is no rigid body '{name}'; there are: {there}");
+                check.say(format!("joint[{i}].{part}"), message);
+            }
+        }
+        for (part, message) in joint.problems() {
+            check.say(keyed(format!("joint[{i}]"), part), message);
+        }
+        let is_held = |name: Option<&str>| match name {
+            Some(name) => scene.rigids.iter().any(|rigid| rigid.name == name && rigid.is_prescribed()),
+            None => true,
+        };
+        if is_held(Some(joint.body())) && is_held(joint.to()) {
+            check.say(format!("joint[{i}]"), "joins what is prescribed on both sides; take it out");
+        }
+    }
+    for (i, attach) in scene.attachments.iter().enumerate() {
+        let Some(to) = attach.to.as_deref().filter(|to| names.contains(to)) else { continue };
+        for (part, is_given) in [
+            ("stiffness", attach.stiffness.is_some()),
+            ("length", attach.length.is_some()),
+            ("surface", attach.surface.is_some()),
+        ] {
+            if is_given {
+                let message = format!("'{to}' is rigid and holds nodes exactly where they are; take it out");
+                check.say(format!("attach[{i}].{part}"), message);
+            }
+        }
+    }
+    let is_free = |rigid: &super::Rigid| !rigid.is_prescribed();
+    if scene.time.scheme == SchemeName::Auto && scene.rigids.iter().any(is_free) {
+        check.say(
+            "time.scheme",
+            "\"auto\" does not choose for free rigid bodies; name implicit-midpoint, energy-momentum or stormer-verlet",
+        );
+    }
+}
+
 fn attachments(check: &mut Checker, scene: &Scene) {
     let names: Vec<_> = scene.bodies.iter().map(|body| body.name.as_str()).collect();
     let known = |check: &mut Checker, key: String, name: &str| {
@@ -292,7 +350,9 @@ fn attachments(check: &mut Checker, scene: &Scene) {
     let keyed = |key: String, part: &str| if part.is_empty() { key } else { format!("{key}.{part}") };
     for (i, attach) in scene.attachments.iter().enumerate() {
         known(check, format!("attach[{i}].body"), &attach.body);
-        if let Some(to) = &attach.to {
+        if let Some(to) = &attach.to
+            && !scene.rigids.iter().any(|rigid| rigid.name == *to)
+        {
             known(check, format!("attach[{i}].to"), to);
         }
         for (part, message) in attach.problems() {

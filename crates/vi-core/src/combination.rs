@@ -55,7 +55,8 @@ pub(crate) struct Combinations {
     /// Node `nodes[i]` is the sum of `terms[start[i]..start[i + 1]]`.
     start: Vec<usize>,
     terms: Vec<(u32, f64)>,
-    lumped: Vec<bool>,
+    /// Ties whose mass moves as it is to the nodes that they name, those before that are named by none.
+    lumped: Vec<(u32, Vec<(u32, f64)>)>,
 }
 
 impl Combinations {
@@ -104,8 +105,8 @@ impl Combinations {
             all.nodes.push(tie.node);
             all.terms.extend(terms);
             all.start.push(all.terms.len());
-            all.lumped.push(tie.mass == TiedMass::Lumped);
         }
+        all.lumped = lumped_order(combinations);
         Ok(all)
     }
 
@@ -148,8 +149,8 @@ impl Combinations {
         }
     }
 
-    /// The mass of what is free, from the mass of every coordinate: m_k += w m_i or the diagonal of
-    /// Sᵀ M S.
+    /// The mass of what is free, from the mass of every coordinate: lumped ties hand theirs on, m_k += w m_i;
+    /// of the others the diagonal of Sᵀ M S is taken.
     ///
     /// # Errors
     /// [`CoreError::Combination`] where that is not diagonal.
@@ -158,21 +159,29 @@ impl Combinations {
         mass: &mut [f64],
         is_free: impl Fn(u32) -> bool,
     ) -> Result<(), CoreError> {
+        for (node, terms) in &self.lumped {
+            for axis in 0..BLOCK {
+                let value = std::mem::take(&mut mass[BLOCK * *node as usize + axis]);
+                for &(k, weight) in terms {
+                    mass[BLOCK * k as usize + axis] += weight * value;
+                }
+            }
+        }
         // What stands beside the diagonal, by pair of nodes; isotropic up to prescribed axes.
         let mut beside: std::collections::BTreeMap<(u32, u32), (f64, u32)> = Default::default();
-        for (place, (node, terms)) in self.iter().enumerate() {
+        for (node, terms) in self.iter() {
             let own = &mut mass[BLOCK * node as usize..][..BLOCK];
             let value = [own[0], own[1], own[2]];
             own.fill(0.0);
+            if value == [0.0; BLOCK] {
+                continue;
+            }
             for (j, &(k, w)) in terms.iter().enumerate() {
-                let factor = if self.lumped[place] { w } else { w * w };
                 for (target, value) in mass[BLOCK * k as usize..].iter_mut().zip(value) {
-                    *target += factor * value;
+                    *target += w * w * value;
                 }
-                if !self.lumped[place] {
-                    for &(l, other) in &terms[..j] {
-                        beside.entry((l, k)).or_insert((0.0, node)).0 += value[0] * w * other;
-                    }
+                for &(l, other) in &terms[..j] {
+                    beside.entry((l, k)).or_insert((0.0, node)).0 += value[0] * w * other;
                 }
             }
         }
@@ -191,6 +200,51 @@ impl Combinations {
             }
         }
         Ok(())
+    }
+}
+
+/// Hands the masses (kg, one a node) of lumped ties, and of ties to one node alone, on to the nodes that
+/// they name, as [`crate::System::new`] will: what other ties then find there.
+///
+/// Ties and nodes must be such as [`crate::Coordinates::with_combinations`] takes.
+pub fn hand_on_lumped_mass(combinations: &[Combination], mass: &mut [f64]) {
+    for (node, terms) in lumped_order(combinations) {
+        let value = std::mem::take(&mut mass[node as usize]);
+        for (k, weight) in terms {
+            mass[k as usize] += weight * value;
+        }
+    }
+}
+
+/// The ties whose mass moves as it is, each before those that it names.
+fn lumped_order(combinations: &[Combination]) -> Vec<(u32, Vec<(u32, f64)>)> {
+    let moves = |tie: &&Combination| {
+        tie.mass == TiedMass::Lumped || matches!(tie.terms[..], [(_, weight)] if weight == 1.0)
+    };
+    let ties: std::collections::BTreeMap<u32, &Combination> =
+        combinations.iter().filter(moves).map(|tie| (tie.node, tie)).collect();
+    let mut done = std::collections::BTreeSet::new();
+    let mut order = Vec::new();
+    for &node in ties.keys() {
+        name_first(node, &ties, &mut done, &mut order);
+    }
+    order.reverse();
+    order
+}
+
+/// Lists what a tie names, then the tie.
+fn name_first(
+    node: u32,
+    ties: &std::collections::BTreeMap<u32, &Combination>,
+    done: &mut std::collections::BTreeSet<u32>,
+    order: &mut Vec<(u32, Vec<(u32, f64)>)>,
+) {
+    let Some(tie) = ties.get(&node) else { return };
+    if done.insert(node) {
+        for &(k, _) in &tie.terms {
+            name_first(k, ties, done, order);
+        }
+        order.push((node, tie.terms.clone()));
     }
 }
 

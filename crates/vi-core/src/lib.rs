@@ -28,7 +28,7 @@ mod scheme;
 pub mod statics;
 mod system;
 
-pub use combination::{Combination, TiedMass};
+pub use combination::{Combination, TiedMass, hand_on_lumped_mass};
 pub use conserved::{angular_momentum, kinetic_energy, linear_momentum};
 pub use coordinates::{Coordinates, Fixed, Path, Prescribed};
 pub use error::CoreError;

@@ -8,7 +8,8 @@
 //! ```text
 //! 2c G₁ Z Δℓ = g(q₁) + 2 G₁ y,   δ = y − c Z Δℓ.
 //! ```
-//! Z costs one solve a multiplier and is made once a step and factor. When the stage is solved to its
+//! Z costs one solve a multiplier and is made once a step and factor. ℓ + Δℓ and δ depend on w alone and not
+//! on the ℓ in R: so w is all that Newton's method and its accelerations need to know. When the stage is solved to its
 //! tolerance, q₁ is put on the surface to round-off along M⁻¹Nᵀ. This room must not know what the
 //! constraints are, nor how A is factored.
 
@@ -26,10 +27,10 @@ pub(crate) struct Constrained {
     multipliers: Multipliers,
     /// ℓ of the last step that was made.
     last: Vec<f64>,
-    /// ℓ, and where the last correction began.
+    /// ℓ of the last correction.
     forces: Vec<f64>,
-    base: Vec<f64>,
-    correction: Vec<f64>,
+    /// A δ of the last correction.
+    load: Vec<f64>,
     h: f64,
     end_t: f64,
     /// g and G at the end of the step, of the last evaluation.
@@ -54,8 +55,7 @@ impl Constrained {
             multipliers,
             last: vec![0.0; m],
             forces: vec![0.0; m],
-            base: vec![0.0; m],
-            correction: vec![0.0; m],
+            load: vec![0.0; n],
             h: 0.0,
             end_t: 0.0,
             defect: DVector::zeros(m),
@@ -86,8 +86,6 @@ impl Constrained {
         self.surface.direct(system, &state.q, state.t);
         self.z_is_of = None;
         self.forces.copy_from_slice(&self.last);
-        self.base.copy_from_slice(&self.last);
-        self.correction.fill(0.0);
     }
 
     /// Adds Nᵀℓ to what is added to ∂V/∂q at stage (q, t), and looks at the end of the step.
@@ -130,17 +128,16 @@ impl Constrained {
         // Dependent constraints are named by the surface when the step's end is put on it.
         let step = solved.unwrap_or_else(|| DVector::zeros(m));
         // A δ = −R − c NᵀΔℓ.
-        self.p_scratch.copy_from_slice(residual);
-        self.surface.add_force(step.as_slice(), -c, &mut self.p_scratch);
+        self.load.copy_from_slice(residual);
+        self.surface.add_force(step.as_slice(), -c, &mut self.load);
         for (j, change) in step.iter().enumerate() {
             let column = &self.z[j * n..(j + 1) * n];
             for (value, z) in correction.iter_mut().zip(column) {
                 *value -= c * change * z;
             }
         }
-        self.base.copy_from_slice(&self.forces);
-        self.correction.copy_from_slice(step.as_slice());
-        Ok(self.p_scratch.iter().zip(&*correction).map(|(r, d)| r * d).sum::<f64>() / c)
+        self.forces.iter_mut().zip(&step).for_each(|(force, change)| *force += change);
+        Ok(self.load.iter().zip(&*correction).map(|(r, d)| r * d).sum::<f64>() / c)
     }
 
     /// Makes Z where the factor is another than it was made with.
@@ -158,10 +155,9 @@ impl Constrained {
         Ok(())
     }
 
-    pub(crate) fn advance(&mut self, fraction: f64) {
-        for (j, force) in self.forces.iter_mut().enumerate() {
-            *force = self.base[j] + fraction * self.correction[j];
-        }
+    /// A δ of the last correction.
+    pub(crate) fn load(&self) -> &[f64] {
+        &self.load
     }
 
     /// Puts the end of the step on the surface by a change of w along M⁻¹Nᵀ, and of ℓ with it.

@@ -57,3 +57,4 @@ pub use statics::{
     reactions,
 };
 pub use stepper::{LinearSolver, SolverOptions, StepError, StepReport, Stepper, StepperMemory, Work};
+pub use surface::make_tangent;

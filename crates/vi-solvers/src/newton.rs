@@ -61,11 +61,6 @@ pub(crate) trait Equations {
     fn model_is_exact(&self) -> bool {
         true
     }
-    /// Are these unknowns all there is? Corrections are not mixed with others where multipliers beside
-    /// them belong to each.
-    fn is_whole(&self) -> bool {
-        true
-    }
     /// The unknowns, to be kept.
     fn unknowns(&self) -> &[f64];
     /// Sets the unknowns to ones that were kept.
@@ -199,9 +194,7 @@ impl Newton {
             if iteration == 1 && !inverse.is_linear() && doubtful(equations) {
                 decrement = self.choose_start(system, forces, inverse, equations, decrement)?;
             }
-            let accelerates =
-                equations.is_whole() && (!inverse.is_linear() || !equations.model_is_exact());
-            if accelerates {
+            if !inverse.is_linear() || !equations.model_is_exact() {
                 // Where a merit is searched along, the correction must point down it.
                 let small = decrement <= SEARCH_ABOVE * SEARCH_ABOVE * equations.energy_scale();
                 let (delta, load) = equations.correction();
@@ -225,9 +218,7 @@ impl Newton {
                 self.anderson.restart();
                 continue;
             };
-            if accelerates {
-                self.anderson.advance(equations.correction().0, fraction);
-            }
+            self.anderson.advance(equations.correction().0, fraction);
             self.consider_new_factor(inverse, equations, &mut attempt, eta);
         }
         Ok(Course::Stuck(self.max_iterations))

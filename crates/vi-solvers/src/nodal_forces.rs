@@ -3,7 +3,7 @@
 
 use vi_core::{Account, ForceAccount, State, Stencils, System};
 
-use crate::Assembler;
+use crate::{Assembler, surface};
 use crate::force_sum::ForceSum;
 
 /// Accelerations of all coordinates, m/s²: M⁻¹(f − ∂V/∂x) with the lumped mass where they are free,
@@ -28,10 +28,17 @@ pub fn accelerations(system: &System, state: &State) -> Vec<f64> {
         coordinates.embed_velocity(&still, to, &mut out);
         out.iter_mut().zip(&before).for_each(|(out, before)| *out = (*out - before) / (to - from));
     }
-    for &dof in coordinates.free() {
+    for (&dof, mass) in coordinates.free().iter().zip(system.free_mass()) {
         let dof = dof as usize;
         let force = forces.as_ref().map_or(0.0, |forces| forces.total(dof));
-        out[dof] = (force - gradient[dof]) / system.mass()[dof];
+        out[dof] = (force - gradient[dof]) / mass;
+    }
+    surface::constrain_accelerations(system, state, &v, &mut out);
+    for (node, terms) in coordinates.combinations() {
+        for axis in 0..3 {
+            let along = terms.iter().map(|&(k, weight)| weight * out[3 * k as usize + axis]);
+            out[3 * node as usize + axis] = along.sum();
+        }
     }
     out
 }

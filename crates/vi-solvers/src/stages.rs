@@ -287,13 +287,9 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn simplify(&mut self, simple: bool) -> bool {
-        let may_be = self.rule.has_correction() && !self.stage.is_forced && self.stage.constrained.is_none();
+        let may_be = self.rule.has_correction() && !self.stage.is_forced;
         self.stage.is_simple = simple && may_be;
         may_be
-    }
-
-    fn is_whole(&self) -> bool {
-        self.stage.constrained.is_none()
     }
 
     fn unknowns(&self) -> &[f64] {
@@ -345,15 +341,13 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn correction(&mut self) -> (&mut [f64], &[f64]) {
-        (&mut self.stage.correction, &self.stage.residual)
+        let Stage { correction, residual, constrained, .. } = &mut *self.stage;
+        (correction, constrained.as_ref().map_or(&residual[..], Constrained::load))
     }
 
     fn advance(&mut self, fraction: f64) {
-        let Stage { w, base, correction, constrained, .. } = self.stage;
+        let Stage { w, base, correction, .. } = self.stage;
         vectors::fill(w, |k| base[k] + fraction * correction[k]);
-        if let Some(constrained) = constrained {
-            constrained.advance(fraction);
-        }
     }
 
     fn slope(&self) -> f64 {

@@ -413,3 +413,53 @@ fn clusters<'a>(system: &'a System, free_of: &[u32]) -> Vec<Vec<&'a QuadraticCon
     };
     order.into_iter().map(|cluster| members(cluster).collect()).collect()
 }
+
+/// Makes the momenta of `state` tangent to the constraints, by impulses of theirs: how a run begins.
+/// Returns the largest change of a momentum over the largest momentum.
+///
+/// # Errors
+/// [`SolverError::Surface`] where the state is not on the surface to 1e-9 of what the constraints add up.
+pub fn make_tangent(system: &System, state: &mut vi_core::State) -> Result<f64, SolverError> {
+    let Some(mut surface) = Surface::new(system) else { return Ok(0.0) };
+    surface.direct(system, &state.q, state.t);
+    for cluster in &surface.clusters {
+        let defect = cluster.defect();
+        let (worst, which) = cluster.worst(&defect);
+        if worst > 1e-9 / f64::EPSILON {
+            return Err(cluster.failure(which, 0, defect[which]));
+        }
+    }
+    let before = state.p.clone();
+    let size = before.iter().fold(0.0_f64, |size, p| size.max(p.abs()));
+    surface.flatten(system, &state.q, &mut state.p, state.t)?;
+    let change = before.iter().zip(&state.p).fold(0.0_f64, |change, (a, b)| change.max((a - b).abs()));
+    Ok(if change == 0.0 { 0.0 } else { change / size.max(change) })
+}
+
+/// Adds to accelerations of all coordinates what keeps them on the constraints, with velocities `v` of all:
+/// a −= M⁻¹Gᵀμ with G a + γ = 0, γ = g(x + v) − 2 g(x) + g(x − v) for quadratic g. Where constraints
+/// depend on each other against expectation, nothing is added.
+pub(crate) fn constrain_accelerations(system: &System, state: &vi_core::State, v: &[f64], a: &mut [f64]) {
+    let Some(mut surface) = Surface::new(system) else { return };
+    surface.direct(system, &state.q, state.t);
+    for cluster in &surface.clusters {
+        let local = |values: &[f64]| -> DVector<f64> {
+            DVector::from_iterator(cluster.dofs.len(), cluster.dofs.iter().map(|&dof| values[dof as usize]))
+        };
+        let (y, v) = (DVector::from_column_slice(&cluster.y), local(v));
+        let (ahead, behind) = (&y + &v, &y - &v);
+        let bend = DVector::from_iterator(
+            cluster.constraints.len(),
+            cluster.constraints.iter().map(|g| {
+                g.value(ahead.as_slice()) + g.value(behind.as_slice()) - 2.0 * g.value(y.as_slice())
+            }),
+        );
+        let rate = &cluster.normal * local(a) + bend;
+        if let Some(mu) = cluster.solve(cluster.metric(&cluster.normal, &cluster.normal), &rate) {
+            let force = cluster.normal.tr_mul(&mu);
+            for (k, &dof) in cluster.dofs.iter().enumerate() {
+                a[dof as usize] -= cluster.inverse_mass[k] * force[k];
+            }
+        }
+    }
+}

@@ -145,10 +145,8 @@ impl QuadraticConstraint {
             .linear
             .iter()
             .map(|&(node, a)| (0..3).map(|k| at(node, k).max(size) * a[k].abs()).sum::<f64>());
-        let products = self
-            .products
-            .iter()
-            .map(|&(i, j, factor)| (0..3).map(|k| at(i, k) * at(j, k) * factor.abs()).sum::<f64>());
+        let norm = |node: u32| (0..3).map(|k| at(node, k).powi(2)).sum::<f64>().sqrt();
+        let products = self.products.iter().map(|&(i, j, factor)| norm(i) * norm(j) * factor.abs());
         self.constant.abs() + linear.sum::<f64>() + products.sum::<f64>()
     }
 

@@ -103,15 +103,11 @@ impl Newton {
             equations.advance(0.0);
             let step = match equations.merit(system, forces) {
                 Some(before) => full_step(system, forces, equations, before, decrement),
-                None if equations.is_whole() => {
+                None => {
                     inverse.tighten(true);
                     let step = krylov::step(system, forces, inverse, equations);
                     inverse.tighten(false);
                     step
-                }
-                None => {
-                    equations.advance(1.0);
-                    keep_inside(system, forces, equations)
                 }
             };
             let stuck = SolverError::NoConvergence { iterations: iteration, residual: eta, tolerance };

@@ -1,0 +1,335 @@
+//! Rigid bodies in natural coordinates (c, d₁, d₂, d₃): the nodes that they add to a component, the ties
+//! of what is attached to them, and the constraints of their joints. It must not know how time is stepped.
+//!
+//! Six points at c ± √(3 J_k/m) e_k of a sixth of its mass each have the mass, centre and inertia of any
+//! rigid body (E. J. Routh's equimomental system; J_k = ∫ X_k² dm are Euler's moments). With them its own
+//! mass is tied to (c, d_k) as attached nodes are, and one rule gives the mass of all.
+
+use nalgebra::{Matrix3, Vector3};
+use vi_core::constraints::{Place, QuadraticConstraint};
+use vi_core::{Combination, Fixed, Path, Prescribed, TiedMass};
+use vi_fem::Motion;
+
+use crate::scene::{Joint, Rigid, RigidShape};
+
+/// A rigid body of a scene, as part of a component.
+#[derive(Debug, Clone)]
+pub struct RigidModel {
+    /// Its name.
+    pub name: String,
+    /// Number of the component that it is part of.
+    pub component: usize,
+    /// Node c of the component; d₁, d₂, d₃ follow.
+    pub node: usize,
+    /// Its own centre of mass in (d₁, d₂, d₃) from c, m.
+    centre: Vector3<f64>,
+    /// Its own axes in (d₁, d₂, d₃), by columns.
+    axes: Matrix3<f64>,
+    /// Its shape.
+    pub shape: Option<RigidShape>,
+}
+
+/// Where a rigid body is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// Its own centre of mass, m.
+    pub position: [f64; 3],
+    /// Its own axes in space, as a unit quaternion (w, x, y, z) with w ≥ 0.
+    pub orientation: [f64; 4],
+}
+
+impl RigidModel {
+    fn point(x: &[f64], node: usize) -> Vector3<f64> {
+        Vector3::from_column_slice(&x[3 * node..3 * node + 3])
+    }
+
+    fn directors(&self, x: &[f64]) -> Matrix3<f64> {
+        Matrix3::from_columns(&[1, 2, 3].map(|k| Self::point(x, self.node + k)))
+    }
+
+    /// Where it is, from the positions of the component's nodes.
+    pub fn pose(&self, x: &[f64]) -> Pose {
+        let directors = self.directors(x);
+        let position = Self::point(x, self.node) + directors * self.centre;
+        let turn = nalgebra::Rotation3::from_matrix_unchecked(directors * self.axes);
+        let turn = nalgebra::UnitQuaternion::from_rotation_matrix(&turn);
+        let sign = if turn.w < 0.0 { -1.0 } else { 1.0 };
+        let orientation = [turn.w, turn.i, turn.j, turn.k].map(|value| sign * value);
+        Pose { position: position.into(), orientation }
+    }
+
+    /// Points given in its own axes from its own centre, carried by positions (or velocities) of the
+    /// component's nodes.
+    pub fn carry(&self, x: &[f64], points: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let (c, directors) = (Self::point(x, self.node), self.directors(x));
+        let at = |point: &[f64; 3]| c + directors * (self.centre + self.axes * Vector3::from(*point));
+        points.iter().map(|point| at(point).into()).collect()
+    }
+}
+
+/// What a rigid body adds to a component, with nodes numbered in the component.
+pub(super) struct Added {
+    pub(super) model: RigidModel,
+    /// Mass of its nodes, kg.
+    pub(super) mass: Vec<f64>,
+    pub(super) x: Vec<f64>,
+    pub(super) v: Vec<f64>,
+    pub(super) ties: Vec<Combination>,
+    pub(super) directors: [u32; 3],
+    pub(super) constraints: Vec<QuadraticConstraint>,
+    is_prescribed: bool,
+    motion: Option<Motion>,
+    frame: Frame,
+}
+
+impl Added {
+    /// Its path, where it is prescribed.
+    pub(super) fn prescribed(&self) -> Option<Prescribed> {
+        if !self.is_prescribed {
+            return None;
+        }
+        let first = 3 * self.frame.node;
+        let path: Box<dyn Path> = match &self.motion {
+            Some(motion) => Box::new(Carried { motion: motion.clone(), frame: self.frame }),
+            None => Box::new(Fixed(self.x[..12].to_vec())),
+        };
+        Some(Prescribed { dofs: (first..first + 12).collect(), path })
+    }
+}
+
+/// Where c and the directors are at the start.
+#[derive(Debug, Clone, Copy)]
+struct Frame {
+    node: u32,
+    origin: Vector3<f64>,
+    /// e_k by columns.
+    axes: Matrix3<f64>,
+}
+
+impl Frame {
+    /// The weights of a point of space that the body carries.
+    fn point(&self, x: [f64; 3]) -> Vec<(u32, f64)> {
+        let local = self.axes.transpose() * (Vector3::from(x) - self.origin);
+        std::iter::once((self.node, 1.0)).chain(self.direction(local)).collect()
+    }
+
+    fn direction(&self, local: Vector3<f64>) -> impl Iterator<Item = (u32, f64)> {
+        (1..=3).zip([local.x, local.y, local.z]).map(|(k, weight)| (self.node + k, weight))
+    }
+
+    /// A direction of space that the body carries.
+    fn carried(&self, direction: Vector3<f64>) -> Place {
+        Place::sum(self.direction(self.axes.transpose() * direction).collect())
+    }
+}
+
+/// A node that is attached: its number in the component, where it starts (m) and its mass (kg).
+pub(super) struct Attached {
+    pub(super) node: u32,
+    pub(super) x: [f64; 3],
+    pub(super) mass: f64,
+}
+
+/// A rigid body with what is attached to it, as nodes `node` and on of component `component`.
+pub(super) fn build(
+    rigid: &Rigid,
+    attached: &[Attached],
+    component: usize,
+    node: usize,
+) -> Result<Added, String> {
+    let own = Own::new(rigid);
+    let mass = own.mass + attached.iter().map(|a| a.mass).sum::<f64>();
+    let frame = if rigid.is_prescribed() {
+        Frame { node: node as u32, origin: own.centre, axes: own.axes }
+    } else {
+        principal(rigid, &own, attached, mass, node as u32)?
+    };
+    let omega = Vector3::from(rigid.angular_velocity.unwrap_or_default());
+    let velocity = Vector3::from(rigid.velocity.unwrap_or_default());
+    let [e1, e2, e3] = [0, 1, 2].map(|k| frame.axes.column(k).into_owned());
+    let mut x: Vec<Vector3<f64>> = vec![frame.origin, e1, e2, e3];
+    let mut v = vec![
+        velocity + omega.cross(&(frame.origin - own.centre)),
+        omega.cross(&e1),
+        omega.cross(&e2),
+        omega.cross(&e3),
+    ];
+    let mut masses = vec![0.0; 4];
+    let mut ties: Vec<Combination> = attached
+        .iter()
+        .map(|a| Combination { node: a.node, terms: frame.point(a.x), mass: TiedMass::Exact })
+        .collect();
+    if !rigid.is_prescribed() && own.mass > 0.0 {
+        for (point, share) in own.equimomental() {
+            let number = (node + x.len()) as u32;
+            ties.push(Combination { node: number, terms: frame.point(point.into()), mass: TiedMass::Exact });
+            x.push(point);
+            v.push(velocity + omega.cross(&(point - own.centre)));
+            masses.push(share);
+        }
+    }
+    let directors = [1, 2, 3].map(|k| frame.node + k);
+    let constraints = match rigid.is_prescribed() {
+        true => Vec::new(),
+        false => QuadraticConstraint::orthonormal(&format!("rigid '{}'", rigid.name), directors).to_vec(),
+    };
+    let model = RigidModel {
+        name: rigid.name.clone(),
+        component,
+        node,
+        centre: frame.axes.transpose() * (own.centre - frame.origin),
+        axes: frame.axes.transpose() * own.axes,
+        shape: rigid.shape,
+    };
+    let flat = |list: &[Vector3<f64>]| list.iter().flat_map(|x| [x.x, x.y, x.z]).collect();
+    Ok(Added {
+        model,
+        mass: masses,
+        x: flat(&x),
+        v: flat(&v),
+        ties,
+        directors,
+        constraints,
+        is_prescribed: rigid.is_prescribed(),
+        motion: rigid.motion.clone(),
+        frame,
+    })
+}
+
+/// Its own mass, kg, centre, axes by columns, and Euler's tensor ∫ r rᵀ dm about the centre, kg m².
+struct Own {
+    mass: f64,
+    centre: Vector3<f64>,
+    axes: Matrix3<f64>,
+    euler: Matrix3<f64>,
+}
+
+impl Own {
+    fn new(rigid: &Rigid) -> Self {
+        let axes = rigid.orientation.map_or(Matrix3::identity(), |turn| {
+            let axis = nalgebra::Unit::new_normalize(Vector3::from(turn.axis));
+            nalgebra::Rotation3::from_axis_angle(&axis, turn.angle).into_inner()
+        });
+        let volume = rigid.shape.map_or(0.0, |shape| shape.volume());
+        let mass = rigid.mass.or(rigid.density.map(|density| density * volume)).unwrap_or(0.0);
+        let local = match (&rigid.inertia, &rigid.shape) {
+            (Some(inertia), _) => {
+                let inertia = inertia.matrix();
+                let inertia = Matrix3::from_fn(|i, j| inertia[i][j]);
+                Matrix3::identity() * (0.5 * inertia.trace()) - inertia
+            }
+            (None, Some(shape)) => Matrix3::from_diagonal(&Vector3::from(shape.mean_squares())) * mass,
+            (None, None) => Matrix3::zeros(),
+        };
+        Self { mass, centre: Vector3::from(rigid.position), axes, euler: axes * local * axes.transpose() }
+    }
+
+    /// Six points of equal mass with its mass, centre and inertia.
+    fn equimomental(&self) -> Vec<(Vector3<f64>, f64)> {
+        let eigen = self.euler.symmetric_eigen();
+        let pair = |k: usize| {
+            let arm = eigen.eigenvectors.column(k) * (3.0 * eigen.eigenvalues[k].max(0.0) / self.mass).sqrt();
+            [self.centre + arm, self.centre - arm]
+        };
+        (0..3).flat_map(pair).map(|point| (point, self.mass / 6.0)).collect()
+    }
+}
+
+/// The principal axes of the body with all that is attached to it.
+fn principal(rigid: &Rigid, own: &Own, attached: &[Attached], mass: f64, node: u32) -> Result<Frame, String> {
+    if mass <= 0.0 {
+        return Err(
+            "weighs nothing: give it `mass` and `inertia`, a `density` and a `shape`, or attach nodes \
+                    with mass to it"
+                .to_owned(),
+        );
+    }
+    let moment: Vector3<f64> = attached.iter().map(|a| Vector3::from(a.x) * a.mass).sum();
+    let origin = (own.centre * own.mass + moment) / mass;
+    let outer = |r: Vector3<f64>, m: f64| r * r.transpose() * m;
+    let mut euler = own.euler + outer(own.centre - origin, own.mass);
+    for a in attached {
+        euler += outer(Vector3::from(a.x) - origin, a.mass);
+    }
+    // Exactly symmetric, so that the axes of a body that has them along those of space are these.
+    let euler = (euler + euler.transpose()) * 0.5;
+    let eigen = euler.symmetric_eigen();
+    if eigen.eigenvalues.min() <= 1e-12 * eigen.eigenvalues.max() {
+        return Err(format!(
+            "'{}' is flat or straight: its mass has no extent along some direction; give it a shape or an inertia of \
+             its own",
+            rigid.name
+        ));
+    }
+    let mut axes = eigen.eigenvectors;
+    if axes.determinant() < 0.0 {
+        axes = -axes;
+    }
+    Ok(Frame { node, origin, axes })
+}
+
+/// The path of (c, d₁, d₂, d₃) of a body that a motion carries.
+struct Carried {
+    motion: Motion,
+    frame: Frame,
+}
+
+impl Carried {
+    fn scatter(&self, at: impl Fn([f64; 3]) -> [f64; 3], out: &mut [f64]) {
+        let origin = at(self.frame.origin.into());
+        out[..3].copy_from_slice(&origin);
+        for (k, out) in out[3..].chunks_exact_mut(3).enumerate() {
+            let tip = at((self.frame.origin + self.frame.axes.column(k)).into());
+            out.iter_mut().zip(tip.iter().zip(origin)).for_each(|(out, (tip, origin))| *out = tip - origin);
+        }
+    }
+}
+
+impl Path for Carried {
+    fn position(&self, t: f64, out: &mut [f64]) {
+        self.scatter(|x| self.motion.position(x, t), out);
+    }
+    fn velocity(&self, t: f64, out: &mut [f64]) {
+        self.scatter(|x| self.motion.velocity(x, t), out);
+    }
+}
+
+/// The constraints of a joint between rigid bodies of one component, or to the world (`to` is none).
+pub(super) fn joint(joint: &Joint, name: &str, body: &Added, to: Option<&Added>) -> Vec<QuadraticConstraint> {
+    let of = |added: Option<&Added>, point: [f64; 3]| {
+        added.map_or(Place::fixed(point), |added| Place::sum(added.frame.point(point)))
+    };
+    let along = |added: Option<&Added>, direction: Vector3<f64>| {
+        added.map_or(Place::fixed(direction.into()), |added| added.frame.carried(direction))
+    };
+    let ball =
+        |point: [f64; 3]| QuadraticConstraint::coincidence(name, &of(Some(body), point), &of(to, point));
+    let perpendicular = |a: Vector3<f64>, b: Vector3<f64>| {
+        QuadraticConstraint::product(name, &along(Some(body), a), &along(to, b), 0.0)
+    };
+    match joint {
+        Joint::Ball { point, .. } => ball(*point).to_vec(),
+        Joint::Hinge { point, axis, .. } => {
+            let axis = Vector3::from(*axis).normalize();
+            let [m, n] = beside(axis);
+            ball(*point).into_iter().chain([perpendicular(axis, m), perpendicular(axis, n)]).collect()
+        }
+        Joint::Weld { point, .. } => {
+            let [x, y, z] = [Vector3::x(), Vector3::y(), Vector3::z()];
+            let turns = [perpendicular(x, y), perpendicular(y, z), perpendicular(z, x)];
+            let centre = body.frame.origin.into();
+            ball(point.unwrap_or(centre)).into_iter().chain(turns).collect()
+        }
+        Joint::Distance { point, to_point, .. } => {
+            let length = (Vector3::from(*point) - Vector3::from(*to_point)).norm();
+            vec![QuadraticConstraint::distance(name, &of(Some(body), *point), &of(to, *to_point), length)]
+        }
+    }
+}
+
+/// Two unit vectors beside a unit vector and each other.
+fn beside(axis: Vector3<f64>) -> [Vector3<f64>; 2] {
+    let other = Vector3::ith(axis.iamin(), 1.0);
+    let first = axis.cross(&other).normalize();
+    [first, axis.cross(&first)]
+}

@@ -1,0 +1,84 @@
+//! Surfaces of the shapes of rigid bodies as triangles, for viewing. It must not know mechanics.
+
+use std::f64::consts::{PI, TAU};
+
+use crate::scene::RigidShape;
+
+/// Points around, and from pole to pole.
+const AROUND: u32 = 24;
+const ALONG: u32 = 12;
+
+/// Points (m) in the body's own axes from its centre, and triangles with normals outward.
+pub(crate) fn surface(shape: &RigidShape) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+    match *shape {
+        RigidShape::Box { size } => cuboid(size),
+        RigidShape::Sphere { radius } => {
+            let rings: Vec<[f64; 2]> = (0..=ALONG)
+                .map(|k| PI * f64::from(k) / f64::from(ALONG))
+                .map(|angle| [-radius * angle.cos(), radius * angle.sin()])
+                .collect();
+            revolved(&rings)
+        }
+        RigidShape::Rod { length, radius } => {
+            let (a, b) = (-0.5 * length, 0.5 * length);
+            revolved(&[[a, 0.0], [a, radius], [b, radius], [b, 0.0]])
+        }
+    }
+}
+
+fn cuboid(size: [f64; 3]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+    let corner = |c: u32| [0, 1, 2].map(|k| (f64::from(c >> k & 1) - 0.5) * size[k]);
+    let points = (0..8).map(corner).collect();
+    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    (points, faces.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect())
+}
+
+/// The surface that (along the first axis, radius) makes about it.
+fn revolved(rings: &[[f64; 2]]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+    let angle = |k: u32| TAU * f64::from(k) / f64::from(AROUND);
+    let point = |[x, r]: [f64; 2], k: u32| [x, r * angle(k).cos(), r * angle(k).sin()];
+    let points = rings.iter().flat_map(|&ring| (0..AROUND).map(move |k| point(ring, k))).collect();
+    let mut triangles = Vec::new();
+    for ring in 0..rings.len() as u32 - 1 {
+        for k in 0..AROUND {
+            let next = (k + 1) % AROUND;
+            let [a, b] = [ring * AROUND + k, ring * AROUND + next];
+            let [c, d] = [a + AROUND, b + AROUND];
+            if rings[ring as usize][1] > 0.0 {
+                triangles.push([a, c, b]);
+            }
+            if rings[ring as usize + 1][1] > 0.0 {
+                triangles.push([b, c, d]);
+            }
+        }
+    }
+    (points, triangles)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Volume inside, m³, positive if normals point outward.
+    fn volume(shape: RigidShape) -> f64 {
+        let (x, triangles) = surface(&shape);
+        let of = |[a, b, c]: [u32; 3]| {
+            let [a, b, c] = [a, b, c].map(|k| x[k as usize]);
+            let normal = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+            (0..3).map(|k| a[k] * normal[k]).sum::<f64>() / 6.0
+        };
+        triangles.into_iter().map(of).sum()
+    }
+
+    #[test]
+    fn surfaces_are_closed_and_look_outward() {
+        for (shape, part) in [
+            (RigidShape::Box { size: [1.0, 2.0, 3.0] }, 1e-12),
+            (RigidShape::Sphere { radius: 0.7 }, 0.05),
+            (RigidShape::Rod { length: 2.0, radius: 0.1 }, 0.02),
+        ] {
+            let ratio = volume(shape) / shape.volume();
+            assert!((ratio - 1.0).abs() < part, "{shape:?}: {ratio}");
+        }
+    }
+}

@@ -1,0 +1,334 @@
+//! Rigid bodies and joints, as a scene says them. It must not know how they are made.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use vi_fem::Motion;
+
+/// `[[rigid]]`: a rigid body. Its mass and inertia are given, or follow from a shape; nodes of bodies that
+/// are attached to it (`[[attach]]` with its name as `to`) bring theirs.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Rigid {
+    /// Its name, by which attachments and joints refer to it; heads its columns `name.x name.y name.z`
+    /// (position of its centre, m) and `name.qw name.qx name.qy name.qz` (orientation) in history.csv.
+    pub name: String,
+    /// Mass, kg; or give `density` with a shape, or neither for what the attached nodes weigh alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass: Option<f64>,
+    /// Density of its shape, kg/m³.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub density: Option<f64>,
+    /// Inertia about its centre of mass in its own axes, kg m²: three principal moments, or a symmetric
+    /// 3 × 3 matrix by rows. Instead of a shape.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inertia: Option<Inertia>,
+    /// Its shape, which gives the inertia and is shown in frames.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shape: Option<RigidShape>,
+    /// Its own centre of mass at the start, m.
+    #[serde(default)]
+    pub position: [f64; 3],
+    /// How its own axes are turned at the start (default: along those of space).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub orientation: Option<Turn>,
+    /// Initial velocity of its own centre of mass, m/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub velocity: Option<[f64; 3]>,
+    /// Initial angular velocity in space, rad/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub angular_velocity: Option<[f64; 3]>,
+    /// Held where it is.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub fixed: bool,
+    /// Moved on a path.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<Motion>,
+}
+
+/// An inertia.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Inertia {
+    /// Principal moments about the body's own axes, kg m².
+    Principal([f64; 3]),
+    /// A symmetric matrix by rows, kg m².
+    Matrix([[f64; 3]; 3]),
+}
+
+/// A homogeneous shape with its centre at the body's.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum RigidShape {
+    /// A box along the body's axes.
+    Box {
+        /// Edges, m.
+        size: [f64; 3],
+    },
+    /// A ball.
+    Sphere {
+        /// Radius, m.
+        radius: f64,
+    },
+    /// A round rod along the body's first axis.
+    Rod {
+        /// Length, m.
+        length: f64,
+        /// Radius, m.
+        radius: f64,
+    },
+}
+
+impl RigidShape {
+    /// Volume, m³.
+    pub fn volume(&self) -> f64 {
+        match *self {
+            Self::Box { size: [a, b, c] } => a * b * c,
+            Self::Sphere { radius } => 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3),
+            Self::Rod { length, radius } => std::f64::consts::PI * radius * radius * length,
+        }
+    }
+
+    /// Mean squares of the coordinates over the shape, m²: Euler's moments of unit mass.
+    pub fn mean_squares(&self) -> [f64; 3] {
+        match *self {
+            Self::Box { size } => size.map(|edge| edge * edge / 12.0),
+            Self::Sphere { radius } => [radius * radius / 5.0; 3],
+            Self::Rod { length, radius } => {
+                [length * length / 12.0, radius * radius / 4.0, radius * radius / 4.0]
+            }
+        }
+    }
+
+    fn lengths(&self) -> Vec<f64> {
+        match *self {
+            Self::Box { size } => size.to_vec(),
+            Self::Sphere { radius } => vec![radius],
+            Self::Rod { length, radius } => vec![length, radius],
+        }
+    }
+}
+
+/// A turn about an axis.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Turn {
+    /// The axis, of any length but zero.
+    pub axis: [f64; 3],
+    /// Right-handed angle about it, rad.
+    pub angle: f64,
+}
+
+impl Rigid {
+    /// A body with this name; without a mass of its own.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self {
+            name: name.into(),
+            mass: None,
+            density: None,
+            inertia: None,
+            shape: None,
+            position: [0.0; 3],
+            orientation: None,
+            velocity: None,
+            angular_velocity: None,
+            fixed: false,
+            motion: None,
+        }
+    }
+
+    /// Is it prescribed: held or moved?
+    pub fn is_prescribed(&self) -> bool {
+        self.fixed || self.motion.is_some()
+    }
+
+    /// What is wrong with its values, each with the key within it.
+    pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
+        let mut problems = Vec::new();
+        if self.name.is_empty() || self.name.contains([',', '\n', '"']) {
+            problems.push(("name", "must be a word without commas or quotes: it heads columns".to_owned()));
+        }
+        for (key, value, unit) in [("mass", self.mass, "kg"), ("density", self.density, "kg/m³")] {
+            if value.is_some_and(|value| !(value > 0.0 && value.is_finite())) {
+                let value = value.unwrap_or_default();
+                problems.push((key, format!("must be positive and finite, is {value} {unit}")));
+            }
+        }
+        if self.shape.is_some_and(|shape| shape.lengths().iter().any(|l| !(*l > 0.0 && l.is_finite()))) {
+            problems.push(("shape", "its lengths must be positive and finite, in m".to_owned()));
+        }
+        let given = (self.mass.is_some(), self.density.is_some());
+        match (given, self.inertia.is_some(), self.shape.is_some()) {
+            ((true, true), ..) => problems.push(("density", "give only one of `mass`, `density`".to_owned())),
+            ((_, true), _, false) => problems.push(("density", "needs a `shape` to fill".to_owned())),
+            (_, true, true) => problems.push(("inertia", "give only one of `inertia`, `shape`".to_owned())),
+            ((false, false), true, _) => problems.push(("inertia", "needs a `mass`".to_owned())),
+            ((true, _), false, false) => {
+                problems.push(("", "a mass needs an `inertia` or a `shape`".to_owned()));
+            }
+            _ => {}
+        }
+        if let Some(inertia) = &self.inertia {
+            problems.extend(inertia.problem().map(|message| ("inertia", message)));
+        }
+        let mut vectors = vec![("position", self.position)];
+        vectors.extend(self.velocity.map(|v| ("velocity", v)));
+        vectors.extend(self.angular_velocity.map(|v| ("angular_velocity", v)));
+        for (key, vector) in vectors {
+            if vector.iter().any(|value| !value.is_finite()) {
+                problems.push((key, "must be finite".to_owned()));
+            }
+        }
+        if let Some(turn) = self.orientation
+            && !(turn.angle.is_finite() && is_direction(turn.axis))
+        {
+            problems
+                .push(("orientation", "needs a finite `angle` and an `axis` that is not zero".to_owned()));
+        }
+        if self.fixed && self.motion.is_some() {
+            problems.push(("fixed", "give only one of `fixed`, `motion`".to_owned()));
+        }
+        if self.is_prescribed() && (self.velocity.is_some() || self.angular_velocity.is_some()) {
+            problems.push(("velocity", "follows from `fixed` or `motion`; take it out".to_owned()));
+        }
+        problems.extend(
+            self.motion.as_ref().and_then(|m| m.check().err()).map(|error| ("motion", error.to_string())),
+        );
+        problems
+    }
+}
+
+/// Is it finite and not zero?
+fn is_direction(v: [f64; 3]) -> bool {
+    v.iter().all(|value| value.is_finite()) && v != [0.0; 3]
+}
+
+impl Inertia {
+    /// As a matrix, kg m².
+    pub fn matrix(&self) -> [[f64; 3]; 3] {
+        match *self {
+            Self::Principal([a, b, c]) => [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]],
+            Self::Matrix(matrix) => matrix,
+        }
+    }
+
+    fn problem(&self) -> Option<String> {
+        let i = self.matrix();
+        if i.as_flattened().iter().any(|value| !value.is_finite()) {
+            return Some("must be finite".to_owned());
+        }
+        let size = i[0][0] + i[1][1] + i[2][2];
+        if (0..3).any(|a| (0..a).any(|b| (i[a][b] - i[b][a]).abs() > 1e-12 * size.abs())) {
+            return Some("must be a symmetric matrix".to_owned());
+        }
+        let matrix = nalgebra::Matrix3::from_fn(|a, b| i[a][b]);
+        let moments = matrix.symmetric_eigenvalues();
+        let least = 0.5 * size - moments.max();
+        (moments.min() <= 0.0 || least <= 0.0).then(|| {
+            format!(
+                "no body has principal moments {:.6e}, {:.6e}, {:.6e}: each must be positive and less than the sum of \
+                 the others",
+                moments[0], moments[1], moments[2]
+            )
+        })
+    }
+}
+
+/// `[[joint]]`: what a rigid body must keep to another one, or to the world.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Joint {
+    /// A point stays a point of both.
+    Ball {
+        /// The rigid body.
+        body: String,
+        /// The other one (default: the world).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        to: Option<String>,
+        /// The point at the start, m.
+        point: [f64; 3],
+    },
+    /// A line through a point stays a line of both.
+    Hinge {
+        /// The rigid body.
+        body: String,
+        /// The other one (default: the world).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        to: Option<String>,
+        /// A point of the line at the start, m.
+        point: [f64; 3],
+        /// Its direction at the start, of any length but zero.
+        axis: [f64; 3],
+    },
+    /// They move as one.
+    Weld {
+        /// The rigid body.
+        body: String,
+        /// The other one (default: the world).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        to: Option<String>,
+        /// A point of both at the start, m (default: the centre of `body`).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        point: Option<[f64; 3]>,
+    },
+    /// Two points keep their distance: a rod without mass.
+    Distance {
+        /// The rigid body.
+        body: String,
+        /// The other one (default: the world).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        to: Option<String>,
+        /// The point of `body` at the start, m.
+        point: [f64; 3],
+        /// The point of `to` at the start, m.
+        to_point: [f64; 3],
+    },
+}
+
+impl Joint {
+    /// The rigid body.
+    pub fn body(&self) -> &str {
+        match self {
+            Self::Ball { body, .. }
+            | Self::Hinge { body, .. }
+            | Self::Weld { body, .. }
+            | Self::Distance { body, .. } => body,
+        }
+    }
+
+    /// The other one; none for the world.
+    pub fn to(&self) -> Option<&str> {
+        match self {
+            Self::Ball { to, .. }
+            | Self::Hinge { to, .. }
+            | Self::Weld { to, .. }
+            | Self::Distance { to, .. } => to.as_deref(),
+        }
+    }
+
+    /// What is wrong with its values, each with the key within it.
+    pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
+        let mut problems = Vec::new();
+        if self.to() == Some(self.body()) {
+            problems.push(("to", "a body cannot be joined to itself".to_owned()));
+        }
+        let points: Vec<[f64; 3]> = match self {
+            Self::Ball { point, .. } | Self::Hinge { point, .. } => vec![*point],
+            Self::Weld { point, .. } => point.iter().copied().collect(),
+            Self::Distance { point, to_point, .. } => vec![*point, *to_point],
+        };
+        if points.as_flattened().iter().any(|value| !value.is_finite()) {
+            problems.push(("point", "must be finite, in m".to_owned()));
+        }
+        match self {
+            Self::Hinge { axis, .. } if !is_direction(*axis) => {
+                problems.push(("axis", "must be finite and not zero".to_owned()));
+            }
+            Self::Distance { point, to_point, .. } if point == to_point => {
+                problems
+                    .push(("to_point", "is where `point` is; for a distance of zero use a ball".to_owned()));
+            }
+            _ => {}
+        }
+        problems
+    }
+}
