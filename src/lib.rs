@@ -49,6 +49,11 @@ pub mod prelude {
     };
 }
 
+/// The page of `docs/theory` that needs more than `vi-core`.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/theory/08-embedding.md")]
+pub struct Embedding;
+
 /// The README's code runs with the documentation's.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -29,7 +29,7 @@ end = 4.5
 step = {step}
 scheme = "{scheme}"
 [solver]
-tolerance = 1e-10
+tolerance = 1e-7
 [[rigid]]
 name = "rod"
 mass = 2.0
@@ -45,7 +45,7 @@ point = [0.0, 0.0, 0.0]
 [[body]]
 name = "bob"
 box = {{ size = [{a}, {a}, {a}], cells = [2, 2, 2], element = "hex8", origin = [-0.1, -1.2, -0.1] }}
-material = {{ law = "neo-hookean", young = 1e9, poisson = 0.3, density = 500.0 }}
+material = {{ law = "neo-hookean", young = 1e7, poisson = 0.3, density = 500.0 }}
 velocity = [{u}, 0.0, 0.0]
 angular_velocity = [0.0, 0.0, {omega}]
 [[attach]]
@@ -71,7 +71,7 @@ fn a_bob_on_a_rod_swings_with_the_period_of_the_compound_pendulum() {
     let moment = 9.81 * (rod * 0.5 + cube * (1.0 + 0.5 * a));
     let sine = (0.25 * inertia * omega * omega / moment).sqrt();
     let period = 4.0 * (inertia / moment).sqrt() * complete_elliptic_k(sine);
-    for (scheme, step, least) in [("implicit-midpoint", 4e-3, 2e-4), ("energy-momentum", 4e-3, 2e-4)] {
+    for (scheme, step, least) in [("implicit-midpoint", 4e-3, 5e-5), ("energy-momentum", 4e-3, 5e-5)] {
         let history = Program::run(&bob(scheme, step, omega)).history();
         let at = crossings(&history, &history.column("rod.x"));
         let found = (at[at.len() - 1] - at[0]) / (at.len() - 1) as f64;
