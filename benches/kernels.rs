@@ -134,7 +134,7 @@ fn output(criterion: &mut Criterion) {
         let simulation = block(n, st_venant_kirchhoff(), SchemeName::StormerVerlet, 1e-4);
         let mesh = &simulation.bodies()[0].mesh;
         let nodes = simulation.components()[0].system().potentials()[0].stencils().nodes.to_vec();
-        let blocks = [CellBlock { kind: CellKind::Tet4, nodes }];
+        let blocks = [CellBlock { kind: CellKind::Tetra4, nodes }];
         let displacement: Vec<f64> = mesh.points.iter().flatten().map(|x| 1e-2 * (7.0 * x).sin()).collect();
         let arrays =
             [VtuArray { name: "displacement", components: 3, values: VtuValues::Real(&displacement) }];

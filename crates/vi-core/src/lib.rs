@@ -18,6 +18,7 @@ mod interpolation;
 pub mod lagrange;
 mod ledger;
 mod newton;
+pub mod oscillations;
 mod patch;
 mod potential;
 pub mod problems;

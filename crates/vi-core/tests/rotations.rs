@@ -161,3 +161,50 @@ fn joints_give_the_double_pendulum_of_the_textbook() {
     }
     assert!((total(&state) - initial).abs() < 1e-4);
 }
+
+/// One link on a ball joint is the heavy top: the same motion as on the rotation group.
+#[test]
+fn a_link_on_a_ball_joint_is_a_pivoted_body() {
+    use vi_core::discrete::DiscreteLagrangian;
+    use vi_core::rotations::{Articulated, Joint, Link};
+
+    let (mass, height, inertia) = (1.0, 0.4, [0.1, 0.12, 0.05]);
+    let link = Link {
+        parent: None,
+        anchor: [0.0; 3],
+        joint: Joint::Ball,
+        mass,
+        centre: [0.0, 0.0, height],
+        inertia: vi_core::problems::principal_inertia(inertia),
+    };
+    let tree = Articulated::new(vec![link], [0.0, 0.0, -9.81]).unwrap();
+    let shift = mass * height * height;
+    let pivoted = vi_core::rotations::RigidBody {
+        mass,
+        inertia: vi_core::problems::principal_inertia([inertia[0] + shift, inertia[1] + shift, inertia[2]]),
+        is_pivoted: true,
+        potential: vi_core::rotations::Weight { force: mass * 9.81, centre: [0.0, 0.0, height] },
+    };
+    // At q = 0 the momentum of the chart is the spin.
+    let spin = [0.1, -0.05, 0.3];
+    let scheme = Scheme::gauss(4).unwrap();
+    let discrete = DiscreteLagrangian::new(&tree, &scheme, 0.01).unwrap();
+    let mut state = State { t: 0.0, q: vec![0.0; 3], p: spin.to_vec() };
+    let mut body = vi_core::rotations::RigidState {
+        t: 0.0,
+        place: [0.0; 3],
+        turn: vi_core::rotations::identity(),
+        momentum: [0.0; 3],
+        spin,
+    };
+    for _ in 0..40 {
+        state = discrete.step(&state).unwrap();
+        body = pivoted.step(&scheme, &body, 0.01).unwrap();
+    }
+    let turn = tree.poses(&state.q)[0].1;
+    for i in 0..3 {
+        for j in 0..3 {
+            assert!((turn[i][j] - body.turn[i][j]).abs() < 1e-10, "{turn:?} {:?}", body.turn);
+        }
+    }
+}

@@ -3,8 +3,8 @@
 
 use vi_core::{Account, ForceAccount, State, Stencils, System};
 
-use crate::{Assembler, surface};
 use crate::force_sum::ForceSum;
+use crate::{Assembler, surface};
 
 /// Accelerations of all coordinates, m/s²: M⁻¹(f − ∂V/∂x) with the lumped mass where they are free,
 /// and those of their path (by differences of its velocity) where they are prescribed.

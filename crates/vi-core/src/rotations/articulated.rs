@@ -5,7 +5,7 @@
 
 use num_dual::Dual;
 
-use super::so3::{Matrix3, Vector3, identity, product, rotate};
+use super::so3::{Matrix3, Vector3, cayley, identity, product, rotate};
 use crate::CoreError;
 use crate::lagrange::{Lagrangian, Scalar};
 
@@ -16,6 +16,19 @@ pub enum Joint {
     Revolute(Vector3<f64>),
     /// Slides by q (m) along a unit axis.
     Prismatic(Vector3<f64>),
+    /// Turns freely about a point, by cay(q) of three coordinates: half a turn away from where q = 0 the
+    /// chart ends.
+    Ball,
+}
+
+impl Joint {
+    /// Number of its coordinates.
+    pub fn dof_count(&self) -> usize {
+        match self {
+            Self::Revolute(_) | Self::Prismatic(_) => 1,
+            Self::Ball => 3,
+        }
+    }
 }
 
 /// A rigid link.
@@ -64,7 +77,10 @@ impl Articulated {
     /// Pose (origin, rotation) of every link.
     pub fn poses<D: Scalar>(&self, q: &[D]) -> Vec<(Vector3<D>, Matrix3<D>)> {
         let mut poses: Vec<(Vector3<D>, Matrix3<D>)> = Vec::with_capacity(self.links.len());
-        for (link, &q) in self.links.iter().zip(q) {
+        let mut rest = q;
+        for link in &self.links {
+            let (q, later) = rest.split_at(link.joint.dof_count());
+            rest = later;
             let (place, turn) = match link.parent {
                 Some(parent) => poses[parent],
                 None => ([D::from(0.0); 3], identity()),
@@ -72,8 +88,9 @@ impl Articulated {
             let mut offset = link.anchor.map(D::from);
             let mut own = identity();
             match link.joint {
-                Joint::Revolute(axis) => own = rotation_about(&axis, q),
-                Joint::Prismatic(axis) => offset = std::array::from_fn(|i| offset[i] + q * axis[i]),
+                Joint::Revolute(axis) => own = rotation_about(&axis, q[0]),
+                Joint::Prismatic(axis) => offset = std::array::from_fn(|i| offset[i] + q[0] * axis[i]),
+                Joint::Ball => own = cayley(&[q[0], q[1], q[2]]),
             }
             let moved = rotate(&turn, &offset);
             poses.push((std::array::from_fn(|i| place[i] + moved[i]), product(&turn, &own)));
@@ -96,7 +113,7 @@ fn rotation_about<D: Scalar>(a: &Vector3<f64>, q: D) -> Matrix3<D> {
 
 impl Lagrangian for Articulated {
     fn dof_count(&self) -> usize {
-        self.links.len()
+        self.links.iter().map(|link| link.joint.dof_count()).sum()
     }
 
     fn value<D: Scalar>(&self, _t: D, q: &[D], v: &[D]) -> D {
