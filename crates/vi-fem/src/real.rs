@@ -33,6 +33,8 @@ pub trait Real:
     fn ln(self) -> Self;
     /// ∛self.
     fn cbrt(self) -> Self;
+    /// A scalar function of each lane, one by one.
+    fn map(self, function: impl Fn(f64) -> f64) -> Self;
     /// The angle in (−π, π] of the point (x, self), to about two units in the last place.
     fn atan2(self, x: Self) -> Self;
     /// `then` where self > 0, `otherwise` elsewhere (also for NaN).
@@ -63,6 +65,10 @@ impl Real for f64 {
     #[inline(always)]
     fn cbrt(self) -> f64 {
         self.cbrt()
+    }
+    #[inline(always)]
+    fn map(self, function: impl Fn(f64) -> f64) -> f64 {
+        function(self)
     }
     #[inline(always)]
     fn atan2(self, x: f64) -> f64 {
@@ -149,11 +155,19 @@ impl<S: Simd> Real for Lane<S> {
     }
     #[inline(always)]
     fn ln(self) -> Self {
-        if S::F64_LANES == 1 { self.each(Real::ln) } else { self.ln_in_lanes() }
+        if S::F64_LANES == 1 { self.map(Real::ln) } else { self.ln_in_lanes() }
     }
     #[inline(always)]
     fn cbrt(self) -> Self {
-        self.each(f64::cbrt)
+        self.map(f64::cbrt)
+    }
+    #[inline(always)]
+    fn map(self, function: impl Fn(f64) -> f64) -> Self {
+        let mut lanes = [self.v];
+        for value in pulp::bytemuck::cast_slice_mut::<_, f64>(&mut lanes) {
+            *value = function(*value);
+        }
+        Self { simd: self.simd, v: lanes[0] }
     }
     #[inline(always)]
     fn atan2(self, x: Self) -> Self {
@@ -162,7 +176,7 @@ impl<S: Simd> Real for Lane<S> {
         }
         let mut lanes = [x.v];
         let x = pulp::bytemuck::cast_slice_mut::<_, f64>(&mut lanes)[0];
-        self.each(|y| y.atan2(x))
+        self.map(|y| y.atan2(x))
     }
     #[inline(always)]
     fn if_positive(self, then: Self, otherwise: Self) -> Self {
@@ -172,16 +186,6 @@ impl<S: Simd> Real for Lane<S> {
 }
 
 impl<S: Simd> Lane<S> {
-    /// A scalar function lane by lane.
-    #[inline(always)]
-    fn each(self, function: impl Fn(f64) -> f64) -> Self {
-        let mut lanes = [self.v];
-        for value in pulp::bytemuck::cast_slice_mut::<_, f64>(&mut lanes) {
-            *value = function(*value);
-        }
-        Self { simd: self.simd, v: lanes[0] }
-    }
-
     /// atan t for t = min/max of |x|, |y| in [0, 1], t > .66 by atan t = π/4 + atan (t − 1)/(t + 1), and the
     /// rational approximation x + x³ P(x²)/Q(x²) of Cephes (Moshier 1989, atan.c); then the octant.
     #[allow(clippy::excessive_precision, reason = "the published digits")]

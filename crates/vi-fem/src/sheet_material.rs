@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::bending::Bending;
 use crate::membrane::{CorotatedSheet, NeoHookeanSheet, OrthotropicSheet, StVenantKirchhoffSheet};
-use crate::{Direction, FemError, Parameters};
+use crate::{Direction, FemError, Parameters, Real};
 
-/// A membrane law in plane stress: the energy density W(e) (J/m³ of the sheet at rest) of Green's
+/// A membrane law in plane stress, written once over the scalar or SIMD lane R: the energy density W(e) (J/m³ of the sheet at rest) of Green's
 /// strain e = (E₁₁, E₂₂, 2E₁₂), E = ½(FᵀF − I) in an orthonormal frame of the rest plane, F = ∂x/∂X
 /// 3 × 2. The strain across the thickness has been eliminated by S₃₃ = 0. Objective by its argument.
 pub trait SheetMaterial: Send + Sync + 'static {
@@ -21,20 +21,20 @@ pub trait SheetMaterial: Send + Sync + 'static {
     /// The law with these parameters, which have passed [`SheetParameters::check`].
     fn new(parameters: &Self::Parameters) -> Self;
     /// W(e) and its derivatives; W = +∞ outside the domain.
-    fn response(&self, strain: &[f64; 3]) -> SheetResponse;
+    fn response<R: Real>(&self, strain: &[R; 3]) -> SheetResponse<R>;
     /// The relaxed W(e) of a sheet that wrinkles instead of bearing compression (Pipkin 1986).
     fn relaxed(&self, strain: &[f64; 3]) -> SheetResponse;
 }
 
 /// W and its derivatives at a strain.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct SheetResponse {
+pub struct SheetResponse<R = f64> {
     /// W, J/m³.
-    pub energy: f64,
+    pub energy: R,
     /// Second Piola–Kirchhoff stress ∂W/∂e = (S₁₁, S₂₂, S₁₂), Pa.
-    pub stress: [f64; 3],
+    pub stress: [R; 3],
     /// ∂²W/∂e², Pa; symmetric.
-    pub tangent: [[f64; 3]; 3],
+    pub tangent: [[R; 3]; 3],
 }
 
 /// Parameters of a sheet: what every law has to answer of them.

@@ -1,6 +1,7 @@
 //! Corotated linear elasticity in plane stress.
 
-use super::invariants::{Invariants, Uniaxial, from_invariants, relaxed};
+use super::invariants::{Invariants, Uniaxial, from_invariants, invariants, relaxed};
+use crate::Real;
 use crate::sheet_material::{IsotropicSheet, SheetMaterial, SheetResponse};
 
 /// W = μ Σ (σ − 1)² + λ'/2 (σ₁ + σ₂ − 2)², σ the singular values of F, λ' = E ν/(1 − ν²): P₃₃ = 0 is
@@ -21,19 +22,20 @@ impl SheetMaterial for CorotatedSheet {
         Self { lambda, mu, young: parameters.young, poisson: parameters.poisson }
     }
 
-    fn response(&self, strain: &[f64; 3]) -> SheetResponse {
-        from_invariants(strain, |i, j| {
-            let sum = (i + 2.0 * j).sqrt();
-            // With D = μ (i − 2s + 2) + λ'/2 (s − 2)²: D_s, D_ss, and s_i = 1/(2s), s_j = 1/s.
-            let slope = self.lambda * (sum - 2.0) - 2.0 * self.mu;
-            let by_i = 0.5 / sum;
-            let curvature = self.lambda * by_i * by_i - slope * 0.25 / (sum * sum * sum);
-            Invariants {
-                energy: self.mu * (i - 2.0 * sum + 2.0) + 0.5 * self.lambda * (sum - 2.0).powi(2),
-                first: [self.mu + slope * by_i, 2.0 * slope * by_i],
-                second: [curvature, 2.0 * curvature, 4.0 * curvature],
-            }
-        })
+    #[inline(always)]
+    fn response<R: Real>(&self, strain: &[R; 3]) -> SheetResponse<R> {
+        let (i, j) = invariants(strain);
+        let sum = (i + j * 2.0).sqrt();
+        // With D = μ (i − 2s + 2) + λ'/2 (s − 2)²: D_s, D_ss, and s_i = 1/(2s), s_j = 1/s.
+        let slope = (sum - 2.0) * self.lambda - 2.0 * self.mu;
+        let by_i = sum.constant(0.5) / sum;
+        let curvature = by_i * by_i * self.lambda - slope * 0.25 / (sum * sum * sum);
+        let law = Invariants {
+            energy: (i - sum * 2.0 + 2.0) * self.mu + (sum - 2.0) * (sum - 2.0) * (0.5 * self.lambda),
+            first: [slope * by_i + self.mu, slope * by_i * 2.0],
+            second: [curvature, curvature * 2.0, curvature * 4.0],
+        };
+        from_invariants(strain, j, law)
     }
 
     fn relaxed(&self, strain: &[f64; 3]) -> SheetResponse {

@@ -1,36 +1,45 @@
 //! Isotropic membranes: from derivatives in the invariants i = tr C, j = √det C (the area ratio) to
 //! derivatives in the strain, and relaxation of compression. It must not know any law.
 
+use crate::Real;
 use crate::sheet_material::SheetResponse;
+use crate::tensor::{mat3, vec3};
 
 /// W(i, j) and its derivatives.
-pub(super) struct Invariants {
-    pub(super) energy: f64,
+pub(super) struct Invariants<R> {
+    pub(super) energy: R,
     /// W_i, W_j.
-    pub(super) first: [f64; 2],
+    pub(super) first: [R; 2],
     /// W_ii, W_ij, W_jj.
-    pub(super) second: [f64; 3],
+    pub(super) second: [R; 3],
 }
 
-/// The response of W(i, j) at the strain e = (E₁₁, E₂₂, 2E₁₂), C = I + 2E.
-pub(super) fn from_invariants(strain: &[f64; 3], law: impl Fn(f64, f64) -> Invariants) -> SheetResponse {
-    let (c11, c22, c12) = (1.0 + 2.0 * strain[0], 1.0 + 2.0 * strain[1], strain[2]);
-    let (i, j) = (c11 + c22, (c11 * c22 - c12 * c12).max(0.0).sqrt());
-    let Invariants { energy, first: [w_i, w_j], second: [w_ii, w_ij, w_jj] } = law(i, j);
+/// (i, j) at the strain e = (E₁₁, E₂₂, 2E₁₂), C = I + 2E.
+#[inline(always)]
+pub(super) fn invariants<R: Real>(strain: &[R; 3]) -> (R, R) {
+    let (c11, c22, c12) = (strain[0] * 2.0 + 1.0, strain[1] * 2.0 + 1.0, strain[2]);
+    let square = c11 * c22 - c12 * c12;
+    (c11 + c22, square.if_positive(square, square.constant(0.0)).sqrt())
+}
+
+/// The response of W(i, j) at that strain.
+#[inline(always)]
+pub(super) fn from_invariants<R: Real>(strain: &[R; 3], j: R, law: Invariants<R>) -> SheetResponse<R> {
+    let (c11, c22, c12) = (strain[0] * 2.0 + 1.0, strain[1] * 2.0 + 1.0, strain[2]);
+    let Invariants { energy, first: [w_i, w_j], second: [w_ii, w_ij, w_jj] } = law;
     // ∂i/∂e and ∂j/∂e; ∂²(j²)/∂e² = 2 q qᵀ + 2 j ∂²j/∂e² is constant.
-    let p = [2.0, 2.0, 0.0];
+    let (zero, two) = (j.constant(0.0), j.constant(2.0));
+    let p = [two, two, zero];
     let q = [c22 / j, c11 / j, -c12 / j];
-    let half_square = [[0.0, 2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, -1.0]];
-    let tangent = |a: usize, b: usize| {
-        w_ii * p[a] * p[b]
-            + w_ij * (p[a] * q[b] + q[a] * p[b])
-            + w_jj * q[a] * q[b]
-            + w_j * (half_square[a][b] - q[a] * q[b]) / j
-    };
+    let half_square = [[zero, two, zero], [two, zero, zero], [zero, zero, j.constant(-1.0)]];
+    let by_j = w_j / j;
     SheetResponse {
         energy,
-        stress: [0, 1, 2].map(|a| w_i * p[a] + w_j * q[a]),
-        tangent: [0, 1, 2].map(|a| [0, 1, 2].map(|b| tangent(a, b))),
+        stress: vec3!(a => w_i * p[a] + w_j * q[a]),
+        tangent: mat3!(a b => w_ii * p[a] * p[b]
+            + w_ij * (p[a] * q[b] + q[a] * p[b])
+            + w_jj * q[a] * q[b]
+            + by_j * (half_square[a][b] - q[a] * q[b])),
     }
 }
 

@@ -1,6 +1,7 @@
 //! Compressible neo-Hookean with logarithmic volume terms, in plane stress.
 
-use super::invariants::{Invariants, Uniaxial, from_invariants, relaxed};
+use super::invariants::{Invariants, Uniaxial, from_invariants, invariants, relaxed};
+use crate::Real;
 use crate::sheet_material::{IsotropicSheet, SheetMaterial, SheetResponse};
 
 /// Ψ = μ/2 (I₁ − 3 − 2 ln J) + λ/2 ln²J (Bonet & Wood 2008, eq. 6.27) with the stretch s across the
@@ -19,24 +20,25 @@ impl SheetMaterial for NeoHookeanSheet {
         Self { lambda, mu }
     }
 
-    fn response(&self, strain: &[f64; 3]) -> SheetResponse {
-        from_invariants(strain, |i, j| {
-            if j.is_nan() || j <= 0.0 {
-                let nan = f64::NAN;
-                return Invariants { energy: f64::INFINITY, first: [nan; 2], second: [nan; 3] };
-            }
-            let (lambda, mu) = (self.lambda, self.mu);
-            let square = self.thickness_square(j.ln(), 1.0);
-            let log = j.ln() + 0.5 * square.ln();
-            let slope = (lambda * log - mu) / j;
-            // The energy is stationary in s: only the second derivative feels ∂ ln s/∂ ln j.
-            let stiffness = 2.0 * mu * square * lambda / (2.0 * mu * square + lambda);
-            Invariants {
-                energy: 0.5 * mu * (i + square - 3.0 - 2.0 * log) + 0.5 * lambda * log * log,
-                first: [0.5 * mu, slope],
-                second: [0.0, 0.0, (stiffness / j - slope) / j],
-            }
-        })
+    #[inline(always)]
+    fn response<R: Real>(&self, strain: &[R; 3]) -> SheetResponse<R> {
+        let (lambda, mu) = (self.lambda, self.mu);
+        let (i, j) = invariants(strain);
+        // Not a number outside the domain, and all that follows from it.
+        let log_j = j.ln();
+        let square = log_j.map(|log| self.thickness_square(log, 1.0));
+        let log = square.ln() * 0.5 + log_j;
+        let slope = (log * lambda - mu) / j;
+        // The energy is stationary in s: only the second derivative feels ∂ ln s/∂ ln j.
+        let stiffness = square * (2.0 * mu * lambda) / (square * (2.0 * mu) + lambda);
+        let energy = (i + square - 3.0 - log * 2.0) * (0.5 * mu) + log * log * (0.5 * lambda);
+        let zero = j.constant(0.0);
+        let law = Invariants {
+            energy: j.if_positive(energy, j.constant(f64::INFINITY)),
+            first: [j.constant(0.5 * mu), slope],
+            second: [zero, zero, (stiffness / j - slope) / j],
+        };
+        from_invariants(strain, j, law)
     }
 
     fn relaxed(&self, strain: &[f64; 3]) -> SheetResponse {

@@ -7,7 +7,8 @@ use crate::bending::Bending;
 use crate::sheet_material::{
     SheetCommon, SheetMaterial, SheetParameters, SheetResponse, area_density, check_sheet, require_positive,
 };
-use crate::{Direction, FemError};
+use crate::tensor::{dot, mat3, vec3};
+use crate::{Direction, FemError, Real};
 
 /// W = ½ eᵀQ e, e = (E₁₁, E₂₂, 2E₁₂) in the frame of warp and weft;
 /// Q = [[E₁, ν₁₂E₂, 0], [ν₁₂E₂, E₂, 0], [0, 0, G(1 − ν₁₂ν₂₁)]]/(1 − ν₁₂ν₂₁), ν₂₁ = ν₁₂ E₂/E₁
@@ -129,10 +130,11 @@ impl SheetMaterial for OrthotropicSheet {
         Self { moduli: parameters.moduli(), compliance }
     }
 
-    fn response(&self, strain: &[f64; 3]) -> SheetResponse {
-        let stress = self.moduli.map(|row| row[0] * strain[0] + row[1] * strain[1] + row[2] * strain[2]);
-        let energy = 0.5 * (0..3).map(|k| stress[k] * strain[k]).sum::<f64>();
-        SheetResponse { energy, stress, tangent: self.moduli }
+    #[inline(always)]
+    fn response<R: Real>(&self, strain: &[R; 3]) -> SheetResponse<R> {
+        let tangent = mat3!(i j => strain[0].constant(self.moduli[i][j]));
+        let stress = vec3!(i => dot(tangent[i], *strain));
+        SheetResponse { energy: dot(stress, *strain) * 0.5, stress, tangent }
     }
 
     /// min ½ (e + Δ)ᵀQ (e + Δ) over wrinkle strains Δ ≥ 0 = max S·e − ½ SᵀQ⁻¹S over stresses S ≥ 0: taut

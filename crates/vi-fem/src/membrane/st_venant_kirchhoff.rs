@@ -1,6 +1,7 @@
 //! St. Venant–Kirchhoff in plane stress.
 
 use super::invariants::{Uniaxial, relaxed};
+use crate::Real;
 use crate::sheet_material::{IsotropicSheet, SheetMaterial, SheetResponse};
 
 /// W = μ E:E + λ'/2 (tr E)², λ' = E ν/(1 − ν²): S₃₃ = 0 is linear in E₃₃, so the condensation is exact.
@@ -21,14 +22,15 @@ impl SheetMaterial for StVenantKirchhoffSheet {
     }
 
     /// Written in E itself, which is exact near rest.
-    fn response(&self, &[e11, e22, gamma]: &[f64; 3]) -> SheetResponse {
-        let (lambda, mu) = (self.lambda, self.mu);
+    #[inline(always)]
+    fn response<R: Real>(&self, &[e11, e22, gamma]: &[R; 3]) -> SheetResponse<R> {
+        let (zero, lambda, mu) = (e11.constant(0.0), e11.constant(self.lambda), e11.constant(self.mu));
         let trace = e11 + e22;
-        let axial = lambda + 2.0 * mu;
+        let (axial, volume) = (mu * 2.0 + lambda, lambda * trace);
         SheetResponse {
-            energy: mu * (e11 * e11 + e22 * e22 + 0.5 * gamma * gamma) + 0.5 * lambda * trace * trace,
-            stress: [2.0 * mu * e11 + lambda * trace, 2.0 * mu * e22 + lambda * trace, mu * gamma],
-            tangent: [[axial, lambda, 0.0], [lambda, axial, 0.0], [0.0, 0.0, mu]],
+            energy: mu * (e11 * e11 + e22 * e22 + gamma * gamma * 0.5) + volume * trace * 0.5,
+            stress: [mu * 2.0 * e11 + volume, mu * 2.0 * e22 + volume, mu * gamma],
+            tangent: [[axial, lambda, zero], [lambda, axial, zero], [zero, zero, mu]],
         }
     }
 
