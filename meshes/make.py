@@ -64,6 +64,8 @@ TUREK = dict(centre=(0.2, 0.2), radius=0.05, right=0.6, bottom=0.19, top=0.21, t
 TUREK_COMMITTED = dict(cells=4, element="hex20")
 
 CLOTH = dict(size=1.0, edge=0.042)
+TABLECLOTH = {"size": 1.2, "ring": 0.35, "edge": 0.03}
+ROLL = {"length": 1.2, "width": 0.3, "cells": (96, 8), "straight": 0.2, "outer": 0.1, "inner": 0.06}
 
 # Cook's membrane: cells grow geometrically from its singular corner (0, 44) to `largest`.
 COOK = dict(least=0.06, growth=1.6, largest=5.0, thickness=0.1)
@@ -453,6 +455,56 @@ def hexahedra(path, name, cells, surfaces, place, order, incomplete=False):
     finish(path, binary=order == 2)
 
 
+def tablecloth(path):
+    """Square about the origin in the plane z = 0 with a circle of nodes, on which it lies."""
+    start()
+    geo, half, radius = gmsh.model.geo, 0.5 * TABLECLOTH["size"], TABLECLOTH["ring"]
+    centre = geo.addPoint(0, 0, 0)
+    on_circle = [geo.addPoint(x, y, 0) for x, y in [(radius, 0), (0, radius), (-radius, 0), (0, -radius)]]
+    arcs = [geo.addCircleArc(on_circle[i], centre, on_circle[(i + 1) % 4]) for i in range(4)]
+    corners = [geo.addPoint(x, y, 0) for x, y in [(-half, -half), (half, -half), (half, half), (-half, half)]]
+    edges = [geo.addLine(corners[i], corners[(i + 1) % 4]) for i in range(4)]
+    ring = geo.addCurveLoop(arcs)
+    faces = [geo.addPlaneSurface([ring]), geo.addPlaneSurface([geo.addCurveLoop(edges), ring])]
+    geo.synchronize()
+    group(2, faces, "cloth")
+    group(1, arcs, "ring")
+    uniform_size(TABLECLOTH["edge"])
+    gmsh.option.setNumber("Mesh.Algorithm", 5)
+    generate(2)
+    finish(path)
+
+
+def roll(path):
+    """A strip rolled up but for its first part, as OBJ; texture coordinates are the flat strip, m."""
+    path = path.with_suffix(".obj")
+    count, across = ROLL["cells"]
+    step = ROLL["length"] / count
+    x, z, angle = 0.0, 0.0, 0.0
+    rim = [(x, z)]
+    for k in range(count):
+        x, z = x + step * math.cos(angle), z + step * math.sin(angle)
+        rim.append((x, z))
+        wound = (k + 1) * step - ROLL["straight"]
+        if wound > 0:
+            # Each cell is flat and keeps its length, so that the roll is bent and nowhere stretched.
+            rolled = wound / (ROLL["length"] - ROLL["straight"])
+            angle += step / (ROLL["outer"] + rolled * (ROLL["inner"] - ROLL["outer"]))
+    lines = ["# made by meshes/make.py", "o roll"]
+    rows = [ROLL["width"] * j / across for j in range(across + 1)]
+    lines += [f"v {x:.9f} {y:.9f} {z:.9f}" for y in rows for x, z in rim]
+    lines += [f"vt {step * k:.9f} {y:.9f}" for y in rows for k in range(count + 1)]
+    at = lambda i, j: i + j * (count + 1) + 1
+    for j in range(across):
+        for i in range(count):
+            a, b, c, d = at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)
+            triangles = [(a, b, c), (a, c, d)] if (i + j) % 2 else [(a, b, d), (b, c, d)]
+            lines += ["f " + " ".join(f"{n}/{n}" for n in triangle) for triangle in triangles]
+    lines += ["g start", "l " + " ".join(str(at(0, j)) for j in range(across + 1))]
+    path.write_text("\n".join(lines) + "\n")
+    print(f"{path.name}: {2 * count * across} triangles, {(count + 1) * (across + 1)} nodes")
+
+
 # --- Gmsh -----------------------------------------------------------------------------------------
 
 
@@ -579,6 +631,8 @@ def main():
         "cylinder": cylinder,
         "sphere": sphere,
         "mixed": mixed,
+        "tablecloth": tablecloth,
+        "roll": roll,
     }
     parser = argparse.ArgumentParser(description="Makes the meshes of this directory.")
     parser.add_argument("--only", choices=made, help="make this one alone")

@@ -13,7 +13,7 @@ struct Faces {
     edges: &'static [[u32; 2]],
     /// Number of corners of the element.
     corner_count: u32,
-    /// Does each face have a node in its middle, after those of the edges?
+    /// Does each quadrilateral face have a node in its middle, after those of the edges?
     has_middles: bool,
 }
 
@@ -35,6 +35,7 @@ fn faces(kind: ElementKind) -> Option<Faces> {
         ElementKind::Hex27 => (HEX, HEX_EDGES, 8, true),
         ElementKind::Wedge6 => (WEDGE, &[][..], 6, false),
         ElementKind::Wedge15 => (WEDGE, WEDGE_EDGES, 6, false),
+        ElementKind::Wedge18 => (WEDGE, WEDGE_EDGES, 6, true),
         _ => return None,
     };
     Some(Faces { corners, edges, corner_count, has_middles })
@@ -50,8 +51,9 @@ impl Faces {
             let middle = self.edges.iter().position(|&[p, q]| (p, q) == (a, b) || (p, q) == (b, a));
             nodes.extend(middle.map(|edge| self.corner_count + edge as u32));
         }
-        if self.has_middles {
-            nodes.push(self.corner_count + (self.edges.len() + f) as u32);
+        if self.has_middles && corners.len() == 4 {
+            let triangles = self.corners.iter().filter(|corners| corners.len() == 3).count();
+            nodes.push(self.corner_count + (self.edges.len() + f - triangles) as u32);
         }
         let kind = match (corners.len(), nodes.len()) {
             (3, 3) => ElementKind::Tri3,
@@ -122,6 +124,7 @@ mod tests {
             ElementKind::Hex27,
             ElementKind::Wedge6,
             ElementKind::Wedge15,
+            ElementKind::Wedge18,
         ] {
             let size = [1.0, 2.0, 3.0];
             let Ok(mesh) = (BoxMesh { size, cells: [2, 2, 3], element, origin: [0.0; 3] }).build() else {
