@@ -202,3 +202,43 @@ fn c2_elastica_under_a_dead_tip_load() {
     assert!((-mean(0) - 0.32894124).abs() < 1e-3, "{}", mean(0));
     assert!((-mean(1) - 0.66996418).abs() < 1e-3, "{}", mean(1));
 }
+
+/// A strip that bends under its own weight, which no amplitude raises (C3): Γ = 12 ρ g L³/(E h²).
+#[test]
+fn c3_self_weight_from_a_scene() {
+    for (gamma, drop, reach) in [(1.0, 0.12347140, 0.99124640), (10.0, 0.70019972, 0.65635376)] {
+        let young = 12.0 * 9810.0 / (gamma * 0.02 * 0.02);
+        let scene = format!(
+            r#"
+            gravity = [0.0, -9.81, 0.0]
+            [time]
+            end = 1.0
+            step = 1.0
+            scheme = "implicit-midpoint"
+            [static]
+            [[body]]
+            name = "strip"
+            box = {{ size = [1.0, 0.02, 0.02], cells = [32, 1, 1], element = "hex20" }}
+            material = {{ law = "st-venant-kirchhoff", young = {young}, poisson = 0.0, density = 1000.0 }}
+            [[fix]]
+            body = "strip"
+            region = "x-min"
+            [[probe]]
+            name = "tip"
+            body = "strip"
+            point = [1.0, 0.0, 0.01]
+            [[probe]]
+            name = "top"
+            body = "strip"
+            point = [1.0, 0.02, 0.01]
+            "#
+        );
+        let scene = variational::scene::Scene::parse(&scene, &[]).scene.unwrap();
+        let mut simulation = variational::simulation::Simulation::new(scene).unwrap();
+        simulation.step().unwrap();
+        let probes = simulation.observe().probes;
+        let middle = |k: usize| 0.5 * (probes[0].position[k] + probes[1].position[k]);
+        let found = (0.01 - middle(1), middle(0));
+        assert!((found.0 - drop).abs() < 1e-3 && (found.1 - reach).abs() < 1e-3, "{gamma}: {found:?}");
+    }
+}

@@ -6,6 +6,7 @@ mod arc_length;
 mod balance;
 mod critical;
 mod newton;
+mod release;
 
 use vi_core::{State, System};
 
@@ -223,6 +224,7 @@ impl<'a> Search<'a> {
         let mut last_rate = 0.0;
         // Is dq/dt known, from a tangent that holds at `state`?
         let mut has_velocity = false;
+        let mut may_release = true;
         loop {
             let t =
                 if (end - state.t).abs() <= 1.0000001 * increment.abs() { end } else { state.t + increment };
@@ -278,6 +280,13 @@ impl<'a> Search<'a> {
                     increment = increment.abs().min(self.options.largest_increment) * span.signum();
                     has_velocity = is_stable && self.velocity(state, increment, &mut velocity)?;
                 }
+                Err(_)
+                    if std::mem::take(&mut may_release)
+                        && self.report.steps.is_empty()
+                        && self.release(state) =>
+                {
+                    q.copy_from_slice(&state.q);
+                }
                 Err(cause) => {
                     increment = 0.5 * tried * span.signum();
                     self.report.halvings += 1;
@@ -286,6 +295,17 @@ impl<'a> Search<'a> {
                     }
                 }
             }
+        }
+    }
+
+    /// Balances the start at its own load factor; false, with the state as it was, where that fails.
+    fn release(&mut self, state: &mut State) -> bool {
+        match release::release(&mut self.balance, &mut state.q, state.t, &self.stop) {
+            Ok(halvings) => {
+                self.report.halvings += halvings;
+                true
+            }
+            Err(_) => false,
         }
     }
 

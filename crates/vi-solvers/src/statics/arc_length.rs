@@ -30,7 +30,13 @@ pub(super) fn follow(search: &mut Search, state: &mut State, steps: u32) -> Resu
     let end = search.options.end;
     // The start must be an equilibrium itself.
     let mut stop = search.stop;
-    super::newton::solve(&mut search.balance, &mut state.q, state.t, &mut stop)?;
+    let before = state.q.clone();
+    if let Err(cause) = super::newton::solve(&mut search.balance, &mut state.q, state.t, &mut stop) {
+        state.q = before;
+        if !search.release(state) {
+            return Err(cause);
+        }
+    }
     let mut shift = 0.0;
     let mut tangent = direction(search, &state.q, state.t, &mut shift)?;
     let psi = rms(search, &tangent.velocity).max(f64::MIN_POSITIVE);

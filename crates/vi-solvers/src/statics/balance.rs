@@ -24,6 +24,8 @@ pub(crate) struct Balance<'a> {
     unshifted: Option<SymmetricMatrix>,
     /// Diagonal of the K of the last factorisation, N/m.
     diagonal: Vec<f64>,
+    /// Constant forces that are taken from the residual, N; none where empty.
+    pub(crate) held: Vec<f64>,
     pub(crate) work: Work,
 }
 
@@ -43,6 +45,7 @@ impl<'a> Balance<'a> {
             shifted_mass: vec![0.0; system.coordinates().free_count()],
             unshifted: None,
             diagonal: vec![0.0; system.coordinates().free_count()],
+            held: Vec::new(),
             work: Work::default(),
         }
     }
@@ -82,6 +85,7 @@ impl<'a> Balance<'a> {
             });
         }
         self.system.coordinates().restrict(&self.gradient, out);
+        out.iter_mut().zip(&self.held).for_each(|(out, held)| *out -= held);
         Ok(())
     }
 
@@ -89,7 +93,8 @@ impl<'a> Balance<'a> {
     pub(crate) fn energy(&mut self, q: &[f64], t: f64) -> f64 {
         self.go_to(q, t);
         self.work.energies += 1;
-        self.assembler.energies(self.system, &self.x, t).total()
+        let held = vectors::sum(self.held.len(), |k| self.held[k] * q[k]);
+        self.assembler.energies(self.system, &self.x, t).total() - held
     }
 
     /// Σ |V| over the accounts at (q, t), J: a scale of energy.
