@@ -10,6 +10,7 @@ mod modes;
 mod progress;
 mod resume;
 mod run;
+mod stress;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -37,6 +38,8 @@ enum Command {
     Bench(bench::BenchArguments),
     /// Refine the mesh and the step of a scene: observed orders, and estimates of the exact values
     Convergence(convergence::ConvergenceArguments),
+    /// Run violent scenes from a seed: every one must end well, or fail by name
+    Stress(stress::StressArguments),
     /// Check scenes and their meshes without running: everything that is wrong, at once
     Check {
         /// Scene files
@@ -80,6 +83,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     ExitCode::from(match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Resume(arguments) => resume::resume(&arguments),
+        Command::Stress(arguments) => stress::run(&arguments),
         Command::Bench(arguments) => bench::bench_scene(&arguments),
         Command::Convergence(arguments) => convergence::study(&arguments),
         Command::Check { scenes, overrides } => run::check(&scenes, &overrides),

@@ -26,6 +26,8 @@ pub mod run;
 pub mod scene;
 pub mod simulation;
 pub mod stability;
+#[cfg(feature = "cli")]
+pub mod stress;
 pub mod trial;
 pub mod vibration;
 

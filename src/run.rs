@@ -51,6 +51,14 @@ pub enum RunError {
         /// What was tried, in words; may be empty.
         after: &'static str,
     },
+    /// The state has left the range of what frames can hold: it has blown up. What was reached is written.
+    #[error("step {step}: the state is beyond all bounds: {source}")]
+    Beyond {
+        /// The last step made.
+        step: u64,
+        /// The value.
+        source: vi_io::IoError,
+    },
     /// A file could not be written.
     #[error("{}: {source}", .path.display())]
     Output {
@@ -68,6 +76,11 @@ pub enum RunError {
 }
 
 impl RunError {
+    /// Is it the motion that failed, rather than its files?
+    pub fn is_failure(&self) -> bool {
+        matches!(self, Self::Step { .. } | Self::Guard { .. } | Self::Beyond { .. })
+    }
+
     /// An error of writing `path`.
     fn output(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();

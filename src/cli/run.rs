@@ -148,7 +148,7 @@ pub(super) fn conclude(result: Result<Report, RunError>, directory: &Path, say: 
 /// What is left after a failed run; the exit code.
 fn explain_failure(error: &RunError, directory: &Path) -> u8 {
     let code = match error {
-        RunError::Step { .. } | RunError::Guard { .. } => {
+        error if error.is_failure() => {
             eprintln!("what was reached is in {}", directory.display());
             exit::NO_CONVERGENCE
         }

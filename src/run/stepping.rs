@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use vi_core::{EnergyLedger, StepEnergy};
+use vi_io::IoError;
 use vi_solvers::{SolverError, StepError};
 
 use super::safety::Good;
@@ -182,7 +183,7 @@ impl Run {
         while !self.simulation.is_done() && !interrupted {
             match self.advance() {
                 Ok(()) => {}
-                Err(error @ (RunError::Step { .. } | RunError::Guard { .. })) => {
+                Err(error) if error.is_failure() => {
                     failure = Some(error);
                     break;
                 }
@@ -242,7 +243,10 @@ impl Run {
         if let Some(frames) = &mut self.frames
             && (frames.is_due(&self.simulation) || is_done)
         {
-            frames.write(&self.simulation)?;
+            frames.write(&self.simulation).map_err(|source| match source {
+                IoError::BadOutput { .. } => RunError::Beyond { step, source },
+                source => source.into(),
+            })?;
         }
         self.save_if_due()?;
         self.report.output_seconds += begin.elapsed().as_secs_f64();
@@ -262,7 +266,11 @@ impl Run {
             if let Some(frames) = &mut self.frames
                 && frames.frames().last().is_none_or(|last| last.0 < self.simulation.time())
             {
-                frames.write(&self.simulation)?;
+                match frames.write(&self.simulation) {
+                    // A value that a frame cannot hold is why the run ends.
+                    Ok(()) | Err(IoError::BadOutput { .. }) => {}
+                    Err(error) => return Err(error.into()),
+                }
             }
         }
         self.report.output_seconds += begin.elapsed().as_secs_f64();

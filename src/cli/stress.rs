@@ -1,0 +1,60 @@
+//! `variational stress`.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+
+use super::exit;
+use crate::stress::{Outcome, StressOptions, stress};
+
+#[derive(Debug, Args)]
+pub(super) struct StressArguments {
+    /// Violent scenes to run
+    #[arg(long, default_value_t = 1000)]
+    count: u64,
+    /// The seed that they come from
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Scenes run at once (default: one a core)
+    #[arg(long)]
+    jobs: Option<usize>,
+    /// Seconds after which a scene is ended after its step; at ten times this it counts as hung
+    #[arg(long, default_value_t = 10.0)]
+    limit: f64,
+    /// Where the scenes of forbidden outcomes are written
+    #[arg(long, default_value = "stress-failures")]
+    keep: PathBuf,
+    /// Print the counts as JSON
+    #[arg(long)]
+    json: bool,
+    /// Print what came of every scene
+    #[arg(long)]
+    verbose: bool,
+}
+
+pub(super) fn run(arguments: &StressArguments) -> u8 {
+    let limit = Duration::try_from_secs_f64(arguments.limit).unwrap_or(Duration::from_secs(10));
+    let jobs = arguments.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+    let keep = arguments.keep.clone();
+    let options = StressOptions { count: arguments.count, seed: arguments.seed, jobs, limit, keep };
+    let report = stress(&options, &|case, outcome| {
+        if arguments.verbose || matches!(outcome, Outcome::Forbidden(_)) {
+            let scheme = case.scene.time.scheme;
+            eprintln!("scene {}: {}, {scheme:?}: {outcome:?}", case.index, case.violence.words());
+        }
+    });
+    if arguments.json {
+        println!("{:#}", report.json(&options));
+    } else {
+        print!("{}", report.markdown(&options));
+    }
+    if report.forbidden.is_empty() {
+        return exit::DONE;
+    }
+    for (index, why) in &report.forbidden {
+        eprintln!("forbidden: scene {index}: {why}");
+    }
+    eprintln!("their scenes are in {}", options.keep.display());
+    exit::BROKEN
+}

@@ -1,0 +1,249 @@
+//! `variational stress`: violent scenes from a seed, run and judged, so that the engine can be trusted.
+//! Whatever is done to a body, a run must end in one of two ways: done with its invariants inside their
+//! bounds, or a failure that is named, with the state intact. It must not know how a run works.
+
+mod judge;
+mod random;
+mod violence;
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, mpsc};
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+pub use judge::Outcome;
+pub use violence::{Case, Violence, case};
+
+use crate::scene::Scene;
+
+/// What is to be tried.
+#[derive(Debug, Clone)]
+pub struct StressOptions {
+    /// Scenes.
+    pub count: u64,
+    /// The seed that they come from.
+    pub seed: u64,
+    /// Scenes run at once.
+    pub jobs: usize,
+    /// Time of one scene after which it is ended after its step; at ten times this it counts as hung.
+    pub limit: Duration,
+    /// Where the scenes of forbidden outcomes are written.
+    pub keep: PathBuf,
+}
+
+/// Counts of outcomes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Scenes.
+    pub tried: u64,
+    /// Done without any help.
+    pub done: u64,
+    /// Done with steps that were cut.
+    pub cut: u64,
+    /// Done, with a warning or an action of the energy guard.
+    pub guarded: u64,
+    /// Failures that were named.
+    pub failed: u64,
+    /// Ended by the clock.
+    pub out_of_time: u64,
+    /// Refused before the run.
+    pub refused: u64,
+    /// Forbidden outcomes.
+    pub forbidden: u64,
+}
+
+impl Tally {
+    fn enter(&mut self, outcome: &Outcome) {
+        self.tried += 1;
+        let count = match outcome {
+            Outcome::Done { was_guarded: true, .. } => &mut self.guarded,
+            Outcome::Done { was_cut: true, .. } => &mut self.cut,
+            Outcome::Done { .. } => &mut self.done,
+            Outcome::Failed(_) => &mut self.failed,
+            Outcome::OutOfTime => &mut self.out_of_time,
+            Outcome::Refused(_) => &mut self.refused,
+            Outcome::Forbidden(_) => &mut self.forbidden,
+        };
+        *count += 1;
+    }
+
+    fn cells(&self) -> [u64; 8] {
+        [
+            self.tried,
+            self.done,
+            self.cut,
+            self.guarded,
+            self.failed,
+            self.out_of_time,
+            self.refused,
+            self.forbidden,
+        ]
+    }
+}
+
+/// What came of all.
+#[derive(Debug, Clone, Default)]
+pub struct StressReport {
+    /// By what was done.
+    pub tallies: BTreeMap<Violence, Tally>,
+    /// Number and reason of each forbidden outcome.
+    pub forbidden: Vec<(u64, String)>,
+    /// Number and reason of each scene that was refused.
+    pub refused: Vec<(u64, String)>,
+}
+
+impl StressReport {
+    /// All of it.
+    pub fn total(&self) -> Tally {
+        let mut sums = [0; 8];
+        for tally in self.tallies.values() {
+            sums.iter_mut().zip(tally.cells()).for_each(|(sum, cell)| *sum += cell);
+        }
+        let [tried, done, cut, guarded, failed, out_of_time, refused, forbidden] = sums;
+        Tally { tried, done, cut, guarded, failed, out_of_time, refused, forbidden }
+    }
+
+    /// A table for people.
+    pub fn markdown(&self, options: &StressOptions) -> String {
+        let mut text = format!(
+            "Version {}, {} scenes of seed {}.\n\n| what was done | scenes | done | with cut steps | warned or guarded \
+             | failed, named | out of time | refused | forbidden |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|\n",
+            env!("CARGO_PKG_VERSION"),
+            options.count,
+            options.seed
+        );
+        let total = self.total();
+        let rows = self.tallies.iter().map(|(violence, tally)| (violence.words(), tally));
+        for (words, tally) in rows.chain([("**all**", &total)]) {
+            let cells: Vec<String> = tally.cells().iter().map(u64::to_string).collect();
+            // Writing into a text cannot fail.
+            let _ = writeln!(text, "| {words} | {} |", cells.join(" | "));
+        }
+        text
+    }
+
+    /// The same for programs.
+    pub fn json(&self, options: &StressOptions) -> Value {
+        let names = ["scenes", "done", "cut", "guarded", "failed", "out_of_time", "refused", "forbidden"];
+        let object = |tally: &Tally| -> Value {
+            names.iter().zip(tally.cells()).map(|(name, count)| ((*name).to_owned(), json!(count))).collect()
+        };
+        let kinds: serde_json::Map<String, Value> =
+            self.tallies.iter().map(|(kind, tally)| (format!("{kind:?}"), object(tally))).collect();
+        json!({ "version": env!("CARGO_PKG_VERSION"), "seed": options.seed, "total": object(&self.total()),
+                "kinds": kinds, "forbidden": self.forbidden, "refused": self.refused })
+    }
+}
+
+/// Runs all scenes; `watch` is told of each as it ends.
+pub fn stress(options: &StressOptions, watch: &(dyn Fn(&Case, &Outcome) + Sync)) -> StressReport {
+    let report = Mutex::new(StressReport::default());
+    let next = AtomicU64::new(0);
+    let is_broken = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        for _ in 0..options.jobs.max(1) {
+            scope.spawn(|| {
+                while !is_broken.load(Ordering::Relaxed) {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    if index >= options.count {
+                        break;
+                    }
+                    let Some((case, outcome)) = trial(options, index) else {
+                        is_broken.store(true, Ordering::Relaxed);
+                        break;
+                    };
+                    watch(&case, &outcome);
+                    let Ok(mut report) = report.lock() else { break };
+                    report.tallies.entry(case.violence).or_default().enter(&outcome);
+                    match outcome {
+                        Outcome::Forbidden(why) => report.forbidden.push((index, why)),
+                        Outcome::Refused(why) => report.refused.push((index, why)),
+                        _ => {}
+                    }
+                }
+            });
+        }
+    });
+    let mut report = report.into_inner().unwrap_or_default();
+    if is_broken.into_inner() {
+        report.forbidden.push((next.into_inner(), "no directory for the scenes could be written".to_owned()));
+    }
+    report.forbidden.sort();
+    report.refused.sort();
+    report
+}
+
+/// One scene in a directory of its own; none where that cannot be written.
+fn trial(options: &StressOptions, index: u64) -> Option<(Case, Outcome)> {
+    let directory = tempfile::tempdir().ok()?;
+    let case = case(options.seed, index, directory.path()).ok()?;
+    let outcome = timed(&case, &directory.path().join("out"), options.limit);
+    if let Outcome::Forbidden(why) = &outcome {
+        let smaller = simplify(&case, directory.path(), options.limit);
+        // A reproduction that cannot be kept is still reported by its number.
+        let _ = keep(&smaller, why, options);
+    }
+    Some((case, outcome))
+}
+
+/// Judges a case on a thread of its own, so that a hang is seen.
+fn timed(case: &Case, out: &Path, limit: Duration) -> Outcome {
+    let (sender, receiver) = mpsc::channel();
+    let (case, out) = (Arc::new(case.clone()), out.to_owned());
+    std::thread::spawn(move || {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let outcome = match pool {
+            Ok(pool) => pool.install(|| judge::judge(&case, &out, limit)),
+            Err(error) => Outcome::Forbidden(format!("no thread: {error}")),
+        };
+        // Whoever has given up waiting does not hear it.
+        let _ = sender.send(outcome);
+    });
+    let hung = || Outcome::Forbidden(format!("hangs: more than {:?}", 10 * limit));
+    receiver.recv_timeout(10 * limit).unwrap_or_else(|_| hung())
+}
+
+/// Takes out of a scene what the forbidden outcome does not need.
+fn simplify(case: &Case, directory: &Path, limit: Duration) -> Case {
+    let simpler: [fn(&mut Scene); 9] = [
+        |scene| scene.wind = None,
+        |scene| scene.damping = None,
+        |scene| scene.guard = None,
+        |scene| scene.checkpoint = None,
+        |scene| scene.gravity = [0.0; 3],
+        |scene| scene.strikes.clear(),
+        |scene| scene.fixes.clear(),
+        |scene| scene.output.interval = None,
+        |scene| scene.bodies[0].velocity = None,
+    ];
+    let mut best = case.clone();
+    for (number, change) in simpler.iter().enumerate() {
+        let mut trial = best.clone();
+        change(&mut trial.scene);
+        let out = directory.join(format!("simpler-{number}"));
+        if trial.scene != best.scene && matches!(timed(&trial, &out, limit), Outcome::Forbidden(_)) {
+            best = trial;
+        }
+    }
+    best
+}
+
+/// Writes the scene of a forbidden outcome, and its mesh.
+fn keep(case: &Case, why: &str, options: &StressOptions) -> std::io::Result<()> {
+    std::fs::create_dir_all(&options.keep)?;
+    let mut scene = case.scene.clone();
+    for body in &mut scene.bodies {
+        if let Some(mesh) = &mut body.mesh {
+            let name = PathBuf::from(mesh.file_name().unwrap_or_default());
+            std::fs::copy(&*mesh, options.keep.join(&name))?;
+            *mesh = name;
+        }
+    }
+    scene.title = format!("seed {}, scene {}: {why}", options.seed, case.index).replace('\n', " ");
+    let text = scene.to_toml().map_err(std::io::Error::other)?;
+    std::fs::write(options.keep.join(format!("scene-{}.toml", case.index)), text)
+}

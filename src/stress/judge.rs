@@ -1,0 +1,209 @@
+//! Runs one violent scene and judges what came of it by what it left behind: its report, its files and
+//! its state. It must not know why the scene is violent.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use vi_core::State;
+
+use super::violence::Case;
+use crate::run::{RunError, Watch, run};
+use crate::scene::SchemeName;
+use crate::simulation::Simulation;
+
+/// Growth of energy that must be warned of, of the exchange: the bound of the guard with room for round-off.
+const SILENT: f64 = 0.1 * 1.05;
+
+/// What came of a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Outcome {
+    /// Done, every invariant inside its bounds.
+    Done {
+        /// Were steps cut?
+        was_cut: bool,
+        /// Did the guard warn or act?
+        was_guarded: bool,
+    },
+    /// A failure named, with everything that was reached written and the state intact.
+    Failed(String),
+    /// Ended by the clock of the trial, with everything written.
+    OutOfTime,
+    /// The scene was refused before it ran.
+    Refused(String),
+    /// What must never happen.
+    Forbidden(String),
+}
+
+/// Keeps the last state and looks after every step.
+struct Witness {
+    deadline: Instant,
+    states: Vec<State>,
+    steps: u64,
+    wrong: Option<String>,
+}
+
+impl Witness {
+    fn look(&mut self, simulation: &Simulation) {
+        self.states = simulation.components().iter().map(|component| component.state().clone()).collect();
+        let is_finite = |state: &State| state.q.iter().chain(&state.p).all(|value| value.is_finite());
+        if !self.states.iter().all(is_finite) {
+            self.wrong = Some("a state is not finite".to_owned());
+        }
+        self.steps = simulation.steps();
+    }
+}
+
+impl Watch for Witness {
+    fn start(&mut self, simulation: &Simulation, _: &[String]) {
+        self.look(simulation);
+    }
+
+    fn step(&mut self, simulation: &Simulation) -> bool {
+        // The guard goes back, and nothing else does; nothing goes on by more than a step.
+        if simulation.steps() > self.steps + 1 {
+            self.wrong = Some(format!("step {} follows step {}", simulation.steps(), self.steps));
+        }
+        self.look(simulation);
+        Instant::now() < self.deadline
+    }
+
+    fn end(&mut self, simulation: &Simulation) {
+        let same = simulation.components().iter().zip(&self.states).all(|(component, state)| {
+            let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+            bits(&component.state().q) == bits(&state.q) && bits(&component.state().p) == bits(&state.p)
+        });
+        // The guard, or a state beyond all bounds, may end a run after a step that was made.
+        if !same && simulation.steps() == self.steps {
+            self.wrong = Some("a failed step has changed the state".to_owned());
+        }
+    }
+}
+
+/// Runs a case into `directory`, for at most about `limit`.
+pub(super) fn judge(case: &Case, directory: &Path, limit: Duration) -> Outcome {
+    let deadline = Instant::now() + limit;
+    let mut witness = Witness { deadline, states: Vec::new(), steps: 0, wrong: None };
+    let ran = catch_unwind(AssertUnwindSafe(|| run(case.scene.clone(), "case", directory, &mut witness)));
+    let ran = match ran {
+        Ok(ran) => ran,
+        Err(payload) => {
+            let said = payload.downcast_ref::<String>().map(String::as_str);
+            let said = said.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or("");
+            return Outcome::Forbidden(format!("panic: {said}"));
+        }
+    };
+    if let Some(wrong) = witness.wrong {
+        return Outcome::Forbidden(wrong);
+    }
+    let failure = match ran {
+        Ok(_) => None,
+        Err(RunError::Scene(problems)) => {
+            let first = problems.first().map(ToString::to_string).unwrap_or_default();
+            return Outcome::Refused(first);
+        }
+        Err(error) if error.is_failure() => Some(error.to_string()),
+        Err(error) => return Outcome::Forbidden(format!("output failed: {error}")),
+    };
+    match left_behind(case, directory, failure.is_some()) {
+        Err(wrong) => Outcome::Forbidden(wrong),
+        Ok(report) => match failure {
+            Some(failure) => Outcome::Failed(failure),
+            None if report["outcome"] == "interrupted" => Outcome::OutOfTime,
+            None => Outcome::Done {
+                was_cut: report["substeps"]["steps_cut"] != 0,
+                was_guarded: report["guard"]["exceeded"] == true
+                    || report["guard"]["events"].as_array().is_some_and(|events| !events.is_empty()),
+            },
+        },
+    }
+}
+
+/// Reads every file again and compares: the report, or what is wrong.
+fn left_behind(case: &Case, directory: &Path, has_failed: bool) -> Result<Value, String> {
+    let read = |name: &str| {
+        std::fs::read_to_string(directory.join(name)).map_err(|error| format!("{name}: {error}"))
+    };
+    let report: Value = serde_json::from_str(&read("report.json")?).map_err(|error| error.to_string())?;
+    let history = read("history.csv")?;
+    let mut lines = history.lines();
+    let names: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+    let column = |name: &str| names.iter().position(|other| *other == name).unwrap_or(0);
+    let mut rows: Vec<Vec<f64>> = Vec::new();
+    for line in lines {
+        let row: Result<Vec<f64>, _> = line.split(',').map(str::parse).collect();
+        let row = row.map_err(|error| format!("history.csv: {error} in {line}"))?;
+        if row.len() != names.len() || row.iter().any(|value| !value.is_finite()) {
+            return Err(format!("history.csv holds {line}"));
+        }
+        rows.push(row);
+    }
+    frames(directory)?;
+    let steps = report["steps"].as_u64().unwrap_or(u64::MAX);
+    let begun = !rows.is_empty();
+    if begun && rows.len() as u64 != steps + 1 && !has_failed {
+        return Err(format!("{steps} steps left {} rows", rows.len()));
+    }
+    if !begun && !has_failed {
+        return Err("a run without rows".to_owned());
+    }
+    let h = report["h"].as_f64().unwrap_or(f64::NAN);
+    for (n, row) in rows.iter().enumerate() {
+        if (row[0] - n as f64 * h).abs() > 1e-9 * h * (n + 1) as f64 {
+            return Err(format!("row {n} is at t = {:e}, h = {h:e}", row[0]));
+        }
+    }
+    if begun {
+        energy(case, &report, &rows, column)?;
+    }
+    if !has_failed && case.is_free {
+        let drift = report["momentum"]["relative_linear_drift"].as_f64().unwrap_or(0.0);
+        // Implicit equations are solved to a tolerance of 1e-4 at worst, in each of some twenty steps.
+        if drift > 2e-2 {
+            return Err(format!("linear momentum of a free body drifts by {drift:e}"));
+        }
+    }
+    Ok(report)
+}
+
+/// Has energy been gained in silence? Computed anew from the rows.
+fn energy(
+    case: &Case,
+    report: &Value,
+    rows: &[Vec<f64>],
+    column: impl Fn(&str) -> usize,
+) -> Result<(), String> {
+    let [total, gravity] = ["total", "gravity"].map(&column);
+    let (first, last) = (&rows[0], &rows[rows.len() - 1]);
+    let was_guarded = report["guard"]["exceeded"] == true || report["guard"]["action"] != "warn";
+    if !case.is_driven && !was_guarded {
+        let given = rows.iter().map(|row| first[total] - row[gravity]).fold(0.0, f64::max);
+        let growth = last[total] - first[total];
+        let scale = rows.iter().flat_map(|row| &row[1..5]).fold(0.0_f64, |scale, part| scale.max(part.abs()));
+        if growth > SILENT * given + 1e-9 * scale {
+            return Err(format!("energy grew by {growth:e} J of {given:e} J in silence"));
+        }
+        let is_conserving = case.scene.time.scheme == SchemeName::EnergyMomentum;
+        if is_conserving && growth.abs() > 2e-2 * given + 1e-9 * scale {
+            return Err(format!("energy-momentum: energy changed by {growth:e} J of {given:e} J"));
+        }
+    }
+    Ok(())
+}
+
+/// Reads every frame: no number in it may be other than finite.
+fn frames(directory: &Path) -> Result<(), String> {
+    for entry in std::fs::read_dir(directory).map_err(|error| error.to_string())? {
+        let path = entry.map_err(|error| error.to_string())?.path();
+        if path.extension().is_none_or(|ending| ending != "vtu") {
+            continue;
+        }
+        let frame = vi_io::read_mesh(&path).map_err(|error| error.to_string())?;
+        let arrays = frame.point_data.iter().chain(&frame.cell_data);
+        if arrays.flat_map(|array| &array.values).any(|value| !value.is_finite()) {
+            return Err(format!("{} holds a number that is not finite", path.display()));
+        }
+    }
+    Ok(())
+}

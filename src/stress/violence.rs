@@ -1,0 +1,403 @@
+//! Violent scenes: each kind of violence against a random body, law, element, scheme, step and support.
+//! The same seed and index give the same scene. It must not know what comes of it.
+
+use std::path::Path;
+
+use serde_json::json;
+use vi_fem::{Bending, BoxMesh, ElementKind, Law, Mesh, SheetLaw, SheetMesh};
+use vi_io::{CellBlock, CellKind, Group, IoError, VtuArray, VtuFrame, VtuOptions, VtuValues};
+
+use super::random::Random;
+use crate::scene::{
+    Body, Checkpoints, Damping, Fix, Guard, GuardAction, MaterialEntry, Materials, Output, Precision, Probe,
+    Scene, SchemeName, Strike, Substance, Time,
+};
+
+macro_rules! violence {
+    ($($(#[doc = $doc:literal])* $name:ident;)*) => {
+        /// What is done to a body.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum Violence { $($(#[doc = $doc])* $name,)* }
+
+        impl Violence {
+            /// All kinds.
+            pub const ALL: &'static [Self] = &[$(Self::$name),*];
+
+            /// In words.
+            pub fn words(self) -> &'static str {
+                match self { $(Self::$name => concat!($($doc),*).trim_start(),)* }
+            }
+        }
+    };
+}
+
+violence! {
+    /// collapsed to a plane
+    Plane;
+    /// collapsed to a line
+    Line;
+    /// collapsed to a point
+    Point;
+    /// inverted (mirrored)
+    Inverted;
+    /// nodes scrambled in their box
+    Scrambled;
+    /// stretched twentyfold
+    Stretched;
+    /// stiffness ratio 1e8 in one body
+    Stiffness;
+    /// density ratio 1e6 in one body
+    Density;
+    /// Poisson's ratio from -0.9 to 0.4999
+    Poisson;
+    /// slivers, aspect up to 1e6
+    Slivers;
+    /// steps from 1e-8 to 1 s
+    Steps;
+    /// spinning near the wave speed
+    Spinning;
+    /// struck
+    Struck;
+    /// twisted ten turns
+    Twisted;
+    /// pulled by clamps at violent speed
+    Pulled;
+    /// gravity up to 1e6 g
+    Gravity;
+    /// moderate: nothing but its own weight
+    Moderate;
+}
+
+/// A scene to be survived.
+#[derive(Debug, Clone)]
+pub struct Case {
+    /// Its number in the seed.
+    pub index: u64,
+    /// What is done.
+    pub violence: Violence,
+    /// The scene.
+    pub scene: Scene,
+    /// Does anything but its start, its elasticity and constant weight act on the body?
+    pub is_driven: bool,
+    /// Is the body free of supports and weight, so that momentum is kept?
+    pub is_free: bool,
+}
+
+const SCHEMES: [SchemeName; 13] = [
+    SchemeName::SymplecticEulerA,
+    SchemeName::SymplecticEulerB,
+    SchemeName::StormerVerlet,
+    SchemeName::BlanesMoan4,
+    SchemeName::BlanesMoan6,
+    SchemeName::ImplicitMidpoint,
+    SchemeName::Gauss,
+    SchemeName::EnergyMomentum,
+    SchemeName::ForwardEuler,
+    SchemeName::BackwardEuler,
+    SchemeName::Bdf2,
+    SchemeName::Newmark,
+    SchemeName::GeneralizedAlpha,
+];
+
+const ELEMENTS: [ElementKind; 7] = [
+    ElementKind::Tet4,
+    ElementKind::Tet10,
+    ElementKind::Hex8,
+    ElementKind::Hex20,
+    ElementKind::Hex27,
+    ElementKind::Wedge6,
+    ElementKind::Wedge15,
+];
+
+/// A body in the making.
+struct Making {
+    mesh: Mesh,
+    displacement: Vec<[f64; 3]>,
+    is_sheet: bool,
+    /// Stiffness and density of its second half, over those of its first.
+    ratio: (f64, f64),
+    /// Young's modulus, Pa, density, kg/m³, Poisson's ratio.
+    young: f64,
+    density: f64,
+    poisson: f64,
+    law: usize,
+    bending: Bending,
+    size: f64,
+}
+
+/// Case `index` of a seed; meshes that it needs are written into `directory`.
+///
+/// # Errors
+/// Where a mesh cannot be written.
+pub fn case(seed: u64, index: u64, directory: &Path) -> Result<Case, IoError> {
+    let mut random = Random::of(seed, index);
+    let random = &mut random;
+    // Every kind in turn, so that any count is spread evenly.
+    let violence = Violence::ALL[(index % Violence::ALL.len() as u64) as usize];
+    let mut making = make(random, violence);
+    deform(random, violence, &mut making);
+    let wave_speed = (making.young / making.density).sqrt();
+    // Time for a wave to cross the body, and a step between a hundredth of it and all of it.
+    let crossing = making.size / wave_speed;
+    let scheme = random.of_all(&SCHEMES);
+    let step = match violence {
+        Violence::Steps => random.decades(1e-8, 1.0),
+        _ => crossing * random.decades(0.01, 1.0),
+    };
+    let count = 4 + random.below(16);
+    let mut time = Time::new(step * count as f64, step, scheme);
+    if scheme == SchemeName::Gauss {
+        time.stages = Some(1 + random.below(5));
+    }
+    let mut body = body(&making, directory, index)?;
+    let mut scene = Scene::new(time);
+    let gravity = match violence {
+        Violence::Gravity => random.decades(1e-2, 1e6),
+        Violence::Moderate => 1.0,
+        _ if random.once_in(3) => random.decades(1e-2, 1e2),
+        _ => 0.0,
+    };
+    scene.gravity = [0.0, 0.0, -9.81 * gravity];
+    if violence == Violence::Spinning {
+        let rate = random.between(0.2, 1.2) * wave_speed / making.size;
+        let axis = random.vector(1.0);
+        let length = axis.iter().map(|a| a * a).sum::<f64>().sqrt().max(1e-3);
+        body.angular_velocity = Some(axis.map(|a| a / length * rate));
+    } else if random.once_in(4) {
+        body.velocity = Some(random.vector(wave_speed));
+    }
+    scene.bodies.push(body);
+    let mut is_driven = false;
+    let mut is_free = gravity == 0.0;
+    let ends = ends(&making.mesh);
+    match violence {
+        Violence::Twisted | Violence::Pulled => {
+            let end = scene.time.end;
+            let motion = if violence == Violence::Twisted {
+                json!({ "kind": "rotate", "axis": [1.0, 0.0, 0.0], "point": [0.0, 0.5, 0.5],
+                        "rate": 20.0 * std::f64::consts::PI / end })
+            } else if random.once_in(2) {
+                json!({ "kind": "translate", "velocity": random.vector(3.0 * wave_speed) })
+            } else {
+                json!({ "kind": "sine", "amplitude": random.vector(making.size),
+                        "frequency": random.decades(0.01, 1.0) / crossing })
+            };
+            let mut moved = Fix::nodes("body", ends[1].clone());
+            moved.motion = serde_json::from_value(motion).ok();
+            scene.fixes.push(moved);
+            if random.once_in(2) {
+                scene.fixes.push(Fix::nodes("body", ends[0].clone()));
+            }
+            (is_driven, is_free) = (true, false);
+        }
+        Violence::Struck => {
+            let region = if making.is_sheet { "sheet" } else { "box" };
+            let mass = making.density * making.size.powi(3);
+            let share = random.decades(0.01, 3.0);
+            let impulse = random.vector(mass * wave_speed * share);
+            scene.strikes.push(Strike { body: "body".into(), region: region.into(), impulse });
+        }
+        _ => {}
+    }
+    if !is_driven {
+        match random.below(4) {
+            0 => {}
+            1 => scene.fixes.push(Fix::nodes("body", vec![0])),
+            2 => scene.fixes.push(Fix::nodes("body", ends[0].clone())),
+            _ if random.once_in(6) => {
+                scene.fixes.push(Fix::nodes("body", (0..making.mesh.points.len()).collect()));
+            }
+            _ => {}
+        }
+        is_free &= scene.fixes.is_empty();
+    }
+    let takes_forces = matches!(
+        scheme,
+        SchemeName::SymplecticEulerA
+            | SchemeName::SymplecticEulerB
+            | SchemeName::StormerVerlet
+            | SchemeName::ImplicitMidpoint
+    );
+    if takes_forces && !making.is_sheet && random.once_in(6) {
+        let stiffness_time = crossing * random.decades(1e-3, 1.0);
+        let rate = if random.once_in(2) { random.decades(1e-2, 10.0) / crossing } else { 0.0 };
+        scene.damping = Some(Damping { stiffness_time, mass_rate: rate, ..Damping::default() });
+        is_free &= rate == 0.0;
+        is_driven = true;
+    }
+    if takes_forces && making.is_sheet && random.once_in(3) {
+        let wind = json!({ "velocity": random.vector(wave_speed) });
+        scene.wind = serde_json::from_value(wind).ok();
+        (is_driven, is_free) = (true, false);
+    }
+    scene.probes.push(Probe::node("probe", "body", random.below(making.mesh.points.len())));
+    scene.solver.tolerance = random.of_all(&[1e-4, 1e-6, 1e-6, 1e-10]);
+    scene.guard = match random.below(8) {
+        0 => Some(Guard::new(GuardAction::Halve)),
+        1 => Some(Guard::new(GuardAction::Switch)),
+        2 => Some(Guard::new(GuardAction::Stop)),
+        _ => None,
+    };
+    if random.once_in(8) {
+        scene.checkpoint = Some(Checkpoints::every(4.0 * step));
+    }
+    let precision = random.of_all(&[Precision::F32, Precision::F64]);
+    scene.output = Output { interval: Some(3.0 * step), precision, ..Output::default() };
+    Ok(Case { index, violence, scene, is_driven, is_free })
+}
+
+fn make(random: &mut Random, violence: Violence) -> Making {
+    let can_be_sheet = !matches!(violence, Violence::Stiffness | Violence::Density);
+    let is_sheet = can_be_sheet && random.once_in(3);
+    let mut extent = [random.between(0.5, 2.0), random.between(0.5, 2.0), random.between(0.5, 2.0)];
+    if violence == Violence::Slivers {
+        extent[random.below(if is_sheet { 2 } else { 3 })] *= random.decades(1e-6, 1e-2);
+    }
+    let (young, density) = (random.decades(1e3, 1e11), random.decades(10.0, 2e4));
+    let poisson = match violence {
+        Violence::Poisson => random.of_all(&[-0.9, -0.5, 0.0, 0.45, 0.49, 0.499, 0.4999]),
+        _ => random.between(0.0, 0.45),
+    };
+    let ratio = match violence {
+        Violence::Stiffness => (random.decades(1e-8, 1e8), 1.0),
+        Violence::Density => (1.0, random.decades(1e-6, 1e6)),
+        _ => (1.0, 1.0),
+    };
+    let mesh = if is_sheet {
+        let cells = [1 + random.below(5), 1 + random.below(5)];
+        let shape = json!({ "size": [extent[0], extent[1]], "cells": cells });
+        serde_json::from_value::<SheetMesh>(shape).ok().and_then(|shape| shape.build().ok())
+    } else {
+        let element = random.of_all(&ELEMENTS);
+        let most = if element.node_count() > 10 { 1 } else { 3 };
+        let mut cells = [0; 3].map(|_| 1 + random.below(most) as u32);
+        cells[0] = cells[0].max(if ratio == (1.0, 1.0) { 1 } else { 2 });
+        BoxMesh { size: extent, cells, element, origin: [0.0; 3] }.build().ok()
+    };
+    let mesh = mesh.unwrap_or_default();
+    let bendings: Vec<Bending> = Bending::ALL.iter().copied().chain([Bending::None]).collect();
+    Making {
+        displacement: vec![[0.0; 3]; mesh.points.len()],
+        ratio,
+        law: random.below(if is_sheet { SheetLaw::NAMES.len() } else { Law::NAMES.len() }),
+        bending: random.of_all(&bendings),
+        size: extent.into_iter().fold(0.0, f64::max),
+        mesh,
+        is_sheet,
+        young,
+        density,
+        poisson,
+    }
+}
+
+/// Gives the body another shape than at rest.
+fn deform(random: &mut Random, violence: Violence, making: &mut Making) {
+    let axis = random.below(3);
+    let partly = random.once_in(3);
+    // A collapse that is not complete is as hard as one that is.
+    let rest = if partly { random.decades(1e-12, 1e-2) } else { 0.0 };
+    let keeps = |k: usize| match violence {
+        Violence::Plane => k != axis,
+        Violence::Line => k == axis,
+        _ => false,
+    };
+    let size = making.size;
+    for (x, u) in making.mesh.points.iter().zip(&mut making.displacement) {
+        let target: [f64; 3] = match violence {
+            Violence::Plane | Violence::Line | Violence::Point => {
+                std::array::from_fn(|k| if keeps(k) { x[k] } else { rest * x[k] })
+            }
+            Violence::Inverted => std::array::from_fn(|k| if k == axis { -x[k] } else { x[k] }),
+            Violence::Scrambled => [0; 3].map(|_| random.between(0.0, size)),
+            Violence::Stretched => std::array::from_fn(|k| if k == axis { 20.0 * x[k] } else { x[k] }),
+            _ => *x,
+        };
+        *u = std::array::from_fn(|k| target[k] - x[k]);
+    }
+}
+
+/// Nodes at the least and at the greatest x.
+fn ends(mesh: &Mesh) -> [Vec<usize>; 2] {
+    let x = || mesh.points.iter().map(|point| point[0]);
+    let (low, high) = (x().fold(f64::INFINITY, f64::min), x().fold(f64::NEG_INFINITY, f64::max));
+    [low, high].map(|end| {
+        let at_end = x().enumerate().filter(|(_, x)| (x - end).abs() <= 1e-9 * (high - low));
+        at_end.map(|(node, _)| node).collect()
+    })
+}
+
+fn body(making: &Making, directory: &Path, index: u64) -> Result<Body, IoError> {
+    let materials = materials(making, index);
+    let path = directory.join(format!("body-{index}.vtu"));
+    let mesh = &making.mesh;
+    let dimension = if making.is_sheet { 2 } else { 3 };
+    let cells = mesh.cells_of_dimension(dimension);
+    let mut blocks: Vec<CellBlock> = Vec::new();
+    for (kind, nodes) in cells.iter().filter_map(|&cell| mesh.cell(cell as usize)) {
+        let Some(kind) = CellKind::from_vtk(kind.vtk_code()) else { continue };
+        match blocks.last_mut() {
+            Some(block) if block.kind == kind => block.nodes.extend(nodes),
+            _ => blocks.push(CellBlock { kind, nodes: nodes.to_vec() }),
+        }
+    }
+    let count = cells.len() as u32;
+    let name = if making.is_sheet { "sheet" } else { "box" };
+    let group = |name: &str, cells: Vec<u32>| Group { name: name.to_owned(), dimension, cells };
+    let mut groups = vec![group(name, (0..count).collect())];
+    if materials.0.len() > 1 {
+        groups.push(group("first", (0..count / 2).collect()));
+        groups.push(group("second", (count / 2..count).collect()));
+    }
+    let values = VtuValues::Real(making.displacement.as_flattened());
+    let frame = VtuFrame {
+        points: &mesh.points,
+        blocks: &blocks,
+        groups: &groups,
+        point_data: &[VtuArray { name: "displacement", components: 3, values }],
+        cell_data: &[],
+        time: None,
+    };
+    vi_io::write_vtu(&path, &frame, VtuOptions::default())?;
+    let mut body = Body::from_mesh("body", path, Law::examples()[0].clone());
+    body.material = materials;
+    Ok(body)
+}
+
+fn materials(making: &Making, index: u64) -> Materials {
+    let substance = |young: f64, density: f64| -> Option<Substance> {
+        let (poisson, thickness) = (making.poisson, 1e-2 * making.size);
+        let value = if making.is_sheet {
+            let law = SheetLaw::NAMES[making.law];
+            let mut value = json!({ "law": law, "thickness": thickness, "density": density,
+                                    "bending": making.bending, "tension_field": index.is_multiple_of(5) });
+            if law == "orthotropic" {
+                value["young_warp"] = json!(young);
+                value["young_weft"] = json!(0.5 * young);
+                value["poisson"] = json!(0.5 * poisson.abs());
+                value["shear"] = json!(0.1 * young);
+            } else {
+                value["young"] = json!(young);
+                value["poisson"] = json!(poisson);
+            }
+            return serde_json::from_value(value).ok().map(Substance::Sheet);
+        } else if Law::NAMES[making.law] == "mooney-rivlin" {
+            let (shear, bulk) = (young / (2.0 + 2.0 * poisson), young / (3.0 - 6.0 * poisson));
+            json!({ "law": "mooney-rivlin", "c10": 0.3 * shear, "c01": 0.2 * shear, "bulk": bulk,
+                    "density": density })
+        } else {
+            json!({ "law": Law::NAMES[making.law], "young": young, "poisson": poisson, "density": density })
+        };
+        serde_json::from_value(value).ok().map(Substance::Solid)
+    };
+    let fallback = || Law::examples()[0].clone().into();
+    let of = |young: f64, density: f64| substance(young, density).unwrap_or_else(fallback);
+    let first = of(making.young, making.density);
+    let entry = |region: &str, law| MaterialEntry { region: Some(region.to_owned()), law };
+    let (stiffness, density) = making.ratio;
+    let is_one = making.ratio == (1.0, 1.0);
+    let second = (!is_one).then(|| of(making.young * stiffness, making.density * density));
+    match second {
+        Some(second) => Materials(vec![entry("first", first), entry("second", second)]),
+        None => Materials(vec![MaterialEntry { region: None, law: first }]),
+    }
+}
