@@ -59,9 +59,7 @@ fn crushed_bodies_come_back() {
         for crush in ["plane", "point", "inverted"] {
             let directory = tempfile::tempdir().unwrap();
             let mesh = crushed(crush, directory.path());
-            let text = format!(
-                r#"{{ "law": "{law}", "young": 1e5, "poisson": 0.3, "density": 1000.0 }}"#
-            );
+            let text = format!(r#"{{ "law": "{law}", "young": 1e5, "poisson": 0.3, "density": 1000.0 }}"#);
             let law: Law = serde_json::from_str(&text).unwrap();
             let mut scene = Scene::new(Time::new(2.0, 5e-3, SchemeName::BackwardEuler))
                 .body(Body::from_mesh("block", mesh, law))
@@ -81,9 +79,8 @@ fn crushed_bodies_come_back() {
             // Without strain energy every edge has its length.
             let (x, rest) = (simulation.positions(0), &simulation.bodies()[0].mesh.points);
             for (a, b) in [(0, 1), (0, 5), (3, 9), (2, 7)] {
-                let length = |p: &[f64; 3], q: &[f64; 3]| {
-                    (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt()
-                };
+                let length =
+                    |p: &[f64; 3], q: &[f64; 3]| (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt();
                 let (now, then) = (length(&x[a], &x[b]), length(&rest[a], &rest[b]));
                 assert!((now / then - 1.0).abs() < 1e-2, "{text} from {crush}: {now} m instead of {then} m");
             }
@@ -93,7 +90,8 @@ fn crushed_bodies_come_back() {
 
 fn crushed(crush: &str, directory: &Path) -> std::path::PathBuf {
     use variational::io::{CellBlock, CellKind, VtuArray, VtuFrame, VtuOptions, VtuValues};
-    let shape = BoxMesh { size: [0.4, 0.2, 0.2], cells: [3, 2, 2], element: ElementKind::Tet4, origin: [0.0; 3] };
+    let shape =
+        BoxMesh { size: [0.4, 0.2, 0.2], cells: [3, 2, 2], element: ElementKind::Tet4, origin: [0.0; 3] };
     let mesh = shape.build().unwrap();
     let cells = mesh.cells_of_dimension(3);
     let nodes = cells.iter().flat_map(|&cell| mesh.cell(cell as usize).unwrap().1).copied().collect();
@@ -108,7 +106,8 @@ fn crushed(crush: &str, directory: &Path) -> std::path::PathBuf {
         })
         .collect();
     let array = VtuArray { name: "displacement", components: 3, values: VtuValues::Real(&displacement) };
-    let frame = VtuFrame { points: &mesh.points, blocks: &blocks, point_data: &[array], ..VtuFrame::default() };
+    let frame =
+        VtuFrame { points: &mesh.points, blocks: &blocks, point_data: &[array], ..VtuFrame::default() };
     let path = directory.join("block.vtu");
     variational::io::write_vtu(&path, &frame, VtuOptions::default()).unwrap();
     path

@@ -1,0 +1,11 @@
+#!/usr/bin/env bash
+# A million steps of a small body: energy and momenta over the whole run, as a picture.
+# Needs matplotlib (pip install matplotlib). Takes some minutes.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+cargo build --release
+for scheme in stormer-verlet implicit-midpoint; do
+    target/release/variational run scenes/million.toml --quiet --out "out/million/$scheme" \
+        --set "time.scheme=$scheme"
+done
+python3 docs/figures/plot_million.py out/million docs/images/million.png
