@@ -1,20 +1,18 @@
 //! `scheme = "auto"`: chooses scheme and step for a wanted relative error at the end, from the highest
-//! frequency of the scene, measured costs, and pilot runs of the scene itself. It must not know
+//! frequency of the scene, counted costs, and pilot runs of the scene itself. It must not know
 //! what is written, nor how the command line asks.
 //!
 //! Explicit schemes take steps near their limit of stability, where they are cheapest; their error is found
 //! on the first eighth of the run, Störmer–Verlet against Blanes–Moan 4, and taken to grow in
 //! proportion to time. Implicit schemes are tried over the whole run on halved steps, while all trials
-//! together cost less than half the explicit run that they could replace. Given equal measured
-//! costs, the choice is the same.
-
-use std::time::Duration;
+//! together cost less than half the explicit run that they could replace. Costs are counted on a reference
+//! machine and never clocked: the same scene makes the same choice on any machine and number of threads.
 
 use serde::Serialize;
 
 use crate::scene::{Problem, Scene, SchemeName};
 use crate::simulation::Simulation;
-use crate::trial::{Choice, Norm, Trial, TrialError, highest, run};
+use crate::trial::{Choice, Limit, Norm, Trial, TrialError, highest, run};
 
 /// The error aimed at, as a share of the wanted one.
 const SAFETY: f64 = 0.6;
@@ -35,9 +33,9 @@ pub struct Candidate {
     pub choice: Choice,
     /// Steps.
     pub steps: u64,
-    /// Measured cost of a step, s.
+    /// Cost of a step, s of one core of the reference machine.
     pub seconds_per_step: f64,
-    /// Cost of the run, s.
+    /// Cost of the run, s of one core of the reference machine.
     pub predicted_seconds: f64,
     /// Relative error expected at the end.
     pub predicted_error: f64,
@@ -52,7 +50,7 @@ pub struct AutoReport {
     pub highest_frequency: f64,
     /// What could reach the tolerance, the cheapest first.
     pub candidates: Vec<Candidate>,
-    /// Seconds of stepping that the trials took.
+    /// What the trials cost, s of one core of the reference machine.
     pub trial_seconds: f64,
     /// Why, in a paragraph.
     pub reason: String,
@@ -121,7 +119,8 @@ fn explain(
 ) -> String {
     let best = &candidates[0];
     let mut text = format!(
-        "{} in {} steps is expected to end with a relative error of {:.1e} (wanted: {tolerance:.0e}) after {:.2} s. \
+        "{} in {} steps is expected to end with a relative error of {:.1e} (wanted: {tolerance:.0e}) after {:.2} s of one \
+         core of the reference machine. \
          The highest frequency of the scene is {omega:.3e} rad/s, so that Störmer–Verlet needs {} steps",
         best.scheme, best.steps, best.predicted_error, best.predicted_seconds, verlet.steps
     );
@@ -173,10 +172,9 @@ impl Search<'_> {
     }
 
     fn trial(&mut self, choice: Choice, fraction: f64, limit: f64) -> Result<Trial, TrialError> {
-        let limit = Duration::try_from_secs_f64(limit).unwrap_or(Duration::MAX);
-        let trial = run(choice.apply(self.scene), fraction, limit, &mut || true);
+        let trial = run(choice.apply(self.scene), fraction, Limit::Counted(limit), &mut || true);
         if let Ok(trial) = &trial {
-            self.spent += trial.seconds;
+            self.spent += trial.counted_seconds;
         }
         trial
     }
@@ -185,7 +183,7 @@ impl Search<'_> {
     fn cost(&mut self, choice: Choice) -> Option<f64> {
         let fraction = (64.0 / choice.steps as f64).min(1.0);
         let trial = self.trial(choice, fraction, f64::INFINITY).ok()?;
-        Some(trial.seconds / trial.work.steps.max(1) as f64 * choice.steps as f64)
+        Some(trial.counted_seconds / trial.work.steps.max(1) as f64 * choice.steps as f64)
     }
 
     /// Explicit schemes that reach the error aimed at.
@@ -201,7 +199,7 @@ impl Search<'_> {
             let order = choice.method().facts().order as f64;
             let refined = (error / aim).powf(1.0 / order).max(1.0);
             let steps = (choice.steps as f64 * refined).ceil() as u64;
-            let seconds_per_step = trial.seconds / trial.work.steps.max(1) as f64;
+            let seconds_per_step = trial.counted_seconds / trial.work.steps.max(1) as f64;
             found.push(Candidate {
                 scheme: choice.label(),
                 choice: Choice { steps, ..choice },
@@ -218,8 +216,9 @@ impl Search<'_> {
         }
         // What costs more than a run of order 4 is not worth asking; its own error needs order 6.
         let of_sixth = {
-            let trial = run(sixth.apply(self.scene), WINDOW, Duration::MAX, &mut || true).ok();
-            trial.inspect(|trial| self.spent += trial.seconds)
+            let trial =
+                run(sixth.apply(self.scene), WINDOW, Limit::Counted(f64::INFINITY), &mut || true).ok();
+            trial.inspect(|trial| self.spent += trial.counted_seconds)
         };
         add(verlet, of_verlet, verlet_error, self.aim);
         if let Some(of_sixth) = of_sixth {
@@ -262,7 +261,7 @@ impl Search<'_> {
             let trial = self.trial(ladder.choice, 1.0, left.min(2.0 * cheapest));
             match trial {
                 Ok(trial) => {
-                    left -= trial.seconds;
+                    left -= trial.counted_seconds;
                     ladder.enter(trial, &self.norm);
                     if let Some(candidate) = ladder.candidate(self.aim) {
                         found.push(candidate);
@@ -284,7 +283,7 @@ impl Ladder {
         if let Some(coarser) = self.ends.last() {
             self.differences.push(norm.error(coarser, &trial.end));
         }
-        self.seconds = trial.seconds;
+        self.seconds = trial.counted_seconds;
         self.ends.push(trial.end);
     }
 

@@ -192,6 +192,16 @@ impl Simulation {
         })
     }
 
+    /// What all work so far costs on one core of the reference machine, s: counted, so that it is the same
+    /// in every run.
+    pub fn counted_seconds(&self) -> f64 {
+        let cost = |component: &Component| {
+            let stepper = component.stepper.as_ref()?;
+            Some(stepper.unit_costs(&component.system).seconds(&stepper.work()))
+        };
+        self.components.iter().filter_map(cost).sum()
+    }
+
     /// Does any component keep the full energy ledger?
     pub(crate) fn has_ledger(&self) -> bool {
         self.components.iter().any(|component| component.keeps_ledger)

@@ -58,8 +58,10 @@ impl Choice {
 pub struct Trial {
     /// Free coordinates at the end, by component, m.
     pub end: Vec<Vec<f64>>,
-    /// Seconds of stepping.
+    /// Seconds of stepping, by the clock.
     pub seconds: f64,
+    /// Seconds of stepping on one core of the reference machine, counted.
+    pub counted_seconds: f64,
     /// max |H − H₀ − work from outside| over the largest kinetic energy, at some 32 times of the run.
     pub energy_drift: f64,
     /// Counted work.
@@ -83,11 +85,20 @@ pub enum TrialError {
     Stopped,
 }
 
-/// Runs `scene` until t = `fraction` · end, for `limit` at most; asks `go_on` at some 32 times.
+/// What a trial may cost.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Limit {
+    /// Time by the clock.
+    Clock(Duration),
+    /// Seconds of one core of the reference machine, counted: it ends at the same step in every run.
+    Counted(f64),
+}
+
+/// Runs `scene` until t = `fraction` · end, within `limit`; asks `go_on` at some 32 times.
 pub fn run(
     scene: Scene,
     fraction: f64,
-    limit: Duration,
+    limit: Limit,
     go_on: &mut dyn FnMut() -> bool,
 ) -> Result<Trial, TrialError> {
     // What a scheme can do is asked, not how it can be rescued.
@@ -109,7 +120,11 @@ pub fn run(
                 Ok(done) => outside += done.energy.prescribed + done.energy.force + done.energy.damping,
                 Err(error) => return Err(TrialError::Failed(error.to_string())),
             }
-            if begin.elapsed() + spent > limit {
+            let is_over = match limit {
+                Limit::Clock(limit) => begin.elapsed() + spent > limit,
+                Limit::Counted(limit) => simulation.counted_seconds() > limit,
+            };
+            if is_over {
                 return Err(TrialError::OutOfTime { t: simulation.time() });
             }
         }
@@ -127,6 +142,7 @@ pub fn run(
     Ok(Trial {
         end: simulation.components().iter().map(|c| c.state().q.clone()).collect(),
         seconds: spent.as_secs_f64(),
+        counted_seconds: simulation.counted_seconds(),
         energy_drift: if drift == 0.0 { 0.0 } else { drift / kinetic },
         work: simulation.work(),
     })

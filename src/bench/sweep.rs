@@ -8,7 +8,7 @@ use super::tables::recommend;
 use super::{BenchError, BenchOptions, BenchReport, BenchWatch, Row};
 use crate::scene::{Scene, SchemeName};
 use crate::simulation::Simulation;
-use crate::trial::{Choice, Norm, Trial, TrialError, highest, run};
+use crate::trial::{Choice, Limit, Norm, Trial, TrialError, highest, run};
 
 const REFERENCE_SHARE: f64 = 0.35;
 const ROWS_SHARE: f64 = 0.85;
@@ -121,7 +121,7 @@ impl Sweep<'_> {
         let left = self.left(ROWS_SHARE);
         let spent = self.begin.elapsed().as_secs_f64() / self.budget.as_secs_f64();
         self.watch.next(&format!("{} in {} steps", choice.label(), choice.steps), spent, left);
-        let done = run(choice.apply(&self.scene), 1.0, left, &mut || self.watch.go_on());
+        let done = run(choice.apply(&self.scene), 1.0, Limit::Clock(left), &mut || self.watch.go_on());
         let row = self.row(choice, done);
         self.rows.push(row);
     }
@@ -238,7 +238,8 @@ impl Sweep<'_> {
                 let choice = row.choice;
                 let spent = self.begin.elapsed().as_secs_f64() / self.budget.as_secs_f64();
                 self.watch.next(&format!("{} again, {}", choice.label(), turn + 1), spent, left);
-                let again = run(choice.apply(&self.scene), 1.0, left, &mut || self.watch.go_on());
+                let again =
+                    run(choice.apply(&self.scene), 1.0, Limit::Clock(left), &mut || self.watch.go_on());
                 if let Ok(again) = again {
                     let row = &mut self.rows[index];
                     row.seconds = Some(seconds.min(again.seconds));

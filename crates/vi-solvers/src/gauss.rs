@@ -18,7 +18,7 @@ use crate::kick_drift::check_finite;
 use crate::newton::{Equations, Newton, Start};
 use crate::stepper::expect_method;
 use crate::vectors;
-use crate::{SolverError, SolverOptions, StepError, StepReport, Stepper, StepperMemory, Work};
+use crate::{SolverError, SolverOptions, StepError, StepReport, Stepper, StepperMemory, UnitCosts, Work};
 
 use coefficients::Coefficients;
 
@@ -375,6 +375,10 @@ impl Stepper for Gauss {
 
     fn work(&self) -> Work {
         self.forces.work
+    }
+
+    fn unit_costs(&self, system: &System) -> UnitCosts {
+        if self.inverse.is_ready() { *self.inverse.costs() } else { UnitCosts::explicit(system) }
     }
 
     fn linear_solver(&self) -> Option<&str> {

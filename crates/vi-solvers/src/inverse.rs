@@ -60,6 +60,11 @@ impl Inverse {
         self.origin.as_ref().is_some_and(|origin| (origin.c / c - 1.0).abs() < 1e-9)
     }
 
+    /// Has the linear solver been chosen?
+    pub(crate) fn is_ready(&self) -> bool {
+        self.linear.is_ready()
+    }
+
     pub(crate) fn costs(&self) -> &UnitCosts {
         self.linear.costs()
     }

@@ -50,6 +50,7 @@ pub use method::{Method, MethodFacts, stepper};
 pub use modes::{Mode, ModeOptions, modes};
 pub use nodal_forces::{accelerations, external_forces};
 pub use pcg::{Pcg, PcgFacts, PcgReport, Preconditioner};
+pub use policy::UnitCosts;
 pub use quasi_static::quasi_static;
 pub use stability::{HighestFrequency, highest_frequency};
 pub use statics::{

@@ -5,7 +5,7 @@
 use vi_core::{HessianKind, System, packed_len};
 
 use crate::newton::Start;
-use crate::{FactorFacts, SolverError, StepperMemory};
+use crate::{FactorFacts, SolverError, StepperMemory, Work};
 
 /// Seconds of the reference core for one entry of a local gradient, and of a local Hessian.
 const GRADIENT_ENTRY: f64 = 2.0e-9;
@@ -13,6 +13,9 @@ const HESSIAN_ENTRY: f64 = 1.8e-9;
 /// Flops a second of a factorisation, bytes a second of a solve.
 const FACTOR_RATE: f64 = 25e9;
 const SOLVE_RATE: f64 = 8e9;
+
+/// Seconds of the reference core for a call, however small its system.
+const CALL: f64 = 1e-6;
 
 /// A better contraction than this is not relied on before it has been seen in the step itself.
 const LEAST_CONTRACTION: f64 = 0.05;
@@ -22,16 +25,34 @@ pub(crate) fn bytes(count: f64) -> f64 {
     count / SOLVE_RATE
 }
 
-/// Costs of the pieces of an implicit step, s of the reference core.
+/// Costs of the pieces of a step, s of one core of the reference machine: counted, the same everywhere.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct UnitCosts {
-    pub(crate) gradient: f64,
-    pub(crate) hessian: f64,
-    pub(crate) factor: f64,
-    pub(crate) solve: f64,
+pub struct UnitCosts {
+    /// ∂V/∂x of the system.
+    pub gradient: f64,
+    /// ∂²V/∂x² of the system.
+    pub hessian: f64,
+    /// A factor of M + cK, or its preconditioner.
+    pub factor: f64,
+    /// A solve.
+    pub solve: f64,
 }
 
 impl UnitCosts {
+    /// The costs of schemes that solve nothing.
+    pub fn explicit(system: &System) -> Self {
+        Self::new(system, &FactorFacts::default())
+    }
+
+    /// What `work` costs, s of the reference core. An energy counts as a gradient.
+    pub fn seconds(&self, work: &Work) -> f64 {
+        CALL * (work.gradients + work.energies + work.solves) as f64
+            + self.gradient * (work.gradients + work.energies) as f64
+            + self.hessian * work.hessians as f64
+            + self.factor * work.factorizations as f64
+            + self.solve * work.solves as f64
+    }
+
     pub(crate) fn new(system: &System, facts: &FactorFacts) -> Self {
         let (mut gradient, mut hessian) = (0.0, 0.0);
         for term in system.potentials() {

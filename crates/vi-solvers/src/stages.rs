@@ -17,7 +17,7 @@ use crate::kick_drift::check_finite;
 use crate::newton::{Equations, Newton, Start};
 use crate::stepper::expect_method;
 use crate::vectors;
-use crate::{SolverError, SolverOptions, StepError, StepReport, Stepper, StepperMemory, Work};
+use crate::{SolverError, SolverOptions, StepError, StepReport, Stepper, StepperMemory, UnitCosts, Work};
 
 /// What one step of a one-stage method is, for one coordinate: v is its velocity at the start, w the
 /// stage increment, and `k` its index in the rule's own history.
@@ -518,6 +518,10 @@ impl<R: Rule> Stepper for OneStage<R> {
 
     fn work(&self) -> Work {
         self.forces.work
+    }
+
+    fn unit_costs(&self, system: &System) -> UnitCosts {
+        if self.inverse.is_ready() { *self.inverse.costs() } else { UnitCosts::explicit(system) }
     }
 
     fn linear_solver(&self) -> Option<&str> {

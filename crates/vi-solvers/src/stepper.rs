@@ -3,7 +3,7 @@
 
 use vi_core::{State, StepEnergy, System};
 
-use crate::SolverError;
+use crate::{SolverError, UnitCosts};
 
 /// A time integrator with everything it keeps between steps.
 pub trait Stepper: Send {
@@ -15,6 +15,11 @@ pub trait Stepper: Send {
 
     /// Everything done so far.
     fn work(&self) -> Work;
+
+    /// What the pieces of its work cost on the reference core.
+    fn unit_costs(&self, system: &System) -> UnitCosts {
+        UnitCosts::explicit(system)
+    }
 
     /// Everything beyond (t, q, p) that the bits of the next step depend on.
     fn memory(&self) -> StepperMemory;
