@@ -161,7 +161,7 @@ impl Sweep {
                         *x = *q;
                     }
                 }
-                sound &= all_finite(p) && all_finite(q);
+                sound &= all_finite(p) && (pass.drift == 0.0 || all_finite(q));
                 if dof + length > end {
                     break;
                 }

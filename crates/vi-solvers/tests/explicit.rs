@@ -221,6 +221,31 @@ fn explicit_runs_make_no_hessian_and_reuse_the_last_force() {
     }
 }
 
+/// One pass over the coordinates and the plain way with a ledger are the same arithmetic, also where
+/// somebody moves the body between two steps.
+#[test]
+fn a_ledger_does_not_change_the_path() {
+    let chain = SpringChain::unit(3000);
+    for (system, start) in [(chain.system().unwrap(), chain.disturbed_state()), moving_chain(3000)] {
+        for method in variational() {
+            let path = |ledger: bool| {
+                let options = SolverOptions { ledger, ..SolverOptions::default() };
+                let mut stepper = vi_solvers::stepper(&method, &system, &options).unwrap();
+                let mut state = start.clone();
+                for step in 0..6 {
+                    if step == 3 {
+                        state.q[1234] += 1e-3;
+                        state.p[7] -= 1e-2;
+                    }
+                    stepper.step(&system, &mut state, 0.05).unwrap();
+                }
+                state
+            };
+            assert_eq!(path(false), path(true), "{}", method.name());
+        }
+    }
+}
+
 #[test]
 fn free_fall_is_exact_and_keeps_the_shape() {
     for method in variational().filter(|method| method.facts().order >= 2) {
