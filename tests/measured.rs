@@ -9,10 +9,10 @@ use variational::bench::{BenchOptions, bench, recommended_scene};
 use variational::estimate::Estimator;
 use variational::explain::explain;
 use variational::prelude::*;
-use variational::trial::{self, Choice, Norm};
+use variational::trial::{self, Choice, Limit, Norm};
 
 const SOFT: Isotropic = Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 };
-const LONG: Duration = Duration::from_secs(3600);
+const LONG: Limit = Limit::Clock(Duration::from_secs(3600));
 
 /// The cantilever block P1 with n = 1 or 2 cells across.
 fn cantilever(n: u32, time: Time, law: Law) -> Scene {
