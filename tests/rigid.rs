@@ -128,8 +128,8 @@ fn a_box_flips_on_time_and_keeps_its_momenta() {
             })
             .collect();
         let falls = (1..t.len()).filter(|&i| cosine[i - 1] > 0.0 && cosine[i] <= 0.0);
-        let falls = falls.map(|i| t[i] - (t[i] - t[i - 1]) * cosine[i] / (cosine[i] - cosine[i - 1]));
-        let (rise, fall) = (crossings(&history, &cosine)[0], falls.last().unwrap());
+        let mut falls = falls.map(|i| t[i] - (t[i] - t[i - 1]) * cosine[i] / (cosine[i] - cosine[i - 1]));
+        let (rise, fall) = (crossings(&history, &cosine)[0], falls.next_back().unwrap());
         // Upside down for half a period.
         ((fall - rise) / (0.5 * period) - 1.0).abs()
     };

@@ -332,6 +332,7 @@ impl Part {
     /// Takes the nodes of a rigid body and what ties them.
     fn take(&mut self, added: &rigid::Added) {
         self.mass.extend(&added.mass);
+        self.heavy.extend(&added.mass);
         self.rest.extend(added.x.as_chunks::<3>().0);
         self.x.extend(&added.x);
         self.v.extend(&added.v);
