@@ -79,7 +79,7 @@ pub struct Report {
     pub guard: Value,
     /// Counted work.
     pub work: Map<String, Value>,
-    /// Which linear solver served each system that had equations to solve, and why.
+    /// Which linear solver served each system that had equations to solve; `--explain` tells why.
     pub linear_solvers: Vec<String>,
     /// Frames written.
     pub frames: usize,
@@ -169,8 +169,9 @@ impl Report {
         self.substeps = json!({ "steps_cut": cut.steps, "substeps": cut.substeps,
                                 "smallest": simulation.step_size() / cut.finest as f64 });
         let steppers = simulation.components().iter().filter_map(|component| component.stepper());
-        self.linear_solvers =
-            steppers.filter_map(|stepper| stepper.linear_solver()).map(str::to_owned).collect();
+        // The reason is that of the run which chose; one that continues it must report the same.
+        let name = |reason: &str| reason.split(':').next().map(str::to_owned);
+        self.linear_solvers = steppers.filter_map(|stepper| stepper.linear_solver().and_then(name)).collect();
         self.frames = frames;
         self.energy_drift = if energy.drift == 0.0 { 0.0 } else { energy.drift / energy.kinetic_max };
         let parts = &energy.parts;
