@@ -6,10 +6,15 @@ set -euo pipefail
 cd "$(dirname "$0")"
 runs=${1:-1000000}
 shift || true
-for reader in "${@:-msh vtk vtu obj stl}"; do
+for reader in "${@:-msh vtk vtu obj stl scene checkpoint}"; do
     for target in $reader; do
         mkdir -p "corpus/$target"
-        cp ../crates/vi-io/tests/data/*."$target" "corpus/$target/"
+        case "$target" in
+            scene) cp ../scenes/*.toml corpus/scene/ ;;
+            # From nothing: the target adds header and checksum to whatever it is given.
+            checkpoint) ;;
+            *) cp ../crates/vi-io/tests/data/*."$target" "corpus/$target/" ;;
+        esac
         [ "$target" != vtu ] || cp ../crates/vi-io/tests/data/*.vtp corpus/vtu/
         cargo +nightly fuzz run "$target" -- -runs="$runs" -max_len=8192 -malloc_limit_mb=96 -rss_limit_mb=2048 \
             -timeout=10 -print_final_stats=1

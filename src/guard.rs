@@ -53,18 +53,21 @@ pub(crate) struct EnergyGuard {
     pub(crate) rule: Guard,
     pub(crate) growth: Growth,
     pub(crate) events: Vec<GuardEvent>,
+    /// Energy below which round-off rules, J.
+    resolution: f64,
     /// Steps before it judges: a body that starts from rest has exchanged next to nothing at first, and the
     /// energy of a scheme of order 1 is off by 1/n of that in step n.
     grace: u64,
 }
 
 impl EnergyGuard {
-    /// For a scheme of this order, from the first observation on.
-    pub(crate) fn new(rule: Guard, order: usize, first: &Observation) -> Self {
+    /// For a scheme of this order, from the first observation on; `resolution` is the energy below which
+    /// round-off rules, J.
+    pub(crate) fn new(rule: Guard, order: usize, first: &Observation, resolution: f64) -> Self {
         let grace = if order < 2 { (4.0 / rule.bound).ceil() as u64 } else { 2 };
-        let exchange = first.kinetic + first.elastic;
+        let exchange = (first.kinetic + first.elastic).max(resolution);
         let growth = Growth { exchange, ..Growth::default() };
-        Self { rule, growth, events: Vec::new(), grace }
+        Self { rule, growth, events: Vec::new(), resolution, grace }
     }
 
     /// Enters an observation and the account of the run until then.
@@ -78,7 +81,7 @@ impl EnergyGuard {
             .into_iter()
             .chain([parts.prescribed, parts.damping])
             .fold(0.0, |scale: f64, part| scale.max(part.abs()));
-        growth.now = seen.total() - ledger.initial - work - NOISE * scale;
+        growth.now = seen.total() - ledger.initial - work - NOISE * scale - self.resolution;
         growth.largest = growth.largest.max(growth.now);
     }
 
@@ -120,7 +123,7 @@ impl EnergyGuard {
         json!({
             "action": self.rule.action, "bound": self.rule.bound, "growth": self.growth.largest,
             "exchange": self.growth.exchange, "relative_growth": self.relative(),
-            "exceeded": self.warning().is_some(), "events": self.events,
+            "resolution": self.resolution, "exceeded": self.warning().is_some(), "events": self.events,
         })
     }
 }

@@ -6,6 +6,8 @@
 //! [`scene::Scene`] says what there is, [`simulation::Simulation`] steps it, [`run::run`] writes it.
 //! The layers below are re-exported as [`core`], [`fem`], [`solvers`] and [`io`].
 
+#![forbid(unsafe_code)]
+
 pub mod auto;
 pub mod bench;
 pub mod checkpoint;

@@ -5,7 +5,7 @@ mod march;
 mod snapshot;
 
 use rayon::prelude::*;
-use vi_core::{HessianKind, State, System, angular_momentum, kinetic_energy, linear_momentum};
+use vi_core::{HessianKind, Potential, State, System, angular_momentum, kinetic_energy, linear_momentum};
 use vi_solvers::{Assembler, Method, SolverError, SolverOptions, StepError, Stepper, Work};
 
 use crate::auto::AutoReport;
@@ -395,6 +395,39 @@ impl Simulation {
             }
         }
         SolverError::NotFinite { what: "energy or momentum", dof: 0, at_start: true }
+    }
+
+    /// Energy below which round-off rules, J: 1e-16 Σ tr(K_e) r_e², with stiffness and extent of each stencil,
+    /// of which a few speak for a term. Laws that subtract large numbers have it at rest.
+    pub(crate) fn resolution(&self) -> f64 {
+        let of_term = |term: &dyn Potential, x: &[f64], t: f64| -> f64 {
+            let stencils = term.stencils();
+            let (count, size, block) = (stencils.count(), stencils.size(), stencils.block);
+            let stride = count.div_ceil(64).max(1);
+            let mut packed = vec![0.0; vi_core::packed_len(size)];
+            let mut sum = 0.0;
+            for stencil in (0..count).step_by(stride) {
+                term.hessians(stencil..stencil + 1, x, t, &mut packed);
+                let trace: f64 = (0..size).map(|i| packed[vi_core::packed_len(i + 1) - 1].abs()).sum();
+                let nodes = stencils.of(stencil);
+                let extent = |k: usize| {
+                    let values = || nodes.iter().map(|&node| x[node as usize * block + k]);
+                    values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
+                };
+                let square: f64 = (0..block).map(|k| extent(k).powi(2)).sum();
+                let energy = trace * square * stride as f64;
+                sum += if energy.is_finite() { energy } else { 0.0 };
+            }
+            sum
+        };
+        let mut total = 0.0;
+        for component in self.components.iter().filter(|component| component.stepper.is_some()) {
+            let x = component.system.positions(&component.state);
+            let terms = component.system.potentials().iter();
+            let varying = terms.filter(|term| term.traits().hessian != HessianKind::Zero);
+            total += varying.map(|term| of_term(term.as_ref(), &x, component.state.t)).sum::<f64>();
+        }
+        1e-16 * total
     }
 
     /// Positions of the nodes of body number `body`, m.

@@ -156,7 +156,7 @@ impl Run {
             ledger: EnergyLedger::new(first.total(), first.kinetic),
             momentum: MomentumLedger::new(&simulation, &first),
             pitch: PitchFinder::new(&scene.probes, &first),
-            guard: EnergyGuard::new(rule, simulation.method().facts().order, &first),
+            guard: EnergyGuard::new(rule, simulation.method().facts().order, &first, simulation.resolution()),
             report: Report::new(&simulation, name, stability.as_ref()),
             directory: directory.to_owned(),
             work: RowWork::default(),

@@ -181,11 +181,12 @@ fn energy(
         let given = rows.iter().map(|row| first[total] - row[gravity]).fold(0.0, f64::max);
         let growth = last[total] - first[total];
         let scale = rows.iter().flat_map(|row| &row[1..5]).fold(0.0_f64, |scale, part| scale.max(part.abs()));
-        if growth > SILENT * given + 1e-9 * scale {
+        let noise = 1e-9 * scale + report["guard"]["resolution"].as_f64().unwrap_or(0.0);
+        if growth > SILENT * given + noise {
             return Err(format!("energy grew by {growth:e} J of {given:e} J in silence"));
         }
         let is_conserving = case.scene.time.scheme == SchemeName::EnergyMomentum;
-        if is_conserving && growth.abs() > 2e-2 * given + 1e-9 * scale {
+        if is_conserving && growth.abs() > 2e-2 * given + noise {
             return Err(format!("energy-momentum: energy changed by {growth:e} J of {given:e} J"));
         }
     }

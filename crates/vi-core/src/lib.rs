@@ -4,6 +4,8 @@
 //! This crate knows potentials as sums of local terms, generalised coordinates, schemes as plain
 //! data, and what they conserve. It must not know a mesh, a sparse matrix or a file.
 
+#![forbid(unsafe_code)]
+
 mod combination;
 mod conserved;
 pub mod constraints;

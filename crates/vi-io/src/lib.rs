@@ -4,6 +4,8 @@
 //! Memory is bounded by a small multiple of the file, whatever its headers claim; whatever is wrong is an [`IoError`]
 //! that names the file, the line or byte, and the way out.
 
+#![forbid(unsafe_code)]
+
 mod cell;
 mod cursor;
 mod edit;
