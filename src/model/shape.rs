@@ -45,10 +45,10 @@ fn revolved(rings: &[[f64; 2]]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
             let [a, b] = [ring * AROUND + k, ring * AROUND + next];
             let [c, d] = [a + AROUND, b + AROUND];
             if rings[ring as usize][1] > 0.0 {
-                triangles.push([a, c, b]);
+                triangles.push([a, b, c]);
             }
             if rings[ring as usize + 1][1] > 0.0 {
-                triangles.push([b, c, d]);
+                triangles.push([b, d, c]);
             }
         }
     }
