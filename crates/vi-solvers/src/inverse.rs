@@ -189,6 +189,8 @@ impl Inverse {
         memory: &StepperMemory,
     ) -> Result<(), SolverError> {
         self.origin = None;
+        // It is of the pattern that the forces had before.
+        self.linear.forget();
         let Ok(x) = memory.array("factor.x") else { return Ok(()) };
         let &[c, t] = memory.array("factor.c_t")? else {
             return Err(SolverError::Memory { missing: "factor.c_t" });

@@ -97,6 +97,11 @@ impl Linear {
         }
     }
 
+    /// Back to before the first A.
+    pub(crate) fn forget(&mut self) {
+        *self = Self::new(self.choice, self.is_exact);
+    }
+
     /// Takes the path that an earlier run took.
     pub(crate) fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
         let [gradients, total, solves] = NAMES.map(|name| memory.count(name));
