@@ -191,7 +191,7 @@ impl Newton {
             forces.work.newton_iterations += 1;
             attempt.with_factor += 1;
             let doubtful = |equations: &E| decrement > DOUBT_ABOVE * DOUBT_ABOVE * equations.energy_scale();
-            if iteration == 1 && !inverse.is_linear() && doubtful(equations) {
+            if iteration == 1 && self.policy.is_hard() && !inverse.is_linear() && doubtful(equations) {
                 decrement = self.choose_start(system, forces, inverse, equations, decrement)?;
             }
             if !inverse.is_linear() || !equations.model_is_exact() {

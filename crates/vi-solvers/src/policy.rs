@@ -77,6 +77,9 @@ impl UnitCosts {
     }
 }
 
+/// Iterations a step above which steps are hard.
+const HARD: f64 = 4.0;
+
 /// Weight of the past in the mean of recent iterations.
 const FADING: f64 = 0.7;
 
@@ -124,6 +127,11 @@ impl Policy {
     /// A new factor inside a step that has made `iterations` and foresees `remaining` more?
     pub(crate) fn is_slow(&self, costs: &UnitCosts, iterations: u64, remaining: f64) -> bool {
         iterations as f64 + remaining > self.fresh.max(2) as f64 + costs.refactor() + 2.0
+    }
+
+    /// Did steps take many iterations of late? Then it pays to compare where they begin.
+    pub(crate) fn is_hard(&self) -> bool {
+        self.has_descended || self.recent > HARD
     }
 
     /// The contraction to expect of the first iteration of a step: that of the last step, if its factor
