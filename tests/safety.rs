@@ -19,7 +19,7 @@ material = { law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }
 [[strike]]
 body = "block"
 region = "x-min"
-impulse = [250.0, 0.0, 0.0]
+impulse = [300.0, 0.0, 0.0]
 [output]
 interval = 0.004
 [checkpoint]
@@ -49,7 +49,7 @@ fn a_step_that_fails_is_cut() {
         assert!(times.iter().enumerate().all(|(n, t)| *t == n as f64 * 2e-3), "{times:?}");
         // Linear momentum is kept through all substeps.
         let momentum = history.column("px");
-        assert!(momentum.iter().all(|p| (p / 250.0 - 1.0).abs() < 1e-6), "{scheme}: {momentum:?}");
+        assert!(momentum.iter().all(|p| (p / 300.0 - 1.0).abs() < 1e-6), "{scheme}: {momentum:?}");
         assert!(String::from_utf8_lossy(&run.output.stdout).contains("were cut into"));
     }
 }
@@ -59,7 +59,7 @@ fn a_step_that_fails_is_cut() {
 #[test]
 fn the_floor_is_a_clear_end() {
     let scene = STRUCK.replace("SCHEME", "implicit-midpoint").replace("TIME", "").replace(
-        "[[strike]]\nbody = \"block\"\nregion = \"x-min\"\nimpulse = [250.0, 0.0, 0.0]",
+        "[[strike]]\nbody = \"block\"\nregion = \"x-min\"\nimpulse = [300.0, 0.0, 0.0]",
         "[[fix]]\nbody = \"block\"\nregion = \"x-max\"\n[[fix]]\nbody = \"block\"\nregion = \"x-min\"\n\
          motion = { kind = \"translate\", velocity = [40.0, 0.0, 0.0] }",
     );
