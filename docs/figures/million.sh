@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # A million steps of a small body: energy and momenta over the whole run, as a picture.
-# Needs matplotlib (pip install matplotlib). Takes some minutes.
+# Needs matplotlib (pip install matplotlib). Takes seconds after the build.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 cargo build --release

@@ -24,8 +24,8 @@ for run in sorted(path for path in directory.iterdir() if path.is_dir()):
     for axis, change in zip(axes, changes):
         axis.plot(t, change, linewidth=0.6, label=run.name)
 for axis, name in zip(axes, ["energy", "linear momentum", "angular momentum"]):
-    axis.set_title(f"change of {name}, relative")
+    axis.set_title(f"{name}, relative change", fontsize=10)
     axis.set_xlabel("t / s")
-axes[0].legend(frameon=False)
+axes[2].legend(frameon=False)
 figure.tight_layout()
 figure.savefig(picture, dpi=150)
