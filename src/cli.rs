@@ -11,6 +11,7 @@ mod progress;
 mod resume;
 mod run;
 mod stress;
+mod study;
 
 use std::ffi::OsString;
 use std::path::PathBuf;

@@ -1,7 +1,7 @@
 //! `variational bench`: words in, table and files out. It must not measure.
 
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -10,13 +10,14 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::exit;
-use super::run::{accept, name_of, print_problems, stop_on_ctrl_c, thread_pool, writable};
+use super::run::{print_problems, stop_on_ctrl_c};
+use super::study::{Study, StudyArguments, print_json};
 use crate::bench::{BenchError, BenchOptions, BenchReport, BenchWatch, bench};
 
 #[derive(Debug, Args)]
 pub(super) struct BenchArguments {
-    /// The scene file
-    scene: PathBuf,
+    #[command(flatten)]
+    study: StudyArguments,
     /// Wall time for everything, s
     #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
     budget: f64,
@@ -26,26 +27,14 @@ pub(super) struct BenchArguments {
     /// Schemes to sweep, comma-separated, e.g. stormer-verlet,"gauss 3"
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     schemes: Vec<String>,
-    /// Output directory (default: out/<scene>-bench)
-    #[arg(long, value_name = "DIRECTORY")]
-    out: Option<PathBuf>,
-    /// Set a key of the scene, e.g. time.end=0.5
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    overrides: Vec<String>,
-    /// Threads (default: one a core)
-    #[arg(long)]
-    threads: Option<usize>,
     /// Print the recommendation only
     #[arg(long, short)]
     quiet: bool,
-    /// Print the report as JSON
-    #[arg(long)]
-    json: bool,
 }
 
 pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
-    let (scene, parsed) = match accept(&arguments.scene, &arguments.overrides) {
-        Ok(accepted) => accepted,
+    let Study { scene, parsed, pool, name, directory } = match arguments.study.open("bench") {
+        Ok(study) => study,
         Err(code) => return code,
     };
     for (key, value) in [("--budget", Some(arguments.budget)), ("--error", arguments.error)] {
@@ -54,35 +43,22 @@ pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
             return exit::BAD_INPUT;
         }
     }
-    let pool = match thread_pool(arguments.threads) {
-        Ok(pool) => pool,
-        Err(code) => return code,
-    };
-    let name = name_of(&arguments.scene);
-    let directory = arguments.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{name}-bench")));
-    if let Err(error) = writable(&directory) {
-        eprintln!(
-            "error: {}: output directory not writable: {error}; choose another with --out",
-            directory.display()
-        );
-        return exit::BAD_INPUT;
-    }
     let options = BenchOptions {
         budget: Duration::from_secs_f64(arguments.budget),
         accuracy: arguments.error,
         schemes: arguments.schemes.clone(),
     };
-    let mut watch = Watch::new(arguments.quiet || arguments.json, stop_on_ctrl_c());
+    let mut watch = Watch::new(arguments.quiet || arguments.study.json, stop_on_ctrl_c());
     let result = pool.install(|| bench(&scene, &options, &mut watch));
     watch.finish();
     let report = match result {
         Ok(report) => report,
         Err(BenchError::Scene(problems)) => {
-            print_problems(problems, &parsed, &arguments.scene);
+            print_problems(problems, &parsed, &arguments.study.scene);
             return exit::BAD_INPUT;
         }
         Err(error) => {
-            eprintln!("error: {}: {error}", arguments.scene.display());
+            eprintln!("error: {}: {error}", arguments.study.scene.display());
             let is_numerical = matches!(error, BenchError::Reference { .. });
             return if is_numerical { exit::NO_CONVERGENCE } else { exit::BAD_INPUT };
         }
@@ -92,11 +68,8 @@ pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
         eprintln!("error: {}: {error}", directory.display());
         return exit::INPUT_OUTPUT;
     }
-    if arguments.json {
-        match serde_json::to_string_pretty(&report) {
-            Ok(text) => println!("{text}"),
-            Err(error) => eprintln!("error: {error}"),
-        }
+    if arguments.study.json {
+        print_json(&report);
         return exit::DONE;
     }
     if !arguments.quiet {

@@ -1,21 +1,22 @@
 //! `variational convergence`: words in, tables and files out. It must not measure.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 
 use super::exit;
-use super::run::{accept, name_of, print_problems, stop_on_ctrl_c, thread_pool, writable};
+use super::run::{print_problems, stop_on_ctrl_c};
+use super::study::{Study, StudyArguments, print_json};
 use crate::convergence::{
     ConvergenceError, ConvergenceOptions, ConvergenceReport, ConvergenceWatch, convergence,
 };
 
 #[derive(Debug, Args)]
 pub(super) struct ConvergenceArguments {
-    /// The scene file
-    scene: PathBuf,
+    #[command(flatten)]
+    study: StudyArguments,
     /// Meshes and steps of each study, each half as coarse as the one before; 3 or more show an order
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(2..=6))]
     levels: u32,
@@ -28,57 +29,31 @@ pub(super) struct ConvergenceArguments {
     /// Study the lowest frequencies of vibration, rigid ones included, instead of the end of the run
     #[arg(long, value_name = "COUNT", conflicts_with = "time", value_parser = clap::value_parser!(u32).range(1..=1000))]
     modes: Option<u32>,
-    /// Output directory (default: out/<scene>-convergence)
-    #[arg(long, value_name = "DIRECTORY")]
-    out: Option<PathBuf>,
-    /// Set a key of the scene, e.g. time.end=0.5
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    overrides: Vec<String>,
-    /// Threads (default: one a core)
-    #[arg(long)]
-    threads: Option<usize>,
     /// Print errors only
     #[arg(long, short)]
     quiet: bool,
-    /// Print the report as JSON
-    #[arg(long)]
-    json: bool,
 }
 
 pub(super) fn study(arguments: &ConvergenceArguments) -> u8 {
-    let (scene, parsed) = match accept(&arguments.scene, &arguments.overrides) {
-        Ok(accepted) => accepted,
+    let Study { scene, parsed, pool, directory, .. } = match arguments.study.open("convergence") {
+        Ok(study) => study,
         Err(code) => return code,
     };
-    let pool = match thread_pool(arguments.threads) {
-        Ok(pool) => pool,
-        Err(code) => return code,
-    };
-    let name = name_of(&arguments.scene);
-    let directory =
-        arguments.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{name}-convergence")));
-    if let Err(error) = writable(&directory) {
-        eprintln!(
-            "error: {}: output directory not writable: {error}; choose another with --out",
-            directory.display()
-        );
-        return exit::BAD_INPUT;
-    }
     let options = ConvergenceOptions {
         levels: arguments.levels,
         space: !arguments.time,
         time: !arguments.space,
         modes: arguments.modes.map(|count| count as usize),
     };
-    let mut watch = Watch { quiet: arguments.quiet || arguments.json, stop: stop_on_ctrl_c() };
+    let mut watch = Watch { quiet: arguments.quiet || arguments.study.json, stop: stop_on_ctrl_c() };
     let report = match pool.install(|| convergence(&scene, &options, &mut watch)) {
         Ok(report) => report,
         Err(ConvergenceError::Scene(problems)) => {
-            print_problems(problems, &parsed, &arguments.scene);
+            print_problems(problems, &parsed, &arguments.study.scene);
             return exit::BAD_INPUT;
         }
         Err(error) => {
-            eprintln!("error: {}: {error}", arguments.scene.display());
+            eprintln!("error: {}: {error}", arguments.study.scene.display());
             return match error {
                 ConvergenceError::Stopped => exit::INTERRUPTED,
                 ConvergenceError::Nothing(_) => exit::BAD_INPUT,
@@ -90,11 +65,8 @@ pub(super) fn study(arguments: &ConvergenceArguments) -> u8 {
         eprintln!("error: {}: {error}", directory.display());
         return exit::INPUT_OUTPUT;
     }
-    if arguments.json {
-        match serde_json::to_string_pretty(&report) {
-            Ok(text) => println!("{text}"),
-            Err(error) => eprintln!("error: {error}"),
-        }
+    if arguments.study.json {
+        print_json(&report);
     } else if !arguments.quiet {
         print!("{}", report.table());
         println!("written to {}", directory.display());

@@ -29,15 +29,7 @@ pub fn consistent_mass(
 ) -> Result<Vec<Box<dyn Potential>>, FemError> {
     let mut terms: Vec<(ElementKind, MassTerm)> = Vec::new();
     for &element in elements {
-        let Some((kind, nodes)) = mesh.cell(element as usize) else {
-            return Err(FemError::OutOfRange {
-                what: "mass, element",
-                index: element as usize,
-                target: "cell",
-                value: element as usize,
-                available: mesh.cell_count(),
-            });
-        };
+        let (kind, nodes) = mesh.element(element, "mass, element")?;
         let term = match terms.iter().position(|(other, _)| *other == kind) {
             Some(term) => term,
             None => {

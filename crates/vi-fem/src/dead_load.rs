@@ -126,15 +126,7 @@ impl DeadLoad {
     ) -> Result<Self, FemError> {
         let mut sum = NodalSum::new(mesh);
         for &element in elements {
-            let Some((kind, nodes)) = mesh.cell(element as usize) else {
-                return Err(FemError::OutOfRange {
-                    what: "body force, element",
-                    index: element as usize,
-                    target: "cell",
-                    value: element as usize,
-                    available: mesh.cell_count(),
-                });
-            };
+            let (kind, nodes) = mesh.element(element, "body force, element")?;
             kind.visit_solid(AddBodyForce { mesh, nodes, force, sum: &mut sum })
                 .ok_or(FemError::Unsupported { kind, used: "solid elements" })?;
         }

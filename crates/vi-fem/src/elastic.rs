@@ -58,10 +58,10 @@ pub fn elastic_on(
 
 /// How the strain energy of elements is formed from their deformation.
 pub(crate) trait Build {
-    fn build<E: Element<N, Q>, const N: usize, const Q: usize>(
+    fn build<E: Element<N, Q>, M: Material, const N: usize, const Q: usize>(
         solids: Solids<E, N, Q>,
+        material: M,
         elements: Vec<u32>,
-        law: &Law,
         name: String,
     ) -> Box<dyn Potential>;
 }
@@ -81,15 +81,7 @@ pub(crate) fn by_kind<B: Build>(
     }
     let mut kinds: Vec<(ElementKind, Vec<u32>)> = Vec::new();
     for &element in elements {
-        let Some((kind, _)) = mesh.cell(element as usize) else {
-            return Err(FemError::OutOfRange {
-                what: "elastic region, element",
-                index: element as usize,
-                target: "cell",
-                value: element as usize,
-                available: mesh.cell_count(),
-            });
-        };
+        let (kind, _) = mesh.element(element, "elastic region, element")?;
         match kinds.iter_mut().find(|(other, _)| *other == kind) {
             Some((_, list)) => list.push(element),
             None => kinds.push((kind, vec![element])),
@@ -132,7 +124,22 @@ impl<B: Build> SolidVisitor for BuildElement<'_, B> {
             FemError::Inverted { count, total, first }
         })?;
         solids.shift_nodes(node_offset as u32);
-        Ok(B::build(solids, elements, law, name))
+        Ok(law.visit(BuildLaw::<B, E, N, Q> { solids, elements, name, form: PhantomData }))
+    }
+}
+
+struct BuildLaw<B, E, const N: usize, const Q: usize> {
+    solids: Solids<E, N, Q>,
+    elements: Vec<u32>,
+    name: String,
+    form: PhantomData<B>,
+}
+
+impl<B: Build, E: Element<N, Q>, const N: usize, const Q: usize> LawVisitor for BuildLaw<B, E, N, Q> {
+    type Output = Box<dyn Potential>;
+    fn visit<M: Material>(self, material: M) -> Self::Output {
+        let Self { solids, elements, name, .. } = self;
+        B::build(solids, material, elements, name)
     }
 }
 
@@ -140,26 +147,12 @@ impl<B: Build> SolidVisitor for BuildElement<'_, B> {
 struct Plain;
 
 impl Build for Plain {
-    fn build<E: Element<N, Q>, const N: usize, const Q: usize>(
+    fn build<E: Element<N, Q>, M: Material, const N: usize, const Q: usize>(
         solids: Solids<E, N, Q>,
+        material: M,
         elements: Vec<u32>,
-        law: &Law,
         name: String,
     ) -> Box<dyn Potential> {
-        law.visit(BuildLaw { solids, elements, name })
-    }
-}
-
-struct BuildLaw<E, const N: usize, const Q: usize> {
-    solids: Solids<E, N, Q>,
-    elements: Vec<u32>,
-    name: String,
-}
-
-impl<E: Element<N, Q>, const N: usize, const Q: usize> LawVisitor for BuildLaw<E, N, Q> {
-    type Output = Box<dyn Potential>;
-    fn visit<M: Material>(self, material: M) -> Self::Output {
-        let Self { solids, elements, name } = self;
         Box::new(ElasticPotential { solids, material, elements, name })
     }
 }

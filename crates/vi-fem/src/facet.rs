@@ -315,23 +315,7 @@ mod tests {
         [ElementKind::Tri3, ElementKind::Tri6, ElementKind::Quad4, ElementKind::Quad8, ElementKind::Quad9];
 
     fn reference_nodes(kind: ElementKind) -> Vec<[f64; 2]> {
-        let all = match kind {
-            ElementKind::Tri3 | ElementKind::Tri6 => {
-                vec![[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
-            }
-            _ => vec![
-                [-1.0, -1.0],
-                [1.0, -1.0],
-                [1.0, 1.0],
-                [-1.0, 1.0],
-                [0.0, -1.0],
-                [1.0, 0.0],
-                [0.0, 1.0],
-                [-1.0, 0.0],
-                [0.0, 0.0],
-            ],
-        };
-        all[..kind.node_count()].to_vec()
+        crate::mesh::reference_nodes(kind).into_iter().map(|[x, y, _]| [x, y]).collect()
     }
 
     #[test]

@@ -88,15 +88,7 @@ pub(crate) struct DeformedPoint {
 
 /// The quadrature points of an element.
 pub(crate) fn deformed(mesh: &Mesh, element: u32, x: &[f64]) -> Result<Vec<DeformedPoint>, FemError> {
-    let Some((kind, nodes)) = mesh.cell(element as usize) else {
-        return Err(FemError::OutOfRange {
-            what: "field, element",
-            index: element as usize,
-            target: "cell",
-            value: element as usize,
-            available: mesh.cell_count(),
-        });
-    };
+    let (kind, nodes) = mesh.element(element, "field, element")?;
     kind.visit_solid(Deform { mesh, nodes, x }).ok_or(FemError::Unsupported { kind, used: "solid elements" })
 }
 

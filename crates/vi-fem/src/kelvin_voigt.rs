@@ -53,15 +53,7 @@ pub fn kelvin_voigt(
     viscosity.check()?;
     let mut parts: Vec<(ElementKind, KelvinVoigt)> = Vec::new();
     for &element in elements {
-        let Some((kind, nodes)) = mesh.cell(element as usize) else {
-            return Err(FemError::OutOfRange {
-                what: "damping, element",
-                index: element as usize,
-                target: "cell",
-                value: element as usize,
-                available: mesh.cell_count(),
-            });
-        };
+        let (kind, nodes) = mesh.element(element, "damping, element")?;
         let part = match parts.iter().position(|(other, _)| *other == kind) {
             Some(part) => part,
             None => {

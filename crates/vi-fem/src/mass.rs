@@ -2,7 +2,7 @@
 
 use crate::element::{Element, SolidVisitor};
 use crate::tensor::{Mat3, cross, determinant};
-use crate::{FemError, Mesh};
+use crate::{ElementKind, FemError, Mesh};
 
 /// Mass of each node of the mesh, kg: those of `elements` (numbers of solid cells) at a density,
 /// kg/m³, added to `masses`. Row sums of ρ ∫ N_a N_b dV where they are positive for the element, and
@@ -17,20 +17,7 @@ pub fn add_lumped_mass(
     density: f64,
     masses: &mut [f64],
 ) -> Result<(), FemError> {
-    for &element in elements {
-        let Some((kind, nodes)) = mesh.cell(element as usize) else {
-            return Err(FemError::OutOfRange {
-                what: "mass, element",
-                index: element as usize,
-                target: "cell",
-                value: element as usize,
-                available: mesh.cell_count(),
-            });
-        };
-        kind.visit_solid(AddMass { mesh, nodes, density, masses })
-            .ok_or(FemError::Unsupported { kind, used: "solid elements" })?;
-    }
-    Ok(())
+    each_solid(mesh, elements, |kind, nodes| kind.visit_solid(AddMass { mesh, nodes, density, masses }))
 }
 
 /// Row sums ρ ∫ N_a dV, kg, added to `sums`: what weight acts on in equilibrium, of the accuracy of the
@@ -39,18 +26,18 @@ pub fn add_lumped_mass(
 /// # Errors
 /// As [`add_lumped_mass`].
 pub fn add_row_sums(mesh: &Mesh, elements: &[u32], density: f64, sums: &mut [f64]) -> Result<(), FemError> {
+    each_solid(mesh, elements, |kind, nodes| kind.visit_solid(AddRowSums { mesh, nodes, density, sums }))
+}
+
+/// Adds each element by `add`, which gives nothing where it is not solid.
+fn each_solid(
+    mesh: &Mesh,
+    elements: &[u32],
+    mut add: impl FnMut(ElementKind, &[u32]) -> Option<()>,
+) -> Result<(), FemError> {
     for &element in elements {
-        let Some((kind, nodes)) = mesh.cell(element as usize) else {
-            return Err(FemError::OutOfRange {
-                what: "mass, element",
-                index: element as usize,
-                target: "cell",
-                value: element as usize,
-                available: mesh.cell_count(),
-            });
-        };
-        kind.visit_solid(AddRowSums { mesh, nodes, density, sums })
-            .ok_or(FemError::Unsupported { kind, used: "solid elements" })?;
+        let (kind, nodes) = mesh.element(element, "mass, element")?;
+        add(kind, nodes).ok_or(FemError::Unsupported { kind, used: "solid elements" })?;
     }
     Ok(())
 }
@@ -170,7 +157,7 @@ pub fn rigid_velocities(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BoxMesh, ElementKind};
+    use crate::BoxMesh;
 
     #[test]
     fn a_box_has_the_mass_and_centre_of_a_box() {

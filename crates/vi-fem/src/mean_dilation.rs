@@ -19,7 +19,7 @@ use vi_core::{Account, Fault, HessianKind, Potential, Stencils, Traits, packed_l
 use self::points::{Curvature, Dilation};
 use crate::elastic::{Build, by_kind, least_determinant};
 use crate::element::{Element, kernel::Solids};
-use crate::material::{self, Law, LawVisitor, Material, PackedMat3, PackedTangent};
+use crate::material::{self, Law, Material, PackedMat3, PackedTangent};
 use crate::pack::{GROUP, Pack};
 use crate::{FemError, InstructionSet, Mesh};
 
@@ -55,26 +55,12 @@ pub fn mean_dilation(
 pub(crate) struct MeanDilation;
 
 impl Build for MeanDilation {
-    fn build<E: Element<N, Q>, const N: usize, const Q: usize>(
+    fn build<E: Element<N, Q>, M: Material, const N: usize, const Q: usize>(
         solids: Solids<E, N, Q>,
+        material: M,
         elements: Vec<u32>,
-        law: &Law,
         name: String,
     ) -> Box<dyn Potential> {
-        law.visit(BuildLaw { solids, elements, name })
-    }
-}
-
-struct BuildLaw<E, const N: usize, const Q: usize> {
-    solids: Solids<E, N, Q>,
-    elements: Vec<u32>,
-    name: String,
-}
-
-impl<E: Element<N, Q>, const N: usize, const Q: usize> LawVisitor for BuildLaw<E, N, Q> {
-    type Output = Box<dyn Potential>;
-    fn visit<M: Material>(self, material: M) -> Self::Output {
-        let Self { solids, elements, name } = self;
         Box::new(MeanDilationPotential { solids, material, elements, name })
     }
 }

@@ -9,6 +9,8 @@ mod refine;
 pub use finer::FinerMesh;
 
 use crate::{ElementKind, FemError};
+#[cfg(test)]
+pub(crate) use refine::reference_nodes;
 
 /// Points, blocks of cells of one kind each, and named sets of cells.
 ///
@@ -55,6 +57,20 @@ impl Mesh {
     /// How many cells of all kinds.
     pub fn cell_count(&self) -> usize {
         self.blocks.iter().map(ElementBlock::count).sum()
+    }
+
+    /// Kind and nodes of the cell that is element number `element` of `what`.
+    ///
+    /// # Errors
+    /// [`FemError::OutOfRange`] for a cell that is not there.
+    pub(crate) fn element(
+        &self,
+        element: u32,
+        what: &'static str,
+    ) -> Result<(ElementKind, &[u32]), FemError> {
+        let index = element as usize;
+        let available = self.cell_count();
+        self.cell(index).ok_or(FemError::OutOfRange { what, index, target: "cell", value: index, available })
     }
 
     /// Kind and nodes of a cell.

@@ -31,3 +31,8 @@ impl Pack {
 pub(crate) const fn parts<S: Simd>() -> usize {
     GROUP / S::F64_LANES
 }
+
+/// The elements of a group; the last group may be short of some.
+pub(crate) fn members(group: usize) -> std::ops::Range<usize> {
+    group * GROUP..(group + 1) * GROUP
+}

@@ -4,6 +4,8 @@
 //! Moving single numbers costs more than all arithmetic of a linear tetrahedron, so that AVX2 and
 //! AVX-512 have their own ways here; every way moves the same numbers to the same places.
 
+use std::ops::Range;
+
 use pulp::Simd;
 
 use crate::pack::{GROUP, Pack};
@@ -44,9 +46,32 @@ pub(crate) fn gather<S: Simd>(simd: S, x: &[f64], nodes: &[u32], stride: usize) 
     [local[0].load(simd, 0), local[1].load(simd, 0), local[2].load(simd, 0)]
 }
 
+/// Copies the elements of `range` that are among `members`, which stand in lanes in this order, to `out`: it
+/// begins with range.start and holds `packs.len()` numbers an element.
+#[inline(always)]
+pub(crate) fn put<S: Simd>(
+    simd: S,
+    packs: &[Pack],
+    members: Range<usize>,
+    range: &Range<usize>,
+    out: &mut [f64],
+) {
+    let size = packs.len();
+    if members.len() == GROUP && range.start <= members.start && members.end <= range.end {
+        scatter_rows(simd, packs, &mut out[(members.start - range.start) * size..][..GROUP * size]);
+        return;
+    }
+    for element in range.start.max(members.start)..range.end.min(members.end) {
+        let target = &mut out[(element - range.start) * size..][..size];
+        for k in 0..size {
+            target[k] = packs[k].0[element - members.start];
+        }
+    }
+}
+
 /// `rows[lane · K + k] = packs[k][lane]`, K the number of packs.
 #[inline(always)]
-pub(crate) fn scatter_rows<S: Simd>(simd: S, packs: &[Pack], rows: &mut [f64]) {
+fn scatter_rows<S: Simd>(simd: S, packs: &[Pack], rows: &mut [f64]) {
     let size = packs.len();
     #[cfg(target_arch = "x86_64")]
     {

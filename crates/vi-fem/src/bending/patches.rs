@@ -15,7 +15,7 @@ use crate::dihedral::Fold;
 use crate::pack::{GROUP, Pack, parts};
 use crate::real::{Lane, Real};
 use crate::tensor::{packed_index, vec3};
-use crate::transpose::{gather, scatter_rows};
+use crate::transpose::{gather, put};
 
 /// Most nodes a stencil can have.
 const MOST: usize = 12;
@@ -65,6 +65,12 @@ struct Group {
     /// Where its hinges begin, and their held corners.
     bends: usize,
     held: usize,
+}
+
+impl Group {
+    fn members(&self) -> Range<usize> {
+        self.first..self.first + self.count
+    }
 }
 
 /// One hinge of each stencil of a group.
@@ -175,22 +181,6 @@ impl<const F: usize> Patches<F> {
     }
 }
 
-/// Copies the stencils of `range` that are in `group` from lanes to `out`, which begins with range.start.
-#[inline(always)]
-fn put<S: Simd>(simd: S, packs: &[Pack], group: &Group, range: &Range<usize>, out: &mut [f64]) {
-    let size = packs.len();
-    if group.count == GROUP && range.start <= group.first && group.first + GROUP <= range.end {
-        scatter_rows(simd, packs, &mut out[(group.first - range.start) * size..][..GROUP * size]);
-        return;
-    }
-    for stencil in range.start.max(group.first)..range.end.min(group.first + group.count) {
-        let target = &mut out[(stencil - range.start) * size..][..size];
-        for k in 0..size {
-            target[k] = packs[k].0[stencil - group.first];
-        }
-    }
-}
-
 struct Energies<'a, const F: usize> {
     patches: &'a Patches<F>,
     range: Range<usize>,
@@ -223,7 +213,7 @@ impl<const F: usize> WithSimd for Energies<'_, F> {
                 }
                 energy[0].store(part, sum * 0.5);
             }
-            put(simd, &energy, group, &range, out);
+            put(simd, &energy, group.members(), &range, out);
         }
     }
 }
@@ -278,7 +268,7 @@ impl<const F: usize> WithSimd for Gradients<'_, F> {
                     local[k].store(part, sum[k / 3][k % 3]);
                 }
             }
-            put(simd, &local[..size], group, &range, out);
+            put(simd, &local[..size], group.members(), &range, out);
         }
     }
 }
@@ -363,7 +353,7 @@ impl<const F: usize> WithSimd for Hessians<'_, F> {
                     }
                 }
             }
-            put(simd, block, group, &range, out);
+            put(simd, block, group.members(), &range, out);
         }
     }
 }

@@ -12,12 +12,12 @@ use vi_core::packed_len;
 
 use super::Element;
 use crate::material::{PackedMat3, PackedTangent, load_mat3, store_mat3};
-use crate::pack::{GROUP, Pack, parts};
+use crate::pack::{GROUP, Pack, members, parts};
 use crate::real::Lane;
 use crate::tensor::{
     cofactor, determinant, dot, mat3, packed_index, product, product_transposed, symmetric_index, vec3,
 };
-use crate::transpose::{gather, scatter_rows};
+use crate::transpose::{gather, put};
 
 /// The geometry at rest of one quadrature point of a group of elements.
 #[derive(Debug, Clone, Copy)]
@@ -230,24 +230,7 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Forces<'_, E
                     }
                 }
             }
-            put(simd, local.as_flattened(), group, &range, out);
-        }
-    }
-}
-
-/// Copies the elements of `range` that lie in `group` from lanes to `out`, which begins with
-/// range.start and holds `packs.len()` numbers an element.
-#[inline(always)]
-pub(super) fn put<S: Simd>(simd: S, packs: &[Pack], group: usize, range: &Range<usize>, out: &mut [f64]) {
-    let (first, size) = (group * GROUP, packs.len());
-    if range.start <= first && first + GROUP <= range.end {
-        scatter_rows(simd, packs, &mut out[(first - range.start) * size..][..GROUP * size]);
-        return;
-    }
-    for element in range.start.max(first)..range.end.min(first + GROUP) {
-        let target = &mut out[(element - range.start) * size..][..size];
-        for k in 0..size {
-            target[k] = packs[k].0[element - first];
+            put(simd, local.as_flattened(), members(group), &range, out);
         }
     }
 }
@@ -300,6 +283,6 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Hessians<'_,
                 }
             }
         }
-        put(simd, block, group, &range, out);
+        put(simd, block, members(group), &range, out);
     }
 }

@@ -7,13 +7,14 @@ use pulp::{Simd, WithSimd};
 use vi_core::PatchArray;
 
 use super::Element;
-use super::kernel::{PointGeometry, Solids, put};
+use super::kernel::{PointGeometry, Solids};
 use crate::material::{Material, load_mat3};
-use crate::pack::{GROUP, Pack, parts};
+use crate::pack::{GROUP, Pack, members, parts};
 use crate::places::{add_edge_forces, gather_edges};
 use crate::real::Lane;
 use crate::tensor::{Mat3, Tangent, dot, mat3, packed_index, product, product_transposed, vec3};
 use crate::transpose::gather;
+use crate::transpose::put;
 
 impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
     /// Adds the forces of groups of simplices to the sums of a patch, four places an element.
@@ -102,7 +103,7 @@ impl<M: Material> WithSimd for Hessians<'_, M> {
                 let tangent = material.tangent(&f);
                 write_block(simd, &tangent, &inverse, geometry.volume.load(simd, part), part, &mut block);
             }
-            put(simd, &block, group, &range, out);
+            put(simd, &block, members(group), &range, out);
         }
     }
 }

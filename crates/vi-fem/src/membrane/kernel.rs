@@ -7,11 +7,11 @@ use pulp::{Arch, Simd, WithSimd};
 use vi_core::packed_len;
 
 use super::Frame;
-use crate::pack::{GROUP, Pack, parts};
+use crate::pack::{GROUP, Pack, members, parts};
 use crate::real::{Lane, Real};
 use crate::sheet_material::{SheetMaterial, SheetResponse};
 use crate::tensor::{dot, mat3, packed_index, vec3};
-use crate::transpose::{gather, scatter_rows};
+use crate::transpose::{gather, put};
 
 /// Eight triangles at rest.
 #[derive(Clone, Copy, Default)]
@@ -134,22 +134,6 @@ fn lane_by_lane<S: Simd>(
     }
 }
 
-/// Copies the triangles of `range` that are in `group` from lanes to `out`, which begins with range.start.
-#[inline(always)]
-fn put<S: Simd>(simd: S, packs: &[Pack], group: usize, range: &Range<usize>, out: &mut [f64]) {
-    let (first, size) = (group * GROUP, packs.len());
-    if range.start <= first && first + GROUP <= range.end {
-        scatter_rows(simd, packs, &mut out[(first - range.start) * size..][..GROUP * size]);
-        return;
-    }
-    for triangle in range.start.max(first)..range.end.min(first + GROUP) {
-        let target = &mut out[(triangle - range.start) * size..][..size];
-        for k in 0..size {
-            target[k] = packs[k].0[triangle - first];
-        }
-    }
-}
-
 fn groups(range: &Range<usize>) -> Range<usize> {
     range.start / GROUP..range.end.div_ceil(GROUP)
 }
@@ -173,7 +157,7 @@ impl<M: SheetMaterial> WithSimd for Energies<'_, M> {
                 let density = membrane.respond(simd, &strain).energy;
                 energy[0].store(part, density * membrane.rest[group].volume.load(simd, part));
             }
-            put(simd, &energy, group, &range, out);
+            put(simd, &energy, members(group), &range, out);
         }
     }
 }
@@ -207,7 +191,7 @@ impl<M: SheetMaterial> WithSimd for Gradients<'_, M> {
                     local[6 + i].store(part, third);
                 }
             }
-            put(simd, &local, group, &range, out);
+            put(simd, &local, members(group), &range, out);
         }
     }
 }
@@ -264,7 +248,7 @@ impl<M: SheetMaterial> WithSimd for Hessians<'_, M> {
                     }
                 }
             }
-            put(simd, &local, group, &range, out);
+            put(simd, &local, members(group), &range, out);
         }
     }
 }

@@ -146,7 +146,7 @@ fn values(kind: ElementKind, xi: Point) -> Vec<f64> {
 }
 
 /// Nodes of the reference cell.
-fn reference_nodes(kind: ElementKind) -> Vec<Point> {
+pub(crate) fn reference_nodes(kind: ElementKind) -> Vec<Point> {
     let flat = |places: &[[f64; 2]]| places.iter().map(|&[x, y]| [x, y, 0.0]).collect::<Vec<_>>();
     let triangle = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]];
     let square = [

@@ -1,0 +1,65 @@
+//! What the studies of a scene (`bench`, `convergence`) ask for and check alike before they begin. It must not
+//! know what they measure.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::exit;
+use super::run::{accept, name_of, thread_pool, writable};
+use crate::scene::{Parsed, Scene};
+
+#[derive(Debug, Args)]
+pub(super) struct StudyArguments {
+    /// The scene file
+    pub(super) scene: PathBuf,
+    /// Output directory (default: out/<scene>-<command>)
+    #[arg(long, value_name = "DIRECTORY")]
+    out: Option<PathBuf>,
+    /// Set a key of the scene, e.g. time.end=0.5
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+    /// Threads (default: one a core)
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Print the report as JSON
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+/// A study that may begin.
+pub(super) struct Study {
+    pub(super) scene: Scene,
+    pub(super) parsed: Parsed,
+    pub(super) pool: rayon::ThreadPool,
+    /// The scene file's name without its ending.
+    pub(super) name: String,
+    pub(super) directory: PathBuf,
+}
+
+impl StudyArguments {
+    /// Accepts the scene, the threads and the output directory of `command`, or says what is wrong.
+    pub(super) fn open(&self, command: &str) -> Result<Study, u8> {
+        let (scene, parsed) = accept(&self.scene, &self.overrides)?;
+        let pool = thread_pool(self.threads)?;
+        let name = name_of(&self.scene);
+        let directory =
+            self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{name}-{command}")));
+        if let Err(error) = writable(&directory) {
+            eprintln!(
+                "error: {}: output directory not writable: {error}; choose another with --out",
+                directory.display()
+            );
+            return Err(exit::BAD_INPUT);
+        }
+        Ok(Study { scene, parsed, pool, name, directory })
+    }
+}
+
+/// Prints a report as JSON.
+pub(super) fn print_json(report: &impl serde::Serialize) {
+    match serde_json::to_string_pretty(report) {
+        Ok(text) => println!("{text}"),
+        Err(error) => eprintln!("error: {error}"),
+    }
+}
