@@ -1,0 +1,267 @@
+//! The equations of one implicit stage as Newton's method sees them: residual, start, correction, merit.
+//! It must not know which scheme the stage belongs to, nor how its matrix is factored.
+
+use vi_core::{State, System};
+
+use super::rule::{Rule, Trial};
+use crate::SolverError;
+use crate::constrained::Constrained;
+use crate::forces::Forces;
+use crate::inverse::Inverse;
+use crate::newton::{Equations, Start};
+use crate::vectors;
+
+/// The unknowns and buffers of one stage.
+pub(super) struct Stage {
+    pub(super) c: f64,
+    /// Time of the stage, s.
+    pub(super) t: f64,
+    /// 2 T of the start, J: part of the energy that errors are relative to.
+    pub(super) twice_kinetic: f64,
+    /// q₀ and û − q₀.
+    pub(super) origin: Vec<f64>,
+    pub(super) offset: Vec<f64>,
+    /// w/c of the last steps, from which the next is extrapolated.
+    pub(super) history: [Vec<f64>; 3],
+    pub(super) history_count: usize,
+    pub(super) w: Vec<f64>,
+    pub(super) base: Vec<f64>,
+    pub(super) correction: Vec<f64>,
+    /// −R.
+    pub(super) residual: Vec<f64>,
+    /// û + w.
+    pub(super) q: Vec<f64>,
+    /// The rule's addition to the force there.
+    pub(super) added: Vec<f64>,
+    pub(super) twice_origin: f64,
+    pub(super) start_t: f64,
+    pub(super) h: f64,
+    /// Is the rule's addition left out, so that the stage minimises Φ?
+    pub(super) is_simple: bool,
+    /// Are there forces without a potential? Then velocities at the start are kept.
+    pub(super) is_forced: bool,
+    pub(super) velocity: Vec<f64>,
+    /// Where there are constraints.
+    pub(super) constrained: Option<Constrained>,
+}
+
+impl Stage {
+    pub(super) fn new(system: &System, rule: &impl Rule) -> Self {
+        let (n, is_forced) = (system.coordinates().free_count(), !system.forces().is_empty());
+        let zero = || vec![0.0; n];
+        Self {
+            constrained: rule.multipliers().and_then(|multipliers| Constrained::new(system, multipliers)),
+            c: 0.0,
+            t: 0.0,
+            twice_kinetic: 0.0,
+            origin: zero(),
+            offset: zero(),
+            history: [zero(), zero(), zero()],
+            history_count: 0,
+            w: zero(),
+            base: zero(),
+            correction: zero(),
+            residual: zero(),
+            q: zero(),
+            added: zero(),
+            twice_origin: 0.0,
+            start_t: 0.0,
+            h: 0.0,
+            is_simple: false,
+            is_forced,
+            velocity: Vec::new(),
+        }
+    }
+
+    pub(super) fn open(&mut self, system: &System, rule: &impl Rule, state: &State, h: f64) {
+        let mass = system.free_mass();
+        self.c = rule.coefficient(h);
+        self.t = state.t + rule.time() * h;
+        (self.start_t, self.h, self.is_simple) = (state.t, h, false);
+        self.origin.copy_from_slice(&state.q);
+        vectors::fill(&mut self.offset, |k| rule.offset(k, state.p[k] / mass[k], h));
+        if self.is_forced {
+            self.velocity.clear();
+            self.velocity.extend(state.p.iter().zip(mass).map(|(p, m)| p / m));
+        }
+        self.twice_kinetic = vectors::sum(mass.len(), |k| state.p[k] * state.p[k] / mass[k]);
+        self.twice_origin = vectors::sum(mass.len(), |k| mass[k] * state.q[k] * state.q[k]);
+        if let Some(constrained) = &mut self.constrained {
+            constrained.open(system, state, h);
+        }
+    }
+
+    pub(super) fn configure(&mut self) {
+        let Self { q, origin, offset, w, .. } = self;
+        vectors::fill(q, |k| origin[k] + (offset[k] + w[k]));
+    }
+
+    /// Evaluates the forces at û + w, the rule's addition with them.
+    pub(super) fn evaluate(
+        &mut self,
+        system: &System,
+        rule: &mut impl Rule,
+        forces: &mut Forces,
+    ) -> Result<(), SolverError> {
+        self.configure();
+        self.set_velocities(system, rule, forces);
+        forces.evaluate(system, &self.q, self.t, false)?;
+        if self.is_simple {
+            self.added.fill(0.0);
+        } else if rule.has_correction() {
+            let Self { origin, offset, w, added, start_t, h, .. } = self;
+            let (start_t, h, start_q) = (*start_t, *h, &*origin);
+            rule.correction(&Trial { system, forces, start_q, start_t, h, offset, w }, added);
+        }
+        let Self { constrained, added, q, origin, offset, w, t, .. } = self;
+        if let Some(constrained) = constrained {
+            if !rule.has_correction() {
+                added.fill(0.0);
+            }
+            let end = |k: usize| origin[k] + 2.0 * (offset[k] + w[k]);
+            constrained.evaluate(system, q, *t, end, added);
+        }
+        Ok(())
+    }
+
+    /// Tells the forces without a potential how fast the stage moves.
+    pub(super) fn set_velocities(&self, system: &System, rule: &impl Rule, forces: &mut Forces) {
+        if self.is_forced && !self.w.is_empty() {
+            let (v, w, h) = (&self.velocity, &self.w, self.h);
+            let rate = rule.velocity(0, 0.0, 1.0, h) - rule.velocity(0, 0.0, 0.0, h);
+            let q_dot: Vec<f64> = (0..w.len()).map(|k| rule.velocity(k, v[k], w[k], h)).collect();
+            forces.set_velocities(system, &q_dot, self.t, rate);
+        }
+    }
+
+    /// Puts the end of the step on the surface of the constraints, to round-off.
+    pub(super) fn reach(&mut self, system: &System, before: &State) -> Result<(), SolverError> {
+        let Self { constrained, origin, offset, w, h, .. } = self;
+        match constrained {
+            Some(constrained) => {
+                let end = |k: usize, w: f64| origin[k] + 2.0 * (offset[k] + w);
+                constrained.reach(system, end, w, before.t + *h)
+            }
+            None => Ok(()),
+        }
+    }
+
+    pub(super) fn close(&mut self) {
+        let Self { history, w, c, .. } = self;
+        history.rotate_right(1);
+        vectors::fill(&mut history[0], |k| w[k] / *c);
+        self.history_count = (self.history_count + 1).min(history.len());
+    }
+}
+
+/// A stage of a system: what Newton's method sees.
+pub(super) struct StageEquations<'a, R> {
+    pub(super) system: &'a System,
+    pub(super) rule: &'a mut R,
+    pub(super) stage: &'a mut Stage,
+}
+
+impl<R: Rule> Equations for StageEquations<'_, R> {
+    fn coefficient(&self) -> f64 {
+        self.stage.c
+    }
+
+    fn model_is_exact(&self) -> bool {
+        !self.rule.has_correction() && self.stage.constrained.is_none()
+    }
+
+    fn simplify(&mut self, simple: bool) -> bool {
+        let may_be = self.rule.has_correction() && !self.stage.is_forced;
+        self.stage.is_simple = simple && may_be;
+        may_be
+    }
+
+    fn unknowns(&self) -> &[f64] {
+        &self.stage.w
+    }
+
+    fn go_to(&mut self, unknowns: &[f64]) {
+        let Stage { w, base, .. } = &mut *self.stage;
+        w.copy_from_slice(unknowns);
+        base.copy_from_slice(unknowns);
+    }
+
+    fn start(&mut self, start: Start) {
+        let Stage { c, history: [last, older, oldest], history_count, w, base, offset, .. } = self.stage;
+        match (start, *history_count) {
+            (Start::Predicted, 2..) => vectors::fill(w, |k| *c * (2.0 * last[k] - older[k])),
+            // Exact for straight lines and for what changes its sign at every step.
+            (Start::Stiff, 3..) => vectors::fill(w, |k| *c * (last[k] + (older[k] - oldest[k]))),
+            (Start::Stiff, 2) => vectors::fill(w, |k| *c * older[k]),
+            (Start::Predicted, 1) => vectors::fill(w, |k| *c * last[k]),
+            (Start::Predicted | Start::Stiff | Start::Inertial, _) => w.fill(0.0),
+            (Start::Still, _) => vectors::fill(w, |k| -offset[k]),
+        }
+        base.copy_from_slice(w);
+    }
+
+    fn linearize(&mut self, _system: &System, _forces: &mut Forces) -> Result<(), SolverError> {
+        // The last evaluation was made at the iterate.
+        Ok(())
+    }
+
+    fn evaluate(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
+        self.stage.evaluate(system, self.rule, forces)?;
+        let (gradient, mass, free) = (forces.gradient(), system.free_mass(), system.coordinates().free());
+        let Stage { w, c, added, residual, .. } = &mut *self.stage;
+        vectors::fill(residual, |k| -(mass[k] * w[k] + *c * (gradient[free[k] as usize] + added[k])));
+        Ok(())
+    }
+
+    fn correct(&mut self, inverse: &mut Inverse, forces: &mut Forces) -> Result<f64, SolverError> {
+        let Stage { correction, residual, w, base, c, constrained, .. } = self.stage;
+        correction.copy_from_slice(residual);
+        inverse.apply(forces, correction)?;
+        base.copy_from_slice(w);
+        if let Some(constrained) = constrained {
+            return constrained.correct(*c, inverse, forces, residual, correction);
+        }
+        Ok(vectors::sum(residual.len(), |k| residual[k] * correction[k]) / *c)
+    }
+
+    fn correction(&mut self) -> (&mut [f64], &[f64]) {
+        let Stage { correction, residual, constrained, .. } = &mut *self.stage;
+        (correction, constrained.as_ref().map_or(&residual[..], Constrained::load))
+    }
+
+    fn advance(&mut self, fraction: f64) {
+        let Stage { w, base, correction, .. } = self.stage;
+        vectors::fill(w, |k| base[k] + fraction * correction[k]);
+    }
+
+    fn slope(&self) -> f64 {
+        let Stage { residual, correction, c, .. } = &*self.stage;
+        vectors::sum(residual.len(), |k| residual[k] * correction[k]) / c
+    }
+
+    fn has_merit(&self) -> bool {
+        let is_plain = !self.stage.is_forced && self.stage.constrained.is_none();
+        (!self.rule.has_correction() || self.stage.is_simple) && is_plain
+    }
+
+    fn merit(&mut self, system: &System, forces: &mut Forces) -> Option<f64> {
+        if !self.has_merit() {
+            return None;
+        }
+        self.stage.configure();
+        let (w, mass, c) = (&self.stage.w, system.free_mass(), self.stage.c);
+        let kinetic = vectors::sum(w.len(), |k| 0.5 * mass[k] * w[k] * w[k]) / c;
+        Some(kinetic + forces.energy(system, &self.stage.q, self.stage.t))
+    }
+
+    fn energy_scale(&self) -> f64 {
+        let (w, mass) = (&self.stage.w, self.system.free_mass());
+        0.5 * self.stage.twice_kinetic + vectors::sum(w.len(), |k| mass[k] * w[k] * w[k]) / self.stage.c
+    }
+
+    fn is_at_resolution(&self) -> bool {
+        let (d, mass) = (&self.stage.correction, self.system.free_mass());
+        let square = vectors::sum(d.len(), |k| mass[k] * d[k] * d[k]);
+        square <= f64::EPSILON * f64::EPSILON * self.stage.twice_origin
+    }
+}

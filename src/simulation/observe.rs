@@ -1,0 +1,183 @@
+//! What can be seen of a simulation: energies, momenta, probes, nodal quantities, and why they are not finite.
+//! It must not change a state.
+
+use vi_core::{HessianKind, Potential, angular_momentum, kinetic_energy, linear_momentum};
+use vi_solvers::{Assembler, SolverError};
+
+use super::{Component, Simulation};
+use crate::model::{Pose, ProbeTarget, RigidModel};
+
+/// Position and displacement of a probe, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ProbeValue {
+    /// Where the node is.
+    pub position: [f64; 3],
+    /// Where it is, from where it is at rest.
+    pub displacement: [f64; 3],
+}
+
+/// Energies, momenta and probes at one time.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Observation {
+    /// Time, s.
+    pub t: f64,
+    /// Kinetic energy, J.
+    pub kinetic: f64,
+    /// Strain energy, J.
+    pub elastic: f64,
+    /// Energy of weight, J, zero at the origin.
+    pub gravity: f64,
+    /// Energy of other conservative loads, J.
+    pub load: f64,
+    /// Linear momentum of the free coordinates, kg m/s.
+    pub momentum: [f64; 3],
+    /// Angular momentum of the free coordinates about the origin, kg m²/s.
+    pub angular_momentum: [f64; 3],
+    /// The probes, in the order of the scene.
+    pub probes: Vec<ProbeValue>,
+    /// The rigid bodies, in the order of the scene.
+    pub rigids: Vec<Pose>,
+}
+
+impl Observation {
+    /// Are all energies and momenta finite?
+    pub fn is_finite(&self) -> bool {
+        let sum = self.total() + self.momentum.iter().chain(&self.angular_momentum).sum::<f64>();
+        sum.is_finite()
+    }
+
+    /// Total energy, J.
+    pub fn total(&self) -> f64 {
+        self.kinetic + self.elastic + self.gravity + self.load
+    }
+}
+
+impl Simulation {
+    /// Energies, momenta and probes now. Costs one energy evaluation.
+    pub fn observe(&mut self) -> Observation {
+        let mut seen = Observation { t: self.time(), ..Observation::default() };
+        let mut positions = Vec::with_capacity(self.components.len());
+        for component in &mut self.components {
+            let Component { system, state, observer, .. } = component;
+            let x = system.positions(state);
+            let energies =
+                observer.get_or_insert_with(|| Assembler::new(system)).energies(system, &x, state.t);
+            seen.elastic += energies.elastic;
+            seen.gravity += energies.gravity;
+            seen.load += energies.load;
+            seen.kinetic += kinetic_energy(system, state);
+            let (linear, angular) = (linear_momentum(system, state), angular_momentum(system, state));
+            for k in 0..3 {
+                seen.momentum[k] += linear[k];
+                seen.angular_momentum[k] += angular[k];
+            }
+            positions.push(x);
+        }
+        let value = |probe: &ProbeTarget| {
+            let body = &self.bodies[probe.body];
+            let (x, node) = (&positions[body.component], body.node_offset + probe.node);
+            let position = std::array::from_fn(|k| x[3 * node + k]);
+            let rest = body.mesh.points[probe.node];
+            ProbeValue { position, displacement: std::array::from_fn(|k| position[k] - rest[k]) }
+        };
+        seen.probes = self.probes.iter().map(value).collect();
+        seen.rigids = self.rigids.iter().map(|rigid| rigid.pose(&positions[rigid.component])).collect();
+        seen
+    }
+
+    /// Why energies or momenta are not finite: the first term that has left its domain, or an overflow.
+    pub(crate) fn fault(&mut self) -> SolverError {
+        for component in &mut self.components {
+            let Component { system, state, observer, .. } = component;
+            let x = system.positions(state);
+            let assembler = observer.get_or_insert_with(|| Assembler::new(system));
+            if let Some(term) = assembler.fault(system, &x, state.t) {
+                return SolverError::Term { term, at_start: true };
+            }
+        }
+        SolverError::NotFinite { what: "energy or momentum", dof: 0, at_start: true }
+    }
+
+    /// Energy below which round-off rules, J: 1e-16 Σ tr(K_e) r_e², with stiffness and extent of each stencil,
+    /// of which a few speak for a term. Laws that subtract large numbers have it at rest.
+    pub(crate) fn resolution(&self) -> f64 {
+        let of_term = |term: &dyn Potential, x: &[f64], t: f64| -> f64 {
+            let stencils = term.stencils();
+            let (count, size, block) = (stencils.count(), stencils.size(), stencils.block);
+            let stride = count.div_ceil(64).max(1);
+            let mut packed = vec![0.0; vi_core::packed_len(size)];
+            let mut sum = 0.0;
+            for stencil in (0..count).step_by(stride) {
+                term.hessians(stencil..stencil + 1, x, t, &mut packed);
+                let trace: f64 = (0..size).map(|i| packed[vi_core::packed_len(i + 1) - 1].abs()).sum();
+                let nodes = stencils.of(stencil);
+                let extent = |k: usize| {
+                    let values = || nodes.iter().map(|&node| x[node as usize * block + k]);
+                    values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
+                };
+                let square: f64 = (0..block).map(|k| extent(k).powi(2)).sum();
+                let energy = trace * square * stride as f64;
+                sum += if energy.is_finite() { energy } else { 0.0 };
+            }
+            sum
+        };
+        let mut total = 0.0;
+        for component in self.components.iter().filter(|component| component.stepper.is_some()) {
+            let x = component.system.positions(&component.state);
+            let terms = component.system.potentials().iter();
+            let varying = terms.filter(|term| term.traits().hessian != HessianKind::Zero);
+            total += varying.map(|term| of_term(term.as_ref(), &x, component.state.t)).sum::<f64>();
+        }
+        1e-16 * total
+    }
+
+    /// Positions of the nodes of body number `body`, m.
+    pub fn positions(&self, body: usize) -> Vec<[f64; 3]> {
+        self.nodal(body, |component| component.system.positions(&component.state))
+    }
+
+    /// Velocities of the nodes of body number `body`, m/s.
+    pub fn velocities(&self, body: usize) -> Vec<[f64; 3]> {
+        self.nodal(body, |component| component.system.velocities(&component.state))
+    }
+
+    /// Points given in the own axes of rigid body number `rigid` from its centre, where they are now (m).
+    pub fn carried(&self, rigid: usize, points: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let (rigid, component) = self.rigid(rigid);
+        rigid.carry(&component.system.positions(&component.state), points)
+    }
+
+    /// Their velocities now, m/s.
+    pub fn carried_velocities(&self, rigid: usize, points: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let (rigid, component) = self.rigid(rigid);
+        rigid.carry(&component.system.velocities(&component.state), points)
+    }
+
+    fn rigid(&self, rigid: usize) -> (&RigidModel, &Component) {
+        let rigid = &self.rigids[rigid];
+        (rigid, &self.components[rigid.component])
+    }
+
+    /// Forces that hold the prescribed coordinates of body number `body`, N; zero elsewhere.
+    pub fn reactions(&self, body: usize) -> Vec<[f64; 3]> {
+        self.nodal(body, |component| vi_solvers::reactions(&component.system, &component.state))
+    }
+
+    /// Accelerations of the nodes of body number `body`, m/s²: M⁻¹(f − ∂V/∂x) with the lumped mass, and those of
+    /// their path at prescribed coordinates.
+    pub fn accelerations(&self, body: usize) -> Vec<[f64; 3]> {
+        self.nodal(body, |component| vi_solvers::accelerations(&component.system, &component.state))
+    }
+
+    /// Forces of weight, loads and wind on the nodes of body number `body`, N.
+    pub fn external_forces(&self, body: usize) -> Vec<[f64; 3]> {
+        self.nodal(body, |component| vi_solvers::external_forces(&component.system, &component.state))
+    }
+
+    fn nodal(&self, body: usize, values: impl Fn(&Component) -> Vec<f64>) -> Vec<[f64; 3]> {
+        let body = &self.bodies[body];
+        let all = values(&self.components[body.component]);
+        let own = &all[3 * body.node_offset..3 * (body.node_offset + body.mesh.points.len())];
+        own.as_chunks::<3>().0.to_vec()
+    }
+}
