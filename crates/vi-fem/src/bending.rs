@@ -9,6 +9,7 @@ mod patches;
 mod quadratic;
 mod reconstruction;
 mod shell;
+mod turn;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

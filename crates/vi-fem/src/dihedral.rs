@@ -26,6 +26,8 @@ struct Wing<R> {
     r: [R; 3],
     /// Where the free corner projects onto the edge: 0 at x₀, 1 at x₁.
     s: R,
+    /// |n|².
+    square: R,
     /// ± |e|/|n|².
     factor: R,
 }
@@ -40,8 +42,9 @@ pub(crate) struct Fold<R> {
 #[inline(always)]
 fn wing<R: Real>(e: [R; 3], square: R, r: [R; 3], sign: f64) -> Wing<R> {
     let n = cross(e, r);
-    let factor = square.sqrt() / dot(n, n) * sign;
-    Wing { n, slope: vec3!(i => n[i] * factor), r, s: dot(r, e) / square, factor }
+    let normal_square = dot(n, n);
+    let factor = square.sqrt() / normal_square * sign;
+    Wing { n, slope: vec3!(i => n[i] * factor), r, s: dot(r, e) / square, square: normal_square, factor }
 }
 
 impl<R: Real> Fold<R> {
@@ -53,13 +56,14 @@ impl<R: Real> Fold<R> {
         Self { e, square, wings }
     }
 
-    /// θ ∈ (−π, π].
+    /// sin θ and cos θ.
     #[inline(always)]
-    pub(crate) fn angle(&self) -> R {
-        let n = self.wings[0].n;
+    pub(crate) fn direction(&self) -> [R; 2] {
+        let [one, two] = self.wings;
         // m = r × e of the second triangle.
-        let m = vec3!(i => -self.wings[1].n[i]);
-        (dot(self.e, cross(m, n)) / self.square.sqrt()).atan2(dot(n, m))
+        let m = vec3!(i => -two.n[i]);
+        let size = (one.square * two.square).sqrt();
+        [dot(self.e, cross(m, one.n)) / (self.square.sqrt() * size), dot(one.n, m) / size]
     }
 
     /// ∂θ/∂x, 1/m.
@@ -84,8 +88,8 @@ impl<R: Real> Fold<R> {
         let inverse = one / self.square;
         let mut out = [[zero; 12]; 12];
         for side in 0..2 {
-            let Wing { n, slope, r, s, factor } = self.wings[side];
-            let over = (one / dot(n, n)) * 2.0;
+            let Wing { n, slope, r, s, square, factor } = self.wings[side];
+            let over = (one / square) * 2.0;
             // ∂n/∂x of x₀, x₁ and the free corner is the cross product with these vectors.
             let arms = [sub(r, e), vec3!(i => -r[i]), e];
             let along = [vec3!(i => -e[i] * inverse), vec3!(i => e[i] * inverse), [zero; 3]];
@@ -127,7 +131,8 @@ impl<R: Real> Fold<R> {
 
 /// θ ∈ (−π, π] of one pair of triangles.
 pub(crate) fn angle(x: &[[f64; 3]; 4]) -> f64 {
-    Fold::new(x).angle()
+    let [sine, cosine] = Fold::new(x).direction();
+    sine.atan2(cosine)
 }
 
 #[cfg(test)]

@@ -35,8 +35,6 @@ pub trait Real:
     fn cbrt(self) -> Self;
     /// A scalar function of each lane, one by one.
     fn map(self, function: impl Fn(f64) -> f64) -> Self;
-    /// The angle in (−π, π] of the point (x, self), to about two units in the last place.
-    fn atan2(self, x: Self) -> Self;
     /// `then` where self > 0, `otherwise` elsewhere (also for NaN).
     fn if_positive(self, then: Self, otherwise: Self) -> Self;
 }
@@ -69,10 +67,6 @@ impl Real for f64 {
     #[inline(always)]
     fn map(self, function: impl Fn(f64) -> f64) -> f64 {
         function(self)
-    }
-    #[inline(always)]
-    fn atan2(self, x: f64) -> f64 {
-        self.atan2(x)
     }
     #[inline(always)]
     fn if_positive(self, then: f64, otherwise: f64) -> f64 {
@@ -170,15 +164,6 @@ impl<S: Simd> Real for Lane<S> {
         Self { simd: self.simd, v: lanes[0] }
     }
     #[inline(always)]
-    fn atan2(self, x: Self) -> Self {
-        if S::F64_LANES > 1 {
-            return self.atan2_in_lanes(x);
-        }
-        let mut lanes = [x.v];
-        let x = pulp::bytemuck::cast_slice_mut::<_, f64>(&mut lanes)[0];
-        self.map(|y| y.atan2(x))
-    }
-    #[inline(always)]
     fn if_positive(self, then: Self, otherwise: Self) -> Self {
         let positive = self.simd.greater_than_f64s(self.v, self.simd.splat_f64s(0.0));
         Self { simd: self.simd, v: self.simd.select_f64s(positive, then.v, otherwise.v) }
@@ -186,49 +171,6 @@ impl<S: Simd> Real for Lane<S> {
 }
 
 impl<S: Simd> Lane<S> {
-    /// atan t for t = min/max of |x|, |y| in [0, 1], t > .66 by atan t = π/4 + atan (t − 1)/(t + 1), and the
-    /// rational approximation x + x³ P(x²)/Q(x²) of Cephes (Moshier 1989, atan.c); then the octant.
-    #[allow(clippy::excessive_precision, reason = "the published digits")]
-    #[inline(always)]
-    fn atan2_in_lanes(self, x: Self) -> Self {
-        let (y, zero) = (self, self.constant(0.0));
-        let (height, width) = (y.abs(), x.abs());
-        let is_steep = height - width;
-        let (small, large) = (is_steep.if_positive(width, height), is_steep.if_positive(height, width));
-        // Cut at the reciprocal of the greatest number: 0/0 is 0.
-        let t = small / (large - f64::MIN_POSITIVE).if_positive(large, self.constant(f64::MIN_POSITIVE));
-        let is_large = t - 0.66;
-        let t = is_large.if_positive((t - 1.0) / (t + 1.0), t);
-        let z = t * t;
-        let mut p = self.constant(-8.750_608_600_031_904_122_785e-1);
-        for coefficient in [
-            -1.615_753_718_733_365_076_637e1,
-            -7.500_855_792_314_704_667_340e1,
-            -1.228_866_684_490_136_173_410e2,
-            -6.485_021_904_942_025_371_773e1,
-        ] {
-            p = p.mul_add(z, self.constant(coefficient));
-        }
-        let mut q = z + 2.485_846_490_142_306_297_962e1;
-        for coefficient in [
-            1.650_270_098_316_988_542_046e2,
-            4.328_810_604_912_902_668_951e2,
-            4.853_903_996_359_136_964_868e2,
-            1.945_506_571_482_613_964_425e2,
-        ] {
-            q = q.mul_add(z, self.constant(coefficient));
-        }
-        let angle = t.mul_add(z * p / q, t);
-        // π/4, π/2 and π have low parts 3.06e-17, 6.12e-17 and 1.22e-16.
-        let quarter = angle + 3.061_616_997_868_383e-17 + std::f64::consts::FRAC_PI_4;
-        let angle = is_large.if_positive(quarter, angle);
-        let half = zero - angle + 6.123_233_995_736_766e-17 + std::f64::consts::FRAC_PI_2;
-        let angle = is_steep.if_positive(half, angle);
-        let whole = zero - angle + 1.224_646_799_147_353_2e-16 + std::f64::consts::PI;
-        let angle = (-x).if_positive(whole, angle);
-        (-y).if_positive(-angle, angle)
-    }
-
     /// ln x = k ln 2 + ln m with m in [√½, √2), and ln m = f − f²/2 + s(f²/2 + R(s²)), f = m − 1,
     /// s = f/(2 + f), with the minimax coefficients of FDLIBM's e_log.c (error below one unit in
     /// the last place). Numbers below 2⁻¹⁰²² are taken for 2⁻¹⁰²² and a bit.
@@ -304,49 +246,6 @@ mod tests {
             for (x, value) in chunk.iter().zip(values) {
                 let ulps = (value - x.ln()).abs() / (x.ln().abs() * f64::EPSILON + f64::MIN_POSITIVE);
                 assert!(ulps <= 1.5, "ln {x} = {value}, {ulps} units off");
-            }
-        }
-    }
-
-    struct Atan2Of<'a>(&'a mut [f64; 8], &'a [f64; 8]);
-    impl pulp::WithSimd for Atan2Of<'_> {
-        type Output = ();
-        fn with_simd<S: Simd>(self, simd: S) {
-            let (ys, _) = S::as_mut_simd_f64s(&mut self.0[..]);
-            let (xs, _) = S::as_simd_f64s(&self.1[..]);
-            for (y, x) in ys.iter_mut().zip(xs) {
-                *y = Lane::new(simd, *y).atan2(Lane::new(simd, *x)).raw();
-            }
-        }
-    }
-
-    #[test]
-    fn the_angle_of_a_lane_is_exact_to_its_last_places() {
-        let mut samples: Vec<(f64, f64)> = (0..4000)
-            .map(|k| {
-                let angle = f64::from(k) * 1.571e-3 - std::f64::consts::PI;
-                let size = 10f64.powi(k % 60 - 30);
-                (size * angle.sin(), size * angle.cos())
-            })
-            .collect();
-        samples.extend((-16..0).flat_map(|k| [1.0, -1.0].map(|x| (10f64.powi(k), x))));
-        samples.extend([
-            (0.0, 1.0),
-            (0.0, -1.0),
-            (1.0, 0.0),
-            (-1.0, 0.0),
-            (1.0, 1.0),
-            (0.66, 1.0),
-            (0.0, 0.0),
-        ]);
-        samples.resize(samples.len().next_multiple_of(8), (1.0, 2.0));
-        for chunk in samples.chunks_exact(8) {
-            let mut values: [f64; 8] = std::array::from_fn(|k| chunk[k].0);
-            pulp::Arch::new().dispatch(Atan2Of(&mut values, &std::array::from_fn(|k| chunk[k].1)));
-            for (&(y, x), value) in chunk.iter().zip(values) {
-                let exact = y.atan2(x);
-                let ulps = (value - exact).abs() / (exact.abs() * f64::EPSILON + f64::MIN_POSITIVE);
-                assert!(ulps <= 2.0, "atan2({y}, {x}) = {value}, {ulps} units off");
             }
         }
     }

@@ -40,6 +40,17 @@ fn deformed(mesh: &Mesh) -> Vec<f64> {
     x
 }
 
+/// The same, and what lies beyond x = ½ turned back over the rest by `angle`, rad.
+fn folded(mesh: &Mesh, angle: f64) -> Vec<f64> {
+    let mut x = deformed(mesh);
+    let (sine, cosine) = angle.sin_cos();
+    for p in x.chunks_exact_mut(3).filter(|p| p[0] > 0.5) {
+        let (along, up) = (p[0] - 0.5, p[2]);
+        (p[0], p[2]) = (0.5 + along * cosine - up * sine, along * sine + up * cosine);
+    }
+    x
+}
+
 fn count(potential: &dyn Potential) -> usize {
     potential.stencils().count()
 }
@@ -94,8 +105,10 @@ fn first_side(mesh: &Mesh) -> [u32; 2] {
 
 #[test]
 fn derivatives_are_those_of_the_energy() {
-    for (law, mesh) in cases() {
-        let x = deformed(&mesh);
+    let shapes = |mesh: &Mesh| [deformed(mesh), folded(mesh, 2.8)];
+    for (law, mesh, x) in
+        cases().into_iter().flat_map(|(law, mesh)| shapes(&mesh).map(|x| (law.clone(), mesh.clone(), x)))
+    {
         for potential in potentials(&mesh, &law, &[first_side(&mesh)]).unwrap() {
             let (size, total, step) = (potential.stencils().size(), count(&*potential), 1e-6);
             let what = format!("{} {law:?}", potential.name());
@@ -129,6 +142,41 @@ fn derivatives_are_those_of_the_energy() {
                         );
                     }
                 }
+            }
+        }
+    }
+}
+
+/// Without contact a fold goes through itself. The work of the forces on the way is the energy that is gained.
+#[test]
+fn bending_is_smooth_where_a_fold_goes_through_itself() {
+    for bending in [Bending::Hinge, Bending::Shell] {
+        for pattern in [SheetPattern::Diagonal, SheetPattern::Random] {
+            let flat = sheet_mesh([1.0, 0.8], [4, 3], pattern);
+            for mesh in [flat.clone(), curved(flat)] {
+                let all = potentials(&mesh, &first_law(bending), &[]).unwrap();
+                let bend = all.iter().filter(|potential| potential.name().contains("bending"));
+                let (mut gain, mut work, mut force) = (0.0, 0.0, 0.0);
+                for potential in bend {
+                    let (from, to, count) = (2.9, 3.5, 600);
+                    let energy = |angle| energies(&**potential, &folded(&mesh, angle)).iter().sum::<f64>();
+                    gain += energy(to) - energy(from);
+                    let step = (to - from) / f64::from(count);
+                    for k in 0..count {
+                        let at = |part: f64| folded(&mesh, from + (f64::from(k) + part) * step);
+                        let (before, middle, after) = (at(0.0), at(0.5), at(1.0));
+                        let stencils = potential.stencils();
+                        let gradient = gradients(&**potential, &middle);
+                        for (stencil, block) in gradient.chunks_exact(stencils.size()).enumerate() {
+                            for (n, g) in block.iter().enumerate() {
+                                let dof = 3 * stencils.of(stencil)[n / 3] as usize + n % 3;
+                                work += g * (after[dof] - before[dof]);
+                                force += (g * (after[dof] - before[dof])).abs();
+                            }
+                        }
+                    }
+                }
+                assert!((work - gain).abs() < 1e-6 * force, "{bending:?} {pattern:?}: {work} {gain} {force}");
             }
         }
     }

@@ -1,5 +1,6 @@
 //! The kernel of all models whose energy is a square of angles, eight stencils at a time: V = Σ ½ |y|²,
-//! y = Σ over the hinges of a stencil of form (θ − θ̄). It must not know where forms come from.
+//! y = Σ over the hinges of a stencil of form (θ − θ̄), made smooth round the circle (`turn`). It must not know
+//! where forms come from.
 //!
 //! Stencils whose hinges join the same corners of their own ("pattern") share a group, so that everything
 //! but the gathering of nodes is done in lanes. Groups that are not full repeat their last stencil.
@@ -11,6 +12,7 @@ use std::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 use vi_core::{Account, HessianKind, Potential, Stencils, Traits, packed_len};
 
+use super::turn::Turn;
 use crate::dihedral::Fold;
 use crate::pack::{GROUP, Pack, parts};
 use crate::real::{Lane, Real};
@@ -75,8 +77,36 @@ impl Group {
 
 /// One hinge of each stencil of a group.
 struct BendPack<const F: usize> {
-    rest_angle: Pack,
+    /// sin θ̄ and cos θ̄.
+    rest: [Pack; 2],
     form: [Pack; F],
+}
+
+impl<const F: usize> BendPack<F> {
+    #[inline(always)]
+    fn turn<S: Simd>(&self, simd: S, part: usize, fold: &Fold<Lane<S>>) -> Turn<Lane<S>> {
+        let [sine, cosine] = &self.rest;
+        Turn::new(fold.direction(), [sine.load(simd, part), cosine.load(simd, part)])
+    }
+
+    #[inline(always)]
+    fn form<S: Simd>(&self, simd: S, part: usize) -> [Lane<S>; F] {
+        let mut form = [Lane::splat(simd, 0.0); F];
+        for f in 0..F {
+            form[f] = self.form[f].load(simd, part);
+        }
+        form
+    }
+}
+
+/// a·b + c.
+#[inline(always)]
+fn dot_add<R: Real, const F: usize>(a: &[R; F], b: &[R; F], c: R) -> R {
+    let mut sum = c;
+    for f in 0..F {
+        sum = a[f].mul_add(b[f], sum);
+    }
+    sum
 }
 
 struct Patches<const F: usize> {
@@ -121,7 +151,7 @@ impl<const F: usize> Patches<F> {
                 let pack =
                     |value: &dyn Fn(&Bend<F>) -> f64| Pack(std::array::from_fn(|l| value(&lane(l).bends[b])));
                 self.bends.push(BendPack {
-                    rest_angle: pack(&|bend| bend.rest_angle),
+                    rest: [pack(&|bend| bend.rest_angle.sin()), pack(&|bend| bend.rest_angle.cos())],
                     form: std::array::from_fn(|f| pack(&|bend| bend.form[f])),
                 });
                 if bend.corners[3] == HELD {
@@ -196,22 +226,21 @@ impl<const F: usize> WithSimd for Energies<'_, F> {
         for group in patches.groups(&range) {
             let mut energy = [Pack::default()];
             for part in 0..parts::<S>() {
+                let zero = Lane::splat(simd, 0.0);
                 let at = patches.gather(simd, group, part, x);
                 let mut held = group.held;
-                let mut y = [Lane::splat(simd, 0.0); F];
+                let (mut y, mut surplus) = ([zero; F], zero);
                 for (b, &corners) in patches.patterns[group.pattern].iter().enumerate() {
                     let bend = &patches.bends[group.bends + b];
                     let fold = patches.fold(simd, part, corners, &mut held, &at);
-                    let turn = fold.angle() - bend.rest_angle.load(simd, part);
+                    let (turn, form) = (bend.turn(simd, part, &fold), bend.form(simd, part));
+                    let psi = turn.value();
                     for f in 0..F {
-                        y[f] = bend.form[f].load(simd, part).mul_add(turn, y[f]);
+                        y[f] = form[f].mul_add(psi, y[f]);
                     }
+                    surplus = dot_add(&form, &form, zero).mul_add(turn.surplus(), surplus);
                 }
-                let mut sum = Lane::splat(simd, 0.0);
-                for f in 0..F {
-                    sum = y[f].mul_add(y[f], sum);
-                }
-                energy[0].store(part, sum * 0.5);
+                energy[0].store(part, dot_add(&y, &y, zero).mul_add(zero + 0.5, surplus));
             }
             put(simd, &energy, group.members(), &range, out);
         }
@@ -241,20 +270,25 @@ impl<const F: usize> WithSimd for Gradients<'_, F> {
                 let mut held = group.held;
                 let mut y = [zero; F];
                 let mut slopes = [[[zero; 3]; 4]; BENDS];
+                // ψ and 1 − ψ′.
+                let mut turns = [[zero; 2]; BENDS];
                 for b in 0..pattern.len() {
                     let fold = patches.fold(simd, part, pattern[b], &mut held, &at);
-                    let turn = fold.angle() - bends[b].rest_angle.load(simd, part);
+                    let (turn, form) = (bends[b].turn(simd, part, &fold), bends[b].form(simd, part));
+                    let psi = turn.value();
                     for f in 0..F {
-                        y[f] = bends[b].form[f].load(simd, part).mul_add(turn, y[f]);
+                        y[f] = form[f].mul_add(psi, y[f]);
                     }
+                    turns[b] = [psi, turn.softening()];
                     slopes[b] = fold.gradient();
                 }
                 let mut sum = [[zero; 3]; MOST];
                 for b in 0..pattern.len() {
-                    let mut moment = zero;
-                    for f in 0..F {
-                        moment = bends[b].form[f].load(simd, part).mul_add(y[f], moment);
-                    }
+                    let (form, [psi, softening]) = (bends[b].form(simd, part), turns[b]);
+                    let coupled = dot_add(&form, &y, zero);
+                    let own = dot_add(&form, &form, zero) * psi;
+                    // ψ′ Kψ + (1 − ψ′) K_aa ψ_a.
+                    let moment = softening.mul_add(own - coupled, coupled);
                     for c in 0..4 {
                         let corner = usize::from(pattern[b][c]);
                         if corner < MOST {
@@ -277,7 +311,7 @@ struct Hessians<'a, const F: usize> {
     patches: &'a Patches<F>,
     range: Range<usize>,
     x: &'a [f64],
-    /// Leave out Σ y ∂²y, which may be negative.
+    /// Leave out what may be negative.
     is_projected: bool,
     /// Room for the packed Hessians of a group.
     block: &'a mut [Pack],
@@ -301,15 +335,11 @@ impl<const F: usize> WithSimd for Hessians<'_, F> {
                 let mut slopes = [[zero; 3 * MOST]; F];
                 for b in 0..pattern.len() {
                     let fold = patches.fold(simd, part, pattern[b], &mut held, &at);
-                    if !is_projected {
-                        let turn = fold.angle() - bends[b].rest_angle.load(simd, part);
-                        for f in 0..F {
-                            y[f] = bends[b].form[f].load(simd, part).mul_add(turn, y[f]);
-                        }
-                    }
-                    let slope = fold.gradient();
+                    let (turn, form) = (bends[b].turn(simd, part, &fold), bends[b].form(simd, part));
+                    let (psi, slope, steepness) = (turn.value(), fold.gradient(), -turn.softening() + 1.0);
                     for f in 0..F {
-                        let form = bends[b].form[f].load(simd, part);
+                        y[f] = form[f].mul_add(psi, y[f]);
+                        let form = form[f] * steepness;
                         for c in 0..4 {
                             let corner = usize::from(pattern[b][c]);
                             if corner < MOST {
@@ -330,25 +360,32 @@ impl<const F: usize> WithSimd for Hessians<'_, F> {
                         block[packed_index(row, column)].store(part, entry);
                     }
                 }
-                if is_projected {
-                    continue;
-                }
                 let mut held = group.held;
                 for b in 0..pattern.len() {
                     let fold = patches.fold(simd, part, pattern[b], &mut held, &at);
-                    let mut moment = zero;
-                    for f in 0..F {
-                        moment = bends[b].form[f].load(simd, part).mul_add(y[f], moment);
-                    }
-                    let curvature = fold.hessian();
+                    let (turn, form) = (bends[b].turn(simd, part, &fold), bends[b].form(simd, part));
+                    let (psi, softening) = (turn.value(), turn.softening());
+                    let (coupled, stiffness) = (dot_add(&form, &y, zero), dot_add(&form, &form, zero));
+                    let own = stiffness * psi;
+                    // What the slopes above leave of ∂²V/∂Δ²: K_aa ψ′(1 − ψ′) + ψ″ (Kψ − K_aa ψ_a).
+                    let rest = stiffness * softening * (-softening + 1.0);
+                    let (second, moment) = if is_projected {
+                        (rest.if_positive(rest, zero), zero)
+                    } else {
+                        let moment = softening.mul_add(own - coupled, coupled);
+                        (turn.second().mul_add(coupled - own, rest), moment)
+                    };
+                    let slope = fold.gradient();
+                    let curvature = if is_projected { [[zero; 12]; 12] } else { fold.hessian() };
                     let inside = if pattern[b][3] == HELD { 9 } else { 12 };
                     for n in 0..inside {
                         let row = 3 * usize::from(pattern[b][n / 3]) + n % 3;
+                        let along = second * slope[n / 3][n % 3];
                         for m in 0..=n {
                             let column = 3 * usize::from(pattern[b][m / 3]) + m % 3;
                             let target = &mut block[packed_index(row.max(column), row.min(column))];
                             let sum = moment.mul_add(curvature[n][m], target.load(simd, part));
-                            target.store(part, sum);
+                            target.store(part, along.mul_add(slope[m / 3][m % 3], sum));
                         }
                     }
                 }
@@ -403,7 +440,7 @@ impl<const F: usize> Potential for Patches<F> {
         self.blocks(range, x, false, out);
     }
 
-    /// The part Σ ∂y ⊗ ∂y, which is never negative, alone.
+    /// The parts that are squares of first derivatives, which are never negative, alone.
     fn projected_hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         self.blocks(range, x, true, out);
     }

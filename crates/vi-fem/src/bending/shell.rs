@@ -1,6 +1,7 @@
 //! Kirchhoff–Love bending on any triangulation from positions alone:
 //! V = Σ_T ½ A (κ − κ̄):D:(κ − κ̄), κ Morley's curvature of the triangle, a linear function of the angles
-//! of the hinges at and next to it (see `reconstruction`). It must not know stretching.
+//! of the hinges at and next to it (see `reconstruction`; made smooth round the circle by `turn`). It must not
+//! know stretching.
 //!
 //! Chosen over mid-edge normals with a degree of freedom an edge (Grinspun, Gingold, Reisman & Zorin
 //! 2006), whose rotations would need a made-up inertia in explicit schemes; over rotation-free patches
