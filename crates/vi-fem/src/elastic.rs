@@ -3,6 +3,8 @@
 
 #[cfg(test)]
 mod laws;
+#[cfg(test)]
+mod properties;
 
 use std::cell::RefCell;
 use std::marker::PhantomData;

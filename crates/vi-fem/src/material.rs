@@ -13,6 +13,8 @@ mod linear;
 mod mooney_rivlin;
 mod neo_hookean;
 mod parameters;
+#[cfg(test)]
+pub(crate) mod properties;
 mod st_venant_kirchhoff;
 mod stable_neo_hookean;
 
