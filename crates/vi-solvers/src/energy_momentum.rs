@@ -20,6 +20,9 @@ use crate::stages::{Midpoint, Multipliers, Rule, Trial};
 const BATCH: usize = 512;
 /// A part's energy defect below this many units of its round-off is no defect.
 const NOISE: f64 = 4.0;
+/// A part that moves rigidly but for so little of its place and motion does not deform: the defect, of third order in
+/// the deformation, is nothing, while the direction d would be round-off, and λ without bounds.
+const RIGID: f64 = 1e-12;
 
 pub(crate) struct EnergyMomentum {
     parts: Parts,
@@ -138,20 +141,20 @@ impl Rule for EnergyMomentum {
         coordinates.embed(trial.start_q, t0, &mut self.x_start);
         coordinates.embed(out, t1, &mut self.x_end);
         self.sum_defects(trial);
-        self.parts.deform(trial.system, trial.forces.positions(), &mut self.dq);
-        let mass = trial.system.free_mass();
-        let mut norms = vec![0.0; self.parts.count];
-        for (k, &part) in self.parts.of_free.iter().enumerate() {
-            if part != NONE {
-                norms[part as usize] += mass[k] * self.dq[k] * self.dq[k];
-            }
-        }
+        let (mass, x) = (trial.system.free_mass(), trial.forces.positions());
+        let free = coordinates.free();
+        let place = self.parts.sums(|k| mass[k] * (x[free[k] as usize].powi(2) + self.dq[k] * self.dq[k]));
+        // Twice: what one removal leaves of a large rigid motion is not small beside a small deformation.
+        self.parts.deform(trial.system, x, &mut self.dq);
+        self.parts.deform(trial.system, x, &mut self.dq);
+        let norms = self.parts.sums(|k| mass[k] * self.dq[k] * self.dq[k]);
         for (k, out) in out.iter_mut().enumerate() {
             let part = self.parts.of_free[k];
             *out = 0.0;
             if part != NONE {
-                let ([defect, size], norm) = (self.defects[part as usize], norms[part as usize]);
-                if defect.abs() > NOISE * f64::EPSILON * size && norm > 0.0 {
+                let part = part as usize;
+                let ([defect, size], norm) = (self.defects[part], norms[part]);
+                if defect.abs() > NOISE * f64::EPSILON * size && norm > RIGID * RIGID * place[part] {
                     *out = defect / norm * mass[k] * self.dq[k];
                 }
             }
@@ -249,6 +252,17 @@ impl Parts {
         }
         let of_free = (0..coordinates.free_count() as u32).map(|k| number[sets.root(k) as usize]).collect();
         Self { count: count as usize, of_free, of_stencils, translations, rotations }
+    }
+
+    /// Sums over the free coordinates of each part.
+    fn sums(&self, term: impl Fn(usize) -> f64) -> Vec<f64> {
+        let mut sums = vec![0.0; self.count];
+        for (k, &part) in self.of_free.iter().enumerate() {
+            if part != NONE {
+                sums[part as usize] += term(k);
+            }
+        }
+        sums
     }
 
     /// dq ← dq without its rigid part about positions x, part by part.
