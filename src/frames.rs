@@ -13,6 +13,9 @@ use crate::simulation::Simulation;
 pub(crate) struct FrameWriter {
     directory: PathBuf,
     series: PvdSeries,
+    series_file: PathBuf,
+    /// Frames that are known to be on the disk.
+    synced: usize,
     interval: f64,
     options: VtuOptions,
     fields: Vec<Field>,
@@ -53,9 +56,12 @@ impl FrameWriter {
             },
             ..VtuOptions::default()
         };
+        let series_file = directory.join(format!("{name}.pvd"));
         let mut writer = Self {
             directory: directory.to_owned(),
-            series: PvdSeries::new(&directory.join(format!("{name}.pvd"))),
+            series: PvdSeries::new(&series_file),
+            series_file,
+            synced: 0,
             interval,
             options,
             fields: output.fields.clone(),
@@ -128,6 +134,7 @@ impl FrameWriter {
     /// Where a file cannot be written or removed.
     pub(crate) fn resume(&mut self, frames: &[(f64, String)]) -> Result<(), IoError> {
         self.series.set_frames(frames.to_vec())?;
+        self.synced = self.synced.min(frames.len());
         for count in self.count().. {
             let file = self.directory.join(frame_file(count));
             match std::fs::remove_file(&file) {
@@ -136,6 +143,20 @@ impl FrameWriter {
                 Err(source) => return Err(IoError::System { file, action: "remove", source }),
             }
         }
+        Ok(())
+    }
+
+    /// Returns when every frame written so far is on the disk, and the series that names them.
+    ///
+    /// # Errors
+    /// Where a file cannot be written.
+    pub(crate) fn sync(&mut self) -> Result<(), IoError> {
+        let new = self.series.frames()[self.synced..].iter().map(|(_, name)| self.directory.join(name));
+        for file in new.chain((self.count() > 0).then(|| self.series_file.clone())) {
+            let synced = std::fs::File::options().write(true).open(&file).and_then(|file| file.sync_all());
+            synced.map_err(|source| IoError::System { file, action: "write", source })?;
+        }
+        self.synced = self.count();
         Ok(())
     }
 

@@ -148,6 +148,62 @@ fn damping_wind_companions_and_statics_continue_to_the_same_bits() {
     }
 }
 
+/// Two rods and a block that hang from each other by a ball joint, a hinge and an attachment.
+const RIGID: &str = r#"
+gravity = [0.0, -9.81, 0.0]
+[time]
+end = 0.06
+step = 1e-3
+scheme = "SCHEME"
+[[rigid]]
+name = "upper"
+mass = 2.0
+shape = { kind = "rod", length = 0.5, radius = 0.02 }
+position = [0.25, 0.0, 0.0]
+[[rigid]]
+name = "lower"
+mass = 1.0
+shape = { kind = "rod", length = 0.5, radius = 0.02 }
+position = [0.75, 0.0, 0.0]
+angular_velocity = [0.0, 0.0, 3.0]
+velocity = [0.0, 0.75, 0.0]
+[[joint]]
+kind = "ball"
+body = "upper"
+point = [0.0, 0.0, 0.0]
+[[joint]]
+kind = "hinge"
+body = "upper"
+to = "lower"
+point = [0.5, 0.0, 0.0]
+axis = [0.0, 0.0, 1.0]
+[[body]]
+name = "bob"
+box = { size = [0.1, 0.1, 0.1], cells = [1, 1, 1], element = "hex8", origin = [1.0, -0.05, -0.05] }
+material = { law = "neo-hookean", young = 1e6, poisson = 0.3, density = 500.0 }
+velocity = [0.0, 1.65, 0.0]
+angular_velocity = [0.0, 0.0, 3.0]
+[[attach]]
+body = "bob"
+region = "x-min"
+to = "lower"
+[output]
+interval = 7e-3
+history = 3
+ledger = true
+[checkpoint]
+interval = 0.01
+"#;
+
+#[test]
+fn rigid_bodies_joints_and_attachments_continue_to_the_same_bits() {
+    for scheme in ["implicit-midpoint", "energy-momentum"] {
+        let parsed = Scene::parse(&RIGID.replace("SCHEME", scheme), &[]);
+        assert!(parsed.problems.is_empty(), "{:?}", parsed.problems);
+        continues(parsed.scene.unwrap(), &format!("rigid bodies, {scheme}"));
+    }
+}
+
 /// A run of the program that takes a moment.
 const SCENE: &str = r#"
 gravity = [0.0, 0.0, -9.81]

@@ -129,8 +129,7 @@ impl Run {
             origin.choice = Some((scheme, (stages, self.simulation.step_count())));
             origin.auto = serde_json::json!(auto).to_string();
         }
-        let path = self.directory.join("history.csv");
-        self.history.sync().map_err(RunError::output(&path))?;
+        self.sync()?;
         let report = &self.report;
         let checkpoint = Checkpoint {
             origin,
@@ -150,6 +149,24 @@ impl Run {
         };
         let Some((store, _)) = &self.store else { return Ok(()) };
         store.write(&checkpoint).map_err(RunError::output(&self.directory.join("checkpoint")))
+    }
+
+    /// Returns when history and frames are on the disk, so that what is written then may build on them.
+    fn sync(&mut self) -> Result<(), RunError> {
+        let path = self.directory.join("history.csv");
+        self.history.sync().map_err(RunError::output(&path))?;
+        self.frames.as_mut().map_or(Ok(()), FrameWriter::sync)?;
+        Ok(())
+    }
+
+    /// What report.json will tell of is complete: on the disk, where the scene asks for checkpoints, and else with
+    /// the operating system.
+    pub(super) fn settle(&mut self) -> Result<(), RunError> {
+        if self.store.is_some() {
+            return self.sync();
+        }
+        let path = self.directory.join("history.csv");
+        self.history.flush().map_err(RunError::output(&path))
     }
 
     /// Makes a run that has just been built what it was at a checkpoint.

@@ -294,8 +294,7 @@ impl Run {
     }
 
     fn finish(&mut self, outcome: Outcome) -> Result<(), RunError> {
-        let path = self.directory.join("history.csv");
-        self.history.flush().map_err(RunError::output(&path))?;
+        self.settle()?;
         let frame_count = self.frames.as_ref().map_or(0, FrameWriter::count);
         self.report.guard(&self.guard);
         self.report.close(&self.simulation, outcome, frame_count, &self.ledger, &self.momentum, &self.pitch);
