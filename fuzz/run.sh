@@ -9,14 +9,15 @@ shift || true
 for reader in "${@:-msh vtk vtu obj stl scene checkpoint}"; do
     for target in $reader; do
         mkdir -p "corpus/$target"
+        features=()
         case "$target" in
-            scene) cp ../scenes/*.toml corpus/scene/ ;;
+            scene) cp ../scenes/*.toml corpus/scene/ && features=(--features program) ;;
             # From nothing: the target adds header and checksum to whatever it is given.
-            checkpoint) ;;
+            checkpoint) features=(--features program) ;;
             *) cp ../crates/vi-io/tests/data/*."$target" "corpus/$target/" ;;
         esac
         [ "$target" != vtu ] || cp ../crates/vi-io/tests/data/*.vtp corpus/vtu/
-        cargo +nightly fuzz run "$target" -- -runs="$runs" -max_len=8192 -malloc_limit_mb=96 -rss_limit_mb=2048 \
+        cargo +nightly fuzz run ${features[@]+"${features[@]}"} "$target" -- -runs="$runs" -max_len=8192 -malloc_limit_mb=96 -rss_limit_mb=2048 \
             -timeout=10 -print_final_stats=1
     done
 done
