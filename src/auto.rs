@@ -10,7 +10,7 @@
 
 use serde::Serialize;
 
-use crate::scene::{Problem, Scene, SchemeName};
+use crate::scene::{MassKind, Problem, Scene, SchemeName};
 use crate::simulation::Simulation;
 use crate::trial::{Choice, Limit, Norm, Trial, TrialError, highest, run};
 
@@ -62,7 +62,10 @@ pub struct AutoReport {
 /// The scene's problems, or none of the schemes got through its trials.
 pub fn choose(scene: &Scene) -> Result<(Scene, Choice, AutoReport), Vec<Problem>> {
     let tolerance = scene.time.tolerance.unwrap_or(1e-4);
-    let start = Choice { scheme: SchemeName::StormerVerlet, stages: None, steps: 1 };
+    // Consistent mass leaves implicit schemes.
+    let is_implicit = scene.solver.mass == Some(MassKind::Consistent);
+    let first = if is_implicit { SchemeName::ImplicitMidpoint } else { SchemeName::StormerVerlet };
+    let start = Choice { scheme: first, stages: None, steps: 1 };
     let simulation = Simulation::new(start.apply(scene))?;
     let Some(omega) = highest(&simulation) else {
         let reason = "nothing in the scene moves freely: any scheme and step will do".to_owned();
@@ -81,7 +84,7 @@ pub fn choose(scene: &Scene) -> Result<(Scene, Choice, AutoReport), Vec<Problem>
         Search { scene, norm: Norm::new(&simulation), omega, aim: SAFETY * tolerance, spent: 0.0 };
     drop(simulation);
     let verlet = search.limit(SchemeName::StormerVerlet);
-    let explicit_seconds = search.cost(verlet);
+    let explicit_seconds = if is_implicit { None } else { search.cost(verlet) };
     let allowed = explicit_seconds.map_or(f64::INFINITY, |seconds| TRIAL_SHARE * seconds);
     let mut candidates = search.implicit(allowed);
     let cheapest = candidates.iter().map(|c| c.predicted_seconds).fold(f64::INFINITY, f64::min);
@@ -100,6 +103,7 @@ pub fn choose(scene: &Scene) -> Result<(Scene, Choice, AutoReport), Vec<Problem>
     let mut settled = scene.clone();
     let choice = best.choice;
     settled.time.choose(choice.scheme, choice.stages, choice.steps);
+    let verlet = (!is_implicit).then_some(verlet);
     let mut reason = explain(&candidates, tolerance, omega, verlet, explicit_seconds, search.spent);
     if let Some(step) = scene.time.step {
         reason.push_str(&format!(" The step of the scene, {step:e} s, is not used: `auto` chooses it."));
@@ -113,20 +117,27 @@ fn explain(
     candidates: &[Candidate],
     tolerance: f64,
     omega: f64,
-    verlet: Choice,
+    verlet: Option<Choice>,
     explicit_seconds: Option<f64>,
     spent: f64,
 ) -> String {
     let best = &candidates[0];
     let mut text = format!(
         "{} in {} steps is expected to end with a relative error of {:.1e} (wanted: {tolerance:.0e}) after {:.2} s of one \
-         core of the reference machine. \
-         The highest frequency of the scene is {omega:.3e} rad/s, so that Störmer–Verlet needs {} steps",
-        best.scheme, best.steps, best.predicted_error, best.predicted_seconds, verlet.steps
+         core of the reference machine.",
+        best.scheme, best.steps, best.predicted_error, best.predicted_seconds
     );
-    match explicit_seconds {
-        Some(seconds) => text.push_str(&format!(", {seconds:.2} s, to be stable.")),
-        None => text.push_str("; it failed even so."),
+    if let Some(verlet) = verlet {
+        let steps = verlet.steps;
+        text.push_str(&format!(
+            " The highest frequency of the scene is {omega:.3e} rad/s, so that Störmer–Verlet needs {steps} steps"
+        ));
+        match explicit_seconds {
+            Some(seconds) => text.push_str(&format!(", {seconds:.2} s, to be stable.")),
+            None => text.push_str("; it failed even so."),
+        }
+    } else {
+        text.push_str(" The mass is consistent, which leaves implicit schemes.");
     }
     for other in &candidates[1..] {
         text.push_str(&format!(
@@ -138,7 +149,7 @@ fn explain(
         text.push_str(" Implicit schemes did not reach the error at half the cost of explicit steps.");
     } else if best.choice.method().facts().is_explicit {
         text.push_str(" Its steps are cheap enough to outweigh their number.");
-    } else {
+    } else if verlet.is_some() {
         text.push_str(" Its steps are dearer, but so much longer that they cost less.");
     }
     text.push_str(&format!(" The trials took {spent:.2} s."));

@@ -14,10 +14,11 @@ use serde::Serialize;
 use vi_solvers::StepError;
 
 use crate::run::RunError;
+use crate::scene::MassKind;
 use crate::scene::{Load, Problem, Scene, SpringEnd};
 use crate::simulation::{Observation, Simulation};
 use crate::trial::Choice;
-use crate::vibration::{MassKind, scene_modes};
+use crate::vibration::scene_modes;
 
 pub use extrapolate::{Extrapolation, extrapolate};
 

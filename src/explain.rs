@@ -59,7 +59,13 @@ fn system(text: &mut String, component: &Component, is_explicit: bool) {
     let coordinates = system.coordinates();
     let (all, free) = (coordinates.dof_count(), coordinates.free_count());
     let _ = writeln!(text, "  coordinates: {all}, of which {free} free; prescribed ones are eliminated");
-    let _ = writeln!(text, "  mass: {free} numbers (lumped), {}", bytes(8 * free as u64));
+    let _ = match system.kinetic() {
+        None => writeln!(text, "  mass: {free} numbers (lumped), {}", bytes(8 * free as u64)),
+        Some(kinetic) => {
+            let stencils: usize = kinetic.potentials().iter().map(|term| term.stencils().count()).sum();
+            writeln!(text, "  mass: a matrix summed from {stencils} elements (consistent), made once")
+        }
+    };
     if component.stepper().is_none() {
         let _ = writeln!(text, "  skipped: no coordinate is free, nothing is stepped");
         return;

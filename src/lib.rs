@@ -43,8 +43,8 @@ pub mod prelude {
     pub use crate::run::{RunError, Watch, run};
     pub use crate::scene::{
         Assert, Attach, Axis, Body, Checkpoints, Damping, Field, FieldComponent, Fix, Guard, GuardAction,
-        Inertia, Joint, Load, Output, Precision, Probe, Rigid, RigidShape, Scene, SchemeName, Seam, Solver,
-        Spring, SpringEnd, Static, Strike, Substance, Time, Turn,
+        Inertia, Joint, Load, MassKind, Output, Precision, Probe, Rigid, RigidShape, Scene, SchemeName, Seam,
+        Solver, Spring, SpringEnd, Static, Strike, Substance, Time, Turn,
     };
     pub use crate::simulation::{Observation, Simulation};
     pub use vi_fem::{

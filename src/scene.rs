@@ -33,7 +33,7 @@ pub use parse::Parsed;
 pub use rigid::{Inertia, Joint, Rigid, RigidShape, Turn};
 pub use safety::{Checkpoints, Guard, GuardAction};
 pub use statics::Static;
-pub use time::{LinearChoice, SchemeName, Solver, Time};
+pub use time::{LinearChoice, MassKind, SchemeName, Solver, Time};
 
 /// A scene. Its TOML form has the same names; unknown keys are errors.
 ///

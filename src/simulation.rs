@@ -43,6 +43,15 @@ impl Component {
         &self.state
     }
 
+    /// Velocities of all coordinates, m/s.
+    fn velocities(&self) -> Vec<f64> {
+        let known = self.stepper.as_ref().and_then(|stepper| stepper.velocity(&self.state));
+        let Some(q_dot) = known else { return self.system.velocities(&self.state) };
+        let mut x_dot = vec![0.0; self.system.coordinates().dof_count()];
+        self.system.coordinates().embed_velocity(q_dot, self.state.t, &mut x_dot);
+        x_dot
+    }
+
     /// The integrator; none where no coordinate is free.
     pub fn stepper(&self) -> Option<&dyn Stepper> {
         self.stepper.as_deref()

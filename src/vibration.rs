@@ -10,17 +10,8 @@ use vi_solvers::{Mode, ModeOptions, SolverError};
 
 use crate::frames::FrameWriter;
 use crate::run::RunError;
-use crate::scene::{Problem, Scene, Substance};
+use crate::scene::{MassKind, Problem, Scene, Substance};
 use crate::simulation::Simulation;
-
-/// Which mass the modes see.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum MassKind {
-    /// ρ ∫ N_a N_b dV.
-    Consistent,
-    /// A mass a node, as the time integrators have it.
-    Lumped,
-}
 
 /// A mode and the component that vibrates.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,7 +23,8 @@ pub struct SceneMode {
 }
 
 /// The lowest `count` modes of each component, by ascending frequency. A scene with `[static]` is first
-/// brought to equilibrium at the end of its time, so that modes are those of the loaded body.
+/// brought to equilibrium at the end of its time, so that modes are those of the loaded body. Where the scene
+/// itself names the mass (`solver.mass`), that is taken.
 ///
 /// # Errors
 /// [`RunError`] where the scene, the equilibrium or the eigenproblem fails.
@@ -54,13 +46,16 @@ pub fn scene_modes(
             continue;
         }
         let mut kinetic: Vec<Box<dyn Potential>> = Vec::new();
-        if mass == MassKind::Consistent {
+        let asked = simulation.scene().solver.mass;
+        if asked.unwrap_or(mass) == MassKind::Consistent && component.system().kinetic().is_none() {
             let bodies = simulation.bodies().iter().zip(&simulation.scene().bodies);
             for (body, of_scene) in bodies.filter(|(body, _)| body.component == number) {
                 for (entry, elements) in of_scene.material.0.iter().zip(&body.materials) {
                     let Substance::Solid(law) = &entry.law else {
-                        let message =
-                            format!("'{}' is a sheet, whose mass is lumped; ask for that", body.name);
+                        let message = format!(
+                            "'{}' is a sheet: name the mass by `[solver] mass` of the scene",
+                            body.name
+                        );
                         return Err(RunError::Scene(vec![Problem::new("modes", message)]));
                     };
                     let density = law.density();
@@ -80,7 +75,7 @@ pub fn scene_modes(
 }
 
 /// Writes `modes.csv` and, for each mode, `mode_000.vtu` with its shape as `displacement`, scaled so that
-/// the largest entry is 1 m.
+/// the largest entry is 1 m. `mass` counts before that of the scene; without both it is consistent.
 ///
 /// # Errors
 /// [`RunError`] where the scene cannot be solved or a file cannot be written.
@@ -88,10 +83,12 @@ pub fn write_modes(
     scene: Scene,
     directory: &Path,
     count: usize,
-    mass: MassKind,
+    mass: Option<MassKind>,
 ) -> Result<Vec<SceneMode>, RunError> {
+    let mut scene = scene;
+    scene.solver.mass = mass.or(scene.solver.mass);
     let mut simulation = Simulation::new(scene).map_err(RunError::Scene)?;
-    let modes = scene_modes(&mut simulation, count, mass)?;
+    let modes = scene_modes(&mut simulation, count, MassKind::Consistent)?;
     let output = |path: &Path| {
         let path = path.to_owned();
         move |source| RunError::Output { path, source }

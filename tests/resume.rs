@@ -122,6 +122,17 @@ fn every_scheme_continues_to_the_same_bits() {
 }
 
 #[test]
+fn consistent_mass_continues_to_the_same_bits() {
+    use SchemeName::*;
+    for scheme in [ImplicitMidpoint, Gauss, Bdf2, GeneralizedAlpha] {
+        let mut scene = driven(scheme);
+        scene.fixes[0].motion = None;
+        scene.solver.mass = Some(MassKind::Consistent);
+        continues(scene, &format!("{scheme:?}, consistent mass"));
+    }
+}
+
+#[test]
 fn damping_wind_companions_and_statics_continue_to_the_same_bits() {
     let damping = Damping { shear_viscosity: 10.0, mass_rate: 0.5, ..Damping::default() };
     continues(driven(SchemeName::StormerVerlet).damping(damping.clone()), "explicit, damped");

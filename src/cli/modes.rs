@@ -7,7 +7,8 @@ use clap::Args;
 use super::exit;
 use super::run::{accept, name_of, output_directory};
 use crate::run::RunError;
-use crate::vibration::{MassKind, write_modes};
+use crate::scene::MassKind;
+use crate::vibration::write_modes;
 
 #[derive(Debug, Args)]
 pub(super) struct ModesArguments {
@@ -16,7 +17,7 @@ pub(super) struct ModesArguments {
     /// How many modes of each body, rigid ones included
     #[arg(long, default_value_t = 12)]
     count: usize,
-    /// Use the lumped mass of the time integrators instead of the consistent one
+    /// Use lumped mass, whatever `solver.mass` of the scene says (default: consistent)
     #[arg(long)]
     lumped: bool,
     /// Output directory (default: the scene's, else out/<scene>)
@@ -33,7 +34,7 @@ pub(super) fn modes(arguments: &ModesArguments) -> u8 {
         Err(code) => return code,
     };
     let directory = output_directory(&scene, &name_of(&arguments.scene), arguments.out.as_deref());
-    let mass = if arguments.lumped { MassKind::Lumped } else { MassKind::Consistent };
+    let mass = arguments.lumped.then_some(MassKind::Lumped);
     match write_modes(scene, &directory, arguments.count, mass) {
         Ok(modes) => {
             for (number, found) in modes.iter().enumerate() {

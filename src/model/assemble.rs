@@ -8,7 +8,7 @@ use vi_core::constraints::QuadraticConstraint;
 use vi_core::{Combination, Force, Potential, Prescribed, State, System};
 use vi_fem::{
     Anchor, Gravity, LockingCure, PointSpring, Sheet, SpringEnd, Tie, add_lumped_mass, add_row_sums,
-    mass_properties, rigid_velocities,
+    consistent_mass, mass_properties, rigid_velocities,
 };
 
 use super::load::{End, Loaded, LoadedBody};
@@ -16,7 +16,7 @@ use super::loads;
 use super::prescribe::{NodalFix, coordinates};
 use super::rigid::{self, Attached};
 use super::{BodyModel, Model, ProbeTarget, RigidModel, sheets, ties};
-use crate::scene::{Body, Problem, RestShape, Scene, Substance};
+use crate::scene::{Body, MassKind, Problem, RestShape, Scene, Substance};
 
 pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Problem>> {
     let component_of = components(scene, &loaded);
@@ -25,8 +25,10 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
 
     let mut problems = Vec::new();
     let mut notes = Vec::new();
-    let is_static = scene.statics.is_some();
-    let mut parts: Vec<Part> = (0..component_count).map(|_| Part { is_static, ..Part::default() }).collect();
+    let is_consistent = scene.solver.mass == Some(MassKind::Consistent);
+    let sums_rows = scene.statics.is_some() || is_consistent;
+    let new_part = |_| Part { sums_rows, is_consistent, ..Part::default() };
+    let mut parts: Vec<Part> = (0..component_count).map(new_part).collect();
     let mut bodies = Vec::with_capacity(loaded_bodies.len());
     for (i, body) in loaded_bodies.into_iter().enumerate() {
         let part = &mut parts[component_of[i]];
@@ -239,8 +241,10 @@ fn components(scene: &Scene, loaded: &Loaded) -> Vec<usize> {
 /// A component under construction.
 #[derive(Default)]
 struct Part {
-    /// Nothing moves: weight may act on row sums of the mass, of the accuracy of the elements.
-    is_static: bool,
+    /// Weight acts on row sums of the mass, of the accuracy of the elements: nothing moves, or mass is
+    /// consistent.
+    sums_rows: bool,
+    is_consistent: bool,
     /// Lumped mass a node, kg.
     mass: Vec<f64>,
     /// What weight acts on a node, kg.
@@ -248,6 +252,8 @@ struct Part {
     rest: Vec<[f64; 3]>,
     x: Vec<f64>,
     v: Vec<f64>,
+    /// The kinetic energy of the velocities, where mass is consistent.
+    kinetic: Vec<Box<dyn Potential>>,
     potentials: Vec<Box<dyn Potential>>,
     forces: Vec<Arc<dyn Force>>,
     /// What is held exactly.
@@ -281,7 +287,11 @@ impl Part {
             let terms = match &entry.law {
                 Substance::Solid(law) => {
                     let name = format!("{place}: {}", law.name());
-                    if self.is_static {
+                    if self.is_consistent {
+                        let terms = consistent_mass(mesh, elements, law.density(), node_offset, &body.name);
+                        self.kinetic.extend(terms.map_err(|error| error.to_string())?);
+                    }
+                    if self.sums_rows {
                         let sums = add_row_sums(mesh, elements, law.density(), &mut heavy);
                         sums.map_err(|error| error.to_string())?;
                     }
@@ -304,6 +314,9 @@ impl Part {
                         clamped: &clamped,
                         ..Sheet::new(mesh, elements, law, node_offset, &place)
                     };
+                    if self.is_consistent {
+                        self.kinetic.push(sheet.consistent_mass().map_err(|error| error.to_string())?);
+                    }
                     sheet.add_lumped_mass(&mut mass).and_then(|()| sheet.potentials())
                 }
             };
@@ -315,13 +328,13 @@ impl Part {
         }
         let mut v = read.velocity.clone().unwrap_or_else(|| vec![0.0; x.len()]);
         let positions = x.as_chunks::<3>().0;
-        let centre = mass_properties(positions, &mass).centre;
+        let is_heavy = self.sums_rows && body.dimension() == 3;
+        let centre = mass_properties(positions, if is_heavy { &heavy } else { &mass }).centre;
         let linear = body.velocity.unwrap_or_default();
         let angular = body.angular_velocity.unwrap_or_default();
         let rigid = rigid_velocities(positions, centre, linear, angular);
         v.iter_mut().zip(&rigid).for_each(|(v, rigid)| *v += rigid);
         self.rest.extend_from_slice(&mesh.points);
-        let is_heavy = self.is_static && body.dimension() == 3;
         self.heavy.extend(if is_heavy { heavy } else { mass.clone() });
         self.mass.extend(mass);
         self.x.extend(x);
@@ -381,7 +394,9 @@ impl Part {
         let system = System::new(mass, self.potentials, coordinates)
             .and_then(|system| system.with_forces(self.forces))
             .and_then(|system| system.with_constraints(self.constraints))
-            .map_err(|error| Problem::new("body", error.to_string()))?;
+            .map_err(|error| Problem::new("body", error.to_string()))?
+            .with_consistent_mass(self.kinetic)
+            .map_err(|error| Problem::new("solver.mass", error.to_string()))?;
         let mut state =
             system.state(0.0, &self.x, &self.v).map_err(|error| Problem::new("body", error.to_string()))?;
         vi_solvers::make_tangent(&system, &mut state)

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use vi_fem::{LockingCure, Motion};
 
-use super::{Axis, Body, BoxRegion, MOST_REFINED, RestShape, Scene, SchemeName, Substance};
+use super::{Axis, Body, BoxRegion, MOST_REFINED, MassKind, RestShape, Scene, SchemeName, Substance};
 
 /// One thing that is wrong with a scene: where, what, and the way out.
 #[derive(Debug, Clone, PartialEq)]
@@ -145,6 +145,14 @@ fn time(check: &mut Checker, scene: &Scene) {
         } else if !(0.0..=1.0).contains(&radius) {
             check.say("time.spectral_radius", format!("must be 0 to 1, is {radius}"));
         }
+    }
+    let is_explicit = time.method().is_some_and(|method| method.facts().is_explicit);
+    if scene.solver.mass == Some(MassKind::Consistent) && is_explicit && scene.statics.is_none() {
+        check.say(
+            "solver.mass",
+            "\"consistent\" couples the nodes, and explicit schemes divide by the mass of each: make `time.scheme` \
+             implicit (implicit-midpoint, gauss, energy-momentum), or take `mass` out",
+        );
     }
     let tolerance = scene.solver.tolerance;
     if !(1e-14..=0.1).contains(&tolerance) {

@@ -164,6 +164,21 @@ pub struct Solver {
     /// The linear solver.
     #[serde(default)]
     pub linear: LinearChoice,
+    /// The mass matrix of deformable bodies: "lumped" or "consistent" (implicit schemes only). By default motion
+    /// takes it lumped, and `variational modes` consistent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass: Option<MassKind>,
+}
+
+/// Which mass matrix.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum MassKind {
+    /// A mass a node: frequencies of linear elements are too low. All schemes take it.
+    Lumped,
+    /// ρ ∫ N_a N_b dV, which couples the nodes of an element: frequencies are bounds from above, and of the
+    /// order of the element. Implicit schemes take it, on supports that do not move.
+    Consistent,
 }
 
 impl Solver {
@@ -184,6 +199,6 @@ impl Solver {
 
 impl Default for Solver {
     fn default() -> Self {
-        Self { tolerance: Self::default_tolerance(), linear: LinearChoice::Auto }
+        Self { tolerance: Self::default_tolerance(), linear: LinearChoice::Auto, mass: None }
     }
 }

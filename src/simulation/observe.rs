@@ -58,14 +58,18 @@ impl Simulation {
         let mut seen = Observation { t: self.time(), ..Observation::default() };
         let mut positions = Vec::with_capacity(self.components.len());
         for component in &mut self.components {
-            let Component { system, state, observer, .. } = component;
+            let Component { system, state, stepper, observer, .. } = component;
             let x = system.positions(state);
             let energies =
                 observer.get_or_insert_with(|| Assembler::new(system)).energies(system, &x, state.t);
             seen.elastic += energies.elastic;
             seen.gravity += energies.gravity;
             seen.load += energies.load;
-            seen.kinetic += kinetic_energy(system, state);
+            let known = stepper.as_ref().and_then(|stepper| stepper.velocity(state));
+            seen.kinetic += match known {
+                Some(v) => 0.5 * state.p.iter().zip(v).map(|(p, v)| p * v).sum::<f64>(),
+                None => kinetic_energy(system, state),
+            };
             let (linear, angular) = (linear_momentum(system, state), angular_momentum(system, state));
             for k in 0..3 {
                 seen.momentum[k] += linear[k];
@@ -138,7 +142,7 @@ impl Simulation {
 
     /// Velocities of the nodes of body number `body`, m/s.
     pub fn velocities(&self, body: usize) -> Vec<[f64; 3]> {
-        self.nodal(body, |component| component.system.velocities(&component.state))
+        self.nodal(body, Component::velocities)
     }
 
     /// Points given in the own axes of rigid body number `rigid` from its centre, where they are now (m).
@@ -163,8 +167,8 @@ impl Simulation {
         self.nodal(body, |component| vi_solvers::reactions(&component.system, &component.state))
     }
 
-    /// Accelerations of the nodes of body number `body`, m/s²: M⁻¹(f − ∂V/∂x) with the lumped mass, and those of
-    /// their path at prescribed coordinates.
+    /// Accelerations of the nodes of body number `body`, m/s²: M⁻¹(f − ∂V/∂x), and those of their
+    /// path at prescribed coordinates.
     pub fn accelerations(&self, body: usize) -> Vec<[f64; 3]> {
         self.nodal(body, |component| vi_solvers::accelerations(&component.system, &component.state))
     }

@@ -5,7 +5,10 @@ use crate::{State, System};
 
 /// Kinetic energy T = ½ pᵀM⁻¹p of the free coordinates, J.
 pub fn kinetic_energy(system: &System, state: &State) -> f64 {
-    0.5 * state.p.iter().zip(system.free_mass()).map(|(p, m)| p * p / m).sum::<f64>()
+    match system.kinetic() {
+        Some(_) => 0.5 * state.p.iter().zip(system.velocity(&state.p)).map(|(p, v)| p * v).sum::<f64>(),
+        None => 0.5 * state.p.iter().zip(system.free_mass()).map(|(p, m)| p * p / m).sum::<f64>(),
+    }
 }
 
 /// Linear momentum P = Σ p of points in space (3 coordinates a node), kg m/s; directors have none.

@@ -24,6 +24,12 @@ pub enum CoreError {
         /// Its mass, kg.
         mass: f64,
     },
+    /// What consistent mass cannot do.
+    #[error("mass cannot be consistent here: {reason}; lumped mass serves there")]
+    ConsistentMass {
+        /// Why not.
+        reason: &'static str,
+    },
     /// A coordinate that is named does not exist, or is named twice.
     #[error("{what}: coordinate {dof} is out of range or given twice (there are {count})")]
     Coordinate {

@@ -2,10 +2,13 @@
 
 use std::sync::Arc;
 
-use crate::constraints::QuadraticConstraint;
-use crate::{Coordinates, CoreError, Force, Potential, Stencils};
+use nalgebra::{DMatrix, DVector};
 
-/// The Lagrangian L(q, q̇, t) = ½ q̇ᵀM q̇ − Σ V(x(q, t), t), with lumped (diagonal) mass M.
+use crate::constraints::QuadraticConstraint;
+use crate::{Coordinates, CoreError, Force, HessianKind, Potential, Stencils, inertia, reference};
+
+/// The Lagrangian L(q, q̇, t) = ½ q̇ᵀM q̇ − Σ V(x(q, t), t), with lumped (diagonal) mass M unless
+/// [`System::with_consistent_mass`].
 ///
 /// Prescribed coordinates leave the kinetic energy; they act through V(x(q, t), t). Forces that no
 /// potential gives are listed apart: M q̈ = −∂V/∂q + Σ f(x, ẋ, t). So are constraints g(x) = 0, whose
@@ -13,6 +16,7 @@ use crate::{Coordinates, CoreError, Force, Potential, Stencils};
 pub struct System {
     mass: Vec<f64>,
     free_mass: Vec<f64>,
+    kinetic: Option<Box<System>>,
     potentials: Vec<Box<dyn Potential>>,
     forces: Vec<Arc<dyn Force>>,
     constraints: Vec<QuadraticConstraint>,
@@ -43,7 +47,41 @@ impl System {
             check_stencils(potential.name(), potential.stencils(), count)?;
         }
         let (forces, constraints) = (Vec::new(), Vec::new());
-        Ok(Self { mass, free_mass, potentials, forces, constraints, coordinates })
+        Ok(Self { mass, free_mass, kinetic: None, potentials, forces, constraints, coordinates })
+    }
+
+    /// The system with the kinetic energy T(ẋ) that these terms give as potentials of the velocities,
+    /// quadratic: their Hessians are the blocks of M. The lumped mass stays, as what norms and
+    /// preconditioners take. No terms: the mass stays lumped.
+    ///
+    /// # Errors
+    /// [`CoreError::ConsistentMass`] where coordinates are moved, where there are constraints, or where a
+    /// term is not quadratic; [`CoreError::Stencil`] where a stencil names a missing node.
+    pub fn with_consistent_mass(mut self, terms: Vec<Box<dyn Potential>>) -> Result<Self, CoreError> {
+        if terms.is_empty() {
+            return Ok(self);
+        }
+        if self.coordinates.is_moving() {
+            return Err(CoreError::ConsistentMass { reason: "coordinates follow a path that moves" });
+        }
+        if !self.constraints.is_empty() {
+            return Err(CoreError::ConsistentMass { reason: CONSTRAINED });
+        }
+        let is_quadratic = |term: &dyn Potential| {
+            let traits = term.traits();
+            traits.hessian == HessianKind::Constant && !traits.time_dependent
+        };
+        if !terms.iter().all(|term| is_quadratic(term.as_ref())) {
+            return Err(CoreError::ConsistentMass { reason: "a term of it is not quadratic" });
+        }
+        self.kinetic = Some(Box::new(Self::new(self.mass.clone(), terms, self.coordinates.held())?));
+        Ok(self)
+    }
+
+    /// Where mass is consistent: the kinetic energy, as a system whose coordinates are the velocities and
+    /// whose potentials give T. Its ∂²V/∂q² is M.
+    pub fn kinetic(&self) -> Option<&System> {
+        self.kinetic.as_deref()
     }
 
     /// The system with these forces besides its potentials.
@@ -63,8 +101,11 @@ impl System {
     ///
     /// # Errors
     /// [`CoreError::Stencil`] where a constraint names a missing node, [`CoreError::Constraint`] where
-    /// it reads no free coordinate.
+    /// it reads no free coordinate, [`CoreError::ConsistentMass`] where mass is not lumped.
     pub fn with_constraints(mut self, constraints: Vec<QuadraticConstraint>) -> Result<Self, CoreError> {
+        if self.kinetic.is_some() && !constraints.is_empty() {
+            return Err(CoreError::ConsistentMass { reason: CONSTRAINED });
+        }
         let resolved = constraints.into_iter().map(|constraint| constraint.resolved(&self.coordinates));
         self.constraints = resolved.collect::<Result<_, _>>()?;
         Ok(self)
@@ -80,7 +121,7 @@ impl System {
         &self.mass
     }
 
-    /// Lumped mass of every free coordinate q_k, kg: the diagonal of M.
+    /// Lumped mass of every free coordinate q_k, kg: the diagonal M, unless mass is consistent.
     pub fn free_mass(&self) -> &[f64] {
         &self.free_mass
     }
@@ -113,13 +154,44 @@ impl System {
             }
         }
         let mut q = vec![0.0; self.coordinates.free_count()];
-        let mut p = q.clone();
+        let mut q_dot = q.clone();
         self.coordinates.restrict(x, &mut q);
-        self.coordinates.restrict(v, &mut p);
-        for (p, m) in p.iter_mut().zip(&self.free_mass) {
-            *p *= m;
+        self.coordinates.restrict(v, &mut q_dot);
+        Ok(State { t, q, p: self.momentum(&q_dot) })
+    }
+
+    /// p = M q̇, kg m/s, of the velocities of the free coordinates, m/s.
+    pub fn momentum(&self, q_dot: &[f64]) -> Vec<f64> {
+        match &self.kinetic {
+            Some(kinetic) => inertia::momentum(kinetic, q_dot),
+            None => q_dot.iter().zip(&self.free_mass).map(|(v, m)| v * m).collect(),
         }
-        Ok(State { t, q, p })
+    }
+
+    /// q̇ = M⁻¹p, m/s, to round-off.
+    pub fn velocity(&self, p: &[f64]) -> Vec<f64> {
+        match &self.kinetic {
+            Some(kinetic) => {
+                let mut q_dot: Vec<f64> = p.iter().zip(&self.free_mass).map(|(p, m)| p / m).collect();
+                let multiply =
+                    |v: &[f64], out: &mut [f64]| out.copy_from_slice(&inertia::momentum(kinetic, v));
+                inertia::solve_mass(multiply, &self.free_mass, p, &mut q_dot);
+                q_dot
+            }
+            None => p.iter().zip(&self.free_mass).map(|(p, m)| p / m).collect(),
+        }
+    }
+
+    /// M, n × n for n free coordinates, kg: for small systems.
+    pub fn dense_mass(&self) -> DMatrix<f64> {
+        match &self.kinetic {
+            Some(kinetic) => {
+                let full = reference::hessian(kinetic, &vec![0.0; self.mass.len()], 0.0);
+                let free = self.coordinates.free();
+                DMatrix::from_fn(free.len(), free.len(), |i, j| full[(free[i] as usize, free[j] as usize)])
+            }
+            None => DMatrix::from_diagonal(&DVector::from_column_slice(&self.free_mass)),
+        }
     }
 
     /// Positions x(q, t) of all coordinates, m.
@@ -132,11 +204,12 @@ impl System {
     /// Velocities ẋ of all coordinates, m/s: M⁻¹p where free, the path's where prescribed.
     pub fn velocities(&self, state: &State) -> Vec<f64> {
         let mut x_dot = vec![0.0; self.coordinates.dof_count()];
-        let q_dot: Vec<f64> = state.p.iter().zip(&self.free_mass).map(|(p, m)| p / m).collect();
-        self.coordinates.embed_velocity(&q_dot, state.t, &mut x_dot);
+        self.coordinates.embed_velocity(&self.velocity(&state.p), state.t, &mut x_dot);
         x_dot
     }
 }
+
+const CONSTRAINED: &str = "constraints hold rigid bodies or joints";
 
 /// Do the stencils of a term name only nodes within `count` coordinates?
 fn check_stencils(term: &str, stencils: Stencils<'_>, count: usize) -> Result<(), CoreError> {

@@ -1,5 +1,5 @@
-//! The consistent mass M_ab = ρ ∫ N_a N_b dV of solid elements: the kinetic energy ½ v·M v as quadratic
-//! local terms of the velocities. It must not know laws or time steps.
+//! The consistent mass M_ab = ρ ∫ N_a N_b dV of solid elements, and that of linear triangles: the kinetic
+//! energy ½ v·M v as quadratic local terms of the velocities. It must not know laws or time steps.
 
 use std::ops::Range;
 
@@ -15,8 +15,7 @@ const POINTS: usize = 5;
 /// The kinetic energy of elements (numbers of solid cells) of a density (kg/m³), one term a kind. Node a
 /// of the mesh is node a + `node_offset` of the system.
 ///
-/// A term is a potential of the velocities: its Hessians are the blocks of M. The time integrators work
-/// with lumped mass; modes and statics take these.
+/// A term is a potential of the velocities: its Hessians are the blocks of M.
 ///
 /// # Errors
 /// [`FemError::OutOfRange`] and [`FemError::Unsupported`] for cells that are not solid elements.
@@ -49,9 +48,32 @@ pub fn consistent_mass(
     Ok(terms.into_iter().map(|(_, term)| Box::new(term) as Box<dyn Potential>).collect())
 }
 
-/// A rule of many points on the reference cell of a kind, which spans `low` to `high` in each direction:
-/// a box, a prism over the triangle ξ + η ≤ 1, or the simplex ξ + η + ζ ≤ 1 (collapsed coordinates).
-fn rich_rule(kind: ElementKind, low: [f64; 3], high: [f64; 3]) -> Vec<([f64; 3], f64)> {
+/// The kinetic energy of linear triangles of these masses (kg): M_ab = m/12 (1 + δ_ab).
+pub(crate) fn triangle_mass(
+    triangles: impl Iterator<Item = ([u32; 3], f64)>,
+    name: &str,
+) -> Box<dyn Potential> {
+    let mut term = MassTerm { name: name.to_owned(), arity: 3, nodes: Vec::new(), blocks: Vec::new() };
+    for (nodes, mass) in triangles {
+        let (same, other) = (mass / 6.0, mass / 12.0);
+        term.nodes.extend(nodes);
+        term.blocks.extend([same, other, same, other, other, same]);
+    }
+    Box::new(term)
+}
+
+/// A rule of many points on the reference cell of a kind: a box, a prism over the triangle ξ + η ≤ 1, or
+/// the simplex ξ + η + ζ ≤ 1 (collapsed coordinates).
+pub(crate) fn rich_rule<E: Element<N, Q>, const N: usize, const Q: usize>(
+    kind: ElementKind,
+) -> Vec<([f64; 3], f64)> {
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for node in E::nodes() {
+        for k in 0..3 {
+            low[k] = low[k].min(node[k]);
+            high[k] = high[k].max(node[k]);
+        }
+    }
     // Five points are always defined.
     let Ok(line) = Quadrature::gauss_legendre(POINTS) else { return Vec::new() };
     let line: Vec<(f64, f64)> = line.nodes().iter().copied().zip(line.weights().iter().copied()).collect();
@@ -89,16 +111,9 @@ impl SolidVisitor for AddBlock<'_> {
     type Output = ();
     fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) {
         let x: [[f64; 3]; N] = std::array::from_fn(|a| self.mesh.points[self.nodes[a] as usize]);
-        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for node in E::nodes() {
-            for k in 0..3 {
-                low[k] = low[k].min(node[k]);
-                high[k] = high[k].max(node[k]);
-            }
-        }
         let first = self.blocks.len();
         self.blocks.resize(first + packed_len(N), 0.0);
-        for (xi, weight) in rich_rule(self.kind, low, high) {
+        for (xi, weight) in rich_rule::<E, N, Q>(self.kind) {
             let values = E::values(xi);
             let mass = self.density * weight * determinant(&E::reference_gradient(&x, &E::gradients(xi)));
             let mut k = first;
@@ -126,22 +141,29 @@ impl MassTerm {
         &self.blocks[stencil * packed_len(self.arity)..][..packed_len(self.arity)]
     }
 
-    /// Σ_b M_ab v_b of every local node.
-    fn momenta(&self, stencil: usize, v: &[f64]) -> Vec<[f64; 3]> {
+    /// Σ_b M_ab v_b of every local node a, three numbers each.
+    fn momenta(&self, stencil: usize, v: &[f64], out: &mut [f64]) {
         let block = self.block(stencil);
         let nodes = &self.nodes[stencil * self.arity..][..self.arity];
-        (0..self.arity)
-            .map(|a| {
-                let mut sum = [0.0; 3];
-                for (b, &node) in nodes.iter().enumerate() {
-                    let mass = block[packed_len(a.max(b)) + a.min(b)];
-                    for i in 0..3 {
-                        sum[i] += mass * v[3 * node as usize + i];
-                    }
+        let velocity = |a: usize| -> [f64; 3] {
+            let first = 3 * nodes[a] as usize;
+            [v[first], v[first + 1], v[first + 2]]
+        };
+        let (out, _) = out.as_chunks_mut::<3>();
+        out.fill([0.0; 3]);
+        for a in 0..self.arity {
+            let (row, v_a) = (&block[packed_len(a)..], velocity(a));
+            for b in 0..a {
+                let v_b = velocity(b);
+                for i in 0..3 {
+                    out[a][i] += row[b] * v_b[i];
+                    out[b][i] += row[b] * v_a[i];
                 }
-                sum
-            })
-            .collect()
+            }
+            for i in 0..3 {
+                out[a][i] += row[a] * v_a[i];
+            }
+        }
     }
 }
 
@@ -163,19 +185,19 @@ impl Potential for MassTerm {
     }
 
     fn energies(&self, range: Range<usize>, v: &[f64], _t: f64, out: &mut [f64]) {
+        let mut momenta = vec![0.0; 3 * self.arity];
         for (stencil, out) in range.zip(out) {
             let nodes = &self.nodes[stencil * self.arity..][..self.arity];
-            let momenta = self.momenta(stencil, v);
-            let product = |(p, &node): (&[f64; 3], &u32)| -> f64 {
-                (0..3).map(|i| p[i] * v[3 * node as usize + i]).sum()
-            };
-            *out = 0.5 * momenta.iter().zip(nodes).map(product).sum::<f64>();
+            self.momenta(stencil, v, &mut momenta);
+            let product =
+                |(p, &node): (&[f64], &u32)| -> f64 { (0..3).map(|i| p[i] * v[3 * node as usize + i]).sum() };
+            *out = 0.5 * momenta.chunks_exact(3).zip(nodes).map(product).sum::<f64>();
         }
     }
 
     fn gradients(&self, range: Range<usize>, v: &[f64], _t: f64, out: &mut [f64]) {
         for (stencil, out) in range.zip(out.chunks_exact_mut(3 * self.arity)) {
-            out.copy_from_slice(self.momenta(stencil, v).as_flattened());
+            self.momenta(stencil, v, out);
         }
     }
 

@@ -1,5 +1,6 @@
 //! Lumped masses, and what follows from them: total mass, centre, inertia. It must not know laws.
 
+use crate::consistent_mass::rich_rule;
 use crate::element::{Element, SolidVisitor};
 use crate::tensor::{Mat3, cross, determinant};
 use crate::{ElementKind, FemError, Mesh};
@@ -26,7 +27,9 @@ pub fn add_lumped_mass(
 /// # Errors
 /// As [`add_lumped_mass`].
 pub fn add_row_sums(mesh: &Mesh, elements: &[u32], density: f64, sums: &mut [f64]) -> Result<(), FemError> {
-    each_solid(mesh, elements, |kind, nodes| kind.visit_solid(AddRowSums { mesh, nodes, density, sums }))
+    each_solid(mesh, elements, |kind, nodes| {
+        kind.visit_solid(AddRowSums { kind, mesh, nodes, density, sums })
+    })
 }
 
 /// Adds each element by `add`, which gives nothing where it is not solid.
@@ -43,6 +46,7 @@ fn each_solid(
 }
 
 struct AddRowSums<'a> {
+    kind: ElementKind,
     mesh: &'a Mesh,
     nodes: &'a [u32],
     density: f64,
@@ -53,7 +57,8 @@ impl SolidVisitor for AddRowSums<'_> {
     type Output = ();
     fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) {
         let x: [[f64; 3]; N] = std::array::from_fn(|a| self.mesh.points[self.nodes[a] as usize]);
-        for (xi, weight) in E::mass_rule() {
+        // The rule of the consistent mass: weight and inertia agree to round-off.
+        for (xi, weight) in rich_rule::<E, N, Q>(self.kind) {
             let dv = weight * determinant(&E::reference_gradient(&x, &E::gradients(xi)));
             for (&node, value) in self.nodes.iter().zip(E::values(xi)) {
                 self.sums[node as usize] += self.density * dv * value;

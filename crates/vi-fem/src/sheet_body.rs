@@ -4,6 +4,7 @@
 use vi_core::Potential;
 
 use crate::bending::BentSheet;
+use crate::consistent_mass::triangle_mass;
 use crate::membrane::BuildMembrane;
 use crate::sheet_material::SheetLaw;
 use crate::surface::Surface;
@@ -101,15 +102,32 @@ impl<'a> Sheet<'a> {
     /// As [`Sheet::potentials`].
     pub fn add_lumped_mass(&self, masses: &mut [f64]) -> Result<(), FemError> {
         let surface = self.surface()?;
-        let density = self.law.area_density();
         for (triangle, nodes) in surface.triangles.iter().enumerate() {
-            let [a, b, c] = surface.corners(triangle);
-            let normal = cross([0, 1, 2].map(|i| b[i] - a[i]), [0, 1, 2].map(|i| c[i] - a[i]));
-            let share = density * 0.5 * dot(normal, normal).sqrt() / 3.0;
+            let share = self.mass_of(&surface, triangle) / 3.0;
             for &node in nodes {
                 masses[node as usize] += share;
             }
         }
         Ok(())
+    }
+
+    /// The consistent mass of its triangles, as a potential of the velocities: see
+    /// [`consistent_mass`](crate::consistent_mass).
+    ///
+    /// # Errors
+    /// As [`Sheet::potentials`].
+    pub fn consistent_mass(&self) -> Result<Box<dyn Potential>, FemError> {
+        let surface = self.surface()?;
+        let moved = |nodes: &[u32; 3]| nodes.map(|node| node + self.node_offset as u32);
+        let triangles = surface.triangles.iter().enumerate();
+        let masses = triangles.map(|(number, nodes)| (moved(nodes), self.mass_of(&surface, number)));
+        Ok(triangle_mass(masses, self.name))
+    }
+
+    /// Mass of a triangle, kg.
+    fn mass_of(&self, surface: &Surface, triangle: usize) -> f64 {
+        let [a, b, c] = surface.corners(triangle);
+        let normal = cross([0, 1, 2].map(|i| b[i] - a[i]), [0, 1, 2].map(|i| c[i] - a[i]));
+        self.law.area_density() * (0.5 * dot(normal, normal).sqrt())
     }
 }

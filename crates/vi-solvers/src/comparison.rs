@@ -10,6 +10,7 @@ mod newmark;
 use vi_core::{State, System};
 
 use crate::forces::Forces;
+use crate::inertia::Inertia;
 use crate::{SolverError, StepperMemory};
 
 pub(crate) use backward_euler::BackwardEuler;
@@ -36,6 +37,7 @@ impl CarriedAcceleration {
         &mut self,
         system: &System,
         forces: &mut Forces,
+        inertia: &Inertia,
         state: &State,
         h: f64,
     ) -> Result<(), SolverError> {
@@ -43,14 +45,15 @@ impl CarriedAcceleration {
             return Ok(());
         }
         if forces.has_nonconservative() {
-            let q_dot: Vec<f64> = state.p.iter().zip(system.free_mass()).map(|(p, m)| p / m).collect();
+            let v = inertia.velocity(system, &state.p);
+            let q_dot: Vec<f64> = (0..state.p.len()).map(|k| v.at(k)).collect();
             forces.set_velocities(system, &q_dot, state.t, 0.0);
         }
         forces.evaluate(system, &state.q, state.t, true)?;
-        let (gradient, mass) = (forces.gradient(), system.free_mass());
-        let free = system.coordinates().free().iter();
+        let gradient = forces.gradient();
         self.a.clear();
-        self.a.extend(free.zip(mass).map(|(&dof, m)| -gradient[dof as usize] / m));
+        self.a.extend(system.coordinates().free().iter().map(|&dof| -gradient[dof as usize]));
+        inertia.divide(system, &mut self.a, &mut forces.work);
         self.state = Some(state.clone());
         Ok(())
     }

@@ -137,6 +137,14 @@ pub enum SolverError {
         /// The first constraint.
         constraint: String,
     },
+    /// An explicit scheme, whose steps divide by the mass of each coordinate.
+    #[error(
+        "scheme {scheme} is explicit and needs lumped mass; choose an implicit one, e.g. implicit-midpoint or gauss, or          lump the mass"
+    )]
+    ConsistentMass {
+        /// The scheme's name.
+        scheme: &'static str,
+    },
     /// The surface of the constraints was not reached.
     #[error(
         "constraint '{constraint}' is {defect:e} off after {iterations} iterations: the step is too long, or joints \

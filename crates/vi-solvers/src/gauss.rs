@@ -13,6 +13,7 @@ use vi_core::{State, StepEnergy, System};
 use crate::accounts::{self, Potentials};
 use crate::balance;
 use crate::forces::{Forces, check_state};
+use crate::inertia::Inertia;
 use crate::inverse::Inverse;
 use crate::kick_drift::check_finite;
 use crate::newton::{Equations, Newton, Start};
@@ -41,6 +42,9 @@ struct Stages {
     residual: Vec<f64>,
     /// ∂V/∂q at the stages.
     gradients: Vec<f64>,
+    /// M Z of the last evaluation, where mass is consistent.
+    inertial: Vec<f64>,
+    room: Vec<f64>,
     q: Vec<f64>,
 }
 
@@ -63,16 +67,21 @@ impl Stages {
             correction: zero(),
             residual: zero(),
             gradients: zero(),
+            inertial: Vec::new(),
+            room: Vec::new(),
             q: vec![0.0; n],
         }
     }
 
-    fn open(&mut self, system: &System, state: &State, h: f64) {
-        let mass = system.free_mass();
+    fn open(&mut self, system: &System, inertia: &Inertia, state: &State, h: f64) {
+        let (mass, v) = (system.free_mass(), inertia.velocity(system, &state.p));
         (self.h, self.t) = (h, state.t);
         self.origin.copy_from_slice(&state.q);
-        vectors::fill(&mut self.velocity, |k| state.p[k] / mass[k]);
-        self.twice_kinetic = vectors::sum(mass.len(), |k| state.p[k] * state.p[k] / mass[k]);
+        vectors::fill(&mut self.velocity, |k| v.at(k));
+        self.twice_kinetic = match inertia.matrix() {
+            Some(_) => vectors::sum(mass.len(), |k| state.p[k] * v.at(k)),
+            None => vectors::sum(mass.len(), |k| state.p[k] * state.p[k] / mass[k]),
+        };
         self.twice_origin = vectors::sum(mass.len(), |k| mass[k] * state.q[k] * state.q[k]);
     }
 
@@ -106,13 +115,32 @@ impl Stages {
         forces.evaluate(system, &self.q, t, false)
     }
 
-    fn evaluate(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
+    fn evaluate(
+        &mut self,
+        system: &System,
+        inertia: &Inertia,
+        forces: &mut Forces,
+    ) -> Result<(), SolverError> {
         let n = self.q.len();
+        if let Some(mass) = inertia.matrix() {
+            self.inertial.resize(self.z.len(), 0.0);
+            for (z, inertial) in self.z.chunks_exact(n).zip(self.inertial.chunks_exact_mut(n)) {
+                mass.multiply(z, inertial);
+            }
+        }
         for i in 0..self.coefficients.stages() {
             self.evaluate_stage(i, system, forces)?;
             system.coordinates().restrict(forces.gradient(), &mut self.gradients[i * n..(i + 1) * n]);
         }
         Ok(())
+    }
+
+    /// Σ_j matrix_ij M Z_j of the last evaluation, for coordinate k.
+    fn combine_inertial(&self, mass: &[f64], row: &[f64], k: usize) -> f64 {
+        match self.inertial.is_empty() {
+            true => mass[k] * Self::combine(row, &self.z, self.q.len(), k),
+            false => Self::combine(row, &self.inertial, self.q.len(), k),
+        }
     }
 
     /// Σ_j matrix_ij of the stage vectors, for coordinate k.
@@ -123,6 +151,7 @@ impl Stages {
 
 struct GaussEquations<'a> {
     system: &'a System,
+    inertia: &'a Inertia,
     stages: &'a mut Stages,
 }
 
@@ -172,23 +201,26 @@ impl Equations for GaussEquations<'_> {
     }
 
     fn evaluate(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
-        self.stages.evaluate(system, forces)?;
-        let Stages { coefficients, h, z, residual, gradients, q, .. } = &mut *self.stages;
+        self.stages.evaluate(system, self.inertia, forces)?;
+        let mut residual = std::mem::take(&mut self.stages.residual);
+        let stages = &*self.stages;
+        let Stages { coefficients, h, gradients, q, .. } = stages;
         let (n, mass) = (q.len(), system.free_mass());
         // r̃ = −QᵀR = −(Qᵀ M Z + h² (QᵀT) g).
         for (i, residual) in residual.chunks_exact_mut(n).enumerate() {
             let (rotation, weights) = (&coefficients.q_transposed[i], &coefficients.q_transposed_t[i]);
             vectors::fill(residual, |k| {
-                let inertia = mass[k] * Stages::combine(rotation, z, n, k);
-                -(inertia + *h * *h * Stages::combine(weights, gradients, n, k))
+                let inertial = stages.combine_inertial(mass, rotation, k);
+                -(inertial + *h * *h * Stages::combine(weights, gradients, n, k))
             });
         }
+        self.stages.residual = residual;
         Ok(())
     }
 
     fn correct(&mut self, inverse: &mut Inverse, forces: &mut Forces) -> Result<f64, SolverError> {
-        let Stages { coefficients, correction, residual, z, base, q, .. } = &mut *self.stages;
-        let (n, mass) = (q.len(), self.system.free_mass());
+        let Stages { coefficients, correction, residual, z, base, q, room, .. } = &mut *self.stages;
+        let n = q.len();
         let mut energy = 0.0;
         for i in 0..coefficients.stages() {
             let (done, delta) = correction.split_at_mut(i * n);
@@ -197,7 +229,8 @@ impl Equations for GaussEquations<'_> {
             for j in 0..i {
                 let coupling = coefficients.l[i][j] / coefficients.theta;
                 let (rho, done) = (&rho[j * n..(j + 1) * n], &done[j * n..(j + 1) * n]);
-                vectors::update(current, |k, r| *r -= coupling * (rho[k] - mass[k] * done[k]));
+                let inertial = self.inertia.momentum(self.system, done, room);
+                vectors::update(current, |k, r| *r -= coupling * (rho[k] - inertial.at(k)));
             }
             delta.copy_from_slice(current);
             inverse.apply(forces, delta)?;
@@ -249,6 +282,7 @@ impl Equations for GaussEquations<'_> {
 /// The stepper.
 pub(crate) struct Gauss {
     forces: Forces,
+    inertia: Inertia,
     inverse: Inverse,
     newton: Newton,
     potentials: Potentials,
@@ -256,6 +290,8 @@ pub(crate) struct Gauss {
     stages: Stages,
     after: State,
     x_dot: Vec<f64>,
+    /// Change of velocity over the step, where mass is consistent.
+    dv: Vec<f64>,
 }
 
 impl Gauss {
@@ -264,15 +300,18 @@ impl Gauss {
     /// s from 2 to 5; one stage is implicit midpoint.
     pub(crate) fn new(s: usize, system: &System, options: &SolverOptions) -> Result<Self, SolverError> {
         let n = system.coordinates().free_count();
+        let inertia = Inertia::new(system);
         Ok(Self {
             forces: Forces::with_nonconservative(system),
-            inverse: Inverse::new(system, options.linear),
+            inverse: Inverse::new(system, &inertia, options.linear),
+            inertia,
             newton: Newton::new(options)?,
             potentials: Potentials::new(),
             ledger: options.ledger,
             stages: Stages::new(Coefficients::new(s)?, n),
             after: State { t: 0.0, q: vec![0.0; n], p: vec![0.0; n] },
             x_dot: Vec::new(),
+            dv: Vec::new(),
         })
     }
 
@@ -281,27 +320,39 @@ impl Gauss {
         if self.ledger {
             self.potentials.open(system, &mut self.forces, &state.q, state.t);
         }
-        self.stages.open(system, state, h);
+        self.inertia.open(system, &state.p, &mut self.forces.work);
+        self.stages.open(system, &self.inertia, state, h);
         let iterations = self.solve(system)?;
-        let Stages { coefficients, z, velocity, history, has_history, .. } = &mut self.stages;
-        let (n, mass) = (state.q.len(), system.free_mass());
+        let Stages { coefficients, z, velocity, history, has_history, room, .. } = &mut self.stages;
+        let (n, mass, z) = (state.q.len(), system.free_mass(), &*z);
         let State { t, q, p } = &mut self.after;
         *t = state.t + h;
-        vectors::update_pair(q, p, |k, q, p| {
-            let dq = h * velocity[k] + Stages::combine(&coefficients.position, z, n, k);
-            let dv = Stages::combine(&coefficients.velocity, z, n, k) / h;
-            *q = state.q[k] + dq;
-            *p = state.p[k] + mass[k] * dv;
-        });
+        let position = |k: usize| h * velocity[k] + Stages::combine(&coefficients.position, z, n, k);
+        let change = |k: usize| Stages::combine(&coefficients.velocity, z, n, k) / h;
+        if self.inertia.matrix().is_some() {
+            self.dv.resize(n, 0.0);
+            vectors::fill(&mut self.dv, change);
+            let dp = self.inertia.momentum(system, &self.dv, room);
+            vectors::update_pair(q, p, |k, q, p| {
+                *q = state.q[k] + position(k);
+                *p = state.p[k] + dp.at(k);
+            });
+        } else {
+            vectors::update_pair(q, p, |k, q, p| {
+                *q = state.q[k] + position(k);
+                *p = state.p[k] + mass[k] * change(k);
+            });
+        }
         check_finite(q, p, system)?;
         vectors::fill(history, |k| z[k] / (h * h));
         *has_history = true;
         let energy = if self.ledger { self.account(system)? } else { StepEnergy::default() };
+        self.inertia.close(&self.after.p, &self.dv);
         Ok((iterations, energy))
     }
 
     fn solve(&mut self, system: &System) -> Result<u32, SolverError> {
-        let Self { forces, inverse, newton, stages, .. } = self;
+        let Self { forces, inertia, inverse, newton, stages, .. } = self;
         if stages.origin.is_empty() {
             return Ok(0);
         }
@@ -321,7 +372,7 @@ impl Gauss {
                 return Ok(0);
             }
         }
-        let mut equations = GaussEquations { system, stages };
+        let mut equations = GaussEquations { system, inertia, stages };
         Ok(newton.solve(system, forces, inverse, &mut equations)?.iterations)
     }
 
@@ -330,8 +381,8 @@ impl Gauss {
     /// h Σ b_i (M a_i + g_i)·V_i, and the scheme's part ΔV − h Σ b_i g_i·V_i over all coordinates. With forces f
     /// that have no potential g is ∂V/∂x − f, and their work h Σ b_i f_i·ẋ_i has its own parts.
     fn account(&mut self, system: &System) -> Result<StepEnergy, SolverError> {
-        let Self { forces, stages, after, potentials, x_dot, .. } = self;
-        stages.evaluate(system, forces)?;
+        let Self { forces, inertia, stages, after, potentials, x_dot, .. } = self;
+        stages.evaluate(system, inertia, forces)?;
         let (h, n, mass) = (stages.h, stages.q.len(), system.free_mass());
         x_dot.resize(system.coordinates().dof_count(), 0.0);
         let (mut prescribed, mut residual, mut free) = (0.0, 0.0, 0.0);
@@ -350,10 +401,10 @@ impl Gauss {
             let stages = &*stages;
             let gradient = &stages.gradients[i * n..(i + 1) * n];
             let acceleration = &stages.coefficients.acceleration[i];
-            let inertia = |k: usize| mass[k] * Stages::combine(acceleration, &stages.z, n, k) / (h * h);
+            let inertial = |k: usize| stages.combine_inertial(mass, acceleration, k) / (h * h);
             free += weight * vectors::sum(n, |k| gradient[k] * stages.stage_velocity(i, k));
             residual +=
-                weight * vectors::sum(n, |k| (inertia(k) + gradient[k]) * stages.stage_velocity(i, k));
+                weight * vectors::sum(n, |k| (inertial(k) + gradient[k]) * stages.stage_velocity(i, k));
         }
         let (change, loads) = potentials.close(system, forces, &after.q, after.t);
         let scheme = change - loads - free - prescribed - force - damping;
@@ -385,12 +436,17 @@ impl Stepper for Gauss {
         Some(self.inverse.reason()).filter(|reason| !reason.is_empty())
     }
 
+    fn velocity(&self, state: &State) -> Option<&[f64]> {
+        self.inertia.known_velocity(state)
+    }
+
     fn memory(&self) -> StepperMemory {
         let mut memory = StepperMemory { method: Self::NAME.to_owned(), ..Default::default() };
         memory.arrays.push(("stages.last".into(), self.stages.history.clone()));
         memory.counts.push(("stages.history".into(), u64::from(self.stages.has_history)));
         self.forces.remember(&mut memory);
         self.potentials.remember(&mut memory);
+        self.inertia.remember(&mut memory);
         self.inverse.remember(&mut memory);
         self.newton.remember(&mut memory);
         memory
@@ -407,6 +463,7 @@ impl Stepper for Gauss {
         self.forces = Forces::with_nonconservative(system);
         self.potentials = Potentials::recall(memory);
         self.newton.restore(memory)?;
+        self.inertia.recall(memory)?;
         self.inverse.restore(system, &mut self.forces, memory)?;
         self.forces.recall(system, memory)?;
         self.forces.work = Work::default();

@@ -2,13 +2,17 @@
 //! configuration and used, turned with the material, at later ones. It must not know which equations are
 //! solved.
 
+use std::sync::Arc;
+
 use vi_core::{HessianKind, System};
 
 use crate::forces::Forces;
+use crate::inertia::Inertia;
 use crate::linear::Linear;
+use crate::matrix_sum::MatrixSum;
 use crate::policy::UnitCosts;
 use crate::warp::Warp;
-use crate::{HessianEvaluation, LinearSolver, SolverError, StepperMemory, Work};
+use crate::{HessianEvaluation, LinearSolver, SolverError, StepperMemory, SymmetricMatrix, Work};
 
 /// Why a factor is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,8 +38,16 @@ struct Origin {
     rates: Option<(Vec<f64>, f64)>,
 }
 
+/// M that is not lumped, and M + cK once K has been seen.
+struct Summed {
+    mass: Arc<SymmetricMatrix>,
+    sum: Option<MatrixSum>,
+}
+
 pub(crate) struct Inverse {
     linear: Linear,
+    /// Where mass is consistent.
+    summed: Option<Summed>,
     origin: Option<Origin>,
     warp: Option<Warp>,
     /// Are all Hessians constant? Then a factor is never stale.
@@ -43,11 +55,12 @@ pub(crate) struct Inverse {
 }
 
 impl Inverse {
-    pub(crate) fn new(system: &System, choice: LinearSolver) -> Self {
+    pub(crate) fn new(system: &System, inertia: &Inertia, choice: LinearSolver) -> Self {
         let is_linear = system.forces().is_empty()
             && system.potentials().iter().all(|term| term.traits().hessian != HessianKind::Varying);
         let warp = if is_linear { None } else { Warp::new(system) };
-        Self { linear: Linear::new(choice, is_linear), origin: None, warp, is_linear }
+        let summed = inertia.matrix().map(|mass| Summed { mass: Arc::clone(mass), sum: None });
+        Self { linear: Linear::new(choice, is_linear), summed, origin: None, warp, is_linear }
     }
 
     /// Is K the same everywhere?
@@ -140,7 +153,17 @@ impl Inverse {
         }
         let mut work = Work::default();
         let hessian = forces.hessian(system, kind)?;
-        let made = self.linear.make(system, c, hessian, &mut work);
+        let made = match &mut self.summed {
+            None => self.linear.make(system, system.free_mass(), c, hessian, &mut work),
+            Some(Summed { mass, sum }) => {
+                let sum = match sum {
+                    Some(sum) => sum,
+                    none => none.insert(MatrixSum::new(&[mass, hessian])?),
+                };
+                let matrix = sum.combine(&[(1.0, mass), (c, hessian)]);
+                self.linear.make(system, &[], 1.0, matrix, &mut work)
+            }
+        };
         forces.work += work;
         made
     }
@@ -189,8 +212,11 @@ impl Inverse {
         memory: &StepperMemory,
     ) -> Result<(), SolverError> {
         self.origin = None;
-        // It is of the pattern that the forces had before.
+        // They are of the pattern that the forces had before.
         self.linear.forget();
+        if let Some(summed) = &mut self.summed {
+            summed.sum = None;
+        }
         let Ok(x) = memory.array("factor.x") else { return Ok(()) };
         let &[c, t] = memory.array("factor.c_t")? else {
             return Err(SolverError::Memory { missing: "factor.c_t" });

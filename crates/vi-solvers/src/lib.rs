@@ -17,6 +17,7 @@ mod forces;
 mod gather;
 mod gauss;
 mod hessian;
+mod inertia;
 mod inverse;
 mod kick_drift;
 mod linear;

@@ -111,17 +111,17 @@ impl Linear {
         Ok(())
     }
 
-    /// Takes A = M + cK.
+    /// Takes A = M + cK with M = diag(mass); an empty mass is zero.
     pub(crate) fn make(
         &mut self,
         system: &System,
+        mass: &[f64],
         c: f64,
         k: &SymmetricMatrix,
         work: &mut Work,
     ) -> Result<(), SolverError> {
-        let mass = system.free_mass();
         if !self.is_ready() {
-            self.decide(system, c, k, work)?;
+            self.decide(system, mass, c, k, work)?;
         }
         let made = match &mut self.path {
             Path::Undecided => Err(SolverError::NotFactored),
@@ -132,7 +132,7 @@ impl Linear {
             Err(SolverError::NotPositiveDefinite(_)) if self.choice == LinearSolver::Auto => {
                 // A pivot of the preconditioner failed: the factor knows whether A itself is to blame.
                 self.take_factor(system, k, "conjugate gradients found no preconditioner")?;
-                self.make(system, c, k, work)
+                self.make(system, mass, c, k, work)
             }
             other => other,
         }
@@ -204,6 +204,7 @@ impl Linear {
     fn decide(
         &mut self,
         system: &System,
+        mass: &[f64],
         c: f64,
         k: &SymmetricMatrix,
         work: &mut Work,
@@ -245,7 +246,7 @@ impl Linear {
             let mut pcg = Pcg::new(k, Preconditioner::BlockIncompleteCholesky);
             let iteration = policy::bytes(pcg.facts().iteration_bytes);
             let limit = (direct / iteration) as u32;
-            if limit > 0 && pcg.prepare(system.free_mass(), c, k).is_ok() {
+            if limit > 0 && pcg.prepare(mass, c, k).is_ok() {
                 // As rough a load as any.
                 let load: Vec<f64> = system.free_mass().iter().zip(0..).map(|(m, i)| m * rough(i)).collect();
                 let mut x = vec![0.0; load.len()];

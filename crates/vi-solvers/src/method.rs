@@ -8,7 +8,7 @@ use crate::energy_momentum::EnergyMomentum;
 use crate::gauss::Gauss;
 use crate::kick_drift::{Coefficients, KickDrift};
 use crate::stages::{Midpoint, OneStage};
-use crate::{SolverError, SolverOptions, Stepper, force_sum, surface};
+use crate::{SolverError, SolverOptions, Stepper, force_sum, inertia, surface};
 
 /// A time integrator with its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -184,7 +184,9 @@ fn dissipative(name: &'static str, order: usize, is_symmetric: bool) -> MethodFa
 /// The integrator `method` for `system`.
 ///
 /// # Errors
-/// [`SolverError::Option`] where a parameter of the method or an option is outside its domain.
+/// [`SolverError::Option`] where a parameter of the method or an option is outside its domain;
+/// [`SolverError::Force`], [`SolverError::Constrained`] and [`SolverError::ConsistentMass`] for what the method
+/// has no place for.
 pub fn stepper(
     method: &Method,
     system: &System,
@@ -192,6 +194,7 @@ pub fn stepper(
 ) -> Result<Box<dyn Stepper>, SolverError> {
     force_sum::check(method, system)?;
     surface::check(method, system)?;
+    inertia::check(method, system)?;
     let explicit = |coefficients: Coefficients| -> Box<dyn Stepper> {
         Box::new(KickDrift::new(method.name(), coefficients, system, options))
     };

@@ -3,12 +3,13 @@
 
 mod lanczos;
 
-use vi_core::{Account, Potential, State, System};
+use vi_core::{Potential, State, System};
 
+use crate::inertia::mass_matrix;
 use crate::matrix_sum::MatrixSum;
 use crate::statics::Balance;
 use crate::vectors;
-use crate::{Assembler, Factor, HessianEvaluation, SolverError, SymmetricMatrix};
+use crate::{Factor, HessianEvaluation, SolverError, SymmetricMatrix};
 
 pub(crate) use lanczos::lowest_pairs;
 
@@ -49,7 +50,7 @@ impl Mode {
 
 /// The lowest modes about `state`, by ascending ω². The tangent is that of V and of the forces that no
 /// potential gives (its symmetric part). `mass` holds the kinetic energy as quadratic local terms of the
-/// velocities, Hessians being blocks of M (consistent mass); without them M is the lumped mass.
+/// velocities, Hessians being blocks of M (consistent mass); without them M is the system's own mass.
 ///
 /// # Errors
 /// [`SolverError::Option`] for a count of zero, an error of a term or factor, or
@@ -71,9 +72,13 @@ pub fn modes(
     balance.residual(&state.q, state.t, &mut residual)?;
     let stiffness = balance.tangent(&state.q, state.t, HessianEvaluation::Exact)?.clone();
     let lumped = system.free_mass().to_vec();
-    let mut pencil = match mass.is_empty() {
-        true => Pencil::lumped(stiffness, lumped)?,
-        false => Pencil::consistent(stiffness, lumped, mass_matrix(system, mass)?)?,
+    let consistent = match (mass.is_empty(), system.kinetic()) {
+        (true, own) => own.map(mass_matrix),
+        (false, _) => Some(matrix_of(system, mass)?),
+    };
+    let mut pencil = match consistent {
+        None => Pencil::lumped(stiffness, lumped)?,
+        Some(mass) => Pencil::consistent(stiffness, lumped, mass)?,
     };
     let count = options.count.min(state.q.len());
     let pairs = lowest_pairs(&mut pencil, count, options.tolerance)?;
@@ -100,13 +105,11 @@ pub fn modes(
 }
 
 /// M from its local terms.
-fn mass_matrix(system: &System, terms: Vec<Box<dyn Potential>>) -> Result<SymmetricMatrix, SolverError> {
-    debug_assert!(terms.iter().all(|term| term.account() == Account::Elastic));
+fn matrix_of(system: &System, terms: Vec<Box<dyn Potential>>) -> Result<SymmetricMatrix, SolverError> {
     let mismatch = |_| SolverError::Memory { missing: "mass of this system" };
     let coordinates = system.coordinates().held();
-    let system = System::new(system.mass().to_vec(), terms, coordinates).map_err(mismatch)?;
-    let mut assembler = Assembler::new(&system);
-    Ok(assembler.hessian(&system, &vec![0.0; system.mass().len()], 0.0, HessianEvaluation::Exact).clone())
+    let kinetic = System::new(system.mass().to_vec(), terms, coordinates).map_err(mismatch)?;
+    Ok(mass_matrix(&kinetic))
 }
 
 /// K and M with a factor of K + σM.

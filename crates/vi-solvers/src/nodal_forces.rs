@@ -6,7 +6,7 @@ use vi_core::{Account, ForceAccount, State, Stencils, System};
 use crate::force_sum::ForceSum;
 use crate::{Assembler, surface};
 
-/// Accelerations of all coordinates, m/s²: M⁻¹(f − ∂V/∂x) with the lumped mass where they are free,
+/// Accelerations of all coordinates, m/s²: M⁻¹(f − ∂V/∂x) where they are free,
 /// and those of their path (by differences of its velocity) where they are prescribed.
 pub fn accelerations(system: &System, state: &State) -> Vec<f64> {
     let (x, v) = (system.positions(state), system.velocities(state));
@@ -28,10 +28,10 @@ pub fn accelerations(system: &System, state: &State) -> Vec<f64> {
         coordinates.embed_velocity(&still, to, &mut out);
         out.iter_mut().zip(&before).for_each(|(out, before)| *out = (*out - before) / (to - from));
     }
-    for (&dof, mass) in coordinates.free().iter().zip(system.free_mass()) {
-        let dof = dof as usize;
-        let force = forces.as_ref().map_or(0.0, |forces| forces.total(dof));
-        out[dof] = (force - gradient[dof]) / mass;
+    let force = |dof: usize| forces.as_ref().map_or(0.0, |forces| forces.total(dof)) - gradient[dof];
+    let force: Vec<f64> = coordinates.free().iter().map(|&dof| force(dof as usize)).collect();
+    for (&dof, acceleration) in coordinates.free().iter().zip(system.velocity(&force)) {
+        out[dof as usize] = acceleration;
     }
     surface::constrain_accelerations(system, state, &v, &mut out);
     for (node, terms) in coordinates.combinations() {

@@ -14,6 +14,7 @@ use vi_core::{State, StepEnergy, System};
 use crate::accounts::{self, Potentials};
 use crate::balance;
 use crate::forces::{Forces, check_state};
+use crate::inertia::Inertia;
 use crate::inverse::Inverse;
 use crate::kick_drift::check_finite;
 use crate::newton::Newton;
@@ -30,6 +31,7 @@ const HISTORY: [&str; 3] = ["stage.last", "stage.older", "stage.oldest"];
 pub(crate) struct OneStage<R> {
     rule: R,
     forces: Forces,
+    inertia: Inertia,
     inverse: Inverse,
     newton: Newton,
     potentials: Potentials,
@@ -38,15 +40,19 @@ pub(crate) struct OneStage<R> {
     after: State,
     x_start: Vec<f64>,
     dx: Vec<f64>,
+    /// Change of velocity over the step, where mass is consistent.
+    dv: Vec<f64>,
 }
 
 impl<R: Rule> OneStage<R> {
     pub(crate) fn new(rule: R, system: &System, options: &SolverOptions) -> Result<Self, SolverError> {
         let n = system.coordinates().free_count();
         let tolerance = rule.tolerance(options.tolerance);
+        let inertia = Inertia::new(system);
         Ok(Self {
             forces: Forces::with_nonconservative(system),
-            inverse: Inverse::new(system, options.linear),
+            inverse: Inverse::new(system, &inertia, options.linear),
+            inertia,
             newton: Newton::new(&SolverOptions { tolerance, ..options.clone() })?,
             potentials: Potentials::new(),
             ledger: options.ledger,
@@ -55,6 +61,7 @@ impl<R: Rule> OneStage<R> {
             after: State { t: 0.0, q: vec![0.0; n], p: vec![0.0; n] },
             x_start: Vec::new(),
             dx: Vec::new(),
+            dv: Vec::new(),
         })
     }
 
@@ -63,18 +70,30 @@ impl<R: Rule> OneStage<R> {
         if self.ledger {
             self.potentials.open(system, &mut self.forces, &state.q, state.t);
         }
-        self.rule.open(system, &mut self.forces, state, h)?;
-        self.stage.open(system, &self.rule, state, h);
+        self.inertia.open(system, &state.p, &mut self.forces.work);
+        self.rule.open(system, &mut self.forces, &self.inertia, state, h)?;
+        self.stage.open(system, &self.rule, &self.inertia, state, h);
         let iterations = self.solve(system)?;
         self.stage.reach(system, state)?;
-        let (rule, w, mass) = (&self.rule, &self.stage.w, system.free_mass());
+        let Self { rule, inertia, stage: Stage { w, room, .. }, dv, .. } = self;
+        let (w, v, mass) = (&*w, inertia.velocity(system, &state.p), system.free_mass());
         let State { t, q, p } = &mut self.after;
         *t = state.t + h;
-        vectors::update_pair(q, p, |k, q, p| {
-            let (dq, dv) = rule.change(k, state.p[k] / mass[k], w[k], h);
-            *q = state.q[k] + dq;
-            *p = state.p[k] + mass[k] * dv;
-        });
+        if inertia.matrix().is_some() {
+            dv.resize(w.len(), 0.0);
+            vectors::fill(dv, |k| rule.change(k, v.at(k), w[k], h).1);
+            let dp = inertia.momentum(system, dv, room);
+            vectors::update_pair(q, p, |k, q, p| {
+                *q = state.q[k] + rule.change(k, v.at(k), w[k], h).0;
+                *p = state.p[k] + dp.at(k);
+            });
+        } else {
+            vectors::update_pair(q, p, |k, q, p| {
+                let (dq, dv) = rule.change(k, v.at(k), w[k], h);
+                *q = state.q[k] + dq;
+                *p = state.p[k] + mass[k] * dv;
+            });
+        }
         if let Some(constrained) = &mut self.stage.constrained {
             constrained.close(system, q, p, *t)?;
         }
@@ -82,12 +101,13 @@ impl<R: Rule> OneStage<R> {
         let energy = if self.ledger { self.account(system, state)? } else { StepEnergy::default() };
         self.rule.close(system, state, &self.after, &self.stage.w, h);
         self.stage.close();
+        self.inertia.close(&self.after.p, &self.dv);
         Ok((iterations, energy))
     }
 
     /// Solves the stage; 0 iterations where the body is at rest in balance.
     fn solve(&mut self, system: &System) -> Result<u32, SolverError> {
-        let Self { rule, forces, inverse, newton, stage, .. } = self;
+        let Self { rule, forces, inertia, inverse, newton, stage, .. } = self;
         if stage.origin.is_empty() {
             return Ok(0);
         }
@@ -103,7 +123,7 @@ impl<R: Rule> OneStage<R> {
                 return Ok(0);
             }
         }
-        let mut equations = StageEquations { system, rule, stage };
+        let mut equations = StageEquations { system, rule, inertia, stage };
         Ok(newton.solve(system, forces, inverse, &mut equations)?.iterations)
     }
 
@@ -112,7 +132,7 @@ impl<R: Rule> OneStage<R> {
     /// rest that the scheme makes: ΔV − g·Δx (with forces f that have no potential g is ∂V/∂x − f, and their work
     /// f·Δx is a part of its own), and for schemes that are not variational Δp·v̄ + (g − R/c)·Δq.
     fn account(&mut self, system: &System, before: &State) -> Result<StepEnergy, SolverError> {
-        let Self { rule, forces, stage, after, potentials, x_start, dx, .. } = self;
+        let Self { rule, forces, inertia, stage, after, potentials, x_start, dx, dv, .. } = self;
         stage.evaluate(system, rule, forces)?;
         let (mass, free) = (system.free_mass(), system.coordinates().free());
         let coordinates = system.coordinates();
@@ -122,26 +142,31 @@ impl<R: Rule> OneStage<R> {
         coordinates.embed(&after.q, after.t, dx);
         vectors::update(dx, |k, dx| *dx -= x_start[k]);
         let gradient = forces.gradient();
-        let (w, c, step) = (&stage.w, stage.c, &*dx);
+        let Stage { w, c, room, added, constrained, .. } = stage;
+        let (w, c, step) = (&*w, *c, &*dx);
+        let inertial = inertia.momentum(system, w, room);
         let along = |k: usize| step[free[k] as usize];
         let mut prescribed = accounts::prescribed_work(system, gradient, step);
-        if let Some(constrained) = &stage.constrained {
+        if let Some(constrained) = constrained {
             prescribed += constrained.prescribed_work(step);
         }
-        let added = &stage.added;
         let elastic =
             accounts::free_work(system, gradient, along) + vectors::sum(w.len(), |k| added[k] * along(k));
-        let inertia = |k: usize| mass[k] * w[k] / c;
-        let residual =
-            vectors::sum(w.len(), |k| (inertia(k) + gradient[free[k] as usize] + added[k]) * along(k));
-        let kinetic = vectors::sum(w.len(), |k| {
-            (after.p[k] - before.p[k]) * 0.5 * (before.p[k] + after.p[k]) / mass[k]
+        let residual = vectors::sum(w.len(), |k| {
+            (inertial.at(k) / c + gradient[free[k] as usize] + added[k]) * along(k)
         });
-        let inertial = vectors::sum(w.len(), |k| inertia(k) * along(k));
+        let v = inertia.velocity(system, &before.p);
+        let kinetic = match inertia.matrix() {
+            Some(_) => vectors::sum(w.len(), |k| (after.p[k] - before.p[k]) * (v.at(k) + 0.5 * dv[k])),
+            None => vectors::sum(w.len(), |k| {
+                (after.p[k] - before.p[k]) * 0.5 * (before.p[k] + after.p[k]) / mass[k]
+            }),
+        };
+        let inertial = vectors::sum(w.len(), |k| inertial.at(k) / c * along(k));
         let (force, damping) = forces.nonconservative_work(step);
         let (change, loads) = potentials.close(system, forces, &after.q, after.t);
         let mut scheme = change - loads - elastic - prescribed - force - damping;
-        if !self.rule.is_variational() || stage.constrained.is_some() {
+        if !self.rule.is_variational() || constrained.is_some() {
             scheme += kinetic - inertial;
         }
         Ok(StepEnergy { prescribed, force: force + loads, damping, scheme, residual })
@@ -172,6 +197,10 @@ impl<R: Rule> Stepper for OneStage<R> {
         Some(self.inverse.reason()).filter(|reason| !reason.is_empty())
     }
 
+    fn velocity(&self, state: &State) -> Option<&[f64]> {
+        self.inertia.known_velocity(state)
+    }
+
     fn memory(&self) -> StepperMemory {
         let mut memory = StepperMemory { method: self.rule.name().to_owned(), ..Default::default() };
         for (name, history) in HISTORY.iter().zip(&self.stage.history) {
@@ -183,6 +212,7 @@ impl<R: Rule> Stepper for OneStage<R> {
         if let Some(constrained) = &self.stage.constrained {
             memory.arrays.push(("stage.multipliers".into(), constrained.multipliers().to_vec()));
         }
+        self.inertia.remember(&mut memory);
         self.inverse.remember(&mut memory);
         self.newton.remember(&mut memory);
         self.rule.remember(&mut memory);
@@ -206,6 +236,7 @@ impl<R: Rule> Stepper for OneStage<R> {
         self.potentials = Potentials::recall(memory);
         self.newton.restore(memory)?;
         self.rule.restore(memory)?;
+        self.inertia.recall(memory)?;
         self.inverse.restore(system, &mut self.forces, memory)?;
         self.forces.recall(system, memory)?;
         self.forces.work = Work::default();

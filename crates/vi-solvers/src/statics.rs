@@ -160,8 +160,8 @@ pub fn equilibrium_path(
     Ok(search.report)
 }
 
-/// The forces that hold the prescribed coordinates, N: ∂V/∂x − f where they do not accelerate; zero at
-/// free coordinates. One entry a coordinate.
+/// The forces that hold the prescribed coordinates, N: ∂V/∂x − f where they do not accelerate, with what
+/// consistent mass passes on to them, M_pf q̈; zero at free coordinates. One entry a coordinate.
 pub fn reactions(system: &System, state: &State) -> Vec<f64> {
     let (x, v) = (system.positions(state), system.velocities(state));
     let mut out = vec![0.0; x.len()];
@@ -171,6 +171,14 @@ pub fn reactions(system: &System, state: &State) -> Vec<f64> {
         for (dof, out) in out.iter_mut().enumerate() {
             *out -= forces.total(dof);
         }
+    }
+    if let Some(kinetic) = system.kinetic() {
+        let free = system.coordinates().free();
+        let force: Vec<f64> = free.iter().map(|&dof| -out[dof as usize]).collect();
+        let (mut acceleration, mut inertial) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+        kinetic.coordinates().embed(&system.velocity(&force), state.t, &mut acceleration);
+        Assembler::new(kinetic).gradient(kinetic, &acceleration, 0.0, &mut inertial);
+        out.iter_mut().zip(&inertial).for_each(|(out, inertial)| *out += inertial);
     }
     for &dof in system.coordinates().free() {
         out[dof as usize] = 0.0;

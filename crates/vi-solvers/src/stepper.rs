@@ -42,6 +42,11 @@ pub trait Stepper: Send {
         None
     }
 
+    /// q̇ at a state, where the scheme knows it and M⁻¹p would be a solve (consistent mass).
+    fn velocity(&self, _state: &State) -> Option<&[f64]> {
+        None
+    }
+
     /// What a reader should hear of the steps since the last call, e.g. of a limit point.
     fn take_findings(&mut self) -> Vec<String> {
         Vec::new()
@@ -197,6 +202,8 @@ work! {
     solves,
     /// Iterations of conjugate gradients.
     pcg_iterations,
+    /// Iterations of conjugate gradients for velocities from momenta, M⁻¹p (consistent mass).
+    mass_iterations,
     /// Newton iterations.
     newton_iterations,
     /// Energies or residuals evaluated in line searches.

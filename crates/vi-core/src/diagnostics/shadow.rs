@@ -8,9 +8,9 @@ use crate::{State, System, kinetic_energy, reference};
 
 /// The parts of which both corrections are made: H, q̇ᵀ∇²V q̇ and ∇Vᵀ M⁻¹ ∇V.
 fn parts(system: &System, state: &State) -> (f64, f64, f64) {
-    let v = DVector::from_fn(state.p.len(), |i, _| state.p[i] / system.free_mass()[i]);
+    let v = DVector::from_vec(system.velocity(&state.p));
     let at = system.expansion(state.t, &state.q, v.as_slice());
-    let force: f64 = at.d_q.iter().zip(system.free_mass()).map(|(f, m)| f * f / m).sum();
+    let force = at.d_q.dot(&DVector::from_vec(system.velocity(at.d_q.as_slice())));
     let energy = kinetic_energy(system, state) + reference::energy(system, &system.positions(state), state.t);
     (energy, -v.dot(&(&at.qq * &v)), force)
 }

@@ -92,7 +92,7 @@ impl Expand for System {
     }
 
     fn lagrangian(&self, t: f64, q: &[f64], v: &[f64]) -> f64 {
-        let kinetic: f64 = v.iter().zip(self.free_mass()).map(|(v, m)| 0.5 * m * v * v).sum();
+        let kinetic: f64 = v.iter().zip(self.momentum(v)).map(|(v, p)| 0.5 * p * v).sum();
         kinetic - reference::energy(self, &embedded(self, t, q), t)
     }
 
@@ -100,7 +100,7 @@ impl Expand for System {
         let mut force = DVector::zeros(q.len());
         let slope = reference::gradient(self, &embedded(self, t, q), t);
         self.coordinates().restrict(&slope, force.as_mut_slice());
-        (-force, DVector::from_fn(q.len(), |i, _| self.free_mass()[i] * v[i]))
+        (-force, DVector::from_vec(self.momentum(v)))
     }
 
     fn expansion(&self, t: f64, q: &[f64], v: &[f64]) -> Expansion {
@@ -113,7 +113,7 @@ impl Expand for System {
             d_v,
             qq: DMatrix::from_fn(n, n, |i, j| -full[(free[i] as usize, free[j] as usize)]),
             vq: DMatrix::zeros(n, n),
-            vv: DMatrix::from_diagonal(&DVector::from_column_slice(self.free_mass())),
+            vv: self.dense_mass(),
         }
     }
 }

@@ -6,6 +6,7 @@ use vi_core::{State, System};
 
 use super::continues;
 use crate::forces::Forces;
+use crate::inertia::Inertia;
 use crate::stages::{Midpoint, Rule};
 use crate::{SolverError, StepperMemory};
 
@@ -46,7 +47,14 @@ impl Rule for Bdf2 {
         }
         (self.offset(k, v, h) + w, self.dv[k] / 3.0 + 1.5 * w / h)
     }
-    fn open(&mut self, system: &System, _: &mut Forces, state: &State, h: f64) -> Result<(), SolverError> {
+    fn open(
+        &mut self,
+        system: &System,
+        forces: &mut Forces,
+        inertia: &Inertia,
+        state: &State,
+        h: f64,
+    ) -> Result<(), SolverError> {
         self.dq.clear();
         self.dv.clear();
         if let Some((older, last, step)) = &self.last
@@ -54,8 +62,8 @@ impl Rule for Bdf2 {
             && (step / h - 1.0).abs() < 1e-9
         {
             self.dq.extend(last.q.iter().zip(&older.q).map(|(a, b)| a - b));
-            let change = last.p.iter().zip(&older.p).zip(system.free_mass());
-            self.dv.extend(change.map(|((a, b), m)| (a - b) / m));
+            self.dv.extend(last.p.iter().zip(&older.p).map(|(a, b)| a - b));
+            inertia.divide(system, &mut self.dv, &mut forces.work);
         }
         Ok(())
     }

@@ -8,6 +8,7 @@ use vi_core::{State, System};
 
 use super::CarriedAcceleration;
 use crate::forces::Forces;
+use crate::inertia::Inertia;
 use crate::stages::Rule;
 use crate::{SolverError, StepperMemory};
 
@@ -67,10 +68,11 @@ impl Rule for GeneralizedAlpha {
         &mut self,
         system: &System,
         forces: &mut Forces,
+        inertia: &Inertia,
         state: &State,
         h: f64,
     ) -> Result<(), SolverError> {
-        self.carried.open(system, forces, state, h)
+        self.carried.open(system, forces, inertia, state, h)
     }
     fn close(&mut self, _: &System, _before: &State, after: &State, w: &[f64], h: f64) {
         let (c, alpha_m) = (self.coefficient(h), self.alpha_m);

@@ -6,6 +6,7 @@ use vi_core::{State, System};
 
 use super::CarriedAcceleration;
 use crate::forces::Forces;
+use crate::inertia::Inertia;
 use crate::stages::Rule;
 use crate::{SolverError, StepperMemory};
 
@@ -54,10 +55,11 @@ impl Rule for Newmark {
         &mut self,
         system: &System,
         forces: &mut Forces,
+        inertia: &Inertia,
         state: &State,
         h: f64,
     ) -> Result<(), SolverError> {
-        self.carried.open(system, forces, state, h)
+        self.carried.open(system, forces, inertia, state, h)
     }
     fn close(&mut self, _: &System, _before: &State, after: &State, w: &[f64], h: f64) {
         let c = self.coefficient(h);

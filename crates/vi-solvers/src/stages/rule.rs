@@ -4,6 +4,7 @@
 use vi_core::{State, System};
 
 use crate::forces::Forces;
+use crate::inertia::Inertia;
 use crate::{SolverError, StepperMemory};
 
 /// What one step of a one-stage method is, for one coordinate: v is its velocity at the start, w the
@@ -42,8 +43,16 @@ pub(crate) trait Rule: Send + Sync {
     }
     /// What is added to ∂V/∂q at the stage.
     fn correction(&mut self, _trial: &Trial<'_>, _out: &mut [f64]) {}
-    /// Makes ready for a step from `state`: a history that does not belong to it is begun anew.
-    fn open(&mut self, _: &System, _: &mut Forces, _: &State, _h: f64) -> Result<(), SolverError> {
+    /// Makes ready for a step from `state`, whose momentum has been opened: a history that does not belong
+    /// to it is begun anew.
+    fn open(
+        &mut self,
+        _: &System,
+        _: &mut Forces,
+        _: &Inertia,
+        _: &State,
+        _h: f64,
+    ) -> Result<(), SolverError> {
         Ok(())
     }
     /// The step has been made: keeps what the next one needs.

@@ -7,6 +7,7 @@ use super::rule::{Rule, Trial};
 use crate::SolverError;
 use crate::constrained::Constrained;
 use crate::forces::Forces;
+use crate::inertia::Inertia;
 use crate::inverse::Inverse;
 use crate::newton::{Equations, Start};
 use crate::vectors;
@@ -33,6 +34,8 @@ pub(super) struct Stage {
     pub(super) q: Vec<f64>,
     /// The rule's addition to the force there.
     pub(super) added: Vec<f64>,
+    /// Room for M w where mass is consistent.
+    pub(super) room: Vec<f64>,
     pub(super) twice_origin: f64,
     pub(super) start_t: f64,
     pub(super) h: f64,
@@ -64,6 +67,7 @@ impl Stage {
             residual: zero(),
             q: zero(),
             added: zero(),
+            room: Vec::new(),
             twice_origin: 0.0,
             start_t: 0.0,
             h: 0.0,
@@ -73,18 +77,28 @@ impl Stage {
         }
     }
 
-    pub(super) fn open(&mut self, system: &System, rule: &impl Rule, state: &State, h: f64) {
-        let mass = system.free_mass();
+    pub(super) fn open(
+        &mut self,
+        system: &System,
+        rule: &impl Rule,
+        inertia: &Inertia,
+        state: &State,
+        h: f64,
+    ) {
+        let (mass, v) = (system.free_mass(), inertia.velocity(system, &state.p));
         self.c = rule.coefficient(h);
         self.t = state.t + rule.time() * h;
         (self.start_t, self.h, self.is_simple) = (state.t, h, false);
         self.origin.copy_from_slice(&state.q);
-        vectors::fill(&mut self.offset, |k| rule.offset(k, state.p[k] / mass[k], h));
+        vectors::fill(&mut self.offset, |k| rule.offset(k, v.at(k), h));
         if self.is_forced {
             self.velocity.clear();
-            self.velocity.extend(state.p.iter().zip(mass).map(|(p, m)| p / m));
+            self.velocity.extend((0..mass.len()).map(|k| v.at(k)));
         }
-        self.twice_kinetic = vectors::sum(mass.len(), |k| state.p[k] * state.p[k] / mass[k]);
+        self.twice_kinetic = match inertia.matrix() {
+            Some(_) => vectors::sum(mass.len(), |k| state.p[k] * v.at(k)),
+            None => vectors::sum(mass.len(), |k| state.p[k] * state.p[k] / mass[k]),
+        };
         self.twice_origin = vectors::sum(mass.len(), |k| mass[k] * state.q[k] * state.q[k]);
         if let Some(constrained) = &mut self.constrained {
             constrained.open(system, state, h);
@@ -158,6 +172,7 @@ impl Stage {
 pub(super) struct StageEquations<'a, R> {
     pub(super) system: &'a System,
     pub(super) rule: &'a mut R,
+    pub(super) inertia: &'a Inertia,
     pub(super) stage: &'a mut Stage,
 }
 
@@ -207,9 +222,10 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
 
     fn evaluate(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
         self.stage.evaluate(system, self.rule, forces)?;
-        let (gradient, mass, free) = (forces.gradient(), system.free_mass(), system.coordinates().free());
-        let Stage { w, c, added, residual, .. } = &mut *self.stage;
-        vectors::fill(residual, |k| -(mass[k] * w[k] + *c * (gradient[free[k] as usize] + added[k])));
+        let (gradient, free) = (forces.gradient(), system.coordinates().free());
+        let Stage { w, c, added, residual, room, .. } = &mut *self.stage;
+        let inertial = self.inertia.momentum(system, w, room);
+        vectors::fill(residual, |k| -(inertial.at(k) + *c * (gradient[free[k] as usize] + added[k])));
         Ok(())
     }
 
@@ -249,12 +265,22 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
             return None;
         }
         self.stage.configure();
-        let (w, mass, c) = (&self.stage.w, system.free_mass(), self.stage.c);
-        let kinetic = vectors::sum(w.len(), |k| 0.5 * mass[k] * w[k] * w[k]) / c;
+        let Stage { w, c, room, .. } = &mut *self.stage;
+        let kinetic = match self.inertia.matrix() {
+            Some(_) => {
+                let inertial = self.inertia.momentum(system, w, room);
+                vectors::sum(w.len(), |k| 0.5 * inertial.at(k) * w[k]) / *c
+            }
+            None => {
+                let mass = system.free_mass();
+                vectors::sum(w.len(), |k| 0.5 * mass[k] * w[k] * w[k]) / *c
+            }
+        };
         Some(kinetic + forces.energy(system, &self.stage.q, self.stage.t))
     }
 
     fn energy_scale(&self) -> f64 {
+        // Of the acceleration the lumped mass gives the size.
         let (w, mass) = (&self.stage.w, self.system.free_mass());
         0.5 * self.stage.twice_kinetic + vectors::sum(w.len(), |k| mass[k] * w[k] * w[k]) / self.stage.c
     }
