@@ -103,7 +103,7 @@ fn system(text: &mut String, component: &Component, is_explicit: bool) {
             let facts = factor.facts();
             let _ = writeln!(
                 text,
-                "  factor: {} entries in {} supernodes, {}, {:.3} Gflop; ordering and symbolic part made once{}",
+                "  factor: {} entries in {} supernodes, {}, {:.3} Gflop in double precision; ordering and symbolic part made once{}",
                 facts.nnz,
                 facts.supernodes,
                 bytes(facts.bytes),

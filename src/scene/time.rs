@@ -142,13 +142,15 @@ impl Time {
 
 /// Which linear solver serves implicit steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum LinearChoice {
     /// The cheaper one by the counted work.
     #[default]
     Auto,
-    /// Sparse Cholesky factor.
+    /// Sparse Cholesky factor, in single precision where Newton's method corrects what that leaves.
     Cholesky,
+    /// Sparse Cholesky factor, in double precision in any case.
+    CholeskyDouble,
     /// Preconditioned conjugate gradients.
     Pcg,
 }
@@ -191,6 +193,7 @@ impl Solver {
         let linear = match self.linear {
             LinearChoice::Auto => LinearSolver::Auto,
             LinearChoice::Cholesky => LinearSolver::Cholesky,
+            LinearChoice::CholeskyDouble => LinearSolver::CholeskyDouble,
             LinearChoice::Pcg => LinearSolver::Pcg,
         };
         SolverOptions { tolerance: self.tolerance, linear, ..SolverOptions::default() }

@@ -39,7 +39,7 @@ pub use error::CoreError;
 pub use force::{Force, ForceAccount};
 pub use inertia::solve_mass;
 pub use ledger::{EnergyLedger, StepEnergy};
-pub use patch::{Padded, Patch, PatchArray};
+pub use patch::{Padded, Patch, PatchArray, run_length};
 pub use potential::{Account, Fault, HessianKind, Potential, Stencils, Traits, packed_len};
 pub use quadrature::Quadrature;
 pub use scheme::{Interpolation, Scheme};

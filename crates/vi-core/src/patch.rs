@@ -20,6 +20,16 @@ pub struct Patch<'a> {
     pub sums: &'a mut PatchArray,
 }
 
+/// Stencils that are summed together ([`crate::Potential::add_gradients`] is asked for one such run, the last of
+/// a term may be shorter): at least eight runs a term so that threads stay in balance, yet long enough that
+/// most nodes of a run are its own, and short enough (`size` coordinates a stencil) for its positions and
+/// sums to stay in the first-level cache. A multiple of 64, or as many as places can name.
+pub fn run_length(stencil_count: usize, size: usize) -> usize {
+    let largest = (usize::from(u16::MAX) / size.max(1)).clamp(1, 1024);
+    let fitting = (12 * 1024 / size.max(1)).next_multiple_of(64).clamp(64, 1024);
+    (stencil_count / 8).next_multiple_of(64).clamp(64, fitting).min(largest)
+}
+
 impl Patch<'_> {
     /// The place of what belongs to no node: anything may be added there.
     pub const NOWHERE: u16 = u16::MAX;

@@ -11,11 +11,11 @@ use std::marker::PhantomData;
 use std::ops::Range;
 
 use pulp::Arch;
-use vi_core::{Account, Fault, HessianKind, Patch, Potential, Stencils, Traits, packed_len};
+use vi_core::{Account, Fault, HessianKind, Patch, Potential, Stencils, Traits, packed_len, run_length};
 
 use crate::element::{Element, SolidVisitor, kernel::Solids, patch::whole_groups};
 use crate::material::{self, Domain, Law, LawVisitor, Material, PackedMat3, PackedTangent};
-use crate::order::sort_by_place;
+use crate::order::{interleave, sort_by_place};
 use crate::pack::{GROUP, Pack};
 use crate::tensor::determinant;
 use crate::{ElementKind, FemError, InstructionSet, Mesh};
@@ -116,13 +116,16 @@ impl<B: Build> SolidVisitor for BuildElement<'_, B> {
     fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) -> Self::Output {
         let Self { arch, mesh, mut elements, law, node_offset, name, .. } = self;
         sort_by_place(mesh, &mut elements);
+        interleave(run_length(elements.len(), 3 * N), &mut elements);
         let cells = elements.iter().filter_map(|&element| mesh.cell(element as usize));
         let nodes: Vec<u32> = cells.flat_map(|(_, nodes)| nodes.iter().copied()).collect();
         let total = elements.len();
         let mut solids = Solids::<E, N, Q>::new(arch, &mesh.points, nodes).map_err(|inverted| {
             let count = inverted.len();
-            let named = inverted.into_iter().take(5);
-            let first = named.map(|(index, volume)| (elements[index] as usize, volume)).collect();
+            let named = inverted.into_iter().map(|(index, volume)| (elements[index] as usize, volume));
+            let mut first: Vec<(usize, f64)> = named.collect();
+            first.sort_by_key(|&(element, _)| element);
+            first.truncate(5);
             FemError::Inverted { count, total, first }
         })?;
         solids.shift_nodes(node_offset as u32);
@@ -150,11 +153,14 @@ struct Plain;
 
 impl Build for Plain {
     fn build<E: Element<N, Q>, M: Material, const N: usize, const Q: usize>(
-        solids: Solids<E, N, Q>,
+        mut solids: Solids<E, N, Q>,
         material: M,
         elements: Vec<u32>,
         name: String,
     ) -> Box<dyn Potential> {
+        if E::IS_SIMPLEX && !M::LINEAR {
+            solids.turn();
+        }
         Box::new(ElasticPotential { solids, material, elements, name })
     }
 }

@@ -15,6 +15,7 @@ mod rule;
 mod simplex;
 mod tet10;
 mod tet4;
+mod turned;
 mod wedge15;
 mod wedge18;
 mod wedge6;

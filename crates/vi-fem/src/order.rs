@@ -2,6 +2,7 @@
 //! that a run of them touches few nodes. It must not know what is summed over them.
 
 use crate::Mesh;
+use crate::pack::GROUP;
 
 /// Bits of each coordinate that count.
 const BITS: u32 = 20;
@@ -33,6 +34,21 @@ pub(crate) fn sort_by_place(mesh: &Mesh, elements: &mut [u32]) {
     });
 }
 
+/// Deals the elements of each run of `run_length` into groups of eight, so that those of a group are an eighth of
+/// the run apart: they share no node (but by chance), and what they add to the sums at their nodes does
+/// not wait for each other.
+pub(crate) fn interleave(run_length: usize, elements: &mut [u32]) {
+    for run in elements.chunks_mut(run_length) {
+        let (whole, _) = run.as_chunks_mut::<GROUP>();
+        let sorted = whole.as_flattened().to_vec();
+        for (k, group) in whole.iter_mut().enumerate() {
+            for (lane, element) in group.iter_mut().enumerate() {
+                *element = sorted[lane * (sorted.len() / GROUP) + k];
+            }
+        }
+    }
+}
+
 /// Two zeros before each of the lowest 21 bits.
 fn spread(bits: u64) -> u64 {
     let mut x = bits & 0x1f_ffff;
@@ -57,6 +73,21 @@ mod tests {
     fn every_third_bit() {
         assert_eq!(spread(0b1011), 0b001_000_001_001);
         assert_eq!(spread(0x1f_ffff).count_ones(), 21);
+    }
+
+    #[test]
+    fn groups_of_a_run_are_of_far_elements() {
+        let mut elements: Vec<u32> = (0..150).collect();
+        interleave(64, &mut elements);
+        assert_eq!(elements[8..16], [1, 9, 17, 25, 33, 41, 49, 57]);
+        assert_eq!(elements[64..72], [64, 72, 80, 88, 96, 104, 112, 120]);
+        assert_eq!(
+            elements[128..],
+            [
+                128, 130, 132, 134, 136, 138, 140, 142, 129, 131, 133, 135, 137, 139, 141, 143, 144, 145,
+                146, 147, 148, 149
+            ]
+        );
     }
 
     #[test]

@@ -12,7 +12,7 @@ use std::cell::RefCell;
 use std::ops::Range;
 
 use rayon::prelude::*;
-use vi_core::{HessianKind, Padded, Patch, PatchArray, Potential, System};
+use vi_core::{HessianKind, Padded, Patch, PatchArray, Potential, System, run_length};
 
 /// Stencils whose blocks are evaluated together: their gradients stay in the first-level cache.
 pub(crate) const BATCH: usize = 64;
@@ -55,15 +55,6 @@ pub(crate) fn common_block(system: &System) -> usize {
     [3, 2].into_iter().find(|&block| divides(block)).unwrap_or(1)
 }
 
-/// Stencils in a chunk: at least eight chunks a term so that threads stay in balance, yet large enough
-/// that most nodes of a chunk are its own, and small enough (`size` coordinates a stencil) for its
-/// positions and sums to stay in the first-level cache.
-pub(crate) fn chunk_length(stencil_count: usize, size: usize) -> usize {
-    let largest = (usize::from(u16::MAX) / size.max(1)).clamp(1, 1024);
-    let fitting = (12 * 1024 / size.max(1)).next_multiple_of(BATCH).clamp(BATCH, 1024);
-    (stencil_count / 8).next_multiple_of(BATCH).clamp(BATCH, fitting).min(largest)
-}
-
 /// Can a coordinate change, and is it solved for? The freest first.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Mobility {
@@ -104,7 +95,7 @@ pub(crate) struct Span {
 pub(crate) fn spans(term: usize, potential: &dyn Potential) -> impl Iterator<Item = Span> {
     let stencils = potential.stencils();
     let count = stencils.count();
-    let length = chunk_length(count, stencils.size());
+    let length = run_length(count, stencils.size());
     (0..count.div_ceil(length))
         .map(move |chunk| Span { term, stencils: chunk * length..count.min((chunk + 1) * length) })
 }

@@ -303,7 +303,7 @@ impl Gauss {
         let inertia = Inertia::new(system);
         Ok(Self {
             forces: Forces::with_nonconservative(system),
-            inverse: Inverse::new(system, &inertia, options.linear),
+            inverse: Inverse::new(system, &inertia, options),
             inertia,
             newton: Newton::new(options)?,
             potentials: Potentials::new(),

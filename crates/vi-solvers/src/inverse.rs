@@ -12,7 +12,7 @@ use crate::linear::Linear;
 use crate::matrix_sum::MatrixSum;
 use crate::policy::UnitCosts;
 use crate::warp::Warp;
-use crate::{HessianEvaluation, LinearSolver, SolverError, StepperMemory, SymmetricMatrix, Work};
+use crate::{HessianEvaluation, SolverError, SolverOptions, StepperMemory, SymmetricMatrix, Work};
 
 /// Why a factor is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,12 +55,12 @@ pub(crate) struct Inverse {
 }
 
 impl Inverse {
-    pub(crate) fn new(system: &System, inertia: &Inertia, choice: LinearSolver) -> Self {
+    pub(crate) fn new(system: &System, inertia: &Inertia, options: &SolverOptions) -> Self {
         let is_linear = system.forces().is_empty()
             && system.potentials().iter().all(|term| term.traits().hessian != HessianKind::Varying);
         let warp = if is_linear { None } else { Warp::new(system) };
         let summed = inertia.matrix().map(|mass| Summed { mass: Arc::clone(mass), sum: None });
-        Self { linear: Linear::new(choice, is_linear), summed, origin: None, warp, is_linear }
+        Self { linear: Linear::new(options, is_linear), summed, origin: None, warp, is_linear }
     }
 
     /// Is K the same everywhere?
@@ -118,8 +118,23 @@ impl Inverse {
             Err(SolverError::NotPositiveDefinite(_))
                 if !self.is_linear && kind == HessianEvaluation::Exact =>
             {
-                self.factorize(system, forces, c, HessianEvaluation::Projected, reason)?;
+                let projected = self.factorize(system, forces, c, HessianEvaluation::Projected, reason);
+                match projected {
+                    // Positive definite by its making: round-off is to blame.
+                    Err(SolverError::NotPositiveDefinite(_))
+                        if self.linear.double("a pivot failed in single precision") =>
+                    {
+                        return self.make_as(system, forces, c, reason, kind);
+                    }
+                    other => other?,
+                }
                 true
+            }
+            Err(SolverError::NotPositiveDefinite(_))
+                if kind == HessianEvaluation::Projected
+                    && self.linear.double("a pivot failed in single precision") =>
+            {
+                return self.make_as(system, forces, c, reason, kind);
             }
             other => {
                 other?;

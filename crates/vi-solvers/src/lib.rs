@@ -45,7 +45,7 @@ mod warp;
 pub use assembly::{Assembler, AssemblyWork, HessianEvaluation};
 pub use energy::Energies;
 pub use error::{NotPositiveDefinite, SolverError, TermFault};
-pub use factor::{Factor, FactorFacts};
+pub use factor::{Cholesky, Columns, Factor, FactorFacts, Scalar, SingleFactor};
 pub use matrix::SymmetricMatrix;
 pub use method::{Method, MethodFacts, stepper};
 pub use modes::{Mode, ModeOptions, modes};

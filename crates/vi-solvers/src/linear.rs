@@ -6,8 +6,8 @@ use vi_core::System;
 
 use crate::policy::{self, UnitCosts};
 use crate::{
-    Factor, FactorFacts, LinearSolver, Pcg, PcgFacts, Preconditioner, SolverError, StepperMemory,
-    SymmetricMatrix, Work,
+    Factor, FactorFacts, LinearSolver, Pcg, PcgFacts, Preconditioner, SingleFactor, SolverError,
+    SolverOptions, StepperMemory, SymmetricMatrix, Work,
 };
 
 /// Factors with fewer operations are made without asking: there is little to gain.
@@ -24,9 +24,15 @@ const TIGHT: f64 = 1e-8;
 const EXACT: f64 = 1e-13;
 /// Iterations of a solve before one has been made.
 const FIRST_GUESS: f64 = 20.0;
+/// A factor in single precision that leaves more than this of an error gives way to one in double.
+const SINGLE_LIMIT: f64 = 1e-2;
+/// Newton's method to a smaller tolerance takes its steps in double precision.
+const SINGLE_TOLERANCE: f64 = 1e-9;
+/// What one in single precision costs of one in double.
+const SINGLE_COST: f64 = 0.55;
 /// The reason in a run that continues another.
 const CONTINUED: &str = "as in the run that this one continues";
-const NAMES: [&str; 3] = ["linear.pcg", "linear.iterations", "linear.solves"];
+const NAMES: [&str; 4] = ["linear.pcg", "linear.single", "linear.iterations", "linear.solves"];
 /// Iterations after which a solve that Newton's method corrects is cut off.
 const LONGEST: u32 = 400;
 const LONGEST_EXACT: u32 = 20_000;
@@ -34,17 +40,22 @@ const LONGEST_EXACT: u32 = 20_000;
 /// What serves A⁻¹.
 enum Path {
     Undecided,
+    /// In double precision.
     Factor(Box<Factor>),
+    /// In single precision.
+    Single(Box<SingleFactor>),
     Gradients(Box<Pcg>),
 }
 
 pub(crate) struct Linear {
     choice: LinearSolver,
     path: Path,
+    /// Is single precision worth while?
+    may_be_single: bool,
     /// Must a solve be exact, for nothing corrects it?
     is_exact: bool,
-    /// Conjugate gradients or not, in the run that this one continues.
-    continued: Option<bool>,
+    /// Conjugate gradients or not, and single precision or not, in the run that this one continues.
+    continued: Option<[bool; 2]>,
     /// Are solves subtracted from each other?
     is_tight: bool,
     costs: UnitCosts,
@@ -57,9 +68,11 @@ pub(crate) struct Linear {
 }
 
 impl Linear {
-    pub(crate) fn new(choice: LinearSolver, is_exact: bool) -> Self {
+    /// For `is_exact` nothing corrects what a solve leaves.
+    pub(crate) fn new(options: &SolverOptions, is_exact: bool) -> Self {
         Self {
-            choice,
+            choice: options.linear,
+            may_be_single: !is_exact && options.tolerance >= SINGLE_TOLERANCE,
             path: Path::Undecided,
             is_exact,
             continued: None,
@@ -92,21 +105,28 @@ impl Linear {
 
     pub(crate) fn remember(&self, memory: &mut StepperMemory) {
         let gradients = u64::from(matches!(self.path, Path::Gradients(_)));
-        for (name, value) in NAMES.into_iter().zip([gradients, self.iterations[0], self.iterations[1]]) {
+        let single = u64::from(matches!(self.path, Path::Single(_)));
+        for (name, value) in
+            NAMES.into_iter().zip([gradients, single, self.iterations[0], self.iterations[1]])
+        {
             memory.counts.push((name.to_owned(), value));
         }
     }
 
     /// Back to before the first A.
     pub(crate) fn forget(&mut self) {
-        *self = Self::new(self.choice, self.is_exact);
+        let Self { choice, may_be_single, is_exact, .. } = *self;
+        *self = Self {
+            may_be_single,
+            ..Self::new(&SolverOptions { linear: choice, ..Default::default() }, is_exact)
+        };
     }
 
     /// Takes the path that an earlier run took.
     pub(crate) fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
-        let [gradients, total, solves] = NAMES.map(|name| memory.count(name));
+        let [gradients, single, total, solves] = NAMES.map(|name| memory.count(name));
         self.path = Path::Undecided;
-        self.continued = Some(gradients? == 1);
+        self.continued = Some([gradients? == 1, single? == 1]);
         self.iterations = [total?, solves?];
         Ok(())
     }
@@ -126,6 +146,17 @@ impl Linear {
         let made = match &mut self.path {
             Path::Undecided => Err(SolverError::NotFactored),
             Path::Factor(factor) => return Ok(factor.factorize(mass, c, k)?),
+            Path::Single(factor) => {
+                factor.factorize(mass, c, k)?;
+                work.solves += 1;
+                let left = factor.relative_residual(&rough_load(system.free_mass()))?;
+                if left <= SINGLE_LIMIT {
+                    return Ok(());
+                }
+                work.factorizations += 1;
+                self.double(&format!("in single precision a solve leaves {left:.1e} of an error"));
+                return self.make(system, mass, c, k, work);
+            }
             Path::Gradients(pcg) => pcg.prepare(mass, c, k).map(|_| ()).map_err(SolverError::from),
         };
         match made {
@@ -135,6 +166,30 @@ impl Linear {
                 self.make(system, mass, c, k, work)
             }
             other => other,
+        }
+    }
+
+    /// From here on double precision, if it is single; says whether it was.
+    pub(crate) fn double(&mut self, why: &str) -> bool {
+        match std::mem::replace(&mut self.path, Path::Undecided) {
+            Path::Single(factor) => self.path = Path::Factor(Box::new(factor.into_precision())),
+            other => {
+                self.path = other;
+                return false;
+            }
+        }
+        let facts = self.facts();
+        self.costs.factor /= SINGLE_COST;
+        self.costs.solve = policy::bytes(facts.solve_bytes);
+        self.reason = format!("{}; {why}", describe(&facts, false));
+        true
+    }
+
+    fn facts(&self) -> FactorFacts {
+        match &self.path {
+            Path::Factor(factor) => factor.facts(),
+            Path::Single(factor) => factor.facts(),
+            Path::Undecided | Path::Gradients(_) => FactorFacts::default(),
         }
     }
 
@@ -151,6 +206,11 @@ impl Linear {
             Path::Factor(factor) if *is_exact => factor.solve(v).map(|_| ()),
             // Newton's own residual is the check.
             Path::Factor(factor) => factor.solve_unchecked(v),
+            Path::Single(factor) if *is_tight => {
+                work.solves += factor.solve_refined(v, TIGHT)? - 1;
+                Ok(())
+            }
+            Path::Single(factor) => factor.solve_unchecked(v),
             Path::Gradients(pcg) => {
                 x.resize(v.len(), 0.0);
                 let made = match pcg.solve(v, x, tolerance, longest) {
@@ -182,11 +242,34 @@ impl Linear {
     }
 
     fn take_factor(&mut self, system: &System, k: &SymmetricMatrix, why: &str) -> Result<(), SolverError> {
-        let factor = Factor::new(k)?;
-        self.costs = UnitCosts::new(system, &factor.facts());
-        self.reason = format!("cholesky: {why}");
-        self.path = Path::Factor(Box::new(factor));
+        self.keep_factor(system, Factor::new(k)?);
+        self.reason = format!("{}; {why}", self.reason);
         Ok(())
+    }
+
+    /// Single precision where something corrects it, cheaply: not where a solve must be exact, nor where multipliers
+    /// of constraints are found by solves, nor where a tolerance close to round-off would cost an iteration more.
+    fn prefers_single(&self, system: &System) -> bool {
+        self.may_be_single && system.constraints().is_empty() && self.choice != LinearSolver::CholeskyDouble
+    }
+
+    fn keep_factor(&mut self, system: &System, factor: Factor) {
+        let continued = self.continued.take();
+        let single = match continued {
+            Some([_, single]) => single,
+            None => self.prefers_single(system),
+        };
+        self.path = if single {
+            Path::Single(Box::new(factor.into_precision()))
+        } else {
+            Path::Factor(Box::new(factor))
+        };
+        let facts = self.facts();
+        self.costs = UnitCosts::new(system, &facts);
+        if single {
+            self.costs.factor *= SINGLE_COST;
+        }
+        self.reason = describe(&facts, single);
     }
 
     fn take_gradients(&mut self, system: &System, k: &SymmetricMatrix, why: String) {
@@ -209,12 +292,13 @@ impl Linear {
         k: &SymmetricMatrix,
         work: &mut Work,
     ) -> Result<(), SolverError> {
-        match self.continued.take() {
-            Some(true) => {
+        match self.continued {
+            Some([true, _]) => {
+                self.continued = None;
                 self.take_gradients(system, k, CONTINUED.to_owned());
                 return Ok(());
             }
-            Some(false) => return self.take_factor(system, k, CONTINUED),
+            Some([false, _]) => return self.take_factor(system, k, CONTINUED),
             None => {}
         }
         match self.choice {
@@ -222,7 +306,9 @@ impl Linear {
                 self.take_gradients(system, k, "asked for".to_owned());
                 return Ok(());
             }
-            LinearSolver::Cholesky => return self.take_factor(system, k, "asked for"),
+            LinearSolver::Cholesky | LinearSolver::CholeskyDouble => {
+                return self.take_factor(system, k, "asked for");
+            }
             LinearSolver::Auto => {}
         }
         let factor = match Factor::new(k) {
@@ -234,7 +320,11 @@ impl Linear {
             Err(error) => return Err(error),
         };
         let facts = factor.facts();
-        let costs = UnitCosts::new(system, &facts);
+        let mut costs = UnitCosts::new(system, &facts);
+        if self.prefers_single(system) {
+            costs.factor *= SINGLE_COST;
+            costs.solve *= SINGLE_COST;
+        }
         let (memory, gigabytes) = (memory_of_machine(), facts.bytes as f64 * 1e-9);
         if facts.bytes as f64 > MEMORY_SHARE * memory {
             drop(factor);
@@ -247,8 +337,7 @@ impl Linear {
             let iteration = policy::bytes(pcg.facts().iteration_bytes);
             let limit = (direct / iteration) as u32;
             if limit > 0 && pcg.prepare(mass, c, k).is_ok() {
-                // As rough a load as any.
-                let load: Vec<f64> = system.free_mass().iter().zip(0..).map(|(m, i)| m * rough(i)).collect();
+                let load = rough_load(system.free_mass());
                 let mut x = vec![0.0; load.len()];
                 if let Ok(report) = pcg.solve(&load, &mut x, FORCING, limit) {
                     work.pcg_iterations += u64::from(report.iterations);
@@ -265,12 +354,20 @@ impl Linear {
                 }
             }
         }
-        self.costs = costs;
-        self.reason =
-            format!("cholesky: {:.2} Gflop a factor, {:.1} MB", 1e-9 * facts.flops, 1e3 * gigabytes);
-        self.path = Path::Factor(Box::new(factor));
+        self.keep_factor(system, factor);
         Ok(())
     }
+}
+
+fn describe(facts: &FactorFacts, single: bool) -> String {
+    let (flops, megabytes) = (1e-9 * facts.flops, 1e-6 * facts.bytes as f64);
+    let precision = if single { "single" } else { "double" };
+    format!("cholesky: {flops:.2} Gflop a factor, {megabytes:.1} MB, {precision} precision")
+}
+
+/// As rough a load as any.
+fn rough_load(mass: &[f64]) -> Vec<f64> {
+    mass.iter().zip(0..).map(|(m, i)| m * rough(i)).collect()
 }
 
 /// A number from −1 to 1 that looks random, the same at every call.

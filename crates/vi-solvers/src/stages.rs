@@ -51,7 +51,7 @@ impl<R: Rule> OneStage<R> {
         let inertia = Inertia::new(system);
         Ok(Self {
             forces: Forces::with_nonconservative(system),
-            inverse: Inverse::new(system, &inertia, options.linear),
+            inverse: Inverse::new(system, &inertia, options),
             inertia,
             newton: Newton::new(&SolverOptions { tolerance, ..options.clone() })?,
             potentials: Potentials::new(),

@@ -119,8 +119,10 @@ pub enum LinearSolver {
     /// The cheaper of the two by counted work.
     #[default]
     Auto,
-    /// Sparse Cholesky factor.
+    /// Sparse Cholesky factor, in single precision where Newton's method corrects what that leaves.
     Cholesky,
+    /// Sparse Cholesky factor, in double precision in any case.
+    CholeskyDouble,
     /// Preconditioned conjugate gradients.
     Pcg,
 }
@@ -131,6 +133,7 @@ impl LinearSolver {
         match self {
             Self::Auto => "auto",
             Self::Cholesky => "cholesky",
+            Self::CholeskyDouble => "cholesky-double",
             Self::Pcg => "pcg",
         }
     }

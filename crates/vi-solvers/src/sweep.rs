@@ -2,6 +2,7 @@
 //! of a gradient, a kick, a drift and the new positions, a cacheful at a time, on all cores. It must not
 //! know which scheme kicks.
 
+use pulp::{Arch, Simd, WithSimd};
 use vi_core::{State, System};
 
 use crate::gather::Gather;
@@ -29,6 +30,7 @@ pub(crate) struct Sweep {
     task: usize,
     tile: usize,
     parallel: bool,
+    arch: Arch,
 }
 
 /// The arrays that a pass changes, of coordinates `first` and on.
@@ -90,6 +92,7 @@ impl Sweep {
             task: TASK.next_multiple_of(block),
             tile: TILE.next_multiple_of(block),
             parallel: gather.is_parallel(),
+            arch: Arch::new(),
         }
     }
 
@@ -136,7 +139,7 @@ impl Sweep {
             let end = start + x.len();
             if let Some(gather) = pass.sums {
                 gather.sum_nodes(start / gather.block(), gradient);
-                sound &= all_finite(gradient);
+                sound &= self.arch.dispatch(AreFinite(gradient));
             }
             while let Some(Run { dof, free, length }) = self.runs.get(run) {
                 let (low, high) = (start.max(*dof), end.min(dof + length));
@@ -149,19 +152,16 @@ impl Sweep {
                 if let Some(state) = pass.from {
                     q.copy_from_slice(&state.q[k..k + n]);
                     p.copy_from_slice(&state.p[k..k + n]);
-                    sound &= pass.kick == 0.0 || x == q;
+                    sound &= pass.kick == 0.0 || self.arch.dispatch(AreEqual { a: x, b: q });
                 }
-                for (p, g) in p.iter_mut().zip(&gradient[low - start..]) {
-                    *p -= pass.kick * g;
-                }
-                if pass.drift != 0.0 {
-                    let mass = &self.inverse_mass[k..k + n];
-                    for (((q, p), x), inverse) in q.iter_mut().zip(&*p).zip(&mut *x).zip(mass) {
-                        *q += pass.drift * (p * inverse);
-                        *x = *q;
-                    }
-                }
-                sound &= all_finite(p) && (pass.drift == 0.0 || all_finite(q));
+                let (kick, gradient) = (pass.kick, &gradient[low - start..][..n]);
+                sound &= if pass.drift == 0.0 {
+                    self.arch.dispatch(Kick { kick, gradient, p })
+                } else {
+                    let inverse_mass = &self.inverse_mass[k..k + n];
+                    let drift = pass.drift;
+                    self.arch.dispatch(KickDrift { kick, drift, gradient, inverse_mass, p, q, x })
+                };
                 if dof + length > end {
                     break;
                 }
@@ -172,14 +172,118 @@ impl Sweep {
     }
 }
 
-/// Are all numbers finite? Eight sums of zeros side by side.
-fn all_finite(values: &[f64]) -> bool {
-    let (eights, rest) = values.as_chunks::<8>();
-    let mut zeros = [0.0; 8];
-    for eight in eights {
-        for k in 0..8 {
-            zeros[k] += 0.0 * eight[k];
+// What is done to the coordinates of a run, in whatever vectors the machine has, with a sum of zeros that is
+// zero where all numbers are finite. No product is fused with a sum, so that every machine gives the same
+// bits.
+
+/// Are all numbers finite?
+struct AreFinite<'a>(&'a [f64]);
+
+impl WithSimd for AreFinite<'_> {
+    type Output = bool;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let (whole, rest) = S::as_simd_f64s(self.0);
+        let zero = simd.splat_f64s(0.0);
+        let mut zeros = zero;
+        for value in whole {
+            zeros = simd.add_f64s(zeros, simd.mul_f64s(zero, *value));
         }
+        let mut sum = simd.reduce_sum_f64s(zeros);
+        for value in rest {
+            sum += 0.0 * value;
+        }
+        sum == 0.0
     }
-    zeros.iter().chain(rest).map(|value| 0.0 * value).sum::<f64>() == 0.0
+}
+
+/// a = b, and both are finite?
+struct AreEqual<'a> {
+    a: &'a [f64],
+    b: &'a [f64],
+}
+
+impl WithSimd for AreEqual<'_> {
+    type Output = bool;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let ((a, a_rest), (b, b_rest)) = (S::as_simd_f64s(self.a), S::as_simd_f64s(self.b));
+        let mut distances = simd.splat_f64s(0.0);
+        for (a, b) in a.iter().zip(b) {
+            distances = simd.add_f64s(distances, simd.abs_f64s(simd.sub_f64s(*a, *b)));
+        }
+        let mut sum = simd.reduce_sum_f64s(distances);
+        for (a, b) in a_rest.iter().zip(b_rest) {
+            sum += (a - b).abs();
+        }
+        sum == 0.0
+    }
+}
+
+/// p −= kick g. Is p finite?
+struct Kick<'a> {
+    kick: f64,
+    gradient: &'a [f64],
+    p: &'a mut [f64],
+}
+
+impl WithSimd for Kick<'_> {
+    type Output = bool;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let Self { kick, gradient, p } = self;
+        let ((g, g_rest), (p, p_rest)) = (S::as_simd_f64s(gradient), S::as_mut_simd_f64s(p));
+        let (zero, b) = (simd.splat_f64s(0.0), simd.splat_f64s(kick));
+        let mut zeros = zero;
+        for (p, g) in p.iter_mut().zip(g) {
+            *p = simd.sub_f64s(*p, simd.mul_f64s(b, *g));
+            zeros = simd.add_f64s(zeros, simd.mul_f64s(zero, *p));
+        }
+        let mut sum = simd.reduce_sum_f64s(zeros);
+        for (p, g) in p_rest.iter_mut().zip(g_rest) {
+            *p -= kick * g;
+            sum += 0.0 * *p;
+        }
+        sum == 0.0
+    }
+}
+
+/// p −= kick g, then q += drift p/m and x = q. Are p and q finite?
+struct KickDrift<'a> {
+    kick: f64,
+    drift: f64,
+    gradient: &'a [f64],
+    inverse_mass: &'a [f64],
+    p: &'a mut [f64],
+    q: &'a mut [f64],
+    x: &'a mut [f64],
+}
+
+impl WithSimd for KickDrift<'_> {
+    type Output = bool;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let Self { kick, drift, gradient, inverse_mass, p, q, x } = self;
+        let ((g, g_rest), (m, m_rest)) = (S::as_simd_f64s(gradient), S::as_simd_f64s(inverse_mass));
+        let ((p, p_rest), (q, q_rest)) = (S::as_mut_simd_f64s(p), S::as_mut_simd_f64s(q));
+        let (x, x_rest) = S::as_mut_simd_f64s(x);
+        let (zero, b, a) = (simd.splat_f64s(0.0), simd.splat_f64s(kick), simd.splat_f64s(drift));
+        let mut zeros = zero;
+        let length = p.len();
+        let (g, m, q, x) = (&g[..length], &m[..length], &mut q[..length], &mut x[..length]);
+        for k in 0..length {
+            let kicked = simd.sub_f64s(p[k], simd.mul_f64s(b, g[k]));
+            let moved = simd.add_f64s(q[k], simd.mul_f64s(a, simd.mul_f64s(kicked, m[k])));
+            (p[k], q[k], x[k]) = (kicked, moved, moved);
+            zeros = simd.add_f64s(zeros, simd.mul_f64s(zero, simd.add_f64s(kicked, moved)));
+        }
+        let mut sum = simd.reduce_sum_f64s(zeros);
+        for k in 0..p_rest.len() {
+            p_rest[k] -= kick * g_rest[k];
+            q_rest[k] += drift * (p_rest[k] * m_rest[k]);
+            x_rest[k] = q_rest[k];
+            sum += 0.0 * (p_rest[k] + q_rest[k]);
+        }
+        sum == 0.0
+    }
 }

@@ -11,6 +11,7 @@ use pulp::{Arch, Simd, WithSimd};
 use vi_core::packed_len;
 
 use super::Element;
+use super::turned::TurnedGeometry;
 use crate::material::{PackedMat3, PackedTangent, load_mat3, store_mat3};
 use crate::pack::{GROUP, Pack, members, parts};
 use crate::real::Lane;
@@ -36,6 +37,8 @@ pub(crate) struct Solids<E, const N: usize, const Q: usize> {
     nodes: Vec<u32>,
     /// Q a group.
     pub(super) geometry: Vec<PointGeometry>,
+    /// One a group where [`Solids::turn`] has been called.
+    pub(super) turned: Vec<TurnedGeometry>,
     /// ∂N_a/∂ξ at the quadrature points.
     pub(super) gradients: [[[f64; 3]; N]; Q],
     element: PhantomData<E>,
@@ -86,7 +89,7 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
         if !inverted.is_empty() {
             return Err(inverted);
         }
-        Ok(Self { arch, count, nodes, geometry, gradients, element: PhantomData })
+        Ok(Self { arch, count, nodes, geometry, turned: Vec::new(), gradients, element: PhantomData })
     }
 
     /// How many elements.

@@ -8,11 +8,12 @@ use vi_core::PatchArray;
 
 use super::Element;
 use super::kernel::{PointGeometry, Solids};
+use super::turned::RestShape;
 use crate::material::{Material, load_mat3};
 use crate::pack::{GROUP, Pack, members, parts};
 use crate::places::{add_edge_forces, gather_edges};
 use crate::real::Lane;
-use crate::tensor::{Mat3, Tangent, dot, mat3, packed_index, product, product_transposed, vec3};
+use crate::tensor::{Mat3, Tangent, dot, mat3, packed_index, product, vec3};
 use crate::transpose::gather;
 use crate::transpose::put;
 
@@ -27,8 +28,13 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
         x: &PatchArray,
         sums: &mut PatchArray,
     ) {
-        let geometry = &self.geometry[groups];
-        self.arch().dispatch(Forces { geometry, material, places, x, sums });
+        if self.turned.is_empty() {
+            let shapes = &self.geometry[groups];
+            self.arch().dispatch(Forces { shapes, material, places, x, sums });
+        } else {
+            let shapes = &self.turned[groups];
+            self.arch().dispatch(Forces { shapes, material, places, x, sums });
+        }
     }
 
     /// Packed Hessians of the simplices of `range`.
@@ -45,28 +51,26 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
     }
 }
 
-struct Forces<'a, M> {
-    geometry: &'a [PointGeometry],
+struct Forces<'a, G, M> {
+    shapes: &'a [G],
     material: &'a M,
     places: &'a [u16],
     x: &'a PatchArray,
     sums: &'a mut PatchArray,
 }
 
-impl<M: Material> WithSimd for Forces<'_, M> {
+impl<G: RestShape, M: Material> WithSimd for Forces<'_, G, M> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { geometry, material, places, x, sums } = self;
+        let Self { shapes, material, places, x, sums } = self;
         let (places, _) = places.as_chunks::<{ 4 * GROUP }>();
-        for (geometry, places) in geometry.iter().zip(places) {
+        for (shape, places) in shapes.iter().zip(places) {
             for part in 0..parts::<S>() {
                 let places = &places[part * S::F64_LANES * 4..][..S::F64_LANES * 4];
-                let inverse = load_mat3(simd, &geometry.inverse, part);
-                let f = product(&gather_edges(simd, x, places), &inverse);
-                let p = product_transposed(&material.stress(&f), &inverse);
-                let volume = geometry.volume.load(simd, part);
-                add_edge_forces(simd, mat3!(i j => p[i][j] * volume), places, sums);
+                let f = shape.deformation(simd, part, &gather_edges(simd, x, places));
+                let forces = shape.forces(simd, part, &material.stress(&f));
+                add_edge_forces(simd, forces, places, sums);
             }
         }
     }

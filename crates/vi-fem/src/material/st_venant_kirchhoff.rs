@@ -26,14 +26,15 @@ fn strain<R: Real>(f: &Mat3<R>) -> Mat3<R> {
 }
 
 impl StVenantKirchhoff {
-    /// Second Piola–Kirchhoff stress S = 2μ E + λ tr(E) I.
+    /// Second Piola–Kirchhoff stress S = 2μ E + λ tr(E) I = μ C + (λ/2 (tr C − 3) − μ) I.
     #[inline(always)]
     fn second_stress<R: Real>(&self, f: &Mat3<R>) -> Mat3<R> {
-        let e = strain(f);
-        let pressure = (e[0][0] + e[1][1] + e[2][2]) * self.lambda;
-        let mut s = mat3!(i j => e[i][j] * (2.0 * self.mu));
+        let c = right_cauchy_green(f);
+        let pressure = (c[0][0] + c[1][1] + c[2][2] - 3.0) * (0.5 * self.lambda) - self.mu;
+        let mu = pressure.constant(self.mu);
+        let mut s = mat3!(i j => c[i][j] * mu);
         for i in 0..3 {
-            s[i][i] = s[i][i] + pressure;
+            s[i][i] = c[i][i].mul_add(mu, pressure);
         }
         s
     }

@@ -4,12 +4,15 @@
 //! fixed size that threads share, so the bits depend on the front alone. This room must not know the tree.
 
 use std::cell::RefCell;
+use std::ops::{Add, AddAssign, Div, Mul, Sub, SubAssign};
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{LltError, cholesky_in_place, cholesky_in_place_scratch};
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par};
+
+use super::panel::Columns;
 
 /// Fronts with more operations than this are cut into tiles.
 const TILED_FLOPS: f64 = 3e7;
@@ -19,6 +22,47 @@ const PANEL: usize = 128;
 
 /// Rows or columns of a tile.
 const TILE: usize = 256;
+
+/// The numbers of a factor: f64, or f32 for half the work where something else corrects its errors.
+pub trait Scalar:
+    faer::traits::RealField
+    + Columns
+    + Copy
+    + Default
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + AddAssign
+    + SubAssign
+{
+    /// Is it f32?
+    const IS_SINGLE: bool;
+    /// The nearest number to `value`.
+    fn of(value: f64) -> Self;
+    /// The same number.
+    fn value(self) -> f64;
+}
+
+impl Scalar for f64 {
+    const IS_SINGLE: bool = false;
+    fn of(value: f64) -> Self {
+        value
+    }
+    fn value(self) -> f64 {
+        self
+    }
+}
+
+impl Scalar for f32 {
+    const IS_SINGLE: bool = true;
+    fn of(value: f64) -> Self {
+        value as f32
+    }
+    fn value(self) -> f64 {
+        f64::from(self)
+    }
+}
 
 thread_local! {
     static MEMORY: RefCell<Option<(usize, MemBuffer)>> = const { RefCell::new(None) };
@@ -30,11 +74,11 @@ thread_local! {
 ///
 /// # Errors
 /// The column whose pivot is not positive.
-pub(super) fn eliminate(
-    panel: &mut [f64],
+pub(super) fn eliminate<T: Scalar>(
+    panel: &mut [T],
     rows: usize,
     columns: usize,
-    update: &mut [f64],
+    update: &mut [T],
     fresh: bool,
 ) -> Result<(), usize> {
     let below = rows - columns;
@@ -50,7 +94,11 @@ pub(super) fn eliminate(
     }
 }
 
-fn eliminate_whole(panel: MatMut<'_, f64>, update: MatMut<'_, f64>, accumulate: Accum) -> Result<(), usize> {
+fn eliminate_whole<T: Scalar>(
+    panel: MatMut<'_, T>,
+    update: MatMut<'_, T>,
+    accumulate: Accum,
+) -> Result<(), usize> {
     let columns = panel.ncols();
     let (mut diagonal, mut below) = panel.split_at_row_mut(columns);
     cholesky(diagonal.as_mut())?;
@@ -61,9 +109,9 @@ fn eliminate_whole(panel: MatMut<'_, f64>, update: MatMut<'_, f64>, accumulate: 
     Ok(())
 }
 
-fn eliminate_tiled(
-    mut panel: MatMut<'_, f64>,
-    update: MatMut<'_, f64>,
+fn eliminate_tiled<T: Scalar>(
+    mut panel: MatMut<'_, T>,
+    update: MatMut<'_, T>,
     accumulate: Accum,
 ) -> Result<(), usize> {
     let (rows, columns) = (panel.nrows(), panel.ncols());
@@ -82,12 +130,14 @@ fn eliminate_tiled(
     Ok(())
 }
 
-fn cholesky(matrix: MatMut<'_, f64>) -> Result<(), usize> {
+fn cholesky<T: Scalar>(matrix: MatMut<'_, T>) -> Result<(), usize> {
     let order = matrix.nrows();
     let mut memory = MEMORY.take();
     if memory.as_ref().is_none_or(|(capacity, _)| *capacity < order) {
         let capacity = order.next_power_of_two();
-        let request = cholesky_in_place_scratch::<f64>(capacity, Par::Seq, Default::default());
+        // Numbers of either size find room.
+        let request = cholesky_in_place_scratch::<f64>(capacity, Par::Seq, Default::default())
+            .or(cholesky_in_place_scratch::<f32>(capacity, Par::Seq, Default::default()));
         memory = Some((capacity, MemBuffer::new(request)));
     }
     let result = match &mut memory {
@@ -102,7 +152,7 @@ fn cholesky(matrix: MatMut<'_, f64>) -> Result<(), usize> {
 }
 
 /// below ← below · L⁻ᵀ, tiles of rows in parallel.
-fn solve_tiles(diagonal: MatRef<'_, f64>, below: MatMut<'_, f64>) {
+fn solve_tiles<T: Scalar>(diagonal: MatRef<'_, T>, below: MatMut<'_, T>) {
     let rows = below.nrows();
     if rows <= TILE {
         if rows > 0 {
@@ -115,7 +165,7 @@ fn solve_tiles(diagonal: MatRef<'_, f64>, below: MatMut<'_, f64>) {
 }
 
 /// The lower trapezoid of `target` −= left · (its first rows)ᵀ, tiles of columns in parallel.
-fn subtract_tiles(target: MatMut<'_, f64>, accumulate: Accum, left: MatRef<'_, f64>) {
+fn subtract_tiles<T: Scalar>(target: MatMut<'_, T>, accumulate: Accum, left: MatRef<'_, T>) {
     let columns = target.ncols();
     if columns <= TILE {
         let (square, rest) = target.split_at_row_mut(columns);
@@ -137,13 +187,28 @@ fn subtract_tiles(target: MatMut<'_, f64>, accumulate: Accum, left: MatRef<'_, f
 }
 
 /// target −= left · rightᵀ, tiles of rows in parallel.
-fn subtract_rows(target: MatMut<'_, f64>, accumulate: Accum, left: MatRef<'_, f64>, right: MatRef<'_, f64>) {
+fn subtract_rows<T: Scalar>(
+    target: MatMut<'_, T>,
+    accumulate: Accum,
+    left: MatRef<'_, T>,
+    right: MatRef<'_, T>,
+) {
     let rows = target.nrows();
     if rows <= 2 * TILE {
         if rows > 0 && target.ncols() > 0 {
             let rectangular = BlockStructure::Rectangular;
             let product = right.transpose();
-            matmul(target, rectangular, accumulate, left, rectangular, product, rectangular, -1.0, Par::Seq);
+            matmul(
+                target,
+                rectangular,
+                accumulate,
+                left,
+                rectangular,
+                product,
+                rectangular,
+                T::of(-1.0),
+                Par::Seq,
+            );
         }
         return;
     }
@@ -157,15 +222,25 @@ fn subtract_rows(target: MatMut<'_, f64>, accumulate: Accum, left: MatRef<'_, f6
 }
 
 /// The lower triangle of target −= left · rightᵀ.
-fn subtract_square(
-    target: MatMut<'_, f64>,
+fn subtract_square<T: Scalar>(
+    target: MatMut<'_, T>,
     accumulate: Accum,
-    left: MatRef<'_, f64>,
-    right: MatRef<'_, f64>,
+    left: MatRef<'_, T>,
+    right: MatRef<'_, T>,
 ) {
     if target.nrows() > 0 {
         let (lower, rectangular) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
-        matmul(target, lower, accumulate, left, rectangular, right.transpose(), rectangular, -1.0, Par::Seq);
+        matmul(
+            target,
+            lower,
+            accumulate,
+            left,
+            rectangular,
+            right.transpose(),
+            rectangular,
+            T::of(-1.0),
+            Par::Seq,
+        );
     }
 }
 

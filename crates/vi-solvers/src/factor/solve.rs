@@ -3,32 +3,36 @@
 //! Each supernode passes its parent a vector for the rows it shares with it, as fronts do, so that
 //! subtrees run in parallel and sums keep their order. This room must not know how the panels were made.
 
-use super::tree::{Family, Run, Supernode, Tree};
+use pulp::Arch;
 
-/// Columns handled at a time: each number of the vector is read and written once for four of the panel.
-const COLUMNS: usize = 4;
+use super::front::Scalar;
+use super::panel::{Eliminate, Substitute};
+use super::tree::{Family, Run, Supernode, Tree};
 
 /// Subtrees with less than this many panel numbers are not worth a task.
 const PARALLEL_LENGTH: usize = 40_000;
 
 /// The vectors of a subtree, each a run because the tree is postordered: the unknowns in elimination
 /// order, and the rows shared with parents.
-struct Vectors<'a> {
-    unknowns: &'a mut [f64],
-    shared: &'a mut [f64],
+struct Vectors<'a, T> {
+    unknowns: &'a mut [T],
+    shared: &'a mut [T],
 }
 
-/// x ← A⁻¹x in elimination order; `shared` has `tree.vector_length` entries.
-pub(super) fn solve(tree: &Tree, panels: &[f64], x: &mut [f64], shared: &mut [f64]) {
+/// x ← (LLᵀ)⁻¹x in elimination order; `shared` has `tree.vector_length` entries.
+pub(super) fn solve<T: Scalar>(tree: &Tree, panels: &[T], x: &mut [T], shared: &mut [T]) {
+    let walk = Walk { tree, panels, arch: Arch::new() };
     let members = &tree.members[tree.roots.members.clone()];
-    forward_family(
-        tree,
-        panels,
-        members,
-        tree.roots.parallel,
-        Vectors { unknowns: &mut *x, shared: &mut *shared },
-    );
-    backward_family(tree, panels, members, tree.roots.parallel, None, Vectors { unknowns: x, shared });
+    let parallel = tree.roots.parallel;
+    walk.forward_family(members, parallel, Vectors { unknowns: &mut *x, shared: &mut *shared });
+    walk.backward_family(members, parallel, None, Vectors { unknowns: x, shared });
+}
+
+/// What a substitution reads, and the vectors of this machine.
+struct Walk<'a, T> {
+    tree: &'a Tree,
+    panels: &'a [T],
+    arch: Arch,
 }
 
 /// Index in the whole vectors of the first entries of a supernode's subtree.
@@ -38,7 +42,12 @@ fn origin(tree: &Tree, s: usize) -> (usize, usize) {
 }
 
 /// Splits the vectors of some subtrees, which follow each other, before subtree `at`.
-fn split<'a>(tree: &Tree, whole: Vectors<'a>, from: usize, at: usize) -> (Vectors<'a>, Vectors<'a>) {
+fn split<'a, T>(
+    tree: &Tree,
+    whole: Vectors<'a, T>,
+    from: usize,
+    at: usize,
+) -> (Vectors<'a, T>, Vectors<'a, T>) {
     let ((x0, s0), (x1, s1)) = (origin(tree, from), origin(tree, at));
     let (x_left, x_right) = whole.unknowns.split_at_mut(x1 - x0);
     let (s_left, s_right) = whole.shared.split_at_mut(s1 - s0);
@@ -46,7 +55,11 @@ fn split<'a>(tree: &Tree, whole: Vectors<'a>, from: usize, at: usize) -> (Vector
 }
 
 /// Splits the vectors of a subtree into those of its descendants, its own unknowns, its shared rows.
-fn split_own<'a>(tree: &Tree, s: usize, whole: Vectors<'a>) -> (Vectors<'a>, &'a mut [f64], &'a mut [f64]) {
+fn split_own<'a, T>(
+    tree: &Tree,
+    s: usize,
+    whole: Vectors<'a, T>,
+) -> (Vectors<'a, T>, &'a mut [T], &'a mut [T]) {
     let node = &tree.supernodes[s];
     let (x0, s0) = origin(tree, s);
     let (unknowns, own) = whole.unknowns.split_at_mut(node.first - x0);
@@ -70,188 +83,110 @@ fn is_heavy(tree: &Tree, members: &[u32]) -> bool {
     last.panel + last.panel_length() - tree.supernodes[first.subtree].panel >= PARALLEL_LENGTH
 }
 
-fn forward_family(tree: &Tree, panels: &[f64], members: &[u32], parallel: bool, vectors: Vectors<'_>) {
-    match members {
-        [] => {}
-        &[member] => forward(tree, panels, member as usize, vectors),
-        _ => {
-            let (left, right) = members.split_at(members.len() / 2);
-            let (left_vectors, right_vectors) = split(tree, vectors, left[0] as usize, right[0] as usize);
-            let parallel = parallel && is_heavy(tree, left) && is_heavy(tree, right);
-            both(
-                parallel,
-                || forward_family(tree, panels, left, parallel, left_vectors),
-                || forward_family(tree, panels, right, parallel, right_vectors),
-            );
-        }
-    }
+/// The solution around a family: the parent's unknowns and the rows that it shares with its own parent.
+#[derive(Clone, Copy)]
+struct Above<'a, T> {
+    own: &'a [T],
+    rows: &'a [T],
 }
 
-fn forward(tree: &Tree, panels: &[f64], s: usize, vectors: Vectors<'_>) {
-    let node = &tree.supernodes[s];
-    let Family { members, parallel } = node.children.clone();
-    let (below, own, rows) = split_own(tree, s, vectors);
-    let Vectors { unknowns, shared } = below;
-    let members = &tree.members[members];
-    forward_family(tree, panels, members, parallel, Vectors { unknowns, shared: &mut *shared });
-    rows.fill(0.0);
-    let base = origin(tree, s).1;
-    for &child in members {
-        let child = &tree.supernodes[child as usize];
-        let update = &shared[child.vector - base..][..child.below()];
-        for run in &tree.runs[child.runs.clone()] {
-            add_run(run, node, update, own, rows);
-        }
+impl<T: Scalar> Walk<'_, T> {
+    /// The panel of a supernode.
+    fn panel(&self, node: &Supernode) -> &[T] {
+        &self.panels[node.panel..][..node.panel_length()]
     }
-    eliminate(node, &panels[node.panel..][..node.panel_length()], own, rows);
-}
 
-/// The part of an update that a run covers, added to the parent's unknowns or shared rows.
-fn add_run(run: &Run, node: &Supernode, update: &[f64], own: &mut [f64], rows: &mut [f64]) {
-    let update = &update[run.from as usize..][..run.length as usize];
-    for (row, value) in (run.to as usize..).zip(update) {
-        match row.checked_sub(node.columns) {
-            None => own[row] += value,
-            Some(row) => rows[row] += value,
-        }
-    }
-}
-
-/// own ← L₁₁⁻¹ own, rows ← rows − L₂₁ own.
-fn eliminate(node: &Supernode, panel: &[f64], own: &mut [f64], rows: &mut [f64]) {
-    let mut first = 0;
-    while first < node.columns {
-        let width = COLUMNS.min(node.columns - first);
-        let mut x = [0.0; COLUMNS];
-        for j in 0..width {
-            let column = &panel[(first + j) * node.rows..][..node.rows];
-            x[j] = own[first + j] / column[first + j];
-            own[first + j] = x[j];
-            for i in j + 1..width {
-                own[first + i] -= column[first + i] * x[j];
+    fn forward_family(&self, members: &[u32], parallel: bool, vectors: Vectors<'_, T>) {
+        match members {
+            [] => {}
+            &[member] => self.forward(member as usize, vectors),
+            _ => {
+                let (left, right) = members.split_at(members.len() / 2);
+                let (left_vectors, right_vectors) =
+                    split(self.tree, vectors, left[0] as usize, right[0] as usize);
+                let parallel = parallel && is_heavy(self.tree, left) && is_heavy(self.tree, right);
+                both(
+                    parallel,
+                    || self.forward_family(left, parallel, left_vectors),
+                    || self.forward_family(right, parallel, right_vectors),
+                );
             }
         }
-        let next = first + width;
-        if width == COLUMNS {
-            let column = |j: usize| &panel[(first + j) * node.rows..][next..node.rows];
-            let columns = [column(0), column(1), column(2), column(3)];
-            let split = node.columns - next;
-            subtract_four(&mut own[next..], columns.map(|c| &c[..split]), x);
-            subtract_four(rows, columns.map(|c| &c[split..]), x);
-        } else {
-            for j in 0..width {
-                let column = &panel[(first + j) * node.rows..][next..node.rows];
-                for (value, l) in own[next..].iter_mut().chain(rows.iter_mut()).zip(column) {
-                    *value -= l * x[j];
+    }
+
+    fn forward(&self, s: usize, vectors: Vectors<'_, T>) {
+        let node = &self.tree.supernodes[s];
+        let Family { members, parallel } = node.children.clone();
+        let (below, own, rows) = split_own(self.tree, s, vectors);
+        let Vectors { unknowns, shared } = below;
+        let members = &self.tree.members[members];
+        self.forward_family(members, parallel, Vectors { unknowns, shared: &mut *shared });
+        rows.fill(T::default());
+        let base = origin(self.tree, s).1;
+        for &child in members {
+            let child = &self.tree.supernodes[child as usize];
+            let update = &shared[child.vector - base..][..child.below()];
+            for run in &self.tree.runs[child.runs.clone()] {
+                add_run(run, node, update, own, rows);
+            }
+        }
+        let panel = self.panel(node);
+        self.arch.dispatch(Eliminate { panel, rows: node.rows, own, below: rows });
+    }
+
+    fn backward_family(
+        &self,
+        members: &[u32],
+        parallel: bool,
+        above: Option<Above<'_, T>>,
+        vectors: Vectors<'_, T>,
+    ) {
+        match members {
+            [] => {}
+            &[member] => self.backward(member as usize, above, vectors),
+            _ => {
+                let (left, right) = members.split_at(members.len() / 2);
+                let (left_vectors, right_vectors) =
+                    split(self.tree, vectors, left[0] as usize, right[0] as usize);
+                let parallel = parallel && is_heavy(self.tree, left) && is_heavy(self.tree, right);
+                both(
+                    parallel,
+                    || self.backward_family(left, parallel, above, left_vectors),
+                    || self.backward_family(right, parallel, above, right_vectors),
+                );
+            }
+        }
+    }
+
+    fn backward(&self, s: usize, above: Option<Above<'_, T>>, vectors: Vectors<'_, T>) {
+        let node = &self.tree.supernodes[s];
+        let (below, own, rows) = split_own(self.tree, s, vectors);
+        if let Some(above) = above {
+            for run in &self.tree.runs[node.runs.clone()] {
+                let rows = &mut rows[run.from as usize..][..run.length as usize];
+                for (row, value) in (run.to as usize..).zip(rows) {
+                    *value = match row.checked_sub(above.own.len()) {
+                        None => above.own[row],
+                        Some(row) => above.rows[row],
+                    };
                 }
             }
         }
-        first = next;
+        let panel = self.panel(node);
+        self.arch.dispatch(Substitute { panel, rows: node.rows, own: &mut *own, below: rows });
+        let Family { members, parallel } = node.children.clone();
+        let above = Above { own, rows };
+        self.backward_family(&self.tree.members[members], parallel, Some(above), below);
     }
 }
 
-fn subtract_four(target: &mut [f64], columns: [&[f64]; COLUMNS], x: [f64; COLUMNS]) {
-    let length = target.len();
-    let [a, b, c, d] = columns.map(|column| &column[..length]);
-    for i in 0..length {
-        target[i] -= (a[i] * x[0] + b[i] * x[1]) + (c[i] * x[2] + d[i] * x[3]);
-    }
-}
-
-/// The solution around a family: the parent's unknowns and the rows that it shares with its own parent.
-#[derive(Clone, Copy)]
-struct Above<'a> {
-    own: &'a [f64],
-    rows: &'a [f64],
-}
-
-fn backward_family(
-    tree: &Tree,
-    panels: &[f64],
-    members: &[u32],
-    parallel: bool,
-    above: Option<Above<'_>>,
-    vectors: Vectors<'_>,
-) {
-    match members {
-        [] => {}
-        &[member] => backward(tree, panels, member as usize, above, vectors),
-        _ => {
-            let (left, right) = members.split_at(members.len() / 2);
-            let (left_vectors, right_vectors) = split(tree, vectors, left[0] as usize, right[0] as usize);
-            let parallel = parallel && is_heavy(tree, left) && is_heavy(tree, right);
-            both(
-                parallel,
-                || backward_family(tree, panels, left, parallel, above, left_vectors),
-                || backward_family(tree, panels, right, parallel, above, right_vectors),
-            );
-        }
-    }
-}
-
-fn backward(tree: &Tree, panels: &[f64], s: usize, above: Option<Above<'_>>, vectors: Vectors<'_>) {
-    let node = &tree.supernodes[s];
-    let (below, own, rows) = split_own(tree, s, vectors);
-    if let Some(above) = above {
-        for run in &tree.runs[node.runs.clone()] {
-            let rows = &mut rows[run.from as usize..][..run.length as usize];
-            for (row, value) in (run.to as usize..).zip(rows) {
-                *value = match row.checked_sub(above.own.len()) {
-                    None => above.own[row],
-                    Some(row) => above.rows[row],
-                };
-            }
-        }
-    }
-    substitute(node, &panels[node.panel..][..node.panel_length()], own, rows);
-    let Family { members, parallel } = node.children.clone();
-    let above = Above { own, rows };
-    backward_family(tree, panels, &tree.members[members], parallel, Some(above), below);
-}
-
-/// own ← L₁₁⁻ᵀ (own − L₂₁ᵀ rows).
-fn substitute(node: &Supernode, panel: &[f64], own: &mut [f64], rows: &[f64]) {
-    let mut end = node.columns;
-    while end > 0 {
-        let width = if end.is_multiple_of(COLUMNS) { COLUMNS } else { end % COLUMNS };
-        let first = end - width;
-        let split = node.columns - end;
-        let mut sums = [0.0; COLUMNS];
-        let column = |j: usize| &panel[(first + j.min(width - 1)) * node.rows..][end..node.rows];
-        let columns = [column(0), column(1), column(2), column(3)];
-        add_four_products(&mut sums, columns.map(|c| &c[..split]), &own[end..]);
-        add_four_products(&mut sums, columns.map(|c| &c[split..]), rows);
-        for j in (0..width).rev() {
-            let column = &panel[(first + j) * node.rows..][..node.rows];
-            let mut value = own[first + j] - sums[j];
-            for i in j + 1..width {
-                value -= column[first + i] * own[first + i];
-            }
-            own[first + j] = value / column[first + j];
-        }
-        end = first;
-    }
-}
-
-/// Dot products of four columns with one vector, in lanes that a compiler can keep in registers.
-fn add_four_products(sums: &mut [f64; COLUMNS], columns: [&[f64]; COLUMNS], x: &[f64]) {
-    const LANES: usize = 4;
-    let length = x.len();
-    let mut lanes = [[0.0; LANES]; COLUMNS];
-    let whole = length - length % LANES;
-    for first in (0..whole).step_by(LANES) {
-        let x: &[f64] = &x[first..first + LANES];
-        for (lanes, column) in lanes.iter_mut().zip(columns) {
-            let column = &column[first..first + LANES];
-            for lane in 0..LANES {
-                lanes[lane] += column[lane] * x[lane];
-            }
-        }
-    }
-    for ((sum, lanes), column) in sums.iter_mut().zip(lanes).zip(columns) {
-        *sum += (lanes[0] + lanes[1]) + (lanes[2] + lanes[3]);
-        for (l, x) in column[whole..length].iter().zip(&x[whole..]) {
-            *sum += l * x;
+/// The part of an update that a run covers, added to the parent's unknowns or shared rows.
+fn add_run<T: Scalar>(run: &Run, node: &Supernode, update: &[T], own: &mut [T], rows: &mut [T]) {
+    let update = &update[run.from as usize..][..run.length as usize];
+    for (row, value) in (run.to as usize..).zip(update) {
+        match row.checked_sub(node.columns) {
+            None => own[row] += *value,
+            Some(row) => rows[row] += *value,
         }
     }
 }
