@@ -58,16 +58,23 @@ pub(crate) struct EnergyGuard {
     /// Steps before it judges: a body that starts from rest has exchanged next to nothing at first, and the
     /// energy of a scheme of order 1 is off by 1/n of that in step n.
     grace: u64,
+    /// Steps between its looks.
+    stride: u64,
 }
 
 impl EnergyGuard {
-    /// For a scheme of this order, from the first observation on; `resolution` is the energy below which
-    /// round-off rules, J.
-    pub(crate) fn new(rule: Guard, order: usize, first: &Observation, resolution: f64) -> Self {
+    /// For a scheme of this order, from the first observation on, every `stride` steps where it is to act;
+    /// `resolution` is the energy below which round-off rules, J.
+    pub(crate) fn new(rule: Guard, stride: u64, order: usize, first: &Observation, resolution: f64) -> Self {
         let grace = if order < 2 { (4.0 / rule.bound).ceil() as u64 } else { 2 };
         let exchange = (first.kinetic + first.elastic).max(resolution);
         let growth = Growth { exchange, ..Growth::default() };
-        Self { rule, growth, events: Vec::new(), resolution, grace }
+        Self { rule, growth, events: Vec::new(), resolution, grace, stride }
+    }
+
+    /// Must it look after this step, so that it can act?
+    pub(crate) fn is_due(&self, step: u64) -> bool {
+        self.rule.acts() && step.is_multiple_of(self.stride)
     }
 
     /// Enters an observation and the account of the run until then.

@@ -3,6 +3,7 @@
 
 mod march;
 mod observe;
+mod pace;
 mod snapshot;
 
 use rayon::prelude::*;
@@ -14,6 +15,7 @@ use crate::model::{BodyModel, Model, ProbeTarget, RigidModel};
 use crate::scene::{Problem, Scene};
 use march::{Cut, March, march};
 pub use observe::{Observation, ProbeValue};
+use pace::Pace;
 pub use snapshot::{Snapshot, Substeps};
 
 /// Bodies that act on each other, as one Lagrangian system with its integrator.
@@ -24,6 +26,8 @@ pub struct Component {
     pub(crate) system: System,
     pub(crate) state: State,
     pub(crate) stepper: Option<Box<dyn Stepper>>,
+    /// How finely its steps are cut.
+    pace: Pace,
     /// Evaluates energies for observers; made when first asked for.
     observer: Option<Assembler>,
     /// Does its stepper keep the full energy ledger?
@@ -132,7 +136,15 @@ impl Simulation {
             };
             let keeps_ledger = options.ledger;
             let has_domain = has_domain(&system);
-            components.push(Component { system, state, stepper, observer: None, keeps_ledger, has_domain });
+            components.push(Component {
+                system,
+                state,
+                stepper,
+                pace: Pace::default(),
+                observer: None,
+                keeps_ledger,
+                has_domain,
+            });
         }
         if !problems.is_empty() {
             return Err(problems);
@@ -260,7 +272,7 @@ impl Simulation {
         let further = self.scene.time.substeps && !is_static;
         let cut = Cut { parts: self.parts, further };
         let advance = |component: &mut Component| -> Result<March, StepError> {
-            let Component { system, state, stepper, observer, has_domain, .. } = component;
+            let Component { system, state, stepper, pace, observer, has_domain, .. } = component;
             match stepper {
                 Some(stepper) => {
                     // Not all schemes look at the end of a step: implicit midpoint only sees its middle.
@@ -270,7 +282,7 @@ impl Simulation {
                         accepts(assembler, system, state)
                     };
                     let check: Option<march::Check<'_>> = if unseen { Some(&mut check) } else { None };
-                    march(stepper.as_mut(), system, state, h, end, cut, check)
+                    march(stepper.as_mut(), system, (state, pace), h, end, cut, check)
                 }
                 None => {
                     state.t = end;

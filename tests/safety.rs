@@ -162,3 +162,33 @@ fn the_guard_leaves_sound_runs_alone() {
         assert!(!run.errors().contains("warning"), "{}", run.errors());
     }
 }
+
+/// A flag that stiffens as it crumples, beyond the limit of the step that was chosen for it flat.
+const FLAG: &str = r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 2.0
+scheme = "auto"
+tolerance = 1e-3
+[[body]]
+name = "cloth"
+sheet = { size = [1.0, 1.0], cells = [12, 12] }
+material = { law = "st-venant-kirchhoff", young = 1e5, poisson = 0.3, area_density = 0.2, thickness = 1e-3 }
+[[fix]]
+body = "cloth"
+region = "x-min"
+"#;
+
+#[test]
+fn auto_halves_a_step_that_has_become_too_long() {
+    let warned = Program::try_run(&format!("{FLAG}[guard]\naction = \"off\"\n"), &[]);
+    let relative = warned.report()["guard"]["relative_growth"].as_f64();
+    assert!(warned.code() != Some(0) || relative.is_none_or(|growth| growth > 0.1), "the flag is too tame");
+    let run = Program::try_run(FLAG, &[]);
+    assert_eq!(run.code(), Some(0), "{}", run.errors());
+    let guard = &run.report()["guard"];
+    let first = guard["events"][0]["action"].as_str().unwrap_or_default().to_owned();
+    assert!(first.contains("on with steps of"), "{guard}");
+    assert!(guard["relative_growth"].as_f64().unwrap() <= 0.011, "{guard}");
+    assert_eq!(run.history().column("t").last(), Some(&2.0));
+}

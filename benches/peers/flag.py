@@ -184,14 +184,31 @@ def main():
     print(f"{arguments.cells} x {arguments.cells} cells, E = {arguments.young:g} Pa, {arguments.end} s; MuJoCo "
           f"{mujoco.__version__}, force difference {difference:.1e}\n")
     print("| program | scheme | step, s | energy error | processor s |\n|---|---|---|---|---|")
-    for factor in (1, 2, 4):
-        for integrator in ("Euler", "RK4", "discrete"):
-            step, error, seconds = run_mujoco(flag, arguments.young, integrator, base * factor, arguments.end)
-            print(f"| MuJoCo | {integrator} | {step:.2e} | {error:.2e} | {seconds:.2f} |", flush=True)
-        for scheme in ("stormer-verlet", "blanes-moan-4"):
-            step, error, seconds = run_ours(
-                arguments.binary, arguments.cells, arguments.young, scheme, base * factor, arguments.end)
-            print(f"| variational | {scheme} | {step:.2e} | {error:.2e} | {seconds:.2f} |", flush=True)
+    runs = {"MuJoCo": [], "variational": []}
+
+    def enter(program, scheme, run):
+        step, error, seconds = run
+        print(f"| {program} | {scheme} | {step:.2e} | {error:.2e} | {seconds:.2f} |", flush=True)
+        runs[program].append((seconds, error, f"{scheme}, {step:.1e} s, {error:.1e}"))
+
+    peers = {"Euler": (0.5, 1, 2, 4), "RK4": (0.5, 1, 2), "discrete": (1 / 16, 1 / 4)}
+    ours = {"stormer-verlet": (0.5, 1, 2, 4), "blanes-moan-4": (0.25, 0.5, 1)}
+    for turn in range(4):
+        for integrator, factors in peers.items():
+            if turn < len(factors):
+                steps = int(base * factors[turn])
+                enter("MuJoCo", integrator, run_mujoco(flag, arguments.young, integrator, steps, arguments.end))
+        for scheme, factors in ours.items():
+            if turn < len(factors):
+                steps = int(base * factors[turn])
+                enter("variational", scheme,
+                      run_ours(arguments.binary, arguments.cells, arguments.young, scheme, steps, arguments.end))
+    print("\n| energy error | variational | MuJoCo | ratio |\n|---|---|---|---|")
+    for level in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
+        best = {name: min((run for run in list_ if run[1] <= level), default=None) for name, list_ in runs.items()}
+        cell = lambda run: f"{run[0]:.2f} s ({run[2]})" if run else "not reached"
+        ratio = f"{best['MuJoCo'][0] / best['variational'][0]:.1f}" if all(best.values()) else ""
+        print(f"| {level:.0e} | {cell(best['variational'])} | {cell(best['MuJoCo'])} | {ratio} |")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ use crate::scene::GuardAction;
 use crate::simulation::Snapshot;
 
 /// Steps between points that the guard can go back to.
-const STRIDE: u64 = 16;
+pub(super) const STRIDE: u64 = 16;
 
 /// A point that the guard can go back to.
 pub(super) struct Good {
@@ -48,6 +48,11 @@ impl Run {
                 course: self.course(),
             });
         }
+    }
+
+    /// Is there a good point, and a smaller step to go on with?
+    pub(super) fn can_go_back(&self) -> bool {
+        self.good.is_some() && self.simulation.part() > self.simulation.step_size() / 1024.0
     }
 
     /// Answers growth beyond the bound: back to the last good point with a smaller step or another scheme,

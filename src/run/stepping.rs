@@ -8,7 +8,7 @@ use vi_core::{EnergyLedger, StepEnergy};
 use vi_io::IoError;
 use vi_solvers::{SolverError, StepError};
 
-use super::safety::Good;
+use super::safety::{Good, STRIDE};
 use super::{RunError, Watch, clear};
 use crate::checkpoint::record::record;
 use crate::checkpoint::{Checkpoint, Origin, Store};
@@ -146,7 +146,12 @@ impl Run {
         let frames = scene.output.interval;
         let frames =
             frames.map(|interval| FrameWriter::create(directory, name, &simulation, interval)).transpose()?;
-        let mut rule = scene.guard.unwrap_or(Guard::silent());
+        // A step that the program chose by itself it also halves by itself.
+        let is_auto =
+            simulation.auto().is_some() || origin.as_ref().is_some_and(|origin| !origin.auto.is_empty());
+        let unasked = if is_auto { Guard::new(GuardAction::Halve) } else { Guard::silent() };
+        let mut rule = scene.guard.unwrap_or(unasked);
+        let stride = if scene.guard.is_some() { 1 } else { STRIDE };
         if scene.statics.is_some() || !simulation.is_accounted() {
             // Without the work from outside, growth would not be known from it.
             rule.action = GuardAction::Off;
@@ -156,7 +161,13 @@ impl Run {
             ledger: EnergyLedger::new(first.total(), first.kinetic),
             momentum: MomentumLedger::new(&simulation, &first),
             pitch: PitchFinder::new(&scene.probes, &first),
-            guard: EnergyGuard::new(rule, simulation.method().facts().order, &first, simulation.resolution()),
+            guard: EnergyGuard::new(
+                rule,
+                stride,
+                simulation.method().facts().order,
+                &first,
+                simulation.resolution(),
+            ),
             report: Report::new(&simulation, name, stability.as_ref()),
             directory: directory.to_owned(),
             work: RowWork::default(),
@@ -219,17 +230,24 @@ impl Run {
         let stepped = self.simulation.step();
         self.report.stepping_seconds += begin.elapsed().as_secs_f64();
         let step = self.simulation.steps();
-        let stepped = stepped.map_err(|source| RunError::Step { step: step + 1, source })?;
+        let stepped = match stepped {
+            Ok(stepped) => stepped,
+            // An explicit scheme fails where its energy has left all bounds since the guard last looked.
+            Err(_) if self.simulation.method().facts().is_explicit && self.can_go_back() => {
+                return self.answer();
+            }
+            Err(source) => return Err(RunError::Step { step: step + 1, source }),
+        };
         self.work.iterations += stepped.iterations;
         self.work.substeps += stepped.substeps;
         self.ledger.parts += stepped.energy;
         let begin = Instant::now();
         let every = self.simulation.scene().output.history;
         let row_is_due = self.simulation.is_done() || (every > 0 && step.is_multiple_of(every));
-        if row_is_due || self.guard.rule.acts() {
+        if row_is_due || self.guard.is_due(step) {
             let seen = self.simulation.observe();
             if !seen.is_finite() {
-                return Err(self.overflow());
+                return if self.can_go_back() { self.answer() } else { Err(self.overflow()) };
             }
             self.guard.enter(&seen, &self.ledger);
             if self.guard.rule.acts() && self.guard.is_exceeded(step) {

@@ -1,11 +1,10 @@
-//! One component over one step of the run: as a whole or, where that fails, in substeps of h/2, h/4 …
-//! h/1024, back to h after. It must not know which scheme steps.
+//! One component over one step of the run: as a whole, or in substeps of h/2, h/4 … h/1024 as its pace has it.
+//! It must not know which scheme steps.
 
 use vi_core::{State, StepEnergy, System};
 use vi_solvers::{SolverError, StepError, StepReport, Stepper};
 
-/// Substeps of a step at its floor: 2¹⁰.
-pub(crate) const FLOOR: u32 = 1024;
+use super::pace::{FLOOR, Pace};
 
 /// What the way through one step was.
 #[derive(Debug, Clone, Copy, Default)]
@@ -55,11 +54,11 @@ impl Checked<'_, '_> {
 /// Advances `state` by h (s), to the time `end`.
 ///
 /// # Errors
-/// That of the smallest substep tried; the state is then as it was.
+/// That of the smallest substep tried; the state and the pace are then as they were.
 pub(crate) fn march(
     stepper: &mut dyn Stepper,
     system: &System,
-    state: &mut State,
+    (state, pace): (&mut State, &mut Pace),
     h: f64,
     end: f64,
     cut: Cut,
@@ -67,42 +66,44 @@ pub(crate) fn march(
 ) -> Result<March, StepError> {
     let mut stepper = Checked { stepper, check };
     let mut done = March { finest: 1, ..March::default() };
-    if cut.parts == 1 {
-        match stepper.step(system, state, h) {
-            Ok(report) => {
-                done.iterations = u64::from(report.iterations);
-                done.energy = report.energy;
-                state.t = end;
-                return Ok(done);
-            }
-            Err(error) if cut.further && error.smaller_step_may_help() => {}
-            Err(error) => return Err(error),
-        }
-    }
-    let before = state.clone();
-    // In units of h/1024, so that every sum is exact.
-    let largest = FLOOR / cut.parts.max(2);
-    let (mut at, mut size) = (0, largest);
+    let (start, mut next) = (state.t, *pace);
+    // A step that fails leaves the state untouched: a copy is needed only where one has been made before.
+    let mut before: Option<State> = None;
+    let largest = FLOOR / cut.parts;
+    let mut at = 0;
     while at < FLOOR {
-        match stepper.step(system, state, h * f64::from(size) / f64::from(FLOOR)) {
+        let size = if cut.further { next.size(largest) } else { largest };
+        if size < FLOOR && before.is_none() {
+            before = Some(state.clone());
+        }
+        match stepper.step(system, state, h * (f64::from(size) / f64::from(FLOOR))) {
             Ok(report) => {
                 done.iterations += u64::from(report.iterations);
                 done.energy += report.energy;
                 done.substeps += 1;
                 done.finest = done.finest.max(FLOOR / size);
                 at += size;
-                state.t = before.t + h * (f64::from(at) / f64::from(FLOOR));
-                while size < largest && at.is_multiple_of(2 * size) {
-                    size *= 2;
-                }
+                state.t = start + h * (f64::from(at) / f64::from(FLOOR));
+                let is_hard = report.work.descents > 0;
+                let cost = match is_hard || next.compares() {
+                    true => stepper.stepper.unit_costs(system).seconds(&report.work),
+                    false => 0.0,
+                };
+                next.succeed(at, largest, is_hard, cost);
             }
-            Err(error) if cut.further && size > 1 && error.smaller_step_may_help() => size /= 2,
+            Err(error) if cut.further && error.smaller_step_may_help() && next.fail() => {}
             Err(error) => {
-                *state = before;
+                if let Some(before) = before {
+                    *state = before;
+                }
                 return Err(error);
             }
         }
     }
+    if done.substeps == 1 {
+        done.substeps = 0;
+    }
     state.t = end;
+    *pace = next;
     Ok(done)
 }

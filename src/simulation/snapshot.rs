@@ -4,7 +4,8 @@
 use vi_core::State;
 use vi_solvers::{Method, SolverError, SolverOptions, StepperMemory, Work};
 
-use super::{Component, Simulation, march};
+use super::pace::{FLOOR, Pace};
+use super::{Component, Simulation};
 use crate::checkpoint::record::record;
 
 /// Steps that were cut into substeps.
@@ -25,6 +26,7 @@ pub struct Snapshot {
     pub(super) parts: u64,
     pub(super) switched: bool,
     pub(super) components: Vec<(State, Option<StepperMemory>)>,
+    pub(super) paces: Vec<Pace>,
     pub(super) work: Work,
     pub(super) substeps: Substeps,
 }
@@ -35,6 +37,7 @@ record!(Snapshot {
     parts: u64,
     switched: bool,
     components: Vec<(State, Option<StepperMemory>)>,
+    paces: Vec<Pace>,
     work: Work,
     substeps: Substeps,
 });
@@ -57,6 +60,7 @@ impl Simulation {
             parts: u64::from(self.parts),
             switched: self.switched,
             components: self.components.iter().map(of).collect(),
+            paces: self.components.iter().map(|component| component.pace).collect(),
             work: self.work(),
             substeps: self.substeps,
         }
@@ -67,17 +71,24 @@ impl Simulation {
     /// # Errors
     /// [`SolverError`] where the snapshot is that of another scene; the simulation is then of no use.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SolverError> {
-        if snapshot.components.len() != self.components.len() {
+        let count = self.components.len();
+        if snapshot.components.len() != count || snapshot.paces.len() != count {
             return Err(SolverError::Memory { missing: "number of systems" });
         }
-        let parts = u32::try_from(snapshot.parts).ok().filter(|&parts| {
-            parts.is_power_of_two() && parts <= march::FLOOR && snapshot.steps <= self.step_count
-        });
+        if !snapshot.paces.iter().all(Pace::is_sound) {
+            return Err(SolverError::Memory { missing: "lengths of substeps" });
+        }
+        let parts = u32::try_from(snapshot.parts)
+            .ok()
+            .filter(|&parts| parts.is_power_of_two() && parts <= FLOOR && snapshot.steps <= self.step_count);
         self.parts = parts.ok_or(SolverError::Memory { missing: "number of steps" })?;
         if snapshot.switched != self.switched {
             let method = if snapshot.switched { Method::EnergyMomentum } else { self.method };
             self.set_steppers(method)?;
             self.switched = snapshot.switched;
+        }
+        for (component, &pace) in self.components.iter_mut().zip(&snapshot.paces) {
+            component.pace = pace;
         }
         for (component, (state, memory)) in self.components.iter_mut().zip(&snapshot.components) {
             if [&state.q, &state.p].iter().any(|values| values.len() != component.state.q.len()) {
@@ -109,7 +120,7 @@ impl Simulation {
 
     /// Cuts every step from now on into twice as many parts; false where they are at the floor, h/1024.
     pub fn halve(&mut self) -> bool {
-        let can = self.parts < march::FLOOR;
+        let can = self.parts < FLOOR;
         if can {
             self.parts *= 2;
         }

@@ -41,7 +41,8 @@ impl Newton {
             let simple = best_start(system, forces, equations)
                 .and_then(|()| self.full_steps(system, forces, inverse, equations, SIMPLE_TOLERANCE));
             equations.simplify(false);
-            done += simple?;
+            let simple = simple?;
+            done += simple;
             equations.evaluate(system, forces)?;
             match self.iterate(
                 system,
@@ -50,7 +51,10 @@ impl Newton {
                 equations,
                 Attempt::with_new_factor(self.tolerance),
             )? {
-                Course::Solved(Solved { iterations }) => return Ok(Solved { iterations: done + iterations }),
+                Course::Solved(Solved { iterations }) => {
+                    self.policy.has_descended = simple > 2;
+                    return Ok(Solved { iterations: done + iterations });
+                }
                 Course::Stuck(iterations) => done += iterations,
             }
         } else if equations.has_merit() {
