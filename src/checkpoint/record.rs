@@ -180,8 +180,12 @@ impl Record for Work {
     }
     fn read(from: &mut Source<'_>) -> Result<Self, Damage> {
         let counts = Vec::<(String, u64)>::read(from)?;
+        // All of them, once each, as they are written: none is taken for zero in silence.
         Self::from_counts(counts.iter().map(|(name, count)| (name.as_str(), *count)))
-            .ok_or_else(|| from.damage("counts of work that this version does not know"))
+            .filter(|work| {
+                work.iter().map(|(name, count)| (name.to_owned(), count)).eq(counts.iter().cloned())
+            })
+            .ok_or_else(|| from.damage("the counts of work are not those of this version"))
     }
 }
 

@@ -53,3 +53,19 @@ fn a_record_with_a_right_checksum_can_still_be_wrong() {
     // A number may be another number.
     assert!(accepted > 0);
 }
+
+/// Found by fuzzing: a record whose list of work counts is empty was read, each count as zero.
+#[test]
+fn what_is_read_is_written_to_the_same_bytes() {
+    for length in 0..1500_usize {
+        let mut whole = b"VI-CHECK".to_vec();
+        whole.extend_from_slice(&1_u64.to_le_bytes());
+        whole.extend_from_slice(&(length as u64).to_le_bytes());
+        whole.resize(whole.len() + length, 0);
+        let sum = crc32fast::hash(&whole);
+        whole.extend_from_slice(&sum.to_le_bytes());
+        if let Ok(checkpoint) = Checkpoint::decode(&whole) {
+            assert_eq!(checkpoint.encode(), whole, "{length} zeros");
+        }
+    }
+}
