@@ -253,9 +253,9 @@ impl Linear {
         self.may_be_single && system.constraints().is_empty() && self.choice != LinearSolver::CholeskyDouble
     }
 
+    /// Takes the path of a factor, with its costs, in the precision that serves.
     fn keep_factor(&mut self, system: &System, factor: Factor) {
-        let continued = self.continued.take();
-        let single = match continued {
+        let single = match self.continued.take() {
             Some([_, single]) => single,
             None => self.prefers_single(system),
         };
@@ -311,23 +311,18 @@ impl Linear {
             }
             LinearSolver::Auto => {}
         }
-        let factor = match Factor::new(k) {
-            Ok(factor) => factor,
+        match Factor::new(k) {
+            Ok(factor) => self.keep_factor(system, factor),
             Err(error @ SolverError::Symbolic { .. }) => {
                 self.take_gradients(system, k, format!("a factor is not possible, {error}"));
                 return Ok(());
             }
             Err(error) => return Err(error),
-        };
-        let facts = factor.facts();
-        let mut costs = UnitCosts::new(system, &facts);
-        if self.prefers_single(system) {
-            costs.factor *= SINGLE_COST;
-            costs.solve *= SINGLE_COST;
         }
+        // Of the factor as it would be made.
+        let (facts, costs) = (self.facts(), self.costs);
         let (memory, gigabytes) = (memory_of_machine(), facts.bytes as f64 * 1e-9);
         if facts.bytes as f64 > MEMORY_SHARE * memory {
-            drop(factor);
             self.take_gradients(system, k, format!("a factor would take {gigabytes:.1} GB"));
             return Ok(());
         }
@@ -344,7 +339,7 @@ impl Linear {
                     let iterations = report.iterations;
                     let gradients = 1e3 * f64::from(iterations + 1) * iteration;
                     let (direct, flops) = (1e3 * direct, 1e-9 * facts.flops);
-                    drop((factor, pcg));
+                    drop(pcg);
                     let why = format!(
                         "a solve takes {iterations} iterations, {gradients:.1} ms of the reference core, against \
                          {direct:.1} ms with a factor of {flops:.0} Gflop"
@@ -354,7 +349,6 @@ impl Linear {
                 }
             }
         }
-        self.keep_factor(system, factor);
         Ok(())
     }
 }
