@@ -268,7 +268,8 @@ fn level(
         modes.iter().take(count).map(|found| found.mode.frequency()).collect()
     } else {
         while !simulation.is_done() {
-            simulation.step().map_err(|source| ConvergenceError::Step { what: what.clone(), source })?;
+            let stepped = simulation.advance(u64::MAX);
+            stepped.map_err(|source| ConvergenceError::Step { what: what.clone(), source })?;
             if !watch.go_on() {
                 return Err(ConvergenceError::Stopped);
             }

@@ -145,7 +145,7 @@ fn advance(
 ) -> Option<Vec<ProbeValue>> {
     let simulation = companion.as_mut()?;
     while simulation.steps() < step {
-        if let Err(error) = simulation.step() {
+        if let Err(error) = simulation.advance(step - simulation.steps()) {
             notes.push(format!("the error estimate lost a companion: {error}"));
             *companion = None;
             return None;

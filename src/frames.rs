@@ -169,10 +169,10 @@ impl FrameWriter {
         if kept.len() < self.count() { self.resume(&kept) } else { Ok(()) }
     }
 
-    /// Is the simulation at the step nearest to the time of the next frame, or beyond it?
-    pub(crate) fn is_due(&self, simulation: &Simulation) -> bool {
+    /// Is the end of step `steps`, of h (s) each, the nearest to the time of the next frame, or beyond it?
+    pub(crate) fn is_due(&self, steps: u64, h: f64) -> bool {
         let next = self.count() as f64 * self.interval;
-        simulation.time() + 0.5 * simulation.step_size() > next
+        steps as f64 * h + 0.5 * h > next
     }
 
     /// Writes a frame of the state now.

@@ -98,7 +98,8 @@ pub trait Watch {
     fn start(&mut self, _simulation: &Simulation, _notes: &[String]) {}
     /// Something that a reader should hear was found on the way, e.g. a limit point.
     fn finding(&mut self, _finding: &str) {}
-    /// A step was made. Return false to end the run after it, with everything written.
+    /// A step was made, or some 16 with nothing due between them. Return false to end the run there, with
+    /// everything written.
     fn step(&mut self, _simulation: &Simulation) -> bool {
         true
     }

@@ -18,6 +18,9 @@ pub use observe::{Observation, ProbeValue};
 use pace::Pace;
 pub use snapshot::{Snapshot, Substeps};
 
+/// Steps that are made together at most: a caller who asks for more may still interrupt.
+pub(crate) const TOGETHER: u64 = 16;
+
 /// Bodies that act on each other, as one Lagrangian system with its integrator.
 ///
 /// Bodies apart from each other are separate components and cost what they cost alone; a component
@@ -319,6 +322,61 @@ impl Simulation {
         }
         self.steps += 1;
         Ok(total)
+    }
+
+    /// Advances every component by one step, or by up to `most` together where that is cheaper: the bits are those
+    /// of [`Simulation::step`] every time.
+    ///
+    /// # Errors
+    /// As [`Simulation::step`].
+    pub fn advance(&mut self, most: u64) -> Result<Stepped, StepError> {
+        let count = most.min(TOGETHER).min(self.step_count.saturating_sub(self.steps));
+        if count > 1 && self.steps_together(count as u32) {
+            return Ok(Stepped::default());
+        }
+        self.step()
+    }
+
+    /// Makes `count` steps in one stretch; false, with nothing changed, where a component cannot.
+    fn steps_together(&mut self, count: u32) -> bool {
+        let (h, end) = (self.h, (self.steps + u64::from(count)) as f64 * self.h);
+        if self.parts > 1 || self.scene.statics.is_some() {
+            return false;
+        }
+        let several = self.components.len() > 1;
+        let advance = |component: &mut Component| -> Option<Option<State>> {
+            let Component { system, state, stepper, pace, has_domain, .. } = component;
+            let before = several.then(|| state.clone());
+            if let Some(stepper) = stepper {
+                let unseen = *has_domain && stepper.gradient().is_none();
+                if unseen || !pace.is_whole() {
+                    return None;
+                }
+                stepper.steps(system, state, h, count)?;
+                pace.walk(count);
+            }
+            state.t = end;
+            Some(before)
+        };
+        if let [component] = self.components.as_mut_slice() {
+            if advance(component).is_none() {
+                return false;
+            }
+        } else {
+            let paces: Vec<Pace> = self.components.iter().map(|component| component.pace).collect();
+            let results: Vec<_> = self.components.par_iter_mut().map(advance).collect();
+            if results.iter().any(Option::is_none) {
+                for ((component, before), pace) in self.components.iter_mut().zip(results).zip(paces) {
+                    component.pace = pace;
+                    if let Some(Some(before)) = before {
+                        component.state = before;
+                    }
+                }
+                return false;
+            }
+        }
+        self.steps += u64::from(count);
+        true
     }
 
     /// Work done by all steppers so far.

@@ -23,6 +23,9 @@ use crate::scene::{Guard, GuardAction};
 use crate::simulation::{Observation, Simulation};
 use crate::stability::{StabilityNote, stability};
 
+/// Steps between two looks at what is due, at most.
+const MOST: u64 = 64;
+
 /// What a run has seen and written so far: what it goes back with, and continues with.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Course {
@@ -223,11 +226,25 @@ impl Run {
         }
     }
 
-    /// One step with its row, frame and checkpoint where they are due; the energy guard may go back instead.
+    /// Steps until something is due, at least one.
+    fn quiet_steps(&self) -> u64 {
+        let (now, h) = (self.simulation.steps(), self.simulation.step_size());
+        let every = self.simulation.scene().output.history;
+        let is_due = |step: &u64| {
+            (every > 0 && step.is_multiple_of(every))
+                || self.guard.is_due(*step)
+                || self.frames.as_ref().is_some_and(|frames| frames.is_due(*step, h))
+                || self.store.as_ref().is_some_and(|(store, _)| store.is_due(*step, h))
+        };
+        (now + 1..now + MOST).find(is_due).unwrap_or(now + MOST) - now
+    }
+
+    /// A step, or several with nothing due between, with row, frame and checkpoint where they are due; the energy guard may go back instead.
     fn advance(&mut self) -> Result<(), RunError> {
         self.keep_good();
+        let quiet = self.quiet_steps();
         let begin = Instant::now();
-        let stepped = self.simulation.step();
+        let stepped = self.simulation.advance(quiet);
         self.report.stepping_seconds += begin.elapsed().as_secs_f64();
         let step = self.simulation.steps();
         let stepped = match stepped {
@@ -259,7 +276,7 @@ impl Run {
         }
         let is_done = self.simulation.is_done();
         if let Some(frames) = &mut self.frames
-            && (frames.is_due(&self.simulation) || is_done)
+            && (frames.is_due(step, self.simulation.step_size()) || is_done)
         {
             frames.write(&self.simulation).map_err(|source| match source {
                 IoError::BadOutput { .. } => RunError::Beyond { step, source },

@@ -87,6 +87,18 @@ impl Pace {
         self.size as u32
     }
 
+    /// Are steps made whole?
+    pub(crate) fn is_whole(&self) -> bool {
+        self.size == u64::from(FLOOR)
+    }
+
+    /// `count` whole steps were made, none of them hard.
+    pub(crate) fn walk(&mut self, count: u32) {
+        for _ in 0..count {
+            self.succeed(FLOOR, FLOOR, false, 0.0);
+        }
+    }
+
     /// A substep was made that ends at `end` of its step.
     pub(crate) fn succeed(&mut self, end: u32, largest: u32, is_hard: bool, cost: f64) {
         self.count += 1;

@@ -11,7 +11,7 @@ use vi_core::State;
 use super::violence::Case;
 use crate::run::{RunError, Watch, run};
 use crate::scene::{GuardAction, SchemeName};
-use crate::simulation::Simulation;
+use crate::simulation::{Simulation, TOGETHER};
 
 /// Growth of energy that must be warned of, of the exchange: the bound of the guard. Theory gives no less: below its
 /// limit an explicit scheme keeps an energy near the true one, which swings by (hω)²/4 of it.
@@ -69,8 +69,8 @@ impl Watch for Witness {
     }
 
     fn step(&mut self, simulation: &Simulation) -> bool {
-        // The guard goes back, and nothing else does; nothing goes on by more than a step.
-        if simulation.steps() > self.steps + 1 {
+        // The guard goes back, and nothing else does; nothing goes on by more steps than are made together.
+        if simulation.steps() > self.steps + TOGETHER {
             self.wrong = Some(format!("step {} follows step {}", simulation.steps(), self.steps));
         }
         self.look(simulation);

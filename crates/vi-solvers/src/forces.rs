@@ -154,17 +154,19 @@ impl Forces {
         self.t.is_nan()
     }
 
-    /// Makes a pass of an explicit step over q and p. The gradient is that of the last
-    /// [`Forces::sum_chunks`] where `sums`, else the one that is known.
+    /// Makes a pass of an explicit step over q and p: `kicks` are the one that ends the step before and the one
+    /// before the drift. The gradient is that of the last [`Forces::sum_chunks`] where `sums`, else the one that
+    /// is known.
     pub(crate) fn sweep(
         &mut self,
         sweep: &Sweep,
         from: Option<&State>,
         sums: bool,
-        (kick, drift): (f64, f64),
+        [closing, kick]: [f64; 2],
+        drift: f64,
         (q, p): (&mut [f64], &mut [f64]),
     ) -> Found {
-        let pass = Pass { from, sums: sums.then(|| self.assembler.gather()), kick, drift };
+        let pass = Pass { from, sums: sums.then(|| self.assembler.gather()), closing, kick, drift };
         let found = sweep.pass(pass, Arrays { gradient: &mut self.gradient, x: &mut self.x, q, p });
         self.gradient_is_of_x = (sums || self.gradient_is_of_x) && drift == 0.0 && found == Found::Sound;
         found
@@ -241,6 +243,11 @@ impl Forces {
     pub(crate) fn energy_of_positions(&mut self, system: &System, x: &[f64], t: f64) -> f64 {
         self.work.energies += 1;
         self.assembler.energies(system, x, t).total()
+    }
+
+    /// Does t matter to neither V nor x(q, t)?
+    pub(crate) fn is_autonomous(&self) -> bool {
+        self.is_autonomous
     }
 
     /// Does V depend on t explicitly?

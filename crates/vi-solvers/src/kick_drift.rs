@@ -265,8 +265,26 @@ impl KickDrift {
         work
     }
 
-    /// A step in one pass over the coordinates a force, where nobody asks for more than q and p.
-    fn advance_swept(&mut self, system: &System, state: &State, h: f64) -> Result<Found, SolverError> {
+    /// Does nobody ask for more than q and p?
+    fn is_plain(&self, system: &System, state: &State) -> bool {
+        let n = self.q.len();
+        !self.ledger
+            && self.nonconservative.is_none()
+            && !system.coordinates().has_combinations()
+            && system.constraints().is_empty()
+            && state.q.len() == n
+            && state.p.len() == n
+    }
+
+    /// Plain steps in one pass over the coordinates a force: the last kick of a step and the first of the next
+    /// read the same force. Time must matter to nothing where there are several.
+    fn advance_swept(
+        &mut self,
+        system: &System,
+        state: &State,
+        h: f64,
+        count: u32,
+    ) -> Result<Found, SolverError> {
         let Coefficients { kicks, drifts } = &self.coefficients;
         if kicks[0] != 0.0 && !self.forces.knows_gradient_of(state.t) {
             self.forces.evaluate(system, &state.q, state.t, true)?;
@@ -274,34 +292,46 @@ impl KickDrift {
         if self.forces.is_blank() {
             self.forces.go_to(system, &state.q, state.t);
         }
-        let mut elapsed = 0.0;
-        for (i, kick) in kicks.iter().map(|kick| kick * h).enumerate() {
-            let drift = drifts.get(i).map_or(0.0, |drift| drift * h);
-            let sums = i > 0 && kick != 0.0;
-            if sums {
-                let t = state.t + if i < drifts.len() { elapsed * h } else { h };
-                self.forces.sum_chunks(system, t);
+        let last = h * kicks[drifts.len()];
+        let (mut from, mut closing) = (Some(state), 0.0);
+        for _ in 0..count {
+            let mut elapsed = 0.0;
+            for (kick, drift) in kicks.iter().zip(drifts) {
+                let kick = kick * h;
+                let sums = from.is_none() && (closing != 0.0 || kick != 0.0);
+                if sums {
+                    self.forces.sum_chunks(system, state.t + elapsed * h);
+                }
+                let arrays = (&mut self.q[..], &mut self.p[..]);
+                let found =
+                    self.forces.sweep(&self.sweep, from.take(), sums, [closing, kick], drift * h, arrays);
+                if found == Found::Unsound {
+                    return Ok(found);
+                }
+                elapsed += drift;
+                closing = 0.0;
             }
-            let from = (i == 0).then_some(state);
-            let found = self.forces.sweep(&self.sweep, from, sums, (kick, drift), (&mut self.q, &mut self.p));
-            if found == Found::Unsound {
-                return Ok(found);
-            }
-            elapsed += drifts.get(i).unwrap_or(&0.0);
+            closing = last;
+        }
+        if last != 0.0 {
+            self.forces.sum_chunks(system, state.t + h);
+            return Ok(self.forces.sweep(
+                &self.sweep,
+                None,
+                true,
+                [0.0, last],
+                0.0,
+                (&mut self.q, &mut self.p),
+            ));
         }
         Ok(Found::Sound)
     }
 
     fn advance(&mut self, system: &System, state: &State, h: f64) -> Result<StepEnergy, SolverError> {
-        let n = self.q.len();
-        let is_plain = !self.ledger
-            && self.nonconservative.is_none()
-            && !system.coordinates().has_combinations()
-            && system.constraints().is_empty();
-        if is_plain && state.q.len() == n && state.p.len() == n {
+        if self.is_plain(system, state) {
             // The second time from the start, in case the state is not where the last step ended.
             for _ in 0..2 {
-                if self.advance_swept(system, state, h)? == Found::Sound {
+                if self.advance_swept(system, state, h, 1)? == Found::Sound {
                     return Ok(StepEnergy::default());
                 }
                 self.forces.forget();
@@ -375,6 +405,29 @@ impl Stepper for KickDrift {
         state.t += h;
         self.forces.work.steps += 1;
         Ok(StepReport { iterations: 0, energy, work: self.forces.work - before })
+    }
+
+    fn steps(&mut self, system: &System, state: &mut State, h: f64, count: u32) -> Option<StepReport> {
+        if !self.forces.is_autonomous() || !self.is_plain(system, state) {
+            return None;
+        }
+        let (before, knew) = (self.forces.work, self.forces.knows_gradient_of(state.t));
+        let found = self.advance_swept(system, state, h, count);
+        if !matches!(found, Ok(Found::Sound)) {
+            // As if nothing had been tried.
+            self.forces.forget();
+            if knew {
+                self.forces.evaluate(system, &state.q, state.t, true).ok();
+            }
+            self.forces.work = before;
+            return None;
+        }
+        std::mem::swap(&mut state.q, &mut self.q);
+        std::mem::swap(&mut state.p, &mut self.p);
+        state.t += f64::from(count) * h;
+        self.forces.work.steps += u64::from(count);
+        let work = self.forces.work - before;
+        Some(StepReport { iterations: 0, energy: StepEnergy::default(), work })
     }
 
     fn work(&self) -> Work {

@@ -13,6 +13,13 @@ pub trait Stepper: Send {
     /// A [`StepError`] with the facts; `state` is then bit-identical to what it was.
     fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError>;
 
+    /// Advances `state` by `count` steps of h at once, to the bits of as many calls of [`Stepper::step`], where
+    /// a scheme can do that for less. None, with nothing changed, where it cannot, or where one of the steps
+    /// fails: single steps then tell which and why.
+    fn steps(&mut self, _system: &System, _state: &mut State, _h: f64, _count: u32) -> Option<StepReport> {
+        None
+    }
+
     /// Everything done so far.
     fn work(&self) -> Work;
 

@@ -53,13 +53,15 @@ impl<'a> Arrays<'a> {
     }
 }
 
-/// What a pass does: p −= kick ∂V/∂q, then q += drift M⁻¹p and x = q.
+/// What a pass does: p −= closing ∂V/∂q, then p −= kick ∂V/∂q, then q += drift M⁻¹p and x = q.
 #[derive(Clone, Copy)]
 pub(crate) struct Pass<'a> {
     /// Where q and p are read from; in place where none. Before a kick, x must be of this state.
     pub(crate) from: Option<&'a State>,
     /// Whose chunks are summed to the gradient first; it is known where none.
     pub(crate) sums: Option<&'a Gather>,
+    /// b h of the kick that ends the step before, s; none where it is zero.
+    pub(crate) closing: f64,
     /// b h, s.
     pub(crate) kick: f64,
     /// a h, s; nothing moves where it is zero.
@@ -155,6 +157,9 @@ impl Sweep {
                     sound &= pass.kick == 0.0 || self.arch.dispatch(AreEqual { a: x, b: q });
                 }
                 let (kick, gradient) = (pass.kick, &gradient[low - start..][..n]);
+                if pass.closing != 0.0 {
+                    sound &= self.arch.dispatch(Kick { kick: pass.closing, gradient, p });
+                }
                 sound &= if pass.drift == 0.0 {
                     self.arch.dispatch(Kick { kick, gradient, p })
                 } else {
