@@ -21,7 +21,7 @@ pub(crate) use store::{Store, remove_all};
 
 const MAGIC: &[u8; 8] = b"VI-CHECK";
 /// Changes with every change of the record.
-const FORMAT: u64 = 1;
+const FORMAT: u64 = 2;
 
 /// Why a run cannot continue.
 #[derive(Debug, thiserror::Error)]

@@ -5,7 +5,7 @@ mod sheet;
 
 use std::path::Path;
 
-use vi_fem::{CellField, ElementBlock, ElementKind, Mesh, Region, orient_triangles};
+use vi_fem::{CellField, ElementBlock, ElementKind, Mesh, Numbering, Region, orient_triangles};
 use vi_io::{CellKind, DataArray, MeshFile};
 
 use crate::scene::{Body, RestShape};
@@ -30,6 +30,15 @@ impl Imported {
     pub(crate) fn generated(mesh: Mesh) -> Self {
         let (fields, notes) = (Vec::new(), Vec::new());
         Self { mesh, displacement: None, velocity: None, pattern: None, fields, notes }
+    }
+
+    /// The same with other numbers of its nodes, and the mesh as it was.
+    pub(crate) fn renumbered(self, numbering: &Numbering) -> (Self, Mesh) {
+        let reorder = |values: Option<Vec<f64>>| {
+            values.map(|values| numbering.values(values.as_chunks::<3>().0).into_flattened())
+        };
+        let (displacement, velocity) = (reorder(self.displacement), reorder(self.velocity));
+        (Self { mesh: numbering.mesh(&self.mesh), displacement, velocity, ..self }, self.mesh)
     }
 }
 

@@ -11,7 +11,7 @@ mod sheets;
 mod ties;
 
 use vi_core::{State, System};
-use vi_fem::Mesh;
+use vi_fem::{Mesh, Numbering};
 
 pub use rigid::{Pose, RigidModel};
 pub(crate) use shape::surface;
@@ -31,9 +31,16 @@ pub struct BodyModel {
     pub component: usize,
     /// Its first node among the nodes of the component.
     pub node_offset: usize,
+    /// How the component numbers its nodes, from there on.
+    pub numbering: Numbering,
 }
 
 impl BodyModel {
+    /// Number among the nodes of the component of a node of the mesh.
+    pub fn node(&self, node: usize) -> usize {
+        self.node_offset + self.numbering.of(node as u32) as usize
+    }
+
     /// Number of its elements.
     pub fn element_count(&self) -> usize {
         self.materials.iter().map(Vec::len).sum()

@@ -301,8 +301,9 @@ impl Simulation {
             total.substeps += done.substeps;
             finest = finest.max(done.finest);
         };
+        let bodies = &self.bodies;
         if let [component] = self.components.as_mut_slice() {
-            enter(advance(component)?);
+            enter(advance(component).map_err(|error| in_numbers_of_meshes(bodies, 0, error))?);
         } else {
             let before: Vec<State> = self.components.iter().map(|c| c.state.clone()).collect();
             let results: Vec<_> = self.components.par_iter_mut().map(advance).collect();
@@ -311,8 +312,8 @@ impl Simulation {
                     component.state = state;
                 }
             }
-            for result in results {
-                enter(result?);
+            for (number, result) in results.into_iter().enumerate() {
+                enter(result.map_err(|error| in_numbers_of_meshes(bodies, number, error))?);
             }
         }
         if total.substeps > 0 {
@@ -387,6 +388,18 @@ impl Simulation {
         }
         total
     }
+}
+
+/// The error of a component with the coordinate that it names counted as in the bodies' own meshes.
+fn in_numbers_of_meshes(bodies: &[BodyModel], component: usize, mut error: StepError) -> StepError {
+    if let SolverError::NotFinite { dof, .. } = &mut error.cause {
+        let body = bodies.iter().filter(|body| body.component == component).find_map(|body| {
+            let number = (*dof / 3).checked_sub(body.node_offset)? as u32;
+            Some(body.node_offset + body.numbering.node(number)? as usize)
+        });
+        *dof = body.map_or(*dof, |node| 3 * node + *dof % 3);
+    }
+    error
 }
 
 /// Can a configuration lie outside the domain of a term? So it can where the first stencil has no energy when

@@ -162,9 +162,10 @@ impl Norm {
         let mut rest: Vec<Vec<f64>> =
             components.iter().map(|c| vec![0.0; c.system().coordinates().dof_count()]).collect();
         for body in simulation.bodies() {
-            let points = body.mesh.points.as_flattened();
-            let first = 3 * body.node_offset;
-            rest[body.component][first..first + points.len()].copy_from_slice(points);
+            let (rest, _) = rest[body.component].as_chunks_mut::<3>();
+            for (node, point) in body.mesh.points.iter().enumerate() {
+                rest[body.node(node)] = *point;
+            }
         }
         let restricted = components.iter().zip(&rest).map(|(component, x)| {
             let mut q = vec![0.0; component.system().coordinates().free_count()];

@@ -50,6 +50,7 @@ pub fn scene_modes(
         if asked.unwrap_or(mass) == MassKind::Consistent && component.system().kinetic().is_none() {
             let bodies = simulation.bodies().iter().zip(&simulation.scene().bodies);
             for (body, of_scene) in bodies.filter(|(body, _)| body.component == number) {
+                let mesh = body.numbering.mesh(&body.mesh);
                 for (entry, elements) in of_scene.material.0.iter().zip(&body.materials) {
                     let Substance::Solid(law) = &entry.law else {
                         let message = format!(
@@ -59,7 +60,7 @@ pub fn scene_modes(
                         return Err(RunError::Scene(vec![Problem::new("modes", message)]));
                     };
                     let density = law.density();
-                    let terms = consistent_mass(&body.mesh, elements, density, body.node_offset, &body.name)
+                    let terms = consistent_mass(&mesh, elements, density, body.node_offset, &body.name)
                         .map_err(|error| RunError::Scene(vec![Problem::new("modes", error.to_string())]))?;
                     kinetic.extend(terms);
                 }
@@ -120,10 +121,11 @@ pub fn write_modes(
         }
         let mut displacement = Vec::new();
         for body in simulation.bodies() {
-            let points = 3 * body.mesh.points.len();
+            let nodes = 0..body.mesh.points.len();
+            let (shape, _) = shape.as_chunks::<3>();
             match body.component == *component {
-                true => displacement.extend_from_slice(&shape[3 * body.node_offset..][..points]),
-                false => displacement.resize(displacement.len() + points, 0.0),
+                true => displacement.extend(nodes.flat_map(|node| shape[body.node(node)])),
+                false => displacement.resize(displacement.len() + 3 * nodes.len(), 0.0),
             }
         }
         frames.write_shape(&format!("mode_{number:03}.vtu"), &displacement)?;

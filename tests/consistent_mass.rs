@@ -65,7 +65,8 @@ fn a_bar_vibrates_as_its_mass_says() {
         let modes = scene_modes(&mut simulation, 3, mass).unwrap();
         // The momentum Σ sin κj p_j of a mode turns by θ a step, tan θ/2 = ωh/2.
         let free: Vec<u32> = simulation.components()[0].system().coordinates().free().to_vec();
-        let points = simulation.bodies()[0].mesh.points.clone();
+        let body = &simulation.bodies()[0];
+        let points = body.numbering.values(&body.mesh.points);
         let mut series = [const { Vec::new() }; 3];
         while !simulation.is_done() {
             simulation.step().unwrap();
@@ -208,8 +209,9 @@ fn reactions_balance_weight_and_inertia() {
     }
     let (accelerations, reactions) = (simulation.accelerations(0), simulation.reactions(0));
     // Shares of the whole momentum: row sums, which are the lumped mass of hex8.
-    let system = simulation.components()[simulation.bodies()[0].component].system();
-    let mass = |node: usize| system.mass()[3 * node];
+    let body = &simulation.bodies()[0];
+    let system = simulation.components()[body.component].system();
+    let mass = |node: usize| system.mass()[3 * body.node(node)];
     for k in 0..3 {
         let rate: f64 = accelerations.iter().enumerate().map(|(node, a)| mass(node) * a[k]).sum();
         let weight = [0.0, 0.0, -9.81 * 125.0][k];

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use vi_core::constraints::QuadraticConstraint;
 use vi_core::{Combination, Force, Potential, Prescribed, State, System};
 use vi_fem::{
-    Anchor, Gravity, LockingCure, PointSpring, Sheet, SpringEnd, Tie, add_lumped_mass, add_row_sums,
-    consistent_mass, mass_properties, rigid_velocities,
+    Anchor, Gravity, LockingCure, Numbering, PointSpring, Sheet, SpringEnd, Tie, add_lumped_mass,
+    add_row_sums, consistent_mass, mass_properties, rigid_velocities,
 };
 
 use super::load::{End, Loaded, LoadedBody};
@@ -30,16 +30,20 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
     let new_part = |_| Part { sums_rows, is_consistent, ..Part::default() };
     let mut parts: Vec<Part> = (0..component_count).map(new_part).collect();
     let mut bodies = Vec::with_capacity(loaded_bodies.len());
-    for (i, body) in loaded_bodies.into_iter().enumerate() {
+    let mut meshes = Vec::with_capacity(loaded_bodies.len());
+    for (i, LoadedBody { read, materials }) in loaded_bodies.into_iter().enumerate() {
         let part = &mut parts[component_of[i]];
         let node_offset = part.mass.len();
+        let numbering = Numbering::by_place(&read.mesh);
+        let (read, mesh) = read.renumbered(&numbering);
+        let body = LoadedBody { read, materials };
         notes.extend(body.read.notes.iter().cloned());
-        let clamps: Vec<&[u32]> = scene
+        let clamps: Vec<HashSet<u32>> = scene
             .fixes
             .iter()
             .zip(&fixes)
             .filter(|(fix, (of, _))| fix.rotation && *of == i)
-            .map(|(_, (_, nodes))| nodes.as_slice())
+            .map(|(_, (_, nodes))| nodes.iter().map(|&node| numbering.of(node)).collect())
             .collect();
         if let Err(message) = part.add(&scene.bodies[i], &body, node_offset, &clamps) {
             problems.push(Problem::new(format!("body[{i}]"), message));
@@ -55,21 +59,23 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
         notes.extend(sheets::notes(scene, i));
         bodies.push(BodyModel {
             name: scene.bodies[i].name.clone(),
-            mesh: body.read.mesh,
+            mesh,
             materials: body.materials,
             component: component_of[i],
             node_offset,
+            numbering,
         });
+        meshes.push(body.read.mesh);
     }
     if !problems.is_empty() {
         return Err(problems);
     }
     for (strike, (body, nodes)) in scene.strikes.iter().zip(&strikes) {
-        let part = &mut parts[bodies[*body].component];
-        part.strike(nodes, bodies[*body].node_offset, strike.impulse);
+        let body = &bodies[*body];
+        parts[body.component].strike(nodes.iter().map(|&node| body.node(node as usize)), strike.impulse);
     }
     for (i, (spring, ends)) in scene.springs.iter().zip(&springs).enumerate() {
-        let node = |target: &ProbeTarget| (bodies[target.body].node_offset + target.node) as u32;
+        let node = |target: &ProbeTarget| bodies[target.body].node(target.node) as u32;
         let End::Node(target) = &ends[0] else { continue };
         let part = &mut parts[bodies[target.body].component];
         let near = part.rest[node(target) as usize];
@@ -85,13 +91,13 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
         }
     }
     for set in tie_sets {
-        let offset = |body: usize| bodies[body].node_offset as u32;
+        let number = |body: usize, node: u32| bodies[body].node(node as usize) as u32;
         let part = &mut parts[bodies[set.body].component];
         let mut springs = set.ties;
         for tie in &mut springs {
-            tie.node += offset(set.body);
+            tie.node = number(set.body, tie.node);
             if let (Anchor::Nodes(weights), Some(to)) = (&mut tie.anchor, set.to) {
-                weights.iter_mut().for_each(|(node, _)| *node += offset(to));
+                weights.iter_mut().for_each(|(node, _)| *node = number(to, *node));
             }
         }
         if set.is_exact {
@@ -115,7 +121,7 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
             .filter(|(_, (of, _))| *of == number)
             .map(|(fix, (_, nodes))| (fix, nodes.as_slice()))
             .collect();
-        match loads::load(load, i, body, &own) {
+        match loads::load(load, i, (body, &meshes[number]), &own) {
             Ok(added) => {
                 let part = &mut parts[body.component];
                 part.potentials.extend(added.potentials);
@@ -125,10 +131,10 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
         }
     }
     if let Some(damping) = &scene.damping {
-        for (body, of_scene) in bodies.iter().zip(&scene.bodies) {
+        for ((body, mesh), of_scene) in bodies.iter().zip(&meshes).zip(&scene.bodies) {
             let part = &mut parts[body.component];
-            let masses = &part.mass[body.node_offset..][..body.mesh.points.len()];
-            match loads::damping(damping, of_scene, body, masses) {
+            let masses = &part.mass[body.node_offset..][..mesh.points.len()];
+            match loads::damping(damping, of_scene, (body, mesh), masses) {
                 Ok(forces) => part.forces.extend(forces),
                 Err(message) => problems.push(Problem::new("damping", message)),
             }
@@ -143,8 +149,8 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
             .enumerate()
             .filter(|(_, (_, (body, _)))| bodies[*body].component == c)
             .map(|(index, (fix, (body, nodes)))| {
-                let offset = bodies[*body].node_offset as u32;
-                NodalFix { index, fix, nodes: nodes.iter().map(|node| node + offset).collect() }
+                let number = |&node: &u32| (bodies[*body].node(node as usize) as u32, node);
+                NodalFix { index, fix, nodes: nodes.iter().map(number).collect() }
             })
             .collect();
         match part.into_system(scene.gravity, &fixes) {
@@ -175,7 +181,7 @@ fn add_rigids(
         let part = &mut parts[component];
         let mut nodes: Vec<usize> = held[i]
             .iter()
-            .flat_map(|(body, nodes)| nodes.iter().map(|&node| bodies[*body].node_offset + node as usize))
+            .flat_map(|(body, nodes)| nodes.iter().map(|&node| bodies[*body].node(node as usize)))
             .collect();
         nodes.sort_unstable();
         nodes.dedup();
@@ -272,7 +278,7 @@ impl Part {
         body: &Body,
         loaded: &LoadedBody,
         node_offset: usize,
-        clamps: &[&[u32]],
+        clamps: &[HashSet<u32>],
     ) -> Result<(), String> {
         let read = &loaded.read;
         let mesh = &read.mesh;
@@ -365,11 +371,11 @@ impl Part {
     }
 
     /// Shares an impulse (N s) among nodes by mass: all get the velocity impulse / Σm.
-    fn strike(&mut self, nodes: &[u32], node_offset: usize, impulse: [f64; 3]) {
-        let mass: f64 = nodes.iter().map(|&node| self.mass[node_offset + node as usize]).sum();
-        for &node in nodes {
+    fn strike(&mut self, nodes: impl Iterator<Item = usize> + Clone, impulse: [f64; 3]) {
+        let mass: f64 = nodes.clone().map(|node| self.mass[node]).sum();
+        for node in nodes {
             for k in 0..3 {
-                self.v[3 * (node_offset + node as usize) + k] += impulse[k] / mass;
+                self.v[3 * node + k] += impulse[k] / mass;
             }
         }
     }

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use vi_core::{Force, Potential};
-use vi_fem::{DeadLoad, MassDamping, Pressure, Surface, Viscosity, kelvin_voigt, pressure};
+use vi_fem::{DeadLoad, MassDamping, Mesh, Pressure, Surface, Viscosity, kelvin_voigt, pressure};
 
 use super::BodyModel;
 use crate::scene::{Body, Damping, Fix, Load, Substance, field};
@@ -16,14 +16,15 @@ pub(super) struct Added {
     pub(super) forces: Vec<Arc<dyn Force>>,
 }
 
-/// A load on a body; `fixes` are those of the body with their nodes.
+/// A load on a body, which comes with its mesh in the numbering of the component; `fixes` are those of the body
+/// with their nodes.
 pub(super) fn load(
     load: &Load,
     index: usize,
-    body: &BodyModel,
+    (body, mesh): (&BodyModel, &Mesh),
     fixes: &[(&Fix, &[u32])],
 ) -> Result<Added, String> {
-    let (mesh, offset) = (&body.mesh, body.node_offset);
+    let offset = body.node_offset;
     let text = |error: vi_fem::FemError| error.to_string();
     let mut added = Added::default();
     match load {
@@ -42,7 +43,7 @@ pub(super) fn load(
             for (fix, nodes) in fixes.iter().filter(|(fix, _)| fix.motion.is_none()) {
                 for &node in *nodes {
                     for &axis in &fix.axes {
-                        fixed[node as usize][axis as usize] = true;
+                        fixed[body.numbering.of(node) as usize][axis as usize] = true;
                     }
                 }
             }
@@ -54,8 +55,9 @@ pub(super) fn load(
         }
         Load::Point { point, node, force, amplitude, .. } => {
             let name = format!("load[{index}]: point");
-            let nearest = || point.and_then(|point| mesh.nearest_node(point));
+            let nearest = || point.and_then(|point| body.mesh.nearest_node(point));
             let node = node.map(|node| node as u32).or_else(nearest).ok_or("the body has no nodes")?;
+            let node = body.numbering.of(node);
             let term = DeadLoad::points(mesh, &[(node, *force)], amplitude.clone(), offset, &name);
             added.potentials.push(Box::new(term.map_err(text)?));
         }
@@ -73,11 +75,11 @@ pub(super) fn load(
     Ok(added)
 }
 
-/// Damping of a body whose nodes have these masses (kg).
+/// Damping of a body, which comes with its mesh in the numbering of the component; its nodes have these masses (kg).
 pub(super) fn damping(
     damping: &Damping,
     scene_body: &Body,
-    body: &BodyModel,
+    (body, mesh): (&BodyModel, &Mesh),
     masses: &[f64],
 ) -> Result<Vec<Arc<dyn Force>>, String> {
     let text = |error: vi_fem::FemError| error.to_string();
@@ -91,9 +93,7 @@ pub(super) fn damping(
         };
         if (viscosity.shear, viscosity.bulk) != (0.0, 0.0) && !elements.is_empty() {
             let name = format!("{}: Kelvin-Voigt damping", body.name);
-            forces.extend(
-                kelvin_voigt(&body.mesh, elements, viscosity, body.node_offset, &name).map_err(text)?,
-            );
+            forces.extend(kelvin_voigt(mesh, elements, viscosity, body.node_offset, &name).map_err(text)?);
         }
     }
     if damping.mass_rate != 0.0 {

@@ -7,12 +7,13 @@ use vi_fem::{FemError, Motion};
 
 use crate::scene::{Fix, Problem};
 
-/// A fix with its nodes found, in the numbering of a component.
+/// A fix with its nodes found.
 pub(super) struct NodalFix<'a> {
     /// Number of the fix in the scene, for messages.
     pub(super) index: usize,
     pub(super) fix: &'a Fix,
-    pub(super) nodes: Vec<u32>,
+    /// Their numbers in the component, and in the mesh of the body.
+    pub(super) nodes: Vec<(u32, u32)>,
 }
 
 /// The coordinates of a component whose nodes start at x (m, 3 a node), with `others` prescribed too.
@@ -28,9 +29,9 @@ pub(super) fn coordinates(
     let mut held = Vec::new();
     for (i, nodal) in fixes.iter().enumerate() {
         let mut dofs = Vec::new();
-        for &node in &nodal.nodes {
+        for &(number, node) in &nodal.nodes {
             for &axis in &nodal.fix.axes {
-                let dof = 3 * node + axis as u32;
+                let dof = 3 * number + axis as u32;
                 match owner.get(&dof) {
                     None => {
                         owner.insert(dof, i);

@@ -10,7 +10,7 @@ use super::load::LoadedBody;
 use crate::scene::Scene;
 
 /// The edges of the boundary of triangles whose nodes are both in one of `clamps`, ascending.
-pub(super) fn clamped(mesh: &Mesh, elements: &[u32], clamps: &[&[u32]]) -> Vec<[u32; 2]> {
+pub(super) fn clamped(mesh: &Mesh, elements: &[u32], clamps: &[HashSet<u32>]) -> Vec<[u32; 2]> {
     if clamps.is_empty() {
         return Vec::new();
     }
@@ -21,7 +21,6 @@ pub(super) fn clamped(mesh: &Mesh, elements: &[u32], clamps: &[&[u32]]) -> Vec<[
             *sides.entry([p.min(q), p.max(q)]).or_default() += 1;
         }
     }
-    let clamps: Vec<HashSet<u32>> = clamps.iter().map(|nodes| nodes.iter().copied().collect()).collect();
     let is_held = |edge: &[u32; 2]| clamps.iter().any(|nodes| edge.iter().all(|node| nodes.contains(node)));
     let mut edges: Vec<[u32; 2]> = sides
         .into_iter()

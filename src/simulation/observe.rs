@@ -79,7 +79,7 @@ impl Simulation {
         }
         let value = |probe: &ProbeTarget| {
             let body = &self.bodies[probe.body];
-            let (x, node) = (&positions[body.component], body.node_offset + probe.node);
+            let (x, node) = (&positions[body.component], body.node(probe.node));
             let position = std::array::from_fn(|k| x[3 * node + k]);
             let rest = body.mesh.points[probe.node];
             ProbeValue { position, displacement: std::array::from_fn(|k| position[k] - rest[k]) }
@@ -181,7 +181,7 @@ impl Simulation {
     fn nodal(&self, body: usize, values: impl Fn(&Component) -> Vec<f64>) -> Vec<[f64; 3]> {
         let body = &self.bodies[body];
         let all = values(&self.components[body.component]);
-        let own = &all[3 * body.node_offset..3 * (body.node_offset + body.mesh.points.len())];
-        own.as_chunks::<3>().0.to_vec()
+        let (all, _) = all.as_chunks::<3>();
+        (0..body.mesh.points.len()).map(|node| all[body.node(node)]).collect()
     }
 }

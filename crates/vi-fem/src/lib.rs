@@ -74,6 +74,7 @@ pub use mesh::{ElementBlock, FinerMesh, Mesh, Region};
 pub use motion::{Motion, Rotate, Sine, Table, Translate};
 pub use nearest::{NearestPoints, SurfacePoint};
 pub use nodal_fields::nodal_field;
+pub use order::Numbering;
 pub use pressure::{Pressure, pressure};
 pub use real::Real;
 pub use sheet::{SheetMesh, SheetPattern};

@@ -1,5 +1,6 @@
-//! An order of the elements of a region in which neighbours in space are neighbours in the list, so
-//! that a run of them touches few nodes. It must not know what is summed over them.
+//! Orders of the elements of a region and of the nodes of a mesh in which neighbours in space are neighbours in
+//! the list, so that a run of elements touches few nodes, and those near each other. It must not know what is
+//! summed over them.
 
 use crate::Mesh;
 use crate::pack::GROUP;
@@ -7,7 +8,31 @@ use crate::pack::GROUP;
 /// Bits of each coordinate that count.
 const BITS: u32 = 20;
 
-/// Sorts elements along Morton's curve through their centroids (G. M. Morton, 1966).
+/// Morton's curve through a box of points (G. M. Morton, 1966).
+struct Curve {
+    low: [f64; 3],
+    scale: f64,
+}
+
+impl Curve {
+    fn through(points: impl Iterator<Item = [f64; 3]>) -> Self {
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for point in points {
+            for i in 0..3 {
+                (low[i], high[i]) = (low[i].min(point[i]), high[i].max(point[i]));
+            }
+        }
+        let extent = (0..3).map(|i| high[i] - low[i]).fold(0.0, f64::max);
+        Self { low, scale: if extent > 0.0 { f64::from((1 << BITS) - 1) / extent } else { 0.0 } }
+    }
+
+    /// Where on the curve a point lies.
+    fn place(&self, point: [f64; 3]) -> u64 {
+        (0..3).map(|i| spread(((point[i] - self.low[i]) * self.scale) as u64) << i).sum()
+    }
+}
+
+/// Sorts elements along Morton's curve through their centroids.
 pub(crate) fn sort_by_place(mesh: &Mesh, elements: &mut [u32]) {
     let centroid = |element: u32| {
         let nodes = mesh.cell(element as usize).map_or(&[][..], |(_, nodes)| nodes);
@@ -19,19 +44,59 @@ pub(crate) fn sort_by_place(mesh: &Mesh, elements: &mut [u32]) {
         }
         sum
     };
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for &element in elements.iter() {
-        let point = centroid(element);
-        for i in 0..3 {
-            (low[i], high[i]) = (low[i].min(point[i]), high[i].max(point[i]));
+    let curve = Curve::through(elements.iter().map(|&element| centroid(element)));
+    elements.sort_by_cached_key(|&element| curve.place(centroid(element)));
+}
+
+/// Another numbering of the nodes of a mesh, along Morton's curve: that of the elements of a sum. Runs of
+/// elements and of nodes then lie together in space and in memory, whatever order a file has, and what one core
+/// writes it mostly reads itself.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Numbering {
+    /// The new number of each node.
+    number: Vec<u32>,
+}
+
+impl Numbering {
+    /// The numbering along the curve.
+    pub fn by_place(mesh: &Mesh) -> Self {
+        let curve = Curve::through(mesh.points.iter().copied());
+        let mut nodes: Vec<u32> = (0..mesh.points.len() as u32).collect();
+        nodes.sort_by_cached_key(|&node| curve.place(mesh.points[node as usize]));
+        let mut number = vec![0; nodes.len()];
+        for (new, &node) in nodes.iter().enumerate() {
+            number[node as usize] = new as u32;
         }
+        Self { number }
     }
-    let extent = (0..3).map(|i| high[i] - low[i]).fold(0.0, f64::max);
-    let scale = if extent > 0.0 { f64::from((1 << BITS) - 1) / extent } else { 0.0 };
-    elements.sort_by_cached_key(|&element| {
-        let point = centroid(element);
-        (0..3).map(|i| spread(((point[i] - low[i]) * scale) as u64) << i).sum::<u64>()
-    });
+
+    /// The new number of a node; its own for one that the mesh does not have.
+    pub fn of(&self, node: u32) -> u32 {
+        self.number.get(node as usize).copied().unwrap_or(node)
+    }
+
+    /// The node that has a new number. Takes a search.
+    pub fn node(&self, number: u32) -> Option<u32> {
+        self.number.iter().position(|&of| of == number).map(|node| node as u32)
+    }
+
+    /// Values a node, in the new order.
+    pub fn values<T: Copy>(&self, values: &[T]) -> Vec<T> {
+        let mut ordered = values.to_vec();
+        for (value, &number) in values.iter().zip(&self.number) {
+            ordered[number as usize] = *value;
+        }
+        ordered
+    }
+
+    /// The mesh with its nodes so numbered; cells and regions keep their numbers.
+    pub fn mesh(&self, mesh: &Mesh) -> Mesh {
+        let mut blocks = mesh.blocks.clone();
+        for node in blocks.iter_mut().flat_map(|block| &mut block.nodes) {
+            *node = self.of(*node);
+        }
+        Mesh { points: self.values(&mesh.points), blocks, regions: mesh.regions.clone() }
+    }
 }
 
 /// Deals the elements of each run of `run_length` into groups of eight, so that those of a group are an eighth of
@@ -88,6 +153,33 @@ mod tests {
                 146, 147, 148, 149
             ]
         );
+    }
+
+    #[test]
+    fn a_numbering_is_of_the_same_mesh() {
+        let mesh = BoxMesh {
+            size: [4.0, 1.0, 2.0],
+            cells: [5, 3, 4],
+            element: ElementKind::Tet10,
+            origin: [1.0; 3],
+        };
+        let mesh = mesh.build().unwrap();
+        let numbering = Numbering::by_place(&mesh);
+        let other = numbering.mesh(&mesh);
+        let corners = |mesh: &Mesh, cell| -> Vec<[f64; 3]> {
+            mesh.cell(cell).unwrap().1.iter().map(|&node| mesh.points[node as usize]).collect()
+        };
+        assert!((0..mesh.cell_count()).all(|cell| corners(&mesh, cell) == corners(&other, cell)));
+        assert_eq!(mesh.regions, other.regions);
+        let mut numbers: Vec<u32> = (0..mesh.points.len() as u32).map(|node| numbering.of(node)).collect();
+        assert_eq!(numbering.node(numbers[17]), Some(17));
+        numbers.sort_unstable();
+        assert!(numbers.into_iter().eq(0..mesh.points.len() as u32));
+        // Neighbours in the list are neighbours in space, most of the time.
+        let steps = other.points.windows(2).map(|pair| (0..3).map(|i| (pair[1][i] - pair[0][i]).abs()).sum());
+        let mut steps: Vec<f64> = steps.collect();
+        steps.sort_by(f64::total_cmp);
+        assert!(steps[steps.len() / 2] < 0.5, "{}", steps[steps.len() / 2]);
     }
 
     #[test]
