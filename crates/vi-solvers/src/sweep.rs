@@ -26,9 +26,10 @@ pub(crate) struct Sweep {
     runs: Vec<Run>,
     /// 1/m of every free coordinate, 1/kg.
     inverse_mass: Vec<f64>,
-    /// Coordinates a task and a tile, in whole nodes.
+    /// Coordinates a task, a tile, and where tasks are cut, in whole nodes.
     task: usize,
     tile: usize,
+    grain: usize,
     parallel: bool,
     arch: Arch,
 }
@@ -93,6 +94,8 @@ impl Sweep {
             inverse_mass: system.free_mass().iter().map(|m| 1.0 / m).collect(),
             task: TASK.next_multiple_of(block),
             tile: TILE.next_multiple_of(block),
+            // Of whole vectors, and near the middle: the halves of nodes are then those of the elements.
+            grain: 8 * block,
             parallel: gather.is_parallel(),
             arch: Arch::new(),
         }
@@ -123,7 +126,7 @@ impl Sweep {
         if length <= self.task {
             return self.tiles(pass, first, free, arrays);
         }
-        let middle = (length / 2).next_multiple_of(self.tile);
+        let middle = (length / 2).next_multiple_of(self.grain);
         let free_middle = self.free_before(first + middle);
         let (left, right) = arrays.split_at(middle, free_middle - free);
         let on_left = || self.task(pass, first, free, left);
