@@ -313,18 +313,12 @@ impl KickDrift {
             }
             closing = last;
         }
-        if last != 0.0 {
+        let sums = last != 0.0;
+        if sums {
             self.forces.sum_chunks(system, state.t + h);
-            return Ok(self.forces.sweep(
-                &self.sweep,
-                None,
-                true,
-                [0.0, last],
-                0.0,
-                (&mut self.q, &mut self.p),
-            ));
         }
-        Ok(Found::Sound)
+        let arrays = (&mut self.q[..], &mut self.p[..]);
+        Ok(self.forces.sweep(&self.sweep, None, sums, [0.0, last], 0.0, arrays))
     }
 
     fn advance(&mut self, system: &System, state: &State, h: f64) -> Result<StepEnergy, SolverError> {

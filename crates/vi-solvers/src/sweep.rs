@@ -11,6 +11,8 @@ use crate::gather::Gather;
 const TASK: usize = 2048;
 /// Coordinates that are worked on together, so that what one part writes the next finds in cache.
 const TILE: usize = 384;
+/// By how much the blocks of a system may make a tile longer.
+const MARGIN: usize = 3;
 
 /// Free coordinates that follow each other.
 struct Run {
@@ -36,11 +38,13 @@ pub(crate) struct Sweep {
 
 /// The arrays that a pass changes, of coordinates `first` and on.
 pub(crate) struct Arrays<'a> {
-    /// ∂V/∂x and x of all coordinates.
+    /// ∂V/∂x of all coordinates; what a pass sums and then drifts away from it does not enter.
     pub(crate) gradient: &'a mut [f64],
+    /// x of all coordinates.
     pub(crate) x: &'a mut [f64],
-    /// q and p of the free ones.
+    /// q of the free ones, which a pass that does not drift enters.
     pub(crate) q: &'a mut [f64],
+    /// p of the free ones.
     pub(crate) p: &'a mut [f64],
 }
 
@@ -54,10 +58,10 @@ impl<'a> Arrays<'a> {
     }
 }
 
-/// What a pass does: p −= closing ∂V/∂q, then p −= kick ∂V/∂q, then q += drift M⁻¹p and x = q.
+/// What a pass does: p −= closing ∂V/∂q, then p −= kick ∂V/∂q, then x += drift M⁻¹p at the free coordinates.
 #[derive(Clone, Copy)]
 pub(crate) struct Pass<'a> {
-    /// Where q and p are read from; in place where none. Before a kick, x must be of this state.
+    /// Where q and p are read from; else they are x and p in place. Before a kick, x must be of this state.
     pub(crate) from: Option<&'a State>,
     /// Whose chunks are summed to the gradient first; it is known where none.
     pub(crate) sums: Option<&'a Gather>,
@@ -139,9 +143,15 @@ impl Sweep {
         let Arrays { gradient, x, q, p } = arrays;
         let mut run = self.runs.partition_point(|run| run.dof + run.length <= first);
         let mut sound = true;
+        // Sums that nobody reads after the drift stay in cache.
+        let mut passing = [0.0; TILE + MARGIN];
         for (tile, (gradient, x)) in gradient.chunks_mut(self.tile).zip(x.chunks_mut(self.tile)).enumerate() {
             let start = first + tile * self.tile;
             let end = start + x.len();
+            let gradient = match pass.sums {
+                Some(_) if pass.drift != 0.0 => &mut passing[..x.len()],
+                _ => gradient,
+            };
             if let Some(gather) = pass.sums {
                 gather.sum_nodes(start / gather.block(), gradient);
                 sound &= self.arch.dispatch(AreFinite(gradient));
@@ -155,20 +165,22 @@ impl Sweep {
                 let (q, p) = (&mut q[k - first_free..][..n], &mut p[k - first_free..][..n]);
                 let x = &mut x[low - start..][..n];
                 if let Some(state) = pass.from {
-                    q.copy_from_slice(&state.q[k..k + n]);
+                    let q = &state.q[k..k + n];
                     p.copy_from_slice(&state.p[k..k + n]);
                     sound &= pass.kick == 0.0 || self.arch.dispatch(AreEqual { a: x, b: q });
+                    x.copy_from_slice(q);
                 }
                 let (kick, gradient) = (pass.kick, &gradient[low - start..][..n]);
                 if pass.closing != 0.0 {
                     sound &= self.arch.dispatch(Kick { kick: pass.closing, gradient, p });
                 }
                 sound &= if pass.drift == 0.0 {
+                    q.copy_from_slice(x);
                     self.arch.dispatch(Kick { kick, gradient, p })
                 } else {
                     let inverse_mass = &self.inverse_mass[k..k + n];
                     let drift = pass.drift;
-                    self.arch.dispatch(KickDrift { kick, drift, gradient, inverse_mass, p, q, x })
+                    self.arch.dispatch(KickDrift { kick, drift, gradient, inverse_mass, p, x })
                 };
                 if dof + length > end {
                     break;
@@ -256,14 +268,13 @@ impl WithSimd for Kick<'_> {
     }
 }
 
-/// p −= kick g, then q += drift p/m and x = q. Are p and q finite?
+/// p −= kick g, then x += drift p/m. Are p and x finite?
 struct KickDrift<'a> {
     kick: f64,
     drift: f64,
     gradient: &'a [f64],
     inverse_mass: &'a [f64],
     p: &'a mut [f64],
-    q: &'a mut [f64],
     x: &'a mut [f64],
 }
 
@@ -271,26 +282,24 @@ impl WithSimd for KickDrift<'_> {
     type Output = bool;
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let Self { kick, drift, gradient, inverse_mass, p, q, x } = self;
+        let Self { kick, drift, gradient, inverse_mass, p, x } = self;
         let ((g, g_rest), (m, m_rest)) = (S::as_simd_f64s(gradient), S::as_simd_f64s(inverse_mass));
-        let ((p, p_rest), (q, q_rest)) = (S::as_mut_simd_f64s(p), S::as_mut_simd_f64s(q));
-        let (x, x_rest) = S::as_mut_simd_f64s(x);
+        let ((p, p_rest), (x, x_rest)) = (S::as_mut_simd_f64s(p), S::as_mut_simd_f64s(x));
         let (zero, b, a) = (simd.splat_f64s(0.0), simd.splat_f64s(kick), simd.splat_f64s(drift));
         let mut zeros = zero;
         let length = p.len();
-        let (g, m, q, x) = (&g[..length], &m[..length], &mut q[..length], &mut x[..length]);
+        let (g, m, x) = (&g[..length], &m[..length], &mut x[..length]);
         for k in 0..length {
             let kicked = simd.sub_f64s(p[k], simd.mul_f64s(b, g[k]));
-            let moved = simd.add_f64s(q[k], simd.mul_f64s(a, simd.mul_f64s(kicked, m[k])));
-            (p[k], q[k], x[k]) = (kicked, moved, moved);
+            let moved = simd.add_f64s(x[k], simd.mul_f64s(a, simd.mul_f64s(kicked, m[k])));
+            (p[k], x[k]) = (kicked, moved);
             zeros = simd.add_f64s(zeros, simd.mul_f64s(zero, simd.add_f64s(kicked, moved)));
         }
         let mut sum = simd.reduce_sum_f64s(zeros);
         for k in 0..p_rest.len() {
             p_rest[k] -= kick * g_rest[k];
-            q_rest[k] += drift * (p_rest[k] * m_rest[k]);
-            x_rest[k] = q_rest[k];
-            sum += 0.0 * (p_rest[k] + q_rest[k]);
+            x_rest[k] += drift * (p_rest[k] * m_rest[k]);
+            sum += 0.0 * (p_rest[k] + x_rest[k]);
         }
         sum == 0.0
     }
