@@ -178,9 +178,9 @@ fn tolerance(case: &Case) -> f64 {
     let may_switch = case.scene.guard.as_ref().is_some_and(|guard| guard.action == GuardAction::Switch);
     match case.scene.time.scheme {
         // It keeps the energy to first order in that error, and so asks for more.
-        SchemeName::EnergyMomentum => 1e-4 * asked,
+        SchemeName::EnergyMomentum => 1e-5 * asked,
         _ if !is_explicit => asked,
-        _ if may_switch => 1e-4 * asked,
+        _ if may_switch => 1e-5 * asked,
         _ => 0.0,
     }
 }
