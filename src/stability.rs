@@ -21,6 +21,20 @@ pub struct StabilityNote {
 }
 
 impl StabilityNote {
+    /// What to say after a run has blown up with a step that was below the limit at the start, but not far.
+    pub fn diagnosis(&self) -> Option<String> {
+        let share = self.step / self.step_limit;
+        (0.5..=1.0).contains(&share).then(|| {
+            format!(
+                "the step {:.3e} s was {share:.2} of the stability limit that {} had at the start; the limit falls as \
+                 bodies deform, and above it a run blows up: try a step of {:.3e} s, or an implicit scheme",
+                self.step,
+                self.method.name(),
+                0.8 * self.step
+            )
+        })
+    }
+
     /// What to say before the run where the step is above the limit.
     pub fn warning(&self) -> Option<String> {
         if self.step <= self.step_limit {

@@ -191,3 +191,38 @@ fn auto_halves_a_step_that_has_become_too_long() {
     assert!(guard["relative_growth"].as_f64().unwrap() <= 0.011, "{guard}");
     assert_eq!(run.history().column("t").last(), Some(&2.0));
 }
+
+/// StVK stiffens as it is stretched, by the factor √(3λ² − 1)/√2 along it, and with it the highest frequency: a
+/// step that was below the limit at the start is then above it. The run says so when it has blown up.
+#[test]
+fn a_limit_that_fell_is_named() {
+    let scene = |step: f64| {
+        format!(
+            r#"
+[time]
+end = 0.2
+step = {step:e}
+scheme = "stormer-verlet"
+[[body]]
+name = "bar"
+box = {{ size = [0.4, 0.2, 0.2], cells = [8, 4, 4] }}
+material = {{ law = "st-venant-kirchhoff", young = 1e6, poisson = 0.3, density = 1000.0 }}
+[[fix]]
+body = "bar"
+region = "x-min"
+[[fix]]
+body = "bar"
+region = "x-max"
+motion = {{ kind = "translate", velocity = [2.0, 0.0, 0.0] }}
+[output]
+history = 0
+"#
+        )
+    };
+    let limit = Program::run(&scene(1e-4)).report()["stability"]["step_limit"].as_f64().unwrap();
+    let run = Program::try_run(&scene(0.95 * limit), &[]);
+    assert_eq!(run.code(), Some(4), "{}", run.errors());
+    let said = run.errors();
+    assert!(said.contains("of the stability limit that stormer-verlet had at the start"), "{said}");
+    assert!(run.report()["notes"].to_string().contains("the limit falls as bodies deform"));
+}

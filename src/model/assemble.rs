@@ -292,7 +292,6 @@ impl Part {
                 entry.region.as_ref().map_or_else(|| body.name.clone(), |r| format!("{}/{r}", body.name));
             let terms = match &entry.law {
                 Substance::Solid(law) => {
-                    let name = format!("{place}: {}", law.name());
                     if self.is_consistent {
                         let terms = consistent_mass(mesh, elements, law.density(), node_offset, &body.name);
                         self.kinetic.extend(terms.map_err(|error| error.to_string())?);
@@ -303,9 +302,9 @@ impl Part {
                     }
                     add_lumped_mass(mesh, elements, law.density(), &mut mass).and_then(|()| {
                         match body.locking {
-                            LockingCure::None => vi_fem::elastic(mesh, elements, law, node_offset, &name),
+                            LockingCure::None => vi_fem::elastic(mesh, elements, law, node_offset, &place),
                             LockingCure::MeanDilation => {
-                                vi_fem::mean_dilation(mesh, elements, law, node_offset, &name)
+                                vi_fem::mean_dilation(mesh, elements, law, node_offset, &place)
                             }
                         }
                     })

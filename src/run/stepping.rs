@@ -210,6 +210,12 @@ impl Run {
             let go_on = watch.step(&self.simulation);
             interrupted = !go_on && !self.simulation.is_done();
         }
+        if failure.is_some()
+            && let Some(diagnosis) = self.stability.as_ref().and_then(StabilityNote::diagnosis)
+        {
+            watch.finding(&diagnosis);
+            self.report.notes.push(diagnosis);
+        }
         watch.end(&self.simulation);
         if failure.is_some() || interrupted {
             self.leave()?;

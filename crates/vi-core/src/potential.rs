@@ -150,6 +150,11 @@ pub trait Potential: Send + Sync {
         false
     }
 
+    /// The element that stencil `stencil` is, in the numbers of its mesh.
+    fn element(&self, stencil: usize) -> usize {
+        stencil
+    }
+
     /// Why stencil `stencil` has no finite value at (x, t), if so.
     fn fault(&self, _stencil: usize, _x: &[f64], _t: f64) -> Option<Fault> {
         None

@@ -340,6 +340,10 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
         true
     }
 
+    fn element(&self, stencil: usize) -> usize {
+        self.elements.get(stencil).map_or(stencil, |&element| element as usize)
+    }
+
     fn fault(&self, stencil: usize, x: &[f64], _t: f64) -> Option<Fault> {
         if M::DOMAIN == Domain::Everywhere || stencil >= self.solids.count() {
             return None;
@@ -349,7 +353,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
             worst = least_determinant(points, stencil % GROUP);
         });
         (worst <= 0.0).then(|| Fault {
-            element: self.elements[stencil] as usize,
+            element: self.element(stencil),
             quantity: "det F",
             value: worst,
             domain: "must be positive",

@@ -225,6 +225,10 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
         true
     }
 
+    fn element(&self, stencil: usize) -> usize {
+        self.elements.get(stencil).map_or(stencil, |&element| element as usize)
+    }
+
     fn fault(&self, stencil: usize, x: &[f64], _t: f64) -> Option<Fault> {
         if M::LINEAR || stencil >= self.solids.count() {
             return None;
@@ -234,7 +238,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
             worst = least_determinant(&room.deformations, stencil % GROUP);
         });
         (worst <= 0.0).then(|| Fault {
-            element: self.elements[stencil] as usize,
+            element: self.element(stencil),
             quantity: "det F",
             value: worst,
             domain: "must be positive",

@@ -116,7 +116,8 @@ impl Assembler {
                         (true, Some(&value)) => ("force", value),
                         (true, None) => continue,
                     };
-                    let unexplained = Fault { element: stencil, quantity, value, domain: "must be finite" };
+                    let element = potential.element(stencil);
+                    let unexplained = Fault { element, quantity, value, domain: "must be finite" };
                     let fault = potential.fault(stencil, x, t).unwrap_or(unexplained);
                     return Some(TermFault { term: potential.name().to_owned(), fault });
                 }
