@@ -36,6 +36,7 @@ mod pack;
 mod places;
 mod pressure;
 mod real;
+mod rotation;
 mod sheet;
 mod sheet_body;
 mod sheet_material;

@@ -37,6 +37,8 @@ pub trait Real:
     fn map(self, function: impl Fn(f64) -> f64) -> Self;
     /// `then` where self > 0, `otherwise` elsewhere (also for NaN).
     fn if_positive(self, then: Self, otherwise: Self) -> Self;
+    /// Is self > 0 in every lane?
+    fn is_positive(self) -> bool;
 }
 
 impl Real for f64 {
@@ -71,6 +73,10 @@ impl Real for f64 {
     #[inline(always)]
     fn if_positive(self, then: f64, otherwise: f64) -> f64 {
         if self > 0.0 { then } else { otherwise }
+    }
+    #[inline(always)]
+    fn is_positive(self) -> bool {
+        self > 0.0
     }
 }
 
@@ -167,6 +173,11 @@ impl<S: Simd> Real for Lane<S> {
     fn if_positive(self, then: Self, otherwise: Self) -> Self {
         let positive = self.simd.greater_than_f64s(self.v, self.simd.splat_f64s(0.0));
         Self { simd: self.simd, v: self.simd.select_f64s(positive, then.v, otherwise.v) }
+    }
+    #[inline(always)]
+    fn is_positive(self) -> bool {
+        let one = self.constant(1.0);
+        self.simd.reduce_min_f64s(self.if_positive(one, -one).v) > 0.0
     }
 }
 

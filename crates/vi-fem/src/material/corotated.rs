@@ -3,8 +3,9 @@
 use super::eigensystem::{rotations, twists};
 use super::{Isotropic, Material, Parameters};
 use crate::Real;
+use crate::rotation::nearest_rotation;
 use crate::svd::svd;
-use crate::tensor::{Mat3, Tangent, contract, mat3, product_transposed};
+use crate::tensor::{Mat3, Tangent, contract, mat3};
 
 /// Ψ = μ ‖F − R‖² + λ/2 (tr(RᵀF) − 3)², R the rotation nearest to F (Müller et al. 2002; analytic
 /// tangent after Kim & Eberle 2022, §5). Defined for every F: R is a rotation for inverted F too.
@@ -27,8 +28,7 @@ impl Material for Corotated {
     /// In singular values: μ Σ (σ_i − 1)² + λ/2 (Σ σ_i − 3)².
     #[inline(always)]
     fn energy<R: Real>(&self, f: &Mat3<R>) -> R {
-        let (u, _, v) = svd(f);
-        let r = product_transposed(&u, &v);
+        let r = nearest_rotation(f);
         let difference = mat3!(i j => f[i][j] - r[i][j]);
         let trace = contract(&r, &difference);
         contract(&difference, &difference) * self.mu + trace * trace * (0.5 * self.lambda)
@@ -37,8 +37,7 @@ impl Material for Corotated {
     /// P = 2μ (F − R) + λ (tr(RᵀF) − 3) R.
     #[inline(always)]
     fn stress<R: Real>(&self, f: &Mat3<R>) -> Mat3<R> {
-        let (u, _, v) = svd(f);
-        let r = product_transposed(&u, &v);
+        let r = nearest_rotation(f);
         let difference = mat3!(i j => f[i][j] - r[i][j]);
         let trace = contract(&r, &difference) * self.lambda;
         mat3!(i j => trace.mul_add(r[i][j], difference[i][j] * (2.0 * self.mu)))
