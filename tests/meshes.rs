@@ -127,3 +127,98 @@ fn keys_that_cannot_be_are_refused_with_the_way_out() {
     assert!(text.contains("tet4") && text.contains("hex8"), "{text}");
     assert!(said("locking = \"f-bar\"").contains("mean-dilation"));
 }
+
+/// Everything that names a node, by its number in the mesh of the body: fixes, loads, strikes, springs, probes.
+const NAMED: &str = r#"
+    gravity = [0.0, -9.81, 0.0]
+    [time]
+    end = 0.05
+    step = 5e-3
+    scheme = "implicit-midpoint"
+    [solver]
+    tolerance = 1e-12
+    [[body]]
+    name = "block"
+    mesh = "MESH"
+    material = { law = "neo-hookean", young = 1e5, poisson = 0.3, density = 1000.0 }
+    [[fix]]
+    body = "block"
+    nodes = [FIXED]
+    [[load]]
+    kind = "point"
+    body = "block"
+    node = PULLED
+    force = [0.0, 0.0, 20.0]
+    [[spring]]
+    from = { body = "block", node = PULLED }
+    to = { point = [1.0, 0.5, 0.5] }
+    stiffness = 100.0
+    length = 0.1
+    [[probe]]
+    name = "tip"
+    body = "block"
+    node = PULLED
+    [output]
+    interval = 0.025
+    precision = "f64"
+    fields = ["displacement", "velocity", "acceleration"]
+"#;
+
+/// The numbers that a file gives its nodes are no physics, and frames keep its order.
+#[test]
+fn nodes_are_named_and_written_as_the_file_has_them() {
+    use variational::io::{CellBlock, CellKind, VtuFrame, VtuOptions, read_mesh, write_vtu};
+    let directory = tempfile::tempdir().unwrap();
+    let shape = variational::fem::BoxMesh {
+        size: [0.4, 0.2, 0.2],
+        cells: [5, 3, 2],
+        element: ElementKind::Tet4,
+        origin: [0.0; 3],
+    };
+    let mesh = shape.build().unwrap();
+    let count = mesh.points.len();
+    // 31 is prime to the number of nodes, so that this is a permutation.
+    assert_eq!(count, 72);
+    let run = |number: &dyn Fn(usize) -> usize, name: &str| {
+        let mut points = vec![[0.0; 3]; count];
+        (0..count).for_each(|node| points[number(node)] = mesh.points[node]);
+        let cells = mesh.cells_of_dimension(3);
+        let nodes = cells.iter().flat_map(|&cell| mesh.cell(cell as usize).unwrap().1.to_vec());
+        let nodes = nodes.map(|node| number(node as usize) as u32).collect();
+        let blocks = [CellBlock { kind: CellKind::from_vtk(10).unwrap(), nodes }];
+        let path = directory.path().join(name);
+        write_vtu(
+            &path,
+            &VtuFrame { points: &points, blocks: &blocks, ..VtuFrame::default() },
+            VtuOptions::default(),
+        )
+        .unwrap();
+        let at = |wanted: &dyn Fn(&[f64; 3]) -> bool| -> Vec<usize> {
+            (0..count).filter(|&node| wanted(&mesh.points[node])).map(number).collect()
+        };
+        let fixed: Vec<String> = at(&|x| x[0] == 0.0).iter().map(ToString::to_string).collect();
+        let pulled = at(&|x| *x == [0.4, 0.2, 0.2])[0];
+        let scene = NAMED
+            .replace("MESH", path.to_str().unwrap())
+            .replace("FIXED", &fixed.join(", "))
+            .replace("PULLED", &pulled.to_string());
+        let program = Program::run(&scene);
+        let frame = read_mesh(&program.out().join("frame_000002.vtu")).unwrap();
+        let first = read_mesh(&program.out().join("frame_000000.vtu")).unwrap();
+        assert_eq!(first.points, points, "frames have the points in the order of the file");
+        (frame, program.history().last("tip.uz"))
+    };
+    let (plain, tip) = run(&|node| node, "plain.vtu");
+    let (other, other_tip) = run(&|node| (31 * node + 5) % 72, "other.vtu");
+    assert!(tip > 1e-3 && (tip - other_tip).abs() < 1e-10 * tip, "{tip} {other_tip}");
+    for field in ["displacement", "velocity", "acceleration"] {
+        let (plain, other) = (plain.point_array(field).unwrap(), other.point_array(field).unwrap());
+        let largest = plain.values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+        for node in 0..72 {
+            for axis in 0..3 {
+                let (a, b) = (plain.values[3 * node + axis], other.values[3 * ((31 * node + 5) % 72) + axis]);
+                assert!((a - b).abs() < 1e-8 * largest, "{field} {node}: {a} {b}");
+            }
+        }
+    }
+}
