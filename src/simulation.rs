@@ -1,25 +1,23 @@
 //! A scene come to life: systems with their states and steppers, stepped together.
 //! It must not know files: `run.rs` writes what it observes.
 
+mod advance;
 mod march;
 mod observe;
 mod pace;
 mod snapshot;
 
-use rayon::prelude::*;
 use vi_core::{HessianKind, State, System};
-use vi_solvers::{Assembler, Method, SolverError, SolverOptions, StepError, Stepper, Work};
+use vi_solvers::{Assembler, Method, SolverOptions, Stepper, Work};
 
 use crate::auto::AutoReport;
 use crate::model::{BodyModel, Model, ProbeTarget, RigidModel};
 use crate::scene::{Problem, Scene};
-use march::{Cut, March, march};
+pub use advance::Stepped;
+pub(crate) use advance::TOGETHER;
 pub use observe::{Observation, ProbeValue};
 use pace::Pace;
 pub use snapshot::{Snapshot, Substeps};
-
-/// Steps that are made together at most: a caller who asks for more may still interrupt.
-pub(crate) const TOGETHER: u64 = 16;
 
 /// Bodies that act on each other, as one Lagrangian system with its integrator.
 ///
@@ -63,17 +61,6 @@ impl Component {
     pub fn stepper(&self) -> Option<&dyn Stepper> {
         self.stepper.as_deref()
     }
-}
-
-/// What one step of all components did.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Stepped {
-    /// Newton iterations.
-    pub iterations: u64,
-    /// What changed the energy, J (where the ledger is kept, and always the prescribed work).
-    pub energy: vi_core::StepEnergy,
-    /// Substeps of all components; 0 where every step was made as it was asked for.
-    pub substeps: u64,
 }
 
 /// A scene with its state, ready to be stepped.
@@ -264,122 +251,6 @@ impl Simulation {
         self.substeps
     }
 
-    /// Advances every component by one step, in substeps where it fails as a whole and the scene allows them.
-    ///
-    /// # Errors
-    /// The first component's [`StepError`]; all states are then as before.
-    pub fn step(&mut self) -> Result<Stepped, StepError> {
-        let (h, is_static) = (self.h, self.scene.statics.is_some());
-        let end = (self.steps + 1) as f64 * h;
-        // Statics cuts its increments by itself.
-        let further = self.scene.time.substeps && !is_static;
-        let cut = Cut { parts: self.parts, further };
-        let advance = |component: &mut Component| -> Result<March, StepError> {
-            let Component { system, state, stepper, pace, observer, has_domain, .. } = component;
-            match stepper {
-                Some(stepper) => {
-                    // Not all schemes look at the end of a step: implicit midpoint only sees its middle.
-                    let unseen = *has_domain && !is_static && stepper.gradient().is_none();
-                    let mut check = |system: &System, state: &State| {
-                        let assembler = observer.get_or_insert_with(|| Assembler::new(system));
-                        accepts(assembler, system, state)
-                    };
-                    let check: Option<march::Check<'_>> = if unseen { Some(&mut check) } else { None };
-                    march(stepper.as_mut(), system, (state, pace), h, end, cut, check)
-                }
-                None => {
-                    state.t = end;
-                    Ok(March::default())
-                }
-            }
-        };
-        let mut total = Stepped::default();
-        let mut finest = self.parts;
-        let mut enter = |done: March| {
-            total.iterations += done.iterations;
-            total.energy += done.energy;
-            total.substeps += done.substeps;
-            finest = finest.max(done.finest);
-        };
-        let bodies = &self.bodies;
-        if let [component] = self.components.as_mut_slice() {
-            enter(advance(component).map_err(|error| in_numbers_of_meshes(bodies, 0, error))?);
-        } else {
-            let before: Vec<State> = self.components.iter().map(|c| c.state.clone()).collect();
-            let results: Vec<_> = self.components.par_iter_mut().map(advance).collect();
-            if results.iter().any(Result::is_err) {
-                for (component, state) in self.components.iter_mut().zip(before) {
-                    component.state = state;
-                }
-            }
-            for (number, result) in results.into_iter().enumerate() {
-                enter(result.map_err(|error| in_numbers_of_meshes(bodies, number, error))?);
-            }
-        }
-        if total.substeps > 0 {
-            self.substeps.steps += 1;
-            self.substeps.substeps += total.substeps;
-            self.substeps.finest = self.substeps.finest.max(u64::from(finest));
-        }
-        self.steps += 1;
-        Ok(total)
-    }
-
-    /// Advances every component by one step, or by up to `most` together where that is cheaper: the bits are those
-    /// of [`Simulation::step`] every time.
-    ///
-    /// # Errors
-    /// As [`Simulation::step`].
-    pub fn advance(&mut self, most: u64) -> Result<Stepped, StepError> {
-        let count = most.min(TOGETHER).min(self.step_count.saturating_sub(self.steps));
-        if count > 1 && self.steps_together(count as u32) {
-            return Ok(Stepped::default());
-        }
-        self.step()
-    }
-
-    /// Makes `count` steps in one stretch; false, with nothing changed, where a component cannot.
-    fn steps_together(&mut self, count: u32) -> bool {
-        let (h, end) = (self.h, (self.steps + u64::from(count)) as f64 * self.h);
-        if self.parts > 1 || self.scene.statics.is_some() {
-            return false;
-        }
-        let several = self.components.len() > 1;
-        let advance = |component: &mut Component| -> Option<Option<State>> {
-            let Component { system, state, stepper, pace, has_domain, .. } = component;
-            let before = several.then(|| state.clone());
-            if let Some(stepper) = stepper {
-                let unseen = *has_domain && stepper.gradient().is_none();
-                if unseen || !pace.is_whole() {
-                    return None;
-                }
-                stepper.steps(system, state, h, count)?;
-                pace.walk(count);
-            }
-            state.t = end;
-            Some(before)
-        };
-        if let [component] = self.components.as_mut_slice() {
-            if advance(component).is_none() {
-                return false;
-            }
-        } else {
-            let paces: Vec<Pace> = self.components.iter().map(|component| component.pace).collect();
-            let results: Vec<_> = self.components.par_iter_mut().map(advance).collect();
-            if results.iter().any(Option::is_none) {
-                for ((component, before), pace) in self.components.iter_mut().zip(results).zip(paces) {
-                    component.pace = pace;
-                    if let Some(Some(before)) = before {
-                        component.state = before;
-                    }
-                }
-                return false;
-            }
-        }
-        self.steps += u64::from(count);
-        true
-    }
-
     /// Work done by all steppers so far.
     pub fn work(&self) -> Work {
         let mut total = self.earlier_work;
@@ -388,18 +259,6 @@ impl Simulation {
         }
         total
     }
-}
-
-/// The error of a component with the coordinate that it names counted as in the bodies' own meshes.
-fn in_numbers_of_meshes(bodies: &[BodyModel], component: usize, mut error: StepError) -> StepError {
-    if let SolverError::NotFinite { dof, .. } = &mut error.cause {
-        let body = bodies.iter().filter(|body| body.component == component).find_map(|body| {
-            let number = (*dof / 3).checked_sub(body.node_offset)? as u32;
-            Some(body.node_offset + body.numbering.node(number)? as usize)
-        });
-        *dof = body.map_or(*dof, |node| 3 * node + *dof % 3);
-    }
-    error
 }
 
 /// Can a configuration lie outside the domain of a term? So it can where the first stencil has no energy when
@@ -413,18 +272,6 @@ fn has_domain(system: &System) -> bool {
             term.energies(0..1, &collapsed, 0.0, &mut energy);
         }
         !energy[0].is_finite()
-    })
-}
-
-/// Do all terms have a finite energy at a state?
-fn accepts(assembler: &mut Assembler, system: &System, state: &State) -> Result<(), SolverError> {
-    let x = system.positions(state);
-    if assembler.energies(system, &x, state.t).total().is_finite() {
-        return Ok(());
-    }
-    Err(match assembler.fault(system, &x, state.t) {
-        Some(term) => SolverError::Term { term, at_start: false },
-        None => SolverError::NotFinite { what: "energy", dof: 0, at_start: false },
     })
 }
 

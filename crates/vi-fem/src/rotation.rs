@@ -28,7 +28,8 @@ const CONVERGED: f64 = 1e-6;
 pub(crate) fn nearest_rotation<R: Real>(f: &Mat3<R>) -> Mat3<R> {
     let square = contract(f, f);
     let one = square.constant(1.0);
-    let inverse = square.if_positive(one / square.sqrt(), one);
+    let norm = square.sqrt();
+    let inverse = norm.if_positive(one / norm, one);
     let g = mat3!(i j => f[i][j] * inverse);
     let cofactors = cofactor(&g);
     let j = dot(g[0], cofactors[0]);
@@ -59,7 +60,7 @@ pub(crate) fn nearest_rotation<R: Real>(f: &Mat3<R>) -> Mat3<R> {
     if margin.is_positive() {
         return regular;
     }
-    let (u, _, v) = svd(&g);
+    let (u, _, v) = svd(f);
     let r = product_transposed(&u, &v);
     mat3!(i k => margin.if_positive(regular[i][k], r[i][k]))
 }
@@ -114,12 +115,10 @@ mod tests {
         for f in samples() {
             let r = nearest_rotation(&f);
             let norm = contract(&f, &f).sqrt();
-            // Scaled, as the singular values of tiny matrices are not exact.
-            let scale = if norm > 0.0 { 1.0 / norm } else { 1.0 };
-            let (u, sigma, v) = svd(&mat3!(i j => scale * f[i][j]));
+            let (u, sigma, v) = svd(&f);
             let (expected, metric) = (product_transposed(&u, &v), product(&transpose(&r), &r));
             // It turns where σ₂ + σ₃ is small against round-off of F.
-            let gap = (sigma[1] + sigma[2]).max(1e-300);
+            let gap = ((sigma[1] + sigma[2]) / norm).max(1e-300);
             for i in 0..3 {
                 for j in 0..3 {
                     assert!((metric[i][j] - identity[i][j]).abs() < 2e-13, "{f:?}: {metric:?}");

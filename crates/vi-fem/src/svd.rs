@@ -2,7 +2,7 @@
 //! It must not know what it is used for.
 
 use crate::Real;
-use crate::tensor::{Mat3, cross, dot, mat3, right_cauchy_green, transpose, vec3};
+use crate::tensor::{Mat3, contract, cross, dot, mat3, right_cauchy_green, transpose, vec3};
 
 /// Sweeps of cyclic Jacobi rotations: five reach round-off from any start (quadratic convergence).
 const SWEEPS: usize = 5;
@@ -40,10 +40,14 @@ pub(crate) fn symmetric_eigen<R: Real>(a: &Mat3<R>) -> ([R; 3], Mat3<R>) {
 }
 
 /// F = U diag(σ) Vᵀ with rotations U and V (det = +1): (U, σ, V), σ₁ ≥ σ₂ ≥ |σ₃|, and σ₃ < 0 where
-/// F is inverted. V from Jacobi on FᵀF, U by orthonormalising F V.
+/// F is inverted. V from Jacobi on FᵀF, U by orthonormalising F V, both of F/‖F‖: how large F is does not matter,
+/// as long as its squares do not underflow.
 #[inline(always)]
 pub(crate) fn svd<R: Real>(f: &Mat3<R>) -> (Mat3<R>, [R; 3], Mat3<R>) {
-    let (values, q) = symmetric_eigen(&right_cauchy_green(f));
+    let norm = contract(f, f).sqrt();
+    let scale = norm.if_positive(norm.constant(1.0) / norm, norm.constant(1.0));
+    let f = mat3!(i j => f[i][j] * scale);
+    let (values, q) = symmetric_eigen(&right_cauchy_green(&f));
     let zero = values[0].constant(0.0);
     let one = values[0].constant(1.0);
     // Columns with their eigenvalues, sorted; each exchange turns one column over to keep det V = 1.
@@ -67,7 +71,7 @@ pub(crate) fn svd<R: Real>(f: &Mat3<R>) -> (Mat3<R>, [R; 3], Mat3<R>) {
     let across = cross(u0, [aside, other, zero]);
     let u1 = normalised_or(rest, normalised_or(across, [zero, one, zero]));
     let u2 = cross(u0, u1);
-    let sigma = [sigma_0, dot(u1, image[1]), dot(u2, image[2])];
+    let sigma = [sigma_0 * norm, dot(u1, image[1]) * norm, dot(u2, image[2]) * norm];
     let u = [u0, u1, u2];
     (transpose(&u), sigma, transpose(&v))
 }
