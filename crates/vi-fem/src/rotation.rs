@@ -135,6 +135,20 @@ mod tests {
         }
     }
 
+    /// Where the nearest rotation jumps, round-off decides; a law whose tangent is made of singular values must find
+    /// the same one.
+    #[test]
+    fn at_a_jump_it_is_that_of_the_singular_vectors_to_the_bit() {
+        let mut seed = 3;
+        for sign in [[-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [-1.0, -1.0, -1.0], [-2.0, 1.0, 1.0]] {
+            for _ in 0..100 {
+                let f = mat3!(i j => if i == j { sign[i] } else { 0.0 } + 1e-15 * noise(&mut seed));
+                let (u, _, v) = svd(&f);
+                assert_eq!(nearest_rotation(&f), product_transposed(&u, &v), "{f:?}");
+            }
+        }
+    }
+
     struct InLanes<'a>(&'a [Mat3<f64>]);
     impl pulp::WithSimd for InLanes<'_> {
         type Output = Vec<Mat3<f64>>;
