@@ -20,11 +20,8 @@ use crate::momentum::MomentumLedger;
 use crate::pitch::PitchFinder;
 use crate::report::{Outcome, Report};
 use crate::scene::{Guard, GuardAction};
-use crate::simulation::{Observation, Simulation};
+use crate::simulation::{Observation, Simulation, TOGETHER};
 use crate::stability::{StabilityNote, stability};
-
-/// Steps between two looks at what is due, at most.
-const MOST: u64 = 64;
 
 /// What a run has seen and written so far: what it goes back with, and continues with.
 #[derive(Debug, Clone, PartialEq)]
@@ -232,7 +229,7 @@ impl Run {
         }
     }
 
-    /// Steps until something is due, at least one.
+    /// Steps until something is due, from one to as many as are made together.
     fn quiet_steps(&self) -> u64 {
         let (now, h) = (self.simulation.steps(), self.simulation.step_size());
         let every = self.simulation.scene().output.history;
@@ -242,7 +239,7 @@ impl Run {
                 || self.frames.as_ref().is_some_and(|frames| frames.is_due(*step, h))
                 || self.store.as_ref().is_some_and(|(store, _)| store.is_due(*step, h))
         };
-        (now + 1..now + MOST).find(is_due).unwrap_or(now + MOST) - now
+        (now + 1..now + TOGETHER).find(is_due).unwrap_or(now + TOGETHER) - now
     }
 
     /// A step, or several with nothing due between, with row, frame and checkpoint where they are due; the energy guard may go back instead.

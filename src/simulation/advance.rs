@@ -62,20 +62,8 @@ impl Simulation {
             total.substeps += done.substeps;
             finest = finest.max(done.finest);
         };
-        let bodies = &self.bodies;
-        if let [component] = self.components.as_mut_slice() {
-            enter(advance(component).map_err(|error| in_numbers_of_meshes(bodies, 0, error))?);
-        } else {
-            let before: Vec<State> = self.components.iter().map(|c| c.state.clone()).collect();
-            let results: Vec<_> = self.components.par_iter_mut().map(advance).collect();
-            if results.iter().any(Result::is_err) {
-                for (component, state) in self.components.iter_mut().zip(before) {
-                    component.state = state;
-                }
-            }
-            for (number, result) in results.into_iter().enumerate() {
-                enter(result.map_err(|error| in_numbers_of_meshes(bodies, number, error))?);
-            }
+        for (number, result) in on_all(&mut self.components, advance).into_iter().enumerate() {
+            enter(result.map_err(|error| in_numbers_of_meshes(&self.bodies, number, error))?);
         }
         if total.substeps > 0 {
             self.substeps.steps += 1;
@@ -102,44 +90,51 @@ impl Simulation {
     /// Makes `count` steps in one stretch; false, with nothing changed, where a component cannot.
     fn steps_together(&mut self, count: u32) -> bool {
         let (h, end) = (self.h, (self.steps + u64::from(count)) as f64 * self.h);
-        if self.parts > 1 || self.scene.statics.is_some() {
+        if self.parts > 1 || !self.components.iter().all(joins_steps) {
             return false;
         }
-        let several = self.components.len() > 1;
-        let advance = |component: &mut Component| -> Option<Option<State>> {
-            let Component { system, state, stepper, pace, has_domain, .. } = component;
-            let before = several.then(|| state.clone());
+        let advance = |component: &mut Component| -> Result<(), ()> {
+            let Component { system, state, stepper, pace, .. } = component;
             if let Some(stepper) = stepper {
-                let unseen = *has_domain && stepper.gradient().is_none();
-                if unseen || !pace.is_whole() {
-                    return None;
-                }
-                stepper.steps(system, state, h, count)?;
+                stepper.steps(system, state, h, count).ok_or(())?;
                 pace.walk(count);
             }
             state.t = end;
-            Some(before)
+            Ok(())
         };
-        if let [component] = self.components.as_mut_slice() {
-            if advance(component).is_none() {
-                return false;
-            }
-        } else {
-            let paces: Vec<Pace> = self.components.iter().map(|component| component.pace).collect();
-            let results: Vec<_> = self.components.par_iter_mut().map(advance).collect();
-            if results.iter().any(Option::is_none) {
-                for ((component, before), pace) in self.components.iter_mut().zip(results).zip(paces) {
-                    component.pace = pace;
-                    if let Some(Some(before)) = before {
-                        component.state = before;
-                    }
-                }
-                return false;
-            }
+        if on_all(&mut self.components, advance).iter().any(Result::is_err) {
+            return false;
         }
         self.steps += u64::from(count);
         true
     }
+}
+
+/// Advances every component. One that fails must be as before; all are then.
+fn on_all<T: Send, E: Send>(
+    components: &mut [Component],
+    advance: impl Fn(&mut Component) -> Result<T, E> + Send + Sync,
+) -> Vec<Result<T, E>> {
+    if let [component] = components {
+        return vec![advance(component)];
+    }
+    let before: Vec<(State, Pace)> = components.iter().map(|c| (c.state.clone(), c.pace)).collect();
+    let results: Vec<_> = components.par_iter_mut().map(advance).collect();
+    if results.iter().any(Result::is_err) {
+        for (component, before) in components.iter_mut().zip(before) {
+            (component.state, component.pace) = before;
+        }
+    }
+    results
+}
+
+/// Are several steps of a component cheaper together, with nobody who looks at each?
+fn joins_steps(component: &Component) -> bool {
+    let Component { system, stepper, pace, has_domain, .. } = component;
+    stepper.as_ref().is_none_or(|stepper| {
+        let unseen = *has_domain && stepper.gradient().is_none();
+        !unseen && pace.is_whole() && stepper.joins_steps(system)
+    })
 }
 
 /// The error of a component with the coordinate that it names counted as in the bodies' own meshes.

@@ -10,7 +10,7 @@
 //! 2 (σ₁ + σ₂)(σ₂ + σ₃)(σ₃ + σ₁).
 
 use crate::Real;
-use crate::svd::svd;
+use crate::svd::{normalised, svd};
 use crate::tensor::{Mat3, cofactor, contract, dot, mat3, product, product_transposed, right_cauchy_green};
 
 /// Steps of Laguerre's method, which converges from above with order three as all roots are real: four serve
@@ -26,15 +26,12 @@ const CONVERGED: f64 = 1e-6;
 /// R, defined for every F whose squares do not underflow; where σ₂ + σ₃ = 0 one of the nearest.
 #[inline(always)]
 pub(crate) fn nearest_rotation<R: Real>(f: &Mat3<R>) -> Mat3<R> {
-    let square = contract(f, f);
-    let one = square.constant(1.0);
-    let norm = square.sqrt();
-    let inverse = norm.if_positive(one / norm, one);
-    let g = mat3!(i j => f[i][j] * inverse);
+    let (g, norm) = normalised(f);
+    let one = norm.constant(1.0);
     let cofactors = cofactor(&g);
     let j = dot(g[0], cofactors[0]);
-    let constant = contract(&cofactors, &cofactors).mul_add(square.constant(-4.0), one);
-    let mut lambda = square.constant(3.0_f64.sqrt());
+    let constant = contract(&cofactors, &cofactors).mul_add(norm.constant(-4.0), one);
+    let mut lambda = norm.constant(3.0_f64.sqrt());
     let mut step = one;
     for _ in 0..STEPS {
         let squared = lambda * lambda;
@@ -56,7 +53,7 @@ pub(crate) fn nearest_rotation<R: Real>(f: &Mat3<R>) -> Mat3<R> {
         second.mul_add(cofactors[i][k], third * cubed[i][k]),
     ));
     // Positive where both hold; not where one is not a number.
-    let margin = (denominator - REGULAR).if_positive(square.constant(CONVERGED) - step.abs(), -one);
+    let margin = (denominator - REGULAR).if_positive(norm.constant(CONVERGED) - step.abs(), -one);
     if margin.is_positive() {
         return regular;
     }

@@ -44,9 +44,7 @@ pub(crate) fn symmetric_eigen<R: Real>(a: &Mat3<R>) -> ([R; 3], Mat3<R>) {
 /// as long as its squares do not underflow.
 #[inline(always)]
 pub(crate) fn svd<R: Real>(f: &Mat3<R>) -> (Mat3<R>, [R; 3], Mat3<R>) {
-    let norm = contract(f, f).sqrt();
-    let scale = norm.if_positive(norm.constant(1.0) / norm, norm.constant(1.0));
-    let f = mat3!(i j => f[i][j] * scale);
+    let (f, norm) = normalised(f);
     let (values, q) = symmetric_eigen(&right_cauchy_green(&f));
     let zero = values[0].constant(0.0);
     let one = values[0].constant(1.0);
@@ -74,6 +72,15 @@ pub(crate) fn svd<R: Real>(f: &Mat3<R>) -> (Mat3<R>, [R; 3], Mat3<R>) {
     let sigma = [sigma_0 * norm, dot(u1, image[1]) * norm, dot(u2, image[2]) * norm];
     let u = [u0, u1, u2];
     (transpose(&u), sigma, transpose(&v))
+}
+
+/// F/‖F‖ and ‖F‖; zero stays.
+#[inline(always)]
+pub(crate) fn normalised<R: Real>(f: &Mat3<R>) -> (Mat3<R>, R) {
+    let norm = contract(f, f).sqrt();
+    let one = norm.constant(1.0);
+    let scale = norm.if_positive(one / norm, one);
+    (mat3!(i j => f[i][j] * scale), norm)
 }
 
 /// a/‖a‖, or `otherwise` where a vanishes.

@@ -211,14 +211,16 @@ impl KickDrift {
     }
 
     /// Does nobody ask for more than q and p?
-    fn is_plain(&self, system: &System, state: &State) -> bool {
-        let n = self.q.len();
+    fn is_plain(&self, system: &System) -> bool {
         !self.ledger
             && self.nonconservative.is_none()
             && !system.coordinates().has_combinations()
             && system.constraints().is_empty()
-            && state.q.len() == n
-            && state.p.len() == n
+    }
+
+    /// Is it of as many coordinates as the system?
+    fn fits(&self, state: &State) -> bool {
+        state.q.len() == self.q.len() && state.p.len() == self.p.len()
     }
 
     /// Plain steps in one pass over the coordinates a force: the last kick of a step and the first of the next
@@ -267,7 +269,7 @@ impl KickDrift {
     }
 
     fn advance(&mut self, system: &System, state: &State, h: f64) -> Result<StepEnergy, SolverError> {
-        if self.is_plain(system, state) {
+        if self.is_plain(system) && self.fits(state) {
             // The second time from the start, in case the state is not where the last step ended.
             for _ in 0..2 {
                 if self.advance_swept(system, state, h, 1)? == Found::Sound {
@@ -346,8 +348,12 @@ impl Stepper for KickDrift {
         Ok(StepReport { iterations: 0, energy, work: self.forces.work - before })
     }
 
+    fn joins_steps(&self, system: &System) -> bool {
+        self.forces.is_autonomous() && self.is_plain(system)
+    }
+
     fn steps(&mut self, system: &System, state: &mut State, h: f64, count: u32) -> Option<StepReport> {
-        if !self.forces.is_autonomous() || !self.is_plain(system, state) {
+        if !self.joins_steps(system) || !self.fits(state) {
             return None;
         }
         let (before, knew) = (self.forces.work, self.forces.knows_gradient_of(state.t));

@@ -13,9 +13,14 @@ pub trait Stepper: Send {
     /// A [`StepError`] with the facts; `state` is then bit-identical to what it was.
     fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError>;
 
-    /// Advances `state` by `count` steps of h at once, to the bits of as many calls of [`Stepper::step`], where
-    /// a scheme can do that for less. None, with nothing changed, where it cannot, or where one of the steps
-    /// fails: single steps then tell which and why.
+    /// Are steps of this system cheaper together, by [`Stepper::steps`], than one by one?
+    fn joins_steps(&self, _system: &System) -> bool {
+        false
+    }
+
+    /// Advances `state` by `count` steps of h at once, to the bits of as many calls of [`Stepper::step`]. None,
+    /// with nothing changed, where the scheme does not join steps of this system, or where one of them fails:
+    /// single steps then tell which and why.
     fn steps(&mut self, _system: &System, _state: &mut State, _h: f64, _count: u32) -> Option<StepReport> {
         None
     }
