@@ -1,18 +1,26 @@
-//! `[time] estimate = true`: how far off is each probe? Companions of the run solve the same scene by
-//! other steps, beside it; their differences tell. It must not change the run, nor write.
+//! `[time] estimate = true`: estimates the error of every probe from companions of the run. They solve the same
+//! scene beside it and change nothing in it.
 //!
-//! Explicit schemes: Blanes–Moan 4 as the shadow of the run, whose error is taken to be nothing, and the
-//! scheme itself with h/2. Implicit schemes: the scheme itself with 2h and h/2. Either gives the error e of
-//! the run and the order p that it shows: with the shadow s, e = u_h − u_s and
-//! 2^p = |u_h − u_s| / |u_{h/2} − u_s|; with the triple, 2^p = |u_{2h} − u_h| / |u_h − u_{h/2}| and
-//! e = 2^p/(2^p − 1) · (u_h − u_{h/2}).
+//! Every scheme is compared with a companion that is more accurate than the scheme itself:
+//!
+//! | scheme | reference s | error of s |
+//! |---|---|---|
+//! | explicit, order 1 and 2 | Blanes–Moan 4 with h, or 2h where that is stable | neglected |
+//! | `blanes-moan-4` | Blanes–Moan 6 with h/2 | neglected |
+//! | `blanes-moan-6`, and explicit schemes in scenes that Blanes–Moan 4 cannot step | the scheme with h/4 | 4^−p of its own |
+//! | implicit, order p | the scheme with h/2 | 2^−p of its own, p as observed |
+//!
+//! An error of which s has the share φ is e = (u_h − u_s)/(1 − φ). Explicit schemes show their order by
+//! 2^p = |u_h − u_s| / |u_{h/2} − u_s|, implicit ones by 2^p = |u_{2h} − u_h| / |u_h − u_{h/2}|, taken no higher than
+//! the formal order, and for 1 where the differences do not fall. References of implicit schemes solve their
+//! equations 100 times as tightly, so that what the run's own solver leaves is part of the error.
 
 use serde::Serialize;
 
 use vi_solvers::SolverError;
 
 use crate::checkpoint::record::record;
-use crate::scene::SchemeName;
+use crate::scene::{Problem, SchemeName};
 use crate::simulation::{ProbeValue, Simulation, Snapshot};
 use crate::trial::{Choice, highest};
 
@@ -21,13 +29,13 @@ use crate::trial::{Choice, highest};
 pub struct ProbeEstimate {
     /// |error| of the displacement, each axis, m.
     pub error: [f64; 3],
-    /// Order observed; none where the differences do not show one.
+    /// Order observed; `None` where the differences do not show one.
     pub observed_order: Option<f64>,
 }
 
 record!(ProbeEstimate { error: [f64; 3], observed_order: Option<f64> });
 
-/// The companions of a run between two steps; none where there is none or it was lost.
+/// The companions of a run between two steps; `None` for a companion that the scheme does not need or that failed.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Companions {
     double: Option<Snapshot>,
@@ -43,51 +51,87 @@ record!(Companions {
     notes: Vec<String>,
 });
 
+/// Solver tolerance of companions over that of the run.
+const TIGHTER: f64 = 1e-2;
+
 /// The companions of a run.
 pub struct Estimator {
-    /// Twice the step; implicit schemes.
-    double: Option<Simulation>,
-    /// Half the step.
-    half: Option<Simulation>,
-    /// Blanes–Moan 4; explicit schemes.
-    shadow: Option<Simulation>,
+    /// The scheme with twice the step; implicit schemes.
+    double: Option<Companion>,
+    /// The scheme with half the step.
+    half: Option<Companion>,
+    /// The reference of explicit schemes.
+    shadow: Option<Companion>,
+    /// The error of `shadow` over that of the run.
+    share: f64,
     /// Steps of the run after which all companions can be compared with it: 1 or 2.
     stride: u64,
     order: f64,
     notes: Vec<String>,
 }
 
+/// A simulation of the same scene with its own number of steps.
+struct Companion {
+    simulation: Simulation,
+    /// Its steps over those of the run, as a fraction.
+    steps: [u64; 2],
+}
+
 impl Estimator {
     /// Companions of a simulation that has not begun.
     pub fn new(simulation: &Simulation) -> Self {
         let scene = simulation.scene();
-        let choice = Choice::of(scene);
-        let facts = choice.method().facts();
-        let mut notes = Vec::new();
-        let mut companion = |choice: Choice| match Simulation::new(choice.apply(scene)) {
+        let run = Choice::of(scene);
+        let facts = run.method().facts();
+        let order = facts.order as f64;
+        let make = |scheme: Choice, steps: [u64; 2]| {
+            let mut scene = Choice { steps: run.steps * steps[0] / steps[1], ..scheme }.apply(scene);
+            scene.solver.tolerance = (TIGHTER * scene.solver.tolerance).max(1e-14);
+            Simulation::new(scene).map(|simulation| Companion { simulation, steps })
+        };
+        let can_double = run.steps.is_multiple_of(2);
+        let mut estimator =
+            Self { double: None, half: None, shadow: None, share: 0.0, stride: 1, order, notes: Vec::new() };
+        estimator.half = estimator.accept(make(run, [2, 1]));
+        if facts.is_explicit {
+            let higher = |scheme| Choice { scheme, stages: None, steps: run.steps };
+            let shadow = match run.scheme {
+                SchemeName::BlanesMoan6 => None,
+                SchemeName::BlanesMoan4 => make(higher(SchemeName::BlanesMoan6), [2, 1]).ok(),
+                _ => {
+                    let fourth = higher(SchemeName::BlanesMoan4);
+                    let limit = fourth.method().facts().recommended_limit.unwrap_or(0.0);
+                    // With twice the step it costs 3 forces per step of the run, where that is stable.
+                    let is_slow = highest(simulation)
+                        .is_some_and(|omega| 2.0 * simulation.step_size() * omega <= limit);
+                    estimator.stride = if can_double && is_slow { 2 } else { 1 };
+                    make(fourth, [1, estimator.stride]).ok()
+                }
+            };
+            if shadow.is_none() {
+                estimator.stride = 1;
+                estimator.share = 4.0_f64.powf(-order);
+            }
+            estimator.shadow = match shadow {
+                Some(shadow) => Some(shadow),
+                None => estimator.accept(make(run, [4, 1])),
+            };
+        } else if can_double {
+            estimator.stride = 2;
+            estimator.double = estimator.accept(make(run, [1, 2]));
+        }
+        estimator
+    }
+
+    fn accept(&mut self, made: Result<Companion, Vec<Problem>>) -> Option<Companion> {
+        let refused = |problem: &Problem| format!("no error estimate: {problem}");
+        match made {
             Ok(companion) => Some(companion),
             Err(problems) => {
-                notes.extend(problems.iter().map(|problem| format!("no error estimate: {problem}")));
+                self.notes.extend(problems.iter().map(refused));
                 None
             }
-        };
-        let steps = choice.steps;
-        let half = companion(Choice { steps: 2 * steps, ..choice });
-        let can_double = steps.is_multiple_of(2);
-        let (double, shadow, stride) = if facts.is_explicit {
-            let shadow = Choice { scheme: SchemeName::BlanesMoan4, stages: None, steps };
-            let limit = shadow.method().facts().recommended_limit.unwrap_or(0.0);
-            // At twice the step it costs 3 forces a step of the run, where that is stable.
-            let is_slow =
-                highest(simulation).is_some_and(|omega| 2.0 * simulation.step_size() * omega <= limit);
-            let stride = if can_double && is_slow { 2 } else { 1 };
-            (None, companion(Choice { steps: steps / stride, ..shadow }), stride)
-        } else if can_double {
-            (companion(Choice { steps: steps / 2, ..choice }), None, 2)
-        } else {
-            (None, None, 1)
-        };
-        Self { double, half, shadow, stride, order: facts.order as f64, notes }
+        }
     }
 
     /// What could not be done, in words.
@@ -97,7 +141,7 @@ impl Estimator {
 
     /// What the companions are now.
     pub fn snapshot(&self) -> Companions {
-        let of = |companion: &Option<Simulation>| companion.as_ref().map(Simulation::snapshot);
+        let of = |companion: &Option<Companion>| companion.as_ref().map(|c| c.simulation.snapshot());
         let notes = self.notes.clone();
         Companions { double: of(&self.double), half: of(&self.half), shadow: of(&self.shadow), notes }
     }
@@ -111,7 +155,7 @@ impl Estimator {
             [(&mut self.double, &was.double), (&mut self.half, &was.half), (&mut self.shadow, &was.shadow)];
         for (companion, was) in pairs {
             match (companion.as_mut(), was) {
-                (Some(companion), Some(was)) => companion.restore(was)?,
+                (Some(companion), Some(was)) => companion.simulation.restore(was)?,
                 _ => *companion = None,
             }
         }
@@ -119,33 +163,59 @@ impl Estimator {
         Ok(())
     }
 
-    /// Brings all companions to `step` steps of the run and compares; none at a step on which not all of
+    /// Brings all companions to `step` steps of the run and compares; `None` at a step on which not all of
     /// them land. A companion that fails is left behind, and [`Self::notes`] says so.
     pub fn compare(&mut self, step: u64, probes: &[ProbeValue]) -> Option<Vec<ProbeEstimate>> {
         if !step.is_multiple_of(self.stride) {
             return None;
         }
         let notes = &mut self.notes;
-        let half = advance(&mut self.half, 2 * step, notes);
-        let shadow = advance(&mut self.shadow, step / self.stride, notes);
-        let double = advance(&mut self.double, step / 2, notes);
+        let half = advance(&mut self.half, step, notes);
+        let shadow = advance(&mut self.shadow, step, notes);
+        let double = advance(&mut self.double, step, notes);
         let value = |index: usize| {
-            let own = probes[index].displacement;
             let of = |others: &Option<Vec<ProbeValue>>| others.as_ref().map(|o| o[index].displacement);
-            estimate(own, of(&double), of(&half), of(&shadow), self.order)
+            let own = probes[index].displacement;
+            let mut found = match of(&shadow) {
+                Some(shadow) => self.by_shadow(own, of(&half), shadow),
+                None => self.by_pair(own, of(&double), of(&half)),
+            };
+            // Positions are rounded at every step, and nobody knows them better.
+            let round_off = f64::EPSILON * (step as f64).sqrt();
+            for (error, position) in found.error.iter_mut().zip(probes[index].position) {
+                *error += round_off * position.abs();
+            }
+            found
         };
         Some((0..probes.len()).map(value).collect())
     }
+
+    fn by_shadow(&self, own: Vector, half: Option<Vector>, shadow: Vector) -> ProbeEstimate {
+        let difference = minus(own, shadow);
+        let observed_order = half.and_then(|half| {
+            // A reference that is the scheme itself has a part of the error: three steps show the order without it.
+            let coarse = if self.share > 0.0 { minus(own, half) } else { difference };
+            order_of(coarse, minus(half, shadow))
+        });
+        ProbeEstimate { error: difference.map(|value| value.abs() / (1.0 - self.share)), observed_order }
+    }
+
+    fn by_pair(&self, own: Vector, double: Option<Vector>, half: Option<Vector>) -> ProbeEstimate {
+        let Some(half) = half else { return ProbeEstimate { error: [f64::NAN; 3], observed_order: None } };
+        let difference = minus(own, half);
+        let observed_order = double.and_then(|double| order_of(minus(double, own), difference));
+        // Where the order is not seen, no more than order 1 is relied on.
+        let share = 2.0_f64.powf(-observed_order.map_or(1.0, |observed| observed.min(self.order)));
+        ProbeEstimate { error: difference.map(|value| value.abs() / (1.0 - share)), observed_order }
+    }
 }
 
-fn advance(
-    companion: &mut Option<Simulation>,
-    step: u64,
-    notes: &mut Vec<String>,
-) -> Option<Vec<ProbeValue>> {
-    let simulation = companion.as_mut()?;
-    while simulation.steps() < step {
-        if let Err(error) = simulation.advance(step - simulation.steps()) {
+/// Brings a companion to where the run is after `step` steps.
+fn advance(companion: &mut Option<Companion>, step: u64, notes: &mut Vec<String>) -> Option<Vec<ProbeValue>> {
+    let Companion { simulation, steps } = companion.as_mut()?;
+    let target = step * steps[0] / steps[1];
+    while simulation.steps() < target {
+        if let Err(error) = simulation.advance(target - simulation.steps()) {
             notes.push(format!("the error estimate lost a companion: {error}"));
             *companion = None;
             return None;
@@ -156,29 +226,14 @@ fn advance(
 
 type Vector = [f64; 3];
 
-fn estimate(
-    own: Vector,
-    double: Option<Vector>,
-    half: Option<Vector>,
-    shadow: Option<Vector>,
-    order: f64,
-) -> ProbeEstimate {
-    let minus = |a: Vector, b: Vector| -> Vector { std::array::from_fn(|k| a[k] - b[k]) };
+fn minus(a: Vector, b: Vector) -> Vector {
+    std::array::from_fn(|k| a[k] - b[k])
+}
+
+/// The order that the errors of a step and of half that step show; `None` where they do not fall.
+fn order_of(coarse: Vector, fine: Vector) -> Option<f64> {
     let size = |a: Vector| a.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let ratio_order = |coarse: Vector, fine: Vector| {
-        let ratio = size(coarse) / size(fine);
-        (ratio.is_finite() && ratio > 1.0).then(|| ratio.log2())
-    };
-    if let Some(shadow) = shadow {
-        let error = minus(own, shadow);
-        let observed_order = half.and_then(|half| ratio_order(error, minus(half, shadow)));
-        return ProbeEstimate { error: error.map(f64::abs), observed_order };
-    }
-    let Some(half) = half else { return ProbeEstimate { error: [f64::NAN; 3], observed_order: None } };
-    let difference = minus(own, half);
-    let observed_order = double.and_then(|double| ratio_order(minus(double, own), difference));
-    // Where the order cannot be seen, at least its own is not assumed to hold better than 1.
-    let order = observed_order.map_or(1.0, |observed| observed.min(order));
-    let factor = 2.0_f64.powf(order) / (2.0_f64.powf(order) - 1.0);
-    ProbeEstimate { error: difference.map(|value| factor * value.abs()), observed_order }
+    let ratio = size(coarse) / size(fine);
+    // Order 1/4 is the least that is taken for an order: below, 1/(1 - 2^-p) is arbitrary.
+    (ratio.is_finite() && ratio > 2.0_f64.powf(0.25)).then(|| ratio.log2())
 }
