@@ -12,6 +12,8 @@ mod parse;
 mod rigid;
 mod safety;
 mod statics;
+#[cfg(feature = "cli")]
+mod structure;
 mod time;
 
 use std::path::{Path, PathBuf};

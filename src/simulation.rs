@@ -97,6 +97,8 @@ impl Simulation {
         }
         let (scene, method, auto) = match scene.time.method() {
             Some(method) => (scene, method, None),
+            // An equilibrium is found without one.
+            None if scene.time.scheme.is_none() => (scene, Method::ImplicitMidpoint, None),
             None => {
                 let (settled, choice, report) = crate::auto::choose(&scene)?;
                 (settled, choice.method(), Some(report))

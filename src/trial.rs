@@ -23,7 +23,11 @@ pub struct Choice {
 impl Choice {
     /// What a scene asks for.
     pub fn of(scene: &Scene) -> Self {
-        Self { scheme: scene.time.scheme, stages: scene.time.stages, steps: scene.time.steps().0 }
+        Self {
+            scheme: scene.time.scheme.unwrap_or(SchemeName::Auto),
+            stages: scene.time.stages,
+            steps: scene.time.steps().0,
+        }
     }
 
     /// The scene with this choice in place of its own.

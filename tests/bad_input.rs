@@ -110,3 +110,55 @@ fn an_output_directory_that_cannot_be_made() {
     assert_eq!(program.code(), Some(2), "{}", program.errors());
     assert!(program.errors().contains("not writable"), "{}", program.errors());
 }
+
+/// A missing key hides nothing, and what follows from a problem is not reported as a second one.
+#[test]
+fn structure() {
+    let without_scheme = GOOD
+        .replace("scheme = \"stormer-verlet\"\n", "")
+        .replace("density = 1000.0", "density = -5.0")
+        .replace("\"clamp\"", "\"clmap\"");
+    refused(&without_scheme, &["scene.toml:2: time.scheme: missing key `scheme`", "density", "clmap"]);
+    let without_end = GOOD.replace("end = 0.1\n", "").replace("step = 0.01", "step = -0.01");
+    refused(&without_end, &["scene.toml:2: time.end: missing key `end`, a number", "time.step"]);
+    refused(&GOOD.replace("[time]", "title = 3\n[time]"), &["title: must be a string, is a whole number"]);
+    let without_time = &GOOD[GOOD.find("[[body]]").unwrap()..];
+    refused(&without_time.replace("\"clamp\"", "\"clmap\""), &["missing key `time`", "clmap"]);
+    let contact = format!("{GOOD}\n[contact]\ndistance = 1e-3\n");
+    refused(&contact, &["there is no contact in this program", "Remove this key"]);
+    let load = "\n[[load]]\nbody = \"beam\"\nregion = \"tip\"\npressure = 1.0\n";
+    refused(&format!("{GOOD}{load}"), &["load[0].kind: missing key `kind`", "traction"]);
+    refused(&format!("{GOOD}{load}kind = \"presure\""), &["load[0].kind", "did you mean \"pressure\"?"]);
+    let formula = format!("{GOOD}{load}kind = \"pressure\"\namplitude = \"sin(\"\n");
+    refused(&formula.replace("step = 0.01", "step = -0.01"), &["load[0]", "sin(", "time.step"]);
+}
+
+#[test]
+fn one_typo_is_one_problem() {
+    for (from, to, expected) in [
+        (
+            "young =",
+            "yuong =",
+            "scene.toml:9: body[0].material.yuong: unknown key `yuong`; did you mean `young`?",
+        ),
+        ("name =", "nmae =", "did you mean `name`?"),
+        ("name = \"beam\"", "name = 7", "body[0].name: must be a string, is a whole number"),
+        ("[[body]]", "[[boddy]]", "boddy: unknown key `boddy`; did you mean `body`?"),
+        ("law = \"neo-hookean\"", "law = \"neo-hokean\"", "did you mean \"neo-hookean\"?"),
+        ("region = \"clamp\"", "regoin = \"clamp\"", "did you mean `region`?"),
+        ("mesh = \"MESHES/beam.msh\"", "mesh = 3", "body[0].mesh: must be a string"),
+    ] {
+        let program = Program::check(&GOOD.replace(from, to));
+        let errors = program.errors();
+        assert_eq!(program.code(), Some(2), "{errors}");
+        assert_eq!(errors.matches("error:").count(), 1, "{errors}");
+        assert!(errors.contains(expected), "no {expected:?} in {errors}");
+    }
+}
+
+#[test]
+fn an_equilibrium_needs_no_scheme() {
+    let scene = GOOD.replace("scheme = \"stormer-verlet\"\n", "") + "\n[static]\n";
+    let program = Program::check(&scene);
+    assert_eq!(program.code(), Some(0), "{}", program.errors());
+}

@@ -262,12 +262,10 @@ pub(super) fn accept(path: &Path, overrides: &[String]) -> Result<(Scene, Parsed
     }
     let mut problems = std::mem::take(&mut parsed.problems);
     if let Some(scene) = &parsed.scene {
-        problems.extend(
-            crate::model::mesh_problems(scene)
-                .into_iter()
-                .map(|problem| Problem { file: Some(path.to_owned()), ..parsed.locate(problem) }),
-        );
+        let found = parsed.relevant(crate::model::mesh_problems(scene));
+        problems.extend(found.into_iter().map(|problem| Problem { file: Some(path.to_owned()), ..problem }));
     }
+    problems.sort_by_key(|problem| problem.line);
     for problem in &problems {
         eprintln!("error: {problem}");
     }

@@ -40,7 +40,7 @@ pub(super) fn run(arguments: &StressArguments) -> u8 {
     let options = StressOptions { count: arguments.count, seed: arguments.seed, jobs, limit, keep };
     let report = stress(&options, &|case, outcome| {
         if arguments.verbose || matches!(outcome, Outcome::Forbidden(_)) {
-            let scheme = case.scene.time.scheme;
+            let scheme = case.scene.time.scheme.unwrap_or(crate::scene::SchemeName::Auto);
             eprintln!("scene {}: {}, {scheme:?}: {outcome:?}", case.index, case.violence.words());
         }
     });

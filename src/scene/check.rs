@@ -119,10 +119,17 @@ fn time(check: &mut Checker, scene: &Scene) {
                 check.say("time.step", "asks for more steps than can be counted");
             }
         }
-        None if time.scheme != SchemeName::Auto => {
-            check.say("time.step", "missing key: a step in s (only scheme \"auto\" chooses it)");
+        None if time.scheme != Some(SchemeName::Auto) => {
+            check.say("time.step", "missing key `step`: a step in s (only scheme \"auto\" chooses it)");
         }
         None => {}
+    }
+    if time.scheme.is_none() && scene.statics.is_none() {
+        check.say(
+            "time.scheme",
+            "missing key `scheme`: name an integrator, e.g. \"implicit-midpoint\" for stiff bodies or \"stormer-verlet\" \
+             for soft ones, or let \"auto\" choose (only [static] needs none)",
+        );
     }
     if let Some(tolerance) = time.tolerance
         && !(1e-9..=0.5).contains(&tolerance)
@@ -130,7 +137,7 @@ fn time(check: &mut Checker, scene: &Scene) {
         check.say("time.tolerance", format!("must be 1e-9 to 0.5, is {tolerance:e}"));
     }
     match time.stages {
-        Some(stages) if time.scheme != SchemeName::Gauss => check.say(
+        Some(stages) if time.scheme != Some(SchemeName::Gauss) => check.say(
             "time.stages",
             format!("only scheme \"gauss\" has stages; take `stages = {stages}` out, or choose gauss"),
         ),
@@ -140,7 +147,7 @@ fn time(check: &mut Checker, scene: &Scene) {
         _ => {}
     }
     if let Some(radius) = time.spectral_radius {
-        if time.scheme != SchemeName::GeneralizedAlpha {
+        if time.scheme != Some(SchemeName::GeneralizedAlpha) {
             check.say("time.spectral_radius", "only scheme \"generalized-alpha\" has a spectral radius");
         } else if !(0.0..=1.0).contains(&radius) {
             check.say("time.spectral_radius", format!("must be 0 to 1, is {radius}"));
@@ -283,7 +290,7 @@ fn rigids(check: &mut Checker, scene: &Scene) {
         }
     }
     let is_free = |rigid: &super::Rigid| !rigid.is_prescribed();
-    if scene.time.scheme == SchemeName::Auto && scene.rigids.iter().any(is_free) {
+    if scene.time.scheme == Some(SchemeName::Auto) && scene.rigids.iter().any(is_free) {
         check.say(
             "time.scheme",
             "\"auto\" does not choose for free rigid bodies; name implicit-midpoint, energy-momentum or stormer-verlet",

@@ -51,8 +51,9 @@ pub struct Time {
     /// Scheme `auto` chooses it: there it may be left out, and is not used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step: Option<f64>,
-    /// The time integrator.
-    pub scheme: SchemeName,
+    /// The time integrator. Only a scene with `[static]` can do without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scheme: Option<SchemeName>,
     /// Stages of `gauss`, 1 to 5 (default 2).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stages: Option<usize>,
@@ -83,7 +84,7 @@ impl Time {
     /// From 0 to `end` (s) in steps of `step` (s).
     pub fn new(end: f64, step: f64, scheme: SchemeName) -> Self {
         let none = Self::auto(end, 1e-4);
-        Self { step: Some(step), scheme, tolerance: None, ..none }
+        Self { step: Some(step), scheme: Some(scheme), tolerance: None, ..none }
     }
 
     /// From 0 to `end` (s) with a relative error of `tolerance` at the end, by a scheme and a step that the
@@ -92,7 +93,7 @@ impl Time {
         Self {
             end,
             step: None,
-            scheme: SchemeName::Auto,
+            scheme: Some(SchemeName::Auto),
             stages: None,
             spectral_radius: None,
             tolerance: Some(tolerance),
@@ -103,10 +104,10 @@ impl Time {
 
     /// Settles scheme and step: `steps` of them from 0 to `end`.
     pub fn choose(&mut self, scheme: SchemeName, stages: Option<usize>, steps: u64) {
-        if scheme != self.scheme {
+        if Some(scheme) != self.scheme {
             self.spectral_radius = None;
         }
-        self.scheme = scheme;
+        self.scheme = Some(scheme);
         self.stages = stages;
         self.step = Some(self.end / steps as f64);
     }
@@ -117,9 +118,9 @@ impl Time {
         (count as u64, self.end / count)
     }
 
-    /// The integrator that is asked for; none where it is yet to be chosen.
+    /// The integrator that is asked for; none where it is yet to be chosen, or where `[static]` needs none.
     pub fn method(&self) -> Option<Method> {
-        Some(match self.scheme {
+        Some(match self.scheme? {
             SchemeName::Auto => return None,
             SchemeName::SymplecticEulerA => Method::SymplecticEulerA,
             SchemeName::SymplecticEulerB => Method::SymplecticEulerB,

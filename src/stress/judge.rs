@@ -176,7 +176,7 @@ fn tolerance(case: &Case) -> f64 {
     let asked = case.scene.solver.tolerance;
     let is_explicit = case.scene.time.method().is_some_and(|method| method.facts().is_explicit);
     let may_switch = case.scene.guard.as_ref().is_some_and(|guard| guard.action == GuardAction::Switch);
-    match case.scene.time.scheme {
+    match case.scene.time.scheme.unwrap_or(SchemeName::Auto) {
         // It keeps the energy to first order in that error, and so asks for more.
         SchemeName::EnergyMomentum => 1e-5 * asked,
         _ if !is_explicit => asked,
@@ -231,7 +231,7 @@ fn energy(
         // kinetic and strain energy count up to eight times each in it, and E is at most nine times what was given.
         let steps = report["work"]["steps"].as_f64().unwrap_or(f64::NAN);
         let left = VIOLENT * (72.0_f64).sqrt() * steps * tolerance(case);
-        if case.scene.time.scheme == SchemeName::EnergyMomentum && growth.abs() > left * given + noise {
+        if case.scene.time.scheme == Some(SchemeName::EnergyMomentum) && growth.abs() > left * given + noise {
             return Err(format!("energy-momentum: energy changed by {growth:e} J of {given:e} J"));
         }
     }

@@ -1,0 +1,646 @@
+//! Compares the tables and keys of a scene file with the JSON schema of scenes: unknown and missing keys,
+//! values of the wrong type. It finds all of them in one walk, and it repairs each one, so that the values of
+//! the rest can be checked too. The meaning of values is checked in `check.rs`.
+
+use std::ops::Range;
+
+use serde_json::{Map, Value as Json};
+use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
+
+/// A difference between a scene file and the schema.
+pub(super) struct Flaw {
+    /// The key, e.g. `body[0].material.yuong`.
+    pub(super) key: String,
+    /// Where it stands in the text; of a missing key, where its table begins.
+    pub(super) offset: usize,
+    /// What is wrong, and what to write instead.
+    pub(super) message: String,
+    /// The key that is changed to repair it.
+    pub(super) repaired: String,
+    repair: Repair,
+}
+
+/// The change that makes a file agree with the schema.
+enum Repair {
+    Remove,
+    Rename(String),
+    Set(Json),
+}
+
+/// A value of the file with the schema that it was compared with.
+pub(super) struct Entry<'s> {
+    pub(super) key: String,
+    /// From the key to the end of the value, sub-tables included.
+    pub(super) span: Range<usize>,
+    schema: &'s Json,
+}
+
+/// What a walk over a file finds.
+pub(super) struct Found<'s> {
+    pub(super) flaws: Vec<Flaw>,
+    pub(super) entries: Vec<Entry<'s>>,
+}
+
+/// Keys that a reader may expect, and what to do without them.
+const ABSENT: &[(&[&str], &str)] = &[(
+    &["contact", "contacts", "collision", "collisions", "friction"],
+    "there is no contact in this program: bodies pass through each other. Remove this key; what must stay together \
+     can be joined by [[attach]], [[seam]] or [[spring]]",
+)];
+
+/// The schema of scenes, ready to be compared with files.
+pub(super) struct Structure {
+    schema: Json,
+}
+
+impl Structure {
+    pub(super) fn of_scenes() -> Self {
+        Self { schema: super::Scene::schema() }
+    }
+
+    /// Compares a file with the schema.
+    pub(super) fn inspect(&self, root: &Item) -> Found<'_> {
+        let mut found = Found { flaws: Vec::new(), entries: Vec::new() };
+        let place = Place { key: String::new(), offset: 0, end: root.span().map_or(0, |span| span.end) };
+        self.value(View::of_item(root), &Shape::plain(&self.schema), &place, &mut found);
+        found
+    }
+
+    /// An example of what the schema of an entry allows.
+    fn sample(&self, schema: &Json) -> Json {
+        let schema = self.resolved(schema);
+        if let Some(value) = schema.get("default").or_else(|| schema.get("const")) {
+            return value.clone();
+        }
+        if let Some(first) = schema.get("enum").and_then(|names| names.get(0)) {
+            return first.clone();
+        }
+        for key in ["anyOf", "oneOf", "allOf"] {
+            if let Some(options) = schema.get(key).and_then(Json::as_array) {
+                let real = options.iter().find(|option| !is_of_type(self.resolved(option), "null"));
+                return real.map_or(Json::Null, |option| self.sample(option));
+            }
+        }
+        let is = |name: &str| is_of_type(schema, name);
+        match () {
+            () if is("number") => 1.0.into(),
+            () if is("integer") => 1.into(),
+            () if is("string") => "".into(),
+            () if is("boolean") => false.into(),
+            () if is("array") => {
+                let count = schema.get("minItems").and_then(Json::as_u64).unwrap_or(0) as usize;
+                let item = schema.get("items").map_or(Json::Null, |item| self.sample(item));
+                Json::Array(vec![item; count])
+            }
+            () => {
+                let properties = schema.get("properties");
+                let of = |key: &Json| {
+                    let key = key.as_str()?;
+                    Some((key.to_owned(), self.sample(properties?.get(key)?)))
+                };
+                let required = schema.get("required").and_then(Json::as_array);
+                Json::Object(required.into_iter().flatten().filter_map(of).collect())
+            }
+        }
+    }
+
+    /// The flaw of an entry that cannot be read for a reason that the schema does not know.
+    pub(super) fn flaw_of(&self, entry: &Entry, message: String) -> Flaw {
+        let repair = Repair::Set(self.sample(entry.schema));
+        let (key, repaired) = (entry.key.clone(), entry.key.clone());
+        Flaw { key, offset: entry.span.start, message, repaired, repair }
+    }
+
+    fn resolved<'s>(&'s self, schema: &'s Json) -> &'s Json {
+        let name = schema.get("$ref").and_then(Json::as_str).and_then(|path| path.strip_prefix("#/$defs/"));
+        match name.and_then(|name| self.schema.get("$defs")?.get(name)) {
+            Some(target) => self.resolved(target),
+            None => schema,
+        }
+    }
+
+    /// The alternatives that a schema allows, without null.
+    fn options<'s>(&'s self, shape: &Shape<'s>, out: &mut Vec<Shape<'s>>) {
+        let schema = self.resolved(shape.schema);
+        let extra = match schema.get("allOf") {
+            Some(_) => schema.get("properties").and_then(Json::as_object),
+            None => shape.extra,
+        };
+        for key in ["anyOf", "oneOf", "allOf"] {
+            if let Some(options) = schema.get(key).and_then(Json::as_array) {
+                options.iter().for_each(|option| self.options(&Shape { schema: option, extra }, out));
+                return;
+            }
+        }
+        if !is_of_type(schema, "null") || is_nullable(schema) {
+            out.push(Shape { schema, extra });
+        }
+    }
+
+    fn value<'s>(&'s self, view: View<'_>, shape: &Shape<'s>, place: &Place, found: &mut Found<'s>) {
+        if !place.key.is_empty() {
+            let span = place.offset..place.end;
+            found.entries.push(Entry { key: place.key.clone(), span, schema: shape.schema });
+        }
+        let mut options = Vec::new();
+        self.options(shape, &mut options);
+        let of_type = |names: &[&str]| -> Vec<&Shape<'s>> {
+            options.iter().filter(|option| names.iter().any(|name| is_of_type(option.schema, name))).collect()
+        };
+        let fitting = match &view {
+            View::Table(_) => of_type(&["object"]),
+            View::Array(_) => of_type(&["array"]),
+            View::Text(_) => of_type(&["string"]),
+            View::Integer(_) => of_type(&["integer", "number"]),
+            View::Float => of_type(&["number"]),
+            View::Boolean => of_type(&["boolean"]),
+            View::Date => Vec::new(),
+        };
+        if fitting.is_empty() {
+            let mut expected: Vec<String> = options.iter().map(|option| self.words(option.schema)).collect();
+            expected.dedup();
+            let message = format!("must be {}, is {}", expected.join(" or "), view.words());
+            return found.flaws.push(self.wrong(place, shape.schema, message));
+        }
+        match view {
+            View::Text(text) => {
+                let names: Vec<&str> = fitting.iter().flat_map(|option| names(option.schema)).collect();
+                let is_free = fitting.iter().any(|option| names_nothing(option.schema));
+                if !is_free && !names.contains(&text) {
+                    let message = format!("unknown value \"{text}\"{}", suggestion(text, &names, "\"", "\""));
+                    found.flaws.push(self.wrong(place, shape.schema, message));
+                }
+            }
+            View::Integer(value) => {
+                let least = fitting.iter().filter_map(|option| option.schema.get("minimum")?.as_i64()).min();
+                let all = fitting.iter().all(|option| option.schema.get("minimum").is_some());
+                if let Some(least) = least.filter(|least| all && value < *least) {
+                    let message = format!("must be at least {least}, is {value}");
+                    found.flaws.push(self.wrong(place, shape.schema, message));
+                }
+            }
+            View::Array(items) => {
+                let best = self.best(fitting.iter().map(|option| {
+                    let mut part = Found { flaws: Vec::new(), entries: Vec::new() };
+                    self.items(&items, option.schema, place, &mut part);
+                    part
+                }));
+                found.take(best);
+            }
+            View::Table(table) => self.table(table, &fitting, place, found),
+            View::Float | View::Boolean | View::Date => {}
+        }
+    }
+
+    fn items<'s>(
+        &'s self,
+        items: &[(View<'_>, Range<usize>)],
+        schema: &'s Json,
+        place: &Place,
+        out: &mut Found<'s>,
+    ) {
+        let bound = |key: &str| schema.get(key).and_then(Json::as_u64).map(|count| count as usize);
+        let count = items.len();
+        let few = bound("minItems").is_some_and(|least| count < least);
+        if few || bound("maxItems").is_some_and(|most| count > most) {
+            let message = format!("must be {}, has {count} values", self.words(schema));
+            return out.flaws.push(self.wrong(place, schema, message));
+        }
+        let Some(item) = schema.get("items") else { return };
+        for (i, (view, span)) in items.iter().enumerate() {
+            let place = Place { key: format!("{}[{i}]", place.key), offset: span.start, end: span.end };
+            self.value(view.clone(), &Shape::plain(item), &place, out);
+        }
+    }
+
+    /// A table with several forms is told by its tag (`kind`, `law`); of those left, the nearest is meant.
+    fn table<'s>(
+        &'s self,
+        table: &dyn TableLike,
+        options: &[&Shape<'s>],
+        place: &Place,
+        found: &mut Found<'s>,
+    ) {
+        let tag = options.iter().find_map(|option| option.tag()).filter(|_| options.len() > 1);
+        let mut left: Vec<&Shape> = options.to_vec();
+        if let Some((tag, _)) = tag {
+            let tags: Vec<&str> = options.iter().filter_map(|option| Some(option.tag()?.1)).collect();
+            let given = table.get(tag).and_then(|item| item.as_str());
+            match given {
+                Some(name) if tags.contains(&name) => {
+                    left.retain(|option| option.tag().is_none_or(|(_, of)| of == name));
+                }
+                _ => {
+                    let (key, message) = (
+                        place.child(tag),
+                        match table.get(tag) {
+                            Some(item) => {
+                                let text = item.as_str().unwrap_or_default();
+                                format!("unknown value \"{text}\"{}", suggestion(text, &tags, "\"", "\""))
+                            }
+                            None => format!("missing key `{tag}`: {}", list(&tags, "\"", "\"")),
+                        },
+                    );
+                    let offset =
+                        table.key(tag).and_then(|key| key.span()).map_or(place.offset, |span| span.start);
+                    // Without its tag nothing more can be said of a table.
+                    let repair = Repair::Set(self.sample(options[0].schema));
+                    let repaired = place.key.clone();
+                    return found.flaws.push(Flaw { key, offset, message, repaired, repair });
+                }
+            }
+        }
+        let best = self.best(left.iter().map(|option| {
+            let mut part = Found { flaws: Vec::new(), entries: Vec::new() };
+            self.keys(table, option, place, &mut part);
+            part
+        }));
+        found.take(best);
+    }
+
+    fn keys<'s>(&'s self, table: &dyn TableLike, shape: &Shape<'s>, place: &Place, out: &mut Found<'s>) {
+        let Some(properties) = shape.schema.get("properties").and_then(Json::as_object) else { return };
+        let schema_of = |key: &str| properties.get(key).or_else(|| shape.extra?.get(key));
+        let known: Vec<&str> = properties
+            .keys()
+            .chain(shape.extra.into_iter().flat_map(Map::keys))
+            .map(String::as_str)
+            .collect();
+        let required: Vec<&str> = shape
+            .schema
+            .get("required")
+            .and_then(Json::as_array)
+            .into_iter()
+            .flatten()
+            .filter_map(Json::as_str)
+            .collect();
+        let mut missing: Vec<&str> = required.into_iter().filter(|key| table.get(key).is_none()).collect();
+        let is_closed = shape.schema.get("additionalProperties") == Some(&Json::Bool(false));
+        for (name, item) in table.iter() {
+            let span = table.key(name).and_then(|key| key.span()).unwrap_or(place.offset..place.offset);
+            let end = end_of(item).unwrap_or(span.end);
+            let inner = Place { key: place.child(name), offset: span.start, end };
+            if let Some(schema) = schema_of(name) {
+                self.value(View::of_item(item), &Shape::plain(schema), &inner, out);
+            } else if is_closed {
+                let absent = ABSENT.iter().find(|(names, _)| names.contains(&name));
+                let free: Vec<&str> = known.iter().copied().filter(|key| table.get(key).is_none()).collect();
+                let meant = nearest(name, &free);
+                missing.retain(|key| Some(*key) != meant);
+                let (message, repair) = match (absent, meant) {
+                    (Some((_, message)), _) => ((*message).to_owned(), Repair::Remove),
+                    (None, Some(meant)) => (
+                        format!("unknown key `{name}`{}", suggestion(name, &known, "`", "`")),
+                        Repair::Rename(meant.to_owned()),
+                    ),
+                    (None, None) => (
+                        format!("unknown key `{name}`; expected one of {}", list(&known, "`", "`")),
+                        Repair::Remove,
+                    ),
+                };
+                let (key, repaired) = (inner.key.clone(), inner.key);
+                out.flaws.push(Flaw { key, offset: span.start, message, repaired, repair });
+            }
+        }
+        for name in missing {
+            let sample = schema_of(name).map_or(Json::Null, |schema| self.sample(schema));
+            let what = match schema_of(name).map(|schema| self.words(schema)) {
+                Some(words) => format!("missing key `{name}`, {words}; `variational schema` lists the keys"),
+                None => format!("missing key `{name}`"),
+            };
+            let (key, repaired, repair) = (place.child(name), place.child(name), Repair::Set(sample));
+            out.flaws.push(Flaw { key, offset: place.offset, message: what, repaired, repair });
+        }
+    }
+
+    fn wrong(&self, place: &Place, schema: &Json, message: String) -> Flaw {
+        let (key, repaired) = (place.key.clone(), place.key.clone());
+        Flaw { key, offset: place.offset, message, repaired, repair: Repair::Set(self.sample(schema)) }
+    }
+
+    /// The one with the fewest flaws, the first of equals.
+    fn best<'s>(&self, found: impl Iterator<Item = Found<'s>>) -> Found<'s> {
+        let none = Found { flaws: Vec::new(), entries: Vec::new() };
+        found.min_by_key(|found| found.flaws.len()).unwrap_or(none)
+    }
+
+    /// What a schema allows, in words.
+    fn words(&self, schema: &Json) -> String {
+        let mut options = Vec::new();
+        self.options(&Shape::plain(schema), &mut options);
+        if options.len() > 1 && options.iter().all(|option| names(option.schema).next().is_some()) {
+            let names: Vec<&str> = options.iter().flat_map(|option| names(option.schema)).collect();
+            return list(&names, "\"", "\"");
+        }
+        let mut words: Vec<String> = options.iter().map(|option| self.word(option.schema)).collect();
+        words.dedup();
+        words.join(" or ")
+    }
+
+    fn word(&self, schema: &Json) -> String {
+        let named: Vec<&str> = names(schema).collect();
+        if !named.is_empty() {
+            return list(&named, "\"", "\"");
+        }
+        let is = |name: &str| is_of_type(schema, name);
+        match () {
+            () if is("number") => "a number".to_owned(),
+            () if is("integer") => "a whole number".to_owned(),
+            () if is("string") => "a string".to_owned(),
+            () if is("boolean") => "true or false".to_owned(),
+            () if is("array") => {
+                let bound = |key: &str| schema.get(key).and_then(Json::as_u64);
+                match (bound("minItems"), bound("maxItems")) {
+                    (Some(least), Some(most)) if least == most => format!("a list of {least} values"),
+                    _ => "a list".to_owned(),
+                }
+            }
+            () => "a table".to_owned(),
+        }
+    }
+}
+
+/// An alternative of a schema; `extra` are keys that it has beside its own.
+#[derive(Clone, Copy)]
+struct Shape<'s> {
+    schema: &'s Json,
+    extra: Option<&'s Map<String, Json>>,
+}
+
+impl<'s> Shape<'s> {
+    fn plain(schema: &'s Json) -> Self {
+        Self { schema, extra: None }
+    }
+
+    /// The key that tells it from others, and its value.
+    fn tag(&self) -> Option<(&'s str, &'s str)> {
+        let properties = self.schema.get("properties")?.as_object()?;
+        properties.iter().find_map(|(key, schema)| Some((key.as_str(), schema.get("const")?.as_str()?)))
+    }
+}
+
+impl Found<'_> {
+    fn take(&mut self, other: Self) {
+        self.flaws.extend(other.flaws);
+        self.entries.extend(other.entries);
+    }
+}
+
+struct Place {
+    key: String,
+    offset: usize,
+    end: usize,
+}
+
+impl Place {
+    fn child(&self, name: &str) -> String {
+        if self.key.is_empty() { name.to_owned() } else { format!("{}.{name}", self.key) }
+    }
+}
+
+/// A value of the file as the walk sees it.
+#[derive(Clone)]
+enum View<'a> {
+    Table(&'a dyn TableLike),
+    Array(Vec<(View<'a>, Range<usize>)>),
+    Text(&'a str),
+    Integer(i64),
+    Float,
+    Boolean,
+    Date,
+}
+
+impl<'a> View<'a> {
+    fn of_item(item: &'a Item) -> Self {
+        match item {
+            Item::Value(value) => Self::of_value(value),
+            Item::Table(table) => Self::Table(table),
+            Item::ArrayOfTables(tables) => {
+                let of = |table: &'a Table| (Self::Table(table), span_of_table(table));
+                Self::Array(tables.iter().map(of).collect())
+            }
+            Item::None => Self::Text(""),
+        }
+    }
+
+    fn of_value(value: &'a Value) -> Self {
+        match value {
+            Value::String(text) => Self::Text(text.value()),
+            Value::Integer(value) => Self::Integer(*value.value()),
+            Value::Float(_) => Self::Float,
+            Value::Boolean(_) => Self::Boolean,
+            Value::Datetime(_) => Self::Date,
+            Value::Array(array) => {
+                let of = |value: &'a Value| (Self::of_value(value), value.span().unwrap_or_default());
+                Self::Array(array.iter().map(of).collect())
+            }
+            Value::InlineTable(table) => Self::Table(table),
+        }
+    }
+
+    fn words(&self) -> &'static str {
+        match self {
+            Self::Table(_) => "a table",
+            Self::Array(_) => "a list",
+            Self::Text(_) => "a string",
+            Self::Integer(_) => "a whole number",
+            Self::Float => "a number",
+            Self::Boolean => "true or false",
+            Self::Date => "a date",
+        }
+    }
+}
+
+/// From the header of a table to the end of its last entry.
+fn span_of_table(table: &Table) -> Range<usize> {
+    let header = table.span().unwrap_or_default();
+    let ends = table.iter().filter_map(|(_, item)| end_of(item));
+    header.start..ends.fold(header.end, usize::max)
+}
+
+fn end_of(item: &Item) -> Option<usize> {
+    match item {
+        Item::Value(value) => Some(value.span()?.end),
+        Item::Table(table) => Some(span_of_table(table).end),
+        Item::ArrayOfTables(tables) => Some(span_of_table(tables.iter().last()?).end),
+        Item::None => None,
+    }
+}
+
+fn is_of_type(schema: &Json, name: &str) -> bool {
+    match schema.get("type") {
+        Some(Json::String(only)) => only == name,
+        Some(Json::Array(several)) => several.iter().any(|one| one == name),
+        _ => false,
+    }
+}
+
+/// Is null only one of several types?
+fn is_nullable(schema: &Json) -> bool {
+    schema.get("type").is_some_and(Json::is_array)
+}
+
+/// The values that a schema of strings lists.
+fn names(schema: &Json) -> impl Iterator<Item = &str> {
+    let several = schema.get("enum").and_then(Json::as_array).into_iter().flatten();
+    several.chain(schema.get("const")).filter_map(Json::as_str)
+}
+
+fn names_nothing(schema: &Json) -> bool {
+    names(schema).next().is_none()
+}
+
+/// The known name that is nearest to a name, if it can be meant.
+fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
+    let near = |other: &&str| strsim::damerau_levenshtein(&name.to_lowercase(), &other.to_lowercase());
+    let allowed = (name.chars().count() / 3).max(1);
+    known.iter().copied().min_by_key(near).filter(|other| near(other) <= allowed)
+}
+
+/// `; did you mean "x"? It can be "x", "y"`.
+fn suggestion(name: &str, known: &[&str], open: &str, close: &str) -> String {
+    let all = list(known, open, close);
+    match nearest(name, known) {
+        Some(meant) => format!("; did you mean {open}{meant}{close}? Expected one of {all}"),
+        None => format!("; expected one of {all}"),
+    }
+}
+
+fn list(names: &[&str], open: &str, close: &str) -> String {
+    let quoted: Vec<String> = names.iter().map(|name| format!("{open}{name}{close}")).collect();
+    quoted.join(", ")
+}
+
+impl Flaw {
+    /// Changes the file so that the flaw is gone. What cannot be changed stays.
+    pub(super) fn repair(&self, document: &mut DocumentMut) {
+        let mut steps = steps(&self.repaired);
+        let Some(last) = steps.pop() else { return };
+        let mut spot = Spot::Item(document.as_item_mut());
+        for step in steps {
+            let Some(next) = spot.enter(&step) else { return };
+            spot = next;
+        }
+        spot.change(&last, &self.repair);
+    }
+}
+
+/// A part of a key.
+enum Step<'a> {
+    Key(&'a str),
+    Index(usize),
+}
+
+/// `body[0].name` as its parts.
+fn steps(key: &str) -> Vec<Step<'_>> {
+    let mut steps = Vec::new();
+    for part in key.split('.') {
+        let mut pieces = part.split('[');
+        steps.extend(pieces.next().map(Step::Key));
+        steps.extend(pieces.filter_map(|piece| Some(Step::Index(piece.strip_suffix(']')?.parse().ok()?))));
+    }
+    steps
+}
+
+/// A place in a file that can be changed.
+enum Spot<'a> {
+    Item(&'a mut Item),
+    Value(&'a mut Value),
+    Table(&'a mut Table),
+}
+
+impl<'a> Spot<'a> {
+    fn table(self) -> Option<&'a mut dyn TableLike> {
+        match self {
+            Self::Item(item) => item.as_table_like_mut(),
+            Self::Value(value) => value.as_inline_table_mut().map(|table| table as &mut dyn TableLike),
+            Self::Table(table) => Some(table),
+        }
+    }
+
+    fn enter(self, step: &Step) -> Option<Self> {
+        match (step, self) {
+            (Step::Key(name), spot) => spot.table()?.get_mut(name).map(Spot::Item),
+            (Step::Index(i), Self::Item(Item::ArrayOfTables(tables))) => tables.get_mut(*i).map(Spot::Table),
+            (
+                Step::Index(i),
+                Self::Item(Item::Value(Value::Array(values))) | Self::Value(Value::Array(values)),
+            ) => values.get_mut(*i).map(Spot::Value),
+            _ => None,
+        }
+    }
+
+    fn change(self, step: &Step, repair: &Repair) {
+        let Step::Key(name) = step else {
+            if let (Repair::Set(sample), Some(spot)) = (repair, self.enter(step)) {
+                match (spot, toml_value(sample)) {
+                    (Spot::Value(old), Some(new)) => *old = new,
+                    (Spot::Table(old), Some(Value::InlineTable(new))) => *old = new.into_table(),
+                    _ => {}
+                }
+            }
+            return;
+        };
+        let Some(table) = self.table() else { return };
+        match repair {
+            Repair::Remove => drop(table.remove(name)),
+            Repair::Rename(other) => {
+                if let Some(item) = table.remove(name) {
+                    table.insert(other, item);
+                }
+            }
+            Repair::Set(sample) => {
+                table.remove(name);
+                if let Some(value) = toml_value(sample) {
+                    table.insert(name, Item::Value(value));
+                }
+            }
+        }
+    }
+}
+
+fn toml_value(json: &Json) -> Option<Value> {
+    Some(match json {
+        Json::Null => return None,
+        Json::Bool(value) => (*value).into(),
+        Json::Number(number) => match number.as_i64() {
+            Some(value) if !number.is_f64() => value.into(),
+            _ => number.as_f64()?.into(),
+        },
+        Json::String(text) => text.into(),
+        Json::Array(values) => values.iter().filter_map(toml_value).collect(),
+        Json::Object(map) => {
+            let entries = map.iter().filter_map(|(key, value)| Some((key, toml_value(value)?)));
+            Value::InlineTable(entries.collect::<InlineTable>())
+        }
+    })
+}
+
+/// The span of a key path such as `body[0].material.density`, or of the nearest key above it.
+pub(super) fn span_of(root: &Item, key: &str) -> Option<Range<usize>> {
+    let mut view = View::of_item(root);
+    let mut span = None;
+    for step in steps(key) {
+        let next = match (&step, &view) {
+            (Step::Key(name), View::Table(table)) => {
+                let own = table.key(name).and_then(|key| key.span());
+                let item = table.get(name);
+                // A table is found at its header.
+                let header = item.and_then(Item::as_table).and_then(Table::span);
+                span = header.or(own).or(span);
+                item.map(View::of_item)
+            }
+            (Step::Index(i), View::Array(items)) => {
+                let found = items.get(*i);
+                span = found.map(|(_, span)| span.clone()).or(span);
+                found.map(|(view, _)| view.clone())
+            }
+            _ => None,
+        };
+        match next {
+            Some(next) => view = next,
+            None => break,
+        }
+    }
+    span
+}
