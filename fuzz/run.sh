@@ -6,7 +6,7 @@ set -euo pipefail
 cd "$(dirname "$0")"
 runs=${1:-1000000}
 shift || true
-for reader in "${@:-msh vtk vtu obj stl scene checkpoint}"; do
+for reader in "${@:-msh vtk vtu obj stl inp scene checkpoint}"; do
     for target in $reader; do
         mkdir -p "corpus/$target"
         features=()

@@ -77,6 +77,8 @@ TAPERED = dict(length=10.0, widths=(5.0, 1.0), cells=(12, 6), half_thickness=0.0
 CYLINDER = dict(radii=(1.0, 2.0), cells=(8, 6), thickness=0.125)
 SPHERE = dict(radii=(1.0, 2.0), cells=(4, 5))
 MIXED = dict(size=(2.0, 1.0, 0.5), edge=0.34)
+# An input deck of Abaqus and CalculiX, in millimetres as these have it.
+BAR = {"size": (100, 20, 10), "cells": (8, 2, 1)}
 
 
 # --- The meshes -----------------------------------------------------------------------------------
@@ -455,6 +457,17 @@ def hexahedra(path, name, cells, surfaces, place, order, incomplete=False):
     finish(path, binary=order == 2)
 
 
+def bar(path):
+    """A bar of hex20 as an input deck, in millimetres; `pressed` is a surface of it by the faces of its elements."""
+    path, size = path.with_suffix(".inp"), BAR["size"]
+    lattice = [np.linspace(0, length, count + 1) for length, count in zip(size, BAR["cells"])]
+    surfaces = {"root": lambda x: x[0] == 0, "end": lambda x: x[0] == size[0]}
+    hexahedra(path, "bar", bricks(*lattice), surfaces, lambda x: x, order=2, incomplete=True)
+    # The heading names the file without its directory. Gmsh turns no cell: faces S2 of all of them look to +z.
+    text = path.read_text().replace(str(path), path.name)
+    path.write_text(text + "*SURFACE, NAME=pressed, TYPE=ELEMENT\nbar, S2\n")
+
+
 def tablecloth(path):
     """Square about the origin in the plane z = 0 with a circle of nodes, on which it lies."""
     start()
@@ -631,6 +644,7 @@ def main():
         "cylinder": cylinder,
         "sphere": sphere,
         "mixed": mixed,
+        "bar": bar,
         "tablecloth": tablecloth,
         "roll": roll,
     }

@@ -14,7 +14,7 @@ use super::{MaterialEntry, Materials, Substance};
 pub struct Body {
     /// Its name, by which fixes, probes and springs refer to it.
     pub name: String,
-    /// Mesh file (.msh, .vtk, .vtu, .vtp, .obj, .stl), relative to the scene file: of volume cells for a
+    /// Mesh file (.msh, .vtk, .vtu, .vtp, .inp, .obj, .stl), relative to the scene file: of volume cells for a
     /// solid, of triangles for a sheet. Point data `displacement` (m) and `velocity` (m/s) in it are the initial
     /// state. Of a sheet, quadrilaterals are cut, points on each other welded, triangles turned to face one way,
     /// and points without a triangle left out, each with a note; nodes are numbered after that.

@@ -36,7 +36,7 @@ pub enum IoError {
         source: std::io::Error,
     },
     /// Neither name nor content tell the format.
-    #[error("{}: not a mesh file known here ({found}); give a Gmsh .msh (2.2 or 4.1), .vtk, .vtu, .obj or .stl file", file.display())]
+    #[error("{}: not a mesh file known here ({found}); give a Gmsh .msh (2.2 or 4.1), .vtk, .vtu, .inp, .obj or .stl file", file.display())]
     UnknownFormat {
         /// The file it is about.
         file: PathBuf,

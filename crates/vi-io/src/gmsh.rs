@@ -4,7 +4,6 @@
 //! Source: Gmsh reference manual, "MSH file format" (4.1) and "MSH file format version 2 (legacy)".
 
 mod merge;
-mod tags;
 mod v2;
 mod v4;
 mod view;
@@ -16,7 +15,7 @@ use crate::cell::{CellKind, SUPPORTED};
 use crate::cursor::{Cursor, Encoding};
 use crate::error::IoError;
 use crate::mesh::{Group, MeshFile};
-use tags::TagIndex;
+use crate::tags::TagIndex;
 use view::{Site, View};
 
 /// Reads a Gmsh MSH 2.x or 4.1 file that is in memory; `file` is for the messages only.

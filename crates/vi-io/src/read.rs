@@ -5,6 +5,7 @@ use std::path::Path;
 use crate::cursor::excerpt;
 use crate::error::IoError;
 use crate::gmsh::parse_msh;
+use crate::inp::parse_inp;
 use crate::legacy::parse_vtk;
 use crate::mesh::MeshFile;
 use crate::obj::parse_obj;
@@ -44,6 +45,7 @@ pub fn parse_mesh(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
         "msh" => parse_msh(bytes, file),
         "vtk" => parse_vtk(bytes, file),
         "vtu" | "vtp" => parse_vtu(bytes, file),
+        "inp" => parse_inp(bytes, file),
         "obj" => parse_obj(bytes, file),
         "stl" => parse_stl(bytes, file),
         _ => {

@@ -236,3 +236,117 @@ fn an_obj_face_that_names_its_group_twice_is_in_it_once() {
     let mesh = vi_io::parse_obj(text, Path::new("twice.obj")).unwrap();
     assert_eq!(mesh.group("all").unwrap().cells, [0, 1]);
 }
+
+#[test]
+fn decks_of_abaqus_hold_the_same_box_as_gmsh_files() {
+    let names = names_beginning("box-");
+    assert_eq!(names.len(), 6, "{names:?}");
+    for name in names {
+        let mesh = read(&name);
+        let stem = name.trim_start_matches("box-").trim_end_matches(".inp");
+        let same = read(&format!("{stem}-4.1-binary.msh"));
+        middles_lie_between_corners(&name, &mesh);
+        assert_eq!(mesh.points.len(), same.points.len(), "{name}");
+        // Cells as the places of their nodes in order: every wrong order shows.
+        let places = |mesh: &MeshFile, group: &str| {
+            let all: Vec<_> = mesh.cells().collect();
+            let group = mesh.group(group).unwrap_or_else(|| panic!("{name}: {group}"));
+            let mut cells: Vec<Vec<[i64; 3]>> = group
+                .cells
+                .iter()
+                .map(|&cell| all[cell as usize].1)
+                .map(|nodes| {
+                    nodes
+                        .iter()
+                        .map(|&node| mesh.points[node as usize].map(|x| (1e9 * x).round() as i64))
+                        .collect()
+                })
+                .collect();
+            cells.sort();
+            cells
+        };
+        for (deck, gmsh) in
+            [("steel", "steel"), ("clamp", "clamp"), ("PhysicalSurface7", "7"), ("tip", "tip")]
+        {
+            assert_eq!(places(&mesh, deck), places(&same, gmsh), "{name}: {deck}");
+        }
+        assert_eq!(volume(&mesh, &mesh.group("steel").unwrap().cells), 0.25, "{name}");
+        assert!(mesh.notes.is_empty(), "{name}: {:?}", mesh.notes);
+    }
+}
+
+#[test]
+fn sets_and_surfaces_of_a_deck_become_groups() {
+    let mesh = read("sets.inp");
+    assert_eq!(mesh.points.len(), 14);
+    let cells: Vec<_> = mesh.cells().collect();
+    let nodes = |name: &str| {
+        let group = mesh.group(name).unwrap_or_else(|| panic!("{name}: {:?}", mesh.groups));
+        let mut nodes: Vec<u32> =
+            group.cells.iter().flat_map(|&cell| cells[cell as usize].1.to_vec()).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        (group.dimension, nodes)
+    };
+    // Places count from 0; the numbers 11 to 16 follow 8.
+    assert_eq!(nodes("Root"), (0, vec![0, 2, 4, 6, 7]), "a range and a second definition of other case");
+    assert_eq!(nodes("Some"), (0, vec![0, 2, 4, 6, 7, 13]), "a set of a set");
+    assert_eq!(nodes("Set-1.elements"), (3, (0..14).collect()), "one name for two sets");
+    assert_eq!(nodes("Set-1.nodes"), (0, vec![0, 1]));
+    assert!(mesh.group("Set-1").is_none() && mesh.group("_Top_S2").is_none());
+    assert_eq!(nodes("Both Sides"), (3, (0..14).collect()));
+    assert_eq!(nodes("Top"), (2, vec![4, 5, 6, 7, 10, 11, 13]));
+    assert_eq!(nodes("Shell"), (2, vec![4, 5, 6, 7]));
+    assert_eq!(nodes("Rim"), (1, vec![6, 7]));
+    assert_eq!(nodes("Tips"), (0, vec![12, 13]));
+    assert_eq!(mesh.group("Skin").unwrap().cells, mesh.group("Shell").unwrap().cells);
+    // ∮ x·n dA = 3 V: the faces S1 … S6 of bricks and S1 … S4 of the wedge close, and all look outwards.
+    let outside = &mesh.group("Outside").unwrap().cells;
+    let mut sum = 0.0;
+    for &cell in outside {
+        let x: Vec<[f64; 3]> =
+            cells[cell as usize].1.iter().map(|&node| mesh.points[node as usize]).collect();
+        for k in 1..x.len() - 1 {
+            let (a, b, c) = (x[0], x[k], x[k + 1]);
+            let (u, v) = ([0, 1, 2].map(|i| b[i] - a[i]), [0, 1, 2].map(|i| c[i] - a[i]));
+            let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+            sum += 0.5 * (0..3).map(|i| a[i] * n[i]).sum::<f64>();
+        }
+    }
+    // The wedge's faces S3 and S4 are its slanted ones; S5 lies on the second brick.
+    assert!((sum - 3.0 * 2.5).abs() < 1e-12, "{sum}");
+    let notes = mesh.notes.join("\n");
+    for word in ["MATERIAL", "ELASTIC", "SOLID SECTION", "BOUNDARY", "MASS", "T3D2", "\"Set-1\""] {
+        assert!(notes.contains(word), "{word}: {notes}");
+    }
+}
+
+#[test]
+fn what_would_change_the_mesh_of_a_deck_is_refused_with_its_line() {
+    let good = std::fs::read_to_string(data().join("sets.inp")).unwrap();
+    // What stands in the deck, what takes its place, lines from there to the one that is named, what is said.
+    for (from, to, further, words) in [
+        ("*End Part", "*Include, input=more.inp", 0, "data in another file"),
+        ("*End Part", "*Part, name=Second", 0, "a second *PART"),
+        ("*End Part", "*Instance, name=I, part=P\n 1., 0., 0.", 1, "an instance that is moved"),
+        ("*Node, nset=ALL", "*Node, system=C", 0, "cylindrical"),
+        ("C3D8R", "C3D27", 0, "C3D27"),
+        ("10, 1, 2, 3, 4, 5,\n 6, 7, 8\n", "10, 1, 2, 3, 4, 5,\n 6, 7\n", 0, "16 nodes"),
+        ("50, 1, 5", "50, 1, 99", 0, "99"),
+        ("*Nset, nset=root\n8", "*Nset, nset=root\n88", 0, "names node 88"),
+        ("*Nset, nset=Some, instance=Part-1-1\n Root", "*Nset, nset=Some\n Rooot", 0, "Rooot"),
+        ("*Surface, type=ELEMENT, name=Top\n_Top_S2, S2", "*Surface, name=Top\n_Top_S2, S7", 0, "side S7 of"),
+        ("*Surface, type=ELEMENT, name=Top\n_Top_S2, S2", "*Surface, name=Top\n_Top_S2", 0, "which side"),
+        ("1, 7, 2", "7, 1, 2", 0, "first, last"),
+        ("2.,  0.,  0.", "2.,  nan,  0.", 0, "NaN"),
+        ("2.,  0.,  0.", "2.,  x,  0.", 0, "a coordinate"),
+        ("20, 2, 11, 12,", "10, 2, 11, 12,", 0, "occurs twice"),
+    ] {
+        let line = good.find(from).map(|at| 1 + good[..at].matches('\n').count() + further);
+        let line = line.unwrap_or_else(|| panic!("{from}"));
+        let text = good.replacen(from, to, 1);
+        let said = vi_io::parse_inp(text.as_bytes(), Path::new("deck.inp")).unwrap_err().to_string();
+        assert!(said.starts_with(&format!("deck.inp: line {line}: ")), "{to}: line {line}: {said}");
+        assert!(said.contains(words), "{to}: {said}");
+    }
+}

@@ -1,9 +1,9 @@
 //! Nodes and elements as MSH 2 lays them out.
 
-use super::tags::TagIndex;
 use super::{Reading, kind_of};
 use crate::cursor::{Cursor, Encoding};
 use crate::error::IoError;
+use crate::tags::TagIndex;
 
 pub(super) fn nodes(cursor: &mut Cursor, reading: &mut Reading) -> Result<(), IoError> {
     let announced: u64 = cursor.text_number("the number of nodes")?;

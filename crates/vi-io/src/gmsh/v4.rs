@@ -1,10 +1,10 @@
 //! Entities, nodes and elements as MSH 4.1 lays them out. Text and binary data have the same numbers in the same order.
 
-use super::tags::TagIndex;
 use super::{Reading, kind_of};
 use crate::cell::CellKind;
 use crate::cursor::{Cursor, Encoding};
 use crate::error::IoError;
+use crate::tags::TagIndex;
 
 /// Least bytes that a number takes: a digit and a separator, or four binary bytes.
 fn number_bytes(cursor: &Cursor) -> usize {

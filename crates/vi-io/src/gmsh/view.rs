@@ -1,9 +1,9 @@
 //! `$NodeData` and `$ElementData`: values at tagged nodes or elements.
 
-use super::tags::TagIndex;
 use crate::cursor::{Cursor, Encoding};
 use crate::error::IoError;
 use crate::mesh::{DataArray, MeshFile};
+use crate::tags::TagIndex;
 
 /// What a view's values belong to.
 #[derive(Clone, Copy, PartialEq)]

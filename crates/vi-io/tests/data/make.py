@@ -63,6 +63,9 @@ def box(kind, order):
             gmsh.option.setNumber("Mesh.MshFileVersion", version)
             gmsh.option.setNumber("Mesh.Binary", binary)
             gmsh.write(f"{name}-{version}-{'binary' if binary else 'text'}.msh")
+    if name != "hexahedron27":
+        gmsh.option.setNumber("Mesh.SaveGroupsOfNodes", 1)
+        gmsh.write(f"box-{name}.inp")
     if name == "tetra":
         # A view beside the mesh: displacement (x, 2 y, 3 z) at every node.
         gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)

@@ -1,10 +1,10 @@
-//! From the tags that Gmsh gives to nodes and elements (any numbers, in any order) to places in our arrays.
+//! From the tags that a file gives to nodes and elements (any numbers, in any order) to places in our arrays.
 
 use std::collections::HashMap;
 
 /// Where each tag is.
 #[derive(Default)]
-pub(super) struct TagIndex {
+pub(crate) struct TagIndex {
     /// By tag, `NONE` where there is none: used while tags are dense.
     table: Vec<u32>,
     /// Tags too large for the table.
@@ -18,7 +18,7 @@ impl TagIndex {
     ///
     /// # Errors
     /// The place of a tag that occurred before.
-    pub(super) fn new(tags: &[u64]) -> Result<Self, usize> {
+    pub(crate) fn new(tags: &[u64]) -> Result<Self, usize> {
         let mut index = Self::with_room(tags.len());
         for (place, &tag) in tags.iter().enumerate() {
             if index.insert(tag, place as u32).is_some() {
@@ -29,7 +29,7 @@ impl TagIndex {
     }
 
     /// As `new`, a tag that occurs twice staying with its first place.
-    pub(super) fn with_first_of_copies(tags: &[u64]) -> Self {
+    pub(crate) fn with_first_of_copies(tags: &[u64]) -> Self {
         let mut index = Self::with_room(tags.len());
         for (place, &tag) in tags.iter().enumerate().rev() {
             index.insert(tag, place as u32);
@@ -37,7 +37,7 @@ impl TagIndex {
         index
     }
 
-    pub(super) fn get(&self, tag: u64) -> Option<u32> {
+    pub(crate) fn get(&self, tag: u64) -> Option<u32> {
         match self.table.get(tag as usize) {
             Some(&place) => (place != NONE).then_some(place),
             None => self.others.get(&tag).copied(),

@@ -1,0 +1,93 @@
+//! Lines of an Abaqus input file: comments, keywords with parameters, fields of data. It must not know what they mean.
+
+use crate::cursor::Cursor;
+use crate::error::IoError;
+
+/// The next line that is neither empty nor a comment (`**`), trimmed, and where it begins.
+pub(super) fn next_line<'a>(cursor: &mut Cursor<'a>) -> Option<(usize, &'a [u8])> {
+    loop {
+        let at = cursor.position();
+        let line = cursor.line()?.trim_ascii();
+        if !line.is_empty() && !line.starts_with(b"**") {
+            return Some((at, line));
+        }
+    }
+}
+
+/// A keyword line: `*NAME, KEY=value, FLAG`.
+pub(super) struct Keyword<'a> {
+    /// In upper case, single spaces between its words.
+    pub(super) name: String,
+    pub(super) at: usize,
+    parameters: Vec<(&'a [u8], Option<&'a [u8]>)>,
+}
+
+impl<'a> Keyword<'a> {
+    /// Reads a keyword from its line and those that continue it: a line that ends with a comma goes on.
+    pub(super) fn read(cursor: &mut Cursor<'a>, at: usize, line: &'a [u8]) -> Result<Self, IoError> {
+        let mut words = fields(&line[1..]);
+        let name = words.next().unwrap_or_default();
+        let is_letter = |byte: &u8| byte.is_ascii_alphanumeric() || b" _-/".contains(byte);
+        if name.is_empty() || !name.iter().all(is_letter) {
+            return Err(cursor.syntax_at(at, "a keyword such as *NODE", line));
+        }
+        let words_of_name = name.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+        let words_of_name: Vec<String> =
+            words_of_name.map(|word| String::from_utf8_lossy(word).to_ascii_uppercase()).collect();
+        let mut keyword = Self { name: words_of_name.join(" "), at, parameters: Vec::new() };
+        keyword.take(words);
+        let mut last = line;
+        while last.ends_with(b",") {
+            let Some((_, next)) = next_line(cursor) else { break };
+            keyword.take(fields(next));
+            last = next;
+        }
+        Ok(keyword)
+    }
+
+    fn take(&mut self, words: impl Iterator<Item = &'a [u8]>) {
+        for word in words.filter(|word| !word.is_empty()) {
+            let mut parts = word.splitn(2, |&byte| byte == b'=');
+            let key = parts.next().unwrap_or_default().trim_ascii();
+            let value = parts.next().map(|value| {
+                let value = value.trim_ascii();
+                value.strip_prefix(b"\"").and_then(|rest| rest.strip_suffix(b"\"")).unwrap_or(value)
+            });
+            self.parameters.push((key, value));
+        }
+    }
+
+    /// The value of a parameter, its name in upper case.
+    pub(super) fn value(&self, key: &str) -> Option<&'a [u8]> {
+        let found = self.parameters.iter().find(|(name, _)| name.eq_ignore_ascii_case(key.as_bytes()));
+        found.and_then(|(_, value)| *value)
+    }
+
+    /// Is there a parameter of this name?
+    pub(super) fn has(&self, key: &str) -> bool {
+        self.parameters.iter().any(|(name, _)| name.eq_ignore_ascii_case(key.as_bytes()))
+    }
+}
+
+/// The fields of a line, trimmed; nothing behind a last comma.
+pub(super) fn fields(line: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let line = line.trim_ascii();
+    line.strip_suffix(b",").unwrap_or(line).split(|&byte| byte == b',').map(<[u8]>::trim_ascii)
+}
+
+/// A number of a node or element, positive.
+pub(super) fn label(cursor: &Cursor, at: usize, word: &[u8], what: &str) -> Result<u64, IoError> {
+    let number = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
+    number
+        .filter(|&number| number > 0)
+        .ok_or_else(|| cursor.syntax_at(at, format!("{what} (1 or more)"), word))
+}
+
+/// A real number, whose exponent Fortran may have written with a D.
+pub(super) fn real(cursor: &Cursor, at: usize, word: &[u8], what: &str) -> Result<f64, IoError> {
+    let number = std::str::from_utf8(word).ok().and_then(|text| match text.parse() {
+        Ok(number) => Some(number),
+        Err(_) => text.replace(['D', 'd'], "e").parse().ok(),
+    });
+    number.ok_or_else(|| cursor.syntax_at(at, what, word))
+}
