@@ -1,6 +1,9 @@
 //! Sums and updates of long vectors, on both cores where they are long. The tree of every sum is
 //! fixed by its length, so that the bits do not depend on the number of threads.
 //! It must not know what the numbers mean.
+//!
+//! Only the loop over a leaf is compiled for each caller. The recursion calls it through `dyn`, once per some
+//! thousand entries: compiled for each caller too, the calls of `rayon::join` were half of this crate's code.
 
 use std::ops::Range;
 
@@ -11,7 +14,8 @@ const PARALLEL: usize = 32_768;
 
 /// Σ term(k) over 0..n, by a fixed binary tree.
 pub(crate) fn sum(n: usize, term: impl Fn(usize) -> f64 + Sync) -> f64 {
-    tree(0..n, &|leaf: Range<usize>| leaf.map(&term).sum(), &|a, b| a + b)
+    let leaf = |leaf: Range<usize>| leaf.map(&term).sum();
+    if n <= LEAF { leaf(0..n) } else { tree(0..n, &leaf, |a, b| a + b) }
 }
 
 /// max |value(k)| over 0..n; NaN counts as +∞.
@@ -22,14 +26,14 @@ pub(crate) fn max_abs(n: usize, value: impl Fn(usize) -> f64 + Sync) -> f64 {
             if v.is_nan() { f64::INFINITY } else { max.max(v) }
         })
     };
-    tree(0..n, &leaf, &f64::max)
+    if n <= LEAF { leaf(0..n) } else { tree(0..n, &leaf, f64::max) }
 }
 
-fn tree<L, C>(range: Range<usize>, leaf: &L, combine: &C) -> f64
-where
-    L: Fn(Range<usize>) -> f64 + Sync,
-    C: Fn(f64, f64) -> f64 + Sync,
-{
+fn tree(
+    range: Range<usize>,
+    leaf: &(dyn Fn(Range<usize>) -> f64 + Sync),
+    combine: fn(f64, f64) -> f64,
+) -> f64 {
     let n = range.len();
     if n <= LEAF {
         return leaf(range);
@@ -46,62 +50,54 @@ where
 
 /// out[k] = value(k).
 pub(crate) fn fill(out: &mut [f64], value: impl Fn(usize) -> f64 + Sync) {
-    fill_from(0, out, &value);
-}
-
-fn fill_from(first: usize, out: &mut [f64], value: &(impl Fn(usize) -> f64 + Sync)) {
-    let n = out.len();
-    if n >= PARALLEL {
-        let (left, right) = out.split_at_mut(n / 2);
-        rayon::join(|| fill_from(first, left, value), || fill_from(first + n / 2, right, value));
-    } else {
-        for (k, out) in out.iter_mut().enumerate() {
-            *out = value(first + k);
-        }
-    }
+    update(out, |k, out| *out = value(k));
 }
 
 /// update(k, &mut a[k]).
 pub(crate) fn update(a: &mut [f64], update: impl Fn(usize, &mut f64) + Sync) {
-    update_from(0, a, &update);
-}
-
-fn update_from(first: usize, a: &mut [f64], update: &(impl Fn(usize, &mut f64) + Sync)) {
-    let n = a.len();
-    if n >= PARALLEL {
-        let (left, right) = a.split_at_mut(n / 2);
-        rayon::join(|| update_from(first, left, update), || update_from(first + n / 2, right, update));
-    } else {
+    let leaf = |first: usize, a: &mut [f64]| {
         for (k, a) in a.iter_mut().enumerate() {
             update(first + k, a);
         }
+    };
+    if a.len() < PARALLEL { leaf(0, a) } else { on_leaves(0, a, &leaf) }
+}
+
+fn on_leaves(first: usize, a: &mut [f64], leaf: &(dyn Fn(usize, &mut [f64]) + Sync)) {
+    let n = a.len();
+    if n < PARALLEL {
+        return leaf(first, a);
     }
+    let (left, right) = a.split_at_mut(n / 2);
+    rayon::join(|| on_leaves(first, left, leaf), || on_leaves(first + n / 2, right, leaf));
 }
 
 /// update(k, &mut a[k], &mut b[k]) for two vectors of one length.
 pub(crate) fn update_pair(a: &mut [f64], b: &mut [f64], update: impl Fn(usize, &mut f64, &mut f64) + Sync) {
-    update_pair_from(0, a, b, &update);
-}
-
-fn update_pair_from(
-    first: usize,
-    a: &mut [f64],
-    b: &mut [f64],
-    update: &(impl Fn(usize, &mut f64, &mut f64) + Sync),
-) {
-    let n = a.len();
-    if n >= PARALLEL {
-        let (a_left, a_right) = a.split_at_mut(n / 2);
-        let (b_left, b_right) = b.split_at_mut(n / 2);
-        rayon::join(
-            || update_pair_from(first, a_left, b_left, update),
-            || update_pair_from(first + n / 2, a_right, b_right, update),
-        );
-    } else {
+    let leaf = |first: usize, a: &mut [f64], b: &mut [f64]| {
         for (k, (a, b)) in a.iter_mut().zip(b).enumerate() {
             update(first + k, a, b);
         }
+    };
+    if a.len() < PARALLEL { leaf(0, a, b) } else { on_pairs_of_leaves(0, a, b, &leaf) }
+}
+
+fn on_pairs_of_leaves(
+    first: usize,
+    a: &mut [f64],
+    b: &mut [f64],
+    leaf: &(dyn Fn(usize, &mut [f64], &mut [f64]) + Sync),
+) {
+    let n = a.len();
+    if n < PARALLEL {
+        return leaf(first, a, b);
     }
+    let (a_left, a_right) = a.split_at_mut(n / 2);
+    let (b_left, b_right) = b.split_at_mut(n / 2);
+    rayon::join(
+        || on_pairs_of_leaves(first, a_left, b_left, leaf),
+        || on_pairs_of_leaves(first + n / 2, a_right, b_right, leaf),
+    );
 }
 
 #[cfg(test)]
