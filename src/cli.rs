@@ -1,7 +1,7 @@
 //! The command line: words in, exit codes out. It must not know physics.
 //!
 //! Exit codes: 0 done, 2 bad input, 3 an assertion of the scene broken, 4 no convergence,
-//! 5 input/output, 130 ended by Ctrl-C with everything written.
+//! 5 input/output, 128 + n ended by signal n (130 Ctrl-C, 143 SIGTERM, 129 SIGHUP) with everything written.
 
 mod bench;
 mod convergence;
@@ -10,6 +10,8 @@ mod modes;
 mod progress;
 mod resume;
 mod run;
+mod say;
+mod signals;
 mod stress;
 mod study;
 
@@ -76,12 +78,15 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(error) => {
-            // The text is the whole answer: a closed pipe leaves nobody to tell.
-            let _ = error.print();
-            return ExitCode::from(if error.use_stderr() { exit::BAD_INPUT } else { exit::DONE });
+            let is_written = error.print().is_ok() && say::all_is_written();
+            return ExitCode::from(match (error.use_stderr(), is_written) {
+                (true, _) => exit::BAD_INPUT,
+                (false, true) => exit::DONE,
+                (false, false) => exit::INPUT_OUTPUT,
+            });
         }
     };
-    ExitCode::from(match arguments.command {
+    let code = match arguments.command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Resume(arguments) => resume::resume(&arguments),
         Command::Stress(arguments) => stress::run(&arguments),
@@ -90,9 +95,11 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Check { scenes, overrides } => run::check(&scenes, &overrides),
         Command::Modes(arguments) => modes::modes(&arguments),
         Command::Schema => {
-            println!("{:#}", Scene::schema());
+            say::out!("{:#}", Scene::schema());
             exit::DONE
         }
         Command::Info { file } => info::info(&file),
-    })
+    };
+    let is_lost = !say::all_is_written() && code == exit::DONE;
+    ExitCode::from(if is_lost { exit::INPUT_OUTPUT } else { code })
 }

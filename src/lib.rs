@@ -7,6 +7,8 @@
 //! The layers below are re-exported as [`core`], [`fem`], [`solvers`] and [`io`].
 
 #![forbid(unsafe_code)]
+// A closed pipe makes `println!` panic: `cli::say` writes instead.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod auto;
 pub mod bench;

@@ -2,15 +2,15 @@
 
 use std::io::IsTerminal;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::exit;
-use super::run::{print_problems, stop_on_ctrl_c};
+use super::run::print_problems;
+use super::say::{self, message, out};
+use super::signals::Stop;
 use super::study::{Study, StudyArguments, print_json};
 use crate::bench::{BenchError, BenchOptions, BenchReport, BenchWatch, bench};
 
@@ -39,7 +39,7 @@ pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
     };
     for (key, value) in [("--budget", Some(arguments.budget)), ("--error", arguments.error)] {
         if value.is_some_and(|value| !(value > 0.0 && value < 1e9)) {
-            eprintln!("error: {key} must be positive");
+            message!("error: {key} must be positive");
             return exit::BAD_INPUT;
         }
     }
@@ -48,7 +48,7 @@ pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
         accuracy: arguments.error,
         schemes: arguments.schemes.clone(),
     };
-    let mut watch = Watch::new(arguments.quiet || arguments.study.json, stop_on_ctrl_c());
+    let mut watch = Watch::new(arguments.quiet || arguments.study.json, Stop::on_signals());
     let result = pool.install(|| bench(&scene, &options, &mut watch));
     watch.finish();
     let report = match result {
@@ -58,14 +58,14 @@ pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
             return exit::BAD_INPUT;
         }
         Err(error) => {
-            eprintln!("error: {}: {error}", arguments.study.scene.display());
+            message!("error: {}: {error}", arguments.study.scene.display());
             let is_numerical = matches!(error, BenchError::Reference { .. });
             return if is_numerical { exit::NO_CONVERGENCE } else { exit::BAD_INPUT };
         }
     };
     let title = if scene.title.is_empty() { name } else { scene.title };
     if let Err(error) = write(&report, &title, &directory) {
-        eprintln!("error: {}: {error}", directory.display());
+        message!("error: {}: {error}", directory.display());
         return exit::INPUT_OUTPUT;
     }
     if arguments.study.json {
@@ -73,10 +73,10 @@ pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
         return exit::DONE;
     }
     if !arguments.quiet {
-        print!("{}", report.table());
-        println!("written to {}", directory.display());
+        say::write_result(format_args!("{}", report.table()));
+        out!("written to {}", directory.display());
     }
-    println!("{}.", report.recommendation);
+    out!("{}.", report.recommendation);
     exit::DONE
 }
 
@@ -91,12 +91,12 @@ fn write(report: &BenchReport, title: &str, directory: &Path) -> std::io::Result
 /// A bar with the time left on a terminal, a line for every run in a pipe.
 struct Watch {
     quiet: bool,
-    stop: Arc<AtomicBool>,
+    stop: Stop,
     bar: Option<ProgressBar>,
 }
 
 impl Watch {
-    fn new(quiet: bool, stop: Arc<AtomicBool>) -> Self {
+    fn new(quiet: bool, stop: Stop) -> Self {
         let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
             let bar = ProgressBar::new(1000);
             match ProgressStyle::with_template("{bar:40} {percent:>3} %  {msg}") {
@@ -123,13 +123,13 @@ impl BenchWatch for Watch {
                 bar.set_message(format!("{what}, at most {left:.0} s left"));
             }
             None if !self.quiet => {
-                eprintln!("{:3.0} %  {what}, at most {left:.0} s left", 100.0 * spent.min(1.0));
+                message!("{:3.0} %  {what}, at most {left:.0} s left", 100.0 * spent.min(1.0));
             }
             None => {}
         }
     }
 
     fn go_on(&mut self) -> bool {
-        !self.stop.load(Ordering::Relaxed)
+        !self.stop.is_asked()
     }
 }

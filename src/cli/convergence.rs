@@ -1,13 +1,13 @@
 //! `variational convergence`: words in, tables and files out. It must not measure.
 
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 
 use super::exit;
-use super::run::{print_problems, stop_on_ctrl_c};
+use super::run::print_problems;
+use super::say::{self, message, out};
+use super::signals::Stop;
 use super::study::{Study, StudyArguments, print_json};
 use crate::convergence::{
     ConvergenceError, ConvergenceOptions, ConvergenceReport, ConvergenceWatch, convergence,
@@ -45,7 +45,8 @@ pub(super) fn study(arguments: &ConvergenceArguments) -> u8 {
         time: !arguments.space,
         modes: arguments.modes.map(|count| count as usize),
     };
-    let mut watch = Watch { quiet: arguments.quiet || arguments.study.json, stop: stop_on_ctrl_c() };
+    let stop = Stop::on_signals();
+    let mut watch = Watch { quiet: arguments.quiet || arguments.study.json, stop: stop.clone() };
     let report = match pool.install(|| convergence(&scene, &options, &mut watch)) {
         Ok(report) => report,
         Err(ConvergenceError::Scene(problems)) => {
@@ -53,23 +54,23 @@ pub(super) fn study(arguments: &ConvergenceArguments) -> u8 {
             return exit::BAD_INPUT;
         }
         Err(error) => {
-            eprintln!("error: {}: {error}", arguments.study.scene.display());
+            message!("error: {}: {error}", arguments.study.scene.display());
             return match error {
-                ConvergenceError::Stopped => exit::INTERRUPTED,
+                ConvergenceError::Stopped => stop.code(),
                 ConvergenceError::Nothing(_) => exit::BAD_INPUT,
                 _ => exit::NO_CONVERGENCE,
             };
         }
     };
     if let Err(error) = write(&report, &directory) {
-        eprintln!("error: {}: {error}", directory.display());
+        message!("error: {}: {error}", directory.display());
         return exit::INPUT_OUTPUT;
     }
     if arguments.study.json {
         print_json(&report);
     } else if !arguments.quiet {
-        print!("{}", report.table());
-        println!("written to {}", directory.display());
+        say::write_result(format_args!("{}", report.table()));
+        out!("written to {}", directory.display());
     }
     exit::DONE
 }
@@ -84,17 +85,17 @@ fn write(report: &ConvergenceReport, directory: &Path) -> std::io::Result<()> {
 /// A line for every run.
 struct Watch {
     quiet: bool,
-    stop: Arc<AtomicBool>,
+    stop: Stop,
 }
 
 impl ConvergenceWatch for Watch {
     fn next(&mut self, what: &str) {
         if !self.quiet {
-            eprintln!("{what}");
+            message!("{what}");
         }
     }
 
     fn go_on(&mut self) -> bool {
-        !self.stop.load(Ordering::Relaxed)
+        !self.stop.is_asked()
     }
 }

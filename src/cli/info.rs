@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::exit;
+use super::say::{message, out};
 use crate::scene::Substance;
 use crate::simulation::Simulation;
 use crate::stability::stability;
@@ -15,11 +16,11 @@ fn mesh(path: &Path) -> u8 {
     let file = match vi_io::read_mesh(path) {
         Ok(file) => file,
         Err(error) => {
-            eprintln!("error: {error}");
+            message!("error: {error}");
             return exit::BAD_INPUT;
         }
     };
-    println!("{}: {} points, {} cells", path.display(), file.points.len(), file.cell_count());
+    out!("{}: {} points, {} cells", path.display(), file.points.len(), file.cell_count());
     let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for x in &file.points {
         for k in 0..3 {
@@ -28,26 +29,26 @@ fn mesh(path: &Path) -> u8 {
         }
     }
     if !file.points.is_empty() {
-        println!("extent   {min:?} to {max:?}");
+        out!("extent   {min:?} to {max:?}");
     }
     for kind in vi_io::CellKind::ALL {
         let count: usize = file.blocks.iter().filter(|b| b.kind == *kind).map(|b| b.cell_count()).sum();
         if count > 0 {
-            println!("cells    {count} {}", kind.name());
+            out!("cells    {count} {}", kind.name());
         }
     }
     for group in &file.groups {
         let what = ["points", "curve", "surface", "volume"][group.dimension.min(3)];
-        println!("region   '{}', {what}, {} cells", group.name, group.cells.len());
+        out!("region   '{}', {what}, {} cells", group.name, group.cells.len());
     }
     for array in &file.point_data {
-        println!("points   '{}', {} components", array.name, array.components);
+        out!("points   '{}', {} components", array.name, array.components);
     }
     for array in &file.cell_data {
-        println!("cells    '{}', {} components", array.name, array.components);
+        out!("cells    '{}', {} components", array.name, array.components);
     }
     for note in &file.notes {
-        println!("note     {note}");
+        out!("note     {note}");
     }
     exit::DONE
 }
@@ -62,8 +63,8 @@ fn scene(path: &Path) -> u8 {
         }
     };
     let scene = simulation.scene();
-    println!("{}: {}", path.display(), scene.title);
-    println!(
+    out!("{}: {}", path.display(), scene.title);
+    out!(
         "time     {} steps of {:.6e} s by {}",
         simulation.step_count(),
         simulation.step_size(),
@@ -73,7 +74,7 @@ fn scene(path: &Path) -> u8 {
         let component = &simulation.components()[body.component];
         let nodes = body.node_offset..body.node_offset + body.mesh.points.len();
         let mass: f64 = nodes.map(|node| component.system().mass()[3 * node]).sum();
-        println!(
+        out!(
             "body     '{}': {} nodes, {} elements, {mass:.6e} kg, component {}",
             body.name,
             body.mesh.points.len(),
@@ -82,33 +83,34 @@ fn scene(path: &Path) -> u8 {
         );
         for entry in &said.material.0 {
             let place = entry.region.as_deref().unwrap_or("the rest");
-            print!("material {} in {place}", entry.law.name());
+            let mut sheet = String::new();
             if let Substance::Sheet(law) = &entry.law {
                 let thickness = law.parameters().common().thickness;
-                print!(", a sheet of {thickness:e} m and {:e} kg/m²", law.area_density());
+                sheet = format!(", a sheet of {thickness:e} m and {:e} kg/m²", law.area_density());
             }
-            println!();
+            out!("material {} in {place}{sheet}", entry.law.name());
         }
         for region in &body.mesh.regions {
-            println!("region   '{}', dimension {}", region.name, region.dimension);
+            out!("region   '{}', dimension {}", region.name, region.dimension);
         }
     }
     for (i, component) in simulation.components().iter().enumerate() {
         let coordinates = component.system().coordinates();
         let free = coordinates.free_count();
-        println!("system {i}: {free} of {} coordinates are free", coordinates.dof_count());
+        out!("system {i}: {free} of {} coordinates are free", coordinates.dof_count());
         for term in component.system().potentials() {
-            println!("term     '{}': {} stencils", term.name(), term.stencils().count());
+            out!("term     '{}': {} stencils", term.name(), term.stencils().count());
         }
     }
     if let Some(note) = stability(&simulation) {
-        println!(
+        out!(
             "explicit step limit {:.4e} s (highest frequency {:.4e} rad/s)",
-            note.step_limit, note.highest_frequency
+            note.step_limit,
+            note.highest_frequency
         );
     }
     for note in simulation.notes() {
-        println!("note     {note}");
+        out!("note     {note}");
     }
     exit::DONE
 }

@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::exit;
 use super::run::{accept, name_of, output_directory};
+use super::say::{message, out};
 use crate::run::RunError;
 use crate::scene::MassKind;
 use crate::vibration::write_modes;
@@ -44,13 +45,13 @@ pub(super) fn modes(arguments: &ModesArguments) -> u8 {
                     (false, true) => "  unstable",
                     (false, false) => "",
                 };
-                println!("{number:4} {:16.9} Hz{name}", mode.frequency());
+                out!("{number:4} {:16.9} Hz{name}", mode.frequency());
             }
-            println!("written to {}", directory.display());
+            out!("written to {}", directory.display());
             exit::DONE
         }
         Err(error) => {
-            eprintln!("error: {error}");
+            message!("error: {error}");
             match error {
                 RunError::Scene(_) => exit::BAD_INPUT,
                 RunError::Step { .. } => exit::NO_CONVERGENCE,

@@ -1,26 +1,26 @@
 //! Progress of a run: a bar with the time left on a terminal, plain lines in a pipe.
 
 use std::io::IsTerminal;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::say::{self, message};
+use super::signals::Stop;
 use crate::explain::explain;
 use crate::run::Watch;
 use crate::simulation::Simulation;
 
-/// Watches a run for the person at the terminal, and for Ctrl-C.
+/// Watches a run for the person at the terminal, and for signals that ask it to end.
 pub(super) struct Progress {
     quiet: bool,
     explain: bool,
-    stop: Arc<AtomicBool>,
+    stop: Stop,
     bar: Option<ProgressBar>,
     tenths: u64,
 }
 
 impl Progress {
-    pub(super) fn new(quiet: bool, explain: bool, stop: Arc<AtomicBool>) -> Self {
+    pub(super) fn new(quiet: bool, explain: bool, stop: Stop) -> Self {
         Self { quiet, explain, stop, bar: None, tenths: 0 }
     }
 
@@ -34,20 +34,20 @@ impl Progress {
 impl Watch for Progress {
     fn start(&mut self, simulation: &Simulation, notes: &[String]) {
         for note in notes {
-            eprintln!("note: {note}");
+            message!("note: {note}");
         }
         if self.explain {
-            eprint!("{}", explain(simulation));
+            say::write_message(format_args!("{}", explain(simulation)));
         }
         if self.quiet {
             return;
         }
         if let Some(auto) = simulation.auto() {
-            eprintln!("{}", auto.reason);
+            message!("{}", auto.reason);
         }
         let elements: usize = simulation.bodies().iter().map(|body| body.element_count()).sum();
         let nodes: usize = simulation.bodies().iter().map(|body| body.mesh.points.len()).sum();
-        eprintln!(
+        message!(
             "{} bodies, {nodes} nodes, {elements} elements; {} steps of {:.4e} s by {}",
             simulation.bodies().len(),
             simulation.step_count(),
@@ -69,7 +69,7 @@ impl Watch for Progress {
     fn finding(&mut self, finding: &str) {
         match &self.bar {
             Some(bar) => bar.println(format!("note: {finding}")),
-            None => eprintln!("note: {finding}"),
+            None => message!("note: {finding}"),
         }
     }
 
@@ -82,8 +82,8 @@ impl Watch for Progress {
             }
         } else if !self.quiet && steps * 10 / count > self.tenths {
             self.tenths = steps * 10 / count;
-            eprintln!("{:3} %  t = {:.6e} s", self.tenths * 10, simulation.time());
+            message!("{:3} %  t = {:.6e} s", self.tenths * 10, simulation.time());
         }
-        !self.stop.load(Ordering::Relaxed)
+        !self.stop.is_asked()
     }
 }

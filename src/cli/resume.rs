@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::exit;
-use super::run::{Say, conclude, thread_pool};
+use super::run::{Say, conclude, fail, thread_pool};
+use super::say::{message, out};
+use super::signals::Stop;
 use crate::checkpoint::{CheckpointError, Origin, newest};
 use crate::run::{RunError, resume as resume_run};
 use crate::scene::Scene;
@@ -24,19 +26,19 @@ pub(super) struct ResumeArguments {
 pub(super) fn resume(arguments: &ResumeArguments) -> u8 {
     let directory = &arguments.directory;
     if let Some(steps) = finished(directory) {
-        println!("{}: the run is finished, {steps} steps; there is nothing to resume", directory.display());
+        out!("{}: the run is finished, {steps} steps; there is nothing to resume", directory.display());
         return exit::DONE;
     }
     let found = match newest(directory) {
         Ok(found) => found,
-        Err(error) => return conclude(Err(error.into()), directory, &arguments.say),
+        Err(error) => return fail(&error.into(), directory),
     };
     for damage in &found.damages {
-        eprintln!("warning: damaged: {damage}");
+        message!("warning: damaged: {damage}");
     }
     let (path, step) = (found.path.display(), found.checkpoint.steps());
     if !found.damages.is_empty() {
-        eprintln!("warning: falling back to {path}");
+        message!("warning: falling back to {path}");
     }
     let scene = match scene(&found.checkpoint.origin) {
         Ok(scene) => scene,
@@ -47,16 +49,17 @@ pub(super) fn resume(arguments: &ResumeArguments) -> u8 {
         Err(code) => return code,
     };
     if !arguments.say.quiet {
-        eprintln!("resuming {path} after step {step}");
+        message!("resuming {path} after step {step}");
     }
-    let mut progress = arguments.say.progress();
+    let stop = Stop::on_signals();
+    let mut progress = arguments.say.progress(&stop);
     let result = pool.install(|| resume_run(scene, &found.checkpoint, directory, &mut progress));
     progress.finish();
     if let Err(RunError::Scene(problems)) = &result {
-        problems.iter().for_each(|problem| eprintln!("error: {problem}"));
+        problems.iter().for_each(|problem| message!("error: {problem}"));
         return exit::BAD_INPUT;
     }
-    conclude(result, directory, &arguments.say)
+    conclude(result, directory, &arguments.say, &stop)
 }
 
 /// The steps of a run that has reached its end.
@@ -72,17 +75,17 @@ fn scene(origin: &Origin) -> Result<Scene, u8> {
         Some((file, overrides)) if Path::new(file).exists() => Scene::read(Path::new(file), overrides)
             .map_err(|source| {
                 let path = PathBuf::from(file);
-                eprintln!("error: {}", CheckpointError::Read { path, source });
+                message!("error: {}", CheckpointError::Read { path, source });
                 exit::INPUT_OUTPUT
             })?,
         Some((file, _)) => {
-            eprintln!("note: {file} is gone; the scene is taken from the checkpoint");
+            message!("note: {file} is gone; the scene is taken from the checkpoint");
             Scene::parse(&origin.scene, &[])
         }
         None => Scene::parse(&origin.scene, &[]),
     };
     for problem in &parsed.problems {
-        eprintln!("error: {problem}");
+        message!("error: {problem}");
     }
     match parsed.scene {
         Some(scene) if parsed.problems.is_empty() => Ok(scene),

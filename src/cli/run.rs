@@ -1,13 +1,13 @@
 //! `variational run` and `variational check`.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 
 use super::exit;
 use super::progress::Progress;
+use super::say::{self, message, out};
+use super::signals::Stop;
 use crate::checkpoint::{CheckpointError, newest};
 use crate::report::{Outcome, Report};
 use crate::run::{RunError, run_from};
@@ -47,8 +47,8 @@ pub(super) struct Say {
 
 impl Say {
     /// The watch of a run that prints so.
-    pub(super) fn progress(&self) -> Progress {
-        Progress::new(self.quiet || self.json, self.explain, stop_on_ctrl_c())
+    pub(super) fn progress(&self, stop: &Stop) -> Progress {
+        Progress::new(self.quiet || self.json, self.explain, stop.clone())
     }
 }
 
@@ -64,19 +64,20 @@ pub(super) fn run(arguments: &RunArguments) -> u8 {
     let name = name_of(&arguments.scene);
     let directory = output_directory(&scene, &name, arguments.out.as_deref());
     if let Err(error) = writable(&directory) {
-        eprintln!(
+        message!(
             "error: {}: output directory not writable: {error}; choose another with --out",
             directory.display()
         );
         return exit::BAD_INPUT;
     }
-    let mut progress = arguments.say.progress();
+    let stop = Stop::on_signals();
+    let mut progress = arguments.say.progress(&stop);
     let source = (arguments.scene.as_path(), arguments.overrides.as_slice());
     let result = pool.install(|| run_from(Some(source), scene, &name, &directory, &mut progress));
     progress.finish();
     match result {
         Err(RunError::Scene(problems)) => refuse(problems, &arguments.scene, &arguments.overrides),
-        other => conclude(other, &directory, &arguments.say),
+        other => conclude(other, &directory, &arguments.say, &stop),
     }
 }
 
@@ -85,71 +86,54 @@ pub(super) fn thread_pool(threads: Option<usize>) -> Result<rayon::ThreadPool, u
     let mut pool = rayon::ThreadPoolBuilder::new();
     if let Some(threads) = threads {
         if threads == 0 {
-            eprintln!("error: --threads must be at least 1");
+            message!("error: --threads must be at least 1");
             return Err(exit::BAD_INPUT);
         }
         pool = pool.num_threads(threads);
     }
     pool.build().map_err(|error| {
-        eprintln!("error: cannot start threads: {error}");
+        message!("error: cannot start threads: {error}");
         exit::INPUT_OUTPUT
     })
 }
 
-/// A flag that Ctrl-C sets.
-pub(super) fn stop_on_ctrl_c() -> Arc<AtomicBool> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    if let Err(error) = ctrlc::set_handler(move || {
-        // A second Ctrl-C does not wait for the step.
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(i32::from(exit::INTERRUPTED));
-        }
-    }) {
-        eprintln!("note: Ctrl-C will end at once, without writing: {error}");
-    }
-    stop
-}
-
 /// Says how a run ended; the exit code.
-pub(super) fn conclude(result: Result<Report, RunError>, directory: &Path, say: &Say) -> u8 {
+pub(super) fn conclude(result: Result<Report, RunError>, directory: &Path, say: &Say, stop: &Stop) -> u8 {
     let report = match result {
         Ok(report) => report,
-        Err(error) => {
-            eprintln!("error: {error}");
-            return explain_failure(&error, directory);
-        }
+        Err(error) => return fail(&error, directory),
     };
     let report = &report;
     if say.json {
         match serde_json::to_string_pretty(report) {
-            Ok(text) => println!("{text}"),
-            Err(error) => eprintln!("error: {error}"),
+            Ok(text) => out!("{text}"),
+            Err(error) => message!("error: {error}"),
         }
     } else if !say.quiet {
         summary(report, directory);
     }
     if let Some(warning) = &report.warning {
-        eprintln!("warning: {warning}");
+        message!("warning: {warning}");
     }
     if say.explain {
-        eprint!("{}", report.account());
+        say::write_message(format_args!("{}", report.account()));
     }
     for broken in &report.broken {
-        eprintln!("assertion broken: {broken}");
+        message!("assertion broken: {broken}");
     }
     match report.outcome {
-        Some(Outcome::Interrupted) => exit::INTERRUPTED,
+        Some(Outcome::Interrupted) => stop.code(),
         _ if !report.broken.is_empty() => exit::BROKEN,
         _ => exit::DONE,
     }
 }
 
-/// What is left after a failed run; the exit code.
-fn explain_failure(error: &RunError, directory: &Path) -> u8 {
+/// Says why a run failed and what it left; the exit code.
+pub(super) fn fail(error: &RunError, directory: &Path) -> u8 {
+    message!("error: {error}");
     let code = match error {
         error if error.is_failure() => {
-            eprintln!("what was reached is in {}", directory.display());
+            message!("what was reached is in {}", directory.display());
             exit::NO_CONVERGENCE
         }
         RunError::Scene(_)
@@ -160,7 +144,7 @@ fn explain_failure(error: &RunError, directory: &Path) -> u8 {
     };
     if let Ok(found) = newest(directory) {
         let path = found.path.display();
-        eprintln!(
+        message!(
             "the last good state is {path} (step {}): `variational resume {}` continues from there",
             found.checkpoint.steps(),
             directory.display()
@@ -171,7 +155,7 @@ fn explain_failure(error: &RunError, directory: &Path) -> u8 {
 
 fn summary(report: &Report, directory: &Path) {
     let drift = report.energy_drift;
-    println!(
+    out!(
         "{} steps of {:.4e} s by {} in {:.2} s (set-up {:.2} s, output {:.2} s)",
         report.steps,
         report.h,
@@ -183,7 +167,7 @@ fn summary(report: &Report, directory: &Path) {
     let cut = |key: &str| report.substeps[key].as_u64().unwrap_or(0);
     if cut("steps_cut") > 0 {
         let smallest = report.substeps["smallest"].as_f64().unwrap_or(f64::NAN);
-        println!(
+        out!(
             "{} steps were cut into {} substeps, of {smallest:.3e} s at least",
             cut("steps_cut"),
             cut("substeps")
@@ -191,7 +175,7 @@ fn summary(report: &Report, directory: &Path) {
     }
     for event in report.guard["events"].as_array().into_iter().flatten() {
         let number = |key: &str| event[key].as_f64().unwrap_or(f64::NAN);
-        println!(
+        out!(
             "energy guard: {:.3e} J gained at t = {:.4e} s; went on {}",
             number("joules"),
             number("t"),
@@ -200,13 +184,13 @@ fn summary(report: &Report, directory: &Path) {
     }
     // In statics nothing moves, and there is no drift to speak of.
     if drift.is_finite() {
-        println!("energy drift {drift:.2e} of the largest kinetic energy");
+        out!("energy drift {drift:.2e} of the largest kinetic energy");
     }
     for (probe, estimate) in &report.estimate {
         let error = |axis: usize| estimate["error"][axis].as_f64().unwrap_or(f64::NAN);
         let order =
             estimate["observed_order"].as_f64().map_or("not seen".to_owned(), |order| format!("{order:.1}"));
-        println!(
+        out!(
             "error of '{probe}' at the end: ± {:.1e}, {:.1e}, {:.1e} m (observed order {order})",
             error(0),
             error(1),
@@ -215,11 +199,11 @@ fn summary(report: &Report, directory: &Path) {
     }
     for (probe, pitch) in &report.pitch {
         match pitch.as_f64() {
-            Some(pitch) => println!("pitch at '{probe}': {pitch:.2} Hz"),
-            None => println!("pitch at '{probe}': too few samples to tell"),
+            Some(pitch) => out!("pitch at '{probe}': {pitch:.2} Hz"),
+            None => out!("pitch at '{probe}': too few samples to tell"),
         }
     }
-    println!("written to {}", directory.display());
+    out!("written to {}", directory.display());
 }
 
 pub(super) fn check(scenes: &[PathBuf], overrides: &[String]) -> u8 {
@@ -238,7 +222,7 @@ pub(super) fn check(scenes: &[PathBuf], overrides: &[String]) -> u8 {
                     problems.push(Problem::new("output.directory", message));
                 }
                 if problems.is_empty() {
-                    println!("{}: ok", path.display());
+                    out!("{}: ok", path.display());
                 } else {
                     print_problems(problems, &parsed, path);
                     code = exit::BAD_INPUT;
@@ -252,7 +236,7 @@ pub(super) fn check(scenes: &[PathBuf], overrides: &[String]) -> u8 {
 /// Reads a scene and its meshes' headers; on problems prints all of them, with those of its meshes.
 pub(super) fn accept(path: &Path, overrides: &[String]) -> Result<(Scene, Parsed), u8> {
     let mut parsed = Scene::read(path, overrides).map_err(|error| {
-        eprintln!("error: {}: cannot read the scene: {error}", path.display());
+        message!("error: {}: cannot read the scene: {error}", path.display());
         exit::BAD_INPUT
     })?;
     if parsed.problems.is_empty()
@@ -267,7 +251,7 @@ pub(super) fn accept(path: &Path, overrides: &[String]) -> Result<(Scene, Parsed
     }
     problems.sort_by_key(|problem| problem.line);
     for problem in &problems {
-        eprintln!("error: {problem}");
+        message!("error: {problem}");
     }
     Err(exit::BAD_INPUT)
 }
@@ -282,7 +266,7 @@ fn refuse(problems: Vec<Problem>, path: &Path, overrides: &[String]) -> u8 {
 pub(super) fn print_problems(problems: Vec<Problem>, parsed: &Parsed, path: &Path) {
     for problem in problems {
         let located = Problem { file: Some(path.to_owned()), ..parsed.locate(problem) };
-        eprintln!("error: {located}");
+        message!("error: {located}");
     }
 }
 

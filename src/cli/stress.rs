@@ -6,6 +6,7 @@ use std::time::Duration;
 use clap::Args;
 
 use super::exit;
+use super::say::{self, message, out};
 use crate::stress::{Outcome, StressOptions, stress};
 
 #[derive(Debug, Args)]
@@ -41,20 +42,20 @@ pub(super) fn run(arguments: &StressArguments) -> u8 {
     let report = stress(&options, &|case, outcome| {
         if arguments.verbose || matches!(outcome, Outcome::Forbidden(_)) {
             let scheme = case.scene.time.scheme.unwrap_or(crate::scene::SchemeName::Auto);
-            eprintln!("scene {}: {}, {scheme:?}: {outcome:?}", case.index, case.violence.words());
+            message!("scene {}: {}, {scheme:?}: {outcome:?}", case.index, case.violence.words());
         }
     });
     if arguments.json {
-        println!("{:#}", report.json(&options));
+        out!("{:#}", report.json(&options));
     } else {
-        print!("{}", report.markdown(&options));
+        say::write_result(format_args!("{}", report.markdown(&options)));
     }
     if report.forbidden.is_empty() {
         return exit::DONE;
     }
     for (index, why) in &report.forbidden {
-        eprintln!("forbidden: scene {index}: {why}");
+        message!("forbidden: scene {index}: {why}");
     }
-    eprintln!("their scenes are in {}", options.keep.display());
+    message!("their scenes are in {}", options.keep.display());
     exit::BROKEN
 }

@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::exit;
 use super::run::{accept, name_of, thread_pool, writable};
+use super::say::{message, out};
 use crate::scene::{Parsed, Scene};
 
 #[derive(Debug, Args)]
@@ -46,7 +47,7 @@ impl StudyArguments {
         let directory =
             self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{name}-{command}")));
         if let Err(error) = writable(&directory) {
-            eprintln!(
+            message!(
                 "error: {}: output directory not writable: {error}; choose another with --out",
                 directory.display()
             );
@@ -59,7 +60,7 @@ impl StudyArguments {
 /// Prints a report as JSON.
 pub(super) fn print_json(report: &impl serde::Serialize) {
     match serde_json::to_string_pretty(report) {
-        Ok(text) => println!("{text}"),
-        Err(error) => eprintln!("error: {error}"),
+        Ok(text) => out!("{text}"),
+        Err(error) => message!("error: {error}"),
     }
 }

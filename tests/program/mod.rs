@@ -71,8 +71,13 @@ impl Program {
     }
 
     pub(crate) fn report(&self) -> serde_json::Value {
-        serde_json::from_str(&std::fs::read_to_string(self.out().join("report.json")).unwrap()).unwrap()
+        report_of(&self.out())
     }
+}
+
+/// The report.json of a directory.
+pub(crate) fn report_of(directory: &Path) -> serde_json::Value {
+    serde_json::from_str(&std::fs::read_to_string(directory.join("report.json")).unwrap()).unwrap()
 }
 
 fn with_paths(scene: &str) -> String {

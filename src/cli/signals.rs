@@ -1,0 +1,72 @@
+//! The signals that ask a command to end: Ctrl-C (SIGINT), SIGTERM and SIGHUP. The first one lets it write what it has
+//! reached; a second one ends it at once. It must not know what is to be written.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
+
+use super::exit;
+use super::say::message;
+
+/// Has a signal asked the command to end?
+#[derive(Debug, Clone, Default)]
+pub(super) struct Stop {
+    is_asked: Arc<AtomicBool>,
+    signal: Arc<AtomicUsize>,
+}
+
+impl Stop {
+    /// Listens for the signals from here on.
+    pub(super) fn on_signals() -> Self {
+        let stop = Self::default();
+        for signal in signals() {
+            if let Err(error) = stop.listen(signal) {
+                message!("note: signal {signal} will end at once, without writing: {error}");
+            }
+        }
+        stop
+    }
+
+    /// Actions run in the order of their registration: a signal that comes after another one ends the process, and
+    /// the number is there before the flag is.
+    fn listen(&self, signal: i32) -> std::io::Result<()> {
+        flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&self.is_asked))?;
+        flag::register_usize(signal, Arc::clone(&self.signal), signal as usize)?;
+        flag::register(signal, Arc::clone(&self.is_asked))?;
+        Ok(())
+    }
+
+    /// Has a signal come?
+    pub(super) fn is_asked(&self) -> bool {
+        self.is_asked.load(Ordering::SeqCst)
+    }
+
+    /// The exit code of a command that a signal has ended: 128 + its number.
+    pub(super) fn code(&self) -> u8 {
+        match self.signal.load(Ordering::SeqCst) {
+            0 => exit::INTERRUPTED,
+            signal => 128 + signal as u8,
+        }
+    }
+}
+
+fn signals() -> Vec<i32> {
+    let mut signals = vec![SIGINT, SIGTERM];
+    #[cfg(unix)]
+    if !is_ignored(signal_hook::consts::SIGHUP) {
+        signals.push(signal_hook::consts::SIGHUP);
+    }
+    signals
+}
+
+/// Was the program started with this signal ignored, as `nohup` does with SIGHUP? Where the system does not tell, it
+/// was not.
+#[cfg(unix)]
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    mask >> (signal - 1) & 1 == 1
+}
