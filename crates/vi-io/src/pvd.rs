@@ -1,6 +1,7 @@
 //! PVD files: which frame belongs to which time. ParaView and pyvista open them as a time series.
 
-use std::io::Write;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use quick_xml::escape::escape;
@@ -10,7 +11,15 @@ use quick_xml::{Reader, XmlVersion};
 use crate::error::{IoError, Place};
 use crate::replace::replace_file;
 
+const OPENING: &str =
+    "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n";
+const CLOSING: &str = "</Collection>\n</VTKFile>\n";
+
 /// A time series of frames, whose file is whole after every [`push`](PvdSeries::push).
+///
+/// A frame is appended over the closing tags, which are written behind it again in the same call to the operating
+/// system, so that a series of n frames costs n entries and not n²/2. A process that is killed leaves a whole file;
+/// after a power cut [`set_frames`](PvdSeries::set_frames) repairs it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PvdSeries {
     path: PathBuf,
@@ -82,29 +91,66 @@ impl PvdSeries {
         self.save()
     }
 
-    /// Adds a frame, its file given relative to the series' own directory, and replaces the series' file.
+    /// Adds a frame, its file given relative to the series' own directory, and appends it to the series' file. A
+    /// first frame replaces a file that an earlier series left there.
     ///
     /// # Errors
-    /// [`IoError::System`] if it cannot be written; the old file is then untouched.
+    /// [`IoError::System`] if it cannot be written; the series and its file are then as they were.
     pub fn push(&mut self, time: f64, file: &str) -> Result<(), IoError> {
+        let is_first = self.frames.is_empty();
         self.frames.push((time, file.into()));
-        self.save()
+        let appended = match is_first {
+            true => Ok(false),
+            false => append(&self.path, &entry(time, file)),
+        };
+        let written = match appended {
+            Ok(true) => Ok(()),
+            Ok(false) => self.save(),
+            Err(source) => Err(IoError::System { file: self.path.clone(), action: "write", source }),
+        };
+        if written.is_err() {
+            self.frames.pop();
+        }
+        written
     }
 
     fn save(&self) -> Result<(), IoError> {
         replace_file(&self.path, |out| {
-            writeln!(
-                out,
-                "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>"
-            )?;
+            out.write_all(OPENING.as_bytes())?;
             for (time, file) in &self.frames {
-                writeln!(
-                    out,
-                    "<DataSet timestep=\"{time:?}\" part=\"0\" file=\"{}\"/>",
-                    escape(file.as_str())
-                )?;
+                out.write_all(entry(*time, file).as_bytes())?;
             }
-            writeln!(out, "</Collection>\n</VTKFile>")
+            out.write_all(CLOSING.as_bytes())
         })
     }
+}
+
+fn entry(time: f64, file: &str) -> String {
+    format!("<DataSet timestep=\"{time:?}\" part=\"0\" file=\"{}\"/>\n", escape(file))
+}
+
+/// Appends an entry to a series' file. False where the file does not end as a series does: it is gone, or somebody
+/// has changed it.
+fn append(path: &Path, entry: &str) -> io::Result<bool> {
+    let mut file = match File::options().read(true).write(true).open(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+        opened => opened?,
+    };
+    let length = file.metadata()?.len();
+    let Some(end) = length.checked_sub(CLOSING.len() as u64) else { return Ok(false) };
+    let mut closing = [0; CLOSING.len()];
+    file.seek(SeekFrom::Start(end))?;
+    file.read_exact(&mut closing)?;
+    if closing != CLOSING.as_bytes() {
+        return Ok(false);
+    }
+    file.seek(SeekFrom::Start(end))?;
+    let written = file.write_all(format!("{entry}{CLOSING}").as_bytes());
+    if written.is_err() {
+        // The disk is full. There is room for the old end, which was there before; the first error is the one to
+        // report.
+        let _ = file.seek(SeekFrom::Start(end)).and_then(|_| file.write_all(CLOSING.as_bytes()));
+        let _ = file.set_len(length);
+    }
+    written.map(|()| true)
 }

@@ -123,3 +123,47 @@ fn a_series_is_whole_after_every_frame_and_can_be_continued() {
     assert_eq!(times, [0.0, 0.1, 0.15]);
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
 }
+
+/// A series of n frames writes n entries: what n pushes take grows with n, not with n².
+#[test]
+fn a_long_series_is_appended_to() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("run.pvd");
+    let mut series = PvdSeries::new(&path);
+    for i in 0..20_000 {
+        series.push(f64::from(i), &format!("run_{i:06}.vtu")).unwrap();
+    }
+    let mut whole = PvdSeries::new(&directory.path().join("whole.pvd"));
+    whole.set_frames(series.frames().to_vec()).unwrap();
+    let [appended, replaced] =
+        ["run.pvd", "whole.pvd"].map(|name| std::fs::read(directory.path().join(name)).unwrap());
+    assert!(appended == replaced);
+    // A file that was replaced would have another inode.
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let inode = || std::fs::metadata(&path).unwrap().ino();
+        let before = inode();
+        series.push(20_000.0, "run_020000.vtu").unwrap();
+        assert_eq!(before, inode());
+    }
+}
+
+/// A series whose file was removed, cut off or changed is written as a whole again.
+#[test]
+fn a_series_whose_file_was_changed_is_repaired() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("run.pvd");
+    let mut series = PvdSeries::new(&path);
+    series.push(0.0, "a.vtu").unwrap();
+    let spoilt: [&dyn Fn(&[u8]); 3] = [
+        &|_| std::fs::remove_file(&path).unwrap(),
+        &|bytes| std::fs::write(&path, &bytes[..bytes.len() - 5]).unwrap(),
+        &|_| std::fs::write(&path, "short").unwrap(),
+    ];
+    for (i, spoil) in spoilt.iter().enumerate() {
+        spoil(&std::fs::read(&path).unwrap());
+        series.push(i as f64 + 1.0, "b.vtu").unwrap();
+        assert_eq!(PvdSeries::open(&path).unwrap(), series);
+    }
+}
