@@ -156,13 +156,14 @@ fn a_series_whose_file_was_changed_is_repaired() {
     let path = directory.path().join("run.pvd");
     let mut series = PvdSeries::new(&path);
     series.push(0.0, "a.vtu").unwrap();
-    let spoilt: [&dyn Fn(&[u8]); 3] = [
-        &|_| std::fs::remove_file(&path).unwrap(),
-        &|bytes| std::fs::write(&path, &bytes[..bytes.len() - 5]).unwrap(),
-        &|_| std::fs::write(&path, "short").unwrap(),
-    ];
-    for (i, spoil) in spoilt.iter().enumerate() {
-        spoil(&std::fs::read(&path).unwrap());
+    let cut = |bytes: Vec<u8>| bytes[..bytes.len() - 5].to_vec();
+    for (i, spoilt) in
+        [None, Some(cut(std::fs::read(&path).unwrap())), Some(b"short".to_vec())].iter().enumerate()
+    {
+        match spoilt {
+            None => std::fs::remove_file(&path).unwrap(),
+            Some(bytes) => std::fs::write(&path, bytes).unwrap(),
+        }
         series.push(i as f64 + 1.0, "b.vtu").unwrap();
         assert_eq!(PvdSeries::open(&path).unwrap(), series);
     }
