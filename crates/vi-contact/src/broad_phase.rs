@@ -1,0 +1,47 @@
+//! Finds what is near what: a tree of boxes, and lists of candidates that stay valid while nodes move little.
+
+mod neighbours;
+mod tree;
+
+pub use neighbours::{EdgePair, Neighbours};
+
+use rayon::prelude::*;
+
+use crate::distance::at;
+use crate::surface::Surface;
+use tree::{Bounds, Tree};
+
+/// Rest distance of each point from the nearest cell of its own body that it is not part of, m; infinite where that is
+/// too far for contact at rest.
+pub(crate) fn nearest_own_cells(surface: &Surface) -> Vec<f64> {
+    let bodies = &surface.laws.bodies;
+    if !bodies.iter().any(|body| body.meets_itself) {
+        return vec![f64::INFINITY; surface.points.len()];
+    }
+    let cells: Vec<u32> = (0..surface.cells.len() as u32)
+        .filter(|&cell| bodies[surface.cells[cell as usize].body as usize].meets_itself)
+        .collect();
+    let bounds: Vec<Bounds> =
+        cells.iter().map(|&cell| Bounds::of(surface.cells[cell as usize].nodes(), &surface.rest)).collect();
+    let tree = Tree::new(&bounds);
+    let nearest = |point: usize| {
+        let owner = surface.points[point].body;
+        let body = bodies[owner as usize];
+        if !body.meets_itself {
+            return f64::INFINITY;
+        }
+        let reach = (4.0 * body.radius).max(2.0 * (body.distance + body.radius));
+        let mut least = f64::INFINITY;
+        let bounds = Bounds::of(&[surface.points[point].node], &surface.rest).inflated(reach);
+        tree.visit(&bounds, &mut |found| {
+            let cell = cells[found as usize] as usize;
+            if surface.cells[cell].body == owner && surface.admits_point(point, cell) {
+                let [a, b, c] = surface.cells[cell].nodes;
+                let x = [surface.points[point].node, a, b, c].map(|node| at(&surface.rest, node));
+                least = least.min(surface.cells[cell].shape().closest(&x).distance());
+            }
+        });
+        least
+    };
+    (0..surface.points.len()).into_par_iter().map(nearest).collect()
+}

@@ -1,0 +1,175 @@
+//! Verlet lists (Verlet 1967): all pairs nearer than their activation distance plus a margin, at one configuration.
+//! While no node has moved farther than half the margin, no pair outside the lists can act or meet.
+
+use rayon::prelude::*;
+
+use super::tree::{Bounds, Tree};
+use crate::distance::{Shape, at};
+use crate::surface::{Gauge, Surface};
+
+/// Queries that one task makes.
+const CHUNK: usize = 1024;
+
+/// Two edges that may meet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EdgePair {
+    /// Numbers of the edges, the lower first.
+    pub edges: [u32; 2],
+    /// Constants of the pair.
+    pub gauge: Gauge,
+}
+
+/// Candidates for contact near one configuration, in the order of their numbers.
+#[derive(Debug, Clone, Default)]
+pub struct Neighbours {
+    reference: Vec<f64>,
+    margin: f64,
+    /// Where the cells of each point start, and where the last one's end.
+    pub(crate) starts: Vec<u32>,
+    pub(crate) cells: Vec<u32>,
+    pub(crate) edges: Vec<EdgePair>,
+    /// Points and half-spaces.
+    pub(crate) planes: Vec<[u32; 2]>,
+}
+
+impl Neighbours {
+    /// All pairs nearer than their activation distance plus `margin` (m) at positions x.
+    pub fn find(surface: &Surface, x: &[f64], margin: f64) -> Self {
+        let (starts, cells) = near_cells(surface, x, margin);
+        let edges = near_edges(surface, x, margin);
+        let mut planes = Vec::new();
+        for point in 0..surface.points.len() {
+            for plane in 0..surface.half_spaces.len() {
+                let (node, face) = (surface.points[point].node, &surface.half_spaces[plane]);
+                let Some(gauge) = surface.plane_gauge(point, plane) else { continue };
+                let height = face.normal.dot(&(at(x, node) - at(x, face.node)));
+                if height < gauge.thickness + gauge.distance + margin && !surface.is_rigid(&[node, face.node])
+                {
+                    planes.push([point as u32, plane as u32]);
+                }
+            }
+        }
+        Self { reference: x.to_vec(), margin, starts, cells, edges, planes }
+    }
+
+    /// Is every pair that can act or meet at x among the candidates? So it is while 2 max|Δx| ≤ margin. The set of such
+    /// x is convex: what holds at both ends of a path holds on it.
+    pub fn covers(&self, surface: &Surface, x: &[f64]) -> bool {
+        let limit = 0.25 * self.margin * self.margin;
+        surface.nodes().all(|node| (at(x, node) - at(&self.reference, node)).norm_squared() <= limit)
+    }
+
+    /// The margin, m.
+    pub fn margin(&self) -> f64 {
+        self.margin
+    }
+
+    /// Number of candidates of all kinds.
+    pub fn count(&self) -> usize {
+        self.cells.len() + self.edges.len() + self.planes.len()
+    }
+
+    /// Cells near a point.
+    pub fn cells_of(&self, point: usize) -> &[u32] {
+        &self.cells[self.starts[point] as usize..self.starts[point + 1] as usize]
+    }
+
+    /// Pairs of edges.
+    pub fn edge_pairs(&self) -> &[EdgePair] {
+        &self.edges
+    }
+
+    /// Points near half-spaces: numbers of both.
+    pub fn plane_pairs(&self) -> &[[u32; 2]] {
+        &self.planes
+    }
+}
+
+/// What the box of a part of a body is inflated by: boxes meet wherever a pair is nearer than its reach.
+fn inflation(surface: &Surface, body: u32, margin: f64) -> f64 {
+    surface.laws.bodies[body as usize].radius + surface.laws.half_reach[body as usize] + 0.5 * margin
+}
+
+/// Cells near each point, in the order of points and of cells.
+fn near_cells(surface: &Surface, x: &[f64], margin: f64) -> (Vec<u32>, Vec<u32>) {
+    let bounds: Vec<Bounds> = surface
+        .cells
+        .par_iter()
+        .map(|cell| Bounds::of(cell.nodes(), x).inflated(inflation(surface, cell.body, margin)))
+        .collect();
+    let tree = Tree::new(&bounds);
+    let near = |point: usize, out: &mut Vec<u32>| {
+        let first = out.len();
+        let part = &surface.points[point];
+        let position = at(x, part.node);
+        let bounds = Bounds::of(&[part.node], x).inflated(inflation(surface, part.body, margin));
+        tree.visit(&bounds, &mut |cell| {
+            let other = &surface.cells[cell as usize];
+            let Some(gauge) = surface.point_gauge(point, other.body) else { return };
+            let [a, b, c] = other.nodes.map(|node| at(x, node));
+            let reach = gauge.thickness + gauge.distance + margin;
+            if !other.nodes.contains(&part.node)
+                && other.shape().closest(&[position, a, b, c]).squared < reach * reach
+                && surface.admits_point(point, cell as usize)
+            {
+                out.push(cell);
+            }
+        });
+        out[first..].sort_unstable();
+    };
+    let chunks: Vec<(Vec<u32>, Vec<u32>)> = (0..surface.points.len().div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|chunk| {
+            let (mut ends, mut cells) = (Vec::new(), Vec::new());
+            for point in chunk * CHUNK..((chunk + 1) * CHUNK).min(surface.points.len()) {
+                near(point, &mut cells);
+                ends.push(cells.len() as u32);
+            }
+            (ends, cells)
+        })
+        .collect();
+    let (mut starts, mut cells) = (vec![0], Vec::new());
+    for (ends, found) in chunks {
+        let base = cells.len() as u32;
+        starts.extend(ends.into_iter().map(|end| base + end));
+        cells.extend(found);
+    }
+    (starts, cells)
+}
+
+/// Edges near each other, in the order of their numbers.
+fn near_edges(surface: &Surface, x: &[f64], margin: f64) -> Vec<EdgePair> {
+    let bounds: Vec<Bounds> = surface
+        .edges
+        .par_iter()
+        .map(|edge| Bounds::of(&edge.nodes, x).inflated(inflation(surface, edge.body, margin)))
+        .collect();
+    let tree = Tree::new(&bounds);
+    let near = |first: u32, out: &mut Vec<EdgePair>| {
+        let [a, b] = surface.edges[first as usize].nodes;
+        let (start, end) = (at(x, a), at(x, b));
+        tree.visit(&bounds[first as usize], &mut |second| {
+            if second <= first || !surface.admits_edges(first as usize, second as usize) {
+                return;
+            }
+            let [c, d] = surface.edges[second as usize].nodes;
+            let closest = Shape::EdgeEdge.closest(&[start, end, at(x, c), at(x, d)]);
+            let Some(gauge) = surface.edge_gauge(first as usize, second as usize) else { return };
+            let reach = gauge.thickness + gauge.distance + margin;
+            if closest.squared < reach * reach {
+                out.push(EdgePair { edges: [first, second], gauge });
+            }
+        });
+    };
+    let mut pairs: Vec<EdgePair> = tree
+        .order()
+        .par_chunks(CHUNK)
+        .flat_map_iter(|queries| {
+            let mut out = Vec::new();
+            queries.iter().for_each(|&edge| near(edge, &mut out));
+            out
+        })
+        .collect();
+    pairs.par_sort_unstable_by_key(|pair| pair.edges);
+    pairs
+}

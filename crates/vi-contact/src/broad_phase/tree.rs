@@ -1,0 +1,150 @@
+//! A binary tree of boxes over items in Morton order (Morton 1966), kept as a heap: the children of box i are 2i and
+//! 2i + 1, the leaves hold a few items each. The tree decides how fast items are found, never which.
+
+use crate::distance::at;
+
+/// A box along the axes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Bounds {
+    pub(crate) min: [f64; 3],
+    pub(crate) max: [f64; 3],
+}
+
+impl Bounds {
+    pub(crate) const EMPTY: Self = Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3] };
+
+    /// The box around nodes.
+    #[inline]
+    pub(crate) fn of(nodes: &[u32], x: &[f64]) -> Self {
+        let mut bounds = Self::EMPTY;
+        for &node in nodes {
+            let x = at(x, node);
+            for k in 0..3 {
+                bounds.min[k] = bounds.min[k].min(x[k]);
+                bounds.max[k] = bounds.max[k].max(x[k]);
+            }
+        }
+        bounds
+    }
+
+    #[inline]
+    pub(crate) fn inflated(mut self, by: f64) -> Self {
+        for k in 0..3 {
+            self.min[k] -= by;
+            self.max[k] += by;
+        }
+        self
+    }
+
+    #[inline]
+    pub(crate) fn join(&mut self, other: &Self) {
+        for k in 0..3 {
+            self.min[k] = self.min[k].min(other.min[k]);
+            self.max[k] = self.max[k].max(other.max[k]);
+        }
+    }
+
+    #[inline]
+    pub(crate) fn meets(&self, other: &Self) -> bool {
+        // Without a branch between the axes.
+        (self.min[0] <= other.max[0])
+            & (other.min[0] <= self.max[0])
+            & (self.min[1] <= other.max[1])
+            & (other.min[1] <= self.max[1])
+            & (self.min[2] <= other.max[2])
+            & (other.min[2] <= self.max[2])
+    }
+}
+
+/// Items of a leaf. 4 was the fastest of 2, 4 and 8 for a rebuild of two folded sheets of 80 000 triangles.
+const LEAF: usize = 4;
+
+pub(crate) struct Tree {
+    /// Boxes of the heap; the first is unused.
+    boxes: Vec<Bounds>,
+    /// Items in Morton order, and their boxes.
+    items: Vec<u32>,
+    item_boxes: Vec<Bounds>,
+    leaves: usize,
+}
+
+impl Tree {
+    /// The tree of items 0, 1, 2, … with these boxes.
+    pub(crate) fn new(bounds: &[Bounds]) -> Self {
+        let mut all = Bounds::EMPTY;
+        bounds.iter().for_each(|item| all.join(item));
+        let mut codes: Vec<(u64, u32)> =
+            bounds.iter().zip(0..).map(|(item, number)| (morton(item, &all), number)).collect();
+        codes.sort_unstable();
+        let items: Vec<u32> = codes.into_iter().map(|(_, item)| item).collect();
+        let item_boxes: Vec<Bounds> = items.iter().map(|&item| bounds[item as usize]).collect();
+        let leaves = items.len().div_ceil(LEAF).next_power_of_two();
+        let mut boxes = vec![Bounds::EMPTY; 2 * leaves];
+        for (leaf, items) in item_boxes.chunks(LEAF).enumerate() {
+            items.iter().for_each(|item| boxes[leaves + leaf].join(item));
+        }
+        for node in (1..leaves).rev() {
+            let mut joined = boxes[2 * node];
+            joined.join(&boxes[2 * node + 1]);
+            boxes[node] = joined;
+        }
+        Self { boxes, items, item_boxes, leaves }
+    }
+
+    /// Calls `found` with every item whose box meets `bounds`.
+    #[inline]
+    pub(crate) fn visit(&self, bounds: &Bounds, found: &mut impl FnMut(u32)) {
+        if !self.boxes[1].meets(bounds) {
+            return;
+        }
+        let mut stack = [0_u32; 64];
+        let mut top = 1;
+        stack[0] = 1;
+        while top > 0 {
+            top -= 1;
+            let node = stack[top] as usize;
+            if node >= self.leaves {
+                let first = (node - self.leaves) * LEAF;
+                let last = (first + LEAF).min(self.items.len());
+                for k in first..last {
+                    if self.item_boxes[k].meets(bounds) {
+                        found(self.items[k]);
+                    }
+                }
+                continue;
+            }
+            for child in [2 * node + 1, 2 * node] {
+                if self.boxes[child].meets(bounds) {
+                    stack[top] = child as u32;
+                    top += 1;
+                }
+            }
+        }
+    }
+
+    /// Items in Morton order: queries in this order read memory that the one before has read.
+    pub(crate) fn order(&self) -> &[u32] {
+        &self.items
+    }
+}
+
+/// 21 bits of each coordinate of the centre, interleaved.
+fn morton(item: &Bounds, all: &Bounds) -> u64 {
+    let mut code = 0;
+    for k in 0..3 {
+        let size = all.max[k] - all.min[k];
+        let part = 0.5 * (item.min[k] + item.max[k]) - all.min[k];
+        let unit = if size > 0.0 { (part / size).clamp(0.0, 1.0) } else { 0.0 };
+        code |= spread((unit * 2_097_151.0) as u64) << k;
+    }
+    code
+}
+
+/// Puts two zero bits between the bits of a number below 2²¹.
+fn spread(mut bits: u64) -> u64 {
+    bits = (bits | (bits << 32)) & 0x1f_0000_0000_ffff;
+    bits = (bits | (bits << 16)) & 0x1f_0000_ff00_00ff;
+    bits = (bits | (bits << 8)) & 0x100f_00f0_0f00_f00f;
+    bits = (bits | (bits << 4)) & 0x10c3_0c30_c30c_30c3;
+    (bits | (bits << 2)) & 0x1249_2492_4924_9249
+}

@@ -1,0 +1,94 @@
+//! Distances between two simplices: point–point, point–edge, point–triangle, edge–edge.
+//!
+//! A pair has up to four nodes; r = Σ_a c_a x_a joins its closest points, with weights c that sum to zero (1 on the
+//! point, −β on the triangle). Everything is made from differences of positions: squares of a Gram matrix would lose
+//! u L²/d² of a distance d between features of size L, differences lose u L/d, where u = 2⁻⁵³.
+//! This file must not know energies.
+
+mod curvature;
+mod edge;
+mod triangle;
+
+pub(crate) use curvature::squared_hessian;
+pub(crate) use edge::edge_edge;
+pub(crate) use triangle::{point_edge, point_point, point_triangle};
+
+use nalgebra::Vector3;
+
+/// A vector of space.
+pub(crate) type Vec3 = Vector3<f64>;
+
+/// Position of a node in the flat array of coordinates.
+#[inline]
+pub(crate) fn at(x: &[f64], node: u32) -> Vec3 {
+    let k = 3 * node as usize;
+    let [a, b, c] = x[k..k + 3] else { unreachable!("three coordinates") };
+    Vec3::new(a, b, c)
+}
+
+/// The closest points of a pair.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Closest {
+    /// |r|², m².
+    pub squared: f64,
+    /// r = Σ c_a x_a, from the second simplex to the first, m.
+    pub vector: Vec3,
+    /// c_a; zero for nodes that the pair does not have.
+    pub weights: [f64; 4],
+}
+
+impl Closest {
+    /// Which nodes carry the closest points: bit a is set where c_a ≠ 0.
+    #[inline]
+    pub fn support(&self) -> u8 {
+        (0..4).fold(0, |bits, a| bits | (u8::from(self.weights[a] != 0.0) << a))
+    }
+
+    /// d = |r|, m.
+    #[inline]
+    pub fn distance(&self) -> f64 {
+        self.squared.sqrt()
+    }
+}
+
+/// Σ_a c_a x_a.
+#[inline]
+pub(crate) fn combine(weights: &[f64; 4], x: &[Vec3; 4]) -> Vec3 {
+    x[0] * weights[0] + x[1] * weights[1] + x[2] * weights[2] + x[3] * weights[3]
+}
+
+/// The kinds of pairs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Shape {
+    /// Node 0 against node 1.
+    PointPoint,
+    /// Node 0 against the edge of nodes 1 and 2.
+    PointEdge,
+    /// Node 0 against the triangle of nodes 1, 2 and 3.
+    PointTriangle,
+    /// The edge of nodes 0 and 1 against that of nodes 2 and 3.
+    EdgeEdge,
+}
+
+impl Shape {
+    /// Nodes of the pair.
+    pub fn arity(self) -> usize {
+        match self {
+            Self::PointPoint => 2,
+            Self::PointEdge => 3,
+            Self::PointTriangle | Self::EdgeEdge => 4,
+        }
+    }
+
+    /// The closest points at positions x. Entries of x beyond the arity are ignored. Among equally close features the
+    /// one of the lowest index is chosen.
+    #[inline]
+    pub fn closest(self, x: &[Vec3; 4]) -> Closest {
+        match self {
+            Self::PointPoint => point_point(x),
+            Self::PointEdge => point_edge(x),
+            Self::PointTriangle => point_triangle(x),
+            Self::EdgeEdge => edge_edge(x),
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! The Hessian of a squared distance.
+//!
+//! d² = min_β |r(β, x)|² with r = Σ c_a(β) x_a. With ∂r/∂β_k = E_k and ∂c_a/∂β_k = c_{a,k}, the envelope theorem gives
+//! ```text
+//! ∂d²/∂x_a = 2 c_a r,
+//! ∂²d²/∂x_a∂x_b = 2 [c_a c_b I − Σ_kl (c_a E_k + c_{a,k} r)(A⁻¹)_kl (c_b E_l + c_{b,l} r)ᵀ],   A_kl = E_k·E_l,
+//! ```
+//! where β runs over the parameters that are free: two on a face or for two crossing edges, one on an edge.
+
+use super::{Closest, Shape, Vec3};
+
+/// Directions of the free parameters: weights c_{a,k}, and how many there are.
+fn free_directions(shape: Shape, closest: &Closest) -> ([[f64; 4]; 2], usize) {
+    let mut directions = [[0.0; 4]; 2];
+    let mut count = 0;
+    let mut push = |from: usize, to: usize, sign: f64| {
+        directions[count][from] = -sign;
+        directions[count][to] = sign;
+        count += 1;
+    };
+    let has = |a: usize| closest.weights[a] != 0.0;
+    match shape {
+        Shape::PointPoint => {}
+        Shape::EdgeEdge => {
+            if has(0) && has(1) {
+                push(0, 1, 1.0);
+            }
+            if has(2) && has(3) {
+                push(2, 3, -1.0);
+            }
+        }
+        Shape::PointEdge | Shape::PointTriangle => {
+            let mut nodes = (1..4).filter(|&a| has(a));
+            let first = nodes.next().unwrap_or(1);
+            for other in nodes {
+                push(first, other, -1.0);
+            }
+        }
+    }
+    (directions, count)
+}
+
+/// ∂²d²/∂x_a∂x_b of a pair, packed lower triangle of its 3·arity coordinates. Writes 3n(3n+1)/2 entries.
+pub(crate) fn squared_hessian(shape: Shape, closest: &Closest, x: &[Vec3; 4], out: &mut [f64]) {
+    let (directions, count) = free_directions(shape, closest);
+    let (r, c) = (closest.vector, &closest.weights);
+    let edges = directions.map(|weights| super::combine(&weights, x));
+    // A⁻¹ = LᵀL of the one or two free parameters.
+    let mut rows = [[Vec3::zeros(); 4]; 2];
+    for k in 0..count {
+        for a in 0..4 {
+            rows[k][a] = edges[k] * c[a] + r * directions[k][a];
+        }
+    }
+    let mut first_edge = edges[0];
+    if count > 0 {
+        let length = first_edge.norm();
+        first_edge /= length;
+        rows[0].iter_mut().for_each(|row| *row /= length);
+    }
+    if count > 1 {
+        let along = first_edge.dot(&edges[1]);
+        let across = (edges[1] - first_edge * along).norm();
+        for a in 0..4 {
+            rows[1][a] = (rows[1][a] - rows[0][a] * along) / across;
+        }
+    }
+    let mut entry = out.iter_mut();
+    for i in 0..3 * shape.arity() {
+        let (a, axis) = (i / 3, i % 3);
+        for j in 0..=i {
+            let (b, other) = (j / 3, j % 3);
+            let mut value = if axis == other { c[a] * c[b] } else { 0.0 };
+            for row in &rows[..count] {
+                value -= row[a][axis] * row[b][other];
+            }
+            if let Some(entry) = entry.next() {
+                *entry = 2.0 * value;
+            }
+        }
+    }
+}

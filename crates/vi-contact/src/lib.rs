@@ -1,0 +1,22 @@
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+mod barrier;
+mod broad_phase;
+mod ccd;
+mod distance;
+mod error;
+mod pairs;
+mod surface;
+#[cfg(test)]
+mod testing;
+
+pub use barrier::Barrier;
+pub use broad_phase::{EdgePair, Neighbours};
+pub use ccd::{Certificate, Impact, separated_until};
+pub use distance::{Closest, Shape};
+pub use error::ContactError;
+pub use pairs::{ActivePair, Blend, Contact, Partners, StepPair, StepSettings};
+pub use surface::{
+    Body, Cell, Edge, Gauge, HalfSpace, Law, PairRule, Point, Surface, SurfaceBuilder, median_edge,
+};

@@ -1,0 +1,50 @@
+//! The pairs that act, and their energies.
+//!
+//! The energy of a point p against the cells of a body is, with area w, modulus κ and activation distance d̂,
+//! ```text
+//! C_p = ½ w κ d̂ Σ_σ n_σ B((d(p, σ) − ξ)/d̂),
+//! ```
+//! over all simplices σ of the body: triangles and wire edges with n = 1, other edges with n = 1 − (triangles at the
+//! edge), nodes with n = 1 + (triangles at it) − (edges at it). This is inclusion and exclusion: the numbers n of all
+//! simplices that contain a given one sum to 1, so that every place of the surface is seen once, however it is meshed,
+//! on rims, forks and wires too. d(p, σ) is the distance from the closed simplex, hence C_p is one continuous function
+//! of positions, the sum over fixed pairs (p, σ) with fixed n. Grouping those that have the same closest feature is
+//! arithmetic, not a choice: it never changes the sum. See `groups.rs`.
+//!
+//! The formula is the "improved max" of Li et al. 2023 (Convergent IPC) for points against triangles, with n made from
+//! the mesh; in crossing edges nothing is subtracted, because their sum could become negative.
+
+mod chord;
+mod edges;
+mod energy;
+mod groups;
+mod step;
+
+pub use energy::{ActivePair, Blend};
+pub use step::{StepPair, StepSettings};
+
+use crate::broad_phase::Neighbours;
+use crate::surface::Surface;
+
+pub(crate) use chord::DistanceChange;
+pub(crate) use groups::Group;
+
+/// What the parts of a pair are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Partners {
+    /// A point and the cells of a body: numbers of both.
+    PointBody(u32, u32),
+    /// A point and a half-space: numbers of both.
+    PointPlane(u32, u32),
+    /// Two edges: their numbers.
+    Edges(u32, u32),
+}
+
+/// Surfaces with the candidates near a configuration: what energies and forces are asked of.
+#[derive(Debug, Clone, Copy)]
+pub struct Contact<'a> {
+    /// The surfaces.
+    pub surface: &'a Surface,
+    /// Candidates that cover every configuration asked about.
+    pub neighbours: &'a Neighbours,
+}

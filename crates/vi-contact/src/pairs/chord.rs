@@ -1,0 +1,152 @@
+//! A discrete gradient of a distance over a step.
+//!
+//! A pair has the distances d₀, d₁ at the ends x₀, x₁ of a step, between closest points of weights c₀, c₁. With the mean
+//! weights c̄ = (c₀ + c₁)/2, their change δ = c₁ − c₀, ζ = c̄ + λ δ, and ρᶜ(x) = Σ_a c_a x_a,
+//! ```text
+//! N_a = (c̄_a ρ^ζ(x_m) + ζ_a ρ^c̄(x_m))/(d₀ + d₁),   x_m = (x₀ + x₁)/2.
+//! ```
+//! For any λ, Σ N_a = 0 and Σ x_m,a × N_a = 0: N exerts no net force and no net torque. For weights that are frozen,
+//! Σ N_a·Δx_a = Δ(ρ^c̄·ρ^ζ)/(d₀ + d₁) exactly, which is d₁ − d₀ if
+//! ```text
+//! λ = [¼(a₁ − a₀) − (p₀ + p₁)] / [½(a₀ + a₁) + p₀ − p₁],   a_i = |ρ^δ(x_i)|²,   p_i = r_i·ρ^δ(x_i).
+//! ```
+//! Closest points of convex sets have p₀ ≥ 0 ≥ p₁ (both zero while features stay the same), so numerator and
+//! denominator are sums of the same non-negative numbers with signs, and |λ| ≤ 1: nothing is ever divided by what can
+//! vanish alone, and no fallback is needed. λ = 0 where a sliding pair is rigid. Reversing time changes the sign of δ
+//! and of λ, and leaves ζ: the rule is symmetric, so of order two.
+
+use crate::distance::{Closest, Vec3, combine};
+
+/// How a distance changes over a step.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct DistanceChange {
+    /// N_a.
+    pub(crate) gradient: [Vec3; 4],
+    /// d₁ − d₀ = Σ N_a·Δx_a, without cancellation.
+    pub(crate) change: f64,
+    /// c̄_a.
+    pub(crate) weights: [f64; 4],
+    /// Unit vector of ρ^c̄(x_m).
+    pub(crate) normal: Vec3,
+}
+
+impl DistanceChange {
+    /// From the closest points at both ends, where the positions are x₀ and x₁.
+    #[inline]
+    pub(crate) fn new(start: &Closest, end: &Closest, x: [&[Vec3; 4]; 2]) -> Self {
+        let [x0, x1] = x;
+        let mut delta = [0.0; 4];
+        let mut mean = [0.0; 4];
+        let mut middle = [Vec3::zeros(); 4];
+        let mut step = [Vec3::zeros(); 4];
+        for a in 0..4 {
+            delta[a] = end.weights[a] - start.weights[a];
+            mean[a] = 0.5 * (start.weights[a] + end.weights[a]);
+            middle[a] = (x0[a] + x1[a]) * 0.5;
+            step[a] = x1[a] - x0[a];
+        }
+        let (slip0, slip1) = (combine(&delta, x0), combine(&delta, x1));
+        let (a0, a1) = (slip0.norm_squared(), slip1.norm_squared());
+        let p0 = start.vector.dot(&slip0).max(0.0);
+        let p1 = end.vector.dot(&slip1).min(0.0);
+        let weight = 0.5 * (a0 + a1) + p0 - p1;
+        let lambda = if weight > 0.0 { (0.25 * (a1 - a0) - (p0 + p1)) / weight } else { 0.0 };
+        let mut other = [0.0; 4];
+        for a in 0..4 {
+            other[a] = mean[a] + lambda * delta[a];
+        }
+        let inverse = 1.0 / (start.distance() + end.distance());
+        let (rho, rho_other) = (combine(&mean, &middle), combine(&other, &middle));
+        let mut gradient = [Vec3::zeros(); 4];
+        for a in 0..4 {
+            gradient[a] = (rho_other * mean[a] + rho * other[a]) * inverse;
+        }
+        let change = (rho_other.dot(&combine(&mean, &step)) + rho.dot(&combine(&other, &step))) * inverse;
+        let length = rho.norm();
+        let normal = if length > 0.0 { rho / length } else { Vec3::zeros() };
+        Self { gradient, change, weights: mean, normal }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::distance::Shape;
+    use crate::testing::Numbers;
+
+    fn turned(x: &[Vec3; 4], rotation: &nalgebra::Rotation3<f64>, shift: Vec3) -> [Vec3; 4] {
+        x.map(|x| rotation * x + shift)
+    }
+
+    /// Both ends random, so that closest features differ, and steps from 1 down to 1e-12.
+    #[test]
+    fn work_is_the_change_of_distance_and_both_momenta_are_kept() {
+        let mut numbers = Numbers::new(1);
+        for round in 0..20_000 {
+            let shape =
+                [Shape::PointPoint, Shape::PointEdge, Shape::PointTriangle, Shape::EdgeEdge][round % 4];
+            let size = 10_f64.powf(-12.0 * numbers.unit());
+            let x0 = [(); 4].map(|()| numbers.vector());
+            let x1 = x0.map(|x| x + numbers.vector() * size);
+            let (start, end) = (shape.closest(&x0), shape.closest(&x1));
+            if start.distance().min(end.distance()) < 1e-3 {
+                continue;
+            }
+            let change = DistanceChange::new(&start, &end, [&x0, &x1]);
+            let work: f64 = (0..4).map(|a| change.gradient[a].dot(&(x1[a] - x0[a]))).sum();
+            let true_change = end.distance() - start.distance();
+            assert!((work - true_change).abs() <= 2e-14, "{shape:?} {size:e}: {work:e} {true_change:e}");
+            assert!((work - change.change).abs() <= 1e-14);
+            let force: Vec3 = change.gradient.iter().sum();
+            let torque: Vec3 = (0..4).map(|a| ((x0[a] + x1[a]) * 0.5).cross(&change.gradient[a])).sum();
+            let largest = change.gradient.iter().map(Vec3::norm).fold(0.0, f64::max);
+            assert!(force.norm() <= 1e-15 * largest.max(1.0), "{force:?}");
+            assert!(torque.norm() <= 1e-14 * largest.max(1.0), "{torque:?}");
+        }
+    }
+
+    /// The gradient stays near unit size: |c̄| and |ζ| are bounded, and so is the force of a pair.
+    #[test]
+    fn it_tends_to_the_gradient_at_order_two_and_is_bounded() {
+        let mut numbers = Numbers::new(2);
+        for _ in 0..200 {
+            let x = [
+                Vec3::new(0.3, 0.25, 0.2),
+                Vec3::zeros(),
+                Vec3::new(1.0, 0.1, 0.0),
+                Vec3::new(0.0, 1.0, 0.1),
+            ];
+            let motion = [(); 4].map(|()| numbers.vector());
+            let error = |size: f64| {
+                let ends = [-0.5, 0.5].map(|s| [0, 1, 2, 3].map(|a: usize| x[a] + motion[a] * (s * size)));
+                let [start, end] = [0, 1].map(|k: usize| Shape::PointTriangle.closest(&ends[k]));
+                let found = DistanceChange::new(&start, &end, [&ends[0], &ends[1]]);
+                let exact = Shape::PointTriangle.closest(&x);
+                (0..4)
+                    .map(|a| {
+                        (found.gradient[a] - exact.vector * (exact.weights[a] / exact.distance())).norm()
+                    })
+                    .sum::<f64>()
+            };
+            let (coarse, fine) = (error(2e-2), error(1e-2));
+            assert!(fine < 1e-2 && coarse / fine > 3.7, "{coarse:e} {fine:e}");
+        }
+    }
+
+    #[test]
+    fn a_rigid_motion_does_no_work() {
+        let mut numbers = Numbers::new(3);
+        for round in 0..2000 {
+            let shape = [Shape::PointTriangle, Shape::EdgeEdge][round % 2];
+            let x0 = [(); 4].map(|()| numbers.vector());
+            let rotation = nalgebra::Rotation3::from_scaled_axis(numbers.vector() * 3.0);
+            let x1 = turned(&x0, &rotation, numbers.vector());
+            let (start, end) = (shape.closest(&x0), shape.closest(&x1));
+            if start.distance() < 1e-2 {
+                continue;
+            }
+            let change = DistanceChange::new(&start, &end, [&x0, &x1]).change;
+            assert!(change.abs() <= 1e-13, "{shape:?} {change:e}");
+        }
+    }
+}

@@ -1,0 +1,288 @@
+//! The contact energy at one configuration, with gradient and Hessian of each acting pair.
+
+use rayon::prelude::*;
+
+use super::edges::Mollifier;
+use super::{Contact, Group, Partners};
+use crate::distance::{Closest, Shape, Vec3, at, squared_hessian};
+use crate::surface::Gauge;
+
+pub use super::edges::Blend;
+
+/// Points or edge pairs that one task looks at.
+pub(super) const CHUNK: usize = 512;
+
+/// What makes the energy of a pair from its distance.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Strength {
+    pub(super) gauge: Gauge,
+    pub(super) blend: Blend,
+    /// Inclusion–exclusion number n.
+    pub(super) multiplicity: f64,
+}
+
+/// A pair that acts at a configuration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ActivePair {
+    /// What meets.
+    pub partners: Partners,
+    /// The kind of pair; a point against a half-space is a [`Shape::PointPoint`] with a normal that does not turn.
+    pub shape: Shape,
+    /// Its nodes, `shape.arity()` of them.
+    pub nodes: [u32; 4],
+    /// Closest points.
+    pub closest: Closest,
+    /// C, J. Negative where inclusion and exclusion subtracts.
+    pub energy: f64,
+    /// dC/dd, N.
+    pub slope: f64,
+    /// d²C/dd², N/m.
+    pub curvature: f64,
+    /// Gap g = d − ξ, m.
+    pub gap: f64,
+    /// dC/dc, d²C/dc² and d²C/dd dc of nearly parallel edges, where c = |e_a × e_b|².
+    parallel: Option<[f64; 3]>,
+}
+
+impl ActivePair {
+    fn new(
+        partners: Partners,
+        shape: Shape,
+        nodes: [u32; 4],
+        closest: Closest,
+        distance: f64,
+        strength: &Strength,
+    ) -> Self {
+        let Strength { gauge, blend, multiplicity } = strength;
+        let s = gauge.relative(distance);
+        let energy = multiplicity * gauge.energy;
+        Self {
+            partners,
+            shape,
+            nodes,
+            closest,
+            energy: energy * blend.value(s),
+            slope: energy / gauge.distance * blend.slope(s),
+            curvature: energy / (gauge.distance * gauge.distance) * blend.curvature(s),
+            gap: s * gauge.distance,
+            parallel: None,
+        }
+    }
+
+    /// Multiplies the energy by the mollifier at c.
+    fn mollify(&mut self, mollifier: Mollifier, c: f64) {
+        let (value, slope) = (mollifier.value(c), mollifier.slope(c));
+        if value < 1.0 {
+            self.parallel =
+                Some([self.energy * slope, self.energy * mollifier.curvature(c), self.slope * slope]);
+            self.energy *= value;
+            self.slope *= value;
+            self.curvature *= value;
+        }
+    }
+
+    /// ∂C/∂x_a, N.
+    pub fn gradient(&self, x: &[f64]) -> [Vec3; 4] {
+        let normal = self.closest.vector / self.closest.distance();
+        let mut gradient = self.closest.weights.map(|weight| normal * (self.slope * weight));
+        if let Some([by_c, ..]) = self.parallel {
+            let x = self.nodes.map(|node| at(x, node));
+            for (gradient, c) in gradient.iter_mut().zip(Mollifier::discrete_gradient(&x, &x)) {
+                *gradient += c * by_c;
+            }
+        }
+        gradient
+    }
+
+    /// ∂²C/∂x², N/m: packed lower triangle of the 3·arity coordinates, by rows.
+    pub fn hessian(&self, x: &[f64], out: &mut [f64]) {
+        let size = 3 * self.shape.arity();
+        let x = self.nodes.map(|node| at(x, node));
+        let (d, c) = (self.closest.distance(), self.closest.weights);
+        let normal = self.closest.vector / d;
+        let is_plane = matches!(self.partners, Partners::PointPlane(..));
+        // C(d) with d = √D: C_DD = (C'' − C'/d)/(4 d²), C_D = C'/(2d).
+        let rank_one = if is_plane {
+            self.curvature
+        } else {
+            squared_hessian(self.shape, &self.closest, &x, out);
+            out.iter_mut().for_each(|entry| *entry *= 0.5 * self.slope / d);
+            self.curvature - self.slope / d
+        };
+        if is_plane {
+            out.fill(0.0);
+        }
+        for (i, row) in rows(size, out) {
+            let left = rank_one * c[i / 3] * normal[i % 3];
+            for (j, entry) in row.iter_mut().enumerate() {
+                *entry += left * c[j / 3] * normal[j % 3];
+            }
+        }
+        if let Some([by_c, by_cc, by_dc]) = self.parallel {
+            let gradient = Mollifier::discrete_gradient(&x, &x);
+            let hessian = Mollifier::hessian(&x);
+            let sign = [-1.0, 1.0, -1.0, 1.0];
+            for (i, row) in rows(size, out) {
+                let (a, k) = (i / 3, i % 3);
+                for (j, entry) in row.iter_mut().enumerate() {
+                    let (b, l) = (j / 3, j % 3);
+                    let (u, v) = (gradient[a][k], gradient[b][l]);
+                    *entry += by_cc * u * v
+                        + by_dc * (u * c[b] * normal[l] + v * c[a] * normal[k])
+                        + by_c * sign[a] * sign[b] * hessian[3 * (a / 2) + k][3 * (b / 2) + l];
+                }
+            }
+        }
+    }
+
+    /// The positive part that every Newton method may use, max(C'', 0) c cᵀ ⊗ n nᵀ, packed like the Hessian.
+    pub fn stiffness(&self, out: &mut [f64]) {
+        let normal = self.closest.vector / self.closest.distance();
+        pack_rank_one(self.curvature.max(0.0), &self.closest.weights, normal, 3 * self.shape.arity(), out);
+    }
+}
+
+/// k (c ⊗ n)(c ⊗ n)ᵀ as a packed lower triangle.
+pub(super) fn pack_rank_one(k: f64, c: &[f64; 4], normal: Vec3, size: usize, out: &mut [f64]) {
+    for (i, row) in rows(size, out) {
+        let left = k * c[i / 3] * normal[i % 3];
+        for (j, entry) in row.iter_mut().enumerate() {
+            *entry = left * c[j / 3] * normal[j % 3];
+        }
+    }
+}
+
+/// Rows of a packed lower triangle with their numbers.
+fn rows(size: usize, mut packed: &mut [f64]) -> impl Iterator<Item = (usize, &mut [f64])> {
+    (0..size).map(move |i| {
+        let (row, rest) = std::mem::take(&mut packed).split_at_mut(i + 1);
+        packed = rest;
+        (i, row)
+    })
+}
+
+impl Contact<'_> {
+    /// All pairs that act at positions x, in the order of points, edges, half-spaces.
+    pub fn active(&self, x: &[f64]) -> Vec<ActivePair> {
+        let points: Vec<usize> = (0..self.surface.points.len()).collect();
+        let by_points = points.par_chunks(CHUNK).flat_map_iter(|points| {
+            let (mut group, mut out) = (Group::new(), Vec::new());
+            points.iter().for_each(|&point| self.active_at_point(point, x, &mut group, &mut out));
+            out
+        });
+        let mut pairs: Vec<ActivePair> = by_points.collect();
+        let by_edges = self.neighbours.edges.par_chunks(CHUNK).enumerate().flat_map_iter(|(chunk, pairs)| {
+            (0..pairs.len()).filter_map(move |k| self.active_edges(chunk * CHUNK + k, x))
+        });
+        pairs.par_extend(by_edges);
+        pairs.extend((0..self.neighbours.planes.len()).filter_map(|pair| self.active_plane(pair, x)));
+        pairs
+    }
+
+    /// C(x), J: infinite where surfaces touch.
+    pub fn energy(&self, x: &[f64]) -> f64 {
+        self.active(x).iter().map(|pair| pair.energy).sum()
+    }
+
+    /// Smallest gap of all candidates at x, m; infinite where there are none.
+    pub fn smallest_gap(&self, x: &[f64]) -> f64 {
+        let points = self.neighbours.starts.windows(2).enumerate().flat_map(|(point, range)| {
+            let node = self.surface.points[point].node;
+            self.neighbours.cells[range[0] as usize..range[1] as usize].iter().map(move |&cell| {
+                let cell = &self.surface.cells[cell as usize];
+                let [a, b, c] = cell.nodes;
+                let distance = cell.shape().closest(&[node, a, b, c].map(|node| at(x, node))).distance();
+                distance - self.surface.point_gauge(point, cell.body).map_or(0.0, |gauge| gauge.thickness)
+            })
+        });
+        let edges = self.neighbours.edges.iter().map(|pair| {
+            let nodes = self.edge_nodes(pair.edges);
+            Shape::EdgeEdge.closest(&nodes.map(|node| at(x, node))).distance() - pair.gauge.thickness
+        });
+        let planes = self.neighbours.planes.iter().map(|&[point, plane]| {
+            let gauge = self.surface.plane_gauge(point as usize, plane as usize);
+            self.height(point, plane, x) - gauge.map_or(0.0, |gauge| gauge.thickness)
+        });
+        points.chain(edges).chain(planes).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Adds the pairs that act on one point to `out`.
+    pub(crate) fn active_at_point(
+        &self,
+        point: usize,
+        x: &[f64],
+        group: &mut Group<1>,
+        out: &mut Vec<ActivePair>,
+    ) {
+        let node = self.surface.points[point].node;
+        let blend = Blend::of_points(self.surface.barrier);
+        for (body, cells) in self.bodies_of(point) {
+            let Some(gauge) = self.surface.point_gauge(point, body) else { continue };
+            group.gather(self.surface, node, cells, &gauge, [x]);
+            out.extend(group.terms.iter().map(|term| {
+                let [closest] = term.closest;
+                let partners = Partners::PointBody(point as u32, body);
+                let strength = Strength { gauge, blend, multiplicity: f64::from(term.multiplicity) };
+                ActivePair::new(partners, term.shape, term.nodes, closest, closest.distance(), &strength)
+            }));
+        }
+    }
+
+    /// Cells near a point, body by body.
+    pub(crate) fn bodies_of(&self, point: usize) -> impl Iterator<Item = (u32, &[u32])> {
+        let body = |cell: &u32| self.surface.cells[*cell as usize].body;
+        let runs = self.neighbours.cells_of(point).chunk_by(move |a, b| body(a) == body(b));
+        runs.map(move |cells| (body(&cells[0]), cells))
+    }
+
+    /// The pair of edges of a candidate, if it acts.
+    pub(crate) fn active_edges(&self, pair: usize, x: &[f64]) -> Option<ActivePair> {
+        let pair = &self.neighbours.edges[pair];
+        let nodes = self.edge_nodes(pair.edges);
+        let positions = nodes.map(|node| at(x, node));
+        let closest = Shape::EdgeEdge.closest(&positions);
+        if closest.squared >= pair.gauge.reach_squared() {
+            return None;
+        }
+        let [a, b] = pair.edges.map(|edge| &self.surface.edges[edge as usize]);
+        let blend = Blend::of_edges(self.surface.barrier, a, b);
+        let partners = Partners::Edges(pair.edges[0], pair.edges[1]);
+        let strength = Strength { gauge: pair.gauge, blend, multiplicity: 1.0 };
+        let mut active =
+            ActivePair::new(partners, Shape::EdgeEdge, nodes, closest, closest.distance(), &strength);
+        active.mollify(Mollifier::new(a, b), Mollifier::argument(&positions));
+        (active.energy != 0.0).then_some(active)
+    }
+
+    /// The point and half-space of a candidate, if they act.
+    pub(crate) fn active_plane(&self, pair: usize, x: &[f64]) -> Option<ActivePair> {
+        let [point, plane] = self.neighbours.planes[pair];
+        let gauge = self.surface.plane_gauge(point as usize, plane as usize)?;
+        let height = self.height(point, plane, x);
+        if height >= gauge.thickness + gauge.distance {
+            return None;
+        }
+        let (node, face) =
+            (self.surface.points[point as usize].node, &self.surface.half_spaces[plane as usize]);
+        let vector = face.normal * height;
+        let closest = Closest { squared: height * height, vector, weights: [1.0, -1.0, 0.0, 0.0] };
+        let nodes = [node, face.node, face.node, face.node];
+        let blend = Blend::of_points(self.surface.barrier);
+        let partners = Partners::PointPlane(point, plane);
+        let strength = Strength { gauge, blend, multiplicity: 1.0 };
+        Some(ActivePair::new(partners, Shape::PointPoint, nodes, closest, height, &strength))
+    }
+
+    /// Height of a point over a half-space, m.
+    pub(crate) fn height(&self, point: u32, plane: u32, x: &[f64]) -> f64 {
+        let (node, face) =
+            (self.surface.points[point as usize].node, &self.surface.half_spaces[plane as usize]);
+        face.normal.dot(&(at(x, node) - at(x, face.node)))
+    }
+
+    /// The nodes of two edges.
+    pub(crate) fn edge_nodes(&self, [a, b]: [u32; 2]) -> [u32; 4] {
+        let ([i, j], [k, l]) = (self.surface.edges[a as usize].nodes, self.surface.edges[b as usize].nodes);
+        [i, j, k, l]
+    }
+}

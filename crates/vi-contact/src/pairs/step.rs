@@ -1,0 +1,246 @@
+//! Contact over a step from x₀ to x₁: forces that do exactly the work C₁ − C₀, pair by pair.
+//!
+//! With the quotient Q = (C(d₁) − C(d₀))/(d₁ − d₀) ≤ 0 and the discrete gradient N of the distance (`chord.rs`), a pair
+//! exerts −G with G_a = Q N_a. Hence Σ G·Δx = C₁ − C₀, Σ G_a = 0 and Σ x_m,a × G_a = 0, at any step and for any change
+//! of closest features: the pairs are simplices, not features, so that their energies telescope from step to step.
+//!
+//! Damping of time τ adds the force τ C''(s̄) Δd/h along N, as far as the pair does not pull; it takes
+//! D = τ C'' Δd²/h ≥ 0. It acts on what inclusion and exclusion adds, not on what it subtracts.
+
+use rayon::prelude::*;
+
+use super::edges::Mollifier;
+use super::energy::{CHUNK, Strength, pack_rank_one};
+use super::{Blend, Contact, DistanceChange, Group, Partners};
+use crate::distance::{Shape, Vec3, at};
+
+/// What the forces of a step need beside its ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepSettings {
+    /// Duration of the step, s: of the drift where contact acts in the drift.
+    pub duration: f64,
+}
+
+/// A pair that acts over a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepPair {
+    /// What meets.
+    pub partners: Partners,
+    /// Number of its nodes.
+    pub arity: usize,
+    /// Its nodes.
+    pub nodes: [u32; 4],
+    /// G_a, N: the pair's force on node a is −G_a.
+    pub gradient: [Vec3; 4],
+    /// Mean weights c̄ of the closest points.
+    pub weights: [f64; 4],
+    /// Unit vector between the closest points of the middle.
+    pub normal: Vec3,
+    /// k of ∂G/∂x₁ ≈ k c̄ c̄ᵀ ⊗ n nᵀ, N/m; positive but where inclusion and exclusion subtracts.
+    pub stiffness: f64,
+    /// C₀ and C₁, J.
+    pub energy: [f64; 2],
+    /// Energy that damping takes, J: Σ G·Δx = C₁ − C₀ + dissipated.
+    pub dissipated: f64,
+    /// Smaller gap of both ends, m.
+    pub gap: f64,
+}
+
+impl StepPair {
+    /// Force on the first part of the pair (the point, or the first edge), N.
+    pub fn force(&self) -> Vec3 {
+        let own = if matches!(self.partners, Partners::Edges(..)) { 2 } else { 1 };
+        -self.gradient[..own].iter().sum::<Vec3>()
+    }
+
+    /// k c̄ c̄ᵀ ⊗ n nᵀ as a packed lower triangle of 3·arity coordinates, N/m.
+    pub fn packed_stiffness(&self, out: &mut [f64]) {
+        pack_rank_one(self.stiffness, &self.weights, self.normal, 3 * self.arity, out);
+    }
+
+    /// Adds G to `out`, three numbers per node.
+    pub fn add_gradient(&self, out: &mut [f64]) {
+        for (node, gradient) in self.nodes.iter().zip(&self.gradient).take(self.arity) {
+            for k in 0..3 {
+                out[3 * *node as usize + k] += gradient[k];
+            }
+        }
+    }
+}
+
+/// The scalar part of a pair over a step.
+struct Quotient {
+    slope: f64,
+    stiffness: f64,
+    energy: [f64; 2],
+    dissipated: f64,
+    gap: f64,
+}
+
+impl Quotient {
+    /// `rate` is τ/h; `change` is d₁ − d₀.
+    #[inline]
+    fn new(strength: &Strength, ends: [f64; 2], change: f64, rate: f64) -> Self {
+        let Strength { gauge, blend, multiplicity: n } = *strength;
+        let [s0, s1] = ends.map(|distance| gauge.relative(distance));
+        let energy = n * gauge.energy;
+        let per_square = energy / (gauge.distance * gauge.distance);
+        let elastic = energy / gauge.distance * blend.quotient(s0, s1);
+        let mut stiffness = per_square * blend.quotient_slope(s0, s1);
+        let mut slope = elastic;
+        if rate > 0.0 && n > 0.0 {
+            let viscosity = rate * per_square * blend.curvature(0.5 * (s0 + s1));
+            slope += viscosity * change;
+            stiffness += viscosity;
+            if slope > 0.0 {
+                (slope, stiffness) = (0.0, 0.0);
+            }
+        }
+        Self {
+            slope,
+            stiffness,
+            energy: [energy * blend.value(s0), energy * blend.value(s1)],
+            dissipated: (slope - elastic) * change,
+            gap: s0.min(s1) * gauge.distance,
+        }
+    }
+}
+
+impl Contact<'_> {
+    /// All pairs that act between x₀ and x₁, in the order of points, edges, half-spaces.
+    ///
+    /// The path from x₀ to x₁ must not cross (see [`Contact::first_contact`]): a distance has no sign.
+    pub fn step(&self, x0: &[f64], x1: &[f64], settings: &StepSettings) -> Vec<StepPair> {
+        let points: Vec<usize> = (0..self.surface.points.len()).collect();
+        let by_points = points.par_chunks(CHUNK).flat_map_iter(|points| {
+            let (mut group, mut out) = (Group::new(), Vec::new());
+            points
+                .iter()
+                .for_each(|&point| self.step_of_point(point, [x0, x1], settings, &mut group, &mut out));
+            out
+        });
+        let mut pairs: Vec<StepPair> = by_points.collect();
+        let edges = &self.neighbours.edges;
+        let by_edges = (0..edges.len()).into_par_iter().with_min_len(CHUNK);
+        pairs.par_extend(by_edges.filter_map(|pair| self.step_of_edges(pair, [x0, x1], settings)));
+        let planes = 0..self.neighbours.planes.len();
+        pairs.extend(planes.filter_map(|pair| self.step_of_plane(pair, [x0, x1], settings)));
+        pairs
+    }
+
+    fn step_of_point(
+        &self,
+        point: usize,
+        x: [&[f64]; 2],
+        settings: &StepSettings,
+        group: &mut Group<2>,
+        out: &mut Vec<StepPair>,
+    ) {
+        let part = self.surface.points[point];
+        let blend = Blend::of_points(self.surface.barrier);
+        for (body, cells) in self.bodies_of(point) {
+            let Some(gauge) = self.surface.point_gauge(point, body) else { continue };
+            let rate = self.damping_rate(part.body, body, settings);
+            group.gather(self.surface, part.node, cells, &gauge, x);
+            for term in &group.terms {
+                let [x0, x1] = term.positions(x);
+                let [start, end] = term.closest;
+                let change = DistanceChange::new(&start, &end, [&x0, &x1]);
+                let ends = [start.distance(), end.distance()];
+                let strength = Strength { gauge, blend, multiplicity: f64::from(term.multiplicity) };
+                let quotient = Quotient::new(&strength, ends, change.change, rate);
+                let partners = Partners::PointBody(point as u32, body);
+                out.push(assemble(partners, term.shape.arity(), term.nodes, &change, &quotient));
+            }
+        }
+    }
+
+    fn step_of_edges(&self, pair: usize, x: [&[f64]; 2], settings: &StepSettings) -> Option<StepPair> {
+        let pair = &self.neighbours.edges[pair];
+        let nodes = self.edge_nodes(pair.edges);
+        let [x0, x1] = x.map(|x| nodes.map(|node| at(x, node)));
+        let (start, end) = (Shape::EdgeEdge.closest(&x0), Shape::EdgeEdge.closest(&x1));
+        if start.squared.min(end.squared) >= pair.gauge.reach_squared() {
+            return None;
+        }
+        let [a, b] = pair.edges.map(|edge| &self.surface.edges[edge as usize]);
+        let blend = Blend::of_edges(self.surface.barrier, a, b);
+        let change = DistanceChange::new(&start, &end, [&x0, &x1]);
+        let rate = self.damping_rate(a.body, b.body, settings);
+        let ends = [start.distance(), end.distance()];
+        let strength = Strength { gauge: pair.gauge, blend, multiplicity: 1.0 };
+        let quotient = Quotient::new(&strength, ends, change.change, rate);
+        if quotient.energy == [0.0; 2] {
+            return None;
+        }
+        let partners = Partners::Edges(pair.edges[0], pair.edges[1]);
+        let mut out = assemble(partners, 4, nodes, &change, &quotient);
+        let mollifier = Mollifier::new(a, b);
+        let [c0, c1] = [Mollifier::argument(&x0), Mollifier::argument(&x1)];
+        let [m0, m1] = [mollifier.value(c0), mollifier.value(c1)];
+        if m0 < 1.0 || m1 < 1.0 {
+            // Δ(m B) = m̄ ΔB + B̄ Δm.
+            let mean = 0.5 * (m0 + m1);
+            let by_c = 0.5 * (quotient.energy[0] + quotient.energy[1]) * mollifier.quotient(c0, c1);
+            for (gradient, c) in out.gradient.iter_mut().zip(Mollifier::discrete_gradient(&x0, &x1)) {
+                *gradient = *gradient * mean + c * by_c;
+            }
+            out.stiffness *= mean;
+            out.dissipated *= mean;
+            out.energy = [m0 * out.energy[0], m1 * out.energy[1]];
+        }
+        Some(out)
+    }
+
+    fn step_of_plane(&self, pair: usize, x: [&[f64]; 2], settings: &StepSettings) -> Option<StepPair> {
+        let [point, plane] = self.neighbours.planes[pair];
+        let gauge = self.surface.plane_gauge(point as usize, plane as usize)?;
+        let ends = x.map(|x| self.height(point, plane, x));
+        if ends[0].min(ends[1]) >= gauge.thickness + gauge.distance {
+            return None;
+        }
+        let (part, face) = (self.surface.points[point as usize], &self.surface.half_spaces[plane as usize]);
+        let step = |node: u32| at(x[1], node) - at(x[0], node);
+        let normal = face.normal;
+        let zero = Vec3::zeros();
+        let change = DistanceChange {
+            gradient: [normal, -normal, zero, zero],
+            change: normal.dot(&(step(part.node) - step(face.node))),
+            weights: [1.0, -1.0, 0.0, 0.0],
+            normal,
+        };
+        let rate = self.damping_rate(part.body, face.body, settings);
+        let blend = Blend::of_points(self.surface.barrier);
+        let strength = Strength { gauge, blend, multiplicity: 1.0 };
+        let quotient = Quotient::new(&strength, ends, change.change, rate);
+        let nodes = [part.node, face.node, face.node, face.node];
+        Some(assemble(Partners::PointPlane(point, plane), 2, nodes, &change, &quotient))
+    }
+
+    /// τ/h of two bodies.
+    fn damping_rate(&self, a: u32, b: u32, settings: &StepSettings) -> f64 {
+        self.surface.law(a, b).map_or(0.0, |law| law.damping / settings.duration)
+    }
+}
+
+#[inline]
+fn assemble(
+    partners: Partners,
+    arity: usize,
+    nodes: [u32; 4],
+    change: &DistanceChange,
+    quotient: &Quotient,
+) -> StepPair {
+    StepPair {
+        partners,
+        arity,
+        nodes,
+        gradient: change.gradient.map(|gradient| gradient * quotient.slope),
+        weights: change.weights,
+        normal: change.normal,
+        stiffness: quotient.stiffness,
+        energy: quotient.energy,
+        dissipated: quotient.dissipated,
+        gap: quotient.gap,
+    }
+}

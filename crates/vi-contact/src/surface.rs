@@ -1,0 +1,247 @@
+//! The surfaces that can meet: points with areas, edges with their turning angle at rest, cells (triangles, wire edges,
+//! single points), half-spaces, and the rules which of them are pairs.
+//!
+//! Everything here is made once and never changes, so that the contact energy is a function of positions alone.
+//! Nodes are those of the caller's flat array of positions: node n has coordinates x[3n], x[3n+1], x[3n+2]. Corners of a
+//! linear proxy of a curved surface are nodes too, tied to others by weights that only the caller knows.
+
+mod build;
+mod law;
+mod topology;
+
+pub use build::SurfaceBuilder;
+pub use law::{Body, Law, PairRule};
+pub use topology::median_edge;
+
+use law::Laws;
+
+use crate::barrier::Barrier;
+use crate::distance::{Shape, Vec3, at};
+
+/// A point of a surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// Its node.
+    pub node: u32,
+    /// Its body.
+    pub body: u32,
+    /// Area that it stands for, m².
+    pub area: f64,
+}
+
+/// A simplex that points meet: a triangle, an edge of a wire, or a single point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cell {
+    /// Its nodes in increasing order; the last is repeated where there are fewer than three.
+    pub nodes: [u32; 3],
+    /// Number of its nodes, 1 to 3.
+    pub count: u8,
+    /// Its body.
+    pub body: u32,
+}
+
+impl Cell {
+    /// Its nodes without repetition.
+    pub fn nodes(&self) -> &[u32] {
+        &self.nodes[..self.count as usize]
+    }
+
+    /// The kind of pair that a point makes with it.
+    pub(crate) fn shape(&self) -> Shape {
+        [Shape::PointPoint, Shape::PointEdge, Shape::PointTriangle][self.count as usize - 1]
+    }
+}
+
+/// An edge of a surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Edge {
+    /// Its nodes in increasing order.
+    pub nodes: [u32; 2],
+    /// Its body.
+    pub body: u32,
+    /// Area that it stands for, m²: a third of the triangles at it; length times width for wires.
+    pub area: f64,
+    /// χ of the turning angle at rest: 0 where flat, 1 from 30° on, and 1 for rims and wires.
+    pub sharpness: f64,
+    /// Squared length at rest, m².
+    pub square: f64,
+}
+
+/// The half-space n·(x − x_o) < 0, filled with matter, where x_o is the position of a node.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HalfSpace {
+    /// A node on its face, usually prescribed; it takes the reaction.
+    pub node: u32,
+    /// Its body.
+    pub body: u32,
+    /// Outward unit normal n; constant.
+    pub normal: Vec3,
+}
+
+/// Constants of one pair.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gauge {
+    /// Sum ξ of both radii, m: the gap is g = d − ξ.
+    pub thickness: f64,
+    /// Activation distance d̂, m.
+    pub distance: f64,
+    /// Scale of the energy: area times κ d̂, J.
+    pub energy: f64,
+}
+
+impl Gauge {
+    /// Relative gap s = (d − ξ)/d̂.
+    #[inline]
+    pub fn relative(&self, distance: f64) -> f64 {
+        (distance - self.thickness) / self.distance
+    }
+
+    /// Squared distance from which on there is no force, m².
+    #[inline]
+    pub fn reach_squared(&self) -> f64 {
+        let reach = self.thickness + self.distance;
+        reach * reach
+    }
+}
+
+/// Surfaces, and which of their parts are pairs.
+#[derive(Debug, Clone)]
+pub struct Surface {
+    pub(crate) barrier: Barrier,
+    pub(crate) rest: Vec<f64>,
+    pub(crate) points: Vec<Point>,
+    pub(crate) cells: Vec<Cell>,
+    pub(crate) edges: Vec<Edge>,
+    pub(crate) half_spaces: Vec<HalfSpace>,
+    pub(crate) laws: Laws,
+    /// Group of nodes that move as one (0: none), per node.
+    pub(crate) held: Vec<u32>,
+    /// Thickness and activation distance of each point against its own body.
+    pub(crate) own: Vec<[f64; 2]>,
+}
+
+/// Within this part of d̂ at rest, two places of a body are one place (a seam, a doubled node) and no pair.
+const WELDED: f64 = 1e-6;
+
+impl Surface {
+    /// The barrier of all pairs.
+    pub fn barrier(&self) -> Barrier {
+        self.barrier
+    }
+
+    /// Points with area.
+    pub fn points(&self) -> &[Point] {
+        &self.points
+    }
+
+    /// Cells, body by body.
+    pub fn cells(&self) -> &[Cell] {
+        &self.cells
+    }
+
+    /// Edges, body by body.
+    pub fn edges(&self) -> &[Edge] {
+        &self.edges
+    }
+
+    /// Half-spaces.
+    pub fn half_spaces(&self) -> &[HalfSpace] {
+        &self.half_spaces
+    }
+
+    /// The constants of bodies `a` and `b` against each other; `None` where they are no pair.
+    pub fn law(&self, a: u32, b: u32) -> Option<Law> {
+        self.laws.of(a, b)
+    }
+
+    /// Do these nodes move as one, so that a pair of them never changes?
+    pub(crate) fn is_rigid(&self, nodes: &[u32]) -> bool {
+        let group = self.held[nodes[0] as usize];
+        group != 0 && nodes[1..].iter().all(|&node| self.held[node as usize] == group)
+    }
+
+    /// Constants of a point against a body. One d̂ for all cells of the body, or the features between two cells would
+    /// no longer cancel.
+    pub(crate) fn point_gauge(&self, point: usize, body: u32) -> Option<Gauge> {
+        let Point { body: own, area, .. } = self.points[point];
+        let law = self.law(own, body)?;
+        let [thickness, distance] = if own == body {
+            self.own[point]
+        } else {
+            [self.laws.bodies[own as usize].radius + self.laws.bodies[body as usize].radius, law.distance]
+        };
+        // Both sides see each other: half for each.
+        Some(Gauge { thickness, distance, energy: 0.5 * area * law.stiffness * distance })
+    }
+
+    /// Constants of a point against a half-space, which has no points of its own.
+    pub(crate) fn plane_gauge(&self, point: usize, plane: usize) -> Option<Gauge> {
+        let Point { body, area, .. } = self.points[point];
+        let law = self.law(body, self.half_spaces[plane].body)?;
+        let thickness = self.laws.bodies[body as usize].radius;
+        Some(Gauge { thickness, distance: law.distance, energy: area * law.stiffness * law.distance })
+    }
+
+    /// Constants of two edges; the part of the pair that acts over the whole distance has the weight χ_a χ_b.
+    pub(crate) fn edge_gauge(&self, a: usize, b: usize) -> Option<Gauge> {
+        let (first, second) = (&self.edges[a], &self.edges[b]);
+        let law = self.law(first.body, second.body)?;
+        let bodies = &self.laws.bodies;
+        let mut thickness = bodies[first.body as usize].radius + bodies[second.body as usize].radius;
+        let mut distance = law.distance;
+        if first.body == second.body {
+            let rest = self.rest_distance(
+                Shape::EdgeEdge,
+                [first.nodes[0], first.nodes[1], second.nodes[0], second.nodes[1]],
+            );
+            if rest <= WELDED * law.distance {
+                return None;
+            }
+            [thickness, distance] = within_rest(thickness, distance, rest);
+        }
+        let energy = 0.25 * (first.area + second.area) * law.stiffness * distance;
+        Some(Gauge { thickness, distance, energy })
+    }
+
+    /// Can this point and this cell meet? Not where the cell holds the point, is welded to it, or moves with it.
+    pub(crate) fn admits_point(&self, point: usize, cell: usize) -> bool {
+        let (point, cell) = (self.points[point], &self.cells[cell]);
+        let Some(law) = self.law(point.body, cell.body) else { return false };
+        if cell.nodes.contains(&point.node) {
+            return false;
+        }
+        let [a, b, c] = cell.nodes;
+        if self.is_rigid(&[point.node, a, b, c]) {
+            return false;
+        }
+        point.body != cell.body
+            || self.rest_distance(cell.shape(), [point.node, a, b, c]) > WELDED * law.distance
+    }
+
+    /// Can these edges meet?
+    pub(crate) fn admits_edges(&self, a: usize, b: usize) -> bool {
+        let ([i, j], [k, l]) = (self.edges[a].nodes, self.edges[b].nodes);
+        i != k
+            && i != l
+            && j != k
+            && j != l
+            && !self.is_rigid(&[i, j, k, l])
+            && self.law(self.edges[a].body, self.edges[b].body).is_some()
+    }
+
+    fn rest_distance(&self, shape: Shape, nodes: [u32; 4]) -> f64 {
+        shape.closest(&nodes.map(|node| at(&self.rest, node))).distance()
+    }
+
+    /// Nodes that contact reads.
+    pub fn nodes(&self) -> impl Iterator<Item = u32> + '_ {
+        let cells = self.cells.iter().flat_map(|cell| cell.nodes().iter().copied());
+        cells.chain(self.half_spaces.iter().map(|plane| plane.node))
+    }
+}
+
+/// Thickness and activation distance that exert no force at a rest distance.
+fn within_rest(thickness: f64, distance: f64, rest: f64) -> [f64; 2] {
+    let thickness = thickness.min(0.5 * rest);
+    [thickness, distance.min(0.5 * (rest - thickness))]
+}

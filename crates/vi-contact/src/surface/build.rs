@@ -1,0 +1,190 @@
+//! Makes a [`Surface`]: bodies first, then their cells, then the rules.
+
+use std::collections::BTreeMap;
+
+use super::law::Laws;
+use super::topology::edges_and_areas;
+use super::{Body, Cell, HalfSpace, PairRule, Point, Surface, within_rest};
+use crate::barrier::Barrier;
+use crate::broad_phase::nearest_own_cells;
+use crate::distance::Vec3;
+use crate::error::ContactError;
+
+/// Collects the parts of a [`Surface`].
+///
+/// Bodies are numbered 0, 1, 2, … in the order in which they are added.
+#[derive(Debug, Clone)]
+pub struct SurfaceBuilder {
+    rest: Vec<f64>,
+    barrier: Barrier,
+    laws: Laws,
+    cells: Vec<Cell>,
+    areas: BTreeMap<u32, f64>,
+    half_spaces: Vec<HalfSpace>,
+    held: BTreeMap<u32, u32>,
+}
+
+impl SurfaceBuilder {
+    /// Starts with the rest positions of all nodes, three numbers each, m.
+    pub fn new(rest: &[f64]) -> Self {
+        let laws = Laws {
+            bodies: Vec::new(),
+            rules: BTreeMap::new(),
+            friction: 0.0,
+            damping: 0.0,
+            half_reach: Vec::new(),
+        };
+        Self {
+            rest: rest.to_vec(),
+            barrier: Barrier::default(),
+            laws,
+            cells: Vec::new(),
+            areas: BTreeMap::new(),
+            half_spaces: Vec::new(),
+            held: BTreeMap::new(),
+        }
+    }
+
+    /// Chooses the barrier of all pairs.
+    pub fn barrier(&mut self, barrier: Barrier) {
+        self.barrier = barrier;
+    }
+
+    /// Coulomb's coefficient of pairs without one of their own; 0 unless set.
+    pub fn friction(&mut self, coefficient: f64) {
+        self.laws.friction = coefficient;
+    }
+
+    /// Damping time of pairs without one of their own, s; 0 unless set.
+    pub fn damping(&mut self, time: f64) {
+        self.laws.damping = time;
+    }
+
+    /// Adds a body and returns its number.
+    pub fn body(&mut self, body: Body) -> u32 {
+        self.laws.bodies.push(body);
+        self.laws.bodies.len() as u32 - 1
+    }
+
+    /// Gives a body triangles: the boundary of a solid, or a sheet. Their orientation does not matter.
+    pub fn triangles(&mut self, body: u32, triangles: &[[u32; 3]]) {
+        for &triangle in triangles {
+            self.cell(body, triangle, 3);
+        }
+    }
+
+    /// Gives a body wire edges: a rope, or a capsule. An edge stands for its length times its width, the larger of
+    /// 2·radius and d̂.
+    pub fn wires(&mut self, body: u32, edges: &[[u32; 2]]) {
+        for &[a, b] in edges {
+            self.cell(body, [a, b, a.max(b)], 2);
+        }
+    }
+
+    /// Gives a body a single point that stands for an area (m²): a particle, or a sphere with the body's radius.
+    pub fn point(&mut self, body: u32, node: u32, area: f64) {
+        self.cell(body, [node; 3], 1);
+        self.areas.insert(node, area);
+    }
+
+    fn cell(&mut self, body: u32, mut nodes: [u32; 3], count: u8) {
+        nodes.sort_unstable();
+        self.cells.push(Cell { nodes, count, body });
+    }
+
+    /// Makes a body a half-space n·(x − x_node) < 0 with outward normal n, of any length.
+    pub fn half_space(&mut self, body: u32, node: u32, normal: [f64; 3]) {
+        let normal = Vec3::from(normal).normalize();
+        self.half_spaces.push(HalfSpace { node, body, normal });
+    }
+
+    /// Sets what the pair of bodies `a` and `b` has of its own.
+    pub fn pair(&mut self, a: u32, b: u32, rule: PairRule) {
+        self.laws.rules.insert((a.min(b), a.max(b)), rule);
+    }
+
+    /// Says that these nodes move as one, as a rigid body does, or are all prescribed: what has nodes of one group only
+    /// is no pair. Groups have numbers from 1 on.
+    pub fn hold(&mut self, nodes: impl IntoIterator<Item = u32>, group: u32) {
+        self.held.extend(nodes.into_iter().map(|node| (node, group)));
+    }
+
+    /// Checks everything and makes the surface.
+    ///
+    /// # Errors
+    /// [`ContactError`] where a number is outside its domain, a node does not exist or has two bodies, or a cell has
+    /// no extent.
+    pub fn build(mut self) -> Result<Surface, ContactError> {
+        self.laws.finish()?;
+        // Cells of a body lie side by side.
+        self.cells.sort_by_key(|cell| (cell.body, cell.nodes, cell.count));
+        self.cells.dedup();
+        let owners = self.owners()?;
+        let widths: Vec<f64> =
+            self.laws.bodies.iter().map(|body| body.distance.max(2.0 * body.radius)).collect();
+        let (edges, mut areas) = edges_and_areas(&self.cells, &widths, &self.rest);
+        areas.extend(self.areas);
+        let points: Vec<Point> =
+            areas.iter().map(|(&node, &area)| Point { node, body: owners[&node], area }).collect();
+        if let Some(edge) = edges.iter().find(|edge| edge.square == 0.0) {
+            return Err(ContactError::Degenerate { body: edge.body, nodes: edge.nodes.to_vec() });
+        }
+        if let Some(point) = points.iter().find(|point| !(point.area > 0.0 && point.area.is_finite())) {
+            let domain = "must be positive and finite";
+            return Err(ContactError::Value {
+                body: point.body,
+                quantity: "area",
+                value: point.area,
+                domain,
+            });
+        }
+        let mut held = vec![0; self.rest.len() / 3];
+        for (node, group) in self.held {
+            held[node as usize] = group;
+        }
+        let mut surface = Surface {
+            barrier: self.barrier,
+            rest: self.rest,
+            own: vec![[0.0; 2]; points.len()],
+            points,
+            cells: self.cells,
+            edges,
+            half_spaces: self.half_spaces,
+            laws: self.laws,
+            held,
+        };
+        let nearest = nearest_own_cells(&surface);
+        for (point, rest) in nearest.into_iter().enumerate() {
+            let body = surface.laws.bodies[surface.points[point].body as usize];
+            surface.own[point] = within_rest(2.0 * body.radius, body.distance, rest);
+        }
+        Ok(surface)
+    }
+
+    /// The body of each node of a cell.
+    fn owners(&self) -> Result<BTreeMap<u32, u32>, ContactError> {
+        let count = self.rest.len() / 3;
+        let mut owners = BTreeMap::new();
+        let planes = self.half_spaces.iter().map(|plane| plane.node);
+        let held = self.held.keys().copied();
+        if let Some(node) = planes.chain(held).find(|&node| node as usize >= count) {
+            return Err(ContactError::Node { node, count });
+        }
+        for cell in &self.cells {
+            for &node in cell.nodes() {
+                if node as usize >= count {
+                    return Err(ContactError::Node { node, count });
+                }
+                let first = *owners.entry(node).or_insert(cell.body);
+                if first != cell.body {
+                    return Err(ContactError::Shared { node, first, second: cell.body });
+                }
+            }
+            let nodes = cell.nodes();
+            if nodes.windows(2).any(|pair| pair[0] == pair[1]) {
+                return Err(ContactError::Degenerate { body: cell.body, nodes: nodes.to_vec() });
+            }
+        }
+        Ok(owners)
+    }
+}

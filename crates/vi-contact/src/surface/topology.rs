@@ -1,0 +1,64 @@
+//! Areas of points and edges, and how far edges turn at rest.
+
+use std::collections::BTreeMap;
+
+use super::{Cell, Edge};
+use crate::distance::{Vec3, at};
+
+/// 1 − cos 30°: from this turning angle on an edge is sharp.
+const SHARP: f64 = 0.133_974_596_215_561_35;
+
+/// The edges of cells, and the area of each node: a third of its triangles, half of its wires' length times width.
+pub(super) fn edges_and_areas(
+    cells: &[Cell],
+    widths: &[f64],
+    rest: &[f64],
+) -> (Vec<Edge>, BTreeMap<u32, f64>) {
+    let mut areas = BTreeMap::new();
+    let mut at_edge: BTreeMap<(u32, [u32; 2]), (f64, Vec<Vec3>)> = BTreeMap::new();
+    for cell in cells {
+        let nodes = cell.nodes();
+        let x = |k: usize| at(rest, nodes[k]);
+        match nodes.len() {
+            3 => {
+                let area = 0.5 * (x(1) - x(0)).cross(&(x(2) - x(0))).norm();
+                nodes.iter().for_each(|&node| *areas.entry(node).or_insert(0.0) += area / 3.0);
+                for [i, j, k] in [[0, 1, 2], [0, 2, 1], [1, 2, 0]] {
+                    let along = (x(j) - x(i)).normalize();
+                    let side = x(k) - x(i);
+                    let side = side - along * side.dot(&along);
+                    let entry = at_edge.entry((cell.body, [nodes[i], nodes[j]])).or_default();
+                    entry.0 += area / 3.0;
+                    entry.1.push(side.normalize());
+                }
+            }
+            2 => {
+                let area = (x(1) - x(0)).norm() * widths[cell.body as usize];
+                nodes.iter().for_each(|&node| *areas.entry(node).or_insert(0.0) += 0.5 * area);
+                at_edge.entry((cell.body, [nodes[0], nodes[1]])).or_default().0 += area;
+            }
+            _ => {}
+        }
+    }
+    let edges = at_edge.into_iter().map(|((body, nodes), (area, sides))| {
+        // Two triangles that lie flat have opposite sides. Rims, wires and forks are sharp.
+        let sharpness = match sides.as_slice() {
+            [first, second] => ((1.0 + first.dot(second)) / SHARP).clamp(0.0, 1.0),
+            _ => 1.0,
+        };
+        let square = (at(rest, nodes[1]) - at(rest, nodes[0])).norm_squared();
+        Edge { nodes, body, area, sharpness, square }
+    });
+    (edges.collect(), areas)
+}
+
+/// Median length of the edges of triangles at rest, m: a tenth of it is the usual activation distance d̂.
+pub fn median_edge(triangles: &[[u32; 3]], rest: &[f64]) -> Option<f64> {
+    let mut lengths: Vec<f64> = triangles
+        .iter()
+        .flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)])
+        .map(|(a, b)| (at(rest, a) - at(rest, b)).norm())
+        .collect();
+    let middle = lengths.len() / 2;
+    (!lengths.is_empty()).then(|| *lengths.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
