@@ -14,10 +14,8 @@
 //! This is sound where the additive method of Li et al. 2021 (C-IPC) can miss collisions by rounding, and needs no
 //! tolerance as root finders over intervals do (Wang et al. 2021, Tight Inclusion).
 
-use rayon::prelude::*;
-
 use crate::distance::{Shape, Vec3, at};
-use crate::pairs::{Contact, Partners};
+use crate::pairs::{Contact, Partners, in_order};
 
 /// Directions tried for one pair. Far pairs need one, pairs nearer than 1e-2 of their size six on average.
 const DIRECTIONS: usize = 24;
@@ -121,40 +119,51 @@ pub struct Impact {
     pub partners: Partners,
 }
 
+impl Impact {
+    fn before_end(time: f64, partners: Partners) -> Option<Self> {
+        (time < 1.0).then_some(Self { time, partners })
+    }
+}
+
 impl Contact<'_> {
     /// The earliest impact on the straight path from x₀ to x₁; `None` if the whole path is proved free of touch.
     ///
     /// The candidates must cover both ends. Among equal times the first pair counts.
     pub fn first_impact(&self, x0: &[f64], x1: &[f64]) -> Option<Impact> {
         let surface = self.surface;
-        let of_points = (0..surface.points.len()).into_par_iter().with_min_len(256).filter_map(|point| {
-            let node = surface.points[point].node;
-            let mut first: Option<Impact> = None;
-            for (body, cells) in self.bodies_of(point) {
-                let thickness = surface.point_gauge(point, body)?.thickness;
-                for &cell in cells {
-                    let cell = &surface.cells[cell as usize];
-                    let [a, b, c] = cell.nodes;
-                    let time = self.path(cell.shape(), [node, a, b, c], x0, x1, thickness);
-                    if time < first.map_or(1.0, |impact| impact.time) {
-                        first = Some(Impact { time, partners: Partners::PointBody(point as u32, body) });
+        let of_points = in_order(
+            surface.points.len(),
+            || (),
+            |point, (), out| {
+                let node = surface.points[point].node;
+                for (body, cells) in self.bodies_of(point) {
+                    let Some(gauge) = surface.point_gauge(point, body) else { continue };
+                    for &cell in cells {
+                        let cell = &surface.cells[cell as usize];
+                        let [a, b, c] = cell.nodes;
+                        let time = self.path(cell.shape(), [node, a, b, c], x0, x1, gauge.thickness);
+                        out.extend(Impact::before_end(time, Partners::PointBody(point as u32, body)));
                     }
                 }
-            }
-            first
-        });
-        let of_edges = self.neighbours.edges.par_iter().with_min_len(256).filter_map(|pair| {
-            let time = self.path(Shape::EdgeEdge, self.edge_nodes(pair.edges), x0, x1, pair.gauge.thickness);
-            let partners = Partners::Edges(pair.edges[0], pair.edges[1]);
-            (time < 1.0).then_some(Impact { time, partners })
-        });
-        let of_planes = self.neighbours.planes.par_iter().filter_map(|&[point, plane]| {
+            },
+        );
+        let of_edges = in_order(
+            self.neighbours.edges.len(),
+            || (),
+            |pair, (), out| {
+                let pair = &self.neighbours.edges[pair];
+                let time =
+                    self.path(Shape::EdgeEdge, self.edge_nodes(pair.edges), x0, x1, pair.gauge.thickness);
+                out.extend(Impact::before_end(time, Partners::Edges(pair.edges[0], pair.edges[1])));
+            },
+        );
+        let of_planes = self.neighbours.planes.iter().filter_map(|&[point, plane]| {
             let thickness = surface.plane_gauge(point as usize, plane as usize)?.thickness;
             let time = self.path_over_plane(point, plane, x0, x1, thickness);
-            let partners = Partners::PointPlane(point, plane);
-            (time < 1.0).then_some(Impact { time, partners })
+            Impact::before_end(time, Partners::PointPlane(point, plane))
         });
         of_points
+            .into_iter()
             .chain(of_edges)
             .chain(of_planes)
             .min_by(|a, b| a.time.total_cmp(&b.time).then_with(|| a.partners.cmp(&b.partners)))

@@ -6,6 +6,7 @@ mod broad_phase;
 mod ccd;
 mod distance;
 mod error;
+mod friction;
 mod pairs;
 mod surface;
 #[cfg(test)]
@@ -16,6 +17,7 @@ pub use broad_phase::{EdgePair, Neighbours};
 pub use ccd::{Certificate, Impact, separated_until};
 pub use distance::{Closest, Shape};
 pub use error::ContactError;
+pub use friction::{Anchor, Anchors, FrictionPair};
 pub use pairs::{ActivePair, Blend, Contact, Partners, StepPair, StepSettings};
 pub use surface::{
     Body, Cell, Edge, Gauge, HalfSpace, Law, PairRule, Point, Surface, SurfaceBuilder, median_edge,

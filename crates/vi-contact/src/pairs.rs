@@ -27,6 +27,7 @@ use crate::broad_phase::Neighbours;
 use crate::surface::Surface;
 
 pub(crate) use chord::DistanceChange;
+pub(crate) use energy::in_order;
 pub(crate) use groups::Group;
 
 /// What the parts of a pair are.

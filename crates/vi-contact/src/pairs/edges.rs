@@ -46,6 +46,11 @@ impl Blend {
         sum
     }
 
+    /// The larger of both weights: the scale of the pair's forces.
+    pub(crate) fn weight(self) -> f64 {
+        self.full.max(self.guard)
+    }
+
     /// The value at s.
     pub fn value(self, s: f64) -> f64 {
         self.sum(|barrier, reach| reach * barrier.value(s / reach))

@@ -9,8 +9,26 @@ use crate::surface::Gauge;
 
 pub use super::edges::Blend;
 
-/// Points or edge pairs that one task looks at.
-pub(super) const CHUNK: usize = 512;
+/// Items that one task looks at; fewer are not worth a thread.
+const CHUNK: usize = 512;
+
+/// What `each` appends for the items 0, 1, 2, …, in their order, with a work space per task.
+pub(crate) fn in_order<W, T: Send>(
+    count: usize,
+    space: impl Fn() -> W + Sync,
+    each: impl Fn(usize, &mut W, &mut Vec<T>) + Sync,
+) -> Vec<T> {
+    let task = |chunk: usize| {
+        let (mut space, mut out) = (space(), Vec::new());
+        (chunk * CHUNK..((chunk + 1) * CHUNK).min(count)).for_each(|item| each(item, &mut space, &mut out));
+        out
+    };
+    match count.div_ceil(CHUNK) {
+        0 => Vec::new(),
+        1 => task(0),
+        chunks => (0..chunks).into_par_iter().flat_map_iter(task).collect(),
+    }
+}
 
 /// What makes the energy of a pair from its distance.
 #[derive(Debug, Clone, Copy)]
@@ -164,17 +182,14 @@ fn rows(size: usize, mut packed: &mut [f64]) -> impl Iterator<Item = (usize, &mu
 impl Contact<'_> {
     /// All pairs that act at positions x, in the order of points, edges, half-spaces.
     pub fn active(&self, x: &[f64]) -> Vec<ActivePair> {
-        let points: Vec<usize> = (0..self.surface.points.len()).collect();
-        let by_points = points.par_chunks(CHUNK).flat_map_iter(|points| {
-            let (mut group, mut out) = (Group::new(), Vec::new());
-            points.iter().for_each(|&point| self.active_at_point(point, x, &mut group, &mut out));
-            out
+        let mut pairs = in_order(self.surface.points.len(), Group::new, |point, group, out| {
+            self.active_at_point(point, x, group, out);
         });
-        let mut pairs: Vec<ActivePair> = by_points.collect();
-        let by_edges = self.neighbours.edges.par_chunks(CHUNK).enumerate().flat_map_iter(|(chunk, pairs)| {
-            (0..pairs.len()).filter_map(move |k| self.active_edges(chunk * CHUNK + k, x))
-        });
-        pairs.par_extend(by_edges);
+        pairs.extend(in_order(
+            self.neighbours.edges.len(),
+            || (),
+            |pair, (), out| out.extend(self.active_edges(pair, x)),
+        ));
         pairs.extend((0..self.neighbours.planes.len()).filter_map(|pair| self.active_plane(pair, x)));
         pairs
     }

@@ -7,10 +7,8 @@
 //! Damping of time τ adds the force τ C''(s̄) Δd/h along N, as far as the pair does not pull; it takes
 //! D = τ C'' Δd²/h ≥ 0. It acts on what inclusion and exclusion adds, not on what it subtracts.
 
-use rayon::prelude::*;
-
 use super::edges::Mollifier;
-use super::energy::{CHUNK, Strength, pack_rank_one};
+use super::energy::{Strength, in_order, pack_rank_one};
 use super::{Blend, Contact, DistanceChange, Group, Partners};
 use crate::distance::{Shape, Vec3, at};
 
@@ -109,22 +107,21 @@ impl Quotient {
 impl Contact<'_> {
     /// All pairs that act between x₀ and x₁, in the order of points, edges, half-spaces.
     ///
-    /// The path from x₀ to x₁ must not cross (see [`Contact::first_contact`]): a distance has no sign.
+    /// The path from x₀ to x₁ must not cross (see [`Contact::first_impact`]): a distance has no sign.
     pub fn step(&self, x0: &[f64], x1: &[f64], settings: &StepSettings) -> Vec<StepPair> {
-        let points: Vec<usize> = (0..self.surface.points.len()).collect();
-        let by_points = points.par_chunks(CHUNK).flat_map_iter(|points| {
-            let (mut group, mut out) = (Group::new(), Vec::new());
-            points
-                .iter()
-                .for_each(|&point| self.step_of_point(point, [x0, x1], settings, &mut group, &mut out));
-            out
+        let x = [x0, x1];
+        let mut pairs = in_order(self.surface.points.len(), Group::new, |point, group, out| {
+            self.step_of_point(point, x, settings, group, out);
         });
-        let mut pairs: Vec<StepPair> = by_points.collect();
-        let edges = &self.neighbours.edges;
-        let by_edges = (0..edges.len()).into_par_iter().with_min_len(CHUNK);
-        pairs.par_extend(by_edges.filter_map(|pair| self.step_of_edges(pair, [x0, x1], settings)));
+        pairs.extend(in_order(
+            self.neighbours.edges.len(),
+            || (),
+            |pair, (), out| {
+                out.extend(self.step_of_edges(pair, x, settings));
+            },
+        ));
         let planes = 0..self.neighbours.planes.len();
-        pairs.extend(planes.filter_map(|pair| self.step_of_plane(pair, [x0, x1], settings)));
+        pairs.extend(planes.filter_map(|pair| self.step_of_plane(pair, x, settings)));
         pairs
     }
 

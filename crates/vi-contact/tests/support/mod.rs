@@ -1,6 +1,8 @@
 //! Meshes and random numbers for the tests of this crate.
 #![allow(dead_code)]
 
+pub(crate) mod particles;
+
 use nalgebra::Vector3;
 use vi_contact::Body;
 

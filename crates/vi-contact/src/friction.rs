@@ -1,0 +1,208 @@
+//! Friction: bristles between surfaces, stretched by slip and returned to Coulomb's cone.
+//!
+//! A point (or edge) that is pressed against a surface by the force λ of the step itself holds on by a spring of
+//! stiffness k ∝ κ w/d̂ whose anchor is carried by the surface. Over a step with slip u (`slip.rs`) its stretch goes from
+//! e₀ to e₁, with the traction T = k (e₀ + e₁)/2 while it sticks, so that T·u is the change of ½ k |e|² exactly; where
+//! |T| would exceed μ λ, it is returned to it and the rest is dissipated (`bristle.rs`). Nothing is lagged and nothing
+//! creeps. Forces on the nodes do the work −T·u exactly and make neither net force nor torque.
+
+mod anchors;
+mod bristle;
+mod slip;
+
+pub use anchors::{Anchor, Anchors};
+
+use std::collections::BTreeMap;
+
+use bristle::stretch;
+use slip::Slip;
+
+use crate::distance::{Shape, Vec3, at};
+use crate::pairs::{Contact, Partners, StepPair, StepSettings};
+use crate::surface::Law;
+
+/// Friction of one point against a body or half-space, or of two edges, over a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrictionPair {
+    /// What rubs.
+    pub partners: Partners,
+    /// Number of its nodes.
+    pub arity: usize,
+    /// Its nodes.
+    pub nodes: [u32; 4],
+    /// G_a, N: the force on node a is −G_a, and Σ G·Δx = T·u.
+    pub gradient: [Vec3; 4],
+    /// Slip u of the first part over the second, m.
+    pub slip: Vec3,
+    /// Traction T on the second part, N.
+    pub traction: Vec3,
+    /// Force that presses both together, N.
+    pub normal_force: f64,
+    /// Weights of the contact point, as in [`StepPair::weights`].
+    pub weights: [f64; 4],
+    /// k of ∂G/∂x₁ ≈ k c cᵀ ⊗ (t₁t₁ᵀ + t₂t₂ᵀ), N/m: half the bristle's, less where it slides.
+    pub stiffness: f64,
+    /// t₁ and t₂.
+    pub tangents: [Vec3; 2],
+    /// Energy that is dissipated, J: T·u less the change of the stored energy, never negative.
+    pub dissipated: f64,
+    /// Energy stored at the end, J.
+    pub stored: f64,
+    /// The anchor after the step.
+    pub anchor: Anchor,
+}
+
+impl FrictionPair {
+    /// Adds G to `out`, three numbers per node.
+    pub fn add_gradient(&self, out: &mut [f64]) {
+        for (node, gradient) in self.nodes.iter().zip(&self.gradient).take(self.arity) {
+            for k in 0..3 {
+                out[3 * *node as usize + k] += gradient[k];
+            }
+        }
+    }
+}
+
+impl Contact<'_> {
+    /// Friction over a step from x₀ to x₁ with the normal forces of `pairs`, in the order of partners.
+    ///
+    /// `anchors` is the memory at x₀ and does not change; [`Anchors::after`] makes the memory at x₁ once the step is
+    /// accepted. Only the frame in which slip is measured is chosen at x₀: it does not change while a solver varies x₁.
+    pub fn friction(
+        &self,
+        x0: &[f64],
+        x1: &[f64],
+        pairs: &[StepPair],
+        anchors: &Anchors,
+        settings: &StepSettings,
+    ) -> Vec<FrictionPair> {
+        let mut pressed: BTreeMap<Partners, Vec3> = BTreeMap::new();
+        for pair in pairs {
+            *pressed.entry(pair.partners).or_insert_with(Vec3::zeros) += pair.force();
+        }
+        let rub = |(partners, force): (Partners, Vec3)| {
+            self.rub(partners, force.norm(), [x0, x1], anchors, settings)
+        };
+        pressed.into_iter().filter_map(rub).collect()
+    }
+
+    fn rub(
+        &self,
+        partners: Partners,
+        normal_force: f64,
+        x: [&[f64]; 2],
+        anchors: &Anchors,
+        settings: &StepSettings,
+    ) -> Option<FrictionPair> {
+        let law = self.law_of(partners)?;
+        let before = anchors.of(partners);
+        let (cell, slip) = self.slip_of(partners, x, before)?;
+        let stiffness = self.surface.bristle_stiffness(partners)?;
+        let (start, stored_before) = match before {
+            Some(anchor) => {
+                let energy = 0.5 * stiffness * (anchor.stretch[0].powi(2) + anchor.stretch[1].powi(2));
+                (self.carry(anchor, cell, partners, x[0]), energy)
+            }
+            None => ([0.0; 2], 0.0),
+        };
+        let along = slip.tangents.map(|tangent| tangent.dot(&slip.slip));
+        let rate = law.damping / settings.duration;
+        let bristle = stretch(start, along, stiffness, rate, law.friction * normal_force);
+        let traction = slip.tangents[0] * bristle.traction[0] + slip.tangents[1] * bristle.traction[1];
+        let stored = 0.5 * stiffness * (bristle.end[0].powi(2) + bristle.end[1].powi(2));
+        Some(FrictionPair {
+            partners,
+            arity: slip.arity,
+            nodes: slip.nodes,
+            gradient: slip.gradient(traction),
+            slip: slip.slip,
+            traction,
+            normal_force,
+            weights: slip.weights,
+            stiffness: (0.5 + rate) * stiffness * bristle.held,
+            tangents: slip.tangents,
+            dissipated: (traction.dot(&slip.slip) - (stored - stored_before)).max(0.0),
+            stored,
+            anchor: Anchor { partners, cell, stretch: bristle.end },
+        })
+    }
+
+    /// The law of both bodies, where there is friction.
+    fn law_of(&self, partners: Partners) -> Option<Law> {
+        let surface = self.surface;
+        let (a, b) = match partners {
+            Partners::PointBody(point, body) => (surface.points[point as usize].body, body),
+            Partners::PointPlane(point, plane) => {
+                (surface.points[point as usize].body, surface.half_spaces[plane as usize].body)
+            }
+            Partners::Edges(a, b) => (surface.edges[a as usize].body, surface.edges[b as usize].body),
+        };
+        surface.law(a, b).filter(|law| law.friction > 0.0)
+    }
+
+    /// The frame that measures slip, and the slip. A point is measured on the cell that is nearest at x₀; the cell of
+    /// its anchor stays where it is as near as any.
+    fn slip_of(&self, partners: Partners, x: [&[f64]; 2], before: Option<&Anchor>) -> Option<(u32, Slip)> {
+        let surface = self.surface;
+        match partners {
+            Partners::PointBody(point, body) => {
+                let node = surface.points[point as usize].node;
+                let (_, cells) = self.bodies_of(point as usize).find(|&(other, _)| other == body)?;
+                let distance = |cell: u32| {
+                    let [a, b, c] = surface.cells[cell as usize].nodes;
+                    let shape = surface.cells[cell as usize].shape();
+                    shape.closest(&[node, a, b, c].map(|node| at(x[0], node))).distance()
+                };
+                let mut nearest = (f64::INFINITY, 0);
+                for &cell in cells {
+                    let found = distance(cell);
+                    if found < nearest.0 {
+                        nearest = (found, cell);
+                    }
+                }
+                let kept = before.map(|anchor| anchor.cell).filter(|cell| cells.binary_search(cell).is_ok());
+                let cell = match kept {
+                    Some(kept) if distance(kept) <= nearest.0 * (1.0 + 1e-9) => kept,
+                    _ => nearest.1,
+                };
+                let [a, b, c] = surface.cells[cell as usize].nodes;
+                let shape = surface.cells[cell as usize].shape();
+                Some((cell, Slip::new(shape, [node, a, b, c], x)?))
+            }
+            Partners::PointPlane(point, plane) => {
+                let face = &surface.half_spaces[plane as usize];
+                let nodes = [surface.points[point as usize].node, face.node, face.node, face.node];
+                Some((0, Slip::over_plane(nodes, face.normal, x)))
+            }
+            Partners::Edges(a, b) => {
+                // Where an end of one edge is nearest, that end is a point that rubs on its own; the crossing of both
+                // lines may be far away.
+                let nodes = self.edge_nodes([a, b]);
+                let closest = Shape::EdgeEdge.closest(&nodes.map(|node| at(x[0], node)));
+                if closest.support() != 0b1111 {
+                    return None;
+                }
+                Some((0, Slip::new(Shape::EdgeEdge, nodes, x)?))
+            }
+        }
+    }
+
+    /// The stretch of an anchor in the frame of `cell` at x₀: turned into its plane, with the same length.
+    fn carry(&self, anchor: &Anchor, cell: u32, partners: Partners, x: &[f64]) -> [f64; 2] {
+        let Partners::PointBody(point, _) = partners else { return anchor.stretch };
+        if anchor.cell == cell {
+            return anchor.stretch;
+        }
+        let node = self.surface.points[point as usize].node;
+        let tangents = |cell: u32| {
+            let [a, b, c] = self.surface.cells[cell as usize].nodes;
+            Slip::new(self.surface.cells[cell as usize].shape(), [node, a, b, c], [x, x])
+                .map(|slip| slip.tangents)
+        };
+        let (Some(from), Some(to)) = (tangents(anchor.cell), tangents(cell)) else { return [0.0; 2] };
+        let vector = from[0] * anchor.stretch[0] + from[1] * anchor.stretch[1];
+        let turned = to.map(|tangent| tangent.dot(&vector));
+        let length = turned[0].hypot(turned[1]);
+        if length == 0.0 { turned } else { turned.map(|part| part * (vector.norm() / length)) }
+    }
+}

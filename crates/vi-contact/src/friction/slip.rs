@@ -1,0 +1,132 @@
+//! Slip from the change of convected coordinates.
+//!
+//! The first part of a pair touches the second at ρ = r + Σ_k ξ_k E_k, perpendicular to both E_k: for a point over a
+//! triangle r = p − x₁ and E_k = −e_k, so that ξ are the coordinates of its foot; for two edges E₁ = e_a, E₂ = −e_b.
+//! With A_kl = E_k·E_l and b_k = −E_k·r, ξ = A⁻¹b, not limited to the cell: a point just beyond an edge still has both
+//! coordinates. Over a step, with means of both ends Ā and ξ̄, exactly
+//! ```text
+//! Δξ = Ā⁻¹ (Δb − ΔA ξ̄),   u = −Σ_k Δξ_k E_k(x_m).
+//! ```
+//! A and b are invariants of the pair, so that u vanishes in rigid motion. Δb and ΔA are exact by the product rule with
+//! middles, hence with y = Ā⁻¹ (T·E_k(x_m))
+//! ```text
+//! T·u = Σ_k y_k (E_k·Δr + r·ΔE_k) + Σ_kl y_k ξ̄_l (E_k·ΔE_l + E_l·ΔE_k),   all at x_m,
+//! ```
+//! and the coefficients of Δx_a are forces without net force or torque. Slip as the difference of two velocities at
+//! points a distance d apart, as is usual, takes rotation for slip d|ω| and makes the torque d × T.
+
+use crate::distance::{Shape, Vec3, at, combine};
+
+/// Squared sine between edges, or between sides of a triangle, below which slip has no frame.
+const FLAT: f64 = 1e-4;
+
+/// Slip of a pair over a step, and what is needed for its forces.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Slip {
+    pub(super) arity: usize,
+    pub(super) nodes: [u32; 4],
+    /// u, m.
+    pub(super) slip: Vec3,
+    /// Orthonormal directions of slip at x_m. The second is zero where slip has one direction only.
+    pub(super) tangents: [Vec3; 2],
+    /// Weights of the contact point on both parts.
+    pub(super) weights: [f64; 4],
+    frame: Frame,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Frame {
+    /// The tangents do not turn: a half-space.
+    Fixed,
+    /// The kind of pair, r and E at x_m, Ā⁻¹ and ξ̄.
+    Convected { shape: Shape, r: Vec3, e: [Vec3; 2], inverse: [[f64; 2]; 2], mean: [f64; 2] },
+}
+
+/// Weights of r and of E_k in the nodes of a pair, and the number of E_k.
+fn pattern(shape: Shape) -> ([f64; 4], [[f64; 4]; 2], usize) {
+    match shape {
+        Shape::PointPoint => ([1.0, -1.0, 0.0, 0.0], [[0.0; 4]; 2], 0),
+        Shape::PointEdge => ([1.0, -1.0, 0.0, 0.0], [[0.0, 1.0, -1.0, 0.0], [0.0; 4]], 1),
+        Shape::PointTriangle => ([1.0, -1.0, 0.0, 0.0], [[0.0, 1.0, -1.0, 0.0], [0.0, 1.0, 0.0, -1.0]], 2),
+        Shape::EdgeEdge => ([1.0, 0.0, -1.0, 0.0], [[-1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]], 2),
+    }
+}
+
+/// A⁻¹ of one or two directions.
+fn invert(a: [[f64; 2]; 2], count: usize) -> Option<[[f64; 2]; 2]> {
+    if count == 1 {
+        return (a[0][0] > 0.0).then(|| [[1.0 / a[0][0], 0.0], [0.0; 2]]);
+    }
+    let determinant = a[0][0] * a[1][1] - a[0][1] * a[0][1];
+    (determinant > FLAT * a[0][0] * a[1][1]).then(|| {
+        let scaled = a.map(|row| row.map(|value| value / determinant));
+        [[scaled[1][1], -scaled[0][1]], [-scaled[0][1], scaled[0][0]]]
+    })
+}
+
+fn multiply(a: &[[f64; 2]; 2], v: [f64; 2]) -> [f64; 2] {
+    [a[0][0] * v[0] + a[0][1] * v[1], a[1][0] * v[0] + a[1][1] * v[1]]
+}
+
+impl Slip {
+    /// Slip of a pair between the positions x₀ and x₁; `None` where it has no frame: a point against a point, parallel
+    /// edges.
+    pub(super) fn new(shape: Shape, nodes: [u32; 4], x: [&[f64]; 2]) -> Option<Self> {
+        let (to_r, to_e, count) = pattern(shape);
+        if count == 0 {
+            return None;
+        }
+        let ends = x.map(|x| nodes.map(|node| at(x, node)));
+        let r = ends.map(|x| combine(&to_r, &x));
+        let e = ends.map(|x| to_e.map(|weights| combine(&weights, &x)));
+        let gram =
+            |e: &[Vec3; 2]| [[e[0].norm_squared(), e[0].dot(&e[1])], [e[0].dot(&e[1]), e[1].norm_squared()]];
+        let grams = [gram(&e[0]), gram(&e[1])];
+        let mut xi = [[0.0; 2]; 2];
+        for end in 0..2 {
+            let inverse = invert(grams[end], count)?;
+            xi[end] = multiply(&inverse, e[end].map(|e| -e.dot(&r[end])));
+        }
+        let mean = [0, 1].map(|k: usize| 0.5 * (xi[0][k] + xi[1][k]));
+        let middle = [0, 1].map(|k: usize| (e[0][k] + e[1][k]) * 0.5);
+        let mut average = grams[0];
+        for k in 0..2 {
+            for l in 0..2 {
+                average[k][l] = 0.5 * (grams[0][k][l] + grams[1][k][l]);
+            }
+        }
+        let inverse = invert(average, count)?;
+        let slip = -(middle[0] * (xi[1][0] - xi[0][0]) + middle[1] * (xi[1][1] - xi[0][1]));
+        let first = middle[0].normalize();
+        let second = middle[1] - first * first.dot(&middle[1]);
+        let second = if count == 2 { second.normalize() } else { Vec3::zeros() };
+        let weights = [0, 1, 2, 3].map(|a: usize| to_r[a] + mean[0] * to_e[0][a] + mean[1] * to_e[1][a]);
+        let frame = Frame::Convected { shape, r: (r[0] + r[1]) * 0.5, e: middle, inverse, mean };
+        Some(Self { arity: shape.arity(), nodes, slip, tangents: [first, second], weights, frame })
+    }
+
+    /// Slip of node 0 over a half-space that node 1 carries.
+    pub(super) fn over_plane(nodes: [u32; 4], normal: Vec3, x: [&[f64]; 2]) -> Self {
+        let step = |node: u32| at(x[1], node) - at(x[0], node);
+        let relative = step(nodes[0]) - step(nodes[1]);
+        let axis = normal.iamin();
+        let first = normal.cross(&Vec3::ith(axis, 1.0)).normalize();
+        let tangents = [first, normal.cross(&first)];
+        let slip = relative - normal * normal.dot(&relative);
+        Self { arity: 2, nodes, slip, tangents, weights: [1.0, -1.0, 0.0, 0.0], frame: Frame::Fixed }
+    }
+
+    /// G_a with Σ G·Δx = T·u for a traction T along the tangents.
+    pub(super) fn gradient(&self, traction: Vec3) -> [Vec3; 4] {
+        let Frame::Convected { shape, r, e, inverse, mean } = self.frame else {
+            return [traction, -traction, Vec3::zeros(), Vec3::zeros()];
+        };
+        let y = multiply(&inverse, e.map(|e| e.dot(&traction)));
+        let by_r = e[0] * y[0] + e[1] * y[1];
+        let along = e[0] * mean[0] + e[1] * mean[1];
+        // Σ_l (y_k ξ̄_l + y_l ξ̄_k) E_l = y_k Σ ξ̄_l E_l + ξ̄_k Σ y_l E_l.
+        let by_e = [0, 1].map(|k: usize| (r + along) * y[k] + by_r * mean[k]);
+        let (to_r, to_e, _) = pattern(shape);
+        [0, 1, 2, 3].map(|a: usize| by_r * to_r[a] + by_e[0] * to_e[0][a] + by_e[1] * to_e[1][a])
+    }
+}
