@@ -8,6 +8,7 @@ mod prescribe;
 mod rigid;
 mod shape;
 mod sheets;
+mod size;
 mod ties;
 
 use vi_core::{State, System};

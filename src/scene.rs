@@ -4,13 +4,17 @@
 mod attach;
 mod body;
 mod check;
+mod columns;
 mod load;
 mod material;
 mod output;
 #[cfg(feature = "cli")]
 mod parse;
+mod plain;
 mod rigid;
 mod safety;
+#[cfg(feature = "cli")]
+mod set;
 mod statics;
 #[cfg(feature = "cli")]
 mod structure;
@@ -26,6 +30,7 @@ pub use attach::{Attach, Seam};
 pub(crate) use body::MOST_REFINED;
 pub use body::{Axis, Body, BoxRegion, Fix, Probe, RestShape, Spring, SpringEnd, Strike};
 pub use check::Problem;
+pub(crate) use columns::history_columns;
 pub(crate) use load::field;
 pub use load::{Damping, FieldComponent, Load};
 pub use material::{MaterialEntry, Materials, Substance};
@@ -262,12 +267,27 @@ impl Scene {
 
     /// Everything that is wrong with the values of this scene, without reading any file.
     pub fn problems(&self) -> Vec<Problem> {
-        check::problems(self)
+        let mut problems = check::problems(self);
+        // What a check of a key has said of its value is not said twice.
+        let is_new = |problem: &Problem, known: &[Problem]| {
+            let key = problem.key.trim_end_matches(|c: char| c.is_ascii_digit() || c == '[' || c == ']');
+            !known.iter().any(|known| known.key == problem.key || known.key == key)
+        };
+        let found = plain::problems(self).into_iter().filter(|problem| is_new(problem, &problems));
+        let found: Vec<_> = found.chain(columns::problems(self)).collect();
+        problems.extend(found);
+        problems
     }
 
     /// The JSON schema of a scene, with units and ranges in the descriptions.
     pub fn schema() -> serde_json::Value {
         schemars::schema_for!(Scene).into()
+    }
+
+    /// The files that the scene reads, each with its key.
+    pub fn files(&self) -> Vec<(String, &Path)> {
+        let meshes = self.bodies.iter().enumerate();
+        meshes.filter_map(|(i, body)| Some((format!("body[{i}].mesh"), body.mesh.as_deref()?))).collect()
     }
 
     /// Reads mesh paths as relative to `directory`, where the scene file lies.
@@ -298,4 +318,12 @@ fn normal(path: PathBuf) -> PathBuf {
         }
     }
     out
+}
+
+/// Writes a path as text; what is not UTF-8 in it is replaced, as in messages.
+pub(crate) fn path_as_text<S: serde::Serializer>(
+    path: &Option<PathBuf>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    path.as_ref().map(|path| path.to_string_lossy()).serialize(serializer)
 }

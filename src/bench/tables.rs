@@ -109,23 +109,25 @@ impl BenchReport {
         text
     }
 
-    /// All rows as CSV.
+    /// All rows as CSV. Counted work that has the name of another column is headed `work_…`.
     pub fn csv(&self) -> String {
-        let mut text = String::from(
-            "scheme,steps,step,seconds,repeats,error,observed_order,energy_drift,on_front,is_present,at_reference,failure",
-        );
+        const OWN: &str = "scheme,steps,step,seconds,repeats,error,observed_order,energy_drift,on_front,is_present,\
+                           at_reference,failure";
+        let mut text = OWN.to_owned();
         let names: Vec<&String> = self
             .rows
             .iter()
             .find(|row| !row.work.is_empty())
             .map_or(Vec::new(), |row| row.work.keys().collect());
         for name in &names {
-            let _ = write!(text, ",{name}");
+            let is_taken = OWN.split(',').any(|own| own == name.as_str());
+            let _ = write!(text, ",{}{name}", if is_taken { "work_" } else { "" });
         }
         text.push('\n');
         for row in &self.rows {
             let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:e}"));
-            let failure = row.failure.as_deref().unwrap_or("").replace('"', "'").replace('\n', " ");
+            let failure =
+                row.failure.as_deref().unwrap_or("").replace('"', "\"\"").replace(['\n', '\r'], " ");
             let _ = write!(
                 text,
                 "{},{},{:e},{},{},{},{},{},{},{},{},\"{}\"",

@@ -6,6 +6,7 @@ use std::collections::HashMap;
 use vi_fem::{BoxMesh, ElementKind, FemError, FinerMesh, LockingCure, Mesh, SheetMesh};
 
 use super::ProbeTarget;
+use super::size::Budget;
 use super::ties::{self, TieSet};
 use crate::mesh_import::{self, Imported};
 use crate::scene::{Attach, Body, BoxRegion, MOST_REFINED, Problem, Scene, Seam, SpringEnd};
@@ -45,8 +46,10 @@ pub(super) struct LoadedBody {
 /// Reads everything; bodies that could not be read leave problems, and whatever refers to them is passed over.
 pub(super) fn load(scene: &Scene) -> (Loaded, Vec<Problem>) {
     let mut problems = Vec::new();
+    let mut budget = Budget::of_machine();
+    let bodies = scene.bodies.iter().enumerate();
     let bodies: Vec<Option<LoadedBody>> =
-        scene.bodies.iter().enumerate().map(|(i, body)| load_body(body, i, &mut problems)).collect();
+        bodies.map(|(i, body)| load_body(body, i, &mut budget, &mut problems)).collect();
     let mut finder = Finder { scene, bodies: &bodies, problems };
 
     let mut fixes = Vec::new();
@@ -100,14 +103,30 @@ pub(super) fn load(scene: &Scene) -> (Loaded, Vec<Problem>) {
     )
 }
 
-fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<LoadedBody> {
+fn load_body(
+    body: &Body,
+    index: usize,
+    budget: &mut Budget,
+    problems: &mut Vec<Problem>,
+) -> Option<LoadedBody> {
     let key = format!("body[{index}]");
+    if body.refine.is_some_and(|times| times > MOST_REFINED) {
+        // The checks of the scene have said so.
+        return None;
+    }
+    let mut fits = |in_file: &[(ElementKind, usize)], problems: &mut Vec<Problem>| {
+        budget.take(body, index, in_file).map_err(|problem| problems.push(problem)).ok()
+    };
     let scale = body.scale.unwrap_or(1.0);
     let translate = body.translate.unwrap_or_default();
     let read = if let Some(path) = &body.mesh {
         match mesh_import::read(path, body) {
             Ok(mut read) => {
                 read.notes.iter_mut().for_each(|note| *note = format!("{}: {note}", path.display()));
+                let elements =
+                    read.mesh.blocks.iter().filter(|block| block.kind.dimension() == body.dimension());
+                let counts: Vec<_> = elements.map(|block| (block.kind, block.count())).collect();
+                fits(&counts, problems)?;
                 read
             }
             Err(messages) => {
@@ -117,6 +136,7 @@ fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<L
             }
         }
     } else {
+        fits(&[], problems)?;
         let (built, shape) = generate(body, scale, translate)?;
         match built {
             Ok(mesh) => Imported::generated(mesh),
@@ -129,10 +149,6 @@ fn load_body(body: &Body, index: usize, problems: &mut Vec<Problem>) -> Option<L
     let mut read = read;
     if body.order == Some(2) {
         read = on(read, Mesh::lifted);
-    }
-    if body.refine.is_some_and(|times| times > MOST_REFINED) {
-        // That has been said of the scene.
-        return None;
     }
     for _ in 0..body.refine.unwrap_or(0) {
         if read.pattern.is_some() {

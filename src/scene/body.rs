@@ -18,7 +18,7 @@ pub struct Body {
     /// solid, of triangles for a sheet. Point data `displacement` (m) and `velocity` (m/s) in it are the initial
     /// state. Of a sheet, quadrilaterals are cut, points on each other welded, triangles turned to face one way,
     /// and points without a triangle left out, each with a note; nodes are numbered after that.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "super::path_as_text")]
     pub mesh: Option<PathBuf>,
     /// Take only this group of the mesh file: a volume of it for a solid, a surface for a sheet.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -81,6 +81,13 @@ impl Checker {
     }
 }
 
+/// Names for a message: the first few, and how many more there are, so that many messages about many names stay short.
+fn some_of(names: &[&str]) -> String {
+    const FEW: usize = 12;
+    let first = names[..names.len().min(FEW)].join(", ");
+    if names.len() > FEW { format!("{first} and {} more", names.len() - FEW) } else { first }
+}
+
 pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
     let mut check = Checker { problems: Vec::new() };
     check.finite("gravity", &scene.gravity);
@@ -260,7 +267,7 @@ fn rigids(check: &mut Checker, scene: &Scene) {
             if let Some(name) = name
                 && !names.contains(&name)
             {
-                let there = names.join(", ");
+                let there = some_of(&names);
                 let message = format!("there is no rigid body '{name}'; there are: {there}");
                 check.say(format!("joint[{i}].{part}"), message);
             }
@@ -300,9 +307,10 @@ fn rigids(check: &mut Checker, scene: &Scene) {
 
 fn attachments(check: &mut Checker, scene: &Scene) {
     let names: Vec<_> = scene.bodies.iter().map(|body| body.name.as_str()).collect();
+    let (is_known, there) = (names.iter().copied().collect::<HashSet<_>>(), some_of(&names));
     let known = |check: &mut Checker, key: String, name: &str| {
-        if !names.contains(&name) {
-            check.say(key, format!("there is no body '{name}'; there are: {}", names.join(", ")));
+        if !is_known.contains(name) {
+            check.say(key, format!("there is no body '{name}'; there are: {there}"));
         }
     };
     for (i, fix) in scene.fixes.iter().enumerate() {
@@ -429,19 +437,12 @@ fn attachments(check: &mut Checker, scene: &Scene) {
             check.say("static.push", "must be finite");
         }
     }
-    let mut probes = HashSet::new();
     for (i, probe) in scene.probes.iter().enumerate() {
         let key = format!("probe[{i}]");
         known(check, format!("{key}.body"), &probe.body);
         let given = [("point", probe.point.is_some()), ("node", probe.node.is_some())];
         check.at_most_one_of(&key, &given, true);
         check.finite(format!("{key}.point"), &probe.point.unwrap_or_default());
-        if probe.name.is_empty() || probe.name.contains([',', '\n', '"']) {
-            check.say(format!("{key}.name"), "must be a word without commas or quotes: it heads columns");
-        }
-        if !probes.insert(probe.name.as_str()) {
-            check.say(format!("{key}.name"), format!("there is another probe named '{}'", probe.name));
-        }
     }
 }
 

@@ -95,7 +95,7 @@ pub enum Encoding {
 #[serde(deny_unknown_fields)]
 pub struct Output {
     /// Directory, relative to the working directory (default `out/<scene>`); `--out` overrides.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "super::path_as_text")]
     pub directory: Option<PathBuf>,
     /// Time between frames, s (> 0); omit for none. A frame is written at the nearest step.
     #[serde(default, skip_serializing_if = "Option::is_none")]

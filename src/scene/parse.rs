@@ -3,8 +3,9 @@
 
 use std::path::Path;
 
-use toml_edit::{Document, DocumentMut, Item, Value};
+use toml_edit::{Document, DocumentMut};
 
+use super::set::set;
 use super::structure::{Entry, Flaw, Structure, span_of};
 use super::{Problem, Scene};
 
@@ -40,10 +41,7 @@ impl Scene {
 
     /// Parses a scene; mesh paths stay as they are.
     pub fn parse(text: &str, overrides: &[String]) -> Parsed {
-        let (text, mut problems) = match set(text, overrides) {
-            Ok(text) => (text, Vec::new()),
-            Err(problem) => (text.to_owned(), vec![problem]),
-        };
+        let (text, mut problems) = set(text, overrides);
         let document = match Document::parse(text.clone()) {
             Ok(document) => document,
             Err(error) => {
@@ -158,41 +156,4 @@ fn flaw_behind(
 
 fn line_of(text: &str, offset: usize) -> usize {
     text.as_bytes()[..offset.min(text.len())].iter().filter(|&&byte| byte == b'\n').count() + 1
-}
-
-/// Sets `key.path=value` overrides in the text.
-fn set(text: &str, overrides: &[String]) -> Result<String, Problem> {
-    if overrides.is_empty() {
-        return Ok(text.to_owned());
-    }
-    // A text that is no TOML is reported where it is decoded.
-    let Ok(mut document) = text.parse::<DocumentMut>() else { return Ok(text.to_owned()) };
-    for assignment in overrides {
-        let wrong = |why: &str| Problem::new("", format!("--set {assignment}: {why}"));
-        let (path, value) = assignment.split_once('=').ok_or_else(|| wrong("write it as key.path=value"))?;
-        let value: Value = value
-            .trim()
-            .parse()
-            .or_else(|_| format!("{:?}", value.trim()).parse())
-            .map_err(|_| wrong("no TOML value"))?;
-        let mut item = document.as_item_mut();
-        let parts: Vec<_> = path.trim().split('.').collect();
-        for (depth, part) in parts.iter().enumerate() {
-            let is_last = depth + 1 == parts.len();
-            item = match part.parse::<usize>() {
-                Ok(index) => item.get_mut(index).ok_or_else(|| wrong("there is no such element"))?,
-                Err(_) => {
-                    if !is_last && item.get(part).is_none() {
-                        item[part] = toml_edit::table();
-                    }
-                    if item.as_table_like().is_none() {
-                        return Err(wrong("leads through a value that has no keys"));
-                    }
-                    &mut item[part]
-                }
-            };
-        }
-        *item = Item::Value(value);
-    }
-    Ok(document.to_string())
 }

@@ -124,5 +124,10 @@ fn list_volumes(first: &[(usize, f64)]) -> String {
 }
 
 fn list_names(names: &[String]) -> String {
-    if names.is_empty() { "no named regions".into() } else { names.join(", ") }
+    const FEW: usize = 12;
+    match names.len() {
+        0 => "no named regions".into(),
+        count if count > FEW => format!("{} and {} more", names[..FEW].join(", "), count - FEW),
+        _ => names.join(", "),
+    }
 }

@@ -124,7 +124,7 @@ pub fn encode_vtu<W: Write + Seek>(out: &mut W, frame: &VtuFrame, options: VtuOp
     check(frame, options.precision).map_err(|what| io::Error::new(io::ErrorKind::InvalidInput, what))?;
     let cell_count: usize = frame.blocks.iter().map(CellBlock::cell_count).sum();
     let node_count: usize = frame.blocks.iter().map(|block| block.nodes.len()).sum();
-    let wide = node_count.max(frame.points.len()) > i32::MAX as usize;
+    let wide = needs_64_bits(frame.points.len(), node_count);
     let mut writer = Writer { out, options, later: Vec::new() };
     let compressor = if options.compression > 0 { " compressor=\"vtkZLibDataCompressor\"" } else { "" };
     writeln!(
@@ -164,6 +164,12 @@ pub fn encode_vtu<W: Write + Seek>(out: &mut W, frame: &VtuFrame, options: VtuOp
     writeln!(writer.out, "</Cells>\n</Piece>\n</UnstructuredGrid>")?;
     writer.appended()?;
     writeln!(writer.out, "</VTKFile>")
+}
+
+/// Are 32 signed bits too few for the nodes of cells (up to the number of points) or for the offsets into them (up to
+/// the number of all nodes of all cells)?
+fn needs_64_bits(point_count: usize, node_count: usize) -> bool {
+    node_count.max(point_count) > i32::MAX as usize
 }
 
 /// Says what in a frame does not fit together.
@@ -439,5 +445,31 @@ impl<'a, W: Write> Stream<'a, W> {
             Self::Raw(_) => Ok(()),
             Self::Base64(mut encoder) => encoder.finish().map(|_| ()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Int32 holds 2³¹ − 1; 10⁹ tetrahedra have 4 · 10⁹ nodes. No such frame is made here.
+    #[test]
+    fn indices_beyond_31_bits_are_written_in_64() {
+        let most = i32::MAX as usize;
+        assert!(!needs_64_bits(most, most));
+        assert!(needs_64_bits(most + 1, most));
+        assert!(needs_64_bits(200_000_000, 4_000_000_000));
+        let mut bytes = io::Cursor::new(Vec::new());
+        let options = VtuOptions { compression: 0, ..VtuOptions::default() };
+        let mut writer = Writer { out: &mut bytes, options, later: Vec::new() };
+        let blocks = [CellBlock { kind: crate::CellKind::Triangle3, nodes: vec![0, 1, u32::MAX - 1] }];
+        writer.array("connectivity", 1, Data::Connectivity { blocks: &blocks, wide: true }).unwrap();
+        writer.array("offsets", 1, Data::Offsets { blocks: &blocks, wide: true }).unwrap();
+        writer.appended().unwrap();
+        let bytes = bytes.into_inner();
+        let text = String::from_utf8_lossy(&bytes);
+        assert_eq!(text.matches("type=\"Int64\"").count(), 2, "{text}");
+        let last = i64::from(u32::MAX - 1).to_le_bytes();
+        assert!(bytes.windows(8).any(|window| window == last));
     }
 }

@@ -1,0 +1,81 @@
+//! The columns of history.csv that a scene asks for: each has a name of its own, which needs no quotes. It must not
+//! know what stands in them.
+
+use std::collections::HashMap;
+
+use super::{Problem, Scene};
+
+/// Energies, J; linear momentum, kg m/s; angular momentum about the origin, kg m²/s.
+const CONSERVED: [&str; 11] =
+    ["t", "kinetic", "elastic", "gravity", "total", "px", "py", "pz", "lx", "ly", "lz"];
+/// Newton iterations and substeps since the row before.
+const WORK: [&str; 2] = ["newton_iterations", "substeps"];
+/// Energy of conservative loads other than weight, J.
+const LOAD: &str = "load";
+/// Of a probe: position and displacement, m.
+const PROBE: [&str; 6] = ["x", "y", "z", "ux", "uy", "uz"];
+/// Of a rigid body: its centre, m, and its orientation.
+const RIGID: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
+/// Of a probe: estimated |error| of its displacement, m, and the observed order.
+const ESTIMATE: [&str; 4] = ["ex", "ey", "ez", "order"];
+
+/// A column with the key of the scene that names it; without one where it is in every history.
+struct Column {
+    name: String,
+    key: Option<String>,
+}
+
+/// Names of all columns, in order.
+pub(crate) fn history_columns(scene: &Scene, has_loads: bool) -> Vec<String> {
+    columns(scene, has_loads).into_iter().map(|column| column.name).collect()
+}
+
+fn columns(scene: &Scene, has_loads: bool) -> Vec<Column> {
+    let fixed = |names: &[&str]| -> Vec<Column> {
+        names.iter().map(|&name| Column { name: name.to_owned(), key: None }).collect()
+    };
+    let of_probes = |parts: &[&str]| -> Vec<Column> {
+        let probes = scene.probes.iter().enumerate();
+        probes.flat_map(|(i, probe)| headed(&probe.name, &format!("probe[{i}].name"), parts)).collect()
+    };
+    let mut columns = fixed(&CONSERVED);
+    columns.extend(of_probes(&PROBE));
+    columns.extend(fixed(&WORK));
+    if has_loads {
+        columns.extend(fixed(&[LOAD]));
+    }
+    for (i, rigid) in scene.rigids.iter().enumerate() {
+        columns.extend(headed(&rigid.name, &format!("rigid[{i}].name"), &RIGID));
+    }
+    if scene.time.estimate {
+        columns.extend(of_probes(&ESTIMATE));
+    }
+    columns
+}
+
+fn headed(name: &str, key: &str, parts: &[&str]) -> Vec<Column> {
+    parts.iter().map(|part| Column { name: format!("{name}.{part}"), key: Some(key.to_owned()) }).collect()
+}
+
+/// Names that cannot head a column, and columns of one name. Of each key only the first.
+pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
+    let mut problems: Vec<Problem> = Vec::new();
+    let mut owners: HashMap<String, Option<String>> = HashMap::new();
+    for Column { name, key } in columns(scene, true) {
+        let wrong = if name.starts_with('.') || name.contains([',', '"']) {
+            Some("must be a word without commas or quotes: it heads columns of history.csv".to_owned())
+        } else {
+            owners.get(&name).map(|other| {
+                let other = other.as_deref().unwrap_or("every history");
+                format!("heads a column `{name}` of history.csv, and so does {other}; choose another name")
+            })
+        };
+        if let (Some(key), Some(message)) = (&key, wrong)
+            && problems.last().is_none_or(|last| last.key != *key)
+        {
+            problems.push(Problem::new(key, message));
+        }
+        owners.entry(name).or_insert(key);
+    }
+    problems
+}
