@@ -2,7 +2,8 @@
 //! It must not know how a run steps, nor where files lie: that is `store.rs`.
 //!
 //! A file is: 8 bytes of magic, the format's number, the length of the record, the record
-//! (`record.rs`), and the CRC-32 of all before it. Numbers are little-endian, reals 64 bits.
+//! (`record.rs`), and the CRC-32 of all before it. Numbers are little-endian, reals 64 bits. Only the record changes
+//! from format to format, so that every version knows a file of a newer one.
 
 pub(crate) mod record;
 mod store;
@@ -17,11 +18,11 @@ use crate::simulation::Snapshot;
 pub use record::Damage;
 use record::{Record, Source, record};
 pub use store::{Found, newest};
-pub(crate) use store::{Store, remove_all};
+pub(crate) use store::{Store, is_file_name};
 
 const MAGIC: &[u8; 8] = b"VI-CHECK";
 /// Changes with every change of the record.
-const FORMAT: u64 = 2;
+const FORMAT: u64 = 3;
 
 /// Why a run cannot continue.
 #[derive(Debug, thiserror::Error)]
@@ -42,6 +43,18 @@ pub enum CheckpointError {
         directory: PathBuf,
         /// What is wrong with each.
         damages: Vec<String>,
+    },
+    /// The newest checkpoint is of a newer version of the program.
+    #[error(
+        "{}: a newer version of this program has written it (format {format}; this version reads format {FORMAT}); \
+         resume with that version",
+        .path.display()
+    )]
+    Newer {
+        /// The checkpoint.
+        path: PathBuf,
+        /// Its format.
+        format: u64,
     },
     /// The scene or a mesh is not the one that was run.
     #[error("{what} has changed since the checkpoint: {how}; bring back what was run, or run it anew")]
@@ -72,11 +85,11 @@ pub struct Origin {
     /// Name of the scene.
     pub name: String,
     /// The scene file, if there was one, and what was set in it.
-    pub file: Option<(String, Vec<String>)>,
+    pub file: Option<(PathBuf, Vec<String>)>,
     /// The scene's text, as [`scene_text`] gives it.
     pub scene: String,
-    /// Mesh files and the CRC-32 of their bytes.
-    pub meshes: Vec<(String, u64)>,
+    /// Mesh files, in the order of the bodies that have one, and the CRC-32 of their bytes.
+    pub meshes: Vec<(PathBuf, u64)>,
     /// Scheme, stages (0: none) and number of steps that `auto` has chosen.
     pub(crate) choice: Option<(String, (u64, u64))>,
     /// Why, as JSON.
@@ -102,9 +115,9 @@ pub struct Checkpoint {
 record!(Origin {
     program: String,
     name: String,
-    file: Option<(String, Vec<String>)>,
+    file: Option<(PathBuf, Vec<String>)>,
     scene: String,
-    meshes: Vec<(String, u64)>,
+    meshes: Vec<(PathBuf, u64)>,
     choice: Option<(String, (u64, u64))>,
     auto: String,
 });
@@ -152,7 +165,9 @@ impl Checkpoint {
         let mut source = Source::new(head_rest);
         let format = u64::read(&mut source)?;
         if format != FORMAT {
-            return Err(damage(&format!("it has format {format}, this program reads {FORMAT}")));
+            return Err(damage(&format!(
+                "it has format {format}, this version of the program reads {FORMAT}"
+            )));
         }
         let length = u64::read(&mut source)?;
         if length != source.left() as u64 {
@@ -167,6 +182,13 @@ impl Checkpoint {
         }
         Ok(checkpoint)
     }
+}
+
+/// The format of a checkpoint file, if its bytes are those that were written.
+fn format_of(bytes: &[u8]) -> Option<u64> {
+    let (head, sum) = bytes.split_at_checked(bytes.len().checked_sub(4)?)?;
+    let mut source = Source::new(head.strip_prefix(MAGIC)?);
+    (crc32fast::hash(head).to_le_bytes() == sum).then(|| u64::read(&mut source).ok()).flatten()
 }
 
 impl Origin {
@@ -203,10 +225,22 @@ impl Origin {
         for ((mesh, old), (_, new)) in self.meshes.iter().zip(mesh_sums(scene)?) {
             if *old != new {
                 let how = format!("its checksum is {new:08x}, was {old:08x}");
-                return Err(CheckpointError::Changed { what: mesh.clone(), how });
+                return Err(CheckpointError::Changed { what: mesh.display().to_string(), how });
             }
         }
         Ok(())
+    }
+
+    /// The scene as it was run.
+    #[cfg(feature = "cli")]
+    pub(crate) fn parse(&self) -> crate::scene::Parsed {
+        let mut parsed = Scene::parse(&self.scene, &[]);
+        // Text cannot hold paths that are not UTF-8.
+        let meshes = parsed.scene.iter_mut().flat_map(|scene| &mut scene.bodies);
+        for (mesh, (path, _)) in meshes.filter_map(|body| body.mesh.as_mut()).zip(&self.meshes) {
+            mesh.clone_from(path);
+        }
+        parsed
     }
 
     /// The scene with what `auto` had chosen.
@@ -236,11 +270,12 @@ pub fn scene_text(scene: &Scene) -> String {
     format!("{scene:#?}")
 }
 
-fn mesh_sums(scene: &Scene) -> Result<Vec<(String, u64)>, CheckpointError> {
+fn mesh_sums(scene: &Scene) -> Result<Vec<(PathBuf, u64)>, CheckpointError> {
     let sum = |body: &Body| {
-        let path = body.mesh.clone()?;
+        let path = body.mesh.as_ref()?;
+        let path = std::path::absolute(path).unwrap_or_else(|_| path.clone());
         Some(match std::fs::read(&path) {
-            Ok(bytes) => Ok((path.display().to_string(), u64::from(crc32fast::hash(&bytes)))),
+            Ok(bytes) => Ok((path, u64::from(crc32fast::hash(&bytes)))),
             Err(source) => Err(CheckpointError::Read { path, source }),
         })
     };

@@ -9,9 +9,10 @@ use vi_io::{CellBlock, CellKind, IoError, PvdSeries, VtuArray, VtuFrame, VtuOpti
 use crate::scene::{Encoding, Field, Precision, Substance};
 use crate::simulation::Simulation;
 
-/// Writes `<name>.pvd` and `frame_000000.vtu` …
+/// Writes `<name>.pvd` and `<name>_000000.vtu` …
 pub(crate) struct FrameWriter {
     directory: PathBuf,
+    name: String,
     series: PvdSeries,
     series_file: PathBuf,
     /// Frames that are known to be on the disk.
@@ -29,8 +30,16 @@ pub(crate) struct FrameWriter {
     material_ids: Vec<i32>,
 }
 
-fn frame_file(number: usize) -> String {
-    format!("frame_{number:06}.vtu")
+/// The file of a frame of the run `name`.
+fn frame_file(name: &str, number: usize) -> String {
+    format!("{name}_{number:06}.vtu")
+}
+
+/// The number of a frame of the run `name`, if `file` is the name of one.
+pub(crate) fn frame_number(name: &str, file: &str) -> Option<usize> {
+    let digits = file.strip_prefix(name)?.strip_prefix('_')?.strip_suffix(".vtu")?;
+    let is_number = digits.len() >= 6 && digits.bytes().all(|byte| byte.is_ascii_digit());
+    is_number.then(|| digits.parse().ok()).flatten()
 }
 
 impl FrameWriter {
@@ -59,6 +68,7 @@ impl FrameWriter {
         let series_file = directory.join(format!("{name}.pvd"));
         let mut writer = Self {
             directory: directory.to_owned(),
+            name: name.to_owned(),
             series: PvdSeries::new(&series_file),
             series_file,
             synced: 0,
@@ -77,6 +87,11 @@ impl FrameWriter {
         }
         for id in 0..simulation.rigids().len() {
             writer.add_surface(id, simulation);
+        }
+        if writer.points.len() > u32::MAX as usize {
+            let what =
+                format!("{} points of all bodies are more than 32 bits can number", writer.points.len());
+            return Err(IoError::BadOutput { file: writer.series_file, what });
         }
         Ok(writer)
     }
@@ -128,19 +143,29 @@ impl FrameWriter {
         self.series.frames()
     }
 
-    /// Continues after these frames of an earlier run; files of later ones go.
+    /// Continues after these frames of a checkpoint; files of later ones are removed.
     ///
     /// # Errors
     /// Where a file cannot be written or removed.
     pub(crate) fn resume(&mut self, frames: &[(f64, String)]) -> Result<(), IoError> {
+        // They were on the disk before the checkpoint was written, and may have been moved since.
+        self.synced = frames.len();
+        self.keep(frames)
+    }
+
+    fn keep(&mut self, frames: &[(f64, String)]) -> Result<(), IoError> {
         self.series.set_frames(frames.to_vec())?;
         self.synced = self.synced.min(frames.len());
-        for count in self.count().. {
-            let file = self.directory.join(frame_file(count));
-            match std::fs::remove_file(&file) {
-                Ok(()) => {}
-                Err(error) if error.kind() == std::io::ErrorKind::NotFound => break,
-                Err(source) => return Err(IoError::System { file, action: "remove", source }),
+        let refused = |file: &Path, action| {
+            let file = file.to_owned();
+            move |source| IoError::System { file, action, source }
+        };
+        for entry in std::fs::read_dir(&self.directory).map_err(refused(&self.directory, "list"))? {
+            let entry = entry.map_err(refused(&self.directory, "list"))?;
+            let number = entry.file_name().to_str().and_then(|file| frame_number(&self.name, file));
+            if number.is_some_and(|number| number >= frames.len()) {
+                let file = entry.path();
+                std::fs::remove_file(&file).map_err(refused(&file, "remove"))?;
             }
         }
         Ok(())
@@ -166,7 +191,7 @@ impl FrameWriter {
     /// Where a file cannot be written or removed.
     pub(crate) fn truncate(&mut self, count: usize) -> Result<(), IoError> {
         let kept = self.frames()[..count.min(self.count())].to_vec();
-        if kept.len() < self.count() { self.resume(&kept) } else { Ok(()) }
+        if kept.len() < self.count() { self.keep(&kept) } else { Ok(()) }
     }
 
     /// Is the end of step `steps`, of h (s) each, the nearest to the time of the next frame, or beyond it?
@@ -256,7 +281,7 @@ impl FrameWriter {
             cell_data: &cell_data,
             time: Some(time),
         };
-        let file = frame_file(self.count());
+        let file = frame_file(&self.name, self.count());
         vi_io::write_vtu(&self.directory.join(&file), &frame, self.options)?;
         self.series.push(time, &file)
     }

@@ -11,14 +11,11 @@ use crate::estimate::ProbeEstimate;
 use crate::simulation::Observation;
 
 /// Columns that not every run has.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Columns {
-    /// `load`: the energy of conservative loads other than weight, J.
+    /// The energy of conservative loads other than weight.
     pub(crate) has_loads: bool,
-    /// For each rigid body its name, then `x y z` (its centre, m) and `qw qx qy qz` (its orientation).
-    pub(crate) rigids: Vec<String>,
-    /// For each probe `ex ey ez`, the estimated |error| of its displacement, m, and the observed `order`;
-    /// empty in rows at which nothing could be compared.
+    /// Estimated errors of the probes; empty in rows at which nothing could be compared.
     pub(crate) has_estimates: bool,
 }
 
@@ -40,37 +37,13 @@ pub(crate) struct RowWork {
 }
 
 impl HistoryWriter {
-    /// Creates the file and writes its header. Columns: `t` s; energies, J; linear momentum, kg m/s;
-    /// angular momentum about the origin, kg m²/s; for each probe position and displacement, m; then
-    /// the Newton iterations and the substeps since the row before.
+    /// Creates the file and writes its header, the names of all columns (`scene/columns.rs`).
     ///
     /// # Errors
     /// Where the file cannot be written.
-    pub(crate) fn create(path: &Path, probes: &[String], columns: Columns) -> io::Result<Self> {
-        let mut line = "t,kinetic,elastic,gravity,total,px,py,pz,lx,ly,lz".to_owned();
-        for name in probes {
-            for column in ["x", "y", "z", "ux", "uy", "uz"] {
-                let _ = write!(line, ",{name}.{column}");
-            }
-        }
-        line.push_str(",newton_iterations,substeps");
-        if columns.has_loads {
-            line.push_str(",load");
-        }
-        for name in &columns.rigids {
-            for column in ["x", "y", "z", "qw", "qx", "qy", "qz"] {
-                let _ = write!(line, ",{name}.{column}");
-            }
-        }
-        if columns.has_estimates {
-            for name in probes {
-                for column in ["ex", "ey", "ez", "order"] {
-                    let _ = write!(line, ",{name}.{column}");
-                }
-            }
-        }
+    pub(crate) fn create(path: &Path, names: &[String], columns: Columns) -> io::Result<Self> {
         let mut writer = Self { file: BufWriter::new(File::create(path)?), columns, bytes: 0 };
-        writer.append(line)?;
+        writer.append(names.join(","))?;
         Ok(writer)
     }
 

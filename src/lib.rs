@@ -13,6 +13,7 @@
 pub mod auto;
 pub mod bench;
 pub mod checkpoint;
+pub mod claim;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod convergence;

@@ -28,7 +28,15 @@ pub enum Outcome {
     Failed(String),
 }
 
-/// The report of a run.
+/// The machine that a run was made on.
+#[derive(Debug, Clone, Serialize)]
+pub struct Machine {
+    /// Threads of the pool.
+    pub threads: usize,
+}
+
+/// The report of a run. Equal runs have equal reports but for `machine` and the clock times, whose names end in
+/// `_seconds`.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
     /// Version of this program.
@@ -37,8 +45,8 @@ pub struct Report {
     pub name: String,
     /// The scene as it ran.
     pub scene: Scene,
-    /// Threads of the pool.
-    pub threads: usize,
+    /// What it ran on.
+    pub machine: Machine,
     /// Name of the scheme.
     pub scheme: &'static str,
     /// Is it variational (symplectic)?
@@ -111,7 +119,7 @@ impl Report {
             version: env!("CARGO_PKG_VERSION"),
             name: name.to_owned(),
             scene: scene.clone(),
-            threads: rayon::current_num_threads(),
+            machine: Machine { threads: rayon::current_num_threads() },
             scheme: method.name(),
             variational: method.facts().is_variational,
             h: simulation.step_size(),

@@ -1,6 +1,7 @@
 //! A whole run: steps a simulation to its end and writes what the scene asks for, from the start or
 //! from a checkpoint. It must not know the command line; a caller watches through [`Watch`].
 
+mod directory;
 mod safety;
 mod stepping;
 
@@ -11,9 +12,11 @@ use std::time::Instant;
 use vi_solvers::StepError;
 
 use crate::checkpoint::{self, Checkpoint, CheckpointError};
+use crate::claim::ClaimError;
 use crate::report::Report;
 use crate::scene::{Problem, Scene};
 use crate::simulation::Simulation;
+pub(crate) use directory::inputs_among;
 pub(crate) use stepping::Course;
 use stepping::Run;
 
@@ -67,6 +70,21 @@ pub enum RunError {
         /// What the operating system says.
         source: io::Error,
     },
+    /// Another process writes into the directory, or it cannot be written into.
+    #[error(transparent)]
+    Claim(#[from] ClaimError),
+    /// The directory holds a run of another scene that can be continued.
+    #[error(
+        "{}: the run of '{name}' in this directory has not ended: continue it with `variational resume {}`, or delete \
+         its checkpoints, or choose another directory with --out",
+        .directory.display(), .directory.display()
+    )]
+    Unfinished {
+        /// The directory.
+        directory: PathBuf,
+        /// The other scene.
+        name: String,
+    },
     /// A mesh file could not be written.
     #[error(transparent)]
     Frame(#[from] vi_io::IoError),
@@ -112,8 +130,9 @@ impl Watch for () {}
 
 /// Runs a scene and writes history.csv, frames, checkpoints and report.json into `directory`.
 ///
-/// The directory is made only once the whole scene has been accepted; what an earlier run wrote
-/// there is replaced, nothing else is touched.
+/// The directory is made only once the whole scene has been accepted; what an earlier run of the scene wrote
+/// there is replaced, nothing else is touched. The history and the report of another scene are kept under its name.
+/// Until the run has ended, nobody else can run into the directory.
 ///
 /// # Errors
 /// [`RunError`]; what was reached before the error is written, but for errors of output itself.
@@ -134,13 +153,17 @@ pub fn run_from(
     watch: &mut dyn Watch,
 ) -> Result<Report, RunError> {
     let begin = Instant::now();
+    if Path::new(name).file_name() != Some(name.as_ref()) || name.contains(char::is_control) {
+        let message = format!("{name:?} cannot be part of the names of files; give the scene another name");
+        return Err(RunError::Scene(vec![Problem::new("", message)]));
+    }
     let origin = scene.checkpoint.as_ref().map(|_| checkpoint::Origin::new(&scene, name));
     let simulation = Simulation::new(scene).map_err(RunError::Scene)?;
     // A mesh that cannot be read is a problem of the scene, and has been reported as one.
     let mut origin = origin.transpose()?;
     if let (Some(origin), Some((path, overrides))) = (&mut origin, file) {
         let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        origin.file = Some((path.display().to_string(), overrides.to_vec()));
+        origin.file = Some((path, overrides.to_vec()));
     }
     Run::start(simulation, name, directory, origin, begin)?.complete(watch)
 }
@@ -161,22 +184,4 @@ pub fn resume(
     let scene = checkpoint.origin.settle(scene)?;
     let simulation = Simulation::new(scene).map_err(RunError::Scene)?;
     Run::resume(simulation, checkpoint, directory, begin)?.complete(watch)
-}
-
-/// Removes what an earlier run wrote into a directory: its history, report, frames, series and checkpoints.
-fn clear(directory: &Path, name: &str) -> io::Result<()> {
-    checkpoint::remove_all(directory)?;
-    for entry in std::fs::read_dir(directory)? {
-        let entry = entry?;
-        let file = entry.file_name();
-        let Some(file) = file.to_str() else { continue };
-        let digits = file.strip_prefix("frame_").and_then(|rest| rest.strip_suffix(".vtu"));
-        let is_frame = digits.is_some_and(|d| d.len() >= 6 && d.bytes().all(|b| b.is_ascii_digit()));
-        let is_ours =
-            is_frame || file == "history.csv" || file == "report.json" || file == format!("{name}.pvd");
-        if is_ours && entry.file_type()?.is_file() {
-            std::fs::remove_file(entry.path())?;
-        }
-    }
-    Ok(())
 }

@@ -8,8 +8,9 @@ use vi_core::Potential;
 use vi_fem::consistent_mass;
 use vi_solvers::{Mode, ModeOptions, SolverError};
 
+use crate::claim::Claim;
 use crate::frames::FrameWriter;
-use crate::run::RunError;
+use crate::run::{RunError, inputs_among};
 use crate::scene::{MassKind, Problem, Scene, Substance};
 use crate::simulation::Simulation;
 
@@ -94,7 +95,13 @@ pub fn write_modes(
         let path = path.to_owned();
         move |source| RunError::Output { path, source }
     };
-    std::fs::create_dir_all(directory).map_err(output(directory))?;
+    let _claim = Claim::new(directory)?;
+    let shape_file = |number: usize| format!("mode_{number:03}.vtu");
+    let files: Vec<_> = (0..modes.len()).map(|number| directory.join(shape_file(number))).collect();
+    let problems = inputs_among(simulation.scene(), &files);
+    if !problems.is_empty() {
+        return Err(RunError::Scene(problems));
+    }
     let mut table = String::from("mode,component,omega_squared,frequency,rigid,residual\n");
     let frames = FrameWriter::create(directory, "modes", &simulation, 1.0)?;
     for (number, SceneMode { component, mode }) in modes.iter().enumerate() {
@@ -128,7 +135,7 @@ pub fn write_modes(
                 false => displacement.resize(displacement.len() + 3 * nodes.len(), 0.0),
             }
         }
-        frames.write_shape(&format!("mode_{number:03}.vtu"), &displacement)?;
+        frames.write_shape(&shape_file(number), &displacement)?;
     }
     let path = directory.join("modes.csv");
     std::fs::write(&path, table).map_err(output(&path))?;

@@ -162,3 +162,232 @@ fn an_equilibrium_needs_no_scheme() {
     let program = Program::check(&scene);
     assert_eq!(program.code(), Some(0), "{}", program.errors());
 }
+
+/// The words of a number that is none, in TOML.
+const NOT_FINITE: [&str; 3] = ["nan", "inf", "-inf"];
+
+/// Every number of a scene that uses every table is refused when it is nan or infinite, whatever its key.
+#[test]
+fn numbers_that_are_not_finite() {
+    let scene = r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.1
+step = 0.01
+scheme = "stormer-verlet"
+tolerance = 0.01
+[[body]]
+name = "a"
+box = { size = [1.0, 1.0, 1.0], cells = [1, 1, 1], element = "tet4", origin = [0.5, 0.5, 0.5] }
+material = { law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }
+scale = 1.5
+translate = [1.5, 1.5, 1.5]
+velocity = [1.5, 1.5, 1.5]
+angular_velocity = [1.5, 1.5, 1.5]
+[[body]]
+name = "s"
+sheet = { size = [1.0, 1.0], cells = [1, 1], origin = [5.5, 5.5, 5.5], directions = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] }
+material = { law = "st-venant-kirchhoff", young = 1e6, poisson = 0.3, density = 1000.0, thickness = 0.001 }
+[[rigid]]
+name = "r"
+mass = 1.5
+shape = { kind = "rod", length = 0.5, radius = 0.02 }
+position = [8.5, 0.5, 0.5]
+[[joint]]
+kind = "ball"
+body = "r"
+point = [8.5, 0.5, 0.5]
+[[fix]]
+body = "a"
+box = { min = [-9.5, -9.5, -9.5], max = [9.5, 9.5, 9.5] }
+motion = { kind = "sine", amplitude = [0.5, 0.5, 0.5], frequency = 8.5 }
+[[spring]]
+from = { body = "a", point = [0.5, 0.5, 0.5] }
+to = { point = [0.5, 0.5, 0.5] }
+stiffness = 10.5
+length = 0.5
+[[load]]
+kind = "pressure"
+body = "a"
+region = "x-max"
+pressure = 10.5
+[[strike]]
+body = "a"
+region = "x-max"
+impulse = [0.5, 0.5, 0.5]
+[wind]
+velocity = [0.5, 0.5, 0.5]
+density = 1.5
+[damping]
+shear_viscosity = 0.5
+mass_rate = 0.5
+[[probe]]
+name = "p"
+body = "a"
+point = [0.5, 0.5, 0.5]
+[solver]
+tolerance = 0.001
+[output]
+interval = 0.05
+[checkpoint]
+interval = 0.05
+[guard]
+action = "warn"
+bound = 0.05
+[assert]
+energy_drift = 0.5
+momentum_drift = 0.5
+angular_momentum_drift = 0.5
+"#;
+    let problems = |scene: &str| variational::scene::Scene::parse(scene, &[]).problems;
+    assert!(problems(scene).is_empty(), "{:?}", problems(scene));
+    let is_number = |c: char| c.is_ascii_digit() || ".-+e".contains(c);
+    let mut tried = 0;
+    for (at, line) in scene.lines().enumerate().filter(|(_, line)| line.contains('=')) {
+        for (start, _) in line.match_indices(|c: char| c.is_ascii_digit() || c == '-') {
+            let is_start =
+                !line[..start].ends_with(|c: char| is_number(c) || c.is_ascii_alphanumeric() || c == '_');
+            let number: String = line[start..].chars().take_while(|&c| is_number(c)).collect();
+            if !is_start || !number.contains(['.', 'e']) || line[..start].matches('"').count() % 2 == 1 {
+                continue;
+            }
+            for word in NOT_FINITE {
+                let changed = format!("{}{word}{}", &line[..start], &line[start + number.len()..]);
+                let lines = scene.lines().enumerate();
+                let text: Vec<&str> = lines.map(|(i, old)| if i == at { &*changed } else { old }).collect();
+                let found = problems(&text.join("\n"));
+                assert!(found.iter().any(|problem| problem.line == Some(at + 1)), "{changed}: {found:?}");
+                tried += 1;
+            }
+        }
+    }
+    assert!(tried > 200, "{tried}");
+}
+
+/// Names that head columns: no two columns of history.csv are called alike, and names need no quotes.
+#[test]
+fn names_of_columns() {
+    let probe = |name: &str| format!("[[probe]]\nname = {name:?}\nbody = \"beam\"\nnode = 0\n");
+    let rigid = |name: &str| {
+        format!(
+            "[[rigid]]\nname = {name:?}\nmass = 1.0\nshape = {{ kind = \"rod\", length = 0.5, radius = 0.02 }}\n"
+        )
+    };
+    let scene = |parts: &[String]| GOOD.to_owned() + &parts.concat();
+    assert_eq!(Program::check(&scene(&[probe("a"), rigid("b")])).code(), Some(0));
+    refused(&scene(&[probe("tip"), probe("tip")]), &["probe[1].name", "`tip.x`", "probe[0].name"]);
+    refused(&scene(&[probe("tip"), rigid("tip")]), &["rigid[0].name", "`tip.x`", "probe[0].name"]);
+    for name in ["", "a,b", "a\"b"] {
+        refused(&scene(&[probe(name)]), &["probe[0].name", "without commas or quotes"]);
+        refused(&scene(&[rigid(name)]), &["rigid[0].name", "without commas or quotes"]);
+    }
+    for (name, control) in [("a\\rb", "\\r"), ("a\\nb", "\\n"), ("a\\u0007b", "\\u{7}"), ("a\\tb", "\\t")] {
+        let raw = |text: String| text.replace("\"N\"", &format!("\"{name}\""));
+        refused(&raw(scene(&[probe("N")])), &["probe[0].name", "control character", control]);
+        refused(&raw(scene(&[rigid("N")])), &["rigid[0].name", "control character", control]);
+        let body = GOOD.replace("\"beam\"", "\"N\"");
+        refused(&raw(body), &["body[0].name", "control character", control]);
+    }
+}
+
+/// What no machine can hold is refused by name before it is made, at once.
+#[test]
+fn scenes_beyond_memory() {
+    let begin = std::time::Instant::now();
+    let solid =
+        |shape: &str| GOOD.replace("mesh = \"MESHES/beam.msh\"", shape).replace("\"clamp\"", "\"x-min\"");
+    let cells =
+        |cells: &str| format!("box = {{ size = [1.0, 1.0, 1.0], cells = {cells}, element = \"tet4\" }}");
+    refused(&solid(&cells("[600, 600, 600]")), &["body[0].box.cells", "1.296e9 elements", "GB"]);
+    refused(&solid(&cells("[4294967295, 4294967295, 4294967295]")), &["body[0].box.cells", "elements"]);
+    refused(&solid(&(cells("[40, 40, 40]") + "\nrefine = 6")), &["body[0].refine", "GB"]);
+    let sheet = solid("sheet = { size = [1.0, 1.0], cells = [1000000000, 2] }")
+        .replace("density = 1000.0", "density = 1000.0, thickness = 0.001");
+    refused(&sheet, &["body[0].sheet.cells", "4.000e9 elements", "GB"]);
+    // A mesh file of 64 000 tetrahedra, all on the same nodes.
+    let directory = tempfile::tempdir().unwrap();
+    let count = 64_000;
+    let mut text = format!("{POINTS}POINTS 4 double\n0 0 0 1 0 0 0 1 0 0 0 1\nCELLS {count} {}\n", 5 * count);
+    text += &"4 0 1 2 3\n".repeat(count);
+    text += &format!("CELL_TYPES {count}\n{}", "10\n".repeat(count));
+    let path = directory.path().join("large.vtk");
+    std::fs::write(&path, text).unwrap();
+    let mesh =
+        GOOD.replace("MESHES/beam.msh", path.to_str().unwrap()).replace("[[fix]]", "refine = 6\n[[fix]]");
+    refused(&mesh.replace("region = \"clamp\"", "nodes = [0]"), &["body[0].refine", "GB"]);
+    assert!(begin.elapsed().as_secs() < 20);
+}
+
+/// The name of a scene becomes part of the names of files.
+#[cfg(unix)]
+#[test]
+fn names_of_scenes() {
+    let directory = tempfile::tempdir().unwrap();
+    let mesh = concat!(env!("CARGO_MANIFEST_DIR"), "/meshes/beam.msh");
+    std::fs::write(directory.path().join("a\nb.toml"), GOOD.replace("MESHES/beam.msh", mesh)).unwrap();
+    let mut command = program::command();
+    let output =
+        command.current_dir(directory.path()).args(["run", "a\nb.toml", "--out", "out"]).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(2) && said.contains("names of files"), "{said}");
+    assert!(!directory.path().join("out").exists());
+}
+
+#[test]
+fn more_threads_than_a_machine_has_use_for() {
+    for threads in ["0", "1000000"] {
+        let program = Program::try_run(GOOD, &["--threads", threads]);
+        assert_eq!(program.code(), Some(2), "{}", program.errors());
+        assert!(program.errors().contains("--threads must be 1 to"), "{}", program.errors());
+        assert!(!program.out().exists());
+    }
+}
+
+/// Overrides are set or refused with a reason; a key that messages print can be set as they print it.
+#[test]
+fn overrides() {
+    let scene = GOOD.replace("step = 0.01", "step = 1e-4").replace("end = 0.1", "end = 1e-3");
+    for (assignment, code) in [
+        ("body[0].material.density=900", 0),
+        ("body.0.material.density=900", 0),
+        ("body[0].material.density=-900", 2),
+        ("body.box.cells=[1,1,1]", 2),
+        ("body[7].name=x", 2),
+        ("time=3", 2),
+    ] {
+        let program = Program::try_run(&scene, &["--set", assignment]);
+        assert_eq!(program.code(), Some(code), "{assignment}: {}", program.errors());
+        assert!(!program.errors().contains("panicked"), "{assignment}: {}", program.errors());
+    }
+}
+
+/// 2000 wrong names, of bodies, keys, regions and values, are 2000 messages in a time that grows with their number.
+#[test]
+fn many_wrong_names() {
+    let many = |part: &dyn Fn(usize) -> String| (0..2000).map(part).collect::<String>();
+    let fix = |i: usize| format!("[[fix]]\nbody = \"wrong{i}\"\nregion = \"x\"\n");
+    let unknown = |i: usize| format!("[[fix]]\nbody = \"beam\"\nregion = \"clamp\"\nwrong{i} = 1\n");
+    let region = |i: usize| format!("[[fix]]\nbody = \"beam\"\nregion = \"wrong{i}\"\n");
+    let probe = |i: usize| format!("[[probe]]\nname = \"p{i}\"\nbody = \"beam\"\nnode = -{i}.5\n");
+    let body = |i: usize| {
+        format!(
+            "[[body]]\nname = \"b{i}\"\nmesh = \"MESHES/beam.msh\"\nmaterial = {{ law = \"jelly{i}\" }}\n"
+        )
+    };
+    let key = |i: usize| format!("wrong{i} = 1\n");
+    for (what, scene) in [
+        ("bodies", GOOD.to_owned() + &many(&fix)),
+        ("keys", GOOD.to_owned() + &many(&unknown)),
+        ("keys of one table", GOOD.replace("[[body]]", &(many(&key) + "[[body]]"))),
+        ("regions", GOOD.to_owned() + &many(&region)),
+        ("types", GOOD.to_owned() + &many(&probe)),
+        ("laws", GOOD.to_owned() + &many(&body)),
+    ] {
+        let begin = std::time::Instant::now();
+        let program = Program::check(&scene);
+        let seconds = begin.elapsed().as_secs_f64();
+        let messages = program.errors().lines().filter(|line| line.starts_with("error: ")).count();
+        assert!(program.code() == Some(2) && messages >= 2000, "{what}: {messages} messages");
+        assert!(seconds < 10.0, "{what}: {seconds} s");
+    }
+}

@@ -56,7 +56,13 @@ fn the_recommended_combination_reaches_its_error_again() {
     let cheaper = report.rows.iter().filter(|other| other.error.is_some_and(|error| error <= 1e-3));
     assert!(cheaper.into_iter().all(|other| other.seconds >= row.seconds));
     assert!(report.rows[0].is_present);
-    assert!(report.csv().lines().count() == report.rows.len() + 1);
+    let csv = report.csv();
+    assert!(csv.lines().count() == report.rows.len() + 1);
+    let mut heads: Vec<_> = csv.lines().next().unwrap().split(',').collect();
+    let count = heads.len();
+    heads.sort_unstable();
+    heads.dedup();
+    assert_eq!(heads.len(), count, "two columns have one name: {heads:?}");
     assert!(report.chart("P1").ends_with("</svg>\n"));
 }
 

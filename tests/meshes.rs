@@ -59,7 +59,7 @@ fn hexahedra_and_wedges_of_second_order_share_a_uniform_stress() {
             let found = history.last(column);
             assert!((found - exact).abs() < 1e-7, "{locking} {column}: {found}");
         }
-        let frame = variational::io::read_mesh(&program.out().join("frame_000001.vtu")).unwrap();
+        let frame = variational::io::read_mesh(&program.out().join("scene_000001.vtu")).unwrap();
         let axial = 6.467446602 / (0.7980775445 * 0.7980775445);
         let nodal = frame.point_array("nodal_stress").unwrap();
         assert_eq!(nodal.components, 9);
@@ -203,8 +203,8 @@ fn nodes_are_named_and_written_as_the_file_has_them() {
             .replace("FIXED", &fixed.join(", "))
             .replace("PULLED", &pulled.to_string());
         let program = Program::run(&scene);
-        let frame = read_mesh(&program.out().join("frame_000002.vtu")).unwrap();
-        let first = read_mesh(&program.out().join("frame_000000.vtu")).unwrap();
+        let frame = read_mesh(&program.out().join("scene_000002.vtu")).unwrap();
+        let first = read_mesh(&program.out().join("scene_000000.vtu")).unwrap();
         assert_eq!(first.points, points, "frames have the points in the order of the file");
         (frame, program.history().last("tip.uz"))
     };

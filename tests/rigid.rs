@@ -149,7 +149,7 @@ fn blades_on_a_free_hub_keep_energy_and_momenta() {
         .replace("end = 2.0 ", "end = 0.1 ")
         .replace("interval = 0.02", "history = 1\ninterval = 0.02");
     let program = Program::run(&text);
-    assert!(program.out().join("frame_000005.vtu").exists());
+    assert!(program.out().join("scene_000005.vtu").exists());
     let history = program.history();
     assert!(drift(&history, "elastic") > 0.1, "{}", drift(&history, "elastic"));
 }

@@ -61,7 +61,7 @@ fn a_frame_can_start_a_run() {
     let scene = SCENE.replace("PRECISION", "f64").replace("ENCODING", "raw");
     let whole = Program::run(&scene).history();
     let first = Program::run(&scene.replace("end = 0.02", "end = 0.01"));
-    let frame = first.out().join("frame_000002.vtu");
+    let frame = first.out().join("scene_000002.vtu");
     let again = scene
         .replace("end = 0.02", "end = 0.01")
         .replace("box = { size = [1.0, 0.2, 0.2], cells = [5, 1, 1] }", &format!("mesh = {frame:?}"))

@@ -3,6 +3,8 @@
 //!
 //! Reading allocates no more than the bytes that are left could hold, whatever a length claims.
 
+use std::path::PathBuf;
+
 use vi_core::{EnergyLedger, State, StepEnergy};
 use vi_solvers::{StepperMemory, Work};
 
@@ -113,6 +115,27 @@ impl Record for String {
         let length = from.length(1)?;
         let bytes = from.take(length)?.to_vec();
         Self::from_utf8(bytes).map_err(|_| from.damage("a text is not UTF-8"))
+    }
+}
+
+/// A path byte by byte on Unix, where it may be other than UTF-8.
+impl Record for PathBuf {
+    const SIZE: usize = 8;
+    fn write(&self, out: &mut Vec<u8>) {
+        let bytes = self.as_os_str().as_encoded_bytes();
+        (bytes.len() as u64).write(out);
+        out.extend_from_slice(bytes);
+    }
+    #[cfg(unix)]
+    fn read(from: &mut Source<'_>) -> Result<Self, Damage> {
+        use std::os::unix::ffi::OsStringExt;
+        let length = from.length(1)?;
+        let bytes = from.take(length)?.to_vec();
+        Ok(std::ffi::OsString::from_vec(bytes).into())
+    }
+    #[cfg(not(unix))]
+    fn read(from: &mut Source<'_>) -> Result<Self, Damage> {
+        String::read(from).map(Self::from)
     }
 }
 

@@ -5,7 +5,7 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use super::{Checkpoint, CheckpointError};
+use super::{Checkpoint, CheckpointError, FORMAT, format_of};
 use crate::scene::Checkpoints;
 
 const PREFIX: &str = "checkpoint_";
@@ -34,12 +34,16 @@ impl Store {
     /// and those before the newest few are gone.
     pub(crate) fn write(&self, checkpoint: &Checkpoint) -> io::Result<()> {
         let path = self.directory.join(format!("{PREFIX}{:012}{ENDING}", checkpoint.steps()));
-        let temporary = path.with_extension("tmp");
+        let temporary = path.with_extension("vck.tmp");
         let written = (|| {
             let mut file = File::create(&temporary)?;
             file.write_all(&checkpoint.encode())?;
             file.sync_all()?;
             drop(file);
+            if path.is_dir() {
+                // It is no checkpoint, though it has the name of one: it makes room with all that is in it.
+                fs::rename(&path, path.with_extension("vck.moved"))?;
+            }
             fs::rename(&temporary, &path)?;
             sync_directory(&self.directory)
         })();
@@ -48,7 +52,8 @@ impl Store {
             let _ = fs::remove_file(&temporary);
             return Err(error);
         }
-        let all = files(&self.directory)?;
+        let mut all = files(&self.directory)?;
+        all.retain(|path| !path.is_dir());
         for old in &all[..all.len().saturating_sub(self.keep)] {
             fs::remove_file(old)?;
         }
@@ -61,40 +66,29 @@ fn sync_directory(directory: &Path) -> io::Result<()> {
     if cfg!(unix) { File::open(directory)?.sync_all() } else { Ok(()) }
 }
 
-/// Checkpoints of a directory, the oldest first.
+/// What has the name of a checkpoint in a directory, the oldest first.
 fn files(directory: &Path) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for entry in fs::read_dir(directory)? {
-        let path = entry?.path();
-        if is_checkpoint(&path, ENDING) {
-            found.push(path);
+        let entry = entry?;
+        if entry.file_name().to_str().is_some_and(is_file_name) {
+            found.push(entry.path());
         }
     }
     found.sort();
     Ok(found)
 }
 
-fn is_checkpoint(path: &Path, ending: &str) -> bool {
-    let name = path.file_name().and_then(|name| name.to_str());
-    let digits = name.and_then(|name| name.strip_prefix(PREFIX)?.strip_suffix(ending));
+/// Is this the name of a checkpoint's file?
+pub(crate) fn is_file_name(file: &str) -> bool {
+    let digits = file.strip_prefix(PREFIX).and_then(|rest| rest.strip_suffix(ENDING));
     digits.is_some_and(|digits| digits.len() >= 12 && digits.bytes().all(|byte| byte.is_ascii_digit()))
-}
-
-/// Removes the checkpoints of an earlier run, and what one that was killed while writing has left.
-pub(crate) fn remove_all(directory: &Path) -> io::Result<()> {
-    for entry in fs::read_dir(directory)? {
-        let path = entry?.path();
-        if is_checkpoint(&path, ENDING) || is_checkpoint(&path, ".tmp") {
-            fs::remove_file(path)?;
-        }
-    }
-    Ok(())
 }
 
 /// The newest sound checkpoint of a directory.
 #[derive(Debug)]
 pub struct Found {
-    /// It.
+    /// The checkpoint.
     pub checkpoint: Checkpoint,
     /// Its file.
     pub path: PathBuf,
@@ -105,7 +99,7 @@ pub struct Found {
 /// Finds the newest sound checkpoint of a directory whose history.csv reaches to it.
 ///
 /// # Errors
-/// [`CheckpointError`] where there is none.
+/// [`CheckpointError`] where there is none, or where a newer version of this program has written a newer one.
 pub fn newest(directory: &Path) -> Result<Found, CheckpointError> {
     if !directory.is_dir() {
         return Err(CheckpointError::None { directory: directory.to_owned() });
@@ -115,7 +109,16 @@ pub fn newest(directory: &Path) -> Result<Found, CheckpointError> {
     let history = fs::metadata(directory.join("history.csv")).map_or(0, |facts| facts.len());
     let mut damages = Vec::new();
     for path in all.into_iter().rev() {
-        let bytes = fs::read(&path).map_err(|source| unread(&path, source))?;
+        let bytes = match fs::read(&path) {
+            Ok(bytes) => bytes,
+            Err(error) => {
+                damages.push(format!("{}: {error}", path.display()));
+                continue;
+            }
+        };
+        if let Some(format) = format_of(&bytes).filter(|&format| format > FORMAT) {
+            return Err(CheckpointError::Newer { path, format });
+        }
         let why = match Checkpoint::decode(&bytes) {
             Ok(checkpoint) if checkpoint.course.history_bytes <= history => {
                 return Ok(Found { checkpoint, path, damages });

@@ -33,7 +33,7 @@ pub(super) struct BenchArguments {
 }
 
 pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
-    let Study { scene, parsed, pool, name, directory } = match arguments.study.open("bench") {
+    let Study { scene, parsed, pool, name, directory, claim: _claim } = match arguments.study.open("bench") {
         Ok(study) => study,
         Err(code) => return code,
     };

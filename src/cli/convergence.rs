@@ -35,10 +35,11 @@ pub(super) struct ConvergenceArguments {
 }
 
 pub(super) fn study(arguments: &ConvergenceArguments) -> u8 {
-    let Study { scene, parsed, pool, directory, .. } = match arguments.study.open("convergence") {
-        Ok(study) => study,
-        Err(code) => return code,
-    };
+    let Study { scene, parsed, pool, directory, claim: _claim, .. } =
+        match arguments.study.open("convergence") {
+            Ok(study) => study,
+            Err(code) => return code,
+        };
     let options = ConvergenceOptions {
         levels: arguments.levels,
         space: !arguments.time,

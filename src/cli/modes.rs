@@ -5,9 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::exit;
-use super::run::{accept, name_of, output_directory};
+use super::run::{accept, code_of, name_of, output_directory};
 use super::say::{message, out};
-use crate::run::RunError;
 use crate::scene::MassKind;
 use crate::vibration::write_modes;
 
@@ -52,11 +51,7 @@ pub(super) fn modes(arguments: &ModesArguments) -> u8 {
         }
         Err(error) => {
             message!("error: {error}");
-            match error {
-                RunError::Scene(_) => exit::BAD_INPUT,
-                RunError::Step { .. } => exit::NO_CONVERGENCE,
-                _ => exit::INPUT_OUTPUT,
-            }
+            code_of(&error)
         }
     }
 }

@@ -25,8 +25,12 @@ pub(super) struct ResumeArguments {
 
 pub(super) fn resume(arguments: &ResumeArguments) -> u8 {
     let directory = &arguments.directory;
-    if let Some(steps) = finished(directory) {
-        out!("{}: the run is finished, {steps} steps; there is nothing to resume", directory.display());
+    if let Some((report, steps)) = finished(directory) {
+        if arguments.say.json {
+            out!("{}", report.trim_end());
+        } else if !arguments.say.quiet {
+            out!("{}: the run is finished, {steps} steps; there is nothing to resume", directory.display());
+        }
         return exit::DONE;
     }
     let found = match newest(directory) {
@@ -48,7 +52,7 @@ pub(super) fn resume(arguments: &ResumeArguments) -> u8 {
         Ok(pool) => pool,
         Err(code) => return code,
     };
-    if !arguments.say.quiet {
+    if !arguments.say.quiet && !arguments.say.json {
         message!("resuming {path} after step {step}");
     }
     let stop = Stop::on_signals();
@@ -62,27 +66,26 @@ pub(super) fn resume(arguments: &ResumeArguments) -> u8 {
     conclude(result, directory, &arguments.say, &stop)
 }
 
-/// The steps of a run that has reached its end.
-fn finished(directory: &Path) -> Option<u64> {
+/// The report and the steps of a run that has reached its end.
+fn finished(directory: &Path) -> Option<(String, u64)> {
     let text = std::fs::read_to_string(directory.join("report.json")).ok()?;
     let report: serde_json::Value = serde_json::from_str(&text).ok()?;
-    (report["outcome"] == "done").then(|| report["steps"].as_u64()).flatten()
+    let steps = report["steps"].as_u64()?;
+    (report["outcome"] == "done").then_some((text, steps))
 }
 
 /// The scene that was run: from its file, or as the checkpoint holds it where that is gone.
 fn scene(origin: &Origin) -> Result<Scene, u8> {
     let parsed = match &origin.file {
-        Some((file, overrides)) if Path::new(file).exists() => Scene::read(Path::new(file), overrides)
-            .map_err(|source| {
-                let path = PathBuf::from(file);
-                message!("error: {}", CheckpointError::Read { path, source });
-                exit::INPUT_OUTPUT
-            })?,
+        Some((file, overrides)) if file.exists() => Scene::read(file, overrides).map_err(|source| {
+            message!("error: {}", CheckpointError::Read { path: file.clone(), source });
+            exit::INPUT_OUTPUT
+        })?,
         Some((file, _)) => {
-            message!("note: {file} is gone; the scene is taken from the checkpoint");
-            Scene::parse(&origin.scene, &[])
+            message!("note: {} is gone; the scene is taken from the checkpoint", file.display());
+            origin.parse()
         }
-        None => Scene::parse(&origin.scene, &[]),
+        None => origin.parse(),
     };
     for problem in &parsed.problems {
         message!("error: {problem}");

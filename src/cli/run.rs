@@ -9,6 +9,7 @@ use super::progress::Progress;
 use super::say::{self, message, out};
 use super::signals::Stop;
 use crate::checkpoint::{CheckpointError, newest};
+use crate::claim::ClaimError;
 use crate::report::{Outcome, Report};
 use crate::run::{RunError, run_from};
 use crate::scene::{Parsed, Problem, Scene};
@@ -34,12 +35,12 @@ pub(super) struct RunArguments {
 /// What a run prints.
 #[derive(Debug, Args)]
 pub(super) struct Say {
-    /// Print errors only
+    /// Print errors and warnings only
     #[arg(long, short)]
     pub(super) quiet: bool,
     /// Print the report as JSON
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
     /// Print what is built, made once, skipped and why; after the run, what was done
     #[arg(long)]
     explain: bool,
@@ -81,12 +82,20 @@ pub(super) fn run(arguments: &RunArguments) -> u8 {
     }
 }
 
+/// Threads that may be asked for on a machine of fewer processors.
+const MOST_THREADS: usize = 64;
+
 /// The threads of a command.
 pub(super) fn thread_pool(threads: Option<usize>) -> Result<rayon::ThreadPool, u8> {
     let mut pool = rayon::ThreadPoolBuilder::new();
     if let Some(threads) = threads {
-        if threads == 0 {
-            message!("error: --threads must be at least 1");
+        // More threads than processors are of use in tests only, and each costs memory.
+        let processors = std::thread::available_parallelism().map_or(1, usize::from);
+        let most = MOST_THREADS.max(4 * processors);
+        if !(1..=most).contains(&threads) {
+            message!(
+                "error: --threads must be 1 to {most} on this machine of {processors} processors, is {threads}"
+            );
             return Err(exit::BAD_INPUT);
         }
         pool = pool.num_threads(threads);
@@ -128,20 +137,30 @@ pub(super) fn conclude(result: Result<Report, RunError>, directory: &Path, say: 
     }
 }
 
+/// The exit code of a command that ends with this error.
+pub(super) fn code_of(error: &RunError) -> u8 {
+    match error {
+        error if error.is_failure() => exit::NO_CONVERGENCE,
+        RunError::Scene(_)
+        | RunError::Claim(ClaimError::Held { .. })
+        | RunError::Unfinished { .. }
+        | RunError::Checkpoint(
+            CheckpointError::None { .. } | CheckpointError::Changed { .. } | CheckpointError::Newer { .. },
+        ) => exit::BAD_INPUT,
+        _ => exit::INPUT_OUTPUT,
+    }
+}
+
 /// Says why a run failed and what it left; the exit code.
 pub(super) fn fail(error: &RunError, directory: &Path) -> u8 {
     message!("error: {error}");
-    let code = match error {
-        error if error.is_failure() => {
-            message!("what was reached is in {}", directory.display());
-            exit::NO_CONVERGENCE
-        }
-        RunError::Scene(_)
-        | RunError::Checkpoint(CheckpointError::None { .. } | CheckpointError::Changed { .. }) => {
-            return exit::BAD_INPUT;
-        }
-        _ => exit::INPUT_OUTPUT,
-    };
+    let code = code_of(error);
+    if code == exit::BAD_INPUT {
+        return code;
+    }
+    if error.is_failure() {
+        message!("what was reached is in {}", directory.display());
+    }
     if let Ok(found) = newest(directory) {
         let path = found.path.display();
         message!(

@@ -8,6 +8,7 @@ use clap::Args;
 use super::exit;
 use super::run::{accept, name_of, thread_pool, writable};
 use super::say::{message, out};
+use crate::claim::Claim;
 use crate::scene::{Parsed, Scene};
 
 #[derive(Debug, Args)]
@@ -36,6 +37,8 @@ pub(super) struct Study {
     /// The scene file's name without its ending.
     pub(super) name: String,
     pub(super) directory: PathBuf,
+    /// Nobody else writes into the directory while the study lasts.
+    pub(super) claim: Claim,
 }
 
 impl StudyArguments {
@@ -53,7 +56,11 @@ impl StudyArguments {
             );
             return Err(exit::BAD_INPUT);
         }
-        Ok(Study { scene, parsed, pool, name, directory })
+        let claim = Claim::new(&directory).map_err(|error| {
+            message!("error: {error}");
+            exit::BAD_INPUT
+        })?;
+        Ok(Study { scene, parsed, pool, name, directory, claim })
     }
 }
 

@@ -9,9 +9,10 @@ use vi_io::IoError;
 use vi_solvers::{SolverError, StepError};
 
 use super::safety::{Good, STRIDE};
-use super::{RunError, Watch, clear};
+use super::{RunError, Watch, directory};
 use crate::checkpoint::record::record;
 use crate::checkpoint::{Checkpoint, Origin, Store};
+use crate::claim::Claim;
 use crate::estimate::{Estimator, ProbeEstimate};
 use crate::frames::FrameWriter;
 use crate::guard::{EnergyGuard, Growth};
@@ -19,7 +20,7 @@ use crate::history::{Columns, HistoryWriter, RowWork};
 use crate::momentum::MomentumLedger;
 use crate::pitch::PitchFinder;
 use crate::report::{Outcome, Report};
-use crate::scene::{Guard, GuardAction};
+use crate::scene::{Guard, GuardAction, history_columns};
 use crate::simulation::{Observation, Simulation, TOGETHER};
 use crate::stability::{StabilityNote, stability};
 
@@ -68,6 +69,7 @@ pub(super) struct Run {
     pub(super) estimates: Vec<ProbeEstimate>,
     pub(super) report: Report,
     stability: Option<StabilityNote>,
+    claim: Claim,
 }
 
 impl Run {
@@ -79,11 +81,11 @@ impl Run {
         origin: Option<Origin>,
         begin: Instant,
     ) -> Result<Self, RunError> {
-        std::fs::create_dir_all(directory).map_err(RunError::output(directory))?;
-        clear(directory, name).map_err(RunError::output(directory))?;
+        let claim = Claim::new(directory)?;
+        directory::prepare(directory, name, simulation.scene())?;
         let path = directory.join("history.csv");
-        let history = |probes: &[String], columns| HistoryWriter::create(&path, probes, columns);
-        let (mut run, first) = Self::build(simulation, name, directory, origin, history)?;
+        let history = |names: &[String], columns| HistoryWriter::create(&path, names, columns);
+        let (mut run, first) = Self::build(simulation, name, claim, directory, origin, history)?;
         if !first.is_finite() {
             // Nothing can be written of such a state.
             return Err(run.refuse_start());
@@ -109,11 +111,13 @@ impl Run {
         begin: Instant,
     ) -> Result<Self, RunError> {
         let name = &checkpoint.origin.name;
+        let claim = Claim::new(directory)?;
+        directory::refuse_inputs(directory, name, simulation.scene())?;
         let path = directory.join("history.csv");
         let bytes = checkpoint.course.history_bytes;
         let history = |_: &[String], columns| HistoryWriter::resume(&path, columns, bytes);
         let origin = checkpoint.origin.clone();
-        let (mut run, _) = Self::build(simulation, name, directory, Some(origin), history)?;
+        let (mut run, _) = Self::build(simulation, name, claim, directory, Some(origin), history)?;
         // What an interrupted run reported is no longer so.
         let report = directory.join("report.json");
         if report.exists() {
@@ -127,6 +131,7 @@ impl Run {
     fn build(
         mut simulation: Simulation,
         name: &str,
+        claim: Claim,
         directory: &Path,
         origin: Option<Origin>,
         history: impl FnOnce(&[String], Columns) -> std::io::Result<HistoryWriter>,
@@ -134,15 +139,14 @@ impl Run {
         let stability = stability(&simulation);
         let first = simulation.observe();
         let scene = simulation.scene();
-        let probes: Vec<_> = scene.probes.iter().map(|probe| probe.name.clone()).collect();
         let has_loads = simulation.components().iter().any(|component| {
             component.system().potentials().iter().any(|term| term.account() == vi_core::Account::Load)
         });
         let estimator = scene.time.estimate.then(|| Estimator::new(&simulation));
-        let rigids = simulation.rigids().iter().map(|rigid| rigid.name.clone()).collect();
-        let columns = Columns { has_loads, rigids, has_estimates: estimator.is_some() };
+        let columns = Columns { has_loads, has_estimates: estimator.is_some() };
         let path = directory.join("history.csv");
-        let history = history(&probes, columns).map_err(RunError::output(&path))?;
+        let history =
+            history(&history_columns(scene, has_loads), columns).map_err(RunError::output(&path))?;
         let frames = scene.output.interval;
         let frames =
             frames.map(|interval| FrameWriter::create(directory, name, &simulation, interval)).transpose()?;
@@ -180,6 +184,7 @@ impl Run {
             store,
             stability,
             estimator,
+            claim,
         };
         Ok((run, first))
     }
@@ -188,6 +193,7 @@ impl Run {
     pub(super) fn complete(mut self, watch: &mut dyn Watch) -> Result<Report, RunError> {
         let mut notes = self.simulation.notes().to_vec();
         notes.extend(self.stability.as_ref().and_then(StabilityNote::warning));
+        notes.extend(self.claim.note());
         watch.start(&self.simulation, &notes);
         let mut failure = None;
         let mut interrupted = false;

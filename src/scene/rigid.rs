@@ -144,9 +144,6 @@ impl Rigid {
     /// What is wrong with its values, each with the key within it.
     pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
         let mut problems = Vec::new();
-        if self.name.is_empty() || self.name.contains([',', '\n', '"']) {
-            problems.push(("name", "must be a word without commas or quotes: it heads columns".to_owned()));
-        }
         for (key, value, unit) in [("mass", self.mass, "kg"), ("density", self.density, "kg/m³")] {
             if value.is_some_and(|value| !(value > 0.0 && value.is_finite())) {
                 let value = value.unwrap_or_default();

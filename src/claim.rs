@@ -1,0 +1,151 @@
+//! The right to write into a directory, which one process at a time has. It must not know what is written.
+//!
+//! A claim is a lock of the operating system on the file `variational.lock`. The system gives it up when the process
+//! ends, in whatever way, so that a file which a killed process left behind bars nobody, whoever has its number now.
+
+use std::fs::{self, File, TryLockError};
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+
+use same_file::Handle;
+
+/// Name of the file that is locked.
+const LOCK: &str = "variational.lock";
+
+/// Why a directory cannot be written into.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ClaimError {
+    /// Another process writes into it.
+    #[error(
+        "{}: {holder} is writing into this directory; wait until it has ended, or choose another directory with --out",
+        .directory.display()
+    )]
+    Held {
+        /// The directory.
+        directory: PathBuf,
+        /// `process 123`, or `another process` where its number is not known yet.
+        holder: String,
+    },
+    /// The directory or its lock cannot be made.
+    #[error("{}: {source}", .path.display())]
+    Output {
+        /// The directory, or the file that is locked.
+        path: PathBuf,
+        /// What the operating system says.
+        source: io::Error,
+    },
+}
+
+/// A directory that this process may write into for as long as the value lives.
+///
+/// The directory is made if it is missing. It goes with the claim if nothing has been written into it.
+#[derive(Debug)]
+pub struct Claim {
+    path: PathBuf,
+    lock: Handle,
+    is_locked: bool,
+    /// Directories that were made, the innermost first.
+    made: Vec<PathBuf>,
+}
+
+impl Claim {
+    /// Claims a directory.
+    ///
+    /// # Errors
+    /// [`ClaimError`] where another process or another claim has it, or where it cannot be written into.
+    pub fn new(directory: &Path) -> Result<Self, ClaimError> {
+        let path = directory.join(LOCK);
+        let failed = |path: &Path| {
+            let path = path.to_owned();
+            move |source| ClaimError::Output { path, source }
+        };
+        let is_missing = |path: &&Path| !path.as_os_str().is_empty() && !path.exists();
+        let made = directory.ancestors().take_while(is_missing).map(Path::to_owned).collect();
+        loop {
+            fs::create_dir_all(directory).map_err(failed(directory))?;
+            let file = match File::options().read(true).write(true).create(true).truncate(false).open(&path) {
+                // An unused claim has just gone, and its directory with it.
+                Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+                opened => opened.map_err(failed(&path))?,
+            };
+            let is_locked = match file.try_lock() {
+                Ok(()) => true,
+                Err(TryLockError::WouldBlock) => {
+                    return Err(ClaimError::Held { directory: directory.to_owned(), holder: holder(file) });
+                }
+                Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => false,
+                Err(TryLockError::Error(error)) => return Err(failed(&path)(error)),
+            };
+            let lock = Handle::from_file(file).map_err(failed(&path))?;
+            // The file that was opened may have been removed by its holder before it was locked here.
+            if Handle::from_path(&path).is_ok_and(|there| there == lock) {
+                let mut claim = Self { path, lock, is_locked, made };
+                claim.sign().map_err(failed(&claim.path))?;
+                return Ok(claim);
+            }
+        }
+    }
+
+    /// Writes the number of this process, by which others name it.
+    fn sign(&mut self) -> io::Result<()> {
+        let file = self.lock.as_file_mut();
+        file.set_len(0)?;
+        writeln!(file, "process {}", std::process::id())
+    }
+
+    /// What is to be said where the directory lies on a file system without locks.
+    pub fn note(&self) -> Option<String> {
+        let place = self.path.parent()?.display();
+        (!self.is_locked).then(|| {
+            format!("the file system of {place} has no locks: see to it that no other process writes there")
+        })
+    }
+}
+
+impl Drop for Claim {
+    /// The lock ends with the file's last handle, after the file has gone. What cannot be removed stays: a lock file
+    /// that nobody holds, or a directory that is in use.
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.path);
+        for directory in &self.made {
+            let _ = fs::remove_dir(directory);
+        }
+    }
+}
+
+fn holder(mut file: File) -> String {
+    let mut text = String::new();
+    match file.read_to_string(&mut text) {
+        Ok(_) if text.starts_with("process ") => text.trim_end().to_owned(),
+        _ => "another process".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_claim_at_a_time_and_nothing_is_left_of_it() {
+        let parent = tempfile::tempdir().unwrap();
+        let directory = parent.path().join("a/b");
+        let claim = Claim::new(&directory).unwrap();
+        let own = format!("process {}", std::process::id());
+        let error = Claim::new(&directory).unwrap_err();
+        assert!(matches!(&error, ClaimError::Held { holder, .. } if *holder == own), "{error}");
+        drop(claim);
+        assert!(!parent.path().join("a").exists());
+    }
+
+    #[test]
+    fn a_file_of_a_process_that_is_gone_bars_nobody() {
+        let directory = tempfile::tempdir().unwrap();
+        // Number 1 is always in use: a number alone tells nothing.
+        fs::write(directory.path().join(LOCK), "process 1\n").unwrap();
+        let claim = Claim::new(directory.path()).unwrap();
+        fs::write(directory.path().join("kept"), "").unwrap();
+        drop(claim);
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
+    }
+}

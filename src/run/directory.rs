@@ -1,0 +1,114 @@
+//! Which files of an output directory belong to the runs of a scene. A new run removes those, sets the results of
+//! other scenes aside, and touches nothing else. It must not know how files are written.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use super::RunError;
+use crate::checkpoint;
+use crate::frames::frame_number;
+use crate::scene::{Problem, Scene};
+
+/// Files of a run whose names do not tell the scene. Another scene's are kept as `<scene>.history.csv` and
+/// `<scene>.report.json`.
+const SHARED: [&str; 2] = ["history.csv", "report.json"];
+
+/// Makes room for a new run of the scene `name`: removes what an earlier run of it has written.
+///
+/// # Errors
+/// Before anything is touched: [`RunError::Scene`] where the scene reads a file that would be removed, and
+/// [`RunError::Unfinished`] where another scene's run can still be continued. [`RunError::Output`] where a file cannot
+/// be moved or removed.
+pub(super) fn prepare(directory: &Path, name: &str, scene: &Scene) -> Result<(), RunError> {
+    refuse_inputs(directory, name, scene)?;
+    set_aside_others(directory, name)?;
+    for path in own_files(directory, name)? {
+        fs::remove_file(&path).map_err(RunError::output(&path))?;
+    }
+    Ok(())
+}
+
+/// Refuses a scene that reads a file which its run would remove or replace.
+pub(super) fn refuse_inputs(directory: &Path, name: &str, scene: &Scene) -> Result<(), RunError> {
+    let problems = inputs_among(scene, &own_files(directory, name)?);
+    if problems.is_empty() { Ok(()) } else { Err(RunError::Scene(problems)) }
+}
+
+/// A problem for each file that a scene reads and that is one of `outputs`, by whatever path.
+pub(crate) fn inputs_among(scene: &Scene, outputs: &[PathBuf]) -> Vec<Problem> {
+    let is_output = |input: &Path| {
+        // A file that is not there is no other file.
+        outputs.iter().any(|output| same_file::is_same_file(input, output).unwrap_or(false))
+    };
+    let problem = |(key, path): (String, &Path)| {
+        let path = path.display();
+        let message = format!(
+            "{path} would be replaced by this run's own output; copy it to another place, or choose another directory \
+             with --out"
+        );
+        Problem::new(key, message)
+    };
+    scene.files().into_iter().filter(|(_, path)| is_output(path)).map(problem).collect()
+}
+
+/// What a run of the scene `name` writes into the directory, as far as it is there.
+fn own_files(directory: &Path, name: &str) -> Result<Vec<PathBuf>, RunError> {
+    let mut found = Vec::new();
+    let listed = (|| {
+        for entry in fs::read_dir(directory)? {
+            let entry = entry?;
+            let is_own = entry.file_name().to_str().is_some_and(|file| is_own(file, name));
+            if is_own && !entry.file_type()?.is_dir() {
+                found.push(entry.path());
+            }
+        }
+        io::Result::Ok(())
+    })();
+    listed.map_err(RunError::output(directory))?;
+    found.sort();
+    Ok(found)
+}
+
+fn is_own(file: &str, name: &str) -> bool {
+    // A run that was killed while it wrote a file has left it under its temporary name.
+    let file = file.strip_suffix(".tmp").unwrap_or(file);
+    let of_scene = file.strip_prefix(name).and_then(|rest| rest.strip_prefix('.')).unwrap_or_default();
+    SHARED.contains(&file)
+        || SHARED.contains(&of_scene)
+        || of_scene == "pvd"
+        || frame_number(name, file).is_some()
+        || checkpoint::is_file_name(file)
+}
+
+/// Gives the history and the report of another scene's run names that tell so.
+fn set_aside_others(directory: &Path, name: &str) -> Result<(), RunError> {
+    let Some((other, is_done)) = last_run(directory).filter(|(other, _)| other != name) else {
+        return Ok(());
+    };
+    if !is_done && checkpoint::newest(directory).is_ok() {
+        return Err(RunError::Unfinished { directory: directory.to_owned(), name: other });
+    }
+    for file in SHARED {
+        let path = directory.join(file);
+        match fs::rename(&path, directory.join(format!("{other}.{file}"))) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            renamed => renamed.map_err(RunError::output(&path))?,
+        }
+    }
+    Ok(())
+}
+
+/// The scene that ran last in a directory, as its report or its newest checkpoint tells, and whether it reached its
+/// end.
+fn last_run(directory: &Path) -> Option<(String, bool)> {
+    let report = fs::read(directory.join("report.json")).ok();
+    let found = match report.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok()) {
+        Some(report) => (report["name"].as_str()?.to_owned(), report["outcome"] == "done"),
+        None => (checkpoint::newest(directory).ok()?.checkpoint.origin.name, false),
+    };
+    // What is to be part of a file's name must be one.
+    (Path::new(&found.0).file_name() == Some(found.0.as_ref())).then_some(found)
+}
