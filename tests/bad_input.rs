@@ -388,6 +388,8 @@ fn many_wrong_names() {
         let seconds = begin.elapsed().as_secs_f64();
         let messages = program.errors().lines().filter(|line| line.starts_with("error: ")).count();
         assert!(program.code() == Some(2) && messages >= 2000, "{what}: {messages} messages");
-        assert!(seconds < 10.0, "{what}: {seconds} s");
+        assert!(program.errors().len() < 400 * messages, "{what}: {} bytes", program.errors().len());
+        // It takes less than a second of one processor without optimisation; the messages alone once took 47 s.
+        assert!(seconds < 20.0, "{what}: {seconds} s");
     }
 }

@@ -17,9 +17,38 @@ pub struct Parsed {
     pub scene: Option<Scene>,
     /// Everything that is wrong with keys, types and values, in the order of lines.
     pub problems: Vec<Problem>,
-    document: Option<Document<String>>,
+    source: Option<Source>,
     /// Keys whose values are stand-ins.
     repaired: Vec<String>,
+}
+
+/// The text of a scene file.
+#[derive(Debug)]
+struct Source {
+    document: Document<String>,
+    lines: Lines,
+}
+
+impl Source {
+    /// The line of a key, or of the nearest key above it.
+    fn line_of(&self, key: &str) -> Option<usize> {
+        Some(self.lines.at(span_of(self.document.as_item(), key)?.start))
+    }
+}
+
+/// Where the lines of a text begin.
+#[derive(Debug)]
+struct Lines(Vec<usize>);
+
+impl Lines {
+    fn of(text: &str) -> Self {
+        Self(std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect())
+    }
+
+    /// The line of an offset, from 1.
+    fn at(&self, offset: usize) -> usize {
+        self.0.partition_point(|&start| start <= offset)
+    }
 }
 
 impl Scene {
@@ -45,15 +74,16 @@ impl Scene {
         let document = match Document::parse(text.clone()) {
             Ok(document) => document,
             Err(error) => {
-                let line = error.span().map(|span| line_of(&text, span.start));
+                let line = error.span().map(|span| Lines::of(&text).at(span.start));
                 let message = format!("not TOML: {}", error.message());
                 problems.push(Problem { line, ..Problem::new("", message) });
-                return Parsed { scene: None, problems, document: None, repaired: Vec::new() };
+                return Parsed { scene: None, problems, source: None, repaired: Vec::new() };
             }
         };
-        let (scene, found, repaired) = decode(&document);
+        let source = Source { lines: Lines::of(&text), document };
+        let (scene, found, repaired) = decode(&source);
         problems.extend(found);
-        let mut parsed = Parsed { scene, problems, document: Some(document), repaired };
+        let mut parsed = Parsed { scene, problems, source: Some(source), repaired };
         if let Some(scene) = &parsed.scene {
             let found = parsed.relevant(scene.problems());
             parsed.problems.extend(found);
@@ -74,11 +104,8 @@ impl Scene {
 impl Parsed {
     /// Gives a problem the line of its key, or of the nearest key above it.
     pub fn locate(&self, problem: Problem) -> Problem {
-        let found = self.document.as_ref().and_then(|document| {
-            let span = span_of(document.as_item(), &problem.key)?;
-            Some(line_of(document.raw(), span.start))
-        });
-        Problem { line: found, ..problem }
+        let line = self.source.as_ref().and_then(|source| source.line_of(&problem.key));
+        Problem { line, ..problem }
     }
 
     /// The problems with their lines, without those of stand-ins, which have been reported already.
@@ -104,13 +131,13 @@ impl Parsed {
 
 /// The scene that a file holds. Each flaw is noted and repaired, so that the rest can be read; the last list is
 /// of the keys that were repaired.
-fn decode(document: &Document<String>) -> (Option<Scene>, Vec<Problem>, Vec<String>) {
-    let structure = Structure::of_scenes();
+fn decode(source: &Source) -> (Option<Scene>, Vec<Problem>, Vec<String>) {
+    let (structure, document) = (Structure::of_scenes(), &source.document);
     let (mut problems, mut repaired) = (Vec::new(), Vec::new());
     let mut text = document.raw().to_owned();
     let mut flaws = structure.inspect(document.as_item()).flaws;
     for flaw in &flaws {
-        let line = Some(line_of(document.raw(), flaw.offset));
+        let line = Some(source.lines.at(flaw.offset));
         problems.push(Problem { line, ..Problem::new(flaw.key.clone(), flaw.message.clone()) });
     }
     loop {
@@ -126,8 +153,7 @@ fn decode(document: &Document<String>) -> (Option<Scene>, Vec<Problem>, Vec<Stri
         };
         match flaw_behind(&error, &text, &structure, &repaired) {
             Some(flaw) => {
-                let line = span_of(document.as_item(), &flaw.key);
-                let line = line.map(|span| line_of(document.raw(), span.start));
+                let line = source.line_of(&flaw.key);
                 problems.push(Problem { line, ..Problem::new(flaw.key.clone(), flaw.message.clone()) });
                 flaws = vec![flaw];
             }
@@ -152,8 +178,4 @@ fn flaw_behind(
     let untried = |entry: &&Entry| !repaired.contains(&entry.key);
     let entry = found.entries.iter().filter(holds).filter(untried).min_by_key(|entry| entry.span.len())?;
     Some(structure.flaw_of(entry, error.message().replace('\n', " ")))
-}
-
-fn line_of(text: &str, offset: usize) -> usize {
-    text.as_bytes()[..offset.min(text.len())].iter().filter(|&&byte| byte == b'\n').count() + 1
 }

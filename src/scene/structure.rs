@@ -5,7 +5,7 @@
 use std::ops::Range;
 
 use serde_json::{Map, Value as Json};
-use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
+use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
 /// A difference between a scene file and the schema.
 pub(super) struct Flaw {
@@ -182,7 +182,7 @@ impl Structure {
             View::Array(items) => {
                 let best = self.best(fitting.iter().map(|option| {
                     let mut part = Found { flaws: Vec::new(), entries: Vec::new() };
-                    self.items(&items, option.schema, place, &mut part);
+                    self.items(items, option.schema, place, &mut part);
                     part
                 }));
                 found.take(best);
@@ -192,13 +192,7 @@ impl Structure {
         }
     }
 
-    fn items<'s>(
-        &'s self,
-        items: &[(View<'_>, Range<usize>)],
-        schema: &'s Json,
-        place: &Place,
-        out: &mut Found<'s>,
-    ) {
+    fn items<'s>(&'s self, items: List<'_>, schema: &'s Json, place: &Place, out: &mut Found<'s>) {
         let bound = |key: &str| schema.get(key).and_then(Json::as_u64).map(|count| count as usize);
         let count = items.len();
         let few = bound("minItems").is_some_and(|least| count < least);
@@ -207,9 +201,9 @@ impl Structure {
             return out.flaws.push(self.wrong(place, schema, message));
         }
         let Some(item) = schema.get("items") else { return };
-        for (i, (view, span)) in items.iter().enumerate() {
+        for (i, (view, span)) in (0..count).filter_map(|i| Some((i, items.get(i)?))) {
             let place = Place { key: format!("{}[{i}]", place.key), offset: span.start, end: span.end };
-            self.value(view.clone(), &Shape::plain(item), &place, out);
+            self.value(view, &Shape::plain(item), &place, out);
         }
     }
 
@@ -402,7 +396,7 @@ impl Place {
 #[derive(Clone)]
 enum View<'a> {
     Table(&'a dyn TableLike),
-    Array(Vec<(View<'a>, Range<usize>)>),
+    Array(List<'a>),
     Text(&'a str),
     Integer(i64),
     Float,
@@ -415,10 +409,7 @@ impl<'a> View<'a> {
         match item {
             Item::Value(value) => Self::of_value(value),
             Item::Table(table) => Self::Table(table),
-            Item::ArrayOfTables(tables) => {
-                let of = |table: &'a Table| (Self::Table(table), span_of_table(table));
-                Self::Array(tables.iter().map(of).collect())
-            }
+            Item::ArrayOfTables(tables) => Self::Array(List::Tables(tables)),
             Item::None => Self::Text(""),
         }
     }
@@ -430,10 +421,7 @@ impl<'a> View<'a> {
             Value::Float(_) => Self::Float,
             Value::Boolean(_) => Self::Boolean,
             Value::Datetime(_) => Self::Date,
-            Value::Array(array) => {
-                let of = |value: &'a Value| (Self::of_value(value), value.span().unwrap_or_default());
-                Self::Array(array.iter().map(of).collect())
-            }
+            Value::Array(values) => Self::Array(List::Values(values)),
             Value::InlineTable(table) => Self::Table(table),
         }
     }
@@ -447,6 +435,32 @@ impl<'a> View<'a> {
             Self::Float => "a number",
             Self::Boolean => "true or false",
             Self::Date => "a date",
+        }
+    }
+}
+
+/// A list of the file. Nothing is made of all its elements: it may be asked for one of thousands.
+#[derive(Clone, Copy)]
+enum List<'a> {
+    Tables(&'a ArrayOfTables),
+    Values(&'a Array),
+}
+
+impl<'a> List<'a> {
+    fn len(self) -> usize {
+        match self {
+            Self::Tables(tables) => tables.len(),
+            Self::Values(values) => values.len(),
+        }
+    }
+
+    /// An element, and where it stands.
+    fn get(self, index: usize) -> Option<(View<'a>, Range<usize>)> {
+        match self {
+            Self::Tables(tables) => tables.get(index).map(|table| (View::Table(table), span_of_table(table))),
+            Self::Values(values) => {
+                values.get(index).map(|value| (View::of_value(value), value.span().unwrap_or_default()))
+            }
         }
     }
 }
@@ -632,8 +646,8 @@ pub(super) fn span_of(root: &Item, key: &str) -> Option<Range<usize>> {
             }
             (Step::Index(i), View::Array(items)) => {
                 let found = items.get(*i);
-                span = found.map(|(_, span)| span.clone()).or(span);
-                found.map(|(view, _)| view.clone())
+                span = found.as_ref().map(|(_, span)| span.clone()).or(span);
+                found.map(|(view, _)| view)
             }
             _ => None,
         };
