@@ -104,6 +104,24 @@ fn a_signal_ends_a_run_with_everything_written() {
     }
 }
 
+/// A bench that is ended leaves its directory free.
+#[test]
+fn a_signal_ends_a_bench() {
+    let place = directory(&short());
+    let mut child = command()
+        .current_dir(place.path())
+        .args(["bench", "scene.toml", "--budget", "1000", "--out", "bench"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    wait_for("claim", || place.path().join("bench/variational.lock").exists());
+    std::thread::sleep(Duration::from_millis(500));
+    send("TERM", &child);
+    assert_eq!(child.wait().unwrap().code(), Some(143));
+    assert!(!place.path().join("bench/variational.lock").exists());
+}
+
 #[test]
 fn a_run_that_is_not_heard_goes_on() {
     for redirection in

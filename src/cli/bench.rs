@@ -33,6 +33,7 @@ pub(super) struct BenchArguments {
 }
 
 pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
+    let stop = Stop::on_signals();
     let Study { scene, parsed, pool, name, directory, claim: _claim } = match arguments.study.open("bench") {
         Ok(study) => study,
         Err(code) => return code,
@@ -48,7 +49,7 @@ pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
         accuracy: arguments.error,
         schemes: arguments.schemes.clone(),
     };
-    let mut watch = Watch::new(arguments.quiet || arguments.study.json, Stop::on_signals());
+    let mut watch = Watch::new(arguments.quiet || arguments.study.json, stop.clone());
     let result = pool.install(|| bench(&scene, &options, &mut watch));
     watch.finish();
     let report = match result {
@@ -59,8 +60,11 @@ pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
         }
         Err(error) => {
             message!("error: {}: {error}", arguments.study.scene.display());
-            let is_numerical = matches!(error, BenchError::Reference { .. });
-            return if is_numerical { exit::NO_CONVERGENCE } else { exit::BAD_INPUT };
+            return match error {
+                _ if stop.is_asked() => stop.code(),
+                BenchError::Reference { .. } => exit::NO_CONVERGENCE,
+                _ => exit::BAD_INPUT,
+            };
         }
     };
     let title = if scene.title.is_empty() { name } else { scene.title };
@@ -68,16 +72,17 @@ pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
         message!("error: {}: {error}", directory.display());
         return exit::INPUT_OUTPUT;
     }
+    let code = if stop.is_asked() { stop.code() } else { exit::DONE };
     if arguments.study.json {
         print_json(&report);
-        return exit::DONE;
+        return code;
     }
     if !arguments.quiet {
         say::write_result(format_args!("{}", report.table()));
         out!("written to {}", directory.display());
     }
     out!("{}.", report.recommendation);
-    exit::DONE
+    code
 }
 
 fn write(report: &BenchReport, title: &str, directory: &Path) -> std::io::Result<()> {

@@ -35,6 +35,7 @@ pub(super) struct ConvergenceArguments {
 }
 
 pub(super) fn study(arguments: &ConvergenceArguments) -> u8 {
+    let stop = Stop::on_signals();
     let Study { scene, parsed, pool, directory, claim: _claim, .. } =
         match arguments.study.open("convergence") {
             Ok(study) => study,
@@ -46,7 +47,6 @@ pub(super) fn study(arguments: &ConvergenceArguments) -> u8 {
         time: !arguments.space,
         modes: arguments.modes.map(|count| count as usize),
     };
-    let stop = Stop::on_signals();
     let mut watch = Watch { quiet: arguments.quiet || arguments.study.json, stop: stop.clone() };
     let report = match pool.install(|| convergence(&scene, &options, &mut watch)) {
         Ok(report) => report,
