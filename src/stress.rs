@@ -232,18 +232,36 @@ fn simplify(case: &Case, directory: &Path, limit: Duration) -> Case {
     best
 }
 
-/// Writes the scene of a forbidden outcome, and its mesh.
+/// Writes the scene of a forbidden outcome, and its mesh, into `options.keep`.
 fn keep(case: &Case, why: &str, options: &StressOptions) -> std::io::Result<()> {
-    std::fs::create_dir_all(&options.keep)?;
+    write(case, &format!("seed {}, scene {}: {why}", options.seed, case.index), &options.keep)
+}
+
+/// Writes the scenes of `options.seed`, with their meshes, into `directory` and runs none.
+///
+/// # Errors
+/// Where a file cannot be written.
+pub fn write_scenes(options: &StressOptions, directory: &Path) -> std::io::Result<()> {
+    for index in 0..options.count {
+        let scratch = tempfile::tempdir()?;
+        let case = case(options.seed, index, scratch.path()).map_err(std::io::Error::other)?;
+        write(&case, &format!("seed {}, scene {index}: {}", options.seed, case.violence.words()), directory)?;
+    }
+    Ok(())
+}
+
+/// Writes a scene and its mesh into `directory`.
+fn write(case: &Case, title: &str, directory: &Path) -> std::io::Result<()> {
+    std::fs::create_dir_all(directory)?;
     let mut scene = case.scene.clone();
     for body in &mut scene.bodies {
         if let Some(mesh) = &mut body.mesh {
             let name = PathBuf::from(mesh.file_name().unwrap_or_default());
-            std::fs::copy(&*mesh, options.keep.join(&name))?;
+            std::fs::copy(&*mesh, directory.join(&name))?;
             *mesh = name;
         }
     }
-    scene.title = format!("seed {}, scene {}: {why}", options.seed, case.index).replace('\n', " ");
+    scene.title = title.replace('\n', " ");
     let text = scene.to_toml().map_err(std::io::Error::other)?;
-    std::fs::write(options.keep.join(format!("scene-{}.toml", case.index)), text)
+    std::fs::write(directory.join(format!("scene-{}.toml", case.index)), text)
 }

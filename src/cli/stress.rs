@@ -6,8 +6,9 @@ use std::time::Duration;
 use clap::Args;
 
 use super::exit;
+use super::exit;
 use super::say::{self, message, out};
-use crate::stress::{Outcome, StressOptions, stress};
+use crate::stress::{Outcome, StressOptions, stress, write_scenes};
 
 #[derive(Debug, Args)]
 pub(super) struct StressArguments {
@@ -26,6 +27,9 @@ pub(super) struct StressArguments {
     /// Where the scenes of forbidden outcomes are written
     #[arg(long, default_value = "stress-failures")]
     keep: PathBuf,
+    /// Write the scenes and their meshes into this directory and run none
+    #[arg(long, value_name = "DIRECTORY")]
+    write: Option<PathBuf>,
     /// Print the counts as JSON
     #[arg(long)]
     json: bool,
@@ -39,6 +43,15 @@ pub(super) fn run(arguments: &StressArguments) -> u8 {
     let jobs = arguments.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     let keep = arguments.keep.clone();
     let options = StressOptions { count: arguments.count, seed: arguments.seed, jobs, limit, keep };
+    if let Some(directory) = &arguments.write {
+        return match write_scenes(&options, directory) {
+            Ok(()) => exit::DONE,
+            Err(error) => {
+                message!("error: {}: the scenes cannot be written: {error}", directory.display());
+                exit::INPUT_OUTPUT
+            }
+        };
+    }
     let report = stress(&options, &|case, outcome| {
         if arguments.verbose || matches!(outcome, Outcome::Forbidden(_)) {
             let scheme = case.scene.time.scheme.unwrap_or(crate::scene::SchemeName::Auto);
