@@ -102,18 +102,18 @@ fn measure(n: u32, threads: usize, step: f64, system: &System, x: &[f64]) {
 
     let alone = kernel(potential, 1, |range, out| potential.energies(range, x, 0.0, out));
     let time = least(|| {
-        std::hint::black_box(assembler.energies(system, x, 0.0));
+        std::hint::black_box(assembler.energies(x, 0.0));
     });
     println!("  energy    {:7.1} ns a tet, kernel alone {:7.1}", each(time), each(alone));
     let alone = kernel(potential, size, |range, out| potential.gradients(range, x, 0.0, out));
-    let time = least(|| assembler.gradient(system, x, 0.0, &mut gradient));
+    let time = least(|| assembler.gradient(x, 0.0, &mut gradient));
     println!("  gradient  {:7.1} ns a tet, kernel alone {:7.1}", each(time), each(alone));
     let alone = kernel(potential, packed_len(size), |range, out| potential.hessians(range, x, 0.0, out));
     let first = Instant::now();
-    assembler.hessian(system, x, 0.0, HessianEvaluation::Exact);
+    assembler.hessian(x, 0.0, HessianEvaluation::Exact).unwrap();
     let first = first.elapsed().as_secs_f64();
     let time = least(|| {
-        assembler.hessian(system, x, 0.0, HessianEvaluation::Exact);
+        assembler.hessian(x, 0.0, HessianEvaluation::Exact).unwrap();
     });
     println!(
         "  Hessian   {:7.1} ns a tet, kernel alone {:7.1}; pattern {:.1} ms",
@@ -122,7 +122,7 @@ fn measure(n: u32, threads: usize, step: f64, system: &System, x: &[f64]) {
         first * 1e3
     );
 
-    let k = assembler.hessian(system, x, 0.0, HessianEvaluation::Exact);
+    let k = assembler.hessian(x, 0.0, HessianEvaluation::Exact).unwrap();
     let mut rhs = vec![0.0; k.free_count()];
     system.coordinates().restrict(&gradient, &mut rhs);
     let mut out = rhs.clone();

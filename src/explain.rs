@@ -21,7 +21,7 @@ pub fn explain(simulation: &Simulation) -> String {
         method.name(),
         facts.order,
         if facts.is_explicit { "explicit" } else { "implicit" },
-        if facts.is_variational { "variational" } else { "not variational" }
+        if facts.is_variational() { "variational" } else { "not variational" }
     );
     for (index, component) in simulation.components().iter().enumerate() {
         let bodies: Vec<&str> = simulation
@@ -62,7 +62,7 @@ fn system(text: &mut String, component: &Component, is_explicit: bool) {
     let _ = match system.kinetic() {
         None => writeln!(text, "  mass: {free} numbers (lumped), {}", bytes(8 * free as u64)),
         Some(kinetic) => {
-            let stencils: usize = kinetic.potentials().iter().map(|term| term.stencils().count()).sum();
+            let stencils: usize = kinetic.fixed().iter().map(|term| term.stencils().count()).sum();
             writeln!(text, "  mass: a matrix summed from {stencils} elements (consistent), made once")
         }
     };
@@ -90,7 +90,7 @@ fn system(text: &mut String, component: &Component, is_explicit: bool) {
     }
     let state = component.state();
     let x = system.positions(state);
-    let matrix = assembler.hessian(system, &x, state.t, HessianEvaluation::Exact);
+    let Ok(matrix) = assembler.hessian(&x, state.t, HessianEvaluation::Exact) else { return };
     let _ = writeln!(
         text,
         "  matrix M + cK: {free} × {free}, {} entries in its lower triangle, {}; {}",

@@ -121,7 +121,7 @@ impl Report {
             scene: scene.clone(),
             machine: Machine { threads: rayon::current_num_threads() },
             scheme: method.name(),
-            variational: method.facts().is_variational,
+            variational: method.facts().is_variational(),
             h: simulation.step_size(),
             steps: 0,
             outcome: None,

@@ -1,20 +1,17 @@
 //! What the variational family keeps, for every scheme and every material, on whole scenes.
 
 use variational::prelude::*;
+use variational::solvers::Method;
 
 const LAWS: [&str; 6] =
     ["linear", "st-venant-kirchhoff", "neo-hookean", "stable-neo-hookean", "corotated", "mooney-rivlin"];
 
-const SCHEMES: [(SchemeName, Option<usize>); 8] = [
-    (SchemeName::SymplecticEulerA, None),
-    (SchemeName::SymplecticEulerB, None),
-    (SchemeName::StormerVerlet, None),
-    (SchemeName::BlanesMoan4, None),
-    (SchemeName::BlanesMoan6, None),
-    (SchemeName::ImplicitMidpoint, None),
-    (SchemeName::Gauss, Some(2)),
-    (SchemeName::Gauss, Some(3)),
-];
+/// The variational schemes that `bench` compares, and symplectic Euler.
+fn schemes() -> impl Iterator<Item = (SchemeName, Option<usize>)> {
+    let is_usual = |method: &Method| method.facts().is_benchmarked || method.facts().order == 1;
+    let is_variational = |method: &Method| method.facts().is_variational();
+    Method::variants().filter(is_usual).filter(is_variational).map(SchemeName::of)
+}
 
 fn law(name: &str) -> Law {
     let text = if name == "mooney-rivlin" {
@@ -47,7 +44,7 @@ fn exact() -> Solver {
 /// in motion. (Linear elasticity is no function of F's stretch alone: only its linear momentum is kept.)
 #[test]
 fn momenta_are_kept_to_round_off() {
-    for scheme in SCHEMES {
+    for scheme in schemes() {
         for name in LAWS {
             let body = block(name).velocity([1.0, 0.5, -0.3]).angular_velocity([0.5, 1.0, 2.0]);
             let scene = Scene::new(time(0.5, 5e-4, scheme))
@@ -80,7 +77,7 @@ fn momenta_are_kept_to_round_off() {
 /// scheme: the symplectic Euler schemes are off by g h t/2), and keeps its shape to round-off.
 #[test]
 fn free_fall_keeps_the_shape() {
-    for scheme in SCHEMES {
+    for scheme in schemes() {
         for name in LAWS {
             let (end, step) = (0.2, 1e-3);
             let scene = Scene::new(time(end, step, scheme))
@@ -132,8 +129,9 @@ fn bodies_apart_are_separate_systems() {
 /// What a step did not need, it did not make.
 #[test]
 fn explicit_steps_build_no_hessian() {
-    for scheme in &SCHEMES[..5] {
-        let scene = Scene::new(time(0.05, 1e-3, *scheme)).body(block("corotated").velocity([0.0, 0.0, 1.0]));
+    let is_explicit = |name: SchemeName| name.method().is_some_and(|method| method.facts().is_explicit);
+    for scheme in schemes().filter(|(name, _)| is_explicit(*name)) {
+        let scene = Scene::new(time(0.05, 1e-3, scheme)).body(block("corotated").velocity([0.0, 0.0, 1.0]));
         let mut simulation = Simulation::new(scene).unwrap();
         while !simulation.is_done() {
             simulation.step().unwrap();
@@ -147,7 +145,7 @@ fn explicit_steps_build_no_hessian() {
 /// computed on its own.
 #[test]
 fn the_ledger_closes() {
-    for scheme in SCHEMES {
+    for scheme in schemes() {
         let motion: Motion =
             serde_json::from_str(r#"{ "kind": "sine", "amplitude": [0.0, 0.02, 0.01], "frequency": 8.0 }"#)
                 .unwrap();

@@ -130,8 +130,8 @@ fn forces_derive_from_energy_wherever_there_is_one() {
             let mut assembler = Assembler::new(system);
             let x = system.positions(state);
             let mut gradient = vec![0.0; x.len()];
-            assembler.gradient(system, &x, 0.0, &mut gradient);
-            let energy = assembler.energies(system, &x, 0.0).total();
+            assembler.gradient(&x, 0.0, &mut gradient);
+            let energy = assembler.energies(&x, 0.0).total();
             let largest = gradient.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
             let is_sound = energy.is_finite() && gradient.iter().all(|g| g.is_finite());
             // What round-off leaves of a body at rest (a sheet stretched across its plane) says nothing.
@@ -147,7 +147,7 @@ fn forces_derive_from_energy_wherever_there_is_one() {
                 let mut at = |sign: f64| {
                     let moved: Vec<f64> =
                         x.iter().zip(&gradient).map(|(x, g)| x + sign * step * g / largest).collect();
-                    assembler.energies(system, &moved, 0.0).total()
+                    assembler.energies(&moved, 0.0).total()
                 };
                 (at(1.0) - at(-1.0)) / (2.0 * step)
             };

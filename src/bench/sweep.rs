@@ -3,6 +3,8 @@
 
 use std::time::{Duration, Instant};
 
+use vi_solvers::Method;
+
 use super::reference::{Reference, find};
 use super::tables::recommend;
 use super::{BenchError, BenchOptions, BenchReport, BenchWatch, Row};
@@ -58,36 +60,15 @@ pub fn bench(
 
 /// The schemes to sweep.
 fn schemes(options: &BenchOptions) -> Result<Vec<(SchemeName, Option<usize>)>, BenchError> {
-    let usual = [
-        ("stormer-verlet", SchemeName::StormerVerlet, None),
-        ("blanes-moan-4", SchemeName::BlanesMoan4, None),
-        ("blanes-moan-6", SchemeName::BlanesMoan6, None),
-        ("implicit-midpoint", SchemeName::ImplicitMidpoint, None),
-        ("gauss 2", SchemeName::Gauss, Some(2)),
-        ("gauss 3", SchemeName::Gauss, Some(3)),
-        ("energy-momentum", SchemeName::EnergyMomentum, None),
-    ];
-    let others = [
-        ("symplectic-euler-a", SchemeName::SymplecticEulerA, None),
-        ("symplectic-euler-b", SchemeName::SymplecticEulerB, None),
-        ("gauss 1", SchemeName::Gauss, Some(1)),
-        ("gauss 4", SchemeName::Gauss, Some(4)),
-        ("gauss 5", SchemeName::Gauss, Some(5)),
-        ("forward-euler", SchemeName::ForwardEuler, None),
-        ("backward-euler", SchemeName::BackwardEuler, None),
-        ("bdf2", SchemeName::Bdf2, None),
-        ("newmark", SchemeName::Newmark, None),
-        ("generalized-alpha", SchemeName::GeneralizedAlpha, None),
-    ];
     if options.schemes.is_empty() {
-        return Ok(usual.into_iter().map(|(_, scheme, stages)| (scheme, stages)).collect());
+        let usual = Method::variants().filter(|method| method.facts().is_benchmarked);
+        return Ok(usual.map(SchemeName::of).collect());
     }
-    let known = || usual.iter().chain(&others);
     let find = |name: &String| {
-        let found = known().find(|(label, ..)| label == name);
-        found.map(|&(_, scheme, stages)| (scheme, stages)).ok_or_else(|| BenchError::Scheme {
+        let found = Method::variants().find(|method| method.label() == *name);
+        found.map(SchemeName::of).ok_or_else(|| BenchError::Scheme {
             name: name.clone(),
-            known: known().map(|(label, ..)| *label).collect::<Vec<_>>().join(", "),
+            known: Method::variants().map(|method| method.label()).collect::<Vec<_>>().join(", "),
         })
     };
     options.schemes.iter().map(find).collect()

@@ -6,7 +6,6 @@ use std::time::Duration;
 use clap::Args;
 
 use super::exit;
-use super::exit;
 use super::say::{self, message, out};
 use crate::stress::{Outcome, StressOptions, stress, write_scenes};
 

@@ -4,41 +4,45 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vi_solvers::{LinearSolver, Method, SolverOptions};
 
-/// The name of a time integrator.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum SchemeName {
-    /// Variational, explicit, order 1.
-    SymplecticEulerA,
-    /// Variational, explicit, order 1.
-    SymplecticEulerB,
-    /// Variational, explicit, order 2.
-    StormerVerlet,
-    /// Symplectic Runge-Kutta-Nyström, explicit, order 4.
-    #[serde(rename = "blanes-moan-4")]
-    BlanesMoan4,
-    /// Symplectic Runge-Kutta-Nyström, explicit, order 6.
-    #[serde(rename = "blanes-moan-6")]
-    BlanesMoan6,
-    /// Variational, implicit, order 2.
-    ImplicitMidpoint,
-    /// Variational, implicit, order 2 · stages.
-    Gauss,
-    /// Conserves energy and momenta, implicit, order 2.
-    EnergyMomentum,
-    /// Not variational: gains energy.
-    ForwardEuler,
-    /// Not variational: loses energy.
-    BackwardEuler,
-    /// Not variational: loses energy.
-    Bdf2,
-    /// Not variational: average acceleration.
-    Newmark,
-    /// Not variational: loses energy at high frequencies.
-    #[serde(rename = "generalized-alpha")]
-    GeneralizedAlpha,
-    /// Scheme and step chosen for `tolerance` by measured costs and trial runs.
-    Auto,
+macro_rules! scheme_names {
+    ($(
+        $(#[doc = $doc:literal])+
+        $variant:ident $({ $($parameters:tt)+ })? = $name:literal { $($row:tt)+ }
+    )+) => {
+        /// The name of a time integrator.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+        pub enum SchemeName {
+            $($(#[doc = $doc])+ #[serde(rename = $name)] $variant,)+
+            /// Scheme and step chosen for `tolerance` by measured costs and trial runs.
+            #[serde(rename = "auto")]
+            Auto,
+        }
+
+        impl SchemeName {
+            /// The schemes, without `auto`, in the order of [`Method::ALL`].
+            pub const ALL: [Self; [$($name),+].len()] = [$(Self::$variant),+];
+        }
+    };
+}
+
+vi_solvers::schemes!(scheme_names);
+
+impl SchemeName {
+    /// The scheme with its default parameters; none for `auto`.
+    pub fn method(self) -> Option<Method> {
+        Self::ALL.iter().zip(Method::ALL).find(|(name, _)| **name == self).map(|(_, method)| method)
+    }
+
+    /// The name of a scheme, and its number of stages where it has some.
+    pub fn of(method: Method) -> (Self, Option<usize>) {
+        let named = |(_, other): &(_, Method)| other.name() == method.name();
+        let name = Self::ALL.into_iter().zip(Method::ALL).find(named).map_or(Self::Auto, |(name, _)| name);
+        let stages = match method {
+            Method::Gauss { stages } => Some(stages),
+            _ => None,
+        };
+        (name, stages)
+    }
 }
 
 /// `[time]`: how long, in which steps, by which scheme.
@@ -120,23 +124,12 @@ impl Time {
 
     /// The integrator that is asked for; none where it is yet to be chosen, or where `[static]` needs none.
     pub fn method(&self) -> Option<Method> {
-        Some(match self.scheme? {
-            SchemeName::Auto => return None,
-            SchemeName::SymplecticEulerA => Method::SymplecticEulerA,
-            SchemeName::SymplecticEulerB => Method::SymplecticEulerB,
-            SchemeName::StormerVerlet => Method::StormerVerlet,
-            SchemeName::BlanesMoan4 => Method::BlanesMoan4,
-            SchemeName::BlanesMoan6 => Method::BlanesMoan6,
-            SchemeName::ImplicitMidpoint => Method::ImplicitMidpoint,
-            SchemeName::Gauss => Method::Gauss { stages: self.stages.unwrap_or(2) },
-            SchemeName::EnergyMomentum => Method::EnergyMomentum,
-            SchemeName::ForwardEuler => Method::ForwardEuler,
-            SchemeName::BackwardEuler => Method::BackwardEuler,
-            SchemeName::Bdf2 => Method::Bdf2,
-            SchemeName::Newmark => Method::Newmark { beta: 0.25, gamma: 0.5 },
-            SchemeName::GeneralizedAlpha => {
-                Method::GeneralizedAlpha { spectral_radius: self.spectral_radius.unwrap_or(0.8) }
+        Some(match self.scheme?.method()? {
+            Method::Gauss { stages } => Method::Gauss { stages: self.stages.unwrap_or(stages) },
+            Method::GeneralizedAlpha { spectral_radius } => {
+                Method::GeneralizedAlpha { spectral_radius: self.spectral_radius.unwrap_or(spectral_radius) }
             }
+            other => other,
         })
     }
 }

@@ -152,10 +152,10 @@ fn in_numbers_of_meshes(bodies: &[BodyModel], component: usize, mut error: StepE
 /// Do all terms have a finite energy at a state?
 fn accepts(assembler: &mut Assembler, system: &System, state: &State) -> Result<(), SolverError> {
     let x = system.positions(state);
-    if assembler.energies(system, &x, state.t).total().is_finite() {
+    if assembler.energies(&x, state.t).total().is_finite() {
         return Ok(());
     }
-    Err(match assembler.fault(system, &x, state.t) {
+    Err(match assembler.fault(&x, state.t) {
         Some(term) => SolverError::Term { term, at_start: false },
         None => SolverError::NotFinite { what: "energy", dof: 0, at_start: false },
     })

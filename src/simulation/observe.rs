@@ -60,8 +60,7 @@ impl Simulation {
         for component in &mut self.components {
             let Component { system, state, stepper, observer, .. } = component;
             let x = system.positions(state);
-            let energies =
-                observer.get_or_insert_with(|| Assembler::new(system)).energies(system, &x, state.t);
+            let energies = observer.get_or_insert_with(|| Assembler::new(system)).energies(&x, state.t);
             seen.elastic += energies.elastic;
             seen.gravity += energies.gravity;
             seen.load += energies.load;
@@ -95,7 +94,7 @@ impl Simulation {
             let Component { system, state, observer, .. } = component;
             let x = system.positions(state);
             let assembler = observer.get_or_insert_with(|| Assembler::new(system));
-            if let Some(term) = assembler.fault(system, &x, state.t) {
+            if let Some(term) = assembler.fault(&x, state.t) {
                 return SolverError::Term { term, at_start: true };
             }
         }

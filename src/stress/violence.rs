@@ -83,22 +83,6 @@ pub struct Case {
     pub is_free: bool,
 }
 
-const SCHEMES: [SchemeName; 13] = [
-    SchemeName::SymplecticEulerA,
-    SchemeName::SymplecticEulerB,
-    SchemeName::StormerVerlet,
-    SchemeName::BlanesMoan4,
-    SchemeName::BlanesMoan6,
-    SchemeName::ImplicitMidpoint,
-    SchemeName::Gauss,
-    SchemeName::EnergyMomentum,
-    SchemeName::ForwardEuler,
-    SchemeName::BackwardEuler,
-    SchemeName::Bdf2,
-    SchemeName::Newmark,
-    SchemeName::GeneralizedAlpha,
-];
-
 const ELEMENTS: [ElementKind; 7] = [
     ElementKind::Tet4,
     ElementKind::Tet10,
@@ -139,7 +123,7 @@ pub fn case(seed: u64, index: u64, directory: &Path) -> Result<Case, IoError> {
     let wave_speed = (making.young / making.density).sqrt();
     // Time for a wave to cross the body, and a step between a hundredth of it and all of it.
     let crossing = making.size / wave_speed;
-    let scheme = random.of_all(&SCHEMES);
+    let scheme = random.of_all(&SchemeName::ALL);
     let step = match violence {
         Violence::Steps => random.decades(1e-8, 1.0),
         _ => crossing * random.decades(0.01, 1.0),

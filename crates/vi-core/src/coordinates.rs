@@ -224,6 +224,15 @@ impl Coordinates {
         }
     }
 
+    /// ∂x/∂q dq: the change of all coordinates with that of the free ones, at a fixed time, m.
+    pub fn embed_change(&self, dq: &[f64], dx: &mut [f64]) {
+        dx.fill(0.0);
+        self.scatter_free(dq, dx);
+        if let Some(tied) = &self.combinations {
+            tied.embed(dx);
+        }
+    }
+
     /// q from x: the entries of the free coordinates. Of a covector that has been pulled back, Sᵀf.
     pub fn restrict(&self, x: &[f64], q: &mut [f64]) {
         for (value, &dof) in q.iter_mut().zip(&self.free) {

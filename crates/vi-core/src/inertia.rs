@@ -3,7 +3,7 @@
 //! grow with the mesh (A. J. Wathen, IMA J. Numer. Anal. 7 (1987) 449–457). It must not know elements,
 //! nor a sparse matrix: fast kernels bring their own product.
 
-use crate::{System, reference};
+use crate::{Terms, reference};
 
 /// Relative residual that round-off leaves, in units of its own.
 const ROUND_OFF: f64 = 4.0;
@@ -12,8 +12,8 @@ const LONGEST: u32 = 10_000;
 /// Times that a solution is refined by its residual.
 const REFINEMENTS: u32 = 3;
 
-/// M q̇ of a system whose potentials are the kinetic energy of the velocities of all coordinates.
-pub(crate) fn momentum(kinetic: &System, q_dot: &[f64]) -> Vec<f64> {
+/// M q̇, `kinetic` being the kinetic energy of the velocities of all coordinates.
+pub(crate) fn momentum(kinetic: &Terms, q_dot: &[f64]) -> Vec<f64> {
     let coordinates = kinetic.coordinates();
     let mut v = vec![0.0; coordinates.dof_count()];
     coordinates.embed(q_dot, 0.0, &mut v);

@@ -10,6 +10,7 @@ mod combination;
 mod conserved;
 pub mod constraints;
 mod coordinates;
+mod derived;
 pub mod diagnostics;
 mod differentiate;
 pub mod discrete;
@@ -31,10 +32,12 @@ pub mod rotations;
 mod scheme;
 pub mod statics;
 mod system;
+mod terms;
 
 pub use combination::{Combination, TiedMass, hand_on_lumped_mass};
 pub use conserved::{angular_momentum, kinetic_energy, linear_momentum};
 pub use coordinates::{Coordinates, Fixed, Path, Prescribed};
+pub use derived::{Derived, LocalEnergy};
 pub use error::CoreError;
 pub use force::{Force, ForceAccount};
 pub use inertia::solve_mass;
@@ -44,6 +47,7 @@ pub use potential::{Account, Fault, HessianKind, Potential, Stencils, Traits, pa
 pub use quadrature::Quadrature;
 pub use scheme::{Interpolation, Scheme};
 pub use system::{State, System};
+pub use terms::{DiscreteGradient, Live, Terms};
 
 /// The pages of `docs/theory`, whose snippets are tests.
 #[cfg(doctest)]

@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use nalgebra::DMatrix;
 
-use crate::Patch;
+use crate::{DiscreteGradient, Patch};
 
 /// Which nodes each local term touches: `arity` nodes a stencil, `block` coordinates a node.
 ///
@@ -76,6 +76,8 @@ pub enum Account {
     Gravity,
     /// Energy of other conservative loads.
     Load,
+    /// Energy of contact.
+    Contact,
 }
 
 /// Why a term has no finite value at a state: the facts of a diagnosis.
@@ -148,6 +150,23 @@ pub trait Potential: Send + Sync {
     /// of each node. Returns false (and writes nothing) where the term has no such thing.
     fn mean_deformations(&self, _range: Range<usize>, _x: &[f64], _out: &mut [f64]) -> bool {
         false
+    }
+
+    /// A discrete gradient of this term, where it has one. Of live terms, implicit midpoint, energy–momentum and the
+    /// explicit schemes then use it in place of the gradient.
+    fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {
+        None
+    }
+
+    /// Does [`Potential::largest_step`] ever say less than 1? Terms that do not are never asked.
+    fn limits_steps(&self) -> bool {
+        false
+    }
+
+    /// The largest part of the step from `x` along `dx` (both of all coordinates, m), in (0, 1], by which this term stays
+    /// inside its domain with a margin. It is asked before a correction of Newton's method is applied.
+    fn largest_step(&self, _x: &[f64], _dx: &[f64]) -> f64 {
+        1.0
     }
 
     /// The element that stencil `stencil` is, in the numbers of its mesh.

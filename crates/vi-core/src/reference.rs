@@ -2,10 +2,12 @@
 //! of the discrete Lagrangian ([`DiscreteLagrangian`]), for small systems and to round-off.
 //! Fast kernels are checked against this room, so it must not know the closed formula of a scheme.
 
+use std::sync::Arc;
+
 use nalgebra::DMatrix;
 
 use crate::discrete::DiscreteLagrangian;
-use crate::{CoreError, Potential, Scheme, State, System, packed_len};
+use crate::{CoreError, Potential, Scheme, State, System, Terms, packed_len};
 
 /// One step of length h (s) of the scheme from `state`, by Newton's method to round-off.
 ///
@@ -37,9 +39,9 @@ pub fn discrete_lagrangian(
 }
 
 /// V(x, t), J.
-pub fn energy(system: &System, x: &[f64], t: f64) -> f64 {
+pub fn energy(terms: &impl AsRef<Terms>, x: &[f64], t: f64) -> f64 {
     let mut total = 0.0;
-    for potential in system.potentials() {
+    for potential in &all(terms, x) {
         let count = potential.stencils().count();
         let mut local = vec![0.0; count];
         potential.energies(0..count, x, t, &mut local);
@@ -49,9 +51,9 @@ pub fn energy(system: &System, x: &[f64], t: f64) -> f64 {
 }
 
 /// ∂V/∂x (N), one entry a coordinate x_i, pulled back from tied nodes.
-pub fn gradient(system: &System, x: &[f64], t: f64) -> Vec<f64> {
+pub fn gradient(terms: &impl AsRef<Terms>, x: &[f64], t: f64) -> Vec<f64> {
     let mut total = vec![0.0; x.len()];
-    for potential in system.potentials() {
+    for potential in &all(terms, x) {
         let count = potential.stencils().count();
         let size = potential.stencils().size();
         let mut local = vec![0.0; count * size];
@@ -62,14 +64,14 @@ pub fn gradient(system: &System, x: &[f64], t: f64) -> Vec<f64> {
             }
         }
     }
-    system.coordinates().pull_back(&mut total);
+    terms.as_ref().coordinates().pull_back(&mut total);
     total
 }
 
 /// ∂²V/∂x² (N/m), a full symmetric matrix over all coordinates x_i, pulled back from tied nodes.
-pub fn hessian(system: &System, x: &[f64], t: f64) -> DMatrix<f64> {
+pub fn hessian(terms: &impl AsRef<Terms>, x: &[f64], t: f64) -> DMatrix<f64> {
     let mut total = DMatrix::zeros(x.len(), x.len());
-    for potential in system.potentials() {
+    for potential in &all(terms, x) {
         let count = potential.stencils().count();
         let size = potential.stencils().size();
         let mut local = vec![0.0; count * packed_len(size)];
@@ -87,18 +89,25 @@ pub fn hessian(system: &System, x: &[f64], t: f64) -> DMatrix<f64> {
             }
         }
     }
-    if system.coordinates().has_combinations() {
+    if terms.as_ref().coordinates().has_combinations() {
         // SᵀKS: once by columns, once by rows.
         for _ in 0..2 {
             for mut column in total.column_iter_mut() {
                 let mut pulled = column.iter().copied().collect::<Vec<f64>>();
-                system.coordinates().pull_back(&mut pulled);
+                terms.as_ref().coordinates().pull_back(&mut pulled);
                 column.copy_from_slice(&pulled);
             }
             total.transpose_mut();
         }
     }
     total
+}
+
+/// The fixed terms, and the live ones as they are at `x`.
+fn all(terms: &impl AsRef<Terms>, x: &[f64]) -> Vec<Arc<dyn Potential>> {
+    let terms = terms.as_ref();
+    let live = terms.live().iter().map(|term| term.near(x, term.reach()));
+    terms.fixed().iter().cloned().chain(live).collect()
 }
 
 /// The coordinates of one stencil, in the order of its local block.

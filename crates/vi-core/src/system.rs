@@ -5,7 +5,8 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use crate::constraints::QuadraticConstraint;
-use crate::{Coordinates, CoreError, Force, HessianKind, Potential, Stencils, inertia, reference};
+use crate::terms::check_stencils;
+use crate::{Coordinates, CoreError, Force, HessianKind, Live, Potential, Terms, inertia, reference};
 
 /// The Lagrangian L(q, q̇, t) = ½ q̇ᵀM q̇ − Σ V(x(q, t), t), with lumped (diagonal) mass M unless
 /// [`System::with_consistent_mass`].
@@ -16,11 +17,12 @@ use crate::{Coordinates, CoreError, Force, HessianKind, Potential, Stencils, ine
 pub struct System {
     mass: Vec<f64>,
     free_mass: Vec<f64>,
-    kinetic: Option<Box<System>>,
-    potentials: Vec<Box<dyn Potential>>,
+    /// V.
+    potential: Terms,
+    /// T as a function of the velocities of all coordinates, where mass is consistent.
+    kinetic: Option<Terms>,
     forces: Vec<Arc<dyn Force>>,
     constraints: Vec<QuadraticConstraint>,
-    coordinates: Coordinates,
 }
 
 impl System {
@@ -43,11 +45,51 @@ impl System {
                 return Err(CoreError::Mass { dof: dof as usize, mass: value });
             }
         }
-        for potential in &potentials {
-            check_stencils(potential.name(), potential.stencils(), count)?;
-        }
+        let potentials = potentials.into_iter().map(Arc::from).collect();
+        let potential = Terms::new(Arc::new(coordinates), potentials)?;
         let (forces, constraints) = (Vec::new(), Vec::new());
-        Ok(Self { mass, free_mass, kinetic: None, potentials, forces, constraints, coordinates })
+        Ok(Self { mass, free_mass, potential, kinetic: None, forces, constraints })
+    }
+
+    /// The system with these potentials besides those that it has.
+    ///
+    /// # Errors
+    /// [`CoreError::Stencil`] where a stencil names a missing node.
+    pub fn add_potentials(mut self, more: Vec<Box<dyn Potential>>) -> Result<Self, CoreError> {
+        self.potential = self.potential.add(more.into_iter().map(Arc::from).collect())?;
+        Ok(self)
+    }
+
+    /// The system with these forces besides those that it has.
+    ///
+    /// # Errors
+    /// [`CoreError::Stencil`] where a stencil names a missing node.
+    pub fn add_forces(self, more: Vec<Arc<dyn Force>>) -> Result<Self, CoreError> {
+        let all = self.forces.iter().cloned().chain(more).collect();
+        self.with_forces(all)
+    }
+
+    /// The system with these live terms besides its potentials.
+    #[must_use]
+    pub fn with_live(mut self, live: Vec<Arc<dyn Live>>) -> Self {
+        self.potential = self.potential.with_live(live);
+        self
+    }
+
+    /// The system with V of the live terms alone, lumped mass, and neither forces nor constraints.
+    #[must_use]
+    pub fn of_live_terms(&self) -> Self {
+        let Self { mass, free_mass, .. } = self;
+        let coordinates = Arc::clone(self.potential.shared_coordinates());
+        let fixed = Terms::of_nothing(coordinates);
+        Self {
+            mass: mass.clone(),
+            free_mass: free_mass.clone(),
+            potential: fixed.with_live(self.potential.live().to_vec()),
+            kinetic: None,
+            forces: Vec::new(),
+            constraints: Vec::new(),
+        }
     }
 
     /// The system with the kinetic energy T(ẋ) that these terms give as potentials of the velocities,
@@ -61,7 +103,7 @@ impl System {
         if terms.is_empty() {
             return Ok(self);
         }
-        if self.coordinates.is_moving() {
+        if self.coordinates().is_moving() {
             return Err(CoreError::ConsistentMass { reason: "coordinates follow a path that moves" });
         }
         if !self.constraints.is_empty() {
@@ -74,14 +116,15 @@ impl System {
         if !terms.iter().all(|term| is_quadratic(term.as_ref())) {
             return Err(CoreError::ConsistentMass { reason: "a term of it is not quadratic" });
         }
-        self.kinetic = Some(Box::new(Self::new(self.mass.clone(), terms, self.coordinates.held())?));
+        let terms = terms.into_iter().map(Arc::from).collect();
+        self.kinetic = Some(Terms::new(Arc::new(self.coordinates().held()), terms)?);
         Ok(self)
     }
 
-    /// Where mass is consistent: the kinetic energy, as a system whose coordinates are the velocities and
-    /// whose potentials give T. Its ∂²V/∂q² is M.
-    pub fn kinetic(&self) -> Option<&System> {
-        self.kinetic.as_deref()
+    /// Where mass is consistent: the kinetic energy T as a sum of terms whose coordinates are the velocities. Their
+    /// Hessian is M.
+    pub fn kinetic(&self) -> Option<&Terms> {
+        self.kinetic.as_ref()
     }
 
     /// The system with these forces besides its potentials.
@@ -106,7 +149,8 @@ impl System {
         if self.kinetic.is_some() && !constraints.is_empty() {
             return Err(CoreError::ConsistentMass { reason: CONSTRAINED });
         }
-        let resolved = constraints.into_iter().map(|constraint| constraint.resolved(&self.coordinates));
+        let resolved =
+            constraints.into_iter().map(|constraint| constraint.resolved(self.potential.coordinates()));
         self.constraints = resolved.collect::<Result<_, _>>()?;
         Ok(self)
     }
@@ -126,9 +170,14 @@ impl System {
         &self.free_mass
     }
 
-    /// The terms of V.
-    pub fn potentials(&self) -> &[Box<dyn Potential>] {
-        &self.potentials
+    /// V as a sum of terms.
+    pub fn terms(&self) -> &Terms {
+        &self.potential
+    }
+
+    /// The terms of V whose stencils never change.
+    pub fn potentials(&self) -> &[Arc<dyn Potential>] {
+        self.potential.fixed()
     }
 
     /// The forces that no potential gives.
@@ -138,7 +187,7 @@ impl System {
 
     /// The map x(q, t).
     pub fn coordinates(&self) -> &Coordinates {
-        &self.coordinates
+        self.potential.coordinates()
     }
 
     /// The state with positions x (m) and velocities v (m/s) of all coordinates at time t (s);
@@ -147,16 +196,16 @@ impl System {
     /// # Errors
     /// [`CoreError::Length`] where x or v has not one entry a coordinate.
     pub fn state(&self, t: f64, x: &[f64], v: &[f64]) -> Result<State, CoreError> {
-        let expected = self.coordinates.dof_count();
+        let expected = self.coordinates().dof_count();
         for (what, array) in [("positions", x), ("velocities", v)] {
             if array.len() != expected {
                 return Err(CoreError::Length { what, expected, found: array.len() });
             }
         }
-        let mut q = vec![0.0; self.coordinates.free_count()];
+        let mut q = vec![0.0; self.coordinates().free_count()];
         let mut q_dot = q.clone();
-        self.coordinates.restrict(x, &mut q);
-        self.coordinates.restrict(v, &mut q_dot);
+        self.coordinates().restrict(x, &mut q);
+        self.coordinates().restrict(v, &mut q_dot);
         Ok(State { t, q, p: self.momentum(&q_dot) })
     }
 
@@ -187,7 +236,7 @@ impl System {
         match &self.kinetic {
             Some(kinetic) => {
                 let full = reference::hessian(kinetic, &vec![0.0; self.mass.len()], 0.0);
-                let free = self.coordinates.free();
+                let free = self.coordinates().free();
                 DMatrix::from_fn(free.len(), free.len(), |i, j| full[(free[i] as usize, free[j] as usize)])
             }
             None => DMatrix::from_diagonal(&DVector::from_column_slice(&self.free_mass)),
@@ -196,34 +245,26 @@ impl System {
 
     /// Positions x(q, t) of all coordinates, m.
     pub fn positions(&self, state: &State) -> Vec<f64> {
-        let mut x = vec![0.0; self.coordinates.dof_count()];
-        self.coordinates.embed(&state.q, state.t, &mut x);
+        let mut x = vec![0.0; self.coordinates().dof_count()];
+        self.coordinates().embed(&state.q, state.t, &mut x);
         x
     }
 
     /// Velocities ẋ of all coordinates, m/s: M⁻¹p where free, the path's where prescribed.
     pub fn velocities(&self, state: &State) -> Vec<f64> {
-        let mut x_dot = vec![0.0; self.coordinates.dof_count()];
-        self.coordinates.embed_velocity(&self.velocity(&state.p), state.t, &mut x_dot);
+        let mut x_dot = vec![0.0; self.coordinates().dof_count()];
+        self.coordinates().embed_velocity(&self.velocity(&state.p), state.t, &mut x_dot);
         x_dot
     }
 }
 
 const CONSTRAINED: &str = "constraints hold rigid bodies or joints";
 
-/// Do the stencils of a term name only nodes within `count` coordinates?
-fn check_stencils(term: &str, stencils: Stencils<'_>, count: usize) -> Result<(), CoreError> {
-    for (k, &node) in stencils.nodes.iter().enumerate() {
-        if (node as usize + 1) * stencils.block > count {
-            return Err(CoreError::Stencil {
-                term: term.to_owned(),
-                stencil: k / stencils.arity,
-                node: node as usize,
-                count: count / stencils.block,
-            });
-        }
+impl AsRef<Terms> for System {
+    /// V.
+    fn as_ref(&self) -> &Terms {
+        &self.potential
     }
-    Ok(())
 }
 
 /// A point of phase space: never two old positions.

@@ -69,8 +69,8 @@ impl Potentials {
         let mut loads = 0.0;
         if forces.is_time_dependent() {
             let x = forces.positions().to_vec();
-            let start_later = forces.energy_of_positions(system, &self.x, t);
-            let end_earlier = forces.energy_of_positions(system, &x, self.t);
+            let start_later = forces.energy_of_positions(&self.x, t);
+            let end_earlier = forces.energy_of_positions(&x, self.t);
             loads = 0.5 * ((start_later - self.start) + (end - end_earlier));
         }
         (end - self.start, loads)

@@ -1,12 +1,14 @@
-//! Energy, gradient and Hessian of a system as sums over the stencils of its terms: the front desk of
-//! the rooms that sum each of them, and the count of what was asked. It must not know how they sum.
+//! Energy, gradient and Hessian of a list of terms as sums over their stencils, and the count of what was evaluated.
+//! The sums themselves are made in `energy.rs`, `gather.rs`, `hessian.rs` and, for live terms, `live.rs`.
 
-use vi_core::{Fault, System};
+use vi_core::{Fault, Terms};
 
 use crate::energy::{Energies, EnergySum};
-use crate::gather::{self, Gather};
+use crate::error::{SolverError, TermFault};
+use crate::gather::{self, Gather, common_block};
 use crate::hessian::HessianSum;
-use crate::{SymmetricMatrix, TermFault};
+use crate::live::LiveSum;
+use crate::matrix::SymmetricMatrix;
 
 /// Which Hessian to assemble.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,30 +32,75 @@ pub struct AssemblyWork {
     pub constant_stencils: u64,
     /// Stencils without a Hessian on free coordinates: V is affine, or all their coordinates are prescribed.
     pub hessian_skipped_stencils: u64,
+    /// How often live terms were asked for new stencils.
+    pub live_renewals: u64,
+    /// How often the pattern of the sum of Hessians was made for them.
+    pub live_patterns: u64,
 }
 
-/// Sums the stencils of a system; all methods give the same bits on any number of threads and allocate
-/// nothing after their first call.
+/// Evaluates what has changed of the Hessian of the fixed terms.
+fn sum_hessians<'a>(
+    terms: &Terms,
+    block: usize,
+    hessian: &'a mut Option<HessianSum>,
+    work: &mut AssemblyWork,
+    (x, t, kind): (&[f64], f64, HessianEvaluation),
+) -> &'a SymmetricMatrix {
+    let hessian = hessian.get_or_insert_with(|| HessianSum::new(terms, block));
+    work.hessian_skipped_stencils = hessian.skipped_stencils() as u64;
+    if hessian.evaluate(terms, x, t, kind) {
+        work.hessians += 1;
+    }
+    hessian.matrix()
+}
+
+/// Sums the terms of a list; all methods give the same bits on any number of threads and allocate nothing after their
+/// first call, unless live terms change their stencils.
 pub struct Assembler {
+    terms: Terms,
     energy: EnergySum,
     gather: Gather,
     hessian: Option<HessianSum>,
+    live: Option<Box<LiveSum>>,
     work: AssemblyWork,
 }
 
 impl Assembler {
-    /// Makes the maps of energy and gradient; those of the Hessian are made at its first call.
-    pub fn new(system: &System) -> Self {
-        let gather = Gather::new(system);
+    /// Of the terms of V, for a system. Makes the maps of energy and gradient; those of the Hessian are made at its
+    /// first call.
+    pub fn new(terms: &impl AsRef<Terms>) -> Self {
+        Self::of(terms.as_ref().clone(), None)
+    }
+
+    /// The same with `block` coordinates a node of the nodal arrays, which divides those of all terms; none for the
+    /// largest.
+    pub(crate) fn of(terms: Terms, block: Option<usize>) -> Self {
+        let block = block.unwrap_or_else(|| common_block(&terms));
+        let gather = Gather::new(&terms, block);
         let work =
             AssemblyWork { constant_stencils: gather.constant_stencils() as u64, ..Default::default() };
-        Self { energy: EnergySum::new(system), gather, hessian: None, work }
+        let live = LiveSum::new(&terms, block, false).map(Box::new);
+        Self { energy: EnergySum::new(&terms), gather, hessian: None, live, work, terms }
+    }
+
+    /// From here on live terms with a discrete gradient act by that alone, between the ends of a step.
+    pub(crate) fn split_live(&mut self) {
+        self.live = LiveSum::new(&self.terms, self.block(), true).map(Box::new);
+    }
+
+    /// What is summed.
+    pub fn terms(&self) -> &Terms {
+        &self.terms
     }
 
     /// V(x, t) by account, J.
-    pub fn energies(&mut self, system: &System, x: &[f64], t: f64) -> Energies {
+    pub fn energies(&mut self, x: &[f64], t: f64) -> Energies {
         self.work.energies += 1;
-        self.energy.evaluate(system, x, t)
+        let mut energies = self.energy.evaluate(&self.terms, x, t);
+        if let Some(live) = &mut self.live {
+            energies += live.energies(x, t);
+        }
+        energies
     }
 
     /// ∂V/∂x of every coordinate, N, pulled back from tied nodes (whose entries are zero); not finite
@@ -61,48 +108,81 @@ impl Assembler {
     ///
     /// What never changes (affine terms without t, stencils whose coordinates are all fixed) is
     /// evaluated at the first call only.
-    pub fn gradient(&mut self, system: &System, x: &[f64], t: f64, out: &mut [f64]) {
+    pub fn gradient(&mut self, x: &[f64], t: f64, out: &mut [f64]) {
         self.work.gradients += 1;
-        self.gather.gradient(system, x, t, out);
-        system.coordinates().pull_back(out);
+        self.gather.gradient(&self.terms, x, t, out);
+        self.terms.coordinates().pull_back(out);
+        if let Some(live) = &mut self.live {
+            live.add_gradient(x, t, out);
+        }
     }
 
-    /// The first half of [`Assembler::gradient`]; the sums over nodes are left to who passes over them.
-    pub(crate) fn sum_chunks(&mut self, system: &System, x: &[f64], t: f64) {
+    /// The first half of [`Assembler::gradient`] of lists without live terms; the sums over nodes are left to who passes
+    /// over them.
+    pub(crate) fn sum_chunks(&mut self, x: &[f64], t: f64) {
         self.work.gradients += 1;
-        self.gather.sum_chunks(system, x, t);
+        self.gather.sum_chunks(&self.terms, x, t);
     }
 
     pub(crate) fn gather(&self) -> &Gather {
         &self.gather
     }
 
+    /// The live terms, to be looked at.
+    pub(crate) fn shared_live(&self) -> Option<&LiveSum> {
+        self.live.as_deref()
+    }
+
+    /// The live terms.
+    pub(crate) fn live(&mut self) -> Option<&mut LiveSum> {
+        self.live.as_deref_mut()
+    }
+
     /// ∂²V/∂q² on the free coordinates, N/m.
     ///
     /// Terms whose Hessian is constant are evaluated at the first call only.
+    ///
+    /// # Errors
+    /// Where live terms and fixed ones cannot be summed into one matrix.
     pub fn hessian(
         &mut self,
-        system: &System,
         x: &[f64],
         t: f64,
         kind: HessianEvaluation,
-    ) -> &SymmetricMatrix {
-        let hessian = self.hessian.get_or_insert_with(|| HessianSum::new(system));
-        self.work.hessian_skipped_stencils = hessian.skipped_stencils() as u64;
-        if hessian.evaluate(system, x, t, kind) {
-            self.work.hessians += 1;
+    ) -> Result<&SymmetricMatrix, SolverError> {
+        self.hessian_over(x, t, kind, None)
+    }
+
+    /// The same where a step between two `ends` has its stage at x: with the tangents of discrete gradients.
+    pub(crate) fn hessian_over(
+        &mut self,
+        x: &[f64],
+        t: f64,
+        kind: HessianEvaluation,
+        ends: Option<[&[f64]; 2]>,
+    ) -> Result<&SymmetricMatrix, SolverError> {
+        let Self { terms, gather, hessian, live, work, .. } = self;
+        let fixed = sum_hessians(terms, gather.block(), hessian, work, (x, t, kind));
+        match live {
+            Some(live) => live.hessian(fixed, x, t, kind, ends),
+            None => Ok(fixed),
         }
-        hessian.matrix()
+    }
+
+    /// The Hessian of the fixed terms alone.
+    pub(crate) fn sum_hessians(&mut self, x: &[f64], t: f64, kind: HessianEvaluation) -> &SymmetricMatrix {
+        let Self { terms, gather, hessian, work, .. } = self;
+        sum_hessians(terms, gather.block(), hessian, work, (x, t, kind))
     }
 
     /// Σ V_e F̄_e (m³, row-major) over the stencils around each node; false where no term has it.
-    pub fn mean_deformations(&mut self, system: &System, x: &[f64], out: &mut [[f64; 9]]) -> bool {
-        self.gather.node_tensors(system, x, out)
+    pub fn mean_deformations(&mut self, x: &[f64], out: &mut [[f64; 9]]) -> bool {
+        self.gather.node_tensors(&self.terms, x, out)
     }
 
     /// The first stencil without a finite energy or gradient, by term and stencil order.
-    pub fn fault(&self, system: &System, x: &[f64], t: f64) -> Option<TermFault> {
-        for (term, potential) in system.potentials().iter().enumerate() {
+    pub fn fault(&self, x: &[f64], t: f64) -> Option<TermFault> {
+        for (term, potential) in self.terms.fixed().iter().enumerate() {
             let size = potential.stencils().size();
             for span in gather::spans(term, potential.as_ref()) {
                 let mut energies = vec![0.0; span.stencils.len()];
@@ -123,12 +203,13 @@ impl Assembler {
                 }
             }
         }
-        None
+        self.live.as_ref().and_then(|live| live.fault(x, t))
     }
 
     /// What was evaluated so far.
     pub fn work(&self) -> AssemblyWork {
-        self.work
+        let [live_renewals, live_patterns] = self.live.as_ref().map_or([0; 2], |live| live.counts());
+        AssemblyWork { live_renewals, live_patterns, ..self.work }
     }
 
     /// Coordinates a node of the nodal arrays: the largest of 3, 2, 1 that divides the block of every term.

@@ -5,7 +5,7 @@
 //! on any number of threads. This room must not know gradients.
 
 use rayon::prelude::*;
-use vi_core::{Account, System};
+use vi_core::{Account, Terms};
 
 use crate::gather::{self, Mobility, Span};
 
@@ -18,12 +18,23 @@ pub struct Energies {
     pub gravity: f64,
     /// Other conservative loads.
     pub load: f64,
+    /// Contact.
+    pub contact: f64,
+}
+
+impl std::ops::AddAssign for Energies {
+    fn add_assign(&mut self, other: Self) {
+        self.elastic += other.elastic;
+        self.gravity += other.gravity;
+        self.load += other.load;
+        self.contact += other.contact;
+    }
 }
 
 impl Energies {
     /// V, J.
     pub fn total(&self) -> f64 {
-        self.elastic + self.gravity + self.load
+        self.elastic + self.gravity + self.load + self.contact
     }
 }
 
@@ -98,14 +109,14 @@ pub(crate) struct EnergySum {
 }
 
 impl EnergySum {
-    pub(crate) fn new(system: &System) -> Self {
-        let mobility = gather::mobilities(system);
+    pub(crate) fn new(terms: &Terms) -> Self {
+        let mobility = gather::mobilities(terms);
         let mut parts = Vec::new();
         let mut stencil_count = 0;
-        for (term, potential) in system.potentials().iter().enumerate() {
+        for (term, potential) in terms.fixed().iter().enumerate() {
             let time_dependent = potential.traits().time_dependent;
             for span in gather::spans(term, potential.as_ref()) {
-                let constant = !time_dependent && all_fixed(&span, system, &mobility);
+                let constant = !time_dependent && all_fixed(&span, terms, &mobility);
                 stencil_count += if constant { 0 } else { span.stencils.len() };
                 parts.push(Part { span, total: Compensated::default(), constant });
             }
@@ -114,11 +125,11 @@ impl EnergySum {
     }
 
     /// V(x, t) by account.
-    pub(crate) fn evaluate(&mut self, system: &System, x: &[f64], t: f64) -> Energies {
+    pub(crate) fn evaluate(&mut self, terms: &Terms, x: &[f64], t: f64) -> Energies {
         let skip = self.constant_known;
         let update = |part: &mut Part| {
             if !(skip && part.constant) {
-                part.total = sum_span(&part.span, system, x, t);
+                part.total = sum_span(&part.span, terms, x, t);
             }
         };
         if self.stencil_count >= PARALLEL_STENCILS {
@@ -127,27 +138,28 @@ impl EnergySum {
             self.parts.iter_mut().for_each(update);
         }
         self.constant_known = true;
-        let mut accounts = [Compensated::default(); 3];
+        let mut accounts = [Compensated::default(); 4];
         for part in &self.parts {
-            let account = match system.potentials()[part.span.term].account() {
+            let account = match terms.fixed()[part.span.term].account() {
                 Account::Elastic => 0,
                 Account::Gravity => 1,
                 Account::Load => 2,
+                Account::Contact => 3,
             };
             accounts[account].add(part.total.sum);
             accounts[account].error += part.total.error;
         }
-        let [elastic, gravity, load] = accounts.map(Compensated::value);
-        Energies { elastic, gravity, load }
+        let [elastic, gravity, load, contact] = accounts.map(Compensated::value);
+        Energies { elastic, gravity, load, contact }
     }
 }
 
-fn all_fixed(span: &Span, system: &System, mobility: &[Mobility]) -> bool {
-    gather::mobility_of(span, system.potentials()[span.term].as_ref(), mobility) == (false, false)
+fn all_fixed(span: &Span, terms: &Terms, mobility: &[Mobility]) -> bool {
+    gather::mobility_of(span, terms.fixed()[span.term].as_ref(), mobility) == (false, false)
 }
 
-fn sum_span(span: &Span, system: &System, x: &[f64], t: f64) -> Compensated {
-    let potential = &system.potentials()[span.term];
+fn sum_span(span: &Span, terms: &Terms, x: &[f64], t: f64) -> Compensated {
+    let potential = &terms.fixed()[span.term];
     let mut lanes = Lanes([Compensated::default(); LANES]);
     gather::with_scratch(BATCH, |scratch| {
         for first in span.stencils.clone().step_by(BATCH) {

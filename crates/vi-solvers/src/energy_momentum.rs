@@ -25,6 +25,7 @@ const NOISE: f64 = 4.0;
 const RIGID: f64 = 1e-12;
 
 pub(crate) struct EnergyMomentum {
+    midpoint: Midpoint,
     parts: Parts,
     x_start: Vec<f64>,
     x_end: Vec<f64>,
@@ -40,6 +41,7 @@ impl EnergyMomentum {
         let count = coordinates.dof_count();
         let parts = Parts::new(system);
         Self {
+            midpoint: Midpoint::new(),
             defects: vec![[0.0; 2]; parts.count],
             parts,
             x_start: vec![0.0; count],
@@ -103,20 +105,23 @@ impl Rule for EnergyMomentum {
     fn name(&self) -> &'static str {
         "energy-momentum"
     }
-    fn is_variational(&self) -> bool {
+    fn works_on_mean_velocity(&self) -> bool {
         true
     }
     fn coefficient(&self, h: f64) -> f64 {
-        Midpoint.coefficient(h)
+        self.midpoint.coefficient(h)
     }
     fn time(&self) -> f64 {
-        Midpoint.time()
+        self.midpoint.time()
     }
     fn offset(&self, k: usize, v: f64, h: f64) -> f64 {
-        Midpoint.offset(k, v, h)
+        self.midpoint.offset(k, v, h)
     }
     fn change(&self, k: usize, v: f64, w: f64, h: f64) -> (f64, f64) {
-        Midpoint.change(k, v, w, h)
+        self.midpoint.change(k, v, w, h)
+    }
+    fn takes_discrete_gradients(&self) -> bool {
+        true
     }
     fn multipliers(&self) -> Option<Multipliers> {
         Some(Multipliers::Middle)

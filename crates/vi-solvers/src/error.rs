@@ -114,7 +114,7 @@ pub enum SolverError {
     },
     /// A scheme that has no place for a force that no potential gives.
     #[error(
-        "scheme {scheme} cannot take the force '{force}', which {reason}; take the force out or choose one of {schemes}"
+        "scheme {scheme} cannot take the force '{force}', which {reason}; remove the force or choose one of {schemes}"
     )]
     Force {
         /// The scheme's name.
@@ -124,26 +124,36 @@ pub enum SolverError {
         /// Why not.
         reason: &'static str,
         /// Schemes that can.
-        schemes: &'static str,
+        schemes: String,
     },
-    /// A scheme or analysis that has no place for constraints.
+    /// A scheme that has no place for constraints.
     #[error(
-        "{asker} cannot keep the constraint '{constraint}'; choose one of implicit-midpoint, energy-momentum, \
-         stormer-verlet, symplectic-euler-a, symplectic-euler-b, or take rigid bodies and joints out"
+        "scheme {scheme} cannot keep the constraint '{constraint}'; choose one of {schemes}, or remove the rigid \
+         bodies and joints"
     )]
     Constrained {
-        /// The scheme or analysis.
-        asker: &'static str,
+        /// The scheme's name.
+        scheme: &'static str,
+        /// The first constraint.
+        constraint: String,
+        /// Schemes that can.
+        schemes: String,
+    },
+    /// An analysis that has no place for constraints.
+    #[error("{analysis} cannot keep the constraint '{constraint}'; remove the rigid bodies and joints")]
+    ConstrainedAnalysis {
+        /// The analysis.
+        analysis: &'static str,
         /// The first constraint.
         constraint: String,
     },
     /// An explicit scheme, whose steps divide by the mass of each coordinate.
-    #[error(
-        "scheme {scheme} is explicit and needs lumped mass; choose an implicit one, e.g. implicit-midpoint or gauss, or          lump the mass"
-    )]
+    #[error("scheme {scheme} needs lumped mass; choose one of {schemes}, or lump the mass")]
     ConsistentMass {
         /// The scheme's name.
         scheme: &'static str,
+        /// Schemes that can.
+        schemes: String,
     },
     /// The surface of the constraints was not reached.
     #[error(

@@ -103,6 +103,11 @@ impl<T: Scalar> Cholesky<T> {
         Cholesky::with_tree(self.tree, self.matrix)
     }
 
+    /// Is it for matrices of the pattern of k?
+    pub(crate) fn serves(&self, k: &SymmetricMatrix) -> bool {
+        self.matrix.has_pattern_of(k)
+    }
+
     /// Factors A = M + cK with M = diag(mass) on the free coordinates; an empty mass is zero.
     ///
     /// # Errors

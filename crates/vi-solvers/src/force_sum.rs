@@ -1,43 +1,15 @@
 //! Sums of the forces that no potential gives, and of their symmetric tangents.
 //!
-//! A force at given velocities is to an assembler what a gradient is, and its tangent what a Hessian
-//! is: the terms are wrapped as such and summed by the same rooms, to the same bits on any number of
-//! threads. The wrapped terms read positions and velocities one after another from one array.
-//! This room must not know what a force is, nor how time is stepped.
+//! To an assembler, a force at given velocities is a gradient, and its tangent is a Hessian: the terms are wrapped as
+//! such and summed like any others, to the same bits on any number of threads. The wrapped terms read positions and
+//! velocities one after another from one array.
 
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{Account, Force, ForceAccount, HessianKind, Potential, Stencils, System, Traits};
+use vi_core::{Account, Force, ForceAccount, HessianKind, Potential, Stencils, System, Terms, Traits};
 
-use crate::{Assembler, HessianEvaluation, Method, SolverError, SymmetricMatrix};
-
-/// Schemes that take every force.
-const TAKE_ALL: &str = "stormer-verlet, symplectic-euler-a, symplectic-euler-b and all implicit schemes";
-
-/// Refuses the forces that a scheme has no place for.
-///
-/// # Errors
-/// [`SolverError::Force`] with the force and the schemes that take it.
-pub(crate) fn check(method: &Method, system: &System) -> Result<(), SolverError> {
-    let refuse = |force: &Arc<dyn Force>, reason| {
-        let (scheme, force) = (method.name(), force.name().to_owned());
-        Err(SolverError::Force { scheme, force, reason, schemes: TAKE_ALL })
-    };
-    match method {
-        Method::BlanesMoan4 | Method::BlanesMoan6 => {
-            match system.forces().iter().find(|force| force.depends_on_velocity()) {
-                None => Ok(()),
-                Some(force) => refuse(force, "depends on velocity: its order would be lost"),
-            }
-        }
-        Method::ForwardEuler => match system.forces().first() {
-            None => Ok(()),
-            Some(force) => refuse(force, "has no potential"),
-        },
-        _ => Ok(()),
-    }
-}
+use crate::{Assembler, HessianEvaluation, SymmetricMatrix};
 
 /// What of a force stands in for a Hessian.
 #[derive(Clone, Copy, PartialEq)]
@@ -91,9 +63,8 @@ impl Potential for Term {
     }
 }
 
-/// Wrapped terms as a system of their own.
+/// The sum of some wrapped terms.
 struct Group {
-    system: System,
     assembler: Assembler,
     /// −Σ f of every coordinate at the last evaluation, N.
     negative: Vec<f64>,
@@ -103,17 +74,16 @@ impl Group {
     /// The forces that `keep` says; none where there are none.
     fn new(system: &System, tangent: Tangent, keep: impl Fn(&dyn Force) -> bool) -> Option<Self> {
         let forces = system.forces().iter().filter(|force| keep(force.as_ref()));
-        let terms: Vec<Box<dyn Potential>> = forces
-            .map(|force| Box::new(Term { force: Arc::clone(force), tangent }) as Box<dyn Potential>)
+        let terms: Vec<Arc<dyn Potential>> = forces
+            .map(|force| Arc::new(Term { force: Arc::clone(force), tangent }) as Arc<dyn Potential>)
             .collect();
         if terms.is_empty() {
             return None;
         }
         let count = system.coordinates().dof_count();
-        // Accepted before, as parts of `system`.
-        let coordinates = system.coordinates().held();
-        let system = System::new(system.mass().to_vec(), terms, coordinates).ok()?;
-        Some(Self { assembler: Assembler::new(&system), system, negative: vec![0.0; count] })
+        // Their stencils were accepted as parts of `system`.
+        let terms = Terms::new(Arc::clone(system.terms().shared_coordinates()), terms).ok()?;
+        Some(Self { assembler: Assembler::new(&terms), negative: vec![0.0; count] })
     }
 }
 
@@ -159,7 +129,7 @@ impl ForceSum {
         velocities.copy_from_slice(v);
         self.t = t;
         for group in [&mut self.force, &mut self.damping].into_iter().flatten() {
-            group.assembler.gradient(&group.system, &self.state, t, &mut group.negative);
+            group.assembler.gradient(&self.state, t, &mut group.negative);
         }
     }
 
@@ -181,7 +151,7 @@ impl ForceSum {
             self.stiffness_tangent = Group::new(system, Tangent::Stiffness, |_| true);
         }
         let group = self.stiffness_tangent.as_mut()?;
-        Some(group.assembler.hessian(&group.system, &self.state, self.t, HessianEvaluation::Exact))
+        Some(group.assembler.sum_hessians(&self.state, self.t, HessianEvaluation::Exact))
     }
 
     /// Symmetric parts of −∂f/∂x and −∂f/∂ẋ at the last evaluation; the latter only where a force
@@ -199,7 +169,7 @@ impl ForceSum {
         let (state, t) = (&self.state, self.t);
         let [stiffness, damping] = [&mut self.stiffness_tangent, &mut self.damping_tangent].map(|group| {
             let group = group.as_mut()?;
-            Some(group.assembler.hessian(&group.system, state, t, HessianEvaluation::Exact))
+            Some(group.assembler.sum_hessians(state, t, HessianEvaluation::Exact))
         });
         (stiffness, damping)
     }

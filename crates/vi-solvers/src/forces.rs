@@ -4,6 +4,7 @@
 use vi_core::{State, System};
 
 use crate::force_sum::ForceSum;
+use crate::live::LiveState;
 use crate::matrix_sum::MatrixSum;
 use crate::sweep::{Arrays, Found, Pass, Sweep};
 use crate::vectors;
@@ -23,6 +24,8 @@ pub(crate) struct Forces {
     is_autonomous: bool,
     /// Forces without a potential, where the scheme has asked for them.
     nonconservative: Option<Nonconservative>,
+    /// Positions of all coordinates at the ends of the step, between which discrete gradients act.
+    ends: Option<[Vec<f64>; 2]>,
     pub(crate) work: Work,
 }
 
@@ -48,8 +51,77 @@ impl Forces {
             is_time_dependent,
             is_autonomous: !is_time_dependent && !system.coordinates().is_moving(),
             nonconservative: None,
+            ends: None,
             work: Work::default(),
         }
+    }
+
+    /// The same where live terms with a discrete gradient act by that alone, between the ends that
+    /// [`Forces::set_ends`] gives.
+    #[must_use]
+    pub(crate) fn with_discrete_gradients(mut self) -> Self {
+        self.assembler.split_live();
+        self
+    }
+
+    /// Sets the ends of the step, (q, t) each, for the next evaluations.
+    pub(crate) fn set_ends(&mut self, system: &System, start: (&[f64], f64), end: (&[f64], f64)) {
+        if self.assembler.live().is_none() {
+            return;
+        }
+        let count = self.x.len();
+        let [x_start, x_end] = self.ends.get_or_insert_with(|| [vec![0.0; count], vec![0.0; count]]);
+        system.coordinates().embed(start.0, start.1, x_start);
+        system.coordinates().embed(end.0, end.1, x_end);
+        self.gradient_is_of_x = false;
+    }
+
+    /// The ends of the step, where they have been set.
+    pub(crate) fn ends(&self) -> Option<&[Vec<f64>; 2]> {
+        self.ends.as_ref()
+    }
+
+    /// Are there live terms?
+    pub(crate) fn has_live(&mut self) -> bool {
+        self.assembler.live().is_some()
+    }
+
+    /// Do live terms act by discrete gradients?
+    pub(crate) fn has_discrete(&mut self) -> bool {
+        self.assembler.live().is_some_and(|live| live.has_discrete())
+    }
+
+    /// Is any term to be asked how far a correction may go?
+    pub(crate) fn may_limit_steps(&mut self, system: &System) -> bool {
+        self.has_live() || system.potentials().iter().any(|term| term.limits_steps())
+    }
+
+    /// The largest part of a correction that the terms allow, which changes x by `dx` from the last configuration;
+    /// for discrete gradients (end, change) is the end of the step and its change.
+    pub(crate) fn largest_step(
+        &mut self,
+        system: &System,
+        x: &[f64],
+        dx: &[f64],
+        end: Option<[&[f64]; 2]>,
+    ) -> f64 {
+        let fixed = system.potentials().iter().filter(|term| term.limits_steps());
+        let fixed = fixed.map(|term| term.largest_step(x, dx)).fold(1.0, f64::min);
+        fixed.min(self.assembler.live().map_or(1.0, |live| live.largest_step(x, dx, end)))
+    }
+
+    /// Where the stencils of live terms come from.
+    pub(crate) fn live_state(&mut self) -> Option<LiveState> {
+        self.assembler.live().map(|live| live.state().clone())
+    }
+
+    /// Goes to the stencils of live terms, and the ends of a step, that an earlier run had.
+    pub(crate) fn go_to_live(&mut self, state: &Option<LiveState>, ends: &Option<[Vec<f64>; 2]>) {
+        if let (Some(live), Some(state)) = (self.assembler.live(), state) {
+            live.go_to(state);
+        }
+        self.ends.clone_from(ends);
+        self.gradient_is_of_x = false;
     }
 
     /// The same with the forces that no potential gives: gradients are then ∂V/∂x − f, and Hessians
@@ -181,7 +253,7 @@ impl Forces {
         self.t = t;
         self.gradient_is_of_x = false;
         self.work.gradients += 1;
-        self.assembler.sum_chunks(system, &self.x, t);
+        self.assembler.sum_chunks(&self.x, t);
     }
 
     /// Goes to (q, t); keeps the gradient only where that is where it was evaluated, to the bit.
@@ -207,7 +279,10 @@ impl Forces {
         if self.gradient_is_of_x {
             return Ok(());
         }
-        self.assembler.gradient(system, &self.x, t, &mut self.gradient);
+        self.assembler.gradient(&self.x, t, &mut self.gradient);
+        if let (Some([start, end]), Some(live)) = (&self.ends, self.assembler.live()) {
+            live.add_discrete_gradient(start, end, &mut self.gradient);
+        }
         self.work.gradients += 1;
         if let Some(forces) = &mut self.nonconservative {
             forces.sum.evaluate(&self.x, &forces.x_dot, t);
@@ -221,11 +296,12 @@ impl Forces {
             self.gradient_is_of_x = true;
             return Ok(());
         }
-        Err(self.why_not_finite(system, at_start))
+        Err(self.why_not_finite(at_start))
     }
 
     /// The error of a failed step from `state`: where the start itself has no finite force, that.
     pub(crate) fn explain(&mut self, system: &System, state: &State, error: SolverError) -> SolverError {
+        self.ends = None;
         if check_state(state, system).is_err() {
             return error;
         }
@@ -236,13 +312,13 @@ impl Forces {
     pub(crate) fn energy(&mut self, system: &System, q: &[f64], t: f64) -> f64 {
         self.go_to(system, q, t);
         self.work.energies += 1;
-        self.assembler.energies(system, &self.x, t).total()
+        self.assembler.energies(&self.x, t).total()
     }
 
     /// V with positions `x` of all coordinates at time t, J.
-    pub(crate) fn energy_of_positions(&mut self, system: &System, x: &[f64], t: f64) -> f64 {
+    pub(crate) fn energy_of_positions(&mut self, x: &[f64], t: f64) -> f64 {
         self.work.energies += 1;
-        self.assembler.energies(system, x, t).total()
+        self.assembler.energies(x, t).total()
     }
 
     /// Does t matter to neither V nor x(q, t)?
@@ -266,7 +342,8 @@ impl Forces {
     ) -> Result<&SymmetricMatrix, SolverError> {
         self.work.hessians += 1;
         self.work.projections += u64::from(kind == HessianEvaluation::Projected);
-        let k = self.assembler.hessian(system, &self.x, self.t, kind);
+        let ends = self.ends.as_ref().map(|[start, end]| [&start[..], &end[..]]);
+        let k = self.assembler.hessian_over(&self.x, self.t, kind, ends)?;
         let Some(Nonconservative { sum, x_dot, rate, tangent }) = &mut self.nonconservative else {
             return Ok(k);
         };
@@ -277,14 +354,7 @@ impl Forces {
             .chain([damping.map(|m| (*rate, m))])
             .flatten()
             .collect();
-        let tangent = match tangent {
-            Some(tangent) => tangent,
-            none => {
-                let matrices: Vec<&SymmetricMatrix> = parts.iter().map(|part| part.1).collect();
-                none.insert(MatrixSum::new(&matrices)?)
-            }
-        };
-        Ok(tangent.combine(&parts))
+        MatrixSum::of(tangent, &parts)
     }
 
     /// Enters where the last evaluation was made, so that a run that continues evaluates no more than one that
@@ -292,6 +362,9 @@ impl Forces {
     pub(crate) fn remember(&self, memory: &mut StepperMemory) {
         if self.t.is_nan() {
             return;
+        }
+        if let Some(live) = self.assembler.shared_live() {
+            live.state().remember("forces.live", memory);
         }
         memory.arrays.push(("forces.x".into(), self.x.clone()));
         memory.arrays.push(("forces.t".into(), vec![self.t]));
@@ -303,7 +376,7 @@ impl Forces {
     ///
     /// # Errors
     /// Where the memory is that of another system.
-    pub(crate) fn recall(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
+    pub(crate) fn recall(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
         let Ok(x) = memory.array("forces.x") else { return Ok(()) };
         let &[t] = memory.array("forces.t")? else {
             return Err(SolverError::Memory { missing: "forces.t" });
@@ -311,19 +384,21 @@ impl Forces {
         if x.len() != self.x.len() {
             return Err(SolverError::Memory { missing: "forces.x" });
         }
+        let live = LiveState::recall("forces.live", memory, x.len());
+        self.go_to_live(&live, &None);
         self.go_to_positions(x, t);
         if memory.count("forces.gradient")? == 1 {
-            self.assembler.gradient(system, &self.x, t, &mut self.gradient);
+            self.assembler.gradient(&self.x, t, &mut self.gradient);
             self.gradient_is_of_x = true;
         }
         Ok(())
     }
 
-    fn why_not_finite(&self, system: &System, at_start: bool) -> SolverError {
+    fn why_not_finite(&self, at_start: bool) -> SolverError {
         if let Some(dof) = self.x.iter().position(|x| !x.is_finite()) {
             return SolverError::NotFinite { what: "position", dof, at_start };
         }
-        match self.assembler.fault(system, &self.x, self.t) {
+        match self.assembler.fault(&self.x, self.t) {
             Some(term) => SolverError::Term { term, at_start },
             None => {
                 let dof = self.gradient.iter().position(|g| !g.is_finite()).unwrap_or(0);

@@ -12,7 +12,7 @@ use std::cell::RefCell;
 use std::ops::Range;
 
 use rayon::prelude::*;
-use vi_core::{HessianKind, Padded, Patch, PatchArray, Potential, System, run_length};
+use vi_core::{HessianKind, Padded, Patch, PatchArray, Potential, Terms, run_length};
 
 /// Stencils whose blocks are evaluated together: their gradients stay in the first-level cache.
 pub(crate) const BATCH: usize = 64;
@@ -40,17 +40,17 @@ pub(crate) fn with_scratch<R>(length: usize, body: impl FnOnce(&mut [f64]) -> R)
     result
 }
 
-/// Coordinates in a block of the system's nodal arrays: the largest of 3, 2, 1 that divides the block
-/// of every term. Terms with larger blocks are seen as stencils of more, smaller nodes.
-pub(crate) fn common_block(system: &System) -> usize {
-    let has_ties = system.coordinates().has_combinations();
+/// Coordinates in a block of the nodal arrays: the largest of 3, 2, 1 that divides the block of every fixed
+/// term. Terms with larger blocks are seen as stencils of more, smaller nodes.
+pub(crate) fn common_block(terms: &Terms) -> usize {
+    let has_ties = terms.coordinates().has_combinations();
     let divides = |block: usize| {
         // Ties are between nodes of three coordinates, or parts of such nodes.
         if has_ties && block == 2 {
             return false;
         }
-        system.coordinates().dof_count().is_multiple_of(block)
-            && system.potentials().iter().all(|term| term.stencils().block.is_multiple_of(block))
+        terms.coordinates().dof_count().is_multiple_of(block)
+            && terms.fixed().iter().all(|term| term.stencils().block.is_multiple_of(block))
     };
     [3, 2].into_iter().find(|&block| divides(block)).unwrap_or(1)
 }
@@ -64,16 +64,16 @@ pub(crate) enum Mobility {
 }
 
 /// The mobility of every coordinate.
-pub(crate) fn mobilities(system: &System) -> Vec<Mobility> {
-    let mut mobility = vec![Mobility::Free; system.coordinates().dof_count()];
-    for group in system.coordinates().prescribed() {
+pub(crate) fn mobilities(terms: &Terms) -> Vec<Mobility> {
+    let mut mobility = vec![Mobility::Free; terms.coordinates().dof_count()];
+    for group in terms.coordinates().prescribed() {
         let kind = if group.path.is_fixed() { Mobility::Fixed } else { Mobility::Moving };
         for &dof in &group.dofs {
             mobility[dof as usize] = kind;
         }
     }
     // A tied node moves as the freest of those that it is tied to.
-    for (node, terms) in system.coordinates().combinations() {
+    for (node, terms) in terms.coordinates().combinations() {
         for axis in 0..3 {
             let of = terms.iter().map(|term| mobility[3 * term.0 as usize + axis]);
             mobility[3 * node as usize + axis] = of.min().unwrap_or(Mobility::Fixed);
@@ -147,15 +147,15 @@ pub(crate) struct Gather {
 }
 
 impl Gather {
-    pub(crate) fn new(system: &System) -> Self {
-        let block = common_block(system);
-        let node_count = system.coordinates().dof_count() / block;
-        let mobility = mobilities(system);
+    /// With `block` coordinates a node, which divides those of all terms.
+    pub(crate) fn new(terms: &Terms, block: usize) -> Self {
+        let node_count = terms.coordinates().dof_count() / block;
+        let mobility = mobilities(terms);
         let (mut chunks, mut constant, mut local) = (Vec::new(), Vec::new(), Vec::new());
         let mut slot_nodes: Vec<u32> = Vec::new();
         let mut slot_of = vec![(u32::MAX, 0_u16); node_count];
         let mut stencil_count = 0;
-        for (term, potential) in system.potentials().iter().enumerate() {
+        for (term, potential) in terms.fixed().iter().enumerate() {
             let traits = potential.traits();
             let stencils = potential.stencils();
             let split = stencils.block / block;
@@ -224,8 +224,8 @@ impl Gather {
     }
 
     /// ∂V/∂x of every coordinate.
-    pub(crate) fn gradient(&mut self, system: &System, x: &[f64], t: f64, out: &mut [f64]) {
-        self.sum_chunks(system, x, t);
+    pub(crate) fn gradient(&mut self, terms: &Terms, x: &[f64], t: f64, out: &mut [f64]) {
+        self.sum_chunks(terms, x, t);
         let (this, length) = (&*self, NODES_PER_TASK * self.block);
         let sum = |(task, out): (usize, &mut [f64])| this.sum_nodes(task * NODES_PER_TASK, out);
         if self.is_parallel() {
@@ -236,12 +236,12 @@ impl Gather {
     }
 
     /// Phase 1: the nodal sums of every chunk.
-    pub(crate) fn sum_chunks(&mut self, system: &System, x: &[f64], t: f64) {
+    pub(crate) fn sum_chunks(&mut self, terms: &Terms, x: &[f64], t: f64) {
         if self.base.is_none() && !self.constant.is_empty() {
-            self.base = Some(sum_constant(&self.constant, system, x, t));
+            self.base = Some(sum_constant(&self.constant, terms, x, t));
         }
         let parallel = self.is_parallel();
-        let sum = PartialSums { local: &self.local, slot_nodes: &self.slot_nodes, system, x, t, parallel };
+        let sum = PartialSums { local: &self.local, slot_nodes: &self.slot_nodes, terms, x, t, parallel };
         match self.block {
             3 => sum.chunks::<3>(&self.chunks, &mut self.partial),
             2 => sum.chunks::<2>(&self.chunks, &mut self.partial),
@@ -279,10 +279,10 @@ impl Gather {
 
     /// Σ over the stencils around each node of what `evaluate` writes for a batch, 9 numbers a stencil.
     /// Spans for which it returns false do not count; returns whether any did.
-    pub(crate) fn node_tensors(&mut self, system: &System, x: &[f64], out: &mut [[f64; 9]]) -> bool {
+    pub(crate) fn node_tensors(&mut self, terms: &Terms, x: &[f64], out: &mut [[f64; 9]]) -> bool {
         out.fill([0.0; 9]);
         let mut found = false;
-        for (term, potential) in system.potentials().iter().enumerate() {
+        for (term, potential) in terms.fixed().iter().enumerate() {
             let stencils = potential.stencils();
             for span in spans(term, potential.as_ref()) {
                 let batches = span.stencils.clone().step_by(BATCH);
@@ -316,7 +316,7 @@ impl Gather {
 struct PartialSums<'a> {
     local: &'a [u16],
     slot_nodes: &'a [u32],
-    system: &'a System,
+    terms: &'a Terms,
     x: &'a [f64],
     t: f64,
     parallel: bool,
@@ -345,7 +345,7 @@ impl PartialSums<'_> {
 
     /// A chunk of a term that adds up its stencils itself.
     fn patch(&self, chunk: &Chunk, sums: &mut [Padded]) {
-        let potential = &self.system.potentials()[chunk.span.term];
+        let potential = &self.terms.fixed()[chunk.span.term];
         let arity = potential.stencils().arity;
         let places = &self.local[chunk.local..chunk.local + chunk.span.stencils.len() * arity];
         let nodes = &self.slot_nodes[chunk.slots.clone()];
@@ -365,7 +365,7 @@ impl PartialSums<'_> {
 
     /// A chunk whose blocks are written, a few at a time, and added.
     fn chunk<const B: usize>(&self, chunk: &Chunk, sums: &mut [Padded]) {
-        let potential = &self.system.potentials()[chunk.span.term];
+        let potential = &self.terms.fixed()[chunk.span.term];
         let stencils = potential.stencils();
         let (size, arity) = (stencils.size(), stencils.size() / B);
         sums.fill(Padded::default());
@@ -390,10 +390,10 @@ impl PartialSums<'_> {
 }
 
 /// The gradients of spans that never change, summed in order.
-fn sum_constant(constant: &[Span], system: &System, x: &[f64], t: f64) -> Vec<f64> {
+fn sum_constant(constant: &[Span], terms: &Terms, x: &[f64], t: f64) -> Vec<f64> {
     let mut base = vec![0.0; x.len()];
     for span in constant {
-        let potential = &system.potentials()[span.term];
+        let potential = &terms.fixed()[span.term];
         let stencils = potential.stencils();
         let mut blocks = vec![0.0; span.stencils.len() * stencils.size()];
         potential.gradients(span.stencils.clone(), x, t, &mut blocks);

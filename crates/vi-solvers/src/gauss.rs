@@ -8,7 +8,7 @@
 
 mod coefficients;
 
-use vi_core::{State, StepEnergy, System};
+use vi_core::{Scheme, State, StepEnergy, System};
 
 use crate::accounts::{self, Potentials};
 use crate::balance;
@@ -16,12 +16,13 @@ use crate::forces::{Forces, check_state};
 use crate::inertia::Inertia;
 use crate::inverse::Inverse;
 use crate::kick_drift::check_finite;
-use crate::newton::{Equations, Newton, Start};
+use crate::newton::{Equations, Newton, Solve, Start};
 use crate::stepper::expect_method;
 use crate::vectors;
 use crate::{SolverError, SolverOptions, StepError, StepReport, Stepper, StepperMemory, UnitCosts, Work};
 
 use coefficients::Coefficients;
+pub(crate) use coefficients::stages_outside_domain;
 
 /// The unknowns and buffers of the stages; stage vectors are stored one after the other.
 struct Stages {
@@ -297,8 +298,12 @@ pub(crate) struct Gauss {
 impl Gauss {
     const NAME: &str = "gauss";
 
-    /// s from 2 to 5; one stage is implicit midpoint.
-    pub(crate) fn new(s: usize, system: &System, options: &SolverOptions) -> Result<Self, SolverError> {
+    /// Of degree s × Gauss–Legendre with s points, s from 2 to 5.
+    pub(crate) fn new(
+        scheme: &Scheme,
+        system: &System,
+        options: &SolverOptions,
+    ) -> Result<Self, SolverError> {
         let n = system.coordinates().free_count();
         let inertia = Inertia::new(system);
         Ok(Self {
@@ -308,7 +313,7 @@ impl Gauss {
             newton: Newton::new(options)?,
             potentials: Potentials::new(),
             ledger: options.ledger,
-            stages: Stages::new(Coefficients::new(s)?, n),
+            stages: Stages::new(Coefficients::new(scheme)?, n),
             after: State { t: 0.0, q: vec![0.0; n], p: vec![0.0; n] },
             x_dot: Vec::new(),
             dv: Vec::new(),
@@ -358,6 +363,7 @@ impl Gauss {
         }
         let steps = usize::from(stages.has_history);
         if !forces.has_nonconservative()
+            && !forces.has_live()
             && balance::may_be_at_rest(stages.twice_kinetic, &stages.history, steps)
         {
             stages.z.fill(0.0);
@@ -372,8 +378,8 @@ impl Gauss {
                 return Ok(0);
             }
         }
-        let mut equations = GaussEquations { system, inertia, stages };
-        Ok(newton.solve(system, forces, inverse, &mut equations)?.iterations)
+        let equations = GaussEquations { system, inertia, stages };
+        Ok(newton.solve(&mut Solve { system, forces, inverse, equations })?.iterations)
     }
 
     /// ΔT = h Σ b_i M a_i·V_i with stage velocities V_i = v₀ + h Σ A_ij a_j, for the method conserves
@@ -465,7 +471,7 @@ impl Stepper for Gauss {
         self.newton.restore(memory)?;
         self.inertia.recall(memory)?;
         self.inverse.restore(system, &mut self.forces, memory)?;
-        self.forces.recall(system, memory)?;
+        self.forces.recall(memory)?;
         self.forces.work = Work::default();
         Ok(())
     }

@@ -9,12 +9,10 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
-use vi_core::{HessianKind, System, packed_len};
+use vi_core::{HessianKind, Terms, packed_len};
 
 use crate::assembly::HessianEvaluation;
-use crate::gather::{
-    Mobility, Span, common_block, group_by, mobilities, mobility_of, parts, spans, with_scratch,
-};
+use crate::gather::{Mobility, Span, group_by, mobilities, mobility_of, parts, spans, with_scratch};
 use crate::matrix::{NONE, Pattern, SymmetricMatrix};
 use crate::tied::TiedHessian;
 
@@ -71,8 +69,8 @@ pub(crate) struct HessianSum {
 
 /// The row of each node and the free index of each coordinate of each row; where `with_tied`, as if
 /// tied nodes were free.
-fn rows(system: &System, block: usize, with_tied: bool) -> (Vec<u32>, Vec<u32>) {
-    let coordinates = system.coordinates();
+fn rows(terms: &Terms, block: usize, with_tied: bool) -> (Vec<u32>, Vec<u32>) {
+    let coordinates = terms.coordinates();
     let count = coordinates.dof_count();
     let mut free_index = vec![NONE; count];
     for (k, &dof) in coordinates.free().iter().enumerate() {
@@ -109,8 +107,8 @@ struct ChunkPattern {
 }
 
 impl ChunkPattern {
-    fn new(span: &Span, system: &System, block: usize, row_of: &[u32]) -> Self {
-        let stencils = system.potentials()[span.term].stencils();
+    fn new(span: &Span, terms: &Terms, block: usize, row_of: &[u32]) -> Self {
+        let stencils = terms.fixed()[span.term].stencils();
         let split = stencils.block / block;
         let mut touched: Vec<(u64, u32, bool)> = Vec::new();
         let mut local = Vec::new();
@@ -146,14 +144,13 @@ impl ChunkPattern {
 }
 
 impl HessianSum {
-    pub(crate) fn new(system: &System) -> Self {
-        let block = common_block(system);
-        let mobility = mobilities(system);
-        let (row_of, free_of) = rows(system, block, true);
+    pub(crate) fn new(terms: &Terms, block: usize) -> Self {
+        let mobility = mobilities(terms);
+        let (row_of, free_of) = rows(terms, block, true);
         let row_count = free_of.len() / block;
-        let (included, skipped_stencils) = varying_spans(system, &mobility);
+        let (included, skipped_stencils) = varying_spans(terms, &mobility);
         let mut patterns: Vec<ChunkPattern> =
-            included.par_iter().map(|span| ChunkPattern::new(span, system, block, &row_of)).collect();
+            included.par_iter().map(|span| ChunkPattern::new(span, terms, block, &row_of)).collect();
 
         // All (entry, chunk) pairs in row order; the diagonal is there even where no chunk touches it.
         let mut touched: Vec<(u64, u32)> = Vec::new();
@@ -220,7 +217,7 @@ impl HessianSum {
                     .map(|&code| if code == NONE { trash } else { 2 * rank[code as usize / 2] + code % 2 }),
             );
             pattern.codes = Vec::new();
-            let constant = system.potentials()[span.term].traits();
+            let constant = terms.fixed()[span.term].traits();
             chunks.push(Chunk {
                 constant: constant.hessian == HessianKind::Constant && !constant.time_dependent,
                 span,
@@ -240,9 +237,9 @@ impl HessianSum {
             .map(|(&(row, column), &place)| (place, row, column))
             .collect();
         let matrix = SymmetricMatrix::zeros(Arc::new(Pattern::new(block, &entries, places, free_of)));
-        let (untied_row_of, untied_free_of) = rows(system, block, false);
+        let (untied_row_of, untied_free_of) = rows(terms, block, false);
         Self {
-            tied: TiedHessian::new(system, &matrix, &row_of, &untied_row_of, untied_free_of),
+            tied: TiedHessian::new(terms, &matrix, &row_of, &untied_row_of, untied_free_of),
             stencil_count: chunks.iter().map(|chunk| chunk.span.stencils.len()).sum(),
             chunks,
             codes,
@@ -275,15 +272,15 @@ impl HessianSum {
     }
 
     /// Evaluates what has changed; returns whether anything had to be evaluated.
-    pub(crate) fn evaluate(&mut self, system: &System, x: &[f64], t: f64, kind: HessianEvaluation) -> bool {
+    pub(crate) fn evaluate(&mut self, terms: &Terms, x: &[f64], t: f64, kind: HessianEvaluation) -> bool {
         let skip_constants = self.constants == Some(kind);
         if skip_constants && self.chunks.iter().all(|chunk| chunk.constant) {
             return false;
         }
         match self.matrix.pattern.block {
-            3 => self.evaluate_blocks::<3>(system, x, t, kind, skip_constants),
-            2 => self.evaluate_blocks::<2>(system, x, t, kind, skip_constants),
-            _ => self.evaluate_blocks::<1>(system, x, t, kind, skip_constants),
+            3 => self.evaluate_blocks::<3>(terms, x, t, kind, skip_constants),
+            2 => self.evaluate_blocks::<2>(terms, x, t, kind, skip_constants),
+            _ => self.evaluate_blocks::<1>(terms, x, t, kind, skip_constants),
         }
         self.constants = Some(kind);
         if let Some(tied) = &mut self.tied {
@@ -294,7 +291,7 @@ impl HessianSum {
 
     fn evaluate_blocks<const B: usize>(
         &mut self,
-        system: &System,
+        terms: &Terms,
         x: &[f64],
         t: f64,
         kind: HessianEvaluation,
@@ -302,7 +299,7 @@ impl HessianSum {
     ) {
         let parallel = self.stencil_count >= PARALLEL_STENCILS;
         let (owned, shared) = self.matrix.values.split_at_mut(self.shared_place * B * B);
-        let sums = ChunkSums { codes: &self.codes, system, x, t, kind, skip_constants };
+        let sums = ChunkSums { codes: &self.codes, terms, x, t, kind, skip_constants };
         sums.chunks::<B>(&self.chunks, owned, &mut self.partial, parallel);
 
         let (start, slots) = (&self.shared_start, &self.shared_slots);
@@ -339,9 +336,9 @@ impl HessianSum {
 }
 
 /// The spans with a Hessian on free coordinates, and how many stencils have none.
-fn varying_spans(system: &System, mobility: &[Mobility]) -> (Vec<Span>, usize) {
+fn varying_spans(terms: &Terms, mobility: &[Mobility]) -> (Vec<Span>, usize) {
     let (mut included, mut skipped) = (Vec::new(), 0);
-    for (term, potential) in system.potentials().iter().enumerate() {
+    for (term, potential) in terms.fixed().iter().enumerate() {
         let zero = potential.traits().hessian == HessianKind::Zero;
         for span in spans(term, potential.as_ref()) {
             if zero || !mobility_of(&span, potential.as_ref(), mobility).0 {
@@ -357,7 +354,7 @@ fn varying_spans(system: &System, mobility: &[Mobility]) -> (Vec<Span>, usize) {
 /// Phase 1: what the chunks add up.
 struct ChunkSums<'a> {
     codes: &'a [u32],
-    system: &'a System,
+    terms: &'a Terms,
     x: &'a [f64],
     t: f64,
     kind: HessianEvaluation,
@@ -398,7 +395,7 @@ impl ChunkSums<'_> {
         if chunk.constant && self.skip_constants {
             return;
         }
-        let potential = &self.system.potentials()[chunk.span.term];
+        let potential = &self.terms.fixed()[chunk.span.term];
         let stencils = potential.stencils();
         let packed = packed_len(stencils.size());
         let arity = stencils.size() / B;

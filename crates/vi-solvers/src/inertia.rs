@@ -3,20 +3,9 @@
 
 use std::sync::Arc;
 
-use vi_core::{State, System, solve_mass};
+use vi_core::{State, System, Terms, solve_mass};
 
-use crate::{Assembler, HessianEvaluation, Method, SolverError, StepperMemory, SymmetricMatrix, Work};
-
-/// Refuses consistent mass where a scheme has no place for it.
-///
-/// # Errors
-/// [`SolverError::ConsistentMass`].
-pub(crate) fn check(method: &Method, system: &System) -> Result<(), SolverError> {
-    match system.kinetic() {
-        Some(_) if method.facts().is_explicit => Err(SolverError::ConsistentMass { scheme: method.name() }),
-        _ => Ok(()),
-    }
-}
+use crate::{Assembler, HessianEvaluation, SolverError, StepperMemory, SymmetricMatrix, Work};
 
 /// M of a system, and the velocity of the last state that was asked for: M⁻¹p begins there.
 pub(crate) struct Inertia {
@@ -149,8 +138,8 @@ impl Inertia {
     }
 }
 
-/// M from the kinetic energy as a potential of the velocities ([`System::kinetic`]).
-pub(crate) fn mass_matrix(kinetic: &System) -> SymmetricMatrix {
-    let at_rest = vec![0.0; kinetic.mass().len()];
-    Assembler::new(kinetic).hessian(kinetic, &at_rest, 0.0, HessianEvaluation::Exact).clone()
+/// M from the kinetic energy as terms of the velocities ([`System::kinetic`]).
+pub(crate) fn mass_matrix(kinetic: &Terms) -> SymmetricMatrix {
+    let at_rest = vec![0.0; kinetic.coordinates().dof_count()];
+    Assembler::new(kinetic).sum_hessians(&at_rest, 0.0, HessianEvaluation::Exact).clone()
 }

@@ -9,8 +9,9 @@ use vi_core::{HessianKind, System};
 use crate::forces::Forces;
 use crate::inertia::Inertia;
 use crate::linear::Linear;
+use crate::live::LiveState;
 use crate::matrix_sum::MatrixSum;
-use crate::policy::UnitCosts;
+use crate::cost::UnitCosts;
 use crate::warp::Warp;
 use crate::{HessianEvaluation, SolverError, SolverOptions, StepperMemory, SymmetricMatrix, Work};
 
@@ -36,6 +37,9 @@ struct Origin {
     projected: bool,
     /// ẋ and ∂ẋ/∂q, where forces depend on them.
     rates: Option<(Vec<f64>, f64)>,
+    /// The stencils of live terms, and the ends of the step.
+    live: Option<LiveState>,
+    ends: Option<[Vec<f64>; 2]>,
 }
 
 /// M that is not lumped, and M + cK once K has been seen.
@@ -57,6 +61,7 @@ pub(crate) struct Inverse {
 impl Inverse {
     pub(crate) fn new(system: &System, inertia: &Inertia, options: &SolverOptions) -> Self {
         let is_linear = system.forces().is_empty()
+            && system.terms().live().is_empty()
             && system.potentials().iter().all(|term| term.traits().hessian != HessianKind::Varying);
         let warp = if is_linear { None } else { Warp::new(system) };
         let summed = inertia.matrix().map(|mass| Summed { mass: Arc::clone(mass), sum: None });
@@ -92,20 +97,9 @@ impl Inverse {
         self.linear.reason()
     }
 
-    /// Factors A = M + cK at the last configuration of `forces`; where K is indefinite and A is not
-    /// positive definite, with the terms' Hessians projected.
+    /// Factors A = M + cK at the last configuration of `forces`, with a Hessian of this kind to begin with. Where K is
+    /// indefinite and A is not positive definite, the terms' Hessians are projected.
     pub(crate) fn make(
-        &mut self,
-        system: &System,
-        forces: &mut Forces,
-        c: f64,
-        reason: Reason,
-    ) -> Result<(), SolverError> {
-        self.make_as(system, forces, c, reason, HessianEvaluation::Exact)
-    }
-
-    /// The same with the Hessian of this kind to begin with.
-    pub(crate) fn make_as(
         &mut self,
         system: &System,
         forces: &mut Forces,
@@ -124,7 +118,7 @@ impl Inverse {
                     Err(SolverError::NotPositiveDefinite(_))
                         if self.linear.double("a pivot failed in single precision") =>
                     {
-                        return self.make_as(system, forces, c, reason, kind);
+                        return self.make(system, forces, c, reason, kind);
                     }
                     other => other?,
                 }
@@ -134,7 +128,7 @@ impl Inverse {
                 if kind == HessianEvaluation::Projected
                     && self.linear.double("a pivot failed in single precision") =>
             {
-                return self.make_as(system, forces, c, reason, kind);
+                return self.make(system, forces, c, reason, kind);
             }
             other => {
                 other?;
@@ -143,9 +137,10 @@ impl Inverse {
         };
         let (x, t, rates) = (forces.positions().to_vec(), forces.time(), forces.velocities());
         if let Some(warp) = &mut self.warp {
-            warp.remember(system, forces.assembler(), &x);
+            warp.remember(forces.assembler(), &x);
         }
-        self.origin = Some(Origin { c, x, t, projected, rates });
+        let (live, ends) = (forces.live_state(), forces.ends().cloned());
+        self.origin = Some(Origin { c, x, t, projected, rates, live, ends });
         Ok(())
     }
 
@@ -171,11 +166,7 @@ impl Inverse {
         let made = match &mut self.summed {
             None => self.linear.make(system, system.free_mass(), c, hessian, &mut work),
             Some(Summed { mass, sum }) => {
-                let sum = match sum {
-                    Some(sum) => sum,
-                    none => none.insert(MatrixSum::new(&[mass, hessian])?),
-                };
-                let matrix = sum.combine(&[(1.0, mass), (c, hessian)]);
+                let matrix = MatrixSum::of(sum, &[(1.0, mass), (c, hessian)])?;
                 self.linear.make(system, &[], 1.0, matrix, &mut work)
             }
         };
@@ -184,10 +175,10 @@ impl Inverse {
     }
 
     /// Turns the factor with the material, as it is at the last configuration of `forces`.
-    pub(crate) fn turn(&mut self, system: &System, forces: &mut Forces) {
+    pub(crate) fn turn(&mut self, forces: &mut Forces) {
         if let (Some(warp), Some(_)) = (&mut self.warp, &self.origin) {
             let x = forces.positions().to_vec();
-            warp.turn(system, forces.assembler(), &x);
+            warp.turn(forces.assembler(), &x);
         }
     }
 
@@ -215,8 +206,20 @@ impl Inverse {
                 memory.arrays.push(("factor.x_dot".into(), x_dot.clone()));
                 memory.arrays.push(("factor.rate".into(), vec![*rate]));
             }
+            if let Some(live) = &origin.live {
+                live.remember("factor.live", memory);
+            }
+            if let Some([start, end]) = &origin.ends {
+                memory.arrays.push(("factor.start".into(), start.clone()));
+                memory.arrays.push(("factor.end".into(), end.clone()));
+            }
             self.linear.remember(memory);
         }
+    }
+
+    /// How often ordering and layout were made.
+    pub(crate) fn analyses(&self) -> u64 {
+        self.linear.analyses()
     }
 
     /// Makes the factor that `memory` tells of.
@@ -245,14 +248,22 @@ impl Inverse {
             (Ok(x_dot), Ok(&[rate])) if x_dot.len() == x.len() => Some((x_dot.to_vec(), rate)),
             _ => None,
         };
+        let live = LiveState::recall("factor.live", memory, x.len());
+        let ends = match (memory.array("factor.start"), memory.array("factor.end")) {
+            (Ok(start), Ok(end)) if start.len() == x.len() && end.len() == x.len() => {
+                Some([start.to_vec(), end.to_vec()])
+            }
+            _ => None,
+        };
         self.linear.restore(memory)?;
+        forces.go_to_live(&live, &ends);
         forces.go_to_positions(x, t);
         forces.go_to_velocities(&rates);
         self.factorize(system, forces, c, kind, Reason::New)?;
         if let Some(warp) = &mut self.warp {
-            warp.remember(system, forces.assembler(), x);
+            warp.remember(forces.assembler(), x);
         }
-        self.origin = Some(Origin { c, x: x.to_vec(), t, projected, rates });
+        self.origin = Some(Origin { c, x: x.to_vec(), t, projected, rates, live, ends });
         Ok(())
     }
 }

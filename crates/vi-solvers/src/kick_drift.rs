@@ -11,6 +11,7 @@
 //! at its start and the step ends with p tangent: RATTLE for Störmer–Verlet (`surface.rs`).
 
 mod coefficients;
+mod collisions;
 
 use vi_core::{State, StepEnergy, System};
 
@@ -23,6 +24,7 @@ use crate::sweep::{Found, Sweep};
 use crate::vectors;
 use crate::{SolverError, SolverOptions, StepError, StepReport, Stepper, StepperMemory, Work};
 pub(crate) use coefficients::Coefficients;
+use collisions::Collisions;
 
 /// The stepper of a list of coefficients.
 pub(crate) struct KickDrift {
@@ -42,6 +44,8 @@ pub(crate) struct KickDrift {
     surface: Option<Surface>,
     /// The multipliers' impulses of a drift, N s.
     impulses: Vec<f64>,
+    /// Where there are live terms, and the scheme takes discrete gradients.
+    collisions: Option<Collisions>,
 }
 
 impl KickDrift {
@@ -50,10 +54,13 @@ impl KickDrift {
         coefficients: Coefficients,
         system: &System,
         options: &SolverOptions,
-    ) -> Self {
+    ) -> Result<Self, SolverError> {
         let n = system.coordinates().free_count();
-        let mut forces = Forces::new(system);
-        Self {
+        // A drift backwards in time would meet what the body has left.
+        let takes_discrete = coefficients.drifts.iter().all(|&drift| drift >= 0.0);
+        let collisions = if takes_discrete { Collisions::new(system, options)? } else { None };
+        let mut forces = Self::forces(system, collisions.is_some());
+        Ok(Self {
             name,
             coefficients,
             sweep: Sweep::new(system, forces.assembler().gather()),
@@ -67,6 +74,32 @@ impl KickDrift {
             net: Vec::new(),
             impulses: Vec::new(),
             surface: Surface::new(system),
+            collisions,
+        })
+    }
+
+    fn forces(system: &System, takes_discrete: bool) -> Forces {
+        let forces = Forces::new(system);
+        if takes_discrete { forces.with_discrete_gradients() } else { forces }
+    }
+
+    /// Drifts from time t by `drift` (s), past what stands in the way; returns as [`KickDrift::kick_drift`].
+    fn drift_past(
+        &mut self,
+        system: &System,
+        t: f64,
+        drift: f64,
+        energy: &mut StepEnergy,
+    ) -> Result<f64, SolverError> {
+        let Some(collisions) = &mut self.collisions else { return Ok(0.0) };
+        match collisions.drift((&mut self.q, &mut self.p), t, drift, self.ledger)? {
+            None => Ok(self.kick_drift(system, t, 0.0, drift, energy)),
+            Some(drifted) => {
+                self.forces.work += drifted.work;
+                energy.prescribed += drifted.energy.prescribed;
+                energy.residual += drifted.energy.residual;
+                Ok(drifted.kinetic - drifted.energy.prescribed - drifted.energy.residual)
+            }
         }
     }
 
@@ -216,6 +249,7 @@ impl KickDrift {
             && self.nonconservative.is_none()
             && !system.coordinates().has_combinations()
             && system.constraints().is_empty()
+            && system.terms().live().is_empty()
     }
 
     /// Is it of as many coordinates as the system?
@@ -301,11 +335,15 @@ impl KickDrift {
             {
                 surface.direct(system, &self.q, t);
             }
+            let free_drift = if self.collisions.is_some() { 0.0 } else { drift * h };
             kicked += if self.nonconservative.is_some() {
-                self.forced_kick_drift(system, t, kick, drift * h, &mut energy)
+                self.forced_kick_drift(system, t, kick, free_drift, &mut energy)
             } else {
-                self.kick_drift(system, t, kick, drift * h, &mut energy)
+                self.kick_drift(system, t, kick, free_drift, &mut energy)
             };
+            if drift != 0.0 && self.collisions.is_some() {
+                kicked += self.drift_past(system, t, drift * h, &mut energy)?;
+            }
             elapsed += drift;
             t = if i + 1 >= drifts { state.t + h } else { state.t + elapsed * h };
             if drift != 0.0 && self.surface.is_some() {
@@ -384,14 +422,24 @@ impl Stepper for KickDrift {
         let mut memory = StepperMemory { method: self.name.to_owned(), ..Default::default() };
         self.forces.remember(&mut memory);
         self.potentials.remember(&mut memory);
+        if let Some(collisions) = &self.collisions {
+            collisions.remember(&mut memory);
+        }
         memory
+    }
+
+    fn analyses(&self) -> u64 {
+        self.collisions.as_ref().map_or(0, Collisions::analyses)
     }
 
     fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
         expect_method(memory, self.name)?;
-        self.forces = Forces::new(system);
+        self.forces = Self::forces(system, self.collisions.is_some());
         self.potentials = Potentials::recall(memory);
-        self.forces.recall(system, memory)
+        if let Some(collisions) = &mut self.collisions {
+            collisions.restore(memory)?;
+        }
+        self.forces.recall(memory)
     }
 
     fn gradient(&self) -> Option<&[f64]> {

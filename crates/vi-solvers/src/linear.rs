@@ -4,7 +4,7 @@
 
 use vi_core::System;
 
-use crate::policy::{self, UnitCosts};
+use crate::cost::{self, UnitCosts};
 use crate::{
     Factor, FactorFacts, LinearSolver, Pcg, PcgFacts, Preconditioner, SingleFactor, SolverError,
     SolverOptions, StepperMemory, SymmetricMatrix, Work,
@@ -65,6 +65,8 @@ pub(crate) struct Linear {
     /// Iterations of all solves by conjugate gradients, and their number.
     iterations: [u64; 2],
     pcg: PcgFacts,
+    /// How often ordering and layout were made.
+    analyses: u64,
 }
 
 impl Linear {
@@ -82,6 +84,7 @@ impl Linear {
             x: Vec::new(),
             iterations: [0; 2],
             pcg: PcgFacts::default(),
+            analyses: 0,
         }
     }
 
@@ -142,6 +145,10 @@ impl Linear {
     ) -> Result<(), SolverError> {
         if !self.is_ready() {
             self.decide(system, mass, c, k, work)?;
+            self.analyses += 1;
+        } else if !self.serves(k) {
+            self.analyze(k)?;
+            self.analyses += 1;
         }
         let made = match &mut self.path {
             Path::Undecided => Err(SolverError::NotFactored),
@@ -169,6 +176,34 @@ impl Linear {
         }
     }
 
+    /// Makes ordering and layout anew for the pattern of k, in the same solver.
+    fn analyze(&mut self, k: &SymmetricMatrix) -> Result<(), SolverError> {
+        self.path = match &self.path {
+            Path::Undecided => Path::Undecided,
+            Path::Factor(_) => Path::Factor(Box::new(Factor::new(k)?)),
+            Path::Single(_) => Path::Single(Box::new(Factor::new(k)?.into_precision())),
+            Path::Gradients(_) => {
+                Path::Gradients(Box::new(Pcg::new(k, Preconditioner::BlockIncompleteCholesky)))
+            }
+        };
+        Ok(())
+    }
+
+    /// Were ordering and layout made for the pattern of k?
+    fn serves(&self, k: &SymmetricMatrix) -> bool {
+        match &self.path {
+            Path::Undecided => false,
+            Path::Factor(factor) => factor.serves(k),
+            Path::Single(factor) => factor.serves(k),
+            Path::Gradients(pcg) => pcg.serves(k),
+        }
+    }
+
+    /// How often ordering and layout were made.
+    pub(crate) fn analyses(&self) -> u64 {
+        self.analyses
+    }
+
     /// From here on double precision, if it is single; says whether it was.
     pub(crate) fn double(&mut self, why: &str) -> bool {
         match std::mem::replace(&mut self.path, Path::Undecided) {
@@ -180,7 +215,7 @@ impl Linear {
         }
         let facts = self.facts();
         self.costs.factor /= SINGLE_COST;
-        self.costs.solve = policy::bytes(facts.solve_bytes);
+        self.costs.solve = cost::bytes(facts.solve_bytes);
         self.reason = format!("{}; {why}", describe(&facts, false));
         true
     }
@@ -238,7 +273,7 @@ impl Linear {
             [_, 0] => FIRST_GUESS,
             [total, solves] => total as f64 / solves as f64,
         };
-        (mean + 1.0) * policy::bytes(self.pcg.iteration_bytes)
+        (mean + 1.0) * cost::bytes(self.pcg.iteration_bytes)
     }
 
     fn take_factor(&mut self, system: &System, k: &SymmetricMatrix, why: &str) -> Result<(), SolverError> {
@@ -277,7 +312,7 @@ impl Linear {
         self.pcg = pcg.facts();
         self.costs = UnitCosts::new(system, &FactorFacts::default());
         self.costs.solve = self.mean_solve();
-        self.costs.factor = policy::bytes(self.pcg.prepare_bytes);
+        self.costs.factor = cost::bytes(self.pcg.prepare_bytes);
         self.reason = format!("pcg: {why}");
         self.path = Path::Gradients(Box::new(pcg));
     }
@@ -329,7 +364,7 @@ impl Linear {
         let direct = costs.factor / SOLVES_A_FACTOR + costs.solve;
         if facts.flops > CONSIDER_FLOPS && !self.is_exact {
             let mut pcg = Pcg::new(k, Preconditioner::BlockIncompleteCholesky);
-            let iteration = policy::bytes(pcg.facts().iteration_bytes);
+            let iteration = cost::bytes(pcg.facts().iteration_bytes);
             let limit = (direct / iteration) as u32;
             if limit > 0 && pcg.prepare(mass, c, k).is_ok() {
                 let load = rough_load(system.free_mass());

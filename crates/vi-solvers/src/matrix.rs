@@ -170,6 +170,22 @@ impl SymmetricMatrix {
         Arc::ptr_eq(&self.pattern, &other.pattern)
     }
 
+    /// The entries of the lower triangle that are kept, as (row, column, value) with row ≥ column, in no order.
+    pub fn lower_triangle(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+        let pattern = &*self.pattern;
+        let block = pattern.block;
+        let rows = (0..pattern.row_count()).flat_map(|row| pattern.row(row).map(move |entry| (row, entry)));
+        rows.flat_map(move |(row, entry)| {
+            let (column, place) = (pattern.columns[entry] as usize, pattern.places[entry] as usize);
+            (0..block * block).filter_map(move |k| {
+                let (i, j) = (row * block + k / block, column * block + k % block);
+                let (i, j) = (pattern.free_of[i], pattern.free_of[j]);
+                let is_lower = i != NONE && j != NONE && i >= j;
+                is_lower.then(|| (i as usize, j as usize, self.values[place * block * block + k]))
+            })
+        })
+    }
+
     /// The diagonal.
     pub fn diagonal(&self, out: &mut [f64]) {
         let block = self.pattern.block;

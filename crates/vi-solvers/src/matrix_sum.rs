@@ -9,6 +9,8 @@ use crate::matrix::{Pattern, SymmetricMatrix};
 /// Σ c_k A_k on the union of the patterns, with the maps made once.
 pub(crate) struct MatrixSum {
     matrix: SymmetricMatrix,
+    /// The patterns of the parts.
+    parts: Vec<Arc<Pattern>>,
     /// Entry e of part k (in row order) is added to this place of the sum.
     places: Vec<Vec<u32>>,
 }
@@ -41,7 +43,51 @@ impl MatrixSum {
         let places = lists.iter().map(|list| list.iter().map(find).collect()).collect();
         let own = (0..union.len() as u32).collect();
         let pattern = Pattern::new(first.block, &union, own, first.free_of.clone());
-        Ok(Self { matrix: SymmetricMatrix::zeros(Arc::new(pattern)), places })
+        let parts = parts.iter().map(|part| Arc::clone(&part.pattern)).collect();
+        Ok(Self { matrix: SymmetricMatrix::zeros(Arc::new(pattern)), parts, places })
+    }
+
+    /// Are these the parts that it was made of, or ones whose entries all lie in its pattern? Then it sums them from here
+    /// on, and its own pattern, with all that was made from it, stays.
+    pub(crate) fn admit(&mut self, parts: &[&SymmetricMatrix]) -> bool {
+        if parts.len() != self.parts.len() {
+            return false;
+        }
+        let mut changed = Vec::new();
+        for (k, part) in parts.iter().enumerate() {
+            if Arc::ptr_eq(&part.pattern, &self.parts[k]) {
+                continue;
+            }
+            match places_in(&self.matrix.pattern, &part.pattern) {
+                Some(places) => changed.push((k, places)),
+                None => return false,
+            }
+        }
+        for (k, places) in changed {
+            self.parts[k] = Arc::clone(&parts[k].pattern);
+            self.places[k] = places;
+        }
+        true
+    }
+
+    /// The sum of these parts, with the maps made anew where a part has another pattern than before.
+    ///
+    /// # Errors
+    /// As [`MatrixSum::new`].
+    pub(crate) fn of<'a>(
+        sum: &'a mut Option<Self>,
+        parts: &[(f64, &SymmetricMatrix)],
+    ) -> Result<&'a SymmetricMatrix, SolverError> {
+        let is_same = |sum: &Self| {
+            let known = sum.parts.iter().zip(parts);
+            sum.parts.len() == parts.len() && known.into_iter().all(|(a, b)| Arc::ptr_eq(a, &b.1.pattern))
+        };
+        let kept = sum.take().filter(is_same);
+        let made = match kept {
+            Some(kept) => kept,
+            None => Self::new(&parts.iter().map(|part| part.1).collect::<Vec<_>>())?,
+        };
+        Ok(sum.insert(made).combine(parts))
     }
 
     /// Σ c_k A_k, with the parts in the order that they were given to [`MatrixSum::new`].
@@ -63,4 +109,21 @@ impl MatrixSum {
     pub(crate) fn matrix(&self) -> &SymmetricMatrix {
         &self.matrix
     }
+}
+
+/// Where the entries of `part` lie in `whole`, whose entries are in row order; none where one is missing.
+fn places_in(whole: &Pattern, part: &Pattern) -> Option<Vec<u32>> {
+    if part.block != whole.block || part.free_of != whole.free_of {
+        return None;
+    }
+    let mut places = Vec::with_capacity(part.columns.len());
+    for row in 0..part.row_count() {
+        let range = whole.row(row);
+        let columns = &whole.columns[range.clone()];
+        for entry in part.row(row) {
+            let found = columns.binary_search(&part.columns[entry]).ok()?;
+            places.push((range.start + found) as u32);
+        }
+    }
+    Some(places)
 }

@@ -3,7 +3,9 @@
 
 mod lanczos;
 
-use vi_core::{Potential, State, System};
+use std::sync::Arc;
+
+use vi_core::{Potential, State, System, Terms};
 
 use crate::inertia::mass_matrix;
 use crate::matrix_sum::MatrixSum;
@@ -65,7 +67,7 @@ pub fn modes(
         let allowed = "must be at least 1";
         return Err(SolverError::Option { option: "modes.count", value: 0.0, allowed });
     }
-    crate::surface::refuse("a search for modes", system, true)?;
+    crate::surface::refuse("a search for modes", system)?;
     crate::forces::check_state(state, system)?;
     let mut balance = Balance::new(system);
     let mut residual = vec![0.0; state.q.len()];
@@ -107,9 +109,9 @@ pub fn modes(
 /// M from its local terms.
 fn matrix_of(system: &System, terms: Vec<Box<dyn Potential>>) -> Result<SymmetricMatrix, SolverError> {
     let mismatch = |_| SolverError::Memory { missing: "mass of this system" };
-    let coordinates = system.coordinates().held();
-    let kinetic = System::new(system.mass().to_vec(), terms, coordinates).map_err(mismatch)?;
-    Ok(mass_matrix(&kinetic))
+    let coordinates = Arc::new(system.coordinates().held());
+    let terms = terms.into_iter().map(Arc::from).collect();
+    Ok(mass_matrix(&Terms::new(coordinates, terms).map_err(mismatch)?))
 }
 
 /// K and M with a factor of K + σM.

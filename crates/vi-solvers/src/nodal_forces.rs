@@ -11,7 +11,7 @@ use crate::{Assembler, surface};
 pub fn accelerations(system: &System, state: &State) -> Vec<f64> {
     let (x, v) = (system.positions(state), system.velocities(state));
     let mut gradient = vec![0.0; x.len()];
-    Assembler::new(system).gradient(system, &x, state.t, &mut gradient);
+    Assembler::new(system).gradient(&x, state.t, &mut gradient);
     let mut forces = ForceSum::new(system);
     if let Some(forces) = &mut forces {
         forces.evaluate(&x, &v, state.t);

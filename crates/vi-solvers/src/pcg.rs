@@ -158,6 +158,11 @@ impl Pcg {
         iterate(matrix, vectors, apply, (rhs, x), tolerance, max_iterations)
     }
 
+    /// Is it for matrices of the pattern of k?
+    pub(crate) fn serves(&self, k: &SymmetricMatrix) -> bool {
+        self.matrix.has_pattern_of(k)
+    }
+
     /// Cost and size.
     pub fn facts(&self) -> PcgFacts {
         let pattern = &self.matrix.pattern;

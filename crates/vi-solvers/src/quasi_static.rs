@@ -61,8 +61,7 @@ impl Stepper for QuasiStatic {
         self.findings.extend(findings(&report));
         let mut energy = StepEnergy::default();
         if let Some(assembler) = &mut self.ledger {
-            let mut potential =
-                |state: &State| assembler.energies(system, &system.positions(state), state.t).total();
+            let mut potential = |state: &State| assembler.energies(&system.positions(state), state.t).total();
             energy.force = potential(state) - potential(&before) - vi_core::kinetic_energy(system, &before);
         }
         let mut work = report.work;

@@ -17,7 +17,7 @@ use crate::forces::{Forces, check_state};
 use crate::inertia::Inertia;
 use crate::inverse::Inverse;
 use crate::kick_drift::check_finite;
-use crate::newton::Newton;
+use crate::newton::{Equations, Newton, Solve, Start};
 use crate::stepper::expect_method;
 use crate::vectors;
 use crate::{SolverError, SolverOptions, StepError, StepReport, Stepper, StepperMemory, UnitCosts, Work};
@@ -50,7 +50,7 @@ impl<R: Rule> OneStage<R> {
         let tolerance = rule.tolerance(options.tolerance);
         let inertia = Inertia::new(system);
         Ok(Self {
-            forces: Forces::with_nonconservative(system),
+            forces: forces_of(&rule, system),
             inverse: Inverse::new(system, &inertia, options),
             inertia,
             newton: Newton::new(&SolverOptions { tolerance, ..options.clone() })?,
@@ -105,6 +105,20 @@ impl<R: Rule> OneStage<R> {
         Ok((iterations, energy))
     }
 
+    /// Is a step of h one of free motion: does nothing act at its stage or stand in the way of it?
+    pub(crate) fn is_free(&mut self, system: &System, state: &State, h: f64) -> bool {
+        let Self { rule, forces, inertia, stage, .. } = self;
+        inertia.open(system, &state.p, &mut forces.work);
+        stage.open(system, rule, inertia, state, h);
+        let mut equations = StageEquations { system, rule, inertia, stage };
+        equations.start(Start::Inertial);
+        equations.shorten_start(system, forces);
+        let is_in_the_way = equations.stage.w.iter().any(|&w| w != 0.0);
+        !is_in_the_way
+            && equations.evaluate(system, forces).is_ok()
+            && forces.gradient().iter().all(|&force| force == 0.0)
+    }
+
     /// Solves the stage; 0 iterations where the body is at rest in balance.
     fn solve(&mut self, system: &System) -> Result<u32, SolverError> {
         let Self { rule, forces, inertia, inverse, newton, stage, .. } = self;
@@ -113,6 +127,7 @@ impl<R: Rule> OneStage<R> {
         }
         if !stage.is_forced
             && stage.constrained.is_none()
+            && !forces.has_live()
             && balance::may_be_at_rest(stage.twice_kinetic, &stage.history[0], stage.history_count)
         {
             stage.w.fill(0.0);
@@ -123,14 +138,14 @@ impl<R: Rule> OneStage<R> {
                 return Ok(0);
             }
         }
-        let mut equations = StageEquations { system, rule, inertia, stage };
-        Ok(newton.solve(system, forces, inverse, &mut equations)?.iterations)
+        let equations = StageEquations { system, rule, inertia, stage };
+        Ok(newton.solve(&mut Solve { system, forces, inverse, equations })?.iterations)
     }
 
     /// The parts of the step's change of energy. With ΔT = Δp·v̄ and g = ∂V/∂x at the stage, they are
     /// the work g·Δx (g with the rule's addition) on prescribed coordinates, the residual's work R·Δq/c, and the
     /// rest that the scheme makes: ΔV − g·Δx (with forces f that have no potential g is ∂V/∂x − f, and their work
-    /// f·Δx is a part of its own), and for schemes that are not variational Δp·v̄ + (g − R/c)·Δq.
+    /// f·Δx is a part of its own), and for schemes that do not balance it with the work on the mean velocity, Δp·v̄ + (g − R/c)·Δq.
     fn account(&mut self, system: &System, before: &State) -> Result<StepEnergy, SolverError> {
         let Self { rule, forces, inertia, stage, after, potentials, x_start, dx, dv, .. } = self;
         stage.evaluate(system, rule, forces)?;
@@ -166,11 +181,17 @@ impl<R: Rule> OneStage<R> {
         let (force, damping) = forces.nonconservative_work(step);
         let (change, loads) = potentials.close(system, forces, &after.q, after.t);
         let mut scheme = change - loads - elastic - prescribed - force - damping;
-        if !self.rule.is_variational() || constrained.is_some() {
+        if !self.rule.works_on_mean_velocity() || constrained.is_some() {
             scheme += kinetic - inertial;
         }
         Ok(StepEnergy { prescribed, force: force + loads, damping, scheme, residual })
     }
+}
+
+/// What the stage of a rule evaluates.
+fn forces_of(rule: &impl Rule, system: &System) -> Forces {
+    let forces = Forces::with_nonconservative(system);
+    if rule.takes_discrete_gradients() { forces.with_discrete_gradients() } else { forces }
 }
 
 impl<R: Rule> Stepper for OneStage<R> {
@@ -195,6 +216,10 @@ impl<R: Rule> Stepper for OneStage<R> {
 
     fn linear_solver(&self) -> Option<&str> {
         Some(self.inverse.reason()).filter(|reason| !reason.is_empty())
+    }
+
+    fn analyses(&self) -> u64 {
+        self.inverse.analyses()
     }
 
     fn velocity(&self, state: &State) -> Option<&[f64]> {
@@ -232,13 +257,13 @@ impl<R: Rule> Stepper for OneStage<R> {
         if let Some(constrained) = &mut self.stage.constrained {
             constrained.restore(memory.array("stage.multipliers")?)?;
         }
-        self.forces = Forces::with_nonconservative(system);
+        self.forces = forces_of(&self.rule, system);
         self.potentials = Potentials::recall(memory);
         self.newton.restore(memory)?;
         self.rule.restore(memory)?;
         self.inertia.recall(memory)?;
         self.inverse.restore(system, &mut self.forces, memory)?;
-        self.forces.recall(system, memory)?;
+        self.forces.recall(memory)?;
         self.forces.work = Work::default();
         Ok(())
     }

@@ -142,7 +142,7 @@ pub fn equilibrium_path(
     watch: &mut dyn FnMut(&State, &LoadStep) -> bool,
 ) -> Result<StaticReport, SolverError> {
     check(options)?;
-    crate::surface::refuse("a static solve", system, true)?;
+    crate::surface::refuse("a static solve", system)?;
     crate::forces::check_state(state, system)?;
     let mut search = Search::new(system, options, watch);
     let mut found = State { t: state.t, q: state.q.clone(), p: vec![0.0; state.p.len()] };
@@ -165,7 +165,7 @@ pub fn equilibrium_path(
 pub fn reactions(system: &System, state: &State) -> Vec<f64> {
     let (x, v) = (system.positions(state), system.velocities(state));
     let mut out = vec![0.0; x.len()];
-    Assembler::new(system).gradient(system, &x, state.t, &mut out);
+    Assembler::new(system).gradient(&x, state.t, &mut out);
     if let Some(mut forces) = ForceSum::new(system) {
         forces.evaluate(&x, &v, state.t);
         for (dof, out) in out.iter_mut().enumerate() {
@@ -177,7 +177,7 @@ pub fn reactions(system: &System, state: &State) -> Vec<f64> {
         let force: Vec<f64> = free.iter().map(|&dof| -out[dof as usize]).collect();
         let (mut acceleration, mut inertial) = (vec![0.0; x.len()], vec![0.0; x.len()]);
         kinetic.coordinates().embed(&system.velocity(&force), state.t, &mut acceleration);
-        Assembler::new(kinetic).gradient(kinetic, &acceleration, 0.0, &mut inertial);
+        Assembler::new(kinetic).gradient(&acceleration, 0.0, &mut inertial);
         out.iter_mut().zip(&inertial).for_each(|(out, inertial)| *out += inertial);
     }
     for &dof in system.coordinates().free() {

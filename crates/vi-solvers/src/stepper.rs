@@ -49,6 +49,11 @@ pub trait Stepper: Send {
         None
     }
 
+    /// How often the ordering and layout of a matrix were made: once, and again when live terms change its pattern.
+    fn analyses(&self) -> u64 {
+        0
+    }
+
     /// ∂V/∂x (N, all coordinates) at the end of the last step, where the scheme knows it anyway.
     fn gradient(&self) -> Option<&[f64]> {
         None

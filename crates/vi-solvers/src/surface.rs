@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 use vi_core::System;
 use vi_core::constraints::QuadraticConstraint;
 
-use crate::{Method, SolverError};
+use crate::SolverError;
 
 /// Iterations for the multipliers before a step is given up.
 const MAX_ITERATIONS: u32 = 50;
@@ -20,30 +20,17 @@ const NOISE: f64 = 4.0;
 /// No free coordinate: prescribed.
 const NONE: u32 = u32::MAX;
 
-/// Refuses constraints where a scheme has no place for them.
+/// Refuses constraints to an analysis that has no place for them.
 ///
 /// # Errors
-/// [`SolverError::Constrained`] with the schemes that have.
-pub(crate) fn check(method: &Method, system: &System) -> Result<(), SolverError> {
-    let constrained = matches!(
-        method,
-        Method::SymplecticEulerA
-            | Method::SymplecticEulerB
-            | Method::StormerVerlet
-            | Method::ImplicitMidpoint
-            | Method::Gauss { stages: 1 }
-            | Method::EnergyMomentum
-    );
-    refuse(method.name(), system, !constrained)
-}
-
-/// Refuses constraints to what asks, where `refused`.
-pub(crate) fn refuse(asker: &'static str, system: &System, refused: bool) -> Result<(), SolverError> {
+/// [`SolverError::ConstrainedAnalysis`].
+pub(crate) fn refuse(analysis: &'static str, system: &System) -> Result<(), SolverError> {
     match system.constraints().first() {
-        Some(constraint) if refused => {
-            Err(SolverError::Constrained { asker, constraint: constraint.name().to_owned() })
+        Some(constraint) => {
+            let constraint = constraint.name().to_owned();
+            Err(SolverError::ConstrainedAnalysis { analysis, constraint })
         }
-        _ => Ok(()),
+        None => Ok(()),
     }
 }
 

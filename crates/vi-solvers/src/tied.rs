@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use rayon::prelude::*;
-use vi_core::System;
+use vi_core::Terms;
 
 use crate::matrix::{NONE, Pattern, SymmetricMatrix};
 
@@ -44,13 +44,13 @@ impl TiedHessian {
     /// From the rows of nodes without tied ones (`row_of`, `free_of`), and K̂ over the rows `full_row_of`
     /// with tied ones; none where no node is tied.
     pub(crate) fn new(
-        system: &System,
+        terms: &Terms,
         full: &SymmetricMatrix,
         full_row_of: &[u32],
         row_of: &[u32],
         free_of: Vec<u32>,
     ) -> Option<Self> {
-        if !system.coordinates().has_combinations() {
+        if !terms.coordinates().has_combinations() {
             return None;
         }
         let block = full.pattern.block;
@@ -62,7 +62,7 @@ impl TiedHessian {
             }
         }
         let split = 3 / block as u32;
-        for (node, terms) in system.coordinates().combinations() {
+        for (node, terms) in terms.coordinates().combinations() {
             for part in 0..split {
                 let sum = &mut sums[full_row_of[(node * split + part) as usize] as usize];
                 for &(k, weight) in terms {

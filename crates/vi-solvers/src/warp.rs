@@ -50,9 +50,9 @@ impl Warp {
     }
 
     /// The factor is made at x.
-    pub(crate) fn remember(&mut self, system: &System, assembler: &mut Assembler, x: &[f64]) {
+    pub(crate) fn remember(&mut self, assembler: &mut Assembler, x: &[f64]) {
         self.is_turned = false;
-        if assembler.mean_deformations(system, x, &mut self.means) {
+        if assembler.mean_deformations(x, &mut self.means) {
             for (then, mean) in self.then.iter_mut().zip(&self.means) {
                 *then = rotation_of(mean);
             }
@@ -60,8 +60,8 @@ impl Warp {
     }
 
     /// The factor is used at x.
-    pub(crate) fn turn(&mut self, system: &System, assembler: &mut Assembler, x: &[f64]) {
-        self.is_turned = assembler.mean_deformations(system, x, &mut self.means);
+    pub(crate) fn turn(&mut self, assembler: &mut Assembler, x: &[f64]) {
+        self.is_turned = assembler.mean_deformations(x, &mut self.means);
         if self.is_turned {
             for (node, mean) in self.means.iter().enumerate() {
                 self.rotation[node] = rotation_of(mean) * self.then[node].transpose();

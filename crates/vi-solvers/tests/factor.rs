@@ -7,7 +7,7 @@ use vi_core::{Coordinates, System};
 use vi_solvers::{Assembler, Factor, HessianEvaluation, SolverError, SymmetricMatrix};
 
 fn hessian(system: &System, x: &[f64], kind: HessianEvaluation) -> SymmetricMatrix {
-    Assembler::new(system).hessian(system, x, 0.0, kind).clone()
+    Assembler::new(system).hessian(x, 0.0, kind).unwrap().clone()
 }
 
 fn wave(n: usize) -> Vec<f64> {
@@ -83,7 +83,7 @@ fn an_indefinite_matrix_is_refused_and_the_next_one_taken() {
     assert!(error.free < bad.free_count());
     assert_eq!(factor.solve(&mut wave(bad.free_count())), Err(SolverError::NotFactored));
     let mut assembler = Assembler::new(&system);
-    let good = assembler.hessian(&system, &compressed, 0.0, HessianEvaluation::Projected);
+    let good = assembler.hessian(&compressed, 0.0, HessianEvaluation::Projected).unwrap();
     let mut factor = Factor::new(good).unwrap();
     factor.factorize(system.free_mass(), 10.0, good).unwrap();
     factor.solve(&mut wave(good.free_count())).unwrap();

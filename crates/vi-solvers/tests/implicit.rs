@@ -4,7 +4,7 @@ mod bodies;
 
 use bodies::{moving_chain, run, stepper_of};
 use vi_core::problems::{Oscillator, Pendulum, SpringChain};
-use vi_core::{EnergyLedger, Scheme, State, System, kinetic_energy, reference};
+use vi_core::{EnergyLedger, State, System, kinetic_energy, reference};
 use vi_solvers::{Method, SolverError, SolverOptions};
 
 fn gauss() -> impl Iterator<Item = Method> {
@@ -18,7 +18,7 @@ fn variational() -> impl Iterator<Item = Method> {
 fn comparison() -> impl Iterator<Item = Method> {
     Method::ALL.into_iter().filter(|method| {
         let facts = method.facts();
-        !facts.is_explicit && !facts.is_variational && *method != Method::EnergyMomentum
+        !facts.is_explicit && !facts.is_variational() && *method != Method::EnergyMomentum
     })
 }
 
@@ -31,10 +31,7 @@ fn kernels_agree_with_the_oracle() {
     let chain = SpringChain::unit(5);
     for (system, start) in [(chain.system().unwrap(), chain.disturbed_state()), moving_chain(5)] {
         for method in variational() {
-            let scheme = match method {
-                Method::Gauss { stages } => Scheme::gauss(stages).unwrap(),
-                _ => Scheme::implicit_midpoint(),
-            };
+            let scheme = method.scheme().unwrap();
             let mut fast = start.clone();
             let mut slow = start.clone();
             let mut stepper = stepper_of(method, &system);

@@ -13,7 +13,7 @@ const KINDS: [Preconditioner; 3] =
     [Preconditioner::BlockJacobi, Preconditioner::Ssor, Preconditioner::BlockIncompleteCholesky];
 
 fn hessian(system: &System, x: &[f64]) -> SymmetricMatrix {
-    Assembler::new(system).hessian(system, x, 0.0, HessianEvaluation::Projected).clone()
+    Assembler::new(system).hessian(x, 0.0, HessianEvaluation::Projected).unwrap().clone()
 }
 
 fn wave(n: usize) -> Vec<f64> {
@@ -102,11 +102,11 @@ fn a_stale_factor_is_a_good_preconditioner() {
     let (old, new) = (hessian(&system, &x), deformed(&x, 0.01));
     let mut assembler = Assembler::new(&system);
     let mass = system.free_mass();
-    let k = assembler.hessian(&system, &x, 0.0, HessianEvaluation::Projected);
+    let k = assembler.hessian(&x, 0.0, HessianEvaluation::Projected).unwrap();
     let mut factor = Factor::new(k).unwrap();
     factor.factorize(mass, 10.0, k).unwrap();
     let mut pcg = Pcg::new(k, Preconditioner::BlockJacobi);
-    let k = assembler.hessian(&system, &new, 0.0, HessianEvaluation::Projected);
+    let k = assembler.hessian(&new, 0.0, HessianEvaluation::Projected).unwrap();
     pcg.set_matrix(mass, 10.0, k);
     let b = wave(old.free_count());
     let mut solution = vec![0.0; b.len()];
@@ -119,7 +119,7 @@ fn what_does_not_converge_or_is_indefinite_is_an_error() {
     let (system, x) = block_system([10, 3, 3], true);
     let mut assembler = Assembler::new(&system);
     let mass = system.free_mass();
-    let k = assembler.hessian(&system, &x, 0.0, HessianEvaluation::Exact);
+    let k = assembler.hessian(&x, 0.0, HessianEvaluation::Exact).unwrap();
     let b = wave(k.free_count());
     let mut solution = vec![0.0; b.len()];
     let mut pcg = Pcg::new(k, Preconditioner::BlockJacobi);
@@ -127,10 +127,10 @@ fn what_does_not_converge_or_is_indefinite_is_an_error() {
     let error = pcg.solve(&b, &mut solution, 1e-10, 3).unwrap_err();
     assert!(matches!(error, SolverError::ConjugateGradients { iterations: 3, .. }));
     let compressed: Vec<f64> = x.iter().map(|x| 0.3 * x).collect();
-    let k = assembler.hessian(&system, &compressed, 0.0, HessianEvaluation::Exact);
+    let k = assembler.hessian(&compressed, 0.0, HessianEvaluation::Exact).unwrap();
     assert!(pcg.prepare(mass, 100.0, k).is_err());
     // A preconditioner that is positive hides nothing.
-    let k = assembler.hessian(&system, &x, 0.0, HessianEvaluation::Exact);
+    let k = assembler.hessian(&x, 0.0, HessianEvaluation::Exact).unwrap();
     let mut factor = Factor::new(k).unwrap();
     factor.factorize(mass, 1.0, k).unwrap();
     pcg.set_matrix(mass, -100.0, k);

@@ -30,20 +30,20 @@ impl Rule for Bdf2 {
         "bdf2"
     }
     fn coefficient(&self, h: f64) -> f64 {
-        if self.is_first() { Midpoint.coefficient(h) } else { 4.0 / 9.0 * h * h }
+        if self.is_first() { Midpoint::new().coefficient(h) } else { 4.0 / 9.0 * h * h }
     }
     fn time(&self) -> f64 {
-        if self.is_first() { Midpoint.time() } else { 1.0 }
+        if self.is_first() { Midpoint::new().time() } else { 1.0 }
     }
     fn offset(&self, k: usize, v: f64, h: f64) -> f64 {
         if self.is_first() {
-            return Midpoint.offset(k, v, h);
+            return Midpoint::new().offset(k, v, h);
         }
         self.dq[k] / 3.0 + 2.0 / 3.0 * h * (v + self.dv[k] / 3.0)
     }
     fn change(&self, k: usize, v: f64, w: f64, h: f64) -> (f64, f64) {
         if self.is_first() {
-            return Midpoint.change(k, v, w, h);
+            return Midpoint::new().change(k, v, w, h);
         }
         (self.offset(k, v, h) + w, self.dv[k] / 3.0 + 1.5 * w / h)
     }

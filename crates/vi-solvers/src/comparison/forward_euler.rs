@@ -94,6 +94,6 @@ impl Stepper for ForwardEuler {
         expect_method(memory, Self::NAME)?;
         self.forces = Forces::new(system);
         self.potentials = Potentials::recall(memory);
-        self.forces.recall(system, memory)
+        self.forces.recall(memory)
     }
 }

@@ -2,11 +2,16 @@
 //! with. It must not know a system.
 
 use nalgebra::DMatrix;
-use vi_core::Quadrature;
+use vi_core::{Quadrature, Scheme};
 
 use crate::SolverError;
 
 type Rows = Vec<Vec<f64>>;
+
+/// The error of a number of stages that no method has.
+pub(crate) fn stages_outside_domain(stages: usize) -> SolverError {
+    SolverError::Option { option: "stages", value: stages as f64, allowed: "must be from 1 to 5" }
+}
 
 /// Everything is a linear combination of the stage increments Z_j.
 pub(crate) struct Coefficients {
@@ -33,18 +38,18 @@ pub(crate) struct Coefficients {
 }
 
 impl Coefficients {
-    /// s from 2 to 5.
-    pub(crate) fn new(s: usize) -> Result<Self, SolverError> {
-        let Some(splitting) = Splitting::of(s) else {
-            let (option, allowed) = ("stages", "must be from 1 to 5");
-            return Err(SolverError::Option { option, value: s as f64, allowed });
-        };
-        let Ok(rule) = Quadrature::gauss_legendre(s) else {
-            let (option, allowed) = ("stages", "must be from 1 to 5");
-            return Err(SolverError::Option { option, value: s as f64, allowed });
+    /// Those of degree s × Gauss–Legendre with s points, s from 2 to 5.
+    ///
+    /// The trajectory's velocity, of degree s − 1, is the polynomial through its values at the s nodes: Butcher's matrix
+    /// is that of collocation at the nodes.
+    pub(crate) fn new(scheme: &Scheme) -> Result<Self, SolverError> {
+        let rule = &scheme.quadrature;
+        let s = rule.nodes().len();
+        let Some(splitting) = Splitting::of(s).filter(|_| scheme.interpolation.degree() == s) else {
+            return Err(stages_outside_domain(s));
         };
         let (c, b) = (rule.nodes().to_vec(), rule.weights().to_vec());
-        let a = butcher(&rule);
+        let a = butcher(rule);
         let t = &a * &a;
         let inverse = t.clone().try_inverse().expect("A of a Gauss method is regular");
         let q = DMatrix::from_fn(s, s, |i, j| splitting.q[i * s + j]);

@@ -1,15 +1,12 @@
 //! A full Newton step for equations whose Jacobian J is not their model A: stages that are coupled, forces
 //! without a potential, discrete gradients. J δ = −R is solved by GMRES (Saad, Schultz 1986) with A⁻¹
 //! in front and products with J by differences of R, so that nothing but residuals and corrections is
-//! asked of the equations. The step is shortened until A⁻¹R falls (Deuflhard's natural monotonicity
+//! asked of the solve.equations. The step is shortened until A⁻¹R falls (Deuflhard's natural monotonicity
 //! test, Newton Methods for Nonlinear Problems, §3.3). This room must not know a scheme.
 
 use nalgebra::{DMatrix, DVector};
-use vi_core::System;
 
-use super::Equations;
-use crate::forces::Forces;
-use crate::inverse::Inverse;
+use super::{Equations, Solve};
 use crate::{SolverError, vectors};
 
 /// Largest number of products with J.
@@ -30,23 +27,21 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// Makes the step from the place of the last correction A⁻¹(−R); returns the part of it that was made.
-pub(super) fn step<E: Equations>(
-    system: &System,
-    forces: &mut Forces,
-    inverse: &mut Inverse,
-    equations: &mut E,
-) -> Result<f64, SolverError> {
-    let first = equations.correction().0.to_vec();
+pub(super) fn step<E: Equations>(solve: &mut Solve<'_, E>) -> Result<f64, SolverError> {
+    let first = solve.equations.correction().0.to_vec();
     // The place is where the last correction was made.
-    equations.advance(0.0);
-    let place = equations.unknowns().to_vec();
-    let delta = solve(system, forces, inverse, equations, &place, &first)?;
+    solve.equations.advance(0.0);
+    let place = solve.equations.unknowns().to_vec();
+    let delta = direction(solve, &place, &first)?;
     let size = norm(&first);
-    let mut fraction = 1.0;
+    solve.equations.go_to(&place);
+    solve.equations.correction().0.copy_from_slice(&delta);
+    let longest = solve.largest_step();
+    let mut fraction = longest;
     let mut failure = None;
-    while fraction >= SHORTEST {
-        forces.work.line_searches += 1;
-        match correct_along(system, forces, inverse, equations, &place, &delta, fraction) {
+    while fraction >= SHORTEST * longest {
+        solve.forces.work.line_searches += 1;
+        match correct_along(solve, &place, &delta, fraction) {
             Ok(correction) if norm(correction) <= (1.0 - 0.25 * fraction) * size => return Ok(fraction),
             Ok(_) => {}
             Err(error) => failure = Some(error),
@@ -59,28 +54,22 @@ pub(super) fn step<E: Equations>(
 
 /// A⁻¹(−R) where the equations come to from `place` along `direction`.
 fn correct_along<'a, E: Equations>(
-    system: &System,
-    forces: &mut Forces,
-    inverse: &mut Inverse,
-    equations: &'a mut E,
+    solve: &'a mut Solve<'_, E>,
     place: &[f64],
     direction: &[f64],
     length: f64,
 ) -> Result<&'a [f64], SolverError> {
-    equations.go_to(place);
-    equations.correction().0.copy_from_slice(direction);
-    equations.advance(length);
-    equations.evaluate(system, forces)?;
-    equations.correct(inverse, forces)?;
-    Ok(equations.correction().0)
+    solve.equations.go_to(place);
+    solve.equations.correction().0.copy_from_slice(direction);
+    solve.equations.advance(length);
+    solve.evaluate()?;
+    solve.correct()?;
+    Ok(solve.equations.correction().0)
 }
 
 /// δ with ‖A⁻¹(R + Jδ)‖ ≤ forcing · ‖A⁻¹R‖, `first` = −A⁻¹R.
-fn solve<E: Equations>(
-    system: &System,
-    forces: &mut Forces,
-    inverse: &mut Inverse,
-    equations: &mut E,
+fn direction<E: Equations>(
+    solve: &mut Solve<'_, E>,
     place: &[f64],
     first: &[f64],
 ) -> Result<Vec<f64>, SolverError> {
@@ -90,7 +79,7 @@ fn solve<E: Equations>(
     let mut hessenberg = DMatrix::zeros(BASIS + 1, BASIS);
     let mut weights = DVector::zeros(0);
     for column in 0..BASIS {
-        let there = correct_along(system, forces, inverse, equations, place, &basis[column], length)?;
+        let there = correct_along(solve, place, &basis[column], length)?;
         let mut image: Vec<f64> = first.iter().zip(there).map(|(a, b)| (a - b) / length).collect();
         // Twice is enough (Kahan, Parlett).
         for _ in 0..2 {

@@ -1,7 +1,7 @@
 //! What tells one-stage methods apart: û, c, the time of the stage, and what follows from its increment w.
 //! Here is implicit midpoint; `comparison/` has the others. It must not know how the stage is solved.
 
-use vi_core::{State, System};
+use vi_core::{Scheme, State, System};
 
 use crate::forces::Forces;
 use crate::inertia::Inertia;
@@ -14,8 +14,9 @@ pub(crate) trait Rule: Send + Sync {
     fn name(&self) -> &'static str;
     /// c of the stage equation, s².
     fn coefficient(&self, h: f64) -> f64;
-    /// Is Δp·v̄ = R·Δq/c − g·Δq to round-off, as for implicit midpoint?
-    fn is_variational(&self) -> bool {
+    /// Does the change of kinetic energy, Δp·v̄ with v̄ the mean velocity of the step, equal R·Δq/c − g·Δq to round-off,
+    /// as for implicit midpoint?
+    fn works_on_mean_velocity(&self) -> bool {
         false
     }
     /// Time of the stage, in units of h from the start.
@@ -36,6 +37,10 @@ pub(crate) trait Rule: Send + Sync {
     /// none where the scheme has no place for constraints.
     fn multipliers(&self) -> Option<Multipliers> {
         None
+    }
+    /// Do live terms with a discrete gradient act by that, between the ends of the step? The stage is then in its middle.
+    fn takes_discrete_gradients(&self) -> bool {
+        false
     }
     /// Is there a force beside −∂V/∂q at the stage? Then the stage minimises nothing.
     fn has_correction(&self) -> bool {
@@ -93,29 +98,54 @@ impl Trial<'_> {
     }
 }
 
-/// Linear × midpoint (Marsden & West 2001, §2.6.2): û = q₀ + (h/2) v₀, c = h²/4.
-pub(crate) struct Midpoint;
+/// The stage of linear × midpoint. With c the node of the quadrature, here ½, the trajectory at the node is
+/// q₀ + c(q₁ − q₀), and the Legendre transforms of L_d give (Marsden & West 2001, §2.6.2)
+/// q₁ − q₀ = h v₀ + w/c and v₁ − v₀ = w/(c(1 − c)h), where w = −c(1 − c)h² M⁻¹∂V/∂q.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Midpoint {
+    node: f64,
+}
+
+impl Midpoint {
+    /// Of a scheme with a linear trajectory and V read at its middle alone; none for other schemes.
+    pub(crate) fn of(scheme: &Scheme) -> Option<Self> {
+        let is_linear = scheme.interpolation.degree() == 1;
+        match scheme.quadrature.nodes() {
+            &[node] if is_linear && scheme.is_symmetric() => Some(Self { node }),
+            _ => None,
+        }
+    }
+
+    /// The stage of [`Scheme::implicit_midpoint`].
+    pub(crate) const fn new() -> Self {
+        Self { node: 0.5 }
+    }
+}
 
 impl Rule for Midpoint {
     fn name(&self) -> &'static str {
         "implicit-midpoint"
     }
-    fn is_variational(&self) -> bool {
+    fn works_on_mean_velocity(&self) -> bool {
         true
     }
     fn coefficient(&self, h: f64) -> f64 {
-        0.25 * h * h
+        self.node * (1.0 - self.node) * h * h
     }
     fn time(&self) -> f64 {
-        0.5
+        self.node
     }
     fn offset(&self, _k: usize, v: f64, h: f64) -> f64 {
-        0.5 * h * v
+        self.node * h * v
+    }
+    fn takes_discrete_gradients(&self) -> bool {
+        true
     }
     fn multipliers(&self) -> Option<Multipliers> {
         Some(Multipliers::Ends)
     }
     fn change(&self, _k: usize, v: f64, w: f64, h: f64) -> (f64, f64) {
-        (h * v + 2.0 * w, 4.0 * w / h)
+        let c = self.node;
+        (h * v + w / c, w / (c * (1.0 - c)) / h)
     }
 }

@@ -44,6 +44,8 @@ pub(super) struct Stage {
     /// Are there forces without a potential? Then velocities at the start are kept.
     pub(super) is_forced: bool,
     pub(super) velocity: Vec<f64>,
+    /// Do live terms act by discrete gradients? Then the stage minimises nothing.
+    pub(super) has_discrete: bool,
     /// Where there are constraints.
     pub(super) constrained: Option<Constrained>,
 }
@@ -73,6 +75,7 @@ impl Stage {
             h: 0.0,
             is_simple: false,
             is_forced,
+            has_discrete: false,
             velocity: Vec::new(),
         }
     }
@@ -119,7 +122,13 @@ impl Stage {
     ) -> Result<(), SolverError> {
         self.configure();
         self.set_velocities(system, rule, forces);
-        forces.evaluate(system, &self.q, self.t, false)?;
+        if rule.takes_discrete_gradients() && forces.has_live() {
+            let end: Vec<f64> = (0..self.w.len()).map(|k| self.end(k)).collect();
+            forces.set_ends(system, (&self.origin, self.start_t), (&end, self.start_t + self.h));
+        }
+        let outcome = forces.evaluate(system, &self.q, self.t, false);
+        self.has_discrete = forces.has_discrete();
+        outcome?;
         if self.is_simple {
             self.added.fill(0.0);
         } else if rule.has_correction() {
@@ -136,6 +145,32 @@ impl Stage {
             constrained.evaluate(system, q, *t, end, added);
         }
         Ok(())
+    }
+
+    /// Coordinate k at the end of the step, of a stage in the middle.
+    fn end(&self, k: usize) -> f64 {
+        self.origin[k] + 2.0 * (self.offset[k] + self.w[k])
+    }
+
+    /// The largest part of the change dq of the stage, from where it is, that the terms allow.
+    fn largest_step(&mut self, system: &System, rule: &impl Rule, forces: &mut Forces, dq: &[f64]) -> f64 {
+        self.configure();
+        let coordinates = system.coordinates();
+        let place = |q: &[f64], t: f64| {
+            let mut x = vec![0.0; coordinates.dof_count()];
+            coordinates.embed(q, t, &mut x);
+            x
+        };
+        let mut dx = vec![0.0; coordinates.dof_count()];
+        coordinates.embed_change(dq, &mut dx);
+        let x = place(&self.q, self.t);
+        if !rule.takes_discrete_gradients() {
+            return forces.largest_step(system, &x, &dx, None);
+        }
+        let end: Vec<f64> = (0..self.w.len()).map(|k| self.end(k)).collect();
+        let x_end = place(&end, self.start_t + self.h);
+        let dx_end: Vec<f64> = dx.iter().map(|dx| 2.0 * dx).collect();
+        forces.largest_step(system, &x, &dx, Some([&x_end, &dx_end]))
     }
 
     /// Tells the forces without a potential how fast the stage moves.
@@ -182,11 +217,11 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn model_is_exact(&self) -> bool {
-        !self.rule.has_correction() && self.stage.constrained.is_none()
+        !self.rule.has_correction() && self.stage.constrained.is_none() && !self.stage.has_discrete
     }
 
     fn simplify(&mut self, simple: bool) -> bool {
-        let may_be = self.rule.has_correction() && !self.stage.is_forced;
+        let may_be = self.rule.has_correction() && !self.stage.is_forced && !self.stage.has_discrete;
         self.stage.is_simple = simple && may_be;
         may_be
     }
@@ -213,6 +248,31 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
             (Start::Still, _) => vectors::fill(w, |k| -offset[k]),
         }
         base.copy_from_slice(w);
+    }
+
+    fn shorten_start(&mut self, system: &System, forces: &mut Forces) {
+        // From where the step begins to where the iteration does.
+        let Self { rule, stage, .. } = self;
+        let goal: Vec<f64> = stage.offset.iter().zip(&stage.w).map(|(offset, w)| offset + w).collect();
+        let at_start = stage.offset.iter().map(|offset| -offset).collect();
+        let wanted = std::mem::replace(&mut stage.w, at_start);
+        let part = stage.largest_step(system, *rule, forces, &goal);
+        let Stage { w, base, offset, .. } = &mut **stage;
+        w.copy_from_slice(&wanted);
+        if part < 1.0 {
+            vectors::fill(w, |k| part * goal[k] - offset[k]);
+        }
+        base.copy_from_slice(w);
+    }
+
+    fn largest_step(&mut self, system: &System, forces: &mut Forces) -> f64 {
+        let Self { rule, stage, .. } = self;
+        let reached = std::mem::take(&mut stage.w);
+        stage.w = stage.base.clone();
+        let correction = std::mem::take(&mut stage.correction);
+        let part = stage.largest_step(system, *rule, forces, &correction);
+        (stage.w, stage.correction) = (reached, correction);
+        part
     }
 
     fn linearize(&mut self, _system: &System, _forces: &mut Forces) -> Result<(), SolverError> {
@@ -256,7 +316,7 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn has_merit(&self) -> bool {
-        let is_plain = !self.stage.is_forced && self.stage.constrained.is_none();
+        let is_plain = !self.stage.is_forced && self.stage.constrained.is_none() && !self.stage.has_discrete;
         (!self.rule.has_correction() || self.stage.is_simple) && is_plain
     }
 

@@ -67,7 +67,7 @@ impl<'a> Balance<'a> {
     pub(crate) fn residual(&mut self, q: &[f64], t: f64, out: &mut [f64]) -> Result<(), SolverError> {
         self.go_to(q, t);
         self.work.gradients += 1;
-        self.assembler.gradient(self.system, &self.x, t, &mut self.gradient);
+        self.assembler.gradient(&self.x, t, &mut self.gradient);
         if let Some(forces) = &mut self.forces {
             forces.evaluate(&self.x, &self.still, t);
             for (dof, gradient) in self.gradient.iter_mut().enumerate() {
@@ -76,7 +76,7 @@ impl<'a> Balance<'a> {
         }
         let gradient = &self.gradient;
         if vectors::sum(gradient.len(), |k| 0.0 * gradient[k]) != 0.0 {
-            return Err(match self.assembler.fault(self.system, &self.x, t) {
+            return Err(match self.assembler.fault(&self.x, t) {
                 Some(term) => SolverError::Term { term, at_start: false },
                 None => {
                     let dof = gradient.iter().position(|g| !g.is_finite()).unwrap_or(0);
@@ -94,15 +94,15 @@ impl<'a> Balance<'a> {
         self.go_to(q, t);
         self.work.energies += 1;
         let held = vectors::sum(self.held.len(), |k| self.held[k] * q[k]);
-        self.assembler.energies(self.system, &self.x, t).total() - held
+        self.assembler.energies(&self.x, t).total() - held
     }
 
     /// Σ |V| over the accounts at (q, t), J: a scale of energy.
     pub(crate) fn energy_scale(&mut self, q: &[f64], t: f64) -> f64 {
         self.go_to(q, t);
         self.work.energies += 1;
-        let energies = self.assembler.energies(self.system, &self.x, t);
-        energies.elastic.abs() + energies.gravity.abs() + energies.load.abs()
+        let energies = self.assembler.energies(&self.x, t);
+        energies.elastic.abs() + energies.gravity.abs() + energies.load.abs() + energies.contact.abs()
     }
 
     /// K at (q, t).
@@ -118,15 +118,11 @@ impl<'a> Balance<'a> {
         self.go_to(q, t);
         self.work.hessians += 1;
         self.work.projections += u64::from(kind == HessianEvaluation::Projected);
-        let k = self.assembler.hessian(self.system, &self.x, t, kind);
+        let k = self.assembler.hessian(&self.x, t, kind)?;
         let Some(forces) = &mut self.forces else { return Ok(k) };
         forces.evaluate(&self.x, &self.still, t);
         let Some(load) = forces.stiffness(self.system) else { return Ok(k) };
-        let sum = match &mut self.sum {
-            Some(sum) => sum,
-            none => none.insert(MatrixSum::new(&[k, load])?),
-        };
-        Ok(sum.combine(&[(1.0, k), (1.0, load)]))
+        MatrixSum::of(&mut self.sum, &[(1.0, k), (1.0, load)])
     }
 
     /// Factors K + σM at (q, t), σ in 1/s².
@@ -149,8 +145,8 @@ impl<'a> Balance<'a> {
         let k = self.tangent(q, t, kind)?;
         k.diagonal(&mut diagonal);
         let made = match &mut factor {
-            Some(factor) => factor,
-            none => none.insert(Factor::new(k)?),
+            Some(factor) if factor.serves(k) => factor,
+            other => other.insert(Factor::new(k)?),
         };
         let result = made.factorize(if shift == 0.0 { &[] } else { &mass }, 1.0, k);
         self.unshifted = (shift != 0.0).then(|| k.clone());
