@@ -56,7 +56,7 @@ impl System {
     /// # Errors
     /// [`CoreError::Stencil`] where a stencil names a missing node.
     pub fn add_potentials(mut self, more: Vec<Box<dyn Potential>>) -> Result<Self, CoreError> {
-        self.potential = self.potential.add(more.into_iter().map(Arc::from).collect())?;
+        self.potential = self.potential.with_more(more.into_iter().map(Arc::from).collect())?;
         Ok(self)
     }
 

@@ -37,7 +37,7 @@ impl Terms {
     ///
     /// # Errors
     /// [`CoreError::Stencil`] where a stencil names a missing node.
-    pub fn add(mut self, more: Vec<Arc<dyn Potential>>) -> Result<Self, CoreError> {
+    pub fn with_more(mut self, more: Vec<Arc<dyn Potential>>) -> Result<Self, CoreError> {
         for term in &more {
             check_stencils(term.name(), term.stencils(), self.coordinates.dof_count())?;
         }

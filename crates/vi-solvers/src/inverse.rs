@@ -6,12 +6,12 @@ use std::sync::Arc;
 
 use vi_core::{HessianKind, System};
 
+use crate::cost::UnitCosts;
 use crate::forces::Forces;
 use crate::inertia::Inertia;
 use crate::linear::Linear;
 use crate::live::LiveState;
 use crate::matrix_sum::MatrixSum;
-use crate::cost::UnitCosts;
 use crate::warp::Warp;
 use crate::{HessianEvaluation, SolverError, SolverOptions, StepperMemory, SymmetricMatrix, Work};
 

@@ -145,6 +145,7 @@ const COMPARISON: MethodFacts = MethodFacts {
 };
 
 type Made = Result<Box<dyn Stepper>, SolverError>;
+type Make = dyn Fn(&System, &SolverOptions) -> Made;
 
 /// Where the stepper of a scheme comes from.
 enum Source {
@@ -153,7 +154,7 @@ enum Source {
     /// Kicks and drifts with coefficients of their own.
     KickDrift(Coefficients),
     /// A stepper of its own.
-    Own(Box<dyn Fn(&System, &SolverOptions) -> Made>),
+    Own(Box<Make>),
 }
 
 impl Source {

@@ -82,12 +82,9 @@ pub(crate) fn update_pair(a: &mut [f64], b: &mut [f64], update: impl Fn(usize, &
     if a.len() < PARALLEL { leaf(0, a, b) } else { on_pairs_of_leaves(0, a, b, &leaf) }
 }
 
-fn on_pairs_of_leaves(
-    first: usize,
-    a: &mut [f64],
-    b: &mut [f64],
-    leaf: &(dyn Fn(usize, &mut [f64], &mut [f64]) + Sync),
-) {
+type OnPair<'a> = dyn Fn(usize, &mut [f64], &mut [f64]) + Sync + 'a;
+
+fn on_pairs_of_leaves(first: usize, a: &mut [f64], b: &mut [f64], leaf: &OnPair<'_>) {
     let n = a.len();
     if n < PARALLEL {
         return leaf(first, a, b);
