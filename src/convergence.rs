@@ -133,7 +133,7 @@ pub enum ConvergenceError {
         /// The run.
         what: String,
         /// Why.
-        source: StepError,
+        source: Box<StepError>,
     },
     /// The modes were not found.
     #[error("{what}: {source}")]
@@ -269,7 +269,8 @@ fn level(
     } else {
         while !simulation.is_done() {
             let stepped = simulation.advance(u64::MAX);
-            stepped.map_err(|source| ConvergenceError::Step { what: what.clone(), source })?;
+            stepped
+                .map_err(|source| ConvergenceError::Step { what: what.clone(), source: Box::new(source) })?;
             if !watch.go_on() {
                 return Err(ConvergenceError::Stopped);
             }
