@@ -76,16 +76,15 @@ impl System {
         self
     }
 
-    /// The system with V of the live terms alone, lumped mass, and neither forces nor constraints.
+    /// A system with the same coordinates and lumped mass on which nothing acts.
     #[must_use]
-    pub fn of_live_terms(&self) -> Self {
+    pub fn without_terms(&self) -> Self {
         let Self { mass, free_mass, .. } = self;
         let coordinates = Arc::clone(self.potential.shared_coordinates());
-        let fixed = Terms::of_nothing(coordinates);
         Self {
             mass: mass.clone(),
             free_mass: free_mass.clone(),
-            potential: fixed.with_live(self.potential.live().to_vec()),
+            potential: Terms::of_nothing(coordinates),
             kinetic: None,
             forces: Vec::new(),
             constraints: Vec::new(),

@@ -124,7 +124,7 @@ pub enum SolverError {
         /// Why not.
         reason: &'static str,
         /// Schemes that can.
-        schemes: String,
+        schemes: Box<str>,
     },
     /// A scheme that has no place for constraints.
     #[error(
@@ -137,7 +137,7 @@ pub enum SolverError {
         /// The first constraint.
         constraint: String,
         /// Schemes that can.
-        schemes: String,
+        schemes: Box<str>,
     },
     /// An analysis that has no place for constraints.
     #[error("{analysis} cannot keep the constraint '{constraint}'; remove the rigid bodies and joints")]
@@ -153,7 +153,7 @@ pub enum SolverError {
         /// The scheme's name.
         scheme: &'static str,
         /// Schemes that can.
-        schemes: String,
+        schemes: Box<str>,
     },
     /// The surface of the constraints was not reached.
     #[error(

@@ -52,7 +52,7 @@ pub use factor::{Cholesky, Columns, Factor, FactorFacts, Scalar, SingleFactor};
 pub use matrix::SymmetricMatrix;
 pub use method::{AcceptedForces, Accepts, Conserves, Method, MethodFacts, stepper};
 pub use modes::{Mode, ModeOptions, modes};
-pub use nodal_forces::{accelerations, external_forces};
+pub use nodal_forces::{accelerations, external_forces, net_forces};
 pub use pcg::{Pcg, PcgFacts, PcgReport, Preconditioner};
 pub use quasi_static::quasi_static;
 pub use stability::{HighestFrequency, highest_frequency};

@@ -281,11 +281,11 @@ impl Method {
     }
 
     /// Names of the schemes that accept something, the schemes for comparison left out.
-    fn accepting(accepts: impl Fn(&Accepts) -> bool) -> String {
+    fn accepting(accepts: impl Fn(&Accepts) -> bool) -> Box<str> {
         let is_proposed =
             |facts: &MethodFacts| facts.made_of != COMPARISON.made_of && accepts(&facts.accepts);
         let names = Self::ALL.iter().map(Self::facts).filter(is_proposed).map(|facts| facts.name);
-        names.collect::<Vec<_>>().join(", ")
+        names.collect::<Vec<_>>().join(", ").into()
     }
 }
 

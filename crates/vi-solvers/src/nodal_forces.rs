@@ -10,12 +10,7 @@ use crate::{Assembler, surface};
 /// and those of their path (by differences of its velocity) where they are prescribed.
 pub fn accelerations(system: &System, state: &State) -> Vec<f64> {
     let (x, v) = (system.positions(state), system.velocities(state));
-    let mut gradient = vec![0.0; x.len()];
-    Assembler::new(system).gradient(&x, state.t, &mut gradient);
-    let mut forces = ForceSum::new(system);
-    if let Some(forces) = &mut forces {
-        forces.evaluate(&x, &v, state.t);
-    }
+    let net = net_forces(system, state);
     let coordinates = system.coordinates();
     let mut out = vec![0.0; x.len()];
     if coordinates.is_moving() {
@@ -28,8 +23,7 @@ pub fn accelerations(system: &System, state: &State) -> Vec<f64> {
         coordinates.embed_velocity(&still, to, &mut out);
         out.iter_mut().zip(&before).for_each(|(out, before)| *out = (*out - before) / (to - from));
     }
-    let force = |dof: usize| forces.as_ref().map_or(0.0, |forces| forces.total(dof)) - gradient[dof];
-    let force: Vec<f64> = coordinates.free().iter().map(|&dof| force(dof as usize)).collect();
+    let force: Vec<f64> = coordinates.free().iter().map(|&dof| net[dof as usize]).collect();
     for (&dof, acceleration) in coordinates.free().iter().zip(system.velocity(&force)) {
         out[dof as usize] = acceleration;
     }
@@ -41,6 +35,22 @@ pub fn accelerations(system: &System, state: &State) -> Vec<f64> {
         }
     }
     out
+}
+
+/// f − ∂V/∂x of all coordinates, N, pulled back from tied nodes: what accelerates the free ones and what the prescribed
+/// ones are held against. Forces of constraints are not in it.
+pub fn net_forces(system: &System, state: &State) -> Vec<f64> {
+    let x = system.positions(state);
+    let mut net = vec![0.0; x.len()];
+    Assembler::new(system).gradient(&x, state.t, &mut net);
+    let mut forces = ForceSum::new(system);
+    if let Some(forces) = &mut forces {
+        forces.evaluate(&x, &system.velocities(state), state.t);
+    }
+    for (dof, net) in net.iter_mut().enumerate() {
+        *net = forces.as_ref().map_or(0.0, |forces| forces.total(dof)) - *net;
+    }
+    net
 }
 
 /// Forces of weight, loads and wind on all coordinates, N; neither elastic nor damping forces.

@@ -5,7 +5,12 @@
 //! This is a step of the energy–momentum method with the kinetic energy and these terms alone. It keeps their energy and
 //! the momenta, and sets no limit to the step. Where no term acts along the free drift, nothing is solved.
 
-use vi_core::{State, StepEnergy, System};
+use std::ops::Range;
+use std::sync::Arc;
+
+use vi_core::{
+    Account, HessianKind, Live, Potential, State, Stencils, StepEnergy, System, Traits, packed_len,
+};
 
 use crate::error::SolverError;
 use crate::stages::{Midpoint, OneStage};
@@ -19,6 +24,64 @@ pub(super) struct Collisions {
     system: System,
     stepper: OneStage<Midpoint>,
     state: State,
+}
+
+/// A live term where it acts by a discrete gradient, and nothing where it does not: its kicks are then those of its
+/// gradient.
+struct Acting(Arc<dyn Live>);
+
+impl Live for Acting {
+    fn name(&self) -> &str {
+        self.0.name()
+    }
+
+    fn reach(&self) -> f64 {
+        self.0.reach()
+    }
+
+    fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential> {
+        let near = self.0.near(x, reach);
+        match near.discrete_gradient() {
+            Some(_) => near,
+            None => Arc::new(Nothing { arity: near.stencils().arity, block: near.stencils().block }),
+        }
+    }
+}
+
+/// A potential without stencils.
+struct Nothing {
+    arity: usize,
+    block: usize,
+}
+
+impl Potential for Nothing {
+    fn name(&self) -> &str {
+        "nothing"
+    }
+
+    fn account(&self) -> Account {
+        Account::Contact
+    }
+
+    fn stencils(&self) -> Stencils<'_> {
+        Stencils { arity: self.arity, block: self.block, nodes: &[] }
+    }
+
+    fn traits(&self) -> Traits {
+        Traits { hessian: HessianKind::Zero, time_dependent: false }
+    }
+
+    fn energies(&self, range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
+        out[..range.len()].fill(0.0);
+    }
+
+    fn gradients(&self, range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
+        out[..range.len() * self.stencils().size()].fill(0.0);
+    }
+
+    fn hessians(&self, range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
+        out[..range.len() * packed_len(self.stencils().size())].fill(0.0);
+    }
 }
 
 /// What a drift did.
@@ -35,7 +98,9 @@ impl Collisions {
         if system.terms().live().is_empty() {
             return Ok(None);
         }
-        let system = system.of_live_terms();
+        let acting = |term: &Arc<dyn Live>| Arc::new(Acting(Arc::clone(term))) as Arc<dyn Live>;
+        let live = system.terms().live().iter().map(acting).collect();
+        let system = system.without_terms().with_live(live);
         // The energy errs as the work of the residual, which is linear in it.
         let tolerance = (1e-5 * options.tolerance).max(1e-14);
         let stepper =
