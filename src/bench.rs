@@ -14,8 +14,9 @@ use std::time::Duration;
 
 use serde::Serialize;
 
+use crate::auto::SettleError;
 use crate::scene::{Problem, Scene};
-use crate::trial::Choice;
+use crate::trial::{Choice, TrialWatch};
 
 pub use sweep::bench;
 
@@ -47,6 +48,19 @@ pub trait BenchWatch {
 }
 
 impl BenchWatch for () {}
+
+/// A watch of a bench that follows the trials of `auto` before it.
+struct Trials<'a>(&'a mut dyn BenchWatch);
+
+impl TrialWatch for Trials<'_> {
+    fn next(&mut self, what: &str) {
+        self.0.next(what, 0.0, Duration::ZERO);
+    }
+
+    fn go_on(&mut self) -> bool {
+        self.0.go_on()
+    }
+}
 
 /// The solution that errors are measured against, and why it can be trusted.
 #[derive(Debug, Clone, Serialize)]
@@ -123,6 +137,9 @@ pub enum BenchError {
     /// The scene is wrong.
     #[error("the scene is wrong")]
     Scene(Vec<Problem>),
+    /// The caller asked to stop before anything could be compared.
+    #[error("stopped")]
+    Stopped,
     /// A scheme is unknown.
     #[error("unknown scheme '{name}'; there are {known}")]
     Scheme {
@@ -140,6 +157,15 @@ pub enum BenchError {
         /// What was tried.
         why: String,
     },
+}
+
+impl From<SettleError> for BenchError {
+    fn from(error: SettleError) -> Self {
+        match error {
+            SettleError::Scene(problems) => Self::Scene(problems),
+            SettleError::Stopped => Self::Stopped,
+        }
+    }
 }
 
 /// The scene that a bench recommends: its own, with the recommended scheme and step.

@@ -13,11 +13,12 @@ use std::time::Instant;
 use serde::Serialize;
 use vi_solvers::StepError;
 
+use crate::auto::{SettleError, settle, stand_in};
 use crate::run::RunError;
 use crate::scene::MassKind;
 use crate::scene::{Load, Problem, Scene, SpringEnd};
 use crate::simulation::{Observation, Simulation};
-use crate::trial::Choice;
+use crate::trial::{Choice, TrialWatch};
 use crate::vibration::scene_modes;
 
 pub use extrapolate::{Extrapolation, extrapolate};
@@ -40,18 +41,6 @@ impl Default for ConvergenceOptions {
         Self { levels: 3, space: true, time: true, modes: None }
     }
 }
-
-/// Follows a study.
-pub trait ConvergenceWatch {
-    /// What is about to run.
-    fn next(&mut self, _what: &str) {}
-    /// Asked often: false ends the study.
-    fn go_on(&mut self) -> bool {
-        true
-    }
-}
-
-impl ConvergenceWatch for () {}
 
 /// One run of a study.
 #[derive(Debug, Clone, Serialize)]
@@ -151,6 +140,15 @@ pub enum ConvergenceError {
     Nothing(String),
 }
 
+impl From<SettleError> for ConvergenceError {
+    fn from(error: SettleError) -> Self {
+        match error {
+            SettleError::Scene(problems) => Self::Scene(problems),
+            SettleError::Stopped => Self::Stopped,
+        }
+    }
+}
+
 /// Studies a scene.
 ///
 /// # Errors
@@ -158,9 +156,13 @@ pub enum ConvergenceError {
 pub fn convergence(
     scene: &Scene,
     options: &ConvergenceOptions,
-    watch: &mut dyn ConvergenceWatch,
+    watch: &mut dyn TrialWatch,
 ) -> Result<ConvergenceReport, ConvergenceError> {
-    let first = Simulation::new(scene.clone()).map_err(ConvergenceError::Scene)?;
+    let scene = match options.modes {
+        Some(_) => stand_in(scene),
+        None => settle(scene.clone(), watch)?.0,
+    };
+    let first = Simulation::new(scene).map_err(ConvergenceError::Scene)?;
     // With scheme and step settled, and points of the scene's mesh named by their nodes.
     let scene = by_nodes(&first);
     let moves = scene.statics.is_none() && options.modes.is_none();
@@ -184,7 +186,7 @@ pub fn convergence(
             levels.push(level(run, refined, options, watch)?);
         }
         studies.push(Study { of, rows: rows(&names, &levels), levels });
-        Ok(())
+        Ok::<(), ConvergenceError>(())
     };
     if options.space {
         // The step of all meshes.
@@ -252,7 +254,7 @@ fn level(
     scene: Scene,
     refined: u32,
     options: &ConvergenceOptions,
-    watch: &mut dyn ConvergenceWatch,
+    watch: &mut dyn TrialWatch,
 ) -> Result<Level, ConvergenceError> {
     let begin = Instant::now();
     let mut simulation = Simulation::new(scene).map_err(ConvergenceError::Scene)?;

@@ -43,6 +43,7 @@ pub use vi_solvers as solvers;
 
 /// What most programs need.
 pub mod prelude {
+    pub use crate::auto::settle;
     pub use crate::run::{RunError, Watch, run};
     pub use crate::scene::{
         Assert, Attach, Axis, Body, Checkpoints, Damping, Field, FieldComponent, Fix, Guard, GuardAction,

@@ -8,6 +8,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 use vi_core::EnergyLedger;
 
+use crate::auto::AutoReport;
 use crate::estimate::ProbeEstimate;
 use crate::guard::EnergyGuard;
 use crate::momentum::MomentumLedger;
@@ -108,13 +109,19 @@ pub struct Report {
 }
 
 impl Report {
-    pub(crate) fn new(simulation: &Simulation, name: &str, stability: Option<&StabilityNote>) -> Self {
+    pub(crate) fn new(
+        simulation: &Simulation,
+        auto: Option<&AutoReport>,
+        name: &str,
+        stability: Option<&StabilityNote>,
+    ) -> Self {
         let scene = simulation.scene();
         let method = simulation.method();
         let components = simulation.components();
         let idle = components.iter().filter(|component| component.stepper().is_none()).count();
         let mut notes = simulation.notes().to_vec();
         notes.extend(stability.and_then(StabilityNote::warning));
+        notes.extend(auto.and_then(|auto| auto.warning.clone()));
         Self {
             version: env!("CARGO_PKG_VERSION"),
             name: name.to_owned(),
@@ -138,7 +145,7 @@ impl Report {
             stepping_seconds: 0.0,
             output_seconds: 0.0,
             estimating_seconds: 0.0,
-            auto: json!(simulation.auto()),
+            auto: json!(auto),
             estimate: Map::new(),
             substeps: Value::Null,
             guard: Value::Null,

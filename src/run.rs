@@ -11,11 +11,13 @@ use std::time::Instant;
 
 use vi_solvers::StepError;
 
+use crate::auto::{self, AutoReport, SettleError};
 use crate::checkpoint::{self, Checkpoint, CheckpointError};
 use crate::claim::ClaimError;
 use crate::report::Report;
 use crate::scene::{Problem, Scene};
 use crate::simulation::Simulation;
+use crate::trial::TrialWatch;
 pub(crate) use directory::inputs_among;
 pub(crate) use stepping::Course;
 use stepping::Run;
@@ -88,6 +90,9 @@ pub enum RunError {
     /// A mesh file could not be written.
     #[error(transparent)]
     Frame(#[from] vi_io::IoError),
+    /// The caller ended the trials of scheme `auto`; nothing was written.
+    #[error("stopped during the trials of scheme \"auto\"; nothing was written")]
+    Stopped,
     /// There is nothing to continue from, or it does not fit.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
@@ -106,12 +111,29 @@ impl RunError {
     }
 }
 
+impl From<SettleError> for RunError {
+    fn from(error: SettleError) -> Self {
+        match error {
+            SettleError::Scene(problems) => Self::Scene(problems),
+            SettleError::Stopped => Self::Stopped,
+        }
+    }
+}
+
 fn list(problems: &[Problem]) -> String {
     problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
 /// Follows a run. All methods are optional.
 pub trait Watch {
+    /// A trial of scheme `auto` is about to run.
+    fn trial(&mut self, _what: &str) {}
+    /// Asked every few steps of a trial: return false to end the run before it begins.
+    fn go_on(&mut self) -> bool {
+        true
+    }
+    /// Scheme `auto` has been settled.
+    fn settled(&mut self, _auto: &AutoReport) {}
     /// The systems are built; what is to be said before the first step.
     fn start(&mut self, _simulation: &Simulation, _notes: &[String]) {}
     /// Something that a reader should hear was found on the way, e.g. a limit point.
@@ -127,6 +149,19 @@ pub trait Watch {
 
 /// Watches nothing.
 impl Watch for () {}
+
+/// A watch of a run that follows the trials before it.
+struct Trials<'a>(&'a mut dyn Watch);
+
+impl TrialWatch for Trials<'_> {
+    fn next(&mut self, what: &str) {
+        self.0.trial(what);
+    }
+
+    fn go_on(&mut self) -> bool {
+        self.0.go_on()
+    }
+}
 
 /// Runs a scene and writes history.csv, frames, checkpoints and report.json into `directory`.
 ///
@@ -158,6 +193,10 @@ pub fn run_from(
         return Err(RunError::Scene(vec![Problem::new("", message)]));
     }
     let origin = scene.checkpoint.as_ref().map(|_| checkpoint::Origin::new(&scene, name));
+    let (scene, auto) = auto::settle(scene, &mut Trials(watch))?;
+    if let Some(auto) = &auto {
+        watch.settled(auto);
+    }
     let simulation = Simulation::new(scene).map_err(RunError::Scene)?;
     // A mesh that cannot be read is a problem of the scene, and has been reported as one.
     let mut origin = origin.transpose()?;
@@ -165,7 +204,7 @@ pub fn run_from(
         let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         origin.file = Some((path, overrides.to_vec()));
     }
-    Run::start(simulation, name, directory, origin, begin)?.complete(watch)
+    Run::start(simulation, auto, name, directory, origin, begin)?.complete(watch)
 }
 
 /// Continues the run of `scene` in `directory` from a checkpoint of it, to the same bits as if it had

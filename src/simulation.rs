@@ -10,7 +10,6 @@ mod snapshot;
 use vi_core::{HessianKind, State, System};
 use vi_solvers::{Assembler, Method, SolverOptions, Stepper, Work};
 
-use crate::auto::AutoReport;
 use crate::model::{BodyModel, Model, ProbeTarget, RigidModel};
 use crate::scene::{Problem, Scene};
 pub use advance::Stepped;
@@ -75,7 +74,6 @@ pub struct Simulation {
     step_count: u64,
     h: f64,
     method: Method,
-    auto: Option<AutoReport>,
     options: SolverOptions,
     /// Into how many parts each step is cut from the start; 1 unless [`Simulation::halve`].
     parts: u32,
@@ -86,7 +84,8 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// Reads the meshes of a scene and builds its systems at t = 0.
+    /// Reads the meshes of a scene and builds its systems at t = 0. A scene with scheme `auto` is settled by
+    /// [`crate::auto::settle`] first.
     ///
     /// # Errors
     /// Everything that is wrong with the scene and its meshes, at once.
@@ -95,13 +94,14 @@ impl Simulation {
         if !problems.is_empty() {
             return Err(problems);
         }
-        let (scene, method, auto) = match scene.time.method() {
-            Some(method) => (scene, method, None),
-            // An equilibrium is found without one.
-            None if scene.time.scheme.is_none() => (scene, Method::ImplicitMidpoint, None),
-            None => {
-                let (settled, choice, report) = crate::auto::choose(&scene)?;
-                (settled, choice.method(), Some(report))
+        let method = match (scene.time.method(), &scene.statics) {
+            (Some(method), _) => method,
+            // An equilibrium is found without a scheme.
+            (None, Some(_)) => Method::ImplicitMidpoint,
+            (None, None) => {
+                let message = "\"auto\" is settled by trial runs before a simulation is made: pass the scene that \
+                               variational::auto::settle returns";
+                return Err(vec![Problem::new("time.scheme", message)]);
             }
         };
         let model = Model::build(&scene)?;
@@ -153,7 +153,6 @@ impl Simulation {
             step_count,
             h,
             method,
-            auto,
             options,
             parts: 1,
             switched: false,
@@ -187,12 +186,7 @@ impl Simulation {
         self.method
     }
 
-    /// Why this scheme and step, where the scene left them open.
-    pub fn auto(&self) -> Option<&AutoReport> {
-        self.auto.as_ref()
-    }
-
-    /// The scene, with scheme and step settled.
+    /// The scene.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
@@ -231,6 +225,13 @@ impl Simulation {
     /// Steps made.
     pub fn steps(&self) -> u64 {
         self.steps
+    }
+
+    /// Makes the initial state that after `steps` steps, as if nothing had moved before.
+    pub(crate) fn start_at(&mut self, steps: u64) {
+        self.steps = steps;
+        let t = self.time();
+        self.components.iter_mut().for_each(|component| component.state.t = t);
     }
 
     /// Steps that the scene asks for.

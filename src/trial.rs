@@ -1,6 +1,8 @@
 //! A scene run for its end state, run time and work alone: no history, no frames. The common ground
 //! of everything by which the program measures itself. It must not know why it is asked.
 
+use std::cell::Cell;
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
@@ -57,11 +59,25 @@ impl Choice {
     }
 }
 
+/// Follows runs that measure: the trials of `auto`, the levels of a convergence study.
+pub trait TrialWatch {
+    /// What is about to run.
+    fn next(&mut self, _what: &str) {}
+    /// Asked every few steps: false ends the trial and all that were to follow.
+    fn go_on(&mut self) -> bool {
+        true
+    }
+}
+
+impl TrialWatch for () {}
+
 /// What a trial reached.
 #[derive(Debug, Clone)]
 pub struct Trial {
     /// Free coordinates at the end, by component, m.
     pub end: Vec<Vec<f64>>,
+    /// The same after half of its steps (rounded down).
+    pub middle: Vec<Vec<f64>>,
     /// Seconds of stepping, by the clock.
     pub seconds: f64,
     /// Seconds of stepping on one core of the reference machine, counted.
@@ -90,19 +106,25 @@ pub enum TrialError {
 }
 
 /// What a trial may cost.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Limit {
+#[derive(Debug, Clone, Copy)]
+pub enum Limit<'a> {
     /// Time by the clock.
     Clock(Duration),
     /// Seconds of one core of the reference machine, counted: it ends at the same step in every run.
-    Counted(f64),
+    Counted {
+        /// What it may take.
+        seconds: f64,
+        /// What it took is added here, whether or not it reached its end.
+        spent: &'a Cell<f64>,
+    },
 }
 
-/// Runs `scene` until t = `fraction` · end, within `limit`; asks `go_on` at some 32 times.
+/// Runs `scene` over `stretch`, a part of 0..1 of its time, within `limit`; asks `go_on` every few steps. A stretch
+/// that does not begin at 0 begins with the initial state of the scene, moved there in time.
 pub fn run(
     scene: Scene,
-    fraction: f64,
-    limit: Limit,
+    stretch: Range<f64>,
+    limit: Limit<'_>,
     go_on: &mut dyn FnMut() -> bool,
 ) -> Result<Trial, TrialError> {
     // What a scheme can do is asked, not how it can be rescued.
@@ -110,16 +132,39 @@ pub fn run(
     scene.time.substeps = false;
     let mut simulation = Simulation::new(scene)
         .map_err(|problems| TrialError::Failed(problems.iter().map(ToString::to_string).collect()))?;
-    let count = ((simulation.step_count() as f64 * fraction).round() as u64).max(1);
-    let stretch = count.div_ceil(32).max(1);
+    let place = |fraction: f64| (simulation.step_count() as f64 * fraction).round() as u64;
+    let begin = place(stretch.start).min(simulation.step_count() - 1);
+    let count = (place(stretch.end) - begin).max(1);
+    simulation.start_at(begin);
+    let result = observed(&mut simulation, begin..begin + count, limit, go_on);
+    if let Limit::Counted { spent, .. } = limit {
+        spent.set(spent.get() + simulation.counted_seconds());
+    }
+    result
+}
+
+fn observed(
+    simulation: &mut Simulation,
+    steps: Range<u64>,
+    limit: Limit<'_>,
+    go_on: &mut dyn FnMut() -> bool,
+) -> Result<Trial, TrialError> {
+    let count = steps.end - steps.start;
+    let half = steps.start + count / 2;
+    let stride = count.div_ceil(32);
     let first = simulation.observe();
     let (mut kinetic, mut drift) = (first.kinetic, 0.0_f64);
     let mut spent = Duration::ZERO;
     let mut outside = 0.0;
-    while simulation.steps() < count {
-        let steps = stretch.min(count - simulation.steps());
+    let places = |simulation: &Simulation| -> Vec<Vec<f64>> {
+        simulation.components().iter().map(|component| component.state().q.clone()).collect()
+    };
+    let mut middle = places(simulation);
+    while simulation.steps() < steps.end {
+        let now = simulation.steps();
+        let until = if now < half { half } else { steps.end };
+        let next = (now + stride).min(until);
         let begin = Instant::now();
-        let next = simulation.steps() + steps;
         while simulation.steps() < next {
             match simulation.advance(next - simulation.steps()) {
                 Ok(done) => outside += done.energy.prescribed + done.energy.force + done.energy.damping,
@@ -127,25 +172,29 @@ pub fn run(
             }
             let is_over = match limit {
                 Limit::Clock(limit) => begin.elapsed() + spent > limit,
-                Limit::Counted(limit) => simulation.counted_seconds() > limit,
+                Limit::Counted { seconds, .. } => simulation.counted_seconds() > seconds,
             };
             if is_over {
                 return Err(TrialError::OutOfTime { t: simulation.time() });
             }
+            if !go_on() {
+                return Err(TrialError::Stopped);
+            }
         }
         spent += begin.elapsed();
+        if next == half {
+            middle = places(simulation);
+        }
         let seen = simulation.observe();
         if !seen.total().is_finite() {
             return Err(TrialError::Failed(format!("blew up before t = {:.3e} s", simulation.time())));
         }
         kinetic = kinetic.max(seen.kinetic);
         drift = drift.max((seen.total() - first.total() - outside).abs());
-        if !go_on() {
-            return Err(TrialError::Stopped);
-        }
     }
     Ok(Trial {
-        end: simulation.components().iter().map(|c| c.state().q.clone()).collect(),
+        end: places(simulation),
+        middle,
         seconds: spent.as_secs_f64(),
         counted_seconds: simulation.counted_seconds(),
         energy_drift: if drift == 0.0 { 0.0 } else { drift / kinetic },
@@ -182,9 +231,10 @@ impl Norm {
         }
     }
 
-    /// ‖u − u_ref‖_M / ‖u_ref‖_M.
+    /// ‖u − u_ref‖_M / ‖u_ref‖_M; zero where both are at rest.
     pub fn error(&self, end: &[Vec<f64>], reference: &[Vec<f64>]) -> f64 {
-        (self.squares(end, reference) / self.squares(&self.rest, reference)).sqrt()
+        let difference = self.squares(end, reference);
+        if difference == 0.0 { 0.0 } else { (difference / self.squares(&self.rest, reference)).sqrt() }
     }
 
     fn squares(&self, a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {

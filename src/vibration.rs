@@ -8,6 +8,7 @@ use vi_core::Potential;
 use vi_fem::consistent_mass;
 use vi_solvers::{Mode, ModeOptions, SolverError};
 
+use crate::auto::stand_in;
 use crate::claim::Claim;
 use crate::frames::FrameWriter;
 use crate::run::{RunError, inputs_among};
@@ -89,7 +90,7 @@ pub fn write_modes(
 ) -> Result<Vec<SceneMode>, RunError> {
     let mut scene = scene;
     scene.solver.mass = mass.or(scene.solver.mass);
-    let mut simulation = Simulation::new(scene).map_err(RunError::Scene)?;
+    let mut simulation = Simulation::new(stand_in(&scene)).map_err(RunError::Scene)?;
     let modes = scene_modes(&mut simulation, count, MassKind::Consistent)?;
     let output = |path: &Path| {
         let path = path.to_owned();

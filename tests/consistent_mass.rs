@@ -6,7 +6,7 @@ mod program;
 use std::f64::consts::PI;
 
 use program::Program;
-use variational::prelude::{Scene, Simulation};
+use variational::prelude::{Scene, Simulation, settle};
 use variational::scene::MassKind;
 use variational::vibration::scene_modes;
 
@@ -244,13 +244,13 @@ fn auto_chooses_among_implicit_schemes() {
     let scene = bar("consistent", "auto")
         .replace("tolerance = 1e-14", "")
         .replace("end = 2.0", "end = 2.0\ntolerance = 1e-3");
-    let simulation = simulation(&scene);
-    assert!(!simulation.method().facts().is_explicit);
-    assert!(
-        simulation.auto().unwrap().reason.contains("consistent"),
-        "{}",
-        simulation.auto().unwrap().reason
-    );
+    let scene = Scene::parse(&scene, &[]).scene.unwrap();
+    let refused = Simulation::new(scene.clone()).err().unwrap();
+    assert!(refused[0].to_string().contains("auto::settle"), "{refused:?}");
+    let (settled, auto) = settle(scene, &mut ()).unwrap();
+    assert!(!settled.time.method().unwrap().facts().is_explicit);
+    let reason = auto.unwrap().reason;
+    assert!(reason.contains("consistent"), "{reason}");
 }
 
 #[test]

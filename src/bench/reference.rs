@@ -36,7 +36,7 @@ pub(super) fn find(
     };
     let mut tried = Vec::new();
     let probe_fraction = (4.0 / explicit.steps as f64).min(1.0);
-    let probe = run(explicit.apply(scene), probe_fraction, Limit::Clock(share), &mut || watch.go_on());
+    let probe = run(explicit.apply(scene), 0.0..probe_fraction, Limit::Clock(share), &mut || watch.go_on());
     match probe.map(|probe| probe.seconds / 4.0 * explicit.steps as f64) {
         // The pair costs one and a half runs.
         Ok(seconds) if 1.5 * seconds <= share.as_secs_f64() => {
@@ -78,7 +78,7 @@ fn ladder(
         }
         let refined = Choice { steps, ..choice };
         watch.next(&format!("reference: {} in {steps} steps", choice.label()), 0.0, left);
-        let done = run(refined.apply(scene), 1.0, Limit::Clock(left), &mut || watch.go_on());
+        let done = run(refined.apply(scene), 0.0..1.0, Limit::Clock(left), &mut || watch.go_on());
         match (done, &coarser) {
             (Ok(trial), Some((coarser_steps, previous))) => {
                 let difference = norm.error(&previous.end, &trial.end);

@@ -7,7 +7,8 @@ use vi_solvers::Method;
 
 use super::reference::{Reference, find};
 use super::tables::recommend;
-use super::{BenchError, BenchOptions, BenchReport, BenchWatch, Row};
+use super::{BenchError, BenchOptions, BenchReport, BenchWatch, Row, Trials};
+use crate::auto::settle;
 use crate::scene::{Scene, SchemeName};
 use crate::simulation::Simulation;
 use crate::trial::{Choice, Limit, Norm, Trial, TrialError, highest, run};
@@ -32,9 +33,8 @@ pub fn bench(
 ) -> Result<BenchReport, BenchError> {
     let begin = Instant::now();
     let schemes = schemes(options)?;
+    let (scene, _) = settle(scene.clone(), &mut Trials(watch))?;
     let simulation = Simulation::new(scene.clone()).map_err(BenchError::Scene)?;
-    // The simulation's scene has its scheme and step settled, whatever the file left open.
-    let scene = simulation.scene().clone();
     let omega = highest(&simulation).ok_or(BenchError::NothingMoves)?;
     let norm = Norm::new(&simulation);
     drop(simulation);
@@ -102,7 +102,7 @@ impl Sweep<'_> {
         let left = self.left(ROWS_SHARE);
         let spent = self.begin.elapsed().as_secs_f64() / self.budget.as_secs_f64();
         self.watch.next(&format!("{} in {} steps", choice.label(), choice.steps), spent, left);
-        let done = run(choice.apply(&self.scene), 1.0, Limit::Clock(left), &mut || self.watch.go_on());
+        let done = run(choice.apply(&self.scene), 0.0..1.0, Limit::Clock(left), &mut || self.watch.go_on());
         let row = self.row(choice, done);
         self.rows.push(row);
     }
@@ -220,7 +220,7 @@ impl Sweep<'_> {
                 let spent = self.begin.elapsed().as_secs_f64() / self.budget.as_secs_f64();
                 self.watch.next(&format!("{} again, {}", choice.label(), turn + 1), spent, left);
                 let again =
-                    run(choice.apply(&self.scene), 1.0, Limit::Clock(left), &mut || self.watch.go_on());
+                    run(choice.apply(&self.scene), 0.0..1.0, Limit::Clock(left), &mut || self.watch.go_on());
                 if let Ok(again) = again {
                     let row = &mut self.rows[index];
                     row.seconds = Some(seconds.min(again.seconds));

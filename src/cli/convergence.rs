@@ -9,9 +9,8 @@ use super::run::print_problems;
 use super::say::{self, message, out};
 use super::signals::Stop;
 use super::study::{Study, StudyArguments, print_json};
-use crate::convergence::{
-    ConvergenceError, ConvergenceOptions, ConvergenceReport, ConvergenceWatch, convergence,
-};
+use crate::convergence::{ConvergenceError, ConvergenceOptions, ConvergenceReport, convergence};
+use crate::trial::TrialWatch;
 
 #[derive(Debug, Args)]
 pub(super) struct ConvergenceArguments {
@@ -89,7 +88,7 @@ struct Watch {
     stop: Stop,
 }
 
-impl ConvergenceWatch for Watch {
+impl TrialWatch for Watch {
     fn next(&mut self, what: &str) {
         if !self.quiet {
             message!("{what}");

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use super::exit;
 use super::say::{message, out};
-use crate::scene::Substance;
+use crate::auto::stand_in;
+use crate::scene::{SchemeName, Substance};
 use crate::simulation::Simulation;
 use crate::stability::stability;
 
@@ -55,7 +56,8 @@ fn mesh(path: &Path) -> u8 {
 
 fn scene(path: &Path) -> u8 {
     let Ok((scene, parsed)) = super::run::accept(path, &[]) else { return exit::BAD_INPUT };
-    let simulation = match Simulation::new(scene) {
+    let is_open = scene.time.scheme == Some(SchemeName::Auto);
+    let simulation = match Simulation::new(stand_in(&scene)) {
         Ok(simulation) => simulation,
         Err(problems) => {
             super::run::print_problems(problems, &parsed, path);
@@ -64,12 +66,16 @@ fn scene(path: &Path) -> u8 {
     };
     let scene = simulation.scene();
     out!("{}: {}", path.display(), scene.title);
-    out!(
-        "time     {} steps of {:.6e} s by {}",
-        simulation.step_count(),
-        simulation.step_size(),
-        simulation.method().name()
-    );
+    if is_open {
+        out!("time     {:.6e} s; scheme and step are chosen by trials when it runs", scene.time.end);
+    } else {
+        out!(
+            "time     {} steps of {:.6e} s by {}",
+            simulation.step_count(),
+            simulation.step_size(),
+            simulation.method().name()
+        );
+    }
     for (body, said) in simulation.bodies().iter().zip(&scene.bodies) {
         let component = &simulation.components()[body.component];
         let nodes = body.node_offset..body.node_offset + body.mesh.points.len();

@@ -6,6 +6,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::say::{self, message};
 use super::signals::Stop;
+use crate::auto::AutoReport;
 use crate::explain::explain;
 use crate::run::Watch;
 use crate::simulation::Simulation;
@@ -32,6 +33,22 @@ impl Progress {
 }
 
 impl Watch for Progress {
+    fn trial(&mut self, what: &str) {
+        if !self.quiet {
+            message!("{what}");
+        }
+    }
+
+    fn go_on(&mut self) -> bool {
+        !self.stop.is_asked()
+    }
+
+    fn settled(&mut self, auto: &AutoReport) {
+        if !self.quiet {
+            message!("{}", auto.reason);
+        }
+    }
+
     fn start(&mut self, simulation: &Simulation, notes: &[String]) {
         for note in notes {
             message!("note: {note}");
@@ -41,9 +58,6 @@ impl Watch for Progress {
         }
         if self.quiet {
             return;
-        }
-        if let Some(auto) = simulation.auto() {
-            message!("{}", auto.reason);
         }
         let elements: usize = simulation.bodies().iter().map(|body| body.element_count()).sum();
         let nodes: usize = simulation.bodies().iter().map(|body| body.mesh.points.len()).sum();

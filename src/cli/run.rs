@@ -8,6 +8,7 @@ use super::exit;
 use super::progress::Progress;
 use super::say::{self, message, out};
 use super::signals::Stop;
+use crate::auto::stand_in;
 use crate::checkpoint::{CheckpointError, newest};
 use crate::claim::ClaimError;
 use crate::report::{Outcome, Report};
@@ -110,6 +111,10 @@ pub(super) fn thread_pool(threads: Option<usize>) -> Result<rayon::ThreadPool, u
 pub(super) fn conclude(result: Result<Report, RunError>, directory: &Path, say: &Say, stop: &Stop) -> u8 {
     let report = match result {
         Ok(report) => report,
+        Err(RunError::Stopped) => {
+            message!("{}", RunError::Stopped);
+            return stop.code();
+        }
         Err(error) => return fail(&error, directory),
     };
     let report = &report;
@@ -232,7 +237,7 @@ pub(super) fn check(scenes: &[PathBuf], overrides: &[String]) -> u8 {
             Err(error) => code = code.max(error),
             Ok((scene, parsed)) => {
                 let directory = output_directory(&scene, &name_of(path), None);
-                let mut problems = match Simulation::new(scene) {
+                let mut problems = match Simulation::new(stand_in(&scene)) {
                     Ok(_) => Vec::new(),
                     Err(problems) => problems,
                 };

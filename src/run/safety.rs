@@ -127,7 +127,7 @@ impl Run {
     pub(super) fn save(&mut self) -> Result<(), RunError> {
         let Some((_, origin)) = &self.store else { return Ok(()) };
         let mut origin = origin.clone();
-        if let Some(auto) = self.simulation.auto() {
+        if let Some(auto) = &self.auto {
             let time = &self.simulation.scene().time;
             let scheme = serde_json::json!(time.scheme).as_str().unwrap_or_default().to_owned();
             let stages = time.stages.unwrap_or(0) as u64;

@@ -10,6 +10,7 @@ use vi_solvers::{SolverError, StepError};
 
 use super::safety::{Good, STRIDE};
 use super::{RunError, Watch, directory};
+use crate::auto::AutoReport;
 use crate::checkpoint::record::record;
 use crate::checkpoint::{Checkpoint, Origin, Store};
 use crate::claim::Claim;
@@ -68,6 +69,7 @@ pub(super) struct Run {
     pub(super) estimator: Option<Estimator>,
     pub(super) estimates: Vec<ProbeEstimate>,
     pub(super) report: Report,
+    pub(super) auto: Option<AutoReport>,
     stability: Option<StabilityNote>,
     claim: Claim,
 }
@@ -76,6 +78,7 @@ impl Run {
     /// A run at its start, its first row and frame written.
     pub(super) fn start(
         simulation: Simulation,
+        auto: Option<AutoReport>,
         name: &str,
         directory: &Path,
         origin: Option<Origin>,
@@ -85,7 +88,7 @@ impl Run {
         directory::prepare(directory, name, simulation.scene())?;
         let path = directory.join("history.csv");
         let history = |names: &[String], columns| HistoryWriter::create(&path, names, columns);
-        let (mut run, first) = Self::build(simulation, name, claim, directory, origin, history)?;
+        let (mut run, first) = Self::build(simulation, auto, name, claim, directory, origin, history)?;
         if !first.is_finite() {
             // Nothing can be written of such a state.
             return Err(run.refuse_start());
@@ -117,7 +120,7 @@ impl Run {
         let bytes = checkpoint.course.history_bytes;
         let history = |_: &[String], columns| HistoryWriter::resume(&path, columns, bytes);
         let origin = checkpoint.origin.clone();
-        let (mut run, _) = Self::build(simulation, name, claim, directory, Some(origin), history)?;
+        let (mut run, _) = Self::build(simulation, None, name, claim, directory, Some(origin), history)?;
         // What an interrupted run reported is no longer so.
         let report = directory.join("report.json");
         if report.exists() {
@@ -130,6 +133,7 @@ impl Run {
 
     fn build(
         mut simulation: Simulation,
+        auto: Option<AutoReport>,
         name: &str,
         claim: Claim,
         directory: &Path,
@@ -151,8 +155,7 @@ impl Run {
         let frames =
             frames.map(|interval| FrameWriter::create(directory, name, &simulation, interval)).transpose()?;
         // A step that the program chose by itself it also halves by itself.
-        let is_auto =
-            simulation.auto().is_some() || origin.as_ref().is_some_and(|origin| !origin.auto.is_empty());
+        let is_auto = auto.is_some() || origin.as_ref().is_some_and(|origin| !origin.auto.is_empty());
         let unasked = if is_auto { Guard::new(GuardAction::Halve) } else { Guard::silent() };
         let mut rule = scene.guard.unwrap_or(unasked);
         let stride = if scene.guard.is_some() { 1 } else { STRIDE };
@@ -172,7 +175,7 @@ impl Run {
                 &first,
                 simulation.resolution(),
             ),
-            report: Report::new(&simulation, name, stability.as_ref()),
+            report: Report::new(&simulation, auto.as_ref(), name, stability.as_ref()),
             directory: directory.to_owned(),
             work: RowWork::default(),
             row: 0,
@@ -185,6 +188,7 @@ impl Run {
             stability,
             estimator,
             claim,
+            auto,
         };
         Ok((run, first))
     }
@@ -194,6 +198,7 @@ impl Run {
         let mut notes = self.simulation.notes().to_vec();
         notes.extend(self.stability.as_ref().and_then(StabilityNote::warning));
         notes.extend(self.claim.note());
+        notes.extend(self.auto.as_ref().and_then(|auto| auto.warning.clone()));
         watch.start(&self.simulation, &notes);
         let mut failure = None;
         let mut interrupted = false;

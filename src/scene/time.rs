@@ -13,7 +13,7 @@ macro_rules! scheme_names {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
         pub enum SchemeName {
             $($(#[doc = $doc])+ #[serde(rename = $name)] $variant,)+
-            /// Scheme and step chosen for `tolerance` by measured costs and trial runs.
+            /// Scheme and step chosen for `tolerance` by trial runs, whose costs are counted.
             #[serde(rename = "auto")]
             Auto,
         }

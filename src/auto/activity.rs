@@ -1,0 +1,112 @@
+//! The scene's own functions of time: amplitudes of loads, motions of supports. They tell how coarse a trial may be
+//! without stepping over what happens, and when the first thing happens.
+
+use crate::scene::{Load, Scene};
+
+/// Samples of a function of time over the run; the finest division that [`resolving_steps`] asks for.
+const SAMPLES: usize = 4096;
+/// Share of a function's mean deviation from its start that steps may miss. With 0.1, a pulse that lasts 1/100 of
+/// the run asks for 512 steps, a sine for 8 per period.
+const MISSED: f64 = 0.1;
+
+/// The functions of time of a scene at SAMPLES + 1 times from 0 to the end; constant ones left out.
+fn functions(scene: &Scene) -> Vec<Vec<f64>> {
+    let time = |k: usize| scene.time.end * k as f64 / SAMPLES as f64;
+    let sample = |f: &dyn Fn(f64) -> f64| (0..=SAMPLES).map(|k| f(time(k))).collect::<Vec<f64>>();
+    let mut found = Vec::new();
+    for load in &scene.loads {
+        let (Load::Traction { amplitude, .. }
+        | Load::Pressure { amplitude, .. }
+        | Load::Point { amplitude, .. }
+        | Load::BodyForce { amplitude, .. }) = load;
+        found.push(sample(&|t| amplitude.at(t)));
+    }
+    let of_fixes = scene.fixes.iter().filter_map(|fix| fix.motion.as_ref());
+    let of_rigids = scene.rigids.iter().filter_map(|rigid| rigid.motion.as_ref());
+    let of_attachments = scene.attachments.iter().filter_map(|attach| attach.motion.as_ref());
+    for motion in of_fixes.chain(of_rigids).chain(of_attachments) {
+        // A point on none of the usual axes of rotation.
+        let point = [0.31, 0.57, 0.83];
+        found.extend((0..3).map(|axis| sample(&|t| motion.position(point, t)[axis])));
+    }
+    found.retain(|values| {
+        values.iter().any(|value| *value != values[0]) && values.iter().all(|v| v.is_finite())
+    });
+    found
+}
+
+/// The least number of steps, at least `coarsest` and else a power of two, between which no function of time of the
+/// scene changes unseen: straight lines between them miss no more than a tenth of it in the mean.
+pub(super) fn resolving_steps(scene: &Scene, coarsest: u64) -> u64 {
+    let functions = functions(scene);
+    let misses = |values: &Vec<f64>, steps: usize| {
+        let stride = SAMPLES / steps;
+        let mut missed = 0.0;
+        for (k, value) in values.iter().enumerate().take(SAMPLES) {
+            let (from, part) = (k - k % stride, (k % stride) as f64 / stride as f64);
+            let line = values[from] + part * (values[from + stride] - values[from]);
+            missed += (value - line).abs();
+        }
+        let moved: f64 = values.iter().map(|value| (value - values[0]).abs()).sum();
+        missed > MISSED * moved
+    };
+    let mut steps = 1;
+    while steps < SAMPLES && functions.iter().any(|values| misses(values, steps)) {
+        steps *= 2;
+    }
+    coarsest.max(steps as u64)
+}
+
+/// The first time at which a function of time of the scene changes, s; `None` where none does.
+pub(super) fn first_event(scene: &Scene) -> Option<f64> {
+    let first = |values: &Vec<f64>| values.iter().position(|value| *value != values[0]);
+    let sample = functions(scene).iter().filter_map(first).min()?;
+    Some(scene.time.end * sample.saturating_sub(1) as f64 / SAMPLES as f64)
+}
+
+/// Does a function of time of the scene change in a new way after `t` (s): other than on a straight line?
+pub(super) fn has_event_after(scene: &Scene, t: f64) -> bool {
+    let from = ((t / scene.time.end * SAMPLES as f64) as usize).min(SAMPLES);
+    let bends = |values: &Vec<f64>| {
+        let scale = values.iter().fold(0.0_f64, |most, value| most.max((value - values[0]).abs()));
+        let bent = |part: &[f64]| (part[0] - 2.0 * part[1] + part[2]).abs() > 1e-9 * scale;
+        values[from..].windows(3).any(bent)
+    };
+    functions(scene).iter().any(bends)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Time;
+    use vi_fem::Amplitude;
+
+    fn scene(amplitude: &str) -> Scene {
+        let load = Load::Point {
+            body: "b".into(),
+            point: None,
+            node: Some(0),
+            force: [1.0, 0.0, 0.0],
+            amplitude: Amplitude::expression(amplitude).unwrap(),
+        };
+        Scene::new(Time::auto(2.0, 1e-3)).load(load)
+    }
+
+    #[test]
+    fn steps_follow_what_happens() {
+        assert_eq!(resolving_steps(&scene("1"), 16), 16);
+        assert_eq!(resolving_steps(&scene("t"), 16), 16);
+        // 40 periods.
+        let periods = resolving_steps(&scene("sin(2*pi*20*t)"), 16);
+        assert!((256..=512).contains(&periods), "{periods}");
+    }
+
+    #[test]
+    fn the_first_event_is_found() {
+        let late = scene("max(t-1.5,0)");
+        let t = first_event(&late).unwrap();
+        assert!((t - 1.5).abs() < 2e-3, "{t}");
+        assert!(has_event_after(&late, 1.0) && !has_event_after(&late, 1.6));
+        assert_eq!(first_event(&scene("2")), None);
+    }
+}

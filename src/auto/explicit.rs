@@ -1,0 +1,213 @@
+//! The search among explicit schemes: a chain of trials, each more accurate than the one before, over the whole run
+//! or over as much of it as the budget allows. The difference of two neighbours is the error of the first.
+
+use std::ops::Range;
+
+use super::Candidate;
+use super::activity::first_event;
+use super::search::{NoTrial, Search, Stopped, seconds_per_step};
+use crate::scene::SchemeName;
+use crate::trial::{Choice, Trial};
+
+/// What Störmer–Verlet and Blanes–Moan 4 cost at their limits, over the first alone (1.8/2.8 · 6 forces).
+const FIRST_TWO: f64 = 5.0;
+/// The same with Blanes–Moan 6.
+const FIRST_THREE: f64 = 12.0;
+/// The smallest part of a run that is tried: 2^−8.
+const SMALLEST: u32 = 8;
+/// Steps of Störmer–Verlet that a part must hold.
+const LEAST_STEPS: u64 = 16;
+/// Trials of a chain: up to Blanes–Moan 6 with 1/64 of the step at its limit.
+const LONGEST: u32 = 9;
+/// An error over the difference from a solution that has at most a quarter of it.
+const FROM_DIFFERENCE: f64 = 4.0 / 3.0;
+/// Errors below this fall by the order of the scheme; above, nothing is foretold from them.
+const SMALL: f64 = 0.1;
+/// Errors that grow by more than this while time doubles grow faster than t^2.5.
+const FAST: f64 = 5.7;
+/// How often a scheme that fails at its limit is tried with half the step: bodies stiffen as they deform.
+const RETRIES: u32 = 3;
+
+struct Solution {
+    choice: Choice,
+    trial: Trial,
+}
+
+impl Search<'_> {
+    /// Explicit schemes that reach the error aimed at. `seconds`: cost of Störmer–Verlet at its limit.
+    pub(super) fn explicit(&mut self, seconds: f64) -> Result<Vec<Candidate>, Stopped> {
+        let steps = self.limit(SchemeName::StormerVerlet, 1).steps;
+        let Some(size) = self.affordable(seconds, steps) else { return Ok(vec![self.blind(seconds)]) };
+        // Errors are also compared at the middle of a part of the run.
+        let parts = if size < 1.0 { (2.0 / size) as u64 } else { 1 };
+        let mut stretch = 0.0..size;
+        let mut chain: Vec<Solution> = Vec::new();
+        let mut takes_higher = true;
+        let mut found = None;
+        for number in 0..LONGEST {
+            let Some(mut choice) = self.link(number, parts, takes_higher) else { break };
+            let per_force = chain.last().map(cost_per_force);
+            let forces = choice.method().facts().forces_per_step.max(1) as f64;
+            let expected = per_force.map_or(0.0, |cost| cost * forces * choice.steps as f64 * size);
+            // The first two are what the size was chosen for.
+            if number > 1 && expected > self.left() {
+                self.is_exhausted = true;
+                break;
+            }
+            let mut tried = self.trial(choice, stretch.clone(), f64::INFINITY)?;
+            if number == 1 && tried.is_err() && choice.scheme == SchemeName::BlanesMoan4 {
+                takes_higher = self.cost(choice)?.is_some();
+                if !takes_higher && let Some(other) = self.link(number, parts, false) {
+                    choice = other;
+                    tried = self.trial(choice, stretch.clone(), f64::INFINITY)?;
+                }
+            }
+            for _ in 0..RETRIES {
+                if !matches!(tried, Err(NoTrial::Failed)) {
+                    break;
+                }
+                choice.steps *= 2;
+                tried = self.trial(choice, stretch.clone(), f64::INFINITY)?;
+            }
+            let Ok(trial) = tried else { break };
+            if number == 0 && size < 1.0 && self.norm.error(&trial.middle, &trial.end) == 0.0 {
+                // Nothing moves before the first event: that is what is tried.
+                if let Some(begin) = first_event(self.scene).map(|t| t / self.scene.time.end) {
+                    let begin = ((begin / size * 2.0).floor() / 2.0 * size).min(1.0 - size);
+                    stretch = begin..begin + size;
+                    let Ok(trial) = self.trial(choice, stretch.clone(), f64::INFINITY)? else { break };
+                    chain.push(Solution { choice, trial });
+                    continue;
+                }
+            }
+            chain.push(Solution { choice, trial });
+            if let [.., before, last] = &chain[..] {
+                let error = FROM_DIFFERENCE * self.error(before, last, &stretch);
+                if error <= self.aim {
+                    found = Some((chain.len() - 2, error));
+                    break;
+                }
+            }
+        }
+        self.window = Some(stretch.clone());
+        match found {
+            Some((number, error)) => self.cheapest(&chain, number, error, &stretch),
+            None => Ok(self.unreached(&chain, seconds, &stretch)),
+        }
+    }
+
+    /// The part of the run on which the schemes can be compared: 1 or a power of ½.
+    fn affordable(&self, seconds: f64, steps: u64) -> Option<f64> {
+        if FIRST_TWO * seconds <= self.left() {
+            return Some(1.0);
+        }
+        let sizes = (1..=SMALLEST).map(|halved| 0.5_f64.powi(halved as i32));
+        let mut sizes = sizes.filter(|size| (steps as f64 * size) as u64 >= LEAST_STEPS);
+        sizes.find(|size| FIRST_THREE * seconds * size <= self.left())
+    }
+
+    /// Trial number 0, 1, … of the chain.
+    fn link(&self, number: u32, parts: u64, takes_higher: bool) -> Option<Choice> {
+        let times = |choice: Choice, halved: u32| Choice { steps: choice.steps << halved, ..choice };
+        Some(match number {
+            0 => self.limit(SchemeName::StormerVerlet, parts),
+            number if !takes_higher => times(self.limit(SchemeName::StormerVerlet, parts), number),
+            1 => self.limit(SchemeName::BlanesMoan4, parts),
+            number => times(self.limit(SchemeName::BlanesMoan6, parts), number - 2),
+        })
+    }
+
+    /// The relative error of a solution at the end of the run, by one that is exact beside it.
+    fn error(&mut self, solution: &Solution, exact: &Solution, stretch: &Range<f64>) -> f64 {
+        let end = self.norm.error(&solution.trial.end, &exact.trial.end);
+        if *stretch == (0.0..1.0) {
+            return end;
+        }
+        let growth = end / self.norm.error(&solution.trial.middle, &exact.trial.middle);
+        self.growth = (growth > FAST).then_some(growth);
+        // Symplectic schemes let errors grow as t; from rest, or along a fall, as t² at most.
+        let power = if growth.is_finite() { growth.log2().clamp(1.0, 2.0) } else { 1.0 };
+        let longer = (1.0 - stretch.start) / (stretch.end - stretch.start);
+        end * longer.powf(power)
+    }
+
+    /// The solution that reaches the aim, and what is cheaper and reaches it too.
+    fn cheapest(
+        &mut self,
+        chain: &[Solution],
+        number: usize,
+        error: f64,
+        stretch: &Range<f64>,
+    ) -> Result<Vec<Candidate>, Stopped> {
+        let is_whole = *stretch == (0.0..1.0);
+        let candidate = |solution: &Solution, error| {
+            Candidate::new(solution.choice, seconds_per_step(&solution.trial), error, is_whole)
+        };
+        let mut found = vec![candidate(&chain[number], error)];
+        let Some(exact) = chain.last() else { return Ok(found) };
+        for coarse in &chain[..number] {
+            let cheapest = found.iter().map(|c| c.predicted_seconds).fold(f64::INFINITY, f64::min);
+            let error = self.error(coarse, exact, stretch);
+            let finer = self.finer(coarse.choice, error);
+            let seconds = seconds_per_step(&coarse.trial) * finer.steps as f64;
+            let tried = seconds * (stretch.end - stretch.start);
+            // A trial that costs more than it saves is left out.
+            if seconds + tried > cheapest || tried > self.left() {
+                continue;
+            }
+            if let Ok(trial) = self.trial(finer, stretch.clone(), f64::INFINITY)? {
+                let solution = Solution { choice: finer, trial };
+                let error = self.error(&solution, exact, stretch);
+                if error <= self.aim {
+                    found.push(candidate(&solution, error));
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    /// The step with which a scheme of this error should reach the aim, by its order.
+    fn finer(&self, choice: Choice, error: f64) -> Choice {
+        let order = choice.method().facts().order as f64;
+        let finer = (error / (0.8 * self.aim)).powf(1.0 / order).clamp(1.0, 1e3);
+        let parts = choice.steps & choice.steps.wrapping_neg();
+        let steps = (choice.steps as f64 * finer).ceil() as u64;
+        Choice { steps: steps.next_multiple_of(parts.min(512)), ..choice }
+    }
+
+    /// No trial reached the aim within the budget: what should, by the orders of the schemes.
+    fn unreached(&mut self, chain: &[Solution], seconds: f64, stretch: &Range<f64>) -> Vec<Candidate> {
+        let [coarser @ .., exact] = chain else { return vec![self.blind(seconds)] };
+        if coarser.is_empty() {
+            return vec![self.blind(seconds)];
+        }
+        let mut found = Vec::new();
+        for solution in coarser {
+            let error = FROM_DIFFERENCE * self.error(solution, exact, stretch);
+            if error.is_nan() || error > SMALL {
+                continue;
+            }
+            let choice = self.finer(solution.choice, error);
+            let finer = choice.steps as f64 / solution.choice.steps as f64;
+            let error = error / finer.powf(choice.method().facts().order as f64);
+            found.push(Candidate::new(choice, seconds_per_step(&solution.trial), error, false));
+        }
+        if found.is_empty() {
+            // The most accurate one, of whose error nothing is known.
+            found.push(Candidate::new(exact.choice, seconds_per_step(&exact.trial), f64::NAN, false));
+        }
+        found
+    }
+
+    /// Störmer–Verlet at its limit, of whose error nothing is known.
+    fn blind(&mut self, seconds: f64) -> Candidate {
+        self.is_exhausted = true;
+        let choice = self.limit(SchemeName::StormerVerlet, 1);
+        Candidate::new(choice, seconds / choice.steps as f64, f64::NAN, false)
+    }
+}
+
+fn cost_per_force(solution: &Solution) -> f64 {
+    let forces = solution.choice.method().facts().forces_per_step.max(1) as f64;
+    seconds_per_step(&solution.trial) / forces
+}

@@ -1,0 +1,145 @@
+//! The search among implicit schemes: ladders of whole runs with halved steps. The difference of two rungs is the
+//! measured error of the coarser one.
+
+use super::Candidate;
+use super::search::{COARSEST, FINEST, NoTrial, Search, Stopped};
+use crate::scene::SchemeName;
+use crate::trial::{Choice, Norm, Trial};
+
+/// The order below which differences are not taken for convergence.
+const LEAST_ORDER: f64 = 0.8;
+/// The order that is relied on beyond the finest rung. Stiff and suddenly loaded bodies fall to about this, whatever
+/// the scheme's own (measured: 1.6 to 2.6 for Gauss with 2 and 3 stages).
+const RELIABLE_ORDER: f64 = 2.0;
+/// How much finer than the finest rung a step may be that is only extrapolated.
+const REACH: f64 = 16.0;
+
+/// Trials of one scheme with halved steps.
+struct Ladder {
+    /// The next one.
+    choice: Choice,
+    rungs: Vec<Rung>,
+    over: bool,
+}
+
+struct Rung {
+    choice: Choice,
+    end: Vec<Vec<f64>>,
+    seconds: f64,
+    /// Relative difference from the rung before.
+    difference: f64,
+}
+
+impl Search<'_> {
+    /// Implicit schemes that reach the error aimed at, by trials of at most `allowed` seconds.
+    pub(super) fn implicit(&mut self, allowed: f64) -> Result<Vec<Candidate>, Stopped> {
+        let ladder = |(scheme, stages)| Ladder {
+            choice: Choice { scheme, stages, steps: self.coarsest },
+            rungs: Vec::new(),
+            over: false,
+        };
+        let schemes = [
+            (SchemeName::ImplicitMidpoint, None),
+            (SchemeName::Gauss, Some(2)),
+            (SchemeName::Gauss, Some(3)),
+        ];
+        let mut ladders = schemes.map(ladder);
+        let begin = self.spent();
+        // Two steps tell whether a ladder could fit at all.
+        let probe = self.trial(ladders[0].choice, 0.0..2.0 / COARSEST as f64, 0.1 * allowed)?;
+        if matches!(&probe, Err(NoTrial::OutOfBudget)) {
+            return Ok(Vec::new());
+        }
+        let mut found: Vec<Candidate> = Vec::new();
+        loop {
+            let cheapest = found.iter().map(|c| c.predicted_seconds).fold(f64::INFINITY, f64::min);
+            let left = allowed - (self.spent() - begin);
+            let next = ladders
+                .iter_mut()
+                .filter(|ladder| !ladder.over && ladder.next_seconds() < left.min(cheapest))
+                .min_by(|a, b| a.next_seconds().total_cmp(&b.next_seconds()));
+            let Some(ladder) = next else { break };
+            match self.trial(ladder.choice, 0.0..1.0, left.min(2.0 * cheapest))? {
+                Ok(trial) => {
+                    ladder.enter(trial, &self.norm);
+                    if let Some(candidate) = ladder.measured(self.aim) {
+                        found.push(candidate);
+                        ladder.over = true;
+                    }
+                }
+                // A coarse step may fail where a finer one does not.
+                Err(NoTrial::Failed) if ladder.rungs.is_empty() => {}
+                Err(_) => ladder.over = true,
+            }
+            ladder.choice.steps *= 2;
+            ladder.over |= ladder.choice.steps > FINEST;
+        }
+        let finest: Vec<&Rung> = ladders.iter().filter_map(|ladder| ladder.rungs.last()).collect();
+        found.retain(|candidate| is_confirmed(candidate, &finest, &self.norm, &ladders, self.aim));
+        if found.is_empty() {
+            found.extend(ladders.iter().filter_map(|ladder| ladder.extrapolated(self.aim)));
+        }
+        Ok(found)
+    }
+}
+
+/// Does the most accurate rung of all ladders agree with a candidate?
+fn is_confirmed(candidate: &Candidate, finest: &[&Rung], norm: &Norm, ladders: &[Ladder], aim: f64) -> bool {
+    let own = ladders.iter().flat_map(|ladder| &ladder.rungs).find(|rung| rung.choice == candidate.choice);
+    let best = finest.iter().min_by(|a, b| a.difference.total_cmp(&b.difference));
+    let (Some(own), Some(best)) = (own, best) else { return false };
+    norm.error(&own.end, &best.end) <= aim + best.difference.min(aim)
+}
+
+impl Ladder {
+    /// Of the next trial.
+    fn next_seconds(&self) -> f64 {
+        self.rungs.last().map_or(0.0, |rung| 2.0 * rung.seconds)
+    }
+
+    fn enter(&mut self, trial: Trial, norm: &Norm) {
+        let coarser = self.rungs.last();
+        let difference = coarser.map_or(f64::INFINITY, |coarser| norm.error(&coarser.end, &trial.end));
+        let (choice, seconds) = (self.choice, trial.counted_seconds);
+        self.rungs.push(Rung { choice, end: trial.end, seconds, difference });
+    }
+
+    /// The order that the last two differences show, no higher than the scheme's own.
+    fn order(&self) -> Option<f64> {
+        let [.., coarse, fine] = &self.rungs[..] else { return None };
+        if fine.difference == 0.0 {
+            return Some(RELIABLE_ORDER);
+        }
+        let order = (coarse.difference / fine.difference).log2();
+        let is_shown = order.is_finite() && order >= LEAST_ORDER;
+        is_shown.then(|| order.min(self.choice.method().facts().order as f64))
+    }
+
+    /// The coarsest of the last two rungs that reaches `aim`, once three show an order. Only steps that were run are
+    /// taken: between them, other steps may meet the scene's events less well.
+    fn measured(&self, aim: f64) -> Option<Candidate> {
+        let order = self.order()?;
+        let [.., coarse, fine] = &self.rungs[..] else { return None };
+        let gain = 2.0_f64.powf(order);
+        let reliable = 2.0_f64.powf(order.min(RELIABLE_ORDER));
+        let errors =
+            [(coarse, fine.difference * gain / (gain - 1.0)), (fine, fine.difference / (reliable - 1.0))];
+        let (rung, error) = errors.into_iter().find(|(_, error)| *error <= aim)?;
+        Some(Candidate::new(rung.choice, rung.seconds / rung.choice.steps as f64, error, true))
+    }
+
+    /// Finer steps than were run, which reach `aim` if the order that three rungs show goes on.
+    fn extrapolated(&self, aim: f64) -> Option<Candidate> {
+        let order = self.order()?.min(RELIABLE_ORDER);
+        let fine = self.rungs.last()?;
+        let error = fine.difference / (2.0_f64.powf(order) - 1.0);
+        let finer = (error / aim).powf(1.0 / order).max(1.0);
+        if finer.is_nan() || finer > REACH {
+            return None;
+        }
+        let steps = (fine.choice.steps as f64 * finer).ceil() as u64;
+        let choice = Choice { steps, ..fine.choice };
+        let error = error / finer.powf(order);
+        Some(Candidate::new(choice, fine.seconds / fine.choice.steps as f64, error, false))
+    }
+}

@@ -1,0 +1,135 @@
+//! Trials within a budget, shared by the searches among implicit and explicit schemes.
+
+use std::cell::Cell;
+use std::ops::Range;
+
+use super::activity;
+use crate::scene::{Scene, SchemeName};
+use crate::trial::{Choice, Limit, Norm, Trial, TrialError, TrialWatch, run};
+
+/// Steps of the coarsest trial of an implicit scheme.
+pub(super) const COARSEST: u64 = 16;
+/// Steps of the finest.
+pub(super) const FINEST: u64 = COARSEST << 12;
+/// First steps by which the cost of a run is foretold: one in 64, within these numbers.
+const SAMPLE: [u64; 2] = [4, 64];
+
+/// The caller asked to stop.
+pub(super) struct Stopped;
+
+/// Why there is no trial.
+pub(super) enum NoTrial {
+    /// A step failed, or the scheme does not take the scene.
+    Failed,
+    /// It would cost more than it may.
+    OutOfBudget,
+}
+
+pub(super) struct Search<'a> {
+    pub(super) scene: &'a Scene,
+    watch: &'a mut dyn TrialWatch,
+    pub(super) norm: Norm,
+    omega: f64,
+    /// The relative error aimed at.
+    pub(super) aim: f64,
+    /// What all trials may cost, s of the reference machine.
+    pub(super) budget: f64,
+    /// Steps below which events of the scene would go unseen.
+    pub(super) coarsest: u64,
+    spent: Cell<f64>,
+    trials: u32,
+    /// The part of the run on which explicit schemes were tried; `None` before, or where no part fitted.
+    pub(super) window: Option<Range<f64>>,
+    /// Was a trial left out or ended because of the budget?
+    pub(super) is_exhausted: bool,
+    /// By how much errors grew over the second half of a window, where that was faster than t².
+    pub(super) growth: Option<f64>,
+}
+
+impl<'a> Search<'a> {
+    pub(super) fn new(
+        scene: &'a Scene,
+        watch: &'a mut dyn TrialWatch,
+        norm: Norm,
+        omega: f64,
+        aim: f64,
+    ) -> Self {
+        Self {
+            scene,
+            watch,
+            norm,
+            omega,
+            aim,
+            budget: f64::INFINITY,
+            coarsest: activity::resolving_steps(scene, COARSEST),
+            spent: Cell::new(0.0),
+            trials: 0,
+            window: None,
+            is_exhausted: false,
+            growth: None,
+        }
+    }
+
+    pub(super) fn spent(&self) -> f64 {
+        self.spent.get()
+    }
+
+    pub(super) fn left(&self) -> f64 {
+        (self.budget - self.spent()).max(0.0)
+    }
+
+    /// An explicit scheme at its recommended limit; the number of steps is a multiple of `parts`.
+    pub(super) fn limit(&self, scheme: SchemeName, parts: u64) -> Choice {
+        let choice = Choice { scheme, stages: None, steps: 1 };
+        let limit = choice.method().facts().recommended_limit.unwrap_or(1.0);
+        let steps = (self.scene.time.end * self.omega / limit).ceil() as u64;
+        Choice { steps: steps.max(self.coarsest.min(FINEST)).next_multiple_of(parts), ..choice }
+    }
+
+    /// Runs a trial over a part of the run, for at most `seconds` of the reference machine and what is left.
+    pub(super) fn trial(
+        &mut self,
+        choice: Choice,
+        stretch: Range<f64>,
+        seconds: f64,
+    ) -> Result<Result<Trial, NoTrial>, Stopped> {
+        self.trials += 1;
+        let until = match stretch.end {
+            end if end < 1.0 => format!(" until t = {:.3e} s", end * self.scene.time.end),
+            _ => String::new(),
+        };
+        let what =
+            format!("auto: trial {}, {} in {} steps{until}", self.trials, choice.label(), choice.steps);
+        self.watch.next(&what);
+        let limit = Limit::Counted { seconds: seconds.min(self.left()), spent: &self.spent };
+        let watch = &mut *self.watch;
+        match run(choice.apply(self.scene), stretch, limit, &mut || watch.go_on()) {
+            Ok(trial) => Ok(Ok(trial)),
+            Err(TrialError::Stopped) => Err(Stopped),
+            Err(TrialError::OutOfTime { .. }) => {
+                self.is_exhausted |= self.left() <= 0.0;
+                Ok(Err(NoTrial::OutOfBudget))
+            }
+            Err(TrialError::Failed(_)) => Ok(Err(NoTrial::Failed)),
+        }
+    }
+
+    /// Seconds of a whole run by its first steps; `None` where they fail.
+    pub(super) fn cost(&mut self, choice: Choice) -> Result<Option<f64>, Stopped> {
+        let sample = (choice.steps / SAMPLE[1]).clamp(SAMPLE[0], SAMPLE[1]);
+        let fraction = (sample as f64 / choice.steps as f64).min(1.0);
+        let trial = self.trial(choice, 0.0..fraction, f64::INFINITY)?;
+        Ok(trial.ok().map(|trial| seconds_per_step(&trial) * choice.steps as f64))
+    }
+
+    /// Seconds of a run by implicit midpoint with the finest step of all trials, by two steps.
+    pub(super) fn finest_implicit_cost(&mut self) -> Result<Option<f64>, Stopped> {
+        let choice = Choice { scheme: SchemeName::ImplicitMidpoint, stages: None, steps: FINEST };
+        let trial = self.trial(choice, 0.0..2.0 / FINEST as f64, f64::INFINITY)?;
+        Ok(trial.ok().map(|trial| seconds_per_step(&trial) * FINEST as f64))
+    }
+}
+
+pub(super) fn seconds_per_step(trial: &Trial) -> f64 {
+    trial.counted_seconds / trial.work.steps.max(1) as f64
+}

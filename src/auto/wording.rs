@@ -1,0 +1,120 @@
+//! The choice of `auto` in words.
+
+use std::fmt::Write as _;
+
+use super::search::Search;
+use super::{AutoReport, Candidate, LEAST_BUDGET, activity};
+use crate::scene::{MassKind, Scene};
+
+impl AutoReport {
+    /// Of a scene in which nothing moves freely.
+    pub(super) fn of_rest(tolerance: f64) -> Self {
+        Self {
+            tolerance,
+            highest_frequency: 0.0,
+            candidates: Vec::new(),
+            trial_seconds: 0.0,
+            budget_seconds: 0.0,
+            reason: "nothing in the scene moves freely: any scheme and step will do".to_owned(),
+            warning: None,
+        }
+    }
+
+    /// Why the first candidate was chosen. `explicit`: steps and seconds of Störmer–Verlet at its limit.
+    pub(super) fn explain(&self, scene: &Scene, explicit: Option<(u64, f64)>) -> String {
+        let Some(best) = self.candidates.first() else { return String::new() };
+        let is_explicit = |candidate: &Candidate| candidate.choice.method().facts().is_explicit;
+        let how = if best.measured { "measured" } else { "expected" };
+        let mut text = format!(
+            "{} in {} steps: {how} relative error at the end {:.1e} (wanted: {:.0e}), {:.2} s of one core of the \
+             reference machine.",
+            best.scheme, best.steps, best.predicted_error, self.tolerance, best.predicted_seconds
+        );
+        // Writing to a string cannot fail.
+        let _ = match explicit {
+            Some((steps, seconds)) => write!(
+                text,
+                " The highest frequency of the scene is {:.3e} rad/s, so that Störmer–Verlet needs {steps} steps, \
+                 {seconds:.2} s, to be stable.",
+                self.highest_frequency
+            ),
+            None if scene.solver.mass == Some(MassKind::Consistent) => {
+                write!(text, " The mass is consistent, which leaves implicit schemes.")
+            }
+            None => write!(text, " Störmer–Verlet failed below its limit of stability."),
+        };
+        for other in &self.candidates[1..] {
+            let _ = write!(
+                text,
+                " {} would need {} steps and {:.2} s.",
+                other.scheme, other.steps, other.predicted_seconds
+            );
+        }
+        if self.candidates.iter().all(is_explicit) {
+            text.push_str(" Implicit schemes did not reach the error at half the cost of explicit steps.");
+        } else if is_explicit(best) {
+            text.push_str(" Its steps are cheap enough to outweigh their number.");
+        } else if explicit.is_some() {
+            text.push_str(" Its steps are dearer, but so much longer that they cost less.");
+        }
+        let _ = write!(
+            text,
+            " The trials took {:.2} s of {:.2} s allowed.",
+            self.trial_seconds, self.budget_seconds
+        );
+        if let Some(step) = scene.time.step {
+            let _ = write!(text, " The step of the scene, {step:e} s, is not used: `auto` chooses it.");
+        }
+        text
+    }
+}
+
+impl Search<'_> {
+    /// Why `best` may miss the tolerance.
+    pub(super) fn warning(&self, best: &Candidate, tolerance: f64) -> Option<String> {
+        if best.measured {
+            return None;
+        }
+        let budget = if self.is_exhausted || self.window.as_ref().is_none_or(|window| *window != (0.0..1.0)) {
+            format!(
+                " Trials may cost {:.3} s of the reference machine, 5 % of the run that they save or {} s.",
+                self.budget, LEAST_BUDGET
+            )
+        } else {
+            String::new()
+        };
+        let end = self.scene.time.end;
+        let how = match &self.window {
+            _ if best.predicted_error.is_nan() => None,
+            _ if !best.choice.method().facts().is_explicit => {
+                Some("by the trend of coarser steps".to_owned())
+            }
+            Some(window) if *window == (0.0..1.0) => Some("by the trend of other steps".to_owned()),
+            Some(window) => {
+                Some(format!("from t = {:.3e} to {:.3e} s", window.start * end, window.end * end))
+            }
+            None => None,
+        };
+        let mut text = match how {
+            None => format!(
+                "`auto` found no step whose error could be told, so {tolerance:.0e} at the end may be missed."
+            ),
+            Some(how) => format!(
+                "`auto` did not measure the error at the end but extrapolated it {how}, so {tolerance:.0e} may be \
+                 missed."
+            ),
+        };
+        text.push_str(&budget);
+        if let Some(growth) = self.growth {
+            text.push_str(&format!(
+                " Errors grew {growth:.1} times in the second half of that time: faster than a step can be chosen for."
+            ));
+        }
+        if let Some(window) = self.window.as_ref().filter(|window| window.end < 1.0)
+            && activity::has_event_after(self.scene, window.end * end)
+        {
+            text.push_str(" Loads or supports of the scene change later than that.");
+        }
+        Some(text)
+    }
+}
