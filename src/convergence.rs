@@ -7,6 +7,7 @@
 
 mod extrapolate;
 mod tables;
+mod theory;
 
 use std::time::Instant;
 
@@ -21,7 +22,7 @@ use crate::simulation::{Observation, Simulation};
 use crate::trial::{Choice, TrialWatch};
 use crate::vibration::scene_modes;
 
-pub use extrapolate::{Extrapolation, extrapolate};
+pub use extrapolate::{Extrapolation, Verdict, extrapolate};
 
 /// What a study is asked for.
 #[derive(Debug, Clone, PartialEq)]
@@ -88,10 +89,9 @@ pub struct Study {
 pub struct Estimate {
     /// The quantity.
     pub quantity: String,
-    /// Its estimate: the finest mesh, corrected in space and in time.
-    pub value: f64,
-    /// Error bar: the sum of the sizes of both corrections.
-    pub error: f64,
+    /// Its estimate and error bar: the finest mesh, corrected in space and in time.
+    #[serde(flatten)]
+    pub extrapolation: Extrapolation,
 }
 
 /// The outcome.
@@ -107,6 +107,8 @@ pub struct ConvergenceReport {
     pub studies: Vec<Study>,
     /// The estimates.
     pub estimates: Vec<Estimate>,
+    /// What a reader should know of them, e.g. that elements lock.
+    pub notes: Vec<String>,
 }
 
 /// Why there is no study.
@@ -174,6 +176,17 @@ pub fn convergence(
     let facts = choice.method().facts();
     let finest = options.levels - 1;
     let names = names(&scene, options);
+    let locking = theory::locking_bodies(&first);
+    // Values of explicit runs and of modes have no solver's error.
+    let noise =
+        if options.modes.is_some() || moves && facts.is_explicit { 0.0 } else { scene.solver.tolerance };
+    let extrapolated = |of: &str, quantity: &str, values: &[f64]| match of {
+        "time" => extrapolate(values, facts.order as f64, noise),
+        _ => {
+            let found = extrapolate(values, theory::order_in_space(&first, quantity), noise);
+            if locking.is_empty() { found } else { found.locked() }
+        }
+    };
     let mut studies = Vec::new();
     let steps = |halved: u32| choice.steps << if moves { halved } else { 0 };
     let mut study = |of: &'static str, runs: &mut dyn Iterator<Item = (u32, u64)>| {
@@ -185,7 +198,8 @@ pub fn convergence(
             }
             levels.push(level(run, refined, options, watch)?);
         }
-        studies.push(Study { of, rows: rows(&names, &levels), levels });
+        let rows = rows(&names, &levels, |quantity, values| extrapolated(of, quantity, values));
+        studies.push(Study { of, rows, levels });
         Ok::<(), ConvergenceError>(())
     };
     if options.space {
@@ -205,8 +219,16 @@ pub fn convergence(
         scheme: moves.then(|| choice.label()),
         formal_order: moves.then_some(facts.order),
         estimates: estimates(&studies),
+        notes: locking.iter().map(|body| locking_note(body)).collect(),
         studies,
     })
+}
+
+fn locking_note(body: &str) -> String {
+    format!(
+        "body '{body}' is nearly incompressible, where linear elements lock: no error bars are given in space; take \
+         locking = \"mean-dilation\" (hex8, wedge6) or order = 2"
+    )
 }
 
 /// The settled scene, with nodes in the place of points, so that finer meshes have the same places.
@@ -296,14 +318,18 @@ fn values(seen: &Observation) -> Vec<f64> {
 }
 
 /// Quantities that are not zero everywhere, with what their values tell.
-fn rows(names: &[String], levels: &[Level]) -> Vec<Row> {
+fn rows(
+    names: &[String],
+    levels: &[Level],
+    extrapolated: impl Fn(&str, &[f64]) -> Extrapolation,
+) -> Vec<Row> {
     let row = |(k, name): (usize, &String)| {
         let values: Option<Vec<f64>> = levels.iter().map(|level| level.values.get(k).copied()).collect();
         let values = values?;
         if values.iter().all(|value| *value == 0.0) {
             return None;
         }
-        Some(Row { quantity: name.clone(), extrapolation: extrapolate(&values), values })
+        Some(Row { quantity: name.clone(), extrapolation: extrapolated(name, &values), values })
     };
     names.iter().enumerate().filter_map(row).collect()
 }
@@ -314,15 +340,14 @@ fn estimates(studies: &[Study]) -> Vec<Estimate> {
     let (space, time) = (find("space"), find("time"));
     let Some(leading) = space.or(time) else { return Vec::new() };
     let estimate = |row: &Row| {
-        let (mut value, mut error) = (row.extrapolation.value, row.extrapolation.error);
+        let mut extrapolation = row.extrapolation;
         if let (Some(space), Some(time)) = (space, time)
             && let Some(same) = time.rows.iter().find(|other| other.quantity == row.quantity)
             && let Some(level) = time.levels.iter().position(|level| level.steps == space.levels[0].steps)
         {
-            value += same.extrapolation.value - same.values[level];
-            error += same.extrapolation.error;
+            extrapolation = extrapolation.with_time(&same.extrapolation, same.values[level]);
         }
-        Estimate { quantity: row.quantity.clone(), value, error }
+        Estimate { quantity: row.quantity.clone(), extrapolation }
     };
     leading.rows.iter().map(estimate).collect()
 }

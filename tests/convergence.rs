@@ -68,6 +68,7 @@ fn a_vibrating_bar_is_of_order_two_in_space_and_in_time() {
         let estimates = report["estimates"].as_array().unwrap();
         let tip = estimates.iter().find(|estimate| estimate["quantity"] == "tip.ux").unwrap();
         let (value, bar) = (tip["value"].as_f64().unwrap(), tip["error"].as_f64().unwrap());
+        assert_eq!(tip["verdict"], "converges");
         assert!((value - exact).abs() < bar && bar < 0.01 * exact, "{scheme}: {value} ± {bar}, {exact}");
     }
 }

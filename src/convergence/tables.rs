@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{ConvergenceReport, Study};
+use super::{ConvergenceReport, Extrapolation, Study, Verdict};
 
 impl ConvergenceReport {
     /// Tables for a reader.
@@ -19,11 +19,16 @@ impl ConvergenceReport {
         let width = self.estimates.iter().map(|estimate| estimate.quantity.len()).max().unwrap_or(0);
         let _ = writeln!(text, "Estimates of the exact values:");
         for estimate in &self.estimates {
+            let Extrapolation { value, .. } = estimate.extrapolation;
             let _ = writeln!(
                 text,
-                "{:width$}  {:>18.10e} ± {:.1e}",
-                estimate.quantity, estimate.value, estimate.error
+                "{:width$}  {value:>18.10e} {}",
+                estimate.quantity,
+                bar(&estimate.extrapolation)
             );
+        }
+        for note in &self.notes {
+            let _ = writeln!(text, "note: {note}");
         }
         text
     }
@@ -53,6 +58,19 @@ impl ConvergenceReport {
     }
 }
 
+/// The bar of a limit in words.
+fn bar(found: &Extrapolation) -> String {
+    let bar = found.error.map_or(String::new(), |error| format!("± {error:.1e}"));
+    match found.verdict {
+        Verdict::Converges | Verdict::IsExact => bar,
+        Verdict::Alternates => format!("{bar} (alternates)"),
+        Verdict::FallsByChance => format!("{bar} (falls faster than theory allows)"),
+        Verdict::TwoLevels => format!("{bar} (two levels show no order)"),
+        Verdict::NotYet => "does not converge yet".to_owned(),
+        Verdict::MayLock => "no bar: its elements lock".to_owned(),
+    }
+}
+
 fn table_of(study: &Study, text: &mut String) {
     let width = study.rows.iter().map(|row| row.quantity.len()).max().unwrap_or(0).max(8);
     let _ = write!(text, "{:width$}", study.of);
@@ -63,7 +81,7 @@ fn table_of(study: &Study, text: &mut String) {
         };
         let _ = write!(text, "  {head:>17}");
     }
-    let _ = writeln!(text, "  {:>6}  {:>17}  {:>9}", "order", "limit", "+-");
+    let _ = writeln!(text, "  {:>6}  {:>17}  {:>9}", "order", "limit", "");
     for row in &study.rows {
         let _ = write!(text, "{:width$}", row.quantity);
         for value in &row.values {
@@ -71,6 +89,6 @@ fn table_of(study: &Study, text: &mut String) {
         }
         let found = &row.extrapolation;
         let order = found.observed_order.map_or("-".to_owned(), |order| format!("{order:.2}"));
-        let _ = writeln!(text, "  {order:>6}  {:>17.9e}  {:>9.1e}", found.value, found.error);
+        let _ = writeln!(text, "  {order:>6}  {:>17.9e}  {}", found.value, bar(found));
     }
 }
