@@ -4,6 +4,7 @@
 //! 5 input/output, 128 + n ended by signal n (130 Ctrl-C, 143 SIGTERM, 129 SIGHUP) with everything written.
 
 mod bench;
+mod check_frames;
 mod convergence;
 mod info;
 mod modes;
@@ -52,6 +53,8 @@ enum Command {
         #[arg(long = "set", value_name = "KEY=VALUE")]
         overrides: Vec<String>,
     },
+    /// Judge the frames of a run exactly: does any edge meet a triangle?
+    CheckFrames(check_frames::CheckFramesArguments),
     /// Find the lowest vibration modes of a scene; write modes.csv and mode shapes
     Modes(modes::ModesArguments),
     /// Print the JSON schema of a scene
@@ -93,6 +96,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Bench(arguments) => bench::bench_scene(&arguments),
         Command::Convergence(arguments) => convergence::study(&arguments),
         Command::Check { scenes, overrides } => run::check(&scenes, &overrides),
+        Command::CheckFrames(arguments) => check_frames::run(&arguments),
         Command::Modes(arguments) => modes::modes(&arguments),
         Command::Schema => {
             say::out!("{:#}", Scene::schema());

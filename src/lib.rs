@@ -22,6 +22,7 @@ pub mod explain;
 mod frames;
 pub mod guard;
 mod history;
+pub mod intersections;
 mod mesh_import;
 pub mod model;
 pub mod momentum;

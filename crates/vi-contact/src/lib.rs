@@ -8,6 +8,7 @@ mod distance;
 mod error;
 mod friction;
 mod pairs;
+mod potential;
 mod surface;
 #[cfg(test)]
 mod testing;
@@ -18,7 +19,8 @@ pub use ccd::{Certificate, Impact, separated_until};
 pub use distance::{Closest, Shape};
 pub use error::ContactError;
 pub use friction::{Anchor, Anchors, FrictionPair};
-pub use pairs::{ActivePair, Blend, Contact, Partners, StepPair, StepSettings};
+pub use pairs::{ActivePair, Blend, Contact, Partners, StepPair, StepSettings, clusters};
+pub use potential::ContactPotential;
 pub use surface::{
     Body, Cell, Edge, Gauge, HalfSpace, Law, PairRule, Point, Surface, SurfaceBuilder, median_edge,
 };

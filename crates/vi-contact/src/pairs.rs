@@ -15,11 +15,13 @@
 //! the mesh; in crossing edges nothing is subtracted, because their sum could become negative.
 
 mod chord;
+mod clusters;
 mod edges;
 mod energy;
 mod groups;
 mod step;
 
+pub use clusters::clusters;
 pub use energy::{ActivePair, Blend};
 pub use step::{StepPair, StepSettings};
 

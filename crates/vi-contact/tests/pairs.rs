@@ -2,10 +2,14 @@
 
 mod support;
 
+use std::sync::Arc;
+
 use support::{Numbers, Sheet, Vec3, at, body};
 use vi_contact::{
-    ActivePair, Barrier, Body, Contact, Neighbours, Partners, StepSettings, Surface, SurfaceBuilder,
+    ActivePair, Barrier, Body, Contact, ContactPotential, Neighbours, Partners, StepSettings, Surface,
+    SurfaceBuilder,
 };
+use vi_core::{Account, Potential};
 
 const STEP: StepSettings = StepSettings { duration: 1e-3 };
 
@@ -230,6 +234,45 @@ fn gradients_and_hessians_agree_with_differences() {
         let difference = (plus[k] - minus[k]) / (2.0 * h);
         assert!((product - difference).abs() <= 1e-5 * size, "{k}: {product} {difference} of {size}");
     }
+}
+
+/// The potential is the same sum, whatever ranges it is asked in.
+#[test]
+fn the_potential_of_candidates_is_the_sum_over_acting_pairs() {
+    let (surface, x, _) = crumpled(9);
+    let surface = Arc::new(surface);
+    let potential = ContactPotential::near(Arc::clone(&surface), &x, 0.05, Account::Load);
+    let count = potential.stencils().count();
+    let pairs = potential.contact().active(&x);
+    let mut energies = vec![0.0; count];
+    potential.energies(0..count, &x, 0.0, &mut energies);
+    let expected: f64 = pairs.iter().map(|pair| pair.energy).sum();
+    assert!((energies.iter().sum::<f64>() - expected).abs() <= 1e-12 * expected);
+    let (mut gradients, mut hessians) = (vec![0.0; 12 * count], vec![0.0; 78 * count]);
+    potential.gradients(0..count, &x, 0.0, &mut gradients);
+    potential.hessians(0..count, &x, 0.0, &mut hessians);
+    let mut sum = vec![0.0; x.len()];
+    for (nodes, block) in potential.stencils().nodes.chunks(4).zip(gradients.chunks(12)) {
+        block.iter().enumerate().for_each(|(i, g)| sum[3 * nodes[i / 3] as usize + i % 3] += g);
+    }
+    for pair in &pairs {
+        for (node, g) in pair.nodes.iter().zip(pair.gradient(&x)).take(pair.shape.arity()) {
+            (0..3).for_each(|k| sum[3 * *node as usize + k] -= g[k]);
+        }
+    }
+    let largest = gradients.iter().fold(0.0_f64, |size, g| size.max(g.abs()));
+    assert!(sum.iter().all(|rest| rest.abs() <= 1e-12 * largest));
+    for range in [0..1, 3..17, count - 30..count, count / 2..count / 2 + 1] {
+        let mut part = vec![0.0; 12 * range.len()];
+        potential.gradients(range.clone(), &x, 0.0, &mut part);
+        assert_eq!(part, gradients[12 * range.start..12 * range.end]);
+        let mut part = vec![0.0; 78 * range.len()];
+        potential.hessians(range.clone(), &x, 0.0, &mut part);
+        assert_eq!(part, hessians[78 * range.start..78 * range.end]);
+    }
+    let down: Vec<f64> = (0..x.len()).map(|k| if k % 3 == 2 && k < 108 { 1.0 } else { 0.0 }).collect();
+    let free = potential.largest_step(&x, &down);
+    assert!(free > 0.0 && free < 0.2);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Meshes and random numbers for the tests of this crate.
 #![allow(dead_code)]
 
+pub(crate) mod drift;
 pub(crate) mod particles;
 
 use nalgebra::Vector3;

@@ -1,0 +1,57 @@
+//! Clusters: sets of nodes that pairs join.
+
+/// Groups nodes 0 … count − 1 into the sets that `pairs` join, each in increasing order, in the order of their least
+/// node. Nodes without a pair are in none; nodes for which `is_free` is false join nothing, so that two bodies on one
+/// fixed floor are two clusters.
+pub fn clusters<'a>(
+    count: usize,
+    pairs: impl IntoIterator<Item = &'a [u32]>,
+    is_free: impl Fn(u32) -> bool,
+) -> Vec<Vec<u32>> {
+    let mut parent: Vec<u32> = (0..count as u32).collect();
+    let mut touched = vec![false; count];
+    for pair in pairs {
+        let mut first = None;
+        for &node in pair.iter().filter(|&&node| is_free(node)) {
+            touched[node as usize] = true;
+            let root = root_of(&mut parent, node);
+            let other = *first.get_or_insert(root);
+            let other = root_of(&mut parent, other);
+            // The least node is the root.
+            parent[root.max(other) as usize] = root.min(other);
+        }
+    }
+    let mut number = vec![None; count];
+    let mut clusters: Vec<Vec<u32>> = Vec::new();
+    for node in (0..count as u32).filter(|&node| touched[node as usize]) {
+        let root = root_of(&mut parent, node) as usize;
+        let cluster = *number[root].get_or_insert_with(|| {
+            clusters.push(Vec::new());
+            clusters.len() - 1
+        });
+        clusters[cluster].push(node);
+    }
+    clusters
+}
+
+fn root_of(parent: &mut [u32], mut node: u32) -> u32 {
+    while parent[node as usize] != node {
+        parent[node as usize] = parent[parent[node as usize] as usize];
+        node = parent[node as usize];
+    }
+    node
+}
+
+#[cfg(test)]
+mod tests {
+    use super::clusters;
+
+    #[test]
+    fn pairs_join_nodes_and_fixed_nodes_do_not() {
+        let pairs: [&[u32]; 5] = [&[7, 3], &[5, 6], &[3, 1, 1], &[9, 5], &[9, 7]];
+        let found = clusters(10, pairs, |node| node != 9);
+        assert_eq!(found, [vec![1, 3, 7], vec![5, 6]]);
+        let found = clusters(10, pairs, |_| true);
+        assert_eq!(found, [vec![1, 3, 5, 6, 7, 9]]);
+    }
+}

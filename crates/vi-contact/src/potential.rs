@@ -1,0 +1,195 @@
+//! Contact as a [`vi_core::Potential`]: C(x) as a sum over the candidates near one configuration.
+//!
+//! Every candidate is a stencil of four nodes; shorter pairs repeat their last node, where their blocks are zero. The
+//! energy of a point is grouped by closest feature before it is shared out, and each group goes to the first of its
+//! point's candidates that contains it, so that the block of a stencil depends on positions alone.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use vi_core::{Account, Fault, HessianKind, Potential, Stencils, Traits, packed_len};
+
+use crate::broad_phase::Neighbours;
+use crate::distance::at;
+use crate::pairs::{ActivePair, Contact, Group};
+use crate::surface::Surface;
+
+/// Numbers in the gradient and in the packed Hessian of a stencil.
+const SIZE: usize = 12;
+const PACKED: usize = packed_len(SIZE);
+
+/// The contact energy of all configurations near one.
+#[derive(Debug, Clone)]
+pub struct ContactPotential {
+    account: Account,
+    surface: Arc<Surface>,
+    neighbours: Neighbours,
+    nodes: Vec<u32>,
+}
+
+impl ContactPotential {
+    /// The contact energy, exact wherever no node is farther than `reach` (m) from x.
+    pub fn near(surface: Arc<Surface>, x: &[f64], reach: f64, account: Account) -> Self {
+        let neighbours = Neighbours::find(&surface, x, 2.0 * reach);
+        let contact = Contact { surface: &surface, neighbours: &neighbours };
+        let mut nodes = Vec::with_capacity(4 * neighbours.count());
+        for (point, part) in surface.points().iter().enumerate() {
+            for &cell in neighbours.cells_of(point) {
+                nodes.push(part.node);
+                nodes.extend(surface.cells()[cell as usize].nodes);
+            }
+        }
+        nodes.extend(neighbours.edge_pairs().iter().flat_map(|pair| contact.edge_nodes(pair.edges)));
+        for &[point, plane] in neighbours.plane_pairs() {
+            let face = surface.half_spaces()[plane as usize].node;
+            nodes.extend([surface.points()[point as usize].node, face, face, face]);
+        }
+        Self { account, surface, neighbours, nodes }
+    }
+
+    /// The candidates.
+    pub fn neighbours(&self) -> &Neighbours {
+        &self.neighbours
+    }
+
+    /// What energies, steps and impacts are asked of.
+    pub fn contact(&self) -> Contact<'_> {
+        Contact { surface: &self.surface, neighbours: &self.neighbours }
+    }
+
+    /// The part of the straight path from x to x + dx that is proved free of touch, in [0, 1].
+    pub fn largest_step(&self, x: &[f64], dx: &[f64]) -> f64 {
+        let end: Vec<f64> = x.iter().zip(dx).map(|(x, dx)| x + dx).collect();
+        let covers = |x: &[f64]| self.neighbours.covers(&self.surface, x);
+        let impact = if covers(x) && covers(&end) {
+            self.contact().first_impact(x, &end)
+        } else {
+            let far = self.surface.nodes().map(|node| at(dx, node).norm()).fold(0.0, f64::max);
+            let neighbours = Neighbours::find(&self.surface, x, 2.0 * far);
+            Contact { surface: &self.surface, neighbours: &neighbours }.first_impact(x, &end)
+        };
+        impact.map_or(1.0, |impact| impact.time)
+    }
+
+    /// Calls `each` with the acting pairs of the stencils in `range` and the places of their nodes in the stencil.
+    fn for_each(&self, range: Range<usize>, x: &[f64], mut each: impl FnMut(usize, &ActivePair, [usize; 4])) {
+        let contact = self.contact();
+        let starts = &self.neighbours.starts;
+        let cells = self.neighbours.cells.len();
+        let (mut group, mut pairs) = (Group::new(), Vec::new());
+        let first = starts.partition_point(|&start| start as usize <= range.start).saturating_sub(1);
+        let points = self.surface.points().len();
+        for point in (first..points).take_while(|&point| (starts[point] as usize) < range.end) {
+            pairs.clear();
+            contact.active_at_point(point, x, &mut group, &mut pairs);
+            let own = starts[point] as usize..starts[point + 1] as usize;
+            for pair in &pairs {
+                let holds = |&stencil: &usize| pair.nodes.iter().all(|node| self.of(stencil).contains(node));
+                if let Some(stencil) = own.clone().find(holds).filter(|stencil| range.contains(stencil)) {
+                    each(stencil, pair, self.places(stencil, pair));
+                }
+            }
+        }
+        for stencil in range.start.max(cells)..range.end {
+            let number = stencil - cells;
+            let edges = self.neighbours.edges.len();
+            let pair = if number < edges {
+                contact.active_edges(number, x)
+            } else {
+                contact.active_plane(number - edges, x)
+            };
+            if let Some(pair) = pair {
+                each(stencil, &pair, [0, 1, 2, 3]);
+            }
+        }
+    }
+
+    fn of(&self, stencil: usize) -> &[u32] {
+        &self.nodes[4 * stencil..4 * stencil + 4]
+    }
+
+    fn places(&self, stencil: usize, pair: &ActivePair) -> [usize; 4] {
+        let nodes = self.of(stencil);
+        pair.nodes.map(|node| nodes.iter().position(|&other| other == node).unwrap_or(0))
+    }
+
+    /// Adds packed blocks of pairs to packed blocks of stencils.
+    fn add_blocks(
+        &self,
+        range: Range<usize>,
+        x: &[f64],
+        out: &mut [f64],
+        block: impl Fn(&ActivePair, &mut [f64]),
+    ) {
+        out.fill(0.0);
+        let first = range.start;
+        self.for_each(range, x, |stencil, pair, places| {
+            let size = 3 * pair.shape.arity();
+            let mut local = [0.0; PACKED];
+            block(pair, &mut local[..packed_len(size)]);
+            let out = &mut out[(stencil - first) * PACKED..(stencil - first + 1) * PACKED];
+            let place = |i: usize| 3 * places[i / 3] + i % 3;
+            let mut values = local.iter();
+            for i in 0..size {
+                for (j, value) in (0..=i).zip(&mut values) {
+                    // Nodes of a simplex are sorted, so that lower stays lower.
+                    out[packed_len(place(i)) + place(j)] += value;
+                }
+            }
+        });
+    }
+}
+
+impl Potential for ContactPotential {
+    fn name(&self) -> &str {
+        "contact"
+    }
+
+    fn account(&self) -> Account {
+        self.account
+    }
+
+    fn stencils(&self) -> Stencils<'_> {
+        Stencils { arity: 4, block: 3, nodes: &self.nodes }
+    }
+
+    fn traits(&self) -> Traits {
+        Traits { hessian: HessianKind::Varying, time_dependent: false }
+    }
+
+    fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        out.fill(0.0);
+        let first = range.start;
+        self.for_each(range, x, |stencil, pair, _| out[stencil - first] += pair.energy);
+    }
+
+    fn gradients(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        out.fill(0.0);
+        let first = range.start;
+        self.for_each(range, x, |stencil, pair, places| {
+            let out = &mut out[(stencil - first) * SIZE..(stencil - first + 1) * SIZE];
+            for (place, gradient) in places.into_iter().zip(pair.gradient(x)).take(pair.shape.arity()) {
+                (0..3).for_each(|k| out[3 * place + k] += gradient[k]);
+            }
+        });
+    }
+
+    fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        self.add_blocks(range, x, out, |pair, block| pair.hessian(x, block));
+    }
+
+    fn projected_hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        self.add_blocks(range, x, out, |pair, block| pair.stiffness(block));
+    }
+
+    fn fault(&self, stencil: usize, x: &[f64], _t: f64) -> Option<Fault> {
+        let mut fault = None;
+        self.for_each(stencil..stencil + 1, x, |_, pair, _| {
+            if !pair.energy.is_finite() {
+                let domain = "must be positive";
+                fault = Some(Fault { element: stencil, quantity: "contact gap", value: pair.gap, domain });
+            }
+        });
+        fault
+    }
+}

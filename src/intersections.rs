@@ -1,0 +1,208 @@
+//! Finds where surfaces cross, exactly: segments against triangles by adaptive predicates (Shewchuk 1997, crate
+//! `robust`), whose signs are those of exact arithmetic as long as no product underflows.
+//!
+//! It judges what the contact crate does, and shares no code with it.
+
+pub(crate) mod frame;
+
+use std::collections::HashMap;
+
+use robust::{Coord, Coord3D, orient2d, orient3d};
+
+/// A segment and a triangle that have a point in common.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Intersection {
+    /// Nodes of the segment.
+    pub segment: [u32; 2],
+    /// Nodes of the triangle.
+    pub triangle: [u32; 3],
+}
+
+/// All intersections of triangles and wires with triangles, sorted. Parts that share a node, or nodes at one place, are
+/// joined there and are no pair.
+pub fn intersections(points: &[[f64; 3]], triangles: &[[u32; 3]], wires: &[[u32; 2]]) -> Vec<Intersection> {
+    let place_of = places(points);
+    let mut segments: Vec<[u32; 2]> =
+        triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+    segments.extend(wires);
+    segments.iter_mut().for_each(|segment| segment.sort_unstable());
+    segments.sort_unstable();
+    segments.dedup();
+    let grid = Grid::new(points, triangles);
+    let mut found = Vec::new();
+    let mut near = Vec::new();
+    for &segment in &segments {
+        grid.near(points, segment, &mut near);
+        for &triangle in &near {
+            let nodes = triangles[triangle as usize];
+            let joined = segment
+                .iter()
+                .any(|&node| nodes.iter().any(|&other| place_of[node as usize] == place_of[other as usize]));
+            let [p, q] = segment.map(|node| points[node as usize]);
+            if !joined && meets(p, q, nodes.map(|node| points[node as usize])) {
+                found.push(Intersection { segment, triangle: nodes });
+            }
+        }
+    }
+    found.sort_unstable();
+    found
+}
+
+/// The first node at the place of each node.
+fn places(points: &[[f64; 3]]) -> Vec<u32> {
+    let mut first = HashMap::new();
+    // 0.0 and −0.0 are one place.
+    let key = |point: &[f64; 3]| point.map(|value| (value + 0.0).to_bits());
+    (0..).zip(points).map(|(node, point)| *first.entry(key(point)).or_insert(node)).collect()
+}
+
+/// Does the closed segment p q meet the closed triangle? A triangle without area meets nothing; its edges do.
+fn meets(p: [f64; 3], q: [f64; 3], triangle: [[f64; 3]; 3]) -> bool {
+    let [a, b, c] = triangle;
+    let side = |a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3]| {
+        sign(orient3d(solid(a), solid(b), solid(c), solid(d)))
+    };
+    let (of_p, of_q) = (side(a, b, c, p), side(a, b, c, q));
+    if of_p * of_q > 0 {
+        return false;
+    }
+    if of_p == 0 && of_q == 0 {
+        return meets_in_plane(p, q, triangle);
+    }
+    let turns = [side(p, q, a, b), side(p, q, b, c), side(p, q, c, a)];
+    turns.iter().all(|&turn| turn >= 0) || turns.iter().all(|&turn| turn <= 0)
+}
+
+/// The same in the plane of the triangle: dropping a coordinate along which it has area changes no incidence.
+fn meets_in_plane(p: [f64; 3], q: [f64; 3], triangle: [[f64; 3]; 3]) -> bool {
+    (0..3).any(|axis| {
+        let flat = |x: [f64; 3]| Coord { x: x[(axis + 1) % 3], y: x[(axis + 2) % 3] };
+        let turn = |a: Coord<f64>, b: Coord<f64>, c: Coord<f64>| sign(orient2d(a, b, c));
+        let (p, q, corners) = (flat(p), flat(q), triangle.map(flat));
+        let area = turn(corners[0], corners[1], corners[2]);
+        if area == 0 {
+            return false;
+        }
+        let edges = [[0, 1], [1, 2], [2, 0]].map(|ends| ends.map(|k: usize| corners[k]));
+        let inside = |x: Coord<f64>| edges.iter().all(|&[a, b]| turn(a, b, x) * area >= 0);
+        let crosses =
+            |[a, b]: [Coord<f64>; 2]| turn(a, b, p) * turn(a, b, q) < 0 && turn(p, q, a) * turn(p, q, b) <= 0;
+        inside(p) || inside(q) || edges.into_iter().any(crosses)
+    })
+}
+
+fn solid([x, y, z]: [f64; 3]) -> Coord3D<f64> {
+    Coord3D { x, y, z }
+}
+
+fn sign(value: f64) -> i32 {
+    i32::from(value > 0.0) - i32::from(value < 0.0)
+}
+
+/// Triangles by the cubes of a grid that their boxes meet.
+struct Grid {
+    origin: [f64; 3],
+    size: f64,
+    cubes: HashMap<[i64; 3], Vec<u32>>,
+}
+
+/// Cubes along the longest side of the whole at most.
+const FINEST: f64 = 256.0;
+
+impl Grid {
+    fn new(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Self {
+        let boxes: Vec<[[f64; 3]; 2]> = triangles.iter().map(|nodes| bounds(points, nodes)).collect();
+        let extent = |[low, high]: &[[f64; 3]; 2]| (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
+        let all =
+            boxes.iter().fold([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]], |[mut low, mut high], item| {
+                for k in 0..3 {
+                    low[k] = low[k].min(item[0][k]);
+                    high[k] = high[k].max(item[1][k]);
+                }
+                [low, high]
+            });
+        let mean = boxes.iter().map(extent).sum::<f64>() / boxes.len().max(1) as f64;
+        let size = mean.max(extent(&all) / FINEST);
+        let size = if size > 0.0 && size.is_finite() { size } else { 1.0 };
+        let mut grid = Self { origin: all[0], size, cubes: HashMap::new() };
+        for (number, item) in (0..).zip(&boxes) {
+            for cube in grid.cubes_of(item) {
+                grid.cubes.entry(cube).or_default().push(number);
+            }
+        }
+        grid
+    }
+
+    fn cubes_of(&self, [low, high]: &[[f64; 3]; 2]) -> Vec<[i64; 3]> {
+        let cube = |value: f64, k: usize| ((value - self.origin[k]) / self.size).floor() as i64;
+        let mut cubes = Vec::new();
+        for i in cube(low[0], 0)..=cube(high[0], 0) {
+            for j in cube(low[1], 1)..=cube(high[1], 1) {
+                cubes.extend((cube(low[2], 2)..=cube(high[2], 2)).map(|k| [i, j, k]));
+            }
+        }
+        cubes
+    }
+
+    /// Triangles whose cubes the box of a segment meets.
+    fn near(&self, points: &[[f64; 3]], segment: [u32; 2], out: &mut Vec<u32>) {
+        out.clear();
+        for cube in self.cubes_of(&bounds(points, &segment)) {
+            out.extend(self.cubes.get(&cube).into_iter().flatten());
+        }
+        out.sort_unstable();
+        out.dedup();
+    }
+}
+
+fn bounds(points: &[[f64; 3]], nodes: &[u32]) -> [[f64; 3]; 2] {
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for &node in nodes {
+        for k in 0..3 {
+            low[k] = low[k].min(points[node as usize][k]);
+            high[k] = high[k].max(points[node as usize][k]);
+        }
+    }
+    [low, high]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TRIANGLE: [[f64; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+
+    #[test]
+    fn a_crossing_of_the_smallest_size_is_seen_and_the_smallest_gap_is_none() {
+        // Predicates are exact as long as products do not underflow.
+        let tiny = 1e-100;
+        for (low, high, expected) in
+            [(-tiny, 1.0, true), (0.0, 1.0, true), (tiny, 1.0, false), (-1.0, -tiny, false)]
+        {
+            assert_eq!(meets([0.2, 0.2, low], [0.3, 0.3, high], TRIANGLE), expected, "{low:e} {high:e}");
+        }
+        // Through an edge, a corner, and one bit beside it.
+        assert!(meets([0.5, 0.5, -1.0], [0.5, 0.5, 1.0], TRIANGLE));
+        assert!(meets([0.0, 0.0, -1.0], [0.0, 0.0, 1.0], TRIANGLE));
+        assert!(!meets([0.5, 0.5_f64.next_up(), -1.0], [0.5, 0.5_f64.next_up(), 1.0], TRIANGLE));
+        assert!(!meets([-tiny, 0.5, -1.0], [-tiny, 0.5, 1.0], TRIANGLE));
+    }
+
+    #[test]
+    fn segments_in_the_plane_of_a_triangle_are_judged_there() {
+        assert!(meets([0.1, 0.1, 0.0], [0.2, 0.2, 0.0], TRIANGLE));
+        assert!(meets([-1.0, 0.5, 0.0], [2.0, 0.4, 0.0], TRIANGLE));
+        assert!(!meets([1.0, 0.1, 0.0], [0.9, 0.2, 0.0], TRIANGLE));
+        assert!(!meets([2.0, 0.0, 0.0], [3.0, 0.0, 0.0], TRIANGLE));
+    }
+
+    #[test]
+    fn only_parts_without_a_common_place_are_pairs() {
+        let mut points = TRIANGLE.to_vec();
+        points.extend([[0.2, 0.2, -1.0], [0.3, 0.3, 1.0], [0.0, 0.0, -0.0], [0.25, 0.2, 5.0]]);
+        let triangles = [[0, 1, 2], [3, 4, 6]];
+        let found = intersections(&points, &triangles, &[[3, 5]]);
+        assert_eq!(found, [Intersection { segment: [3, 4], triangle: [0, 1, 2] }]);
+        assert_eq!(intersections(&points, &triangles[..1], &[]), []);
+    }
+}
