@@ -202,7 +202,8 @@ mod tests {
         points.extend([[0.2, 0.2, -1.0], [0.3, 0.3, 1.0], [0.0, 0.0, -0.0], [0.25, 0.2, 5.0]]);
         let triangles = [[0, 1, 2], [3, 4, 6]];
         let found = intersections(&points, &triangles, &[[3, 5]]);
-        assert_eq!(found, [Intersection { segment: [3, 4], triangle: [0, 1, 2] }]);
+        let through = |segment| Intersection { segment, triangle: [0, 1, 2] };
+        assert_eq!(found, [through([3, 4]), through([3, 6])]);
         assert_eq!(intersections(&points, &triangles[..1], &[]), []);
     }
 }

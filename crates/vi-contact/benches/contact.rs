@@ -44,43 +44,41 @@ fn sheets() -> (Surface, Vec<f64>) {
 }
 
 fn contact(c: &mut Criterion) {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
-    pool.install(|| {
-        let (surface, x) = sheets();
-        let surface = std::sync::Arc::new(surface);
-        let margin = 1e-3;
-        let potential = ContactPotential::near(surface.clone(), &x, 0.5 * margin, Account::Load);
-        let neighbours = Neighbours::find(&surface, &x, margin);
-        let contact = Contact { surface: &surface, neighbours: &neighbours };
-        let x1: Vec<f64> = x.iter().enumerate().map(|(k, x)| x + 1e-5 * (k as f64).sin()).collect();
-        let settings = StepSettings { duration: 1e-3 };
-        let (active, candidates) = (contact.active(&x).len() as u64, neighbours.count() as u64);
-        let stencils = potential.stencils().count();
-        println!("{} triangles, {active} pairs, {candidates} candidates", surface.cells().len());
-        let mut group = c.benchmark_group("contact");
-        group.sample_size(10).throughput(Throughput::Elements(active));
-        group.bench_function("find acting pairs", |b| b.iter(|| black_box(contact.active(&x))));
-        let mut gradients = vec![0.0; 12 * stencils];
-        group.bench_function("gradient", |b| {
-            b.iter(|| potential.gradients(0..stencils, &x, 0.0, black_box(&mut gradients)));
-        });
-        group.bench_function("discrete gradient", |b| b.iter(|| black_box(contact.step(&x, &x1, &settings))));
-        let pairs = contact.active(&x);
-        let mut block = [0.0; 78];
-        group.bench_function("Hessian alone", |b| {
-            b.iter(|| {
-                for pair in &pairs {
-                    let size = 3 * pair.shape.arity();
-                    pair.hessian(&x, black_box(&mut block[..size * (size + 1) / 2]));
-                }
-            });
-        });
-        group.throughput(Throughput::Elements(candidates));
-        group.bench_function("CCD of candidates", |b| b.iter(|| black_box(contact.first_impact(&x, &x1))));
-        group.throughput(Throughput::Elements(surface.cells().len() as u64));
-        group.bench_function("rebuild", |b| b.iter(|| black_box(Neighbours::find(&surface, &x, margin))));
-        group.finish();
+    rayon::ThreadPoolBuilder::new().num_threads(1).build_global().expect("the first pool");
+    let (surface, x) = sheets();
+    let surface = std::sync::Arc::new(surface);
+    let margin = 1e-3;
+    let potential = ContactPotential::near(surface.clone(), &x, 0.5 * margin, Account::Load);
+    let neighbours = Neighbours::find(&surface, &x, margin);
+    let contact = Contact { surface: &surface, neighbours: &neighbours };
+    let x1: Vec<f64> = x.iter().enumerate().map(|(k, x)| x + 1e-5 * (k as f64).sin()).collect();
+    let settings = StepSettings { duration: 1e-3 };
+    let (active, candidates) = (contact.active(&x).len() as u64, neighbours.count() as u64);
+    let stencils = potential.stencils().count();
+    println!("{} triangles, {active} pairs, {candidates} candidates", surface.cells().len());
+    let mut group = c.benchmark_group("contact");
+    group.sample_size(10).throughput(Throughput::Elements(active));
+    group.bench_function("find acting pairs", |b| b.iter(|| black_box(contact.active(&x))));
+    let mut gradients = vec![0.0; 12 * stencils];
+    group.bench_function("gradient", |b| {
+        b.iter(|| potential.gradients(0..stencils, &x, 0.0, black_box(&mut gradients)));
     });
+    group.bench_function("discrete gradient", |b| b.iter(|| black_box(contact.step(&x, &x1, &settings))));
+    let pairs = contact.active(&x);
+    let mut block = [0.0; 78];
+    group.bench_function("Hessian alone", |b| {
+        b.iter(|| {
+            for pair in &pairs {
+                let size = 3 * pair.shape.arity();
+                pair.hessian(&x, black_box(&mut block[..size * (size + 1) / 2]));
+            }
+        });
+    });
+    group.throughput(Throughput::Elements(candidates));
+    group.bench_function("CCD of candidates", |b| b.iter(|| black_box(contact.first_impact(&x, &x1))));
+    group.throughput(Throughput::Elements(surface.cells().len() as u64));
+    group.bench_function("rebuild", |b| b.iter(|| black_box(Neighbours::find(&surface, &x, margin))));
+    group.finish();
 }
 
 criterion_group!(benches, contact);
