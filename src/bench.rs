@@ -2,8 +2,8 @@
 //! reference, by run time and error at the end. It must not know the command line.
 //!
 //! Error is ‖u − u_ref‖_M / ‖u_ref‖_M at the end of the scene, u the displacement from rest. Time is that
-//! of stepping alone, output off; combinations under a second run three times, in turn with the others,
-//! and the least counts. A combination that fails is a row, not an end.
+//! of stepping alone, output off; combinations run in turn until their two least times agree, and the least counts:
+//! processor time on one thread, run time on several. A combination that fails is a row, not an end.
 
 mod chart;
 mod reference;
@@ -15,14 +15,17 @@ use std::time::Duration;
 use serde::Serialize;
 
 use crate::auto::SettleError;
+use crate::provenance::Provenance;
 use crate::scene::{Problem, Scene};
-use crate::trial::{Choice, TrialWatch};
+use crate::trial::{Choice, Trial, TrialWatch};
 
 pub use sweep::bench;
 
 /// What a bench is asked for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BenchOptions {
+    /// Name of the scene, for the report.
+    pub name: String,
     /// Wall time for everything (default 60 s).
     pub budget: Duration,
     /// The relative error wanted at the end (default: `[time] tolerance`, else 1e-2).
@@ -33,7 +36,7 @@ pub struct BenchOptions {
 
 impl Default for BenchOptions {
     fn default() -> Self {
-        Self { budget: Duration::from_secs(60), accuracy: None, schemes: Vec::new() }
+        Self { name: String::new(), budget: Duration::from_secs(60), accuracy: None, schemes: Vec::new() }
     }
 }
 
@@ -87,8 +90,13 @@ pub struct Row {
     pub steps: u64,
     /// Step, s.
     pub step: f64,
-    /// Seconds of stepping, the least of `repeats`.
+    /// Seconds of stepping by the clock, the least of `repeats`.
     pub seconds: Option<f64>,
+    /// Seconds of processors in stepping, of all threads, the least of `repeats`.
+    pub processor_seconds: Option<f64>,
+    /// What each repeat took: by the clock, and of processors.
+    #[serde(skip)]
+    times: Vec<[f64; 2]>,
     /// How often it ran.
     pub repeats: u32,
     /// Relative error at the end; none where it failed.
@@ -109,13 +117,70 @@ pub struct Row {
     pub failure: Option<String>,
 }
 
+impl Row {
+    /// Enters what a run took.
+    fn time(&mut self, trial: &Trial) {
+        self.times.push([trial.seconds, trial.processor_seconds]);
+        let least = |k: usize| self.times.iter().map(|times| times[k]).reduce(f64::min);
+        (self.seconds, self.processor_seconds) = (least(0), least(1));
+    }
+
+    /// Do the two least times differ by this share at most, by the clock and of processors?
+    fn times_agree(&self, share: f64) -> bool {
+        (0..2).all(|k| {
+            let mut times: Vec<f64> = self.times.iter().map(|times| times[k]).collect();
+            times.sort_by(f64::total_cmp);
+            matches!(times[..], [first, second, ..] if second - first <= share * second)
+        })
+    }
+
+    /// What it is ranked by, s.
+    pub fn cost(&self, measure: Measure) -> Option<f64> {
+        match measure {
+            Measure::ProcessorTime => self.processor_seconds,
+            Measure::RunTime => self.seconds,
+        }
+    }
+}
+
+/// What combinations are ranked by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Measure {
+    /// Seconds of the processor: on one thread, where it does not matter what else the machine does.
+    ProcessorTime,
+    /// Seconds by the clock: on several threads, for they are there to save it.
+    RunTime,
+}
+
+impl Measure {
+    fn of_threads(threads: usize) -> Self {
+        if threads == 1 { Self::ProcessorTime } else { Self::RunTime }
+    }
+}
+
+impl std::fmt::Display for Measure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::ProcessorTime => "processor time",
+            Self::RunTime => "run time",
+        })
+    }
+}
+
+/// A machine on which runs wait longer than this share of their time for a processor is busy.
+const BUSY: f64 = 0.05;
+
 /// The outcome of a bench.
 #[derive(Debug, Clone, Serialize)]
 pub struct BenchReport {
-    /// Version of this program.
-    pub version: &'static str,
-    /// Threads of the pool.
-    pub threads: usize,
+    /// What ran, and where.
+    pub provenance: Provenance,
+    /// What combinations are ranked by.
+    pub ranked_by: Measure,
+    /// Share of their time for which runs waited for a processor that something else had; none where the system does
+    /// not tell.
+    pub waited_share: Option<f64>,
     /// The relative error wanted.
     pub accuracy: f64,
     /// The reference.
@@ -128,6 +193,28 @@ pub struct BenchReport {
     pub recommended: Option<usize>,
     /// Wall seconds of the whole bench.
     pub seconds: f64,
+}
+
+impl BenchReport {
+    /// What a row is ranked by, s.
+    pub(crate) fn cost(&self, row: &Row) -> Option<f64> {
+        row.cost(self.ranked_by)
+    }
+
+    /// A warning where the machine had other things to do.
+    pub fn busy(&self) -> Option<String> {
+        let share = self.waited_share.filter(|share| *share > BUSY)?;
+        let trust = match self.ranked_by {
+            Measure::ProcessorTime => "processor times hold, run times are too long",
+            Measure::RunTime => {
+                "run times are too long: measure again on a quiet machine, or with --threads 1"
+            }
+        };
+        Some(format!(
+            "the machine is busy: runs waited {:.0} % of the time for a processor; {trust}",
+            100.0 * share
+        ))
+    }
 }
 
 /// Why there is no bench at all.

@@ -22,7 +22,7 @@ pub(crate) use store::{Store, is_file_name};
 
 const MAGIC: &[u8; 8] = b"VI-CHECK";
 /// Changes with every change of the record.
-const FORMAT: u64 = 3;
+const FORMAT: u64 = 4;
 
 /// Why a run cannot continue.
 #[derive(Debug, thiserror::Error)]
@@ -108,6 +108,8 @@ pub struct Checkpoint {
     pub(crate) estimates: Vec<ProbeEstimate>,
     pub(crate) events: Vec<GuardEvent>,
     pub(crate) frames: Vec<(f64, String)>,
+    /// What was found on the way, e.g. limit points.
+    pub(crate) findings: Vec<String>,
     /// Seconds of set-up, stepping, output and estimating so far.
     pub(crate) seconds: [f64; 4],
 }
@@ -130,6 +132,7 @@ record!(Checkpoint {
     estimates: Vec<ProbeEstimate>,
     events: Vec<GuardEvent>,
     frames: Vec<(f64, String)>,
+    findings: Vec<String>,
     seconds: [f64; 4],
 });
 

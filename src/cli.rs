@@ -15,6 +15,7 @@ mod say;
 mod signals;
 mod stress;
 mod study;
+mod sweep;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -42,6 +43,8 @@ enum Command {
     Bench(bench::BenchArguments),
     /// Refine the mesh and the step of a scene: observed orders, and estimates of the exact values
     Convergence(convergence::ConvergenceArguments),
+    /// Run a scene at every combination of some values, several points at once; write one table
+    Sweep(sweep::SweepArguments),
     /// Run violent scenes from a seed: every one must end well, or fail by name
     Stress(stress::StressArguments),
     /// Check scenes and their meshes without running: everything that is wrong, at once
@@ -60,10 +63,7 @@ enum Command {
     /// Print the JSON schema of a scene
     Schema,
     /// Print what a scene or a mesh holds
-    Info {
-        /// A scene (.toml) or a mesh file
-        file: PathBuf,
-    },
+    Info(info::InfoArguments),
 }
 
 /// Exit codes of the program.
@@ -93,6 +93,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Resume(arguments) => resume::resume(&arguments),
         Command::Stress(arguments) => stress::run(&arguments),
+        Command::Sweep(arguments) => sweep::run(&arguments),
         Command::Bench(arguments) => bench::bench_scene(&arguments),
         Command::Convergence(arguments) => convergence::study(&arguments),
         Command::Check { scenes, overrides } => run::check(&scenes, &overrides),
@@ -102,7 +103,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             say::out!("{:#}", Scene::schema());
             exit::DONE
         }
-        Command::Info { file } => info::info(&file),
+        Command::Info(arguments) => info::info(&arguments),
     };
     let is_lost = !say::all_is_written() && code == exit::DONE;
     ExitCode::from(if is_lost { exit::INPUT_OUTPUT } else { code })

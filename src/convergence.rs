@@ -5,6 +5,7 @@
 //! have no time study; with `modes` the frequencies of vibration are studied, in space. Explicit schemes take
 //! the smallest step of the study on all meshes, so that it is stable on the finest.
 
+mod chart;
 mod extrapolate;
 mod tables;
 mod theory;
@@ -15,6 +16,7 @@ use serde::Serialize;
 use vi_solvers::StepError;
 
 use crate::auto::{SettleError, settle, stand_in};
+use crate::provenance::Provenance;
 use crate::run::RunError;
 use crate::scene::MassKind;
 use crate::scene::{Load, Problem, Scene, SpringEnd};
@@ -27,6 +29,8 @@ pub use extrapolate::{Extrapolation, Verdict, extrapolate};
 /// What a study is asked for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConvergenceOptions {
+    /// Name of the scene, for the report.
+    pub name: String,
     /// Meshes and steps, 2 to 6; 3 or more show an order.
     pub levels: u32,
     /// Refine the mesh.
@@ -39,7 +43,7 @@ pub struct ConvergenceOptions {
 
 impl Default for ConvergenceOptions {
     fn default() -> Self {
-        Self { levels: 3, space: true, time: true, modes: None }
+        Self { name: String::new(), levels: 3, space: true, time: true, modes: None }
     }
 }
 
@@ -97,8 +101,8 @@ pub struct Estimate {
 /// The outcome.
 #[derive(Debug, Clone, Serialize)]
 pub struct ConvergenceReport {
-    /// Version of this program.
-    pub version: &'static str,
+    /// What ran, and where; the free coordinates are those of the scene's own mesh.
+    pub provenance: Provenance,
     /// The scheme; none for statics and modes.
     pub scheme: Option<String>,
     /// Its order in time.
@@ -215,7 +219,7 @@ pub fn convergence(
         return Err(ConvergenceError::Nothing(problem.to_owned()));
     }
     Ok(ConvergenceReport {
-        version: env!("CARGO_PKG_VERSION"),
+        provenance: Provenance::new(&options.name, first.free_coordinates()),
         scheme: moves.then(|| choice.label()),
         formal_order: moves.then_some(facts.order),
         estimates: estimates(&studies),
@@ -289,7 +293,7 @@ fn level(
     let values = if let Some(count) = options.modes {
         let modes = scene_modes(&mut simulation, count, MassKind::Consistent);
         let modes = modes.map_err(|source| ConvergenceError::Modes { what, source: Box::new(source) })?;
-        modes.iter().take(count).map(|found| found.mode.frequency()).collect()
+        modes.modes.iter().take(count).map(|found| found.mode.frequency()).collect()
     } else {
         while !simulation.is_done() {
             let stepped = simulation.advance(u64::MAX);

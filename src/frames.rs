@@ -280,6 +280,7 @@ impl FrameWriter {
             point_data: &point_data,
             cell_data: &cell_data,
             time: Some(time),
+            field_data: &[],
         };
         let file = frame_file(&self.name, self.count());
         vi_io::write_vtu(&self.directory.join(&file), &frame, self.options)?;
@@ -330,11 +331,18 @@ impl FrameWriter {
         (format!("nodal_{}", field.name()), field.component_count(), values)
     }
 
-    /// Writes one file, out of the series, with a displacement (m, 3 a point of all bodies).
+    /// Writes one file, out of the series, with a displacement (m, 3 a point of all bodies), a time and further
+    /// numbers by name.
     ///
     /// # Errors
     /// Where a value is not finite or the file cannot be written.
-    pub(crate) fn write_shape(&self, file: &str, displacement: &[f64]) -> Result<(), IoError> {
+    pub(crate) fn write_shape(
+        &self,
+        file: &str,
+        displacement: &[f64],
+        time: f64,
+        field_data: &[(&str, &[f64])],
+    ) -> Result<(), IoError> {
         let mut displacement = displacement.to_vec();
         displacement.resize(3 * self.points.len(), 0.0);
         let values = VtuValues::Real(&displacement);
@@ -344,7 +352,8 @@ impl FrameWriter {
             groups: &[],
             point_data: &[VtuArray { name: "displacement", components: 3, values }],
             cell_data: &[],
-            time: None,
+            time: Some(time),
+            field_data,
         };
         vi_io::write_vtu(&self.directory.join(file), &frame, self.options)
     }

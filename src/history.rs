@@ -17,6 +17,8 @@ pub(crate) struct Columns {
     pub(crate) has_loads: bool,
     /// Estimated errors of the probes; empty in rows at which nothing could be compared.
     pub(crate) has_estimates: bool,
+    /// `load_factor`, where a path of equilibria is followed.
+    pub(crate) has_load_factor: bool,
 }
 
 /// Writes history.csv.
@@ -125,6 +127,9 @@ impl HistoryWriter {
                     None => line.push_str(",,,,"),
                 }
             }
+        }
+        if self.columns.has_load_factor {
+            let _ = write!(line, ",{:.16e}", row.load_factor.unwrap_or(f64::NAN));
         }
         self.append(line)
     }

@@ -12,6 +12,7 @@
 
 pub mod auto;
 pub mod bench;
+mod chart;
 pub mod checkpoint;
 pub mod claim;
 #[cfg(feature = "cli")]
@@ -27,6 +28,8 @@ mod mesh_import;
 pub mod model;
 pub mod momentum;
 pub mod pitch;
+mod processor;
+pub mod provenance;
 pub mod report;
 pub mod run;
 pub mod scene;
@@ -34,6 +37,8 @@ pub mod simulation;
 pub mod stability;
 #[cfg(feature = "cli")]
 pub mod stress;
+#[cfg(feature = "cli")]
+pub mod sweep;
 pub mod trial;
 pub mod vibration;
 
@@ -47,9 +52,9 @@ pub mod prelude {
     pub use crate::auto::settle;
     pub use crate::run::{RunError, Watch, run};
     pub use crate::scene::{
-        Assert, Attach, Axis, Body, Checkpoints, Damping, Field, FieldComponent, Fix, Guard, GuardAction,
-        Inertia, Joint, Load, MassKind, Output, Precision, Probe, Rigid, RigidShape, Scene, SchemeName, Seam,
-        Solver, Spring, SpringEnd, Static, Strike, Substance, Time, Turn,
+        Assert, Attach, Axis, Body, Checkpoints, Control, Damping, Field, FieldComponent, Fix, Guard,
+        GuardAction, Inertia, Joint, Load, MassKind, Output, Precision, Probe, Rigid, RigidShape, Scene,
+        SchemeName, Seam, Solver, Spring, SpringEnd, Static, Strike, Substance, Time, Turn,
     };
     pub use crate::simulation::{Observation, Simulation};
     pub use vi_fem::{

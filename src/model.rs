@@ -2,8 +2,10 @@
 //! prescribed, and bodies that act on each other joined. It must not know how time is stepped.
 
 mod assemble;
+mod control;
 mod load;
 mod loads;
+mod mass;
 mod prescribe;
 mod rigid;
 mod shape;
@@ -14,6 +16,8 @@ mod ties;
 use vi_core::{State, System};
 use vi_fem::{Mesh, Numbering};
 
+pub(crate) use control::path_control;
+pub(crate) use mass::kinetic_terms;
 pub use rigid::{Pose, RigidModel};
 pub(crate) use shape::surface;
 
@@ -34,6 +38,8 @@ pub struct BodyModel {
     pub node_offset: usize,
     /// How the component numbers its nodes, from there on.
     pub numbering: Numbering,
+    /// The flat pattern that a sheet is cut from, m: the corners of every cell.
+    pub(crate) pattern: Option<Vec<[[f64; 2]; 3]>>,
 }
 
 impl BodyModel {

@@ -13,6 +13,7 @@ use crate::estimate::ProbeEstimate;
 use crate::guard::EnergyGuard;
 use crate::momentum::MomentumLedger;
 use crate::pitch::PitchFinder;
+use crate::provenance::Provenance;
 use crate::scene::Scene;
 use crate::simulation::Simulation;
 use crate::stability::StabilityNote;
@@ -29,25 +30,16 @@ pub enum Outcome {
     Failed(String),
 }
 
-/// The machine that a run was made on.
-#[derive(Debug, Clone, Serialize)]
-pub struct Machine {
-    /// Threads of the pool.
-    pub threads: usize,
-}
-
-/// The report of a run. Equal runs have equal reports but for `machine` and the clock times, whose names end in
+/// The report of a run. Equal runs have equal reports but for `provenance` and the clock times, whose names end in
 /// `_seconds`.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
-    /// Version of this program.
-    pub version: &'static str,
+    /// What ran, by which program, where and when: all that may differ between equal runs beside clock times.
+    pub provenance: Provenance,
     /// Name of the scene.
     pub name: String,
     /// The scene as it ran.
     pub scene: Scene,
-    /// What it ran on.
-    pub machine: Machine,
     /// Name of the scheme.
     pub scheme: &'static str,
     /// Is it variational (symplectic)?
@@ -123,10 +115,9 @@ impl Report {
         notes.extend(stability.and_then(StabilityNote::warning));
         notes.extend(auto.and_then(|auto| auto.warning.clone()));
         Self {
-            version: env!("CARGO_PKG_VERSION"),
+            provenance: Provenance::new(name, simulation.free_coordinates()),
             name: name.to_owned(),
             scene: scene.clone(),
-            machine: Machine { threads: rayon::current_num_threads() },
             scheme: method.name(),
             variational: method.facts().is_variational(),
             h: simulation.step_size(),
@@ -134,7 +125,7 @@ impl Report {
             outcome: None,
             node_count: simulation.bodies().iter().map(|body| body.mesh.points.len()).sum(),
             element_count: simulation.bodies().iter().map(|body| body.element_count()).sum(),
-            free_coordinates: components.iter().map(|c| c.system().coordinates().free_count()).sum(),
+            free_coordinates: simulation.free_coordinates(),
             components: json!({ "count": components.len(), "without_free_coordinates": idle }),
             stability: stability.map_or(Value::Null, |note| {
                 json!({ "highest_frequency": note.highest_frequency, "step_limit": note.step_limit,

@@ -1,6 +1,7 @@
 //! A whole run: steps a simulation to its end and writes what the scene asks for, from the start or
 //! from a checkpoint. It must not know the command line; a caller watches through [`Watch`].
 
+mod chart;
 mod directory;
 mod safety;
 mod stepping;

@@ -39,7 +39,7 @@ pub use output::{Assert, Encoding, Field, Output, Precision};
 pub use parse::Parsed;
 pub use rigid::{Inertia, Joint, Rigid, RigidShape, Turn};
 pub use safety::{Checkpoints, Guard, GuardAction};
-pub use statics::Static;
+pub use statics::{Control, Static};
 pub use time::{LinearChoice, MassKind, SchemeName, Solver, Time};
 
 /// A scene. Its TOML form has the same names; unknown keys are errors.

@@ -10,7 +10,7 @@ mod snapshot;
 use vi_core::{HessianKind, State, System};
 use vi_solvers::{Assembler, Method, SolverOptions, Stepper, Work};
 
-use crate::model::{BodyModel, Model, ProbeTarget, RigidModel};
+use crate::model::{BodyModel, Model, ProbeTarget, RigidModel, path_control};
 use crate::scene::{Problem, Scene};
 pub use advance::Stepped;
 pub(crate) use advance::TOGETHER;
@@ -106,6 +106,11 @@ impl Simulation {
         };
         let model = Model::build(&scene)?;
         let mut problems = Vec::new();
+        let followed = scene.statics.as_ref().filter(|statics| statics.follows_path());
+        let mut path = followed
+            .map(|_| path_control(&scene, &model.bodies, &model.probes, &model.components))
+            .transpose()
+            .map_err(|problem| vec![problem])?;
         let mut options = scene.solver.options();
         let mut components = Vec::with_capacity(model.components.len());
         for (system, state) in model.components {
@@ -113,19 +118,24 @@ impl Simulation {
                 Some(asked) => asked,
                 None => scene.statics.is_none() && is_worked_on(&system),
             };
-            let stepper = if system.coordinates().free_count() == 0 {
-                None
+            let made = if system.coordinates().free_count() == 0 {
+                Ok(None)
             } else if let Some(statics) = &scene.statics {
-                Some(vi_solvers::quasi_static(&system, statics.options(), options.ledger))
-            } else {
-                match vi_solvers::stepper(&method, &system, &options) {
-                    Ok(stepper) => Some(stepper),
-                    Err(error) => {
-                        problems.push(Problem::new("time", error.to_string()));
-                        None
+                let statics = statics.options(&scene.time);
+                match path.take() {
+                    Some(control) => {
+                        vi_solvers::path_following(&system, statics, control, options.ledger).map(Some)
                     }
+                    None => Ok(Some(vi_solvers::quasi_static(&system, statics, options.ledger))),
                 }
+            } else {
+                vi_solvers::stepper(&method, &system, &options).map(Some)
             };
+            let stepper = made.unwrap_or_else(|error| {
+                let key = if scene.statics.is_some() { "static" } else { "time" };
+                problems.push(Problem::new(key, error.to_string()));
+                None
+            });
             let keeps_ledger = options.ledger;
             let has_domain = has_domain(&system);
             components.push(Component {
@@ -142,6 +152,8 @@ impl Simulation {
             return Err(problems);
         }
         let (step_count, h) = scene.time.steps();
+        let arc_steps = scene.statics.as_ref().and_then(|statics| statics.arc_steps);
+        let step_count = arc_steps.map_or(step_count, u64::from);
         Ok(Self {
             scene,
             bodies: model.bodies,
@@ -206,6 +218,11 @@ impl Simulation {
         &self.components
     }
 
+    /// Number of free coordinates of all systems.
+    pub fn free_coordinates(&self) -> usize {
+        self.components.iter().map(|component| component.system.coordinates().free_count()).sum()
+    }
+
     /// What was repaired or left out when meshes were read.
     pub fn notes(&self) -> &[String] {
         &self.notes
@@ -234,19 +251,27 @@ impl Simulation {
         self.components.iter_mut().for_each(|component| component.state.t = t);
     }
 
-    /// Steps that the scene asks for.
+    /// Steps that the scene asks for; arc steps at most, where it follows a path by arc length.
     pub fn step_count(&self) -> u64 {
         self.step_count
     }
 
-    /// Time, s.
+    /// Time, s. Along a path of equilibria it counts steps of `time.step`; see [`Simulation::load_factor`].
     pub fn time(&self) -> f64 {
         self.steps as f64 * self.h
     }
 
     /// Is the end reached?
     pub fn is_done(&self) -> bool {
-        self.steps >= self.step_count
+        let statics = self.scene.statics.as_ref();
+        let is_arc = statics.is_some_and(|statics| statics.arc_steps.is_some());
+        self.steps >= self.step_count || (is_arc && self.load_factor() == Some(self.scene.time.end))
+    }
+
+    /// The load factor, where a path of equilibria is followed that finds it.
+    pub fn load_factor(&self) -> Option<f64> {
+        self.scene.statics.as_ref().filter(|statics| statics.follows_path())?;
+        self.components.iter().find(|component| component.stepper.is_some()).map(|c| c.state.t)
     }
 
     /// Steps that were cut into substeps so far.

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 use vi_solvers::{Method, Work, highest_frequency};
 
+use crate::processor::Used;
 use crate::scene::{Scene, SchemeName, Time};
 use crate::simulation::Simulation;
 
@@ -80,6 +81,10 @@ pub struct Trial {
     pub middle: Vec<Vec<f64>>,
     /// Seconds of stepping, by the clock.
     pub seconds: f64,
+    /// Seconds of processors in stepping, of all threads of this process.
+    pub processor_seconds: f64,
+    /// Seconds for which threads of this process could run and had no processor, where the system tells.
+    pub waited_seconds: Option<f64>,
     /// Seconds of stepping on one core of the reference machine, counted.
     pub counted_seconds: f64,
     /// max |H − H₀ − work from outside| over the largest kinetic energy, at some 32 times of the run.
@@ -154,7 +159,7 @@ fn observed(
     let stride = count.div_ceil(32);
     let first = simulation.observe();
     let (mut kinetic, mut drift) = (first.kinetic, 0.0_f64);
-    let mut spent = Duration::ZERO;
+    let (mut spent, mut used) = (Duration::ZERO, Used::default());
     let mut outside = 0.0;
     let places = |simulation: &Simulation| -> Vec<Vec<f64>> {
         simulation.components().iter().map(|component| component.state().q.clone()).collect()
@@ -164,7 +169,7 @@ fn observed(
         let now = simulation.steps();
         let until = if now < half { half } else { steps.end };
         let next = (now + stride).min(until);
-        let begin = Instant::now();
+        let (begin, used_before) = (Instant::now(), Used::now());
         while simulation.steps() < next {
             match simulation.advance(next - simulation.steps()) {
                 Ok(done) => outside += done.energy.prescribed + done.energy.force + done.energy.damping,
@@ -182,6 +187,7 @@ fn observed(
             }
         }
         spent += begin.elapsed();
+        used += Used::now() - used_before;
         if next == half {
             middle = places(simulation);
         }
@@ -196,6 +202,8 @@ fn observed(
         end: places(simulation),
         middle,
         seconds: spent.as_secs_f64(),
+        processor_seconds: used.processor_seconds,
+        waited_seconds: used.waited_seconds,
         counted_seconds: simulation.counted_seconds(),
         energy_drift: if drift == 0.0 { 0.0 } else { drift / kinetic },
         work: simulation.work(),

@@ -1,19 +1,26 @@
-//! The vibration modes of a scene about its initial or static state, to files. It must not know how
-//! eigenpairs are found.
+//! The vibration modes of a scene about its initial or static state, to files. Nothing here knows how eigenpairs
+//! are found.
 
-use std::fmt::Write as _;
+mod report;
+
 use std::path::Path;
 
-use vi_core::Potential;
-use vi_fem::consistent_mass;
-use vi_solvers::{Mode, ModeOptions, SolverError};
+use vi_io::PvdSeries;
+use vi_solvers::{Mode, ModeOptions};
 
 use crate::auto::stand_in;
 use crate::claim::Claim;
 use crate::frames::FrameWriter;
+use crate::model::kinetic_terms;
+use crate::provenance::Provenance;
 use crate::run::{RunError, inputs_among};
-use crate::scene::{MassKind, Problem, Scene, Substance};
+use crate::scene::{MassKind, Problem, Scene};
 use crate::simulation::Simulation;
+
+pub use report::{ModeFacts, ModesReport};
+
+/// The largest displacement of a mode shape in the files, over the largest extent of the bodies that vibrate.
+const SHAPE_SIZE: f64 = 0.1;
 
 /// A mode and the component that vibrates.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,6 +29,16 @@ pub struct SceneMode {
     pub component: usize,
     /// The mode.
     pub mode: Mode,
+}
+
+/// The modes of a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneModes {
+    /// They, by ascending frequency.
+    pub modes: Vec<SceneMode>,
+    /// Mass of all components that can move along x, y and z, kg; with consistent mass without what couples free
+    /// coordinates to held ones.
+    pub free_mass: [f64; 3],
 }
 
 /// The lowest `count` modes of each component, by ascending frequency. A scene with `[static]` is first
@@ -34,111 +51,137 @@ pub fn scene_modes(
     simulation: &mut Simulation,
     count: usize,
     mass: MassKind,
-) -> Result<Vec<SceneMode>, RunError> {
+) -> Result<SceneModes, RunError> {
     if simulation.scene().statics.is_some() {
         while !simulation.is_done() {
             let step = simulation.steps() + 1;
             simulation.step().map_err(|source| RunError::Step { step, source })?;
         }
     }
-    let fail = |error: SolverError| RunError::Scene(vec![Problem::new("modes", error.to_string())]);
-    let mut found = Vec::new();
+    let fail = |error: String| RunError::Scene(vec![Problem::new("modes", error)]);
+    let mass = simulation.scene().solver.mass.unwrap_or(mass);
+    let mut found = SceneModes { modes: Vec::new(), free_mass: [0.0; 3] };
     for (number, component) in simulation.components().iter().enumerate() {
-        if component.system().coordinates().free_count() == 0 {
+        let (system, state) = (component.system(), component.state());
+        if system.coordinates().free_count() == 0 {
             continue;
         }
-        let mut kinetic: Vec<Box<dyn Potential>> = Vec::new();
-        let asked = simulation.scene().solver.mass;
-        if asked.unwrap_or(mass) == MassKind::Consistent && component.system().kinetic().is_none() {
-            let bodies = simulation.bodies().iter().zip(&simulation.scene().bodies);
-            for (body, of_scene) in bodies.filter(|(body, _)| body.component == number) {
-                let mesh = body.numbering.mesh(&body.mesh);
-                for (entry, elements) in of_scene.material.0.iter().zip(&body.materials) {
-                    let Substance::Solid(law) = &entry.law else {
-                        let message = format!(
-                            "'{}' is a sheet: name the mass by `[solver] mass` of the scene",
-                            body.name
-                        );
-                        return Err(RunError::Scene(vec![Problem::new("modes", message)]));
-                    };
-                    let density = law.density();
-                    let terms = consistent_mass(&mesh, elements, density, body.node_offset, &body.name)
-                        .map_err(|error| RunError::Scene(vec![Problem::new("modes", error.to_string())]))?;
-                    kinetic.extend(terms);
-                }
-            }
-        }
+        let kinetic = if mass == MassKind::Consistent && system.kinetic().is_none() {
+            kinetic_terms(simulation.scene(), simulation.bodies(), number)
+                .map_err(|error| fail(error.to_string()))?
+        } else {
+            Vec::new()
+        };
         let options = ModeOptions { count, ..ModeOptions::default() };
-        let modes =
-            vi_solvers::modes(component.system(), component.state(), kinetic, &options).map_err(fail)?;
-        found.extend(modes.into_iter().map(|mode| SceneMode { component: number, mode }));
+        let own =
+            vi_solvers::modes(system, state, kinetic, &options).map_err(|error| fail(error.to_string()))?;
+        for axis in 0..3 {
+            found.free_mass[axis] += own.free_mass[axis];
+        }
+        found.modes.extend(own.modes.into_iter().map(|mode| SceneMode { component: number, mode }));
     }
-    found.sort_by(|a, b| a.mode.omega_squared.total_cmp(&b.mode.omega_squared));
+    found.modes.sort_by(|a, b| a.mode.omega_squared.total_cmp(&b.mode.omega_squared));
     Ok(found)
 }
 
-/// Writes `modes.csv` and, for each mode, `mode_000.vtu` with its shape as `displacement`, scaled so that
-/// the largest entry is 1 m. `mass` counts before that of the scene; without both it is consistent.
+/// Writes `modes.csv`, `modes.json`, `modes.svg` and, for each mode, `mode_000.vtu` with its shape as `displacement`,
+/// whose largest vector is a tenth of the largest extent of the bodies that vibrate. `modes.pvd` is a series of
+/// them, with the frequency as time. `mass` counts before that of the scene; without both it is consistent.
 ///
 /// # Errors
 /// [`RunError`] where the scene cannot be solved or a file cannot be written.
 pub fn write_modes(
     scene: Scene,
+    name: &str,
     directory: &Path,
     count: usize,
     mass: Option<MassKind>,
-) -> Result<Vec<SceneMode>, RunError> {
+) -> Result<ModesReport, RunError> {
     let mut scene = scene;
-    scene.solver.mass = mass.or(scene.solver.mass);
+    let wanted = mass.or(scene.solver.mass).unwrap_or(MassKind::Consistent);
+    // Motion may need lumped mass where the search for modes does not.
+    if scene.solver.mass != Some(MassKind::Consistent) || wanted == MassKind::Lumped {
+        scene.solver.mass = (wanted == MassKind::Lumped).then_some(MassKind::Lumped);
+    }
     let mut simulation = Simulation::new(stand_in(&scene)).map_err(RunError::Scene)?;
-    let modes = scene_modes(&mut simulation, count, MassKind::Consistent)?;
+    let found = scene_modes(&mut simulation, count, wanted)?;
+    let provenance = Provenance::new(name, simulation.free_coordinates());
+    let report = ModesReport::new(provenance, wanted, &found);
     let output = |path: &Path| {
         let path = path.to_owned();
         move |source| RunError::Output { path, source }
     };
     let _claim = Claim::new(directory)?;
     let shape_file = |number: usize| format!("mode_{number:03}.vtu");
-    let files: Vec<_> = (0..modes.len()).map(|number| directory.join(shape_file(number))).collect();
+    let files: Vec<_> = (0..found.modes.len()).map(|number| directory.join(shape_file(number))).collect();
     let problems = inputs_among(simulation.scene(), &files);
     if !problems.is_empty() {
         return Err(RunError::Scene(problems));
     }
-    let mut table = String::from("mode,component,omega_squared,frequency,rigid,residual\n");
     let frames = FrameWriter::create(directory, "modes", &simulation, 1.0)?;
-    for (number, SceneMode { component, mode }) in modes.iter().enumerate() {
-        // Writing to a string cannot fail.
-        let _ = writeln!(
-            table,
-            "{number},{component},{:.16e},{:.16e},{},{:.3e}",
-            mode.omega_squared,
-            mode.frequency(),
-            mode.is_rigid,
-            mode.residual
-        );
-        let system = simulation.components()[*component].system();
-        let largest = mode.shape.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
-        let mut shape = vec![0.0; system.coordinates().dof_count()];
-        for (&dof, value) in system.coordinates().free().iter().zip(&mode.shape) {
-            shape[dof as usize] = value / largest;
-        }
-        for (node, terms) in system.coordinates().combinations() {
-            for axis in 0..3 {
-                let along = terms.iter().map(|&(k, weight)| weight * shape[3 * k as usize + axis]);
-                shape[3 * node as usize + axis] = along.sum();
-            }
-        }
-        let mut displacement = Vec::new();
-        for body in simulation.bodies() {
-            let nodes = 0..body.mesh.points.len();
-            let (shape, _) = shape.as_chunks::<3>();
-            match body.component == *component {
-                true => displacement.extend(nodes.flat_map(|node| shape[body.node(node)])),
-                false => displacement.resize(displacement.len() + 3 * nodes.len(), 0.0),
-            }
-        }
-        frames.write_shape(&shape_file(number), &displacement)?;
+    let mut series = PvdSeries::new(&directory.join("modes.pvd"));
+    for (number, (found, facts)) in found.modes.iter().zip(&report.modes).enumerate() {
+        let file = shape_file(number);
+        // Viewers show one file for a time: rigid modes must not share theirs.
+        let last = series.frames().last().map_or(f64::NEG_INFINITY, |frame| frame.0);
+        let time = facts.signed_frequency().max(last.next_up());
+        let data: [(&str, &[f64]); 3] = [
+            ("frequency", &[facts.frequency]),
+            ("omega_squared", &[facts.omega_squared]),
+            ("effective_mass", &facts.effective_mass),
+        ];
+        frames.write_shape(&file, &shape(&simulation, found), time, &data)?;
+        series.push(time, &file)?;
     }
-    let path = directory.join("modes.csv");
-    std::fs::write(&path, table).map_err(output(&path))?;
-    Ok(modes)
+    remove_later(directory, found.modes.len()).map_err(output(directory))?;
+    for (file, text) in
+        [("modes.csv", report.csv()), ("modes.json", report.json()), ("modes.svg", report.chart())]
+    {
+        let path = directory.join(file);
+        std::fs::write(&path, text).map_err(output(&path))?;
+    }
+    Ok(report)
+}
+
+/// The displacement of every node of every body in a mode, m.
+fn shape(simulation: &Simulation, SceneMode { component, mode }: &SceneMode) -> Vec<f64> {
+    let coordinates = simulation.components()[*component].system().coordinates();
+    let mut all = vec![0.0; coordinates.dof_count()];
+    for (&dof, value) in coordinates.free().iter().zip(&mode.shape) {
+        all[dof as usize] = *value;
+    }
+    for (node, terms) in coordinates.combinations() {
+        for axis in 0..3 {
+            let along = terms.iter().map(|&(k, weight)| weight * all[3 * k as usize + axis]);
+            all[3 * node as usize + axis] = along.sum();
+        }
+    }
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    let mut displacement: Vec<[f64; 3]> = Vec::new();
+    for body in simulation.bodies() {
+        let moves = body.component == *component;
+        for (node, point) in body.mesh.points.iter().enumerate() {
+            let at = body.node(node);
+            displacement.push(if moves { [0, 1, 2].map(|k| all[3 * at + k]) } else { [0.0; 3] });
+            for k in (0..3).filter(|_| moves) {
+                (low[k], high[k]) = (low[k].min(point[k]), high[k].max(point[k]));
+            }
+        }
+    }
+    let extent = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
+    let length = |u: &[f64; 3]| u.iter().map(|u| u * u).sum::<f64>().sqrt();
+    let largest = displacement.iter().map(length).fold(0.0, f64::max);
+    let factor = if largest > 0.0 { SHAPE_SIZE * extent / largest } else { 0.0 };
+    displacement.into_iter().flatten().map(|u| factor * u).collect()
+}
+
+/// Removes shapes of an earlier call that found more modes.
+fn remove_later(directory: &Path, count: usize) -> std::io::Result<()> {
+    for number in count.. {
+        match std::fs::remove_file(directory.join(format!("mode_{number:03}.vtu"))) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => break,
+            other => other?,
+        }
+    }
+    Ok(())
 }

@@ -62,7 +62,7 @@ fn dispersion(mode: usize, mass: MassKind) -> (f64, f64) {
 fn a_bar_vibrates_as_its_mass_says() {
     for (name, mass) in [("consistent", MassKind::Consistent), ("lumped", MassKind::Lumped)] {
         let mut simulation = simulation(&bar(name, "implicit-midpoint"));
-        let modes = scene_modes(&mut simulation, 3, mass).unwrap();
+        let modes = scene_modes(&mut simulation, 3, mass).unwrap().modes;
         // The momentum Σ sin κj p_j of a mode turns by θ a step, tan θ/2 = ωh/2.
         let free: Vec<u32> = simulation.components()[0].system().coordinates().free().to_vec();
         let body = &simulation.bodies()[0];

@@ -19,6 +19,8 @@ fn study(scene: &str, arguments: &[&str]) -> (i32, Value, String) {
     if code == 0 {
         let csv = std::fs::read_to_string(directory.path().join("out/convergence.csv")).unwrap();
         assert!(csv.starts_with("study,refined,nodes,steps,step,seconds,"));
+        let chart = std::fs::read_to_string(directory.path().join("out/convergence.svg")).unwrap();
+        assert!(chart.starts_with("<svg") && chart.ends_with("</svg>\n"));
     }
     let errors = String::from_utf8(output.stderr).unwrap();
     (code, serde_json::from_slice(&output.stdout).unwrap_or(Value::Null), errors)

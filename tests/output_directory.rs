@@ -224,16 +224,16 @@ fn a_run_that_has_not_ended_is_kept() {
     assert!(place.names("out").contains(&"kept.report.json".to_owned()));
 }
 
-/// Equal runs have equal reports but for `machine` and the clock times.
+/// Equal runs have equal reports but for `provenance` and the clock times.
 #[test]
 fn reports_do_not_depend_on_the_machine() {
     let place = Place::new(&[("a.toml", SCENE)]);
     let report = |threads: u32| {
         place.run(&format!("run a.toml --threads {threads} --out {threads}"));
         let mut report = report_of(&place.path().join(threads.to_string()));
-        assert_eq!(report["machine"]["threads"], threads);
+        assert_eq!(report["provenance"]["threads"], threads);
         let report = report.as_object_mut().unwrap();
-        report.retain(|key, _| key != "machine" && !key.ends_with("_seconds"));
+        report.retain(|key, _| key != "provenance" && !key.ends_with("_seconds"));
         report.clone()
     };
     assert_eq!(report(1), report(2));

@@ -40,7 +40,7 @@ fn close(found: f64, exact: f64, tolerance: f64, what: &str) {
 
 fn frequencies(name: &str, overrides: &[&str], count: usize) -> Vec<f64> {
     let mut simulation = Simulation::new(scene(name, overrides)).unwrap();
-    let modes = scene_modes(&mut simulation, count, MassKind::Consistent).unwrap();
+    let modes = scene_modes(&mut simulation, count, MassKind::Consistent).unwrap().modes;
     modes.iter().map(|found| found.mode.frequency()).collect()
 }
 

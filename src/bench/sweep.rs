@@ -7,8 +7,9 @@ use vi_solvers::Method;
 
 use super::reference::{Reference, find};
 use super::tables::recommend;
-use super::{BenchError, BenchOptions, BenchReport, BenchWatch, Row, Trials};
+use super::{BenchError, BenchOptions, BenchReport, BenchWatch, Measure, Row, Trials};
 use crate::auto::settle;
+use crate::provenance::Provenance;
 use crate::scene::{Scene, SchemeName};
 use crate::simulation::Simulation;
 use crate::trial::{Choice, Limit, Norm, Trial, TrialError, highest, run};
@@ -18,9 +19,10 @@ const ROWS_SHARE: f64 = 0.85;
 /// Ladders end below this error: no run time is chosen by less.
 const FINEST: f64 = 1e-7;
 const COARSEST_IMPLICIT: u64 = 16;
-const REPEATS: u32 = 3;
-/// Runs longer than this are timed once, s.
-const SHORT: f64 = 1.0;
+/// A row is timed until its two least times differ by this share at most.
+const AGREEMENT: f64 = 0.03;
+/// A row is timed so often at most.
+const MOST_REPEATS: u32 = 12;
 
 /// Measures schemes × steps on `scene`.
 ///
@@ -37,16 +39,21 @@ pub fn bench(
     let simulation = Simulation::new(scene.clone()).map_err(BenchError::Scene)?;
     let omega = highest(&simulation).ok_or(BenchError::NothingMoves)?;
     let norm = Norm::new(&simulation);
+    let free_coordinates = simulation.free_coordinates();
     drop(simulation);
     let reference = find(&scene, &norm, omega, options.budget.mul_f64(REFERENCE_SHARE), watch)?;
     let mut sweep = Sweep {
         accuracy: options.accuracy.or(scene.time.tolerance).unwrap_or(1e-2),
         budget: options.budget,
         begin,
+        name: options.name.clone(),
+        free_coordinates,
         scene,
         norm,
         reference,
         rows: Vec::new(),
+        processor: 0.0,
+        waited: None,
         watch,
     };
     let present = Choice::of(&sweep.scene);
@@ -75,6 +82,8 @@ fn schemes(options: &BenchOptions) -> Result<Vec<(SchemeName, Option<usize>)>, B
 }
 
 struct Sweep<'a> {
+    name: String,
+    free_coordinates: usize,
     scene: Scene,
     norm: Norm,
     reference: Reference,
@@ -82,6 +91,10 @@ struct Sweep<'a> {
     budget: Duration,
     begin: Instant,
     rows: Vec<Row>,
+    /// Seconds of processors in all timed runs.
+    processor: f64,
+    /// Seconds for which threads that could run had none, where the system tells.
+    waited: Option<f64>,
     watch: &'a mut dyn BenchWatch,
 }
 
@@ -103,8 +116,18 @@ impl Sweep<'_> {
         let spent = self.begin.elapsed().as_secs_f64() / self.budget.as_secs_f64();
         self.watch.next(&format!("{} in {} steps", choice.label(), choice.steps), spent, left);
         let done = run(choice.apply(&self.scene), 0.0..1.0, Limit::Clock(left), &mut || self.watch.go_on());
+        if let Ok(trial) = &done {
+            self.account(trial);
+        }
         let row = self.row(choice, done);
         self.rows.push(row);
+    }
+
+    fn account(&mut self, trial: &Trial) {
+        self.processor += trial.processor_seconds;
+        if let Some(waited) = trial.waited_seconds {
+            *self.waited.get_or_insert(0.0) += waited;
+        }
     }
 
     fn row(&self, choice: Choice, done: Result<Trial, TrialError>) -> Row {
@@ -114,7 +137,9 @@ impl Sweep<'_> {
             steps: choice.steps,
             step: self.scene.time.end / choice.steps as f64,
             seconds: None,
+            processor_seconds: None,
             repeats: 1,
+            times: Vec::new(),
             error: None,
             observed_order: None,
             energy_drift: None,
@@ -127,7 +152,7 @@ impl Sweep<'_> {
         match done {
             Ok(trial) => {
                 let error = self.norm.error(&trial.end, &self.reference.end);
-                row.seconds = Some(trial.seconds);
+                row.time(&trial);
                 row.energy_drift = Some(trial.energy_drift);
                 row.work = trial.work.iter().map(|(name, count)| (name.to_owned(), count.into())).collect();
                 row.at_reference = error < 3.0 * self.reference.facts.difference;
@@ -206,12 +231,13 @@ impl Sweep<'_> {
         }
     }
 
-    /// Times short rows again, in turn, so that a disturbance of the machine hits all alike.
+    /// Times rows again, in turn, so that a disturbance of the machine hits all alike, until the two least times of
+    /// each agree.
     fn repeat(&mut self) {
-        for turn in 1..REPEATS {
+        for turn in 1..MOST_REPEATS {
             for index in 0..self.rows.len() {
                 let row = &self.rows[index];
-                let Some(seconds) = row.seconds.filter(|seconds| *seconds < SHORT) else { continue };
+                let Some(seconds) = row.seconds.filter(|_| !row.times_agree(AGREEMENT)) else { continue };
                 let left = self.left(1.0);
                 if left.as_secs_f64() < 2.0 * seconds || !self.watch.go_on() {
                     continue;
@@ -222,9 +248,9 @@ impl Sweep<'_> {
                 let again =
                     run(choice.apply(&self.scene), 0.0..1.0, Limit::Clock(left), &mut || self.watch.go_on());
                 if let Ok(again) = again {
-                    let row = &mut self.rows[index];
-                    row.seconds = Some(seconds.min(again.seconds));
-                    row.repeats += 1;
+                    self.account(&again);
+                    self.rows[index].time(&again);
+                    self.rows[index].repeats += 1;
                 }
             }
         }
@@ -243,10 +269,14 @@ impl Sweep<'_> {
         for (row, order) in self.rows.iter_mut().zip(orders) {
             row.observed_order = order;
         }
-        mark_front(&mut self.rows);
+        let ranked_by = Measure::of_threads(rayon::current_num_threads());
+        mark_front(&mut self.rows, ranked_by);
+        let busy =
+            self.waited.map(|waited| waited / (waited + self.processor)).filter(|share| share.is_finite());
         let mut report = BenchReport {
-            version: env!("CARGO_PKG_VERSION"),
-            threads: rayon::current_num_threads(),
+            provenance: Provenance::new(&self.name, self.free_coordinates),
+            ranked_by,
+            waited_share: busy,
             accuracy: self.accuracy,
             reference: self.reference.facts,
             rows: self.rows,
@@ -265,9 +295,9 @@ fn is_halved(fine: &Row, coarse: &Row) -> bool {
 }
 
 /// Marks the rows for which no other is both faster and more accurate.
-fn mark_front(rows: &mut [Row]) {
+fn mark_front(rows: &mut [Row], measure: Measure) {
     let mut order: Vec<(usize, f64, f64)> =
-        rows.iter().enumerate().filter_map(|(i, row)| Some((i, row.seconds?, row.error?))).collect();
+        rows.iter().enumerate().filter_map(|(i, row)| Some((i, row.cost(measure)?, row.error?))).collect();
     order.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.2.total_cmp(&b.2)));
     let mut least = f64::INFINITY;
     for (index, _, error) in order {

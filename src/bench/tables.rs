@@ -8,7 +8,7 @@ use super::{BenchReport, Row};
 pub(super) fn recommend(report: &BenchReport) -> (Option<usize>, String) {
     let wanted = percent(report.accuracy);
     let good = |row: &Row| row.error.is_some_and(|error| error <= report.accuracy);
-    let seconds = |row: &Row| row.seconds.unwrap_or(f64::INFINITY);
+    let seconds = |row: &Row| report.cost(row).unwrap_or(f64::INFINITY);
     let found = report
         .rows
         .iter()
@@ -61,8 +61,8 @@ impl BenchReport {
     /// The table for a terminal, most accurate last.
     pub fn table(&self) -> String {
         let mut text = format!(
-            "{:<20} {:>8} {:>10} {:>10} {:>9} {:>6} {:>9} {:>8} {:>7}\n",
-            "scheme", "steps", "h (s)", "time (s)", "error", "order", "dE", "forces", "factors"
+            "{:<20} {:>8} {:>10} {:>10} {:>10} {:>9} {:>6} {:>9} {:>8} {:>7}\n",
+            "scheme", "steps", "h (s)", "time (s)", "cpu (s)", "error", "order", "dE", "forces", "factors"
         );
         let mut rows: Vec<&Row> = self.rows.iter().collect();
         let key = |row: &Row| row.error.unwrap_or(f64::INFINITY);
@@ -80,8 +80,9 @@ impl BenchReport {
                 Some(failure) => write!(text, "failed: {failure}"),
                 None => write!(
                     text,
-                    "{:>10.3} {:>8.1e}{} {:>6} {:>9.1e} {:>8} {:>7}",
+                    "{:>10.3} {:>10.3} {:>8.1e}{} {:>6} {:>9.1e} {:>8} {:>7}",
                     row.seconds.unwrap_or(f64::NAN),
+                    row.processor_seconds.unwrap_or(f64::NAN),
                     row.error.unwrap_or(f64::NAN),
                     if row.at_reference { "≈" } else { " " },
                     row.observed_order.map_or(String::new(), |order| format!("{order:.1}")),
@@ -106,12 +107,13 @@ impl BenchReport {
                 ""
             }
         );
+        let _ = writeln!(text, "ranked by {}", self.ranked_by);
         text
     }
 
     /// All rows as CSV. Counted work that has the name of another column is headed `work_…`.
     pub fn csv(&self) -> String {
-        const OWN: &str = "scheme,steps,step,seconds,repeats,error,observed_order,energy_drift,on_front,is_present,\
+        const OWN: &str = "scheme,steps,step,seconds,processor_seconds,repeats,error,observed_order,energy_drift,on_front,is_present,\
                            at_reference,failure";
         let mut text = OWN.to_owned();
         let names: Vec<&String> = self
@@ -130,11 +132,12 @@ impl BenchReport {
                 row.failure.as_deref().unwrap_or("").replace('"', "\"\"").replace(['\n', '\r'], " ");
             let _ = write!(
                 text,
-                "{},{},{:e},{},{},{},{},{},{},{},{},\"{}\"",
+                "{},{},{:e},{},{},{},{},{},{},{},{},{},\"{}\"",
                 row.scheme,
                 row.steps,
                 row.step,
                 number(row.seconds),
+                number(row.processor_seconds),
                 row.repeats,
                 number(row.error),
                 number(row.observed_order),

@@ -45,6 +45,7 @@ pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
         }
     }
     let options = BenchOptions {
+        name: name.clone(),
         budget: Duration::from_secs_f64(arguments.budget),
         accuracy: arguments.error,
         schemes: arguments.schemes.clone(),
@@ -80,6 +81,9 @@ pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
     if !arguments.quiet {
         say::write_result(format_args!("{}", report.table()));
         out!("written to {}", directory.display());
+    }
+    if let Some(busy) = report.busy() {
+        message!("warning: {busy}");
     }
     out!("{}.", report.recommendation);
     code

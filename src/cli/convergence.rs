@@ -35,12 +35,13 @@ pub(super) struct ConvergenceArguments {
 
 pub(super) fn study(arguments: &ConvergenceArguments) -> u8 {
     let stop = Stop::on_signals();
-    let Study { scene, parsed, pool, directory, claim: _claim, .. } =
+    let Study { scene, parsed, pool, name, directory, claim: _claim } =
         match arguments.study.open("convergence") {
             Ok(study) => study,
             Err(code) => return code,
         };
     let options = ConvergenceOptions {
+        name,
         levels: arguments.levels,
         space: !arguments.time,
         time: !arguments.space,
@@ -62,7 +63,8 @@ pub(super) fn study(arguments: &ConvergenceArguments) -> u8 {
             };
         }
     };
-    if let Err(error) = write(&report, &directory) {
+    let title = if scene.title.is_empty() { &options.name } else { &scene.title };
+    if let Err(error) = write(&report, title, &directory) {
         message!("error: {}: {error}", directory.display());
         return exit::INPUT_OUTPUT;
     }
@@ -75,11 +77,12 @@ pub(super) fn study(arguments: &ConvergenceArguments) -> u8 {
     exit::DONE
 }
 
-fn write(report: &ConvergenceReport, directory: &Path) -> std::io::Result<()> {
+fn write(report: &ConvergenceReport, title: &str, directory: &Path) -> std::io::Result<()> {
     std::fs::create_dir_all(directory)?;
     let json = serde_json::to_string_pretty(report)? + "\n";
     std::fs::write(directory.join("convergence.csv"), report.csv())?;
-    std::fs::write(directory.join("convergence.json"), json)
+    std::fs::write(directory.join("convergence.json"), json)?;
+    std::fs::write(directory.join("convergence.svg"), report.chart(title))
 }
 
 /// A line for every run.

@@ -1,122 +1,267 @@
-//! `variational info`: what a scene or a mesh holds.
+//! `variational info`: what a scene or a mesh holds, as text or as JSON. Nothing here runs a scene.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
 
 use super::exit;
+use super::run::{accept, name_of, print_problems};
 use super::say::{message, out};
+use super::study::print_json;
 use crate::auto::stand_in;
+use crate::provenance::Provenance;
 use crate::scene::{SchemeName, Substance};
 use crate::simulation::Simulation;
 use crate::stability::stability;
 
-pub(super) fn info(path: &Path) -> u8 {
-    if path.extension().is_some_and(|extension| extension == "toml") { scene(path) } else { mesh(path) }
+#[derive(Debug, Args)]
+pub(super) struct InfoArguments {
+    /// A scene (.toml) or a mesh file
+    file: PathBuf,
+    /// Print it as JSON
+    #[arg(long)]
+    json: bool,
 }
 
-fn mesh(path: &Path) -> u8 {
-    let file = match vi_io::read_mesh(path) {
-        Ok(file) => file,
-        Err(error) => {
-            message!("error: {error}");
-            return exit::BAD_INPUT;
-        }
-    };
-    out!("{}: {} points, {} cells", path.display(), file.points.len(), file.cell_count());
-    let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for x in &file.points {
-        for k in 0..3 {
-            min[k] = min[k].min(x[k]);
-            max[k] = max[k].max(x[k]);
-        }
-    }
-    if !file.points.is_empty() {
-        out!("extent   {min:?} to {max:?}");
-    }
-    for kind in vi_io::CellKind::ALL {
-        let count: usize = file.blocks.iter().filter(|b| b.kind == *kind).map(|b| b.cell_count()).sum();
-        if count > 0 {
-            out!("cells    {count} {}", kind.name());
-        }
-    }
-    for group in &file.groups {
-        let what = ["points", "curve", "surface", "volume"][group.dimension.min(3)];
-        out!("region   '{}', {what}, {} cells", group.name, group.cells.len());
-    }
-    for array in &file.point_data {
-        out!("points   '{}', {} components", array.name, array.components);
-    }
-    for array in &file.cell_data {
-        out!("cells    '{}', {} components", array.name, array.components);
-    }
-    for note in &file.notes {
-        out!("note     {note}");
+/// What a mesh file holds.
+#[derive(Serialize)]
+struct MeshFacts {
+    provenance: Provenance,
+    points: usize,
+    cells: usize,
+    /// Least and greatest coordinates, m; none without points.
+    extent: Option<[[f64; 3]; 2]>,
+    /// Number of cells by kind.
+    kinds: Vec<(&'static str, usize)>,
+    regions: Vec<RegionFacts>,
+    /// Name and components of arrays over points and cells.
+    point_data: Vec<(String, usize)>,
+    cell_data: Vec<(String, usize)>,
+    notes: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct RegionFacts {
+    name: String,
+    dimension: usize,
+    cells: usize,
+}
+
+/// What a scene holds.
+#[derive(Serialize)]
+struct SceneFacts {
+    provenance: Provenance,
+    title: String,
+    steps: Option<u64>,
+    /// s.
+    step: Option<f64>,
+    scheme: &'static str,
+    bodies: Vec<BodyFacts>,
+    systems: Vec<SystemFacts>,
+    /// Limit of explicit steps, s, and the frequency that sets it, rad/s.
+    step_limit: Option<f64>,
+    highest_frequency: Option<f64>,
+    notes: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct BodyFacts {
+    name: String,
+    nodes: usize,
+    elements: usize,
+    /// kg.
+    mass: f64,
+    system: usize,
+    materials: Vec<MaterialFacts>,
+    regions: Vec<RegionFacts>,
+}
+
+#[derive(Serialize)]
+struct MaterialFacts {
+    law: &'static str,
+    /// None for what no other entry names.
+    region: Option<String>,
+    /// Thickness (m) and mass per area (kg/m²) of a sheet.
+    sheet: Option<[f64; 2]>,
+}
+
+#[derive(Serialize)]
+struct SystemFacts {
+    free: usize,
+    coordinates: usize,
+    /// Name and stencils of each term.
+    terms: Vec<(String, usize)>,
+}
+
+pub(super) fn info(arguments: &InfoArguments) -> u8 {
+    let path = &arguments.file;
+    if path.extension().is_some_and(|extension| extension == "toml") {
+        let facts = match scene(path) {
+            Ok(facts) => facts,
+            Err(code) => return code,
+        };
+        if arguments.json { print_json(&facts) } else { say_scene(path, &facts) }
+    } else {
+        let file = match vi_io::read_mesh(path) {
+            Ok(file) => file,
+            Err(error) => {
+                message!("error: {error}");
+                return exit::BAD_INPUT;
+            }
+        };
+        let facts = mesh(path, &file);
+        if arguments.json { print_json(&facts) } else { say_mesh(path, &facts) }
     }
     exit::DONE
 }
 
-fn scene(path: &Path) -> u8 {
-    let Ok((scene, parsed)) = super::run::accept(path, &[]) else { return exit::BAD_INPUT };
+fn mesh(path: &Path, file: &vi_io::MeshFile) -> MeshFacts {
+    let bound = |start: f64, pick: fn(f64, f64) -> f64| {
+        [0, 1, 2].map(|k| file.points.iter().map(|x| x[k]).fold(start, pick))
+    };
+    let extent = [bound(f64::INFINITY, f64::min), bound(f64::NEG_INFINITY, f64::max)];
+    let count = |kind: &vi_io::CellKind| {
+        let cells: usize = file.blocks.iter().filter(|b| b.kind == *kind).map(|b| b.cell_count()).sum();
+        (cells > 0).then_some((kind.name(), cells))
+    };
+    let arrays = |arrays: &[vi_io::DataArray]| {
+        arrays.iter().map(|array| (array.name.clone(), array.components)).collect()
+    };
+    let region = |group: &vi_io::Group| RegionFacts {
+        name: group.name.clone(),
+        dimension: group.dimension,
+        cells: group.cells.len(),
+    };
+    MeshFacts {
+        provenance: Provenance::new(&path.display().to_string(), 0),
+        points: file.points.len(),
+        cells: file.cell_count(),
+        extent: (!file.points.is_empty()).then_some(extent),
+        kinds: vi_io::CellKind::ALL.iter().filter_map(count).collect(),
+        regions: file.groups.iter().map(region).collect(),
+        point_data: arrays(&file.point_data),
+        cell_data: arrays(&file.cell_data),
+        notes: file.notes.clone(),
+    }
+}
+
+fn say_mesh(path: &Path, facts: &MeshFacts) {
+    out!("{}: {} points, {} cells", path.display(), facts.points, facts.cells);
+    if let Some([min, max]) = facts.extent {
+        out!("extent   {min:?} to {max:?}");
+    }
+    for (kind, count) in &facts.kinds {
+        out!("cells    {count} {kind}");
+    }
+    for region in &facts.regions {
+        let what = ["points", "curve", "surface", "volume"][region.dimension.min(3)];
+        out!("region   '{}', {what}, {} cells", region.name, region.cells);
+    }
+    for (site, arrays) in [("points", &facts.point_data), ("cells ", &facts.cell_data)] {
+        for (name, components) in arrays {
+            out!("{site}   '{name}', {components} components");
+        }
+    }
+    for note in &facts.notes {
+        out!("note     {note}");
+    }
+}
+
+fn scene(path: &Path) -> Result<SceneFacts, u8> {
+    let (scene, parsed) = accept(path, &[])?;
     let is_open = scene.time.scheme == Some(SchemeName::Auto);
-    let simulation = match Simulation::new(stand_in(&scene)) {
-        Ok(simulation) => simulation,
-        Err(problems) => {
-            super::run::print_problems(problems, &parsed, path);
-            return exit::BAD_INPUT;
+    let simulation = Simulation::new(stand_in(&scene)).map_err(|problems| {
+        print_problems(problems, &parsed, path);
+        exit::BAD_INPUT
+    })?;
+    let scene = simulation.scene();
+    let components = simulation.components();
+    let body = |(body, said): (&crate::model::BodyModel, &crate::scene::Body)| {
+        let nodes = body.node_offset..body.node_offset + body.mesh.points.len();
+        let material = |entry: &crate::scene::MaterialEntry| MaterialFacts {
+            law: entry.law.name(),
+            region: entry.region.clone(),
+            sheet: match &entry.law {
+                Substance::Sheet(law) => Some([law.parameters().common().thickness, law.area_density()]),
+                Substance::Solid(_) => None,
+            },
+        };
+        let region = |region: &vi_fem::Region| RegionFacts {
+            name: region.name.clone(),
+            dimension: region.dimension,
+            cells: region.elements.len(),
+        };
+        BodyFacts {
+            name: body.name.clone(),
+            nodes: body.mesh.points.len(),
+            elements: body.element_count(),
+            mass: nodes.map(|node| components[body.component].system().mass()[3 * node]).sum(),
+            system: body.component,
+            materials: said.material.0.iter().map(material).collect(),
+            regions: body.mesh.regions.iter().map(region).collect(),
         }
     };
-    let scene = simulation.scene();
-    out!("{}: {}", path.display(), scene.title);
-    if is_open {
-        out!("time     {:.6e} s; scheme and step are chosen by trials when it runs", scene.time.end);
-    } else {
-        out!(
-            "time     {} steps of {:.6e} s by {}",
-            simulation.step_count(),
-            simulation.step_size(),
-            simulation.method().name()
-        );
-    }
-    for (body, said) in simulation.bodies().iter().zip(&scene.bodies) {
-        let component = &simulation.components()[body.component];
-        let nodes = body.node_offset..body.node_offset + body.mesh.points.len();
-        let mass: f64 = nodes.map(|node| component.system().mass()[3 * node]).sum();
-        out!(
-            "body     '{}': {} nodes, {} elements, {mass:.6e} kg, component {}",
-            body.name,
-            body.mesh.points.len(),
-            body.element_count(),
-            body.component
-        );
-        for entry in &said.material.0 {
-            let place = entry.region.as_deref().unwrap_or("the rest");
-            let mut sheet = String::new();
-            if let Substance::Sheet(law) = &entry.law {
-                let thickness = law.parameters().common().thickness;
-                sheet = format!(", a sheet of {thickness:e} m and {:e} kg/m²", law.area_density());
-            }
-            out!("material {} in {place}{sheet}", entry.law.name());
+    let system = |component: &crate::simulation::Component| {
+        let coordinates = component.system().coordinates();
+        let terms = component.system().potentials().iter();
+        SystemFacts {
+            free: coordinates.free_count(),
+            coordinates: coordinates.dof_count(),
+            terms: terms.map(|term| (term.name().to_owned(), term.stencils().count())).collect(),
         }
-        for region in &body.mesh.regions {
+    };
+    let limit = stability(&simulation);
+    Ok(SceneFacts {
+        provenance: Provenance::new(&name_of(path), simulation.free_coordinates()),
+        title: scene.title.clone(),
+        steps: (!is_open).then(|| simulation.step_count()),
+        step: (!is_open).then(|| simulation.step_size()),
+        scheme: if is_open { "auto" } else { simulation.method().name() },
+        bodies: simulation.bodies().iter().zip(&scene.bodies).map(body).collect(),
+        systems: components.iter().map(system).collect(),
+        step_limit: limit.as_ref().map(|limit| limit.step_limit),
+        highest_frequency: limit.as_ref().map(|limit| limit.highest_frequency),
+        notes: simulation.notes().to_vec(),
+    })
+}
+
+fn say_scene(path: &Path, facts: &SceneFacts) {
+    out!("{}: {}", path.display(), facts.title);
+    match (facts.steps, facts.step) {
+        (Some(steps), Some(step)) => out!("time     {steps} steps of {step:.6e} s by {}", facts.scheme),
+        _ => out!("time     scheme and step are chosen by trials when it runs"),
+    }
+    for body in &facts.bodies {
+        out!(
+            "body     '{}': {} nodes, {} elements, {:.6e} kg, component {}",
+            body.name,
+            body.nodes,
+            body.elements,
+            body.mass,
+            body.system
+        );
+        for material in &body.materials {
+            let place = material.region.as_deref().unwrap_or("the rest");
+            let sheet = material.sheet.map_or(String::new(), |[thickness, density]| {
+                format!(", a sheet of {thickness:e} m and {density:e} kg/m²")
+            });
+            out!("material {} in {place}{sheet}", material.law);
+        }
+        for region in &body.regions {
             out!("region   '{}', dimension {}", region.name, region.dimension);
         }
     }
-    for (i, component) in simulation.components().iter().enumerate() {
-        let coordinates = component.system().coordinates();
-        let free = coordinates.free_count();
-        out!("system {i}: {free} of {} coordinates are free", coordinates.dof_count());
-        for term in component.system().potentials() {
-            out!("term     '{}': {} stencils", term.name(), term.stencils().count());
+    for (number, system) in facts.systems.iter().enumerate() {
+        out!("system {number}: {} of {} coordinates are free", system.free, system.coordinates);
+        for (name, stencils) in &system.terms {
+            out!("term     '{name}': {stencils} stencils");
         }
     }
-    if let Some(note) = stability(&simulation) {
-        out!(
-            "explicit step limit {:.4e} s (highest frequency {:.4e} rad/s)",
-            note.step_limit,
-            note.highest_frequency
-        );
+    if let (Some(limit), Some(highest)) = (facts.step_limit, facts.highest_frequency) {
+        out!("explicit step limit {limit:.4e} s (highest frequency {highest:.4e} rad/s)");
     }
-    for note in simulation.notes() {
+    for note in &facts.notes {
         out!("note     {note}");
     }
-    exit::DONE
 }

@@ -1,57 +1,55 @@
-//! `variational modes`.
-
-use std::path::PathBuf;
+//! `variational modes`: words in, tables and files out. Nothing here solves.
 
 use clap::Args;
 
 use super::exit;
-use super::run::{accept, code_of, name_of, output_directory};
-use super::say::{message, out};
+use super::run::{code_of, output_directory, print_problems};
+use super::say::{self, message, out};
+use super::study::{Study, StudyArguments, print_json};
+use crate::run::RunError;
 use crate::scene::MassKind;
 use crate::vibration::write_modes;
 
 #[derive(Debug, Args)]
 pub(super) struct ModesArguments {
-    /// The scene file; with [static] the modes are those of the loaded body
-    scene: PathBuf,
-    /// How many modes of each body, rigid ones included
+    #[command(flatten)]
+    study: StudyArguments,
+    /// How many modes of each set of bodies that act on each other, rigid ones included
     #[arg(long, default_value_t = 12)]
     count: usize,
     /// Use lumped mass, whatever `solver.mass` of the scene says (default: consistent)
     #[arg(long)]
     lumped: bool,
-    /// Output directory (default: the scene's, else out/<scene>)
-    #[arg(long, value_name = "DIRECTORY")]
-    out: Option<PathBuf>,
-    /// Set a key of the scene, e.g. time.step=0.01
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    overrides: Vec<String>,
+    /// Print errors only
+    #[arg(long, short)]
+    quiet: bool,
 }
 
 pub(super) fn modes(arguments: &ModesArguments) -> u8 {
-    let scene = match accept(&arguments.scene, &arguments.overrides) {
-        Ok((scene, _)) => scene,
-        Err(code) => return code,
-    };
-    let directory = output_directory(&scene, &name_of(&arguments.scene), arguments.out.as_deref());
+    let Study { scene, parsed, pool, name, directory, claim } =
+        match arguments.study.open_in(|scene, name| output_directory(scene, name, None)) {
+            Ok(study) => study,
+            Err(code) => return code,
+        };
+    // `write_modes` claims the directory itself.
+    drop(claim);
     let mass = arguments.lumped.then_some(MassKind::Lumped);
-    match write_modes(scene, &directory, arguments.count, mass) {
-        Ok(modes) => {
-            for (number, found) in modes.iter().enumerate() {
-                let mode = &found.mode;
-                let name = match (mode.is_rigid, mode.omega_squared < 0.0) {
-                    (true, _) => "  rigid",
-                    (false, true) => "  unstable",
-                    (false, false) => "",
-                };
-                out!("{number:4} {:16.9} Hz{name}", mode.frequency());
-            }
-            out!("written to {}", directory.display());
-            exit::DONE
+    let report = match pool.install(|| write_modes(scene, &name, &directory, arguments.count, mass)) {
+        Ok(report) => report,
+        Err(RunError::Scene(problems)) => {
+            print_problems(problems, &parsed, &arguments.study.scene);
+            return exit::BAD_INPUT;
         }
         Err(error) => {
             message!("error: {error}");
-            code_of(&error)
+            return code_of(&error);
         }
+    };
+    if arguments.study.json {
+        print_json(&report);
+    } else if !arguments.quiet {
+        say::write_result(format_args!("{}", report.table()));
+        out!("written to {}", directory.display());
     }
+    exit::DONE
 }

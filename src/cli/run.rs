@@ -29,6 +29,9 @@ pub(super) struct RunArguments {
     /// Threads (default: one a core); the results are the same
     #[arg(long)]
     threads: Option<usize>,
+    /// Draw the energies over time as energy.svg, as `output.chart = true` does
+    #[arg(long)]
+    chart: bool,
     #[command(flatten)]
     say: Say,
 }
@@ -55,7 +58,11 @@ impl Say {
 }
 
 pub(super) fn run(arguments: &RunArguments) -> u8 {
-    let scene = match accept(&arguments.scene, &arguments.overrides) {
+    let mut overrides = arguments.overrides.clone();
+    if arguments.chart {
+        overrides.push("output.chart=true".to_owned());
+    }
+    let scene = match accept(&arguments.scene, &overrides) {
         Ok((scene, _)) => scene,
         Err(code) => return code,
     };
@@ -74,11 +81,11 @@ pub(super) fn run(arguments: &RunArguments) -> u8 {
     }
     let stop = Stop::on_signals();
     let mut progress = arguments.say.progress(&stop);
-    let source = (arguments.scene.as_path(), arguments.overrides.as_slice());
+    let source = (arguments.scene.as_path(), overrides.as_slice());
     let result = pool.install(|| run_from(Some(source), scene, &name, &directory, &mut progress));
     progress.finish();
     match result {
-        Err(RunError::Scene(problems)) => refuse(problems, &arguments.scene, &arguments.overrides),
+        Err(RunError::Scene(problems)) => refuse(problems, &arguments.scene, &overrides),
         other => conclude(other, &directory, &arguments.say, &stop),
     }
 }

@@ -15,7 +15,7 @@ use crate::scene::{Parsed, Scene};
 pub(super) struct StudyArguments {
     /// The scene file
     pub(super) scene: PathBuf,
-    /// Output directory (default: out/<scene>-<command>)
+    /// Output directory (default: out/<scene>-<command>; for modes the scene's, else out/<scene>)
     #[arg(long, value_name = "DIRECTORY")]
     out: Option<PathBuf>,
     /// Set a key of the scene, e.g. time.end=0.5
@@ -44,11 +44,15 @@ pub(super) struct Study {
 impl StudyArguments {
     /// Accepts the scene, the threads and the output directory of `command`, or says what is wrong.
     pub(super) fn open(&self, command: &str) -> Result<Study, u8> {
+        self.open_in(|_, name| Path::new("out").join(format!("{name}-{command}")))
+    }
+
+    /// The same with an output directory by the scene and its name, where none is asked for.
+    pub(super) fn open_in(&self, default: impl Fn(&Scene, &str) -> PathBuf) -> Result<Study, u8> {
         let (scene, parsed) = accept(&self.scene, &self.overrides)?;
         let pool = thread_pool(self.threads)?;
         let name = name_of(&self.scene);
-        let directory =
-            self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{name}-{command}")));
+        let directory = self.out.clone().unwrap_or_else(|| default(&scene, &name));
         if let Err(error) = writable(&directory) {
             message!(
                 "error: {}: output directory not writable: {error}; choose another with --out",

@@ -64,6 +64,7 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
             component: component_of[i],
             node_offset,
             numbering,
+            pattern: body.read.pattern,
         });
         meshes.push(body.read.mesh);
     }

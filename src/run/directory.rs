@@ -14,7 +14,7 @@ use crate::scene::{Problem, Scene};
 
 /// Files of a run whose names do not tell the scene. Another scene's are kept as `<scene>.history.csv` and
 /// `<scene>.report.json`.
-const SHARED: [&str; 2] = ["history.csv", "report.json"];
+const SHARED: [&str; 3] = ["history.csv", "report.json", "energy.svg"];
 
 /// Makes room for a new run of the scene `name`: removes what an earlier run of it has written.
 ///

@@ -145,6 +145,7 @@ impl Run {
             estimates: self.estimates.clone(),
             events: self.guard.events.clone(),
             frames: self.frames.as_ref().map(|frames| frames.frames().to_vec()).unwrap_or_default(),
+            findings: self.findings.clone(),
             seconds: [
                 report.setup_seconds,
                 report.stepping_seconds,
@@ -184,6 +185,7 @@ impl Run {
         self.pitch.restore(&was.pitch);
         self.estimates.clone_from(&was.estimates);
         self.guard.events.clone_from(&was.events);
+        self.findings.clone_from(&was.findings);
         if let Some(frames) = &mut self.frames {
             frames.resume(&was.frames)?;
         }

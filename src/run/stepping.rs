@@ -68,6 +68,8 @@ pub(super) struct Run {
     pub(super) store: Option<(Store, Origin)>,
     pub(super) estimator: Option<Estimator>,
     pub(super) estimates: Vec<ProbeEstimate>,
+    /// What the steps so far have found, e.g. limit points.
+    pub(super) findings: Vec<String>,
     pub(super) report: Report,
     pub(super) auto: Option<AutoReport>,
     stability: Option<StabilityNote>,
@@ -147,7 +149,8 @@ impl Run {
             component.system().potentials().iter().any(|term| term.account() == vi_core::Account::Load)
         });
         let estimator = scene.time.estimate.then(|| Estimator::new(&simulation));
-        let columns = Columns { has_loads, has_estimates: estimator.is_some() };
+        let has_load_factor = first.load_factor.is_some();
+        let columns = Columns { has_loads, has_estimates: estimator.is_some(), has_load_factor };
         let path = directory.join("history.csv");
         let history =
             history(&history_columns(scene, has_loads), columns).map_err(RunError::output(&path))?;
@@ -180,6 +183,7 @@ impl Run {
             work: RowWork::default(),
             row: 0,
             estimates: Vec::new(),
+            findings: Vec::new(),
             good: None,
             simulation,
             history,
@@ -202,6 +206,7 @@ impl Run {
         watch.start(&self.simulation, &notes);
         let mut failure = None;
         let mut interrupted = false;
+        let mut said = self.findings.len();
         while !self.simulation.is_done() && !interrupted {
             match self.advance() {
                 Ok(()) => {}
@@ -211,10 +216,8 @@ impl Run {
                 }
                 Err(error) => return Err(error),
             }
-            for finding in self.simulation.take_findings() {
-                watch.finding(&finding);
-                self.report.notes.push(finding);
-            }
+            self.findings[said..].iter().for_each(|finding| watch.finding(finding));
+            said = self.findings.len();
             let go_on = watch.step(&self.simulation);
             interrupted = !go_on && !self.simulation.is_done();
         }
@@ -222,7 +225,7 @@ impl Run {
             && let Some(diagnosis) = self.stability.as_ref().and_then(StabilityNote::diagnosis)
         {
             watch.finding(&diagnosis);
-            self.report.notes.push(diagnosis);
+            self.findings.push(diagnosis);
         }
         watch.end(&self.simulation);
         if failure.is_some() || interrupted {
@@ -269,6 +272,7 @@ impl Run {
             }
             Err(source) => return Err(RunError::Step { step: step + 1, source }),
         };
+        self.findings.extend(self.simulation.take_findings());
         self.work.iterations += stepped.iterations;
         self.work.substeps += stepped.substeps;
         self.ledger.parts += stepped.energy;
@@ -344,7 +348,14 @@ impl Run {
 
     fn finish(&mut self, outcome: Outcome) -> Result<(), RunError> {
         self.settle()?;
+        let scene = self.simulation.scene();
+        if scene.output.chart {
+            let title = if scene.title.is_empty() { &self.report.name } else { &scene.title };
+            let drawn = super::chart::write(&self.directory, title, self.report.scheme);
+            drawn.map_err(RunError::output(&self.directory.join("energy.svg")))?;
+        }
         let frame_count = self.frames.as_ref().map_or(0, FrameWriter::count);
+        self.report.notes.append(&mut self.findings);
         self.report.guard(&self.guard);
         self.report.close(&self.simulation, outcome, frame_count, &self.ledger, &self.momentum, &self.pitch);
         if let Some(estimator) = &self.estimator {

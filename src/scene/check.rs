@@ -8,7 +8,9 @@ use std::path::PathBuf;
 
 use vi_fem::{LockingCure, Motion};
 
-use super::{Axis, Body, BoxRegion, MOST_REFINED, MassKind, RestShape, Scene, SchemeName, Substance};
+use super::{
+    Axis, Body, BoxRegion, Control, MOST_REFINED, MassKind, RestShape, Scene, SchemeName, Static, Substance,
+};
 
 /// One thing that is wrong with a scene: where, what, and the way out.
 #[derive(Debug, Clone, PartialEq)]
@@ -436,6 +438,7 @@ fn attachments(check: &mut Checker, scene: &Scene) {
         if statics.push.is_some_and(|push| !push.is_finite()) {
             check.say("static.push", "must be finite");
         }
+        path_of_equilibria(check, scene, statics);
     }
     for (i, probe) in scene.probes.iter().enumerate() {
         let key = format!("probe[{i}]");
@@ -443,6 +446,35 @@ fn attachments(check: &mut Checker, scene: &Scene) {
         let given = [("point", probe.point.is_some()), ("node", probe.node.is_some())];
         check.at_most_one_of(&key, &given, true);
         check.finite(format!("{key}.point"), &probe.point.unwrap_or_default());
+    }
+}
+
+fn path_of_equilibria(check: &mut Checker, scene: &Scene, statics: &Static) {
+    let given = [("arc_steps", statics.arc_steps.is_some()), ("control", statics.control.is_some())];
+    check.at_most_one_of("static", &given, false);
+    if statics.arc_steps == Some(0) {
+        check.say("static.arc_steps", "must be at least 1");
+    }
+    if statics.follows_path() && statics.push.is_some() {
+        check.say("static.push", "leaves the path that `arc_steps` and `control` follow: remove this key");
+    }
+    let Some(control) = &statics.control else { return };
+    check.finite("static.control.to", &[control.to()]);
+    if control.to() == 0.0 {
+        check.say("static.control.to", "must not be zero");
+    }
+    if let Control::Displacement { probe, .. } = control
+        && !scene.probes.iter().any(|other| other.name == *probe)
+    {
+        let message = format!("there is no probe named '{probe}': add a [[probe]] of this name");
+        check.say("static.control.probe", message);
+    }
+    if let Control::Volume { body, .. } = control
+        && !scene.bodies.iter().any(|other| other.name == *body)
+    {
+        let names: Vec<_> = scene.bodies.iter().map(|body| body.name.as_str()).collect();
+        let message = format!("there is no body '{body}'; there are: {}", names.join(", "));
+        check.say("static.control.body", message);
     }
 }
 

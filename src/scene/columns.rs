@@ -18,6 +18,8 @@ const PROBE: [&str; 6] = ["x", "y", "z", "ux", "uy", "uz"];
 const RIGID: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
 /// Of a probe: estimated |error| of its displacement, m, and the observed order.
 const ESTIMATE: [&str; 4] = ["ex", "ey", "ez", "order"];
+/// The load factor, where a path of equilibria is followed that finds it.
+const LOAD_FACTOR: &str = "load_factor";
 
 /// A column with the key of the scene that names it; without one where it is in every history.
 struct Column {
@@ -49,6 +51,9 @@ fn columns(scene: &Scene, has_loads: bool) -> Vec<Column> {
     }
     if scene.time.estimate {
         columns.extend(of_probes(&ESTIMATE));
+    }
+    if scene.statics.as_ref().is_some_and(|statics| statics.follows_path()) {
+        columns.extend(fixed(&[LOAD_FACTOR]));
     }
     columns
 }

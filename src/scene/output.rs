@@ -118,6 +118,9 @@ pub struct Output {
     /// or change), for without the ledger their joules would look like drift.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ledger: Option<bool>,
+    /// Draw the energies over time as `energy.svg` when the run ends (default false; `run --chart`).
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub chart: bool,
 }
 
 impl Output {
@@ -140,6 +143,7 @@ impl Default for Output {
             precision: Precision::default(),
             encoding: Encoding::default(),
             ledger: None,
+            chart: false,
         }
     }
 }

@@ -30,6 +30,9 @@ impl Simulation {
     /// # Errors
     /// The first component's [`StepError`]; all states are then as before.
     pub fn step(&mut self) -> Result<Stepped, StepError> {
+        if self.load_factor().is_some() {
+            return self.step_along_path();
+        }
         let (h, is_static) = (self.h, self.scene.statics.is_some());
         let end = (self.steps + 1) as f64 * h;
         // Statics cuts its increments by itself.
@@ -72,6 +75,26 @@ impl Simulation {
         }
         self.steps += 1;
         Ok(total)
+    }
+
+    /// Makes a step along a path of equilibria: one component finds the load factor, the others have nothing free.
+    fn step_along_path(&mut self) -> Result<Stepped, StepError> {
+        let h = self.h;
+        let mut stepped = Stepped::default();
+        for (number, component) in self.components.iter_mut().enumerate() {
+            let Component { system, state, stepper, .. } = component;
+            if let Some(stepper) = stepper {
+                let report = stepper
+                    .step(system, state, h)
+                    .map_err(|error| in_numbers_of_meshes(&self.bodies, number, error))?;
+                stepped.iterations += u64::from(report.iterations);
+                stepped.energy += report.energy;
+            }
+        }
+        let load_factor = self.load_factor().unwrap_or_default();
+        self.components.iter_mut().for_each(|component| component.state.t = load_factor);
+        self.steps += 1;
+        Ok(stepped)
     }
 
     /// Advances every component by one step, or by up to `most` together where that is cheaper: the bits are those

@@ -37,6 +37,8 @@ pub struct Observation {
     pub probes: Vec<ProbeValue>,
     /// The rigid bodies, in the order of the scene.
     pub rigids: Vec<Pose>,
+    /// The load factor, where a path of equilibria is followed.
+    pub load_factor: Option<f64>,
 }
 
 impl Observation {
@@ -55,7 +57,8 @@ impl Observation {
 impl Simulation {
     /// Energies, momenta and probes now. Costs one energy evaluation.
     pub fn observe(&mut self) -> Observation {
-        let mut seen = Observation { t: self.time(), ..Observation::default() };
+        let mut seen =
+            Observation { t: self.time(), load_factor: self.load_factor(), ..Observation::default() };
         let mut positions = Vec::with_capacity(self.components.len());
         for component in &mut self.components {
             let Component { system, state, stepper, observer, .. } = component;

@@ -340,6 +340,7 @@ fn body(making: &Making, directory: &Path, index: u64) -> Result<Body, IoError> 
         point_data: &[VtuArray { name: "displacement", components: 3, values }],
         cell_data: &[],
         time: None,
+        field_data: &[],
     };
     vi_io::write_vtu(&path, &frame, VtuOptions::default())?;
     let mut body = Body::from_mesh("body", path, Law::examples()[0].clone());

@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use crate::facet::Surface;
+use crate::facet::{Surface, turn_over};
 use crate::{ElementKind, FemError, Mesh};
 
 /// Corners of the faces, outward, then what lies on edges and faces.
@@ -66,7 +66,50 @@ impl Faces {
     }
 }
 
+/// Does a facet with these corners, a face of the element `nodes`, look into that element?
+///
+/// The corners decide, not places: the middle of a thin curved element may lie on the other side of its faces.
+fn looks_inwards(faces: &Faces, nodes: &[u32], corners: &[u32]) -> bool {
+    let face = faces.corners.iter().find(|face| {
+        face.len() == corners.len() && face.iter().all(|&local| corners.contains(&nodes[local as usize]))
+    });
+    face.is_some_and(|face| {
+        let first = face.iter().position(|&local| nodes[local as usize] == corners[0]).unwrap_or(0);
+        nodes[face[(first + 1) % face.len()] as usize] != corners[1]
+    })
+}
+
 impl Surface {
+    /// Turns facets over that look into the solid element that they bound.
+    pub(crate) fn look_outwards(&mut self, mesh: &Mesh) {
+        let corner_count = |kind| if matches!(kind, ElementKind::Tri3 | ElementKind::Tri6) { 3 } else { 4 };
+        let mut facet_of: HashMap<u32, Vec<(usize, usize)>> = HashMap::new();
+        for (b, block) in self.blocks.iter().enumerate() {
+            for (f, nodes) in block.facets().enumerate() {
+                facet_of.entry(nodes[0]).or_default().push((b, f));
+            }
+        }
+        let mut turn = Vec::new();
+        for solid in mesh.blocks.iter().filter(|block| block.kind.dimension() == 3) {
+            let Some(faces) = faces(solid.kind) else { continue };
+            for cell in solid.nodes.chunks_exact(solid.kind.node_count()) {
+                let candidates = cell.iter().filter_map(|node| facet_of.get(node)).flatten();
+                for &(b, f) in candidates {
+                    let block = &self.blocks[b];
+                    let corners = &block.nodes[f * block.arity()..][..corner_count(block.kind)];
+                    if looks_inwards(&faces, cell, corners) {
+                        turn.push((b, f));
+                    }
+                }
+            }
+        }
+        for (b, f) in turn {
+            let block = &mut self.blocks[b];
+            let arity = block.arity();
+            turn_over(block.kind, &mut block.nodes[f * arity..][..arity]);
+        }
+    }
+
     /// The boundary of the elements of `dimension`: for 3 the faces that belong to one element alone,
     /// looking outwards; for 2 all elements, as they look.
     ///
@@ -134,6 +177,24 @@ mod tests {
             assert!((surface.area(&mesh) - 22.0).abs() < 1e-12, "{element}");
             // ∮ x·n dA = 3 V says that all faces look outwards and midpoints are in their places.
             assert!((surface.enclosed_volume(&mesh) - 6.0).abs() < 1e-12, "{element}");
+        }
+    }
+
+    /// Named surfaces look outwards however thin and curved the elements are: together they are the boundary.
+    #[test]
+    fn named_faces_of_a_thin_curved_element_look_outwards() {
+        for element in [ElementKind::Hex20, ElementKind::Hex27] {
+            let shape = BoxMesh { size: [1.0; 3], cells: [1, 1, 1], element, origin: [0.0; 3] };
+            let mut mesh = shape.build().unwrap();
+            for x in &mut mesh.points {
+                let (radius, angle) = (1.0 + 0.02 * x[0], std::f64::consts::FRAC_PI_2 * x[1]);
+                *x = [radius * angle.cos(), radius * angle.sin(), x[2]];
+            }
+            let named = ["x-min", "x-max", "y-min", "y-max", "z-min", "z-max"];
+            let of = |name: &str| Surface::of_region(&mesh, name).unwrap().enclosed_volume(&mesh);
+            let sum: f64 = named.map(of).iter().sum();
+            let whole = Surface::of_body(&mesh, 3).unwrap().enclosed_volume(&mesh);
+            assert!(whole > 0.0 && (sum - whole).abs() < 1e-12, "{element}: {sum} {whole}");
         }
     }
 }

@@ -1,8 +1,6 @@
 //! Facets of a surface: shape functions, quadrature and orientation of triangles and quadrilaterals.
 //! It must not know loads, laws or volumes' kernels.
 
-use std::collections::HashMap;
-
 use crate::tensor::cross;
 use crate::{ElementKind, FemError, Mesh};
 
@@ -242,56 +240,10 @@ impl Surface {
         }
         volume
     }
-
-    /// Turns facets over that look into the solid element that they bound.
-    fn look_outwards(&mut self, mesh: &Mesh) {
-        let mut facet_of: HashMap<u32, Vec<(usize, usize)>> = HashMap::new();
-        for (b, block) in self.blocks.iter().enumerate() {
-            for (f, nodes) in block.facets().enumerate() {
-                facet_of.entry(nodes[0]).or_default().push((b, f));
-            }
-        }
-        let mut turn = Vec::new();
-        for solid in mesh.blocks.iter().filter(|block| block.kind.dimension() == 3) {
-            for cell in solid.nodes.chunks_exact(solid.kind.node_count()) {
-                let candidates = cell.iter().filter_map(|node| facet_of.get(node)).flatten();
-                for &(b, f) in candidates {
-                    let block = &self.blocks[b];
-                    let nodes = &block.nodes[f * block.arity()..][..block.arity()];
-                    if nodes.iter().all(|node| cell.contains(node)) && looks_at(mesh, block, nodes, cell) {
-                        turn.push((b, f));
-                    }
-                }
-            }
-        }
-        for (b, f) in turn {
-            let block = &mut self.blocks[b];
-            let arity = block.arity();
-            turn_over(block.kind, &mut block.nodes[f * arity..][..arity]);
-        }
-    }
-}
-
-/// Does the normal of a facet point to the middle of a cell?
-fn looks_at(mesh: &Mesh, block: &FacetBlock, nodes: &[u32], cell: &[u32]) -> bool {
-    let at = |&node: &u32| mesh.points[node as usize];
-    let mut middle = [0.0; 3];
-    for x in cell.iter().map(at) {
-        for i in 0..3 {
-            middle[i] += x[i] / cell.len() as f64;
-        }
-    }
-    let mut sum = 0.0;
-    for point in &block.rule {
-        let [x, a, b] = frame(point, nodes.iter().map(at));
-        let n = cross(a, b);
-        sum += (0..3).map(|i| n[i] * (middle[i] - x[i])).sum::<f64>();
-    }
-    sum > 0.0
 }
 
 /// Reverses the sense of rotation of a facet's nodes.
-fn turn_over(kind: ElementKind, nodes: &mut [u32]) {
+pub(crate) fn turn_over(kind: ElementKind, nodes: &mut [u32]) {
     match kind {
         ElementKind::Tri3 => nodes.swap(1, 2),
         ElementKind::Tri6 => {

@@ -49,6 +49,7 @@ fn convert(input: &Path, output: &Path, options: VtuOptions) -> Result<(), IoErr
         point_data: &point_data,
         cell_data: &cell_data,
         time: mesh.time,
+        field_data: &[],
     };
     write_vtu(output, &frame, options)
 }

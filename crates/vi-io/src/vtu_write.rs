@@ -37,6 +37,8 @@ pub struct VtuFrame<'a> {
     pub cell_data: &'a [VtuArray<'a>],
     /// Time in seconds, written as `TimeValue`.
     pub time: Option<f64>,
+    /// Further numbers of the whole frame by name, all finite.
+    pub field_data: &'a [(&'a str, &'a [f64])],
 }
 
 /// A named array to be written.
@@ -132,12 +134,22 @@ pub fn encode_vtu<W: Write + Seek>(out: &mut W, frame: &VtuFrame, options: VtuOp
         "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" \
          header_type=\"UInt64\"{compressor}>\n<UnstructuredGrid>"
     )?;
-    if let Some(time) = frame.time {
-        writeln!(
-            writer.out,
-            "<FieldData>\n<DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" format=\"ascii\">{time:?}\
-             </DataArray>\n</FieldData>"
-        )?;
+    let time = frame.time.as_slice();
+    let fields = frame.field_data.iter().copied();
+    let mut fields = (!time.is_empty()).then_some(("TimeValue", time)).into_iter().chain(fields).peekable();
+    if fields.peek().is_some() {
+        writeln!(writer.out, "<FieldData>")?;
+        for (name, values) in fields {
+            let (name, count) = (escape(name), values.len());
+            let values: Vec<String> = values.iter().map(|value| format!("{value:?}")).collect();
+            writeln!(
+                writer.out,
+                "<DataArray type=\"Float64\" Name=\"{name}\" NumberOfTuples=\"{count}\" format=\"ascii\">{}\
+                 </DataArray>",
+                values.join(" ")
+            )?;
+        }
+        writeln!(writer.out, "</FieldData>")?;
     }
     writeln!(writer.out, "<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{cell_count}\">", frame.points.len())?;
     writeln!(writer.out, "<PointData>")?;
@@ -206,6 +218,11 @@ fn check(frame: &VtuFrame, precision: Precision) -> Result<(), String> {
     finite("Points", frame.points.as_flattened())?;
     if let Some(time) = frame.time.filter(|time| !time.is_finite()) {
         return Err(format!("the time is {time}"));
+    }
+    for (name, values) in frame.field_data {
+        if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+            return Err(format!("\"{name}\" holds {value}"));
+        }
     }
     for (arrays, count, site) in
         [(frame.point_data, point_count, "points"), (frame.cell_data, cell_count, "cells")]

@@ -46,6 +46,7 @@ fn frames_come_back_bit_for_bit_in_every_encoding() {
                 values: VtuValues::Integer(&material),
             }],
             time: Some(0.1 + 0.2),
+            field_data: &[],
         };
         for encoding in [VtuEncoding::AppendedRaw, VtuEncoding::InlineBase64] {
             for precision in [Precision::Single, Precision::Double] {

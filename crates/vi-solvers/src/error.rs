@@ -87,6 +87,19 @@ pub enum SolverError {
         /// What was asked for.
         tolerance: f64,
     },
+    /// The corrections of a step along a path of equilibria did not come to rest.
+    #[error(
+        "no convergence after {iterations} iterations: the last correction was {change:e} of the step, \
+         {tolerance:e} asked for"
+    )]
+    Correction {
+        /// Newton iterations made.
+        iterations: u32,
+        /// The last correction over the step.
+        change: f64,
+        /// What was asked for.
+        tolerance: f64,
+    },
     /// An option outside its domain.
     #[error("{option} = {value}: {allowed}")]
     Option {
@@ -111,6 +124,52 @@ pub enum SolverError {
         lowest: Option<f64>,
         /// Why that increment failed.
         cause: Box<SolverError>,
+    },
+    /// No equilibrium was found at the end of an arc step, however short.
+    #[error(
+        "the path of equilibria cannot be followed beyond load factor {load_factor}: an arc step as short as a change \
+         of the load factor by {load:e} at the start fails ({cause}); `static.smallest_increment` allows shorter ones"
+    )]
+    ArcStep {
+        /// Load factor of the last equilibrium.
+        load_factor: f64,
+        /// Length of the shortest arc step tried, as the change of the load factor that it is at the start.
+        load: f64,
+        /// Why it failed.
+        cause: Box<SolverError>,
+    },
+    /// The arc steps were used up before the load factor at the end was reached.
+    #[error(
+        "the path of equilibria was followed for all {steps} arc steps, to load factor {load_factor}, and has not \
+         come to load factor {end}: allow more arc steps (`static.arc_steps`)"
+    )]
+    ArcSteps {
+        /// Arc steps made.
+        steps: u32,
+        /// Load factor of the last equilibrium.
+        load_factor: f64,
+        /// Load factor asked for.
+        end: f64,
+    },
+    /// No equilibrium was found with the value that controls the path, however little that changes.
+    #[error(
+        "the path of equilibria cannot be followed beyond load factor {load_factor}: a change of the controlled \
+         quantity by {change:e} fails ({cause}); where the path turns back in this quantity, follow it by arc length \
+         (`static.arc_steps` instead of `static.control`)"
+    )]
+    ControlStep {
+        /// Load factor of the last equilibrium.
+        load_factor: f64,
+        /// The smallest change tried, m or m³.
+        change: f64,
+        /// Why it failed.
+        cause: Box<SolverError>,
+    },
+    /// The load does not move what controls the path.
+    #[error("the quantity that controls the path does not respond to the load at load factor {load_factor}")]
+    Unmoved {
+        /// Load factor of the equilibrium.
+        load_factor: f64,
     },
     /// A scheme that has no place for a force that no potential gives.
     #[error(

@@ -31,6 +31,7 @@ mod modes;
 mod newton;
 mod nodal_forces;
 mod ordering;
+mod path_following;
 mod pcg;
 mod quasi_static;
 mod schemes;
@@ -51,14 +52,15 @@ pub use error::{NotPositiveDefinite, SolverError, TermFault};
 pub use factor::{Cholesky, Columns, Factor, FactorFacts, Scalar, SingleFactor};
 pub use matrix::SymmetricMatrix;
 pub use method::{AcceptedForces, Accepts, Conserves, Method, MethodFacts, stepper};
-pub use modes::{Mode, ModeOptions, modes};
+pub use modes::{Mode, ModeOptions, Modes, modes};
 pub use nodal_forces::{accelerations, external_forces, net_forces};
+pub use path_following::{PathControl, path_following};
 pub use pcg::{Pcg, PcgFacts, PcgReport, Preconditioner};
 pub use quasi_static::quasi_static;
 pub use stability::{HighestFrequency, highest_frequency};
 pub use statics::{
-    CriticalKind, CriticalPoint, LoadStep, StaticOptions, StaticReport, equilibrium, equilibrium_path,
-    reactions,
+    CriticalKind, CriticalPoint, LoadStep, PathFunction, StaticOptions, StaticReport, equilibrium,
+    equilibrium_path, reactions,
 };
 pub use stepper::{LinearSolver, SolverOptions, StepError, StepReport, Stepper, StepperMemory, Work};
 pub use surface::make_tangent;

@@ -41,6 +41,19 @@ pub struct Mode {
     pub is_rigid: bool,
     /// ‖Kφ − ω²Mφ‖ / ((|ω²| + σ) ‖Mφ‖), in the norm of the inverse lumped mass; σ is the shift.
     pub residual: f64,
+    /// Participation factors Γ_k = φᵀMe_k of the translations e_k along x, y and z, √kg. Γ_k² is the effective modal
+    /// mass; over all modes of a system it sums to [`Modes::free_mass`]. Zero where coordinates are not those of
+    /// points in space.
+    pub participation: [f64; 3],
+}
+
+/// The lowest modes of a system.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Modes {
+    /// They, by ascending ω².
+    pub modes: Vec<Mode>,
+    /// e_kᵀMe_k of the translations e_k of the free coordinates along x, y and z, kg: the mass that can move so.
+    pub free_mass: [f64; 3],
 }
 
 impl Mode {
@@ -62,7 +75,7 @@ pub fn modes(
     state: &State,
     mass: Vec<Box<dyn Potential>>,
     options: &ModeOptions,
-) -> Result<Vec<Mode>, SolverError> {
+) -> Result<Modes, SolverError> {
     if options.count == 0 {
         let allowed = "must be at least 1";
         return Err(SolverError::Option { option: "modes.count", value: 0.0, allowed });
@@ -85,6 +98,7 @@ pub fn modes(
     let count = options.count.min(state.q.len());
     let pairs = lowest_pairs(&mut pencil, count, options.tolerance)?;
     let rigid = rigid_motions(system, state, &mut pencil);
+    let translations = [0, 1, 2].map(|axis| translation(system, axis));
     let scale = pairs.iter().map(|pair| pair.value.abs()).fold(0.0, f64::max);
     let n = state.q.len();
     let mut modes = Vec::with_capacity(pairs.len());
@@ -92,6 +106,8 @@ pub fn modes(
         let residual = pencil.residual(&pair.vector, pair.value);
         let mut weighted = vec![0.0; n];
         pencil.multiply_mass(&pair.vector, &mut weighted);
+        let participation =
+            translations.each_ref().map(|motion| vectors::sum(n, |k| motion[k] * weighted[k]));
         let overlap: f64 =
             rigid.iter().map(|motion| vectors::sum(n, |k| motion[k] * weighted[k]).powi(2)).sum();
         // A body whose modes are all rigid has nothing to compare with but the shift.
@@ -101,9 +117,11 @@ pub fn modes(
             shape: pair.vector,
             is_rigid: is_zero && overlap > 0.999,
             residual,
+            participation,
         });
     }
-    Ok(modes)
+    let free_mass = translations.each_ref().map(|motion| pencil.mass_product(motion, motion));
+    Ok(Modes { modes, free_mass })
 }
 
 /// M from its local terms.
@@ -204,6 +222,14 @@ impl Pencil {
     }
 }
 
+/// The translation of the free coordinates along an axis; zero for systems that are not points in space.
+fn translation(system: &System, axis: usize) -> Vec<f64> {
+    let coordinates = system.coordinates();
+    let are_points = coordinates.dof_count().is_multiple_of(3);
+    let moves = |dof: u32| are_points && dof as usize % 3 == axis && !coordinates.is_director(dof / 3);
+    coordinates.free().iter().map(|&dof| f64::from(u8::from(moves(dof)))).collect()
+}
+
 /// Translations and infinitesimal rotations of the free coordinates about `state`, M-orthonormal; none
 /// for systems that are not points in space.
 fn rigid_motions(system: &System, state: &State, pencil: &mut Pencil) -> Vec<Vec<f64>> {
@@ -211,26 +237,23 @@ fn rigid_motions(system: &System, state: &State, pencil: &mut Pencil) -> Vec<Vec
     if !system.coordinates().dof_count().is_multiple_of(3) {
         return Vec::new();
     }
-    let is_director = |dof: u32| system.coordinates().is_director(dof / 3);
     let x = system.positions(state);
     let n = free.len();
     let mut motions: Vec<Vec<f64>> = Vec::new();
     for kind in 0..6 {
         let axis = kind % 3;
-        let mut motion: Vec<f64> = free
-            .iter()
-            .map(|&dof| {
-                let (node, k) = (dof as usize / 3 * 3, dof as usize % 3);
-                let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
-                match kind < 3 {
-                    true => f64::from(u8::from(k == axis && !is_director(dof))),
-                    // e_axis × x
-                    false if k == last => x[node + next],
-                    false if k == next => -x[node + last],
-                    false => 0.0,
-                }
-            })
-            .collect();
+        // e_axis × x
+        let rotate = |&dof: &u32| {
+            let (node, k) = (dof as usize / 3 * 3, dof as usize % 3);
+            let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
+            match k {
+                k if k == last => x[node + next],
+                k if k == next => -x[node + last],
+                _ => 0.0,
+            }
+        };
+        let mut motion: Vec<f64> =
+            if kind < 3 { translation(system, axis) } else { free.iter().map(rotate).collect() };
         let size = pencil.mass_product(&motion, &motion).sqrt();
         for _ in 0..2 {
             for other in &motions {

@@ -19,7 +19,7 @@ struct QuasiStatic {
 }
 
 /// Critical points and snaps of a step, in words.
-fn findings(report: &StaticReport) -> impl Iterator<Item = String> {
+pub(crate) fn findings(report: &StaticReport) -> impl Iterator<Item = String> {
     let critical = report.critical.iter().map(|point| {
         let what = match point.kind {
             CriticalKind::Limit => "a limit point, where the load that the body carries turns",

@@ -1,16 +1,19 @@
-//! Static equilibrium: load steps that halve and grow, or an arc along the path of equilibria through
+//! Static equilibrium: load steps that halve and grow, or steps along the path of equilibria through
 //! limit points; critical points are found and named. Time is the load factor: loads and prescribed
-//! motions are read at t, from where the state is to `end`. It must not know elements or scenes.
+//! motions are read at t, from where the state is to `end`. Nothing here knows elements or scenes.
 
-mod arc_length;
 mod balance;
 mod critical;
+mod function;
 mod newton;
+mod path;
 mod release;
 
 use vi_core::{State, System};
 
 pub(crate) use balance::Balance;
+pub use function::PathFunction;
+pub(crate) use path::Path;
 
 use crate::force_sum::ForceSum;
 use crate::{Assembler, HessianEvaluation, SolverError, Work, vectors};
@@ -34,7 +37,9 @@ pub struct StaticOptions {
     pub tolerance: f64,
     /// Newton iterations after which an increment is halved.
     pub max_iterations: u32,
-    /// Follow the path of equilibria by its arc length, through limit points, in at most so many steps.
+    /// Follow the path of equilibria by its arc length, through limit points, in at most so many steps. The first
+    /// and the longest of them are those of `increment` and `largest_increment` where the body responds as at the
+    /// start.
     pub arc_steps: Option<u32>,
     /// Find the load factors at which an equilibrium becomes unstable.
     pub find_critical: bool,
@@ -121,8 +126,9 @@ impl StaticReport {
 /// become zero. Where state.t is already there, solves at that load factor.
 ///
 /// # Errors
-/// [`SolverError::Equilibrium`] with the load factor that was reached where no increment succeeds, or
-/// the error of a term or factor; `state` is then as before.
+/// [`SolverError::Equilibrium`] with the load factor that was reached where no increment succeeds,
+/// [`SolverError::ArcStep`] where no arc step does, [`SolverError::ArcSteps`] where they are used up, or the error
+/// of a term or factor; `state` is then as before.
 pub fn equilibrium(
     system: &System,
     state: &mut State,
@@ -148,7 +154,7 @@ pub fn equilibrium_path(
     let mut found = State { t: state.t, q: state.q.clone(), p: vec![0.0; state.p.len()] };
     if !found.q.is_empty() {
         match options.arc_steps {
-            Some(steps) => arc_length::follow(&mut search, &mut found, steps)?,
+            Some(steps) => path::follow(&mut search, &mut found, steps)?,
             None => search.step_loads(&mut found)?,
         }
     } else {
@@ -186,7 +192,7 @@ pub fn reactions(system: &System, state: &State) -> Vec<f64> {
     out
 }
 
-fn check(options: &StaticOptions) -> Result<(), SolverError> {
+pub(crate) fn check(options: &StaticOptions) -> Result<(), SolverError> {
     for (option, value) in [
         ("static.increment", options.increment),
         ("static.largest_increment", options.largest_increment),
@@ -204,16 +210,16 @@ fn check(options: &StaticOptions) -> Result<(), SolverError> {
 }
 
 /// A search under way.
-struct Search<'a> {
-    balance: Balance<'a>,
+pub(crate) struct Search<'a> {
+    pub(crate) balance: Balance<'a>,
     options: &'a StaticOptions,
     stop: Stop,
-    report: StaticReport,
+    pub(crate) report: StaticReport,
     watch: &'a mut dyn FnMut(&State, &LoadStep) -> bool,
 }
 
 impl<'a> Search<'a> {
-    fn new(
+    pub(crate) fn new(
         system: &'a System,
         options: &'a StaticOptions,
         watch: &'a mut dyn FnMut(&State, &LoadStep) -> bool,

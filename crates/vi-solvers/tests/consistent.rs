@@ -177,7 +177,7 @@ fn modes_take_the_mass_of_the_system() {
     let (system, state) = chain(6, true);
     let lumped = SpringChain::unit(6).system_holding(Vec::new()).unwrap();
     assert!(lumped.kinetic().is_none());
-    for mode in modes(&system, &state, Vec::new(), &Default::default()).unwrap() {
+    for mode in modes(&system, &state, Vec::new(), &Default::default()).unwrap().modes {
         let p = system.momentum(&mode.shape);
         let norm: f64 = p.iter().zip(&mode.shape).map(|(p, v)| p * v).sum();
         assert!((norm - 1.0).abs() < 1e-10, "{norm}");

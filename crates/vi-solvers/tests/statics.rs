@@ -5,7 +5,10 @@ mod forces;
 use forces::Linear;
 use vi_core::problems::{Jet, Term};
 use vi_core::{Coordinates, HessianKind, Potential, State, Stencils, System, Traits};
-use vi_solvers::{CriticalKind, SolverError, StaticOptions, equilibrium, equilibrium_path};
+use vi_solvers::{
+    CriticalKind, PathControl, PathFunction, SolverError, StaticOptions, equilibrium, equilibrium_path,
+    path_following,
+};
 
 /// One coordinate with V(x, t) = U(x) − t P x.
 struct Loaded<U>(U, f64);
@@ -93,6 +96,56 @@ fn the_arc_goes_through_both_limit_points() {
         assert!((critical.load_factor - expected).abs() < 0.02, "{critical:?}");
     }
     assert!(state.t == 1.0 && state.q[0] > 2.0 && report.is_stable());
+}
+
+/// The arch by its sag, which takes ten values evenly: each load factor is the exact one, through both limit points.
+/// A stepper that takes over the memory of another goes on to the same bits.
+#[test]
+fn a_path_that_is_controlled_by_a_displacement_has_its_exact_loads() {
+    let (system, start) = arch(1.25 * SNAP);
+    let control = || {
+        let sag = |x: &[f64; 1]| Jet { energy: x[0], gradient: [1.0], hessian: [[0.0]] };
+        let jet = move |_: usize, x: &[f64; 1]| sag(x);
+        let term = Term { name: "sag", block: 1, nodes: vec![0], hessian: HessianKind::Zero, jet };
+        let function = PathFunction::new(&system, vec![Box::new(term)], &[0.0]).unwrap();
+        PathControl::Function { function: Box::new(function), to: 2.5, steps: 10 }
+    };
+    let stepper = || path_following(&system, StaticOptions::default(), control(), true).unwrap();
+    let (mut whole, mut state) = (stepper(), start.clone());
+    let mut middle = None;
+    let mut limits = 0;
+    for step in 1..=10 {
+        whole.step(&system, &mut state, 0.1).unwrap();
+        let (w, y) = (state.q[0], 1.0 - state.q[0]);
+        assert!((w - 0.25 * f64::from(step)).abs() < 1e-14);
+        assert!((2.0 * y * (1.0 - y * y) - state.t * 1.25 * SNAP).abs() < 1e-12, "{w}: {}", state.t);
+        limits += whole.take_findings().iter().filter(|finding| finding.contains("limit point")).count();
+        if step == 4 {
+            middle = Some((whole.memory(), state.clone()));
+        }
+    }
+    assert_eq!(limits, 2);
+    let (memory, mut again) = middle.unwrap();
+    let mut other = stepper();
+    other.restore(&system, &memory).unwrap();
+    for _ in 4..10 {
+        other.step(&system, &mut again, 0.1).unwrap();
+    }
+    assert_eq!(again, state);
+}
+
+/// Arc steps that are used up say so, and not that Newton's method failed.
+#[test]
+fn arc_steps_that_are_used_up_are_named() {
+    let (system, mut state) = arch(1.25 * SNAP);
+    let options =
+        StaticOptions { increment: 0.01, largest_increment: 0.01, arc_steps: Some(5), ..Default::default() };
+    let error = equilibrium(&system, &mut state, &options).unwrap_err();
+    assert!(matches!(error, SolverError::ArcSteps { steps: 5, .. }), "{error}");
+    assert!(
+        error.to_string().contains("5 arc steps") && !error.to_string().contains("iterations"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -1,0 +1,107 @@
+//! `variational sweep`: words in, tables and progress out. Nothing here runs a point.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::exit;
+use super::run::{name_of, writable};
+use super::say::{message, out};
+use super::signals::Stop;
+use crate::sweep::{Axis, SweepError, SweepOptions, SweepWatch, sweep};
+
+#[derive(Debug, Args)]
+pub(super) struct SweepArguments {
+    /// The scene file
+    scene: PathBuf,
+    /// A key and its values: body.0.material.young=1e5:1e7:log5, time.step=1e-3,5e-4; repeat it for a grid
+    #[arg(long = "over", value_name = "KEY=VALUES", required = true)]
+    axes: Vec<Axis>,
+    /// Set a key in every point, e.g. time.end=0.5
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+    /// Output directory (default: out/<scene>-sweep)
+    #[arg(long, value_name = "DIRECTORY")]
+    out: Option<PathBuf>,
+    /// Points that run at once (default: one a core, or fewer where each has several threads)
+    #[arg(long)]
+    jobs: Option<usize>,
+    /// Threads of each point; the results are the same
+    #[arg(long, default_value_t = 1)]
+    threads: usize,
+    /// Run every N-th point only, from the I-th on (from 0): one task of an array of N
+    #[arg(long, value_name = "I/N", default_value = "0/1", value_parser = task)]
+    task: (usize, usize),
+    /// Print errors only
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+fn task(text: &str) -> Result<(usize, usize), String> {
+    let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+    parts.filter(|(i, n)| i < n).ok_or_else(|| "write it as I/N with I from 0 to N - 1, e.g. 0/10".to_owned())
+}
+
+pub(super) fn run(arguments: &SweepArguments) -> u8 {
+    if arguments.jobs == Some(0) || arguments.threads == 0 {
+        message!("error: --jobs and --threads must be at least 1");
+        return exit::BAD_INPUT;
+    }
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let directory = arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| Path::new("out").join(format!("{}-sweep", name_of(&arguments.scene))));
+    if let Err(error) = writable(&directory) {
+        message!(
+            "error: {}: output directory not writable: {error}; choose another with --out",
+            directory.display()
+        );
+        return exit::BAD_INPUT;
+    }
+    let options = SweepOptions {
+        scene: arguments.scene.clone(),
+        overrides: arguments.overrides.clone(),
+        axes: arguments.axes.clone(),
+        directory,
+        jobs: arguments.jobs.unwrap_or((cores / arguments.threads).max(1)),
+        threads: arguments.threads,
+        task: arguments.task,
+    };
+    let watch = Watch { quiet: arguments.quiet, stop: Stop::on_signals() };
+    let report = match sweep(&options, &watch) {
+        Ok(report) => report,
+        Err(SweepError::Scene(problems)) => {
+            problems.iter().for_each(|problem| message!("error: {problem}"));
+            return exit::BAD_INPUT;
+        }
+        Err(error) => {
+            message!("error: {error}");
+            return exit::INPUT_OUTPUT;
+        }
+    };
+    if !arguments.quiet {
+        let table = options.directory.join("sweep.csv");
+        out!("{} of {} points are done, {} of them failed", report.done, report.points, report.failed);
+        out!("written to {}", table.display());
+    }
+    if report.interrupted { watch.stop.code() } else { exit::DONE }
+}
+
+struct Watch {
+    quiet: bool,
+    stop: Stop,
+}
+
+impl SweepWatch for Watch {
+    fn done(&self, point: usize, exit: u8, reason: &str, left: usize) {
+        if !self.quiet {
+            let why = if reason.is_empty() { String::new() } else { format!(": {reason}") };
+            message!("point {point}: exit code {exit}{why}; {left} left to begin");
+        }
+    }
+
+    fn go_on(&self) -> bool {
+        !self.stop.is_asked()
+    }
+}

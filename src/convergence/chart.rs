@@ -1,0 +1,35 @@
+//! A convergence study as a picture: how far each quantity is from its limit, over the size of elements or steps,
+//! both logarithmic; an order is a slope. Nothing here measures.
+
+use super::ConvergenceReport;
+use crate::chart::{Chart, Scale, Series, Style};
+
+impl ConvergenceReport {
+    /// Distance from the limit over size, as SVG.
+    pub fn chart(&self, title: &str) -> String {
+        let order =
+            self.formal_order.map(|order| format!("; the scheme is of order {order}")).unwrap_or_default();
+        let subtitle = format!("differences from Richardson's limit, relative to it{order}");
+        let labels = ["size of elements or steps, over that of the scene", "relative difference"];
+        let mut chart = Chart::new(title, subtitle, labels, [Scale::Logarithmic; 2]);
+        for study in &self.studies {
+            let coarsest = study.levels.first().map_or(1.0, |level| level.step);
+            let size = |level: &super::Level| match study.of {
+                "space" => 0.5_f64.powi(level.refined as i32),
+                _ => level.step / coarsest,
+            };
+            for row in &study.rows {
+                let limit = row.extrapolation.value;
+                let points = study.levels.iter().zip(&row.values);
+                let points = points.map(|(level, value)| (size(level), ((value - limit) / limit).abs()));
+                chart.series.push(Series {
+                    name: format!("{}: {}", study.of, row.quantity),
+                    points: points.collect(),
+                    style: Style::Marked,
+                    hollow: Vec::new(),
+                });
+            }
+        }
+        chart.svg()
+    }
+}

@@ -1,0 +1,108 @@
+//! From `static.arc_steps` and `static.control` to what a path of equilibria is followed by. Nothing here knows
+//! how it is followed.
+
+use vi_core::{Potential, State, System};
+use vi_fem::{Amplitude, DeadLoad, Pressure, Surface, pressure};
+use vi_solvers::{PathControl, PathFunction};
+
+use super::{BodyModel, ProbeTarget};
+use crate::scene::{Control, Problem, Scene};
+
+/// What the path of a scene is followed by, in the only system with free coordinates.
+pub(crate) fn path_control(
+    scene: &Scene,
+    bodies: &[BodyModel],
+    probes: &[ProbeTarget],
+    components: &[(System, State)],
+) -> Result<PathControl, Problem> {
+    let free = |number: &usize| components[*number].0.coordinates().free_count() > 0;
+    let moving: Vec<usize> = (0..components.len()).filter(free).collect();
+    let &[component] = moving.as_slice() else {
+        let message = match moving.as_slice() {
+            [] => "no coordinate of the scene is free, so that there is no path to follow".to_owned(),
+            several => format!(
+                "follows one path, and the bodies of this scene form {} systems that do not act on each other: \
+                 give each a scene of its own",
+                several.len()
+            ),
+        };
+        let key =
+            if scene.statics.as_ref().is_some_and(|s| s.control.is_some()) { "control" } else { "arc_steps" };
+        return Err(Problem::new(format!("static.{key}"), message));
+    };
+    let Some(control) = scene.statics.as_ref().and_then(|statics| statics.control.as_ref()) else {
+        return Ok(PathControl::Arc);
+    };
+    let (at, terms) = match control {
+        Control::Displacement { probe, axis, .. } => {
+            displacement(scene, bodies, probes, probe, *axis as usize)?
+        }
+        Control::Volume { body, region, .. } => volume(bodies, components, body, region)?,
+    };
+    if at != component {
+        return Err(Problem::new("static.control", "names a body that nothing can move: choose another"));
+    }
+    let (system, _) = &components[component];
+    let mut rest = vec![[0.0; 3]; system.coordinates().dof_count() / 3];
+    for body in bodies.iter().filter(|body| body.component == component) {
+        for (node, point) in body.mesh.points.iter().enumerate() {
+            rest[body.node(node)] = *point;
+        }
+    }
+    let function = PathFunction::new(system, terms, rest.as_flattened())
+        .map_err(|error| Problem::new("static.control", error.to_string()))?;
+    Ok(PathControl::Function { function: Box::new(function), to: control.to(), steps: scene.time.steps().0 })
+}
+
+type Terms = (usize, Vec<Box<dyn Potential>>);
+
+/// u·e of a probe: minus the potential of a unit force along e.
+fn displacement(
+    scene: &Scene,
+    bodies: &[BodyModel],
+    probes: &[ProbeTarget],
+    probe: &str,
+    axis: usize,
+) -> Result<Terms, Problem> {
+    let wrong = |message: String| Problem::new("static.control.probe", message);
+    let found = scene.probes.iter().position(|other| other.name == probe).map(|number| probes[number]);
+    let target = found.ok_or_else(|| wrong(format!("there is no probe named '{probe}'")))?;
+    let body = &bodies[target.body];
+    let mesh = body.numbering.mesh(&body.mesh);
+    let mut force = [0.0; 3];
+    force[axis] = -1.0;
+    let node = body.numbering.of(target.node as u32);
+    let term = DeadLoad::points(&mesh, &[(node, force)], Amplitude::default(), body.node_offset, "control");
+    let term = term.map_err(|error| wrong(error.to_string()))?;
+    Ok((body.component, vec![Box::new(term)]))
+}
+
+/// The volume on the side of a surface where a positive pressure acts: the potential of a pressure of −1 Pa.
+fn volume(
+    bodies: &[BodyModel],
+    components: &[(System, State)],
+    name: &str,
+    region: &str,
+) -> Result<Terms, Problem> {
+    let wrong = |key: &str, message: String| Problem::new(format!("static.control.{key}"), message);
+    let body = bodies.iter().find(|body| body.name == name);
+    let body = body.ok_or_else(|| wrong("body", format!("there is no body '{name}'")))?;
+    let mesh = body.numbering.mesh(&body.mesh);
+    let surface = Surface::of_region(&mesh, region).map_err(|error| wrong("region", error.to_string()))?;
+    let coordinates = components[body.component].0.coordinates();
+    let mut fixed = vec![false; coordinates.dof_count()];
+    for group in coordinates.prescribed().iter().filter(|group| group.path.is_fixed()) {
+        group.dofs.iter().for_each(|&dof| fixed[dof as usize] = true);
+    }
+    let is_fixed = |node: u32| [0, 1, 2].map(|k| fixed[3 * (body.node_offset + node as usize) + k]);
+    match pressure(&mesh, &surface, -1.0, &Amplitude::default(), is_fixed, body.node_offset, "control") {
+        Pressure::Potential(terms) => Ok((body.component, terms)),
+        Pressure::Force(_) => Err(wrong(
+            "region",
+            format!(
+                "surface '{region}' encloses no volume: close it, or hold its edges, clamped or in planes x, y or z = \
+                 const"
+            ),
+        )),
+    }
+}

@@ -1,0 +1,162 @@
+//! `variational sweep`: a scene at every combination of some values, each point a run in a directory of its own,
+//! several at once, and one table of what came out. Nothing here knows the command line.
+//!
+//! A sweep can end at any time and be called again: points that are done are not run again, points with a
+//! checkpoint go on from it, and the table has the same bytes in the end.
+
+mod axis;
+mod point;
+mod table;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use crate::scene::{Problem, Scene};
+
+pub use axis::{Axis, AxisError};
+use point::{Identities, Point};
+
+/// What a sweep is asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SweepOptions {
+    /// The scene file.
+    pub scene: PathBuf,
+    /// Keys that are set in every point, as `run --set` takes them.
+    pub overrides: Vec<String>,
+    /// The keys that vary; the last one varies first.
+    pub axes: Vec<Axis>,
+    /// Directory of the tables and of the points.
+    pub directory: PathBuf,
+    /// Points that run at once.
+    pub jobs: usize,
+    /// Threads of each point.
+    pub threads: usize,
+    /// Run the points whose number leaves the remainder `.0` when it is divided by `.1` only.
+    pub task: (usize, usize),
+}
+
+/// Follows a sweep, from several threads.
+pub trait SweepWatch: Sync {
+    /// A point has come to its end: its number, its exit code, why it failed, and how many of all are left.
+    fn done(&self, _point: usize, _exit: u8, _reason: &str, _left: usize) {}
+    /// Asked after every step: false ends the sweep, with everything written.
+    fn go_on(&self) -> bool {
+        true
+    }
+}
+
+impl SweepWatch for () {}
+
+/// What a sweep has come to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SweepReport {
+    /// Points of the whole sweep.
+    pub points: usize,
+    /// Of them: those that have come to an end, in this call or before, in this task or another.
+    pub done: usize,
+    /// Of these: those that did not end well.
+    pub failed: usize,
+    /// Was it ended from outside before all points of the task were done?
+    pub interrupted: bool,
+}
+
+/// Why there is no sweep.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SweepError {
+    /// No point is a sound scene: what is wrong with the first.
+    #[error("no point of the sweep is a sound scene")]
+    Scene(Vec<Problem>),
+    /// A file cannot be read or written.
+    #[error("{}: {source}", .path.display())]
+    Files {
+        /// The file or directory.
+        path: PathBuf,
+        /// What the operating system says.
+        source: std::io::Error,
+    },
+    /// The output of a point cannot be written.
+    #[error("point {point}: {message}")]
+    Output {
+        /// Its number.
+        point: usize,
+        /// What is wrong.
+        message: String,
+    },
+    /// Threads cannot be started.
+    #[error("cannot start threads: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+impl SweepError {
+    fn files(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Files { path, source }
+    }
+}
+
+/// Runs the points of a task that are not done yet, and writes `sweep.csv` and `sweep-times.csv` of all points.
+///
+/// # Errors
+/// [`SweepError`]; what was reached is written, and a second call goes on from there. A point that fails is a row of
+/// the table, not an error.
+pub fn sweep(options: &SweepOptions, watch: &dyn SweepWatch) -> Result<SweepReport, SweepError> {
+    let points = points(options)?;
+    std::fs::create_dir_all(&options.directory).map_err(SweepError::files(&options.directory))?;
+    let identities = Identities::of(&points)?;
+    let (index, count) = options.task;
+    let mine: Vec<&Point> = points.iter().filter(|point| point.number % count == index).collect();
+    let next = AtomicUsize::new(0);
+    let work = || -> Result<(), SweepError> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build()?;
+        while watch.go_on() {
+            let turn = next.fetch_add(1, Ordering::Relaxed);
+            let Some(point) = mine.get(turn) else { break };
+            if let Some(end) = pool.install(|| point.bring_to_end(&identities, watch))? {
+                watch.done(point.number, end.exit, &end.reason, mine.len() - turn - 1);
+            }
+        }
+        Ok(())
+    };
+    let results: Vec<Result<(), SweepError>> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..options.jobs.min(mine.len())).map(|_| scope.spawn(work)).collect();
+        workers
+            .into_iter()
+            .map(|worker| worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            .collect()
+    });
+    let (done, failed) = table::write(options, &points, &identities)?;
+    results.into_iter().collect::<Result<(), _>>()?;
+    let is_open = |point: &&&Point| point.end(&identities).is_none();
+    let interrupted = mine.iter().filter(is_open).count() > 0;
+    Ok(SweepReport { points: points.len(), done, failed, interrupted })
+}
+
+/// All points, the last axis varying first.
+fn points(options: &SweepOptions) -> Result<Vec<Point>, SweepError> {
+    let count = options.axes.iter().map(|axis| axis.values.len()).product();
+    let mut points = Vec::with_capacity(count);
+    for number in 0..count {
+        let mut rest = number;
+        let mut values: Vec<String> = Vec::new();
+        for axis in options.axes.iter().rev() {
+            values.push(axis.values[rest % axis.values.len()].clone());
+            rest /= axis.values.len();
+        }
+        values.reverse();
+        let set = options.axes.iter().zip(&values).map(|(axis, value)| format!("{}={value}", axis.key));
+        let overrides: Vec<String> = options.overrides.iter().cloned().chain(set).collect();
+        let parsed = Scene::read(&options.scene, &overrides).map_err(SweepError::files(&options.scene))?;
+        let scene = match parsed.scene {
+            Some(scene) if parsed.problems.is_empty() => Ok(scene),
+            _ => Err(parsed.problems),
+        };
+        let directory = options.directory.join(format!("point-{number:04}"));
+        points.push(Point { number, values, overrides, file: options.scene.clone(), scene, directory });
+    }
+    let refused = points.iter().all(|point| point.scene.is_err());
+    match points.first().map(|first| &first.scene) {
+        Some(Err(problems)) if refused => Err(SweepError::Scene(problems.clone())),
+        _ => Ok(points),
+    }
+}

@@ -1,0 +1,188 @@
+//! One point of a sweep: a run in a directory of its own, and `point.json`, which says that it has come to its end
+//! and of which scene it is. Nothing here knows the other points.
+
+use std::collections::HashMap;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::{SweepError, SweepWatch};
+use crate::checkpoint::{newest, scene_text};
+use crate::report::{Outcome, Report};
+use crate::run::{RunError, Watch, resume, run_from};
+use crate::scene::{Problem, Scene};
+use crate::simulation::Simulation;
+
+/// A point of a sweep.
+pub(super) struct Point {
+    /// Its number, from 0.
+    pub(super) number: usize,
+    /// Values of the axes.
+    pub(super) values: Vec<String>,
+    /// All keys that are set in the scene.
+    pub(super) overrides: Vec<String>,
+    /// The scene file.
+    pub(super) file: PathBuf,
+    /// The scene, or what is wrong with it.
+    pub(super) scene: Result<Scene, Vec<Problem>>,
+    /// Where it runs.
+    pub(super) directory: PathBuf,
+}
+
+/// What was run: enough to know whether it is what would be run now.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Identity {
+    /// Version of the program.
+    version: String,
+    /// The scene, as [`scene_text`] gives it.
+    scene: String,
+    /// Mesh files and the CRC-32 of their bytes.
+    meshes: Vec<(PathBuf, u32)>,
+}
+
+/// How a point ended.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct End {
+    /// The exit code that `variational run` would have.
+    pub(super) exit: u8,
+    /// Why it did not end well; empty where it did.
+    pub(super) reason: String,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Record {
+    end: End,
+    identity: Identity,
+}
+
+/// Checksums of the meshes of all points, each read once.
+pub(super) struct Identities {
+    sums: HashMap<PathBuf, u32>,
+}
+
+impl Identities {
+    pub(super) fn of(points: &[Point]) -> Result<Self, SweepError> {
+        let mut sums = HashMap::new();
+        let scenes = points.iter().filter_map(|point| point.scene.as_ref().ok());
+        for path in scenes.flat_map(|scene| &scene.bodies).filter_map(|body| body.mesh.as_ref()) {
+            // A mesh that cannot be read is a problem of its scene, which says so.
+            if !sums.contains_key(path)
+                && let Ok(bytes) = std::fs::read(path)
+            {
+                sums.insert(path.clone(), crc32fast::hash(&bytes));
+            }
+        }
+        Ok(Self { sums })
+    }
+
+    fn identity(&self, scene: &Scene) -> Identity {
+        let meshes = scene.bodies.iter().filter_map(|body| body.mesh.clone());
+        let sum = |path: PathBuf| {
+            let sum = self.sums.get(&path).copied().unwrap_or(0);
+            (path, sum)
+        };
+        Identity {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            scene: scene_text(scene),
+            meshes: meshes.map(sum).collect(),
+        }
+    }
+}
+
+/// Ends the run where the sweep ends.
+struct Stop<'a>(&'a dyn SweepWatch);
+
+impl Watch for Stop<'_> {
+    fn step(&mut self, _simulation: &Simulation) -> bool {
+        self.0.go_on()
+    }
+}
+
+impl Point {
+    /// How it ended, where it has: in this call of the program or an earlier one.
+    pub(super) fn end(&self, identities: &Identities) -> Option<End> {
+        let scene = match &self.scene {
+            Ok(scene) => scene,
+            Err(problems) => return Some(refusal(problems)),
+        };
+        let text = std::fs::read_to_string(self.record()).ok()?;
+        let record: Record = serde_json::from_str(&text).ok()?;
+        (record.identity == identities.identity(scene)).then_some(record.end)
+    }
+
+    /// Runs it, from its newest checkpoint where there is one, unless it is done; none where the sweep was ended.
+    ///
+    /// # Errors
+    /// Where its output cannot be written.
+    pub(super) fn bring_to_end(
+        &self,
+        identities: &Identities,
+        watch: &dyn SweepWatch,
+    ) -> Result<Option<End>, SweepError> {
+        if let Some(end) = self.end(identities) {
+            return Ok(Some(end));
+        }
+        let Ok(scene) = &self.scene else { return Ok(None) };
+        let record = self.record();
+        match std::fs::remove_file(&record) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                return Err(SweepError::files(&record)(error));
+            }
+            _ => {}
+        }
+        let end = match self.run(scene, watch) {
+            Ok(report) if report.outcome == Some(Outcome::Interrupted) => return Ok(None),
+            Ok(report) if report.broken.is_empty() => End { exit: 0, reason: String::new() },
+            Ok(report) => End { exit: 3, reason: report.broken.join("; ") },
+            Err(RunError::Scene(problems)) => refusal(&problems),
+            Err(error) if error.is_failure() => End { exit: 4, reason: error.to_string() },
+            Err(error) => {
+                return Err(SweepError::Output { point: self.number, message: error.to_string() });
+            }
+        };
+        std::fs::create_dir_all(&self.directory).map_err(SweepError::files(&self.directory))?;
+        let identity = identities.identity(scene);
+        write_whole(&record, &serde_json::json!(Record { end: end.clone(), identity }).to_string())
+            .map_err(SweepError::files(&record))?;
+        Ok(Some(end))
+    }
+
+    fn run(&self, scene: &Scene, watch: &dyn SweepWatch) -> Result<Report, RunError> {
+        let mut stop = Stop(watch);
+        if scene.checkpoint.is_some()
+            && let Ok(found) = newest(&self.directory)
+            && found.checkpoint.origin.check(scene).is_ok()
+        {
+            match resume(scene.clone(), &found.checkpoint, &self.directory, &mut stop) {
+                // What cannot be continued is run anew.
+                Err(RunError::Checkpoint(_)) => {}
+                other => return other,
+            }
+        }
+        let name = self.file.file_stem().map_or_else(|| "scene".into(), |stem| stem.to_string_lossy());
+        let source = (self.file.as_path(), self.overrides.as_slice());
+        run_from(Some(source), scene.clone(), &name, &self.directory, &mut stop)
+    }
+
+    fn record(&self) -> PathBuf {
+        self.directory.join("point.json")
+    }
+}
+
+/// A scene that is refused. Neither the file's place nor its lines belong into the table.
+fn refusal(problems: &[Problem]) -> End {
+    let plain = |problem: &Problem| Problem::new(&problem.key, &problem.message).to_string();
+    End { exit: 2, reason: problems.iter().map(plain).collect::<Vec<_>>().join("; ") }
+}
+
+/// Writes a file as a whole: it is there with all of its text, or not at all.
+pub(super) fn write_whole(path: &Path, text: &str) -> io::Result<()> {
+    let temporary = path.with_extension(format!("tmp-{}", std::process::id()));
+    let written = std::fs::write(&temporary, text).and_then(|()| std::fs::rename(&temporary, path));
+    if written.is_err() {
+        // The first error is the one to report; the temporary file may not even exist.
+        let _ = std::fs::remove_file(&temporary);
+    }
+    written
+}
