@@ -152,6 +152,28 @@ impl Surface {
     }
 }
 
+impl Surface {
+    /// Triangles that cover the facets and use all of their nodes: a quadrilateral is cut in two, a quadratic facet
+    /// at its midpoints.
+    pub fn triangles(&self) -> Vec<[u32; 3]> {
+        let facets = self.blocks.iter().flat_map(|block| block.facets().map(|nodes| (block.kind, nodes)));
+        let cut = |(kind, nodes): (ElementKind, &[u32])| -> Vec<[u32; 3]> {
+            let local: &[[usize; 3]] = match kind {
+                ElementKind::Tri3 => &[[0, 1, 2]],
+                ElementKind::Tri6 => &[[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]],
+                ElementKind::Quad4 => &[[0, 1, 2], [0, 2, 3]],
+                ElementKind::Quad8 => &[[0, 4, 7], [4, 1, 5], [5, 2, 6], [6, 3, 7], [4, 5, 6], [4, 6, 7]],
+                // Around the node in the middle.
+                _ => {
+                    &[[8, 0, 4], [8, 4, 1], [8, 1, 5], [8, 5, 2], [8, 2, 6], [8, 6, 3], [8, 3, 7], [8, 7, 0]]
+                }
+            };
+            local.iter().map(|triangle| triangle.map(|k| nodes[k])).collect()
+        };
+        facets.flat_map(cut).collect()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -177,6 +199,22 @@ mod tests {
             assert!((surface.area(&mesh) - 22.0).abs() < 1e-12, "{element}");
             // ∮ x·n dA = 3 V says that all faces look outwards and midpoints are in their places.
             assert!((surface.enclosed_volume(&mesh) - 6.0).abs() < 1e-12, "{element}");
+            let triangles = surface.triangles();
+            let of = |[a, b, c]: [u32; 3]| {
+                let [a, b, c] = [a, b, c].map(|node| mesh.points[node as usize]);
+                let n = crate::tensor::cross(b, c);
+                (0..3).map(|k| a[k] * n[k]).sum::<f64>() / 6.0
+            };
+            let volume: f64 = triangles.iter().map(|&triangle| of(triangle)).sum();
+            assert!((volume - 6.0).abs() < 1e-12, "{element}: {volume}");
+            let nodes = |all: &mut Vec<u32>| {
+                all.sort_unstable();
+                all.dedup();
+                all.len()
+            };
+            let mut of_facets: Vec<u32> =
+                surface.blocks.iter().flat_map(|block| block.nodes.clone()).collect();
+            assert_eq!(nodes(&mut triangles.into_flattened()), nodes(&mut of_facets), "{element}");
         }
     }
 

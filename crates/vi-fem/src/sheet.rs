@@ -120,6 +120,24 @@ impl SheetMesh {
         Ok(Mesh { points, blocks, regions })
     }
 
+    /// Texture coordinates at the corners of every cell of its mesh: 0 to 1 along the two directions; zero for cells
+    /// that are no triangles.
+    pub fn texture(&self, mesh: &Mesh) -> Vec<[[f64; 2]; 3]> {
+        let along = |x: [f64; 3], k: usize| {
+            let direction = self.directions[k];
+            let length: f64 = direction.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let dot: f64 = (0..3).map(|i| (x[i] - self.origin[i]) * direction[i]).sum();
+            dot / (length * self.size[k])
+        };
+        let of_cell = |cell: usize| match mesh.cell(cell) {
+            Some((ElementKind::Tri3, &[a, b, c])) => {
+                [a, b, c].map(|node| [0, 1].map(|k| along(mesh.points[node as usize], k)))
+            }
+            _ => [[0.0; 2]; 3],
+        };
+        (0..mesh.cell_count()).map(of_cell).collect()
+    }
+
     /// Everything wrong with the numbers, else the unit directions.
     fn check(&self) -> Result<[[f64; 3]; 2], FemError> {
         for size in self.size {
@@ -223,6 +241,20 @@ mod tests {
                 area += 0.5 * twice;
             }
             assert!((area - 2.0).abs() < 1e-14, "{pattern:?}: {area}");
+            // Texture coordinates are the place on the sheet over its size, on a refined mesh too.
+            let finer = mesh.refined();
+            let texture = sheet(pattern).texture(&mesh);
+            for (mesh, texture) in [(&mesh, texture.clone()), (&finer.mesh, finer.texture(&mesh, &texture))] {
+                for (nodes, corners) in mesh.blocks[0].nodes.chunks_exact(3).zip(&texture) {
+                    for (&node, uv) in nodes.iter().zip(corners) {
+                        let x = mesh.points[node as usize];
+                        assert!(
+                            (uv[0] - x[0] / 2.0).abs() < 1e-15 && (uv[1] - x[1]).abs() < 1e-15,
+                            "{pattern:?}"
+                        );
+                    }
+                }
+            }
             for (side, count) in [("x-min", 6), ("x-max", 6), ("y-min", 9), ("y-max", 9)] {
                 assert_eq!(mesh.region_nodes(side).unwrap().len(), count);
             }

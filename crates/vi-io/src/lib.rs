@@ -15,10 +15,12 @@ mod inp;
 mod legacy;
 mod mesh;
 mod obj;
+mod pc2;
 mod pvd;
 mod read;
 mod replace;
 mod stl;
+mod surface_write;
 mod tags;
 mod vtk;
 mod vtu;
@@ -31,10 +33,12 @@ pub use inp::parse_inp;
 pub use legacy::parse_vtk;
 pub use mesh::{CellBlock, DataArray, Group, MeshFile};
 pub use obj::parse_obj;
+pub use pc2::Pc2File;
 pub use pvd::PvdSeries;
 pub use read::{parse_mesh, read_mesh};
 pub use replace::replace_file;
 pub use stl::parse_stl;
+pub use surface_write::{TriangleSurface, write_obj, write_ply};
 pub use vtu::parse_vtu;
 pub use vtu_write::{
     Precision, VtuArray, VtuEncoding, VtuFrame, VtuOptions, VtuValues, encode_vtu, write_vtu,

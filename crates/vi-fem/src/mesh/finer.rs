@@ -22,4 +22,24 @@ impl FinerMesh {
         };
         self.parents.iter().flat_map(|parents| (0..3).map(move |i| value(parents, i))).collect()
     }
+
+    /// Texture coordinates at the corners of every cell, from those of the coarse cells: the corners of triangles
+    /// follow from the corners of the triangle that they are part of; zero for other cells.
+    pub fn texture(&self, coarse: &Mesh, corners: &[[[f64; 2]; 3]]) -> Vec<[[f64; 2]; 3]> {
+        let of_cell = |(cell, &parent): (usize, &u32)| {
+            let mut texture = [[0.0; 2]; 3];
+            let old = coarse.cell(parent as usize).map_or(&[][..], |(_, nodes)| nodes);
+            let new = self.mesh.cell(cell).map_or(&[][..], |(_, nodes)| nodes);
+            for (uv, &node) in texture.iter_mut().zip(new) {
+                for &(other, weight) in &self.parents[node as usize] {
+                    let corner = old.iter().take(3).position(|&node| node == other);
+                    if let Some(at) = corner.map(|k| corners[parent as usize][k]) {
+                        (0..2).for_each(|k| uv[k] += weight * at[k]);
+                    }
+                }
+            }
+            texture
+        };
+        self.cells.iter().enumerate().map(of_cell).collect()
+    }
 }
