@@ -15,6 +15,7 @@ mod say;
 mod signals;
 mod stress;
 mod study;
+mod summary;
 mod sweep;
 
 use std::ffi::OsString;

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use vi_fem::{ElementField, element_field, nodal_field};
+use vi_fem::{ElementField, nodal_field};
 use vi_io::{CellBlock, CellKind, IoError, PvdSeries, VtuArray, VtuFrame, VtuOptions, VtuValues};
 
 use crate::scene::{Encoding, Field, Precision, Substance};
@@ -290,18 +290,9 @@ impl FrameWriter {
     /// A field of all elements, in the order of the cells.
     fn element_values(&self, simulation: &Simulation, field: ElementField) -> (ElementField, Vec<f64>) {
         let mut values = Vec::with_capacity(self.body_ids.len() * field.component_count());
-        for (number, body) in simulation.bodies().iter().enumerate() {
-            let x = simulation.positions(number);
-            for (entry, elements) in simulation.scene().bodies[number].material.0.iter().zip(&body.materials)
-            {
-                // A scene with sheets asks for none of these: its check sees to it.
-                let Substance::Solid(law) = &entry.law else { continue };
-                // The cells have been accepted as solid elements of this mesh when the body was built.
-                let cure = simulation.scene().bodies[number].locking;
-                if let Ok(part) = element_field(&body.mesh, elements, law, cure, x.as_flattened(), field) {
-                    values.extend(part);
-                }
-            }
+        // A scene with sheets asks for none of these: its check sees to it.
+        for body in 0..simulation.bodies().len() {
+            values.extend(simulation.element_values(body, field));
         }
         // Rigid bodies have none.
         values.resize(values.len() + self.surface_cells * field.component_count(), 0.0);

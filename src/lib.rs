@@ -31,6 +31,7 @@ pub mod pitch;
 mod processor;
 pub mod provenance;
 pub mod report;
+pub mod results;
 pub mod run;
 pub mod scene;
 pub mod simulation;

@@ -68,6 +68,8 @@ pub(crate) struct Model {
     pub(crate) bodies: Vec<BodyModel>,
     pub(crate) rigids: Vec<RigidModel>,
     pub(crate) probes: Vec<ProbeTarget>,
+    /// For each fix: number of the body and nodes of its mesh.
+    pub(crate) fixes: Vec<(usize, Vec<u32>)>,
     pub(crate) components: Vec<(System, State)>,
     pub(crate) notes: Vec<String>,
 }

@@ -14,6 +14,7 @@ use crate::guard::EnergyGuard;
 use crate::momentum::MomentumLedger;
 use crate::pitch::PitchFinder;
 use crate::provenance::Provenance;
+use crate::results::Results;
 use crate::scene::Scene;
 use crate::simulation::Simulation;
 use crate::stability::StabilityNote;
@@ -40,11 +41,11 @@ pub struct Report {
     pub name: String,
     /// The scene as it ran.
     pub scene: Scene,
-    /// Name of the scheme.
-    pub scheme: &'static str,
+    /// Name of the scheme; none in statics.
+    pub scheme: Option<&'static str>,
     /// Is it variational (symplectic)?
-    pub variational: bool,
-    /// Step that lands on the end, s.
+    pub variational: Option<bool>,
+    /// Step that lands on the end, s; in statics the increment of the time that loads depend on.
     pub h: f64,
     /// Steps made.
     pub steps: u64,
@@ -90,6 +91,8 @@ pub struct Report {
     pub momentum: Value,
     /// Pitch of the probes that ask for it, Hz.
     pub pitch: Map<String, Value>,
+    /// Largest displacement and stress, reactions, extremes of probes.
+    pub results: Results,
     /// Asserts of the scene that are broken.
     pub broken: Vec<String>,
     /// Energy that was gained in spite of the guard, in words.
@@ -109,6 +112,7 @@ impl Report {
     ) -> Self {
         let scene = simulation.scene();
         let method = simulation.method();
+        let is_moving = scene.statics.is_none();
         let components = simulation.components();
         let idle = components.iter().filter(|component| component.stepper().is_none()).count();
         let mut notes = simulation.notes().to_vec();
@@ -118,8 +122,8 @@ impl Report {
             provenance: Provenance::new(name, simulation.free_coordinates()),
             name: name.to_owned(),
             scene: scene.clone(),
-            scheme: method.name(),
-            variational: method.facts().is_variational(),
+            scheme: is_moving.then(|| method.name()),
+            variational: is_moving.then(|| method.facts().is_variational()),
             h: simulation.step_size(),
             steps: 0,
             outcome: None,
@@ -146,6 +150,7 @@ impl Report {
             energy: Value::Null,
             momentum: Value::Null,
             pitch: Map::new(),
+            results: Results::default(),
             broken: Vec::new(),
             warning: None,
             energy_drift: 0.0,
@@ -183,9 +188,14 @@ impl Report {
         let parts = &energy.parts;
         self.energy = json!({
             "initial": energy.initial, "final": energy.current,
-            "drift": energy.drift, "largest_kinetic": energy.kinetic_max, "relative_drift": self.energy_drift,
             "prescribed_work": parts.prescribed, "force_work": parts.force, "damping_work": parts.damping,
         });
+        // In statics nothing moves, and energy that loads put in is no drift.
+        if simulation.scene().statics.is_none() {
+            self.energy["drift"] = energy.drift.into();
+            self.energy["largest_kinetic"] = energy.kinetic_max.into();
+            self.energy["relative_drift"] = self.energy_drift.into();
+        }
         if simulation.has_ledger() {
             self.energy["scheme_error"] = parts.scheme.into();
             self.energy["residual_work"] = parts.residual.into();

@@ -68,6 +68,8 @@ pub struct Simulation {
     bodies: Vec<BodyModel>,
     rigids: Vec<RigidModel>,
     probes: Vec<ProbeTarget>,
+    /// For each fix: number of the body and nodes of its mesh.
+    fixes: Vec<(usize, Vec<u32>)>,
     components: Vec<Component>,
     notes: Vec<String>,
     steps: u64,
@@ -159,6 +161,7 @@ impl Simulation {
             bodies: model.bodies,
             rigids: model.rigids,
             probes: model.probes,
+            fixes: model.fixes,
             components,
             notes: model.notes,
             steps: 0,
@@ -211,6 +214,11 @@ impl Simulation {
     /// The rigid bodies, in the order of the scene.
     pub fn rigids(&self) -> &[RigidModel] {
         &self.rigids
+    }
+
+    /// For each fix of the scene: number of the body and nodes of its mesh.
+    pub fn fixed_nodes(&self) -> &[(usize, Vec<u32>)] {
+        &self.fixes
     }
 
     /// The systems.

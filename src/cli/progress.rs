@@ -61,13 +61,14 @@ impl Watch for Progress {
         }
         let elements: usize = simulation.bodies().iter().map(|body| body.element_count()).sum();
         let nodes: usize = simulation.bodies().iter().map(|body| body.mesh.points.len()).sum();
-        message!(
-            "{} bodies, {nodes} nodes, {elements} elements; {} steps of {:.4e} s by {}",
-            simulation.bodies().len(),
-            simulation.step_count(),
-            simulation.step_size(),
-            simulation.method().name(),
-        );
+        let steps = simulation.step_count();
+        let steps = match &simulation.scene().statics {
+            Some(_) => format!("{steps} load steps"),
+            None => {
+                format!("{steps} steps of {:.4e} s by {}", simulation.step_size(), simulation.method().name())
+            }
+        };
+        message!("{} bodies, {nodes} nodes, {elements} elements; {steps}", simulation.bodies().len());
         if std::io::stderr().is_terminal() {
             let style = ProgressStyle::with_template(
                 "{bar:40} {percent:>3} %  {pos}/{len} steps  {per_sec}  left {eta}",

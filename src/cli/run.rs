@@ -9,6 +9,7 @@ use super::progress::Progress;
 use super::say::{self, message, out};
 use super::signals::Stop;
 use crate::auto::stand_in;
+use super::summary::summary;
 use crate::checkpoint::{CheckpointError, newest};
 use crate::claim::ClaimError;
 use crate::report::{Outcome, Report};
@@ -182,59 +183,6 @@ pub(super) fn fail(error: &RunError, directory: &Path) -> u8 {
         );
     }
     code
-}
-
-fn summary(report: &Report, directory: &Path) {
-    let drift = report.energy_drift;
-    out!(
-        "{} steps of {:.4e} s by {} in {:.2} s (set-up {:.2} s, output {:.2} s)",
-        report.steps,
-        report.h,
-        report.scheme,
-        report.stepping_seconds,
-        report.setup_seconds,
-        report.output_seconds
-    );
-    let cut = |key: &str| report.substeps[key].as_u64().unwrap_or(0);
-    if cut("steps_cut") > 0 {
-        let smallest = report.substeps["smallest"].as_f64().unwrap_or(f64::NAN);
-        out!(
-            "{} steps were cut into {} substeps, of {smallest:.3e} s at least",
-            cut("steps_cut"),
-            cut("substeps")
-        );
-    }
-    for event in report.guard["events"].as_array().into_iter().flatten() {
-        let number = |key: &str| event[key].as_f64().unwrap_or(f64::NAN);
-        out!(
-            "energy guard: {:.3e} J gained at t = {:.4e} s; went on {}",
-            number("joules"),
-            number("t"),
-            event["action"].as_str().unwrap_or_default()
-        );
-    }
-    // In statics nothing moves, and there is no drift to speak of.
-    if drift.is_finite() {
-        out!("energy drift {drift:.2e} of the largest kinetic energy");
-    }
-    for (probe, estimate) in &report.estimate {
-        let error = |axis: usize| estimate["error"][axis].as_f64().unwrap_or(f64::NAN);
-        let order =
-            estimate["observed_order"].as_f64().map_or("not seen".to_owned(), |order| format!("{order:.1}"));
-        out!(
-            "error of '{probe}' at the end: ± {:.1e}, {:.1e}, {:.1e} m (observed order {order})",
-            error(0),
-            error(1),
-            error(2)
-        );
-    }
-    for (probe, pitch) in &report.pitch {
-        match pitch.as_f64() {
-            Some(pitch) => out!("pitch at '{probe}': {pitch:.2} Hz"),
-            None => out!("pitch at '{probe}': too few samples to tell"),
-        }
-    }
-    out!("written to {}", directory.display());
 }
 
 pub(super) fn check(scenes: &[PathBuf], overrides: &[String]) -> u8 {

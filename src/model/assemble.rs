@@ -160,7 +160,7 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
         }
     }
     if problems.is_empty() {
-        Ok(Model { bodies, rigids, probes, components: built, notes })
+        Ok(Model { bodies, rigids, probes, fixes, components: built, notes })
     } else {
         Err(problems)
     }

@@ -28,6 +28,7 @@ impl Run {
             work: self.work,
             growth: self.guard.growth,
             row: self.row,
+            extremes: self.extremes.clone(),
             history_bytes: self.history.bytes(),
             frames: self.frames.as_ref().map_or(0, FrameWriter::count) as u64,
             samples: self.pitch.len() as u64,
@@ -102,6 +103,7 @@ impl Run {
         self.work = course.work;
         self.guard.growth = course.growth;
         self.row = course.row;
+        self.extremes = course.extremes.clone();
         self.pitch.truncate(course.samples as usize);
         let path = self.directory.join("history.csv");
         self.history.truncate(course.history_bytes).map_err(RunError::output(&path))?;

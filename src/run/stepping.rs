@@ -21,6 +21,7 @@ use crate::history::{Columns, HistoryWriter, RowWork};
 use crate::momentum::MomentumLedger;
 use crate::pitch::PitchFinder;
 use crate::report::{Outcome, Report};
+use crate::results::{Extremes, Results};
 use crate::scene::{Guard, GuardAction, history_columns};
 use crate::simulation::{Observation, Simulation, TOGETHER};
 use crate::stability::{StabilityNote, stability};
@@ -35,6 +36,7 @@ pub(crate) struct Course {
     pub(super) growth: Growth,
     /// The step of the last row.
     pub(super) row: u64,
+    pub(super) extremes: Extremes,
     pub(crate) history_bytes: u64,
     pub(super) frames: u64,
     pub(super) samples: u64,
@@ -47,6 +49,7 @@ record!(Course {
     work: RowWork,
     growth: Growth,
     row: u64,
+    extremes: Extremes,
     history_bytes: u64,
     frames: u64,
     samples: u64,
@@ -62,6 +65,7 @@ pub(super) struct Run {
     pub(super) momentum: MomentumLedger,
     pub(super) work: RowWork,
     pub(super) row: u64,
+    pub(super) extremes: Extremes,
     pub(super) pitch: PitchFinder,
     pub(super) guard: EnergyGuard,
     pub(super) good: Option<Good>,
@@ -100,6 +104,7 @@ impl Run {
             .write(&first, RowWork::default(), estimates.as_deref())
             .map_err(RunError::output(&path))?;
         run.estimates = estimates.unwrap_or_default();
+        run.extremes.enter(&first);
         if let Some(frames) = &mut run.frames {
             frames.write(&run.simulation)?;
         }
@@ -182,6 +187,7 @@ impl Run {
             directory: directory.to_owned(),
             work: RowWork::default(),
             row: 0,
+            extremes: Extremes::default(),
             estimates: Vec::new(),
             findings: Vec::new(),
             good: None,
@@ -334,6 +340,7 @@ impl Run {
         self.ledger.enter(StepEnergy::default(), seen.total(), seen.kinetic);
         self.momentum.enter(seen);
         self.pitch.enter(seen);
+        self.extremes.enter(seen);
         let begin = Instant::now();
         let steps = self.simulation.steps();
         self.row = steps;
@@ -357,6 +364,7 @@ impl Run {
         let frame_count = self.frames.as_ref().map_or(0, FrameWriter::count);
         self.report.notes.append(&mut self.findings);
         self.report.guard(&self.guard);
+        self.report.results = Results::of(&self.simulation, &self.extremes);
         self.report.close(&self.simulation, outcome, frame_count, &self.ledger, &self.momentum, &self.pitch);
         if let Some(estimator) = &self.estimator {
             self.report.estimate(&self.simulation, &self.estimates, estimator.notes());

@@ -2,10 +2,12 @@
 //! It must not change a state.
 
 use vi_core::{HessianKind, Potential, angular_momentum, kinetic_energy, linear_momentum};
+use vi_fem::{ElementField, element_field};
 use vi_solvers::{Assembler, SolverError};
 
 use super::{Component, Simulation};
 use crate::model::{Pose, ProbeTarget, RigidModel};
+use crate::scene::Substance;
 
 /// Position and displacement of a probe, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -178,6 +180,21 @@ impl Simulation {
     /// Forces of weight, loads and wind on the nodes of body number `body`, N.
     pub fn external_forces(&self, body: usize) -> Vec<[f64; 3]> {
         self.nodal(body, |component| vi_solvers::external_forces(&component.system, &component.state))
+    }
+
+    /// A field of the elements of solids of body number `body`, in the order of its material entries.
+    pub fn element_values(&self, body: usize, field: ElementField) -> Vec<f64> {
+        let (x, said, model) = (self.positions(body), &self.scene.bodies[body], &self.bodies[body]);
+        let mut values = Vec::with_capacity(model.element_count() * field.component_count());
+        for (entry, elements) in said.material.0.iter().zip(&model.materials) {
+            let Substance::Solid(law) = &entry.law else { continue };
+            // The cells have been accepted as solid elements of this mesh when the body was built.
+            if let Ok(part) = element_field(&model.mesh, elements, law, said.locking, x.as_flattened(), field)
+            {
+                values.extend(part);
+            }
+        }
+        values
     }
 
     fn nodal(&self, body: usize, values: impl Fn(&Component) -> Vec<f64>) -> Vec<[f64; 3]> {

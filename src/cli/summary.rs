@@ -1,0 +1,115 @@
+//! What `variational run` says at the end. It must not know how a run is made.
+
+use std::path::Path;
+
+use super::say::out;
+use crate::report::Report;
+use crate::results::{Peak, Results};
+
+/// Lines of one kind at most; report.json has all.
+const MOST: usize = 10;
+
+/// Prints what a run did and found.
+pub(super) fn summary(report: &Report, directory: &Path) {
+    let what = match report.scheme {
+        Some(scheme) => format!("{} steps of {:.4e} s by {scheme}", report.steps, report.h),
+        None => format!("{} load steps", report.steps),
+    };
+    out!(
+        "{what} in {:.2} s (set-up {:.2} s, output {:.2} s)",
+        report.stepping_seconds, report.setup_seconds, report.output_seconds
+    );
+    let cut = |key: &str| report.substeps[key].as_u64().unwrap_or(0);
+    if cut("steps_cut") > 0 {
+        let smallest = report.substeps["smallest"].as_f64().unwrap_or(f64::NAN);
+        out!(
+            "{} steps were cut into {} substeps, of {smallest:.3e} s at least",
+            cut("steps_cut"),
+            cut("substeps")
+        );
+    }
+    for event in report.guard["events"].as_array().into_iter().flatten() {
+        let number = |key: &str| event[key].as_f64().unwrap_or(f64::NAN);
+        out!(
+            "energy guard: {:.3e} J gained at t = {:.4e} s; went on {}",
+            number("joules"),
+            number("t"),
+            event["action"].as_str().unwrap_or_default()
+        );
+    }
+    // In statics nothing moves, and there is no drift to speak of.
+    let drift = report.energy_drift;
+    if drift.is_finite() && report.scheme.is_some() {
+        out!("energy drift {drift:.2e} of the largest kinetic energy");
+    }
+    results(&report.results);
+    for (probe, estimate) in &report.estimate {
+        let error = |axis: usize| estimate["error"][axis].as_f64().unwrap_or(f64::NAN);
+        let order =
+            estimate["observed_order"].as_f64().map_or("not seen".to_owned(), |order| format!("{order:.1}"));
+        out!(
+            "error of '{probe}' at the end: ± {:.1e}, {:.1e}, {:.1e} m (observed order {order})",
+            error(0),
+            error(1),
+            error(2)
+        );
+    }
+    for (probe, pitch) in &report.pitch {
+        match pitch.as_f64() {
+            Some(pitch) => out!("pitch at '{probe}': {pitch:.2} Hz"),
+            None => out!("pitch at '{probe}': too few samples to tell"),
+        }
+    }
+    if !report.notes.is_empty() {
+        out!("{} notes and warnings, in report.json too", report.notes.len());
+    }
+    out!("written to {}", directory.display());
+}
+
+/// Prints what a run found.
+fn results(results: &Results) {
+    if let Some(peak) = &results.largest_displacement {
+        out!("largest displacement {:.4e} m {}", peak.value, place(peak));
+    }
+    if let Some(peak) = &results.largest_von_mises {
+        out!("largest von Mises stress {:.4e} Pa {}", peak.value, place(peak));
+    }
+    for (number, reaction) in results.reactions.iter().enumerate().take(MOST) {
+        let on = match &reaction.region {
+            Some(region) => format!("region '{region}' of '{}'", reaction.body),
+            None => format!("{} nodes of '{}'", reaction.nodes, reaction.body),
+        };
+        out!(
+            "reaction of fix {number}, {on}: force {} N, moment {} N m about {} m",
+            vector(reaction.force),
+            vector(reaction.moment),
+            vector(reaction.centroid)
+        );
+    }
+    rest(results.reactions.len(), "reactions");
+    for probe in results.probes.iter().take(MOST) {
+        let of = [("ux", probe.ux), ("uy", probe.uy), ("uz", probe.uz)];
+        let of = of.map(|(name, range)| format!("{name} {:.4e} to {:.4e} m", range.min, range.max));
+        out!("probe '{}': {}", probe.name, of.join(", "));
+    }
+    rest(results.probes.len(), "probes");
+}
+
+fn rest(count: usize, what: &str) {
+    if count > MOST {
+        out!("… {} more {what} in report.json", count - MOST);
+    }
+}
+
+fn place(peak: &Peak) -> String {
+    let at = match (peak.node, peak.element) {
+        (Some(node), _) => format!("at node {node}"),
+        (None, Some(element)) => format!("in element {element}"),
+        (None, None) => "somewhere".to_owned(),
+    };
+    format!("{at} of '{}', which is at {} m at rest", peak.body, vector(peak.position))
+}
+
+fn vector(x: [f64; 3]) -> String {
+    format!("({:.4e}, {:.4e}, {:.4e})", x[0], x[1], x[2])
+}

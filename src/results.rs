@@ -1,0 +1,214 @@
+//! What a run found: extremes of its probes, and at the end the largest displacement and stress and the reactions of
+//! its supports. Everything at the end is computed once. It must not change a run.
+
+use std::collections::HashSet;
+
+use serde::Serialize;
+use vi_fem::ElementField;
+
+use crate::checkpoint::record::record;
+use crate::simulation::{Observation, Simulation};
+
+/// What a run found where it ended.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Results {
+    /// Time at the end, s.
+    pub time: f64,
+    /// Largest |u| of all nodes, m, where it is not zero.
+    pub largest_displacement: Option<Peak>,
+    /// Largest von Mises stress of all elements of solids, Pa.
+    pub largest_von_mises: Option<Peak>,
+    /// What holds the fixed nodes, for each `[[fix]]`.
+    pub reactions: Vec<Reaction>,
+    /// Extremes of the probes over all rows of history.csv.
+    pub probes: Vec<ProbeRange>,
+}
+
+/// The largest value of a field, and where.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Peak {
+    /// The value.
+    pub value: f64,
+    /// The body.
+    pub body: String,
+    /// Node of its mesh, from 0, for a field of nodes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub node: Option<usize>,
+    /// Cell of its mesh, from 0, for a field of elements.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub element: Option<usize>,
+    /// Where the node, or the mean of the element's nodes, is at rest, m.
+    pub position: [f64; 3],
+}
+
+/// What holds the nodes of a `[[fix]]`: the sum over its nodes and axes. A coordinate that several fixes prescribe
+/// counts for the first of them, so that the sum over all fixes is the whole reaction.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Reaction {
+    /// The body.
+    pub body: String,
+    /// The region, where the fix names one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub region: Option<String>,
+    /// Number of its nodes.
+    pub nodes: usize,
+    /// Mean of its nodes where they are now, m.
+    pub centroid: [f64; 3],
+    /// Σ r, N: the force of the support on the body.
+    pub force: [f64; 3],
+    /// Σ (x − centroid) × r, N m.
+    pub moment: [f64; 3],
+}
+
+/// Extremes of a probe's displacement.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ProbeRange {
+    /// Its name.
+    pub name: String,
+    /// Displacement in x.
+    pub ux: Range,
+    /// Displacement in y.
+    pub uy: Range,
+    /// Displacement in z.
+    pub uz: Range,
+}
+
+/// Least and greatest value, and when they were first seen (s).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Range {
+    /// Least value.
+    pub min: f64,
+    /// When, s.
+    pub at_min: f64,
+    /// Greatest value.
+    pub max: f64,
+    /// When, s.
+    pub at_max: f64,
+}
+
+/// Extremes of the probes' displacements so far.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct Extremes {
+    /// For each probe and axis: least value, its time, greatest value, its time.
+    ranges: Vec<[f64; 4]>,
+}
+
+record!(Extremes { ranges: Vec<[f64; 4]> });
+
+impl Extremes {
+    /// Enters an observation.
+    pub(crate) fn enter(&mut self, seen: &Observation) {
+        let values: Vec<f64> = seen.probes.iter().flat_map(|probe| probe.displacement).collect();
+        if self.ranges.is_empty() {
+            self.ranges = values.iter().map(|&value| [value, seen.t, value, seen.t]).collect();
+        }
+        for (range, value) in self.ranges.iter_mut().zip(values) {
+            if value < range[0] {
+                (range[0], range[1]) = (value, seen.t);
+            }
+            if value > range[2] {
+                (range[2], range[3]) = (value, seen.t);
+            }
+        }
+    }
+
+    fn of_probes(&self, simulation: &Simulation) -> Vec<ProbeRange> {
+        let range = |&[min, at_min, max, at_max]: &[f64; 4]| Range { min, at_min, max, at_max };
+        let (ranges, _) = self.ranges.as_chunks::<3>();
+        let probes = simulation.scene().probes.iter().zip(ranges);
+        probes
+            .map(|(probe, [ux, uy, uz])| ProbeRange {
+                name: probe.name.clone(),
+                ux: range(ux),
+                uy: range(uy),
+                uz: range(uz),
+            })
+            .collect()
+    }
+}
+
+impl Results {
+    /// What the state of a simulation holds, with the extremes on the way there.
+    pub(crate) fn of(simulation: &Simulation, extremes: &Extremes) -> Self {
+        Self {
+            time: simulation.time(),
+            largest_displacement: largest_displacement(simulation),
+            largest_von_mises: largest_von_mises(simulation),
+            reactions: reactions(simulation),
+            probes: extremes.of_probes(simulation),
+        }
+    }
+}
+
+fn largest_displacement(simulation: &Simulation) -> Option<Peak> {
+    let mut largest: Option<Peak> = None;
+    for (number, body) in simulation.bodies().iter().enumerate() {
+        for (node, (x, rest)) in simulation.positions(number).iter().zip(&body.mesh.points).enumerate() {
+            let value = (0..3).map(|k| (x[k] - rest[k]).powi(2)).sum::<f64>().sqrt();
+            if value > largest.as_ref().map_or(0.0, |peak| peak.value) {
+                let (body, position) = (body.name.clone(), *rest);
+                largest = Some(Peak { value, body, node: Some(node), element: None, position });
+            }
+        }
+    }
+    largest
+}
+
+fn largest_von_mises(simulation: &Simulation) -> Option<Peak> {
+    let mut largest: Option<Peak> = None;
+    for (number, body) in simulation.bodies().iter().enumerate() {
+        let elements = body.materials.iter().flatten();
+        for (&element, value) in elements.zip(simulation.element_values(number, ElementField::VonMises)) {
+            if value > largest.as_ref().map_or(f64::NEG_INFINITY, |peak| peak.value) {
+                let element = element as usize;
+                let nodes = body.mesh.cell(element).map_or(&[][..], |(_, nodes)| nodes);
+                let position = mean(nodes.iter().map(|&node| body.mesh.points[node as usize]));
+                let body = body.name.clone();
+                largest = Some(Peak { value, body, node: None, element: Some(element), position });
+            }
+        }
+    }
+    largest
+}
+
+fn reactions(simulation: &Simulation) -> Vec<Reaction> {
+    let fixes = simulation.scene().fixes.iter().zip(simulation.fixed_nodes());
+    let mut of_body: Vec<Option<(Vec<[f64; 3]>, Vec<[f64; 3]>)>> = vec![None; simulation.bodies().len()];
+    let mut counted: HashSet<(usize, u32, usize)> = HashSet::new();
+    let mut all = Vec::new();
+    for (fix, (body, nodes)) in fixes {
+        let (x, held) =
+            of_body[*body].get_or_insert_with(|| (simulation.positions(*body), simulation.reactions(*body)));
+        let centroid = mean(nodes.iter().map(|&node| x[node as usize]));
+        let (mut force, mut moment) = ([0.0; 3], [0.0; 3]);
+        for &node in nodes {
+            let mut own = [0.0; 3];
+            for axis in fix.axes.iter().map(|&axis| axis as usize) {
+                if counted.insert((*body, node, axis)) {
+                    own[axis] = held[node as usize][axis];
+                }
+            }
+            let arm = [0, 1, 2].map(|k| x[node as usize][k] - centroid[k]);
+            for k in 0..3 {
+                let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+                force[k] += own[k];
+                moment[k] += arm[i] * own[j] - arm[j] * own[i];
+            }
+        }
+        all.push(Reaction {
+            body: fix.body.clone(),
+            region: fix.region.clone(),
+            nodes: nodes.len(),
+            centroid,
+            force,
+            moment,
+        });
+    }
+    all
+}
+
+fn mean(points: impl ExactSizeIterator<Item = [f64; 3]>) -> [f64; 3] {
+    let count = points.len().max(1) as f64;
+    let sum = points.fold([0.0; 3], |sum: [f64; 3], x| [0, 1, 2].map(|k| sum[k] + x[k]));
+    sum.map(|value| value / count)
+}
