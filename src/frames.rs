@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use vi_fem::{ElementField, nodal_field};
 use vi_io::{CellBlock, CellKind, IoError, PvdSeries, VtuArray, VtuFrame, VtuOptions, VtuValues};
 
-use crate::scene::{Encoding, Field, Precision, Substance};
+use crate::scene::{Cache, Encoding, Field, Precision, Schedule, Substance};
 use crate::simulation::Simulation;
+use crate::surfaces::SurfaceWriter;
 
 /// Writes `<name>.pvd` and `<name>_000000.vtu` …
 pub(crate) struct FrameWriter {
@@ -17,8 +18,11 @@ pub(crate) struct FrameWriter {
     series_file: PathBuf,
     /// Frames that are known to be on the disk.
     synced: usize,
-    interval: f64,
+    schedule: Schedule,
     options: VtuOptions,
+    /// Smallest distance of two nodes of a cell, m.
+    smallest_edge: f64,
+    cache: Option<SurfaceWriter>,
     fields: Vec<Field>,
     /// Points of all bodies at rest, then of the surfaces of rigid bodies at the start, m.
     points: Vec<[f64; 3]>,
@@ -28,6 +32,31 @@ pub(crate) struct FrameWriter {
     blocks: Vec<CellBlock>,
     body_ids: Vec<i32>,
     material_ids: Vec<i32>,
+}
+
+/// A number of 32 bits is off by at most this part of itself: half a unit of its 24th binary digit.
+const ROUNDING: f64 = 1.0 / 16_777_216.0;
+
+/// Largest coordinate, m.
+fn largest(points: &[[f64; 3]]) -> f64 {
+    points.as_flattened().iter().fold(0.0, |largest: f64, x| largest.max(x.abs()))
+}
+
+/// Smallest distance of two nodes of a cell, m; infinite where no cell has two nodes apart.
+fn smallest_edge(points: &[[f64; 3]], blocks: &[CellBlock]) -> f64 {
+    let mut smallest = f64::INFINITY;
+    for nodes in blocks.iter().flat_map(CellBlock::cells) {
+        for (i, &a) in nodes.iter().enumerate() {
+            for &b in &nodes[..i] {
+                let (a, b) = (points[a as usize], points[b as usize]);
+                let square: f64 = (0..3).map(|k| (a[k] - b[k]).powi(2)).sum();
+                if square > 0.0 {
+                    smallest = smallest.min(square);
+                }
+            }
+        }
+    }
+    smallest.sqrt()
 }
 
 /// The file of a frame of the run `name`.
@@ -43,7 +72,7 @@ pub(crate) fn frame_number(name: &str, file: &str) -> Option<usize> {
 }
 
 impl FrameWriter {
-    /// A series in a directory, one frame every `interval` (s).
+    /// A series in a directory.
     ///
     /// # Errors
     /// Where a mesh cannot be written.
@@ -51,7 +80,7 @@ impl FrameWriter {
         directory: &Path,
         name: &str,
         simulation: &Simulation,
-        interval: f64,
+        schedule: Schedule,
     ) -> Result<Self, IoError> {
         let output = &simulation.scene().output;
         let options = VtuOptions {
@@ -72,8 +101,10 @@ impl FrameWriter {
             series: PvdSeries::new(&series_file),
             series_file,
             synced: 0,
-            interval,
+            schedule,
             options,
+            smallest_edge: f64::INFINITY,
+            cache: output.cache.map(|cache| SurfaceWriter::new(directory, name, simulation, cache)),
             fields: output.fields.clone(),
             points: Vec::new(),
             surfaces: Vec::new(),
@@ -93,7 +124,40 @@ impl FrameWriter {
                 format!("{} points of all bodies are more than 32 bits can number", writer.points.len());
             return Err(IoError::BadOutput { file: writer.series_file, what });
         }
+        writer.smallest_edge = smallest_edge(&writer.points, &writer.blocks);
+        if writer.loses(largest(&writer.points)) {
+            writer.options.precision = vi_io::Precision::Double;
+        }
         Ok(writer)
+    }
+
+    /// Would 32 bits round lengths up to `length` (m) by more than a thousandth of the smallest edge?
+    fn loses(&self, length: f64) -> bool {
+        length * ROUNDING > 1e-3 * self.smallest_edge
+    }
+
+    /// What a reader should hear of how the frames are written.
+    pub(crate) fn notes(&self, simulation: &Simulation) -> Vec<String> {
+        let length = largest(&self.points);
+        if !self.loses(length) {
+            return Vec::new();
+        }
+        let (rounding, edge) = (length * ROUNDING, self.smallest_edge);
+        let mut notes = Vec::new();
+        let output = &simulation.scene().output;
+        if output.precision == Precision::F32 {
+            notes.push(format!(
+                "frames are written in 64 bits: at {length:.3e} m from the origin, 32 bits would round positions by \
+                 {rounding:.1e} m, and the smallest edge is {edge:.1e} m"
+            ));
+        }
+        if output.cache == Some(Cache::Pc2) {
+            notes.push(format!(
+                "point caches have 32 bits, which round positions by {rounding:.1e} m here, with a smallest edge of \
+                 {edge:.1e} m: bring the bodies nearer to the origin with `translate`, or write `cache = \"ply\"`"
+            ));
+        }
+        notes
     }
 
     /// Rigid bodies are numbered after the others; they have no material (−1).
@@ -156,6 +220,9 @@ impl FrameWriter {
     fn keep(&mut self, frames: &[(f64, String)]) -> Result<(), IoError> {
         self.series.set_frames(frames.to_vec())?;
         self.synced = self.synced.min(frames.len());
+        if let Some(cache) = &mut self.cache {
+            cache.resume(frames.len())?;
+        }
         let refused = |file: &Path, action| {
             let file = file.to_owned();
             move |source| IoError::System { file, action, source }
@@ -176,6 +243,9 @@ impl FrameWriter {
     /// # Errors
     /// Where a file cannot be written.
     pub(crate) fn sync(&mut self) -> Result<(), IoError> {
+        if let Some(cache) = &self.cache {
+            cache.sync(self.synced)?;
+        }
         let new = self.series.frames()[self.synced..].iter().map(|(_, name)| self.directory.join(name));
         for file in new.chain((self.count() > 0).then(|| self.series_file.clone())) {
             let synced = std::fs::File::options().write(true).open(&file).and_then(|file| file.sync_all());
@@ -194,17 +264,50 @@ impl FrameWriter {
         if kept.len() < self.count() { self.keep(&kept) } else { Ok(()) }
     }
 
-    /// Is the end of step `steps`, of h (s) each, the nearest to the time of the next frame, or beyond it?
+    /// Is a frame due when step `steps`, of h (s) each, has ended?
     pub(crate) fn is_due(&self, steps: u64, h: f64) -> bool {
-        let next = self.count() as f64 * self.interval;
-        steps as f64 * h + 0.5 * h > next
+        self.schedule.is_due(self.count(), steps, h)
     }
 
-    /// Writes a frame of the state now.
+    /// Is one due before the end of that step?
+    pub(crate) fn is_within(&self, steps: u64, h: f64) -> bool {
+        self.schedule.is_within(self.count(), steps, h)
+    }
+
+    /// Is the end of the run a frame, whenever it is?
+    pub(crate) fn ends_with_frame(&self) -> bool {
+        matches!(self.schedule, Schedule::Interval(_))
+    }
+
+    /// Time of the next frame, s.
+    pub(crate) fn next_time(&self) -> f64 {
+        self.schedule.time(self.count())
+    }
+
+    /// Writes the frame that is due, of the state that the simulation shows, and the surfaces.
     ///
     /// # Errors
     /// Where a value is not finite or a file cannot be written.
     pub(crate) fn write(&mut self, simulation: &Simulation) -> Result<(), IoError> {
+        if let Some(cache) = &mut self.cache {
+            cache.write(simulation)?;
+        }
+        let time = match self.schedule {
+            Schedule::Interval(_) => simulation.time(),
+            Schedule::Rate(_) => self.next_time(),
+        };
+        self.write_at(simulation, time)
+    }
+
+    /// Writes a frame of the state where a run ends before its end, whenever that is; the surfaces stay at even times.
+    ///
+    /// # Errors
+    /// As [`FrameWriter::write`].
+    pub(crate) fn write_last(&mut self, simulation: &Simulation) -> Result<(), IoError> {
+        self.write_at(simulation, simulation.time())
+    }
+
+    fn write_at(&mut self, simulation: &Simulation, time: f64) -> Result<(), IoError> {
         let bodies = 0..simulation.bodies().len();
         let mut points: Vec<(&str, Vec<f64>)> = Vec::new();
         let mut cells: Vec<(&str, &[i32])> = Vec::new();
@@ -272,7 +375,6 @@ impl FrameWriter {
             values: VtuValues::Real(values),
         });
         let cell_data: Vec<VtuArray> = integers.chain(reals).collect();
-        let time = simulation.time();
         let frame = VtuFrame {
             points: &self.points,
             blocks: &self.blocks,
@@ -283,7 +385,14 @@ impl FrameWriter {
             field_data: &[],
         };
         let file = frame_file(&self.name, self.count());
-        vi_io::write_vtu(&self.directory.join(&file), &frame, self.options)?;
+        let mut options = self.options;
+        // A body can fly so far that its displacement needs them, too.
+        let u = points.iter().filter(|(name, _)| *name == "displacement").flat_map(|(_, values)| values);
+        let longest = u.fold(0.0, |longest: f64, value| longest.max(value.abs()));
+        if self.loses(longest) && longest <= f64::from(f32::MAX) {
+            options.precision = vi_io::Precision::Double;
+        }
+        vi_io::write_vtu(&self.directory.join(&file), &frame, options)?;
         self.series.push(time, &file)
     }
 

@@ -38,6 +38,7 @@ pub mod simulation;
 pub mod stability;
 #[cfg(feature = "cli")]
 pub mod stress;
+mod surfaces;
 #[cfg(feature = "cli")]
 pub mod sweep;
 pub mod trial;
@@ -53,7 +54,7 @@ pub mod prelude {
     pub use crate::auto::settle;
     pub use crate::run::{RunError, Watch, run};
     pub use crate::scene::{
-        Assert, Attach, Axis, Body, Checkpoints, Control, Damping, Field, FieldComponent, Fix, Guard,
+        Assert, Attach, Axis, Body, Cache, Checkpoints, Control, Damping, Field, FieldComponent, Fix, Guard,
         GuardAction, Inertia, Joint, Load, MassKind, Output, Precision, Probe, Rigid, RigidShape, Scene,
         SchemeName, Seam, Solver, Spring, SpringEnd, Static, Strike, Substance, Time, Turn,
     };

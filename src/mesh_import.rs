@@ -8,7 +8,7 @@ use std::path::Path;
 use vi_fem::{CellField, ElementBlock, ElementKind, Mesh, Numbering, Region, orient_triangles};
 use vi_io::{CellKind, DataArray, MeshFile};
 
-use crate::scene::{Body, RestShape};
+use crate::scene::{Body, RestShape, Substance};
 
 /// A body as its mesh file has it.
 #[derive(Debug)]
@@ -20,6 +20,8 @@ pub(crate) struct Imported {
     pub(crate) velocity: Option<Vec<f64>>,
     /// The flat pattern that a sheet is cut from, m: the corners of every cell.
     pub(crate) pattern: Option<Vec<[[f64; 2]; 3]>>,
+    /// Texture coordinates of a sheet: the corners of every cell.
+    pub(crate) texture: Option<Vec<[[f64; 2]; 3]>>,
     /// Vectors a cell, by name.
     pub(crate) fields: Vec<CellField>,
     pub(crate) notes: Vec<String>,
@@ -29,7 +31,7 @@ impl Imported {
     /// A mesh that no file has, at rest.
     pub(crate) fn generated(mesh: Mesh) -> Self {
         let (fields, notes) = (Vec::new(), Vec::new());
-        Self { mesh, displacement: None, velocity: None, pattern: None, fields, notes }
+        Self { mesh, displacement: None, velocity: None, pattern: None, texture: None, fields, notes }
     }
 
     /// The same with other numbers of its nodes, and the mesh as it was.
@@ -100,24 +102,61 @@ fn import(mut file: MeshFile, body: &Body) -> Result<Imported, Vec<String>> {
     mesh.check(dimension).map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>())?;
     let fields = file.cell_data.iter().filter_map(cell_field).collect();
     let mut notes = std::mem::take(&mut file.notes);
-    let mut pattern = None;
+    let (mut pattern, mut texture) = (None, None);
     if dimension == 2 {
+        texture = sheet::texture(&file);
         if body.rest == Some(RestShape::Flat) {
             pattern = sheet::pattern(&file, &mesh, scale, body.uv_scale).map_err(|problem| vec![problem])?;
         }
         let elements = mesh.cells_of_dimension(2);
         let before = mesh.clone();
         let orientation = orient_triangles(&mut mesh, &elements).map_err(|error| vec![error.to_string()])?;
-        if let Some(pattern) = &mut pattern {
-            for cell in elements {
+        for corners in pattern.iter_mut().chain(&mut texture) {
+            for &cell in &elements {
                 if mesh.cell(cell as usize) != before.cell(cell as usize) {
-                    pattern[cell as usize].swap(1, 2);
+                    corners[cell as usize].swap(1, 2);
                 }
             }
         }
         notes.extend(orientation.notes());
     }
-    Ok(Imported { mesh, displacement, velocity, pattern, fields, notes })
+    notes.extend(unit_note(body, &mesh));
+    Ok(Imported { mesh, displacement, velocity, pattern, texture, fields, notes })
+}
+
+/// Says so where a mesh looks as if its unit were the millimetre: 50 m and more of something as dense as wood to
+/// uranium and as stiff as hard plastic or metal. `scale = 1.0` answers it.
+fn unit_note(body: &Body, mesh: &Mesh) -> Option<String> {
+    const EXTENT: f64 = 50.0;
+    const DENSITY: std::ops::RangeInclusive<f64> = 500.0..=20_000.0;
+    const MODULUS: f64 = 1e8;
+    let is_like_metal = |law: &Substance| {
+        let (density, modulus) = match law {
+            Substance::Solid(law) => {
+                let (lambda, mu) = law.parameters().lame();
+                (law.density(), lambda + 2.0 * mu)
+            }
+            Substance::Sheet(law) => {
+                let parameters = law.parameters();
+                (law.area_density() / parameters.common().thickness, parameters.moduli()[0][0])
+            }
+        };
+        DENSITY.contains(&density) && modulus >= MODULUS
+    };
+    let extent = (0..3)
+        .map(|k| {
+            let along = || mesh.points.iter().map(|x| x[k]);
+            along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
+        })
+        .fold(0.0, f64::max);
+    let is_like = body.material.0.iter().any(|entry| is_like_metal(&entry.law));
+    (body.scale.is_none() && extent >= EXTENT && is_like).then(|| {
+        format!(
+            "the mesh is {extent:.4} m long; if its unit is the millimetre, give body '{}' the key `scale = 1e-3` \
+             (`scale = 1.0` says that it is the metre)",
+            body.name
+        )
+    })
 }
 
 /// Leaves the cells of the group `part`, and of lower dimension those on its nodes.

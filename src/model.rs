@@ -30,6 +30,8 @@ pub struct BodyModel {
     pub name: String,
     /// Its mesh at rest.
     pub mesh: Mesh,
+    /// Texture coordinates of a sheet: the corners of every cell of its mesh.
+    pub texture: Option<Vec<[[f64; 2]; 3]>>,
     /// The elements of each of its material entries.
     pub materials: Vec<Vec<u32>>,
     /// Number of the component that it is part of.

@@ -1,7 +1,7 @@
 //! What a run found: extremes of its probes, and at the end the largest displacement and stress and the reactions of
 //! its supports. Everything at the end is computed once. It must not change a run.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use serde::Serialize;
 use vi_fem::ElementField;
@@ -173,12 +173,14 @@ fn largest_von_mises(simulation: &Simulation) -> Option<Peak> {
 
 fn reactions(simulation: &Simulation) -> Vec<Reaction> {
     let fixes = simulation.scene().fixes.iter().zip(simulation.fixed_nodes());
-    let mut of_body: Vec<Option<(Vec<[f64; 3]>, Vec<[f64; 3]>)>> = vec![None; simulation.bodies().len()];
+    // Positions and reactions of the nodes of bodies that have a fix.
+    let mut of_body: HashMap<usize, [Vec<[f64; 3]>; 2]> = HashMap::new();
     let mut counted: HashSet<(usize, u32, usize)> = HashSet::new();
     let mut all = Vec::new();
     for (fix, (body, nodes)) in fixes {
-        let (x, held) =
-            of_body[*body].get_or_insert_with(|| (simulation.positions(*body), simulation.reactions(*body)));
+        let [x, held] = of_body
+            .entry(*body)
+            .or_insert_with(|| [simulation.positions(*body), simulation.reactions(*body)]);
         let centroid = mean(nodes.iter().map(|&node| x[node as usize]));
         let (mut force, mut moment) = ([0.0; 3], [0.0; 3]);
         for &node in nodes {

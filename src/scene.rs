@@ -34,7 +34,8 @@ pub(crate) use columns::history_columns;
 pub(crate) use load::field;
 pub use load::{Damping, FieldComponent, Load};
 pub use material::{MaterialEntry, Materials, Substance};
-pub use output::{Assert, Encoding, Field, Output, Precision};
+pub(crate) use output::Schedule;
+pub use output::{Assert, Cache, Encoding, Field, Output, Precision};
 #[cfg(feature = "cli")]
 pub use parse::Parsed;
 pub use rigid::{Inertia, Joint, Rigid, RigidShape, Turn};

@@ -2,6 +2,7 @@
 //! It must not know files: `run.rs` writes what it observes.
 
 mod advance;
+mod between;
 mod march;
 mod observe;
 mod pace;

@@ -39,6 +39,7 @@ impl Choice {
         scene.time.choose(self.scheme, self.stages, self.steps);
         scene.time.estimate = false;
         scene.output.interval = None;
+        (scene.output.fps, scene.output.cache) = (None, None);
         scene.output.ledger = None;
         scene
     }

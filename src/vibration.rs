@@ -14,7 +14,7 @@ use crate::frames::FrameWriter;
 use crate::model::kinetic_terms;
 use crate::provenance::Provenance;
 use crate::run::{RunError, inputs_among};
-use crate::scene::{MassKind, Problem, Scene};
+use crate::scene::{MassKind, Problem, Scene, Schedule};
 use crate::simulation::Simulation;
 
 pub use report::{ModeFacts, ModesReport};
@@ -118,7 +118,7 @@ pub fn write_modes(
     if !problems.is_empty() {
         return Err(RunError::Scene(problems));
     }
-    let frames = FrameWriter::create(directory, "modes", &simulation, 1.0)?;
+    let frames = FrameWriter::create(directory, "modes", &simulation, Schedule::Interval(1.0))?;
     let mut series = PvdSeries::new(&directory.join("modes.pvd"));
     for (number, (found, facts)) in found.modes.iter().zip(&report.modes).enumerate() {
         let file = shape_file(number);

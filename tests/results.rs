@@ -69,7 +69,7 @@ fn reactions_of_statics_carry_the_weight() {
     assert_eq!(vector(&reactions[1]["force"])[..2], [0.0, 0.0]);
     // The moment about the origin is that of the weight of the bent body: its nodes' row sums of mass are even on a
     // lattice of bricks, but for the ends.
-    let frame = variational::io::read_mesh(&program.out().join("frame_000001.vtu")).unwrap();
+    let frame = variational::io::read_mesh(&program.out().join("scene_000001.vtu")).unwrap();
     let u = &frame.point_array("displacement").unwrap().values;
     let mut of_weight = [0.0; 3];
     for (node, rest) in frame.points.iter().enumerate() {
@@ -90,7 +90,7 @@ fn reactions_of_statics_carry_the_weight() {
 fn the_largest_values_are_those_of_the_last_frame() {
     let program = Program::run(HANGING);
     let report = program.report();
-    let frame = variational::io::read_mesh(&program.out().join("frame_000001.vtu")).unwrap();
+    let frame = variational::io::read_mesh(&program.out().join("scene_000001.vtu")).unwrap();
     let u = frame.point_array("displacement").unwrap().values.as_chunks::<3>().0.to_vec();
     let length = |u: &[f64; 3]| u.iter().map(|u| u * u).sum::<f64>().sqrt();
     let peak = &report["results"]["largest_displacement"];

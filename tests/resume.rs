@@ -159,6 +159,18 @@ fn damping_wind_companions_and_statics_continue_to_the_same_bits() {
     }
 }
 
+#[test]
+fn films_and_point_caches_continue_to_the_same_bytes() {
+    for cache in [Cache::Pc2, Cache::Obj, Cache::Ply] {
+        for scheme in [SchemeName::StormerVerlet, SchemeName::Gauss] {
+            let mut scene = driven(scheme);
+            scene.output =
+                Output { interval: None, fps: Some(170.0), cache: Some(cache), history: 3, ..scene.output };
+            continues(scene, &format!("{scheme:?} with {cache:?}"));
+        }
+    }
+}
+
 /// Two rods and a block that hang from each other by a ball joint, a hinge and an attachment.
 const RIGID: &str = r#"
 gravity = [0.0, -9.81, 0.0]

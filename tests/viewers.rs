@@ -1,4 +1,5 @@
-//! pyvista and meshio read every file that a run writes, and its values equal history.csv's.
+//! pyvista and meshio read every file that a run writes, and its values equal history.csv's; Blender shows its point
+//! caches.
 //!
 //! Needs Python with the packages of tests/python/requirements.txt; `VARIATIONAL_PYTHON` names another
 //! interpreter. Where there is none the test says so and passes.
@@ -52,6 +53,55 @@ fn python_reads_what_was_written() {
         let said =
             String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{precision} {encoding}:\n{said}");
+    }
+}
+
+/// A falling, spinning cloth with texture coordinates, and a moved block.
+const FILM: &str = r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.1
+step = 0.004
+scheme = "stormer-verlet"
+[[body]]
+name = "cloth"
+sheet = { size = [0.4, 0.2], cells = [4, 2], origin = [1.0, 0.0, 0.0] }
+material = { law = "st-venant-kirchhoff", young = 1e3, poisson = 0.3, density = 300.0, thickness = 1e-3 }
+angular_velocity = [0.0, 1.0, 2.0]
+[[body]]
+name = "block"
+box = { size = [0.1, 0.1, 0.1], cells = [1, 1, 1], element = "hex8" }
+material = { law = "neo-hookean", young = 1e4, poisson = 0.3, density = 1000.0 }
+velocity = [1.0, 2.0, 3.0]
+[[probe]]
+name = "corner"
+body = "cloth"
+node = 0
+[[probe]]
+name = "tip"
+body = "block"
+node = 7
+[output]
+fps = 50
+cache = "pc2"
+"#;
+
+#[test]
+fn blender_shows_the_point_caches() {
+    let python = std::env::var("VARIATIONAL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let can = Command::new(&python).args(["-c", "import bpy"]).output();
+    if !can.is_ok_and(|output| output.status.success()) {
+        println!("skipped: {python} with bpy is not there (tests/python/requirements.txt)");
+        return;
+    }
+    let run = Program::run(FILM);
+    for arguments in [&["cloth", "corner", "0", "--textured"][..], &["block", "tip", "7"]] {
+        let mut check = Command::new(&python);
+        check.arg(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/check_blender.py"));
+        let output = check.arg(run.out()).args(arguments).output().unwrap();
+        let said =
+            String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && said.contains("as they were computed"), "{arguments:?}:\n{said}");
     }
 }
 

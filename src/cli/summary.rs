@@ -17,7 +17,9 @@ pub(super) fn summary(report: &Report, directory: &Path) {
     };
     out!(
         "{what} in {:.2} s (set-up {:.2} s, output {:.2} s)",
-        report.stepping_seconds, report.setup_seconds, report.output_seconds
+        report.stepping_seconds,
+        report.setup_seconds,
+        report.output_seconds
     );
     let cut = |key: &str| report.substeps[key].as_u64().unwrap_or(0);
     if cut("steps_cut") > 0 {

@@ -113,6 +113,15 @@ fn texture_to_corners(file: &mut MeshFile) -> Result<(), String> {
     Ok(())
 }
 
+/// Texture coordinates of the file, as they are there: corners of every cell. None where there are none or one is
+/// not finite.
+pub(super) fn texture(file: &MeshFile) -> Option<Vec<[[f64; 2]; 3]>> {
+    let array = file.cell_array(CORNERS).filter(|array| array.components == 6)?;
+    let is_finite = array.values.iter().all(|value| value.is_finite());
+    let corners = array.values.as_chunks::<6>().0.iter();
+    is_finite.then(|| corners.map(|v| [[v[0], v[1]], [v[2], v[3]], [v[4], v[5]]]).collect())
+}
+
 /// The pattern that a sheet is cut from, m: corners of every cell of the mesh, which has not been turned
 /// over since. None where the file has no texture coordinates.
 ///

@@ -60,6 +60,7 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
         bodies.push(BodyModel {
             name: scene.bodies[i].name.clone(),
             mesh,
+            texture: body.read.texture,
             materials: body.materials,
             component: component_of[i],
             node_offset,

@@ -147,6 +147,9 @@ fn load_body(
         }
     };
     let mut read = read;
+    if let Some(sheet) = &body.sheet {
+        read.texture = Some(placed(sheet, scale, translate).texture(&read.mesh));
+    }
     if body.order == Some(2) {
         read = on(read, Mesh::lifted);
     }
@@ -190,7 +193,8 @@ fn on(read: Imported, make: impl Fn(&Mesh) -> FinerMesh) -> Imported {
         field.values = finer.cells.iter().map(|&cell| field.values[cell as usize]).collect();
     }
     let (displacement, velocity) = (carry(read.displacement), carry(read.velocity));
-    Imported { displacement, velocity, fields, mesh: finer.mesh, ..read }
+    let texture = read.texture.map(|corners| finer.texture(&read.mesh, &corners));
+    Imported { displacement, velocity, fields, texture, mesh: finer.mesh, ..read }
 }
 
 /// The mesh of a generated shape, and the shape's key.
@@ -201,10 +205,14 @@ fn generate(body: &Body, scale: f64, translate: [f64; 3]) -> Option<(Result<Mesh
         let placed = BoxMesh { origin: place(shape.origin), size, ..shape.clone() };
         return Some((placed.build(), "box"));
     }
-    let shape = body.sheet.as_ref()?;
-    let size = shape.size.map(|size| scale * size);
-    let placed = SheetMesh { origin: place(shape.origin), size, ..shape.clone() };
-    Some((placed.build(), "sheet"))
+    Some((placed(body.sheet.as_ref()?, scale, translate).build(), "sheet"))
+}
+
+/// A generated sheet where its body has it.
+fn placed(sheet: &SheetMesh, scale: f64, translate: [f64; 3]) -> SheetMesh {
+    let size = sheet.size.map(|size| scale * size);
+    let origin = std::array::from_fn(|k| scale * sheet.origin[k] + translate[k]);
+    SheetMesh { origin, size, ..sheet.clone() }
 }
 
 /// The elements of each material entry.

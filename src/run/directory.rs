@@ -11,6 +11,7 @@ use super::RunError;
 use crate::checkpoint;
 use crate::frames::frame_number;
 use crate::scene::{Problem, Scene};
+use crate::surfaces::SurfaceFiles;
 
 /// Files of a run whose names do not tell the scene. Another scene's are kept as `<scene>.history.csv` and
 /// `<scene>.report.json`.
@@ -25,7 +26,7 @@ const SHARED: [&str; 3] = ["history.csv", "report.json", "energy.svg"];
 pub(super) fn prepare(directory: &Path, name: &str, scene: &Scene) -> Result<(), RunError> {
     refuse_inputs(directory, name, scene)?;
     set_aside_others(directory, name)?;
-    for path in own_files(directory, name)? {
+    for path in own_files(directory, name, scene)? {
         fs::remove_file(&path).map_err(RunError::output(&path))?;
     }
     Ok(())
@@ -33,7 +34,7 @@ pub(super) fn prepare(directory: &Path, name: &str, scene: &Scene) -> Result<(),
 
 /// Refuses a scene that reads a file which its run would remove or replace.
 pub(super) fn refuse_inputs(directory: &Path, name: &str, scene: &Scene) -> Result<(), RunError> {
-    let problems = inputs_among(scene, &own_files(directory, name)?);
+    let problems = inputs_among(scene, &own_files(directory, name, scene)?);
     if problems.is_empty() { Ok(()) } else { Err(RunError::Scene(problems)) }
 }
 
@@ -55,12 +56,17 @@ pub(crate) fn inputs_among(scene: &Scene, outputs: &[PathBuf]) -> Vec<Problem> {
 }
 
 /// What a run of the scene `name` writes into the directory, as far as it is there.
-fn own_files(directory: &Path, name: &str) -> Result<Vec<PathBuf>, RunError> {
+fn own_files(directory: &Path, name: &str, scene: &Scene) -> Result<Vec<PathBuf>, RunError> {
     let mut found = Vec::new();
+    let surfaces = SurfaceFiles::new(directory, name, scene);
     let listed = (|| {
         for entry in fs::read_dir(directory)? {
             let entry = entry?;
-            let is_own = entry.file_name().to_str().is_some_and(|file| is_own(file, name));
+            // A run that was killed while it wrote a file has left it under its temporary name.
+            let is_own = entry.file_name().to_str().is_some_and(|file| {
+                let file = file.strip_suffix(".tmp").unwrap_or(file);
+                is_own(file, name) || surfaces.contain(file)
+            });
             if is_own && !entry.file_type()?.is_dir() {
                 found.push(entry.path());
             }
@@ -73,8 +79,6 @@ fn own_files(directory: &Path, name: &str) -> Result<Vec<PathBuf>, RunError> {
 }
 
 fn is_own(file: &str, name: &str) -> bool {
-    // A run that was killed while it wrote a file has left it under its temporary name.
-    let file = file.strip_suffix(".tmp").unwrap_or(file);
     let of_scene = file.strip_prefix(name).and_then(|rest| rest.strip_prefix('.')).unwrap_or_default();
     SHARED.contains(&file)
         || SHARED.contains(&of_scene)

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use vi_core::{EnergyLedger, StepEnergy};
+use vi_core::{EnergyLedger, State, StepEnergy};
 use vi_io::IoError;
 use vi_solvers::{SolverError, StepError};
 
@@ -159,9 +159,12 @@ impl Run {
         let path = directory.join("history.csv");
         let history =
             history(&history_columns(scene, has_loads), columns).map_err(RunError::output(&path))?;
-        let frames = scene.output.interval;
-        let frames =
-            frames.map(|interval| FrameWriter::create(directory, name, &simulation, interval)).transpose()?;
+        let schedule = scene.output.schedule();
+        let frames = schedule
+            .map(|schedule| FrameWriter::create(directory, name, &simulation, schedule))
+            .transpose()?;
+        let mut report = Report::new(&simulation, auto.as_ref(), name, stability.as_ref());
+        report.notes.extend(frames.iter().flat_map(|frames| frames.notes(&simulation)));
         // A step that the program chose by itself it also halves by itself.
         let is_auto = auto.is_some() || origin.as_ref().is_some_and(|origin| !origin.auto.is_empty());
         let unasked = if is_auto { Guard::new(GuardAction::Halve) } else { Guard::silent() };
@@ -183,7 +186,7 @@ impl Run {
                 &first,
                 simulation.resolution(),
             ),
-            report: Report::new(&simulation, auto.as_ref(), name, stability.as_ref()),
+            report,
             directory: directory.to_owned(),
             work: RowWork::default(),
             row: 0,
@@ -205,10 +208,8 @@ impl Run {
 
     /// Steps to the end, or to where the run fails or is stopped, and writes everything.
     pub(super) fn complete(mut self, watch: &mut dyn Watch) -> Result<Report, RunError> {
-        let mut notes = self.simulation.notes().to_vec();
-        notes.extend(self.stability.as_ref().and_then(StabilityNote::warning));
+        let mut notes = self.report.notes.clone();
         notes.extend(self.claim.note());
-        notes.extend(self.auto.as_ref().and_then(|auto| auto.warning.clone()));
         watch.start(&self.simulation, &notes);
         let mut failure = None;
         let mut interrupted = false;
@@ -249,14 +250,20 @@ impl Run {
         }
     }
 
-    /// Steps until something is due, from one to as many as are made together.
+    /// Steps until something is due, from one to as many as are made together; a step with a frame within it is
+    /// made alone.
     fn quiet_steps(&self) -> u64 {
         let (now, h) = (self.simulation.steps(), self.simulation.step_size());
+        let holds_frame = |step: &u64| self.frames.as_ref().is_some_and(|frames| frames.is_within(*step, h));
+        if holds_frame(&(now + 1)) {
+            return 1;
+        }
         let every = self.simulation.scene().output.history;
         let is_due = |step: &u64| {
             (every > 0 && step.is_multiple_of(every))
                 || self.guard.is_due(*step)
                 || self.frames.as_ref().is_some_and(|frames| frames.is_due(*step, h))
+                || holds_frame(&(step + 1))
                 || self.store.as_ref().is_some_and(|(store, _)| store.is_due(*step, h))
         };
         (now + 1..now + TOGETHER).find(is_due).unwrap_or(now + TOGETHER) - now
@@ -266,6 +273,9 @@ impl Run {
     fn advance(&mut self) -> Result<(), RunError> {
         self.keep_good();
         let quiet = self.quiet_steps();
+        let (next, h) = (self.simulation.steps() + 1, self.simulation.step_size());
+        let is_within = self.frames.as_ref().is_some_and(|frames| frames.is_within(next, h));
+        let before = is_within.then(|| self.simulation.states());
         let begin = Instant::now();
         let stepped = self.simulation.advance(quiet);
         self.report.stepping_seconds += begin.elapsed().as_secs_f64();
@@ -298,17 +308,28 @@ impl Run {
                 self.row(&seen)?;
             }
         }
-        let is_done = self.simulation.is_done();
-        if let Some(frames) = &mut self.frames
-            && (frames.is_due(step, self.simulation.step_size()) || is_done)
-        {
-            frames.write(&self.simulation).map_err(|source| match source {
-                IoError::BadOutput { .. } => RunError::Beyond { step, source },
-                source => source.into(),
-            })?;
-        }
+        self.write_frames(before.as_deref()).map_err(|source| match source {
+            IoError::BadOutput { .. } => RunError::Beyond { step, source },
+            source => source.into(),
+        })?;
         self.save_if_due()?;
         self.report.output_seconds += begin.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Writes the frames that are due; those within the step that was made, between `before` and the state now.
+    fn write_frames(&mut self, before: Option<&[State]>) -> Result<(), IoError> {
+        let Some(frames) = &mut self.frames else { return Ok(()) };
+        let (steps, h) = (self.simulation.steps(), self.simulation.step_size());
+        if let Some(before) = before {
+            while frames.is_within(steps, h) {
+                let t = frames.next_time();
+                self.simulation.between(before, t, |simulation| frames.write(simulation))?;
+            }
+        }
+        if frames.is_due(steps, h) || (self.simulation.is_done() && frames.ends_with_frame()) {
+            frames.write(&self.simulation)?;
+        }
         Ok(())
     }
 
@@ -325,7 +346,7 @@ impl Run {
             if let Some(frames) = &mut self.frames
                 && frames.frames().last().is_none_or(|last| last.0 < self.simulation.time())
             {
-                match frames.write(&self.simulation) {
+                match frames.write_last(&self.simulation) {
                     // A value that a frame cannot hold is why the run ends.
                     Ok(()) | Err(IoError::BadOutput { .. }) => {}
                     Err(error) => return Err(error.into()),
@@ -358,7 +379,7 @@ impl Run {
         let scene = self.simulation.scene();
         if scene.output.chart {
             let title = if scene.title.is_empty() { &self.report.name } else { &scene.title };
-            let drawn = super::chart::write(&self.directory, title, self.report.scheme);
+            let drawn = super::chart::write(&self.directory, title, self.report.scheme.unwrap_or("statics"));
             drawn.map_err(RunError::output(&self.directory.join("energy.svg")))?;
         }
         let frame_count = self.frames.as_ref().map_or(0, FrameWriter::count);

@@ -479,8 +479,22 @@ fn path_of_equilibria(check: &mut Checker, scene: &Scene, statics: &Static) {
 }
 
 fn output(check: &mut Checker, scene: &Scene) {
-    if let Some(interval) = scene.output.interval {
-        check.positive("output.interval", interval, "s");
+    let output = &scene.output;
+    for (key, value, unit) in [("output.interval", output.interval, "s"), ("output.fps", output.fps, "1/s")] {
+        if let Some(value) = value {
+            check.positive(key, value, unit);
+        }
+    }
+    check.at_most_one_of(
+        "output",
+        &[("interval", output.interval.is_some()), ("fps", output.fps.is_some())],
+        false,
+    );
+    if output.cache.is_some() && output.fps.is_none() {
+        check.say(
+            "output.cache",
+            "needs frames at even times: give `fps`, e.g. fps = 24, instead of `interval`",
+        );
     }
     let mut fields = HashSet::new();
     for field in &scene.output.fields {

@@ -90,6 +90,55 @@ pub enum Encoding {
     Base64,
 }
 
+/// How surfaces are written for animation programs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Cache {
+    /// A PC2 point cache for each body, with one OBJ file that has its triangles and texture coordinates.
+    Pc2,
+    /// An OBJ file for each body and frame.
+    Obj,
+    /// A binary PLY file for each body and frame.
+    Ply,
+}
+
+/// When frames are due.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Schedule {
+    /// At the steps nearest to the multiples of this time, s.
+    Interval(f64),
+    /// At the multiples of 1/rate, s, between steps too.
+    Rate(f64),
+}
+
+impl Schedule {
+    /// Time of frame number `frame`, s.
+    pub(crate) fn time(self, frame: usize) -> f64 {
+        match self {
+            Self::Interval(interval) => frame as f64 * interval,
+            Self::Rate(rate) => frame as f64 / rate,
+        }
+    }
+
+    /// Is frame number `frame` due when step `steps`, of h (s) each, has ended?
+    pub(crate) fn is_due(self, frame: usize, steps: u64, h: f64) -> bool {
+        let end = steps as f64 * h;
+        match self {
+            Self::Interval(_) => end + 0.5 * h > self.time(frame),
+            // A frame at the end of a step, but for round-off, is of this step.
+            Self::Rate(_) => end + ROUND_OFF * h >= self.time(frame),
+        }
+    }
+
+    /// Lies frame number `frame` before the end of step `steps`, so that its state is to be interpolated?
+    pub(crate) fn is_within(self, frame: usize, steps: u64, h: f64) -> bool {
+        matches!(self, Self::Rate(_)) && self.time(frame) < (steps as f64 - ROUND_OFF) * h
+    }
+}
+
+/// Part of a step below which two times are one: far above round-off, far below what can be seen.
+const ROUND_OFF: f64 = 1e-6;
+
 /// `[output]`: what is written, and where.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -100,6 +149,14 @@ pub struct Output {
     /// Time between frames, s (> 0); omit for none. A frame is written at the nearest step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interval: Option<f64>,
+    /// Frames a second (> 0), instead of `interval`: at the times 0, 1/fps, 2/fps … whatever the step is. Between
+    /// steps, states are interpolated (docs/files.md); no step is changed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fps: Option<f64>,
+    /// Write the surface of every body for animation programs too, at `fps`: "pc2" (a point cache and one OBJ file),
+    /// "obj" or "ply" (a sequence).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cache: Option<Cache>,
     /// A row of history.csv every n steps, and always the first and the last (default 1; 0: those two only).
     #[serde(default = "Output::default_history")]
     pub history: u64,
@@ -124,6 +181,11 @@ pub struct Output {
 }
 
 impl Output {
+    /// When frames are due; none where none are asked for.
+    pub(crate) fn schedule(&self) -> Option<Schedule> {
+        self.fps.map(Schedule::Rate).or(self.interval.map(Schedule::Interval))
+    }
+
     fn default_history() -> u64 {
         1
     }
@@ -138,6 +200,8 @@ impl Default for Output {
         Self {
             directory: None,
             interval: None,
+            fps: None,
+            cache: None,
             history: Self::default_history(),
             fields: Self::default_fields(),
             precision: Precision::default(),

@@ -87,7 +87,7 @@ impl Pc2File {
         if points.len() != self.points {
             return Err(wrong(format!("{} points for a cache of {}", points.len(), self.points)));
         }
-        if let Some(x) = points.as_flattened().iter().find(|x| !(x.abs() <= f64::from(f32::MAX))) {
+        if let Some(x) = points.as_flattened().iter().find(|x| x.is_nan() || x.abs() > f64::from(f32::MAX)) {
             return Err(wrong(format!("a coordinate is {x}, which 32 bits cannot hold")));
         }
         let at = self.length();

@@ -1,0 +1,67 @@
+//! A simulation as it is between two steps, to look at: no step is made or changed. It must not know files.
+//!
+//! Within a step of h from (q₀, p₀) to (q₁, p₁), with θ from 0 to 1:
+//! - Schemes of order 1 and 2, and statics: q(θ) = q₀ + θ (q₁ − q₀), the linear path that their discrete Lagrangian is
+//!   made of; p linear too.
+//! - Schemes of order 3 and more (Gauss with two stages and more, Blanes–Moan): the cubic that has positions and
+//!   velocities at both ends (Hermite), q(θ) = q₀ + θ²(3 − 2θ)(q₁ − q₀) + h θ(1 − θ)² q̇₀ − h θ²(1 − θ) q̇₁ with an
+//!   error of h⁴; p = M q̇(θ).
+//!
+//! Coordinates with a prescribed path are where that path has them.
+
+use vi_core::{State, System};
+
+use super::Simulation;
+
+impl Simulation {
+    /// The states of all components.
+    pub(crate) fn states(&self) -> Vec<State> {
+        self.components.iter().map(|component| component.state.clone()).collect()
+    }
+
+    /// Shows the simulation as it was at time t (s) on the way from the states `before` to those now; afterwards all is
+    /// as before, to the bit. The number of steps is that of now.
+    pub(crate) fn between<T>(&mut self, before: &[State], t: f64, see: impl FnOnce(&Self) -> T) -> T {
+        let is_linear = self.scene.statics.is_some() || self.is_switched() || self.method.facts().order <= 2;
+        let path = if is_linear { linear } else { hermite };
+        let mut now = Vec::with_capacity(before.len());
+        for (component, before) in self.components.iter_mut().zip(before) {
+            let state = path(&component.system, before, &component.state, t);
+            now.push(std::mem::replace(&mut component.state, state));
+        }
+        let seen = see(self);
+        for (component, now) in self.components.iter_mut().zip(now) {
+            component.state = now;
+        }
+        seen
+    }
+}
+
+/// The part of a step that is over at time t.
+fn part(before: &State, after: &State, t: f64) -> f64 {
+    ((t - before.t) / (after.t - before.t)).clamp(0.0, 1.0)
+}
+
+fn linear(_: &System, before: &State, after: &State, t: f64) -> State {
+    let part = part(before, after, t);
+    let mix = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (1.0 - part) * a + part * b).collect();
+    State { t, q: mix(&before.q, &after.q), p: mix(&before.p, &after.p) }
+}
+
+fn hermite(system: &System, before: &State, after: &State, t: f64) -> State {
+    let (s, h) = (part(before, after, t), after.t - before.t);
+    let (v0, v1) = (system.velocity(&before.p), system.velocity(&after.p));
+    let r = 1.0 - s;
+    let way = s * s * (3.0 - 2.0 * s);
+    let q = |k: usize| {
+        // As a mean of the ends, so that both are met to the bit.
+        (1.0 - way) * before.q[k] + way * after.q[k] + h * s * r * (r * v0[k] - s * v1[k])
+    };
+    let speed = |k: usize| {
+        6.0 * s * r * (after.q[k] - before.q[k]) / h
+            + r * (1.0 - 3.0 * s) * v0[k]
+            + s * (3.0 * s - 2.0) * v1[k]
+    };
+    let velocity: Vec<f64> = (0..v0.len()).map(speed).collect();
+    State { t, q: (0..v0.len()).map(q).collect(), p: system.momentum(&velocity) }
+}

@@ -1,0 +1,255 @@
+//! Surfaces of bodies for animation programs: point caches with one OBJ file, or OBJ and PLY sequences, a file or a
+//! sequence for each body. It must not know when frames are due.
+
+use std::path::{Path, PathBuf};
+
+use vi_fem::Surface;
+use vi_io::{IoError, Pc2File, TriangleSurface, write_obj, write_ply};
+
+use crate::scene::{Cache, Scene};
+use crate::simulation::Simulation;
+
+/// Writes the surface of every body at even times.
+pub(crate) struct SurfaceWriter {
+    directory: PathBuf,
+    cache: Cache,
+    parts: Vec<Part>,
+    /// Samples written.
+    samples: usize,
+}
+
+/// The surface of one body.
+struct Part {
+    name: String,
+    /// Name of its files without ending.
+    stem: String,
+    source: Source,
+    triangles: Vec<[u32; 3]>,
+    texture: Option<Vec<[[f64; 2]; 3]>>,
+    file: Option<Pc2File>,
+}
+
+/// Where the points come from.
+enum Source {
+    /// These nodes of a body.
+    Nodes(usize, Vec<u32>),
+    /// Points in the own axes of a rigid body, m.
+    Carried(usize, Vec<[f64; 3]>),
+}
+
+/// Names without ending of the files of all bodies, deformable ones first: `<run>.<body>`, with what a file's name
+/// cannot hold replaced, and numbered where two would be alike.
+fn stems(name: &str, scene: &Scene) -> Vec<String> {
+    let bodies =
+        scene.bodies.iter().map(|body| &body.name).chain(scene.rigids.iter().map(|rigid| &rigid.name));
+    let mut stems: Vec<String> = Vec::new();
+    for body in bodies {
+        let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
+        let stem = format!("{name}.{}", body.chars().map(plain).collect::<String>());
+        let mut unique = stem.clone();
+        let mut number = 2;
+        while stems.contains(&unique) {
+            unique = format!("{stem}-{number}");
+            number += 1;
+        }
+        stems.push(unique);
+    }
+    stems
+}
+
+/// The name of file number `number` of a sequence.
+fn numbered(stem: &str, number: usize, ending: &str) -> String {
+    format!("{stem}.{number:06}{ending}")
+}
+
+/// The number of a file of a sequence, if `file` is the name of one.
+fn number_of(stem: &str, file: &str, ending: &str) -> Option<usize> {
+    let digits = file.strip_prefix(stem)?.strip_prefix('.')?.strip_suffix(ending)?;
+    let is_number = digits.len() >= 6 && digits.bytes().all(|byte| byte.is_ascii_digit());
+    is_number.then(|| digits.parse().ok()).flatten()
+}
+
+/// The surface files of a scene in a directory.
+pub(crate) struct SurfaceFiles {
+    /// For each body the stem of its files, and whether there is a point cache.
+    stems: Vec<(String, bool)>,
+}
+
+impl SurfaceFiles {
+    pub(crate) fn new(directory: &Path, name: &str, scene: &Scene) -> Self {
+        let with_cache = |stem: String| {
+            let has_cache = directory.join(format!("{stem}.pc2")).is_file();
+            (stem, has_cache)
+        };
+        Self { stems: stems(name, scene).into_iter().map(with_cache).collect() }
+    }
+
+    /// Is this the name of a file that a run of the scene has written? An OBJ file without a number belongs to a point
+    /// cache; where there is none, it is somebody else's.
+    pub(crate) fn contain(&self, file: &str) -> bool {
+        self.stems.iter().any(|(stem, has_cache)| match file.strip_prefix(stem.as_str()) {
+            Some(".pc2") => true,
+            Some(".obj") => *has_cache,
+            Some(_) => [".obj", ".ply"].iter().any(|ending| number_of(stem, file, ending).is_some()),
+            None => false,
+        })
+    }
+}
+
+impl SurfaceWriter {
+    /// The surfaces of a simulation; nothing is written yet.
+    pub(crate) fn new(directory: &Path, name: &str, simulation: &Simulation, cache: Cache) -> Self {
+        let scene = simulation.scene();
+        let mut stems = stems(name, scene).into_iter();
+        let mut parts = Vec::new();
+        for ((number, body), stem) in simulation.bodies().iter().enumerate().zip(&mut stems) {
+            let dimension = scene.bodies[number].dimension();
+            // The elements have been accepted as those of a body when it was built: they have faces.
+            let Ok(surface) = Surface::of_body(&body.mesh, dimension) else { continue };
+            let mut triangles = surface.triangles();
+            let mut nodes: Vec<u32> = triangles.as_flattened().to_vec();
+            nodes.sort_unstable();
+            nodes.dedup();
+            let place = |node: u32| nodes.partition_point(|&other| other < node) as u32;
+            triangles.iter_mut().for_each(|triangle| *triangle = triangle.map(place));
+            let texture = body.texture.as_ref().filter(|_| dimension == 2);
+            let cells = body.mesh.cells_of_dimension(2);
+            let texture = texture.map(|corners| cells.iter().map(|&cell| corners[cell as usize]).collect());
+            let source = Source::Nodes(number, nodes);
+            parts.push(Part { name: body.name.clone(), stem, source, triangles, texture, file: None });
+        }
+        for ((number, rigid), stem) in simulation.rigids().iter().enumerate().zip(stems) {
+            let Some(shape) = &rigid.shape else { continue };
+            let (points, triangles) = crate::model::surface(shape);
+            let source = Source::Carried(number, points);
+            parts.push(Part { name: rigid.name.clone(), stem, source, triangles, texture: None, file: None });
+        }
+        Self { directory: directory.to_owned(), cache, parts, samples: 0 }
+    }
+
+    /// Writes the surfaces as they are now.
+    ///
+    /// # Errors
+    /// Where a coordinate is not finite or a file cannot be written.
+    pub(crate) fn write(&mut self, simulation: &Simulation) -> Result<(), IoError> {
+        let place = |file: String| self.directory.join(file);
+        for part in &mut self.parts {
+            let points = part.points(simulation);
+            match self.cache {
+                Cache::Pc2 => {
+                    if part.file.is_none() {
+                        write_obj(&place(format!("{}.obj", part.stem)), &part.surface(&points))?;
+                        part.file =
+                            Some(Pc2File::create(&place(format!("{}.pc2", part.stem)), points.len())?);
+                    }
+                    if let Some(file) = &mut part.file {
+                        file.append(&points)?;
+                    }
+                }
+                Cache::Obj => {
+                    write_obj(&place(numbered(&part.stem, self.samples, ".obj")), &part.surface(&points))?
+                }
+                Cache::Ply => {
+                    write_ply(&place(numbered(&part.stem, self.samples, ".ply")), &part.surface(&points))?
+                }
+            }
+        }
+        self.samples += 1;
+        Ok(())
+    }
+
+    /// Continues after the first `samples` of an earlier run; what is behind them goes.
+    ///
+    /// # Errors
+    /// Where a file cannot be written or removed.
+    pub(crate) fn resume(&mut self, samples: usize) -> Result<(), IoError> {
+        self.samples = samples;
+        for part in &mut self.parts {
+            if self.cache != Cache::Pc2 {
+                continue;
+            }
+            match &mut part.file {
+                Some(file) => file.truncate(samples)?,
+                None if samples > 0 => {
+                    let path = self.directory.join(format!("{}.pc2", part.stem));
+                    part.file = Some(Pc2File::resume(&path, part.source.count(), samples)?);
+                }
+                None => {}
+            }
+        }
+        let ending = match self.cache {
+            Cache::Pc2 => return Ok(()),
+            Cache::Obj => ".obj",
+            Cache::Ply => ".ply",
+        };
+        let refused = |file: &Path, action| {
+            let file = file.to_owned();
+            move |source| IoError::System { file, action, source }
+        };
+        for entry in std::fs::read_dir(&self.directory).map_err(refused(&self.directory, "list"))? {
+            let entry = entry.map_err(refused(&self.directory, "list"))?;
+            let name = entry.file_name();
+            let number = |part: &Part| number_of(&part.stem, name.to_str()?, ending);
+            if self.parts.iter().filter_map(number).any(|number| number >= samples) {
+                let file = entry.path();
+                std::fs::remove_file(&file).map_err(refused(&file, "remove"))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns when the samples from number `from` on are on the disk.
+    ///
+    /// # Errors
+    /// Where a file cannot be written.
+    pub(crate) fn sync(&self, from: usize) -> Result<(), IoError> {
+        let sync = |file: String| {
+            let file = self.directory.join(file);
+            let synced = std::fs::File::options().write(true).open(&file).and_then(|file| file.sync_all());
+            synced.map_err(|source| IoError::System { file, action: "write", source })
+        };
+        for part in &self.parts {
+            match self.cache {
+                Cache::Pc2 => {
+                    if let Some(file) = &part.file {
+                        file.sync()?;
+                        sync(format!("{}.obj", part.stem))?;
+                    }
+                }
+                Cache::Obj => (from..self.samples).try_for_each(|n| sync(numbered(&part.stem, n, ".obj")))?,
+                Cache::Ply => (from..self.samples).try_for_each(|n| sync(numbered(&part.stem, n, ".ply")))?,
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Source {
+    fn count(&self) -> usize {
+        match self {
+            Self::Nodes(_, nodes) => nodes.len(),
+            Self::Carried(_, points) => points.len(),
+        }
+    }
+}
+
+impl Part {
+    fn points(&self, simulation: &Simulation) -> Vec<[f64; 3]> {
+        match &self.source {
+            Source::Nodes(body, nodes) => {
+                let x = simulation.positions(*body);
+                nodes.iter().map(|&node| x[node as usize]).collect()
+            }
+            Source::Carried(rigid, points) => simulation.carried(*rigid, points),
+        }
+    }
+
+    fn surface<'a>(&'a self, points: &'a [[f64; 3]]) -> TriangleSurface<'a> {
+        TriangleSurface {
+            name: &self.name,
+            points,
+            triangles: &self.triangles,
+            texture: self.texture.as_deref(),
+        }
+    }
+}
