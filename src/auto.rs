@@ -20,7 +20,8 @@ use serde::Serialize;
 
 use crate::scene::{MassKind, Problem, Scene, SchemeName};
 use crate::simulation::Simulation;
-use crate::trial::{Choice, Norm, TrialWatch, highest};
+use crate::stability::highest;
+use crate::trial::{Choice, Norm, TrialWatch};
 use search::{Search, Stopped};
 
 /// The error aimed at, as a share of the wanted one.
@@ -149,9 +150,16 @@ fn choose(scene: &Scene, watch: &mut dyn TrialWatch) -> Result<(Choice, AutoRepo
     let start = Choice { scheme: first_scheme(scene), stages: None, steps: 1 };
     let is_explicit = start.method().facts().is_explicit;
     let simulation = Simulation::new(start.apply(scene)).map_err(SettleError::Scene)?;
-    let Some(omega) = highest(&simulation) else {
+    if simulation.components().iter().all(|component| component.stepper().is_none()) {
         return Ok((start, AutoReport::of_rest(tolerance)));
-    };
+    }
+    let found = highest(&simulation).map_err(|error| {
+        let message =
+            format!("\"auto\" needs the highest frequency of the scene: {error}; or name scheme and step");
+        SettleError::Scene(vec![Problem::new("time.scheme", message)])
+    })?;
+    // Where no force changes with position, as in free flight, the trials alone decide.
+    let omega = found.unwrap_or(0.0);
     let mut search = Search::new(scene, watch, Norm::new(&simulation), omega, SAFETY * tolerance);
     drop(simulation);
     let verlet = search.limit(SchemeName::StormerVerlet, 1);

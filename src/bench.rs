@@ -236,8 +236,13 @@ pub enum BenchError {
         known: String,
     },
     /// Nothing moves.
-    #[error("no coordinate of the scene is free: there is nothing to measure")]
+    #[error(
+        "no free coordinate of the scene feels a force that changes with position: there is nothing to measure"
+    )]
     NothingMoves,
+    /// The highest frequency could not be estimated.
+    #[error("the highest frequency of the scene is not known: {0}")]
+    Frequency(vi_solvers::SolverError),
     /// The scene never leaves its rest shape.
     #[error("no reference within the budget: {why}; allow more with --budget")]
     Reference {

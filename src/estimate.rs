@@ -22,7 +22,8 @@ use vi_solvers::SolverError;
 use crate::checkpoint::record::record;
 use crate::scene::{Problem, SchemeName};
 use crate::simulation::{ProbeValue, Simulation, Snapshot};
-use crate::trial::{Choice, highest};
+use crate::stability::highest;
+use crate::trial::Choice;
 
 /// The estimated error of a probe.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -102,8 +103,9 @@ impl Estimator {
                     let fourth = higher(SchemeName::BlanesMoan4);
                     let limit = fourth.method().facts().recommended_limit.unwrap_or(0.0);
                     // With twice the step it costs 3 forces per step of the run, where that is stable.
-                    let is_slow = highest(simulation)
-                        .is_some_and(|omega| 2.0 * simulation.step_size() * omega <= limit);
+                    // Where the frequency is not known, which the run says, the step is not doubled.
+                    let is_slow = matches!(highest(simulation),
+                        Ok(Some(omega)) if 2.0 * simulation.step_size() * omega <= limit);
                     estimator.stride = if can_double && is_slow { 2 } else { 1 };
                     make(fourth, [1, estimator.stride]).ok()
                 }

@@ -7,6 +7,7 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use vi_core::EnergyLedger;
+use vi_solvers::SolverError;
 
 use crate::auto::AutoReport;
 use crate::estimate::ProbeEstimate;
@@ -17,7 +18,7 @@ use crate::provenance::Provenance;
 use crate::results::Results;
 use crate::scene::Scene;
 use crate::simulation::Simulation;
-use crate::stability::StabilityNote;
+use crate::stability::{self, StabilityNote};
 
 /// How a run ended.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -108,7 +109,7 @@ impl Report {
         simulation: &Simulation,
         auto: Option<&AutoReport>,
         name: &str,
-        stability: Option<&StabilityNote>,
+        found: &Result<Option<StabilityNote>, SolverError>,
     ) -> Self {
         let scene = simulation.scene();
         let method = simulation.method();
@@ -116,7 +117,7 @@ impl Report {
         let components = simulation.components();
         let idle = components.iter().filter(|component| component.stepper().is_none()).count();
         let mut notes = simulation.notes().to_vec();
-        notes.extend(stability.and_then(StabilityNote::warning));
+        notes.extend(stability::warning(found, method));
         notes.extend(auto.and_then(|auto| auto.warning.clone()));
         Self {
             provenance: Provenance::new(name, simulation.free_coordinates()),
@@ -131,10 +132,14 @@ impl Report {
             element_count: simulation.bodies().iter().map(|body| body.element_count()).sum(),
             free_coordinates: simulation.free_coordinates(),
             components: json!({ "count": components.len(), "without_free_coordinates": idle }),
-            stability: stability.map_or(Value::Null, |note| {
-                json!({ "highest_frequency": note.highest_frequency, "step_limit": note.step_limit,
-                        "exceeded": note.warning().is_some() })
-            }),
+            stability: match found {
+                Ok(Some(note)) => {
+                    json!({ "highest_frequency": note.highest_frequency, "step_limit": note.step_limit,
+                                          "exceeded": note.warning().is_some() })
+                }
+                Ok(None) => Value::Null,
+                Err(error) => json!({ "unknown": error.to_string() }),
+            },
             notes,
             setup_seconds: 0.0,
             stepping_seconds: 0.0,
@@ -177,8 +182,11 @@ impl Report {
         self.outcome = Some(outcome);
         self.work = simulation.work().iter().map(|(name, count)| (name.to_owned(), count.into())).collect();
         let cut = simulation.substeps();
+        let is_symmetric = simulation.method().facts().is_symmetric && simulation.scene().statics.is_none();
         self.substeps = json!({ "steps_cut": cut.steps, "substeps": cut.substeps,
-                                "smallest": simulation.step_size() / cut.finest as f64 });
+                                "smallest": simulation.step_size() / cut.finest as f64,
+                                "time_symmetry_lost": is_symmetric && cut.steps > 0 });
+        self.notes.extend(self.lost_symmetry());
         let steppers = simulation.components().iter().filter_map(|component| component.stepper());
         // The reason is that of the run which chose; one that continues it must report the same.
         let name = |reason: &str| reason.split(':').next().map(str::to_owned);
@@ -218,6 +226,17 @@ impl Report {
                 self.broken.push(format!("{name} is {value:.3e}, the scene asserts at most {bound:.3e}"));
             }
         }
+    }
+
+    /// What to say where steps were cut though the scheme is symmetric in time.
+    pub(crate) fn lost_symmetry(&self) -> Option<String> {
+        let scheme = self.scheme.filter(|_| self.substeps["time_symmetry_lost"] == true)?;
+        Some(format!(
+            "{} of {} steps were cut where they were hard to solve: run backwards from its end, this run comes back \
+                 to its start only to the error of these steps, and not to round-off as {scheme} does with equal steps; \
+                 a smaller step is not cut, and `time.substeps = false` forbids it",
+            self.substeps["steps_cut"], self.steps
+        ))
     }
 
     /// Enters the estimated errors of the probes where the run ended.

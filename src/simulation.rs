@@ -7,6 +7,8 @@ mod march;
 mod observe;
 mod pace;
 mod snapshot;
+#[cfg(test)]
+mod tests;
 
 use vi_core::{HessianKind, State, System};
 use vi_solvers::{Assembler, Method, SolverOptions, Stepper, Work};

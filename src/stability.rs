@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 use vi_core::{State, System};
-use vi_solvers::{Method, highest_frequency};
+use vi_solvers::{Method, SolverError, highest_frequency};
 
 use crate::simulation::Simulation;
 
@@ -55,10 +55,38 @@ impl StabilityNote {
     }
 }
 
-/// The stability of a simulation's explicit scheme; none for implicit schemes, or where nothing moves.
-pub fn stability(simulation: &Simulation) -> Option<StabilityNote> {
+/// The stability of a simulation's explicit scheme; none for implicit schemes, or where nothing oscillates.
+///
+/// # Errors
+/// That of the first component whose highest frequency cannot be estimated: its limit is not known then.
+pub fn stability(simulation: &Simulation) -> Result<Option<StabilityNote>, SolverError> {
     let method = simulation.method();
-    let limit = method.facts().stability_limit?;
+    let Some(limit) = method.facts().stability_limit else { return Ok(None) };
+    let highest = highest(simulation)?;
+    Ok(highest.map(|highest| StabilityNote {
+        method,
+        step: simulation.step_size(),
+        highest_frequency: highest,
+        step_limit: limit / highest,
+    }))
+}
+
+/// What to say before a run of what was found: that the step is above the limit, or that the limit is not known.
+pub fn warning(found: &Result<Option<StabilityNote>, SolverError>, method: Method) -> Option<String> {
+    match found {
+        Ok(note) => note.as_ref().and_then(StabilityNote::warning),
+        Err(error) => {
+            Some(format!("the stability limit of {} at the start is not known: {error}", method.name()))
+        }
+    }
+}
+
+/// The highest angular frequency of a scene at its start, rad/s; none where no free coordinate feels a force
+/// that changes with position.
+///
+/// # Errors
+/// That of the first component whose frequency cannot be estimated.
+pub fn highest(simulation: &Simulation) -> Result<Option<f64>, SolverError> {
     let moving: Vec<(&System, &State)> = simulation
         .components()
         .iter()
@@ -66,13 +94,7 @@ pub fn stability(simulation: &Simulation) -> Option<StabilityNote> {
         .map(|component| (component.system(), component.state()))
         .collect();
     let frequency =
-        |&(system, state): &(&System, &State)| highest_frequency(system, state).ok().map(|found| found.omega);
-    let found: Vec<Option<f64>> = moving.par_iter().map(frequency).collect();
-    let highest = found.into_iter().flatten().fold(0.0, f64::max);
-    (highest > 0.0).then(|| StabilityNote {
-        method,
-        step: simulation.step_size(),
-        highest_frequency: highest,
-        step_limit: limit / highest,
-    })
+        |&(system, state): &(&System, &State)| highest_frequency(system, state).map(|found| found.omega);
+    let found: Vec<f64> = moving.par_iter().map(frequency).collect::<Result<_, _>>()?;
+    Ok(found.into_iter().reduce(f64::max).filter(|omega| *omega > 0.0))
 }

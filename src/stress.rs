@@ -4,6 +4,7 @@
 
 mod judge;
 mod random;
+mod transform;
 mod violence;
 
 use std::collections::BTreeMap;
@@ -16,7 +17,8 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 pub use judge::Outcome;
-pub use violence::{Case, Violence, case};
+pub use transform::Transform;
+pub use violence::{Case, CaseError, Violence, case};
 
 use crate::scene::Scene;
 
@@ -152,9 +154,15 @@ pub fn stress(options: &StressOptions, watch: &(dyn Fn(&Case, &Outcome) + Sync))
                     if index >= options.count {
                         break;
                     }
-                    let Some((case, outcome)) = trial(options, index) else {
-                        is_broken.store(true, Ordering::Relaxed);
-                        break;
+                    let (case, outcome) = match trial(options, index) {
+                        Ok(trial) => trial,
+                        Err(why) => {
+                            is_broken.store(true, Ordering::Relaxed);
+                            if let Ok(mut report) = report.lock() {
+                                report.forbidden.push((index, format!("the scene cannot be made: {why}")));
+                            }
+                            break;
+                        }
                     };
                     watch(&case, &outcome);
                     let Ok(mut report) = report.lock() else { break };
@@ -169,25 +177,22 @@ pub fn stress(options: &StressOptions, watch: &(dyn Fn(&Case, &Outcome) + Sync))
         }
     });
     let mut report = report.into_inner().unwrap_or_default();
-    if is_broken.into_inner() {
-        report.forbidden.push((next.into_inner(), "no directory for the scenes could be written".to_owned()));
-    }
     report.forbidden.sort();
     report.refused.sort();
     report
 }
 
-/// One scene in a directory of its own; none where that cannot be written.
-fn trial(options: &StressOptions, index: u64) -> Option<(Case, Outcome)> {
-    let directory = tempfile::tempdir().ok()?;
-    let case = case(options.seed, index, directory.path()).ok()?;
+/// One scene in a directory of its own; an error where that cannot be written, or the scene not be made.
+fn trial(options: &StressOptions, index: u64) -> Result<(Case, Outcome), String> {
+    let directory = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let case = case(options.seed, index, directory.path()).map_err(|error| error.to_string())?;
     let outcome = timed(&case, &directory.path().join("out"), options.limit);
     if let Outcome::Forbidden(why) = &outcome {
         let smaller = simplify(&case, directory.path(), options.limit);
         // A reproduction that cannot be kept is still reported by its number.
         let _ = keep(&smaller, why, options);
     }
-    Some((case, outcome))
+    Ok((case, outcome))
 }
 
 /// Judges a case on a thread of its own, so that a hang is seen.

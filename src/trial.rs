@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
-use vi_solvers::{Method, Work, highest_frequency};
+use vi_solvers::{Method, Work};
 
 use crate::processor::Used;
 use crate::scene::{Scene, SchemeName, Time};
@@ -221,8 +221,8 @@ impl Norm {
     /// The norm of a simulation's systems; displacements count from rest.
     pub fn new(simulation: &Simulation) -> Self {
         let components = simulation.components();
-        let mut rest: Vec<Vec<f64>> =
-            components.iter().map(|c| vec![0.0; c.system().coordinates().dof_count()]).collect();
+        // Rigid bodies have no other shape than the one they start from.
+        let mut rest: Vec<Vec<f64>> = components.iter().map(|c| c.system().positions(c.state())).collect();
         for body in simulation.bodies() {
             let (rest, _) = rest[body.component].as_chunks_mut::<3>();
             for (node, point) in body.mesh.points.iter().enumerate() {
@@ -252,11 +252,4 @@ impl Norm {
         };
         self.mass.iter().zip(a).zip(b).map(component).sum()
     }
-}
-
-/// The highest angular frequency of a scene at its start, rad/s; none where nothing moves.
-pub fn highest(simulation: &Simulation) -> Option<f64> {
-    let moving = simulation.components().iter().filter(|component| component.stepper().is_some());
-    let found = moving.filter_map(|c| highest_frequency(c.system(), c.state()).ok()).map(|f| f.omega);
-    found.reduce(f64::max).filter(|omega| *omega > 0.0)
 }

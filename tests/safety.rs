@@ -42,6 +42,15 @@ fn a_step_that_fails_is_cut() {
         let substeps = report["substeps"]["substeps"].as_u64().unwrap();
         assert!(cut >= 1 && substeps >= 2 * cut, "{scheme}: {}", report["substeps"]);
         assert!(report["substeps"]["smallest"].as_f64().unwrap() <= 1e-3);
+        // A scheme that is symmetric in time loses that by cuts, which the run says.
+        let is_symmetric = !["bdf2", "generalized-alpha"].contains(&scheme);
+        assert_eq!(report["substeps"]["time_symmetry_lost"], is_symmetric);
+        assert_eq!(
+            report["notes"].to_string().contains("run backwards"),
+            is_symmetric,
+            "{}",
+            report["notes"]
+        );
         assert_eq!(history.column("substeps").iter().sum::<f64>(), substeps as f64);
         // Every step of the run is there, at its time.
         let times = history.column("t");

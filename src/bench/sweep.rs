@@ -12,7 +12,8 @@ use crate::auto::settle;
 use crate::provenance::Provenance;
 use crate::scene::{Scene, SchemeName};
 use crate::simulation::Simulation;
-use crate::trial::{Choice, Limit, Norm, Trial, TrialError, highest, run};
+use crate::stability::highest;
+use crate::trial::{Choice, Limit, Norm, Trial, TrialError, run};
 
 const REFERENCE_SHARE: f64 = 0.35;
 const ROWS_SHARE: f64 = 0.85;
@@ -37,7 +38,7 @@ pub fn bench(
     let schemes = schemes(options)?;
     let (scene, _) = settle(scene.clone(), &mut Trials(watch))?;
     let simulation = Simulation::new(scene.clone()).map_err(BenchError::Scene)?;
-    let omega = highest(&simulation).ok_or(BenchError::NothingMoves)?;
+    let omega = highest(&simulation).map_err(BenchError::Frequency)?.ok_or(BenchError::NothingMoves)?;
     let norm = Norm::new(&simulation);
     let free_coordinates = simulation.free_coordinates();
     drop(simulation);

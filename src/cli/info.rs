@@ -211,7 +211,10 @@ fn scene(path: &Path) -> Result<SceneFacts, u8> {
             terms: terms.map(|term| (term.name().to_owned(), term.stencils().count())).collect(),
         }
     };
-    let limit = stability(&simulation);
+    let (limit, unknown) = match stability(&simulation) {
+        Ok(limit) => (limit, None),
+        Err(error) => (None, Some(format!("explicit step limit not known: {error}"))),
+    };
     Ok(SceneFacts {
         provenance: Provenance::new(&name_of(path), simulation.free_coordinates()),
         title: scene.title.clone(),
@@ -222,7 +225,7 @@ fn scene(path: &Path) -> Result<SceneFacts, u8> {
         systems: components.iter().map(system).collect(),
         step_limit: limit.as_ref().map(|limit| limit.step_limit),
         highest_frequency: limit.as_ref().map(|limit| limit.highest_frequency),
-        notes: simulation.notes().to_vec(),
+        notes: simulation.notes().iter().cloned().chain(unknown).collect(),
     })
 }
 

@@ -104,12 +104,15 @@ struct Frame {
     origin: Vector3<f64>,
     /// e_k by columns.
     axes: Matrix3<f64>,
+    /// The centre of mass in (d₁, d₂, d₃) from `origin`, m: what the round-off of coordinates far from the
+    /// origin of space leaves. Weights count from it, so that no mass couples c and directors.
+    centre: Vector3<f64>,
 }
 
 impl Frame {
     /// The weights of a point of space that the body carries.
     fn point(&self, x: [f64; 3]) -> Vec<(u32, f64)> {
-        let local = self.axes.transpose() * (Vector3::from(x) - self.origin);
+        let local = self.axes.transpose() * (Vector3::from(x) - self.origin) - self.centre;
         std::iter::once((self.node, 1.0)).chain(self.direction(local)).collect()
     }
 
@@ -140,7 +143,7 @@ pub(super) fn build(
     let own = Own::new(rigid);
     let mass = own.mass + attached.iter().map(|a| a.mass).sum::<f64>();
     let frame = if rigid.is_prescribed() {
-        Frame { node: node as u32, origin: own.centre, axes: own.axes }
+        Frame { node: node as u32, origin: own.centre, axes: own.axes, centre: Vector3::zeros() }
     } else {
         principal(rigid, &own, attached, mass, node as u32)?
     };
@@ -196,6 +199,10 @@ pub(super) fn build(
     })
 }
 
+/// Euler's moment of a flat body across its plane, as a part of its largest. None would leave the director across the
+/// plane without mass. So its moments of inertia change by as much, and its motion by less than the integrators' error.
+const FLAT: f64 = 1e-9;
+
 /// Its own mass, kg, centre, axes by columns, and Euler's tensor ∫ r rᵀ dm about the centre, kg m².
 struct Own {
     mass: f64,
@@ -221,6 +228,11 @@ impl Own {
             (None, Some(shape)) => Matrix3::from_diagonal(&Vector3::from(shape.mean_squares())) * mass,
             (None, None) => Matrix3::zeros(),
         };
+        let eigen = local.symmetric_eigen();
+        let (least, thick) = (eigen.eigenvalues.imin(), FLAT * eigen.eigenvalues.max());
+        let normal = eigen.eigenvectors.column(least);
+        let missing = (thick - eigen.eigenvalues[least]).max(0.0);
+        let local = local + normal * normal.transpose() * missing;
         Self { mass, centre: Vector3::from(rigid.position), axes, euler: axes * local * axes.transpose() }
     }
 
@@ -244,8 +256,9 @@ fn principal(rigid: &Rigid, own: &Own, attached: &[Attached], mass: f64, node: u
                 .to_owned(),
         );
     }
-    let moment: Vector3<f64> = attached.iter().map(|a| Vector3::from(a.x) * a.mass).sum();
-    let origin = (own.centre * own.mass + moment) / mass;
+    // From its own centre, so that places far from the origin cost no digits.
+    let moment: Vector3<f64> = attached.iter().map(|a| (Vector3::from(a.x) - own.centre) * a.mass).sum();
+    let origin = own.centre + moment / mass;
     let outer = |r: Vector3<f64>, m: f64| r * r.transpose() * m;
     let mut euler = own.euler + outer(own.centre - origin, own.mass);
     for a in attached {
@@ -265,7 +278,11 @@ fn principal(rigid: &Rigid, own: &Own, attached: &[Attached], mass: f64, node: u
     if axes.determinant() < 0.0 {
         axes = -axes;
     }
-    Ok(Frame { node, origin, axes })
+    let mut moment = (own.centre - origin) * own.mass;
+    for a in attached {
+        moment += (Vector3::from(a.x) - origin) * a.mass;
+    }
+    Ok(Frame { node, origin, axes, centre: axes.transpose() * (moment / mass) })
 }
 
 /// The path of (c, d₁, d₂, d₃) of a body that a motion carries.

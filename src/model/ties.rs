@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use vi_core::{Combination, TiedMass};
-use vi_fem::{Anchor, ElementKind, Mesh, NearestPoints, Surface, Tie};
+use vi_fem::{Anchor, ElementKind, Mesh, NearestPoints, Surface, Tie, resolution};
 
 use super::load::LoadedBody;
 use crate::scene::{Attach, Seam};
@@ -47,6 +47,11 @@ fn extent(x: &[[f64; 3]]) -> f64 {
     x.iter().map(|&p| distance(p, x[0])).fold(0.0, f64::max)
 }
 
+/// A distance on a body at `y` that is none: `part` of its extent, or what the round-off of coordinates leaves.
+fn none_of(part: f64, y: &[[f64; 3]]) -> f64 {
+    (part * extent(y)).max(4.0 * resolution(y))
+}
+
 /// Ties of `nodes` to the surface of another body.
 pub(super) fn to_surface(
     attach: &Attach,
@@ -63,11 +68,11 @@ pub(super) fn to_surface(
     let surface = surface.map_err(|error| error.to_string())?;
     let (x, y) = (start(body), start(to));
     let search = NearestPoints::new(&surface, &y);
-    let near = NEAR * extent(&y);
+    let (near, meeting) = (none_of(NEAR, &y), none_of(MEET, &y));
     let tie = |&node: &u32| {
         let found = search.of(x[node as usize]).ok_or("the surface has no facets")?;
         let gap = if found.distance > near { found.distance } else { 0.0 };
-        if attach.stiffness.is_none() && found.distance > MEET * extent(&y) {
+        if attach.stiffness.is_none() && found.distance > meeting {
             return Err(format!(
                 "node {node} is {:.3e} m from the surface; only what lies on it can be held exactly: move the \
                  bodies together, or give a `stiffness`",
@@ -126,7 +131,8 @@ pub(super) fn along_curves(
     } else {
         (&*second, &*first, &places[1], &places[0])
     };
-    let (at, along) = (parts(fine, x), parts(coarse, y));
+    let ((at, _), (along, whole)) = (parts(fine, x), parts(coarse, y));
+    let near = none_of(NEAR, y);
     // The last node of a closed curve is its first again.
     let count = if *is_closed { fine.len() - 1 } else { fine.len() };
     let stitch = |k: usize| {
@@ -134,8 +140,9 @@ pub(super) fn along_curves(
         let next = along.partition_point(|&part| part < s).clamp(1, along.len() - 1);
         let (low, high) = (along[next - 1], along[next]);
         let share = ((s - low) / (high - low)).clamp(0.0, 1.0);
-        let share = if share < 1e-9 { 0.0 } else { share };
-        let share = if share > 1.0 - 1e-9 { 1.0 } else { share };
+        let of_segment = near / ((high - low) * whole);
+        let share = if share < of_segment { 0.0 } else { share };
+        let share = if share > 1.0 - of_segment { 1.0 } else { share };
         let weights = [(coarse[next - 1], 1.0 - share), (coarse[next], share)];
         Tie {
             node: fine[k],
@@ -154,11 +161,12 @@ fn check_meeting(seam: &Seam, ties: &[Tie], x: &[[f64; 3]], y: &[[f64; 3]]) -> R
     if seam.stiffness.is_some() {
         return Ok(());
     }
+    let meeting = none_of(MEET, y);
     for tie in ties {
         let Anchor::Nodes(weights) = &tie.anchor else { continue };
         let other = [0, 1, 2].map(|i| weights.iter().map(|&(node, w)| w * y[node as usize][i]).sum());
         let gap = distance(x[tie.node as usize], other);
-        if gap > MEET * extent(y) {
+        if gap > meeting {
             return Err(format!(
                 "node {} is {gap:.3e} m from where it is sewn; only edges that meet can be sewn exactly: move \
                  them together, or give a `stiffness`",
@@ -289,8 +297,8 @@ fn align(first: &[u32], second: &mut Vec<u32>, x: &[Vec<[f64; 3]>; 2], is_closed
     }
 }
 
-/// The part of the length that lies before each node, 0 to 1.
-fn parts(nodes: &[u32], x: &[[f64; 3]]) -> Vec<f64> {
+/// The part of the length that lies before each node, 0 to 1, and the length, m.
+fn parts(nodes: &[u32], x: &[[f64; 3]]) -> (Vec<f64>, f64) {
     let mut parts = vec![0.0];
     for pair in nodes.windows(2) {
         let last = parts[parts.len() - 1];
@@ -298,5 +306,5 @@ fn parts(nodes: &[u32], x: &[[f64; 3]]) -> Vec<f64> {
     }
     let whole = parts[parts.len() - 1];
     parts.iter_mut().for_each(|part| *part /= whole);
-    parts
+    (parts, whole)
 }

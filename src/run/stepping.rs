@@ -76,7 +76,7 @@ pub(super) struct Run {
     pub(super) findings: Vec<String>,
     pub(super) report: Report,
     pub(super) auto: Option<AutoReport>,
-    stability: Option<StabilityNote>,
+    stability: Result<Option<StabilityNote>, SolverError>,
     claim: Claim,
 }
 
@@ -163,7 +163,7 @@ impl Run {
         let frames = schedule
             .map(|schedule| FrameWriter::create(directory, name, &simulation, schedule))
             .transpose()?;
-        let mut report = Report::new(&simulation, auto.as_ref(), name, stability.as_ref());
+        let mut report = Report::new(&simulation, auto.as_ref(), name, &stability);
         report.notes.extend(frames.iter().flat_map(|frames| frames.notes(&simulation)));
         // A step that the program chose by itself it also halves by itself.
         let is_auto = auto.is_some() || origin.as_ref().is_some_and(|origin| !origin.auto.is_empty());
@@ -229,7 +229,8 @@ impl Run {
             interrupted = !go_on && !self.simulation.is_done();
         }
         if failure.is_some()
-            && let Some(diagnosis) = self.stability.as_ref().and_then(StabilityNote::diagnosis)
+            && let Ok(Some(note)) = &self.stability
+            && let Some(diagnosis) = note.diagnosis()
         {
             watch.finding(&diagnosis);
             self.findings.push(diagnosis);

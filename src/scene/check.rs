@@ -430,7 +430,9 @@ fn attachments(check: &mut Checker, scene: &Scene) {
         check.finite("damping.bulk_viscosity", &[damping.bulk_viscosity]);
     }
     if let Some(statics) = &scene.statics {
-        check.positive("static.smallest_increment", statics.smallest_increment, "");
+        if let Some(smallest) = statics.smallest_increment {
+            check.positive("static.smallest_increment", smallest, "");
+        }
         if !(1e-14..=0.1).contains(&statics.tolerance) {
             let message = format!("must be 1e-14 (to round-off) to 0.1, is {:e}", statics.tolerance);
             check.say("static.tolerance", message);

@@ -6,6 +6,9 @@ use vi_solvers::StaticOptions;
 
 use super::{Axis, Time};
 
+/// Smallest increment by default, as a part of the end.
+const SMALLEST_INCREMENT: f64 = 1e-6;
+
 /// `[static]`: the scene is solved for equilibrium at every step of `[time]`, t being the load factor
 /// that amplitudes and motions read; the scheme is not used. Every step is cut further as it needs.
 /// With `arc_steps` or `control` the load factor is not given but found, and column `load_factor` of
@@ -16,9 +19,9 @@ pub struct Static {
     /// Relative tolerance in the energy norm, 1e-14 to 0.1 (default 1e-8).
     #[serde(default = "Static::default_tolerance")]
     pub tolerance: f64,
-    /// Smallest increment of t before the solve has failed (default 1e-6).
-    #[serde(default = "Static::default_smallest_increment")]
-    pub smallest_increment: f64,
+    /// Smallest increment of t before the solve has failed (> 0; default: 1e-6 of the end).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub smallest_increment: Option<f64>,
     /// Follow the path of equilibria by its arc length, through limit points, until the load factor is `time.end`,
     /// in at most so many arc steps; each is a step of the run. `time.step` is the change of the load factor in the
     /// first, and the longest of them are as long.
@@ -71,10 +74,6 @@ impl Static {
         StaticOptions::default().tolerance
     }
 
-    fn default_smallest_increment() -> f64 {
-        StaticOptions::default().smallest_increment
-    }
-
     /// Is the load factor found instead of given?
     pub fn follows_path(&self) -> bool {
         self.arc_steps.is_some() || self.control.is_some()
@@ -88,7 +87,7 @@ impl Static {
             increment,
             largest_increment: increment,
             tolerance: self.tolerance,
-            smallest_increment: self.smallest_increment,
+            smallest_increment: self.smallest_increment.unwrap_or(SMALLEST_INCREMENT * time.end),
             arc_steps: self.arc_steps,
             push: self.push,
             ..StaticOptions::default()
@@ -100,7 +99,7 @@ impl Default for Static {
     fn default() -> Self {
         Self {
             tolerance: Self::default_tolerance(),
-            smallest_increment: Self::default_smallest_increment(),
+            smallest_increment: None,
             arc_steps: None,
             push: None,
             control: None,

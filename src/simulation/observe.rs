@@ -106,10 +106,11 @@ impl Simulation {
         SolverError::NotFinite { what: "energy or momentum", dof: 0, at_start: true }
     }
 
-    /// Energy below which round-off rules, J: 1e-16 Σ tr(K_e) r_e², with stiffness and extent of each stencil,
-    /// of which a few speak for a term. Laws that subtract large numbers have it at rest.
+    /// Energy below which round-off rules, J: 1e-16 Σ tr(K_e) r_e (r_e + D), with stiffness and extent r of each
+    /// stencil, of which a few speak for a term. Laws that subtract large numbers have it at rest. D is how far the
+    /// coordinates reach beyond the extent of the component: far from the origin they are rounded more coarsely.
     pub(crate) fn resolution(&self) -> f64 {
-        let of_term = |term: &dyn Potential, x: &[f64], t: f64| -> f64 {
+        let of_term = |term: &dyn Potential, x: &[f64], t: f64, beyond: f64| -> f64 {
             let stencils = term.stencils();
             let (count, size, block) = (stencils.count(), stencils.size(), stencils.block);
             let stride = count.div_ceil(64).max(1);
@@ -124,7 +125,7 @@ impl Simulation {
                     values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)
                 };
                 let square: f64 = (0..block).map(|k| extent(k).powi(2)).sum();
-                let energy = trace * square * stride as f64;
+                let energy = trace * (square + square.sqrt() * beyond) * stride as f64;
                 sum += if energy.is_finite() { energy } else { 0.0 };
             }
             sum
@@ -134,7 +135,9 @@ impl Simulation {
             let x = component.system.positions(&component.state);
             let terms = component.system.potentials().iter();
             let varying = terms.filter(|term| term.traits().hessian != HessianKind::Zero);
-            total += varying.map(|term| of_term(term.as_ref(), &x, component.state.t)).sum::<f64>();
+            let [extent, reach] = component.system.coordinates().extent_and_reach(&x);
+            let beyond = (reach - extent).max(0.0);
+            total += varying.map(|term| of_term(term.as_ref(), &x, component.state.t, beyond)).sum::<f64>();
         }
         1e-16 * total
     }
@@ -174,7 +177,7 @@ impl Simulation {
     /// Accelerations of the nodes of body number `body`, m/s²: M⁻¹(f − ∂V/∂x), and those of their
     /// path at prescribed coordinates.
     pub fn accelerations(&self, body: usize) -> Vec<[f64; 3]> {
-        self.nodal(body, |component| vi_solvers::accelerations(&component.system, &component.state))
+        self.nodal(body, |component| vi_solvers::accelerations(&component.system, &component.state, self.h))
     }
 
     /// Forces of weight, loads and wind on the nodes of body number `body`, N.

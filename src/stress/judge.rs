@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use vi_core::State;
 
+use super::transform::Transform;
 use super::violence::Case;
 use crate::run::{RunError, Watch, run};
 use crate::scene::{GuardAction, SchemeName};
@@ -50,6 +51,8 @@ struct Witness {
     states: Vec<State>,
     steps: u64,
     wrong: Option<String>,
+    /// Did the state leave the range of frames?
+    is_beyond: bool,
 }
 
 impl Witness {
@@ -89,11 +92,69 @@ impl Watch for Witness {
     }
 }
 
-/// Runs a case into `directory`, for at most about `limit`.
+/// Runs a case and its twin into `directory`, each for at most about `limit`.
 pub(super) fn judge(case: &Case, directory: &Path, limit: Duration) -> Outcome {
+    let (outcome, end) = witnessed(case, directory, limit);
+    let Some(transform) = case.twin.filter(|_| matches!(outcome, Outcome::Done { .. } | Outcome::Failed(_)))
+    else {
+        return outcome;
+    };
+    let scene = match transform.of(&case.scene) {
+        Ok(scene) => scene,
+        Err(why) => return Outcome::Forbidden(format!("{transform:?}: {why}")),
+    };
+    let mut twin = Case { scene, ..case.clone() };
+    // Frames in single precision do not hold numbers in all units.
+    twin.scene.output.interval = None;
+    let (of_twin, end_of_twin) = witnessed(&twin, &directory.join("twin"), limit);
+    match of_twin {
+        Outcome::Forbidden(why) => Outcome::Forbidden(format!("{transform:?}: {why}")),
+        Outcome::OutOfTime => outcome,
+        _ if matches!(transform, Transform::Moved(_)) => outcome,
+        _ => match differs(&outcome, &end, &of_twin, &end_of_twin, &transform) {
+            Some(why) => Outcome::Forbidden(format!("{transform:?}: {why}")),
+            None => outcome,
+        },
+    }
+}
+
+/// In what a scene in other units ends otherwise.
+fn differs(
+    outcome: &Outcome,
+    end: &Witness,
+    of_twin: &Outcome,
+    end_of_twin: &Witness,
+    transform: &Transform,
+) -> Option<String> {
+    // What frames cannot hold ends a run that writes them.
+    if end.is_beyond {
+        return None;
+    }
+    if std::mem::discriminant(outcome) != std::mem::discriminant(of_twin) {
+        return Some(format!("ended with {of_twin:?} instead of {outcome:?}"));
+    }
+    if end.steps != end_of_twin.steps {
+        return Some(format!("ended after {} steps instead of {}", end_of_twin.steps, end.steps));
+    }
+    let (length, momentum) = (transform.factor([1, 0, 0]), transform.factor([1, 1, -1]));
+    let is_same = end.states.iter().zip(&end_of_twin.states).all(|(own, twin)| {
+        let same =
+            |own: &[f64], twin: &[f64], factor: f64| own.iter().zip(twin).all(|(a, b)| a * factor == *b);
+        same(&own.q, &twin.q, length) && same(&own.p, &twin.p, momentum)
+    });
+    (!is_same).then(|| "ended in another state".to_owned())
+}
+
+/// Runs a case into `directory`, for at most about `limit`.
+fn witnessed(case: &Case, directory: &Path, limit: Duration) -> (Outcome, Witness) {
     let deadline = Instant::now() + limit;
-    let mut witness = Witness { deadline, states: Vec::new(), steps: 0, wrong: None };
-    let ran = catch_unwind(AssertUnwindSafe(|| run(case.scene.clone(), "case", directory, &mut witness)));
+    let mut witness = Witness { deadline, states: Vec::new(), steps: 0, wrong: None, is_beyond: false };
+    let outcome = run_and_judge(case, directory, &mut witness);
+    (outcome, witness)
+}
+
+fn run_and_judge(case: &Case, directory: &Path, witness: &mut Witness) -> Outcome {
+    let ran = catch_unwind(AssertUnwindSafe(|| run(case.scene.clone(), "case", directory, witness)));
     let ran = match ran {
         Ok(ran) => ran,
         Err(payload) => {
@@ -102,9 +163,10 @@ pub(super) fn judge(case: &Case, directory: &Path, limit: Duration) -> Outcome {
             return Outcome::Forbidden(format!("panic: {said}"));
         }
     };
-    if let Some(wrong) = witness.wrong {
-        return Outcome::Forbidden(wrong);
+    if let Some(wrong) = &witness.wrong {
+        return Outcome::Forbidden(wrong.clone());
     }
+    witness.is_beyond = matches!(ran, Err(RunError::Beyond { .. }));
     let failure = match ran {
         Ok(_) => None,
         Err(RunError::Scene(problems)) => {

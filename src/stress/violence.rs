@@ -8,6 +8,7 @@ use vi_fem::{Bending, BoxMesh, ElementKind, Law, Mesh, SheetLaw, SheetMesh};
 use vi_io::{CellBlock, CellKind, Group, IoError, VtuArray, VtuFrame, VtuOptions, VtuValues};
 
 use super::random::Random;
+use super::transform::{Quantity, Transform, quantity};
 use crate::scene::{
     Body, Checkpoints, Damping, Fix, Guard, GuardAction, MaterialEntry, Materials, Output, Precision, Probe,
     Scene, SchemeName, Strike, Substance, Time,
@@ -68,6 +69,22 @@ violence! {
     Moderate;
 }
 
+/// Why a case cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum CaseError {
+    /// Its mesh cannot be written.
+    #[error(transparent)]
+    Mesh(#[from] IoError),
+    /// A law of the registry cannot be given the parameters of the case: `stress/violence.rs` is to learn its keys.
+    #[error("law {law}: {why}")]
+    Law {
+        /// Its name.
+        law: String,
+        /// What serde says.
+        why: String,
+    },
+}
+
 /// A scene to be survived.
 #[derive(Debug, Clone)]
 pub struct Case {
@@ -81,17 +98,9 @@ pub struct Case {
     pub is_driven: bool,
     /// Is the body free of supports and weight, so that momentum is kept?
     pub is_free: bool,
+    /// A change that must not change what comes of the scene: the changed scene is run and judged too.
+    pub twin: Option<Transform>,
 }
-
-const ELEMENTS: [ElementKind; 7] = [
-    ElementKind::Tet4,
-    ElementKind::Tet10,
-    ElementKind::Hex8,
-    ElementKind::Hex20,
-    ElementKind::Hex27,
-    ElementKind::Wedge6,
-    ElementKind::Wedge15,
-];
 
 /// A body in the making.
 struct Making {
@@ -112,8 +121,8 @@ struct Making {
 /// Case `index` of a seed; meshes that it needs are written into `directory`.
 ///
 /// # Errors
-/// Where a mesh cannot be written.
-pub fn case(seed: u64, index: u64, directory: &Path) -> Result<Case, IoError> {
+/// [`CaseError`] where a mesh cannot be written, or a law of the registry is not understood.
+pub fn case(seed: u64, index: u64, directory: &Path) -> Result<Case, CaseError> {
     let mut random = Random::of(seed, index);
     let random = &mut random;
     // Every kind in turn, so that any count is spread evenly.
@@ -227,7 +236,20 @@ pub fn case(seed: u64, index: u64, directory: &Path) -> Result<Case, IoError> {
     }
     let precision = random.of_all(&[Precision::F32, Precision::F64]);
     scene.output = Output { interval: Some(3.0 * step), precision, ..Output::default() };
-    Ok(Case { index, violence, scene, is_driven, is_free })
+    let twin = twin(&mut Random::of(!seed, index), making.size);
+    Ok(Case { index, violence, scene, is_driven, is_free, twin })
+}
+
+/// Half of the scenes have a twin: in other units, or far from the origin.
+fn twin(random: &mut Random, size: f64) -> Option<Transform> {
+    let mut power = || random.below(61) as i32 - 30;
+    let units = Transform::Units { length: power(), mass: power(), time: power() };
+    let distance = size * random.decades(1e2, 1e6);
+    match random.below(4) {
+        0 => Some(units),
+        1 => Some(Transform::Moved(random.vector(distance))),
+        _ => None,
+    }
 }
 
 fn make(random: &mut Random, violence: Violence) -> Making {
@@ -252,7 +274,7 @@ fn make(random: &mut Random, violence: Violence) -> Making {
         let shape = json!({ "size": [extent[0], extent[1]], "cells": cells });
         serde_json::from_value::<SheetMesh>(shape).ok().and_then(|shape| shape.build().ok())
     } else {
-        let element = random.of_all(&ELEMENTS);
+        let element = random.of_all(ElementKind::SOLIDS);
         let most = if element.node_count() > 10 { 1 } else { 3 };
         let mut cells = [0; 3].map(|_| 1 + random.below(most) as u32);
         cells[0] = cells[0].max(if ratio == (1.0, 1.0) { 1 } else { 2 });
@@ -310,8 +332,8 @@ fn ends(mesh: &Mesh) -> [Vec<usize>; 2] {
     })
 }
 
-fn body(making: &Making, directory: &Path, index: u64) -> Result<Body, IoError> {
-    let materials = materials(making, index);
+fn body(making: &Making, directory: &Path, index: u64) -> Result<Body, CaseError> {
+    let materials = materials(making, index)?;
     let path = directory.join(format!("body-{index}.vtu"));
     let mesh = &making.mesh;
     let dimension = if making.is_sheet { 2 } else { 3 };
@@ -348,41 +370,71 @@ fn body(making: &Making, directory: &Path, index: u64) -> Result<Body, IoError> 
     Ok(body)
 }
 
-fn materials(making: &Making, index: u64) -> Materials {
-    let substance = |young: f64, density: f64| -> Option<Substance> {
-        let (poisson, thickness) = (making.poisson, 1e-2 * making.size);
-        let value = if making.is_sheet {
-            let law = SheetLaw::NAMES[making.law];
-            let mut value = json!({ "law": law, "thickness": thickness, "density": density,
-                                    "bending": making.bending, "tension_field": index.is_multiple_of(5) });
-            if law == "orthotropic" {
-                value["young_warp"] = json!(young);
-                value["young_weft"] = json!(0.5 * young);
-                value["poisson"] = json!(0.5 * poisson.abs());
-                value["shear"] = json!(0.1 * young);
-            } else {
-                value["young"] = json!(young);
-                value["poisson"] = json!(poisson);
-            }
-            return serde_json::from_value(value).ok().map(Substance::Sheet);
-        } else if Law::NAMES[making.law] == "mooney-rivlin" {
-            let (shear, bulk) = (young / (2.0 + 2.0 * poisson), young / (3.0 - 6.0 * poisson));
-            json!({ "law": "mooney-rivlin", "c10": 0.3 * shear, "c01": 0.2 * shear, "bulk": bulk,
-                    "density": density })
-        } else {
-            json!({ "law": Law::NAMES[making.law], "young": young, "poisson": poisson, "density": density })
-        };
-        serde_json::from_value(value).ok().map(Substance::Solid)
+/// Young's modulus of the registry's examples, Pa: all are soft rubbers.
+const EXAMPLE_YOUNG: f64 = 1e6;
+
+/// A law of the registry with its moduli, densities and Poisson's ratio brought to those asked for: its own example
+/// says which keys it has, and their dimensions what they are.
+fn substance(making: &Making, tension_field: bool, young: f64, density: f64) -> Result<Substance, CaseError> {
+    let mut value = match making.is_sheet {
+        true => json!(SheetLaw::examples()[making.law]),
+        false => json!(Law::examples()[making.law]),
     };
-    let fallback = || Law::examples()[0].clone().into();
-    let of = |young: f64, density: f64| substance(young, density).unwrap_or_else(fallback);
-    let first = of(making.young, making.density);
+    let law = value["law"].as_str().unwrap_or_default().to_owned();
+    let refused = |why: String| CaseError::Law { law, why };
+    let Some(keys) = value.as_object_mut() else {
+        return Err(refused("its parameters are no table".to_owned()));
+    };
+    for (key, value) in keys.iter_mut() {
+        match quantity(key) {
+            Some(Quantity::Modulus) => *value = json!(value.as_f64().unwrap_or(1.0) * young / EXAMPLE_YOUNG),
+            Some(Quantity::Density) => *value = json!(density),
+            Some(Quantity::Length) => *value = json!(1e-2 * making.size),
+            None => {}
+        }
+    }
+    if keys.contains_key("poisson") {
+        let isotropic = keys.contains_key("young");
+        keys["poisson"] = json!(if isotropic { making.poisson } else { 0.5 * making.poisson.abs() });
+    }
+    if making.is_sheet {
+        keys["bending"] = json!(making.bending);
+        keys["tension_field"] = json!(tension_field);
+        return serde_json::from_value(value)
+            .map(Substance::Sheet)
+            .map_err(|error| refused(error.to_string()));
+    }
+    serde_json::from_value(value).map(Substance::Solid).map_err(|error| refused(error.to_string()))
+}
+
+fn materials(making: &Making, index: u64) -> Result<Materials, CaseError> {
+    let of = |young: f64, density: f64| substance(making, index.is_multiple_of(5), young, density);
+    let first = of(making.young, making.density)?;
     let entry = |region: &str, law| MaterialEntry { region: Some(region.to_owned()), law };
     let (stiffness, density) = making.ratio;
-    let is_one = making.ratio == (1.0, 1.0);
-    let second = (!is_one).then(|| of(making.young * stiffness, making.density * density));
-    match second {
-        Some(second) => Materials(vec![entry("first", first), entry("second", second)]),
-        None => Materials(vec![MaterialEntry { region: None, law: first }]),
+    if making.ratio == (1.0, 1.0) {
+        return Ok(Materials(vec![MaterialEntry { region: None, law: first }]));
+    }
+    let second = of(making.young * stiffness, making.density * density)?;
+    Ok(Materials(vec![entry("first", first), entry("second", second)]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_scheme_element_and_law_of_the_registries_is_tried() {
+        let directory = tempfile::tempdir().unwrap();
+        let (mut laws, mut schemes_seen) = (std::collections::BTreeSet::new(), Vec::new());
+        for index in 0..600 {
+            let scene = case(1, index, directory.path()).unwrap().scene;
+            let entry = &scene.bodies[0].material.0[0];
+            assert!(entry.law.check().is_ok(), "scene {index}: {:?}", entry.law);
+            laws.insert((entry.law.dimension(), entry.law.name()));
+            schemes_seen.extend(scene.time.scheme);
+        }
+        assert_eq!(laws.len(), Law::NAMES.len() + SheetLaw::NAMES.len());
+        assert!(SchemeName::ALL.iter().all(|scheme| schemes_seen.contains(scheme)));
     }
 }

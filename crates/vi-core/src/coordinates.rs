@@ -144,6 +144,17 @@ impl Coordinates {
         !self.directors.is_empty() && self.directors.binary_search(&node).is_ok()
     }
 
+    /// The largest extent along an axis of the points at x, and their largest coordinate, m. Directors are no points.
+    pub fn extent_and_reach(&self, x: &[f64]) -> [f64; 2] {
+        let (mut least, mut greatest, mut reach) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3], 0.0_f64);
+        for (dof, &x) in x.iter().enumerate().filter(|(dof, _)| !self.is_director((dof / 3) as u32)) {
+            least[dof % 3] = least[dof % 3].min(x);
+            greatest[dof % 3] = greatest[dof % 3].max(x);
+            reach = reach.max(x.abs());
+        }
+        [(0..3).map(|k| greatest[k] - least[k]).fold(0.0, f64::max), reach]
+    }
+
     /// Sᵀ on a covector of all coordinates, in place: what acts on tied nodes acts on the nodes they
     /// are tied to instead, and the entries of tied nodes are zero.
     pub fn pull_back(&self, covector: &mut [f64]) {

@@ -13,7 +13,7 @@ mod turn;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use vi_core::Potential;
+use vi_core::{Potential, binary_exponent};
 
 use crate::FemError;
 use crate::membrane::{Frame, flatten, frame};
@@ -35,6 +35,12 @@ pub(crate) struct BentSheet<'a> {
 }
 
 impl BentSheet<'_> {
+    /// A unit of energy, J: the power of two below the first modulus. Roots of energies are taken in it, so that
+    /// they have the same bits in units of mass that are powers of two.
+    fn unit(&self) -> f64 {
+        2.0_f64.powi(binary_exponent(self.moduli[0][0]))
+    }
+
     fn frame(&self, triangle: usize) -> Frame {
         frame(&self.surface.corners(triangle), self.directions.map(|all| all[triangle]))
     }

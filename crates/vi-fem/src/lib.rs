@@ -71,7 +71,7 @@ pub use mean_dilation::{LockingCure, mean_dilation};
 pub use membrane::{
     CorotatedSheet, NeoHookeanSheet, OrthotropicParameters, OrthotropicSheet, StVenantKirchhoffSheet,
 };
-pub use mesh::{ElementBlock, FinerMesh, Mesh, Region};
+pub use mesh::{ElementBlock, FinerMesh, Mesh, Region, resolution};
 pub use motion::{Motion, Rotate, Sine, Table, Translate};
 pub use nearest::{NearestPoints, SurfacePoint};
 pub use nodal_fields::nodal_field;

@@ -167,12 +167,24 @@ impl<M: SheetMaterial> Potential for Membrane<M> {
         if response.energy.is_finite() && response.stress.iter().all(|s| s.is_finite()) {
             return None;
         }
+        let element = self.cells[stencil] as usize;
+        let fault = |quantity, value, domain| Some(Fault { element, quantity, value, domain });
+        // The first quantity on the way from F to the stress that is not what it must be.
         let normal = cross(f[0], f[1]);
-        Some(Fault {
-            element: self.cells[stencil] as usize,
-            quantity: "area over area at rest",
-            value: dot(normal, normal).sqrt(),
-            domain: "must be positive and finite",
-        })
+        let area = dot(normal, normal).sqrt();
+        let determinant = dot(f[0], f[0]) * dot(f[1], f[1]) - dot(f[0], f[1]).powi(2);
+        if !(area > 0.0 && area.is_finite()) {
+            return fault("area over area at rest", area, "must be positive and finite");
+        }
+        if !(determinant > 0.0 && determinant.is_finite()) {
+            let domain =
+                "must be positive and finite: the triangle is a line, up to the round-off of its strain";
+            return fault("det FᵀF", determinant, domain);
+        }
+        if !response.energy.is_finite() {
+            return fault("energy density in J/m³", response.energy, "must be finite");
+        }
+        let stress = response.stress.into_iter().find(|stress| !stress.is_finite());
+        fault("stress in Pa", stress?, "must be finite")
     }
 }

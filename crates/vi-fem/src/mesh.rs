@@ -9,6 +9,7 @@ mod refine;
 pub use finer::FinerMesh;
 
 use crate::{ElementKind, FemError};
+pub(crate) use check::volume_of_round_off;
 #[cfg(test)]
 pub(crate) use refine::reference_nodes;
 
@@ -51,6 +52,12 @@ pub struct Region {
     pub dimension: usize,
     /// Cell numbers.
     pub elements: Vec<u32>,
+}
+
+/// The distance below which the round-off of coordinates does not tell points apart, m: four units of the
+/// largest coordinate.
+pub fn resolution(points: &[[f64; 3]]) -> f64 {
+    4.0 * f64::EPSILON * points.as_flattened().iter().fold(0.0_f64, |reach, x| reach.max(x.abs()))
 }
 
 impl Mesh {
@@ -129,9 +136,11 @@ impl Mesh {
         Ok(nodes)
     }
 
-    /// The nodes in a box (its faces included), ascending.
+    /// The nodes in a box, ascending: its faces are included, to the round-off of coordinates.
     pub fn nodes_in_box(&self, min: [f64; 3], max: [f64; 3]) -> Vec<u32> {
-        let inside = |point: &[f64; 3]| (0..3).all(|i| min[i] <= point[i] && point[i] <= max[i]);
+        let near = resolution(&self.points);
+        let inside =
+            |point: &[f64; 3]| (0..3).all(|i| min[i] - near <= point[i] && point[i] <= max[i] + near);
         (0..self.points.len()).filter(|&node| inside(&self.points[node])).map(|node| node as u32).collect()
     }
 

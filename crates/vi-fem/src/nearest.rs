@@ -67,56 +67,64 @@ impl<'a> NearestPoints<'a> {
 
     fn on_facet(&self, block: &FacetBlock, facet: usize, p: [f64; 3]) -> SurfacePoint {
         let nodes = &block.nodes[facet * block.arity()..][..block.arity()];
-        let values: Vec<f64> = if block.kind == ElementKind::Tri3 {
-            on_triangle([0, 1, 2].map(|k| self.x[nodes[k] as usize]), p).to_vec()
-        } else {
-            self.search(block.kind, nodes, p)
+        // Seen from p, so that a place far from the origin costs no digits.
+        let from: Vec<[f64; 3]> =
+            nodes.iter().map(|&node| [0, 1, 2].map(|i| self.x[node as usize][i] - p[i])).collect();
+        let values: Vec<f64> = match from[..] {
+            [a, b, c] => on_triangle([a, b, c], [0.0; 3]).to_vec(),
+            _ => search(block.kind, &from),
         };
-        let position = self.place(nodes, &values);
+        let gap = mean(&from, &values);
+        let position = [0, 1, 2].map(|i| p[i] + gap[i]);
         let weights = nodes.iter().copied().zip(values).filter(|(_, weight)| *weight != 0.0).collect();
-        SurfacePoint { weights, position, distance: distance(position, p) }
+        SurfacePoint { weights, position, distance: dot(gap, gap).sqrt() }
     }
+}
 
-    fn place(&self, nodes: &[u32], values: &[f64]) -> [f64; 3] {
-        [0, 1, 2].map(|i| nodes.iter().zip(values).map(|(&node, w)| w * self.x[node as usize][i]).sum())
-    }
+/// Σ w x.
+fn mean(x: &[[f64; 3]], weights: &[f64]) -> [f64; 3] {
+    [0, 1, 2].map(|i| x.iter().zip(weights).map(|(x, w)| w * x[i]).sum())
+}
 
-    /// Pattern search over the reference facet: no derivatives, no failure at its borders.
-    fn search(&self, kind: ElementKind, nodes: &[u32], p: [f64; 3]) -> Vec<f64> {
-        let values = |xi: [f64; 2]| -> Vec<f64> { shapes(kind, xi).into_iter().map(|(n, _)| n).collect() };
-        let far = |xi: [f64; 2]| distance(self.place(nodes, &values(xi)), p);
-        let is_triangle = kind == ElementKind::Tri6;
-        let inside = |[u, v]: [f64; 2]| {
-            if !is_triangle {
-                return [u.clamp(-1.0, 1.0), v.clamp(-1.0, 1.0)];
-            }
-            let (u, v) = (u.clamp(0.0, 1.0), v.clamp(0.0, 1.0));
-            let over = 0.5 * (u + v - 1.0).max(0.0);
-            [(u - over).clamp(0.0, 1.0), (v - over).clamp(0.0, 1.0)]
-        };
-        let mut step = 0.5;
-        let mut best = if is_triangle { [1.0 / 3.0; 2] } else { [0.0; 2] };
-        let mut least = far(best);
-        for _ in 0..HALVINGS {
-            loop {
-                let start = best;
-                for i in -2_i32..=2 {
-                    for j in -2_i32..=2 {
-                        let xi = inside([start[0] + f64::from(i) * step, start[1] + f64::from(j) * step]);
-                        let distance = far(xi);
-                        if distance < least {
-                            (best, least) = (xi, distance);
-                        }
+/// Values of the shape functions at the point of a facet nearest to the origin, its nodes at `x`, by pattern search
+/// over the reference facet: no derivatives, no failure at its borders.
+fn search(kind: ElementKind, x: &[[f64; 3]]) -> Vec<f64> {
+    let values = |xi: [f64; 2]| -> Vec<f64> { shapes(kind, xi).into_iter().map(|(n, _)| n).collect() };
+    let far = |xi: [f64; 2]| {
+        let gap = mean(x, &values(xi));
+        dot(gap, gap).sqrt()
+    };
+    let is_triangle = kind == ElementKind::Tri6;
+    let inside = |[u, v]: [f64; 2]| {
+        if !is_triangle {
+            return [u.clamp(-1.0, 1.0), v.clamp(-1.0, 1.0)];
+        }
+        let (u, v) = (u.clamp(0.0, 1.0), v.clamp(0.0, 1.0));
+        let over = 0.5 * (u + v - 1.0).max(0.0);
+        [(u - over).clamp(0.0, 1.0), (v - over).clamp(0.0, 1.0)]
+    };
+    let mut step = 0.5;
+    let mut best = if is_triangle { [1.0 / 3.0; 2] } else { [0.0; 2] };
+    let mut least = far(best);
+    for _ in 0..HALVINGS {
+        loop {
+            let start = best;
+            for i in -2_i32..=2 {
+                for j in -2_i32..=2 {
+                    let xi = inside([start[0] + f64::from(i) * step, start[1] + f64::from(j) * step]);
+                    let distance = far(xi);
+                    if distance < least {
+                        (best, least) = (xi, distance);
                     }
                 }
-                if best == start {
-                    break;
-                }
             }
-            step *= 0.5;
+            if best == start {
+                break;
+            }
         }
-        values(best)
+        step *= 0.5;
     }
+    values(best)
 }
 
 fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {

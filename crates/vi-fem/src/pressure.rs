@@ -14,7 +14,7 @@ use vi_core::{Account, Force, ForceAccount, HessianKind, Potential, Stencils, Tr
 
 use crate::facet::{FacetBlock, FacetPoint, MAX_NODES, Surface, frame};
 use crate::tensor::{cross, dot};
-use crate::{Amplitude, Mesh};
+use crate::{Amplitude, Mesh, resolution};
 
 /// A pressure as what a system takes: potentials where it has a potential, forces elsewhere.
 pub enum Pressure {
@@ -79,20 +79,19 @@ impl VolumeField {
     fn of_surface(mesh: &Mesh, surface: &Surface, is_fixed: impl Fn(u32) -> [bool; 3]) -> Option<Self> {
         // Planes x_k = const that edges slide in.
         let mut planes: [Vec<f64>; 3] = Default::default();
-        let size = extent(mesh);
+        let near = (1e-9 * extent(mesh)).max(resolution(&mesh.points));
         for edge in edges(surface) {
             if edge.iter().all(|&node| is_fixed(node) == [true; 3]) {
                 continue;
             }
             let is_plane = |k: usize| {
                 let level = mesh.points[edge[0] as usize][k];
-                edge.iter().all(|&node| {
-                    is_fixed(node)[k] && (mesh.points[node as usize][k] - level).abs() <= 1e-9 * size
-                })
+                edge.iter()
+                    .all(|&node| is_fixed(node)[k] && (mesh.points[node as usize][k] - level).abs() <= near)
             };
             let k = (0..3).find(|&k| is_plane(k))?;
             let level = mesh.points[edge[0] as usize][k];
-            if !planes[k].iter().any(|other| (other - level).abs() <= 1e-9 * size) {
+            if !planes[k].iter().any(|other| (other - level).abs() <= near) {
                 planes[k].push(level);
             }
         }

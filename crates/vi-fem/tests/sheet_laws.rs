@@ -407,3 +407,37 @@ fn leaves_of_a_book_bend_as_hinges() {
         assert!(energies(&*bent[1], &x).iter().sum::<f64>() > 0.0);
     }
 }
+
+/// What is said to have left its domain has left it: collapsed, stretched beyond all numbers, or not a number.
+#[test]
+fn a_fault_names_a_quantity_that_is_outside_its_domain() {
+    let mesh = sheet_mesh([1.0, 1.0], [1, 1], SheetPattern::Diagonal);
+    let rest: Vec<f64> = mesh.points.as_flattened().to_vec();
+    let states: Vec<Vec<f64>> =
+        [[0.0, 1.0], [3.9e9, 1.0], [1e9, 1e-9], [1e12, 1e-7], [1e160, 1.0], [f64::NAN, 1.0]]
+            .iter()
+            .flat_map(|stretch| {
+                // Along the axes, and in a direction in which the strain of a line loses its width to round-off.
+                let place = |p: &[f64], turn: f64| {
+                    let (along, across) = (p[0] + turn * p[1], p[1] - turn * p[0]);
+                    [stretch[0] * along, stretch[1] * across, p[2]]
+                };
+                [0.0, 0.37].map(|turn| rest.chunks_exact(3).flat_map(|p| place(p, turn)).collect())
+            })
+            .collect();
+    let mut faults = 0;
+    for law in SheetLaw::examples() {
+        for term in potentials(&mesh, &law, &[]).unwrap().iter().filter(|term| term.stencils().arity == 3) {
+            for x in &states {
+                for stencil in 0..term.stencils().count() {
+                    let Some(fault) = term.fault(stencil, x, 0.0) else { continue };
+                    let is_inside = fault.value.is_finite()
+                        && (fault.value > 0.0 || !fault.domain.starts_with("must be positive"));
+                    assert!(!is_inside, "{}: {fault:?}", term.name());
+                    faults += 1;
+                }
+            }
+        }
+    }
+    assert!(faults > 10, "{faults}");
+}

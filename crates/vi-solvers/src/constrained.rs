@@ -20,7 +20,7 @@ use crate::SolverError;
 use crate::forces::Forces;
 use crate::inverse::Inverse;
 use crate::stages::Multipliers;
-use crate::surface::{Row, Surface};
+use crate::surface::{Row, Surface, Units};
 
 pub(crate) struct Constrained {
     surface: Surface,
@@ -120,11 +120,8 @@ impl Constrained {
         let rhs = DVector::from_fn(m, |i, _| self.defect[i] + 2.0 * along(&self.rows[i], correction));
         let matrix =
             DMatrix::from_fn(m, m, |i, j| 2.0 * c * along(&self.rows[i], &self.z[j * n..(j + 1) * n]));
-        let size = matrix.amax();
-        let solved = match self.surface.is_redundant() {
-            true => matrix.svd(true, true).solve(&rhs, 1e-10 * size).ok(),
-            false => matrix.lu().solve(&rhs),
-        };
+        let units = Units::of(&matrix.diagonal().map(f64::abs));
+        let solved = units.solve(matrix, &rhs, self.surface.is_redundant());
         // Dependent constraints are named by the surface when the step's end is put on it.
         let step = solved.unwrap_or_else(|| DVector::zeros(m));
         // A δ = −R − c NᵀΔℓ.

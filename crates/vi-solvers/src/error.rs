@@ -74,6 +74,17 @@ pub enum SolverError {
         /// Was it so before the step began?
         at_start: bool,
     },
+    /// The coordinates are so large beside the extent of a body that their round-off hides its shape.
+    #[error(
+        "coordinates of up to {reach:.3e} m do not resolve a body of {extent:.3e} m: differences of its forces \
+         would be round-off; place the scene nearer to the origin"
+    )]
+    Unresolved {
+        /// Extent of the body, m.
+        extent: f64,
+        /// Largest coordinate, m.
+        reach: f64,
+    },
     /// The nonlinear solve did not converge.
     #[error(
         "no convergence after {iterations} iterations: residual {residual:e} relative in the energy \

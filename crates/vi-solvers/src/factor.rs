@@ -15,6 +15,8 @@ mod tree;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
+use vi_core::binary_exponent;
+
 use crate::matrix::SymmetricMatrix;
 use crate::{NotPositiveDefinite, SolverError};
 pub use front::Scalar;
@@ -50,8 +52,9 @@ pub type Factor = Cholesky<f64>;
 /// condition number of A in what it solves, for something else to correct.
 pub type SingleFactor = Cholesky<f32>;
 
-/// Sparse Cholesky factor L Lᵀ = s A, A = M + cK, of numbers `T`; s is 1, or in single precision whatever
-/// makes the largest entry of s A one.
+/// Sparse Cholesky factor L Lᵀ = s A, A = M + cK, of numbers `T`. In single precision s makes the largest entry
+/// of s A one. In double precision s is a power of two that makes its first entry 1 to 2, so that solutions
+/// have the same bits in units of mass that are powers of two, whose roots are none.
 pub struct Cholesky<T> {
     tree: Tree,
     /// The panels of L, in postorder.
@@ -130,9 +133,11 @@ impl<T: Scalar> Cholesky<T> {
         }
         self.matrix.diagonal(&mut self.rhs);
         self.largest = self.rhs.iter().fold(0.0, |largest: f64, &entry| largest.max(entry));
-        if T::IS_SINGLE && self.largest > 0.0 {
-            self.scale = 1.0 / self.largest;
-        }
+        self.scale = match T::IS_SINGLE {
+            true if self.largest > 0.0 => 1.0 / self.largest,
+            true => 1.0,
+            false => self.rhs.first().map_or(1.0, |&first| 2.0_f64.powi(-binary_exponent(first))),
+        };
         let (tree, matrix) = (&self.tree, &self.matrix);
         let walk = Walk {
             tree,

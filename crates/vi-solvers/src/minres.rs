@@ -1,6 +1,8 @@
 //! Minimal residuals for a symmetric, perhaps indefinite K with a definite factor of K + σM as
 //! preconditioner (Paige & Saunders 1975). It must not know what K stands for.
 
+use vi_core::binary_exponent;
+
 use crate::SolverError;
 use crate::statics::Balance;
 use crate::vectors;
@@ -19,7 +21,10 @@ pub(crate) fn minimal_residual(
     let (mut v_last, mut v) = (vec![0.0; n], b.to_vec());
     let mut z = v.clone();
     balance.solve(&mut z)?;
-    let mut beta = vectors::sum(n, |k| v[k] * z[k]).max(0.0).sqrt();
+    let first = vectors::sum(n, |k| v[k] * z[k]).max(0.0);
+    // A unit of energy that is a power of two: its root is taken, and solutions do not depend on units.
+    let per_unit = 2.0_f64.powi(-binary_exponent(first));
+    let mut beta = (per_unit * first).sqrt();
     if beta == 0.0 {
         return Ok(x);
     }
@@ -33,11 +38,11 @@ pub(crate) fn minimal_residual(
         vectors::update(&mut v, |_, value| *value *= scale);
         vectors::update(&mut z, |_, value| *value *= scale);
         balance.multiply(&z, &mut image);
-        let alpha = vectors::sum(n, |k| z[k] * image[k]);
+        let alpha = per_unit * vectors::sum(n, |k| z[k] * image[k]);
         vectors::update(&mut image, |k, value| *value -= alpha * v[k] + beta * v_last[k]);
         let direction = std::mem::replace(&mut z, image.clone());
         balance.solve(&mut z)?;
-        let beta_next = vectors::sum(n, |k| image[k] * z[k]).max(0.0).sqrt();
+        let beta_next = (per_unit * vectors::sum(n, |k| image[k] * z[k]).max(0.0)).sqrt();
         // The column (0, …, β, α, β⁺) turned by the two rotations before it.
         let third = s_last * beta;
         let turned = c_last * beta;

@@ -258,6 +258,15 @@ impl Newton {
             return;
         }
         let Some(theta) = attempt.mean_contraction() else { return };
+        if !solve.equations.model_is_exact()
+            && attempt.is_renewed
+            && attempt.first_eta <= DOUBT_ABOVE
+            && theta < 1.0
+        {
+            // With a factor made next to the solution it is the model that limits convergence: another one would
+            // be no faster.
+            return;
+        }
         let remaining = if theta < 1.0 {
             ((self.tolerance * (1.0 - theta) / eta).ln() / theta.ln()).max(0.0)
         } else {
@@ -285,6 +294,8 @@ struct Attempt {
     /// How often it converged slowly, or not at all.
     troubles: u32,
     restarts: u32,
+    /// Was the current factor made in this solve?
+    is_renewed: bool,
     /// Iterations with the current factor.
     with_factor: u64,
     first_eta: f64,
@@ -298,6 +309,7 @@ impl Attempt {
             wanted: None,
             troubles: 0,
             restarts: 0,
+            is_renewed: false,
             with_factor: 0,
             first_eta: 0.0,
             last_eta: None,
@@ -310,6 +322,7 @@ impl Attempt {
     }
 
     fn renew(&mut self) {
+        self.is_renewed = true;
         self.with_factor = 0;
         self.last_eta = None;
     }

@@ -6,15 +6,15 @@ use vi_core::{Account, ForceAccount, State, Stencils, System};
 use crate::force_sum::ForceSum;
 use crate::{Assembler, surface};
 
-/// Accelerations of all coordinates, m/s²: M⁻¹(f − ∂V/∂x) where they are free,
-/// and those of their path (by differences of its velocity) where they are prescribed.
-pub fn accelerations(system: &System, state: &State) -> Vec<f64> {
+/// Accelerations of all coordinates, m/s²: M⁻¹(f − ∂V/∂x) where they are free, and those of their path where they
+/// are prescribed, by differences of its velocity over a thousandth of the time step `h` (s).
+pub fn accelerations(system: &System, state: &State, h: f64) -> Vec<f64> {
     let (x, v) = (system.positions(state), system.velocities(state));
     let net = net_forces(system, state);
     let coordinates = system.coordinates();
     let mut out = vec![0.0; x.len()];
     if coordinates.is_moving() {
-        let step = 1e-6 * (1.0 + state.t.abs());
+        let step = 1e-3 * h.abs();
         // No path is asked where it was before the beginning.
         let (from, to) = ((state.t - step).max(state.t.min(0.0)), state.t + step);
         let still = vec![0.0; coordinates.free_count()];

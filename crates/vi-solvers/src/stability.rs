@@ -1,9 +1,12 @@
 //! The highest frequency of a body, which limits the step of every explicit scheme: Lanczos on
 //! M^{-1/2} K M^{-1/2} with K v from differences of two gradients. It must not build a Hessian:
 //! an explicit run has none.
+//!
+//! The result transforms as a frequency does: translations of the body change it by the round-off of its
+//! coordinates, and units of length, mass and time that are powers of two change no bit of it.
 
 use nalgebra::DMatrix;
-use vi_core::{State, System};
+use vi_core::{State, System, binary_exponent};
 
 use crate::forces::Forces;
 use crate::{SolverError, vectors};
@@ -12,9 +15,14 @@ use crate::{SolverError, vectors};
 const MAX_ITERATIONS: u32 = 120;
 /// Bound on the relative error of λ_max at which it is good enough.
 const ACCURACY: f64 = 0.01;
-/// Largest displacement of a difference, relative to the size of the body: its square and the
+/// Largest displacement of a difference, relative to the extent of the body: its square and the
 /// round-off that it amplifies (1e-16/1e-7) are both far below [`ACCURACY`].
 const DIFFERENCE: f64 = 1e-7;
+/// Least displacement of a difference, in units of the round-off of the coordinates: far from the origin
+/// the differences then keep four digits.
+const RESOLVED: f64 = 1e4;
+/// A displacement beyond this part of the extent is no small displacement any more.
+const LARGEST: f64 = 1e-3;
 
 /// An estimate of the highest frequency about a state.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,7 +37,8 @@ pub struct HighestFrequency {
 /// ω_max about `state`, with a start vector that is the same in every run.
 ///
 /// # Errors
-/// [`SolverError::Term`] or [`SolverError::NotFinite`] where the state has no finite force.
+/// [`SolverError::Term`] or [`SolverError::NotFinite`] where the state has no finite force;
+/// [`SolverError::Unresolved`] where the coordinates are so large that their round-off hides the body's shape.
 pub fn highest_frequency(system: &System, state: &State) -> Result<HighestFrequency, SolverError> {
     let n = system.coordinates().free_count();
     if n == 0 {
@@ -64,8 +73,14 @@ pub fn highest_frequency(system: &System, state: &State) -> Result<HighestFreque
 /// v ↦ M^{-1/2} K M^{-1/2} v by central differences about a state.
 struct Operator {
     forces: Forces,
+    /// √(m/unit), with a unit of mass that is a power of two: so it has the same bits in any such unit.
     root_mass: Vec<f64>,
-    size: f64,
+    /// The inverse of that unit.
+    per_unit: f64,
+    /// The displacement of a difference where all of the body moves by the same, m; of directors, 1.
+    sizes: [f64; 2],
+    /// Which of these is a free coordinate's: 1 for directors.
+    kind: Vec<u8>,
     direction: Vec<f64>,
     q: Vec<f64>,
     ahead: Vec<f64>,
@@ -75,13 +90,15 @@ impl Operator {
     fn new(system: &System, state: &State) -> Result<Self, SolverError> {
         let mut forces = Forces::new(system);
         forces.evaluate(system, &state.q, state.t, true)?;
-        let x = forces.positions();
-        let magnitude = vectors::max_abs(x.len(), |k| x[k]);
-        let root_mass: Vec<f64> = system.free_mass().iter().map(|m| m.sqrt()).collect();
+        let coordinates = system.coordinates();
+        let sizes = [displacement(system, forces.positions())?, DIFFERENCE];
+        let kind = coordinates.free().iter().map(|&dof| u8::from(coordinates.is_director(dof / 3))).collect();
+        let mass = system.free_mass();
+        let per_unit = 2.0_f64.powi(-binary_exponent(mass[0]));
+        let root_mass: Vec<f64> = mass.iter().map(|m| (m * per_unit).sqrt()).collect();
         let n = root_mass.len();
         let (direction, q, ahead) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        let size = if magnitude > 0.0 { magnitude } else { 1.0 };
-        Ok(Self { forces, root_mass, size, direction, q, ahead })
+        Ok(Self { forces, root_mass, per_unit, sizes, kind, direction, q, ahead })
     }
 
     fn apply(
@@ -91,20 +108,38 @@ impl Operator {
         v: &[f64],
         out: &mut [f64],
     ) -> Result<(), SolverError> {
-        let Self { forces, root_mass, direction, q, ahead, .. } = self;
+        let Self { forces, root_mass, per_unit, sizes, kind, direction, q, ahead } = self;
         let n = v.len();
         let free = system.coordinates().free();
         vectors::fill(direction, |k| v[k] / root_mass[k]);
-        let epsilon = DIFFERENCE * self.size / vectors::max_abs(n, |k| direction[k]);
+        let epsilon = 1.0 / vectors::max_abs(n, |k| direction[k] / sizes[usize::from(kind[k])]);
         vectors::fill(q, |k| state.q[k] + epsilon * direction[k]);
         forces.evaluate(system, q, state.t, true)?;
         system.coordinates().restrict(forces.gradient(), ahead);
         vectors::fill(q, |k| state.q[k] - epsilon * direction[k]);
         forces.evaluate(system, q, state.t, true)?;
         let behind = forces.gradient();
-        vectors::fill(out, |k| (ahead[k] - behind[free[k] as usize]) / (2.0 * epsilon) / root_mass[k]);
+        let per_unit = *per_unit;
+        vectors::fill(out, |k| {
+            (ahead[k] - behind[free[k] as usize]) / (2.0 * epsilon) / root_mass[k] * per_unit
+        });
         Ok(())
     }
+}
+
+/// The largest displacement of a difference about positions `x`, m: small beside the extent of the body,
+/// and large beside the round-off of its coordinates. A single point has no extent: it is moved by a small
+/// part of its distance from the origin, and at the origin by a small part of 1 m.
+fn displacement(system: &System, x: &[f64]) -> Result<f64, SolverError> {
+    let [extent, reach] = system.coordinates().extent_and_reach(x);
+    if extent == 0.0 {
+        return Ok(DIFFERENCE * if reach > 0.0 { reach } else { 1.0 });
+    }
+    let resolved = RESOLVED * f64::EPSILON * reach;
+    if resolved > LARGEST * extent {
+        return Err(SolverError::Unresolved { extent, reach });
+    }
+    Ok(resolved.max(DIFFERENCE * extent))
 }
 
 /// The largest eigenvalue of the tridiagonal matrix, and the residual β |s_last| of its vector.
@@ -150,6 +185,47 @@ mod tests {
         let state = State { t: 0.0, q: vec![0.3], p: vec![0.0] };
         let found = highest_frequency(&system, &state).unwrap();
         assert!((found.omega - 7.0).abs() < 1e-6, "{found:?}");
+    }
+
+    #[test]
+    fn units_that_are_powers_of_two_change_no_bit() {
+        let of_units = |[length, mass, time]: [i32; 3]| {
+            let [l, m, t] = [length, mass, time].map(|e| 2.0_f64.powi(e));
+            let chain = SpringChain::unit(30);
+            let state = chain.disturbed_state();
+            let chain = SpringChain {
+                mass: m * chain.mass,
+                stiffness: m / (t * t) * chain.stiffness,
+                quartic: m / (t * t * l * l) * chain.quartic,
+                rest_length: l * chain.rest_length,
+                ..chain
+            };
+            let scaled = State { q: state.q.iter().map(|q| l * q).collect(), ..state };
+            let found = highest_frequency(&chain.system().unwrap(), &scaled).unwrap();
+            (found.iterations, t * found.omega)
+        };
+        let found = of_units([0; 3]);
+        for units in [[-30, 0, 0], [0, 29, 0], [0, 0, -7], [1, -1, 1], [30, -29, 30], [-29, 30, 13]] {
+            assert_eq!(of_units(units), found, "{units:?}");
+        }
+    }
+
+    #[test]
+    fn a_body_far_from_the_origin_has_the_frequency_it_has_near() {
+        let chain = SpringChain::unit(30);
+        let (system, state) = (chain.system().unwrap(), chain.disturbed_state());
+        let of = |by: f64| {
+            let moved = State { q: state.q.iter().map(|q| q + by).collect(), ..state.clone() };
+            highest_frequency(&system, &moved)
+        };
+        let near = of(0.0).unwrap().omega;
+        for by in [1e3, -1e6, 3e7] {
+            let far = of(by).unwrap().omega;
+            // A few digits are all that is asked of it.
+            assert!((far / near - 1.0).abs() < ACCURACY, "{by:e}: {far} {near}");
+        }
+        let error = of(1e14).unwrap_err();
+        assert!(matches!(error, SolverError::Unresolved { .. }), "{error}");
     }
 
     #[test]

@@ -5,14 +5,20 @@
 //! is a small dense matrix over the few coordinates that it reads; the lumped mass is diagonal. So the
 //! cost is that of the clusters and not of the bodies attached to them. Constraints that depend on each
 //! other where the cluster is first met (closed loops) are solved in the sense of least multipliers.
-//! This room must not know a scheme, nor what the constraints are for.
+//! Constraints have different dimensions (a distance in m², a perpendicularity in 1), so that S = G M⁻¹ Gᵀ is
+//! judged and solved in units of its own rows ([`Units`]). This room must not know a scheme, nor what the
+//! constraints are for.
 
 use nalgebra::{DMatrix, DVector};
-use vi_core::System;
 use vi_core::constraints::QuadraticConstraint;
+use vi_core::{System, binary_exponent};
 
 use crate::SolverError;
 
+/// Constraints whose smallest eigenvalue, in units of their own rows, is below this depend on each other.
+const DEPENDENT: f64 = 1e-9;
+/// Singular values below this part of the largest are taken for zero where constraints depend on each other.
+const SINGULAR: f64 = 1e-10;
 /// Iterations for the multipliers before a step is given up.
 const MAX_ITERATIONS: u32 = 50;
 /// A defect below this many units of its round-off is none.
@@ -34,6 +40,56 @@ pub(crate) fn refuse(analysis: &'static str, system: &System) -> Result<(), Solv
     }
 }
 
+/// Units u_i of the constraints of a matrix S, powers of two with S_ii/u_i² from 1 to 4 but for a common
+/// factor: bodies of any size then have the same S/(u_i u_j), to the bit in units that are powers of two.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Units(Vec<f64>);
+
+impl Units {
+    /// Those of the diagonal S_ii ≥ 0.
+    pub(crate) fn of(diagonal: &DVector<f64>) -> Self {
+        // Exponents of rows of different dimension differ by an even number: their difference is halved exactly.
+        let first = diagonal.iter().copied().find(|s| *s > 0.0).map_or(0, binary_exponent);
+        let unit =
+            |&s: &f64| if s > 0.0 { 2.0_f64.powi((binary_exponent(s) - first).div_euclid(2)) } else { 1.0 };
+        Self(diagonal.iter().map(unit).collect())
+    }
+
+    /// Solves S λ = r, S in the rows and columns of these units; in the least-squares sense where `is_redundant`.
+    pub(crate) fn solve(
+        &self,
+        mut matrix: DMatrix<f64>,
+        rhs: &DVector<f64>,
+        is_redundant: bool,
+    ) -> Option<DVector<f64>> {
+        self.scale(&mut matrix);
+        let rhs = DVector::from_fn(rhs.len(), |i, _| rhs[i] / self.0[i]);
+        let solved = if is_redundant {
+            let limit = SINGULAR * matrix.amax();
+            matrix.svd(true, true).solve(&rhs, limit).ok()
+        } else {
+            matrix.lu().solve(&rhs)
+        };
+        solved.map(|solved| DVector::from_fn(rhs.len(), |i, _| solved[i] / self.0[i]))
+    }
+
+    /// Do rows and columns of the symmetric S ≥ 0 depend on each other?
+    fn are_dependent(&self, mut matrix: DMatrix<f64>) -> bool {
+        self.scale(&mut matrix);
+        let values = matrix.symmetric_eigenvalues();
+        values.min() <= DEPENDENT * values.max()
+    }
+
+    /// S_ij ← S_ij/(u_i u_j).
+    fn scale(&self, matrix: &mut DMatrix<f64>) {
+        for (j, mut column) in matrix.column_iter_mut().enumerate() {
+            for (i, value) in column.iter_mut().enumerate() {
+                *value /= self.0[i] * self.0[j];
+            }
+        }
+    }
+}
+
 /// Constraints that share free coordinates, on coordinates numbered from 0.
 struct Cluster {
     constraints: Vec<QuadraticConstraint>,
@@ -41,12 +97,16 @@ struct Cluster {
     dofs: Vec<u32>,
     /// Their free coordinates, or [`NONE`].
     free: Vec<u32>,
+    /// Which of its nodes are directors, whose coordinates are no lengths.
+    is_director: Vec<bool>,
     /// Of the free ones; zero of the others.
     inverse_mass: DVector<f64>,
     /// Where the coordinates are.
     y: Vec<f64>,
     /// G where the step takes its multipliers' directions from.
     normal: DMatrix<f64>,
+    /// Of N M⁻¹ Nᵀ with these directions N.
+    units: Units,
     /// Do its constraints depend on each other?
     is_redundant: bool,
 }
@@ -64,9 +124,11 @@ impl Cluster {
         let inverse = |&k: &u32| if k == NONE { 0.0 } else { 1.0 / mass[k as usize] };
         Self {
             constraints: members.iter().map(|constraint| constraint.renumbered(number)).collect(),
+            is_director: nodes.iter().map(|&node| system.coordinates().is_director(node)).collect(),
             inverse_mass: DVector::from_iterator(free.len(), free.iter().map(inverse)),
             y: vec![0.0; dofs.len()],
             normal: DMatrix::zeros(members.len(), dofs.len()),
+            units: Units(vec![1.0; members.len()]),
             is_redundant: false,
             dofs,
             free,
@@ -97,8 +159,15 @@ impl Cluster {
 
     /// The largest |g| in units of its round-off, and its constraint.
     fn worst(&self, defect: &DVector<f64>) -> (f64, usize) {
-        let size = self.y.iter().fold(0.0_f64, |size, y| size.max(y.abs()));
-        let sizes = self.constraints.iter().map(|c| f64::EPSILON * c.magnitude(&self.y, size));
+        // Coordinates near zero come from sums of others: all points are as good as the farthest of them, and
+        // all directors as the longest.
+        let mut size = [0.0_f64; 2];
+        for (node, y) in self.y.chunks_exact(3).enumerate() {
+            let size = &mut size[usize::from(self.is_director[node])];
+            *size = y.iter().fold(*size, |size, y| size.max(y.abs()));
+        }
+        let of_node = |node: u32| size[usize::from(self.is_director[node as usize])];
+        let sizes = self.constraints.iter().map(|c| f64::EPSILON * c.magnitude(&self.y, of_node));
         let relative = defect.iter().zip(sizes).map(|(g, size)| if *g == 0.0 { 0.0 } else { g.abs() / size });
         relative.enumerate().fold((0.0, 0), |worst, (k, value)| {
             if value > worst.0 || value.is_nan() { (value, k) } else { worst }
@@ -116,11 +185,7 @@ impl Cluster {
 
     /// Solves S λ = r.
     fn solve(&self, matrix: DMatrix<f64>, rhs: &DVector<f64>) -> Option<DVector<f64>> {
-        if self.is_redundant {
-            let limit = 1e-10 * matrix.amax();
-            return matrix.svd(true, true).solve(rhs, limit).ok();
-        }
-        matrix.lu().solve(rhs)
+        self.units.solve(matrix, rhs, self.is_redundant)
     }
 
     fn failure(&self, constraint: usize, iterations: u32, defect: f64) -> SolverError {
@@ -183,10 +248,10 @@ impl Surface {
         }
         for cluster in &mut self.clusters {
             cluster.normal = cluster.jacobian();
+            let metric = cluster.metric(&cluster.normal, &cluster.normal);
+            cluster.units = Units::of(&metric.diagonal());
             if !self.is_ranked {
-                let metric = cluster.metric(&cluster.normal, &cluster.normal);
-                let values = metric.symmetric_eigenvalues();
-                cluster.is_redundant = values.min() <= 1e-9 * values.max();
+                cluster.is_redundant = cluster.units.are_dependent(metric);
             }
         }
         self.is_ranked = true;
@@ -402,7 +467,7 @@ fn clusters<'a>(system: &'a System, free_of: &[u32]) -> Vec<Vec<&'a QuadraticCon
 }
 
 /// Makes the momenta of `state` tangent to the constraints, by impulses of theirs: how a run begins.
-/// Returns the largest change of a momentum over the largest momentum.
+/// Returns the change of the velocities over the velocities, both in the norm of the mass.
 ///
 /// # Errors
 /// [`SolverError::Surface`] where the state is not on the surface to 1e-9 of what the constraints add up.
@@ -417,10 +482,12 @@ pub fn make_tangent(system: &System, state: &mut vi_core::State) -> Result<f64, 
         }
     }
     let before = state.p.clone();
-    let size = before.iter().fold(0.0_f64, |size, p| size.max(p.abs()));
     surface.flatten(system, &state.q, &mut state.p, state.t)?;
-    let change = before.iter().zip(&state.p).fold(0.0_f64, |change, (a, b)| change.max((a - b).abs()));
-    Ok(if change == 0.0 { 0.0 } else { change / size.max(change) })
+    let square = |p: &dyn Fn(usize) -> f64| -> f64 {
+        system.free_mass().iter().enumerate().map(|(k, mass)| p(k) * p(k) / mass).sum()
+    };
+    let change = square(&|k| state.p[k] - before[k]);
+    Ok(if change == 0.0 { 0.0 } else { (change / square(&|k| before[k]).max(change)).sqrt() })
 }
 
 /// Adds to accelerations of all coordinates what keeps them on the constraints, with velocities `v` of all:

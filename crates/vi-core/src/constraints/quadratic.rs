@@ -1,5 +1,5 @@
-//! Quadratic constraints on points in space: g(x) = c + Σ a_j·x_j + Σ k x_a·x_b, with vectors a_j and
-//! numbers k. In natural coordinates everything that rigid bodies and joints ask is of this form:
+//! Quadratic constraints on points in space: g(x) = a(x)·b(x) − value, where a and b are weighted sums of
+//! nodes. In natural coordinates everything that rigid bodies and joints ask is of this form:
 //! ```text
 //! rigid body    d_i·d_j − δ_ij = 0                    (6)
 //! ball joint    r_A − r_B = 0                         (3)       r = c + X₁ d₁ + X₂ d₂ + X₃ d₃
@@ -51,28 +51,66 @@ impl Place {
     }
 }
 
-/// One constraint g(x) = 0.
+impl Place {
+    /// Where it is, from positions x of three coordinates per node.
+    fn at<D: Scalar>(&self, x: &[D]) -> [D; 3] {
+        std::array::from_fn(|k| {
+            let mut sum = D::from(self.fixed[k]);
+            for &(node, weight) in &self.nodes {
+                sum += x[3 * node as usize + k] * weight;
+            }
+            sum
+        })
+    }
+
+    /// The sum of the sizes of what it adds up at x, m, where a node counts with `size(node)` at least.
+    fn magnitude(&self, x: &[f64], size: &dyn Fn(u32) -> f64) -> f64 {
+        let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let of_node = |&(node, weight): &(u32, f64)| {
+            norm(&x[3 * node as usize..3 * node as usize + 3]).max(size(node)) * weight.abs()
+        };
+        norm(&self.fixed) + self.nodes.iter().map(of_node).sum::<f64>()
+    }
+
+    /// The same with nodes renumbered.
+    fn renumbered(&self, number: &impl Fn(u32) -> u32) -> Self {
+        Self { nodes: self.nodes.iter().map(|&(node, weight)| (number(node), weight)).collect(), ..*self }
+    }
+
+    /// The same with tied nodes replaced by the nodes they are tied to; equal nodes are added up.
+    fn resolved(&self, coordinates: &Coordinates) -> Self {
+        let mut nodes: Vec<(u32, f64)> = Vec::new();
+        let mut add = |node: u32, weight: f64| match nodes.iter_mut().find(|term| term.0 == node) {
+            Some(term) => term.1 += weight,
+            None => nodes.push((node, weight)),
+        };
+        for &(node, weight) in &self.nodes {
+            match coordinates.combination(node) {
+                Some(terms) => terms.iter().for_each(|&(k, share)| add(k, weight * share)),
+                None => add(node, weight),
+            }
+        }
+        nodes.retain(|term| term.1 != 0.0);
+        Self { nodes, ..*self }
+    }
+}
+
+/// One constraint g(x) = a(x)·b(x) − value = 0.
+///
+/// The two factors are kept apart: a difference of places far from the origin is then as good as the
+/// places are, where products of the places themselves would lose twice as many digits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct QuadraticConstraint {
     name: String,
-    constant: f64,
-    linear: Vec<(u32, [f64; 3])>,
-    products: Vec<(u32, u32, f64)>,
+    a: Place,
+    b: Place,
+    value: f64,
 }
 
 impl QuadraticConstraint {
     /// a·b = value. `name` is for messages.
     pub fn product(name: impl Into<String>, a: &Place, b: &Place, value: f64) -> Self {
-        let constant = (0..3).map(|k| a.fixed[k] * b.fixed[k]).sum::<f64>() - value;
-        let mut linear = Vec::new();
-        for (sum, fixed) in [(a, b.fixed), (b, a.fixed)] {
-            if fixed != [0.0; 3] {
-                linear.extend(sum.nodes.iter().map(|&(node, weight)| (node, fixed.map(|x| x * weight))));
-            }
-        }
-        let products =
-            a.nodes.iter().flat_map(|&(i, w)| b.nodes.iter().map(move |&(j, v)| (i, j, w * v))).collect();
-        Self { name: name.into(), constant, linear, products }
+        Self { name: name.into(), a: a.clone(), b: b.clone(), value }
     }
 
     /// a = b: three constraints, one an axis.
@@ -107,61 +145,37 @@ impl QuadraticConstraint {
 
     /// Nodes that it reads, each as often as it is named.
     pub fn nodes(&self) -> impl Iterator<Item = u32> + '_ {
-        self.linear.iter().map(|term| term.0).chain(self.products.iter().flat_map(|term| [term.0, term.1]))
+        self.a.nodes.iter().chain(&self.b.nodes).map(|term| term.0)
     }
 
-    /// The same of nodes with other numbers.
+    /// The same constraint with its nodes renumbered.
     #[must_use]
     pub fn renumbered(&self, number: impl Fn(u32) -> u32) -> Self {
-        Self {
-            name: self.name.clone(),
-            constant: self.constant,
-            linear: self.linear.iter().map(|&(node, a)| (number(node), a)).collect(),
-            products: self.products.iter().map(|&(a, b, k)| (number(a), number(b), k)).collect(),
-        }
+        let (a, b) = (self.a.renumbered(&number), self.b.renumbered(&number));
+        Self { name: self.name.clone(), a, b, value: self.value }
     }
 
-    /// g at positions x, three coordinates a node.
+    /// g at positions x, three coordinates per node.
     pub fn value<D: Scalar>(&self, x: &[D]) -> D {
-        let mut value = D::from(self.constant);
-        for &(node, a) in &self.linear {
-            for k in 0..3 {
-                value += x[3 * node as usize + k] * a[k];
-            }
-        }
-        for &(i, j, factor) in &self.products {
-            for k in 0..3 {
-                value += x[3 * i as usize + k] * x[3 * j as usize + k] * factor;
-            }
-        }
-        value
+        let (a, b) = (self.a.at(x), self.b.at(x));
+        a[0] * b[0] + a[1] * b[1] + a[2] * b[2] - self.value
     }
 
-    /// The sum of the sizes of what g adds up at x, where a linear term is taken at `size` (m) at least:
-    /// g is good to this times the unit of round-off.
-    pub fn magnitude(&self, x: &[f64], size: f64) -> f64 {
-        let at = |node: u32, k: usize| x[3 * node as usize + k].abs();
-        let linear = self
-            .linear
-            .iter()
-            .map(|&(node, a)| (0..3).map(|k| at(node, k).max(size) * a[k].abs()).sum::<f64>());
-        let norm = |node: u32| (0..3).map(|k| at(node, k).powi(2)).sum::<f64>().sqrt();
-        let products = self.products.iter().map(|&(i, j, factor)| norm(i) * norm(j) * factor.abs());
-        self.constant.abs() + linear.sum::<f64>() + products.sum::<f64>()
+    /// The size of what g adds up at x, where node k counts with `size(k)` at least: g is good to this times
+    /// the unit of round-off.
+    pub fn magnitude(&self, x: &[f64], size: impl Fn(u32) -> f64) -> f64 {
+        let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let (a, b) = (norm(self.a.at(x)), norm(self.b.at(x)));
+        self.value.abs() + a * self.b.magnitude(x, &size) + b * self.a.magnitude(x, &size)
     }
 
     /// Adds λ ∂g/∂x to `out`.
     pub fn add_gradient(&self, x: &[f64], lambda: f64, out: &mut [f64]) {
-        for &(node, a) in &self.linear {
-            for k in 0..3 {
-                out[3 * node as usize + k] += lambda * a[k];
-            }
-        }
-        for &(i, j, factor) in &self.products {
-            for k in 0..3 {
-                let (i, j) = (3 * i as usize + k, 3 * j as usize + k);
-                out[i] += lambda * factor * x[j];
-                out[j] += lambda * factor * x[i];
+        for (factor, other) in [(&self.a, self.b.at(x)), (&self.b, self.a.at(x))] {
+            for &(node, weight) in &factor.nodes {
+                for k in 0..3 {
+                    out[3 * node as usize + k] += lambda * weight * other[k];
+                }
             }
         }
     }
@@ -174,21 +188,8 @@ impl QuadraticConstraint {
             let node = node as usize;
             return Err(CoreError::Stencil { term: self.name, stencil: 0, node, count });
         }
-        let sum = |node: u32| match coordinates.combination(node) {
-            Some(terms) => terms.to_vec(),
-            None => vec![(node, 1.0)],
-        };
-        let mut linear = Vec::new();
-        for &(node, a) in &self.linear {
-            linear.extend(sum(node).into_iter().map(|(k, weight)| (k, a.map(|a| a * weight))));
-        }
-        let mut products = Vec::new();
-        for &(i, j, factor) in &self.products {
-            for (a, w) in sum(i) {
-                products.extend(sum(j).into_iter().map(|(b, v)| (a, b, factor * w * v)));
-            }
-        }
-        let resolved = Self { linear, products, ..self };
+        let (a, b) = (self.a.resolved(coordinates), self.b.resolved(coordinates));
+        let resolved = Self { a, b, ..self };
         let is_free = |node: u32| (0..3).any(|k| coordinates.free().binary_search(&(3 * node + k)).is_ok());
         if resolved.nodes().any(is_free) {
             Ok(resolved)

@@ -22,7 +22,7 @@ pub(super) fn from_hinges<'a>(
     sheet: &BentSheet,
     hinges: impl IntoIterator<Item = &'a Hinge>,
 ) -> Vec<Box<dyn Potential>> {
-    let offset = sheet.node_offset as u32;
+    let (offset, unit) = (sheet.node_offset as u32, sheet.unit());
     let patch = |hinge: &Hinge| {
         let stiffness = across(sheet, hinge) * hinge.length.powi(2) / hinge.area();
         let mut nodes: Vec<u32> = hinge.nodes.iter().map(|node| node + offset).collect();
@@ -34,9 +34,9 @@ pub(super) fn from_hinges<'a>(
             Opposite::Held(point) => (HELD, point),
         };
         let (corners, rest_angle) = ([0, 1, 2, last], hinge.rest_angle);
-        Patch { nodes, bends: vec![Bend { corners, point, rest_angle, form: [stiffness.sqrt()] }] }
+        Patch { nodes, bends: vec![Bend { corners, point, rest_angle, form: [(stiffness / unit).sqrt()] }] }
     };
-    patches(hinges.into_iter().map(patch).collect(), &sheet.name)
+    patches(hinges.into_iter().map(patch).collect(), sheet)
 }
 
 /// The bending modulus across the edge, (m ⊗ m):D:(m ⊗ m), N m, m normal to the edge in the plane of

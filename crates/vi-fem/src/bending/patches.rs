@@ -12,6 +12,7 @@ use std::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 use vi_core::{Account, HessianKind, Potential, Stencils, Traits, packed_len};
 
+use super::BentSheet;
 use super::turn::Turn;
 use crate::dihedral::Fold;
 use crate::pack::{GROUP, Pack, parts};
@@ -35,7 +36,7 @@ pub(super) struct Bend<const F: usize> {
     /// Where that is held, m.
     pub(super) point: [f64; 3],
     pub(super) rest_angle: f64,
-    /// Its coefficients in the F forms, √J.
+    /// Its coefficients in the F forms, the root of an energy in the unit of [`BentSheet::unit`].
     pub(super) form: [f64; F],
 }
 
@@ -45,8 +46,8 @@ pub(super) struct Patch<const F: usize> {
     pub(super) bends: Vec<Bend<F>>,
 }
 
-/// The potentials of patches, one for each number of nodes.
-pub(super) fn patches<const F: usize>(list: Vec<Patch<F>>, name: &str) -> Vec<Box<dyn Potential>> {
+/// The potentials of patches of a sheet, one for each number of nodes.
+pub(super) fn patches<const F: usize>(list: Vec<Patch<F>>, sheet: &BentSheet) -> Vec<Box<dyn Potential>> {
     let mut by_pattern: BTreeMap<(usize, Vec<[u8; 4]>), Vec<Patch<F>>> = BTreeMap::new();
     for patch in list {
         let pattern = patch.bends.iter().map(|bend| bend.corners).collect();
@@ -54,7 +55,7 @@ pub(super) fn patches<const F: usize>(list: Vec<Patch<F>>, name: &str) -> Vec<Bo
     }
     let mut potentials: BTreeMap<usize, Patches<F>> = BTreeMap::new();
     for ((arity, pattern), patches) in by_pattern {
-        potentials.entry(arity).or_insert_with(|| Patches::new(arity, name)).add(pattern, &patches);
+        potentials.entry(arity).or_insert_with(|| Patches::new(arity, sheet)).add(pattern, &patches);
     }
     potentials.into_values().map(|potential| Box::new(potential.closed()) as Box<dyn Potential>).collect()
 }
@@ -121,11 +122,13 @@ struct Patches<const F: usize> {
     group_of: Vec<u32>,
     bends: Vec<BendPack<F>>,
     held: Vec<[Pack; 3]>,
+    /// The unit of energy of the forms' squares, J.
+    unit: f64,
     name: String,
 }
 
 impl<const F: usize> Patches<F> {
-    fn new(arity: usize, name: &str) -> Self {
+    fn new(arity: usize, sheet: &BentSheet) -> Self {
         Self {
             arch: Arch::new(),
             arity,
@@ -136,7 +139,8 @@ impl<const F: usize> Patches<F> {
             group_of: Vec::new(),
             bends: Vec::new(),
             held: Vec::new(),
-            name: name.into(),
+            unit: sheet.unit(),
+            name: sheet.name.clone(),
         }
     }
 
@@ -240,7 +244,8 @@ impl<const F: usize> WithSimd for Energies<'_, F> {
                     }
                     surplus = dot_add(&form, &form, zero).mul_add(turn.surplus(), surplus);
                 }
-                energy[0].store(part, dot_add(&y, &y, zero).mul_add(zero + 0.5, surplus));
+                let sum = dot_add(&y, &y, zero).mul_add(zero + 0.5, surplus);
+                energy[0].store(part, sum * patches.unit);
             }
             put(simd, &energy, group.members(), &range, out);
         }
@@ -299,7 +304,7 @@ impl<const F: usize> WithSimd for Gradients<'_, F> {
                     }
                 }
                 for k in 0..size {
-                    local[k].store(part, sum[k / 3][k % 3]);
+                    local[k].store(part, sum[k / 3][k % 3] * patches.unit);
                 }
             }
             put(simd, &local[..size], group.members(), &range, out);
@@ -357,7 +362,7 @@ impl<const F: usize> WithSimd for Hessians<'_, F> {
                         for f in 0..F {
                             entry = slopes[f][row].mul_add(slopes[f][column], entry);
                         }
-                        block[packed_index(row, column)].store(part, entry);
+                        block[packed_index(row, column)].store(part, entry * patches.unit);
                     }
                 }
                 let mut held = group.held;
@@ -375,6 +380,7 @@ impl<const F: usize> WithSimd for Hessians<'_, F> {
                         let moment = softening.mul_add(own - coupled, coupled);
                         (turn.second().mul_add(coupled - own, rest), moment)
                     };
+                    let (second, moment) = (second * patches.unit, moment * patches.unit);
                     let slope = fold.gradient();
                     let curvature = if is_projected { [[zero; 12]; 12] } else { fold.hessian() };
                     let inside = if pattern[b][3] == HELD { 9 } else { 12 };

@@ -44,7 +44,7 @@ pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, F
         }
     }
     let branches = from_hinges(sheet, hinges.iter().filter(|hinge| !hinge.is_single));
-    Ok(patches(list, &sheet.name).into_iter().chain(branches).collect())
+    Ok(patches(list, sheet).into_iter().chain(branches).collect())
 }
 
 /// The single hinge at each edge of each triangle.
@@ -76,7 +76,8 @@ fn in_order(at: &[[Option<u32>; 3]], hinges: &[Hinge], triangle: u32) -> Vec<(u3
     order
 }
 
-/// Three linear forms in hinge angles, y, with V_T = ½ |y|²: the coefficients of each hinge, √J.
+/// Three linear forms in hinge angles, y, with V_T = ½ |y|²: the coefficients of each hinge, with energies in the unit of
+/// [`BentSheet::unit`].
 ///
 /// With B_ij = A (2/hᵢ)(2/hⱼ) (mᵢ⊗mᵢ):D:(mⱼ⊗mⱼ), V_T = ½ φᵀBφ; free turns leave it by their Schur
 /// complement, and y = Lᵀφ with LLᵀ = B of those that remain.
@@ -84,7 +85,7 @@ fn forms(sheet: &BentSheet, triangle: usize, turns: &[Turn; 3]) -> BTreeMap<u32,
     let p = sheet.plane(triangle);
     let (gradients, area) = crate::membrane::barycentric_gradients(&p);
     let frames = edge_frames(&p);
-    let moduli = Matrix3::from_fn(|i, j| sheet.moduli[i][j]);
+    let moduli = Matrix3::from_fn(|i, j| sheet.moduli[i][j] / sheet.unit());
     let curvature = [0, 1, 2].map(|k| {
         let [_, m] = frames[k];
         let height = 1.0 / gradients[k][0].hypot(gradients[k][1]);

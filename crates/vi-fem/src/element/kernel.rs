@@ -13,6 +13,7 @@ use vi_core::packed_len;
 use super::Element;
 use super::turned::TurnedGeometry;
 use crate::material::{PackedMat3, PackedTangent, load_mat3, store_mat3};
+use crate::mesh::volume_of_round_off;
 use crate::pack::{GROUP, Pack, members, parts};
 use crate::real::Lane;
 use crate::tensor::{
@@ -80,9 +81,7 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
                 }
                 target.volume.0[lane] = rule[q].1 * det;
             }
-            // Zero volume up to round-off of an element of this size.
-            let size = x.iter().flat_map(|a| (0..3).map(|i| (a[i] - x[0][i]).abs())).fold(0.0, f64::max);
-            if worst <= 1e-14 * size.powi(3) && element < count {
+            if worst <= volume_of_round_off(x.into_iter()) && element < count {
                 inverted.push((element, worst * rule.iter().map(|(_, weight)| weight).sum::<f64>()));
             }
         }

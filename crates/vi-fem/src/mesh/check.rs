@@ -113,8 +113,7 @@ impl Mesh {
                 total += block.count();
                 for (index, nodes) in block.nodes.chunks_exact(block.kind.node_count()).enumerate() {
                     let Some(volume) = smallest_volume(block.kind, nodes, &self.points) else { continue };
-                    // Zero up to the round-off of an element of this size.
-                    if volume <= 1e-14 * size(nodes, &self.points).powi(3) {
+                    if volume <= volume_of_round_off(nodes.iter().map(|&node| self.points[node as usize])) {
                         count += 1;
                         if first.len() < NAMED {
                             first.push((first_cell + index, volume));
@@ -151,12 +150,17 @@ impl SolidVisitor for SmallestVolume<'_> {
     }
 }
 
-/// Largest extent of a cell along an axis from its first node, m.
-fn size(nodes: &[u32], points: &[[f64; 3]]) -> f64 {
-    let origin = points[nodes[0] as usize];
-    let extents =
-        nodes.iter().flat_map(|&node| (0..3).map(move |i| (points[node as usize][i] - origin[i]).abs()));
-    extents.fold(0.0, f64::max)
+/// A volume that the round-off of an element with these nodes leaves of none, m³: that of products of its
+/// size, and that of its coordinates, which may be much larger.
+pub(crate) fn volume_of_round_off(mut nodes: impl Iterator<Item = [f64; 3]>) -> f64 {
+    let Some(origin) = nodes.next() else { return 0.0 };
+    let largest = |v: [f64; 3]| v.iter().fold(0.0_f64, |largest, v| largest.max(v.abs()));
+    let (mut size, mut reach) = (0.0_f64, largest(origin));
+    for x in nodes {
+        size = size.max(largest([0, 1, 2].map(|i| x[i] - origin[i])));
+        reach = reach.max(largest(x));
+    }
+    (1e-14 * size + f64::EPSILON * reach) * size * size
 }
 
 #[cfg(test)]

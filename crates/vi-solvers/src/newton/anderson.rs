@@ -4,6 +4,7 @@
 //! Sums are taken in the norm of A, in which errors are judged. This room must not know a scheme.
 
 use nalgebra::{DMatrix, DVector};
+use vi_core::binary_exponent;
 
 use crate::vectors;
 
@@ -88,6 +89,9 @@ impl Anderson {
         let mut count = self.differences.len();
         let all = DMatrix::from_fn(count, count, |i, j| product(i.min(j), &self.differences[i.max(j)].load));
         let rhs = DVector::from_fn(count, |i, _| product(i, load));
+        // In a unit of energy that is a power of two, whose roots are taken: so weights do not depend on units.
+        let per_unit = 2.0_f64.powi(-binary_exponent(all[(0, 0)]));
+        let (all, rhs) = (all * per_unit, rhs * per_unit);
         while count > 0 {
             let gram = all.view((0, 0), (count, count)).into_owned();
             if let Some(cholesky) = gram.clone().cholesky() {

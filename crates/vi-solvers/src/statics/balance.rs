@@ -161,7 +161,7 @@ impl<'a> Balance<'a> {
     /// Is r no more than the rounding of positions leaves, |r_i| ≤ 16 ε K_ii max |x|? K is that of the last
     /// factorisation.
     pub(crate) fn is_round_off(&self, r: &[f64]) -> bool {
-        let reach = self.x.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let [_, reach] = self.system.coordinates().extent_and_reach(&self.x);
         let noise = 16.0 * f64::EPSILON * reach;
         r.iter().zip(&self.diagonal).all(|(r, k)| r.abs() <= noise * k.abs())
     }

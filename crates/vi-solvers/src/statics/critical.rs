@@ -65,7 +65,7 @@ impl Search<'_> {
     pub(super) fn kind_of(&mut self, mode: &[f64], state: &State) -> Result<CriticalKind, SolverError> {
         let n = mode.len();
         let (mut here, mut there) = (vec![0.0; n], vec![0.0; n]);
-        let e = 1e-5 * state.t.abs().max(1e-3);
+        let e = 1e-5 * state.t.abs().max(1e-3 * self.options.end.abs());
         self.balance.residual(&state.q, state.t - e, &mut here)?;
         self.balance.residual(&state.q, state.t + e, &mut there)?;
         let mass = self.balance.system.free_mass();

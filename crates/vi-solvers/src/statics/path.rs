@@ -355,7 +355,7 @@ fn solve(
 /// ∂r/∂t at an equilibrium.
 fn load_rate(search: &mut Search, q: &[f64], t: f64) -> Result<Vec<f64>, SolverError> {
     let (mut above, mut below) = (vec![0.0; q.len()], vec![0.0; q.len()]);
-    let e = 1e-5 * search.options.end.abs().max(t.abs()).max(1e-3);
+    let e = 1e-5 * search.options.end.abs().max(t.abs()).max(search.options.increment);
     search.balance.residual(q, t + e, &mut above)?;
     search.balance.residual(q, t - e, &mut below)?;
     for (above, below) in above.iter_mut().zip(&below) {

@@ -1,0 +1,340 @@
+//! The law of units and places: a scene in units of length, mass and time that are powers of two moves as it does
+//! in its own, to the bit; a scene that is moved moves as it does at home, to the round-off of its coordinates.
+
+use variational::prelude::*;
+use variational::stability::{stability, warning};
+use variational::stress::Transform;
+
+/// Units from 1e-9 to 1e9 of the scene's own, odd and even powers, alone and together.
+const UNITS: [[i32; 3]; 7] =
+    [[-30, 0, 0], [0, -29, 0], [0, 0, 29], [30, 29, 0], [-29, 30, -30], [30, -30, 30], [1, 1, 1]];
+
+/// A clamped block under weight, a traction that rises, and a point load; with a clamp by a box.
+const SOLID: &str = r#"
+gravity = [0.0, -9.81, 0.0]
+[[body]]
+name = "beam"
+box = { size = [1.0, 0.25, 0.25], cells = [4, 1, 1], element = "tet4", origin = [0.1, 0.2, 0.3] }
+material = { law = "neo-hookean", young = 2e5, poisson = 0.3, density = 900.0 }
+[[fix]]
+body = "beam"
+box = { min = [0.1, 0.2, 0.3], max = [0.1, 0.45, 0.55] }
+[[load]]
+kind = "traction"
+body = "beam"
+region = "x-max"
+traction = ["50*x", 20.0, "1e2*(y + z)"]
+amplitude = "min(3*t, 1)"
+[[load]]
+kind = "point"
+body = "beam"
+point = [1.1, 0.2, 0.3]
+force = [0.0, 0.0, 3.0]
+amplitude = [[0.0, 0.0], [0.01, 1.0]]
+"#;
+
+/// A sheet that bends, held at a corner and thrown.
+const SHEET: &str = r#"
+gravity = [0.0, 0.0, -9.81]
+[[body]]
+name = "cloth"
+sheet = { size = [1.0, 0.8], cells = [3, 3], pattern = "random" }
+material = { law = "st-venant-kirchhoff", young = 1e5, poisson = 0.3, density = 400.0, thickness = 5e-3 }
+velocity = [0.3, 0.0, 1.0]
+[[fix]]
+body = "cloth"
+region = "x-min-y-min"
+[[fix]]
+body = "cloth"
+region = "x-max-y-min"
+"#;
+
+/// Two blocks and a place in space, joined by springs; one block spins.
+const SPRINGS: &str = r#"
+[[body]]
+name = "one"
+box = { size = [0.5, 0.5, 0.5], cells = [1, 1, 1], element = "hex8" }
+material = { law = "corotated", young = 1e5, poisson = 0.3, density = 1000.0 }
+angular_velocity = [1.0, 2.0, 0.5]
+[[body]]
+name = "two"
+box = { size = [0.5, 0.5, 0.5], cells = [1, 1, 1], element = "hex20", origin = [0.0, 0.0, 1.0] }
+material = { law = "stable-neo-hookean", young = 1e5, poisson = 0.3, density = 1000.0 }
+[[spring]]
+from = { body = "one", point = [0.5, 0.5, 0.5] }
+to = { body = "two", point = [0.5, 0.5, 1.0] }
+stiffness = 2e3
+length = 0.4
+[[spring]]
+from = { body = "one", node = 0 }
+to = { point = [0.0, 0.0, -0.5] }
+stiffness = 1e3
+[[spring]]
+from = { body = "two", node = 1 }
+to = { point = [0.0, 1.0, 1.5] }
+stiffness = 1e3
+[[fix]]
+body = "two"
+region = "z-max"
+"#;
+
+/// Sheets sewn to each other exactly, one attached exactly to a block, the other by springs; the block is held.
+const TIES: &str = r#"
+gravity = [0.0, -9.81, 0.0]
+[[body]]
+name = "block"
+box = { size = [1.0, 1.0, 0.5], cells = [2, 2, 1], element = "hex8", origin = [-1.0, 0.0, -0.25] }
+material = { law = "neo-hookean", young = 1e5, poisson = 0.3, density = 100.0 }
+[[body]]
+name = "left"
+sheet = { size = [0.5, 1.0], cells = [2, 3] }
+material = { law = "neo-hookean", young = 1e5, poisson = 0.3, area_density = 0.5, thickness = 1e-2 }
+[[body]]
+name = "right"
+sheet = { size = [0.5, 1.0], cells = [2, 2], origin = [0.5, 0.0, 0.0] }
+material = { law = "orthotropic", young_warp = 1e5, young_weft = 5e4, poisson = 0.2, shear = 1e4, area_density = 0.5, thickness = 1e-2 }
+[[attach]]
+body = "left"
+region = "x-min"
+to = "block"
+[[seam]]
+body = "left"
+region = "x-max"
+to = "right"
+to_region = "x-min"
+[[attach]]
+body = "right"
+region = "x-max"
+stiffness = 200.0
+[[fix]]
+body = "block"
+region = "x-min"
+"#;
+
+/// A chain of rigid bodies with every kind of joint, and a soft block at its end.
+const RIGID: &str = r#"
+gravity = [0.0, -9.81, 0.0]
+[[rigid]]
+name = "arm"
+mass = 2.0
+shape = { kind = "rod", length = 1.0, radius = 0.02 }
+position = [0.5, 0.0, 0.0]
+[[rigid]]
+name = "plate"
+density = 500.0
+shape = { kind = "box", size = [0.5, 0.1, 0.3] }
+position = [1.25, 0.0, 0.0]
+orientation = { axis = [0.0, 1.0, 0.0], angle = 0.3 }
+[[rigid]]
+name = "ball"
+mass = 0.5
+inertia = [0.01, 0.012, 0.015]
+position = [1.5, -0.5, 0.0]
+[[rigid]]
+name = "plug"
+mass = 0.2
+inertia = [0.001, 0.001, 0.001]
+position = [1.5, -0.7, 0.0]
+[[joint]]
+kind = "hinge"
+body = "arm"
+point = [0.0, 0.0, 0.0]
+axis = [0.0, 0.0, 1.0]
+[[joint]]
+kind = "ball"
+body = "plate"
+to = "arm"
+point = [1.0, 0.0, 0.0]
+[[joint]]
+kind = "distance"
+body = "ball"
+to = "plate"
+point = [1.5, -0.4, 0.0]
+to_point = [1.4, 0.0, 0.0]
+[[joint]]
+kind = "weld"
+body = "plug"
+to = "ball"
+[[body]]
+name = "bob"
+box = { size = [0.2, 0.2, 0.2], cells = [1, 1, 1], element = "hex8", origin = [1.4, -1.0, -0.1] }
+material = { law = "neo-hookean", young = 1e5, poisson = 0.3, density = 500.0 }
+[[attach]]
+body = "bob"
+region = "y-max"
+to = "plug"
+"#;
+
+/// A scene stepped by a scheme, e.g. `gauss` with `stages = 2`.
+fn scene(body: &str, step: f64, steps: u32, scheme: &str) -> Scene {
+    let end = step * f64::from(steps);
+    let text = format!("{body}\n[time]\nend = {end}\nstep = {step}\nscheme = {scheme}\n");
+    let parsed = Scene::parse(&text, &[]);
+    assert!(parsed.problems.is_empty(), "{:?}", parsed.problems);
+    parsed.scene.unwrap()
+}
+
+fn statics(body: &str) -> Scene {
+    let text = format!("{body}\n[time]\nend = 1.0\nstep = 0.5\nscheme = \"implicit-midpoint\"\n[static]\n");
+    let parsed = Scene::parse(&text, &[]);
+    assert!(parsed.problems.is_empty(), "{:?}", parsed.problems);
+    parsed.scene.unwrap()
+}
+
+/// Positions of all nodes at the end, m, and orientations of rigid bodies.
+#[derive(Debug, PartialEq)]
+struct End {
+    places: Vec<[f64; 3]>,
+    turns: Vec<[f64; 4]>,
+}
+
+fn run(scene: Scene) -> End {
+    let mut simulation = Simulation::new(scene).unwrap_or_else(|problems| panic!("{problems:?}"));
+    while !simulation.is_done() {
+        simulation.step().unwrap();
+    }
+    let mut places: Vec<[f64; 3]> =
+        (0..simulation.bodies().len()).flat_map(|body| simulation.positions(body)).collect();
+    let poses = simulation.observe().rigids;
+    places.extend(poses.iter().map(|pose| pose.position));
+    End { places, turns: poses.iter().map(|pose| pose.orientation).collect() }
+}
+
+fn in_units([length, mass, time]: [i32; 3]) -> Transform {
+    Transform::Units { length, mass, time }
+}
+
+/// In all units the same bits.
+fn check_units(name: &str, scene: &Scene) {
+    let own = run(scene.clone());
+    assert!(own.places.iter().flatten().all(|x| x.is_finite()));
+    for units in UNITS {
+        let transform = in_units(units);
+        let mut there = run(transform.of(scene).unwrap());
+        let per_length = 1.0 / transform.factor([1, 0, 0]);
+        there.places.iter_mut().flatten().for_each(|x| *x *= per_length);
+        let off = own.places.iter().flatten().zip(there.places.iter().flatten());
+        let off = off.fold(0.0_f64, |off, (a, b)| off.max((a - b).abs()));
+        assert!(own == there, "{name} in units {units:?}: off by {off:e}");
+    }
+}
+
+/// Coordinates are moved by this many times the extent of the scenes, which is about 1 m.
+const FAR: [f64; 3] = [1e6, -7e5, 4e5];
+
+/// What round-off of a coordinate may grow to in these short runs, which last less than a period of most modes: by the
+/// stiffness of elements over that of the body.
+const CONDITION: f64 = 500.0;
+
+fn check_moved(name: &str, scene: &Scene) {
+    let own = run(scene.clone());
+    let there = run(Transform::Moved(FAR).of(scene).unwrap());
+    let mut off = 0.0_f64;
+    for (a, b) in own.places.iter().zip(&there.places) {
+        off = (0..3).fold(off, |off, k| off.max((b[k] - FAR[k] - a[k]).abs()));
+    }
+    for (a, b) in own.turns.iter().zip(&there.turns) {
+        off = (0..4).fold(off, |off, k| off.max((a[k] - b[k]).abs()));
+    }
+    let bound = CONDITION * f64::EPSILON * FAR[0];
+    assert!(off <= bound, "{name}: off by {off:e} m, {bound:e} m of round-off");
+}
+
+const EXPLICIT: [&str; 3] = ["\"stormer-verlet\"", "\"blanes-moan-4\"", "\"symplectic-euler-a\""];
+const IMPLICIT: [&str; 5] =
+    ["\"implicit-midpoint\"", "\"gauss\"\nstages = 2", "\"energy-momentum\"", "\"newmark\"", "\"bdf2\""];
+const OF_JOINTS: [&str; 3] = ["\"stormer-verlet\"", "\"implicit-midpoint\"", "\"energy-momentum\""];
+
+/// Every body with every family of schemes that takes it.
+fn each(check: impl Fn(&str, &Scene)) {
+    for (name, body, small, large) in [
+        ("solid", SOLID, 2e-4, 0.01),
+        ("sheet", SHEET, 5e-4, 0.01),
+        ("springs", SPRINGS, 5e-4, 0.01),
+        ("ties", TIES, 1e-4, 0.01),
+    ] {
+        for scheme in EXPLICIT {
+            check(&format!("{name}, {scheme}"), &scene(body, small, 20, scheme));
+        }
+        for scheme in IMPLICIT {
+            check(&format!("{name}, {scheme}"), &scene(body, large, 6, scheme));
+        }
+    }
+    for scheme in OF_JOINTS {
+        check(&format!("rigid, {scheme}"), &scene(RIGID, 5e-4, 20, scheme));
+    }
+}
+
+#[test]
+fn units_that_are_powers_of_two_change_no_bit_of_a_motion() {
+    each(check_units);
+}
+
+#[test]
+fn units_that_are_powers_of_two_change_no_bit_of_an_equilibrium() {
+    for (name, body) in [("solid", SOLID), ("sheet", SHEET), ("springs", SPRINGS), ("ties", TIES)] {
+        check_units(&format!("{name}, static"), &statics(body));
+    }
+}
+
+#[test]
+fn a_scene_moves_far_from_the_origin_as_it_does_near() {
+    each(check_moved);
+}
+
+#[test]
+fn equilibria_far_from_the_origin_are_those_near() {
+    for (name, body) in [("solid", SOLID), ("ties", TIES)] {
+        check_moved(&format!("{name}, static"), &statics(body));
+    }
+}
+
+/// Joints hold bodies of a picometre and of a million kilometres.
+#[test]
+fn joints_hold_at_any_size() {
+    let own = scene(RIGID, 5e-4, 20, "\"stormer-verlet\"");
+    let end = run(own.clone());
+    for length in [-40, -14, 10, 30] {
+        let transform = in_units([length, 0, 0]);
+        let there = run(transform.of(&own).unwrap());
+        assert_eq!(there.turns, end.turns, "2^{length} m");
+    }
+}
+
+/// `auto` chooses the same scheme and as many steps.
+#[test]
+fn auto_does_not_see_units_or_places() {
+    for body in [SOLID, SHEET] {
+        let own = scene(body, 0.3, 1, "\"auto\"\ntolerance = 1e-2");
+        let choice = |scene: Scene| {
+            let simulation = Simulation::new(scene).unwrap();
+            (simulation.method(), simulation.step_count())
+        };
+        let chosen = choice(own.clone());
+        assert!(chosen.1 > 10, "{chosen:?}");
+        for units in [[-30, 0, 0], [0, -29, 0], [0, 0, 29], [-29, 30, -30]] {
+            assert_eq!(choice(in_units(units).of(&own).unwrap()), chosen, "{units:?}");
+        }
+        assert_eq!(choice(Transform::Moved(FAR).of(&own).unwrap()), chosen);
+    }
+}
+
+/// An explicit step above the limit is warned of wherever the scene lies, and an estimate that cannot be made is
+/// said to be none.
+#[test]
+fn an_unstable_step_is_seen_from_afar() {
+    let own = scene(SOLID, 0.05, 1, "\"stormer-verlet\"");
+    let found = |scene: Scene| {
+        let simulation = Simulation::new(scene).unwrap();
+        (stability(&simulation), simulation.method())
+    };
+    let limit = found(own.clone()).0.unwrap().unwrap().step_limit;
+    for by in [[0.0; 3], FAR, [3e7, 3e7, 3e7]] {
+        let (note, method) = found(Transform::Moved(by).of(&own).unwrap());
+        assert!(warning(&note, method).unwrap().contains("above the stability limit"), "{by:?}");
+        let there = note.unwrap().unwrap().step_limit;
+        assert!((there / limit - 1.0).abs() < 0.02, "{by:?}: {there} {limit}");
+    }
+    let (note, method) = found(Transform::Moved([2e12, 0.0, 0.0]).of(&own).unwrap());
+    assert!(warning(&note, method).unwrap().contains("not known"), "{note:?}");
+}
