@@ -237,7 +237,7 @@ fn judge(seed: u64, index: u64, share: f64, tolerances: &[f64]) -> Option<Vec<Ou
     let start = variational::auto::stand_in(&scene);
     let simulation = Simulation::new(start.clone()).unwrap();
     let norm = Norm::new(&simulation);
-    let omega = trial::highest(&simulation).unwrap();
+    let omega = variational::stability::highest(&simulation).unwrap().unwrap();
     let is_implicit = scene.damping.is_some() || scene.solver.mass.is_some();
     let limit = if is_implicit { 10.0 } else { 1.4 };
     let steps = (scene.time.end * omega / limit).ceil() as u64;
