@@ -24,6 +24,7 @@ mod frames;
 pub mod guard;
 mod history;
 pub mod intersections;
+pub mod matrices;
 mod mesh_import;
 pub mod model;
 pub mod momentum;

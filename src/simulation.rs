@@ -1,6 +1,7 @@
 //! A scene come to life: systems with their states and steppers, stepped together.
 //! It must not know files: `run.rs` writes what it observes.
 
+mod added;
 mod advance;
 mod between;
 mod march;
@@ -15,6 +16,7 @@ use vi_solvers::{Assembler, Method, SolverOptions, Stepper, Work};
 
 use crate::model::{BodyModel, Model, ProbeTarget, RigidModel, path_control};
 use crate::scene::{Problem, Scene};
+pub use added::AddedTerm;
 pub use advance::Stepped;
 pub(crate) use advance::TOGETHER;
 pub use observe::{Observation, ProbeValue};
@@ -86,6 +88,8 @@ pub struct Simulation {
     substeps: Substeps,
     /// Work of steppers that have been replaced, and of the run that this one continues.
     earlier_work: Work,
+    /// Energy that [`Simulation::set_motion`] gave and no step has told yet, J.
+    given: f64,
 }
 
 impl Simulation {
@@ -95,6 +99,14 @@ impl Simulation {
     /// # Errors
     /// Everything that is wrong with the scene and its meshes, at once.
     pub fn new(scene: Scene) -> Result<Self, Vec<Problem>> {
+        Self::build(scene, Ok)
+    }
+
+    /// The same with the model of the scene changed by `extend`.
+    fn build(
+        scene: Scene,
+        extend: impl FnOnce(Model) -> Result<Model, Vec<Problem>>,
+    ) -> Result<Self, Vec<Problem>> {
         let problems = scene.problems();
         if !problems.is_empty() {
             return Err(problems);
@@ -109,7 +121,7 @@ impl Simulation {
                 return Err(vec![Problem::new("time.scheme", message)]);
             }
         };
-        let model = Model::build(&scene)?;
+        let model = extend(Model::build(&scene)?)?;
         let mut problems = Vec::new();
         let followed = scene.statics.as_ref().filter(|statics| statics.follows_path());
         let mut path = followed
@@ -142,7 +154,7 @@ impl Simulation {
                 None
             });
             let keeps_ledger = options.ledger;
-            let has_domain = has_domain(&system);
+            let has_domain = has_domain(&system) || !system.terms().live().is_empty();
             components.push(Component {
                 system,
                 state,
@@ -176,6 +188,7 @@ impl Simulation {
             switched: false,
             substeps: Substeps { finest: 1, ..Substeps::default() },
             earlier_work: Work::default(),
+            given: 0.0,
         })
     }
 

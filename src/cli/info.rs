@@ -22,6 +22,9 @@ pub(super) struct InfoArguments {
     /// Print it as JSON
     #[arg(long)]
     json: bool,
+    /// Write mass, stiffness and residual of a scene at its start into this directory (Matrix Market)
+    #[arg(long, value_name = "DIRECTORY")]
+    matrices: Option<PathBuf>,
 }
 
 /// What a mesh file holds.
@@ -101,7 +104,17 @@ pub(super) fn info(arguments: &InfoArguments) -> u8 {
             Ok(facts) => facts,
             Err(code) => return code,
         };
-        if arguments.json { print_json(&facts) } else { say_scene(path, &facts) }
+        if arguments.json {
+            print_json(&facts)
+        } else {
+            say_scene(path, &facts)
+        }
+        if let Some(directory) = &arguments.matrices {
+            return write_matrices(path, directory);
+        }
+    } else if arguments.matrices.is_some() {
+        message!("error: --matrices needs a scene (.toml); {} is a mesh", path.display());
+        return exit::BAD_INPUT;
     } else {
         let file = match vi_io::read_mesh(path) {
             Ok(file) => file,
@@ -113,6 +126,35 @@ pub(super) fn info(arguments: &InfoArguments) -> u8 {
         let facts = mesh(path, &file);
         if arguments.json { print_json(&facts) } else { say_mesh(path, &facts) }
     }
+    exit::DONE
+}
+
+/// Writes the matrices of each system, in files that begin with its number where there are several.
+fn write_matrices(path: &Path, directory: &Path) -> u8 {
+    let Ok((scene, parsed)) = accept(path, &[]) else { return exit::BAD_INPUT };
+    let simulation = match Simulation::new(stand_in(&scene)) {
+        Ok(simulation) => simulation,
+        Err(problems) => {
+            print_problems(problems, &parsed, path);
+            return exit::BAD_INPUT;
+        }
+    };
+    let count = simulation.components().len();
+    for number in 0..count {
+        let prefix = if count == 1 { String::new() } else { format!("system-{number}-") };
+        let matrices = match simulation.matrices(number) {
+            Ok(matrices) => matrices,
+            Err(error) => {
+                message!("error: {error}");
+                return exit::NO_CONVERGENCE;
+            }
+        };
+        if let Err(error) = matrices.write(directory, &prefix) {
+            message!("error: {}: the matrices cannot be written: {error}", directory.display());
+            return exit::INPUT_OUTPUT;
+        }
+    }
+    message!("the matrices are in {}", directory.display());
     exit::DONE
 }
 

@@ -73,6 +73,7 @@ impl Simulation {
             self.substeps.substeps += total.substeps;
             self.substeps.finest = self.substeps.finest.max(u64::from(finest));
         }
+        total.energy.force += std::mem::take(&mut self.given);
         self.steps += 1;
         Ok(total)
     }
@@ -113,7 +114,7 @@ impl Simulation {
     /// Makes `count` steps in one stretch; false, with nothing changed, where a component cannot.
     fn steps_together(&mut self, count: u32) -> bool {
         let (h, end) = (self.h, (self.steps + u64::from(count)) as f64 * self.h);
-        if self.parts > 1 || !self.components.iter().all(joins_steps) {
+        if self.parts > 1 || self.given != 0.0 || !self.components.iter().all(joins_steps) {
             return false;
         }
         let advance = |component: &mut Component| -> Result<(), ()> {

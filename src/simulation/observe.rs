@@ -31,6 +31,8 @@ pub struct Observation {
     pub gravity: f64,
     /// Energy of other conservative loads, J.
     pub load: f64,
+    /// Energy of contact, J.
+    pub contact: f64,
     /// Linear momentum of the free coordinates, kg m/s.
     pub momentum: [f64; 3],
     /// Angular momentum of the free coordinates about the origin, kg m²/s.
@@ -52,7 +54,7 @@ impl Observation {
 
     /// Total energy, J.
     pub fn total(&self) -> f64 {
-        self.kinetic + self.elastic + self.gravity + self.load
+        self.kinetic + self.elastic + self.gravity + self.load + self.contact
     }
 }
 
@@ -69,6 +71,7 @@ impl Simulation {
             seen.elastic += energies.elastic;
             seen.gravity += energies.gravity;
             seen.load += energies.load;
+            seen.contact += energies.contact;
             let known = stepper.as_ref().and_then(|stepper| stepper.velocity(state));
             seen.kinetic += match known {
                 Some(v) => 0.5 * state.p.iter().zip(v).map(|(p, v)| p * v).sum::<f64>(),

@@ -1,0 +1,113 @@
+//! What a program adds to a scene before it is simulated: energies, forces and live terms of its own. It must not know
+//! how they are summed.
+
+use std::sync::Arc;
+
+use vi_core::{CoreError, Force, Live, Potential, State, System};
+
+use super::Simulation;
+use crate::model::{BodyModel, Model};
+use crate::scene::{Problem, Scene, SchemeName};
+
+/// A term that acts on the component of a body. Its stencils count nodes as the component does:
+/// [`BodyModel::node`] of a node of the body's mesh.
+pub struct AddedTerm {
+    component: usize,
+    kind: Kind,
+}
+
+enum Kind {
+    Potential(Box<dyn Potential>),
+    Force(Arc<dyn Force>),
+    Live(Arc<dyn Live>),
+}
+
+impl AddedTerm {
+    /// An energy.
+    pub fn potential(body: &BodyModel, term: impl Potential + 'static) -> Self {
+        Self { component: body.component, kind: Kind::Potential(Box::new(term)) }
+    }
+
+    /// A force that no potential gives.
+    pub fn force(body: &BodyModel, force: impl Force + 'static) -> Self {
+        Self { component: body.component, kind: Kind::Force(Arc::new(force)) }
+    }
+
+    /// An energy whose stencils change while the body moves.
+    pub fn live(body: &BodyModel, term: impl Live + 'static) -> Self {
+        Self { component: body.component, kind: Kind::Live(Arc::new(term)) }
+    }
+}
+
+impl Simulation {
+    /// A scene with terms of the program's own: `add` is given the bodies, in the order of the scene.
+    ///
+    /// # Errors
+    /// As [`Simulation::new`], and where a term names a missing node. Scheme `auto` is refused: it tries the scene
+    /// without these terms.
+    pub fn with_terms(
+        scene: Scene,
+        add: impl FnOnce(&[BodyModel]) -> Vec<AddedTerm>,
+    ) -> Result<Self, Vec<Problem>> {
+        if scene.time.scheme == Some(SchemeName::Auto) {
+            let message = "\"auto\" would try the scene without the added terms; name a scheme and a step";
+            return Err(vec![Problem::new("time.scheme", message)]);
+        }
+        Self::build(scene, |model| extend(model, add))
+    }
+
+    /// Sets where the nodes of body number `body` are (m) and how fast they move (m/s), in the order of its mesh.
+    /// Prescribed coordinates keep to their path. The next step books the change of energy as work of forces.
+    ///
+    /// # Errors
+    /// [`CoreError::Length`] where there is not one entry a node; nothing has then changed.
+    pub fn set_motion(
+        &mut self,
+        body: usize,
+        positions: &[[f64; 3]],
+        velocities: &[[f64; 3]],
+    ) -> Result<(), CoreError> {
+        let before = self.observe().total();
+        let body = &self.bodies[body];
+        let expected = body.mesh.points.len();
+        for (what, found) in [("positions", positions.len()), ("velocities", velocities.len())] {
+            if found != expected {
+                return Err(CoreError::Length { what, expected, found });
+            }
+        }
+        let component = &mut self.components[body.component];
+        let (mut x, mut v) = (component.system.positions(&component.state), component.velocities());
+        for (node, (position, velocity)) in positions.iter().zip(velocities).enumerate() {
+            let dof = 3 * body.node(node);
+            x[dof..dof + 3].copy_from_slice(position);
+            v[dof..dof + 3].copy_from_slice(velocity);
+        }
+        component.state = component.system.state(component.state.t, &x, &v)?;
+        self.given += self.observe().total() - before;
+        Ok(())
+    }
+}
+
+/// The model with what `add` says.
+fn extend(model: Model, add: impl FnOnce(&[BodyModel]) -> Vec<AddedTerm>) -> Result<Model, Vec<Problem>> {
+    let mut model = model;
+    let mut potentials: Vec<Vec<Box<dyn Potential>>> = model.components.iter().map(|_| Vec::new()).collect();
+    let mut forces: Vec<Vec<Arc<dyn Force>>> = model.components.iter().map(|_| Vec::new()).collect();
+    let mut live: Vec<Vec<Arc<dyn Live>>> = model.components.iter().map(|_| Vec::new()).collect();
+    for AddedTerm { component, kind } in add(&model.bodies) {
+        match kind {
+            Kind::Potential(term) => potentials[component].push(term),
+            Kind::Force(force) => forces[component].push(force),
+            Kind::Live(term) => live[component].push(term),
+        }
+    }
+    let extended = model.components.into_iter().zip(potentials).zip(forces).zip(live).map(
+        |((((system, state), potentials), forces), live)| -> Result<(System, State), Vec<Problem>> {
+            let extended = system.add_potentials(potentials).and_then(|system| system.add_forces(forces));
+            let system = extended.map_err(|error| vec![Problem::new("added term", error.to_string())])?;
+            Ok((if live.is_empty() { system } else { system.with_live(live) }, state))
+        },
+    );
+    model.components = extended.collect::<Result<_, _>>()?;
+    Ok(model)
+}
