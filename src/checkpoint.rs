@@ -8,12 +8,12 @@
 pub(crate) mod record;
 mod store;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::estimate::{Companions, ProbeEstimate};
 use crate::guard::GuardEvent;
 use crate::run::Course;
-use crate::scene::{Body, Scene, SchemeName};
+use crate::scene::{Scene, SchemeName};
 use crate::simulation::Snapshot;
 pub use record::Damage;
 use record::{Record, Source, record};
@@ -274,15 +274,14 @@ pub fn scene_text(scene: &Scene) -> String {
 }
 
 fn mesh_sums(scene: &Scene) -> Result<Vec<(PathBuf, u64)>, CheckpointError> {
-    let sum = |body: &Body| {
-        let path = body.mesh.as_ref()?;
-        let path = std::path::absolute(path).unwrap_or_else(|_| path.clone());
-        Some(match std::fs::read(&path) {
+    let sum = |path: &Path| {
+        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        match std::fs::read(&path) {
             Ok(bytes) => Ok((path, u64::from(crc32fast::hash(&bytes)))),
             Err(source) => Err(CheckpointError::Read { path, source }),
-        })
+        }
     };
-    scene.bodies.iter().filter_map(sum).collect()
+    scene.files().into_iter().map(|(_, path)| sum(path)).collect()
 }
 
 #[cfg(test)]

@@ -18,8 +18,7 @@ use vi_solvers::StepError;
 use crate::auto::{SettleError, settle, stand_in};
 use crate::provenance::Provenance;
 use crate::run::RunError;
-use crate::scene::MassKind;
-use crate::scene::{Load, Problem, Scene, SpringEnd};
+use crate::scene::{Load, MassKind, Problem, Refine, Scene, SpringEnd};
 use crate::simulation::{Observation, Simulation};
 use crate::trial::{Choice, TrialWatch};
 use crate::vibration::scene_modes;
@@ -198,7 +197,9 @@ pub fn convergence(
         for (refined, steps) in runs {
             let mut run = Choice { steps, ..choice }.apply(&scene);
             for body in &mut run.bodies {
-                body.refine = Some(body.refine.unwrap_or(0) + refined);
+                let refine = body.refine.take().unwrap_or(Refine::Levels(0));
+                let levels = refine.levels() + refined;
+                body.refine = Some(refine.with_levels(levels));
             }
             levels.push(level(run, refined, options, watch)?);
         }
@@ -271,7 +272,7 @@ fn names(scene: &Scene, options: &ConvergenceOptions) -> Vec<String> {
         return (0..count).map(|mode| format!("mode {mode}")).collect();
     }
     let of_probe = |name: &String| ["ux", "uy", "uz"].map(|axis| format!("{name}.{axis}"));
-    let probes = scene.probes.iter().flat_map(|probe| of_probe(&probe.name));
+    let probes = scene.node_probes().flat_map(|probe| of_probe(&probe.name));
     probes.chain(["kinetic", "elastic", "load", "total"].map(str::to_owned)).collect()
 }
 

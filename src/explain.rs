@@ -124,6 +124,11 @@ fn term(text: &mut String, system: &System, potential: &dyn Potential, is_explic
     for &dof in coordinates.free() {
         moving[dof as usize] = true;
     }
+    for own in coordinates.node_axes() {
+        let of_node = &mut moving[3 * own.node as usize..][..3];
+        let any = of_node.contains(&true);
+        of_node.fill(any);
+    }
     for (node, terms) in coordinates.combinations() {
         for axis in 0..3 {
             let free = terms.iter().any(|&(k, _)| moving[3 * k as usize + axis]);

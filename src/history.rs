@@ -87,13 +87,14 @@ impl HistoryWriter {
         self.bytes
     }
 
-    /// Appends one row.
+    /// Appends one row; `measures` are the values of the columns of that name.
     ///
     /// # Errors
     /// Where the file cannot be written.
     pub(crate) fn write(
         &mut self,
         row: &Observation,
+        measures: &[f64],
         work: RowWork,
         estimates: Option<&[ProbeEstimate]>,
     ) -> io::Result<()> {
@@ -114,6 +115,9 @@ impl HistoryWriter {
             for value in pose.position.iter().chain(&pose.orientation) {
                 let _ = write!(line, ",{value:.16e}");
             }
+        }
+        for value in measures {
+            let _ = write!(line, ",{value:.16e}");
         }
         if self.columns.has_estimates {
             for index in 0..row.probes.len() {

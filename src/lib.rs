@@ -55,14 +55,15 @@ pub mod prelude {
     pub use crate::auto::settle;
     pub use crate::run::{RunError, Watch, run};
     pub use crate::scene::{
-        Assert, Attach, Axis, Body, Cache, Checkpoints, Control, Damping, Field, FieldComponent, Fix, Guard,
-        GuardAction, Inertia, Joint, Load, MassKind, Output, Precision, Probe, Rigid, RigidShape, Scene,
-        SchemeName, Seam, Solver, Spring, SpringEnd, Static, Strike, Substance, Time, Turn,
+        About, Assert, Attach, Axis, Body, Cache, Checkpoints, Control, Damping, Field, FieldComponent, Fix,
+        Guard, GuardAction, HeldAxis, Inertia, Joint, Load, LocalAxis, MassKind, Output, Periodic, Precision,
+        Probe, Refine, RefineAlong, Rigid, RigidShape, Scene, SchemeName, Seam, Selection, Solver, Spring,
+        SpringEnd, Static, Statistic, Strike, Substance, Time, Turn,
     };
     pub use crate::simulation::{Observation, Simulation};
     pub use vi_fem::{
-        Bending, BoxMesh, ElementKind, Isotropic, IsotropicSheet, Law, LockingCure, Motion, SheetLaw,
-        SheetMesh, SheetPattern, Wind,
+        Amplitude, Bending, BoxMesh, ElementKind, Isotropic, IsotropicSheet, Law, LockingCure, Motion,
+        SheetLaw, SheetMesh, SheetPattern, Wind,
     };
 }
 

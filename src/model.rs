@@ -3,11 +3,16 @@
 
 mod assemble;
 mod control;
+mod directions;
+mod initial;
 mod load;
 mod loads;
 mod mass;
+mod periodic;
 mod prescribe;
+mod regions;
 mod rigid;
+mod select;
 mod shape;
 mod sheets;
 mod size;
@@ -18,6 +23,7 @@ use vi_fem::{Mesh, Numbering};
 
 pub(crate) use control::path_control;
 pub(crate) use mass::kinetic_terms;
+pub use regions::RegionProbe;
 pub use rigid::{Pose, RigidModel};
 pub(crate) use shape::surface;
 
@@ -72,6 +78,7 @@ pub(crate) struct Model {
     pub(crate) probes: Vec<ProbeTarget>,
     /// For each fix: number of the body and nodes of its mesh.
     pub(crate) fixes: Vec<(usize, Vec<u32>)>,
+    pub(crate) region_probes: Vec<RegionProbe>,
     pub(crate) components: Vec<(System, State)>,
     pub(crate) notes: Vec<String>,
 }

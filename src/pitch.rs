@@ -21,10 +21,9 @@ struct Track {
 }
 
 impl PitchFinder {
-    /// For the probes with `pitch`, from the first observation on.
-    pub fn new(probes: &[Probe], first: &Observation) -> Self {
+    /// For those of the probes at nodes with `pitch`, from the first observation on.
+    pub fn new<'a>(probes: impl Iterator<Item = &'a Probe>, first: &Observation) -> Self {
         let tracks = probes
-            .iter()
             .enumerate()
             .filter_map(|(i, probe)| {
                 let axis = probe.pitch?;

@@ -247,7 +247,7 @@ impl Report {
         notes: &[String],
     ) {
         self.notes.extend(notes.iter().cloned());
-        for (probe, estimate) in simulation.scene().probes.iter().zip(estimates) {
+        for (probe, estimate) in simulation.scene().node_probes().zip(estimates) {
             self.estimate.insert(probe.name.clone(), json!(estimate));
         }
     }

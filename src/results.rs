@@ -185,7 +185,12 @@ fn reactions(simulation: &Simulation) -> Vec<Reaction> {
         let (mut force, mut moment) = ([0.0; 3], [0.0; 3]);
         for &node in nodes {
             let mut own = [0.0; 3];
-            for axis in fix.axes.iter().map(|&axis| axis as usize) {
+            // A node that is held along a direction of its own has one reaction, along it.
+            let axes = match fix.space_axes() {
+                Some(axes) => axes,
+                None => vec![0, 1, 2],
+            };
+            for axis in axes {
                 if counted.insert((*body, node, axis)) {
                     own[axis] = held[node as usize][axis];
                 }
@@ -199,7 +204,7 @@ fn reactions(simulation: &Simulation) -> Vec<Reaction> {
         }
         all.push(Reaction {
             body: fix.body.clone(),
-            region: fix.region.clone(),
+            region: fix.on.region.clone(),
             nodes: nodes.len(),
             centroid,
             force,

@@ -5,14 +5,17 @@ mod attach;
 mod body;
 mod check;
 mod columns;
+mod fix;
 mod load;
 mod material;
 mod output;
 #[cfg(feature = "cli")]
 mod parse;
 mod plain;
+mod probe;
 mod rigid;
 mod safety;
+mod selection;
 #[cfg(feature = "cli")]
 mod set;
 mod statics;
@@ -24,13 +27,14 @@ use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use vi_fem::Wind;
+use vi_fem::{Amplitude, Wind};
 
-pub use attach::{Attach, Seam};
+pub use attach::{Attach, Periodic, Seam};
 pub(crate) use body::MOST_REFINED;
-pub use body::{Axis, Body, BoxRegion, Fix, Probe, RestShape, Spring, SpringEnd, Strike};
+pub use body::{Axis, Body, Refine, RefineAlong, RestShape, Spring, SpringEnd, Strike};
 pub use check::Problem;
 pub(crate) use columns::history_columns;
+pub use fix::{About, Fix, HeldAxis, LocalAxis};
 pub(crate) use load::field;
 pub use load::{Damping, FieldComponent, Load};
 pub use material::{MaterialEntry, Materials, Substance};
@@ -38,8 +42,10 @@ pub(crate) use output::Schedule;
 pub use output::{Assert, Cache, Encoding, Field, Output, Precision};
 #[cfg(feature = "cli")]
 pub use parse::Parsed;
+pub use probe::{Component, Probe, Quantity, Statistic};
 pub use rigid::{Inertia, Joint, Rigid, RigidShape, Turn};
 pub use safety::{Checkpoints, Guard, GuardAction};
+pub use selection::{BoxRegion, PlaneRegion, Selection, SphereRegion};
 pub use statics::{Control, Static};
 pub use time::{LinearChoice, MassKind, SchemeName, Solver, Time};
 
@@ -66,6 +72,10 @@ pub struct Scene {
     /// Acceleration of gravity, m/s².
     #[serde(default)]
     pub gravity: [f64; 3],
+    /// Factor on gravity in time (default 1): a number, a formula of t (s) or a table `[[t, factor], …]`; in a
+    /// static solve t is the load factor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gravity_amplitude: Option<Amplitude>,
     /// How time is stepped.
     pub time: Time,
     /// Deformable bodies.
@@ -89,6 +99,9 @@ pub struct Scene {
     /// Edges of sheets sewn together.
     #[serde(rename = "seam", default, skip_serializing_if = "Vec::is_empty")]
     pub seams: Vec<Seam>,
+    /// Parts of a body that move alike, as if copies of it lay side by side.
+    #[serde(rename = "periodic", default, skip_serializing_if = "Vec::is_empty")]
+    pub periodics: Vec<Periodic>,
     /// Impulses given to a region at t = 0.
     #[serde(rename = "strike", default, skip_serializing_if = "Vec::is_empty")]
     pub strikes: Vec<Strike>,
@@ -130,6 +143,7 @@ impl Scene {
         Self {
             title: String::new(),
             gravity: [0.0; 3],
+            gravity_amplitude: None,
             time,
             bodies: Vec::new(),
             rigids: Vec::new(),
@@ -138,6 +152,7 @@ impl Scene {
             springs: Vec::new(),
             attachments: Vec::new(),
             seams: Vec::new(),
+            periodics: Vec::new(),
             strikes: Vec::new(),
             loads: Vec::new(),
             wind: None,
@@ -161,6 +176,12 @@ impl Scene {
     /// Sets gravity, m/s².
     pub fn gravity(mut self, gravity: [f64; 3]) -> Self {
         self.gravity = gravity;
+        self
+    }
+
+    /// Sets how gravity changes in time.
+    pub fn gravity_amplitude(mut self, amplitude: Amplitude) -> Self {
+        self.gravity_amplitude = Some(amplitude);
         self
     }
 
@@ -203,6 +224,12 @@ impl Scene {
     /// Adds a seam.
     pub fn seam(mut self, seam: Seam) -> Self {
         self.seams.push(seam);
+        self
+    }
+
+    /// Joins two parts of a body that move alike.
+    pub fn periodic(mut self, periodic: Periodic) -> Self {
+        self.periodics.push(periodic);
         self
     }
 
@@ -288,19 +315,57 @@ impl Scene {
     /// The files that the scene reads, each with its key.
     pub fn files(&self) -> Vec<(String, &Path)> {
         let meshes = self.bodies.iter().enumerate();
-        meshes.filter_map(|(i, body)| Some((format!("body[{i}].mesh"), body.mesh.as_deref()?))).collect()
+        let meshes = meshes.filter_map(|(i, body)| Some((format!("body[{i}].mesh"), body.mesh.as_deref()?)));
+        let lists = self.selections().into_iter();
+        let lists =
+            lists.filter_map(|(key, on)| Some((format!("{key}.node_file"), on.node_file.as_deref()?)));
+        meshes.chain(lists).collect()
     }
 
-    /// Reads mesh paths as relative to `directory`, where the scene file lies.
+    /// Reads the paths of meshes and node lists as relative to `directory`, where the scene file lies.
     pub fn relative_to(mut self, directory: &Path) -> Self {
-        for body in &mut self.bodies {
-            if let Some(mesh) = &mut body.mesh
-                && mesh.is_relative()
-            {
-                *mesh = normal(directory.join(&*mesh));
+        let of_meshes = self.bodies.iter_mut().filter_map(|body| body.mesh.as_mut());
+        let make = |path: &mut PathBuf| {
+            if path.is_relative() {
+                *path = normal(directory.join(&*path));
             }
-        }
+        };
+        of_meshes.for_each(make);
+        self.selections_mut().filter_map(|on| on.node_file.as_mut()).for_each(make);
         self
+    }
+
+    /// The selections of parts of bodies, each with the key of the table that it is in.
+    fn selections(&self) -> Vec<(String, &Selection)> {
+        let mut all: Vec<(String, &Selection)> = Vec::new();
+        all.extend(self.fixes.iter().enumerate().map(|(i, fix)| (format!("fix[{i}]"), &fix.on)));
+        all.extend(
+            self.attachments.iter().enumerate().map(|(i, attach)| (format!("attach[{i}]"), &attach.on)),
+        );
+        for (i, periodic) in self.periodics.iter().enumerate() {
+            all.push((format!("periodic[{i}].from"), &periodic.from));
+            all.push((format!("periodic[{i}].to"), &periodic.to));
+        }
+        all.extend(self.strikes.iter().enumerate().map(|(i, strike)| (format!("strike[{i}]"), &strike.on)));
+        let loads = self.loads.iter().enumerate();
+        all.extend(loads.filter_map(|(i, load)| Some((format!("load[{i}]"), load.selection()?))));
+        all.extend(self.probes.iter().enumerate().map(|(i, probe)| (format!("probe[{i}]"), &probe.on)));
+        all
+    }
+
+    fn selections_mut(&mut self) -> impl Iterator<Item = &mut Selection> {
+        let fixes = self.fixes.iter_mut().map(|fix| &mut fix.on);
+        let attachments = self.attachments.iter_mut().map(|attach| &mut attach.on);
+        let periodics = self.periodics.iter_mut().flat_map(|periodic| [&mut periodic.from, &mut periodic.to]);
+        let strikes = self.strikes.iter_mut().map(|strike| &mut strike.on);
+        let loads = self.loads.iter_mut().filter_map(Load::selection_mut);
+        let probes = self.probes.iter_mut().map(|probe| &mut probe.on);
+        fixes.chain(attachments).chain(periodics).chain(strikes).chain(loads).chain(probes)
+    }
+
+    /// The probes that are nodes, in the order of the scene.
+    pub fn node_probes(&self) -> impl Iterator<Item = &Probe> {
+        self.probes.iter().filter(|probe| probe.is_node())
     }
 }
 

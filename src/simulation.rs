@@ -5,6 +5,7 @@ mod added;
 mod advance;
 mod between;
 mod march;
+mod measure;
 mod observe;
 mod pace;
 mod snapshot;
@@ -14,7 +15,7 @@ mod tests;
 use vi_core::{HessianKind, State, System};
 use vi_solvers::{Assembler, Method, SolverOptions, Stepper, Work};
 
-use crate::model::{BodyModel, Model, ProbeTarget, RigidModel, path_control};
+use crate::model::{BodyModel, Model, ProbeTarget, RegionProbe, RigidModel, path_control};
 use crate::scene::{Problem, Scene};
 pub use added::AddedTerm;
 pub use advance::Stepped;
@@ -75,6 +76,7 @@ pub struct Simulation {
     probes: Vec<ProbeTarget>,
     /// For each fix: number of the body and nodes of its mesh.
     fixes: Vec<(usize, Vec<u32>)>,
+    region_probes: Vec<RegionProbe>,
     components: Vec<Component>,
     notes: Vec<String>,
     steps: u64,
@@ -177,6 +179,7 @@ impl Simulation {
             rigids: model.rigids,
             probes: model.probes,
             fixes: model.fixes,
+            region_probes: model.region_probes,
             components,
             notes: model.notes,
             steps: 0,

@@ -231,7 +231,7 @@ impl Norm {
         }
         let restricted = components.iter().zip(&rest).map(|(component, x)| {
             let mut q = vec![0.0; component.system().coordinates().free_count()];
-            component.system().coordinates().restrict(x, &mut q);
+            component.system().coordinates().coordinates_of(x, &mut q);
             q
         });
         Self {

@@ -150,12 +150,8 @@ fn shape(simulation: &Simulation, SceneMode { component, mode }: &SceneMode) -> 
     for (&dof, value) in coordinates.free().iter().zip(&mode.shape) {
         all[dof as usize] = *value;
     }
-    for (node, terms) in coordinates.combinations() {
-        for axis in 0..3 {
-            let along = terms.iter().map(|&(k, weight)| weight * all[3 * k as usize + axis]);
-            all[3 * node as usize + axis] = along.sum();
-        }
-    }
+    coordinates.to_space(&mut all);
+    coordinates.complete(&mut all);
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     let mut displacement: Vec<[f64; 3]> = Vec::new();
     for body in simulation.bodies() {

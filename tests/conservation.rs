@@ -49,7 +49,11 @@ fn momenta_are_kept_to_round_off() {
             let body = block(name).velocity([1.0, 0.5, -0.3]).angular_velocity([0.5, 1.0, 2.0]);
             let scene = Scene::new(time(0.5, 5e-4, scheme))
                 .body(body)
-                .strike(Strike { body: "block".into(), region: "x-max".into(), impulse: [0.2, -1.0, 0.7] })
+                .strike(Strike {
+                    body: "block".into(),
+                    on: Selection::region("x-max"),
+                    impulse: [0.2, -1.0, 0.7],
+                })
                 .solver(exact());
             let mut simulation = Simulation::new(scene).unwrap();
             let first = simulation.observe();

@@ -38,7 +38,11 @@ fn a_free_sheet_keeps_its_momenta() {
                     .angular_velocity([0.5, 1.0, 2.0]);
                 let scene = Scene::new(Time::new(0.02, 1e-3, scheme))
                     .body(body)
-                    .strike(Strike { body: "cloth".into(), region: "x-max".into(), impulse: [0.0, 2.0, 6.0] })
+                    .strike(Strike {
+                        body: "cloth".into(),
+                        on: Selection::region("x-max"),
+                        impulse: [0.0, 2.0, 6.0],
+                    })
                     .solver(exact());
                 let mut simulation = Simulation::new(scene).unwrap();
                 let first = simulation.observe();

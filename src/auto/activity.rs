@@ -18,7 +18,11 @@ fn functions(scene: &Scene) -> Vec<Vec<f64>> {
         let (Load::Traction { amplitude, .. }
         | Load::Pressure { amplitude, .. }
         | Load::Point { amplitude, .. }
+        | Load::Force { amplitude, .. }
         | Load::BodyForce { amplitude, .. }) = load;
+        found.push(sample(&|t| amplitude.at(t)));
+    }
+    if let Some(amplitude) = &scene.gravity_amplitude {
         found.push(sample(&|t| amplitude.at(t)));
     }
     let of_fixes = scene.fixes.iter().filter_map(|fix| fix.motion.as_ref());

@@ -1,27 +1,38 @@
 //! Masses, potentials and initial states of the components of a scene: bodies that springs join are
 //! one component, all others stand alone. It must not read files.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 
 use vi_core::constraints::QuadraticConstraint;
-use vi_core::{Combination, Force, Potential, Prescribed, State, System};
+use vi_core::{Combination, Fixed, Force, Potential, Prescribed, State, System, TiedMass};
 use vi_fem::{
     Anchor, Gravity, LockingCure, Numbering, PointSpring, Sheet, SpringEnd, Tie, add_lumped_mass,
     add_row_sums, consistent_mass, mass_properties, rigid_velocities,
 };
 
-use super::load::{End, Loaded, LoadedBody};
+use super::initial::{add_field, constant};
+use super::load::{End, Loaded, LoadedBody, LoadedFix};
 use super::loads;
 use super::prescribe::{NodalFix, coordinates};
 use super::rigid::{self, Attached};
-use super::{BodyModel, Model, ProbeTarget, RigidModel, sheets, ties};
+use super::{BodyModel, Model, ProbeTarget, RigidModel, directions, periodic, sheets, ties};
 use crate::scene::{Body, MassKind, Problem, RestShape, Scene, Substance};
 
 pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Problem>> {
     let component_of = components(scene, &loaded);
     let component_count = component_of.iter().max().map_or(0, |&last| last + 1);
-    let Loaded { bodies: loaded_bodies, fixes, probes, strikes, springs, held, ties: tie_sets } = loaded;
+    let Loaded {
+        bodies: loaded_bodies,
+        fixes,
+        probes,
+        region_probes,
+        periodics,
+        strikes,
+        springs,
+        held,
+        ties: tie_sets,
+    } = loaded;
 
     let mut problems = Vec::new();
     let mut notes = Vec::new();
@@ -38,14 +49,15 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
         let (read, mesh) = read.renumbered(&numbering);
         let body = LoadedBody { read, materials };
         notes.extend(body.read.notes.iter().cloned());
-        let clamps: Vec<HashSet<u32>> = scene
-            .fixes
-            .iter()
-            .zip(&fixes)
-            .filter(|(fix, (of, _))| fix.rotation && *of == i)
-            .map(|(_, (_, nodes))| nodes.iter().map(|&node| numbering.of(node)).collect())
-            .collect();
-        if let Err(message) = part.add(&scene.bodies[i], &body, node_offset, &clamps) {
+        let of_body = || scene.fixes.iter().zip(&fixes).filter(|(_, loaded)| loaded.body == i);
+        let numbered = |loaded: &LoadedFix| loaded.nodes.iter().map(|&node| numbering.of(node)).collect();
+        let edges = Edges {
+            clamps: of_body().filter(|(fix, _)| fix.rotation).map(|(_, loaded)| numbered(loaded)).collect(),
+            mirrors: of_body()
+                .filter_map(|(fix, loaded)| Some((directions::mirror_normal(fix)?, numbered(loaded))))
+                .collect(),
+        };
+        if let Err(message) = part.add(&scene.bodies[i], &body, node_offset, &edges) {
             problems.push(Problem::new(format!("body[{i}]"), message));
         }
         if let Some(wind) = &scene.wind
@@ -60,14 +72,14 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
         bodies.push(BodyModel {
             name: scene.bodies[i].name.clone(),
             mesh,
-            texture: body.read.texture,
+            texture: body.read.texture.clone(),
             materials: body.materials,
             component: component_of[i],
             node_offset,
             numbering,
-            pattern: body.read.pattern,
+            pattern: body.read.pattern.clone(),
         });
-        meshes.push(body.read.mesh);
+        meshes.push(body.read);
     }
     if !problems.is_empty() {
         return Err(problems);
@@ -120,20 +132,25 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
             .fixes
             .iter()
             .zip(&fixes)
-            .filter(|(_, (of, _))| *of == number)
-            .map(|(fix, (_, nodes))| (fix, nodes.as_slice()))
+            .filter(|(_, loaded)| loaded.body == number)
+            .map(|(fix, loaded)| (fix, loaded.nodes.as_slice()))
             .collect();
-        match loads::load(load, i, (body, &meshes[number]), &own) {
+        let target = loads::Target { body, of_scene: &scene.bodies[number], read: &meshes[number] };
+        match loads::load(load, i, &target, &own) {
             Ok(added) => {
                 let part = &mut parts[body.component];
                 part.potentials.extend(added.potentials);
                 part.forces.extend(added.forces);
             }
-            Err(message) => problems.push(Problem::new(format!("load[{i}]"), message)),
+            Err((part, message)) if part.is_empty() => {
+                problems.push(Problem::new(format!("load[{i}]"), message))
+            }
+            Err((part, message)) => problems.push(Problem::new(format!("load[{i}].{part}"), message)),
         }
     }
     if let Some(damping) = &scene.damping {
-        for ((body, mesh), of_scene) in bodies.iter().zip(&meshes).zip(&scene.bodies) {
+        for ((body, read), of_scene) in bodies.iter().zip(&meshes).zip(&scene.bodies) {
+            let mesh = &read.mesh;
             let part = &mut parts[body.component];
             let masses = &part.mass[body.node_offset..][..mesh.points.len()];
             match loads::damping(damping, of_scene, (body, mesh), masses) {
@@ -142,6 +159,12 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
             }
         }
     }
+    for (i, (body, pairs)) in periodics.iter().enumerate() {
+        let body = &bodies[*body];
+        let number = |node: u32| body.node(node as usize) as u32;
+        let pairs = pairs.iter().map(|&(a, b)| (number(a), number(b)));
+        parts[body.component].periodic.extend(pairs.map(|pair| (pair, i)));
+    }
     let mut built = Vec::with_capacity(parts.len());
     for (c, part) in parts.into_iter().enumerate() {
         let fixes: Vec<NodalFix> = scene
@@ -149,19 +172,21 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
             .iter()
             .zip(&fixes)
             .enumerate()
-            .filter(|(_, (_, (body, _)))| bodies[*body].component == c)
-            .map(|(index, (fix, (body, nodes)))| {
-                let number = |&node: &u32| (bodies[*body].node(node as usize) as u32, node);
-                NodalFix { index, fix, nodes: nodes.iter().map(number).collect() }
+            .filter(|(_, (_, loaded))| bodies[loaded.body].component == c)
+            .map(|(index, (fix, loaded))| {
+                let number = |&node: &u32| (bodies[loaded.body].node(node as usize) as u32, node);
+                let nodes = loaded.nodes.iter().map(number).collect();
+                NodalFix { index, fix, nodes, directions: loaded.directions.as_deref() }
             })
             .collect();
-        match part.into_system(scene.gravity, &fixes) {
+        match part.into_system(scene, &fixes) {
             Ok(system) => built.push(system),
             Err(problem) => problems.push(problem),
         }
     }
     if problems.is_empty() {
-        Ok(Model { bodies, rigids, probes, fixes, components: built, notes })
+        let fixes = fixes.into_iter().map(|fix| (fix.body, fix.nodes)).collect();
+        Ok(Model { bodies, rigids, probes, fixes, region_probes, components: built, notes })
     } else {
         Err(problems)
     }
@@ -246,6 +271,14 @@ fn components(scene: &Scene, loaded: &Loaded) -> Vec<usize> {
     label.iter().map(|l| order.partition_point(|o| o < l)).collect()
 }
 
+/// Nodes of a sheet whose boundary edges do not end the sheet freely.
+struct Edges {
+    /// Edges between nodes of one of these keep their normal.
+    clamps: Vec<HashSet<u32>>,
+    /// Edges between nodes of one of these lie in a mirror plane with this normal.
+    mirrors: Vec<([f64; 3], HashSet<u32>)>,
+}
+
 /// A component under construction.
 #[derive(Default)]
 struct Part {
@@ -269,18 +302,19 @@ struct Part {
     /// What rigid bodies add beside nodes.
     held: Vec<Combination>,
     directors: Vec<u32>,
+    /// Pairs of nodes that move alike, with the number of the periodic pair in the scene.
+    periodic: Vec<((u32, u32), usize)>,
     constraints: Vec<QuadraticConstraint>,
     prescribed: Vec<Prescribed>,
 }
 
 impl Part {
-    /// `clamps` are nodes of a sheet; edges of its boundary between nodes of one clamp keep their normal.
     fn add(
         &mut self,
         body: &Body,
         loaded: &LoadedBody,
         node_offset: usize,
-        clamps: &[HashSet<u32>],
+        edges: &Edges,
     ) -> Result<(), String> {
         let read = &loaded.read;
         let mesh = &read.mesh;
@@ -312,13 +346,19 @@ impl Part {
                     })
                 }
                 Substance::Sheet(law) => {
-                    let clamped = sheets::clamped(mesh, elements, clamps);
+                    let clamped = sheets::edges_between(mesh, elements, &edges.clamps);
+                    let of_mirror = |(normal, nodes): &([f64; 3], HashSet<u32>)| {
+                        let edges = sheets::edges_between(mesh, elements, std::slice::from_ref(nodes));
+                        edges.into_iter().map(|edge| (edge, *normal)).collect::<Vec<_>>()
+                    };
+                    let mirrored: Vec<_> = edges.mirrors.iter().flat_map(of_mirror).collect();
                     let flat = body.rest == Some(RestShape::Flat);
                     let sheet = Sheet {
                         flat,
                         pattern: read.pattern.as_deref(),
                         fields: &read.fields,
                         clamped: &clamped,
+                        mirrored: &mirrored,
                         ..Sheet::new(mesh, elements, law, node_offset, &place)
                     };
                     if self.is_consistent {
@@ -333,11 +373,20 @@ impl Part {
         if let Some(displacement) = &read.displacement {
             x.iter_mut().zip(displacement).for_each(|(x, u)| *x += u);
         }
+        if let Some(displacement) = &body.displacement {
+            add_field(displacement, &mesh.points, &mut x).map_err(|why| format!("displacement: {why}"))?;
+        }
         let mut v = read.velocity.clone().unwrap_or_else(|| vec![0.0; x.len()]);
         let positions = x.as_chunks::<3>().0;
         let is_heavy = self.sums_rows && body.dimension() == 3;
         let centre = mass_properties(positions, if is_heavy { &heavy } else { &mass }).centre;
-        let linear = body.velocity.unwrap_or_default();
+        let linear = body.velocity.as_ref().map_or(Some([0.0; 3]), constant);
+        if let Some(velocity) = &body.velocity
+            && linear.is_none()
+        {
+            add_field(velocity, &mesh.points, &mut v).map_err(|why| format!("velocity: {why}"))?;
+        }
+        let linear = linear.unwrap_or_default();
         let angular = body.angular_velocity.unwrap_or_default();
         let rigid = rigid_velocities(positions, centre, linear, angular);
         v.iter_mut().zip(&rigid).for_each(|(v, rigid)| *v += rigid);
@@ -381,8 +430,43 @@ impl Part {
         }
     }
 
-    fn into_system(mut self, gravity: [f64; 3], fixes: &[NodalFix]) -> Result<(System, State), Problem> {
-        let coordinates = coordinates(fixes, self.prescribed, &self.x)?;
+    /// Ties nodes of periodic parts to their partners; returns each with the one that it follows.
+    fn tie_periodic(&mut self) -> Result<BTreeMap<u32, u32>, Problem> {
+        let leaders = periodic::leaders(self.periodic.iter().map(|(pair, _)| *pair));
+        let place =
+            |of: &[f64], node: u32| -> [f64; 3] { std::array::from_fn(|k| of[3 * node as usize + k]) };
+        let size = self.rest.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+        for (&node, &leader) in &leaders {
+            let (a, b) = (self.rest[leader as usize], self.rest[node as usize]);
+            let offset = [0, 1, 2].map(|k| b[k] - a[k]);
+            let (x, y) = (place(&self.x, leader), place(&self.x, node));
+            let apart = (0..3).map(|k| (y[k] - x[k] - offset[k]).abs()).fold(0.0, f64::max);
+            if apart > 1e-6 * size {
+                let index = self.periodic.first().map_or(0, |(_, index)| *index);
+                let message = format!(
+                    "partners start {apart:.3e} m apart beside their translation; the initial displacement must be the \
+                     same on both sides"
+                );
+                return Err(Problem::new(format!("periodic[{index}]"), message));
+            }
+            let director = self.mass.len() as u32;
+            self.mass.push(0.0);
+            self.heavy.push(0.0);
+            self.rest.push(offset);
+            self.x.extend(offset);
+            self.v.extend([0.0; 3]);
+            self.directors.push(director);
+            let dofs = (3 * director..3 * director + 3).collect();
+            self.prescribed.push(Prescribed { dofs, path: Box::new(Fixed(offset.to_vec())) });
+            let terms = vec![(leader, 1.0), (director, 1.0)];
+            self.held.push(Combination { node, terms, mass: TiedMass::Lumped });
+        }
+        Ok(leaders)
+    }
+
+    fn into_system(mut self, scene: &Scene, fixes: &[NodalFix]) -> Result<(System, State), Problem> {
+        let followers = self.tie_periodic()?;
+        let coordinates = coordinates(fixes, self.prescribed, &followers, &self.x)?;
         let coordinates = if self.ties.is_empty() && self.directors.is_empty() {
             coordinates
         } else {
@@ -394,8 +478,9 @@ impl Part {
                 .with_combinations(&combinations, &self.directors)
                 .map_err(|error| Problem::new("attach", format!("what is held exactly: {error}")))?
         };
-        if gravity != [0.0; 3] {
-            self.potentials.push(Box::new(Gravity::new(&self.heavy, gravity)));
+        if scene.gravity != [0.0; 3] {
+            let amplitude = scene.gravity_amplitude.clone().unwrap_or_default();
+            self.potentials.push(Box::new(Gravity::with_amplitude(&self.heavy, scene.gravity, amplitude)));
         }
         let mass = self.mass.iter().flat_map(|&m| [m; 3]).collect();
         let system = System::new(mass, self.potentials, coordinates)

@@ -5,18 +5,23 @@ use std::collections::HashMap;
 
 use vi_fem::{BoxMesh, ElementKind, FemError, FinerMesh, LockingCure, Mesh, SheetMesh};
 
-use super::ProbeTarget;
+use super::regions::RegionProbe;
 use super::size::Budget;
 use super::ties::{self, TieSet};
+use super::{ProbeTarget, directions, periodic, select};
 use crate::mesh_import::{self, Imported};
-use crate::scene::{Attach, Body, BoxRegion, MOST_REFINED, Problem, Scene, Seam, SpringEnd};
+use crate::scene::{
+    Attach, Body, MOST_REFINED, Problem, Refine, RefineAlong, Scene, Seam, Selection, SpringEnd,
+};
 
 /// The bodies and attachments of a scene, with nodes instead of names.
 pub(super) struct Loaded {
     pub(super) bodies: Vec<LoadedBody>,
-    /// For each fix: number of the body and its nodes.
-    pub(super) fixes: Vec<(usize, Vec<u32>)>,
+    pub(super) fixes: Vec<LoadedFix>,
     pub(super) probes: Vec<ProbeTarget>,
+    pub(super) region_probes: Vec<RegionProbe>,
+    /// For each periodic pair of parts: number of the body and pairs of its nodes.
+    pub(super) periodics: Vec<(usize, Vec<(u32, u32)>)>,
     /// For each strike: number of the body and its nodes.
     pub(super) strikes: Vec<(usize, Vec<u32>)>,
     /// For each spring: its two ends.
@@ -25,6 +30,15 @@ pub(super) struct Loaded {
     pub(super) held: Vec<Vec<(usize, Vec<u32>)>>,
     /// Attachments, then seams.
     pub(super) ties: Vec<TieSet>,
+}
+
+/// A fix with its nodes found.
+pub(super) struct LoadedFix {
+    /// Number of the body.
+    pub(super) body: usize,
+    pub(super) nodes: Vec<u32>,
+    /// The unit directions along which each node is held; none where they are axes of space alone.
+    pub(super) directions: Option<Vec<Vec<[f64; 3]>>>,
 }
 
 /// One end of a spring.
@@ -56,18 +70,39 @@ pub(super) fn load(scene: &Scene) -> (Loaded, Vec<Problem>) {
     for (i, fix) in scene.fixes.iter().enumerate() {
         let key = format!("fix[{i}]");
         let Some((body, mesh)) = finder.mesh(&fix.body) else { continue };
-        let nodes =
-            finder.selected(mesh, fix.region.as_deref(), fix.within.as_ref(), fix.nodes.as_deref(), &key);
-        fixes.push((body, nodes));
+        let nodes = finder.selected(mesh, &fix.on, &key);
+        let dimension = scene.bodies[body].dimension();
+        match directions::directions(fix, mesh, dimension, &nodes) {
+            Ok(directions) => fixes.push(LoadedFix { body, nodes, directions }),
+            Err((part, message)) => finder.say(format!("{key}.{part}"), message),
+        }
     }
-    let mut probes = Vec::new();
+    let (mut probes, mut region_probes) = (Vec::new(), Vec::new());
     for (i, probe) in scene.probes.iter().enumerate() {
-        probes.extend(finder.node(&probe.body, probe.point, probe.node, &format!("probe[{i}]")));
+        let key = format!("probe[{i}]");
+        if probe.is_node() {
+            probes.extend(finder.node(&probe.body, probe.point, probe.node, &key));
+        } else if let Some((body, mesh)) = finder.mesh(&probe.body) {
+            let materials = finder.bodies[body].as_ref().map_or(&[][..], |loaded| &loaded.materials);
+            match RegionProbe::new(probe, body, (mesh, scene.bodies[body].dimension()), materials) {
+                Ok(found) => region_probes.push(found),
+                Err((part, message)) => finder.say(format!("{key}.{part}"), message),
+            }
+        }
+    }
+    let mut periodics = Vec::new();
+    for (i, periodic) in scene.periodics.iter().enumerate() {
+        let Some((body, mesh)) = finder.mesh(&periodic.body) else { continue };
+        match periodic::partners(periodic, mesh) {
+            Ok(pairs) => periodics.push((body, pairs)),
+            Err((part, message)) if part.is_empty() => finder.say(format!("periodic[{i}]"), message),
+            Err((part, message)) => finder.say(format!("periodic[{i}].{part}"), message),
+        }
     }
     let mut strikes = Vec::new();
     for (i, strike) in scene.strikes.iter().enumerate() {
         let Some((body, mesh)) = finder.mesh(&strike.body) else { continue };
-        strikes.push((body, finder.region(mesh, &strike.region, format!("strike[{i}].region"))));
+        strikes.push((body, finder.selected(mesh, &strike.on, &format!("strike[{i}]"))));
     }
     let mut springs = Vec::new();
     for (i, spring) in scene.springs.iter().enumerate() {
@@ -94,6 +129,8 @@ pub(super) fn load(scene: &Scene) -> (Loaded, Vec<Problem>) {
             bodies: bodies.into_iter().flatten().collect(),
             fixes,
             probes,
+            region_probes,
+            periodics,
             strikes,
             springs,
             held,
@@ -110,7 +147,7 @@ fn load_body(
     problems: &mut Vec<Problem>,
 ) -> Option<LoadedBody> {
     let key = format!("body[{index}]");
-    if body.refine.is_some_and(|times| times > MOST_REFINED) {
+    if body.refine.as_ref().is_some_and(|refine| refine.levels() > MOST_REFINED) {
         // The checks of the scene have said so.
         return None;
     }
@@ -153,14 +190,27 @@ fn load_body(
     if body.order == Some(2) {
         read = on(read, Mesh::lifted);
     }
-    for _ in 0..body.refine.unwrap_or(0) {
+    let times = body.refine.as_ref().map_or(0, Refine::levels);
+    for _ in 0..times {
         if read.pattern.is_some() {
             let message =
-                "a sheet cut from a flat pattern of texture coordinates cannot be refined; take it out";
+                "a sheet cut from a flat pattern of texture coordinates cannot be refined; remove this key";
             problems.push(Problem::new(format!("{key}.refine"), message));
             return None;
         }
-        read = on(read, Mesh::refined);
+        match &body.refine {
+            Some(Refine::Along(RefineAlong { axes, .. })) => {
+                let axes: Vec<usize> = axes.iter().map(|&axis| axis as usize).collect();
+                match read.mesh.refined_along(&axes) {
+                    Ok(finer) => read = on(read, |_| finer),
+                    Err(error) => {
+                        problems.push(Problem::new(format!("{key}.refine"), error.to_string()));
+                        return None;
+                    }
+                }
+            }
+            _ => read = on(read, Mesh::refined),
+        }
     }
     if body.locking != LockingCure::None {
         let solids = read.mesh.blocks.iter().filter(|block| block.kind.dimension() == 3);
@@ -185,7 +235,7 @@ fn load_body(
 }
 
 /// A body on a finer mesh.
-fn on(read: Imported, make: impl Fn(&Mesh) -> FinerMesh) -> Imported {
+fn on(read: Imported, make: impl FnOnce(&Mesh) -> FinerMesh) -> Imported {
     let finer = make(&read.mesh);
     let carry = |values: Option<Vec<f64>>| values.map(|values| finer.interpolate(&values));
     let mut fields = read.fields;
@@ -270,33 +320,23 @@ impl<'a> Finder<'a> {
         self.bodies[body].as_ref().map(|loaded| (body, &loaded.read.mesh))
     }
 
-    /// The nodes of a region, in a box, or of a list.
-    fn selected(
-        &mut self,
-        mesh: &Mesh,
-        region: Option<&str>,
-        within: Option<&BoxRegion>,
-        nodes: Option<&[usize]>,
-        key: &str,
-    ) -> Vec<u32> {
-        match (region, within) {
-            (Some(region), _) => self.region(mesh, region, format!("{key}.region")),
-            (None, Some(within)) => self.within(mesh, within, format!("{key}.box")),
-            (None, None) => self.listed(mesh, nodes.unwrap_or_default(), format!("{key}.nodes")),
-        }
+    /// The nodes of a selection; none where that is wrong, which is then said.
+    fn selected(&mut self, mesh: &Mesh, on: &Selection, key: &str) -> Vec<u32> {
+        select::nodes(mesh, on).unwrap_or_else(|(part, message)| {
+            self.say(format!("{key}.{part}"), message);
+            Vec::new()
+        })
     }
 
     /// Number of the body whose nodes a rigid body holds, and the nodes.
     fn held(&mut self, attach: &Attach, name: &str) -> Option<(usize, Vec<u32>)> {
         let (body, mesh) = self.mesh(&attach.body)?;
-        let (region, within) = (attach.region.as_deref(), attach.within.as_ref());
-        Some((body, self.selected(mesh, region, within, attach.nodes.as_deref(), name)))
+        Some((body, self.selected(mesh, &attach.on, name)))
     }
 
     fn attachment(&mut self, attach: &Attach, name: String) -> Option<TieSet> {
         let (body, mesh) = self.mesh(&attach.body)?;
-        let (region, within) = (attach.region.as_deref(), attach.within.as_ref());
-        let nodes = self.selected(mesh, region, within, attach.nodes.as_deref(), &name);
+        let nodes = self.selected(mesh, &attach.on, &name);
         let bodies = self.bodies;
         let own = bodies[body].as_ref()?;
         let Some(to) = &attach.to else {
@@ -340,29 +380,11 @@ impl<'a> Finder<'a> {
         }
     }
 
-    fn region(&mut self, mesh: &Mesh, region: &str, key: String) -> Vec<u32> {
-        mesh.region_nodes(region).unwrap_or_else(|error| {
-            self.say(key, error.to_string());
+    fn listed(&mut self, mesh: &Mesh, nodes: &[usize], key: String) -> Vec<u32> {
+        select::listed_nodes(mesh, nodes).unwrap_or_else(|message| {
+            self.say(key, message);
             Vec::new()
         })
-    }
-
-    fn within(&mut self, mesh: &Mesh, within: &BoxRegion, key: String) -> Vec<u32> {
-        let nodes = mesh.nodes_in_box(within.min, within.max);
-        if nodes.is_empty() {
-            let (min, max) = bounds(mesh);
-            self.say(key, format!("no node is in this box; the body lies in {min:?} to {max:?} m"));
-        }
-        nodes
-    }
-
-    fn listed(&mut self, mesh: &Mesh, nodes: &[usize], key: String) -> Vec<u32> {
-        let count = mesh.points.len();
-        if let Some(node) = nodes.iter().find(|&&node| node >= count) {
-            self.say(key, format!("there is no node {node}; the body has nodes 0 to {}", count - 1));
-            return Vec::new();
-        }
-        nodes.iter().map(|&node| node as u32).collect()
     }
 
     fn node(
@@ -387,17 +409,4 @@ impl<'a> Finder<'a> {
             None => end.point.map(End::Place),
         }
     }
-}
-
-/// Least and greatest coordinates of a mesh, m.
-fn bounds(mesh: &Mesh) -> ([f64; 3], [f64; 3]) {
-    let mut min = [f64::INFINITY; 3];
-    let mut max = [f64::NEG_INFINITY; 3];
-    for x in &mesh.points {
-        for k in 0..3 {
-            min[k] = min[k].min(x[k]);
-            max[k] = max[k].max(x[k]);
-        }
-    }
-    (min, max)
 }

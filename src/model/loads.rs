@@ -1,13 +1,18 @@
 //! From the loads and the damping of a scene to potentials and forces. It must not know how they are
 //! summed.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use vi_core::{Force, Potential};
-use vi_fem::{DeadLoad, MassDamping, Mesh, Pressure, Surface, Viscosity, kelvin_voigt, pressure};
+use vi_fem::{
+    DeadLoad, FemError, MassDamping, Mesh, Pressure, Resultant, Sheet, Surface, Viscosity, kelvin_voigt,
+    pressure,
+};
 
-use super::BodyModel;
-use crate::scene::{Body, Damping, Fix, Load, Substance, field};
+use super::{BodyModel, select};
+use crate::mesh_import::Imported;
+use crate::scene::{Body, Damping, Fix, HeldAxis, Load, Selection, Substance, field};
 
 /// What a load or damping adds to a component.
 #[derive(Default)]
@@ -16,34 +21,67 @@ pub(super) struct Added {
     pub(super) forces: Vec<Arc<dyn Force>>,
 }
 
-/// A load on a body, which comes with its mesh in the numbering of the component; `fixes` are those of the body
-/// with their nodes.
+/// The body that a load acts on.
+pub(super) struct Target<'a> {
+    pub(super) body: &'a BodyModel,
+    pub(super) of_scene: &'a Body,
+    /// Its mesh in the numbering of the component.
+    pub(super) read: &'a Imported,
+}
+
+impl Target<'_> {
+    /// The selected surface, in the numbering of the component.
+    fn surface(&self, on: &Selection) -> Result<Surface, Problem> {
+        let surface = select::surface(&self.body.mesh, self.of_scene.dimension(), on)?;
+        Ok(surface.renumbered(|node| self.body.numbering.of(node)))
+    }
+}
+
+/// What is wrong with a load, and in which of its keys.
+type Problem = (&'static str, String);
+
+/// A load on a body; `fixes` are those of the body with their nodes.
+///
+/// # Errors
+/// What is wrong, with the key.
 pub(super) fn load(
     load: &Load,
     index: usize,
-    (body, mesh): (&BodyModel, &Mesh),
+    target: &Target,
     fixes: &[(&Fix, &[u32])],
-) -> Result<Added, String> {
+) -> Result<Added, Problem> {
+    let (body, mesh) = (target.body, &target.read.mesh);
     let offset = body.node_offset;
-    let text = |error: vi_fem::FemError| error.to_string();
+    let text = |error: vi_fem::FemError| ("", error.to_string());
     let mut added = Added::default();
     match load {
-        Load::Traction { region, traction, amplitude, .. } => {
+        Load::Traction { on, traction, amplitude, .. } => {
             let name = format!("load[{index}]: traction");
-            let surface = Surface::of_region(mesh, region).map_err(text)?;
+            let surface = target.surface(on)?;
             let traction = field(traction).map_err(text)?;
             let term = DeadLoad::traction(mesh, &surface, &traction, amplitude.clone(), offset, &name);
             added.potentials.push(Box::new(term.map_err(text)?));
         }
-        Load::Pressure { region, pressure: value, amplitude, .. } => {
+        Load::Force { on, force, moment, about, amplitude, .. } => {
+            let name = format!("load[{index}]: force");
+            // In the numbering of the file, as the nodes of the load are named there.
+            let spread = select::spread(&body.mesh, target.of_scene.dimension(), on)?;
+            let spread = spread.renumbered(|node| body.numbering.of(node));
+            let resultant = Resultant { force: *force, moment: *moment, about: *about };
+            let term = DeadLoad::resultant_on(mesh, &spread, &resultant, amplitude.clone(), offset, &name);
+            added.potentials.push(Box::new(term.map_err(|error| ("moment", error.to_string()))?));
+        }
+        Load::Pressure { on, pressure: value, amplitude, .. } => {
             let name = format!("load[{index}]: pressure");
-            let surface = Surface::of_region(mesh, region).map_err(text)?;
+            let surface = target.surface(on)?;
             // Prescribed nodes that move do not keep the potential.
             let mut fixed = vec![[false; 3]; mesh.points.len()];
             for (fix, nodes) in fixes.iter().filter(|(fix, _)| fix.motion.is_none()) {
                 for &node in *nodes {
-                    for &axis in &fix.axes {
-                        fixed[body.numbering.of(node) as usize][axis as usize] = true;
+                    for axis in &fix.axes {
+                        if let HeldAxis::Space(axis) = axis {
+                            fixed[body.numbering.of(node) as usize][*axis as usize] = true;
+                        }
                     }
                 }
             }
@@ -56,7 +94,10 @@ pub(super) fn load(
         Load::Point { point, node, force, amplitude, .. } => {
             let name = format!("load[{index}]: point");
             let nearest = || point.and_then(|point| body.mesh.nearest_node(point));
-            let node = node.map(|node| node as u32).or_else(nearest).ok_or("the body has no nodes")?;
+            let node = node
+                .map(|node| node as u32)
+                .or_else(nearest)
+                .ok_or(("", "the body has no nodes".to_owned()))?;
             let node = body.numbering.of(node);
             let term = DeadLoad::points(mesh, &[(node, *force)], amplitude.clone(), offset, &name);
             added.potentials.push(Box::new(term.map_err(text)?));
@@ -67,12 +108,39 @@ pub(super) fn load(
                 Some(region) => mesh.region(region).map_err(text)?.elements.clone(),
                 None => body.materials.iter().flatten().copied().collect(),
             };
-            let force = field(force).map_err(text)?;
-            let term = DeadLoad::body_force(mesh, &elements, &force, amplitude.clone(), offset, &name);
-            added.potentials.push(Box::new(term.map_err(text)?));
+            let field = field(force).map_err(|error| ("force", error.to_string()))?;
+            let amplitude = amplitude.clone();
+            let term = if target.of_scene.dimension() == 3 {
+                DeadLoad::body_force(mesh, &elements, &field, amplitude, offset, &name)
+            } else {
+                let volumes = sheet_volumes(target, &elements).map_err(text)?;
+                DeadLoad::body_force_on_sheet(mesh, &volumes, &field, amplitude, offset, &name)
+            };
+            added.potentials.push(Box::new(term.map_err(|error| ("region", error.to_string()))?));
         }
     }
     Ok(added)
+}
+
+/// The volumes at rest of those triangles of a sheet that are among `elements`, m³.
+fn sheet_volumes(target: &Target, elements: &[u32]) -> Result<Vec<(u32, f64)>, FemError> {
+    let Target { body, of_scene, read } = target;
+    let mut volumes = Vec::new();
+    for (entry, own) in of_scene.material.0.iter().zip(&body.materials) {
+        let Substance::Sheet(law) = &entry.law else { continue };
+        let sheet = Sheet {
+            pattern: read.pattern.as_deref(),
+            fields: &read.fields,
+            ..Sheet::new(&read.mesh, own, law, body.node_offset, &body.name)
+        };
+        volumes.extend(sheet.volumes()?);
+    }
+    let wanted: HashSet<u32> = elements.iter().copied().collect();
+    volumes.retain(|(cell, _)| wanted.contains(cell));
+    match volumes.is_empty() {
+        true => Err(FemError::NoElements { dimension: 2 }),
+        false => Ok(volumes),
+    }
 }
 
 /// Damping of a body, which comes with its mesh in the numbering of the component; its nodes have these masses (kg).

@@ -9,9 +9,9 @@ use vi_fem::{Mesh, Wind};
 use super::load::LoadedBody;
 use crate::scene::Scene;
 
-/// The edges of the boundary of triangles whose nodes are both in one of `clamps`, ascending.
-pub(super) fn clamped(mesh: &Mesh, elements: &[u32], clamps: &[HashSet<u32>]) -> Vec<[u32; 2]> {
-    if clamps.is_empty() {
+/// The edges of the boundary of triangles whose nodes are both in one of these sets, ascending.
+pub(super) fn edges_between(mesh: &Mesh, elements: &[u32], sets: &[HashSet<u32>]) -> Vec<[u32; 2]> {
+    if sets.is_empty() {
         return Vec::new();
     }
     let mut sides: HashMap<[u32; 2], usize> = HashMap::new();
@@ -21,7 +21,7 @@ pub(super) fn clamped(mesh: &Mesh, elements: &[u32], clamps: &[HashSet<u32>]) ->
             *sides.entry([p.min(q), p.max(q)]).or_default() += 1;
         }
     }
-    let is_held = |edge: &[u32; 2]| clamps.iter().any(|nodes| edge.iter().all(|node| nodes.contains(node)));
+    let is_held = |edge: &[u32; 2]| sets.iter().any(|nodes| edge.iter().all(|node| nodes.contains(node)));
     let mut edges: Vec<[u32; 2]> = sides
         .into_iter()
         .filter(|(edge, count)| *count == 1 && is_held(edge))

@@ -2,7 +2,7 @@
 
 use vi_fem::{BoxMesh, ElementKind, SheetMesh, SheetPattern};
 
-use crate::scene::{Body, Problem};
+use crate::scene::{Body, Problem, Refine, RefineAlong};
 
 /// Bytes for each node of each element: its number in the mesh, the shape of the element at rest, forces, and the maps
 /// that add them up. A run of a million linear tetrahedra takes 354 bytes a tetrahedron at its peak
@@ -39,8 +39,13 @@ impl Budget {
         index: usize,
         in_file: &[(ElementKind, usize)],
     ) -> Result<(), Problem> {
-        let refined = if body.dimension() == 3 { 8.0_f64 } else { 4.0 };
-        let refined = refined.powi(body.refine.unwrap_or(0) as i32);
+        let refined = match &body.refine {
+            Some(Refine::Along(RefineAlong { axes, .. })) => 2.0_f64.powi(axes.len() as i32),
+            _ if body.dimension() == 3 => 8.0,
+            _ => 4.0,
+        };
+        let times = body.refine.as_ref().map_or(0, Refine::levels);
+        let refined = refined.powi(times as i32);
         let made = generated(body);
         let counts = in_file.iter().map(|&(kind, count)| (kind, count as f64)).chain(made);
         let (mut elements, mut bytes) = (0.0, 0.0);
@@ -52,7 +57,7 @@ impl Budget {
         if self.left >= 0.0 && elements <= MOST_ELEMENTS {
             return Ok(());
         }
-        let key = match (body.refine.unwrap_or(0), &body.box_shape, &body.sheet) {
+        let key = match (times, &body.box_shape, &body.sheet) {
             (0, Some(_), _) => "box.cells",
             (0, _, Some(_)) => "sheet.cells",
             (0, ..) => "mesh",
@@ -131,6 +136,7 @@ mod tests {
             r#""box": { "size": [1, 1, 1], "cells": [3, 2, 1], "element": "wedge6" }, "order": 2"#,
             r#""box": { "size": [1, 1, 1], "cells": [3, 2, 1], "element": "hex8" }, "order": 2, "refine": 2"#,
             r#""box": { "size": [1, 1, 1], "cells": [3, 2, 1], "element": "hex27" }"#,
+            r#""box": { "size": [1, 1, 1], "cells": [3, 2, 1], "element": "hex8" }, "refine": { "axes": ["x", "y"], "levels": 2 }"#,
             r#""sheet": { "size": [1, 1], "cells": [5, 3], "pattern": "cross" }, "refine": 2"#,
             r#""sheet": { "size": [1, 1], "cells": [5, 3] }"#,
         ] {

@@ -101,7 +101,7 @@ impl Run {
         }
         let estimates = run.estimator.as_mut().and_then(|estimator| estimator.compare(0, &first.probes));
         run.history
-            .write(&first, RowWork::default(), estimates.as_deref())
+            .write(&first, &run.simulation.measures(), RowWork::default(), estimates.as_deref())
             .map_err(RunError::output(&path))?;
         run.estimates = estimates.unwrap_or_default();
         run.extremes.enter(&first);
@@ -178,7 +178,7 @@ impl Run {
         let run = Self {
             ledger: EnergyLedger::new(first.total(), first.kinetic),
             momentum: MomentumLedger::new(&simulation, &first),
-            pitch: PitchFinder::new(&scene.probes, &first),
+            pitch: PitchFinder::new(scene.node_probes(), &first),
             guard: EnergyGuard::new(
                 rule,
                 stride,
@@ -368,7 +368,9 @@ impl Run {
         self.row = steps;
         let estimates = self.estimator.as_mut().and_then(|estimator| estimator.compare(steps, &seen.probes));
         self.report.estimating_seconds += begin.elapsed().as_secs_f64();
-        let result = self.history.write(seen, std::mem::take(&mut self.work), estimates.as_deref());
+        let measures = self.simulation.measures();
+        let result =
+            self.history.write(seen, &measures, std::mem::take(&mut self.work), estimates.as_deref());
         if let Some(estimates) = estimates {
             self.estimates = estimates;
         }

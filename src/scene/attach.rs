@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vi_fem::Motion;
 
-use super::BoxRegion;
+use super::Selection;
 
 /// `[[attach]]`: nodes of a body held, each to the nearest point of another body's surface, or to the place
 /// where it starts, which may move. With `stiffness` by springs, V = ½ k (|x − y| − L)² a node; without it
@@ -14,15 +14,9 @@ use super::BoxRegion;
 pub struct Attach {
     /// The body whose nodes are attached.
     pub body: String,
-    /// A named region of its mesh …
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub region: Option<String>,
-    /// … or the nodes in a box …
-    #[serde(rename = "box", default, skip_serializing_if = "Option::is_none")]
-    pub within: Option<BoxRegion>,
-    /// … or a list of nodes, from 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub nodes: Option<Vec<usize>>,
+    /// Its nodes.
+    #[serde(flatten)]
+    pub on: Selection,
     /// The body whose surface holds them; without it, they are held in space.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to: Option<String>,
@@ -49,10 +43,7 @@ impl Attach {
             let message = "missing key: places in space hold by springs; for exact places take [[fix]]";
             problems.push(("stiffness", message.to_owned()));
         }
-        let given = [self.region.is_some(), self.within.is_some(), self.nodes.is_some()];
-        if given.iter().filter(|given| **given).count() != 1 {
-            problems.push(("", "give one of `region`, `box`, `nodes`".to_owned()));
-        }
+        problems.extend(self.on.problems());
         if self.to.as_ref() == Some(&self.body) {
             problems.push(("to", "a body cannot be attached to itself; sew it with [[seam]]".to_owned()));
         }
@@ -147,5 +138,31 @@ impl Seam {
             _ => problems.push(("", "give `region` and `to_region`, or `nodes` and `to_nodes`".to_owned())),
         }
         problems
+    }
+}
+
+/// `[[periodic]]`: two parts of a body that move alike, as if copies of it lay side by side: each node of `to` has
+/// the displacement of its partner in `from`. The parts are the same nodes but for a translation; node by node the
+/// forces on both sides add up, and nothing holds their common motion.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Periodic {
+    /// The body.
+    pub body: String,
+    /// The one part.
+    pub from: Selection,
+    /// The other part: the same nodes, translated.
+    pub to: Selection,
+}
+
+impl Periodic {
+    /// What is wrong with its values, each with the key within it.
+    pub(super) fn problems(&self) -> Vec<(String, String)> {
+        let keyed = |side: &str, (key, message): (&str, String)| match key {
+            "" => (side.to_owned(), message),
+            _ => (format!("{side}.{key}"), message),
+        };
+        let from = self.from.problems().into_iter().map(|problem| keyed("from", problem));
+        from.chain(self.to.problems().into_iter().map(|problem| keyed("to", problem))).collect()
     }
 }

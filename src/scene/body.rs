@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use vi_fem::{BoxMesh, LockingCure, Motion, SheetMesh};
+use vi_fem::{BoxMesh, LockingCure, SheetMesh};
 
-use super::{MaterialEntry, Materials, Substance};
+use super::{FieldComponent, MaterialEntry, Materials, Selection, Substance};
 
 /// `[[body]]`: a deformable body from a mesh file or a generated shape.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -39,10 +39,11 @@ pub struct Body {
     /// but where the mesh has curved ones; elements that are quadratic stay as they are (default 1: as the mesh is).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub order: Option<u8>,
-    /// Halve every element so many times (0 to 6; default 0): 8 small ones a volume, 4 a triangle. Nodes keep
-    /// their numbers, regions what they cover.
+    /// Halve every element so many times (0 to 6; default 0): 8 small ones per volume, 4 per triangle. With
+    /// `{ axes = ["x", "y"], levels = 2 }` along these axes alone. Nodes keep their numbers, regions what they
+    /// cover.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub refine: Option<u32>,
+    pub refine: Option<Refine>,
     /// Cure of a solid's locking near incompressibility (default none). `mean-dilation` gives each element one
     /// volume ratio, for hex8 and wedge6 with ν towards ½; tet4 has no use of it.
     #[serde(default, skip_serializing_if = "Body::is_plain")]
@@ -59,9 +60,14 @@ pub struct Body {
     /// Translation of the mesh after scaling, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub translate: Option<[f64; 3]>,
-    /// Initial velocity, m/s.
+    /// Initial displacement, m: numbers, or formulas of x y z, the position at rest (m). It adds to that of the
+    /// mesh file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub velocity: Option<[f64; 3]>,
+    pub displacement: Option<[FieldComponent; 3]>,
+    /// Initial velocity, m/s: numbers, or formulas of x y z, the position at rest (m). It adds to that of the mesh
+    /// file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub velocity: Option<[FieldComponent; 3]>,
     /// Initial angular velocity about the centre of mass, rad/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub angular_velocity: Option<[f64; 3]>,
@@ -77,6 +83,45 @@ pub enum RestShape {
     /// from, one chart or several: without stress in that shape. Else the lengths of the mesh are kept, and
     /// only bending takes the sheet as flat.
     Flat,
+}
+
+/// How a mesh is refined.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Refine {
+    /// Halve every element so many times.
+    Levels(u32),
+    /// Halve it along some axes alone.
+    Along(RefineAlong),
+}
+
+/// Refinement that keeps the layers of a body of hexahedra or wedges extruded along an axis.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RefineAlong {
+    /// The axes of space along which elements are halved, one or two: the body is extruded along the third, or
+    /// along this one. Each edge of an element runs along the axis of extrusion or across it.
+    pub axes: Vec<Axis>,
+    /// How many times (0 to 6).
+    pub levels: u32,
+}
+
+impl Refine {
+    /// How many times elements are halved.
+    pub fn levels(&self) -> u32 {
+        match self {
+            Self::Levels(levels) | Self::Along(RefineAlong { levels, .. }) => *levels,
+        }
+    }
+
+    /// The same with another number of times.
+    #[must_use]
+    pub fn with_levels(mut self, new: u32) -> Self {
+        match &mut self {
+            Self::Levels(levels) | Self::Along(RefineAlong { levels, .. }) => *levels = new,
+        }
+        self
+    }
 }
 
 /// How often elements may be halved.
@@ -99,6 +144,7 @@ impl Body {
             uv_scale: None,
             scale: None,
             translate: None,
+            displacement: None,
             velocity: None,
             angular_velocity: None,
         }
@@ -135,7 +181,14 @@ impl Body {
 
     /// Halves every element so many times.
     pub fn refine(mut self, times: u32) -> Self {
-        self.refine = Some(times);
+        self.refine = Some(Refine::Levels(times));
+        self
+    }
+
+    /// Halves every element so many times along some axes alone: a body of hexahedra or wedges extruded along the
+    /// others keeps its layers.
+    pub fn refine_along(mut self, axes: &[Axis], levels: u32) -> Self {
+        self.refine = Some(Refine::Along(RefineAlong { axes: axes.to_vec(), levels }));
         self
     }
 
@@ -152,7 +205,7 @@ impl Body {
 
     /// Sets the initial velocity, m/s.
     pub fn velocity(mut self, velocity: [f64; 3]) -> Self {
-        self.velocity = Some(velocity);
+        self.velocity = Some(velocity.map(FieldComponent::Number));
         self
     }
 
@@ -179,93 +232,6 @@ pub enum Axis {
     Y,
     /// Third.
     Z,
-}
-
-/// An axis-aligned box in space that selects the nodes at rest inside it, borders included.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct BoxRegion {
-    /// Least coordinates, m.
-    pub min: [f64; 3],
-    /// Greatest coordinates, m.
-    pub max: [f64; 3],
-}
-
-/// `[[fix]]`: nodes whose coordinates are prescribed: held where they start, or moved on a path.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Fix {
-    /// The body.
-    pub body: String,
-    /// A named region of its mesh …
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub region: Option<String>,
-    /// … or the nodes in a box …
-    #[serde(rename = "box", default, skip_serializing_if = "Option::is_none")]
-    pub within: Option<BoxRegion>,
-    /// … or a list of nodes, from 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub nodes: Option<Vec<usize>>,
-    /// Which coordinates (default: all).
-    #[serde(default = "Fix::all_axes")]
-    pub axes: Vec<Axis>,
-    /// How they move (default: not at all).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub motion: Option<Motion>,
-    /// Clamp a sheet: hold the normal of the edges of its boundary between these nodes as it is in the mesh.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub rotation: bool,
-}
-
-impl Fix {
-    fn all_axes() -> Vec<Axis> {
-        vec![Axis::X, Axis::Y, Axis::Z]
-    }
-
-    fn new(body: impl Into<String>) -> Self {
-        Self {
-            body: body.into(),
-            region: None,
-            within: None,
-            nodes: None,
-            axes: Self::all_axes(),
-            motion: None,
-            rotation: false,
-        }
-    }
-
-    /// Holds a region.
-    pub fn region(body: impl Into<String>, region: impl Into<String>) -> Self {
-        Self { region: Some(region.into()), ..Self::new(body) }
-    }
-
-    /// Holds the nodes at rest in a box.
-    pub fn within(body: impl Into<String>, min: [f64; 3], max: [f64; 3]) -> Self {
-        Self { within: Some(BoxRegion { min, max }), ..Self::new(body) }
-    }
-
-    /// Holds a list of nodes, from 0.
-    pub fn nodes(body: impl Into<String>, nodes: Vec<usize>) -> Self {
-        Self { nodes: Some(nodes), ..Self::new(body) }
-    }
-
-    /// Holds only these axes.
-    pub fn axes(mut self, axes: &[Axis]) -> Self {
-        self.axes = axes.to_vec();
-        self
-    }
-
-    /// Moves them on a path.
-    pub fn motion(mut self, motion: Motion) -> Self {
-        self.motion = Some(motion);
-        self
-    }
-
-    /// Clamps a sheet: holds the normal of the edges of its boundary between these nodes.
-    pub fn rotation(mut self) -> Self {
-        self.rotation = true;
-        self
-    }
 }
 
 /// One end of a spring.
@@ -304,39 +270,9 @@ pub struct Spring {
 pub struct Strike {
     /// The body.
     pub body: String,
-    /// A named region of its mesh.
-    pub region: String,
+    /// Its nodes.
+    #[serde(flatten)]
+    pub on: Selection,
     /// Impulse, N s.
     pub impulse: [f64; 3],
-}
-
-/// `[[probe]]`: a node whose position and displacement go to history.csv.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Probe {
-    /// Prefix of its columns: name.x name.y name.z (position, m), name.ux name.uy name.uz (displacement, m).
-    pub name: String,
-    /// The body.
-    pub body: String,
-    /// The node nearest to this point at rest, m …
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub point: Option<[f64; 3]>,
-    /// … or a node, from 0.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub node: Option<usize>,
-    /// Find the pitch (frequency of the strongest oscillation, Hz) of this axis' displacement.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub pitch: Option<Axis>,
-}
-
-impl Probe {
-    /// The node nearest to a point at rest, m.
-    pub fn at(name: impl Into<String>, body: impl Into<String>, point: [f64; 3]) -> Self {
-        Self { name: name.into(), body: body.into(), point: Some(point), node: None, pitch: None }
-    }
-
-    /// A node, from 0.
-    pub fn node(name: impl Into<String>, body: impl Into<String>, node: usize) -> Self {
-        Self { name: name.into(), body: body.into(), point: None, node: Some(node), pitch: None }
-    }
 }

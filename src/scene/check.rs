@@ -1,7 +1,6 @@
 //! What is wrong with the values of a scene: everything at once, each with its key and the way out.
 //! It must not read a file; meshes are checked when they are loaded.
 
-use std::cmp::Ordering::{Equal, Less};
 use std::collections::HashSet;
 use std::fmt;
 use std::path::PathBuf;
@@ -9,7 +8,8 @@ use std::path::PathBuf;
 use vi_fem::{LockingCure, Motion};
 
 use super::{
-    Axis, Body, BoxRegion, Control, MOST_REFINED, MassKind, RestShape, Scene, SchemeName, Static, Substance,
+    Body, Control, MOST_REFINED, MassKind, Refine, RefineAlong, RestShape, Scene, SchemeName, Static,
+    Substance,
 };
 
 /// One thing that is wrong with a scene: where, what, and the way out.
@@ -186,12 +186,19 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
     if let Some(scale) = body.scale {
         check.positive(format!("{key}.scale"), scale, "");
     }
-    for (name, value) in [
-        ("translate", body.translate),
-        ("velocity", body.velocity),
-        ("angular_velocity", body.angular_velocity),
-    ] {
+    for (name, value) in [("translate", body.translate), ("angular_velocity", body.angular_velocity)] {
         check.finite(format!("{key}.{name}"), &value.unwrap_or_default());
+    }
+    for (name, components) in [("displacement", &body.displacement), ("velocity", &body.velocity)] {
+        let Some(components) = components else { continue };
+        if let Err(error) = super::field(components) {
+            check.say(format!("{key}.{name}"), error.to_string());
+        }
+        for component in components {
+            if let super::FieldComponent::Number(value) = component {
+                check.finite(format!("{key}.{name}"), &[*value]);
+            }
+        }
     }
     if body.order.is_some_and(|order| !(1..=2).contains(&order)) {
         check.say(format!("{key}.order"), "must be 1 (as the mesh is) or 2 (quadratic elements)");
@@ -199,8 +206,24 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
     if body.order == Some(2) && body.dimension() == 2 {
         check.say(format!("{key}.order"), "sheets are made of linear triangles; take it out");
     }
-    if body.refine.is_some_and(|times| times > MOST_REFINED) {
-        check.say(format!("{key}.refine"), "must be 0 to 6: each time there are 8 times as many elements");
+    if body.refine.as_ref().is_some_and(|refine| refine.levels() > MOST_REFINED) {
+        check.say(
+            format!("{key}.refine"),
+            "must be 0 to 6: each time there are up to 8 times as many elements",
+        );
+    }
+    if let Some(Refine::Along(RefineAlong { axes, .. })) = &body.refine {
+        if !(1..=2).contains(&axes.len()) || axes.len() == 2 && axes[0] == axes[1] {
+            let message =
+                "`axes` must name one or two of \"x\", \"y\", \"z\"; for all three write `refine = 2`";
+            check.say(format!("{key}.refine"), message);
+        }
+        if body.dimension() == 2 {
+            check.say(
+                format!("{key}.refine"),
+                "a sheet has no layers: write the number of times, e.g. `refine = 2`",
+            );
+        }
     }
     if body.locking != LockingCure::None && body.dimension() == 2 {
         check.say(format!("{key}.locking"), "is of solids; take it out");
@@ -318,16 +341,8 @@ fn attachments(check: &mut Checker, scene: &Scene) {
     for (i, fix) in scene.fixes.iter().enumerate() {
         let key = format!("fix[{i}]");
         known(check, format!("{key}.body"), &fix.body);
-        let given =
-            [("region", fix.region.is_some()), ("box", fix.within.is_some()), ("nodes", fix.nodes.is_some())];
-        check.at_most_one_of(&key, &given, true);
-        if fix.axes.is_empty() {
-            check.say(format!("{key}.axes"), "names no axis; take it out to prescribe all three");
-        }
-        for axis in [Axis::X, Axis::Y, Axis::Z] {
-            if fix.axes.iter().filter(|&&a| a == axis).count() > 1 {
-                check.say(format!("{key}.axes"), "names an axis twice");
-            }
+        for (part, message) in fix.problems() {
+            check.say(if part.is_empty() { key.clone() } else { format!("{key}.{part}") }, message);
         }
         let is_sheet = |body: &Body| body.name != fix.body || body.dimension() == 2;
         if fix.rotation && !scene.bodies.iter().all(is_sheet) {
@@ -344,12 +359,6 @@ fn attachments(check: &mut Checker, scene: &Scene) {
         }
         if let Some(Err(error)) = fix.motion.as_ref().map(Motion::check) {
             check.say(format!("{key}.motion"), error.to_string());
-        }
-        let is_empty = |within: &BoxRegion| {
-            (0..3).any(|k| !matches!(within.min[k].partial_cmp(&within.max[k]), Some(Less | Equal)))
-        };
-        if fix.within.as_ref().is_some_and(is_empty) {
-            check.say(format!("{key}.box"), "`min` must not exceed `max`");
         }
     }
     for (i, spring) in scene.springs.iter().enumerate() {
@@ -393,8 +402,17 @@ fn attachments(check: &mut Checker, scene: &Scene) {
             check.say(keyed(format!("seam[{i}]"), part), message);
         }
     }
+    for (i, periodic) in scene.periodics.iter().enumerate() {
+        known(check, format!("periodic[{i}].body"), &periodic.body);
+        for (part, message) in periodic.problems() {
+            check.say(format!("periodic[{i}].{part}"), message);
+        }
+    }
     for (i, strike) in scene.strikes.iter().enumerate() {
         known(check, format!("strike[{i}].body"), &strike.body);
+        for (part, message) in strike.on.problems() {
+            check.say(keyed(format!("strike[{i}]"), part), message);
+        }
         check.finite(format!("strike[{i}].impulse"), &strike.impulse);
     }
     for (i, load) in scene.loads.iter().enumerate() {
@@ -445,8 +463,10 @@ fn attachments(check: &mut Checker, scene: &Scene) {
     for (i, probe) in scene.probes.iter().enumerate() {
         let key = format!("probe[{i}]");
         known(check, format!("{key}.body"), &probe.body);
-        let given = [("point", probe.point.is_some()), ("node", probe.node.is_some())];
-        check.at_most_one_of(&key, &given, true);
+        let is_sheet = |body: &Body| body.name == probe.body && body.dimension() == 2;
+        for (part, message) in probe.problems(scene.bodies.iter().any(is_sheet)) {
+            check.say(keyed(key.clone(), part), message);
+        }
         check.finite(format!("{key}.point"), &probe.point.unwrap_or_default());
     }
 }

@@ -12,11 +12,11 @@ const CONSERVED: [&str; 11] =
 const WORK: [&str; 2] = ["newton_iterations", "substeps"];
 /// Energy of conservative loads other than weight, J.
 const LOAD: &str = "load";
-/// Of a probe: position and displacement, m.
+/// Of a probe at a node: position and displacement, m.
 const PROBE: [&str; 6] = ["x", "y", "z", "ux", "uy", "uz"];
 /// Of a rigid body: its centre, m, and its orientation.
 const RIGID: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
-/// Of a probe: estimated |error| of its displacement, m, and the observed order.
+/// Of a probe at a node: estimated |error| of its displacement, m, and the observed order.
 const ESTIMATE: [&str; 4] = ["ex", "ey", "ez", "order"];
 /// The load factor, where a path of equilibria is followed that finds it.
 const LOAD_FACTOR: &str = "load_factor";
@@ -37,7 +37,7 @@ fn columns(scene: &Scene, has_loads: bool) -> Vec<Column> {
         names.iter().map(|&name| Column { name: name.to_owned(), key: None }).collect()
     };
     let of_probes = |parts: &[&str]| -> Vec<Column> {
-        let probes = scene.probes.iter().enumerate();
+        let probes = scene.probes.iter().enumerate().filter(|(_, probe)| probe.is_node());
         probes.flat_map(|(i, probe)| headed(&probe.name, &format!("probe[{i}].name"), parts)).collect()
     };
     let mut columns = fixed(&CONSERVED);
@@ -48,6 +48,10 @@ fn columns(scene: &Scene, has_loads: bool) -> Vec<Column> {
     }
     for (i, rigid) in scene.rigids.iter().enumerate() {
         columns.extend(headed(&rigid.name, &format!("rigid[{i}].name"), &RIGID));
+    }
+    for (i, probe) in scene.probes.iter().enumerate() {
+        let key = Some(format!("probe[{i}].name"));
+        columns.extend(probe.columns().into_iter().map(|name| Column { name, key: key.clone() }));
     }
     if scene.time.estimate {
         columns.extend(of_probes(&ESTIMATE));

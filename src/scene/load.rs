@@ -4,6 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vi_fem::{Amplitude, FemError, VectorField};
 
+use super::Selection;
+
 /// A component of a field: a number, or a formula of `x y z`, the position at rest (m).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
@@ -23,8 +25,9 @@ pub enum Load {
     Traction {
         /// The body.
         body: String,
-        /// A surface region of its mesh.
-        region: String,
+        /// A part of its surface: a surface region, or the facets whose nodes are all selected.
+        #[serde(flatten)]
+        on: Selection,
         /// Traction, Pa.
         traction: [FieldComponent; 3],
         /// Factor in time (default 1).
@@ -35,8 +38,9 @@ pub enum Load {
     Pressure {
         /// The body.
         body: String,
-        /// A surface region of its mesh.
-        region: String,
+        /// A part of its surface: a surface region, or the facets whose nodes are all selected.
+        #[serde(flatten)]
+        on: Selection,
         /// Pressure, Pa; positive pushes into the body.
         pressure: f64,
         /// Factor in time (default 1).
@@ -59,11 +63,33 @@ pub enum Load {
         #[serde(default)]
         amplitude: Amplitude,
     },
-    /// A dead force per volume at rest.
+    /// A total force and moment on a part of a body's surface, or of a sheet's edge: a dead traction that varies
+    /// linearly over its area (length) at rest and has this force and moment. It keeps its direction, so that the
+    /// moment is that on the body at rest.
+    Force {
+        /// The body.
+        body: String,
+        /// A part of its surface: a surface region, the facets whose nodes are all selected, or a region of curves.
+        #[serde(flatten)]
+        on: Selection,
+        /// Total force, N (default zero).
+        #[serde(default)]
+        force: [f64; 3],
+        /// Moment about the point `about`, N m (default zero).
+        #[serde(default)]
+        moment: [f64; 3],
+        /// The point through which the force acts, m (default: the centroid of the part at rest).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        about: Option<[f64; 3]>,
+        /// Factor in time (default 1).
+        #[serde(default)]
+        amplitude: Amplitude,
+    },
+    /// A dead force per volume at rest; in a sheet, its thickness times its area.
     BodyForce {
         /// The body.
         body: String,
-        /// A volume region of its mesh (default: the whole body).
+        /// A volume region of its mesh, of a sheet a surface region (default: the whole body).
         #[serde(default, skip_serializing_if = "Option::is_none")]
         region: Option<String>,
         /// Force per volume, N/m³.
@@ -81,7 +107,24 @@ impl Load {
             Self::Traction { body, .. }
             | Self::Pressure { body, .. }
             | Self::Point { body, .. }
+            | Self::Force { body, .. }
             | Self::BodyForce { body, .. } => body,
+        }
+    }
+
+    /// The part of the body that it acts on, where it selects one.
+    pub(super) fn selection(&self) -> Option<&Selection> {
+        match self {
+            Self::Traction { on, .. } | Self::Pressure { on, .. } | Self::Force { on, .. } => Some(on),
+            Self::Point { .. } | Self::BodyForce { .. } => None,
+        }
+    }
+
+    /// The same, to be changed.
+    pub(super) fn selection_mut(&mut self) -> Option<&mut Selection> {
+        match self {
+            Self::Traction { on, .. } | Self::Pressure { on, .. } | Self::Force { on, .. } => Some(on),
+            Self::Point { .. } | Self::BodyForce { .. } => None,
         }
     }
 
@@ -90,14 +133,31 @@ impl Load {
         let mut problems = Vec::new();
         let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
         match self {
-            Self::Traction { traction: components, .. } => {
+            Self::Traction { traction: components, on, .. } => {
+                problems.extend(on.problems());
                 problems.extend(field(components).err().map(|error| ("traction", error.to_string())));
             }
             Self::BodyForce { force: components, .. } => {
                 problems.extend(field(components).err().map(|error| ("force", error.to_string())));
             }
-            Self::Pressure { pressure, .. } if !pressure.is_finite() => {
-                problems.push(("pressure", format!("must be finite, is {pressure} Pa")));
+            Self::Pressure { pressure, on, .. } => {
+                problems.extend(on.problems());
+                if !pressure.is_finite() {
+                    problems.push(("pressure", format!("must be finite, is {pressure} Pa")));
+                }
+            }
+            Self::Force { on, force, moment, about, .. } => {
+                problems.extend(on.problems());
+                for (key, value) in
+                    [("force", *force), ("moment", *moment), ("about", about.unwrap_or_default())]
+                {
+                    if !finite(&value) {
+                        problems.push((key, "must be finite".to_owned()));
+                    }
+                }
+                if (*force, *moment) == ([0.0; 3], [0.0; 3]) {
+                    problems.push(("", "missing key: give `force` (N), `moment` (N m), or both".to_owned()));
+                }
             }
             Self::Point { point, node, force, .. } => {
                 if point.is_some() == node.is_some() {
@@ -107,7 +167,6 @@ impl Load {
                     problems.push(("force", "force and point must be finite".to_owned()));
                 }
             }
-            Self::Pressure { .. } => {}
         }
         problems
     }

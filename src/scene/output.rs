@@ -50,6 +50,64 @@ pub enum Field {
 }
 
 impl Field {
+    /// All fields.
+    pub const ALL: &'static [Self] = &[
+        Self::Displacement,
+        Self::Velocity,
+        Self::Acceleration,
+        Self::ExternalForce,
+        Self::ReactionForce,
+        Self::Stress,
+        Self::VonMises,
+        Self::Strain,
+        Self::J,
+        Self::EnergyDensity,
+        Self::NodalStress,
+        Self::NodalVonMises,
+        Self::NodalStrain,
+        Self::NodalJ,
+        Self::NodalEnergyDensity,
+        Self::BodyId,
+        Self::MaterialId,
+    ];
+
+    /// Its name in scenes and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Displacement => "displacement",
+            Self::Velocity => "velocity",
+            Self::Acceleration => "acceleration",
+            Self::ExternalForce => "external_force",
+            Self::ReactionForce => "reaction_force",
+            Self::Stress => "stress",
+            Self::VonMises => "von_mises",
+            Self::Strain => "strain",
+            Self::J => "J",
+            Self::EnergyDensity => "energy_density",
+            Self::NodalStress => "nodal_stress",
+            Self::NodalVonMises => "nodal_von_mises",
+            Self::NodalStrain => "nodal_strain",
+            Self::NodalJ => "nodal_J",
+            Self::NodalEnergyDensity => "nodal_energy_density",
+            Self::BodyId => "body_id",
+            Self::MaterialId => "material_id",
+        }
+    }
+
+    /// Numbers per node or element: 3 of a vector, 9 of a tensor, 0 of what is no quantity (`body_id`).
+    pub fn component_count(self) -> usize {
+        match (self.of_elements(), self) {
+            (Some((field, _)), _) => field.component_count(),
+            (None, Self::BodyId | Self::MaterialId) => 0,
+            (None, _) => 3,
+        }
+    }
+
+    /// Is it a force on nodes, which can be added up?
+    pub fn is_force(self) -> bool {
+        matches!(self, Self::ExternalForce | Self::ReactionForce)
+    }
+
     /// For fields that elements of solids have: which, and whether it is smoothed to the nodes.
     pub fn of_elements(self) -> Option<(ElementField, bool)> {
         Some(match self {

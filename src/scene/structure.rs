@@ -2,10 +2,16 @@
 //! values of the wrong type. It finds all of them in one walk, and it repairs each one, so that the values of
 //! the rest can be checked too. The meaning of values is checked in `check.rs`.
 
+mod repair;
+mod view;
+
 use std::ops::Range;
 
 use serde_json::{Map, Value as Json};
-use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value};
+use toml_edit::{Item, TableLike};
+
+pub(super) use view::span_of;
+use view::{List, View, end_of};
 
 /// A difference between a scene file and the schema.
 pub(super) struct Flaw {
@@ -269,7 +275,8 @@ impl Structure {
             .filter_map(Json::as_str)
             .collect();
         let mut missing: Vec<&str> = required.into_iter().filter(|key| table.get(key).is_none()).collect();
-        let is_closed = shape.schema.get("additionalProperties") == Some(&Json::Bool(false));
+        let forbids = |key: &str| shape.schema.get(key) == Some(&Json::Bool(false));
+        let is_closed = forbids("additionalProperties") || forbids("unevaluatedProperties");
         for (name, item) in table.iter() {
             let span = table.key(name).and_then(|key| key.span()).unwrap_or(place.offset..place.offset);
             let end = end_of(item).unwrap_or(span.end);
@@ -392,95 +399,6 @@ impl Place {
     }
 }
 
-/// A value of the file as the walk sees it.
-#[derive(Clone)]
-enum View<'a> {
-    Table(&'a dyn TableLike),
-    Array(List<'a>),
-    Text(&'a str),
-    Integer(i64),
-    Float,
-    Boolean,
-    Date,
-}
-
-impl<'a> View<'a> {
-    fn of_item(item: &'a Item) -> Self {
-        match item {
-            Item::Value(value) => Self::of_value(value),
-            Item::Table(table) => Self::Table(table),
-            Item::ArrayOfTables(tables) => Self::Array(List::Tables(tables)),
-            Item::None => Self::Text(""),
-        }
-    }
-
-    fn of_value(value: &'a Value) -> Self {
-        match value {
-            Value::String(text) => Self::Text(text.value()),
-            Value::Integer(value) => Self::Integer(*value.value()),
-            Value::Float(_) => Self::Float,
-            Value::Boolean(_) => Self::Boolean,
-            Value::Datetime(_) => Self::Date,
-            Value::Array(values) => Self::Array(List::Values(values)),
-            Value::InlineTable(table) => Self::Table(table),
-        }
-    }
-
-    fn words(&self) -> &'static str {
-        match self {
-            Self::Table(_) => "a table",
-            Self::Array(_) => "a list",
-            Self::Text(_) => "a string",
-            Self::Integer(_) => "a whole number",
-            Self::Float => "a number",
-            Self::Boolean => "true or false",
-            Self::Date => "a date",
-        }
-    }
-}
-
-/// A list of the file. Nothing is made of all its elements: it may be asked for one of thousands.
-#[derive(Clone, Copy)]
-enum List<'a> {
-    Tables(&'a ArrayOfTables),
-    Values(&'a Array),
-}
-
-impl<'a> List<'a> {
-    fn len(self) -> usize {
-        match self {
-            Self::Tables(tables) => tables.len(),
-            Self::Values(values) => values.len(),
-        }
-    }
-
-    /// An element, and where it stands.
-    fn get(self, index: usize) -> Option<(View<'a>, Range<usize>)> {
-        match self {
-            Self::Tables(tables) => tables.get(index).map(|table| (View::Table(table), span_of_table(table))),
-            Self::Values(values) => {
-                values.get(index).map(|value| (View::of_value(value), value.span().unwrap_or_default()))
-            }
-        }
-    }
-}
-
-/// From the header of a table to the end of its last entry.
-fn span_of_table(table: &Table) -> Range<usize> {
-    let header = table.span().unwrap_or_default();
-    let ends = table.iter().filter_map(|(_, item)| end_of(item));
-    header.start..ends.fold(header.end, usize::max)
-}
-
-fn end_of(item: &Item) -> Option<usize> {
-    match item {
-        Item::Value(value) => Some(value.span()?.end),
-        Item::Table(table) => Some(span_of_table(table).end),
-        Item::ArrayOfTables(tables) => Some(span_of_table(tables.iter().last()?).end),
-        Item::None => None,
-    }
-}
-
 fn is_of_type(schema: &Json, name: &str) -> bool {
     match schema.get("type") {
         Some(Json::String(only)) => only == name,
@@ -523,138 +441,4 @@ fn suggestion(name: &str, known: &[&str], open: &str, close: &str) -> String {
 fn list(names: &[&str], open: &str, close: &str) -> String {
     let quoted: Vec<String> = names.iter().map(|name| format!("{open}{name}{close}")).collect();
     quoted.join(", ")
-}
-
-impl Flaw {
-    /// Changes the file so that the flaw is gone. What cannot be changed stays.
-    pub(super) fn repair(&self, document: &mut DocumentMut) {
-        let mut steps = steps(&self.repaired);
-        let Some(last) = steps.pop() else { return };
-        let mut spot = Spot::Item(document.as_item_mut());
-        for step in steps {
-            let Some(next) = spot.enter(&step) else { return };
-            spot = next;
-        }
-        spot.change(&last, &self.repair);
-    }
-}
-
-/// A part of a key.
-enum Step<'a> {
-    Key(&'a str),
-    Index(usize),
-}
-
-/// `body[0].name` as its parts.
-fn steps(key: &str) -> Vec<Step<'_>> {
-    let mut steps = Vec::new();
-    for part in key.split('.') {
-        let mut pieces = part.split('[');
-        steps.extend(pieces.next().map(Step::Key));
-        steps.extend(pieces.filter_map(|piece| Some(Step::Index(piece.strip_suffix(']')?.parse().ok()?))));
-    }
-    steps
-}
-
-/// A place in a file that can be changed.
-enum Spot<'a> {
-    Item(&'a mut Item),
-    Value(&'a mut Value),
-    Table(&'a mut Table),
-}
-
-impl<'a> Spot<'a> {
-    fn table(self) -> Option<&'a mut dyn TableLike> {
-        match self {
-            Self::Item(item) => item.as_table_like_mut(),
-            Self::Value(value) => value.as_inline_table_mut().map(|table| table as &mut dyn TableLike),
-            Self::Table(table) => Some(table),
-        }
-    }
-
-    fn enter(self, step: &Step) -> Option<Self> {
-        match (step, self) {
-            (Step::Key(name), spot) => spot.table()?.get_mut(name).map(Spot::Item),
-            (Step::Index(i), Self::Item(Item::ArrayOfTables(tables))) => tables.get_mut(*i).map(Spot::Table),
-            (
-                Step::Index(i),
-                Self::Item(Item::Value(Value::Array(values))) | Self::Value(Value::Array(values)),
-            ) => values.get_mut(*i).map(Spot::Value),
-            _ => None,
-        }
-    }
-
-    fn change(self, step: &Step, repair: &Repair) {
-        let Step::Key(name) = step else {
-            if let (Repair::Set(sample), Some(spot)) = (repair, self.enter(step)) {
-                match (spot, toml_value(sample)) {
-                    (Spot::Value(old), Some(new)) => *old = new,
-                    (Spot::Table(old), Some(Value::InlineTable(new))) => *old = new.into_table(),
-                    _ => {}
-                }
-            }
-            return;
-        };
-        let Some(table) = self.table() else { return };
-        match repair {
-            Repair::Remove => drop(table.remove(name)),
-            Repair::Rename(other) => {
-                if let Some(item) = table.remove(name) {
-                    table.insert(other, item);
-                }
-            }
-            Repair::Set(sample) => {
-                table.remove(name);
-                if let Some(value) = toml_value(sample) {
-                    table.insert(name, Item::Value(value));
-                }
-            }
-        }
-    }
-}
-
-fn toml_value(json: &Json) -> Option<Value> {
-    Some(match json {
-        Json::Null => return None,
-        Json::Bool(value) => (*value).into(),
-        Json::Number(number) => match number.as_i64() {
-            Some(value) if !number.is_f64() => value.into(),
-            _ => number.as_f64()?.into(),
-        },
-        Json::String(text) => text.into(),
-        Json::Array(values) => values.iter().filter_map(toml_value).collect(),
-        Json::Object(map) => {
-            let entries = map.iter().filter_map(|(key, value)| Some((key, toml_value(value)?)));
-            Value::InlineTable(entries.collect::<InlineTable>())
-        }
-    })
-}
-
-/// The span of a key path such as `body[0].material.density`, or of the nearest key above it.
-pub(super) fn span_of(root: &Item, key: &str) -> Option<Range<usize>> {
-    let mut view = View::of_item(root);
-    let mut span = None;
-    for step in steps(key) {
-        let next = match (&step, &view) {
-            (Step::Key(name), View::Table(table)) => {
-                let own = table.key(name).and_then(|key| key.span());
-                let item = table.get(name);
-                // A table is found at its header.
-                let header = item.and_then(Item::as_table).and_then(Table::span);
-                span = header.or(own).or(span);
-                item.map(View::of_item)
-            }
-            (Step::Index(i), View::Array(items)) => {
-                let found = items.get(*i);
-                span = found.as_ref().map(|(_, span)| span.clone()).or(span);
-                found.map(|(view, _)| view)
-            }
-            _ => None,
-        };
-        match next {
-            Some(next) => view = next,
-            None => break,
-        }
-    }
-    span
 }

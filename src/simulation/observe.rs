@@ -37,7 +37,7 @@ pub struct Observation {
     pub momentum: [f64; 3],
     /// Angular momentum of the free coordinates about the origin, kg m²/s.
     pub angular_momentum: [f64; 3],
-    /// The probes, in the order of the scene.
+    /// The probes that are nodes, in the order of the scene.
     pub probes: Vec<ProbeValue>,
     /// The rigid bodies, in the order of the scene.
     pub rigids: Vec<Pose>,

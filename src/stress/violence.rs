@@ -11,7 +11,7 @@ use super::random::Random;
 use super::transform::{Quantity, Transform, quantity};
 use crate::scene::{
     Body, Checkpoints, Damping, Fix, Guard, GuardAction, MaterialEntry, Materials, Output, Precision, Probe,
-    Scene, SchemeName, Strike, Substance, Time,
+    Scene, SchemeName, Selection, Strike, Substance, Time,
 };
 
 macro_rules! violence {
@@ -157,7 +157,7 @@ pub fn case(seed: u64, index: u64, directory: &Path) -> Result<Case, CaseError> 
         let length = axis.iter().map(|a| a * a).sum::<f64>().sqrt().max(1e-3);
         body.angular_velocity = Some(axis.map(|a| a / length * rate));
     } else if random.once_in(4) {
-        body.velocity = Some(random.vector(wave_speed));
+        body = body.velocity(random.vector(wave_speed));
     }
     scene.bodies.push(body);
     let mut is_driven = false;
@@ -188,7 +188,7 @@ pub fn case(seed: u64, index: u64, directory: &Path) -> Result<Case, CaseError> 
             let mass = making.density * making.size.powi(3);
             let share = random.decades(0.01, 3.0);
             let impulse = random.vector(mass * wave_speed * share);
-            scene.strikes.push(Strike { body: "body".into(), region: region.into(), impulse });
+            scene.strikes.push(Strike { body: "body".into(), on: Selection::region(region), impulse });
         }
         _ => {}
     }

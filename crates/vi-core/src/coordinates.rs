@@ -1,9 +1,11 @@
 //! Generalised coordinates of a body of points: x = x(q, t), where q are the free coordinates and
-//! the others follow a prescribed path, or are weighted sums of these two (`combination.rs`). All
-//! others are eliminated, never penalised. This room must not know why a coordinate is prescribed.
+//! the others follow a prescribed path, or are weighted sums of these two (`combination.rs`). Nodes may
+//! count their coordinates along axes of their own (`node_axes.rs`). All that is not free is eliminated,
+//! never penalised. This file must not know why a coordinate is prescribed.
 
 use crate::combination::Combinations;
-use crate::{Combination, CoreError};
+use crate::node_axes::AllNodeAxes;
+use crate::{Combination, CoreError, NodeAxes};
 
 /// A prescribed motion of a list of coordinates.
 pub trait Path: Send + Sync {
@@ -46,6 +48,7 @@ pub struct Coordinates {
     dof_count: usize,
     free: Vec<u32>,
     prescribed: Vec<Prescribed>,
+    axes: AllNodeAxes,
     combinations: Option<Combinations>,
     /// Nodes that translations do not move, ascending.
     directors: Vec<u32>,
@@ -55,7 +58,8 @@ impl Coordinates {
     /// All `dof_count` coordinates are free: x = q.
     pub fn all_free(dof_count: usize) -> Self {
         let free = (0..dof_count as u32).collect();
-        Self { dof_count, free, prescribed: Vec::new(), combinations: None, directors: Vec::new() }
+        let (prescribed, axes) = (Vec::new(), AllNodeAxes::default());
+        Self { dof_count, free, prescribed, axes, combinations: None, directors: Vec::new() }
     }
 
     /// The coordinates that no path of `prescribed` names are free, in ascending order.
@@ -77,7 +81,19 @@ impl Coordinates {
             }
         }
         let free = (0..dof_count as u32).filter(|&dof| is_free[dof as usize]).collect();
-        Ok(Self { dof_count, free, prescribed, combinations: None, directors: Vec::new() })
+        let axes = AllNodeAxes::default();
+        Ok(Self { dof_count, free, prescribed, axes, combinations: None, directors: Vec::new() })
+    }
+
+    /// The same with nodes that count their coordinates along axes of their own: coordinate k of such a node,
+    /// free or prescribed, is e_k · x. The nodes have three coordinates.
+    ///
+    /// # Errors
+    /// [`CoreError::Coordinate`] where a node is out of range or named twice, [`CoreError::Axes`] where axes are
+    /// not orthonormal.
+    pub fn with_axes(mut self, axes: Vec<NodeAxes>) -> Result<Self, CoreError> {
+        self.axes = AllNodeAxes::new(self.dof_count, axes)?;
+        Ok(self)
     }
 
     /// The same with tied nodes, and with nodes that are directors (see `combination.rs`), both of
@@ -119,9 +135,37 @@ impl Coordinates {
         Ok(self)
     }
 
-    /// Are there tied nodes?
-    pub fn has_combinations(&self) -> bool {
-        self.combinations.is_some()
+    /// Is x(q, t) no more than a list of entries: no node is tied, none has axes of its own?
+    pub fn is_plain(&self) -> bool {
+        self.combinations.is_none() && self.axes.is_empty()
+    }
+
+    /// The nodes with axes of their own, ascending.
+    pub fn node_axes(&self) -> &[NodeAxes] {
+        self.axes.list()
+    }
+
+    /// The axes of a node, where it has its own.
+    pub fn axes_of(&self, node: u32) -> Option<&[[f64; 3]; 3]> {
+        self.axes.of(node)
+    }
+
+    /// From vectors along the axes of space to coordinates along the nodes' own axes, in place.
+    pub fn to_own_axes(&self, vectors: &mut [f64]) {
+        self.axes.to_own(vectors);
+    }
+
+    /// The reverse of [`Coordinates::to_own_axes`].
+    pub fn to_space(&self, vectors: &mut [f64]) {
+        self.axes.to_space(vectors);
+    }
+
+    /// Completes vectors in space (velocities, displacements) at nodes that are not tied: those of tied nodes
+    /// follow, without the parts that move by themselves.
+    pub fn complete(&self, vectors: &mut [f64]) {
+        if let Some(tied) = &self.combinations {
+            tied.embed(vectors);
+        }
     }
 
     /// The tied nodes, ascending, each with its sum over nodes that are not tied: (node, weight).
@@ -156,11 +200,13 @@ impl Coordinates {
     }
 
     /// Sᵀ on a covector of all coordinates, in place: what acts on tied nodes acts on the nodes they
-    /// are tied to instead, and the entries of tied nodes are zero.
+    /// are tied to instead, and the entries of tied nodes are zero; at nodes with axes of their own it counts
+    /// along these.
     pub fn pull_back(&self, covector: &mut [f64]) {
         if let Some(tied) = &self.combinations {
             tied.pull_back(covector);
         }
+        self.axes.to_own(covector);
     }
 
     /// The lumped mass of the free coordinates from that of every coordinate, kg.
@@ -182,6 +228,7 @@ impl Coordinates {
             dof_count: self.dof_count,
             free: self.free.clone(),
             prescribed: vec![Prescribed { dofs, path }],
+            axes: self.axes.clone(),
             combinations: self.combinations.clone(),
             directors: self.directors.clone(),
         }
@@ -197,7 +244,7 @@ impl Coordinates {
         self.free.len()
     }
 
-    /// The coordinates x_i that are free, ascending: `q[k] = x[free[k]]`.
+    /// The coordinates x_i that are free, ascending: `q[k] = x[free[k]]` where [`Coordinates::is_plain`].
     pub fn free(&self) -> &[u32] {
         &self.free
     }
@@ -216,12 +263,13 @@ impl Coordinates {
     pub fn embed(&self, q: &[f64], t: f64, x: &mut [f64]) {
         self.scatter_free(q, x);
         self.place_prescribed(t, x);
+        self.axes.to_space(x);
         if let Some(tied) = &self.combinations {
             tied.embed(x);
         }
     }
 
-    /// The prescribed entries of x(q, t), m; the others stay as they are.
+    /// The prescribed entries of x(q, t), m, along nodes' own axes; the others stay as they are.
     pub fn place_prescribed(&self, t: f64, x: &mut [f64]) {
         self.scatter_prescribed(x, |path, out| path.position(t, out));
     }
@@ -230,6 +278,7 @@ impl Coordinates {
     pub fn embed_velocity(&self, q_dot: &[f64], t: f64, x_dot: &mut [f64]) {
         self.scatter_free(q_dot, x_dot);
         self.scatter_prescribed(x_dot, |path, out| path.velocity(t, out));
+        self.axes.to_space(x_dot);
         if let Some(tied) = &self.combinations {
             tied.embed(x_dot);
         }
@@ -239,12 +288,23 @@ impl Coordinates {
     pub fn embed_change(&self, dq: &[f64], dx: &mut [f64]) {
         dx.fill(0.0);
         self.scatter_free(dq, dx);
+        self.axes.to_space(dx);
         if let Some(tied) = &self.combinations {
             tied.embed(dx);
         }
     }
 
-    /// q from x: the entries of the free coordinates. Of a covector that has been pulled back, Sᵀf.
+    /// q from positions x, or q̇ from velocities: the free coordinates, along nodes' own axes.
+    pub fn coordinates_of(&self, x: &[f64], q: &mut [f64]) {
+        if self.axes.is_empty() {
+            return self.restrict(x, q);
+        }
+        let mut own = x.to_vec();
+        self.axes.to_own(&mut own);
+        self.restrict(&own, q);
+    }
+
+    /// The entries of the free coordinates: of a covector that has been pulled back, Sᵀf.
     pub fn restrict(&self, x: &[f64], q: &mut [f64]) {
         for (value, &dof) in q.iter_mut().zip(&self.free) {
             *value = x[dof as usize];

@@ -40,6 +40,26 @@ pub enum CoreError {
         /// How many coordinates there are.
         count: usize,
     },
+    /// Axes of a node that are not orthonormal.
+    #[error("the axes {} and {} of node {node} have the product {product}; axes must be unit vectors, normal to each other", axes[0], axes[1])]
+    Axes {
+        /// The node.
+        node: usize,
+        /// Their scalar product.
+        product: f64,
+        /// Which two, from 0.
+        axes: [usize; 2],
+    },
+    /// A term that does not count three coordinates a node, where nodes have axes of their own.
+    #[error(
+        "term '{term}' counts {block} coordinates per node; beside nodes with axes of their own it must be 3"
+    )]
+    Block {
+        /// The term's name.
+        term: String,
+        /// Its coordinates per node.
+        block: usize,
+    },
     /// A node cannot be tied to others as asked.
     #[error("node {node} cannot be tied to others: {reason}")]
     Combination {

@@ -89,7 +89,7 @@ pub fn hessian(terms: &impl AsRef<Terms>, x: &[f64], t: f64) -> DMatrix<f64> {
             }
         }
     }
-    if terms.as_ref().coordinates().has_combinations() {
+    if !terms.as_ref().coordinates().is_plain() {
         // SᵀKS: once by columns, once by rows.
         for _ in 0..2 {
             for mut column in total.column_iter_mut() {

@@ -203,8 +203,8 @@ impl System {
         }
         let mut q = vec![0.0; self.coordinates().free_count()];
         let mut q_dot = q.clone();
-        self.coordinates().restrict(x, &mut q);
-        self.coordinates().restrict(v, &mut q_dot);
+        self.coordinates().coordinates_of(x, &mut q);
+        self.coordinates().coordinates_of(v, &mut q_dot);
         Ok(State { t, q, p: self.momentum(&q_dot) })
     }
 

@@ -20,10 +20,11 @@ impl Terms {
     /// The sum of these terms.
     ///
     /// # Errors
-    /// [`CoreError::Stencil`] where a stencil names a missing node.
+    /// [`CoreError::Stencil`] where a stencil names a missing node, [`CoreError::Block`] where a term does not
+    /// count three coordinates per node and nodes have axes of their own.
     pub fn new(coordinates: Arc<Coordinates>, fixed: Vec<Arc<dyn Potential>>) -> Result<Self, CoreError> {
         for term in &fixed {
-            check_stencils(term.name(), term.stencils(), coordinates.dof_count())?;
+            check_term(term.as_ref(), &coordinates)?;
         }
         Ok(Self { coordinates, fixed, live: Vec::new() })
     }
@@ -39,7 +40,7 @@ impl Terms {
     /// [`CoreError::Stencil`] where a stencil names a missing node.
     pub fn with_more(mut self, more: Vec<Arc<dyn Potential>>) -> Result<Self, CoreError> {
         for term in &more {
-            check_stencils(term.name(), term.stencils(), self.coordinates.dof_count())?;
+            check_term(term.as_ref(), &self.coordinates)?;
         }
         self.fixed.extend(more);
         Ok(self)
@@ -120,6 +121,15 @@ pub trait DiscreteGradient {
     /// Newton's method with symmetric factors. Where ∂G_s/∂x₁ is not symmetric, convergence is linear instead of
     /// quadratic, and the solution is the same.
     fn tangents(&self, range: std::ops::Range<usize>, start: &[f64], end: &[f64], out: &mut [f64]);
+}
+
+/// Does a term fit these coordinates?
+fn check_term(term: &dyn Potential, coordinates: &Coordinates) -> Result<(), CoreError> {
+    let stencils = term.stencils();
+    if stencils.block != 3 && !coordinates.node_axes().is_empty() {
+        return Err(CoreError::Block { term: term.name().to_owned(), block: stencils.block });
+    }
+    check_stencils(term.name(), stencils, coordinates.dof_count())
 }
 
 /// Do the stencils of a term name only nodes within `count` coordinates?

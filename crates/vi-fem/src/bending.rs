@@ -30,6 +30,8 @@ pub(crate) struct BentSheet<'a> {
     pub(crate) directions: Option<&'a [[f64; 3]]>,
     /// Boundary edges whose normal is held in space.
     pub(crate) clamped: &'a [[u32; 2]],
+    /// Boundary edges in a mirror plane, with its normal.
+    pub(crate) mirrored: &'a [([u32; 2], [f64; 3])],
     pub(crate) node_offset: usize,
     pub(crate) name: String,
 }

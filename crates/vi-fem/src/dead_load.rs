@@ -7,6 +7,7 @@ use vi_core::{Account, HessianKind, Potential, Stencils, Traits};
 
 use crate::element::{Element, SolidVisitor};
 use crate::facet::{Surface, frame};
+use crate::spread::{Resultant, Spread};
 use crate::tensor::{cross, determinant, dot};
 use crate::{Amplitude, Expression, FemError, Mesh};
 
@@ -105,6 +106,64 @@ impl DeadLoad {
                     for (&node, value) in nodes.iter().zip(&point.values) {
                         sum.add(node, area * value, traction);
                     }
+                }
+            }
+        }
+        sum.into_load(mesh, amplitude, node_offset, name)
+    }
+
+    /// A total force F (N) and moment (N m), spread over a part of a body: the traction F/A + θ × (X − c)
+    /// that varies linearly about its centroid c, with θ such that the moment is right. Its nodal forces have
+    /// the total force F, and about `about` (without it: about c) the moment M, to round-off.
+    ///
+    /// # Errors
+    /// [`FemError::Invalid`] where the part is a straight line and the moment has a component along it, or
+    /// where a value is not finite.
+    pub fn resultant_on(
+        mesh: &Mesh,
+        spread: &Spread,
+        resultant: &Resultant,
+        amplitude: Amplitude,
+        node_offset: usize,
+        name: &str,
+    ) -> Result<Self, FemError> {
+        let mut sum = NodalSum::new(mesh);
+        let traction = spread.traction(resultant, name)?;
+        for point in &spread.points {
+            let traction = traction(point.position);
+            for &(node, value) in &point.nodes {
+                sum.add(node, point.measure * value, traction);
+            }
+        }
+        sum.into_load(mesh, amplitude, node_offset, name)
+    }
+
+    /// A force b per volume at rest (N/m³) on the triangles of a sheet: f_a = ∫ N_a b h dA, with `volumes` h A of
+    /// the triangles (m³).
+    ///
+    /// # Errors
+    /// As [`DeadLoad::body_force`].
+    pub fn body_force_on_sheet(
+        mesh: &Mesh,
+        volumes: &[(u32, f64)],
+        force: &VectorField,
+        amplitude: Amplitude,
+        node_offset: usize,
+        name: &str,
+    ) -> Result<Self, FemError> {
+        let mut sum = NodalSum::new(mesh);
+        for &(element, volume) in volumes {
+            let (kind, nodes) = mesh.element(element, "body force, element")?;
+            let &[a, b, c] = nodes else {
+                return Err(FemError::Unsupported { kind, used: "triangles of a sheet" });
+            };
+            let corners = [a, b, c].map(|node| mesh.points[node as usize]);
+            // Exact for b linear in x: the middles of the edges.
+            for values in [[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]] {
+                let position = [0, 1, 2].map(|i| (0..3).map(|k| values[k] * corners[k][i]).sum());
+                let force = force.at(position);
+                for (&node, value) in nodes.iter().zip(values) {
+                    sum.add(node, volume / 3.0 * value, force);
                 }
             }
         }

@@ -211,6 +211,61 @@ impl Surface {
         &self.name
     }
 
+    /// The facets whose nodes are all among `nodes`.
+    #[must_use]
+    pub fn within(&self, nodes: &[u32]) -> Self {
+        let nodes: std::collections::HashSet<u32> = nodes.iter().copied().collect();
+        let part = |block: &FacetBlock| {
+            let inside = block.facets().filter(|facet| facet.iter().all(|node| nodes.contains(node)));
+            FacetBlock {
+                kind: block.kind,
+                nodes: inside.flatten().copied().collect(),
+                rule: block.rule.clone(),
+            }
+        };
+        Self { name: self.name.clone(), blocks: self.blocks.iter().map(part).collect() }
+    }
+
+    /// The same facets of a mesh whose nodes have other numbers.
+    #[must_use]
+    pub fn renumbered(mut self, number: impl Fn(u32) -> u32) -> Self {
+        self.blocks.iter_mut().flat_map(|block| &mut block.nodes).for_each(|node| *node = number(*node));
+        self
+    }
+
+    /// The normal at each of its nodes, ascending: the sum over its facets of their normals there, of unit length
+    /// times their areas (m²).
+    pub fn normals(&self, mesh: &Mesh) -> Vec<(u32, [f64; 3])> {
+        let mut sums: std::collections::BTreeMap<u32, [f64; 3]> = Default::default();
+        for block in &self.blocks {
+            let places = crate::mesh::reference_nodes(block.kind);
+            let at_nodes: Vec<FacetPoint> = places
+                .iter()
+                .map(|xi| {
+                    let (values, gradients) = shapes(block.kind, [xi[0], xi[1]]).into_iter().unzip();
+                    FacetPoint { weight: 1.0, values, gradients }
+                })
+                .collect();
+            for nodes in block.facets() {
+                let at = || nodes.iter().map(|&node| mesh.points[node as usize]);
+                let normal = |point: &FacetPoint| {
+                    let [_, a, b] = frame(point, at());
+                    let n = cross(a, b);
+                    (n, (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt())
+                };
+                let area: f64 = block.rule.iter().map(|point| point.weight * normal(point).1).sum();
+                for (&node, point) in nodes.iter().zip(&at_nodes) {
+                    let (n, length) = normal(point);
+                    let sum = sums.entry(node).or_default();
+                    for i in 0..3 {
+                        sum[i] += area * n[i] / length;
+                    }
+                }
+            }
+        }
+        sums.into_iter().collect()
+    }
+
     /// Area at rest, m².
     pub fn area(&self, mesh: &Mesh) -> f64 {
         let mut area = 0.0;

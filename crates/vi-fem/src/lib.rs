@@ -40,6 +40,7 @@ mod rotation;
 mod sheet;
 mod sheet_body;
 mod sheet_material;
+mod spread;
 mod surface;
 mod svd;
 pub mod tensor;
@@ -62,7 +63,7 @@ pub use generate::BoxMesh;
 pub use instructions::InstructionSet;
 pub use kelvin_voigt::{MassDamping, Viscosity, kelvin_voigt};
 pub use load::{Gravity, PointSpring, SpringEnd};
-pub use mass::{MassProperties, add_lumped_mass, add_row_sums, mass_properties, rigid_velocities};
+pub use mass::{MassProperties, add_lumped_mass, add_row_sums, mass_properties, rigid_velocities, volumes};
 pub use material::{
     Corotated, Domain, Isotropic, Law, Linear, Material, MooneyRivlin, MooneyRivlinParameters, NeoHookean,
     Parameters, StVenantKirchhoff, StableNeoHookean,
@@ -83,6 +84,7 @@ pub use sheet_body::Sheet;
 pub use sheet_material::{
     IsotropicSheet, SheetCommon, SheetLaw, SheetMaterial, SheetParameters, SheetResponse,
 };
+pub use spread::{Resultant, Spread};
 pub use surface::{Orientation, orient_triangles};
 pub use tie::{Anchor, Tie, ties};
 pub use wind::Wind;

@@ -4,12 +4,14 @@ use std::ops::Range;
 
 use vi_core::{Account, HessianKind, Potential, Stencils, Traits};
 
-use crate::FemError;
 use crate::tensor::dot;
+use crate::{Amplitude, FemError};
 
-/// Weight: V = −Σ_a m_a g·x_a, one stencil a node that has mass.
+/// Weight: V = −a(t) Σ_a m_a g·x_a, one stencil per node that has mass.
 #[derive(Debug, Clone)]
 pub struct Gravity {
+    /// a(t).
+    amplitude: Amplitude,
     nodes: Vec<u32>,
     /// −m_a g, N.
     gradients: Vec<[f64; 3]>,
@@ -18,8 +20,14 @@ pub struct Gravity {
 impl Gravity {
     /// Weight of the nodes with these masses (kg) in the field g (m/s²).
     pub fn new(masses: &[f64], g: [f64; 3]) -> Self {
+        Self::with_amplitude(masses, g, Amplitude::default())
+    }
+
+    /// The same in a field g a(t).
+    pub fn with_amplitude(masses: &[f64], g: [f64; 3], amplitude: Amplitude) -> Self {
         let heavy = || masses.iter().enumerate().filter(|(_, mass)| **mass != 0.0);
         Self {
+            amplitude,
             nodes: heavy().map(|(node, _)| node as u32).collect(),
             gradients: heavy().map(|(_, mass)| g.map(|g| -mass * g)).collect(),
         }
@@ -40,18 +48,22 @@ impl Potential for Gravity {
     }
 
     fn traits(&self) -> Traits {
-        Traits { hessian: HessianKind::Zero, time_dependent: false }
+        Traits { hessian: HessianKind::Zero, time_dependent: !self.amplitude.is_constant() }
     }
 
-    fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+    fn energies(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        let factor = self.amplitude.at(t);
         for (out, stencil) in out.iter_mut().zip(range) {
-            *out = dot(self.gradients[stencil], position(x, self.nodes[stencil]));
+            *out = factor * dot(self.gradients[stencil], position(x, self.nodes[stencil]));
         }
     }
 
-    fn gradients(&self, range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
+    fn gradients(&self, range: Range<usize>, _x: &[f64], t: f64, out: &mut [f64]) {
+        let factor = self.amplitude.at(t);
         for (out, gradient) in out.chunks_exact_mut(3).zip(&self.gradients[range]) {
-            out.copy_from_slice(gradient);
+            for (out, gradient) in out.iter_mut().zip(gradient) {
+                *out = factor * gradient;
+            }
         }
     }
 

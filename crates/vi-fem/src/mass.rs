@@ -32,6 +32,32 @@ pub fn add_row_sums(mesh: &Mesh, elements: &[u32], density: f64, sums: &mut [f64
     })
 }
 
+/// Volume of each of `elements` (numbers of solid cells) at rest, m³.
+///
+/// # Errors
+/// As [`add_lumped_mass`].
+pub fn volumes(mesh: &Mesh, elements: &[u32]) -> Result<Vec<f64>, FemError> {
+    let mut volumes = Vec::with_capacity(elements.len());
+    each_solid(mesh, elements, |kind, nodes| {
+        volumes.push(kind.visit_solid(Volume { mesh, nodes })?);
+        Some(())
+    })?;
+    Ok(volumes)
+}
+
+struct Volume<'a> {
+    mesh: &'a Mesh,
+    nodes: &'a [u32],
+}
+
+impl SolidVisitor for Volume<'_> {
+    type Output = f64;
+    fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) -> f64 {
+        let x: [[f64; 3]; N] = std::array::from_fn(|a| self.mesh.points[self.nodes[a] as usize]);
+        mass_shares::<E, N, Q>(&x).iter().sum()
+    }
+}
+
 /// Adds each element by `add`, which gives nothing where it is not solid.
 fn each_solid(
     mesh: &Mesh,

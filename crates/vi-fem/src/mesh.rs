@@ -10,7 +10,6 @@ pub use finer::FinerMesh;
 
 use crate::{ElementKind, FemError};
 pub(crate) use check::volume_of_round_off;
-#[cfg(test)]
 pub(crate) use refine::reference_nodes;
 
 /// Points, blocks of cells of one kind each, and named sets of cells.
@@ -142,6 +141,23 @@ impl Mesh {
         let inside =
             |point: &[f64; 3]| (0..3).all(|i| min[i] - near <= point[i] && point[i] <= max[i] + near);
         (0..self.points.len()).filter(|&node| inside(&self.points[node])).map(|node| node as u32).collect()
+    }
+
+    /// The nodes whose distance from the plane through a point is at most `reach` (m), ascending. The normal may
+    /// have any length but zero.
+    pub fn nodes_near_plane(&self, point: [f64; 3], normal: [f64; 3], reach: f64) -> Vec<u32> {
+        let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+        let distance =
+            |x: &[f64; 3]| (0..3).map(|i| normal[i] / length * (x[i] - point[i])).sum::<f64>().abs();
+        (0..self.points.len() as u32).filter(|&node| distance(&self.points[node as usize]) <= reach).collect()
+    }
+
+    /// The nodes in a ball (its surface included), ascending.
+    pub fn nodes_in_ball(&self, centre: [f64; 3], radius: f64) -> Vec<u32> {
+        let distance = |x: &[f64; 3]| (0..3).map(|i| (x[i] - centre[i]).powi(2)).sum::<f64>().sqrt();
+        (0..self.points.len() as u32)
+            .filter(|&node| distance(&self.points[node as usize]) <= radius)
+            .collect()
     }
 
     /// The node nearest to a point (the first of equals); None for a mesh without points.

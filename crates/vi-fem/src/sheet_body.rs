@@ -33,6 +33,9 @@ pub struct Sheet<'a> {
     /// Boundary edges (pairs of nodes of the mesh) whose normal is held in space as it is in the mesh:
     /// clamped, if their nodes are prescribed too.
     pub clamped: &'a [[u32; 2]],
+    /// Boundary edges (pairs of nodes of the mesh) in a mirror plane with this normal: they bend against the
+    /// mirror image of the sheet, if their nodes stay in the plane.
+    pub mirrored: &'a [([u32; 2], [f64; 3])],
 }
 
 impl<'a> Sheet<'a> {
@@ -44,7 +47,18 @@ impl<'a> Sheet<'a> {
         node_offset: usize,
         name: &'a str,
     ) -> Self {
-        Self { mesh, elements, law, node_offset, name, flat: false, pattern: None, fields: &[], clamped: &[] }
+        Self {
+            mesh,
+            elements,
+            law,
+            node_offset,
+            name,
+            flat: false,
+            pattern: None,
+            fields: &[],
+            clamped: &[],
+            mirrored: &[],
+        }
     }
 
     fn surface(&self) -> Result<Surface, FemError> {
@@ -89,6 +103,7 @@ impl<'a> Sheet<'a> {
             moduli: parameters.moduli().map(|row| row.map(|modulus| inertia * modulus)),
             directions,
             clamped: self.clamped,
+            mirrored: self.mirrored,
             node_offset: self.node_offset,
             name: format!("{}: bending", self.name),
         };
@@ -122,6 +137,17 @@ impl<'a> Sheet<'a> {
         let triangles = surface.triangles.iter().enumerate();
         let masses = triangles.map(|(number, nodes)| (moved(nodes), self.mass_of(&surface, number)));
         Ok(triangle_mass(masses, self.name))
+    }
+
+    /// Volume of each triangle at rest, thickness times area, m³, with its cell number.
+    ///
+    /// # Errors
+    /// As [`Sheet::potentials`].
+    pub fn volumes(&self) -> Result<Vec<(u32, f64)>, FemError> {
+        let surface = self.surface()?;
+        let thickness = self.law.parameters().common().thickness;
+        let volume = |triangle: usize| thickness * self.mass_of(&surface, triangle) / self.law.area_density();
+        Ok((0..surface.triangles.len()).map(|triangle| (surface.cells[triangle], volume(triangle))).collect())
     }
 
     /// Mass of a triangle, kg.

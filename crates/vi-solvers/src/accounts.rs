@@ -17,7 +17,7 @@ pub(crate) fn free_work(system: &System, gradient: &[f64], along: impl Fn(usize)
     vectors::sum(free.len(), |k| gradient[free[k] as usize] * along(k))
 }
 
-/// Σ g_i d_i over the prescribed coordinates, with `along` of all coordinates.
+/// Σ g_i d_i over the prescribed coordinates, with `along` of all coordinates, along nodes' own axes.
 pub(crate) fn prescribed_work(system: &System, gradient: &[f64], along: &[f64]) -> f64 {
     let groups = system.coordinates().prescribed().iter();
     groups.flat_map(|group| &group.dofs).map(|&dof| gradient[dof as usize] * along[dof as usize]).sum()

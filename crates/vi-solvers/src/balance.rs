@@ -61,5 +61,12 @@ fn magnitudes(system: &System, x: &[f64], t: f64) -> Vec<f64> {
             }
         }
     }
+    for own in system.coordinates().node_axes() {
+        let of_node = &mut total[3 * own.node as usize..][..3];
+        let values = [of_node[0], of_node[1], of_node[2]];
+        for (out, e) in of_node.iter_mut().zip(&own.axes) {
+            *out = (0..3).map(|i| e[i].abs() * values[i]).sum();
+        }
+    }
     total
 }

@@ -243,9 +243,16 @@ impl Parts {
                     of_term.push(part as u32);
                     // A coordinate that is held, or a term that knows where it is, breaks symmetry.
                     for dof in dofs {
-                        if free_of[dof] == NONE {
-                            translations[part][dof % 3] = false;
+                        let node = dof as u32 / 3;
+                        let has_own_axes = coordinates.axes_of(node).is_some();
+                        if free_of[dof] == NONE || has_own_axes {
                             rotations[part] = false;
+                            // A director that is held stays as it is under translations.
+                            if has_own_axes {
+                                translations[part] = [false; 3];
+                            } else if !coordinates.is_director(node) {
+                                translations[part][dof % 3] = false;
+                            }
                         }
                     }
                     if !internal {

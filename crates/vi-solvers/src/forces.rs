@@ -15,6 +15,8 @@ pub(crate) struct Forces {
     assembler: Assembler,
     /// Positions of all coordinates at the last evaluation.
     x: Vec<f64>,
+    /// Free coordinates there, where nodes have axes of their own: x does not tell them to the bit.
+    q: Vec<f64>,
     t: f64,
     gradient: Vec<f64>,
     /// Does `gradient` belong to `x` and `t`?
@@ -45,6 +47,7 @@ impl Forces {
         Self {
             assembler: Assembler::new(system),
             x: vec![f64::NAN; count],
+            q: Vec::new(),
             t: f64::NAN,
             gradient: vec![0.0; count],
             gradient_is_of_x: false,
@@ -146,8 +149,8 @@ impl Forces {
         }
     }
 
-    /// Work of the forces without a potential of the last evaluation along `dx`, by account: (force,
-    /// damping), J.
+    /// Work of the forces without a potential of the last evaluation along `dx` (along nodes' own axes), by
+    /// account: (force, damping), J.
     pub(crate) fn nonconservative_work(&self, dx: &[f64]) -> (f64, f64) {
         let Some(forces) = &self.nonconservative else { return (0.0, 0.0) };
         let force = vectors::sum(dx.len(), |dof| forces.sum.by_account(dof).0 * dx[dof]);
@@ -172,6 +175,7 @@ impl Forces {
     /// Goes to positions `x` of all coordinates at time t.
     pub(crate) fn go_to_positions(&mut self, x: &[f64], t: f64) {
         self.x.copy_from_slice(x);
+        self.q.clear();
         self.t = t;
         self.gradient_is_of_x = false;
     }
@@ -202,8 +206,11 @@ impl Forces {
     /// Is (q, t), to the bit, where the last evaluation was made? Where t does not matter, it need not
     /// be the same: a clock that counts steps and one that adds them up differ by round-off.
     pub(crate) fn is_at(&self, system: &System, q: &[f64], t: f64) -> bool {
-        let free = system.coordinates().free();
-        self.is_at_time(t) && q.iter().zip(free).all(|(q, &dof)| *q == self.x[dof as usize])
+        let coordinates = system.coordinates();
+        if !coordinates.node_axes().is_empty() {
+            return self.is_at_time(t) && self.q == q;
+        }
+        self.is_at_time(t) && q.iter().zip(coordinates.free()).all(|(q, &dof)| *q == self.x[dof as usize])
     }
 
     fn is_at_time(&self, t: f64) -> bool {
@@ -263,6 +270,10 @@ impl Forces {
             return;
         }
         system.coordinates().embed(q, t, &mut self.x);
+        if !system.coordinates().node_axes().is_empty() {
+            self.q.clear();
+            self.q.extend_from_slice(q);
+        }
         self.t = t;
         self.gradient_is_of_x = false;
     }
@@ -368,6 +379,9 @@ impl Forces {
         }
         memory.arrays.push(("forces.x".into(), self.x.clone()));
         memory.arrays.push(("forces.t".into(), vec![self.t]));
+        if !self.q.is_empty() {
+            memory.arrays.push(("forces.q".into(), self.q.clone()));
+        }
         let knows_gradient = self.gradient_is_of_x && self.nonconservative.is_none();
         memory.counts.push(("forces.gradient".into(), u64::from(knows_gradient)));
     }
@@ -387,6 +401,9 @@ impl Forces {
         let live = LiveState::recall("forces.live", memory, x.len());
         self.go_to_live(&live, &None);
         self.go_to_positions(x, t);
+        if let Ok(q) = memory.array("forces.q") {
+            self.q.extend_from_slice(q);
+        }
         if memory.count("forces.gradient")? == 1 {
             self.assembler.gradient(&self.x, t, &mut self.gradient);
             self.gradient_is_of_x = true;

@@ -43,9 +43,9 @@ pub(crate) fn with_scratch<R>(length: usize, body: impl FnOnce(&mut [f64]) -> R)
 /// Coordinates in a block of the nodal arrays: the largest of 3, 2, 1 that divides the block of every fixed
 /// term. Terms with larger blocks are seen as stencils of more, smaller nodes.
 pub(crate) fn common_block(terms: &Terms) -> usize {
-    let has_ties = terms.coordinates().has_combinations();
+    let has_ties = !terms.coordinates().is_plain();
     let divides = |block: usize| {
-        // Ties are between nodes of three coordinates, or parts of such nodes.
+        // Ties and axes are of nodes of three coordinates.
         if has_ties && block == 2 {
             return false;
         }
@@ -71,6 +71,12 @@ pub(crate) fn mobilities(terms: &Terms) -> Vec<Mobility> {
         for &dof in &group.dofs {
             mobility[dof as usize] = kind;
         }
+    }
+    // Along the axes of space a node with axes of its own moves as its freest coordinate.
+    for own in terms.coordinates().node_axes() {
+        let of_node = &mut mobility[3 * own.node as usize..][..3];
+        let freest = of_node.iter().copied().min().unwrap_or(Mobility::Fixed);
+        of_node.fill(freest);
     }
     // A tied node moves as the freest of those that it is tied to.
     for (node, terms) in terms.coordinates().combinations() {

@@ -399,6 +399,7 @@ impl Gauss {
                 stages.evaluate_stage(i, system, forces)?;
                 let q_dot: Vec<f64> = (0..n).map(|k| stages.stage_velocity(i, k)).collect();
                 system.coordinates().embed_velocity(&q_dot, forces.time(), x_dot);
+                system.coordinates().to_own_axes(x_dot);
                 prescribed += weight * accounts::prescribed_work(system, forces.gradient(), x_dot);
                 let (by_force, by_damping) = forces.nonconservative_work(x_dot);
                 force += weight * by_force;

@@ -63,12 +63,12 @@ pub(crate) struct HessianSum {
     /// The evaluation that the constant chunks hold.
     constants: Option<HessianEvaluation>,
     matrix: SymmetricMatrix,
-    /// Where nodes are tied: `matrix` counts them as free, and this is what comes of it.
+    /// Where nodes are tied or have axes of their own: `matrix` counts them as free, and this is what comes of it.
     tied: Option<TiedHessian>,
 }
 
 /// The row of each node and the free index of each coordinate of each row; where `with_tied`, as if
-/// tied nodes were free.
+/// tied nodes were free, and all coordinates of nodes with axes of their own.
 fn rows(terms: &Terms, block: usize, with_tied: bool) -> (Vec<u32>, Vec<u32>) {
     let coordinates = terms.coordinates();
     let count = coordinates.dof_count();
@@ -82,6 +82,15 @@ fn rows(terms: &Terms, block: usize, with_tied: bool) -> (Vec<u32>, Vec<u32>) {
             for index in &mut free_index[3 * node as usize..][..3] {
                 *index = next;
                 next += 1;
+            }
+        }
+        for own in coordinates.node_axes() {
+            let of_node = &mut free_index[3 * own.node as usize..][..3];
+            if of_node.iter().any(|&index| index != NONE) {
+                for index in of_node.iter_mut().filter(|index| **index == NONE) {
+                    *index = next;
+                    next += 1;
+                }
             }
         }
     }

@@ -192,6 +192,7 @@ impl KickDrift {
             // Forces work on prescribed coordinates too; whoever moves those pays for the rest.
             self.x_dot.resize(gradient.len(), 0.0);
             system.coordinates().embed_velocity(&mean, t, &mut self.x_dot);
+            system.coordinates().to_own_axes(&mut self.x_dot);
             let x_dot = &self.x_dot;
             energy.force += kick * vectors::sum(x_dot.len(), |dof| forces.by_account(dof).0 * x_dot[dof]);
             energy.damping += kick * vectors::sum(x_dot.len(), |dof| forces.by_account(dof).1 * x_dot[dof]);
@@ -229,6 +230,7 @@ impl KickDrift {
                 self.x_dot.resize(gradient.len(), 0.0);
                 // Only the prescribed entries are read, so any free velocity will do.
                 system.coordinates().embed_velocity(&self.p, t, &mut self.x_dot);
+                system.coordinates().to_own_axes(&mut self.x_dot);
                 let done = kick * accounts::prescribed_work(system, gradient, &self.x_dot);
                 energy.prescribed += done;
                 work -= done;
@@ -247,7 +249,7 @@ impl KickDrift {
     fn is_plain(&self, system: &System) -> bool {
         !self.ledger
             && self.nonconservative.is_none()
-            && !system.coordinates().has_combinations()
+            && system.coordinates().is_plain()
             && system.constraints().is_empty()
             && system.terms().live().is_empty()
     }

@@ -225,35 +225,47 @@ impl Pencil {
 /// The translation of the free coordinates along an axis; zero for systems that are not points in space.
 fn translation(system: &System, axis: usize) -> Vec<f64> {
     let coordinates = system.coordinates();
-    let are_points = coordinates.dof_count().is_multiple_of(3);
-    let moves = |dof: u32| are_points && dof as usize % 3 == axis && !coordinates.is_director(dof / 3);
-    coordinates.free().iter().map(|&dof| f64::from(u8::from(moves(dof)))).collect()
+    let count = coordinates.dof_count();
+    let moves =
+        |dof: usize| count.is_multiple_of(3) && dof % 3 == axis && !coordinates.is_director(dof as u32 / 3);
+    let mut all: Vec<f64> = (0..count).map(|dof| f64::from(u8::from(moves(dof)))).collect();
+    coordinates.to_own_axes(&mut all);
+    let mut free = vec![0.0; coordinates.free_count()];
+    coordinates.restrict(&all, &mut free);
+    free
 }
 
 /// Translations and infinitesimal rotations of the free coordinates about `state`, M-orthonormal; none
 /// for systems that are not points in space.
 fn rigid_motions(system: &System, state: &State, pencil: &mut Pencil) -> Vec<Vec<f64>> {
-    let free = system.coordinates().free();
-    if !system.coordinates().dof_count().is_multiple_of(3) {
+    let coordinates = system.coordinates();
+    if !coordinates.dof_count().is_multiple_of(3) {
         return Vec::new();
     }
     let x = system.positions(state);
-    let n = free.len();
+    let n = coordinates.free_count();
     let mut motions: Vec<Vec<f64>> = Vec::new();
     for kind in 0..6 {
         let axis = kind % 3;
-        // e_axis × x
-        let rotate = |&dof: &u32| {
-            let (node, k) = (dof as usize / 3 * 3, dof as usize % 3);
-            let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
-            match k {
-                k if k == last => x[node + next],
-                k if k == next => -x[node + last],
-                _ => 0.0,
-            }
+        let mut motion = if kind < 3 {
+            translation(system, axis)
+        } else {
+            // e_axis × x
+            let rotate = |dof: usize| {
+                let (node, k) = (dof / 3 * 3, dof % 3);
+                let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
+                match k {
+                    k if k == last => x[node + next],
+                    k if k == next => -x[node + last],
+                    _ => 0.0,
+                }
+            };
+            let mut all: Vec<f64> = (0..x.len()).map(rotate).collect();
+            coordinates.to_own_axes(&mut all);
+            let mut motion = vec![0.0; n];
+            coordinates.restrict(&all, &mut motion);
+            motion
         };
-        let mut motion: Vec<f64> =
-            if kind < 3 { translation(system, axis) } else { free.iter().map(rotate).collect() };
         let size = pencil.mass_product(&motion, &motion).sqrt();
         for _ in 0..2 {
             for other in &motions {

@@ -23,17 +23,14 @@ pub fn accelerations(system: &System, state: &State, h: f64) -> Vec<f64> {
         coordinates.embed_velocity(&still, to, &mut out);
         out.iter_mut().zip(&before).for_each(|(out, before)| *out = (*out - before) / (to - from));
     }
+    coordinates.to_own_axes(&mut out);
     let force: Vec<f64> = coordinates.free().iter().map(|&dof| net[dof as usize]).collect();
     for (&dof, acceleration) in coordinates.free().iter().zip(system.velocity(&force)) {
         out[dof as usize] = acceleration;
     }
+    coordinates.to_space(&mut out);
     surface::constrain_accelerations(system, state, &v, &mut out);
-    for (node, terms) in coordinates.combinations() {
-        for axis in 0..3 {
-            let along = terms.iter().map(|&(k, weight)| weight * out[3 * k as usize + axis]);
-            out[3 * node as usize + axis] = along.sum();
-        }
-    }
+    coordinates.complete(&mut out);
     out
 }
 

@@ -156,6 +156,7 @@ impl<R: Rule> OneStage<R> {
         coordinates.embed(&before.q, before.t, x_start);
         coordinates.embed(&after.q, after.t, dx);
         vectors::update(dx, |k, dx| *dx -= x_start[k]);
+        coordinates.to_own_axes(dx);
         let gradient = forces.gradient();
         let Stage { w, c, room, added, constrained, .. } = stage;
         let (w, c, step) = (&*w, *c, &*dx);

@@ -189,6 +189,7 @@ pub fn reactions(system: &System, state: &State) -> Vec<f64> {
     for &dof in system.coordinates().free() {
         out[dof as usize] = 0.0;
     }
+    system.coordinates().to_space(&mut out);
     out
 }
 

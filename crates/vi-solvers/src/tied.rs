@@ -1,6 +1,7 @@
 //! The Hessian of a system with tied nodes, K = SᵀK̂S: K̂ is summed as if tied nodes were free, then
 //! each nodal block goes to the pairs of nodes that its own two are tied to, times both weights,
-//! through a map made once. Systems without tied nodes never come here.
+//! through a map made once. Blocks of nodes with axes of their own are turned into these, R_a K_ab R_bᵀ.
+//! Systems without such nodes never come here.
 //! This room must not know how K̂ is summed, nor what nodes are tied for.
 
 use std::sync::Arc;
@@ -37,6 +38,8 @@ pub(crate) struct TiedHessian {
     parts: Vec<Part>,
     /// Blocks with rows or columns of prescribed coordinates: entry, row, column.
     masked: Vec<(u32, u32, u32)>,
+    /// Blocks of nodes with axes of their own: entry, axes of the row's node, of the column's.
+    turned: Vec<(u32, Option<[[f64; 3]; 3]>, Option<[[f64; 3]; 3]>)>,
     matrix: SymmetricMatrix,
 }
 
@@ -50,7 +53,7 @@ impl TiedHessian {
         row_of: &[u32],
         free_of: Vec<u32>,
     ) -> Option<Self> {
-        if !terms.coordinates().has_combinations() {
+        if terms.coordinates().is_plain() {
             return None;
         }
         let block = full.pattern.block;
@@ -125,9 +128,23 @@ impl TiedHessian {
             .filter(|(_, entry)| partially_free(entry.0) || partially_free(entry.1))
             .map(|(place, &(row, column))| (place, row, column))
             .collect();
+        // Axes are of nodes of three coordinates, and so are then the blocks.
+        let mut axes_of: Vec<Option<[[f64; 3]; 3]>> = vec![None; row_count];
+        for own in terms.coordinates().node_axes().iter().filter(|_| block == 3) {
+            let row = row_of[own.node as usize];
+            if row != NONE {
+                axes_of[row as usize] = Some(own.axes);
+            }
+        }
+        let axes = |row: u32| axes_of[row as usize];
+        let turned = (0_u32..)
+            .zip(&entries)
+            .filter(|(_, entry)| axes(entry.0).is_some() || axes(entry.1).is_some())
+            .map(|(place, &(row, column))| (place, axes(row), axes(column)))
+            .collect();
         let places = (0..entries.len() as u32).collect();
         let matrix = SymmetricMatrix::zeros(Arc::new(Pattern::new(block, &entries, places, free_of)));
-        Some(Self { start, parts, masked, matrix })
+        Some(Self { start, parts, masked, turned, matrix })
     }
 
     pub(crate) fn matrix(&self) -> &SymmetricMatrix {
@@ -165,6 +182,9 @@ impl TiedHessian {
         } else {
             values.chunks_mut(size).enumerate().for_each(sum);
         }
+        for (place, of_row, of_column) in &self.turned {
+            turn(&mut values[*place as usize * size..][..size], of_row, of_column);
+        }
         let free_of = &self.matrix.pattern.free_of;
         let prescribed = |row: u32, k: usize| free_of[row as usize * block + k] == NONE;
         for &(place, row, column) in &self.masked {
@@ -172,6 +192,26 @@ impl TiedHessian {
                 if prescribed(row, k / block) || prescribed(column, k % block) {
                     *value = 0.0;
                 }
+            }
+        }
+    }
+}
+
+/// K ← R_a K R_bᵀ, with the axes of a node as the rows of R, or none for those of space.
+fn turn(block: &mut [f64], of_row: &Option<[[f64; 3]; 3]>, of_column: &Option<[[f64; 3]; 3]>) {
+    if let Some(axes) = of_row {
+        for j in 0..3 {
+            let column = [0, 1, 2].map(|i| block[3 * i + j]);
+            for (i, e) in axes.iter().enumerate() {
+                block[3 * i + j] = e[0] * column[0] + e[1] * column[1] + e[2] * column[2];
+            }
+        }
+    }
+    if let Some(axes) = of_column {
+        for row in block.chunks_exact_mut(3) {
+            let values = [row[0], row[1], row[2]];
+            for (out, e) in row.iter_mut().zip(axes) {
+                *out = e[0] * values[0] + e[1] * values[1] + e[2] * values[2];
             }
         }
     }

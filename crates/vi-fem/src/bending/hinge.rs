@@ -10,7 +10,7 @@ use vi_core::Potential;
 
 use super::BentSheet;
 use super::hinges::{Hinge, Opposite, hinges};
-use super::patches::{Bend, HELD, Patch, patches};
+use super::patches::{Bend, CARRIED, HELD, Patch, patches};
 use crate::FemError;
 
 pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, FemError> {
@@ -32,6 +32,7 @@ pub(super) fn from_hinges<'a>(
                 (3, [0.0; 3])
             }
             Opposite::Held(point) => (HELD, point),
+            Opposite::Mirror(vector) => (CARRIED, vector),
         };
         let (corners, rest_angle) = ([0, 1, 2, last], hinge.rest_angle);
         Patch { nodes, bends: vec![Bend { corners, point, rest_angle, form: [(stiffness / unit).sqrt()] }] }

@@ -14,6 +14,16 @@ pub(super) enum Opposite {
     Node(u32, (u32, u8)),
     /// A point held in space: the second triangle is the support.
     Held([f64; 3]),
+    /// A vector from the edge, held in space: the support goes with the edge, normal to a mirror plane. Half the
+    /// energy of the triangle and its mirror image at their common edge.
+    Mirror([f64; 3]),
+}
+
+impl Opposite {
+    /// Is the second triangle a support, not a part of the sheet?
+    pub(super) fn is_support(&self) -> bool {
+        matches!(self, Self::Held(_) | Self::Mirror(_))
+    }
 }
 
 /// Two triangles at an edge at rest. Lengths along the edge count from its midpoint, with a → b.
@@ -37,7 +47,7 @@ impl Hinge {
     /// Area of the triangles, m²; of the one where the other is a support.
     pub(super) fn area(&self) -> f64 {
         let [one, two] = self.heights;
-        0.5 * self.length * if matches!(self.opposite, Opposite::Held(_)) { one } else { one + two }
+        0.5 * self.length * if self.opposite.is_support() { one } else { one + two }
     }
 }
 
@@ -56,18 +66,34 @@ pub(super) fn hinges(sheet: &BentSheet) -> Result<Vec<Hinge>, FemError> {
             }
         }
     }
-    for &[a, b] in sheet.clamped {
+    let side_of = |[a, b]: [u32; 2], what: &'static str| {
         let nodes = [a.min(b), a.max(b)];
         let found = surface.edges.binary_search_by_key(&nodes, |edge| edge.nodes).ok();
-        let Some([side]) = found.map(|index| &surface.edges[index].sides[..]) else {
-            return Err(FemError::Invalid {
-                what: "clamped edge",
+        match found.map(|index| &surface.edges[index].sides[..]) {
+            Some(&[side]) => Ok(side),
+            _ => Err(FemError::Invalid {
+                what,
                 problem: format!("nodes {a} and {b} are not the ends of a boundary edge of the sheet"),
-            });
-        };
-        hinges.push(hinge(sheet, *side, Opposite::Held(mirrored_corner(sheet, *side)), true)?);
+            }),
+        }
+    };
+    for &edge in sheet.clamped {
+        let side = side_of(edge, "clamped edge")?;
+        hinges.push(hinge(sheet, side, Opposite::Held(mirrored_corner(sheet, side)), true)?);
+    }
+    for &(edge, normal) in sheet.mirrored {
+        let side = side_of(edge, "mirrored edge")?;
+        hinges.push(hinge(sheet, side, Opposite::Mirror(away(sheet, side, normal)), true)?);
     }
     Ok(hinges)
+}
+
+/// The vector along the normal of a mirror plane that leads away from the triangle of `side`, as long as its edge.
+fn away(sheet: &BentSheet, side: (u32, u8), normal: [f64; 3]) -> [f64; 3] {
+    let [c, a, b] = sheet.surface.around(side.0, side.1).map(|node| sheet.surface.points[node as usize]);
+    let (e, r) = ([0, 1, 2].map(|i| b[i] - a[i]), [0, 1, 2].map(|i| c[i] - a[i]));
+    let scale = (dot(e, e) / dot(normal, normal)).sqrt();
+    normal.map(|n| if dot(r, normal) > 0.0 { -scale * n } else { scale * n })
 }
 
 /// The free corner of a triangle reflected at its edge within its plane.
@@ -90,13 +116,14 @@ fn hinge(
     let d = match opposite {
         Opposite::Node(node, _) => point(node),
         Opposite::Held(position) => position,
+        Opposite::Mirror(vector) => [0, 1, 2].map(|i| point(a)[i] + vector[i]),
     };
     let corners = [point(a), point(b), point(c), d];
     let near = wing(surface, first, a);
     // A support is the mirror image of its triangle.
     let far = match opposite {
         Opposite::Node(_, second) => wing(surface, second, a),
-        Opposite::Held(_) => near,
+        Opposite::Held(_) | Opposite::Mirror(_) => near,
     };
     let rest_angle = dihedral::angle(&corners);
     if rest_angle.abs() > std::f64::consts::PI - 1e-3 {

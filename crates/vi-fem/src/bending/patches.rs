@@ -29,11 +29,20 @@ const BENDS: usize = 9;
 /// A fourth corner that is held in space.
 pub(super) const HELD: u8 = u8::MAX;
 
+/// A fourth corner that goes with the first, at a vector from it that is held in space.
+pub(super) const CARRIED: u8 = u8::MAX - 1;
+
+/// The local node that corner c of a hinge moves with; not below [`MOST`] where it is held.
+#[inline(always)]
+fn node_of(corners: &[u8; 4], c: usize) -> usize {
+    usize::from(if corners[c] == CARRIED { corners[0] } else { corners[c] })
+}
+
 /// A hinge of a stencil.
 pub(super) struct Bend<const F: usize> {
-    /// Its corners among the nodes of the stencil; the fourth may be [`HELD`].
+    /// Its corners among the nodes of the stencil; the fourth may be [`HELD`] or [`CARRIED`].
     pub(super) corners: [u8; 4],
-    /// Where that is held, m.
+    /// Where the fourth is held, or the vector by which it is carried, m.
     pub(super) point: [f64; 3],
     pub(super) rest_angle: f64,
     /// Its coefficients in the F forms, the root of an energy in the unit of [`BentSheet::unit`].
@@ -158,7 +167,7 @@ impl<const F: usize> Patches<F> {
                     rest: [pack(&|bend| bend.rest_angle.sin()), pack(&|bend| bend.rest_angle.cos())],
                     form: std::array::from_fn(|f| pack(&|bend| bend.form[f])),
                 });
-                if bend.corners[3] == HELD {
+                if bend.corners[3] >= CARRIED {
                     self.held.push([0, 1, 2].map(|i| pack(&|bend| bend.point[i])));
                 }
             }
@@ -203,10 +212,16 @@ impl<const F: usize> Patches<F> {
         held: &mut usize,
         at: &[[Lane<S>; 3]; MOST],
     ) -> Fold<Lane<S>> {
-        let last = if corners[3] == HELD {
+        let last = if corners[3] >= CARRIED {
             let point = &self.held[*held];
             *held += 1;
-            vec3!(i => point[i].load(simd, part))
+            let point: [Lane<S>; 3] = vec3!(i => point[i].load(simd, part));
+            if corners[3] == HELD {
+                point
+            } else {
+                let first = at[usize::from(corners[0])];
+                vec3!(i => first[i] + point[i])
+            }
         } else {
             at[usize::from(corners[3])]
         };
@@ -295,7 +310,7 @@ impl<const F: usize> WithSimd for Gradients<'_, F> {
                     // ψ′ Kψ + (1 − ψ′) K_aa ψ_a.
                     let moment = softening.mul_add(own - coupled, coupled);
                     for c in 0..4 {
-                        let corner = usize::from(pattern[b][c]);
+                        let corner = node_of(&pattern[b], c);
                         if corner < MOST {
                             for i in 0..3 {
                                 sum[corner][i] = moment.mul_add(slopes[b][c][i], sum[corner][i]);
@@ -346,7 +361,7 @@ impl<const F: usize> WithSimd for Hessians<'_, F> {
                         y[f] = form[f].mul_add(psi, y[f]);
                         let form = form[f] * steepness;
                         for c in 0..4 {
-                            let corner = usize::from(pattern[b][c]);
+                            let corner = node_of(&pattern[b], c);
                             if corner < MOST {
                                 for i in 0..3 {
                                     let entry = &mut slopes[f][3 * corner + i];
@@ -385,10 +400,16 @@ impl<const F: usize> WithSimd for Hessians<'_, F> {
                     let curvature = if is_projected { [[zero; 12]; 12] } else { fold.hessian() };
                     let inside = if pattern[b][3] == HELD { 9 } else { 12 };
                     for n in 0..inside {
-                        let row = 3 * usize::from(pattern[b][n / 3]) + n % 3;
+                        let row = 3 * node_of(&pattern[b], n / 3) + n % 3;
                         let along = second * slope[n / 3][n % 3];
                         for m in 0..=n {
-                            let column = 3 * usize::from(pattern[b][m / 3]) + m % 3;
+                            let column = 3 * node_of(&pattern[b], m / 3) + m % 3;
+                            // Two corners of one node: the entry stands for both halves of the matrix.
+                            let is_doubled = n != m && row == column;
+                            let (along, moment) = match is_doubled {
+                                true => (along + along, moment + moment),
+                                false => (along, moment),
+                            };
                             let target = &mut block[packed_index(row.max(column), row.min(column))];
                             let sum = moment.mul_add(curvature[n][m], target.load(simd, part));
                             target.store(part, along.mul_add(slope[m / 3][m % 3], sum));

@@ -42,7 +42,7 @@ pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, F
                 let weights = [one[0] + two[0], one[1] + two[1], 1.0 / height, 1.0 / far_height];
                 pairs.nodes.extend(hinge.nodes.map(|node| node + offset));
                 pairs.nodes.push(node + offset);
-                pairs.terms.push(Jump { stiffness, weights, constant: [0.0; 3] });
+                pairs.terms.push(Jump { stiffness, weights, constant: [0.0; 3], normal: [0.0; 3] });
             }
             Opposite::Held(point) => {
                 // The support's slope is the unit vector from the foot on the edge to the mirrored corner.
@@ -52,7 +52,16 @@ pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, F
                     [0, 1, 2].map(|i| (point[i] - (0.5 - s) * a[i] - (0.5 + s) * b[i]) / far_height);
                 held.nodes.extend(hinge.nodes.map(|node| node + offset));
                 let weights = [one[0], one[1], 1.0 / height, 0.0];
-                held.terms.push(Jump { stiffness, weights, constant });
+                held.terms.push(Jump { stiffness, weights, constant, normal: [0.0; 3] });
+            }
+            Opposite::Mirror(vector) => {
+                // The slope and its mirror image differ by twice its part in the mirror plane; of their energy this
+                // is the half.
+                let length = crate::tensor::dot(vector, vector).sqrt();
+                held.nodes.extend(hinge.nodes.map(|node| node + offset));
+                let weights = [one[0], one[1], 1.0 / height, 0.0];
+                let normal = vector.map(|v| v / length);
+                held.terms.push(Jump { stiffness, weights, constant: [0.0; 3], normal });
             }
         }
     }
@@ -60,13 +69,14 @@ pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, F
     Ok(some(pairs).into_iter().chain(some(held)).collect())
 }
 
-/// ½ stiffness |Σ weights x + constant|².
+/// ½ stiffness |P (Σ weights x + constant)|², P = I − n ⊗ n with a unit vector n or zero.
 struct Jump {
     /// J.
     stiffness: f64,
     /// 1/m, with sum zero over the corners of two triangles.
     weights: [f64; 4],
     constant: [f64; 3],
+    normal: [f64; 3],
 }
 
 struct Jumps {
@@ -78,15 +88,17 @@ struct Jumps {
 
 impl Jumps {
     fn jump(&self, index: usize, x: &[f64]) -> [f64; 3] {
-        let Jump { weights, constant, .. } = &self.terms[index];
+        let Jump { weights, constant, normal, .. } = &self.terms[index];
         let nodes = &self.nodes[index * self.arity..][..self.arity];
-        [0, 1, 2].map(|i| {
+        let whole = [0, 1, 2].map(|i| {
             // From the first corner, so that a far away sheet is as exact as a near one: the weights of
             // a held edge have the sum zero too, the constant being a vector.
             let origin = x[3 * nodes[0] as usize + i];
             let from_origin = nodes.iter().zip(weights).map(|(&n, w)| w * (x[3 * n as usize + i] - origin));
             from_origin.sum::<f64>() + constant[i]
-        })
+        });
+        let across = crate::tensor::dot(whole, *normal);
+        [0, 1, 2].map(|i| whole[i] - across * normal[i])
     }
 }
 
@@ -128,12 +140,13 @@ impl Potential for Jumps {
 
     fn hessians(&self, range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
         for (index, out) in range.zip(out.chunks_exact_mut(packed_len(3 * self.arity))) {
-            let Jump { stiffness, weights, .. } = &self.terms[index];
+            let Jump { stiffness, weights, normal, .. } = &self.terms[index];
             let mut k = 0;
             for row in 0..3 * self.arity {
                 for column in 0..=row {
-                    let is_same_axis = f64::from(row % 3 == column % 3);
-                    out[k] = is_same_axis * stiffness * weights[row / 3] * weights[column / 3];
+                    let (i, j) = (row % 3, column % 3);
+                    let projection = f64::from(i == j) - normal[i] * normal[j];
+                    out[k] = projection * stiffness * weights[row / 3] * weights[column / 3];
                     k += 1;
                 }
             }

@@ -35,7 +35,9 @@ pub(super) fn turns(sheet: &BentSheet, hinges: &[Hinge]) -> Vec<[Turn; 3]> {
         }
         let (one, k) = hinge.first;
         match hinge.opposite {
-            Opposite::Held(_) => turns[one as usize][usize::from(k)] = Some(vec![(index as u32, 1.0)]),
+            Opposite::Held(_) | Opposite::Mirror(_) => {
+                turns[one as usize][usize::from(k)] = Some(vec![(index as u32, 1.0)])
+            }
             Opposite::Node(_, (two, far_k)) => {
                 let (share, division) = rows.division(index);
                 let mut near = vec![(index as u32, share)];
@@ -55,7 +57,7 @@ pub(super) fn turns(sheet: &BentSheet, hinges: &[Hinge]) -> Vec<[Turn; 3]> {
 fn is_reversed(sheet: &BentSheet, hinge: &Hinge) -> bool {
     match hinge.opposite {
         Opposite::Node(_, two) => sheet.surface.around(two.0, two.1)[1] == hinge.nodes[0],
-        Opposite::Held(_) => false,
+        Opposite::Held(_) | Opposite::Mirror(_) => false,
     }
 }
 
@@ -69,7 +71,7 @@ fn first_turn(hinge: &Hinge) -> Functional {
 /// θ = φ₁ + φ₂ under a constant curvature; φ₁ where the second triangle is a support.
 fn angle(hinge: &Hinge) -> Functional {
     let first = first_turn(hinge);
-    if matches!(hinge.opposite, Opposite::Held(_)) {
+    if hinge.opposite.is_support() {
         return first;
     }
     let ([_, height], [_, foot]) = (hinge.heights, hinge.feet);

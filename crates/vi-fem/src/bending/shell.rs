@@ -19,7 +19,7 @@ use vi_core::Potential;
 use super::BentSheet;
 use super::hinge::from_hinges;
 use super::hinges::{Hinge, Opposite, hinges};
-use super::patches::{Bend, HELD, Patch, patches};
+use super::patches::{Bend, CARRIED, HELD, Patch, patches};
 use super::reconstruction::{Turn, edge_frames, turns};
 use crate::FemError;
 
@@ -133,6 +133,10 @@ fn bend(hinge: &Hinge, viewer: u32, form: [f64; 3], nodes: &mut Vec<u32>) -> Ben
         Opposite::Held(point) => {
             let [a, b, c] = [a, b, c].map(&mut local);
             ([a, b, c, HELD], point)
+        }
+        Opposite::Mirror(vector) => {
+            let [a, b, c] = [a, b, c].map(&mut local);
+            ([a, b, c, CARRIED], vector)
         }
     };
     Bend { corners, point, rest_angle: hinge.rest_angle, form }

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 
 use super::{FinerMesh, Mesh, Region};
 use crate::element::{Element, SolidVisitor};
-use crate::{ElementBlock, ElementKind, facet};
+use crate::{ElementBlock, ElementKind, FemError, facet};
 
 /// Weights of shape functions at quarter points are whole numbers of this.
 const WEIGHT_UNIT: f64 = 1.0 / 4096.0;
@@ -21,6 +21,47 @@ impl Mesh {
     /// every edge; regions hold the small cells of their cells. Of a tetrahedron's octahedron in the
     /// middle the shortest diagonal is taken.
     pub fn refined(&self) -> FinerMesh {
+        self.split(|_, _| Halves::ALL)
+    }
+
+    /// The mesh with its cells halved along some axes of space (0, 1, 2) alone: along two of them, a body
+    /// extruded along the third keeps its layers; along one, only the layers along it are halved.
+    ///
+    /// # Errors
+    /// [`FemError::Invalid`] where a cell has edges that are neither along the extrusion nor across it, or is
+    /// a tetrahedron.
+    pub fn refined_along(&self, axes: &[usize]) -> Result<FinerMesh, FemError> {
+        let is_halved = |axis: usize| axes.contains(&axis);
+        // The axis that differs from the two others.
+        let special = match (0..3).filter(|&axis| is_halved(axis)).count() {
+            1 => (0..3).find(|&axis| is_halved(axis)),
+            2 => (0..3).find(|&axis| !is_halved(axis)),
+            3 => return Ok(self.refined()),
+            _ => None,
+        };
+        let Some(axis) = special else {
+            let problem = "names no axis; name one or two of x, y, z".to_owned();
+            return Err(FemError::Invalid { what: "refinement", problem });
+        };
+        let mut halves = Vec::with_capacity(self.cell_count());
+        for index in 0..self.cell_count() {
+            let Some((kind, nodes)) = self.cell(index) else { continue };
+            let corners: Vec<Point> = nodes.iter().map(|&node| self.points[node as usize]).collect();
+            let found = Halves::of(linear(kind), &corners, axis, is_halved(axis));
+            halves.push(found.map_err(|why| {
+                let axis = ["x", "y", "z"][axis];
+                let problem = format!(
+                    "element {index} ({kind}) {why}; only bodies of hexahedra and wedges extruded along {axis} can be \
+                     refined so: leave out `axes` to halve it in every direction"
+                );
+                FemError::Invalid { what: "refinement", problem }
+            })?);
+        }
+        Ok(self.split(|index, _| halves[index]))
+    }
+
+    /// The mesh with each cell in the parts that `halves` says, of its number and kind.
+    fn split(&self, halves: impl Fn(usize, ElementKind) -> Halves) -> FinerMesh {
         let mut nodes = Nodes::of(self);
         let mut blocks = Vec::with_capacity(self.blocks.len());
         // First small cell of each large one.
@@ -31,7 +72,7 @@ impl Mesh {
             let mut fine = Vec::new();
             for cell in block.nodes.chunks_exact(kind.node_count()) {
                 let at = |xi: Point| nodes.position(cell, &values(kind, xi));
-                let children = children(linear, at);
+                let children = children(linear, halves(first.len(), kind), at);
                 first.push(next);
                 next += children.len() as u32;
                 for corners in children {
@@ -174,9 +215,60 @@ fn middle(a: Point, b: Point) -> Point {
     [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]))
 }
 
+/// Along which axes of its reference cell a cell is halved: for a wedge the first two together are its triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Halves([bool; 3]);
+
+/// How far an edge may be from along or across an axis, as a part of its length.
+const STRAIGHT: f64 = 1e-6;
+
+impl Halves {
+    const ALL: Self = Self([true; 3]);
+
+    /// Of a cell with these corners, where edges along an axis of space are halved (`along`) or those across it.
+    fn of(linear: ElementKind, corners: &[Point], axis: usize, along: bool) -> Result<Self, &'static str> {
+        if linear == ElementKind::Tet4 {
+            return Err("is no prism");
+        }
+        let reference = reference_nodes(linear);
+        let mut halves = [None; 3];
+        for (a, p) in reference.iter().enumerate() {
+            for (b, q) in reference.iter().enumerate().skip(a + 1) {
+                let differ: Vec<usize> = (0..3).filter(|&k| p[k] != q[k]).collect();
+                // Of triangles the third edge runs along both axes.
+                let is_triangle = matches!(linear, ElementKind::Tri3 | ElementKind::Wedge6);
+                let of: &[usize] = match differ[..] {
+                    [2] if is_triangle => &[2],
+                    [0] | [1] | [0, 1] if is_triangle => &[0, 1],
+                    [k] => &[0, 1, 2][k..=k],
+                    _ => continue,
+                };
+                let edge = [0, 1, 2].map(|i| corners[b][i] - corners[a][i]);
+                let length = edge.iter().map(|e| e * e).sum::<f64>().sqrt();
+                let parallel = edge[axis].abs() / length;
+                let is_half = match parallel {
+                    part if part < STRAIGHT => !along,
+                    part if (1.0 - part * part).max(0.0).sqrt() < STRAIGHT => along,
+                    _ => return Err("has an edge that is neither along that axis nor across it"),
+                };
+                for &k in of {
+                    if *halves[k].get_or_insert(is_half) != is_half {
+                        return Err(
+                            "has edges along that axis and across it that run the same way in the element",
+                        );
+                    }
+                }
+            }
+        }
+        Ok(Self(halves.map(|half| half.unwrap_or(false))))
+    }
+}
+
 /// Corners of the small cells in the reference cell; `at` is where a reference point lies in space.
-fn children(linear: ElementKind, at: impl Fn(Point) -> Point) -> Vec<Vec<Point>> {
+fn children(linear: ElementKind, halves: Halves, at: impl Fn(Point) -> Point) -> Vec<Vec<Point>> {
     let corners = reference_nodes(linear);
+    let Halves(halves) = halves;
+    let triangles = |corners: &[Point]| if halves[0] { triangles(corners) } else { vec![corners.to_vec()] };
     match linear {
         ElementKind::Point => vec![corners],
         ElementKind::Tri3 => triangles(&corners),
@@ -184,16 +276,24 @@ fn children(linear: ElementKind, at: impl Fn(Point) -> Point) -> Vec<Vec<Point>>
         ElementKind::Wedge6 => {
             let (low, high) = (triangles(&corners[..3]), triangles(&corners[3..]));
             let layer = |(low, high): (&Vec<Point>, &Vec<Point>)| {
+                if !halves[2] {
+                    return vec![[&low[..], high].concat()];
+                }
                 let half: Vec<Point> = low.iter().zip(high).map(|(&a, &b)| middle(a, b)).collect();
-                [[&low[..], &half].concat(), [&half[..], high].concat()]
+                vec![[&low[..], &half].concat(), [&half[..], high].concat()]
             };
             low.iter().zip(&high).flat_map(layer).collect()
         }
         // Lines and products of them: the small cell at each corner.
-        _ => corners
-            .iter()
-            .map(|&corner| corners.iter().map(|&other| middle(corner, other)).collect())
-            .collect(),
+        _ => {
+            let place = |corner: Point, other: Point| {
+                let middle = middle(corner, other);
+                [0, 1, 2].map(|k| if halves[k] { middle[k] } else { other[k] })
+            };
+            let is_first = |corner: &&Point| (0..3).all(|k| halves[k] || corner[k] == corners[0][k]);
+            let firsts = corners.iter().filter(is_first);
+            firsts.map(|&corner| corners.iter().map(|&other| place(corner, other)).collect()).collect()
+        }
     }
 }
 
@@ -271,6 +371,41 @@ mod tests {
                 assert!((0..3).all(|i| (value[i] - expected[i]).abs() < 1e-14));
             }
         }
+    }
+
+    /// Halved along x and y, a body extruded along z is the finer body with the same layers; halved along z
+    /// alone, that with twice the layers.
+    #[test]
+    fn layers_are_kept() {
+        for &element in ElementKind::SOLIDS {
+            let build =
+                |cells| BoxMesh { size: [1.0, 2.0, 0.5], cells, element, origin: [0.0; 3] }.build().unwrap();
+            let coarse = build([2, 1, 1]);
+            for (axes, cells) in [(&[0, 1][..], [4, 2, 1]), (&[2], [2, 1, 2])] {
+                let refined = coarse.refined_along(axes);
+                if matches!(element, ElementKind::Tet4 | ElementKind::Tet10) {
+                    assert!(refined.unwrap_err().to_string().contains("is no prism"));
+                    continue;
+                }
+                let (refined, fine) = (refined.unwrap().mesh, build(cells));
+                refined.check(3).unwrap();
+                assert_eq!(refined.points.len(), fine.points.len(), "{element} {axes:?}");
+                for point in &refined.points {
+                    let near = fine.points[fine.nearest_node(*point).unwrap() as usize];
+                    assert!((0..3).all(|i| (near[i] - point[i]).abs() < 1e-14), "{element}: {point:?}");
+                }
+                for name in ["box", "x-max", "z-min"] {
+                    let count = |mesh: &Mesh| mesh.region(name).unwrap().elements.len();
+                    assert_eq!(count(&refined), count(&fine), "{element} {axes:?} {name}");
+                }
+            }
+        }
+        let shape = BoxMesh { size: [1.0; 3], cells: [1; 3], element: ElementKind::Hex8, origin: [0.0; 3] };
+        let mut sheared = shape.build().unwrap();
+        sheared.points.iter_mut().for_each(|x| x[0] += 0.2 * x[2]);
+        assert!(sheared.refined_along(&[0, 1]).unwrap_err().to_string().contains("neither along"));
+        sheared.points.iter_mut().for_each(|x| *x = [x[0] - 0.2 * x[2] + 0.3 * x[1], x[1], x[2]]);
+        assert_eq!(sheared.refined_along(&[0, 1]).unwrap().mesh.cells_of_dimension(3).len(), 4);
     }
 
     #[test]

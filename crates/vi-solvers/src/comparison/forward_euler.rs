@@ -57,6 +57,7 @@ impl ForwardEuler {
             let paid = h * accounts::free_work(system, gradient, mean_velocity);
             if system.coordinates().is_moving() {
                 system.coordinates().embed_velocity(&self.p, state.t, &mut self.x_dot);
+                system.coordinates().to_own_axes(&mut self.x_dot);
                 energy.prescribed = h * accounts::prescribed_work(system, gradient, &self.x_dot);
             }
             let t = state.t + h;

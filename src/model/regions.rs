@@ -1,0 +1,64 @@
+//! Probes over a part of a body: its nodes, and the elements that cell fields need, found once. It must not know
+//! how fields are evaluated.
+
+use std::collections::HashMap;
+
+use vi_fem::Mesh;
+
+use super::select;
+use crate::scene::{Probe, Quantity, Statistic};
+
+/// A probe over a part of a body.
+#[derive(Debug, Clone)]
+pub struct RegionProbe {
+    /// Number of the body.
+    pub body: usize,
+    /// What is asked for.
+    pub quantities: Vec<(Statistic, Quantity)>,
+    /// Nodes of the body's mesh, each once.
+    pub nodes: Vec<u32>,
+    /// Elements of each material entry with their volumes at rest, m³; only where a cell field is asked for.
+    pub elements: Vec<(Vec<u32>, Vec<f64>)>,
+}
+
+impl RegionProbe {
+    /// Finds what a probe of a scene asks for.
+    ///
+    /// # Errors
+    /// What is wrong, with the key that it is wrong in.
+    pub(super) fn new(
+        probe: &Probe,
+        body: usize,
+        (mesh, dimension): (&Mesh, usize),
+        materials: &[Vec<u32>],
+    ) -> Result<Self, (&'static str, String)> {
+        let mut nodes = match probe.on.is_empty() {
+            true => (0..mesh.points.len() as u32).collect(),
+            false => select::nodes(mesh, &probe.on)?,
+        };
+        nodes.sort_unstable();
+        nodes.dedup();
+        let quantities = probe.quantities();
+        let is_of_cells =
+            |(_, quantity): &(_, Quantity)| matches!(quantity.field.of_elements(), Some((_, false)));
+        let mut elements = Vec::new();
+        if quantities.iter().any(is_of_cells) {
+            let selected = select::elements(mesh, dimension, &probe.on)?;
+            let entry_of: HashMap<u32, usize> = materials
+                .iter()
+                .enumerate()
+                .flat_map(|(entry, cells)| cells.iter().map(move |&cell| (cell, entry)))
+                .collect();
+            elements = vec![(Vec::new(), Vec::new()); materials.len()];
+            for cell in selected {
+                if let Some(&entry) = entry_of.get(&cell) {
+                    elements[entry].0.push(cell);
+                }
+            }
+            for (cells, volumes) in &mut elements {
+                *volumes = vi_fem::volumes(mesh, cells).map_err(|error| ("", error.to_string()))?;
+            }
+        }
+        Ok(Self { body, quantities, nodes, elements })
+    }
+}

@@ -1,0 +1,150 @@
+//! Nodes of a body as a scene selects them: every table that acts on a part of a body says it in these keys.
+
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Nodes of a body at rest, by exactly one of these keys.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Selection {
+    /// A named region of its mesh …
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<String>,
+    /// … or the nodes in a box …
+    #[serde(rename = "box", default, skip_serializing_if = "Option::is_none")]
+    pub within: Option<BoxRegion>,
+    /// … or the nodes on a plane …
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plane: Option<PlaneRegion>,
+    /// … or the nodes in a ball …
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sphere: Option<SphereRegion>,
+    /// … or a list of nodes, from 0 …
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nodes: Option<Vec<usize>>,
+    /// … or the nodes that a text file lists, relative to the scene file: numbers from 0, separated by blanks,
+    /// commas or line ends; what follows a # in a line is passed over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub node_file: Option<PathBuf>,
+}
+
+/// An axis-aligned box in space that selects the nodes at rest inside it, borders included.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BoxRegion {
+    /// Least coordinates, m.
+    pub min: [f64; 3],
+    /// Greatest coordinates, m.
+    pub max: [f64; 3],
+}
+
+/// A plane that selects the nodes at rest on it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlaneRegion {
+    /// A point of the plane, m.
+    pub point: [f64; 3],
+    /// Its normal, of any length but zero.
+    pub normal: [f64; 3],
+    /// Largest distance of a node from the plane, m (≥ 0; default: 1e-6 of the body's extent).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance: Option<f64>,
+}
+
+/// A ball that selects the nodes at rest inside it, its surface included.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SphereRegion {
+    /// Its centre, m.
+    pub centre: [f64; 3],
+    /// Its radius, m (> 0).
+    pub radius: f64,
+}
+
+impl Selection {
+    /// A named region of the mesh.
+    pub fn region(region: impl Into<String>) -> Self {
+        Self { region: Some(region.into()), ..Self::default() }
+    }
+
+    /// The nodes at rest in a box.
+    pub fn within(min: [f64; 3], max: [f64; 3]) -> Self {
+        Self { within: Some(BoxRegion { min, max }), ..Self::default() }
+    }
+
+    /// The nodes at rest on a plane.
+    pub fn plane(point: [f64; 3], normal: [f64; 3]) -> Self {
+        Self { plane: Some(PlaneRegion { point, normal, distance: None }), ..Self::default() }
+    }
+
+    /// The nodes at rest in a ball.
+    pub fn sphere(centre: [f64; 3], radius: f64) -> Self {
+        Self { sphere: Some(SphereRegion { centre, radius }), ..Self::default() }
+    }
+
+    /// A list of nodes, from 0.
+    pub fn nodes(nodes: Vec<usize>) -> Self {
+        Self { nodes: Some(nodes), ..Self::default() }
+    }
+
+    /// The nodes that a file lists.
+    pub fn node_file(path: impl Into<PathBuf>) -> Self {
+        Self { node_file: Some(path.into()), ..Self::default() }
+    }
+
+    fn given(&self) -> [(&'static str, bool); 6] {
+        [
+            ("region", self.region.is_some()),
+            ("box", self.within.is_some()),
+            ("plane", self.plane.is_some()),
+            ("sphere", self.sphere.is_some()),
+            ("nodes", self.nodes.is_some()),
+            ("node_file", self.node_file.is_some()),
+        ]
+    }
+
+    /// Is none of its keys given?
+    pub fn is_empty(&self) -> bool {
+        self.given().iter().all(|(_, given)| !given)
+    }
+
+    /// The key that is given, for messages.
+    pub(crate) fn key(&self) -> &'static str {
+        self.given().iter().find(|(_, given)| *given).map_or("region", |(key, _)| key)
+    }
+
+    /// Everything that is wrong with its values, each with the key within it.
+    pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
+        let mut problems = Vec::new();
+        let given = self.given();
+        let names: Vec<String> = given.iter().map(|(key, _)| format!("`{key}`")).collect();
+        match given.iter().filter(|(_, given)| *given).count() {
+            0 => problems.push(("", format!("missing key: give one of {}", names.join(", ")))),
+            1 => {}
+            _ => problems.push(("", format!("give only one of {}", names.join(", ")))),
+        }
+        if let Some(BoxRegion { min, max }) = &self.within
+            && !(0..3).all(|k| min[k] <= max[k])
+        {
+            problems.push(("box", "`min` must not exceed `max`".to_owned()));
+        }
+        if let Some(PlaneRegion { point, normal, distance }) = &self.plane {
+            let is_finite = point.iter().chain(normal).all(|value| value.is_finite());
+            if !is_finite || *normal == [0.0; 3] {
+                problems
+                    .push(("plane", "needs a finite `point`, and a `normal` that is not zero".to_owned()));
+            }
+            if distance.is_some_and(|distance| !(distance >= 0.0 && distance.is_finite())) {
+                problems.push(("plane", "`distance` must be zero or positive, in m".to_owned()));
+            }
+        }
+        if let Some(SphereRegion { centre, radius }) = &self.sphere
+            && !(centre.iter().all(|value| value.is_finite()) && *radius > 0.0 && radius.is_finite())
+        {
+            problems.push(("sphere", "needs a finite `centre` and a positive `radius`, in m".to_owned()));
+        }
+        problems
+    }
+}

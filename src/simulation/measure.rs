@@ -1,0 +1,113 @@
+//! What probes over a part of a body see: sums, means and extremes of fields. Only what a probe names is computed.
+
+use vi_fem::{element_field, nodal_field};
+
+use super::Simulation;
+use crate::model::RegionProbe;
+use crate::scene::{Component, Field, Quantity, Statistic, Substance};
+
+impl Simulation {
+    /// The values of the probes over parts of bodies, in the order of their columns
+    /// ([`crate::scene::Probe::columns`]).
+    pub fn measures(&self) -> Vec<f64> {
+        let mut values = Vec::new();
+        for probe in &self.region_probes {
+            for &(statistic, quantity) in &probe.quantities {
+                let entries = self.field_over(probe, quantity.field);
+                values.extend(reduced(&entries, statistic, quantity));
+            }
+        }
+        values
+    }
+
+    /// The values of a field at the nodes or elements of a probe, each with its weight in a mean.
+    fn field_over(&self, probe: &RegionProbe, field: Field) -> Vec<(f64, Vec<f64>)> {
+        let body = &self.bodies[probe.body];
+        let of_scene = &self.scene.bodies[probe.body];
+        let at_nodes = |values: Vec<[f64; 3]>| -> Vec<(f64, Vec<f64>)> {
+            probe.nodes.iter().map(|&node| (1.0, values[node as usize].to_vec())).collect()
+        };
+        let solids = |entry: usize| match &of_scene.material.0[entry].law {
+            Substance::Solid(law) => Some(law),
+            Substance::Sheet(_) => None,
+        };
+        match field.of_elements() {
+            Some((of_elements, false)) => {
+                let x = self.positions(probe.body);
+                let mut all = Vec::new();
+                for (entry, (elements, volumes)) in probe.elements.iter().enumerate() {
+                    let Some(law) = solids(entry) else { continue };
+                    // The cells have been accepted as solid elements of this mesh when the body was built.
+                    let values = element_field(
+                        &body.mesh,
+                        elements,
+                        law,
+                        of_scene.locking,
+                        x.as_flattened(),
+                        of_elements,
+                    );
+                    let values = values.unwrap_or_default();
+                    let chunks = values.chunks_exact(of_elements.component_count());
+                    all.extend(volumes.iter().copied().zip(chunks.map(<[f64]>::to_vec)));
+                }
+                all
+            }
+            Some((of_elements, true)) => {
+                let x = self.positions(probe.body);
+                let entries = body.materials.iter().enumerate();
+                let parts: Vec<_> = entries
+                    .filter_map(|(entry, elements)| Some((elements.as_slice(), solids(entry)?)))
+                    .collect();
+                let values = nodal_field(&body.mesh, &parts, of_scene.locking, x.as_flattened(), of_elements);
+                let (values, count) = (values.unwrap_or_default(), of_elements.component_count());
+                let of_node = |node: u32| values[count * node as usize..][..count].to_vec();
+                probe.nodes.iter().map(|&node| (1.0, of_node(node))).collect()
+            }
+            None => match field {
+                Field::Velocity => at_nodes(self.velocities(probe.body)),
+                Field::Acceleration => at_nodes(self.accelerations(probe.body)),
+                Field::ExternalForce => at_nodes(self.external_forces(probe.body)),
+                Field::ReactionForce => at_nodes(self.reactions(probe.body)),
+                _ => {
+                    let x = self.positions(probe.body);
+                    let u =
+                        x.iter().zip(&body.mesh.points).map(|(x, rest)| [0, 1, 2].map(|k| x[k] - rest[k]));
+                    at_nodes(u.collect())
+                }
+            },
+        }
+    }
+}
+
+/// One number per column of a quantity.
+fn reduced(entries: &[(f64, Vec<f64>)], statistic: Statistic, quantity: Quantity) -> Vec<f64> {
+    let count = quantity.field.component_count();
+    let length = |v: &[f64]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
+    // The magnitude of a sum or a mean is that of the vector; an extreme is that of the magnitudes.
+    let over = |value: &dyn Fn(&[f64]) -> f64| -> f64 {
+        let values = entries.iter().map(|(weight, v)| (weight, value(v)));
+        match statistic {
+            Statistic::Sum => values.map(|(_, value)| value).sum(),
+            Statistic::Mean => {
+                let whole: f64 = entries.iter().map(|(weight, _)| weight).sum();
+                values.map(|(weight, value)| weight * value).sum::<f64>() / whole
+            }
+            Statistic::Max => values.map(|(_, value)| value).fold(f64::NEG_INFINITY, larger),
+            Statistic::Min => -values.map(|(_, value)| -value).fold(f64::NEG_INFINITY, larger),
+        }
+    };
+    let entry = |k: usize| over(&|v: &[f64]| v[k]);
+    match (quantity.component, statistic) {
+        (Some(Component::Entry(k)), _) => vec![entry(k)],
+        (Some(Component::Magnitude), Statistic::Sum | Statistic::Mean) => {
+            vec![length(&(0..count).map(entry).collect::<Vec<_>>())]
+        }
+        (Some(Component::Magnitude), _) => vec![over(&|v: &[f64]| length(v))],
+        (None, _) => (0..count).map(entry).collect(),
+    }
+}
+
+/// The larger one; not a number where one is not.
+fn larger(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
+}
