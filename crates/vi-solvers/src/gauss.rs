@@ -165,6 +165,10 @@ impl Equations for GaussEquations<'_> {
         false
     }
 
+    fn splits_stages(&self) -> bool {
+        true
+    }
+
     fn unknowns(&self) -> &[f64] {
         &self.stages.z
     }

@@ -258,13 +258,12 @@ impl Newton {
             return;
         }
         let Some(theta) = attempt.mean_contraction() else { return };
-        if !solve.equations.model_is_exact()
+        if solve.equations.splits_stages()
             && attempt.is_renewed
             && attempt.first_eta <= DOUBT_ABOVE
             && theta < 1.0
         {
-            // With a factor made next to the solution it is the model that limits convergence: another one would
-            // be no faster.
+            // A factor made next to the solution is as good as any.
             return;
         }
         let remaining = if theta < 1.0 {

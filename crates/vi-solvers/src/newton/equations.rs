@@ -17,6 +17,11 @@ pub(crate) trait Equations {
     fn model_is_exact(&self) -> bool {
         true
     }
+    /// Does A stand for the coupled equations of several stages? Then the splitting limits convergence, however
+    /// new the K in it is.
+    fn splits_stages(&self) -> bool {
+        false
+    }
     /// The unknowns, to be kept.
     fn unknowns(&self) -> &[f64];
     /// Sets the unknowns to ones that were kept.
