@@ -142,9 +142,7 @@ pub(super) fn assemble(scene: &Scene, loaded: Loaded) -> Result<Model, Vec<Probl
                 part.potentials.extend(added.potentials);
                 part.forces.extend(added.forces);
             }
-            Err((part, message)) if part.is_empty() => {
-                problems.push(Problem::new(format!("load[{i}]"), message))
-            }
+            Err(("", message)) => problems.push(Problem::new(format!("load[{i}]"), message)),
             Err((part, message)) => problems.push(Problem::new(format!("load[{i}].{part}"), message)),
         }
     }

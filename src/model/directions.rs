@@ -13,6 +13,9 @@ pub(super) fn of_axis(axis: Axis) -> [f64; 3] {
     unit
 }
 
+/// For each node of a fix, the unit directions along which it is held.
+pub(super) type DirectionsOfNodes = Vec<Vec<[f64; 3]>>;
+
 /// The unit directions of each of the nodes of a fix; none where they are axes of space alone.
 ///
 /// # Errors
@@ -22,7 +25,7 @@ pub(super) fn directions(
     mesh: &Mesh,
     dimension: usize,
     nodes: &[u32],
-) -> Result<Option<Vec<Vec<[f64; 3]>>>, (&'static str, String)> {
+) -> Result<Option<DirectionsOfNodes>, (&'static str, String)> {
     if fix.symmetry {
         check_plane(fix, mesh, nodes)?;
     }

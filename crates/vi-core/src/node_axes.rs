@@ -33,7 +33,8 @@ impl AllNodeAxes {
                 for b in 0..=a {
                     let product: f64 = (0..3).map(|i| axes[a][i] * axes[b][i]).sum();
                     let expected = f64::from(u8::from(a == b));
-                    if !((product - expected).abs() < ORTHONORMAL) {
+                    let error = (product - expected).abs();
+                    if error.is_nan() || error >= ORTHONORMAL {
                         return Err(CoreError::Axes { node: *node as usize, product, axes: [b, a] });
                     }
                 }

@@ -11,6 +11,9 @@ use vi_core::Terms;
 
 use crate::matrix::{NONE, Pattern, SymmetricMatrix};
 
+/// Orthonormal axes of a node, one a row.
+type Axes = [[f64; 3]; 3];
+
 /// Below this many entries the sum is made on the calling thread.
 const PARALLEL_ENTRIES: usize = 12_000;
 
@@ -39,7 +42,7 @@ pub(crate) struct TiedHessian {
     /// Blocks with rows or columns of prescribed coordinates: entry, row, column.
     masked: Vec<(u32, u32, u32)>,
     /// Blocks of nodes with axes of their own: entry, axes of the row's node, of the column's.
-    turned: Vec<(u32, Option<[[f64; 3]; 3]>, Option<[[f64; 3]; 3]>)>,
+    turned: Vec<(u32, Option<Axes>, Option<Axes>)>,
     matrix: SymmetricMatrix,
 }
 
