@@ -6,7 +6,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use vi_contact::{Body, Contact, ContactPotential, Neighbours, StepSettings, Surface, SurfaceBuilder};
-use vi_core::{Account, Potential};
+use vi_core::Potential;
 
 /// Squares along a side.
 const SQUARES: usize = 100;
@@ -48,7 +48,7 @@ fn contact(c: &mut Criterion) {
     let (surface, x) = sheets();
     let surface = std::sync::Arc::new(surface);
     let margin = 1e-3;
-    let potential = ContactPotential::near(surface.clone(), &x, 0.5 * margin, Account::Load);
+    let potential = ContactPotential::near(surface.clone(), &x, 0.5 * margin);
     let neighbours = Neighbours::find(&surface, &x, margin);
     let contact = Contact { surface: &surface, neighbours: &neighbours };
     let x1: Vec<f64> = x.iter().enumerate().map(|(k, x)| x + 1e-5 * (k as f64).sin()).collect();

@@ -1,13 +1,15 @@
-//! Contact as a [`vi_core::Potential`]: C(x) as a sum over the candidates near one configuration.
+//! Contact as a [`vi_core::Live`] term: C(x) as a sum over the candidates near one configuration.
 //!
 //! Every candidate is a stencil of four nodes; shorter pairs repeat their last node, where their blocks are zero. The
 //! energy of a point is grouped by closest feature before it is shared out, and each group goes to the first of its
 //! point's candidates that contains it, so that the block of a stencil depends on positions alone.
 
+mod step;
+
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{Account, Fault, HessianKind, Potential, Stencils, Traits, packed_len};
+use vi_core::{Account, DiscreteGradient, Fault, HessianKind, Live, Potential, Stencils, Traits, packed_len};
 
 use crate::broad_phase::Neighbours;
 use crate::distance::at;
@@ -18,10 +20,41 @@ use crate::surface::Surface;
 const SIZE: usize = 12;
 const PACKED: usize = packed_len(SIZE);
 
+/// Of the path that is proved free of touch, the part that a correction may use.
+const MARGIN: f64 = 0.9;
+
+/// The contact energy of surfaces, at every configuration.
+#[derive(Debug, Clone)]
+pub struct ContactTerm {
+    surface: Arc<Surface>,
+    reach: f64,
+}
+
+impl ContactTerm {
+    /// The contact of surfaces. Nodes may move by `reach` (m) before candidates are sought again; half of the activation
+    /// distance is a good choice.
+    pub fn new(surface: Arc<Surface>, reach: f64) -> Self {
+        Self { surface, reach }
+    }
+}
+
+impl Live for ContactTerm {
+    fn name(&self) -> &str {
+        "contact"
+    }
+
+    fn reach(&self) -> f64 {
+        self.reach
+    }
+
+    fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential> {
+        Arc::new(ContactPotential::near(Arc::clone(&self.surface), x, reach))
+    }
+}
+
 /// The contact energy of all configurations near one.
 #[derive(Debug, Clone)]
 pub struct ContactPotential {
-    account: Account,
     surface: Arc<Surface>,
     neighbours: Neighbours,
     nodes: Vec<u32>,
@@ -29,7 +62,7 @@ pub struct ContactPotential {
 
 impl ContactPotential {
     /// The contact energy, exact wherever no node is farther than `reach` (m) from x.
-    pub fn near(surface: Arc<Surface>, x: &[f64], reach: f64, account: Account) -> Self {
+    pub fn near(surface: Arc<Surface>, x: &[f64], reach: f64) -> Self {
         let neighbours = Neighbours::find(&surface, x, 2.0 * reach);
         let contact = Contact { surface: &surface, neighbours: &neighbours };
         let mut nodes = Vec::with_capacity(4 * neighbours.count());
@@ -44,7 +77,7 @@ impl ContactPotential {
             let face = surface.half_spaces()[plane as usize].node;
             nodes.extend([surface.points()[point as usize].node, face, face, face]);
         }
-        Self { account, surface, neighbours, nodes }
+        Self { surface, neighbours, nodes }
     }
 
     /// The candidates.
@@ -58,7 +91,7 @@ impl ContactPotential {
     }
 
     /// The part of the straight path from x to x + dx that is proved free of touch, in [0, 1].
-    pub fn largest_step(&self, x: &[f64], dx: &[f64]) -> f64 {
+    pub fn free_path(&self, x: &[f64], dx: &[f64]) -> f64 {
         let end: Vec<f64> = x.iter().zip(dx).map(|(x, dx)| x + dx).collect();
         let covers = |x: &[f64]| self.neighbours.covers(&self.surface, x);
         let impact = if covers(x) && covers(&end) {
@@ -71,22 +104,32 @@ impl ContactPotential {
         impact.map_or(1.0, |impact| impact.time)
     }
 
+    /// The first point with candidates in `range`, and all after it.
+    fn points_from(&self, range: &Range<usize>) -> impl Iterator<Item = usize> + use<'_> {
+        let starts = &self.neighbours.starts;
+        let first = starts.partition_point(|&start| start as usize <= range.start).saturating_sub(1);
+        let end = range.end;
+        (first..self.surface.points().len()).take_while(move |&point| (starts[point] as usize) < end)
+    }
+
+    /// The first candidate of a point that holds these nodes.
+    fn home(&self, point: usize, nodes: &[u32; 4]) -> Option<usize> {
+        let own = self.neighbours.starts[point] as usize..self.neighbours.starts[point + 1] as usize;
+        own.into_iter().find(|&stencil| nodes.iter().all(|node| self.of(stencil).contains(node)))
+    }
+
     /// Calls `each` with the acting pairs of the stencils in `range` and the places of their nodes in the stencil.
     fn for_each(&self, range: Range<usize>, x: &[f64], mut each: impl FnMut(usize, &ActivePair, [usize; 4])) {
         let contact = self.contact();
-        let starts = &self.neighbours.starts;
         let cells = self.neighbours.cells.len();
         let (mut group, mut pairs) = (Group::new(), Vec::new());
-        let first = starts.partition_point(|&start| start as usize <= range.start).saturating_sub(1);
-        let points = self.surface.points().len();
-        for point in (first..points).take_while(|&point| (starts[point] as usize) < range.end) {
+        for point in self.points_from(&range) {
             pairs.clear();
             contact.active_at_point(point, x, &mut group, &mut pairs);
-            let own = starts[point] as usize..starts[point + 1] as usize;
             for pair in &pairs {
-                let holds = |&stencil: &usize| pair.nodes.iter().all(|node| self.of(stencil).contains(node));
-                if let Some(stencil) = own.clone().find(holds).filter(|stencil| range.contains(stencil)) {
-                    each(stencil, pair, self.places(stencil, pair));
+                if let Some(stencil) = self.home(point, &pair.nodes).filter(|stencil| range.contains(stencil))
+                {
+                    each(stencil, pair, self.places(stencil, &pair.nodes));
                 }
             }
         }
@@ -108,9 +151,10 @@ impl ContactPotential {
         &self.nodes[4 * stencil..4 * stencil + 4]
     }
 
-    fn places(&self, stencil: usize, pair: &ActivePair) -> [usize; 4] {
+    /// Places of nodes in a stencil.
+    fn places(&self, stencil: usize, of: &[u32; 4]) -> [usize; 4] {
         let nodes = self.of(stencil);
-        pair.nodes.map(|node| nodes.iter().position(|&other| other == node).unwrap_or(0))
+        of.map(|node| nodes.iter().position(|&other| other == node).unwrap_or(0))
     }
 
     /// Adds packed blocks of pairs to packed blocks of stencils.
@@ -128,15 +172,20 @@ impl ContactPotential {
             let mut local = [0.0; PACKED];
             block(pair, &mut local[..packed_len(size)]);
             let out = &mut out[(stencil - first) * PACKED..(stencil - first + 1) * PACKED];
-            let place = |i: usize| 3 * places[i / 3] + i % 3;
-            let mut values = local.iter();
-            for i in 0..size {
-                for (j, value) in (0..=i).zip(&mut values) {
-                    // Nodes of a simplex are sorted, so that lower stays lower.
-                    out[packed_len(place(i)) + place(j)] += value;
-                }
-            }
+            add_packed(&local, size, places, out);
         });
+    }
+}
+
+/// Adds the packed block of a pair to the packed block of its stencil.
+fn add_packed(block: &[f64], size: usize, places: [usize; 4], out: &mut [f64]) {
+    let place = |i: usize| 3 * places[i / 3] + i % 3;
+    let mut values = block.iter();
+    for i in 0..size {
+        for (j, value) in (0..=i).zip(&mut values) {
+            // Nodes of a simplex are sorted, so that lower stays lower.
+            out[packed_len(place(i)) + place(j)] += value;
+        }
     }
 }
 
@@ -146,7 +195,7 @@ impl Potential for ContactPotential {
     }
 
     fn account(&self) -> Account {
-        self.account
+        Account::Contact
     }
 
     fn stencils(&self) -> Stencils<'_> {
@@ -180,6 +229,19 @@ impl Potential for ContactPotential {
 
     fn projected_hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         self.add_blocks(range, x, out, |pair, block| pair.stiffness(block));
+    }
+
+    fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {
+        Some(self)
+    }
+
+    fn limits_steps(&self) -> bool {
+        true
+    }
+
+    fn largest_step(&self, x: &[f64], dx: &[f64]) -> f64 {
+        let free = self.free_path(x, dx);
+        if free < 1.0 { (MARGIN * free).max(f64::MIN_POSITIVE) } else { 1.0 }
     }
 
     fn fault(&self, stencil: usize, x: &[f64], _t: f64) -> Option<Fault> {

@@ -9,7 +9,7 @@ use vi_contact::{
     ActivePair, Barrier, Body, Contact, ContactPotential, Neighbours, Partners, StepSettings, Surface,
     SurfaceBuilder,
 };
-use vi_core::{Account, Potential};
+use vi_core::Potential;
 
 const STEP: StepSettings = StepSettings { duration: 1e-3 };
 
@@ -241,7 +241,7 @@ fn gradients_and_hessians_agree_with_differences() {
 fn the_potential_of_candidates_is_the_sum_over_acting_pairs() {
     let (surface, x, _) = crumpled(9);
     let surface = Arc::new(surface);
-    let potential = ContactPotential::near(Arc::clone(&surface), &x, 0.05, Account::Load);
+    let potential = ContactPotential::near(Arc::clone(&surface), &x, 0.05);
     let count = potential.stencils().count();
     let pairs = potential.contact().active(&x);
     let mut energies = vec![0.0; count];
@@ -271,8 +271,29 @@ fn the_potential_of_candidates_is_the_sum_over_acting_pairs() {
         assert_eq!(part, hessians[78 * range.start..78 * range.end]);
     }
     let down: Vec<f64> = (0..x.len()).map(|k| if k % 3 == 2 && k < 108 { 1.0 } else { 0.0 }).collect();
-    let free = potential.largest_step(&x, &down);
-    assert!(free > 0.0 && free < 0.2);
+    let (free, step) = (potential.free_path(&x, &down), potential.largest_step(&x, &down));
+    assert!(free > 0.0 && free < 0.2 && step < free);
+    // The discrete gradient of the stencils is that of the pairs.
+    let x1: Vec<f64> = x.iter().zip(&down).map(|(x, d)| x + 0.5 * step * d).collect();
+    let exact = potential.discrete_gradient().expect("contact has one");
+    exact.gradients(0..count, &x, &x1, &mut gradients);
+    let mut work = 0.0;
+    for (nodes, block) in potential.stencils().nodes.chunks(4).zip(gradients.chunks(12)) {
+        for (i, g) in block.iter().enumerate() {
+            let dof = 3 * nodes[i / 3] as usize + i % 3;
+            work += g * (x1[dof] - x[dof]);
+        }
+    }
+    let [before, after] = [&x, &x1].map(|x| potential.contact().energy(x));
+    assert!((work - (after - before)).abs() <= 1e-12 * after.max(before), "{work} {}", after - before);
+    exact.tangents(0..count, &x, &x, &mut hessians);
+    let trace: f64 =
+        hessians.chunks(78).map(|block| (0..12).map(|i| block[i * (i + 3) / 2]).sum::<f64>()).sum();
+    let expected: f64 = pairs
+        .iter()
+        .map(|pair| 0.5 * pair.curvature * pair.closest.weights.iter().map(|c| c * c).sum::<f64>())
+        .sum();
+    assert!((trace / expected - 1.0).abs() < 1e-9, "{trace} {expected}");
 }
 
 #[test]

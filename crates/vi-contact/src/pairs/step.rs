@@ -125,7 +125,7 @@ impl Contact<'_> {
         pairs
     }
 
-    fn step_of_point(
+    pub(crate) fn step_of_point(
         &self,
         point: usize,
         x: [&[f64]; 2],
@@ -152,7 +152,12 @@ impl Contact<'_> {
         }
     }
 
-    fn step_of_edges(&self, pair: usize, x: [&[f64]; 2], settings: &StepSettings) -> Option<StepPair> {
+    pub(crate) fn step_of_edges(
+        &self,
+        pair: usize,
+        x: [&[f64]; 2],
+        settings: &StepSettings,
+    ) -> Option<StepPair> {
         let pair = &self.neighbours.edges[pair];
         let nodes = self.edge_nodes(pair.edges);
         let [x0, x1] = x.map(|x| nodes.map(|node| at(x, node)));
@@ -189,7 +194,12 @@ impl Contact<'_> {
         Some(out)
     }
 
-    fn step_of_plane(&self, pair: usize, x: [&[f64]; 2], settings: &StepSettings) -> Option<StepPair> {
+    pub(crate) fn step_of_plane(
+        &self,
+        pair: usize,
+        x: [&[f64]; 2],
+        settings: &StepSettings,
+    ) -> Option<StepPair> {
         let [point, plane] = self.neighbours.planes[pair];
         let gauge = self.surface.plane_gauge(point as usize, plane as usize)?;
         let ends = x.map(|x| self.height(point, plane, x));
