@@ -6,8 +6,8 @@
 //! accurate run. Where they do not fit, errors are measured on a part of the run and extrapolated, and the report
 //! says so.
 //!
-//! Trials may cost [`BUDGET`] of the run that they save: of the cheapest stable explicit run. Short runs get
-//! [`LEAST_BUDGET`]. Costs are counted on a reference machine and never clocked: the same scene makes the same
+//! Trials may cost a share (`BUDGET`) of the run that they save: of the cheapest stable explicit run. Short runs get
+//! `LEAST_BUDGET`. Costs are counted on a reference machine and never clocked: the same scene makes the same
 //! choice on any machine and on any number of threads.
 
 mod activity;

@@ -307,7 +307,8 @@ fn auto_does_not_see_units_or_places() {
     for body in [SOLID, SHEET] {
         let own = scene(body, 0.3, 1, "\"auto\"\ntolerance = 1e-2");
         let choice = |scene: Scene| {
-            let simulation = Simulation::new(scene).unwrap();
+            let (settled, _) = settle(scene, &mut ()).unwrap();
+            let simulation = Simulation::new(settled).unwrap();
             (simulation.method(), simulation.step_count())
         };
         let chosen = choice(own.clone());

@@ -414,7 +414,9 @@ fn a_mirror_plane_stands_for_the_other_half() {
         assert!(a[2] > 0.01, "{bending}: {a:?}");
         near(b, a, tolerance * a[2]);
         let free = run(scene(0.5, 6).fix(Fix::region("plate", "x-max").axes(&[Axis::X])));
-        assert!(middle(&free)[2] > 1.01 * a[2], "{bending}: without the mirror it is a hinge");
+        // Without the mirror it is a hinge, which bends further by more than the halves may differ.
+        let further = middle(&free)[2] / a[2] - 1.0;
+        assert!(further > 2.0 * tolerance.max(1e-3), "{bending}: {further}");
     }
 }
 

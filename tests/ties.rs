@@ -198,7 +198,7 @@ fn what_cannot_be_sewn_or_attached_is_refused() {
     for (joint, words) in [
         ("to = \"cloth\"\nnodes = [0]", "cannot be attached to itself"),
         ("to = \"wall\"\nnodes = [0]", "no body 'wall'"),
-        ("to = \"block\"", "give one of `region`, `box`, `nodes`"),
+        ("to = \"block\"", "give one of `region`, `box`, `plane`, `sphere`, `nodes`"),
         ("surface = \"z-max\"\nnodes = [0]", "`to`"),
         ("to = \"block\"\nsurface = \"top\"\nnodes = [0]", "'top'"),
     ] {

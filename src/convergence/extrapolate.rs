@@ -155,9 +155,9 @@ mod tests {
         assert_eq!((found.verdict, found.observed_order), (Verdict::FallsByChance, None));
         assert!((found.value - 1.0).abs() < found.error.unwrap());
         // A little above the formal order: no more than that is relied on.
-        let above = extrapolate(&[1.0, 0.2, 0.02], 3.0, 0.0);
+        let above = extrapolate(&[1.008, 0.12, 0.02], 3.0, 0.0);
         assert!((above.observed_order.unwrap() - 3.15).abs() < 0.1);
-        assert!((above.value - (0.02 - 0.1 / 7.0)).abs() < 1e-12, "{above:?}");
+        assert!((above.value - (0.02 - 0.888 / 8.0 / 7.0)).abs() < 1e-12, "{above:?}");
     }
 
     #[test]
