@@ -168,3 +168,26 @@ fn output_that_cannot_be_written_is_exit_code_5() {
     assert_eq!(status("variational check no-such.toml > /dev/full 2>&1"), Some(2));
     assert_eq!(status("variational frobnicate > /dev/full 2>&1"), Some(2));
 }
+
+/// The trials of scheme "auto" say what they do, and a signal ends them before anything is written.
+#[test]
+fn a_signal_ends_the_trials_of_auto() {
+    let scene = SCENE.replace("step = 1e-4\nscheme = \"stormer-verlet\"", "scheme = \"auto\"");
+    let place = directory(&scene.replace("cells = [3, 1, 1]", "cells = [24, 8, 8]"));
+    let said = std::fs::File::create(place.path().join("said")).unwrap();
+    let mut child = command()
+        .current_dir(place.path())
+        .args(["run", "scene.toml", "--out", "out"])
+        .stdout(Stdio::null())
+        .stderr(said)
+        .spawn()
+        .unwrap();
+    let text = || std::fs::read_to_string(place.path().join("said")).unwrap();
+    wait_for("second trial", || text().contains("auto: trial 2"));
+    let asked = Instant::now();
+    send("TERM", &child);
+    assert_eq!(child.wait().unwrap().code(), Some(143));
+    assert!(asked.elapsed() < Duration::from_secs(20), "heard after {:?}", asked.elapsed());
+    assert!(text().contains("nothing was written"), "{}", text());
+    assert!(!place.path().join("out").exists());
+}
