@@ -94,6 +94,7 @@ impl Simulation {
         }
         let load_factor = self.load_factor().unwrap_or_default();
         self.components.iter_mut().for_each(|component| component.state.t = load_factor);
+        stepped.energy.force += std::mem::take(&mut self.given);
         self.steps += 1;
         Ok(stepped)
     }

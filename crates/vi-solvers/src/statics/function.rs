@@ -51,13 +51,13 @@ impl PathFunction {
         self.assembler.energies(x, 0.0).total() - self.origin
     }
 
-    /// c and its derivatives at (q, t) of the system that is followed.
-    pub(crate) fn at(&mut self, followed: &System, q: &[f64], t: f64) -> FunctionValue {
+    /// c and its derivatives at (q, t) of the system that is followed; `end` is of the size of its load factors.
+    pub(crate) fn at(&mut self, followed: &System, q: &[f64], t: f64, end: f64) -> FunctionValue {
         let coordinates = followed.coordinates();
         let mut x = vec![0.0; coordinates.dof_count()];
         let mut rate = 0.0;
         if coordinates.is_moving() {
-            let e = 1e-6 * t.abs().max(1e-3);
+            let e = 1e-6 * t.abs().max(end.abs());
             coordinates.embed(q, t + e, &mut x);
             let above = self.value(&x);
             coordinates.embed(q, t - e, &mut x);
