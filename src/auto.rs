@@ -171,9 +171,17 @@ fn choose(scene: &Scene, watch: &mut dyn TrialWatch) -> Result<(Choice, AutoRepo
     .max(LEAST_BUDGET);
     let allowed = explicit_seconds.map_or(f64::INFINITY, |seconds| IMPLICIT_SHARE * seconds);
     let mut candidates = search.implicit(allowed.min(search.left()))?;
-    let cheapest = candidates.iter().map(Candidate::price).fold(f64::INFINITY, f64::min);
+    let measured = candidates.iter().filter(|candidate| candidate.measured);
+    let cheapest = measured.map(|candidate| candidate.predicted_seconds).fold(f64::INFINITY, f64::min);
     if let Some(seconds) = explicit_seconds.filter(|seconds| *seconds < cheapest) {
         candidates.extend(search.explicit(seconds)?);
+    }
+    if candidates.is_empty() {
+        candidates.extend(search.nearest.take());
+    }
+    // What was measured was cheap enough to measure: nothing is gained by doubt.
+    if candidates.iter().any(|candidate| candidate.measured) {
+        candidates.retain(|candidate| candidate.measured);
     }
     candidates.sort_by(|a, b| a.price().total_cmp(&b.price()));
     let Some(best) = candidates.first() else {

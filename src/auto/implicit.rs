@@ -78,6 +78,11 @@ impl Search<'_> {
         found.retain(|candidate| is_confirmed(candidate, &finest, &self.norm, &ladders, self.aim));
         if found.is_empty() {
             found.extend(ladders.iter().filter_map(|ladder| ladder.extrapolated(self.aim)));
+            let rungs = ladders.iter().flat_map(|ladder| &ladder.rungs);
+            let nearest = rungs.min_by(|a, b| a.difference.total_cmp(&b.difference));
+            self.nearest = nearest.map(|rung| {
+                Candidate::new(rung.choice, rung.seconds / rung.choice.steps as f64, f64::NAN, false)
+            });
         }
         Ok(found)
     }

@@ -3,7 +3,7 @@
 use std::cell::Cell;
 use std::ops::Range;
 
-use super::activity;
+use super::{Candidate, activity};
 use crate::scene::{Scene, SchemeName};
 use crate::trial::{Choice, Limit, Norm, Trial, TrialError, TrialWatch, run};
 
@@ -42,6 +42,8 @@ pub(super) struct Search<'a> {
     pub(super) window: Option<Range<f64>>,
     /// Was a trial left out or ended because of the budget?
     pub(super) is_exhausted: bool,
+    /// The implicit scheme and step whose difference from a coarser step was least, where none showed an order.
+    pub(super) nearest: Option<Candidate>,
     /// By how much errors grew over the second half of a window, where that was faster than t².
     pub(super) growth: Option<f64>,
 }
@@ -66,6 +68,7 @@ impl<'a> Search<'a> {
             trials: 0,
             window: None,
             is_exhausted: false,
+            nearest: None,
             growth: None,
         }
     }
