@@ -20,7 +20,8 @@ use crate::SolverError;
 use crate::forces::Forces;
 use crate::inverse::Inverse;
 use crate::stages::Multipliers;
-use crate::surface::{Row, Surface, Units};
+use crate::surface::{Row, Surface};
+use crate::units::Units;
 
 pub(crate) struct Constrained {
     surface: Surface,

@@ -42,6 +42,7 @@ mod stepper;
 mod surface;
 mod sweep;
 mod tied;
+mod units;
 mod vectors;
 mod warp;
 
