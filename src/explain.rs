@@ -16,13 +16,16 @@ use crate::simulation::{Component, Simulation};
 pub fn explain(simulation: &Simulation) -> String {
     let method = simulation.method();
     let facts = method.facts();
-    let mut text = format!(
-        "{}: order {}, {}; {}\n",
-        method.name(),
-        facts.order,
-        if facts.is_explicit { "explicit" } else { "implicit" },
-        if facts.is_variational() { "variational" } else { "not variational" }
-    );
+    let mut text = match &simulation.scene().statics {
+        Some(_) => "statics: an equilibrium at every load step, by Newton's method\n".to_owned(),
+        None => format!(
+            "{}: order {}, {}; {}\n",
+            method.name(),
+            facts.order,
+            if facts.is_explicit { "explicit" } else { "implicit" },
+            if facts.is_variational() { "variational" } else { "not variational" }
+        ),
+    };
     for (index, component) in simulation.components().iter().enumerate() {
         let bodies: Vec<&str> = simulation
             .bodies()

@@ -259,6 +259,45 @@ fn frames_far_from_the_origin_keep_their_shape() {
     }
 }
 
+/// Where a displacement is controlled, the load factor is found and is no time: frames lie between rows all the same.
+#[test]
+fn the_film_of_a_path_of_equilibria_follows_its_steps() {
+    let program = Program::run(
+        r#"
+        [time]
+        end = 1.0
+        step = 0.5
+        [static]
+        control = { kind = "displacement", probe = "p", axis = "z", to = -0.05 }
+        [[body]]
+        name = "b"
+        box = { size = [1.0, 0.2, 0.2], cells = [4, 1, 1], element = "hex8" }
+        material = { law = "linear", young = 1e6, poisson = 0.3, density = 1000.0 }
+        [[fix]]
+        body = "b"
+        region = "x-min"
+        [[load]]
+        kind = "traction"
+        body = "b"
+        region = "x-max"
+        traction = [0.0, 0.0, -1000.0]
+        amplitude = "t"
+        [[probe]]
+        name = "p"
+        body = "b"
+        node = 4
+        [output]
+        fps = 4
+        precision = "f64"
+        "#,
+    );
+    let frames = track(&program.out(), 4);
+    assert_eq!(frames.len(), 5);
+    for (k, (_, x)) in frames.iter().enumerate() {
+        assert!((x[2] + 0.0125 * k as f64).abs() < 1e-9, "{k}: {x:?}");
+    }
+}
+
 /// A row of history for every frame of a film, as long as nothing else is asked for.
 #[test]
 fn the_film_of_a_static_scene_follows_its_load() {

@@ -24,9 +24,11 @@ impl Simulation {
     pub(crate) fn between<T>(&mut self, before: &[State], t: f64, see: impl FnOnce(&Self) -> T) -> T {
         let is_linear = self.scene.statics.is_some() || self.is_switched() || self.method.facts().order <= 2;
         let path = if is_linear { linear } else { hermite };
+        // By the time of the run: along a path of equilibria the time of a state is its load factor.
+        let part = (t / self.h - (self.steps as f64 - 1.0)).clamp(0.0, 1.0);
         let mut now = Vec::with_capacity(before.len());
         for (component, before) in self.components.iter_mut().zip(before) {
-            let state = path(&component.system, before, &component.state, t);
+            let state = path(&component.system, before, &component.state, part);
             now.push(std::mem::replace(&mut component.state, state));
         }
         let seen = see(self);
@@ -37,31 +39,28 @@ impl Simulation {
     }
 }
 
-/// The part of a step that is over at time t.
-fn part(before: &State, after: &State, t: f64) -> f64 {
-    ((t - before.t) / (after.t - before.t)).clamp(0.0, 1.0)
+/// As a mean of the ends, so that both are met to the bit.
+fn mean(part: f64, before: f64, after: f64) -> f64 {
+    (1.0 - part) * before + part * after
 }
 
-fn linear(_: &System, before: &State, after: &State, t: f64) -> State {
-    let part = part(before, after, t);
-    let mix = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (1.0 - part) * a + part * b).collect();
-    State { t, q: mix(&before.q, &after.q), p: mix(&before.p, &after.p) }
+fn linear(_: &System, before: &State, after: &State, part: f64) -> State {
+    let means = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(&a, &b)| mean(part, a, b)).collect();
+    let (q, p) = (means(&before.q, &after.q), means(&before.p, &after.p));
+    State { t: mean(part, before.t, after.t), q, p }
 }
 
-fn hermite(system: &System, before: &State, after: &State, t: f64) -> State {
-    let (s, h) = (part(before, after, t), after.t - before.t);
+fn hermite(system: &System, before: &State, after: &State, part: f64) -> State {
+    let (s, h) = (part, after.t - before.t);
     let (v0, v1) = (system.velocity(&before.p), system.velocity(&after.p));
     let r = 1.0 - s;
     let way = s * s * (3.0 - 2.0 * s);
-    let q = |k: usize| {
-        // As a mean of the ends, so that both are met to the bit.
-        (1.0 - way) * before.q[k] + way * after.q[k] + h * s * r * (r * v0[k] - s * v1[k])
-    };
+    let q = |k: usize| mean(way, before.q[k], after.q[k]) + h * s * r * (r * v0[k] - s * v1[k]);
     let speed = |k: usize| {
         6.0 * s * r * (after.q[k] - before.q[k]) / h
             + r * (1.0 - 3.0 * s) * v0[k]
             + s * (3.0 * s - 2.0) * v1[k]
     };
     let velocity: Vec<f64> = (0..v0.len()).map(speed).collect();
-    State { t, q: (0..v0.len()).map(q).collect(), p: system.momentum(&velocity) }
+    State { t: mean(s, before.t, after.t), q: (0..v0.len()).map(q).collect(), p: system.momentum(&velocity) }
 }
