@@ -7,6 +7,7 @@ use serde::Serialize;
 use vi_fem::ElementField;
 
 use crate::checkpoint::record::record;
+use crate::scene::{Probe, Scene};
 use crate::simulation::{Observation, Simulation};
 
 /// What a run found where it ended.
@@ -20,8 +21,8 @@ pub struct Results {
     pub largest_von_mises: Option<Peak>,
     /// What holds the fixed nodes, for each `[[fix]]`.
     pub reactions: Vec<Reaction>,
-    /// Extremes of the probes over all rows of history.csv.
-    pub probes: Vec<ProbeRange>,
+    /// Extremes over all rows of history.csv of the columns of the probes: of nodes their displacements.
+    pub probes: Vec<ColumnRange>,
 }
 
 /// The largest value of a field, and where.
@@ -60,45 +61,35 @@ pub struct Reaction {
     pub moment: [f64; 3],
 }
 
-/// Extremes of a probe's displacement.
+/// The extremes of one column of history.csv, and when they were first reached.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ProbeRange {
-    /// Its name.
-    pub name: String,
-    /// Displacement in x.
-    pub ux: Range,
-    /// Displacement in y.
-    pub uy: Range,
-    /// Displacement in z.
-    pub uz: Range,
-}
-
-/// Least and greatest value, and when they were first seen (s).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Range {
-    /// Least value.
+pub struct ColumnRange {
+    /// Name of the column, e.g. `tip.uz` or `hole.max.von_mises`.
+    pub column: String,
+    /// Least value, in the unit of the column.
     pub min: f64,
-    /// When, s.
+    /// Time of the least value, s.
     pub at_min: f64,
-    /// Greatest value.
+    /// Greatest value, in the unit of the column.
     pub max: f64,
-    /// When, s.
+    /// Time of the greatest value, s.
     pub at_max: f64,
 }
 
-/// Extremes of the probes' displacements so far.
+/// Extremes so far of the displacements of the probes at nodes, then of the columns of the other probes.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Extremes {
-    /// For each probe and axis: least value, its time, greatest value, its time.
+    /// Per column: least value, its time, greatest value, its time.
     ranges: Vec<[f64; 4]>,
 }
 
 record!(Extremes { ranges: Vec<[f64; 4]> });
 
 impl Extremes {
-    /// Enters an observation.
-    pub(crate) fn enter(&mut self, seen: &Observation) {
-        let values: Vec<f64> = seen.probes.iter().flat_map(|probe| probe.displacement).collect();
+    /// Enters a row of history.csv: an observation, and the columns of probes over parts of bodies.
+    pub(crate) fn enter(&mut self, seen: &Observation, measures: &[f64]) {
+        let displacements = seen.probes.iter().flat_map(|probe| probe.displacement);
+        let values: Vec<f64> = displacements.chain(measures.iter().copied()).collect();
         if self.ranges.is_empty() {
             self.ranges = values.iter().map(|&value| [value, seen.t, value, seen.t]).collect();
         }
@@ -112,18 +103,20 @@ impl Extremes {
         }
     }
 
-    fn of_probes(&self, simulation: &Simulation) -> Vec<ProbeRange> {
-        let range = |&[min, at_min, max, at_max]: &[f64; 4]| Range { min, at_min, max, at_max };
-        let (ranges, _) = self.ranges.as_chunks::<3>();
-        let probes = simulation.scene().probes.iter().zip(ranges);
-        probes
-            .map(|(probe, [ux, uy, uz])| ProbeRange {
-                name: probe.name.clone(),
-                ux: range(ux),
-                uy: range(uy),
-                uz: range(uz),
-            })
-            .collect()
+    /// The extremes with the names of their columns.
+    fn of_columns(&self, scene: &Scene) -> Vec<ColumnRange> {
+        let of_nodes = scene
+            .node_probes()
+            .flat_map(|probe| ["ux", "uy", "uz"].map(|component| format!("{}.{component}", probe.name)));
+        let names = of_nodes.chain(scene.probes.iter().flat_map(Probe::columns));
+        let range = |(column, &[min, at_min, max, at_max]): (String, &[f64; 4])| ColumnRange {
+            column,
+            min,
+            at_min,
+            max,
+            at_max,
+        };
+        names.zip(&self.ranges).map(range).collect()
     }
 }
 
@@ -135,7 +128,7 @@ impl Results {
             largest_displacement: largest_displacement(simulation),
             largest_von_mises: largest_von_mises(simulation),
             reactions: reactions(simulation),
-            probes: extremes.of_probes(simulation),
+            probes: extremes.of_columns(simulation.scene()),
         }
     }
 }

@@ -92,12 +92,10 @@ fn results(results: &Results) {
         );
     }
     rest(results.reactions.len(), "reactions");
-    for probe in results.probes.iter().take(MOST) {
-        let of = [("ux", probe.ux), ("uy", probe.uy), ("uz", probe.uz)];
-        let of = of.map(|(name, range)| format!("{name} {:.4e} to {:.4e} m", range.min, range.max));
-        out!("probe '{}': {}", probe.name, of.join(", "));
+    for range in results.probes.iter().take(MOST) {
+        out!("{}: {:.4e} to {:.4e}", range.column, range.min, range.max);
     }
-    rest(results.probes.len(), "probes");
+    rest(results.probes.len(), "columns of probes");
 }
 
 fn rest(count: usize, what: &str) {

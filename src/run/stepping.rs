@@ -100,11 +100,12 @@ impl Run {
             return Err(run.refuse_start());
         }
         let estimates = run.estimator.as_mut().and_then(|estimator| estimator.compare(0, &first.probes));
+        let measures = run.simulation.measures();
         run.history
-            .write(&first, &run.simulation.measures(), RowWork::default(), estimates.as_deref())
+            .write(&first, &measures, RowWork::default(), estimates.as_deref())
             .map_err(RunError::output(&path))?;
         run.estimates = estimates.unwrap_or_default();
-        run.extremes.enter(&first);
+        run.extremes.enter(&first, &measures);
         if let Some(frames) = &mut run.frames {
             frames.write(&run.simulation)?;
         }
@@ -362,13 +363,13 @@ impl Run {
         self.ledger.enter(StepEnergy::default(), seen.total(), seen.kinetic);
         self.momentum.enter(seen);
         self.pitch.enter(seen);
-        self.extremes.enter(seen);
         let begin = Instant::now();
         let steps = self.simulation.steps();
         self.row = steps;
         let estimates = self.estimator.as_mut().and_then(|estimator| estimator.compare(steps, &seen.probes));
         self.report.estimating_seconds += begin.elapsed().as_secs_f64();
         let measures = self.simulation.measures();
+        self.extremes.enter(seen, &measures);
         let result =
             self.history.write(seen, &measures, std::mem::take(&mut self.work), estimates.as_deref());
         if let Some(estimates) = estimates {
