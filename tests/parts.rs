@@ -439,7 +439,7 @@ fn a_mirror_plane_stands_for_the_other_half() {
                 .body(Body::from_sheet("plate", plate(length, cells), law.clone()))
                 .fix(Fix::region("plate", "x-min"))
                 .load(load(
-                    serde_json::json!({ "kind": "body-force", "body": "plate", "force": [0.0, 0.0, 100.0] }),
+                    serde_json::json!({ "kind": "body-force", "body": "plate", "force": [0.0, 0.0, 1.0] }),
                 ))
         };
         let whole = run(scene(1.0, 12).fix(Fix::region("plate", "x-max")));
@@ -449,12 +449,12 @@ fn a_mirror_plane_stands_for_the_other_half() {
             simulation.positions(0)[node as usize]
         };
         let (a, b) = (middle(&whole), middle(&half));
-        assert!(a[2] > 0.01, "{bending}: {a:?}");
+        assert!(a[2] > 1e-4, "{bending}: {a:?}");
         near(b, a, tolerance * a[2]);
         let free = run(scene(0.5, 6).fix(Fix::region("plate", "x-max").axes(&[Axis::X])));
-        // Without the mirror it is a hinge, which bends further by more than the halves may differ.
+        // Supported edges turn freely. Without the mirror the middle turns too, and only membrane stress holds the half.
         let further = middle(&free)[2] / a[2] - 1.0;
-        assert!(further > 2.0 * tolerance.max(1e-3), "{bending}: {further}");
+        assert!(further > 1.0, "{bending}: {further}");
     }
 }
 
