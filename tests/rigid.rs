@@ -268,7 +268,7 @@ fn what_cannot_be_is_refused_with_the_way_out() {
     for (rigid, words) in [
         ("[[rigid]]\nname = \"a\"\nmass = 1.0\n".to_owned(), "`inertia` or a `shape`"),
         ("[[rigid]]\nname = \"a\"\nmass = 1.0\ninertia = [1.0, 1.0, 3.0]\n".to_owned(), "at most the sum"),
-        ("[[rigid]]\nname = \"a\"\n".to_owned(), "weighs nothing"),
+        ("[[rigid]]\nname = \"a\"\n".to_owned(), "has no mass"),
         (
             format!("{good}[[joint]]\nkind = \"ball\"\nbody = \"b\"\npoint = [0.0, 0.0, 0.0]\n"),
             "there are: a",

@@ -251,7 +251,7 @@ impl Own {
 fn principal(rigid: &Rigid, own: &Own, attached: &[Attached], mass: f64, node: u32) -> Result<Frame, String> {
     if mass <= 0.0 {
         return Err(
-            "weighs nothing: give it `mass` and `inertia`, a `density` and a `shape`, or attach nodes \
+            "has no mass: give it `mass` and `inertia`, a `density` and a `shape`, or attach nodes \
                     with mass to it"
                 .to_owned(),
         );

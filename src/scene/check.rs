@@ -204,7 +204,7 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
         check.say(format!("{key}.order"), "must be 1 (as the mesh is) or 2 (quadratic elements)");
     }
     if body.order == Some(2) && body.dimension() == 2 {
-        check.say(format!("{key}.order"), "sheets are made of linear triangles; take it out");
+        check.say(format!("{key}.order"), "sheets consist of linear triangles: remove this key");
     }
     if body.refine.as_ref().is_some_and(|refine| refine.levels() > MOST_REFINED) {
         check.say(
@@ -226,22 +226,22 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
         }
     }
     if body.locking != LockingCure::None && body.dimension() == 2 {
-        check.say(format!("{key}.locking"), "is of solids; take it out");
+        check.say(format!("{key}.locking"), "applies to solids only: remove this key from a sheet");
     }
     let entries = &body.material.0;
     if entries.is_empty() {
         check.say(format!("{key}.material"), "missing: the list holds no material");
     }
     if body.rest.is_some() && body.dimension() != 2 {
-        check.say(format!("{key}.rest"), "only a sheet has it (its material has `thickness`); take it out");
+        check.say(format!("{key}.rest"), "applies to sheets only (their material has `thickness`): remove this key");
     }
     for (name, is_given) in [("part", body.part.is_some()), ("weld", body.weld.is_some())] {
         if is_given && body.mesh.is_none() {
-            check.say(format!("{key}.{name}"), "only a body with a `mesh` file has it; take it out");
+            check.say(format!("{key}.{name}"), "applies to a body with a `mesh` file only: remove this key");
         }
     }
     if body.weld.is_some() && body.dimension() != 2 {
-        check.say(format!("{key}.weld"), "only the points of a sheet are welded; take it out");
+        check.say(format!("{key}.weld"), "applies to sheets only: remove this key");
     }
     if body.weld.is_some_and(|weld| !(weld >= 0.0 && weld.is_finite())) {
         check.say(format!("{key}.weld"), "must be zero or positive, in m");
@@ -249,7 +249,7 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
     if let Some(uv_scale) = body.uv_scale {
         check.positive(format!("{key}.uv_scale"), uv_scale, "m");
         if body.mesh.is_none() || body.rest != Some(RestShape::Flat) {
-            check.say(format!("{key}.uv_scale"), "needs a `mesh` file and rest = \"flat\"; take it out");
+            check.say(format!("{key}.uv_scale"), "applies only with a `mesh` file and rest = \"flat\": add them, or remove this key");
         }
     }
     let mut regions = HashSet::new();
@@ -264,7 +264,7 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
             }
             Substance::Sheet(_) if body.box_shape.is_some() => check.say(
                 key.clone(),
-                "`thickness` is not allowed: a box is a solid; take it out, or make the body with `sheet`",
+                "a box is a solid, which has no `thickness`: remove it, or make the body with `sheet`",
             ),
             law if law.dimension() != body.dimension() => check.say(
                 key.clone(),
@@ -305,7 +305,7 @@ fn rigids(check: &mut Checker, scene: &Scene) {
             None => true,
         };
         if is_held(Some(joint.body())) && is_held(joint.to()) {
-            check.say(format!("joint[{i}]"), "joins what is prescribed on both sides; take it out");
+            check.say(format!("joint[{i}]"), "joins two bodies whose motion is prescribed: remove this joint, or free one of them");
         }
     }
     for (i, attach) in scene.attachments.iter().enumerate() {
@@ -316,7 +316,7 @@ fn rigids(check: &mut Checker, scene: &Scene) {
             ("surface", attach.surface.is_some()),
         ] {
             if is_given {
-                let message = format!("'{to}' is rigid and holds nodes exactly where they are; take it out");
+                let message = format!("'{to}' is rigid and holds nodes exactly where they are: remove this key");
                 check.say(format!("attach[{i}].{part}"), message);
             }
         }
@@ -432,7 +432,7 @@ fn attachments(check: &mut Checker, scene: &Scene) {
             }
         }
         if !scene.bodies.iter().any(|body| body.dimension() == 2) {
-            check.say("wind", "acts on sheets, and the scene has none; take it out");
+            check.say("wind", "acts on sheets, and the scene has none: remove this table");
         }
     }
     if let Some(damping) = &scene.damping {
@@ -541,7 +541,7 @@ fn output(check: &mut Checker, scene: &Scene) {
             check.say("guard.action", "needs the energy ledger; take `output.ledger = false` out");
         }
         if scene.statics.is_some() {
-            check.say("guard", "watches motion, and a static scene has none; take it out");
+            check.say("guard", "watches motion, and a static scene has none: remove this table");
         }
     }
     let assert = &scene.assert;

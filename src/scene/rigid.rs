@@ -185,7 +185,7 @@ impl Rigid {
             problems.push(("fixed", "give only one of `fixed`, `motion`".to_owned()));
         }
         if self.is_prescribed() && (self.velocity.is_some() || self.angular_velocity.is_some()) {
-            problems.push(("velocity", "follows from `fixed` or `motion`; take it out".to_owned()));
+            problems.push(("velocity", "follows from `fixed` or `motion`: remove this key".to_owned()));
         }
         problems.extend(
             self.motion.as_ref().and_then(|m| m.check().err()).map(|error| ("motion", error.to_string())),
