@@ -250,11 +250,9 @@ impl Own {
 /// The principal axes of the body with all that is attached to it.
 fn principal(rigid: &Rigid, own: &Own, attached: &[Attached], mass: f64, node: u32) -> Result<Frame, String> {
     if mass <= 0.0 {
-        return Err(
-            "has no mass: give it `mass` and `inertia`, a `density` and a `shape`, or attach nodes \
+        return Err("has no mass: give it `mass` and `inertia`, a `density` and a `shape`, or attach nodes \
                     with mass to it"
-                .to_owned(),
-        );
+            .to_owned());
     }
     // From its own centre, so that places far from the origin cost no digits.
     let moment: Vector3<f64> = attached.iter().map(|a| (Vector3::from(a.x) - own.centre) * a.mass).sum();

@@ -233,7 +233,10 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
         check.say(format!("{key}.material"), "missing: the list holds no material");
     }
     if body.rest.is_some() && body.dimension() != 2 {
-        check.say(format!("{key}.rest"), "applies to sheets only (their material has `thickness`): remove this key");
+        check.say(
+            format!("{key}.rest"),
+            "applies to sheets only (their material has `thickness`): remove this key",
+        );
     }
     for (name, is_given) in [("part", body.part.is_some()), ("weld", body.weld.is_some())] {
         if is_given && body.mesh.is_none() {
@@ -249,7 +252,10 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
     if let Some(uv_scale) = body.uv_scale {
         check.positive(format!("{key}.uv_scale"), uv_scale, "m");
         if body.mesh.is_none() || body.rest != Some(RestShape::Flat) {
-            check.say(format!("{key}.uv_scale"), "applies only with a `mesh` file and rest = \"flat\": add them, or remove this key");
+            check.say(
+                format!("{key}.uv_scale"),
+                "applies only with a `mesh` file and rest = \"flat\": add them, or remove this key",
+            );
         }
     }
     let mut regions = HashSet::new();
@@ -305,7 +311,10 @@ fn rigids(check: &mut Checker, scene: &Scene) {
             None => true,
         };
         if is_held(Some(joint.body())) && is_held(joint.to()) {
-            check.say(format!("joint[{i}]"), "joins two bodies whose motion is prescribed: remove this joint, or free one of them");
+            check.say(
+                format!("joint[{i}]"),
+                "joins two bodies whose motion is prescribed: remove this joint, or free one of them",
+            );
         }
     }
     for (i, attach) in scene.attachments.iter().enumerate() {
@@ -316,7 +325,8 @@ fn rigids(check: &mut Checker, scene: &Scene) {
             ("surface", attach.surface.is_some()),
         ] {
             if is_given {
-                let message = format!("'{to}' is rigid and holds nodes exactly where they are: remove this key");
+                let message =
+                    format!("'{to}' is rigid and holds nodes exactly where they are: remove this key");
                 check.say(format!("attach[{i}].{part}"), message);
             }
         }

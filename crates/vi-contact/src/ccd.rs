@@ -115,7 +115,7 @@ fn plane_holds_until(
 pub struct Impact {
     /// The part of the path that is proved free, in [0, 1).
     pub time: f64,
-    /// What meets there, or may.
+    /// Pair that meets there, or may.
     pub partners: Partners,
 }
 
@@ -174,7 +174,7 @@ impl Contact<'_> {
         separated_until(shape, &start, &end, thickness, |_| {})
     }
 
-    /// The same for a point over a half-space, whose normal is the direction.
+    /// Proves the separation of a point from a half-space, with the normal as direction.
     fn path_over_plane(&self, point: u32, plane: u32, x0: &[f64], x1: &[f64], thickness: f64) -> f64 {
         let (node, face) =
             (self.surface.points[point as usize].node, self.surface.half_spaces[plane as usize]);

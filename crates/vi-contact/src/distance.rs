@@ -3,7 +3,6 @@
 //! A pair has up to four nodes; r = Σ_a c_a x_a joins its closest points, with weights c that sum to zero (1 on the
 //! point, −β on the triangle). Everything is made from differences of positions: squares of a Gram matrix would lose
 //! u L²/d² of a distance d between features of size L, differences lose u L/d, where u = 2⁻⁵³.
-//! This file must not know energies.
 
 mod curvature;
 mod edge;

@@ -1,4 +1,4 @@
-//! What can be wrong with a contact surface.
+//! Errors of contact surfaces.
 
 /// Errors of this crate.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -29,9 +29,9 @@ pub enum ContactError {
     Value {
         /// The body.
         body: u32,
-        /// What it is, e.g. "distance".
+        /// Name of the quantity, e.g. "distance".
         quantity: &'static str,
-        /// Its value.
+        /// Value found.
         value: f64,
         /// The domain in words.
         domain: &'static str,
@@ -43,7 +43,7 @@ pub enum ContactError {
     Degenerate {
         /// The body.
         body: u32,
-        /// Its nodes.
+        /// Nodes concerned.
         nodes: Vec<u32>,
     },
 }

@@ -24,11 +24,11 @@ use crate::surface::Law;
 /// Friction of one point against a body or half-space, or of two edges, over a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrictionPair {
-    /// What rubs.
+    /// Shape of the sliding pair.
     pub partners: Partners,
     /// Number of its nodes.
     pub arity: usize,
-    /// Its nodes.
+    /// Nodes of the pair.
     pub nodes: [u32; 4],
     /// G_a, N: the force on node a is −G_a, and Σ G·Δx = T·u.
     pub gradient: [Vec3; 4],

@@ -32,7 +32,7 @@ pub(crate) use chord::DistanceChange;
 pub(crate) use energy::in_order;
 pub(crate) use groups::Group;
 
-/// What the parts of a pair are.
+/// Kinds of the two parts of a pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Partners {
     /// A point and the cells of a body: numbers of both.

@@ -85,7 +85,7 @@ impl ContactPotential {
         &self.neighbours
     }
 
-    /// What energies, steps and impacts are asked of.
+    /// View of surface and candidates that evaluates energies, steps and impacts.
     pub fn contact(&self) -> Contact<'_> {
         Contact { surface: &self.surface, neighbours: &self.neighbours }
     }

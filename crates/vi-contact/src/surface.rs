@@ -21,9 +21,9 @@ use crate::distance::{Shape, Vec3, at};
 /// A point of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// Its node.
+    /// Node of the point.
     pub node: u32,
-    /// Its body.
+    /// Body that it belongs to.
     pub body: u32,
     /// Area that it stands for, m².
     pub area: f64,
@@ -32,16 +32,16 @@ pub struct Point {
 /// A simplex that points meet: a triangle, an edge of a wire, or a single point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cell {
-    /// Its nodes in increasing order; the last is repeated where there are fewer than three.
+    /// Nodes in increasing order; the last is repeated where there are fewer than three.
     pub nodes: [u32; 3],
     /// Number of its nodes, 1 to 3.
     pub count: u8,
-    /// Its body.
+    /// Body that it belongs to.
     pub body: u32,
 }
 
 impl Cell {
-    /// Its nodes without repetition.
+    /// Nodes without repetition.
     pub fn nodes(&self) -> &[u32] {
         &self.nodes[..self.count as usize]
     }
@@ -55,9 +55,9 @@ impl Cell {
 /// An edge of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Edge {
-    /// Its nodes in increasing order.
+    /// Nodes in increasing order.
     pub nodes: [u32; 2],
-    /// Its body.
+    /// Body that it belongs to.
     pub body: u32,
     /// Area that it stands for, m²: a third of the triangles at it; length times width for wires.
     pub area: f64,
@@ -72,7 +72,7 @@ pub struct Edge {
 pub struct HalfSpace {
     /// A node on its face, usually prescribed; it takes the reaction.
     pub node: u32,
-    /// Its body.
+    /// Body that it belongs to.
     pub body: u32,
     /// Outward unit normal n; constant.
     pub normal: Vec3,
@@ -154,7 +154,7 @@ impl Surface {
         self.laws.of(a, b)
     }
 
-    /// Do these nodes move as one, so that a pair of them never changes?
+    /// Returns whether these nodes move as one rigid body, so that distances between them never change.
     pub(crate) fn is_rigid(&self, nodes: &[u32]) -> bool {
         let group = self.held[nodes[0] as usize];
         group != 0 && nodes[1..].iter().all(|&node| self.held[node as usize] == group)
@@ -218,7 +218,7 @@ impl Surface {
             || self.rest_distance(cell.shape(), [point.node, a, b, c]) > WELDED * law.distance
     }
 
-    /// Can these edges meet?
+    /// Returns whether these edges may come into contact.
     pub(crate) fn admits_edges(&self, a: usize, b: usize) -> bool {
         let ([i, j], [k, l]) = (self.edges[a].nodes, self.edges[b].nodes);
         i != k

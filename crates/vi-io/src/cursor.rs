@@ -10,7 +10,7 @@ use std::str::FromStr;
 
 use crate::error::{IoError, Place};
 
-/// How numbers are written.
+/// Encoding of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Encoding {
     Text,

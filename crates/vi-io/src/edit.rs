@@ -1,5 +1,5 @@
 //! Changes of a mesh as a whole: parts of it, welded points, quadrilaterals cut into triangles. Groups and arrays
-//! follow. It must not know formats.
+//! follow.
 
 use std::collections::HashMap;
 

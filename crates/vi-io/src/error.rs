@@ -1,4 +1,4 @@
-//! What can be wrong with a file, said with the file, the place and the way out. Knows no format.
+//! Errors of reading and writing files. Each names the file, the place and the way out.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -30,9 +30,9 @@ pub enum IoError {
     System {
         /// The file it is about.
         file: PathBuf,
-        /// What was tried, as a verb: "open", "write", …
+        /// Action that failed, as a verb: "open", "write", …
         action: &'static str,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// Neither name nor content tell the format.
@@ -40,7 +40,7 @@ pub enum IoError {
     UnknownFormat {
         /// The file it is about.
         file: PathBuf,
-        /// What was found instead.
+        /// Text found instead.
         found: String,
     },
     /// The file ends, or a section of it ends, before what it announced.
@@ -50,7 +50,7 @@ pub enum IoError {
         file: PathBuf,
         /// Where the data end.
         place: Place,
-        /// What was being read.
+        /// Section that was being read.
         what: String,
     },
     /// Something else stands where the format asks for a certain thing.
@@ -60,9 +60,9 @@ pub enum IoError {
         file: PathBuf,
         /// Where it stands.
         place: Place,
-        /// What the format asks for.
+        /// Text that the format requires.
         expected: String,
-        /// What stands there, shortened.
+        /// Text found there, shortened.
         found: String,
     },
     /// A header claims more than the rest of the file could hold. Nothing was allocated for it.
@@ -72,7 +72,7 @@ pub enum IoError {
         file: PathBuf,
         /// Where the count stands.
         place: Place,
-        /// What is counted.
+        /// Name of the counted entries.
         what: String,
         /// The count claimed.
         count: u64,
@@ -86,7 +86,7 @@ pub enum IoError {
         file: PathBuf,
         /// Where it shows.
         place: Place,
-        /// What contradicts what.
+        /// Contradiction, as a sentence.
         what: String,
     },
     /// A cell names a node that does not exist.
@@ -112,7 +112,7 @@ pub enum IoError {
         place: Place,
         /// The node, as the file counts or tags it.
         node: u64,
-        /// Its coordinates.
+        /// Coordinates of the node, m.
         x: [f64; 3],
     },
     /// A kind of cell that no element here stands for.
@@ -128,7 +128,7 @@ pub enum IoError {
         format: &'static str,
         /// The type's number in that format.
         code: i64,
-        /// Its name in parentheses with a space before it, where it is known.
+        /// Name of the type in parentheses with a space before it, or empty if unknown.
         name: &'static str,
         /// The kinds that are supported.
         supported: &'static str,
@@ -145,12 +145,12 @@ pub enum IoError {
         /// The way out.
         remedy: &'static str,
     },
-    /// What was handed over for writing does not fit together.
+    /// The data to write is inconsistent.
     #[error("{}: cannot write: {what}", file.display())]
     BadOutput {
         /// The file it is about.
         file: PathBuf,
-        /// What does not fit, and what would.
+        /// Inconsistency, and what to pass instead.
         what: String,
     },
 }

@@ -1,5 +1,5 @@
 //! Gmsh mesh files, MSH 2.x and 4.1, text and binary of either byte order: sections, names, and how physical tags
-//! become groups. The layouts of nodes and elements are in the rooms `v2` and `v4`, views in `view`.
+//! become groups. The layouts of nodes and elements are in `v2.rs` and `v4.rs`, views in `view.rs`.
 //!
 //! Source: Gmsh reference manual, "MSH file format" (4.1) and "MSH file format version 2 (legacy)".
 
@@ -70,7 +70,7 @@ enum Version {
     Four,
 }
 
-/// What has been read so far.
+/// Everything read so far.
 #[derive(Default)]
 struct Reading<'a> {
     mesh: MeshFile,

@@ -1,5 +1,5 @@
 //! Reads the mesh of Abaqus and CalculiX input files (.inp): nodes, elements, sets and surfaces. How sets and surfaces
-//! become groups is in the room `sets`, the types of elements are in `elements`.
+//! become groups is in `sets.rs`, the types of elements are in `elements.rs`.
 //!
 //! Source: Abaqus Keywords Reference Guide; CalculiX CrunchiX User's Manual, "Input deck format".
 
@@ -47,12 +47,12 @@ pub fn parse_inp(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     reading.finish(&cursor)
 }
 
-/// What the data lines are that follow a keyword.
+/// Kind of the data lines that follow a keyword.
 enum Section {
     /// There was no keyword yet.
     Start,
     Nodes {
-        /// Are they the nodes of the set that was defined last?
+        /// If true, the nodes join the set that was defined last.
         in_set: bool,
     },
     Elements {
@@ -78,11 +78,11 @@ struct Element {
     tag: u64,
     at: usize,
     kind: CellKind,
-    /// Are its sides S1 … its edges (plane problems) rather than its two faces (shells)?
+    /// If true, its sides S1 … are its edges (plane problems); otherwise its two faces (shells).
     is_plane: bool,
 }
 
-/// What has been read so far.
+/// Everything read so far.
 #[derive(Default)]
 struct Reading<'a> {
     mesh: MeshFile,

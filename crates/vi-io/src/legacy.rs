@@ -46,7 +46,7 @@ const TOPOLOGIES: [(&str, Option<i64>); 5] = [
     ("TRIANGLE_STRIPS", Some(6)),
 ];
 
-/// What the attributes that follow belong to.
+/// Entities that the attributes that follow belong to.
 #[derive(Clone, Copy, PartialEq)]
 enum Site {
     Points,

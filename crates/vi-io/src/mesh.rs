@@ -17,7 +17,7 @@ pub struct MeshFile {
     pub cell_data: Vec<DataArray>,
     /// Time of the data in seconds, where the file has it (`TimeValue` of VTK files).
     pub time: Option<f64>,
-    /// What was repaired or left out in reading, one line each.
+    /// Notes of the reader: repairs and omissions, one line each.
     pub notes: Vec<String>,
 }
 

@@ -78,7 +78,7 @@ pub fn write_obj(path: &Path, surface: &TriangleSurface) -> Result<(), IoError> 
 /// points stay in their order and number.
 ///
 /// # Errors
-/// As [`write_obj`].
+/// The same errors as [`write_obj`].
 pub fn write_ply(path: &Path, surface: &TriangleSurface) -> Result<(), IoError> {
     surface.check(path)?;
     replace_file(path, |out| {

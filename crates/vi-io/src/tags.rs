@@ -28,7 +28,7 @@ impl TagIndex {
         Ok(index)
     }
 
-    /// As `new`, a tag that occurs twice staying with its first place.
+    /// Like `new`, but a tag that occurs twice keeps its first place.
     pub(crate) fn with_first_of_copies(tags: &[u64]) -> Self {
         let mut index = Self::with_room(tags.len());
         for (place, &tag) in tags.iter().enumerate().rev() {

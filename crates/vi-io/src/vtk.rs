@@ -1,4 +1,4 @@
-//! What the two VTK formats share: number types, cells from connectivity, groups from arrays.
+//! Shared by the two VTK formats: number types, cells from connectivity, groups from arrays.
 
 pub(crate) mod cells;
 pub(crate) mod groups;

@@ -1,5 +1,5 @@
 //! Reads VTU (unstructured grids) and VTP (surfaces) files: the XML and what it says about arrays. How arrays are
-//! encoded is in the room `payload`.
+//! encoded is in `payload.rs`.
 //!
 //! Source: VTK file formats, "XML file formats".
 
@@ -88,7 +88,7 @@ struct Piece {
     cell_arrays: Vec<Spec>,
 }
 
-/// What holds for all arrays of a file.
+/// Settings common to all arrays of a file.
 #[derive(Clone, Copy, Default)]
 struct Form {
     big: bool,
@@ -244,7 +244,7 @@ impl Document {
     }
 }
 
-/// What the root element says about all arrays.
+/// Reads the settings of all arrays from the root element.
 fn form(tag: &BytesStart, cursor: &Cursor, at: usize) -> Result<Form, IoError> {
     const RESAVE: &str = "save it from ParaView as .vtu, or convert it with meshio";
     let kind = attribute(tag, "type").unwrap_or_default();

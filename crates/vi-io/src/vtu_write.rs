@@ -22,7 +22,7 @@ const BLOCK: usize = 1 << 17;
 /// Room for a 64-bit offset that is filled in later.
 const OFFSET_DIGITS: usize = 20;
 
-/// What a VTU file shall hold.
+/// Contents of a VTU file to write.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct VtuFrame<'a> {
     /// Coordinates in metres.
@@ -70,7 +70,7 @@ impl VtuValues<'_> {
     }
 }
 
-/// How real numbers are written.
+/// Precision of real numbers in a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precision {
     /// Float32: for viewing.
@@ -90,7 +90,7 @@ pub enum VtuEncoding {
     InlineBase64,
 }
 
-/// How a VTU file is written. The default is appended raw, compressed, in double precision.
+/// Encoding of a VTU file. The default is appended raw, compressed, in double precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VtuOptions {
     /// Where and how data stand in the file.
@@ -121,7 +121,7 @@ pub fn write_vtu(path: &Path, frame: &VtuFrame, options: VtuOptions) -> Result<(
 /// Writes the bytes of a VTU file from the present position of `out`, which is that of the file's first byte.
 ///
 /// # Errors
-/// What `out` reports, and [`io::ErrorKind::InvalidInput`] for what [`write_vtu`] reports as [`IoError::BadOutput`].
+/// Returns the error of `out`, and [`io::ErrorKind::InvalidInput`] for what [`write_vtu`] reports as [`IoError::BadOutput`].
 pub fn encode_vtu<W: Write + Seek>(out: &mut W, frame: &VtuFrame, options: VtuOptions) -> io::Result<()> {
     check(frame, options.precision).map_err(|what| io::Error::new(io::ErrorKind::InvalidInput, what))?;
     let cell_count: usize = frame.blocks.iter().map(CellBlock::cell_count).sum();

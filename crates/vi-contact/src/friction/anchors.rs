@@ -8,7 +8,7 @@ use super::FrictionPair;
 /// One stretched bristle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Anchor {
-    /// What it holds together.
+    /// Pair that the bristle holds together.
     pub partners: Partners,
     /// The cell in whose frame the stretch is measured; 0 where there is none.
     pub cell: u32,

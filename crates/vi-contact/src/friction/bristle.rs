@@ -1,6 +1,6 @@
 //! One bristle over one step.
 
-/// What a step does to a bristle.
+/// Change of a bristle over a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Bristle {
     /// Stretch e₁ at the end, m.

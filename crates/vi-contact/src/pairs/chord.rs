@@ -17,7 +17,7 @@
 
 use crate::distance::{Closest, Vec3, combine};
 
-/// How a distance changes over a step.
+/// Change of a distance over a step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct DistanceChange {
     /// N_a.

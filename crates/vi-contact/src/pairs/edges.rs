@@ -1,4 +1,4 @@
-//! What pairs of edges have of their own: the mollifier of parallel edges, and the guard of flat ones.
+//! Terms of edge pairs only: the mollifier of parallel edges, and the guard of flat ones.
 
 use crate::barrier::Barrier;
 use crate::distance::Vec3;

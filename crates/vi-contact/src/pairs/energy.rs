@@ -12,7 +12,7 @@ pub use super::edges::Blend;
 /// Items that one task looks at; fewer are not worth a thread.
 const CHUNK: usize = 512;
 
-/// What `each` appends for the items 0, 1, 2, …, in their order, with a work space per task.
+/// Concatenates what `each` appends for the items 0, 1, 2, …, in their order, with a work space per task.
 pub(crate) fn in_order<W, T: Send>(
     count: usize,
     space: impl Fn() -> W + Sync,
@@ -30,7 +30,7 @@ pub(crate) fn in_order<W, T: Send>(
     }
 }
 
-/// What makes the energy of a pair from its distance.
+/// Parameters that give the energy of a pair from its distance.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Strength {
     pub(super) gauge: Gauge,
@@ -42,11 +42,11 @@ pub(super) struct Strength {
 /// A pair that acts at a configuration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ActivePair {
-    /// What meets.
+    /// Shape of the pair: kinds of its closest features.
     pub partners: Partners,
     /// The kind of pair; a point against a half-space is a [`Shape::PointPoint`] with a normal that does not turn.
     pub shape: Shape,
-    /// Its nodes, `shape.arity()` of them.
+    /// Nodes of the pair; the first `shape.arity()` are used.
     pub nodes: [u32; 4],
     /// Closest points.
     pub closest: Closest,

@@ -12,7 +12,7 @@ use super::energy::{Strength, in_order, pack_rank_one};
 use super::{Blend, Contact, DistanceChange, Group, Partners};
 use crate::distance::{Shape, Vec3, at};
 
-/// What the forces of a step need beside its ends.
+/// Parameters of the forces of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepSettings {
     /// Duration of the step, s: of the drift where contact acts in the drift.
@@ -22,11 +22,11 @@ pub struct StepSettings {
 /// A pair that acts over a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepPair {
-    /// What meets.
+    /// Shape of the pair: kinds of its closest features.
     pub partners: Partners,
     /// Number of its nodes.
     pub arity: usize,
-    /// Its nodes.
+    /// Nodes of the pair.
     pub nodes: [u32; 4],
     /// G_a, N: the pair's force on node a is −G_a.
     pub gradient: [Vec3; 4],

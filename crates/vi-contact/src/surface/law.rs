@@ -13,7 +13,7 @@ pub struct Body {
     pub distance: f64,
     /// Layer modulus κ, Pa. A pair takes the smaller of its two.
     pub stiffness: f64,
-    /// Is the body searched for contact with itself?
+    /// If true, the body is searched for contact with itself.
     pub meets_itself: bool,
 }
 
@@ -30,7 +30,7 @@ pub struct Law {
     pub damping: f64,
 }
 
-/// What a pair of bodies has of its own.
+/// Parameters of one pair of bodies that differ from the defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PairRule {
     /// The bodies do not meet.

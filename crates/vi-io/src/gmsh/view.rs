@@ -5,7 +5,7 @@ use crate::error::IoError;
 use crate::mesh::{DataArray, MeshFile};
 use crate::tags::TagIndex;
 
-/// What a view's values belong to.
+/// Entities that a view's values belong to.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Site {
     Points,

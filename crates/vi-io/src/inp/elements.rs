@@ -1,5 +1,4 @@
 //! The element types of Abaqus and CalculiX: which cell each is, and the numbers of its faces and edges.
-//! It must not know sets or lines of a file.
 //!
 //! The nodes of every type here stand in VTK's order, so that none is reordered: midpoints of 01 12 20 03 13 23
 //! (C3D10), 01 12 23 30 45 56 67 74 04 15 26 37 (C3D20), 01 12 20 34 45 53 03 14 25 (C3D15).
@@ -9,14 +8,14 @@
 
 use crate::cell::CellKind;
 
-/// What is made of the elements of a type.
+/// Use of the elements of a type.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Meaning {
     /// A cell of this kind.
     Cell(CellKind),
     /// Nothing: a mass, a spring or a connector has no shape.
     Shapeless,
-    /// It is not known here.
+    /// The type is not known.
     Unknown,
 }
 
@@ -24,7 +23,7 @@ pub(super) enum Meaning {
 pub(super) const READ: &str = "use the types C3D4 C3D5 C3D6 C3D8 C3D10 C3D15 C3D20 (solids), S3 S4 S6 S8 M3D CPS CPE \
                                (surfaces), T3D2 B31 (lines)";
 
-/// What an element type, in upper case, stands for. Letters behind the number of nodes (R, I, H, M, T …) choose an
+/// Looks up an element type, given in upper case. Letters behind the number of nodes (R, I, H, M, T …) choose an
 /// integration rule or a formulation and do not change the cell.
 pub(super) fn meaning(code: &str) -> Meaning {
     const SHAPELESS: [&str; 8] = ["MASS", "ROTARYI", "SPRING", "DASHPOT", "CONN", "DCOUP", "GAP", "DIST"];

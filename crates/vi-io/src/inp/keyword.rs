@@ -1,4 +1,4 @@
-//! Lines of an Abaqus input file: comments, keywords with parameters, fields of data. It must not know what they mean.
+//! Lines of an Abaqus input file: comments, keywords with parameters, fields of data.
 
 use crate::cursor::Cursor;
 use crate::error::IoError;
@@ -63,7 +63,7 @@ impl<'a> Keyword<'a> {
         found.and_then(|(_, value)| *value)
     }
 
-    /// Is there a parameter of this name?
+    /// Returns whether there is a parameter of this name.
     pub(super) fn has(&self, key: &str) -> bool {
         self.parameters.iter().any(|(name, _)| name.eq_ignore_ascii_case(key.as_bytes()))
     }

@@ -1,5 +1,4 @@
-//! Node sets, element sets and surfaces of an Abaqus input file, and how they become groups of cells. It must not know
-//! which keywords there are.
+//! Node sets, element sets and surfaces of an Abaqus input file, and how they become groups of cells.
 
 use std::collections::{HashMap, HashSet};
 
@@ -12,7 +11,7 @@ use crate::error::IoError;
 use crate::mesh::{Group, MeshFile};
 use crate::tags::TagIndex;
 
-/// What a set holds.
+/// Members of a set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Of {
     Nodes,
@@ -22,7 +21,7 @@ pub(super) enum Of {
 }
 
 impl Of {
-    /// What follows a name that stands for several things.
+    /// Remark appended to a name that stands for several sets.
     fn ending(self) -> &'static str {
         match self {
             Self::Nodes => "nodes",
@@ -109,7 +108,7 @@ impl<'a> Reading<'a> {
     }
 }
 
-/// What a set holds and its name in upper case: names do not heed it.
+/// Kind of a set and its name in upper case: names are case-insensitive.
 type Key = (Of, Vec<u8>);
 
 fn key(of: Of, name: &[u8]) -> Key {
@@ -344,7 +343,7 @@ impl Members<'_> {
         Ok(())
     }
 
-    /// Takes room for so many members.
+    /// Reserves memory for `count` members.
     fn take(&mut self, at: usize, count: usize) -> Result<(), IoError> {
         self.room = self.room.checked_sub(count).ok_or_else(|| {
             let remedy = "give every node and element to fewer sets";

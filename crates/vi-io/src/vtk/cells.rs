@@ -151,7 +151,7 @@ impl CellReader {
     }
 }
 
-/// Whether a wedge is numbered by the drawing in VTK's older manuals, which some programs follow (Gmsh's VTK export):
+/// Returns whether a wedge is numbered by the drawing in VTK's older manuals, which some programs follow (Gmsh's VTK export):
 /// the normal of its first triangle points away from the second one.
 fn is_inward(points: &[[f64; 3]], n: &[u32]) -> bool {
     let [o, a, b, c] = [n[0], n[1], n[2], n[3]].map(|i| points[i as usize]);
