@@ -1,67 +1,43 @@
 //! Time integrators, assembly, nonlinear and sparse solves for `vi-core` systems.
 //!
-//! This crate knows stencils, small dense blocks, sparse systems and time steps. It must not know
-//! an element or a material.
+//! This crate knows stencils, small dense blocks, sparse systems and time steps; elements and materials are elsewhere.
+//! The folders stand on each other in this order: `linear`, `assemble`, `newton`, `schemes`, `equilibrium`, `modes`.
 
-mod accounts;
-mod assembly;
-mod balance;
-mod comparison;
-mod constrained;
-mod cost;
-mod energy;
-mod energy_momentum;
+mod assemble;
+mod equilibrium;
 mod error;
-mod factor;
-mod force_sum;
-mod forces;
-mod gather;
-mod gauss;
-mod hessian;
-mod inertia;
-mod inverse;
-mod kick_drift;
+mod index;
 mod linear;
-mod live;
-mod matrix;
-mod matrix_sum;
-mod method;
-mod minres;
+mod memory;
 mod modes;
 mod newton;
-mod nodal_forces;
-mod ordering;
-mod path_following;
-mod pcg;
-mod quasi_static;
+mod options;
 mod schemes;
-mod stability;
-mod stages;
-mod statics;
-mod stepper;
-mod surface;
-mod sweep;
-mod tied;
-mod units;
+mod scratch;
 mod vectors;
-mod warp;
+mod work;
 
-pub use assembly::{Assembler, AssemblyWork, HessianEvaluation};
-pub use cost::UnitCosts;
-pub use energy::Energies;
+pub use assemble::assembler::Assembler;
+pub use assemble::energy::Energies;
+pub use assemble::fixed::AssemblyWork;
+pub use assemble::hessian::HessianEvaluation;
+pub use equilibrium::function::PathFunction;
+pub use equilibrium::load_control::{equilibrium, equilibrium_path};
+pub use equilibrium::nodal_forces::{accelerations, external_forces, net_forces, reactions};
+pub use equilibrium::options::{CriticalKind, CriticalPoint, LoadStep, StaticOptions, StaticReport};
+pub use equilibrium::path_following::{PathControl, path_following};
+pub use equilibrium::quasi_static::quasi_static;
 pub use error::{NotPositiveDefinite, SolverError, TermFault};
-pub use factor::{Cholesky, Columns, Factor, FactorFacts, Scalar, SingleFactor};
-pub use matrix::SymmetricMatrix;
-pub use method::{AcceptedForces, Accepts, Conserves, Method, MethodFacts, stepper};
+pub use linear::cost::UnitCosts;
+pub use linear::factor::{Factor, FactorFacts, SingleFactor};
+pub use linear::matrix::SymmetricMatrix;
+pub use linear::pcg::block::Preconditioner;
+pub use linear::pcg::{Pcg, PcgFacts, PcgReport};
+pub use memory::StepperMemory;
 pub use modes::{Mode, ModeOptions, Modes, modes};
-pub use nodal_forces::{accelerations, external_forces, net_forces};
-pub use path_following::{PathControl, path_following};
-pub use pcg::{Pcg, PcgFacts, PcgReport, Preconditioner};
-pub use quasi_static::quasi_static;
-pub use stability::{HighestFrequency, highest_frequency};
-pub use statics::{
-    CriticalKind, CriticalPoint, LoadStep, PathFunction, StaticOptions, StaticReport, equilibrium,
-    equilibrium_path, reactions,
-};
-pub use stepper::{LinearSolver, SolverOptions, StepError, StepReport, Stepper, StepperMemory, Work};
-pub use surface::make_tangent;
+pub use options::{LinearSolver, SolverOptions};
+pub use schemes::constraint::manifold::make_tangent;
+pub use schemes::method::{AcceptedForces, Accepts, Conserves, Method, MethodFacts, stepper};
+pub use schemes::stability::{HighestFrequency, highest_frequency};
+pub use schemes::stepper::{StepError, StepReport, Stepper};
+pub use work::Work;

@@ -1,19 +1,19 @@
 //! Vibration modes about a state: the lowest eigenpairs of K φ = ω² M φ, with rigid motions named.
 //! It must not know how the states came about, nor elements.
 
-mod lanczos;
-
 use std::sync::Arc;
 
 use vi_core::{Potential, State, System, Terms};
 
-use crate::inertia::mass_matrix;
-use crate::matrix_sum::MatrixSum;
-use crate::statics::Balance;
+use crate::assemble::finite::check_state;
+use crate::assemble::hessian::HessianEvaluation;
+use crate::assemble::inertia::mass_matrix;
+use crate::equilibrium::balance::{Balance, refuse_constraints};
+use crate::error::SolverError;
+use crate::linear::lanczos::lowest_pairs;
+use crate::linear::matrix::SymmetricMatrix;
+use crate::linear::pencil::Pencil;
 use crate::vectors;
-use crate::{Factor, HessianEvaluation, SolverError, SymmetricMatrix};
-
-pub(crate) use lanczos::lowest_pairs;
 
 /// Which modes, and how well.
 #[derive(Debug, Clone, PartialEq)]
@@ -80,8 +80,8 @@ pub fn modes(
         let allowed = "must be at least 1";
         return Err(SolverError::Option { option: "modes.count", value: 0.0, allowed });
     }
-    crate::surface::refuse("a search for modes", system)?;
-    crate::forces::check_state(state, system)?;
+    refuse_constraints("a search for modes", system)?;
+    check_state(state, system)?;
     let mut balance = Balance::new(system);
     let mut residual = vec![0.0; state.q.len()];
     balance.residual(&state.q, state.t, &mut residual)?;
@@ -130,96 +130,6 @@ fn matrix_of(system: &System, terms: Vec<Box<dyn Potential>>) -> Result<Symmetri
     let coordinates = Arc::new(system.coordinates().held());
     let terms = terms.into_iter().map(Arc::from).collect();
     Ok(mass_matrix(&Terms::new(coordinates, terms).map_err(mismatch)?))
-}
-
-/// K and M with a factor of K + σM.
-pub(crate) struct Pencil {
-    stiffness: SymmetricMatrix,
-    lumped: Vec<f64>,
-    /// The consistent mass and the sum K + σM, where mass is not lumped.
-    consistent: Option<(SymmetricMatrix, MatrixSum)>,
-    factor: Factor,
-    /// σ, 1/s².
-    pub(crate) shift: f64,
-}
-
-impl Pencil {
-    pub(crate) fn lumped(stiffness: SymmetricMatrix, lumped: Vec<f64>) -> Result<Self, SolverError> {
-        let factor = Factor::new(&stiffness)?;
-        Ok(Self { stiffness, lumped, consistent: None, factor, shift: 0.0 })
-    }
-
-    fn consistent(
-        stiffness: SymmetricMatrix,
-        lumped: Vec<f64>,
-        mass: SymmetricMatrix,
-    ) -> Result<Self, SolverError> {
-        let sum = MatrixSum::new(&[&stiffness, &mass])?;
-        let factor = Factor::new(sum.matrix())?;
-        Ok(Self { stiffness, lumped, consistent: Some((mass, sum)), factor, shift: 0.0 })
-    }
-
-    /// Number of unknowns.
-    pub(crate) fn size(&self) -> usize {
-        self.lumped.len()
-    }
-
-    /// max K_ii/M_ii, 1/s².
-    pub(crate) fn stiffest(&self) -> f64 {
-        let mut diagonal = vec![0.0; self.size()];
-        self.stiffness.diagonal(&mut diagonal);
-        diagonal.iter().zip(&self.lumped).map(|(k, m)| (k / m).abs()).fold(0.0, f64::max)
-    }
-
-    /// Factors K + σM for the given σ or the smallest of σ, 10 σ, 100 σ, … for which it is definite.
-    pub(crate) fn factorize(&mut self, shift: f64) -> Result<(), SolverError> {
-        let mut shift = shift;
-        let mut last = None;
-        for _ in 0..25 {
-            let result = match &mut self.consistent {
-                None => {
-                    let mass: Vec<f64> = self.lumped.iter().map(|mass| shift * mass).collect();
-                    self.factor.factorize(&mass, 1.0, &self.stiffness)
-                }
-                Some((mass, sum)) => {
-                    self.factor.factorize(&[], 1.0, sum.combine(&[(1.0, &self.stiffness), (shift, mass)]))
-                }
-            };
-            match result {
-                Ok(()) => {
-                    self.shift = shift;
-                    return Ok(());
-                }
-                Err(error) => last = Some(error),
-            }
-            shift *= 10.0;
-        }
-        Err(last.map_or(SolverError::NotFactored, SolverError::NotPositiveDefinite))
-    }
-
-    /// x = (K + σM)⁻¹ b in place.
-    pub(crate) fn solve(&mut self, rhs_to_solution: &mut [f64]) -> Result<(), SolverError> {
-        self.factor.solve(rhs_to_solution).map(|_| ())
-    }
-
-    /// y = M x.
-    pub(crate) fn multiply_mass(&self, x: &[f64], y: &mut [f64]) {
-        match &self.consistent {
-            Some((mass, _)) => mass.multiply(x, y),
-            None => vectors::fill(y, |k| self.lumped[k] * x[k]),
-        }
-    }
-
-    /// ‖Kφ − λMφ‖ / ((|λ| + σ) ‖Mφ‖) in the norm of the inverse lumped mass.
-    fn residual(&self, vector: &[f64], value: f64) -> f64 {
-        let n = self.size();
-        let (mut k_x, mut m_x) = (vec![0.0; n], vec![0.0; n]);
-        self.stiffness.multiply(vector, &mut k_x);
-        self.multiply_mass(vector, &mut m_x);
-        let difference = vectors::sum(n, |k| (k_x[k] - value * m_x[k]).powi(2) / self.lumped[k]);
-        let size = vectors::sum(n, |k| m_x[k] * m_x[k] / self.lumped[k]);
-        (difference / size).sqrt() / (value.abs() + self.shift)
-    }
 }
 
 /// The translation of the free coordinates along an axis; zero for systems that are not points in space.
@@ -282,13 +192,4 @@ fn rigid_motions(system: &System, state: &State, pencil: &mut Pencil) -> Vec<Vec
         }
     }
     motions
-}
-
-impl Pencil {
-    /// xᵀM y.
-    pub(crate) fn mass_product(&self, x: &[f64], y: &[f64]) -> f64 {
-        let mut m_y = vec![0.0; y.len()];
-        self.multiply_mass(y, &mut m_y);
-        vectors::sum(x.len(), |k| x[k] * m_y[k])
-    }
 }

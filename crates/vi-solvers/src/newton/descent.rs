@@ -6,21 +6,23 @@
 //! Equations without a merit are first simplified to such as have one, whose solution is near, where there
 //! are such; then each step is a full Newton step with their own Jacobian (`krylov`). This room must not know a scheme.
 
-use super::{Attempt, Course, Equations, Newton, ROUND_OFF, SLOPE_KEPT, Solve, Solved, Start, krylov};
-use crate::inverse::Reason;
-use crate::{HessianEvaluation, SolverError};
+use crate::assemble::hessian::HessianEvaluation;
+use crate::error::SolverError;
+use crate::newton::attempt::{Attempt, Course, ROUND_OFF, Solved};
+use crate::newton::equations::{Equations, Solve};
+use crate::newton::inverse::Reason;
+use crate::newton::krylov;
+use crate::newton::line_search::{ENERGY_NOISE, search};
+use crate::newton::solver::Newton;
+use crate::newton::start::Start;
 
 /// Simplified equations are solved to this relative error: they only give a start.
 const SIMPLE_TOLERANCE: f64 = 1e-4;
 /// A step shorter than this part of the correction asks for a projected Hessian.
 const SHORT: f64 = 0.3;
-/// Energies are good to this part of their size.
-const ENERGY_NOISE: f64 = 1e-14;
 /// So many steps in a row that gain nothing, or are shorter than this part, end the descent.
 const IDLE_STEPS: u32 = 8;
 const STUCK: f64 = 1e-2;
-/// Steps shorter than this do not move.
-const SHORTEST: f64 = 1e-10;
 
 impl Newton {
     /// From the best place that is known; `done` iterations have been made before.
@@ -149,50 +151,4 @@ fn best_start<E: Equations>(solve: &mut Solve<'_, E>) -> Result<(), SolverError>
     let Some((_, unknowns)) = best else { return outcome };
     solve.equations.go_to(&unknowns);
     solve.evaluate()
-}
-
-/// Searches along the correction for a sufficient decrease of the merit (Armijo's condition), `before`
-/// at its start, by parabolas; where the change is within the noise of the energies, the slope decides
-/// (Hager, Zhang 2005). Evaluates the residual there and returns the part gone.
-pub(super) fn search<E: Equations>(
-    solve: &mut Solve<'_, E>,
-    before: f64,
-    decrement: f64,
-    longest: f64,
-) -> Result<f64, SolverError> {
-    let noise = ENERGY_NOISE * before.abs();
-    let mut fraction = longest;
-    let mut failure = SolverError::NoConvergence { iterations: 0, residual: 1.0, tolerance: 0.0 };
-    while fraction > SHORTEST {
-        solve.equations.advance(fraction);
-        solve.forces.work.line_searches += 1;
-        let after = solve.merit().unwrap_or(f64::INFINITY);
-        let descends = after <= before - 1e-4 * fraction * decrement;
-        if descends || (after - before).abs() <= noise {
-            match solve.evaluate() {
-                Ok(()) if descends || solve.equations.slope().abs() <= SLOPE_KEPT * decrement => {
-                    return Ok(fraction);
-                }
-                Ok(()) => {}
-                Err(error) => failure = error,
-            }
-        }
-        let parabola = 0.5 * fraction * fraction * decrement / (after - before + fraction * decrement);
-        let kept = if parabola.is_finite() { parabola } else { 0.0 };
-        fraction = kept.clamp(0.1 * fraction, 0.5 * fraction);
-    }
-    Err(failure)
-}
-
-/// Halves the step, at first the `longest` part of the correction, until the terms are inside their domain.
-pub(super) fn keep_inside<E: Equations>(solve: &mut Solve<'_, E>, longest: f64) -> Result<f64, SolverError> {
-    let mut fraction = longest;
-    let mut outcome = solve.evaluate();
-    while outcome.is_err() && fraction > 1e-6 {
-        fraction *= 0.5;
-        solve.equations.advance(fraction);
-        solve.forces.work.line_searches += 1;
-        outcome = solve.evaluate();
-    }
-    outcome.map(|()| fraction)
 }

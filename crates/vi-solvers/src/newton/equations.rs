@@ -3,11 +3,11 @@
 
 use vi_core::System;
 
-use super::start::Start;
-use crate::assembly::HessianEvaluation;
+use crate::assemble::evaluator::Forces;
+use crate::assemble::hessian::HessianEvaluation;
 use crate::error::SolverError;
-use crate::forces::Forces;
-use crate::inverse::{Inverse, Reason};
+use crate::newton::inverse::{Inverse, Reason};
+use crate::newton::start::Start;
 
 /// Equations R(w) = 0 with a symmetric positive definite model A ≈ ∂R/∂w.
 pub(crate) trait Equations {

@@ -6,8 +6,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Equations, Solve};
-use crate::{SolverError, vectors};
+use crate::error::SolverError;
+use crate::newton::equations::{Equations, Solve};
+use crate::vectors;
 
 /// Largest number of products with J.
 const BASIS: usize = 25;

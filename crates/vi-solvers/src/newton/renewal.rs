@@ -1,10 +1,10 @@
 //! When a new factor pays: the history of a factor in iterations, against the costs of a new one. It does not know how
 //! factors are made.
 
-use super::start::Start;
-use crate::cost::UnitCosts;
 use crate::error::SolverError;
-use crate::stepper::StepperMemory;
+use crate::linear::cost::UnitCosts;
+use crate::memory::StepperMemory;
+use crate::newton::start::Start;
 
 /// A better contraction than this is not relied on before it has been seen in the step itself.
 const LEAST_CONTRACTION: f64 = 0.05;

@@ -1,0 +1,16 @@
+//! Sums of local terms: energy, gradient and Hessian of a system, forces without a potential, live terms, the mass
+//! matrix, and the evaluator that steppers ask. All sums give the same bits on any number of threads.
+
+pub(crate) mod assembler;
+pub(crate) mod energy;
+pub(crate) mod evaluator;
+pub(crate) mod finite;
+pub(crate) mod fixed;
+pub(crate) mod force_sum;
+mod gather;
+pub(crate) mod hessian;
+pub(crate) mod inertia;
+pub(crate) mod live;
+mod spans;
+pub(crate) mod sweep;
+mod tied;

@@ -1,0 +1,432 @@
+//! V and its derivatives at a configuration q at time t, checked to be finite: what a stepper sees
+//! of a body. It must not know which scheme asks.
+
+use vi_core::{State, System};
+
+use crate::assemble::assembler::Assembler;
+use crate::assemble::finite::check_state;
+use crate::assemble::force_sum::ForceSum;
+use crate::assemble::hessian::HessianEvaluation;
+use crate::assemble::live::LiveState;
+use crate::assemble::sweep::{Arrays, Found, Pass, Sweep};
+use crate::error::SolverError;
+use crate::linear::matrix::SymmetricMatrix;
+use crate::linear::matrix_sum::MatrixSum;
+use crate::memory::StepperMemory;
+use crate::vectors;
+use crate::work::Work;
+
+/// The sums of a system's terms with the buffers to evaluate them.
+pub(crate) struct Forces {
+    assembler: Assembler,
+    /// Positions of all coordinates at the last evaluation.
+    x: Vec<f64>,
+    /// Free coordinates there, where nodes have axes of their own: x does not tell them to the bit.
+    q: Vec<f64>,
+    t: f64,
+    gradient: Vec<f64>,
+    /// Does `gradient` belong to `x` and `t`?
+    gradient_is_of_x: bool,
+    is_time_dependent: bool,
+    /// Does t matter to neither V nor x(q, t)?
+    is_autonomous: bool,
+    /// Forces without a potential, where the scheme has asked for them.
+    nonconservative: Option<Nonconservative>,
+    /// Positions of all coordinates at the ends of the step, between which discrete gradients act.
+    ends: Option<[Vec<f64>; 2]>,
+    pub(crate) work: Work,
+}
+
+/// Forces without a potential at the velocities that a stage implies.
+struct Nonconservative {
+    sum: ForceSum,
+    x_dot: Vec<f64>,
+    /// ∂ẋ/∂q within the stage, 1/s.
+    rate: f64,
+    tangent: Option<MatrixSum>,
+}
+
+impl Forces {
+    pub(crate) fn new(system: &System) -> Self {
+        let count = system.coordinates().dof_count();
+        let is_time_dependent = system.potentials().iter().any(|term| term.traits().time_dependent);
+        Self {
+            assembler: Assembler::new(system),
+            x: vec![f64::NAN; count],
+            q: Vec::new(),
+            t: f64::NAN,
+            gradient: vec![0.0; count],
+            gradient_is_of_x: false,
+            is_time_dependent,
+            is_autonomous: !is_time_dependent && !system.coordinates().is_moving(),
+            nonconservative: None,
+            ends: None,
+            work: Work::default(),
+        }
+    }
+
+    /// The same where live terms with a discrete gradient act by that alone, between the ends that
+    /// [`Forces::set_ends`] gives.
+    #[must_use]
+    pub(crate) fn with_discrete_gradients(mut self) -> Self {
+        self.assembler.split_live();
+        self
+    }
+
+    /// Sets the ends of the step, (q, t) each, for the next evaluations.
+    pub(crate) fn set_ends(&mut self, system: &System, start: (&[f64], f64), end: (&[f64], f64)) {
+        if self.assembler.live().is_none() {
+            return;
+        }
+        let count = self.x.len();
+        let [x_start, x_end] = self.ends.get_or_insert_with(|| [vec![0.0; count], vec![0.0; count]]);
+        system.coordinates().embed(start.0, start.1, x_start);
+        system.coordinates().embed(end.0, end.1, x_end);
+        self.gradient_is_of_x = false;
+    }
+
+    /// The ends of the step, where they have been set.
+    pub(crate) fn ends(&self) -> Option<&[Vec<f64>; 2]> {
+        self.ends.as_ref()
+    }
+
+    /// Are there live terms?
+    pub(crate) fn has_live(&mut self) -> bool {
+        self.assembler.live().is_some()
+    }
+
+    /// Do live terms act by discrete gradients?
+    pub(crate) fn has_discrete(&mut self) -> bool {
+        self.assembler.live().is_some_and(|live| live.has_discrete())
+    }
+
+    /// Is any term to be asked how far a correction may go?
+    pub(crate) fn may_limit_steps(&mut self, system: &System) -> bool {
+        self.has_live() || system.potentials().iter().any(|term| term.limits_steps())
+    }
+
+    /// The largest part of a correction that the terms allow, which changes x by `dx` from the last configuration;
+    /// for discrete gradients (end, change) is the end of the step and its change.
+    pub(crate) fn largest_step(
+        &mut self,
+        system: &System,
+        x: &[f64],
+        dx: &[f64],
+        end: Option<[&[f64]; 2]>,
+    ) -> f64 {
+        let fixed = system.potentials().iter().filter(|term| term.limits_steps());
+        let fixed = fixed.map(|term| term.largest_step(x, dx)).fold(1.0, f64::min);
+        fixed.min(self.assembler.live().map_or(1.0, |live| live.largest_step(x, dx, end)))
+    }
+
+    /// Where the stencils of live terms come from.
+    pub(crate) fn live_state(&mut self) -> Option<LiveState> {
+        self.assembler.live().map(|live| live.state().clone())
+    }
+
+    /// Goes to the stencils of live terms, and the ends of a step, that an earlier run had.
+    pub(crate) fn go_to_live(&mut self, state: &Option<LiveState>, ends: &Option<[Vec<f64>; 2]>) {
+        if let (Some(live), Some(state)) = (self.assembler.live(), state) {
+            live.go_to(state);
+        }
+        self.ends.clone_from(ends);
+        self.gradient_is_of_x = false;
+    }
+
+    /// The same with the forces that no potential gives: gradients are then ∂V/∂x − f, and Hessians
+    /// have their tangents added. The velocities are those of [`Forces::set_velocities`].
+    pub(crate) fn with_nonconservative(system: &System) -> Self {
+        let count = system.coordinates().dof_count();
+        let whole = |sum| Nonconservative { sum, x_dot: vec![0.0; count], rate: 0.0, tangent: None };
+        Self { nonconservative: ForceSum::new(system).map(whole), ..Self::new(system) }
+    }
+
+    /// Are there forces without a potential in what is evaluated?
+    pub(crate) fn has_nonconservative(&self) -> bool {
+        self.nonconservative.is_some()
+    }
+
+    /// Sets the velocities q̇ of the next evaluation, at time t, with ∂q̇/∂q = `rate` (1/s).
+    pub(crate) fn set_velocities(&mut self, system: &System, q_dot: &[f64], t: f64, rate: f64) {
+        if let Some(forces) = &mut self.nonconservative {
+            system.coordinates().embed_velocity(q_dot, t, &mut forces.x_dot);
+            forces.rate = rate;
+            self.gradient_is_of_x = false;
+        }
+    }
+
+    /// Work of the forces without a potential of the last evaluation along `dx` (along nodes' own axes), by
+    /// account: (force, damping), J.
+    pub(crate) fn nonconservative_work(&self, dx: &[f64]) -> (f64, f64) {
+        let Some(forces) = &self.nonconservative else { return (0.0, 0.0) };
+        let force = vectors::sum(dx.len(), |dof| forces.sum.by_account(dof).0 * dx[dof]);
+        (force, vectors::sum(dx.len(), |dof| forces.sum.by_account(dof).1 * dx[dof]))
+    }
+
+    /// ∂V/∂x of all coordinates at the last configuration, N.
+    pub(crate) fn gradient(&self) -> &[f64] {
+        &self.gradient
+    }
+
+    /// x of all coordinates at the last configuration, m.
+    pub(crate) fn positions(&self) -> &[f64] {
+        &self.x
+    }
+
+    /// t of the last configuration, s.
+    pub(crate) fn time(&self) -> f64 {
+        self.t
+    }
+
+    /// Goes to positions `x` of all coordinates at time t.
+    pub(crate) fn go_to_positions(&mut self, x: &[f64], t: f64) {
+        self.x.copy_from_slice(x);
+        self.q.clear();
+        self.t = t;
+        self.gradient_is_of_x = false;
+    }
+
+    /// ẋ and ∂ẋ/∂q of the last evaluation, where there are forces that may depend on them.
+    pub(crate) fn velocities(&self) -> Option<(Vec<f64>, f64)> {
+        self.nonconservative.as_ref().map(|forces| (forces.x_dot.clone(), forces.rate))
+    }
+
+    /// Goes to what [`Forces::velocities`] gave.
+    pub(crate) fn go_to_velocities(&mut self, rates: &Option<(Vec<f64>, f64)>) {
+        if let (Some(forces), Some((x_dot, rate))) = (&mut self.nonconservative, rates) {
+            forces.x_dot.clone_from(x_dot);
+            forces.rate = *rate;
+            self.gradient_is_of_x = false;
+        }
+    }
+
+    /// The gradient at the last configuration, if it was evaluated there.
+    pub(crate) fn known_gradient(&self) -> Option<&[f64]> {
+        self.gradient_is_of_x.then_some(&self.gradient[..])
+    }
+
+    pub(crate) fn assembler(&mut self) -> &mut Assembler {
+        &mut self.assembler
+    }
+
+    /// Is (q, t), to the bit, where the last evaluation was made? Where t does not matter, it need not
+    /// be the same: a clock that counts steps and one that adds them up differ by round-off.
+    pub(crate) fn is_at(&self, system: &System, q: &[f64], t: f64) -> bool {
+        let coordinates = system.coordinates();
+        if !coordinates.node_axes().is_empty() {
+            return self.is_at_time(t) && self.q == q;
+        }
+        self.is_at_time(t) && q.iter().zip(coordinates.free()).all(|(q, &dof)| *q == self.x[dof as usize])
+    }
+
+    fn is_at_time(&self, t: f64) -> bool {
+        self.t == t || (self.is_autonomous && !self.t.is_nan())
+    }
+
+    /// Is the gradient known at time t, wherever that was?
+    pub(crate) fn knows_gradient_of(&self, t: f64) -> bool {
+        self.gradient_is_of_x && self.is_at_time(t)
+    }
+
+    /// Forgets where the last evaluation was made.
+    pub(crate) fn forget(&mut self) {
+        self.t = f64::NAN;
+        self.gradient_is_of_x = false;
+    }
+
+    /// Has nothing been evaluated yet, or all been forgotten?
+    pub(crate) fn is_blank(&self) -> bool {
+        self.t.is_nan()
+    }
+
+    /// Makes a pass of an explicit step over q and p: `kicks` are the one that ends the step before and the one
+    /// before the drift. The gradient is that of the last [`Forces::sum_chunks`] where `sums`, else the one that
+    /// is known.
+    pub(crate) fn sweep(
+        &mut self,
+        sweep: &Sweep,
+        from: Option<&State>,
+        sums: bool,
+        [closing, kick]: [f64; 2],
+        drift: f64,
+        (q, p): (&mut [f64], &mut [f64]),
+    ) -> Found {
+        let pass = Pass { from, sums: sums.then(|| self.assembler.gather()), closing, kick, drift };
+        let found = sweep.pass(pass, Arrays { gradient: &mut self.gradient, x: &mut self.x, q, p });
+        self.gradient_is_of_x = (sums || self.gradient_is_of_x) && drift == 0.0 && found == Found::Sound;
+        found
+    }
+
+    /// Evaluates ∂V/∂x where the last pass went, at time t, up to the sums over nodes: they are the
+    /// next pass's.
+    pub(crate) fn sum_chunks(&mut self, system: &System, t: f64) {
+        if system.coordinates().is_moving() {
+            system.coordinates().place_prescribed(t, &mut self.x);
+        }
+        self.t = t;
+        self.gradient_is_of_x = false;
+        self.work.gradients += 1;
+        self.assembler.sum_chunks(&self.x, t);
+    }
+
+    /// Goes to (q, t); keeps the gradient only where that is where it was evaluated, to the bit.
+    pub(crate) fn go_to(&mut self, system: &System, q: &[f64], t: f64) {
+        if self.is_at(system, q, t) {
+            self.t = t;
+            return;
+        }
+        system.coordinates().embed(q, t, &mut self.x);
+        if !system.coordinates().node_axes().is_empty() {
+            self.q.clear();
+            self.q.extend_from_slice(q);
+        }
+        self.t = t;
+        self.gradient_is_of_x = false;
+    }
+
+    /// Evaluates ∂V/∂x at (q, t), unless that is where the last one was made.
+    pub(crate) fn evaluate(
+        &mut self,
+        system: &System,
+        q: &[f64],
+        t: f64,
+        at_start: bool,
+    ) -> Result<(), SolverError> {
+        self.go_to(system, q, t);
+        if self.gradient_is_of_x {
+            return Ok(());
+        }
+        self.assembler.gradient(&self.x, t, &mut self.gradient);
+        if let (Some([start, end]), Some(live)) = (&self.ends, self.assembler.live()) {
+            live.add_discrete_gradient(start, end, &mut self.gradient);
+        }
+        self.work.gradients += 1;
+        if let Some(forces) = &mut self.nonconservative {
+            forces.sum.evaluate(&self.x, &forces.x_dot, t);
+            for (dof, gradient) in self.gradient.iter_mut().enumerate() {
+                *gradient -= forces.sum.total(dof);
+            }
+        }
+        let gradient = &self.gradient;
+        let total = vectors::sum(gradient.len(), |k| 0.0 * gradient[k]);
+        if total == 0.0 {
+            self.gradient_is_of_x = true;
+            return Ok(());
+        }
+        Err(self.why_not_finite(at_start))
+    }
+
+    /// The error of a failed step from `state`: where the start itself has no finite force, that.
+    pub(crate) fn explain(&mut self, system: &System, state: &State, error: SolverError) -> SolverError {
+        self.ends = None;
+        if check_state(state, system).is_err() {
+            return error;
+        }
+        self.evaluate(system, &state.q, state.t, true).err().unwrap_or(error)
+    }
+
+    /// V at (q, t), J.
+    pub(crate) fn energy(&mut self, system: &System, q: &[f64], t: f64) -> f64 {
+        self.go_to(system, q, t);
+        self.work.energies += 1;
+        self.assembler.energies(&self.x, t).total()
+    }
+
+    /// V with positions `x` of all coordinates at time t, J.
+    pub(crate) fn energy_of_positions(&mut self, x: &[f64], t: f64) -> f64 {
+        self.work.energies += 1;
+        self.assembler.energies(x, t).total()
+    }
+
+    /// Does t matter to neither V nor x(q, t)?
+    pub(crate) fn is_autonomous(&self) -> bool {
+        self.is_autonomous
+    }
+
+    /// Does V depend on t explicitly?
+    pub(crate) fn is_time_dependent(&self) -> bool {
+        self.is_time_dependent
+    }
+
+    /// ∂²V/∂q² at the last configuration, with the tangents of forces without a potential.
+    ///
+    /// # Errors
+    /// Where those cannot be summed into one matrix.
+    pub(crate) fn hessian(
+        &mut self,
+        system: &System,
+        kind: HessianEvaluation,
+    ) -> Result<&SymmetricMatrix, SolverError> {
+        self.work.hessians += 1;
+        self.work.projections += u64::from(kind == HessianEvaluation::Projected);
+        let ends = self.ends.as_ref().map(|[start, end]| [&start[..], &end[..]]);
+        let k = self.assembler.hessian_over(&self.x, self.t, kind, ends)?;
+        let Some(Nonconservative { sum, x_dot, rate, tangent }) = &mut self.nonconservative else {
+            return Ok(k);
+        };
+        sum.evaluate(&self.x, x_dot, self.t);
+        let (stiffness, damping) = sum.tangents(system);
+        let parts: Vec<(f64, &SymmetricMatrix)> = [Some((1.0, k)), stiffness.map(|m| (1.0, m))]
+            .into_iter()
+            .chain([damping.map(|m| (*rate, m))])
+            .flatten()
+            .collect();
+        MatrixSum::of(tangent, &parts)
+    }
+
+    /// Enters where the last evaluation was made, so that a run that continues evaluates no more than one that
+    /// was never interrupted.
+    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
+        if self.t.is_nan() {
+            return;
+        }
+        if let Some(live) = self.assembler.shared_live() {
+            live.state().remember("forces.live", memory);
+        }
+        memory.arrays.push(("forces.x".into(), self.x.clone()));
+        memory.arrays.push(("forces.t".into(), vec![self.t]));
+        if !self.q.is_empty() {
+            memory.arrays.push(("forces.q".into(), self.q.clone()));
+        }
+        let knows_gradient = self.gradient_is_of_x && self.nonconservative.is_none();
+        memory.counts.push(("forces.gradient".into(), u64::from(knows_gradient)));
+    }
+
+    /// Goes to where [`Forces::remember`] was.
+    ///
+    /// # Errors
+    /// Where the memory is that of another system.
+    pub(crate) fn recall(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
+        let Ok(x) = memory.array("forces.x") else { return Ok(()) };
+        let &[t] = memory.array("forces.t")? else {
+            return Err(SolverError::Memory { missing: "forces.t" });
+        };
+        if x.len() != self.x.len() {
+            return Err(SolverError::Memory { missing: "forces.x" });
+        }
+        let live = LiveState::recall("forces.live", memory, x.len());
+        self.go_to_live(&live, &None);
+        self.go_to_positions(x, t);
+        if let Ok(q) = memory.array("forces.q") {
+            self.q.extend_from_slice(q);
+        }
+        if memory.count("forces.gradient")? == 1 {
+            self.assembler.gradient(&self.x, t, &mut self.gradient);
+            self.gradient_is_of_x = true;
+        }
+        Ok(())
+    }
+
+    fn why_not_finite(&self, at_start: bool) -> SolverError {
+        if let Some(dof) = self.x.iter().position(|x| !x.is_finite()) {
+            return SolverError::NotFinite { what: "position", dof, at_start };
+        }
+        match self.assembler.fault(&self.x, self.t) {
+            Some(term) => SolverError::Term { term, at_start },
+            None => {
+                let dof = self.gradient.iter().position(|g| !g.is_finite()).unwrap_or(0);
+                SolverError::NotFinite { what: "force", dof, at_start }
+            }
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! Checks that the numbers of a state are finite, with the coordinate of the first that is not.
+
+use vi_core::{State, System};
+
+use crate::error::SolverError;
+use crate::vectors;
+
+/// Reports momenta or positions of a start that are not finite.
+pub(crate) fn check_state(state: &State, system: &System) -> Result<(), SolverError> {
+    let n = system.coordinates().free_count();
+    for (what, values) in [("position", &state.q), ("momentum", &state.p)] {
+        if values.len() != n {
+            return Err(SolverError::Memory { missing: "state of this system" });
+        }
+        if vectors::sum(n, |k| 0.0 * values[k]) != 0.0 {
+            let k = values.iter().position(|value| !value.is_finite()).unwrap_or(0);
+            let dof = system.coordinates().free()[k] as usize;
+            return Err(SolverError::NotFinite { what, dof, at_start: true });
+        }
+    }
+    Ok(())
+}
+
+/// A result that has overflowed is not a step.
+pub(crate) fn check_finite(q: &[f64], p: &[f64], system: &System) -> Result<(), SolverError> {
+    if vectors::sum(q.len(), |k| 0.0 * q[k] + 0.0 * p[k]) == 0.0 {
+        return Ok(());
+    }
+    let k = q.iter().zip(p).position(|(q, p)| !(q.is_finite() && p.is_finite())).unwrap_or(0);
+    let dof = system.coordinates().free()[k] as usize;
+    Err(SolverError::NotFinite { what: "result of the step", dof, at_start: false })
+}

@@ -1,0 +1,134 @@
+//! Energy, gradient and Hessian of the terms whose stencils never change, as sums over their stencils, and the count of
+//! what was evaluated. The sums themselves are made in `energy.rs`, `gather.rs` and `hessian.rs`.
+
+use vi_core::{Fault, Terms};
+
+use crate::assemble::energy::{Energies, EnergySum};
+use crate::assemble::gather::Gather;
+use crate::assemble::hessian::{HessianEvaluation, HessianSum};
+use crate::assemble::spans::{common_block, spans};
+use crate::error::TermFault;
+use crate::linear::matrix::SymmetricMatrix;
+
+/// Counts of what was evaluated and what was not.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct AssemblyWork {
+    /// Energies of the whole system.
+    pub energies: u64,
+    /// Gradients of the whole system.
+    pub gradients: u64,
+    /// Hessians of the whole system, not counting calls where nothing could have changed.
+    pub hessians: u64,
+    /// Stencils whose gradient is made once: V is affine, or none of their coordinates ever moves.
+    pub constant_stencils: u64,
+    /// Stencils without a Hessian on free coordinates: V is affine, or all their coordinates are prescribed.
+    pub hessian_skipped_stencils: u64,
+    /// How often live terms were asked for new stencils.
+    pub live_renewals: u64,
+    /// How often the pattern of the sum of Hessians was made for them.
+    pub live_patterns: u64,
+}
+
+/// The sum of the fixed terms of a list; live terms of the list are left out.
+pub(crate) struct FixedSum {
+    terms: Terms,
+    energy: EnergySum,
+    gather: Gather,
+    hessian: Option<HessianSum>,
+    work: AssemblyWork,
+}
+
+impl FixedSum {
+    /// Makes the maps of energy and gradient; the maps of the Hessian are made at its first call. The nodal arrays have
+    /// `block` coordinates per node, which must divide the blocks of all terms; without it, the largest that does.
+    pub(crate) fn new(terms: Terms, block: Option<usize>) -> Self {
+        let block = block.unwrap_or_else(|| common_block(&terms));
+        let gather = Gather::new(&terms, block);
+        let work =
+            AssemblyWork { constant_stencils: gather.constant_stencils() as u64, ..Default::default() };
+        Self { energy: EnergySum::new(&terms), gather, hessian: None, work, terms }
+    }
+
+    pub(crate) fn terms(&self) -> &Terms {
+        &self.terms
+    }
+
+    /// V(x, t) by account, J.
+    pub(crate) fn energies(&mut self, x: &[f64], t: f64) -> Energies {
+        self.work.energies += 1;
+        self.energy.evaluate(&self.terms, x, t)
+    }
+
+    /// ∂V/∂x of every coordinate, N, pulled back from tied nodes.
+    pub(crate) fn gradient(&mut self, x: &[f64], t: f64, out: &mut [f64]) {
+        self.work.gradients += 1;
+        self.gather.gradient(&self.terms, x, t, out);
+        self.terms.coordinates().pull_back(out);
+    }
+
+    /// The first phase of [`FixedSum::gradient`]; the caller then sums over nodes from [`FixedSum::gather`].
+    pub(crate) fn sum_chunks(&mut self, x: &[f64], t: f64) {
+        self.work.gradients += 1;
+        self.gather.sum_chunks(&self.terms, x, t);
+    }
+
+    pub(crate) fn gather(&self) -> &Gather {
+        &self.gather
+    }
+
+    /// ∂²V/∂q² on the free coordinates, N/m. Only what has changed is evaluated.
+    pub(crate) fn hessian(&mut self, x: &[f64], t: f64, kind: HessianEvaluation) -> &SymmetricMatrix {
+        let Self { terms, gather, hessian, work, .. } = self;
+        let hessian = hessian.get_or_insert_with(|| HessianSum::new(terms, gather.block()));
+        work.hessian_skipped_stencils = hessian.skipped_stencils() as u64;
+        if hessian.evaluate(terms, x, t, kind) {
+            work.hessians += 1;
+        }
+        hessian.matrix()
+    }
+
+    /// Σ V_e F̄_e (m³, row-major) over the stencils around each node; false where no term has it.
+    pub(crate) fn mean_deformations(&mut self, x: &[f64], out: &mut [[f64; 9]]) -> bool {
+        self.gather.node_tensors(&self.terms, x, out)
+    }
+
+    /// The first stencil without a finite energy or gradient, by term and stencil order.
+    pub(crate) fn fault(&self, x: &[f64], t: f64) -> Option<TermFault> {
+        for (term, potential) in self.terms.fixed().iter().enumerate() {
+            let size = potential.stencils().size();
+            for span in spans(term, potential.as_ref()) {
+                let mut energies = vec![0.0; span.stencils.len()];
+                let mut gradients = vec![0.0; span.stencils.len() * size];
+                potential.energies(span.stencils.clone(), x, t, &mut energies);
+                potential.gradients(span.stencils.clone(), x, t, &mut gradients);
+                for (k, stencil) in span.stencils.enumerate() {
+                    let force = gradients[k * size..(k + 1) * size].iter().find(|value| !value.is_finite());
+                    let (quantity, value) = match (energies[k].is_finite(), force) {
+                        (false, _) => ("energy", energies[k]),
+                        (true, Some(&value)) => ("force", value),
+                        (true, None) => continue,
+                    };
+                    let element = potential.element(stencil);
+                    let unexplained = Fault { element, quantity, value, domain: "must be finite" };
+                    let fault = potential.fault(stencil, x, t).unwrap_or(unexplained);
+                    return Some(TermFault { term: potential.name().to_owned(), fault });
+                }
+            }
+        }
+        None
+    }
+
+    pub(crate) fn work(&self) -> AssemblyWork {
+        self.work
+    }
+
+    /// Coordinates per node of the nodal arrays.
+    pub(crate) fn block(&self) -> usize {
+        self.gather.block()
+    }
+
+    /// Bytes of maps and buffers, beyond what the terms hold.
+    pub(crate) fn bytes(&self) -> usize {
+        self.gather.bytes() + self.hessian.as_ref().map_or(0, HessianSum::bytes)
+    }
+}

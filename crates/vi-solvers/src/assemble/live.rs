@@ -1,0 +1,402 @@
+//! Sums of live terms. They are evaluated by the stencils that they have near one configuration, which serve until a
+//! node leaves their reach; then new ones are asked for. This file does not know what the terms are, nor a time step.
+//!
+//! Where a scheme takes a step by discrete gradients, the terms that have one are kept apart from the others, and are
+//! summed from an array that holds the end of the step and behind it the start.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use vi_core::{Account, Fault, HessianKind, Potential, Stencils, Terms, Traits};
+
+use crate::assemble::energy::Energies;
+use crate::assemble::fixed::FixedSum;
+use crate::assemble::hessian::HessianEvaluation;
+use crate::error::{SolverError, TermFault};
+use crate::linear::matrix::SymmetricMatrix;
+use crate::linear::matrix_sum::MatrixSum;
+use crate::memory::StepperMemory;
+use crate::vectors;
+
+/// ∂x₁/∂x of a stage x in the middle of x₀ and x₁.
+const END_PER_STAGE: f64 = 2.0;
+
+/// Where the stencils of live terms come from. Two sums with equal values give equal bits.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct LiveState {
+    /// Positions about which the stencils were asked for, and their reach, m. Empty before the first call.
+    about: Vec<f64>,
+    reach: f64,
+    /// The same of the stencils that the pattern of the sum of Hessians was made of.
+    pattern_about: Vec<f64>,
+    pattern_reach: f64,
+}
+
+impl LiveState {
+    pub(crate) fn remember(&self, name: &str, memory: &mut StepperMemory) {
+        memory.arrays.push((format!("{name}.about"), self.about.clone()));
+        memory.arrays.push((format!("{name}.pattern_about"), self.pattern_about.clone()));
+        memory.arrays.push((format!("{name}.reaches"), vec![self.reach, self.pattern_reach]));
+    }
+
+    /// What [`LiveState::remember`] entered; none where it is not that of `count` coordinates.
+    pub(crate) fn recall(name: &str, memory: &StepperMemory, count: usize) -> Option<Self> {
+        let array = |part: &str| {
+            let found = memory.arrays.iter().find(|(key, _)| *key == format!("{name}.{part}"));
+            found.map(|(_, values)| values.clone())
+        };
+        let (about, pattern_about) = (array("about")?, array("pattern_about")?);
+        let &[reach, pattern_reach] = array("reaches")?.as_slice() else { return None };
+        let fits = |values: &[f64]| values.is_empty() || values.len() == count;
+        let is_sound = fits(&about) && fits(&pattern_about);
+        is_sound.then_some(Self { about, reach, pattern_about, pattern_reach })
+    }
+}
+
+/// The stencils near one configuration.
+struct Near {
+    /// All terms.
+    whole: FixedSum,
+    /// Terms without and with a discrete gradient, where they are kept apart and both kinds may occur.
+    parts: Option<[FixedSum; 2]>,
+}
+
+impl Near {
+    /// The Hessians to be summed, with their factors.
+    fn hessians<'a>(
+        &'a mut self,
+        fixed: &'a SymmetricMatrix,
+        x: &[f64],
+        pair: &[f64],
+        t: f64,
+        kind: HessianEvaluation,
+        has_ends: bool,
+    ) -> Vec<(f64, &'a SymmetricMatrix)> {
+        let Self { whole, parts } = self;
+        let mut hessians = vec![(1.0, fixed)];
+        match parts {
+            Some([plain, discrete]) => {
+                hessians.push((1.0, plain.hessian(x, t, kind)));
+                if has_ends {
+                    hessians.push((END_PER_STAGE, discrete.hessian(pair, t, kind)));
+                }
+            }
+            None => hessians.push((1.0, whole.hessian(x, t, kind))),
+        }
+        hessians
+    }
+}
+
+/// The sum of the live terms of a list.
+pub(crate) struct LiveSum {
+    terms: Terms,
+    /// Are terms with a discrete gradient kept apart?
+    splits: bool,
+    /// Coordinates a node of the matrix of the fixed terms; none where there are none.
+    block: Option<usize>,
+    state: LiveState,
+    near: Option<Near>,
+    union: Option<MatrixSum>,
+    /// A live term whose stencils cannot be used.
+    fault: Option<TermFault>,
+    buffer: Vec<f64>,
+    /// Positions at the end of a step, then at its start.
+    pair: Vec<f64>,
+    renewals: u64,
+    patterns: u64,
+}
+
+impl LiveSum {
+    /// None where the list has no live terms.
+    pub(crate) fn new(terms: &Terms, block: usize, splits: bool) -> Option<Self> {
+        if terms.live().is_empty() {
+            return None;
+        }
+        Some(Self {
+            terms: terms.clone(),
+            splits,
+            block: (!terms.fixed().is_empty()).then_some(block),
+            state: LiveState::default(),
+            near: None,
+            union: None,
+            fault: None,
+            buffer: vec![0.0; terms.coordinates().dof_count()],
+            pair: Vec::new(),
+            renewals: 0,
+            patterns: 0,
+        })
+    }
+
+    /// How often stencils were asked for, and how often the pattern of the sum of Hessians was made.
+    pub(crate) fn counts(&self) -> [u64; 2] {
+        [self.renewals, self.patterns]
+    }
+
+    pub(crate) fn state(&self) -> &LiveState {
+        &self.state
+    }
+
+    /// Goes to the stencils of a state.
+    pub(crate) fn go_to(&mut self, state: &LiveState) {
+        self.union = None;
+        self.near = None;
+        self.state = LiveState::default();
+        if !state.about.is_empty() {
+            self.renew(&state.about, state.reach);
+        }
+        self.state = state.clone();
+    }
+
+    /// Asks for the stencils about `x`.
+    fn renew(&mut self, x: &[f64], reach: f64) {
+        self.renewals += 1;
+        self.state.about.clear();
+        self.state.about.extend_from_slice(x);
+        self.state.reach = reach;
+        match self.ask(x, reach) {
+            Ok(near) => (self.near, self.fault) = (Some(near), None),
+            Err(fault) => (self.near, self.fault) = (None, Some(fault)),
+        }
+    }
+
+    fn ask(&self, x: &[f64], reach: f64) -> Result<Near, TermFault> {
+        let potentials: Vec<Arc<dyn Potential>> =
+            self.terms.live().iter().map(|term| term.near(x, reach.max(term.reach()))).collect();
+        for potential in &potentials {
+            let stencils = potential.stencils();
+            if self.block.is_some_and(|block| !stencils.block.is_multiple_of(block)) {
+                let domain = "must be a multiple of that of the fixed terms";
+                let value = stencils.block as f64;
+                let fault = Fault { element: 0, quantity: "coordinates a node of a stencil", value, domain };
+                return Err(TermFault { term: potential.name().to_owned(), fault });
+            }
+        }
+        let assembler = |potentials: Vec<Arc<dyn Potential>>| {
+            let terms = Terms::new(Arc::clone(self.terms.shared_coordinates()), potentials);
+            let terms = terms.map_err(|error| match error {
+                vi_core::CoreError::Stencil { term, stencil, node, .. } => {
+                    let (quantity, domain) = ("node", "must be a node of the system");
+                    let fault = Fault { element: stencil, quantity, value: node as f64, domain };
+                    TermFault { term, fault }
+                }
+                other => {
+                    let fault =
+                        Fault { element: 0, quantity: "term", value: f64::NAN, domain: "must be sound" };
+                    TermFault { term: other.to_string(), fault }
+                }
+            })?;
+            Ok(FixedSum::new(terms, self.block))
+        };
+        let has_discrete = potentials.iter().any(|potential| potential.discrete_gradient().is_some());
+        let parts = if self.splits && has_discrete {
+            let (discrete, plain): (Vec<_>, Vec<_>) =
+                potentials.iter().cloned().partition(|potential| potential.discrete_gradient().is_some());
+            let paired = discrete.into_iter().map(|term| Arc::new(Paired(term)) as Arc<dyn Potential>);
+            Some([assembler(plain)?, assembler(paired.collect())?])
+        } else {
+            None
+        };
+        Ok(Near { whole: assembler(potentials)?, parts })
+    }
+
+    /// Sees to it that the stencils serve at positions `x`, and at `other` too.
+    fn follow(&mut self, x: &[f64], other: Option<&[f64]>) {
+        let distance = |a: &[f64], b: &[f64]| {
+            // At most √3 times the largest change of a coordinate, for nodes in space.
+            3.0_f64.sqrt() * vectors::max_abs(a.len(), |k| a[k] - b[k])
+        };
+        let (about, reach) = (&self.state.about, self.state.reach);
+        let serves = |x: &[f64]| about.len() == x.len() && distance(x, about) <= reach;
+        if serves(x) && other.is_none_or(serves) {
+            return;
+        }
+        let apart = other.map_or(0.0, |other| distance(x, other));
+        if !apart.is_finite() || vectors::sum(x.len(), |k| 0.0 * x[k]) != 0.0 {
+            // Positions that are not finite have no energy; the caller finds that out by the fixed terms.
+            return;
+        }
+        let shortest = self.terms.live().iter().map(|term| term.reach()).fold(f64::INFINITY, f64::min);
+        let x = x.to_vec();
+        self.renew(&x, shortest.max(1.0001 * apart));
+    }
+
+    /// Σ V of the live terms, J, by account; infinite where a term cannot be used.
+    pub(crate) fn energies(&mut self, x: &[f64], t: f64) -> Energies {
+        self.follow(x, None);
+        match &mut self.near {
+            Some(near) => near.whole.energies(x, t),
+            None => Energies { contact: f64::INFINITY, ..Energies::default() },
+        }
+    }
+
+    /// Adds ∂V/∂x of the terms that act by their gradient.
+    pub(crate) fn add_gradient(&mut self, x: &[f64], t: f64, out: &mut [f64]) {
+        self.follow(x, None);
+        let Self { near, buffer, .. } = self;
+        let Some(near) = near else { return out.fill(f64::NAN) };
+        let assembler = match &mut near.parts {
+            Some([plain, _]) => plain,
+            None => &mut near.whole,
+        };
+        assembler.gradient(x, t, buffer);
+        vectors::update(out, |k, out| *out += buffer[k]);
+    }
+
+    /// Adds G(start, end) of the terms that act by a discrete gradient.
+    pub(crate) fn add_discrete_gradient(&mut self, start: &[f64], end: &[f64], out: &mut [f64]) {
+        self.follow(start, Some(end));
+        self.place(start, end);
+        let Self { near, buffer, pair, .. } = self;
+        let Some(near) = near else { return out.fill(f64::NAN) };
+        if let Some([_, discrete]) = &mut near.parts {
+            discrete.gradient(pair, 0.0, buffer);
+            vectors::update(out, |k, out| *out += buffer[k]);
+        }
+    }
+
+    fn place(&mut self, start: &[f64], end: &[f64]) {
+        self.pair.clear();
+        self.pair.extend_from_slice(end);
+        self.pair.extend_from_slice(start);
+    }
+
+    /// The Hessian of all terms with `fixed` that of the fixed ones; where a step from `start` to `end` has its stage
+    /// at `x`, with the tangents of discrete gradients.
+    pub(crate) fn hessian<'a>(
+        &'a mut self,
+        fixed: &'a SymmetricMatrix,
+        x: &[f64],
+        t: f64,
+        kind: HessianEvaluation,
+        ends: Option<[&[f64]; 2]>,
+    ) -> Result<&'a SymmetricMatrix, SolverError> {
+        match ends {
+            Some([start, end]) => {
+                self.follow(start, Some(end));
+                self.place(start, end);
+            }
+            None => self.follow(x, None),
+        }
+        if self.union.is_none() && self.state.pattern_about != self.state.about {
+            // The run that this one continues made the pattern at another place.
+            self.recall_pattern(fixed, x, t, ends.is_some())?;
+        }
+        let Self { near, union, state, pair, patterns, .. } = self;
+        let Some(near) = near else { return Ok(fixed) };
+        let parts = near.hessians(fixed, x, pair, t, kind, ends.is_some());
+        let matrices: Vec<&SymmetricMatrix> = parts.iter().map(|part| part.1).collect();
+        let is_contained = union.as_mut().is_some_and(|union| union.admit(&matrices));
+        if !is_contained {
+            *union = Some(MatrixSum::new(&matrices)?);
+            *patterns += 1;
+            state.pattern_about.clone_from(&state.about);
+            state.pattern_reach = state.reach;
+        }
+        match union {
+            Some(union) => Ok(union.combine(&parts)),
+            None => Ok(fixed),
+        }
+    }
+
+    fn recall_pattern(
+        &mut self,
+        fixed: &SymmetricMatrix,
+        x: &[f64],
+        t: f64,
+        has_ends: bool,
+    ) -> Result<(), SolverError> {
+        if self.state.pattern_about.is_empty() {
+            return Ok(());
+        }
+        let Ok(mut near) = self.ask(&self.state.pattern_about, self.state.pattern_reach) else {
+            return Ok(());
+        };
+        let parts = near.hessians(fixed, x, &self.pair, t, HessianEvaluation::Exact, has_ends);
+        let matrices: Vec<&SymmetricMatrix> = parts.iter().map(|part| part.1).collect();
+        self.union = Some(MatrixSum::new(&matrices)?);
+        self.patterns += 1;
+        Ok(())
+    }
+
+    /// The largest part of a step that all terms allow: by the change `dx` from x, or for terms that act by a discrete
+    /// gradient by the change of the end of the step, (end, change).
+    pub(crate) fn largest_step(&mut self, x: &[f64], dx: &[f64], end: Option<[&[f64]; 2]>) -> f64 {
+        let sum = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a + b).collect() };
+        let (from, along) = match end {
+            Some([x, dx]) => (x, dx),
+            None => (x, dx),
+        };
+        self.follow(from, Some(&sum(from, along)));
+        let Some(near) = &self.near else { return 1.0 };
+        let least = |assembler: &FixedSum, x: &[f64], dx: &[f64]| {
+            let terms = assembler.terms().fixed().iter().filter(|term| term.limits_steps());
+            terms.map(|term| term.largest_step(x, dx)).fold(1.0, f64::min)
+        };
+        match (&near.parts, end) {
+            (Some([plain, discrete]), Some([end, change])) => {
+                least(plain, x, dx).min(least(discrete, end, change))
+            }
+            _ => least(&near.whole, x, dx),
+        }
+    }
+
+    /// Do any terms act by a discrete gradient?
+    pub(crate) fn has_discrete(&self) -> bool {
+        self.near.as_ref().is_some_and(|near| near.parts.is_some())
+    }
+
+    /// The first stencil without a finite value.
+    pub(crate) fn fault(&self, x: &[f64], t: f64) -> Option<TermFault> {
+        self.fault.clone().or_else(|| self.near.as_ref()?.whole.fault(x, t))
+    }
+}
+
+/// A term with a discrete gradient as a potential of the end of a step, whose start stands behind it in one array.
+struct Paired(Arc<dyn Potential>);
+
+impl Potential for Paired {
+    fn name(&self) -> &str {
+        self.0.name()
+    }
+
+    fn account(&self) -> Account {
+        self.0.account()
+    }
+
+    fn stencils(&self) -> Stencils<'_> {
+        self.0.stencils()
+    }
+
+    /// Time-dependent, so that nothing is taken for constant: the start changes unseen.
+    fn traits(&self) -> Traits {
+        Traits { hessian: HessianKind::Varying, time_dependent: true }
+    }
+
+    fn energies(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        self.0.energies(range, &x[..x.len() / 2], t, out);
+    }
+
+    fn gradients(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        let (end, start) = x.split_at(x.len() / 2);
+        match self.0.discrete_gradient() {
+            Some(discrete) => discrete.gradients(range, start, end, out),
+            None => self.0.gradients(range, end, t, out),
+        }
+    }
+
+    fn hessians(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        let (end, start) = x.split_at(x.len() / 2);
+        match self.0.discrete_gradient() {
+            Some(discrete) => discrete.tangents(range, start, end, out),
+            None => self.0.hessians(range, end, t, out),
+        }
+    }
+
+    fn limits_steps(&self) -> bool {
+        self.0.limits_steps()
+    }
+
+    fn largest_step(&self, x: &[f64], dx: &[f64]) -> f64 {
+        self.0.largest_step(x, dx)
+    }
+}

@@ -1,0 +1,91 @@
+//! Runs of stencils that are summed together, and which of their coordinates can move.
+
+use std::ops::Range;
+
+use vi_core::{Potential, Terms, run_length};
+
+/// Coordinates in a block of the nodal arrays: the largest of 3, 2, 1 that divides the block of every fixed
+/// term. Terms with larger blocks are seen as stencils of more, smaller nodes.
+pub(crate) fn common_block(terms: &Terms) -> usize {
+    let has_ties = !terms.coordinates().is_plain();
+    let divides = |block: usize| {
+        // Ties and axes are of nodes of three coordinates.
+        if has_ties && block == 2 {
+            return false;
+        }
+        terms.coordinates().dof_count().is_multiple_of(block)
+            && terms.fixed().iter().all(|term| term.stencils().block.is_multiple_of(block))
+    };
+    [3, 2].into_iter().find(|&block| divides(block)).unwrap_or(1)
+}
+
+/// Can a coordinate change, and is it solved for? The freest first.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Mobility {
+    Free,
+    Moving,
+    Fixed,
+}
+
+/// The mobility of every coordinate.
+pub(crate) fn mobilities(terms: &Terms) -> Vec<Mobility> {
+    let mut mobility = vec![Mobility::Free; terms.coordinates().dof_count()];
+    for group in terms.coordinates().prescribed() {
+        let kind = if group.path.is_fixed() { Mobility::Fixed } else { Mobility::Moving };
+        for &dof in &group.dofs {
+            mobility[dof as usize] = kind;
+        }
+    }
+    // Along the axes of space a node with axes of its own moves as its freest coordinate.
+    for own in terms.coordinates().node_axes() {
+        let of_node = &mut mobility[3 * own.node as usize..][..3];
+        let freest = of_node.iter().copied().min().unwrap_or(Mobility::Fixed);
+        of_node.fill(freest);
+    }
+    // A tied node moves as the freest of those that it is tied to.
+    for (node, terms) in terms.coordinates().combinations() {
+        for axis in 0..3 {
+            let of = terms.iter().map(|term| mobility[3 * term.0 as usize + axis]);
+            mobility[3 * node as usize + axis] = of.min().unwrap_or(Mobility::Fixed);
+        }
+    }
+    mobility
+}
+
+/// A run of stencils of one term.
+#[derive(Clone)]
+pub(crate) struct Span {
+    /// Index of the term.
+    pub(crate) term: usize,
+    /// Its stencils.
+    pub(crate) stencils: Range<usize>,
+}
+
+/// Cuts a term into spans, in order.
+pub(crate) fn spans(term: usize, potential: &dyn Potential) -> impl Iterator<Item = Span> {
+    let stencils = potential.stencils();
+    let count = stencils.count();
+    let length = run_length(count, stencils.size());
+    (0..count.div_ceil(length))
+        .map(move |chunk| Span { term, stencils: chunk * length..count.min((chunk + 1) * length) })
+}
+
+/// The mobilities that occur among the coordinates of a span: (any free, any moving).
+pub(crate) fn mobility_of(span: &Span, potential: &dyn Potential, mobility: &[Mobility]) -> (bool, bool) {
+    let stencils = potential.stencils();
+    let block = stencils.block;
+    let nodes = &stencils.nodes[span.stencils.start * stencils.arity..span.stencils.end * stencils.arity];
+    let mut found = (false, false);
+    for &node in nodes {
+        for &kind in &mobility[node as usize * block..(node as usize + 1) * block] {
+            found.0 |= kind == Mobility::Free;
+            found.1 |= kind == Mobility::Moving;
+        }
+    }
+    found
+}
+
+/// The `split` smaller nodes that a node is made of.
+pub(crate) fn parts(node: u32, split: usize) -> Range<u32> {
+    node * split as u32..(node + 1) * split as u32
+}

@@ -1,0 +1,306 @@
+//! One pass over the coordinates of a body for everything that an explicit step does to them: the sums
+//! of a gradient, a kick, a drift and the new positions, a cacheful at a time, on all cores. It must not
+//! know which scheme kicks.
+
+use pulp::{Arch, Simd, WithSimd};
+use vi_core::{State, System};
+
+use crate::assemble::gather::Gather;
+
+/// Coordinates that one task works through.
+const TASK: usize = 2048;
+/// Coordinates that are worked on together, so that what one part writes the next finds in cache.
+const TILE: usize = 384;
+/// By how much the blocks of a system may make a tile longer.
+const MARGIN: usize = 3;
+
+/// Free coordinates that follow each other.
+struct Run {
+    /// The first in x.
+    dof: usize,
+    /// The first in q.
+    free: usize,
+    length: usize,
+}
+
+/// The maps of the passes over a system.
+pub(crate) struct Sweep {
+    runs: Vec<Run>,
+    /// 1/m of every free coordinate, 1/kg.
+    inverse_mass: Vec<f64>,
+    /// Coordinates a task, a tile, and where tasks are cut, in whole nodes.
+    task: usize,
+    tile: usize,
+    grain: usize,
+    parallel: bool,
+    arch: Arch,
+}
+
+/// The arrays that a pass changes, of coordinates `first` and on.
+pub(crate) struct Arrays<'a> {
+    /// ∂V/∂x of all coordinates; what a pass sums and then drifts away from it does not enter.
+    pub(crate) gradient: &'a mut [f64],
+    /// x of all coordinates.
+    pub(crate) x: &'a mut [f64],
+    /// q of the free ones, which a pass that does not drift enters.
+    pub(crate) q: &'a mut [f64],
+    /// p of the free ones.
+    pub(crate) p: &'a mut [f64],
+}
+
+impl<'a> Arrays<'a> {
+    fn split_at(self, dofs: usize, free: usize) -> (Self, Self) {
+        let (gradient, later_gradient) = self.gradient.split_at_mut(dofs);
+        let (x, later_x) = self.x.split_at_mut(dofs);
+        let (q, later_q) = self.q.split_at_mut(free);
+        let (p, later_p) = self.p.split_at_mut(free);
+        (Self { gradient, x, q, p }, Self { gradient: later_gradient, x: later_x, q: later_q, p: later_p })
+    }
+}
+
+/// What a pass does: p −= closing ∂V/∂q, then p −= kick ∂V/∂q, then x += drift M⁻¹p at the free coordinates.
+#[derive(Clone, Copy)]
+pub(crate) struct Pass<'a> {
+    /// Where q and p are read from; else they are x and p in place. Before a kick, x must be of this state.
+    pub(crate) from: Option<&'a State>,
+    /// Whose chunks are summed to the gradient first; it is known where none.
+    pub(crate) sums: Option<&'a Gather>,
+    /// b h of the kick that ends the step before, s; none where it is zero.
+    pub(crate) closing: f64,
+    /// b h, s.
+    pub(crate) kick: f64,
+    /// a h, s; nothing moves where it is zero.
+    pub(crate) drift: f64,
+}
+
+/// What a pass found.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(crate) enum Found {
+    /// Everything that it wrote is finite.
+    Sound,
+    /// Something is not finite, or x was not that of the state. What was written is worth nothing.
+    Unsound,
+}
+
+impl Sweep {
+    pub(crate) fn new(system: &System, gather: &Gather) -> Self {
+        let mut runs: Vec<Run> = Vec::new();
+        for (free, &dof) in system.coordinates().free().iter().enumerate() {
+            let dof = dof as usize;
+            match runs.last_mut() {
+                Some(run) if run.dof + run.length == dof => run.length += 1,
+                _ => runs.push(Run { dof, free, length: 1 }),
+            }
+        }
+        let block = gather.block();
+        Self {
+            runs,
+            inverse_mass: system.free_mass().iter().map(|m| 1.0 / m).collect(),
+            task: TASK.next_multiple_of(block),
+            tile: TILE.next_multiple_of(block),
+            // Of whole vectors, and near the middle: the halves of nodes are then those of the elements.
+            grain: 8 * block,
+            parallel: gather.is_parallel(),
+            arch: Arch::new(),
+        }
+    }
+
+    /// 1/m of every free coordinate, 1/kg.
+    pub(crate) fn inverse_mass(&self) -> &[f64] {
+        &self.inverse_mass
+    }
+
+    /// Makes a pass.
+    pub(crate) fn pass(&self, pass: Pass<'_>, arrays: Arrays<'_>) -> Found {
+        if self.task(pass, 0, 0, arrays) { Found::Sound } else { Found::Unsound }
+    }
+
+    /// The free coordinates before coordinate `dof`.
+    fn free_before(&self, dof: usize) -> usize {
+        let after = self.runs.partition_point(|run| run.dof < dof);
+        match after.checked_sub(1).map(|k| &self.runs[k]) {
+            Some(run) => run.free + run.length.min(dof - run.dof),
+            None => 0,
+        }
+    }
+
+    /// Coordinates `first` and on, of which q begins with number `free`: halved until small.
+    fn task(&self, pass: Pass<'_>, first: usize, free: usize, arrays: Arrays<'_>) -> bool {
+        let length = arrays.x.len();
+        if length <= self.task {
+            return self.tiles(pass, first, free, arrays);
+        }
+        let middle = (length / 2).next_multiple_of(self.grain);
+        let free_middle = self.free_before(first + middle);
+        let (left, right) = arrays.split_at(middle, free_middle - free);
+        let on_left = || self.task(pass, first, free, left);
+        let on_right = || self.task(pass, first + middle, free_middle, right);
+        let (a, b) = if self.parallel { rayon::join(on_left, on_right) } else { (on_left(), on_right()) };
+        a && b
+    }
+
+    fn tiles(&self, pass: Pass<'_>, first: usize, first_free: usize, arrays: Arrays<'_>) -> bool {
+        let Arrays { gradient, x, q, p } = arrays;
+        let mut run = self.runs.partition_point(|run| run.dof + run.length <= first);
+        let mut sound = true;
+        // Sums that nobody reads after the drift stay in cache.
+        let mut passing = [0.0; TILE + MARGIN];
+        for (tile, (gradient, x)) in gradient.chunks_mut(self.tile).zip(x.chunks_mut(self.tile)).enumerate() {
+            let start = first + tile * self.tile;
+            let end = start + x.len();
+            let gradient = match pass.sums {
+                Some(_) if pass.drift != 0.0 => &mut passing[..x.len()],
+                _ => gradient,
+            };
+            if let Some(gather) = pass.sums {
+                gather.sum_nodes(start / gather.block(), gradient);
+                sound &= self.arch.dispatch(AreFinite(gradient));
+            }
+            while let Some(Run { dof, free, length }) = self.runs.get(run) {
+                let (low, high) = (start.max(*dof), end.min(dof + length));
+                if low >= high {
+                    break;
+                }
+                let (k, n) = (free + low - dof, high - low);
+                let (q, p) = (&mut q[k - first_free..][..n], &mut p[k - first_free..][..n]);
+                let x = &mut x[low - start..][..n];
+                if let Some(state) = pass.from {
+                    let q = &state.q[k..k + n];
+                    p.copy_from_slice(&state.p[k..k + n]);
+                    sound &= pass.kick == 0.0 || self.arch.dispatch(AreEqual { a: x, b: q });
+                    x.copy_from_slice(q);
+                }
+                let (kick, gradient) = (pass.kick, &gradient[low - start..][..n]);
+                if pass.closing != 0.0 {
+                    sound &= self.arch.dispatch(Kick { kick: pass.closing, gradient, p });
+                }
+                sound &= if pass.drift == 0.0 {
+                    q.copy_from_slice(x);
+                    self.arch.dispatch(Kick { kick, gradient, p })
+                } else {
+                    let inverse_mass = &self.inverse_mass[k..k + n];
+                    let drift = pass.drift;
+                    self.arch.dispatch(KickDrift { kick, drift, gradient, inverse_mass, p, x })
+                };
+                if dof + length > end {
+                    break;
+                }
+                run += 1;
+            }
+        }
+        sound
+    }
+}
+
+// What is done to the coordinates of a run, in whatever vectors the machine has, with a sum of zeros that is
+// zero where all numbers are finite. No product is fused with a sum, so that every machine gives the same
+// bits.
+
+/// Are all numbers finite?
+struct AreFinite<'a>(&'a [f64]);
+
+impl WithSimd for AreFinite<'_> {
+    type Output = bool;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let (whole, rest) = S::as_simd_f64s(self.0);
+        let zero = simd.splat_f64s(0.0);
+        let mut zeros = zero;
+        for value in whole {
+            zeros = simd.add_f64s(zeros, simd.mul_f64s(zero, *value));
+        }
+        let mut sum = simd.reduce_sum_f64s(zeros);
+        for value in rest {
+            sum += 0.0 * value;
+        }
+        sum == 0.0
+    }
+}
+
+/// a = b, and both are finite?
+struct AreEqual<'a> {
+    a: &'a [f64],
+    b: &'a [f64],
+}
+
+impl WithSimd for AreEqual<'_> {
+    type Output = bool;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let ((a, a_rest), (b, b_rest)) = (S::as_simd_f64s(self.a), S::as_simd_f64s(self.b));
+        let mut distances = simd.splat_f64s(0.0);
+        for (a, b) in a.iter().zip(b) {
+            distances = simd.add_f64s(distances, simd.abs_f64s(simd.sub_f64s(*a, *b)));
+        }
+        let mut sum = simd.reduce_sum_f64s(distances);
+        for (a, b) in a_rest.iter().zip(b_rest) {
+            sum += (a - b).abs();
+        }
+        sum == 0.0
+    }
+}
+
+/// p −= kick g. Is p finite?
+struct Kick<'a> {
+    kick: f64,
+    gradient: &'a [f64],
+    p: &'a mut [f64],
+}
+
+impl WithSimd for Kick<'_> {
+    type Output = bool;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let Self { kick, gradient, p } = self;
+        let ((g, g_rest), (p, p_rest)) = (S::as_simd_f64s(gradient), S::as_mut_simd_f64s(p));
+        let (zero, b) = (simd.splat_f64s(0.0), simd.splat_f64s(kick));
+        let mut zeros = zero;
+        for (p, g) in p.iter_mut().zip(g) {
+            *p = simd.sub_f64s(*p, simd.mul_f64s(b, *g));
+            zeros = simd.add_f64s(zeros, simd.mul_f64s(zero, *p));
+        }
+        let mut sum = simd.reduce_sum_f64s(zeros);
+        for (p, g) in p_rest.iter_mut().zip(g_rest) {
+            *p -= kick * g;
+            sum += 0.0 * *p;
+        }
+        sum == 0.0
+    }
+}
+
+/// p −= kick g, then x += drift p/m. Are p and x finite?
+struct KickDrift<'a> {
+    kick: f64,
+    drift: f64,
+    gradient: &'a [f64],
+    inverse_mass: &'a [f64],
+    p: &'a mut [f64],
+    x: &'a mut [f64],
+}
+
+impl WithSimd for KickDrift<'_> {
+    type Output = bool;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let Self { kick, drift, gradient, inverse_mass, p, x } = self;
+        let ((g, g_rest), (m, m_rest)) = (S::as_simd_f64s(gradient), S::as_simd_f64s(inverse_mass));
+        let ((p, p_rest), (x, x_rest)) = (S::as_mut_simd_f64s(p), S::as_mut_simd_f64s(x));
+        let (zero, b, a) = (simd.splat_f64s(0.0), simd.splat_f64s(kick), simd.splat_f64s(drift));
+        let mut zeros = zero;
+        let length = p.len();
+        let (g, m, x) = (&g[..length], &m[..length], &mut x[..length]);
+        for k in 0..length {
+            let kicked = simd.sub_f64s(p[k], simd.mul_f64s(b, g[k]));
+            let moved = simd.add_f64s(x[k], simd.mul_f64s(a, simd.mul_f64s(kicked, m[k])));
+            (p[k], x[k]) = (kicked, moved);
+            zeros = simd.add_f64s(zeros, simd.mul_f64s(zero, simd.add_f64s(kicked, moved)));
+        }
+        let mut sum = simd.reduce_sum_f64s(zeros);
+        for k in 0..p_rest.len() {
+            p_rest[k] -= kick * g_rest[k];
+            x_rest[k] += drift * (p_rest[k] * m_rest[k]);
+            sum += 0.0 * (p_rest[k] + x_rest[k]);
+        }
+        sum == 0.0
+    }
+}

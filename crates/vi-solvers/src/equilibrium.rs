@@ -1,0 +1,15 @@
+//! Static equilibrium: load steps, paths of equilibria through limit points, critical points, and the steppers made of
+//! them; also the forces on the nodes of a given state.
+
+pub(crate) mod balance;
+mod critical;
+pub(crate) mod function;
+pub(crate) mod load_control;
+mod newton;
+pub(crate) mod nodal_forces;
+pub(crate) mod options;
+mod path;
+pub(crate) mod path_following;
+pub(crate) mod quasi_static;
+mod release;
+mod search;

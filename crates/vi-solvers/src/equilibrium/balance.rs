@@ -1,0 +1,222 @@
+//! The balance of a body at a load factor: residual, energy, tangent and its factor.
+//! It must not know how an equilibrium is searched for.
+
+use vi_core::System;
+
+use crate::assemble::assembler::Assembler;
+use crate::assemble::force_sum::ForceSum;
+use crate::assemble::hessian::HessianEvaluation;
+use crate::error::{NotPositiveDefinite, SolverError};
+use crate::linear::factor::Factor;
+use crate::linear::matrix::SymmetricMatrix;
+use crate::linear::matrix_sum::MatrixSum;
+use crate::linear::minres::minimal_residual;
+use crate::vectors;
+use crate::work::Work;
+
+/// r(q, t) = ∂V/∂q − f(x, 0, t), its tangent K, and a factor of K + σM.
+pub(crate) struct Balance<'a> {
+    pub(crate) system: &'a System,
+    assembler: Assembler,
+    forces: Option<ForceSum>,
+    sum: Option<MatrixSum>,
+    factor: Option<Factor>,
+    x: Vec<f64>,
+    t: f64,
+    still: Vec<f64>,
+    gradient: Vec<f64>,
+    shifted_mass: Vec<f64>,
+    /// K of the last factorisation with a shift.
+    unshifted: Option<SymmetricMatrix>,
+    /// Diagonal of the K of the last factorisation, N/m.
+    diagonal: Vec<f64>,
+    /// Constant forces that are taken from the residual, N; none where empty.
+    pub(crate) held: Vec<f64>,
+    pub(crate) work: Work,
+}
+
+impl<'a> Balance<'a> {
+    pub(crate) fn new(system: &'a System) -> Self {
+        let count = system.coordinates().dof_count();
+        Self {
+            system,
+            assembler: Assembler::new(system),
+            forces: ForceSum::new(system),
+            sum: None,
+            factor: None,
+            x: vec![0.0; count],
+            t: 0.0,
+            still: vec![0.0; count],
+            gradient: vec![0.0; count],
+            shifted_mass: vec![0.0; system.coordinates().free_count()],
+            unshifted: None,
+            diagonal: vec![0.0; system.coordinates().free_count()],
+            held: Vec::new(),
+            work: Work::default(),
+        }
+    }
+
+    /// Do all forces have a potential, so that equilibria are stationary points of V?
+    pub(crate) fn is_conservative(&self) -> bool {
+        self.forces.is_none()
+    }
+
+    fn go_to(&mut self, q: &[f64], t: f64) {
+        self.system.coordinates().embed(q, t, &mut self.x);
+        self.t = t;
+    }
+
+    /// r(q, t), N.
+    ///
+    /// # Errors
+    /// [`SolverError::Term`] or [`SolverError::NotFinite`] outside the domain of a term.
+    pub(crate) fn residual(&mut self, q: &[f64], t: f64, out: &mut [f64]) -> Result<(), SolverError> {
+        self.go_to(q, t);
+        self.work.gradients += 1;
+        self.assembler.gradient(&self.x, t, &mut self.gradient);
+        if let Some(forces) = &mut self.forces {
+            forces.evaluate(&self.x, &self.still, t);
+            for (dof, gradient) in self.gradient.iter_mut().enumerate() {
+                *gradient -= forces.total(dof);
+            }
+        }
+        let gradient = &self.gradient;
+        if vectors::sum(gradient.len(), |k| 0.0 * gradient[k]) != 0.0 {
+            return Err(match self.assembler.fault(&self.x, t) {
+                Some(term) => SolverError::Term { term, at_start: false },
+                None => {
+                    let dof = gradient.iter().position(|g| !g.is_finite()).unwrap_or(0);
+                    SolverError::NotFinite { what: "force", dof, at_start: false }
+                }
+            });
+        }
+        self.system.coordinates().restrict(&self.gradient, out);
+        out.iter_mut().zip(&self.held).for_each(|(out, held)| *out -= held);
+        Ok(())
+    }
+
+    /// V(q, t), J; infinite outside the domain of a term.
+    pub(crate) fn energy(&mut self, q: &[f64], t: f64) -> f64 {
+        self.go_to(q, t);
+        self.work.energies += 1;
+        let held = vectors::sum(self.held.len(), |k| self.held[k] * q[k]);
+        self.assembler.energies(&self.x, t).total() - held
+    }
+
+    /// Σ |V| over the accounts at (q, t), J: a scale of energy.
+    pub(crate) fn energy_scale(&mut self, q: &[f64], t: f64) -> f64 {
+        self.go_to(q, t);
+        self.work.energies += 1;
+        let energies = self.assembler.energies(&self.x, t);
+        energies.elastic.abs() + energies.gravity.abs() + energies.load.abs() + energies.contact.abs()
+    }
+
+    /// K at (q, t).
+    ///
+    /// # Errors
+    /// Where terms and forces cannot be summed into one matrix.
+    pub(crate) fn tangent(
+        &mut self,
+        q: &[f64],
+        t: f64,
+        kind: HessianEvaluation,
+    ) -> Result<&SymmetricMatrix, SolverError> {
+        self.go_to(q, t);
+        self.work.hessians += 1;
+        self.work.projections += u64::from(kind == HessianEvaluation::Projected);
+        let k = self.assembler.hessian(&self.x, t, kind)?;
+        let Some(forces) = &mut self.forces else { return Ok(k) };
+        forces.evaluate(&self.x, &self.still, t);
+        let Some(load) = forces.stiffness(self.system) else { return Ok(k) };
+        MatrixSum::of(&mut self.sum, &[(1.0, k), (1.0, load)])
+    }
+
+    /// Factors K + σM at (q, t), σ in 1/s².
+    ///
+    /// # Errors
+    /// The outer error is fatal; the inner one says that the matrix is not positive definite.
+    pub(crate) fn factorize(
+        &mut self,
+        q: &[f64],
+        t: f64,
+        kind: HessianEvaluation,
+        shift: f64,
+    ) -> Result<Result<(), NotPositiveDefinite>, SolverError> {
+        for (out, mass) in self.shifted_mass.iter_mut().zip(self.system.free_mass()) {
+            *out = shift * mass;
+        }
+        let mut factor = self.factor.take();
+        let mass = std::mem::take(&mut self.shifted_mass);
+        let mut diagonal = std::mem::take(&mut self.diagonal);
+        let k = self.tangent(q, t, kind)?;
+        k.diagonal(&mut diagonal);
+        let made = match &mut factor {
+            Some(factor) if factor.serves(k) => factor,
+            other => other.insert(Factor::new(k)?),
+        };
+        let result = made.factorize(if shift == 0.0 { &[] } else { &mass }, 1.0, k);
+        self.unshifted = (shift != 0.0).then(|| k.clone());
+        self.factor = factor;
+        self.shifted_mass = mass;
+        self.diagonal = diagonal;
+        self.work.factorizations += 1;
+        self.work.factorizations_newton += 1;
+        Ok(result)
+    }
+
+    /// Is r no more than the rounding of positions leaves, |r_i| ≤ 16 ε K_ii max |x|? K is that of the last
+    /// factorisation.
+    pub(crate) fn is_round_off(&self, r: &[f64]) -> bool {
+        let [_, reach] = self.system.coordinates().extent_and_reach(&self.x);
+        let noise = 16.0 * f64::EPSILON * reach;
+        r.iter().zip(&self.diagonal).all(|(r, k)| r.abs() <= noise * k.abs())
+    }
+
+    /// Solves with the last factor, in place.
+    ///
+    /// # Errors
+    /// [`SolverError::Residual`] where the matrix is too close to singular.
+    pub(crate) fn solve(&mut self, rhs_to_solution: &mut [f64]) -> Result<(), SolverError> {
+        self.work.solves += 1;
+        self.factor.as_mut().ok_or(SolverError::NotFactored)?.solve(rhs_to_solution)?;
+        Ok(())
+    }
+
+    /// Solves K x = b by minimal residuals, K that of the last factorisation, which had a shift.
+    ///
+    /// # Errors
+    /// [`SolverError::NoConvergence`] after `max_iterations`.
+    pub(crate) fn solve_indefinite(
+        &mut self,
+        b: &[f64],
+        tolerance: f64,
+        max_iterations: u32,
+    ) -> Result<Vec<f64>, SolverError> {
+        let (Some(k), Some(factor)) = (&self.unshifted, &mut self.factor) else {
+            return Err(SolverError::NotFactored);
+        };
+        minimal_residual(k, factor, b, tolerance, max_iterations, &mut self.work.solves)
+    }
+
+    /// max K_ii/M_ii of the tangent at (q, t), 1/s²: above the highest ω².
+    pub(crate) fn stiffest(&mut self, q: &[f64], t: f64) -> Result<f64, SolverError> {
+        let mut diagonal = vec![0.0; q.len()];
+        self.tangent(q, t, HessianEvaluation::Exact)?.diagonal(&mut diagonal);
+        let mass = self.system.free_mass();
+        Ok(diagonal.iter().zip(mass).map(|(k, m)| (k / m).abs()).fold(0.0, f64::max))
+    }
+}
+
+/// Refuses constraints to an analysis that has no place for them.
+///
+/// # Errors
+/// [`SolverError::ConstrainedAnalysis`].
+pub(crate) fn refuse_constraints(analysis: &'static str, system: &System) -> Result<(), SolverError> {
+    match system.constraints().first() {
+        Some(constraint) => {
+            let constraint = constraint.name().to_owned();
+            Err(SolverError::ConstrainedAnalysis { analysis, constraint })
+        }
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,96 @@
+//! Critical points: the lowest eigenpair of (K, M) at an equilibrium, where it crosses zero, and the
+//! push onto the branch that leaves there. It must not know how load is stepped.
+
+use vi_core::State;
+
+use crate::assemble::hessian::HessianEvaluation;
+use crate::equilibrium::balance::Balance;
+use crate::equilibrium::newton;
+use crate::equilibrium::options::{CriticalKind, CriticalPoint};
+use crate::equilibrium::search::Search;
+use crate::error::SolverError;
+use crate::linear::lanczos::lowest_pairs;
+use crate::linear::pencil::Pencil;
+use crate::vectors;
+
+/// Lowest ω² (1/s²) of (K, M) at (q, t) and its mode, of mass norm 1.
+pub(crate) fn lowest(balance: &mut Balance, q: &[f64], t: f64) -> Result<(f64, Vec<f64>), SolverError> {
+    let stiffness = balance.tangent(q, t, HessianEvaluation::Exact)?.clone();
+    let mut pencil = Pencil::lumped(stiffness, balance.system.free_mass().to_vec())?;
+    let mut pairs = lowest_pairs(&mut pencil, 1, 1e-6)?;
+    pairs.pop().map(|pair| (pair.value, pair.vector)).ok_or(SolverError::NotFactored)
+}
+
+impl Search<'_> {
+    /// Between equilibria of unlike stability: where the lowest eigenvalue is zero.
+    pub(super) fn find_critical(&mut self, before: &State, after: &State) -> Result<(), SolverError> {
+        let (first, _) = lowest(&mut self.balance, &before.q, before.t)?;
+        let (last, mode) = lowest(&mut self.balance, &after.q, after.t)?;
+        let (mut low, mut high) = ((before.t, first), (after.t, last));
+        let mut q = before.q.clone();
+        // Regula falsi on λ(t), which is nearly linear near a critical load (Illinois variant).
+        let (mut f_low, mut f_high) = (first, last);
+        for _ in 0..30 {
+            if f_low * f_high >= 0.0 || (high.0 - low.0).abs() <= 1e-9 * high.0.abs().max(low.0.abs()) {
+                break;
+            }
+            let t = low.0 - f_low * (high.0 - low.0) / (f_high - f_low);
+            let along = (t - before.t) / (after.t - before.t);
+            for k in 0..q.len() {
+                q[k] = before.q[k] + along * (after.q[k] - before.q[k]);
+            }
+            let mut stop = self.stop;
+            if newton::solve(&mut self.balance, &mut q, t, &mut stop).is_err() {
+                break;
+            }
+            let (value, _) = lowest(&mut self.balance, &q, t)?;
+            if value.abs() <= 1e-9 * first.abs().max(last.abs()) {
+                (low, high) = ((t, value), (t, value));
+                break;
+            }
+            if value * f_low > 0.0 {
+                low = (t, value);
+                f_low = value;
+                f_high *= 0.5;
+            } else {
+                high = (t, value);
+                f_high = value;
+                f_low *= 0.5;
+            }
+        }
+        let load_factor =
+            if low.1 == high.1 { low.0 } else { low.0 - low.1 * (high.0 - low.0) / (high.1 - low.1) };
+        let kind = self.kind_of(&mode, after)?;
+        self.report.critical.push(CriticalPoint { kind, load_factor, eigenvalues: [first, last] });
+        Ok(())
+    }
+
+    /// At a limit point the critical mode feels the load, φᵀ ∂r/∂t ≠ 0; at a bifurcation it does not.
+    pub(super) fn kind_of(&mut self, mode: &[f64], state: &State) -> Result<CriticalKind, SolverError> {
+        let n = mode.len();
+        let (mut here, mut there) = (vec![0.0; n], vec![0.0; n]);
+        let e = 1e-5 * state.t.abs().max(1e-3 * self.options.end.abs());
+        self.balance.residual(&state.q, state.t - e, &mut here)?;
+        self.balance.residual(&state.q, state.t + e, &mut there)?;
+        let mass = self.balance.system.free_mass();
+        // Both sides per √mass, so that the ratio has no unit.
+        let load = vectors::sum(n, |k| (there[k] - here[k]).powi(2) / mass[k]).sqrt();
+        let felt = vectors::sum(n, |k| mode[k] * (there[k] - here[k])).abs();
+        Ok(if felt > 1e-4 * load { CriticalKind::Limit } else { CriticalKind::Bifurcation })
+    }
+
+    /// Pushes an unstable equilibrium along its critical mode and lets it fall to a minimum of V at the
+    /// same load; returns whether that is stable.
+    pub(super) fn leave_branch(&mut self, state: &mut State, push: f64) -> Result<bool, SolverError> {
+        let (_, mode) = lowest(&mut self.balance, &state.q, state.t)?;
+        let largest = vectors::max_abs(mode.len(), |k| mode[k]);
+        let mut q = state.q.clone();
+        for (q, mode) in q.iter_mut().zip(&mode) {
+            *q += push * mode / largest;
+        }
+        let mut stop = newton::Stop { max_iterations: 10 * self.stop.max_iterations, ..self.stop };
+        newton::solve(&mut self.balance, &mut q, state.t, &mut stop)?;
+        state.q = q;
+        Ok(self.balance.factorize(&state.q, state.t, HessianEvaluation::Exact, 0.0)?.is_ok())
+    }
+}

@@ -1,0 +1,183 @@
+//! Static equilibria by load steps that halve and grow. Time is the load factor: loads and prescribed motions are read
+//! at t, from where the state is to `end`.
+
+use vi_core::{State, System};
+
+use crate::assemble::finite::check_state;
+use crate::assemble::hessian::HessianEvaluation;
+use crate::equilibrium::balance::refuse_constraints;
+use crate::equilibrium::options::{LoadStep, StaticOptions, StaticReport};
+use crate::equilibrium::path::follow;
+use crate::equilibrium::search::Search;
+use crate::equilibrium::{critical, newton};
+use crate::error::SolverError;
+use crate::vectors;
+
+/// A body that moves this many times further per unit of load than in the step before may have snapped.
+const SNAP_RATIO: f64 = 5.0;
+
+/// Brings `state` to the equilibrium at load factor `options.end`, from where it is (state.t); momenta
+/// become zero. Where state.t is already there, solves at that load factor.
+///
+/// # Errors
+/// [`SolverError::Equilibrium`] with the load factor that was reached where no increment succeeds,
+/// [`SolverError::ArcStep`] where no arc step does, [`SolverError::ArcSteps`] where they are used up, or the error
+/// of a term or factor; `state` is then as before.
+pub fn equilibrium(
+    system: &System,
+    state: &mut State,
+    options: &StaticOptions,
+) -> Result<StaticReport, SolverError> {
+    equilibrium_path(system, state, options, &mut |_, _| true)
+}
+
+/// [`equilibrium`], showing every equilibrium on the way to `watch`, which returns false to stop there.
+///
+/// # Errors
+/// As [`equilibrium`].
+pub fn equilibrium_path(
+    system: &System,
+    state: &mut State,
+    options: &StaticOptions,
+    watch: &mut dyn FnMut(&State, &LoadStep) -> bool,
+) -> Result<StaticReport, SolverError> {
+    options.check()?;
+    refuse_constraints("a static solve", system)?;
+    check_state(state, system)?;
+    let mut search = Search::new(system, options, watch);
+    let mut found = State { t: state.t, q: state.q.clone(), p: vec![0.0; state.p.len()] };
+    if !found.q.is_empty() {
+        match options.arc_steps {
+            Some(steps) => follow::follow(&mut search, &mut found, steps)?,
+            None => search.step_loads(&mut found)?,
+        }
+    } else {
+        found.t = options.end;
+        search.report.steps.push(LoadStep { load_factor: options.end, iterations: 0, is_stable: true });
+    }
+    search.report.work = search.balance.work;
+    *state = found;
+    Ok(search.report)
+}
+
+impl Search<'_> {
+    /// Load control.
+    fn step_loads(&mut self, state: &mut State) -> Result<(), SolverError> {
+        let end = self.options.end;
+        let span = end - state.t;
+        let (mut q, mut velocity) = (state.q.clone(), vec![0.0; state.q.len()]);
+        let mut increment = self.options.increment.min(self.options.largest_increment) * span.signum();
+        // How far the body moved per unit of load in the last step.
+        let mut last_rate = 0.0;
+        // Is dq/dt known, from a tangent that holds at `state`?
+        let mut has_velocity = false;
+        let mut may_release = true;
+        loop {
+            let t =
+                if (end - state.t).abs() <= 1.0000001 * increment.abs() { end } else { state.t + increment };
+            for k in 0..q.len() {
+                q[k] = state.q[k] + if has_velocity { (t - state.t) * velocity[k] } else { 0.0 };
+            }
+            let mut stop = self.stop;
+            let mut result = newton::solve(&mut self.balance, &mut q, t, &mut stop);
+            if result.is_err() && has_velocity {
+                // Perhaps the prediction was at fault.
+                q.copy_from_slice(&state.q);
+                stop = self.stop;
+                result = newton::solve(&mut self.balance, &mut q, t, &mut stop);
+            }
+            let tried = (t - state.t).abs();
+            let was_stable = self.report.steps.last().is_none_or(|step| step.is_stable);
+            let rate = self.distance(&q, &state.q) / tried;
+            let lost_definiteness = result.as_ref().is_ok_and(|solved| !solved.stayed_definite);
+            let has_leapt = last_rate > 0.0 && rate > SNAP_RATIO * last_rate;
+            let may_have_snapped =
+                was_stable && !self.report.steps.is_empty() && (lost_definiteness || has_leapt);
+            match result {
+                // Perhaps to another equilibrium: look closer before that is accepted.
+                Ok(_) if may_have_snapped && tried > self.closest(span) => {
+                    increment = 0.25 * tried * span.signum();
+                    self.report.halvings += 1;
+                }
+                Ok(newton::Solved { iterations, .. }) => {
+                    last_rate = rate;
+                    self.stop.scale = stop.scale;
+                    let before =
+                        State { t: state.t, q: std::mem::replace(&mut state.q, q.clone()), p: Vec::new() };
+                    state.t = t;
+                    let mut is_stable =
+                        self.balance.factorize(&state.q, t, HessianEvaluation::Exact, 0.0)?.is_ok();
+                    if is_stable && may_have_snapped {
+                        self.report.jumps.push(before.t);
+                    }
+                    if is_stable != was_stable && self.options.find_critical {
+                        self.find_critical(&before, state)?;
+                    }
+                    if !is_stable && let Some(push) = self.options.push {
+                        is_stable = self.leave_branch(state, push)?;
+                    }
+                    let step = LoadStep { load_factor: t, iterations, is_stable };
+                    self.report.steps.push(step);
+                    if !(self.watch)(state, &step) || t == end {
+                        return Ok(());
+                    }
+                    if iterations <= 6 {
+                        increment *= 2.0;
+                    }
+                    increment = increment.abs().min(self.options.largest_increment) * span.signum();
+                    has_velocity = is_stable && self.velocity(state, increment, &mut velocity)?;
+                }
+                Err(_)
+                    if std::mem::take(&mut may_release)
+                        && self.report.steps.is_empty()
+                        && self.release(state) =>
+                {
+                    q.copy_from_slice(&state.q);
+                }
+                Err(cause) => {
+                    increment = 0.5 * tried * span.signum();
+                    self.report.halvings += 1;
+                    if increment.abs() < self.options.smallest_increment {
+                        return Err(self.no_equilibrium(state, tried, cause));
+                    }
+                }
+            }
+        }
+    }
+
+    /// The increment at which a step across an indefinite tangent is accepted.
+    fn closest(&self, span: f64) -> f64 {
+        (1e-3 * span.abs()).max(self.options.smallest_increment)
+    }
+
+    /// Root mean square distance of two configurations, m, weighted by mass.
+    fn distance(&self, a: &[f64], b: &[f64]) -> f64 {
+        let mass = self.balance.system.free_mass();
+        let square = vectors::sum(a.len(), |k| mass[k] * (a[k] - b[k]).powi(2));
+        (square / vectors::sum(a.len(), |k| mass[k])).sqrt()
+    }
+
+    /// dq/dt = −K⁻¹ ∂r/∂t at an equilibrium whose tangent was just factored; false where it has none.
+    fn velocity(&mut self, state: &State, increment: f64, out: &mut [f64]) -> Result<bool, SolverError> {
+        let mut here = vec![0.0; out.len()];
+        self.balance.residual(&state.q, state.t, &mut here)?;
+        let e = 1e-4 * increment;
+        if e == 0.0 || self.balance.residual(&state.q, state.t + e, out).is_err() {
+            return Ok(false);
+        }
+        for (out, here) in out.iter_mut().zip(&here) {
+            *out = (here - *out) / e;
+        }
+        if self.balance.factorize(&state.q, state.t, HessianEvaluation::Exact, 0.0)?.is_err() {
+            return Ok(false);
+        }
+        Ok(self.balance.solve(out).is_ok())
+    }
+
+    /// The error of a load that cannot be carried, with what is known of the last equilibrium.
+    fn no_equilibrium(&mut self, state: &State, increment: f64, cause: SolverError) -> SolverError {
+        let t = state.t;
+        let lowest = critical::lowest(&mut self.balance, &state.q, t).ok().map(|mode| mode.0);
+        SolverError::Equilibrium { load_factor: t, increment, lowest, cause: Box::new(cause) }
+    }
+}

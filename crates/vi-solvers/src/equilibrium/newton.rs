@@ -1,0 +1,165 @@
+//! Newton's method for an equilibrium at a fixed load factor: energy line search, projection where
+//! the tangent has no Cholesky factor, stop in the energy norm. It must not know load steps.
+
+use crate::assemble::hessian::HessianEvaluation;
+use crate::equilibrium::balance::Balance;
+use crate::error::SolverError;
+use crate::vectors;
+
+/// Below this relative energy norm steps are taken whole: there, differences of energies are noise.
+const WHOLE_STEPS_BELOW: f64 = 1e-4;
+
+/// Below this relative energy norm a solve that stalls has reached round-off.
+const ROUND_OFF_BELOW: f64 = 1e-5;
+
+/// When and how a solve stops.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Stop {
+    pub(crate) tolerance: f64,
+    pub(crate) max_iterations: u32,
+    /// Energy that the norm is relative to, J; grows with the first decrement of each solve.
+    pub(crate) scale: f64,
+}
+
+/// Relative energy norm of a decrement.
+impl Stop {
+    pub(crate) fn relative(&self, decrement: f64) -> f64 {
+        if decrement <= 0.0 { 0.0 } else { (decrement / self.scale).sqrt() }
+    }
+}
+
+/// What a solve took.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Solved {
+    pub(crate) iterations: u32,
+    /// Was the tangent definite at every iterate? Then the equilibrium lies on the path that the start
+    /// is on; otherwise the body may have snapped.
+    pub(crate) stayed_definite: bool,
+}
+
+/// Factors the tangent, or what has to stand in for it where it is not definite; returns whether it was.
+fn factorize_somehow(balance: &mut Balance, q: &[f64], t: f64) -> Result<bool, SolverError> {
+    if balance.factorize(q, t, HessianEvaluation::Exact, 0.0)?.is_ok() {
+        return Ok(true);
+    }
+    let Err(mut failure) = balance.factorize(q, t, HessianEvaluation::Projected, 0.0)? else {
+        return Ok(false);
+    };
+    // Semidefinite: a little mass makes it definite, e.g. for a string that is not yet taut.
+    let stiffest = balance.stiffest(q, t)?;
+    for exponent in [-10, -8, -6, -4, -2] {
+        match balance.factorize(q, t, HessianEvaluation::Projected, stiffest * 10.0_f64.powi(exponent))? {
+            Ok(()) => return Ok(false),
+            Err(next) => failure = next,
+        }
+    }
+    Err(failure.into())
+}
+
+/// Goes from `q` to an equilibrium at t, minimising V where all forces are conservative; `q` is
+/// overwritten even in failure.
+pub(crate) fn solve(
+    balance: &mut Balance,
+    q: &mut [f64],
+    t: f64,
+    stop: &mut Stop,
+) -> Result<Solved, SolverError> {
+    let n = q.len();
+    let (mut r, mut step, mut trial) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    stop.scale = stop.scale.max(1e-12 * balance.energy_scale(q, t));
+    balance.residual(q, t, &mut r)?;
+    let mut last = f64::INFINITY;
+    let mut stayed_definite = true;
+    for iteration in 1..=stop.max_iterations {
+        if r.iter().all(|&r| r == 0.0) {
+            return Ok(Solved { iterations: iteration - 1, stayed_definite });
+        }
+        stayed_definite &= factorize_somehow(balance, q, t)?;
+        if balance.is_round_off(&r) {
+            return Ok(Solved { iterations: iteration - 1, stayed_definite });
+        }
+        for (step, r) in step.iter_mut().zip(&r) {
+            *step = -r;
+        }
+        balance.solve(&mut step)?;
+        balance.work.newton_iterations += 1;
+        let decrement = -vectors::sum(n, |k| step[k] * r[k]);
+        if iteration == 1 {
+            stop.scale = stop.scale.max(decrement);
+        }
+        let relative = stop.relative(decrement);
+        let is_round_off = relative < ROUND_OFF_BELOW && relative > 0.3 * last;
+        let is_done = relative <= stop.tolerance || is_round_off;
+        last = relative;
+        if is_done || relative < WHOLE_STEPS_BELOW {
+            for (q, step) in q.iter_mut().zip(&step) {
+                *q += step;
+            }
+            balance.residual(q, t, &mut r)?;
+            if is_done {
+                return Ok(Solved { iterations: iteration, stayed_definite });
+            }
+            continue;
+        }
+        line_search(balance, q, t, &step, &mut r, &mut trial)?;
+    }
+    Err(SolverError::NoConvergence {
+        iterations: stop.max_iterations,
+        residual: last,
+        tolerance: stop.tolerance,
+    })
+}
+
+/// Moves `q` along `step` as far as it pays, and evaluates the residual there.
+fn line_search(
+    balance: &mut Balance,
+    q: &mut [f64],
+    t: f64,
+    step: &[f64],
+    r: &mut [f64],
+    trial: &mut [f64],
+) -> Result<(), SolverError> {
+    const TRIALS: usize = 25;
+    let slope = vectors::sum(q.len(), |k| step[k] * r[k]);
+    let energy = if balance.is_conservative() { balance.energy(q, t) } else { 0.0 };
+    let noise = 1e-14 * energy.abs();
+    let mut length = 1.0;
+    let mut failure = SolverError::NoConvergence { iterations: 0, residual: 1.0, tolerance: 0.0 };
+    for _ in 0..TRIALS {
+        balance.work.line_searches += 1;
+        for ((trial, q), step) in trial.iter_mut().zip(&*q).zip(step) {
+            *trial = q + length * step;
+        }
+        let mut next = 0.25 * length;
+        if balance.is_conservative() {
+            let change = balance.energy(trial, t) - energy;
+            if change <= 1e-4 * length * slope + noise {
+                match balance.residual(trial, t, r) {
+                    Ok(()) => {
+                        q.copy_from_slice(trial);
+                        return Ok(());
+                    }
+                    Err(error) => failure = error,
+                }
+            } else if change.is_finite() {
+                // The minimum of the parabola through what is known.
+                let minimum = -0.5 * slope * length * length / (change - slope * length);
+                next = minimum.clamp(0.1 * length, 0.5 * length);
+            }
+        } else {
+            match balance.residual(trial, t, r) {
+                Ok(()) => {
+                    let there = vectors::sum(q.len(), |k| step[k] * r[k]);
+                    if there.abs() <= 0.9 * slope.abs() {
+                        q.copy_from_slice(trial);
+                        return Ok(());
+                    }
+                    next = (length * slope / (slope - there)).clamp(0.1 * length, 0.5 * length);
+                }
+                Err(error) => failure = error,
+            }
+        }
+        length = next;
+    }
+    Err(failure)
+}

@@ -1,0 +1,107 @@
+//! What acts on the nodes, for observers: accelerations, external forces. Evaluated only when asked
+//! for. It must not know how time is stepped.
+
+use vi_core::{Account, ForceAccount, State, Stencils, System};
+
+use crate::assemble::assembler::Assembler;
+use crate::assemble::force_sum::ForceSum;
+use crate::schemes::constraint::manifold::constrain_accelerations;
+
+/// Accelerations of all coordinates, m/s²: M⁻¹(f − ∂V/∂x) where they are free, and those of their path where they
+/// are prescribed, by differences of its velocity over a thousandth of the time step `h` (s).
+pub fn accelerations(system: &System, state: &State, h: f64) -> Vec<f64> {
+    let (x, v) = (system.positions(state), system.velocities(state));
+    let net = net_forces(system, state);
+    let coordinates = system.coordinates();
+    let mut out = vec![0.0; x.len()];
+    if coordinates.is_moving() {
+        let step = 1e-3 * h.abs();
+        // No path is asked where it was before the beginning.
+        let (from, to) = ((state.t - step).max(state.t.min(0.0)), state.t + step);
+        let still = vec![0.0; coordinates.free_count()];
+        let mut before = vec![0.0; x.len()];
+        coordinates.embed_velocity(&still, from, &mut before);
+        coordinates.embed_velocity(&still, to, &mut out);
+        out.iter_mut().zip(&before).for_each(|(out, before)| *out = (*out - before) / (to - from));
+    }
+    coordinates.to_own_axes(&mut out);
+    let force: Vec<f64> = coordinates.free().iter().map(|&dof| net[dof as usize]).collect();
+    for (&dof, acceleration) in coordinates.free().iter().zip(system.velocity(&force)) {
+        out[dof as usize] = acceleration;
+    }
+    coordinates.to_space(&mut out);
+    constrain_accelerations(system, state, &v, &mut out);
+    coordinates.complete(&mut out);
+    out
+}
+
+/// f − ∂V/∂x of all coordinates, N, pulled back from tied nodes: what accelerates the free ones and what the prescribed
+/// ones are held against. Forces of constraints are not in it.
+pub fn net_forces(system: &System, state: &State) -> Vec<f64> {
+    let x = system.positions(state);
+    let mut net = vec![0.0; x.len()];
+    Assembler::new(system).gradient(&x, state.t, &mut net);
+    let mut forces = ForceSum::new(system);
+    if let Some(forces) = &mut forces {
+        forces.evaluate(&x, &system.velocities(state), state.t);
+    }
+    for (dof, net) in net.iter_mut().enumerate() {
+        *net = forces.as_ref().map_or(0.0, |forces| forces.total(dof)) - *net;
+    }
+    net
+}
+
+/// Forces of weight, loads and wind on all coordinates, N; neither elastic nor damping forces.
+pub fn external_forces(system: &System, state: &State) -> Vec<f64> {
+    let (x, v) = (system.positions(state), system.velocities(state));
+    let mut out = vec![0.0; x.len()];
+    let mut add = |stencils: Stencils<'_>, blocks: &[f64], sign: f64| {
+        for (stencil, block) in blocks.chunks_exact(stencils.size()).enumerate() {
+            for (node, values) in stencils.of(stencil).iter().zip(block.chunks_exact(stencils.block)) {
+                for (k, value) in values.iter().enumerate() {
+                    out[*node as usize * stencils.block + k] += sign * value;
+                }
+            }
+        }
+    };
+    for term in system.potentials().iter().filter(|term| term.account() != Account::Elastic) {
+        let stencils = term.stencils();
+        let mut blocks = vec![0.0; stencils.count() * stencils.size()];
+        term.gradients(0..stencils.count(), &x, state.t, &mut blocks);
+        add(stencils, &blocks, -1.0);
+    }
+    for force in system.forces().iter().filter(|force| force.account() == ForceAccount::Force) {
+        let stencils = force.stencils();
+        let mut blocks = vec![0.0; stencils.count() * stencils.size()];
+        force.forces(0..stencils.count(), &x, &v, state.t, &mut blocks);
+        add(stencils, &blocks, 1.0);
+    }
+    out
+}
+
+/// The forces that hold the prescribed coordinates, N: ∂V/∂x − f where they do not accelerate, with what
+/// consistent mass passes on to them, M_pf q̈; zero at free coordinates. One entry a coordinate.
+pub fn reactions(system: &System, state: &State) -> Vec<f64> {
+    let (x, v) = (system.positions(state), system.velocities(state));
+    let mut out = vec![0.0; x.len()];
+    Assembler::new(system).gradient(&x, state.t, &mut out);
+    if let Some(mut forces) = ForceSum::new(system) {
+        forces.evaluate(&x, &v, state.t);
+        for (dof, out) in out.iter_mut().enumerate() {
+            *out -= forces.total(dof);
+        }
+    }
+    if let Some(kinetic) = system.kinetic() {
+        let free = system.coordinates().free();
+        let force: Vec<f64> = free.iter().map(|&dof| -out[dof as usize]).collect();
+        let (mut acceleration, mut inertial) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+        kinetic.coordinates().embed(&system.velocity(&force), state.t, &mut acceleration);
+        Assembler::new(kinetic).gradient(&acceleration, 0.0, &mut inertial);
+        out.iter_mut().zip(&inertial).for_each(|(out, inertial)| *out += inertial);
+    }
+    for &dof in system.coordinates().free() {
+        out[dof as usize] = 0.0;
+    }
+    system.coordinates().to_space(&mut out);
+    out
+}

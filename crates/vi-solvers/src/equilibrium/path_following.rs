@@ -1,0 +1,195 @@
+//! Steps along a path of equilibria as a stepper: `state.t` is the load factor, which each step finds; momenta
+//! are zero. Nothing here knows what is loaded.
+
+use vi_core::{State, StepEnergy, System};
+
+use crate::assemble::assembler::Assembler;
+use crate::assemble::finite::check_state;
+use crate::equilibrium::balance::refuse_constraints;
+use crate::equilibrium::function::PathFunction;
+use crate::equilibrium::options::{LoadStep, StaticOptions};
+use crate::equilibrium::path::branch::Path;
+use crate::equilibrium::quasi_static::findings;
+use crate::equilibrium::search::Search;
+use crate::error::SolverError;
+use crate::memory::{StepperMemory, expect_method};
+use crate::schemes::stepper::{StepError, StepReport, Stepper};
+use crate::work::Work;
+
+const NAME: &str = "path of equilibria";
+
+/// What fixes how far a step along a path of equilibria goes.
+pub enum PathControl {
+    /// Its arc length. The path is followed to the load factor `end` of the options, or for `arc_steps` of them.
+    Arc,
+    /// A function of the positions, which goes evenly in `steps` steps from where it is to `to`.
+    Function {
+        /// The function.
+        function: Box<PathFunction>,
+        /// Its value at the end.
+        to: f64,
+        /// Steps.
+        steps: u64,
+    },
+}
+
+struct PathFollowing {
+    options: StaticOptions,
+    control: PathControl,
+    /// None before the first step.
+    path: Option<Path>,
+    /// Value of the function at the start; zero for an arc.
+    start: f64,
+    /// Steps made.
+    made: u64,
+    ledger: Option<Assembler>,
+    work: Work,
+    findings: Vec<String>,
+}
+
+/// A stepper whose steps follow a path of equilibria from `state.t`, the load factor, which it finds. The step h
+/// that it is given does not matter. The work of loads and prescribed motion, ΔV along the path, is entered as work
+/// of forces where a ledger is kept.
+///
+/// # Errors
+/// [`SolverError::Option`], or [`SolverError::Constrained`] where the system has constraints.
+pub fn path_following(
+    system: &System,
+    options: StaticOptions,
+    control: PathControl,
+    ledger: bool,
+) -> Result<Box<dyn Stepper>, SolverError> {
+    options.check()?;
+    refuse_constraints("a static solve", system)?;
+    Ok(Box::new(PathFollowing {
+        options,
+        control,
+        path: None,
+        start: 0.0,
+        made: 0,
+        ledger: ledger.then(|| Assembler::new(system)),
+        work: Work::default(),
+        findings: Vec::new(),
+    }))
+}
+
+impl PathFollowing {
+    /// Makes a step of the path that begins or goes on at `state`; returns where the path then is.
+    fn follow(&mut self, search: &mut Search, state: &mut State) -> Result<Path, SolverError> {
+        let system = search.balance.system;
+        let mut path = match self.path.clone() {
+            Some(path) => path,
+            None => {
+                if let PathControl::Function { function, .. } = &mut self.control {
+                    self.start = function.value(&system.positions(state));
+                }
+                Path::begin(search, state)?
+            }
+        };
+        match &mut self.control {
+            PathControl::Arc => path.arc_step(search, state)?,
+            PathControl::Function { function, to, steps } => {
+                let share = (self.made + 1) as f64 / *steps as f64;
+                let goal =
+                    if self.made + 1 == *steps { *to } else { self.start + share * (*to - self.start) };
+                let smallest = self.options.smallest_increment * (*to - self.start).abs();
+                path.step_to(search, state, function, goal, smallest)?
+            }
+        };
+        Ok(path)
+    }
+
+    /// Says so where this was the last arc step that is allowed, and the load factor asked for is not reached.
+    fn note_end(&mut self, state: &State) {
+        let end = self.options.end;
+        if let (PathControl::Arc, Some(steps)) = (&self.control, self.options.arc_steps)
+            && self.made == u64::from(steps)
+            && state.t != end
+        {
+            let load_factor = state.t;
+            self.findings.push(SolverError::ArcSteps { steps, load_factor, end }.to_string());
+        }
+    }
+}
+
+impl Stepper for PathFollowing {
+    fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
+        let before = state.clone();
+        let options = self.options.clone();
+        let mut watch = |_: &State, _: &LoadStep| true;
+        let mut search = Search::new(system, &options, &mut watch);
+        match check_state(state, system).and_then(|()| self.follow(&mut search, state)) {
+            Ok(path) => self.path = Some(path),
+            Err(cause) => {
+                *state = before;
+                return Err(StepError { t: self.made as f64 * h, h, cause });
+            }
+        }
+        state.p.fill(0.0);
+        self.made += 1;
+        self.findings.extend(findings(&search.report));
+        let mut work = search.balance.work;
+        work.steps = 1;
+        self.work += work;
+        self.note_end(state);
+        let mut energy = StepEnergy::default();
+        if let Some(assembler) = &mut self.ledger {
+            let mut potential = |state: &State| assembler.energies(&system.positions(state), state.t).total();
+            energy.force = potential(state) - potential(&before) - vi_core::kinetic_energy(system, &before);
+        }
+        Ok(StepReport { iterations: work.newton_iterations as u32, energy, work })
+    }
+
+    fn work(&self) -> Work {
+        self.work
+    }
+
+    fn take_findings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.findings)
+    }
+
+    fn memory(&self) -> StepperMemory {
+        let mut memory = StepperMemory { method: NAME.to_owned(), ..Default::default() };
+        memory.counts.push(("steps".to_owned(), self.made));
+        if let Some(path) = &self.path {
+            let Path { psi, length, shift, last: (moved, moved_t), velocity, is_stable } = path;
+            memory.counts.push(("is stable".to_owned(), u64::from(*is_stable)));
+            let scales = vec![*psi, *length, *shift, *moved_t, self.start];
+            memory.arrays.extend([
+                ("scales".to_owned(), scales),
+                ("last step".to_owned(), moved.clone()),
+                ("direction".to_owned(), velocity.clone()),
+            ]);
+        }
+        memory
+    }
+
+    fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
+        expect_method(memory, NAME)?;
+        self.work = Work::default();
+        self.findings.clear();
+        self.made = memory.count("steps")?;
+        if self.made == 0 {
+            self.path = None;
+            return Ok(());
+        }
+        let n = system.coordinates().free_count();
+        let vector = |name| {
+            let found = memory.array(name)?;
+            if found.len() == n { Ok(found.to_vec()) } else { Err(SolverError::Memory { missing: name }) }
+        };
+        let &[psi, length, shift, moved_t, start] = memory.array("scales")? else {
+            return Err(SolverError::Memory { missing: "scales" });
+        };
+        self.start = start;
+        self.path = Some(Path {
+            psi,
+            length,
+            shift,
+            last: (vector("last step")?, moved_t),
+            velocity: vector("direction")?,
+            is_stable: memory.count("is stable")? == 1,
+        });
+        Ok(())
+    }
+}

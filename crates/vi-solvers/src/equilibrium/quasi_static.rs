@@ -1,0 +1,91 @@
+//! Equilibria one after another as a stepper: t is the load factor, momenta are zero.
+//! It must not know what is loaded.
+
+use vi_core::{State, StepEnergy, System};
+
+use crate::assemble::assembler::Assembler;
+use crate::equilibrium::load_control::equilibrium;
+use crate::equilibrium::options::{CriticalKind, StaticOptions, StaticReport};
+use crate::error::SolverError;
+use crate::memory::{StepperMemory, expect_method};
+use crate::schemes::stepper::{StepError, StepReport, Stepper};
+use crate::work::Work;
+
+const NAME: &str = "static";
+
+struct QuasiStatic {
+    options: StaticOptions,
+    ledger: Option<Assembler>,
+    work: Work,
+    findings: Vec<String>,
+}
+
+/// Critical points and snaps of a step, in words.
+pub(crate) fn findings(report: &StaticReport) -> impl Iterator<Item = String> {
+    let critical = report.critical.iter().map(|point| {
+        let what = match point.kind {
+            CriticalKind::Limit => "a limit point, where the load that the body carries turns",
+            CriticalKind::Bifurcation => "a bifurcation: the body buckles",
+        };
+        let [before, after] = point.eigenvalues;
+        let factor = point.load_factor;
+        format!("at load factor {factor:.6} {what} (lowest ω² {before:.3e} before, {after:.3e} 1/s² after)")
+    });
+    let snapped = |t: &f64| {
+        format!("the path of equilibria ends at load factor {t:.6}: the body has snapped beyond it")
+    };
+    critical.chain(report.jumps.iter().map(snapped)).collect::<Vec<_>>().into_iter()
+}
+
+/// A stepper that goes from the equilibrium at t to that at t + h; steps are cut further as `options`
+/// say, whose end is not used. The work of loads and prescribed motion, ΔV along a path of equilibria,
+/// is entered as work of forces where a ledger is kept.
+pub fn quasi_static(system: &System, options: StaticOptions, ledger: bool) -> Box<dyn Stepper> {
+    Box::new(QuasiStatic {
+        options,
+        ledger: ledger.then(|| Assembler::new(system)),
+        work: Work::default(),
+        findings: Vec::new(),
+    })
+}
+
+impl Stepper for QuasiStatic {
+    fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
+        let options = StaticOptions {
+            end: state.t + h,
+            increment: h.abs(),
+            largest_increment: h.abs(),
+            ..self.options.clone()
+        };
+        let before = state.clone();
+        let report =
+            equilibrium(system, state, &options).map_err(|cause| StepError { t: before.t, h, cause })?;
+        self.findings.extend(findings(&report));
+        let mut energy = StepEnergy::default();
+        if let Some(assembler) = &mut self.ledger {
+            let mut potential = |state: &State| assembler.energies(&system.positions(state), state.t).total();
+            energy.force = potential(state) - potential(&before) - vi_core::kinetic_energy(system, &before);
+        }
+        let mut work = report.work;
+        work.steps = 1;
+        self.work += work;
+        Ok(StepReport { iterations: work.newton_iterations as u32, energy, work })
+    }
+
+    fn work(&self) -> Work {
+        self.work
+    }
+
+    fn take_findings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.findings)
+    }
+
+    fn memory(&self) -> StepperMemory {
+        StepperMemory { method: NAME.to_owned(), ..Default::default() }
+    }
+
+    fn restore(&mut self, _system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
+        self.work = Work::default();
+        expect_method(memory, NAME)
+    }
+}

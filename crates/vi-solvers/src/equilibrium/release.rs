@@ -1,0 +1,78 @@
+//! From a state that is out of balance to an equilibrium at the same load factor: what holds it is let go
+//! step by step. It must not know load steps.
+//!
+//! With r₀ the residual at the start, r(q) − (1 − s) r₀ = 0 has the start as its solution at s = 0 and the
+//! equilibrium at s = 1. A body under weight alone, which no amplitude raises, is loaded so step by step.
+
+use crate::assemble::hessian::HessianEvaluation;
+use crate::equilibrium::balance::Balance;
+use crate::equilibrium::newton::{self, Stop};
+use crate::error::SolverError;
+
+/// First and largest step of s.
+const STEP: f64 = 0.125;
+/// A release whose steps are smaller than this has failed.
+const SMALLEST_STEP: f64 = 1e-5;
+
+/// Brings `q` to an equilibrium at t; `q` is as before where that fails. Returns how often steps were halved.
+///
+/// # Errors
+/// What stopped the last step.
+pub(super) fn release(balance: &mut Balance, q: &mut [f64], t: f64, stop: &Stop) -> Result<u32, SolverError> {
+    let n = q.len();
+    let mut unbalanced = vec![0.0; n];
+    balance.residual(q, t, &mut unbalanced)?;
+    let mut found = q.to_vec();
+    let result = follow(balance, &mut found, t, stop, &unbalanced);
+    balance.held.clear();
+    let halvings = result?;
+    q.copy_from_slice(&found);
+    Ok(halvings)
+}
+
+fn follow(
+    balance: &mut Balance,
+    q: &mut [f64],
+    t: f64,
+    stop: &Stop,
+    unbalanced: &[f64],
+) -> Result<u32, SolverError> {
+    let (mut s, mut step, mut halvings) = (0.0, STEP, 0);
+    let mut trial = q.to_vec();
+    let mut slope = vec![0.0; q.len()];
+    while s < 1.0 {
+        let next = f64::min(s + step, 1.0);
+        balance.held.clear();
+        balance.held.extend(unbalanced.iter().map(|r| (1.0 - next) * r));
+        // K dq/ds = −r₀.
+        slope.iter_mut().zip(unbalanced).for_each(|(slope, r)| *slope = -r);
+        let is_predicted = balance.factorize(q, t, HessianEvaluation::Exact, 0.0)?.is_ok()
+            && balance.solve(&mut slope).is_ok();
+        for (trial, (q, slope)) in trial.iter_mut().zip(q.iter().zip(&slope)) {
+            *trial = q + if is_predicted { (next - s) * slope } else { 0.0 };
+        }
+        let mut result = newton::solve(balance, &mut trial, t, &mut { *stop });
+        if result.is_err() && is_predicted {
+            // Perhaps the prediction was at fault.
+            trial.copy_from_slice(q);
+            result = newton::solve(balance, &mut trial, t, &mut { *stop });
+        }
+        match result {
+            Ok(solved) => {
+                q.copy_from_slice(&trial);
+                s = next;
+                if solved.iterations <= 6 {
+                    step = f64::min(2.0 * step, STEP);
+                }
+            }
+            Err(cause) => {
+                step *= 0.5;
+                halvings += 1;
+                if step < SMALLEST_STEP {
+                    return Err(cause);
+                }
+            }
+        }
+    }
+    Ok(halvings)
+}

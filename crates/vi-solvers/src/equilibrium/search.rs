@@ -1,0 +1,39 @@
+//! A search for equilibria under way: the body, the options, and what has been found so far.
+
+use vi_core::{State, System};
+
+use crate::equilibrium::balance::Balance;
+use crate::equilibrium::newton::Stop;
+use crate::equilibrium::options::{LoadStep, StaticOptions, StaticReport};
+use crate::equilibrium::release;
+
+/// A search under way.
+pub(crate) struct Search<'a> {
+    pub(crate) balance: Balance<'a>,
+    pub(super) options: &'a StaticOptions,
+    pub(super) stop: Stop,
+    pub(crate) report: StaticReport,
+    pub(super) watch: &'a mut dyn FnMut(&State, &LoadStep) -> bool,
+}
+
+impl<'a> Search<'a> {
+    pub(crate) fn new(
+        system: &'a System,
+        options: &'a StaticOptions,
+        watch: &'a mut dyn FnMut(&State, &LoadStep) -> bool,
+    ) -> Self {
+        let stop = Stop { tolerance: options.tolerance, max_iterations: options.max_iterations, scale: 0.0 };
+        Self { balance: Balance::new(system), options, stop, report: StaticReport::default(), watch }
+    }
+
+    /// Balances the start at its own load factor; false, with the state as it was, where that fails.
+    pub(super) fn release(&mut self, state: &mut State) -> bool {
+        match release::release(&mut self.balance, &mut state.q, state.t, &self.stop) {
+            Ok(halvings) => {
+                self.report.halvings += halvings;
+                true
+            }
+            Err(_) => false,
+        }
+    }
+}

@@ -1,0 +1,419 @@
+//! The linear solver behind an implicit step: a Cholesky factor or preconditioned conjugate gradients,
+//! by the user's word or by counted work. It must not know which equations are solved, nor when A is
+//! made anew.
+
+use vi_core::System;
+
+use crate::error::SolverError;
+use crate::linear::cost::{self, UnitCosts};
+use crate::linear::factor::{Factor, FactorFacts, SingleFactor};
+use crate::linear::matrix::SymmetricMatrix;
+use crate::linear::pcg::block::Preconditioner;
+use crate::linear::pcg::{Pcg, PcgFacts};
+use crate::memory::StepperMemory;
+use crate::options::{LinearSolver, SolverOptions};
+use crate::work::Work;
+
+/// Factors with fewer operations are made without asking: there is little to gain.
+const CONSIDER_FLOPS: f64 = 3e9;
+/// Solves that share the cost of one factor, as stale factors do.
+const SOLVES_A_FACTOR: f64 = 25.0;
+/// A factor may take this part of the machine's memory.
+const MEMORY_SHARE: f64 = 0.5;
+/// Newton's method corrects what conjugate gradients leave: this part of the error, in the energy norm.
+const FORCING: f64 = 0.05;
+/// The same where solves are subtracted from each other.
+const TIGHT: f64 = 1e-8;
+/// Where one solve must be exact: the least error that is asked for, and iterations a coordinate.
+const EXACT: f64 = 1e-13;
+/// Iterations of a solve before one has been made.
+const FIRST_GUESS: f64 = 20.0;
+/// A factor in single precision that leaves more than this of an error gives way to one in double.
+const SINGLE_LIMIT: f64 = 1e-2;
+/// Newton's method to a smaller tolerance takes its steps in double precision.
+const SINGLE_TOLERANCE: f64 = 1e-9;
+/// What one in single precision costs of one in double.
+const SINGLE_COST: f64 = 0.55;
+/// The reason in a run that continues another.
+const CONTINUED: &str = "as in the run that this one continues";
+const NAMES: [&str; 4] = ["linear.pcg", "linear.single", "linear.iterations", "linear.solves"];
+/// Iterations after which a solve that Newton's method corrects is cut off.
+const LONGEST: u32 = 400;
+const LONGEST_EXACT: u32 = 20_000;
+
+/// What serves A⁻¹.
+enum Path {
+    Undecided,
+    /// In double precision.
+    Factor(Box<Factor>),
+    /// In single precision.
+    Single(Box<SingleFactor>),
+    Gradients(Box<Pcg>),
+}
+
+pub(crate) struct Linear {
+    choice: LinearSolver,
+    path: Path,
+    /// Is single precision worth while?
+    may_be_single: bool,
+    /// Must a solve be exact, for nothing corrects it?
+    is_exact: bool,
+    /// Conjugate gradients or not, and single precision or not, in the run that this one continues.
+    continued: Option<[bool; 2]>,
+    /// Are solves subtracted from each other?
+    is_tight: bool,
+    costs: UnitCosts,
+    /// Why this path, in words.
+    reason: String,
+    x: Vec<f64>,
+    /// Iterations of all solves by conjugate gradients, and their number.
+    iterations: [u64; 2],
+    pcg: PcgFacts,
+    /// How often ordering and layout were made.
+    analyses: u64,
+}
+
+impl Linear {
+    /// For `is_exact` nothing corrects what a solve leaves.
+    pub(crate) fn new(options: &SolverOptions, is_exact: bool) -> Self {
+        Self {
+            choice: options.linear,
+            may_be_single: !is_exact && options.tolerance >= SINGLE_TOLERANCE,
+            path: Path::Undecided,
+            is_exact,
+            continued: None,
+            is_tight: false,
+            costs: UnitCosts::default(),
+            reason: String::new(),
+            x: Vec::new(),
+            iterations: [0; 2],
+            pcg: PcgFacts::default(),
+            analyses: 0,
+        }
+    }
+
+    pub(crate) fn costs(&self) -> &UnitCosts {
+        &self.costs
+    }
+
+    /// Which solver and why; empty before the first A.
+    pub(crate) fn reason(&self) -> &str {
+        &self.reason
+    }
+
+    pub(crate) fn is_ready(&self) -> bool {
+        !matches!(self.path, Path::Undecided)
+    }
+
+    /// From here on, or no longer, solves are subtracted from each other.
+    pub(crate) fn tighten(&mut self, tight: bool) {
+        self.is_tight = tight;
+    }
+
+    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
+        let gradients = u64::from(matches!(self.path, Path::Gradients(_)));
+        let single = u64::from(matches!(self.path, Path::Single(_)));
+        for (name, value) in
+            NAMES.into_iter().zip([gradients, single, self.iterations[0], self.iterations[1]])
+        {
+            memory.counts.push((name.to_owned(), value));
+        }
+    }
+
+    /// Back to before the first A.
+    pub(crate) fn forget(&mut self) {
+        let Self { choice, may_be_single, is_exact, .. } = *self;
+        *self = Self {
+            may_be_single,
+            ..Self::new(&SolverOptions { linear: choice, ..Default::default() }, is_exact)
+        };
+    }
+
+    /// Takes the path that an earlier run took.
+    pub(crate) fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
+        let [gradients, single, total, solves] = NAMES.map(|name| memory.count(name));
+        self.path = Path::Undecided;
+        self.continued = Some([gradients? == 1, single? == 1]);
+        self.iterations = [total?, solves?];
+        Ok(())
+    }
+
+    /// Takes A = M + cK with M = diag(mass); an empty mass is zero.
+    pub(crate) fn make(
+        &mut self,
+        system: &System,
+        mass: &[f64],
+        c: f64,
+        k: &SymmetricMatrix,
+        work: &mut Work,
+    ) -> Result<(), SolverError> {
+        if !self.is_ready() {
+            self.decide(system, mass, c, k, work)?;
+            self.analyses += 1;
+        } else if !self.serves(k) {
+            self.analyze(k)?;
+            self.analyses += 1;
+        }
+        let made = match &mut self.path {
+            Path::Undecided => Err(SolverError::NotFactored),
+            Path::Factor(factor) => return Ok(factor.factorize(mass, c, k)?),
+            Path::Single(factor) => {
+                factor.factorize(mass, c, k)?;
+                work.solves += 1;
+                let left = factor.relative_residual(&rough_load(system.free_mass()))?;
+                if left <= SINGLE_LIMIT {
+                    return Ok(());
+                }
+                work.factorizations += 1;
+                self.double(&format!("in single precision a solve leaves {left:.1e} of an error"));
+                return self.make(system, mass, c, k, work);
+            }
+            Path::Gradients(pcg) => pcg.prepare(mass, c, k).map(|_| ()).map_err(SolverError::from),
+        };
+        match made {
+            Err(SolverError::NotPositiveDefinite(_)) if self.choice == LinearSolver::Auto => {
+                // A pivot of the preconditioner failed: the factor knows whether A itself is to blame.
+                self.take_factor(system, k, "conjugate gradients found no preconditioner")?;
+                self.make(system, mass, c, k, work)
+            }
+            other => other,
+        }
+    }
+
+    /// Makes ordering and layout anew for the pattern of k, in the same solver.
+    fn analyze(&mut self, k: &SymmetricMatrix) -> Result<(), SolverError> {
+        self.path = match &self.path {
+            Path::Undecided => Path::Undecided,
+            Path::Factor(_) => Path::Factor(Box::new(Factor::new(k)?)),
+            Path::Single(_) => Path::Single(Box::new(Factor::new(k)?.into_precision())),
+            Path::Gradients(_) => {
+                Path::Gradients(Box::new(Pcg::new(k, Preconditioner::BlockIncompleteCholesky)))
+            }
+        };
+        Ok(())
+    }
+
+    /// Were ordering and layout made for the pattern of k?
+    fn serves(&self, k: &SymmetricMatrix) -> bool {
+        match &self.path {
+            Path::Undecided => false,
+            Path::Factor(factor) => factor.serves(k),
+            Path::Single(factor) => factor.serves(k),
+            Path::Gradients(pcg) => pcg.serves(k),
+        }
+    }
+
+    /// How often ordering and layout were made.
+    pub(crate) fn analyses(&self) -> u64 {
+        self.analyses
+    }
+
+    /// From here on double precision, if it is single; says whether it was.
+    pub(crate) fn double(&mut self, why: &str) -> bool {
+        match std::mem::replace(&mut self.path, Path::Undecided) {
+            Path::Single(factor) => self.path = Path::Factor(Box::new(factor.into_precision())),
+            other => {
+                self.path = other;
+                return false;
+            }
+        }
+        let facts = self.facts();
+        self.costs.factor /= SINGLE_COST;
+        self.costs.solve = cost::bytes(facts.solve_bytes);
+        self.reason = format!("{}; {why}", describe(&facts, false));
+        true
+    }
+
+    fn facts(&self) -> FactorFacts {
+        match &self.path {
+            Path::Factor(factor) => factor.facts(),
+            Path::Single(factor) => factor.facts(),
+            Path::Undecided | Path::Gradients(_) => FactorFacts::default(),
+        }
+    }
+
+    /// v ← A⁻¹v.
+    pub(crate) fn apply(&mut self, v: &mut [f64], work: &mut Work) -> Result<(), SolverError> {
+        let Self { path, x, iterations, is_exact, is_tight, .. } = self;
+        let (tolerance, longest) = match (*is_exact, *is_tight) {
+            (true, _) => (EXACT, LONGEST_EXACT),
+            (false, true) => (TIGHT, LONGEST),
+            (false, false) => (FORCING, LONGEST),
+        };
+        match path {
+            Path::Undecided => Err(SolverError::NotFactored),
+            Path::Factor(factor) if *is_exact => factor.solve(v).map(|_| ()),
+            // Newton's own residual is the check.
+            Path::Factor(factor) => factor.solve_unchecked(v),
+            Path::Single(factor) if *is_tight => {
+                work.solves += factor.solve_refined(v, TIGHT)? - 1;
+                Ok(())
+            }
+            Path::Single(factor) => factor.solve_unchecked(v),
+            Path::Gradients(pcg) => {
+                x.resize(v.len(), 0.0);
+                let made = match pcg.solve(v, x, tolerance, longest) {
+                    Ok(report) => report.iterations,
+                    // What has been reached descends: Newton's method goes on from there (Steihaug 1983).
+                    Err(
+                        SolverError::NegativeCurvature { iterations, .. }
+                        | SolverError::ConjugateGradients { iterations, .. },
+                    ) if !*is_exact => iterations,
+                    Err(error) => return Err(error),
+                };
+                work.pcg_iterations += u64::from(made);
+                iterations[0] += u64::from(made);
+                iterations[1] += 1;
+                self.costs.solve = self.mean_solve();
+                v.copy_from_slice(&self.x);
+                Ok(())
+            }
+        }
+    }
+
+    /// The mean cost of a solve by conjugate gradients so far.
+    fn mean_solve(&self) -> f64 {
+        let mean = match self.iterations {
+            [_, 0] => FIRST_GUESS,
+            [total, solves] => total as f64 / solves as f64,
+        };
+        (mean + 1.0) * cost::bytes(self.pcg.iteration_bytes)
+    }
+
+    fn take_factor(&mut self, system: &System, k: &SymmetricMatrix, why: &str) -> Result<(), SolverError> {
+        self.keep_factor(system, Factor::new(k)?);
+        self.reason = format!("{}; {why}", self.reason);
+        Ok(())
+    }
+
+    /// Single precision where something corrects it, cheaply: not where a solve must be exact, nor where multipliers
+    /// of constraints are found by solves, nor where a tolerance close to round-off would cost an iteration more.
+    fn prefers_single(&self, system: &System) -> bool {
+        self.may_be_single && system.constraints().is_empty() && self.choice != LinearSolver::CholeskyDouble
+    }
+
+    /// Takes the path of a factor, with its costs, in the precision that serves.
+    fn keep_factor(&mut self, system: &System, factor: Factor) {
+        let single = match self.continued.take() {
+            Some([_, single]) => single,
+            None => self.prefers_single(system),
+        };
+        self.path = if single {
+            Path::Single(Box::new(factor.into_precision()))
+        } else {
+            Path::Factor(Box::new(factor))
+        };
+        let facts = self.facts();
+        self.costs = UnitCosts::new(system, &facts);
+        if single {
+            self.costs.factor *= SINGLE_COST;
+        }
+        self.reason = describe(&facts, single);
+    }
+
+    fn take_gradients(&mut self, system: &System, k: &SymmetricMatrix, why: String) {
+        let pcg = Pcg::new(k, Preconditioner::BlockIncompleteCholesky);
+        self.pcg = pcg.facts();
+        self.costs = UnitCosts::new(system, &FactorFacts::default());
+        self.costs.solve = self.mean_solve();
+        self.costs.factor = cost::bytes(self.pcg.prepare_bytes);
+        self.reason = format!("pcg: {why}");
+        self.path = Path::Gradients(Box::new(pcg));
+    }
+
+    /// Chooses by counted work: the factor's, shared by the solves that it serves, against that of conjugate
+    /// gradients, whose number of iterations is found by one solve.
+    fn decide(
+        &mut self,
+        system: &System,
+        mass: &[f64],
+        c: f64,
+        k: &SymmetricMatrix,
+        work: &mut Work,
+    ) -> Result<(), SolverError> {
+        match self.continued {
+            Some([true, _]) => {
+                self.continued = None;
+                self.take_gradients(system, k, CONTINUED.to_owned());
+                return Ok(());
+            }
+            Some([false, _]) => return self.take_factor(system, k, CONTINUED),
+            None => {}
+        }
+        match self.choice {
+            LinearSolver::Pcg => {
+                self.take_gradients(system, k, "asked for".to_owned());
+                return Ok(());
+            }
+            LinearSolver::Cholesky | LinearSolver::CholeskyDouble => {
+                return self.take_factor(system, k, "asked for");
+            }
+            LinearSolver::Auto => {}
+        }
+        match Factor::new(k) {
+            Ok(factor) => self.keep_factor(system, factor),
+            Err(error @ SolverError::Symbolic { .. }) => {
+                self.take_gradients(system, k, format!("a factor is not possible, {error}"));
+                return Ok(());
+            }
+            Err(error) => return Err(error),
+        }
+        // Of the factor as it would be made.
+        let (facts, costs) = (self.facts(), self.costs);
+        let (memory, gigabytes) = (memory_of_machine(), facts.bytes as f64 * 1e-9);
+        if facts.bytes as f64 > MEMORY_SHARE * memory {
+            self.take_gradients(system, k, format!("a factor would take {gigabytes:.1} GB"));
+            return Ok(());
+        }
+        let direct = costs.factor / SOLVES_A_FACTOR + costs.solve;
+        if facts.flops > CONSIDER_FLOPS && !self.is_exact {
+            let mut pcg = Pcg::new(k, Preconditioner::BlockIncompleteCholesky);
+            let iteration = cost::bytes(pcg.facts().iteration_bytes);
+            let limit = (direct / iteration) as u32;
+            if limit > 0 && pcg.prepare(mass, c, k).is_ok() {
+                let load = rough_load(system.free_mass());
+                let mut x = vec![0.0; load.len()];
+                if let Ok(report) = pcg.solve(&load, &mut x, FORCING, limit) {
+                    work.pcg_iterations += u64::from(report.iterations);
+                    let iterations = report.iterations;
+                    let gradients = 1e3 * f64::from(iterations + 1) * iteration;
+                    let (direct, flops) = (1e3 * direct, 1e-9 * facts.flops);
+                    drop(pcg);
+                    let why = format!(
+                        "a solve takes {iterations} iterations, {gradients:.1} ms of the reference core, against \
+                         {direct:.1} ms with a factor of {flops:.0} Gflop"
+                    );
+                    self.take_gradients(system, k, why);
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn describe(facts: &FactorFacts, single: bool) -> String {
+    let (flops, megabytes) = (1e-9 * facts.flops, 1e-6 * facts.bytes as f64);
+    let precision = if single { "single" } else { "double" };
+    format!("cholesky: {flops:.2} Gflop a factor, {megabytes:.1} MB, {precision} precision")
+}
+
+/// As rough a load as any.
+fn rough_load(mass: &[f64]) -> Vec<f64> {
+    mass.iter().zip(0..).map(|(m, i)| m * rough(i)).collect()
+}
+
+/// A number from −1 to 1 that looks random, the same at every call.
+fn rough(k: u64) -> f64 {
+    let mixed = (k + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    (mixed >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+}
+
+/// Bytes of memory that the machine has; 8 GB where it does not tell.
+fn memory_of_machine() -> f64 {
+    let told = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
+        let line = text.lines().find(|line| line.starts_with("MemTotal:"))?;
+        line.split_whitespace().nth(1)?.parse::<f64>().ok()
+    });
+    told.map_or(8e9, |kilobytes| 1024.0 * kilobytes)
+}

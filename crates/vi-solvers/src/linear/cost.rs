@@ -1,0 +1,74 @@
+//! What the pieces of a step cost, counted in fixed units (seconds of one reference core, from counts of flops and bytes)
+//! and never measured with a clock, so that equal runs are equal to the bit.
+
+use vi_core::{HessianKind, System, packed_len};
+
+use crate::linear::factor::FactorFacts;
+use crate::work::Work;
+
+/// Seconds of the reference core for one entry of a local gradient, and of a local Hessian.
+const GRADIENT_ENTRY: f64 = 2.0e-9;
+const HESSIAN_ENTRY: f64 = 1.8e-9;
+/// Flops a second of a factorisation, bytes a second of a solve.
+const FACTOR_RATE: f64 = 25e9;
+const SOLVE_RATE: f64 = 8e9;
+
+/// Seconds of the reference core for a call, however small its system.
+const CALL: f64 = 1e-6;
+
+/// Seconds of the reference core to move so many bytes through sparse or triangular products.
+pub(crate) fn bytes(count: f64) -> f64 {
+    count / SOLVE_RATE
+}
+
+/// Costs of the pieces of a step, s of one core of the reference machine: counted, the same everywhere.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct UnitCosts {
+    /// ∂V/∂x of the system.
+    pub gradient: f64,
+    /// ∂²V/∂x² of the system.
+    pub hessian: f64,
+    /// A factor of M + cK, or its preconditioner.
+    pub factor: f64,
+    /// A solve.
+    pub solve: f64,
+}
+
+impl UnitCosts {
+    /// The costs of schemes that solve nothing.
+    pub fn explicit(system: &System) -> Self {
+        Self::new(system, &FactorFacts::default())
+    }
+
+    /// What `work` costs, s of the reference core. An energy counts as a gradient.
+    pub fn seconds(&self, work: &Work) -> f64 {
+        CALL * (work.gradients + work.energies + work.solves) as f64
+            + self.gradient * (work.gradients + work.energies) as f64
+            + self.hessian * work.hessians as f64
+            + self.factor * work.factorizations as f64
+            + self.solve * work.solves as f64
+    }
+
+    pub(crate) fn new(system: &System, facts: &FactorFacts) -> Self {
+        let (mut gradient, mut hessian) = (0.0, 0.0);
+        for term in system.potentials() {
+            let stencils = term.stencils();
+            let (count, size) = (stencils.count() as f64, stencils.size());
+            let kind = term.traits().hessian;
+            if kind != HessianKind::Zero {
+                gradient += GRADIENT_ENTRY * count * size as f64;
+            }
+            if kind == HessianKind::Varying {
+                hessian += HESSIAN_ENTRY * count * packed_len(size) as f64;
+            }
+        }
+        let (factor, solve) = (facts.flops / FACTOR_RATE, facts.solve_bytes / SOLVE_RATE);
+        Self { gradient, hessian, factor, solve }
+    }
+
+    /// Cost of a new factor in iterations with the old one.
+    pub(crate) fn refactor(&self) -> f64 {
+        let iteration = self.gradient + self.solve;
+        if iteration > 0.0 { (self.hessian + self.factor) / iteration } else { 1.0 }
+    }
+}

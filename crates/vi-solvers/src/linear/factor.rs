@@ -1,0 +1,456 @@
+//! Sparse Cholesky factor of A = M + cK: a nodal multifrontal method.
+//!
+//! The tree of fronts is made once a pattern (`tree`); a factorisation walks it from the leaves, sums
+//! the entries of A and the updates of the children into each dense front, eliminates its columns
+//! (`front`), and passes the update on. Independent subtrees run in parallel; sums have a fixed order,
+//! so the bits are the same on any number of threads. All memory is laid out beforehand: panels of L in
+//! postorder, updates on two stacks that alternate with the depth of the tree.
+//! Every solve is checked against the A that was factored. This room must not know dense kernels.
+
+mod front;
+mod panel;
+mod scalar;
+mod solve;
+mod tree;
+
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+use vi_core::binary_exponent;
+
+use crate::error::{NotPositiveDefinite, SolverError};
+use crate::linear::matrix::SymmetricMatrix;
+use scalar::Scalar;
+use tree::{Family, Supernode, Tree};
+
+/// A backward error above this is an error: round-off of a sound factor stays far below, however
+/// badly conditioned A is.
+const RESIDUAL_LIMIT: f64 = 1e-8;
+
+/// A relative residual above this is refined once.
+const REFINE_ABOVE: f64 = 1e-12;
+
+/// Size and cost of a factor.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct FactorFacts {
+    /// Entries of the factor, stored zeros included.
+    pub nnz: u64,
+    /// Floating-point operations of a factorisation (a multiplication with an addition counts two).
+    pub flops: f64,
+    /// Bytes read by one solve, its residual included.
+    pub solve_bytes: f64,
+    /// Bytes held.
+    pub bytes: u64,
+    /// Dense column blocks.
+    pub supernodes: usize,
+}
+
+/// Sparse Cholesky factor of A = M + cK, to the round-off of double precision.
+pub type Factor = Cholesky<f64>;
+
+/// The same in single precision: half the bytes and up to half the time, with errors of about 1e-7 times the
+/// condition number of A in what it solves, for something else to correct.
+pub type SingleFactor = Cholesky<f32>;
+
+/// Sparse Cholesky factor L Lᵀ = s A, A = M + cK, of numbers `T`. In single precision s makes the largest entry
+/// of s A one. In double precision s is a power of two that makes its first entry 1 to 2, so that solutions
+/// have the same bits in units of mass that are powers of two, whose roots are none.
+pub struct Cholesky<T> {
+    tree: Tree,
+    /// The panels of L, in postorder.
+    panels: Vec<T>,
+    /// The two stacks of updates.
+    stacks: [Vec<T>; 2],
+    /// A as it was factored, for residuals.
+    matrix: SymmetricMatrix,
+    rhs: Vec<f64>,
+    residual: Vec<f64>,
+    permuted: Vec<T>,
+    shared: Vec<T>,
+    /// Largest diagonal entry of A: no entry of a positive definite matrix is larger.
+    largest: f64,
+    /// s.
+    scale: f64,
+    is_factored: bool,
+}
+
+impl<T: Scalar> Cholesky<T> {
+    /// Ordering and layout, once a pattern; the factor's own memory is taken by the first factorisation.
+    ///
+    /// # Errors
+    /// Where the ordering fails or a front exceeds the index type.
+    pub fn new(pattern: &SymmetricMatrix) -> Result<Self, SolverError> {
+        let matrix = SymmetricMatrix::zeros(Arc::clone(&pattern.pattern));
+        Ok(Self::with_tree(Tree::new(&matrix.pattern)?, matrix))
+    }
+
+    fn with_tree(tree: Tree, matrix: SymmetricMatrix) -> Self {
+        let n = matrix.free_count();
+        Self {
+            panels: Vec::new(),
+            stacks: [Vec::new(), Vec::new()],
+            shared: vec![T::default(); tree.vector_length],
+            rhs: vec![0.0; n],
+            residual: vec![0.0; n],
+            permuted: vec![T::default(); n],
+            tree,
+            matrix,
+            largest: 0.0,
+            scale: 1.0,
+            is_factored: false,
+        }
+    }
+
+    /// The same order and layout for numbers `U`, nothing factored.
+    pub(crate) fn into_precision<U: Scalar>(self) -> Cholesky<U> {
+        Cholesky::with_tree(self.tree, self.matrix)
+    }
+
+    /// Is it for matrices of the pattern of k?
+    pub(crate) fn serves(&self, k: &SymmetricMatrix) -> bool {
+        self.matrix.has_pattern_of(k)
+    }
+
+    /// Factors A = M + cK with M = diag(mass) on the free coordinates; an empty mass is zero.
+    ///
+    /// # Errors
+    /// Where a pivot is not positive; the factor then holds nothing.
+    ///
+    /// # Panics
+    /// Where k has another pattern than the factor was made for.
+    pub fn factorize(
+        &mut self,
+        mass: &[f64],
+        c: f64,
+        k: &SymmetricMatrix,
+    ) -> Result<(), NotPositiveDefinite> {
+        assert!(self.matrix.has_pattern_of(k), "a factor serves one pattern");
+        self.matrix.set_shifted(mass, c, k);
+        self.is_factored = false;
+        self.panels.resize(self.tree.panel_length, T::default());
+        for (stack, length) in self.stacks.iter_mut().zip(self.tree.stack) {
+            stack.resize(length, T::default());
+        }
+        self.matrix.diagonal(&mut self.rhs);
+        self.largest = self.rhs.iter().fold(0.0, |largest: f64, &entry| largest.max(entry));
+        self.scale = match T::IS_SINGLE {
+            true if self.largest > 0.0 => 1.0 / self.largest,
+            true => 1.0,
+            false => self.rhs.first().map_or(1.0, |&first| 2.0_f64.powi(-binary_exponent(first))),
+        };
+        let (tree, matrix) = (&self.tree, &self.matrix);
+        let walk = Walk {
+            tree,
+            values: &matrix.values,
+            scale: self.scale,
+            block: matrix.pattern.block,
+            number: PhantomData,
+        };
+        let [stack, spare] = &mut self.stacks;
+        walk.family(&tree.roots, &mut self.panels, stack, spare).map_err(|position| {
+            let free = tree.permutation[position] as usize;
+            NotPositiveDefinite { free }
+        })?;
+        self.is_factored = true;
+        Ok(())
+    }
+
+    /// Solves A x = b in place and returns ‖Ax − b‖/‖b‖. What it is judged by is the backward error
+    /// ‖Ax − b‖/(‖b‖ + max|a_ij| ‖x‖): a solution that is exact for a matrix next to A is all that
+    /// round-off leaves where A is badly conditioned (Higham, Accuracy and Stability, §7.1).
+    ///
+    /// # Errors
+    /// Where the backward error is above 1e-8 after one step of refinement, or nothing has been factored.
+    pub fn solve(&mut self, rhs_to_solution: &mut [f64]) -> Result<f64, SolverError> {
+        if !self.is_factored {
+            return Err(SolverError::NotFactored);
+        }
+        self.rhs.copy_from_slice(rhs_to_solution);
+        let norm = norm(&self.rhs);
+        if norm == 0.0 {
+            return Ok(0.0);
+        }
+        self.apply_inverse(rhs_to_solution);
+        let mut residual = self.update_residual(rhs_to_solution) / norm;
+        if residual > REFINE_ABOVE {
+            let mut correction = std::mem::take(&mut self.residual);
+            self.apply_inverse(&mut correction);
+            for (x, d) in rhs_to_solution.iter_mut().zip(&correction) {
+                *x += d;
+            }
+            self.residual = correction;
+            residual = self.update_residual(rhs_to_solution) / norm;
+        }
+        let backward = residual * norm / (norm + self.largest * self::norm(rhs_to_solution));
+        if backward <= RESIDUAL_LIMIT {
+            Ok(residual)
+        } else {
+            Err(SolverError::Residual { residual: backward, limit: RESIDUAL_LIMIT })
+        }
+    }
+
+    /// Solves A x = b in place, refined until ‖Ax − b‖ ≤ `tolerance` ‖b‖ or no longer better; returns the number of
+    /// solves.
+    ///
+    /// # Errors
+    /// Where nothing has been factored.
+    pub(crate) fn solve_refined(
+        &mut self,
+        rhs_to_solution: &mut [f64],
+        tolerance: f64,
+    ) -> Result<u64, SolverError> {
+        self.rhs.copy_from_slice(rhs_to_solution);
+        let limit = tolerance * norm(&self.rhs);
+        self.solve_unchecked(rhs_to_solution)?;
+        let (mut solves, mut last) = (1, f64::INFINITY);
+        loop {
+            let residual = self.update_residual(rhs_to_solution);
+            if residual <= limit || residual >= 0.5 * last {
+                return Ok(solves);
+            }
+            last = residual;
+            let mut correction = std::mem::take(&mut self.residual);
+            self.apply_inverse(&mut correction);
+            for (x, d) in rhs_to_solution.iter_mut().zip(&correction) {
+                *x += d;
+            }
+            self.residual = correction;
+            solves += 1;
+        }
+    }
+
+    /// The same without a check, where the caller's own residual is one.
+    ///
+    /// # Errors
+    /// Where nothing has been factored.
+    pub(crate) fn solve_unchecked(&mut self, rhs_to_solution: &mut [f64]) -> Result<(), SolverError> {
+        if !self.is_factored {
+            return Err(SolverError::NotFactored);
+        }
+        self.apply_inverse(rhs_to_solution);
+        Ok(())
+    }
+
+    /// Does it hold a factor, or has nothing been factored, or the last attempt failed?
+    pub fn is_factored(&self) -> bool {
+        self.is_factored
+    }
+
+    /// ‖A x − b‖/‖b‖ of the x that the factor gives for a load b, to which modes of all frequencies answer:
+    /// about what it leaves of an error.
+    ///
+    /// # Errors
+    /// Where nothing has been factored.
+    pub(crate) fn relative_residual(&mut self, load: &[f64]) -> Result<f64, SolverError> {
+        let mut x = load.to_vec();
+        self.solve_unchecked(&mut x)?;
+        self.rhs.copy_from_slice(load);
+        Ok(self.update_residual(&x) / norm(load))
+    }
+
+    /// x ← s (LLᵀ)⁻¹ x without a check: a preconditioner where A has moved on since.
+    pub(crate) fn apply_inverse(&mut self, x: &mut [f64]) {
+        // In single precision, numbers near 1.
+        let unit = match T::IS_SINGLE {
+            true => x.iter().fold(0.0, |largest: f64, value| largest.max(value.abs())),
+            false => 1.0,
+        };
+        if unit == 0.0 {
+            return;
+        }
+        let inverse = 1.0 / unit;
+        for (value, &free) in self.permuted.iter_mut().zip(&self.tree.permutation) {
+            *value = T::of(x[free as usize] * inverse);
+        }
+        solve::solve(&self.tree, &self.panels, &mut self.permuted, &mut self.shared);
+        let unit = unit * self.scale;
+        for (value, &free) in self.permuted.iter().zip(&self.tree.permutation) {
+            x[free as usize] = value.value() * unit;
+        }
+    }
+
+    /// Size and cost.
+    pub fn facts(&self) -> FactorFacts {
+        let stacks: usize = self.tree.stack.iter().sum();
+        let vectors = 4 * self.rhs.len() + self.shared.len();
+        FactorFacts {
+            nnz: self.tree.panel_length as u64,
+            flops: self.tree.flops,
+            solve_bytes: (2 * size_of::<T>() * self.tree.panel_length + self.matrix.bytes()) as f64,
+            bytes: (size_of::<T>() * (self.tree.panel_length + stacks)
+                + 8 * vectors
+                + self.matrix.bytes()
+                + self.tree.bytes()) as u64,
+            supernodes: self.tree.supernodes.len(),
+        }
+    }
+
+    /// residual = b − Ax; returns its norm.
+    fn update_residual(&mut self, x: &[f64]) -> f64 {
+        self.matrix.multiply(x, &mut self.residual);
+        for (r, b) in self.residual.iter_mut().zip(&self.rhs) {
+            *r = b - *r;
+        }
+        norm(&self.residual)
+    }
+}
+
+fn norm(x: &[f64]) -> f64 {
+    x.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// What a factorisation reads. Errors are the position of the coordinate whose pivot is not positive.
+struct Walk<'a, T> {
+    tree: &'a Tree,
+    /// The values of A.
+    values: &'a [f64],
+    /// s.
+    scale: f64,
+    block: usize,
+    number: PhantomData<T>,
+}
+
+impl<T: Scalar> Walk<'_, T> {
+    /// Eliminates the subtrees of a family. Their updates are left in `stack`; `panels` are theirs.
+    fn family(
+        &self,
+        family: &Family,
+        panels: &mut [T],
+        stack: &mut [T],
+        spare: &mut [T],
+    ) -> Result<(), usize> {
+        let members = &self.tree.members[family.members.clone()];
+        if family.parallel {
+            return self.side_by_side(members, panels, stack, spare);
+        }
+        let mut rest = panels;
+        for &member in members {
+            let node = &self.tree.supernodes[member as usize];
+            let (panels, others) = rest.split_at_mut(self.subtree_length(node));
+            rest = others;
+            let own = &mut stack[node.update..][..node.own];
+            self.subtree(node, panels, own, &mut spare[..node.other])?;
+        }
+        Ok(())
+    }
+
+    fn side_by_side(
+        &self,
+        members: &[u32],
+        panels: &mut [T],
+        stack: &mut [T],
+        spare: &mut [T],
+    ) -> Result<(), usize> {
+        let supernodes = &self.tree.supernodes;
+        match members {
+            [] => Ok(()),
+            &[member] => self.subtree(&supernodes[member as usize], panels, stack, spare),
+            _ => {
+                let (left, right) = members.split_at(members.len() / 2);
+                let sum = |length: &dyn Fn(&Supernode) -> usize| {
+                    left.iter().map(|&member| length(&supernodes[member as usize])).sum::<usize>()
+                };
+                let (left_panels, right_panels) = panels.split_at_mut(sum(&|node| self.subtree_length(node)));
+                let (left_stack, right_stack) = stack.split_at_mut(sum(&|node| node.own));
+                let (left_spare, right_spare) = spare.split_at_mut(sum(&|node| node.other));
+                let (on_left, on_right) = rayon::join(
+                    || self.side_by_side(left, left_panels, left_stack, left_spare),
+                    || self.side_by_side(right, right_panels, right_stack, right_spare),
+                );
+                on_left.and(on_right)
+            }
+        }
+    }
+
+    /// Numbers in the panels of a subtree.
+    fn subtree_length(&self, node: &Supernode) -> usize {
+        node.panel + node.panel_length() - self.tree.supernodes[node.subtree].panel
+    }
+
+    /// Eliminates a subtree: its panels end with the root's own, its update is left at the start of `own`.
+    fn subtree(
+        &self,
+        node: &Supernode,
+        panels: &mut [T],
+        own: &mut [T],
+        other: &mut [T],
+    ) -> Result<(), usize> {
+        let (descendants, panel) = panels.split_at_mut(panels.len() - node.panel_length());
+        self.family(&node.children, descendants, other, own)?;
+        panel.fill(T::default());
+        self.add_entries(node, panel);
+        let update = &mut own[..node.below() * node.below()];
+        let members = &self.tree.members[node.children.members.clone()];
+        if !members.is_empty() {
+            update.fill(T::default());
+        }
+        for &child in members {
+            self.add_update(node, &self.tree.supernodes[child as usize], other, panel, update);
+        }
+        front::eliminate(panel, node.rows, node.columns, update, members.is_empty())
+            .map_err(|column| node.first + column)
+    }
+
+    /// The entries of A in the columns of a front.
+    fn add_entries(&self, node: &Supernode, panel: &mut [T]) {
+        match self.block {
+            3 => self.add_blocks::<3>(node, panel),
+            2 => self.add_blocks::<2>(node, panel),
+            _ => self.add_blocks::<1>(node, panel),
+        }
+        for number in &self.tree.numbers[node.numbers.clone()] {
+            panel[number.target as usize] = T::of(self.values[number.source as usize] * self.scale);
+        }
+    }
+
+    fn add_blocks<const B: usize>(&self, node: &Supernode, panel: &mut [T]) {
+        let (values, _) = self.values.as_chunks::<B>();
+        for block in &self.tree.blocks[node.blocks.clone()] {
+            let place = (block.source / 2) as usize * B;
+            let value = &values[place..place + B];
+            let transposed = block.source % 2 == 1;
+            // A diagonal block writes above the diagonal too: those places are never read.
+            for j in 0..B {
+                let target = &mut panel[block.target as usize + j * node.rows..][..B];
+                for i in 0..B {
+                    target[i] = T::of(if transposed { value[j][i] } else { value[i][j] } * self.scale);
+                }
+            }
+        }
+    }
+
+    /// Adds the lower triangle of a child's update to the parent's front.
+    fn add_update(
+        &self,
+        node: &Supernode,
+        child: &Supernode,
+        stack: &[T],
+        panel: &mut [T],
+        update: &mut [T],
+    ) {
+        let order = child.below();
+        let source = &stack[child.update..][..order * order];
+        let runs = &self.tree.runs[child.runs.clone()];
+        for (k, run) in runs.iter().enumerate() {
+            for offset in 0..run.length as usize {
+                let column = run.from as usize + offset;
+                let source = &source[column * order..][..order];
+                let to = run.to as usize + offset;
+                // The rest of this run, then the runs after it.
+                let here = (column, to, run.length as usize - offset);
+                let after =
+                    runs[k + 1..].iter().map(|run| (run.from as usize, run.to as usize, run.length as usize));
+                let (target, skip) = match to.checked_sub(node.columns) {
+                    None => (&mut panel[to * node.rows..][..node.rows], 0),
+                    Some(to) => (&mut update[to * node.below()..][..node.below()], node.columns),
+                };
+                for (from, to, length) in std::iter::once(here).chain(after) {
+                    let target = &mut target[to - skip..][..length];
+                    for (target, source) in target.iter_mut().zip(&source[from..][..length]) {
+                        *target += *source;
+                    }
+                }
+            }
+        }
+    }
+}

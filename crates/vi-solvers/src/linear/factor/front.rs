@@ -1,0 +1,208 @@
+//! Dense work on one front: eliminate its columns and update the rest.
+//!
+//! The only room that knows faer: its dense kernels, one thread each. Large fronts are cut into tiles of
+//! fixed size that threads share, so the bits depend on the front alone. This room must not know the tree.
+
+use std::cell::RefCell;
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{LltError, cholesky_in_place, cholesky_in_place_scratch};
+use faer::linalg::matmul::triangular::{BlockStructure, matmul};
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::{Accum, MatMut, MatRef, Par};
+
+use super::scalar::Scalar;
+
+/// Fronts with more operations than this are cut into tiles.
+const TILED_FLOPS: f64 = 3e7;
+
+/// Columns eliminated at a time in a tiled front.
+const PANEL: usize = 128;
+
+/// Rows or columns of a tile.
+const TILE: usize = 256;
+
+thread_local! {
+    static MEMORY: RefCell<Option<(usize, MemBuffer)>> = const { RefCell::new(None) };
+}
+
+/// Eliminates the `columns` of a panel of `rows` × `columns` (column-major, lower triangle on top) and
+/// subtracts L₂₁L₂₁ᵀ from the lower triangle of `update`, of order rows − columns; an update that is
+/// `fresh` holds nothing and is overwritten.
+///
+/// # Errors
+/// The column whose pivot is not positive.
+pub(super) fn eliminate<T: Scalar>(
+    panel: &mut [T],
+    rows: usize,
+    columns: usize,
+    update: &mut [T],
+    fresh: bool,
+) -> Result<(), usize> {
+    let below = rows - columns;
+    let (m, n) = (below as f64, columns as f64);
+    let tiled = n * n * n / 3.0 + n * n * m + n * m * m > TILED_FLOPS;
+    let panel = MatMut::from_column_major_slice_mut(panel, rows, columns);
+    let update = MatMut::from_column_major_slice_mut(update, below, below);
+    let accumulate = if fresh { Accum::Replace } else { Accum::Add };
+    if tiled {
+        eliminate_tiled(panel, update, accumulate)
+    } else {
+        eliminate_whole(panel, update, accumulate)
+    }
+}
+
+fn eliminate_whole<T: Scalar>(
+    panel: MatMut<'_, T>,
+    update: MatMut<'_, T>,
+    accumulate: Accum,
+) -> Result<(), usize> {
+    let columns = panel.ncols();
+    let (mut diagonal, mut below) = panel.split_at_row_mut(columns);
+    cholesky(diagonal.as_mut())?;
+    if below.nrows() > 0 {
+        solve_lower_triangular_in_place(diagonal.as_ref(), below.as_mut().transpose_mut(), Par::Seq);
+        subtract_square(update, accumulate, below.as_ref(), below.as_ref());
+    }
+    Ok(())
+}
+
+fn eliminate_tiled<T: Scalar>(
+    mut panel: MatMut<'_, T>,
+    update: MatMut<'_, T>,
+    accumulate: Accum,
+) -> Result<(), usize> {
+    let (rows, columns) = (panel.nrows(), panel.ncols());
+    for first in (0..columns).step_by(PANEL) {
+        let width = PANEL.min(columns - first);
+        let rest = panel.as_mut().submatrix_mut(first, first, rows - first, columns - first);
+        let (left, right) = rest.split_at_col_mut(width);
+        let (mut diagonal, mut below) = left.split_at_row_mut(width);
+        cholesky(diagonal.as_mut()).map_err(|index| first + index)?;
+        solve_tiles(diagonal.as_ref(), below.as_mut());
+        let trailing = right.split_at_row_mut(width).1;
+        subtract_tiles(trailing, Accum::Add, below.as_ref());
+    }
+    let below = panel.as_ref().split_at_row(columns).1;
+    subtract_tiles(update, accumulate, below);
+    Ok(())
+}
+
+fn cholesky<T: Scalar>(matrix: MatMut<'_, T>) -> Result<(), usize> {
+    let order = matrix.nrows();
+    let mut memory = MEMORY.take();
+    if memory.as_ref().is_none_or(|(capacity, _)| *capacity < order) {
+        let capacity = order.next_power_of_two();
+        // Numbers of either size find room.
+        let request = cholesky_in_place_scratch::<f64>(capacity, Par::Seq, Default::default())
+            .or(cholesky_in_place_scratch::<f32>(capacity, Par::Seq, Default::default()));
+        memory = Some((capacity, MemBuffer::new(request)));
+    }
+    let result = match &mut memory {
+        Some((_, buffer)) => {
+            let stack = MemStack::new(buffer);
+            cholesky_in_place(matrix, Default::default(), Par::Seq, stack, Default::default())
+        }
+        None => return Err(0),
+    };
+    MEMORY.set(memory);
+    result.map(|_| ()).map_err(|LltError::NonPositivePivot { index }| index)
+}
+
+/// below ← below · L⁻ᵀ, tiles of rows in parallel.
+fn solve_tiles<T: Scalar>(diagonal: MatRef<'_, T>, below: MatMut<'_, T>) {
+    let rows = below.nrows();
+    if rows <= TILE {
+        if rows > 0 {
+            solve_lower_triangular_in_place(diagonal, below.transpose_mut(), Par::Seq);
+        }
+        return;
+    }
+    let (top, bottom) = below.split_at_row_mut(half(rows));
+    rayon::join(|| solve_tiles(diagonal, top), || solve_tiles(diagonal, bottom));
+}
+
+/// The lower trapezoid of `target` −= left · (its first rows)ᵀ, tiles of columns in parallel.
+fn subtract_tiles<T: Scalar>(target: MatMut<'_, T>, accumulate: Accum, left: MatRef<'_, T>) {
+    let columns = target.ncols();
+    if columns <= TILE {
+        let (square, rest) = target.split_at_row_mut(columns);
+        let (top, bottom) = left.split_at_row(columns);
+        rayon::join(
+            || subtract_square(square, accumulate, top, top),
+            || subtract_rows(rest, accumulate, bottom, top),
+        );
+        return;
+    }
+    let middle = half(columns);
+    let (first, second) = target.split_at_col_mut(middle);
+    let second = second.split_at_row_mut(middle).1;
+    let second_left = left.split_at_row(middle).1;
+    rayon::join(
+        || subtract_tiles(first, accumulate, left),
+        || subtract_tiles(second, accumulate, second_left),
+    );
+}
+
+/// target −= left · rightᵀ, tiles of rows in parallel.
+fn subtract_rows<T: Scalar>(
+    target: MatMut<'_, T>,
+    accumulate: Accum,
+    left: MatRef<'_, T>,
+    right: MatRef<'_, T>,
+) {
+    let rows = target.nrows();
+    if rows <= 2 * TILE {
+        if rows > 0 && target.ncols() > 0 {
+            let rectangular = BlockStructure::Rectangular;
+            let product = right.transpose();
+            matmul(
+                target,
+                rectangular,
+                accumulate,
+                left,
+                rectangular,
+                product,
+                rectangular,
+                T::of(-1.0),
+                Par::Seq,
+            );
+        }
+        return;
+    }
+    let middle = half(rows);
+    let (top, bottom) = target.split_at_row_mut(middle);
+    let (left_top, left_bottom) = left.split_at_row(middle);
+    rayon::join(
+        || subtract_rows(top, accumulate, left_top, right),
+        || subtract_rows(bottom, accumulate, left_bottom, right),
+    );
+}
+
+/// The lower triangle of target −= left · rightᵀ.
+fn subtract_square<T: Scalar>(
+    target: MatMut<'_, T>,
+    accumulate: Accum,
+    left: MatRef<'_, T>,
+    right: MatRef<'_, T>,
+) {
+    if target.nrows() > 0 {
+        let (lower, rectangular) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
+        matmul(
+            target,
+            lower,
+            accumulate,
+            left,
+            rectangular,
+            right.transpose(),
+            rectangular,
+            T::of(-1.0),
+            Par::Seq,
+        );
+    }
+}
+
+/// A multiple of `TILE` near the middle.
+fn half(length: usize) -> usize {
+    (length / 2).next_multiple_of(TILE).min(length - 1)
+}

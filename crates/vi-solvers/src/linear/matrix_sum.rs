@@ -1,0 +1,129 @@
+//! Linear combinations of symmetric matrices whose entries lie in different places.
+//! It must not know what the matrices stand for.
+
+use std::sync::Arc;
+
+use crate::error::SolverError;
+use crate::linear::matrix::{Pattern, SymmetricMatrix};
+
+/// Σ c_k A_k on the union of the patterns, with the maps made once.
+pub(crate) struct MatrixSum {
+    matrix: SymmetricMatrix,
+    /// The patterns of the parts.
+    parts: Vec<Arc<Pattern>>,
+    /// Entry e of part k (in row order) is added to this place of the sum.
+    places: Vec<Vec<u32>>,
+}
+
+impl MatrixSum {
+    /// The union of the patterns of these matrices, which all stand on the same free coordinates.
+    ///
+    /// # Errors
+    /// [`SolverError::Symbolic`] where their nodes have different numbers of coordinates.
+    pub(crate) fn new(parts: &[&SymmetricMatrix]) -> Result<Self, SolverError> {
+        let first = &parts[0].pattern;
+        if parts.iter().any(|part| part.pattern.block != first.block || part.pattern.free_of != first.free_of)
+        {
+            let reason = "terms and forces with different numbers of coordinates a node";
+            return Err(SolverError::Symbolic { dofs: first.free_count, reason });
+        }
+        let entries_of = |part: &SymmetricMatrix| -> Vec<(u32, u32)> {
+            let pattern = &part.pattern;
+            (0..pattern.row_count())
+                .flat_map(|row| pattern.row(row).map(move |entry| (row as u32, entry)))
+                .map(|(row, entry)| (row, pattern.columns[entry]))
+                .collect()
+        };
+        let lists: Vec<_> = parts.iter().map(|part| entries_of(part)).collect();
+        let mut union: Vec<(u32, u32)> = lists.iter().flatten().copied().collect();
+        union.sort_unstable();
+        union.dedup();
+        // Every row has its diagonal, for every part does.
+        let find = |entry: &(u32, u32)| union.partition_point(|other| other < entry) as u32;
+        let places = lists.iter().map(|list| list.iter().map(find).collect()).collect();
+        let own = (0..union.len() as u32).collect();
+        let pattern = Pattern::new(first.block, &union, own, first.free_of.clone());
+        let parts = parts.iter().map(|part| Arc::clone(&part.pattern)).collect();
+        Ok(Self { matrix: SymmetricMatrix::zeros(Arc::new(pattern)), parts, places })
+    }
+
+    /// Are these the parts that it was made of, or ones whose entries all lie in its pattern? Then it sums them from here
+    /// on, and its own pattern, with all that was made from it, stays.
+    pub(crate) fn admit(&mut self, parts: &[&SymmetricMatrix]) -> bool {
+        if parts.len() != self.parts.len() {
+            return false;
+        }
+        let mut changed = Vec::new();
+        for (k, part) in parts.iter().enumerate() {
+            if Arc::ptr_eq(&part.pattern, &self.parts[k]) {
+                continue;
+            }
+            match places_in(&self.matrix.pattern, &part.pattern) {
+                Some(places) => changed.push((k, places)),
+                None => return false,
+            }
+        }
+        for (k, places) in changed {
+            self.parts[k] = Arc::clone(&parts[k].pattern);
+            self.places[k] = places;
+        }
+        true
+    }
+
+    /// The sum of these parts, with the maps made anew where a part has another pattern than before.
+    ///
+    /// # Errors
+    /// As [`MatrixSum::new`].
+    pub(crate) fn of<'a>(
+        sum: &'a mut Option<Self>,
+        parts: &[(f64, &SymmetricMatrix)],
+    ) -> Result<&'a SymmetricMatrix, SolverError> {
+        let is_same = |sum: &Self| {
+            let known = sum.parts.iter().zip(parts);
+            sum.parts.len() == parts.len() && known.into_iter().all(|(a, b)| Arc::ptr_eq(a, &b.1.pattern))
+        };
+        let kept = sum.take().filter(is_same);
+        let made = match kept {
+            Some(kept) => kept,
+            None => Self::new(&parts.iter().map(|part| part.1).collect::<Vec<_>>())?,
+        };
+        Ok(sum.insert(made).combine(parts))
+    }
+
+    /// Σ c_k A_k, with the parts in the order that they were given to [`MatrixSum::new`].
+    pub(crate) fn combine(&mut self, parts: &[(f64, &SymmetricMatrix)]) -> &SymmetricMatrix {
+        let area = self.matrix.pattern.block * self.matrix.pattern.block;
+        self.matrix.values.fill(0.0);
+        for ((factor, part), places) in parts.iter().zip(&self.places) {
+            for (&from, &to) in part.pattern.places.iter().zip(places) {
+                let (from, to) = (from as usize * area, to as usize * area);
+                for k in 0..area {
+                    self.matrix.values[to + k] += factor * part.values[from + k];
+                }
+            }
+        }
+        &self.matrix
+    }
+
+    /// The sum as it was last made.
+    pub(crate) fn matrix(&self) -> &SymmetricMatrix {
+        &self.matrix
+    }
+}
+
+/// Where the entries of `part` lie in `whole`, whose entries are in row order; none where one is missing.
+fn places_in(whole: &Pattern, part: &Pattern) -> Option<Vec<u32>> {
+    if part.block != whole.block || part.free_of != whole.free_of {
+        return None;
+    }
+    let mut places = Vec::with_capacity(part.columns.len());
+    for row in 0..part.row_count() {
+        let range = whole.row(row);
+        let columns = &whole.columns[range.clone()];
+        for entry in part.row(row) {
+            let found = columns.binary_search(&part.columns[entry]).ok()?;
+            places.push((range.start + found) as u32);
+        }
+    }
+    Some(places)
+}

@@ -1,0 +1,273 @@
+//! Preconditioned conjugate gradients for A = M + cK on nodal blocks (Hestenes, Stiefel 1952).
+//!
+//! Scalar products are sums of fixed pieces in fixed order: the same bits on any number of threads.
+//! This room must not know what a preconditioner is made of.
+
+pub(crate) mod block;
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use crate::error::{NotPositiveDefinite, SolverError};
+use crate::index::NONE;
+use crate::linear::factor::Factor;
+use crate::linear::matrix::SymmetricMatrix;
+use block::{BlockPreconditioner, Preconditioner};
+
+/// Numbers of a vector that one task handles.
+const PIECE: usize = 8192;
+
+/// Shorter vectors are handled on the calling thread.
+const PARALLEL_LENGTH: usize = 4 * PIECE;
+
+/// Conjugate gradients for A = M + cK.
+pub struct Pcg {
+    /// A.
+    matrix: SymmetricMatrix,
+    preconditioner: BlockPreconditioner,
+    vectors: Vectors,
+}
+
+/// Vectors of rows · block entries, with zeros where a coordinate is prescribed.
+struct Vectors {
+    solution: Vec<f64>,
+    residual: Vec<f64>,
+    /// P⁻¹ residual.
+    improved: Vec<f64>,
+    direction: Vec<f64>,
+    /// A direction; room for the preconditioner in between.
+    product: Vec<f64>,
+    pieces: Vec<f64>,
+}
+
+/// What a solve took.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PcgReport {
+    /// Iterations.
+    pub iterations: u32,
+    /// √(rᵀP⁻¹r) over its value at x = 0.
+    pub residual: f64,
+}
+
+/// Cost of an iteration and of the preparation.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PcgFacts {
+    /// Bytes moved by one iteration.
+    pub iteration_bytes: f64,
+    /// Floating-point operations of one iteration.
+    pub iteration_flops: f64,
+    /// Bytes moved by the preparation.
+    pub prepare_bytes: f64,
+    /// Bytes held.
+    pub bytes: u64,
+}
+
+impl Pcg {
+    /// Maps and buffers, once a pattern.
+    pub fn new(pattern: &SymmetricMatrix, preconditioner: Preconditioner) -> Self {
+        let matrix = SymmetricMatrix::zeros(Arc::clone(&pattern.pattern));
+        let length = matrix.pattern.free_of.len();
+        let zeros = || vec![0.0; length];
+        Self {
+            preconditioner: BlockPreconditioner::new(&matrix.pattern, preconditioner),
+            matrix,
+            vectors: Vectors {
+                solution: zeros(),
+                residual: zeros(),
+                improved: zeros(),
+                direction: zeros(),
+                product: zeros(),
+                pieces: vec![0.0; length.div_ceil(PIECE)],
+            },
+        }
+    }
+
+    /// Takes A = M + cK (M = diag(mass), empty: zero) and makes the preconditioner; returns the one made.
+    ///
+    /// # Errors
+    /// Where a diagonal block is not positive definite.
+    ///
+    /// # Panics
+    /// Where k has another pattern.
+    pub fn prepare(
+        &mut self,
+        mass: &[f64],
+        c: f64,
+        k: &SymmetricMatrix,
+    ) -> Result<Preconditioner, NotPositiveDefinite> {
+        self.set_matrix(mass, c, k);
+        self.preconditioner.prepare(&self.matrix).map_err(|row| {
+            let block = self.matrix.pattern.block;
+            let coordinates = &self.matrix.pattern.free_of[row * block..(row + 1) * block];
+            let free = coordinates.iter().find(|&&free| free != NONE).copied().unwrap_or_default();
+            NotPositiveDefinite { free: free as usize }
+        })
+    }
+
+    /// Takes A = M + cK for [`Pcg::solve_with`], without a preconditioner of its own.
+    ///
+    /// # Panics
+    /// Where k has another pattern.
+    pub fn set_matrix(&mut self, mass: &[f64], c: f64, k: &SymmetricMatrix) {
+        assert!(self.matrix.has_pattern_of(k), "conjugate gradients serve one pattern");
+        self.matrix.set_shifted(mass, c, k);
+    }
+
+    /// Solves A x = b from x = 0 until √(rᵀP⁻¹r) is below `tolerance` of its first value: an estimate of
+    /// the relative error in the energy norm.
+    ///
+    /// # Errors
+    /// Where it does not converge within `max_iterations`, or A is not positive definite; `x` then holds what
+    /// was reached, which descends as the solution does.
+    pub fn solve(
+        &mut self,
+        rhs: &[f64],
+        x: &mut [f64],
+        tolerance: f64,
+        max_iterations: u32,
+    ) -> Result<PcgReport, SolverError> {
+        let Self { matrix, preconditioner, vectors } = self;
+        let pattern = &matrix.pattern;
+        let apply = |r: &[f64], z: &mut [f64], room: &mut [f64]| preconditioner.apply(pattern, r, z, room);
+        iterate(matrix, vectors, apply, (rhs, x), tolerance, max_iterations)
+    }
+
+    /// The same with the factor of an earlier A as preconditioner.
+    ///
+    /// # Errors
+    /// As [`Pcg::solve`], and where the factor holds nothing.
+    pub fn solve_with(
+        &mut self,
+        factor: &mut Factor,
+        rhs: &[f64],
+        x: &mut [f64],
+        tolerance: f64,
+        max_iterations: u32,
+    ) -> Result<PcgReport, SolverError> {
+        if !factor.is_factored() {
+            return Err(SolverError::NotFactored);
+        }
+        let Self { matrix, vectors, .. } = self;
+        let pattern = &matrix.pattern;
+        let apply = |r: &[f64], z: &mut [f64], room: &mut [f64]| {
+            let room = &mut room[..pattern.free_count];
+            pattern.collect(r, room);
+            factor.apply_inverse(room);
+            pattern.spread(room, z);
+        };
+        iterate(matrix, vectors, apply, (rhs, x), tolerance, max_iterations)
+    }
+
+    /// Is it for matrices of the pattern of k?
+    pub(crate) fn serves(&self, k: &SymmetricMatrix) -> bool {
+        self.matrix.has_pattern_of(k)
+    }
+
+    /// Cost and size.
+    pub fn facts(&self) -> PcgFacts {
+        let pattern = &self.matrix.pattern;
+        let length = pattern.free_of.len() as f64;
+        let area = (pattern.block * pattern.block) as f64;
+        let entries = pattern.columns.len() as f64;
+        let whole = 2.0 * entries - pattern.row_count() as f64;
+        let preconditioner = self.preconditioner.bytes() as f64;
+        let vectors = 5 * 8 * pattern.free_of.len();
+        PcgFacts {
+            iteration_bytes: whole * (8.0 * area + 8.0) + 2.0 * preconditioner + 12.0 * 8.0 * length,
+            iteration_flops: 2.0 * area * whole + 0.5 * preconditioner + 10.0 * length,
+            prepare_bytes: 16.0 * area * entries + 3.0 * preconditioner,
+            bytes: (self.matrix.bytes() + self.preconditioner.bytes() + vectors) as u64,
+        }
+    }
+}
+
+fn iterate(
+    matrix: &SymmetricMatrix,
+    vectors: &mut Vectors,
+    mut precondition: impl FnMut(&[f64], &mut [f64], &mut [f64]),
+    (rhs, x): (&[f64], &mut [f64]),
+    tolerance: f64,
+    max_iterations: u32,
+) -> Result<PcgReport, SolverError> {
+    let Vectors { solution, residual, improved, direction, product, pieces } = vectors;
+    matrix.pattern.spread(rhs, residual);
+    solution.fill(0.0);
+    precondition(residual, improved, product);
+    direction.copy_from_slice(improved);
+    let first = dot(residual, improved, pieces);
+    let mut square = first;
+    let mut iterations = 0;
+    while square > tolerance * tolerance * first {
+        if iterations == max_iterations {
+            matrix.pattern.collect(solution, x);
+            let residual = (square / first).sqrt();
+            return Err(SolverError::ConjugateGradients { iterations, residual, tolerance });
+        }
+        iterations += 1;
+        matrix.multiply_padded(direction, product);
+        let curvature = dot(direction, product, pieces);
+        if curvature.is_nan() || curvature <= 0.0 {
+            // What has been reached minimises on a smaller space; at first, the preconditioned load.
+            matrix.pattern.collect(if iterations == 1 { direction } else { solution }, x);
+            return Err(SolverError::NegativeCurvature { iterations, curvature });
+        }
+        let step = square / curvature;
+        add_scaled(solution, step, direction);
+        add_scaled(residual, -step, product);
+        precondition(residual, improved, product);
+        let next = dot(residual, improved, pieces);
+        scale_and_add(direction, next / square, improved);
+        square = next;
+    }
+    // Not a number, or a preconditioner that is not positive definite.
+    if square.is_nan() || square < 0.0 {
+        return Err(SolverError::NegativeCurvature { iterations, curvature: square });
+    }
+    matrix.pattern.collect(solution, x);
+    let residual = if first > 0.0 { (square / first).sqrt() } else { 0.0 };
+    Ok(PcgReport { iterations, residual })
+}
+
+fn dot(a: &[f64], b: &[f64], pieces: &mut [f64]) -> f64 {
+    let product = |(sum, (a, b)): (&mut f64, (&[f64], &[f64]))| *sum = dot_piece(a, b);
+    if a.len() >= PARALLEL_LENGTH {
+        pieces.par_iter_mut().zip(a.par_chunks(PIECE).zip(b.par_chunks(PIECE))).for_each(product);
+    } else {
+        pieces.iter_mut().zip(a.chunks(PIECE).zip(b.chunks(PIECE))).for_each(product);
+    }
+    pieces.iter().sum()
+}
+
+/// In lanes that a compiler can keep in registers.
+fn dot_piece(a: &[f64], b: &[f64]) -> f64 {
+    const LANES: usize = 8;
+    let (a_rows, a_rest) = a.as_chunks::<LANES>();
+    let (b_rows, b_rest) = b.as_chunks::<LANES>();
+    let mut lanes = [0.0; LANES];
+    for (a, b) in a_rows.iter().zip(b_rows) {
+        for lane in 0..LANES {
+            lanes[lane] += a[lane] * b[lane];
+        }
+    }
+    lanes.iter().sum::<f64>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f64>()
+}
+
+fn pairs(y: &mut [f64], x: &[f64], apply: impl Fn(&mut f64, f64) + Sync) {
+    let piece = |(y, x): (&mut [f64], &[f64])| y.iter_mut().zip(x).for_each(|(y, &x)| apply(y, x));
+    if y.len() >= PARALLEL_LENGTH {
+        y.par_chunks_mut(PIECE).zip(x.par_chunks(PIECE)).for_each(piece);
+    } else {
+        piece((y, x));
+    }
+}
+
+/// y += a x.
+fn add_scaled(y: &mut [f64], a: f64, x: &[f64]) {
+    pairs(y, x, |y, x| *y += a * x);
+}
+
+/// y = a y + x.
+fn scale_and_add(y: &mut [f64], a: f64, x: &[f64]) {
+    pairs(y, x, |y, x| *y = a * *y + x);
+}

@@ -1,0 +1,93 @@
+//! One attempt to solve the equations of a step: what has been tried, and how fast it converged.
+
+use crate::newton::inverse::Reason;
+use crate::newton::start::Start;
+
+/// Tolerances below this one mean: to round-off.
+pub(super) const ROUND_OFF: f64 = 1e-12;
+
+/// A converged solve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Solved {
+    pub(crate) iterations: u32,
+}
+
+/// What became of the cheap iteration.
+pub(super) enum Course {
+    Solved(Solved),
+    /// Given up after so many iterations, the last with this relative error.
+    Stuck(u32),
+}
+
+/// The course of one solve.
+pub(super) struct Attempt {
+    pub(super) to_round_off: bool,
+    pub(super) wanted: Option<Reason>,
+    /// How often it converged slowly, or not at all.
+    pub(super) troubles: u32,
+    pub(super) restarts: u32,
+    /// Was the current factor made in this solve?
+    pub(super) is_renewed: bool,
+    /// Iterations with the current factor.
+    pub(super) with_factor: u64,
+    pub(super) first_eta: f64,
+    pub(super) last_eta: Option<f64>,
+}
+
+impl Attempt {
+    pub(super) fn new(to_round_off: bool) -> Self {
+        Self {
+            to_round_off,
+            wanted: None,
+            troubles: 0,
+            restarts: 0,
+            is_renewed: false,
+            with_factor: 0,
+            first_eta: 0.0,
+            last_eta: None,
+        }
+    }
+
+    /// One that begins with a factor of where it begins.
+    pub(super) fn with_new_factor(tolerance: f64) -> Self {
+        Self { wanted: Some(Reason::Newton), ..Self::new(tolerance <= ROUND_OFF) }
+    }
+
+    pub(super) fn renew(&mut self) {
+        self.is_renewed = true;
+        self.with_factor = 0;
+        self.last_eta = None;
+    }
+
+    pub(super) fn escalate(&mut self, reason: Reason) {
+        self.troubles += 1;
+        self.wanted = Some(reason);
+        self.last_eta = None;
+    }
+
+    pub(super) fn safer_start(&mut self) -> Start {
+        self.restarts += 1;
+        match self.restarts {
+            1 => Start::Stiff,
+            2 => Start::Inertial,
+            _ => Start::Still,
+        }
+    }
+
+    /// Enters the error of an iteration; returns its ratio to the one before.
+    pub(super) fn enter(&mut self, eta: f64) -> Option<f64> {
+        let contraction = self.last_eta.map(|last| eta / last);
+        if self.last_eta.is_none() {
+            self.first_eta = eta;
+        }
+        self.last_eta = Some(eta);
+        contraction
+    }
+
+    /// Mean ratio of errors since the factor was made or the step began.
+    pub(super) fn mean_contraction(&self) -> Option<f64> {
+        let steps = self.with_factor.checked_sub(1).filter(|&steps| steps > 0)?;
+        let ratio = self.last_eta? / self.first_eta;
+        (ratio > 0.0).then(|| ratio.powf(1.0 / steps as f64))
+    }
+}

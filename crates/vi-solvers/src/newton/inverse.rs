@@ -1,0 +1,274 @@
+//! A⁻¹ for A = M + cK as Newton's method uses it: a factor, or a preconditioned matrix, made at one
+//! configuration and used, turned with the material, at later ones. It must not know which equations are
+//! solved.
+
+use std::sync::Arc;
+
+use vi_core::{HessianKind, System};
+
+use crate::assemble::evaluator::Forces;
+use crate::assemble::hessian::HessianEvaluation;
+use crate::assemble::inertia::Inertia;
+use crate::assemble::live::LiveState;
+use crate::error::SolverError;
+use crate::linear::choice::Linear;
+use crate::linear::cost::UnitCosts;
+use crate::linear::matrix::SymmetricMatrix;
+use crate::linear::matrix_sum::MatrixSum;
+use crate::memory::StepperMemory;
+use crate::newton::rotated_factor::Warp;
+use crate::options::SolverOptions;
+use crate::work::Work;
+
+/// Why a factor is made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Reason {
+    /// There was none, or h has changed.
+    New,
+    /// The old one had become dearer than a new one.
+    Stale,
+    /// Inside a step that converged too slowly.
+    Slow,
+    /// Newton's method in full.
+    Newton,
+}
+
+/// Where and how the current factor was made: enough to make it again.
+#[derive(Debug, Clone, PartialEq)]
+struct Origin {
+    c: f64,
+    x: Vec<f64>,
+    t: f64,
+    projected: bool,
+    /// ẋ and ∂ẋ/∂q, where forces depend on them.
+    rates: Option<(Vec<f64>, f64)>,
+    /// The stencils of live terms, and the ends of the step.
+    live: Option<LiveState>,
+    ends: Option<[Vec<f64>; 2]>,
+}
+
+/// M that is not lumped, and M + cK once K has been seen.
+struct Summed {
+    mass: Arc<SymmetricMatrix>,
+    sum: Option<MatrixSum>,
+}
+
+pub(crate) struct Inverse {
+    linear: Linear,
+    /// Where mass is consistent.
+    summed: Option<Summed>,
+    origin: Option<Origin>,
+    warp: Option<Warp>,
+    /// Are all Hessians constant? Then a factor is never stale.
+    is_linear: bool,
+}
+
+impl Inverse {
+    pub(crate) fn new(system: &System, inertia: &Inertia, options: &SolverOptions) -> Self {
+        let is_linear = system.forces().is_empty()
+            && system.terms().live().is_empty()
+            && system.potentials().iter().all(|term| term.traits().hessian != HessianKind::Varying);
+        let warp = if is_linear { None } else { Warp::new(system) };
+        let summed = inertia.matrix().map(|mass| Summed { mass: Arc::clone(mass), sum: None });
+        Self { linear: Linear::new(options, is_linear), summed, origin: None, warp, is_linear }
+    }
+
+    /// Is K the same everywhere?
+    pub(crate) fn is_linear(&self) -> bool {
+        self.is_linear
+    }
+
+    /// Is there a factor for this c?
+    pub(crate) fn is_for(&self, c: f64) -> bool {
+        self.origin.as_ref().is_some_and(|origin| (origin.c / c - 1.0).abs() < 1e-9)
+    }
+
+    /// Has the linear solver been chosen?
+    pub(crate) fn is_ready(&self) -> bool {
+        self.linear.is_ready()
+    }
+
+    pub(crate) fn costs(&self) -> &UnitCosts {
+        self.linear.costs()
+    }
+
+    /// From here on, or no longer, solves are subtracted from each other.
+    pub(crate) fn tighten(&mut self, tight: bool) {
+        self.linear.tighten(tight);
+    }
+
+    /// Which linear solver, and why.
+    pub(crate) fn reason(&self) -> &str {
+        self.linear.reason()
+    }
+
+    /// Factors A = M + cK at the last configuration of `forces`, with a Hessian of this kind to begin with. Where K is
+    /// indefinite and A is not positive definite, the terms' Hessians are projected.
+    pub(crate) fn make(
+        &mut self,
+        system: &System,
+        forces: &mut Forces,
+        c: f64,
+        reason: Reason,
+        kind: HessianEvaluation,
+    ) -> Result<(), SolverError> {
+        let first = self.factorize(system, forces, c, kind, reason);
+        let projected = match first {
+            Err(SolverError::NotPositiveDefinite(_))
+                if !self.is_linear && kind == HessianEvaluation::Exact =>
+            {
+                let projected = self.factorize(system, forces, c, HessianEvaluation::Projected, reason);
+                match projected {
+                    // Positive definite by its making: round-off is to blame.
+                    Err(SolverError::NotPositiveDefinite(_))
+                        if self.linear.double("a pivot failed in single precision") =>
+                    {
+                        return self.make(system, forces, c, reason, kind);
+                    }
+                    other => other?,
+                }
+                true
+            }
+            Err(SolverError::NotPositiveDefinite(_))
+                if kind == HessianEvaluation::Projected
+                    && self.linear.double("a pivot failed in single precision") =>
+            {
+                return self.make(system, forces, c, reason, kind);
+            }
+            other => {
+                other?;
+                kind == HessianEvaluation::Projected
+            }
+        };
+        let (x, t, rates) = (forces.positions().to_vec(), forces.time(), forces.velocities());
+        if let Some(warp) = &mut self.warp {
+            warp.remember(forces.assembler(), &x);
+        }
+        let (live, ends) = (forces.live_state(), forces.ends().cloned());
+        self.origin = Some(Origin { c, x, t, projected, rates, live, ends });
+        Ok(())
+    }
+
+    fn factorize(
+        &mut self,
+        system: &System,
+        forces: &mut Forces,
+        c: f64,
+        kind: HessianEvaluation,
+        reason: Reason,
+    ) -> Result<(), SolverError> {
+        self.origin = None;
+        let count = &mut forces.work;
+        count.factorizations += 1;
+        match reason {
+            Reason::New => count.factorizations_new += 1,
+            Reason::Stale => count.factorizations_stale += 1,
+            Reason::Slow => count.factorizations_slow += 1,
+            Reason::Newton => count.factorizations_newton += 1,
+        }
+        let mut work = Work::default();
+        let hessian = forces.hessian(system, kind)?;
+        let made = match &mut self.summed {
+            None => self.linear.make(system, system.free_mass(), c, hessian, &mut work),
+            Some(Summed { mass, sum }) => {
+                let matrix = MatrixSum::of(sum, &[(1.0, mass), (c, hessian)])?;
+                self.linear.make(system, &[], 1.0, matrix, &mut work)
+            }
+        };
+        forces.work += work;
+        made
+    }
+
+    /// Turns the factor with the material, as it is at the last configuration of `forces`.
+    pub(crate) fn turn(&mut self, forces: &mut Forces) {
+        if let (Some(warp), Some(_)) = (&mut self.warp, &self.origin) {
+            let x = forces.positions().to_vec();
+            warp.turn(forces.assembler(), &x);
+        }
+    }
+
+    /// v ← A⁻¹v.
+    pub(crate) fn apply(&mut self, forces: &mut Forces, v: &mut [f64]) -> Result<(), SolverError> {
+        let Self { linear, warp, .. } = self;
+        forces.work.solves += 1;
+        match warp {
+            Some(warp) => {
+                warp.to_origin(v);
+                linear.apply(v, &mut forces.work)?;
+                warp.to_now(v);
+                Ok(())
+            }
+            None => linear.apply(v, &mut forces.work),
+        }
+    }
+
+    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
+        if let Some(origin) = &self.origin {
+            memory.arrays.push(("factor.x".into(), origin.x.clone()));
+            memory.arrays.push(("factor.c_t".into(), vec![origin.c, origin.t]));
+            memory.counts.push(("factor.projected".into(), u64::from(origin.projected)));
+            if let Some((x_dot, rate)) = &origin.rates {
+                memory.arrays.push(("factor.x_dot".into(), x_dot.clone()));
+                memory.arrays.push(("factor.rate".into(), vec![*rate]));
+            }
+            if let Some(live) = &origin.live {
+                live.remember("factor.live", memory);
+            }
+            if let Some([start, end]) = &origin.ends {
+                memory.arrays.push(("factor.start".into(), start.clone()));
+                memory.arrays.push(("factor.end".into(), end.clone()));
+            }
+            self.linear.remember(memory);
+        }
+    }
+
+    /// How often ordering and layout were made.
+    pub(crate) fn analyses(&self) -> u64 {
+        self.linear.analyses()
+    }
+
+    /// Makes the factor that `memory` tells of.
+    pub(crate) fn restore(
+        &mut self,
+        system: &System,
+        forces: &mut Forces,
+        memory: &StepperMemory,
+    ) -> Result<(), SolverError> {
+        self.origin = None;
+        // They are of the pattern that the forces had before.
+        self.linear.forget();
+        if let Some(summed) = &mut self.summed {
+            summed.sum = None;
+        }
+        let Ok(x) = memory.array("factor.x") else { return Ok(()) };
+        let &[c, t] = memory.array("factor.c_t")? else {
+            return Err(SolverError::Memory { missing: "factor.c_t" });
+        };
+        if x.len() != system.coordinates().dof_count() {
+            return Err(SolverError::Memory { missing: "factor.x" });
+        }
+        let projected = memory.count("factor.projected")? == 1;
+        let kind = if projected { HessianEvaluation::Projected } else { HessianEvaluation::Exact };
+        let rates = match (memory.array("factor.x_dot"), memory.array("factor.rate")) {
+            (Ok(x_dot), Ok(&[rate])) if x_dot.len() == x.len() => Some((x_dot.to_vec(), rate)),
+            _ => None,
+        };
+        let live = LiveState::recall("factor.live", memory, x.len());
+        let ends = match (memory.array("factor.start"), memory.array("factor.end")) {
+            (Ok(start), Ok(end)) if start.len() == x.len() && end.len() == x.len() => {
+                Some([start.to_vec(), end.to_vec()])
+            }
+            _ => None,
+        };
+        self.linear.restore(memory)?;
+        forces.go_to_live(&live, &ends);
+        forces.go_to_positions(x, t);
+        forces.go_to_velocities(&rates);
+        self.factorize(system, forces, c, kind, Reason::New)?;
+        if let Some(warp) = &mut self.warp {
+            warp.remember(forces.assembler(), x);
+        }
+        self.origin = Some(Origin { c, x: x.to_vec(), t, projected, rates, live, ends });
+        Ok(())
+    }
+}

@@ -1,0 +1,57 @@
+//! How far to go along a correction: down a merit, or at least inside the domain of the terms.
+
+use crate::error::SolverError;
+use crate::newton::equations::{Equations, Solve};
+
+/// A trial whose slope is below this part of the first one is accepted without an energy.
+pub(super) const SLOPE_KEPT: f64 = 0.9;
+/// Energies are good to this part of their size.
+pub(super) const ENERGY_NOISE: f64 = 1e-14;
+/// Steps shorter than this do not move.
+const SHORTEST: f64 = 1e-10;
+
+/// Searches along the correction for a sufficient decrease of the merit (Armijo's condition), `before`
+/// at its start, by parabolas; where the change is within the noise of the energies, the slope decides
+/// (Hager, Zhang 2005). Evaluates the residual there and returns the part gone.
+pub(super) fn search<E: Equations>(
+    solve: &mut Solve<'_, E>,
+    before: f64,
+    decrement: f64,
+    longest: f64,
+) -> Result<f64, SolverError> {
+    let noise = ENERGY_NOISE * before.abs();
+    let mut fraction = longest;
+    let mut failure = SolverError::NoConvergence { iterations: 0, residual: 1.0, tolerance: 0.0 };
+    while fraction > SHORTEST {
+        solve.equations.advance(fraction);
+        solve.forces.work.line_searches += 1;
+        let after = solve.merit().unwrap_or(f64::INFINITY);
+        let descends = after <= before - 1e-4 * fraction * decrement;
+        if descends || (after - before).abs() <= noise {
+            match solve.evaluate() {
+                Ok(()) if descends || solve.equations.slope().abs() <= SLOPE_KEPT * decrement => {
+                    return Ok(fraction);
+                }
+                Ok(()) => {}
+                Err(error) => failure = error,
+            }
+        }
+        let parabola = 0.5 * fraction * fraction * decrement / (after - before + fraction * decrement);
+        let kept = if parabola.is_finite() { parabola } else { 0.0 };
+        fraction = kept.clamp(0.1 * fraction, 0.5 * fraction);
+    }
+    Err(failure)
+}
+
+/// Halves the step, at first the `longest` part of the correction, until the terms are inside their domain.
+pub(super) fn keep_inside<E: Equations>(solve: &mut Solve<'_, E>, longest: f64) -> Result<f64, SolverError> {
+    let mut fraction = longest;
+    let mut outcome = solve.evaluate();
+    while outcome.is_err() && fraction > 1e-6 {
+        fraction *= 0.5;
+        solve.equations.advance(fraction);
+        solve.forces.work.line_searches += 1;
+        outcome = solve.evaluate();
+    }
+    outcome.map(|()| fraction)
+}

@@ -1,0 +1,271 @@
+//! Newton's method for the equations of an implicit step, with the cheapest factor that converges,
+//! and the ladder by which it escalates: turned old factor → factor at the iterate → descent by full
+//! Newton steps, with projected Hessians where they are needed (`descent`) → failure with the facts.
+//! A halved step is the caller's to try, for it changes h. This room must not know which scheme the
+//! equations come from.
+
+use crate::error::SolverError;
+use crate::memory::StepperMemory;
+use crate::newton::anderson::Anderson;
+use crate::newton::attempt::{Attempt, Course, ROUND_OFF, Solved};
+use crate::newton::equations::{Equations, Solve};
+use crate::newton::inverse::Reason;
+use crate::newton::line_search::{self, SLOPE_KEPT};
+use crate::newton::renewal::Renewal;
+use crate::newton::start::Start;
+use crate::options::SolverOptions;
+
+/// Relative error above which steps are searched along a line; below, round-off would stall it.
+const SEARCH_ABOVE: f64 = 1e-3;
+/// Relative error of a start above which the others are looked at.
+const DOUBT_ABOVE: f64 = 0.05;
+/// New factors that slow convergence may ask for inside one step before the descent begins.
+const FACTORS_BEFORE_DESCENT: u32 = 2;
+
+pub(crate) struct Newton {
+    pub(super) tolerance: f64,
+    pub(super) max_iterations: u32,
+    pub(super) renewal: Renewal,
+    anderson: Anderson,
+}
+
+impl Newton {
+    pub(crate) fn new(options: &SolverOptions) -> Result<Self, SolverError> {
+        let (tolerance, max_iterations) = (options.tolerance, options.max_iterations);
+        if !(tolerance > 0.0 && tolerance < 1.0) {
+            let allowed = "must be between 0 and 1";
+            return Err(SolverError::Option { option: "tolerance", value: tolerance, allowed });
+        }
+        if max_iterations == 0 {
+            let allowed = "must be at least 1";
+            return Err(SolverError::Option { option: "max_iterations", value: 0.0, allowed });
+        }
+        Ok(Self { tolerance, max_iterations, renewal: Renewal::default(), anderson: Anderson::default() })
+    }
+
+    pub(crate) fn tolerance(&self) -> f64 {
+        self.tolerance
+    }
+
+    /// Solves the equations. On return the unknowns hold the solution; the forces may stand one
+    /// correction before it.
+    pub(crate) fn solve<E: Equations>(&mut self, solve: &mut Solve<'_, E>) -> Result<Solved, SolverError> {
+        let mut attempt = Attempt::new(self.tolerance <= ROUND_OFF);
+        if self.renewal.has_descended && !solve.inverse.is_linear() {
+            // Old factors did not serve the last step: the first trouble leads on at once.
+            attempt.wanted = Some(Reason::Slow);
+            attempt.troubles = FACTORS_BEFORE_DESCENT;
+        }
+        self.begin(solve, self.renewal.start)?;
+        match self.iterate(solve, attempt)? {
+            Course::Solved(solved) => Ok(solved),
+            Course::Stuck(iterations) => self.descend(solve, iterations),
+        }
+    }
+
+    /// Iterates from where the equations were evaluated last, with the factor at hand, and with a few new
+    /// ones.
+    pub(super) fn iterate<E: Equations>(
+        &mut self,
+        solve: &mut Solve<'_, E>,
+        mut attempt: Attempt,
+    ) -> Result<Course, SolverError> {
+        self.anderson.restart();
+        if attempt.wanted.is_some() {
+            // It begins with a new factor.
+        } else if !solve.inverse.is_for(solve.equations.coefficient()) {
+            attempt.wanted = Some(Reason::New);
+        } else if !solve.inverse.is_linear() && self.renewal.is_stale(solve.inverse.costs()) {
+            attempt.wanted = Some(Reason::Stale);
+        } else {
+            solve.inverse.turn(solve.forces);
+        }
+        let has_merit = solve.equations.has_merit();
+        for iteration in 1..=self.max_iterations {
+            if let Some(reason) = attempt.wanted.take() {
+                if attempt.troubles > FACTORS_BEFORE_DESCENT {
+                    return Ok(Course::Stuck(iteration - 1));
+                }
+                solve.linearize()?;
+                solve.factorize(reason)?;
+                solve.evaluate()?;
+                self.renewal.renew();
+                self.anderson.restart();
+                attempt.renew();
+            }
+            let mut decrement = solve.correct()?;
+            solve.forces.work.newton_iterations += 1;
+            attempt.with_factor += 1;
+            let is_doubtful =
+                |equations: &E| decrement > DOUBT_ABOVE * DOUBT_ABOVE * equations.energy_scale();
+            if iteration == 1
+                && self.renewal.is_hard()
+                && !solve.inverse.is_linear()
+                && is_doubtful(&solve.equations)
+            {
+                decrement = self.choose_start(solve, decrement)?;
+            }
+            if !solve.inverse.is_linear() || !solve.equations.model_is_exact() {
+                // Where a merit is searched along, the correction must point down it.
+                let small = decrement <= SEARCH_ABOVE * SEARCH_ABOVE * solve.equations.energy_scale();
+                let (delta, load) = solve.equations.correction();
+                self.anderson.enter(delta, load, small || !has_merit);
+            }
+            let longest = solve.largest_step();
+            solve.equations.advance(longest);
+            let scale = solve.equations.energy_scale();
+            let eta = if decrement > 0.0 { (decrement / scale).sqrt() } else { 0.0 };
+            let contraction = attempt.enter(eta);
+            if longest == 1.0 && self.is_converged(solve, attempt.to_round_off, eta, contraction) {
+                self.renewal.enter(attempt.with_factor, attempt.mean_contraction());
+                return Ok(Course::Solved(Solved { iterations: iteration }));
+            }
+            let diverges = contraction.is_some_and(|theta| theta > 2.0) || !eta.is_finite();
+            let gone = if diverges { None } else { self.accept(solve, eta, decrement, longest).ok() };
+            let Some(fraction) = gone else {
+                // Begin again with a factor of where we are.
+                attempt.escalate(Reason::Slow);
+                self.begin(solve, attempt.safer_start())?;
+                self.anderson.restart();
+                continue;
+            };
+            self.anderson.advance(solve.equations.correction().0, fraction);
+            self.consider_new_factor(solve, &mut attempt, eta);
+        }
+        Ok(Course::Stuck(self.max_iterations))
+    }
+
+    /// Begins again at the start with the smallest correction, `decrement` that of the one in use, and
+    /// corrects there.
+    fn choose_start<E: Equations>(
+        &mut self,
+        solve: &mut Solve<'_, E>,
+        decrement: f64,
+    ) -> Result<f64, SolverError> {
+        let (used, mut least) = (self.renewal.start, decrement);
+        let mut last = used;
+        for start in Start::ALL.into_iter().filter(|&start| start != used) {
+            solve.start(start);
+            last = start;
+            if solve.evaluate().is_ok() {
+                let decrement = solve.correct()?;
+                solve.forces.work.newton_iterations += 1;
+                if decrement < least {
+                    (self.renewal.start, least) = (start, decrement);
+                }
+            }
+        }
+        if last != self.renewal.start {
+            solve.start(self.renewal.start);
+            solve.evaluate()?;
+            least = solve.correct()?;
+        }
+        Ok(least)
+    }
+
+    /// Starts at the best of the places from `first` on where the residual is finite.
+    pub(super) fn begin<E: Equations>(
+        &self,
+        solve: &mut Solve<'_, E>,
+        first: Start,
+    ) -> Result<(), SolverError> {
+        let from = Start::ALL.iter().position(|&start| start == first).unwrap_or(0);
+        let mut outcome = Ok(());
+        for &start in Start::ALL[from..].iter().chain(&Start::ALL[..from]) {
+            solve.start(start);
+            outcome = solve.evaluate();
+            if outcome.is_ok() {
+                break;
+            }
+        }
+        outcome
+    }
+
+    pub(super) fn is_converged<E: Equations>(
+        &self,
+        solve: &Solve<'_, E>,
+        to_round_off: bool,
+        eta: f64,
+        contraction: Option<f64>,
+    ) -> bool {
+        if eta == 0.0 || solve.equations.is_at_resolution() {
+            return true;
+        }
+        if to_round_off {
+            // Until nothing more is gained.
+            let stalled = if solve.equations.model_is_exact() { 0.5 } else { 0.9 };
+            return eta < 1e-9 && contraction.is_some_and(|theta| theta > stalled);
+        }
+        if solve.inverse.is_linear() && solve.equations.model_is_exact() {
+            // One solve of a linear system with its own factor is exact.
+            return true;
+        }
+        let theta = contraction.or_else(|| self.renewal.expected_contraction());
+        match theta {
+            Some(theta) if theta < 1.0 => theta / (1.0 - theta) * eta <= self.tolerance,
+            _ => eta <= 0.1 * self.tolerance,
+        }
+    }
+
+    /// Evaluates at the `longest` part of the correction, or at less of it where that is too far; returns the part.
+    fn accept<E: Equations>(
+        &self,
+        solve: &mut Solve<'_, E>,
+        eta: f64,
+        decrement: f64,
+        longest: f64,
+    ) -> Result<f64, SolverError> {
+        let outcome = solve.evaluate();
+        if outcome.is_ok() && (eta <= SEARCH_ABOVE || solve.equations.slope().abs() <= SLOPE_KEPT * decrement)
+        {
+            return Ok(longest);
+        }
+        solve.equations.advance(0.0);
+        if let Some(before) = solve.merit() {
+            line_search::search(solve, before, decrement, longest)
+        } else {
+            // No merit: only keep inside the domain of the terms.
+            solve.equations.advance(longest);
+            line_search::keep_inside(solve, longest)
+        }
+    }
+
+    fn consider_new_factor<E: Equations>(&self, solve: &Solve<'_, E>, attempt: &mut Attempt, eta: f64) {
+        if solve.inverse.is_linear() {
+            return;
+        }
+        if attempt.to_round_off && solve.equations.model_is_exact() {
+            // The last iterations keep the factor of a nearly converged iterate.
+            if eta > 1e-7 {
+                attempt.wanted = Some(Reason::Newton);
+            }
+            return;
+        }
+        let Some(theta) = attempt.mean_contraction() else { return };
+        if solve.equations.splits_stages()
+            && attempt.is_renewed
+            && attempt.first_eta <= DOUBT_ABOVE
+            && theta < 1.0
+        {
+            // A factor made next to the solution is as good as any.
+            return;
+        }
+        let remaining = if theta < 1.0 {
+            ((self.tolerance * (1.0 - theta) / eta).ln() / theta.ln()).max(0.0)
+        } else {
+            f64::INFINITY
+        };
+        if self.renewal.is_slow(solve.inverse.costs(), attempt.with_factor, remaining) {
+            attempt.escalate(Reason::Slow);
+        }
+    }
+
+    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
+        self.renewal.remember(memory);
+    }
+
+    pub(crate) fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
+        self.renewal = Renewal::from_memory(memory)?;
+        Ok(())
+    }
+}

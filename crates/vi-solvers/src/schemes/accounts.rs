@@ -1,0 +1,78 @@
+//! Work over one step for the energy ledger, by the definitions that every scheme shares.
+//! It must not know how a scheme averages its forces.
+//!
+//! A gradient g = ∂V/∂x that acts along a displacement d does the work g·d on the potential. On the
+//! prescribed coordinates that is the work of whoever moves them; on the free ones the kinetic
+//! energy pays for it.
+
+use vi_core::System;
+
+use crate::assemble::evaluator::Forces;
+use crate::memory::StepperMemory;
+use crate::vectors;
+
+/// Σ g_i d_i over the free coordinates, `along(k)` for free coordinate q_k.
+pub(crate) fn free_work(system: &System, gradient: &[f64], along: impl Fn(usize) -> f64 + Sync) -> f64 {
+    let free = system.coordinates().free();
+    vectors::sum(free.len(), |k| gradient[free[k] as usize] * along(k))
+}
+
+/// Σ g_i d_i over the prescribed coordinates, with `along` of all coordinates, along nodes' own axes.
+pub(crate) fn prescribed_work(system: &System, gradient: &[f64], along: &[f64]) -> f64 {
+    let groups = system.coordinates().prescribed().iter();
+    groups.flat_map(|group| &group.dofs).map(|&dof| gradient[dof as usize] * along[dof as usize]).sum()
+}
+
+/// Potential energy before and after a step, and the work of loads that change in time.
+pub(crate) struct Potentials {
+    /// V at the start, J.
+    pub(crate) start: f64,
+    x: Vec<f64>,
+    t: f64,
+    kept: Option<f64>,
+}
+
+impl Potentials {
+    pub(crate) fn new() -> Self {
+        Self { start: 0.0, x: Vec::new(), t: 0.0, kept: None }
+    }
+
+    /// Enters the energy at the end of the last step.
+    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
+        if let Some(kept) = self.kept {
+            memory.arrays.push(("potentials.end".into(), vec![kept]));
+        }
+    }
+
+    /// Takes over what [`Potentials::remember`] entered.
+    pub(crate) fn recall(memory: &StepperMemory) -> Self {
+        let kept = memory.array("potentials.end").ok().and_then(|array| array.first().copied());
+        Self { kept, ..Self::new() }
+    }
+
+    /// Opens a step at (q, t); the energy is known already if the last step ended there.
+    pub(crate) fn open(&mut self, system: &System, forces: &mut Forces, q: &[f64], t: f64) {
+        let known = self.kept.take().filter(|_| forces.is_at(system, q, t));
+        self.start = known.unwrap_or_else(|| forces.energy(system, q, t));
+        self.t = t;
+        if forces.is_time_dependent() {
+            self.x.clear();
+            self.x.extend_from_slice(forces.positions());
+        }
+    }
+
+    /// Closes the step at (q, t): ΔV and, of it, the work of loads that change in time,
+    /// ½ Σ over both ends x of V(x, t₁) − V(x, t₀).
+    pub(crate) fn close(&mut self, system: &System, forces: &mut Forces, q: &[f64], t: f64) -> (f64, f64) {
+        let end = forces.energy(system, q, t);
+        self.kept = Some(end);
+        let mut loads = 0.0;
+        if forces.is_time_dependent() {
+            let x = forces.positions().to_vec();
+            let start_later = forces.energy_of_positions(&self.x, t);
+            let end_earlier = forces.energy_of_positions(&x, self.t);
+            loads = 0.5 * ((start_later - self.start) + (end - end_earlier));
+        }
+        (end - self.start, loads)
+    }
+}

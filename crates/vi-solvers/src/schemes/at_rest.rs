@@ -1,0 +1,72 @@
+//! Is a body at rest in balance? Then an implicit step is known without a Hessian, a factor or a
+//! solve. It must not know which scheme asks.
+
+use vi_core::System;
+
+use crate::assemble::evaluator::Forces;
+use crate::vectors;
+
+/// Stencils evaluated at once.
+const BATCH: usize = 256;
+
+/// Can the body be at rest? Only then is it worth to look at the forces: it has never moved (no step
+/// was made, or the last one without acceleration) and does not move.
+pub(crate) fn may_be_at_rest(twice_kinetic: f64, last_acceleration: &[f64], steps: usize) -> bool {
+    twice_kinetic == 0.0
+        && (steps == 0 || vectors::max_abs(last_acceleration.len(), |k| last_acceleration[k]) == 0.0)
+}
+
+/// At the last configuration of `forces`: is the energy that the unbalanced force would give within a
+/// stage of coefficient c (s²), with a margin since A ≥ M, below tolerance² of what the forces in
+/// play would give one by one?
+///
+/// c Σ g²/m ≤ ε² c Σ (Σ_s |g_s|)²/m over the free coordinates, g_s the gradient of stencil s.
+pub(crate) fn is_at_rest(system: &System, forces: &Forces, tolerance: f64) -> bool {
+    let (gradient, mass, free) = (forces.gradient(), system.free_mass(), system.coordinates().free());
+    let unbalanced = vectors::sum(free.len(), |k| {
+        let g = gradient[free[k] as usize];
+        g * g / mass[k]
+    });
+    if unbalanced == 0.0 {
+        return true;
+    }
+    let in_play = magnitudes(system, forces.positions(), forces.time());
+    let total = vectors::sum(free.len(), |k| in_play[free[k] as usize].powi(2) / mass[k]);
+    unbalanced <= tolerance * tolerance * total
+}
+
+/// Σ_s |∂V_s/∂x_i| of every coordinate, N.
+fn magnitudes(system: &System, x: &[f64], t: f64) -> Vec<f64> {
+    let mut total = vec![0.0; x.len()];
+    let mut blocks = Vec::new();
+    for term in system.potentials() {
+        let stencils = term.stencils();
+        let (count, size) = (stencils.count(), stencils.size());
+        for first in (0..count).step_by(BATCH) {
+            let range = first..count.min(first + BATCH);
+            blocks.resize(range.len() * size, 0.0);
+            term.gradients(range.clone(), x, t, &mut blocks);
+            for (stencil, block) in range.zip(blocks.chunks_exact(size)) {
+                for (k, value) in block.iter().enumerate() {
+                    let node = stencils.of(stencil)[k / stencils.block] as usize;
+                    total[node * stencils.block + k % stencils.block] += value.abs();
+                }
+            }
+        }
+    }
+    for (node, terms) in system.coordinates().combinations() {
+        for &(k, weight) in terms {
+            for axis in 0..3 {
+                total[3 * k as usize + axis] += weight.abs() * total[3 * node as usize + axis];
+            }
+        }
+    }
+    for own in system.coordinates().node_axes() {
+        let of_node = &mut total[3 * own.node as usize..][..3];
+        let values = [of_node[0], of_node[1], of_node[2]];
+        for (out, e) in of_node.iter_mut().zip(&own.axes) {
+            *out = (0..3).map(|i| e[i].abs() * values[i]).sum();
+        }
+    }
+    total
+}

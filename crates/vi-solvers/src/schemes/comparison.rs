@@ -1,0 +1,15 @@
+//! Integrators that are not variational, for comparison runs only: they gain or lose energy by
+//! themselves, and the ledger shows it as the scheme's part.
+
+mod backward_euler;
+mod bdf2;
+mod carried;
+mod forward_euler;
+mod generalized_alpha;
+mod newmark;
+
+pub(crate) use backward_euler::BackwardEuler;
+pub(crate) use bdf2::Bdf2;
+pub(crate) use forward_euler::ForwardEuler;
+pub(crate) use generalized_alpha::GeneralizedAlpha;
+pub(crate) use newmark::Newmark;

@@ -1,0 +1,24 @@
+//! Implicit Euler: û = q₀ + h v₀, c = h². Order 1; the phase area shrinks by 1/(1 + z²) a step.
+//! It must not know how the stage is solved.
+
+use crate::schemes::one_stage::rule::Rule;
+
+pub(crate) struct BackwardEuler;
+
+impl Rule for BackwardEuler {
+    fn name(&self) -> &'static str {
+        "backward-euler"
+    }
+    fn coefficient(&self, h: f64) -> f64 {
+        h * h
+    }
+    fn time(&self) -> f64 {
+        1.0
+    }
+    fn offset(&self, _k: usize, v: f64, h: f64) -> f64 {
+        h * v
+    }
+    fn change(&self, _k: usize, v: f64, w: f64, h: f64) -> (f64, f64) {
+        (h * v + w, w / h)
+    }
+}

@@ -1,0 +1,73 @@
+//! What Newmark and generalised-α carry from step to step: the acceleration.
+
+use vi_core::{State, System};
+
+use crate::assemble::evaluator::Forces;
+use crate::assemble::inertia::Inertia;
+use crate::error::SolverError;
+use crate::memory::StepperMemory;
+
+/// Is `state` where the last step ended? Its time may differ in the last bits.
+pub(super) fn continues(last: &State, state: &State, h: f64) -> bool {
+    (last.t - state.t).abs() <= 1e-6 * h && last.q == state.q && last.p == state.p
+}
+
+/// The acceleration that Newmark's family carries from step to step, with the state it belongs to.
+#[derive(Default)]
+pub(super) struct CarriedAcceleration {
+    state: Option<State>,
+    pub(super) a: Vec<f64>,
+}
+
+impl CarriedAcceleration {
+    /// At a state where no step has ended, M⁻¹ (f − ∂V/∂q).
+    pub(super) fn open(
+        &mut self,
+        system: &System,
+        forces: &mut Forces,
+        inertia: &Inertia,
+        state: &State,
+        h: f64,
+    ) -> Result<(), SolverError> {
+        if self.state.as_ref().is_some_and(|last| continues(last, state, h)) {
+            return Ok(());
+        }
+        if forces.has_nonconservative() {
+            let v = inertia.velocity(system, &state.p);
+            let q_dot: Vec<f64> = (0..state.p.len()).map(|k| v.at(k)).collect();
+            forces.set_velocities(system, &q_dot, state.t, 0.0);
+        }
+        forces.evaluate(system, &state.q, state.t, true)?;
+        let gradient = forces.gradient();
+        self.a.clear();
+        self.a.extend(system.coordinates().free().iter().map(|&dof| -gradient[dof as usize]));
+        inertia.divide(system, &mut self.a, &mut forces.work);
+        self.state = Some(state.clone());
+        Ok(())
+    }
+
+    pub(super) fn close(&mut self, after: &State, next: impl Fn(usize, f64) -> f64) {
+        for (k, a) in self.a.iter_mut().enumerate() {
+            *a = next(k, *a);
+        }
+        self.state = Some(after.clone());
+    }
+
+    pub(super) fn remember(&self, memory: &mut StepperMemory) {
+        if let Some(State { t, q, p }) = &self.state {
+            memory.arrays.push(("carried.t".into(), vec![*t]));
+            memory.arrays.push(("carried.q".into(), q.clone()));
+            memory.arrays.push(("carried.p".into(), p.clone()));
+            memory.arrays.push(("carried.a".into(), self.a.clone()));
+        }
+    }
+
+    pub(super) fn restore(&mut self, memory: &StepperMemory) {
+        *self = Self::default();
+        let arrays = ["carried.t", "carried.q", "carried.p", "carried.a"].map(|name| memory.array(name));
+        if let [Ok(&[t]), Ok(q), Ok(p), Ok(a)] = arrays {
+            self.state = Some(State { t, q: q.to_vec(), p: p.to_vec() });
+            self.a = a.to_vec();
+        }
+    }
+}

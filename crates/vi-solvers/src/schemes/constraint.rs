@@ -1,0 +1,5 @@
+//! Constraints in a time step: projections onto their manifold, and the multipliers of an implicit step.
+
+pub(crate) mod manifold;
+pub(crate) mod multipliers;
+mod units;

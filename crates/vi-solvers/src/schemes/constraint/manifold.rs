@@ -1,0 +1,451 @@
+//! The surface g(x) = 0 that the constraints of a system leave, as steppers need it: positions are put
+//! on it and momenta made tangent to it, both to round-off, by multipliers.
+//!
+//! Constraints that share free coordinates form a cluster (a rigid body, a mechanism), whose Jacobian G
+//! is a small dense matrix over the few coordinates that it reads; the lumped mass is diagonal. So the
+//! cost is that of the clusters and not of the bodies attached to them. Constraints that depend on each
+//! other where the cluster is first met (closed loops) are solved in the sense of least multipliers.
+//! Constraints have different dimensions (a distance in m², a perpendicularity in 1), so that S = G M⁻¹ Gᵀ is
+//! judged and solved in units of its own rows ([`Units`]). This room must not know a scheme, nor what the
+//! constraints are for.
+
+use nalgebra::{DMatrix, DVector};
+use vi_core::System;
+use vi_core::constraints::QuadraticConstraint;
+
+use crate::error::SolverError;
+use crate::index::NONE;
+use crate::schemes::constraint::units::Units;
+
+/// Iterations for the multipliers before a step is given up.
+const MAX_ITERATIONS: u32 = 50;
+/// A defect below this many units of its round-off is none.
+const NOISE: f64 = 4.0;
+
+/// Constraints that share free coordinates, on coordinates numbered from 0.
+struct Cluster {
+    constraints: Vec<QuadraticConstraint>,
+    /// The coordinates x_i that it reads.
+    dofs: Vec<u32>,
+    /// Their free coordinates, or [`NONE`] where they are prescribed.
+    free: Vec<u32>,
+    /// Which of its nodes are directors, whose coordinates are no lengths.
+    is_director: Vec<bool>,
+    /// Of the free ones; zero of the others.
+    inverse_mass: DVector<f64>,
+    /// Where the coordinates are.
+    y: Vec<f64>,
+    /// G where the step takes its multipliers' directions from.
+    normal: DMatrix<f64>,
+    /// Of N M⁻¹ Nᵀ with these directions N.
+    units: Units,
+    /// Do its constraints depend on each other?
+    is_redundant: bool,
+}
+
+impl Cluster {
+    fn new(system: &System, members: &[&QuadraticConstraint], free_of: &[u32]) -> Self {
+        let mut nodes: Vec<u32> = members.iter().flat_map(|constraint| constraint.nodes()).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        // A node that is not there has no number; constraints were resolved against the coordinates.
+        let number = |node: u32| nodes.binary_search(&node).unwrap_or(0) as u32;
+        let dofs: Vec<u32> = nodes.iter().flat_map(|&node| 3 * node..3 * node + 3).collect();
+        let free: Vec<u32> = dofs.iter().map(|&dof| free_of[dof as usize]).collect();
+        let mass = system.free_mass();
+        let inverse = |&k: &u32| if k == NONE { 0.0 } else { 1.0 / mass[k as usize] };
+        Self {
+            constraints: members.iter().map(|constraint| constraint.renumbered(number)).collect(),
+            is_director: nodes.iter().map(|&node| system.coordinates().is_director(node)).collect(),
+            inverse_mass: DVector::from_iterator(free.len(), free.iter().map(inverse)),
+            y: vec![0.0; dofs.len()],
+            normal: DMatrix::zeros(members.len(), dofs.len()),
+            units: Units::of(&DVector::from_element(members.len(), 1.0)),
+            is_redundant: false,
+            dofs,
+            free,
+        }
+    }
+
+    /// Goes to q; prescribed coordinates are read from `x`.
+    fn place(&mut self, q: &[f64], x: &[f64]) {
+        for (k, y) in self.y.iter_mut().enumerate() {
+            *y = if self.free[k] == NONE { x[self.dofs[k] as usize] } else { q[self.free[k] as usize] };
+        }
+    }
+
+    /// G here, m × coordinates.
+    fn jacobian(&self) -> DMatrix<f64> {
+        let mut transposed = DMatrix::zeros(self.dofs.len(), self.constraints.len());
+        let columns = transposed.as_mut_slice().chunks_exact_mut(self.dofs.len());
+        for (constraint, column) in self.constraints.iter().zip(columns) {
+            constraint.add_gradient(&self.y, 1.0, column);
+        }
+        transposed.transpose()
+    }
+
+    /// g here.
+    fn defect(&self) -> DVector<f64> {
+        DVector::from_iterator(self.constraints.len(), self.constraints.iter().map(|c| c.value(&self.y)))
+    }
+
+    /// The largest |g| in units of its round-off, and its constraint.
+    fn worst(&self, defect: &DVector<f64>) -> (f64, usize) {
+        // Coordinates near zero come from sums of others: all points are as good as the farthest of them, and
+        // all directors as the longest.
+        let mut size = [0.0_f64; 2];
+        for (node, y) in self.y.chunks_exact(3).enumerate() {
+            let size = &mut size[usize::from(self.is_director[node])];
+            *size = y.iter().fold(*size, |size, y| size.max(y.abs()));
+        }
+        let of_node = |node: u32| size[usize::from(self.is_director[node as usize])];
+        let sizes = self.constraints.iter().map(|c| f64::EPSILON * c.magnitude(&self.y, of_node));
+        let relative = defect.iter().zip(sizes).map(|(g, size)| if *g == 0.0 { 0.0 } else { g.abs() / size });
+        relative.enumerate().fold((0.0, 0), |worst, (k, value)| {
+            if value > worst.0 || value.is_nan() { (value, k) } else { worst }
+        })
+    }
+
+    /// G M⁻¹ Nᵀ.
+    fn metric(&self, g: &DMatrix<f64>, normal: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut weighted = normal.transpose();
+        for (mut row, inverse) in weighted.row_iter_mut().zip(&self.inverse_mass) {
+            row *= *inverse;
+        }
+        g * weighted
+    }
+
+    /// Solves S λ = r.
+    fn solve(&self, matrix: DMatrix<f64>, rhs: &DVector<f64>) -> Option<DVector<f64>> {
+        self.units.solve(matrix, rhs, self.is_redundant)
+    }
+
+    fn failure(&self, constraint: usize, iterations: u32, defect: f64) -> SolverError {
+        let constraint = self.constraints[constraint].name().to_owned();
+        SolverError::Surface { constraint, iterations, defect }
+    }
+}
+
+/// All clusters of a system.
+pub(crate) struct Surface {
+    clusters: Vec<Cluster>,
+    /// Does any read prescribed coordinates? Then `x` holds all coordinates.
+    reads_prescribed: bool,
+    x: Vec<f64>,
+    x_dot: Vec<f64>,
+    is_ranked: bool,
+}
+
+impl Surface {
+    /// None where the system has no constraints.
+    pub(crate) fn new(system: &System) -> Option<Self> {
+        if system.constraints().is_empty() {
+            return None;
+        }
+        let count = system.coordinates().dof_count();
+        let mut free_of = vec![NONE; count];
+        for (k, &dof) in system.coordinates().free().iter().enumerate() {
+            free_of[dof as usize] = k as u32;
+        }
+        let clusters: Vec<Cluster> = clusters(system, &free_of)
+            .iter()
+            .map(|members| Cluster::new(system, members, &free_of))
+            .collect();
+        let reads_prescribed = clusters.iter().any(|cluster| cluster.free.contains(&NONE));
+        let length = if reads_prescribed { count } else { 0 };
+        let (x, x_dot) = (vec![0.0; length], vec![0.0; length]);
+        Some(Self { clusters, reads_prescribed, x, x_dot, is_ranked: false })
+    }
+
+    /// How many multipliers there are.
+    pub(crate) fn multiplier_count(&self) -> usize {
+        self.clusters.iter().map(|cluster| cluster.constraints.len()).sum()
+    }
+
+    fn place(&mut self, system: &System, q: &[f64], t: f64) {
+        if self.reads_prescribed {
+            system.coordinates().embed(q, t, &mut self.x);
+        }
+        for cluster in &mut self.clusters {
+            cluster.place(q, &self.x);
+        }
+    }
+
+    /// Takes the directions of the multipliers at (q, t).
+    pub(crate) fn direct(&mut self, system: &System, q: &[f64], t: f64) {
+        self.place(system, q, t);
+        if self.reads_prescribed {
+            // Only the prescribed entries are read.
+            system.coordinates().embed_velocity(q, t, &mut self.x_dot);
+        }
+        for cluster in &mut self.clusters {
+            cluster.normal = cluster.jacobian();
+            let metric = cluster.metric(&cluster.normal, &cluster.normal);
+            cluster.units = Units::of(&metric.diagonal());
+            if !self.is_ranked {
+                cluster.is_redundant = cluster.units.are_dependent(metric);
+            }
+        }
+        self.is_ranked = true;
+    }
+
+    /// out_k += scale (Gᵀλ)_k with the directions taken.
+    pub(crate) fn add_force(&self, lambda: &[f64], scale: f64, out: &mut [f64]) {
+        let mut first = 0;
+        for cluster in &self.clusters {
+            let m = cluster.constraints.len();
+            for (k, &free) in cluster.free.iter().enumerate().filter(|(_, free)| **free != NONE) {
+                let sum: f64 = (0..m).map(|i| cluster.normal[(i, k)] * lambda[first + i]).sum();
+                out[free as usize] += scale * sum;
+            }
+            first += m;
+        }
+    }
+
+    /// λᵀN d over prescribed coordinates with the directions N taken: the work of whoever moves them
+    /// along d against multipliers λ, J.
+    pub(crate) fn prescribed_work(&self, lambda: &[f64], d: &[f64]) -> f64 {
+        if !self.reads_prescribed {
+            return 0.0;
+        }
+        let (mut first, mut work) = (0, 0.0);
+        for cluster in &self.clusters {
+            let m = cluster.constraints.len();
+            work += cluster.prescribed_work(&cluster.normal, &lambda[first..first + m], d);
+            first += m;
+        }
+        work
+    }
+
+    /// The same for impulses where the directions were taken, with the velocities there.
+    pub(crate) fn impulse_work(&self, lambda: &[f64]) -> f64 {
+        self.prescribed_work(lambda, &self.x_dot)
+    }
+
+    /// Columns Nᵀe_i as free vectors, for all multipliers.
+    pub(crate) fn direction(&self, multiplier: usize, out: &mut [f64]) {
+        out.fill(0.0);
+        let mut unit = vec![0.0; self.multiplier_count()];
+        unit[multiplier] = 1.0;
+        self.add_force(&unit, 1.0, out);
+    }
+
+    /// g and G at (q, t), one after another in the order of the multipliers: (g, G as free entries).
+    pub(crate) fn linearize(&mut self, system: &System, q: &[f64], t: f64) -> (DVector<f64>, Vec<Row>) {
+        self.place(system, q, t);
+        let mut defects = Vec::with_capacity(self.multiplier_count());
+        let mut rows = Vec::with_capacity(self.multiplier_count());
+        for cluster in &self.clusters {
+            defects.extend_from_slice(cluster.defect().as_slice());
+            let g = cluster.jacobian();
+            for i in 0..cluster.constraints.len() {
+                let entries = cluster.free.iter().enumerate().filter(|(_, free)| **free != NONE);
+                rows.push(entries.map(|(k, &free)| (free, g[(i, k)])).collect());
+            }
+        }
+        (DVector::from_vec(defects), rows)
+    }
+
+    /// Are the constraints of any cluster dependent on each other?
+    pub(crate) fn is_redundant(&self) -> bool {
+        self.clusters.iter().any(|cluster| cluster.is_redundant)
+    }
+
+    /// Puts q on the surface at time t by impulses along the directions taken: p −= Nᵀλ and
+    /// q −= drift M⁻¹Nᵀλ with g(q) = 0. Adds λ to `lambda`, and returns the change of ½ pᵀM⁻¹p, J.
+    ///
+    /// # Errors
+    /// [`SolverError::Surface`] where it is not reached.
+    pub(crate) fn reach(
+        &mut self,
+        system: &System,
+        q: &mut [f64],
+        p: &mut [f64],
+        t: f64,
+        drift: f64,
+        lambda: &mut [f64],
+    ) -> Result<f64, SolverError> {
+        if self.reads_prescribed {
+            system.coordinates().embed(q, t, &mut self.x);
+        }
+        let (mut change, mut first) = (0.0, 0);
+        for cluster in &mut self.clusters {
+            let m = cluster.constraints.len();
+            let mut total = DVector::zeros(m);
+            let (mut previous, mut iterations) = (f64::INFINITY, 0);
+            loop {
+                cluster.place(q, &self.x);
+                let defect = cluster.defect();
+                let (worst, which) = cluster.worst(&defect);
+                // On the surface, or as near as round-off allows.
+                if worst <= NOISE || (worst < 1e4 && worst >= 0.5 * previous) {
+                    break;
+                }
+                if !worst.is_finite() || iterations >= MAX_ITERATIONS {
+                    return Err(cluster.failure(which, iterations, defect[which]));
+                }
+                (previous, iterations) = (worst, iterations + 1);
+                let matrix = cluster.metric(&cluster.jacobian(), &cluster.normal) * drift;
+                let step = cluster.solve(matrix, &defect);
+                let step = step.ok_or_else(|| cluster.failure(which, iterations, defect[which]))?;
+                let impulse = cluster.normal.tr_mul(&step);
+                for (k, &free) in cluster.free.iter().enumerate().filter(|(_, free)| **free != NONE) {
+                    q[free as usize] -= drift * cluster.inverse_mass[k] * impulse[k];
+                }
+                total += step;
+            }
+            change += cluster.kick(&cluster.normal.tr_mul(&total), p);
+            for (lambda, total) in lambda[first..first + m].iter_mut().zip(&total) {
+                *lambda += total;
+            }
+            first += m;
+        }
+        Ok(change)
+    }
+
+    /// Makes p tangent at (q, t), G M⁻¹p + G ẋ_prescribed = 0, by impulses along G; returns the change of
+    /// ½ pᵀM⁻¹p and the work of prescribed motion, J.
+    ///
+    /// # Errors
+    /// [`SolverError::Surface`] where constraints that did not depend on each other do so here.
+    pub(crate) fn flatten(
+        &mut self,
+        system: &System,
+        q: &[f64],
+        p: &mut [f64],
+        t: f64,
+    ) -> Result<[f64; 2], SolverError> {
+        self.place(system, q, t);
+        if self.reads_prescribed {
+            // Only the prescribed entries are read.
+            system.coordinates().embed_velocity(p, t, &mut self.x_dot);
+        }
+        let (mut change, mut work) = (0.0, 0.0);
+        for cluster in &self.clusters {
+            let g = cluster.jacobian();
+            // Twice, so that the round-off of the first is projected too.
+            for _ in 0..2 {
+                let velocity = DVector::from_iterator(
+                    cluster.free.len(),
+                    cluster.free.iter().enumerate().map(|(k, &free)| match free {
+                        NONE => self.x_dot[cluster.dofs[k] as usize],
+                        free => cluster.inverse_mass[k] * p[free as usize],
+                    }),
+                );
+                let rate = &g * velocity;
+                let step = cluster.solve(cluster.metric(&g, &g), &rate);
+                let step = step.ok_or_else(|| cluster.failure(0, 0, rate.amax()))?;
+                change += cluster.kick(&g.tr_mul(&step), p);
+                if self.reads_prescribed {
+                    work += cluster.prescribed_work(&g, step.as_slice(), &self.x_dot);
+                }
+            }
+        }
+        Ok([change, work])
+    }
+}
+
+/// A row of G on the free coordinates: (coordinate, value).
+pub(crate) type Row = Vec<(u32, f64)>;
+
+impl Cluster {
+    /// λᵀG d over its prescribed coordinates.
+    fn prescribed_work(&self, g: &DMatrix<f64>, lambda: &[f64], d: &[f64]) -> f64 {
+        let mut work = 0.0;
+        for (k, _) in self.free.iter().enumerate().filter(|(_, free)| **free == NONE) {
+            let sum: f64 = lambda.iter().enumerate().map(|(i, lambda)| g[(i, k)] * lambda).sum();
+            work += sum * d[self.dofs[k] as usize];
+        }
+        work
+    }
+
+    /// p −= impulse; returns the change of ½ pᵀM⁻¹p.
+    fn kick(&self, impulse: &DVector<f64>, p: &mut [f64]) -> f64 {
+        let mut change = 0.0;
+        for (k, &free) in self.free.iter().enumerate().filter(|(_, free)| **free != NONE) {
+            let before = p[free as usize];
+            p[free as usize] -= impulse[k];
+            change -= impulse[k] * (before - 0.5 * impulse[k]) * self.inverse_mass[k];
+        }
+        change
+    }
+}
+
+/// The constraints by cluster, both in the order of the system.
+fn clusters<'a>(system: &'a System, free_of: &[u32]) -> Vec<Vec<&'a QuadraticConstraint>> {
+    let constraints = system.constraints();
+    let mut label: Vec<usize> = (0..constraints.len()).collect();
+    let mut first_of = std::collections::BTreeMap::new();
+    for (i, constraint) in constraints.iter().enumerate() {
+        let free_nodes: Vec<u32> = constraint
+            .nodes()
+            .filter(|&node| (0..3).any(|k| free_of[3 * node as usize + k] != NONE))
+            .collect();
+        for node in free_nodes {
+            let other = label[*first_of.entry(node).or_insert(i)];
+            let (keep, drop) = (other.min(label[i]), other.max(label[i]));
+            if keep != drop {
+                label.iter_mut().filter(|l| **l == drop).for_each(|l| *l = keep);
+            }
+        }
+    }
+    let mut order = label.clone();
+    order.sort_unstable();
+    order.dedup();
+    let members = |cluster: usize| {
+        constraints.iter().zip(&label).filter(move |(_, l)| **l == cluster).map(|(constraint, _)| constraint)
+    };
+    order.into_iter().map(|cluster| members(cluster).collect()).collect()
+}
+
+/// Makes the momenta of `state` tangent to the constraints, by impulses of theirs: how a run begins.
+/// Returns the change of the velocities over the velocities, both in the norm of the mass.
+///
+/// # Errors
+/// [`SolverError::Surface`] where the state is not on the surface to 1e-9 of what the constraints add up.
+pub fn make_tangent(system: &System, state: &mut vi_core::State) -> Result<f64, SolverError> {
+    let Some(mut surface) = Surface::new(system) else { return Ok(0.0) };
+    surface.direct(system, &state.q, state.t);
+    for cluster in &surface.clusters {
+        let defect = cluster.defect();
+        let (worst, which) = cluster.worst(&defect);
+        if worst > 1e-9 / f64::EPSILON {
+            return Err(cluster.failure(which, 0, defect[which]));
+        }
+    }
+    let before = state.p.clone();
+    surface.flatten(system, &state.q, &mut state.p, state.t)?;
+    let square = |p: &dyn Fn(usize) -> f64| -> f64 {
+        system.free_mass().iter().enumerate().map(|(k, mass)| p(k) * p(k) / mass).sum()
+    };
+    let change = square(&|k| state.p[k] - before[k]);
+    Ok(if change == 0.0 { 0.0 } else { (change / square(&|k| before[k]).max(change)).sqrt() })
+}
+
+/// Adds to accelerations of all coordinates what keeps them on the constraints, with velocities `v` of all:
+/// a −= M⁻¹Gᵀμ with G a + γ = 0, γ = g(x + v) − 2 g(x) + g(x − v) for quadratic g. Where constraints
+/// depend on each other against expectation, nothing is added.
+pub(crate) fn constrain_accelerations(system: &System, state: &vi_core::State, v: &[f64], a: &mut [f64]) {
+    let Some(mut surface) = Surface::new(system) else { return };
+    surface.direct(system, &state.q, state.t);
+    for cluster in &surface.clusters {
+        let local = |values: &[f64]| -> DVector<f64> {
+            DVector::from_iterator(cluster.dofs.len(), cluster.dofs.iter().map(|&dof| values[dof as usize]))
+        };
+        let (y, v) = (DVector::from_column_slice(&cluster.y), local(v));
+        let (ahead, behind) = (&y + &v, &y - &v);
+        let bend = DVector::from_iterator(
+            cluster.constraints.len(),
+            cluster.constraints.iter().map(|g| {
+                g.value(ahead.as_slice()) + g.value(behind.as_slice()) - 2.0 * g.value(y.as_slice())
+            }),
+        );
+        let rate = &cluster.normal * local(a) + bend;
+        if let Some(mu) = cluster.solve(cluster.metric(&cluster.normal, &cluster.normal), &rate) {
+            let force = cluster.normal.tr_mul(&mu);
+            for (k, &dof) in cluster.dofs.iter().enumerate() {
+                a[dof as usize] -= cluster.inverse_mass[k] * force[k];
+            }
+        }
+    }
+}

@@ -1,0 +1,211 @@
+//! The multipliers of a constrained midpoint step, beside the unknowns of its stage:
+//! ```text
+//! M w + c (∂V/∂q(û + w) + Nᵀℓ) = 0,   g(q₁) = 0,   q₁ = q₀ + 2 (û − q₀ + w),   c = h²/4
+//! ```
+//! with forces ℓ of constraint and their directions N = ∂g/∂q at the start (variational: then
+//! p₁ = p₀ + (4/h) M w + (h/2) Nᵀℓ − G₁ᵀμ with μ from G₁ M⁻¹ p₁ = 0) or at the stage (keeps energy:
+//! p₁ = p₀ + (4/h) M w). Newton's method eliminates ℓ: with A ≈ M + cK, y = −A⁻¹R and Z = A⁻¹Nᵀ,
+//! ```text
+//! 2c G₁ Z Δℓ = g(q₁) + 2 G₁ y,   δ = y − c Z Δℓ.
+//! ```
+//! Z costs one solve a multiplier and is made once a step and factor. ℓ + Δℓ and δ depend on w alone and not
+//! on the ℓ in R: so w is all that Newton's method and its accelerations need to know. When the stage is solved to its
+//! tolerance, q₁ is put on the surface to round-off along M⁻¹Nᵀ. This room must not know what the
+//! constraints are, nor how A is factored.
+
+use nalgebra::{DMatrix, DVector};
+use vi_core::{State, System};
+
+use crate::assemble::evaluator::Forces;
+use crate::error::SolverError;
+use crate::newton::inverse::Inverse;
+use crate::schemes::constraint::manifold::{Row, Surface};
+use crate::schemes::constraint::units::Units;
+use crate::schemes::one_stage::rule::Multipliers;
+
+pub(crate) struct Constrained {
+    surface: Surface,
+    multipliers: Multipliers,
+    /// ℓ of the last step that was made.
+    last: Vec<f64>,
+    /// ℓ of the last correction.
+    forces: Vec<f64>,
+    /// A δ of the last correction.
+    load: Vec<f64>,
+    h: f64,
+    end_t: f64,
+    /// g and G at the end of the step, of the last evaluation.
+    defect: DVector<f64>,
+    rows: Vec<Row>,
+    /// Work of prescribed motion against the impulses at both ends of the last step, J.
+    end_work: f64,
+    /// Z by columns, and of which factor and step it is.
+    z: Vec<f64>,
+    z_is_of: Option<u64>,
+    q_end: Vec<f64>,
+    p_scratch: Vec<f64>,
+}
+
+impl Constrained {
+    /// None where the system has no constraints.
+    pub(crate) fn new(system: &System, multipliers: Multipliers) -> Option<Self> {
+        let surface = Surface::new(system)?;
+        let (m, n) = (surface.multiplier_count(), system.coordinates().free_count());
+        Some(Self {
+            surface,
+            multipliers,
+            last: vec![0.0; m],
+            forces: vec![0.0; m],
+            load: vec![0.0; n],
+            h: 0.0,
+            end_t: 0.0,
+            defect: DVector::zeros(m),
+            rows: Vec::new(),
+            end_work: 0.0,
+            z: Vec::new(),
+            z_is_of: None,
+            q_end: vec![0.0; n],
+            p_scratch: vec![0.0; n],
+        })
+    }
+
+    /// ℓ of the last step, from which the next begins.
+    pub(crate) fn multipliers(&self) -> &[f64] {
+        &self.last
+    }
+
+    pub(crate) fn restore(&mut self, multipliers: &[f64]) -> Result<(), SolverError> {
+        if multipliers.len() != self.last.len() {
+            return Err(SolverError::Memory { missing: "stage.multipliers" });
+        }
+        self.last.copy_from_slice(multipliers);
+        Ok(())
+    }
+
+    pub(crate) fn open(&mut self, system: &System, state: &State, h: f64) {
+        (self.h, self.end_t) = (h, state.t + h);
+        self.surface.direct(system, &state.q, state.t);
+        self.z_is_of = None;
+        self.forces.copy_from_slice(&self.last);
+    }
+
+    /// Adds Nᵀℓ to what is added to ∂V/∂q at stage (q, t), and looks at the end of the step.
+    pub(crate) fn evaluate(
+        &mut self,
+        system: &System,
+        q: &[f64],
+        t: f64,
+        end: impl Fn(usize) -> f64,
+        added: &mut [f64],
+    ) {
+        if self.multipliers == Multipliers::Middle {
+            self.surface.direct(system, q, t);
+        }
+        self.surface.add_force(&self.forces, 1.0, added);
+        self.q_end.iter_mut().enumerate().for_each(|(k, q)| *q = end(k));
+        (self.defect, self.rows) = self.surface.linearize(system, &self.q_end, self.end_t);
+    }
+
+    /// From y in `correction` to δ; returns its energy δᵀAδ/c.
+    pub(crate) fn correct(
+        &mut self,
+        c: f64,
+        inverse: &mut Inverse,
+        forces: &mut Forces,
+        residual: &[f64],
+        correction: &mut [f64],
+    ) -> Result<f64, SolverError> {
+        let (m, n) = (self.forces.len(), correction.len());
+        self.refresh(inverse, forces, n)?;
+        let along = |row: &Row, v: &[f64]| row.iter().map(|&(k, g)| g * v[k as usize]).sum::<f64>();
+        let rhs = DVector::from_fn(m, |i, _| self.defect[i] + 2.0 * along(&self.rows[i], correction));
+        let matrix =
+            DMatrix::from_fn(m, m, |i, j| 2.0 * c * along(&self.rows[i], &self.z[j * n..(j + 1) * n]));
+        let units = Units::of(&matrix.diagonal().map(f64::abs));
+        let solved = units.solve(matrix, &rhs, self.surface.is_redundant());
+        // Dependent constraints are named by the surface when the step's end is put on it.
+        let step = solved.unwrap_or_else(|| DVector::zeros(m));
+        // A δ = −R − c NᵀΔℓ.
+        self.load.copy_from_slice(residual);
+        self.surface.add_force(step.as_slice(), -c, &mut self.load);
+        for (j, change) in step.iter().enumerate() {
+            let column = &self.z[j * n..(j + 1) * n];
+            for (value, z) in correction.iter_mut().zip(column) {
+                *value -= c * change * z;
+            }
+        }
+        self.forces.iter_mut().zip(&step).for_each(|(force, change)| *force += change);
+        Ok(self.load.iter().zip(&*correction).map(|(r, d)| r * d).sum::<f64>() / c)
+    }
+
+    /// Makes Z where the factor is another than it was made with.
+    fn refresh(&mut self, inverse: &mut Inverse, forces: &mut Forces, n: usize) -> Result<(), SolverError> {
+        let factor = forces.work.factorizations;
+        if self.z_is_of == Some(factor) {
+            return Ok(());
+        }
+        self.z.resize(n * self.forces.len(), 0.0);
+        for (j, column) in self.z.chunks_exact_mut(n).enumerate() {
+            self.surface.direction(j, column);
+            inverse.apply(forces, column)?;
+        }
+        self.z_is_of = Some(factor);
+        Ok(())
+    }
+
+    /// A δ of the last correction.
+    pub(crate) fn load(&self) -> &[f64] {
+        &self.load
+    }
+
+    /// Puts the end of the step on the surface by a change of w along M⁻¹Nᵀ, and of ℓ with it.
+    pub(crate) fn reach(
+        &mut self,
+        system: &System,
+        end: impl Fn(usize, f64) -> f64,
+        w: &mut [f64],
+        t: f64,
+    ) -> Result<(), SolverError> {
+        // Impulses p −= Nᵀλ, q₁ −= h M⁻¹Nᵀλ are w −= (h/2) M⁻¹Nᵀλ, ℓ += (2/h) λ.
+        let mass = system.free_mass();
+        self.q_end.iter_mut().enumerate().for_each(|(k, q)| *q = end(k, w[k]));
+        self.p_scratch.fill(0.0);
+        let mut impulses = vec![0.0; self.forces.len()];
+        let (q, p) = (&mut self.q_end, &mut self.p_scratch);
+        self.surface.reach(system, q, p, t, self.h, &mut impulses)?;
+        for (k, w) in w.iter_mut().enumerate() {
+            if self.p_scratch[k] != 0.0 {
+                *w += 0.5 * self.h * self.p_scratch[k] / mass[k];
+            }
+        }
+        for (force, impulse) in self.forces.iter_mut().zip(&impulses) {
+            *force += 2.0 / self.h * impulse;
+        }
+        Ok(())
+    }
+
+    /// The momentum at the end (q, t) from p₀ + (4/h) M w.
+    pub(crate) fn close(
+        &mut self,
+        system: &System,
+        q: &[f64],
+        p: &mut [f64],
+        t: f64,
+    ) -> Result<(), SolverError> {
+        if self.multipliers == Multipliers::Ends {
+            self.surface.add_force(&self.forces, 0.5 * self.h, p);
+            self.end_work = 0.5 * self.h * self.surface.impulse_work(&self.forces);
+            self.end_work += self.surface.flatten(system, q, p, t)?[1];
+        }
+        self.last.copy_from_slice(&self.forces);
+        Ok(())
+    }
+
+    /// Work of prescribed motion through the multipliers along Δx of all coordinates, J.
+    pub(crate) fn prescribed_work(&self, along: &[f64]) -> f64 {
+        match self.multipliers {
+            Multipliers::Ends => self.end_work,
+            Multipliers::Middle => self.surface.prescribed_work(&self.forces, along),
+        }
+    }
+}

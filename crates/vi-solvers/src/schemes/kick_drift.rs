@@ -1,0 +1,444 @@
+//! All explicit variational schemes as one kernel: kicks p −= b h ∂V/∂q and drifts q += a h M⁻¹p in
+//! turn, b₀ a₁ b₁ … aₙ bₙ. Time advances with the drifts, so that prescribed motion is read at the
+//! time of each kick. No Hessian is ever made here, and this room must not know a linear solver.
+//!
+//! Forces that no potential gives join the kicks, p += b h (f(q, v) − ∂V/∂q). Those that depend on
+//! velocity are read at the velocity before the kick, and in the closing kick of a symmetric scheme at
+//! one predicted by that reading (Heun): Störmer–Verlet keeps order 2, the Euler schemes order 1. In
+//! the ledger their work is f·v̄, v̄ being the mean of the velocities before and after the kick.
+//!
+//! Where there are constraints, each drift puts q on their surface by multipliers along their gradients
+//! at its start and the step ends with p tangent: RATTLE for Störmer–Verlet (`surface.rs`).
+
+mod collisions;
+pub(crate) mod splitting;
+
+use vi_core::{State, StepEnergy, System};
+
+use crate::assemble::evaluator::Forces;
+use crate::assemble::finite::{check_finite, check_state};
+use crate::assemble::force_sum::ForceSum;
+use crate::assemble::sweep::{Found, Sweep};
+use crate::error::SolverError;
+use crate::memory::{StepperMemory, expect_method};
+use crate::options::SolverOptions;
+use crate::schemes::accounts::{self, Potentials};
+use crate::schemes::constraint::manifold::Surface;
+use crate::schemes::kick_drift::collisions::Collisions;
+use crate::schemes::kick_drift::splitting::Splitting;
+use crate::schemes::stepper::{StepError, StepReport, Stepper};
+use crate::vectors;
+use crate::work::Work;
+
+/// The stepper of a list of coefficients.
+pub(crate) struct KickDrift {
+    name: &'static str,
+    coefficients: Splitting,
+    forces: Forces,
+    sweep: Sweep,
+    potentials: Potentials,
+    ledger: bool,
+    q: Vec<f64>,
+    p: Vec<f64>,
+    x_dot: Vec<f64>,
+    nonconservative: Option<ForceSum>,
+    /// f − ∂V/∂x of all coordinates where there are forces without a potential.
+    net: Vec<f64>,
+    /// Where there are constraints.
+    surface: Option<Surface>,
+    /// The multipliers' impulses of a drift, N s.
+    impulses: Vec<f64>,
+    /// Where there are live terms, and the scheme takes discrete gradients.
+    collisions: Option<Collisions>,
+}
+
+impl KickDrift {
+    pub(crate) fn new(
+        name: &'static str,
+        coefficients: Splitting,
+        system: &System,
+        options: &SolverOptions,
+    ) -> Result<Self, SolverError> {
+        let n = system.coordinates().free_count();
+        // A drift backwards in time would meet what the body has left.
+        let takes_discrete = coefficients.drifts.iter().all(|&drift| drift >= 0.0);
+        let collisions = if takes_discrete { Collisions::new(system, options)? } else { None };
+        let mut forces = Self::forces(system, collisions.is_some());
+        Ok(Self {
+            name,
+            coefficients,
+            sweep: Sweep::new(system, forces.assembler().gather()),
+            forces,
+            potentials: Potentials::new(),
+            ledger: options.ledger,
+            q: vec![0.0; n],
+            p: vec![0.0; n],
+            x_dot: Vec::new(),
+            nonconservative: ForceSum::new(system),
+            net: Vec::new(),
+            impulses: Vec::new(),
+            surface: Surface::new(system),
+            collisions,
+        })
+    }
+
+    fn forces(system: &System, takes_discrete: bool) -> Forces {
+        let forces = Forces::new(system);
+        if takes_discrete { forces.with_discrete_gradients() } else { forces }
+    }
+
+    /// Drifts from time t by `drift` (s), past what stands in the way; returns as [`KickDrift::kick_drift`].
+    fn drift_past(
+        &mut self,
+        system: &System,
+        t: f64,
+        drift: f64,
+        energy: &mut StepEnergy,
+    ) -> Result<f64, SolverError> {
+        let Some(collisions) = &mut self.collisions else { return Ok(0.0) };
+        match collisions.drift((&mut self.q, &mut self.p), t, drift, self.ledger)? {
+            None => Ok(self.kick_drift(system, t, 0.0, drift, energy)),
+            Some(drifted) => {
+                self.forces.work += drifted.work;
+                energy.prescribed += drifted.energy.prescribed;
+                energy.residual += drifted.energy.residual;
+                Ok(drifted.kinetic - drifted.energy.prescribed - drifted.energy.residual)
+            }
+        }
+    }
+
+    /// After a drift to time t, with the directions of the multipliers from its start: puts q on the
+    /// surface (SHAKE). Returns the change of kinetic energy less the work of prescribed motion.
+    fn reach(
+        &mut self,
+        system: &System,
+        t: f64,
+        drift: f64,
+        energy: &mut StepEnergy,
+    ) -> Result<f64, SolverError> {
+        let Some(surface) = &mut self.surface else { return Ok(0.0) };
+        self.impulses.clear();
+        self.impulses.resize(surface.multiplier_count(), 0.0);
+        let (q, p) = (&mut self.q, &mut self.p);
+        let mut change = surface.reach(system, q, p, t, drift, &mut self.impulses)?;
+        let done = surface.impulse_work(&self.impulses);
+        energy.prescribed += done;
+        change -= done;
+        if self.nonconservative.is_some() {
+            // What is read next depends on velocity: let it be a velocity on the surface.
+            let [flattened, done] = surface.flatten(system, q, p, t)?;
+            energy.prescribed += done;
+            change += flattened - done;
+        }
+        Ok(change)
+    }
+
+    /// Evaluates the forces without a potential at the positions of the last gradient, before a kick
+    /// (b h = `kick`) or, where `closes`, as the closing kick of a symmetric scheme reads them.
+    fn evaluate_nonconservative(
+        &mut self,
+        system: &System,
+        t: f64,
+        kick: f64,
+        closes: bool,
+    ) -> Result<(), SolverError> {
+        let Some(forces) = &mut self.nonconservative else { return Ok(()) };
+        let (mass, free) = (system.free_mass(), system.coordinates().free());
+        let gradient = self.forces.gradient();
+        let count = gradient.len();
+        self.net.resize(count, 0.0);
+        self.x_dot.resize(count, 0.0);
+        let p = &self.p;
+        let velocity: Vec<f64> = p.iter().zip(mass).map(|(p, m)| p / m).collect();
+        system.coordinates().embed_velocity(&velocity, t, &mut self.x_dot);
+        forces.evaluate(self.forces.positions(), &self.x_dot, t);
+        if closes && forces.depends_on_velocity() {
+            let predicted: Vec<f64> = (0..p.len())
+                .map(|k| {
+                    let dof = free[k] as usize;
+                    (p[k] + kick * (forces.total(dof) - gradient[dof])) / mass[k]
+                })
+                .collect();
+            system.coordinates().embed_velocity(&predicted, t, &mut self.x_dot);
+            forces.evaluate(self.forces.positions(), &self.x_dot, t);
+        }
+        for dof in 0..count {
+            self.net[dof] = forces.total(dof) - gradient[dof];
+        }
+        if vectors::sum(count, |k| 0.0 * self.net[k]) == 0.0 {
+            return Ok(());
+        }
+        let dof = self.net.iter().position(|f| !f.is_finite()).unwrap_or(0);
+        Err(SolverError::NotFinite { what: "force without a potential", dof, at_start: false })
+    }
+
+    /// Kick and drift with forces that have no potential; returns as [`KickDrift::kick_drift`].
+    fn forced_kick_drift(
+        &mut self,
+        system: &System,
+        t: f64,
+        kick: f64,
+        drift: f64,
+        energy: &mut StepEnergy,
+    ) -> f64 {
+        let (mass, free) = (system.free_mass(), system.coordinates().free());
+        let inverse_mass = self.sweep.inverse_mass();
+        let mut work = 0.0;
+        if self.ledger
+            && kick != 0.0
+            && let Some(forces) = &self.nonconservative
+        {
+            let gradient = self.forces.gradient();
+            let mean: Vec<f64> = (0..self.p.len())
+                .map(|k| (self.p[k] + 0.5 * kick * self.net[free[k] as usize]) / mass[k])
+                .collect();
+            work -= kick * accounts::free_work(system, gradient, |k| mean[k]);
+            // Forces work on prescribed coordinates too; whoever moves those pays for the rest.
+            self.x_dot.resize(gradient.len(), 0.0);
+            system.coordinates().embed_velocity(&mean, t, &mut self.x_dot);
+            system.coordinates().to_own_axes(&mut self.x_dot);
+            let x_dot = &self.x_dot;
+            energy.force += kick * vectors::sum(x_dot.len(), |dof| forces.by_account(dof).0 * x_dot[dof]);
+            energy.damping += kick * vectors::sum(x_dot.len(), |dof| forces.by_account(dof).1 * x_dot[dof]);
+            if system.coordinates().is_moving() {
+                let moved = kick * accounts::prescribed_work(system, gradient, x_dot);
+                let negative: Vec<f64> = self.net.iter().map(|net| -net).collect();
+                energy.prescribed += kick * accounts::prescribed_work(system, &negative, x_dot);
+                work -= moved;
+            }
+        }
+        let net = &self.net;
+        vectors::update_pair(&mut self.q, &mut self.p, |k, q, p| {
+            if kick != 0.0 {
+                *p += kick * net[free[k] as usize];
+            }
+            *q += drift * (*p * inverse_mass[k]);
+        });
+        work
+    }
+
+    /// p −= b h ∂V/∂q, then q += a h M⁻¹p. With a ledger, the work that the kick does on the kinetic
+    /// energy and on the prescribed coordinates is entered, and returned as minus their sum.
+    fn kick_drift(&mut self, system: &System, t: f64, kick: f64, drift: f64, energy: &mut StepEnergy) -> f64 {
+        let mass = system.free_mass();
+        let inverse_mass = self.sweep.inverse_mass();
+        let free = system.coordinates().free();
+        let gradient = self.forces.gradient();
+        let mut work = 0.0;
+        if self.ledger && kick != 0.0 {
+            let p = &self.p;
+            let half = 0.5 * kick;
+            let mean_velocity = |k: usize| (p[k] - half * gradient[free[k] as usize]) / mass[k];
+            work -= kick * accounts::free_work(system, gradient, mean_velocity);
+            if system.coordinates().is_moving() {
+                self.x_dot.resize(gradient.len(), 0.0);
+                // Only the prescribed entries are read, so any free velocity will do.
+                system.coordinates().embed_velocity(&self.p, t, &mut self.x_dot);
+                system.coordinates().to_own_axes(&mut self.x_dot);
+                let done = kick * accounts::prescribed_work(system, gradient, &self.x_dot);
+                energy.prescribed += done;
+                work -= done;
+            }
+        }
+        vectors::update_pair(&mut self.q, &mut self.p, |k, q, p| {
+            if kick != 0.0 {
+                *p -= kick * gradient[free[k] as usize];
+            }
+            *q += drift * (*p * inverse_mass[k]);
+        });
+        work
+    }
+
+    /// Does nobody ask for more than q and p?
+    fn is_plain(&self, system: &System) -> bool {
+        !self.ledger
+            && self.nonconservative.is_none()
+            && system.coordinates().is_plain()
+            && system.constraints().is_empty()
+            && system.terms().live().is_empty()
+    }
+
+    /// Is it of as many coordinates as the system?
+    fn fits(&self, state: &State) -> bool {
+        state.q.len() == self.q.len() && state.p.len() == self.p.len()
+    }
+
+    /// Plain steps in one pass over the coordinates a force: the last kick of a step and the first of the next
+    /// read the same force. Time must matter to nothing where there are several.
+    fn advance_swept(
+        &mut self,
+        system: &System,
+        state: &State,
+        h: f64,
+        count: u32,
+    ) -> Result<Found, SolverError> {
+        let Splitting { kicks, drifts } = &self.coefficients;
+        if kicks[0] != 0.0 && !self.forces.knows_gradient_of(state.t) {
+            self.forces.evaluate(system, &state.q, state.t, true)?;
+        }
+        if self.forces.is_blank() {
+            self.forces.go_to(system, &state.q, state.t);
+        }
+        let last = h * kicks[drifts.len()];
+        let (mut from, mut closing) = (Some(state), 0.0);
+        for _ in 0..count {
+            let mut elapsed = 0.0;
+            for (kick, drift) in kicks.iter().zip(drifts) {
+                let kick = kick * h;
+                let sums = from.is_none() && (closing != 0.0 || kick != 0.0);
+                if sums {
+                    self.forces.sum_chunks(system, state.t + elapsed * h);
+                }
+                let arrays = (&mut self.q[..], &mut self.p[..]);
+                let found =
+                    self.forces.sweep(&self.sweep, from.take(), sums, [closing, kick], drift * h, arrays);
+                if found == Found::Unsound {
+                    return Ok(found);
+                }
+                elapsed += drift;
+                closing = 0.0;
+            }
+            closing = last;
+        }
+        let sums = last != 0.0;
+        if sums {
+            self.forces.sum_chunks(system, state.t + h);
+        }
+        let arrays = (&mut self.q[..], &mut self.p[..]);
+        Ok(self.forces.sweep(&self.sweep, None, sums, [0.0, last], 0.0, arrays))
+    }
+
+    fn advance(&mut self, system: &System, state: &State, h: f64) -> Result<StepEnergy, SolverError> {
+        if self.is_plain(system) && self.fits(state) {
+            // The second time from the start, in case the state is not where the last step ended.
+            for _ in 0..2 {
+                if self.advance_swept(system, state, h, 1)? == Found::Sound {
+                    return Ok(StepEnergy::default());
+                }
+                self.forces.forget();
+            }
+            // Something is not finite: the plain way says what.
+        }
+        check_state(state, system)?;
+        self.q.copy_from_slice(&state.q);
+        self.p.copy_from_slice(&state.p);
+        let mut energy = StepEnergy::default();
+        if self.ledger {
+            self.potentials.open(system, &mut self.forces, &state.q, state.t);
+        }
+        let drifts = self.coefficients.drifts.len();
+        let (mut t, mut elapsed, mut kicked) = (state.t, 0.0, 0.0);
+        for i in 0..=drifts {
+            let kick = self.coefficients.kicks[i] * h;
+            let drift = if i < drifts { self.coefficients.drifts[i] } else { 0.0 };
+            if kick != 0.0 {
+                self.forces.evaluate(system, &self.q, t, i == 0)?;
+                let closes = i == drifts && self.coefficients.kicks[0] != 0.0;
+                self.evaluate_nonconservative(system, t, kick, closes)?;
+            }
+            if drift != 0.0
+                && let Some(surface) = &mut self.surface
+            {
+                surface.direct(system, &self.q, t);
+            }
+            let free_drift = if self.collisions.is_some() { 0.0 } else { drift * h };
+            kicked += if self.nonconservative.is_some() {
+                self.forced_kick_drift(system, t, kick, free_drift, &mut energy)
+            } else {
+                self.kick_drift(system, t, kick, free_drift, &mut energy)
+            };
+            if drift != 0.0 && self.collisions.is_some() {
+                kicked += self.drift_past(system, t, drift * h, &mut energy)?;
+            }
+            elapsed += drift;
+            t = if i + 1 >= drifts { state.t + h } else { state.t + elapsed * h };
+            if drift != 0.0 && self.surface.is_some() {
+                kicked += self.reach(system, t, drift * h, &mut energy)?;
+            }
+        }
+        if let Some(surface) = &mut self.surface {
+            let [change, done] = surface.flatten(system, &self.q, &mut self.p, t)?;
+            energy.prescribed += done;
+            kicked += change - done;
+        }
+        check_finite(&self.q, &self.p, system)?;
+        if self.ledger {
+            let (change, loads) = self.potentials.close(system, &mut self.forces, &self.q, t);
+            energy.force += loads;
+            energy.scheme = change - loads + kicked;
+        }
+        Ok(energy)
+    }
+}
+
+impl Stepper for KickDrift {
+    fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
+        let before = self.forces.work;
+        let energy = self.advance(system, state, h).map_err(|cause| StepError { t: state.t, h, cause })?;
+        std::mem::swap(&mut state.q, &mut self.q);
+        std::mem::swap(&mut state.p, &mut self.p);
+        state.t += h;
+        self.forces.work.steps += 1;
+        Ok(StepReport { iterations: 0, energy, work: self.forces.work - before })
+    }
+
+    fn joins_steps(&self, system: &System) -> bool {
+        self.forces.is_autonomous() && self.is_plain(system)
+    }
+
+    fn steps(&mut self, system: &System, state: &mut State, h: f64, count: u32) -> Option<StepReport> {
+        if !self.joins_steps(system) || !self.fits(state) {
+            return None;
+        }
+        let (before, knew) = (self.forces.work, self.forces.knows_gradient_of(state.t));
+        let found = self.advance_swept(system, state, h, count);
+        if !matches!(found, Ok(Found::Sound)) {
+            // As if nothing had been tried.
+            self.forces.forget();
+            if knew {
+                self.forces.evaluate(system, &state.q, state.t, true).ok();
+            }
+            self.forces.work = before;
+            return None;
+        }
+        std::mem::swap(&mut state.q, &mut self.q);
+        std::mem::swap(&mut state.p, &mut self.p);
+        state.t += f64::from(count) * h;
+        self.forces.work.steps += u64::from(count);
+        let work = self.forces.work - before;
+        Some(StepReport { iterations: 0, energy: StepEnergy::default(), work })
+    }
+
+    fn work(&self) -> Work {
+        self.forces.work
+    }
+
+    fn memory(&self) -> StepperMemory {
+        // The last force is evaluated again at the same place, to the same bits.
+        let mut memory = StepperMemory { method: self.name.to_owned(), ..Default::default() };
+        self.forces.remember(&mut memory);
+        self.potentials.remember(&mut memory);
+        if let Some(collisions) = &self.collisions {
+            collisions.remember(&mut memory);
+        }
+        memory
+    }
+
+    fn analyses(&self) -> u64 {
+        self.collisions.as_ref().map_or(0, Collisions::analyses)
+    }
+
+    fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
+        expect_method(memory, self.name)?;
+        self.forces = Self::forces(system, self.collisions.is_some());
+        self.potentials = Potentials::recall(memory);
+        if let Some(collisions) = &mut self.collisions {
+            collisions.restore(memory)?;
+        }
+        self.forces.recall(memory)
+    }
+
+    fn gradient(&self) -> Option<&[f64]> {
+        self.coefficients.kicks.last().is_some_and(|&b| b != 0.0).then(|| self.forces.known_gradient())?
+    }
+}

@@ -1,0 +1,165 @@
+//! The drift of an explicit step where live terms act by discrete gradients, such as contact: in place of q += h M⁻¹p,
+//! ```text
+//! M (v₁ − v₀) = −h G(x₀, x₁),   x₁ = x₀ + h (v₀ + v₁)/2.
+//! ```
+//! This is a step of the energy–momentum method with the kinetic energy and these terms alone. It keeps their energy and
+//! the momenta, and sets no limit to the step. Where no term acts along the free drift, nothing is solved.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use vi_core::{
+    Account, HessianKind, Live, Potential, State, Stencils, StepEnergy, System, Traits, packed_len,
+};
+
+use crate::error::SolverError;
+use crate::memory::StepperMemory;
+use crate::options::SolverOptions;
+use crate::schemes::one_stage::OneStage;
+use crate::schemes::one_stage::rule::Midpoint;
+use crate::schemes::stepper::Stepper;
+use crate::work::Work;
+
+/// What is put before the names of its memory in that of the scheme.
+const PREFIX: &str = "collisions.";
+
+pub(super) struct Collisions {
+    /// The live terms alone.
+    system: System,
+    stepper: OneStage<Midpoint>,
+    state: State,
+}
+
+/// A live term where it acts by a discrete gradient, and nothing where it does not: its kicks are then those of its
+/// gradient.
+struct Acting(Arc<dyn Live>);
+
+impl Live for Acting {
+    fn name(&self) -> &str {
+        self.0.name()
+    }
+
+    fn reach(&self) -> f64 {
+        self.0.reach()
+    }
+
+    fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential> {
+        let near = self.0.near(x, reach);
+        match near.discrete_gradient() {
+            Some(_) => near,
+            None => Arc::new(Nothing { arity: near.stencils().arity, block: near.stencils().block }),
+        }
+    }
+}
+
+/// A potential without stencils.
+struct Nothing {
+    arity: usize,
+    block: usize,
+}
+
+impl Potential for Nothing {
+    fn name(&self) -> &str {
+        "nothing"
+    }
+
+    fn account(&self) -> Account {
+        Account::Contact
+    }
+
+    fn stencils(&self) -> Stencils<'_> {
+        Stencils { arity: self.arity, block: self.block, nodes: &[] }
+    }
+
+    fn traits(&self) -> Traits {
+        Traits { hessian: HessianKind::Zero, time_dependent: false }
+    }
+
+    fn energies(&self, range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
+        out[..range.len()].fill(0.0);
+    }
+
+    fn gradients(&self, range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
+        out[..range.len() * self.stencils().size()].fill(0.0);
+    }
+
+    fn hessians(&self, range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
+        out[..range.len() * packed_len(self.stencils().size())].fill(0.0);
+    }
+}
+
+/// What a drift did.
+pub(super) struct Drifted {
+    /// Change of the kinetic energy, J; zero where no ledger is kept.
+    pub(super) kinetic: f64,
+    pub(super) energy: StepEnergy,
+    pub(super) work: Work,
+}
+
+impl Collisions {
+    /// None where the system has no live terms.
+    pub(super) fn new(system: &System, options: &SolverOptions) -> Result<Option<Self>, SolverError> {
+        if system.terms().live().is_empty() {
+            return Ok(None);
+        }
+        let acting = |term: &Arc<dyn Live>| Arc::new(Acting(Arc::clone(term))) as Arc<dyn Live>;
+        let live = system.terms().live().iter().map(acting).collect();
+        let system = system.without_terms().with_live(live);
+        // The energy errs as the work of the residual, which is linear in it.
+        let tolerance = (1e-5 * options.tolerance).max(1e-14);
+        let stepper =
+            OneStage::new(Midpoint::new(), &system, &SolverOptions { tolerance, ..options.clone() })?;
+        Ok(Some(Self { system, stepper, state: State { t: 0.0, q: Vec::new(), p: Vec::new() } }))
+    }
+
+    /// Drifts from (q, p) at time t by h; none where no term acts along the free drift, which is then to be made.
+    ///
+    /// # Errors
+    /// Where the equations are not solved; q and p are then as before.
+    pub(super) fn drift(
+        &mut self,
+        (q, p): (&mut Vec<f64>, &mut Vec<f64>),
+        t: f64,
+        h: f64,
+        ledger: bool,
+    ) -> Result<Option<Drifted>, SolverError> {
+        let Self { system, stepper, state } = self;
+        state.t = t;
+        state.q.clone_from(q);
+        state.p.clone_from(p);
+        if stepper.is_free(system, state, h) {
+            return Ok(None);
+        }
+        let kinetic = |state: &State| if ledger { vi_core::kinetic_energy(system, state) } else { 0.0 };
+        let before = kinetic(state);
+        let report = stepper.step(system, state, h).map_err(|error| error.cause)?;
+        let kinetic = kinetic(state) - before;
+        std::mem::swap(q, &mut state.q);
+        std::mem::swap(p, &mut state.p);
+        Ok(Some(Drifted { kinetic, energy: report.energy, work: Work { steps: 0, ..report.work } }))
+    }
+
+    /// How often the ordering and layout of a matrix were made.
+    pub(super) fn analyses(&self) -> u64 {
+        self.stepper.analyses()
+    }
+
+    pub(super) fn remember(&self, memory: &mut StepperMemory) {
+        let own = self.stepper.memory();
+        let arrays = own.arrays.into_iter().map(|(name, values)| (format!("{PREFIX}{name}"), values));
+        memory.arrays.extend(arrays);
+        memory.counts.extend(own.counts.into_iter().map(|(name, count)| (format!("{PREFIX}{name}"), count)));
+    }
+
+    pub(super) fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
+        let own = |name: &str| name.strip_prefix(PREFIX).map(str::to_owned);
+        let arrays = memory.arrays.iter().filter_map(|(name, values)| Some((own(name)?, values.clone())));
+        let counts = memory.counts.iter().filter_map(|(name, count)| Some((own(name)?, *count)));
+        let memory = StepperMemory {
+            method: self.stepper.memory().method,
+            arrays: arrays.collect(),
+            counts: counts.collect(),
+        };
+        self.stepper.restore(&self.system, &memory)
+    }
+}

@@ -1,0 +1,396 @@
+//! The time integrators by name: what is known of each before it runs, which systems it accepts, and how its stepper
+//! is made. The rows are in `schemes.rs`.
+
+use vi_core::{Scheme, System};
+
+use crate::error::SolverError;
+use crate::options::SolverOptions;
+use crate::schemes::comparison::{BackwardEuler, Bdf2, ForwardEuler, GeneralizedAlpha, Newmark};
+use crate::schemes::energy_momentum::EnergyMomentum;
+use crate::schemes::gauss::Gauss;
+use crate::schemes::gauss::collocation::stages_outside_domain;
+use crate::schemes::kick_drift::KickDrift;
+use crate::schemes::kick_drift::splitting::Splitting;
+use crate::schemes::one_stage::OneStage;
+use crate::schemes::one_stage::rule::{Midpoint, Rule};
+use crate::schemes::stepper::Stepper;
+
+/// What is known of a scheme before it runs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MethodFacts {
+    /// Name in a scene file.
+    pub name: &'static str,
+    /// Interpolation × quadrature, or the family, in words.
+    pub made_of: &'static str,
+    /// Classical order of accuracy.
+    pub order: usize,
+    /// Makes a step without solving equations?
+    pub is_explicit: bool,
+    /// Is it its own adjoint (reverses in time)?
+    pub is_symmetric: bool,
+    /// Evaluations of ∂V/∂x a step (explicit schemes; 0 where the solver decides).
+    pub forces_per_step: usize,
+    /// hω below which an explicit scheme is stable on the oscillator.
+    pub stability_limit: Option<f64>,
+    /// hω up to which we recommend it for long nonlinear runs.
+    pub recommended_limit: Option<f64>,
+    /// What it conserves.
+    pub conserves: Conserves,
+    /// Which systems it can step.
+    pub accepts: Accepts,
+    /// Is it among the schemes that `bench` compares when none is named?
+    pub is_benchmarked: bool,
+    /// When to use it, in words.
+    pub use_when: &'static str,
+}
+
+impl MethodFacts {
+    /// Does the scheme follow from a discrete Hamilton's principle? It then conserves the symplectic form, and its
+    /// energy stays in a bounded band below the stability limit.
+    pub fn is_variational(&self) -> bool {
+        self.conserves.symplectic_form
+    }
+}
+
+/// What a scheme conserves exactly, apart from round-off and the tolerance of the solver.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Conserves {
+    /// The symplectic form dq ∧ dp.
+    pub symplectic_form: bool,
+    /// The energy T + V.
+    pub energy: bool,
+    /// The linear momentum, where nothing acts from outside.
+    pub linear_momentum: bool,
+    /// The angular momentum, where nothing acts from outside.
+    pub angular_momentum: bool,
+}
+
+impl Conserves {
+    /// In words, e.g. "symplectic form, momenta".
+    pub fn words(&self) -> String {
+        let momenta = match (self.linear_momentum, self.angular_momentum) {
+            (true, true) => Some("momenta"),
+            (true, false) => Some("linear momentum"),
+            (false, true) => Some("angular momentum"),
+            (false, false) => None,
+        };
+        let form = self.symplectic_form.then_some("symplectic form");
+        let words: Vec<&str> =
+            [form, self.energy.then_some("energy"), momenta].into_iter().flatten().collect();
+        words.join(", ")
+    }
+}
+
+/// Forces without a potential that a scheme accepts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AcceptedForces {
+    /// None.
+    None,
+    /// Those that do not depend on velocity.
+    OfPosition,
+    /// All.
+    All,
+}
+
+/// Which systems a scheme can step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Accepts {
+    /// Forces without a potential.
+    pub forces: AcceptedForces,
+    /// Constraints: rigid bodies and joints.
+    pub constraints: bool,
+    /// Mass that is not lumped.
+    pub consistent_mass: bool,
+}
+
+const EVERYTHING: Accepts = Accepts { forces: AcceptedForces::All, constraints: true, consistent_mass: true };
+
+const SYMPLECTIC: Conserves =
+    Conserves { symplectic_form: true, energy: false, linear_momentum: true, angular_momentum: true };
+
+/// An explicit scheme with one force a step, to be completed by its row.
+const VARIATIONAL_EXPLICIT: MethodFacts = MethodFacts {
+    name: "",
+    made_of: "",
+    order: 0,
+    is_explicit: true,
+    is_symmetric: false,
+    forces_per_step: 1,
+    stability_limit: Some(2.0),
+    recommended_limit: Some(1.8),
+    conserves: SYMPLECTIC,
+    accepts: Accepts { consistent_mass: false, ..EVERYTHING },
+    is_benchmarked: false,
+    use_when: "",
+};
+
+/// An implicit scheme, to be completed by its row.
+const VARIATIONAL_IMPLICIT: MethodFacts = MethodFacts {
+    is_explicit: false,
+    is_symmetric: true,
+    forces_per_step: 0,
+    stability_limit: None,
+    recommended_limit: None,
+    accepts: EVERYTHING,
+    ..VARIATIONAL_EXPLICIT
+};
+
+/// An implicit scheme that is no use but to be compared with, to be completed by its row.
+const COMPARISON: MethodFacts = MethodFacts {
+    made_of: "not variational",
+    is_symmetric: false,
+    conserves: Conserves {
+        symplectic_form: false,
+        energy: false,
+        linear_momentum: true,
+        angular_momentum: false,
+    },
+    accepts: Accepts { constraints: false, ..EVERYTHING },
+    use_when: "comparison only",
+    ..VARIATIONAL_IMPLICIT
+};
+
+type Made = Result<Box<dyn Stepper>, SolverError>;
+type Make = dyn Fn(&System, &SolverOptions) -> Made;
+
+/// Where the stepper of a scheme comes from.
+enum Source {
+    /// Derived from interpolation × quadrature.
+    Scheme(Scheme),
+    /// Kicks and drifts with coefficients of their own.
+    KickDrift(Splitting),
+    /// A stepper of its own.
+    Own(Box<Make>),
+}
+
+impl Source {
+    fn own(make: impl Fn(&System, &SolverOptions) -> Made + 'static) -> Self {
+        Self::Own(Box::new(make))
+    }
+
+    /// Degree s × Gauss–Legendre with s points.
+    fn gauss(stages: usize) -> Self {
+        match Scheme::gauss(stages) {
+            Ok(scheme) => Self::Scheme(scheme),
+            Err(_) => Self::own(move |_, _| Err(stages_outside_domain(stages))),
+        }
+    }
+}
+
+fn one_stage<R: Rule + 'static>(rule: R, system: &System, options: &SolverOptions) -> Made {
+    Ok(Box::new(OneStage::new(rule, system, options)?))
+}
+
+/// The stepper of a scheme that is interpolation × quadrature.
+fn derived(name: &'static str, scheme: &Scheme, system: &System, options: &SolverOptions) -> Made {
+    if let Some(coefficients) = Splitting::of(scheme) {
+        return Ok(Box::new(KickDrift::new(name, coefficients, system, options)?));
+    }
+    if let Some(rule) = Midpoint::of(scheme) {
+        return one_stage(rule, system, options);
+    }
+    Ok(Box::new(Gauss::new(scheme, system, options)?))
+}
+
+macro_rules! methods {
+    ($(
+        $(#[doc = $doc:literal])+
+        $variant:ident $({ $($(#[doc = $about:literal])+ $parameter:ident: $type:ty = $default:expr,)+ })?
+        = $name:literal { $source:expr; $facts:expr }
+    )+) => {
+        /// A time integrator with its parameters.
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub enum Method {
+            $($(#[doc = $doc])+ $variant $({ $($(#[doc = $about])+ $parameter: $type,)+ })?,)+
+        }
+
+        impl Method {
+            /// All schemes with their default parameters, in the order of the table.
+            pub const ALL: [Self; [$($name),+].len()] =
+                [$(Self::$variant $({ $($parameter: $default,)+ })?),+];
+
+            /// What is known of it before it runs.
+            pub fn facts(&self) -> MethodFacts {
+                match *self {
+                    $(Self::$variant $({ $($parameter,)+ })? => MethodFacts { name: $name, ..$facts },)+
+                }
+            }
+
+            fn source(&self) -> Source {
+                match *self { $(Self::$variant $({ $($parameter,)+ })? => $source,)+ }
+            }
+        }
+    };
+}
+
+crate::schemes!(methods);
+
+impl Method {
+    /// All schemes, `gauss` with each number of stages.
+    pub fn variants() -> impl Iterator<Item = Self> {
+        Self::ALL.into_iter().flat_map(|method| match method {
+            Self::Gauss { .. } => (1..=5).map(|stages| Self::Gauss { stages }).collect(),
+            other => vec![other],
+        })
+    }
+
+    /// Name in a scene file.
+    pub fn name(&self) -> &'static str {
+        self.facts().name
+    }
+
+    /// Name with the number of stages, e.g. `gauss 3`.
+    pub fn label(&self) -> String {
+        match self {
+            Self::Gauss { stages } => format!("{} {stages}", self.name()),
+            _ => self.name().to_owned(),
+        }
+    }
+
+    /// Interpolation × quadrature, for the schemes that are made from that alone.
+    pub fn scheme(&self) -> Option<Scheme> {
+        match self.source() {
+            Source::Scheme(scheme) => Some(scheme),
+            Source::KickDrift(_) | Source::Own(_) => None,
+        }
+    }
+
+    /// Can it step this system?
+    ///
+    /// # Errors
+    /// [`SolverError::Force`], [`SolverError::Constrained`] or [`SolverError::ConsistentMass`] with what it does not
+    /// accept, and the schemes that do.
+    pub fn check(&self, system: &System) -> Result<(), SolverError> {
+        let MethodFacts { name: scheme, accepts, .. } = self.facts();
+        let (refused, reason) = match accepts.forces {
+            AcceptedForces::All => (None, ""),
+            AcceptedForces::OfPosition => (
+                system.forces().iter().find(|force| force.depends_on_velocity()),
+                "depends on velocity: the order of the scheme would be lost",
+            ),
+            AcceptedForces::None => (system.forces().first(), "has no potential"),
+        };
+        if let Some(force) = refused {
+            let schemes = Self::accepting(|accepts| accepts.forces == AcceptedForces::All);
+            return Err(SolverError::Force { scheme, force: force.name().to_owned(), reason, schemes });
+        }
+        if let (Some(constraint), false) = (system.constraints().first(), accepts.constraints) {
+            let constraint = constraint.name().to_owned();
+            let schemes = Self::accepting(|accepts| accepts.constraints);
+            return Err(SolverError::Constrained { scheme, constraint, schemes });
+        }
+        if system.kinetic().is_some() && !accepts.consistent_mass {
+            let schemes = Self::accepting(|accepts| accepts.consistent_mass);
+            return Err(SolverError::ConsistentMass { scheme, schemes });
+        }
+        Ok(())
+    }
+
+    /// Names of the schemes that accept something, the schemes for comparison left out.
+    fn accepting(accepts: impl Fn(&Accepts) -> bool) -> Box<str> {
+        let is_proposed =
+            |facts: &MethodFacts| facts.made_of != COMPARISON.made_of && accepts(&facts.accepts);
+        let names = Self::ALL.iter().map(Self::facts).filter(is_proposed).map(|facts| facts.name);
+        names.collect::<Vec<_>>().join(", ").into()
+    }
+}
+
+/// The integrator `method` for `system`.
+///
+/// # Errors
+/// [`SolverError::Option`] where a parameter of the method or an option is outside its domain, and those of
+/// [`Method::check`].
+pub fn stepper(
+    method: &Method,
+    system: &System,
+    options: &SolverOptions,
+) -> Result<Box<dyn Stepper>, SolverError> {
+    method.check(system)?;
+    match method.source() {
+        Source::Scheme(scheme) => derived(method.name(), &scheme, system, options),
+        Source::KickDrift(coefficients) => {
+            Ok(Box::new(KickDrift::new(method.name(), coefficients, system, options)?))
+        }
+        Source::Own(make) => make(system, options),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The smallest z = hω at which the trace of the step's 2 × 2 matrix on the oscillator leaves
+    /// ±2, by a scan: the first gap of stability of the high orders near z = π is narrow.
+    fn first_gap(scheme: &Splitting) -> f64 {
+        let trace = |z: f64| {
+            // (q, p) in units where ω = 1 and h = z.
+            let column = |mut q: f64, mut p: f64| {
+                for i in 0..scheme.kicks.len() {
+                    p -= scheme.kicks[i] * z * q;
+                    q += scheme.drifts.get(i).unwrap_or(&0.0) * z * p;
+                }
+                (q, p)
+            };
+            column(1.0, 0.0).0 + column(0.0, 1.0).1
+        };
+        (1..).map(|k| 5e-5 * f64::from(k)).find(|&z| trace(z).abs() > 2.0 + 1e-12).unwrap()
+    }
+
+    #[test]
+    fn stability_limits_of_the_table_are_the_first_gaps() {
+        for method in Method::ALL {
+            let coefficients = match method.source() {
+                Source::Scheme(scheme) => Splitting::of(&scheme),
+                Source::KickDrift(coefficients) => Some(coefficients),
+                Source::Own(_) => None,
+            };
+            let Some(coefficients) = coefficients else { continue };
+            let facts = method.facts();
+            let (stated, found) = (facts.stability_limit.unwrap(), first_gap(&coefficients));
+            assert!(stated <= found && stated > found - 2e-4, "{}: {stated} {found}", facts.name);
+            assert!(facts.recommended_limit.unwrap() < stated);
+            assert_eq!(facts.forces_per_step, coefficients.drifts.len(), "{}", facts.name);
+        }
+    }
+
+    #[test]
+    fn what_a_row_says_of_a_scheme_is_what_the_scheme_says() {
+        for method in Method::variants() {
+            let Some(scheme) = method.scheme() else { continue };
+            let facts = method.facts();
+            assert_eq!(facts.is_explicit, scheme.is_explicit(), "{}", facts.name);
+            assert_eq!(facts.is_symmetric, scheme.is_symmetric(), "{}", facts.name);
+            assert!(facts.is_variational(), "{}", facts.name);
+        }
+    }
+
+    #[test]
+    fn names_are_unique() {
+        for (k, method) in Method::ALL.iter().enumerate() {
+            assert!(Method::ALL[..k].iter().all(|other| other.name() != method.name()), "{}", method.name());
+        }
+    }
+    /// The table in README.md, from the rows.
+    #[test]
+    fn the_readme_has_the_table() {
+        let is_compared_only = |facts: &MethodFacts| facts.made_of == COMPARISON.made_of;
+        let mut table = String::new();
+        for method in Method::ALL.iter().filter(|method| !is_compared_only(&method.facts())) {
+            let MethodFacts { name, made_of, order, is_explicit, conserves, use_when, .. } = method.facts();
+            let (parameters, order) = match method {
+                Method::Gauss { .. } => (" (`stages` 1–5)", "2s".to_owned()),
+                _ => ("", order.to_string()),
+            };
+            let (kind, conserves) = (if is_explicit { "explicit" } else { "implicit" }, conserves.words());
+            table += &format!(
+                "| `{name}`{parameters} | {made_of} | {order} | {kind} | {conserves} | {use_when} |\n"
+            );
+        }
+        let compared: Vec<MethodFacts> =
+            Method::ALL.iter().map(Method::facts).filter(is_compared_only).collect();
+        let names: Vec<String> = compared.iter().map(|facts| format!("`{}`", facts.name)).collect();
+        let (made_of, use_when) = (COMPARISON.made_of, COMPARISON.use_when);
+        table += &format!("| {} | {made_of} | 1–2 | | | {use_when} |\n", names.join(", "));
+        assert!(include_str!("../../../../README.md").contains(&table), "README.md should have:\n{table}");
+    }
+}

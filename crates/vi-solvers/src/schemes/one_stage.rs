@@ -1,0 +1,277 @@
+//! One implicit stage, M w + c ∂V/∂q(û + w, t_s) = 0, and the steppers that are made of it: implicit
+//! midpoint and, for comparison, Newmark, generalised-α, BDF2 and backward Euler differ only in û,
+//! c, t_s and in what follows from w ([`Rule`]). It must not know how A is factored.
+//!
+//! The unknown is the increment w = c a of the stage and never u = û + w itself: so momenta come from
+//! accelerations with their full relative precision, not from differences of positions. The solution
+//! minimises Φ(w) = ½ wᵀM w + c V(x(û + w, t_s)).
+
+pub(crate) mod rule;
+mod stage;
+
+use vi_core::{State, StepEnergy, System};
+
+use crate::assemble::evaluator::Forces;
+use crate::assemble::finite::{check_finite, check_state};
+use crate::assemble::inertia::Inertia;
+use crate::error::SolverError;
+use crate::linear::cost::UnitCosts;
+use crate::memory::{StepperMemory, expect_method};
+use crate::newton::equations::{Equations, Solve};
+use crate::newton::inverse::Inverse;
+use crate::newton::solver::Newton;
+use crate::newton::start::Start;
+use crate::options::SolverOptions;
+use crate::schemes::accounts::{self, Potentials};
+use crate::schemes::at_rest;
+use crate::schemes::one_stage::rule::Rule;
+use crate::schemes::one_stage::stage::{Stage, StageEquations};
+use crate::schemes::stepper::{StepError, StepReport, Stepper};
+use crate::vectors;
+use crate::work::Work;
+
+/// Names of the accelerations that are kept.
+const HISTORY: [&str; 3] = ["stage.last", "stage.older", "stage.oldest"];
+
+/// The stepper of a one-stage method.
+pub(crate) struct OneStage<R> {
+    rule: R,
+    forces: Forces,
+    inertia: Inertia,
+    inverse: Inverse,
+    newton: Newton,
+    potentials: Potentials,
+    ledger: bool,
+    stage: Stage,
+    after: State,
+    x_start: Vec<f64>,
+    dx: Vec<f64>,
+    /// Change of velocity over the step, where mass is consistent.
+    dv: Vec<f64>,
+}
+
+impl<R: Rule> OneStage<R> {
+    pub(crate) fn new(rule: R, system: &System, options: &SolverOptions) -> Result<Self, SolverError> {
+        let n = system.coordinates().free_count();
+        let tolerance = rule.tolerance(options.tolerance);
+        let inertia = Inertia::new(system);
+        Ok(Self {
+            forces: forces_of(&rule, system),
+            inverse: Inverse::new(system, &inertia, options),
+            inertia,
+            newton: Newton::new(&SolverOptions { tolerance, ..options.clone() })?,
+            potentials: Potentials::new(),
+            ledger: options.ledger,
+            stage: Stage::new(system, &rule),
+            rule,
+            after: State { t: 0.0, q: vec![0.0; n], p: vec![0.0; n] },
+            x_start: Vec::new(),
+            dx: Vec::new(),
+            dv: Vec::new(),
+        })
+    }
+
+    fn advance(&mut self, system: &System, state: &State, h: f64) -> Result<(u32, StepEnergy), SolverError> {
+        check_state(state, system)?;
+        if self.ledger {
+            self.potentials.open(system, &mut self.forces, &state.q, state.t);
+        }
+        self.inertia.open(system, &state.p, &mut self.forces.work);
+        self.rule.open(system, &mut self.forces, &self.inertia, state, h)?;
+        self.stage.open(system, &self.rule, &self.inertia, state, h);
+        let iterations = self.solve(system)?;
+        self.stage.reach(system, state)?;
+        let Self { rule, inertia, stage: Stage { w, room, .. }, dv, .. } = self;
+        let (w, v, mass) = (&*w, inertia.velocity(system, &state.p), system.free_mass());
+        let State { t, q, p } = &mut self.after;
+        *t = state.t + h;
+        if inertia.matrix().is_some() {
+            dv.resize(w.len(), 0.0);
+            vectors::fill(dv, |k| rule.change(k, v.at(k), w[k], h).1);
+            let dp = inertia.momentum(system, dv, room);
+            vectors::update_pair(q, p, |k, q, p| {
+                *q = state.q[k] + rule.change(k, v.at(k), w[k], h).0;
+                *p = state.p[k] + dp.at(k);
+            });
+        } else {
+            vectors::update_pair(q, p, |k, q, p| {
+                let (dq, dv) = rule.change(k, v.at(k), w[k], h);
+                *q = state.q[k] + dq;
+                *p = state.p[k] + mass[k] * dv;
+            });
+        }
+        if let Some(constrained) = &mut self.stage.constrained {
+            constrained.close(system, q, p, *t)?;
+        }
+        check_finite(q, p, system)?;
+        let energy = if self.ledger { self.account(system, state)? } else { StepEnergy::default() };
+        self.rule.close(system, state, &self.after, &self.stage.w, h);
+        self.stage.close();
+        self.inertia.close(&self.after.p, &self.dv);
+        Ok((iterations, energy))
+    }
+
+    /// Is a step of h one of free motion: does nothing act at its stage or stand in the way of it?
+    pub(crate) fn is_free(&mut self, system: &System, state: &State, h: f64) -> bool {
+        let Self { rule, forces, inertia, stage, .. } = self;
+        inertia.open(system, &state.p, &mut forces.work);
+        stage.open(system, rule, inertia, state, h);
+        let mut equations = StageEquations { system, rule, inertia, stage };
+        equations.start(Start::Inertial);
+        equations.shorten_start(system, forces);
+        let is_in_the_way = equations.stage.w.iter().any(|&w| w != 0.0);
+        !is_in_the_way
+            && equations.evaluate(system, forces).is_ok()
+            && forces.gradient().iter().all(|&force| force == 0.0)
+    }
+
+    /// Solves the stage; 0 iterations where the body is at rest in balance.
+    fn solve(&mut self, system: &System) -> Result<u32, SolverError> {
+        let Self { rule, forces, inertia, inverse, newton, stage, .. } = self;
+        if stage.origin.is_empty() {
+            return Ok(0);
+        }
+        if !stage.is_forced
+            && stage.constrained.is_none()
+            && !forces.has_live()
+            && at_rest::may_be_at_rest(stage.twice_kinetic, &stage.history[0], stage.history_count)
+        {
+            stage.w.fill(0.0);
+            stage.configure();
+            forces.evaluate(system, &stage.q, stage.t, false)?;
+            if at_rest::is_at_rest(system, forces, newton.tolerance()) {
+                forces.work.skipped += 1;
+                return Ok(0);
+            }
+        }
+        let equations = StageEquations { system, rule, inertia, stage };
+        Ok(newton.solve(&mut Solve { system, forces, inverse, equations })?.iterations)
+    }
+
+    /// The parts of the step's change of energy. With ΔT = Δp·v̄ and g = ∂V/∂x at the stage, they are
+    /// the work g·Δx (g with the rule's addition) on prescribed coordinates, the residual's work R·Δq/c, and the
+    /// rest that the scheme makes: ΔV − g·Δx (with forces f that have no potential g is ∂V/∂x − f, and their work
+    /// f·Δx is a part of its own), and for schemes that do not balance it with the work on the mean velocity, Δp·v̄ + (g − R/c)·Δq.
+    fn account(&mut self, system: &System, before: &State) -> Result<StepEnergy, SolverError> {
+        let Self { rule, forces, inertia, stage, after, potentials, x_start, dx, dv, .. } = self;
+        stage.evaluate(system, rule, forces)?;
+        let (mass, free) = (system.free_mass(), system.coordinates().free());
+        let coordinates = system.coordinates();
+        x_start.resize(coordinates.dof_count(), 0.0);
+        dx.resize(coordinates.dof_count(), 0.0);
+        coordinates.embed(&before.q, before.t, x_start);
+        coordinates.embed(&after.q, after.t, dx);
+        vectors::update(dx, |k, dx| *dx -= x_start[k]);
+        coordinates.to_own_axes(dx);
+        let gradient = forces.gradient();
+        let Stage { w, c, room, added, constrained, .. } = stage;
+        let (w, c, step) = (&*w, *c, &*dx);
+        let inertial = inertia.momentum(system, w, room);
+        let along = |k: usize| step[free[k] as usize];
+        let mut prescribed = accounts::prescribed_work(system, gradient, step);
+        if let Some(constrained) = constrained {
+            prescribed += constrained.prescribed_work(step);
+        }
+        let elastic =
+            accounts::free_work(system, gradient, along) + vectors::sum(w.len(), |k| added[k] * along(k));
+        let residual = vectors::sum(w.len(), |k| {
+            (inertial.at(k) / c + gradient[free[k] as usize] + added[k]) * along(k)
+        });
+        let v = inertia.velocity(system, &before.p);
+        let kinetic = match inertia.matrix() {
+            Some(_) => vectors::sum(w.len(), |k| (after.p[k] - before.p[k]) * (v.at(k) + 0.5 * dv[k])),
+            None => vectors::sum(w.len(), |k| {
+                (after.p[k] - before.p[k]) * 0.5 * (before.p[k] + after.p[k]) / mass[k]
+            }),
+        };
+        let inertial = vectors::sum(w.len(), |k| inertial.at(k) / c * along(k));
+        let (force, damping) = forces.nonconservative_work(step);
+        let (change, loads) = potentials.close(system, forces, &after.q, after.t);
+        let mut scheme = change - loads - elastic - prescribed - force - damping;
+        if !self.rule.works_on_mean_velocity() || constrained.is_some() {
+            scheme += kinetic - inertial;
+        }
+        Ok(StepEnergy { prescribed, force: force + loads, damping, scheme, residual })
+    }
+}
+
+/// What the stage of a rule evaluates.
+fn forces_of(rule: &impl Rule, system: &System) -> Forces {
+    let forces = Forces::with_nonconservative(system);
+    if rule.takes_discrete_gradients() { forces.with_discrete_gradients() } else { forces }
+}
+
+impl<R: Rule> Stepper for OneStage<R> {
+    fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
+        let before = self.forces.work;
+        let (iterations, energy) = self.advance(system, state, h).map_err(|error| {
+            let cause = self.forces.explain(system, state, error);
+            StepError { t: state.t, h, cause }
+        })?;
+        std::mem::swap(&mut self.after, state);
+        self.forces.work.steps += 1;
+        Ok(StepReport { iterations, energy, work: self.forces.work - before })
+    }
+
+    fn work(&self) -> Work {
+        self.forces.work
+    }
+
+    fn unit_costs(&self, system: &System) -> UnitCosts {
+        if self.inverse.is_ready() { *self.inverse.costs() } else { UnitCosts::explicit(system) }
+    }
+
+    fn linear_solver(&self) -> Option<&str> {
+        Some(self.inverse.reason()).filter(|reason| !reason.is_empty())
+    }
+
+    fn analyses(&self) -> u64 {
+        self.inverse.analyses()
+    }
+
+    fn velocity(&self, state: &State) -> Option<&[f64]> {
+        self.inertia.known_velocity(state)
+    }
+
+    fn memory(&self) -> StepperMemory {
+        let mut memory = StepperMemory { method: self.rule.name().to_owned(), ..Default::default() };
+        for (name, history) in HISTORY.iter().zip(&self.stage.history) {
+            memory.arrays.push(((*name).to_owned(), history.clone()));
+        }
+        memory.counts.push(("stage.history".into(), self.stage.history_count as u64));
+        self.forces.remember(&mut memory);
+        self.potentials.remember(&mut memory);
+        if let Some(constrained) = &self.stage.constrained {
+            memory.arrays.push(("stage.multipliers".into(), constrained.multipliers().to_vec()));
+        }
+        self.inertia.remember(&mut memory);
+        self.inverse.remember(&mut memory);
+        self.newton.remember(&mut memory);
+        self.rule.remember(&mut memory);
+        memory
+    }
+
+    fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
+        expect_method(memory, self.rule.name())?;
+        for (history, name) in self.stage.history.iter_mut().zip(HISTORY) {
+            let array = memory.array(name)?;
+            if array.len() != history.len() {
+                return Err(SolverError::Memory { missing: name });
+            }
+            history.copy_from_slice(array);
+        }
+        self.stage.history_count = memory.count("stage.history")? as usize;
+        if let Some(constrained) = &mut self.stage.constrained {
+            constrained.restore(memory.array("stage.multipliers")?)?;
+        }
+        self.forces = forces_of(&self.rule, system);
+        self.potentials = Potentials::recall(memory);
+        self.newton.restore(memory)?;
+        self.rule.restore(memory)?;
+        self.inertia.recall(memory)?;
+        self.inverse.restore(system, &mut self.forces, memory)?;
+        self.forces.recall(memory)?;
+        self.forces.work = Work::default();
+        Ok(())
+    }
+}

@@ -1,0 +1,354 @@
+//! The equations of one implicit stage as Newton's method sees them: residual, start, correction, merit.
+//! It must not know which scheme the stage belongs to, nor how its matrix is factored.
+
+use vi_core::{State, System};
+
+use crate::assemble::evaluator::Forces;
+use crate::assemble::inertia::Inertia;
+use crate::error::SolverError;
+use crate::newton::equations::Equations;
+use crate::newton::inverse::Inverse;
+use crate::newton::start::Start;
+use crate::schemes::constraint::multipliers::Constrained;
+use crate::schemes::one_stage::rule::{Rule, Trial};
+use crate::vectors;
+
+/// The unknowns and buffers of one stage.
+pub(super) struct Stage {
+    pub(super) c: f64,
+    /// Time of the stage, s.
+    pub(super) t: f64,
+    /// 2 T of the start, J: part of the energy that errors are relative to.
+    pub(super) twice_kinetic: f64,
+    /// q₀ and û − q₀.
+    pub(super) origin: Vec<f64>,
+    pub(super) offset: Vec<f64>,
+    /// w/c of the last steps, from which the next is extrapolated.
+    pub(super) history: [Vec<f64>; 3],
+    pub(super) history_count: usize,
+    pub(super) w: Vec<f64>,
+    pub(super) base: Vec<f64>,
+    pub(super) correction: Vec<f64>,
+    /// −R.
+    pub(super) residual: Vec<f64>,
+    /// û + w.
+    pub(super) q: Vec<f64>,
+    /// The rule's addition to the force there.
+    pub(super) added: Vec<f64>,
+    /// Room for M w where mass is consistent.
+    pub(super) room: Vec<f64>,
+    pub(super) twice_origin: f64,
+    pub(super) start_t: f64,
+    pub(super) h: f64,
+    /// Is the rule's addition left out, so that the stage minimises Φ?
+    pub(super) is_simple: bool,
+    /// Are there forces without a potential? Then velocities at the start are kept.
+    pub(super) is_forced: bool,
+    pub(super) velocity: Vec<f64>,
+    /// Do live terms act by discrete gradients? Then the stage minimises nothing.
+    pub(super) has_discrete: bool,
+    /// Where there are constraints.
+    pub(super) constrained: Option<Constrained>,
+}
+
+impl Stage {
+    pub(super) fn new(system: &System, rule: &impl Rule) -> Self {
+        let (n, is_forced) = (system.coordinates().free_count(), !system.forces().is_empty());
+        let zero = || vec![0.0; n];
+        Self {
+            constrained: rule.multipliers().and_then(|multipliers| Constrained::new(system, multipliers)),
+            c: 0.0,
+            t: 0.0,
+            twice_kinetic: 0.0,
+            origin: zero(),
+            offset: zero(),
+            history: [zero(), zero(), zero()],
+            history_count: 0,
+            w: zero(),
+            base: zero(),
+            correction: zero(),
+            residual: zero(),
+            q: zero(),
+            added: zero(),
+            room: Vec::new(),
+            twice_origin: 0.0,
+            start_t: 0.0,
+            h: 0.0,
+            is_simple: false,
+            is_forced,
+            has_discrete: false,
+            velocity: Vec::new(),
+        }
+    }
+
+    pub(super) fn open(
+        &mut self,
+        system: &System,
+        rule: &impl Rule,
+        inertia: &Inertia,
+        state: &State,
+        h: f64,
+    ) {
+        let (mass, v) = (system.free_mass(), inertia.velocity(system, &state.p));
+        self.c = rule.coefficient(h);
+        self.t = state.t + rule.time() * h;
+        (self.start_t, self.h, self.is_simple) = (state.t, h, false);
+        self.origin.copy_from_slice(&state.q);
+        vectors::fill(&mut self.offset, |k| rule.offset(k, v.at(k), h));
+        if self.is_forced {
+            self.velocity.clear();
+            self.velocity.extend((0..mass.len()).map(|k| v.at(k)));
+        }
+        self.twice_kinetic = match inertia.matrix() {
+            Some(_) => vectors::sum(mass.len(), |k| state.p[k] * v.at(k)),
+            None => vectors::sum(mass.len(), |k| state.p[k] * state.p[k] / mass[k]),
+        };
+        self.twice_origin = vectors::sum(mass.len(), |k| mass[k] * state.q[k] * state.q[k]);
+        if let Some(constrained) = &mut self.constrained {
+            constrained.open(system, state, h);
+        }
+    }
+
+    pub(super) fn configure(&mut self) {
+        let Self { q, origin, offset, w, .. } = self;
+        vectors::fill(q, |k| origin[k] + (offset[k] + w[k]));
+    }
+
+    /// Evaluates the forces at û + w, the rule's addition with them.
+    pub(super) fn evaluate(
+        &mut self,
+        system: &System,
+        rule: &mut impl Rule,
+        forces: &mut Forces,
+    ) -> Result<(), SolverError> {
+        self.configure();
+        self.set_velocities(system, rule, forces);
+        if rule.takes_discrete_gradients() && forces.has_live() {
+            let end: Vec<f64> = (0..self.w.len()).map(|k| self.end(k)).collect();
+            forces.set_ends(system, (&self.origin, self.start_t), (&end, self.start_t + self.h));
+        }
+        let outcome = forces.evaluate(system, &self.q, self.t, false);
+        self.has_discrete = forces.has_discrete();
+        outcome?;
+        if self.is_simple {
+            self.added.fill(0.0);
+        } else if rule.has_correction() {
+            let Self { origin, offset, w, added, start_t, h, .. } = self;
+            let (start_t, h, start_q) = (*start_t, *h, &*origin);
+            rule.correction(&Trial { system, forces, start_q, start_t, h, offset, w }, added);
+        }
+        let Self { constrained, added, q, origin, offset, w, t, .. } = self;
+        if let Some(constrained) = constrained {
+            if !rule.has_correction() {
+                added.fill(0.0);
+            }
+            let end = |k: usize| origin[k] + 2.0 * (offset[k] + w[k]);
+            constrained.evaluate(system, q, *t, end, added);
+        }
+        Ok(())
+    }
+
+    /// Coordinate k at the end of the step, of a stage in the middle.
+    fn end(&self, k: usize) -> f64 {
+        self.origin[k] + 2.0 * (self.offset[k] + self.w[k])
+    }
+
+    /// The largest part of the change dq of the stage, from where it is, that the terms allow.
+    fn largest_step(&mut self, system: &System, rule: &impl Rule, forces: &mut Forces, dq: &[f64]) -> f64 {
+        self.configure();
+        let coordinates = system.coordinates();
+        let place = |q: &[f64], t: f64| {
+            let mut x = vec![0.0; coordinates.dof_count()];
+            coordinates.embed(q, t, &mut x);
+            x
+        };
+        let mut dx = vec![0.0; coordinates.dof_count()];
+        coordinates.embed_change(dq, &mut dx);
+        let x = place(&self.q, self.t);
+        if !rule.takes_discrete_gradients() {
+            return forces.largest_step(system, &x, &dx, None);
+        }
+        let end: Vec<f64> = (0..self.w.len()).map(|k| self.end(k)).collect();
+        let x_end = place(&end, self.start_t + self.h);
+        let dx_end: Vec<f64> = dx.iter().map(|dx| 2.0 * dx).collect();
+        forces.largest_step(system, &x, &dx, Some([&x_end, &dx_end]))
+    }
+
+    /// Tells the forces without a potential how fast the stage moves.
+    pub(super) fn set_velocities(&self, system: &System, rule: &impl Rule, forces: &mut Forces) {
+        if self.is_forced && !self.w.is_empty() {
+            let (v, w, h) = (&self.velocity, &self.w, self.h);
+            let rate = rule.velocity(0, 0.0, 1.0, h) - rule.velocity(0, 0.0, 0.0, h);
+            let q_dot: Vec<f64> = (0..w.len()).map(|k| rule.velocity(k, v[k], w[k], h)).collect();
+            forces.set_velocities(system, &q_dot, self.t, rate);
+        }
+    }
+
+    /// Puts the end of the step on the surface of the constraints, to round-off.
+    pub(super) fn reach(&mut self, system: &System, before: &State) -> Result<(), SolverError> {
+        let Self { constrained, origin, offset, w, h, .. } = self;
+        match constrained {
+            Some(constrained) => {
+                let end = |k: usize, w: f64| origin[k] + 2.0 * (offset[k] + w);
+                constrained.reach(system, end, w, before.t + *h)
+            }
+            None => Ok(()),
+        }
+    }
+
+    pub(super) fn close(&mut self) {
+        let Self { history, w, c, .. } = self;
+        history.rotate_right(1);
+        vectors::fill(&mut history[0], |k| w[k] / *c);
+        self.history_count = (self.history_count + 1).min(history.len());
+    }
+}
+
+/// A stage of a system: what Newton's method sees.
+pub(super) struct StageEquations<'a, R> {
+    pub(super) system: &'a System,
+    pub(super) rule: &'a mut R,
+    pub(super) inertia: &'a Inertia,
+    pub(super) stage: &'a mut Stage,
+}
+
+impl<R: Rule> Equations for StageEquations<'_, R> {
+    fn coefficient(&self) -> f64 {
+        self.stage.c
+    }
+
+    fn model_is_exact(&self) -> bool {
+        !self.rule.has_correction() && self.stage.constrained.is_none() && !self.stage.has_discrete
+    }
+
+    fn simplify(&mut self, simple: bool) -> bool {
+        let may_be = self.rule.has_correction() && !self.stage.is_forced && !self.stage.has_discrete;
+        self.stage.is_simple = simple && may_be;
+        may_be
+    }
+
+    fn unknowns(&self) -> &[f64] {
+        &self.stage.w
+    }
+
+    fn go_to(&mut self, unknowns: &[f64]) {
+        let Stage { w, base, .. } = &mut *self.stage;
+        w.copy_from_slice(unknowns);
+        base.copy_from_slice(unknowns);
+    }
+
+    fn start(&mut self, start: Start) {
+        let Stage { c, history: [last, older, oldest], history_count, w, base, offset, .. } = self.stage;
+        match (start, *history_count) {
+            (Start::Predicted, 2..) => vectors::fill(w, |k| *c * (2.0 * last[k] - older[k])),
+            // Exact for straight lines and for what changes its sign at every step.
+            (Start::Stiff, 3..) => vectors::fill(w, |k| *c * (last[k] + (older[k] - oldest[k]))),
+            (Start::Stiff, 2) => vectors::fill(w, |k| *c * older[k]),
+            (Start::Predicted, 1) => vectors::fill(w, |k| *c * last[k]),
+            (Start::Predicted | Start::Stiff | Start::Inertial, _) => w.fill(0.0),
+            (Start::Still, _) => vectors::fill(w, |k| -offset[k]),
+        }
+        base.copy_from_slice(w);
+    }
+
+    fn shorten_start(&mut self, system: &System, forces: &mut Forces) {
+        // From where the step begins to where the iteration does.
+        let Self { rule, stage, .. } = self;
+        let goal: Vec<f64> = stage.offset.iter().zip(&stage.w).map(|(offset, w)| offset + w).collect();
+        let at_start = stage.offset.iter().map(|offset| -offset).collect();
+        let wanted = std::mem::replace(&mut stage.w, at_start);
+        let part = stage.largest_step(system, *rule, forces, &goal);
+        let Stage { w, base, offset, .. } = &mut **stage;
+        w.copy_from_slice(&wanted);
+        if part < 1.0 {
+            vectors::fill(w, |k| part * goal[k] - offset[k]);
+        }
+        base.copy_from_slice(w);
+    }
+
+    fn largest_step(&mut self, system: &System, forces: &mut Forces) -> f64 {
+        let Self { rule, stage, .. } = self;
+        let reached = std::mem::take(&mut stage.w);
+        stage.w = stage.base.clone();
+        let correction = std::mem::take(&mut stage.correction);
+        let part = stage.largest_step(system, *rule, forces, &correction);
+        (stage.w, stage.correction) = (reached, correction);
+        part
+    }
+
+    fn linearize(&mut self, _system: &System, _forces: &mut Forces) -> Result<(), SolverError> {
+        // The last evaluation was made at the iterate.
+        Ok(())
+    }
+
+    fn evaluate(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
+        self.stage.evaluate(system, self.rule, forces)?;
+        let (gradient, free) = (forces.gradient(), system.coordinates().free());
+        let Stage { w, c, added, residual, room, .. } = &mut *self.stage;
+        let inertial = self.inertia.momentum(system, w, room);
+        vectors::fill(residual, |k| -(inertial.at(k) + *c * (gradient[free[k] as usize] + added[k])));
+        Ok(())
+    }
+
+    fn correct(&mut self, inverse: &mut Inverse, forces: &mut Forces) -> Result<f64, SolverError> {
+        let Stage { correction, residual, w, base, c, constrained, .. } = self.stage;
+        correction.copy_from_slice(residual);
+        inverse.apply(forces, correction)?;
+        base.copy_from_slice(w);
+        if let Some(constrained) = constrained {
+            return constrained.correct(*c, inverse, forces, residual, correction);
+        }
+        Ok(vectors::sum(residual.len(), |k| residual[k] * correction[k]) / *c)
+    }
+
+    fn correction(&mut self) -> (&mut [f64], &[f64]) {
+        let Stage { correction, residual, constrained, .. } = &mut *self.stage;
+        (correction, constrained.as_ref().map_or(&residual[..], Constrained::load))
+    }
+
+    fn advance(&mut self, fraction: f64) {
+        let Stage { w, base, correction, .. } = self.stage;
+        vectors::fill(w, |k| base[k] + fraction * correction[k]);
+    }
+
+    fn slope(&self) -> f64 {
+        let Stage { residual, correction, c, .. } = &*self.stage;
+        vectors::sum(residual.len(), |k| residual[k] * correction[k]) / c
+    }
+
+    fn has_merit(&self) -> bool {
+        let is_plain = !self.stage.is_forced && self.stage.constrained.is_none() && !self.stage.has_discrete;
+        (!self.rule.has_correction() || self.stage.is_simple) && is_plain
+    }
+
+    fn merit(&mut self, system: &System, forces: &mut Forces) -> Option<f64> {
+        if !self.has_merit() {
+            return None;
+        }
+        self.stage.configure();
+        let Stage { w, c, room, .. } = &mut *self.stage;
+        let kinetic = match self.inertia.matrix() {
+            Some(_) => {
+                let inertial = self.inertia.momentum(system, w, room);
+                vectors::sum(w.len(), |k| 0.5 * inertial.at(k) * w[k]) / *c
+            }
+            None => {
+                let mass = system.free_mass();
+                vectors::sum(w.len(), |k| 0.5 * mass[k] * w[k] * w[k]) / *c
+            }
+        };
+        Some(kinetic + forces.energy(system, &self.stage.q, self.stage.t))
+    }
+
+    fn energy_scale(&self) -> f64 {
+        // Of the acceleration the lumped mass gives the size.
+        let (w, mass) = (&self.stage.w, self.system.free_mass());
+        0.5 * self.stage.twice_kinetic + vectors::sum(w.len(), |k| mass[k] * w[k] * w[k]) / self.stage.c
+    }
+
+    fn is_at_resolution(&self) -> bool {
+        let (d, mass) = (&self.stage.correction, self.system.free_mass());
+        let square = vectors::sum(d.len(), |k| mass[k] * d[k] * d[k]);
+        square <= f64::EPSILON * f64::EPSILON * self.stage.twice_origin
+    }
+}

@@ -1,0 +1,249 @@
+//! The highest frequency of a body, which limits the step of every explicit scheme: Lanczos on
+//! M^{-1/2} K M^{-1/2} with K v from differences of two gradients. It must not build a Hessian:
+//! an explicit run has none.
+//!
+//! The result transforms as a frequency does: translations of the body change it by the round-off of its
+//! coordinates, and units of length, mass and time that are powers of two change no bit of it.
+
+use nalgebra::DMatrix;
+use vi_core::{State, System, binary_exponent};
+
+use crate::assemble::evaluator::Forces;
+use crate::error::SolverError;
+use crate::vectors;
+
+/// Largest number of Lanczos vectors.
+const MAX_ITERATIONS: u32 = 120;
+/// Bound on the relative error of λ_max at which it is good enough.
+const ACCURACY: f64 = 0.01;
+/// Largest displacement of a difference, relative to the extent of the body: its square and the
+/// round-off that it amplifies (1e-16/1e-7) are both far below [`ACCURACY`].
+const DIFFERENCE: f64 = 1e-7;
+/// Least displacement of a difference, in units of the round-off of the coordinates: far from the origin
+/// the differences then keep four digits.
+const RESOLVED: f64 = 1e4;
+/// A displacement beyond this part of the extent is no small displacement any more.
+const LARGEST: f64 = 1e-3;
+
+/// An estimate of the highest frequency about a state.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HighestFrequency {
+    /// ω_max = √λ_max(M⁻¹K), rad/s: the Ritz value plus its residual bound, so that it errs on the
+    /// high side, by at most 1 % where the iteration converged.
+    pub omega: f64,
+    /// Products with K made for it, two gradients each.
+    pub iterations: u32,
+}
+
+/// ω_max about `state`, with a start vector that is the same in every run.
+///
+/// # Errors
+/// [`SolverError::Term`] or [`SolverError::NotFinite`] where the state has no finite force;
+/// [`SolverError::Unresolved`] where the coordinates are so large that their round-off hides the body's shape.
+pub fn highest_frequency(system: &System, state: &State) -> Result<HighestFrequency, SolverError> {
+    let n = system.coordinates().free_count();
+    if n == 0 {
+        return Ok(HighestFrequency { omega: 0.0, iterations: 0 });
+    }
+    let mut operator = Operator::new(system, state)?;
+    let mut previous = vec![0.0; n];
+    let mut current: Vec<f64> = (0..n as u64).map(noise).collect();
+    normalize(&mut current);
+    let mut next = vec![0.0; n];
+    let (mut diagonal, mut off_diagonal) = (Vec::new(), Vec::new());
+    let mut beta = 0.0;
+    let mut bound = 0.0;
+    for iteration in 1..=MAX_ITERATIONS {
+        operator.apply(system, state, &current, &mut next)?;
+        let alpha = vectors::sum(n, |k| next[k] * current[k]);
+        vectors::update(&mut next, |k, next| *next -= alpha * current[k] + beta * previous[k]);
+        diagonal.push(alpha);
+        beta = normalize(&mut next);
+        let (ritz, residual) = largest_ritz_value(&diagonal, &off_diagonal, beta);
+        bound = (ritz + residual).max(0.0);
+        if residual <= ACCURACY * ritz.abs() || beta == 0.0 || iteration as usize >= n {
+            return Ok(HighestFrequency { omega: bound.sqrt(), iterations: iteration });
+        }
+        off_diagonal.push(beta);
+        std::mem::swap(&mut previous, &mut current);
+        std::mem::swap(&mut current, &mut next);
+    }
+    Ok(HighestFrequency { omega: bound.sqrt(), iterations: MAX_ITERATIONS })
+}
+
+/// v ↦ M^{-1/2} K M^{-1/2} v by central differences about a state.
+struct Operator {
+    forces: Forces,
+    /// √(m/unit), with a unit of mass that is a power of two: so it has the same bits in any such unit.
+    root_mass: Vec<f64>,
+    /// The inverse of that unit.
+    per_unit: f64,
+    /// The displacement of a difference where all of the body moves by the same, m; of directors, 1.
+    sizes: [f64; 2],
+    /// Which of these is a free coordinate's: 1 for directors.
+    kind: Vec<u8>,
+    direction: Vec<f64>,
+    q: Vec<f64>,
+    ahead: Vec<f64>,
+}
+
+impl Operator {
+    fn new(system: &System, state: &State) -> Result<Self, SolverError> {
+        let mut forces = Forces::new(system);
+        forces.evaluate(system, &state.q, state.t, true)?;
+        let coordinates = system.coordinates();
+        let sizes = [displacement(system, forces.positions())?, DIFFERENCE];
+        let kind = coordinates.free().iter().map(|&dof| u8::from(coordinates.is_director(dof / 3))).collect();
+        let mass = system.free_mass();
+        let per_unit = 2.0_f64.powi(-binary_exponent(mass[0]));
+        let root_mass: Vec<f64> = mass.iter().map(|m| (m * per_unit).sqrt()).collect();
+        let n = root_mass.len();
+        let (direction, q, ahead) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+        Ok(Self { forces, root_mass, per_unit, sizes, kind, direction, q, ahead })
+    }
+
+    fn apply(
+        &mut self,
+        system: &System,
+        state: &State,
+        v: &[f64],
+        out: &mut [f64],
+    ) -> Result<(), SolverError> {
+        let Self { forces, root_mass, per_unit, sizes, kind, direction, q, ahead } = self;
+        let n = v.len();
+        let free = system.coordinates().free();
+        vectors::fill(direction, |k| v[k] / root_mass[k]);
+        let epsilon = 1.0 / vectors::max_abs(n, |k| direction[k] / sizes[usize::from(kind[k])]);
+        vectors::fill(q, |k| state.q[k] + epsilon * direction[k]);
+        forces.evaluate(system, q, state.t, true)?;
+        system.coordinates().restrict(forces.gradient(), ahead);
+        vectors::fill(q, |k| state.q[k] - epsilon * direction[k]);
+        forces.evaluate(system, q, state.t, true)?;
+        let behind = forces.gradient();
+        let per_unit = *per_unit;
+        vectors::fill(out, |k| {
+            (ahead[k] - behind[free[k] as usize]) / (2.0 * epsilon) / root_mass[k] * per_unit
+        });
+        Ok(())
+    }
+}
+
+/// The largest displacement of a difference about positions `x`, m: small beside the extent of the body,
+/// and large beside the round-off of its coordinates. A single point has no extent: it is moved by a small
+/// part of its distance from the origin, and at the origin by a small part of 1 m.
+fn displacement(system: &System, x: &[f64]) -> Result<f64, SolverError> {
+    let [extent, reach] = system.coordinates().extent_and_reach(x);
+    if extent == 0.0 {
+        return Ok(DIFFERENCE * if reach > 0.0 { reach } else { 1.0 });
+    }
+    let resolved = RESOLVED * f64::EPSILON * reach;
+    if resolved > LARGEST * extent {
+        return Err(SolverError::Unresolved { extent, reach });
+    }
+    Ok(resolved.max(DIFFERENCE * extent))
+}
+
+/// The largest eigenvalue of the tridiagonal matrix, and the residual β |s_last| of its vector.
+fn largest_ritz_value(diagonal: &[f64], off_diagonal: &[f64], beta: f64) -> (f64, f64) {
+    let m = diagonal.len();
+    let matrix = DMatrix::from_fn(m, m, |i, j| match i.abs_diff(j) {
+        0 => diagonal[i],
+        1 => off_diagonal[i.min(j)],
+        _ => 0.0,
+    });
+    let eigen = matrix.symmetric_eigen();
+    let largest = eigen.eigenvalues.imax();
+    (eigen.eigenvalues[largest], (beta * eigen.eigenvectors[(m - 1, largest)]).abs())
+}
+
+fn normalize(v: &mut [f64]) -> f64 {
+    let norm = vectors::sum(v.len(), |k| v[k] * v[k]).sqrt();
+    if norm > 0.0 {
+        vectors::update(v, |_, v| *v /= norm);
+    }
+    norm
+}
+
+/// A number in ±½ from a counter (the finaliser of SplitMix64, Steele et al. 2014).
+fn noise(k: u64) -> f64 {
+    let mut z = (k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    (z ^ (z >> 31)) as f64 / u64::MAX as f64 - 0.5
+}
+
+#[cfg(test)]
+mod tests {
+    use vi_core::problems::{Oscillator, SpringChain};
+    use vi_core::reference;
+
+    use super::*;
+
+    #[test]
+    fn oscillator() {
+        let oscillator = Oscillator::with_frequency(7.0);
+        let system = oscillator.system().unwrap();
+        let state = State { t: 0.0, q: vec![0.3], p: vec![0.0] };
+        let found = highest_frequency(&system, &state).unwrap();
+        assert!((found.omega - 7.0).abs() < 1e-6, "{found:?}");
+    }
+
+    #[test]
+    fn units_that_are_powers_of_two_change_no_bit() {
+        let of_units = |[length, mass, time]: [i32; 3]| {
+            let [l, m, t] = [length, mass, time].map(|e| 2.0_f64.powi(e));
+            let chain = SpringChain::unit(30);
+            let state = chain.disturbed_state();
+            let chain = SpringChain {
+                mass: m * chain.mass,
+                stiffness: m / (t * t) * chain.stiffness,
+                quartic: m / (t * t * l * l) * chain.quartic,
+                rest_length: l * chain.rest_length,
+                ..chain
+            };
+            let scaled = State { q: state.q.iter().map(|q| l * q).collect(), ..state };
+            let found = highest_frequency(&chain.system().unwrap(), &scaled).unwrap();
+            (found.iterations, t * found.omega)
+        };
+        let found = of_units([0; 3]);
+        for units in [[-30, 0, 0], [0, 29, 0], [0, 0, -7], [1, -1, 1], [30, -29, 30], [-29, 30, 13]] {
+            assert_eq!(of_units(units), found, "{units:?}");
+        }
+    }
+
+    #[test]
+    fn a_body_far_from_the_origin_has_the_frequency_it_has_near() {
+        let chain = SpringChain::unit(30);
+        let (system, state) = (chain.system().unwrap(), chain.disturbed_state());
+        let of = |by: f64| {
+            let moved = State { q: state.q.iter().map(|q| q + by).collect(), ..state.clone() };
+            highest_frequency(&system, &moved)
+        };
+        let near = of(0.0).unwrap().omega;
+        for by in [1e3, -1e6, 3e7] {
+            let far = of(by).unwrap().omega;
+            // A few digits are all that is asked of it.
+            assert!((far / near - 1.0).abs() < ACCURACY, "{by:e}: {far} {near}");
+        }
+        let error = of(1e14).unwrap_err();
+        assert!(matches!(error, SolverError::Unresolved { .. }), "{error}");
+    }
+
+    #[test]
+    fn chain_within_one_percent_from_above() {
+        let chain = SpringChain::unit(30);
+        let system = chain.system().unwrap();
+        let state = chain.disturbed_state();
+        let mut k = reference::hessian(&system, &system.positions(&state), 0.0);
+        let m = system.free_mass();
+        for i in 0..m.len() {
+            for j in 0..m.len() {
+                k[(i, j)] /= (m[i] * m[j]).sqrt();
+            }
+        }
+        let exact = k.symmetric_eigen().eigenvalues.max().sqrt();
+        let found = highest_frequency(&system, &state).unwrap();
+        assert!(found.omega >= exact * (1.0 - 1e-6) && found.omega < 1.01 * exact, "{found:?} {exact}");
+        assert!(found.iterations < 40, "{found:?}");
+    }
+}
