@@ -225,12 +225,12 @@ pub enum SolverError {
         /// Schemes that can.
         schemes: Box<str>,
     },
-    /// The surface of the constraints was not reached.
+    /// The constraints could not be satisfied to round-off.
     #[error(
         "constraint '{constraint}' is {defect:e} off after {iterations} iterations: the step is too long, or joints \
          depend on each other here"
     )]
-    Surface {
+    ConstraintDefect {
         /// The constraint furthest off.
         constraint: String,
         /// Iterations made.

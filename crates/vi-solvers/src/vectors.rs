@@ -1,6 +1,5 @@
 //! Sums and updates of long vectors, on both cores where they are long. The tree of every sum is
 //! fixed by its length, so that the bits do not depend on the number of threads.
-//! It must not know what the numbers mean.
 //!
 //! Only the loop over a leaf is compiled for each caller. The recursion calls it through `dyn`, once per some
 //! thousand entries: compiled for each caller too, the calls of `rayon::join` were half of this crate's code.
@@ -16,6 +15,12 @@ const PARALLEL: usize = 32_768;
 pub(crate) fn sum(n: usize, term: impl Fn(usize) -> f64 + Sync) -> f64 {
     let leaf = |leaf: Range<usize>| leaf.map(&term).sum();
     if n <= LEAF { leaf(0..n) } else { tree(0..n, &leaf, |a, b| a + b) }
+}
+
+/// Are all numbers finite?
+pub(crate) fn all_finite(values: &[f64]) -> bool {
+    // 0 · x is zero for finite x, and NaN otherwise.
+    sum(values.len(), |k| 0.0 * values[k]) == 0.0
 }
 
 /// max |value(k)| over 0..n; NaN counts as +∞.

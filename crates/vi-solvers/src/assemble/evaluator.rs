@@ -8,7 +8,7 @@ use crate::assemble::finite::check_state;
 use crate::assemble::force_sum::ForceSum;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::assemble::live::LiveState;
-use crate::assemble::sweep::{Arrays, Found, Pass, Sweep};
+use crate::assemble::sweep::{Arrays, Pass, Sweep};
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::matrix_sum::MatrixSum;
@@ -17,7 +17,7 @@ use crate::vectors;
 use crate::work::Work;
 
 /// The sums of a system's terms with the buffers to evaluate them.
-pub(crate) struct Forces {
+pub(crate) struct Evaluator {
     assembler: Assembler,
     /// Positions of all coordinates at the last evaluation.
     x: Vec<f64>,
@@ -30,14 +30,14 @@ pub(crate) struct Forces {
     is_time_dependent: bool,
     /// Does t matter to neither V nor x(q, t)?
     is_autonomous: bool,
-    /// Forces without a potential, where the scheme has asked for them.
+    /// Evaluator without a potential, where the scheme has asked for them.
     nonconservative: Option<Nonconservative>,
     /// Positions of all coordinates at the ends of the step, between which discrete gradients act.
     ends: Option<[Vec<f64>; 2]>,
     pub(crate) work: Work,
 }
 
-/// Forces without a potential at the velocities that a stage implies.
+/// Evaluator without a potential at the velocities that a stage implies.
 struct Nonconservative {
     sum: ForceSum,
     x_dot: Vec<f64>,
@@ -46,7 +46,7 @@ struct Nonconservative {
     tangent: Option<MatrixSum>,
 }
 
-impl Forces {
+impl Evaluator {
     pub(crate) fn new(system: &System) -> Self {
         let count = system.coordinates().dof_count();
         let is_time_dependent = system.potentials().iter().any(|term| term.traits().time_dependent);
@@ -66,7 +66,7 @@ impl Forces {
     }
 
     /// The same where live terms with a discrete gradient act by that alone, between the ends that
-    /// [`Forces::set_ends`] gives.
+    /// [`Evaluator::set_ends`] gives.
     #[must_use]
     pub(crate) fn with_discrete_gradients(mut self) -> Self {
         self.assembler.split_live();
@@ -134,7 +134,7 @@ impl Forces {
     }
 
     /// The same with the forces that no potential gives: gradients are then ∂V/∂x − f, and Hessians
-    /// have their tangents added. The velocities are those of [`Forces::set_velocities`].
+    /// have their tangents added. The velocities are those of [`Evaluator::set_velocities`].
     pub(crate) fn with_nonconservative(system: &System) -> Self {
         let count = system.coordinates().dof_count();
         let whole = |sum| Nonconservative { sum, x_dot: vec![0.0; count], rate: 0.0, tangent: None };
@@ -191,7 +191,7 @@ impl Forces {
         self.nonconservative.as_ref().map(|forces| (forces.x_dot.clone(), forces.rate))
     }
 
-    /// Goes to what [`Forces::velocities`] gave.
+    /// Goes to what [`Evaluator::velocities`] gave.
     pub(crate) fn go_to_velocities(&mut self, rates: &Option<(Vec<f64>, f64)>) {
         if let (Some(forces), Some((x_dot, rate))) = (&mut self.nonconservative, rates) {
             forces.x_dot.clone_from(x_dot);
@@ -240,8 +240,8 @@ impl Forces {
     }
 
     /// Makes a pass of an explicit step over q and p: `kicks` are the one that ends the step before and the one
-    /// before the drift. The gradient is that of the last [`Forces::sum_chunks`] where `sums`, else the one that
-    /// is known.
+    /// before the drift. The gradient is that of the last [`Evaluator::sum_chunks`] where `sums`, else the one that
+    /// is known. Returns whether all that was written is finite.
     pub(crate) fn sweep(
         &mut self,
         sweep: &Sweep,
@@ -250,11 +250,11 @@ impl Forces {
         [closing, kick]: [f64; 2],
         drift: f64,
         (q, p): (&mut [f64], &mut [f64]),
-    ) -> Found {
+    ) -> bool {
         let pass = Pass { from, sums: sums.then(|| self.assembler.gather()), closing, kick, drift };
-        let found = sweep.pass(pass, Arrays { gradient: &mut self.gradient, x: &mut self.x, q, p });
-        self.gradient_is_of_x = (sums || self.gradient_is_of_x) && drift == 0.0 && found == Found::Sound;
-        found
+        let is_sound = sweep.pass(pass, Arrays { gradient: &mut self.gradient, x: &mut self.x, q, p });
+        self.gradient_is_of_x = (sums || self.gradient_is_of_x) && drift == 0.0 && is_sound;
+        is_sound
     }
 
     /// Evaluates ∂V/∂x where the last pass went, at time t, up to the sums over nodes: they are the
@@ -307,9 +307,7 @@ impl Forces {
                 *gradient -= forces.sum.total(dof);
             }
         }
-        let gradient = &self.gradient;
-        let total = vectors::sum(gradient.len(), |k| 0.0 * gradient[k]);
-        if total == 0.0 {
+        if vectors::all_finite(&self.gradient) {
             self.gradient_is_of_x = true;
             return Ok(());
         }
@@ -376,12 +374,12 @@ impl Forces {
 
     /// Enters where the last evaluation was made, so that a run that continues evaluates no more than one that
     /// was never interrupted.
-    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
+    pub(crate) fn save(&self, memory: &mut StepperMemory) {
         if self.t.is_nan() {
             return;
         }
         if let Some(live) = self.assembler.shared_live() {
-            live.state().remember("forces.live", memory);
+            live.state().save("forces.live", memory);
         }
         memory.arrays.push(("forces.x".into(), self.x.clone()));
         memory.arrays.push(("forces.t".into(), vec![self.t]));
@@ -392,11 +390,11 @@ impl Forces {
         memory.counts.push(("forces.gradient".into(), u64::from(knows_gradient)));
     }
 
-    /// Goes to where [`Forces::remember`] was.
+    /// Goes to where [`Evaluator::save`] was.
     ///
     /// # Errors
     /// Where the memory is that of another system.
-    pub(crate) fn recall(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
+    pub(crate) fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
         let Ok(x) = memory.array("forces.x") else { return Ok(()) };
         let &[t] = memory.array("forces.t")? else {
             return Err(SolverError::Memory { missing: "forces.t" });
@@ -404,7 +402,7 @@ impl Forces {
         if x.len() != self.x.len() {
             return Err(SolverError::Memory { missing: "forces.x" });
         }
-        let live = LiveState::recall("forces.live", memory, x.len());
+        let live = LiveState::restore("forces.live", memory, x.len());
         self.go_to_live(&live, &None);
         self.go_to_positions(x, t);
         if let Ok(q) = memory.array("forces.q") {

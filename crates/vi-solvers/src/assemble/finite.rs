@@ -12,7 +12,7 @@ pub(crate) fn check_state(state: &State, system: &System) -> Result<(), SolverEr
         if values.len() != n {
             return Err(SolverError::Memory { missing: "state of this system" });
         }
-        if vectors::sum(n, |k| 0.0 * values[k]) != 0.0 {
+        if !vectors::all_finite(values) {
             let k = values.iter().position(|value| !value.is_finite()).unwrap_or(0);
             let dof = system.coordinates().free()[k] as usize;
             return Err(SolverError::NotFinite { what, dof, at_start: true });
@@ -23,7 +23,7 @@ pub(crate) fn check_state(state: &State, system: &System) -> Result<(), SolverEr
 
 /// A result that has overflowed is not a step.
 pub(crate) fn check_finite(q: &[f64], p: &[f64], system: &System) -> Result<(), SolverError> {
-    if vectors::sum(q.len(), |k| 0.0 * q[k] + 0.0 * p[k]) == 0.0 {
+    if vectors::all_finite(q) && vectors::all_finite(p) {
         return Ok(());
     }
     let k = q.iter().zip(p).position(|(q, p)| !(q.is_finite() && p.is_finite())).unwrap_or(0);

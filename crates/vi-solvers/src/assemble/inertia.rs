@@ -117,18 +117,18 @@ impl Inertia {
     }
 
     /// Enters where the next solve begins.
-    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
+    pub(crate) fn save(&self, memory: &mut StepperMemory) {
         if self.matrix.is_some() {
             memory.arrays.push(("inertia.velocity".into(), self.velocity.clone()));
             memory.arrays.push(("inertia.momentum".into(), self.momentum.clone()));
         }
     }
 
-    /// Takes over what [`Inertia::remember`] entered.
+    /// Takes over what [`Inertia::save`] entered.
     ///
     /// # Errors
     /// [`SolverError::Memory`] where the memory is that of another system.
-    pub(crate) fn recall(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
+    pub(crate) fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
         if self.matrix.is_some() {
             let [velocity, momentum] =
                 ["inertia.velocity", "inertia.momentum"].map(|name| memory.array(name));

@@ -33,14 +33,14 @@ pub(crate) struct LiveState {
 }
 
 impl LiveState {
-    pub(crate) fn remember(&self, name: &str, memory: &mut StepperMemory) {
+    pub(crate) fn save(&self, name: &str, memory: &mut StepperMemory) {
         memory.arrays.push((format!("{name}.about"), self.about.clone()));
         memory.arrays.push((format!("{name}.pattern_about"), self.pattern_about.clone()));
         memory.arrays.push((format!("{name}.reaches"), vec![self.reach, self.pattern_reach]));
     }
 
-    /// What [`LiveState::remember`] entered; none where it is not that of `count` coordinates.
-    pub(crate) fn recall(name: &str, memory: &StepperMemory, count: usize) -> Option<Self> {
+    /// What [`LiveState::save`] entered; none where it is not that of `count` coordinates.
+    pub(crate) fn restore(name: &str, memory: &StepperMemory, count: usize) -> Option<Self> {
         let array = |part: &str| {
             let found = memory.arrays.iter().find(|(key, _)| *key == format!("{name}.{part}"));
             found.map(|(_, values)| values.clone())
@@ -211,7 +211,7 @@ impl LiveSum {
             return;
         }
         let apart = other.map_or(0.0, |other| distance(x, other));
-        if !apart.is_finite() || vectors::sum(x.len(), |k| 0.0 * x[k]) != 0.0 {
+        if !apart.is_finite() || !vectors::all_finite(x) {
             // Positions that are not finite have no energy; the caller finds that out by the fixed terms.
             return;
         }
@@ -279,7 +279,7 @@ impl LiveSum {
         }
         if self.union.is_none() && self.state.pattern_about != self.state.about {
             // The run that this one continues made the pattern at another place.
-            self.recall_pattern(fixed, x, t, ends.is_some())?;
+            self.restore_pattern(fixed, x, t, ends.is_some())?;
         }
         let Self { near, union, state, pair, patterns, .. } = self;
         let Some(near) = near else { return Ok(fixed) };
@@ -298,7 +298,7 @@ impl LiveSum {
         }
     }
 
-    fn recall_pattern(
+    fn restore_pattern(
         &mut self,
         fixed: &SymmetricMatrix,
         x: &[f64],

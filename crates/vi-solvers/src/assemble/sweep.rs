@@ -63,7 +63,7 @@ impl<'a> Arrays<'a> {
 pub(crate) struct Pass<'a> {
     /// Where q and p are read from; else they are x and p in place. Before a kick, x must be of this state.
     pub(crate) from: Option<&'a State>,
-    /// Whose chunks are summed to the gradient first; it is known where none.
+    /// If set, first sum these chunks into the gradient; otherwise the gradient is already valid.
     pub(crate) sums: Option<&'a Gather>,
     /// b h of the kick that ends the step before, s; none where it is zero.
     pub(crate) closing: f64,
@@ -71,15 +71,6 @@ pub(crate) struct Pass<'a> {
     pub(crate) kick: f64,
     /// a h, s; nothing moves where it is zero.
     pub(crate) drift: f64,
-}
-
-/// What a pass found.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(crate) enum Found {
-    /// Everything that it wrote is finite.
-    Sound,
-    /// Something is not finite, or x was not that of the state. What was written is worth nothing.
-    Unsound,
 }
 
 impl Sweep {
@@ -110,9 +101,10 @@ impl Sweep {
         &self.inverse_mass
     }
 
-    /// Makes a pass.
-    pub(crate) fn pass(&self, pass: Pass<'_>, arrays: Arrays<'_>) -> Found {
-        if self.task(pass, 0, 0, arrays) { Found::Sound } else { Found::Unsound }
+    /// Makes a pass. Returns false if a number that it wrote is not finite, or if x was not that of the state: the
+    /// arrays must then not be used.
+    pub(crate) fn pass(&self, pass: Pass<'_>, arrays: Arrays<'_>) -> bool {
+        self.task(pass, 0, 0, arrays)
     }
 
     /// The free coordinates before coordinate `dof`.
@@ -142,7 +134,7 @@ impl Sweep {
     fn tiles(&self, pass: Pass<'_>, first: usize, first_free: usize, arrays: Arrays<'_>) -> bool {
         let Arrays { gradient, x, q, p } = arrays;
         let mut run = self.runs.partition_point(|run| run.dof + run.length <= first);
-        let mut sound = true;
+        let mut is_sound = true;
         // Sums that nobody reads after the drift stay in cache.
         let mut passing = [0.0; TILE + MARGIN];
         for (tile, (gradient, x)) in gradient.chunks_mut(self.tile).zip(x.chunks_mut(self.tile)).enumerate() {
@@ -154,7 +146,7 @@ impl Sweep {
             };
             if let Some(gather) = pass.sums {
                 gather.sum_nodes(start / gather.block(), gradient);
-                sound &= self.arch.dispatch(AreFinite(gradient));
+                is_sound &= self.arch.dispatch(AreFinite(gradient));
             }
             while let Some(Run { dof, free, length }) = self.runs.get(run) {
                 let (low, high) = (start.max(*dof), end.min(dof + length));
@@ -167,20 +159,20 @@ impl Sweep {
                 if let Some(state) = pass.from {
                     let q = &state.q[k..k + n];
                     p.copy_from_slice(&state.p[k..k + n]);
-                    sound &= pass.kick == 0.0 || self.arch.dispatch(AreEqual { a: x, b: q });
+                    is_sound &= pass.kick == 0.0 || self.arch.dispatch(AreEqual { a: x, b: q });
                     x.copy_from_slice(q);
                 }
                 let (kick, gradient) = (pass.kick, &gradient[low - start..][..n]);
                 if pass.closing != 0.0 {
-                    sound &= self.arch.dispatch(Kick { kick: pass.closing, gradient, p });
+                    is_sound &= self.arch.dispatch(KickRun { kick: pass.closing, gradient, p });
                 }
-                sound &= if pass.drift == 0.0 {
+                is_sound &= if pass.drift == 0.0 {
                     q.copy_from_slice(x);
-                    self.arch.dispatch(Kick { kick, gradient, p })
+                    self.arch.dispatch(KickRun { kick, gradient, p })
                 } else {
                     let inverse_mass = &self.inverse_mass[k..k + n];
                     let drift = pass.drift;
-                    self.arch.dispatch(KickDrift { kick, drift, gradient, inverse_mass, p, x })
+                    self.arch.dispatch(KickDriftRun { kick, drift, gradient, inverse_mass, p, x })
                 };
                 if dof + length > end {
                     break;
@@ -188,7 +180,7 @@ impl Sweep {
                 run += 1;
             }
         }
-        sound
+        is_sound
     }
 }
 
@@ -241,13 +233,13 @@ impl WithSimd for AreEqual<'_> {
 }
 
 /// p −= kick g. Is p finite?
-struct Kick<'a> {
+struct KickRun<'a> {
     kick: f64,
     gradient: &'a [f64],
     p: &'a mut [f64],
 }
 
-impl WithSimd for Kick<'_> {
+impl WithSimd for KickRun<'_> {
     type Output = bool;
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
@@ -269,7 +261,7 @@ impl WithSimd for Kick<'_> {
 }
 
 /// p −= kick g, then x += drift p/m. Are p and x finite?
-struct KickDrift<'a> {
+struct KickDriftRun<'a> {
     kick: f64,
     drift: f64,
     gradient: &'a [f64],
@@ -278,7 +270,7 @@ struct KickDrift<'a> {
     x: &'a mut [f64],
 }
 
-impl WithSimd for KickDrift<'_> {
+impl WithSimd for KickDriftRun<'_> {
     type Output = bool;
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {

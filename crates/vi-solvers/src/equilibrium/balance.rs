@@ -81,7 +81,7 @@ impl<'a> Balance<'a> {
             }
         }
         let gradient = &self.gradient;
-        if vectors::sum(gradient.len(), |k| 0.0 * gradient[k]) != 0.0 {
+        if !vectors::all_finite(gradient) {
             return Err(match self.assembler.fault(&self.x, t) {
                 Some(term) => SolverError::Term { term, at_start: false },
                 None => {

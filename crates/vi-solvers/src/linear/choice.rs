@@ -51,7 +51,7 @@ enum Path {
     Gradients(Box<Pcg>),
 }
 
-pub(crate) struct Linear {
+pub(crate) struct ChosenSolver {
     choice: LinearSolver,
     path: Path,
     /// Is single precision worth while?
@@ -73,7 +73,7 @@ pub(crate) struct Linear {
     analyses: u64,
 }
 
-impl Linear {
+impl ChosenSolver {
     /// For `is_exact` nothing corrects what a solve leaves.
     pub(crate) fn new(options: &SolverOptions, is_exact: bool) -> Self {
         Self {
@@ -105,12 +105,12 @@ impl Linear {
         !matches!(self.path, Path::Undecided)
     }
 
-    /// From here on, or no longer, solves are subtracted from each other.
+    /// Tightens the tolerance while solutions are subtracted from each other.
     pub(crate) fn tighten(&mut self, tight: bool) {
         self.is_tight = tight;
     }
 
-    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
+    pub(crate) fn save(&self, memory: &mut StepperMemory) {
         let gradients = u64::from(matches!(self.path, Path::Gradients(_)));
         let single = u64::from(matches!(self.path, Path::Single(_)));
         for (name, value) in
@@ -398,7 +398,7 @@ fn describe(facts: &FactorFacts, single: bool) -> String {
     format!("cholesky: {flops:.2} Gflop a factor, {megabytes:.1} MB, {precision} precision")
 }
 
-/// As rough a load as any.
+/// A load with all frequencies, the same at every call.
 fn rough_load(mass: &[f64]) -> Vec<f64> {
     mass.iter().zip(0..).map(|(m, i)| m * rough(i)).collect()
 }

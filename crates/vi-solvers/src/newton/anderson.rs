@@ -40,7 +40,7 @@ impl Anderson {
     }
 
     /// Takes the correction δ with Aδ = `load`; where it is to be mixed, replaces it.
-    pub(super) fn enter(&mut self, delta: &mut [f64], load: &[f64], mix: bool) {
+    pub(super) fn mix(&mut self, delta: &mut [f64], load: &[f64], mix: bool) {
         let n = delta.len();
         let (mut raw, mut raw_load) = match self.last.take() {
             Some((last, last_load)) => {
@@ -119,7 +119,7 @@ mod tests {
         for _ in 0..6 {
             let load: Vec<f64> = w.iter().zip(keep).map(|(w, s)| -(1.0 - s) * w).collect();
             let mut delta = load.clone();
-            anderson.enter(&mut delta, &load, true);
+            anderson.mix(&mut delta, &load, true);
             anderson.advance(&delta, 1.0);
             w.iter_mut().zip(&delta).for_each(|(w, d)| *w += d);
         }

@@ -74,8 +74,8 @@ impl Attempt {
         }
     }
 
-    /// Enters the error of an iteration; returns its ratio to the one before.
-    pub(super) fn enter(&mut self, eta: f64) -> Option<f64> {
+    /// Records the error of an iteration; returns its ratio to the one before.
+    pub(super) fn record(&mut self, eta: f64) -> Option<f64> {
         let contraction = self.last_eta.map(|last| eta / last);
         if self.last_eta.is_none() {
             self.first_eta = eta;

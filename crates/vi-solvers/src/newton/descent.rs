@@ -31,7 +31,7 @@ impl Newton {
         solve: &mut Solve<'_, E>,
         done: u32,
     ) -> Result<Solved, SolverError> {
-        solve.forces.work.descents += 1;
+        solve.evaluator.work.descents += 1;
         let mut done = done;
         if solve.equations.simplify(true) {
             let simple = best_start(solve).and_then(|()| self.full_steps(solve, SIMPLE_TOLERANCE));
@@ -54,7 +54,7 @@ impl Newton {
         let iterations = self.full_steps(solve, self.tolerance)?;
         // The factor is that of the last iterate: the next step begins as after any other new factor.
         self.renewal.renew();
-        self.renewal.enter(1, None);
+        self.renewal.record(1, None);
         self.renewal.has_descended = iterations > 2;
         Ok(Solved { iterations: done + iterations })
     }
@@ -70,7 +70,7 @@ impl Newton {
             solve.factorize_as(Reason::Newton, kind)?;
             solve.evaluate()?;
             let decrement = solve.correct()?;
-            solve.forces.work.newton_iterations += 1;
+            solve.evaluator.work.newton_iterations += 1;
             let longest = solve.largest_step();
             solve.equations.advance(longest);
             eta = if decrement > 0.0 { (decrement / solve.equations.energy_scale()).sqrt() } else { 0.0 };

@@ -3,7 +3,7 @@
 
 use vi_core::System;
 
-use crate::assemble::evaluator::Forces;
+use crate::assemble::evaluator::Evaluator;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::error::SolverError;
 use crate::newton::inverse::{Inverse, Reason};
@@ -29,9 +29,9 @@ pub(crate) trait Equations {
     /// Sets the unknowns.
     fn start(&mut self, start: Start);
     /// Shortens the way from where the step begins to where the iteration does, so that no term is left behind its limit.
-    fn shorten_start(&mut self, _system: &System, _forces: &mut Forces) {}
+    fn shorten_start(&mut self, _system: &System, _evaluator: &mut Evaluator) {}
     /// The largest part of the last correction that the terms allow, in (0, 1].
-    fn largest_step(&mut self, _system: &System, _forces: &mut Forces) -> f64 {
+    fn largest_step(&mut self, _system: &System, _evaluator: &mut Evaluator) -> f64 {
         1.0
     }
     /// Leaves out of R what keeps its solution from minimising the merit, or puts it back; false where
@@ -40,11 +40,11 @@ pub(crate) trait Equations {
         false
     }
     /// Goes where K is taken.
-    fn linearize(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError>;
+    fn linearize(&mut self, system: &System, evaluator: &mut Evaluator) -> Result<(), SolverError>;
     /// Evaluates −R at the unknowns.
-    fn evaluate(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError>;
+    fn evaluate(&mut self, system: &System, evaluator: &mut Evaluator) -> Result<(), SolverError>;
     /// Solves for the correction δ = −A⁻¹R; returns its energy −Rᵀδ/c, J.
-    fn correct(&mut self, inverse: &mut Inverse, forces: &mut Forces) -> Result<f64, SolverError>;
+    fn correct(&mut self, inverse: &mut Inverse, evaluator: &mut Evaluator) -> Result<f64, SolverError>;
     /// δ of the last correction, and Aδ.
     fn correction(&mut self) -> (&mut [f64], &[f64]);
     /// Sets the unknowns to those of the last correction plus `fraction` of δ.
@@ -54,17 +54,17 @@ pub(crate) trait Equations {
     /// Is there a function that the solution minimises?
     fn has_merit(&self) -> bool;
     /// That function over c, J; none where there is no such.
-    fn merit(&mut self, system: &System, forces: &mut Forces) -> Option<f64>;
+    fn merit(&mut self, system: &System, evaluator: &mut Evaluator) -> Option<f64>;
     /// The energy that errors are relative to, J.
     fn energy_scale(&self) -> f64;
     /// Is δ below the resolution of the numbers that hold the configuration?
     fn is_at_resolution(&self) -> bool;
 }
 
-/// A solve under way: the equations of a system, with its forces and an inverse of their model.
+/// A solve under way: the equations of a system, with its evaluator and an inverse of their model.
 pub(crate) struct Solve<'a, E> {
     pub(crate) system: &'a System,
-    pub(crate) forces: &'a mut Forces,
+    pub(crate) evaluator: &'a mut Evaluator,
     pub(crate) inverse: &'a mut Inverse,
     pub(crate) equations: E,
 }
@@ -73,31 +73,31 @@ impl<E: Equations> Solve<'_, E> {
     /// Sets the unknowns to those of a start, or as near to it as the terms allow.
     pub(super) fn start(&mut self, start: Start) {
         self.equations.start(start);
-        if self.forces.may_limit_steps(self.system) {
-            self.equations.shorten_start(self.system, self.forces);
+        if self.evaluator.may_limit_steps(self.system) {
+            self.equations.shorten_start(self.system, self.evaluator);
         }
     }
 
     pub(super) fn linearize(&mut self) -> Result<(), SolverError> {
-        self.equations.linearize(self.system, self.forces)
+        self.equations.linearize(self.system, self.evaluator)
     }
 
     pub(super) fn evaluate(&mut self) -> Result<(), SolverError> {
-        self.equations.evaluate(self.system, self.forces)
+        self.equations.evaluate(self.system, self.evaluator)
     }
 
     pub(super) fn merit(&mut self) -> Option<f64> {
-        self.equations.merit(self.system, self.forces)
+        self.equations.merit(self.system, self.evaluator)
     }
 
     pub(super) fn correct(&mut self) -> Result<f64, SolverError> {
-        self.equations.correct(self.inverse, self.forces)
+        self.equations.correct(self.inverse, self.evaluator)
     }
 
     /// The largest part of the last correction that the terms allow.
     pub(super) fn largest_step(&mut self) -> f64 {
-        match self.forces.may_limit_steps(self.system) {
-            true => self.equations.largest_step(self.system, self.forces),
+        match self.evaluator.may_limit_steps(self.system) {
+            true => self.equations.largest_step(self.system, self.evaluator),
             false => 1.0,
         }
     }
@@ -114,6 +114,6 @@ impl<E: Equations> Solve<'_, E> {
         kind: HessianEvaluation,
     ) -> Result<(), SolverError> {
         let c = self.equations.coefficient();
-        self.inverse.make(self.system, self.forces, c, reason, kind)
+        self.inverse.make(self.system, self.evaluator, c, reason, kind)
     }
 }

@@ -1,22 +1,21 @@
 //! A⁻¹ for A = M + cK as Newton's method uses it: a factor, or a preconditioned matrix, made at one
-//! configuration and used, turned with the material, at later ones. It must not know which equations are
-//! solved.
+//! configuration and used, rotated with the material, at later ones.
 
 use std::sync::Arc;
 
 use vi_core::{HessianKind, System};
 
-use crate::assemble::evaluator::Forces;
+use crate::assemble::evaluator::Evaluator;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::assemble::inertia::Inertia;
 use crate::assemble::live::LiveState;
 use crate::error::SolverError;
-use crate::linear::choice::Linear;
+use crate::linear::choice::ChosenSolver;
 use crate::linear::cost::UnitCosts;
 use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::matrix_sum::MatrixSum;
 use crate::memory::StepperMemory;
-use crate::newton::rotated_factor::Warp;
+use crate::newton::rotated_factor::RotatedFactor;
 use crate::options::SolverOptions;
 use crate::work::Work;
 
@@ -54,11 +53,11 @@ struct Summed {
 }
 
 pub(crate) struct Inverse {
-    linear: Linear,
+    linear: ChosenSolver,
     /// Where mass is consistent.
     summed: Option<Summed>,
     origin: Option<Origin>,
-    warp: Option<Warp>,
+    rotated: Option<RotatedFactor>,
     /// Are all Hessians constant? Then a factor is never stale.
     is_linear: bool,
 }
@@ -68,9 +67,9 @@ impl Inverse {
         let is_linear = system.forces().is_empty()
             && system.terms().live().is_empty()
             && system.potentials().iter().all(|term| term.traits().hessian != HessianKind::Varying);
-        let warp = if is_linear { None } else { Warp::new(system) };
+        let rotated = if is_linear { None } else { RotatedFactor::new(system) };
         let summed = inertia.matrix().map(|mass| Summed { mass: Arc::clone(mass), sum: None });
-        Self { linear: Linear::new(options, is_linear), summed, origin: None, warp, is_linear }
+        Self { linear: ChosenSolver::new(options, is_linear), summed, origin: None, rotated, is_linear }
     }
 
     /// Is K the same everywhere?
@@ -92,7 +91,7 @@ impl Inverse {
         self.linear.costs()
     }
 
-    /// From here on, or no longer, solves are subtracted from each other.
+    /// Tightens the tolerance while solutions are subtracted from each other.
     pub(crate) fn tighten(&mut self, tight: bool) {
         self.linear.tighten(tight);
     }
@@ -102,28 +101,28 @@ impl Inverse {
         self.linear.reason()
     }
 
-    /// Factors A = M + cK at the last configuration of `forces`, with a Hessian of this kind to begin with. Where K is
+    /// Factors A = M + cK at the last configuration of `evaluator`, with a Hessian of this kind to begin with. Where K is
     /// indefinite and A is not positive definite, the terms' Hessians are projected.
     pub(crate) fn make(
         &mut self,
         system: &System,
-        forces: &mut Forces,
+        evaluator: &mut Evaluator,
         c: f64,
         reason: Reason,
         kind: HessianEvaluation,
     ) -> Result<(), SolverError> {
-        let first = self.factorize(system, forces, c, kind, reason);
+        let first = self.factorize(system, evaluator, c, kind, reason);
         let projected = match first {
             Err(SolverError::NotPositiveDefinite(_))
                 if !self.is_linear && kind == HessianEvaluation::Exact =>
             {
-                let projected = self.factorize(system, forces, c, HessianEvaluation::Projected, reason);
+                let projected = self.factorize(system, evaluator, c, HessianEvaluation::Projected, reason);
                 match projected {
                     // Positive definite by its making: round-off is to blame.
                     Err(SolverError::NotPositiveDefinite(_))
                         if self.linear.double("a pivot failed in single precision") =>
                     {
-                        return self.make(system, forces, c, reason, kind);
+                        return self.make(system, evaluator, c, reason, kind);
                     }
                     other => other?,
                 }
@@ -133,18 +132,18 @@ impl Inverse {
                 if kind == HessianEvaluation::Projected
                     && self.linear.double("a pivot failed in single precision") =>
             {
-                return self.make(system, forces, c, reason, kind);
+                return self.make(system, evaluator, c, reason, kind);
             }
             other => {
                 other?;
                 kind == HessianEvaluation::Projected
             }
         };
-        let (x, t, rates) = (forces.positions().to_vec(), forces.time(), forces.velocities());
-        if let Some(warp) = &mut self.warp {
-            warp.remember(forces.assembler(), &x);
+        let (x, t, rates) = (evaluator.positions().to_vec(), evaluator.time(), evaluator.velocities());
+        if let Some(rotated) = &mut self.rotated {
+            rotated.set_origin(evaluator.assembler(), &x);
         }
-        let (live, ends) = (forces.live_state(), forces.ends().cloned());
+        let (live, ends) = (evaluator.live_state(), evaluator.ends().cloned());
         self.origin = Some(Origin { c, x, t, projected, rates, live, ends });
         Ok(())
     }
@@ -152,13 +151,13 @@ impl Inverse {
     fn factorize(
         &mut self,
         system: &System,
-        forces: &mut Forces,
+        evaluator: &mut Evaluator,
         c: f64,
         kind: HessianEvaluation,
         reason: Reason,
     ) -> Result<(), SolverError> {
         self.origin = None;
-        let count = &mut forces.work;
+        let count = &mut evaluator.work;
         count.factorizations += 1;
         match reason {
             Reason::New => count.factorizations_new += 1,
@@ -167,7 +166,7 @@ impl Inverse {
             Reason::Newton => count.factorizations_newton += 1,
         }
         let mut work = Work::default();
-        let hessian = forces.hessian(system, kind)?;
+        let hessian = evaluator.hessian(system, kind)?;
         let made = match &mut self.summed {
             None => self.linear.make(system, system.free_mass(), c, hessian, &mut work),
             Some(Summed { mass, sum }) => {
@@ -175,34 +174,34 @@ impl Inverse {
                 self.linear.make(system, &[], 1.0, matrix, &mut work)
             }
         };
-        forces.work += work;
+        evaluator.work += work;
         made
     }
 
-    /// Turns the factor with the material, as it is at the last configuration of `forces`.
-    pub(crate) fn turn(&mut self, forces: &mut Forces) {
-        if let (Some(warp), Some(_)) = (&mut self.warp, &self.origin) {
-            let x = forces.positions().to_vec();
-            warp.turn(forces.assembler(), &x);
+    /// Rotates the factor with the material, as it is at the last configuration of `evaluator`.
+    pub(crate) fn rotate(&mut self, evaluator: &mut Evaluator) {
+        if let (Some(rotated), Some(_)) = (&mut self.rotated, &self.origin) {
+            let x = evaluator.positions().to_vec();
+            rotated.rotate_to(evaluator.assembler(), &x);
         }
     }
 
     /// v ← A⁻¹v.
-    pub(crate) fn apply(&mut self, forces: &mut Forces, v: &mut [f64]) -> Result<(), SolverError> {
-        let Self { linear, warp, .. } = self;
-        forces.work.solves += 1;
-        match warp {
-            Some(warp) => {
-                warp.to_origin(v);
-                linear.apply(v, &mut forces.work)?;
-                warp.to_now(v);
+    pub(crate) fn apply(&mut self, evaluator: &mut Evaluator, v: &mut [f64]) -> Result<(), SolverError> {
+        let Self { linear, rotated, .. } = self;
+        evaluator.work.solves += 1;
+        match rotated {
+            Some(rotated) => {
+                rotated.to_origin(v);
+                linear.apply(v, &mut evaluator.work)?;
+                rotated.to_now(v);
                 Ok(())
             }
-            None => linear.apply(v, &mut forces.work),
+            None => linear.apply(v, &mut evaluator.work),
         }
     }
 
-    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
+    pub(crate) fn save(&self, memory: &mut StepperMemory) {
         if let Some(origin) = &self.origin {
             memory.arrays.push(("factor.x".into(), origin.x.clone()));
             memory.arrays.push(("factor.c_t".into(), vec![origin.c, origin.t]));
@@ -212,13 +211,13 @@ impl Inverse {
                 memory.arrays.push(("factor.rate".into(), vec![*rate]));
             }
             if let Some(live) = &origin.live {
-                live.remember("factor.live", memory);
+                live.save("factor.live", memory);
             }
             if let Some([start, end]) = &origin.ends {
                 memory.arrays.push(("factor.start".into(), start.clone()));
                 memory.arrays.push(("factor.end".into(), end.clone()));
             }
-            self.linear.remember(memory);
+            self.linear.save(memory);
         }
     }
 
@@ -231,7 +230,7 @@ impl Inverse {
     pub(crate) fn restore(
         &mut self,
         system: &System,
-        forces: &mut Forces,
+        evaluator: &mut Evaluator,
         memory: &StepperMemory,
     ) -> Result<(), SolverError> {
         self.origin = None;
@@ -253,7 +252,7 @@ impl Inverse {
             (Ok(x_dot), Ok(&[rate])) if x_dot.len() == x.len() => Some((x_dot.to_vec(), rate)),
             _ => None,
         };
-        let live = LiveState::recall("factor.live", memory, x.len());
+        let live = LiveState::restore("factor.live", memory, x.len());
         let ends = match (memory.array("factor.start"), memory.array("factor.end")) {
             (Ok(start), Ok(end)) if start.len() == x.len() && end.len() == x.len() => {
                 Some([start.to_vec(), end.to_vec()])
@@ -261,12 +260,12 @@ impl Inverse {
             _ => None,
         };
         self.linear.restore(memory)?;
-        forces.go_to_live(&live, &ends);
-        forces.go_to_positions(x, t);
-        forces.go_to_velocities(&rates);
-        self.factorize(system, forces, c, kind, Reason::New)?;
-        if let Some(warp) = &mut self.warp {
-            warp.remember(forces.assembler(), x);
+        evaluator.go_to_live(&live, &ends);
+        evaluator.go_to_positions(x, t);
+        evaluator.go_to_velocities(&rates);
+        self.factorize(system, evaluator, c, kind, Reason::New)?;
+        if let Some(rotated) = &mut self.rotated {
+            rotated.set_origin(evaluator.assembler(), x);
         }
         self.origin = Some(Origin { c, x: x.to_vec(), t, projected, rates, live, ends });
         Ok(())

@@ -41,7 +41,7 @@ pub(super) fn step<E: Equations>(solve: &mut Solve<'_, E>) -> Result<f64, Solver
     let mut fraction = longest;
     let mut failure = None;
     while fraction >= SHORTEST * longest {
-        solve.forces.work.line_searches += 1;
+        solve.evaluator.work.line_searches += 1;
         match correct_along(solve, &place, &delta, fraction) {
             Ok(correction) if norm(correction) <= (1.0 - 0.25 * fraction) * size => return Ok(fraction),
             Ok(_) => {}

@@ -24,7 +24,7 @@ pub(super) fn search<E: Equations>(
     let mut failure = SolverError::NoConvergence { iterations: 0, residual: 1.0, tolerance: 0.0 };
     while fraction > SHORTEST {
         solve.equations.advance(fraction);
-        solve.forces.work.line_searches += 1;
+        solve.evaluator.work.line_searches += 1;
         let after = solve.merit().unwrap_or(f64::INFINITY);
         let descends = after <= before - 1e-4 * fraction * decrement;
         if descends || (after - before).abs() <= noise {
@@ -50,7 +50,7 @@ pub(super) fn keep_inside<E: Equations>(solve: &mut Solve<'_, E>, longest: f64) 
     while outcome.is_err() && fraction > 1e-6 {
         fraction *= 0.5;
         solve.equations.advance(fraction);
-        solve.forces.work.line_searches += 1;
+        solve.evaluator.work.line_searches += 1;
         outcome = solve.evaluate();
     }
     outcome.map(|()| fraction)

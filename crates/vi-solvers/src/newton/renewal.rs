@@ -78,7 +78,7 @@ impl Renewal {
     }
 
     /// A step has ended that made `iterations` with the current factor.
-    pub(crate) fn enter(&mut self, iterations: u64, contraction: Option<f64>) {
+    pub(crate) fn record(&mut self, iterations: u64, contraction: Option<f64>) {
         self.has_descended = false;
         if self.age == 0 {
             self.fresh = iterations;
@@ -94,7 +94,7 @@ impl Renewal {
         }
     }
 
-    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
+    pub(crate) fn save(&self, memory: &mut StepperMemory) {
         let Self { age, total, recent, fresh, contraction, start, has_descended } = *self;
         let contraction = contraction.to_bits();
         let recent = recent.to_bits();
@@ -104,7 +104,7 @@ impl Renewal {
         }
     }
 
-    pub(crate) fn from_memory(memory: &StepperMemory) -> Result<Self, SolverError> {
+    pub(crate) fn restore(memory: &StepperMemory) -> Result<Self, SolverError> {
         let [age, total, recent, fresh, contraction, start, descended] = NAMES.map(|name| memory.count(name));
         let contraction = f64::from_bits(contraction?);
         let start = Start::from_number(start?).ok_or(SolverError::Memory { missing: "policy.start" })?;

@@ -1,7 +1,6 @@
 //! Rotations of the material at the nodes, by which a factor made at one configuration serves at
 //! another: A⁻¹ ≈ R A₀⁻¹ Rᵀ, R = diag over nodes of polar(F̄_now) polar(F̄_then)ᵀ with F̄ the
 //! volume-averaged deformation gradient around the node. A lumped mass commutes with R.
-//! It must not know how a factor is made.
 
 use nalgebra::Matrix3;
 use vi_core::System;
@@ -9,7 +8,7 @@ use vi_core::System;
 use crate::assemble::assembler::Assembler;
 use crate::index::NONE;
 
-pub(crate) struct Warp {
+pub(crate) struct RotatedFactor {
     /// For each node, the free coordinate of its first axis (the two others follow), or [`NONE`] where not all three
     /// are free: such a node is not rotated.
     first_free: Vec<u32>,
@@ -17,10 +16,10 @@ pub(crate) struct Warp {
     then: Vec<Matrix3<f64>>,
     /// polar(F̄_now) polar(F̄_then)ᵀ of each node.
     rotation: Vec<Matrix3<f64>>,
-    is_turned: bool,
+    is_rotated: bool,
 }
 
-impl Warp {
+impl RotatedFactor {
     /// None where the coordinates are not points in space with one mass a node.
     pub(crate) fn new(system: &System) -> Option<Self> {
         let coordinates = system.coordinates();
@@ -45,12 +44,12 @@ impl Warp {
         let nodes = count / 3;
         let identity = vec![Matrix3::identity(); nodes];
         let (then, rotation) = (identity.clone(), identity);
-        Some(Self { first_free, means: vec![[0.0; 9]; nodes], then, rotation, is_turned: false })
+        Some(Self { first_free, means: vec![[0.0; 9]; nodes], then, rotation, is_rotated: false })
     }
 
-    /// The factor is made at x.
-    pub(crate) fn remember(&mut self, assembler: &mut Assembler, x: &[f64]) {
-        self.is_turned = false;
+    /// Takes x for the configuration at which the factor is made.
+    pub(crate) fn set_origin(&mut self, assembler: &mut Assembler, x: &[f64]) {
+        self.is_rotated = false;
         if assembler.mean_deformations(x, &mut self.means) {
             for (then, mean) in self.then.iter_mut().zip(&self.means) {
                 *then = rotation_of(mean);
@@ -58,10 +57,10 @@ impl Warp {
         }
     }
 
-    /// The factor is used at x.
-    pub(crate) fn turn(&mut self, assembler: &mut Assembler, x: &[f64]) {
-        self.is_turned = assembler.mean_deformations(x, &mut self.means);
-        if self.is_turned {
+    /// Takes x for the configuration at which the factor is used.
+    pub(crate) fn rotate_to(&mut self, assembler: &mut Assembler, x: &[f64]) {
+        self.is_rotated = assembler.mean_deformations(x, &mut self.means);
+        if self.is_rotated {
             for (node, mean) in self.means.iter().enumerate() {
                 self.rotation[node] = rotation_of(mean) * self.then[node].transpose();
             }
@@ -79,14 +78,14 @@ impl Warp {
     }
 
     fn rotate(&self, v: &mut [f64], side: impl Fn(&Matrix3<f64>) -> Matrix3<f64>) {
-        if !self.is_turned {
+        if !self.is_rotated {
             return;
         }
         for (&first, rotation) in self.first_free.iter().zip(&self.rotation) {
             if first != NONE {
                 let k = first as usize;
-                let turned = side(rotation) * nalgebra::Vector3::new(v[k], v[k + 1], v[k + 2]);
-                v[k..k + 3].copy_from_slice(turned.as_slice());
+                let image = side(rotation) * nalgebra::Vector3::new(v[k], v[k + 1], v[k + 2]);
+                v[k..k + 3].copy_from_slice(image.as_slice());
             }
         }
     }
@@ -130,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn inverted_and_empty_nodes_are_not_turned() {
+    fn inverted_and_empty_nodes_are_not_rotated() {
         assert_eq!(rotation_of(&[0.0; 9]), Matrix3::identity());
         assert_eq!(rotation_of(&[-1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]), Matrix3::identity());
     }

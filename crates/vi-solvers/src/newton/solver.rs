@@ -1,8 +1,7 @@
 //! Newton's method for the equations of an implicit step, with the cheapest factor that converges,
-//! and the ladder by which it escalates: turned old factor → factor at the iterate → descent by full
+//! and the ladder by which it escalates: rotated old factor → factor at the iterate → descent by full
 //! Newton steps, with projected Hessians where they are needed (`descent`) → failure with the facts.
-//! A halved step is the caller's to try, for it changes h. This room must not know which scheme the
-//! equations come from.
+//! A halved step is the caller's to try, for it changes h.
 
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
@@ -78,7 +77,7 @@ impl Newton {
         } else if !solve.inverse.is_linear() && self.renewal.is_stale(solve.inverse.costs()) {
             attempt.wanted = Some(Reason::Stale);
         } else {
-            solve.inverse.turn(solve.forces);
+            solve.inverse.rotate(solve.evaluator);
         }
         let has_merit = solve.equations.has_merit();
         for iteration in 1..=self.max_iterations {
@@ -94,7 +93,7 @@ impl Newton {
                 attempt.renew();
             }
             let mut decrement = solve.correct()?;
-            solve.forces.work.newton_iterations += 1;
+            solve.evaluator.work.newton_iterations += 1;
             attempt.with_factor += 1;
             let is_doubtful =
                 |equations: &E| decrement > DOUBT_ABOVE * DOUBT_ABOVE * equations.energy_scale();
@@ -109,15 +108,15 @@ impl Newton {
                 // Where a merit is searched along, the correction must point down it.
                 let small = decrement <= SEARCH_ABOVE * SEARCH_ABOVE * solve.equations.energy_scale();
                 let (delta, load) = solve.equations.correction();
-                self.anderson.enter(delta, load, small || !has_merit);
+                self.anderson.mix(delta, load, small || !has_merit);
             }
             let longest = solve.largest_step();
             solve.equations.advance(longest);
             let scale = solve.equations.energy_scale();
             let eta = if decrement > 0.0 { (decrement / scale).sqrt() } else { 0.0 };
-            let contraction = attempt.enter(eta);
+            let contraction = attempt.record(eta);
             if longest == 1.0 && self.is_converged(solve, attempt.to_round_off, eta, contraction) {
-                self.renewal.enter(attempt.with_factor, attempt.mean_contraction());
+                self.renewal.record(attempt.with_factor, attempt.mean_contraction());
                 return Ok(Course::Solved(Solved { iterations: iteration }));
             }
             let diverges = contraction.is_some_and(|theta| theta > 2.0) || !eta.is_finite();
@@ -149,7 +148,7 @@ impl Newton {
             last = start;
             if solve.evaluate().is_ok() {
                 let decrement = solve.correct()?;
-                solve.forces.work.newton_iterations += 1;
+                solve.evaluator.work.newton_iterations += 1;
                 if decrement < least {
                     (self.renewal.start, least) = (start, decrement);
                 }
@@ -260,12 +259,12 @@ impl Newton {
         }
     }
 
-    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
-        self.renewal.remember(memory);
+    pub(crate) fn save(&self, memory: &mut StepperMemory) {
+        self.renewal.save(memory);
     }
 
     pub(crate) fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
-        self.renewal = Renewal::from_memory(memory)?;
+        self.renewal = Renewal::restore(memory)?;
         Ok(())
     }
 }

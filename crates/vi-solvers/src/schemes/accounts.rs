@@ -7,7 +7,7 @@
 
 use vi_core::System;
 
-use crate::assemble::evaluator::Forces;
+use crate::assemble::evaluator::Evaluator;
 use crate::memory::StepperMemory;
 use crate::vectors;
 
@@ -24,7 +24,7 @@ pub(crate) fn prescribed_work(system: &System, gradient: &[f64], along: &[f64]) 
 }
 
 /// Potential energy before and after a step, and the work of loads that change in time.
-pub(crate) struct Potentials {
+pub(crate) struct PotentialEnergies {
     /// V at the start, J.
     pub(crate) start: f64,
     x: Vec<f64>,
@@ -32,45 +32,51 @@ pub(crate) struct Potentials {
     kept: Option<f64>,
 }
 
-impl Potentials {
+impl PotentialEnergies {
     pub(crate) fn new() -> Self {
         Self { start: 0.0, x: Vec::new(), t: 0.0, kept: None }
     }
 
     /// Enters the energy at the end of the last step.
-    pub(crate) fn remember(&self, memory: &mut StepperMemory) {
+    pub(crate) fn save(&self, memory: &mut StepperMemory) {
         if let Some(kept) = self.kept {
             memory.arrays.push(("potentials.end".into(), vec![kept]));
         }
     }
 
-    /// Takes over what [`Potentials::remember`] entered.
-    pub(crate) fn recall(memory: &StepperMemory) -> Self {
+    /// Takes over what [`PotentialEnergies::save`] entered.
+    pub(crate) fn restore(memory: &StepperMemory) -> Self {
         let kept = memory.array("potentials.end").ok().and_then(|array| array.first().copied());
         Self { kept, ..Self::new() }
     }
 
     /// Opens a step at (q, t); the energy is known already if the last step ended there.
-    pub(crate) fn open(&mut self, system: &System, forces: &mut Forces, q: &[f64], t: f64) {
-        let known = self.kept.take().filter(|_| forces.is_at(system, q, t));
-        self.start = known.unwrap_or_else(|| forces.energy(system, q, t));
+    pub(crate) fn open(&mut self, system: &System, evaluator: &mut Evaluator, q: &[f64], t: f64) {
+        let known = self.kept.take().filter(|_| evaluator.is_at(system, q, t));
+        self.start = known.unwrap_or_else(|| evaluator.energy(system, q, t));
         self.t = t;
-        if forces.is_time_dependent() {
+        if evaluator.is_time_dependent() {
             self.x.clear();
-            self.x.extend_from_slice(forces.positions());
+            self.x.extend_from_slice(evaluator.positions());
         }
     }
 
     /// Closes the step at (q, t): ΔV and, of it, the work of loads that change in time,
     /// ½ Σ over both ends x of V(x, t₁) − V(x, t₀).
-    pub(crate) fn close(&mut self, system: &System, forces: &mut Forces, q: &[f64], t: f64) -> (f64, f64) {
-        let end = forces.energy(system, q, t);
+    pub(crate) fn close(
+        &mut self,
+        system: &System,
+        evaluator: &mut Evaluator,
+        q: &[f64],
+        t: f64,
+    ) -> (f64, f64) {
+        let end = evaluator.energy(system, q, t);
         self.kept = Some(end);
         let mut loads = 0.0;
-        if forces.is_time_dependent() {
-            let x = forces.positions().to_vec();
-            let start_later = forces.energy_of_positions(&self.x, t);
-            let end_earlier = forces.energy_of_positions(&x, self.t);
+        if evaluator.is_time_dependent() {
+            let x = evaluator.positions().to_vec();
+            let start_later = evaluator.energy_of_positions(&self.x, t);
+            let end_earlier = evaluator.energy_of_positions(&x, self.t);
             loads = 0.5 * ((start_later - self.start) + (end - end_earlier));
         }
         (end - self.start, loads)

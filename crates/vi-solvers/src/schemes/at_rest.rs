@@ -3,7 +3,7 @@
 
 use vi_core::System;
 
-use crate::assemble::evaluator::Forces;
+use crate::assemble::evaluator::Evaluator;
 use crate::vectors;
 
 /// Stencils evaluated at once.
@@ -16,13 +16,13 @@ pub(crate) fn may_be_at_rest(twice_kinetic: f64, last_acceleration: &[f64], step
         && (steps == 0 || vectors::max_abs(last_acceleration.len(), |k| last_acceleration[k]) == 0.0)
 }
 
-/// At the last configuration of `forces`: is the energy that the unbalanced force would give within a
+/// At the last configuration of `evaluator`: is the energy that the unbalanced force would give within a
 /// stage of coefficient c (s²), with a margin since A ≥ M, below tolerance² of what the forces in
 /// play would give one by one?
 ///
 /// c Σ g²/m ≤ ε² c Σ (Σ_s |g_s|)²/m over the free coordinates, g_s the gradient of stencil s.
-pub(crate) fn is_at_rest(system: &System, forces: &Forces, tolerance: f64) -> bool {
-    let (gradient, mass, free) = (forces.gradient(), system.free_mass(), system.coordinates().free());
+pub(crate) fn is_at_rest(system: &System, evaluator: &Evaluator, tolerance: f64) -> bool {
+    let (gradient, mass, free) = (evaluator.gradient(), system.free_mass(), system.coordinates().free());
     let unbalanced = vectors::sum(free.len(), |k| {
         let g = gradient[free[k] as usize];
         g * g / mass[k]
@@ -30,7 +30,7 @@ pub(crate) fn is_at_rest(system: &System, forces: &Forces, tolerance: f64) -> bo
     if unbalanced == 0.0 {
         return true;
     }
-    let in_play = magnitudes(system, forces.positions(), forces.time());
+    let in_play = magnitudes(system, evaluator.positions(), evaluator.time());
     let total = vectors::sum(free.len(), |k| in_play[free[k] as usize].powi(2) / mass[k]);
     unbalanced <= tolerance * tolerance * total
 }

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use vi_core::{HessianKind, Potential, System};
 
 use crate::index::NONE;
-use crate::schemes::one_stage::rule::{Midpoint, Multipliers, Rule, Trial};
+use crate::schemes::one_stage::rule::{Midpoint, MultiplierDirections, Rule, Trial};
 
 /// Stencils evaluated at once.
 const BATCH: usize = 512;
@@ -55,7 +55,7 @@ impl EnergyMomentum {
     /// V_s(x₁) − V_s(x₀) − ∂V_s/∂x(x_m)·Δx summed over the stencils of each part.
     fn sum_defects(&mut self, trial: &Trial<'_>) {
         self.defects.fill([0.0; 2]);
-        let (t, middle) = (trial.forces.time(), trial.forces.positions());
+        let (t, middle) = (trial.evaluator.time(), trial.evaluator.positions());
         for (term, part_of) in trial.system.potentials().iter().zip(&self.parts.of_stencils) {
             if part_of.is_empty() {
                 continue;
@@ -124,8 +124,8 @@ impl Rule for EnergyMomentum {
     fn takes_discrete_gradients(&self) -> bool {
         true
     }
-    fn multipliers(&self) -> Option<Multipliers> {
-        Some(Multipliers::Middle)
+    fn multiplier_directions(&self) -> Option<MultiplierDirections> {
+        Some(MultiplierDirections::Middle)
     }
     fn tolerance(&self, tolerance: f64) -> f64 {
         // Energy errs as the residual's work: linear in it, where other schemes' is quadratic. At the default the
@@ -148,7 +148,7 @@ impl Rule for EnergyMomentum {
         coordinates.embed(trial.start_q, t0, &mut self.x_start);
         coordinates.embed(out, t1, &mut self.x_end);
         self.sum_defects(trial);
-        let (mass, x) = (trial.system.free_mass(), trial.forces.positions());
+        let (mass, x) = (trial.system.free_mass(), trial.evaluator.positions());
         let free = coordinates.free();
         let place = self.parts.sums(|k| mass[k] * (x[free[k] as usize].powi(2) + self.dq[k] * self.dq[k]));
         // Twice: what one removal leaves of a large rigid motion is not small beside a small deformation.

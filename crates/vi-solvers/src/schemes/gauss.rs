@@ -10,7 +10,7 @@ pub(crate) mod collocation;
 
 use vi_core::{Scheme, State, StepEnergy, System};
 
-use crate::assemble::evaluator::Forces;
+use crate::assemble::evaluator::Evaluator;
 use crate::assemble::finite::{check_finite, check_state};
 use crate::assemble::inertia::Inertia;
 use crate::error::SolverError;
@@ -21,7 +21,7 @@ use crate::newton::inverse::Inverse;
 use crate::newton::solver::Newton;
 use crate::newton::start::Start;
 use crate::options::SolverOptions;
-use crate::schemes::accounts::{self, Potentials};
+use crate::schemes::accounts::{self, PotentialEnergies};
 use crate::schemes::at_rest;
 use crate::schemes::gauss::collocation::Collocation;
 use crate::schemes::stepper::{StepError, StepReport, Stepper};
@@ -110,21 +110,26 @@ impl Stages {
     }
 
     /// Evaluates the forces at stage i, those without a potential at its velocity.
-    fn evaluate_stage(&mut self, i: usize, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
+    fn evaluate_stage(
+        &mut self,
+        i: usize,
+        system: &System,
+        evaluator: &mut Evaluator,
+    ) -> Result<(), SolverError> {
         let t = self.configure(i);
-        if forces.has_nonconservative() {
+        if evaluator.has_nonconservative() {
             let q_dot: Vec<f64> = (0..self.q.len()).map(|k| self.stage_velocity(i, k)).collect();
             // With this rate the model has h√θ where the stages have the eigenvalues of h A.
-            forces.set_velocities(system, &q_dot, t, 1.0 / self.model_coefficient().sqrt());
+            evaluator.set_velocities(system, &q_dot, t, 1.0 / self.model_coefficient().sqrt());
         }
-        forces.evaluate(system, &self.q, t, false)
+        evaluator.evaluate(system, &self.q, t, false)
     }
 
     fn evaluate(
         &mut self,
         system: &System,
         inertia: &Inertia,
-        forces: &mut Forces,
+        evaluator: &mut Evaluator,
     ) -> Result<(), SolverError> {
         let n = self.q.len();
         if let Some(mass) = inertia.matrix() {
@@ -134,8 +139,8 @@ impl Stages {
             }
         }
         for i in 0..self.coefficients.stages() {
-            self.evaluate_stage(i, system, forces)?;
-            system.coordinates().restrict(forces.gradient(), &mut self.gradients[i * n..(i + 1) * n]);
+            self.evaluate_stage(i, system, evaluator)?;
+            system.coordinates().restrict(evaluator.gradient(), &mut self.gradients[i * n..(i + 1) * n]);
         }
         Ok(())
     }
@@ -203,14 +208,14 @@ impl Equations for GaussEquations<'_> {
         base.copy_from_slice(z);
     }
 
-    fn linearize(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
+    fn linearize(&mut self, system: &System, evaluator: &mut Evaluator) -> Result<(), SolverError> {
         // One K for all stages: that of the middle one.
         let middle = self.stages.coefficients.stages() / 2;
-        self.stages.evaluate_stage(middle, system, forces)
+        self.stages.evaluate_stage(middle, system, evaluator)
     }
 
-    fn evaluate(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
-        self.stages.evaluate(system, self.inertia, forces)?;
+    fn evaluate(&mut self, system: &System, evaluator: &mut Evaluator) -> Result<(), SolverError> {
+        self.stages.evaluate(system, self.inertia, evaluator)?;
         let mut residual = std::mem::take(&mut self.stages.residual);
         let stages = &*self.stages;
         let Stages { coefficients, h, gradients, q, .. } = stages;
@@ -227,7 +232,7 @@ impl Equations for GaussEquations<'_> {
         Ok(())
     }
 
-    fn correct(&mut self, inverse: &mut Inverse, forces: &mut Forces) -> Result<f64, SolverError> {
+    fn correct(&mut self, inverse: &mut Inverse, evaluator: &mut Evaluator) -> Result<f64, SolverError> {
         let Stages { coefficients, correction, residual, z, base, q, room, .. } = &mut *self.stages;
         let n = q.len();
         let mut energy = 0.0;
@@ -242,7 +247,7 @@ impl Equations for GaussEquations<'_> {
                 vectors::update(current, |k, r| *r -= coupling * (rho[k] - inertial.at(k)));
             }
             delta.copy_from_slice(current);
-            inverse.apply(forces, delta)?;
+            inverse.apply(evaluator, delta)?;
             energy += vectors::sum(n, |k| current[k] * delta[k]);
         }
         base.copy_from_slice(z);
@@ -271,7 +276,7 @@ impl Equations for GaussEquations<'_> {
         0.0
     }
 
-    fn merit(&mut self, _system: &System, _forces: &mut Forces) -> Option<f64> {
+    fn merit(&mut self, _system: &System, _evaluator: &mut Evaluator) -> Option<f64> {
         None
     }
 
@@ -290,11 +295,11 @@ impl Equations for GaussEquations<'_> {
 
 /// The stepper.
 pub(crate) struct Gauss {
-    forces: Forces,
+    evaluator: Evaluator,
     inertia: Inertia,
     inverse: Inverse,
     newton: Newton,
-    potentials: Potentials,
+    potential_energies: PotentialEnergies,
     ledger: bool,
     stages: Stages,
     after: State,
@@ -315,11 +320,11 @@ impl Gauss {
         let n = system.coordinates().free_count();
         let inertia = Inertia::new(system);
         Ok(Self {
-            forces: Forces::with_nonconservative(system),
+            evaluator: Evaluator::with_nonconservative(system),
             inverse: Inverse::new(system, &inertia, options),
             inertia,
             newton: Newton::new(options)?,
-            potentials: Potentials::new(),
+            potential_energies: PotentialEnergies::new(),
             ledger: options.ledger,
             stages: Stages::new(Collocation::new(scheme)?, n),
             after: State { t: 0.0, q: vec![0.0; n], p: vec![0.0; n] },
@@ -331,9 +336,9 @@ impl Gauss {
     fn advance(&mut self, system: &System, state: &State, h: f64) -> Result<(u32, StepEnergy), SolverError> {
         check_state(state, system)?;
         if self.ledger {
-            self.potentials.open(system, &mut self.forces, &state.q, state.t);
+            self.potential_energies.open(system, &mut self.evaluator, &state.q, state.t);
         }
-        self.inertia.open(system, &state.p, &mut self.forces.work);
+        self.inertia.open(system, &state.p, &mut self.evaluator.work);
         self.stages.open(system, &self.inertia, state, h);
         let iterations = self.solve(system)?;
         let Stages { coefficients, z, velocity, history, has_history, room, .. } = &mut self.stages;
@@ -365,29 +370,29 @@ impl Gauss {
     }
 
     fn solve(&mut self, system: &System) -> Result<u32, SolverError> {
-        let Self { forces, inertia, inverse, newton, stages, .. } = self;
+        let Self { evaluator, inertia, inverse, newton, stages, .. } = self;
         if stages.origin.is_empty() {
             return Ok(0);
         }
         let steps = usize::from(stages.has_history);
-        if !forces.has_nonconservative()
-            && !forces.has_live()
+        if !evaluator.has_nonconservative()
+            && !evaluator.has_live()
             && at_rest::may_be_at_rest(stages.twice_kinetic, &stages.history, steps)
         {
             stages.z.fill(0.0);
             let mut is_at_rest = true;
             for i in 0..stages.coefficients.stages() {
                 let t = stages.configure(i);
-                forces.evaluate(system, &stages.q, t, false)?;
-                is_at_rest &= at_rest::is_at_rest(system, forces, newton.tolerance());
+                evaluator.evaluate(system, &stages.q, t, false)?;
+                is_at_rest &= at_rest::is_at_rest(system, evaluator, newton.tolerance());
             }
             if is_at_rest {
-                forces.work.skipped += 1;
+                evaluator.work.skipped += 1;
                 return Ok(0);
             }
         }
         let equations = GaussEquations { system, inertia, stages };
-        Ok(newton.solve(&mut Solve { system, forces, inverse, equations })?.iterations)
+        Ok(newton.solve(&mut Solve { system, evaluator, inverse, equations })?.iterations)
     }
 
     /// ΔT = h Σ b_i M a_i·V_i with stage velocities V_i = v₀ + h Σ A_ij a_j, for the method conserves
@@ -395,21 +400,21 @@ impl Gauss {
     /// h Σ b_i (M a_i + g_i)·V_i, and the scheme's part ΔV − h Σ b_i g_i·V_i over all coordinates. With forces f
     /// that have no potential g is ∂V/∂x − f, and their work h Σ b_i f_i·ẋ_i has its own parts.
     fn account(&mut self, system: &System) -> Result<StepEnergy, SolverError> {
-        let Self { forces, inertia, stages, after, potentials, x_dot, .. } = self;
-        stages.evaluate(system, inertia, forces)?;
+        let Self { evaluator, inertia, stages, after, potential_energies, x_dot, .. } = self;
+        stages.evaluate(system, inertia, evaluator)?;
         let (h, n, mass) = (stages.h, stages.q.len(), system.free_mass());
         x_dot.resize(system.coordinates().dof_count(), 0.0);
         let (mut prescribed, mut residual, mut free) = (0.0, 0.0, 0.0);
         let (mut force, mut damping) = (0.0, 0.0);
         for i in 0..stages.coefficients.stages() {
             let weight = h * stages.coefficients.b[i];
-            if system.coordinates().is_moving() || forces.has_nonconservative() {
-                stages.evaluate_stage(i, system, forces)?;
+            if system.coordinates().is_moving() || evaluator.has_nonconservative() {
+                stages.evaluate_stage(i, system, evaluator)?;
                 let q_dot: Vec<f64> = (0..n).map(|k| stages.stage_velocity(i, k)).collect();
-                system.coordinates().embed_velocity(&q_dot, forces.time(), x_dot);
+                system.coordinates().embed_velocity(&q_dot, evaluator.time(), x_dot);
                 system.coordinates().to_own_axes(x_dot);
-                prescribed += weight * accounts::prescribed_work(system, forces.gradient(), x_dot);
-                let (by_force, by_damping) = forces.nonconservative_work(x_dot);
+                prescribed += weight * accounts::prescribed_work(system, evaluator.gradient(), x_dot);
+                let (by_force, by_damping) = evaluator.nonconservative_work(x_dot);
                 force += weight * by_force;
                 damping += weight * by_damping;
             }
@@ -421,7 +426,7 @@ impl Gauss {
             residual +=
                 weight * vectors::sum(n, |k| (inertial(k) + gradient[k]) * stages.stage_velocity(i, k));
         }
-        let (change, loads) = potentials.close(system, forces, &after.q, after.t);
+        let (change, loads) = potential_energies.close(system, evaluator, &after.q, after.t);
         let scheme = change - loads - free - prescribed - force - damping;
         Ok(StepEnergy { prescribed, force: force + loads, damping, scheme, residual })
     }
@@ -429,18 +434,18 @@ impl Gauss {
 
 impl Stepper for Gauss {
     fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
-        let before = self.forces.work;
+        let before = self.evaluator.work;
         let (iterations, energy) = self.advance(system, state, h).map_err(|error| {
-            let cause = self.forces.explain(system, state, error);
+            let cause = self.evaluator.explain(system, state, error);
             StepError { t: state.t, h, cause }
         })?;
         std::mem::swap(&mut self.after, state);
-        self.forces.work.steps += 1;
-        Ok(StepReport { iterations, energy, work: self.forces.work - before })
+        self.evaluator.work.steps += 1;
+        Ok(StepReport { iterations, energy, work: self.evaluator.work - before })
     }
 
     fn work(&self) -> Work {
-        self.forces.work
+        self.evaluator.work
     }
 
     fn unit_costs(&self, system: &System) -> UnitCosts {
@@ -459,11 +464,11 @@ impl Stepper for Gauss {
         let mut memory = StepperMemory { method: Self::NAME.to_owned(), ..Default::default() };
         memory.arrays.push(("stages.last".into(), self.stages.history.clone()));
         memory.counts.push(("stages.history".into(), u64::from(self.stages.has_history)));
-        self.forces.remember(&mut memory);
-        self.potentials.remember(&mut memory);
-        self.inertia.remember(&mut memory);
-        self.inverse.remember(&mut memory);
-        self.newton.remember(&mut memory);
+        self.evaluator.save(&mut memory);
+        self.potential_energies.save(&mut memory);
+        self.inertia.save(&mut memory);
+        self.inverse.save(&mut memory);
+        self.newton.save(&mut memory);
         memory
     }
 
@@ -475,13 +480,13 @@ impl Stepper for Gauss {
         }
         self.stages.history.copy_from_slice(history);
         self.stages.has_history = memory.count("stages.history")? == 1;
-        self.forces = Forces::with_nonconservative(system);
-        self.potentials = Potentials::recall(memory);
+        self.evaluator = Evaluator::with_nonconservative(system);
+        self.potential_energies = PotentialEnergies::restore(memory);
         self.newton.restore(memory)?;
-        self.inertia.recall(memory)?;
-        self.inverse.restore(system, &mut self.forces, memory)?;
-        self.forces.recall(memory)?;
-        self.forces.work = Work::default();
+        self.inertia.restore(memory)?;
+        self.inverse.restore(system, &mut self.evaluator, memory)?;
+        self.evaluator.restore(memory)?;
+        self.evaluator.work = Work::default();
         Ok(())
     }
 }

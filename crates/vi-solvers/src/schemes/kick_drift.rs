@@ -2,28 +2,28 @@
 //! turn, b₀ a₁ b₁ … aₙ bₙ. Time advances with the drifts, so that prescribed motion is read at the
 //! time of each kick. No Hessian is ever made here, and this room must not know a linear solver.
 //!
-//! Forces that no potential gives join the kicks, p += b h (f(q, v) − ∂V/∂q). Those that depend on
+//! Evaluator that no potential gives join the kicks, p += b h (f(q, v) − ∂V/∂q). Those that depend on
 //! velocity are read at the velocity before the kick, and in the closing kick of a symmetric scheme at
 //! one predicted by that reading (Heun): Störmer–Verlet keeps order 2, the Euler schemes order 1. In
 //! the ledger their work is f·v̄, v̄ being the mean of the velocities before and after the kick.
 //!
-//! Where there are constraints, each drift puts q on their surface by multipliers along their gradients
-//! at its start and the step ends with p tangent: RATTLE for Störmer–Verlet (`surface.rs`).
+//! With constraints, each drift projects q onto their manifold by multipliers along their gradients at its start, and
+//! the step ends with p projected onto the tangent space: RATTLE for Störmer–Verlet (`constraint/manifold.rs`).
 
 mod collisions;
 pub(crate) mod splitting;
 
 use vi_core::{State, StepEnergy, System};
 
-use crate::assemble::evaluator::Forces;
+use crate::assemble::evaluator::Evaluator;
 use crate::assemble::finite::{check_finite, check_state};
 use crate::assemble::force_sum::ForceSum;
-use crate::assemble::sweep::{Found, Sweep};
+use crate::assemble::sweep::Sweep;
 use crate::error::SolverError;
 use crate::memory::{StepperMemory, expect_method};
 use crate::options::SolverOptions;
-use crate::schemes::accounts::{self, Potentials};
-use crate::schemes::constraint::manifold::Surface;
+use crate::schemes::accounts::{self, PotentialEnergies};
+use crate::schemes::constraint::manifold::ConstraintManifold;
 use crate::schemes::kick_drift::collisions::Collisions;
 use crate::schemes::kick_drift::splitting::Splitting;
 use crate::schemes::stepper::{StepError, StepReport, Stepper};
@@ -34,9 +34,9 @@ use crate::work::Work;
 pub(crate) struct KickDrift {
     name: &'static str,
     coefficients: Splitting,
-    forces: Forces,
+    evaluator: Evaluator,
     sweep: Sweep,
-    potentials: Potentials,
+    potential_energies: PotentialEnergies,
     ledger: bool,
     q: Vec<f64>,
     p: Vec<f64>,
@@ -45,7 +45,7 @@ pub(crate) struct KickDrift {
     /// f − ∂V/∂x of all coordinates where there are forces without a potential.
     net: Vec<f64>,
     /// Where there are constraints.
-    surface: Option<Surface>,
+    manifold: Option<ConstraintManifold>,
     /// The multipliers' impulses of a drift, N s.
     impulses: Vec<f64>,
     /// Where there are live terms, and the scheme takes discrete gradients.
@@ -63,13 +63,13 @@ impl KickDrift {
         // A drift backwards in time would meet what the body has left.
         let takes_discrete = coefficients.drifts.iter().all(|&drift| drift >= 0.0);
         let collisions = if takes_discrete { Collisions::new(system, options)? } else { None };
-        let mut forces = Self::forces(system, collisions.is_some());
+        let mut evaluator = Self::evaluator(system, collisions.is_some());
         Ok(Self {
             name,
             coefficients,
-            sweep: Sweep::new(system, forces.assembler().gather()),
-            forces,
-            potentials: Potentials::new(),
+            sweep: Sweep::new(system, evaluator.assembler().gather()),
+            evaluator,
+            potential_energies: PotentialEnergies::new(),
             ledger: options.ledger,
             q: vec![0.0; n],
             p: vec![0.0; n],
@@ -77,14 +77,14 @@ impl KickDrift {
             nonconservative: ForceSum::new(system),
             net: Vec::new(),
             impulses: Vec::new(),
-            surface: Surface::new(system),
+            manifold: ConstraintManifold::new(system),
             collisions,
         })
     }
 
-    fn forces(system: &System, takes_discrete: bool) -> Forces {
-        let forces = Forces::new(system);
-        if takes_discrete { forces.with_discrete_gradients() } else { forces }
+    fn evaluator(system: &System, takes_discrete: bool) -> Evaluator {
+        let evaluator = Evaluator::new(system);
+        if takes_discrete { evaluator.with_discrete_gradients() } else { evaluator }
     }
 
     /// Drifts from time t by `drift` (s), past what stands in the way; returns as [`KickDrift::kick_drift`].
@@ -99,7 +99,7 @@ impl KickDrift {
         match collisions.drift((&mut self.q, &mut self.p), t, drift, self.ledger)? {
             None => Ok(self.kick_drift(system, t, 0.0, drift, energy)),
             Some(drifted) => {
-                self.forces.work += drifted.work;
+                self.evaluator.work += drifted.work;
                 energy.prescribed += drifted.energy.prescribed;
                 energy.residual += drifted.energy.residual;
                 Ok(drifted.kinetic - drifted.energy.prescribed - drifted.energy.residual)
@@ -107,28 +107,28 @@ impl KickDrift {
         }
     }
 
-    /// After a drift to time t, with the directions of the multipliers from its start: puts q on the
-    /// surface (SHAKE). Returns the change of kinetic energy less the work of prescribed motion.
-    fn reach(
+    /// After a drift to time t, with the directions of the multipliers from its start: projects q onto
+    /// the constraint manifold (SHAKE). Returns the change of kinetic energy less the work of prescribed motion.
+    fn project_positions(
         &mut self,
         system: &System,
         t: f64,
         drift: f64,
         energy: &mut StepEnergy,
     ) -> Result<f64, SolverError> {
-        let Some(surface) = &mut self.surface else { return Ok(0.0) };
+        let Some(manifold) = &mut self.manifold else { return Ok(0.0) };
         self.impulses.clear();
-        self.impulses.resize(surface.multiplier_count(), 0.0);
+        self.impulses.resize(manifold.multiplier_count(), 0.0);
         let (q, p) = (&mut self.q, &mut self.p);
-        let mut change = surface.reach(system, q, p, t, drift, &mut self.impulses)?;
-        let done = surface.impulse_work(&self.impulses);
+        let mut change = manifold.project_positions(system, q, p, t, drift, &mut self.impulses)?;
+        let done = manifold.impulse_work(&self.impulses);
         energy.prescribed += done;
         change -= done;
         if self.nonconservative.is_some() {
-            // What is read next depends on velocity: let it be a velocity on the surface.
-            let [flattened, done] = surface.flatten(system, q, p, t)?;
+            // What is read next depends on velocity: let it be tangent to the manifold.
+            let [projected, done] = manifold.project_momenta(system, q, p, t)?;
             energy.prescribed += done;
-            change += flattened - done;
+            change += projected - done;
         }
         Ok(change)
     }
@@ -144,14 +144,14 @@ impl KickDrift {
     ) -> Result<(), SolverError> {
         let Some(forces) = &mut self.nonconservative else { return Ok(()) };
         let (mass, free) = (system.free_mass(), system.coordinates().free());
-        let gradient = self.forces.gradient();
+        let gradient = self.evaluator.gradient();
         let count = gradient.len();
         self.net.resize(count, 0.0);
         self.x_dot.resize(count, 0.0);
         let p = &self.p;
         let velocity: Vec<f64> = p.iter().zip(mass).map(|(p, m)| p / m).collect();
         system.coordinates().embed_velocity(&velocity, t, &mut self.x_dot);
-        forces.evaluate(self.forces.positions(), &self.x_dot, t);
+        forces.evaluate(self.evaluator.positions(), &self.x_dot, t);
         if closes && forces.depends_on_velocity() {
             let predicted: Vec<f64> = (0..p.len())
                 .map(|k| {
@@ -160,12 +160,12 @@ impl KickDrift {
                 })
                 .collect();
             system.coordinates().embed_velocity(&predicted, t, &mut self.x_dot);
-            forces.evaluate(self.forces.positions(), &self.x_dot, t);
+            forces.evaluate(self.evaluator.positions(), &self.x_dot, t);
         }
         for dof in 0..count {
             self.net[dof] = forces.total(dof) - gradient[dof];
         }
-        if vectors::sum(count, |k| 0.0 * self.net[k]) == 0.0 {
+        if vectors::all_finite(&self.net) {
             return Ok(());
         }
         let dof = self.net.iter().position(|f| !f.is_finite()).unwrap_or(0);
@@ -188,12 +188,12 @@ impl KickDrift {
             && kick != 0.0
             && let Some(forces) = &self.nonconservative
         {
-            let gradient = self.forces.gradient();
+            let gradient = self.evaluator.gradient();
             let mean: Vec<f64> = (0..self.p.len())
                 .map(|k| (self.p[k] + 0.5 * kick * self.net[free[k] as usize]) / mass[k])
                 .collect();
             work -= kick * accounts::free_work(system, gradient, |k| mean[k]);
-            // Forces work on prescribed coordinates too; whoever moves those pays for the rest.
+            // Evaluator work on prescribed coordinates too; whoever moves those pays for the rest.
             self.x_dot.resize(gradient.len(), 0.0);
             system.coordinates().embed_velocity(&mean, t, &mut self.x_dot);
             system.coordinates().to_own_axes(&mut self.x_dot);
@@ -223,7 +223,7 @@ impl KickDrift {
         let mass = system.free_mass();
         let inverse_mass = self.sweep.inverse_mass();
         let free = system.coordinates().free();
-        let gradient = self.forces.gradient();
+        let gradient = self.evaluator.gradient();
         let mut work = 0.0;
         if self.ledger && kick != 0.0 {
             let p = &self.p;
@@ -265,19 +265,20 @@ impl KickDrift {
 
     /// Plain steps in one pass over the coordinates a force: the last kick of a step and the first of the next
     /// read the same force. Time must matter to nothing where there are several.
+    /// Returns false if a number is not finite.
     fn advance_swept(
         &mut self,
         system: &System,
         state: &State,
         h: f64,
         count: u32,
-    ) -> Result<Found, SolverError> {
+    ) -> Result<bool, SolverError> {
         let Splitting { kicks, drifts } = &self.coefficients;
-        if kicks[0] != 0.0 && !self.forces.knows_gradient_of(state.t) {
-            self.forces.evaluate(system, &state.q, state.t, true)?;
+        if kicks[0] != 0.0 && !self.evaluator.knows_gradient_of(state.t) {
+            self.evaluator.evaluate(system, &state.q, state.t, true)?;
         }
-        if self.forces.is_blank() {
-            self.forces.go_to(system, &state.q, state.t);
+        if self.evaluator.is_blank() {
+            self.evaluator.go_to(system, &state.q, state.t);
         }
         let last = h * kicks[drifts.len()];
         let (mut from, mut closing) = (Some(state), 0.0);
@@ -287,13 +288,13 @@ impl KickDrift {
                 let kick = kick * h;
                 let sums = from.is_none() && (closing != 0.0 || kick != 0.0);
                 if sums {
-                    self.forces.sum_chunks(system, state.t + elapsed * h);
+                    self.evaluator.sum_chunks(system, state.t + elapsed * h);
                 }
                 let arrays = (&mut self.q[..], &mut self.p[..]);
-                let found =
-                    self.forces.sweep(&self.sweep, from.take(), sums, [closing, kick], drift * h, arrays);
-                if found == Found::Unsound {
-                    return Ok(found);
+                let is_sound =
+                    self.evaluator.sweep(&self.sweep, from.take(), sums, [closing, kick], drift * h, arrays);
+                if !is_sound {
+                    return Ok(false);
                 }
                 elapsed += drift;
                 closing = 0.0;
@@ -302,20 +303,20 @@ impl KickDrift {
         }
         let sums = last != 0.0;
         if sums {
-            self.forces.sum_chunks(system, state.t + h);
+            self.evaluator.sum_chunks(system, state.t + h);
         }
         let arrays = (&mut self.q[..], &mut self.p[..]);
-        Ok(self.forces.sweep(&self.sweep, None, sums, [0.0, last], 0.0, arrays))
+        Ok(self.evaluator.sweep(&self.sweep, None, sums, [0.0, last], 0.0, arrays))
     }
 
     fn advance(&mut self, system: &System, state: &State, h: f64) -> Result<StepEnergy, SolverError> {
         if self.is_plain(system) && self.fits(state) {
             // The second time from the start, in case the state is not where the last step ended.
             for _ in 0..2 {
-                if self.advance_swept(system, state, h, 1)? == Found::Sound {
+                if self.advance_swept(system, state, h, 1)? {
                     return Ok(StepEnergy::default());
                 }
-                self.forces.forget();
+                self.evaluator.forget();
             }
             // Something is not finite: the plain way says what.
         }
@@ -324,7 +325,7 @@ impl KickDrift {
         self.p.copy_from_slice(&state.p);
         let mut energy = StepEnergy::default();
         if self.ledger {
-            self.potentials.open(system, &mut self.forces, &state.q, state.t);
+            self.potential_energies.open(system, &mut self.evaluator, &state.q, state.t);
         }
         let drifts = self.coefficients.drifts.len();
         let (mut t, mut elapsed, mut kicked) = (state.t, 0.0, 0.0);
@@ -332,14 +333,14 @@ impl KickDrift {
             let kick = self.coefficients.kicks[i] * h;
             let drift = if i < drifts { self.coefficients.drifts[i] } else { 0.0 };
             if kick != 0.0 {
-                self.forces.evaluate(system, &self.q, t, i == 0)?;
+                self.evaluator.evaluate(system, &self.q, t, i == 0)?;
                 let closes = i == drifts && self.coefficients.kicks[0] != 0.0;
                 self.evaluate_nonconservative(system, t, kick, closes)?;
             }
             if drift != 0.0
-                && let Some(surface) = &mut self.surface
+                && let Some(manifold) = &mut self.manifold
             {
-                surface.direct(system, &self.q, t);
+                manifold.set_directions(system, &self.q, t);
             }
             let free_drift = if self.collisions.is_some() { 0.0 } else { drift * h };
             kicked += if self.nonconservative.is_some() {
@@ -352,18 +353,18 @@ impl KickDrift {
             }
             elapsed += drift;
             t = if i + 1 >= drifts { state.t + h } else { state.t + elapsed * h };
-            if drift != 0.0 && self.surface.is_some() {
-                kicked += self.reach(system, t, drift * h, &mut energy)?;
+            if drift != 0.0 && self.manifold.is_some() {
+                kicked += self.project_positions(system, t, drift * h, &mut energy)?;
             }
         }
-        if let Some(surface) = &mut self.surface {
-            let [change, done] = surface.flatten(system, &self.q, &mut self.p, t)?;
+        if let Some(manifold) = &mut self.manifold {
+            let [change, done] = manifold.project_momenta(system, &self.q, &mut self.p, t)?;
             energy.prescribed += done;
             kicked += change - done;
         }
         check_finite(&self.q, &self.p, system)?;
         if self.ledger {
-            let (change, loads) = self.potentials.close(system, &mut self.forces, &self.q, t);
+            let (change, loads) = self.potential_energies.close(system, &mut self.evaluator, &self.q, t);
             energy.force += loads;
             energy.scheme = change - loads + kicked;
         }
@@ -373,53 +374,53 @@ impl KickDrift {
 
 impl Stepper for KickDrift {
     fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
-        let before = self.forces.work;
+        let before = self.evaluator.work;
         let energy = self.advance(system, state, h).map_err(|cause| StepError { t: state.t, h, cause })?;
         std::mem::swap(&mut state.q, &mut self.q);
         std::mem::swap(&mut state.p, &mut self.p);
         state.t += h;
-        self.forces.work.steps += 1;
-        Ok(StepReport { iterations: 0, energy, work: self.forces.work - before })
+        self.evaluator.work.steps += 1;
+        Ok(StepReport { iterations: 0, energy, work: self.evaluator.work - before })
     }
 
     fn joins_steps(&self, system: &System) -> bool {
-        self.forces.is_autonomous() && self.is_plain(system)
+        self.evaluator.is_autonomous() && self.is_plain(system)
     }
 
     fn steps(&mut self, system: &System, state: &mut State, h: f64, count: u32) -> Option<StepReport> {
         if !self.joins_steps(system) || !self.fits(state) {
             return None;
         }
-        let (before, knew) = (self.forces.work, self.forces.knows_gradient_of(state.t));
+        let (before, knew) = (self.evaluator.work, self.evaluator.knows_gradient_of(state.t));
         let found = self.advance_swept(system, state, h, count);
-        if !matches!(found, Ok(Found::Sound)) {
+        if !found.unwrap_or(false) {
             // As if nothing had been tried.
-            self.forces.forget();
+            self.evaluator.forget();
             if knew {
-                self.forces.evaluate(system, &state.q, state.t, true).ok();
+                self.evaluator.evaluate(system, &state.q, state.t, true).ok();
             }
-            self.forces.work = before;
+            self.evaluator.work = before;
             return None;
         }
         std::mem::swap(&mut state.q, &mut self.q);
         std::mem::swap(&mut state.p, &mut self.p);
         state.t += f64::from(count) * h;
-        self.forces.work.steps += u64::from(count);
-        let work = self.forces.work - before;
+        self.evaluator.work.steps += u64::from(count);
+        let work = self.evaluator.work - before;
         Some(StepReport { iterations: 0, energy: StepEnergy::default(), work })
     }
 
     fn work(&self) -> Work {
-        self.forces.work
+        self.evaluator.work
     }
 
     fn memory(&self) -> StepperMemory {
         // The last force is evaluated again at the same place, to the same bits.
         let mut memory = StepperMemory { method: self.name.to_owned(), ..Default::default() };
-        self.forces.remember(&mut memory);
-        self.potentials.remember(&mut memory);
+        self.evaluator.save(&mut memory);
+        self.potential_energies.save(&mut memory);
         if let Some(collisions) = &self.collisions {
-            collisions.remember(&mut memory);
+            collisions.save(&mut memory);
         }
         memory
     }
@@ -430,15 +431,15 @@ impl Stepper for KickDrift {
 
     fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
         expect_method(memory, self.name)?;
-        self.forces = Self::forces(system, self.collisions.is_some());
-        self.potentials = Potentials::recall(memory);
+        self.evaluator = Self::evaluator(system, self.collisions.is_some());
+        self.potential_energies = PotentialEnergies::restore(memory);
         if let Some(collisions) = &mut self.collisions {
             collisions.restore(memory)?;
         }
-        self.forces.recall(memory)
+        self.evaluator.restore(memory)
     }
 
     fn gradient(&self) -> Option<&[f64]> {
-        self.coefficients.kicks.last().is_some_and(|&b| b != 0.0).then(|| self.forces.known_gradient())?
+        self.coefficients.kicks.last().is_some_and(|&b| b != 0.0).then(|| self.evaluator.known_gradient())?
     }
 }

@@ -81,7 +81,7 @@ impl Conserves {
     }
 }
 
-/// Forces without a potential that a scheme accepts.
+/// Evaluator without a potential that a scheme accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AcceptedForces {
     /// None.
@@ -95,7 +95,7 @@ pub enum AcceptedForces {
 /// Which systems a scheme can step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Accepts {
-    /// Forces without a potential.
+    /// Evaluator without a potential.
     pub forces: AcceptedForces,
     /// Constraints: rigid bodies and joints.
     pub constraints: bool,

@@ -11,7 +11,7 @@ mod stage;
 
 use vi_core::{State, StepEnergy, System};
 
-use crate::assemble::evaluator::Forces;
+use crate::assemble::evaluator::Evaluator;
 use crate::assemble::finite::{check_finite, check_state};
 use crate::assemble::inertia::Inertia;
 use crate::error::SolverError;
@@ -22,7 +22,7 @@ use crate::newton::inverse::Inverse;
 use crate::newton::solver::Newton;
 use crate::newton::start::Start;
 use crate::options::SolverOptions;
-use crate::schemes::accounts::{self, Potentials};
+use crate::schemes::accounts::{self, PotentialEnergies};
 use crate::schemes::at_rest;
 use crate::schemes::one_stage::rule::Rule;
 use crate::schemes::one_stage::stage::{Stage, StageEquations};
@@ -36,11 +36,11 @@ const HISTORY: [&str; 3] = ["stage.last", "stage.older", "stage.oldest"];
 /// The stepper of a one-stage method.
 pub(crate) struct OneStage<R> {
     rule: R,
-    forces: Forces,
+    evaluator: Evaluator,
     inertia: Inertia,
     inverse: Inverse,
     newton: Newton,
-    potentials: Potentials,
+    potential_energies: PotentialEnergies,
     ledger: bool,
     stage: Stage,
     after: State,
@@ -56,11 +56,11 @@ impl<R: Rule> OneStage<R> {
         let tolerance = rule.tolerance(options.tolerance);
         let inertia = Inertia::new(system);
         Ok(Self {
-            forces: forces_of(&rule, system),
+            evaluator: evaluator_of(&rule, system),
             inverse: Inverse::new(system, &inertia, options),
             inertia,
             newton: Newton::new(&SolverOptions { tolerance, ..options.clone() })?,
-            potentials: Potentials::new(),
+            potential_energies: PotentialEnergies::new(),
             ledger: options.ledger,
             stage: Stage::new(system, &rule),
             rule,
@@ -74,13 +74,13 @@ impl<R: Rule> OneStage<R> {
     fn advance(&mut self, system: &System, state: &State, h: f64) -> Result<(u32, StepEnergy), SolverError> {
         check_state(state, system)?;
         if self.ledger {
-            self.potentials.open(system, &mut self.forces, &state.q, state.t);
+            self.potential_energies.open(system, &mut self.evaluator, &state.q, state.t);
         }
-        self.inertia.open(system, &state.p, &mut self.forces.work);
-        self.rule.open(system, &mut self.forces, &self.inertia, state, h)?;
+        self.inertia.open(system, &state.p, &mut self.evaluator.work);
+        self.rule.open(system, &mut self.evaluator, &self.inertia, state, h)?;
         self.stage.open(system, &self.rule, &self.inertia, state, h);
         let iterations = self.solve(system)?;
-        self.stage.reach(system, state)?;
+        self.stage.project_end(system, state)?;
         let Self { rule, inertia, stage: Stage { w, room, .. }, dv, .. } = self;
         let (w, v, mass) = (&*w, inertia.velocity(system, &state.p), system.free_mass());
         let State { t, q, p } = &mut self.after;
@@ -100,8 +100,8 @@ impl<R: Rule> OneStage<R> {
                 *p = state.p[k] + mass[k] * dv;
             });
         }
-        if let Some(constrained) = &mut self.stage.constrained {
-            constrained.close(system, q, p, *t)?;
+        if let Some(multipliers) = &mut self.stage.multipliers {
+            multipliers.close(system, q, p, *t)?;
         }
         check_finite(q, p, system)?;
         let energy = if self.ledger { self.account(system, state)? } else { StepEnergy::default() };
@@ -113,39 +113,39 @@ impl<R: Rule> OneStage<R> {
 
     /// Is a step of h one of free motion: does nothing act at its stage or stand in the way of it?
     pub(crate) fn is_free(&mut self, system: &System, state: &State, h: f64) -> bool {
-        let Self { rule, forces, inertia, stage, .. } = self;
-        inertia.open(system, &state.p, &mut forces.work);
+        let Self { rule, evaluator, inertia, stage, .. } = self;
+        inertia.open(system, &state.p, &mut evaluator.work);
         stage.open(system, rule, inertia, state, h);
         let mut equations = StageEquations { system, rule, inertia, stage };
         equations.start(Start::Inertial);
-        equations.shorten_start(system, forces);
+        equations.shorten_start(system, evaluator);
         let is_in_the_way = equations.stage.w.iter().any(|&w| w != 0.0);
         !is_in_the_way
-            && equations.evaluate(system, forces).is_ok()
-            && forces.gradient().iter().all(|&force| force == 0.0)
+            && equations.evaluate(system, evaluator).is_ok()
+            && evaluator.gradient().iter().all(|&force| force == 0.0)
     }
 
     /// Solves the stage; 0 iterations where the body is at rest in balance.
     fn solve(&mut self, system: &System) -> Result<u32, SolverError> {
-        let Self { rule, forces, inertia, inverse, newton, stage, .. } = self;
+        let Self { rule, evaluator, inertia, inverse, newton, stage, .. } = self;
         if stage.origin.is_empty() {
             return Ok(0);
         }
         if !stage.is_forced
-            && stage.constrained.is_none()
-            && !forces.has_live()
+            && stage.multipliers.is_none()
+            && !evaluator.has_live()
             && at_rest::may_be_at_rest(stage.twice_kinetic, &stage.history[0], stage.history_count)
         {
             stage.w.fill(0.0);
             stage.configure();
-            forces.evaluate(system, &stage.q, stage.t, false)?;
-            if at_rest::is_at_rest(system, forces, newton.tolerance()) {
-                forces.work.skipped += 1;
+            evaluator.evaluate(system, &stage.q, stage.t, false)?;
+            if at_rest::is_at_rest(system, evaluator, newton.tolerance()) {
+                evaluator.work.skipped += 1;
                 return Ok(0);
             }
         }
         let equations = StageEquations { system, rule, inertia, stage };
-        Ok(newton.solve(&mut Solve { system, forces, inverse, equations })?.iterations)
+        Ok(newton.solve(&mut Solve { system, evaluator, inverse, equations })?.iterations)
     }
 
     /// The parts of the step's change of energy. With ΔT = Δp·v̄ and g = ∂V/∂x at the stage, they are
@@ -153,8 +153,8 @@ impl<R: Rule> OneStage<R> {
     /// rest that the scheme makes: ΔV − g·Δx (with forces f that have no potential g is ∂V/∂x − f, and their work
     /// f·Δx is a part of its own), and for schemes that do not balance it with the work on the mean velocity, Δp·v̄ + (g − R/c)·Δq.
     fn account(&mut self, system: &System, before: &State) -> Result<StepEnergy, SolverError> {
-        let Self { rule, forces, inertia, stage, after, potentials, x_start, dx, dv, .. } = self;
-        stage.evaluate(system, rule, forces)?;
+        let Self { rule, evaluator, inertia, stage, after, potential_energies, x_start, dx, dv, .. } = self;
+        stage.evaluate(system, rule, evaluator)?;
         let (mass, free) = (system.free_mass(), system.coordinates().free());
         let coordinates = system.coordinates();
         x_start.resize(coordinates.dof_count(), 0.0);
@@ -163,14 +163,14 @@ impl<R: Rule> OneStage<R> {
         coordinates.embed(&after.q, after.t, dx);
         vectors::update(dx, |k, dx| *dx -= x_start[k]);
         coordinates.to_own_axes(dx);
-        let gradient = forces.gradient();
-        let Stage { w, c, room, added, constrained, .. } = stage;
+        let gradient = evaluator.gradient();
+        let Stage { w, c, room, added, multipliers, .. } = stage;
         let (w, c, step) = (&*w, *c, &*dx);
         let inertial = inertia.momentum(system, w, room);
         let along = |k: usize| step[free[k] as usize];
         let mut prescribed = accounts::prescribed_work(system, gradient, step);
-        if let Some(constrained) = constrained {
-            prescribed += constrained.prescribed_work(step);
+        if let Some(multipliers) = multipliers {
+            prescribed += multipliers.prescribed_work(step);
         }
         let elastic =
             accounts::free_work(system, gradient, along) + vectors::sum(w.len(), |k| added[k] * along(k));
@@ -185,10 +185,10 @@ impl<R: Rule> OneStage<R> {
             }),
         };
         let inertial = vectors::sum(w.len(), |k| inertial.at(k) / c * along(k));
-        let (force, damping) = forces.nonconservative_work(step);
-        let (change, loads) = potentials.close(system, forces, &after.q, after.t);
+        let (force, damping) = evaluator.nonconservative_work(step);
+        let (change, loads) = potential_energies.close(system, evaluator, &after.q, after.t);
         let mut scheme = change - loads - elastic - prescribed - force - damping;
-        if !self.rule.works_on_mean_velocity() || constrained.is_some() {
+        if !self.rule.works_on_mean_velocity() || multipliers.is_some() {
             scheme += kinetic - inertial;
         }
         Ok(StepEnergy { prescribed, force: force + loads, damping, scheme, residual })
@@ -196,25 +196,25 @@ impl<R: Rule> OneStage<R> {
 }
 
 /// What the stage of a rule evaluates.
-fn forces_of(rule: &impl Rule, system: &System) -> Forces {
-    let forces = Forces::with_nonconservative(system);
-    if rule.takes_discrete_gradients() { forces.with_discrete_gradients() } else { forces }
+fn evaluator_of(rule: &impl Rule, system: &System) -> Evaluator {
+    let evaluator = Evaluator::with_nonconservative(system);
+    if rule.takes_discrete_gradients() { evaluator.with_discrete_gradients() } else { evaluator }
 }
 
 impl<R: Rule> Stepper for OneStage<R> {
     fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
-        let before = self.forces.work;
+        let before = self.evaluator.work;
         let (iterations, energy) = self.advance(system, state, h).map_err(|error| {
-            let cause = self.forces.explain(system, state, error);
+            let cause = self.evaluator.explain(system, state, error);
             StepError { t: state.t, h, cause }
         })?;
         std::mem::swap(&mut self.after, state);
-        self.forces.work.steps += 1;
-        Ok(StepReport { iterations, energy, work: self.forces.work - before })
+        self.evaluator.work.steps += 1;
+        Ok(StepReport { iterations, energy, work: self.evaluator.work - before })
     }
 
     fn work(&self) -> Work {
-        self.forces.work
+        self.evaluator.work
     }
 
     fn unit_costs(&self, system: &System) -> UnitCosts {
@@ -239,15 +239,15 @@ impl<R: Rule> Stepper for OneStage<R> {
             memory.arrays.push(((*name).to_owned(), history.clone()));
         }
         memory.counts.push(("stage.history".into(), self.stage.history_count as u64));
-        self.forces.remember(&mut memory);
-        self.potentials.remember(&mut memory);
-        if let Some(constrained) = &self.stage.constrained {
-            memory.arrays.push(("stage.multipliers".into(), constrained.multipliers().to_vec()));
+        self.evaluator.save(&mut memory);
+        self.potential_energies.save(&mut memory);
+        if let Some(multipliers) = &self.stage.multipliers {
+            memory.arrays.push(("stage.multipliers".into(), multipliers.multipliers().to_vec()));
         }
-        self.inertia.remember(&mut memory);
-        self.inverse.remember(&mut memory);
-        self.newton.remember(&mut memory);
-        self.rule.remember(&mut memory);
+        self.inertia.save(&mut memory);
+        self.inverse.save(&mut memory);
+        self.newton.save(&mut memory);
+        self.rule.save(&mut memory);
         memory
     }
 
@@ -261,17 +261,17 @@ impl<R: Rule> Stepper for OneStage<R> {
             history.copy_from_slice(array);
         }
         self.stage.history_count = memory.count("stage.history")? as usize;
-        if let Some(constrained) = &mut self.stage.constrained {
-            constrained.restore(memory.array("stage.multipliers")?)?;
+        if let Some(multipliers) = &mut self.stage.multipliers {
+            multipliers.restore(memory.array("stage.multipliers")?)?;
         }
-        self.forces = forces_of(&self.rule, system);
-        self.potentials = Potentials::recall(memory);
+        self.evaluator = evaluator_of(&self.rule, system);
+        self.potential_energies = PotentialEnergies::restore(memory);
         self.newton.restore(memory)?;
         self.rule.restore(memory)?;
-        self.inertia.recall(memory)?;
-        self.inverse.restore(system, &mut self.forces, memory)?;
-        self.forces.recall(memory)?;
-        self.forces.work = Work::default();
+        self.inertia.restore(memory)?;
+        self.inverse.restore(system, &mut self.evaluator, memory)?;
+        self.evaluator.restore(memory)?;
+        self.evaluator.work = Work::default();
         Ok(())
     }
 }

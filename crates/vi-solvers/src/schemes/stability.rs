@@ -8,7 +8,7 @@
 use nalgebra::DMatrix;
 use vi_core::{State, System, binary_exponent};
 
-use crate::assemble::evaluator::Forces;
+use crate::assemble::evaluator::Evaluator;
 use crate::error::SolverError;
 use crate::vectors;
 
@@ -73,7 +73,7 @@ pub fn highest_frequency(system: &System, state: &State) -> Result<HighestFreque
 
 /// v ↦ M^{-1/2} K M^{-1/2} v by central differences about a state.
 struct Operator {
-    forces: Forces,
+    evaluator: Evaluator,
     /// √(m/unit), with a unit of mass that is a power of two: so it has the same bits in any such unit.
     root_mass: Vec<f64>,
     /// The inverse of that unit.
@@ -89,17 +89,17 @@ struct Operator {
 
 impl Operator {
     fn new(system: &System, state: &State) -> Result<Self, SolverError> {
-        let mut forces = Forces::new(system);
-        forces.evaluate(system, &state.q, state.t, true)?;
+        let mut evaluator = Evaluator::new(system);
+        evaluator.evaluate(system, &state.q, state.t, true)?;
         let coordinates = system.coordinates();
-        let sizes = [displacement(system, forces.positions())?, DIFFERENCE];
+        let sizes = [displacement(system, evaluator.positions())?, DIFFERENCE];
         let kind = coordinates.free().iter().map(|&dof| u8::from(coordinates.is_director(dof / 3))).collect();
         let mass = system.free_mass();
         let per_unit = 2.0_f64.powi(-binary_exponent(mass[0]));
         let root_mass: Vec<f64> = mass.iter().map(|m| (m * per_unit).sqrt()).collect();
         let n = root_mass.len();
         let (direction, q, ahead) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        Ok(Self { forces, root_mass, per_unit, sizes, kind, direction, q, ahead })
+        Ok(Self { evaluator, root_mass, per_unit, sizes, kind, direction, q, ahead })
     }
 
     fn apply(
@@ -109,17 +109,17 @@ impl Operator {
         v: &[f64],
         out: &mut [f64],
     ) -> Result<(), SolverError> {
-        let Self { forces, root_mass, per_unit, sizes, kind, direction, q, ahead } = self;
+        let Self { evaluator, root_mass, per_unit, sizes, kind, direction, q, ahead } = self;
         let n = v.len();
         let free = system.coordinates().free();
         vectors::fill(direction, |k| v[k] / root_mass[k]);
         let epsilon = 1.0 / vectors::max_abs(n, |k| direction[k] / sizes[usize::from(kind[k])]);
         vectors::fill(q, |k| state.q[k] + epsilon * direction[k]);
-        forces.evaluate(system, q, state.t, true)?;
-        system.coordinates().restrict(forces.gradient(), ahead);
+        evaluator.evaluate(system, q, state.t, true)?;
+        system.coordinates().restrict(evaluator.gradient(), ahead);
         vectors::fill(q, |k| state.q[k] - epsilon * direction[k]);
-        forces.evaluate(system, q, state.t, true)?;
-        let behind = forces.gradient();
+        evaluator.evaluate(system, q, state.t, true)?;
+        let behind = evaluator.gradient();
         let per_unit = *per_unit;
         vectors::fill(out, |k| {
             (ahead[k] - behind[free[k] as usize]) / (2.0 * epsilon) / root_mass[k] * per_unit

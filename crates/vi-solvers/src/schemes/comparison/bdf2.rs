@@ -4,7 +4,7 @@
 
 use vi_core::{State, System};
 
-use crate::assemble::evaluator::Forces;
+use crate::assemble::evaluator::Evaluator;
 use crate::assemble::inertia::Inertia;
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
@@ -51,7 +51,7 @@ impl Rule for Bdf2 {
     fn open(
         &mut self,
         system: &System,
-        forces: &mut Forces,
+        evaluator: &mut Evaluator,
         inertia: &Inertia,
         state: &State,
         h: f64,
@@ -64,14 +64,14 @@ impl Rule for Bdf2 {
         {
             self.dq.extend(last.q.iter().zip(&older.q).map(|(a, b)| a - b));
             self.dv.extend(last.p.iter().zip(&older.p).map(|(a, b)| a - b));
-            inertia.divide(system, &mut self.dv, &mut forces.work);
+            inertia.divide(system, &mut self.dv, &mut evaluator.work);
         }
         Ok(())
     }
     fn close(&mut self, _: &System, before: &State, after: &State, _w: &[f64], h: f64) {
         self.last = Some((before.clone(), after.clone(), h));
     }
-    fn remember(&self, memory: &mut StepperMemory) {
+    fn save(&self, memory: &mut StepperMemory) {
         if let Some((older, last, h)) = &self.last {
             memory.arrays.push(("bdf2.times".into(), vec![older.t, last.t, *h]));
             for (name, array) in [("q0", &older.q), ("p0", &older.p), ("q1", &last.q), ("p1", &last.p)] {

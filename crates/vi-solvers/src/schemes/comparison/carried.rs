@@ -2,7 +2,7 @@
 
 use vi_core::{State, System};
 
-use crate::assemble::evaluator::Forces;
+use crate::assemble::evaluator::Evaluator;
 use crate::assemble::inertia::Inertia;
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
@@ -24,7 +24,7 @@ impl CarriedAcceleration {
     pub(super) fn open(
         &mut self,
         system: &System,
-        forces: &mut Forces,
+        evaluator: &mut Evaluator,
         inertia: &Inertia,
         state: &State,
         h: f64,
@@ -32,16 +32,16 @@ impl CarriedAcceleration {
         if self.state.as_ref().is_some_and(|last| continues(last, state, h)) {
             return Ok(());
         }
-        if forces.has_nonconservative() {
+        if evaluator.has_nonconservative() {
             let v = inertia.velocity(system, &state.p);
             let q_dot: Vec<f64> = (0..state.p.len()).map(|k| v.at(k)).collect();
-            forces.set_velocities(system, &q_dot, state.t, 0.0);
+            evaluator.set_velocities(system, &q_dot, state.t, 0.0);
         }
-        forces.evaluate(system, &state.q, state.t, true)?;
-        let gradient = forces.gradient();
+        evaluator.evaluate(system, &state.q, state.t, true)?;
+        let gradient = evaluator.gradient();
         self.a.clear();
         self.a.extend(system.coordinates().free().iter().map(|&dof| -gradient[dof as usize]));
-        inertia.divide(system, &mut self.a, &mut forces.work);
+        inertia.divide(system, &mut self.a, &mut evaluator.work);
         self.state = Some(state.clone());
         Ok(())
     }
@@ -53,7 +53,7 @@ impl CarriedAcceleration {
         self.state = Some(after.clone());
     }
 
-    pub(super) fn remember(&self, memory: &mut StepperMemory) {
+    pub(super) fn save(&self, memory: &mut StepperMemory) {
         if let Some(State { t, q, p }) = &self.state {
             memory.arrays.push(("carried.t".into(), vec![*t]));
             memory.arrays.push(("carried.q".into(), q.clone()));

@@ -3,19 +3,19 @@
 
 use vi_core::{State, StepEnergy, System};
 
-use crate::assemble::evaluator::Forces;
+use crate::assemble::evaluator::Evaluator;
 use crate::assemble::finite::{check_finite, check_state};
 use crate::error::SolverError;
 use crate::memory::{StepperMemory, expect_method};
 use crate::options::SolverOptions;
-use crate::schemes::accounts::{self, Potentials};
+use crate::schemes::accounts::{self, PotentialEnergies};
 use crate::schemes::stepper::{StepError, StepReport, Stepper};
 use crate::vectors;
 use crate::work::Work;
 
 pub(crate) struct ForwardEuler {
-    forces: Forces,
-    potentials: Potentials,
+    evaluator: Evaluator,
+    potential_energies: PotentialEnergies,
     ledger: bool,
     q: Vec<f64>,
     p: Vec<f64>,
@@ -28,8 +28,8 @@ impl ForwardEuler {
     pub(crate) fn new(system: &System, options: &SolverOptions) -> Self {
         let n = system.coordinates().free_count();
         Self {
-            forces: Forces::new(system),
-            potentials: Potentials::new(),
+            evaluator: Evaluator::new(system),
+            potential_energies: PotentialEnergies::new(),
             ledger: options.ledger,
             q: vec![0.0; n],
             p: vec![0.0; n],
@@ -40,10 +40,10 @@ impl ForwardEuler {
     fn advance(&mut self, system: &System, state: &State, h: f64) -> Result<StepEnergy, SolverError> {
         check_state(state, system)?;
         if self.ledger {
-            self.potentials.open(system, &mut self.forces, &state.q, state.t);
+            self.potential_energies.open(system, &mut self.evaluator, &state.q, state.t);
         }
-        self.forces.evaluate(system, &state.q, state.t, true)?;
-        let (gradient, mass) = (self.forces.gradient(), system.free_mass());
+        self.evaluator.evaluate(system, &state.q, state.t, true)?;
+        let (gradient, mass) = (self.evaluator.gradient(), system.free_mass());
         let free = system.coordinates().free();
         self.q.copy_from_slice(&state.q);
         self.p.copy_from_slice(&state.p);
@@ -64,7 +64,7 @@ impl ForwardEuler {
                 energy.prescribed = h * accounts::prescribed_work(system, gradient, &self.x_dot);
             }
             let t = state.t + h;
-            let (change, loads) = self.potentials.close(system, &mut self.forces, &self.q, t);
+            let (change, loads) = self.potential_energies.close(system, &mut self.evaluator, &self.q, t);
             energy.force = loads;
             energy.scheme = change - loads - paid - energy.prescribed;
         }
@@ -74,30 +74,30 @@ impl ForwardEuler {
 
 impl Stepper for ForwardEuler {
     fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
-        let before = self.forces.work;
+        let before = self.evaluator.work;
         let energy = self.advance(system, state, h).map_err(|cause| StepError { t: state.t, h, cause })?;
         std::mem::swap(&mut state.q, &mut self.q);
         std::mem::swap(&mut state.p, &mut self.p);
         state.t += h;
-        self.forces.work.steps += 1;
-        Ok(StepReport { iterations: 0, energy, work: self.forces.work - before })
+        self.evaluator.work.steps += 1;
+        Ok(StepReport { iterations: 0, energy, work: self.evaluator.work - before })
     }
 
     fn work(&self) -> Work {
-        self.forces.work
+        self.evaluator.work
     }
 
     fn memory(&self) -> StepperMemory {
         let mut memory = StepperMemory { method: Self::NAME.to_owned(), ..Default::default() };
-        self.forces.remember(&mut memory);
-        self.potentials.remember(&mut memory);
+        self.evaluator.save(&mut memory);
+        self.potential_energies.save(&mut memory);
         memory
     }
 
     fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
         expect_method(memory, Self::NAME)?;
-        self.forces = Forces::new(system);
-        self.potentials = Potentials::recall(memory);
-        self.forces.recall(memory)
+        self.evaluator = Evaluator::new(system);
+        self.potential_energies = PotentialEnergies::restore(memory);
+        self.evaluator.restore(memory)
     }
 }

@@ -4,7 +4,7 @@
 
 use vi_core::{State, System};
 
-use crate::assemble::evaluator::Forces;
+use crate::assemble::evaluator::Evaluator;
 use crate::assemble::inertia::Inertia;
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
@@ -55,19 +55,19 @@ impl Rule for Newmark {
     fn open(
         &mut self,
         system: &System,
-        forces: &mut Forces,
+        evaluator: &mut Evaluator,
         inertia: &Inertia,
         state: &State,
         h: f64,
     ) -> Result<(), SolverError> {
-        self.carried.open(system, forces, inertia, state, h)
+        self.carried.open(system, evaluator, inertia, state, h)
     }
     fn close(&mut self, _: &System, _before: &State, after: &State, w: &[f64], h: f64) {
         let c = self.coefficient(h);
         self.carried.close(after, |k, _| w[k] / c);
     }
-    fn remember(&self, memory: &mut StepperMemory) {
-        self.carried.remember(memory);
+    fn save(&self, memory: &mut StepperMemory) {
+        self.carried.save(memory);
     }
     fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
         self.carried.restore(memory);

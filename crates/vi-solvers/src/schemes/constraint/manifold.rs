@@ -1,13 +1,12 @@
-//! The surface g(x) = 0 that the constraints of a system leave, as steppers need it: positions are put
-//! on it and momenta made tangent to it, both to round-off, by multipliers.
+//! The manifold g(x) = 0 of the configurations that the constraints of a system allow. Positions are projected onto it
+//! (SHAKE) and momenta onto its tangent space (RATTLE), both to round-off, by multipliers.
 //!
 //! Constraints that share free coordinates form a cluster (a rigid body, a mechanism), whose Jacobian G
 //! is a small dense matrix over the few coordinates that it reads; the lumped mass is diagonal. So the
 //! cost is that of the clusters and not of the bodies attached to them. Constraints that depend on each
 //! other where the cluster is first met (closed loops) are solved in the sense of least multipliers.
 //! Constraints have different dimensions (a distance in m², a perpendicularity in 1), so that S = G M⁻¹ Gᵀ is
-//! judged and solved in units of its own rows ([`Units`]). This room must not know a scheme, nor what the
-//! constraints are for.
+//! judged and solved in units of its own rows ([`Units`]).
 
 use nalgebra::{DMatrix, DVector};
 use vi_core::System;
@@ -122,12 +121,12 @@ impl Cluster {
 
     fn failure(&self, constraint: usize, iterations: u32, defect: f64) -> SolverError {
         let constraint = self.constraints[constraint].name().to_owned();
-        SolverError::Surface { constraint, iterations, defect }
+        SolverError::ConstraintDefect { constraint, iterations, defect }
     }
 }
 
 /// All clusters of a system.
-pub(crate) struct Surface {
+pub(crate) struct ConstraintManifold {
     clusters: Vec<Cluster>,
     /// Does any read prescribed coordinates? Then `x` holds all coordinates.
     reads_prescribed: bool,
@@ -136,7 +135,7 @@ pub(crate) struct Surface {
     is_ranked: bool,
 }
 
-impl Surface {
+impl ConstraintManifold {
     /// None where the system has no constraints.
     pub(crate) fn new(system: &System) -> Option<Self> {
         if system.constraints().is_empty() {
@@ -172,7 +171,7 @@ impl Surface {
     }
 
     /// Takes the directions of the multipliers at (q, t).
-    pub(crate) fn direct(&mut self, system: &System, q: &[f64], t: f64) {
+    pub(crate) fn set_directions(&mut self, system: &System, q: &[f64], t: f64) {
         self.place(system, q, t);
         if self.reads_prescribed {
             // Only the prescribed entries are read.
@@ -251,12 +250,12 @@ impl Surface {
         self.clusters.iter().any(|cluster| cluster.is_redundant)
     }
 
-    /// Puts q on the surface at time t by impulses along the directions taken: p −= Nᵀλ and
+    /// Projects q onto the manifold at time t by impulses along the directions taken: p −= Nᵀλ and
     /// q −= drift M⁻¹Nᵀλ with g(q) = 0. Adds λ to `lambda`, and returns the change of ½ pᵀM⁻¹p, J.
     ///
     /// # Errors
-    /// [`SolverError::Surface`] where it is not reached.
-    pub(crate) fn reach(
+    /// [`SolverError::ConstraintDefect`] where that does not converge.
+    pub(crate) fn project_positions(
         &mut self,
         system: &System,
         q: &mut [f64],
@@ -277,7 +276,7 @@ impl Surface {
                 cluster.place(q, &self.x);
                 let defect = cluster.defect();
                 let (worst, which) = cluster.worst(&defect);
-                // On the surface, or as near as round-off allows.
+                // On the manifold, or as near as round-off allows.
                 if worst <= NOISE || (worst < 1e4 && worst >= 0.5 * previous) {
                     break;
                 }
@@ -303,12 +302,12 @@ impl Surface {
         Ok(change)
     }
 
-    /// Makes p tangent at (q, t), G M⁻¹p + G ẋ_prescribed = 0, by impulses along G; returns the change of
+    /// Projects p onto the tangent space at (q, t), G M⁻¹p + G ẋ_prescribed = 0, by impulses along G; returns the change of
     /// ½ pᵀM⁻¹p and the work of prescribed motion, J.
     ///
     /// # Errors
-    /// [`SolverError::Surface`] where constraints that did not depend on each other do so here.
-    pub(crate) fn flatten(
+    /// [`SolverError::ConstraintDefect`] where constraints that did not depend on each other do so here.
+    pub(crate) fn project_momenta(
         &mut self,
         system: &System,
         q: &[f64],
@@ -402,11 +401,11 @@ fn clusters<'a>(system: &'a System, free_of: &[u32]) -> Vec<Vec<&'a QuadraticCon
 /// Returns the change of the velocities over the velocities, both in the norm of the mass.
 ///
 /// # Errors
-/// [`SolverError::Surface`] where the state is not on the surface to 1e-9 of what the constraints add up.
+/// [`SolverError::ConstraintDefect`] where the state is not on the manifold to 1e-9 of what the constraints add up.
 pub fn make_tangent(system: &System, state: &mut vi_core::State) -> Result<f64, SolverError> {
-    let Some(mut surface) = Surface::new(system) else { return Ok(0.0) };
-    surface.direct(system, &state.q, state.t);
-    for cluster in &surface.clusters {
+    let Some(mut manifold) = ConstraintManifold::new(system) else { return Ok(0.0) };
+    manifold.set_directions(system, &state.q, state.t);
+    for cluster in &manifold.clusters {
         let defect = cluster.defect();
         let (worst, which) = cluster.worst(&defect);
         if worst > 1e-9 / f64::EPSILON {
@@ -414,7 +413,7 @@ pub fn make_tangent(system: &System, state: &mut vi_core::State) -> Result<f64, 
         }
     }
     let before = state.p.clone();
-    surface.flatten(system, &state.q, &mut state.p, state.t)?;
+    manifold.project_momenta(system, &state.q, &mut state.p, state.t)?;
     let square = |p: &dyn Fn(usize) -> f64| -> f64 {
         system.free_mass().iter().enumerate().map(|(k, mass)| p(k) * p(k) / mass).sum()
     };
@@ -426,9 +425,9 @@ pub fn make_tangent(system: &System, state: &mut vi_core::State) -> Result<f64, 
 /// a −= M⁻¹Gᵀμ with G a + γ = 0, γ = g(x + v) − 2 g(x) + g(x − v) for quadratic g. Where constraints
 /// depend on each other against expectation, nothing is added.
 pub(crate) fn constrain_accelerations(system: &System, state: &vi_core::State, v: &[f64], a: &mut [f64]) {
-    let Some(mut surface) = Surface::new(system) else { return };
-    surface.direct(system, &state.q, state.t);
-    for cluster in &surface.clusters {
+    let Some(mut manifold) = ConstraintManifold::new(system) else { return };
+    manifold.set_directions(system, &state.q, state.t);
+    for cluster in &manifold.clusters {
         let local = |values: &[f64]| -> DVector<f64> {
             DVector::from_iterator(cluster.dofs.len(), cluster.dofs.iter().map(|&dof| values[dof as usize]))
         };

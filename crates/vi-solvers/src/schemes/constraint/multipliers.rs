@@ -10,22 +10,21 @@
 //! ```
 //! Z costs one solve a multiplier and is made once a step and factor. ℓ + Δℓ and δ depend on w alone and not
 //! on the ℓ in R: so w is all that Newton's method and its accelerations need to know. When the stage is solved to its
-//! tolerance, q₁ is put on the surface to round-off along M⁻¹Nᵀ. This room must not know what the
-//! constraints are, nor how A is factored.
+//! tolerance, q₁ is projected onto the manifold to round-off along M⁻¹Nᵀ.
 
 use nalgebra::{DMatrix, DVector};
 use vi_core::{State, System};
 
-use crate::assemble::evaluator::Forces;
+use crate::assemble::evaluator::Evaluator;
 use crate::error::SolverError;
 use crate::newton::inverse::Inverse;
-use crate::schemes::constraint::manifold::{Row, Surface};
+use crate::schemes::constraint::manifold::{ConstraintManifold, Row};
 use crate::schemes::constraint::units::Units;
-use crate::schemes::one_stage::rule::Multipliers;
+use crate::schemes::one_stage::rule::MultiplierDirections;
 
-pub(crate) struct Constrained {
-    surface: Surface,
-    multipliers: Multipliers,
+pub(crate) struct Multipliers {
+    manifold: ConstraintManifold,
+    directions: MultiplierDirections,
     /// ℓ of the last step that was made.
     last: Vec<f64>,
     /// ℓ of the last correction.
@@ -46,14 +45,14 @@ pub(crate) struct Constrained {
     p_scratch: Vec<f64>,
 }
 
-impl Constrained {
+impl Multipliers {
     /// None where the system has no constraints.
-    pub(crate) fn new(system: &System, multipliers: Multipliers) -> Option<Self> {
-        let surface = Surface::new(system)?;
-        let (m, n) = (surface.multiplier_count(), system.coordinates().free_count());
+    pub(crate) fn new(system: &System, directions: MultiplierDirections) -> Option<Self> {
+        let manifold = ConstraintManifold::new(system)?;
+        let (m, n) = (manifold.multiplier_count(), system.coordinates().free_count());
         Some(Self {
-            surface,
-            multipliers,
+            manifold,
+            directions,
             last: vec![0.0; m],
             forces: vec![0.0; m],
             load: vec![0.0; n],
@@ -84,7 +83,7 @@ impl Constrained {
 
     pub(crate) fn open(&mut self, system: &System, state: &State, h: f64) {
         (self.h, self.end_t) = (h, state.t + h);
-        self.surface.direct(system, &state.q, state.t);
+        self.manifold.set_directions(system, &state.q, state.t);
         self.z_is_of = None;
         self.forces.copy_from_slice(&self.last);
     }
@@ -98,12 +97,12 @@ impl Constrained {
         end: impl Fn(usize) -> f64,
         added: &mut [f64],
     ) {
-        if self.multipliers == Multipliers::Middle {
-            self.surface.direct(system, q, t);
+        if self.directions == MultiplierDirections::Middle {
+            self.manifold.set_directions(system, q, t);
         }
-        self.surface.add_force(&self.forces, 1.0, added);
+        self.manifold.add_force(&self.forces, 1.0, added);
         self.q_end.iter_mut().enumerate().for_each(|(k, q)| *q = end(k));
-        (self.defect, self.rows) = self.surface.linearize(system, &self.q_end, self.end_t);
+        (self.defect, self.rows) = self.manifold.linearize(system, &self.q_end, self.end_t);
     }
 
     /// From y in `correction` to δ; returns its energy δᵀAδ/c.
@@ -111,23 +110,23 @@ impl Constrained {
         &mut self,
         c: f64,
         inverse: &mut Inverse,
-        forces: &mut Forces,
+        evaluator: &mut Evaluator,
         residual: &[f64],
         correction: &mut [f64],
     ) -> Result<f64, SolverError> {
         let (m, n) = (self.forces.len(), correction.len());
-        self.refresh(inverse, forces, n)?;
+        self.refresh(inverse, evaluator, n)?;
         let along = |row: &Row, v: &[f64]| row.iter().map(|&(k, g)| g * v[k as usize]).sum::<f64>();
         let rhs = DVector::from_fn(m, |i, _| self.defect[i] + 2.0 * along(&self.rows[i], correction));
         let matrix =
             DMatrix::from_fn(m, m, |i, j| 2.0 * c * along(&self.rows[i], &self.z[j * n..(j + 1) * n]));
         let units = Units::of(&matrix.diagonal().map(f64::abs));
-        let solved = units.solve(matrix, &rhs, self.surface.is_redundant());
-        // Dependent constraints are named by the surface when the step's end is put on it.
+        let solved = units.solve(matrix, &rhs, self.manifold.is_redundant());
+        // Dependent constraints are named when the end of the step is projected.
         let step = solved.unwrap_or_else(|| DVector::zeros(m));
         // A δ = −R − c NᵀΔℓ.
         self.load.copy_from_slice(residual);
-        self.surface.add_force(step.as_slice(), -c, &mut self.load);
+        self.manifold.add_force(step.as_slice(), -c, &mut self.load);
         for (j, change) in step.iter().enumerate() {
             let column = &self.z[j * n..(j + 1) * n];
             for (value, z) in correction.iter_mut().zip(column) {
@@ -139,15 +138,20 @@ impl Constrained {
     }
 
     /// Makes Z where the factor is another than it was made with.
-    fn refresh(&mut self, inverse: &mut Inverse, forces: &mut Forces, n: usize) -> Result<(), SolverError> {
-        let factor = forces.work.factorizations;
+    fn refresh(
+        &mut self,
+        inverse: &mut Inverse,
+        evaluator: &mut Evaluator,
+        n: usize,
+    ) -> Result<(), SolverError> {
+        let factor = evaluator.work.factorizations;
         if self.z_is_of == Some(factor) {
             return Ok(());
         }
         self.z.resize(n * self.forces.len(), 0.0);
         for (j, column) in self.z.chunks_exact_mut(n).enumerate() {
-            self.surface.direction(j, column);
-            inverse.apply(forces, column)?;
+            self.manifold.direction(j, column);
+            inverse.apply(evaluator, column)?;
         }
         self.z_is_of = Some(factor);
         Ok(())
@@ -158,8 +162,8 @@ impl Constrained {
         &self.load
     }
 
-    /// Puts the end of the step on the surface by a change of w along M⁻¹Nᵀ, and of ℓ with it.
-    pub(crate) fn reach(
+    /// Projects the end of the step onto the manifold by a change of w along M⁻¹Nᵀ, and of ℓ with it.
+    pub(crate) fn project_end(
         &mut self,
         system: &System,
         end: impl Fn(usize, f64) -> f64,
@@ -172,7 +176,7 @@ impl Constrained {
         self.p_scratch.fill(0.0);
         let mut impulses = vec![0.0; self.forces.len()];
         let (q, p) = (&mut self.q_end, &mut self.p_scratch);
-        self.surface.reach(system, q, p, t, self.h, &mut impulses)?;
+        self.manifold.project_positions(system, q, p, t, self.h, &mut impulses)?;
         for (k, w) in w.iter_mut().enumerate() {
             if self.p_scratch[k] != 0.0 {
                 *w += 0.5 * self.h * self.p_scratch[k] / mass[k];
@@ -192,10 +196,10 @@ impl Constrained {
         p: &mut [f64],
         t: f64,
     ) -> Result<(), SolverError> {
-        if self.multipliers == Multipliers::Ends {
-            self.surface.add_force(&self.forces, 0.5 * self.h, p);
-            self.end_work = 0.5 * self.h * self.surface.impulse_work(&self.forces);
-            self.end_work += self.surface.flatten(system, q, p, t)?[1];
+        if self.directions == MultiplierDirections::Ends {
+            self.manifold.add_force(&self.forces, 0.5 * self.h, p);
+            self.end_work = 0.5 * self.h * self.manifold.impulse_work(&self.forces);
+            self.end_work += self.manifold.project_momenta(system, q, p, t)?[1];
         }
         self.last.copy_from_slice(&self.forces);
         Ok(())
@@ -203,9 +207,9 @@ impl Constrained {
 
     /// Work of prescribed motion through the multipliers along Δx of all coordinates, J.
     pub(crate) fn prescribed_work(&self, along: &[f64]) -> f64 {
-        match self.multipliers {
-            Multipliers::Ends => self.end_work,
-            Multipliers::Middle => self.surface.prescribed_work(&self.forces, along),
+        match self.directions {
+            MultiplierDirections::Ends => self.end_work,
+            MultiplierDirections::Middle => self.manifold.prescribed_work(&self.forces, along),
         }
     }
 }

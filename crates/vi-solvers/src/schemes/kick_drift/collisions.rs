@@ -144,7 +144,7 @@ impl Collisions {
         self.stepper.analyses()
     }
 
-    pub(super) fn remember(&self, memory: &mut StepperMemory) {
+    pub(super) fn save(&self, memory: &mut StepperMemory) {
         let own = self.stepper.memory();
         let arrays = own.arrays.into_iter().map(|(name, values)| (format!("{PREFIX}{name}"), values));
         memory.arrays.extend(arrays);

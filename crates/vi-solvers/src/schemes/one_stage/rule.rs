@@ -3,7 +3,7 @@
 
 use vi_core::{Scheme, State, System};
 
-use crate::assemble::evaluator::Forces;
+use crate::assemble::evaluator::Evaluator;
 use crate::assemble::inertia::Inertia;
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
@@ -36,7 +36,7 @@ pub(crate) trait Rule: Send + Sync {
     }
     /// Where multipliers take their directions and whether the momentum is made tangent at the end;
     /// none where the scheme has no place for constraints.
-    fn multipliers(&self) -> Option<Multipliers> {
+    fn multiplier_directions(&self) -> Option<MultiplierDirections> {
         None
     }
     /// Do live terms with a discrete gradient act by that, between the ends of the step? The stage is then in its middle.
@@ -54,7 +54,7 @@ pub(crate) trait Rule: Send + Sync {
     fn open(
         &mut self,
         _: &System,
-        _: &mut Forces,
+        _: &mut Evaluator,
         _: &Inertia,
         _: &State,
         _h: f64,
@@ -64,7 +64,7 @@ pub(crate) trait Rule: Send + Sync {
     /// The step has been made: keeps what the next one needs.
     fn close(&mut self, _system: &System, _before: &State, _after: &State, _w: &[f64], _h: f64) {}
     /// What it keeps.
-    fn remember(&self, _memory: &mut StepperMemory) {}
+    fn save(&self, _memory: &mut StepperMemory) {}
     /// Takes over what it kept.
     fn restore(&mut self, _memory: &StepperMemory) -> Result<(), SolverError> {
         Ok(())
@@ -73,7 +73,7 @@ pub(crate) trait Rule: Send + Sync {
 
 /// Where the multipliers of a step take their directions ∂g/∂q.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Multipliers {
+pub(crate) enum MultiplierDirections {
     /// At the start, and at the end for the momentum: variational (Marsden & West 2001, §3.5).
     Ends,
     /// At the stage in the middle of the step, where they do no work on quadratic constraints: energy
@@ -84,7 +84,7 @@ pub(crate) enum Multipliers {
 /// A stage that is being solved, evaluated at û + w.
 pub(crate) struct Trial<'a> {
     pub(crate) system: &'a System,
-    pub(crate) forces: &'a Forces,
+    pub(crate) evaluator: &'a Evaluator,
     pub(crate) start_q: &'a [f64],
     pub(crate) start_t: f64,
     pub(crate) h: f64,
@@ -142,8 +142,8 @@ impl Rule for Midpoint {
     fn takes_discrete_gradients(&self) -> bool {
         true
     }
-    fn multipliers(&self) -> Option<Multipliers> {
-        Some(Multipliers::Ends)
+    fn multiplier_directions(&self) -> Option<MultiplierDirections> {
+        Some(MultiplierDirections::Ends)
     }
     fn change(&self, _k: usize, v: f64, w: f64, h: f64) -> (f64, f64) {
         let c = self.node;

@@ -3,13 +3,13 @@
 
 use vi_core::{State, System};
 
-use crate::assemble::evaluator::Forces;
+use crate::assemble::evaluator::Evaluator;
 use crate::assemble::inertia::Inertia;
 use crate::error::SolverError;
 use crate::newton::equations::Equations;
 use crate::newton::inverse::Inverse;
 use crate::newton::start::Start;
-use crate::schemes::constraint::multipliers::Constrained;
+use crate::schemes::constraint::multipliers::Multipliers;
 use crate::schemes::one_stage::rule::{Rule, Trial};
 use crate::vectors;
 
@@ -48,7 +48,7 @@ pub(super) struct Stage {
     /// Do live terms act by discrete gradients? Then the stage minimises nothing.
     pub(super) has_discrete: bool,
     /// Where there are constraints.
-    pub(super) constrained: Option<Constrained>,
+    pub(super) multipliers: Option<Multipliers>,
 }
 
 impl Stage {
@@ -56,7 +56,9 @@ impl Stage {
         let (n, is_forced) = (system.coordinates().free_count(), !system.forces().is_empty());
         let zero = || vec![0.0; n];
         Self {
-            constrained: rule.multipliers().and_then(|multipliers| Constrained::new(system, multipliers)),
+            multipliers: rule
+                .multiplier_directions()
+                .and_then(|directions| Multipliers::new(system, directions)),
             c: 0.0,
             t: 0.0,
             twice_kinetic: 0.0,
@@ -104,8 +106,8 @@ impl Stage {
             None => vectors::sum(mass.len(), |k| state.p[k] * state.p[k] / mass[k]),
         };
         self.twice_origin = vectors::sum(mass.len(), |k| mass[k] * state.q[k] * state.q[k]);
-        if let Some(constrained) = &mut self.constrained {
-            constrained.open(system, state, h);
+        if let Some(multipliers) = &mut self.multipliers {
+            multipliers.open(system, state, h);
         }
     }
 
@@ -119,31 +121,31 @@ impl Stage {
         &mut self,
         system: &System,
         rule: &mut impl Rule,
-        forces: &mut Forces,
+        evaluator: &mut Evaluator,
     ) -> Result<(), SolverError> {
         self.configure();
-        self.set_velocities(system, rule, forces);
-        if rule.takes_discrete_gradients() && forces.has_live() {
+        self.set_velocities(system, rule, evaluator);
+        if rule.takes_discrete_gradients() && evaluator.has_live() {
             let end: Vec<f64> = (0..self.w.len()).map(|k| self.end(k)).collect();
-            forces.set_ends(system, (&self.origin, self.start_t), (&end, self.start_t + self.h));
+            evaluator.set_ends(system, (&self.origin, self.start_t), (&end, self.start_t + self.h));
         }
-        let outcome = forces.evaluate(system, &self.q, self.t, false);
-        self.has_discrete = forces.has_discrete();
+        let outcome = evaluator.evaluate(system, &self.q, self.t, false);
+        self.has_discrete = evaluator.has_discrete();
         outcome?;
         if self.is_simple {
             self.added.fill(0.0);
         } else if rule.has_correction() {
             let Self { origin, offset, w, added, start_t, h, .. } = self;
             let (start_t, h, start_q) = (*start_t, *h, &*origin);
-            rule.correction(&Trial { system, forces, start_q, start_t, h, offset, w }, added);
+            rule.correction(&Trial { system, evaluator, start_q, start_t, h, offset, w }, added);
         }
-        let Self { constrained, added, q, origin, offset, w, t, .. } = self;
-        if let Some(constrained) = constrained {
+        let Self { multipliers, added, q, origin, offset, w, t, .. } = self;
+        if let Some(multipliers) = multipliers {
             if !rule.has_correction() {
                 added.fill(0.0);
             }
             let end = |k: usize| origin[k] + 2.0 * (offset[k] + w[k]);
-            constrained.evaluate(system, q, *t, end, added);
+            multipliers.evaluate(system, q, *t, end, added);
         }
         Ok(())
     }
@@ -154,7 +156,13 @@ impl Stage {
     }
 
     /// The largest part of the change dq of the stage, from where it is, that the terms allow.
-    fn largest_step(&mut self, system: &System, rule: &impl Rule, forces: &mut Forces, dq: &[f64]) -> f64 {
+    fn largest_step(
+        &mut self,
+        system: &System,
+        rule: &impl Rule,
+        evaluator: &mut Evaluator,
+        dq: &[f64],
+    ) -> f64 {
         self.configure();
         let coordinates = system.coordinates();
         let place = |q: &[f64], t: f64| {
@@ -166,31 +174,31 @@ impl Stage {
         coordinates.embed_change(dq, &mut dx);
         let x = place(&self.q, self.t);
         if !rule.takes_discrete_gradients() {
-            return forces.largest_step(system, &x, &dx, None);
+            return evaluator.largest_step(system, &x, &dx, None);
         }
         let end: Vec<f64> = (0..self.w.len()).map(|k| self.end(k)).collect();
         let x_end = place(&end, self.start_t + self.h);
         let dx_end: Vec<f64> = dx.iter().map(|dx| 2.0 * dx).collect();
-        forces.largest_step(system, &x, &dx, Some([&x_end, &dx_end]))
+        evaluator.largest_step(system, &x, &dx, Some([&x_end, &dx_end]))
     }
 
     /// Tells the forces without a potential how fast the stage moves.
-    pub(super) fn set_velocities(&self, system: &System, rule: &impl Rule, forces: &mut Forces) {
+    pub(super) fn set_velocities(&self, system: &System, rule: &impl Rule, evaluator: &mut Evaluator) {
         if self.is_forced && !self.w.is_empty() {
             let (v, w, h) = (&self.velocity, &self.w, self.h);
             let rate = rule.velocity(0, 0.0, 1.0, h) - rule.velocity(0, 0.0, 0.0, h);
             let q_dot: Vec<f64> = (0..w.len()).map(|k| rule.velocity(k, v[k], w[k], h)).collect();
-            forces.set_velocities(system, &q_dot, self.t, rate);
+            evaluator.set_velocities(system, &q_dot, self.t, rate);
         }
     }
 
-    /// Puts the end of the step on the surface of the constraints, to round-off.
-    pub(super) fn reach(&mut self, system: &System, before: &State) -> Result<(), SolverError> {
-        let Self { constrained, origin, offset, w, h, .. } = self;
-        match constrained {
-            Some(constrained) => {
+    /// Projects the end of the step onto the manifold of the constraints, to round-off.
+    pub(super) fn project_end(&mut self, system: &System, before: &State) -> Result<(), SolverError> {
+        let Self { multipliers, origin, offset, w, h, .. } = self;
+        match multipliers {
+            Some(multipliers) => {
                 let end = |k: usize, w: f64| origin[k] + 2.0 * (offset[k] + w);
-                constrained.reach(system, end, w, before.t + *h)
+                multipliers.project_end(system, end, w, before.t + *h)
             }
             None => Ok(()),
         }
@@ -218,7 +226,7 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn model_is_exact(&self) -> bool {
-        !self.rule.has_correction() && self.stage.constrained.is_none() && !self.stage.has_discrete
+        !self.rule.has_correction() && self.stage.multipliers.is_none() && !self.stage.has_discrete
     }
 
     fn simplify(&mut self, simple: bool) -> bool {
@@ -251,13 +259,13 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         base.copy_from_slice(w);
     }
 
-    fn shorten_start(&mut self, system: &System, forces: &mut Forces) {
+    fn shorten_start(&mut self, system: &System, evaluator: &mut Evaluator) {
         // From where the step begins to where the iteration does.
         let Self { rule, stage, .. } = self;
         let goal: Vec<f64> = stage.offset.iter().zip(&stage.w).map(|(offset, w)| offset + w).collect();
         let at_start = stage.offset.iter().map(|offset| -offset).collect();
         let wanted = std::mem::replace(&mut stage.w, at_start);
-        let part = stage.largest_step(system, *rule, forces, &goal);
+        let part = stage.largest_step(system, *rule, evaluator, &goal);
         let Stage { w, base, offset, .. } = &mut **stage;
         w.copy_from_slice(&wanted);
         if part < 1.0 {
@@ -266,44 +274,44 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         base.copy_from_slice(w);
     }
 
-    fn largest_step(&mut self, system: &System, forces: &mut Forces) -> f64 {
+    fn largest_step(&mut self, system: &System, evaluator: &mut Evaluator) -> f64 {
         let Self { rule, stage, .. } = self;
         let reached = std::mem::take(&mut stage.w);
         stage.w = stage.base.clone();
         let correction = std::mem::take(&mut stage.correction);
-        let part = stage.largest_step(system, *rule, forces, &correction);
+        let part = stage.largest_step(system, *rule, evaluator, &correction);
         (stage.w, stage.correction) = (reached, correction);
         part
     }
 
-    fn linearize(&mut self, _system: &System, _forces: &mut Forces) -> Result<(), SolverError> {
+    fn linearize(&mut self, _system: &System, _evaluator: &mut Evaluator) -> Result<(), SolverError> {
         // The last evaluation was made at the iterate.
         Ok(())
     }
 
-    fn evaluate(&mut self, system: &System, forces: &mut Forces) -> Result<(), SolverError> {
-        self.stage.evaluate(system, self.rule, forces)?;
-        let (gradient, free) = (forces.gradient(), system.coordinates().free());
+    fn evaluate(&mut self, system: &System, evaluator: &mut Evaluator) -> Result<(), SolverError> {
+        self.stage.evaluate(system, self.rule, evaluator)?;
+        let (gradient, free) = (evaluator.gradient(), system.coordinates().free());
         let Stage { w, c, added, residual, room, .. } = &mut *self.stage;
         let inertial = self.inertia.momentum(system, w, room);
         vectors::fill(residual, |k| -(inertial.at(k) + *c * (gradient[free[k] as usize] + added[k])));
         Ok(())
     }
 
-    fn correct(&mut self, inverse: &mut Inverse, forces: &mut Forces) -> Result<f64, SolverError> {
-        let Stage { correction, residual, w, base, c, constrained, .. } = self.stage;
+    fn correct(&mut self, inverse: &mut Inverse, evaluator: &mut Evaluator) -> Result<f64, SolverError> {
+        let Stage { correction, residual, w, base, c, multipliers, .. } = self.stage;
         correction.copy_from_slice(residual);
-        inverse.apply(forces, correction)?;
+        inverse.apply(evaluator, correction)?;
         base.copy_from_slice(w);
-        if let Some(constrained) = constrained {
-            return constrained.correct(*c, inverse, forces, residual, correction);
+        if let Some(multipliers) = multipliers {
+            return multipliers.correct(*c, inverse, evaluator, residual, correction);
         }
         Ok(vectors::sum(residual.len(), |k| residual[k] * correction[k]) / *c)
     }
 
     fn correction(&mut self) -> (&mut [f64], &[f64]) {
-        let Stage { correction, residual, constrained, .. } = &mut *self.stage;
-        (correction, constrained.as_ref().map_or(&residual[..], Constrained::load))
+        let Stage { correction, residual, multipliers, .. } = &mut *self.stage;
+        (correction, multipliers.as_ref().map_or(&residual[..], Multipliers::load))
     }
 
     fn advance(&mut self, fraction: f64) {
@@ -317,11 +325,11 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn has_merit(&self) -> bool {
-        let is_plain = !self.stage.is_forced && self.stage.constrained.is_none() && !self.stage.has_discrete;
+        let is_plain = !self.stage.is_forced && self.stage.multipliers.is_none() && !self.stage.has_discrete;
         (!self.rule.has_correction() || self.stage.is_simple) && is_plain
     }
 
-    fn merit(&mut self, system: &System, forces: &mut Forces) -> Option<f64> {
+    fn merit(&mut self, system: &System, evaluator: &mut Evaluator) -> Option<f64> {
         if !self.has_merit() {
             return None;
         }
@@ -337,7 +345,7 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
                 vectors::sum(w.len(), |k| 0.5 * mass[k] * w[k] * w[k]) / *c
             }
         };
-        Some(kinetic + forces.energy(system, &self.stage.q, self.stage.t))
+        Some(kinetic + evaluator.energy(system, &self.stage.q, self.stage.t))
     }
 
     fn energy_scale(&self) -> f64 {
