@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use vi_fem::{ElementField, nodal_field};
 use vi_io::{CellBlock, CellKind, IoError, PvdSeries, VtuArray, VtuFrame, VtuOptions, VtuValues};
 
-use crate::scene::{Cache, Encoding, Field, Precision, Schedule, Substance};
+use crate::scene::{Cache, Encoding, Field, Precision, Schedule};
 use crate::simulation::Simulation;
 use crate::surfaces::SurfaceWriter;
 
@@ -182,8 +182,8 @@ impl FrameWriter {
     fn add(&mut self, id: i32, body: &crate::model::BodyModel) {
         let offset = self.points.len() as u32;
         self.points.extend_from_slice(&body.mesh.points);
-        for (material, elements) in body.materials.iter().enumerate() {
-            for &element in elements {
+        for (material, part) in body.materials.iter().enumerate() {
+            for &element in &part.elements {
                 let Some((kind, nodes)) = body.mesh.cell(element as usize) else { continue };
                 let Some(kind) = CellKind::from_vtk(kind.vtk_code()) else { continue };
                 let nodes = nodes.iter().map(|node| node + offset);
@@ -413,16 +413,9 @@ impl FrameWriter {
         let mut values = Vec::with_capacity(self.points.len() * field.component_count());
         for (number, body) in simulation.bodies().iter().enumerate() {
             let x = simulation.positions(number);
-            let of_scene = &simulation.scene().bodies[number];
-            let entries = of_scene.material.0.iter().zip(&body.materials);
-            let parts: Vec<_> = entries
-                .filter_map(|(entry, elements)| match &entry.law {
-                    Substance::Solid(law) => Some((elements.as_slice(), law)),
-                    Substance::Sheet(_) => None,
-                })
-                .collect();
+            let parts: Vec<_> = body.solids().collect();
             // The cells have been accepted as solid elements of this mesh when the body was built.
-            if let Ok(part) = nodal_field(&body.mesh, &parts, of_scene.locking, x.as_flattened(), field) {
+            if let Ok(part) = nodal_field(&body.mesh, &parts, body.locking, x.as_flattened(), field) {
                 values.extend(part);
             }
         }

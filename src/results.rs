@@ -7,6 +7,7 @@ use serde::Serialize;
 use vi_fem::ElementField;
 
 use crate::checkpoint::record::record;
+use crate::model::NodeSet;
 use crate::scene::{Probe, Scene};
 use crate::simulation::{Observation, Simulation};
 
@@ -150,8 +151,8 @@ fn largest_displacement(simulation: &Simulation) -> Option<Peak> {
 fn largest_von_mises(simulation: &Simulation) -> Option<Peak> {
     let mut largest: Option<Peak> = None;
     for (number, body) in simulation.bodies().iter().enumerate() {
-        let elements = body.materials.iter().flatten();
-        for (&element, value) in elements.zip(simulation.element_values(number, ElementField::VonMises)) {
+        for (element, value) in body.elements().zip(simulation.element_values(number, ElementField::VonMises))
+        {
             if value > largest.as_ref().map_or(f64::NEG_INFINITY, |peak| peak.value) {
                 let element = element as usize;
                 let nodes = body.mesh.cell(element).map_or(&[][..], |(_, nodes)| nodes);
@@ -165,15 +166,14 @@ fn largest_von_mises(simulation: &Simulation) -> Option<Peak> {
 }
 
 fn reactions(simulation: &Simulation) -> Vec<Reaction> {
-    let fixes = simulation.scene().fixes.iter().zip(simulation.fixed_nodes());
     // Positions and reactions of the nodes of bodies that have a fix.
     let mut of_body: HashMap<usize, [Vec<[f64; 3]>; 2]> = HashMap::new();
     let mut counted: HashSet<(usize, u32, usize)> = HashSet::new();
     let mut all = Vec::new();
-    for (fix, (body, nodes)) in fixes {
-        let [x, held] = of_body
-            .entry(*body)
-            .or_insert_with(|| [simulation.positions(*body), simulation.reactions(*body)]);
+    for (fix, NodeSet { body, nodes }) in simulation.fixed_nodes() {
+        let body = body.index();
+        let [x, held] =
+            of_body.entry(body).or_insert_with(|| [simulation.positions(body), simulation.reactions(body)]);
         let centroid = mean(nodes.iter().map(|&node| x[node as usize]));
         let (mut force, mut moment) = ([0.0; 3], [0.0; 3]);
         for &node in nodes {
@@ -184,7 +184,7 @@ fn reactions(simulation: &Simulation) -> Vec<Reaction> {
                 None => vec![0, 1, 2],
             };
             for axis in axes {
-                if counted.insert((*body, node, axis)) {
+                if counted.insert((body, node, axis)) {
                     own[axis] = held[node as usize][axis];
                 }
             }

@@ -8,6 +8,7 @@ mod columns;
 mod fix;
 mod load;
 mod material;
+mod names;
 mod output;
 #[cfg(feature = "cli")]
 mod parse;
@@ -38,6 +39,8 @@ pub use fix::{About, Fix, HeldAxis, LocalAxis};
 pub(crate) use load::field;
 pub use load::{Damping, FieldComponent, Load};
 pub use material::{MaterialEntry, Materials, Substance};
+pub use names::BodyId;
+pub(crate) use names::{Names, RigidId};
 pub(crate) use output::Schedule;
 pub use output::{Assert, Cache, Encoding, Field, Output, Precision};
 #[cfg(feature = "cli")]

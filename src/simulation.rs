@@ -15,8 +15,8 @@ mod tests;
 use vi_core::{HessianKind, State, System};
 use vi_solvers::{Assembler, Method, SolverOptions, Stepper, Work};
 
-use crate::model::{BodyModel, Model, ProbeTarget, RegionProbe, RigidModel, path_control};
-use crate::scene::{Problem, Scene};
+use crate::model::{self, BodyModel, Model, NodeSet, ProbeTarget, RegionProbe, RigidModel, path_control};
+use crate::scene::{Fix, Problem, Scene};
 pub use added::AddedTerm;
 pub use advance::Stepped;
 pub(crate) use advance::TOGETHER;
@@ -74,8 +74,8 @@ pub struct Simulation {
     bodies: Vec<BodyModel>,
     rigids: Vec<RigidModel>,
     probes: Vec<ProbeTarget>,
-    /// For each fix: number of the body and nodes of its mesh.
-    fixes: Vec<(usize, Vec<u32>)>,
+    /// The nodes of each fix of the scene.
+    fixes: Vec<NodeSet>,
     region_probes: Vec<RegionProbe>,
     components: Vec<Component>,
     notes: Vec<String>,
@@ -123,11 +123,11 @@ impl Simulation {
                 return Err(vec![Problem::new("time.scheme", message)]);
             }
         };
-        let model = extend(Model::build(&scene)?)?;
+        let model = extend(model::build(&scene)?)?;
         let mut problems = Vec::new();
         let followed = scene.statics.as_ref().filter(|statics| statics.follows_path());
         let mut path = followed
-            .map(|_| path_control(&scene, &model.bodies, &model.probes, &model.components))
+            .map(|_| path_control(&scene, model.control.as_ref(), &model.bodies, &model.components))
             .transpose()
             .map_err(|problem| vec![problem])?;
         let mut options = scene.solver.options();
@@ -235,9 +235,9 @@ impl Simulation {
         &self.rigids
     }
 
-    /// For each fix of the scene: number of the body and nodes of its mesh.
-    pub fn fixed_nodes(&self) -> &[(usize, Vec<u32>)] {
-        &self.fixes
+    /// The fixes of the scene, each with its nodes.
+    pub fn fixed_nodes(&self) -> impl Iterator<Item = (&Fix, &NodeSet)> {
+        self.scene.fixes.iter().zip(&self.fixes)
     }
 
     /// The systems.

@@ -67,8 +67,7 @@ pub fn scene_modes(
             continue;
         }
         let kinetic = if mass == MassKind::Consistent && system.kinetic().is_none() {
-            kinetic_terms(simulation.scene(), simulation.bodies(), number)
-                .map_err(|error| fail(error.to_string()))?
+            kinetic_terms(simulation.bodies(), number).map_err(|error| fail(error.to_string()))?
         } else {
             Vec::new()
         };

@@ -219,12 +219,12 @@ fn scene(path: &Path) -> Result<SceneFacts, u8> {
     })?;
     let scene = simulation.scene();
     let components = simulation.components();
-    let body = |(body, said): (&crate::model::BodyModel, &crate::scene::Body)| {
+    let body = |body: &crate::model::BodyModel| {
         let nodes = body.node_offset..body.node_offset + body.mesh.points.len();
-        let material = |entry: &crate::scene::MaterialEntry| MaterialFacts {
-            law: entry.law.name(),
-            region: entry.region.clone(),
-            sheet: match &entry.law {
+        let material = |part: &crate::model::MaterialPart| MaterialFacts {
+            law: part.law.name(),
+            region: part.region.clone(),
+            sheet: match &part.law {
                 Substance::Sheet(law) => Some([law.parameters().common().thickness, law.area_density()]),
                 Substance::Solid(_) => None,
             },
@@ -240,7 +240,7 @@ fn scene(path: &Path) -> Result<SceneFacts, u8> {
             elements: body.element_count(),
             mass: nodes.map(|node| components[body.component].system().mass()[3 * node]).sum(),
             system: body.component,
-            materials: said.material.0.iter().map(material).collect(),
+            materials: body.materials.iter().map(material).collect(),
             regions: body.mesh.regions.iter().map(region).collect(),
         }
     };
@@ -263,7 +263,7 @@ fn scene(path: &Path) -> Result<SceneFacts, u8> {
         steps: (!is_open).then(|| simulation.step_count()),
         step: (!is_open).then(|| simulation.step_size()),
         scheme: if is_open { "auto" } else { simulation.method().name() },
-        bodies: simulation.bodies().iter().zip(&scene.bodies).map(body).collect(),
+        bodies: simulation.bodies().iter().map(body).collect(),
         systems: components.iter().map(system).collect(),
         step_limit: limit.as_ref().map(|limit| limit.step_limit),
         highest_frequency: limit.as_ref().map(|limit| limit.highest_frequency),

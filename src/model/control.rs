@@ -5,14 +5,15 @@ use vi_core::{Potential, State, System};
 use vi_fem::{Amplitude, DeadLoad, Pressure, Surface, pressure};
 use vi_solvers::{PathControl, PathFunction};
 
-use super::{BodyModel, ProbeTarget};
-use crate::scene::{Control, Problem, Scene};
+use super::body::{BodyModel, ProbeTarget};
+use super::resolve::ControlTarget;
+use crate::scene::{BodyId, Problem, Scene};
 
 /// What the path of a scene is followed by, in the only system with free coordinates.
 pub(crate) fn path_control(
     scene: &Scene,
+    target: Option<&ControlTarget>,
     bodies: &[BodyModel],
-    probes: &[ProbeTarget],
     components: &[(System, State)],
 ) -> Result<PathControl, Problem> {
     let free = |number: &usize| components[*number].0.coordinates().free_count() > 0;
@@ -33,11 +34,11 @@ pub(crate) fn path_control(
     let Some(control) = scene.statics.as_ref().and_then(|statics| statics.control.as_ref()) else {
         return Ok(PathControl::Arc);
     };
-    let (at, terms) = match control {
-        Control::Displacement { probe, axis, .. } => {
-            displacement(scene, bodies, probes, probe, *axis as usize)?
-        }
-        Control::Volume { body, region, .. } => volume(bodies, components, body, region)?,
+    let (at, terms) = match target {
+        Some(ControlTarget::Displacement(target, axis)) => displacement(bodies, *target, *axis)?,
+        Some(ControlTarget::Volume(body, region)) => volume(bodies, components, *body, region)?,
+        // The checks of the scene refuse a control that names what is not there.
+        None => return Err(Problem::new("static.control", "names nothing that this scene has")),
     };
     if at != component {
         return Err(Problem::new("static.control", "names a body that nothing can move: choose another"));
@@ -57,17 +58,9 @@ pub(crate) fn path_control(
 type Terms = (usize, Vec<Box<dyn Potential>>);
 
 /// u·e of a probe: minus the potential of a unit force along e.
-fn displacement(
-    scene: &Scene,
-    bodies: &[BodyModel],
-    probes: &[ProbeTarget],
-    probe: &str,
-    axis: usize,
-) -> Result<Terms, Problem> {
+fn displacement(bodies: &[BodyModel], target: ProbeTarget, axis: usize) -> Result<Terms, Problem> {
     let wrong = |message: String| Problem::new("static.control.probe", message);
-    let found = scene.probes.iter().position(|other| other.name == probe).map(|number| probes[number]);
-    let target = found.ok_or_else(|| wrong(format!("there is no probe named '{probe}'")))?;
-    let body = &bodies[target.body];
+    let body = &bodies[target.body.index()];
     let mesh = body.numbering.mesh(&body.mesh);
     let mut force = [0.0; 3];
     force[axis] = -1.0;
@@ -81,14 +74,13 @@ fn displacement(
 fn volume(
     bodies: &[BodyModel],
     components: &[(System, State)],
-    name: &str,
+    body: BodyId,
     region: &str,
 ) -> Result<Terms, Problem> {
-    let wrong = |key: &str, message: String| Problem::new(format!("static.control.{key}"), message);
-    let body = bodies.iter().find(|body| body.name == name);
-    let body = body.ok_or_else(|| wrong("body", format!("there is no body '{name}'")))?;
+    let wrong = |message: String| Problem::new("static.control.region", message);
+    let body = &bodies[body.index()];
     let mesh = body.numbering.mesh(&body.mesh);
-    let surface = Surface::of_region(&mesh, region).map_err(|error| wrong("region", error.to_string()))?;
+    let surface = Surface::of_region(&mesh, region).map_err(|error| wrong(error.to_string()))?;
     let coordinates = components[body.component].0.coordinates();
     let mut fixed = vec![false; coordinates.dof_count()];
     for group in coordinates.prescribed().iter().filter(|group| group.path.is_fixed()) {
@@ -97,12 +89,8 @@ fn volume(
     let is_fixed = |node: u32| [0, 1, 2].map(|k| fixed[3 * (body.node_offset + node as usize) + k]);
     match pressure(&mesh, &surface, -1.0, &Amplitude::default(), is_fixed, body.node_offset, "control") {
         Pressure::Potential(terms) => Ok((body.component, terms)),
-        Pressure::Force(_) => Err(wrong(
-            "region",
-            format!(
-                "surface '{region}' encloses no volume: close it, or hold its edges, clamped or in planes x, y or z = \
-                 const"
-            ),
-        )),
+        Pressure::Force(_) => Err(wrong(format!(
+            "surface '{region}' encloses no volume: close it, or hold its edges, clamped or in planes x, y or z = const"
+        ))),
     }
 }

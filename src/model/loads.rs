@@ -10,9 +10,11 @@ use vi_fem::{
     pressure,
 };
 
-use super::{BodyModel, select};
+use super::body::{BodyModel, MaterialPart};
+use super::resolve::ResolvedFix;
+use super::select;
 use crate::mesh_import::Imported;
-use crate::scene::{Body, Damping, Fix, HeldAxis, Load, Selection, Substance, field};
+use crate::scene::{Damping, HeldAxis, Load, Selection, Substance, field};
 
 /// What a load or damping adds to a component.
 #[derive(Default)]
@@ -24,15 +26,16 @@ pub(super) struct Added {
 /// The body that a load acts on.
 pub(super) struct Target<'a> {
     pub(super) body: &'a BodyModel,
-    pub(super) of_scene: &'a Body,
     /// Its mesh in the numbering of the component.
     pub(super) read: &'a Imported,
+    /// The fixes of the scene.
+    pub(super) fixes: &'a [ResolvedFix<'a>],
 }
 
 impl Target<'_> {
     /// The selected surface, in the numbering of the component.
     fn surface(&self, on: &Selection) -> Result<Surface, Problem> {
-        let surface = select::surface(&self.body.mesh, self.of_scene.dimension(), on)?;
+        let surface = select::surface(&self.body.mesh, self.body.dimension, on)?;
         Ok(surface.renumbered(|node| self.body.numbering.of(node)))
     }
 }
@@ -40,16 +43,11 @@ impl Target<'_> {
 /// What is wrong with a load, and in which of its keys.
 type Problem = (&'static str, String);
 
-/// A load on a body; `fixes` are those of the body with their nodes.
+/// A load, number `index` of the scene, on a body.
 ///
 /// # Errors
 /// What is wrong, with the key.
-pub(super) fn load(
-    load: &Load,
-    index: usize,
-    target: &Target,
-    fixes: &[(&Fix, &[u32])],
-) -> Result<Added, Problem> {
+pub(super) fn load(load: &Load, index: usize, target: &Target) -> Result<Added, Problem> {
     let (body, mesh) = (target.body, &target.read.mesh);
     let offset = body.node_offset;
     let text = |error: vi_fem::FemError| ("", error.to_string());
@@ -65,7 +63,7 @@ pub(super) fn load(
         Load::Force { on, force, moment, about, amplitude, .. } => {
             let name = format!("load[{index}]: force");
             // In the numbering of the file, as the nodes of the load are named there.
-            let spread = select::spread(&body.mesh, target.of_scene.dimension(), on)?;
+            let spread = select::spread(&body.mesh, target.body.dimension, on)?;
             let spread = spread.renumbered(|node| body.numbering.of(node));
             let resultant = Resultant { force: *force, moment: *moment, about: *about };
             let term = DeadLoad::resultant_on(mesh, &spread, &resultant, amplitude.clone(), offset, &name);
@@ -76,9 +74,10 @@ pub(super) fn load(
             let surface = target.surface(on)?;
             // Prescribed nodes that move do not keep the potential.
             let mut fixed = vec![[false; 3]; mesh.points.len()];
-            for (fix, nodes) in fixes.iter().filter(|(fix, _)| fix.motion.is_none()) {
-                for &node in *nodes {
-                    for axis in &fix.axes {
+            let of_body = target.fixes.iter().filter(|held| held.on.body == body.id);
+            for held in of_body.filter(|held| held.fix.motion.is_none()) {
+                for &node in &held.on.nodes {
+                    for axis in &held.fix.axes {
                         if let HeldAxis::Space(axis) = axis {
                             fixed[body.numbering.of(node) as usize][*axis as usize] = true;
                         }
@@ -106,11 +105,11 @@ pub(super) fn load(
             let name = format!("load[{index}]: body force");
             let elements = match region {
                 Some(region) => mesh.region(region).map_err(text)?.elements.clone(),
-                None => body.materials.iter().flatten().copied().collect(),
+                None => body.elements().collect(),
             };
             let field = field(force).map_err(|error| ("force", error.to_string()))?;
             let amplitude = amplitude.clone();
-            let term = if target.of_scene.dimension() == 3 {
+            let term = if target.body.dimension == 3 {
                 DeadLoad::body_force(mesh, &elements, &field, amplitude, offset, &name)
             } else {
                 let volumes = sheet_volumes(target, &elements).map_err(text)?;
@@ -124,10 +123,10 @@ pub(super) fn load(
 
 /// The volumes at rest of those triangles of a sheet that are among `elements`, m³.
 fn sheet_volumes(target: &Target, elements: &[u32]) -> Result<Vec<(u32, f64)>, FemError> {
-    let Target { body, of_scene, read } = target;
+    let Target { body, read, .. } = target;
     let mut volumes = Vec::new();
-    for (entry, own) in of_scene.material.0.iter().zip(&body.materials) {
-        let Substance::Sheet(law) = &entry.law else { continue };
+    for MaterialPart { law, elements: own, .. } in &body.materials {
+        let Substance::Sheet(law) = law else { continue };
         let sheet = Sheet {
             pattern: read.pattern.as_deref(),
             fields: &read.fields,
@@ -146,14 +145,12 @@ fn sheet_volumes(target: &Target, elements: &[u32]) -> Result<Vec<(u32, f64)>, F
 /// Damping of a body, which comes with its mesh in the numbering of the component; its nodes have these masses (kg).
 pub(super) fn damping(
     damping: &Damping,
-    scene_body: &Body,
     (body, mesh): (&BodyModel, &Mesh),
     masses: &[f64],
 ) -> Result<Vec<Arc<dyn Force>>, String> {
     let text = |error: vi_fem::FemError| error.to_string();
     let mut forces: Vec<Arc<dyn Force>> = Vec::new();
-    for (entry, elements) in scene_body.material.0.iter().zip(&body.materials) {
-        let Substance::Solid(law) = &entry.law else { continue };
+    for (elements, law) in body.solids() {
         let (lambda, mu) = law.parameters().lame();
         let viscosity = Viscosity {
             shear: damping.shear_viscosity + damping.stiffness_time * mu,

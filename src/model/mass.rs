@@ -4,24 +4,24 @@
 use vi_core::Potential;
 use vi_fem::{FemError, Sheet, consistent_mass};
 
-use super::BodyModel;
-use crate::scene::{Scene, Substance};
+use super::body::{BodyModel, MaterialPart};
+use crate::scene::Substance;
 
 /// The kinetic energy of the velocities of system number `component`, as potentials of them.
 ///
 /// # Errors
 /// Where an element has no consistent mass.
 pub(crate) fn kinetic_terms(
-    scene: &Scene,
     bodies: &[BodyModel],
     component: usize,
 ) -> Result<Vec<Box<dyn Potential>>, FemError> {
     let mut terms: Vec<Box<dyn Potential>> = Vec::new();
-    for (body, of_scene) in bodies.iter().zip(&scene.bodies).filter(|(body, _)| body.component == component) {
+    for body in bodies.iter().filter(|body| body.component == component) {
         let mesh = body.numbering.mesh(&body.mesh);
-        let parts = of_scene.material.0.iter().zip(&body.materials);
-        for (entry, elements) in parts.filter(|(_, elements)| !elements.is_empty()) {
-            match &entry.law {
+        for MaterialPart { law, elements, .. } in
+            body.materials.iter().filter(|part| !part.elements.is_empty())
+        {
+            match law {
                 Substance::Solid(law) => {
                     let density = law.density();
                     terms.extend(consistent_mass(&mesh, elements, density, body.node_offset, &body.name)?);

@@ -3,16 +3,15 @@
 
 use std::collections::HashMap;
 
-use vi_fem::Mesh;
-
+use super::read::ReadBody;
 use super::select;
-use crate::scene::{Probe, Quantity, Statistic};
+use crate::scene::{BodyId, Probe, Quantity, Statistic};
 
 /// A probe over a part of a body.
 #[derive(Debug, Clone)]
 pub struct RegionProbe {
-    /// Number of the body.
-    pub body: usize,
+    /// The body.
+    pub body: BodyId,
     /// What is asked for.
     pub quantities: Vec<(Statistic, Quantity)>,
     /// Nodes of the body's mesh, each once.
@@ -26,12 +25,8 @@ impl RegionProbe {
     ///
     /// # Errors
     /// What is wrong, with the key that it is wrong in.
-    pub(super) fn new(
-        probe: &Probe,
-        body: usize,
-        (mesh, dimension): (&Mesh, usize),
-        materials: &[Vec<u32>],
-    ) -> Result<Self, (&'static str, String)> {
+    pub(super) fn new(probe: &Probe, body: &ReadBody<'_>) -> Result<Self, (&'static str, String)> {
+        let mesh = &body.read.mesh;
         let mut nodes = match probe.on.is_empty() {
             true => (0..mesh.points.len() as u32).collect(),
             false => select::nodes(mesh, &probe.on)?,
@@ -43,13 +38,12 @@ impl RegionProbe {
             |(_, quantity): &(_, Quantity)| matches!(quantity.field.of_elements(), Some((_, false)));
         let mut elements = Vec::new();
         if quantities.iter().any(is_of_cells) {
-            let selected = select::elements(mesh, dimension, &probe.on)?;
-            let entry_of: HashMap<u32, usize> = materials
-                .iter()
-                .enumerate()
-                .flat_map(|(entry, cells)| cells.iter().map(move |&cell| (cell, entry)))
+            let selected = select::elements(mesh, body.scene.dimension(), &probe.on)?;
+            let parts = body.materials.iter().enumerate();
+            let entry_of: HashMap<u32, usize> = parts
+                .flat_map(|(entry, part)| part.elements.iter().map(move |&cell| (cell, entry)))
                 .collect();
-            elements = vec![(Vec::new(), Vec::new()); materials.len()];
+            elements = vec![(Vec::new(), Vec::new()); body.materials.len()];
             for cell in selected {
                 if let Some(&entry) = entry_of.get(&cell) {
                     elements[entry].0.push(cell);
@@ -59,6 +53,6 @@ impl RegionProbe {
                 *volumes = vi_fem::volumes(mesh, cells).map_err(|error| ("", error.to_string()))?;
             }
         }
-        Ok(Self { body, quantities, nodes, elements })
+        Ok(Self { body: body.id, quantities, nodes, elements })
     }
 }

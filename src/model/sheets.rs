@@ -6,8 +6,8 @@ use std::sync::Arc;
 use vi_core::Force;
 use vi_fem::{Mesh, Wind};
 
-use super::load::LoadedBody;
-use crate::scene::Scene;
+use super::read::ReadBody;
+use crate::scene::{Body, Damping};
 
 /// The edges of the boundary of triangles whose nodes are both in one of these sets, ascending.
 pub(super) fn edges_between(mesh: &Mesh, elements: &[u32], sets: &[HashSet<u32>]) -> Vec<[u32; 2]> {
@@ -32,21 +32,14 @@ pub(super) fn edges_between(mesh: &Mesh, elements: &[u32], sets: &[HashSet<u32>]
 }
 
 /// The air's force on all triangles of a body.
-pub(super) fn wind(
-    wind: &Wind,
-    body: &LoadedBody,
-    node_offset: usize,
-    name: &str,
-) -> Result<Arc<dyn Force>, String> {
-    let elements: Vec<u32> = body.materials.iter().flatten().copied().collect();
-    let force =
-        wind.force(&body.read.mesh, &elements, node_offset, name).map_err(|error| error.to_string())?;
-    Ok(Arc::from(force))
+pub(super) fn wind(wind: &Wind, body: &ReadBody<'_>, node_offset: usize) -> Result<Arc<dyn Force>, String> {
+    let elements: Vec<u32> = body.materials.iter().flat_map(|part| part.elements.iter().copied()).collect();
+    let force = wind.force(&body.read.mesh, &elements, node_offset, &body.scene.name);
+    Ok(Arc::from(force.map_err(|error| error.to_string())?))
 }
 
 /// What does not act on a sheet as a reader of the scene could expect.
-pub(super) fn notes(scene: &Scene, index: usize) -> Vec<String> {
-    let body = &scene.bodies[index];
+pub(super) fn notes(body: &Body, damping: Option<&Damping>) -> Vec<String> {
     let mut notes = Vec::new();
     if body.dimension() != 2 {
         return notes;
@@ -58,9 +51,8 @@ pub(super) fn notes(scene: &Scene, index: usize) -> Vec<String> {
             body.name
         ));
     }
-    let is_viscous =
-        |d: &crate::scene::Damping| [d.shear_viscosity, d.bulk_viscosity, d.stiffness_time] != [0.0; 3];
-    if scene.damping.as_ref().is_some_and(is_viscous) {
+    let is_viscous = |d: &Damping| [d.shear_viscosity, d.bulk_viscosity, d.stiffness_time] != [0.0; 3];
+    if damping.is_some_and(is_viscous) {
         notes.push(format!("{}: viscosity is of solids; only `mass_rate` damps a sheet", body.name));
     }
     notes

@@ -6,16 +6,16 @@ use std::collections::HashMap;
 use vi_core::{Combination, TiedMass};
 use vi_fem::{Anchor, ElementKind, Mesh, NearestPoints, Surface, Tie, resolution};
 
-use super::load::LoadedBody;
-use crate::scene::{Attach, Seam};
+use super::read::ReadBody;
+use crate::scene::{Attach, BodyId, Seam};
 
-/// Nodes of body number `body` tied to another body, or to places in space.
+/// Nodes of a body tied to another body, or to places in space.
 pub(super) struct TieSet {
     /// For reports, e.g. `attach[0]`.
     pub(super) name: String,
-    pub(super) body: usize,
-    /// The other body.
-    pub(super) to: Option<usize>,
+    pub(super) body: BodyId,
+    /// The other body; `None` for places in space.
+    pub(super) to: Option<BodyId>,
     /// Are the ties springs, or exact? Of the latter stiffness and length say nothing.
     pub(super) is_exact: bool,
     /// Ties; nodes are those of the bodies' own meshes, `node` of `body`, anchors of `to`.
@@ -29,7 +29,7 @@ const MEET: f64 = 1e-6;
 const NEAR: f64 = 1e-9;
 
 /// Where the nodes of a body start, m.
-fn start(body: &LoadedBody) -> Vec<[f64; 3]> {
+fn start(body: &ReadBody<'_>) -> Vec<[f64; 3]> {
     let mut x = body.read.mesh.points.clone();
     if let Some(u) = &body.read.displacement {
         for (x, u) in x.iter_mut().zip(u.as_chunks::<3>().0) {
@@ -56,14 +56,13 @@ fn none_of(part: f64, y: &[[f64; 3]]) -> f64 {
 pub(super) fn to_surface(
     attach: &Attach,
     nodes: &[u32],
-    body: &LoadedBody,
-    to: &LoadedBody,
-    dimension: usize,
+    body: &ReadBody<'_>,
+    to: &ReadBody<'_>,
 ) -> Result<Vec<Tie>, String> {
     let mesh = &to.read.mesh;
     let surface = match &attach.surface {
         Some(region) => Surface::of_region(mesh, region),
-        None => Surface::of_body(mesh, dimension),
+        None => Surface::of_body(mesh, to.scene.dimension()),
     };
     let surface = surface.map_err(|error| error.to_string())?;
     let (x, y) = (start(body), start(to));
@@ -90,7 +89,7 @@ pub(super) fn to_surface(
 }
 
 /// Ties of `nodes` to where they start, or to where that is carried.
-pub(super) fn to_space(attach: &Attach, nodes: &[u32], body: &LoadedBody) -> Vec<Tie> {
+pub(super) fn to_space(attach: &Attach, nodes: &[u32], body: &ReadBody<'_>) -> Vec<Tie> {
     let x = start(body);
     let tie = |&node: &u32| Tie {
         node,
@@ -106,7 +105,7 @@ pub(super) fn to_space(attach: &Attach, nodes: &[u32], body: &LoadedBody) -> Vec
 pub(super) fn along_curves(
     seam: &Seam,
     regions: [&str; 2],
-    bodies: [&LoadedBody; 2],
+    bodies: [&ReadBody<'_>; 2],
 ) -> Result<(bool, Vec<Tie>), String> {
     let places = bodies.map(start);
     let mut curves = Vec::new();
@@ -182,7 +181,7 @@ pub(super) fn in_pairs(
     seam: &Seam,
     nodes: &[u32],
     to_nodes: &[u32],
-    bodies: [&LoadedBody; 2],
+    bodies: [&ReadBody<'_>; 2],
 ) -> Result<Vec<Tie>, String> {
     let stitch = |(&node, &other): (&u32, &u32)| Tie {
         node,

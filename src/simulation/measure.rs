@@ -22,30 +22,20 @@ impl Simulation {
 
     /// The values of a field at the nodes or elements of a probe, each with its weight in a mean.
     fn field_over(&self, probe: &RegionProbe, field: Field) -> Vec<(f64, Vec<f64>)> {
-        let body = &self.bodies[probe.body];
-        let of_scene = &self.scene.bodies[probe.body];
+        let number = probe.body.index();
+        let body = &self.bodies[number];
         let at_nodes = |values: Vec<[f64; 3]>| -> Vec<(f64, Vec<f64>)> {
             probe.nodes.iter().map(|&node| (1.0, values[node as usize].to_vec())).collect()
         };
-        let solids = |entry: usize| match &of_scene.material.0[entry].law {
-            Substance::Solid(law) => Some(law),
-            Substance::Sheet(_) => None,
-        };
         match field.of_elements() {
             Some((of_elements, false)) => {
-                let x = self.positions(probe.body);
+                let x = self.positions(number);
                 let mut all = Vec::new();
-                for (entry, (elements, volumes)) in probe.elements.iter().enumerate() {
-                    let Some(law) = solids(entry) else { continue };
+                for (part, (elements, volumes)) in body.materials.iter().zip(&probe.elements) {
+                    let Substance::Solid(law) = &part.law else { continue };
                     // The cells have been accepted as solid elements of this mesh when the body was built.
-                    let values = element_field(
-                        &body.mesh,
-                        elements,
-                        law,
-                        of_scene.locking,
-                        x.as_flattened(),
-                        of_elements,
-                    );
+                    let values =
+                        element_field(&body.mesh, elements, law, body.locking, x.as_flattened(), of_elements);
                     let values = values.unwrap_or_default();
                     let chunks = values.chunks_exact(of_elements.component_count());
                     all.extend(volumes.iter().copied().zip(chunks.map(<[f64]>::to_vec)));
@@ -53,23 +43,20 @@ impl Simulation {
                 all
             }
             Some((of_elements, true)) => {
-                let x = self.positions(probe.body);
-                let entries = body.materials.iter().enumerate();
-                let parts: Vec<_> = entries
-                    .filter_map(|(entry, elements)| Some((elements.as_slice(), solids(entry)?)))
-                    .collect();
-                let values = nodal_field(&body.mesh, &parts, of_scene.locking, x.as_flattened(), of_elements);
+                let x = self.positions(number);
+                let parts = body.solids().collect::<Vec<_>>();
+                let values = nodal_field(&body.mesh, &parts, body.locking, x.as_flattened(), of_elements);
                 let (values, count) = (values.unwrap_or_default(), of_elements.component_count());
                 let of_node = |node: u32| values[count * node as usize..][..count].to_vec();
                 probe.nodes.iter().map(|&node| (1.0, of_node(node))).collect()
             }
             None => match field {
-                Field::Velocity => at_nodes(self.velocities(probe.body)),
-                Field::Acceleration => at_nodes(self.accelerations(probe.body)),
-                Field::ExternalForce => at_nodes(self.external_forces(probe.body)),
-                Field::ReactionForce => at_nodes(self.reactions(probe.body)),
+                Field::Velocity => at_nodes(self.velocities(number)),
+                Field::Acceleration => at_nodes(self.accelerations(number)),
+                Field::ExternalForce => at_nodes(self.external_forces(number)),
+                Field::ReactionForce => at_nodes(self.reactions(number)),
                 _ => {
-                    let x = self.positions(probe.body);
+                    let x = self.positions(number);
                     let u =
                         x.iter().zip(&body.mesh.points).map(|(x, rest)| [0, 1, 2].map(|k| x[k] - rest[k]));
                     at_nodes(u.collect())

@@ -7,7 +7,6 @@ use vi_solvers::{Assembler, SolverError};
 
 use super::{Component, Simulation};
 use crate::model::{Pose, ProbeTarget, RigidModel};
-use crate::scene::Substance;
 
 /// Position and displacement of a probe, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,7 +84,7 @@ impl Simulation {
             positions.push(x);
         }
         let value = |probe: &ProbeTarget| {
-            let body = &self.bodies[probe.body];
+            let body = &self.bodies[probe.body.index()];
             let (x, node) = (&positions[body.component], body.node(probe.node));
             let position = std::array::from_fn(|k| x[3 * node + k]);
             let rest = body.mesh.points[probe.node];
@@ -190,12 +189,11 @@ impl Simulation {
 
     /// A field of the elements of solids of body number `body`, in the order of its material entries.
     pub fn element_values(&self, body: usize, field: ElementField) -> Vec<f64> {
-        let (x, said, model) = (self.positions(body), &self.scene.bodies[body], &self.bodies[body]);
-        let mut values = Vec::with_capacity(model.element_count() * field.component_count());
-        for (entry, elements) in said.material.0.iter().zip(&model.materials) {
-            let Substance::Solid(law) = &entry.law else { continue };
+        let (x, body) = (self.positions(body), &self.bodies[body]);
+        let mut values = Vec::with_capacity(body.element_count() * field.component_count());
+        for (elements, law) in body.solids() {
             // The cells have been accepted as solid elements of this mesh when the body was built.
-            if let Ok(part) = element_field(&model.mesh, elements, law, said.locking, x.as_flattened(), field)
+            if let Ok(part) = element_field(&body.mesh, elements, law, body.locking, x.as_flattened(), field)
             {
                 values.extend(part);
             }

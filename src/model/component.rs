@@ -1,0 +1,159 @@
+//! A component under construction: the masses, terms and initial state of bodies that act on each other, until they
+//! are a system.
+
+use std::collections::{BTreeMap, HashSet};
+use std::sync::Arc;
+
+use vi_core::constraints::QuadraticConstraint;
+use vi_core::{Combination, Fixed, Force, Potential, Prescribed, State, System, TiedMass};
+use vi_fem::{Gravity, Tie};
+
+use super::prescribe::{NodalFix, coordinates};
+use super::{periodic, rigid, ties};
+use crate::scene::{Problem, Scene};
+
+/// A component under construction.
+#[derive(Default)]
+pub(super) struct ComponentBuilder {
+    /// Weight acts on row sums of the mass, which are as accurate as the elements: nothing moves, or mass is
+    /// consistent.
+    pub(super) sums_rows: bool,
+    pub(super) is_consistent: bool,
+    /// Lumped mass per node, kg.
+    pub(super) mass: Vec<f64>,
+    /// The mass per node that weight acts on, kg.
+    pub(super) gravity_mass: Vec<f64>,
+    pub(super) rest: Vec<[f64; 3]>,
+    pub(super) x: Vec<f64>,
+    pub(super) v: Vec<f64>,
+    /// The kinetic energy of the velocities, where mass is consistent.
+    pub(super) kinetic: Vec<Box<dyn Potential>>,
+    pub(super) potentials: Vec<Box<dyn Potential>>,
+    pub(super) forces: Vec<Arc<dyn Force>>,
+    /// Ties that hold exactly.
+    pub(super) ties: Vec<Tie>,
+    /// What rigid bodies add beside nodes.
+    held: Vec<Combination>,
+    directors: Vec<u32>,
+    /// Pairs of nodes that move alike, with the number of the periodic pair in the scene.
+    pub(super) periodic: Vec<((u32, u32), usize)>,
+    pub(super) constraints: Vec<QuadraticConstraint>,
+    prescribed: Vec<Prescribed>,
+}
+
+impl ComponentBuilder {
+    pub(super) fn new(sums_rows: bool, is_consistent: bool) -> Self {
+        Self { sums_rows, is_consistent, ..Self::default() }
+    }
+
+    /// Number of its nodes so far.
+    pub(super) fn node_count(&self) -> usize {
+        self.mass.len()
+    }
+
+    /// Adds the nodes of a rigid body and what ties them.
+    pub(super) fn add_rigid(&mut self, added: &rigid::Added) {
+        self.mass.extend(&added.mass);
+        self.gravity_mass.extend(&added.mass);
+        self.rest.extend(added.x.as_chunks::<3>().0);
+        self.x.extend(&added.x);
+        self.v.extend(&added.v);
+        self.held.extend(added.ties.iter().cloned());
+        self.directors.extend(added.directors);
+        self.constraints.extend(added.constraints.iter().cloned());
+        self.prescribed.extend(added.prescribed());
+    }
+
+    /// The lumped mass per node after tied nodes have handed theirs on, kg.
+    pub(super) fn handed_on_mass(&self) -> Vec<f64> {
+        let mut mass = self.mass.clone();
+        if !self.ties.is_empty() {
+            vi_core::hand_on_lumped_mass(&ties::combinations(&self.ties, |_| false), &mut mass);
+        }
+        mass
+    }
+
+    /// Shares an impulse (N s) among nodes by mass: all get the velocity impulse / Σm.
+    pub(super) fn strike(&mut self, nodes: impl Iterator<Item = usize> + Clone, impulse: [f64; 3]) {
+        let mass: f64 = nodes.clone().map(|node| self.mass[node]).sum();
+        for node in nodes {
+            for k in 0..3 {
+                self.v[3 * node + k] += impulse[k] / mass;
+            }
+        }
+    }
+
+    /// Ties nodes of periodic parts to their partners; returns each with the one that it follows.
+    fn tie_periodic(&mut self) -> Result<BTreeMap<u32, u32>, Problem> {
+        let leaders = periodic::leaders(self.periodic.iter().map(|(pair, _)| *pair));
+        let place =
+            |of: &[f64], node: u32| -> [f64; 3] { std::array::from_fn(|k| of[3 * node as usize + k]) };
+        let size = self.rest.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+        for (&node, &leader) in &leaders {
+            let (a, b) = (self.rest[leader as usize], self.rest[node as usize]);
+            let offset = [0, 1, 2].map(|k| b[k] - a[k]);
+            let (x, y) = (place(&self.x, leader), place(&self.x, node));
+            let apart = (0..3).map(|k| (y[k] - x[k] - offset[k]).abs()).fold(0.0, f64::max);
+            if apart > 1e-6 * size {
+                let index = self.periodic.first().map_or(0, |(_, index)| *index);
+                let message = format!(
+                    "partners start {apart:.3e} m apart beside their translation; the initial displacement must be the \
+                     same on both sides"
+                );
+                return Err(Problem::new(format!("periodic[{index}]"), message));
+            }
+            let director = self.mass.len() as u32;
+            self.mass.push(0.0);
+            self.gravity_mass.push(0.0);
+            self.rest.push(offset);
+            self.x.extend(offset);
+            self.v.extend([0.0; 3]);
+            self.directors.push(director);
+            let dofs = (3 * director..3 * director + 3).collect();
+            self.prescribed.push(Prescribed { dofs, path: Box::new(Fixed(offset.to_vec())) });
+            let terms = vec![(leader, 1.0), (director, 1.0)];
+            self.held.push(Combination { node, terms, mass: TiedMass::Lumped });
+        }
+        Ok(leaders)
+    }
+
+    pub(super) fn into_system(
+        mut self,
+        scene: &Scene,
+        fixes: &[NodalFix],
+    ) -> Result<(System, State), Problem> {
+        let followers = self.tie_periodic()?;
+        let coordinates = coordinates(fixes, self.prescribed, &followers, &self.x)?;
+        let coordinates = if self.ties.is_empty() && self.directors.is_empty() {
+            coordinates
+        } else {
+            let prescribed: HashSet<u32> =
+                coordinates.prescribed().iter().flat_map(|group| &group.dofs).map(|dof| dof / 3).collect();
+            let mut combinations = ties::combinations(&self.ties, |node| prescribed.contains(&node));
+            combinations.extend(self.held);
+            coordinates
+                .with_combinations(&combinations, &self.directors)
+                .map_err(|error| Problem::new("attach", format!("what is held exactly: {error}")))?
+        };
+        if scene.gravity != [0.0; 3] {
+            let amplitude = scene.gravity_amplitude.clone().unwrap_or_default();
+            self.potentials.push(Box::new(Gravity::with_amplitude(
+                &self.gravity_mass,
+                scene.gravity,
+                amplitude,
+            )));
+        }
+        let mass = self.mass.iter().flat_map(|&m| [m; 3]).collect();
+        let system = System::new(mass, self.potentials, coordinates)
+            .and_then(|system| system.with_forces(self.forces))
+            .and_then(|system| system.with_constraints(self.constraints))
+            .map_err(|error| Problem::new("body", error.to_string()))?
+            .with_consistent_mass(self.kinetic)
+            .map_err(|error| Problem::new("solver.mass", error.to_string()))?;
+        let mut state =
+            system.state(0.0, &self.x, &self.v).map_err(|error| Problem::new("body", error.to_string()))?;
+        vi_solvers::make_tangent(&system, &mut state)
+            .map_err(|error| Problem::new("joint", error.to_string()))?;
+        Ok((system, state))
+    }
+}
