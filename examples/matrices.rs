@@ -2,8 +2,8 @@
 //! products of sprs alone. Run it with `--features sprs`.
 
 use sprs::CsMat;
-use variational::matrices::Matrices;
 use variational::prelude::*;
+use variational::simulation::matrices::Matrices;
 
 fn product(matrix: &CsMat<f64>, x: &[f64]) -> Vec<f64> {
     let mut out = vec![0.0; x.len()];

@@ -13,15 +13,17 @@
 mod activity;
 mod explicit;
 mod implicit;
+mod processor;
 mod search;
+pub mod trial;
 mod wording;
 
 use serde::Serialize;
 
+use crate::auto::trial::{Choice, Norm, TrialWatch};
 use crate::scene::{MassKind, Problem, Scene, SchemeName};
 use crate::simulation::Simulation;
-use crate::stability::highest;
-use crate::trial::{Choice, Norm, TrialWatch};
+use crate::simulation::stability::highest;
 use search::{Search, Stopped};
 
 /// The error aimed at, as a share of the wanted one.

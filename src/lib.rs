@@ -11,39 +11,15 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod auto;
-pub mod bench;
 mod chart;
-pub mod checkpoint;
-pub mod claim;
 #[cfg(feature = "cli")]
 pub mod cli;
-pub mod convergence;
-pub mod estimate;
-pub mod explain;
-mod frames;
-pub mod guard;
-mod history;
-pub mod intersections;
-pub mod matrices;
-mod mesh_import;
 pub mod model;
-pub mod momentum;
-pub mod pitch;
-mod processor;
-pub mod provenance;
-pub mod report;
-pub mod results;
+pub(crate) mod record;
 pub mod run;
 pub mod scene;
 pub mod simulation;
-pub mod stability;
-#[cfg(feature = "cli")]
-pub mod stress;
-mod surfaces;
-#[cfg(feature = "cli")]
-pub mod sweep;
-pub mod trial;
-pub mod vibration;
+pub mod study;
 
 pub use vi_core as core;
 pub use vi_fem as fem;

@@ -6,6 +6,7 @@ mod body;
 mod component;
 mod control;
 mod directions;
+mod import;
 mod initial;
 mod loads;
 mod mass;

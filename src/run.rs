@@ -2,9 +2,22 @@
 //! from a checkpoint. It must not know the command line; a caller watches through [`Watch`].
 
 mod chart;
+pub mod checkpoint;
+pub mod claim;
 mod directory;
+pub mod estimate;
+pub mod explain;
+pub(crate) mod frames;
+pub mod guard;
+mod history;
+pub mod momentum;
+pub mod pitch;
+pub mod provenance;
+pub mod report;
+pub mod results;
 mod safety;
 mod stepping;
+mod surfaces;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -12,13 +25,13 @@ use std::time::Instant;
 
 use vi_solvers::StepError;
 
+use crate::auto::trial::TrialWatch;
 use crate::auto::{self, AutoReport, SettleError};
-use crate::checkpoint::{self, Checkpoint, CheckpointError};
-use crate::claim::ClaimError;
-use crate::report::Report;
+use crate::run::checkpoint::{Checkpoint, CheckpointError};
+use crate::run::claim::ClaimError;
+use crate::run::report::Report;
 use crate::scene::{Problem, Scene};
 use crate::simulation::Simulation;
-use crate::trial::TrialWatch;
 pub(crate) use directory::inputs_among;
 pub(crate) use stepping::Course;
 use stepping::Run;

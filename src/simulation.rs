@@ -5,10 +5,12 @@ mod added;
 mod advance;
 mod between;
 mod march;
+pub mod matrices;
 mod measure;
 mod observe;
 mod pace;
 mod snapshot;
+pub mod stability;
 #[cfg(test)]
 mod tests;
 

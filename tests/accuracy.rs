@@ -11,7 +11,7 @@ use variational::fem::{
 };
 use variational::prelude::{Scene, Simulation};
 use variational::scene::MassKind;
-use variational::vibration::scene_modes;
+use variational::study::modes::scene_modes;
 
 fn simulation(scene: &str) -> Simulation {
     let parsed = Scene::parse(scene, &[]);

@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 use program::Program;
 use variational::prelude::{Scene, Simulation, settle};
 use variational::scene::MassKind;
-use variational::vibration::scene_modes;
+use variational::study::modes::scene_modes;
 
 fn simulation(scene: &str) -> Simulation {
     let parsed = Scene::parse(scene, &[]);

@@ -2,8 +2,8 @@
 //! in its own, to the bit; a scene that is moved moves as it does at home, to the round-off of its coordinates.
 
 use variational::prelude::*;
-use variational::stability::{stability, warning};
-use variational::stress::Transform;
+use variational::simulation::stability::{stability, warning};
+use variational::study::stress::Transform;
 
 /// Units from 1e-9 to 1e9 of the scene's own, odd and even powers, alone and together.
 const UNITS: [[i32; 3]; 7] =

@@ -6,8 +6,8 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{E, PI};
 
-use variational::convergence::{ConvergenceOptions, Extrapolation, Verdict, convergence, extrapolate};
 use variational::prelude::Scene;
+use variational::study::convergence::{ConvergenceOptions, Extrapolation, Verdict, convergence, extrapolate};
 
 /// Bars that must hold.
 const SHARE: f64 = 0.95;

@@ -4,11 +4,11 @@
 
 use std::time::Duration;
 
-use variational::bench::{BenchOptions, bench, recommended_scene};
-use variational::estimate::{Estimator, ProbeEstimate};
-use variational::explain::explain;
+use variational::auto::trial::{self, Choice, Limit, Norm};
 use variational::prelude::*;
-use variational::trial::{self, Choice, Limit, Norm};
+use variational::run::estimate::{Estimator, ProbeEstimate};
+use variational::run::explain::explain;
+use variational::study::bench::{BenchOptions, bench, recommended_scene};
 
 const SOFT: Isotropic = Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 };
 const LONG: Limit = Limit::Clock(Duration::from_secs(3600));

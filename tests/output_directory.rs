@@ -85,7 +85,7 @@ fn one_process_at_a_time() {
     let mut child =
         place.command("run long.toml").stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let deadline = Instant::now() + Duration::from_secs(60);
-    while variational::checkpoint::newest(&place.path().join("out"))
+    while variational::run::checkpoint::newest(&place.path().join("out"))
         .map_or(0, |found| found.checkpoint.steps())
         == 0
     {

@@ -6,8 +6,8 @@ mod program;
 use std::fmt::Write as _;
 
 use program::{History, Program};
-use variational::checkpoint::newest;
 use variational::prelude::*;
+use variational::run::checkpoint::newest;
 use variational::run::resume;
 
 const YOUNG: f64 = 3.0;

@@ -10,8 +10,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use variational::auto::trial::{self, Choice, Limit, Norm, TrialError, TrialWatch};
 use variational::prelude::*;
-use variational::trial::{self, Choice, Limit, Norm, TrialError, TrialWatch};
 
 const LONG: Limit = Limit::Clock(Duration::from_secs(600));
 
@@ -237,7 +237,7 @@ fn judge(seed: u64, index: u64, share: f64, tolerances: &[f64]) -> Option<Vec<Ou
     let start = variational::auto::stand_in(&scene);
     let simulation = Simulation::new(start.clone()).unwrap();
     let norm = Norm::new(&simulation);
-    let omega = variational::stability::highest(&simulation).unwrap().unwrap();
+    let omega = variational::simulation::stability::highest(&simulation).unwrap().unwrap();
     let is_implicit = scene.damping.is_some() || scene.solver.mass.is_some();
     let limit = if is_implicit { 10.0 } else { 1.4 };
     let steps = (scene.time.end * omega / limit).ceil() as u64;

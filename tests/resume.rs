@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 
 use program::command;
 use serde_json::Value;
-use variational::checkpoint::newest;
 use variational::prelude::*;
+use variational::run::checkpoint::newest;
 use variational::run::resume;
 
 /// Everything that a run writes but checkpoints and clock values, by name.

@@ -66,7 +66,7 @@ impl Unfinished {
     }
 
     fn newest_checkpoint(&self) -> PathBuf {
-        variational::checkpoint::newest(&self.out()).unwrap().path
+        variational::run::checkpoint::newest(&self.out()).unwrap().path
     }
 
     fn resume(&self, arguments: &[&str]) -> Output {

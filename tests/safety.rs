@@ -82,7 +82,7 @@ fn the_floor_is_a_clear_end() {
     assert!(report["outcome"]["failed"].as_str().unwrap().contains("failed"), "{}", report["outcome"]);
     assert_eq!(history.column("t").len() as u64, steps + 1);
     assert!(history.last("total").is_finite());
-    let found = variational::checkpoint::newest(&run.out()).unwrap();
+    let found = variational::run::checkpoint::newest(&run.out()).unwrap();
     assert_eq!(found.checkpoint.steps(), steps);
     let frames = vi_frames(&run);
     assert_eq!(frames.last().unwrap(), &(steps as f64 * 2e-3), "{frames:?}");

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use variational::prelude::*;
 use variational::run::run;
-use variational::stress::{StressOptions, Violence, case, stress};
+use variational::study::stress::{StressOptions, Violence, case, stress};
 
 /// 300 scenes; `variational stress --count 10000` is the long form (docs/robustness.md).
 #[test]

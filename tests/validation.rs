@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use variational::prelude::{Scene, Simulation};
 use variational::scene::MassKind;
-use variational::vibration::scene_modes;
+use variational::study::modes::scene_modes;
 
 fn file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/validation").join(name)

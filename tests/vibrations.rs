@@ -6,7 +6,7 @@ use variational::core::{Coordinates, System};
 use variational::fem::{BoxMesh, ElementKind, Isotropic, Law, add_lumped_mass, consistent_mass, elastic};
 use variational::prelude::*;
 use variational::solvers::{ModeOptions, modes};
-use variational::vibration::scene_modes;
+use variational::study::modes::scene_modes;
 
 #[test]
 fn e2_free_cube_with_the_exact_lame_mode() {

@@ -2,7 +2,7 @@
 //! or not; what is read is written to the same bytes.
 #![no_main]
 
-use variational::checkpoint::Checkpoint;
+use variational::run::checkpoint::Checkpoint;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let _ = Checkpoint::decode(bytes);

@@ -6,8 +6,8 @@ use std::ops::Range;
 use super::Candidate;
 use super::activity::first_event;
 use super::search::{NoTrial, Search, Stopped, seconds_per_step};
+use crate::auto::trial::{Choice, Trial};
 use crate::scene::SchemeName;
-use crate::trial::{Choice, Trial};
 
 /// What Störmer–Verlet and Blanes–Moan 4 cost at their limits, over the first alone (1.8/2.8 · 6 forces).
 const FIRST_TWO: f64 = 5.0;

@@ -3,8 +3,8 @@
 
 use super::Candidate;
 use super::search::{COARSEST, FINEST, NoTrial, Search, Stopped};
+use crate::auto::trial::{Choice, Norm, Trial};
 use crate::scene::SchemeName;
-use crate::trial::{Choice, Norm, Trial};
 
 /// The order below which differences are not taken for convergence.
 const LEAST_ORDER: f64 = 0.8;

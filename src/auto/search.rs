@@ -4,8 +4,8 @@ use std::cell::Cell;
 use std::ops::Range;
 
 use super::{Candidate, activity};
+use crate::auto::trial::{Choice, Limit, Norm, Trial, TrialError, TrialWatch, run};
 use crate::scene::{Scene, SchemeName};
-use crate::trial::{Choice, Limit, Norm, Trial, TrialError, TrialWatch, run};
 
 /// Steps of the coarsest trial of an implicit scheme.
 pub(super) const COARSEST: u64 = 16;

@@ -12,7 +12,7 @@ use super::run::print_problems;
 use super::say::{self, message, out};
 use super::signals::Stop;
 use super::study::{Study, StudyArguments, print_json};
-use crate::bench::{BenchError, BenchOptions, BenchReport, BenchWatch, bench};
+use crate::study::bench::{BenchError, BenchOptions, BenchReport, BenchWatch, bench};
 
 #[derive(Debug, Args)]
 pub(super) struct BenchArguments {

@@ -9,8 +9,8 @@ use super::run::print_problems;
 use super::say::{self, message, out};
 use super::signals::Stop;
 use super::study::{Study, StudyArguments, print_json};
-use crate::convergence::{ConvergenceError, ConvergenceOptions, ConvergenceReport, convergence};
-use crate::trial::TrialWatch;
+use crate::auto::trial::TrialWatch;
+use crate::study::convergence::{ConvergenceError, ConvergenceOptions, ConvergenceReport, convergence};
 
 #[derive(Debug, Args)]
 pub(super) struct ConvergenceArguments {

@@ -10,10 +10,10 @@ use super::run::{accept, name_of, print_problems};
 use super::say::{message, out};
 use super::study::print_json;
 use crate::auto::stand_in;
-use crate::provenance::Provenance;
+use crate::run::provenance::Provenance;
 use crate::scene::{SchemeName, Substance};
 use crate::simulation::Simulation;
-use crate::stability::stability;
+use crate::simulation::stability::stability;
 
 #[derive(Debug, Args)]
 pub(super) struct InfoArguments {

@@ -8,7 +8,7 @@ use super::say::{self, message, out};
 use super::study::{Study, StudyArguments, print_json};
 use crate::run::RunError;
 use crate::scene::MassKind;
-use crate::vibration::write_modes;
+use crate::study::modes::write_modes;
 
 #[derive(Debug, Args)]
 pub(super) struct ModesArguments {

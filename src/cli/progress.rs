@@ -7,8 +7,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::say::{self, message};
 use super::signals::Stop;
 use crate::auto::AutoReport;
-use crate::explain::explain;
 use crate::run::Watch;
+use crate::run::explain::explain;
 use crate::simulation::Simulation;
 
 /// Watches a run for the person at the terminal, and for signals that ask it to end.

@@ -8,7 +8,7 @@ use super::exit;
 use super::run::{Say, conclude, fail, thread_pool};
 use super::say::{message, out};
 use super::signals::Stop;
-use crate::checkpoint::{CheckpointError, Origin, newest};
+use crate::run::checkpoint::{CheckpointError, Origin, newest};
 use crate::run::{RunError, resume as resume_run};
 use crate::scene::Scene;
 

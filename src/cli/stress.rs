@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::exit;
 use super::say::{self, message, out};
-use crate::stress::{Outcome, StressOptions, stress, write_scenes};
+use crate::study::stress::{Outcome, StressOptions, stress, write_scenes};
 
 #[derive(Debug, Args)]
 pub(super) struct StressArguments {

@@ -8,7 +8,7 @@ use clap::Args;
 use super::exit;
 use super::run::{accept, name_of, thread_pool, writable};
 use super::say::{message, out};
-use crate::claim::Claim;
+use crate::run::claim::Claim;
 use crate::scene::{Parsed, Scene};
 
 #[derive(Debug, Args)]

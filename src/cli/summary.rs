@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::say::out;
-use crate::report::Report;
-use crate::results::{Peak, Results};
+use crate::run::report::Report;
+use crate::run::results::{Peak, Results};
 
 /// Lines of one kind at most; report.json has all.
 const MOST: usize = 10;

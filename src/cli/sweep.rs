@@ -8,7 +8,7 @@ use super::exit;
 use super::run::{name_of, writable};
 use super::say::{message, out};
 use super::signals::Stop;
-use crate::sweep::{Axis, SweepError, SweepOptions, SweepWatch, sweep};
+use crate::study::sweep::{Axis, SweepError, SweepOptions, SweepWatch, sweep};
 
 #[derive(Debug, Args)]
 pub(super) struct SweepArguments {

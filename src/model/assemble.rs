@@ -8,6 +8,7 @@ use vi_fem::{Anchor, Numbering, PointSpring, SpringEnd};
 
 use super::body::{BodyModel, NodeSet, ProbeTarget};
 use super::component::ComponentBuilder;
+use super::import::Imported;
 use super::matter::{self, Edges};
 use super::partition::Partition;
 use super::prescribe::NodalFix;
@@ -20,7 +21,6 @@ use super::resolve::{
 use super::rigid::{self, Attached, RigidModel};
 use super::ties::TieSet;
 use super::{directions, loads, sheets};
-use crate::mesh_import::Imported;
 use crate::scene::{BodyId, Damping, MassKind, Problem, Scene, Strike};
 
 /// A scene as systems.

@@ -11,9 +11,9 @@ use vi_fem::{
 };
 
 use super::body::{BodyModel, MaterialPart};
+use super::import::Imported;
 use super::resolve::ResolvedFix;
 use super::select;
-use crate::mesh_import::Imported;
 use crate::scene::{Damping, HeldAxis, Load, Selection, Substance, field};
 
 /// What a load or damping adds to a component.

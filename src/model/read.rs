@@ -5,8 +5,8 @@ use std::collections::HashMap;
 use vi_fem::{BoxMesh, ElementKind, FemError, FinerMesh, LockingCure, Mesh, SheetMesh};
 
 use super::body::MaterialPart;
+use super::import::{self, Imported};
 use super::size::Budget;
-use crate::mesh_import::{self, Imported};
 use crate::scene::{Body, BodyId, MOST_REFINED, MaterialEntry, Problem, Refine, RefineAlong, Scene};
 
 /// A body of the scene with the mesh that was read for it.
@@ -63,7 +63,7 @@ fn mesh(id: BodyId, body: &Body, budget: &mut Budget) -> Result<Imported, Vec<Pr
     let scale = body.scale.unwrap_or(1.0);
     let translate = body.translate.unwrap_or_default();
     let mut read = if let Some(path) = &body.mesh {
-        let mut read = mesh_import::read(path, body).map_err(|messages| {
+        let mut read = import::read(path, body).map_err(|messages| {
             let key = format!("{key}.mesh");
             messages.into_iter().map(|message| Problem::new(key.clone(), message)).collect::<Vec<_>>()
         })?;

@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::RunError;
-use crate::checkpoint;
-use crate::frames::frame_number;
+use crate::run::checkpoint;
+use crate::run::frames::frame_number;
+use crate::run::surfaces::SurfaceFiles;
 use crate::scene::{Problem, Scene};
-use crate::surfaces::SurfaceFiles;
 
 /// Files of a run whose names do not tell the scene. Another scene's are kept as `<scene>.history.csv` and
 /// `<scene>.report.json`.

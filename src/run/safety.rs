@@ -3,10 +3,10 @@
 
 use super::RunError;
 use super::stepping::{Course, Run};
-use crate::checkpoint::{Checkpoint, CheckpointError};
-use crate::estimate::{Companions, Estimator};
-use crate::frames::FrameWriter;
-use crate::guard::Growth;
+use crate::run::checkpoint::{Checkpoint, CheckpointError};
+use crate::run::estimate::{Companions, Estimator};
+use crate::run::frames::FrameWriter;
+use crate::run::guard::Growth;
 use crate::scene::GuardAction;
 use crate::simulation::Snapshot;
 

@@ -11,20 +11,20 @@ use vi_solvers::{SolverError, StepError};
 use super::safety::{Good, STRIDE};
 use super::{RunError, Watch, directory};
 use crate::auto::AutoReport;
-use crate::checkpoint::record::record;
-use crate::checkpoint::{Checkpoint, Origin, Store};
-use crate::claim::Claim;
-use crate::estimate::{Estimator, ProbeEstimate};
-use crate::frames::FrameWriter;
-use crate::guard::{EnergyGuard, Growth};
-use crate::history::{Columns, HistoryWriter, RowWork};
-use crate::momentum::MomentumLedger;
-use crate::pitch::PitchFinder;
-use crate::report::{Outcome, Report};
-use crate::results::{Extremes, Results};
+use crate::record::record;
+use crate::run::checkpoint::{Checkpoint, Origin, Store};
+use crate::run::claim::Claim;
+use crate::run::estimate::{Estimator, ProbeEstimate};
+use crate::run::frames::FrameWriter;
+use crate::run::guard::{EnergyGuard, Growth};
+use crate::run::history::{Columns, HistoryWriter, RowWork};
+use crate::run::momentum::MomentumLedger;
+use crate::run::pitch::PitchFinder;
+use crate::run::report::{Outcome, Report};
+use crate::run::results::{Extremes, Results};
 use crate::scene::{Guard, GuardAction, history_columns};
+use crate::simulation::stability::{StabilityNote, stability};
 use crate::simulation::{Observation, Simulation, TOGETHER};
-use crate::stability::{StabilityNote, stability};
 
 /// What a run has seen and written so far: what it goes back with, and continues with.
 #[derive(Debug, Clone, PartialEq)]

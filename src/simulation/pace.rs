@@ -5,7 +5,7 @@
 //!
 //! Costs are counted, not measured, so that equal runs are cut alike.
 
-use crate::checkpoint::record::record;
+use crate::record::record;
 
 /// Substeps of a step at its floor: 2¹⁰.
 pub(crate) const FLOOR: u32 = 1024;

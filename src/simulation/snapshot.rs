@@ -6,7 +6,7 @@ use vi_solvers::{Method, SolverError, SolverOptions, StepperMemory, Work};
 
 use super::pace::{FLOOR, Pace};
 use super::{Component, Simulation};
-use crate::checkpoint::record::record;
+use crate::record::record;
 
 /// Steps that were cut into substeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

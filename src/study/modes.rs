@@ -9,10 +9,10 @@ use vi_io::PvdSeries;
 use vi_solvers::{Mode, ModeOptions};
 
 use crate::auto::stand_in;
-use crate::claim::Claim;
-use crate::frames::FrameWriter;
 use crate::model::kinetic_terms;
-use crate::provenance::Provenance;
+use crate::run::claim::Claim;
+use crate::run::frames::FrameWriter;
+use crate::run::provenance::Provenance;
 use crate::run::{RunError, inputs_among};
 use crate::scene::{MassKind, Problem, Scene, Schedule};
 use crate::simulation::Simulation;

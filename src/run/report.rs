@@ -10,15 +10,15 @@ use vi_core::EnergyLedger;
 use vi_solvers::SolverError;
 
 use crate::auto::AutoReport;
-use crate::estimate::ProbeEstimate;
-use crate::guard::EnergyGuard;
-use crate::momentum::MomentumLedger;
-use crate::pitch::PitchFinder;
-use crate::provenance::Provenance;
-use crate::results::Results;
+use crate::run::estimate::ProbeEstimate;
+use crate::run::guard::EnergyGuard;
+use crate::run::momentum::MomentumLedger;
+use crate::run::pitch::PitchFinder;
+use crate::run::provenance::Provenance;
+use crate::run::results::Results;
 use crate::scene::Scene;
 use crate::simulation::Simulation;
-use crate::stability::{self, StabilityNote};
+use crate::simulation::stability::{self, StabilityNote};
 
 /// How a run ended.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -255,7 +255,7 @@ impl Report {
     /// What was done, in counts.
     #[cfg(feature = "cli")]
     pub(crate) fn account(&self) -> String {
-        crate::explain::account(&self.work)
+        crate::run::explain::account(&self.work)
     }
 
     /// Writes report.json as a whole: it is there when the run has ended, and not before.

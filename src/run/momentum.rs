@@ -1,7 +1,7 @@
 //! How far linear and angular momentum moved over a run, relative to what is in motion.
 //! It must not know why: a fixed node or gravity changes them rightly.
 
-use crate::checkpoint::record::record;
+use crate::record::record;
 use crate::simulation::{Observation, Simulation};
 
 /// Follows the momenta of a run.

@@ -346,7 +346,7 @@ mod tests {
 
     #[test]
     fn a_change_of_units_and_back_is_none() {
-        let scene = crate::stress::case(3, 5, &std::env::temp_dir()).unwrap().scene;
+        let scene = crate::study::stress::case(3, 5, &std::env::temp_dir()).unwrap().scene;
         let there = Transform::Units { length: 12, mass: -7, time: 5 };
         let back = Transform::Units { length: -12, mass: 7, time: -5 };
         let mut again = back.of(&there.of(&scene).unwrap()).unwrap();

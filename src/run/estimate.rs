@@ -19,11 +19,11 @@ use serde::Serialize;
 
 use vi_solvers::SolverError;
 
-use crate::checkpoint::record::record;
+use crate::auto::trial::Choice;
+use crate::record::record;
 use crate::scene::{Problem, SchemeName};
+use crate::simulation::stability::highest;
 use crate::simulation::{ProbeValue, Simulation, Snapshot};
-use crate::stability::highest;
-use crate::trial::Choice;
 
 /// The estimated error of a probe.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]

@@ -15,9 +15,9 @@ use std::time::Duration;
 use serde::Serialize;
 
 use crate::auto::SettleError;
-use crate::provenance::Provenance;
+use crate::auto::trial::{Choice, Trial, TrialWatch};
+use crate::run::provenance::Provenance;
 use crate::scene::{Problem, Scene};
-use crate::trial::{Choice, Trial, TrialWatch};
 
 pub use sweep::bench;
 

@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
 
-use crate::estimate::ProbeEstimate;
+use crate::run::estimate::ProbeEstimate;
 use crate::simulation::Observation;
 
 /// Columns that not every run has.

@@ -5,18 +5,17 @@
 //! (`record.rs`), and the CRC-32 of all before it. Numbers are little-endian, reals 64 bits. Only the record changes
 //! from format to format, so that every version knows a file of a newer one.
 
-pub(crate) mod record;
 mod store;
 
 use std::path::{Path, PathBuf};
 
-use crate::estimate::{Companions, ProbeEstimate};
-use crate::guard::GuardEvent;
+pub use crate::record::Damage;
+use crate::record::{Record, Source, record};
 use crate::run::Course;
+use crate::run::estimate::{Companions, ProbeEstimate};
+use crate::run::guard::GuardEvent;
 use crate::scene::{Scene, SchemeName};
 use crate::simulation::Snapshot;
-pub use record::Damage;
-use record::{Record, Source, record};
 pub use store::{Found, newest};
 pub(crate) use store::{Store, is_file_name};
 

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 use vi_solvers::{Method, Work};
 
-use crate::processor::Used;
+use crate::auto::processor::Used;
 use crate::scene::{Scene, SchemeName, Time};
 use crate::simulation::Simulation;
 

@@ -4,8 +4,8 @@
 use std::time::{Duration, Instant};
 
 use super::{BenchError, BenchWatch, ReferenceFacts};
+use crate::auto::trial::{Choice, Limit, Norm, Trial, TrialError, run};
 use crate::scene::{Scene, SchemeName};
-use crate::trial::{Choice, Limit, Norm, Trial, TrialError, run};
 
 /// hω of the finer Blanes–Moan run: well inside stability, error 1e-9 and below where the motion is
 /// that of the low modes.

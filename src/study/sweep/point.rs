@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::{SweepError, SweepWatch};
-use crate::checkpoint::{newest, scene_text};
-use crate::report::{Outcome, Report};
+use crate::run::checkpoint::{newest, scene_text};
+use crate::run::report::{Outcome, Report};
 use crate::run::{RunError, Watch, resume, run_from};
 use crate::scene::{Problem, Scene};
 use crate::simulation::Simulation;

@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use vi_core::EnergyLedger;
 
-use crate::checkpoint::record::record;
+use crate::record::record;
 use crate::scene::{Guard, GuardAction};
 use crate::simulation::Observation;
 

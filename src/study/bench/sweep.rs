@@ -9,11 +9,11 @@ use super::reference::{Reference, find};
 use super::tables::recommend;
 use super::{BenchError, BenchOptions, BenchReport, BenchWatch, Measure, Row, Trials};
 use crate::auto::settle;
-use crate::provenance::Provenance;
+use crate::auto::trial::{Choice, Limit, Norm, Trial, TrialError, run};
+use crate::run::provenance::Provenance;
 use crate::scene::{Scene, SchemeName};
 use crate::simulation::Simulation;
-use crate::stability::highest;
-use crate::trial::{Choice, Limit, Norm, Trial, TrialError, run};
+use crate::simulation::stability::highest;
 
 const REFERENCE_SHARE: f64 = 0.35;
 const ROWS_SHARE: f64 = 0.85;

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{SceneMode, SceneModes};
 use crate::chart::{Chart, Scale, Series, Style};
-use crate::provenance::Provenance;
+use crate::run::provenance::Provenance;
 use crate::scene::MassKind;
 
 /// What was found.

@@ -215,15 +215,15 @@ impl Record for Work {
 /// Implements [`Record`] by the named fields, in this order.
 macro_rules! record {
     ($type:ty { $($field:ident: $of:ty),+ $(,)? }) => {
-        impl $crate::checkpoint::record::Record for $type {
-            const SIZE: usize = 0 $(+ <$of as $crate::checkpoint::record::Record>::SIZE)+;
+        impl $crate::record::Record for $type {
+            const SIZE: usize = 0 $(+ <$of as $crate::record::Record>::SIZE)+;
             fn write(&self, out: &mut Vec<u8>) {
-                $($crate::checkpoint::record::Record::write(&self.$field, out);)+
+                $($crate::record::Record::write(&self.$field, out);)+
             }
             fn read(
-                from: &mut $crate::checkpoint::record::Source<'_>,
-            ) -> Result<Self, $crate::checkpoint::record::Damage> {
-                Ok(Self { $($field: $crate::checkpoint::record::Record::read(from)?),+ })
+                from: &mut $crate::record::Source<'_>,
+            ) -> Result<Self, $crate::record::Damage> {
+                Ok(Self { $($field: $crate::record::Record::read(from)?),+ })
             }
         }
     };

@@ -15,13 +15,13 @@ use std::time::Instant;
 use serde::Serialize;
 use vi_solvers::StepError;
 
+use crate::auto::trial::{Choice, TrialWatch};
 use crate::auto::{SettleError, settle, stand_in};
-use crate::provenance::Provenance;
 use crate::run::RunError;
+use crate::run::provenance::Provenance;
 use crate::scene::{Load, MassKind, Problem, Refine, Scene, SpringEnd};
 use crate::simulation::{Observation, Simulation};
-use crate::trial::{Choice, TrialWatch};
-use crate::vibration::scene_modes;
+use crate::study::modes::scene_modes;
 
 pub use extrapolate::{Extrapolation, Verdict, extrapolate};
 

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use vi_fem::{ElementField, nodal_field};
 use vi_io::{CellBlock, CellKind, IoError, PvdSeries, VtuArray, VtuFrame, VtuOptions, VtuValues};
 
+use crate::run::surfaces::SurfaceWriter;
 use crate::scene::{Cache, Encoding, Field, Precision, Schedule};
 use crate::simulation::Simulation;
-use crate::surfaces::SurfaceWriter;
 
 /// Writes `<name>.pvd` and `<name>_000000.vtu` …
 pub(crate) struct FrameWriter {

@@ -6,8 +6,8 @@ use std::collections::{HashMap, HashSet};
 use serde::Serialize;
 use vi_fem::ElementField;
 
-use crate::checkpoint::record::record;
 use crate::model::NodeSet;
+use crate::record::record;
 use crate::scene::{Probe, Scene};
 use crate::simulation::{Observation, Simulation};
 
