@@ -327,14 +327,28 @@ impl Scene {
 
     /// Reads the paths of meshes and node lists as relative to `directory`, where the scene file lies.
     pub fn relative_to(mut self, directory: &Path) -> Self {
-        let of_meshes = self.bodies.iter_mut().filter_map(|body| body.mesh.as_mut());
-        let make = |path: &mut PathBuf| {
+        self.for_each_file(|path| {
             if path.is_relative() {
                 *path = normal(directory.join(&*path));
             }
-        };
-        of_meshes.for_each(make);
-        self.selections_mut().filter_map(|on| on.node_file.as_mut()).for_each(make);
+        });
+        self
+    }
+
+    /// Changes the paths of the files that the scene reads, in the order of [`Scene::files`].
+    pub(crate) fn for_each_file(&mut self, mut change: impl FnMut(&mut PathBuf)) {
+        self.bodies.iter_mut().filter_map(|body| body.mesh.as_mut()).for_each(&mut change);
+        self.selections_mut().filter_map(|on| on.node_file.as_mut()).for_each(change);
+    }
+
+    /// The same scene with absolute paths, each the shortest that names its file.
+    pub(crate) fn with_absolute_paths(mut self) -> Self {
+        self.for_each_file(|path| {
+            // A path that cannot be made absolute (an empty one) is a problem of the scene, which is told elsewhere.
+            if let Ok(absolute) = std::path::absolute(&*path) {
+                *path = normal(absolute);
+            }
+        });
         self
     }
 

@@ -183,3 +183,74 @@ fn from_a_path_that_is_not_utf_8() {
     assert!(said.contains("taken from the checkpoint"), "{said}");
     assert!(files(&run.out()) == run.whole);
 }
+
+/// A scene is found again from any directory, however its path was written when it ran: `../scene.toml`, with meshes
+/// above it and lists of nodes beside it. A list that has changed is named.
+#[test]
+fn from_another_directory_with_a_list_of_nodes() {
+    let place = tempfile::tempdir().unwrap();
+    let scene =
+        SCENE.replace("beam.msh", "../beam.msh") + "[[fix]]\nbody = \"beam\"\nnode_file = \"clamp.txt\"\n";
+    let scenes = place.path().join("scenes");
+    std::fs::create_dir_all(scenes.join("inside")).unwrap();
+    std::fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/meshes/beam.msh"), place.path().join("beam.msh"))
+        .unwrap();
+    std::fs::write(scenes.join("scene.toml"), scene).unwrap();
+    std::fs::write(scenes.join("clamp.txt"), "0 1 2 3").unwrap();
+    for (from, path) in [(scenes.join("inside"), "../scene.toml"), (place.path().into(), "scenes/scene.toml")]
+    {
+        let out = from.join("out");
+        let ran = command().current_dir(&from).args(["run", path, "--out", "out"]).output().unwrap();
+        assert!(ran.status.success(), "{path}: {}", String::from_utf8_lossy(&ran.stderr));
+        let whole = files(&out);
+        std::fs::remove_file(out.join("report.json")).unwrap();
+        let resume = || {
+            let output =
+                command().arg("resume").arg(&out).current_dir(std::env::temp_dir()).output().unwrap();
+            (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+        };
+        let (code, said) = resume();
+        assert_eq!(code, Some(0), "{path}: {said}");
+        assert!(files(&out) == whole, "{path}");
+        std::fs::remove_file(out.join("report.json")).unwrap();
+        std::fs::write(scenes.join("clamp.txt"), "0 1 2").unwrap();
+        let (code, said) = resume();
+        assert!(code == Some(2) && said.contains("clamp.txt has changed"), "{path}: {said}");
+        std::fs::write(scenes.join("clamp.txt"), "0 1 2 3").unwrap();
+    }
+}
+
+/// Frames of a point cache cannot be made again from a checkpoint. Where the cache is gone or another file, the run is
+/// not continued, and the message says what to do.
+#[test]
+fn without_its_point_cache() {
+    let place = tempfile::tempdir().unwrap();
+    std::fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/meshes/beam.msh"), place.path().join("beam.msh"))
+        .unwrap();
+    let film = SCENE.replace("interval = 0.002\n", "fps = 500\ncache = \"pc2\"\n");
+    std::fs::write(place.path().join("scene.toml"), film).unwrap();
+    let say = |words: [&str; 2]| {
+        let output = command().current_dir(place.path()).args(words).args(["--quiet"]).output().unwrap();
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    assert_eq!(say(["run", "scene.toml"]).0, Some(0));
+    let out = place.path().join("out/scene");
+    std::fs::remove_file(out.join("report.json")).unwrap();
+    for name in ["scene.beam.pc2", "scene.beam.obj"] {
+        let bytes = std::fs::read(out.join(name)).unwrap();
+        let before = files(&out).len();
+        std::fs::remove_file(out.join(name)).unwrap();
+        let (code, said) = say(["resume", "out/scene"]);
+        assert_eq!(code, Some(2), "{said}");
+        assert!(said.contains(name) && said.contains("it is gone") && said.contains("run it anew"), "{said}");
+        std::fs::write(out.join(name), bytes).unwrap();
+        assert_eq!(files(&out).len(), before);
+    }
+    let bytes = std::fs::read(out.join("scene.beam.pc2")).unwrap();
+    std::fs::write(out.join("scene.beam.pc2"), [&b"mine"[..], &bytes[4..]].concat()).unwrap();
+    let (code, said) = say(["resume", "out/scene"]);
+    assert!(code == Some(2) && said.contains("no point cache of 290 points"), "{said}");
+    std::fs::write(out.join("scene.beam.pc2"), bytes).unwrap();
+    let (code, said) = say(["resume", "out/scene"]);
+    assert_eq!(code, Some(0), "{said}");
+}

@@ -87,7 +87,7 @@ pub struct Origin {
     pub file: Option<(PathBuf, Vec<String>)>,
     /// The scene's text, as [`scene_text`] gives it.
     pub scene: String,
-    /// Mesh files, in the order of the bodies that have one, and the CRC-32 of their bytes.
+    /// The files that the scene reads, meshes first, and the CRC-32 of their bytes.
     pub meshes: Vec<(PathBuf, u64)>,
     /// Scheme, stages (0: none) and number of steps that `auto` has chosen.
     pub(crate) choice: Option<(String, (u64, u64))>,
@@ -238,9 +238,13 @@ impl Origin {
     pub(crate) fn parse(&self) -> crate::scene::Parsed {
         let mut parsed = Scene::parse(&self.scene, &[]);
         // Text cannot hold paths that are not UTF-8.
-        let meshes = parsed.scene.iter_mut().flat_map(|scene| &mut scene.bodies);
-        for (mesh, (path, _)) in meshes.filter_map(|body| body.mesh.as_mut()).zip(&self.meshes) {
-            mesh.clone_from(path);
+        let mut paths = self.meshes.iter().map(|(path, _)| path);
+        if let Some(scene) = &mut parsed.scene {
+            scene.for_each_file(|file| {
+                if let Some(path) = paths.next() {
+                    file.clone_from(path);
+                }
+            });
         }
         parsed
     }
@@ -257,14 +261,9 @@ impl Origin {
     }
 }
 
-/// A scene in words that are the same for equal scenes, with absolute paths to its meshes.
+/// A scene in words that are the same for equal scenes, with absolute paths to the files that it reads.
 pub fn scene_text(scene: &Scene) -> String {
-    let mut scene = scene.clone();
-    scene.bodies.iter_mut().filter_map(|body| body.mesh.as_mut()).for_each(|path| {
-        if let Ok(absolute) = std::path::absolute(&*path) {
-            *path = absolute;
-        }
-    });
+    let scene = scene.clone().with_absolute_paths();
     #[cfg(feature = "cli")]
     if let Ok(text) = scene.to_toml() {
         return text;
@@ -273,12 +272,10 @@ pub fn scene_text(scene: &Scene) -> String {
 }
 
 fn mesh_sums(scene: &Scene) -> Result<Vec<(PathBuf, u64)>, CheckpointError> {
-    let sum = |path: &Path| {
-        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        match std::fs::read(&path) {
-            Ok(bytes) => Ok((path, u64::from(crc32fast::hash(&bytes)))),
-            Err(source) => Err(CheckpointError::Read { path, source }),
-        }
+    let scene = scene.clone().with_absolute_paths();
+    let sum = |path: &Path| match std::fs::read(path) {
+        Ok(bytes) => Ok((path.to_owned(), u64::from(crc32fast::hash(&bytes)))),
+        Err(source) => Err(CheckpointError::Read { path: path.to_owned(), source }),
     };
     scene.files().into_iter().map(|(_, path)| sum(path)).collect()
 }

@@ -197,6 +197,11 @@ impl FrameWriter {
         }
     }
 
+    /// What keeps it from continuing after the first `samples` frames: a file, and what is wrong with it.
+    pub(crate) fn obstacle(&self, samples: usize) -> Option<(PathBuf, String)> {
+        self.cache.as_ref()?.obstacle(samples)
+    }
+
     /// Frames written.
     pub(crate) fn count(&self) -> usize {
         self.series.frames().len()

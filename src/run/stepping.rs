@@ -12,7 +12,7 @@ use super::safety::{Good, STRIDE};
 use super::{RunError, Watch, directory};
 use crate::auto::AutoReport;
 use crate::record::record;
-use crate::run::checkpoint::{Checkpoint, Origin, Store};
+use crate::run::checkpoint::{Checkpoint, CheckpointError, Origin, Store};
 use crate::run::claim::Claim;
 use crate::run::estimate::{Estimator, ProbeEstimate};
 use crate::run::frames::FrameWriter;
@@ -129,6 +129,10 @@ impl Run {
         let history = |_: &[String], columns| HistoryWriter::resume(&path, columns, bytes);
         let origin = checkpoint.origin.clone();
         let (mut run, _) = Self::build(simulation, None, name, claim, directory, Some(origin), history)?;
+        let obstacle = run.frames.as_ref().and_then(|frames| frames.obstacle(checkpoint.frames.len()));
+        if let Some((file, how)) = obstacle {
+            return Err(CheckpointError::Changed { what: file.display().to_string(), how }.into());
+        }
         // What an interrupted run reported is no longer so.
         let report = directory.join("report.json");
         if report.exists() {

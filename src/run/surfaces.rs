@@ -37,6 +37,9 @@ enum Source {
     Carried(usize, Vec<[f64; 3]>),
 }
 
+/// Bytes of a body's name that the names of its files repeat: file systems take names of 255 bytes.
+const LONGEST: usize = 100;
+
 /// Names without ending of the files of all bodies, deformable ones first: `<run>.<body>`, with what a file's name
 /// cannot hold replaced, and numbered where two would be alike.
 fn stems(name: &str, scene: &Scene) -> Vec<String> {
@@ -45,7 +48,8 @@ fn stems(name: &str, scene: &Scene) -> Vec<String> {
     let mut stems: Vec<String> = Vec::new();
     for body in bodies {
         let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
-        let stem = format!("{name}.{}", body.chars().map(plain).collect::<String>());
+        let letters = body.char_indices().take_while(|(at, c)| at + c.len_utf8() <= LONGEST);
+        let stem = format!("{name}.{}", letters.map(|(_, c)| plain(c)).collect::<String>());
         let mut unique = stem.clone();
         let mut number = 2;
         while stems.contains(&unique) {
@@ -156,6 +160,23 @@ impl SurfaceWriter {
         }
         self.samples += 1;
         Ok(())
+    }
+
+    /// What keeps it from continuing after the first `samples` of an earlier run: a file, and what is wrong with it.
+    /// Samples of a point cache cannot be made again from a checkpoint.
+    pub(crate) fn obstacle(&self, samples: usize) -> Option<(PathBuf, String)> {
+        if self.cache != Cache::Pc2 || samples == 0 {
+            return None;
+        }
+        self.parts.iter().find_map(|part| {
+            let [shape, cache] =
+                [".obj", ".pc2"].map(|end| self.directory.join(format!("{}{end}", part.stem)));
+            if let Some(gone) = [&shape, &cache].into_iter().find(|file| !file.is_file()) {
+                return Some((gone.clone(), "it is gone".to_owned()));
+            }
+            let error = Pc2File::resume(&cache, part.source.count(), samples).err()?;
+            Some((cache, error.to_string()))
+        })
     }
 
     /// Continues after the first `samples` of an earlier run; what is behind them goes.

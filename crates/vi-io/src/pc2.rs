@@ -6,7 +6,7 @@
 //! Source: Blender, `source/blender/modifiers/intern/MOD_meshcache_pc2.cc`; 3ds Max SDK, "Point cache".
 
 use std::fs::File;
-use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use crate::error::IoError;
@@ -34,24 +34,27 @@ impl Pc2File {
             let what = format!("a point cache holds at most {} points, not {points}", i32::MAX);
             return Err(IoError::BadOutput { file: path.into(), what });
         };
-        let mut header = b"POINTCACHE2\0".to_vec();
-        for value in [1, count] {
-            header.extend(value.to_le_bytes());
-        }
-        for value in [0.0_f32, 1.0] {
-            header.extend(value.to_le_bytes());
-        }
-        header.extend(0_i32.to_le_bytes());
-        let file = File::create(path).and_then(|mut file| file.write_all(&header).map(|()| file));
+        let file = File::create(path).and_then(|mut file| {
+            file.write_all(&head(count))?;
+            file.write_all(&0_i32.to_le_bytes())?;
+            Ok(file)
+        });
         Ok(Self { file: file.map_err(system(path))?, path: path.into(), points, samples: 0 })
     }
 
     /// Continues a cache behind its first `samples`; what follows them goes.
     ///
     /// # Errors
-    /// [`IoError::System`] if it cannot be written; [`IoError::BadOutput`] where it is shorter than that.
+    /// [`IoError::System`] if it cannot be written; [`IoError::BadOutput`] where it is shorter than that, or no cache of
+    /// so many points.
     pub fn resume(path: &Path, points: usize, samples: usize) -> Result<Self, IoError> {
-        let file = File::options().read(true).write(true).open(path).map_err(system(path))?;
+        let mut file = File::options().read(true).write(true).open(path).map_err(system(path))?;
+        let mut found = Vec::new();
+        (&mut file).take(COUNT).read_to_end(&mut found).map_err(system(path))?;
+        if !i32::try_from(points).is_ok_and(|count| found == head(count)) {
+            let what = format!("it is no point cache of {points} points");
+            return Err(IoError::BadOutput { file: path.into(), what });
+        }
         let mut cache = Self { path: path.into(), file, points, samples };
         let length = cache.file.metadata().map_err(system(path))?.len();
         if length < cache.length() {
@@ -117,6 +120,14 @@ impl Pc2File {
     }
 }
 
+/// The header of a cache of so many points, without the number of samples.
+fn head(points: i32) -> Vec<u8> {
+    let mut head = b"POINTCACHE2\0".to_vec();
+    [1, points].iter().for_each(|value| head.extend(value.to_le_bytes()));
+    [0.0_f32, 1.0].iter().for_each(|value| head.extend(value.to_le_bytes()));
+    head
+}
+
 fn system(path: &Path) -> impl FnOnce(io::Error) -> IoError {
     let file = path.to_owned();
     move |source| IoError::System { file, action: "write", source }
@@ -155,6 +166,11 @@ mod tests {
         cache.append(&sample(3.0)).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), whole);
         assert!(Pc2File::resume(&path, 2, 5).is_err());
+        let other = directory.path().join("other.pc2");
+        std::fs::write(&other, [&b"x"[..], &whole[1..]].concat()).unwrap();
+        for (file, points) in [(&other, 2), (&path, 1), (&directory.path().join("none.pc2"), 2)] {
+            assert!(Pc2File::resume(file, points, 1).is_err(), "{}", file.display());
+        }
         for bad in [f64::NAN, f64::INFINITY, 1e39] {
             assert!(matches!(cache.append(&[[bad; 3]; 2]), Err(IoError::BadOutput { .. })));
         }
