@@ -152,3 +152,45 @@ fn rows_are_those_of_the_runs_and_failures_have_their_reasons() {
     assert_eq!(wrong.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&wrong.stderr).contains("stepp") && !directory.join("wrong").exists());
 }
+
+/// A point that is done is run anew where a file that its scene reads has changed, a list of nodes too.
+#[test]
+fn a_changed_list_of_nodes_is_seen() {
+    let directory = directory();
+    let directory = directory.path();
+    let scene =
+        SCENE.replace("region = \"x-min\"", "node_file = \"clamp.txt\"").replace("end = 0.2", "end = 0.01");
+    std::fs::write(directory.join("scene.toml"), scene).unwrap();
+    let after = |nodes: &str, out: &str| {
+        std::fs::write(directory.join("clamp.txt"), nodes).unwrap();
+        whole(directory, out, &[]);
+        table(directory, out)
+    };
+    let first = after("0 9 18 27 36 45 54 63 72", "out");
+    let second = after("0 9", "out");
+    assert_eq!(second, after("0 9", "fresh"));
+    assert!(first != second);
+}
+
+/// A sweep with more points than can be made is refused at once, and so is one into a point that another process runs.
+#[test]
+fn sweeps_that_cannot_be_made() {
+    let directory = directory();
+    let directory = directory.path();
+    let said = |arguments: &[&str]| {
+        let mut command = command();
+        command.current_dir(directory).args(["sweep", "scene.toml", "--out", "out"]).args(arguments);
+        let output = command.output().unwrap();
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (code, words) = said(&["--over", "time.step=1:2:lin1000000000"]);
+    assert!(code == Some(2) && words.contains("2 to 100000 values"), "{words}");
+    let axis = ["--over", "time.step=1:2:lin60000"];
+    let (code, words) = said(&[axis, axis, axis, axis, axis].concat());
+    assert!(code == Some(2) && words.contains("more than 100000 points"), "{words}");
+    let mut child = begun(directory, "out");
+    let (code, words) = said(&OVER);
+    assert!(code == Some(2) && words.contains(&format!("process {}", child.id())), "{words}");
+    child.kill().unwrap();
+    child.wait().unwrap();
+}

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::exit;
-use super::run::{name_of, writable};
+use super::run::{code_of, name_of, writable};
 use super::say::{message, out};
 use super::signals::Stop;
 use crate::study::sweep::{Axis, SweepError, SweepOptions, SweepWatch, sweep};
@@ -77,7 +77,11 @@ pub(super) fn run(arguments: &SweepArguments) -> u8 {
         }
         Err(error) => {
             message!("error: {error}");
-            return exit::INPUT_OUTPUT;
+            return match error {
+                SweepError::Output { source, .. } => code_of(&source),
+                SweepError::TooMany => exit::BAD_INPUT,
+                _ => exit::INPUT_OUTPUT,
+            };
         }
     };
     if !arguments.quiet {

@@ -11,10 +11,14 @@ mod table;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use crate::run::RunError;
 use crate::scene::{Problem, Scene};
 
 pub use axis::{Axis, AxisError};
 use point::{Identities, Point};
+
+/// Points of a sweep at most: each has a directory and is held in memory as a scene of its own.
+pub(crate) const MOST_POINTS: usize = 100_000;
 
 /// What a sweep is asked for.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,13 +80,18 @@ pub enum SweepError {
         source: std::io::Error,
     },
     /// The output of a point cannot be written.
-    #[error("point {point}: {message}")]
+    #[error("point {point}: {source}")]
     Output {
         /// Its number.
         point: usize,
         /// What is wrong.
-        message: String,
+        source: RunError,
     },
+    /// More points than a sweep may have.
+    #[error(
+        "the sweep has more than {MOST_POINTS} points: take fewer values, or divide it into several sweeps"
+    )]
+    TooMany,
     /// Threads cannot be started.
     #[error("cannot start threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
@@ -134,7 +143,8 @@ pub fn sweep(options: &SweepOptions, watch: &dyn SweepWatch) -> Result<SweepRepo
 
 /// All points, the last axis varying first.
 fn points(options: &SweepOptions) -> Result<Vec<Point>, SweepError> {
-    let count = options.axes.iter().map(|axis| axis.values.len()).product();
+    let count = options.axes.iter().try_fold(1_usize, |count, axis| count.checked_mul(axis.values.len()));
+    let count = count.filter(|&count| count <= MOST_POINTS).ok_or(SweepError::TooMany)?;
     let mut points = Vec::with_capacity(count);
     for number in 0..count {
         let mut rest = number;

@@ -2,6 +2,8 @@
 
 use std::str::FromStr;
 
+use super::MOST_POINTS;
+
 /// A key with its values, as `--over` takes them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Axis {
@@ -51,8 +53,9 @@ fn range(text: &str) -> Result<Option<Vec<String>>, AxisError> {
         (_, Some(count)) => (false, count),
         _ => return Err(AxisError::Range("a range ends with log or lin and a count, e.g. 1e5:1e7:log5")),
     };
-    let Some(count) = count.parse::<u32>().ok().filter(|&count| count >= 2) else {
-        return Err(AxisError::Range("a range has at least 2 values, e.g. 1e5:1e7:log5"));
+    let Some(count) = count.parse::<u32>().ok().filter(|&count| (2..=MOST_POINTS as u32).contains(&count))
+    else {
+        return Err(AxisError::Range("a range has 2 to 100000 values, e.g. 1e5:1e7:log5"));
     };
     if !(low.is_finite() && high.is_finite()) || (is_log && !(low > 0.0 && high > 0.0)) {
         return Err(AxisError::Range("the ends of a range are finite, and positive where it is logarithmic"));

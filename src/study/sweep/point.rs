@@ -37,8 +37,8 @@ struct Identity {
     version: String,
     /// The scene, as [`scene_text`] gives it.
     scene: String,
-    /// Mesh files and the CRC-32 of their bytes.
-    meshes: Vec<(PathBuf, u32)>,
+    /// The files that the scene reads and the CRC-32 of their bytes.
+    files: Vec<(PathBuf, u32)>,
 }
 
 /// How a point ended.
@@ -56,7 +56,7 @@ struct Record {
     identity: Identity,
 }
 
-/// Checksums of the meshes of all points, each read once.
+/// Checksums of the files that all points read, each made once.
 pub(super) struct Identities {
     sums: HashMap<PathBuf, u32>,
 }
@@ -65,27 +65,26 @@ impl Identities {
     pub(super) fn of(points: &[Point]) -> Result<Self, SweepError> {
         let mut sums = HashMap::new();
         let scenes = points.iter().filter_map(|point| point.scene.as_ref().ok());
-        for path in scenes.flat_map(|scene| &scene.bodies).filter_map(|body| body.mesh.as_ref()) {
-            // A mesh that cannot be read is a problem of its scene, which says so.
+        for (_, path) in scenes.flat_map(Scene::files) {
+            // A file that cannot be read is a problem of its scene, which says so.
             if !sums.contains_key(path)
                 && let Ok(bytes) = std::fs::read(path)
             {
-                sums.insert(path.clone(), crc32fast::hash(&bytes));
+                sums.insert(path.to_owned(), crc32fast::hash(&bytes));
             }
         }
         Ok(Self { sums })
     }
 
     fn identity(&self, scene: &Scene) -> Identity {
-        let meshes = scene.bodies.iter().filter_map(|body| body.mesh.clone());
-        let sum = |path: PathBuf| {
-            let sum = self.sums.get(&path).copied().unwrap_or(0);
-            (path, sum)
+        let sum = |(_, path): (String, &Path)| {
+            let sum = self.sums.get(path).copied().unwrap_or(0);
+            (path.to_owned(), sum)
         };
         Identity {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scene: scene_text(scene),
-            meshes: meshes.map(sum).collect(),
+            files: scene.files().into_iter().map(sum).collect(),
         }
     }
 }
@@ -137,9 +136,7 @@ impl Point {
             Ok(report) => End { exit: 3, reason: report.broken.join("; ") },
             Err(RunError::Scene(problems)) => refusal(&problems),
             Err(error) if error.is_failure() => End { exit: 4, reason: error.to_string() },
-            Err(error) => {
-                return Err(SweepError::Output { point: self.number, message: error.to_string() });
-            }
+            Err(source) => return Err(SweepError::Output { point: self.number, source }),
         };
         std::fs::create_dir_all(&self.directory).map_err(SweepError::files(&self.directory))?;
         let identity = identities.identity(scene);
