@@ -13,15 +13,15 @@ pub(crate) fn surface(shape: &RigidShape) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
     match *shape {
         RigidShape::Box { size } => cuboid(size),
         RigidShape::Sphere { radius } => {
-            let rings: Vec<[f64; 2]> = (0..=ALONG)
+            let rings: Vec<[f64; 2]> = (1..ALONG)
                 .map(|k| PI * f64::from(k) / f64::from(ALONG))
                 .map(|angle| [-radius * angle.cos(), radius * angle.sin()])
                 .collect();
-            revolved(&rings)
+            revolved(-radius, &rings, radius)
         }
         RigidShape::Rod { length, radius } => {
             let (a, b) = (-0.5 * length, 0.5 * length);
-            revolved(&[[a, 0.0], [a, radius], [b, radius], [b, 0.0]])
+            revolved(a, &[[a, radius], [b, radius]], b)
         }
     }
 }
@@ -33,24 +33,25 @@ fn cuboid(size: [f64; 3]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
     (points, faces.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect())
 }
 
-/// The surface that (along the first axis, radius) makes about it.
-fn revolved(rings: &[[f64; 2]]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+/// The surface that rings (place along the first axis, radius) make about it, from the pole `first` to the pole `last`,
+/// which are one point each.
+fn revolved(first: f64, rings: &[[f64; 2]], last: f64) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
     let angle = |k: u32| TAU * f64::from(k) / f64::from(AROUND);
     let point = |[x, r]: [f64; 2], k: u32| [x, r * angle(k).cos(), r * angle(k).sin()];
-    let points = rings.iter().flat_map(|&ring| (0..AROUND).map(move |k| point(ring, k))).collect();
+    let mut points: Vec<[f64; 3]> =
+        rings.iter().flat_map(|&ring| (0..AROUND).map(move |k| point(ring, k))).collect();
+    let count = points.len() as u32;
+    points.extend([[first, 0.0, 0.0], [last, 0.0, 0.0]]);
     let mut triangles = Vec::new();
-    for ring in 0..rings.len() as u32 - 1 {
-        for k in 0..AROUND {
-            let next = (k + 1) % AROUND;
-            let [a, b] = [ring * AROUND + k, ring * AROUND + next];
-            let [c, d] = [a + AROUND, b + AROUND];
-            if rings[ring as usize][1] > 0.0 {
-                triangles.push([a, b, c]);
-            }
-            if rings[ring as usize + 1][1] > 0.0 {
-                triangles.push([b, d, c]);
-            }
+    for k in 0..AROUND {
+        let next = (k + 1) % AROUND;
+        triangles.push([count, next, k]);
+        for start in (AROUND..count).step_by(AROUND as usize) {
+            let [a, b] = [start - AROUND + k, start - AROUND + next];
+            let [c, d] = [start + k, start + next];
+            triangles.extend([[a, b, c], [b, d, c]]);
         }
+        triangles.push([count + 1, count - AROUND + k, count - AROUND + next]);
     }
     (points, triangles)
 }
@@ -79,6 +80,15 @@ mod tests {
         ] {
             let ratio = volume(shape) / shape.volume();
             assert!((ratio - 1.0).abs() < part, "{shape:?}: {ratio}");
+            // Every edge has two triangles, which run along it in opposite directions; no edge is short for round-off.
+            let (x, triangles) = surface(&shape);
+            let edges: Vec<[u32; 2]> =
+                triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+            assert!(edges.iter().all(|&[a, b]| edges.iter().filter(|&&edge| edge == [b, a]).count() == 1));
+            let length = |[a, b]: [u32; 2]| {
+                (0..3).map(|k| (x[a as usize][k] - x[b as usize][k]).powi(2)).sum::<f64>().sqrt()
+            };
+            assert!(edges.iter().all(|&edge| length(edge) > 0.01), "{shape:?}");
         }
     }
 }
