@@ -171,3 +171,31 @@ fn a_mesh_that_looks_like_millimetres_is_told() {
     assert!(said("", "2.1e11"));
     assert!(!said("scale = 1e-3", "2.1e11") && !said("scale = 1.0", "2.1e11") && !said("", "1e6"));
 }
+
+/// A body that nothing moves does not drift: a ratio of round-off to round-off is no drift, and breaks no assertion.
+#[test]
+fn a_body_at_rest_does_not_drift() {
+    let scene = |scheme: &str| {
+        format!(
+            r#"
+            [time]
+            end = 0.02
+            step = 1e-3
+            scheme = "{scheme}"
+            [[body]]
+            name = "beam"
+            box = {{ size = [1.0, 0.2, 0.2], cells = [3, 1, 1] }}
+            material = {{ law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }}
+            [[fix]]
+            body = "beam"
+            region = "x-min"
+            [assert]
+            energy_drift = 1e-6
+            "#
+        )
+    };
+    for scheme in ["implicit-midpoint", "stormer-verlet", "energy-momentum"] {
+        let program = Program::run(&scene(scheme));
+        assert_eq!(program.report()["energy"]["relative_drift"], 0.0, "{scheme}");
+    }
+}

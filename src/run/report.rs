@@ -192,7 +192,11 @@ impl Report {
         let name = |reason: &str| reason.split(':').next().map(str::to_owned);
         self.linear_solvers = steppers.filter_map(|stepper| stepper.linear_solver().and_then(name)).collect();
         self.frames = frames;
-        self.energy_drift = if energy.drift == 0.0 { 0.0 } else { energy.drift / energy.kinetic_max };
+        // Where nothing moves but round-off, a ratio of energies says nothing.
+        let resolution = self.guard["resolution"].as_f64().unwrap_or(0.0);
+        let is_at_rest = energy.drift.max(energy.kinetic_max) <= resolution;
+        let is_kept = energy.drift == 0.0 || is_at_rest;
+        self.energy_drift = if is_kept { 0.0 } else { energy.drift / energy.kinetic_max };
         let parts = &energy.parts;
         self.energy = json!({
             "initial": energy.initial, "final": energy.current,
