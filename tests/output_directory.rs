@@ -153,7 +153,7 @@ fn a_run_does_not_delete_what_it_reads() {
     place.run("run block.toml --out other");
     // Mode shapes are output too.
     place.run("modes again.toml --count 7");
-    std::fs::write(place.path().join("again.toml"), frame("out/mode_000.vtu")).unwrap();
+    std::fs::write(place.path().join("again.toml"), frame("out/again_mode_000.vtu")).unwrap();
     let (code, said) = place.say("modes again.toml --count 7");
     assert!(code == Some(2) && said.contains("body[0].mesh"), "{said}");
 }
@@ -237,4 +237,31 @@ fn reports_do_not_depend_on_the_machine() {
         report.clone()
     };
     assert_eq!(report(1), report(2));
+}
+
+/// Two scenes whose modes are written into one directory keep their shapes and series each; the tables are those of the
+/// last, and those of the other are kept under its name.
+#[test]
+fn modes_of_scenes_share_a_directory() {
+    let other = SCENE.replace("young = 1e6", "young = 4e6");
+    let place = Place::new(&[("a.toml", SCENE), ("b.toml", &other)]);
+    place.run("modes b.toml --count 9");
+    let tables = |prefix: &str| {
+        let read =
+            |ending: &str| std::fs::read(place.path().join(format!("out/{prefix}modes.{ending}"))).unwrap();
+        ["csv", "json", "svg"].map(read)
+    };
+    let of_b = tables("");
+    place.run("run b.toml");
+    place.run("modes a.toml --count 8");
+    assert_eq!(tables("b."), of_b);
+    let names = place.names("out");
+    let count = |start: &str, end: &str| {
+        names.iter().filter(|name| name.starts_with(start) && name.ends_with(end)).count()
+    };
+    assert_eq!([count("a_mode_", ".vtu"), count("b_mode_", ".vtu")], [8, 9], "{names:?}");
+    assert!(count("a_modes.pvd", "") == 1 && count("b_modes.pvd", "") == 1 && count("b.pvd", "") == 1);
+    // A run of the scene does not take its modes away.
+    place.run("run a.toml");
+    assert_eq!(place.names("out").iter().filter(|name| name.contains("_mode_")).count(), 17);
 }

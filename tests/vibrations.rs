@@ -105,10 +105,10 @@ fn the_files_hold_frequencies_effective_masses_and_shapes_of_a_tenth() {
     {
         assert!(!report["provenance"][key].is_null(), "{key}");
     }
-    let series = variational::io::PvdSeries::open(&out.join("modes.pvd")).unwrap();
+    let series = variational::io::PvdSeries::open(&out.join("scene_modes.pvd")).unwrap();
     assert_eq!(series.frames().len(), 18);
     assert!(series.frames().windows(2).all(|pair| pair[0].0 < pair[1].0), "{:?}", series.frames());
-    assert!(!out.join("mode_018.vtu").exists() && out.join("modes.svg").exists());
+    assert!(!out.join("scene_mode_018.vtu").exists() && out.join("modes.svg").exists());
     for ((time, file), mode) in series.frames().iter().zip(modes) {
         let frequency = mode["frequency"].as_f64().unwrap();
         assert!((time - frequency).abs() <= 1e-6 * frequency.max(1.0), "{time} {frequency}");

@@ -22,6 +22,9 @@ pub use report::{ModeFacts, ModesReport};
 /// The largest displacement of a mode shape in the files, over the largest extent of the bodies that vibrate.
 const SHAPE_SIZE: f64 = 0.1;
 
+/// Files that do not carry the name of the scene: they are of the last one whose modes were found.
+const TABLES: [&str; 3] = ["modes.csv", "modes.json", "modes.svg"];
+
 /// A mode and the component that vibrates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneMode {
@@ -83,9 +86,10 @@ pub fn scene_modes(
     Ok(found)
 }
 
-/// Writes `modes.csv`, `modes.json`, `modes.svg` and, for each mode, `mode_000.vtu` with its shape as `displacement`,
-/// whose largest vector is a tenth of the largest extent of the bodies that vibrate. `modes.pvd` is a series of
-/// them, with the frequency as time. `mass` counts before that of the scene; without both it is consistent.
+/// Writes `modes.csv`, `modes.json`, `modes.svg` and, for each mode, `<name>_mode_000.vtu` with its shape as
+/// `displacement`, whose largest vector is a tenth of the largest extent of the bodies that vibrate. `<name>_modes.pvd`
+/// is a series of them, with the frequency as time. Tables of another scene's modes that were there are kept as
+/// `<other>.modes.csv` and so on. `mass` counts before that of the scene; without both it is consistent.
 ///
 /// # Errors
 /// [`RunError`] where the scene cannot be solved or a file cannot be written.
@@ -111,14 +115,15 @@ pub fn write_modes(
         move |source| RunError::Output { path, source }
     };
     let _claim = Claim::new(directory)?;
-    let shape_file = |number: usize| format!("mode_{number:03}.vtu");
+    let shape_file = |number: usize| format!("{name}_mode_{number:03}.vtu");
     let files: Vec<_> = (0..found.modes.len()).map(|number| directory.join(shape_file(number))).collect();
     let problems = inputs_among(simulation.scene(), &files);
     if !problems.is_empty() {
         return Err(RunError::Scene(problems));
     }
     let frames = FrameWriter::create(directory, "modes", &simulation, Schedule::Interval(1.0))?;
-    let mut series = PvdSeries::new(&directory.join("modes.pvd"));
+    set_aside_others(directory, name).map_err(output(directory))?;
+    let mut series = PvdSeries::new(&directory.join(format!("{name}_modes.pvd")));
     for (number, (found, facts)) in found.modes.iter().zip(&report.modes).enumerate() {
         let file = shape_file(number);
         // Viewers show one file for a time: rigid modes must not share theirs.
@@ -132,10 +137,14 @@ pub fn write_modes(
         frames.write_shape(&file, &shape(&simulation, found), time, &data)?;
         series.push(time, &file)?;
     }
-    remove_later(directory, found.modes.len()).map_err(output(directory))?;
-    for (file, text) in
-        [("modes.csv", report.csv()), ("modes.json", report.json()), ("modes.svg", report.chart())]
-    {
+    // Shapes of an earlier call that found more modes.
+    for path in (found.modes.len()..).map(|number| directory.join(shape_file(number))) {
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => break,
+            removed => removed.map_err(output(&path))?,
+        }
+    }
+    for (file, text) in TABLES.into_iter().zip([report.csv(), report.json(), report.chart()]) {
         let path = directory.join(file);
         std::fs::write(&path, text).map_err(output(&path))?;
     }
@@ -170,12 +179,18 @@ fn shape(simulation: &Simulation, SceneMode { component, mode }: &SceneMode) -> 
     displacement.into_iter().flatten().map(|u| factor * u).collect()
 }
 
-/// Removes shapes of an earlier call that found more modes.
-fn remove_later(directory: &Path, count: usize) -> std::io::Result<()> {
-    for number in count.. {
-        match std::fs::remove_file(directory.join(format!("mode_{number:03}.vtu"))) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => break,
-            other => other?,
+/// Gives the tables of another scene's modes names that tell so.
+fn set_aside_others(directory: &Path, name: &str) -> std::io::Result<()> {
+    let table = std::fs::read(directory.join("modes.json")).ok();
+    let table = table.and_then(|bytes| serde_json::from_slice::<serde_json::Value>(&bytes).ok());
+    let other = table.and_then(|table| Some(table["provenance"]["scene"].as_str()?.to_owned()));
+    // What is to be part of a file's name must be one.
+    let is_name = |other: &String| Path::new(other).file_name() == Some(other.as_ref());
+    let Some(other) = other.filter(|other| other != name).filter(is_name) else { return Ok(()) };
+    for file in TABLES {
+        match std::fs::rename(directory.join(file), directory.join(format!("{other}.{file}"))) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+            renamed => renamed?,
         }
     }
     Ok(())
