@@ -146,14 +146,18 @@ impl Mesh {
     /// The nodes whose distance from the plane through a point is at most `reach` (m), ascending. The normal may
     /// have any length but zero.
     pub fn nodes_near_plane(&self, point: [f64; 3], normal: [f64; 3], reach: f64) -> Vec<u32> {
+        // Squares of very short and very long normals leave the range of numbers.
+        let largest = normal.iter().fold(0.0_f64, |largest, n| largest.max(n.abs()));
+        let normal = normal.map(|n| n / largest);
         let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
         let distance =
             |x: &[f64; 3]| (0..3).map(|i| normal[i] / length * (x[i] - point[i])).sum::<f64>().abs();
         (0..self.points.len() as u32).filter(|&node| distance(&self.points[node as usize]) <= reach).collect()
     }
 
-    /// The nodes in a ball (its surface included), ascending.
+    /// The nodes in a ball, ascending: its surface is included, to the round-off of coordinates.
     pub fn nodes_in_ball(&self, centre: [f64; 3], radius: f64) -> Vec<u32> {
+        let radius = radius + resolution(&self.points);
         let distance = |x: &[f64; 3]| (0..3).map(|i| (x[i] - centre[i]).powi(2)).sum::<f64>().sqrt();
         (0..self.points.len() as u32)
             .filter(|&node| distance(&self.points[node as usize]) <= radius)
