@@ -256,7 +256,11 @@ angular_momentum_drift = 0.5
                 let lines = scene.lines().enumerate();
                 let text: Vec<&str> = lines.map(|(i, old)| if i == at { &*changed } else { old }).collect();
                 let found = problems(&text.join("\n"));
-                assert!(found.iter().any(|problem| problem.line == Some(at + 1)), "{changed}: {found:?}");
+                // A selection by a box may be open, downwards in `min` and upwards in `max`.
+                let is_bound = line.starts_with("box = { min");
+                let is_open = is_bound && word == if line[..start].contains("max") { "inf" } else { "-inf" };
+                let is_refused = found.iter().any(|problem| problem.line == Some(at + 1));
+                assert_eq!(is_refused, !is_open, "{changed}: {found:?}");
                 tried += 1;
             }
         }
@@ -392,4 +396,68 @@ fn many_wrong_names() {
         // It takes less than a second of one processor without optimisation; the messages alone once took 47 s.
         assert!(seconds < 20.0, "{what}: {seconds} s");
     }
+}
+
+/// A box without bounds along an axis selects whatever lies between the others, written out or left out; a box that
+/// holds nothing is refused.
+#[test]
+fn boxes_may_be_half_infinite() {
+    let fixed = |on: &str| {
+        let program =
+            Program::run(&GOOD.replace("region = \"clamp\"", on).replace("end = 0.1", "end = 0.01"));
+        let reactions = program.report()["results"]["reactions"].clone();
+        (reactions[0]["nodes"].as_u64().unwrap(), reactions[0]["centroid"].clone())
+    };
+    let clamp = fixed("box = { min = [-1.0, -1.0, -1.0], max = [1e-9, 1.0, 1.0] }");
+    assert_eq!(clamp.0, 25);
+    for on in [
+        "box = { min = [-inf, -inf, -inf], max = [1e-9, inf, inf] }",
+        "box = { max = [1e-9, inf, inf] }",
+        "box = { min = [-1.0, -inf, -1.0], max = [1e-9, 1.0, inf] }",
+    ] {
+        assert_eq!(fixed(on), clamp, "{on}");
+    }
+    assert!(fixed("box = { min = [0.99, -inf, -inf] }").0 == 25 && fixed("box = {}").0 == 425);
+    for (on, way_out) in [
+        ("box = { min = [inf, 0.0, 0.0] }", "holds nothing along x"),
+        ("box = { max = [0.0, -inf, 0.0] }", "holds nothing along y"),
+        ("box = { min = [0.0, nan, 0.0] }", "neither may be nan"),
+        ("box = { min = [2.0, -inf, -inf] }", "no node is in this box"),
+    ] {
+        change("region = \"clamp\"", on, &["fix[0].box", way_out, "scene.toml:12"]);
+    }
+}
+
+/// Whatever its length, what a file says is repeated only as far as a reader needs it, with the way out at the end.
+#[test]
+fn very_long_names() {
+    let long = "n".repeat(100_000);
+    for (from, to, way_out) in [
+        ("region = \"clamp\"", format!("region = \"{long}\""), "clamp"),
+        ("[[fix]]", format!("{long} = 1\n[[fix]]"), "unknown key"),
+        ("scheme = \"stormer-verlet\"", format!("scheme = \"{long}\""), "implicit-midpoint"),
+    ] {
+        let program = Program::check(&GOOD.replace(from, &to));
+        let said = program.errors();
+        assert!(program.code() == Some(2) && said.contains(way_out), "{}", &said[..1000]);
+        assert!(said.len() < 10_000, "{} bytes", said.len());
+    }
+    // A body may be called so: the names of its files are shorter.
+    let film = GOOD.replace("beam\"\n", &format!("{long}\"\n")).replace("end = 0.1", "end = 0.01")
+        + "[output]\nfps = 100\ncache = \"pc2\"\n";
+    let program = Program::run(&film);
+    let files = std::fs::read_dir(program.out()).unwrap().map(|entry| entry.unwrap().path());
+    assert_eq!(files.filter(|file| file.extension().is_some_and(|ending| ending == "pc2")).count(), 1);
+}
+
+#[test]
+fn a_scene_that_is_no_utf_8() {
+    let directory = tempfile::tempdir().unwrap();
+    let wide: Vec<u8> =
+        "\u{feff}".chars().chain(GOOD.chars()).flat_map(|c| (c as u16).to_le_bytes()).collect();
+    std::fs::write(directory.path().join("scene.toml"), wide).unwrap();
+    let output =
+        program::command().current_dir(directory.path()).args(["check", "scene.toml"]).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(2) && said.contains("save it as UTF-8"), "{said}");
 }

@@ -215,7 +215,11 @@ pub(super) fn check(scenes: &[PathBuf], overrides: &[String]) -> u8 {
 /// Reads a scene and its meshes' headers; on problems prints all of them, with those of its meshes.
 pub(super) fn accept(path: &Path, overrides: &[String]) -> Result<(Scene, Parsed), u8> {
     let mut parsed = Scene::read(path, overrides).map_err(|error| {
-        message!("error: {}: cannot read the scene: {error}", path.display());
+        let why = match error.kind() {
+            std::io::ErrorKind::InvalidData => "it is no UTF-8 text; save it as UTF-8".to_owned(),
+            _ => error.to_string(),
+        };
+        message!("error: {}: cannot read the scene: {why}", path.display());
         exit::BAD_INPUT
     })?;
     if parsed.problems.is_empty()

@@ -32,6 +32,26 @@ impl Problem {
     }
 }
 
+/// A text of which no more than its beginning and its end are shown, in messages that repeat what a file says.
+struct Shortened<'a>(&'a str);
+
+/// Characters that are shown of the beginning and of the end.
+const SHOWN: [usize; 2] = [1500, 500];
+
+impl fmt::Display for Shortened<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(text) = self;
+        let count = text.chars().count();
+        let hidden = count.saturating_sub(SHOWN[0] + SHOWN[1]);
+        if hidden == 0 {
+            return f.write_str(text);
+        }
+        let at = |character: usize| text.char_indices().nth(character).map_or(text.len(), |(byte, _)| byte);
+        let [first, last] = [&text[..at(SHOWN[0])], &text[at(SHOWN[0] + hidden)..]];
+        write!(f, "{first} … ({hidden} characters) … {last}")
+    }
+}
+
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(file) = &self.file {
@@ -41,11 +61,10 @@ impl fmt::Display for Problem {
                 None => f.write_str(" ")?,
             }
         }
-        if self.key.is_empty() {
-            f.write_str(&self.message)
-        } else {
-            write!(f, "{}: {}", self.key, self.message)
+        if !self.key.is_empty() {
+            write!(f, "{}: ", Shortened(&self.key))?;
         }
+        write!(f, "{}", Shortened(&self.message))
     }
 }
 

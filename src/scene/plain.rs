@@ -1,5 +1,5 @@
-//! What holds for every value of a scene, whatever its key: numbers are finite and texts can be printed. It must not
-//! know keys, so that it knows those of tomorrow too.
+//! What holds for every value of a scene, whatever its key: numbers are finite and texts can be printed. It knows no keys
+//! but the bounds of boxes, which may be infinite and are checked where they are defined, so that it holds for new keys.
 
 use serde_json::Value;
 
@@ -17,6 +17,7 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
 
 fn walk(value: &Value, key: &str, problems: &mut Vec<Problem>) {
     match value {
+        Value::Null if key.contains(".box.min[") || key.contains(".box.max[") => {}
         // JSON has no name for nan and infinities, and serde_json writes null. Keys without a value are left out.
         Value::Null => problems.push(Problem::new(key, "must be a finite number, is nan or infinite")),
         Value::String(text) => {

@@ -34,10 +34,35 @@ pub struct Selection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BoxRegion {
-    /// Least coordinates, m.
+    /// Least coordinates, m; -inf along an axis without a lower bound (default: along all axes).
+    #[serde(default = "BoxRegion::without_min")]
     pub min: [f64; 3],
-    /// Greatest coordinates, m.
+    /// Greatest coordinates, m; inf along an axis without an upper bound (default: along all axes).
+    #[serde(default = "BoxRegion::without_max")]
     pub max: [f64; 3],
+}
+
+impl BoxRegion {
+    fn without_min() -> [f64; 3] {
+        [f64::NEG_INFINITY; 3]
+    }
+
+    fn without_max() -> [f64; 3] {
+        [f64::INFINITY; 3]
+    }
+
+    /// What is wrong with its bounds.
+    fn problem(&self) -> Option<String> {
+        let Self { min, max } = self;
+        if let Some(k) = (0..3).find(|&k| min[k] == f64::INFINITY || max[k] == f64::NEG_INFINITY) {
+            let axis = ["x", "y", "z"][k];
+            return Some(format!(
+                "holds nothing along {axis}: only -inf in `min` and inf in `max` leave a box open"
+            ));
+        }
+        let is_ordered = (0..3).all(|k| min[k] <= max[k]);
+        (!is_ordered).then(|| "`min` must not exceed `max`, and neither may be nan".to_owned())
+    }
 }
 
 /// A plane that selects the nodes at rest on it.
@@ -69,7 +94,7 @@ impl Selection {
         Self { region: Some(region.into()), ..Self::default() }
     }
 
-    /// The nodes at rest in a box.
+    /// The nodes at rest in a box; infinite bounds leave it open.
     pub fn within(min: [f64; 3], max: [f64; 3]) -> Self {
         Self { within: Some(BoxRegion { min, max }), ..Self::default() }
     }
@@ -125,11 +150,7 @@ impl Selection {
             1 => {}
             _ => problems.push(("", format!("give only one of {}", names.join(", ")))),
         }
-        if let Some(BoxRegion { min, max }) = &self.within
-            && !(0..3).all(|k| min[k] <= max[k])
-        {
-            problems.push(("box", "`min` must not exceed `max`".to_owned()));
-        }
+        problems.extend(self.within.as_ref().and_then(BoxRegion::problem).map(|message| ("box", message)));
         if let Some(PlaneRegion { point, normal, distance }) = &self.plane {
             let is_finite = point.iter().chain(normal).all(|value| value.is_finite());
             if !is_finite || *normal == [0.0; 3] {

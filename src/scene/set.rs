@@ -41,7 +41,11 @@ fn assign(root: &mut Item, path: &str, value: &str) -> Result<(), String> {
                 Some(count) if index < count => &mut item[index],
                 Some(1) => return Err(format!("there is only `{here}[0]`")),
                 Some(count) => return Err(format!("there are {count} of `{here}`, from `{here}[0]` on")),
-                None if item.is_none() => return Err(format!("there is no `{here}` in the scene")),
+                None if item.is_none() => {
+                    return Err(format!(
+                        "there is no `{here}` in the scene; set the whole of it, `{here}=…`"
+                    ));
+                }
                 None => return Err(format!("`{here}` is no list")),
             },
             Step::Key(name) => {
