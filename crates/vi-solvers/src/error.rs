@@ -162,6 +162,18 @@ pub enum SolverError {
         /// Load factor asked for.
         end: f64,
     },
+    /// A term does not allow the body to move as far as an increment of the load asks, for example because it would
+    /// pass through another body.
+    #[error(
+        "a term allows {part} of the way to load factor {load_factor} and no more; take smaller increments \
+         (`static.increment`)"
+    )]
+    Blocked {
+        /// Load factor that was asked for.
+        load_factor: f64,
+        /// Part of the way that is allowed, below 1.
+        part: f64,
+    },
     /// No equilibrium was found with the value that controls the path, however little that changes.
     #[error(
         "the path of equilibria cannot be followed beyond load factor {load_factor}: a change of the controlled \

@@ -4,7 +4,7 @@ mod forces;
 
 use forces::Linear;
 use vi_core::problems::{Jet, Term};
-use vi_core::{Coordinates, HessianKind, Potential, State, Stencils, System, Traits};
+use vi_core::{Coordinates, HessianKind, Path, Potential, Prescribed, State, Stencils, System, Traits};
 use vi_solvers::{
     CriticalKind, PathControl, PathFunction, SolverError, StaticOptions, equilibrium, equilibrium_path,
     path_following,
@@ -40,6 +40,123 @@ impl<U: Fn(f64) -> [f64; 3] + Send + Sync> Potential for Loaded<U> {
 fn one(potential: impl Potential + 'static) -> (System, State) {
     let system = System::new(vec![1.0], vec![Box::new(potential)], Coordinates::all_free(1)).unwrap();
     (system, State { t: 0.0, q: vec![0.0], p: vec![0.0] })
+}
+
+/// A wall at x = 0 as a user writes it, V = k (d − |x|)³/|x| where |x| < d: infinite at the wall, and nothing on its
+/// other side. `largest_step` keeps the point on its side.
+struct Wall {
+    distance: f64,
+    stiffness: f64,
+}
+
+impl Wall {
+    /// V, V′ and V″ at x.
+    fn jet(&self, x: f64) -> [f64; 3] {
+        let (k, d, size, sign) = (self.stiffness, self.distance, x.abs(), x.signum());
+        let q = d - size;
+        if q <= 0.0 {
+            return [0.0; 3];
+        }
+        let slope = -3.0 * q * q / size - q.powi(3) / (size * size);
+        let curvature = 6.0 * q / size + 6.0 * q * q / (size * size) + 2.0 * q.powi(3) / size.powi(3);
+        [k * q.powi(3) / size, k * sign * slope, k * curvature]
+    }
+}
+
+impl Potential for Wall {
+    fn name(&self) -> &str {
+        "wall"
+    }
+    fn account(&self) -> vi_core::Account {
+        vi_core::Account::Contact
+    }
+    fn stencils(&self) -> Stencils<'_> {
+        Stencils { arity: 1, block: 1, nodes: &[0] }
+    }
+    fn traits(&self) -> Traits {
+        Traits { hessian: HessianKind::Varying, time_dependent: false }
+    }
+    fn energies(&self, _: std::ops::Range<usize>, x: &[f64], _: f64, out: &mut [f64]) {
+        out[0] = self.jet(x[0])[0];
+    }
+    fn gradients(&self, _: std::ops::Range<usize>, x: &[f64], _: f64, out: &mut [f64]) {
+        out[0] = self.jet(x[0])[1];
+    }
+    fn hessians(&self, _: std::ops::Range<usize>, x: &[f64], _: f64, out: &mut [f64]) {
+        out[0] = self.jet(x[0])[2];
+    }
+    fn limits_steps(&self) -> bool {
+        true
+    }
+    fn largest_step(&self, x: &[f64], dx: &[f64]) -> f64 {
+        // A tenth of the way to the wall is left.
+        let left = 1.0 + dx[0] / x[0];
+        if left < 0.1 { 0.9 / (1.0 - left) } else { 1.0 }
+    }
+}
+
+/// A spring of stiffness 1 that a load P t pulls beyond the wall: the point stays on its side, in balance. Without the
+/// wall's word the first Newton step ends on the other side, where the wall has no force.
+#[test]
+fn a_point_that_is_pulled_against_a_wall_stays_on_its_side() {
+    for (load, increment) in [(3.0, 1.0), (3.0, 0.1), (1e3, 1.0), (1e3, 0.3)] {
+        let spring = Loaded(|x: f64| [0.5 * (x - 1.0).powi(2), x - 1.0, 1.0], -load);
+        let wall = Wall { distance: 0.1, stiffness: 0.2 };
+        let terms: Vec<Box<dyn Potential>> = vec![Box::new(spring), Box::new(wall)];
+        let system = System::new(vec![1.0], terms, Coordinates::all_free(1)).unwrap();
+        for arc_steps in [None, Some(200)] {
+            let mut state = State { t: 0.0, q: vec![1.0], p: vec![0.0] };
+            let largest_increment = increment;
+            let options = StaticOptions {
+                increment,
+                largest_increment,
+                arc_steps,
+                tolerance: 1e-12,
+                ..Default::default()
+            };
+            let report = equilibrium_path(&system, &mut state, &options, &mut |state, _| {
+                assert!(state.q[0] > 0.0, "{load} {increment}: {state:?}");
+                true
+            });
+            let report = report.unwrap();
+            let x = state.q[0];
+            let force = (x - 1.0) + load + Wall { distance: 0.1, stiffness: 0.2 }.jet(x)[1];
+            assert!(force.abs() < 1e-7 * load, "{load} {increment}: {force} at {x}");
+            assert!(report.is_stable() && report.critical.is_empty());
+        }
+    }
+}
+
+/// A point on a spring whose other end, a support, moves through the wall: the point stays on its side.
+#[test]
+fn a_point_that_a_support_drags_against_a_wall_stays_on_its_side() {
+    struct Line;
+    impl Path for Line {
+        fn position(&self, t: f64, out: &mut [f64]) {
+            out[0] = 1.0 - 3.0 * t;
+        }
+        fn velocity(&self, _: f64, out: &mut [f64]) {
+            out[0] = -3.0;
+        }
+    }
+    let spring = |_: usize, x: &[f64; 2]| {
+        let stretch = x[0] - x[1];
+        Jet {
+            energy: 0.5 * stretch * stretch,
+            gradient: [stretch, -stretch],
+            hessian: [[1.0, -1.0], [-1.0, 1.0]],
+        }
+    };
+    let spring =
+        Term { name: "spring", block: 1, nodes: vec![0, 1], hessian: HessianKind::Constant, jet: spring };
+    let terms: Vec<Box<dyn Potential>> =
+        vec![Box::new(spring), Box::new(Wall { distance: 0.1, stiffness: 0.2 })];
+    let support = Prescribed { dofs: vec![1], path: Box::new(Line) };
+    let system = System::new(vec![1.0; 2], terms, Coordinates::new(2, vec![support]).unwrap()).unwrap();
+    let mut state = State { t: 0.0, q: vec![1.0], p: vec![0.0] };
+    equilibrium(&system, &mut state, &StaticOptions::default()).unwrap();
+    let x = state.q[0];
+    assert!(x > 0.0 && (x + 2.0 + Wall { distance: 0.1, stiffness: 0.2 }.jet(x)[1]).abs() < 1e-7);
 }
 
 /// A shallow arch of two bars, V = ((1 − w)² − 1)²/2 of the sag w: it snaps at P = 4/(3√3).

@@ -109,6 +109,19 @@ impl Assembler {
         }
     }
 
+    /// Must a term be asked how far the body may move? Without such terms [`Assembler::largest_step`] is 1.
+    pub(crate) fn limits_steps(&self) -> bool {
+        self.live.is_some() || self.terms().fixed().iter().any(|term| term.limits_steps())
+    }
+
+    /// The largest part of the change `dx` from x that all terms allow, in (0, 1]. Terms that act by a discrete
+    /// gradient are asked for `end` = (end of the step, its change) instead, if that is given.
+    pub(crate) fn largest_step(&mut self, x: &[f64], dx: &[f64], end: Option<[&[f64]; 2]>) -> f64 {
+        let fixed = self.terms().fixed().iter().filter(|term| term.limits_steps());
+        let fixed = fixed.map(|term| term.largest_step(x, dx)).fold(1.0, f64::min);
+        fixed.min(self.live.as_mut().map_or(1.0, |live| live.largest_step(x, dx, end)))
+    }
+
     /// Σ V_e F̄_e (m³, row-major) over the stencils around each node; false where no term has it.
     pub fn mean_deformations(&mut self, x: &[f64], out: &mut [[f64; 9]]) -> bool {
         self.fixed.mean_deformations(x, out)

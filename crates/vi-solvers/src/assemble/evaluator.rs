@@ -100,23 +100,14 @@ impl Evaluator {
         self.assembler.live().is_some_and(|live| live.has_discrete())
     }
 
-    /// Is any term to be asked how far a correction may go?
-    pub(crate) fn may_limit_steps(&mut self, system: &System) -> bool {
-        self.has_live() || system.potentials().iter().any(|term| term.limits_steps())
+    /// As [`Assembler::limits_steps`].
+    pub(crate) fn limits_steps(&self) -> bool {
+        self.assembler.limits_steps()
     }
 
-    /// The largest part of a correction that the terms allow, which changes x by `dx` from the last configuration;
-    /// for discrete gradients (end, change) is the end of the step and its change.
-    pub(crate) fn largest_step(
-        &mut self,
-        system: &System,
-        x: &[f64],
-        dx: &[f64],
-        end: Option<[&[f64]; 2]>,
-    ) -> f64 {
-        let fixed = system.potentials().iter().filter(|term| term.limits_steps());
-        let fixed = fixed.map(|term| term.largest_step(x, dx)).fold(1.0, f64::min);
-        fixed.min(self.assembler.live().map_or(1.0, |live| live.largest_step(x, dx, end)))
+    /// As [`Assembler::largest_step`].
+    pub(crate) fn largest_step(&mut self, x: &[f64], dx: &[f64], end: Option<[&[f64]; 2]>) -> f64 {
+        self.assembler.largest_step(x, dx, end)
     }
 
     /// Where the stencils of live terms come from.

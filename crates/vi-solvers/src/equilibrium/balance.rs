@@ -1,7 +1,7 @@
 //! The balance of a body at a load factor: residual, energy, tangent and its factor.
 //! It must not know how an equilibrium is searched for.
 
-use vi_core::System;
+use vi_core::{State, System};
 
 use crate::assemble::assembler::Assembler;
 use crate::assemble::force_sum::ForceSum;
@@ -93,6 +93,33 @@ impl<'a> Balance<'a> {
         self.system.coordinates().restrict(&self.gradient, out);
         out.iter_mut().zip(&self.held).for_each(|(out, held)| *out -= held);
         Ok(())
+    }
+
+    /// The largest part of the change `dq` from (q, t) that the terms allow, in (0, 1].
+    pub(crate) fn largest_step(&mut self, q: &[f64], t: f64, dq: &[f64]) -> f64 {
+        if !self.assembler.limits_steps() {
+            return 1.0;
+        }
+        let mut dx = vec![0.0; self.x.len()];
+        self.system.coordinates().embed_change(dq, &mut dx);
+        self.go_to(q, t);
+        self.assembler.largest_step(&self.x, &dx, None)
+    }
+
+    /// Do the terms allow the body to go straight from `from` to (q, t), its prescribed coordinates with it?
+    ///
+    /// # Errors
+    /// [`SolverError::Blocked`].
+    pub(crate) fn check_move(&mut self, from: &State, q: &[f64], t: f64) -> Result<(), SolverError> {
+        if !self.assembler.limits_steps() {
+            return Ok(());
+        }
+        let mut dx = vec![0.0; self.x.len()];
+        self.system.coordinates().embed(q, t, &mut dx);
+        self.go_to(&from.q, from.t);
+        dx.iter_mut().zip(&self.x).for_each(|(dx, x)| *dx -= x);
+        let part = self.assembler.largest_step(&self.x, &dx, None);
+        if part < 1.0 { Err(SolverError::Blocked { load_factor: t, part }) } else { Ok(()) }
     }
 
     /// V(q, t), J; infinite outside the domain of a term.

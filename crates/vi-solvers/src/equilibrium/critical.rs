@@ -40,7 +40,9 @@ impl Search<'_> {
                 q[k] = before.q[k] + along * (after.q[k] - before.q[k]);
             }
             let mut stop = self.stop;
-            if newton::solve(&mut self.balance, &mut q, t, &mut stop).is_err() {
+            let is_found = self.balance.check_move(before, &q, t).is_ok()
+                && newton::solve(&mut self.balance, &mut q, t, &mut stop).is_ok();
+            if !is_found {
                 break;
             }
             let (value, _) = lowest(&mut self.balance, &q, t)?;
@@ -85,8 +87,10 @@ impl Search<'_> {
         let (_, mode) = lowest(&mut self.balance, &state.q, state.t)?;
         let largest = vectors::max_abs(mode.len(), |k| mode[k]);
         let mut q = state.q.clone();
-        for (q, mode) in q.iter_mut().zip(&mode) {
-            *q += push * mode / largest;
+        let step: Vec<f64> = mode.iter().map(|mode| push * mode / largest).collect();
+        let longest = self.balance.largest_step(&q, state.t, &step);
+        for (q, step) in q.iter_mut().zip(&step) {
+            *q += longest * step;
         }
         let mut stop = newton::Stop { max_iterations: 10 * self.stop.max_iterations, ..self.stop };
         newton::solve(&mut self.balance, &mut q, state.t, &mut stop)?;

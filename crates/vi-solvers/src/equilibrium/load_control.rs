@@ -6,10 +6,11 @@ use vi_core::{State, System};
 use crate::assemble::finite::check_state;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::refuse_constraints;
+use crate::equilibrium::critical;
+use crate::equilibrium::newton::{self, Solved, Stop};
 use crate::equilibrium::options::{LoadStep, StaticOptions, StaticReport};
 use crate::equilibrium::path::follow;
 use crate::equilibrium::search::Search;
-use crate::equilibrium::{critical, newton};
 use crate::error::SolverError;
 use crate::vectors;
 
@@ -79,12 +80,12 @@ impl Search<'_> {
                 q[k] = state.q[k] + if has_velocity { (t - state.t) * velocity[k] } else { 0.0 };
             }
             let mut stop = self.stop;
-            let mut result = newton::solve(&mut self.balance, &mut q, t, &mut stop);
+            let mut result = self.solve_at(state, &mut q, t, &mut stop);
             if result.is_err() && has_velocity {
                 // Perhaps the prediction was at fault.
                 q.copy_from_slice(&state.q);
                 stop = self.stop;
-                result = newton::solve(&mut self.balance, &mut q, t, &mut stop);
+                result = self.solve_at(state, &mut q, t, &mut stop);
             }
             let tried = (t - state.t).abs();
             let was_stable = self.report.steps.last().is_none_or(|step| step.is_stable);
@@ -99,7 +100,7 @@ impl Search<'_> {
                     increment = 0.25 * tried * span.signum();
                     self.report.halvings += 1;
                 }
-                Ok(newton::Solved { iterations, .. }) => {
+                Ok(Solved { iterations, .. }) => {
                     last_rate = rate;
                     self.stop.scale = stop.scale;
                     let before =
@@ -143,6 +144,18 @@ impl Search<'_> {
                 }
             }
         }
+    }
+
+    /// Solves at load factor t with `q` as the first guess, if the body may go there straight from `state`.
+    fn solve_at(
+        &mut self,
+        state: &State,
+        q: &mut [f64],
+        t: f64,
+        stop: &mut Stop,
+    ) -> Result<Solved, SolverError> {
+        self.balance.check_move(state, q, t)?;
+        newton::solve(&mut self.balance, q, t, stop)
     }
 
     /// The increment at which a step across an indefinite tangent is accepted.

@@ -1,5 +1,5 @@
 //! Newton's method for an equilibrium at a fixed load factor: energy line search, projection where
-//! the tangent has no Cholesky factor, stop in the energy norm. It must not know load steps.
+//! the tangent has no Cholesky factor, stop in the energy norm. Terms are asked how far a step may go before it is taken.
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::Balance;
@@ -89,11 +89,12 @@ pub(crate) fn solve(
         }
         let relative = stop.relative(decrement);
         let is_round_off = relative < ROUND_OFF_BELOW && relative > 0.3 * last;
-        let is_done = relative <= stop.tolerance || is_round_off;
+        let longest = balance.largest_step(q, t, &step);
+        let is_done = longest == 1.0 && (relative <= stop.tolerance || is_round_off);
         last = relative;
         if is_done || relative < WHOLE_STEPS_BELOW {
             for (q, step) in q.iter_mut().zip(&step) {
-                *q += step;
+                *q += longest * step;
             }
             balance.residual(q, t, &mut r)?;
             if is_done {
@@ -101,7 +102,7 @@ pub(crate) fn solve(
             }
             continue;
         }
-        line_search(balance, q, t, &step, &mut r, &mut trial)?;
+        line_search(balance, q, t, (&step, longest), &mut r, &mut trial)?;
     }
     Err(SolverError::NoConvergence {
         iterations: stop.max_iterations,
@@ -110,12 +111,12 @@ pub(crate) fn solve(
     })
 }
 
-/// Moves `q` along `step` as far as it pays, and evaluates the residual there.
+/// Moves `q` along `step` as far as it pays, at most the `longest` part of it, and evaluates the residual there.
 fn line_search(
     balance: &mut Balance,
     q: &mut [f64],
     t: f64,
-    step: &[f64],
+    (step, longest): (&[f64], f64),
     r: &mut [f64],
     trial: &mut [f64],
 ) -> Result<(), SolverError> {
@@ -123,7 +124,7 @@ fn line_search(
     let slope = vectors::sum(q.len(), |k| step[k] * r[k]);
     let energy = if balance.is_conservative() { balance.energy(q, t) } else { 0.0 };
     let noise = 1e-14 * energy.abs();
-    let mut length = 1.0;
+    let mut length = longest;
     let mut failure = SolverError::NoConvergence { iterations: 0, residual: 1.0, tolerance: 0.0 };
     for _ in 0..TRIALS {
         balance.work.line_searches += 1;

@@ -48,8 +48,10 @@ fn follow(
         slope.iter_mut().zip(unbalanced).for_each(|(slope, r)| *slope = -r);
         let is_predicted = balance.factorize(q, t, HessianEvaluation::Exact, 0.0)?.is_ok()
             && balance.solve(&mut slope).is_ok();
+        slope.iter_mut().for_each(|slope| *slope *= next - s);
+        let is_predicted = is_predicted && balance.largest_step(q, t, &slope) == 1.0;
         for (trial, (q, slope)) in trial.iter_mut().zip(q.iter().zip(&slope)) {
-            *trial = q + if is_predicted { (next - s) * slope } else { 0.0 };
+            *trial = q + if is_predicted { *slope } else { 0.0 };
         }
         let mut result = newton::solve(balance, &mut trial, t, &mut { *stop });
         if result.is_err() && is_predicted {

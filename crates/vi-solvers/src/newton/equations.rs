@@ -73,7 +73,7 @@ impl<E: Equations> Solve<'_, E> {
     /// Sets the unknowns to those of a start, or as near to it as the terms allow.
     pub(super) fn start(&mut self, start: Start) {
         self.equations.start(start);
-        if self.evaluator.may_limit_steps(self.system) {
+        if self.evaluator.limits_steps() {
             self.equations.shorten_start(self.system, self.evaluator);
         }
     }
@@ -96,7 +96,7 @@ impl<E: Equations> Solve<'_, E> {
 
     /// The largest part of the last correction that the terms allow.
     pub(super) fn largest_step(&mut self) -> f64 {
-        match self.evaluator.may_limit_steps(self.system) {
+        match self.evaluator.limits_steps() {
             true => self.equations.largest_step(self.system, self.evaluator),
             false => 1.0,
         }

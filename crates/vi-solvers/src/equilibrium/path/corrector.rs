@@ -31,6 +31,7 @@ impl Path {
         length: f64,
     ) -> Result<u32, SolverError> {
         let n = from.q.len();
+        search.balance.check_move(from, &trial.q, trial.t)?;
         let squared = self.psi * self.psi;
         let mut r = vec![0.0; n];
         let mut last = f64::INFINITY;
@@ -68,10 +69,14 @@ impl Path {
                 last = relative;
                 break;
             }
+            let longest = search.balance.largest_step(&trial.q, trial.t, &change);
             for (q, change) in trial.q.iter_mut().zip(&change) {
-                *q += change;
+                *q += longest * change;
             }
-            trial.t += dt;
+            trial.t += longest * dt;
+            if longest < 1.0 {
+                continue;
+            }
             if relative <= search.options.tolerance || (relative < 1e-6 && relative > 0.3 * last) {
                 return Ok(iteration);
             }

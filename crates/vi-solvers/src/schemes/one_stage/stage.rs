@@ -174,12 +174,12 @@ impl Stage {
         coordinates.embed_change(dq, &mut dx);
         let x = place(&self.q, self.t);
         if !rule.takes_discrete_gradients() {
-            return evaluator.largest_step(system, &x, &dx, None);
+            return evaluator.largest_step(&x, &dx, None);
         }
         let end: Vec<f64> = (0..self.w.len()).map(|k| self.end(k)).collect();
         let x_end = place(&end, self.start_t + self.h);
         let dx_end: Vec<f64> = dx.iter().map(|dx| 2.0 * dx).collect();
-        evaluator.largest_step(system, &x, &dx, Some([&x_end, &dx_end]))
+        evaluator.largest_step(&x, &dx, Some([&x_end, &dx_end]))
     }
 
     /// Tells the forces without a potential how fast the stage moves.
