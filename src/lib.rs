@@ -15,7 +15,7 @@ mod chart;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod model;
-pub(crate) mod record;
+pub mod record;
 pub mod run;
 pub mod scene;
 pub mod simulation;

@@ -139,6 +139,89 @@ impl Record for PathBuf {
     }
 }
 
+/// Bytes that are a record of their own.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(crate) struct Bytes(pub(crate) Vec<u8>);
+
+impl Bytes {
+    /// The bytes of a value.
+    pub(crate) fn of(value: &impl Record) -> Self {
+        let mut bytes = Vec::new();
+        value.write(&mut bytes);
+        Self(bytes)
+    }
+
+    /// The value that these are the bytes of.
+    pub(crate) fn value<T: Record>(&self) -> Result<T, Damage> {
+        let mut source = Source::new(&self.0);
+        let value = T::read(&mut source)?;
+        if source.left() > 0 {
+            return Err(source.damage("there is more than one record"));
+        }
+        Ok(value)
+    }
+}
+
+impl Record for Bytes {
+    const SIZE: usize = 8;
+    fn write(&self, out: &mut Vec<u8>) {
+        (self.0.len() as u64).write(out);
+        out.extend_from_slice(&self.0);
+    }
+    fn read(from: &mut Source<'_>) -> Result<Self, Damage> {
+        let length = from.length(1)?;
+        Ok(Self(from.take(length)?.to_vec()))
+    }
+}
+
+/// A value as a file of its own: 8 bytes of magic, the number of the format, the length of the record, the record, and
+/// the CRC-32 of all before it.
+pub(crate) fn seal(magic: &[u8; 8], format: u64, value: &impl Record) -> Vec<u8> {
+    let mut bytes = magic.to_vec();
+    format.write(&mut bytes);
+    Bytes::of(value).write(&mut bytes);
+    let sum = crc32fast::hash(&bytes);
+    bytes.extend_from_slice(&sum.to_le_bytes());
+    bytes
+}
+
+/// The value that [`seal`] made these bytes of.
+pub(crate) fn unseal<T: Record>(magic: &[u8; 8], format: u64, bytes: &[u8]) -> Result<T, Damage> {
+    let damage = |what: String| Damage { at: 0, what };
+    let (head, sum) = split_sum(bytes).ok_or_else(|| damage("it is empty".to_owned()))?;
+    let Some(rest) = head.strip_prefix(magic) else {
+        return Err(damage(format!("it does not begin with {}", magic.escape_ascii())));
+    };
+    let mut source = Source::new(rest);
+    let found = u64::read(&mut source)?;
+    if found != format {
+        return Err(damage(format!("it has format {found}, this version of the program reads {format}")));
+    }
+    let length = u64::read(&mut source)?;
+    if length != source.left() as u64 {
+        return Err(damage(format!("{length} bytes were written, {} are there", source.left())));
+    }
+    if crc32fast::hash(head).to_le_bytes() != sum {
+        return Err(damage("its checksum is wrong".to_owned()));
+    }
+    let value = T::read(&mut source)?;
+    if source.left() > 0 {
+        return Err(source.damage("there is more than one record"));
+    }
+    Ok(value)
+}
+
+/// The format of sealed bytes, if they are those that were written.
+pub(crate) fn format_of(magic: &[u8; 8], bytes: &[u8]) -> Option<u64> {
+    let (head, sum) = split_sum(bytes)?;
+    let mut source = Source::new(head.strip_prefix(magic)?);
+    (crc32fast::hash(head).to_le_bytes() == sum).then(|| u64::read(&mut source).ok()).flatten()
+}
+
+fn split_sum(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    bytes.split_at_checked(bytes.len().checked_sub(4)?)
+}
+
 impl<T: Record> Record for Vec<T> {
     const SIZE: usize = 8;
     fn write(&self, out: &mut Vec<u8>) {

@@ -1,19 +1,14 @@
-//! A run between two steps as one value, from which it continues bit for bit, and the bytes of its file.
-//! It must not know how a run steps, nor where files lie: that is `store.rs`.
+//! A run between two steps as one value, from which it continues bit for bit: the simulation, and the snapshots of all
+//! observers. `store.rs` knows where its files lie.
 //!
-//! A file is: 8 bytes of magic, the format's number, the length of the record, the record
-//! (`record.rs`), and the CRC-32 of all before it. Numbers are little-endian, reals 64 bits. Only the record changes
-//! from format to format, so that every version knows a file of a newer one.
+//! A file is a sealed record (`record.rs`). Only the record changes from format to format, so that every version
+//! recognises a file of a newer one.
 
 mod store;
 
 use std::path::{Path, PathBuf};
 
-pub use crate::record::Damage;
-use crate::record::{Record, Source, record};
-use crate::run::Course;
-use crate::run::estimate::{Companions, ProbeEstimate};
-use crate::run::guard::GuardEvent;
+use crate::record::{self, Bytes, Damage, record};
 use crate::scene::{Scene, SchemeName};
 use crate::simulation::Snapshot;
 pub use store::{Found, newest};
@@ -21,7 +16,7 @@ pub(crate) use store::{Store, is_file_name};
 
 const MAGIC: &[u8; 8] = b"VI-CHECK";
 /// Changes with every change of the record.
-const FORMAT: u64 = 4;
+const FORMAT: u64 = 5;
 
 /// Why a run cannot continue.
 #[derive(Debug, thiserror::Error)]
@@ -95,22 +90,22 @@ pub struct Origin {
     pub(crate) auto: String,
 }
 
+/// The snapshots of the observers of a run, by their names.
+pub(crate) type Snapshots = Vec<(String, Bytes)>;
+
 /// A run between two steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
     /// What was run.
     pub origin: Origin,
     pub(crate) simulation: Snapshot,
-    pub(crate) companions: Companions,
-    pub(crate) course: Course,
-    pub(crate) pitch: (Vec<f64>, Vec<Vec<f64>>),
-    pub(crate) estimates: Vec<ProbeEstimate>,
-    pub(crate) events: Vec<GuardEvent>,
-    pub(crate) frames: Vec<(f64, String)>,
+    /// Bytes of history.csv at this point.
+    pub(crate) history_bytes: u64,
+    pub(crate) observers: Snapshots,
     /// What was found on the way, e.g. limit points.
     pub(crate) findings: Vec<String>,
-    /// Seconds of set-up, stepping, output and estimating so far.
-    pub(crate) seconds: [f64; 4],
+    /// Seconds of set-up, stepping and output so far.
+    pub(crate) seconds: [f64; 3],
 }
 
 record!(Origin {
@@ -125,14 +120,10 @@ record!(Origin {
 record!(Checkpoint {
     origin: Origin,
     simulation: Snapshot,
-    companions: Companions,
-    course: Course,
-    pitch: (Vec<f64>, Vec<Vec<f64>>),
-    estimates: Vec<ProbeEstimate>,
-    events: Vec<GuardEvent>,
-    frames: Vec<(f64, String)>,
+    history_bytes: u64,
+    observers: Snapshots,
     findings: Vec<String>,
-    seconds: [f64; 4],
+    seconds: [f64; 3],
 });
 
 impl Checkpoint {
@@ -143,15 +134,7 @@ impl Checkpoint {
 
     /// The bytes of its file.
     pub fn encode(&self) -> Vec<u8> {
-        let mut bytes = MAGIC.to_vec();
-        FORMAT.write(&mut bytes);
-        let mut body = Vec::new();
-        self.write(&mut body);
-        (body.len() as u64).write(&mut bytes);
-        bytes.append(&mut body);
-        let sum = crc32fast::hash(&bytes);
-        bytes.extend_from_slice(&sum.to_le_bytes());
-        bytes
+        record::seal(MAGIC, FORMAT, self)
     }
 
     /// Reads the bytes of a file.
@@ -159,38 +142,8 @@ impl Checkpoint {
     /// # Errors
     /// [`Damage`] where they are not those that were written.
     pub fn decode(bytes: &[u8]) -> Result<Self, Damage> {
-        let damage = |what: &str| Damage { at: 0, what: what.to_owned() };
-        let (head, sum) = bytes.split_at_checked(bytes.len().wrapping_sub(4)).ok_or(damage("it is empty"))?;
-        let Some(head_rest) = head.strip_prefix(MAGIC) else {
-            return Err(damage("it is no checkpoint"));
-        };
-        let mut source = Source::new(head_rest);
-        let format = u64::read(&mut source)?;
-        if format != FORMAT {
-            return Err(damage(&format!(
-                "it has format {format}, this version of the program reads {FORMAT}"
-            )));
-        }
-        let length = u64::read(&mut source)?;
-        if length != source.left() as u64 {
-            return Err(damage(&format!("{length} bytes were written, {} are there", source.left())));
-        }
-        if crc32fast::hash(head).to_le_bytes() != sum {
-            return Err(damage("its checksum is wrong"));
-        }
-        let checkpoint = Self::read(&mut source)?;
-        if source.left() > 0 {
-            return Err(source.damage("there is more than one record"));
-        }
-        Ok(checkpoint)
+        record::unseal(MAGIC, FORMAT, bytes)
     }
-}
-
-/// The format of a checkpoint file, if its bytes are those that were written.
-fn format_of(bytes: &[u8]) -> Option<u64> {
-    let (head, sum) = bytes.split_at_checked(bytes.len().checked_sub(4)?)?;
-    let mut source = Source::new(head.strip_prefix(MAGIC)?);
-    (crc32fast::hash(head).to_le_bytes() == sum).then(|| u64::read(&mut source).ok()).flatten()
 }
 
 impl Origin {

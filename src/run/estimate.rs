@@ -15,12 +15,17 @@
 //! the formal order, and for 1 where the differences do not fall. References of implicit schemes solve their
 //! equations 100 times as tightly, so that what the run's own solver leaves is part of the error.
 
+use std::time::Instant;
+
 use serde::Serialize;
+use serde_json::json;
 
-use vi_solvers::SolverError;
-
+use super::checkpoint::CheckpointError;
+use super::error::RunError;
+use super::observer::{Observer, Purpose, Sight};
+use super::report::Report;
 use crate::auto::trial::Choice;
-use crate::record::record;
+use crate::record::{Bytes, record};
 use crate::scene::{Problem, SchemeName};
 use crate::simulation::stability::highest;
 use crate::simulation::{ProbeValue, Simulation, Snapshot};
@@ -36,13 +41,15 @@ pub struct ProbeEstimate {
 
 record!(ProbeEstimate { error: [f64; 3], observed_order: Option<f64> });
 
-/// The companions of a run between two steps; `None` for a companion that the scheme does not need or that failed.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Companions {
+/// An estimator between two steps of the run; `None` for a companion that the scheme does not need or that failed.
+struct Companions {
     double: Option<Snapshot>,
     half: Option<Snapshot>,
     shadow: Option<Snapshot>,
     notes: Vec<String>,
+    latest: Vec<ProbeEstimate>,
+    /// `None` where they are those that the estimator holds: time passes even if the run goes back.
+    seconds: Option<f64>,
 }
 
 record!(Companions {
@@ -50,6 +57,8 @@ record!(Companions {
     half: Option<Snapshot>,
     shadow: Option<Snapshot>,
     notes: Vec<String>,
+    latest: Vec<ProbeEstimate>,
+    seconds: Option<f64>,
 });
 
 /// Solver tolerance of companions over that of the run.
@@ -69,6 +78,10 @@ pub struct Estimator {
     stride: u64,
     order: f64,
     notes: Vec<String>,
+    /// The last estimate of each probe.
+    latest: Vec<ProbeEstimate>,
+    /// Time that the companions took, s.
+    seconds: f64,
 }
 
 /// A simulation of the same scene with its own number of steps.
@@ -91,8 +104,17 @@ impl Estimator {
             Simulation::new(scene).map(|simulation| Companion { simulation, steps })
         };
         let can_double = run.steps.is_multiple_of(2);
-        let mut estimator =
-            Self { double: None, half: None, shadow: None, share: 0.0, stride: 1, order, notes: Vec::new() };
+        let mut estimator = Self {
+            double: None,
+            half: None,
+            shadow: None,
+            share: 0.0,
+            stride: 1,
+            order,
+            notes: Vec::new(),
+            latest: Vec::new(),
+            seconds: 0.0,
+        };
         estimator.half = estimator.accept(make(run, [2, 1]));
         if facts.is_explicit {
             let higher = |scheme| Choice { scheme, stages: None, steps: run.steps };
@@ -141,36 +163,13 @@ impl Estimator {
         &self.notes
     }
 
-    /// What the companions are now.
-    pub fn snapshot(&self) -> Companions {
-        let of = |companion: &Option<Companion>| companion.as_ref().map(|c| c.simulation.snapshot());
-        let notes = self.notes.clone();
-        Companions { double: of(&self.double), half: of(&self.half), shadow: of(&self.shadow), notes }
-    }
-
-    /// Makes the companions what those of an equal run were.
-    ///
-    /// # Errors
-    /// As [`Simulation::restore`].
-    pub fn restore(&mut self, was: &Companions) -> Result<(), SolverError> {
-        let pairs =
-            [(&mut self.double, &was.double), (&mut self.half, &was.half), (&mut self.shadow, &was.shadow)];
-        for (companion, was) in pairs {
-            match (companion.as_mut(), was) {
-                (Some(companion), Some(was)) => companion.simulation.restore(was)?,
-                _ => *companion = None,
-            }
-        }
-        self.notes.clone_from(&was.notes);
-        Ok(())
-    }
-
     /// Brings all companions to `step` steps of the run and compares; `None` at a step on which not all of
     /// them land. A companion that fails is left behind, and [`Self::notes`] says so.
     pub fn compare(&mut self, step: u64, probes: &[ProbeValue]) -> Option<Vec<ProbeEstimate>> {
         if !step.is_multiple_of(self.stride) {
             return None;
         }
+        let begin = Instant::now();
         let notes = &mut self.notes;
         let half = advance(&mut self.half, step, notes);
         let shadow = advance(&mut self.shadow, step, notes);
@@ -189,7 +188,10 @@ impl Estimator {
             }
             found
         };
-        Some((0..probes.len()).map(value).collect())
+        let found: Vec<ProbeEstimate> = (0..probes.len()).map(value).collect();
+        self.latest.clone_from(&found);
+        self.seconds += begin.elapsed().as_secs_f64();
+        Some(found)
     }
 
     fn by_shadow(&self, own: Vector, half: Option<Vector>, shadow: Vector) -> ProbeEstimate {
@@ -209,6 +211,55 @@ impl Estimator {
         // Where the order is not seen, no more than order 1 is relied on.
         let share = 2.0_f64.powf(-observed_order.map_or(1.0, |observed| observed.min(self.order)));
         ProbeEstimate { error: difference.map(|value| value.abs() / (1.0 - share)), observed_order }
+    }
+}
+
+impl Observer for Estimator {
+    fn name(&self) -> &'static str {
+        "error estimate"
+    }
+
+    /// The run brings the companions on by [`Estimator::compare`], whose result is a column of the row.
+    fn see(&mut self, _: &Sight<'_>) -> Result<(), RunError> {
+        Ok(())
+    }
+
+    fn snapshot(&self, purpose: Purpose) -> Bytes {
+        let of = |companion: &Option<Companion>| companion.as_ref().map(|c| c.simulation.snapshot());
+        Bytes::of(&Companions {
+            double: of(&self.double),
+            half: of(&self.half),
+            shadow: of(&self.shadow),
+            notes: self.notes.clone(),
+            latest: self.latest.clone(),
+            seconds: (purpose == Purpose::Resume).then_some(self.seconds),
+        })
+    }
+
+    fn restore(&mut self, snapshot: &Bytes) -> Result<(), RunError> {
+        let was: Companions = snapshot.value()?;
+        let pairs =
+            [(&mut self.double, was.double), (&mut self.half, was.half), (&mut self.shadow, was.shadow)];
+        for (companion, was) in pairs {
+            match (companion.as_mut(), was) {
+                (Some(companion), Some(was)) => {
+                    let restored = companion.simulation.restore(&was);
+                    restored.map_err(|error| CheckpointError::Unfit(error.to_string()))?;
+                }
+                _ => *companion = None,
+            }
+        }
+        (self.notes, self.latest) = (was.notes, was.latest);
+        self.seconds = was.seconds.unwrap_or(self.seconds);
+        Ok(())
+    }
+
+    fn report(&self, simulation: &Simulation, report: &mut Report) {
+        report.estimating_seconds = self.seconds;
+        report.notes.extend(self.notes.iter().cloned());
+        for (probe, estimate) in simulation.scene().node_probes().zip(&self.latest) {
+            report.estimate.insert(probe.name.clone(), json!(estimate));
+        }
     }
 }
 

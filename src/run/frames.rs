@@ -6,6 +6,11 @@ use std::path::{Path, PathBuf};
 use vi_fem::{ElementField, nodal_field};
 use vi_io::{CellBlock, CellKind, IoError, PvdSeries, VtuArray, VtuFrame, VtuOptions, VtuValues};
 
+use super::checkpoint::CheckpointError;
+use super::error::RunError;
+use super::observer::{Observer, Purpose, Sight};
+use super::report::Report;
+use crate::record::{Bytes, record};
 use crate::run::surfaces::SurfaceWriter;
 use crate::scene::{Cache, Encoding, Field, Precision, Schedule};
 use crate::simulation::Simulation;
@@ -197,11 +202,6 @@ impl FrameWriter {
         }
     }
 
-    /// What keeps it from continuing after the first `samples` frames: a file, and what is wrong with it.
-    pub(crate) fn obstacle(&self, samples: usize) -> Option<(PathBuf, String)> {
-        self.cache.as_ref()?.obstacle(samples)
-    }
-
     /// Frames written.
     pub(crate) fn count(&self) -> usize {
         self.series.frames().len()
@@ -213,13 +213,14 @@ impl FrameWriter {
     }
 
     /// Continues after these frames of a checkpoint; files of later ones are removed.
-    ///
-    /// # Errors
-    /// Where a file cannot be written or removed.
-    pub(crate) fn resume(&mut self, frames: &[(f64, String)]) -> Result<(), IoError> {
+    fn resume(&mut self, frames: &[(f64, String)]) -> Result<(), RunError> {
+        let obstacle = self.cache.as_ref().and_then(|cache| cache.obstacle(frames.len()));
+        if let Some((file, how)) = obstacle {
+            return Err(CheckpointError::Changed { what: file.display().to_string(), how }.into());
+        }
         // They were on the disk before the checkpoint was written, and may have been moved since.
         self.synced = frames.len();
-        self.keep(frames)
+        Ok(self.keep(frames)?)
     }
 
     fn keep(&mut self, frames: &[(f64, String)]) -> Result<(), IoError> {
@@ -261,10 +262,7 @@ impl FrameWriter {
     }
 
     /// Drops all but the first frames.
-    ///
-    /// # Errors
-    /// Where a file cannot be written or removed.
-    pub(crate) fn truncate(&mut self, count: usize) -> Result<(), IoError> {
+    fn truncate(&mut self, count: usize) -> Result<(), IoError> {
         let kept = self.frames()[..count.min(self.count())].to_vec();
         if kept.len() < self.count() { self.keep(&kept) } else { Ok(()) }
     }
@@ -454,5 +452,45 @@ impl FrameWriter {
             field_data,
         };
         vi_io::write_vtu(&self.directory.join(file), &frame, self.options)
+    }
+}
+
+/// The frames that have been written.
+struct Written {
+    count: u64,
+    /// Time and file of each; `None` where they are those that the writer holds.
+    frames: Option<Vec<(f64, String)>>,
+}
+
+record!(Written { count: u64, frames: Option<Vec<(f64, String)>> });
+
+impl Observer for FrameWriter {
+    fn name(&self) -> &'static str {
+        "frames"
+    }
+
+    fn see(&mut self, sight: &Sight<'_>) -> Result<(), RunError> {
+        if let Sight::Frame(simulation) = sight {
+            self.write(simulation)?;
+        }
+        Ok(())
+    }
+
+    fn snapshot(&self, purpose: Purpose) -> Bytes {
+        let frames = (purpose == Purpose::Resume).then(|| self.frames().to_vec());
+        Bytes::of(&Written { count: self.count() as u64, frames })
+    }
+
+    fn restore(&mut self, snapshot: &Bytes) -> Result<(), RunError> {
+        let Written { count, frames } = snapshot.value()?;
+        match frames {
+            Some(frames) => self.resume(&frames)?,
+            None => self.truncate(count as usize)?,
+        }
+        Ok(())
+    }
+
+    fn report(&self, _: &Simulation, report: &mut Report) {
+        report.frames = self.count();
     }
 }

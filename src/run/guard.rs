@@ -9,9 +9,12 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use vi_core::EnergyLedger;
 
-use crate::record::record;
+use super::error::RunError;
+use super::observer::{Observer, Purpose, Sight};
+use super::report::Report;
+use crate::record::{Bytes, record};
 use crate::scene::{Guard, GuardAction};
-use crate::simulation::Observation;
+use crate::simulation::{Observation, Simulation};
 
 /// Round-off of an energy, relative to the largest part of it.
 const NOISE: f64 = 1e-11;
@@ -48,11 +51,20 @@ pub(crate) struct Growth {
 
 record!(Growth { now: f64, largest: f64, exchange: f64, accepted: f64 });
 
+/// What the guard has seen and done.
+struct Watched {
+    growth: Growth,
+    /// `None` where the events are those that the guard holds: they are told even if the run goes back.
+    events: Option<Vec<GuardEvent>>,
+}
+
+record!(Watched { growth: Growth, events: Option<Vec<GuardEvent>> });
+
 /// Watches the energy of a run.
 pub(crate) struct EnergyGuard {
     pub(crate) rule: Guard,
     pub(crate) growth: Growth,
-    pub(crate) events: Vec<GuardEvent>,
+    events: Vec<GuardEvent>,
     /// Energy below which round-off rules, J.
     resolution: f64,
     /// Steps before it judges: a body that starts from rest has exchanged next to nothing at first, and the
@@ -78,7 +90,7 @@ impl EnergyGuard {
     }
 
     /// Enters an observation and the account of the run until then.
-    pub(crate) fn enter(&mut self, seen: &Observation, ledger: &EnergyLedger) {
+    fn enter(&mut self, seen: &Observation, ledger: &EnergyLedger) {
         let parts = &ledger.parts;
         let work = parts.prescribed + parts.force + parts.damping;
         let given = ledger.initial + parts.prescribed + parts.force - seen.gravity - seen.load;
@@ -126,11 +138,42 @@ impl EnergyGuard {
     }
 
     /// For report.json.
-    pub(crate) fn report(&self) -> Value {
+    fn account(&self) -> Value {
         json!({
             "action": self.rule.action, "bound": self.rule.bound, "growth": self.growth.largest,
             "exchange": self.growth.exchange, "relative_growth": self.relative(),
             "resolution": self.resolution, "exceeded": self.warning().is_some(), "events": self.events,
         })
+    }
+}
+
+impl Observer for EnergyGuard {
+    fn name(&self) -> &'static str {
+        "energy guard"
+    }
+
+    fn see(&mut self, sight: &Sight<'_>) -> Result<(), RunError> {
+        if let Sight::Energies(seen, account) = sight {
+            self.enter(seen, account);
+        }
+        Ok(())
+    }
+
+    fn snapshot(&self, purpose: Purpose) -> Bytes {
+        let events = (purpose == Purpose::Resume).then(|| self.events.clone());
+        Bytes::of(&Watched { growth: self.growth, events })
+    }
+
+    fn restore(&mut self, snapshot: &Bytes) -> Result<(), RunError> {
+        let Watched { growth, events } = snapshot.value()?;
+        self.growth = growth;
+        self.events = events.unwrap_or_else(|| std::mem::take(&mut self.events));
+        Ok(())
+    }
+
+    fn report(&self, _: &Simulation, report: &mut Report) {
+        report.guard = self.account();
+        report.warning = self.warning();
+        report.notes.extend(self.warning());
     }
 }

@@ -5,10 +5,14 @@
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use crate::run::estimate::ProbeEstimate;
-use crate::simulation::Observation;
+use super::error::RunError;
+use super::estimate::ProbeEstimate;
+use super::observer::{Observer, Purpose, Row, Sight};
+use super::report::Report;
+use crate::record::{Bytes, record};
+use crate::simulation::Simulation;
 
 /// Columns that not every run has.
 #[derive(Debug, Clone, Copy, Default)]
@@ -23,11 +27,25 @@ pub(crate) struct Columns {
 
 /// Writes history.csv.
 pub(crate) struct HistoryWriter {
+    path: PathBuf,
     file: BufWriter<File>,
     columns: Columns,
+    written: Written,
+}
+
+/// How far the file goes.
+#[derive(Debug, Clone, Copy, Default)]
+struct Written {
     /// Bytes written so far, in the buffer or in the file.
     bytes: u64,
+    /// The step of the last row.
+    step: u64,
+    /// Since the last row.
+    work: RowWork,
 }
+
+record!(RowWork { iterations: u64, substeps: u64 });
+record!(Written { bytes: u64, step: u64, work: RowWork });
 
 /// Work since the row before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -44,83 +62,80 @@ impl HistoryWriter {
     /// # Errors
     /// Where the file cannot be written.
     pub(crate) fn create(path: &Path, names: &[String], columns: Columns) -> io::Result<Self> {
-        let mut writer = Self { file: BufWriter::new(File::create(path)?), columns, bytes: 0 };
+        let file = BufWriter::new(File::create(path)?);
+        let mut writer = Self { path: path.to_owned(), file, columns, written: Written::default() };
         writer.append(names.join(","))?;
         Ok(writer)
     }
 
-    /// Continues a file after its first `bytes`; what is behind them goes.
+    /// Continues a file after its first `bytes`; [`HistoryWriter::restore`] drops what is behind them.
     ///
     /// # Errors
     /// Where the file cannot be written.
     pub(crate) fn resume(path: &Path, columns: Columns, bytes: u64) -> io::Result<Self> {
         let file = File::options().write(true).open(path)?;
-        let mut writer = Self { file: BufWriter::new(file), columns, bytes };
-        writer.truncate(bytes)?;
-        Ok(writer)
+        let (path, written) = (path.to_owned(), Written { bytes, ..Written::default() });
+        Ok(Self { path, file: BufWriter::new(file), columns, written })
     }
 
     /// Drops what is behind the first `bytes`.
     ///
     /// # Errors
     /// Where the file cannot be written.
-    pub(crate) fn truncate(&mut self, bytes: u64) -> io::Result<()> {
+    fn truncate(&mut self, bytes: u64) -> io::Result<()> {
         self.file.flush()?;
         self.file.get_ref().set_len(bytes)?;
         self.file.seek(SeekFrom::Start(bytes))?;
-        self.bytes = bytes;
         Ok(())
     }
 
-    /// Bytes written so far, when they are on the disk.
+    /// Returns when all bytes written so far are on the disk.
     ///
     /// # Errors
     /// Where the file cannot be written.
-    pub(crate) fn sync(&mut self) -> io::Result<u64> {
+    pub(crate) fn sync(&mut self) -> io::Result<()> {
         self.file.flush()?;
-        self.file.get_ref().sync_data()?;
-        Ok(self.bytes)
+        self.file.get_ref().sync_data()
     }
 
     /// Bytes written so far.
     pub(crate) fn bytes(&self) -> u64 {
-        self.bytes
+        self.written.bytes
     }
 
-    /// Appends one row; `measures` are the values of the columns of that name.
-    ///
-    /// # Errors
-    /// Where the file cannot be written.
-    pub(crate) fn write(
-        &mut self,
-        row: &Observation,
-        measures: &[f64],
-        work: RowWork,
-        estimates: Option<&[ProbeEstimate]>,
-    ) -> io::Result<()> {
-        let mut line = format!("{:.16e}", row.t);
+    /// The step of the last row.
+    pub(crate) fn last_step(&self) -> u64 {
+        self.written.step
+    }
+
+    /// Appends one row.
+    fn write(&mut self, row: &Row<'_>) -> io::Result<()> {
+        let Row { step, seen, measures, estimates } = row;
+        let work = std::mem::take(&mut self.written.work);
+        self.written.step = *step;
+        let mut line = format!("{:.16e}", seen.t);
         let mut number = |value: f64| {
             let _ = write!(line, ",{value:.16e}");
         };
-        let energies = [row.kinetic, row.elastic, row.gravity, row.total()];
-        energies.iter().chain(&row.momentum).chain(&row.angular_momentum).for_each(|&value| number(value));
-        for probe in &row.probes {
+        let energies = [seen.kinetic, seen.elastic, seen.gravity, seen.total()];
+        energies.iter().chain(&seen.momentum).chain(&seen.angular_momentum).for_each(|&value| number(value));
+        for probe in &seen.probes {
             probe.position.iter().chain(&probe.displacement).for_each(|&value| number(value));
         }
         let _ = write!(line, ",{},{}", work.iterations, work.substeps);
         if self.columns.has_loads {
-            let _ = write!(line, ",{:.16e}", row.load);
+            let _ = write!(line, ",{:.16e}", seen.load);
         }
-        for pose in &row.rigids {
+        for pose in &seen.rigids {
             for value in pose.position.iter().chain(&pose.orientation) {
                 let _ = write!(line, ",{value:.16e}");
             }
         }
-        for value in measures {
+        for value in *measures {
             let _ = write!(line, ",{value:.16e}");
         }
         if self.columns.has_estimates {
-            for index in 0..row.probes.len() {
+            for index in 0..seen.probes.len() {
                 match estimates.map(|estimates| estimates[index]) {
                     Some(ProbeEstimate { error: [x, y, z], observed_order }) => {
                         let _ = write!(line, ",{x:.16e},{y:.16e},{z:.16e},");
@@ -133,14 +148,14 @@ impl HistoryWriter {
             }
         }
         if self.columns.has_load_factor {
-            let _ = write!(line, ",{:.16e}", row.load_factor.unwrap_or(f64::NAN));
+            let _ = write!(line, ",{:.16e}", seen.load_factor.unwrap_or(f64::NAN));
         }
         self.append(line)
     }
 
     fn append(&mut self, mut line: String) -> io::Result<()> {
         line.push('\n');
-        self.bytes += line.len() as u64;
+        self.written.bytes += line.len() as u64;
         self.file.write_all(line.as_bytes())
     }
 
@@ -151,4 +166,33 @@ impl HistoryWriter {
     pub(crate) fn flush(&mut self) -> io::Result<()> {
         self.file.flush()
     }
+}
+
+impl Observer for HistoryWriter {
+    fn name(&self) -> &'static str {
+        "history"
+    }
+
+    fn see(&mut self, sight: &Sight<'_>) -> Result<(), RunError> {
+        match sight {
+            Sight::Steps(stepped) => {
+                self.written.work.iterations += stepped.iterations;
+                self.written.work.substeps += stepped.substeps;
+            }
+            Sight::Row(row) => self.write(row).map_err(RunError::output(&self.path))?,
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn snapshot(&self, _: Purpose) -> Bytes {
+        Bytes::of(&self.written)
+    }
+
+    fn restore(&mut self, snapshot: &Bytes) -> Result<(), RunError> {
+        self.written = snapshot.value()?;
+        self.truncate(self.written.bytes).map_err(RunError::output(&self.path))
+    }
+
+    fn report(&self, _: &Simulation, _: &mut Report) {}
 }

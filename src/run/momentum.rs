@@ -1,7 +1,12 @@
 //! How far linear and angular momentum moved over a run, relative to what is in motion.
 //! It must not know why: a fixed node or gravity changes them rightly.
 
-use crate::record::record;
+use serde_json::json;
+
+use super::error::RunError;
+use super::observer::{Observer, Purpose, Sight};
+use super::report::Report;
+use crate::record::{Bytes, record};
 use crate::simulation::{Observation, Simulation};
 
 /// Follows the momenta of a run.
@@ -69,6 +74,38 @@ impl MomentumLedger {
     /// The change of angular momentum over √(2 m T_max) times the greatest coordinate.
     pub fn angular_drift(&self) -> f64 {
         relative(self.angular, (2.0 * self.mass * self.kinetic_max).sqrt() * self.size)
+    }
+}
+
+impl Observer for MomentumLedger {
+    fn name(&self) -> &'static str {
+        "momenta"
+    }
+
+    fn see(&mut self, sight: &Sight<'_>) -> Result<(), RunError> {
+        if let Sight::Row(row) = sight {
+            self.enter(row.seen);
+        }
+        Ok(())
+    }
+
+    fn snapshot(&self, _: Purpose) -> Bytes {
+        Bytes::of(self)
+    }
+
+    fn restore(&mut self, snapshot: &Bytes) -> Result<(), RunError> {
+        *self = snapshot.value()?;
+        Ok(())
+    }
+
+    fn report(&self, simulation: &Simulation, report: &mut Report) {
+        report.momentum = json!({
+            "linear_change": self.linear_change(), "relative_linear_drift": self.linear_drift(),
+            "angular_change": self.angular_change(), "relative_angular_drift": self.angular_drift(),
+        });
+        let assert = &simulation.scene().assert;
+        report.assert_at_most("momentum_drift", assert.momentum_drift, self.linear_drift());
+        report.assert_at_most("angular_momentum_drift", assert.angular_momentum_drift, self.angular_drift());
     }
 }
 

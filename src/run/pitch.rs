@@ -4,14 +4,30 @@
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex;
 
+use serde_json::json;
+
+use super::checkpoint::CheckpointError;
+use super::error::RunError;
+use super::observer::{Observer, Purpose, Sight};
+use super::report::Report;
+use crate::record::{Bytes, record};
 use crate::scene::{Axis, Probe};
-use crate::simulation::Observation;
+use crate::simulation::{Observation, Simulation};
 
 /// Collects the displacements of the probes that ask for their pitch.
 pub struct PitchFinder {
     tracks: Vec<Track>,
     times: Vec<f64>,
 }
+
+/// The samples of a finder.
+struct Samples {
+    count: u64,
+    /// Times, and the values of each track; `None` where the samples are those that the finder holds.
+    values: Option<(Vec<f64>, Vec<Vec<f64>>)>,
+}
+
+record!(Samples { count: u64, values: Option<(Vec<f64>, Vec<Vec<f64>>)> });
 
 struct Track {
     name: String,
@@ -21,8 +37,8 @@ struct Track {
 }
 
 impl PitchFinder {
-    /// For those of the probes at nodes with `pitch`, from the first observation on.
-    pub fn new<'a>(probes: impl Iterator<Item = &'a Probe>, first: &Observation) -> Self {
+    /// For those of the probes at nodes with `pitch`.
+    pub fn new<'a>(probes: impl Iterator<Item = &'a Probe>) -> Self {
         let tracks = probes
             .enumerate()
             .filter_map(|(i, probe)| {
@@ -30,12 +46,10 @@ impl PitchFinder {
                 Some(Track { name: probe.name.clone(), probe: i, axis, values: Vec::new() })
             })
             .collect();
-        let mut finder = Self { tracks, times: Vec::new() };
-        finder.enter(first);
-        finder
+        Self { tracks, times: Vec::new() }
     }
 
-    /// Enters an observation.
+    /// Adds an observation.
     pub fn enter(&mut self, seen: &Observation) {
         if self.tracks.is_empty() {
             return;
@@ -46,35 +60,47 @@ impl PitchFinder {
         }
     }
 
-    /// Samples that were entered.
-    pub(crate) fn len(&self) -> usize {
-        self.times.len()
-    }
-
-    /// Forgets all but the first samples.
-    pub(crate) fn truncate(&mut self, len: usize) {
-        self.times.truncate(len);
-        self.tracks.iter_mut().for_each(|track| track.values.truncate(len));
-    }
-
-    /// All samples: times, and the values of each probe that asks for its pitch.
-    pub(crate) fn samples(&self) -> (Vec<f64>, Vec<Vec<f64>>) {
-        (self.times.clone(), self.tracks.iter().map(|track| track.values.clone()).collect())
-    }
-
-    /// Takes over [`PitchFinder::samples`] of a finder for the same probes.
-    pub(crate) fn restore(&mut self, (times, values): &(Vec<f64>, Vec<Vec<f64>>)) {
-        self.times.clone_from(times);
-        for (track, values) in self.tracks.iter_mut().zip(values) {
-            track.values.clone_from(values);
-        }
-    }
-
     /// Name and pitch (Hz) of each probe that asks for it; none where too little was seen.
     pub fn pitches(&self) -> Vec<(String, Option<f64>)> {
         let n = self.times.len();
         let interval = if n > 1 { (self.times[n - 1] - self.times[0]) / (n - 1) as f64 } else { 0.0 };
         self.tracks.iter().map(|track| (track.name.clone(), pitch(&track.values, interval))).collect()
+    }
+}
+
+impl Observer for PitchFinder {
+    fn name(&self) -> &'static str {
+        "pitch"
+    }
+
+    fn see(&mut self, sight: &Sight<'_>) -> Result<(), RunError> {
+        if let Sight::Row(row) = sight {
+            self.enter(row.seen);
+        }
+        Ok(())
+    }
+
+    fn snapshot(&self, purpose: Purpose) -> Bytes {
+        let all = || (self.times.clone(), self.tracks.iter().map(|track| track.values.clone()).collect());
+        Bytes::of(&Samples { count: self.times.len() as u64, values: (purpose == Purpose::Resume).then(all) })
+    }
+
+    fn restore(&mut self, snapshot: &Bytes) -> Result<(), RunError> {
+        let Samples { count, values } = snapshot.value()?;
+        if let Some((times, values)) = values {
+            if values.len() != self.tracks.len() || values.iter().any(|track| track.len() != times.len()) {
+                return Err(CheckpointError::Unfit("its samples are those of other probes".to_owned()).into());
+            }
+            self.times = times;
+            self.tracks.iter_mut().zip(values).for_each(|(track, values)| track.values = values);
+        }
+        self.times.truncate(count as usize);
+        self.tracks.iter_mut().for_each(|track| track.values.truncate(count as usize));
+        Ok(())
+    }
+
+    fn report(&self, _: &Simulation, report: &mut Report) {
+        report.pitch = self.pitches().into_iter().map(|(name, pitch)| (name, json!(pitch))).collect();
     }
 }
 

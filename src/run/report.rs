@@ -6,14 +6,9 @@ use std::path::Path;
 
 use serde::Serialize;
 use serde_json::{Map, Value, json};
-use vi_core::EnergyLedger;
 use vi_solvers::SolverError;
 
 use crate::auto::AutoReport;
-use crate::run::estimate::ProbeEstimate;
-use crate::run::guard::EnergyGuard;
-use crate::run::momentum::MomentumLedger;
-use crate::run::pitch::PitchFinder;
 use crate::run::provenance::Provenance;
 use crate::run::results::Results;
 use crate::scene::Scene;
@@ -162,22 +157,8 @@ impl Report {
         }
     }
 
-    /// Enters what the energy guard saw and did.
-    pub(crate) fn guard(&mut self, guard: &EnergyGuard) {
-        self.guard = guard.report();
-        self.notes.extend(guard.warning());
-        self.warning = guard.warning();
-    }
-
-    pub(crate) fn close(
-        &mut self,
-        simulation: &Simulation,
-        outcome: Outcome,
-        frames: usize,
-        energy: &EnergyLedger,
-        momentum: &MomentumLedger,
-        pitch: &PitchFinder,
-    ) {
+    /// Enters how the run ended and the work that it took; the observers report the rest.
+    pub(crate) fn close(&mut self, simulation: &Simulation, outcome: Outcome) {
         self.steps = simulation.steps();
         self.outcome = Some(outcome);
         self.work = simulation.work().iter().map(|(name, count)| (name.to_owned(), count.into())).collect();
@@ -191,44 +172,14 @@ impl Report {
         // The reason is that of the run which chose; one that continues it must report the same.
         let name = |reason: &str| reason.split(':').next().map(str::to_owned);
         self.linear_solvers = steppers.filter_map(|stepper| stepper.linear_solver().and_then(name)).collect();
-        self.frames = frames;
-        // Where nothing moves but round-off, a ratio of energies says nothing.
-        let resolution = self.guard["resolution"].as_f64().unwrap_or(0.0);
-        let is_at_rest = energy.drift.max(energy.kinetic_max) <= resolution;
-        let is_kept = energy.drift == 0.0 || is_at_rest;
-        self.energy_drift = if is_kept { 0.0 } else { energy.drift / energy.kinetic_max };
-        let parts = &energy.parts;
-        self.energy = json!({
-            "initial": energy.initial, "final": energy.current,
-            "prescribed_work": parts.prescribed, "force_work": parts.force, "damping_work": parts.damping,
-        });
-        // In statics nothing moves, and energy that loads put in is no drift.
-        if simulation.scene().statics.is_none() {
-            self.energy["drift"] = energy.drift.into();
-            self.energy["largest_kinetic"] = energy.kinetic_max.into();
-            self.energy["relative_drift"] = self.energy_drift.into();
-        }
-        if simulation.has_ledger() {
-            self.energy["scheme_error"] = parts.scheme.into();
-            self.energy["residual_work"] = parts.residual.into();
-            self.energy["unexplained"] = energy.unexplained().into();
-        }
-        self.momentum = json!({
-            "linear_change": momentum.linear_change(), "relative_linear_drift": momentum.linear_drift(),
-            "angular_change": momentum.angular_change(), "relative_angular_drift": momentum.angular_drift(),
-        });
-        self.pitch = pitch.pitches().into_iter().map(|(name, pitch)| (name, json!(pitch))).collect();
-        let asserts = &simulation.scene().assert;
-        for (name, bound, value) in [
-            ("energy_drift", asserts.energy_drift, self.energy_drift),
-            ("momentum_drift", asserts.momentum_drift, momentum.linear_drift()),
-            ("angular_momentum_drift", asserts.angular_momentum_drift, momentum.angular_drift()),
-        ] {
-            if let Some(bound) = bound
-                && (value > bound || value.is_nan())
-            {
-                self.broken.push(format!("{name} is {value:.3e}, the scene asserts at most {bound:.3e}"));
-            }
+    }
+
+    /// Says so if a value is beyond the bound that the scene asserts.
+    pub(crate) fn assert_at_most(&mut self, name: &str, bound: Option<f64>, value: f64) {
+        if let Some(bound) = bound
+            && (value > bound || value.is_nan())
+        {
+            self.broken.push(format!("{name} is {value:.3e}, the scene asserts at most {bound:.3e}"));
         }
     }
 
@@ -241,19 +192,6 @@ impl Report {
                  a smaller step is not cut, and `time.substeps = false` forbids it",
             self.substeps["steps_cut"], self.steps
         ))
-    }
-
-    /// Enters the estimated errors of the probes where the run ended.
-    pub(crate) fn estimate(
-        &mut self,
-        simulation: &Simulation,
-        estimates: &[ProbeEstimate],
-        notes: &[String],
-    ) {
-        self.notes.extend(notes.iter().cloned());
-        for (probe, estimate) in simulation.scene().node_probes().zip(estimates) {
-            self.estimate.insert(probe.name.clone(), json!(estimate));
-        }
     }
 
     /// What was done, in counts.

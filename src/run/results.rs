@@ -6,8 +6,11 @@ use std::collections::{HashMap, HashSet};
 use serde::Serialize;
 use vi_fem::ElementField;
 
+use super::error::RunError;
+use super::observer::{Observer, Purpose, Sight};
+use super::report::Report;
 use crate::model::NodeSet;
-use crate::record::record;
+use crate::record::{Bytes, record};
 use crate::scene::{Probe, Scene};
 use crate::simulation::{Observation, Simulation};
 
@@ -88,7 +91,7 @@ record!(Extremes { ranges: Vec<[f64; 4]> });
 
 impl Extremes {
     /// Enters a row of history.csv: an observation, and the columns of probes over parts of bodies.
-    pub(crate) fn enter(&mut self, seen: &Observation, measures: &[f64]) {
+    fn enter(&mut self, seen: &Observation, measures: &[f64]) {
         let displacements = seen.probes.iter().flat_map(|probe| probe.displacement);
         let values: Vec<f64> = displacements.chain(measures.iter().copied()).collect();
         if self.ranges.is_empty() {
@@ -121,9 +124,35 @@ impl Extremes {
     }
 }
 
+impl Observer for Extremes {
+    fn name(&self) -> &'static str {
+        "extremes"
+    }
+
+    fn see(&mut self, sight: &Sight<'_>) -> Result<(), RunError> {
+        if let Sight::Row(row) = sight {
+            self.enter(row.seen, row.measures);
+        }
+        Ok(())
+    }
+
+    fn snapshot(&self, _: Purpose) -> Bytes {
+        Bytes::of(self)
+    }
+
+    fn restore(&mut self, snapshot: &Bytes) -> Result<(), RunError> {
+        *self = snapshot.value()?;
+        Ok(())
+    }
+
+    fn report(&self, simulation: &Simulation, report: &mut Report) {
+        report.results = Results::of(simulation, self);
+    }
+}
+
 impl Results {
     /// What the state of a simulation holds, with the extremes on the way there.
-    pub(crate) fn of(simulation: &Simulation, extremes: &Extremes) -> Self {
+    fn of(simulation: &Simulation, extremes: &Extremes) -> Self {
         Self {
             time: simulation.time(),
             largest_displacement: largest_displacement(simulation),

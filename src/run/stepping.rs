@@ -1,77 +1,40 @@
-//! The loop of a run: steps, rows and frames as they fall due, and the end. What it does for safety
-//! (checkpoints, the energy guard) is `safety.rs`. It must not know how a step is made.
+//! The loop of a run: steps, rows and frames as they fall due, and the end. `safety.rs` goes back, saves and resumes.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use vi_core::{EnergyLedger, State, StepEnergy};
+use vi_core::State;
 use vi_io::IoError;
 use vi_solvers::{SolverError, StepError};
 
+use super::checkpoint::{Checkpoint, Origin, Store};
+use super::claim::Claim;
+use super::directory;
+use super::error::RunError;
+use super::estimate::Estimator;
+use super::frames::FrameWriter;
+use super::guard::EnergyGuard;
+use super::history::{Columns, HistoryWriter};
+use super::ledger::LedgerKeeper;
+use super::momentum::MomentumLedger;
+use super::observers::Observers;
+use super::pitch::PitchFinder;
+use super::report::{Outcome, Report};
+use super::results::Extremes;
 use super::safety::{Good, STRIDE};
-use super::{RunError, Watch, directory};
+use super::watch::Watch;
 use crate::auto::AutoReport;
-use crate::record::record;
-use crate::run::checkpoint::{Checkpoint, CheckpointError, Origin, Store};
-use crate::run::claim::Claim;
-use crate::run::estimate::{Estimator, ProbeEstimate};
-use crate::run::frames::FrameWriter;
-use crate::run::guard::{EnergyGuard, Growth};
-use crate::run::history::{Columns, HistoryWriter, RowWork};
-use crate::run::momentum::MomentumLedger;
-use crate::run::pitch::PitchFinder;
-use crate::run::report::{Outcome, Report};
-use crate::run::results::{Extremes, Results};
 use crate::scene::{Guard, GuardAction, history_columns};
 use crate::simulation::stability::{StabilityNote, stability};
 use crate::simulation::{Observation, Simulation, TOGETHER};
-
-/// What a run has seen and written so far: what it goes back with, and continues with.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Course {
-    pub(super) ledger: EnergyLedger,
-    pub(super) momentum: MomentumLedger,
-    /// Since the last row.
-    pub(super) work: RowWork,
-    pub(super) growth: Growth,
-    /// The step of the last row.
-    pub(super) row: u64,
-    pub(super) extremes: Extremes,
-    pub(crate) history_bytes: u64,
-    pub(super) frames: u64,
-    pub(super) samples: u64,
-}
-
-record!(RowWork { iterations: u64, substeps: u64 });
-record!(Course {
-    ledger: EnergyLedger,
-    momentum: MomentumLedger,
-    work: RowWork,
-    growth: Growth,
-    row: u64,
-    extremes: Extremes,
-    history_bytes: u64,
-    frames: u64,
-    samples: u64,
-});
 
 /// A run under way.
 pub(super) struct Run {
     pub(super) simulation: Simulation,
     pub(super) directory: PathBuf,
-    pub(super) history: HistoryWriter,
-    pub(super) frames: Option<FrameWriter>,
-    pub(super) ledger: EnergyLedger,
-    pub(super) momentum: MomentumLedger,
-    pub(super) work: RowWork,
-    pub(super) row: u64,
-    pub(super) extremes: Extremes,
-    pub(super) pitch: PitchFinder,
-    pub(super) guard: EnergyGuard,
+    pub(super) observers: Observers,
     pub(super) good: Option<Good>,
     pub(super) store: Option<(Store, Origin)>,
-    pub(super) estimator: Option<Estimator>,
-    pub(super) estimates: Vec<ProbeEstimate>,
     /// What the steps so far have found, e.g. limit points.
     pub(super) findings: Vec<String>,
     pub(super) report: Report,
@@ -99,15 +62,9 @@ impl Run {
             // Nothing can be written of such a state.
             return Err(run.refuse_start());
         }
-        let estimates = run.estimator.as_mut().and_then(|estimator| estimator.compare(0, &first.probes));
-        let measures = run.simulation.measures();
-        run.history
-            .write(&first, &measures, RowWork::default(), estimates.as_deref())
-            .map_err(RunError::output(&path))?;
-        run.estimates = estimates.unwrap_or_default();
-        run.extremes.enter(&first, &measures);
-        if let Some(frames) = &mut run.frames {
-            frames.write(&run.simulation)?;
+        run.observers.see_row(&run.simulation, &first)?;
+        if run.observers.frames.is_some() {
+            run.observers.see_frame(&run.simulation)?;
         }
         run.report.setup_seconds = begin.elapsed().as_secs_f64();
         run.save()?;
@@ -125,20 +82,16 @@ impl Run {
         let claim = Claim::new(directory)?;
         directory::refuse_inputs(directory, name, simulation.scene())?;
         let path = directory.join("history.csv");
-        let bytes = checkpoint.course.history_bytes;
+        let bytes = checkpoint.history_bytes;
         let history = |_: &[String], columns| HistoryWriter::resume(&path, columns, bytes);
         let origin = checkpoint.origin.clone();
         let (mut run, _) = Self::build(simulation, None, name, claim, directory, Some(origin), history)?;
-        let obstacle = run.frames.as_ref().and_then(|frames| frames.obstacle(checkpoint.frames.len()));
-        if let Some((file, how)) = obstacle {
-            return Err(CheckpointError::Changed { what: file.display().to_string(), how }.into());
-        }
+        run.reinstate(checkpoint)?;
         // What an interrupted run reported is no longer so.
         let report = directory.join("report.json");
         if report.exists() {
             std::fs::remove_file(&report).map_err(RunError::output(&report))?;
         }
-        run.reinstate(checkpoint)?;
         run.report.setup_seconds += begin.elapsed().as_secs_f64();
         Ok(run)
     }
@@ -180,31 +133,27 @@ impl Run {
             rule.action = GuardAction::Off;
         }
         let store = scene.checkpoint.as_ref().map(|rule| Store::new(directory, rule)).zip(origin);
-        let run = Self {
-            ledger: EnergyLedger::new(first.total(), first.kinetic),
+        let order = simulation.method().facts().order;
+        let resolution = simulation.resolution();
+        let observers = Observers {
+            ledger: LedgerKeeper::new(&first, resolution),
+            guard: EnergyGuard::new(rule, stride, order, &first, resolution),
             momentum: MomentumLedger::new(&simulation, &first),
-            pitch: PitchFinder::new(scene.node_probes(), &first),
-            guard: EnergyGuard::new(
-                rule,
-                stride,
-                simulation.method().facts().order,
-                &first,
-                simulation.resolution(),
-            ),
+            pitch: PitchFinder::new(scene.node_probes()),
+            estimator,
+            extremes: Extremes::default(),
+            history,
+            frames,
+        };
+        let run = Self {
+            observers,
             report,
             directory: directory.to_owned(),
-            work: RowWork::default(),
-            row: 0,
-            extremes: Extremes::default(),
-            estimates: Vec::new(),
             findings: Vec::new(),
             good: None,
             simulation,
-            history,
-            frames,
             store,
             stability,
-            estimator,
             claim,
             auto,
         };
@@ -260,15 +209,16 @@ impl Run {
     /// made alone.
     fn quiet_steps(&self) -> u64 {
         let (now, h) = (self.simulation.steps(), self.simulation.step_size());
-        let holds_frame = |step: &u64| self.frames.as_ref().is_some_and(|frames| frames.is_within(*step, h));
+        let holds_frame =
+            |step: &u64| self.observers.frames.as_ref().is_some_and(|frames| frames.is_within(*step, h));
         if holds_frame(&(now + 1)) {
             return 1;
         }
         let every = self.simulation.scene().output.history;
         let is_due = |step: &u64| {
             (every > 0 && step.is_multiple_of(every))
-                || self.guard.is_due(*step)
-                || self.frames.as_ref().is_some_and(|frames| frames.is_due(*step, h))
+                || self.observers.guard.is_due(*step)
+                || self.observers.frames.as_ref().is_some_and(|frames| frames.is_due(*step, h))
                 || holds_frame(&(step + 1))
                 || self.store.as_ref().is_some_and(|(store, _)| store.is_due(*step, h))
         };
@@ -280,7 +230,7 @@ impl Run {
         self.keep_good();
         let quiet = self.quiet_steps();
         let (next, h) = (self.simulation.steps() + 1, self.simulation.step_size());
-        let is_within = self.frames.as_ref().is_some_and(|frames| frames.is_within(next, h));
+        let is_within = self.observers.frames.as_ref().is_some_and(|frames| frames.is_within(next, h));
         let before = is_within.then(|| self.simulation.states());
         let begin = Instant::now();
         let stepped = self.simulation.advance(quiet);
@@ -295,48 +245,48 @@ impl Run {
             Err(source) => return Err(RunError::Step { step: step + 1, source }),
         };
         self.findings.extend(self.simulation.take_findings());
-        self.work.iterations += stepped.iterations;
-        self.work.substeps += stepped.substeps;
-        self.ledger.parts += stepped.energy;
+        self.observers.see_steps(&stepped)?;
         let begin = Instant::now();
         let every = self.simulation.scene().output.history;
         let row_is_due = self.simulation.is_done() || (every > 0 && step.is_multiple_of(every));
-        if row_is_due || self.guard.is_due(step) {
+        if row_is_due || self.observers.guard.is_due(step) {
             let seen = self.simulation.observe();
             if !seen.is_finite() {
                 return if self.can_go_back() { self.answer() } else { Err(self.overflow()) };
             }
-            self.guard.enter(&seen, &self.ledger);
-            if self.guard.rule.acts() && self.guard.is_exceeded(step) {
+            self.observers.see_energies(&seen)?;
+            if self.observers.guard.rule.acts() && self.observers.guard.is_exceeded(step) {
                 return self.answer();
             }
             if row_is_due {
-                self.row(&seen)?;
+                self.observers.see_row(&self.simulation, &seen)?;
             }
         }
-        self.write_frames(before.as_deref()).map_err(|source| match source {
-            IoError::BadOutput { .. } => RunError::Beyond { step, source },
-            source => source.into(),
+        self.show_frames(before.as_deref()).map_err(|error| match error {
+            RunError::Frame(source @ IoError::BadOutput { .. }) => RunError::Beyond { step, source },
+            error => error,
         })?;
         self.save_if_due()?;
         self.report.output_seconds += begin.elapsed().as_secs_f64();
         Ok(())
     }
 
-    /// Writes the frames that are due; those within the step that was made, between `before` and the state now.
-    fn write_frames(&mut self, before: Option<&[State]>) -> Result<(), IoError> {
-        let Some(frames) = &mut self.frames else { return Ok(()) };
-        let (steps, h) = (self.simulation.steps(), self.simulation.step_size());
+    /// Shows the states that frames are due of; those within the step that was made lie between `before` and now.
+    fn show_frames(&mut self, before: Option<&[State]>) -> Result<(), RunError> {
+        let Self { simulation, observers, .. } = self;
+        let (steps, h) = (simulation.steps(), simulation.step_size());
+        let next_within = |observers: &Observers| {
+            observers.frames.as_ref().filter(|frames| frames.is_within(steps, h)).map(FrameWriter::next_time)
+        };
         if let Some(before) = before {
-            while frames.is_within(steps, h) {
-                let t = frames.next_time();
-                self.simulation.between(before, t, |simulation| frames.write(simulation))?;
+            while let Some(t) = next_within(observers) {
+                simulation.between(before, t, |simulation| observers.see_frame(simulation))?;
             }
         }
-        if frames.is_due(steps, h) || (self.simulation.is_done() && frames.ends_with_frame()) {
-            frames.write(&self.simulation)?;
-        }
-        Ok(())
+        let is_due = observers.frames.as_ref().is_some_and(|frames| {
+            frames.is_due(steps, h) || (simulation.is_done() && frames.ends_with_frame())
+        });
+        if is_due { observers.see_frame(simulation) } else { Ok(()) }
     }
 
     /// The state at which a run ends before its end: a checkpoint, and then the row and the frame that
@@ -346,40 +296,13 @@ impl Run {
         let seen = self.simulation.observe();
         if seen.is_finite() {
             self.save()?;
-            if self.row < self.simulation.steps() {
-                self.row(&seen)?;
+            if self.observers.history.last_step() < self.simulation.steps() {
+                self.observers.see_row(&self.simulation, &seen)?;
             }
-            if let Some(frames) = &mut self.frames
-                && frames.frames().last().is_none_or(|last| last.0 < self.simulation.time())
-            {
-                match frames.write_last(&self.simulation) {
-                    // A value that a frame cannot hold is why the run ends.
-                    Ok(()) | Err(IoError::BadOutput { .. }) => {}
-                    Err(error) => return Err(error.into()),
-                }
-            }
+            self.observers.write_last_frame(&self.simulation)?;
         }
         self.report.output_seconds += begin.elapsed().as_secs_f64();
         Ok(())
-    }
-
-    fn row(&mut self, seen: &Observation) -> Result<(), RunError> {
-        self.ledger.enter(StepEnergy::default(), seen.total(), seen.kinetic);
-        self.momentum.enter(seen);
-        self.pitch.enter(seen);
-        let begin = Instant::now();
-        let steps = self.simulation.steps();
-        self.row = steps;
-        let estimates = self.estimator.as_mut().and_then(|estimator| estimator.compare(steps, &seen.probes));
-        self.report.estimating_seconds += begin.elapsed().as_secs_f64();
-        let measures = self.simulation.measures();
-        self.extremes.enter(seen, &measures);
-        let result =
-            self.history.write(seen, &measures, std::mem::take(&mut self.work), estimates.as_deref());
-        if let Some(estimates) = estimates {
-            self.estimates = estimates;
-        }
-        result.map_err(RunError::output(&self.directory.join("history.csv")))
     }
 
     fn finish(&mut self, outcome: Outcome) -> Result<(), RunError> {
@@ -390,14 +313,9 @@ impl Run {
             let drawn = super::chart::write(&self.directory, title, self.report.scheme.unwrap_or("statics"));
             drawn.map_err(RunError::output(&self.directory.join("energy.svg")))?;
         }
-        let frame_count = self.frames.as_ref().map_or(0, FrameWriter::count);
         self.report.notes.append(&mut self.findings);
-        self.report.guard(&self.guard);
-        self.report.results = Results::of(&self.simulation, &self.extremes);
-        self.report.close(&self.simulation, outcome, frame_count, &self.ledger, &self.momentum, &self.pitch);
-        if let Some(estimator) = &self.estimator {
-            self.report.estimate(&self.simulation, &self.estimates, estimator.notes());
-        }
+        self.observers.report(&self.simulation, &mut self.report);
+        self.report.close(&self.simulation, outcome);
         let path = self.directory.join("report.json");
         self.report.write(&path).map_err(RunError::output(&path))
     }

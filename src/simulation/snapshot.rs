@@ -6,7 +6,11 @@ use vi_solvers::{Method, SolverError, SolverOptions, StepperMemory, Work};
 
 use super::pace::{FLOOR, Pace};
 use super::{Component, Simulation};
-use crate::record::record;
+use crate::record::{self, Damage, record};
+
+const MAGIC: &[u8; 8] = b"VI-STATE";
+/// Changes with every change of the record.
+const FORMAT: u64 = 1;
 
 /// Steps that were cut into substeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -29,6 +33,8 @@ pub struct Snapshot {
     pub(super) paces: Vec<Pace>,
     pub(super) work: Work,
     pub(super) substeps: Substeps,
+    /// Energy that [`Simulation::set_motion`] gave and no step has told yet, J.
+    pub(super) given: f64,
 }
 
 record!(Substeps { steps: u64, substeps: u64, finest: u64 });
@@ -40,6 +46,7 @@ record!(Snapshot {
     paces: Vec<Pace>,
     work: Work,
     substeps: Substeps,
+    given: f64,
 });
 
 impl Snapshot {
@@ -47,10 +54,23 @@ impl Snapshot {
     pub fn steps(&self) -> u64 {
         self.steps
     }
+
+    /// The snapshot as bytes, with a checksum.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        record::seal(MAGIC, FORMAT, self)
+    }
+
+    /// The snapshot that [`Snapshot::to_bytes`] gave these bytes of.
+    ///
+    /// # Errors
+    /// [`Damage`] where they are not those that it gave, or those of another version of the program.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, Damage> {
+        record::unseal(MAGIC, FORMAT, bytes)
+    }
 }
 
 impl Simulation {
-    /// What it is now.
+    /// Everything that the next steps depend on beyond the scene.
     pub fn snapshot(&self) -> Snapshot {
         let of = |component: &Component| {
             (component.state.clone(), component.stepper.as_ref().map(|stepper| stepper.memory()))
@@ -63,6 +83,7 @@ impl Simulation {
             paces: self.components.iter().map(|component| component.pace).collect(),
             work: self.work(),
             substeps: self.substeps,
+            given: self.given,
         }
     }
 
@@ -104,6 +125,7 @@ impl Simulation {
         self.steps = snapshot.steps;
         self.earlier_work = snapshot.work;
         self.substeps = snapshot.substeps;
+        self.given = snapshot.given;
         Ok(())
     }
 

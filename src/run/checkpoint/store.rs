@@ -5,7 +5,8 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use super::{Checkpoint, CheckpointError, FORMAT, format_of};
+use super::{Checkpoint, CheckpointError, FORMAT, MAGIC};
+use crate::record::format_of;
 use crate::scene::Checkpoints;
 
 const PREFIX: &str = "checkpoint_";
@@ -116,11 +117,11 @@ pub fn newest(directory: &Path) -> Result<Found, CheckpointError> {
                 continue;
             }
         };
-        if let Some(format) = format_of(&bytes).filter(|&format| format > FORMAT) {
+        if let Some(format) = format_of(MAGIC, &bytes).filter(|&format| format > FORMAT) {
             return Err(CheckpointError::Newer { path, format });
         }
         let why = match Checkpoint::decode(&bytes) {
-            Ok(checkpoint) if checkpoint.course.history_bytes <= history => {
+            Ok(checkpoint) if checkpoint.history_bytes <= history => {
                 return Ok(Found { checkpoint, path, damages });
             }
             Ok(_) => "history.csv ends before it".to_owned(),

@@ -1,0 +1,120 @@
+//! Why a run ends before its end.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use vi_solvers::StepError;
+
+use crate::auto::SettleError;
+use crate::record::Damage;
+use crate::run::checkpoint::CheckpointError;
+use crate::run::claim::ClaimError;
+use crate::scene::Problem;
+
+/// Why a run ended before its end.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// The scene or its meshes are wrong.
+    #[error("{}", list(.0))]
+    Scene(Vec<Problem>),
+    /// A step failed; what was reached is written.
+    #[error("step {step}: {source}")]
+    Step {
+        /// The step that failed, from 1.
+        step: u64,
+        /// Why.
+        source: StepError,
+    },
+    /// The energy guard ended the run; what was reached is written.
+    #[error(
+        "step {step}: the energy guard ends the run at t = {t} s: {joules:.3e} J were gained that nothing put in, \
+         {relative:.2e} of the energy given, {bound:e} allowed{after}"
+    )]
+    Guard {
+        /// The last step made.
+        step: u64,
+        /// Its time, s.
+        t: f64,
+        /// Growth, J.
+        joules: f64,
+        /// Growth relative to the exchange.
+        relative: f64,
+        /// What is allowed.
+        bound: f64,
+        /// What was tried, in words; may be empty.
+        after: &'static str,
+    },
+    /// The state has left the range of what frames can hold: it has blown up. What was reached is written.
+    #[error("step {step}: the state is beyond all bounds: {source}")]
+    Beyond {
+        /// The last step made.
+        step: u64,
+        /// The value.
+        source: vi_io::IoError,
+    },
+    /// A file could not be written.
+    #[error("{}: {source}", .path.display())]
+    Output {
+        /// The file or directory.
+        path: PathBuf,
+        /// What the operating system says.
+        source: io::Error,
+    },
+    /// Another process writes into the directory, or it cannot be written into.
+    #[error(transparent)]
+    Claim(#[from] ClaimError),
+    /// The directory holds a run of another scene that can be continued.
+    #[error(
+        "{}: the run of '{name}' in this directory has not ended: continue it with `variational resume {}`, or delete \
+         its checkpoints, or choose another directory with --out",
+        .directory.display(), .directory.display()
+    )]
+    Unfinished {
+        /// The directory.
+        directory: PathBuf,
+        /// The other scene.
+        name: String,
+    },
+    /// A mesh file could not be written.
+    #[error(transparent)]
+    Frame(#[from] vi_io::IoError),
+    /// The caller ended the trials of scheme `auto`; nothing was written.
+    #[error("stopped during the trials of scheme \"auto\"; nothing was written")]
+    Stopped,
+    /// There is nothing to continue from, or it does not fit.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+}
+
+impl RunError {
+    /// Is it the motion that failed, rather than its files?
+    pub fn is_failure(&self) -> bool {
+        matches!(self, Self::Step { .. } | Self::Guard { .. } | Self::Beyond { .. })
+    }
+
+    /// An error of writing `path`.
+    pub(super) fn output(path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Output { path, source }
+    }
+}
+
+impl From<Damage> for RunError {
+    fn from(damage: Damage) -> Self {
+        Self::Checkpoint(CheckpointError::Unfit(damage.to_string()))
+    }
+}
+
+impl From<SettleError> for RunError {
+    fn from(error: SettleError) -> Self {
+        match error {
+            SettleError::Scene(problems) => Self::Scene(problems),
+            SettleError::Stopped => Self::Stopped,
+        }
+    }
+}
+
+fn list(problems: &[Problem]) -> String {
+    problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}

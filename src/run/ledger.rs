@@ -1,0 +1,72 @@
+//! The energy ledger as an observer: what came in and went out, step by step, and the drift that is left.
+
+use serde_json::json;
+use vi_core::{EnergyLedger, StepEnergy};
+
+use super::error::RunError;
+use super::observer::{Observer, Purpose, Sight};
+use super::report::Report;
+use crate::record::Bytes;
+use crate::simulation::{Observation, Simulation};
+
+/// Follows the energy of a run.
+pub(crate) struct LedgerKeeper {
+    pub(crate) account: EnergyLedger,
+    /// Energy below which round-off rules, J.
+    resolution: f64,
+}
+
+impl LedgerKeeper {
+    /// Opens at the first observation; `resolution` is the energy below which round-off rules, J.
+    pub(crate) fn new(first: &Observation, resolution: f64) -> Self {
+        Self { account: EnergyLedger::new(first.total(), first.kinetic), resolution }
+    }
+}
+
+impl Observer for LedgerKeeper {
+    fn name(&self) -> &'static str {
+        "ledger"
+    }
+
+    fn see(&mut self, sight: &Sight<'_>) -> Result<(), RunError> {
+        match sight {
+            Sight::Steps(stepped) => self.account.parts += stepped.energy,
+            Sight::Row(row) => self.account.enter(StepEnergy::default(), row.seen.total(), row.seen.kinetic),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn snapshot(&self, _: Purpose) -> Bytes {
+        Bytes::of(&self.account)
+    }
+
+    fn restore(&mut self, snapshot: &Bytes) -> Result<(), RunError> {
+        self.account = snapshot.value()?;
+        Ok(())
+    }
+
+    fn report(&self, simulation: &Simulation, report: &mut Report) {
+        let (energy, parts) = (&self.account, &self.account.parts);
+        // Where nothing moves but round-off, a ratio of energies says nothing.
+        let is_at_rest = energy.drift.max(energy.kinetic_max) <= self.resolution;
+        let is_kept = energy.drift == 0.0 || is_at_rest;
+        report.energy_drift = if is_kept { 0.0 } else { energy.drift / energy.kinetic_max };
+        report.energy = json!({
+            "initial": energy.initial, "final": energy.current,
+            "prescribed_work": parts.prescribed, "force_work": parts.force, "damping_work": parts.damping,
+        });
+        // In statics nothing moves, and energy that loads put in is no drift.
+        if simulation.scene().statics.is_none() {
+            report.energy["drift"] = energy.drift.into();
+            report.energy["largest_kinetic"] = energy.kinetic_max.into();
+            report.energy["relative_drift"] = report.energy_drift.into();
+        }
+        if simulation.has_ledger() {
+            report.energy["scheme_error"] = parts.scheme.into();
+            report.energy["residual_work"] = parts.residual.into();
+            report.energy["unexplained"] = energy.unexplained().into();
+        }
+        report.assert_at_most("energy_drift", simulation.scene().assert.energy_drift, report.energy_drift);
+    }
+}
