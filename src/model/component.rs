@@ -68,7 +68,7 @@ impl ComponentBuilder {
     pub(super) fn handed_on_mass(&self) -> Vec<f64> {
         let mut mass = self.mass.clone();
         if !self.ties.is_empty() {
-            vi_core::hand_on_lumped_mass(&ties::combinations(&self.ties, |_| false), &mut mass);
+            vi_core::redistribute_lumped_mass(&ties::combinations(&self.ties, |_| false), &mut mass);
         }
         mass
     }

@@ -6,52 +6,31 @@
 
 #![forbid(unsafe_code)]
 
-mod combination;
-mod conserved;
-pub mod constraints;
-mod coordinates;
-mod derived;
-pub mod diagnostics;
-mod differentiate;
-pub mod discrete;
+mod contract;
 mod error;
-mod force;
-pub mod generalised;
-mod inertia;
-mod interpolation;
-pub mod lagrange;
-mod ledger;
-mod newton;
-mod node_axes;
-pub mod oscillations;
-mod patch;
-mod potential;
-mod power_of_two;
-pub mod problems;
-mod quadrature;
-pub mod reference;
-pub mod rotations;
-mod scheme;
-pub mod statics;
-mod system;
-mod terms;
+mod theory;
 
-pub use combination::{Combination, TiedMass, hand_on_lumped_mass};
-pub use conserved::{angular_momentum, kinetic_energy, linear_momentum};
-pub use coordinates::{Coordinates, Fixed, Path, Prescribed};
-pub use derived::{Derived, LocalEnergy};
+pub use contract::combination::{Combination, TiedMass, redistribute_lumped_mass};
+pub use contract::conserved::{angular_momentum, kinetic_energy, linear_momentum};
+pub use contract::coordinates::{Coordinates, Fixed, Path, Prescribed};
+pub use contract::discrete_gradient::DiscreteGradient;
+pub use contract::force::{Force, ForceAccount};
+pub use contract::inertia::solve_mass;
+pub use contract::ledger::{EnergyLedger, StepEnergy};
+pub use contract::node_axes::NodeAxes;
+pub use contract::patch::{Padded, Patch, PatchArray, run_length};
+pub use contract::potential::{Account, Fault, HessianKind, Potential, Stencils, Traits, packed_len};
+pub use contract::power_of_two::binary_exponent;
+pub use contract::quadrature::Quadrature;
+pub use contract::scheme::{Interpolation, Scheme};
+pub use contract::system::{State, System};
+pub use contract::terms::{Live, Terms};
 pub use error::CoreError;
-pub use force::{Force, ForceAccount};
-pub use inertia::solve_mass;
-pub use ledger::{EnergyLedger, StepEnergy};
-pub use node_axes::NodeAxes;
-pub use patch::{Padded, Patch, PatchArray, run_length};
-pub use potential::{Account, Fault, HessianKind, Potential, Stencils, Traits, packed_len};
-pub use power_of_two::binary_exponent;
-pub use quadrature::Quadrature;
-pub use scheme::{Interpolation, Scheme};
-pub use system::{State, System};
-pub use terms::{DiscreteGradient, Live, Terms};
+pub use theory::derived::{Derived, LocalEnergy};
+pub use theory::{
+    constraints, diagnostics, discrete, generalised, lagrange, oscillations, problems, reference, rotations,
+    statics,
+};
 
 /// The pages of `docs/theory`, whose snippets are tests.
 #[cfg(doctest)]

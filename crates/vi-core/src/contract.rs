@@ -1,0 +1,20 @@
+//! What the crates of the workspace agree on: coordinates, local terms, systems and states, the energy ledger, constraints,
+//! and schemes as data. Nothing here needs automatic differentiation.
+
+pub(crate) mod combination;
+pub(crate) mod conserved;
+pub(crate) mod constraint;
+pub(crate) mod coordinates;
+pub(crate) mod dense;
+pub(crate) mod discrete_gradient;
+pub(crate) mod force;
+pub(crate) mod inertia;
+pub(crate) mod ledger;
+pub(crate) mod node_axes;
+pub(crate) mod patch;
+pub(crate) mod potential;
+pub(crate) mod power_of_two;
+pub(crate) mod quadrature;
+pub(crate) mod scheme;
+pub(crate) mod system;
+pub(crate) mod terms;

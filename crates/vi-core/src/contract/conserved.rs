@@ -1,0 +1,53 @@
+//! What Noether's theorem gives: energy, linear and angular momentum of a state.
+//! It must not know how a state came about.
+
+use crate::contract::system::{State, System};
+
+/// Kinetic energy T = ½ pᵀM⁻¹p of the free coordinates, J.
+pub fn kinetic_energy(system: &System, state: &State) -> f64 {
+    match system.kinetic() {
+        Some(_) => 0.5 * state.p.iter().zip(system.velocity(&state.p)).map(|(p, v)| p * v).sum::<f64>(),
+        None => 0.5 * state.p.iter().zip(system.free_mass()).map(|(p, m)| p * p / m).sum::<f64>(),
+    }
+}
+
+/// Linear momentum P = Σ p of points in space (3 coordinates a node), kg m/s; directors have none.
+pub fn linear_momentum(system: &System, state: &State) -> [f64; 3] {
+    let mut total = [0.0; 3];
+    let coordinates = system.coordinates();
+    let mut add = |dof: u32, p: f64| {
+        if !coordinates.is_director(dof / 3) {
+            total[dof as usize % 3] += p;
+        }
+    };
+    each_momentum(system, state, &mut add);
+    total
+}
+
+/// Angular momentum L = Σ x × p about the origin, points in space, kg m²/s.
+pub fn angular_momentum(system: &System, state: &State) -> [f64; 3] {
+    let x = system.positions(state);
+    let mut total = [0.0; 3];
+    each_momentum(system, state, &mut |dof, p| {
+        // p along axis k adds x × e_k p, whose components are those of the other two axes.
+        let (node, k) = (dof as usize / 3 * 3, dof as usize % 3);
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        total[i] += x[node + j] * p;
+        total[j] -= x[node + i] * p;
+    });
+    total
+}
+
+/// Gives the momentum of every coordinate that can move, along the axes of space.
+fn each_momentum(system: &System, state: &State, give: &mut impl FnMut(u32, f64)) {
+    let coordinates = system.coordinates();
+    let free = coordinates.free().iter().zip(&state.p);
+    if coordinates.node_axes().is_empty() {
+        free.for_each(|(&dof, &p)| give(dof, p));
+        return;
+    }
+    let mut all = vec![0.0; coordinates.dof_count()];
+    free.for_each(|(&dof, &p)| all[dof as usize] = p);
+    coordinates.to_space(&mut all);
+    all.into_iter().enumerate().filter(|(_, p)| *p != 0.0).for_each(|(dof, p)| give(dof as u32, p));
+}

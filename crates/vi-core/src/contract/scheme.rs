@@ -1,0 +1,71 @@
+//! A variational integrator as plain data: how the trajectory is interpolated × how the action is
+//! integrated (Marsden & West 2001, §2.6). It must not know how the equations are solved.
+
+use crate::contract::quadrature::Quadrature;
+use crate::error::CoreError;
+
+/// How the trajectory q(t) is interpolated over one step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Interpolation {
+    /// A polynomial of this degree ≥ 1 through the two ends (and interior points).
+    Polynomial(usize),
+}
+
+impl Interpolation {
+    /// Degree of the polynomial.
+    pub fn degree(self) -> usize {
+        let Self::Polynomial(degree) = self;
+        degree
+    }
+}
+
+/// An integrator: L_d(q₀, q₁) = ext h Σ_i b_i L(q(c_i h), q̇(c_i h)) over interpolants q.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scheme {
+    /// How the trajectory is interpolated.
+    pub interpolation: Interpolation,
+    /// How the action is integrated.
+    pub quadrature: Quadrature,
+}
+
+impl Scheme {
+    /// Linear × left point: kick h, then drift h. Order 1, explicit.
+    pub fn symplectic_euler_a() -> Self {
+        Self { interpolation: Interpolation::Polynomial(1), quadrature: Quadrature::left() }
+    }
+
+    /// Linear × right point: drift h, then kick h. Order 1, explicit.
+    pub fn symplectic_euler_b() -> Self {
+        Self { interpolation: Interpolation::Polynomial(1), quadrature: Quadrature::right() }
+    }
+
+    /// Linear × trapezoid: kick h/2, drift h, kick h/2. Order 2, explicit.
+    pub fn stormer_verlet() -> Self {
+        Self { interpolation: Interpolation::Polynomial(1), quadrature: Quadrature::trapezoid() }
+    }
+
+    /// Linear × midpoint. Order 2, implicit.
+    pub fn implicit_midpoint() -> Self {
+        Self { interpolation: Interpolation::Polynomial(1), quadrature: Quadrature::midpoint() }
+    }
+
+    /// Degree s × Gauss–Legendre with s points: the Gauss collocation method of order 2s.
+    ///
+    /// # Errors
+    /// [`CoreError::Points`] for s = 0.
+    pub fn gauss(s: usize) -> Result<Self, CoreError> {
+        let quadrature = Quadrature::gauss_legendre(s)?;
+        Ok(Self { interpolation: Interpolation::Polynomial(s), quadrature })
+    }
+
+    /// Is one step explicit for T = ½ q̇ᵀM q̇? So it is when the trajectory is linear and V is only
+    /// read at the two ends of the step.
+    pub fn is_explicit(&self) -> bool {
+        self.interpolation.degree() == 1 && self.quadrature.nodes().iter().all(|&c| c == 0.0 || c == 1.0)
+    }
+
+    /// Is the scheme its own adjoint? So it is when the quadrature is symmetric about ½.
+    pub fn is_symmetric(&self) -> bool {
+        self.quadrature.is_symmetric()
+    }
+}

@@ -1,0 +1,83 @@
+//! Small oscillations about an equilibrium of any Lagrangian, gyroscopic terms included: rotating
+//! frames, spinning bodies, magnetic fields. It must not know how the equilibrium was found.
+//!
+//! To second order in η = q − q₀, with C = ∂²L/∂v∂q at (q₀, 0),
+//! ```text
+//! M η̈ + (C − Cᵀ) η̇ + K η = 0,   M = ∂²L/∂v²,   K = −∂²L/∂q²;   η = a e^{λt}
+//! ```
+//! λ come in fours, ±λ and their conjugates: an equilibrium is stable to this order only where all of
+//! them are imaginary, which gyroscopic terms can bring about where V is no minimum (E. T. Whittaker,
+//! Analytical Dynamics, §84).
+
+use nalgebra::{Complex, DMatrix, DVector};
+
+use crate::error::CoreError;
+use crate::theory::lagrange::expansion::Expand;
+
+/// One motion a e^{λt} of the linearised system, with Im λ ≥ 0; its conjugate is another.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Oscillation {
+    /// λ, 1/s: growth rate and frequency (rad/s).
+    pub rate: Complex<f64>,
+    /// a, of norm 1; its phases say in which order the coordinates follow each other.
+    pub shape: DVector<Complex<f64>>,
+}
+
+impl Oscillation {
+    /// Im λ, rad/s.
+    pub fn frequency(&self) -> f64 {
+        self.rate.im
+    }
+}
+
+/// The motions about the equilibrium q₀ at time t by rising frequency, those that do not oscillate first.
+/// A λ that is there twice has two shapes only where there are two.
+///
+/// # Errors
+/// [`CoreError::SingularMass`] where M has no inverse; [`CoreError::Convergence`] where q₀ is no
+/// equilibrium: |∂L/∂q| above 1e-8 of |K| (1 + |q₀|).
+pub fn oscillations<L: Expand>(lagrangian: &L, t: f64, q: &[f64]) -> Result<Vec<Oscillation>, CoreError> {
+    let n = lagrangian.coordinate_count();
+    let at = lagrangian.expansion(t, q, &vec![0.0; n]);
+    let size = at.qq.amax() * (1.0 + q.iter().fold(0.0_f64, |size, q| size.max(q.abs())));
+    if at.d_q.amax() > 1e-8 * size {
+        return Err(CoreError::Convergence { iterations: 0, residual: at.d_q.amax() });
+    }
+    let gyroscopic = &at.vq - at.vq.transpose();
+    let mass = at.vv.clone().lu();
+    let singular = CoreError::SingularMass { t };
+    let stiffness = mass.solve(&at.qq).ok_or(singular.clone())?;
+    let turning = mass.solve(&gyroscopic).ok_or(singular)?;
+    // (η, η̇)˙ = (η̇, M⁻¹ (∂²L/∂q² η − (C − Cᵀ) η̇)).
+    let mut matrix = DMatrix::zeros(2 * n, 2 * n);
+    matrix.view_mut((0, n), (n, n)).fill_with_identity();
+    matrix.view_mut((n, 0), (n, n)).copy_from(&stiffness);
+    matrix.view_mut((n, n), (n, n)).copy_from(&(-turning));
+    let mut rates: Vec<Complex<f64>> = matrix.complex_eigenvalues().iter().copied().collect();
+    let scale = rates.iter().fold(0.0_f64, |scale, rate| scale.max(rate.norm()));
+    rates.retain(|rate| rate.im >= -1e-12 * scale);
+    rates.sort_by(|a, b| a.im.total_cmp(&b.im).then(a.re.total_cmp(&b.re)));
+    Ok(rates
+        .into_iter()
+        .map(|rate| Oscillation { rate, shape: shape(&at.vv, &gyroscopic, &at.qq, rate) })
+        .collect())
+}
+
+/// Is no motion growing, to `tolerance` times the highest |λ|?
+pub fn is_spectrally_stable(oscillations: &[Oscillation], tolerance: f64) -> bool {
+    let scale = oscillations.iter().fold(0.0_f64, |scale, motion| scale.max(motion.rate.norm()));
+    oscillations.iter().all(|motion| motion.rate.re.abs() <= tolerance * scale)
+}
+
+/// a with (λ²M + λG − ∂²L/∂q²) a = 0: the right singular vector of the least singular value.
+fn shape(m: &DMatrix<f64>, g: &DMatrix<f64>, qq: &DMatrix<f64>, rate: Complex<f64>) -> DVector<Complex<f64>> {
+    let matrix = DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| {
+        rate * rate * m[(i, j)] + rate * g[(i, j)] - Complex::from(qq[(i, j)])
+    });
+    let svd = matrix.svd(false, true);
+    let least = svd.singular_values.imin();
+    match svd.v_t {
+        Some(v) => v.row(least).adjoint(),
+        None => DVector::zeros(m.nrows()),
+    }
+}

@@ -1,0 +1,37 @@
+//! The lever: n masses on a rigid beam that turns about a fulcrum. Its law is the principle of
+//! virtual work. It must not know equilibrium.
+
+use crate::theory::generalised::Embedding;
+use crate::theory::lagrange::lagrangian::Scalar;
+
+/// Point masses m_i at signed arms r_i along a massless beam, q the angle of the beam from level.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lever {
+    /// (m_i kg, r_i m) pairs.
+    pub loads: Vec<(f64, f64)>,
+    /// g, m/s².
+    pub gravity: f64,
+}
+
+impl Embedding for Lever {
+    fn dof_count(&self) -> usize {
+        1
+    }
+    fn mass(&self) -> Vec<f64> {
+        self.loads.iter().flat_map(|&(mass, _)| [mass, mass]).collect()
+    }
+    fn positions<D: Scalar>(&self, q: &[D], _tau: &[D]) -> Vec<D> {
+        let (sin, cos) = q[0].sin_cos();
+        self.loads.iter().flat_map(|&(_, arm)| [cos * arm, sin * arm]).collect()
+    }
+    fn potential<D: Scalar>(&self, x: &[D], _t: D) -> D {
+        self.loads.iter().enumerate().map(|(i, &(mass, _))| x[2 * i + 1] * (mass * self.gravity)).sum()
+    }
+}
+
+impl Lever {
+    /// Σ m_i g r_i, N m: what the law of the lever sets to zero.
+    pub fn moment(&self) -> f64 {
+        self.loads.iter().map(|(mass, arm)| mass * self.gravity * arm).sum()
+    }
+}

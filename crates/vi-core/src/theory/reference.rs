@@ -1,0 +1,39 @@
+//! The dense oracle: one step of *any* scheme for a [`System`], solved straight from the definition
+//! of the discrete Lagrangian ([`DiscreteLagrangian`]), for small systems and to round-off.
+//! Fast kernels are checked against it, so it uses no closed formula of a scheme.
+
+use crate::contract::scheme::Scheme;
+use crate::contract::system::{State, System};
+use crate::error::CoreError;
+use crate::theory::discrete::lagrangian::DiscreteLagrangian;
+
+pub use crate::contract::dense::{energy, gradient, hessian};
+
+/// One step of length h (s) of the scheme from `state`, by Newton's method to round-off.
+///
+/// The cost is that of dense matrices of s · `free_count` rows: for tests and small systems.
+///
+/// # Errors
+/// - [`CoreError::Degenerate`] where the quadrature cannot see every velocity of the interpolation
+///   (fewer points than the degree), so that no momentum determines the step;
+/// - [`CoreError::Length`] where the state has not one entry a free coordinate;
+/// - [`CoreError::StepSize`] where h is zero or not finite;
+/// - [`CoreError::SingularStep`] where D₁D₂L_d has no inverse at this h;
+/// - [`CoreError::Convergence`] where Newton's method stalls.
+pub fn step(system: &System, scheme: &Scheme, state: &State, h: f64) -> Result<State, CoreError> {
+    DiscreteLagrangian::new(system, scheme, h)?.step(state)
+}
+
+/// The discrete Lagrangian L_d (J s) of the step from `state`: the action S at its solution.
+///
+/// # Errors
+/// As [`step`].
+pub fn discrete_lagrangian(
+    system: &System,
+    scheme: &Scheme,
+    state: &State,
+    h: f64,
+) -> Result<f64, CoreError> {
+    let discrete = DiscreteLagrangian::new(system, scheme, h)?;
+    Ok(discrete.action(&discrete.path_from(state)?))
+}

@@ -1,0 +1,143 @@
+//! Articulated bodies q = (q_1 … q_m): a tree of rigid links, each moved against its parent by one
+//! joint. The pose of every link follows from q, its velocity by differentiation, and the sum of
+//! the links' Lagrangians is one Lagrangian of q: no equation of a mechanism is written by hand.
+//! It must not know a time step.
+
+use num_dual::Dual;
+
+use crate::error::CoreError;
+use crate::theory::lagrange::lagrangian::{Lagrangian, Scalar};
+use crate::theory::rotations::so3::{Matrix3, Vector3, cayley, identity, product, rotate};
+
+/// How a link moves against its parent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Joint {
+    /// Turns by q (rad) about a unit axis.
+    Revolute(Vector3<f64>),
+    /// Slides by q (m) along a unit axis.
+    Prismatic(Vector3<f64>),
+    /// Turns freely about a point, by cay(q) of three coordinates: half a turn away from where q = 0 the
+    /// chart ends.
+    Ball,
+}
+
+impl Joint {
+    /// Number of its coordinates.
+    pub fn dof_count(&self) -> usize {
+        match self {
+            Self::Revolute(_) | Self::Prismatic(_) => 1,
+            Self::Ball => 3,
+        }
+    }
+}
+
+/// A rigid link.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Link {
+    /// The link that carries it, an earlier one; `None` for the ground.
+    pub parent: Option<usize>,
+    /// Place of the joint in the parent's frame, m.
+    pub anchor: Vector3<f64>,
+    /// The joint, its axis in the parent's frame.
+    pub joint: Joint,
+    /// Mass, kg.
+    pub mass: f64,
+    /// Centre of mass in the link's own frame, whose origin is the joint, m.
+    pub centre: Vector3<f64>,
+    /// Inertia about the centre of mass, in the link's frame, kg m².
+    pub inertia: Matrix3<f64>,
+}
+
+/// A tree of links under uniform gravity.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Articulated {
+    links: Vec<Link>,
+    gravity: Vector3<f64>,
+}
+
+impl Articulated {
+    /// The tree of `links` in a field of gravity (m/s²).
+    ///
+    /// # Errors
+    /// [`CoreError::Coordinate`] where a link's parent does not come before it.
+    pub fn new(links: Vec<Link>, gravity: Vector3<f64>) -> Result<Self, CoreError> {
+        for (k, link) in links.iter().enumerate() {
+            if let Some(parent) = link.parent.filter(|&parent| parent >= k) {
+                return Err(CoreError::Coordinate { what: "parent of a link", dof: parent, count: k });
+            }
+        }
+        Ok(Self { links, gravity })
+    }
+
+    /// The links.
+    pub fn links(&self) -> &[Link] {
+        &self.links
+    }
+
+    /// Pose (origin, rotation) of every link.
+    pub fn poses<D: Scalar>(&self, q: &[D]) -> Vec<(Vector3<D>, Matrix3<D>)> {
+        let mut poses: Vec<(Vector3<D>, Matrix3<D>)> = Vec::with_capacity(self.links.len());
+        let mut rest = q;
+        for link in &self.links {
+            let (q, later) = rest.split_at(link.joint.dof_count());
+            rest = later;
+            let (place, turn) = match link.parent {
+                Some(parent) => poses[parent],
+                None => ([D::from(0.0); 3], identity()),
+            };
+            let mut offset = link.anchor.map(D::from);
+            let mut own = identity();
+            match link.joint {
+                Joint::Revolute(axis) => own = rotation_about(&axis, q[0]),
+                Joint::Prismatic(axis) => offset = std::array::from_fn(|i| offset[i] + q[0] * axis[i]),
+                Joint::Ball => own = cayley(&[q[0], q[1], q[2]]),
+            }
+            let moved = rotate(&turn, &offset);
+            poses.push((std::array::from_fn(|i| place[i] + moved[i]), product(&turn, &own)));
+        }
+        poses
+    }
+}
+
+/// Rodrigues' formula: cos q I + sin q â + (1 − cos q) a aᵀ.
+fn rotation_about<D: Scalar>(a: &Vector3<f64>, q: D) -> Matrix3<D> {
+    let (sin, cos) = q.sin_cos();
+    let hat = [[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]];
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            let unit = if i == j { cos } else { D::from(0.0) };
+            unit + sin * hat[i][j] + (-cos + 1.0) * (a[i] * a[j])
+        })
+    })
+}
+
+impl Lagrangian for Articulated {
+    fn dof_count(&self) -> usize {
+        self.links.iter().map(|link| link.joint.dof_count()).sum()
+    }
+
+    fn value<D: Scalar>(&self, _t: D, q: &[D], v: &[D]) -> D {
+        let moving: Vec<Dual<D>> = q.iter().zip(v).map(|(&q, &v)| Dual::new(q, v)).collect();
+        let mut sum = D::from(0.0);
+        for (link, (origin, turn)) in self.links.iter().zip(self.poses(&moving)) {
+            let arm = rotate(&turn, &link.centre.map(|x| Dual::from_re(D::from(x))));
+            for i in 0..3 {
+                let centre = origin[i] + arm[i];
+                sum +=
+                    centre.eps * centre.eps * (0.5 * link.mass) + centre.re * (link.mass * self.gravity[i]);
+            }
+            // ½ ω·I ω = ½ tr(Ṙ J Ṙᵀ), J = ½ tr(I) 1 − I the second moment of mass.
+            let trace: f64 = (0..3).map(|i| link.inertia[i][i]).sum();
+            for i in 0..3 {
+                for j in 0..3 {
+                    let moment = if i == j { 0.5 * trace } else { 0.0 } - link.inertia[i][j];
+                    if moment != 0.0 {
+                        let pair: D = (0..3).map(|k| turn[k][i].eps * turn[k][j].eps).sum();
+                        sum += pair * (0.5 * moment);
+                    }
+                }
+            }
+        }
+        sum
+    }
+}
