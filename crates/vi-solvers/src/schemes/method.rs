@@ -1,5 +1,5 @@
 //! The time integrators by name: what is known of each before it runs, which systems it accepts, and how its stepper
-//! is made. The rows are in `schemes.rs`.
+//! is made. The rows are in `table.rs`.
 
 use vi_core::{Scheme, System};
 
