@@ -1,6 +1,6 @@
 //! The one error type of this crate. It must not know who reports it.
 
-/// What can be wrong with a Lagrangian system or a scheme, with the facts.
+/// Errors of Lagrangian systems and schemes, with the facts.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CoreError {
@@ -21,13 +21,13 @@ pub enum CoreError {
     Mass {
         /// The coordinate x_i.
         dof: usize,
-        /// Its mass, kg.
+        /// Mass at the coordinate, kg.
         mass: f64,
     },
-    /// What consistent mass cannot do.
+    /// The mass cannot be consistent.
     #[error("mass cannot be consistent here: {reason}; lumped mass serves there")]
     ConsistentMass {
-        /// Why not.
+        /// Reason.
         reason: &'static str,
     },
     /// A coordinate that is named does not exist, or is named twice.
@@ -37,7 +37,7 @@ pub enum CoreError {
         what: &'static str,
         /// The coordinate x_i.
         dof: usize,
-        /// How many coordinates there are.
+        /// Number of coordinates.
         count: usize,
     },
     /// Axes of a node that are not orthonormal.
@@ -57,7 +57,7 @@ pub enum CoreError {
     Block {
         /// The term's name.
         term: String,
-        /// Its coordinates per node.
+        /// Coordinates per node.
         block: usize,
     },
     /// A node cannot be tied to others as asked.
@@ -71,7 +71,7 @@ pub enum CoreError {
     /// A constraint that constrains nothing.
     #[error("constraint '{constraint}' reads no free coordinate: remove it, or free what it joins")]
     Constraint {
-        /// Its name.
+        /// Name of the constraint.
         constraint: String,
     },
     /// A term's stencil names a node that the system has not.
@@ -83,7 +83,7 @@ pub enum CoreError {
         stencil: usize,
         /// The node that does not exist.
         node: usize,
-        /// How many nodes there are.
+        /// Number of nodes.
         count: usize,
     },
     /// A scheme or quadrature that is not defined for this number of points.
@@ -93,7 +93,7 @@ pub enum CoreError {
         what: &'static str,
         /// The number of points that was asked for.
         count: usize,
-        /// What is defined.
+        /// Numbers of points that are defined.
         allowed: &'static str,
     },
     /// The quadrature has too few points for the interpolation: some motion costs no action.

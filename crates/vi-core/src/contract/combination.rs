@@ -27,7 +27,7 @@ use crate::error::CoreError;
 /// Coordinates of a node that can be tied.
 const BLOCK: usize = 3;
 
-/// What becomes of the mass of a tied node.
+/// Distribution of the mass of a tied node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TiedMass {
     /// M = Sᵀ M S, which must come out diagonal (one term, or a body at its principal axes).
@@ -44,7 +44,7 @@ pub struct Combination {
     /// The nodes that it is tied to, with weights. Weights on points sum to one; on directors they are
     /// free.
     pub terms: Vec<(u32, f64)>,
-    /// What becomes of its mass.
+    /// Distribution of its mass.
     pub mass: TiedMass,
 }
 

@@ -19,7 +19,7 @@ use crate::error::CoreError;
 pub struct Place {
     /// Nodes with weights.
     pub nodes: Vec<(u32, f64)>,
-    /// What is fixed, m.
+    /// Fixed positions, m.
     pub fixed: [f64; 3],
 }
 
@@ -70,12 +70,12 @@ impl Place {
         norm(&self.fixed) + self.nodes.iter().map(of_node).sum::<f64>()
     }
 
-    /// The same with nodes renumbered.
+    /// Returns a copy with nodes renumbered.
     fn renumbered(&self, number: &impl Fn(u32) -> u32) -> Self {
         Self { nodes: self.nodes.iter().map(|&(node, weight)| (number(node), weight)).collect(), ..*self }
     }
 
-    /// The same with tied nodes replaced by the nodes they are tied to; equal nodes are added up.
+    /// Returns a copy with tied nodes replaced by the nodes that they are tied to; weights of equal nodes are added up.
     fn resolved(&self, coordinates: &Coordinates) -> Self {
         let mut nodes: Vec<(u32, f64)> = Vec::new();
         let mut add = |node: u32, weight: f64| match nodes.iter_mut().find(|term| term.0 == node) {
@@ -136,7 +136,7 @@ impl QuadraticConstraint {
         })
     }
 
-    /// Its name, for messages.
+    /// Name of the constraint, for messages.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -146,7 +146,7 @@ impl QuadraticConstraint {
         self.a.nodes.iter().chain(&self.b.nodes).map(|term| term.0)
     }
 
-    /// The same constraint with its nodes renumbered.
+    /// Returns the constraint with its nodes renumbered.
     #[must_use]
     pub fn renumbered(&self, number: impl Fn(u32) -> u32) -> Self {
         let (a, b) = (self.a.renumbered(&number), self.b.renumbered(&number));
@@ -183,7 +183,7 @@ impl QuadraticConstraint {
         }
     }
 
-    /// The same constraint on nodes that are not tied.
+    /// Returns the constraint on nodes that are not tied.
     pub(crate) fn resolved(self, coordinates: &Coordinates) -> Result<Self, CoreError> {
         let count = coordinates.dof_count() / 3;
         let missing = self.nodes().find(|&node| node as usize >= count);

@@ -85,7 +85,7 @@ impl Coordinates {
         Ok(Self { dof_count, free, prescribed, axes, combinations: None, directors: Vec::new() })
     }
 
-    /// The same with nodes that count their coordinates along axes of their own: coordinate k of such a node,
+    /// Returns a copy whose nodes have axes of their own: coordinate k of such a node,
     /// free or prescribed, is e_k · x. The nodes have three coordinates.
     ///
     /// # Errors
@@ -96,7 +96,7 @@ impl Coordinates {
         Ok(self)
     }
 
-    /// The same with tied nodes, and with nodes that are directors (see `combination.rs`), both of
+    /// Returns a copy with tied nodes, and with nodes that are directors (see `combination.rs`), both of
     /// three coordinates a node. Tied nodes may be named by those that are tied to them.
     ///
     /// # Errors
@@ -219,7 +219,7 @@ impl Coordinates {
         Ok(of_free(&pulled))
     }
 
-    /// The same coordinates with all prescribed ones held at zero.
+    /// Returns the coordinates with all prescribed ones held at zero.
     #[must_use]
     pub fn held(&self) -> Self {
         let dofs: Vec<u32> = self.prescribed.iter().flat_map(|group| group.dofs.iter().copied()).collect();

@@ -1,7 +1,7 @@
 //! The energy ledger: where every joule of a run went. It must not know how the parts are
 //! computed; each stepper computes them on its own, so that closing to round-off is a test.
 
-/// What changed the total energy T + V over one step, J. Their sum is the change.
+/// Contributions to the change of the total energy T + V over one step, J. They sum to the change.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct StepEnergy {
     /// Work done on the body by prescribed motion.
@@ -63,7 +63,7 @@ impl EnergyLedger {
         self.drift = self.drift.max((total - self.initial - work).abs());
     }
 
-    /// What the parts leave unexplained, J: round-off if every part is right.
+    /// Change that the parts do not explain, J: round-off if every part is right.
     pub fn unexplained(&self) -> f64 {
         self.current - self.initial - self.parts.total()
     }

@@ -4,7 +4,7 @@
 
 use crate::error::CoreError;
 
-/// How far axes may be from orthonormal.
+/// Largest deviation of axes from orthonormality.
 const ORTHONORMAL: f64 = 1e-9;
 
 /// The axes of one node.

@@ -9,7 +9,7 @@ pub struct Padded(pub [f64; 4]);
 /// As many vectors as a u16 can name, so that no place needs a check.
 pub type PatchArray = [Padded; 1 << 16];
 
-/// Positions of the nodes that a run of stencils touches, and room for a sum at each.
+/// Positions of the nodes that a run of stencils touches, and a sum per node.
 pub struct Patch<'a> {
     /// Place in `x` and in `sums` of each node of each stencil of the run, in the stencils' order;
     /// never [`Patch::NOWHERE`].

@@ -27,7 +27,7 @@ pub struct Stencils<'a> {
 }
 
 impl<'a> Stencils<'a> {
-    /// How many stencils there are.
+    /// Returns the number of stencils.
     pub fn count(&self) -> usize {
         self.nodes.len() / self.arity
     }
@@ -48,7 +48,7 @@ pub const fn packed_len(n: usize) -> usize {
     n * (n + 1) / 2
 }
 
-/// What is known of a term's Hessian ∂²V/∂x² before it is evaluated.
+/// Structure of a term's Hessian ∂²V/∂x², known before it is evaluated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HessianKind {
     /// V is affine in x (gravity): no Hessian is ever built, the gradient is made once.
@@ -59,10 +59,10 @@ pub enum HessianKind {
     Varying,
 }
 
-/// What can be skipped for a term.
+/// Properties of a term that allow work to be skipped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Traits {
-    /// What is known of the Hessian.
+    /// Structure of the Hessian.
     pub hessian: HessianKind,
     /// Does V depend on t explicitly?
     pub time_dependent: bool,
@@ -110,7 +110,7 @@ pub trait Potential: Send + Sync {
     /// Which nodes each term touches; fixed for the life of the value unless it says otherwise.
     fn stencils(&self) -> Stencils<'_>;
 
-    /// What can be skipped.
+    /// Returns the properties that allow work to be skipped.
     fn traits(&self) -> Traits;
 
     /// Energies V_s, J: one a stencil.

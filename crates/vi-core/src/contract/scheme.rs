@@ -4,7 +4,7 @@
 use crate::contract::quadrature::Quadrature;
 use crate::error::CoreError;
 
-/// How the trajectory q(t) is interpolated over one step.
+/// Interpolation of the trajectory q(t) over one step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Interpolation {
     /// A polynomial of this degree ≥ 1 through the two ends (and interior points).
@@ -22,9 +22,9 @@ impl Interpolation {
 /// An integrator: L_d(q₀, q₁) = ext h Σ_i b_i L(q(c_i h), q̇(c_i h)) over interpolants q.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scheme {
-    /// How the trajectory is interpolated.
+    /// Interpolation of the trajectory.
     pub interpolation: Interpolation,
-    /// How the action is integrated.
+    /// Quadrature of the action.
     pub quadrature: Quadrature,
 }
 

@@ -36,7 +36,7 @@ impl Terms {
         Self { coordinates, fixed: Vec::new(), live: Vec::new() }
     }
 
-    /// The same with these fixed terms besides.
+    /// Returns a copy with these fixed terms added.
     ///
     /// # Errors
     /// [`CoreError::Stencil`] where a stencil names a missing node.
@@ -48,7 +48,7 @@ impl Terms {
         Ok(self)
     }
 
-    /// The same with these live terms.
+    /// Returns a copy with these live terms.
     #[must_use]
     pub fn with_live(self, live: Vec<Arc<dyn Live>>) -> Self {
         Self { live, ..self }

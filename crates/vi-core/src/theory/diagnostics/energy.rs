@@ -39,7 +39,7 @@ impl Envelope {
         high - low
     }
 
-    /// How far the middle of the last complete window lies from the middle of the first.
+    /// Distance of the middle of the last complete window from the middle of the first.
     pub fn drift(&self) -> f64 {
         let complete = self.seen / self.window;
         if complete == 0 {

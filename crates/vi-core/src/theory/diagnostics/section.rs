@@ -7,7 +7,7 @@ use crate::contract::system::State;
 pub struct Section {
     /// The coordinate k.
     pub coordinate: usize,
-    /// Its value on the section.
+    /// Value of the coordinate on the section.
     pub level: f64,
 }
 

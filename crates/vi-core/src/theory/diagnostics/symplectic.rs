@@ -1,4 +1,4 @@
-//! The derivative of a map of phase space, measured; and what it says. It must not know the map.
+//! The derivative of a map of phase space, measured, and its defect from symplecticity. It must not know the map.
 
 use nalgebra::DMatrix;
 
@@ -38,7 +38,7 @@ pub fn area_factor(derivative: &DMatrix<f64>) -> f64 {
     derivative.determinant()
 }
 
-/// How far a run misses its start after it is run back with reversed momenta: the largest entry of
+/// Returns the distance by which a run misses its start after it is run back with reversed momenta: the largest entry of
 /// R Φᵏ R Φᵏ(z) − z, R(q, p) = (q, −p), for `steps` applications of the map each way.
 pub fn reversal_defect(map: impl Fn(&[f64]) -> Vec<f64>, z: &[f64], steps: usize) -> f64 {
     let n = z.len() / 2;

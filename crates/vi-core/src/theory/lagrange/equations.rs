@@ -51,7 +51,7 @@ pub fn momenta(lagrangian: &impl Expand, t: f64, q: &[f64], v: &[f64]) -> DVecto
     lagrangian.gradient(t, q, v).1
 }
 
-/// Its inverse: the velocities that have the momenta p, by Newton's method from rest.
+/// Inverts the Legendre transform: returns the velocities that have the momenta p, by Newton's method from rest.
 ///
 /// # Errors
 /// [`CoreError::SingularMass`] where ∂²L/∂q̇² has no inverse, [`CoreError::Convergence`] where

@@ -23,7 +23,7 @@ pub struct Expansion {
     pub vv: DMatrix<f64>,
 }
 
-/// What can be expanded to second order in (q, v): every [`Lagrangian`], by dual numbers; and every
+/// A function that can be expanded to second order in (q, v): every [`Lagrangian`], by dual numbers; and every
 /// [`System`], from the blocks of its potentials.
 pub trait Expand {
     /// Number of coordinates n.

@@ -1,4 +1,4 @@
-//! What a Lagrangian is to this crate: a function that can be evaluated on any numbers that carry
+//! A Lagrangian in this crate is a function that can be evaluated on any numbers that carry
 //! derivatives. It must not know which derivatives are taken.
 
 use num_dual::DualNum;

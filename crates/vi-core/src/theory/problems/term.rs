@@ -24,7 +24,7 @@ pub struct Term<const N: usize, J> {
     pub block: usize,
     /// Node numbers, N / block a stencil.
     pub nodes: Vec<u32>,
-    /// What is known of the Hessian.
+    /// Structure of the Hessian.
     pub hessian: HessianKind,
     /// The local term.
     pub jet: J,

@@ -9,7 +9,7 @@ use crate::error::CoreError;
 use crate::theory::lagrange::lagrangian::{Lagrangian, Scalar};
 use crate::theory::rotations::so3::{Matrix3, Vector3, cayley, identity, product, rotate};
 
-/// How a link moves against its parent.
+/// Motion of a link relative to its parent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Joint {
     /// Turns by q (rad) about a unit axis.
