@@ -4,6 +4,7 @@
 mod assemble;
 mod body;
 mod component;
+mod contact;
 mod control;
 mod directions;
 mod import;
@@ -26,6 +27,7 @@ mod ties;
 
 pub(crate) use assemble::Model;
 pub use body::{BodyModel, MaterialPart, NodeSet, ProbeTarget};
+pub(crate) use contact::ContactModel;
 pub(crate) use control::path_control;
 pub(crate) use mass::kinetic_terms;
 pub use regions::RegionProbe;

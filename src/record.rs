@@ -315,5 +315,13 @@ pub(crate) use record;
 
 record!(State { t: f64, q: Vec<f64>, p: Vec<f64> });
 record!(StepperMemory { method: String, arrays: Vec<(String, Vec<f64>)>, counts: Vec<(String, u64)> });
-record!(StepEnergy { prescribed: f64, force: f64, damping: f64, scheme: f64, residual: f64 });
+record!(StepEnergy {
+    prescribed: f64,
+    force: f64,
+    damping: f64,
+    friction: f64,
+    contact_damping: f64,
+    scheme: f64,
+    residual: f64,
+});
 record!(EnergyLedger { initial: f64, current: f64, parts: StepEnergy, drift: f64, kinetic_max: f64 });

@@ -5,6 +5,7 @@ mod attach;
 mod body;
 mod check;
 mod columns;
+mod contact;
 mod fix;
 mod load;
 mod material;
@@ -35,6 +36,7 @@ pub(crate) use body::MOST_REFINED;
 pub use body::{Axis, Body, Refine, RefineAlong, RestShape, Spring, SpringEnd, Strike};
 pub use check::Problem;
 pub(crate) use columns::history_columns;
+pub use contact::{Contact, ContactPair};
 pub use fix::{About, Fix, HeldAxis, LocalAxis};
 pub(crate) use load::field;
 pub use load::{Damping, FieldComponent, Load};
@@ -117,6 +119,9 @@ pub struct Scene {
     /// Physical damping; off by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub damping: Option<Damping>,
+    /// Contact between bodies, and of bodies with themselves; none by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact: Option<Contact>,
     /// Solve for equilibria instead of stepping time.
     #[serde(rename = "static", default, skip_serializing_if = "Option::is_none")]
     pub statics: Option<Static>,
@@ -160,6 +165,7 @@ impl Scene {
             loads: Vec::new(),
             wind: None,
             damping: None,
+            contact: None,
             statics: None,
             probes: Vec::new(),
             solver: Solver::default(),
@@ -260,6 +266,12 @@ impl Scene {
         self
     }
 
+    /// Lets bodies meet.
+    pub fn contact(mut self, contact: Contact) -> Self {
+        self.contact = Some(contact);
+        self
+    }
+
     /// Solves for equilibria instead of stepping time.
     pub fn statics(mut self, statics: Static) -> Self {
         self.statics = Some(statics);
@@ -305,7 +317,7 @@ impl Scene {
             !known.iter().any(|known| known.key == problem.key || known.key == key)
         };
         let found = plain::problems(self).into_iter().filter(|problem| is_new(problem, &problems));
-        let found: Vec<_> = found.chain(columns::problems(self)).collect();
+        let found: Vec<_> = found.chain(columns::problems(self)).chain(contact::problems(self)).collect();
         problems.extend(found);
         problems
     }

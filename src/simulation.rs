@@ -4,6 +4,7 @@
 mod added;
 mod advance;
 mod between;
+mod contact;
 mod march;
 pub mod matrices;
 mod measure;
@@ -22,6 +23,8 @@ use crate::scene::{Fix, Problem, Scene};
 pub use added::AddedTerm;
 pub use advance::Stepped;
 pub(crate) use advance::TOGETHER;
+pub use contact::ContactFacts;
+use contact::{ContactTotals, ContactWatch};
 pub use observe::{Observation, ProbeValue};
 use pace::Pace;
 pub use snapshot::{Snapshot, Substeps};
@@ -42,6 +45,7 @@ pub struct Component {
     keeps_ledger: bool,
     /// Can a configuration lie outside the domain of a term?
     has_domain: bool,
+    contact: Option<ContactWatch>,
 }
 
 impl Component {
@@ -94,6 +98,7 @@ pub struct Simulation {
     earlier_work: Work,
     /// Energy that [`Simulation::set_motion`] gave and no step has told yet, J.
     given: f64,
+    contact: ContactTotals,
 }
 
 impl Simulation {
@@ -134,7 +139,7 @@ impl Simulation {
             .map_err(|problem| vec![problem])?;
         let mut options = scene.solver.options();
         let mut components = Vec::with_capacity(model.components.len());
-        for (system, state) in model.components {
+        for ((system, state), contact) in model.components.into_iter().zip(model.contacts) {
             options.ledger = match scene.output.ledger {
                 Some(asked) => asked,
                 None => scene.statics.is_none() && is_worked_on(&system),
@@ -167,6 +172,7 @@ impl Simulation {
                 observer: None,
                 keeps_ledger,
                 has_domain,
+                contact: contact.map(ContactWatch::new),
             });
         }
         if !problems.is_empty() {
@@ -194,6 +200,7 @@ impl Simulation {
             substeps: Substeps { finest: 1, ..Substeps::default() },
             earlier_work: Work::default(),
             given: 0.0,
+            contact: ContactTotals::default(),
         })
     }
 
@@ -301,6 +308,12 @@ impl Simulation {
     pub fn load_factor(&self) -> Option<f64> {
         self.scene.statics.as_ref().filter(|statics| statics.follows_path())?;
         self.components.iter().find(|component| component.stepper.is_some()).map(|c| c.state.t)
+    }
+
+    /// The smallest gap between surfaces that press on each other, at the start and after any step so far, m; infinite
+    /// where there were none.
+    pub fn smallest_gap(&self) -> f64 {
+        self.contact.smallest_gap
     }
 
     /// Steps that were cut into substeps so far.

@@ -124,8 +124,11 @@ fn structure() {
     refused(&GOOD.replace("[time]", "title = 3\n[time]"), &["title: must be a string, is a whole number"]);
     let without_time = &GOOD[GOOD.find("[[body]]").unwrap()..];
     refused(&without_time.replace("\"clamp\"", "\"clmap\""), &["missing key `time`", "clmap"]);
-    let contact = format!("{GOOD}\n[contact]\ndistance = 1e-3\n");
-    refused(&contact, &["there is no contact in this program", "Remove this key"]);
+    refused(&format!("{GOOD}\n[collision]\nfriction = 0.3\n"), &["the table [contact]", "remove this key"]);
+    refused(
+        &format!("{GOOD}\n[contact]\nfriction = -0.3\n"),
+        &["contact.friction", "must be zero or positive"],
+    );
     let load = "\n[[load]]\nbody = \"beam\"\nregion = \"tip\"\npressure = 1.0\n";
     refused(&format!("{GOOD}{load}"), &["load[0].kind: missing key `kind`", "traction"]);
     refused(&format!("{GOOD}{load}kind = \"presure\""), &["load[0].kind", "did you mean \"pressure\"?"]);

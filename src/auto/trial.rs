@@ -173,7 +173,7 @@ fn observed(
         let (begin, used_before) = (Instant::now(), Used::now());
         while simulation.steps() < next {
             match simulation.advance(next - simulation.steps()) {
-                Ok(done) => outside += done.energy.prescribed + done.energy.force + done.energy.damping,
+                Ok(done) => outside += done.energy.work(),
                 Err(error) => return Err(TrialError::Failed(error.to_string())),
             }
             let is_over = match limit {

@@ -2,15 +2,17 @@
 //! components that it acts on.
 
 use std::collections::HashSet;
+use std::sync::Arc;
 
-use vi_core::{State, System};
+use vi_core::{Live, State, System};
 use vi_fem::{Anchor, Numbering, PointSpring, SpringEnd};
 
 use super::body::{BodyModel, NodeSet, ProbeTarget};
 use super::component::ComponentBuilder;
+use super::contact::{ContactModel, contact};
 use super::import::Imported;
 use super::matter::{self, Edges};
-use super::partition::Partition;
+use super::partition::{Partition, joined};
 use super::prescribe::NodalFix;
 use super::read::ReadBody;
 use super::regions::RegionProbe;
@@ -34,6 +36,8 @@ pub(crate) struct Model {
     pub(crate) fixes: Vec<NodeSet>,
     pub(crate) control: Option<ControlTarget>,
     pub(crate) components: Vec<(System, State)>,
+    /// The contact of each component.
+    pub(crate) contacts: Vec<Option<ContactModel>>,
     pub(crate) notes: Vec<String>,
 }
 
@@ -42,7 +46,8 @@ pub(crate) struct Model {
 /// # Errors
 /// Everything that is wrong with the bodies; if they are sound, everything that is wrong with what acts on them.
 pub(super) fn assemble(scene: &Scene, resolved: Resolved<'_>) -> Result<Model, Vec<Problem>> {
-    let partition = Partition::new(&resolved);
+    let partition = Partition::new(scene, &resolved);
+    let joined = joined(&resolved);
     let Resolved {
         bodies, fixes, probes, region_probes, periodics, strikes, springs, rigids, joints, ..
     } = resolved;
@@ -52,15 +57,25 @@ pub(super) fn assemble(scene: &Scene, resolved: Resolved<'_>) -> Result<Model, V
     parts.add_strikes(&strikes);
     parts.add_springs(&springs);
     parts.add_ties(resolved.ties);
-    let rigids = parts.add_rigids(&rigids, &joints, &partition);
+    let rigids = parts.add_rigids(&rigids, scene.contact.is_some(), &joints, &partition);
     parts.add_loads(&resolved.loads, &fixes);
     if let Some(damping) = &scene.damping {
         parts.add_damping(damping);
     }
     parts.add_periodics(&periodics);
     let mut systems = Vec::with_capacity(parts.components.len());
+    let mut contacts = Vec::with_capacity(parts.components.len());
     for (number, component) in parts.components.into_iter().enumerate() {
-        match component.into_system(scene, &nodal_fixes(&fixes, &parts.bodies, number)) {
+        let rest = if scene.contact.is_some() { component.rest.clone() } else { Vec::new() };
+        let bodies = &parts.bodies;
+        let made = component.into_system(scene, &nodal_fixes(&fixes, bodies, number));
+        let made = made.and_then(|(system, state)| {
+            let contact = contact(scene, number, (&system, &state), &rest, bodies, &rigids, &joined)?;
+            let live = contact.iter().map(|contact| Arc::clone(&contact.term) as Arc<dyn Live>).collect();
+            contacts.push(contact);
+            Ok((system.with_live(live), state))
+        });
+        match made {
             Ok(system) => systems.push(system),
             Err(problem) => parts.problems.push(problem),
         }
@@ -76,6 +91,7 @@ pub(super) fn assemble(scene: &Scene, resolved: Resolved<'_>) -> Result<Model, V
         region_probes,
         control: resolved.control,
         components: systems,
+        contacts,
         notes: parts.notes,
     })
 }
@@ -236,6 +252,7 @@ impl Parts {
     fn add_rigids(
         &mut self,
         rigids: &[ResolvedRigid<'_>],
+        can_meet: bool,
         joints: &[ResolvedJoint<'_>],
         partition: &Partition,
     ) -> Vec<RigidModel> {
@@ -260,7 +277,7 @@ impl Parts {
                     mass: masses[number][node as usize],
                 })
                 .collect();
-            match rigid::build(rigid, &attached, number, component.node_count()) {
+            match rigid::build(rigid, &attached, number, component.node_count(), can_meet) {
                 Ok(added) => {
                     component.add_rigid(&added);
                     all.push(added);

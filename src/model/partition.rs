@@ -1,7 +1,11 @@
-//! Which bodies act on each other: those that springs, ties, attachments or joints join are one component.
+//! Which bodies act on each other: those that springs, ties, attachments or joints join, and those that may meet, are one
+//! component.
 
+use std::collections::HashSet;
+
+use super::contact::may_meet;
 use super::resolve::{End, Resolved};
-use crate::scene::{BodyId, RigidId};
+use crate::scene::{BodyId, RigidId, Scene};
 
 /// The number of the component of each body and of each rigid body.
 pub(super) struct Partition {
@@ -12,7 +16,13 @@ pub(super) struct Partition {
 
 impl Partition {
     /// Components are numbered by their first body.
-    pub(super) fn new(scene: &Resolved<'_>) -> Self {
+    pub(super) fn new(scene: &Scene, resolved: &Resolved<'_>) -> Self {
+        let joined = joined(resolved);
+        let all = resolved.bodies.len() + resolved.rigids.len();
+        let count = if scene.contact.is_some() { all } else { 0 };
+        let pairs = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
+        let meeting = pairs.filter(|&(a, b)| may_meet(scene, &joined, a, b));
+        let scene = resolved;
         let body_count = scene.bodies.len();
         let body = |id: BodyId| id.index();
         let rigid = |id: RigidId| body_count + id.index();
@@ -26,7 +36,10 @@ impl Partition {
         let held = rigids
             .flat_map(|(k, rigid)| rigid.held.iter().map(move |nodes| (body(nodes.body), body_count + k)));
         let mut label: Vec<usize> = (0..body_count + scene.rigids.len()).collect();
-        for (a, b) in springs.chain(ties).chain(joints).chain(held) {
+        for (a, b) in springs.chain(ties).chain(joints).chain(held).chain(meeting) {
+            if label[a] == label[b] {
+                continue;
+            }
             let (keep, drop) = (label[a].min(label[b]), label[a].max(label[b]));
             label.iter_mut().filter(|l| **l == drop).for_each(|l| *l = keep);
         }
@@ -50,4 +63,18 @@ impl Partition {
     pub(super) fn of_rigid(&self, rigid: usize) -> usize {
         self.component_of[self.body_count + rigid]
     }
+}
+
+/// Pairs of bodies (rigid ones count on after the others) that the scene joins where they are: they touch, and are no
+/// pair for contact.
+pub(super) fn joined(scene: &Resolved<'_>) -> HashSet<(usize, usize)> {
+    let body_count = scene.bodies.len();
+    let rigid = |id: RigidId| body_count + id.index();
+    let ties = scene.ties.iter().filter_map(|set| Some((set.body.index(), set.to?.index())));
+    let ties = ties.filter(|(a, b)| a != b);
+    let joints = scene.joints.iter().filter_map(|joint| Some((rigid(joint.body), rigid(joint.to?))));
+    let rigids = scene.rigids.iter().enumerate();
+    let held = rigids
+        .flat_map(|(k, rigid)| rigid.held.iter().map(move |nodes| (nodes.body.index(), body_count + k)));
+    ties.chain(joints).chain(held).map(|(a, b): (usize, usize)| (a.min(b), a.max(b))).collect()
 }

@@ -27,6 +27,10 @@ pub struct RigidModel {
     axes: Matrix3<f64>,
     /// Its shape.
     pub shape: Option<RigidShape>,
+    /// Triangles of its surface, where it can meet others: nodes of the component.
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// Nodes that it has added to the component.
+    node_count: usize,
 }
 
 /// Where a rigid body is.
@@ -56,6 +60,16 @@ impl RigidModel {
         let sign = if turn.w < 0.0 { -1.0 } else { 1.0 };
         let orientation = [turn.w, turn.i, turn.j, turn.k].map(|value| sign * value);
         Pose { position: position.into(), orientation }
+    }
+
+    /// A direction in its own axes as it is at positions `x` of the component's nodes.
+    pub(super) fn directions_at_start(&self, x: &[f64], direction: [f64; 3]) -> [f64; 3] {
+        (self.directors(x) * (self.axes * Vector3::from(direction))).into()
+    }
+
+    /// Nodes of the component that move with it.
+    pub(super) fn nodes(&self) -> impl Iterator<Item = u32> + use<> {
+        self.node as u32..(self.node + self.node_count) as u32
     }
 
     /// Points given in its own axes from its own centre, carried by positions (or velocities) of the
@@ -133,12 +147,14 @@ pub(super) struct Attached {
     pub(super) mass: f64,
 }
 
-/// A rigid body with what is attached to it, as nodes `node` and on of component `component`.
+/// A rigid body with what is attached to it, as nodes `node` and on of component `component`; with the points of its
+/// surface where it `can_meet` others.
 pub(super) fn build(
     rigid: &Rigid,
     attached: &[Attached],
     component: usize,
     node: usize,
+    can_meet: bool,
 ) -> Result<Added, String> {
     let own = Own::new(rigid);
     let mass = own.mass + attached.iter().map(|a| a.mass).sum::<f64>();
@@ -171,6 +187,18 @@ pub(super) fn build(
             masses.push(share);
         }
     }
+    let surface = rigid.shape.as_ref().filter(|_| can_meet).map(super::surface);
+    let (points, mut triangles) = surface.unwrap_or_default();
+    let first = (node + x.len()) as u32;
+    triangles.iter_mut().for_each(|triangle| *triangle = triangle.map(|k| first + k));
+    for point in points {
+        let point = own.centre + own.axes * Vector3::from(point);
+        let number = (node + x.len()) as u32;
+        ties.push(Combination { node: number, terms: frame.point(point.into()), mass: TiedMass::Exact });
+        x.push(point);
+        v.push(velocity + omega.cross(&(point - own.centre)));
+        masses.push(0.0);
+    }
     let directors = [1, 2, 3].map(|k| frame.node + k);
     let constraints = match rigid.is_prescribed() {
         true => Vec::new(),
@@ -182,7 +210,9 @@ pub(super) fn build(
         node,
         centre: frame.axes.transpose() * (own.centre - frame.origin),
         axes: frame.axes.transpose() * own.axes,
-        shape: rigid.shape,
+        shape: rigid.shape.clone(),
+        triangles,
+        node_count: x.len(),
     };
     let flat = |list: &[Vector3<f64>]| list.iter().flat_map(|x| [x.x, x.y, x.z]).collect();
     Ok(Added {
@@ -217,7 +247,7 @@ impl Own {
             let axis = nalgebra::Unit::new_normalize(Vector3::from(turn.axis));
             nalgebra::Rotation3::from_axis_angle(&axis, turn.angle).into_inner()
         });
-        let volume = rigid.shape.map_or(0.0, |shape| shape.volume());
+        let volume = rigid.shape.as_ref().map_or(0.0, |shape| shape.volume());
         let mass = rigid.mass.or(rigid.density.map(|density| density * volume)).unwrap_or(0.0);
         let local = match (&rigid.inertia, &rigid.shape) {
             (Some(inertia), _) => {

@@ -19,10 +19,19 @@ pub(crate) fn surface(shape: &RigidShape) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
                 .collect();
             revolved(-radius, &rings, radius)
         }
-        RigidShape::Rod { length, radius } => {
+        RigidShape::Rod { length, radius } | RigidShape::Cylinder { length, radius } => {
             let (a, b) = (-0.5 * length, 0.5 * length);
             revolved(a, &[[a, radius], [b, radius]], b)
         }
+        RigidShape::Capsule { length, radius } => {
+            let end =
+                |sign: f64, angle: f64| [sign * (0.5 * length + radius * angle.cos()), radius * angle.sin()];
+            let angle = |k: u32| 0.5 * PI * f64::from(k) / f64::from(ALONG / 2);
+            let first = (1..=ALONG / 2).map(|k| end(-1.0, angle(k)));
+            let last = (1..=ALONG / 2).rev().map(|k| end(1.0, angle(k)));
+            revolved(-(0.5 * length + radius), &first.chain(last).collect::<Vec<_>>(), 0.5 * length + radius)
+        }
+        RigidShape::Plane { .. } => (Vec::new(), Vec::new()),
     }
 }
 
@@ -61,8 +70,8 @@ mod tests {
     use super::*;
 
     /// Volume inside, m³, positive if normals point outward.
-    fn volume(shape: RigidShape) -> f64 {
-        let (x, triangles) = surface(&shape);
+    fn volume(shape: &RigidShape) -> f64 {
+        let (x, triangles) = surface(shape);
         let of = |[a, b, c]: [u32; 3]| {
             let [a, b, c] = [a, b, c].map(|k| x[k as usize]);
             let normal = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
@@ -77,8 +86,9 @@ mod tests {
             (RigidShape::Box { size: [1.0, 2.0, 3.0] }, 1e-12),
             (RigidShape::Sphere { radius: 0.7 }, 0.05),
             (RigidShape::Rod { length: 2.0, radius: 0.1 }, 0.02),
+            (RigidShape::Capsule { length: 2.0, radius: 0.3 }, 0.03),
         ] {
-            let ratio = volume(shape) / shape.volume();
+            let ratio = volume(&shape) / shape.volume();
             assert!((ratio - 1.0).abs() < part, "{shape:?}: {ratio}");
             // Every edge has two triangles, which run along it in opposite directions; no edge is short for round-off.
             let (x, triangles) = surface(&shape);

@@ -92,7 +92,6 @@ impl EnergyGuard {
     /// Enters an observation and the account of the run until then.
     fn enter(&mut self, seen: &Observation, ledger: &EnergyLedger) {
         let parts = &ledger.parts;
-        let work = parts.prescribed + parts.force + parts.damping;
         let given = ledger.initial + parts.prescribed + parts.force - seen.gravity - seen.load;
         let growth = &mut self.growth;
         growth.exchange = growth.exchange.max(given);
@@ -100,7 +99,7 @@ impl EnergyGuard {
             .into_iter()
             .chain([parts.prescribed, parts.damping])
             .fold(0.0, |scale: f64, part| scale.max(part.abs()));
-        growth.now = seen.total() - ledger.initial - work - NOISE * scale - self.resolution;
+        growth.now = seen.total() - ledger.initial - parts.work() - NOISE * scale - self.resolution;
         growth.largest = growth.largest.max(growth.now);
     }
 

@@ -126,6 +126,12 @@ impl HistoryWriter {
         if self.columns.has_loads {
             let _ = write!(line, ",{:.16e}", seen.load);
         }
+        if let Some(facts) = &seen.contact_facts {
+            for energy in [seen.contact, facts.friction, facts.damping] {
+                let _ = write!(line, ",{energy:.16e}");
+            }
+            let _ = write!(line, ",{},{:.16e}", facts.pairs, facts.smallest_gap);
+        }
         for pose in &seen.rigids {
             for value in pose.position.iter().chain(&pose.orientation) {
                 let _ = write!(line, ",{value:.16e}");

@@ -56,6 +56,10 @@ impl Observer for LedgerKeeper {
             "initial": energy.initial, "final": energy.current,
             "prescribed_work": parts.prescribed, "force_work": parts.force, "damping_work": parts.damping,
         });
+        if simulation.scene().contact.is_some() {
+            report.energy["friction_work"] = parts.friction.into();
+            report.energy["contact_damping_work"] = parts.contact_damping.into();
+        }
         // In statics nothing moves, and energy that loads put in is no drift.
         if simulation.scene().statics.is_none() {
             report.energy["drift"] = energy.drift.into();

@@ -103,7 +103,7 @@ impl Checker {
 }
 
 /// Names for a message: the first few, and how many more there are, so that many messages about many names stay short.
-fn some_of(names: &[&str]) -> String {
+pub(super) fn some_of(names: &[&str]) -> String {
     const FEW: usize = 12;
     let first = names[..names.len().min(FEW)].join(", ");
     if names.len() > FEW { format!("{first} and {} more", names.len() - FEW) } else { first }

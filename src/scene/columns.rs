@@ -12,6 +12,9 @@ const CONSERVED: [&str; 11] =
 const WORK: [&str; 2] = ["newton_iterations", "substeps"];
 /// Energy of conservative loads other than weight, J.
 const LOAD: &str = "load";
+/// Of scenes with contact: its energy, what friction and its damping have taken so far (≤ 0), J; pairs, and the smallest
+/// gap, m.
+const CONTACT: [&str; 5] = ["contact", "friction", "contact_damping", "pairs", "smallest_gap"];
 /// Of a probe at a node: position and displacement, m.
 const PROBE: [&str; 6] = ["x", "y", "z", "ux", "uy", "uz"];
 /// Of a rigid body: its centre, m, and its orientation.
@@ -45,6 +48,9 @@ fn columns(scene: &Scene, has_loads: bool) -> Vec<Column> {
     columns.extend(fixed(&WORK));
     if has_loads {
         columns.extend(fixed(&[LOAD]));
+    }
+    if scene.contact.is_some() {
+        columns.extend(fixed(&CONTACT));
     }
     for (i, rigid) in scene.rigids.iter().enumerate() {
         columns.extend(headed(&rigid.name, &format!("rigid[{i}].name"), &RIGID));

@@ -1,5 +1,7 @@
 //! Rigid bodies and joints, as a scene says them. It must not know how they are made.
 
+use std::f64::consts::PI;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vi_fem::Motion;
@@ -56,9 +58,15 @@ pub enum Inertia {
 }
 
 /// A homogeneous shape with its centre at the body's.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum RigidShape {
+    /// The half-space below a plane through the body's position: an obstacle without end, fixed or moved without
+    /// turning. It acts by contact alone and is not drawn.
+    Plane {
+        /// Direction out of the half-space in the body's own axes, of any length but zero.
+        normal: [f64; 3],
+    },
     /// A box along the body's axes.
     Box {
         /// Edges, m.
@@ -76,35 +84,84 @@ pub enum RigidShape {
         /// Radius, m.
         radius: f64,
     },
+    /// A cylinder along the body's first axis: the same as a rod.
+    Cylinder {
+        /// Length, m.
+        length: f64,
+        /// Radius, m.
+        radius: f64,
+    },
+    /// A cylinder along the body's first axis with a half ball at each end.
+    Capsule {
+        /// Length of the cylinder without its round ends, m.
+        length: f64,
+        /// Radius, m.
+        radius: f64,
+    },
 }
 
 impl RigidShape {
-    /// Volume, m³.
+    /// Is it a half-space?
+    pub fn is_plane(&self) -> bool {
+        matches!(self, Self::Plane { .. })
+    }
+
+    /// Volume, m³; infinite for a half-space.
     pub fn volume(&self) -> f64 {
         match *self {
+            Self::Plane { .. } => f64::INFINITY,
             Self::Box { size: [a, b, c] } => a * b * c,
-            Self::Sphere { radius } => 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3),
-            Self::Rod { length, radius } => std::f64::consts::PI * radius * radius * length,
+            Self::Sphere { radius } => 4.0 / 3.0 * PI * radius.powi(3),
+            Self::Rod { length, radius } | Self::Cylinder { length, radius } => PI * radius * radius * length,
+            Self::Capsule { length, radius } => PI * radius * radius * (length + 4.0 / 3.0 * radius),
         }
     }
 
-    /// Mean squares of the coordinates over the shape, m²: Euler's moments of unit mass.
+    /// Mean squares of the coordinates over the shape, m²: Euler's moments of unit mass; zero for a half-space, which
+    /// has no mass.
     pub fn mean_squares(&self) -> [f64; 3] {
         match *self {
+            Self::Plane { .. } => [0.0; 3],
             Self::Box { size } => size.map(|edge| edge * edge / 12.0),
             Self::Sphere { radius } => [radius * radius / 5.0; 3],
-            Self::Rod { length, radius } => {
+            Self::Rod { length, radius } | Self::Cylinder { length, radius } => {
                 [length * length / 12.0, radius * radius / 4.0, radius * radius / 4.0]
+            }
+            Self::Capsule { length, radius } => {
+                let (l, r) = (length, radius);
+                // Parts of the volume: cylinder, and both half balls together.
+                let ball = 4.0 / 3.0 * r / (l + 4.0 / 3.0 * r);
+                let along_ball = r * r / 5.0 + 0.25 * l * l + 0.375 * l * r;
+                let along = (1.0 - ball) * l * l / 12.0 + ball * along_ball;
+                let across = (1.0 - ball) * r * r / 4.0 + ball * r * r / 5.0;
+                [along, across, across]
             }
         }
     }
 
-    fn lengths(&self) -> Vec<f64> {
+    /// The smallest of its thicknesses, m.
+    pub fn thickness(&self) -> f64 {
         match *self {
-            Self::Box { size } => size.to_vec(),
-            Self::Sphere { radius } => vec![radius],
-            Self::Rod { length, radius } => vec![length, radius],
+            Self::Plane { .. } => f64::INFINITY,
+            Self::Box { size: [a, b, c] } => a.min(b).min(c),
+            Self::Sphere { radius } | Self::Capsule { radius, .. } => 2.0 * radius,
+            Self::Rod { length, radius } | Self::Cylinder { length, radius } => length.min(2.0 * radius),
         }
+    }
+
+    fn problem(&self) -> Option<&'static str> {
+        let is_length = |length: f64| length > 0.0 && length.is_finite();
+        let is_sound = match self {
+            Self::Plane { normal } => {
+                return (!is_direction(*normal)).then_some("its normal must be finite and not zero");
+            }
+            Self::Box { size } => size.iter().all(|&edge| is_length(edge)),
+            Self::Sphere { radius } => is_length(*radius),
+            Self::Rod { length, radius }
+            | Self::Cylinder { length, radius }
+            | Self::Capsule { length, radius } => is_length(*length) && is_length(*radius),
+        };
+        (!is_sound).then_some("its lengths must be positive and finite, in m")
     }
 }
 
@@ -141,6 +198,25 @@ impl Rigid {
         self.fixed || self.motion.is_some()
     }
 
+    fn plane_problem(&self) -> Option<(&'static str, &'static str)> {
+        if !self.is_prescribed() {
+            return Some((
+                "fixed",
+                "a half-space has no end and no mass: write `fixed = true`, or give a `motion`",
+            ));
+        }
+        if self.mass.is_some() || self.density.is_some() || self.inertia.is_some() {
+            return Some(("shape", "a half-space has no mass: remove `mass`, `density` and `inertia`"));
+        }
+        if matches!(self.motion, Some(Motion::Rotate(_))) {
+            return Some((
+                "motion",
+                "a half-space that turns is not built; take a box for a turning obstacle",
+            ));
+        }
+        None
+    }
+
     /// What is wrong with its values, each with the key within it.
     pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
         let mut problems = Vec::new();
@@ -150,8 +226,11 @@ impl Rigid {
                 problems.push((key, format!("must be positive and finite, is {value} {unit}")));
             }
         }
-        if self.shape.is_some_and(|shape| shape.lengths().iter().any(|l| !(*l > 0.0 && l.is_finite()))) {
-            problems.push(("shape", "its lengths must be positive and finite, in m".to_owned()));
+        if let Some(message) = self.shape.as_ref().and_then(RigidShape::problem) {
+            problems.push(("shape", message.to_owned()));
+        }
+        if self.shape.as_ref().is_some_and(RigidShape::is_plane) {
+            problems.extend(self.plane_problem().map(|(key, message)| (key, message.to_owned())));
         }
         let given = (self.mass.is_some(), self.density.is_some());
         match (given, self.inertia.is_some(), self.shape.is_some()) {

@@ -49,9 +49,8 @@ pub(super) struct Found<'s> {
 
 /// Keys that a reader may expect, and what to do without them.
 const ABSENT: &[(&[&str], &str)] = &[(
-    &["contact", "contacts", "collision", "collisions", "friction"],
-    "there is no contact in this program: bodies pass through each other. Remove this key; what must stay together \
-     can be joined by [[attach]], [[seam]] or [[spring]]",
+    &["contacts", "collision", "collisions", "friction"],
+    "bodies meet where the scene has the table [contact], e.g. `[contact]` with `friction = 0.3` in it; remove this key",
 )];
 
 /// The schema of scenes, ready to be compared with files.

@@ -7,7 +7,7 @@ use vi_solvers::{Assembler, SolverError, StepError};
 
 use super::march::{self, Cut, March, march};
 use super::pace::Pace;
-use super::{Component, Simulation};
+use super::{Component, ContactFacts, Simulation};
 use crate::model::BodyModel;
 
 /// Steps that are made together at most: a caller who asks for more may still interrupt.
@@ -36,7 +36,8 @@ impl Simulation {
         let (h, is_static) = (self.h, self.scene.statics.is_some());
         let end = (self.steps + 1) as f64 * h;
         // Statics cuts its increments by itself.
-        let further = self.scene.time.substeps && !is_static;
+        // Nor does contact in explicit schemes: each change of a step near its limit of stability pumps energy.
+        let further = self.scene.time.substeps && !is_static && !self.has_explicit_contact();
         let cut = Cut { parts: self.parts, further };
         let advance = |component: &mut Component| -> Result<March, StepError> {
             let Component { system, state, stepper, pace, observer, has_domain, .. } = component;
@@ -75,7 +76,27 @@ impl Simulation {
         }
         total.energy.force += std::mem::take(&mut self.given);
         self.steps += 1;
+        self.see_contact(&total.energy);
         Ok(total)
+    }
+
+    /// Is there contact, and an explicit scheme?
+    pub(crate) fn has_explicit_contact(&self) -> bool {
+        self.scene.contact.is_some() && self.scene.statics.is_none() && self.method.facts().is_explicit
+    }
+
+    /// Looks at the gaps after a step.
+    fn see_contact(&mut self, energy: &vi_core::StepEnergy) {
+        self.contact.friction += energy.friction;
+        self.contact.damping += energy.contact_damping;
+        let mut facts = ContactFacts::default();
+        for component in &mut self.components {
+            let Component { system, state, contact, .. } = component;
+            if let Some(contact) = contact {
+                facts.add(contact, &system.positions(state));
+            }
+        }
+        self.contact.smallest_gap = self.contact.smallest_gap.min(facts.smallest_gap);
     }
 
     /// Makes a step along a path of equilibria: one component finds the load factor, the others have nothing free.

@@ -5,7 +5,8 @@ use vi_core::{HessianKind, Potential, angular_momentum, kinetic_energy, linear_m
 use vi_fem::{ElementField, element_field};
 use vi_solvers::{Assembler, SolverError};
 
-use super::{Component, Simulation};
+use super::contact::ContactTotals;
+use super::{Component, ContactFacts, Simulation};
 use crate::model::{Pose, ProbeTarget, RigidModel};
 
 /// Position and displacement of a probe, m.
@@ -30,8 +31,10 @@ pub struct Observation {
     pub gravity: f64,
     /// Energy of other conservative loads, J.
     pub load: f64,
-    /// Energy of contact, J.
+    /// Energy of contact, J, with what the bristles of friction store.
     pub contact: f64,
+    /// Pairs in contact and the smallest gap; none in a scene without contact.
+    pub contact_facts: Option<ContactFacts>,
     /// Linear momentum of the free coordinates, kg m/s.
     pub momentum: [f64; 3],
     /// Angular momentum of the free coordinates about the origin, kg m²/s.
@@ -62,15 +65,22 @@ impl Simulation {
     pub fn observe(&mut self) -> Observation {
         let mut seen =
             Observation { t: self.time(), load_factor: self.load_factor(), ..Observation::default() };
+        let ContactTotals { friction, damping, .. } = self.contact;
+        let facts = ContactFacts { friction, damping, ..ContactFacts::default() };
+        seen.contact_facts = self.scene.contact.is_some().then_some(facts);
         let mut positions = Vec::with_capacity(self.components.len());
         for component in &mut self.components {
-            let Component { system, state, stepper, observer, .. } = component;
+            let Component { system, state, stepper, observer, contact, .. } = component;
             let x = system.positions(state);
             let energies = observer.get_or_insert_with(|| Assembler::new(system)).energies(&x, state.t);
             seen.elastic += energies.elastic;
             seen.gravity += energies.gravity;
             seen.load += energies.load;
-            seen.contact += energies.contact;
+            seen.contact +=
+                energies.contact + stepper.as_ref().map_or(0.0, |stepper| stepper.stored_energy());
+            if let (Some(facts), Some(contact)) = (&mut seen.contact_facts, contact) {
+                facts.add(contact, &x);
+            }
             let known = stepper.as_ref().and_then(|stepper| stepper.velocity(state));
             seen.kinetic += match known {
                 Some(v) => 0.5 * state.p.iter().zip(v).map(|(p, v)| p * v).sum::<f64>(),
@@ -82,6 +92,9 @@ impl Simulation {
                 seen.angular_momentum[k] += angular[k];
             }
             positions.push(x);
+        }
+        if let Some(facts) = seen.contact_facts {
+            self.contact.smallest_gap = self.contact.smallest_gap.min(facts.smallest_gap);
         }
         let value = |probe: &ProbeTarget| {
             let body = &self.bodies[probe.body.index()];

@@ -4,6 +4,7 @@
 use vi_core::State;
 use vi_solvers::{Method, SolverError, SolverOptions, StepperMemory, Work};
 
+use super::contact::ContactTotals;
 use super::pace::{FLOOR, Pace};
 use super::{Component, Simulation};
 use crate::record::{self, Damage, record};
@@ -35,6 +36,7 @@ pub struct Snapshot {
     pub(super) substeps: Substeps,
     /// Energy that [`Simulation::set_motion`] gave and no step has told yet, J.
     pub(super) given: f64,
+    pub(super) contact: ContactTotals,
 }
 
 record!(Substeps { steps: u64, substeps: u64, finest: u64 });
@@ -47,6 +49,7 @@ record!(Snapshot {
     work: Work,
     substeps: Substeps,
     given: f64,
+    contact: ContactTotals,
 });
 
 impl Snapshot {
@@ -84,6 +87,7 @@ impl Simulation {
             work: self.work(),
             substeps: self.substeps,
             given: self.given,
+            contact: self.contact,
         }
     }
 
@@ -126,6 +130,7 @@ impl Simulation {
         self.earlier_work = snapshot.work;
         self.substeps = snapshot.substeps;
         self.given = snapshot.given;
+        self.contact = snapshot.contact;
         Ok(())
     }
 

@@ -16,9 +16,10 @@ use std::collections::BTreeMap;
 
 use bristle::stretch;
 use slip::Slip;
+use vi_core::packed_len;
 
 use crate::distance::{Shape, Vec3, at};
-use crate::pairs::{Contact, Partners, StepPair, StepSettings};
+use crate::pairs::{Contact, Partners, StepPair, StepSettings, pack_rank_one};
 use crate::surface::Law;
 
 /// Friction of one point against a body or half-space, or of two edges, over a step.
@@ -61,6 +62,20 @@ impl FrictionPair {
             }
         }
     }
+
+    /// Force on the first part of the pair, N.
+    pub fn force(&self) -> Vec3 {
+        -self.gradient[..self.partners.first_count()].iter().sum::<Vec3>()
+    }
+
+    /// Adds k c cᵀ ⊗ (t₁t₁ᵀ + t₂t₂ᵀ) to a packed lower triangle of 3·arity coordinates, N/m.
+    pub(crate) fn add_packed_stiffness(&self, out: &mut [f64]) {
+        let mut block = [0.0; packed_len(12)];
+        for tangent in self.tangents {
+            pack_rank_one(self.stiffness, &self.weights, tangent, 3 * self.arity, &mut block[..out.len()]);
+            out.iter_mut().zip(&block).for_each(|(out, entry)| *out += entry);
+        }
+    }
 }
 
 impl Contact<'_> {
@@ -84,6 +99,21 @@ impl Contact<'_> {
             self.rub(partners, force.norm(), [x0, x1], anchors, settings)
         };
         pressed.into_iter().filter_map(rub).collect()
+    }
+
+    /// Friction of the pairs of one point, or of one pair of edges, in their order: those of equal partners lie side by
+    /// side.
+    pub(crate) fn friction_of_each(
+        &self,
+        pairs: &[StepPair],
+        x: [&[f64]; 2],
+        anchors: &Anchors,
+        settings: &StepSettings,
+    ) -> impl Iterator<Item = FrictionPair> {
+        pairs.chunk_by(|a, b| a.partners == b.partners).filter_map(move |pairs| {
+            let force: Vec3 = pairs.iter().map(StepPair::force).sum();
+            self.rub(pairs[0].partners, force.norm(), x, anchors, settings)
+        })
     }
 
     fn rub(

@@ -29,7 +29,7 @@ use crate::broad_phase::Neighbours;
 use crate::surface::Surface;
 
 pub(crate) use chord::DistanceChange;
-pub(crate) use energy::in_order;
+pub(crate) use energy::{in_order, pack_rank_one};
 pub(crate) use groups::Group;
 
 /// Kinds of the two parts of a pair.
@@ -41,6 +41,13 @@ pub enum Partners {
     PointPlane(u32, u32),
     /// Two edges: their numbers.
     Edges(u32, u32),
+}
+
+impl Partners {
+    /// Nodes of the first part: one point, or the two of an edge.
+    pub(crate) fn first_count(self) -> usize {
+        if matches!(self, Self::Edges(..)) { 2 } else { 1 }
+    }
 }
 
 /// Surfaces with the candidates near a configuration: what energies and forces are asked of.

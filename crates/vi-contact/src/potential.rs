@@ -15,6 +15,7 @@ use crate::broad_phase::Neighbours;
 use crate::distance::at;
 use crate::pairs::{ActivePair, Contact, Group};
 use crate::surface::Surface;
+use step::Step;
 
 /// Numbers in the gradient and in the packed Hessian of a stencil.
 const SIZE: usize = 12;
@@ -38,6 +39,18 @@ impl ContactTerm {
     }
 }
 
+impl ContactTerm {
+    /// The surfaces.
+    pub fn surface(&self) -> &Surface {
+        &self.surface
+    }
+
+    /// The contact near x, until a node is farther than the reach from there.
+    pub fn at(&self, x: &[f64]) -> ContactPotential {
+        ContactPotential::near(Arc::clone(&self.surface), x, self.reach)
+    }
+}
+
 impl Live for ContactTerm {
     fn name(&self) -> &str {
         "contact"
@@ -56,8 +69,10 @@ impl Live for ContactTerm {
 #[derive(Debug, Clone)]
 pub struct ContactPotential {
     surface: Arc<Surface>,
-    neighbours: Neighbours,
-    nodes: Vec<u32>,
+    neighbours: Arc<Neighbours>,
+    nodes: Arc<[u32]>,
+    /// Where it acts over a step with friction and damping.
+    step: Option<Step>,
 }
 
 impl ContactPotential {
@@ -77,7 +92,7 @@ impl ContactPotential {
             let face = surface.half_spaces()[plane as usize].node;
             nodes.extend([surface.points()[point as usize].node, face, face, face]);
         }
-        Self { surface, neighbours, nodes }
+        Self { surface, neighbours: Arc::new(neighbours), nodes: nodes.into(), step: None }
     }
 
     /// The candidates.
@@ -85,9 +100,19 @@ impl ContactPotential {
         &self.neighbours
     }
 
+    /// The surfaces.
+    pub fn surface(&self) -> &Surface {
+        &self.surface
+    }
+
     /// View of surface and candidates that evaluates energies, steps and impacts.
     pub fn contact(&self) -> Contact<'_> {
         Contact { surface: &self.surface, neighbours: &self.neighbours }
+    }
+
+    /// The smallest gap of all candidates at x, m, with the numbers of both bodies; none where there are no candidates.
+    pub fn closest(&self, x: &[f64]) -> Option<(f64, [u32; 2])> {
+        self.contact().closest(x)
     }
 
     /// The part of the straight path from x to x + dx that is proved free of touch, in [0, 1].

@@ -11,6 +11,7 @@ mod gather;
 pub(crate) mod hessian;
 pub(crate) mod inertia;
 pub(crate) mod live;
+mod passage;
 mod spans;
 pub(crate) mod sweep;
 mod tied;

@@ -64,6 +64,11 @@ pub enum SolverError {
         /// Was it so before the step began? Then no smaller step helps.
         at_start: bool,
     },
+    /// The straight path of a step, or any path to its end that was found, meets a surface.
+    #[error(
+        "surfaces would pass through each other in this step: something moves too far at once; a smaller step helps"
+    )]
+    Crossing,
     /// A number is not finite and no term says why: the step is far too large.
     #[error("{what} is not finite (at coordinate {dof})")]
     NotFinite {

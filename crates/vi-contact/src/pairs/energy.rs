@@ -161,7 +161,7 @@ impl ActivePair {
 }
 
 /// k (c ⊗ n)(c ⊗ n)ᵀ as a packed lower triangle.
-pub(super) fn pack_rank_one(k: f64, c: &[f64; 4], normal: Vec3, size: usize, out: &mut [f64]) {
+pub(crate) fn pack_rank_one(k: f64, c: &[f64; 4], normal: Vec3, size: usize, out: &mut [f64]) {
     for (i, row) in rows(size, out) {
         let left = k * c[i / 3] * normal[i % 3];
         for (j, entry) in row.iter_mut().enumerate() {
@@ -201,24 +201,35 @@ impl Contact<'_> {
 
     /// Smallest gap of all candidates at x, m; infinite where there are none.
     pub fn smallest_gap(&self, x: &[f64]) -> f64 {
+        self.closest(x).map_or(f64::INFINITY, |(gap, _)| gap)
+    }
+
+    /// The smallest gap of all candidates at x, m, and the numbers of both bodies.
+    pub fn closest(&self, x: &[f64]) -> Option<(f64, [u32; 2])> {
         let points = self.neighbours.starts.windows(2).enumerate().flat_map(|(point, range)| {
-            let node = self.surface.points[point].node;
+            let part = self.surface.points[point];
             self.neighbours.cells[range[0] as usize..range[1] as usize].iter().map(move |&cell| {
                 let cell = &self.surface.cells[cell as usize];
                 let [a, b, c] = cell.nodes;
-                let distance = cell.shape().closest(&[node, a, b, c].map(|node| at(x, node))).distance();
-                distance - self.surface.point_gauge(point, cell.body).map_or(0.0, |gauge| gauge.thickness)
+                let distance = cell.shape().closest(&[part.node, a, b, c].map(|node| at(x, node))).distance();
+                let gauge = self.surface.point_gauge(point, cell.body);
+                (distance - gauge.map_or(0.0, |gauge| gauge.thickness), [part.body, cell.body])
             })
         });
         let edges = self.neighbours.edges.iter().map(|pair| {
             let nodes = self.edge_nodes(pair.edges);
-            Shape::EdgeEdge.closest(&nodes.map(|node| at(x, node))).distance() - pair.gauge.thickness
+            let distance = Shape::EdgeEdge.closest(&nodes.map(|node| at(x, node))).distance();
+            let bodies = pair.edges.map(|edge| self.surface.edges[edge as usize].body);
+            (distance - pair.gauge.thickness, bodies)
         });
         let planes = self.neighbours.planes.iter().map(|&[point, plane]| {
             let gauge = self.surface.plane_gauge(point as usize, plane as usize);
-            self.height(point, plane, x) - gauge.map_or(0.0, |gauge| gauge.thickness)
+            let height = self.height(point, plane, x);
+            let bodies =
+                [self.surface.points[point as usize].body, self.surface.half_spaces[plane as usize].body];
+            (height - gauge.map_or(0.0, |gauge| gauge.thickness), bodies)
         });
-        points.chain(edges).chain(planes).fold(f64::INFINITY, f64::min)
+        points.chain(edges).chain(planes).min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
     /// Adds the pairs that act on one point to `out`.

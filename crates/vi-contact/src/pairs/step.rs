@@ -47,8 +47,7 @@ pub struct StepPair {
 impl StepPair {
     /// Force on the first part of the pair (the point, or the first edge), N.
     pub fn force(&self) -> Vec3 {
-        let own = if matches!(self.partners, Partners::Edges(..)) { 2 } else { 1 };
-        -self.gradient[..own].iter().sum::<Vec3>()
+        -self.gradient[..self.partners.first_count()].iter().sum::<Vec3>()
     }
 
     /// k c̄ c̄ᵀ ⊗ n nᵀ as a packed lower triangle of 3·arity coordinates, N/m.

@@ -1,33 +1,100 @@
-//! The discrete gradient of contact, stencil by stencil.
+//! Contact over a step, stencil by stencil: the discrete gradient of the contact energy, and with it friction and
+//! damping, which remember the stretch of their bristles from step to step.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
+use std::sync::Arc;
 
-use vi_core::{DiscreteGradient, packed_len};
+use vi_core::{DiscreteGradient, Impulse, Potential, StepOutcome, packed_len};
 
 use super::{ContactPotential, PACKED, SIZE, add_packed};
-use crate::pairs::{Group, StepPair, StepSettings};
+use crate::distance::{Vec3, at};
+use crate::friction::{Anchors, FrictionPair};
+use crate::pairs::{Group, Partners, StepPair, StepSettings};
 
 /// Without damping, which is a force of its own.
 const UNDAMPED: StepSettings = StepSettings { duration: f64::INFINITY };
 
+/// A step with friction and damping.
+#[derive(Debug, Clone)]
+pub(super) struct Step {
+    settings: StepSettings,
+    /// The bristles at its start.
+    anchors: Anchors,
+}
+
+/// What acts between x₀ and x₁: a pair by its normal force, or by its friction.
+enum Acting<'a> {
+    Normal(&'a StepPair),
+    Friction(&'a FrictionPair),
+}
+
+impl Acting<'_> {
+    fn nodes(&self) -> &[u32; 4] {
+        match self {
+            Self::Normal(pair) => &pair.nodes,
+            Self::Friction(pair) => &pair.nodes,
+        }
+    }
+
+    fn gradient(&self) -> &[Vec3] {
+        match self {
+            Self::Normal(pair) => &pair.gradient[..pair.arity],
+            Self::Friction(pair) => &pair.gradient[..pair.arity],
+        }
+    }
+
+    fn add_packed_stiffness(&self, out: &mut [f64]) {
+        match self {
+            Self::Normal(pair) => pair.packed_stiffness(out),
+            Self::Friction(pair) => pair.add_packed_stiffness(out),
+        }
+    }
+
+    /// Force on the first part, N.
+    fn force(&self) -> Vec3 {
+        match self {
+            Self::Normal(pair) => pair.force(),
+            Self::Friction(pair) => pair.force(),
+        }
+    }
+
+    fn partners(&self) -> Partners {
+        match self {
+            Self::Normal(pair) => pair.partners,
+            Self::Friction(pair) => pair.partners,
+        }
+    }
+}
+
 impl ContactPotential {
-    /// Calls `each` with the pairs of the stencils in `range` that act between x₀ and x₁, and the places of their nodes.
+    /// Calls `each` with what acts in the stencils of `range` between x₀ and x₁, and the places of its nodes.
     fn for_each_step(
         &self,
         range: Range<usize>,
         x: [&[f64]; 2],
-        mut each: impl FnMut(usize, &StepPair, [usize; 4]),
+        mut each: impl FnMut(usize, Acting<'_>, [usize; 4]),
     ) {
         let contact = self.contact();
+        let settings = self.step.as_ref().map_or(&UNDAMPED, |step| &step.settings);
+        let friction = |pairs: &[StepPair], out: &mut Vec<FrictionPair>| {
+            out.clear();
+            if let Some(step) = &self.step {
+                out.extend(contact.friction_of_each(pairs, x, &step.anchors, settings));
+            }
+        };
         let cells = self.neighbours.cells.len();
-        let (mut group, mut pairs) = (Group::new(), Vec::new());
+        let (mut group, mut pairs, mut rubbing) = (Group::new(), Vec::new(), Vec::new());
         for point in self.points_from(&range) {
             pairs.clear();
-            contact.step_of_point(point, x, &UNDAMPED, &mut group, &mut pairs);
-            for pair in &pairs {
-                if let Some(stencil) = self.home(point, &pair.nodes).filter(|stencil| range.contains(stencil))
-                {
-                    each(stencil, pair, self.places(stencil, &pair.nodes));
+            contact.step_of_point(point, x, settings, &mut group, &mut pairs);
+            friction(&pairs, &mut rubbing);
+            let all = pairs.iter().map(Acting::Normal).chain(rubbing.iter().map(Acting::Friction));
+            for acting in all {
+                let home = self.home(point, acting.nodes());
+                if let Some(stencil) = home.filter(|stencil| range.contains(stencil)) {
+                    let places = self.places(stencil, acting.nodes());
+                    each(stencil, acting, places);
                 }
             }
         }
@@ -35,13 +102,27 @@ impl ContactPotential {
             let number = stencil - cells;
             let edges = self.neighbours.edges.len();
             let pair = if number < edges {
-                contact.step_of_edges(number, x, &UNDAMPED)
+                contact.step_of_edges(number, x, settings)
             } else {
-                contact.step_of_plane(number - edges, x, &UNDAMPED)
+                contact.step_of_plane(number - edges, x, settings)
             };
             if let Some(pair) = pair {
-                each(stencil, &pair, [0, 1, 2, 3]);
+                friction(std::slice::from_ref(&pair), &mut rubbing);
+                each(stencil, Acting::Normal(&pair), [0, 1, 2, 3]);
+                rubbing.iter().for_each(|pair| each(stencil, Acting::Friction(pair), [0, 1, 2, 3]));
             }
+        }
+    }
+
+    /// Numbers of both bodies.
+    fn bodies(&self, partners: Partners) -> [u32; 2] {
+        let surface = &self.surface;
+        match partners {
+            Partners::PointBody(point, body) => [surface.points[point as usize].body, body],
+            Partners::PointPlane(point, plane) => {
+                [surface.points[point as usize].body, surface.half_spaces[plane as usize].body]
+            }
+            Partners::Edges(a, b) => [surface.edges[a as usize].body, surface.edges[b as usize].body],
         }
     }
 }
@@ -52,9 +133,9 @@ impl DiscreteGradient for ContactPotential {
     fn gradients(&self, range: Range<usize>, start: &[f64], end: &[f64], out: &mut [f64]) {
         out.fill(0.0);
         let first = range.start;
-        self.for_each_step(range, [start, end], |stencil, pair, places| {
+        self.for_each_step(range, [start, end], |stencil, acting, places| {
             let out = &mut out[(stencil - first) * SIZE..(stencil - first + 1) * SIZE];
-            for (place, gradient) in places.into_iter().zip(pair.gradient).take(pair.arity) {
+            for (place, gradient) in places.into_iter().zip(acting.gradient()) {
                 (0..3).for_each(|k| out[3 * place + k] += gradient[k]);
             }
         });
@@ -63,16 +144,50 @@ impl DiscreteGradient for ContactPotential {
     fn tangents(&self, range: Range<usize>, start: &[f64], end: &[f64], out: &mut [f64]) {
         out.fill(0.0);
         let first = range.start;
-        self.for_each_step(range, [start, end], |stencil, pair, places| {
-            let size = 3 * pair.arity;
+        self.for_each_step(range, [start, end], |stencil, acting, places| {
+            let size = 3 * acting.gradient().len();
             let mut block = [0.0; PACKED];
-            pair.packed_stiffness(&mut block[..packed_len(size)]);
-            add_packed(
-                &block,
-                size,
-                places,
-                &mut out[(stencil - first) * PACKED..(stencil - first + 1) * PACKED],
-            );
+            acting.add_packed_stiffness(&mut block[..packed_len(size)]);
+            let out = &mut out[(stencil - first) * PACKED..(stencil - first + 1) * PACKED];
+            add_packed(&block, size, places, out);
         });
+    }
+
+    fn over_step(&self, duration: f64, memory: &[f64]) -> Option<Arc<dyn Potential>> {
+        let anchors = Anchors::from_numbers(memory, &self.surface)?;
+        let step = Some(Step { settings: StepSettings { duration }, anchors });
+        Some(Arc::new(Self { step, ..self.clone() }))
+    }
+
+    fn outcome(&self, start: &[f64], end: &[f64]) -> StepOutcome {
+        let mut outcome = StepOutcome::default();
+        let mut impulses: BTreeMap<[u32; 2], Vec3> = BTreeMap::new();
+        let (mut rubbing, mut work) = (Vec::new(), 0.0);
+        let duration = self.step.as_ref().map_or(0.0, |step| step.settings.duration);
+        self.for_each_step(0..self.neighbours.count(), [start, end], |_, acting, _| {
+            let [first, second] = self.bodies(acting.partners());
+            let sign = if first <= second { 1.0 } else { -1.0 };
+            let between = [first.min(second), first.max(second)];
+            *impulses.entry(between).or_insert_with(Vec3::zeros) += acting.force() * (sign * duration);
+            match acting {
+                Acting::Normal(pair) => outcome.damping += pair.dissipated,
+                Acting::Friction(pair) => {
+                    for (&node, gradient) in pair.nodes.iter().zip(acting.gradient()) {
+                        work += gradient.dot(&(at(end, node) - at(start, node)));
+                    }
+                    rubbing.push(*pair);
+                }
+            }
+        });
+        rubbing.sort_by_key(|pair| pair.partners);
+        let anchors = Anchors::after(&rubbing);
+        let before = self.step.as_ref().map_or(0.0, |step| step.anchors.energy(&self.surface));
+        outcome.stored = anchors.energy(&self.surface);
+        // With the energy of bristles whose pair has opened.
+        outcome.friction = work - (outcome.stored - before);
+        outcome.memory = anchors.to_numbers();
+        let exchanged = |(between, value): ([u32; 2], Vec3)| Impulse { between, value: value.into() };
+        outcome.impulses = impulses.into_iter().map(exchanged).collect();
+        outcome
     }
 }

@@ -1,6 +1,9 @@
 //! Discrete gradients: forces that exchange exactly the energy of a term over a step.
 
 use std::ops::Range;
+use std::sync::Arc;
+
+use crate::contract::potential::Potential;
 
 /// A discrete gradient G(x₀, x₁) of a potential V, one G_s per stencil s, with the property
 /// ```text
@@ -16,4 +19,43 @@ pub trait DiscreteGradient {
     /// Newton's method with symmetric factors. Where ∂G_s/∂x₁ is not symmetric, convergence is linear instead of
     /// quadratic, and the solution is the same.
     fn tangents(&self, range: Range<usize>, start: &[f64], end: &[f64], out: &mut [f64]);
+
+    /// The term over one step of `duration` (s), where beside V it has forces that dissipate and may remember earlier
+    /// steps, such as dry friction: `memory` is what [`DiscreteGradient::outcome`] of the last step left. The stencils
+    /// are those of this term. None where V is all there is.
+    fn over_step(&self, _duration: f64, _memory: &[f64]) -> Option<Arc<dyn Potential>> {
+        None
+    }
+
+    /// What the forces that dissipate did over a step from `start` to `end`.
+    fn outcome(&self, _start: &[f64], _end: &[f64]) -> StepOutcome {
+        StepOutcome::default()
+    }
+}
+
+/// What the forces of a term that no potential gives did over one step. With G of the term over the step,
+/// ```text
+/// Σ G·Δx = ΔV + Δstored + friction + damping.
+/// ```
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct StepOutcome {
+    /// What the next step must know.
+    pub memory: Vec<f64>,
+    /// Energy that is stored in the memory, J.
+    pub stored: f64,
+    /// Energy that friction took, J (≥ 0).
+    pub friction: f64,
+    /// Energy that damping of the term took, J (≥ 0).
+    pub damping: f64,
+    /// Impulses between parts of the system.
+    pub impulses: Vec<Impulse>,
+}
+
+/// The impulse of the second of two parts on the first over a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Impulse {
+    /// Both parts, in numbers of the term.
+    pub between: [u32; 2],
+    /// The impulse, N s.
+    pub value: [f64; 3],
 }

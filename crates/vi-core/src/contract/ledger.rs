@@ -10,6 +10,10 @@ pub struct StepEnergy {
     pub force: f64,
     /// Work of physical damping (≤ 0).
     pub damping: f64,
+    /// Work of friction between bodies (≤ 0), less what its bristles store.
+    pub friction: f64,
+    /// Work of the damping of contact (≤ 0).
+    pub contact_damping: f64,
     /// Error of the scheme: for implicit midpoint ΔV − ∇V(x_mid)·Δx.
     pub scheme: f64,
     /// Work of the residual that the nonlinear solver left.
@@ -19,7 +23,12 @@ pub struct StepEnergy {
 impl StepEnergy {
     /// Sum of all parts, J.
     pub fn total(&self) -> f64 {
-        self.prescribed + self.force + self.damping + self.scheme + self.residual
+        self.work() + self.scheme + self.residual
+    }
+
+    /// Work from outside and what was dissipated on purpose, J: all but the errors of scheme and solver.
+    pub fn work(&self) -> f64 {
+        self.prescribed + self.force + self.damping + self.friction + self.contact_damping
     }
 }
 
@@ -28,6 +37,8 @@ impl std::ops::AddAssign for StepEnergy {
         self.prescribed += step.prescribed;
         self.force += step.force;
         self.damping += step.damping;
+        self.friction += step.friction;
+        self.contact_damping += step.contact_damping;
         self.scheme += step.scheme;
         self.residual += step.residual;
     }
@@ -59,8 +70,7 @@ impl EnergyLedger {
         self.parts += step;
         self.current = total;
         self.kinetic_max = self.kinetic_max.max(kinetic);
-        let work = self.parts.prescribed + self.parts.force + self.parts.damping;
-        self.drift = self.drift.max((total - self.initial - work).abs());
+        self.drift = self.drift.max((total - self.initial - self.parts.work()).abs());
     }
 
     /// Change that the parts do not explain, J: round-off if every part is right.

@@ -1,7 +1,7 @@
 //! V and its derivatives at a configuration q at time t, checked to be finite: what a stepper sees
 //! of a body. It must not know which scheme asks.
 
-use vi_core::{State, System};
+use vi_core::{Impulse, State, StepOutcome, System};
 
 use crate::assemble::assembler::Assembler;
 use crate::assemble::finite::check_state;
@@ -95,9 +95,69 @@ impl Evaluator {
         self.assembler.live().is_some()
     }
 
+    /// Opens a step of h (s) from (q, t) for live terms that remember earlier ones.
+    pub(crate) fn open_step(
+        &mut self,
+        system: &System,
+        q: &[f64],
+        t: f64,
+        h: f64,
+    ) -> Result<(), SolverError> {
+        if self.assembler.live().is_none() {
+            return Ok(());
+        }
+        self.set_ends(system, (q, t), (q, t));
+        match (&self.ends, self.assembler.live()) {
+            (Some([start, _]), Some(live)) => live.open_step(start, h),
+            _ => Ok(()),
+        }
+    }
+
+    /// Closes a step from (q, t) to (q, t): what live terms did in it beside their potential.
+    ///
+    /// # Errors
+    /// [`SolverError::Crossing`] where its path is not free.
+    pub(crate) fn close_step(
+        &mut self,
+        system: &System,
+        start: (&[f64], f64),
+        end: (&[f64], f64),
+    ) -> Result<StepOutcome, SolverError> {
+        self.set_ends(system, start, end);
+        let (Some([start, end]), Some(live)) = (&self.ends, self.assembler.live()) else {
+            return Ok(StepOutcome::default());
+        };
+        if !live.is_path_free(start, end) {
+            return Err(SolverError::Crossing);
+        }
+        Ok(live.close_step(start, end))
+    }
+
+    /// The step that was closed last has been made.
+    pub(crate) fn accept_step(&mut self) {
+        if let (Some([start, end]), Some(live)) = (&self.ends, self.assembler.live()) {
+            live.accept_step(start, end);
+        }
+    }
+
     /// Do live terms act by discrete gradients?
     pub(crate) fn has_discrete(&mut self) -> bool {
         self.assembler.live().is_some_and(|live| live.has_discrete())
+    }
+
+    /// Do live terms remember anything between steps?
+    pub(crate) fn remembers(&self) -> bool {
+        self.assembler.shared_live().is_some_and(|live| live.remembers())
+    }
+
+    /// Energy that live terms store between steps beside V, J.
+    pub(crate) fn stored(&self) -> f64 {
+        self.assembler.shared_live().map_or(0.0, |live| live.stored())
+    }
+
+    /// Impulses between parts of live terms since this was asked last, N s.
+    pub(crate) fn take_impulses(&mut self) -> Vec<Impulse> {
+        self.assembler.live().map(|live| live.take_impulses()).unwrap_or_default()
     }
 
     /// As [`Assembler::limits_steps`].
@@ -112,7 +172,7 @@ impl Evaluator {
 
     /// Where the stencils of live terms come from.
     pub(crate) fn live_state(&mut self) -> Option<LiveState> {
-        self.assembler.live().map(|live| live.state().clone())
+        self.assembler.live().map(|live| live.state())
     }
 
     /// Goes to the stencils of live terms, and the ends of a step, that an earlier run had.

@@ -1,13 +1,15 @@
 //! Energy, gradient and Hessian of the terms whose stencils never change, as sums over their stencils, and the count of
 //! what was evaluated. The sums themselves are made in `energy.rs`, `gather.rs` and `hessian.rs`.
 
-use vi_core::{Fault, Terms};
+use std::sync::Arc;
+
+use vi_core::{Fault, Potential, Terms};
 
 use crate::assemble::energy::{Energies, EnergySum};
 use crate::assemble::gather::Gather;
 use crate::assemble::hessian::{HessianEvaluation, HessianSum};
 use crate::assemble::spans::{common_block, spans};
-use crate::error::TermFault;
+use crate::error::{SolverError, TermFault};
 use crate::linear::matrix::SymmetricMatrix;
 
 /// Counts of what was evaluated and what was not.
@@ -47,6 +49,14 @@ impl FixedSum {
         let work =
             AssemblyWork { constant_stencils: gather.constant_stencils() as u64, ..Default::default() };
         Self { energy: EnergySum::new(&terms), gather, hessian: None, work, terms }
+    }
+
+    /// Sums other terms from here on, whose stencils are those of the ones before.
+    pub(crate) fn exchange(&mut self, terms: Vec<Arc<dyn Potential>>) -> Result<(), SolverError> {
+        let coordinates = Arc::clone(self.terms.shared_coordinates());
+        self.terms = Terms::new(coordinates, terms)
+            .map_err(|_| SolverError::Memory { missing: "stencils of the live terms" })?;
+        Ok(())
     }
 
     pub(crate) fn terms(&self) -> &Terms {

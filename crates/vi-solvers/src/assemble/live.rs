@@ -4,14 +4,14 @@
 //! Where a scheme takes a step by discrete gradients, the terms that have one are kept apart from the others, and are
 //! summed from an array that holds the end of the step and behind it the start.
 
-use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{Account, Fault, HessianKind, Potential, Stencils, Terms, Traits};
+use vi_core::{Fault, Impulse, Potential, StepOutcome, Terms};
 
 use crate::assemble::energy::Energies;
 use crate::assemble::fixed::FixedSum;
 use crate::assemble::hessian::HessianEvaluation;
+use crate::assemble::passage::{Passage, Remembered};
 use crate::error::{SolverError, TermFault};
 use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::matrix_sum::MatrixSum;
@@ -30,6 +30,8 @@ pub(crate) struct LiveState {
     /// The same of the stencils that the pattern of the sum of Hessians was made of.
     pattern_about: Vec<f64>,
     pattern_reach: f64,
+    /// The step that the terms are in.
+    step: Remembered,
 }
 
 impl LiveState {
@@ -37,6 +39,7 @@ impl LiveState {
         memory.arrays.push((format!("{name}.about"), self.about.clone()));
         memory.arrays.push((format!("{name}.pattern_about"), self.pattern_about.clone()));
         memory.arrays.push((format!("{name}.reaches"), vec![self.reach, self.pattern_reach]));
+        self.step.remember(name, memory);
     }
 
     /// What [`LiveState::save`] entered; none where it is not that of `count` coordinates.
@@ -49,7 +52,8 @@ impl LiveState {
         let &[reach, pattern_reach] = array("reaches")?.as_slice() else { return None };
         let fits = |values: &[f64]| values.is_empty() || values.len() == count;
         let is_sound = fits(&about) && fits(&pattern_about);
-        is_sound.then_some(Self { about, reach, pattern_about, pattern_reach })
+        let step = Remembered::recall(name, memory)?;
+        is_sound.then_some(Self { about, reach, pattern_about, pattern_reach, step })
     }
 }
 
@@ -59,6 +63,8 @@ struct Near {
     whole: FixedSum,
     /// Terms without and with a discrete gradient, where they are kept apart and both kinds may occur.
     parts: Option<[FixedSum; 2]>,
+    /// The terms with a discrete gradient, and their numbers in the list.
+    discrete: Vec<(usize, Arc<dyn Potential>)>,
 }
 
 impl Near {
@@ -72,7 +78,7 @@ impl Near {
         kind: HessianEvaluation,
         has_ends: bool,
     ) -> Vec<(f64, &'a SymmetricMatrix)> {
-        let Self { whole, parts } = self;
+        let Self { whole, parts, .. } = self;
         let mut hessians = vec![(1.0, fixed)];
         match parts {
             Some([plain, discrete]) => {
@@ -102,6 +108,7 @@ pub(crate) struct LiveSum {
     buffer: Vec<f64>,
     /// Positions at the end of a step, then at its start.
     pair: Vec<f64>,
+    passage: Passage,
     renewals: u64,
     patterns: u64,
 }
@@ -122,6 +129,7 @@ impl LiveSum {
             fault: None,
             buffer: vec![0.0; terms.coordinates().dof_count()],
             pair: Vec::new(),
+            passage: Passage::new(terms.live().len()),
             renewals: 0,
             patterns: 0,
         })
@@ -132,8 +140,8 @@ impl LiveSum {
         [self.renewals, self.patterns]
     }
 
-    pub(crate) fn state(&self) -> &LiveState {
-        &self.state
+    pub(crate) fn state(&self) -> LiveState {
+        LiveState { step: self.passage.now().clone(), ..self.state.clone() }
     }
 
     /// Goes to the stencils of a state.
@@ -141,6 +149,7 @@ impl LiveSum {
         self.union = None;
         self.near = None;
         self.state = LiveState::default();
+        self.passage.go_to(&state.step);
         if !state.about.is_empty() {
             self.renew(&state.about, state.reach);
         }
@@ -188,15 +197,16 @@ impl LiveSum {
             Ok(FixedSum::new(terms, self.block))
         };
         let has_discrete = potentials.iter().any(|potential| potential.discrete_gradient().is_some());
+        let numbered = potentials.iter().cloned().enumerate();
+        let (discrete, plain): (Vec<_>, Vec<_>) =
+            numbered.partition(|(_, potential)| potential.discrete_gradient().is_some());
         let parts = if self.splits && has_discrete {
-            let (discrete, plain): (Vec<_>, Vec<_>) =
-                potentials.iter().cloned().partition(|potential| potential.discrete_gradient().is_some());
-            let paired = discrete.into_iter().map(|term| Arc::new(Paired(term)) as Arc<dyn Potential>);
-            Some([assembler(plain)?, assembler(paired.collect())?])
+            let plain = plain.into_iter().map(|(_, potential)| potential).collect();
+            Some([assembler(plain)?, assembler(self.passage.paired(&discrete))?])
         } else {
             None
         };
-        Ok(Near { whole: assembler(potentials)?, parts })
+        Ok(Near { whole: assembler(potentials)?, parts, discrete })
     }
 
     /// Sees to it that the stencils serve at positions `x`, and at `other` too.
@@ -240,6 +250,56 @@ impl LiveSum {
         };
         assembler.gradient(x, t, buffer);
         vectors::update(out, |k, out| *out += buffer[k]);
+    }
+
+    /// Opens a step of `duration` (s) from positions `x` (m): terms that dissipate go on from what they remember there.
+    pub(crate) fn open_step(&mut self, x: &[f64], duration: f64) -> Result<(), SolverError> {
+        if self.splits && self.passage.open(x, duration) {
+            self.exchange()?;
+        }
+        Ok(())
+    }
+
+    /// Hands the terms with a discrete gradient the step that they are in.
+    fn exchange(&mut self) -> Result<(), SolverError> {
+        let Self { near: Some(near), passage, .. } = self else { return Ok(()) };
+        if let Some([_, discrete]) = &mut near.parts {
+            discrete.exchange(passage.paired(&near.discrete))?;
+        }
+        Ok(())
+    }
+
+    /// What the forces of the terms did that no potential gives, over the step from `start` to `end`.
+    pub(crate) fn close_step(&mut self, start: &[f64], end: &[f64]) -> StepOutcome {
+        self.follow(start, Some(end));
+        let near = self.near.as_ref().filter(|near| near.parts.is_some());
+        self.passage.close(near.map_or(&[], |near| &near.discrete), start, end)
+    }
+
+    /// The step that was closed last has been made.
+    pub(crate) fn accept_step(&mut self, start: &[f64], end: &[f64]) {
+        self.passage.accept(start, end);
+    }
+
+    /// Is there anything to remember between steps?
+    pub(crate) fn remembers(&self) -> bool {
+        self.passage.remembers()
+    }
+
+    /// Energy that the terms store between steps beside V, J.
+    pub(crate) fn stored(&self) -> f64 {
+        self.passage.stored()
+    }
+
+    /// Impulses between parts since this was asked last, N s.
+    pub(crate) fn take_impulses(&mut self) -> Vec<Impulse> {
+        self.passage.take_impulses()
+    }
+
+    /// Is the straight path from `start` to `end` free of what no term allows?
+    pub(crate) fn is_path_free(&mut self, start: &[f64], end: &[f64]) -> bool {
+        let dx: Vec<f64> = start.iter().zip(end).map(|(start, end)| end - start).collect();
+        self.largest_step(start, &dx, None) >= 1.0
     }
 
     /// Adds G(start, end) of the terms that act by a discrete gradient.
@@ -348,55 +408,5 @@ impl LiveSum {
     /// The first stencil without a finite value.
     pub(crate) fn fault(&self, x: &[f64], t: f64) -> Option<TermFault> {
         self.fault.clone().or_else(|| self.near.as_ref()?.whole.fault(x, t))
-    }
-}
-
-/// A term with a discrete gradient as a potential of the end of a step, whose start stands behind it in one array.
-struct Paired(Arc<dyn Potential>);
-
-impl Potential for Paired {
-    fn name(&self) -> &str {
-        self.0.name()
-    }
-
-    fn account(&self) -> Account {
-        self.0.account()
-    }
-
-    fn stencils(&self) -> Stencils<'_> {
-        self.0.stencils()
-    }
-
-    /// Time-dependent, so that nothing is taken for constant: the start changes unseen.
-    fn traits(&self) -> Traits {
-        Traits { hessian: HessianKind::Varying, time_dependent: true }
-    }
-
-    fn energies(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
-        self.0.energies(range, &x[..x.len() / 2], t, out);
-    }
-
-    fn gradients(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
-        let (end, start) = x.split_at(x.len() / 2);
-        match self.0.discrete_gradient() {
-            Some(discrete) => discrete.gradients(range, start, end, out),
-            None => self.0.gradients(range, end, t, out),
-        }
-    }
-
-    fn hessians(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
-        let (end, start) = x.split_at(x.len() / 2);
-        match self.0.discrete_gradient() {
-            Some(discrete) => discrete.tangents(range, start, end, out),
-            None => self.0.hessians(range, end, t, out),
-        }
-    }
-
-    fn limits_steps(&self) -> bool {
-        self.0.limits_steps()
-    }
-
-    fn largest_step(&self, x: &[f64], dx: &[f64]) -> f64 {
-        self.0.largest_step(x, dx)
     }
 }

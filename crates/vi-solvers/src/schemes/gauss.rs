@@ -428,7 +428,14 @@ impl Gauss {
         }
         let (change, loads) = potential_energies.close(system, evaluator, &after.q, after.t);
         let scheme = change - loads - free - prescribed - force - damping;
-        Ok(StepEnergy { prescribed, force: force + loads, damping, scheme, residual })
+        Ok(StepEnergy {
+            prescribed,
+            force: force + loads,
+            damping,
+            scheme,
+            residual,
+            ..StepEnergy::default()
+        })
     }
 }
 

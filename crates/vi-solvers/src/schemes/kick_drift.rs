@@ -13,7 +13,7 @@
 mod collisions;
 pub(crate) mod splitting;
 
-use vi_core::{State, StepEnergy, System};
+use vi_core::{Impulse, State, StepEnergy, System};
 
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::finite::{check_finite, check_state};
@@ -95,14 +95,19 @@ impl KickDrift {
         drift: f64,
         energy: &mut StepEnergy,
     ) -> Result<f64, SolverError> {
+        let stored = self.stored_energy();
         let Some(collisions) = &mut self.collisions else { return Ok(0.0) };
         match collisions.drift((&mut self.q, &mut self.p), t, drift, self.ledger)? {
             None => Ok(self.kick_drift(system, t, 0.0, drift, energy)),
             Some(drifted) => {
                 self.evaluator.work += drifted.work;
-                energy.prescribed += drifted.energy.prescribed;
-                energy.residual += drifted.energy.residual;
-                Ok(drifted.kinetic - drifted.energy.prescribed - drifted.energy.residual)
+                let done = drifted.energy;
+                energy.prescribed += done.prescribed;
+                energy.residual += done.residual;
+                energy.friction += done.friction;
+                energy.contact_damping += done.contact_damping;
+                let stored = self.stored_energy() - stored;
+                Ok(drifted.kinetic + stored - done.work() - done.residual)
             }
         }
     }
@@ -353,7 +358,8 @@ impl KickDrift {
             }
             elapsed += drift;
             t = if i + 1 >= drifts { state.t + h } else { state.t + elapsed * h };
-            if drift != 0.0 && self.manifold.is_some() {
+            // A drift past what stands in the way keeps the constraints too.
+            if drift != 0.0 && self.manifold.is_some() && self.collisions.is_none() {
                 kicked += self.project_positions(system, t, drift * h, &mut energy)?;
             }
         }
@@ -412,6 +418,14 @@ impl Stepper for KickDrift {
 
     fn work(&self) -> Work {
         self.evaluator.work
+    }
+
+    fn stored_energy(&self) -> f64 {
+        self.collisions.as_ref().map_or(0.0, Collisions::stored)
+    }
+
+    fn take_impulses(&mut self) -> Vec<Impulse> {
+        self.collisions.as_mut().map(Collisions::take_impulses).unwrap_or_default()
     }
 
     fn memory(&self) -> StepperMemory {

@@ -9,11 +9,12 @@
 pub(crate) mod rule;
 mod stage;
 
-use vi_core::{State, StepEnergy, System};
+use vi_core::{Impulse, State, StepEnergy, System};
 
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::finite::{check_finite, check_state};
 use crate::assemble::inertia::Inertia;
+use crate::assemble::live::LiveState;
 use crate::error::SolverError;
 use crate::linear::cost::UnitCosts;
 use crate::memory::{StepperMemory, expect_method};
@@ -79,6 +80,7 @@ impl<R: Rule> OneStage<R> {
         self.inertia.open(system, &state.p, &mut self.evaluator.work);
         self.rule.open(system, &mut self.evaluator, &self.inertia, state, h)?;
         self.stage.open(system, &self.rule, &self.inertia, state, h);
+        self.evaluator.open_step(system, &state.q, state.t, h)?;
         let iterations = self.solve(system)?;
         self.stage.project_end(system, state)?;
         let Self { rule, inertia, stage: Stage { w, room, .. }, dv, .. } = self;
@@ -104,11 +106,34 @@ impl<R: Rule> OneStage<R> {
             multipliers.close(system, q, p, *t)?;
         }
         check_finite(q, p, system)?;
-        let energy = if self.ledger { self.account(system, state)? } else { StepEnergy::default() };
+        let outcome = self.evaluator.close_step(system, (&state.q, state.t), (q, *t))?;
+        let stored = outcome.stored - self.stored_energy();
+        let mut energy = if self.ledger { self.account(system, state)? } else { StepEnergy::default() };
+        energy.friction = -outcome.friction;
+        energy.contact_damping = -outcome.damping;
+        if self.ledger {
+            // The stage has counted what its forces took as work on the potential.
+            energy.scheme += outcome.friction + outcome.damping + stored;
+        }
         self.rule.close(system, state, &self.after, &self.stage.w, h);
         self.stage.close();
         self.inertia.close(&self.after.p, &self.dv);
         Ok((iterations, energy))
+    }
+
+    /// Do live terms remember anything?
+    pub(crate) fn remembers(&self) -> bool {
+        self.evaluator.remembers()
+    }
+
+    /// What live terms remember.
+    pub(crate) fn live_state(&mut self) -> Option<LiveState> {
+        self.evaluator.live_state()
+    }
+
+    /// Goes back to what live terms remembered.
+    pub(crate) fn go_to_live(&mut self, state: &Option<LiveState>) {
+        self.evaluator.go_to_live(state, &None);
     }
 
     /// Is a step of h one of free motion: does nothing act at its stage or stand in the way of it?
@@ -191,7 +216,14 @@ impl<R: Rule> OneStage<R> {
         if !self.rule.works_on_mean_velocity() || multipliers.is_some() {
             scheme += kinetic - inertial;
         }
-        Ok(StepEnergy { prescribed, force: force + loads, damping, scheme, residual })
+        Ok(StepEnergy {
+            prescribed,
+            force: force + loads,
+            damping,
+            scheme,
+            residual,
+            ..StepEnergy::default()
+        })
     }
 }
 
@@ -208,6 +240,7 @@ impl<R: Rule> Stepper for OneStage<R> {
             let cause = self.evaluator.explain(system, state, error);
             StepError { t: state.t, h, cause }
         })?;
+        self.evaluator.accept_step();
         std::mem::swap(&mut self.after, state);
         self.evaluator.work.steps += 1;
         Ok(StepReport { iterations, energy, work: self.evaluator.work - before })
@@ -231,6 +264,14 @@ impl<R: Rule> Stepper for OneStage<R> {
 
     fn velocity(&self, state: &State) -> Option<&[f64]> {
         self.inertia.known_velocity(state)
+    }
+
+    fn stored_energy(&self) -> f64 {
+        self.evaluator.stored()
+    }
+
+    fn take_impulses(&mut self) -> Vec<Impulse> {
+        self.evaluator.take_impulses()
     }
 
     fn memory(&self) -> StepperMemory {

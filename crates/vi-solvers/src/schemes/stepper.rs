@@ -1,7 +1,7 @@
 //! What every time integrator promises: one step of a system, counted work, and a memory from
 //! which a run continues bit for bit. It must not know any scheme.
 
-use vi_core::{State, StepEnergy, System};
+use vi_core::{Impulse, State, StepEnergy, System};
 
 use crate::error::SolverError;
 use crate::linear::cost::UnitCosts;
@@ -67,6 +67,16 @@ pub trait Stepper: Send {
         None
     }
 
+    /// Energy that live terms store between steps beside V, J: stretched bristles of friction.
+    fn stored_energy(&self) -> f64 {
+        0.0
+    }
+
+    /// Impulses between parts of live terms since the last call, N s.
+    fn take_impulses(&mut self) -> Vec<Impulse> {
+        Vec::new()
+    }
+
     /// What a reader should hear of the steps since the last call, e.g. of a limit point.
     fn take_findings(&mut self) -> Vec<String> {
         Vec::new()
@@ -106,6 +116,7 @@ impl StepError {
             SolverError::Term { at_start: false, .. }
                 | SolverError::NotFinite { at_start: false, .. }
                 | SolverError::NoConvergence { .. }
+                | SolverError::Crossing
                 | SolverError::NotPositiveDefinite(_)
                 | SolverError::NegativeCurvature { .. }
                 | SolverError::ConjugateGradients { .. }

@@ -9,14 +9,14 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use vi_core::{
-    Account, HessianKind, Live, Potential, State, Stencils, StepEnergy, System, Traits, packed_len,
+    Account, HessianKind, Impulse, Live, Potential, State, Stencils, StepEnergy, System, Traits, packed_len,
 };
 
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
 use crate::options::SolverOptions;
 use crate::schemes::one_stage::OneStage;
-use crate::schemes::one_stage::rule::Midpoint;
+use crate::schemes::one_stage::rule::{Midpoint, MultiplierDirections, Rule};
 use crate::schemes::stepper::Stepper;
 use crate::work::Work;
 
@@ -26,7 +26,7 @@ const PREFIX: &str = "collisions.";
 pub(super) struct Collisions {
     /// The live terms alone.
     system: System,
-    stepper: OneStage<Midpoint>,
+    stepper: OneStage<Drift>,
     state: State,
 }
 
@@ -89,11 +89,51 @@ impl Potential for Nothing {
 }
 
 /// What a drift did.
+#[derive(Default)]
 pub(super) struct Drifted {
     /// Change of the kinetic energy, J; zero where no ledger is kept.
     pub(super) kinetic: f64,
     pub(super) energy: StepEnergy,
     pub(super) work: Work,
+    solves: u32,
+}
+
+/// Halvings of a drift that cannot be made as a whole. Steps are not cut for what stands in the way of a drift: a
+/// change of the step near the limit of stability turns one conserved energy into another (docs/contact.md).
+const HALVINGS: u32 = 10;
+/// Solves of one drift at most: a run that has become unstable then ends soon.
+const MOST_SOLVES: u32 = 48;
+/// Newton iterations of one solve at most.
+const MOST_ITERATIONS: u32 = 50;
+
+/// The middle of a drift, with multipliers where they do no work: bodies under constraints keep their energy.
+pub(super) struct Drift(Midpoint);
+
+impl Rule for Drift {
+    fn name(&self) -> &'static str {
+        "drift"
+    }
+    fn works_on_mean_velocity(&self) -> bool {
+        true
+    }
+    fn coefficient(&self, h: f64) -> f64 {
+        self.0.coefficient(h)
+    }
+    fn time(&self) -> f64 {
+        self.0.time()
+    }
+    fn offset(&self, k: usize, v: f64, h: f64) -> f64 {
+        self.0.offset(k, v, h)
+    }
+    fn change(&self, k: usize, v: f64, w: f64, h: f64) -> (f64, f64) {
+        self.0.change(k, v, w, h)
+    }
+    fn takes_discrete_gradients(&self) -> bool {
+        true
+    }
+    fn multiplier_directions(&self) -> Option<MultiplierDirections> {
+        Some(MultiplierDirections::Middle)
+    }
 }
 
 impl Collisions {
@@ -104,18 +144,25 @@ impl Collisions {
         }
         let acting = |term: &Arc<dyn Live>| Arc::new(Acting(Arc::clone(term))) as Arc<dyn Live>;
         let live = system.terms().live().iter().map(acting).collect();
-        let system = system.without_terms().with_live(live);
+        let constraints = system.constraints().to_vec();
+        let system = system
+            .without_terms()
+            .with_live(live)
+            .with_constraints(constraints)
+            .map_err(|_| SolverError::Memory { missing: "constraints of the system" })?;
         // The energy errs as the work of the residual, which is linear in it.
         let tolerance = (1e-5 * options.tolerance).max(1e-14);
-        let stepper =
-            OneStage::new(Midpoint::new(), &system, &SolverOptions { tolerance, ..options.clone() })?;
+        let rule = Drift(Midpoint::new());
+        let max_iterations = options.max_iterations.min(MOST_ITERATIONS);
+        let options = SolverOptions { tolerance, max_iterations, ..options.clone() };
+        let stepper = OneStage::new(rule, &system, &options)?;
         Ok(Some(Self { system, stepper, state: State { t: 0.0, q: Vec::new(), p: Vec::new() } }))
     }
 
     /// Drifts from (q, p) at time t by h; none where no term acts along the free drift, which is then to be made.
     ///
     /// # Errors
-    /// Where the equations are not solved; q and p are then as before.
+    /// Where the equations are not solved, even in small parts of the drift; q and p are then as before.
     pub(super) fn drift(
         &mut self,
         (q, p): (&mut Vec<f64>, &mut Vec<f64>),
@@ -123,20 +170,55 @@ impl Collisions {
         h: f64,
         ledger: bool,
     ) -> Result<Option<Drifted>, SolverError> {
-        let Self { system, stepper, state } = self;
-        state.t = t;
-        state.q.clone_from(q);
-        state.p.clone_from(p);
-        if stepper.is_free(system, state, h) {
+        self.state.t = t;
+        self.state.q.clone_from(q);
+        self.state.p.clone_from(p);
+        let is_constrained = !self.system.constraints().is_empty();
+        if !is_constrained && !self.stepper.remembers() && self.stepper.is_free(&self.system, &self.state, h)
+        {
             return Ok(None);
         }
+        let remembered = self.stepper.live_state();
+        let mut drifted = Drifted::default();
+        if let Err(error) = self.pass(h, HALVINGS, ledger, &mut drifted) {
+            self.stepper.go_to_live(&remembered);
+            return Err(error);
+        }
+        drifted.work.steps = 0;
+        std::mem::swap(q, &mut self.state.q);
+        std::mem::swap(p, &mut self.state.p);
+        Ok(Some(drifted))
+    }
+
+    /// Drifts by h, or twice by half of it where that fails.
+    fn pass(&mut self, h: f64, halvings: u32, ledger: bool, sum: &mut Drifted) -> Result<(), SolverError> {
+        let Self { system, stepper, state } = self;
         let kinetic = |state: &State| if ledger { vi_core::kinetic_energy(system, state) } else { 0.0 };
         let before = kinetic(state);
-        let report = stepper.step(system, state, h).map_err(|error| error.cause)?;
-        let kinetic = kinetic(state) - before;
-        std::mem::swap(q, &mut state.q);
-        std::mem::swap(p, &mut state.p);
-        Ok(Some(Drifted { kinetic, energy: report.energy, work: Work { steps: 0, ..report.work } }))
+        sum.solves += 1;
+        match stepper.step(system, state, h) {
+            Ok(report) => {
+                sum.kinetic += kinetic(state) - before;
+                sum.energy += report.energy;
+                sum.work += report.work;
+                Ok(())
+            }
+            Err(error) if halvings > 0 && sum.solves < MOST_SOLVES && error.smaller_step_may_help() => {
+                self.pass(0.5 * h, halvings - 1, ledger, sum)?;
+                self.pass(0.5 * h, halvings - 1, ledger, sum)
+            }
+            Err(error) => Err(error.cause),
+        }
+    }
+
+    /// Energy that the terms store between steps beside V, J.
+    pub(super) fn stored(&self) -> f64 {
+        self.stepper.stored_energy()
+    }
+
+    /// Impulses between parts of the terms since this was asked last, N s.
+    pub(super) fn take_impulses(&mut self) -> Vec<Impulse> {
+        self.stepper.take_impulses()
     }
 
     /// How often the ordering and layout of a matrix were made.

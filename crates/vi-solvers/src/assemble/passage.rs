@@ -1,0 +1,219 @@
+//! What live terms with a discrete gradient carry from step to step: the memory of forces that dissipate, such as dry
+//! friction. It belongs to the positions where the last step ended; a step that is made again begins with the memory
+//! that it began with before. This file does not know what the terms are.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use vi_core::{Account, HessianKind, Impulse, Potential, Stencils, StepOutcome, Traits};
+
+use crate::memory::StepperMemory;
+
+/// The memory of all live terms at one place, and the step that they are in.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Remembered {
+    /// Memory of each term.
+    memories: Vec<Vec<f64>>,
+    /// Energy stored there beside V, J.
+    stored: f64,
+    /// Duration of the step, s.
+    duration: f64,
+}
+
+impl Remembered {
+    fn new(terms: usize) -> Self {
+        Self { memories: vec![Vec::new(); terms], ..Self::default() }
+    }
+
+    pub(super) fn remember(&self, name: &str, memory: &mut StepperMemory) {
+        memory.counts.push((format!("{name}.terms"), self.memories.len() as u64));
+        for (number, values) in self.memories.iter().enumerate() {
+            memory.arrays.push((format!("{name}.memory.{number}"), values.clone()));
+        }
+        memory.arrays.push((format!("{name}.stored_duration"), vec![self.stored, self.duration]));
+    }
+
+    /// What [`Remembered::remember`] entered; none where there is no such thing.
+    pub(super) fn recall(name: &str, memory: &StepperMemory) -> Option<Self> {
+        let array = |part: &str| {
+            let found = memory.arrays.iter().find(|(key, _)| *key == format!("{name}.{part}"));
+            found.map(|(_, values)| values.clone())
+        };
+        let terms = memory.counts.iter().find(|(key, _)| *key == format!("{name}.terms"))?.1;
+        let memories = (0..terms).map(|number| array(&format!("memory.{number}"))).collect::<Option<_>>()?;
+        let &[stored, duration] = array("stored_duration")?.as_slice() else { return None };
+        Some(Self { memories, stored, duration })
+    }
+}
+
+/// The way of live terms through the steps.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Passage {
+    /// Now, and where: positions of all coordinates, m. Empty: anywhere.
+    now: Remembered,
+    x: Vec<f64>,
+    /// The same before the last step.
+    before: Remembered,
+    x_before: Vec<f64>,
+    /// At the end of the step that was closed last.
+    next: Remembered,
+    next_impulses: Vec<Impulse>,
+    /// Impulses of the last step, and of all before that nobody has taken yet, N s.
+    impulses: Vec<Impulse>,
+    earlier: Vec<Impulse>,
+}
+
+impl Passage {
+    pub(super) fn new(terms: usize) -> Self {
+        Self { now: Remembered::new(terms), ..Self::default() }
+    }
+
+    pub(super) fn now(&self) -> &Remembered {
+        &self.now
+    }
+
+    pub(super) fn go_to(&mut self, now: &Remembered) {
+        if now.memories.len() == self.now.memories.len() {
+            *self = Self { now: now.clone(), ..Self::default() };
+        }
+    }
+
+    /// Opens a step from positions x; false where the terms act as they did over the last one.
+    pub(super) fn open(&mut self, x: &[f64], duration: f64) -> bool {
+        if self.x != x && self.x_before == x {
+            // The last step was given up.
+            self.now = self.before.clone();
+            self.x = x.to_vec();
+            self.impulses.clear();
+        }
+        let is_same = self.now.duration == duration && !self.remembers();
+        self.now.duration = duration;
+        !is_same
+    }
+
+    /// The terms as they act over the open step, as potentials of its end.
+    pub(super) fn paired(&self, discrete: &[(usize, Arc<dyn Potential>)]) -> Vec<Arc<dyn Potential>> {
+        let of = |(number, term): &(usize, Arc<dyn Potential>)| {
+            Arc::new(Paired(self.over_step(*number, term))) as Arc<dyn Potential>
+        };
+        discrete.iter().map(of).collect()
+    }
+
+    fn over_step(&self, number: usize, term: &Arc<dyn Potential>) -> Arc<dyn Potential> {
+        let Remembered { memories, duration, .. } = &self.now;
+        let over = term.discrete_gradient().and_then(|term| term.over_step(*duration, &memories[number]));
+        over.unwrap_or_else(|| Arc::clone(term))
+    }
+
+    /// Closes the step: what it did, all terms together. Nothing is changed for good before [`Passage::accept`].
+    pub(super) fn close(
+        &mut self,
+        discrete: &[(usize, Arc<dyn Potential>)],
+        start: &[f64],
+        end: &[f64],
+    ) -> StepOutcome {
+        let mut sum = StepOutcome::default();
+        self.next = Remembered { duration: self.now.duration, ..Remembered::new(self.now.memories.len()) };
+        for (number, term) in discrete {
+            let over = self.over_step(*number, term);
+            let Some(discrete) = over.discrete_gradient() else { continue };
+            let outcome = discrete.outcome(start, end);
+            sum.stored += outcome.stored;
+            sum.friction += outcome.friction;
+            sum.damping += outcome.damping;
+            sum.impulses.extend(outcome.impulses);
+            self.next.memories[*number] = outcome.memory;
+        }
+        self.next.stored = sum.stored;
+        self.next_impulses.clone_from(&sum.impulses);
+        sum
+    }
+
+    /// The step that was closed last has been made, from positions `start` to `end`.
+    pub(super) fn accept(&mut self, start: &[f64], end: &[f64]) {
+        self.before = std::mem::replace(&mut self.now, std::mem::take(&mut self.next));
+        self.x_before.clear();
+        self.x_before.extend_from_slice(start);
+        self.x.clear();
+        self.x.extend_from_slice(end);
+        let last = std::mem::replace(&mut self.impulses, std::mem::take(&mut self.next_impulses));
+        add(&mut self.earlier, &last);
+    }
+
+    /// The impulses since this was asked last.
+    pub(super) fn take_impulses(&mut self) -> Vec<Impulse> {
+        let mut all = std::mem::take(&mut self.earlier);
+        add(&mut all, &std::mem::take(&mut self.impulses));
+        all
+    }
+
+    /// Is there anything to remember?
+    pub(super) fn remembers(&self) -> bool {
+        self.now.memories.iter().any(|memory| !memory.is_empty())
+    }
+
+    /// Energy stored beside V, J.
+    pub(super) fn stored(&self) -> f64 {
+        self.now.stored
+    }
+}
+
+/// Adds impulses to the sums of the same parts.
+fn add(sums: &mut Vec<Impulse>, more: &[Impulse]) {
+    for impulse in more {
+        match sums.iter_mut().find(|sum| sum.between == impulse.between) {
+            Some(sum) => (0..3).for_each(|k| sum.value[k] += impulse.value[k]),
+            None => sums.push(*impulse),
+        }
+    }
+}
+
+/// A term with a discrete gradient as a potential of the end of a step, whose start stands behind it in one array.
+struct Paired(Arc<dyn Potential>);
+
+impl Potential for Paired {
+    fn name(&self) -> &str {
+        self.0.name()
+    }
+
+    fn account(&self) -> Account {
+        self.0.account()
+    }
+
+    fn stencils(&self) -> Stencils<'_> {
+        self.0.stencils()
+    }
+
+    /// Time-dependent, so that nothing is taken for constant: the start changes unseen.
+    fn traits(&self) -> Traits {
+        Traits { hessian: HessianKind::Varying, time_dependent: true }
+    }
+
+    fn energies(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        self.0.energies(range, &x[..x.len() / 2], t, out);
+    }
+
+    fn gradients(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        let (end, start) = x.split_at(x.len() / 2);
+        match self.0.discrete_gradient() {
+            Some(discrete) => discrete.gradients(range, start, end, out),
+            None => self.0.gradients(range, end, t, out),
+        }
+    }
+
+    fn hessians(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        let (end, start) = x.split_at(x.len() / 2);
+        match self.0.discrete_gradient() {
+            Some(discrete) => discrete.tangents(range, start, end, out),
+            None => self.0.hessians(range, end, t, out),
+        }
+    }
+
+    fn limits_steps(&self) -> bool {
+        self.0.limits_steps()
+    }
+
+    fn largest_step(&self, x: &[f64], dx: &[f64]) -> f64 {
+        self.0.largest_step(x, dx)
+    }
+}

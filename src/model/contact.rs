@@ -1,0 +1,248 @@
+//! The surfaces of a component that can meet: which nodes and triangles, how thick, how stiff, and which bodies are
+//! no pair. It must not know how contact is found or how time is stepped.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+
+use vi_contact::{ContactTerm, PairRule, SurfaceBuilder, median_edge};
+use vi_core::{State, System};
+
+use super::{BodyModel, RigidModel};
+use crate::scene::{Problem, RigidShape, Scene, Substance};
+
+/// The contact of one component.
+#[derive(Debug, Clone)]
+pub(crate) struct ContactModel {
+    pub(crate) term: Arc<ContactTerm>,
+    /// For each body of the term: its number among all bodies of the scene, deformable ones first.
+    pub(crate) bodies: Vec<usize>,
+}
+
+/// A surface of a body, before its constants are known.
+struct Part {
+    /// Number among all bodies of the scene.
+    number: usize,
+    triangles: Vec<[u32; 3]>,
+    /// The node and outward normal of a half-space.
+    plane: Option<(u32, [f64; 3])>,
+    radius: f64,
+    distance: f64,
+    /// Of a deformable body; a rigid one has none.
+    stiffness: Option<f64>,
+    /// Pressure that a rigid body can be expected to exert, Pa.
+    pressure: f64,
+}
+
+/// Of the median edge of a surface, of the thickness of a rigid body, and of Young's modulus.
+const DISTANCE: f64 = 0.1;
+const DISTANCE_OF_RIGID: f64 = 0.01;
+const STIFFNESS: f64 = 0.1;
+/// A layer between rigid bodies is as stiff as this many times the pressure expected, so that a tenth of B' carries it:
+/// three quarters of the layer are left.
+const STIFFNESS_OF_RIGID: f64 = 10.0;
+/// d̂ and κ of what takes them from the other side.
+const FROM_OTHERS: f64 = 1e300;
+
+/// May the bodies numbered `a` and `b` of a scene (deformable ones first) meet?
+pub(super) fn may_meet(scene: &Scene, joined: &HashSet<(usize, usize)>, a: usize, b: usize) -> bool {
+    let Some(contact) = &scene.contact else { return false };
+    let rigid = |number: usize| number.checked_sub(scene.bodies.len()).map(|rigid| &scene.rigids[rigid]);
+    let has_surface = |number| rigid(number).is_none_or(|rigid| rigid.shape.is_some());
+    let is_prescribed = |number| rigid(number).is_some_and(|rigid| rigid.is_prescribed());
+    has_surface(a)
+        && has_surface(b)
+        && !(is_prescribed(a) && is_prescribed(b))
+        && contact.admits(name_of(scene, a), name_of(scene, b))
+        && !joined.contains(&(a.min(b), a.max(b)))
+}
+
+pub(crate) fn name_of(scene: &Scene, number: usize) -> &str {
+    match number.checked_sub(scene.bodies.len()) {
+        Some(rigid) => &scene.rigids[rigid].name,
+        None => &scene.bodies[number].name,
+    }
+}
+
+/// The contact of component number `component`; none where nothing in it can meet.
+pub(super) fn contact(
+    scene: &Scene,
+    component: usize,
+    (system, state): (&System, &State),
+    rest: &[[f64; 3]],
+    bodies: &[BodyModel],
+    rigids: &[RigidModel],
+    joined: &HashSet<(usize, usize)>,
+) -> Result<Option<ContactModel>, Problem> {
+    let Some(contact) = &scene.contact else { return Ok(None) };
+    let wrong = |message: String| Problem::new("contact", message);
+    let rest = rest.as_flattened();
+    let mut parts = Vec::new();
+    for (number, body) in bodies.iter().enumerate().filter(|(_, body)| body.component == component) {
+        parts.push(of_body(scene, number, body, rest).map_err(wrong)?);
+    }
+    for (number, rigid) in rigids.iter().enumerate().filter(|(_, rigid)| rigid.component == component) {
+        parts.extend(of_rigid(scene, bodies.len() + number, rigid, rest));
+    }
+    let may_meet = |a: &Part, b: &Part| may_meet(scene, joined, a.number, b.number);
+    let any = |(i, part): (usize, &Part)| parts[i..].iter().any(|other| may_meet(part, other));
+    if !parts.iter().enumerate().any(any) {
+        return Ok(None);
+    }
+    let mut builder = SurfaceBuilder::new(rest);
+    builder.friction(contact.friction);
+    builder.damping(contact.damping);
+    for part in &parts {
+        let body = builder.body(vi_contact::Body {
+            radius: part.radius,
+            distance: contact.distance.unwrap_or(part.distance),
+            stiffness: contact.stiffness.or(part.stiffness).unwrap_or(FROM_OTHERS),
+            meets_itself: part.stiffness.is_some() && may_meet(part, part),
+        });
+        builder.triangles(body, &part.triangles);
+        if let Some((node, normal)) = part.plane {
+            builder.half_space(body, node, normal);
+        }
+    }
+    for (i, a) in parts.iter().enumerate() {
+        for (j, b) in parts.iter().enumerate().skip(i + 1) {
+            let rule = rule(scene, a, b, may_meet(a, b));
+            if rule != PairRule::default() {
+                builder.pair(i as u32, j as u32, rule);
+            }
+        }
+    }
+    hold(&mut builder, system, bodies, rigids, component);
+    let surface = builder.build().map_err(|error| {
+        // The crate counts bodies of the component; a reader knows their names.
+        let names: Vec<&str> = parts.iter().map(|part| name_of(scene, part.number)).collect();
+        wrong(format!("{error} (bodies, from 0: {})", names.join(", ")))
+    })?;
+    // Farther than the layer, and never less than motion over some steps: candidates are few beside elements.
+    let reach = parts.iter().map(|part| contact.distance.unwrap_or(part.distance));
+    let reach = reach.filter(|&distance| distance < FROM_OTHERS).fold(0.0, f64::max);
+    let term = Arc::new(ContactTerm::new(Arc::new(surface), reach));
+    let model = ContactModel { term, bodies: parts.iter().map(|part| part.number).collect() };
+    start(scene, &model, &system.positions(state)).map_or(Ok(Some(model)), |message| Err(wrong(message)))
+}
+
+/// The surface of a deformable body.
+fn of_body(scene: &Scene, number: usize, body: &BodyModel, rest: &[f64]) -> Result<Part, String> {
+    let of_scene = &scene.bodies[number];
+    let surface = vi_fem::Surface::of_body(&body.mesh, of_scene.dimension())
+        .map_err(|error| format!("body '{}': {error}", body.name))?;
+    let number_of = |node: u32| body.node(node as usize) as u32;
+    let triangles: Vec<[u32; 3]> =
+        surface.triangles().into_iter().map(|triangle| triangle.map(number_of)).collect();
+    let edge = median_edge(&triangles, rest).unwrap_or(1.0);
+    let (mut radius, mut distance, mut young) = (0.0, DISTANCE * edge, f64::INFINITY);
+    for entry in &of_scene.material.0 {
+        match &entry.law {
+            Substance::Solid(law) => {
+                let (lambda, mu) = law.parameters().lame();
+                young = young.min(mu * (3.0 * lambda + 2.0 * mu) / (lambda + mu));
+            }
+            Substance::Sheet(law) => {
+                let ([first, second, _], common) = (law.parameters().moduli(), law.parameters().common());
+                let along = |own: f64, other: f64| own - first[1] * first[1] / other;
+                young = young.min(along(first[0], second[1])).min(along(second[1], first[0]));
+                distance = distance.min(common.thickness);
+                radius = 0.5 * common.thickness;
+            }
+        }
+    }
+    let stiffness = Some(STIFFNESS * young);
+    Ok(Part { number, triangles, plane: None, radius, distance, stiffness, pressure: 0.0 })
+}
+
+/// The surface of a rigid body; none where it has no shape.
+fn of_rigid(scene: &Scene, number: usize, model: &RigidModel, rest: &[f64]) -> Option<Part> {
+    let rigid = &scene.rigids[number - scene.bodies.len()];
+    let shape = rigid.shape.as_ref()?;
+    let (plane, distance) = match shape {
+        RigidShape::Plane { normal } => {
+            (Some((model.node as u32, model.directions_at_start(rest, *normal))), FROM_OTHERS)
+        }
+        _ => (None, DISTANCE_OF_RIGID * shape.thickness()),
+    };
+    // What falls through its own extent or hits at its first speed; see docs/contact.md.
+    let square = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>();
+    let gravity = square(scene.gravity).sqrt();
+    let density = rigid.density.or(rigid.mass.map(|mass| mass / shape.volume())).unwrap_or(0.0);
+    let speed = square(rigid.velocity.unwrap_or_default()) + 2.0 * gravity * extent(rest);
+    let pressure =
+        if shape.is_plane() { 0.0 } else { density * (gravity * shape.thickness().max(0.0) + speed) };
+    let triangles = model.triangles.clone();
+    Some(Part { number, triangles, plane, radius: 0.0, distance, stiffness: None, pressure })
+}
+
+/// Largest extent of the nodes along an axis, m.
+fn extent(rest: &[f64]) -> f64 {
+    let axis = |k: usize| rest.iter().skip(k).step_by(3);
+    let width = |k| {
+        axis(k).copied().fold(f64::NEG_INFINITY, f64::max) - axis(k).copied().fold(f64::INFINITY, f64::min)
+    };
+    (0..3).map(width).fold(0.0, f64::max)
+}
+
+/// What the scene says of a pair, and the stiffness between two rigid bodies.
+fn rule(scene: &Scene, a: &Part, b: &Part, may_meet: bool) -> PairRule {
+    if !may_meet {
+        return PairRule { excluded: true, ..PairRule::default() };
+    }
+    let Some(contact) = &scene.contact else { return PairRule::default() };
+    let names = [name_of(scene, a.number), name_of(scene, b.number)];
+    let is_of = |between: &[String; 2]| {
+        let [c, d] = between;
+        (c == names[0] && d == names[1]) || (c == names[1] && d == names[0])
+    };
+    let said = contact.pairs.iter().find(|pair| is_of(&pair.between));
+    let are_rigid = contact.stiffness.is_none() && a.stiffness.is_none() && b.stiffness.is_none();
+    let expected = STIFFNESS_OF_RIGID * a.pressure.max(b.pressure);
+    let expected = if expected > 0.0 { expected } else { 1e5 };
+    PairRule {
+        excluded: false,
+        distance: said.and_then(|pair| pair.distance),
+        stiffness: said.and_then(|pair| pair.stiffness).or(are_rigid.then_some(expected)),
+        friction: said.and_then(|pair| pair.friction),
+        damping: said.and_then(|pair| pair.damping),
+    }
+}
+
+/// Tells which nodes move as one: those of a rigid body, and all that are prescribed.
+fn hold(
+    builder: &mut SurfaceBuilder,
+    system: &System,
+    bodies: &[BodyModel],
+    rigids: &[RigidModel],
+    component: usize,
+) {
+    const PRESCRIBED: u32 = 1;
+    let mut count = vec![0_u8; system.coordinates().dof_count() / 3];
+    for &dof in system.coordinates().prescribed().iter().flat_map(|group| &group.dofs) {
+        count[dof as usize / 3] += 1;
+    }
+    let is_prescribed = |node: usize| count[node] == 3;
+    for body in bodies.iter().filter(|body| body.component == component) {
+        let nodes = (0..body.mesh.points.len()).map(|node| body.node(node));
+        builder.hold(nodes.filter(|&node| is_prescribed(node)).map(|node| node as u32), PRESCRIBED);
+    }
+    let of_component = rigids.iter().filter(|rigid| rigid.component == component);
+    for (rigid, group) in of_component.zip(PRESCRIBED + 1..) {
+        let group = if is_prescribed(rigid.node) { PRESCRIBED } else { group };
+        builder.hold(rigid.nodes(), group);
+    }
+}
+
+/// What is wrong with the start: surfaces that touch.
+fn start(scene: &Scene, model: &ContactModel, x: &[f64]) -> Option<String> {
+    let near = model.term.at(x);
+    let (gap, pair) = near.closest(x)?;
+    let [a, b] = pair.map(|body| name_of(scene, model.bodies[body as usize]));
+    let who = if a == b { format!("'{a}' meets itself") } else { format!("'{a}' and '{b}' meet") };
+    (gap <= 0.0).then(|| {
+        format!(
+            "{who} at the start (gap {gap:.3e} m, after the thickness of sheets): move them apart, or list the pair in \
+             `contact.exclude`"
+        )
+    })
+}

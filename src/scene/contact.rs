@@ -1,0 +1,209 @@
+//! `[contact]`: which bodies meet, and how. It must not know how contact is found or solved.
+
+use std::collections::HashSet;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use vi_solvers::Method;
+
+use super::{Problem, Scene};
+
+/// `[contact]`: everything that can meet, meets, other bodies and the body itself. Without this table nothing is
+/// searched, and bodies pass through each other. Formulae, defaults and limits: docs/contact.md.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Contact {
+    /// Coulomb's coefficient of friction (≥ 0, default 0).
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0.0))]
+    pub friction: f64,
+    /// Time of contact damping, s (≥ 0, default 0): without it nothing that bounces ever comes to rest.
+    #[serde(default)]
+    #[schemars(extend("minimum" = 0.0))]
+    pub damping: f64,
+    /// Gap d̂ below which surfaces press on each other, m (> 0; default: a tenth of the median edge of the finer
+    /// surface, of a sheet at most its thickness).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub distance: Option<f64>,
+    /// Modulus κ of the layer between surfaces, Pa (> 0; default: a tenth of Young's modulus of the softer side).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub stiffness: Option<f64>,
+    /// Pairs of bodies that pass through each other; a pair of one body excludes its contact with itself.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub exclude: Vec<[String; 2]>,
+    /// Do bodies meet themselves (default true)?
+    #[serde(rename = "self", default = "Contact::default_own", skip_serializing_if = "Clone::clone")]
+    pub own: bool,
+    /// Part surfaces that touch at the start (not built yet; default false: such a start is refused).
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub resolve: bool,
+    /// What pairs of bodies have of their own.
+    #[serde(rename = "pair", default, skip_serializing_if = "Vec::is_empty")]
+    pub pairs: Vec<ContactPair>,
+}
+
+/// `[[contact.pair]]`: what two bodies have between them in place of the values of `[contact]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ContactPair {
+    /// Names of both bodies.
+    pub between: [String; 2],
+    /// Coulomb's coefficient of friction (≥ 0).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0.0))]
+    pub friction: Option<f64>,
+    /// Time of contact damping, s (≥ 0).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0.0))]
+    pub damping: Option<f64>,
+    /// Gap d̂ below which the surfaces press on each other, m (> 0).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub distance: Option<f64>,
+    /// Modulus κ of the layer between the surfaces, Pa (> 0).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub stiffness: Option<f64>,
+}
+
+impl Default for Contact {
+    fn default() -> Self {
+        Self {
+            friction: 0.0,
+            damping: 0.0,
+            distance: None,
+            stiffness: None,
+            exclude: Vec::new(),
+            own: Self::default_own(),
+            resolve: false,
+            pairs: Vec::new(),
+        }
+    }
+}
+
+impl Contact {
+    fn default_own() -> bool {
+        true
+    }
+
+    /// With this coefficient of friction.
+    pub fn with_friction(friction: f64) -> Self {
+        Self { friction, ..Self::default() }
+    }
+
+    /// Is there friction or damping between any bodies?
+    pub fn dissipates(&self) -> bool {
+        let given = |value: Option<f64>| value.is_some_and(|value| value > 0.0);
+        let any = |pair: &ContactPair| given(pair.friction) || given(pair.damping);
+        self.friction > 0.0 || self.damping > 0.0 || self.pairs.iter().any(any)
+    }
+
+    /// May bodies of these names meet?
+    pub fn admits(&self, a: &str, b: &str) -> bool {
+        let is_pair = |[c, d]: &[String; 2]| (c == a && d == b) || (c == b && d == a);
+        (a != b || self.own) && !self.exclude.iter().any(is_pair)
+    }
+
+    fn own_problems(&self, known: &HashSet<&str>) -> Vec<(String, String)> {
+        let mut problems = Vec::new();
+        let mut number = |key: String, value: Option<f64>, is_positive: bool, unit: &str| {
+            let Some(value) = value else { return };
+            let is_sound = value.is_finite() && if is_positive { value > 0.0 } else { value >= 0.0 };
+            if !is_sound {
+                let domain = if is_positive { "positive and finite" } else { "zero or positive, and finite" };
+                problems.push((key, format!("must be {domain}, is {value}{unit}")));
+            }
+        };
+        number("friction".into(), Some(self.friction), false, "");
+        number("damping".into(), Some(self.damping), false, " s");
+        number("distance".into(), self.distance, true, " m");
+        number("stiffness".into(), self.stiffness, true, " Pa");
+        for (i, pair) in self.pairs.iter().enumerate() {
+            number(format!("pair[{i}].friction"), pair.friction, false, "");
+            number(format!("pair[{i}].damping"), pair.damping, false, " s");
+            number(format!("pair[{i}].distance"), pair.distance, true, " m");
+            number(format!("pair[{i}].stiffness"), pair.stiffness, true, " Pa");
+        }
+        let excluded = self.exclude.iter().enumerate().map(|(i, names)| (format!("exclude[{i}]"), names));
+        let pairs =
+            self.pairs.iter().enumerate().map(|(i, pair)| (format!("pair[{i}].between"), &pair.between));
+        for (key, names) in excluded.chain(pairs) {
+            for name in names.iter().filter(|name| !known.contains(name.as_str())) {
+                let mut there: Vec<&str> = known.iter().copied().collect();
+                there.sort_unstable();
+                let there = super::check::some_of(&there);
+                problems.push((key.clone(), format!("there is no body '{name}'; there are: {there}")));
+            }
+        }
+        let mut seen = HashSet::new();
+        for (i, pair) in self.pairs.iter().enumerate() {
+            let [a, b] = &pair.between;
+            if !seen.insert(if a < b { [a, b] } else { [b, a] }) {
+                let message = format!("there is another pair of '{a}' and '{b}'; write one for both");
+                problems.push((format!("pair[{i}].between"), message));
+            }
+        }
+        problems
+    }
+}
+
+/// Everything that is wrong with the contact of a scene.
+pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
+    let Some(contact) = &scene.contact else { return without(scene) };
+    let names = scene.bodies.iter().map(|body| body.name.as_str());
+    let known: HashSet<&str> = names.chain(scene.rigids.iter().map(|rigid| rigid.name.as_str())).collect();
+    let found = contact.own_problems(&known).into_iter();
+    let mut problems: Vec<Problem> =
+        found.map(|(key, message)| Problem::new(format!("contact.{key}"), message)).collect();
+    if let Some(method) = scene.time.method()
+        && scene.statics.is_none()
+        && let Some(message) = refused(&method, contact)
+    {
+        problems.push(Problem::new("time.scheme", message));
+    }
+    if contact.resolve {
+        let message = "is not built yet: move apart what touches at the start, by `translate` or `position`";
+        problems.push(Problem::new("contact.resolve", message));
+    }
+    if scene.statics.is_some() && contact.dissipates() {
+        let message = "friction and damping of contact in [static] are not built yet: an equilibrium with friction \
+                       depends on its path; set both to 0, or step time with damping until the bodies rest";
+        problems.push(Problem::new("contact", message));
+    }
+    problems
+}
+
+/// What only a scene with contact has.
+fn without(scene: &Scene) -> Vec<Problem> {
+    let planes = scene
+        .rigids
+        .iter()
+        .enumerate()
+        .filter(|(_, rigid)| rigid.shape.as_ref().is_some_and(super::RigidShape::is_plane));
+    let message = "is a half-space, which only acts by contact; add the table [contact]";
+    planes.map(|(i, _)| Problem::new(format!("rigid[{i}].shape"), message)).collect()
+}
+
+/// Why a scheme cannot step a scene with contact; none where it can.
+fn refused(method: &Method, contact: &Contact) -> Option<String> {
+    let name = method.label();
+    let advice = "take stormer-verlet, implicit-midpoint or energy-momentum";
+    match method {
+        Method::BlanesMoan4 | Method::BlanesMoan6 => Some(format!(
+            "{name} steps backwards in time on its way, through what the body has left; with [contact] {advice}"
+        )),
+        Method::Gauss { stages } if *stages > 1 => Some(format!(
+            "{name} does not see the end of a step, where surfaces may have crossed; with [contact] {advice}"
+        )),
+        Method::ForwardEuler | Method::GeneralizedAlpha { .. } => Some(format!(
+            "{name} does not see the end of a step, where surfaces may have crossed; with [contact] {advice}, or to \
+             compare backward-euler, bdf2 or newmark"
+        )),
+        Method::BackwardEuler | Method::Bdf2 | Method::Newmark { .. } if contact.dissipates() => Some(
+            format!("friction and damping of contact are not built for {name}; set both to 0, or {advice}"),
+        ),
+        _ => None,
+    }
+}
