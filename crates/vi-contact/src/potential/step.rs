@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{DiscreteGradient, Impulse, Potential, StepOutcome, packed_len};
+use vi_core::{DiscreteGradient, Impulse, StepOutcome, packed_len};
 
 use super::{ContactPotential, PACKED, SIZE, add_packed};
 use crate::distance::{Vec3, at};
@@ -153,7 +153,7 @@ impl DiscreteGradient for ContactPotential {
         });
     }
 
-    fn over_step(&self, duration: f64, memory: &[f64]) -> Option<Arc<dyn Potential>> {
+    fn over_step(&self, duration: f64, memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
         let anchors = Anchors::from_numbers(memory, &self.surface)?;
         let step = Some(Step { settings: StepSettings { duration }, anchors });
         Some(Arc::new(Self { step, ..self.clone() }))

@@ -3,15 +3,13 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::contract::potential::Potential;
-
 /// A discrete gradient G(x₀, x₁) of a potential V, one G_s per stencil s, with the property
 /// ```text
 /// G_s(x₀, x₁)·(x₁ − x₀) = V_s(x₁) − V_s(x₀)
 /// ```
 /// exactly, and G_s(x, x) = ∂V_s/∂x (O. Gonzalez, J. Nonlinear Sci. 6 (1996) 449–467). A term that acts by it over a
 /// step exchanges exactly its energy with the body. `start` and `end` hold all coordinates, m.
-pub trait DiscreteGradient {
+pub trait DiscreteGradient: Send + Sync {
     /// G_s, N: n a stencil, as in [`Potential::gradients`](crate::Potential::gradients).
     fn gradients(&self, range: Range<usize>, start: &[f64], end: &[f64], out: &mut [f64]);
 
@@ -23,7 +21,7 @@ pub trait DiscreteGradient {
     /// The term over one step of `duration` (s), where beside V it has forces that dissipate and may remember earlier
     /// steps, such as dry friction: `memory` is what [`DiscreteGradient::outcome`] of the last step left. The stencils
     /// are those of this term. None where V is all there is.
-    fn over_step(&self, _duration: f64, _memory: &[f64]) -> Option<Arc<dyn Potential>> {
+    fn over_step(&self, _duration: f64, _memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
         None
     }
 

@@ -5,7 +5,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{Account, HessianKind, Impulse, Potential, Stencils, StepOutcome, Traits};
+use vi_core::{Account, DiscreteGradient, HessianKind, Impulse, Potential, Stencils, StepOutcome, Traits};
 
 use crate::memory::StepperMemory;
 
@@ -94,15 +94,16 @@ impl Passage {
     /// The terms as they act over the open step, as potentials of its end.
     pub(super) fn paired(&self, discrete: &[(usize, Arc<dyn Potential>)]) -> Vec<Arc<dyn Potential>> {
         let of = |(number, term): &(usize, Arc<dyn Potential>)| {
-            Arc::new(Paired(self.over_step(*number, term))) as Arc<dyn Potential>
+            let (term, over) = (Arc::clone(term), self.over_step(*number, term));
+            Arc::new(Paired { term, over }) as Arc<dyn Potential>
         };
         discrete.iter().map(of).collect()
     }
 
-    fn over_step(&self, number: usize, term: &Arc<dyn Potential>) -> Arc<dyn Potential> {
+    /// The discrete gradient over the open step, where the term has one of its own for it.
+    fn over_step(&self, number: usize, term: &Arc<dyn Potential>) -> Option<Arc<dyn DiscreteGradient>> {
         let Remembered { memories, duration, .. } = &self.now;
-        let over = term.discrete_gradient().and_then(|term| term.over_step(*duration, &memories[number]));
-        over.unwrap_or_else(|| Arc::clone(term))
+        term.discrete_gradient()?.over_step(*duration, &memories[number])
     }
 
     /// Closes the step: what it did, all terms together. Nothing is changed for good before [`Passage::accept`].
@@ -116,7 +117,7 @@ impl Passage {
         self.next = Remembered { duration: self.now.duration, ..Remembered::new(self.now.memories.len()) };
         for (number, term) in discrete {
             let over = self.over_step(*number, term);
-            let Some(discrete) = over.discrete_gradient() else { continue };
+            let Some(discrete) = over.as_deref().or(term.discrete_gradient()) else { continue };
             let outcome = discrete.outcome(start, end);
             sum.stored += outcome.stored;
             sum.friction += outcome.friction;
@@ -169,19 +170,29 @@ fn add(sums: &mut Vec<Impulse>, more: &[Impulse]) {
 }
 
 /// A term with a discrete gradient as a potential of the end of a step, whose start stands behind it in one array.
-struct Paired(Arc<dyn Potential>);
+struct Paired {
+    term: Arc<dyn Potential>,
+    /// Its discrete gradient over the open step, where that is not the term's.
+    over: Option<Arc<dyn DiscreteGradient>>,
+}
+
+impl Paired {
+    fn discrete(&self) -> Option<&dyn DiscreteGradient> {
+        self.over.as_deref().or(self.term.discrete_gradient())
+    }
+}
 
 impl Potential for Paired {
     fn name(&self) -> &str {
-        self.0.name()
+        self.term.name()
     }
 
     fn account(&self) -> Account {
-        self.0.account()
+        self.term.account()
     }
 
     fn stencils(&self) -> Stencils<'_> {
-        self.0.stencils()
+        self.term.stencils()
     }
 
     /// Time-dependent, so that nothing is taken for constant: the start changes unseen.
@@ -190,30 +201,30 @@ impl Potential for Paired {
     }
 
     fn energies(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
-        self.0.energies(range, &x[..x.len() / 2], t, out);
+        self.term.energies(range, &x[..x.len() / 2], t, out);
     }
 
     fn gradients(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
         let (end, start) = x.split_at(x.len() / 2);
-        match self.0.discrete_gradient() {
+        match self.discrete() {
             Some(discrete) => discrete.gradients(range, start, end, out),
-            None => self.0.gradients(range, end, t, out),
+            None => self.term.gradients(range, end, t, out),
         }
     }
 
     fn hessians(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
         let (end, start) = x.split_at(x.len() / 2);
-        match self.0.discrete_gradient() {
+        match self.discrete() {
             Some(discrete) => discrete.tangents(range, start, end, out),
-            None => self.0.hessians(range, end, t, out),
+            None => self.term.hessians(range, end, t, out),
         }
     }
 
     fn limits_steps(&self) -> bool {
-        self.0.limits_steps()
+        self.term.limits_steps()
     }
 
     fn largest_step(&self, x: &[f64], dx: &[f64]) -> f64 {
-        self.0.largest_step(x, dx)
+        self.term.largest_step(x, dx)
     }
 }
