@@ -124,6 +124,11 @@ struct Frame {
 }
 
 impl Frame {
+    /// A director at the start.
+    fn director(&self, number: usize) -> [f64; 3] {
+        self.axes.column(number).into_owned().into()
+    }
+
     /// The weights of a point of space that the body carries.
     fn point(&self, x: [f64; 3]) -> Vec<(u32, f64)> {
         let local = self.axes.transpose() * (Vector3::from(x) - self.origin) - self.centre;
@@ -319,23 +324,18 @@ struct Carried {
     frame: Frame,
 }
 
-impl Carried {
-    fn scatter(&self, at: impl Fn([f64; 3]) -> [f64; 3], out: &mut [f64]) {
-        let origin = at(self.frame.origin.into());
-        out[..3].copy_from_slice(&origin);
-        for (k, out) in out[3..].chunks_exact_mut(3).enumerate() {
-            let tip = at((self.frame.origin + self.frame.axes.column(k)).into());
-            out.iter_mut().zip(tip.iter().zip(origin)).for_each(|(out, (tip, origin))| *out = tip - origin);
-        }
-    }
-}
-
 impl Path for Carried {
     fn position(&self, t: f64, out: &mut [f64]) {
-        self.scatter(|x| self.motion.position(x, t), out);
+        out[..3].copy_from_slice(&self.motion.position(self.frame.origin.into(), t));
+        for (k, out) in out[3..].chunks_exact_mut(3).enumerate() {
+            out.copy_from_slice(&self.motion.turned(self.frame.director(k), t));
+        }
     }
     fn velocity(&self, t: f64, out: &mut [f64]) {
-        self.scatter(|x| self.motion.velocity(x, t), out);
+        out[..3].copy_from_slice(&self.motion.velocity(self.frame.origin.into(), t));
+        for (k, out) in out[3..].chunks_exact_mut(3).enumerate() {
+            out.copy_from_slice(&self.motion.turning(self.frame.director(k), t));
+        }
     }
 }
 

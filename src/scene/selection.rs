@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// Nodes of a body at rest, by exactly one of these keys.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -35,10 +35,10 @@ pub struct Selection {
 #[serde(deny_unknown_fields)]
 pub struct BoxRegion {
     /// Least coordinates, m; -inf along an axis without a lower bound (default: along all axes).
-    #[serde(default = "BoxRegion::without_min")]
+    #[serde(default = "BoxRegion::without_min", deserialize_with = "BoxRegion::read_min")]
     pub min: [f64; 3],
     /// Greatest coordinates, m; inf along an axis without an upper bound (default: along all axes).
-    #[serde(default = "BoxRegion::without_max")]
+    #[serde(default = "BoxRegion::without_max", deserialize_with = "BoxRegion::read_max")]
     pub max: [f64; 3],
 }
 
@@ -49,6 +49,15 @@ impl BoxRegion {
 
     fn without_max() -> [f64; 3] {
         [f64::INFINITY; 3]
+    }
+
+    /// JSON writes an infinite number as null.
+    fn read_min<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
+        Ok(<[Option<f64>; 3]>::deserialize(from)?.map(|bound| bound.unwrap_or(f64::NEG_INFINITY)))
+    }
+
+    fn read_max<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
+        Ok(<[Option<f64>; 3]>::deserialize(from)?.map(|bound| bound.unwrap_or(f64::INFINITY)))
     }
 
     /// What is wrong with its bounds.

@@ -191,6 +191,25 @@ impl Motion {
             Self::Table(table) => table.at(t).1,
         }
     }
+
+    /// What a direction of the moved body, `direction` at the start, is at time t (s).
+    pub fn turned(&self, direction: [f64; 3], t: f64) -> [f64; 3] {
+        match self {
+            Self::Rotate(motion) => motion.turned(direction, clock(motion.start, motion.end, t).0),
+            _ => direction,
+        }
+    }
+
+    /// The derivative of [`Motion::turned`] by time, 1/s.
+    pub fn turning(&self, direction: [f64; 3], t: f64) -> [f64; 3] {
+        match self {
+            Self::Rotate(motion) => {
+                let (s, rate) = clock(motion.start, motion.end, t);
+                cross(motion.unit_axis(), motion.turned(direction, s)).map(|v| rate * motion.rate * v)
+            }
+            _ => [0.0; 3],
+        }
+    }
 }
 
 impl Rotate {
@@ -199,10 +218,14 @@ impl Rotate {
         self.axis.map(|value| value / length)
     }
 
-    /// x − point, turned by rate · s (Rodrigues).
+    /// x − point, turned by rate · s.
     fn turned_arm(&self, x: [f64; 3], s: f64) -> [f64; 3] {
+        self.turned([0, 1, 2].map(|i| x[i] - self.point[i]), s)
+    }
+
+    /// A vector turned by rate · s (Rodrigues).
+    fn turned(&self, arm: [f64; 3], s: f64) -> [f64; 3] {
         let n = self.unit_axis();
-        let arm = [0, 1, 2].map(|i| x[i] - self.point[i]);
         let (sin, cos) = (self.rate * s).sin_cos();
         let (across, along) = (cross(n, arm), dot(n, arm));
         [0, 1, 2].map(|i| cos * arm[i] + sin * across[i] + (1.0 - cos) * along * n[i])
@@ -282,6 +305,15 @@ mod tests {
                 let (a, b) = (motion.position(x, t + e), motion.position(x, t - e));
                 for (i, velocity) in motion.velocity(x, t).into_iter().enumerate() {
                     assert!((velocity - (a[i] - b[i]) / (2.0 * e)).abs() < 1e-7, "{motion:?} at {t}");
+                }
+                // Directions are differences of points.
+                let y = [0, 1, 2].map(|i| x[i] + [0.6, 0.0, -0.8][i]);
+                let between = |from: [f64; 3], to: [f64; 3]| [0, 1, 2].map(|i| to[i] - from[i]);
+                for (found, expected) in [
+                    (motion.turned(between(x, y), t), between(motion.position(x, t), motion.position(y, t))),
+                    (motion.turning(between(x, y), t), between(motion.velocity(x, t), motion.velocity(y, t))),
+                ] {
+                    assert!((0..3).all(|i| (found[i] - expected[i]).abs() < 1e-14), "{motion:?} at {t}");
                 }
             }
         }

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use vi_core::{Potential, State, System, Terms};
+use vi_core::{Potential, State, System, Terms, binary_exponent};
 
 use crate::assemble::finite::check_state;
 use crate::assemble::hessian::HessianEvaluation;
@@ -85,12 +85,19 @@ pub fn modes(
     let mut balance = Balance::new(system);
     let mut residual = vec![0.0; state.q.len()];
     balance.residual(&state.q, state.t, &mut residual)?;
-    let stiffness = balance.tangent(&state.q, state.t, HessianEvaluation::Exact)?.clone();
-    let lumped = system.free_mass().to_vec();
+    let stiffness = balance.tangent(&state.q, state.t, HessianEvaluation::Exact)?;
     let consistent = match (mass.is_empty(), system.kinetic()) {
         (true, own) => own.map(mass_matrix),
         (false, _) => Some(matrix_of(system, mass)?),
     };
+    // Norms by the mass take square roots, which have the same digits whatever the units of a scene are if masses are
+    // counted in a power of two near the largest of them. So do shifts if stiffness is.
+    let mut diagonal = vec![0.0; state.q.len()];
+    stiffness.diagonal(&mut diagonal);
+    let (unit_of_mass, unit_of_stiffness) = (binary_unit(system.free_mass()), binary_unit(&diagonal));
+    let stiffness = scaled(stiffness, 1.0 / unit_of_stiffness);
+    let lumped = system.free_mass().iter().map(|mass| mass / unit_of_mass).collect();
+    let consistent = consistent.map(|mass| scaled(&mass, 1.0 / unit_of_mass));
     let mut pencil = match consistent {
         None => Pencil::lumped(stiffness, lumped)?,
         Some(mass) => Pencil::consistent(stiffness, lumped, mass)?,
@@ -113,15 +120,27 @@ pub fn modes(
         // A body whose modes are all rigid has nothing to compare with but the shift.
         let is_zero = pair.value.abs() <= 1e-6 * scale.max(pencil.shift);
         modes.push(Mode {
-            omega_squared: pair.value,
-            shape: pair.vector,
+            omega_squared: pair.value * unit_of_stiffness / unit_of_mass,
+            shape: pair.vector.iter().map(|value| value / unit_of_mass.sqrt()).collect(),
             is_rigid: is_zero && overlap > 0.999,
             residual,
-            participation,
+            participation: participation.map(|factor| factor * unit_of_mass.sqrt()),
         });
     }
-    let free_mass = translations.each_ref().map(|motion| pencil.mass_product(motion, motion));
+    let free_mass = translations.each_ref().map(|motion| unit_of_mass * pencil.mass_product(motion, motion));
     Ok(Modes { modes, free_mass })
+}
+
+/// The power of two at or below the largest of some numbers; 1 where all are zero.
+fn binary_unit(values: &[f64]) -> f64 {
+    2.0_f64.powi(binary_exponent(values.iter().fold(0.0, |largest, value| value.abs().max(largest))))
+}
+
+/// A matrix times a number.
+fn scaled(matrix: &SymmetricMatrix, factor: f64) -> SymmetricMatrix {
+    let mut scaled = matrix.clone();
+    scaled.set_shifted(&[], factor, matrix);
+    scaled
 }
 
 /// M from its local terms.

@@ -35,8 +35,10 @@ enum Meaning {
     Place,
     /// A factor in time: a number, a formula of t, or pairs (t, factor).
     Amplitude,
+    /// Names and vectors of directions, without dimension.
+    Directions,
 }
-use Meaning::{Amplitude, Of, Place};
+use Meaning::{Amplitude, Directions, Of, Place};
 
 const NUMBER: Meaning = Of(0, 0, 0);
 const LENGTH: Meaning = Of(1, 0, 0);
@@ -53,6 +55,7 @@ const VISCOSITY: Meaning = Of(-1, 1, -1);
 /// `material.` is listed.
 const KEYS: &[(&str, Meaning)] = &[
     ("gravity", Of(1, 0, -2)),
+    ("gravity_amplitude", Amplitude),
     ("time.end", TIME),
     ("time.step", TIME),
     ("time.stages", NUMBER),
@@ -72,6 +75,7 @@ const KEYS: &[(&str, Meaning)] = &[
     ("body.uv_scale", LENGTH),
     ("body.scale", NUMBER),
     ("body.translate", Place),
+    ("body.displacement", LENGTH),
     ("body.velocity", VELOCITY),
     ("body.angular_velocity", RATE),
     ("material.young", PRESSURE),
@@ -86,9 +90,9 @@ const KEYS: &[(&str, Meaning)] = &[
     ("material.area_density", Of(-2, 1, 0)),
     ("material.thickness", LENGTH),
     ("material.warp", NUMBER),
-    ("fix.box.min", Place),
-    ("fix.box.max", Place),
-    ("fix.nodes", NUMBER),
+    ("fix.axes", Directions),
+    ("fix.about.point", Place),
+    ("fix.about.axis", NUMBER),
     ("motion.velocity", VELOCITY),
     ("motion.start", TIME),
     ("motion.end", TIME),
@@ -120,9 +124,6 @@ const KEYS: &[(&str, Meaning)] = &[
     ("spring.to.node", NUMBER),
     ("spring.stiffness", STIFFNESS),
     ("spring.length", LENGTH),
-    ("attach.box.min", Place),
-    ("attach.box.max", Place),
-    ("attach.nodes", NUMBER),
     ("attach.stiffness", STIFFNESS),
     ("attach.length", LENGTH),
     ("seam.nodes", NUMBER),
@@ -136,6 +137,8 @@ const KEYS: &[(&str, Meaning)] = &[
     ("load.node", NUMBER),
     // Of a point; a body force is one per volume.
     ("load.force", Of(1, 1, -2)),
+    ("load.moment", Of(2, 1, -2)),
+    ("load.about", Place),
     ("load.amplitude", Amplitude),
     ("wind.velocity", VELOCITY),
     ("wind.density", DENSITY),
@@ -153,6 +156,7 @@ const KEYS: &[(&str, Meaning)] = &[
     ("probe.node", NUMBER),
     ("solver.tolerance", NUMBER),
     ("output.interval", TIME),
+    ("output.fps", RATE),
     ("output.history", NUMBER),
     ("checkpoint.interval", TIME),
     ("checkpoint.keep", NUMBER),
@@ -161,6 +165,30 @@ const KEYS: &[(&str, Meaning)] = &[
     ("assert.momentum_drift", NUMBER),
     ("assert.angular_momentum_drift", NUMBER),
 ];
+
+/// The keys of a selection of nodes, behind those of the table that it is in.
+const KEYS_OF_SELECTIONS: &[(&str, Meaning)] = &[
+    ("box.min", Place),
+    ("box.max", Place),
+    ("plane.point", Place),
+    ("plane.normal", NUMBER),
+    ("plane.distance", LENGTH),
+    ("sphere.centre", Place),
+    ("sphere.radius", LENGTH),
+    ("nodes", NUMBER),
+];
+/// The tables that select nodes.
+const SELECTING: &[&str] =
+    &["fix.", "attach.", "periodic.from.", "periodic.to.", "strike.", "load.", "probe."];
+
+/// What a key of a scene holds.
+fn meaning(path: &str) -> Option<Meaning> {
+    let of = |keys: &[(&str, Meaning)], key: &str| {
+        keys.iter().find(|(known, _)| *known == key).map(|entry| entry.1)
+    };
+    let selection = SELECTING.iter().find_map(|table| path.strip_prefix(table));
+    of(KEYS, path).or_else(|| of(KEYS_OF_SELECTIONS, selection?))
+}
 
 /// What a key of a material is, where it has a dimension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -220,8 +248,11 @@ impl Transform {
     fn walk(&self, path: &str, value: &mut Value) -> Result<(), String> {
         match value {
             Value::Object(table) => {
-                let is_body_force =
-                    path == "load" && table.get("kind").is_some_and(|kind| kind == "body-force");
+                let is = |table: &serde_json::Map<String, Value>, of: &str, kind: &str| {
+                    path == of && table.get("kind").is_some_and(|found| found == kind)
+                };
+                let is_body_force = is(table, "load", "body-force");
+                let is_volume = is(table, "static.control", "volume");
                 for (key, value) in table {
                     let inner = match key.as_str() {
                         "motion" | "material" => key.clone(),
@@ -230,6 +261,8 @@ impl Transform {
                     };
                     if is_body_force && key == "force" {
                         self.change(Of(-2, 1, -2), value);
+                    } else if inner == "static.control.to" {
+                        self.change(if is_volume { Of(3, 0, 0) } else { LENGTH }, value);
                     } else {
                         self.walk(&inner, value)?;
                     }
@@ -240,8 +273,8 @@ impl Transform {
             Value::Array(list) if list.iter().any(Value::is_object) => {
                 list.iter_mut().try_for_each(|value| self.walk(path, value))
             }
-            _ => match KEYS.iter().find(|(key, _)| *key == path) {
-                Some(&(_, meaning)) => {
+            _ => match meaning(path) {
+                Some(meaning) => {
                     self.change(meaning, value);
                     Ok(())
                 }
@@ -289,7 +322,7 @@ impl Transform {
                     *number = Value::from(old * factor);
                 }
             }
-            (Place, _) => {}
+            (Place | Directions, _) => {}
         }
     }
 }
