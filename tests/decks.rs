@@ -58,3 +58,89 @@ fn info_tells_what_a_deck_holds() {
         assert!(said.contains(words), "{words}: {said}");
     }
 }
+
+/// Marks of UTF-8, quotes around names, and commas in them change nothing; a set without a name is refused.
+#[test]
+fn marks_and_quotes_of_other_programs() {
+    let deck = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/meshes/bar.inp")).unwrap();
+    let read = |text: &str| variational::io::parse_mesh(text.as_bytes(), "deck.inp".as_ref());
+    let own = read(&deck).unwrap();
+    let marked = read(&format!("\u{feff}{}", deck.replace('\n', "\r\n"))).unwrap();
+    assert_eq!((&own.points, &own.groups), (&marked.points, &marked.groups));
+    let set = "*NSET, NSET=\"held, left\"\n1, 2\n*NSET, NSET=\"more\"\n\"held, left\", 3\n";
+    let named = read(&format!("{deck}\n{set}")).unwrap();
+    let members =
+        |name: &str| named.groups.iter().find(|group| group.name == name).map(|group| group.cells.len());
+    assert_eq!((members("held, left"), members("more")), (Some(2), Some(3)));
+    let error = read(&format!("{deck}\n*NSET, NSET=\n1, 2\n")).unwrap_err().to_string();
+    assert!(error.contains("NSET=<name>"), "{error}");
+}
+
+/// Decks with lines and words that were lost, doubled, moved or changed are refused with a problem of the body or of
+/// what names its parts, or are sound: mass and energy are numbers.
+#[test]
+fn corrupted_decks_are_refused_or_sound() {
+    use variational::prelude::*;
+    let deck = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/meshes/bar.inp")).unwrap();
+    let lines: Vec<&str> = deck.lines().collect();
+    let place = tempfile::tempdir().unwrap();
+    let path = place.path().join("deck.inp");
+    // SplitMix64 (Steele, Lea, Flood 2014).
+    let mut state = 13_u64;
+    let mut below = |count: usize| {
+        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) % count.max(1) as u64) as usize
+    };
+    let words = [
+        "0", "-1", "1", "7", "999999", "1e30", "-1e300", "1.5", "C3D8", "S1", "*NODE", "root", "", ",",
+        "GENERATE",
+    ];
+    let (mut sound, mut refused) = (0, 0);
+    for _ in 0..600 {
+        let mut text: Vec<String> = lines.iter().map(|&line| line.to_owned()).collect();
+        for _ in 0..1 + below(3) {
+            let (at, other) = (below(text.len()), below(text.len()));
+            match below(6) {
+                0 => drop(text.remove(at)),
+                1 => text.insert(other, text[at].clone()),
+                2 => text.swap(at, other),
+                3 => text.truncate(at.max(1)),
+                _ => {
+                    let mut parts: Vec<String> = text[at].split(',').map(str::to_owned).collect();
+                    let part = below(parts.len());
+                    parts[part] = words[below(words.len())].to_owned();
+                    text[at] = parts.join(",");
+                }
+            }
+        }
+        std::fs::write(&path, text.join("\n")).unwrap();
+        let law = Law::Linear(Isotropic { young: 2.1e11, poisson: 0.3, density: 7850.0 });
+        let scene = Scene::new(Time::new(1e-3, 1e-3, SchemeName::ImplicitMidpoint))
+            .body(Body::from_mesh("bar", &path, law))
+            .fix(Fix::region("bar", "root"));
+        match Simulation::new(scene) {
+            Ok(mut simulation) => {
+                assert!(simulation.observe().is_finite());
+                let mass: f64 = simulation.components()[0].system().mass().iter().sum();
+                assert!(mass > 0.0 && mass.is_finite());
+                sound += 1;
+            }
+            Err(problems) => {
+                assert!(!problems.is_empty());
+                for problem in problems {
+                    let key = &problem.key;
+                    assert!(
+                        key.starts_with("body[0]") || key.starts_with("fix[0]"),
+                        "{problem}: {}",
+                        text.join("\n")
+                    );
+                }
+                refused += 1;
+            }
+        }
+    }
+    assert!(sound > 20 && refused > 200, "{sound} sound, {refused} refused");
+}

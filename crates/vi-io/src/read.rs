@@ -32,6 +32,11 @@ pub fn read_mesh(path: &Path) -> Result<MeshFile, IoError> {
 pub fn parse_mesh(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let extension =
         file.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
+    // Editors put a mark of UTF-8 before a text. The header of a binary STL file may begin with any bytes.
+    let bytes = match bytes.strip_prefix(b"\xEF\xBB\xBF") {
+        Some(text) if extension != "stl" || text.starts_with(b"solid") => text,
+        _ => bytes,
+    };
     let start = bytes.trim_ascii_start();
     let is_xml = start.starts_with(b"<?xml") || start.starts_with(b"<VTKFile");
     if start.starts_with(b"$MeshFormat") || start.starts_with(b"$Comments") || start.starts_with(b"$NOD") {

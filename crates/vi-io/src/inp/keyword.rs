@@ -49,10 +49,7 @@ impl<'a> Keyword<'a> {
         for word in words.filter(|word| !word.is_empty()) {
             let mut parts = word.splitn(2, |&byte| byte == b'=');
             let key = parts.next().unwrap_or_default().trim_ascii();
-            let value = parts.next().map(|value| {
-                let value = value.trim_ascii();
-                value.strip_prefix(b"\"").and_then(|rest| rest.strip_suffix(b"\"")).unwrap_or(value)
-            });
+            let value = parts.next().map(unquoted).filter(|value| !value.is_empty());
             self.parameters.push((key, value));
         }
     }
@@ -69,10 +66,22 @@ impl<'a> Keyword<'a> {
     }
 }
 
-/// The fields of a line, trimmed; nothing behind a last comma.
+/// The fields of a line, trimmed and without the quotes around them; nothing behind a last comma. Commas in quotes
+/// separate nothing.
 pub(super) fn fields(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     let line = line.trim_ascii();
-    line.strip_suffix(b",").unwrap_or(line).split(|&byte| byte == b',').map(<[u8]>::trim_ascii)
+    let mut is_quoted = false;
+    let separates = move |byte: &u8| {
+        is_quoted ^= *byte == b'"';
+        *byte == b',' && !is_quoted
+    };
+    line.strip_suffix(b",").unwrap_or(line).split(separates).map(unquoted)
+}
+
+/// A word, trimmed and without the quotes around it.
+fn unquoted(word: &[u8]) -> &[u8] {
+    let word = word.trim_ascii();
+    word.strip_prefix(b"\"").and_then(|rest| rest.strip_suffix(b"\"")).unwrap_or(word)
 }
 
 /// A number of a node or element, positive.
