@@ -66,6 +66,7 @@ TUREK_COMMITTED = dict(cells=4, element="hex20")
 CLOTH = dict(size=1.0, edge=0.042)
 TABLECLOTH = {"size": 1.2, "ring": 0.35, "edge": 0.03}
 ROLL = {"length": 1.2, "width": 0.3, "cells": (96, 8), "straight": 0.2, "outer": 0.1, "inner": 0.06}
+SKIRT = {"waist": 0.12, "hem": 0.35, "height": 1.0, "length": 0.5, "cells": (48, 16)}
 
 # Cook's membrane: cells grow geometrically from its singular corner (0, 44) to `largest`.
 COOK = dict(least=0.06, growth=1.6, largest=5.0, thickness=0.1)
@@ -518,6 +519,29 @@ def roll(path):
     print(f"{path.name}: {2 * count * across} triangles, {(count + 1) * (across + 1)} nodes")
 
 
+def skirt(path):
+    """A frustum hung from its waist, as OBJ, z up; texture coordinates are 0 to 1 around and along, with a seam."""
+    path = path.with_suffix(".obj")
+    around, along = SKIRT["cells"]
+    angle = lambda i: 2 * math.pi * i / around
+    radius = lambda j: SKIRT["waist"] + (SKIRT["hem"] - SKIRT["waist"]) * j / along
+    lines = ["# made by meshes/make.py", "o skirt"]
+    for j in range(along + 1):
+        z = SKIRT["height"] - SKIRT["length"] * j / along
+        lines += [f"v {radius(j) * math.cos(angle(i)):.9f} {radius(j) * math.sin(angle(i)):.9f} {z:.9f}"
+                  for i in range(around)]
+    # The first column has texture coordinates at both ends.
+    lines += [f"vt {i / around:.9f} {1 - j / along:.9f}" for j in range(along + 1) for i in range(around + 1)]
+    for j in range(along):
+        for i in range(around):
+            corners = [(i, j), (i, j + 1), (i + 1, j + 1), (i + 1, j)]
+            point = lambda i, j: around * j + i % around + 1
+            texture = lambda i, j: (around + 1) * j + i + 1
+            lines.append("f " + " ".join(f"{point(*corner)}/{texture(*corner)}" for corner in corners))
+    path.write_text("\n".join(lines) + "\n")
+    print(f"{path.name}: {around * along} quadrilaterals, {around * (along + 1)} nodes")
+
+
 # --- Gmsh -----------------------------------------------------------------------------------------
 
 
@@ -647,6 +671,7 @@ def main():
         "bar": bar,
         "tablecloth": tablecloth,
         "roll": roll,
+        "skirt": skirt,
     }
     parser = argparse.ArgumentParser(description="Makes the meshes of this directory.")
     parser.add_argument("--only", choices=made, help="make this one alone")

@@ -48,6 +48,11 @@ pub mod prelude {
 #[doc = include_str!("../docs/theory/08-embedding.md")]
 pub struct Embedding;
 
+/// The tutorial for library users.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/tutorials/library.md")]
+pub struct LibraryTutorial;
+
 /// The README's code runs with the documentation's.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

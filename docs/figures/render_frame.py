@@ -51,6 +51,13 @@ def read_frames(path, times):
     return frames
 
 
+def label(time, grid):
+    """What stands above a panel: the frequency of a mode shape, else the time."""
+    if "frequency" in grid.field_data:
+        return f"{grid.field_data['frequency'][0]:.4g} Hz"
+    return f"t = {time:.4g} s"
+
+
 def surface(grid, exaggerate, field):
     """The outer surface, moved by the displacement, with the field's length as `shown`."""
     skin = grid.extract_surface(algorithm="dataset_surface")
@@ -107,7 +114,7 @@ def main():
             edges = grid.extract_surface(algorithm="dataset_surface").extract_feature_edges(30)
             plotter.add_mesh(edges, color=REST, line_width=1.5)
         if panels > 1:
-            plotter.add_text(f"t = {time:.4g} s", font_size=11, color=INK, position="upper_edge")
+            plotter.add_text(label(time, grid), font_size=11, color=INK, position="upper_edge")
     points = np.concatenate([skin.points for skin in skins]).astype(float)
     for panel in range(panels):
         plotter.subplot(0, panel)
