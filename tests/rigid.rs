@@ -275,7 +275,7 @@ fn what_cannot_be_is_refused_with_the_way_out() {
         ),
         (
             format!("{good}fixed = true\n[[joint]]\nkind = \"weld\"\nbody = \"a\"\n"),
-            "prescribed on both sides",
+            "whose motion is prescribed",
         ),
         (format!("{good}spring = 1\n"), "spring"),
     ] {

@@ -6,6 +6,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::say::{self, message};
 use super::signals::Stop;
+use super::summary::counted;
 use crate::auto::AutoReport;
 use crate::run::Watch;
 use crate::run::explain::explain;
@@ -63,12 +64,13 @@ impl Watch for Progress {
         let nodes: usize = simulation.bodies().iter().map(|body| body.mesh.points.len()).sum();
         let steps = simulation.step_count();
         let steps = match &simulation.scene().statics {
-            Some(_) => format!("{steps} load steps"),
+            Some(_) => counted(steps, "load step", "load steps"),
             None => {
                 format!("{steps} steps of {:.4e} s by {}", simulation.step_size(), simulation.method().name())
             }
         };
-        message!("{} bodies, {nodes} nodes, {elements} elements; {steps}", simulation.bodies().len());
+        let bodies = counted(simulation.bodies().len() as u64, "body", "bodies");
+        message!("{bodies}, {nodes} nodes, {elements} elements; {steps}");
         if std::io::stderr().is_terminal() {
             let style = ProgressStyle::with_template(
                 "{bar:40} {percent:>3} %  {pos}/{len} steps  {per_sec}  left {eta}",

@@ -12,8 +12,10 @@ const MOST: usize = 10;
 /// Prints what a run did and found.
 pub(super) fn summary(report: &Report, directory: &Path) {
     let what = match report.scheme {
-        Some(scheme) => format!("{} steps of {:.4e} s by {scheme}", report.steps, report.h),
-        None => format!("{} load steps", report.steps),
+        Some(scheme) => {
+            format!("{} of {:.4e} s by {scheme}", counted(report.steps, "step", "steps"), report.h)
+        }
+        None => counted(report.steps, "load step", "load steps"),
     };
     out!(
         "{what} in {:.2} s (set-up {:.2} s, output {:.2} s)",
@@ -96,6 +98,11 @@ fn results(results: &Results) {
         out!("{}: {:.4e} to {:.4e}", range.column, range.min, range.max);
     }
     rest(results.probes.len(), "columns of probes");
+}
+
+/// A number with what it counts.
+pub(super) fn counted(count: u64, one: &str, several: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { several })
 }
 
 fn rest(count: usize, what: &str) {
