@@ -8,19 +8,16 @@ use std::time::Duration;
 
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use variational::io::{CellBlock, CellKind, VtuArray, VtuFrame, VtuOptions, VtuValues, encode_vtu};
+use variational::io::{VtuArray, VtuFrame, VtuOptions, VtuValues, encode_vtu};
+use variational::mesh::{CellBlock, CellKind};
 use variational::prelude::*;
 use variational::solvers::{Assembler, Factor, HessianEvaluation};
 
 const SIZES: [u32; 3] = [4, 8, 16];
 
 fn block(n: u32, law: Law, scheme: SchemeName, step: f64) -> Simulation {
-    let mesh = BoxMesh {
-        size: [1.0, 0.25, 0.25],
-        cells: [4 * n, n, n],
-        element: ElementKind::Tet4,
-        origin: [0.0; 3],
-    };
+    let mesh =
+        BoxMesh { size: [1.0, 0.25, 0.25], cells: [4 * n, n, n], element: CellKind::Tet4, origin: [0.0; 3] };
     let scene = Scene::new(Time::new(1.0, step, scheme))
         .gravity([0.0, -9.81, 0.0])
         .body(Body::from_box("block", mesh, law))
@@ -134,7 +131,7 @@ fn output(criterion: &mut Criterion) {
         let simulation = block(n, st_venant_kirchhoff(), SchemeName::StormerVerlet, 1e-4);
         let mesh = &simulation.bodies()[0].mesh;
         let nodes = simulation.components()[0].system().potentials()[0].stencils().nodes.to_vec();
-        let blocks = [CellBlock { kind: CellKind::Tetra4, nodes }];
+        let blocks = [CellBlock { kind: CellKind::Tet4, nodes }];
         let displacement: Vec<f64> = mesh.points.iter().flatten().map(|x| 1e-2 * (7.0 * x).sin()).collect();
         let arrays =
             [VtuArray { name: "displacement", components: 3, values: VtuValues::Real(&displacement) }];

@@ -7,7 +7,8 @@
 use std::time::Instant;
 
 use vi_core::{Coordinates, Fixed, Potential, Prescribed, System, packed_len};
-use vi_fem::{BoxMesh, ElementKind, Isotropic, Law, add_lumped_mass, elastic};
+use vi_fem::{Isotropic, Law, add_lumped_mass, elastic};
+use vi_mesh::{BoxMesh, CellKind};
 use vi_solvers::{Assembler, Factor, HessianEvaluation, Pcg, Preconditioner};
 
 /// Passes of each measurement; the least time counts.
@@ -38,12 +39,8 @@ fn main() {
 
 /// The beam of the reference problem P1, 1 × 0.25 × 0.25 m, bent a little.
 fn beam(n: u32) -> (System, Vec<f64>) {
-    let mesh = BoxMesh {
-        size: [1.0, 0.25, 0.25],
-        cells: [4 * n, n, n],
-        element: ElementKind::Tet4,
-        origin: [0.0; 3],
-    };
+    let mesh =
+        BoxMesh { size: [1.0, 0.25, 0.25], cells: [4 * n, n, n], element: CellKind::Tet4, origin: [0.0; 3] };
     let mesh = mesh.build().expect("a box");
     let elements = mesh.cells_of_dimension(3);
     let rest: Vec<f64> = mesh.points.iter().flatten().copied().collect();

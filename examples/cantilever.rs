@@ -8,7 +8,7 @@ fn main() {
     let shape = BoxMesh {
         size: [length, height, height],
         cells: [20, 2, 2],
-        element: ElementKind::Hex20,
+        element: CellKind::Hex20,
         origin: [0.0; 3],
     };
     let mut scene = Scene::new(Time::new(1.0, 1.0, SchemeName::ImplicitMidpoint))

@@ -36,7 +36,7 @@ fn main() {
     let (length, height, young, density) = (1.0, 0.1, 1e9, 1000.0);
     let law = Law::Linear(Isotropic { young, poisson: 0.0, density });
     let size = [length, height, height];
-    let shape = BoxMesh { size, cells: [10, 1, 1], element: ElementKind::Hex20, origin: [0.0; 3] };
+    let shape = BoxMesh { size, cells: [10, 1, 1], element: CellKind::Hex20, origin: [0.0; 3] };
     let mut scene = Scene::new(Time::new(1.0, 1e-3, SchemeName::ImplicitMidpoint))
         .body(Body::from_box("beam", shape, law))
         .fix(Fix::region("beam", "x-min"));

@@ -18,8 +18,7 @@ impl LocalEnergy<3> for SoftFloor {
 
 fn main() {
     let rubber = Law::NeoHookean(Isotropic { young: 1e5, poisson: 0.3, density: 1000.0 });
-    let shape =
-        BoxMesh { size: [0.2; 3], cells: [2; 3], element: ElementKind::Tet4, origin: [0.0, 0.0, 0.1] };
+    let shape = BoxMesh { size: [0.2; 3], cells: [2; 3], element: CellKind::Tet4, origin: [0.0, 0.0, 0.1] };
     let scene = Scene::new(Time::new(0.6, 2e-4, SchemeName::StormerVerlet))
         .gravity([0.0, 0.0, -9.81])
         .body(Body::from_box("cube", shape, rubber));

@@ -4,7 +4,7 @@ use variational::prelude::*;
 
 fn main() {
     let law = Law::NeoHookean(Isotropic { young: 1e5, poisson: 0.3, density: 1000.0 });
-    let shape = BoxMesh { size: [0.2; 3], cells: [2; 3], element: ElementKind::Tet4, origin: [0.0; 3] };
+    let shape = BoxMesh { size: [0.2; 3], cells: [2; 3], element: CellKind::Tet4, origin: [0.0; 3] };
     let scene = Scene::new(Time::new(0.4, 1e-3, SchemeName::ImplicitMidpoint))
         .gravity([0.0, -9.81, 0.0])
         .body(Body::from_box("cube", shape, law));

@@ -4,7 +4,7 @@
 //! interpolated × how the action is integrated. The rest follows from Hamilton's principle.
 //!
 //! [`scene::Scene`] says what there is, [`simulation::Simulation`] steps it, [`run::run`] writes it.
-//! The layers below are re-exported as [`core`], [`fem`], [`solvers`] and [`io`].
+//! The layers below are re-exported as [`core`], [`mesh`], [`fem`], [`solvers`] and [`io`].
 
 #![forbid(unsafe_code)]
 // A closed pipe makes `println!` panic: `cli::say` writes instead.
@@ -24,6 +24,7 @@ pub mod study;
 pub use vi_core as core;
 pub use vi_fem as fem;
 pub use vi_io as io;
+pub use vi_mesh as mesh;
 pub use vi_solvers as solvers;
 
 /// What most programs need.
@@ -38,9 +39,9 @@ pub mod prelude {
     };
     pub use crate::simulation::{Observation, Simulation};
     pub use vi_fem::{
-        Amplitude, Bending, BoxMesh, ElementKind, Isotropic, IsotropicSheet, Law, LockingCure, Motion,
-        SheetLaw, SheetMesh, SheetPattern, Wind,
+        Amplitude, Bending, Isotropic, IsotropicSheet, Law, LockingCure, Motion, SheetLaw, Wind,
     };
+    pub use vi_mesh::{BoxMesh, CellKind, SheetMesh, SheetPattern};
 }
 
 /// The page of `docs/theory` that needs more than `vi-core`.

@@ -62,7 +62,7 @@ pub use time::{LinearChoice, MassKind, SchemeName, Solver, Time};
 ///     .gravity([0.0, -9.81, 0.0])
 ///     .body(Body::from_box(
 ///         "block",
-///         BoxMesh { size: [1.0, 0.2, 0.2], cells: [5, 1, 1], element: ElementKind::Tet4, origin: [0.0; 3] },
+///         BoxMesh { size: [1.0, 0.2, 0.2], cells: [5, 1, 1], element: CellKind::Tet4, origin: [0.0; 3] },
 ///         Law::NeoHookean(Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 }),
 ///     ))
 ///     .fix(Fix::region("block", "x-min"));

@@ -6,9 +6,8 @@ mod program;
 use program::Program;
 use variational::core::Quadrature;
 use variational::fem::tensor::determinant;
-use variational::fem::{
-    Element, ElementKind, Hex8, Hex20, Hex27, Mesh, Tet4, Tet10, Wedge6, Wedge15, Wedge18,
-};
+use variational::fem::{Element, Hex8, Hex20, Hex27, Tet4, Tet10, Wedge6, Wedge15, Wedge18};
+use variational::mesh::{CellKind, Mesh};
 use variational::prelude::{Scene, Simulation};
 use variational::scene::MassKind;
 use variational::study::modes::scene_modes;
@@ -22,7 +21,7 @@ fn simulation(scene: &str) -> Simulation {
 /// ‖u_h − u‖ over ‖u‖ at the end, in L², of u = (φ, 0, 0) t²/2, φ = sin πx sin πy sin πz, on the unit cube with its
 /// surface held: the body forces ρφ e₁ and −div σ(φ e₁) t²/2 make it exact. λ = μ = 1 (E = 2.5, ν = .25), ρ = 1.
 /// Gauss collocation with two stages is exact for t².
-fn manufactured(element: ElementKind, cells: u32, mass: &str) -> f64 {
+fn manufactured(element: CellKind, cells: u32, mass: &str) -> f64 {
     let faces: String = ["x-min", "x-max", "y-min", "y-max", "z-min", "z-max"]
         .iter()
         .map(|face| format!("[[fix]]\nbody = \"cube\"\nregion = \"{face}\"\n"))
@@ -60,14 +59,14 @@ fn manufactured(element: ElementKind, cells: u32, mass: &str) -> f64 {
     }
     let (mesh, x) = (&simulation.bodies()[0].mesh, simulation.positions(0));
     match element {
-        ElementKind::Tet4 => distance::<Tet4, 4, 1>(mesh, &x),
-        ElementKind::Tet10 => distance::<Tet10, 10, 4>(mesh, &x),
-        ElementKind::Hex8 => distance::<Hex8, 8, 8>(mesh, &x),
-        ElementKind::Hex20 => distance::<Hex20, 20, 27>(mesh, &x),
-        ElementKind::Hex27 => distance::<Hex27, 27, 27>(mesh, &x),
-        ElementKind::Wedge6 => distance::<Wedge6, 6, 6>(mesh, &x),
-        ElementKind::Wedge15 => distance::<Wedge15, 15, 18>(mesh, &x),
-        ElementKind::Wedge18 => distance::<Wedge18, 18, 18>(mesh, &x),
+        CellKind::Tet4 => distance::<Tet4, 4, 1>(mesh, &x),
+        CellKind::Tet10 => distance::<Tet10, 10, 4>(mesh, &x),
+        CellKind::Hex8 => distance::<Hex8, 8, 8>(mesh, &x),
+        CellKind::Hex20 => distance::<Hex20, 20, 27>(mesh, &x),
+        CellKind::Hex27 => distance::<Hex27, 27, 27>(mesh, &x),
+        CellKind::Wedge6 => distance::<Wedge6, 6, 6>(mesh, &x),
+        CellKind::Wedge15 => distance::<Wedge15, 15, 18>(mesh, &x),
+        CellKind::Wedge18 => distance::<Wedge18, 18, 18>(mesh, &x),
         other => panic!("{other} is no solid"),
     }
 }
@@ -118,7 +117,7 @@ fn distance<E: Element<N, Q>, const N: usize, const Q: usize>(mesh: &Mesh, x: &[
 /// for those whose nodes are the points of a rule exact enough. (hex20 and wedge15 fall to order 1 to 2 with it.)
 #[test]
 fn a_manufactured_motion_shows_the_order_of_each_element() {
-    use ElementKind::*;
+    use CellKind::*;
     for (element, cells, mass, order) in [
         (Tet4, [8, 16], "consistent", 1.9),
         (Hex8, [4, 8], "consistent", 1.9),
@@ -244,23 +243,23 @@ fn modes_are_those_of_the_loaded_body() {
 /// through to the other side. The program follows the path by arc length and says where the limit is.
 #[test]
 fn snap_through_is_followed_by_arc_length_from_a_scene() {
-    use variational::fem::{BoxMesh, ElementKind};
-    use variational::io::{CellBlock, CellKind, VtuFrame, VtuOptions, write_vtu};
+    use variational::io::{VtuFrame, VtuOptions, write_vtu};
+    use variational::mesh::{BoxMesh, CellBlock, CellKind};
     let shape = BoxMesh {
         size: [2.0, 0.05, 0.05],
         cells: [16, 1, 1],
-        element: ElementKind::Hex20,
+        element: CellKind::Hex20,
         origin: [-1.0, 0.0, 0.0],
     };
     let mut mesh = shape.build().unwrap();
     mesh.points.iter_mut().for_each(|x| x[1] += 0.15 * (1.0 - x[0].abs()));
-    let blocks = [CellBlock { kind: CellKind::from_vtk(25).unwrap(), nodes: mesh.blocks[0].nodes.clone() }];
+    let blocks = [CellBlock { kind: CellKind::Hex20, nodes: mesh.blocks[0].nodes.clone() }];
     let directory = tempfile::TempDir::new().unwrap();
     let file = directory.path().join("arch.vtu");
     let frame = VtuFrame {
         points: &mesh.points,
         blocks: &blocks,
-        groups: &[],
+        regions: &[],
         point_data: &[],
         cell_data: &[],
         time: None,

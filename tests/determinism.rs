@@ -61,7 +61,7 @@ fn two_blocks(scheme: SchemeName, young: f64) -> Simulation {
     let shape = |x| BoxMesh {
         size: [0.4, 0.2, 0.2],
         cells: [4, 2, 2],
-        element: ElementKind::Tet4,
+        element: CellKind::Tet4,
         origin: [x, 0.0, 0.0],
     };
     let rubber = Law::NeoHookean(Isotropic { young, poisson: 0.3, density: 1000.0 });

@@ -3,13 +3,13 @@
 
 use variational::core::{Coordinates, Fixed, Path, Potential, Prescribed, State, System};
 use variational::fem::{
-    Amplitude, BoxMesh, DeadLoad, ElementKind, Isotropic, Law, Mesh, Pressure, Surface, VectorField,
-    add_lumped_mass, elastic, pressure,
+    Amplitude, DeadLoad, Isotropic, Law, Pressure, VectorField, add_lumped_mass, elastic, pressure,
 };
+use variational::mesh::{BoxMesh, CellKind, Mesh, Surface};
 use variational::solvers::{StaticOptions, StaticReport, equilibrium, reactions};
 
 /// A box of elements whose points are mapped.
-fn mapped(size: [f64; 3], cells: [u32; 3], element: ElementKind, map: impl Fn([f64; 3]) -> [f64; 3]) -> Mesh {
+fn mapped(size: [f64; 3], cells: [u32; 3], element: CellKind, map: impl Fn([f64; 3]) -> [f64; 3]) -> Mesh {
     let mut mesh = BoxMesh { size, cells, element, origin: [0.0; 3] }.build().unwrap();
     for point in &mut mesh.points {
         *point = map(*point);
@@ -92,10 +92,10 @@ impl Path for Ramp {
 #[test]
 fn c6_uniaxial_stretch_to_ten_digits() {
     for (element, poisson, stretch, lateral, stress) in [
-        (ElementKind::Tet4, 0.3, 0.5, 1.2107673905, -0.9353520569),
-        (ElementKind::Hex8, 0.3, 2.0, 0.7980775445, 0.6467446602),
-        (ElementKind::Hex20, 0.45, 0.5, 1.3508697467, -1.0861028086),
-        (ElementKind::Tet10, 0.45, 2.0, 0.7259350056, 0.5987962703),
+        (CellKind::Tet4, 0.3, 0.5, 1.2107673905, -0.9353520569),
+        (CellKind::Hex8, 0.3, 2.0, 0.7980775445, 0.6467446602),
+        (CellKind::Hex20, 0.45, 0.5, 1.3508697467, -1.0861028086),
+        (CellKind::Tet10, 0.45, 2.0, 0.7259350056, 0.5987962703),
     ] {
         let mesh = mapped([1.0; 3], [2, 1, 1], element, |x| x);
         let held = Held::new(&mesh).region(&mesh, "x-min", &[0]).region(&mesh, "y-min", &[1]).region(
@@ -128,7 +128,7 @@ fn c6_uniaxial_stretch_to_ten_digits() {
 fn c4_thick_cylinder_under_following_pressure() {
     // A quarter in plane strain, radii 1 to 2.
     let quarter = std::f64::consts::FRAC_PI_2;
-    let mesh = mapped([1.0, quarter, 0.2], [8, 8, 1], ElementKind::Hex20, |x| {
+    let mesh = mapped([1.0, quarter, 0.2], [8, 8, 1], CellKind::Hex20, |x| {
         let (sin, cos) = x[1].sin_cos();
         let clean = |v: f64| if v.abs() < 1e-14 { 0.0 } else { v };
         [clean((1.0 + x[0]) * cos), clean((1.0 + x[0]) * sin), x[2]]
@@ -157,7 +157,7 @@ fn c4_thick_cylinder_under_following_pressure() {
 #[test]
 fn c1_cook_membrane_linear_plane_strain() {
     // (0,0) (48,44) (48,60) (0,44); graded towards the clamped edge and its singular corners.
-    let mesh = mapped([1.0, 1.0, 1.0], [24, 24, 1], ElementKind::Hex20, |x| {
+    let mesh = mapped([1.0, 1.0, 1.0], [24, 24, 1], CellKind::Hex20, |x| {
         let (s, t) = (x[0] * x[0], x[1] * x[1] * (3.0 - 2.0 * x[1]));
         [48.0 * s, 44.0 * s + t * (44.0 - 28.0 * s), x[2]]
     });
@@ -180,7 +180,7 @@ fn c1_cook_membrane_linear_plane_strain() {
 fn c2_elastica_under_a_dead_tip_load() {
     // A slender strip, ν = 0: E I = E b h³/12.
     let (length, height) = (1.0, 0.01);
-    let mesh = mapped([length, height, height], [40, 1, 1], ElementKind::Hex20, |x| x);
+    let mesh = mapped([length, height, height], [40, 1, 1], CellKind::Hex20, |x| x);
     let young = 1e9;
     let bending = young * height.powi(4) / 12.0;
     let alpha = 4.0;

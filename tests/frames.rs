@@ -56,9 +56,9 @@ fn track(directory: &Path, node: usize) -> Vec<(f64, [f64; 3])> {
         .collect();
     frames.sort();
     let at = |path: &std::path::PathBuf| {
-        let mesh = read_mesh(path).unwrap();
-        let u = mesh.point_array("displacement").unwrap().values.as_chunks::<3>().0[node];
-        (mesh.time.unwrap(), [0, 1, 2].map(|k| mesh.points[node][k] + u[k]))
+        let file = read_mesh(path).unwrap();
+        let u = file.point_array("displacement").unwrap().values.as_chunks::<3>().0[node];
+        (file.time.unwrap(), [0, 1, 2].map(|k| file.mesh.points[node][k] + u[k]))
     };
     frames.iter().map(at).collect()
 }
@@ -146,14 +146,14 @@ fn point_caches_hold_what_history_and_the_object_file_say() {
             }
         }
         let object = read_mesh(&out.join(format!("{stem}.obj"))).unwrap();
-        assert_eq!((object.points.len(), object.cell_count()), (count, faces));
-        for (x, first) in object.points.iter().zip(&samples[0]) {
+        assert_eq!((object.mesh.points.len(), object.mesh.cell_count()), (count, faces));
+        for (x, first) in object.mesh.points.iter().zip(&samples[0]) {
             assert_eq!(x.map(|x| x as f32), *first);
         }
     }
     let cloth = read_mesh(&out.join("scene.the_skirt.obj")).unwrap();
     let uv = &cloth.point_array("uv").expect("texture coordinates of a sheet").values;
-    for (x, uv) in cloth.points.iter().zip(uv.as_chunks::<2>().0) {
+    for (x, uv) in cloth.mesh.points.iter().zip(uv.as_chunks::<2>().0) {
         assert!(
             (uv[0] - (x[0] - 1.0) / 0.4).abs() < 1e-12 && (uv[1] - x[1] / 0.2).abs() < 1e-12,
             "{uv:?} {x:?}"
@@ -174,10 +174,10 @@ fn texture_coordinates_of_a_mesh_file_are_kept() {
              thickness = 1e-3 }}\n[output]\nfps = 200\ncache = \"obj\"\nhistory = 0\n"
         ));
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/meshes/roll.obj");
-        let area = |mesh: &variational::io::MeshFile| {
-            let uv = &mesh.point_array("uv").unwrap().values;
+        let area = |file: &variational::io::MeshFile| {
+            let uv = &file.point_array("uv").unwrap().values;
             let at = |node: u32| [0, 1].map(|k| uv[2 * node as usize + k]);
-            let triangles = mesh.cells().filter(|(kind, _)| kind.dimension() == 2);
+            let triangles = file.mesh.cells().filter(|(kind, _)| kind.dimension() == 2);
             let of = |nodes: &[u32]| {
                 let [a, b, c] = [0, 1, 2].map(|k| at(nodes[k]));
                 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs()
@@ -188,7 +188,7 @@ fn texture_coordinates_of_a_mesh_file_are_kept() {
             read_mesh(Path::new(file)).unwrap(),
             read_mesh(&program.out().join("scene.roll.000002.obj")).unwrap(),
         );
-        assert_eq!(is.cell_count(), 1536 << (2 * refine));
+        assert_eq!(is.mesh.cell_count(), 1536 << (2 * refine));
         assert!((area(&was) - area(&is)).abs() < 1e-12, "{} {}", area(&was), area(&is));
     }
 }
@@ -245,7 +245,7 @@ fn frames_far_from_the_origin_keep_their_shape() {
         let program = Program::run(&text);
         let frame = read_mesh(&program.out().join("scene_000001.vtu")).unwrap();
         let u = frame.point_array("displacement").unwrap();
-        let x = |node: usize, k: usize| frame.points[node][k] + u.values[3 * node + k];
+        let x = |node: usize, k: usize| frame.mesh.points[node][k] + u.values[3 * node + k];
         let way: Vec<f64> = (0..23).flat_map(|node| [0, 1, 2].map(|k| x(node, k) - x(0, k))).collect();
         let says = program.errors().contains("64 bits");
         let notes = program.report()["notes"].to_string().contains("64 bits");

@@ -15,12 +15,8 @@ const LONG: Limit = Limit::Clock(Duration::from_secs(3600));
 
 /// The cantilever block P1 with n = 1 or 2 cells across.
 fn cantilever(n: u32, time: Time, law: Law) -> Scene {
-    let mesh = BoxMesh {
-        size: [1.0, 0.25, 0.25],
-        cells: [4 * n, n, n],
-        element: ElementKind::Tet4,
-        origin: [0.0; 3],
-    };
+    let mesh =
+        BoxMesh { size: [1.0, 0.25, 0.25], cells: [4 * n, n, n], element: CellKind::Tet4, origin: [0.0; 3] };
     let tip = Probe::at("tip", "block", [1.0, 0.0, 0.0]);
     Scene::new(time)
         .gravity([0.0, -9.81, 0.0])

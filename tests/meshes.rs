@@ -3,7 +3,7 @@
 mod program;
 
 use program::Program;
-use variational::fem::ElementKind;
+use variational::mesh::CellKind;
 use variational::prelude::Simulation;
 
 /// Uniform tension of a block of hexahedra and wedges: exact, so every wrong node order shows.
@@ -100,8 +100,8 @@ fn order_and_refine_change_a_mesh_and_keep_its_regions() {
     let (plain, lifted, refined) = (beam(""), beam("order = 2"), beam("order = 2\nrefine = 1"));
     let mesh = |simulation: &Simulation| simulation.bodies()[0].mesh.clone();
     assert_eq!(mesh(&plain).points.len(), 425);
-    assert!(mesh(&lifted).blocks.iter().any(|block| block.kind == ElementKind::Tet10));
-    assert!(mesh(&lifted).blocks.iter().all(|block| block.kind != ElementKind::Tet4));
+    assert!(mesh(&lifted).blocks.iter().any(|block| block.kind == CellKind::Tet10));
+    assert!(mesh(&lifted).blocks.iter().all(|block| block.kind != CellKind::Tet4));
     assert_eq!(mesh(&lifted).points.len(), 33 * 9 * 9);
     assert_eq!(mesh(&refined).points.len(), 65 * 17 * 17);
     assert_eq!(mesh(&refined).region_nodes("tip").unwrap().len(), 17 * 17);
@@ -167,12 +167,13 @@ const NAMED: &str = r#"
 /// The numbers that a file gives its nodes are no physics, and frames keep its order.
 #[test]
 fn nodes_are_named_and_written_as_the_file_has_them() {
-    use variational::io::{CellBlock, CellKind, VtuFrame, VtuOptions, read_mesh, write_vtu};
+    use variational::io::{VtuFrame, VtuOptions, read_mesh, write_vtu};
+    use variational::mesh::{CellBlock, CellKind};
     let directory = tempfile::tempdir().unwrap();
-    let shape = variational::fem::BoxMesh {
+    let shape = variational::mesh::BoxMesh {
         size: [0.4, 0.2, 0.2],
         cells: [5, 3, 2],
-        element: ElementKind::Tet4,
+        element: CellKind::Tet4,
         origin: [0.0; 3],
     };
     let mesh = shape.build().unwrap();
@@ -185,7 +186,7 @@ fn nodes_are_named_and_written_as_the_file_has_them() {
         let cells = mesh.cells_of_dimension(3);
         let nodes = cells.iter().flat_map(|&cell| mesh.cell(cell as usize).unwrap().1.to_vec());
         let nodes = nodes.map(|node| number(node as usize) as u32).collect();
-        let blocks = [CellBlock { kind: CellKind::from_vtk(10).unwrap(), nodes }];
+        let blocks = [CellBlock { kind: CellKind::Tet4, nodes }];
         let path = directory.path().join(name);
         write_vtu(
             &path,
@@ -205,7 +206,7 @@ fn nodes_are_named_and_written_as_the_file_has_them() {
         let program = Program::run(&scene);
         let frame = read_mesh(&program.out().join("scene_000002.vtu")).unwrap();
         let first = read_mesh(&program.out().join("scene_000000.vtu")).unwrap();
-        assert_eq!(first.points, points, "frames have the points in the order of the file");
+        assert_eq!(first.mesh.points, points, "frames have the points in the order of the file");
         (frame, program.history().last("tip.uz"))
     };
     let (plain, tip) = run(&|node| node, "plain.vtu");

@@ -16,7 +16,7 @@ fn linear() -> Law {
     Law::Linear(Isotropic { young: YOUNG, poisson: 0.3, density: 1000.0 })
 }
 
-fn block(element: ElementKind) -> BoxMesh {
+fn block(element: CellKind) -> BoxMesh {
     BoxMesh { size: [1.0, 0.6, 0.4], cells: [4, 3, 2], element, origin: [0.0; 3] }
 }
 
@@ -60,7 +60,7 @@ fn load(json: serde_json::Value) -> Load {
 #[test]
 fn reactions_balance_a_total_force_and_moment() {
     let (force, moment, about) = ([30.0, -20.0, 10.0], [1.0, 2.0, -3.0], [1.2, 0.1, 0.3]);
-    for element in [ElementKind::Tet4, ElementKind::Tet10, ElementKind::Hex8, ElementKind::Hex20] {
+    for element in [CellKind::Tet4, CellKind::Tet10, CellKind::Hex8, CellKind::Hex20] {
         for region in [
             serde_json::json!({ "region": "x-max" }),
             serde_json::json!({ "plane": { "point": [1.0, 0.0, 0.0], "normal": [2.0, 0.0, 0.0] } }),
@@ -145,7 +145,7 @@ fn rollers_on_an_incline_answer_along_the_normal() {
     ] {
         let scene = Scene::new(Time::new(0.1, 1e-3, scheme))
             .gravity(g)
-            .body(Body::from_box("block", block(ElementKind::Hex8), rubber()))
+            .body(Body::from_box("block", block(CellKind::Hex8), rubber()))
             .fix(Fix::region("block", "z-min").axes(&[HeldAxis::Vector(normal.map(|n| 3.0 * n))]))
             .probe(Probe::over(
                 "foot",
@@ -183,13 +183,9 @@ fn rollers_on_an_incline_answer_along_the_normal() {
 fn what_is_tied_to_rollers_rolls_too() {
     let normal = [0.6, 0.0, 0.8];
     let tangent = [0.8, 0.0, -0.6];
-    let upper = BoxMesh {
-        size: [0.5, 0.3, 0.2],
-        cells: [3, 2, 1],
-        element: ElementKind::Tet4,
-        origin: [0.1, 0.1, 0.4],
-    };
-    let lower = block(ElementKind::Hex8);
+    let upper =
+        BoxMesh { size: [0.5, 0.3, 0.2], cells: [3, 2, 1], element: CellKind::Tet4, origin: [0.1, 0.1, 0.4] };
+    let lower = block(CellKind::Hex8);
     let attach: Attach =
         serde_json::from_value(serde_json::json!({ "body": "upper", "region": "z-min", "to": "lower" }))
             .unwrap();
@@ -225,7 +221,7 @@ fn normals_turn_with_the_body() {
         let [a, b] = [c * x - s * y, s * x + c * y];
         [a, c * b - s * z, s * b + c * z]
     };
-    let shape = block(ElementKind::Hex8);
+    let shape = block(CellKind::Hex8);
     let mesh = shape.build().unwrap();
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("turned.vtk");
@@ -278,7 +274,7 @@ fn normals_turn_with_the_body() {
 /// keep off it.
 #[test]
 fn cylinders_and_spheres_hold_their_directions() {
-    let shape = BoxMesh { origin: [0.5, -0.2, 0.1], ..block(ElementKind::Tet4) };
+    let shape = BoxMesh { origin: [0.5, -0.2, 0.1], ..block(CellKind::Tet4) };
     for (axes, axis) in [
         (vec![LocalAxis::Radial, LocalAxis::Axial], Some([0.0, 0.0, 2.0])),
         (vec![LocalAxis::Hoop], Some([0.0, 0.0, 2.0])),
@@ -332,7 +328,7 @@ fn a_moving_support_in_local_axes_closes_the_ledger() {
     for scheme in ["stormer-verlet", "implicit-midpoint", "gauss"] {
         let scheme: SchemeName = serde_json::from_value(scheme.into()).unwrap();
         let scene = Scene::new(Time::new(0.2, 1e-3, scheme))
-            .body(Body::from_box("block", block(ElementKind::Hex8), rubber()))
+            .body(Body::from_box("block", block(CellKind::Hex8), rubber()))
             .fix(
                 Fix::region("block", "x-min")
                     .axes(&[[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
@@ -367,7 +363,7 @@ fn periodic_pairs_move_alike_and_keep_momentum() {
         SchemeName::Gauss,
         SchemeName::EnergyMomentum,
     ] {
-        let mut body = Body::from_box("cell", block(ElementKind::Hex8), rubber());
+        let mut body = Body::from_box("cell", block(CellKind::Hex8), rubber());
         body.velocity = Some(
             ["sin(2*pi*x) + 0.3", "cos(2*pi*y/0.6)", "x*(1-x) + y*(0.6-y)"]
                 .map(|f| FieldComponent::Formula(f.into())),
@@ -405,7 +401,7 @@ fn periodic_pairs_move_alike_and_keep_momentum() {
 #[test]
 fn initial_fields_are_their_formulas() {
     let formulas = |f: [&str; 3]| Some(f.map(|f| FieldComponent::Formula(f.into())));
-    let mut body = Body::from_box("block", block(ElementKind::Tet10), rubber());
+    let mut body = Body::from_box("block", block(CellKind::Tet10), rubber());
     body.displacement = formulas(["0.01*x*y", "0", "-0.02*z^2"]);
     body.velocity = formulas(["-3*y", "3*x", "sin(z)"]);
     let simulation =
@@ -511,8 +507,7 @@ point = [2.0, 0.0, 0.0]
 /// A bar in uniaxial tension: what probes over its parts say is known.
 #[test]
 fn probes_over_regions_say_what_is_known() {
-    let mesh =
-        BoxMesh { size: [2.0, 1.0, 1.0], cells: [4, 2, 2], element: ElementKind::Hex8, origin: [0.0; 3] };
+    let mesh = BoxMesh { size: [2.0, 1.0, 1.0], cells: [4, 2, 2], element: CellKind::Hex8, origin: [0.0; 3] };
     let bottom: Vec<String> =
         mesh.build().unwrap().region_nodes("z-min").unwrap().iter().map(u32::to_string).collect();
     let directory = tempfile::tempdir().unwrap();

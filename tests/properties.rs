@@ -5,7 +5,8 @@ use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
 use springs::{dense, fixed};
 use variational::core::{Coordinates, Potential, System};
-use variational::fem::{Bending, BoxMesh, ElementKind, Law, Mesh, Sheet, SheetLaw, SheetMesh, elastic};
+use variational::fem::{Bending, Law, Sheet, SheetLaw, elastic};
+use variational::mesh::{BoxMesh, Mesh, SheetMesh};
 use variational::solvers::{Assembler, HessianEvaluation};
 
 #[path = "../crates/vi-solvers/tests/springs/mod.rs"]
@@ -21,10 +22,11 @@ struct Body {
 }
 
 fn meshes() -> impl Strategy<Value = Mesh> {
-    let solid = (0..ElementKind::SOLIDS.len(), prop::array::uniform3(1_u32..4)).prop_map(|(kind, cells)| {
-        let element = ElementKind::SOLIDS[kind];
-        BoxMesh { size: cells.map(f64::from), cells, element, origin: [0.0; 3] }.build().unwrap()
-    });
+    let solid =
+        (0..variational::fem::SOLIDS.len(), prop::array::uniform3(1_u32..4)).prop_map(|(kind, cells)| {
+            let element = variational::fem::SOLIDS[kind];
+            BoxMesh { size: cells.map(f64::from), cells, element, origin: [0.0; 3] }.build().unwrap()
+        });
     let sheet = (1_u32..7, 1_u32..7).prop_map(|(m, n)| {
         let shape = serde_json::json!({ "size": [f64::from(m), f64::from(n)], "cells": [m, n] });
         serde_json::from_value::<SheetMesh>(shape).unwrap().build().unwrap()

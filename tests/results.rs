@@ -72,7 +72,7 @@ fn reactions_of_statics_carry_the_weight() {
     let frame = variational::io::read_mesh(&program.out().join("scene_000001.vtu")).unwrap();
     let u = &frame.point_array("displacement").unwrap().values;
     let mut of_weight = [0.0; 3];
-    for (node, rest) in frame.points.iter().enumerate() {
+    for (node, rest) in frame.mesh.points.iter().enumerate() {
         let inner = |x: f64, end: f64| if x.abs() < 1e-9 || (x - end).abs() < 1e-9 { 0.5 } else { 1.0 };
         let share = inner(rest[0], 1.0) * inner(rest[1], 0.2) * inner(rest[2], 0.3) / 24.0;
         let x = [0, 1, 2].map(|k| rest[k] + u[3 * node + k]);
@@ -98,7 +98,7 @@ fn the_largest_values_are_those_of_the_last_frame() {
     let largest = u.iter().map(length).fold(0.0, f64::max);
     assert!(is_close(&peak["value"], length(&u[node])), "{peak}");
     assert!((largest - length(&u[node])).abs() < 1e-15);
-    assert!((0..3).all(|k| is_close(&peak["position"][k], frame.points[node][k])), "{peak}");
+    assert!((0..3).all(|k| is_close(&peak["position"][k], frame.mesh.points[node][k])), "{peak}");
     assert_eq!(peak["body"], "beam");
     let stress = &frame.cell_array("von_mises").unwrap().values;
     let peak = &report["results"]["largest_von_mises"];

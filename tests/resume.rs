@@ -64,7 +64,7 @@ fn block(law: Law) -> Body {
     let shape = BoxMesh {
         size: [0.4, 0.2, 0.2],
         cells: [2, 1, 1],
-        element: ElementKind::Tet4,
+        element: CellKind::Tet4,
         origin: [0.1, 0.0, -0.1],
     };
     Body::from_box("block", shape, law)

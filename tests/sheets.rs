@@ -174,7 +174,7 @@ fn a_run_writes_frames_that_are_read_back() {
     frames.sort();
     assert_eq!(frames.len(), 3);
     let frame = variational::io::read_mesh(&frames[2]).unwrap();
-    assert_eq!((frame.points.len(), frame.cell_count()), (15, 16));
+    assert_eq!((frame.mesh.points.len(), frame.mesh.cell_count()), (15, 16));
     assert!(frame.point_array("displacement").unwrap().values.iter().any(|u| *u < -1e-4));
     let shape = "sheet = { size = [1.0, 0.5], cells = [4, 2] }";
     let again = SCENE

@@ -84,13 +84,14 @@ fn crushed_bodies_come_back() {
 }
 
 fn crushed(crush: &str, directory: &Path) -> std::path::PathBuf {
-    use variational::io::{CellBlock, CellKind, VtuArray, VtuFrame, VtuOptions, VtuValues};
+    use variational::io::{VtuArray, VtuFrame, VtuOptions, VtuValues};
+    use variational::mesh::{CellBlock, CellKind};
     let shape =
-        BoxMesh { size: [0.4, 0.2, 0.2], cells: [3, 2, 2], element: ElementKind::Tet4, origin: [0.0; 3] };
+        BoxMesh { size: [0.4, 0.2, 0.2], cells: [3, 2, 2], element: CellKind::Tet4, origin: [0.0; 3] };
     let mesh = shape.build().unwrap();
     let cells = mesh.cells_of_dimension(3);
     let nodes = cells.iter().flat_map(|&cell| mesh.cell(cell as usize).unwrap().1).copied().collect();
-    let blocks = [CellBlock { kind: CellKind::from_vtk(10).unwrap(), nodes }];
+    let blocks = [CellBlock { kind: CellKind::Tet4, nodes }];
     let displacement: Vec<f64> = mesh
         .points
         .iter()

@@ -6,7 +6,8 @@ use vi_core::discrete::DiscreteLagrangian;
 use vi_core::lagrange::{Expand, Expansion};
 use vi_core::problems::Bar;
 use vi_core::{Coordinates, Scheme, State, System};
-use vi_fem::{BoxMesh, ElementKind, Isotropic, Law, add_lumped_mass, elastic};
+use vi_fem::{Isotropic, Law, add_lumped_mass, elastic};
+use vi_mesh::{BoxMesh, CellKind};
 
 const BAR: Bar = Bar { element_count: 6, length: 1.5, area: 0.04, young: 1e6, density: 1000.0 };
 
@@ -23,7 +24,7 @@ impl PlaneSections {
         let mesh = BoxMesh {
             size: [BAR.length, BAR.area.sqrt(), BAR.area.sqrt()],
             cells: [n as u32, 1, 1],
-            element: ElementKind::Tet4,
+            element: CellKind::Tet4,
             origin: [0.0; 3],
         }
         .build()

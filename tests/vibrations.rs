@@ -3,7 +3,8 @@
 mod program;
 
 use variational::core::{Coordinates, System};
-use variational::fem::{BoxMesh, ElementKind, Isotropic, Law, add_lumped_mass, consistent_mass, elastic};
+use variational::fem::{Isotropic, Law, add_lumped_mass, consistent_mass, elastic};
+use variational::mesh::{BoxMesh, CellKind};
 use variational::prelude::*;
 use variational::solvers::{ModeOptions, modes};
 use variational::study::modes::scene_modes;
@@ -11,7 +12,7 @@ use variational::study::modes::scene_modes;
 #[test]
 fn e2_free_cube_with_the_exact_lame_mode() {
     let law = Law::Linear(Isotropic { young: 1.0, poisson: 0.3, density: 1.0 });
-    let shape = BoxMesh { size: [1.0; 3], cells: [10; 3], element: ElementKind::Hex27, origin: [0.0; 3] };
+    let shape = BoxMesh { size: [1.0; 3], cells: [10; 3], element: CellKind::Hex27, origin: [0.0; 3] };
     let mesh = shape.build().unwrap();
     let all = mesh.cells_of_dimension(3);
     let mut mass = vec![0.0; mesh.points.len()];

@@ -160,28 +160,28 @@ fn write_matrices(path: &Path, directory: &Path) -> u8 {
 
 fn mesh(path: &Path, file: &vi_io::MeshFile) -> MeshFacts {
     let bound = |start: f64, pick: fn(f64, f64) -> f64| {
-        [0, 1, 2].map(|k| file.points.iter().map(|x| x[k]).fold(start, pick))
+        [0, 1, 2].map(|k| file.mesh.points.iter().map(|x| x[k]).fold(start, pick))
     };
     let extent = [bound(f64::INFINITY, f64::min), bound(f64::NEG_INFINITY, f64::max)];
-    let count = |kind: &vi_io::CellKind| {
-        let cells: usize = file.blocks.iter().filter(|b| b.kind == *kind).map(|b| b.cell_count()).sum();
+    let count = |kind: &vi_mesh::CellKind| {
+        let cells: usize = file.mesh.blocks.iter().filter(|b| b.kind == *kind).map(|b| b.cell_count()).sum();
         (cells > 0).then_some((kind.name(), cells))
     };
     let arrays = |arrays: &[vi_io::DataArray]| {
         arrays.iter().map(|array| (array.name.clone(), array.components)).collect()
     };
-    let region = |group: &vi_io::Group| RegionFacts {
-        name: group.name.clone(),
-        dimension: group.dimension,
-        cells: group.cells.len(),
+    let region = |region: &vi_mesh::Region| RegionFacts {
+        name: region.name.clone(),
+        dimension: region.dimension,
+        cells: region.cells.len(),
     };
     MeshFacts {
         provenance: Provenance::new(&path.display().to_string(), 0),
-        points: file.points.len(),
-        cells: file.cell_count(),
-        extent: (!file.points.is_empty()).then_some(extent),
-        kinds: vi_io::CellKind::ALL.iter().filter_map(count).collect(),
-        regions: file.groups.iter().map(region).collect(),
+        points: file.mesh.points.len(),
+        cells: file.mesh.cell_count(),
+        extent: (!file.mesh.points.is_empty()).then_some(extent),
+        kinds: vi_mesh::CellKind::ALL.iter().filter_map(count).collect(),
+        regions: file.mesh.regions.iter().map(region).collect(),
         point_data: arrays(&file.point_data),
         cell_data: arrays(&file.cell_data),
         notes: file.notes.clone(),
@@ -229,10 +229,10 @@ fn scene(path: &Path) -> Result<SceneFacts, u8> {
                 Substance::Solid(_) => None,
             },
         };
-        let region = |region: &vi_fem::Region| RegionFacts {
+        let region = |region: &vi_mesh::Region| RegionFacts {
             name: region.name.clone(),
             dimension: region.dimension,
-            cells: region.elements.len(),
+            cells: region.cells.len(),
         };
         BodyFacts {
             name: body.name.clone(),

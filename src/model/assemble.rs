@@ -5,7 +5,8 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use vi_core::{Live, State, System};
-use vi_fem::{Anchor, Numbering, PointSpring, SpringEnd};
+use vi_fem::{Anchor, PointSpring, SpringEnd};
+use vi_mesh::Numbering;
 
 use super::body::{BodyModel, NodeSet, ProbeTarget};
 use super::component::ComponentBuilder;

@@ -1,6 +1,7 @@
 //! Bodies of a scene with their meshes, and nodes of them.
 
-use vi_fem::{Law, LockingCure, Mesh, Numbering};
+use vi_fem::{Law, LockingCure};
+use vi_mesh::{Mesh, Numbering};
 
 use crate::scene::{BodyId, Substance};
 

@@ -2,7 +2,8 @@
 //! how it is followed.
 
 use vi_core::{Potential, State, System};
-use vi_fem::{Amplitude, DeadLoad, Pressure, Surface, pressure};
+use vi_fem::{Amplitude, DeadLoad, Pressure, pressure};
+use vi_mesh::Surface;
 use vi_solvers::{PathControl, PathFunction};
 
 use super::body::{BodyModel, ProbeTarget};

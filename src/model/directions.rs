@@ -1,7 +1,7 @@
 //! The directions along which nodes are held: axes of space, normals of surfaces, axes of cylinders and spheres, at
 //! rest. It must not know coordinates.
 
-use vi_fem::Mesh;
+use vi_mesh::Mesh;
 
 use super::select::{self, ON_PLANE};
 use crate::scene::{Axis, Fix, HeldAxis, LocalAxis};

@@ -5,8 +5,9 @@ mod sheet;
 
 use std::path::Path;
 
-use vi_fem::{CellField, ElementBlock, ElementKind, Mesh, Numbering, Region, orient_triangles};
-use vi_io::{CellKind, DataArray, MeshFile};
+use vi_fem::{CellField, SOLIDS, check_body};
+use vi_io::{DataArray, MeshFile};
+use vi_mesh::{Mesh, Numbering, orient_triangles};
 
 use crate::scene::{Body, RestShape, Substance};
 
@@ -63,9 +64,9 @@ fn import(mut file: MeshFile, body: &Body) -> Result<Imported, Vec<String>> {
     if let Some(part) = &body.part {
         take_part(&mut file, part, dimension).map_err(|problem| vec![problem])?;
     }
-    for block in &file.blocks {
-        if kind(block.kind).is_none() {
-            problems.push(format!("cells of type {} are not supported", block.kind.name()));
+    for block in &file.mesh.blocks {
+        if block.kind.dimension() == 3 && !SOLIDS.contains(&block.kind) {
+            problems.push(format!("cells of type {} are not supported", block.kind));
         }
     }
     problems.extend(dimension_problem(&file, dimension));
@@ -87,19 +88,12 @@ fn import(mut file: MeshFile, body: &Body) -> Result<Imported, Vec<String>> {
     if !problems.is_empty() {
         return Err(problems);
     }
-    let points = file.points.iter().map(|x| std::array::from_fn(|k| scale * x[k] + translate[k])).collect();
-    let blocks = file
-        .blocks
-        .iter()
-        .filter_map(|block| Some(ElementBlock { kind: kind(block.kind)?, nodes: block.nodes.clone() }))
-        .collect();
-    let region = |group: &vi_io::Group| Region {
-        name: group.name.clone(),
-        dimension: group.dimension,
-        elements: group.cells.clone(),
-    };
-    let mut mesh = Mesh { points, blocks, regions: file.groups.iter().map(region).collect() };
-    mesh.check(dimension).map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>())?;
+    let mut mesh = file.mesh.clone();
+    for x in &mut mesh.points {
+        *x = [0, 1, 2].map(|k| scale * x[k] + translate[k]);
+    }
+    check_body(&mesh, dimension)
+        .map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>())?;
     let fields = file.cell_data.iter().filter_map(cell_field).collect();
     let mut notes = std::mem::take(&mut file.notes);
     let (mut pattern, mut texture) = (None, None);
@@ -161,9 +155,9 @@ fn unit_note(body: &Body, mesh: &Mesh) -> Option<String> {
 
 /// Leaves the cells of the group `part`, and of lower dimension those on its nodes.
 fn take_part(file: &mut MeshFile, part: &str, dimension: usize) -> Result<(), String> {
-    let is_part = |group: &&vi_io::Group| group.dimension == dimension && group.name == part;
-    let Some(group) = file.groups.iter().find(is_part) else {
-        let of_dimension = file.groups.iter().filter(|group| group.dimension == dimension);
+    let is_part = |group: &&vi_mesh::Region| group.dimension == dimension && group.name == part;
+    let Some(group) = file.mesh.regions.iter().find(is_part) else {
+        let of_dimension = file.mesh.regions.iter().filter(|group| group.dimension == dimension);
         let names: Vec<_> = of_dimension.map(|group| group.name.as_str()).collect();
         return Err(format!(
             "there is no group '{part}' of {}; there are: {}",
@@ -172,9 +166,9 @@ fn take_part(file: &mut MeshFile, part: &str, dimension: usize) -> Result<(), St
         ));
     };
     let cells = group.cells.clone();
-    let mut used = vec![false; file.points.len()];
+    let mut used = vec![false; file.mesh.points.len()];
     for (_, (_, nodes)) in
-        file.cells().enumerate().filter(|(cell, _)| cells.binary_search(&(*cell as u32)).is_ok())
+        file.mesh.cells().enumerate().filter(|(cell, _)| cells.binary_search(&(*cell as u32)).is_ok())
     {
         nodes.iter().for_each(|&node| used[node as usize] = true);
     }
@@ -187,7 +181,7 @@ fn take_part(file: &mut MeshFile, part: &str, dimension: usize) -> Result<(), St
 
 /// Is the mesh a solid's where a sheet is wanted, or the reverse?
 fn dimension_problem(file: &MeshFile, dimension: usize) -> Option<String> {
-    let has = |dimension: usize| file.blocks.iter().any(|block| block.kind.dimension() == dimension);
+    let has = |dimension: usize| file.mesh.blocks.iter().any(|block| block.kind.dimension() == dimension);
     if dimension == 2 && has(3) {
         let problem = "the mesh has volume cells: it is a solid, whose material has no `thickness`; for a sheet of \
                        one of its surface groups name that with `part`";
@@ -217,8 +211,4 @@ fn vector(file: &MeshFile, name: &str) -> Result<Option<Vec<f64>>, String> {
         Some(i) => Err(format!("point data `{name}` holds {} at point {}", values[i], i / 3)),
         None => Ok(Some(values.clone())),
     }
-}
-
-fn kind(kind: CellKind) -> Option<ElementKind> {
-    ElementKind::from_vtk_code(kind.vtk_code())
 }

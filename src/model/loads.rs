@@ -6,9 +6,9 @@ use std::sync::Arc;
 
 use vi_core::{Force, Potential};
 use vi_fem::{
-    DeadLoad, FemError, MassDamping, Mesh, Pressure, Resultant, Sheet, Surface, Viscosity, kelvin_voigt,
-    pressure,
+    DeadLoad, FemError, MassDamping, Pressure, Resultant, Sheet, Viscosity, kelvin_voigt, pressure,
 };
+use vi_mesh::{Mesh, MeshError, Surface};
 
 use super::body::{BodyModel, MaterialPart};
 use super::import::Imported;
@@ -104,7 +104,7 @@ pub(super) fn load(load: &Load, index: usize, target: &Target) -> Result<Added, 
         Load::BodyForce { region, force, amplitude, .. } => {
             let name = format!("load[{index}]: body force");
             let elements = match region {
-                Some(region) => mesh.region(region).map_err(text)?.elements.clone(),
+                Some(region) => mesh.region(region).map_err(|error| ("", error.to_string()))?.cells.clone(),
                 None => body.elements().collect(),
             };
             let field = field(force).map_err(|error| ("force", error.to_string()))?;
@@ -137,7 +137,7 @@ fn sheet_volumes(target: &Target, elements: &[u32]) -> Result<Vec<(u32, f64)>, F
     let wanted: HashSet<u32> = elements.iter().copied().collect();
     volumes.retain(|(cell, _)| wanted.contains(cell));
     match volumes.is_empty() {
-        true => Err(FemError::NoElements { dimension: 2 }),
+        true => Err(MeshError::NoElements { dimension: 2 }.into()),
         false => Ok(volumes),
     }
 }

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use vi_fem::Mesh;
+use vi_mesh::Mesh;
 
 use super::select::{self, ON_PLANE};
 use crate::scene::Periodic;

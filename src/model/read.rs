@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 
-use vi_fem::{BoxMesh, ElementKind, FemError, FinerMesh, LockingCure, Mesh, SheetMesh};
+use vi_fem::LockingCure;
+use vi_mesh::{BoxMesh, CellKind, FinerMesh, Mesh, MeshError, SheetMesh};
 
 use super::body::MaterialPart;
 use super::import::{self, Imported};
@@ -57,7 +58,7 @@ fn try_read<'a>(id: BodyId, body: &'a Body, budget: &mut Budget) -> Result<ReadB
 /// The mesh of a body from its file or its shape, before it is refined.
 fn mesh(id: BodyId, body: &Body, budget: &mut Budget) -> Result<Imported, Vec<Problem>> {
     let key = format!("body[{}]", id.index());
-    let mut fits = |in_file: &[(ElementKind, usize)]| {
+    let mut fits = |in_file: &[(CellKind, usize)]| {
         budget.take(body, id.index(), in_file).map_err(|problem| vec![problem])
     };
     let scale = body.scale.unwrap_or(1.0);
@@ -69,14 +70,14 @@ fn mesh(id: BodyId, body: &Body, budget: &mut Budget) -> Result<Imported, Vec<Pr
         })?;
         read.notes.iter_mut().for_each(|note| *note = format!("{}: {note}", path.display()));
         let elements = read.mesh.blocks.iter().filter(|block| block.kind.dimension() == body.dimension());
-        let counts: Vec<_> = elements.map(|block| (block.kind, block.count())).collect();
+        let counts: Vec<_> = elements.map(|block| (block.kind, block.cell_count())).collect();
         fits(&counts)?;
         read
     } else {
         fits(&[])?;
         // A body without a mesh and without a shape is a problem that the checks of the scene have told.
         let (built, shape) = generate(body, scale, translate).ok_or_else(Vec::new)?;
-        let wrong = |error: FemError| vec![Problem::new(format!("{key}.{shape}"), error.to_string())];
+        let wrong = |error: MeshError| vec![Problem::new(format!("{key}.{shape}"), error.to_string())];
         Imported::generated(built.map_err(wrong)?)
     };
     if let Some(sheet) = &body.sheet {
@@ -117,7 +118,7 @@ fn locking_note(body: &Body, mesh: &Mesh) -> Result<Option<String>, String> {
         return Ok(None);
     }
     let solids = mesh.blocks.iter().filter(|block| block.kind.dimension() == 3);
-    let (tet4, others): (Vec<_>, Vec<_>) = solids.partition(|block| block.kind == ElementKind::Tet4);
+    let (tet4, others): (Vec<_>, Vec<_>) = solids.partition(|block| block.kind == CellKind::Tet4);
     if others.is_empty() {
         return Err(
             "tet4 has one quadrature point, which mean dilation leaves as it is: use `order = 2`, or hex8"
@@ -142,7 +143,7 @@ fn on(read: Imported, make: impl FnOnce(&Mesh) -> FinerMesh) -> Imported {
 }
 
 /// The mesh of a generated shape, and the shape's key.
-fn generate(body: &Body, scale: f64, translate: [f64; 3]) -> Option<(Result<Mesh, FemError>, &'static str)> {
+fn generate(body: &Body, scale: f64, translate: [f64; 3]) -> Option<(Result<Mesh, MeshError>, &'static str)> {
     let place = |origin: [f64; 3]| std::array::from_fn(|k| scale * origin[k] + translate[k]);
     if let Some(shape) = &body.box_shape {
         let size = shape.size.map(|size| scale * size);
@@ -172,7 +173,7 @@ fn materials(body: &Body, mesh: &Mesh) -> Result<Vec<MaterialPart>, String> {
             let fills = if dimension == 3 { "fills volumes" } else { "of a sheet covers surfaces" };
             return Err(format!("region '{name}' has dimension {}; a material {fills}", region.dimension));
         }
-        for &element in &region.elements {
+        for &element in &region.cells {
             if let Some(other) = owner.insert(element, i) {
                 let other = entries[other].region.as_deref().unwrap_or_default();
                 return Err(format!(

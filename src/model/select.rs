@@ -3,7 +3,8 @@
 
 use std::path::Path;
 
-use vi_fem::{Mesh, Spread, Surface};
+use vi_fem::Spread;
+use vi_mesh::{Mesh, Surface};
 
 use crate::scene::{PlaneRegion, Selection};
 
@@ -115,10 +116,10 @@ pub(super) fn spread(
     dimension: usize,
     on: &Selection,
 ) -> Result<Spread, (&'static str, String)> {
-    let named = |region: &&vi_fem::Region| on.region.as_ref() == Some(&region.name);
+    let named = |region: &&vi_mesh::Region| on.region.as_ref() == Some(&region.name);
     let regions: Vec<_> = mesh.regions.iter().filter(named).collect();
     if !regions.is_empty() && regions.iter().all(|region| region.dimension == 1) {
-        let cells: Vec<u32> = regions.iter().flat_map(|region| region.elements.iter().copied()).collect();
+        let cells: Vec<u32> = regions.iter().flat_map(|region| region.cells.iter().copied()).collect();
         return Ok(Spread::of_lines(mesh, &cells));
     }
     Ok(Spread::of_surface(mesh, &surface(mesh, dimension, on)?))
@@ -138,9 +139,9 @@ pub(super) fn elements(
         return Ok(mesh.cells_of_dimension(dimension));
     }
     let named =
-        |region: &&vi_fem::Region| on.region.as_ref() == Some(&region.name) && region.dimension == dimension;
+        |region: &&vi_mesh::Region| on.region.as_ref() == Some(&region.name) && region.dimension == dimension;
     let mut cells: Vec<u32> =
-        mesh.regions.iter().filter(named).flat_map(|region| region.elements.clone()).collect();
+        mesh.regions.iter().filter(named).flat_map(|region| region.cells.clone()).collect();
     if cells.is_empty() {
         let mut is_selected = vec![false; mesh.points.len()];
         nodes(mesh, on)?.into_iter().for_each(|node| is_selected[node as usize] = true);

@@ -4,7 +4,8 @@ use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use vi_core::Force;
-use vi_fem::{Mesh, Wind};
+use vi_fem::Wind;
+use vi_mesh::Mesh;
 
 use super::read::ReadBody;
 use crate::scene::{Body, Damping};

@@ -1,6 +1,6 @@
 //! The memory that bodies take, estimated before their meshes are made. It must not make anything.
 
-use vi_fem::{BoxMesh, ElementKind, SheetMesh, SheetPattern};
+use vi_mesh::{CellKind, SheetMesh, SheetPattern};
 
 use crate::scene::{Body, Problem, Refine, RefineAlong};
 
@@ -37,7 +37,7 @@ impl Budget {
         &mut self,
         body: &Body,
         index: usize,
-        in_file: &[(ElementKind, usize)],
+        in_file: &[(CellKind, usize)],
     ) -> Result<(), Problem> {
         let refined = match &body.refine {
             Some(Refine::Along(RefineAlong { axes, .. })) => 2.0_f64.powi(axes.len() as i32),
@@ -76,28 +76,19 @@ impl Budget {
 }
 
 /// Elements that a generated body is made of, before it is refined.
-fn generated(body: &Body) -> Option<(ElementKind, f64)> {
-    if let Some(BoxMesh { cells, element, .. }) = &body.box_shape {
-        let a_cell = match element {
-            ElementKind::Tet4 | ElementKind::Tet10 => 6.0,
-            ElementKind::Wedge6 | ElementKind::Wedge15 | ElementKind::Wedge18 => 2.0,
-            _ => 1.0,
-        };
-        return Some((*element, a_cell * cells.map(f64::from).iter().product::<f64>()));
+fn generated(body: &Body) -> Option<(CellKind, f64)> {
+    if let Some(shape) = &body.box_shape {
+        return Some((shape.element, shape.element_count()));
     }
     let SheetMesh { cells, pattern, .. } = body.sheet.as_ref()?;
     let a_cell = if *pattern == SheetPattern::Cross { 4.0 } else { 2.0 };
-    Some((ElementKind::Tri3, a_cell * cells.map(f64::from).iter().product::<f64>()))
+    Some((CellKind::Tri3, a_cell * cells.map(f64::from).iter().product::<f64>()))
 }
 
 /// Nodes of an element of a body of this order.
-fn nodes(kind: ElementKind, order: Option<u8>) -> usize {
-    match (kind, order) {
-        (ElementKind::Tet4, Some(2)) => ElementKind::Tet10.node_count(),
-        (ElementKind::Hex8, Some(2)) => ElementKind::Hex20.node_count(),
-        (ElementKind::Wedge6, Some(2)) => ElementKind::Wedge15.node_count(),
-        _ => kind.node_count(),
-    }
+fn nodes(kind: CellKind, order: Option<u8>) -> usize {
+    let is_lifted = order == Some(2) && kind.dimension() == 3 && kind.is_linear();
+    kind.quadratic().filter(|_| is_lifted).unwrap_or(kind).node_count()
 }
 
 fn gigabytes(bytes: f64) -> String {

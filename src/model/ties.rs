@@ -4,7 +4,8 @@
 use std::collections::HashMap;
 
 use vi_core::{Combination, TiedMass};
-use vi_fem::{Anchor, ElementKind, Mesh, NearestPoints, Surface, Tie, resolution};
+use vi_fem::{Anchor, Tie};
+use vi_mesh::{CellKind, Mesh, NearestPoints, Surface, resolution};
 
 use super::read::ReadBody;
 use crate::scene::{Attach, BodyId, Seam};
@@ -236,10 +237,9 @@ struct Curve {
 fn curve(mesh: &Mesh, region: &str) -> Result<Curve, String> {
     mesh.region(region).map_err(|error| error.to_string())?;
     let mut neighbours: HashMap<u32, Vec<u32>> = HashMap::new();
-    let cells =
-        mesh.regions.iter().filter(|r| r.name == region && r.dimension == 1).flat_map(|r| &r.elements);
+    let cells = mesh.regions.iter().filter(|r| r.name == region && r.dimension == 1).flat_map(|r| &r.cells);
     for &cell in cells {
-        if let Some((ElementKind::Line2, &[a, b])) = mesh.cell(cell as usize) {
+        if let Some((CellKind::Line2, &[a, b])) = mesh.cell(cell as usize) {
             neighbours.entry(a).or_default().push(b);
             neighbours.entry(b).or_default().push(a);
         }

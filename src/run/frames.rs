@@ -4,7 +4,8 @@
 use std::path::{Path, PathBuf};
 
 use vi_fem::{ElementField, nodal_field};
-use vi_io::{CellBlock, CellKind, IoError, PvdSeries, VtuArray, VtuFrame, VtuOptions, VtuValues};
+use vi_io::{IoError, PvdSeries, VtuArray, VtuFrame, VtuOptions, VtuValues};
+use vi_mesh::{CellBlock, CellKind};
 
 use super::checkpoint::CheckpointError;
 use super::error::RunError;
@@ -178,8 +179,8 @@ impl FrameWriter {
         self.material_ids.resize(self.body_ids.len(), -1);
         let nodes = triangles.into_iter().flatten().map(|node| node + offset);
         match self.blocks.last_mut() {
-            Some(block) if block.kind == CellKind::Triangle3 => block.nodes.extend(nodes),
-            _ => self.blocks.push(CellBlock { kind: CellKind::Triangle3, nodes: nodes.collect() }),
+            Some(block) if block.kind == CellKind::Tri3 => block.nodes.extend(nodes),
+            _ => self.blocks.push(CellBlock { kind: CellKind::Tri3, nodes: nodes.collect() }),
         }
         self.blocks.retain(|block| !block.nodes.is_empty());
     }
@@ -190,7 +191,6 @@ impl FrameWriter {
         for (material, part) in body.materials.iter().enumerate() {
             for &element in &part.elements {
                 let Some((kind, nodes)) = body.mesh.cell(element as usize) else { continue };
-                let Some(kind) = CellKind::from_vtk(kind.vtk_code()) else { continue };
                 let nodes = nodes.iter().map(|node| node + offset);
                 match self.blocks.last_mut() {
                     Some(block) if block.kind == kind => block.nodes.extend(nodes),
@@ -381,7 +381,7 @@ impl FrameWriter {
         let frame = VtuFrame {
             points: &self.points,
             blocks: &self.blocks,
-            groups: &[],
+            regions: &[],
             point_data: &point_data,
             cell_data: &cell_data,
             time: Some(time),
@@ -445,7 +445,7 @@ impl FrameWriter {
         let frame = VtuFrame {
             points: &self.points,
             blocks: &self.blocks,
-            groups: &[],
+            regions: &[],
             point_data: &[VtuArray { name: "displacement", components: 3, values }],
             cell_data: &[],
             time: Some(time),

@@ -3,8 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use vi_fem::Surface;
 use vi_io::{IoError, Pc2File, TriangleSurface, write_obj, write_ply};
+use vi_mesh::Surface;
 
 use crate::scene::{Cache, Scene};
 use crate::simulation::Simulation;

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use vi_fem::{BoxMesh, LockingCure, SheetMesh};
+use vi_fem::LockingCure;
+use vi_mesh::{BoxMesh, SheetMesh};
 
 use super::{FieldComponent, MaterialEntry, Materials, Selection, Substance};
 

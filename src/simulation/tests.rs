@@ -5,7 +5,7 @@ use crate::prelude::*;
 /// A soft block that spins and shakes, with hω = 10 at its highest frequency.
 fn block(stages: usize, tolerance: f64, young: f64) -> Simulation {
     let shape =
-        BoxMesh { size: [1.0, 0.2, 0.2], cells: [5, 1, 1], element: ElementKind::Tet4, origin: [0.0; 3] };
+        BoxMesh { size: [1.0, 0.2, 0.2], cells: [5, 1, 1], element: CellKind::Tet4, origin: [0.0; 3] };
     let law = Law::NeoHookean(Isotropic { young, poisson: 0.3, density: 1000.0 });
     let mut time = Time::new(0.4, 0.01, SchemeName::Gauss);
     time.stages = Some(stages);

@@ -8,7 +8,8 @@ use std::cell::RefCell;
 use std::time::Instant;
 
 use vi_core::{Padded, Patch, PatchArray, Stencils, packed_len};
-use vi_fem::{BoxMesh, ElementKind, InstructionSet, Law, elastic_on};
+use vi_fem::{InstructionSet, Law, elastic_on};
+use vi_mesh::{BoxMesh, CellKind};
 
 /// Elements asked at a time: their blocks stay in the second cache.
 const CHUNK: usize = 1024;
@@ -18,8 +19,8 @@ const PASSES: usize = 7;
 fn main() {
     let mut arguments = std::env::args().skip(1);
     let n: u32 = arguments.next().map_or(16, |n| n.parse().expect("a number of cells"));
-    let element = arguments.next().map_or(ElementKind::Tet4, |name| {
-        *ElementKind::ALL.iter().find(|kind| kind.name() == name).expect("an element")
+    let element = arguments.next().map_or(CellKind::Tet4, |name| {
+        *CellKind::ALL.iter().find(|kind| kind.name() == name).expect("an element")
     });
     let mesh = BoxMesh { size: [1.0, 0.25, 0.25], cells: [4 * n, n, n], element, origin: [0.0; 3] };
     let mesh = mesh.build().expect("a box");

@@ -14,7 +14,7 @@ mod skyline;
 mod structure;
 
 use cases::Outcome;
-use vi_fem::SheetPattern;
+use vi_mesh::SheetPattern;
 
 const PATTERNS: [(SheetPattern, &str); 3] =
     [(SheetPattern::Diagonal, "diagonal"), (SheetPattern::Cross, "cross"), (SheetPattern::Random, "random")];

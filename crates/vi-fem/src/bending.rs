@@ -17,11 +17,11 @@ use vi_core::{Potential, binary_exponent};
 
 use crate::FemError;
 use crate::membrane::{Frame, flatten, frame};
-use crate::surface::Surface;
+use vi_mesh::Triangulation;
 
 /// A sheet as bending models see it.
 pub(crate) struct BentSheet<'a> {
-    pub(crate) surface: &'a Surface,
+    pub(crate) surface: &'a Triangulation,
     /// Is the sheet at rest when flat, whatever its shape?
     pub(crate) flat: bool,
     /// Bending moduli h³/12 Q, N m, in the frame that follows `directions`; on (κ₁₁, κ₂₂, 2κ₁₂).

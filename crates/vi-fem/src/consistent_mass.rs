@@ -5,9 +5,10 @@ use std::ops::Range;
 
 use vi_core::{Account, HessianKind, Potential, Quadrature, Stencils, Traits, packed_len};
 
-use crate::element::{Element, SolidVisitor};
+use crate::FemError;
+use crate::element::{Element, SolidVisitor, visit_solid};
 use crate::tensor::determinant;
-use crate::{ElementKind, FemError, Mesh};
+use vi_mesh::{CellKind, Mesh};
 
 /// Gauss points along each direction of the reference cell: more than any N_a N_b det J needs.
 const POINTS: usize = 5;
@@ -18,7 +19,7 @@ const POINTS: usize = 5;
 /// A term is a potential of the velocities: its Hessians are the blocks of M.
 ///
 /// # Errors
-/// [`FemError::OutOfRange`] and [`FemError::Unsupported`] for cells that are not solid elements.
+/// [`FemError::Mesh`] and [`FemError::Unsupported`] for cells that are not solid elements.
 pub fn consistent_mass(
     mesh: &Mesh,
     elements: &[u32],
@@ -26,7 +27,7 @@ pub fn consistent_mass(
     node_offset: usize,
     name: &str,
 ) -> Result<Vec<Box<dyn Potential>>, FemError> {
-    let mut terms: Vec<(ElementKind, MassTerm)> = Vec::new();
+    let mut terms: Vec<(CellKind, MassTerm)> = Vec::new();
     for &element in elements {
         let (kind, nodes) = mesh.element(element, "mass, element")?;
         let term = match terms.iter().position(|(other, _)| *other == kind) {
@@ -42,7 +43,7 @@ pub fn consistent_mass(
         };
         let term = &mut terms[term].1;
         term.nodes.extend(nodes.iter().map(|node| node + node_offset as u32));
-        kind.visit_solid(AddBlock { kind, mesh, nodes, density, blocks: &mut term.blocks })
+        visit_solid(kind, AddBlock { kind, mesh, nodes, density, blocks: &mut term.blocks })
             .ok_or(FemError::Unsupported { kind, used: "solid elements" })?;
     }
     Ok(terms.into_iter().map(|(_, term)| Box::new(term) as Box<dyn Potential>).collect())
@@ -62,10 +63,10 @@ pub(crate) fn triangle_mass(
     Box::new(term)
 }
 
-/// A rule of many points on the reference cell of a kind: a box, a prism over the triangle ξ + η ≤ 1, or
-/// the simplex ξ + η + ζ ≤ 1 (collapsed coordinates).
+/// A rule of many points on the reference cell of a kind: a box, a prism over the triangle ξ + η ≤ 1, a
+/// pyramid, or the simplex ξ + η + ζ ≤ 1 (collapsed coordinates).
 pub(crate) fn rich_rule<E: Element<N, Q>, const N: usize, const Q: usize>(
-    kind: ElementKind,
+    kind: CellKind,
 ) -> Vec<([f64; 3], f64)> {
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for node in E::nodes() {
@@ -81,12 +82,14 @@ pub(crate) fn rich_rule<E: Element<N, Q>, const N: usize, const Q: usize>(
     for &(u, a) in &line {
         for &(v, b) in &line {
             for &(w, c) in &line {
-                let (unit, weight) = match kind {
-                    ElementKind::Tet4 | ElementKind::Tet10 => {
+                let (unit, weight) = match kind.linear() {
+                    CellKind::Tet4 => {
                         ([u, v * (1.0 - u), w * (1.0 - u) * (1.0 - v)], (1.0 - u) * (1.0 - u) * (1.0 - v))
                     }
-                    ElementKind::Wedge6 | ElementKind::Wedge15 | ElementKind::Wedge18 => {
-                        ([u, v * (1.0 - u), w], 1.0 - u)
+                    CellKind::Wedge6 => ([u, v * (1.0 - u), w], 1.0 - u),
+                    CellKind::Pyramid5 => {
+                        let at = |u: f64| 0.5 + (u - 0.5) * (1.0 - w);
+                        ([at(u), at(v), w], (1.0 - w) * (1.0 - w))
                     }
                     _ => ([u, v, w], 1.0),
                 };
@@ -100,7 +103,7 @@ pub(crate) fn rich_rule<E: Element<N, Q>, const N: usize, const Q: usize>(
 }
 
 struct AddBlock<'a> {
-    kind: ElementKind,
+    kind: CellKind,
     mesh: &'a Mesh,
     nodes: &'a [u32],
     density: f64,
@@ -219,11 +222,12 @@ impl Potential for MassTerm {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::BoxMesh;
+    use crate::SOLIDS;
+    use vi_mesh::BoxMesh;
 
     #[test]
     fn every_kind_of_solid_has_the_mass_of_its_volume() {
-        for &kind in ElementKind::SOLIDS {
+        for &kind in SOLIDS {
             let shape = BoxMesh { size: [1.0, 2.0, 0.5], cells: [2, 1, 1], element: kind, origin: [0.0; 3] };
             let Ok(mesh) = shape.build() else { continue };
             let all = mesh.cells_of_dimension(3);

@@ -5,11 +5,12 @@ use std::ops::Range;
 
 use vi_core::{Account, HessianKind, Potential, Stencils, Traits};
 
-use crate::element::{Element, SolidVisitor};
-use crate::facet::{Surface, frame};
+use crate::element::{Element, SolidVisitor, visit_solid};
 use crate::spread::{Resultant, Spread};
 use crate::tensor::{cross, determinant, dot};
-use crate::{Amplitude, Expression, FemError, Mesh};
+use crate::{Amplitude, Expression, FemError};
+use vi_mesh::Surface;
+use vi_mesh::{Mesh, MeshError};
 
 /// A vector field over the body at rest: components constant or by formulas of `x y z` (m).
 #[derive(Debug, Clone, PartialEq)]
@@ -62,7 +63,7 @@ impl DeadLoad {
     /// A force (N) on each of the nodes. Node a of the mesh is node a + `node_offset` of the system.
     ///
     /// # Errors
-    /// [`FemError::OutOfRange`] for nodes that are not there.
+    /// [`FemError::Mesh`] for nodes that are not there.
     pub fn points(
         mesh: &Mesh,
         forces: &[(u32, [f64; 3])],
@@ -75,7 +76,7 @@ impl DeadLoad {
             let available = mesh.points.len();
             if node as usize >= available {
                 let (what, target, value) = ("point load", "node", node as usize);
-                return Err(FemError::OutOfRange { what, index, target, value, available });
+                return Err(MeshError::OutOfRange { what, index, target, value, available }.into());
             }
             sum.add(node, 1.0, force);
         }
@@ -95,11 +96,11 @@ impl DeadLoad {
         name: &str,
     ) -> Result<Self, FemError> {
         let mut sum = NodalSum::new(mesh);
-        for block in &surface.blocks {
+        for block in surface.blocks() {
             for nodes in block.facets() {
                 for point in &block.rule {
                     let at = nodes.iter().map(|&node| mesh.points[node as usize]);
-                    let [position, a, b] = frame(point, at);
+                    let [position, a, b] = point.frame(at);
                     let n = cross(a, b);
                     let area = point.weight * dot(n, n).sqrt();
                     let traction = traction.at(position);
@@ -173,7 +174,7 @@ impl DeadLoad {
     /// A force b per volume at rest (N/m³) on solid elements: f_a = ∫ N_a b dV.
     ///
     /// # Errors
-    /// [`FemError::OutOfRange`] and [`FemError::Unsupported`] for cells that are not solid elements,
+    /// [`FemError::Mesh`] and [`FemError::Unsupported`] for cells that are not solid elements,
     /// [`FemError::Invalid`] where the field has no finite value in them.
     pub fn body_force(
         mesh: &Mesh,
@@ -186,7 +187,7 @@ impl DeadLoad {
         let mut sum = NodalSum::new(mesh);
         for &element in elements {
             let (kind, nodes) = mesh.element(element, "body force, element")?;
-            kind.visit_solid(AddBodyForce { mesh, nodes, force, sum: &mut sum })
+            visit_solid(kind, AddBodyForce { mesh, nodes, force, sum: &mut sum })
                 .ok_or(FemError::Unsupported { kind, used: "solid elements" })?;
         }
         sum.into_load(mesh, amplitude, node_offset, name)
@@ -308,10 +309,10 @@ impl Potential for DeadLoad {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BoxMesh, ElementKind};
+    use vi_mesh::{BoxMesh, CellKind};
 
     fn cube() -> Mesh {
-        let kind = ElementKind::Tet4;
+        let kind = CellKind::Tet4;
         BoxMesh { size: [2.0, 1.0, 1.0], cells: [2, 2, 2], element: kind, origin: [0.0; 3] }.build().unwrap()
     }
 

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use crate::FemError;
 use crate::dead_load::VectorField;
 use crate::membrane::{barycentric_gradients, flatten, frame};
-use crate::surface::Surface;
 use crate::tensor::dot;
+use vi_mesh::Triangulation;
 
 /// Vectors over all cells of a mesh, by name.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,7 +67,11 @@ impl Direction {
     ///
     /// # Errors
     /// Formulas that do not parse, arrays that are not there, directions across a triangle.
-    pub(crate) fn on(&self, surface: &Surface, fields: &[CellField]) -> Result<Vec<[f64; 3]>, FemError> {
+    pub(crate) fn on(
+        &self,
+        surface: &Triangulation,
+        fields: &[CellField],
+    ) -> Result<Vec<[f64; 3]>, FemError> {
         let count = surface.triangles.len();
         let vectors: Vec<[f64; 3]> = match self {
             Self::Constant(v) => vec![*v; count],
@@ -111,7 +115,7 @@ fn field(components: &[DirectionComponent; 3]) -> Result<VectorField, FemError> 
 }
 
 /// A vector in the space of the mesh as the triangle at rest has it: with the same parts of its edges.
-fn to_rest(surface: &Surface, triangle: usize, vector: [f64; 3]) -> [f64; 3] {
+fn to_rest(surface: &Triangulation, triangle: usize, vector: [f64; 3]) -> [f64; 3] {
     if !surface.has_pattern() {
         return vector;
     }
@@ -124,7 +128,7 @@ fn to_rest(surface: &Surface, triangle: usize, vector: [f64; 3]) -> [f64; 3] {
         .map(|i| (0..3).map(|k| (plane[0] * gradients[k][0] + plane[1] * gradients[k][1]) * rest[k][i]).sum())
 }
 
-fn project(surface: &Surface, triangle: usize, vector: [f64; 3]) -> Result<[f64; 3], FemError> {
+fn project(surface: &Triangulation, triangle: usize, vector: [f64; 3]) -> Result<[f64; 3], FemError> {
     let normal = frame(&surface.corners(triangle), None)[2];
     let across = dot(vector, normal);
     let along = [0, 1, 2].map(|i| vector[i] - across * normal[i]);

@@ -13,12 +13,14 @@ use std::ops::Range;
 use pulp::Arch;
 use vi_core::{Account, Fault, HessianKind, Patch, Potential, Stencils, Traits, packed_len, run_length};
 
-use crate::element::{Element, SolidVisitor, kernel::Solids, patch::whole_groups};
+use crate::element::{Element, SolidVisitor, kernel::Solids, patch::whole_groups, visit_solid};
 use crate::material::{self, Domain, Law, LawVisitor, Material, PackedMat3, PackedTangent};
-use crate::order::{interleave, sort_by_place};
+use crate::pack::interleave;
 use crate::pack::{GROUP, Pack};
 use crate::tensor::determinant;
-use crate::{ElementKind, FemError, InstructionSet, Mesh};
+use crate::{FemError, InstructionSet};
+use vi_mesh::sort_by_place;
+use vi_mesh::{CellKind, Mesh, MeshError};
 
 /// Groups of points that are worked on together: enough that a kernel's start costs nothing, few
 /// enough that F stays in the first cache. No element has more quadrature points.
@@ -30,8 +32,8 @@ pub(crate) const POINTS: usize = 32;
 /// One potential an element kind, in the order in which the kinds first occur.
 ///
 /// # Errors
-/// [`FemError::OutOfRange`] for elements that are not there, [`FemError::Unsupported`] for cells
-/// that are not solid elements, [`FemError::Inverted`] for elements without positive volume,
+/// [`FemError::Mesh`] for elements that are not there, [`FemError::Unsupported`] for cells
+/// that are not solid elements, [`FemError::Mesh`] for elements without positive volume,
 /// [`FemError::Parameter`] for parameters out of range (the first; [`Law::check`] gives all).
 pub fn elastic(
     mesh: &Mesh,
@@ -81,7 +83,7 @@ pub(crate) fn by_kind<B: Build>(
     if let Some(problem) = law.parameters().check().into_iter().next() {
         return Err(problem);
     }
-    let mut kinds: Vec<(ElementKind, Vec<u32>)> = Vec::new();
+    let mut kinds: Vec<(CellKind, Vec<u32>)> = Vec::new();
     for &element in elements {
         let (kind, _) = mesh.element(element, "elastic region, element")?;
         match kinds.iter_mut().find(|(other, _)| *other == kind) {
@@ -95,7 +97,7 @@ pub(crate) fn by_kind<B: Build>(
         .map(|(kind, elements)| {
             let name = label.clone();
             let build = BuildElement::<B> { arch, mesh, elements, law, node_offset, name, form: PhantomData };
-            kind.visit_solid(build).ok_or(FemError::Unsupported { kind, used: "solid elements" })?
+            visit_solid(kind, build).ok_or(FemError::Unsupported { kind, used: "solid elements" })?
         })
         .collect()
 }
@@ -126,7 +128,7 @@ impl<B: Build> SolidVisitor for BuildElement<'_, B> {
             let mut first: Vec<(usize, f64)> = named.collect();
             first.sort_by_key(|&(element, _)| element);
             first.truncate(5);
-            FemError::Inverted { count, total, first }
+            FemError::from(MeshError::Inverted { count, total, first })
         })?;
         solids.shift_nodes(node_offset as u32);
         Ok(law.visit(BuildLaw::<B, E, N, Q> { solids, elements, name, form: PhantomData }))

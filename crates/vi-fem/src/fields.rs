@@ -4,10 +4,11 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::element::{Element, SolidVisitor};
+use crate::element::{Element, SolidVisitor, visit_solid};
 use crate::material::{LawVisitor, Material};
 use crate::tensor::{Mat3, cofactor, determinant, product, product_transposed, right_cauchy_green};
-use crate::{FemError, Law, LockingCure, Mesh};
+use crate::{FemError, Law, LockingCure};
+use vi_mesh::Mesh;
 
 /// A quantity of each element: the mean over its volume at rest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -52,7 +53,7 @@ impl ElementField {
 /// or infinite. With mean dilation they are those of F̄.
 ///
 /// # Errors
-/// [`FemError::OutOfRange`] for cells that are not there, [`FemError::Unsupported`] for cells that
+/// [`FemError::Mesh`] for cells that are not there, [`FemError::Unsupported`] for cells that
 /// are not solid elements.
 pub fn element_field(
     mesh: &Mesh,
@@ -89,7 +90,7 @@ pub(crate) struct DeformedPoint {
 /// The quadrature points of an element.
 pub(crate) fn deformed(mesh: &Mesh, element: u32, x: &[f64]) -> Result<Vec<DeformedPoint>, FemError> {
     let (kind, nodes) = mesh.element(element, "field, element")?;
-    kind.visit_solid(Deform { mesh, nodes, x }).ok_or(FemError::Unsupported { kind, used: "solid elements" })
+    visit_solid(kind, Deform { mesh, nodes, x }).ok_or(FemError::Unsupported { kind, used: "solid elements" })
 }
 
 struct Deform<'a> {
@@ -192,21 +193,22 @@ pub(crate) fn von_mises(stress: &Mat3<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BoxMesh, ElementKind, Isotropic};
+    use crate::Isotropic;
+    use crate::SOLIDS;
+    use vi_mesh::{BoxMesh, CellKind};
 
     /// Uniaxial stress of the neo-Hookean law (reference case C6): σ₁₁ = P₁₁ λ/J, nothing else.
     #[test]
     fn uniaxial_stress_of_every_element() {
         let (stretch, side) = (2.0, 0.7980775445);
-        for &element in ElementKind::SOLIDS {
+        for &element in SOLIDS {
             let mesh =
                 BoxMesh { size: [1.0; 3], cells: [1, 2, 1], element, origin: [0.0; 3] }.build().unwrap();
             let x: Vec<f64> =
                 mesh.points.iter().flat_map(|p| [stretch * p[0], side * p[1], side * p[2]]).collect();
             let law = Law::NeoHookean(Isotropic { young: 10.0, poisson: 0.3, density: 1.0 });
             let elements = mesh.cells_of_dimension(3);
-            let cure =
-                if element == ElementKind::Hex8 { LockingCure::MeanDilation } else { LockingCure::None };
+            let cure = if element == CellKind::Hex8 { LockingCure::MeanDilation } else { LockingCure::None };
             let field = |field| element_field(&mesh, &elements, &law, cure, &x, field).unwrap();
             let axial = 10.0 * 0.6467446602 / (side * side);
             assert!((field(ElementField::Stress)[0] - axial).abs() < 1e-7);

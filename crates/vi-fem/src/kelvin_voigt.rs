@@ -10,9 +10,10 @@ use std::sync::Arc;
 
 use vi_core::{Force, ForceAccount, Stencils, packed_len};
 
-use crate::element::{Element, SolidVisitor};
+use crate::FemError;
+use crate::element::{Element, SolidVisitor, visit_solid};
 use crate::tensor::{cofactor, determinant, dot};
-use crate::{ElementKind, FemError, Mesh};
+use vi_mesh::{CellKind, Mesh};
 
 type Vec3 = [f64; 3];
 
@@ -41,7 +42,7 @@ impl Viscosity {
 /// One force an element kind.
 ///
 /// # Errors
-/// [`FemError::Parameter`] for viscosities that would add energy, [`FemError::OutOfRange`] and
+/// [`FemError::Parameter`] for viscosities that would add energy, [`FemError::Mesh`] and
 /// [`FemError::Unsupported`] for cells that are not solid elements.
 pub fn kelvin_voigt(
     mesh: &Mesh,
@@ -51,7 +52,7 @@ pub fn kelvin_voigt(
     name: &str,
 ) -> Result<Vec<Arc<dyn Force>>, FemError> {
     viscosity.check()?;
-    let mut parts: Vec<(ElementKind, KelvinVoigt)> = Vec::new();
+    let mut parts: Vec<(CellKind, KelvinVoigt)> = Vec::new();
     for &element in elements {
         let (kind, nodes) = mesh.element(element, "damping, element")?;
         let part = match parts.iter().position(|(other, _)| *other == kind) {
@@ -73,7 +74,7 @@ pub fn kelvin_voigt(
         };
         let part = &mut parts[part].1;
         part.nodes.extend(nodes.iter().map(|node| node + node_offset as u32));
-        kind.visit_solid(AddPoints { mesh, nodes, points: &mut part.points })
+        visit_solid(kind, AddPoints { mesh, nodes, points: &mut part.points })
             .ok_or(FemError::Unsupported { kind, used: "solid elements" })?;
     }
     Ok(parts.into_iter().map(|(_, part)| Arc::new(part) as Arc<dyn Force>).collect())
@@ -322,10 +323,10 @@ impl Force for MassDamping {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::BoxMesh;
+    use vi_mesh::BoxMesh;
 
     fn damped() -> (Mesh, Arc<dyn Force>) {
-        let kind = ElementKind::Tet4;
+        let kind = CellKind::Tet4;
         let shape = BoxMesh { size: [1.0, 0.7, 0.4], cells: [1, 1, 1], element: kind, origin: [0.0; 3] };
         let mesh = shape.build().unwrap();
         let all = mesh.cells_of_dimension(3);

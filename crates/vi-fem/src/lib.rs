@@ -1,14 +1,13 @@
-//! Meshes, elements and materials: they produce a mass and potentials.
+//! Elements and materials: on a mesh they produce a mass and potentials.
 //!
-//! This crate knows shapes at rest and laws of matter. It must not know a sparse matrix, a time step
-//! or a file. Start with [`Mesh`], [`Law`] and [`elastic`]; to add a law see [`Material`], to add an
-//! element see [`Element`].
+//! This crate knows shapes at rest ([`vi_mesh::Mesh`]) and laws of matter. It has no sparse matrix, no time step and no
+//! file. Start with [`Law`] and [`elastic`]; to add a law see [`Material`], to add an element see [`Element`].
 
 #![forbid(unsafe_code)]
 
 mod amplitude;
 mod bending;
-mod boundary;
+mod check;
 mod consistent_mass;
 mod dead_load;
 mod dihedral;
@@ -17,9 +16,7 @@ mod elastic;
 mod element;
 mod error;
 mod expression;
-mod facet;
 mod fields;
-mod generate;
 mod instructions;
 mod kelvin_voigt;
 mod load;
@@ -27,21 +24,16 @@ mod mass;
 mod material;
 mod mean_dilation;
 mod membrane;
-mod mesh;
 mod motion;
-mod nearest;
 mod nodal_fields;
-mod order;
 mod pack;
 mod places;
 mod pressure;
 mod real;
 mod rotation;
-mod sheet;
 mod sheet_body;
 mod sheet_material;
 mod spread;
-mod surface;
 mod svd;
 pub mod tensor;
 mod tie;
@@ -50,16 +42,16 @@ mod wind;
 
 pub use amplitude::Amplitude;
 pub use bending::Bending;
+pub use check::check_body;
 pub use consistent_mass::consistent_mass;
 pub use dead_load::{DeadLoad, VectorField};
 pub use direction::{CellDirection, CellField, Direction, DirectionComponent};
 pub use elastic::{elastic, elastic_on};
-pub use element::{Element, ElementKind, Hex8, Hex20, Hex27, Tet4, Tet10, Wedge6, Wedge15, Wedge18};
+pub use element::solids::*;
+pub use element::{Element, SOLIDS};
 pub use error::FemError;
 pub use expression::Expression;
-pub use facet::Surface;
 pub use fields::{ElementField, element_field};
-pub use generate::BoxMesh;
 pub use instructions::InstructionSet;
 pub use kelvin_voigt::{MassDamping, Viscosity, kelvin_voigt};
 pub use load::{Gravity, PointSpring, SpringEnd};
@@ -72,20 +64,15 @@ pub use mean_dilation::{LockingCure, mean_dilation};
 pub use membrane::{
     CorotatedSheet, NeoHookeanSheet, OrthotropicParameters, OrthotropicSheet, StVenantKirchhoffSheet,
 };
-pub use mesh::{ElementBlock, FinerMesh, Mesh, Region, resolution};
 pub use motion::{Motion, Rotate, Sine, Table, Translate};
-pub use nearest::{NearestPoints, SurfacePoint};
 pub use nodal_fields::nodal_field;
-pub use order::Numbering;
 pub use pressure::{Pressure, pressure};
 pub use real::Real;
-pub use sheet::{SheetMesh, SheetPattern};
 pub use sheet_body::Sheet;
 pub use sheet_material::{
     IsotropicSheet, SheetCommon, SheetLaw, SheetMaterial, SheetParameters, SheetResponse,
 };
 pub use spread::{Resultant, Spread};
-pub use surface::{Orientation, orient_triangles};
 pub use tie::{Anchor, Tie, ties};
 pub use wind::Wind;
 

@@ -1,16 +1,17 @@
 //! Lumped masses, and what follows from them: total mass, centre, inertia. It must not know laws.
 
+use crate::FemError;
 use crate::consistent_mass::rich_rule;
-use crate::element::{Element, SolidVisitor};
+use crate::element::{Element, SolidVisitor, visit_solid};
 use crate::tensor::{Mat3, cross, determinant};
-use crate::{ElementKind, FemError, Mesh};
+use vi_mesh::{CellKind, Mesh};
 
 /// Mass of each node of the mesh, kg: those of `elements` (numbers of solid cells) at a density,
 /// kg/m³, added to `masses`. Row sums of ρ ∫ N_a N_b dV where they are positive for the element, and
 /// the scaled diagonal of Hinton, Rock & Zienkiewicz (1976) otherwise: positive for every kind.
 ///
 /// # Errors
-/// [`FemError::OutOfRange`] for cells that are not there, [`FemError::Unsupported`] for cells that
+/// [`FemError::Mesh`] for cells that are not there, [`FemError::Unsupported`] for cells that
 /// are not solid elements.
 pub fn add_lumped_mass(
     mesh: &Mesh,
@@ -18,7 +19,7 @@ pub fn add_lumped_mass(
     density: f64,
     masses: &mut [f64],
 ) -> Result<(), FemError> {
-    each_solid(mesh, elements, |kind, nodes| kind.visit_solid(AddMass { mesh, nodes, density, masses }))
+    each_solid(mesh, elements, |kind, nodes| visit_solid(kind, AddMass { mesh, nodes, density, masses }))
 }
 
 /// Row sums ρ ∫ N_a dV, kg, added to `sums`: what weight acts on in equilibrium, of the accuracy of the
@@ -28,7 +29,7 @@ pub fn add_lumped_mass(
 /// As [`add_lumped_mass`].
 pub fn add_row_sums(mesh: &Mesh, elements: &[u32], density: f64, sums: &mut [f64]) -> Result<(), FemError> {
     each_solid(mesh, elements, |kind, nodes| {
-        kind.visit_solid(AddRowSums { kind, mesh, nodes, density, sums })
+        visit_solid(kind, AddRowSums { kind, mesh, nodes, density, sums })
     })
 }
 
@@ -39,7 +40,7 @@ pub fn add_row_sums(mesh: &Mesh, elements: &[u32], density: f64, sums: &mut [f64
 pub fn volumes(mesh: &Mesh, elements: &[u32]) -> Result<Vec<f64>, FemError> {
     let mut volumes = Vec::with_capacity(elements.len());
     each_solid(mesh, elements, |kind, nodes| {
-        volumes.push(kind.visit_solid(Volume { mesh, nodes })?);
+        volumes.push(visit_solid(kind, Volume { mesh, nodes })?);
         Some(())
     })?;
     Ok(volumes)
@@ -62,7 +63,7 @@ impl SolidVisitor for Volume<'_> {
 fn each_solid(
     mesh: &Mesh,
     elements: &[u32],
-    mut add: impl FnMut(ElementKind, &[u32]) -> Option<()>,
+    mut add: impl FnMut(CellKind, &[u32]) -> Option<()>,
 ) -> Result<(), FemError> {
     for &element in elements {
         let (kind, nodes) = mesh.element(element, "mass, element")?;
@@ -72,7 +73,7 @@ fn each_solid(
 }
 
 struct AddRowSums<'a> {
-    kind: ElementKind,
+    kind: CellKind,
     mesh: &'a Mesh,
     nodes: &'a [u32],
     density: f64,
@@ -188,14 +189,15 @@ pub fn rigid_velocities(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::BoxMesh;
+    use crate::SOLIDS;
+    use vi_mesh::BoxMesh;
 
     #[test]
     fn a_box_has_the_mass_and_centre_of_a_box() {
         let mesh = BoxMesh {
             size: [2.0, 1.0, 0.5],
             cells: [8, 4, 2],
-            element: ElementKind::Tet4,
+            element: CellKind::Tet4,
             origin: [1.0, 0.0, 0.0],
         }
         .build()
@@ -211,7 +213,7 @@ mod tests {
 
     #[test]
     fn row_sums_integrate_shape_functions() {
-        for &element in ElementKind::SOLIDS {
+        for &element in SOLIDS {
             let shape = BoxMesh { size: [2.0, 1.0, 1.0], cells: [2, 1, 1], element, origin: [0.0; 3] };
             let mesh = shape.build().unwrap();
             let mut sums = vec![0.0; mesh.points.len()];

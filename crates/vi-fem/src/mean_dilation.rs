@@ -21,7 +21,8 @@ use crate::elastic::{Build, by_kind, least_determinant};
 use crate::element::{Element, kernel::Solids};
 use crate::material::{self, Law, Material, PackedMat3, PackedTangent};
 use crate::pack::{GROUP, Pack};
-use crate::{FemError, InstructionSet, Mesh};
+use crate::{FemError, InstructionSet};
+use vi_mesh::Mesh;
 
 /// What is done against locking.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]

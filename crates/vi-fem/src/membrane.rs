@@ -20,9 +20,9 @@ pub use st_venant_kirchhoff::StVenantKirchhoffSheet;
 
 use crate::pack::GROUP;
 use crate::sheet_material::{SheetMaterial, SheetVisitor};
-use crate::surface::Surface;
 use crate::tensor::{cross, dot};
 use kernel::{Deformed, Energies, Gradients, Membrane, RestPack};
+use vi_mesh::Triangulation;
 
 /// An orthonormal frame of a triangle at rest: two axes in its plane, and the normal.
 pub(crate) type Frame = [[f64; 3]; 3];
@@ -59,7 +59,7 @@ pub(crate) fn barycentric_gradients(p: &[[f64; 2]; 3]) -> ([[f64; 2]; 3], f64) {
 
 /// Builds the potential of a law.
 pub(crate) struct BuildMembrane<'a> {
-    pub(crate) surface: &'a Surface,
+    pub(crate) surface: &'a Triangulation,
     pub(crate) thickness: f64,
     /// The first axis of the law in each triangle, if it has axes.
     pub(crate) directions: Option<&'a [[f64; 3]]>,

@@ -9,9 +9,9 @@ use std::collections::HashMap;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::element::{Element, SolidVisitor};
 use crate::fields::{AtPoints, DeformedPoint, deformed, von_mises};
-use crate::{ElementField, ElementKind, FemError, Law, LockingCure, Mesh};
+use crate::{ElementField, FemError, Law, LockingCure};
+use vi_mesh::{CellKind, Mesh};
 
 /// `field` at every node of the mesh, `field.component_count()` numbers a node, from the elements of
 /// `parts`, each with its law, at positions x (m, flat). Zero at nodes without an element. Von Mises
@@ -34,7 +34,7 @@ pub fn nodal_field(
     let components = field.component_count();
     let mut values = vec![0.0; components * mesh.points.len()];
     let mut volumes = vec![0.0; mesh.points.len()];
-    let mut fits: HashMap<ElementKind, DMatrix<f64>> = HashMap::new();
+    let mut fits: HashMap<CellKind, DMatrix<f64>> = HashMap::new();
     for &(elements, law) in parts {
         for &element in elements {
             let points = deformed(mesh, element, x)?;
@@ -63,8 +63,8 @@ pub fn nodal_field(
 }
 
 /// The matrix from values at the quadrature points to those of their linear fit at the nodes.
-fn fit(kind: ElementKind, points: &[DeformedPoint]) -> DMatrix<f64> {
-    let nodes = kind.visit_solid(Places).unwrap_or_default();
+fn fit(kind: CellKind, points: &[DeformedPoint]) -> DMatrix<f64> {
+    let nodes = kind.reference_nodes();
     let terms = if points.len() < 4 { 1 } else { 4 };
     let term = |xi: [f64; 3], k: usize| if k == 0 { 1.0 } else { xi[k - 1] };
     let basis = DMatrix::from_fn(points.len(), terms, |q, k| term(points[q].xi, k));
@@ -75,18 +75,12 @@ fn fit(kind: ElementKind, points: &[DeformedPoint]) -> DMatrix<f64> {
     at_nodes * inverse * weighted
 }
 
-struct Places;
-impl SolidVisitor for Places {
-    type Output = Vec<[f64; 3]>;
-    fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) -> Vec<[f64; 3]> {
-        E::nodes().to_vec()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BoxMesh, Isotropic};
+    use crate::Isotropic;
+    use crate::SOLIDS;
+    use vi_mesh::BoxMesh;
 
     /// Pure bending of linear elasticity, σ_xx = E κ y: linear in space, so exact at every node of
     /// quadratic elements, at the surface too.
@@ -94,8 +88,8 @@ mod tests {
     fn linear_stress_is_exact_at_the_nodes() {
         let (young, curvature) = (3.0, 1e-6);
         let law = Law::Linear(Isotropic { young, poisson: 0.25, density: 1.0 });
-        for &element in ElementKind::SOLIDS {
-            if matches!(element, ElementKind::Tet4 | ElementKind::Hex8 | ElementKind::Wedge6) {
+        for &element in SOLIDS {
+            if matches!(element, CellKind::Tet4 | CellKind::Hex8 | CellKind::Wedge6) {
                 continue;
             }
             let mesh = BoxMesh { size: [1.0; 3], cells: [2; 3], element, origin: [0.0, -0.5, -0.5] }
@@ -123,7 +117,7 @@ mod tests {
     #[test]
     fn every_field_of_an_affine_map_is_the_elements() {
         let law = Law::NeoHookean(Isotropic { young: 10.0, poisson: 0.3, density: 1.0 });
-        for &element in ElementKind::SOLIDS {
+        for &element in SOLIDS {
             let mesh =
                 BoxMesh { size: [1.0; 3], cells: [2, 1, 1], element, origin: [0.0; 3] }.build().unwrap();
             let x: Vec<f64> =

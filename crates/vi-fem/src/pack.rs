@@ -36,3 +36,38 @@ pub(crate) const fn parts<S: Simd>() -> usize {
 pub(crate) fn members(group: usize) -> std::ops::Range<usize> {
     group * GROUP..(group + 1) * GROUP
 }
+
+/// Deals the elements of each run of `run_length` into groups of eight, so that those of a group are an eighth of
+/// the run apart: they share no node (but by chance), and what they add to the sums at their nodes does
+/// not wait for each other.
+pub(crate) fn interleave(run_length: usize, elements: &mut [u32]) {
+    for run in elements.chunks_mut(run_length) {
+        let (whole, _) = run.as_chunks_mut::<GROUP>();
+        let sorted = whole.as_flattened().to_vec();
+        for (k, group) in whole.iter_mut().enumerate() {
+            for (lane, element) in group.iter_mut().enumerate() {
+                *element = sorted[lane * (sorted.len() / GROUP) + k];
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_of_a_run_are_of_far_elements() {
+        let mut elements: Vec<u32> = (0..150).collect();
+        interleave(64, &mut elements);
+        assert_eq!(elements[8..16], [1, 9, 17, 25, 33, 41, 49, 57]);
+        assert_eq!(elements[64..72], [64, 72, 80, 88, 96, 104, 112, 120]);
+        assert_eq!(
+            elements[128..],
+            [
+                128, 130, 132, 134, 136, 138, 140, 142, 129, 131, 133, 135, 137, 139, 141, 143, 144, 145,
+                146, 147, 148, 149
+            ]
+        );
+    }
+}

@@ -12,9 +12,10 @@ use std::sync::Arc;
 
 use vi_core::{Account, Force, ForceAccount, HessianKind, Potential, Stencils, Traits, packed_len};
 
-use crate::facet::{FacetBlock, FacetPoint, MAX_NODES, Surface, frame};
+use crate::Amplitude;
 use crate::tensor::{cross, dot};
-use crate::{Amplitude, Mesh, resolution};
+use vi_mesh::{FacetBlock, FacetPoint, Surface};
+use vi_mesh::{Mesh, resolution};
 
 /// A pressure as what a system takes: potentials where it has a potential, forces elsewhere.
 pub enum Pressure {
@@ -49,14 +50,14 @@ pub fn pressure(
     match VolumeField::of_surface(mesh, surface, is_fixed) {
         Some(field) => Pressure::Potential(
             surface
-                .blocks
+                .blocks()
                 .iter()
                 .map(|block| Box::new(VolumePressure { facets: facets(block), field }) as Box<dyn Potential>)
                 .collect(),
         ),
         None => Pressure::Force(
             surface
-                .blocks
+                .blocks()
                 .iter()
                 .map(|block| Arc::new(FollowerPressure(facets(block))) as Arc<dyn Force>)
                 .collect(),
@@ -125,7 +126,7 @@ fn extent(mesh: &Mesh) -> f64 {
 /// The edges that belong to one facet only, with their middle nodes.
 fn edges(surface: &Surface) -> Vec<Vec<u32>> {
     let mut seen: HashMap<(u32, u32), (usize, Vec<u32>)> = HashMap::new();
-    for block in &surface.blocks {
+    for block in surface.blocks() {
         let corners = if matches!(block.arity(), 3 | 6) { 3 } else { 4 };
         for nodes in block.facets() {
             for k in 0..corners {
@@ -142,6 +143,9 @@ fn edges(surface: &Surface) -> Vec<Vec<u32>> {
     open.sort_unstable();
     open
 }
+
+/// Nodes of the largest facet.
+const LARGEST: usize = 9;
 
 /// Facets of one kind under pressure.
 #[derive(Debug, Clone)]
@@ -169,8 +173,8 @@ impl Facets {
         self.pressure * self.amplitude.at(t)
     }
 
-    fn positions(&self, facet: usize, x: &[f64]) -> [[f64; 3]; MAX_NODES] {
-        let mut out = [[0.0; 3]; MAX_NODES];
+    fn positions(&self, facet: usize, x: &[f64]) -> [[f64; 3]; LARGEST] {
+        let mut out = [[0.0; 3]; LARGEST];
         let nodes = &self.nodes[facet * self.arity..][..self.arity];
         for (out, &node) in out.iter_mut().zip(nodes) {
             out.copy_from_slice(&x[3 * node as usize..][..3]);
@@ -180,7 +184,7 @@ impl Facets {
 
     fn frames(&self, facet: usize, x: &[f64]) -> impl Iterator<Item = (&FacetPoint, [[f64; 3]; 3])> {
         let positions = self.positions(facet, x);
-        self.rule.iter().map(move |point| (point, frame(point, positions.into_iter())))
+        self.rule.iter().map(move |point| (point, point.frame(positions.into_iter())))
     }
 
     /// `factor` ∫ N_a n da.
@@ -333,15 +337,15 @@ impl Force for FollowerPressure {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BoxMesh, ElementKind, Region};
+    use vi_mesh::{BoxMesh, CellKind, Region};
 
     fn cube() -> Mesh {
-        let kind = ElementKind::Tet4;
+        let kind = CellKind::Tet4;
         let mut mesh = BoxMesh { size: [1.0; 3], cells: [2, 2, 2], element: kind, origin: [0.5, 0.0, 0.25] }
             .build()
             .unwrap();
         let elements = mesh.cells_of_dimension(2);
-        mesh.regions.push(Region { name: "all".into(), dimension: 2, elements });
+        mesh.regions.push(Region { name: "all".into(), dimension: 2, cells: elements });
         mesh
     }
 

@@ -7,9 +7,10 @@ use crate::bending::BentSheet;
 use crate::consistent_mass::triangle_mass;
 use crate::membrane::BuildMembrane;
 use crate::sheet_material::SheetLaw;
-use crate::surface::Surface;
 use crate::tensor::{cross, dot};
-use crate::{CellField, FemError, Mesh};
+use crate::{CellField, FemError};
+use vi_mesh::Mesh;
+use vi_mesh::Triangulation;
 
 /// Triangles with a law, bent and stretched from a shape at rest.
 #[derive(Debug, Clone, Copy)]
@@ -61,10 +62,10 @@ impl<'a> Sheet<'a> {
         }
     }
 
-    fn surface(&self) -> Result<Surface, FemError> {
-        let surface = Surface::new(self.mesh, self.elements)?;
+    fn surface(&self) -> Result<Triangulation, FemError> {
+        let surface = Triangulation::new(self.mesh, self.elements)?;
         match self.pattern {
-            Some(pattern) => surface.with_pattern(pattern),
+            Some(pattern) => Ok(surface.with_pattern(pattern)?),
             None => Ok(surface),
         }
     }
@@ -151,7 +152,7 @@ impl<'a> Sheet<'a> {
     }
 
     /// Mass of a triangle, kg.
-    fn mass_of(&self, surface: &Surface, triangle: usize) -> f64 {
+    fn mass_of(&self, surface: &Triangulation, triangle: usize) -> f64 {
         let [a, b, c] = surface.corners(triangle);
         let normal = cross([0, 1, 2].map(|i| b[i] - a[i]), [0, 1, 2].map(|i| c[i] - a[i]));
         self.law.area_density() * (0.5 * dot(normal, normal).sqrt())

@@ -2,9 +2,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::facet::{Surface, frame};
+use crate::FemError;
 use crate::tensor::{cross, dot};
-use crate::{ElementKind, FemError, Mesh};
+use vi_mesh::Surface;
+use vi_mesh::{CellKind, Mesh};
 
 /// Below this part of the largest moment of area about an axis there is none.
 const NO_ARM: f64 = 1e-12;
@@ -43,11 +44,11 @@ impl Spread {
     /// Over a surface, by area.
     pub fn of_surface(mesh: &Mesh, surface: &Surface) -> Self {
         let mut points = Vec::new();
-        for block in &surface.blocks {
+        for block in surface.blocks() {
             for nodes in block.facets() {
                 for point in &block.rule {
                     let at = nodes.iter().map(|&node| mesh.points[node as usize]);
-                    let [position, a, b] = frame(point, at);
+                    let [position, a, b] = point.frame(at);
                     let n = cross(a, b);
                     let nodes = nodes.iter().copied().zip(point.values.iter().copied()).collect();
                     points.push(SpreadPoint { measure: point.weight * dot(n, n).sqrt(), position, nodes });
@@ -65,8 +66,8 @@ impl Spread {
             let Some((kind, nodes)) = mesh.cell(cell as usize) else { continue };
             for s in [0.5 - 0.5 * gauss, 0.5 + 0.5 * gauss] {
                 let (values, slopes) = match kind {
-                    ElementKind::Line2 => (vec![1.0 - s, s], vec![-1.0, 1.0]),
-                    ElementKind::Line3 => (
+                    CellKind::Line2 => (vec![1.0 - s, s], vec![-1.0, 1.0]),
+                    CellKind::Line3 => (
                         vec![(1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0), 4.0 * s * (1.0 - s)],
                         vec![4.0 * s - 3.0, 4.0 * s - 1.0, 4.0 - 8.0 * s],
                     ),
@@ -155,14 +156,16 @@ impl Spread {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Amplitude, BoxMesh, DeadLoad, SheetMesh, SheetPattern};
+    use crate::SOLIDS;
+    use crate::{Amplitude, DeadLoad};
+    use vi_mesh::{BoxMesh, SheetMesh, SheetPattern};
 
     /// Σ f_a = F and Σ (X_a − a) × f_a = M to round-off, on every kind of facet and on curves.
     #[test]
     fn nodal_forces_have_the_resultant() {
         let (force, moment, about) = ([3.0, -2.0, 1.0], [0.4, 0.5, -0.6], [7.0, 0.2, -0.3]);
         let mut parts: Vec<(Mesh, Spread)> = Vec::new();
-        for &element in ElementKind::SOLIDS {
+        for &element in SOLIDS {
             let mut mesh = BoxMesh { size: [1.0, 2.0, 0.5], cells: [2, 2, 1], element, origin: [0.0; 3] }
                 .build()
                 .unwrap();
@@ -183,7 +186,7 @@ mod tests {
             directions,
         };
         let mut mesh = shape.build().unwrap();
-        let edge = mesh.region("x-max").unwrap().elements.clone();
+        let edge = mesh.region("x-max").unwrap().cells.clone();
         let straight = Spread::of_lines(&mesh, &edge);
         assert!((straight.measure() - 1.0).abs() < 1e-15);
         let along = Resultant { force, moment: [0.0, 1.0, 0.0], about: None };

@@ -7,9 +7,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vi_core::{Force, ForceAccount, Stencils, packed_len};
 
-use crate::surface::Surface;
+use crate::FemError;
 use crate::tensor::{cross, dot};
-use crate::{FemError, Mesh};
+use vi_mesh::Mesh;
+use vi_mesh::Triangulation;
 
 /// Air around a sheet: `wind = { velocity = [5.0, 0.0, 0.0] }`.
 ///
@@ -67,7 +68,7 @@ impl Wind {
                 return Err(FemError::Parameter { key, value, requirement });
             }
         }
-        let surface = Surface::new(mesh, elements)?;
+        let surface = Triangulation::new(mesh, elements)?;
         let nodes = surface.triangles.iter().flatten().map(|&node| node + node_offset as u32).collect();
         Ok(Box::new(Drag { wind: self.clone(), nodes, name: format!("{name}: wind") }))
     }
@@ -210,11 +211,11 @@ impl Force for Drag {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ElementBlock, ElementKind};
+    use vi_mesh::{CellBlock, CellKind};
 
     fn triangle() -> Mesh {
         let points = vec![[0.0, 0.0, 0.0], [1.0, 0.2, 0.1], [0.1, 0.9, -0.3]];
-        let blocks = vec![ElementBlock { kind: ElementKind::Tri3, nodes: vec![0, 1, 2] }];
+        let blocks = vec![CellBlock { kind: CellKind::Tri3, nodes: vec![0, 1, 2] }];
         Mesh { points, blocks, regions: vec![] }
     }
 

@@ -1,10 +1,8 @@
 //! The laws that every membrane × bending keeps, on flat and curved shapes at rest.
 
 use vi_core::{HessianKind, Potential, packed_len};
-use vi_fem::{
-    Bending, Direction, ElementBlock, ElementKind, FemError, IsotropicSheet, Mesh, Sheet, SheetLaw,
-    SheetMesh, SheetPattern,
-};
+use vi_fem::{Bending, Direction, FemError, IsotropicSheet, Sheet, SheetLaw};
+use vi_mesh::{CellBlock, CellKind, Mesh, SheetMesh, SheetPattern};
 
 fn sheet_mesh(size: [f64; 2], cells: [u32; 2], pattern: SheetPattern) -> Mesh {
     let directions = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
@@ -99,7 +97,7 @@ fn cases() -> Vec<(SheetLaw, Mesh)> {
 
 /// The edge of the first line cell: on `x-min`.
 fn first_side(mesh: &Mesh) -> [u32; 2] {
-    let block = mesh.blocks.iter().find(|block| block.kind == ElementKind::Line2).unwrap();
+    let block = mesh.blocks.iter().find(|block| block.kind == CellKind::Line2).unwrap();
     [block.nodes[0], block.nodes[1]]
 }
 
@@ -395,7 +393,7 @@ fn what_a_model_cannot_do_is_said() {
 #[test]
 fn leaves_of_a_book_bend_as_hinges() {
     let points = vec![[0.0; 3], [0.0, 1.0, 0.0], [1.0, 0.5, 0.0], [-0.5, 0.5, 0.8], [-0.5, 0.5, -0.8]];
-    let blocks = vec![ElementBlock { kind: ElementKind::Tri3, nodes: vec![0, 1, 2, 0, 1, 3, 0, 1, 4] }];
+    let blocks = vec![CellBlock { kind: CellKind::Tri3, nodes: vec![0, 1, 2, 0, 1, 3, 0, 1, 4] }];
     let mesh = Mesh { points, blocks, regions: vec![] };
     for bending in [Bending::Hinge, Bending::Shell] {
         let bent = potentials(&mesh, &first_law(bending), &[]).unwrap();

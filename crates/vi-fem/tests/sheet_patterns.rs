@@ -3,9 +3,9 @@
 use std::f64::consts::TAU;
 
 use vi_fem::{
-    Bending, CellField, Direction, DirectionComponent, FemError, Mesh, OrthotropicParameters, Sheet,
-    SheetLaw, SheetMesh, SheetPattern,
+    Bending, CellField, Direction, DirectionComponent, FemError, OrthotropicParameters, Sheet, SheetLaw,
 };
+use vi_mesh::{Mesh, SheetMesh, SheetPattern};
 
 fn square(cells: u32) -> Mesh {
     let directions = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];

@@ -11,7 +11,7 @@ mod skyline;
 mod structure;
 
 use cases::Outcome;
-use vi_fem::SheetPattern;
+use vi_mesh::SheetPattern;
 
 fn within(limit: f64, run: impl Fn(SheetPattern) -> Outcome) {
     for pattern in [SheetPattern::Diagonal, SheetPattern::Random] {

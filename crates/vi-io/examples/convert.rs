@@ -1,4 +1,4 @@
-//! Converts any mesh that vi-io reads into a VTU file:
+//! Converts any file that vi-io reads into a VTU file:
 //! `cargo run -p vi-io --example convert -- IN OUT.vtu [base64] [single] [uncompressed]`
 
 use std::path::Path;
@@ -37,18 +37,18 @@ fn main() -> ExitCode {
 }
 
 fn convert(input: &Path, output: &Path, options: VtuOptions) -> Result<(), IoError> {
-    let mesh = read_mesh(input)?;
-    for note in &mesh.notes {
+    let file = read_mesh(input)?;
+    for note in &file.notes {
         eprintln!("{}: {note}", input.display());
     }
-    let (point_data, cell_data) = (arrays(&mesh.point_data), arrays(&mesh.cell_data));
+    let (point_data, cell_data) = (arrays(&file.point_data), arrays(&file.cell_data));
     let frame = VtuFrame {
-        points: &mesh.points,
-        blocks: &mesh.blocks,
-        groups: &mesh.groups,
+        points: &file.mesh.points,
+        blocks: &file.mesh.blocks,
+        regions: &file.mesh.regions,
         point_data: &point_data,
         cell_data: &cell_data,
-        time: mesh.time,
+        time: file.time,
         field_data: &[],
     };
     write_vtu(output, &frame, options)

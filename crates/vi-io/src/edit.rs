@@ -3,8 +3,9 @@
 
 use std::collections::HashMap;
 
-use crate::cell::CellKind;
-use crate::mesh::{CellBlock, MeshFile};
+use vi_mesh::{CellBlock, CellKind};
+
+use crate::mesh::MeshFile;
 
 /// A cell of a changed mesh, and the cell that it came from.
 type Kept = (CellKind, Vec<u32>, usize);
@@ -14,6 +15,7 @@ impl MeshFile {
     /// were left out.
     pub fn retain_cells(&mut self, keep: impl Fn(usize, CellKind, &[u32]) -> bool) -> usize {
         let kept = self
+            .mesh
             .cells()
             .enumerate()
             .filter(|(cell, (kind, nodes))| keep(*cell, *kind, nodes))
@@ -30,9 +32,9 @@ impl MeshFile {
             return 0;
         }
         let key = |x: &[f64; 3]| x.map(|x| (x / distance).floor() as i64);
-        let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::with_capacity(self.points.len());
-        let mut map: Vec<u32> = Vec::with_capacity(self.points.len());
-        for (index, x) in self.points.iter().enumerate() {
+        let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::with_capacity(self.mesh.points.len());
+        let mut map: Vec<u32> = Vec::with_capacity(self.mesh.points.len());
+        for (index, x) in self.mesh.points.iter().enumerate() {
             let [i, j, k] = key(x);
             let around = (-1..=1).flat_map(|a| (-1..=1).flat_map(move |b| (-1..=1).map(move |c| [a, b, c])));
             let near = around
@@ -42,7 +44,7 @@ impl MeshFile {
                 .flatten()
                 .copied()
                 .filter(|&other| {
-                    let y = self.points[other as usize];
+                    let y = self.mesh.points[other as usize];
                     (0..3).map(|d| (x[d] - y[d]).powi(2)).sum::<f64>() < distance * distance
                 })
                 .min();
@@ -51,7 +53,7 @@ impl MeshFile {
                 index as u32
             }));
         }
-        for node in self.blocks.iter_mut().flat_map(|block| &mut block.nodes) {
+        for node in self.mesh.blocks.iter_mut().flat_map(|block| &mut block.nodes) {
             *node = map[*node as usize];
         }
         let gone: Vec<bool> = map.iter().enumerate().map(|(index, &to)| to != index as u32).collect();
@@ -62,19 +64,19 @@ impl MeshFile {
     /// many.
     pub fn cut_quadrilaterals(&mut self) -> usize {
         let square = |a: u32, b: u32| -> f64 {
-            let (a, b) = (self.points[a as usize], self.points[b as usize]);
+            let (a, b) = (self.mesh.points[a as usize], self.mesh.points[b as usize]);
             (0..3).map(|d| (a[d] - b[d]).powi(2)).sum()
         };
         let mut cut = 0;
-        let mut kept: Vec<Kept> = Vec::with_capacity(self.cell_count());
-        for (cell, (kind, nodes)) in self.cells().enumerate() {
+        let mut kept: Vec<Kept> = Vec::with_capacity(self.mesh.cell_count());
+        for (cell, (kind, nodes)) in self.mesh.cells().enumerate() {
             if let (CellKind::Quad4, &[a, b, c, d]) = (kind, nodes) {
                 let halves = if square(a, c) <= square(b, d) {
                     [[a, b, c], [a, c, d]]
                 } else {
                     [[a, b, d], [b, c, d]]
                 };
-                kept.extend(halves.map(|half| (CellKind::Triangle3, half.to_vec(), cell)));
+                kept.extend(halves.map(|half| (CellKind::Tri3, half.to_vec(), cell)));
                 cut += 1;
             } else {
                 kept.push((kind, nodes.to_vec(), cell));
@@ -88,8 +90,8 @@ impl MeshFile {
 
     /// Leaves out the points that no cell uses; returns how many.
     pub fn drop_unused_points(&mut self) -> usize {
-        let mut unused = vec![true; self.points.len()];
-        for &node in self.blocks.iter().flat_map(|block| &block.nodes) {
+        let mut unused = vec![true; self.mesh.points.len()];
+        for &node in self.mesh.blocks.iter().flat_map(|block| &block.nodes) {
             unused[node as usize] = false;
         }
         self.drop_points(&unused)
@@ -106,22 +108,22 @@ impl MeshFile {
                 _ => blocks.push(CellBlock { kind, nodes }),
             }
         }
-        for group in &mut self.groups {
-            let mut cells = Vec::with_capacity(group.cells.len());
-            for &cell in &group.cells {
+        for region in &mut self.mesh.regions {
+            let mut cells = Vec::with_capacity(region.cells.len());
+            for &cell in &region.cells {
                 let first = from.partition_point(|&source| source < cell);
                 let count = from[first..].iter().take_while(|&&source| source == cell).count();
                 cells.extend((first..first + count).map(|cell| cell as u32));
             }
-            group.cells = cells;
+            region.cells = cells;
         }
-        self.groups.retain(|group| !group.cells.is_empty());
+        self.mesh.regions.retain(|region| !region.cells.is_empty());
         for array in &mut self.cell_data {
             let size = array.components;
             let tuple = |&source: &u32| &array.values[source as usize * size..][..size];
             array.values = from.iter().flat_map(tuple).copied().collect();
         }
-        self.blocks = blocks;
+        self.mesh.blocks = blocks;
     }
 
     /// Leaves out points, which no cell may use; returns how many.
@@ -138,11 +140,11 @@ impl MeshFile {
                 next.saturating_sub(1)
             })
             .collect();
-        for node in self.blocks.iter_mut().flat_map(|block| &mut block.nodes) {
+        for node in self.mesh.blocks.iter_mut().flat_map(|block| &mut block.nodes) {
             *node = map[*node as usize];
         }
         let mut stays = gone.iter().map(|gone| !gone);
-        self.points.retain(|_| stays.next().unwrap_or(true));
+        self.mesh.points.retain(|_| stays.next().unwrap_or(true));
         for array in &mut self.point_data {
             let tuples = array.values.chunks_exact(array.components).zip(gone);
             array.values = tuples.filter(|(_, gone)| !**gone).flat_map(|(tuple, _)| tuple).copied().collect();
@@ -154,7 +156,8 @@ impl MeshFile {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{DataArray, Group};
+    use crate::mesh::DataArray;
+    use vi_mesh::{Mesh, Region};
 
     /// Two squares side by side whose common points are there twice, and a point of its own.
     fn squares() -> MeshFile {
@@ -163,16 +166,19 @@ mod tests {
             .flat_map(|&x| [[x, 0.0, 0.0], [x, 1.0, 0.0]])
             .chain([[9.0; 3]])
             .collect();
-        MeshFile {
+        let mesh = Mesh {
             points,
             blocks: vec![
                 CellBlock { kind: CellKind::Quad4, nodes: vec![0, 2, 3, 1, 4, 6, 7, 5] },
                 CellBlock { kind: CellKind::Line2, nodes: vec![2, 3] },
             ],
-            groups: vec![
-                Group { name: "right".into(), dimension: 2, cells: vec![1] },
-                Group { name: "middle".into(), dimension: 1, cells: vec![2] },
+            regions: vec![
+                Region { name: "right".into(), dimension: 2, cells: vec![1] },
+                Region { name: "middle".into(), dimension: 1, cells: vec![2] },
             ],
+        };
+        MeshFile {
+            mesh,
             point_data: vec![DataArray {
                 name: "n".into(),
                 components: 1,
@@ -191,7 +197,7 @@ mod tests {
     fn welded_points_are_the_first_of_them_and_data_follow() {
         let mut mesh = squares();
         assert_eq!(mesh.weld(1e-9), 2);
-        assert_eq!(mesh.blocks[0].nodes, [0, 2, 3, 1, 2, 4, 5, 3]);
+        assert_eq!(mesh.mesh.blocks[0].nodes, [0, 2, 3, 1, 2, 4, 5, 3]);
         assert_eq!(mesh.drop_unused_points(), 1);
         assert_eq!(mesh.point_data[0].values, [0.0, 1.0, 2.0, 3.0, 6.0, 7.0]);
         assert_eq!((mesh.weld(1e-9), mesh.weld(0.0), mesh.drop_unused_points()), (0, 0, 0));
@@ -200,8 +206,8 @@ mod tests {
     #[test]
     fn points_are_welded_across_the_cells_of_the_search() {
         let mut mesh = squares();
-        mesh.points[4][0] -= 0.9e-3;
-        mesh.points[5][1] += 0.9e-3;
+        mesh.mesh.points[4][0] -= 0.9e-3;
+        mesh.mesh.points[5][1] += 0.9e-3;
         assert_eq!(mesh.weld(1e-3), 2);
     }
 
@@ -209,9 +215,9 @@ mod tests {
     fn quadrilaterals_become_triangles_in_their_groups() {
         let mut mesh = squares();
         assert_eq!(mesh.cut_quadrilaterals(), 2);
-        assert_eq!(mesh.blocks[0].nodes, [0, 2, 3, 0, 3, 1, 4, 6, 7, 4, 7, 5]);
+        assert_eq!(mesh.mesh.blocks[0].nodes, [0, 2, 3, 0, 3, 1, 4, 6, 7, 4, 7, 5]);
         assert_eq!(
-            (mesh.groups[0].cells.as_slice(), mesh.groups[1].cells.as_slice()),
+            (mesh.mesh.regions[0].cells.as_slice(), mesh.mesh.regions[1].cells.as_slice()),
             (&[2, 3][..], &[4][..])
         );
         assert_eq!(mesh.cell_data[0].values, [0.0, 1.0, 0.0, 1.0, 2.0, 3.0, 2.0, 3.0, 4.0, 5.0]);
@@ -221,7 +227,7 @@ mod tests {
     fn a_part_has_its_own_points_and_groups() {
         let mut mesh = squares();
         assert_eq!(mesh.retain_cells(|cell, _, _| cell == 1), 5);
-        assert_eq!((mesh.points.len(), mesh.blocks[0].nodes.as_slice()), (4, &[0, 2, 3, 1][..]));
-        assert_eq!((mesh.groups.len(), mesh.groups[0].cells.as_slice()), (1, &[0][..]));
+        assert_eq!((mesh.mesh.points.len(), mesh.mesh.blocks[0].nodes.as_slice()), (4, &[0, 2, 3, 1][..]));
+        assert_eq!((mesh.mesh.regions.len(), mesh.mesh.regions[0].cells.as_slice()), (1, &[0][..]));
     }
 }

@@ -11,11 +11,12 @@ mod view;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-use crate::cell::{CellKind, SUPPORTED};
 use crate::cursor::{Cursor, Encoding};
 use crate::error::IoError;
-use crate::mesh::{Group, MeshFile};
+use crate::mesh::MeshFile;
 use crate::tags::TagIndex;
+use vi_mesh::CellKind;
+use vi_mesh::Region;
 use view::{Site, View};
 
 /// Reads a Gmsh MSH 2.x or 4.1 file that is in memory; `file` is for the messages only.
@@ -49,7 +50,7 @@ pub fn parse_msh(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
             (b"ElementData", _) => reading.views.extend(view::read(&mut cursor, Site::Cells)?),
             (b"ElementNodeData", _) => {
                 reading
-                    .mesh
+                    .out
                     .notes
                     .push("$ElementNodeData is left out: only data at nodes or elements are read".into());
                 skip_section(&mut cursor, name)?;
@@ -73,7 +74,7 @@ enum Version {
 /// Everything read so far.
 #[derive(Default)]
 struct Reading<'a> {
-    mesh: MeshFile,
+    out: MeshFile,
     seen: std::collections::HashSet<&'a [u8]>,
     names: BTreeMap<(usize, i32), String>,
     /// Physical tags of each geometric entity (dimension, tag): MSH 4 only.
@@ -119,11 +120,11 @@ impl<'a> Reading<'a> {
                 place: cursor.place_at(at),
                 cell: tag,
                 node: node_tag as i64,
-                node_count: self.mesh.points.len(),
+                node_count: self.out.mesh.points.len(),
             })?;
         }
-        kind.gmsh_to_vtk(nodes);
-        self.mesh.push_cell(kind, nodes);
+        kind.reorder_from_gmsh(nodes);
+        self.out.mesh.push_cell(kind, nodes);
         self.cell_tags.push(tag);
         Ok((self.cell_tags.len() - 1) as u32)
     }
@@ -137,7 +138,7 @@ impl<'a> Reading<'a> {
                 x,
             });
         }
-        self.mesh.points.push(x);
+        self.out.mesh.points.push(x);
         Ok(())
     }
 
@@ -151,29 +152,34 @@ impl<'a> Reading<'a> {
         for ((dimension, tag), mut cells) in self.members {
             let name = self.names.remove(&(dimension, tag)).unwrap_or_else(|| tag.to_string());
             if cells.is_empty() {
-                self.mesh
+                self.out
                     .notes
                     .push(format!("the physical group \"{name}\" (dimension {dimension}) has no elements"));
             }
             // One name for two tags is one region.
-            match self.mesh.groups.iter_mut().find(|group| group.name == name && group.dimension == dimension)
+            match self
+                .out
+                .mesh
+                .regions
+                .iter_mut()
+                .find(|group| group.name == name && group.dimension == dimension)
             {
                 Some(group) => group.cells.append(&mut cells),
-                None => self.mesh.groups.push(Group { name, dimension, cells }),
+                None => self.out.mesh.regions.push(Region { name, dimension, cells }),
             }
         }
-        for group in &mut self.mesh.groups {
+        for group in &mut self.out.mesh.regions {
             group.cells.sort_unstable();
             group.cells.dedup();
         }
         let cell_tags = TagIndex::with_first_of_copies(&self.cell_tags);
         for view in self.views {
             match view.site {
-                Site::Points => view.place(&self.node_tags, self.mesh.points.len(), &mut self.mesh),
-                Site::Cells => view.place(&cell_tags, self.mesh.cell_count(), &mut self.mesh),
+                Site::Points => view.place(&self.node_tags, self.out.mesh.points.len(), &mut self.out),
+                Site::Cells => view.place(&cell_tags, self.out.mesh.cell_count(), &mut self.out),
             }
         }
-        Ok(self.mesh)
+        Ok(self.out)
     }
 }
 
@@ -279,7 +285,7 @@ fn skip_section(cursor: &mut Cursor, name: &[u8]) -> Result<(), IoError> {
 
 /// The kind of an element type, or the error that lists the supported ones.
 fn kind_of(cursor: &Cursor, at: usize, code: i32, tag: u64) -> Result<CellKind, IoError> {
-    CellKind::from_gmsh(code).ok_or_else(|| IoError::UnsupportedCell {
+    CellKind::from_gmsh_code(code).ok_or_else(|| IoError::UnsupportedCell {
         file: cursor.file().into(),
         place: cursor.place_at(at),
         cell: tag,
@@ -290,6 +296,6 @@ fn kind_of(cursor: &Cursor, at: usize, code: i32, tag: u64) -> Result<CellKind, 
             20..=31 => " (of order 3 or more; set Mesh.ElementOrder ≤ 2)",
             _ => "",
         },
-        supported: SUPPORTED,
+        supported: CellKind::NAMES,
     })
 }

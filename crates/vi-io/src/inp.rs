@@ -10,7 +10,6 @@ mod sets;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::Path;
 
-use crate::cell::CellKind;
 use crate::cursor::{Cursor, shown};
 use crate::error::IoError;
 use crate::mesh::MeshFile;
@@ -18,6 +17,7 @@ use crate::tags::TagIndex;
 use elements::{Meaning, READ, meaning};
 use keyword::{Keyword, fields, label, next_line};
 use sets::{Definition, Of};
+use vi_mesh::CellKind;
 
 /// Reads an Abaqus or CalculiX input file that is in memory; `file` is for the messages only.
 ///
@@ -85,7 +85,7 @@ struct Element {
 /// Everything read so far.
 #[derive(Default)]
 struct Reading<'a> {
-    mesh: MeshFile,
+    out: MeshFile,
     node_tags: Vec<u64>,
     elements: Vec<Element>,
     /// Tags of the nodes of all elements, one after the other.
@@ -242,7 +242,7 @@ impl<'a> Reading<'a> {
             let (file, place) = (cursor.file().into(), cursor.place_at(at));
             return Err(IoError::NotFinite { file, place, node: tag, x });
         }
-        self.mesh.points.push(x);
+        self.out.mesh.points.push(x);
         self.node_tags.push(tag);
         self.list(tag, in_set);
         Ok(())
@@ -323,11 +323,11 @@ impl<'a> Reading<'a> {
                     node_count: self.node_tags.len(),
                 })?;
             }
-            self.mesh.push_cell(element.kind, own);
+            self.out.mesh.push_cell(element.kind, own);
         }
         for (code, count) in &self.lines {
             let note = format!("{count} elements of type {code} are read as lines, which carry nothing here");
-            self.mesh.notes.push(note);
+            self.out.notes.push(note);
         }
         self.note_what_is_left_out();
         sets::add_groups(self, cursor, &nodes, &cells)
@@ -341,7 +341,7 @@ impl<'a> Reading<'a> {
         let names: Vec<String> = self.left_out.iter().take(MOST).map(|name| format!("*{name}")).collect();
         let more = self.left_out.len().saturating_sub(MOST);
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-        self.mesh.notes.push(format!(
+        self.out.notes.push(format!(
             "left out: {}{more}; materials, supports and loads are those of the scene",
             names.join(", ")
         ));

@@ -22,7 +22,7 @@ pub fn parse_vtk(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let mut cursor = Cursor::new(bytes, file);
     header(&mut cursor)?;
     let mut legacy =
-        Legacy { cursor, mesh: MeshFile::default(), topologies: Vec::new(), types: None, site: None };
+        Legacy { cursor, out: MeshFile::default(), topologies: Vec::new(), types: None, site: None };
     while let Some(keyword) = legacy.cursor.next_token() {
         legacy.section(keyword)?;
     }
@@ -55,7 +55,7 @@ enum Site {
 
 struct Legacy<'a> {
     cursor: Cursor<'a>,
-    mesh: MeshFile,
+    out: MeshFile,
     topologies: Vec<Topology>,
     types: Option<Vec<i64>>,
     /// Site and number of its tuples.
@@ -149,7 +149,7 @@ impl Legacy<'_> {
         if points.len() > u32::MAX as usize {
             return Err(self.cursor.unsupported_at(at, "more than 4294967295 points", "divide the mesh"));
         }
-        self.mesh.points = points.to_vec();
+        self.out.mesh.points = points.to_vec();
         Ok(())
     }
 
@@ -266,10 +266,10 @@ impl Legacy<'_> {
         }
         let array = DataArray { name, components, values };
         match self.site {
-            Some((Site::Points, _)) => self.mesh.point_data.push(array),
-            Some((Site::Cells, _)) => self.mesh.cell_data.push(array),
+            Some((Site::Points, _)) => self.out.point_data.push(array),
+            Some((Site::Cells, _)) => self.out.cell_data.push(array),
             None if ["TimeValue", "TIME"].contains(&array.name.as_str()) => {
-                self.mesh.time = array.values.first().copied().filter(|time| time.is_finite());
+                self.out.time = array.values.first().copied().filter(|time| time.is_finite());
             }
             None => {}
         }
@@ -302,7 +302,7 @@ impl Legacy<'_> {
 
     fn finish(mut self, file_length: usize) -> Result<MeshFile, IoError> {
         let mut cells = CellReader::default();
-        cells.set_points(0, self.mesh.points.len());
+        cells.set_points(0, self.out.mesh.points.len());
         for (keyword, code) in TOPOLOGIES {
             let Some(topology) = self.topologies.iter().find(|topology| topology.keyword == keyword) else {
                 continue;
@@ -316,16 +316,16 @@ impl Legacy<'_> {
             let mut start = 0;
             for (i, &end) in topology.ends.iter().enumerate() {
                 let code = code.unwrap_or_else(|| self.types.as_ref().map_or(0, |types| types[i]));
-                cells.push(&mut self.mesh, self.cursor.file(), place, code, &topology.nodes[start..end])?;
+                cells.push(&mut self.out, self.cursor.file(), place, code, &topology.nodes[start..end])?;
                 start = end;
             }
         }
-        if self.mesh.points.is_empty() && self.mesh.blocks.is_empty() {
+        if self.out.mesh.points.is_empty() && self.out.mesh.blocks.is_empty() {
             return Err(self.cursor.truncated("the mesh: there are no POINTS"));
         }
         let sites = [
-            (&self.mesh.point_data, self.mesh.points.len()),
-            (&self.mesh.cell_data, cells.file_cell_count()),
+            (&self.out.point_data, self.out.mesh.points.len()),
+            (&self.out.cell_data, cells.file_cell_count()),
         ];
         for (arrays, count) in sites {
             if let Some(array) = arrays.iter().find(|array| array.values.len() != count * array.components) {
@@ -335,9 +335,9 @@ impl Legacy<'_> {
                 return Err(self.cursor.inconsistent_at(self.cursor.position(), what));
             }
         }
-        cells.finish(&mut self.mesh, 4 * file_length);
-        groups::from_arrays(&mut self.mesh);
-        Ok(self.mesh)
+        cells.finish(&mut self.out, 4 * file_length);
+        groups::from_arrays(&mut self.out);
+        Ok(self.out)
     }
 
     fn count(&mut self, what: &str) -> Result<usize, IoError> {

@@ -1,12 +1,11 @@
 //! Reads and writes files: meshes and arrays, no physics.
 //!
-//! [`read_mesh`] reads every format into one [`MeshFile`]. The `parse_*` functions do the same for bytes in memory.
+//! [`read_mesh`] reads every format into one [`MeshFile`]: a [`vi_mesh::Mesh`] and the arrays over it. The `parse_*` functions do the same for bytes in memory.
 //! Memory is bounded by a small multiple of the file, whatever its headers claim; whatever is wrong is an [`IoError`]
 //! that names the file, the line or byte, and the way out.
 
 #![forbid(unsafe_code)]
 
-mod cell;
 mod cursor;
 mod edit;
 mod error;
@@ -26,12 +25,11 @@ mod vtk;
 mod vtu;
 mod vtu_write;
 
-pub use cell::CellKind;
 pub use error::{IoError, Place};
 pub use gmsh::parse_msh;
 pub use inp::parse_inp;
 pub use legacy::parse_vtk;
-pub use mesh::{CellBlock, DataArray, Group, MeshFile};
+pub use mesh::{DataArray, MeshFile};
 pub use obj::parse_obj;
 pub use pc2::Pc2File;
 pub use pvd::PvdSeries;

@@ -5,10 +5,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::cell::CellKind;
 use crate::cursor::Cursor;
 use crate::error::IoError;
-use crate::mesh::{DataArray, Group, MeshFile};
+use crate::mesh::{DataArray, MeshFile};
+use vi_mesh::CellKind;
+use vi_mesh::Region;
 
 /// Reads an OBJ file that is in memory; `file` is for the messages only.
 ///
@@ -27,7 +28,7 @@ pub fn parse_obj(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
         let Some(line) = cursor.line() else { break };
         obj.line(&cursor, at, line)?;
     }
-    if obj.mesh.points.is_empty() {
+    if obj.out.mesh.points.is_empty() {
         return Err(cursor.truncated("the mesh: there are no vertices"));
     }
     Ok(obj.finish())
@@ -35,7 +36,7 @@ pub fn parse_obj(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
 
 #[derive(Default)]
 struct Obj {
-    mesh: MeshFile,
+    out: MeshFile,
     textures: Vec<[f64; 2]>,
     /// Texture coordinates of each vertex: none yet, or the last.
     uv: Vec<Option<u32>>,
@@ -63,7 +64,7 @@ impl Obj {
             b"v" => {
                 let x = numbers::<3>(cursor, at, words, "three coordinates of a vertex")?;
                 if x.iter().any(|x| !x.is_finite()) {
-                    let node = self.mesh.points.len() as u64 + 1;
+                    let node = self.out.mesh.points.len() as u64 + 1;
                     return Err(IoError::NotFinite {
                         file: cursor.file().into(),
                         place: cursor.place_at(at),
@@ -71,7 +72,7 @@ impl Obj {
                         x,
                     });
                 }
-                self.mesh.points.push(x);
+                self.out.mesh.points.push(x);
                 self.uv.push(None);
             }
             b"vt" => {
@@ -111,12 +112,12 @@ impl Obj {
     ) -> Result<(u32, Option<u32>), IoError> {
         let mut parts = word.split(|&byte| byte == b'/');
         let vertex = index(cursor, at, parts.next().unwrap_or_default())?;
-        let vertex = absolute(vertex, self.mesh.points.len()).ok_or_else(|| IoError::UnknownNode {
+        let vertex = absolute(vertex, self.out.mesh.points.len()).ok_or_else(|| IoError::UnknownNode {
             file: cursor.file().into(),
             place: cursor.place_at(at),
             cell: u64::from(self.cell_count),
             node: vertex,
-            node_count: self.mesh.points.len(),
+            node_count: self.out.mesh.points.len(),
         })?;
         let mut texture_of_corner = None;
         match parts.next().filter(|part| !part.is_empty()) {
@@ -160,7 +161,7 @@ impl Obj {
             b"f" => {
                 for pair in corners[1..].windows(2) {
                     let triangle = [corners[0], pair[0], pair[1]];
-                    self.mesh.push_cell(CellKind::Triangle3, &triangle.map(|(vertex, _)| vertex));
+                    self.out.mesh.push_cell(CellKind::Tri3, &triangle.map(|(vertex, _)| vertex));
                     self.corner_uv.push(triangle.map(|(_, texture)| texture));
                     self.cell_count += 1;
                 }
@@ -168,14 +169,14 @@ impl Obj {
             }
             b"l" => {
                 for pair in corners.windows(2) {
-                    self.mesh.push_cell(CellKind::Line2, &[pair[0].0, pair[1].0]);
+                    self.out.mesh.push_cell(CellKind::Line2, &[pair[0].0, pair[1].0]);
                     self.corner_uv.push([None; 3]);
                     self.cell_count += 1;
                 }
             }
             _ => {
                 for &(vertex, _) in corners {
-                    self.mesh.push_cell(CellKind::Vertex1, &[vertex]);
+                    self.out.mesh.push_cell(CellKind::Point, &[vertex]);
                     self.corner_uv.push([None; 3]);
                     self.cell_count += 1;
                 }
@@ -203,7 +204,7 @@ impl Obj {
     }
 
     fn finish(mut self) -> MeshFile {
-        let notes = &mut self.mesh.notes;
+        let notes = &mut self.out.notes;
         if self.divided > 0 {
             notes.push(format!("{} faces of more than three corners were cut into triangles", self.divided));
         }
@@ -216,26 +217,26 @@ impl Obj {
         } else if with_uv && self.has_seams {
             let value = |texture: &Option<u32>| texture.map_or([0.0; 2], |k| self.textures[k as usize]);
             let values = self.corner_uv.iter().flatten().flat_map(value).collect();
-            self.mesh.cell_data.push(DataArray { name: "uv".into(), components: 6, values });
+            self.out.cell_data.push(DataArray { name: "uv".into(), components: 6, values });
         } else if with_uv {
             let values = self
                 .uv
                 .iter()
                 .flat_map(|uv| uv.map_or([0.0; 2], |texture| self.textures[texture as usize]))
                 .collect();
-            self.mesh.point_data.push(DataArray { name: "uv".into(), components: 2, values });
+            self.out.point_data.push(DataArray { name: "uv".into(), components: 2, values });
         }
-        self.mesh.groups = self
+        self.out.mesh.regions = self
             .members
             .into_iter()
             .map(|((name, dimension), mut cells)| {
                 // A face may name one group twice, as group and as object for instance.
                 cells.sort_unstable();
                 cells.dedup();
-                Group { name, dimension, cells }
+                Region { name, dimension, cells }
             })
             .collect();
-        self.mesh
+        self.out
     }
 }
 

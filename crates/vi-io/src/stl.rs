@@ -5,10 +5,11 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use crate::cell::CellKind;
 use crate::cursor::{Cursor, Encoding};
 use crate::error::IoError;
-use crate::mesh::{Group, MeshFile};
+use crate::mesh::MeshFile;
+use vi_mesh::CellKind;
+use vi_mesh::Region;
 
 /// Bytes of a binary facet: normal, three corners, an attribute.
 const FACET: usize = 50;
@@ -41,7 +42,7 @@ pub fn parse_stl(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
 
 #[derive(Default)]
 struct Stl {
-    mesh: MeshFile,
+    out: MeshFile,
     /// Points by the bits of their coordinates.
     points: HashMap<[u64; 3], u32>,
     cell_count: u32,
@@ -60,13 +61,13 @@ impl Stl {
             // −0 is 0.
             let x = x.map(|x| x + 0.0);
             *node = *self.points.entry(x.map(f64::to_bits)).or_insert_with(|| {
-                self.mesh.points.push(x);
-                (self.mesh.points.len() - 1) as u32
+                self.out.mesh.points.push(x);
+                (self.out.mesh.points.len() - 1) as u32
             });
         }
         self.facet_count += 1;
         if nodes[0] != nodes[1] && nodes[1] != nodes[2] && nodes[2] != nodes[0] {
-            self.mesh.push_cell(CellKind::Triangle3, &nodes);
+            self.out.mesh.push_cell(CellKind::Tri3, &nodes);
             self.cell_count += 1;
         }
         Ok(())
@@ -85,7 +86,7 @@ impl Stl {
             self.facet(cursor, at, corners)?;
         }
         if cursor.remaining() > 0 {
-            self.mesh
+            self.out
                 .notes
                 .push(format!("{} bytes after the last facet were passed over", cursor.remaining()));
         }
@@ -126,9 +127,9 @@ impl Stl {
             }
             let cells: Vec<u32> = (first..self.cell_count).collect();
             if !name.is_empty() && !cells.is_empty() {
-                match self.mesh.groups.iter_mut().find(|group| group.name == name) {
+                match self.out.mesh.regions.iter_mut().find(|group| group.name == name) {
                     Some(group) => group.cells.extend(cells),
-                    None => self.mesh.groups.push(Group { name, dimension: 2, cells }),
+                    None => self.out.mesh.regions.push(Region { name, dimension: 2, cells }),
                 }
             }
         }
@@ -136,9 +137,9 @@ impl Stl {
     }
 
     fn finish(mut self) -> MeshFile {
-        let notes = &mut self.mesh.notes;
+        let notes = &mut self.out.notes;
         if self.facet_count > 0 {
-            let points = self.mesh.points.len();
+            let points = self.out.mesh.points.len();
             notes.push(format!(
                 "the {} corners of the facets were welded into {points} points",
                 3 * self.facet_count
@@ -148,7 +149,7 @@ impl Stl {
         if degenerate > 0 {
             notes.push(format!("{degenerate} facets with coinciding corners were left out"));
         }
-        self.mesh
+        self.out
     }
 }
 

@@ -131,11 +131,11 @@ mod tests {
             texture: Some(&texture),
         };
         write_obj(&path, &surface).unwrap();
-        let mesh = crate::read_mesh(&path).unwrap();
-        assert_eq!(mesh.points, points);
-        assert_eq!(mesh.blocks[0].nodes, triangles.as_flattened());
-        assert_eq!(mesh.cell_array("uv").unwrap().values, texture.as_flattened().as_flattened());
-        assert!(mesh.group("two_words").is_some());
+        let file = crate::read_mesh(&path).unwrap();
+        assert_eq!(file.mesh.points, points);
+        assert_eq!(file.mesh.blocks[0].nodes, triangles.as_flattened());
+        assert_eq!(file.cell_array("uv").unwrap().values, texture.as_flattened().as_flattened());
+        assert!(file.mesh.region("two_words").is_ok());
         let bad = TriangleSurface { points: &points[..3], ..surface };
         assert!(matches!(write_obj(&path, &bad), Err(IoError::BadOutput { .. })));
     }

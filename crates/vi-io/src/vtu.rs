@@ -33,28 +33,28 @@ use payload::{Content, Payloads};
 pub fn parse_vtu(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let document = Document::parse(bytes, file)?;
     let mut payloads = Payloads::new(bytes, file, document.form);
-    let mut mesh = MeshFile { notes: document.notes, ..MeshFile::default() };
+    let mut out = MeshFile { notes: document.notes, ..MeshFile::default() };
     if let Some(spec) = &document.time {
-        mesh.time = payloads.reals(spec, 1)?.first().copied();
+        out.time = payloads.reals(spec, 1)?.first().copied();
     }
     let mut cells = CellReader::default();
     for (i, piece) in document.pieces.iter().enumerate() {
         let cells_before = cells.file_cell_count();
-        let points_before = mesh.points.len();
-        read_points(piece, &mut payloads, &mut mesh, bytes, file)?;
+        let points_before = out.mesh.points.len();
+        read_points(piece, &mut payloads, &mut out, bytes, file)?;
         cells.set_points(points_before, piece.point_count);
         for section in &piece.sections {
-            read_cells(piece, section, &mut payloads, &mut cells, &mut mesh, file)?;
+            read_cells(piece, section, &mut payloads, &mut cells, &mut out, file)?;
         }
         let cell_count = cells.file_cell_count() - cells_before;
         let point_arrays = read_arrays(&piece.point_arrays, piece.point_count, &mut payloads)?;
-        join(&mut mesh.point_data, point_arrays, i, &mut mesh.notes);
+        join(&mut out.point_data, point_arrays, i, &mut out.notes);
         let cell_arrays = read_arrays(&piece.cell_arrays, cell_count, &mut payloads)?;
-        join(&mut mesh.cell_data, cell_arrays, i, &mut mesh.notes);
+        join(&mut out.cell_data, cell_arrays, i, &mut out.notes);
     }
-    cells.finish(&mut mesh, 4 * bytes.len());
-    groups::from_arrays(&mut mesh);
-    Ok(mesh)
+    cells.finish(&mut out, 4 * bytes.len());
+    groups::from_arrays(&mut out);
+    Ok(out)
 }
 
 /// One `DataArray` as the XML describes it.
@@ -320,7 +320,7 @@ fn inline_text(reader: &mut Reader<&[u8]>, cursor: &Cursor) -> Result<Range<usiz
 fn read_points(
     piece: &Piece,
     payloads: &mut Payloads,
-    mesh: &mut MeshFile,
+    out: &mut MeshFile,
     bytes: &[u8],
     file: &Path,
 ) -> Result<(), IoError> {
@@ -341,10 +341,10 @@ fn read_points(
         let place = cursor.line_at(spec.at);
         return Err(IoError::NotFinite { file: file.into(), place, node: i as u64, x: points[i] });
     }
-    if mesh.points.len() + points.len() > u32::MAX as usize {
+    if out.mesh.points.len() + points.len() > u32::MAX as usize {
         return Err(cursor.unsupported_at(spec.at, "more than 4294967295 points", "divide the mesh"));
     }
-    mesh.points.extend_from_slice(points);
+    out.mesh.points.extend_from_slice(points);
     Ok(())
 }
 
@@ -353,7 +353,7 @@ fn read_cells(
     section: &Section,
     payloads: &mut Payloads,
     cells: &mut CellReader,
-    mesh: &mut MeshFile,
+    out: &mut MeshFile,
     file: &Path,
 ) -> Result<(), IoError> {
     if section.count == 0 {
@@ -389,7 +389,7 @@ fn read_cells(
             .filter(|&end| end >= start && end <= nodes.len())
             .ok_or_else(|| broken(i))?;
         let code = section.code.unwrap_or_else(|| types[i]);
-        cells.push(mesh, file, || place, code, &nodes[start..end])?;
+        cells.push(out, file, || place, code, &nodes[start..end])?;
         start = end;
     }
     Ok(())

@@ -14,8 +14,8 @@ use flate2::{Compress, Compression, FlushCompress, Status};
 use quick_xml::escape::escape;
 
 use crate::error::IoError;
-use crate::mesh::{CellBlock, Group};
 use crate::replace::replace_file;
+use vi_mesh::{CellBlock, Region};
 
 /// Bytes of a block that is compressed on its own.
 const BLOCK: usize = 1 << 17;
@@ -30,7 +30,7 @@ pub struct VtuFrame<'a> {
     /// The cells.
     pub blocks: &'a [CellBlock],
     /// Groups of cells; they become cell arrays `group:<name>` of 0 and 1, which the reader turns back into groups.
-    pub groups: &'a [Group],
+    pub regions: &'a [Region],
     /// Arrays over the points.
     pub point_data: &'a [VtuArray<'a>],
     /// Arrays over all cells, in the order of the blocks.
@@ -160,11 +160,11 @@ pub fn encode_vtu<W: Write + Seek>(out: &mut W, frame: &VtuFrame, options: VtuOp
     for array in frame.cell_data {
         writer.array(array.name, array.components, Data::Values(array.values))?;
     }
-    for group in frame.groups {
+    for region in frame.regions {
         writer.array(
-            &format!("group:{}", group.name),
+            &format!("group:{}", region.name),
             1,
-            Data::Member { cells: &group.cells, cell_count },
+            Data::Member { cells: &region.cells, cell_count },
         )?;
     }
     writeln!(writer.out, "</CellData>\n<Points>")?;
@@ -202,9 +202,9 @@ fn check(frame: &VtuFrame, precision: Precision) -> Result<(), String> {
         }
         cell_count += block.cell_count();
     }
-    for group in frame.groups {
-        if let Some(cell) = group.cells.iter().find(|&&cell| cell as usize >= cell_count) {
-            return Err(format!("the group \"{}\" has cell {cell} of {cell_count}", group.name));
+    for region in frame.regions {
+        if let Some(cell) = region.cells.iter().find(|&&cell| cell as usize >= cell_count) {
+            return Err(format!("the group \"{}\" has cell {cell} of {cell_count}", region.name));
         }
     }
     let greatest = if precision == Precision::Single { f64::from(f32::MAX) } else { f64::MAX };
@@ -479,7 +479,7 @@ mod tests {
         let mut bytes = io::Cursor::new(Vec::new());
         let options = VtuOptions { compression: 0, ..VtuOptions::default() };
         let mut writer = Writer { out: &mut bytes, options, later: Vec::new() };
-        let blocks = [CellBlock { kind: crate::CellKind::Triangle3, nodes: vec![0, 1, u32::MAX - 1] }];
+        let blocks = [CellBlock { kind: vi_mesh::CellKind::Tri3, nodes: vec![0, 1, u32::MAX - 1] }];
         writer.array("connectivity", 1, Data::Connectivity { blocks: &blocks, wide: true }).unwrap();
         writer.array("offsets", 1, Data::Offsets { blocks: &blocks, wide: true }).unwrap();
         writer.appended().unwrap();

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use vi_io::{CellKind, IoError, Place, parse_msh};
+use vi_io::{IoError, Place, parse_msh};
+use vi_mesh::CellKind;
 
 const TWO: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n2\n2 1 \"clamp\"\n3 2 \"steel\"\n\
 $EndPhysicalNames\n$Nodes\n4\n10 0 0 0\n7 1 0 0\n1000000 0 1 0\n2 0 0 1\n$EndNodes\n$Elements\n4\n\
@@ -20,28 +21,35 @@ fn parse(text: &str) -> Result<vi_io::MeshFile, IoError> {
 
 #[test]
 fn version_2_copies_of_an_element_become_one_cell_in_several_groups() {
-    let mesh = parse(TWO).unwrap();
-    assert_eq!(mesh.points, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
-    assert_eq!(mesh.blocks.len(), 2);
-    assert_eq!(mesh.blocks[0].nodes, [0, 1, 2, 1, 3, 0]);
-    assert_eq!((mesh.blocks[1].kind, &mesh.blocks[1].nodes[..]), (CellKind::Tetra4, &[0, 1, 2, 3][..]));
-    let group = |name| mesh.group(name).unwrap();
+    let file = parse(TWO).unwrap();
+    assert_eq!(file.mesh.points, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    assert_eq!(file.mesh.blocks.len(), 2);
+    assert_eq!(file.mesh.blocks[0].nodes, [0, 1, 2, 1, 3, 0]);
+    assert_eq!(
+        (file.mesh.blocks[1].kind, &file.mesh.blocks[1].nodes[..]),
+        (CellKind::Tet4, &[0, 1, 2, 3][..])
+    );
+    let group = |name| file.region(name).unwrap();
     assert_eq!((group("clamp").dimension, &group("clamp").cells[..]), (2, &[0][..]));
     assert_eq!((group("9").dimension, &group("9").cells[..]), (2, &[0][..]));
     assert_eq!((group("steel").dimension, &group("steel").cells[..]), (3, &[2][..]));
-    assert_eq!(mesh.groups.len(), 3);
-    assert_eq!(mesh.notes.len(), 1);
-    let velocity = mesh.point_array("velocity").unwrap();
+    assert_eq!(file.mesh.regions.len(), 3);
+    assert_eq!(file.notes.len(), 1);
+    let velocity = file.point_array("velocity").unwrap();
     assert_eq!((velocity.components, velocity.values[9]), (3, -1.0));
 }
 
 #[test]
 fn version_4_entities_put_their_elements_into_several_groups() {
-    let mesh = parse(FOUR).unwrap();
-    let names: Vec<_> =
-        mesh.groups.iter().map(|group| (group.name.as_str(), group.dimension, group.cells.clone())).collect();
+    let file = parse(FOUR).unwrap();
+    let names: Vec<_> = file
+        .mesh
+        .regions
+        .iter()
+        .map(|group| (group.name.as_str(), group.dimension, group.cells.clone()))
+        .collect();
     assert_eq!(names, [("4", 2, vec![0]), ("9", 2, vec![0]), ("steel", 3, vec![1])]);
-    assert_eq!(mesh.blocks[1].nodes, [0, 1, 2, 3]);
+    assert_eq!(file.mesh.blocks[1].nodes, [0, 1, 2, 3]);
 }
 
 #[test]

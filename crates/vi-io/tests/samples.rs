@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use vi_io::{CellKind, MeshFile, read_mesh};
+use vi_io::{MeshFile, read_mesh};
+use vi_mesh::CellKind;
 
 fn data() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data")
@@ -28,19 +29,15 @@ fn every_encoding_of_vtk_holds_the_same_mesh() {
     assert!(names.len() >= 27, "{names:?}");
     let text = read("cells-vtk-text-32.vtu");
     for name in names {
-        let mesh = read(&name);
-        assert_eq!(mesh.points.len(), 9, "{name}");
-        assert_eq!(mesh.points[8], [0.5, 0.5, 2.0], "{name}");
-        let kinds: Vec<_> = mesh.blocks.iter().map(|block| (block.kind, block.cell_count())).collect();
-        assert_eq!(
-            kinds,
-            [(CellKind::Hexahedron8, 1), (CellKind::Pyramid5, 1), (CellKind::Triangle3, 2)],
-            "{name}"
-        );
-        assert_eq!(mesh.blocks[0].nodes, [0, 1, 2, 3, 4, 5, 6, 7], "{name}");
-        assert_eq!(mesh.blocks[1].nodes, [4, 5, 6, 7, 8], "{name}");
-        assert_eq!(mesh.blocks[2].nodes, [0, 1, 2, 0, 2, 3], "{name}");
-        let displacement = mesh.point_array("displacement").unwrap();
+        let file = read(&name);
+        assert_eq!(file.mesh.points.len(), 9, "{name}");
+        assert_eq!(file.mesh.points[8], [0.5, 0.5, 2.0], "{name}");
+        let kinds: Vec<_> = file.mesh.blocks.iter().map(|block| (block.kind, block.cell_count())).collect();
+        assert_eq!(kinds, [(CellKind::Hex8, 1), (CellKind::Pyramid5, 1), (CellKind::Tri3, 2)], "{name}");
+        assert_eq!(file.mesh.blocks[0].nodes, [0, 1, 2, 3, 4, 5, 6, 7], "{name}");
+        assert_eq!(file.mesh.blocks[1].nodes, [4, 5, 6, 7, 8], "{name}");
+        assert_eq!(file.mesh.blocks[2].nodes, [0, 1, 2, 0, 2, 3], "{name}");
+        let displacement = file.point_array("displacement").unwrap();
         assert_eq!(displacement.components, 3, "{name}");
         // Legacy text and meshio's text hold fewer digits.
         let tolerance = if name.ends_with("text.vtk") {
@@ -50,26 +47,26 @@ fn every_encoding_of_vtk_holds_the_same_mesh() {
         } else {
             0.0
         };
-        for (x, u) in mesh.points.iter().zip(displacement.values.as_chunks::<3>().0) {
+        for (x, u) in file.mesh.points.iter().zip(displacement.values.as_chunks::<3>().0) {
             for (u, expected) in u.iter().zip([x[0] * 0.1, x[1] * -0.2, x[2] * (1.0 / 3.0)]) {
                 assert!((u - expected).abs() <= tolerance, "{name}: {u} {expected}");
             }
         }
-        assert_eq!(mesh.cell_array("material_id").unwrap().values, [3.0, 4.0, 3.0, 3.0], "{name}");
-        assert_eq!(mesh.groups, text.groups, "{name}");
-        assert_eq!(mesh.group("material_id=3").unwrap().cells, [0], "{name}: the volume comes first");
-        assert!(mesh.notes.is_empty(), "{name}: {:?}", mesh.notes);
+        assert_eq!(file.cell_array("material_id").unwrap().values, [3.0, 4.0, 3.0, 3.0], "{name}");
+        assert_eq!(file.mesh.regions, text.mesh.regions, "{name}");
+        assert_eq!(file.region("material_id=3").unwrap().cells, [0], "{name}: the volume comes first");
+        assert!(file.notes.is_empty(), "{name}: {:?}", file.notes);
     }
 }
 
 #[test]
 fn every_version_of_gmsh_holds_the_same_box() {
     for (start, kind, least) in [
-        ("tetra-", CellKind::Tetra4, 6),
-        ("tetra10-", CellKind::Tetra10, 6),
-        ("hexahedron-", CellKind::Hexahedron8, 1),
-        ("hexahedron20-", CellKind::Hexahedron20, 1),
-        ("hexahedron27-", CellKind::Hexahedron27, 1),
+        ("tetra-", CellKind::Tet4, 6),
+        ("tetra10-", CellKind::Tet10, 6),
+        ("hexahedron-", CellKind::Hex8, 1),
+        ("hexahedron20-", CellKind::Hex20, 1),
+        ("hexahedron27-", CellKind::Hex27, 1),
         ("wedge-", CellKind::Wedge6, 2),
         ("wedge15-", CellKind::Wedge15, 2),
     ] {
@@ -77,10 +74,11 @@ fn every_version_of_gmsh_holds_the_same_box() {
         assert!(!names.is_empty(), "{start}");
         let first = read(&names[0]);
         for name in names {
-            let mesh = read(&name);
-            let volumes: Vec<_> = mesh.blocks.iter().filter(|block| block.kind.dimension() == 3).collect();
+            let file = read(&name);
+            let volumes: Vec<_> =
+                file.mesh.blocks.iter().filter(|block| block.kind.dimension() == 3).collect();
             assert!(volumes.iter().all(|block| block.kind == kind), "{name}");
-            let steel = mesh.group("steel").unwrap();
+            let steel = file.region("steel").unwrap();
             assert_eq!(steel.dimension, 3, "{name}");
             assert!(steel.cells.len() >= least, "{name}");
             assert_eq!(
@@ -88,21 +86,21 @@ fn every_version_of_gmsh_holds_the_same_box() {
                 volumes.iter().map(|block| block.cell_count()).sum::<usize>(),
                 "{name}"
             );
-            assert_eq!(mesh.group("tip").unwrap().dimension, 0, "{name}");
+            assert_eq!(file.region("tip").unwrap().dimension, 0, "{name}");
             // "clamp" is one of the three surfaces of the group 7.
-            let (clamp, seven) = (mesh.group("clamp").unwrap(), mesh.group("7").unwrap());
+            let (clamp, seven) = (file.region("clamp").unwrap(), file.region("7").unwrap());
             assert_eq!((clamp.dimension, seven.dimension), (2, 2), "{name}");
             assert!(
                 !clamp.cells.is_empty() && clamp.cells.iter().all(|cell| seven.cells.contains(cell)),
                 "{name}"
             );
             assert!(seven.cells.len() > clamp.cells.len(), "{name}");
-            assert_eq!(volume(&mesh, &steel.cells), 0.25, "{name}");
-            middles_lie_between_corners(&name, &mesh);
-            assert_eq!(mesh.points.len(), first.points.len(), "{name}");
-            for group in &first.groups {
+            assert_eq!(volume(&file, &steel.cells), 0.25, "{name}");
+            middles_lie_between_corners(&name, &file);
+            assert_eq!(file.mesh.points.len(), first.mesh.points.len(), "{name}");
+            for group in &first.mesh.regions {
                 let other =
-                    mesh.groups.iter().find(|g| g.name == group.name && g.dimension == group.dimension);
+                    file.mesh.regions.iter().find(|g| g.name == group.name && g.dimension == group.dimension);
                 assert_eq!(other.unwrap().cells.len(), group.cells.len(), "{name} {}", group.name);
             }
         }
@@ -114,27 +112,27 @@ fn edges(kind: CellKind) -> (usize, &'static [[usize; 2]]) {
     const HEXAHEDRON: &[[usize; 2]] =
         &[[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
     match kind {
-        CellKind::Tetra10 => (4, &[[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]]),
-        CellKind::Hexahedron20 | CellKind::Hexahedron27 => (8, HEXAHEDRON),
+        CellKind::Tet10 => (4, &[[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]]),
+        CellKind::Hex20 | CellKind::Hex27 => (8, HEXAHEDRON),
         CellKind::Wedge15 => (6, &[[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]]),
-        CellKind::Triangle6 => (3, &[[0, 1], [1, 2], [2, 0]]),
+        CellKind::Tri6 => (3, &[[0, 1], [1, 2], [2, 0]]),
         CellKind::Quad8 | CellKind::Quad9 => (4, &[[0, 1], [1, 2], [2, 3], [3, 0]]),
         CellKind::Line3 => (2, &[[0, 1]]),
         _ => (0, &[]),
     }
 }
 
-fn middles_lie_between_corners(name: &str, mesh: &MeshFile) {
-    for (kind, nodes) in mesh.cells() {
+fn middles_lie_between_corners(name: &str, file: &MeshFile) {
+    for (kind, nodes) in file.mesh.cells() {
         let (corners, edges) = edges(kind);
-        let x = |i: usize| mesh.points[nodes[i] as usize];
+        let x = |i: usize| file.mesh.points[nodes[i] as usize];
         for (i, &[a, b]) in edges.iter().enumerate() {
             for k in 0..3 {
                 let middle = (x(a)[k] + x(b)[k]) / 2.0;
                 assert!((x(corners + i)[k] - middle).abs() < 1e-12, "{name}: {} edge {i}", kind.name());
             }
         }
-        if kind == CellKind::Hexahedron27 {
+        if kind == CellKind::Hex27 {
             // Faces −x +x −y +y −z +z of the cell's own axes: the middle of four corners.
             let faces = [[0, 3, 7, 4], [1, 2, 6, 5], [0, 1, 5, 4], [3, 2, 6, 7], [0, 1, 2, 3], [4, 5, 6, 7]];
             for (i, face) in faces.iter().enumerate() {
@@ -148,18 +146,18 @@ fn middles_lie_between_corners(name: &str, mesh: &MeshFile) {
 }
 
 /// Volume of straight-sided cells by tetrahedra around their corners, to twelve digits; every cell must be positive.
-fn volume(mesh: &MeshFile, cells: &[u32]) -> f64 {
-    let all: Vec<_> = mesh.cells().collect();
+fn volume(file: &MeshFile, cells: &[u32]) -> f64 {
+    let all: Vec<_> = file.mesh.cells().collect();
     let mut sum = 0.0;
     for &cell in cells {
         let (kind, nodes) = all[cell as usize];
         let tets: &[[usize; 4]] = match kind {
-            CellKind::Tetra4 | CellKind::Tetra10 => &[[0, 1, 2, 3]],
+            CellKind::Tet4 | CellKind::Tet10 => &[[0, 1, 2, 3]],
             CellKind::Wedge6 | CellKind::Wedge15 => &[[0, 1, 2, 3], [1, 2, 3, 4], [2, 3, 4, 5]],
             _ => &[[0, 1, 3, 4], [1, 2, 3, 6], [1, 3, 4, 6], [1, 4, 5, 6], [3, 4, 6, 7]],
         };
         for (i, tet) in tets.iter().enumerate() {
-            let [o, a, b, c] = tet.map(|i| mesh.points[nodes[i] as usize]);
+            let [o, a, b, c] = tet.map(|i| file.mesh.points[nodes[i] as usize]);
             let edge = |to: [f64; 3]| [to[0] - o[0], to[1] - o[1], to[2] - o[2]];
             let [a, b, c] = [edge(a), edge(b), edge(c)];
             let normal = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -174,9 +172,9 @@ fn volume(mesh: &MeshFile, cells: &[u32]) -> f64 {
 #[test]
 fn views_of_gmsh_become_point_data() {
     for name in ["view-text.msh", "view-binary.msh"] {
-        let mesh = read(name);
-        let displacement = mesh.point_array("displacement").unwrap_or_else(|| panic!("{name}"));
-        for (x, u) in mesh.points.iter().zip(displacement.values.as_chunks::<3>().0) {
+        let file = read(name);
+        let displacement = file.point_array("displacement").unwrap_or_else(|| panic!("{name}"));
+        for (x, u) in file.mesh.points.iter().zip(displacement.values.as_chunks::<3>().0) {
             for k in 0..3 {
                 assert!((u[k] - (k + 1) as f64 * x[k]).abs() < 1e-12, "{name}: {x:?} {u:?}");
             }
@@ -193,48 +191,48 @@ fn poly_data_are_taken_apart_and_their_arrays_follow() {
         "surface-5.1-binary.vtk",
         "surface.vtp",
     ] {
-        let mesh = read(name);
-        let kinds: Vec<_> = mesh.blocks.iter().map(|block| (block.kind, block.cell_count())).collect();
+        let file = read(name);
+        let kinds: Vec<_> = file.mesh.blocks.iter().map(|block| (block.kind, block.cell_count())).collect();
         let expected =
-            [(CellKind::Vertex1, 1), (CellKind::Line2, 2), (CellKind::Quad4, 6), (CellKind::Triangle3, 2)];
+            [(CellKind::Point, 1), (CellKind::Line2, 2), (CellKind::Quad4, 6), (CellKind::Tri3, 2)];
         assert_eq!(kinds, expected, "{name}");
-        let number = &mesh.cell_array("file cell").unwrap().values;
+        let number = &file.cell_array("file cell").unwrap().values;
         assert_eq!(*number, [0.0, 1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 8.0], "{name}");
-        assert_eq!(mesh.notes.len(), 1, "{name}: {:?}", mesh.notes);
+        assert_eq!(file.notes.len(), 1, "{name}: {:?}", file.notes);
     }
 }
 
 #[test]
 fn stl_corners_are_welded() {
     for name in ["cube-text.stl", "cube-binary.stl"] {
-        let mesh = read(name);
-        assert_eq!((mesh.points.len(), mesh.cell_count()), (8, 12), "{name}");
-        assert!(mesh.notes[0].contains("36 corners"), "{:?}", mesh.notes);
+        let file = read(name);
+        assert_eq!((file.mesh.points.len(), file.mesh.cell_count()), (8, 12), "{name}");
+        assert!(file.notes[0].contains("36 corners"), "{:?}", file.notes);
     }
-    assert_eq!(read("cube-text.stl").group("cube").unwrap().cells.len(), 12);
+    assert_eq!(read("cube-text.stl").region("cube").unwrap().cells.len(), 12);
 }
 
 #[test]
 fn obj_polygons_negative_numbers_groups_and_texture_coordinates() {
-    let mesh = read("cube.obj");
-    assert_eq!((mesh.points.len(), mesh.cell_count()), (8, 14));
-    assert_eq!(mesh.blocks[0].nodes[..6], [0, 3, 2, 0, 2, 1]);
-    assert_eq!(mesh.blocks[0].nodes[6..12], [4, 5, 6, 4, 6, 7], "counted from the end");
-    assert_eq!(mesh.group("sides").unwrap().cells, [0, 1, 2, 3, 4, 5]);
-    assert_eq!(mesh.group("all").unwrap().cells.len(), 12);
-    let uv = mesh.point_array("uv").unwrap();
+    let file = read("cube.obj");
+    assert_eq!((file.mesh.points.len(), file.mesh.cell_count()), (8, 14));
+    assert_eq!(file.mesh.blocks[0].nodes[..6], [0, 3, 2, 0, 2, 1]);
+    assert_eq!(file.mesh.blocks[0].nodes[6..12], [4, 5, 6, 4, 6, 7], "counted from the end");
+    assert_eq!(file.region("sides").unwrap().cells, [0, 1, 2, 3, 4, 5]);
+    assert_eq!(file.region("all").unwrap().cells.len(), 12);
+    let uv = file.point_array("uv").unwrap();
     assert_eq!(uv.components, 2);
-    for (x, uv) in mesh.points.iter().zip(uv.values.as_chunks::<2>().0) {
+    for (x, uv) in file.mesh.points.iter().zip(uv.values.as_chunks::<2>().0) {
         assert_eq!(x[..2], uv[..]);
     }
-    assert_eq!(mesh.notes, ["6 faces of more than three corners were cut into triangles"]);
+    assert_eq!(file.notes, ["6 faces of more than three corners were cut into triangles"]);
 }
 
 #[test]
 fn an_obj_face_that_names_its_group_twice_is_in_it_once() {
     let text = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\no all\ng all all\nf 1 2 3 4\n";
-    let mesh = vi_io::parse_obj(text, Path::new("twice.obj")).unwrap();
-    assert_eq!(mesh.group("all").unwrap().cells, [0, 1]);
+    let file = vi_io::parse_obj(text, Path::new("twice.obj")).unwrap();
+    assert_eq!(file.region("all").unwrap().cells, [0, 1]);
 }
 
 #[test]
@@ -242,15 +240,15 @@ fn decks_of_abaqus_hold_the_same_box_as_gmsh_files() {
     let names = names_beginning("box-");
     assert_eq!(names.len(), 6, "{names:?}");
     for name in names {
-        let mesh = read(&name);
+        let file = read(&name);
         let stem = name.trim_start_matches("box-").trim_end_matches(".inp");
         let same = read(&format!("{stem}-4.1-binary.msh"));
-        middles_lie_between_corners(&name, &mesh);
-        assert_eq!(mesh.points.len(), same.points.len(), "{name}");
+        middles_lie_between_corners(&name, &file);
+        assert_eq!(file.mesh.points.len(), same.mesh.points.len(), "{name}");
         // Cells as the places of their nodes in order: every wrong order shows.
-        let places = |mesh: &MeshFile, group: &str| {
-            let all: Vec<_> = mesh.cells().collect();
-            let group = mesh.group(group).unwrap_or_else(|| panic!("{name}: {group}"));
+        let places = |file: &MeshFile, group: &str| {
+            let all: Vec<_> = file.mesh.cells().collect();
+            let group = file.region(group).unwrap_or_else(|| panic!("{name}: {group}"));
             let mut cells: Vec<Vec<[i64; 3]>> = group
                 .cells
                 .iter()
@@ -258,7 +256,7 @@ fn decks_of_abaqus_hold_the_same_box_as_gmsh_files() {
                 .map(|nodes| {
                     nodes
                         .iter()
-                        .map(|&node| mesh.points[node as usize].map(|x| (1e9 * x).round() as i64))
+                        .map(|&node| file.mesh.points[node as usize].map(|x| (1e9 * x).round() as i64))
                         .collect()
                 })
                 .collect();
@@ -268,20 +266,20 @@ fn decks_of_abaqus_hold_the_same_box_as_gmsh_files() {
         for (deck, gmsh) in
             [("steel", "steel"), ("clamp", "clamp"), ("PhysicalSurface7", "7"), ("tip", "tip")]
         {
-            assert_eq!(places(&mesh, deck), places(&same, gmsh), "{name}: {deck}");
+            assert_eq!(places(&file, deck), places(&same, gmsh), "{name}: {deck}");
         }
-        assert_eq!(volume(&mesh, &mesh.group("steel").unwrap().cells), 0.25, "{name}");
-        assert!(mesh.notes.is_empty(), "{name}: {:?}", mesh.notes);
+        assert_eq!(volume(&file, &file.region("steel").unwrap().cells), 0.25, "{name}");
+        assert!(file.notes.is_empty(), "{name}: {:?}", file.notes);
     }
 }
 
 #[test]
 fn sets_and_surfaces_of_a_deck_become_groups() {
-    let mesh = read("sets.inp");
-    assert_eq!(mesh.points.len(), 14);
-    let cells: Vec<_> = mesh.cells().collect();
+    let file = read("sets.inp");
+    assert_eq!(file.mesh.points.len(), 14);
+    let cells: Vec<_> = file.mesh.cells().collect();
     let nodes = |name: &str| {
-        let group = mesh.group(name).unwrap_or_else(|| panic!("{name}: {:?}", mesh.groups));
+        let group = file.region(name).unwrap_or_else(|| panic!("{name}: {:?}", file.mesh.regions));
         let mut nodes: Vec<u32> =
             group.cells.iter().flat_map(|&cell| cells[cell as usize].1.to_vec()).collect();
         nodes.sort_unstable();
@@ -293,19 +291,19 @@ fn sets_and_surfaces_of_a_deck_become_groups() {
     assert_eq!(nodes("Some"), (0, vec![0, 2, 4, 6, 7, 13]), "a set of a set");
     assert_eq!(nodes("Set-1.elements"), (3, (0..14).collect()), "one name for two sets");
     assert_eq!(nodes("Set-1.nodes"), (0, vec![0, 1]));
-    assert!(mesh.group("Set-1").is_none() && mesh.group("_Top_S2").is_none());
+    assert!(file.region("Set-1").is_none() && file.region("_Top_S2").is_none());
     assert_eq!(nodes("Both Sides"), (3, (0..14).collect()));
     assert_eq!(nodes("Top"), (2, vec![4, 5, 6, 7, 10, 11, 13]));
     assert_eq!(nodes("Shell"), (2, vec![4, 5, 6, 7]));
     assert_eq!(nodes("Rim"), (1, vec![6, 7]));
     assert_eq!(nodes("Tips"), (0, vec![12, 13]));
-    assert_eq!(mesh.group("Skin").unwrap().cells, mesh.group("Shell").unwrap().cells);
+    assert_eq!(file.region("Skin").unwrap().cells, file.region("Shell").unwrap().cells);
     // ∮ x·n dA = 3 V: the faces S1 … S6 of bricks and S1 … S4 of the wedge close, and all look outwards.
-    let outside = &mesh.group("Outside").unwrap().cells;
+    let outside = &file.region("Outside").unwrap().cells;
     let mut sum = 0.0;
     for &cell in outside {
         let x: Vec<[f64; 3]> =
-            cells[cell as usize].1.iter().map(|&node| mesh.points[node as usize]).collect();
+            cells[cell as usize].1.iter().map(|&node| file.mesh.points[node as usize]).collect();
         for k in 1..x.len() - 1 {
             let (a, b, c) = (x[0], x[k], x[k + 1]);
             let (u, v) = ([0, 1, 2].map(|i| b[i] - a[i]), [0, 1, 2].map(|i| c[i] - a[i]));
@@ -315,7 +313,7 @@ fn sets_and_surfaces_of_a_deck_become_groups() {
     }
     // The wedge's faces S3 and S4 are its slanted ones; S5 lies on the second brick.
     assert!((sum - 3.0 * 2.5).abs() < 1e-12, "{sum}");
-    let notes = mesh.notes.join("\n");
+    let notes = file.notes.join("\n");
     for word in ["MATERIAL", "ELASTIC", "SOLID SECTION", "BOUNDARY", "MASS", "T3D2", "\"Set-1\""] {
         assert!(notes.contains(word), "{word}: {notes}");
     }

@@ -4,9 +4,10 @@ use std::io::Cursor;
 use std::path::Path;
 
 use vi_io::{
-    CellBlock, CellKind, Group, IoError, Precision, PvdSeries, VtuArray, VtuEncoding, VtuFrame, VtuOptions,
-    VtuValues, encode_vtu, parse_vtu, write_vtu,
+    IoError, Precision, PvdSeries, VtuArray, VtuEncoding, VtuFrame, VtuOptions, VtuValues, encode_vtu,
+    parse_vtu, write_vtu,
 };
+use vi_mesh::{CellBlock, CellKind, Region};
 
 /// Numbers without a pattern, of all sizes.
 fn noise(count: usize) -> Vec<f64> {
@@ -26,15 +27,15 @@ fn frames_come_back_bit_for_bit_in_every_encoding() {
         let velocity = noise(3 * n + 5).split_off(5);
         let tets: Vec<u32> = (0..4 * n as u32).map(|i| i * 7 % n as u32).collect();
         let blocks = [
-            CellBlock { kind: CellKind::Tetra4, nodes: tets },
-            CellBlock { kind: CellKind::Hexahedron8, nodes: (0..8).collect() },
+            CellBlock { kind: CellKind::Tet4, nodes: tets },
+            CellBlock { kind: CellKind::Hex8, nodes: (0..8).collect() },
         ];
         let material: Vec<i32> = (0..=n as i32).map(|i| i % 3).collect();
-        let groups = [Group { name: "cl & <amp>".into(), dimension: 3, cells: vec![1, 3] }];
+        let groups = [Region { name: "cl & <amp>".into(), dimension: 3, cells: vec![1, 3] }];
         let frame = VtuFrame {
             points: &points,
             blocks: &blocks,
-            groups: &groups,
+            regions: &groups,
             point_data: &[VtuArray {
                 name: "a \"b\" & <c>",
                 components: 3,
@@ -53,19 +54,19 @@ fn frames_come_back_bit_for_bit_in_every_encoding() {
                 for compression in [0, 1, 6] {
                     let mut bytes = Cursor::new(Vec::new());
                     encode_vtu(&mut bytes, &frame, VtuOptions { encoding, precision, compression }).unwrap();
-                    let mesh = parse_vtu(bytes.get_ref(), Path::new("frame.vtu")).unwrap();
+                    let file = parse_vtu(bytes.get_ref(), Path::new("frame.vtu")).unwrap();
                     let round =
                         |x: &f64| if precision == Precision::Single { f64::from(*x as f32) } else { *x };
                     let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
                     let rounded =
                         |values: &[f64]| values.iter().map(|x| round(x).to_bits()).collect::<Vec<_>>();
-                    assert_eq!(bits(mesh.points.as_flattened()), rounded(points.as_flattened()));
-                    assert_eq!(bits(&mesh.point_array("a \"b\" & <c>").unwrap().values), rounded(&velocity));
-                    assert_eq!(mesh.blocks, blocks);
-                    assert_eq!(mesh.group("cl & <amp>").unwrap().cells, [1, 3]);
-                    assert_eq!(mesh.group("material_id=2").unwrap().cells.len(), (n + 1) / 3);
-                    assert_eq!(mesh.time, Some(0.1 + 0.2));
-                    assert!(mesh.notes.is_empty());
+                    assert_eq!(bits(file.mesh.points.as_flattened()), rounded(points.as_flattened()));
+                    assert_eq!(bits(&file.point_array("a \"b\" & <c>").unwrap().values), rounded(&velocity));
+                    assert_eq!(file.mesh.blocks, blocks);
+                    assert_eq!(file.region("cl & <amp>").unwrap().cells, [1, 3]);
+                    assert_eq!(file.region("material_id=2").unwrap().cells.len(), (n + 1) / 3);
+                    assert_eq!(file.time, Some(0.1 + 0.2));
+                    assert!(file.notes.is_empty());
                 }
             }
         }
@@ -79,8 +80,8 @@ fn an_empty_mesh_is_a_file_too() {
             let mut bytes = Cursor::new(Vec::new());
             let options = VtuOptions { encoding, compression, ..VtuOptions::default() };
             encode_vtu(&mut bytes, &VtuFrame::default(), options).unwrap();
-            let mesh = parse_vtu(bytes.get_ref(), Path::new("empty.vtu")).unwrap();
-            assert_eq!((mesh.points.len(), mesh.cell_count()), (0, 0));
+            let file = parse_vtu(bytes.get_ref(), Path::new("empty.vtu")).unwrap();
+            assert_eq!((file.mesh.points.len(), file.mesh.cell_count()), (0, 0));
         }
     }
 }

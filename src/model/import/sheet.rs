@@ -1,8 +1,8 @@
 //! What a mesh file needs to become a sheet: triangles only, welded points, a flat pattern from texture
 //! coordinates. It must not know formats or potentials.
 
-use vi_fem::Mesh;
-use vi_io::{CellKind, DataArray, MeshFile};
+use vi_io::{DataArray, MeshFile};
+use vi_mesh::{CellKind, Mesh};
 
 /// Point arrays that are texture coordinates, in lower case.
 const UV_NAMES: [&str; 5] = ["uv", "tcoords", "texcoords", "texturecoordinates", "texture coordinates"];
@@ -20,8 +20,8 @@ const WELD: f64 = 1e-9;
 /// Cells of surfaces that are no linear triangles or quadrilaterals; triangles that are there twice.
 pub(super) fn prepare(file: &mut MeshFile, weld: Option<f64>) -> Result<(), String> {
     let is_curved =
-        |kind: &CellKind| kind.dimension() == 2 && !matches!(kind, CellKind::Triangle3 | CellKind::Quad4);
-    if let Some(kind) = file.blocks.iter().map(|block| block.kind).find(is_curved) {
+        |kind: &CellKind| kind.dimension() == 2 && !matches!(kind, CellKind::Tri3 | CellKind::Quad4);
+    if let Some(kind) = file.mesh.blocks.iter().map(|block| block.kind).find(is_curved) {
         return Err(format!(
             "cells of type {} cannot be elements of a sheet, which are linear triangles; write the mesh with \
              elements of order 1",
@@ -36,23 +36,23 @@ pub(super) fn prepare(file: &mut MeshFile, weld: Option<f64>) -> Result<(), Stri
     let extent = (0..3)
         .map(|k| {
             let at = |x: &[f64; 3]| x[k];
-            let most = file.points.iter().map(at).fold(f64::NEG_INFINITY, f64::max);
-            most - file.points.iter().map(at).fold(f64::INFINITY, f64::min)
+            let most = file.mesh.points.iter().map(at).fold(f64::NEG_INFINITY, f64::max);
+            most - file.mesh.points.iter().map(at).fold(f64::INFINITY, f64::min)
         })
         .fold(0.0, f64::max);
     let welded = file.weld(weld.unwrap_or(WELD * extent));
     if welded > 0 {
         file.notes.push(format!(
             "{welded} points that lie on others were welded to them, {} are left (`weld = 0.0` keeps them apart)",
-            file.points.len()
+            file.mesh.points.len()
         ));
     }
-    let before = file.cell_count();
+    let before = file.mesh.cell_count();
     let unused = file.retain_cells(|_, _, nodes| match nodes {
         [_] => true,
         nodes => (1..nodes.len()).all(|k| !nodes[..k].contains(&nodes[k])),
     });
-    let closed = before - file.cell_count();
+    let closed = before - file.mesh.cell_count();
     if closed > 0 {
         file.notes.push(format!("{closed} cells with coinciding corners were left out"));
     }
@@ -65,15 +65,15 @@ pub(super) fn prepare(file: &mut MeshFile, weld: Option<f64>) -> Result<(), Stri
 
 /// Lines and points off the triangles go, and with them what only they use.
 fn drop_points_without_triangle(file: &mut MeshFile) -> usize {
-    let mut used = vec![false; file.points.len()];
-    for (_, nodes) in file.cells().filter(|(kind, _)| kind.dimension() == 2) {
+    let mut used = vec![false; file.mesh.points.len()];
+    for (_, nodes) in file.mesh.cells().filter(|(kind, _)| kind.dimension() == 2) {
         nodes.iter().for_each(|&node| used[node as usize] = true);
     }
     file.retain_cells(|_, _, nodes| nodes.iter().all(|&node| used[node as usize]))
 }
 
 fn refuse_doubles(file: &MeshFile) -> Result<(), String> {
-    let triangles = file.cells().enumerate().filter(|(_, (kind, _))| kind.dimension() == 2);
+    let triangles = file.mesh.cells().enumerate().filter(|(_, (kind, _))| kind.dimension() == 2);
     let mut sorted: Vec<([u32; 3], usize)> = triangles
         .filter_map(|(cell, (_, nodes))| {
             let mut nodes: [u32; 3] = nodes.try_into().ok()?;
@@ -105,6 +105,7 @@ fn texture_to_corners(file: &mut MeshFile) -> Result<(), String> {
     }
     let uv = |node: u32| [0, 1].map(|k| array.values[node as usize * size + k]);
     let values = file
+        .mesh
         .cells()
         .flat_map(|(_, nodes)| [0, 1, 2].map(|k| nodes.get(k).map_or([0.0; 2], |&node| uv(node))))
         .flatten()

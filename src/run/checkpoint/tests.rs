@@ -7,7 +7,7 @@ fn some_bytes() -> Vec<u8> {
     let scene = Scene::new(Time::new(0.01, 1e-3, SchemeName::Bdf2))
         .body(Body::from_box(
             "block",
-            BoxMesh { size: [1.0; 3], cells: [1; 3], element: ElementKind::Tet4, origin: [0.0; 3] },
+            BoxMesh { size: [1.0; 3], cells: [1; 3], element: CellKind::Tet4, origin: [0.0; 3] },
             Law::NeoHookean(Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 }),
         ))
         .probe(Probe { pitch: Some(Axis::X), ..Probe::node("p", "block", 3) })

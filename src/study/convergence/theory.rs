@@ -1,7 +1,8 @@
 //! What theory says of the meshes of a scene: the order that a quantity can have, and whether elements lock. It must
 //! not know values.
 
-use vi_fem::{ElementKind, LockingCure};
+use vi_fem::LockingCure;
+use vi_mesh::CellKind;
 
 use crate::scene::Substance;
 use crate::simulation::Simulation;
@@ -9,16 +10,11 @@ use crate::simulation::Simulation;
 /// λ/μ from which linear elements lock volumetrically: ν = .455.
 const LOCKING: f64 = 10.0;
 
-fn is_linear(kind: ElementKind) -> bool {
-    use ElementKind::{Hex8, Quad4, Tet4, Tri3, Wedge6};
-    matches!(kind, Tet4 | Hex8 | Wedge6 | Tri3 | Quad4)
-}
-
 /// The formal order in space of a quantity: degree + 1 of displacements, twice the degree of energies and frequencies.
 pub(super) fn order_in_space(simulation: &Simulation, quantity: &str) -> f64 {
     let kinds = simulation.bodies().iter().flat_map(|body| body.mesh.blocks.iter().map(|block| block.kind));
     let mut kinds = kinds.filter(|kind| kind.dimension() > 1);
-    let degree = if kinds.any(is_linear) { 1.0 } else { 2.0 };
+    let degree = if kinds.any(CellKind::is_linear) { 1.0 } else { 2.0 };
     let is_displacement = [".ux", ".uy", ".uz"].iter().any(|axis| quantity.ends_with(axis));
     if is_displacement { degree + 1.0 } else { 2.0 * degree }
 }
@@ -37,7 +33,7 @@ pub(super) fn locking_bodies(simulation: &Simulation) -> Vec<String> {
     let locks = bodies.filter(|(said, body)| {
         said.locking == LockingCure::None
             && said.material.0.iter().any(|entry| is_stiff(&entry.law))
-            && body.mesh.blocks.iter().any(|block| block.kind.dimension() == 3 && is_linear(block.kind))
+            && body.mesh.blocks.iter().any(|block| block.kind.dimension() == 3 && block.kind.is_linear())
     });
     locks.map(|(said, _)| said.name.clone()).collect()
 }

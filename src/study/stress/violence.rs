@@ -4,8 +4,9 @@
 use std::path::Path;
 
 use serde_json::json;
-use vi_fem::{Bending, BoxMesh, ElementKind, Law, Mesh, SheetLaw, SheetMesh};
-use vi_io::{CellBlock, CellKind, Group, IoError, VtuArray, VtuFrame, VtuOptions, VtuValues};
+use vi_fem::{Bending, Law, SheetLaw};
+use vi_io::{IoError, VtuArray, VtuFrame, VtuOptions, VtuValues};
+use vi_mesh::{BoxMesh, CellBlock, Mesh, Region, SheetMesh};
 
 use super::random::Random;
 use super::transform::{Quantity, Transform, quantity};
@@ -274,7 +275,7 @@ fn make(random: &mut Random, violence: Violence) -> Making {
         let shape = json!({ "size": [extent[0], extent[1]], "cells": cells });
         serde_json::from_value::<SheetMesh>(shape).ok().and_then(|shape| shape.build().ok())
     } else {
-        let element = random.of_all(ElementKind::SOLIDS);
+        let element = random.of_all(vi_fem::SOLIDS);
         let most = if element.node_count() > 10 { 1 } else { 3 };
         let mut cells = [0; 3].map(|_| 1 + random.below(most) as u32);
         cells[0] = cells[0].max(if ratio == (1.0, 1.0) { 1 } else { 2 });
@@ -340,7 +341,6 @@ fn body(making: &Making, directory: &Path, index: u64) -> Result<Body, CaseError
     let cells = mesh.cells_of_dimension(dimension);
     let mut blocks: Vec<CellBlock> = Vec::new();
     for (kind, nodes) in cells.iter().filter_map(|&cell| mesh.cell(cell as usize)) {
-        let Some(kind) = CellKind::from_vtk(kind.vtk_code()) else { continue };
         match blocks.last_mut() {
             Some(block) if block.kind == kind => block.nodes.extend(nodes),
             _ => blocks.push(CellBlock { kind, nodes: nodes.to_vec() }),
@@ -348,17 +348,17 @@ fn body(making: &Making, directory: &Path, index: u64) -> Result<Body, CaseError
     }
     let count = cells.len() as u32;
     let name = if making.is_sheet { "sheet" } else { "box" };
-    let group = |name: &str, cells: Vec<u32>| Group { name: name.to_owned(), dimension, cells };
-    let mut groups = vec![group(name, (0..count).collect())];
+    let region = |name: &str, cells: Vec<u32>| Region { name: name.to_owned(), dimension, cells };
+    let mut regions = vec![region(name, (0..count).collect())];
     if materials.0.len() > 1 {
-        groups.push(group("first", (0..count / 2).collect()));
-        groups.push(group("second", (count / 2..count).collect()));
+        regions.push(region("first", (0..count / 2).collect()));
+        regions.push(region("second", (count / 2..count).collect()));
     }
     let values = VtuValues::Real(making.displacement.as_flattened());
     let frame = VtuFrame {
         points: &mesh.points,
         blocks: &blocks,
-        groups: &groups,
+        regions: &regions,
         point_data: &[VtuArray { name: "displacement", components: 3, values }],
         cell_data: &[],
         time: None,

@@ -4,8 +4,8 @@
 use super::BentSheet;
 use crate::FemError;
 use crate::dihedral;
-use crate::surface::Surface;
 use crate::tensor::{cross, dot};
+use vi_mesh::Triangulation;
 
 /// What turns against the first triangle.
 #[derive(Debug, Clone, Copy)]
@@ -157,7 +157,7 @@ struct Wing {
 }
 
 /// The triangle of `side` as it is at rest, the edge running from node a.
-fn wing(surface: &Surface, side: (u32, u8), a: u32) -> Wing {
+fn wing(surface: &Triangulation, side: (u32, u8), a: u32) -> Wing {
     let (triangle, k) = (side.0 as usize, usize::from(side.1));
     let corners = surface.corners(triangle);
     let (mut from, mut to) = ((k + 1) % 3, (k + 2) % 3);

@@ -4,11 +4,13 @@
 use vi_core::{Padded, Patch, Potential, packed_len};
 
 use super::elastic_on;
+use crate::SOLIDS;
 use crate::tensor::{Mat3, product};
-use crate::{BoxMesh, ElementKind, InstructionSet, Isotropic, Law, Mesh, elastic, mean_dilation};
+use crate::{InstructionSet, Isotropic, Law, elastic, mean_dilation};
+use vi_mesh::{BoxMesh, CellKind, Mesh};
 
 /// A box of 2 × 2 × 2 cells, its inner nodes moved: no element is like another.
-fn distorted(element: ElementKind) -> Mesh {
+fn distorted(element: CellKind) -> Mesh {
     let mut mesh =
         BoxMesh { size: [1.0, 1.2, 0.9], cells: [2, 2, 2], element, origin: [0.0; 3] }.build().unwrap();
     for point in &mut mesh.points {
@@ -61,8 +63,8 @@ fn size_of(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |largest, value| largest.max(value.abs()))
 }
 
-fn for_all(check: impl Fn(ElementKind, &Mesh, &Law, &dyn Potential)) {
-    for &kind in ElementKind::SOLIDS {
+fn for_all(check: impl Fn(CellKind, &Mesh, &Law, &dyn Potential)) {
+    for &kind in SOLIDS {
         let mesh = distorted(kind);
         for law in Law::examples() {
             check(kind, &mesh, &law, potential(&mesh, &law).as_ref());
@@ -108,7 +110,7 @@ fn patch_test_an_affine_map_is_in_balance_inside() {
 fn the_energy_of_an_affine_map_is_exact() {
     for_all(|kind, mesh, law, potential| {
         let x = flat(mesh, |point| apply(&STRETCH, point));
-        let cell = BoxMesh { size: [1.0; 3], cells: [1; 3], element: ElementKind::Tet4, origin: [0.0; 3] };
+        let cell = BoxMesh { size: [1.0; 3], cells: [1; 3], element: CellKind::Tet4, origin: [0.0; 3] };
         let cube = cell.build().unwrap();
         let density =
             energy(self::potential(&cube, law).as_ref(), &flat(&cube, |point| apply(&STRETCH, point)));
@@ -242,7 +244,7 @@ fn patch_gradient(potential: &dyn Potential, range: std::ops::Range<usize>, x: &
 
 #[test]
 fn a_patch_sums_what_the_blocks_are() {
-    for &kind in ElementKind::SOLIDS {
+    for &kind in SOLIDS {
         let mesh = distorted(kind);
         let x = flat(&mesh, bent);
         for law in Law::examples() {
@@ -267,7 +269,7 @@ fn a_patch_sums_what_the_blocks_are() {
 
 #[test]
 fn instruction_sets_agree_to_round_off() {
-    for &kind in ElementKind::SOLIDS {
+    for &kind in SOLIDS {
         let mesh = distorted(kind);
         let x = flat(&mesh, bent);
         for law in Law::examples() {
@@ -310,7 +312,7 @@ fn projected_hessians_are_positive_and_keep_what_is() {
 
 #[test]
 fn inverted_elements_are_reported_not_panicked_on() {
-    let mesh = distorted(ElementKind::Tet4);
+    let mesh = distorted(CellKind::Tet4);
     let x = flat(&mesh, |[x, y, z]| [-x, y, z]);
     let law = Law::NeoHookean(Isotropic { young: 1.0, poisson: 0.3, density: 1.0 });
     let potential = potential(&mesh, &law);
@@ -349,7 +351,7 @@ fn mean_deformations_are_volume_weighted() {
 #[test]
 fn single_tetrahedron_energy() {
     let points = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let blocks = vec![crate::ElementBlock { kind: ElementKind::Tet4, nodes: vec![0, 1, 2, 3] }];
+    let blocks = vec![vi_mesh::CellBlock { kind: CellKind::Tet4, nodes: vec![0, 1, 2, 3] }];
     let mesh = Mesh { points, blocks, regions: vec![] };
     let mut masses = vec![0.0; 4];
     crate::add_lumped_mass(&mesh, &[0], 6.0, &mut masses).unwrap();

@@ -5,8 +5,10 @@ use proptest::prelude::*;
 use vi_core::{Potential, packed_len};
 
 use super::elastic_on;
+use crate::SOLIDS;
 use crate::material::properties::law;
-use crate::{BoxMesh, ElementKind, InstructionSet, Law, Mesh};
+use crate::{InstructionSet, Law};
+use vi_mesh::{BoxMesh, Mesh};
 
 /// A mesh and a deformation of it.
 #[derive(Debug, Clone)]
@@ -21,7 +23,7 @@ fn shuffled(count: usize) -> impl Strategy<Value = Vec<u32>> {
 }
 
 fn body() -> impl Strategy<Value = Body> {
-    let kind = (0..ElementKind::SOLIDS.len()).prop_map(|index| ElementKind::SOLIDS[index]);
+    let kind = (0..SOLIDS.len()).prop_map(|index| SOLIDS[index]);
     (kind, prop::array::uniform3(1_u32..4)).prop_flat_map(|(element, cells)| {
         let size = cells.map(f64::from);
         let mesh = BoxMesh { size, cells, element, origin: [0.0; 3] }.build().unwrap();
@@ -52,7 +54,7 @@ fn renumbered(body: &Body, number: &[u32], order: &[u32]) -> Body {
     let mut cells = order.iter().filter_map(|&k| body.mesh.cell(solids[k as usize] as usize)).peekable();
     let kind = cells.peek().unwrap().0;
     let nodes = cells.flat_map(|(_, nodes)| nodes.iter().map(|&node| number[node as usize])).collect();
-    other.mesh.blocks = vec![crate::ElementBlock { kind, nodes }];
+    other.mesh.blocks = vec![vi_mesh::CellBlock { kind, nodes }];
     other.mesh.regions.clear();
     other
 }

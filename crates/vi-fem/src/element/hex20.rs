@@ -1,7 +1,8 @@
 //! The quadratic hexahedron without middle nodes (serendipity).
 
+use vi_mesh::CellKind;
+
 use super::Element;
-use super::hex8::CORNERS;
 use super::rule::{GAUSS_3, cube};
 
 /// Corners as [`super::Hex8`], then the middles of the edges 01 12 23 30, 45 56 67 74, 04 15 26 37.
@@ -10,36 +11,17 @@ use super::rule::{GAUSS_3, cube};
 #[derive(Debug, Clone, Copy)]
 pub struct Hex20;
 
-/// The middles of the twelve edges of every hexahedron.
-pub(super) const EDGES: [[f64; 3]; 12] = [
-    [0.0, -1.0, -1.0],
-    [1.0, 0.0, -1.0],
-    [0.0, 1.0, -1.0],
-    [-1.0, 0.0, -1.0],
-    [0.0, -1.0, 1.0],
-    [1.0, 0.0, 1.0],
-    [0.0, 1.0, 1.0],
-    [-1.0, 0.0, 1.0],
-    [-1.0, -1.0, 0.0],
-    [1.0, -1.0, 0.0],
-    [1.0, 1.0, 0.0],
-    [-1.0, 1.0, 0.0],
-];
-
 /// (1 + ξ ξ_a) at ends, (1 − ξ²) in the middle, and its derivative.
 fn factor(node: f64, xi: f64) -> (f64, f64) {
     if node == 0.0 { (1.0 - xi * xi, -2.0 * xi) } else { (1.0 + node * xi, node) }
 }
 
 impl Element<20, 27> for Hex20 {
+    const KIND: CellKind = CellKind::Hex20;
     const DEGREE: usize = 5;
 
     fn rule() -> [([f64; 3], f64); 27] {
         cube(GAUSS_3)
-    }
-
-    fn nodes() -> [[f64; 3]; 20] {
-        std::array::from_fn(|a| if a < 8 { CORNERS[a] } else { EDGES[a - 8] })
     }
 
     fn values(xi: [f64; 3]) -> [f64; 20] {

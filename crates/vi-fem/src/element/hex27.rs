@@ -1,8 +1,8 @@
 //! The triquadratic hexahedron.
 
+use vi_mesh::CellKind;
+
 use super::Element;
-use super::hex8::CORNERS;
-use super::hex20::EDGES;
 use super::rule::{GAUSS_3, cube};
 
 /// Nodes as [`super::Hex20`], then the middles of the faces x−, x+, y−, y+, z−, z+, then the centre.
@@ -17,23 +17,11 @@ fn lagrange(node: f64, xi: f64) -> (f64, f64) {
 }
 
 impl Element<27, 27> for Hex27 {
+    const KIND: CellKind = CellKind::Hex27;
     const DEGREE: usize = 5;
 
     fn rule() -> [([f64; 3], f64); 27] {
         cube(GAUSS_3)
-    }
-
-    fn nodes() -> [[f64; 3]; 27] {
-        std::array::from_fn(|a| match a {
-            0..8 => CORNERS[a],
-            8..20 => EDGES[a - 8],
-            20..26 => {
-                let mut face = [0.0; 3];
-                face[(a - 20) / 2] = if a % 2 == 0 { -1.0 } else { 1.0 };
-                face
-            }
-            _ => [0.0; 3],
-        })
     }
 
     fn values(xi: [f64; 3]) -> [f64; 27] {

@@ -1,5 +1,7 @@
 //! The trilinear hexahedron.
 
+use vi_mesh::CellKind;
+
 use super::Element;
 use super::rule::{GAUSS_2, cube};
 
@@ -8,35 +10,20 @@ use super::rule::{GAUSS_2, cube};
 #[derive(Debug, Clone, Copy)]
 pub struct Hex8;
 
-/// The corners of every hexahedron.
-pub(super) const CORNERS: [[f64; 3]; 8] = [
-    [-1.0, -1.0, -1.0],
-    [1.0, -1.0, -1.0],
-    [1.0, 1.0, -1.0],
-    [-1.0, 1.0, -1.0],
-    [-1.0, -1.0, 1.0],
-    [1.0, -1.0, 1.0],
-    [1.0, 1.0, 1.0],
-    [-1.0, 1.0, 1.0],
-];
-
 impl Element<8, 8> for Hex8 {
+    const KIND: CellKind = CellKind::Hex8;
     const DEGREE: usize = 3;
 
     fn rule() -> [([f64; 3], f64); 8] {
         cube(GAUSS_2)
     }
 
-    fn nodes() -> [[f64; 3]; 8] {
-        CORNERS
-    }
-
     fn values(xi: [f64; 3]) -> [f64; 8] {
-        CORNERS.map(|corner| (0..3).map(|i| 0.5 * (1.0 + corner[i] * xi[i])).product())
+        Self::nodes().map(|corner| (0..3).map(|i| 0.5 * (1.0 + corner[i] * xi[i])).product())
     }
 
     fn gradients(xi: [f64; 3]) -> [[f64; 3]; 8] {
-        CORNERS.map(|corner| {
+        Self::nodes().map(|corner| {
             let factor = [0, 1, 2].map(|i| 0.5 * (1.0 + corner[i] * xi[i]));
             [0, 1, 2].map(|j| 0.5 * corner[j] * factor[(j + 1) % 3] * factor[(j + 2) % 3])
         })

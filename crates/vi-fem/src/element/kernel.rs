@@ -13,13 +13,13 @@ use vi_core::packed_len;
 use super::Element;
 use super::turned::TurnedGeometry;
 use crate::material::{PackedMat3, PackedTangent, load_mat3, store_mat3};
-use crate::mesh::volume_of_round_off;
 use crate::pack::{GROUP, Pack, members, parts};
 use crate::real::Lane;
 use crate::tensor::{
     cofactor, determinant, dot, mat3, packed_index, product, product_transposed, symmetric_index, vec3,
 };
 use crate::transpose::{gather, put};
+use vi_mesh::volume_of_round_off;
 
 /// The geometry at rest of one quadrature point of a group of elements.
 #[derive(Debug, Clone, Copy)]

@@ -1,10 +1,12 @@
 //! What every registered element must keep. New elements enter by their registration line.
 
-use super::{Element, ElementKind};
+use vi_mesh::CellKind;
+
+use super::Element;
 
 /// All laws of an element.
-pub(super) fn check<E: Element<N, Q>, const N: usize, const Q: usize>(kind: ElementKind) {
-    assert_eq!(kind.node_count(), N);
+pub(super) fn check<E: Element<N, Q>, const N: usize, const Q: usize>(kind: CellKind) {
+    assert_eq!((E::KIND, kind.node_count()), (kind, N));
     shapes_interpolate::<E, N, Q>();
     gradients_are_those_of_the_values::<E, N, Q>();
     rules_are_exact_to_their_degree::<E, N, Q>(kind);
@@ -12,20 +14,20 @@ pub(super) fn check<E: Element<N, Q>, const N: usize, const Q: usize>(kind: Elem
 }
 
 /// ∫ x^a y^b z^c over the reference cell.
-fn moment(kind: ElementKind, [a, b, c]: [i32; 3]) -> f64 {
+fn moment(kind: CellKind, [a, b, c]: [i32; 3]) -> f64 {
     let factorial = |n: i32| (1..=n).map(f64::from).product::<f64>();
-    match kind {
-        ElementKind::Tet4 | ElementKind::Tet10 => {
-            factorial(a) * factorial(b) * factorial(c) / factorial(a + b + c + 3)
+    let symmetric = |n: i32| if n % 2 == 0 { 2.0 / f64::from(n + 1) } else { 0.0 };
+    match kind.linear() {
+        CellKind::Tet4 => factorial(a) * factorial(b) * factorial(c) / factorial(a + b + c + 3),
+        CellKind::Wedge6 => factorial(a) * factorial(b) / factorial(a + b + 2) / f64::from(c + 1),
+        CellKind::Pyramid5 => {
+            symmetric(a) * symmetric(b) * factorial(a + b + 2) * factorial(c) / factorial(a + b + c + 3)
         }
-        ElementKind::Wedge6 | ElementKind::Wedge15 | ElementKind::Wedge18 => {
-            factorial(a) * factorial(b) / factorial(a + b + 2) / f64::from(c + 1)
-        }
-        _ => [a, b, c].iter().map(|&n| if n % 2 == 0 { 2.0 / f64::from(n + 1) } else { 0.0 }).product(),
+        _ => [a, b, c].map(symmetric).iter().product(),
     }
 }
 
-fn rules_are_exact_to_their_degree<E: Element<N, Q>, const N: usize, const Q: usize>(kind: ElementKind) {
+fn rules_are_exact_to_their_degree<E: Element<N, Q>, const N: usize, const Q: usize>(kind: CellKind) {
     let check = |rule: &[([f64; 3], f64)], degree: i32| {
         for a in 0..=degree {
             for b in 0..=degree - a {
@@ -40,16 +42,16 @@ fn rules_are_exact_to_their_degree<E: Element<N, Q>, const N: usize, const Q: us
     };
     check(&E::rule(), E::DEGREE as i32);
     check(&E::mass_rule(), E::DEGREE as i32);
-    if kind == ElementKind::Tet10 {
+    if kind == CellKind::Tet10 {
         check(&E::mass_rule(), 5);
     }
 }
 
-fn nodes_carry_positive_mass<E: Element<N, Q>, const N: usize, const Q: usize>(kind: ElementKind) {
+fn nodes_carry_positive_mass<E: Element<N, Q>, const N: usize, const Q: usize>(kind: CellKind) {
     let shares = crate::mass::mass_shares::<E, N, Q>(&E::nodes());
     assert!(shares.iter().all(|&share| share > 0.0), "{kind}: {shares:?}");
     assert!((shares.iter().sum::<f64>() - moment(kind, [0; 3])).abs() < 1e-14);
-    if kind == ElementKind::Tet10 {
+    if kind == CellKind::Tet10 {
         // Straight sides: 1/36 and 4/27 of the whole.
         assert!((6.0 * shares[0] - 1.0 / 36.0).abs() < 1e-14 && (6.0 * shares[9] - 4.0 / 27.0).abs() < 1e-14);
     }

@@ -1,5 +1,7 @@
 //! The quadratic tetrahedron.
 
+use vi_mesh::CellKind;
+
 use super::Element;
 
 /// Corners as [`super::Tet4`], then the middles of the edges 01 12 20 03 13 23. With barycentric
@@ -7,10 +9,10 @@ use super::Element;
 #[derive(Debug, Clone, Copy)]
 pub struct Tet10;
 
-const EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]];
 const SLOPES: [[f64; 3]; 4] = [[-1.0, -1.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 impl Element<10, 4> for Tet10 {
+    const KIND: CellKind = CellKind::Tet10;
     const DEGREE: usize = 2;
 
     fn rule() -> [([f64; 3], f64); 4] {
@@ -45,22 +47,14 @@ impl Element<10, 4> for Tet10 {
         rule
     }
 
-    fn nodes() -> [[f64; 3]; 10] {
-        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        std::array::from_fn(|a| match a.checked_sub(4) {
-            None => corners[a],
-            Some(edge) => {
-                let [p, q] = EDGES[edge].map(|corner| corners[corner]);
-                [0, 1, 2].map(|i| 0.5 * (p[i] + q[i]))
-            }
-        })
-    }
-
     fn values([x, y, z]: [f64; 3]) -> [f64; 10] {
         let b = [1.0 - x - y - z, x, y, z];
         std::array::from_fn(|a| match a.checked_sub(4) {
             None => b[a] * (2.0 * b[a] - 1.0),
-            Some(edge) => 4.0 * b[EDGES[edge][0]] * b[EDGES[edge][1]],
+            Some(edge) => {
+                let [p, q] = Self::KIND.edges()[edge];
+                4.0 * b[p] * b[q]
+            },
         })
     }
 
@@ -69,7 +63,7 @@ impl Element<10, 4> for Tet10 {
         std::array::from_fn(|a| match a.checked_sub(4) {
             None => SLOPES[a].map(|slope| (4.0 * b[a] - 1.0) * slope),
             Some(edge) => {
-                let [p, q] = EDGES[edge];
+                let [p, q] = Self::KIND.edges()[edge];
                 [0, 1, 2].map(|i| 4.0 * (SLOPES[p][i] * b[q] + b[p] * SLOPES[q][i]))
             }
         })

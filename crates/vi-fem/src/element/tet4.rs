@@ -1,5 +1,7 @@
 //! The linear tetrahedron: constant F, one quadrature point.
 
+use vi_mesh::CellKind;
+
 use super::Element;
 use crate::Real;
 use crate::tensor::{Mat3, mat3};
@@ -9,15 +11,12 @@ use crate::tensor::{Mat3, mat3};
 pub struct Tet4;
 
 impl Element<4, 1> for Tet4 {
+    const KIND: CellKind = CellKind::Tet4;
     const DEGREE: usize = 1;
     const IS_SIMPLEX: bool = true;
 
     fn rule() -> [([f64; 3], f64); 1] {
         [([0.25; 3], 1.0 / 6.0)]
-    }
-
-    fn nodes() -> [[f64; 3]; 4] {
-        [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     }
 
     fn values([x, y, z]: [f64; 3]) -> [f64; 4] {

@@ -1,5 +1,7 @@
 //! The biquadratic wedge: what Gmsh makes of wedges beside triquadratic hexahedra.
 
+use vi_mesh::CellKind;
+
 use super::Element;
 use super::rule::{GAUSS_3, TRIANGLE_6, prism};
 use super::wedge6::SLOPES;
@@ -53,15 +55,11 @@ fn line(twice: usize, z: f64) -> (f64, f64) {
 }
 
 impl Element<18, 18> for Wedge18 {
+    const KIND: CellKind = CellKind::Wedge18;
     const DEGREE: usize = 4;
 
     fn rule() -> [([f64; 3], f64); 18] {
         prism(TRIANGLE_6, GAUSS_3)
-    }
-
-    fn nodes() -> [[f64; 3]; 18] {
-        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]];
-        PLACES.map(|(node, twice)| [corners[node][0], corners[node][1], 0.5 * twice as f64])
     }
 
     fn values([x, y, z]: [f64; 3]) -> [f64; 18] {

@@ -1,5 +1,7 @@
 //! The linear wedge.
 
+use vi_mesh::CellKind;
+
 use super::Element;
 use super::rule::{GAUSS_2, TRIANGLE_3, prism};
 
@@ -8,21 +10,15 @@ use super::rule::{GAUSS_2, TRIANGLE_3, prism};
 #[derive(Debug, Clone, Copy)]
 pub struct Wedge6;
 
-/// The corners of every wedge.
-pub(super) const CORNERS: [[f64; 3]; 6] =
-    [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
 /// Slopes of the barycentric coordinates of the triangle.
 pub(super) const SLOPES: [[f64; 2]; 3] = [[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]];
 
 impl Element<6, 6> for Wedge6 {
+    const KIND: CellKind = CellKind::Wedge6;
     const DEGREE: usize = 2;
 
     fn rule() -> [([f64; 3], f64); 6] {
         prism(TRIANGLE_3, GAUSS_2)
-    }
-
-    fn nodes() -> [[f64; 3]; 6] {
-        CORNERS
     }
 
     fn values([x, y, z]: [f64; 3]) -> [f64; 6] {

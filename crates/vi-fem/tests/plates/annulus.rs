@@ -5,7 +5,7 @@
 
 use std::f64::consts::TAU;
 
-use vi_fem::SheetPattern;
+use vi_mesh::SheetPattern;
 
 use super::cases::{Outcome, curve, held_nodes, law, line_load, mesh, relative, triangles};
 use super::structure::Structure;

@@ -8,7 +8,8 @@ use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
 use vi_core::{Account, HessianKind, Potential, Stencils, Traits, packed_len};
-use vi_fem::{Bending, ElementKind, IsotropicSheet, Mesh, SheetLaw, SheetMesh, SheetPattern};
+use vi_fem::{Bending, IsotropicSheet, SheetLaw};
+use vi_mesh::{CellKind, Mesh, SheetMesh, SheetPattern};
 
 use super::structure::Structure;
 
@@ -49,9 +50,9 @@ pub(crate) fn triangles(mesh: &Mesh) -> usize {
 
 /// The edges of a named curve.
 pub(crate) fn curve(mesh: &Mesh, name: &str) -> Vec<[u32; 2]> {
-    let cells = &mesh.region(name).unwrap().elements;
+    let cells = &mesh.region(name).unwrap().cells;
     let pair = |&cell: &u32| match mesh.cell(cell as usize) {
-        Some((ElementKind::Line2, &[a, b])) => [a, b],
+        Some((CellKind::Line2, &[a, b])) => [a, b],
         _ => unreachable!("curves are lines"),
     };
     cells.iter().map(pair).collect()

@@ -4,7 +4,8 @@
 //! Sources: the catenary 2a sinh(1/2a) = L; zeros of Bessel's functions, of J₀(2ω√(L/g)) for the hanging
 //! chain and of J_n(ωR/c) for the drum.
 
-use vi_fem::{Bending, Mesh, SheetPattern};
+use vi_fem::Bending;
+use vi_mesh::{Mesh, SheetPattern};
 
 use super::cases::{Outcome, curve, held_nodes, law, mesh, relative, triangles};
 use super::structure::Structure;

@@ -3,7 +3,8 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 use vi_core::Potential;
-use vi_fem::{Mesh, Sheet, SheetLaw};
+use vi_fem::{Sheet, SheetLaw};
+use vi_mesh::Mesh;
 
 use super::skyline::Skyline;
 

@@ -4,13 +4,12 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 use super::Reading;
-use crate::cell::CellKind;
-use crate::mesh::MeshFile;
+use vi_mesh::{CellKind, Mesh};
 
 impl Reading<'_> {
     /// Merges cells of one kind, one geometric entity and the same nodes into the first of them.
     pub(super) fn merge_copies(&mut self) {
-        let cells: Vec<(CellKind, &[u32])> = self.mesh.cells().collect();
+        let cells: Vec<(CellKind, &[u32])> = self.out.mesh.cells().collect();
         let sorted = |nodes: &[u32]| {
             let mut key = [u32::MAX; 27];
             key[..nodes.len()].copy_from_slice(nodes);
@@ -44,7 +43,7 @@ impl Reading<'_> {
         if copies == 0 {
             return;
         }
-        let mut kept = MeshFile::default();
+        let mut kept = Mesh::default();
         let mut new = vec![0; cells.len()];
         let mut cell_tags = Vec::with_capacity(cells.len() - copies);
         for (i, (kind, nodes)) in cells.into_iter().enumerate() {
@@ -59,9 +58,9 @@ impl Reading<'_> {
         for cell in self.members.values_mut().flatten() {
             *cell = new[*cell as usize];
         }
-        self.mesh.blocks = kept.blocks;
+        self.out.mesh.blocks = kept.blocks;
         self.cell_tags = cell_tags;
-        self.mesh
+        self.out
             .notes
             .push(format!("{copies} copies of elements that are in several physical groups were merged"));
     }

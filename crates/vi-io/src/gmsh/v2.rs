@@ -14,7 +14,7 @@ pub(super) fn nodes(cursor: &mut Cursor, reading: &mut Reading) -> Result<(), Io
     }
     let start = cursor.position();
     let mut tags = Vec::with_capacity(count);
-    reading.mesh.points.reserve_exact(count);
+    reading.out.mesh.points.reserve_exact(count);
     for _ in 0..count {
         let at = cursor.start();
         let tag = positive(cursor, "a node tag")?;

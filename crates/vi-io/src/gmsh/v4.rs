@@ -1,10 +1,10 @@
 //! Entities, nodes and elements as MSH 4.1 lays them out. Text and binary data have the same numbers in the same order.
 
 use super::{Reading, kind_of};
-use crate::cell::CellKind;
 use crate::cursor::{Cursor, Encoding};
 use crate::error::IoError;
 use crate::tags::TagIndex;
+use vi_mesh::CellKind;
 
 /// Least bytes that a number takes: a digit and a separator, or four binary bytes.
 fn number_bytes(cursor: &Cursor) -> usize {
@@ -73,7 +73,7 @@ pub(super) fn nodes(cursor: &mut Cursor, reading: &mut Reading) -> Result<(), Io
     let block_count = cursor.count(announced_blocks, 4 * least, "node blocks")?;
     let count = cursor.count(announced, 4 * least, "nodes")?;
     let mut tags: Vec<u64> = Vec::with_capacity(count);
-    reading.mesh.points.reserve_exact(count);
+    reading.out.mesh.points.reserve_exact(count);
     for _ in 0..block_count {
         let at = cursor.start();
         let dimension = cursor.int("the dimension of an entity")?;

@@ -75,7 +75,7 @@ pub(super) fn read(cursor: &mut Cursor, site: Site) -> Result<Option<View>, IoEr
 impl View {
     /// Puts the values where their tags say, among `count` points or cells. Where there is none it is 0, with a note;
     /// a view of less than an eighth is left out (it would take memory out of proportion to the file).
-    pub(super) fn place(self, index: &TagIndex, count: usize, mesh: &mut MeshFile) {
+    pub(super) fn place(self, index: &TagIndex, count: usize, out: &mut MeshFile) {
         let site = if self.site == Site::Points { "nodes" } else { "elements" };
         if self.tags.len() < count.div_ceil(8) {
             let note = format!(
@@ -83,7 +83,7 @@ impl View {
                 self.name,
                 self.tags.len()
             );
-            mesh.notes.push(note);
+            out.notes.push(note);
             return;
         }
         let mut values = vec![0.0; count * self.components];
@@ -100,23 +100,23 @@ impl View {
             }
         }
         if unknown > 0 {
-            mesh.notes.push(format!(
+            out.notes.push(format!(
                 "the view \"{}\" has {unknown} values at {site} that are not there: left out",
                 self.name
             ));
         }
         let missing = set.iter().filter(|set| !**set).count();
         if missing > 0 {
-            mesh.notes.push(format!(
+            out.notes.push(format!(
                 "the view \"{}\" lacks values at {missing} of {count} {site}: taken as 0",
                 self.name
             ));
         }
-        let data = if self.site == Site::Points { &mut mesh.point_data } else { &mut mesh.cell_data };
+        let data = if self.site == Site::Points { &mut out.point_data } else { &mut out.cell_data };
         let array = DataArray { name: self.name, components: self.components, values };
         match data.iter_mut().find(|other| other.name == array.name) {
             Some(other) => {
-                mesh.notes
+                out.notes
                     .push(format!("the view \"{}\" occurs several times: the last is taken", array.name));
                 *other = array;
             }

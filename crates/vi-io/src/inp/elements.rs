@@ -6,7 +6,7 @@
 //! Source: Abaqus Analysis User's Guide, "Solid isoparametric quadrilaterals and hexahedra" and the element library;
 //! CalculiX CrunchiX User's Manual, "Element types" and `*SURFACE`.
 
-use crate::cell::CellKind;
+use vi_mesh::CellKind;
 
 /// Use of the elements of a type.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,21 +39,21 @@ pub(super) fn meaning(code: &str) -> Meaning {
     };
     let kind = if let Some(count) = number("C3D").or_else(|| number("DC3D")) {
         match count {
-            4 => Some(CellKind::Tetra4),
+            4 => Some(CellKind::Tet4),
             5 => Some(CellKind::Pyramid5),
             6 => Some(CellKind::Wedge6),
-            8 => Some(CellKind::Hexahedron8),
-            10 => Some(CellKind::Tetra10),
+            8 => Some(CellKind::Hex8),
+            10 => Some(CellKind::Tet10),
             15 => Some(CellKind::Wedge15),
-            20 => Some(CellKind::Hexahedron20),
+            20 => Some(CellKind::Hex20),
             _ => None,
         }
     } else if let Some(count) = SURFACES.iter().find_map(|family| number(family)) {
         match count {
-            3 => Some(CellKind::Triangle3),
+            3 => Some(CellKind::Tri3),
             4 => Some(CellKind::Quad4),
             // STRI65 has six nodes and five degrees of freedom at each.
-            6 | 65 => Some(CellKind::Triangle6),
+            6 | 65 => Some(CellKind::Tri6),
             8 => Some(CellKind::Quad8),
             9 => Some(CellKind::Quad9),
             _ => None,
@@ -69,73 +69,30 @@ pub(super) fn meaning(code: &str) -> Meaning {
     kind.map_or(Meaning::Unknown, Meaning::Cell)
 }
 
-/// Corners of the faces S1, S2 … of a solid, outward.
-fn faces(kind: CellKind) -> &'static [&'static [usize]] {
-    match kind {
-        CellKind::Tetra4 | CellKind::Tetra10 => &[&[0, 2, 1], &[0, 1, 3], &[1, 2, 3], &[2, 0, 3]],
-        CellKind::Pyramid5 => &[&[0, 3, 2, 1], &[0, 1, 4], &[1, 2, 4], &[2, 3, 4], &[3, 0, 4]],
-        CellKind::Wedge6 | CellKind::Wedge15 => {
-            &[&[0, 2, 1], &[3, 4, 5], &[0, 1, 4, 3], &[1, 2, 5, 4], &[2, 0, 3, 5]]
-        }
-        CellKind::Hexahedron8 | CellKind::Hexahedron20 => {
-            &[&[0, 3, 2, 1], &[4, 5, 6, 7], &[0, 1, 5, 4], &[1, 2, 6, 5], &[2, 3, 7, 6], &[3, 0, 4, 7]]
-        }
+/// The faces S1, S2 … of a solid: which side of the table each is, and its first corner.
+fn faces(kind: CellKind) -> &'static [(usize, usize)] {
+    match kind.linear() {
+        CellKind::Tet4 => &[(3, 0), (0, 0), (1, 1), (2, 2)],
+        CellKind::Pyramid5 => &[(0, 0), (1, 0), (2, 1), (3, 2), (4, 3)],
+        CellKind::Wedge6 => &[(0, 0), (1, 3), (2, 0), (3, 1), (4, 2)],
+        CellKind::Hex8 => &[(4, 0), (5, 4), (2, 0), (1, 1), (3, 2), (0, 3)],
         _ => &[],
-    }
-}
-
-/// Ends of the edges whose midpoints follow the corners.
-fn middles(kind: CellKind) -> &'static [[usize; 2]] {
-    match kind {
-        CellKind::Tetra10 => &[[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]],
-        CellKind::Wedge15 => &[[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]],
-        CellKind::Hexahedron20 => {
-            &[[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]]
-        }
-        CellKind::Triangle6 => &[[0, 1], [1, 2], [2, 0]],
-        CellKind::Quad8 | CellKind::Quad9 => &[[0, 1], [1, 2], [2, 3], [3, 0]],
-        _ => &[],
-    }
-}
-
-/// Number of corners of a surface cell.
-fn corner_count(kind: CellKind) -> usize {
-    match kind {
-        CellKind::Triangle3 | CellKind::Triangle6 => 3,
-        _ => 4,
     }
 }
 
 /// Kind and local nodes of side number `side` (from 0) of a cell: a face of a solid, an edge of a surface. None where
 /// the cell has no such side.
 pub(super) fn side(kind: CellKind, side: usize) -> Option<(CellKind, Vec<usize>)> {
-    let (mut nodes, first_middle) = match kind.dimension() {
-        3 => {
-            let most = faces(kind).iter().flat_map(|corners| corners.iter()).max()?;
-            (faces(kind).get(side)?.to_vec(), most + 1)
-        }
-        2 => {
-            let corners = corner_count(kind);
-            (vec![side, (side + 1) % corners], (side < corners).then_some(corners)?)
-        }
-        _ => return None,
-    };
-    let corners = nodes.clone();
-    let ends = if corners.len() == 2 { 1 } else { corners.len() };
-    for k in 0..ends {
-        let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
-        let middle = middles(kind).iter().position(|&[p, q]| (p, q) == (a, b) || (p, q) == (b, a));
-        nodes.extend(middle.map(|middle| first_middle + middle));
+    if kind.dimension() == 2 {
+        return kind.sides().get(side).map(|side| (side.kind, side.nodes.clone()));
     }
-    let kind = match (corners.len(), nodes.len()) {
-        (2, 2) => CellKind::Line2,
-        (2, _) => CellKind::Line3,
-        (3, 3) => CellKind::Triangle3,
-        (3, _) => CellKind::Triangle6,
-        (_, 4) => CellKind::Quad4,
-        _ => CellKind::Quad8,
-    };
-    Some((kind, nodes))
+    let &(side, first) = faces(kind).get(side)?;
+    let side = &kind.sides()[side];
+    let mut nodes = side.nodes.clone();
+    // Corners, and middles of edges after them, go round from the first corner.
+    let start = nodes.iter().position(|&node| node == first)?;
+    nodes.chunks_exact_mut(side.kind.corner_count()).for_each(|round| round.rotate_left(start));
+    Some((side.kind, nodes))
 }
 
 #[cfg(test)]
@@ -146,19 +103,19 @@ mod tests {
     fn letters_behind_the_number_do_not_change_the_cell() {
         use CellKind::*;
         for (code, kind) in [
-            ("C3D8R", Hexahedron8),
-            ("C3D8I", Hexahedron8),
-            ("C3D10M", Tetra10),
-            ("C3D10HS", Tetra10),
-            ("C3D20RH", Hexahedron20),
+            ("C3D8R", Hex8),
+            ("C3D8I", Hex8),
+            ("C3D10M", Tet10),
+            ("C3D10HS", Tet10),
+            ("C3D20RH", Hex20),
             ("C3D15", Wedge15),
             ("S4R5", Quad4),
             ("S8R5", Quad8),
-            ("STRI3", Triangle3),
-            ("STRI65", Triangle6),
+            ("STRI3", Tri3),
+            ("STRI65", Tri6),
             ("CPEG4", Quad4),
-            ("CPE6H", Triangle6),
-            ("SFM3D3", Triangle3),
+            ("CPE6H", Tri6),
+            ("SFM3D3", Tri3),
             ("T3D2", Line2),
             ("B31H", Line2),
             ("B32OS", Line3),
@@ -173,18 +130,29 @@ mod tests {
         }
     }
 
+    /// Corners of S1, S2 … as the user's guide draws them.
     #[test]
-    fn every_edge_of_a_solid_is_in_two_faces_that_run_along_it_in_both_senses() {
-        use CellKind::*;
-        for kind in [Tetra4, Tetra10, Pyramid5, Wedge6, Wedge15, Hexahedron8, Hexahedron20] {
-            let mut edges = Vec::new();
-            for corners in faces(kind) {
-                edges.extend((0..corners.len()).map(|k| (corners[k], corners[(k + 1) % corners.len()])));
+    fn faces_are_those_of_the_guide() {
+        let guide: [(CellKind, &[&[usize]]); 4] = [
+            (CellKind::Tet10, &[&[0, 2, 1], &[0, 1, 3], &[1, 2, 3], &[2, 0, 3]]),
+            (CellKind::Pyramid5, &[&[0, 3, 2, 1], &[0, 1, 4], &[1, 2, 4], &[2, 3, 4], &[3, 0, 4]]),
+            (CellKind::Wedge15, &[&[0, 2, 1], &[3, 4, 5], &[0, 1, 4, 3], &[1, 2, 5, 4], &[2, 0, 3, 5]]),
+            (
+                CellKind::Hex20,
+                &[&[0, 3, 2, 1], &[4, 5, 6, 7], &[0, 1, 5, 4], &[1, 2, 6, 5], &[2, 3, 7, 6], &[3, 0, 4, 7]],
+            ),
+        ];
+        for (kind, faces) in guide {
+            for (number, corners) in faces.iter().enumerate() {
+                let (face, nodes) = side(kind, number).unwrap();
+                assert_eq!(nodes[..corners.len()], **corners, "{kind} S{}", number + 1);
+                for (k, &middle) in nodes[corners.len()..].iter().enumerate() {
+                    let [a, b] = kind.edges()[middle - kind.corner_count()];
+                    let ends = face.edges()[k].map(|end| nodes[end]);
+                    assert!(ends == [a, b] || ends == [b, a], "{kind} S{}", number + 1);
+                }
             }
-            for &(a, b) in &edges {
-                assert_eq!(edges.iter().filter(|&&edge| edge == (a, b)).count(), 1, "{kind:?}");
-                assert_eq!(edges.iter().filter(|&&edge| edge == (b, a)).count(), 1, "{kind:?}");
-            }
+            assert!(side(kind, faces.len()).is_none());
         }
     }
 }

@@ -5,11 +5,12 @@ use std::collections::{HashMap, HashSet};
 use super::elements::side;
 use super::keyword::{Keyword, fields, label};
 use super::{Element, Reading};
-use crate::cell::CellKind;
 use crate::cursor::{Cursor, shown};
 use crate::error::IoError;
-use crate::mesh::{Group, MeshFile};
+use crate::mesh::MeshFile;
 use crate::tags::TagIndex;
+use vi_mesh::CellKind;
+use vi_mesh::Region;
 
 /// Members of a set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -122,7 +123,7 @@ pub(super) fn add_groups(
     nodes: &TagIndex,
     cells: &TagIndex,
 ) -> Result<MeshFile, IoError> {
-    let Reading { mut mesh, definitions, elements, shapeless, .. } = reading;
+    let Reading { mut out, definitions, elements, shapeless, .. } = reading;
     let mut members = Members {
         cursor,
         nodes,
@@ -140,22 +141,22 @@ pub(super) fn add_groups(
     }
     if members.missing > 0 {
         let missing = members.missing;
-        mesh.notes
+        out.notes
             .push(format!("{missing} numbers in ranges of sets (GENERATE) are those of no node or element"));
     }
     let Members { mut of, sides, .. } = members;
-    for (number, cell) in add_sides(&mut mesh, &elements, sides) {
+    for (number, cell) in add_sides(&mut out, &elements, sides) {
         of.entry(key(Of::Faces, definitions[number as usize].name)).or_default().push(cell);
     }
     for members in of.values_mut() {
         members.sort_unstable();
         members.dedup();
     }
-    drop_node_sets_of_groups(&mesh, &mut of);
-    let names = names(&definitions, &of, &mut mesh.notes);
-    let points = add_points(&mut mesh, &definitions, &of);
-    let dimensions: Vec<u8> = mesh.cells().map(|(kind, _)| kind.dimension() as u8).collect();
-    let mut groups: Vec<Group> = Vec::new();
+    drop_node_sets_of_groups(&out, &mut of);
+    let names = names(&definitions, &of, &mut out.notes);
+    let points = add_points(&mut out, &definitions, &of);
+    let dimensions: Vec<u8> = out.mesh.cells().map(|(kind, _)| kind.dimension() as u8).collect();
+    let mut groups: Vec<Region> = Vec::new();
     for (definition, name) in definitions.iter().zip(names).filter(|(definition, _)| !definition.is_internal)
     {
         let key = key(definition.of, definition.name);
@@ -164,23 +165,23 @@ pub(super) fn add_groups(
             members.iter_mut().for_each(|node| *node = points[node]);
         }
         if members.is_empty() {
-            mesh.notes.push(format!("the set \"{name}\" is empty"));
+            out.notes.push(format!("the set \"{name}\" is empty"));
         }
         for dimension in 0..4 {
             let is_of = |cell: &u32| dimensions[*cell as usize] == dimension;
             let cells: Vec<u32> = members.iter().copied().filter(is_of).collect();
             if !cells.is_empty() {
-                groups.push(Group { name: name.clone(), dimension: dimension.into(), cells });
+                groups.push(Region { name: name.clone(), dimension: dimension.into(), cells });
             }
         }
     }
-    mesh.groups = groups;
-    Ok(mesh)
+    out.mesh.regions = groups;
+    Ok(out)
 }
 
 /// A node set of just the nodes of the element set or surface that has its name is the same region: it goes.
-fn drop_node_sets_of_groups(mesh: &MeshFile, of: &mut HashMap<Key, Vec<u32>>) {
-    let cells: Vec<&[u32]> = mesh.cells().map(|(_, nodes)| nodes).collect();
+fn drop_node_sets_of_groups(out: &MeshFile, of: &mut HashMap<Key, Vec<u32>>) {
+    let cells: Vec<&[u32]> = out.mesh.cells().map(|(_, nodes)| nodes).collect();
     let nodes_of = |members: &Vec<u32>| {
         let mut nodes: Vec<u32> =
             members.iter().flat_map(|&cell| cells[cell as usize].iter().copied()).collect();
@@ -239,14 +240,14 @@ fn names(
 const WHOLE: u8 = u8::MAX;
 
 /// Adds the sides as cells, each once; the cell of each definition's sides.
-fn add_sides(mesh: &mut MeshFile, elements: &[Element], mut sides: Vec<(u32, u8, u32)>) -> Vec<(u32, u32)> {
+fn add_sides(out: &mut MeshFile, elements: &[Element], mut sides: Vec<(u32, u8, u32)>) -> Vec<(u32, u32)> {
     let mut first = vec![0; elements.len()];
     let mut next = 0;
     for (first, element) in first.iter_mut().zip(elements) {
         *first = next;
         next += element.kind.node_count();
     }
-    let corners: Vec<u32> = mesh.blocks.iter().flat_map(|block| block.nodes.iter().copied()).collect();
+    let corners: Vec<u32> = out.mesh.blocks.iter().flat_map(|block| block.nodes.iter().copied()).collect();
     sides.sort_unstable();
     sides.dedup();
     let mut found = Vec::with_capacity(sides.len());
@@ -261,7 +262,7 @@ fn add_sides(mesh: &mut MeshFile, elements: &[Element], mut sides: Vec<(u32, u8,
             let Some((kind, local)) = side(kind, number.into()) else { continue };
             let own = &corners[first[cell as usize]..];
             let nodes: Vec<u32> = local.iter().map(|&k| own[k]).collect();
-            mesh.push_cell(kind, &nodes);
+            out.mesh.push_cell(kind, &nodes);
             count += 1;
             last = Some((cell, number));
         }
@@ -272,7 +273,7 @@ fn add_sides(mesh: &mut MeshFile, elements: &[Element], mut sides: Vec<(u32, u8,
 
 /// Adds a point cell for each node that is in a set; the cell of each node.
 fn add_points(
-    mesh: &mut MeshFile,
+    out: &mut MeshFile,
     definitions: &[Definition<'_>],
     of: &HashMap<Key, Vec<u32>>,
 ) -> HashMap<u32, u32> {
@@ -281,9 +282,9 @@ fn add_points(
         seen.filter_map(|set| of.get(&key(Of::Nodes, set.name))).flatten().copied().collect();
     nodes.sort_unstable();
     nodes.dedup();
-    let first = mesh.cell_count() as u32;
+    let first = out.mesh.cell_count() as u32;
     for &node in &nodes {
-        mesh.push_cell(CellKind::Vertex1, &[node]);
+        out.mesh.push_cell(CellKind::Point, &[node]);
     }
     nodes.into_iter().zip(first..).collect()
 }

@@ -3,9 +3,9 @@
 
 use std::path::Path;
 
-use crate::cell::{CellKind, SUPPORTED};
 use crate::error::{IoError, Place};
 use crate::mesh::{DataArray, MeshFile};
+use vi_mesh::CellKind;
 
 /// Cells of one source, growing.
 #[derive(Default)]
@@ -32,7 +32,7 @@ impl CellReader {
     /// Takes over one cell of the file.
     pub(crate) fn push(
         &mut self,
-        mesh: &mut MeshFile,
+        out: &mut MeshFile,
         file: &Path,
         place: impl Fn() -> Place,
         code: i64,
@@ -56,39 +56,38 @@ impl CellReader {
         }
         let n = &corners;
         match (code, n.len()) {
-            (2, 1..) => n.iter().for_each(|&node| mesh.push_cell(CellKind::Vertex1, &[node])),
-            (4, 2..) => n.windows(2).for_each(|pair| mesh.push_cell(CellKind::Line2, pair)),
+            (2, 1..) => n.iter().for_each(|&node| out.mesh.push_cell(CellKind::Point, &[node])),
+            (4, 2..) => n.windows(2).for_each(|pair| out.mesh.push_cell(CellKind::Line2, pair)),
             (6, 3..) => {
                 for (i, t) in n.windows(3).enumerate() {
                     // Every other triangle of a strip is turned round.
                     let t = if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
-                    mesh.push_cell(CellKind::Triangle3, &t);
+                    out.mesh.push_cell(CellKind::Tri3, &t);
                 }
             }
-            (7, 3) => mesh.push_cell(CellKind::Triangle3, n),
-            (7, 4) => mesh.push_cell(CellKind::Quad4, n),
+            (7, 3) => out.mesh.push_cell(CellKind::Tri3, n),
+            (7, 4) => out.mesh.push_cell(CellKind::Quad4, n),
             (7, 5..) => n[1..]
                 .windows(2)
-                .for_each(|pair| mesh.push_cell(CellKind::Triangle3, &[n[0], pair[0], pair[1]])),
-            (13, 6) if is_inward(&mesh.points, n) => {
-                mesh.push_cell(CellKind::Wedge6, &[n[0], n[2], n[1], n[3], n[5], n[4]]);
+                .for_each(|pair| out.mesh.push_cell(CellKind::Tri3, &[n[0], pair[0], pair[1]])),
+            (13, 6) if is_inward(&out.mesh.points, n) => {
+                out.mesh.push_cell(CellKind::Wedge6, &[n[0], n[2], n[1], n[3], n[5], n[4]]);
                 self.turned += 1;
             }
-            (8, 4) => mesh.push_cell(CellKind::Quad4, &[n[0], n[1], n[3], n[2]]),
-            (11, 8) => {
-                mesh.push_cell(CellKind::Hexahedron8, &[n[0], n[1], n[3], n[2], n[4], n[5], n[7], n[6]])
-            }
+            (8, 4) => out.mesh.push_cell(CellKind::Quad4, &[n[0], n[1], n[3], n[2]]),
+            (11, 8) => out.mesh.push_cell(CellKind::Hex8, &[n[0], n[1], n[3], n[2], n[4], n[5], n[7], n[6]]),
             _ => {
-                let kind = u8::try_from(code).ok().and_then(CellKind::from_vtk).ok_or_else(|| {
-                    IoError::UnsupportedCell {
-                        file: file.into(),
-                        place: place(),
-                        cell,
-                        format: "VTK",
-                        code,
-                        name: name(code),
-                        supported: SUPPORTED,
-                    }
+                let kind = u8::try_from(code).ok().and_then(CellKind::from_vtk_code);
+                // Lagrange pyramids are of any order; one of these is a kind.
+                let kind = kind.filter(|kind| *kind != CellKind::Pyramid14 || n.len() == kind.node_count());
+                let kind = kind.ok_or_else(|| IoError::UnsupportedCell {
+                    file: file.into(),
+                    place: place(),
+                    cell,
+                    format: "VTK",
+                    code,
+                    name: name(code),
+                    supported: CellKind::NAMES,
                 })?;
                 if n.len() != kind.node_count() {
                     let what = format!(
@@ -99,7 +98,7 @@ impl CellReader {
                     );
                     return Err(IoError::Inconsistent { file: file.into(), place: place(), what });
                 }
-                mesh.push_cell(kind, n);
+                out.mesh.push_cell(kind, n);
             }
         }
         let made = match code {
@@ -125,19 +124,19 @@ impl CellReader {
     /// Lets the arrays over the file's cells follow the cells that were taken apart, and says so. Arrays that would
     /// take more than `room` values together are left out, with a note: many arrays over one long poly-line would
     /// take memory out of proportion to the file.
-    pub(crate) fn finish(self, mesh: &mut MeshFile, mut room: usize) {
+    pub(crate) fn finish(self, out: &mut MeshFile, mut room: usize) {
         if self.turned > 0 {
             let note = "wedges had their base facing outwards, as old VTK manuals have it: turned round";
-            mesh.notes.push(format!("{} {note}", self.turned));
+            out.notes.push(format!("{} {note}", self.turned));
         }
         if self.divided == 0 {
             return;
         }
         let note =
             "cells of several parts (poly-lines, strips, polygons) were divided into lines and triangles";
-        mesh.notes.push(format!("{} {note}", self.divided));
-        let notes = &mut mesh.notes;
-        mesh.cell_data.retain_mut(|DataArray { name, components, values }| {
+        out.notes.push(format!("{} {note}", self.divided));
+        let notes = &mut out.notes;
+        out.cell_data.retain_mut(|DataArray { name, components, values }| {
             let left = self.source.len().checked_mul(*components).and_then(|needed| room.checked_sub(needed));
             let Some(left) = left else {
                 notes.push(format!("the cell array \"{name}\" is left out: too large for the divided cells"));

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::mesh::{DataArray, Group, MeshFile};
+use crate::mesh::{DataArray, MeshFile};
+use vi_mesh::Region;
 
 /// Arrays whose values are numbers of regions. A region of value 3 is the group "material_id=3"; with Gmsh's own
 /// array it is "3", as an unnamed physical group of a .msh file is.
@@ -14,16 +15,16 @@ const MEMBER_PREFIX: &str = "group:";
 const REGION_LIMIT: usize = 1000;
 
 /// Makes groups of the arrays that stand for them. `group:…` arrays are consumed, the others stay.
-pub(crate) fn from_arrays(mesh: &mut MeshFile) {
-    let dimensions: Vec<u8> = mesh.cells().map(|(kind, _)| kind.dimension() as u8).collect();
-    let arrays = std::mem::take(&mut mesh.cell_data);
+pub(crate) fn from_arrays(out: &mut MeshFile) {
+    let dimensions: Vec<u8> = out.mesh.cells().map(|(kind, _)| kind.dimension() as u8).collect();
+    let arrays = std::mem::take(&mut out.cell_data);
     for array in arrays {
         if let Some(name) = array.name.strip_prefix(MEMBER_PREFIX).filter(|_| is_integer(&array)) {
             let mut members: BTreeMap<u8, Vec<u32>> = BTreeMap::new();
             for (i, _) in array.values.iter().enumerate().filter(|(_, value)| **value != 0.0) {
                 members.entry(dimensions[i]).or_default().push(i as u32);
             }
-            mesh.groups.extend(members.into_iter().map(|(dimension, cells)| Group {
+            out.mesh.regions.extend(members.into_iter().map(|(dimension, cells)| Region {
                 name: name.into(),
                 dimension: dimension.into(),
                 cells,
@@ -36,20 +37,20 @@ pub(crate) fn from_arrays(mesh: &mut MeshFile) {
                 members.entry((dimensions[i], value as i64)).or_default().push(i as u32);
             }
             if members.len() > REGION_LIMIT {
-                mesh.notes.push(format!(
+                out.notes.push(format!(
                     "\"{}\" has {} values: too many for regions",
                     array.name,
                     members.len()
                 ));
             } else {
-                mesh.groups.extend(members.into_iter().map(|((dimension, value), cells)| {
+                out.mesh.regions.extend(members.into_iter().map(|((dimension, value), cells)| {
                     let gmsh = array.name == "gmsh:physical";
                     let name = if gmsh { value.to_string() } else { format!("{}={value}", array.name) };
-                    Group { name, dimension: dimension.into(), cells }
+                    Region { name, dimension: dimension.into(), cells }
                 }));
             }
         }
-        mesh.cell_data.push(array);
+        out.cell_data.push(array);
     }
 }
 

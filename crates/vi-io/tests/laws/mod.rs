@@ -6,8 +6,8 @@ use vi_io::{IoError, MeshFile};
 
 /// Panics if the result of reading `file` is not one that readers may give.
 pub(crate) fn hold(file: &Path, result: &Result<MeshFile, IoError>) {
-    let mesh = match result {
-        Ok(mesh) => mesh,
+    let read = match result {
+        Ok(read) => read,
         Err(error) => {
             let message = error.to_string();
             assert!(message.starts_with(&*file.to_string_lossy()), "no file in: {message}");
@@ -15,19 +15,19 @@ pub(crate) fn hold(file: &Path, result: &Result<MeshFile, IoError>) {
             return;
         }
     };
-    assert!(mesh.points.as_flattened().iter().all(|x| x.is_finite()), "a coordinate is not finite");
-    for (kind, nodes) in mesh.cells() {
+    assert!(read.mesh.points.as_flattened().iter().all(|x| x.is_finite()), "a coordinate is not finite");
+    for (kind, nodes) in read.mesh.cells() {
         assert_eq!(nodes.len(), kind.node_count());
-        assert!(nodes.iter().all(|&node| (node as usize) < mesh.points.len()), "a node is out of range");
+        assert!(nodes.iter().all(|&node| (node as usize) < read.mesh.points.len()), "a node is out of range");
     }
-    for block in &mesh.blocks {
+    for block in &read.mesh.blocks {
         assert!(
             !block.nodes.is_empty() && block.nodes.len() % block.kind.node_count() == 0,
             "a broken block"
         );
     }
-    let cell_count = mesh.cell_count();
-    for group in &mesh.groups {
+    let cell_count = read.mesh.cell_count();
+    for group in &read.mesh.regions {
         assert!(group.dimension <= 3 || group.cells.is_empty());
         assert!(group.cells.is_sorted_by(|a, b| a < b), "the cells of a group are not ascending");
         assert!(
@@ -35,7 +35,7 @@ pub(crate) fn hold(file: &Path, result: &Result<MeshFile, IoError>) {
             "a cell of a group is out of range"
         );
     }
-    for (arrays, count) in [(&mesh.point_data, mesh.points.len()), (&mesh.cell_data, cell_count)] {
+    for (arrays, count) in [(&read.point_data, read.mesh.points.len()), (&read.cell_data, cell_count)] {
         for array in arrays {
             assert!(array.components > 0);
             assert_eq!(

@@ -1,9 +1,8 @@
-//! The point of a surface nearest to a point in space, as weights on the surface's nodes. It must not
-//! know why it is asked for.
+//! The point of a surface nearest to a point in space, as weights on the surface's nodes.
 
-use crate::ElementKind;
+use crate::CellKind;
 use crate::facet::{FacetBlock, Surface, shapes};
-use crate::tensor::dot;
+use crate::vector::dot;
 
 /// A point of a surface: Σ weight × node.
 #[derive(Debug, Clone, PartialEq)]
@@ -88,13 +87,13 @@ fn mean(x: &[[f64; 3]], weights: &[f64]) -> [f64; 3] {
 
 /// Values of the shape functions at the point of a facet nearest to the origin, its nodes at `x`, by pattern search
 /// over the reference facet: no derivatives, no failure at its borders.
-fn search(kind: ElementKind, x: &[[f64; 3]]) -> Vec<f64> {
+fn search(kind: CellKind, x: &[[f64; 3]]) -> Vec<f64> {
     let values = |xi: [f64; 2]| -> Vec<f64> { shapes(kind, xi).into_iter().map(|(n, _)| n).collect() };
     let far = |xi: [f64; 2]| {
         let gap = mean(x, &values(xi));
         dot(gap, gap).sqrt()
     };
-    let is_triangle = kind == ElementKind::Tri6;
+    let is_triangle = kind.corner_count() == 3;
     let inside = |[u, v]: [f64; 2]| {
         if !is_triangle {
             return [u.clamp(-1.0, 1.0), v.clamp(-1.0, 1.0)];
@@ -175,7 +174,7 @@ mod tests {
 
     #[test]
     fn the_nearest_point_of_a_box_is_its_clamped_coordinates() {
-        for element in [ElementKind::Tet4, ElementKind::Tet10, ElementKind::Hex8, ElementKind::Hex20] {
+        for element in [CellKind::Tet4, CellKind::Tet10, CellKind::Hex8, CellKind::Hex20] {
             let mesh =
                 BoxMesh { size: [1.0; 3], cells: [2, 3, 2], element, origin: [0.0; 3] }.build().unwrap();
             let surface = Surface::of_body(&mesh, 3).unwrap();

@@ -1,29 +1,41 @@
 //! Facets of a surface: shape functions, quadrature and orientation of triangles and quadrilaterals.
-//! It must not know loads, laws or volumes' kernels.
 
-use crate::tensor::cross;
-use crate::{ElementKind, FemError, Mesh};
-
-/// Nodes of the largest facet.
-pub(crate) const MAX_NODES: usize = 9;
+use crate::vector::cross;
+use crate::{CellKind, Mesh, MeshError};
 
 /// A quadrature point of a reference facet.
 #[derive(Debug, Clone)]
-pub(crate) struct FacetPoint {
-    pub(crate) weight: f64,
+pub struct FacetPoint {
+    /// Its weight; the sum over a rule is the area of the reference facet.
+    pub weight: f64,
     /// N_a(ξ, η).
-    pub(crate) values: Vec<f64>,
+    pub values: Vec<f64>,
     /// ∂N_a/∂(ξ, η).
-    pub(crate) gradients: Vec<[f64; 2]>,
+    pub gradients: Vec<[f64; 2]>,
+}
+
+impl FacetPoint {
+    /// Position and tangents x, x,ξ, x,η at the point of a facet whose nodes are at `nodes`.
+    pub fn frame(&self, nodes: impl Iterator<Item = [f64; 3]>) -> [[f64; 3]; 3] {
+        let mut out = [[0.0; 3]; 3];
+        for ((x, value), gradient) in nodes.zip(&self.values).zip(&self.gradients) {
+            for i in 0..3 {
+                out[0][i] += value * x[i];
+                out[1][i] += gradient[0] * x[i];
+                out[2][i] += gradient[1] * x[i];
+            }
+        }
+        out
+    }
 }
 
 /// The rule of a kind: exact for ∫ N_a (x,ξ × x,η) dξdη, the force of a pressure.
-pub(crate) fn rule(kind: ElementKind) -> Option<Vec<FacetPoint>> {
+pub(crate) fn rule(kind: CellKind) -> Option<Vec<FacetPoint>> {
     let points: Vec<([f64; 2], f64)> = match kind {
-        ElementKind::Tri3 => triangle_degree_2(),
-        ElementKind::Tri6 => triangle_degree_4(),
-        ElementKind::Quad4 => square(&gauss_2()),
-        ElementKind::Quad8 | ElementKind::Quad9 => square(&gauss_3()),
+        CellKind::Tri3 => triangle_degree_2(),
+        CellKind::Tri6 => triangle_degree_4(),
+        CellKind::Quad4 => square(&gauss_2()),
+        CellKind::Quad8 | CellKind::Quad9 => square(&gauss_3()),
         _ => return None,
     };
     let point = |(xi, weight)| {
@@ -65,11 +77,11 @@ fn square(line: &[(f64, f64)]) -> Vec<([f64; 2], f64)> {
 }
 
 /// (N_a, ∂N_a/∂(ξ, η)) in VTK's order; triangles on ξ, η ≥ 0, ξ + η ≤ 1, squares on [−1, 1]².
-pub(crate) fn shapes(kind: ElementKind, [x, y]: [f64; 2]) -> Vec<(f64, [f64; 2])> {
+pub(crate) fn shapes(kind: CellKind, [x, y]: [f64; 2]) -> Vec<(f64, [f64; 2])> {
     let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
     match kind {
-        ElementKind::Tri3 => vec![(1.0 - x - y, [-1.0, -1.0]), (x, [1.0, 0.0]), (y, [0.0, 1.0])],
-        ElementKind::Tri6 => {
+        CellKind::Tri3 => vec![(1.0 - x - y, [-1.0, -1.0]), (x, [1.0, 0.0]), (y, [0.0, 1.0])],
+        CellKind::Tri6 => {
             let l = [1.0 - x - y, x, y];
             let d = [[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]];
             let mut out: Vec<_> =
@@ -80,13 +92,13 @@ pub(crate) fn shapes(kind: ElementKind, [x, y]: [f64; 2]) -> Vec<(f64, [f64; 2])
             }
             out
         }
-        ElementKind::Quad4 => corners
+        CellKind::Quad4 => corners
             .map(|[a, b]| {
                 let (p, q) = (1.0 + a * x, 1.0 + b * y);
                 (0.25 * p * q, [0.25 * a * q, 0.25 * b * p])
             })
             .to_vec(),
-        ElementKind::Quad8 => {
+        CellKind::Quad8 => {
             let mut out: Vec<_> = corners
                 .iter()
                 .map(|&[a, b]| {
@@ -124,36 +136,27 @@ pub(crate) fn shapes(kind: ElementKind, [x, y]: [f64; 2]) -> Vec<(f64, [f64; 2])
     }
 }
 
-/// Facets of one kind with their rule.
+/// Facets of one kind with their quadrature rule, which is exact for ∫ N_a (x,ξ × x,η) dξdη, the force of a pressure.
 #[derive(Debug, Clone)]
-pub(crate) struct FacetBlock {
-    pub(crate) kind: ElementKind,
-    /// `kind.node_count()` a facet.
-    pub(crate) nodes: Vec<u32>,
-    pub(crate) rule: Vec<FacetPoint>,
+pub struct FacetBlock {
+    /// Their kind.
+    pub kind: CellKind,
+    /// `kind.node_count()` node numbers per facet.
+    pub nodes: Vec<u32>,
+    /// Quadrature points of the reference facet.
+    pub rule: Vec<FacetPoint>,
 }
 
 impl FacetBlock {
-    pub(crate) fn arity(&self) -> usize {
+    /// Number of nodes per facet.
+    pub fn arity(&self) -> usize {
         self.kind.node_count()
     }
 
-    pub(crate) fn facets(&self) -> impl Iterator<Item = &[u32]> {
+    /// The nodes of each facet.
+    pub fn facets(&self) -> impl Iterator<Item = &[u32]> {
         self.nodes.chunks_exact(self.arity())
     }
-}
-
-/// Position and tangents x, x,ξ, x,η at a point of a facet.
-pub(crate) fn frame(point: &FacetPoint, nodes: impl Iterator<Item = [f64; 3]>) -> [[f64; 3]; 3] {
-    let mut out = [[0.0; 3]; 3];
-    for ((x, value), gradient) in nodes.zip(&point.values).zip(&point.gradients) {
-        for i in 0..3 {
-            out[0][i] += value * x[i];
-            out[1][i] += gradient[0] * x[i];
-            out[2][i] += gradient[1] * x[i];
-        }
-    }
-    out
 }
 
 /// A part of the boundary of a body: the facets of a named region.
@@ -168,21 +171,21 @@ impl Surface {
     /// whatever the order of their nodes in the mesh.
     ///
     /// # Errors
-    /// [`FemError::UnknownRegion`] with the names there are; [`FemError::Invalid`] where the region has
+    /// [`MeshError::UnknownRegion`] with the names there are; [`MeshError::Invalid`] where the region has
     /// no facets.
-    pub fn of_region(mesh: &Mesh, name: &str) -> Result<Self, FemError> {
+    pub fn of_region(mesh: &Mesh, name: &str) -> Result<Self, MeshError> {
         mesh.region(name)?;
         let regions = mesh.regions.iter().filter(|region| region.name == name && region.dimension == 2);
-        let mut cells: Vec<u32> = regions.flat_map(|region| region.elements.iter().copied()).collect();
+        let mut cells: Vec<u32> = regions.flat_map(|region| region.cells.iter().copied()).collect();
         cells.sort_unstable();
         cells.dedup();
         if cells.is_empty() {
             let dimension = mesh.region(name)?.dimension;
             let problem =
                 format!("region '{name}' has dimension {dimension} and no facets; name a surface region");
-            return Err(FemError::Invalid { what: "surface", problem });
+            return Err(MeshError::Invalid { what: "surface", problem });
         }
-        let mut blocks: Vec<(ElementKind, Vec<u32>)> = Vec::new();
+        let mut blocks: Vec<(CellKind, Vec<u32>)> = Vec::new();
         for cell in cells {
             let Some((kind, nodes)) = mesh.cell(cell as usize) else { continue };
             let index = blocks.iter().position(|block| block.0 == kind).unwrap_or_else(|| {
@@ -197,9 +200,9 @@ impl Surface {
     }
 
     /// Facets by kind with their nodes.
-    pub(crate) fn from_blocks(name: &str, blocks: Vec<(ElementKind, Vec<u32>)>) -> Result<Self, FemError> {
+    pub(crate) fn from_blocks(name: &str, blocks: Vec<(CellKind, Vec<u32>)>) -> Result<Self, MeshError> {
         let with_rule = |(kind, nodes)| {
-            let rule = rule(kind).ok_or(FemError::Unsupported { kind, used: "facets of a surface" })?;
+            let rule = rule(kind).ok_or(MeshError::Unsupported { kind, used: "facets of a surface" })?;
             Ok(FacetBlock { kind, nodes, rule })
         };
         let blocks = blocks.into_iter().map(with_rule).collect::<Result<_, _>>()?;
@@ -209,6 +212,11 @@ impl Surface {
     /// Its name.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Its facets by kind.
+    pub fn blocks(&self) -> &[FacetBlock] {
+        &self.blocks
     }
 
     /// The facets whose nodes are all among `nodes`.
@@ -238,7 +246,7 @@ impl Surface {
     pub fn normals(&self, mesh: &Mesh) -> Vec<(u32, [f64; 3])> {
         let mut sums: std::collections::BTreeMap<u32, [f64; 3]> = Default::default();
         for block in &self.blocks {
-            let places = crate::mesh::reference_nodes(block.kind);
+            let places = block.kind.reference_nodes();
             let at_nodes: Vec<FacetPoint> = places
                 .iter()
                 .map(|xi| {
@@ -249,7 +257,7 @@ impl Surface {
             for nodes in block.facets() {
                 let at = || nodes.iter().map(|&node| mesh.points[node as usize]);
                 let normal = |point: &FacetPoint| {
-                    let [_, a, b] = frame(point, at());
+                    let [_, a, b] = point.frame(at());
                     let n = cross(a, b);
                     (n, (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt())
                 };
@@ -272,7 +280,7 @@ impl Surface {
         for block in &self.blocks {
             for nodes in block.facets() {
                 for point in &block.rule {
-                    let [_, a, b] = frame(point, nodes.iter().map(|&node| mesh.points[node as usize]));
+                    let [_, a, b] = point.frame(nodes.iter().map(|&node| mesh.points[node as usize]));
                     let n = cross(a, b);
                     area += point.weight * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
                 }
@@ -288,8 +296,8 @@ impl Surface {
         for block in &self.blocks {
             for nodes in block.facets() {
                 for point in &block.rule {
-                    let [x, a, b] = frame(point, nodes.iter().map(|&node| mesh.points[node as usize]));
-                    volume += point.weight * crate::tensor::dot(x, cross(a, b)) / 3.0;
+                    let [x, a, b] = point.frame(nodes.iter().map(|&node| mesh.points[node as usize]));
+                    volume += point.weight * crate::vector::dot(x, cross(a, b)) / 3.0;
                 }
             }
         }
@@ -298,14 +306,14 @@ impl Surface {
 }
 
 /// Reverses the sense of rotation of a facet's nodes.
-pub(crate) fn turn_over(kind: ElementKind, nodes: &mut [u32]) {
+pub(crate) fn turn_over(kind: CellKind, nodes: &mut [u32]) {
     match kind {
-        ElementKind::Tri3 => nodes.swap(1, 2),
-        ElementKind::Tri6 => {
+        CellKind::Tri3 => nodes.swap(1, 2),
+        CellKind::Tri6 => {
             nodes.swap(1, 2);
             nodes.swap(3, 5);
         }
-        ElementKind::Quad4 => nodes.swap(1, 3),
+        CellKind::Quad4 => nodes.swap(1, 3),
         _ => {
             nodes.swap(1, 3);
             nodes.swap(4, 7);
@@ -318,11 +326,11 @@ pub(crate) fn turn_over(kind: ElementKind, nodes: &mut [u32]) {
 mod tests {
     use super::*;
 
-    const KINDS: [ElementKind; 5] =
-        [ElementKind::Tri3, ElementKind::Tri6, ElementKind::Quad4, ElementKind::Quad8, ElementKind::Quad9];
+    const KINDS: [CellKind; 5] =
+        [CellKind::Tri3, CellKind::Tri6, CellKind::Quad4, CellKind::Quad8, CellKind::Quad9];
 
-    fn reference_nodes(kind: ElementKind) -> Vec<[f64; 2]> {
-        crate::mesh::reference_nodes(kind).into_iter().map(|[x, y, _]| [x, y]).collect()
+    fn reference_nodes(kind: CellKind) -> Vec<[f64; 2]> {
+        kind.reference_nodes().iter().map(|&[x, y, _]| [x, y]).collect()
     }
 
     #[test]
@@ -350,7 +358,7 @@ mod tests {
     fn rules_integrate_what_they_promise() {
         // ∫ x^p y^q over the triangle = p! q!/(p + q + 2)!, over the square a product.
         let factorial = |n: u32| (1..=n).map(f64::from).product::<f64>();
-        for (kind, degree) in [(ElementKind::Tri3, 2), (ElementKind::Tri6, 4)] {
+        for (kind, degree) in [(CellKind::Tri3, 2), (CellKind::Tri6, 4)] {
             for p in 0..=degree {
                 for q in 0..=degree - p {
                     let points = if degree == 2 { triangle_degree_2() } else { triangle_degree_4() };

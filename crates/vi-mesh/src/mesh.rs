@@ -1,16 +1,6 @@
-//! A mesh as finite elements see it: points, cells of all dimensions, named regions. It must not
-//! know files, laws or time.
+//! Points, cells of all dimensions, named regions.
 
-mod check;
-mod finer;
-mod lift;
-mod refine;
-
-pub use finer::FinerMesh;
-
-use crate::{ElementKind, FemError};
-pub(crate) use check::volume_of_round_off;
-pub(crate) use refine::reference_nodes;
+use crate::{CellKind, MeshError};
 
 /// Points, blocks of cells of one kind each, and named sets of cells.
 ///
@@ -21,24 +11,29 @@ pub struct Mesh {
     /// Positions at rest, m.
     pub points: Vec<[f64; 3]>,
     /// Cells.
-    pub blocks: Vec<ElementBlock>,
+    pub blocks: Vec<CellBlock>,
     /// Named sets of cells; a cell may be in several.
     pub regions: Vec<Region>,
 }
 
 /// Cells of one kind.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ElementBlock {
+pub struct CellBlock {
     /// Their kind.
-    pub kind: ElementKind,
+    pub kind: CellKind,
     /// Node numbers, `kind.node_count()` a cell, in VTK's order.
     pub nodes: Vec<u32>,
 }
 
-impl ElementBlock {
-    /// How many cells.
-    pub fn count(&self) -> usize {
+impl CellBlock {
+    /// Number of cells.
+    pub fn cell_count(&self) -> usize {
         self.nodes.len() / self.kind.node_count()
+    }
+
+    /// The nodes of each cell.
+    pub fn cells(&self) -> impl ExactSizeIterator<Item = &[u32]> {
+        self.nodes.chunks_exact(self.kind.node_count())
     }
 }
 
@@ -49,8 +44,8 @@ pub struct Region {
     pub name: String,
     /// 3 volume, 2 surface, 1 curve, 0 points.
     pub dimension: usize,
-    /// Cell numbers.
-    pub elements: Vec<u32>,
+    /// Cell numbers. Readers give them ascending, each once.
+    pub cells: Vec<u32>,
 }
 
 /// The distance below which the round-off of coordinates does not tell points apart, m: four units of the
@@ -62,28 +57,41 @@ pub fn resolution(points: &[[f64; 3]]) -> f64 {
 impl Mesh {
     /// How many cells of all kinds.
     pub fn cell_count(&self) -> usize {
-        self.blocks.iter().map(ElementBlock::count).sum()
+        self.blocks.iter().map(CellBlock::cell_count).sum()
     }
 
-    /// Kind and nodes of the cell that is element number `element` of `what`.
+    /// Kind and nodes of every cell, in order.
+    pub fn cells(&self) -> impl Iterator<Item = (CellKind, &[u32])> {
+        self.blocks.iter().flat_map(|block| block.cells().map(|nodes| (block.kind, nodes)))
+    }
+
+    /// Appends one cell, to the last block if that is of its kind.
+    ///
+    /// # Panics
+    /// If `nodes` does not hold `kind.node_count()` nodes.
+    pub fn push_cell(&mut self, kind: CellKind, nodes: &[u32]) {
+        assert_eq!(nodes.len(), kind.node_count());
+        match self.blocks.last_mut() {
+            Some(block) if block.kind == kind => block.nodes.extend_from_slice(nodes),
+            _ => self.blocks.push(CellBlock { kind, nodes: nodes.to_vec() }),
+        }
+    }
+
+    /// Kind and nodes of the cell that is element number `element` of `what`, which an error names.
     ///
     /// # Errors
-    /// [`FemError::OutOfRange`] for a cell that is not there.
-    pub(crate) fn element(
-        &self,
-        element: u32,
-        what: &'static str,
-    ) -> Result<(ElementKind, &[u32]), FemError> {
+    /// [`MeshError::OutOfRange`] for a cell that is not there.
+    pub fn element(&self, element: u32, what: &'static str) -> Result<(CellKind, &[u32]), MeshError> {
         let index = element as usize;
         let available = self.cell_count();
-        self.cell(index).ok_or(FemError::OutOfRange { what, index, target: "cell", value: index, available })
+        self.cell(index).ok_or(MeshError::OutOfRange { what, index, target: "cell", value: index, available })
     }
 
     /// Kind and nodes of a cell.
-    pub fn cell(&self, index: usize) -> Option<(ElementKind, &[u32])> {
+    pub fn cell(&self, index: usize) -> Option<(CellKind, &[u32])> {
         let mut index = index;
         for block in &self.blocks {
-            let (count, arity) = (block.count(), block.kind.node_count());
+            let (count, arity) = (block.cell_count(), block.kind.node_count());
             if index < count {
                 return Some((block.kind, &block.nodes[index * arity..][..arity]));
             }
@@ -97,7 +105,7 @@ impl Mesh {
         let mut first = 0;
         let mut cells = Vec::new();
         for block in &self.blocks {
-            let next = first + block.count() as u32;
+            let next = first + block.cell_count() as u32;
             if block.kind.dimension() == dimension {
                 cells.extend(first..next);
             }
@@ -109,9 +117,9 @@ impl Mesh {
     /// The region of this name.
     ///
     /// # Errors
-    /// [`FemError::UnknownRegion`] with the names there are.
-    pub fn region(&self, name: &str) -> Result<&Region, FemError> {
-        self.regions.iter().find(|region| region.name == name).ok_or_else(|| FemError::UnknownRegion {
+    /// [`MeshError::UnknownRegion`] with the names there are.
+    pub fn region(&self, name: &str) -> Result<&Region, MeshError> {
+        self.regions.iter().find(|region| region.name == name).ok_or_else(|| MeshError::UnknownRegion {
             name: name.into(),
             available: self.regions.iter().map(|region| region.name.clone()).collect(),
         })
@@ -121,11 +129,11 @@ impl Mesh {
     /// surface at once), ascending, each once.
     ///
     /// # Errors
-    /// [`FemError::UnknownRegion`] with the names there are.
-    pub fn region_nodes(&self, name: &str) -> Result<Vec<u32>, FemError> {
+    /// [`MeshError::UnknownRegion`] with the names there are.
+    pub fn region_nodes(&self, name: &str) -> Result<Vec<u32>, MeshError> {
         self.region(name)?;
         let regions = self.regions.iter().filter(|region| region.name == name);
-        let cells = regions.flat_map(|region| &region.elements);
+        let cells = regions.flat_map(|region| &region.cells);
         let mut nodes: Vec<u32> = cells
             .filter_map(|&cell| self.cell(cell as usize))
             .flat_map(|(_, nodes)| nodes.iter().copied())

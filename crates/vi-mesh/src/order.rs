@@ -1,9 +1,7 @@
 //! Orders of the elements of a region and of the nodes of a mesh in which neighbours in space are neighbours in
-//! the list, so that a run of elements touches few nodes, and those near each other. It must not know what is
-//! summed over them.
+//! the list, so that a run of elements touches few nodes, and those near each other.
 
 use crate::Mesh;
-use crate::pack::GROUP;
 
 /// Bits of each coordinate that count.
 const BITS: u32 = 20;
@@ -33,7 +31,7 @@ impl Curve {
 }
 
 /// Sorts elements along Morton's curve through their centroids.
-pub(crate) fn sort_by_place(mesh: &Mesh, elements: &mut [u32]) {
+pub fn sort_by_place(mesh: &Mesh, elements: &mut [u32]) {
     let centroid = |element: u32| {
         let nodes = mesh.cell(element as usize).map_or(&[][..], |(_, nodes)| nodes);
         let mut sum = [0.0; 3];
@@ -99,21 +97,6 @@ impl Numbering {
     }
 }
 
-/// Deals the elements of each run of `run_length` into groups of eight, so that those of a group are an eighth of
-/// the run apart: they share no node (but by chance), and what they add to the sums at their nodes does
-/// not wait for each other.
-pub(crate) fn interleave(run_length: usize, elements: &mut [u32]) {
-    for run in elements.chunks_mut(run_length) {
-        let (whole, _) = run.as_chunks_mut::<GROUP>();
-        let sorted = whole.as_flattened().to_vec();
-        for (k, group) in whole.iter_mut().enumerate() {
-            for (lane, element) in group.iter_mut().enumerate() {
-                *element = sorted[lane * (sorted.len() / GROUP) + k];
-            }
-        }
-    }
-}
-
 /// Two zeros before each of the lowest 21 bits.
 fn spread(bits: u64) -> u64 {
     let mut x = bits & 0x1f_ffff;
@@ -132,7 +115,7 @@ fn spread(bits: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BoxMesh, ElementKind};
+    use crate::{BoxMesh, CellKind};
 
     #[test]
     fn every_third_bit() {
@@ -141,28 +124,9 @@ mod tests {
     }
 
     #[test]
-    fn groups_of_a_run_are_of_far_elements() {
-        let mut elements: Vec<u32> = (0..150).collect();
-        interleave(64, &mut elements);
-        assert_eq!(elements[8..16], [1, 9, 17, 25, 33, 41, 49, 57]);
-        assert_eq!(elements[64..72], [64, 72, 80, 88, 96, 104, 112, 120]);
-        assert_eq!(
-            elements[128..],
-            [
-                128, 130, 132, 134, 136, 138, 140, 142, 129, 131, 133, 135, 137, 139, 141, 143, 144, 145,
-                146, 147, 148, 149
-            ]
-        );
-    }
-
-    #[test]
     fn a_numbering_is_of_the_same_mesh() {
-        let mesh = BoxMesh {
-            size: [4.0, 1.0, 2.0],
-            cells: [5, 3, 4],
-            element: ElementKind::Tet10,
-            origin: [1.0; 3],
-        };
+        let mesh =
+            BoxMesh { size: [4.0, 1.0, 2.0], cells: [5, 3, 4], element: CellKind::Tet10, origin: [1.0; 3] };
         let mesh = mesh.build().unwrap();
         let numbering = Numbering::by_place(&mesh);
         let other = numbering.mesh(&mesh);
@@ -184,12 +148,8 @@ mod tests {
 
     #[test]
     fn runs_touch_few_nodes() {
-        let mesh = BoxMesh {
-            size: [4.0, 1.0, 1.0],
-            cells: [32, 8, 8],
-            element: ElementKind::Tet4,
-            origin: [0.0; 3],
-        };
+        let mesh =
+            BoxMesh { size: [4.0, 1.0, 1.0], cells: [32, 8, 8], element: CellKind::Tet4, origin: [0.0; 3] };
         let mesh = mesh.build().unwrap();
         let mut elements = mesh.cells_of_dimension(3);
         let nodes_of = |elements: &[u32]| -> usize {

@@ -1,47 +1,47 @@
-//! The triangles of a sheet and their edges: who is whose neighbour, and which way is up. It must not
-//! know laws.
+//! The triangles of a sheet and their edges: which are neighbours, and which way they face.
 
-use crate::{ElementKind, FemError, Mesh};
+use crate::vector::{cross, dot};
+use crate::{CellKind, Mesh, MeshError};
 
 /// Triangles of a mesh with their edges.
-pub(crate) struct Surface {
+pub struct Triangulation {
     /// Positions of all nodes of the mesh, m.
-    pub(crate) points: Vec<[f64; 3]>,
+    pub points: Vec<[f64; 3]>,
     /// Corners of each triangle in the flat pattern it is cut from, m, where there is one.
     pattern: Option<Vec<[[f64; 3]; 3]>>,
     /// Nodes of each triangle.
-    pub(crate) triangles: Vec<[u32; 3]>,
+    pub triangles: Vec<[u32; 3]>,
     /// The mesh's number of each triangle.
-    pub(crate) cells: Vec<u32>,
+    pub cells: Vec<u32>,
     /// Edges, ascending by their nodes.
-    pub(crate) edges: Vec<Edge>,
+    pub edges: Vec<Edge>,
     /// The three edges of each triangle: edge k lies opposite node k.
-    pub(crate) edges_of: Vec<[u32; 3]>,
+    pub edges_of: Vec<[u32; 3]>,
 }
 
 /// An edge and the triangles that meet there, ascending.
-pub(crate) struct Edge {
+pub struct Edge {
     /// Its nodes, ascending.
-    pub(crate) nodes: [u32; 2],
+    pub nodes: [u32; 2],
     /// Triangle and which of its edges this is.
-    pub(crate) sides: Vec<(u32, u8)>,
+    pub sides: Vec<(u32, u8)>,
 }
 
-impl Surface {
+impl Triangulation {
     /// The triangles `elements` of a mesh.
     ///
     /// # Errors
     /// Cells that are not there or no linear triangles, and triangles without area.
-    pub(crate) fn new(mesh: &Mesh, elements: &[u32]) -> Result<Self, FemError> {
+    pub fn new(mesh: &Mesh, elements: &[u32]) -> Result<Self, MeshError> {
         let mut triangles = Vec::with_capacity(elements.len());
         for (index, &element) in elements.iter().enumerate() {
             match mesh.cell(element as usize) {
-                Some((ElementKind::Tri3, &[a, b, c])) => triangles.push([a, b, c]),
+                Some((CellKind::Tri3, &[a, b, c])) => triangles.push([a, b, c]),
                 Some((kind, _)) => {
-                    return Err(FemError::Unsupported { kind, used: "elements of a sheet (they are tri3)" });
+                    return Err(MeshError::Unsupported { kind, used: "elements of a sheet (they are tri3)" });
                 }
                 None => {
-                    return Err(FemError::OutOfRange {
+                    return Err(MeshError::OutOfRange {
                         what: "sheet, element",
                         index,
                         target: "cell",
@@ -61,8 +61,8 @@ impl Surface {
     ///
     /// # Errors
     /// A pattern of another length, triangles without area in it, neighbours folded onto each other in it.
-    pub(crate) fn with_pattern(mut self, pattern: &[[[f64; 2]; 3]]) -> Result<Self, FemError> {
-        let invalid = |problem| FemError::Invalid { what: "pattern of a sheet", problem };
+    pub fn with_pattern(mut self, pattern: &[[[f64; 2]; 3]]) -> Result<Self, MeshError> {
+        let invalid = |problem| MeshError::Invalid { what: "pattern of a sheet", problem };
         let Some(flat) = self.cells.iter().map(|&cell| pattern.get(cell as usize).copied()).collect() else {
             return Err(invalid(format!("it has {} cells, fewer than the mesh", pattern.len())));
         };
@@ -101,12 +101,12 @@ impl Surface {
     }
 
     /// Is the shape at rest a flat pattern?
-    pub(crate) fn has_pattern(&self) -> bool {
+    pub fn has_pattern(&self) -> bool {
         self.pattern.is_some()
     }
 
     /// Corners of a triangle at rest, m.
-    pub(crate) fn corners(&self, triangle: usize) -> [[f64; 3]; 3] {
+    pub fn corners(&self, triangle: usize) -> [[f64; 3]; 3] {
         match &self.pattern {
             Some(pattern) => pattern[triangle],
             None => self.placed(triangle),
@@ -114,12 +114,12 @@ impl Surface {
     }
 
     /// Corners of a triangle where the mesh has them, m.
-    pub(crate) fn placed(&self, triangle: usize) -> [[f64; 3]; 3] {
+    pub fn placed(&self, triangle: usize) -> [[f64; 3]; 3] {
         self.triangles[triangle].map(|node| self.points[node as usize])
     }
 
     /// The node of a triangle opposite its edge `k`, and the edge's nodes in the triangle's sense.
-    pub(crate) fn around(&self, triangle: u32, k: u8) -> [u32; 3] {
+    pub fn around(&self, triangle: u32, k: u8) -> [u32; 3] {
         let nodes = self.triangles[triangle as usize];
         let k = usize::from(k);
         [nodes[k], nodes[(k + 1) % 3], nodes[(k + 2) % 3]]
@@ -150,21 +150,21 @@ fn edges(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
 }
 
 /// Refuses triangles whose height over the longest side is below 1e-8 of that side.
-fn check_areas(points: &[[f64; 3]], triangles: &[[u32; 3]], elements: &[u32]) -> Result<(), FemError> {
+fn check_areas(points: &[[f64; 3]], triangles: &[[u32; 3]], elements: &[u32]) -> Result<(), MeshError> {
     let mut bad = Vec::new();
     for (nodes, &element) in triangles.iter().zip(elements) {
         let [a, b, c] = nodes.map(|node| points[node as usize]);
         let squared = |p: [f64; 3], q: [f64; 3]| (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>();
         let longest = squared(a, b).max(squared(b, c)).max(squared(c, a));
         let (u, v) = ([0, 1, 2].map(|k| b[k] - a[k]), [0, 1, 2].map(|k| c[k] - a[k]));
-        let normal = crate::tensor::cross(u, v);
-        let area = 0.5 * crate::tensor::dot(normal, normal).sqrt();
+        let normal = cross(u, v);
+        let area = 0.5 * dot(normal, normal).sqrt();
         if area.is_nan() || area <= 0.5e-8 * longest {
             bad.push((element, area));
         }
     }
     let Some(&(element, area)) = bad.first() else { return Ok(()) };
-    Err(FemError::Invalid {
+    Err(MeshError::Invalid {
         what: "sheet",
         problem: format!(
             "{} of {} triangles have no area (first: element {element}, {area:.3e} m²); remove them or \
@@ -220,8 +220,8 @@ impl Orientation {
 ///
 /// # Errors
 /// As for the potentials of a sheet: cells that are not triangles, or without area.
-pub fn orient_triangles(mesh: &mut Mesh, elements: &[u32]) -> Result<Orientation, FemError> {
-    let surface = Surface::new(mesh, elements)?;
+pub fn orient_triangles(mesh: &mut Mesh, elements: &[u32]) -> Result<Orientation, MeshError> {
+    let surface = Triangulation::new(mesh, elements)?;
     let count = surface.triangles.len();
     let mut report = Orientation::default();
     let mut flipped: Vec<Option<bool>> = vec![None; count];
@@ -274,28 +274,35 @@ pub fn orient_triangles(mesh: &mut Mesh, elements: &[u32]) -> Result<Orientation
 }
 
 /// Do two triangles run along their common edge in the same sense (so that they face opposite ways)?
-fn same_sense(surface: &Surface, one: (u32, u8), two: (u32, u8)) -> bool {
+fn same_sense(surface: &Triangulation, one: (u32, u8), two: (u32, u8)) -> bool {
     surface.around(one.0, one.1)[1] == surface.around(two.0, two.1)[1]
 }
 
 fn turn_over(mesh: &mut Mesh, mut cell: usize) {
     for block in &mut mesh.blocks {
-        if cell < block.count() {
+        if cell < block.cell_count() {
             block.nodes.swap(3 * cell + 1, 3 * cell + 2);
             return;
         }
-        cell -= block.count();
+        cell -= block.cell_count();
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ElementBlock, SheetMesh};
+    use crate::{CellBlock, SheetMesh, SheetPattern};
 
     fn sheet() -> Mesh {
-        let spec = r#"{ "size": [1.0, 1.0], "cells": [3, 3] }"#;
-        serde_json::from_str::<SheetMesh>(spec).unwrap().build().unwrap()
+        let shape = SheetMesh {
+            size: [1.0; 2],
+            cells: [3; 2],
+            pattern: SheetPattern::Diagonal,
+            seed: 0,
+            origin: [0.0; 3],
+            directions: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        };
+        shape.build().unwrap()
     }
 
     #[test]
@@ -331,7 +338,7 @@ mod tests {
             })
             .collect();
         let mut mesh =
-            Mesh { points, blocks: vec![ElementBlock { kind: ElementKind::Tri3, nodes }], regions: vec![] };
+            Mesh { points, blocks: vec![CellBlock { kind: CellKind::Tri3, nodes }], regions: vec![] };
         let elements = mesh.cells_of_dimension(2);
         let report = orient_triangles(&mut mesh, &elements).unwrap();
         assert_eq!(report.one_sided, 1, "{report:?}");
@@ -342,7 +349,7 @@ mod tests {
         let mut mesh = sheet();
         mesh.points[5] = mesh.points[4];
         let elements = mesh.cells_of_dimension(2);
-        let message = Surface::new(&mesh, &elements).err().unwrap().to_string();
+        let message = Triangulation::new(&mesh, &elements).err().unwrap().to_string();
         assert!(message.contains("no area") && message.contains("element"), "{message}");
     }
 }

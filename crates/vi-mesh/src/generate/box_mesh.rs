@@ -1,31 +1,29 @@
-//! Box meshes. It must not know laws or files.
+//! Boxes of solid cells.
 
-mod cells;
-
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use self::cells::LatticePoint;
-use crate::{ElementBlock, ElementKind, FemError, Mesh, Region};
+use super::box_cells::{LatticePoint, elements, facets};
+use crate::{CellBlock, CellKind, Mesh, MeshError, Region};
 
 /// A box of cells: `box = { size = [1.0, 0.25, 0.25], cells = [16, 4, 4], element = "tet4" }`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct BoxMesh {
     /// Extents along x, y, z, m; positive.
     pub size: [f64; 3],
     /// Cells along x, y, z; at least 1 each.
     pub cells: [u32; 3],
-    /// The element that cells are made of; a cell is one hexahedron, 2 wedges or 6 tetrahedra.
-    #[serde(default = "default_element")]
-    pub element: ElementKind,
+    /// The element that cells are made of; a cell is one hexahedron, 2 wedges, 6 tetrahedra
+    /// or 6 pyramids.
+    #[cfg_attr(feature = "serde", serde(default = "default_element"))]
+    pub element: CellKind,
     /// The corner of smallest coordinates, m.
-    #[serde(default)]
+    #[cfg_attr(feature = "serde", serde(default))]
     pub origin: [f64; 3],
 }
 
-fn default_element() -> ElementKind {
-    ElementKind::Tet4
+#[cfg(feature = "serde")]
+fn default_element() -> CellKind {
+    CellKind::Tet4
 }
 
 /// The faces of a box: name, the axis they are across, and whether they are the far one.
@@ -62,18 +60,29 @@ fn cells_of(counts: [usize; 3], held: Option<(usize, usize)>) -> impl Iterator<I
 }
 
 impl BoxMesh {
+    /// The kinds of cells that boxes are made of.
+    pub fn elements() -> impl Iterator<Item = CellKind> {
+        CellKind::ALL.iter().copied().filter(|&kind| elements(kind).is_some())
+    }
+
+    /// Number of elements that the box has; 0 for a kind that boxes are not made of.
+    pub fn element_count(&self) -> f64 {
+        let in_cell = elements(self.element).map_or(0, |elements| elements.len());
+        in_cell as f64 * self.cells.map(f64::from).iter().product::<f64>()
+    }
+
     /// The mesh: nodes in lattice order, i fastest (for elements without middle nodes, node =
     /// i + j nx + k nx ny); the volume region `box` and the surface regions
     /// `x-min x-max y-min y-max z-min z-max`.
     ///
     /// # Errors
-    /// [`FemError::Parameter`] for a size that is not positive or no cells,
-    /// [`FemError::Unsupported`] for a kind that boxes are not made of.
-    pub fn build(&self) -> Result<Mesh, FemError> {
+    /// [`MeshError::Parameter`] for a size that is not positive or no cells,
+    /// [`MeshError::Unsupported`] for a kind that boxes are not made of.
+    pub fn build(&self) -> Result<Mesh, MeshError> {
         self.check()?;
         let kind = self.element;
-        let Some(elements) = cells::elements(kind) else {
-            return Err(FemError::Unsupported { kind, used: "elements of a box" });
+        let Some(elements) = elements(kind) else {
+            return Err(MeshError::Unsupported { kind, used: "elements of a box" });
         };
         let counts = self.cells.map(|count| count as usize);
         let mut lattice = Lattice { counts: counts.map(|count| 2 * count + 1), numbers: Vec::new() };
@@ -84,20 +93,20 @@ impl BoxMesh {
         let nodes: Vec<u32> = cells_of(counts, None).flat_map(in_cell).collect();
         let mut cell_count = nodes.len() / kind.node_count();
         let all = (0..cell_count as u32).collect();
-        let mut regions = vec![Region { name: "box".into(), dimension: 3, elements: all }];
-        let mut blocks = vec![ElementBlock { kind, nodes }];
+        let mut regions = vec![Region { name: "box".into(), dimension: 3, cells: all }];
+        let mut blocks = vec![CellBlock { kind, nodes }];
         for (name, axis, far) in FACES {
-            let (facet_kind, facets) = cells::facets(kind, axis, far);
+            let (facet_kind, facets) = facets(kind, &elements, axis, far);
             let held = Some((axis, if far { counts[axis] - 1 } else { 0 }));
             let on_face = |cell| facets.iter().flatten().map(move |point| number(cell, point));
             let nodes: Vec<u32> = cells_of(counts, held).flat_map(on_face).collect();
             let next = cell_count + nodes.len() / facet_kind.node_count();
-            let elements = (cell_count as u32..next as u32).collect();
-            regions.push(Region { name: name.into(), dimension: 2, elements });
+            let cells = (cell_count as u32..next as u32).collect();
+            regions.push(Region { name: name.into(), dimension: 2, cells });
             cell_count = next;
             match blocks.last_mut() {
                 Some(block) if block.kind == facet_kind => block.nodes.extend(nodes),
-                _ => blocks.push(ElementBlock { kind: facet_kind, nodes }),
+                _ => blocks.push(CellBlock { kind: facet_kind, nodes }),
             }
         }
         Ok(Mesh { points, blocks, regions })
@@ -125,30 +134,30 @@ impl BoxMesh {
         points
     }
 
-    fn check(&self) -> Result<(), FemError> {
+    fn check(&self) -> Result<(), MeshError> {
         for value in self.size {
             if !(value > 0.0 && value.is_finite()) {
                 let requirement = "every extent of a box must be positive (m)";
-                return Err(FemError::Parameter { key: "size", value, requirement });
+                return Err(MeshError::Parameter { key: "size", value, requirement });
             }
         }
         for value in self.origin {
             if !value.is_finite() {
                 let requirement = "the origin of a box must be finite (m)";
-                return Err(FemError::Parameter { key: "origin", value, requirement });
+                return Err(MeshError::Parameter { key: "origin", value, requirement });
             }
         }
         let mut nodes: f64 = 1.0;
         for count in self.cells {
             if count == 0 {
                 let requirement = "a box needs at least one cell along every axis";
-                return Err(FemError::Parameter { key: "cells", value: 0.0, requirement });
+                return Err(MeshError::Parameter { key: "cells", value: 0.0, requirement });
             }
             nodes *= 2.0 * f64::from(count) + 1.0;
         }
         if nodes > f64::from(u32::MAX) {
             let requirement = "so many cells need more than 2³² nodes";
-            return Err(FemError::Parameter { key: "cells", value: nodes, requirement });
+            return Err(MeshError::Parameter { key: "cells", value: nodes, requirement });
         }
         Ok(())
     }
@@ -157,10 +166,11 @@ impl BoxMesh {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Surface;
 
     #[test]
     fn the_unit_cube_is_numbered_as_in_the_reference_case() {
-        let mesh = BoxMesh { size: [1.0; 3], cells: [1; 3], element: ElementKind::Tet4, origin: [0.0; 3] }
+        let mesh = BoxMesh { size: [1.0; 3], cells: [1; 3], element: CellKind::Tet4, origin: [0.0; 3] }
             .build()
             .unwrap();
         assert_eq!(mesh.points[5], [1.0, 0.0, 1.0]);
@@ -173,7 +183,7 @@ mod tests {
         let mesh = BoxMesh {
             size: [2.0, 1.0, 0.5],
             cells: [4, 3, 2],
-            element: ElementKind::Tet4,
+            element: CellKind::Tet4,
             origin: [-1.0, 0.0, 0.25],
         }
         .build()
@@ -185,30 +195,35 @@ mod tests {
         for cell in mesh.cells_of_dimension(2) {
             let (_, nodes) = mesh.cell(cell as usize).unwrap();
             let [a, b, c] = [0, 1, 2].map(|k| mesh.points[nodes[k] as usize]);
-            flux += crate::tensor::determinant(&[a, b, c]) / 2.0;
+            flux += crate::vector::determinant([a, b, c]) / 2.0;
         }
         assert!((flux - 3.0).abs() < 1e-14, "{flux}");
     }
 
     #[test]
     fn boxes_of_all_elements_are_sound_and_share_their_middle_nodes() {
-        for &element in ElementKind::SOLIDS {
+        for element in BoxMesh::elements() {
             let size = [1.0, 2.0, 0.5];
-            let mesh = BoxMesh { size, cells: [2, 3, 1], element, origin: [0.0; 3] }.build().unwrap();
+            let shape = BoxMesh { size, cells: [2, 3, 1], element, origin: [0.0; 3] };
+            let mesh = shape.build().unwrap();
             mesh.check(3).unwrap();
             assert!(mesh.region_nodes("z-max").unwrap().len() >= 12, "{element}");
-            if [ElementKind::Tet4, ElementKind::Hex8, ElementKind::Wedge6].contains(&element) {
+            if [CellKind::Tet4, CellKind::Hex8, CellKind::Wedge6].contains(&element) {
                 assert_eq!(mesh.points.len(), 3 * 4 * 2);
             }
-            if element == ElementKind::Hex27 || element == ElementKind::Tet10 {
+            if element == CellKind::Hex27 || element == CellKind::Tet10 {
                 assert_eq!(mesh.points.len(), 5 * 7 * 3);
             }
-            let mut masses = vec![0.0; mesh.points.len()];
-            crate::add_lumped_mass(&mesh, &mesh.cells_of_dimension(3), 2.0, &mut masses).unwrap();
-            assert!(
-                (masses.iter().sum::<f64>() - 2.0).abs() < 1e-13 && masses.iter().all(|&m| m > 0.0),
-                "{element}"
-            );
+            let solids = mesh.cells_of_dimension(3);
+            assert_eq!(solids.len() as f64, shape.element_count());
+            let volumes: Vec<f64> = solids.iter().map(|&cell| mesh.volume(cell as usize).unwrap()).collect();
+            assert!(volumes.iter().all(|&volume| volume > 0.0), "{element}");
+            assert!((volumes.iter().sum::<f64>() - 1.0).abs() < 1e-13, "{element}");
+            // The named faces are the faces that one element has alone.
+            let boundary = Surface::of_body(&mesh, 3).unwrap();
+            let named = |name| Surface::of_region(&mesh, name).unwrap().blocks()[0].facets().count();
+            let count: usize = FACES.iter().map(|(name, ..)| named(name)).sum();
+            assert_eq!(boundary.blocks().iter().map(|block| block.facets().count()).sum::<usize>(), count);
         }
     }
 }

@@ -1,60 +1,22 @@
-//! Quadratic elements in the place of linear ones. It must not know where the mesh came from.
+//! Quadratic cells in the place of linear ones.
 
 use std::collections::HashMap;
 
-use super::{FinerMesh, Mesh};
-use crate::{ElementBlock, ElementKind};
+use crate::{CellBlock, FinerMesh, Mesh};
 
-const EDGE: &[[usize; 2]] = &[[0, 1]];
-const TRIANGLE: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 0]];
-const QUADRILATERAL: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 3], [3, 0]];
-const TETRAHEDRON: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]];
-const WEDGE: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]];
-const HEXAHEDRON: &[[usize; 2]] =
-    &[[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
-
-/// The quadratic kind of a linear one, and the edges whose middles are its new nodes, in order.
-fn lifted(kind: ElementKind) -> Option<(ElementKind, &'static [[usize; 2]])> {
-    match kind {
-        ElementKind::Line2 => Some((ElementKind::Line3, EDGE)),
-        ElementKind::Tri3 => Some((ElementKind::Tri6, TRIANGLE)),
-        ElementKind::Quad4 => Some((ElementKind::Quad8, QUADRILATERAL)),
-        ElementKind::Tet4 => Some((ElementKind::Tet10, TETRAHEDRON)),
-        ElementKind::Wedge6 => Some((ElementKind::Wedge15, WEDGE)),
-        ElementKind::Hex8 => Some((ElementKind::Hex20, HEXAHEDRON)),
-        _ => None,
-    }
-}
-
-/// The edges of a quadratic cell and the nodes in their middles.
-fn middles(block: &ElementBlock) -> impl Iterator<Item = ([u32; 2], u32)> {
-    let linear = [
-        ElementKind::Line2,
-        ElementKind::Tri3,
-        ElementKind::Quad4,
-        ElementKind::Tet4,
-        ElementKind::Wedge6,
-        ElementKind::Hex8,
-    ];
-    let is_of = |low: &ElementKind| match block.kind {
-        ElementKind::Quad9 => *low == ElementKind::Quad4,
-        ElementKind::Hex27 => *low == ElementKind::Hex8,
-        ElementKind::Wedge18 => *low == ElementKind::Wedge6,
-        kind => lifted(*low).is_some_and(|(high, _)| high == kind),
-    };
-    let low = linear.into_iter().find(is_of);
-    let edges = low.and_then(lifted).map_or(&[][..], |(_, edges)| edges);
-    let corners = low.map_or(0, ElementKind::node_count);
-    let cells = block.nodes.chunks_exact(block.kind.node_count());
-    cells.flat_map(move |cell| {
+/// The edges of the cells of a block and the nodes in their middles; none for linear cells.
+fn middles(block: &CellBlock) -> impl Iterator<Item = ([u32; 2], u32)> {
+    let edges = if block.kind.is_linear() { &[] } else { block.kind.edges() };
+    let corners = block.kind.corner_count();
+    block.cells().flat_map(move |cell| {
         let of_edge = move |(k, &[a, b]): (usize, &[usize; 2])| ([cell[a], cell[b]], cell[corners + k]);
         edges.iter().enumerate().map(of_edge)
     })
 }
 
 impl Mesh {
-    /// The mesh with quadratic cells (Tet10, Hex20, Wedge15, Tri6, Quad8, Line3) in the place of
-    /// linear ones: a new node in the middle of every edge, numbered after the old ones; cells,
+    /// The mesh with quadratic cells ([`CellKind::quadratic`](crate::CellKind::quadratic)) in the place of linear
+    /// ones: a new node in the middle of every edge, numbered after the old ones; cells,
     /// regions and cells that are quadratic already stay as they are. Where an edge belongs to a
     /// quadratic cell too, its middle node is that cell's: curved boundaries stay curved.
     pub fn lifted(&self) -> FinerMesh {
@@ -67,14 +29,14 @@ impl Mesh {
             known.map(|(edge, middle)| (sorted(edge), middle)).collect();
         let mut blocks = Vec::with_capacity(self.blocks.len());
         for block in &self.blocks {
-            let Some((kind, edges)) = lifted(block.kind) else {
+            let Some(kind) = block.kind.quadratic().filter(|_| block.kind.is_linear()) else {
                 blocks.push(block.clone());
                 continue;
             };
-            let mut nodes = Vec::with_capacity(block.count() * kind.node_count());
-            for corners in block.nodes.chunks_exact(block.kind.node_count()) {
+            let mut nodes = Vec::with_capacity(block.cell_count() * kind.node_count());
+            for corners in block.cells() {
                 nodes.extend_from_slice(corners);
-                nodes.extend(edges.iter().map(|&[a, b]| {
+                nodes.extend(kind.edges().iter().map(|&[a, b]| {
                     let [a, b] = [corners[a], corners[b]];
                     *middle_of.entry(sorted([a, b])).or_insert_with(|| {
                         let (p, q) = (points[a as usize], points[b as usize]);
@@ -84,7 +46,7 @@ impl Mesh {
                     })
                 }));
             }
-            blocks.push(ElementBlock { kind, nodes });
+            blocks.push(CellBlock { kind, nodes });
         }
         let cells = (0..self.cell_count() as u32).collect();
         FinerMesh { mesh: Mesh { points, blocks, regions: self.regions.clone() }, parents, cells }
@@ -94,15 +56,12 @@ impl Mesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::BoxMesh;
+    use crate::{BoxMesh, CellKind};
 
     #[test]
     fn a_lifted_box_is_the_box_of_quadratic_elements() {
-        for (linear, quadratic) in [
-            (ElementKind::Tet4, ElementKind::Tet10),
-            (ElementKind::Hex8, ElementKind::Hex20),
-            (ElementKind::Wedge6, ElementKind::Wedge15),
-        ] {
+        for linear in [CellKind::Tet4, CellKind::Hex8, CellKind::Wedge6] {
+            let quadratic = linear.quadratic().unwrap();
             let build = |element| {
                 BoxMesh { size: [1.0, 2.0, 0.5], cells: [2, 3, 2], element, origin: [0.0; 3] }
                     .build()
@@ -127,8 +86,8 @@ mod tests {
         let mut points = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.5, -0.1, 0.0]];
         points.extend([[0.5, 0.5, 0.0], [0.0, 0.5, 0.0]]);
         let blocks = vec![
-            ElementBlock { kind: ElementKind::Tet4, nodes: vec![0, 1, 2, 3] },
-            ElementBlock { kind: ElementKind::Tri6, nodes: vec![0, 1, 2, 4, 5, 6] },
+            CellBlock { kind: CellKind::Tet4, nodes: vec![0, 1, 2, 3] },
+            CellBlock { kind: CellKind::Tri6, nodes: vec![0, 1, 2, 4, 5, 6] },
         ];
         let lifted = Mesh { points, blocks, regions: vec![] }.lifted();
         assert_eq!(lifted.mesh.blocks[0].nodes[4..7], [4, 5, 6]);

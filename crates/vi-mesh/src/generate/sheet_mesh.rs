@@ -1,40 +1,40 @@
-//! Rectangular sheets of triangles. It must not know laws or files.
+//! Rectangular sheets of triangles.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use crate::{ElementBlock, ElementKind, FemError, Mesh, Region};
+use crate::{CellBlock, CellKind, Mesh, MeshError, Region};
 
 /// A rectangle of triangles: `sheet = { size = [1.0, 1.0], cells = [40, 40], pattern = "cross" }`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct SheetMesh {
     /// Extents along the two directions, m; positive.
     pub size: [f64; 2],
     /// Cells along the two directions; at least 1 each.
     pub cells: [u32; 2],
     /// How a cell is cut into triangles.
-    #[serde(default)]
+    #[cfg_attr(feature = "serde", serde(default))]
     pub pattern: SheetPattern,
     /// Which of the random meshes, for `pattern = "random"`; the same seed makes the same mesh.
-    #[serde(default)]
+    #[cfg_attr(feature = "serde", serde(default))]
     pub seed: u64,
     /// The corner `x-min`, `y-min`, m.
-    #[serde(default)]
+    #[cfg_attr(feature = "serde", serde(default))]
     pub origin: [f64; 3],
     /// The directions of the two extents in space; of any length, at a right angle. The normal is
     /// their cross product.
-    #[serde(default = "default_directions")]
+    #[cfg_attr(feature = "serde", serde(default = "default_directions"))]
     pub directions: [[f64; 3]; 2],
 }
 
+#[cfg(any(feature = "serde", test))]
 fn default_directions() -> [[f64; 3]; 2] {
     [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
 }
 
 /// How the cells of a sheet are cut into triangles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum SheetPattern {
     /// Two triangles a cell, all diagonals alike: cheap, stiffer in one direction than in the other.
     #[default]
@@ -51,9 +51,9 @@ impl SheetMesh {
     /// points `x-min-y-min x-max-y-min x-min-y-max x-max-y-max`.
     ///
     /// # Errors
-    /// [`FemError::Parameter`] for a size that is not positive, no cells, or directions that are
+    /// [`MeshError::Parameter`] for a size that is not positive, no cells, or directions that are
     /// zero or not at a right angle.
-    pub fn build(&self) -> Result<Mesh, FemError> {
+    pub fn build(&self) -> Result<Mesh, MeshError> {
         let [u, v] = self.check()?;
         let [nx, ny] = self.cells.map(|count| count as usize);
         let node = |i: usize, j: usize| (i + j * (nx + 1)) as u32;
@@ -88,7 +88,7 @@ impl SheetMesh {
             .collect();
         let triangle_count = (triangles.len() / 3) as u32;
         let mut regions =
-            vec![Region { name: "sheet".into(), dimension: 2, elements: (0..triangle_count).collect() }];
+            vec![Region { name: "sheet".into(), dimension: 2, cells: (0..triangle_count).collect() }];
         let sides: [(&str, Vec<u32>); 4] = [
             ("x-min", (0..=ny).map(|j| node(0, j)).collect()),
             ("x-max", (0..=ny).map(|j| node(nx, j)).collect()),
@@ -100,7 +100,7 @@ impl SheetMesh {
             let first = triangle_count + (lines.len() / 2) as u32;
             lines.extend(nodes.windows(2).flatten().copied());
             let last = triangle_count + (lines.len() / 2) as u32;
-            regions.push(Region { name: name.into(), dimension: 1, elements: (first..last).collect() });
+            regions.push(Region { name: name.into(), dimension: 1, cells: (first..last).collect() });
         }
         let corners = [
             ("x-min-y-min", node(0, 0)),
@@ -110,12 +110,12 @@ impl SheetMesh {
         ];
         let first = triangle_count + (lines.len() / 2) as u32;
         for (k, (name, _)) in corners.iter().enumerate() {
-            regions.push(Region { name: (*name).into(), dimension: 0, elements: vec![first + k as u32] });
+            regions.push(Region { name: (*name).into(), dimension: 0, cells: vec![first + k as u32] });
         }
         let blocks = vec![
-            ElementBlock { kind: ElementKind::Tri3, nodes: triangles },
-            ElementBlock { kind: ElementKind::Line2, nodes: lines },
-            ElementBlock { kind: ElementKind::Point, nodes: corners.map(|(_, node)| node).to_vec() },
+            CellBlock { kind: CellKind::Tri3, nodes: triangles },
+            CellBlock { kind: CellKind::Line2, nodes: lines },
+            CellBlock { kind: CellKind::Point, nodes: corners.map(|(_, node)| node).to_vec() },
         ];
         Ok(Mesh { points, blocks, regions })
     }
@@ -130,7 +130,7 @@ impl SheetMesh {
             dot / (length * self.size[k])
         };
         let of_cell = |cell: usize| match mesh.cell(cell) {
-            Some((ElementKind::Tri3, &[a, b, c])) => {
+            Some((CellKind::Tri3, &[a, b, c])) => {
                 [a, b, c].map(|node| [0, 1].map(|k| along(mesh.points[node as usize], k)))
             }
             _ => [[0.0; 2]; 3],
@@ -139,29 +139,29 @@ impl SheetMesh {
     }
 
     /// Everything wrong with the numbers, else the unit directions.
-    fn check(&self) -> Result<[[f64; 3]; 2], FemError> {
+    fn check(&self) -> Result<[[f64; 3]; 2], MeshError> {
         for size in self.size {
             if !(size > 0.0 && size.is_finite()) {
                 let requirement = "the extents of a sheet must be positive (m)";
-                return Err(FemError::Parameter { key: "size", value: size, requirement });
+                return Err(MeshError::Parameter { key: "size", value: size, requirement });
             }
         }
         if let Some(&count) = self.cells.iter().find(|&&count| count == 0) {
             let requirement = "a sheet needs at least one cell along each direction";
-            return Err(FemError::Parameter { key: "cells", value: f64::from(count), requirement });
+            return Err(MeshError::Parameter { key: "cells", value: f64::from(count), requirement });
         }
         let lengths = self.directions.map(|d| d.iter().map(|c| c * c).sum::<f64>().sqrt());
         for length in lengths {
             if !(length > 0.0 && length.is_finite()) {
                 let requirement = "the directions of a sheet must not be zero";
-                return Err(FemError::Parameter { key: "directions", value: length, requirement });
+                return Err(MeshError::Parameter { key: "directions", value: length, requirement });
             }
         }
         let unit = [0, 1].map(|d: usize| self.directions[d].map(|c| c / lengths[d]));
         let cosine: f64 = (0..3).map(|k| unit[0][k] * unit[1][k]).sum();
         if cosine.abs() > 1e-12 {
             let requirement = "the directions of a sheet must be at a right angle (this is their cosine)";
-            return Err(FemError::Parameter { key: "directions", value: cosine, requirement });
+            return Err(MeshError::Parameter { key: "directions", value: cosine, requirement });
         }
         Ok(unit)
     }

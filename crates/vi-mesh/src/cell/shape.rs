@@ -1,0 +1,126 @@
+//! The shapes that cells have: corners, edges and faces, which cells of every order share.
+
+use super::CellKind;
+
+/// A reference shape and its topology. All numbers are local corner numbers.
+pub(super) struct Shape {
+    /// Its cell with corners alone.
+    pub(super) linear: CellKind,
+    /// 0 point, 1 line, 2 surface, 3 volume.
+    pub(super) dimension: usize,
+    /// Positions of the corners in the reference cell.
+    pub(super) corners: &'static [[f64; 3]],
+    /// Ends of the edges, in the order of their middle nodes.
+    pub(super) edges: &'static [[usize; 2]],
+    /// Corners of the faces of a volume, seen from outside counter-clockwise, in the order of their middle nodes.
+    pub(super) faces: &'static [&'static [usize]],
+    /// The reference cell is a product of simplices: the coordinates of each. That of a cone is the product at its base.
+    pub(super) factors: &'static [&'static [usize]],
+    /// Does the product shrink to a point along the third coordinate, which goes from 0 to 1?
+    pub(super) is_cone: bool,
+}
+
+const SQUARE_EDGES: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 3], [3, 0]];
+
+pub(super) const POINT: Shape = Shape {
+    linear: CellKind::Point,
+    dimension: 0,
+    corners: &[[0.0; 3]],
+    edges: &[],
+    faces: &[],
+    factors: &[],
+    is_cone: false,
+};
+
+/// ξ from 0 to 1.
+pub(super) const LINE: Shape = Shape {
+    linear: CellKind::Line2,
+    dimension: 1,
+    corners: &[[0.0; 3], [1.0, 0.0, 0.0]],
+    edges: &[[0, 1]],
+    faces: &[],
+    factors: &[&[0]],
+    is_cone: false,
+};
+
+/// ξ, η ≥ 0, ξ + η ≤ 1.
+pub(super) const TRIANGLE: Shape = Shape {
+    linear: CellKind::Tri3,
+    dimension: 2,
+    corners: &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+    edges: &[[0, 1], [1, 2], [2, 0]],
+    faces: &[],
+    factors: &[&[0, 1]],
+    is_cone: false,
+};
+
+/// ξ, η from −1 to 1.
+pub(super) const QUADRILATERAL: Shape = Shape {
+    linear: CellKind::Quad4,
+    dimension: 2,
+    corners: &[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]],
+    edges: SQUARE_EDGES,
+    faces: &[],
+    factors: &[&[0], &[1]],
+    is_cone: false,
+};
+
+/// ξ, η, ζ ≥ 0, ξ + η + ζ ≤ 1.
+pub(super) const TETRAHEDRON: Shape = Shape {
+    linear: CellKind::Tet4,
+    dimension: 3,
+    corners: &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    edges: &[[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]],
+    faces: &[&[0, 1, 3], &[1, 2, 3], &[2, 0, 3], &[0, 2, 1]],
+    factors: &[&[0, 1, 2]],
+    is_cone: false,
+};
+
+/// ξ, η, ζ from −1 to 1; faces −ξ +ξ −η +η −ζ +ζ.
+pub(super) const HEXAHEDRON: Shape = Shape {
+    linear: CellKind::Hex8,
+    dimension: 3,
+    corners: &[
+        [-1.0, -1.0, -1.0],
+        [1.0, -1.0, -1.0],
+        [1.0, 1.0, -1.0],
+        [-1.0, 1.0, -1.0],
+        [-1.0, -1.0, 1.0],
+        [1.0, -1.0, 1.0],
+        [1.0, 1.0, 1.0],
+        [-1.0, 1.0, 1.0],
+    ],
+    edges: &[[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]],
+    faces: &[&[0, 4, 7, 3], &[1, 2, 6, 5], &[0, 1, 5, 4], &[3, 7, 6, 2], &[0, 3, 2, 1], &[4, 5, 6, 7]],
+    factors: &[&[0], &[1], &[2]],
+    is_cone: false,
+};
+
+/// The triangle ξ, η ≥ 0, ξ + η ≤ 1, and ζ from 0 to 1.
+pub(super) const WEDGE: Shape = Shape {
+    linear: CellKind::Wedge6,
+    dimension: 3,
+    corners: &[
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [0.0, 0.0, 1.0],
+        [1.0, 0.0, 1.0],
+        [0.0, 1.0, 1.0],
+    ],
+    edges: &[[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]],
+    faces: &[&[0, 2, 1], &[3, 4, 5], &[0, 1, 4, 3], &[1, 2, 5, 4], &[2, 0, 3, 5]],
+    factors: &[&[0, 1], &[2]],
+    is_cone: false,
+};
+
+/// |ξ|, |η| ≤ 1 − ζ, ζ from 0 to 1.
+pub(super) const PYRAMID: Shape = Shape {
+    linear: CellKind::Pyramid5,
+    dimension: 3,
+    corners: &[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    edges: &[[0, 1], [1, 2], [2, 3], [3, 0], [0, 4], [1, 4], [2, 4], [3, 4]],
+    faces: &[&[0, 3, 2, 1], &[0, 1, 4], &[1, 2, 4], &[2, 3, 4], &[3, 0, 4]],
+    factors: &[&[0], &[1]],
+    is_cone: true,
+};

@@ -1,0 +1,34 @@
+//! Meshes: points, cells of all dimensions, and named regions of them.
+//!
+//! [`CellKind`] is the one table of cells: corners, edges, sides, reference nodes, and codes in file formats. Readers,
+//! generators ([`BoxMesh`], [`SheetMesh`]), refinement ([`Mesh::refined`]), the boundary ([`Surface`]) and finite
+//! elements all read it. A mesh has no physics and no file format.
+
+#![forbid(unsafe_code)]
+
+mod boundary;
+mod cell;
+mod check;
+mod error;
+mod facet;
+mod finer;
+mod generate;
+mod lift;
+mod mesh;
+mod nearest;
+mod order;
+mod refine;
+mod triangulation;
+mod vector;
+mod volume;
+
+pub use cell::{CellKind, Side};
+pub use check::volume_of_round_off;
+pub use error::MeshError;
+pub use facet::{FacetBlock, FacetPoint, Surface};
+pub use finer::FinerMesh;
+pub use generate::{BoxMesh, SheetMesh, SheetPattern};
+pub use mesh::{CellBlock, Mesh, Region, resolution};
+pub use nearest::{NearestPoints, SurfacePoint};
+pub use order::{Numbering, sort_by_place};
+pub use triangulation::{Edge, Orientation, Triangulation, orient_triangles};
