@@ -52,9 +52,7 @@ fn info_tells_what_a_deck_holds() {
         command().arg("info").arg(concat!(env!("CARGO_MANIFEST_DIR"), "/meshes/bar.inp")).output().unwrap();
     assert!(output.status.success());
     let said = String::from_utf8_lossy(&output.stdout);
-    for words in
-        ["16 hexahedron20", "'root', surface, 2 cells", "'pressed', surface, 16 cells", "'bar', volume"]
-    {
+    for words in ["16 hex20", "'root', surface, 2 cells", "'pressed', surface, 16 cells", "'bar', volume"] {
         assert!(said.contains(words), "{words}: {said}");
     }
 }
@@ -66,11 +64,12 @@ fn marks_and_quotes_of_other_programs() {
     let read = |text: &str| variational::io::parse_mesh(text.as_bytes(), "deck.inp".as_ref());
     let own = read(&deck).unwrap();
     let marked = read(&format!("\u{feff}{}", deck.replace('\n', "\r\n"))).unwrap();
-    assert_eq!((&own.points, &own.groups), (&marked.points, &marked.groups));
+    assert_eq!((&own.mesh.points, &own.mesh.regions), (&marked.mesh.points, &marked.mesh.regions));
     let set = "*NSET, NSET=\"held, left\"\n1, 2\n*NSET, NSET=\"more\"\n\"held, left\", 3\n";
     let named = read(&format!("{deck}\n{set}")).unwrap();
-    let members =
-        |name: &str| named.groups.iter().find(|group| group.name == name).map(|group| group.cells.len());
+    let members = |name: &str| {
+        named.mesh.regions.iter().find(|region| region.name == name).map(|region| region.cells.len())
+    };
     assert_eq!((members("held, left"), members("more")), (Some(2), Some(3)));
     let error = read(&format!("{deck}\n*NSET, NSET=\n1, 2\n")).unwrap_err().to_string();
     assert!(error.contains("NSET=<name>"), "{error}");

@@ -128,7 +128,7 @@ pub(super) fn contact(
 /// The surface of a deformable body.
 fn of_body(scene: &Scene, number: usize, body: &BodyModel, rest: &[f64]) -> Result<Part, String> {
     let of_scene = &scene.bodies[number];
-    let surface = vi_fem::Surface::of_body(&body.mesh, of_scene.dimension())
+    let surface = vi_mesh::Surface::of_body(&body.mesh, of_scene.dimension())
         .map_err(|error| format!("body '{}': {error}", body.name))?;
     let number_of = |node: u32| body.node(node as usize) as u32;
     let triangles: Vec<[u32; 3]> =

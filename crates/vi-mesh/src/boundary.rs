@@ -2,8 +2,10 @@
 
 use std::collections::HashMap;
 
+use crate::cell::{CellKind, Side};
+use crate::error::MeshError;
 use crate::facet::{Surface, turn_over};
-use crate::{CellKind, Mesh, MeshError, Side};
+use crate::mesh::Mesh;
 
 /// Does a facet with these corners, a face of the element `nodes`, look into that element?
 ///
@@ -103,7 +105,7 @@ impl Surface {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::BoxMesh;
+    use crate::generate::box_mesh::BoxMesh;
 
     #[test]
     fn a_box_has_the_surface_of_a_box() {

@@ -1,14 +1,13 @@
 //! The one table of cells. A row gives a kind its name, shape, middle nodes and its codes in file formats; sides,
 //! reference nodes and shape functions follow from the row.
 
-mod interpolation;
+pub(crate) mod interpolation;
 #[cfg(test)]
 mod laws;
 mod shape;
 
 use std::sync::LazyLock;
 
-pub(crate) use interpolation::ShapeFunctions;
 use shape::{HEXAHEDRON, LINE, POINT, PYRAMID, QUADRILATERAL, Shape, TETRAHEDRON, TRIANGLE, WEDGE};
 
 /// The nodes of a kind beside its corners: in the middles of edges, then of quadrilateral faces, then of the cell.
@@ -170,8 +169,9 @@ impl CellKind {
     }
 
     /// The kind with the same corners and no other node; itself for a linear kind.
-    pub const fn linear(self) -> Self {
-        self.shape().linear
+    pub fn linear(self) -> Self {
+        let fits = |kind: &Self| kind.shape().family == self.shape().family && kind.is_linear();
+        Self::ALL.iter().copied().find(fits).unwrap_or(self)
     }
 
     /// Does it have corners alone?
@@ -181,15 +181,15 @@ impl CellKind {
 
     /// The kind with the same corners and a node in the middle of every edge, and no other. `None` for a point.
     pub fn quadratic(self) -> Option<Self> {
-        Self::ALL
-            .iter()
-            .copied()
-            .find(|kind| kind.linear() == self.linear() && kind.middles() == Middles::Edges)
+        let fits =
+            |kind: &Self| kind.shape().family == self.shape().family && kind.middles() == Middles::Edges;
+        Self::ALL.iter().copied().find(fits)
     }
 
     /// The kind with the corners of `shape`, and with middle nodes as far as cells of this kind have them.
     pub(crate) fn of_shape(self, shape: Self) -> Self {
-        let fits = |kind: &&Self| kind.linear() == shape.linear() && kind.middles() <= self.middles();
+        let fits =
+            |kind: &&Self| kind.shape().family == shape.shape().family && kind.middles() <= self.middles();
         Self::ALL.iter().filter(fits).max_by_key(|kind| kind.middles()).copied().unwrap_or(shape)
     }
 

@@ -1,7 +1,9 @@
 //! What can be wrong with a mesh, found all at once, and turning mirrored tetrahedra over.
 
+use crate::cell::CellKind;
+use crate::error::MeshError;
+use crate::mesh::Mesh;
 use crate::vector::determinant;
-use crate::{CellKind, Mesh, MeshError};
 
 /// How many offenders a message names.
 const NAMED: usize = 5;
@@ -38,7 +40,7 @@ impl Mesh {
         turned
     }
 
-    fn index_problems(&self) -> Vec<MeshError> {
+    pub(crate) fn index_problems(&self) -> Vec<MeshError> {
         let mut problems = Vec::new();
         for (index, block) in self.blocks.iter().enumerate() {
             let arity = block.kind.node_count();
@@ -75,7 +77,7 @@ impl Mesh {
         problems
     }
 
-    fn coordinate_problems(&self) -> Option<MeshError> {
+    pub(crate) fn coordinate_problems(&self) -> Option<MeshError> {
         let bad = |node: &usize| self.points[*node].iter().any(|value| !value.is_finite());
         let nodes: Vec<u32> = (0..self.points.len()).filter(bad).map(|node| node as u32).collect();
         let first = nodes.iter().copied().take(NAMED).collect();
@@ -111,7 +113,8 @@ pub fn volume_of_round_off(mut nodes: impl Iterator<Item = [f64; 3]>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BoxMesh, CellBlock};
+    use crate::generate::box_mesh::BoxMesh;
+    use crate::mesh::CellBlock;
 
     fn cube() -> Mesh {
         BoxMesh { size: [1.0; 3], cells: [1; 3], element: CellKind::Tet4, origin: [0.0; 3] }.build().unwrap()

@@ -1,6 +1,6 @@
 //! The one error type of this crate, with facts.
 
-use crate::CellKind;
+use crate::cell::CellKind;
 
 /// What can be wrong with a mesh, a region or the shape of a generator.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

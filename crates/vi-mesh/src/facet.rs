@@ -1,7 +1,9 @@
 //! Facets of a surface: shape functions, quadrature and orientation of triangles and quadrilaterals.
 
+use crate::cell::CellKind;
+use crate::error::MeshError;
+use crate::mesh::Mesh;
 use crate::vector::cross;
-use crate::{CellKind, Mesh, MeshError};
 
 /// A quadrature point of a reference facet.
 #[derive(Debug, Clone)]

@@ -1,6 +1,6 @@
 //! A mesh made from a coarser one, and how its nodes follow from the coarse ones.
 
-use crate::Mesh;
+use crate::mesh::Mesh;
 
 /// A mesh whose nodes are sums of the nodes of a coarser one; the coarse nodes come first and keep
 /// their numbers.

@@ -1,8 +1,8 @@
 //! Meshes of simple shapes.
 
 mod box_cells;
-mod box_mesh;
-mod sheet_mesh;
+pub(crate) mod box_mesh;
+pub(crate) mod sheet_mesh;
 
 pub use box_mesh::BoxMesh;
 pub use sheet_mesh::{SheetMesh, SheetPattern};

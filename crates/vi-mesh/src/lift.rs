@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 
-use crate::{CellBlock, FinerMesh, Mesh};
+use crate::finer::FinerMesh;
+use crate::mesh::{CellBlock, Mesh};
 
 /// The edges of the cells of a block and the nodes in their middles; none for linear cells.
 fn middles(block: &CellBlock) -> impl Iterator<Item = ([u32; 2], u32)> {
@@ -56,7 +57,8 @@ impl Mesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BoxMesh, CellKind};
+    use crate::cell::CellKind;
+    use crate::generate::box_mesh::BoxMesh;
 
     #[test]
     fn a_lifted_box_is_the_box_of_quadratic_elements() {

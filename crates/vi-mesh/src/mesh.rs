@@ -1,6 +1,7 @@
 //! Points, cells of all dimensions, named regions.
 
-use crate::{CellKind, MeshError};
+use crate::cell::CellKind;
+use crate::error::MeshError;
 
 /// Points, blocks of cells of one kind each, and named sets of cells.
 ///

@@ -1,6 +1,6 @@
 //! The point of a surface nearest to a point in space, as weights on the surface's nodes.
 
-use crate::CellKind;
+use crate::cell::CellKind;
 use crate::facet::{FacetBlock, Surface, shapes};
 use crate::vector::dot;
 
@@ -170,7 +170,7 @@ fn on_triangle([a, b, c]: [[f64; 3]; 3], p: [f64; 3]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::BoxMesh;
+    use crate::generate::box_mesh::BoxMesh;
 
     #[test]
     fn the_nearest_point_of_a_box_is_its_clamped_coordinates() {

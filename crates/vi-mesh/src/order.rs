@@ -1,7 +1,7 @@
 //! Orders of the elements of a region and of the nodes of a mesh in which neighbours in space are neighbours in
 //! the list, so that a run of elements touches few nodes, and those near each other.
 
-use crate::Mesh;
+use crate::mesh::Mesh;
 
 /// Bits of each coordinate that count.
 const BITS: u32 = 20;
@@ -115,7 +115,8 @@ fn spread(bits: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BoxMesh, CellKind};
+    use crate::cell::CellKind;
+    use crate::generate::box_mesh::BoxMesh;
 
     #[test]
     fn every_third_bit() {

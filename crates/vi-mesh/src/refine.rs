@@ -6,9 +6,12 @@
 
 use std::collections::HashMap;
 
-use crate::cell::ShapeFunctions;
+use crate::cell::CellKind;
+use crate::cell::interpolation::ShapeFunctions;
+use crate::error::MeshError;
+use crate::finer::FinerMesh;
+use crate::mesh::{CellBlock, Mesh, Region};
 use crate::vector::determinant;
-use crate::{CellBlock, CellKind, FinerMesh, Mesh, MeshError, Region};
 
 /// Weights of shape functions at quarter points of a facet are whole numbers of this.
 const WEIGHT_UNIT: f64 = 1.0 / 4096.0;
@@ -298,7 +301,8 @@ fn pyramids_and_tetrahedra(c: &[Point]) -> Vec<(CellKind, Vec<Point>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BoxMesh, Surface};
+    use crate::facet::Surface;
+    use crate::generate::box_mesh::BoxMesh;
 
     /// The elements of boxes that are refined into their own kind alone.
     fn elements() -> impl Iterator<Item = CellKind> {

@@ -1,7 +1,9 @@
 //! The triangles of a sheet and their edges: which are neighbours, and which way they face.
 
+use crate::cell::CellKind;
+use crate::error::MeshError;
+use crate::mesh::Mesh;
 use crate::vector::{cross, dot};
-use crate::{CellKind, Mesh, MeshError};
 
 /// Triangles of a mesh with their edges.
 pub struct Triangulation {
@@ -291,7 +293,8 @@ fn turn_over(mesh: &mut Mesh, mut cell: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{CellBlock, SheetMesh, SheetPattern};
+    use crate::generate::sheet_mesh::{SheetMesh, SheetPattern};
+    use crate::mesh::CellBlock;
 
     fn sheet() -> Mesh {
         let shape = SheetMesh {

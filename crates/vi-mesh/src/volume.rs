@@ -2,9 +2,11 @@
 
 use std::collections::HashMap;
 
+use crate::cell::CellKind;
+use crate::facet::FacetPoint;
 use crate::facet::rule;
+use crate::mesh::Mesh;
 use crate::vector::{cross, dot};
-use crate::{CellKind, FacetPoint, Mesh};
 
 /// Measures cells of one mesh: quadrature rules of sides are made once.
 #[derive(Default)]

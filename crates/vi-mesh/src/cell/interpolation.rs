@@ -7,8 +7,8 @@
 //! Values at dyadic points ξ (as in refinement) are exact: all of their products and sums are short binary fractions,
 //! except inside quadratic pyramids, whose functions are rational.
 
-use super::CellKind;
-use super::shape::Shape;
+use crate::cell::CellKind;
+use crate::cell::shape::Shape;
 
 /// The shape functions of a kind.
 pub(crate) struct ShapeFunctions {

@@ -2,8 +2,9 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::{CellKind, Middles, ShapeFunctions};
-use crate::Mesh;
+use super::interpolation::ShapeFunctions;
+use super::{CellKind, Middles};
+use crate::mesh::Mesh;
 
 fn of_dimension(dimension: usize) -> impl Iterator<Item = CellKind> {
     CellKind::ALL.iter().copied().filter(move |kind| kind.dimension() == dimension)

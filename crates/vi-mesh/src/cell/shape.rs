@@ -1,11 +1,21 @@
 //! The shapes that cells have: corners, edges and faces, which cells of every order share.
 
-use super::CellKind;
+/// The name of a shape.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Family {
+    Point,
+    Line,
+    Triangle,
+    Quadrilateral,
+    Tetrahedron,
+    Hexahedron,
+    Wedge,
+    Pyramid,
+}
 
 /// A reference shape and its topology. All numbers are local corner numbers.
 pub(super) struct Shape {
-    /// Its cell with corners alone.
-    pub(super) linear: CellKind,
+    pub(super) family: Family,
     /// 0 point, 1 line, 2 surface, 3 volume.
     pub(super) dimension: usize,
     /// Positions of the corners in the reference cell.
@@ -23,7 +33,7 @@ pub(super) struct Shape {
 const SQUARE_EDGES: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 3], [3, 0]];
 
 pub(super) const POINT: Shape = Shape {
-    linear: CellKind::Point,
+    family: Family::Point,
     dimension: 0,
     corners: &[[0.0; 3]],
     edges: &[],
@@ -34,7 +44,7 @@ pub(super) const POINT: Shape = Shape {
 
 /// ξ from 0 to 1.
 pub(super) const LINE: Shape = Shape {
-    linear: CellKind::Line2,
+    family: Family::Line,
     dimension: 1,
     corners: &[[0.0; 3], [1.0, 0.0, 0.0]],
     edges: &[[0, 1]],
@@ -45,7 +55,7 @@ pub(super) const LINE: Shape = Shape {
 
 /// ξ, η ≥ 0, ξ + η ≤ 1.
 pub(super) const TRIANGLE: Shape = Shape {
-    linear: CellKind::Tri3,
+    family: Family::Triangle,
     dimension: 2,
     corners: &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
     edges: &[[0, 1], [1, 2], [2, 0]],
@@ -56,7 +66,7 @@ pub(super) const TRIANGLE: Shape = Shape {
 
 /// ξ, η from −1 to 1.
 pub(super) const QUADRILATERAL: Shape = Shape {
-    linear: CellKind::Quad4,
+    family: Family::Quadrilateral,
     dimension: 2,
     corners: &[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]],
     edges: SQUARE_EDGES,
@@ -67,7 +77,7 @@ pub(super) const QUADRILATERAL: Shape = Shape {
 
 /// ξ, η, ζ ≥ 0, ξ + η + ζ ≤ 1.
 pub(super) const TETRAHEDRON: Shape = Shape {
-    linear: CellKind::Tet4,
+    family: Family::Tetrahedron,
     dimension: 3,
     corners: &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
     edges: &[[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]],
@@ -78,7 +88,7 @@ pub(super) const TETRAHEDRON: Shape = Shape {
 
 /// ξ, η, ζ from −1 to 1; faces −ξ +ξ −η +η −ζ +ζ.
 pub(super) const HEXAHEDRON: Shape = Shape {
-    linear: CellKind::Hex8,
+    family: Family::Hexahedron,
     dimension: 3,
     corners: &[
         [-1.0, -1.0, -1.0],
@@ -98,7 +108,7 @@ pub(super) const HEXAHEDRON: Shape = Shape {
 
 /// The triangle ξ, η ≥ 0, ξ + η ≤ 1, and ζ from 0 to 1.
 pub(super) const WEDGE: Shape = Shape {
-    linear: CellKind::Wedge6,
+    family: Family::Wedge,
     dimension: 3,
     corners: &[
         [0.0, 0.0, 0.0],
@@ -116,7 +126,7 @@ pub(super) const WEDGE: Shape = Shape {
 
 /// |ξ|, |η| ≤ 1 − ζ, ζ from 0 to 1.
 pub(super) const PYRAMID: Shape = Shape {
-    linear: CellKind::Pyramid5,
+    family: Family::Pyramid,
     dimension: 3,
     corners: &[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
     edges: &[[0, 1], [1, 2], [2, 3], [3, 0], [0, 4], [1, 4], [2, 4], [3, 4]],

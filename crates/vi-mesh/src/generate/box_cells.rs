@@ -1,7 +1,7 @@
 //! How one box cell is cut into elements and facets, on a lattice of half cells.
 
-use crate::CellKind;
-use crate::cell::ShapeFunctions;
+use crate::cell::interpolation::ShapeFunctions;
+use crate::cell::{CellKind, Side};
 
 /// A node on the lattice of a cell: 0, 1 (middle) or 2 along each axis.
 pub(super) type LatticePoint = [usize; 3];
@@ -57,7 +57,7 @@ pub(super) fn facets(
 ) -> (CellKind, Vec<Vec<LatticePoint>>) {
     let height = if far { 2 } else { 0 };
     let on_face = |nodes: &Vec<LatticePoint>| {
-        let lies_on = |side: &&crate::Side| side.nodes.iter().all(|&a| nodes[a][axis] == height);
+        let lies_on = |side: &&Side| side.nodes.iter().all(|&a| nodes[a][axis] == height);
         kind.sides().iter().find(lies_on).map(|side| side.kind)
     };
     let facet_kind = elements.iter().find_map(on_face).unwrap_or(CellKind::Quad4);

@@ -1,7 +1,9 @@
 //! Boxes of solid cells.
 
 use super::box_cells::{LatticePoint, elements, facets};
-use crate::{CellBlock, CellKind, Mesh, MeshError, Region};
+use crate::cell::CellKind;
+use crate::error::MeshError;
+use crate::mesh::{CellBlock, Mesh, Region};
 
 /// A box of cells: `box = { size = [1.0, 0.25, 0.25], cells = [16, 4, 4], element = "tet4" }`.
 #[derive(Debug, Clone, PartialEq)]
@@ -166,7 +168,7 @@ impl BoxMesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Surface;
+    use crate::facet::Surface;
 
     #[test]
     fn the_unit_cube_is_numbered_as_in_the_reference_case() {

@@ -1,6 +1,8 @@
 //! Rectangular sheets of triangles.
 
-use crate::{CellBlock, CellKind, Mesh, MeshError, Region};
+use crate::cell::CellKind;
+use crate::error::MeshError;
+use crate::mesh::{CellBlock, Mesh, Region};
 
 /// A rectangle of triangles: `sheet = { size = [1.0, 1.0], cells = [40, 40], pattern = "cross" }`.
 #[derive(Debug, Clone, PartialEq)]
