@@ -7,6 +7,7 @@ use serde_json::json;
 use vi_fem::{Bending, Law, SheetLaw};
 use vi_io::{IoError, VtuArray, VtuFrame, VtuOptions, VtuValues};
 use vi_mesh::{BoxMesh, CellBlock, Mesh, Region, SheetMesh};
+use vi_solvers::AcceptedForces;
 
 use super::random::Random;
 use super::transform::{Quantity, Transform, quantity};
@@ -205,13 +206,8 @@ pub fn case(seed: u64, index: u64, directory: &Path) -> Result<Case, CaseError> 
         }
         is_free &= scene.fixes.is_empty();
     }
-    let takes_forces = matches!(
-        scheme,
-        SchemeName::SymplecticEulerA
-            | SchemeName::SymplecticEulerB
-            | SchemeName::StormerVerlet
-            | SchemeName::ImplicitMidpoint
-    );
+    let accepts = scheme.method().map(|method| method.facts().accepts);
+    let takes_forces = accepts.is_some_and(|accepts| accepts.forces == AcceptedForces::All);
     if takes_forces && !making.is_sheet && random.once_in(6) {
         let stiffness_time = crossing * random.decades(1e-3, 1.0);
         let rate = if random.once_in(2) { random.decades(1e-2, 10.0) / crossing } else { 0.0 };
