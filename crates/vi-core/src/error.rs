@@ -1,4 +1,4 @@
-//! The one error type of this crate. It must not know who reports it.
+//! The one error type of this crate.
 
 /// Errors of Lagrangian systems and schemes, with the facts.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

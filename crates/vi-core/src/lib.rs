@@ -1,8 +1,8 @@
 //! The theory in code: a scene is a Lagrangian L = T − V, a time integrator is a choice of
 //! interpolation × quadrature, and everything else follows from Hamilton's principle.
 //!
-//! This crate knows potentials as sums of local terms, generalised coordinates, schemes as plain
-//! data, and what they conserve. It must not know a mesh, a sparse matrix or a file.
+//! This crate knows potentials as sums of local terms, generalised coordinates, schemes as plain data, and what they
+//! conserve.
 
 #![forbid(unsafe_code)]
 

@@ -1,5 +1,4 @@
 //! Vibration modes about a state: the lowest eigenpairs of K φ = ω² M φ, with rigid motions named.
-//! It must not know how the states came about, nor elements.
 
 use std::sync::Arc;
 

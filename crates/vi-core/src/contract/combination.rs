@@ -1,6 +1,5 @@
-//! Nodes whose place is a fixed weighted sum of other nodes, x_i = Σ_k w_ik x_k: a vertex on a surface,
-//! a seam, a point of a rigid body. They are eliminated exactly, as prescribed coordinates are. This
-//! room must not know why nodes are tied.
+//! Nodes whose place is a fixed weighted sum of other nodes, x_i = Σ_k w_ik x_k: a vertex on a surface, a seam, a
+//! point of a rigid body. They are eliminated exactly, as prescribed coordinates are.
 //!
 //! A rigid body is the case that needs *directors*: in natural coordinates (P. Betsch, P. Steinmann,
 //! "Constrained integration of rigid body dynamics", Comput. Methods Appl. Mech. Engrg. 191 (2001)

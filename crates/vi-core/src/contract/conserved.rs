@@ -1,5 +1,4 @@
 //! The quantities of Noether's theorem: energy, linear and angular momentum of a state.
-//! It must not know how a state came about.
 
 use crate::contract::system::{State, System};
 

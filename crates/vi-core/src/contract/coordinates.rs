@@ -1,7 +1,6 @@
-//! Generalised coordinates of a body of points: x = x(q, t), where q are the free coordinates and
-//! the others follow a prescribed path, or are weighted sums of these two (`combination.rs`). Nodes may
-//! count their coordinates along axes of their own (`node_axes.rs`). All that is not free is eliminated,
-//! never penalised. This file must not know why a coordinate is prescribed.
+//! Generalised coordinates of a body of points: x = x(q, t), where q are the free coordinates and the others follow a
+//! prescribed path, or are weighted sums of these two (`combination.rs`). Nodes may count their coordinates along
+//! axes of their own (`node_axes.rs`). All that is not free is eliminated, never penalised.
 
 use crate::contract::combination::{Combination, Combinations};
 use crate::contract::node_axes::{AllNodeAxes, NodeAxes};

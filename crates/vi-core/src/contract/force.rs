@@ -1,8 +1,8 @@
 //! Generalised forces that no potential gives: follower pressure, drag, damping. Each is named and a
 //! sum of local terms like a potential, and its work has its own line in the energy ledger.
 //!
-//! They enter the Lagrange–d'Alembert principle δ∫L dt + ∫f·δx dt = 0, so that M ẍ = −∂V/∂x + f(x, ẋ, t)
-//! (Marsden & West 2001, part 3). This room must not know how blocks are summed, nor how time is stepped.
+//! They enter the Lagrange–d'Alembert principle δ∫L dt + ∫f·δx dt = 0, so that M ẍ = −∂V/∂x + f(x, ẋ, t) (Marsden &
+//! West 2001, part 3).
 
 use std::ops::Range;
 

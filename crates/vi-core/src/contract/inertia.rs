@@ -1,7 +1,6 @@
-//! The mass matrix of quadratic terms of the velocities (consistent mass): M v as the sum of their
-//! gradients, M⁻¹p by conjugate gradients with the lumped mass, whose number of iterations does not
-//! grow with the mesh (A. J. Wathen, IMA J. Numer. Anal. 7 (1987) 449–457). It must not know elements,
-//! nor a sparse matrix: fast kernels bring their own product.
+//! The mass matrix of quadratic terms of the velocities (consistent mass): M v as the sum of their gradients, M⁻¹p by
+//! conjugate gradients with the lumped mass, whose number of iterations does not grow with the mesh (A. J. Wathen,
+//! IMA J. Numer. Anal. 7 (1987) 449–457).
 
 use crate::contract::dense;
 use crate::contract::terms::Terms;

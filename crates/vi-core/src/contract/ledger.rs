@@ -1,5 +1,4 @@
-//! The energy ledger: where every joule of a run went. It must not know how the parts are
-//! computed; each stepper computes them on its own, so that closing to round-off is a test.
+//! The energy ledger: where every joule of a run went.
 
 /// Contributions to the change of the total energy T + V over one step, J. They sum to the change.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

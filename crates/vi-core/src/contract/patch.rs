@@ -1,5 +1,4 @@
-//! A patch: the nodes that a run of stencils touches, side by side in cache, with sums over them. It
-//! must not know what is summed, nor which nodes of the body they are.
+//! A patch: the nodes that a run of stencils touches, side by side in cache, with sums over them.
 
 /// The coordinates of a node, and a fourth number that means nothing: a vector that one load reads.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

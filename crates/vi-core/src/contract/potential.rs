@@ -1,9 +1,8 @@
 //! A potential energy V(x, t) as a sum of local terms, one per stencil.
 //!
-//! An element, a spring, a hinge, a contact and a penalty are one kind of thing: a small dense
-//! block of gradient and Hessian on a few nodes. This keeps symmetry and energy visible, so that
-//! a line search, an energy ledger and a Cholesky factor are possible.
-//! This room must not know how blocks are summed, nor what a mesh is.
+//! An element, a spring, a hinge, a contact and a penalty are one kind of thing: a small dense block of gradient and
+//! Hessian on a few nodes. This keeps symmetry and energy visible, so that a line search, an energy ledger and a
+//! Cholesky factor are possible.
 
 use std::ops::Range;
 

@@ -1,5 +1,4 @@
 //! Units that are powers of two: numbers of different dimensions become comparable by them without rounding.
-//! It must not know what the numbers mean.
 
 /// e with 2^e ≤ |x| < 2^(e+1); 0 for zero and for numbers that are not finite.
 pub fn binary_exponent(x: f64) -> i32 {

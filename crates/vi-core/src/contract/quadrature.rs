@@ -1,4 +1,4 @@
-//! Quadrature rules on [0, 1]. It must not know what is integrated.
+//! Quadrature rules on [0, 1].
 
 use std::f64::consts::PI;
 

@@ -1,5 +1,5 @@
-//! A variational integrator as plain data: how the trajectory is interpolated × how the action is
-//! integrated (Marsden & West 2001, §2.6). It must not know how the equations are solved.
+//! A variational integrator as plain data: how the trajectory is interpolated × how the action is integrated (Marsden
+//! & West 2001, §2.6).
 
 use crate::contract::quadrature::Quadrature;
 use crate::error::CoreError;

@@ -1,4 +1,4 @@
-//! A Lagrangian system L = T − V and its state (q, p). It must not know how time is stepped.
+//! A Lagrangian system L = T − V and its state (q, p).
 
 use std::sync::Arc;
 

@@ -1,5 +1,4 @@
-//! Gradient and Hessian of a scalar function of many numbers, by dual numbers. It must not know
-//! what the function means.
+//! Gradient and Hessian of a scalar function of many numbers, by dual numbers.
 
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual64, HyperDual64};

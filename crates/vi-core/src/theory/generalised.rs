@@ -1,8 +1,6 @@
-//! Generalised coordinates x = x(q, τ(t)): a body of points whose positions follow from a few
-//! coordinates q and prescribed controls τ (the angle of a driven wire, a moving support).
-//! With S = ∂x/∂q and Σ = ∂x/∂τ, ẋ = S q̇ + Σ τ̇, and the equations of motion are
-//! Sᵀ(M ẍ − F) = 0: what S cannot see is the force of constraint.
-//! This room must not know a time step.
+//! Generalised coordinates x = x(q, τ(t)): a body of points whose positions follow from a few coordinates q and
+//! prescribed controls τ (the angle of a driven wire, a moving support). With S = ∂x/∂q and Σ = ∂x/∂τ, ẋ = S q̇ + Σ
+//! τ̇, and the equations of motion are Sᵀ(M ẍ − F) = 0: what S cannot see is the force of constraint.
 
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual, Dual2_64, Dual64};

@@ -1,5 +1,4 @@
 //! Polynomials of one step through s + 1 control points: values and slopes of their basis.
-//! It must not know what is interpolated.
 
 use crate::contract::quadrature::Quadrature;
 use crate::error::CoreError;

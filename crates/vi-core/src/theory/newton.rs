@@ -1,4 +1,4 @@
-//! Newton's method for small dense systems, to round-off. It must not know what is solved.
+//! Newton's method for small dense systems, to round-off.
 
 use nalgebra::{DMatrix, DVector};
 

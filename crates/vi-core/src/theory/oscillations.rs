@@ -1,5 +1,5 @@
-//! Small oscillations about an equilibrium of any Lagrangian, gyroscopic terms included: rotating
-//! frames, spinning bodies, magnetic fields. It must not know how the equilibrium was found.
+//! Small oscillations about an equilibrium of any Lagrangian, gyroscopic terms included: rotating frames, spinning
+//! bodies, magnetic fields.
 //!
 //! To second order in η = q − q₀, with C = ∂²L/∂v∂q at (q₀, 0),
 //! ```text

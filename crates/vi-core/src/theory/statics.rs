@@ -1,7 +1,6 @@
-//! Equilibria of V(q; μ): where the first variation vanishes, and whether the second is positive.
-//! V may be a potential, or −L(q, q̇ = 0), which includes centrifugal effects of a driven frame.
-//! μ is a parameter (a load, a speed) along which equilibria are followed through folds and
-//! bifurcations. This room must not know a motion.
+//! Equilibria of V(q; μ): where the first variation vanishes, and whether the second is positive. V may be a
+//! potential, or −L(q, q̇ = 0), which includes centrifugal effects of a driven frame. μ is a parameter (a load, a
+//! speed) along which equilibria are followed through folds and bifurcations.
 
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual64, HyperDual64};

@@ -1,8 +1,7 @@
 //! The energy of a system by account, summed so that drift tests see the scheme and not the sum.
 //!
-//! Every chunk is summed in eight interleaved lanes with the error of each addition kept (Knuth's
-//! TwoSum), chunks in order the same way: the result is correct to the last bit or two, and the same
-//! on any number of threads. This room must not know gradients.
+//! Every chunk is summed in eight interleaved lanes with the error of each addition kept (Knuth's TwoSum), chunks in
+//! order the same way: the result is correct to the last bit or two, and the same on any number of threads.
 
 use rayon::prelude::*;
 use vi_core::{Account, Terms};

@@ -1,5 +1,4 @@
-//! V and its derivatives at a configuration q at time t, checked to be finite: what a stepper sees
-//! of a body. It must not know which scheme asks.
+//! V and its derivatives at a configuration q at time t, checked to be finite: what a stepper sees of a body.
 
 use vi_core::{Impulse, State, StepOutcome, System};
 
@@ -30,14 +29,14 @@ pub(crate) struct Evaluator {
     is_time_dependent: bool,
     /// Does t matter to neither V nor x(q, t)?
     is_autonomous: bool,
-    /// Evaluator without a potential, where the scheme has asked for them.
+    /// Forces without a potential, where the scheme has asked for them.
     nonconservative: Option<Nonconservative>,
     /// Positions of all coordinates at the ends of the step, between which discrete gradients act.
     ends: Option<[Vec<f64>; 2]>,
     pub(crate) work: Work,
 }
 
-/// Evaluator without a potential at the velocities that a stage implies.
+/// Forces without a potential at the velocities that a stage implies.
 struct Nonconservative {
     sum: ForceSum,
     x_dot: Vec<f64>,

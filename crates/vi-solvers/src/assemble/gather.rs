@@ -1,12 +1,10 @@
 //! Sums of local blocks into nodal arrays, in two phases with the same bits on any number of threads.
 //!
-//! The stencils of every term are cut into chunks whose size depends on the stencil count alone.
-//! Phase 1, parallel over chunks: a chunk adds up its stencils at its own nodes, in cache. Terms that
-//! know how do so themselves, from a copy of the nodes' positions; of the others, the blocks of a few
-//! stencils are written into a buffer and added. Phase 2, parallel over nodes: the sums of the chunks
-//! around a node are added in chunk order through a map made once. Memory traffic is that of the
-//! chunks' nodes (about .3 a tetrahedron), not of the blocks.
-//! This room must not know what the blocks mean, nor a matrix.
+//! The stencils of every term are cut into chunks whose size depends on the stencil count alone. Phase 1, parallel
+//! over chunks: a chunk adds up its stencils at its own nodes, in cache. Terms that know how do so themselves, from a
+//! copy of the nodes' positions; of the others, the blocks of a few stencils are written into a buffer and added.
+//! Phase 2, parallel over nodes: the sums of the chunks around a node are added in chunk order through a map made
+//! once. Memory traffic is that of the chunks' nodes (about .3 a tetrahedron), not of the blocks.
 
 use std::cell::RefCell;
 use std::ops::Range;

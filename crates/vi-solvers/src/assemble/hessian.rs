@@ -1,9 +1,8 @@
 //! Sums of packed Hessian blocks into a sparse matrix, in two phases like `gather`.
 //!
-//! A chunk of stencils adds its blocks in cache, then writes out two lists: entries that no other
-//! chunk touches go straight to their places in the matrix, which lie together; the rest are partial
-//! sums that phase 2 adds in chunk order. Chunks of constant terms are evaluated once and keep both.
-//! This room must not know what becomes of the matrix.
+//! A chunk of stencils adds its blocks in cache, then writes out two lists: entries that no other chunk touches go
+//! straight to their places in the matrix, which lie together; the rest are partial sums that phase 2 adds in chunk
+//! order. Chunks of constant terms are evaluated once and keep both.
 
 use std::ops::Range;
 use std::sync::Arc;

@@ -1,5 +1,5 @@
-//! The mass of a system as implicit steps meet it: M v, M⁻¹p, and the matrix M where mass is consistent.
-//! Lumped mass costs nothing here. It must not know any scheme.
+//! The mass of a system as implicit steps meet it: M v, M⁻¹p, and the matrix M where mass is consistent. Lumped mass
+//! costs nothing here.
 
 use std::sync::Arc;
 

@@ -1,5 +1,5 @@
 //! Sums of live terms. They are evaluated by the stencils that they have near one configuration, which serve until a
-//! node leaves their reach; then new ones are asked for. This file does not know what the terms are, nor a time step.
+//! node leaves their reach; then new ones are asked for.
 //!
 //! Where a scheme takes a step by discrete gradients, the terms that have one are kept apart from the others, and are
 //! summed from an array that holds the end of the step and behind it the start.

@@ -1,6 +1,5 @@
-//! One pass over the coordinates of a body for everything that an explicit step does to them: the sums
-//! of a gradient, a kick, a drift and the new positions, a cacheful at a time, on all cores. It must not
-//! know which scheme kicks.
+//! One pass over the coordinates of a body for everything that an explicit step does to them: the sums of a gradient,
+//! a kick, a drift and the new positions, a cacheful at a time, on all cores.
 
 use pulp::{Arch, Simd, WithSimd};
 use vi_core::{State, System};

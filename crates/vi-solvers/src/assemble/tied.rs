@@ -1,8 +1,6 @@
-//! The Hessian of a system with tied nodes, K = SᵀK̂S: K̂ is summed as if tied nodes were free, then
-//! each nodal block goes to the pairs of nodes that its own two are tied to, times both weights,
-//! through a map made once. Blocks of nodes with axes of their own are turned into these, R_a K_ab R_bᵀ.
-//! Systems without such nodes never come here.
-//! This room must not know how K̂ is summed, nor what nodes are tied for.
+//! The Hessian of a system with tied nodes, K = SᵀK̂S: K̂ is summed as if tied nodes were free, then each nodal block
+//! goes to the pairs of nodes that its own two are tied to, times both weights, through a map made once. Blocks of
+//! nodes with axes of their own are turned into these, R_a K_ab R_bᵀ. Systems without such nodes never come here.
 
 use std::sync::Arc;
 

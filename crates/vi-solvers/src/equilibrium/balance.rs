@@ -1,5 +1,4 @@
 //! The balance of a body at a load factor: residual, energy, tangent and its factor.
-//! It must not know how an equilibrium is searched for.
 
 use vi_core::{State, System};
 

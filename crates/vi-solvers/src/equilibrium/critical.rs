@@ -1,5 +1,5 @@
-//! Critical points: the lowest eigenpair of (K, M) at an equilibrium, where it crosses zero, and the
-//! push onto the branch that leaves there. It must not know how load is stepped.
+//! Critical points: the lowest eigenpair of (K, M) at an equilibrium, where it crosses zero, and the push onto the
+//! branch that leaves there.
 
 use vi_core::State;
 

@@ -1,5 +1,4 @@
-//! What acts on the nodes, for observers: accelerations, external forces. Evaluated only when asked
-//! for. It must not know how time is stepped.
+//! What acts on the nodes, for observers: accelerations, external forces. Evaluated only when asked for.
 
 use vi_core::{Account, ForceAccount, State, Stencils, System};
 

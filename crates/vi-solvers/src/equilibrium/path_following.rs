@@ -1,5 +1,5 @@
 //! Steps along a path of equilibria as a stepper: `state.t` is the load factor, which each step finds; momenta
-//! are zero. Nothing here knows what is loaded.
+//! are zero.
 
 use vi_core::{State, StepEnergy, System};
 

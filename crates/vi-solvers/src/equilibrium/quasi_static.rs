@@ -1,5 +1,4 @@
 //! Equilibria one after another as a stepper: t is the load factor, momenta are zero.
-//! It must not know what is loaded.
 
 use vi_core::{State, StepEnergy, System};
 

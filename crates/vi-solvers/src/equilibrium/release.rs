@@ -1,5 +1,5 @@
-//! From a state that is out of balance to an equilibrium at the same load factor: what holds it is let go
-//! step by step. It must not know load steps.
+//! From a state that is out of balance to an equilibrium at the same load factor: what holds it is let go step by
+//! step.
 //!
 //! With r₀ the residual at the start, r(q) − (1 − s) r₀ = 0 has the start as its solution at s = 0 and the
 //! equilibrium at s = 1. A body under weight alone, which no amplitude raises, is loaded so step by step.

@@ -1,6 +1,5 @@
-//! The linear solver behind an implicit step: a Cholesky factor or preconditioned conjugate gradients,
-//! by the user's word or by counted work. It must not know which equations are solved, nor when A is
-//! made anew.
+//! The linear solver behind an implicit step: a Cholesky factor or preconditioned conjugate gradients, by the user's
+//! word or by counted work.
 
 use vi_core::System;
 

@@ -1,11 +1,10 @@
 //! Sparse Cholesky factor of A = M + cK: a nodal multifrontal method.
 //!
-//! The tree of fronts is made once a pattern (`tree`); a factorisation walks it from the leaves, sums
-//! the entries of A and the updates of the children into each dense front, eliminates its columns
-//! (`front`), and passes the update on. Independent subtrees run in parallel; sums have a fixed order,
-//! so the bits are the same on any number of threads. All memory is laid out beforehand: panels of L in
-//! postorder, updates on two stacks that alternate with the depth of the tree.
-//! Every solve is checked against the A that was factored. This room must not know dense kernels.
+//! The tree of fronts is made once a pattern (`tree`); a factorisation walks it from the leaves, sums the entries of
+//! A and the updates of the children into each dense front, eliminates its columns (`front`), and passes the update
+//! on. Independent subtrees run in parallel; sums have a fixed order, so the bits are the same on any number of
+//! threads. All memory is laid out beforehand: panels of L in postorder, updates on two stacks that alternate with
+//! the depth of the tree. Every solve is checked against the A that was factored.
 
 mod front;
 mod panel;

@@ -1,6 +1,6 @@
-//! Block Lanczos for (K + σM)⁻¹M with full reorthogonalisation: the largest θ = 1/(λ + σ) first. A
-//! block as wide as a free body has rigid motions finds multiple eigenvalues; the start is fixed, so
-//! that equal inputs give equal bits (Grimes, Lewis & Simon 1994). It must not know what K is.
+//! Block Lanczos for (K + σM)⁻¹M with full reorthogonalisation: the largest θ = 1/(λ + σ) first. A block as wide as a
+//! free body has rigid motions finds multiple eigenvalues; the start is fixed, so that equal inputs give equal bits
+//! (Grimes, Lewis & Simon 1994).
 
 use nalgebra::DMatrix;
 

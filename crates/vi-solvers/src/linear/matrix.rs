@@ -1,9 +1,9 @@
 //! A sparse symmetric matrix on the free coordinates, in dense nodal blocks.
 //!
-//! Rows are the nodes with at least one free coordinate. The lower triangle is kept, a full block an
-//! entry, each value once; the order of the values is the assembly's (what one chunk of stencils
-//! writes lies together), reached from the rows through `places`. A coordinate that is prescribed at a
-//! node with free ones has zero rows and columns. This room must not know who fills the values.
+//! Rows are the nodes with at least one free coordinate. The lower triangle is kept, a full block an entry, each
+//! value once; the order of the values is the assembly's (what one chunk of stencils writes lies together), reached
+//! from the rows through `places`. A coordinate that is prescribed at a node with free ones has zero rows and
+//! columns.
 
 use std::sync::Arc;
 

@@ -1,5 +1,4 @@
 //! Linear combinations of symmetric matrices whose entries lie in different places.
-//! It must not know what the matrices stand for.
 
 use std::sync::Arc;
 

@@ -1,5 +1,5 @@
-//! Minimal residuals for a symmetric, perhaps indefinite K with a definite factor of K + σM as
-//! preconditioner (Paige & Saunders 1975). It must not know what K stands for.
+//! Minimal residuals for a symmetric, perhaps indefinite K with a definite factor of K + σM as preconditioner (Paige
+//! & Saunders 1975).
 
 use vi_core::binary_exponent;
 

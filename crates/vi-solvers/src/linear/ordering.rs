@@ -1,9 +1,8 @@
 //! A fill-reducing elimination order of the nodal graph, and its elimination tree.
 //!
-//! Nested dissection by METIS (Karypis, Kumar 1998) on nodes rather than coordinates: the graph is
-//! nine times smaller and the coordinates of a node stay together. The order is then made a postorder of
-//! its elimination tree, so that each subtree, and each supernode, is a run of consecutive nodes.
-//! This room must not know values.
+//! Nested dissection by METIS (Karypis, Kumar 1998) on nodes rather than coordinates: the graph is nine times smaller
+//! and the coordinates of a node stay together. The order is then made a postorder of its elimination tree, so that
+//! each subtree, and each supernode, is a run of consecutive nodes.
 #![allow(unsafe_code)] // One call into METIS, which has no safe binding for node orders.
 
 use std::sync::Mutex;

@@ -1,7 +1,6 @@
 //! Preconditioned conjugate gradients for A = M + cK on nodal blocks (Hestenes, Stiefel 1952).
 //!
 //! Scalar products are sums of fixed pieces in fixed order: the same bits on any number of threads.
-//! This room must not know what a preconditioner is made of.
 
 pub(crate) mod block;
 

@@ -1,7 +1,7 @@
-//! Anderson's acceleration of an iteration w ← w + δ(w) with one and the same factor (D. G. Anderson,
-//! J. ACM 12 (1965) 547–560; Walker, Ni, SIAM J. Numer. Anal. 49 (2011) 1715–1735): the last few
-//! corrections tell how the iteration treats a few directions, and those are corrected in one go.
-//! Sums are taken in the norm of A, in which errors are judged. This room must not know a scheme.
+//! Anderson's acceleration of an iteration w ← w + δ(w) with one and the same factor (D. G. Anderson, J. ACM 12
+//! (1965) 547–560; Walker, Ni, SIAM J. Numer. Anal. 49 (2011) 1715–1735): the last few corrections tell how the
+//! iteration treats a few directions, and those are corrected in one go. Sums are taken in the norm of A, in which
+//! errors are judged.
 
 use nalgebra::{DMatrix, DVector};
 use vi_core::binary_exponent;

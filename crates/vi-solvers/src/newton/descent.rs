@@ -3,8 +3,8 @@
 //! small part of the step descends, the next one is projected. As the merit falls at every step and is
 //! bounded below, this converges where the cheap iteration does not.
 //!
-//! Equations without a merit are first simplified to such as have one, whose solution is near, where there
-//! are such; then each step is a full Newton step with their own Jacobian (`krylov`). This room must not know a scheme.
+//! Equations without a merit are first simplified to such as have one, whose solution is near, where there are such;
+//! then each step is a full Newton step with their own Jacobian (`krylov`).
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::error::SolverError;

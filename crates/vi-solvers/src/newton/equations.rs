@@ -1,5 +1,4 @@
-//! What Newton's method asks of the equations of an implicit step, and what a solve works with. This file does not know
-//! how the equations are solved.
+//! What Newton's method asks of the equations of an implicit step, and what a solve works with.
 
 use vi_core::System;
 

@@ -1,8 +1,8 @@
-//! A full Newton step for equations whose Jacobian J is not their model A: stages that are coupled, forces
-//! without a potential, discrete gradients. J δ = −R is solved by GMRES (Saad, Schultz 1986) with A⁻¹
-//! in front and products with J by differences of R, so that nothing but residuals and corrections is
-//! asked of the solve.equations. The step is shortened until A⁻¹R falls (Deuflhard's natural monotonicity
-//! test, Newton Methods for Nonlinear Problems, §3.3). This room must not know a scheme.
+//! A full Newton step for equations whose Jacobian J is not their model A: stages that are coupled, forces without a
+//! potential, discrete gradients. J δ = −R is solved by GMRES (Saad, Schultz 1986) with A⁻¹ in front and products
+//! with J by differences of R, so that nothing but residuals and corrections is asked of the solve.equations. The
+//! step is shortened until A⁻¹R falls (Deuflhard's natural monotonicity test, Newton Methods for Nonlinear Problems,
+//! §3.3).
 
 use nalgebra::{DMatrix, DVector};
 

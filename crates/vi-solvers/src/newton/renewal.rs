@@ -1,5 +1,4 @@
-//! When a new factor pays: the history of a factor in iterations, against the costs of a new one. It does not know how
-//! factors are made.
+//! When a new factor pays: the history of a factor in iterations, against the costs of a new one.
 
 use crate::error::SolverError;
 use crate::linear::cost::UnitCosts;

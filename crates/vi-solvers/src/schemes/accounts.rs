@@ -1,5 +1,4 @@
 //! Work over one step for the energy ledger, by the definitions that every scheme shares.
-//! It must not know how a scheme averages its forces.
 //!
 //! A gradient g = ∂V/∂x that acts along a displacement d does the work g·d on the potential. On the
 //! prescribed coordinates that is the work of whoever moves them; on the free ones the kinetic

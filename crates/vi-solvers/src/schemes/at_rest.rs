@@ -1,5 +1,4 @@
-//! Is a body at rest in balance? Then an implicit step is known without a Hessian, a factor or a
-//! solve. It must not know which scheme asks.
+//! Is a body at rest in balance? Then an implicit step is known without a Hessian, a factor or a solve.
 
 use vi_core::System;
 

@@ -8,7 +8,7 @@
 //! ```
 //! where d is Δq without its rigid part, orthogonal in M to the translations and rotations about x_m
 //! that V admits: so Σ M d = 0 and Σ x_m × M d = 0. Order 2, symmetric; energy, linear and angular
-//! momentum are kept to the tolerance of the solver. It must not know how equations are solved.
+//! momentum are kept to the tolerance of the solver.
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;

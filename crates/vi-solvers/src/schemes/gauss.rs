@@ -1,10 +1,9 @@
 //! Gauss collocation with s stages, order 2s, solved with one symmetric positive definite factor.
 //!
-//! With T = A² (A Butcher's matrix) the stages Q_i = q₀ + c_i h v₀ + Z_i solve
-//! R_i = M Z_i + h² Σ_j T_ij ∂V/∂q(Q_j) = 0. The iteration replaces QᵀTQ by a lower triangular L of
-//! constant diagonal θ (`splitting`), so that all its blocks are A = M + h²θK: with r̃ = −QᵀR,
-//! ρ_i = r̃_i − Σ_{j<i} (L_ij/θ)(ρ_j − M Δ̃_j), A Δ̃_i = ρ_i, Z += Q Δ̃, and no product with K.
-//! For s ≥ 2 the stages minimise no function. This room must not know how A is factored.
+//! With T = A² (A Butcher's matrix) the stages Q_i = q₀ + c_i h v₀ + Z_i solve R_i = M Z_i + h² Σ_j T_ij ∂V/∂q(Q_j) =
+//! 0. The iteration replaces QᵀTQ by a lower triangular L of constant diagonal θ (`splitting`), so that all its
+//! blocks are A = M + h²θK: with r̃ = −QᵀR, ρ_i = r̃_i − Σ_{j<i} (L_ij/θ)(ρ_j − M Δ̃_j), A Δ̃_i = ρ_i, Z += Q Δ̃, and
+//! no product with K. For s ≥ 2 the stages minimise no function.
 
 pub(crate) mod collocation;
 mod stages;

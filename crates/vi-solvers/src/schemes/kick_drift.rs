@@ -1,8 +1,7 @@
-//! All explicit variational schemes as one kernel: kicks p −= b h ∂V/∂q and drifts q += a h M⁻¹p in
-//! turn, b₀ a₁ b₁ … aₙ bₙ. Time advances with the drifts, so that prescribed motion is read at the
-//! time of each kick. No Hessian is ever made here, and this room must not know a linear solver.
+//! All explicit variational schemes as one kernel: kicks p −= b h ∂V/∂q and drifts q += a h M⁻¹p in turn, b₀ a₁ b₁ …
+//! aₙ bₙ. Time advances with the drifts, so that prescribed motion is read at the time of each kick.
 //!
-//! Evaluator that no potential gives join the kicks, p += b h (f(q, v) − ∂V/∂q). Those that depend on
+//! Forces that no potential gives join the kicks, p += b h (f(q, v) − ∂V/∂q). Those that depend on
 //! velocity are read at the velocity before the kick, and in the closing kick of a symmetric scheme at
 //! one predicted by that reading (Heun): Störmer–Verlet keeps order 2, the Euler schemes order 1. In
 //! the ledger their work is f·v̄, v̄ being the mean of the velocities before and after the kick.

@@ -81,7 +81,7 @@ impl Conserves {
     }
 }
 
-/// Evaluator without a potential that a scheme accepts.
+/// Forces without a potential that a scheme accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AcceptedForces {
     /// None.
@@ -95,7 +95,7 @@ pub enum AcceptedForces {
 /// Which systems a scheme can step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Accepts {
-    /// Evaluator without a potential.
+    /// Forces without a potential.
     pub forces: AcceptedForces,
     /// Constraints: rigid bodies and joints.
     pub constraints: bool,

@@ -1,6 +1,6 @@
-//! One implicit stage, M w + c ∂V/∂q(û + w, t_s) = 0, and the steppers that are made of it: implicit
-//! midpoint and, for comparison, Newmark, generalised-α, BDF2 and backward Euler differ only in û,
-//! c, t_s and in what follows from w ([`Rule`]). It must not know how A is factored.
+//! One implicit stage, M w + c ∂V/∂q(û + w, t_s) = 0, and the steppers that are made of it: implicit midpoint and,
+//! for comparison, Newmark, generalised-α, BDF2 and backward Euler differ only in û, c, t_s and in what follows from
+//! w ([`Rule`]).
 //!
 //! The unknown is the increment w = c a of the stage and never u = û + w itself: so momenta come from
 //! accelerations with their full relative precision, not from differences of positions. The solution

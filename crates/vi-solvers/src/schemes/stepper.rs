@@ -1,5 +1,5 @@
-//! What every time integrator promises: one step of a system, counted work, and a memory from
-//! which a run continues bit for bit. It must not know any scheme.
+//! What every time integrator promises: one step of a system, counted work, and a memory from which a run continues
+//! bit for bit.
 
 use vi_core::{Impulse, State, StepEnergy, System};
 

@@ -1,7 +1,6 @@
-//! Constraints in the discrete Hamilton principle: polynomials of degree s whose control points are
-//! the s + 1 Lobatto points of the quadrature, with g = 0 and a multiplier at each of them
-//! (Marsden & West 2001, §3.5; the Lobatto IIIA–IIIB pairs of Jay 1996 are of this kind). s = 1 is
-//! RATTLE. It must not know a closed formula.
+//! Constraints in the discrete Hamilton principle: polynomials of degree s whose control points are the s + 1 Lobatto
+//! points of the quadrature, with g = 0 and a multiplier at each of them (Marsden & West 2001, §3.5; the Lobatto
+//! IIIA–IIIB pairs of Jay 1996 are of this kind). s = 1 is RATTLE.
 //!
 //! ```text
 //! ∂S/∂Q_0 − Gᵀ(q_0) λ_0 = −p_0;   ∂S/∂Q_k − Gᵀ(Q_k) λ_k = 0,  0 < k < s;   g(Q_k) = 0,  0 < k ≤ s

@@ -1,5 +1,4 @@
-//! A surface g(q) = 0, its Jacobian and its curvature, by dual numbers. It must not know a time
-//! step.
+//! A surface g(q) = 0, its Jacobian and its curvature, by dual numbers.
 
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual64, HyperDual64};

@@ -1,5 +1,5 @@
-//! SHAKE and RATTLE (Ryckaert, Ciccotti & Berendsen 1977; Andersen 1983): Störmer–Verlet with
-//! multipliers, for systems with diagonal mass. It must not know any other scheme.
+//! SHAKE and RATTLE (Ryckaert, Ciccotti & Berendsen 1977; Andersen 1983): Störmer–Verlet with multipliers, for
+//! systems with diagonal mass.
 //!
 //! ```text
 //! p½ = p_0 − (h/2)(∇V(q_0) + G(q_0)ᵀ λ),   q_1 = q_0 + h M⁻¹ p½   with λ from g(q_1) = 0   (SHAKE)

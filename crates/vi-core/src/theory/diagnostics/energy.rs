@@ -1,5 +1,5 @@
-//! The envelope of a quantity over a long run: its extremes in the first and in the last part tell
-//! an oscillation from a drift. It must not know what the quantity is.
+//! The envelope of a quantity over a long run: its extremes in the first and in the last part tell an oscillation
+//! from a drift.
 
 /// Extremes of a value over equal windows of a run of known length.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,4 +1,4 @@
-//! Poincaré sections: where a run crosses q_k = level. It must not know the system.
+//! Poincaré sections: where a run crosses q_k = level.
 
 use crate::contract::system::State;
 

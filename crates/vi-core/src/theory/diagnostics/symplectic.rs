@@ -1,4 +1,4 @@
-//! The derivative of a map of phase space, measured, and its defect from symplecticity. It must not know the map.
+//! The derivative of a map of phase space, measured, and its defect from symplecticity.
 
 use nalgebra::DMatrix;
 

@@ -1,6 +1,5 @@
-//! Hamilton's principle for a whole discrete path with fixed ends: all interior points at once, a
-//! boundary value problem, where marching solves an initial value problem. Both find the same path.
-//! It must not know how a step is marched.
+//! Hamilton's principle for a whole discrete path with fixed ends: all interior points at once, a boundary value
+//! problem, where marching solves an initial value problem. Both find the same path.
 
 use nalgebra::{DMatrix, DVector};
 

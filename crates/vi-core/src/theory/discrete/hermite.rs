@@ -2,10 +2,9 @@
 //! velocities at both ends, so that paths are continuous with their velocity, as a Lagrangian with
 //! accelerations needs. z = (q, v) is the position of this integrator and P = (p, π) its momentum.
 //!
-//! For an ordinary Lagrangian the same cubics serve in a boundary value problem; marching them has
-//! parasitic modes that grow (each step would choose its velocity against its neighbour), so there
-//! the interior of a step is eliminated instead: a polynomial of degree 3 in
-//! [`DiscreteLagrangian`](super::DiscreteLagrangian). It must not know which problem it serves.
+//! For an ordinary Lagrangian the same cubics serve in a boundary value problem; marching them has parasitic modes
+//! that grow (each step would choose its velocity against its neighbour), so there the interior of a step is
+//! eliminated instead: a polynomial of degree 3 in [`DiscreteLagrangian`](super::DiscreteLagrangian).
 
 use nalgebra::{DMatrix, DVector};
 

@@ -6,9 +6,8 @@
 //! p_0 = −∂L_d/∂q_0,   p_1 = ∂L_d/∂q_1               (discrete Legendre transforms)
 //! ```
 //!
-//! Given (q_0, p_0), the s vector equations ∂S/∂Q_0 = −p_0, ∂S/∂Q_k = 0 (0 < k < s) have the
-//! unknowns Q_1 … Q_s; then p_1 = ∂S/∂Q_s. That p_1 of one step is p_0 of the next is the discrete
-//! Euler–Lagrange equation. It must not know the closed formula of any scheme.
+//! Given (q_0, p_0), the s vector equations ∂S/∂Q_0 = −p_0, ∂S/∂Q_k = 0 (0 < k < s) have the unknowns Q_1 … Q_s; then
+//! p_1 = ∂S/∂Q_s. That p_1 of one step is p_0 of the next is the discrete Euler–Lagrange equation.
 
 use nalgebra::{DMatrix, DVector};
 

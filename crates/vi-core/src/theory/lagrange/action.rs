@@ -1,6 +1,5 @@
-//! The action of a path and the variation δ in a direction η. Any function f(t, q, q̇) is a
-//! [`Lagrangian`] here: its value along a path is a function of time, and δ is the derivative
-//! with respect to ε on the varied path q + ε η. It must not know equations of motion.
+//! The action of a path and the variation δ in a direction η. Any function f(t, q, q̇) is a [`Lagrangian`] here: its
+//! value along a path is a function of time, and δ is the derivative with respect to ε on the varied path q + ε η.
 
 use num_dual::{Dual, Dual64};
 

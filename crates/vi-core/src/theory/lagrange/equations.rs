@@ -1,5 +1,5 @@
-//! The Euler–Lagrange equations d/dt ∂L/∂q̇ = ∂L/∂q: their residual on a path, the accelerations
-//! they give, and the two Legendre transforms. It must not know a time step.
+//! The Euler–Lagrange equations d/dt ∂L/∂q̇ = ∂L/∂q: their residual on a path, the accelerations they give, and the
+//! two Legendre transforms.
 
 use nalgebra::DVector;
 use num_dual::HyperDual64;

@@ -1,5 +1,5 @@
-//! A Lagrangian and its first and second derivatives at one point: all that a discrete Lagrangian
-//! and a Newton iteration need. It must not know what they are used for.
+//! A Lagrangian and its first and second derivatives at one point: all that a discrete Lagrangian and a Newton
+//! iteration need.
 
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual64, HyperDual64};

@@ -1,6 +1,5 @@
-//! Lagrangians L(t, q, q̇, q̈) that depend on accelerations (an elastic rod in its arc length, a
-//! trajectory of least jerk). Their equation is ∂L/∂q − d/dt ∂L/∂q̇ + d²/dt² ∂L/∂q̈ = 0
-//! (Ostrogradsky). It must not know how they are discretised.
+//! Lagrangians L(t, q, q̇, q̈) that depend on accelerations (an elastic rod in its arc length, a trajectory of least
+//! jerk). Their equation is ∂L/∂q − d/dt ∂L/∂q̇ + d²/dt² ∂L/∂q̈ = 0 (Ostrogradsky).
 
 use nalgebra::DVector;
 use num_dual::{Dual, Dual2, Dual2_64};

@@ -1,5 +1,4 @@
-//! A Lagrangian in this crate is a function that can be evaluated on any numbers that carry
-//! derivatives. It must not know which derivatives are taken.
+//! A Lagrangian in this crate is a function that can be evaluated on any numbers that carry derivatives.
 
 use num_dual::DualNum;
 

@@ -10,8 +10,6 @@
 //! let a = accelerations(&oscillator, 0.0, &[0.3], &[0.0]).unwrap();
 //! assert!((a[0] + 4.0 * 0.3).abs() < 1e-15);
 //! ```
-//!
-//! This room must not know how time is discretised: that is [`crate::discrete`].
 
 pub(crate) mod action;
 pub(crate) mod equations;

@@ -1,5 +1,4 @@
-//! Noether's theorem: a direction ξ(q) in which L does not change gives a momentum p · ξ(q) that
-//! does not change. It must not know whether time is continuous or discrete.
+//! Noether's theorem: a direction ξ(q) in which L does not change gives a momentum p · ξ(q) that does not change.
 
 use num_dual::Dual64;
 

@@ -1,4 +1,4 @@
-//! Paths t ↦ q(t) that can be differentiated any number of times. They must not know a Lagrangian.
+//! Paths t ↦ q(t) that can be differentiated any number of times.
 
 use num_dual::Dual2_64;
 

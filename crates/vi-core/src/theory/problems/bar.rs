@@ -1,5 +1,4 @@
-//! An elastic bar of linear finite elements, as a Lagrangian that one writes by hand. It must not
-//! know that a finite element library exists.
+//! An elastic bar of linear finite elements, as a Lagrangian that one writes by hand.
 
 use crate::theory::lagrange::lagrangian::{Lagrangian, Scalar};
 

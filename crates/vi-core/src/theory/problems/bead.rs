@@ -1,5 +1,5 @@
-//! A bead on a hoop that is turned about its vertical diameter with angular velocity ω: one
-//! generalised coordinate, one prescribed control τ = ωt. It must not know a time step.
+//! A bead on a hoop that is turned about its vertical diameter with angular velocity ω: one generalised coordinate,
+//! one prescribed control τ = ωt.
 
 use crate::theory::generalised::Embedding;
 use crate::theory::lagrange::lagrangian::Scalar;

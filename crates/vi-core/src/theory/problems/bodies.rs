@@ -1,5 +1,4 @@
 //! Rigid bodies and linkages with known answers: the free body, the heavy top, the double pendulum.
-//! It must not know a scheme.
 
 use crate::error::CoreError;
 use crate::theory::problems::elliptic::complete_elliptic_k;

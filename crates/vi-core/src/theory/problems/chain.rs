@@ -1,5 +1,5 @@
-//! A chain of anharmonic springs in space: small, free, geometrically and materially nonlinear,
-//! with all momenta to conserve. The test system for fast kernels. It must not know a scheme.
+//! A chain of anharmonic springs in space: small, free, geometrically and materially nonlinear, with all momenta to
+//! conserve. The test system for fast kernels.
 
 use crate::contract::coordinates::{Coordinates, Prescribed};
 use crate::contract::potential::HessianKind;

@@ -1,5 +1,4 @@
-//! Elliptic integrals and functions by the arithmetic–geometric mean (Abramowitz & Stegun 1964,
-//! §§16.4, 17.6). It must not know the problems that need them.
+//! Elliptic integrals and functions by the arithmetic–geometric mean (Abramowitz & Stegun 1964, §§16.4, 17.6).
 
 use std::f64::consts::FRAC_PI_2;
 

@@ -1,5 +1,5 @@
-//! The potential of Hénon & Heiles (1964), regular at low energy and chaotic at high: the classic
-//! of Poincaré sections. It must not know a scheme.
+//! The potential of Hénon & Heiles (1964), regular at low energy and chaotic at high: the classic of Poincaré
+//! sections.
 
 use crate::contract::coordinates::Coordinates;
 use crate::contract::potential::HessianKind;

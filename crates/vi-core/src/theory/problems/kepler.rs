@@ -1,5 +1,4 @@
-//! A mass in the gravitational field of a fixed centre, L = ½ |q̇|² + μ/|q|, in D = 2 or 3
-//! dimensions. It must not know a scheme.
+//! A mass in the gravitational field of a fixed centre, L = ½ |q̇|² + μ/|q|, in D = 2 or 3 dimensions.
 
 use std::f64::consts::TAU;
 

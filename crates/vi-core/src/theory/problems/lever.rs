@@ -1,5 +1,4 @@
-//! The lever: n masses on a rigid beam that turns about a fulcrum. Its law is the principle of
-//! virtual work. It must not know equilibrium.
+//! The lever: n masses on a rigid beam that turns about a fulcrum. Its law is the principle of virtual work.
 
 use crate::theory::generalised::Embedding;
 use crate::theory::lagrange::lagrangian::Scalar;

@@ -1,5 +1,5 @@
-//! A small library of mechanical problems with known answers, shared by tests and documentation:
-//! systems of potentials, Lagrangians, embeddings, bodies. This room must not know a scheme.
+//! A small library of mechanical problems with known answers, shared by tests and documentation: systems of
+//! potentials, Lagrangians, embeddings, bodies.
 
 pub(crate) mod bar;
 pub(crate) mod bead;

@@ -1,4 +1,4 @@
-//! The harmonic oscillator, L = ½ m q̇² − ½ k q². It must not know a scheme.
+//! The harmonic oscillator, L = ½ m q̇² − ½ k q².
 
 use crate::contract::coordinates::Coordinates;
 use crate::contract::potential::HessianKind;

@@ -1,5 +1,4 @@
-//! The oscillator of Pais & Uhlenbeck (1950), the simplest Lagrangian with accelerations. It must
-//! not know a scheme.
+//! The oscillator of Pais & Uhlenbeck (1950), the simplest Lagrangian with accelerations.
 
 use crate::theory::lagrange::higher::HigherLagrangian;
 use crate::theory::lagrange::lagrangian::Scalar;

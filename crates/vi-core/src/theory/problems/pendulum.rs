@@ -1,4 +1,4 @@
-//! The planar pendulum, L = ½ m l² θ̇² + m g l cos θ. It must not know a scheme.
+//! The planar pendulum, L = ½ m l² θ̇² + m g l cos θ.
 
 use crate::contract::coordinates::Coordinates;
 use crate::contract::potential::HessianKind;

@@ -1,4 +1,4 @@
-//! The spherical pendulum: in two angles, and as a particle on a sphere. It must not know a scheme.
+//! The spherical pendulum: in two angles, and as a particle on a sphere.
 
 use crate::contract::coordinates::Coordinates;
 use crate::contract::potential::HessianKind;

@@ -1,5 +1,4 @@
 //! A potential from one function that gives energy, gradient and Hessian of a local term.
-//! It must not know which problem it serves.
 
 use std::ops::Range;
 

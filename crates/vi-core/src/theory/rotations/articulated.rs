@@ -1,7 +1,6 @@
-//! Articulated bodies q = (q_1 … q_m): a tree of rigid links, each moved against its parent by one
-//! joint. The pose of every link follows from q, its velocity by differentiation, and the sum of
-//! the links' Lagrangians is one Lagrangian of q: no equation of a mechanism is written by hand.
-//! It must not know a time step.
+//! Articulated bodies q = (q_1 … q_m): a tree of rigid links, each moved against its parent by one joint. The pose of
+//! every link follows from q, its velocity by differentiation, and the sum of the links' Lagrangians is one
+//! Lagrangian of q: no equation of a mechanism is written by hand.
 
 use num_dual::Dual;
 

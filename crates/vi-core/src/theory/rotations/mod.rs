@@ -1,7 +1,6 @@
-//! Rotations without angles: the orientation is the matrix R itself, every step moves in a chart of
-//! its own around the present one, and so there is no gimbal lock and no quaternion to renormalise.
-//! Rigid bodies, free or about a fixed point, by Lie-group variational integrators of any order;
-//! articulated bodies by joints. This room must not know a particular body.
+//! Rotations without angles: the orientation is the matrix R itself, every step moves in a chart of its own around
+//! the present one, and so there is no gimbal lock and no quaternion to renormalise. Rigid bodies, free or about a
+//! fixed point, by Lie-group variational integrators of any order; articulated bodies by joints.
 
 pub(crate) mod articulated;
 pub(crate) mod rigid;

@@ -1,5 +1,5 @@
-//! Rigid bodies (c, R) ∈ ℝ³ × SO(3) by Lie-group variational integrators of any scheme (in the
-//! manner of Bou-Rabee & Marsden 2009; Hall & Leok 2015). It must not know which body it is.
+//! Rigid bodies (c, R) ∈ ℝ³ × SO(3) by Lie-group variational integrators of any scheme (in the manner of Bou-Rabee &
+//! Marsden 2009; Hall & Leok 2015).
 //!
 //! A step from R_a to R_b follows R(τ) = R_a cay(x(τ)), x the polynomial through x_0 = 0 and the
 //! control points x_j = cay⁻¹(R_aᵀR_j). As x does not change when the body is turned in space, L_d

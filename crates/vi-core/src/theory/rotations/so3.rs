@@ -1,7 +1,5 @@
-//! The rotation group in the chart of Cayley: for x ∈ ℝ³,
-//! cay(x) = (I − x̂/2)⁻¹(I + x̂/2) = I + 4/(4 + |x|²) (x̂ + x̂²/2),
-//! a rotation by 2 atan(|x|/2) about x: rational, so that it and its derivatives have no hole at 0.
-//! It must not know mechanics.
+//! The rotation group in the chart of Cayley: for x ∈ ℝ³, cay(x) = (I − x̂/2)⁻¹(I + x̂/2) = I + 4/(4 + |x|²) (x̂ +
+//! x̂²/2), a rotation by 2 atan(|x|/2) about x: rational, so that it and its derivatives have no hole at 0.
 
 use crate::theory::lagrange::lagrangian::Scalar;
 

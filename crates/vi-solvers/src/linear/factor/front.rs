@@ -1,7 +1,7 @@
 //! Dense work on one front: eliminate its columns and update the rest.
 //!
-//! The only room that knows faer: its dense kernels, one thread each. Large fronts are cut into tiles of
-//! fixed size that threads share, so the bits depend on the front alone. This room must not know the tree.
+//! Uses the dense kernels of faer, one thread each. Large fronts are cut into tiles of fixed size
+//! that threads share, so the bits depend on the front alone.
 
 use std::cell::RefCell;
 

@@ -1,4 +1,4 @@
-//! Substitution through one panel, in whatever vectors the machine has. It must not know the tree.
+//! Substitution through one panel, in whatever vectors the machine has.
 
 use pulp::{Simd, WithSimd};
 

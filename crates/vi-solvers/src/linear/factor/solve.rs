@@ -1,7 +1,7 @@
 //! Forward and backward substitution through the panels of a factor.
 //!
-//! Each supernode passes its parent a vector for the rows it shares with it, as fronts do, so that
-//! subtrees run in parallel and sums keep their order. This room must not know how the panels were made.
+//! Each supernode passes its parent a vector for the rows it shares with it, as fronts do, so that subtrees run in
+//! parallel and sums keep their order.
 
 use pulp::Arch;
 

@@ -1,10 +1,9 @@
 //! The assembly tree of a multifrontal factor: which columns are eliminated together, where their
 //! dense front is kept, and how the update of one front enters the next (Duff, Reid 1983; Liu 1992).
 //!
-//! Made once a pattern from the nodal graph. Supernodes are runs of consecutive nodes in a postordered
-//! nested dissection with equal columns, and runs merged where few zeros are stored for it
-//! (Ashcraft, Grimes 1989). All lengths of panels and fronts are in coordinates, not nodes.
-//! This room must not know values.
+//! Made once a pattern from the nodal graph. Supernodes are runs of consecutive nodes in a postordered nested
+//! dissection with equal columns, and runs merged where few zeros are stored for it (Ashcraft, Grimes 1989). All
+//! lengths of panels and fronts are in coordinates, not nodes.
 
 use std::ops::Range;
 

@@ -1,9 +1,9 @@
 //! Preconditioners of nodal blocks: P = (D + L) D⁻¹ (D + L)ᵀ with D block diagonal and L strictly lower.
 //!
-//! Block Jacobi has L = 0; symmetric Gauss–Seidel (SSOR with ω = 1) takes D and L from A; incomplete
-//! Cholesky corrects both so that P = A on the pattern of A (Meijerink, van der Vorst 1977, in blocks).
-//! Rows are cut into domains whose number depends on the size alone; entries between domains are left out
-//! of L, so that domains run in parallel. This room must not know the iteration.
+//! Block Jacobi has L = 0; symmetric Gauss–Seidel (SSOR with ω = 1) takes D and L from A; incomplete Cholesky
+//! corrects both so that P = A on the pattern of A (Meijerink, van der Vorst 1977, in blocks). Rows are cut into
+//! domains whose number depends on the size alone; entries between domains are left out of L, so that domains run in
+//! parallel.
 
 use std::ops::Range;
 

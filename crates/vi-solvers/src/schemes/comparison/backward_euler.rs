@@ -1,5 +1,4 @@
 //! Implicit Euler: û = q₀ + h v₀, c = h². Order 1; the phase area shrinks by 1/(1 + z²) a step.
-//! It must not know how the stage is solved.
 
 use crate::schemes::one_stage::rule::Rule;
 

@@ -1,6 +1,5 @@
-//! Backward differences of order 2: q₂ = (4 q₁ − q₀)/3 + (2h/3) v₂, v₂ = (4 v₁ − v₀)/3 + (2h/3) a₂.
-//! The first step, and the first after a change of h or of the state, is one of implicit midpoint,
-//! which keeps the order. It must not know how the stage is solved.
+//! Backward differences of order 2: q₂ = (4 q₁ − q₀)/3 + (2h/3) v₂, v₂ = (4 v₁ − v₀)/3 + (2h/3) a₂. The first step,
+//! and the first after a change of h or of the state, is one of implicit midpoint, which keeps the order.
 
 use vi_core::{State, System};
 

@@ -1,8 +1,7 @@
-//! Generalised-α (J. Chung, G. M. Hulbert, J. Appl. Mech. 60 (1993) 371–375) with the forces at the
-//! mean configuration: M((1 − α_m) a₁ + α_m a₀) + ∂V/∂q((1 − α_f) q₁ + α_f q₀) = 0, Newmark's formulas
-//! for q₁ and v₁, and all parameters from the spectral radius ρ at infinite frequency:
-//! α_m = (2ρ − 1)/(ρ + 1), α_f = ρ/(ρ + 1), γ = ½ − α_m + α_f, β = ¼(1 − α_m + α_f)².
-//! It must not know how the stage is solved.
+//! Generalised-α (J. Chung, G. M. Hulbert, J. Appl. Mech. 60 (1993) 371–375) with the forces at the mean
+//! configuration: M((1 − α_m) a₁ + α_m a₀) + ∂V/∂q((1 − α_f) q₁ + α_f q₀) = 0, Newmark's formulas for q₁ and v₁, and
+//! all parameters from the spectral radius ρ at infinite frequency: α_m = (2ρ − 1)/(ρ + 1), α_f = ρ/(ρ + 1), γ = ½ −
+//! α_m + α_f, β = ¼(1 − α_m + α_f)².
 
 use vi_core::{State, System};
 

@@ -1,6 +1,5 @@
-//! Newmark's family (N. M. Newmark, J. Eng. Mech. Div. ASCE 85 (1959) 67–94):
-//! q₁ = q₀ + h v₀ + h²((½ − β) a₀ + β a₁), v₁ = v₀ + h((1 − γ) a₀ + γ a₁), M a₁ = −∂V/∂q at the end.
-//! It must not know how the stage is solved.
+//! Newmark's family (N. M. Newmark, J. Eng. Mech. Div. ASCE 85 (1959) 67–94): q₁ = q₀ + h v₀ + h²((½ − β) a₀ + β a₁),
+//! v₁ = v₀ + h((1 − γ) a₀ + γ a₁), M a₁ = −∂V/∂q at the end.
 
 use vi_core::{State, System};
 

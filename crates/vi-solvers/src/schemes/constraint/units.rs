@@ -1,5 +1,5 @@
 //! Units of the rows of a small symmetric matrix whose rows have different dimensions, such as S = G M⁻¹ Gᵀ of
-//! constraints: in them the matrix is judged and solved as if it had none. It must not know what the rows are.
+//! constraints: in them the matrix is judged and solved as if it had none.
 
 use nalgebra::{DMatrix, DVector};
 use vi_core::binary_exponent;

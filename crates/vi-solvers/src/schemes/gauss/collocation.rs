@@ -1,5 +1,4 @@
-//! The numbers of a Gauss method and of the triangular splitting of T = A² that its solver iterates
-//! with. It must not know a system.
+//! The numbers of a Gauss method and of the triangular splitting of T = A² that its solver iterates with.
 
 use nalgebra::DMatrix;
 use vi_core::{Quadrature, Scheme};

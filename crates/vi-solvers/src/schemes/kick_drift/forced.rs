@@ -68,7 +68,7 @@ impl KickDrift {
                 .map(|k| (self.p[k] + 0.5 * kick * self.net[free[k] as usize]) / mass[k])
                 .collect();
             work -= kick * accounts::free_work(system, gradient, |k| mean[k]);
-            // Evaluator work on prescribed coordinates too; whoever moves those pays for the rest.
+            // Forces work on prescribed coordinates too; whoever moves those pays for the rest.
             self.x_dot.resize(gradient.len(), 0.0);
             system.coordinates().embed_velocity(&mean, t, &mut self.x_dot);
             system.coordinates().to_own_axes(&mut self.x_dot);

@@ -1,5 +1,5 @@
-//! What tells one-stage methods apart: û, c, the time of the stage, and what follows from its increment w.
-//! Here is implicit midpoint; `comparison/` has the others. It must not know how the stage is solved.
+//! What tells one-stage methods apart: û, c, the time of the stage, and what follows from its increment w. Here is
+//! implicit midpoint; `comparison/` has the others.
 
 use vi_core::{Scheme, State, System};
 

@@ -1,5 +1,4 @@
 //! The equations of one implicit stage as Newton's method sees them: residual, start, correction, merit.
-//! It must not know which scheme the stage belongs to, nor how its matrix is factored.
 
 use vi_core::{State, System};
 
