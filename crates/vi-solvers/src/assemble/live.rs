@@ -296,10 +296,20 @@ impl LiveSum {
         self.passage.take_impulses()
     }
 
-    /// Is the straight path from `start` to `end` free of what no term allows?
+    /// Is the straight path from `start` to `end` free of what no term allows? A term may keep a margin that is relative to
+    /// where a step begins: then the rest of the path is asked for again, from where the term allows it to go.
     pub(crate) fn is_path_free(&mut self, start: &[f64], end: &[f64]) -> bool {
-        let dx: Vec<f64> = start.iter().zip(end).map(|(start, end)| end - start).collect();
-        self.largest_step(start, &dx, None) >= 1.0
+        const ASKED: usize = 4;
+        let mut x = start.to_vec();
+        for _ in 0..ASKED {
+            let dx: Vec<f64> = x.iter().zip(end).map(|(x, end)| end - x).collect();
+            let part = self.largest_step(&x, &dx, None);
+            if part >= 1.0 {
+                return true;
+            }
+            x.iter_mut().zip(&dx).for_each(|(x, dx)| *x += part * dx);
+        }
+        false
     }
 
     /// Adds G(start, end) of the terms that act by a discrete gradient.
