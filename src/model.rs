@@ -27,7 +27,7 @@ mod ties;
 
 pub(crate) use assemble::Model;
 pub use body::{BodyModel, MaterialPart, NodeSet, ProbeTarget};
-pub(crate) use contact::ContactModel;
+pub(crate) use contact::{ContactModel, may_meet, name_of};
 pub(crate) use control::path_control;
 pub(crate) use mass::kinetic_terms;
 pub use regions::RegionProbe;

@@ -5,6 +5,7 @@ mod added;
 mod advance;
 mod between;
 mod contact;
+mod crossing;
 mod march;
 pub mod matrices;
 mod measure;
@@ -14,6 +15,8 @@ mod snapshot;
 pub mod stability;
 #[cfg(test)]
 mod tests;
+
+use std::collections::HashSet;
 
 use vi_core::{HessianKind, State, System};
 use vi_solvers::{Assembler, Method, SolverOptions, Stepper, Work};
@@ -99,6 +102,8 @@ pub struct Simulation {
     /// Energy that [`Simulation::set_motion`] gave and no step has told yet, J.
     given: f64,
     contact: ContactTotals,
+    /// Pairs of bodies that are joined where they touch, and no pair for contact.
+    joined: HashSet<(usize, usize)>,
 }
 
 impl Simulation {
@@ -181,7 +186,7 @@ impl Simulation {
         let (step_count, h) = scene.time.steps();
         let arc_steps = scene.statics.as_ref().and_then(|statics| statics.arc_steps);
         let step_count = arc_steps.map_or(step_count, u64::from);
-        Ok(Self {
+        let simulation = Self {
             scene,
             bodies: model.bodies,
             rigids: model.rigids,
@@ -201,7 +206,10 @@ impl Simulation {
             earlier_work: Work::default(),
             given: 0.0,
             contact: ContactTotals::default(),
-        })
+            joined: model.joined,
+        };
+        let problems = simulation.crossing_start();
+        if problems.is_empty() { Ok(simulation) } else { Err(problems) }
     }
 
     /// What all work so far costs on one core of the reference machine, s: counted, so that it is the same
@@ -314,6 +322,29 @@ impl Simulation {
     /// where there were none.
     pub fn smallest_gap(&self) -> f64 {
         self.contact.smallest_gap
+    }
+
+    /// Most crossings of surfaces in any observation so far; counted only where the scene asserts their number.
+    pub(crate) fn intersections(&self) -> u64 {
+        self.contact.intersections
+    }
+
+    /// What contact searches, for report.json; null in a scene without contact.
+    pub(crate) fn contact_report(&self) -> serde_json::Value {
+        if self.scene.contact.is_none() {
+            return serde_json::Value::Null;
+        }
+        let systems = self.components.iter().filter_map(|component| component.contact.as_ref());
+        let systems: Vec<_> = systems.map(ContactWatch::report).collect();
+        let count = self.bodies.len() + self.rigids.len();
+        let pairs = (0..count).flat_map(|a| (a..count).map(move |b| (a, b)));
+        let meets = |&(a, b): &(usize, usize)| crate::model::may_meet(&self.scene, &self.joined, a, b);
+        let (searched, skipped): (Vec<_>, Vec<_>) = pairs.partition(meets);
+        let smallest_gap = Some(self.contact.smallest_gap).filter(|gap| gap.is_finite());
+        serde_json::json!({
+            "smallest_gap": smallest_gap, "pairs_of_bodies_searched": searched.len(),
+            "pairs_of_bodies_skipped": skipped.len(), "systems": systems,
+        })
     }
 
     /// Steps that were cut into substeps so far.

@@ -39,6 +39,8 @@ pub(crate) struct Model {
     pub(crate) components: Vec<(System, State)>,
     /// The contact of each component.
     pub(crate) contacts: Vec<Option<ContactModel>>,
+    /// Pairs of bodies that are joined where they touch, and no pair for contact.
+    pub(crate) joined: HashSet<(usize, usize)>,
     pub(crate) notes: Vec<String>,
 }
 
@@ -93,6 +95,7 @@ pub(super) fn assemble(scene: &Scene, resolved: Resolved<'_>) -> Result<Model, V
         control: resolved.control,
         components: systems,
         contacts,
+        joined,
         notes: parts.notes,
     })
 }

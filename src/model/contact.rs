@@ -44,7 +44,7 @@ const STIFFNESS_OF_RIGID: f64 = 10.0;
 const FROM_OTHERS: f64 = 1e300;
 
 /// May the bodies numbered `a` and `b` of a scene (deformable ones first) meet?
-pub(super) fn may_meet(scene: &Scene, joined: &HashSet<(usize, usize)>, a: usize, b: usize) -> bool {
+pub(crate) fn may_meet(scene: &Scene, joined: &HashSet<(usize, usize)>, a: usize, b: usize) -> bool {
     let Some(contact) = &scene.contact else { return false };
     let rigid = |number: usize| number.checked_sub(scene.bodies.len()).map(|rigid| &scene.rigids[rigid]);
     let has_surface = |number| rigid(number).is_none_or(|rigid| rigid.shape.is_some());

@@ -215,6 +215,8 @@ impl<'a, 'b> Resolver<'a, 'b> {
                 let Some(found) = self.node(&probe.body, probe.point, probe.node, &key) else { continue };
                 of_nodes.push(found);
                 self.probes.insert(&probe.name, found);
+            } else if probe.between.is_some() {
+                // The names have been checked with the scene.
             } else if let Some(body) = self.body(&probe.body) {
                 match RegionProbe::new(probe, body) {
                     Ok(found) => of_regions.push(found),

@@ -85,6 +85,8 @@ pub struct Report {
     pub energy: Value,
     /// The momentum ledger.
     pub momentum: Value,
+    /// What contact searched and the smallest gap; null in a scene without contact.
+    pub contact: Value,
     /// Pitch of the probes that ask for it, Hz.
     pub pitch: Map<String, Value>,
     /// Largest displacement and stress, reactions, extremes of probes.
@@ -149,6 +151,7 @@ impl Report {
             frames: 0,
             energy: Value::Null,
             momentum: Value::Null,
+            contact: Value::Null,
             pitch: Map::new(),
             results: Results::default(),
             broken: Vec::new(),
@@ -172,6 +175,22 @@ impl Report {
         // The reason is that of the run which chose; one that continues it must report the same.
         let name = |reason: &str| reason.split(':').next().map(str::to_owned);
         self.linear_solvers = steppers.filter_map(|stepper| stepper.linear_solver().and_then(name)).collect();
+        self.contact = simulation.contact_report();
+        let assert = &simulation.scene().assert;
+        if let Some(bound) = assert.smallest_gap
+            && simulation.smallest_gap() < bound
+        {
+            let gap = simulation.smallest_gap();
+            self.broken
+                .push(format!("smallest_gap is {gap:.3e} m, the scene asserts at least {bound:.3e} m"));
+        }
+        if let Some(bound) = assert.intersections
+            && simulation.intersections() > bound
+        {
+            let found = simulation.intersections();
+            self.broken
+                .push(format!("intersections are {found} in a row, the scene asserts at most {bound}"));
+        }
     }
 
     /// Says so if a value is beyond the bound that the scene asserts.

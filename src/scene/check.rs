@@ -491,7 +491,9 @@ fn attachments(check: &mut Checker, scene: &Scene) {
     }
     for (i, probe) in scene.probes.iter().enumerate() {
         let key = format!("probe[{i}]");
-        known(check, format!("{key}.body"), &probe.body);
+        if probe.between.is_none() && !probe.body.is_empty() {
+            known(check, format!("{key}.body"), &probe.body);
+        }
         let is_sheet = |body: &Body| body.name == probe.body && body.dimension() == 2;
         for (part, message) in probe.problems(scene.bodies.iter().any(is_sheet)) {
             check.say(keyed(key.clone(), part), message);

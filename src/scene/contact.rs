@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vi_solvers::Method;
 
-use super::{Problem, Scene};
+use super::{GuardAction, Problem, Scene, SchemeName};
 
 /// `[contact]`: everything that can meet, meets, other bodies and the body itself. Without this table nothing is
 /// searched, and bodies pass through each other. Formulae, defaults and limits: docs/contact.md.
@@ -131,10 +131,7 @@ impl Contact {
             self.pairs.iter().enumerate().map(|(i, pair)| (format!("pair[{i}].between"), &pair.between));
         for (key, names) in excluded.chain(pairs) {
             for name in names.iter().filter(|name| !known.contains(name.as_str())) {
-                let mut there: Vec<&str> = known.iter().copied().collect();
-                there.sort_unstable();
-                let there = super::check::some_of(&there);
-                problems.push((key.clone(), format!("there is no body '{name}'; there are: {there}")));
+                problems.push((key.clone(), no_body(name, known)));
             }
         }
         let mut seen = HashSet::new();
@@ -149,6 +146,12 @@ impl Contact {
     }
 }
 
+fn no_body(name: &str, known: &HashSet<&str>) -> String {
+    let mut there: Vec<&str> = known.iter().copied().collect();
+    there.sort_unstable();
+    format!("there is no body '{name}'; there are: {}", super::check::some_of(&there))
+}
+
 /// Everything that is wrong with the contact of a scene.
 pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
     let Some(contact) = &scene.contact else { return without(scene) };
@@ -157,11 +160,33 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
     let found = contact.own_problems(&known).into_iter();
     let mut problems: Vec<Problem> =
         found.map(|(key, message)| Problem::new(format!("contact.{key}"), message)).collect();
+    for (i, probe) in scene.probes.iter().enumerate() {
+        for name in probe.between.iter().flatten().filter(|name| !known.contains(name.as_str())) {
+            problems.push(Problem::new(format!("probe[{i}].between"), no_body(name, &known)));
+        }
+    }
+    if scene.time.scheme == Some(SchemeName::Auto) {
+        let message = "\"auto\" does not choose for scenes with [contact] yet; name implicit-midpoint, energy-momentum or \
+                       stormer-verlet, and a `step`";
+        problems.push(Problem::new("time.scheme", message));
+    }
     if let Some(method) = scene.time.method()
         && scene.statics.is_none()
         && let Some(message) = refused(&method, contact)
     {
         problems.push(Problem::new("time.scheme", message));
+    }
+    let halves =
+        scene.guard.is_some_and(|guard| matches!(guard.action, GuardAction::Halve | GuardAction::Switch));
+    if halves && scene.time.method().is_some_and(|method| method.facts().is_explicit) {
+        let message = "explicit steps must not change with [contact]: each change near the limit of stability pumps \
+                       energy; write action = \"stop\" or \"warn\", or take energy-momentum";
+        problems.push(Problem::new("guard.action", message));
+    }
+    if scene.time.estimate {
+        let message = "is not built for scenes with [contact]: the companion runs cannot step them; compare runs with \
+                       other steps";
+        problems.push(Problem::new("time.estimate", message));
     }
     if contact.resolve {
         let message = "is not built yet: move apart what touches at the start, by `translate` or `position`";
@@ -183,7 +208,16 @@ fn without(scene: &Scene) -> Vec<Problem> {
         .enumerate()
         .filter(|(_, rigid)| rigid.shape.as_ref().is_some_and(super::RigidShape::is_plane));
     let message = "is a half-space, which only acts by contact; add the table [contact]";
-    planes.map(|(i, _)| Problem::new(format!("rigid[{i}].shape"), message)).collect()
+    let planes = planes.map(|(i, _)| Problem::new(format!("rigid[{i}].shape"), message));
+    let message = "needs contact; add the table [contact]";
+    let probes = scene.probes.iter().enumerate().filter(|(_, probe)| probe.between.is_some());
+    let probes = probes.map(|(i, _)| Problem::new(format!("probe[{i}].between"), message));
+    let assert = &scene.assert;
+    let asserts =
+        [("smallest_gap", assert.smallest_gap.is_some()), ("intersections", assert.intersections.is_some())];
+    let asserts = asserts.into_iter().filter(|(_, is_given)| *is_given);
+    let asserts = asserts.map(|(name, _)| Problem::new(format!("assert.{name}"), message));
+    planes.chain(probes).chain(asserts).collect()
 }
 
 /// Why a scheme cannot step a scene with contact; none where it can.

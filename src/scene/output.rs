@@ -283,4 +283,11 @@ pub struct Assert {
     /// Largest change of angular momentum over the largest Σ m|x||v| (free bodies without gravity).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub angular_momentum_drift: Option<f64>,
+    /// Least gap between surfaces that press on each other, at the start and after every step, m (needs `[contact]`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub smallest_gap: Option<f64>,
+    /// Most edges that meet triangles of other bodies, or of the same, in any row of history.csv, found by exact
+    /// predicates (needs `[contact]`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub intersections: Option<u64>,
 }

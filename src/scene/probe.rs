@@ -16,8 +16,13 @@ use super::{Axis, Field, Selection};
 pub struct Probe {
     /// Prefix of its columns.
     pub name: String,
-    /// The body.
+    /// The body; not of a probe of contact force.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub body: String,
+    /// The force between two bodies, with `sum = "contact_force"`: columns `name.fx` `name.fy` `name.fz`, the mean force
+    /// of the second body on the first over the last step, N. Needs `[contact]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub between: Option<[String; 2]>,
     /// The node nearest to this point at rest, m …
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub point: Option<[f64; 3]>,
@@ -47,6 +52,9 @@ pub struct Probe {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pitch: Option<Axis>,
 }
+
+/// The sum of a probe between two bodies.
+const CONTACT_FORCE: &str = "contact_force";
 
 /// What is made of the values of a field over a part of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -148,6 +156,7 @@ impl Probe {
         Self {
             name: name.into(),
             body: body.into(),
+            between: None,
             point: None,
             node: None,
             on: Selection::default(),
@@ -189,6 +198,41 @@ impl Probe {
         probe
     }
 
+    /// The force of contact of the second body on the first.
+    pub fn contact_force(
+        name: impl Into<String>,
+        first: impl Into<String>,
+        second: impl Into<String>,
+    ) -> Self {
+        let between = Some([first.into(), second.into()]);
+        Self { between, sum: Some(CONTACT_FORCE.to_owned()), ..Self::new(name, "") }
+    }
+
+    /// What is wrong with a probe of contact force.
+    fn problems_between(&self) -> Vec<(&'static str, String)> {
+        let mut problems = Vec::new();
+        if self.sum.as_deref() != Some(CONTACT_FORCE) {
+            problems.push((
+                "sum",
+                format!("`between` two bodies there is one sum: write `sum = \"{CONTACT_FORCE}\"`"),
+            ));
+        }
+        let foreign = [
+            ("body", !self.body.is_empty()),
+            ("point", self.point.is_some()),
+            ("node", self.node.is_some()),
+            ("mean", self.mean.is_some()),
+            ("max", self.max.is_some()),
+            ("min", self.min.is_some()),
+            ("pitch", self.pitch.is_some()),
+            (self.on.key(), !self.on.is_empty()),
+        ];
+        let foreign = foreign.into_iter().filter(|(_, is_given)| *is_given);
+        problems
+            .extend(foreign.map(|(key, _)| (key, "does not go with `between`; remove this key".to_owned())));
+        problems
+    }
+
     /// Is it a node, not a quantity over a part of a body?
     pub fn is_node(&self) -> bool {
         self.statistics().next().is_none()
@@ -211,8 +255,11 @@ impl Probe {
             .collect()
     }
 
-    /// The heads of its columns over a part of a body.
+    /// The heads of its columns over a part of a body, or of a force between bodies.
     pub fn columns(&self) -> Vec<String> {
+        if self.between.is_some() {
+            return ["fx", "fy", "fz"].map(|part| format!("{}.{part}", self.name)).to_vec();
+        }
         let of = |(statistic, quantity): (Statistic, Quantity)| {
             let heads = quantity.columns().into_iter();
             heads.map(|column| format!("{}.{}.{column}", self.name, statistic.name())).collect::<Vec<_>>()
@@ -223,6 +270,12 @@ impl Probe {
     /// Everything that is wrong with its values, each with the key within it; `is_sheet` says what the body is.
     pub(super) fn problems(&self, is_sheet: bool) -> Vec<(&'static str, String)> {
         let mut problems = Vec::new();
+        if self.between.is_some() {
+            return self.problems_between();
+        }
+        if self.body.is_empty() {
+            problems.push(("", "missing key `body`: the name of the body that it looks at".to_owned()));
+        }
         let places = usize::from(self.point.is_some()) + usize::from(self.node.is_some());
         if self.is_node() {
             match places {

@@ -85,14 +85,15 @@ impl Simulation {
         self.scene.contact.is_some() && self.scene.statics.is_none() && self.method.facts().is_explicit
     }
 
-    /// Looks at the gaps after a step.
+    /// Looks at the gaps and forces after a step.
     fn see_contact(&mut self, energy: &vi_core::StepEnergy) {
         self.contact.friction += energy.friction;
         self.contact.damping += energy.contact_damping;
         let mut facts = ContactFacts::default();
         for component in &mut self.components {
-            let Component { system, state, contact, .. } = component;
-            if let Some(contact) = contact {
+            let Component { system, state, stepper, contact, .. } = component;
+            if let (Some(contact), Some(stepper)) = (contact, stepper) {
+                contact.enter(stepper.take_impulses(), self.h);
                 facts.add(contact, &system.positions(state));
             }
         }

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
+use serde_json::{Value, json};
 use vi_contact::{ContactPotential, ContactTerm};
+use vi_core::Impulse;
 
 use crate::model::ContactModel;
 use crate::record::record;
@@ -43,26 +45,32 @@ pub(crate) struct ContactTotals {
     /// Work of friction and of the damping of contact, J.
     pub(crate) friction: f64,
     pub(crate) damping: f64,
+    /// Most crossings in any row, where the scene asserts their number.
+    pub(crate) intersections: u64,
 }
 
-record!(ContactTotals { smallest_gap: f64, friction: f64, damping: f64 });
+record!(ContactTotals { smallest_gap: f64, friction: f64, damping: f64, intersections: u64 });
 
 impl Default for ContactTotals {
     fn default() -> Self {
-        Self { smallest_gap: f64::INFINITY, friction: 0.0, damping: 0.0 }
+        Self { smallest_gap: f64::INFINITY, friction: 0.0, damping: 0.0, intersections: 0 }
     }
 }
 
 /// Looks at the contact of a component.
 pub(crate) struct ContactWatch {
     term: Arc<ContactTerm>,
+    /// For each body of the term: its number among all bodies of the scene.
+    bodies: Vec<usize>,
+    /// Mean forces over the last step, N.
+    forces: Vec<Impulse>,
     /// The candidates that were found last.
     near: Option<ContactPotential>,
 }
 
 impl ContactWatch {
     pub(crate) fn new(model: ContactModel) -> Self {
-        Self { term: model.term, near: None }
+        Self { term: model.term, bodies: model.bodies, forces: Vec::new(), near: None }
     }
 
     /// Number of pairs that act at positions x of the component, and the smallest gap of them, m.
@@ -76,5 +84,37 @@ impl ContactWatch {
         let smallest_gap = active.iter().map(|pair| pair.gap).fold(f64::INFINITY, f64::min);
         self.near = Some(near);
         (active.len() as u64, smallest_gap)
+    }
+
+    /// Takes the impulses of a step of h (s).
+    pub(crate) fn enter(&mut self, impulses: Vec<Impulse>, h: f64) {
+        self.forces = impulses;
+        self.forces.iter_mut().for_each(|force| force.value.iter_mut().for_each(|value| *value /= h));
+    }
+
+    /// What is searched: for report.json.
+    pub(crate) fn report(&self) -> Value {
+        let surface = self.term.surface();
+        let candidates = self.near.as_ref().map_or(0, |near| near.neighbours().count());
+        json!({
+            "bodies": self.bodies.len(), "points": surface.points().len(), "cells": surface.cells().len(),
+            "edges": surface.edges().len(), "half_spaces": surface.half_spaces().len(),
+            "candidates_at_end": candidates,
+        })
+    }
+
+    /// Mean force of the second body on the first over the last step, N; bodies by their numbers in the scene.
+    pub(crate) fn force(&self, first: usize, second: usize) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for Impulse { between, value } in &self.forces {
+            let between = between.map(|body| self.bodies[body as usize]);
+            let sign = match between {
+                _ if between == [first, second] => 1.0,
+                _ if between == [second, first] => -1.0,
+                _ => continue,
+            };
+            (0..3).for_each(|k| sum[k] += sign * value[k]);
+        }
+        sum
     }
 }

@@ -11,13 +11,34 @@ impl Simulation {
     /// ([`crate::scene::Probe::columns`]).
     pub fn measures(&self) -> Vec<f64> {
         let mut values = Vec::new();
-        for probe in &self.region_probes {
+        let mut regions = self.region_probes.iter();
+        for probe in self.scene.probes.iter().filter(|probe| !probe.is_node()) {
+            if let Some(between) = &probe.between {
+                values.extend(self.contact_force(between));
+                continue;
+            }
+            let Some(probe) = regions.next() else { continue };
             for &(statistic, quantity) in &probe.quantities {
                 let entries = self.field_over(probe, quantity.field);
                 values.extend(reduced(&entries, statistic, quantity));
             }
         }
         values
+    }
+
+    /// The mean force of contact of the second body on the first over the last step, N; zero at the start.
+    fn contact_force(&self, names: &[String; 2]) -> [f64; 3] {
+        let rigids = self.rigids.iter().map(|rigid| &rigid.name);
+        let all: Vec<&String> = self.bodies.iter().map(|body| &body.name).chain(rigids).collect();
+        let [Some(first), Some(second)] =
+            names.each_ref().map(|name| all.iter().position(|other| *other == name))
+        else {
+            return [0.0; 3];
+        };
+        let watches = self.components.iter().filter_map(|component| component.contact.as_ref());
+        watches
+            .map(|watch| watch.force(first, second))
+            .fold([0.0; 3], |sum, force| [0, 1, 2].map(|k| sum[k] + force[k]))
     }
 
     /// The values of a field at the nodes or elements of a probe, each with its weight in a mean.

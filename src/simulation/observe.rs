@@ -95,6 +95,9 @@ impl Simulation {
         }
         if let Some(facts) = seen.contact_facts {
             self.contact.smallest_gap = self.contact.smallest_gap.min(facts.smallest_gap);
+            if self.scene.assert.intersections.is_some() {
+                self.contact.intersections = self.contact.intersections.max(self.crossings().0 as u64);
+            }
         }
         let value = |probe: &ProbeTarget| {
             let body = &self.bodies[probe.body.index()];

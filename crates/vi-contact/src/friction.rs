@@ -22,6 +22,14 @@ use crate::distance::{Shape, Vec3, at};
 use crate::pairs::{Contact, Partners, StepPair, StepSettings, pack_rank_one};
 use crate::surface::Law;
 
+/// A step with friction and damping.
+#[derive(Debug, Clone)]
+pub(crate) struct Step {
+    pub(crate) settings: StepSettings,
+    /// The bristles at its start.
+    pub(crate) anchors: Anchors,
+}
+
 /// Friction of one point against a body or half-space, or of two edges, over a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrictionPair {

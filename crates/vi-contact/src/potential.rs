@@ -13,9 +13,9 @@ use vi_core::{Account, DiscreteGradient, Fault, HessianKind, Live, Potential, St
 
 use crate::broad_phase::Neighbours;
 use crate::distance::at;
+use crate::friction::Step;
 use crate::pairs::{ActivePair, Contact, Group};
 use crate::surface::Surface;
-use step::Step;
 
 /// Numbers in the gradient and in the packed Hessian of a stencil.
 const SIZE: usize = 12;

@@ -9,19 +9,11 @@ use vi_core::{DiscreteGradient, Impulse, StepOutcome, packed_len};
 
 use super::{ContactPotential, PACKED, SIZE, add_packed};
 use crate::distance::{Vec3, at};
-use crate::friction::{Anchors, FrictionPair};
+use crate::friction::{Anchors, FrictionPair, Step};
 use crate::pairs::{Group, Partners, StepPair, StepSettings};
 
 /// Without damping, which is a force of its own.
 const UNDAMPED: StepSettings = StepSettings { duration: f64::INFINITY };
-
-/// A step with friction and damping.
-#[derive(Debug, Clone)]
-pub(super) struct Step {
-    settings: StepSettings,
-    /// The bristles at its start.
-    anchors: Anchors,
-}
 
 /// What acts between x₀ and x₁: a pair by its normal force, or by its friction.
 enum Acting<'a> {
