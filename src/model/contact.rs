@@ -239,10 +239,12 @@ fn start(scene: &Scene, model: &ContactModel, x: &[f64]) -> Option<String> {
     let (gap, pair) = near.closest(x)?;
     let [a, b] = pair.map(|body| name_of(scene, model.bodies[body as usize]));
     let who = if a == b { format!("'{a}' meets itself") } else { format!("'{a}' and '{b}' meet") };
+    let asked = scene.contact.as_ref().is_some_and(|contact| contact.resolve);
+    let resolve = if asked { ", and `contact.resolve` is not built yet" } else { "" };
     (gap <= 0.0).then(|| {
         format!(
-            "{who} at the start (gap {gap:.3e} m, after the thickness of sheets): move them apart, or list the pair in \
-             `contact.exclude`"
+            "{who} at the start (gap {gap:.3e} m, after the thickness of sheets){resolve}: move them apart, or list the \
+             pair in `contact.exclude`"
         )
     })
 }

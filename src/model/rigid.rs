@@ -31,6 +31,8 @@ pub struct RigidModel {
     pub(crate) triangles: Vec<[u32; 3]>,
     /// Nodes that it has added to the component.
     node_count: usize,
+    /// How many of these, the last ones, are points of its surface.
+    surface_count: usize,
 }
 
 /// Where a rigid body is.
@@ -70,6 +72,12 @@ impl RigidModel {
     /// Nodes of the component that move with it.
     pub(super) fn nodes(&self) -> impl Iterator<Item = u32> + use<> {
         self.node as u32..(self.node + self.node_count) as u32
+    }
+
+    /// Nodes of the component that are the points of its surface.
+    pub(crate) fn surface_nodes(&self) -> std::ops::Range<usize> {
+        let end = self.node + self.node_count;
+        end - self.surface_count..end
     }
 
     /// Points given in its own axes from its own centre, carried by positions (or velocities) of the
@@ -194,7 +202,7 @@ pub(super) fn build(
     }
     let surface = rigid.shape.as_ref().filter(|_| can_meet).map(super::surface);
     let (points, mut triangles) = surface.unwrap_or_default();
-    let first = (node + x.len()) as u32;
+    let (first, surface_count) = ((node + x.len()) as u32, points.len());
     triangles.iter_mut().for_each(|triangle| *triangle = triangle.map(|k| first + k));
     for point in points {
         let point = own.centre + own.axes * Vector3::from(point);
@@ -218,6 +226,7 @@ pub(super) fn build(
         shape: rigid.shape.clone(),
         triangles,
         node_count: x.len(),
+        surface_count,
     };
     let flat = |list: &[Vector3<f64>]| list.iter().flat_map(|x| [x.x, x.y, x.z]).collect();
     Ok(Added {

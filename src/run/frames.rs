@@ -330,6 +330,14 @@ impl FrameWriter {
                 all.resize(3 * self.points.len(), 0.0);
                 all
             };
+            if field.is_of_contact() {
+                nodal.push((
+                    field.name().to_owned(),
+                    field.component_count(),
+                    simulation.contact_values(field),
+                ));
+                continue;
+            }
             match field {
                 Field::Displacement => {
                     let surfaces = self.surfaces.iter().enumerate();

@@ -36,7 +36,7 @@ pub struct Contact {
     /// Do bodies meet themselves (default true)?
     #[serde(rename = "self", default = "Contact::default_own", skip_serializing_if = "Clone::clone")]
     pub own: bool,
-    /// Part surfaces that touch at the start (not built yet; default false: such a start is refused).
+    /// Part surfaces that touch at the start (default false). Not built yet: a start that touches is refused in any case.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub resolve: bool,
     /// What pairs of bodies have of their own.
@@ -188,10 +188,6 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
                        other steps";
         problems.push(Problem::new("time.estimate", message));
     }
-    if contact.resolve {
-        let message = "is not built yet: move apart what touches at the start, by `translate` or `position`";
-        problems.push(Problem::new("contact.resolve", message));
-    }
     if scene.statics.is_some() && contact.dissipates() {
         let message = "friction and damping of contact in [static] are not built yet: an equilibrium with friction \
                        depends on its path; set both to 0, or step time with damping until the bodies rest";
@@ -217,7 +213,9 @@ fn without(scene: &Scene) -> Vec<Problem> {
         [("smallest_gap", assert.smallest_gap.is_some()), ("intersections", assert.intersections.is_some())];
     let asserts = asserts.into_iter().filter(|(_, is_given)| *is_given);
     let asserts = asserts.map(|(name, _)| Problem::new(format!("assert.{name}"), message));
-    planes.chain(probes).chain(asserts).collect()
+    let fields = scene.output.fields.iter().filter(|field| field.is_of_contact());
+    let fields = fields.map(|field| Problem::new("output.fields", format!("{} {message}", field.name())));
+    planes.chain(probes).chain(asserts).chain(fields).collect()
 }
 
 /// Why a scheme cannot step a scene with contact; none where it can.

@@ -43,6 +43,12 @@ pub enum Field {
     NodalJ,
     /// Strain energy in a volume at rest smoothed to the nodes, J/m³ (points).
     NodalEnergyDensity,
+    /// Force of contact per area without friction, Pa (points).
+    ContactTraction,
+    /// Its magnitude, Pa (points).
+    ContactPressure,
+    /// Gap to what presses on a point, m; the layer's thickness d̂ where nothing does (points).
+    Gap,
     /// Number of the body in the scene, from 0 (cells).
     BodyId,
     /// Number of the material entry of the body, from 0 (cells).
@@ -67,6 +73,9 @@ impl Field {
         Self::NodalStrain,
         Self::NodalJ,
         Self::NodalEnergyDensity,
+        Self::ContactTraction,
+        Self::ContactPressure,
+        Self::Gap,
         Self::BodyId,
         Self::MaterialId,
     ];
@@ -89,6 +98,9 @@ impl Field {
             Self::NodalStrain => "nodal_strain",
             Self::NodalJ => "nodal_J",
             Self::NodalEnergyDensity => "nodal_energy_density",
+            Self::ContactTraction => "contact_traction",
+            Self::ContactPressure => "contact_pressure",
+            Self::Gap => "gap",
             Self::BodyId => "body_id",
             Self::MaterialId => "material_id",
         }
@@ -99,8 +111,14 @@ impl Field {
         match (self.of_elements(), self) {
             (Some((field, _)), _) => field.component_count(),
             (None, Self::BodyId | Self::MaterialId) => 0,
+            (None, Self::ContactPressure | Self::Gap) => 1,
             (None, _) => 3,
         }
+    }
+
+    /// Is it known only in scenes with contact?
+    pub fn is_of_contact(self) -> bool {
+        matches!(self, Self::ContactTraction | Self::ContactPressure | Self::Gap)
     }
 
     /// Is it a force on nodes, which can be added up?

@@ -71,6 +71,11 @@ impl Simulation {
                 let of_node = |node: u32| values[count * node as usize..][..count].to_vec();
                 probe.nodes.iter().map(|&node| (1.0, of_node(node))).collect()
             }
+            None if field.is_of_contact() => {
+                let values = self.contact_values_of(number, field);
+                let values: Vec<&[f64]> = values.chunks_exact(field.component_count()).collect();
+                probe.nodes.iter().map(|&node| (1.0, values[node as usize].to_vec())).collect()
+            }
             None => match field {
                 Field::Velocity => at_nodes(self.velocities(number)),
                 Field::Acceleration => at_nodes(self.accelerations(number)),

@@ -40,6 +40,11 @@ impl ContactTerm {
 }
 
 impl ContactTerm {
+    /// The distance that nodes may move before candidates are sought again, m.
+    pub fn distance(&self) -> f64 {
+        self.reach
+    }
+
     /// The surfaces.
     pub fn surface(&self) -> &Surface {
         &self.surface
