@@ -1,14 +1,14 @@
 //! The surfaces of a component that can meet: which nodes and triangles, how thick, how stiff, and which bodies are
 //! no pair. It must not know how contact is found or how time is stepped.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 
 use vi_contact::{ContactTerm, PairRule, SurfaceBuilder, median_edge};
 use vi_core::{State, System};
 
 use super::{BodyModel, RigidModel};
-use crate::scene::{Problem, RigidShape, Scene, Substance};
+use crate::scene::{Contact, Problem, RigidShape, Scene, Substance};
 
 /// The contact of one component.
 #[derive(Debug, Clone)]
@@ -88,10 +88,55 @@ pub(super) fn contact(
     if !parts.iter().enumerate().any(any) {
         return Ok(None);
     }
+    let surface = |distances: &Distances| {
+        let mut builder = builder(contact, &parts, rest, may_meet);
+        for (i, a) in parts.iter().enumerate() {
+            for (j, b) in parts.iter().enumerate().skip(i + 1) {
+                let mut rule = rule(scene, a, b, may_meet(a, b));
+                let near = distances.get(&[i as u32, j as u32]).filter(|&&gap| gap < a.distance.min(b.distance));
+                rule.distance = rule.distance.or(near.copied());
+                if rule != PairRule::default() {
+                    builder.pair(i as u32, j as u32, rule);
+                }
+            }
+        }
+        hold(&mut builder, system, bodies, rigids, component);
+        builder.build().map_err(|error| {
+            // The crate counts bodies of the component; a reader knows their names.
+            let names: Vec<&str> = parts.iter().map(|part| name_of(scene, part.number)).collect();
+            wrong(format!("{error} (bodies, from 0: {})", names.join(", ")))
+        })
+    };
+    // Farther than the layer, and never less than motion over some steps: candidates are few beside elements.
+    let reach = parts.iter().map(|part| contact.distance.unwrap_or(part.distance));
+    let reach = reach.filter(|&distance| distance < FROM_OTHERS).fold(0.0, f64::max);
+    let numbers: Vec<usize> = parts.iter().map(|part| part.number).collect();
+    let x = system.positions(state);
+    let term = ContactTerm::new(Arc::new(surface(&Distances::new())?), reach);
+    let gaps = term.at(&x).smallest_gaps(&x);
+    if let Some(message) = touching(scene, &numbers, &gaps) {
+        return Err(wrong(message));
+    }
+    // Bodies that start inside each other's layer would push each other off: their layer begins where they start.
+    let near = gaps.into_iter().filter(|([a, b], _)| a != b && contact.distance.is_none()).collect();
+    let term = Arc::new(ContactTerm::new(Arc::new(surface(&near)?), reach));
+    Ok(Some(ContactModel { term, bodies: numbers }))
+}
+
+/// Activation distances d̂ of pairs of bodies, m, by their numbers among the parts.
+type Distances = BTreeMap<[u32; 2], f64>;
+
+/// Starts the surface of all parts, with the constants of each.
+fn builder(
+    contact: &Contact,
+    parts: &[Part],
+    rest: &[f64],
+    may_meet: impl Fn(&Part, &Part) -> bool,
+) -> SurfaceBuilder {
     let mut builder = SurfaceBuilder::new(rest);
     builder.friction(contact.friction);
     builder.damping(contact.damping);
-    for part in &parts {
+    for part in parts {
         let body = builder.body(vi_contact::Body {
             radius: part.radius,
             distance: contact.distance.unwrap_or(part.distance),
@@ -103,26 +148,7 @@ pub(super) fn contact(
             builder.half_space(body, node, normal);
         }
     }
-    for (i, a) in parts.iter().enumerate() {
-        for (j, b) in parts.iter().enumerate().skip(i + 1) {
-            let rule = rule(scene, a, b, may_meet(a, b));
-            if rule != PairRule::default() {
-                builder.pair(i as u32, j as u32, rule);
-            }
-        }
-    }
-    hold(&mut builder, system, bodies, rigids, component);
-    let surface = builder.build().map_err(|error| {
-        // The crate counts bodies of the component; a reader knows their names.
-        let names: Vec<&str> = parts.iter().map(|part| name_of(scene, part.number)).collect();
-        wrong(format!("{error} (bodies, from 0: {})", names.join(", ")))
-    })?;
-    // Farther than the layer, and never less than motion over some steps: candidates are few beside elements.
-    let reach = parts.iter().map(|part| contact.distance.unwrap_or(part.distance));
-    let reach = reach.filter(|&distance| distance < FROM_OTHERS).fold(0.0, f64::max);
-    let term = Arc::new(ContactTerm::new(Arc::new(surface), reach));
-    let model = ContactModel { term, bodies: parts.iter().map(|part| part.number).collect() };
-    start(scene, &model, &system.positions(state)).map_or(Ok(Some(model)), |message| Err(wrong(message)))
+    builder
 }
 
 /// The surface of a deformable body.
@@ -233,18 +259,15 @@ fn hold(
     }
 }
 
-/// What is wrong with the start: surfaces that touch.
-fn start(scene: &Scene, model: &ContactModel, x: &[f64]) -> Option<String> {
-    let near = model.term.at(x);
-    let (gap, pair) = near.closest(x)?;
-    let [a, b] = pair.map(|body| name_of(scene, model.bodies[body as usize]));
+/// Returns a message if surfaces touch at the start.
+fn touching(scene: &Scene, numbers: &[usize], gaps: &Distances) -> Option<String> {
+    let (pair, gap) = gaps.iter().find(|(_, gap)| **gap <= 0.0)?;
+    let [a, b] = pair.map(|body| name_of(scene, numbers[body as usize]));
     let who = if a == b { format!("'{a}' meets itself") } else { format!("'{a}' and '{b}' meet") };
     let asked = scene.contact.as_ref().is_some_and(|contact| contact.resolve);
     let resolve = if asked { ", and `contact.resolve` is not built yet" } else { "" };
-    (gap <= 0.0).then(|| {
-        format!(
-            "{who} at the start (gap {gap:.3e} m, after the thickness of sheets){resolve}: move them apart, or list the \
-             pair in `contact.exclude`"
-        )
-    })
+    Some(format!(
+        "{who} at the start (gap {gap:.3e} m, after the thickness of sheets){resolve}: move them apart, or list the \
+         pair in `contact.exclude`"
+    ))
 }

@@ -6,6 +6,7 @@
 
 mod step;
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -115,9 +116,9 @@ impl ContactPotential {
         Contact { surface: &self.surface, neighbours: &self.neighbours }
     }
 
-    /// The smallest gap of all candidates at x, m, with the numbers of both bodies; none where there are no candidates.
-    pub fn closest(&self, x: &[f64]) -> Option<(f64, [u32; 2])> {
-        self.contact().closest(x)
+    /// Returns the smallest gap (m) of the candidates of each pair of bodies at x, by the numbers of both bodies.
+    pub fn smallest_gaps(&self, x: &[f64]) -> BTreeMap<[u32; 2], f64> {
+        self.contact().smallest_gaps(x)
     }
 
     /// The part of the straight path from x to x + dx that is proved free of touch, in [0, 1].

@@ -1,5 +1,7 @@
 //! The contact energy at one configuration, with gradient and Hessian of each acting pair.
 
+use std::collections::BTreeMap;
+
 use rayon::prelude::*;
 
 use super::edges::Mollifier;
@@ -201,11 +203,11 @@ impl Contact<'_> {
 
     /// Smallest gap of all candidates at x, m; infinite where there are none.
     pub fn smallest_gap(&self, x: &[f64]) -> f64 {
-        self.closest(x).map_or(f64::INFINITY, |(gap, _)| gap)
+        self.smallest_gaps(x).into_values().fold(f64::INFINITY, f64::min)
     }
 
-    /// The smallest gap of all candidates at x, m, and the numbers of both bodies.
-    pub fn closest(&self, x: &[f64]) -> Option<(f64, [u32; 2])> {
+    /// Returns the smallest gap (m) of the candidates of each pair of bodies at x, by the numbers of both bodies.
+    pub fn smallest_gaps(&self, x: &[f64]) -> BTreeMap<[u32; 2], f64> {
         let points = self.neighbours.starts.windows(2).enumerate().flat_map(|(point, range)| {
             let part = self.surface.points[point];
             self.neighbours.cells[range[0] as usize..range[1] as usize].iter().map(move |&cell| {
@@ -229,7 +231,12 @@ impl Contact<'_> {
                 [self.surface.points[point as usize].body, self.surface.half_spaces[plane as usize].body];
             (height - gauge.map_or(0.0, |gauge| gauge.thickness), bodies)
         });
-        points.chain(edges).chain(planes).min_by(|a, b| a.0.total_cmp(&b.0))
+        let mut smallest = BTreeMap::new();
+        for (gap, [a, b]) in points.chain(edges).chain(planes) {
+            let least = smallest.entry([a.min(b), a.max(b)]).or_insert(f64::INFINITY);
+            *least = gap.min(*least);
+        }
+        smallest
     }
 
     /// Adds the pairs that act on one point to `out`.

@@ -52,13 +52,12 @@ pub(super) fn edges_and_areas(
     (edges.collect(), areas)
 }
 
-/// Median length of the edges of triangles at rest, m: a tenth of it is the usual activation distance d̂.
+/// Median over the triangles of their shortest edge at rest, m: a tenth of it is the usual activation distance d̂. Long
+/// cells count by their short side, so that the layer stays thin beside them.
 pub fn median_edge(triangles: &[[u32; 3]], rest: &[f64]) -> Option<f64> {
-    let mut lengths: Vec<f64> = triangles
-        .iter()
-        .flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)])
-        .map(|(a, b)| (at(rest, a) - at(rest, b)).norm())
-        .collect();
+    let length = |a: u32, b: u32| (at(rest, a) - at(rest, b)).norm();
+    let shortest = |&[a, b, c]: &[u32; 3]| length(a, b).min(length(b, c)).min(length(c, a));
+    let mut lengths: Vec<f64> = triangles.iter().map(shortest).collect();
     let middle = lengths.len() / 2;
     (!lengths.is_empty()).then(|| *lengths.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
