@@ -93,7 +93,8 @@ pub(super) fn contact(
         for (i, a) in parts.iter().enumerate() {
             for (j, b) in parts.iter().enumerate().skip(i + 1) {
                 let mut rule = rule(scene, a, b, may_meet(a, b));
-                let near = distances.get(&[i as u32, j as u32]).filter(|&&gap| gap < a.distance.min(b.distance));
+                let near =
+                    distances.get(&[i as u32, j as u32]).filter(|&&gap| gap < a.distance.min(b.distance));
                 rule.distance = rule.distance.or(near.copied());
                 if rule != PairRule::default() {
                     builder.pair(i as u32, j as u32, rule);

@@ -16,6 +16,11 @@ pub(crate) trait Equations {
     fn model_is_exact(&self) -> bool {
         true
     }
+    /// Returns whether A leaves out parts of ∂R/∂w, such as the turn of contact normals: then these limit convergence,
+    /// however new the K in it is.
+    fn model_is_partial(&self) -> bool {
+        false
+    }
     /// Does A stand for the coupled equations of several stages? Then the splitting limits convergence, however
     /// new the K in it is.
     fn splits_stages(&self) -> bool {
