@@ -5,76 +5,52 @@
 
 #![forbid(unsafe_code)]
 
-mod amplitude;
-mod bending;
-mod check;
-mod consistent_mass;
-mod dead_load;
-mod dihedral;
-mod direction;
-mod elastic;
-mod element;
 mod error;
-mod expression;
-mod fields;
-mod instructions;
-mod kelvin_voigt;
+mod lanes;
 mod load;
-mod mass;
-mod material;
-mod mean_dilation;
-mod membrane;
-mod motion;
-mod nodal_fields;
-mod pack;
-mod places;
-mod pressure;
-mod real;
-mod rotation;
-mod sheet_body;
-mod sheet_material;
-mod spread;
-mod svd;
-pub mod tensor;
-mod tie;
-mod transpose;
-mod wind;
+mod path;
+mod sheet;
+mod small;
+mod solid;
 
-pub use amplitude::Amplitude;
-pub use bending::Bending;
-pub use check::check_body;
-pub use consistent_mass::consistent_mass;
-pub use dead_load::{DeadLoad, VectorField};
-pub use direction::{CellDirection, CellField, Direction, DirectionComponent};
-pub use elastic::{elastic, elastic_on};
-pub use element::solids::*;
-pub use element::{Element, SOLIDS};
 pub use error::FemError;
-pub use expression::Expression;
-pub use fields::{ElementField, element_field};
-pub use instructions::InstructionSet;
-pub use kelvin_voigt::{MassDamping, Viscosity, kelvin_voigt};
-pub use load::{Gravity, PointSpring, SpringEnd};
-pub use mass::{MassProperties, add_lumped_mass, add_row_sums, mass_properties, rigid_velocities, volumes};
-pub use material::{
-    Corotated, Domain, Isotropic, Law, Linear, Material, MooneyRivlin, MooneyRivlinParameters, NeoHookean,
-    Parameters, StVenantKirchhoff, StableNeoHookean,
+pub use lanes::instructions::InstructionSet;
+pub use lanes::real::Real;
+pub use load::damping::{MassDamping, Viscosity, kelvin_voigt};
+pub use load::dead::DeadLoad;
+pub use load::gravity::Gravity;
+pub use load::pressure::{Pressure, pressure};
+pub use load::spread::{Resultant, Spread};
+pub use load::spring::{PointSpring, SpringEnd};
+pub use load::tie::{Anchor, Tie, ties};
+pub use load::wind::Wind;
+pub use path::amplitude::Amplitude;
+pub use path::expression::Expression;
+pub use path::field::VectorField;
+pub use path::motion::{Motion, Rotate, Sine, Table, Translate};
+pub use sheet::bending::Bending;
+pub use sheet::body::Sheet;
+pub use sheet::direction::{CellDirection, CellField, Direction, DirectionComponent};
+pub use sheet::law::SheetLaw;
+pub use sheet::law::registered::*;
+pub use sheet::material::{IsotropicSheet, SheetCommon, SheetMaterial, SheetParameters, SheetResponse};
+pub use small::tensor;
+pub use solid::check::check_body;
+pub use solid::consistent_mass::consistent_mass;
+pub use solid::elastic::{elastic, elastic_on};
+pub use solid::element::SOLIDS;
+pub use solid::element::contract::Element;
+pub use solid::element::solids::*;
+pub use solid::fields::{ElementField, element_field};
+pub use solid::mass::{
+    MassProperties, add_lumped_mass, add_row_sums, mass_properties, rigid_velocities, volumes,
 };
-pub use mean_dilation::{LockingCure, mean_dilation};
-pub use membrane::{
-    CorotatedSheet, NeoHookeanSheet, OrthotropicParameters, OrthotropicSheet, StVenantKirchhoffSheet,
-};
-pub use motion::{Motion, Rotate, Sine, Table, Translate};
-pub use nodal_fields::nodal_field;
-pub use pressure::{Pressure, pressure};
-pub use real::Real;
-pub use sheet_body::Sheet;
-pub use sheet_material::{
-    IsotropicSheet, SheetCommon, SheetLaw, SheetMaterial, SheetParameters, SheetResponse,
-};
-pub use spread::{Resultant, Spread};
-pub use tie::{Anchor, Tie, ties};
-pub use wind::Wind;
+pub use solid::material::Law;
+pub use solid::material::contract::{Material, Outside, positive_determinant};
+pub use solid::material::parameters::{Isotropic, Parameters};
+pub use solid::material::registered::*;
+pub use solid::mean_dilation::{LockingCure, mean_dilation};
+pub use solid::nodal_fields::nodal_field;
 
 /// Drawings at random that are the same in every run.
 #[cfg(test)]

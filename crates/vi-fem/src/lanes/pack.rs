@@ -1,0 +1,73 @@
+//! Eight numbers of eight elements (or points) side by side: the unit that kernels load and store.
+//! It must not know what the numbers mean.
+
+use pulp::Simd;
+
+use crate::lanes::real::Lane;
+
+/// Elements a group, whatever the width of the machine: results must not depend on it.
+pub(crate) const GROUP: usize = 8;
+
+/// One number of each element of a group.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[repr(C, align(64))]
+pub(crate) struct Pack(pub(crate) [f64; GROUP]);
+
+impl Pack {
+    /// Lane group `part` of GROUP / S::F64_LANES.
+    #[inline(always)]
+    pub(crate) fn load<S: Simd>(&self, simd: S, part: usize) -> Lane<S> {
+        Lane::new(simd, S::as_simd_f64s(&self.0).0[part])
+    }
+
+    #[inline(always)]
+    pub(crate) fn store<S: Simd>(&mut self, part: usize, value: Lane<S>) {
+        S::as_mut_simd_f64s(&mut self.0).0[part] = value.raw();
+    }
+}
+
+/// How many lane groups make a [`Pack`].
+#[inline(always)]
+pub(crate) const fn parts<S: Simd>() -> usize {
+    GROUP / S::F64_LANES
+}
+
+/// The elements of a group; the last group may be short of some.
+pub(crate) fn members(group: usize) -> std::ops::Range<usize> {
+    group * GROUP..(group + 1) * GROUP
+}
+
+/// Deals the elements of each run of `run_length` into groups of eight, so that those of a group are an eighth of
+/// the run apart: they share no node (but by chance), and what they add to the sums at their nodes does
+/// not wait for each other.
+pub(crate) fn interleave(run_length: usize, elements: &mut [u32]) {
+    for run in elements.chunks_mut(run_length) {
+        let (whole, _) = run.as_chunks_mut::<GROUP>();
+        let sorted = whole.as_flattened().to_vec();
+        for (k, group) in whole.iter_mut().enumerate() {
+            for (lane, element) in group.iter_mut().enumerate() {
+                *element = sorted[lane * (sorted.len() / GROUP) + k];
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_of_a_run_are_of_far_elements() {
+        let mut elements: Vec<u32> = (0..150).collect();
+        interleave(64, &mut elements);
+        assert_eq!(elements[8..16], [1, 9, 17, 25, 33, 41, 49, 57]);
+        assert_eq!(elements[64..72], [64, 72, 80, 88, 96, 104, 112, 120]);
+        assert_eq!(
+            elements[128..],
+            [
+                128, 130, 132, 134, 136, 138, 140, 142, 129, 131, 133, 135, 137, 139, 141, 143, 144, 145,
+                146, 147, 148, 149
+            ]
+        );
+    }
+}

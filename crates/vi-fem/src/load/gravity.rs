@@ -1,0 +1,78 @@
+//! Weight as a potential.
+
+use std::ops::Range;
+
+use vi_core::{Account, HessianKind, Potential, Stencils, Traits};
+
+use crate::path::amplitude::Amplitude;
+use crate::small::tensor::dot;
+
+/// Weight: V = −a(t) Σ_a m_a g·x_a, one stencil per node that has mass.
+#[derive(Debug, Clone)]
+pub struct Gravity {
+    /// a(t).
+    amplitude: Amplitude,
+    nodes: Vec<u32>,
+    /// −m_a g, N.
+    gradients: Vec<[f64; 3]>,
+}
+
+impl Gravity {
+    /// Weight of the nodes with these masses (kg) in the field g (m/s²).
+    pub fn new(masses: &[f64], g: [f64; 3]) -> Self {
+        Self::with_amplitude(masses, g, Amplitude::default())
+    }
+
+    /// The same in a field g a(t).
+    pub fn with_amplitude(masses: &[f64], g: [f64; 3], amplitude: Amplitude) -> Self {
+        let heavy = || masses.iter().enumerate().filter(|(_, mass)| **mass != 0.0);
+        Self {
+            amplitude,
+            nodes: heavy().map(|(node, _)| node as u32).collect(),
+            gradients: heavy().map(|(_, mass)| g.map(|g| -mass * g)).collect(),
+        }
+    }
+}
+
+impl Potential for Gravity {
+    fn name(&self) -> &str {
+        "gravity"
+    }
+
+    fn account(&self) -> Account {
+        Account::Gravity
+    }
+
+    fn stencils(&self) -> Stencils<'_> {
+        Stencils { arity: 1, block: 3, nodes: &self.nodes }
+    }
+
+    fn traits(&self) -> Traits {
+        Traits { hessian: HessianKind::Zero, time_dependent: !self.amplitude.is_constant() }
+    }
+
+    fn energies(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        let factor = self.amplitude.at(t);
+        for (out, stencil) in out.iter_mut().zip(range) {
+            *out = factor * dot(self.gradients[stencil], position(x, self.nodes[stencil]));
+        }
+    }
+
+    fn gradients(&self, range: Range<usize>, _x: &[f64], t: f64, out: &mut [f64]) {
+        let factor = self.amplitude.at(t);
+        for (out, gradient) in out.chunks_exact_mut(3).zip(&self.gradients[range]) {
+            for (out, gradient) in out.iter_mut().zip(gradient) {
+                *out = factor * gradient;
+            }
+        }
+    }
+
+    fn hessians(&self, range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
+        out[..6 * range.len()].fill(0.0);
+    }
+}
+
+fn position(x: &[f64], node: u32) -> [f64; 3] {
+    let start = 3 * node as usize;
+    [x[start], x[start + 1], x[start + 2]]
+}

@@ -1,0 +1,6 @@
+//! Given functions of time and place: amplitudes, motions, formulas and fields of them.
+
+pub(crate) mod amplitude;
+pub(crate) mod expression;
+pub(crate) mod field;
+pub(crate) mod motion;

@@ -1,0 +1,377 @@
+//! Formulas of scene files, `"sin(2*pi*t)"`: parsed once, evaluated fast, nothing but arithmetic.
+//! It must not know what a formula stands for.
+//!
+//! Grammar, from weak to strong: `+ -`, `* /`, unary `-`, `^` (to the right: 2^3^2 = 512, -x^2 = -(x^2)),
+//! numbers, names, calls, parentheses.
+
+use crate::error::FemError;
+
+/// How deep parentheses and calls may nest.
+const MAX_DEPTH: usize = 100;
+
+/// Intermediate values that a formula may need at once.
+const MAX_STACK: usize = 64;
+
+/// A function of one argument, and of two.
+type Unary = fn(f64) -> f64;
+type Binary = fn(f64, f64) -> f64;
+
+/// Functions of one argument.
+const UNARY: &[(&str, Unary)] = &[
+    ("sin", f64::sin),
+    ("cos", f64::cos),
+    ("tan", f64::tan),
+    ("asin", f64::asin),
+    ("acos", f64::acos),
+    ("atan", f64::atan),
+    ("sinh", f64::sinh),
+    ("cosh", f64::cosh),
+    ("tanh", f64::tanh),
+    ("exp", f64::exp),
+    ("log", f64::ln),
+    ("sqrt", f64::sqrt),
+    ("abs", f64::abs),
+    ("floor", f64::floor),
+    ("step", |x| if x >= 0.0 { 1.0 } else { 0.0 }),
+];
+
+/// Functions of two arguments.
+const BINARY: &[(&str, Binary)] =
+    &[("min", f64::min), ("max", f64::max), ("atan2", f64::atan2), ("pow", f64::powf)];
+
+#[derive(Debug, Clone, Copy)]
+enum Code {
+    Number(f64),
+    Variable(usize),
+    Negate,
+    Add,
+    Subtract,
+    Multiply,
+    Divide,
+    Power,
+    Unary(Unary),
+    Binary(Binary),
+}
+
+/// A formula in named variables.
+///
+/// ```
+/// let ramp = vi_fem::Expression::parse("min(t / 0.5, 1)", &["t"])?;
+/// assert_eq!(ramp.evaluate(&[0.25]), 0.5);
+/// # Ok::<(), vi_fem::FemError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Expression {
+    source: String,
+    /// Reverse Polish.
+    code: Vec<Code>,
+}
+
+impl Expression {
+    /// Parses `source`; the value of `variables[k]` is argument k of [`Expression::evaluate`]. Known
+    /// besides: `pi`, the functions `sin cos tan asin acos atan sinh cosh tanh exp log sqrt abs floor
+    /// step min max atan2 pow`, `step(x)` being 0 for x < 0 and 1 otherwise.
+    ///
+    /// # Errors
+    /// [`FemError::Invalid`] with the place and what is allowed there.
+    pub fn parse(source: &str, variables: &[&str]) -> Result<Self, FemError> {
+        let mut parser = Parser { source, rest: source, variables, code: Vec::new(), depth: 0 };
+        parser.sum()?;
+        parser.skip_space();
+        if !parser.rest.is_empty() {
+            return Err(parser.error("an operator or the end"));
+        }
+        if stack_needed(&parser.code) > MAX_STACK {
+            return Err(parser.error("a formula with fewer pending operations (at most 64)"));
+        }
+        Ok(Self { source: source.into(), code: parser.code })
+    }
+
+    /// What it was parsed from.
+    pub fn source(&self) -> &str {
+        &self.source
+    }
+
+    /// Does it read variable number k?
+    pub fn uses(&self, variable: usize) -> bool {
+        self.code.iter().any(|code| matches!(code, Code::Variable(k) if *k == variable))
+    }
+
+    /// Its value; NaN where a function is not defined.
+    pub fn evaluate(&self, variables: &[f64]) -> f64 {
+        let mut stack = [0.0; MAX_STACK];
+        let mut top = 0;
+        for code in &self.code {
+            match *code {
+                Code::Number(value) => {
+                    stack[top] = value;
+                    top += 1;
+                }
+                Code::Variable(k) => {
+                    stack[top] = variables[k];
+                    top += 1;
+                }
+                Code::Negate => stack[top - 1] = -stack[top - 1],
+                Code::Unary(f) => stack[top - 1] = f(stack[top - 1]),
+                binary => {
+                    let (a, b) = (stack[top - 2], stack[top - 1]);
+                    top -= 1;
+                    stack[top - 1] = match binary {
+                        Code::Add => a + b,
+                        Code::Subtract => a - b,
+                        Code::Multiply => a * b,
+                        Code::Divide => a / b,
+                        Code::Binary(f) => f(a, b),
+                        _ => a.powf(b),
+                    };
+                }
+            }
+        }
+        stack[0]
+    }
+}
+
+/// The largest number of values on the stack.
+fn stack_needed(code: &[Code]) -> usize {
+    let (mut now, mut most) = (0_usize, 0);
+    for code in code {
+        match code {
+            Code::Number(_) | Code::Variable(_) => now += 1,
+            Code::Negate | Code::Unary(_) => {}
+            _ => now -= 1,
+        }
+        most = most.max(now);
+    }
+    most
+}
+
+impl PartialEq for Expression {
+    fn eq(&self, other: &Self) -> bool {
+        self.source == other.source
+    }
+}
+
+struct Parser<'a> {
+    source: &'a str,
+    rest: &'a str,
+    variables: &'a [&'a str],
+    code: Vec<Code>,
+    depth: usize,
+}
+
+impl<'a> Parser<'a> {
+    fn error(&self, expected: &str) -> FemError {
+        let place = self.source[..self.source.len() - self.rest.len()].chars().count() + 1;
+        let found = self.rest.chars().next().map_or("the end".to_owned(), |c| format!("'{c}'"));
+        let problem = format!("\"{}\", character {place}: expected {expected}, found {found}", self.source);
+        FemError::Invalid { what: "expression", problem }
+    }
+
+    fn skip_space(&mut self) {
+        self.rest = self.rest.trim_start();
+    }
+
+    fn take(&mut self, symbol: char) -> bool {
+        self.skip_space();
+        match self.rest.strip_prefix(symbol) {
+            Some(rest) => {
+                self.rest = rest;
+                true
+            }
+            None => false,
+        }
+    }
+
+    fn expect(&mut self, symbol: char) -> Result<(), FemError> {
+        if self.take(symbol) { Ok(()) } else { Err(self.error(&format!("'{symbol}'"))) }
+    }
+
+    fn sum(&mut self) -> Result<(), FemError> {
+        self.depth += 1;
+        if self.depth > MAX_DEPTH {
+            return Err(self.error("fewer nested parentheses (at most 100)"));
+        }
+        self.product()?;
+        loop {
+            let code = if self.take('+') {
+                Code::Add
+            } else if self.take('-') {
+                Code::Subtract
+            } else {
+                break;
+            };
+            self.product()?;
+            self.code.push(code);
+        }
+        self.depth -= 1;
+        Ok(())
+    }
+
+    fn product(&mut self) -> Result<(), FemError> {
+        self.signed()?;
+        loop {
+            let code = if self.take('*') {
+                Code::Multiply
+            } else if self.take('/') {
+                Code::Divide
+            } else {
+                return Ok(());
+            };
+            self.signed()?;
+            self.code.push(code);
+        }
+    }
+
+    /// Signs, then a power; in the exponent signs again.
+    fn signed(&mut self) -> Result<(), FemError> {
+        let mut negative = false;
+        loop {
+            if self.take('-') {
+                negative = !negative;
+            } else if !self.take('+') {
+                break;
+            }
+        }
+        self.atom()?;
+        if self.take('^') {
+            self.depth += 1;
+            if self.depth > MAX_DEPTH {
+                return Err(self.error("fewer nested powers (at most 100)"));
+            }
+            self.signed()?;
+            self.depth -= 1;
+            self.code.push(Code::Power);
+        }
+        if negative {
+            self.code.push(Code::Negate);
+        }
+        Ok(())
+    }
+
+    fn atom(&mut self) -> Result<(), FemError> {
+        if self.take('(') {
+            self.sum()?;
+            return self.expect(')');
+        }
+        let word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+        let length = self.rest.find(|c| !word(c)).unwrap_or(self.rest.len());
+        match self.rest.chars().next() {
+            Some(c) if c.is_ascii_digit() || c == '.' => self.number(),
+            Some(c) if c.is_ascii_alphabetic() => self.name(length),
+            _ => Err(self.error("a number, a name or '('")),
+        }
+    }
+
+    fn number(&mut self) -> Result<(), FemError> {
+        let bytes = self.rest.as_bytes();
+        let digits = |from: usize| bytes[from..].iter().take_while(|b| b.is_ascii_digit()).count();
+        let mut length = digits(0);
+        if bytes.get(length) == Some(&b'.') {
+            length += 1 + digits(length + 1);
+        }
+        if matches!(bytes.get(length), Some(b'e' | b'E')) {
+            let sign = usize::from(matches!(bytes.get(length + 1), Some(b'+' | b'-')));
+            let exponent = digits((length + 1 + sign).min(bytes.len()));
+            if exponent > 0 {
+                length += 1 + sign + exponent;
+            }
+        }
+        match self.rest[..length].parse() {
+            Ok(value) => {
+                self.code.push(Code::Number(value));
+                self.rest = &self.rest[length..];
+                Ok(())
+            }
+            Err(_) => Err(self.error("a number")),
+        }
+    }
+
+    fn name(&mut self, length: usize) -> Result<(), FemError> {
+        let name = &self.rest[..length];
+        if let Some(k) = self.variables.iter().position(|variable| *variable == name) {
+            self.rest = &self.rest[length..];
+            self.code.push(Code::Variable(k));
+        } else if name == "pi" {
+            self.rest = &self.rest[length..];
+            self.code.push(Code::Number(std::f64::consts::PI));
+        } else if let Some((_, f)) = UNARY.iter().find(|(known, _)| *known == name) {
+            self.rest = &self.rest[length..];
+            self.expect('(')?;
+            self.sum()?;
+            self.expect(')')?;
+            self.code.push(Code::Unary(*f));
+        } else if let Some((_, f)) = BINARY.iter().find(|(known, _)| *known == name) {
+            self.rest = &self.rest[length..];
+            self.expect('(')?;
+            self.sum()?;
+            self.expect(',')?;
+            self.sum()?;
+            self.expect(')')?;
+            self.code.push(Code::Binary(*f));
+        } else {
+            let functions = UNARY.iter().map(|(name, _)| *name).chain(BINARY.iter().map(|(name, _)| *name));
+            let known: Vec<_> = self.variables.iter().copied().chain(["pi"]).chain(functions).collect();
+            return Err(self.error(&format!("one of {}, not `{name}`", known.join(" "))));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn value(source: &str) -> f64 {
+        Expression::parse(source, &["t", "x"]).unwrap().evaluate(&[0.5, 3.0])
+    }
+
+    #[test]
+    fn arithmetic_binds_as_in_mathematics() {
+        for (source, expected) in [
+            ("1 + 2*3", 7.0),
+            ("-x^2", -9.0),
+            ("2^3^2", 512.0),
+            ("2^-1", 0.5),
+            ("x*-2", -6.0),
+            ("(1-t)*(1+t)", 0.75),
+            ("1 - 2 - 3", -4.0),
+            ("8/4/2", 1.0),
+            ("min(t, 1) + max(x, 2*t)", 3.5),
+            ("1.5e-3*x", 1.5e-3 * 3.0),
+            (".5 + 2.", 2.5),
+            ("step(t - 0.5) - step(t - 0.6)", 1.0),
+            ("--t", 0.5),
+        ] {
+            assert_eq!(value(source), expected, "{source}");
+        }
+        assert!((value("sin(pi/6)") - 0.5).abs() < 1e-15);
+        assert!((value("exp(log(x))") - 3.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn errors_name_the_place_and_what_is_allowed() {
+        for (source, part) in [
+            ("", "character 1: expected a number"),
+            ("t +", "character 4"),
+            ("(t", "expected ')'"),
+            ("2 t", "expected an operator"),
+            ("foo(t)", "not `foo`"),
+            ("sin t", "expected '('"),
+            ("min(1)", "expected ','"),
+            ("1 + ü", "found 'ü'"),
+        ] {
+            let error = Expression::parse(source, &["t"]).unwrap_err().to_string();
+            assert!(error.contains(part), "{source}: {error}");
+        }
+        for deep in ["(".repeat(100_000), "-".repeat(100_000), "2^".repeat(100_000)] {
+            assert!(Expression::parse(&deep, &["t"]).is_err());
+        }
+    }
+
+    #[test]
+    fn a_formula_that_pends_too_much_is_refused() {
+        let nested = |depth: usize| "1+2*min(3,".repeat(depth) + "t" + &")".repeat(depth);
+        assert!(Expression::parse(&nested(20), &["t"]).unwrap().evaluate(&[1.0]).is_finite());
+        assert!(Expression::parse(&nested(40), &["t"]).is_err());
+    }
+}

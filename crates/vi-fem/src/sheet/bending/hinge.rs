@@ -1,0 +1,53 @@
+//! Discrete Shells (Grinspun, Hirani, Desbrun & Schröder 2003): V = Σ ½ k (|e|²/A)(θ − θ̄)², A the area
+//! of the two triangles, with the square made smooth round the circle (`turn`). It must not know stretching.
+//!
+//! k = h³/12 Q_mm, the bending modulus across the edge (for isotropic sheets D = E h³/(12(1 − ν²))).
+//! With it, cylinders are right on equilateral triangles in every direction, and on right-angled ones
+//! along their legs; in the direction α of `diagonal` the energy is 1 + sin 2α + sin² 2α times the
+//! plate's, ¾ to 3. On equilateral triangles the model is an isotropic plate with ν = −1/3.
+
+use vi_core::Potential;
+
+use super::hinges::{Hinge, Opposite, hinges};
+use super::patches::{Bend, CARRIED, HELD, Patch, patches};
+use super::sheet::BentSheet;
+use crate::error::FemError;
+
+pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, FemError> {
+    Ok(from_hinges(sheet, &hinges(sheet)?))
+}
+
+/// One potential for pairs of triangles, one for held edges, where there are any.
+pub(super) fn from_hinges<'a>(
+    sheet: &BentSheet,
+    hinges: impl IntoIterator<Item = &'a Hinge>,
+) -> Vec<Box<dyn Potential>> {
+    let (offset, unit) = (sheet.node_offset as u32, sheet.unit());
+    let patch = |hinge: &Hinge| {
+        let stiffness = across(sheet, hinge) * hinge.length.powi(2) / hinge.area();
+        let mut nodes: Vec<u32> = hinge.nodes.iter().map(|node| node + offset).collect();
+        let (last, point) = match hinge.opposite {
+            Opposite::Node(node, _) => {
+                nodes.push(node + offset);
+                (3, [0.0; 3])
+            }
+            Opposite::Held(point) => (HELD, point),
+            Opposite::Mirror(vector) => (CARRIED, vector),
+        };
+        let (corners, rest_angle) = ([0, 1, 2, last], hinge.rest_angle);
+        Patch { nodes, bends: vec![Bend { corners, point, rest_angle, form: [(stiffness / unit).sqrt()] }] }
+    };
+    patches(hinges.into_iter().map(patch).collect(), sheet)
+}
+
+/// The bending modulus across the edge, (m ⊗ m):D:(m ⊗ m), N m, m normal to the edge in the plane of
+/// the first triangle.
+pub(super) fn across(sheet: &BentSheet, hinge: &Hinge) -> f64 {
+    let (triangle, k) = (hinge.first.0 as usize, usize::from(hinge.first.1));
+    let p = sheet.plane(triangle);
+    let (a, b) = (p[(k + 1) % 3], p[(k + 2) % 3]);
+    let length = (b[0] - a[0]).hypot(b[1] - a[1]);
+    let m = [(b[1] - a[1]) / length, (a[0] - b[0]) / length];
+    let strain = [m[0] * m[0], m[1] * m[1], 2.0 * m[0] * m[1]];
+    (0..3).map(|i| (0..3).map(|j| strain[i] * sheet.moduli[i][j] * strain[j]).sum::<f64>()).sum()
+}

@@ -1,0 +1,474 @@
+//! The kernel of all models whose energy is a square of angles, eight stencils at a time: V = Σ ½ |y|²,
+//! y = Σ over the hinges of a stencil of form (θ − θ̄), made smooth round the circle (`turn`). It must not know
+//! where forms come from.
+//!
+//! Stencils whose hinges join the same corners of their own ("pattern") share a group, so that everything
+//! but the gathering of nodes is done in lanes. Groups that are not full repeat their last stencil.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use pulp::{Arch, Simd, WithSimd};
+use vi_core::{Account, HessianKind, Potential, Stencils, Traits, packed_len};
+
+use super::sheet::BentSheet;
+use super::turn::Turn;
+use crate::lanes::pack::{GROUP, Pack, parts};
+use crate::lanes::real::{Lane, Real};
+use crate::lanes::transpose::{gather, put};
+use crate::sheet::dihedral::Fold;
+use crate::small::tensor::{packed_index, vec3};
+
+/// Most nodes a stencil can have.
+const MOST: usize = 12;
+
+/// Most hinges a stencil can have: a triangle's own and two of each neighbour.
+const BENDS: usize = 9;
+
+/// A fourth corner that is held in space.
+pub(super) const HELD: u8 = u8::MAX;
+
+/// A fourth corner that goes with the first, at a vector from it that is held in space.
+pub(super) const CARRIED: u8 = u8::MAX - 1;
+
+/// The local node that corner c of a hinge moves with; not below [`MOST`] where it is held.
+#[inline(always)]
+fn node_of(corners: &[u8; 4], c: usize) -> usize {
+    usize::from(if corners[c] == CARRIED { corners[0] } else { corners[c] })
+}
+
+/// A hinge of a stencil.
+pub(super) struct Bend<const F: usize> {
+    /// Its corners among the nodes of the stencil; the fourth may be [`HELD`] or [`CARRIED`].
+    pub(super) corners: [u8; 4],
+    /// Where the fourth is held, or the vector by which it is carried, m.
+    pub(super) point: [f64; 3],
+    pub(super) rest_angle: f64,
+    /// Its coefficients in the F forms, the root of an energy in the unit of [`BentSheet::unit`].
+    pub(super) form: [f64; F],
+}
+
+/// A stencil: its nodes and hinges.
+pub(super) struct Patch<const F: usize> {
+    pub(super) nodes: Vec<u32>,
+    pub(super) bends: Vec<Bend<F>>,
+}
+
+/// The potentials of patches of a sheet, one for each number of nodes.
+pub(super) fn patches<const F: usize>(list: Vec<Patch<F>>, sheet: &BentSheet) -> Vec<Box<dyn Potential>> {
+    let mut by_pattern: BTreeMap<(usize, Vec<[u8; 4]>), Vec<Patch<F>>> = BTreeMap::new();
+    for patch in list {
+        let pattern = patch.bends.iter().map(|bend| bend.corners).collect();
+        by_pattern.entry((patch.nodes.len(), pattern)).or_default().push(patch);
+    }
+    let mut potentials: BTreeMap<usize, Patches<F>> = BTreeMap::new();
+    for ((arity, pattern), patches) in by_pattern {
+        potentials.entry(arity).or_insert_with(|| Patches::new(arity, sheet)).add(pattern, &patches);
+    }
+    potentials.into_values().map(|potential| Box::new(potential.closed()) as Box<dyn Potential>).collect()
+}
+
+/// Up to eight stencils of one pattern.
+struct Group {
+    first: usize,
+    count: usize,
+    pattern: usize,
+    /// Where its hinges begin, and their held corners.
+    bends: usize,
+    held: usize,
+}
+
+impl Group {
+    fn members(&self) -> Range<usize> {
+        self.first..self.first + self.count
+    }
+}
+
+/// One hinge of each stencil of a group.
+struct BendPack<const F: usize> {
+    /// sin θ̄ and cos θ̄.
+    rest: [Pack; 2],
+    form: [Pack; F],
+}
+
+impl<const F: usize> BendPack<F> {
+    #[inline(always)]
+    fn turn<S: Simd>(&self, simd: S, part: usize, fold: &Fold<Lane<S>>) -> Turn<Lane<S>> {
+        let [sine, cosine] = &self.rest;
+        Turn::new(fold.direction(), [sine.load(simd, part), cosine.load(simd, part)])
+    }
+
+    #[inline(always)]
+    fn form<S: Simd>(&self, simd: S, part: usize) -> [Lane<S>; F] {
+        let mut form = [Lane::splat(simd, 0.0); F];
+        for f in 0..F {
+            form[f] = self.form[f].load(simd, part);
+        }
+        form
+    }
+}
+
+/// a·b + c.
+#[inline(always)]
+fn dot_add<R: Real, const F: usize>(a: &[R; F], b: &[R; F], c: R) -> R {
+    let mut sum = c;
+    for f in 0..F {
+        sum = a[f].mul_add(b[f], sum);
+    }
+    sum
+}
+
+struct Patches<const F: usize> {
+    arch: Arch,
+    arity: usize,
+    count: usize,
+    /// Nodes, `arity` a stencil, and some more so that a last group can be gathered whole.
+    nodes: Vec<u32>,
+    patterns: Vec<Vec<[u8; 4]>>,
+    groups: Vec<Group>,
+    /// The group of each stencil.
+    group_of: Vec<u32>,
+    bends: Vec<BendPack<F>>,
+    held: Vec<[Pack; 3]>,
+    /// The unit of energy of the forms' squares, J.
+    unit: f64,
+    name: String,
+}
+
+impl<const F: usize> Patches<F> {
+    fn new(arity: usize, sheet: &BentSheet) -> Self {
+        Self {
+            arch: Arch::new(),
+            arity,
+            count: 0,
+            nodes: Vec::new(),
+            patterns: Vec::new(),
+            groups: Vec::new(),
+            group_of: Vec::new(),
+            bends: Vec::new(),
+            held: Vec::new(),
+            unit: sheet.unit(),
+            name: sheet.name.clone(),
+        }
+    }
+
+    fn add(&mut self, pattern: Vec<[u8; 4]>, patches: &[Patch<F>]) {
+        for patches in patches.chunks(GROUP) {
+            let (bends, held, count) = (self.bends.len(), self.held.len(), patches.len());
+            let pattern = self.patterns.len();
+            self.group_of.extend(std::iter::repeat_n(self.groups.len() as u32, count));
+            self.groups.push(Group { first: self.count, count, pattern, bends, held });
+            let lane = |lane: usize| &patches[lane.min(count - 1)];
+            for (b, bend) in patches[0].bends.iter().enumerate() {
+                let pack =
+                    |value: &dyn Fn(&Bend<F>) -> f64| Pack(std::array::from_fn(|l| value(&lane(l).bends[b])));
+                self.bends.push(BendPack {
+                    rest: [pack(&|bend| bend.rest_angle.sin()), pack(&|bend| bend.rest_angle.cos())],
+                    form: std::array::from_fn(|f| pack(&|bend| bend.form[f])),
+                });
+                if bend.corners[3] >= CARRIED {
+                    self.held.push([0, 1, 2].map(|i| pack(&|bend| bend.point[i])));
+                }
+            }
+            self.nodes.extend(patches.iter().flat_map(|patch| &patch.nodes));
+            self.count += count;
+        }
+        self.patterns.push(pattern);
+    }
+
+    /// With nodes enough for a last group.
+    fn closed(mut self) -> Self {
+        let last = self.nodes[self.nodes.len() - self.arity..].to_vec();
+        self.nodes.extend(last.iter().cycle().take(GROUP * self.arity));
+        self
+    }
+
+    fn groups(&self, range: &Range<usize>) -> &[Group] {
+        if range.is_empty() {
+            return &[];
+        }
+        &self.groups[self.group_of[range.start] as usize..=self.group_of[range.end - 1] as usize]
+    }
+
+    /// Positions of the corners of the stencils of a part of a group.
+    #[inline(always)]
+    fn gather<S: Simd>(&self, simd: S, group: &Group, part: usize, x: &[f64]) -> [[Lane<S>; 3]; MOST] {
+        let mut at = [[Lane::splat(simd, 0.0); 3]; MOST];
+        let first = (group.first + part * S::F64_LANES) * self.arity;
+        for a in 0..self.arity {
+            at[a] = gather(simd, x, &self.nodes[first + a..], self.arity);
+        }
+        at
+    }
+
+    /// The four corners of hinge b; `held` counts the held ones before it.
+    #[inline(always)]
+    fn fold<S: Simd>(
+        &self,
+        simd: S,
+        part: usize,
+        corners: [u8; 4],
+        held: &mut usize,
+        at: &[[Lane<S>; 3]; MOST],
+    ) -> Fold<Lane<S>> {
+        let last = if corners[3] >= CARRIED {
+            let point = &self.held[*held];
+            *held += 1;
+            let point: [Lane<S>; 3] = vec3!(i => point[i].load(simd, part));
+            if corners[3] == HELD {
+                point
+            } else {
+                let first = at[usize::from(corners[0])];
+                vec3!(i => first[i] + point[i])
+            }
+        } else {
+            at[usize::from(corners[3])]
+        };
+        let [a, b, c] = [usize::from(corners[0]), usize::from(corners[1]), usize::from(corners[2])];
+        Fold::new(&[at[a], at[b], at[c], last])
+    }
+}
+
+struct Energies<'a, const F: usize> {
+    patches: &'a Patches<F>,
+    range: Range<usize>,
+    x: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl<const F: usize> WithSimd for Energies<'_, F> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { patches, range, x, out } = self;
+        for group in patches.groups(&range) {
+            let mut energy = [Pack::default()];
+            for part in 0..parts::<S>() {
+                let zero = Lane::splat(simd, 0.0);
+                let at = patches.gather(simd, group, part, x);
+                let mut held = group.held;
+                let (mut y, mut surplus) = ([zero; F], zero);
+                for (b, &corners) in patches.patterns[group.pattern].iter().enumerate() {
+                    let bend = &patches.bends[group.bends + b];
+                    let fold = patches.fold(simd, part, corners, &mut held, &at);
+                    let (turn, form) = (bend.turn(simd, part, &fold), bend.form(simd, part));
+                    let psi = turn.value();
+                    for f in 0..F {
+                        y[f] = form[f].mul_add(psi, y[f]);
+                    }
+                    surplus = dot_add(&form, &form, zero).mul_add(turn.surplus(), surplus);
+                }
+                let sum = dot_add(&y, &y, zero).mul_add(zero + 0.5, surplus);
+                energy[0].store(part, sum * patches.unit);
+            }
+            put(simd, &energy, group.members(), &range, out);
+        }
+    }
+}
+
+struct Gradients<'a, const F: usize> {
+    patches: &'a Patches<F>,
+    range: Range<usize>,
+    x: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl<const F: usize> WithSimd for Gradients<'_, F> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { patches, range, x, out } = self;
+        let size = 3 * patches.arity;
+        let mut local = [Pack::default(); 3 * MOST];
+        for group in patches.groups(&range) {
+            let pattern = &patches.patterns[group.pattern][..];
+            let bends = &patches.bends[group.bends..][..pattern.len()];
+            for part in 0..parts::<S>() {
+                let zero = Lane::splat(simd, 0.0);
+                let at = patches.gather(simd, group, part, x);
+                let mut held = group.held;
+                let mut y = [zero; F];
+                let mut slopes = [[[zero; 3]; 4]; BENDS];
+                // ψ and 1 − ψ′.
+                let mut turns = [[zero; 2]; BENDS];
+                for b in 0..pattern.len() {
+                    let fold = patches.fold(simd, part, pattern[b], &mut held, &at);
+                    let (turn, form) = (bends[b].turn(simd, part, &fold), bends[b].form(simd, part));
+                    let psi = turn.value();
+                    for f in 0..F {
+                        y[f] = form[f].mul_add(psi, y[f]);
+                    }
+                    turns[b] = [psi, turn.softening()];
+                    slopes[b] = fold.gradient();
+                }
+                let mut sum = [[zero; 3]; MOST];
+                for b in 0..pattern.len() {
+                    let (form, [psi, softening]) = (bends[b].form(simd, part), turns[b]);
+                    let coupled = dot_add(&form, &y, zero);
+                    let own = dot_add(&form, &form, zero) * psi;
+                    // ψ′ Kψ + (1 − ψ′) K_aa ψ_a.
+                    let moment = softening.mul_add(own - coupled, coupled);
+                    for c in 0..4 {
+                        let corner = node_of(&pattern[b], c);
+                        if corner < MOST {
+                            for i in 0..3 {
+                                sum[corner][i] = moment.mul_add(slopes[b][c][i], sum[corner][i]);
+                            }
+                        }
+                    }
+                }
+                for k in 0..size {
+                    local[k].store(part, sum[k / 3][k % 3] * patches.unit);
+                }
+            }
+            put(simd, &local[..size], group.members(), &range, out);
+        }
+    }
+}
+
+struct Hessians<'a, const F: usize> {
+    patches: &'a Patches<F>,
+    range: Range<usize>,
+    x: &'a [f64],
+    /// Leave out what may be negative.
+    is_projected: bool,
+    /// Room for the packed Hessians of a group.
+    block: &'a mut [Pack],
+    out: &'a mut [f64],
+}
+
+impl<const F: usize> WithSimd for Hessians<'_, F> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { patches, range, x, is_projected, block, out } = self;
+        let size = 3 * patches.arity;
+        for group in patches.groups(&range) {
+            let pattern = &patches.patterns[group.pattern][..];
+            let bends = &patches.bends[group.bends..][..pattern.len()];
+            for part in 0..parts::<S>() {
+                let zero = Lane::splat(simd, 0.0);
+                let at = patches.gather(simd, group, part, x);
+                let mut held = group.held;
+                let mut y = [zero; F];
+                let mut slopes = [[zero; 3 * MOST]; F];
+                for b in 0..pattern.len() {
+                    let fold = patches.fold(simd, part, pattern[b], &mut held, &at);
+                    let (turn, form) = (bends[b].turn(simd, part, &fold), bends[b].form(simd, part));
+                    let (psi, slope, steepness) = (turn.value(), fold.gradient(), -turn.softening() + 1.0);
+                    for f in 0..F {
+                        y[f] = form[f].mul_add(psi, y[f]);
+                        let form = form[f] * steepness;
+                        for c in 0..4 {
+                            let corner = node_of(&pattern[b], c);
+                            if corner < MOST {
+                                for i in 0..3 {
+                                    let entry = &mut slopes[f][3 * corner + i];
+                                    *entry = form.mul_add(slope[c][i], *entry);
+                                }
+                            }
+                        }
+                    }
+                }
+                for row in 0..size {
+                    for column in 0..=row {
+                        let mut entry = zero;
+                        for f in 0..F {
+                            entry = slopes[f][row].mul_add(slopes[f][column], entry);
+                        }
+                        block[packed_index(row, column)].store(part, entry * patches.unit);
+                    }
+                }
+                let mut held = group.held;
+                for b in 0..pattern.len() {
+                    let fold = patches.fold(simd, part, pattern[b], &mut held, &at);
+                    let (turn, form) = (bends[b].turn(simd, part, &fold), bends[b].form(simd, part));
+                    let (psi, softening) = (turn.value(), turn.softening());
+                    let (coupled, stiffness) = (dot_add(&form, &y, zero), dot_add(&form, &form, zero));
+                    let own = stiffness * psi;
+                    // What the slopes above leave of ∂²V/∂Δ²: K_aa ψ′(1 − ψ′) + ψ″ (Kψ − K_aa ψ_a).
+                    let rest = stiffness * softening * (-softening + 1.0);
+                    let (second, moment) = if is_projected {
+                        (rest.if_positive(rest, zero), zero)
+                    } else {
+                        let moment = softening.mul_add(own - coupled, coupled);
+                        (turn.second().mul_add(coupled - own, rest), moment)
+                    };
+                    let (second, moment) = (second * patches.unit, moment * patches.unit);
+                    let slope = fold.gradient();
+                    let curvature = if is_projected { [[zero; 12]; 12] } else { fold.hessian() };
+                    let inside = if pattern[b][3] == HELD { 9 } else { 12 };
+                    for n in 0..inside {
+                        let row = 3 * node_of(&pattern[b], n / 3) + n % 3;
+                        let along = second * slope[n / 3][n % 3];
+                        for m in 0..=n {
+                            let column = 3 * node_of(&pattern[b], m / 3) + m % 3;
+                            // Two corners of one node: the entry stands for both halves of the matrix.
+                            let is_doubled = n != m && row == column;
+                            let (along, moment) = match is_doubled {
+                                true => (along + along, moment + moment),
+                                false => (along, moment),
+                            };
+                            let target = &mut block[packed_index(row.max(column), row.min(column))];
+                            let sum = moment.mul_add(curvature[n][m], target.load(simd, part));
+                            target.store(part, along.mul_add(slope[m / 3][m % 3], sum));
+                        }
+                    }
+                }
+            }
+            put(simd, block, group.members(), &range, out);
+        }
+    }
+}
+
+thread_local! {
+    /// Room for the Hessians of one group; grows once a thread.
+    static ROOM: RefCell<Vec<Pack>> = const { RefCell::new(Vec::new()) };
+}
+
+impl<const F: usize> Patches<F> {
+    fn blocks(&self, range: Range<usize>, x: &[f64], is_projected: bool, out: &mut [f64]) {
+        ROOM.with_borrow_mut(|room| {
+            let size = packed_len(3 * self.arity);
+            room.resize(size.max(room.len()), Pack::default());
+            let block = &mut room[..size];
+            self.arch.dispatch(Hessians { patches: self, range, x, is_projected, block, out });
+        });
+    }
+}
+
+impl<const F: usize> Potential for Patches<F> {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn account(&self) -> Account {
+        Account::Elastic
+    }
+
+    fn stencils(&self) -> Stencils<'_> {
+        Stencils { arity: self.arity, block: 3, nodes: &self.nodes[..self.count * self.arity] }
+    }
+
+    fn traits(&self) -> Traits {
+        Traits { hessian: HessianKind::Varying, time_dependent: false }
+    }
+
+    fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        self.arch.dispatch(Energies { patches: self, range, x, out });
+    }
+
+    fn gradients(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        self.arch.dispatch(Gradients { patches: self, range, x, out });
+    }
+
+    fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        self.blocks(range, x, false, out);
+    }
+
+    /// The parts that are squares of first derivatives, which are never negative, alone.
+    fn projected_hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        self.blocks(range, x, true, out);
+    }
+}

@@ -1,0 +1,121 @@
+//! The registry of sheet laws, which makes a law a scene's word.
+//!
+//! To add a law: one file in `law/` with a [`SheetMaterial`], one line in `sheet_materials!` below; its parameters have the
+//! fields `bending` and `tension_field`. The line gives the scene name, the schema entry, the potential and the law tests.
+
+mod invariants;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::error::FemError;
+use crate::sheet::bending::Bending;
+use crate::sheet::material::{SheetMaterial, SheetParameters, SheetVisitor};
+
+macro_rules! sheet_materials {
+    ($($(#[$doc:meta])* $file:ident: $variant:ident($material:ident) = $name:literal;)*) => {
+        $(mod $file;)*
+
+        /// The laws with their parameters.
+        pub(crate) mod registered {
+            $(pub use super::$file::*;)*
+        }
+        use registered::*;
+
+        /// A sheet's law and its parameters as the scene file says them.
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+        #[serde(tag = "law", rename_all = "kebab-case")]
+        #[non_exhaustive]
+        pub enum SheetLaw {
+            $($(#[$doc])* #[serde(rename = $name)] $variant(<$material as SheetMaterial>::Parameters),)*
+        }
+
+        impl SheetLaw {
+            /// The scene names of all laws.
+            pub const NAMES: &'static [&'static str] = &[$($name),*];
+
+            /// The scene name of this law.
+            pub fn name(&self) -> &'static str {
+                match self { $(Self::$variant(_) => $name,)* }
+            }
+
+            /// Its parameters.
+            pub fn parameters(&self) -> &dyn SheetParameters {
+                match self { $(Self::$variant(parameters) => parameters,)* }
+            }
+
+            /// One of each law, with sound parameters.
+            pub fn examples() -> Vec<Self> {
+                vec![$(Self::$variant(<$material as SheetMaterial>::Parameters::example())),*]
+            }
+
+            /// The same law with another answer to bending.
+            pub fn with_bending(mut self, bending: Bending) -> Self {
+                match &mut self { $(Self::$variant(parameters) => parameters.bending = bending,)* }
+                self
+            }
+
+            /// The same law with or without wrinkles below the size of the mesh.
+            pub fn with_tension_field(mut self, tension_field: bool) -> Self {
+                match &mut self { $(Self::$variant(parameters) => parameters.tension_field = tension_field,)* }
+                self
+            }
+
+            pub(crate) fn visit<V: SheetVisitor>(&self, visitor: V) -> V::Output {
+                match self { $(Self::$variant(parameters) => visitor.visit($material::new(parameters)),)* }
+            }
+        }
+    };
+}
+
+sheet_materials! {
+    /// St. Venant–Kirchhoff, W = μ E:E + ½ E ν/(1 − ν²) (tr E)²: small strains, large rotations.
+    st_venant_kirchhoff: StVenantKirchhoff(StVenantKirchhoffSheet) = "st-venant-kirchhoff";
+    /// Neo-Hookean with logarithmic volume terms, in plane stress: large strains.
+    neo_hookean: NeoHookean(NeoHookeanSheet) = "neo-hookean";
+    /// Corotated linear elasticity: linear in the principal stretches.
+    corotated: Corotated(CorotatedSheet) = "corotated";
+    /// Orthotropic St. Venant–Kirchhoff: woven cloth with warp, weft and shear moduli.
+    orthotropic: Orthotropic(OrthotropicSheet) = "orthotropic";
+}
+
+impl SheetLaw {
+    /// Mass per area at rest, kg/m².
+    pub fn area_density(&self) -> f64 {
+        self.parameters().common().area_density
+    }
+
+    /// Everything that is wrong with the parameters.
+    ///
+    /// # Errors
+    /// All problems at once.
+    pub fn check(&self) -> Result<(), Vec<FemError>> {
+        let problems = self.parameters().check();
+        if problems.is_empty() { Ok(()) } else { Err(problems) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_says_a_sheet_in_one_line() {
+        let text = r#"{ "law": "neo-hookean", "young": 1e6, "poisson": 0.3, "area_density": 0.2,
+                        "thickness": 1e-3, "bending": "hinge" }"#;
+        let law: SheetLaw = serde_json::from_str(text).unwrap();
+        law.check().unwrap();
+        assert_eq!((law.name(), law.area_density()), ("neo-hookean", 0.2));
+        assert_eq!(law.parameters().common().bending, Bending::Hinge);
+        let misspelt = text.replace("thickness", "tickness");
+        assert!(serde_json::from_str::<SheetLaw>(&misspelt).is_err());
+    }
+
+    #[test]
+    fn zero_thickness_and_missing_mass_are_errors_with_a_way_out() {
+        let text = r#"{ "law": "corotated", "young": 1e6, "poisson": 0.3, "thickness": 0.0 }"#;
+        let problems = serde_json::from_str::<SheetLaw>(text).unwrap().check().unwrap_err();
+        let text: Vec<String> = problems.iter().map(ToString::to_string).collect();
+        assert!(text[0].contains("thickness") && text[1].contains("area_density"), "{text:?}");
+    }
+}

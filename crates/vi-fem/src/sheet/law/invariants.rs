@@ -1,0 +1,87 @@
+//! Isotropic membranes: from derivatives in the invariants i = tr C, j = √det C (the area ratio) to
+//! derivatives in the strain, and relaxation of compression. It must not know any law.
+
+use crate::lanes::real::Real;
+use crate::sheet::material::SheetResponse;
+use crate::small::tensor::{mat3, vec3};
+
+/// W(i, j) and its derivatives.
+pub(super) struct Invariants<R> {
+    pub(super) energy: R,
+    /// W_i, W_j.
+    pub(super) first: [R; 2],
+    /// W_ii, W_ij, W_jj.
+    pub(super) second: [R; 3],
+}
+
+/// (i, j) at the strain e = (E₁₁, E₂₂, 2E₁₂), C = I + 2E.
+#[inline(always)]
+pub(super) fn invariants<R: Real>(strain: &[R; 3]) -> (R, R) {
+    let (c11, c22, c12) = (strain[0] * 2.0 + 1.0, strain[1] * 2.0 + 1.0, strain[2]);
+    let square = c11 * c22 - c12 * c12;
+    (c11 + c22, square.if_positive(square, square.constant(0.0)).sqrt())
+}
+
+/// The response of W(i, j) at that strain.
+#[inline(always)]
+pub(super) fn from_invariants<R: Real>(strain: &[R; 3], j: R, law: Invariants<R>) -> SheetResponse<R> {
+    let (c11, c22, c12) = (strain[0] * 2.0 + 1.0, strain[1] * 2.0 + 1.0, strain[2]);
+    let Invariants { energy, first: [w_i, w_j], second: [w_ii, w_ij, w_jj] } = law;
+    // ∂i/∂e and ∂j/∂e; ∂²(j²)/∂e² = 2 q qᵀ + 2 j ∂²j/∂e² is constant.
+    let (zero, two) = (j.constant(0.0), j.constant(2.0));
+    let p = [two, two, zero];
+    let q = [c22 / j, c11 / j, -c12 / j];
+    let half_square = [[zero, two, zero], [two, zero, zero], [zero, zero, j.constant(-1.0)]];
+    let by_j = w_j / j;
+    SheetResponse {
+        energy,
+        stress: vec3!(a => w_i * p[a] + w_j * q[a]),
+        tangent: mat3!(a b => w_ii * p[a] * p[b]
+            + w_ij * (p[a] * q[b] + q[a] * p[b])
+            + w_jj * q[a] * q[b]
+            + by_j * (half_square[a][b] - q[a] * q[b])),
+    }
+}
+
+/// Uniaxial tension at the principal value c of C, free to contract across.
+pub(super) struct Uniaxial {
+    /// W, and its derivatives by c.
+    pub(super) energy: f64,
+    pub(super) first: f64,
+    pub(super) second: f64,
+    /// The other principal value of C that goes with it.
+    pub(super) width: f64,
+}
+
+/// Relaxed energy of an isotropic membrane (Pipkin 1986; Steigmann 1990): slack (W = 0) where no
+/// principal stretch exceeds 1; wrinkled, in uniaxial tension, where the sheet is narrower than its
+/// natural width; else `taut`. W and its stress are continuous.
+pub(super) fn relaxed(
+    strain: &[f64; 3],
+    uniaxial: impl Fn(f64) -> Uniaxial,
+    taut: impl Fn() -> SheetResponse,
+) -> SheetResponse {
+    let (c11, c22, c12) = (1.0 + 2.0 * strain[0], 1.0 + 2.0 * strain[1], strain[2]);
+    let half_difference = 0.5 * (c11 - c22);
+    let radius = half_difference.hypot(c12);
+    let mean = 0.5 * (c11 + c22);
+    let (large, small) = (mean + radius, mean - radius);
+    if large <= 1.0 {
+        return SheetResponse::default();
+    }
+    let Uniaxial { energy, first, second, width } = uniaxial(large);
+    if small >= width {
+        return taut();
+    }
+    // Here small < width < 1 < large: the principal directions n (large) and m are distinct.
+    let angle = 0.5 * c12.atan2(half_difference);
+    let (n, m) = ([angle.cos(), angle.sin()], [-angle.sin(), angle.cos()]);
+    let p = [2.0 * n[0] * n[0], 2.0 * n[1] * n[1], 2.0 * n[0] * n[1]];
+    let turn = [2.0 * n[0] * m[0], 2.0 * n[1] * m[1], n[0] * m[1] + n[1] * m[0]];
+    let turning = first * 2.0 / (large - small);
+    SheetResponse {
+        energy,
+        stress: p.map(|p| first * p),
+        tangent: [0, 1, 2].map(|a| [0, 1, 2].map(|b| second * p[a] * p[b] + turning * turn[a] * turn[b])),
+    }
+}

@@ -1,0 +1,148 @@
+//! The membrane energy Σ_T A h W(E(F)) of a sheet of linear triangles, F = ∂x/∂X (3 × 2) constant on
+//! each. It must not know bending, nor how blocks are summed.
+
+mod kernel;
+
+use std::ops::Range;
+
+use pulp::Arch;
+use vi_core::{Account, Fault, HessianKind, Potential, Stencils, Traits};
+
+use crate::lanes::pack::GROUP;
+use crate::sheet::material::{SheetMaterial, SheetVisitor};
+use crate::sheet::triangle::{barycentric_gradients, flatten, frame};
+use crate::small::tensor::{cross, dot};
+use kernel::{Deformed, Energies, Gradients, Membrane, RestPack};
+use vi_mesh::Triangulation;
+
+/// Builds the potential of a law.
+pub(crate) struct BuildMembrane<'a> {
+    pub(crate) surface: &'a Triangulation,
+    pub(crate) thickness: f64,
+    /// The first axis of the law in each triangle, if it has axes.
+    pub(crate) directions: Option<&'a [[f64; 3]]>,
+    pub(crate) tension_field: bool,
+    pub(crate) node_offset: usize,
+    pub(crate) name: String,
+}
+
+impl SheetVisitor for BuildMembrane<'_> {
+    type Output = Box<dyn Potential>;
+
+    fn visit<M: SheetMaterial>(self, material: M) -> Self::Output {
+        let surface = self.surface;
+        let count = surface.triangles.len();
+        let mut frames = Vec::with_capacity(count);
+        let mut rest = vec![RestPack::default(); count.div_ceil(GROUP)];
+        // The last group is filled up with copies of the last triangle.
+        for place in 0..rest.len() * GROUP {
+            let triangle = place.min(count - 1);
+            let corners = surface.corners(triangle);
+            let frame = frame(&corners, self.directions.map(|all| all[triangle]));
+            let (gradients, area) = barycentric_gradients(&flatten(&corners, &frame));
+            let (pack, lane) = (&mut rest[place / GROUP], place % GROUP);
+            for a in 0..2 {
+                for j in 0..2 {
+                    pack.gradients[a][j].0[lane] = gradients[a + 1][j];
+                }
+            }
+            pack.volume.0[lane] = area * self.thickness;
+            if place < count {
+                frames.push(frame);
+            }
+        }
+        let places = (0..rest.len() * GROUP).map(|place| place.min(count - 1));
+        let offset = self.node_offset as u32;
+        let nodes =
+            places.flat_map(|triangle| surface.triangles[triangle]).map(|node| node + offset).collect();
+        let (relaxed, cells) = (self.tension_field, surface.cells.clone());
+        Box::new(Membrane {
+            arch: Arch::new(),
+            material,
+            relaxed,
+            rest,
+            frames,
+            nodes,
+            cells,
+            name: self.name,
+        })
+    }
+}
+
+impl<M: SheetMaterial> Potential for Membrane<M> {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn account(&self) -> Account {
+        Account::Elastic
+    }
+
+    fn stencils(&self) -> Stencils<'_> {
+        Stencils { arity: 3, block: 3, nodes: &self.nodes[..3 * self.cells.len()] }
+    }
+
+    fn traits(&self) -> Traits {
+        Traits { hessian: HessianKind::Varying, time_dependent: false }
+    }
+
+    fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        self.arch.dispatch(Energies { membrane: self, range, x, out });
+    }
+
+    fn gradients(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        self.arch.dispatch(Gradients { membrane: self, range, x, out });
+    }
+
+    fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        self.blocks(range, x, false, out);
+    }
+
+    fn projected_hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        self.blocks(range, x, true, out);
+    }
+
+    /// F completed by the unit normal.
+    fn mean_deformations(&self, range: Range<usize>, x: &[f64], out: &mut [f64]) -> bool {
+        for (triangle, out) in range.zip(out.chunks_exact_mut(9)) {
+            let (Deformed { f, .. }, _) = self.scalar(triangle, x);
+            let (frame, volume) =
+                (&self.frames[triangle], self.rest[triangle / GROUP].volume.0[triangle % GROUP]);
+            let normal = cross(f[0], f[1]);
+            let length = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
+            for i in 0..3 {
+                for j in 0..3 {
+                    let value = f[0][i] * frame[0][j] + f[1][i] * frame[1][j];
+                    out[3 * i + j] = volume * (value + normal[i] / length * frame[2][j]);
+                }
+            }
+        }
+        true
+    }
+
+    fn fault(&self, stencil: usize, x: &[f64], _t: f64) -> Option<Fault> {
+        let (Deformed { f, .. }, response) = self.scalar(stencil, x);
+        if response.energy.is_finite() && response.stress.iter().all(|s| s.is_finite()) {
+            return None;
+        }
+        let element = self.cells[stencil] as usize;
+        let fault = |quantity, value, domain| Some(Fault { element, quantity, value, domain });
+        // The first quantity on the way from F to the stress that is not what it must be.
+        let normal = cross(f[0], f[1]);
+        let area = dot(normal, normal).sqrt();
+        let determinant = dot(f[0], f[0]) * dot(f[1], f[1]) - dot(f[0], f[1]).powi(2);
+        if !(area > 0.0 && area.is_finite()) {
+            return fault("area over area at rest", area, "must be positive and finite");
+        }
+        if !(determinant > 0.0 && determinant.is_finite()) {
+            let domain =
+                "must be positive and finite: the triangle is a line, up to the round-off of its strain";
+            return fault("det FᵀF", determinant, domain);
+        }
+        if !response.energy.is_finite() {
+            return fault("energy density in J/m³", response.energy, "must be finite");
+        }
+        let stress = response.stress.into_iter().find(|stress| !stress.is_finite());
+        fault("stress in Pa", stress?, "must be finite")
+    }
+}

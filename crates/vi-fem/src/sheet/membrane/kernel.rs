@@ -1,0 +1,293 @@
+//! The kernel of all membranes, eight triangles at a time: x ↦ F and strain, the law's response ↦ energies,
+//! forces, Hessians. It must not know any one law.
+
+use std::ops::Range;
+
+use pulp::{Arch, Simd, WithSimd};
+use vi_core::packed_len;
+
+use crate::lanes::pack::{GROUP, Pack, members, parts};
+use crate::lanes::real::{Lane, Real};
+use crate::lanes::transpose::{gather, put};
+use crate::sheet::material::{SheetMaterial, SheetResponse};
+use crate::sheet::triangle::Frame;
+use crate::small::tensor::{dot, mat3, packed_index, vec3};
+
+/// Eight triangles at rest.
+#[derive(Clone, Copy, Default)]
+pub(super) struct RestPack {
+    /// Gradients of the barycentric coordinates of the second and third corner in the frame, 1/m.
+    pub(super) gradients: [[Pack; 2]; 2],
+    /// Area × thickness, m³.
+    pub(super) volume: Pack,
+}
+
+pub(super) struct Membrane<M> {
+    pub(super) arch: Arch,
+    pub(super) material: M,
+    pub(super) relaxed: bool,
+    pub(super) rest: Vec<RestPack>,
+    pub(super) frames: Vec<Frame>,
+    /// Three a triangle, of whole groups.
+    pub(super) nodes: Vec<u32>,
+    pub(super) cells: Vec<u32>,
+    pub(super) name: String,
+}
+
+/// Triangles of a group as they are: F by columns, and its strain.
+pub(super) struct Deformed<R> {
+    pub(super) f: [[R; 3]; 2],
+    strain: [R; 3],
+}
+
+impl<R: Real> Deformed<R> {
+    /// From the sides of a triangle, so that a far away sheet is as exact as a near one.
+    #[inline(always)]
+    fn new(u: [R; 3], v: [R; 3], g: [[R; 2]; 2]) -> Self {
+        let f = [
+            vec3!(i => u[i].mul_add(g[0][0], v[i] * g[1][0])),
+            vec3!(i => u[i].mul_add(g[0][1], v[i] * g[1][1])),
+        ];
+        let strain = [(dot(f[0], f[0]) - 1.0) * 0.5, (dot(f[1], f[1]) - 1.0) * 0.5, dot(f[0], f[1])];
+        Self { f, strain }
+    }
+}
+
+impl<M: SheetMaterial> Membrane<M> {
+    #[inline(always)]
+    fn gradients_of<S: Simd>(&self, simd: S, group: usize, part: usize) -> [[Lane<S>; 2]; 2] {
+        let g = &self.rest[group].gradients;
+        [
+            [g[0][0].load(simd, part), g[0][1].load(simd, part)],
+            [g[1][0].load(simd, part), g[1][1].load(simd, part)],
+        ]
+    }
+
+    #[inline(always)]
+    fn deform<S: Simd>(&self, simd: S, group: usize, part: usize, x: &[f64]) -> Deformed<Lane<S>> {
+        let nodes = &self.nodes[3 * (group * GROUP + part * S::F64_LANES)..];
+        let a = gather(simd, x, nodes, 3);
+        let b = gather(simd, x, &nodes[1..], 3);
+        let c = gather(simd, x, &nodes[2..], 3);
+        let g = self.gradients_of(simd, group, part);
+        Deformed::new(vec3!(i => b[i] - a[i]), vec3!(i => c[i] - a[i]), g)
+    }
+
+    #[inline(always)]
+    fn respond<S: Simd>(&self, simd: S, strain: &[Lane<S>; 3]) -> SheetResponse<Lane<S>> {
+        if self.relaxed {
+            lane_by_lane(simd, strain, |strain| self.material.relaxed(&strain))
+        } else {
+            self.material.response(strain)
+        }
+    }
+
+    /// One triangle by itself.
+    pub(super) fn scalar(&self, triangle: usize, x: &[f64]) -> (Deformed<f64>, SheetResponse) {
+        let rest = &self.rest[triangle / GROUP];
+        let g = rest.gradients.map(|g| g.map(|pack| pack.0[triangle % GROUP]));
+        let [a, b, c] = [0, 1, 2].map(|k| {
+            let first = 3 * self.nodes[3 * triangle + k] as usize;
+            [x[first], x[first + 1], x[first + 2]]
+        });
+        let deformed = Deformed::new([0, 1, 2].map(|i| b[i] - a[i]), [0, 1, 2].map(|i| c[i] - a[i]), g);
+        let response = if self.relaxed {
+            self.material.relaxed(&deformed.strain)
+        } else {
+            self.material.response(&deformed.strain)
+        };
+        (deformed, response)
+    }
+
+    /// Hessians of a range, projected or not.
+    pub(super) fn blocks(&self, range: Range<usize>, x: &[f64], is_projected: bool, out: &mut [f64]) {
+        self.arch.dispatch(Hessians { membrane: self, range, x, is_projected, out });
+    }
+}
+
+/// A response that is known of numbers only.
+#[inline(always)]
+fn lane_by_lane<S: Simd>(
+    simd: S,
+    strain: &[Lane<S>; 3],
+    response: impl Fn([f64; 3]) -> SheetResponse,
+) -> SheetResponse<Lane<S>> {
+    let mut strains = [Pack::default(); 3];
+    for k in 0..3 {
+        strains[k].store(0, strain[k]);
+    }
+    let mut packs = [Pack::default(); 13];
+    for lane in 0..S::F64_LANES {
+        let SheetResponse { energy, stress, tangent } = response(strains.map(|pack| pack.0[lane]));
+        packs[0].0[lane] = energy;
+        for k in 0..3 {
+            packs[1 + k].0[lane] = stress[k];
+            for l in 0..3 {
+                packs[4 + 3 * k + l].0[lane] = tangent[k][l];
+            }
+        }
+    }
+    SheetResponse {
+        energy: packs[0].load(simd, 0),
+        stress: vec3!(k => packs[1 + k].load(simd, 0)),
+        tangent: mat3!(k l => packs[4 + 3 * k + l].load(simd, 0)),
+    }
+}
+
+fn groups(range: &Range<usize>) -> Range<usize> {
+    range.start / GROUP..range.end.div_ceil(GROUP)
+}
+
+pub(super) struct Energies<'a, M> {
+    pub(super) membrane: &'a Membrane<M>,
+    pub(super) range: Range<usize>,
+    pub(super) x: &'a [f64],
+    pub(super) out: &'a mut [f64],
+}
+
+impl<M: SheetMaterial> WithSimd for Energies<'_, M> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { membrane, range, x, out } = self;
+        for group in groups(&range) {
+            let mut energy = [Pack::default()];
+            for part in 0..parts::<S>() {
+                let Deformed { strain, .. } = membrane.deform(simd, group, part, x);
+                let density = membrane.respond(simd, &strain).energy;
+                energy[0].store(part, density * membrane.rest[group].volume.load(simd, part));
+            }
+            put(simd, &energy, members(group), &range, out);
+        }
+    }
+}
+
+pub(super) struct Gradients<'a, M> {
+    pub(super) membrane: &'a Membrane<M>,
+    pub(super) range: Range<usize>,
+    pub(super) x: &'a [f64],
+    pub(super) out: &'a mut [f64],
+}
+
+impl<M: SheetMaterial> WithSimd for Gradients<'_, M> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { membrane, range, x, out } = self;
+        let mut local = [Pack::default(); 9];
+        for group in groups(&range) {
+            for part in 0..parts::<S>() {
+                let Deformed { f, strain } = membrane.deform(simd, group, part, x);
+                let volume = membrane.rest[group].volume.load(simd, part);
+                let stress = membrane.respond(simd, &strain).stress;
+                let [s11, s22, s12] = vec3!(k => stress[k] * volume);
+                let g = membrane.gradients_of(simd, group, part);
+                for i in 0..3 {
+                    let p = [f[0][i] * s11 + f[1][i] * s12, f[0][i] * s12 + f[1][i] * s22];
+                    let second = p[0] * g[0][0] + p[1] * g[0][1];
+                    let third = p[0] * g[1][0] + p[1] * g[1][1];
+                    local[i].store(part, -(second + third));
+                    local[3 + i].store(part, second);
+                    local[6 + i].store(part, third);
+                }
+            }
+            put(simd, &local, members(group), &range, out);
+        }
+    }
+}
+
+struct Hessians<'a, M> {
+    membrane: &'a Membrane<M>,
+    range: Range<usize>,
+    x: &'a [f64],
+    is_projected: bool,
+    out: &'a mut [f64],
+}
+
+impl<M: SheetMaterial> WithSimd for Hessians<'_, M> {
+    type Output = ();
+    /// A h [∂²W/∂e² through ∂e/∂x on both sides + S through the gradients of the nodes]. Projected, the two
+    /// parts are made positive each by itself, in closed form: the tangent as a 3 × 3 matrix, the stress as
+    /// a 2 × 2 one. Never less than zero, at times more than the least.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { membrane, range, x, is_projected, out } = self;
+        let mut local = [Pack::default(); packed_len(9)];
+        for group in groups(&range) {
+            for part in 0..parts::<S>() {
+                let Deformed { f, strain } = membrane.deform(simd, group, part, x);
+                let response = if is_projected {
+                    lane_by_lane(simd, &strain, |strain| membrane.projected(strain))
+                } else {
+                    membrane.respond(simd, &strain)
+                };
+                let volume = membrane.rest[group].volume.load(simd, part);
+                let [s11, s22, s12] = vec3!(k => response.stress[k] * volume);
+                let tangent = mat3!(k l => response.tangent[k][l] * volume);
+                let h = membrane.gradients_of(simd, group, part);
+                let g = [[-(h[0][0] + h[1][0]), -(h[0][1] + h[1][1])], h[0], h[1]];
+                // ∂e/∂x of each local coordinate.
+                let mut strains = [[volume; 3]; 9];
+                for a in 0..3 {
+                    for i in 0..3 {
+                        let (along, across) = (f[0][i] * g[a][0], f[1][i] * g[a][1]);
+                        strains[3 * a + i] = [along, across, f[0][i] * g[a][1] + f[1][i] * g[a][0]];
+                    }
+                }
+                for row in 0..9 {
+                    let stress = vec3!(k => dot(tangent[k], strains[row]));
+                    let (a, i) = (row / 3, row % 3);
+                    let pull = [s11 * g[a][0] + s12 * g[a][1], s12 * g[a][0] + s22 * g[a][1]];
+                    for column in 0..=row {
+                        let b = column / 3;
+                        let mut entry = dot(stress, strains[column]);
+                        if i == column % 3 {
+                            entry = pull[0].mul_add(g[b][0], pull[1].mul_add(g[b][1], entry));
+                        }
+                        local[packed_index(row, column)].store(part, entry);
+                    }
+                }
+            }
+            put(simd, &local, members(group), &range, out);
+        }
+    }
+}
+
+impl<M: SheetMaterial> Membrane<M> {
+    fn projected(&self, strain: [f64; 3]) -> SheetResponse {
+        let mut response =
+            if self.relaxed { self.material.relaxed(&strain) } else { self.material.response(&strain) };
+        response.stress = positive_stress(response.stress);
+        response.tangent = positive_tangent(response.tangent);
+        response
+    }
+}
+
+/// A symmetric 2 × 2 matrix (s₁₁, s₂₂, s₁₂) with its negative eigenvalues set to zero.
+fn positive_stress([s11, s22, s12]: [f64; 3]) -> [f64; 3] {
+    let (mean, half) = (0.5 * (s11 + s22), 0.5 * (s11 - s22));
+    let radius = half.hypot(s12);
+    if mean >= radius {
+        return [s11, s22, s12];
+    }
+    let largest = mean + radius;
+    if largest.is_nan() || largest <= 0.0 {
+        return [0.0; 3];
+    }
+    // ½ (I + deviator/radius) projects onto the larger eigenvalue's direction.
+    let factor = 0.5 * largest / radius;
+    [factor * (radius + half), factor * (radius - half), factor * s12]
+}
+
+/// A symmetric 3 × 3 matrix with its negative eigenvalues set to zero.
+fn positive_tangent(tangent: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
+    let matrix = nalgebra::Matrix3::from_fn(|i, j| tangent[i][j]);
+    if matrix.iter().any(|value| !value.is_finite()) {
+        return tangent;
+    }
+    let eigen = matrix.symmetric_eigen();
+    let scaled =
+        eigen.eigenvectors * nalgebra::Matrix3::from_diagonal(&eigen.eigenvalues.map(|v| v.max(0.0)));
+    let positive = scaled * eigen.eigenvectors.transpose();
+    [0, 1, 2].map(|i| [0, 1, 2].map(|j| 0.5 * (positive[(i, j)] + positive[(j, i)])))
+}

@@ -1,0 +1,378 @@
+//! The strain energy Σ_e ∫ Ψ(F) dV of a region: elements × law, erased to a potential once. It must
+//! not know how blocks are summed.
+
+#[cfg(test)]
+mod laws;
+#[cfg(test)]
+mod properties;
+
+use std::cell::RefCell;
+use std::marker::PhantomData;
+use std::ops::Range;
+
+use pulp::Arch;
+use vi_core::{Account, Fault, HessianKind, Patch, Potential, Stencils, Traits, packed_len, run_length};
+
+use crate::error::FemError;
+use crate::lanes::instructions::InstructionSet;
+use crate::lanes::pack::interleave;
+use crate::lanes::pack::{GROUP, Pack};
+use crate::small::tensor::Mat3;
+use crate::solid::element::contract::{Element, SolidVisitor};
+use crate::solid::element::{kernel::Solids, patch::whole_groups, visit_solid};
+use crate::solid::material::Law;
+use crate::solid::material::batch::{self, PackedMat3, PackedTangent};
+use crate::solid::material::contract::{LawVisitor, Material, Outside};
+use vi_mesh::sort_by_place;
+use vi_mesh::{CellKind, Mesh, MeshError};
+
+/// Groups of points that are worked on together: enough that a kernel's start costs nothing, few
+/// enough that F stays in the first cache. No element has more quadrature points.
+pub(crate) const POINTS: usize = 32;
+
+/// The elastic potential of the elements `elements` (numbers in the mesh's cell order, all of one
+/// kind or several) with one law. Node a of the mesh is node a + `node_offset` of the system.
+///
+/// One potential an element kind, in the order in which the kinds first occur.
+///
+/// # Errors
+/// [`FemError::Mesh`] for elements that are not there, [`FemError::Unsupported`] for cells
+/// that are not solid elements, [`FemError::Mesh`] for elements without positive volume,
+/// [`FemError::Parameter`] for parameters out of range (the first; [`Law::check`] gives all).
+pub fn elastic(
+    mesh: &Mesh,
+    elements: &[u32],
+    law: &Law,
+    node_offset: usize,
+    name: &str,
+) -> Result<Vec<Box<dyn Potential>>, FemError> {
+    elastic_on(InstructionSet::Best, mesh, elements, law, node_offset, name)
+}
+
+/// [`elastic`] on a chosen instruction set, to compare them.
+///
+/// # Errors
+/// As [`elastic`], and [`FemError::Invalid`] where the machine has not that instruction set.
+pub fn elastic_on(
+    instructions: InstructionSet,
+    mesh: &Mesh,
+    elements: &[u32],
+    law: &Law,
+    node_offset: usize,
+    name: &str,
+) -> Result<Vec<Box<dyn Potential>>, FemError> {
+    by_kind::<Plain>(instructions, mesh, elements, law, node_offset, name)
+}
+
+/// How the strain energy of elements is formed from their deformation.
+pub(crate) trait Build {
+    fn build<E: Element<N, Q>, M: Material, const N: usize, const Q: usize>(
+        solids: Solids<E, N, Q>,
+        material: M,
+        elements: Vec<u32>,
+        name: String,
+    ) -> Box<dyn Potential>;
+}
+
+/// One potential an element kind, each made by `B`.
+pub(crate) fn by_kind<B: Build>(
+    instructions: InstructionSet,
+    mesh: &Mesh,
+    elements: &[u32],
+    law: &Law,
+    node_offset: usize,
+    name: &str,
+) -> Result<Vec<Box<dyn Potential>>, FemError> {
+    let arch = instructions.arch()?;
+    if let Some(problem) = law.parameters().check().into_iter().next() {
+        return Err(problem);
+    }
+    let mut kinds: Vec<(CellKind, Vec<u32>)> = Vec::new();
+    for &element in elements {
+        let (kind, _) = mesh.element(element, "elastic region, element")?;
+        match kinds.iter_mut().find(|(other, _)| *other == kind) {
+            Some((_, list)) => list.push(element),
+            None => kinds.push((kind, vec![element])),
+        }
+    }
+    let label = format!("{name}: {}", law.name());
+    kinds
+        .into_iter()
+        .map(|(kind, elements)| {
+            let name = label.clone();
+            let build = BuildElement::<B> { arch, mesh, elements, law, node_offset, name, form: PhantomData };
+            visit_solid(kind, build).ok_or(FemError::Unsupported { kind, used: "solid elements" })?
+        })
+        .collect()
+}
+
+struct BuildElement<'a, B> {
+    arch: Arch,
+    mesh: &'a Mesh,
+    elements: Vec<u32>,
+    law: &'a Law,
+    node_offset: usize,
+    name: String,
+    form: PhantomData<B>,
+}
+
+impl<B: Build> SolidVisitor for BuildElement<'_, B> {
+    type Output = Result<Box<dyn Potential>, FemError>;
+
+    fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) -> Self::Output {
+        let Self { arch, mesh, mut elements, law, node_offset, name, .. } = self;
+        sort_by_place(mesh, &mut elements);
+        interleave(run_length(elements.len(), 3 * N), &mut elements);
+        let cells = elements.iter().filter_map(|&element| mesh.cell(element as usize));
+        let nodes: Vec<u32> = cells.flat_map(|(_, nodes)| nodes.iter().copied()).collect();
+        let total = elements.len();
+        let mut solids = Solids::<E, N, Q>::new(arch, &mesh.points, nodes).map_err(|inverted| {
+            let count = inverted.len();
+            let named = inverted.into_iter().map(|(index, volume)| (elements[index] as usize, volume));
+            let mut first: Vec<(usize, f64)> = named.collect();
+            first.sort_by_key(|&(element, _)| element);
+            first.truncate(5);
+            FemError::from(MeshError::Inverted { count, total, first })
+        })?;
+        solids.shift_nodes(node_offset as u32);
+        Ok(law.visit(BuildLaw::<B, E, N, Q> { solids, elements, name, form: PhantomData }))
+    }
+}
+
+struct BuildLaw<B, E, const N: usize, const Q: usize> {
+    solids: Solids<E, N, Q>,
+    elements: Vec<u32>,
+    name: String,
+    form: PhantomData<B>,
+}
+
+impl<B: Build, E: Element<N, Q>, const N: usize, const Q: usize> LawVisitor for BuildLaw<B, E, N, Q> {
+    type Output = Box<dyn Potential>;
+    fn visit<M: Material>(self, material: M) -> Self::Output {
+        let Self { solids, elements, name, .. } = self;
+        B::build(solids, material, elements, name)
+    }
+}
+
+/// Ψ(F) at every point.
+struct Plain;
+
+impl Build for Plain {
+    fn build<E: Element<N, Q>, M: Material, const N: usize, const Q: usize>(
+        mut solids: Solids<E, N, Q>,
+        material: M,
+        elements: Vec<u32>,
+        name: String,
+    ) -> Box<dyn Potential> {
+        if E::IS_SIMPLEX && !M::LINEAR {
+            solids.turn();
+        }
+        Box::new(ElasticPotential { solids, material, elements, name })
+    }
+}
+
+/// V = Σ_e Σ_q w_q det J_q Ψ(F_q), one stencil an element.
+struct ElasticPotential<E, M, const N: usize, const Q: usize> {
+    solids: Solids<E, N, Q>,
+    material: M,
+    /// The caller's number of each element.
+    elements: Vec<u32>,
+    name: String,
+}
+
+thread_local! {
+    /// Room for the tangents and the Hessian of one group; grows once a thread.
+    static ROOM: RefCell<(Vec<PackedTangent>, Vec<Pack>)> = const { RefCell::new((Vec::new(), Vec::new())) };
+}
+
+impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> ElasticPotential<E, M, N, Q> {
+    /// F of groups at the positions `x` of all nodes.
+    fn at<'a>(&'a self, x: &'a [f64]) -> impl Fn(Range<usize>, &mut [PackedMat3]) + 'a {
+        |groups, out| self.solids.deformations(groups, x, out)
+    }
+
+    /// Runs `work` on the groups that `range` touches, some at a time, with F at their points from
+    /// `deform`.
+    #[inline]
+    fn in_passes(
+        &self,
+        range: &Range<usize>,
+        deform: impl Fn(Range<usize>, &mut [PackedMat3]),
+        mut work: impl FnMut(Range<usize>, &mut [PackedMat3]),
+    ) {
+        const { assert!(Q <= POINTS) };
+        let mut room = [[Pack::default(); 9]; POINTS];
+        let (mut group, end) = (range.start / GROUP, range.end.div_ceil(GROUP));
+        while group < end {
+            let next = end.min(group + POINTS / Q);
+            let points = &mut room[..(next - group) * Q];
+            deform(group..next, points);
+            work(group..next, points);
+            group = next;
+        }
+    }
+
+    fn tangent_blocks(
+        &self,
+        range: Range<usize>,
+        x: &[f64],
+        out: &mut [f64],
+        tangents: impl Fn(Arch, &M, &[PackedMat3], &mut [PackedTangent]),
+    ) {
+        if range.is_empty() {
+            return;
+        }
+        ROOM.with_borrow_mut(|(tangent_room, block)| {
+            tangent_room.resize(Q.max(tangent_room.len()), [Pack::default(); 45]);
+            let size = packed_len(3 * N);
+            block.resize(size.max(block.len()), Pack::default());
+            let (tangent_room, block) = (&mut tangent_room[..Q], &mut block[..size]);
+            self.in_passes(&range, self.at(x), |groups, points| {
+                for (group, points) in groups.zip(points.chunks_exact(Q)) {
+                    tangents(self.solids.arch(), &self.material, points, tangent_room);
+                    self.solids.hessians(group, tangent_room, block, range.clone(), out);
+                }
+            });
+        });
+    }
+}
+
+/// Copies the lanes of `range` that lie in `group` to `out`, which begins with range.start.
+fn scatter(
+    group: usize,
+    range: &Range<usize>,
+    size: usize,
+    out: &mut [f64],
+    value: impl Fn(usize, usize) -> f64,
+) {
+    let first = group * GROUP;
+    for element in range.start.max(first)..range.end.min(first + GROUP) {
+        for k in 0..size {
+            out[(element - range.start) * size + k] = value(element - first, k);
+        }
+    }
+}
+
+impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
+    for ElasticPotential<E, M, N, Q>
+{
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn account(&self) -> Account {
+        Account::Elastic
+    }
+
+    fn stencils(&self) -> Stencils<'_> {
+        Stencils { arity: N, block: 3, nodes: self.solids.nodes() }
+    }
+
+    fn traits(&self) -> Traits {
+        let hessian = if M::LINEAR { HessianKind::Constant } else { HessianKind::Varying };
+        Traits { hessian, time_dependent: false }
+    }
+
+    fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        let mut densities = [Pack::default(); POINTS];
+        self.in_passes(&range, self.at(x), |groups, points| {
+            batch::energies(self.solids.arch(), &self.material, points, &mut densities[..points.len()]);
+            for (group, densities) in groups.zip(densities.chunks_exact(Q)) {
+                let mut sum = Pack::default();
+                for (density, volume) in densities.iter().zip(self.solids.volumes(group)) {
+                    for lane in 0..GROUP {
+                        sum.0[lane] += density.0[lane] * volume.0[lane];
+                    }
+                }
+                scatter(group, &range, 1, out, |lane, _| sum.0[lane]);
+            }
+        });
+    }
+
+    fn gradients(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        self.in_passes(&range, self.at(x), |groups, points| {
+            batch::stresses(self.solids.arch(), &self.material, points);
+            self.solids.forces(groups, points, range.clone(), out);
+        });
+    }
+
+    fn adds_gradients(&self) -> bool {
+        true
+    }
+
+    fn add_gradients(&self, range: Range<usize>, _t: f64, patch: Patch<'_>) {
+        let Patch { places, x, sums } = patch;
+        whole_groups(range, places, N, |groups, places| {
+            if E::IS_SIMPLEX {
+                self.solids.add_simplex_forces(&self.material, groups, places, x, sums);
+                return;
+            }
+            let places_of = |part: &Range<usize>| {
+                let start = (part.start - groups.start) * GROUP * N;
+                &places[start..start + part.len() * GROUP * N]
+            };
+            let deform = |part: Range<usize>, out: &mut [PackedMat3]| {
+                self.solids.patch_deformations(part.clone(), places_of(&part), x, out);
+            };
+            self.in_passes(&(groups.start * GROUP..groups.end * GROUP), deform, |part, points| {
+                batch::stresses(self.solids.arch(), &self.material, points);
+                self.solids.add_forces(part.clone(), points, places_of(&part), sums);
+            });
+        });
+    }
+
+    fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        if E::IS_SIMPLEX {
+            self.solids.simplex_hessians(&self.material, range, x, out);
+            return;
+        }
+        self.tangent_blocks(range, x, out, batch::tangents::<M>);
+    }
+
+    fn projected_hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
+        self.tangent_blocks(range, x, out, batch::projected_tangents::<M>);
+    }
+
+    fn mean_deformations(&self, range: Range<usize>, x: &[f64], out: &mut [f64]) -> bool {
+        self.in_passes(&range, self.at(x), |groups, points| {
+            for (group, points) in groups.zip(points.chunks_exact(Q)) {
+                let value = |lane: usize, k: usize| {
+                    let weighted = self.solids.volumes(group).zip(points.iter());
+                    weighted.map(|(volume, f)| volume.0[lane] * f[k].0[lane]).sum()
+                };
+                scatter(group, &range, 9, out, value);
+            }
+        });
+        true
+    }
+
+    fn element(&self, stencil: usize) -> usize {
+        self.elements.get(stencil).map_or(stencil, |&element| element as usize)
+    }
+
+    fn fault(&self, stencil: usize, x: &[f64], _t: f64) -> Option<Fault> {
+        if stencil >= self.solids.count() {
+            return None;
+        }
+        let mut worst = None;
+        self.in_passes(&(stencil..stencil + 1), self.at(x), |_, points| {
+            worst = farthest_outside(points, stencil % GROUP, |f| self.material.inside(f));
+        });
+        worst.map(|outside| fault(self.element(stencil), outside))
+    }
+}
+
+/// Of the points of one lane that are outside a domain, the farthest.
+pub(crate) fn farthest_outside(
+    points: &[PackedMat3],
+    lane: usize,
+    inside: impl Fn(&Mat3<f64>) -> Result<(), Outside>,
+) -> Option<Outside> {
+    let f = |point: &PackedMat3| [0, 1, 2].map(|i| [0, 1, 2].map(|j| point[3 * i + j].0[lane]));
+    let outside = points.iter().filter_map(|point| inside(&f(point)).err());
+    outside.reduce(|a, b| if b.excess > a.excess { b } else { a })
+}
+
+pub(crate) fn fault(element: usize, Outside { quantity, value, domain, .. }: Outside) -> Fault {
+    Fault { element, quantity, value, domain }
+}

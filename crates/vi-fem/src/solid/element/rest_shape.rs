@@ -1,0 +1,131 @@
+//! The shape of elements at rest; that of linear tetrahedra also turned, so that a third of it is zero.
+//!
+//! A law that is isotropic and objective has Ψ(F Q) = Ψ(F) and P(F Q) = P(F) Q for every rotation Q, so that a body
+//! may be turned at rest, each element by itself, and the forces stay. With the edges J = Q R (R upper
+//! triangular: the first edge along the first axis, the second in the plane of the first two) and B = R⁻¹,
+//! F Q = (x₁ − x₀, x₂ − x₀, x₃ − x₀) B, and the forces on nodes 1, 2, 3 are the columns of V P Bᵀ.
+
+use pulp::Simd;
+
+use crate::lanes::pack::{GROUP, Pack};
+use crate::lanes::real::{Lane, Real};
+use crate::small::tensor::{Mat3, cross, determinant, dot, mat3, product, product_transposed, vec3};
+use crate::solid::material::batch::{PackedMat3, load_mat3};
+
+/// The geometry at rest of one quadrature point of a group of elements.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PointGeometry {
+    /// (∂X/∂ξ)⁻¹ by rows, 1/m.
+    pub(super) inverse: PackedMat3,
+    /// w det(∂X/∂ξ), m³.
+    pub(super) volume: Pack,
+}
+
+/// What the forces of a group of linear tetrahedra need of their shape at rest.
+pub(super) trait RestShape {
+    /// F of a part of the group from the edges x₁ − x₀, x₂ − x₀, x₃ − x₀ as columns; turned, if the shape is.
+    fn deformation<S: Simd>(&self, simd: S, part: usize, edges: &Mat3<Lane<S>>) -> Mat3<Lane<S>>;
+    /// The forces on nodes 1, 2, 3 as columns, N, from P of that F.
+    fn forces<S: Simd>(&self, simd: S, part: usize, stress: &Mat3<Lane<S>>) -> Mat3<Lane<S>>;
+}
+
+impl RestShape for PointGeometry {
+    #[inline(always)]
+    fn deformation<S: Simd>(&self, simd: S, part: usize, edges: &Mat3<Lane<S>>) -> Mat3<Lane<S>> {
+        product(edges, &load_mat3(simd, &self.inverse, part))
+    }
+
+    #[inline(always)]
+    fn forces<S: Simd>(&self, simd: S, part: usize, stress: &Mat3<Lane<S>>) -> Mat3<Lane<S>> {
+        let p = product_transposed(stress, &load_mat3(simd, &self.inverse, part));
+        let volume = self.volume.load(simd, part);
+        mat3!(i j => p[i][j] * volume)
+    }
+}
+
+/// B of a group of tetrahedra and their volumes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TurnedGeometry {
+    /// B₀₀ B₀₁ B₀₂ B₁₁ B₁₂ B₂₂, 1/m.
+    inverse: [Pack; 6],
+    /// V, m³.
+    volume: Pack,
+}
+
+impl RestShape for TurnedGeometry {
+    #[inline(always)]
+    fn deformation<S: Simd>(&self, simd: S, part: usize, edges: &Mat3<Lane<S>>) -> Mat3<Lane<S>> {
+        let [b00, b01, b02] = vec3!(k => self.inverse[k].load(simd, part));
+        let [b11, b12, b22] = vec3!(k => self.inverse[3 + k].load(simd, part));
+        let first = vec3!(i => edges[i][0] * b00);
+        let second = vec3!(i => edges[i][1].mul_add(b11, edges[i][0] * b01));
+        let third = vec3!(i => edges[i][2].mul_add(b22, edges[i][1].mul_add(b12, edges[i][0] * b02)));
+        vec3!(i => [first[i], second[i], third[i]])
+    }
+
+    #[inline(always)]
+    fn forces<S: Simd>(&self, simd: S, part: usize, stress: &Mat3<Lane<S>>) -> Mat3<Lane<S>> {
+        let volume = self.volume.load(simd, part);
+        let [b00, b01, b02] = vec3!(k => self.inverse[k].load(simd, part) * volume);
+        let [b11, b12, b22] = vec3!(k => self.inverse[3 + k].load(simd, part) * volume);
+        let first = vec3!(i => stress[i][2].mul_add(b02, stress[i][1].mul_add(b01, stress[i][0] * b00)));
+        let second = vec3!(i => stress[i][2].mul_add(b12, stress[i][1] * b11));
+        vec3!(i => [first[i], second[i], stress[i][2] * b22])
+    }
+}
+
+impl TurnedGeometry {
+    /// The shape of a group of linear tetrahedra, turned.
+    pub(super) fn of(geometry: &PointGeometry) -> Self {
+        let mut turned = Self { inverse: [Pack::default(); 6], volume: geometry.volume };
+        for lane in 0..GROUP {
+            let inverse = turned_inverse(&mat3!(i j => geometry.inverse[3 * i + j].0[lane]));
+            for (pack, value) in turned.inverse.iter_mut().zip(inverse) {
+                pack.0[lane] = value;
+            }
+        }
+        turned
+    }
+}
+
+/// The upper triangle of B in J⁻¹ = B Qᵀ: the rows of J⁻¹ made orthogonal from the last to the first. Products
+/// of vectors keep it accurate where they are nearly parallel.
+fn turned_inverse(inverse: &Mat3<f64>) -> [f64; 6] {
+    let [a, b, c] = *inverse;
+    // q₂ along c, q₀ along n = b × c, q₁ = q₂ × q₀.
+    let n = cross(b, c);
+    let (length, area) = (dot(c, c).sqrt(), dot(n, n).sqrt());
+    let middle = cross(c, n).map(|value| value / (length * area));
+    [
+        determinant(inverse) / area,
+        dot(a, middle),
+        dot(a, c) / length,
+        area / length,
+        dot(b, c) / length,
+        length,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turning_keeps_the_metric() {
+        // B Bᵀ = J⁻¹ J⁻ᵀ, also of a sliver.
+        for thickness in [1.0, 1e-3, 1e-6] {
+            let inverse = [[1.2, 0.3, -0.4], [-0.7, 2.0, 0.1], [0.3, 0.2, 1.0 / thickness]];
+            let [b00, b01, b02, b11, b12, b22] = turned_inverse(&inverse);
+            let turned = [[b00, b01, b02], [0.0, b11, b12], [0.0, 0.0, b22]];
+            let (found, expected) =
+                (product_transposed(&turned, &turned), product_transposed(&inverse, &inverse));
+            for i in 0..3 {
+                for j in 0..3 {
+                    let scale = (expected[i][i] * expected[j][j]).sqrt();
+                    assert!((found[i][j] - expected[i][j]).abs() <= 4e-15 * scale, "{thickness} {i} {j}");
+                }
+            }
+            assert!((determinant(&turned) / determinant(&inverse) - 1.0).abs() < 1e-14);
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! The linear simplex with a law, compiled together: forces of patches and Hessians in registers, with
+//! one load of the geometry. It must not know which laws there are.
+
+use std::ops::Range;
+
+use pulp::{Simd, WithSimd};
+use vi_core::PatchArray;
+
+use super::contract::Element;
+use super::kernel::Solids;
+use super::places::{add_edge_forces, gather_edges};
+use super::rest_shape::{PointGeometry, RestShape};
+use crate::lanes::pack::{GROUP, Pack, members, parts};
+use crate::lanes::real::Lane;
+use crate::lanes::transpose::gather;
+use crate::lanes::transpose::put;
+use crate::small::tensor::{Mat3, Tangent, dot, mat3, packed_index, product, vec3};
+use crate::solid::material::batch::load_mat3;
+use crate::solid::material::contract::Material;
+
+impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
+    /// Adds the forces of groups of simplices to the sums of a patch, four places an element.
+    #[inline(never)]
+    pub(crate) fn add_simplex_forces<M: Material>(
+        &self,
+        material: &M,
+        groups: Range<usize>,
+        places: &[u16],
+        x: &PatchArray,
+        sums: &mut PatchArray,
+    ) {
+        if self.turned.is_empty() {
+            let shapes = &self.geometry[groups];
+            self.arch().dispatch(Forces { shapes, material, places, x, sums });
+        } else {
+            let shapes = &self.turned[groups];
+            self.arch().dispatch(Forces { shapes, material, places, x, sums });
+        }
+    }
+
+    /// Packed Hessians of the simplices of `range`.
+    #[inline(never)]
+    pub(crate) fn simplex_hessians<M: Material>(
+        &self,
+        material: &M,
+        range: Range<usize>,
+        x: &[f64],
+        out: &mut [f64],
+    ) {
+        let (geometry, nodes) = (&self.geometry[..], self.padded_nodes());
+        self.arch().dispatch(Hessians { geometry, nodes, material, range, x, out });
+    }
+}
+
+struct Forces<'a, G, M> {
+    shapes: &'a [G],
+    material: &'a M,
+    places: &'a [u16],
+    x: &'a PatchArray,
+    sums: &'a mut PatchArray,
+}
+
+impl<G: RestShape, M: Material> WithSimd for Forces<'_, G, M> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { shapes, material, places, x, sums } = self;
+        let (places, _) = places.as_chunks::<{ 4 * GROUP }>();
+        for (shape, places) in shapes.iter().zip(places) {
+            for part in 0..parts::<S>() {
+                let places = &places[part * S::F64_LANES * 4..][..S::F64_LANES * 4];
+                let f = shape.deformation(simd, part, &gather_edges(simd, x, places));
+                let forces = shape.forces(simd, part, &material.stress(&f));
+                add_edge_forces(simd, forces, places, sums);
+            }
+        }
+    }
+}
+
+struct Hessians<'a, M> {
+    geometry: &'a [PointGeometry],
+    nodes: &'a [u32],
+    material: &'a M,
+    range: Range<usize>,
+    x: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl<M: Material> WithSimd for Hessians<'_, M> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { geometry, nodes, material, range, x, out } = self;
+        let mut block = [Pack::default(); 78];
+        for group in range.start / GROUP..range.end.div_ceil(GROUP) {
+            let geometry = &geometry[group];
+            let nodes = &nodes[group * GROUP * 4..][..GROUP * 4];
+            for part in 0..parts::<S>() {
+                let nodes = &nodes[part * S::F64_LANES * 4..][..S::F64_LANES * 4];
+                let origin = gather(simd, x, nodes, 4);
+                let columns = [
+                    gather(simd, x, &nodes[1..], 4),
+                    gather(simd, x, &nodes[2..], 4),
+                    gather(simd, x, &nodes[3..], 4),
+                ];
+                let inverse = load_mat3(simd, &geometry.inverse, part);
+                let f = product(&mat3!(i j => columns[j][i] - origin[i]), &inverse);
+                let tangent = material.tangent(&f);
+                write_block(simd, &tangent, &inverse, geometry.volume.load(simd, part), part, &mut block);
+            }
+            put(simd, &block, members(group), &range, out);
+        }
+    }
+}
+
+/// K_(ai)(bk) = V Σ_jl G_aj C_ijkl G_bl of nodes 1, 2, 3, whose gradients G_a are the rows of J⁻¹. All
+/// gradients sum to zero, and so do the blocks of a row: those of node 0 follow.
+#[inline(always)]
+fn write_block<S: Simd>(
+    simd: S,
+    tangent: &Tangent<Lane<S>>,
+    inverse: &Mat3<Lane<S>>,
+    volume: Lane<S>,
+    part: usize,
+    block: &mut [Pack; 78],
+) {
+    let zero = Lane::splat(simd, 0.0);
+    // Minus the sums of the rows of nodes 1, 2, 3: K_(ai)(0k).
+    let mut first = [[[zero; 3]; 3]; 3];
+    for a in 0..3 {
+        let weighted = vec3!(j => inverse[a][j] * volume);
+        // Σ_j G_aj C_ijkl for all (i, k, l).
+        let rows = vec3!(i => mat3!(k l => dot(
+            weighted,
+            vec3!(j => tangent.entry(3 * i + j, 3 * k + l))
+        )));
+        for b in 0..=a {
+            let term = mat3!(i k => dot(rows[i][k], inverse[b]));
+            for i in 0..3 {
+                for k in 0..3 {
+                    first[a][i][k] = first[a][i][k] - term[i][k];
+                    if b < a {
+                        first[b][i][k] = first[b][i][k] - term[k][i];
+                    }
+                    if b < a || k <= i {
+                        block[packed_index(3 * a + 3 + i, 3 * b + 3 + k)].store(part, term[i][k]);
+                    }
+                }
+            }
+        }
+    }
+    for i in 0..3 {
+        for k in 0..3 {
+            for a in 0..3 {
+                block[packed_index(3 * a + 3 + i, k)].store(part, first[a][i][k]);
+            }
+            if k <= i {
+                let corner = -(first[0][i][k] + first[1][i][k] + first[2][i][k]);
+                block[packed_index(i, k)].store(part, corner);
+            }
+        }
+    }
+}

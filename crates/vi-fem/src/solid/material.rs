@@ -1,0 +1,106 @@
+//! The registry of hyperelastic laws Ψ(F), which makes a law a scene's word.
+//!
+//! To add a law: one file in `material/` with a [`Material`], one line in `materials!` below. The line gives the scene name,
+//! the schema entry, the batch kernels and the law tests.
+
+pub(crate) mod batch;
+pub(crate) mod contract;
+pub(crate) mod eigensystem;
+#[cfg(test)]
+mod laws;
+pub(crate) mod parameters;
+#[cfg(test)]
+pub(crate) mod properties;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::error::FemError;
+use contract::{LawVisitor, Material};
+use parameters::Parameters;
+
+macro_rules! materials {
+    ($($(#[$doc:meta])* $file:ident: $variant:ident = $name:literal;)*) => {
+        $(mod $file;)*
+
+        /// The laws with their parameters.
+        pub(crate) mod registered {
+            $(pub use super::$file::*;)*
+        }
+        use registered::*;
+
+        /// A law and its parameters as the scene file says them:
+        /// `{ law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }`.
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+        #[serde(tag = "law", rename_all = "kebab-case")]
+        #[non_exhaustive]
+        pub enum Law {
+            $($(#[$doc])* #[serde(rename = $name)] $variant(<$variant as Material>::Parameters),)*
+        }
+
+        impl Law {
+            /// The scene names of all laws.
+            pub const NAMES: &'static [&'static str] = &[$($name),*];
+
+            /// One of each law with sound parameters, for tests and first steps.
+            pub fn examples() -> Vec<Self> {
+                vec![$(Self::$variant(Parameters::example())),*]
+            }
+
+            /// The scene name of this law.
+            pub fn name(&self) -> &'static str {
+                match self { $(Self::$variant(_) => $name,)* }
+            }
+
+            /// Its parameters.
+            pub fn parameters(&self) -> &dyn Parameters {
+                match self { $(Self::$variant(parameters) => parameters,)* }
+            }
+
+            pub(crate) fn visit<V: LawVisitor>(&self, visitor: V) -> V::Output {
+                match self { $(Self::$variant(parameters) => visitor.visit($variant::new(parameters)),)* }
+            }
+        }
+
+        #[cfg(test)]
+        mod keeps_the_laws {
+            $(
+                #[test]
+                fn $file() {
+                    super::laws::check::<super::$variant>($name);
+                }
+            )*
+        }
+    };
+}
+
+materials! {
+    /// Small-strain linear elasticity, Ψ = μ ε:ε + λ/2 (tr ε)²: constant Hessian, not objective.
+    linear: Linear = "linear";
+    /// St. Venant–Kirchhoff, Ψ = μ E:E + λ/2 (tr E)²: large rotations, small strains.
+    st_venant_kirchhoff: StVenantKirchhoff = "st-venant-kirchhoff";
+    /// Neo-Hookean, Ψ = μ/2 (I₁ − 3 − 2 ln J) + λ/2 ln²J: large strains, J > 0.
+    neo_hookean: NeoHookean = "neo-hookean";
+    /// Stable neo-Hookean of Smith, de Goes and Kim (2018): large strains, defined for inverted F too.
+    stable_neo_hookean: StableNeoHookean = "stable-neo-hookean";
+    /// Corotated linear elasticity, Ψ = μ ‖F − R‖² + λ/2 (tr(RᵀF) − 3)².
+    corotated: Corotated = "corotated";
+    /// Mooney–Rivlin, Ψ = c₁₀ (J^(−2/3) I₁ − 3) + c₀₁ (J^(−4/3) I₂ − 3) + κ/2 (J − 1)²: rubber.
+    mooney_rivlin: MooneyRivlin = "mooney-rivlin";
+}
+
+impl Law {
+    /// Density of the body at rest, kg/m³.
+    pub fn density(&self) -> f64 {
+        self.parameters().density()
+    }
+
+    /// Everything that is wrong with the parameters.
+    ///
+    /// # Errors
+    /// All [`FemError::Parameter`] problems at once.
+    pub fn check(&self) -> Result<(), Vec<FemError>> {
+        let problems = self.parameters().check();
+        if problems.is_empty() { Ok(()) } else { Err(problems) }
+    }
+}
