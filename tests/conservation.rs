@@ -3,9 +3,6 @@
 use variational::prelude::*;
 use variational::solvers::Method;
 
-const LAWS: [&str; 6] =
-    ["linear", "st-venant-kirchhoff", "neo-hookean", "stable-neo-hookean", "corotated", "mooney-rivlin"];
-
 /// The variational schemes that `bench` compares, and symplectic Euler.
 fn schemes() -> impl Iterator<Item = (SchemeName, Option<usize>)> {
     let is_usual = |method: &Method| method.facts().is_benchmarked || method.facts().order == 1;
@@ -13,13 +10,9 @@ fn schemes() -> impl Iterator<Item = (SchemeName, Option<usize>)> {
     Method::variants().filter(is_usual).filter(is_variational).map(SchemeName::of)
 }
 
+/// The registered law of this name, with the parameters of its example.
 fn law(name: &str) -> Law {
-    let text = if name == "mooney-rivlin" {
-        r#"{ "law": "mooney-rivlin", "c10": 1.2e5, "c01": 0.4e5, "bulk": 1e6, "density": 1000.0 }"#.to_owned()
-    } else {
-        format!(r#"{{ "law": "{name}", "young": 1e6, "poisson": 0.3, "density": 1000.0 }}"#)
-    };
-    serde_json::from_str(&text).unwrap()
+    Law::examples().into_iter().find(|law| law.name() == name).unwrap()
 }
 
 fn time(end: f64, step: f64, (scheme, stages): (SchemeName, Option<usize>)) -> Time {
@@ -45,7 +38,7 @@ fn exact() -> Solver {
 #[test]
 fn momenta_are_kept_to_round_off() {
     for scheme in schemes() {
-        for name in LAWS {
+        for &name in Law::NAMES {
             let body = block(name).velocity([1.0, 0.5, -0.3]).angular_velocity([0.5, 1.0, 2.0]);
             let scene = Scene::new(time(0.5, 5e-4, scheme))
                 .body(body)
@@ -82,7 +75,7 @@ fn momenta_are_kept_to_round_off() {
 #[test]
 fn free_fall_keeps_the_shape() {
     for scheme in schemes() {
-        for name in LAWS {
+        for &name in Law::NAMES {
             let (end, step) = (0.2, 1e-3);
             let scene = Scene::new(time(end, step, scheme))
                 .gravity([0.0, -9.81, 0.0])

@@ -1,8 +1,8 @@
 //! pyvista and meshio read every file that a run writes, and its values equal history.csv's; Blender shows its point
 //! caches.
 //!
-//! Needs Python with the packages of tests/python/requirements.txt; `VARIATIONAL_PYTHON` names another
-//! interpreter. Where there is none the test says so and passes.
+//! Two of these tests need Python with the packages of tests/python/requirements.txt and are ignored unless asked for:
+//! `cargo test --test viewers -- --ignored`. `VARIATIONAL_PYTHON` names another interpreter.
 
 mod program;
 
@@ -34,14 +34,15 @@ precision = "PRECISION"
 encoding = "ENCODING"
 "#;
 
+/// The Python interpreter.
+fn python() -> String {
+    std::env::var("VARIATIONAL_PYTHON").unwrap_or_else(|_| "python3".to_owned())
+}
+
 #[test]
+#[ignore = "needs Python with pyvista and meshio"]
 fn python_reads_what_was_written() {
-    let python = std::env::var("VARIATIONAL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let can = Command::new(&python).args(["-c", "import pyvista, meshio"]).output();
-    if !can.is_ok_and(|output| output.status.success()) {
-        println!("skipped: {python} with pyvista and meshio is not there (tests/python/requirements.txt)");
-        return;
-    }
+    let python = python();
     for (precision, encoding) in [("f32", "raw"), ("f64", "raw"), ("f32", "base64"), ("f64", "base64")] {
         let run = Program::run(&SCENE.replace("PRECISION", precision).replace("ENCODING", encoding));
         let mut check = Command::new(&python);
@@ -87,13 +88,9 @@ cache = "pc2"
 "#;
 
 #[test]
+#[ignore = "needs Python with bpy"]
 fn blender_shows_the_point_caches() {
-    let python = std::env::var("VARIATIONAL_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let can = Command::new(&python).args(["-c", "import bpy"]).output();
-    if !can.is_ok_and(|output| output.status.success()) {
-        println!("skipped: {python} with bpy is not there (tests/python/requirements.txt)");
-        return;
-    }
+    let python = python();
     let run = Program::run(FILM);
     for arguments in [&["cloth", "corner", "0", "--textured"][..], &["block", "tip", "7"]] {
         let mut check = Command::new(&python);

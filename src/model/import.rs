@@ -57,6 +57,14 @@ pub(crate) fn read(path: &Path, body: &Body) -> Result<Imported, Vec<String>> {
     })
 }
 
+/// The mesh of a body from arrays, as from a file.
+///
+/// # Errors
+/// Everything that is wrong with it.
+pub(crate) fn from_arrays(mesh: &Mesh, body: &Body) -> Result<Imported, Vec<String>> {
+    import(MeshFile { mesh: mesh.clone(), ..MeshFile::default() }, body)
+}
+
 fn import(mut file: MeshFile, body: &Body) -> Result<Imported, Vec<String>> {
     let (scale, translate) = (body.scale.unwrap_or(1.0), body.translate.unwrap_or_default());
     let dimension = body.dimension();

@@ -63,12 +63,17 @@ fn mesh(id: BodyId, body: &Body, budget: &mut Budget) -> Result<Imported, Vec<Pr
     };
     let scale = body.scale.unwrap_or(1.0);
     let translate = body.translate.unwrap_or_default();
-    let mut read = if let Some(path) = &body.mesh {
-        let mut read = import::read(path, body).map_err(|messages| {
+    let imported = match (&body.mesh, &body.arrays) {
+        (Some(path), _) => Some((import::read(path, body), path.display().to_string())),
+        (None, Some(arrays)) => Some((import::from_arrays(arrays, body), body.name.clone())),
+        (None, None) => None,
+    };
+    let mut read = if let Some((read, source)) = imported {
+        let mut read = read.map_err(|messages| {
             let key = format!("{key}.mesh");
             messages.into_iter().map(|message| Problem::new(key.clone(), message)).collect::<Vec<_>>()
         })?;
-        read.notes.iter_mut().for_each(|note| *note = format!("{}: {note}", path.display()));
+        read.notes.iter_mut().for_each(|note| *note = format!("{source}: {note}"));
         let elements = read.mesh.blocks.iter().filter(|block| block.kind.dimension() == body.dimension());
         let counts: Vec<_> = elements.map(|block| (block.kind, block.cell_count())).collect();
         fits(&counts)?;

@@ -8,6 +8,8 @@ mod store;
 
 use std::path::{Path, PathBuf};
 
+use vi_mesh::Mesh;
+
 use crate::record::{self, Bytes, Damage, record};
 use crate::scene::{Scene, SchemeName};
 use crate::simulation::Snapshot;
@@ -230,7 +232,23 @@ fn mesh_sums(scene: &Scene) -> Result<Vec<(PathBuf, u64)>, CheckpointError> {
         Ok(bytes) => Ok((path.to_owned(), u64::from(crc32fast::hash(&bytes)))),
         Err(source) => Err(CheckpointError::Read { path: path.to_owned(), source }),
     };
-    scene.files().into_iter().map(|(_, path)| sum(path)).collect()
+    let files = scene.files().into_iter().map(|(_, path)| sum(path));
+    let arrays = scene.bodies.iter().filter_map(|body| {
+        let name = PathBuf::from(format!("the mesh from arrays of body '{}'", body.name));
+        Some(Ok((name, array_sum(body.arrays.as_ref()?))))
+    });
+    files.chain(arrays).collect()
+}
+
+/// The CRC-32 of the points and cells of a mesh.
+fn array_sum(mesh: &Mesh) -> u64 {
+    let mut sum = crc32fast::Hasher::new();
+    mesh.points.as_flattened().iter().for_each(|x| sum.update(&x.to_le_bytes()));
+    for block in &mesh.blocks {
+        sum.update(block.kind.name().as_bytes());
+        block.nodes.iter().for_each(|node| sum.update(&node.to_le_bytes()));
+    }
+    u64::from(sum.finalize())
 }
 
 #[cfg(test)]

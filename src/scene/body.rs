@@ -1,11 +1,12 @@
 //! Bodies and what is attached to them, as a scene says it.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vi_fem::LockingCure;
-use vi_mesh::{BoxMesh, SheetMesh};
+use vi_mesh::{BoxMesh, Mesh, SheetMesh};
 
 use super::{FieldComponent, MaterialEntry, Materials, Selection, Substance};
 
@@ -21,6 +22,9 @@ pub struct Body {
     /// and points without a triangle left out, each with a note; nodes are numbered after that.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "super::path_as_text")]
     pub mesh: Option<PathBuf>,
+    /// A mesh from arrays of the program, instead of a mesh file; scene files cannot hold one.
+    #[serde(skip)]
+    pub arrays: Option<Arc<Mesh>>,
     /// Take only this group of the mesh file: a volume of it for a solid, a surface for a sheet.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
@@ -133,6 +137,7 @@ impl Body {
         Self {
             name: name.into(),
             mesh: None,
+            arrays: None,
             part: None,
             weld: None,
             box_shape: None,
@@ -158,6 +163,16 @@ impl Body {
         material: impl Into<Substance>,
     ) -> Self {
         Self { mesh: Some(mesh.into()), ..Self::new(name, material) }
+    }
+
+    /// A body from a mesh of the program's own ([`Mesh::from_arrays`]), of one material.
+    pub fn from_arrays(name: impl Into<String>, mesh: Mesh, material: impl Into<Substance>) -> Self {
+        Self { arrays: Some(Arc::new(mesh)), ..Self::new(name, material) }
+    }
+
+    /// Is its mesh given, in a file or as arrays, and not generated?
+    pub(crate) fn has_mesh(&self) -> bool {
+        self.mesh.is_some() || self.arrays.is_some()
     }
 
     /// A generated box of one material.

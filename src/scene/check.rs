@@ -201,7 +201,10 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
     }
     let shapes =
         [("mesh", body.mesh.is_some()), ("box", body.box_shape.is_some()), ("sheet", body.sheet.is_some())];
-    check.at_most_one_of(key, &shapes, true);
+    check.at_most_one_of(key, &shapes, body.arrays.is_none());
+    if body.arrays.is_some() && shapes.iter().any(|(_, is_given)| *is_given) {
+        check.say(key, "has a mesh from arrays: give no `mesh`, `box` or `sheet` beside it");
+    }
     if let Some(scale) = body.scale {
         check.positive(format!("{key}.scale"), scale, "");
     }
@@ -258,7 +261,7 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
         );
     }
     for (name, is_given) in [("part", body.part.is_some()), ("weld", body.weld.is_some())] {
-        if is_given && body.mesh.is_none() {
+        if is_given && !body.has_mesh() {
             check.say(format!("{key}.{name}"), "applies to a body with a `mesh` file only: remove this key");
         }
     }
@@ -270,7 +273,7 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
     }
     if let Some(uv_scale) = body.uv_scale {
         check.positive(format!("{key}.uv_scale"), uv_scale, "m");
-        if body.mesh.is_none() || body.rest != Some(RestShape::Flat) {
+        if !body.has_mesh() || body.rest != Some(RestShape::Flat) {
             check.say(
                 format!("{key}.uv_scale"),
                 "applies only with a `mesh` file and rest = \"flat\": add them, or remove this key",

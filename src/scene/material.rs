@@ -3,7 +3,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
-use vi_fem::{FemError, Law, SheetLaw};
+use vi_fem::{FemError, Law, OwnLaw, SheetLaw};
 
 /// A law with its parameters. The table of a sheet's law has the key `thickness`, that of a solid's has not.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -47,6 +47,12 @@ impl Substance {
 impl From<Law> for Substance {
     fn from(law: Law) -> Self {
         Self::Solid(law)
+    }
+}
+
+impl From<OwnLaw> for Substance {
+    fn from(law: OwnLaw) -> Self {
+        Self::Solid(law.into())
     }
 }
 

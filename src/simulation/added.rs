@@ -6,6 +6,8 @@ use std::sync::Arc;
 use vi_core::{CoreError, Force, Live, Potential, State, System};
 
 use super::Simulation;
+#[cfg(doc)]
+use super::Component;
 use crate::model::{BodyModel, Model};
 use crate::scene::{Problem, Scene, SchemeName};
 
@@ -83,6 +85,27 @@ impl Simulation {
             v[dof..dof + 3].copy_from_slice(velocity);
         }
         component.state = component.system.state(component.state.t, &x, &v)?;
+        self.given += self.observe().total() - before;
+        Ok(())
+    }
+
+    /// Sets the free coordinates q (m) and their momenta p (kg m/s) of component number `component`; its
+    /// [`Component::state`] tells those of now. They must keep the constraints of rigid bodies. The next step books the
+    /// change of energy as work of forces.
+    ///
+    /// # Errors
+    /// [`CoreError::Length`] where there is not one entry per free coordinate; nothing has then changed.
+    pub fn set_state(&mut self, component: usize, q: &[f64], p: &[f64]) -> Result<(), CoreError> {
+        let before = self.observe().total();
+        let state = &mut self.components[component].state;
+        let expected = state.q.len();
+        for (what, found) in [("coordinates", q.len()), ("momenta", p.len())] {
+            if found != expected {
+                return Err(CoreError::Length { what, expected, found });
+            }
+        }
+        state.q.copy_from_slice(q);
+        state.p.copy_from_slice(p);
         self.given += self.observe().total() - before;
         Ok(())
     }

@@ -8,6 +8,7 @@ pub(crate) mod contract;
 pub(crate) mod eigensystem;
 #[cfg(test)]
 mod laws;
+pub(crate) mod own;
 pub(crate) mod parameters;
 #[cfg(test)]
 pub(crate) mod properties;
@@ -17,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::FemError;
 use contract::{LawVisitor, Material};
+use own::{Own, OwnLaw};
 use parameters::Parameters;
 
 macro_rules! materials {
@@ -36,29 +38,36 @@ macro_rules! materials {
         #[non_exhaustive]
         pub enum Law {
             $($(#[$doc])* #[serde(rename = $name)] $variant(<$variant as Material>::Parameters),)*
+            /// A law of a program's own, which a scene file cannot name.
+            #[serde(skip_deserializing, rename = "own")]
+            #[schemars(skip)]
+            Own(OwnLaw),
         }
 
         impl Law {
-            /// The scene names of all laws.
+            /// The scene names of all registered laws.
             pub const NAMES: &'static [&'static str] = &[$($name),*];
 
-            /// One of each law with sound parameters, for tests and first steps.
+            /// One of each registered law with sound parameters, for tests and first steps.
             pub fn examples() -> Vec<Self> {
                 vec![$(Self::$variant(Parameters::example())),*]
             }
 
             /// The scene name of this law.
             pub fn name(&self) -> &'static str {
-                match self { $(Self::$variant(_) => $name,)* }
+                match self { $(Self::$variant(_) => $name,)* Self::Own(_) => "own" }
             }
 
             /// Its parameters.
             pub fn parameters(&self) -> &dyn Parameters {
-                match self { $(Self::$variant(parameters) => parameters,)* }
+                match self { $(Self::$variant(parameters) => parameters,)* Self::Own(law) => law }
             }
 
             pub(crate) fn visit<V: LawVisitor>(&self, visitor: V) -> V::Output {
-                match self { $(Self::$variant(parameters) => visitor.visit($variant::new(parameters)),)* }
+                match self {
+                    $(Self::$variant(parameters) => visitor.visit($variant::new(parameters)),)*
+                    Self::Own(law) => visitor.visit(Own::new(law)),
+                }
             }
         }
 
@@ -87,6 +96,12 @@ materials! {
     corotated: Corotated = "corotated";
     /// Mooney–Rivlin, Ψ = c₁₀ (J^(−2/3) I₁ − 3) + c₀₁ (J^(−4/3) I₂ − 3) + κ/2 (J − 1)²: rubber.
     mooney_rivlin: MooneyRivlin = "mooney-rivlin";
+}
+
+impl From<OwnLaw> for Law {
+    fn from(law: OwnLaw) -> Self {
+        Self::Own(law)
+    }
 }
 
 impl Law {
