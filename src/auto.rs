@@ -11,6 +11,7 @@
 //! choice on any machine and on any number of threads.
 
 mod activity;
+mod candidate;
 mod explicit;
 mod implicit;
 mod processor;
@@ -24,6 +25,7 @@ use crate::auto::trial::{Choice, Norm, TrialWatch};
 use crate::scene::{MassKind, Problem, Scene, SchemeName};
 use crate::simulation::Simulation;
 use crate::simulation::stability::highest;
+pub use candidate::Candidate;
 use search::{Search, Stopped};
 
 /// The error aimed at, as a share of the wanted one.
@@ -34,48 +36,6 @@ const BUDGET: f64 = 0.05;
 const LEAST_BUDGET: f64 = 2.0;
 /// Trials of implicit schemes cost at most this share of the explicit run that they could replace.
 const IMPLICIT_SHARE: f64 = 0.5;
-/// An error that is extrapolated counts as this much dearer: it may prove wrong.
-const DOUBT: f64 = 3.0;
-
-/// One way to reach the wanted error.
-#[derive(Debug, Clone, Serialize)]
-pub struct Candidate {
-    /// Scheme with its stages.
-    pub scheme: String,
-    /// The choice itself.
-    #[serde(skip)]
-    pub choice: Choice,
-    /// Steps.
-    pub steps: u64,
-    /// Cost of a step, s of one core of the reference machine.
-    pub seconds_per_step: f64,
-    /// Cost of the run, s of one core of the reference machine.
-    pub predicted_seconds: f64,
-    /// Relative error expected at the end; NaN (`null` in report.json) where no trial could tell.
-    pub predicted_error: f64,
-    /// Was the error measured at the end of a whole run with these steps, rather than extrapolated?
-    pub measured: bool,
-}
-
-impl Candidate {
-    fn new(choice: Choice, seconds_per_step: f64, predicted_error: f64, measured: bool) -> Self {
-        Self {
-            scheme: choice.label(),
-            choice,
-            steps: choice.steps,
-            seconds_per_step,
-            predicted_seconds: seconds_per_step * choice.steps as f64,
-            predicted_error,
-            measured,
-        }
-    }
-
-    /// By which candidates are ordered.
-    fn price(&self) -> f64 {
-        self.predicted_seconds * if self.measured { 1.0 } else { DOUBT }
-    }
-}
-
 /// What was chosen, and why.
 #[derive(Debug, Clone, Serialize)]
 pub struct AutoReport {

@@ -6,6 +6,7 @@
 mod bench;
 mod check_frames;
 mod convergence;
+pub(crate) mod exit;
 mod info;
 mod modes;
 mod progress;
@@ -65,16 +66,6 @@ enum Command {
     Schema,
     /// Print what a scene or a mesh holds
     Info(info::InfoArguments),
-}
-
-/// Exit codes of the program.
-pub(crate) mod exit {
-    pub(crate) const DONE: u8 = 0;
-    pub(crate) const BAD_INPUT: u8 = 2;
-    pub(crate) const BROKEN: u8 = 3;
-    pub(crate) const NO_CONVERGENCE: u8 = 4;
-    pub(crate) const INPUT_OUTPUT: u8 = 5;
-    pub(crate) const INTERRUPTED: u8 = 130;
 }
 
 /// Runs the program with these arguments (the first is its name).

@@ -14,6 +14,7 @@ pub mod auto;
 mod chart;
 #[cfg(feature = "cli")]
 pub mod cli;
+pub mod intersections;
 pub mod model;
 pub mod record;
 pub mod run;

@@ -15,6 +15,7 @@ mod output;
 mod parse;
 mod plain;
 mod probe;
+mod problem;
 mod rigid;
 mod safety;
 mod selection;
@@ -34,7 +35,6 @@ use vi_fem::{Amplitude, Wind};
 pub use attach::{Attach, Periodic, Seam};
 pub(crate) use body::MOST_REFINED;
 pub use body::{Axis, Body, Refine, RefineAlong, RestShape, Spring, SpringEnd, Strike};
-pub use check::Problem;
 pub(crate) use columns::history_columns;
 pub use contact::{Contact, ContactPair};
 pub use fix::{About, Fix, HeldAxis, LocalAxis};
@@ -48,6 +48,7 @@ pub use output::{Assert, Cache, Encoding, Field, Output, Precision};
 #[cfg(feature = "cli")]
 pub use parse::Parsed;
 pub use probe::{Component, Probe, Quantity, Statistic};
+pub use problem::Problem;
 pub use rigid::{Inertia, Joint, Rigid, RigidShape, Turn};
 pub use safety::{Checkpoints, Guard, GuardAction};
 pub use selection::{BoxRegion, PlaneRegion, Selection, SphereRegion};
@@ -306,20 +307,6 @@ impl Scene {
     pub fn guard(mut self, guard: Guard) -> Self {
         self.guard = Some(guard);
         self
-    }
-
-    /// Everything that is wrong with the values of this scene, without reading any file.
-    pub fn problems(&self) -> Vec<Problem> {
-        let mut problems = check::problems(self);
-        // What a check of a key has said of its value is not said twice.
-        let is_new = |problem: &Problem, known: &[Problem]| {
-            let key = problem.key.trim_end_matches(|c: char| c.is_ascii_digit() || c == '[' || c == ']');
-            !known.iter().any(|known| known.key == problem.key || known.key == key)
-        };
-        let found = plain::problems(self).into_iter().filter(|problem| is_new(problem, &problems));
-        let found: Vec<_> = found.chain(columns::problems(self)).chain(contact::problems(self)).collect();
-        problems.extend(found);
-        problems
     }
 
     /// The JSON schema of a scene, with units and ranges in the descriptions.

@@ -3,8 +3,6 @@
 
 pub mod bench;
 pub mod convergence;
-#[cfg(feature = "cli")]
-pub mod intersections;
 pub mod modes;
 #[cfg(feature = "cli")]
 pub mod stress;

@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use variational::auto::trial::{self, Choice, Limit, Norm};
 use variational::prelude::*;
-use variational::run::estimate::{Estimator, ProbeEstimate};
+use variational::run::ProbeEstimate;
+use variational::run::estimate::Estimator;
 use variational::run::explain::explain;
 use variational::study::bench::{BenchOptions, bench, recommended_scene};
 

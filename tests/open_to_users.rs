@@ -3,8 +3,8 @@
 
 use variational::core::lagrange::Scalar;
 use variational::fem::{EnergyDensity, OwnLaw};
-use variational::prelude::*;
 use variational::mesh::{CellBlock, Mesh};
+use variational::prelude::*;
 use variational::simulation::Snapshot;
 
 fn cube(scheme: SchemeName, material: impl Into<variational::scene::Substance>) -> Simulation {

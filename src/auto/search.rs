@@ -3,7 +3,8 @@
 use std::cell::Cell;
 use std::ops::Range;
 
-use super::{Candidate, activity};
+use super::activity;
+use super::candidate::Candidate;
 use crate::auto::trial::{Choice, Limit, Norm, Trial, TrialError, TrialWatch, run};
 use crate::scene::{Scene, SchemeName};
 

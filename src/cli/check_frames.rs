@@ -7,8 +7,8 @@ use vi_io::{IoError, PvdSeries};
 
 use super::exit;
 use super::say::{message, out};
-use crate::study::intersections::frame::FrameSurface;
-use crate::study::intersections::intersections;
+use crate::intersections::frame::FrameSurface;
+use crate::intersections::intersections;
 
 /// Intersections that are printed per frame.
 const PRINTED: usize = 10;

@@ -17,29 +17,18 @@
 
 use std::time::Instant;
 
-use serde::Serialize;
 use serde_json::json;
 
 use super::checkpoint::CheckpointError;
 use super::error::RunError;
 use super::observer::{Observer, Purpose, Sight};
+use super::probe_estimate::ProbeEstimate;
 use super::report::Report;
 use crate::auto::trial::Choice;
 use crate::record::{Bytes, record};
 use crate::scene::{Problem, SchemeName};
 use crate::simulation::stability::highest;
 use crate::simulation::{ProbeValue, Simulation, Snapshot};
-
-/// The estimated error of a probe.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct ProbeEstimate {
-    /// |error| of the displacement, each axis, m.
-    pub error: [f64; 3],
-    /// Order observed; `None` where the differences do not show one.
-    pub observed_order: Option<f64>,
-}
-
-record!(ProbeEstimate { error: [f64; 3], observed_order: Option<f64> });
 
 /// An estimator between two steps of the run; `None` for a companion that the scheme does not need or that failed.
 struct Companions {

@@ -8,8 +8,8 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::error::RunError;
-use super::estimate::ProbeEstimate;
 use super::observer::{Observer, Purpose, Row, Sight};
+use super::probe_estimate::ProbeEstimate;
 use super::report::Report;
 use crate::record::{Bytes, record};
 use crate::simulation::Simulation;

@@ -4,7 +4,7 @@
 use vi_core::EnergyLedger;
 
 use super::error::RunError;
-use super::estimate::ProbeEstimate;
+use super::probe_estimate::ProbeEstimate;
 use super::report::Report;
 use crate::record::Bytes;
 use crate::simulation::{Observation, Simulation, Stepped};

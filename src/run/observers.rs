@@ -7,6 +7,7 @@ use vi_io::IoError;
 use super::checkpoint::{CheckpointError, Snapshots};
 use super::error::RunError;
 use super::estimate::Estimator;
+use super::extremes::Extremes;
 use super::frames::FrameWriter;
 use super::guard::EnergyGuard;
 use super::history::HistoryWriter;
@@ -15,7 +16,6 @@ use super::momentum::MomentumLedger;
 use super::observer::{Observer, Purpose, Row, Sight};
 use super::pitch::PitchFinder;
 use super::report::Report;
-use super::results::Extremes;
 use crate::simulation::{Observation, Simulation, Stepped};
 
 /// All that a run observes.

@@ -1,22 +1,12 @@
 //! What a run does for safety: it keeps good points to go back to, answers the energy guard, and saves checkpoints and
 //! resumes from them.
 
-use super::checkpoint::{Checkpoint, CheckpointError, Snapshots};
+use super::checkpoint::{Checkpoint, CheckpointError};
 use super::error::RunError;
 use super::guard::Growth;
 use super::observer::Purpose;
-use super::stepping::Run;
+use super::state::{Good, Run, STRIDE};
 use crate::scene::GuardAction;
-use crate::simulation::Snapshot;
-
-/// Steps between points that the guard can go back to.
-pub(super) const STRIDE: u64 = 16;
-
-/// A point that the guard can go back to.
-pub(super) struct Good {
-    simulation: Snapshot,
-    observers: Snapshots,
-}
 
 impl Run {
     /// Keeps this point to go back to, where the guard may ask for one.

@@ -1,6 +1,6 @@
 //! The loop of a run: steps, rows and frames as they fall due, and the end. `safety.rs` goes back, saves and resumes.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use vi_core::State;
@@ -12,6 +12,7 @@ use super::claim::Claim;
 use super::directory;
 use super::error::RunError;
 use super::estimate::Estimator;
+use super::extremes::Extremes;
 use super::frames::FrameWriter;
 use super::guard::EnergyGuard;
 use super::history::{Columns, HistoryWriter};
@@ -20,28 +21,12 @@ use super::momentum::MomentumLedger;
 use super::observers::Observers;
 use super::pitch::PitchFinder;
 use super::report::{Outcome, Report};
-use super::results::Extremes;
-use super::safety::{Good, STRIDE};
+use super::state::{Run, STRIDE};
 use super::watch::Watch;
 use crate::auto::AutoReport;
 use crate::scene::{Guard, GuardAction, history_columns};
-use crate::simulation::stability::{StabilityNote, stability};
+use crate::simulation::stability::stability;
 use crate::simulation::{Observation, Simulation, TOGETHER};
-
-/// A run under way.
-pub(super) struct Run {
-    pub(super) simulation: Simulation,
-    pub(super) directory: PathBuf,
-    pub(super) observers: Observers,
-    pub(super) good: Option<Good>,
-    pub(super) store: Option<(Store, Origin)>,
-    /// What the steps so far have found, e.g. limit points.
-    pub(super) findings: Vec<String>,
-    pub(super) report: Report,
-    pub(super) auto: Option<AutoReport>,
-    stability: Result<Option<StabilityNote>, SolverError>,
-    claim: Claim,
-}
 
 impl Run {
     /// A run at its start, its first row and frame written.

@@ -149,7 +149,7 @@ impl Contact {
 fn no_body(name: &str, known: &HashSet<&str>) -> String {
     let mut there: Vec<&str> = known.iter().copied().collect();
     there.sort_unstable();
-    format!("there is no body '{name}'; there are: {}", super::check::some_of(&there))
+    format!("there is no body '{name}'; there are: {}", super::problem::some_of(&there))
 }
 
 /// Everything that is wrong with the contact of a scene.

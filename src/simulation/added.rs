@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use vi_core::{CoreError, Force, Live, Potential, State, System};
 
-use super::Simulation;
 #[cfg(doc)]
 use super::Component;
+use super::Simulation;
 use crate::model::{BodyModel, Model};
 use crate::scene::{Problem, Scene, SchemeName};
 

@@ -4,9 +4,9 @@
 use std::collections::BTreeSet;
 
 use super::Simulation;
+use crate::intersections::intersections;
 use crate::model::{may_meet, name_of};
 use crate::scene::Problem;
-use crate::study::intersections::intersections;
 
 impl Simulation {
     /// Pairs of bodies whose surfaces cross now though they may meet, and the number of crossings: bodies by their

@@ -1,12 +1,13 @@
 //! The vibration modes of a scene about its initial or static state, to files. Nothing here knows how eigenpairs
 //! are found.
 
+mod found;
 mod report;
 
 use std::path::Path;
 
 use vi_io::PvdSeries;
-use vi_solvers::{Mode, ModeOptions};
+use vi_solvers::ModeOptions;
 
 use crate::auto::stand_in;
 use crate::model::kinetic_terms;
@@ -17,6 +18,7 @@ use crate::run::{RunError, inputs_among};
 use crate::scene::{MassKind, Problem, Scene, Schedule};
 use crate::simulation::Simulation;
 
+pub use found::{SceneMode, SceneModes};
 pub use report::{ModeFacts, ModesReport};
 
 /// The largest displacement of a mode shape in the files, over the largest extent of the bodies that vibrate.
@@ -24,25 +26,6 @@ const SHAPE_SIZE: f64 = 0.1;
 
 /// Files that do not carry the name of the scene: they are of the last one whose modes were found.
 const TABLES: [&str; 3] = ["modes.csv", "modes.json", "modes.svg"];
-
-/// A mode and the component that vibrates.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SceneMode {
-    /// Number of the component.
-    pub component: usize,
-    /// The mode.
-    pub mode: Mode,
-}
-
-/// The modes of a scene.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SceneModes {
-    /// They, by ascending frequency.
-    pub modes: Vec<SceneMode>,
-    /// Mass of all components that can move along x, y and z, kg; with consistent mass without what couples free
-    /// coordinates to held ones.
-    pub free_mass: [f64; 3],
-}
 
 /// The lowest `count` modes of each component, by ascending frequency. A scene with `[static]` is first
 /// brought to equilibrium at the end of its time, so that modes are those of the loaded body. Where the scene

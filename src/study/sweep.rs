@@ -5,51 +5,20 @@
 //! checkpoint go on from it, and the table has the same bytes in the end.
 
 mod axis;
+mod error;
+mod options;
 mod point;
 mod table;
 
-use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use crate::run::RunError;
-use crate::scene::{Problem, Scene};
+use crate::scene::Scene;
 
+use axis::MOST_POINTS;
 pub use axis::{Axis, AxisError};
+pub use error::SweepError;
+pub use options::{SweepOptions, SweepWatch};
 use point::{Identities, Point};
-
-/// Points of a sweep at most: each has a directory and is held in memory as a scene of its own.
-pub(crate) const MOST_POINTS: usize = 100_000;
-
-/// What a sweep is asked for.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SweepOptions {
-    /// The scene file.
-    pub scene: PathBuf,
-    /// Keys that are set in every point, as `run --set` takes them.
-    pub overrides: Vec<String>,
-    /// The keys that vary; the last one varies first.
-    pub axes: Vec<Axis>,
-    /// Directory of the tables and of the points.
-    pub directory: PathBuf,
-    /// Points that run at once.
-    pub jobs: usize,
-    /// Threads of each point.
-    pub threads: usize,
-    /// Run the points whose number leaves the remainder `.0` when it is divided by `.1` only.
-    pub task: (usize, usize),
-}
-
-/// Follows a sweep, from several threads.
-pub trait SweepWatch: Sync {
-    /// A point has come to its end: its number, its exit code, why it failed, and how many of all are left.
-    fn done(&self, _point: usize, _exit: u8, _reason: &str, _left: usize) {}
-    /// Asked after every step: false ends the sweep, with everything written.
-    fn go_on(&self) -> bool {
-        true
-    }
-}
-
-impl SweepWatch for () {}
 
 /// What a sweep has come to.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -62,46 +31,6 @@ pub struct SweepReport {
     pub failed: usize,
     /// Was it ended from outside before all points of the task were done?
     pub interrupted: bool,
-}
-
-/// Why there is no sweep.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum SweepError {
-    /// No point is a sound scene: what is wrong with the first.
-    #[error("no point of the sweep is a sound scene")]
-    Scene(Vec<Problem>),
-    /// A file cannot be read or written.
-    #[error("{}: {source}", .path.display())]
-    Files {
-        /// The file or directory.
-        path: PathBuf,
-        /// What the operating system says.
-        source: std::io::Error,
-    },
-    /// The output of a point cannot be written.
-    #[error("point {point}: {source}")]
-    Output {
-        /// Its number.
-        point: usize,
-        /// What is wrong.
-        source: RunError,
-    },
-    /// More points than a sweep may have.
-    #[error(
-        "the sweep has more than {MOST_POINTS} points: take fewer values, or divide it into several sweeps"
-    )]
-    TooMany,
-    /// Threads cannot be started.
-    #[error("cannot start threads: {0}")]
-    Threads(#[from] rayon::ThreadPoolBuildError),
-}
-
-impl SweepError {
-    fn files(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
-        let path = path.to_owned();
-        move |source| Self::Files { path, source }
-    }
 }
 
 /// Runs the points of a task that are not done yet, and writes `sweep.csv` and `sweep-times.csv` of all points.

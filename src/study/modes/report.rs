@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
-use super::{SceneMode, SceneModes};
+use super::found::{SceneMode, SceneModes};
 use crate::chart::{Chart, Scale, Series, Style};
 use crate::run::provenance::Provenance;
 use crate::scene::MassKind;

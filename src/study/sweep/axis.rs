@@ -2,7 +2,8 @@
 
 use std::str::FromStr;
 
-use super::MOST_POINTS;
+/// Points of a sweep at most: each has a directory and is held in memory as a scene of its own.
+pub(crate) const MOST_POINTS: usize = 100_000;
 
 /// A key with its values, as `--over` takes them.
 #[derive(Debug, Clone, PartialEq, Eq)]

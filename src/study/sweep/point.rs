@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::{SweepError, SweepWatch};
+use super::error::SweepError;
+use super::options::SweepWatch;
 use crate::run::checkpoint::{newest, scene_text};
 use crate::run::report::{Outcome, Report};
 use crate::run::{RunError, Watch, resume, run_from};

@@ -5,8 +5,9 @@ use std::fmt::Write as _;
 
 use serde_json::Value;
 
+use super::error::SweepError;
+use super::options::SweepOptions;
 use super::point::{End, Identities, Point, write_whole};
-use super::{SweepError, SweepOptions};
 
 /// What a point has left in its directory.
 struct Found {

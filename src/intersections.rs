@@ -3,6 +3,7 @@
 //!
 //! It judges what the contact crate does, and shares no code with it.
 
+#[cfg(feature = "cli")]
 pub(crate) mod frame;
 
 use std::collections::HashMap;

@@ -1,0 +1,47 @@
+//! Why there is no sweep.
+
+use std::path::{Path, PathBuf};
+
+use super::axis::MOST_POINTS;
+use crate::run::RunError;
+use crate::scene::Problem;
+
+/// Why there is no sweep.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SweepError {
+    /// No point is a sound scene: what is wrong with the first.
+    #[error("no point of the sweep is a sound scene")]
+    Scene(Vec<Problem>),
+    /// A file cannot be read or written.
+    #[error("{}: {source}", .path.display())]
+    Files {
+        /// The file or directory.
+        path: PathBuf,
+        /// What the operating system says.
+        source: std::io::Error,
+    },
+    /// The output of a point cannot be written.
+    #[error("point {point}: {source}")]
+    Output {
+        /// Its number.
+        point: usize,
+        /// What is wrong.
+        source: RunError,
+    },
+    /// More points than a sweep may have.
+    #[error(
+        "the sweep has more than {MOST_POINTS} points: take fewer values, or divide it into several sweeps"
+    )]
+    TooMany,
+    /// Threads cannot be started.
+    #[error("cannot start threads: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+impl SweepError {
+    pub(super) fn files(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Files { path, source }
+    }
+}
