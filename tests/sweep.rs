@@ -132,6 +132,14 @@ fn rows_are_those_of_the_runs_and_failures_have_their_reasons() {
     // The stiffest beam bends least, and a run by hand gives the same row.
     let low = |row: usize| rows[row][at("tip.uy.min")].parse::<f64>().unwrap();
     assert!(low(0).max(low(4)) < low(8) && low(8) < 0.0);
+    // Points say what ran, as every JSON file does; those that failed too.
+    for point in ["point-0000", "point-0010"] {
+        let text = std::fs::read_to_string(directory.join("out").join(point).join("point.json")).unwrap();
+        let record: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert!(
+            record["provenance"]["commit"].is_string() && record["provenance"]["free_coordinates"].is_u64()
+        );
+    }
     let by_hand = command()
         .current_dir(directory)
         .args(["run", "scene.toml", "--out", "hand", "--set", "body.0.material.young=1e6"])

@@ -53,6 +53,9 @@ pub(super) struct End {
 
 #[derive(Serialize, Deserialize)]
 struct Record {
+    /// That of report.json; null where the run wrote none.
+    #[serde(default)]
+    provenance: serde_json::Value,
     end: End,
     identity: Identity,
 }
@@ -140,8 +143,9 @@ impl Point {
             Err(source) => return Err(SweepError::Output { point: self.number, source }),
         };
         std::fs::create_dir_all(&self.directory).map_err(SweepError::files(&self.directory))?;
-        let identity = identities.identity(scene);
-        write_whole(&record, &serde_json::json!(Record { end: end.clone(), identity }).to_string())
+        let record_of_end =
+            Record { provenance: self.provenance(), end: end.clone(), identity: identities.identity(scene) };
+        write_whole(&record, &serde_json::json!(record_of_end).to_string())
             .map_err(SweepError::files(&record))?;
         Ok(Some(end))
     }
@@ -161,6 +165,13 @@ impl Point {
         let name = self.file.file_stem().map_or_else(|| "scene".into(), |stem| stem.to_string_lossy());
         let source = (self.file.as_path(), self.overrides.as_slice());
         run_from(Some(source), scene.clone(), &name, &self.directory, &mut stop)
+    }
+
+    /// What ran here, and where, as its report tells.
+    fn provenance(&self) -> serde_json::Value {
+        let report = std::fs::read(self.directory.join("report.json")).ok();
+        let report = report.and_then(|bytes| serde_json::from_slice::<serde_json::Value>(&bytes).ok());
+        report.and_then(|report| report.get("provenance").cloned()).unwrap_or_default()
     }
 
     fn record(&self) -> PathBuf {
