@@ -4,20 +4,18 @@
 //! Source: Gmsh reference manual, "MSH file format" (4.1) and "MSH file format version 2 (legacy)".
 
 mod merge;
+mod reading;
 mod v2;
 mod v4;
 mod view;
 
-use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 use crate::cursor::{Cursor, Encoding};
 use crate::error::IoError;
 use crate::mesh::MeshFile;
-use crate::tags::TagIndex;
-use vi_mesh::CellKind;
-use vi_mesh::Region;
-use view::{Site, View};
+use reading::{Reading, Version};
+use view::Site;
 
 /// Reads a Gmsh MSH 2.x or 4.1 file that is in memory; `file` is for the messages only.
 ///
@@ -63,124 +61,6 @@ pub fn parse_msh(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
         return Err(cursor.truncated("the mesh: there is no $Nodes or no $Elements section"));
     }
     reading.finish(version)
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum Version {
-    Two,
-    Four,
-}
-
-/// Everything read so far.
-#[derive(Default)]
-struct Reading<'a> {
-    out: MeshFile,
-    seen: std::collections::HashSet<&'a [u8]>,
-    names: BTreeMap<(usize, i32), String>,
-    /// Physical tags of each geometric entity (dimension, tag): MSH 4 only.
-    entities: HashMap<(usize, i32), Vec<i32>>,
-    node_tags: TagIndex,
-    cell_tags: Vec<u64>,
-    /// Geometric entity of each cell: MSH 2 only, to know copies from neighbours.
-    cell_entities: Vec<i32>,
-    /// Cells of each physical group (dimension, tag).
-    members: BTreeMap<(usize, i32), Vec<u32>>,
-    views: Vec<View>,
-}
-
-impl<'a> Reading<'a> {
-    fn physical_names(&mut self, cursor: &mut Cursor<'a>) -> Result<(), IoError> {
-        let count: u64 = cursor.text_number("the number of physical names")?;
-        for _ in 0..cursor.count(count, 7, "physical names")? {
-            let dimension: usize = cursor.text_number("the dimension of a physical name")?;
-            let tag: i32 = cursor.text_number("the tag of a physical name")?;
-            let at = cursor.start();
-            let line = cursor.line().unwrap_or_default().trim_ascii();
-            let name = line.strip_prefix(b"\"").and_then(|rest| rest.strip_suffix(b"\""));
-            let name = name.ok_or_else(|| cursor.syntax_at(at, "a physical name in quotes", line))?;
-            self.names.insert((dimension, tag.saturating_abs()), String::from_utf8_lossy(name).into_owned());
-        }
-        Ok(())
-    }
-
-    /// Takes one element over, its nodes given by their tags in Gmsh's order.
-    fn push_element(
-        &mut self,
-        cursor: &Cursor,
-        at: usize,
-        kind: CellKind,
-        tag: u64,
-        node_tags: &[u64],
-    ) -> Result<u32, IoError> {
-        let mut nodes = [0; 27];
-        let nodes = &mut nodes[..kind.node_count()];
-        for (node, &node_tag) in nodes.iter_mut().zip(node_tags) {
-            *node = self.node_tags.get(node_tag).ok_or_else(|| IoError::UnknownNode {
-                file: cursor.file().into(),
-                place: cursor.place_at(at),
-                cell: tag,
-                node: node_tag as i64,
-                node_count: self.out.mesh.points.len(),
-            })?;
-        }
-        kind.reorder_from_gmsh(nodes);
-        self.out.mesh.push_cell(kind, nodes);
-        self.cell_tags.push(tag);
-        Ok((self.cell_tags.len() - 1) as u32)
-    }
-
-    fn push_point(&mut self, cursor: &Cursor, at: usize, tag: u64, x: [f64; 3]) -> Result<(), IoError> {
-        if x.iter().any(|x| !x.is_finite()) {
-            return Err(IoError::NotFinite {
-                file: cursor.file().into(),
-                place: cursor.place_at(at),
-                node: tag,
-                x,
-            });
-        }
-        self.out.mesh.points.push(x);
-        Ok(())
-    }
-
-    fn finish(mut self, version: Version) -> Result<MeshFile, IoError> {
-        if version == Version::Two {
-            self.merge_copies();
-        }
-        for (dimension, tag) in self.names.keys() {
-            self.members.entry((*dimension, *tag)).or_default();
-        }
-        for ((dimension, tag), mut cells) in self.members {
-            let name = self.names.remove(&(dimension, tag)).unwrap_or_else(|| tag.to_string());
-            if cells.is_empty() {
-                self.out
-                    .notes
-                    .push(format!("the physical group \"{name}\" (dimension {dimension}) has no elements"));
-            }
-            // One name for two tags is one region.
-            match self
-                .out
-                .mesh
-                .regions
-                .iter_mut()
-                .find(|group| group.name == name && group.dimension == dimension)
-            {
-                Some(group) => group.cells.append(&mut cells),
-                None => self.out.mesh.regions.push(Region { name, dimension, cells }),
-            }
-        }
-        for group in &mut self.out.mesh.regions {
-            group.cells.sort_unstable();
-            group.cells.dedup();
-        }
-        let cell_tags = TagIndex::with_first_of_copies(&self.cell_tags);
-        for view in self.views {
-            match view.site {
-                Site::Points => view.place(&self.node_tags, self.out.mesh.points.len(), &mut self.out),
-                Site::Cells => view.place(&cell_tags, self.out.mesh.cell_count(), &mut self.out),
-            }
-        }
-        Ok(self.out)
-    }
 }
 
 /// `$MeshFormat` with version, file type and data size, and the number 1 that shows the byte order.
@@ -281,21 +161,4 @@ fn skip_section(cursor: &mut Cursor, name: &[u8]) -> Result<(), IoError> {
         from += found + 1;
     }
     Err(cursor.truncated(format!("the section ${}", name.escape_ascii())))
-}
-
-/// The kind of an element type, or the error that lists the supported ones.
-fn kind_of(cursor: &Cursor, at: usize, code: i32, tag: u64) -> Result<CellKind, IoError> {
-    CellKind::from_gmsh_code(code).ok_or_else(|| IoError::UnsupportedCell {
-        file: cursor.file().into(),
-        place: cursor.place_at(at),
-        cell: tag,
-        format: "Gmsh",
-        code: code.into(),
-        name: match code {
-            14 => " (pyramid with 14 nodes; set Mesh.SecondOrderIncomplete = 1)",
-            20..=31 => " (of order 3 or more; set Mesh.ElementOrder ≤ 2)",
-            _ => "",
-        },
-        supported: CellKind::NAMES,
-    })
 }

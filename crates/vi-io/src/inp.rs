@@ -5,9 +5,9 @@
 
 mod elements;
 mod keyword;
+mod reading;
 mod sets;
 
-use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::Path;
 
 use crate::cursor::{Cursor, shown};
@@ -16,7 +16,7 @@ use crate::mesh::MeshFile;
 use crate::tags::TagIndex;
 use elements::{Meaning, READ, meaning};
 use keyword::{Keyword, fields, label, next_line};
-use sets::{Definition, Of};
+use reading::{Element, Of, Reading};
 use vi_mesh::CellKind;
 
 /// Reads an Abaqus or CalculiX input file that is in memory; `file` is for the messages only.
@@ -71,36 +71,6 @@ enum Section {
     PassedOver,
     /// There must be none: what they would do.
     Empty(&'static str),
-}
-
-/// One element that is a cell.
-struct Element {
-    tag: u64,
-    at: usize,
-    kind: CellKind,
-    /// If true, its sides S1 … are its edges (plane problems); otherwise its two faces (shells).
-    is_plane: bool,
-}
-
-/// Everything read so far.
-#[derive(Default)]
-struct Reading<'a> {
-    out: MeshFile,
-    node_tags: Vec<u64>,
-    elements: Vec<Element>,
-    /// Tags of the nodes of all elements, one after the other.
-    corners: Vec<u64>,
-    /// Tags of elements that have no shape.
-    shapeless: HashSet<u64>,
-    /// Numbers of an element whose nodes are not complete, and where it begins.
-    unfinished: Vec<u64>,
-    unfinished_at: usize,
-    definitions: Vec<Definition<'a>>,
-    parts: usize,
-    instances: usize,
-    left_out: BTreeSet<String>,
-    /// Elements by the types that carry nothing here.
-    lines: BTreeMap<String, usize>,
 }
 
 const FLAT: &str = "write the mesh flat: one part, nodes in global coordinates, everything in one file";

@@ -17,7 +17,7 @@ use crate::mesh::{DataArray, MeshFile};
 use crate::vtk::cells::CellReader;
 use crate::vtk::groups;
 use crate::vtk::number::Number;
-use payload::{Content, Payloads};
+use payload::{Content, Form, Payloads, Spec};
 
 /// Reads a VTU or VTP file that is in memory; `file` is for the messages only.
 ///
@@ -57,16 +57,6 @@ pub fn parse_vtu(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     Ok(out)
 }
 
-/// One `DataArray` as the XML describes it.
-struct Spec {
-    name: String,
-    number: Number,
-    components: usize,
-    content: Content,
-    /// Where its element begins.
-    at: usize,
-}
-
 /// Connectivity of one kind of cells: all of a VTU file, or the vertices, lines, strips, polygons of a VTP file.
 #[derive(Default)]
 struct Section {
@@ -86,16 +76,6 @@ struct Piece {
     sections: Vec<Section>,
     point_arrays: Vec<Spec>,
     cell_arrays: Vec<Spec>,
-}
-
-/// Settings common to all arrays of a file.
-#[derive(Clone, Copy, Default)]
-struct Form {
-    big: bool,
-    wide_header: bool,
-    compressed: bool,
-    /// First byte of the appended data, and whether they are base64.
-    appended: Option<(usize, bool)>,
 }
 
 struct Document {

@@ -3,7 +3,7 @@
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-use super::Reading;
+use super::reading::Reading;
 use vi_mesh::{CellKind, Mesh};
 
 impl Reading<'_> {

@@ -1,6 +1,6 @@
 //! Nodes and elements as MSH 2 lays them out.
 
-use super::{Reading, kind_of};
+use super::reading::{Reading, kind_of};
 use crate::cursor::{Cursor, Encoding};
 use crate::error::IoError;
 use crate::tags::TagIndex;

@@ -1,6 +1,6 @@
 //! Entities, nodes and elements as MSH 4.1 lays them out. Text and binary data have the same numbers in the same order.
 
-use super::{Reading, kind_of};
+use super::reading::{Reading, kind_of};
 use crate::cursor::{Cursor, Encoding};
 use crate::error::IoError;
 use crate::tags::TagIndex;

@@ -4,47 +4,13 @@ use std::collections::{HashMap, HashSet};
 
 use super::elements::side;
 use super::keyword::{Keyword, fields, label};
-use super::{Element, Reading};
+use super::reading::{Definition, Element, Of, Reading};
 use crate::cursor::{Cursor, shown};
 use crate::error::IoError;
 use crate::mesh::MeshFile;
 use crate::tags::TagIndex;
 use vi_mesh::CellKind;
 use vi_mesh::Region;
-
-/// Members of a set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum Of {
-    Nodes,
-    Elements,
-    /// Sides of elements.
-    Faces,
-}
-
-impl Of {
-    /// Remark appended to a name that stands for several sets.
-    fn ending(self) -> &'static str {
-        match self {
-            Self::Nodes => "nodes",
-            Self::Elements => "elements",
-            Self::Faces => "surface",
-        }
-    }
-}
-
-/// A set or surface as one keyword defines it, or adds to it.
-pub(super) struct Definition<'a> {
-    of: Of,
-    name: &'a [u8],
-    at: usize,
-    /// A program made it for itself: no group becomes of it.
-    is_internal: bool,
-    numbers: Vec<u64>,
-    /// First, last, increment.
-    ranges: Vec<[u64; 3]>,
-    /// Names of sets; of a surface, sets or numbers with the side.
-    names: Vec<(&'a [u8], &'a [u8])>,
-}
 
 impl<'a> Reading<'a> {
     pub(super) fn define(&mut self, of: Of, name: &'a [u8], keyword: &Keyword<'a>) {

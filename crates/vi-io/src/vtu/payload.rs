@@ -11,7 +11,6 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::{Decompress, FlushDecompress, Status};
 
-use super::{Form, Spec};
 use crate::cursor::{Cursor, Encoding, excerpt, shown};
 use crate::error::{IoError, Place};
 use crate::vtk::number::Number;
@@ -24,6 +23,26 @@ pub(super) enum Content {
     Text(Range<usize>),
     Base64(Range<usize>),
     Appended(usize),
+}
+
+/// One `DataArray` as the XML describes it.
+pub(super) struct Spec {
+    pub(super) name: String,
+    pub(super) number: Number,
+    pub(super) components: usize,
+    pub(super) content: Content,
+    /// Where its element begins.
+    pub(super) at: usize,
+}
+
+/// Settings common to all arrays of a file.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Form {
+    pub(super) big: bool,
+    pub(super) wide_header: bool,
+    pub(super) compressed: bool,
+    /// First byte of the appended data, and whether they are base64.
+    pub(super) appended: Option<(usize, bool)>,
 }
 
 /// The bytes of a file, as source of arrays.
