@@ -7,7 +7,7 @@ pub struct SolverOptions {
     pub tolerance: f64,
     /// Which linear solver.
     pub linear: LinearSolver,
-    /// Fill [`StepReport::energy`]: a few energies a step more.
+    /// Fill [`StepReport::energy`](crate::StepReport::energy): a few energies a step more.
     pub ledger: bool,
     /// Newton iterations after which a step has failed.
     pub max_iterations: u32,

@@ -89,7 +89,7 @@ pub trait Stepper: Send {
 pub struct StepReport {
     /// Newton iterations (0 for explicit schemes and for a body at rest in balance).
     pub iterations: u32,
-    /// What changed the total energy; zero unless [`SolverOptions::ledger`].
+    /// What changed the total energy; zero unless [`SolverOptions::ledger`](crate::SolverOptions::ledger).
     pub energy: StepEnergy,
     /// The work of this step alone.
     pub work: Work,
