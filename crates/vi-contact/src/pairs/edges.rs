@@ -27,9 +27,10 @@ impl Blend {
         Self { barrier, full: 1.0, guard: 0.0 }
     }
 
-    /// The barrier of two edges: χ_a χ_b B(s) + guard.
+    /// The barrier of two edges: χ_a χ_b B(s) + guard. Where one is sharp, the guard has its weight: a knife on a coarse
+    /// cloth may have no point under it, and with the guard of flat edges alone would come to a thousandth of d̂.
     pub(crate) fn of_edges(barrier: Barrier, a: &Edge, b: &Edge) -> Self {
-        Self { barrier, full: a.sharpness * b.sharpness, guard: GUARD }
+        Self { barrier, full: a.sharpness * b.sharpness, guard: GUARD.max(a.sharpness.max(b.sharpness)) }
     }
 
     /// full · part(B, 1) + guard · part(B, reach), where a part is a function of B and of what s is divided by. A

@@ -181,6 +181,30 @@ impl Stage {
         evaluator.largest_step(&x, &dx, Some([&x_end, &dx_end]))
     }
 
+    /// The largest of the parts p, p/2, p/4 … of the way `goal` to the stage whose whole step has a free path, with
+    /// prescribed coordinates at the end of theirs; zero where there is none.
+    fn free_part(&self, system: &System, evaluator: &mut Evaluator, goal: &[f64], largest: f64) -> f64 {
+        const HALVINGS: usize = 6;
+        let coordinates = system.coordinates();
+        let place = |q: &[f64], t: f64| {
+            let mut x = vec![0.0; coordinates.dof_count()];
+            coordinates.embed(q, t, &mut x);
+            x
+        };
+        let start = place(&self.origin, self.start_t);
+        let mut part = largest;
+        for _ in 0..HALVINGS {
+            let end: Vec<f64> = self.origin.iter().zip(goal).map(|(q, goal)| q + 2.0 * part * goal).collect();
+            let end = place(&end, self.start_t + self.h);
+            let dx: Vec<f64> = start.iter().zip(&end).map(|(start, end)| end - start).collect();
+            if evaluator.largest_step(&start, &dx, Some([&start, &dx])) >= 1.0 {
+                return part;
+            }
+            part *= 0.5;
+        }
+        0.0
+    }
+
     /// Tells the forces without a potential how fast the stage moves.
     pub(super) fn set_velocities(&self, system: &System, rule: &impl Rule, evaluator: &mut Evaluator) {
         if self.is_forced && !self.w.is_empty() {
@@ -268,7 +292,10 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         let goal: Vec<f64> = stage.offset.iter().zip(&stage.w).map(|(offset, w)| offset + w).collect();
         let at_start = stage.offset.iter().map(|offset| -offset).collect();
         let wanted = std::mem::replace(&mut stage.w, at_start);
-        let part = stage.largest_step(system, *rule, evaluator, &goal);
+        let mut part = stage.largest_step(system, *rule, evaluator, &goal);
+        if rule.takes_discrete_gradients() && system.coordinates().is_moving() && evaluator.has_live() {
+            part = stage.free_part(system, evaluator, &goal, part);
+        }
         let Stage { w, base, offset, .. } = &mut **stage;
         w.copy_from_slice(&wanted);
         if part < 1.0 {
