@@ -30,24 +30,24 @@ use search::{Search, Stopped};
 
 /// The error aimed at, as a share of the wanted one.
 const SAFETY: f64 = 0.6;
-/// What trials may cost, as a share of the run that they save.
+/// Budget of the trials, as a share of the run that they save.
 const BUDGET: f64 = 0.05;
-/// What trials may always cost, s of one core of the reference machine.
+/// Least budget of the trials, s of one core of the reference machine.
 const LEAST_BUDGET: f64 = 2.0;
 /// Trials of implicit schemes cost at most this share of the explicit run that they could replace.
 const IMPLICIT_SHARE: f64 = 0.5;
-/// What was chosen, and why.
+/// The choice, and the reasons for it.
 #[derive(Debug, Clone, Serialize)]
 pub struct AutoReport {
     /// Relative error wanted at the end.
     pub tolerance: f64,
     /// ω_max of the scene at its start, rad/s.
     pub highest_frequency: f64,
-    /// What is expected to reach the tolerance, the chosen one first.
+    /// Candidates that are expected to reach the tolerance, the chosen one first.
     pub candidates: Vec<Candidate>,
-    /// What the trials cost, s of one core of the reference machine.
+    /// Cost of the trials, s of one core of the reference machine.
     pub trial_seconds: f64,
-    /// What they were allowed to cost.
+    /// Budget of the trials, s.
     pub budget_seconds: f64,
     /// Why, in a paragraph.
     pub reason: String,

@@ -18,7 +18,7 @@ const COLOURS: [&str; 8] =
 /// Colour of what is pointed out.
 const POINTED_OUT: &str = "#f2c14e";
 
-/// How the points of a series are drawn.
+/// Drawing style of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Style {
     /// A line.
@@ -44,7 +44,7 @@ pub(crate) struct Series {
 pub(crate) struct Chart {
     pub(crate) title: String,
     pub(crate) subtitle: String,
-    /// What the axes show.
+    /// Labels of the axes.
     pub(crate) labels: [String; 2],
     pub(crate) scales: [Scale; 2],
     pub(crate) series: Vec<Series>,

@@ -1,4 +1,4 @@
-//! The command line: words in, exit codes out. It must not know physics.
+//! The command line: words in, exit codes out.
 //!
 //! Exit codes: 0 done, 2 bad input, 3 an assertion of the scene broken, 4 no convergence,
 //! 5 input/output, 128 + n ended by signal n (130 Ctrl-C, 143 SIGTERM, 129 SIGHUP) with everything written.

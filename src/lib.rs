@@ -28,7 +28,7 @@ pub use vi_io as io;
 pub use vi_mesh as mesh;
 pub use vi_solvers as solvers;
 
-/// What most programs need.
+/// The names that most programs need.
 pub mod prelude {
     pub use crate::auto::settle;
     pub use crate::run::{RunError, Watch, run};

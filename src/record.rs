@@ -1,5 +1,5 @@
-//! Values as bytes and back: little-endian, lengths before contents, nothing else. The order of a
-//! struct's fields in [`record!`] is its format. It must not know what the values mean.
+//! Values as bytes and back: little-endian, lengths before contents, nothing else. The order of a struct's fields in
+//! [`record!`] is its format.
 //!
 //! Reading allocates no more than the bytes that are left could hold, whatever a length claims.
 
@@ -14,7 +14,7 @@ use vi_solvers::{StepperMemory, Work};
 pub struct Damage {
     /// Where in the record, from 0.
     pub at: usize,
-    /// What is wrong.
+    /// The problem.
     pub what: String,
 }
 

@@ -1,5 +1,5 @@
-//! A whole run: steps a simulation to its end and writes what the scene asks for, from the start or
-//! from a checkpoint. It must not know the command line; a caller watches through [`Watch`].
+//! A whole run: steps a simulation to its end and writes what the scene asks for, from the start or from a
+//! checkpoint.
 
 mod chart;
 pub mod checkpoint;

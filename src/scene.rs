@@ -1,5 +1,4 @@
 //! A scene: everything that a run needs, as one serde value that the builder and TOML share.
-//! It must not know how a scene is run, nor read a mesh.
 
 mod attach;
 mod body;
@@ -72,7 +71,7 @@ pub use time::{LinearChoice, MassKind, SchemeName, Solver, Time};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
-    /// What the scene is, in words.
+    /// Description of the scene in words.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub title: String,
     /// Acceleration of gravity, m/s².
@@ -82,7 +81,7 @@ pub struct Scene {
     /// static solve t is the load factor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity_amplitude: Option<Amplitude>,
-    /// How time is stepped.
+    /// Time interval, step and integrator.
     pub time: Time,
     /// Deformable bodies.
     #[serde(rename = "body", default, skip_serializing_if = "Vec::is_empty")]
@@ -129,19 +128,19 @@ pub struct Scene {
     /// Points whose motion is written to history.csv.
     #[serde(rename = "probe", default, skip_serializing_if = "Vec::is_empty")]
     pub probes: Vec<Probe>,
-    /// How implicit equations are solved.
+    /// Solution of implicit equations.
     #[serde(default)]
     pub solver: Solver,
-    /// What is written.
+    /// Files to write.
     #[serde(default)]
     pub output: Output,
     /// Files to continue from; none by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub checkpoint: Option<Checkpoints>,
-    /// What to do about energy that nothing has put in; by default it warns.
+    /// Reaction to energy that no work accounts for; by default a warning.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub guard: Option<Guard>,
-    /// What must hold at the end; exit code 3 if broken.
+    /// Assertions at the end; exit code 3 if one is broken.
     #[serde(default)]
     pub assert: Assert,
 }
@@ -340,7 +339,7 @@ impl Scene {
         self.selections_mut().filter_map(|on| on.node_file.as_mut()).for_each(change);
     }
 
-    /// The same scene with absolute paths, each the shortest that names its file.
+    /// Returns the scene with absolute paths, each the shortest that names its file.
     pub(crate) fn with_absolute_paths(mut self) -> Self {
         self.for_each_file(|path| {
             // A path that cannot be made absolute (an empty one) is a problem of the scene, which is told elsewhere.

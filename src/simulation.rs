@@ -1,5 +1,4 @@
 //! A scene come to life: systems with their states and steppers, stepped together.
-//! It must not know files: `run.rs` writes what it observes.
 
 mod added;
 mod advance;
@@ -40,7 +39,7 @@ pub struct Component {
     pub(crate) system: System,
     pub(crate) state: State,
     pub(crate) stepper: Option<Box<dyn Stepper>>,
-    /// How finely its steps are cut.
+    /// Subdivision of its steps.
     pace: Pace,
     /// Evaluates energies for observers; made when first asked for.
     observer: Option<Assembler>,
@@ -57,7 +56,7 @@ impl Component {
         &self.system
     }
 
-    /// Its state.
+    /// State of the component.
     pub fn state(&self) -> &State {
         &self.state
     }
@@ -71,7 +70,7 @@ impl Component {
         x_dot
     }
 
-    /// The integrator; none where no coordinate is free.
+    /// The integrator; `None` if no coordinate is free.
     pub fn stepper(&self) -> Option<&dyn Stepper> {
         self.stepper.as_deref()
     }
@@ -116,7 +115,7 @@ impl Simulation {
         Self::build(scene, Ok)
     }
 
-    /// The same with the model of the scene changed by `extend`.
+    /// Makes the simulation after `extend` has changed the model of the scene.
     fn build(
         scene: Scene,
         extend: impl FnOnce(Model) -> Result<Model, Vec<Problem>>,
@@ -212,7 +211,7 @@ impl Simulation {
         if problems.is_empty() { Ok(simulation) } else { Err(problems) }
     }
 
-    /// What all work so far costs on one core of the reference machine, s: counted, so that it is the same
+    /// Cost of all work so far on one core of the reference machine, s: counted, so that it is the same
     /// in every run.
     pub fn counted_seconds(&self) -> f64 {
         let cost = |component: &Component| {
@@ -267,12 +266,12 @@ impl Simulation {
         self.components.iter().map(|component| component.system.coordinates().free_count()).sum()
     }
 
-    /// What was repaired or left out when meshes were read.
+    /// Returns the notes on repairs and omissions of the mesh readers.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// What a reader should hear of the steps since the last call, e.g. of a limit point.
+    /// Returns the notes on the steps since the last call, e.g. on a limit point.
     pub fn take_findings(&mut self) -> Vec<String> {
         let steppers = self.components.iter_mut().filter_map(|component| component.stepper.as_mut());
         steppers.flat_map(|stepper| stepper.take_findings()).collect()

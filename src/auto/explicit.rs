@@ -9,9 +9,9 @@ use super::search::{NoTrial, Search, Stopped, seconds_per_step};
 use crate::auto::trial::{Choice, Trial};
 use crate::scene::SchemeName;
 
-/// What Störmer–Verlet and Blanes–Moan 4 cost at their limits, over the first alone (1.8/2.8 · 6 forces).
+/// Cost of Störmer–Verlet and Blanes–Moan 4 at their limits, relative to the first alone (1.8/2.8 · 6 forces).
 const FIRST_TWO: f64 = 5.0;
-/// The same with Blanes–Moan 6.
+/// Cost with Blanes–Moan 6 added, relative to Störmer–Verlet alone.
 const FIRST_THREE: f64 = 12.0;
 /// The smallest part of a run that is tried: 2^−8.
 const SMALLEST: u32 = 8;
@@ -25,7 +25,7 @@ const FROM_DIFFERENCE: f64 = 4.0 / 3.0;
 const SMALL: f64 = 0.1;
 /// Errors that grow by more than this while time doubles grow faster than t^2.5.
 const FAST: f64 = 5.7;
-/// How often a scheme that fails at its limit is tried with half the step: bodies stiffen as they deform.
+/// Number of times that a scheme that fails at its limit is tried with half the step: bodies stiffen as they deform.
 const RETRIES: u32 = 3;
 
 struct Solution {

@@ -11,7 +11,7 @@ const LEAST_ORDER: f64 = 0.8;
 /// The order that is relied on beyond the finest rung. Stiff and suddenly loaded bodies fall to about this, whatever
 /// the scheme's own (measured: 1.6 to 2.6 for Gauss with 2 and 3 stages).
 const RELIABLE_ORDER: f64 = 2.0;
-/// How much finer than the finest rung a step may be that is only extrapolated.
+/// Largest factor by which an extrapolated step may be finer than the finest measured one.
 const REACH: f64 = 16.0;
 
 /// Trials of one scheme with halved steps.

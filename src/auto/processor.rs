@@ -1,4 +1,4 @@
-//! What this process has had of the processors. Nothing here knows what it did with them.
+//! Processor time that this process has used.
 
 use std::ops::{AddAssign, Sub};
 

@@ -22,7 +22,7 @@ pub(super) struct Stopped;
 pub(super) enum NoTrial {
     /// A step failed, or the scheme does not take the scene.
     Failed,
-    /// It would cost more than it may.
+    /// The trial would exceed its budget.
     OutOfBudget,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct Search<'a> {
     omega: f64,
     /// The relative error aimed at.
     pub(super) aim: f64,
-    /// What all trials may cost, s of the reference machine.
+    /// Budget of all trials, s of the reference machine.
     pub(super) budget: f64,
     /// Steps below which events of the scene would go unseen.
     pub(super) coarsest: u64,

@@ -1,5 +1,5 @@
-//! A scene run for its end state, run time and work alone: no history, no frames. The common ground
-//! of everything by which the program measures itself. It must not know why it is asked.
+//! A scene run for its end state, run time and work alone: no history, no frames. The common ground of everything by
+//! which the program measures itself.
 
 use std::cell::Cell;
 use std::ops::Range;
@@ -24,7 +24,7 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// What a scene asks for.
+    /// Returns the choice that a scene asks for.
     pub fn of(scene: &Scene) -> Self {
         Self {
             scheme: scene.time.scheme.unwrap_or(SchemeName::Auto),
@@ -63,7 +63,7 @@ impl Choice {
 
 /// Follows runs that measure: the trials of `auto`, the levels of a convergence study.
 pub trait TrialWatch {
-    /// What is about to run.
+    /// The trial about to run.
     fn next(&mut self, _what: &str) {}
     /// Asked every few steps: false ends the trial and all that were to follow.
     fn go_on(&mut self) -> bool {
@@ -73,12 +73,12 @@ pub trait TrialWatch {
 
 impl TrialWatch for () {}
 
-/// What a trial reached.
+/// End of a trial.
 #[derive(Debug, Clone)]
 pub struct Trial {
     /// Free coordinates at the end, by component, m.
     pub end: Vec<Vec<f64>>,
-    /// The same after half of its steps (rounded down).
+    /// State after half of its steps (rounded down).
     pub middle: Vec<Vec<f64>>,
     /// Seconds of stepping, by the clock.
     pub seconds: f64,
@@ -100,7 +100,7 @@ pub enum TrialError {
     /// A step failed or the energy left all bounds.
     #[error("{0}")]
     Failed(String),
-    /// It took longer than it was given.
+    /// The trial exceeded its limit.
     #[error("out of time at t = {t:.3e} s")]
     OutOfTime {
         /// Time reached, s.
@@ -111,16 +111,16 @@ pub enum TrialError {
     Stopped,
 }
 
-/// What a trial may cost.
+/// Budget of a trial.
 #[derive(Debug, Clone, Copy)]
 pub enum Limit<'a> {
     /// Time by the clock.
     Clock(Duration),
     /// Seconds of one core of the reference machine, counted: it ends at the same step in every run.
     Counted {
-        /// What it may take.
+        /// Largest cost allowed.
         seconds: f64,
-        /// What it took is added here, whether or not it reached its end.
+        /// Receives the cost, whether or not the trial reached its end.
         spent: &'a Cell<f64>,
     },
 }

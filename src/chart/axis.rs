@@ -1,6 +1,6 @@
 //! An axis of a chart: what range it shows, where values lie on it, and its ticks. Nothing here draws.
 
-/// How values are spread over an axis.
+/// Spacing of values along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Scale {
     /// Evenly.
@@ -40,7 +40,7 @@ impl Axis {
         Self { scale, from, to, low, high }
     }
 
-    /// Where a value lies; none where the axis cannot show it.
+    /// Returns the position of a value, or `None` if the axis cannot show it.
     pub(super) fn at(&self, value: f64) -> Option<f64> {
         let share = (self.scale.coordinate(value)? - self.low) / (self.high - self.low);
         Some(self.from + share.clamp(0.0, 1.0) * (self.to - self.from))

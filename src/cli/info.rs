@@ -27,7 +27,7 @@ pub(super) struct InfoArguments {
     matrices: Option<PathBuf>,
 }
 
-/// What a mesh file holds.
+/// Describes the contents of a mesh file.
 #[derive(Serialize)]
 struct MeshFacts {
     provenance: Provenance,
@@ -51,7 +51,7 @@ struct RegionFacts {
     cells: usize,
 }
 
-/// What a scene holds.
+/// Describes the contents of a scene.
 #[derive(Serialize)]
 struct SceneFacts {
     provenance: Provenance,

@@ -14,7 +14,7 @@ use crate::study::modes::write_modes;
 pub(super) struct ModesArguments {
     #[command(flatten)]
     study: StudyArguments,
-    /// How many modes of each set of bodies that act on each other, rigid ones included
+    /// Number of modes of each set of bodies that act on each other, rigid ones included
     #[arg(long, default_value_t = 12)]
     count: usize,
     /// Use lumped mass, whatever `solver.mass` of the scene says (default: consistent)

@@ -37,7 +37,7 @@ pub(super) struct RunArguments {
     say: Say,
 }
 
-/// What a run prints.
+/// Amount of text that a run prints.
 #[derive(Debug, Args)]
 pub(super) struct Say {
     /// Print errors and warnings only

@@ -1,5 +1,5 @@
-//! What a command says: results on standard output, messages on standard error. Either may be closed or full; no
-//! command ends for that. It must not know what is said.
+//! Output of a command: results on standard output, messages on standard error. Either may be closed or full; no
+//! command ends for that.
 
 use std::fmt::Arguments;
 use std::io::{Write, stderr, stdout};

@@ -1,5 +1,5 @@
-//! The signals that ask a command to end: Ctrl-C (SIGINT), SIGTERM and SIGHUP. The first one lets it write what it has
-//! reached; a second one ends it at once. It must not know what is to be written.
+//! The signals that ask a command to end: Ctrl-C (SIGINT), SIGTERM and SIGHUP. The first one lets it write what it
+//! has reached; a second one ends it at once.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};

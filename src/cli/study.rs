@@ -1,5 +1,4 @@
-//! What the studies of a scene (`bench`, `convergence`) ask for and check alike before they begin. It must not
-//! know what they measure.
+//! Options and checks shared by the studies of a scene (`bench`, `convergence`).
 
 use std::path::{Path, PathBuf};
 
@@ -47,7 +46,7 @@ impl StudyArguments {
         self.open_in(|_, name| Path::new("out").join(format!("{name}-{command}")))
     }
 
-    /// The same with an output directory by the scene and its name, where none is asked for.
+    /// Returns the options with an output directory next to the scene, if none is given.
     pub(super) fn open_in(&self, default: impl Fn(&Scene, &str) -> PathBuf) -> Result<Study, u8> {
         let (scene, parsed) = accept(&self.scene, &self.overrides)?;
         let pool = thread_pool(self.threads)?;

@@ -1,4 +1,4 @@
-//! What `variational run` says at the end. It must not know how a run is made.
+//! Summary that `variational run` prints at the end.
 
 use std::path::Path;
 

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use vi_io::MeshFile;
 use vi_mesh::CellKind;
 
-/// What can cross in a frame.
+/// Edges and triangles of a frame.
 pub(crate) struct FrameSurface {
     pub(crate) points: Vec<[f64; 3]>,
     pub(crate) triangles: Vec<[u32; 3]>,

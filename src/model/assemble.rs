@@ -252,7 +252,7 @@ impl Parts {
         }
     }
 
-    /// Adds the rigid bodies, with what is attached to them, then their joints; none where one is wrong.
+    /// Adds the rigid bodies with the nodes attached to them, then their joints. Returns `None` if one is wrong.
     fn add_rigids(
         &mut self,
         rigids: &[ResolvedRigid<'_>],

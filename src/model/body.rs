@@ -37,11 +37,11 @@ pub struct MaterialPart {
 /// A body of a scene with its mesh.
 #[derive(Debug)]
 pub struct BodyModel {
-    /// Its number.
+    /// Number of the body.
     pub id: BodyId,
-    /// Its name.
+    /// Name of the body.
     pub name: String,
-    /// Its mesh at rest.
+    /// Mesh at rest.
     pub mesh: Mesh,
     /// Dimension of its elements: 3 for a solid, 2 for a sheet.
     pub dimension: usize,
@@ -49,13 +49,13 @@ pub struct BodyModel {
     pub locking: LockingCure,
     /// Texture coordinates of a sheet: the corners of every cell of its mesh.
     pub texture: Option<Vec<[[f64; 2]; 3]>>,
-    /// Its materials, in the order of the scene.
+    /// Materials, in the order of the scene.
     pub materials: Vec<MaterialPart>,
     /// Number of the component that it is part of.
     pub component: usize,
-    /// Its first node among the nodes of the component.
+    /// First node of the body among the nodes of the component.
     pub node_offset: usize,
-    /// How the component numbers its nodes, from there on.
+    /// Numbers of the body's nodes in the component, relative to the first.
     pub numbering: Numbering,
     /// The flat pattern that a sheet is cut from, m: the corners of every cell.
     pub(crate) pattern: Option<Vec<[[f64; 2]; 3]>>,
@@ -67,7 +67,7 @@ impl BodyModel {
         self.node_offset + self.numbering.of(node as u32) as usize
     }
 
-    /// Its elements, material by material.
+    /// Elements, material by material.
     pub fn elements(&self) -> impl Iterator<Item = u32> {
         self.materials.iter().flat_map(|part| part.elements.iter().copied())
     }

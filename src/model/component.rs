@@ -32,7 +32,7 @@ pub(super) struct ComponentBuilder {
     pub(super) forces: Vec<Arc<dyn Force>>,
     /// Ties that hold exactly.
     pub(super) ties: Vec<Tie>,
-    /// What rigid bodies add beside nodes.
+    /// Combinations that hold the nodes of rigid bodies.
     held: Vec<Combination>,
     directors: Vec<u32>,
     /// Pairs of nodes that move alike, with the number of the periodic pair in the scene.

@@ -1,5 +1,5 @@
 //! The surfaces of a component that can meet: which nodes and triangles, how thick, how stiff, and which bodies are
-//! no pair. It must not know how contact is found or how time is stepped.
+//! no pair.
 
 use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;

@@ -10,7 +10,7 @@ use super::body::{BodyModel, ProbeTarget};
 use super::resolve::ControlTarget;
 use crate::scene::{BodyId, Problem, Scene};
 
-/// What the path of a scene is followed by, in the only system with free coordinates.
+/// Returns the quantity that controls the path of a scene, in the only system with free coordinates.
 pub(crate) fn path_control(
     scene: &Scene,
     target: Option<&ControlTarget>,

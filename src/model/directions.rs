@@ -1,5 +1,5 @@
 //! The directions along which nodes are held: axes of space, normals of surfaces, axes of cylinders and spheres, at
-//! rest. It must not know coordinates.
+//! rest.
 
 use vi_mesh::Mesh;
 
@@ -16,10 +16,10 @@ pub(super) fn of_axis(axis: Axis) -> [f64; 3] {
 /// For each node of a fix, the unit directions along which it is held.
 pub(super) type DirectionsOfNodes = Vec<Vec<[f64; 3]>>;
 
-/// The unit directions of each of the nodes of a fix; none where they are axes of space alone.
+/// Unit directions of each node of a fix; `None` if they are axes of space only.
 ///
 /// # Errors
-/// What is wrong, with the key that it is wrong in.
+/// A problem, with the key at fault.
 pub(super) fn directions(
     fix: &Fix,
     mesh: &Mesh,

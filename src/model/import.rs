@@ -1,5 +1,4 @@
 //! From a mesh file, which knows no physics, to the mesh of a body and its initial state.
-//! It must not know formats or potentials.
 
 mod sheet;
 
@@ -35,7 +34,7 @@ impl Imported {
         Self { mesh, displacement: None, velocity: None, pattern: None, texture: None, fields, notes }
     }
 
-    /// The same with other numbers of its nodes, and the mesh as it was.
+    /// Renumbers the nodes; also returns the mesh as it was.
     pub(crate) fn renumbered(self, numbering: &Numbering) -> (Self, Mesh) {
         let reorder = |values: Option<Vec<f64>>| {
             values.map(|values| numbering.values(values.as_chunks::<3>().0).into_flattened())

@@ -1,4 +1,4 @@
-//! Initial fields of a body from numbers and formulas. It must not know what they are of.
+//! Initial fields of a body from numbers and formulas.
 
 use crate::scene::{FieldComponent, field};
 

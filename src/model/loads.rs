@@ -1,5 +1,4 @@
-//! From the loads and the damping of a scene to potentials and forces. It must not know how they are
-//! summed.
+//! From the loads and the damping of a scene to potentials and forces.
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -16,7 +15,7 @@ use super::resolve::ResolvedFix;
 use super::select;
 use crate::scene::{Damping, HeldAxis, Load, Selection, Substance, field};
 
-/// What a load or damping adds to a component.
+/// Terms that a load or damping adds to a component.
 #[derive(Default)]
 pub(super) struct Added {
     pub(super) potentials: Vec<Box<dyn Potential>>,
@@ -26,7 +25,7 @@ pub(super) struct Added {
 /// The body that a load acts on.
 pub(super) struct Target<'a> {
     pub(super) body: &'a BodyModel,
-    /// Its mesh in the numbering of the component.
+    /// Mesh in the numbering of the component.
     pub(super) read: &'a Imported,
     /// The fixes of the scene.
     pub(super) fixes: &'a [ResolvedFix<'a>],
@@ -40,13 +39,13 @@ impl Target<'_> {
     }
 }
 
-/// What is wrong with a load, and in which of its keys.
+/// A problem of a load, with the key at fault.
 type Problem = (&'static str, String);
 
 /// A load, number `index` of the scene, on a body.
 ///
 /// # Errors
-/// What is wrong, with the key.
+/// A problem, with the key at fault.
 pub(super) fn load(load: &Load, index: usize, target: &Target) -> Result<Added, Problem> {
     let (body, mesh) = (target.body, &target.read.mesh);
     let offset = body.node_offset;

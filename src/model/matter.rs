@@ -33,7 +33,7 @@ struct NodalMass {
 /// Adds a body, whose nodes follow those that the component has; its mesh is in the numbering of the component.
 ///
 /// # Errors
-/// What is wrong with the body.
+/// Problem of the body.
 pub(super) fn add_body(
     component: &mut ComponentBuilder,
     body: &ReadBody<'_>,

@@ -1,6 +1,5 @@
-//! Periodic pairs of nodes: partners are found by the translation between two parts of a body, and tied by
-//! x_b = x_a + (X_b − X_a). The constant is a director, which translations leave alone. It must not know what holds
-//! other nodes.
+//! Periodic pairs of nodes: partners are found by the translation between two parts of a body, and tied by x_b = x_a
+//! + (X_b − X_a). The constant is a director, which translations leave alone.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! From fixes to prescribed coordinates. It must not know where the nodes came from.
+//! From fixes to prescribed coordinates.
 //!
 //! Nodes that are held along axes of space alone keep these as their coordinates. Nodes that are held along other
 //! directions get axes of their own: the first ones span the directions that are held, so that what is prescribed
@@ -25,7 +25,7 @@ pub(super) struct NodalFix<'a> {
     pub(super) fix: &'a Fix,
     /// Their numbers in the component, and in the mesh of the body.
     pub(super) nodes: Vec<(u32, u32)>,
-    /// The directions of each node; none where they are axes of space alone.
+    /// Directions of each node; `None` if they are axes of space only.
     pub(super) directions: Option<&'a [Vec<[f64; 3]>]>,
 }
 
@@ -54,7 +54,7 @@ struct Held {
 /// The coordinates of a component whose nodes start at x (m, 3 a node), with `others` prescribed too. `followers`
 /// are nodes that move as another one does, and are held where it is.
 ///
-/// The same coordinate may be named by several fixes if they agree on its motion.
+/// One coordinate may be named by several fixes if they agree on its motion.
 pub(super) fn coordinates(
     fixes: &[NodalFix],
     others: Vec<Prescribed>,

@@ -114,7 +114,7 @@ fn refined(body: &Body, read: Imported) -> Result<Imported, String> {
     Ok(read)
 }
 
-/// What a reader should hear where `locking` does nothing for some elements.
+/// Returns a note if `locking` has no effect on some elements.
 ///
 /// # Errors
 /// Where it does nothing for any.

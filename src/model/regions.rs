@@ -1,5 +1,4 @@
-//! Probes over a part of a body: its nodes, and the elements that cell fields need, found once. It must not know
-//! how fields are evaluated.
+//! Probes over a part of a body: its nodes, and the elements that cell fields need, found once.
 
 use std::collections::HashMap;
 
@@ -12,7 +11,7 @@ use crate::scene::{BodyId, Probe, Quantity, Statistic};
 pub struct RegionProbe {
     /// The body.
     pub body: BodyId,
-    /// What is asked for.
+    /// Quantity asked for.
     pub quantities: Vec<(Statistic, Quantity)>,
     /// Nodes of the body's mesh, each once.
     pub nodes: Vec<u32>,
@@ -24,7 +23,7 @@ impl RegionProbe {
     /// Finds what a probe of a scene asks for.
     ///
     /// # Errors
-    /// What is wrong, with the key that it is wrong in.
+    /// A problem, with the key at fault.
     pub(super) fn new(probe: &Probe, body: &ReadBody<'_>) -> Result<Self, (&'static str, String)> {
         let mesh = &body.read.mesh;
         let mut nodes = match probe.on.is_empty() {

@@ -90,7 +90,7 @@ pub(super) struct ResolvedLoad<'a> {
     pub(super) body: BodyId,
 }
 
-/// What `static.control` prescribes.
+/// Quantity that `static.control` prescribes.
 #[derive(Debug, Clone)]
 pub(crate) enum ControlTarget {
     /// The displacement of a node along an axis.
@@ -159,7 +159,7 @@ impl<'a, 'b> Resolver<'a, 'b> {
         self.bodies[self.names.body(name)?.index()].as_ref()
     }
 
-    /// The nodes of a selection; none where the selection is wrong, which is then said.
+    /// Returns the nodes of a selection, or records a problem and returns `None`.
     fn selected(&mut self, body: &ReadBody<'_>, on: &Selection, key: &str) -> NodeSet {
         let nodes = select::nodes(&body.read.mesh, on).unwrap_or_else(|(part, message)| {
             self.say(format!("{key}.{part}"), message);

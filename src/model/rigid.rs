@@ -1,5 +1,5 @@
-//! Rigid bodies in natural coordinates (c, d₁, d₂, d₃): the nodes that they add to a component, the ties
-//! of what is attached to them, and the constraints of their joints. It must not know how time is stepped.
+//! Rigid bodies in natural coordinates (c, d₁, d₂, d₃): the nodes that they add to a component, the ties of what is
+//! attached to them, and the constraints of their joints.
 //!
 //! Six points at c ± √(3 J_k/m) e_k of a sixth of its mass each have the mass, centre and inertia of any
 //! rigid body (E. J. Routh's equimomental system; J_k = ∫ X_k² dm are Euler's moments). With them its own
@@ -15,17 +15,17 @@ use crate::scene::{Joint, Rigid, RigidShape};
 /// A rigid body of a scene, as part of a component.
 #[derive(Debug, Clone)]
 pub struct RigidModel {
-    /// Its name.
+    /// Name of the body.
     pub name: String,
     /// Number of the component that it is part of.
     pub component: usize,
     /// Node c of the component; d₁, d₂, d₃ follow.
     pub node: usize,
-    /// Its own centre of mass in (d₁, d₂, d₃) from c, m.
+    /// Centre of mass without attached nodes, in (d₁, d₂, d₃) from c, m.
     centre: Vector3<f64>,
-    /// Its own axes in (d₁, d₂, d₃), by columns.
+    /// Principal axes without attached nodes, in (d₁, d₂, d₃), by columns.
     axes: Matrix3<f64>,
-    /// Its shape.
+    /// Shape of the body.
     pub shape: Option<RigidShape>,
     /// Triangles of its surface, where it can meet others: nodes of the component.
     pub(crate) triangles: Vec<[u32; 3]>,
@@ -38,9 +38,9 @@ pub struct RigidModel {
 /// Where a rigid body is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
-    /// Its own centre of mass, m.
+    /// Centre of mass without attached nodes, m.
     pub position: [f64; 3],
-    /// Its own axes in space, as a unit quaternion (w, x, y, z) with w ≥ 0.
+    /// Axes of the body in space, as a unit quaternion (w, x, y, z) with w ≥ 0.
     pub orientation: [f64; 4],
 }
 
@@ -89,7 +89,7 @@ impl RigidModel {
     }
 }
 
-/// What a rigid body adds to a component, with nodes numbered in the component.
+/// Terms that a rigid body adds to a component, with nodes numbered in the component.
 pub(super) struct Added {
     pub(super) model: RigidModel,
     /// Mass of its nodes, kg.
@@ -105,7 +105,7 @@ pub(super) struct Added {
 }
 
 impl Added {
-    /// Its path, where it is prescribed.
+    /// Path of the body, if prescribed.
     pub(super) fn prescribed(&self) -> Option<Prescribed> {
         if !self.is_prescribed {
             return None;
@@ -247,7 +247,7 @@ pub(super) fn build(
 /// plane without mass. So its moments of inertia change by as much, and its motion by less than the integrators' error.
 const FLAT: f64 = 1e-9;
 
-/// Its own mass, kg, centre, axes by columns, and Euler's tensor ∫ r rᵀ dm about the centre, kg m².
+/// Mass without attached nodes, kg, centre, axes by columns, and Euler's tensor ∫ r rᵀ dm about the centre, kg m².
 struct Own {
     mass: f64,
     centre: Vector3<f64>,

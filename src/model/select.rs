@@ -1,5 +1,4 @@
-//! The nodes, facets and elements of a mesh that a selection of a scene names. It must not know what they are
-//! selected for.
+//! The nodes, facets and elements of a mesh that a selection of a scene names.
 
 use std::path::Path;
 
@@ -14,7 +13,7 @@ pub(super) const ON_PLANE: f64 = 1e-6;
 /// The nodes of a selection, ascending where they are not listed.
 ///
 /// # Errors
-/// What is wrong, with the key that it is wrong in.
+/// A problem, with the key at fault.
 pub(super) fn nodes(mesh: &Mesh, on: &Selection) -> Result<Vec<u32>, (&'static str, String)> {
     let key = on.key();
     let found = if let Some(region) = &on.region {
@@ -77,7 +76,7 @@ fn read_list(path: &Path) -> Result<Vec<usize>, String> {
 /// sheet: its triangles) whose nodes are all selected.
 ///
 /// # Errors
-/// What is wrong, with the key that it is wrong in.
+/// A problem, with the key at fault.
 pub(super) fn surface(
     mesh: &Mesh,
     dimension: usize,
@@ -110,7 +109,7 @@ pub(super) fn surface(
 /// The surface of a selection, or the curves of a region of lines, for a total force.
 ///
 /// # Errors
-/// What is wrong, with the key that it is wrong in.
+/// A problem, with the key at fault.
 pub(super) fn spread(
     mesh: &Mesh,
     dimension: usize,
@@ -129,7 +128,7 @@ pub(super) fn spread(
 /// a selected node; all where nothing is selected.
 ///
 /// # Errors
-/// What is wrong, with the key that it is wrong in.
+/// A problem, with the key at fault.
 pub(super) fn elements(
     mesh: &Mesh,
     dimension: usize,

@@ -1,4 +1,4 @@
-//! Surfaces of the shapes of rigid bodies as triangles, for viewing. It must not know mechanics.
+//! Surfaces of the shapes of rigid bodies as triangles, for viewing.
 
 use std::f64::consts::{PI, TAU};
 

@@ -1,4 +1,4 @@
-//! What sheets have beside solids: clamped edges, air around them, and notes. It must not know laws.
+//! Terms of sheets that solids do not have: clamped edges, air around them, and notes.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -39,7 +39,7 @@ pub(super) fn wind(wind: &Wind, body: &ReadBody<'_>, node_offset: usize) -> Resu
     Ok(Arc::from(force.map_err(|error| error.to_string())?))
 }
 
-/// What does not act on a sheet as a reader of the scene could expect.
+/// Returns notes on settings that do not act on a sheet as a reader of the scene could expect.
 pub(super) fn notes(body: &Body, damping: Option<&Damping>) -> Vec<String> {
     let mut notes = Vec::new();
     if body.dimension() != 2 {

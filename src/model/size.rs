@@ -19,7 +19,7 @@ pub(super) struct Budget {
 }
 
 impl Budget {
-    /// What the machine has available now.
+    /// Memory that the machine has available now.
     pub(super) fn of_machine() -> Self {
         Self::new(available())
     }
@@ -119,7 +119,7 @@ mod tests {
         serde_json::from_str(&format!(r#"{{ "name": "b", "material": {law}, {shape} }}"#)).unwrap()
     }
 
-    /// What is counted is what is made: of every element, order and refinement.
+    /// The count equals what is made, for every element, order and refinement.
     #[test]
     fn elements_are_counted_as_they_are_made() {
         for shape in [

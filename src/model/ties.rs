@@ -156,7 +156,7 @@ pub(super) fn along_curves(
     Ok((is_first_finer, ties))
 }
 
-/// What is sewn exactly must meet at the start.
+/// Points that are sewn exactly must coincide at the start.
 fn check_meeting(seam: &Seam, ties: &[Tie], x: &[[f64; 3]], y: &[[f64; 3]]) -> Result<(), String> {
     if seam.stiffness.is_some() {
         return Ok(());

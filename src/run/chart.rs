@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::chart::{Chart, Scale, Series, Style};
 
-/// More points than this have no room on a chart: of each stretch the lowest and the highest are drawn.
+/// Largest number of points on a chart; of longer series the lowest and highest of each stretch are drawn.
 const MOST_POINTS: usize = 2000;
 
 /// Writes `energy.svg` beside history.csv.

@@ -37,7 +37,7 @@ pub enum CheckpointError {
     Damaged {
         /// The directory.
         directory: PathBuf,
-        /// What is wrong with each.
+        /// Problem of each.
         damages: Vec<String>,
     },
     /// The newest checkpoint is of a newer version of the program.
@@ -49,7 +49,7 @@ pub enum CheckpointError {
     Newer {
         /// The checkpoint.
         path: PathBuf,
-        /// Its format.
+        /// Format version of the file.
         format: u64,
     },
     /// The scene or a mesh is not the one that was run.
@@ -68,12 +68,12 @@ pub enum CheckpointError {
     Read {
         /// The file or directory.
         path: PathBuf,
-        /// What the operating system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
 }
 
-/// What was run: enough to find the scene again, and to know it.
+/// Identity of the run: enough to find its scene again, and to recognise it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Origin {
     /// Version of the program.
@@ -98,13 +98,13 @@ pub(crate) type Snapshots = Vec<(String, Bytes)>;
 /// A run between two steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
-    /// What was run.
+    /// Identity of the run.
     pub origin: Origin,
     pub(crate) simulation: Snapshot,
     /// Bytes of history.csv at this point.
     pub(crate) history_bytes: u64,
     pub(crate) observers: Snapshots,
-    /// What was found on the way, e.g. limit points.
+    /// Notes made on the way, e.g. of limit points.
     pub(crate) findings: Vec<String>,
     /// Seconds of set-up, stepping and output so far.
     pub(crate) seconds: [f64; 3],
@@ -149,7 +149,7 @@ impl Checkpoint {
 }
 
 impl Origin {
-    /// What is run now.
+    /// Identity of the present run.
     ///
     /// # Errors
     /// Where a mesh cannot be read again.

@@ -1,4 +1,4 @@
-//! The right to write into a directory, which one process at a time has. It must not know what is written.
+//! The right to write into a directory, which one process at a time has.
 //!
 //! A claim is a lock of the operating system on the file `variational.lock`. The system gives it up when the process
 //! ends, in whatever way, so that a file which a killed process left behind bars nobody, whoever has its number now.
@@ -32,7 +32,7 @@ pub enum ClaimError {
     Output {
         /// The directory, or the file that is locked.
         path: PathBuf,
-        /// What the operating system says.
+        /// Error of the operating system.
         source: io::Error,
     },
 }
@@ -94,7 +94,7 @@ impl Claim {
         writeln!(file, "process {}", std::process::id())
     }
 
-    /// What is to be said where the directory lies on a file system without locks.
+    /// Returns a note if the directory lies on a file system without locks.
     pub fn note(&self) -> Option<String> {
         let place = self.path.parent()?.display();
         (!self.is_locked).then(|| {

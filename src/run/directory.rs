@@ -1,5 +1,5 @@
 //! Which files of an output directory belong to the runs of a scene. A new run removes those, sets the results of
-//! other scenes aside, and touches nothing else. It must not know how files are written.
+//! other scenes aside, and touches nothing else.
 
 use std::fs;
 use std::io;
@@ -17,7 +17,7 @@ use crate::scene::{Problem, Scene};
 /// `<scene>.report.json`.
 const SHARED: [&str; 3] = ["history.csv", "report.json", "energy.svg"];
 
-/// Makes room for a new run of the scene `name`: removes what an earlier run of it has written.
+/// Prepares a new run of the scene `name`: removes the files of an earlier run of it.
 ///
 /// # Errors
 /// Before anything is touched: [`RunError::Scene`] where the scene reads a file that would be removed, and
@@ -55,7 +55,7 @@ pub(crate) fn inputs_among(scene: &Scene, outputs: &[PathBuf]) -> Vec<Problem> {
     scene.files().into_iter().filter(|(_, path)| is_output(path)).map(problem).collect()
 }
 
-/// What a run of the scene `name` writes into the directory, as far as it is there.
+/// Lists the existing files in the directory that a run of the scene `name` writes.
 fn own_files(directory: &Path, name: &str, scene: &Scene) -> Result<Vec<PathBuf>, RunError> {
     let mut found = Vec::new();
     let surfaces = SurfaceFiles::new(directory, name, scene);

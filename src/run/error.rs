@@ -34,15 +34,15 @@ pub enum RunError {
     Guard {
         /// The last step made.
         step: u64,
-        /// Its time, s.
+        /// Time of the row, s.
         t: f64,
         /// Growth, J.
         joules: f64,
         /// Growth relative to the exchange.
         relative: f64,
-        /// What is allowed.
+        /// Bound allowed.
         bound: f64,
-        /// What was tried, in words; may be empty.
+        /// Remedies tried, in words; may be empty.
         after: &'static str,
     },
     /// The state has left the range of what frames can hold: it has blown up. What was reached is written.
@@ -58,7 +58,7 @@ pub enum RunError {
     Output {
         /// The file or directory.
         path: PathBuf,
-        /// What the operating system says.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// Another process writes into the directory, or it cannot be written into.

@@ -76,7 +76,7 @@ pub struct Estimator {
 /// A simulation of the same scene with its own number of steps.
 struct Companion {
     simulation: Simulation,
-    /// Its steps over those of the run, as a fraction.
+    /// Number of its steps relative to the run, as a fraction.
     steps: [u64; 2],
 }
 
@@ -147,7 +147,7 @@ impl Estimator {
         }
     }
 
-    /// What could not be done, in words.
+    /// Reason for the failure, in words.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }

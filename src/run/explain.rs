@@ -1,5 +1,4 @@
-//! What a run builds, what it makes once, and what it skips and why: `variational run --explain`.
-//! It must not change the run; the work counts of report.json are the proof of what it says.
+//! Explains what a run builds, makes once, and skips, with reasons: `variational run --explain`.
 
 use std::fmt::Write;
 
@@ -9,7 +8,7 @@ use vi_solvers::{Assembler, Factor, HessianEvaluation};
 
 use crate::simulation::{Component, Simulation};
 
-/// What will be built, by component and term.
+/// Lists what will be built, by component and term.
 ///
 /// For implicit schemes it makes the matrix and, on the side, one step, to tell their sizes and which linear
 /// solver serves it.
@@ -170,7 +169,7 @@ fn term(text: &mut String, system: &System, potential: &dyn Potential, is_explic
     let _ = writeln!(text, "; local blocks {}", bytes(local));
 }
 
-/// What was done, in counts.
+/// Lists the work done, in counts.
 pub fn account(work: &Map<String, Value>) -> String {
     let (done, none): (Vec<_>, Vec<_>) = work.iter().partition(|(_, count)| count.as_u64() != Some(0));
     let words = |name: &str| name.replace('_', " ");

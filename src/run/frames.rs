@@ -1,5 +1,5 @@
-//! Frames for viewing: all bodies at rest with their displacement, as a VTU series. Nothing is
-//! computed that the scene does not name. It must not know how files are encoded.
+//! Frames for viewing: all bodies at rest with their displacement, as a VTU series. Nothing is computed that the
+//! scene does not name.
 
 use std::path::{Path, PathBuf};
 
@@ -142,7 +142,7 @@ impl FrameWriter {
         length * ROUNDING > 1e-3 * self.smallest_edge
     }
 
-    /// What a reader should hear of how the frames are written.
+    /// Returns notes on how the frames are written.
     pub(crate) fn notes(&self, simulation: &Simulation) -> Vec<String> {
         let length = largest(&self.points);
         if !self.loses(length) {

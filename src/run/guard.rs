@@ -1,5 +1,4 @@
-//! The energy guard: has a run more energy than anything has put into it? It must not know how the
-//! run answers.
+//! The energy guard: has a run more energy than anything has put into it?
 //!
 //! Growth is H − H₀ − W, total energy beyond its start and the work W of loads, prescribed motion and
 //! damping. It is judged by the exchange, the largest energy that motion and deformation were given:
@@ -19,18 +18,18 @@ use crate::simulation::{Observation, Simulation};
 /// Round-off of an energy, relative to the largest part of it.
 const NOISE: f64 = 1e-11;
 
-/// What the guard did.
+/// An intervention of the guard.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GuardEvent {
     /// The step after which energy was found to have grown.
     pub step: u64,
-    /// Its time, s.
+    /// Time of the intervention, s.
     pub t: f64,
     /// Growth, J.
     pub joules: f64,
     /// Growth relative to the exchange.
     pub relative: f64,
-    /// What was done, and from when on.
+    /// Action taken, and the time from which it holds.
     pub action: String,
 }
 
@@ -51,7 +50,7 @@ pub(crate) struct Growth {
 
 record!(Growth { now: f64, largest: f64, exchange: f64, accepted: f64 });
 
-/// What the guard has seen and done.
+/// Observations and interventions of the guard.
 struct Watched {
     growth: Growth,
     /// `None` where the events are those that the guard holds: they are told even if the run goes back.
@@ -123,7 +122,7 @@ impl EnergyGuard {
         if largest > 0.0 { largest / exchange } else { 0.0 }
     }
 
-    /// What must not pass in silence: energy beyond the bound, though the run went on.
+    /// Returns a warning if energy exceeded the bound although the run went on.
     pub(crate) fn warning(&self) -> Option<String> {
         let relative = self.relative();
         if self.rule.action == GuardAction::Off || relative <= self.rule.bound {

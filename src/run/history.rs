@@ -1,6 +1,5 @@
-//! history.csv: a row of energies, momenta and probes every n steps. It must not know clock time,
-//! so that equal runs are equal files.
-//! Writing into a text in memory cannot fail; what `write!` returns there is passed over.
+//! history.csv: a row of energies, momenta and probes every n steps. Writing into a text in memory cannot fail; what
+//! `write!` returns there is passed over.
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -33,7 +32,7 @@ pub(crate) struct HistoryWriter {
     written: Written,
 }
 
-/// How far the file goes.
+/// Extent of the file.
 #[derive(Debug, Clone, Copy, Default)]
 struct Written {
     /// Bytes written so far, in the buffer or in the file.

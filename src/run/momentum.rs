@@ -1,5 +1,4 @@
 //! How far linear and angular momentum moved over a run, relative to what is in motion.
-//! It must not know why: a fixed node or gravity changes them rightly.
 
 use serde_json::json;
 

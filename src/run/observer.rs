@@ -9,7 +9,7 @@ use super::report::Report;
 use crate::record::Bytes;
 use crate::simulation::{Observation, Simulation, Stepped};
 
-/// What an observer is shown. Each looks at the sights that it is for, and passes over the others.
+/// An event that observers are shown. Each handles the events that concern it and ignores the others.
 pub(crate) enum Sight<'a> {
     /// A step was made, or several with nothing due between them.
     Steps(&'a Stepped),
@@ -32,7 +32,7 @@ pub(crate) struct Row<'a> {
     pub(crate) estimates: Option<&'a [ProbeEstimate]>,
 }
 
-/// What a snapshot is for.
+/// Purpose of a snapshot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Purpose {
     /// To go back to this point later in the same run. What only grows is stored by its length, and what tells of the

@@ -1,5 +1,4 @@
 //! The pitch of a probe: the frequency of its strongest oscillation.
-//! It must not know what oscillates.
 
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex;
@@ -60,7 +59,7 @@ impl PitchFinder {
         }
     }
 
-    /// Name and pitch (Hz) of each probe that asks for it; none where too little was seen.
+    /// Returns name and pitch (Hz) of each probe that asks for it; `None` if the record is too short.
     pub fn pitches(&self) -> Vec<(String, Option<f64>)> {
         let n = self.times.len();
         let interval = if n > 1 { (self.times[n - 1] - self.times[0]) / (n - 1) as f64 } else { 0.0 };

@@ -5,7 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::Serialize;
 
-/// What ran, by which program, on which machine, when and by which command.
+/// Origin of a result: scene, program, machine, date and command line.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Provenance {
     /// Name of the scene, or the file.

@@ -1,5 +1,4 @@
 //! report.json: what ran, how long each phase took, the work that was counted, where energy went.
-//! It must not change a run.
 
 use std::io;
 use std::path::Path;
@@ -15,7 +14,7 @@ use crate::scene::Scene;
 use crate::simulation::Simulation;
 use crate::simulation::stability::{self, StabilityNote};
 
-/// How a run ended.
+/// End of a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Outcome {
@@ -31,7 +30,7 @@ pub enum Outcome {
 /// `_seconds`.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
-    /// What ran, by which program, where and when: all that may differ between equal runs beside clock times.
+    /// Origin of the result: everything that may differ between equal runs besides clock times.
     pub provenance: Provenance,
     /// Name of the scene.
     pub name: String,
@@ -45,7 +44,7 @@ pub struct Report {
     pub h: f64,
     /// Steps made.
     pub steps: u64,
-    /// How it ended.
+    /// End of the run.
     pub outcome: Option<Outcome>,
     /// Nodes of all bodies.
     pub node_count: usize,
@@ -57,7 +56,7 @@ pub struct Report {
     pub components: Value,
     /// Stability limit of an explicit scheme.
     pub stability: Value,
-    /// What was repaired or left out of meshes, and warnings.
+    /// Repairs and omissions in meshes, and warnings.
     pub notes: Vec<String>,
     /// Building systems, s.
     pub setup_seconds: f64,
@@ -202,7 +201,7 @@ impl Report {
         }
     }
 
-    /// What to say where steps were cut though the scheme is symmetric in time.
+    /// Returns a note if steps were cut although the scheme is symmetric in time.
     pub(crate) fn lost_symmetry(&self) -> Option<String> {
         let scheme = self.scheme.filter(|_| self.substeps["time_symmetry_lost"] == true)?;
         Some(format!(
@@ -213,7 +212,7 @@ impl Report {
         ))
     }
 
-    /// What was done, in counts.
+    /// Work done, in counts.
     #[cfg(feature = "cli")]
     pub(crate) fn account(&self) -> String {
         crate::run::explain::account(&self.work)

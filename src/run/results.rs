@@ -1,5 +1,5 @@
-//! What a run found: extremes of its probes, and at the end the largest displacement and stress and the reactions of
-//! its supports. Everything at the end is computed once. It must not change a run.
+//! Results of a run: extremes of its probes, and at the end the largest displacement and stress and the reactions of
+//! its supports. Everything at the end is computed once.
 
 use std::collections::{HashMap, HashSet};
 
@@ -9,7 +9,7 @@ use vi_fem::ElementField;
 use crate::model::NodeSet;
 use crate::simulation::Simulation;
 
-/// What a run found where it ended.
+/// Results at the end of a run.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Results {
     /// Time at the end, s.
@@ -18,7 +18,7 @@ pub struct Results {
     pub largest_displacement: Option<Peak>,
     /// Largest von Mises stress of all elements of solids, Pa.
     pub largest_von_mises: Option<Peak>,
-    /// What holds the fixed nodes, for each `[[fix]]`.
+    /// Reaction (N) of each `[[fix]]`.
     pub reactions: Vec<Reaction>,
     /// Extremes over all rows of history.csv of the columns of the probes: of nodes their displacements.
     pub probes: Vec<ColumnRange>,
@@ -41,7 +41,7 @@ pub struct Peak {
     pub position: [f64; 3],
 }
 
-/// What holds the nodes of a `[[fix]]`: the sum over its nodes and axes. A coordinate that several fixes prescribe
+/// Reaction (N) of a `[[fix]]`: the sum over its nodes and axes. A coordinate that several fixes prescribe
 /// counts for the first of them, so that the sum over all fixes is the whole reaction.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Reaction {

@@ -1,4 +1,4 @@
-//! What a run does for safety: it keeps good points to go back to, answers the energy guard, and saves checkpoints and
+//! Safety of a run: it keeps good points to go back to, answers the energy guard, and saves checkpoints and
 //! resumes from them.
 
 use super::checkpoint::{Checkpoint, CheckpointError};
@@ -99,7 +99,7 @@ impl Run {
         store.write(&checkpoint).map_err(RunError::output(&self.directory.join("checkpoint")))
     }
 
-    /// What report.json will tell of is complete: on the disk, where the scene asks for checkpoints, and else with
+    /// Completes everything that report.json describes: on the disk, where the scene asks for checkpoints, and else with
     /// the operating system.
     pub(super) fn settle(&mut self) -> Result<(), RunError> {
         if self.store.is_some() {

@@ -1,5 +1,5 @@
 //! Surfaces of bodies for animation programs: point caches with one OBJ file, or OBJ and PLY sequences, a file or a
-//! sequence for each body. It must not know when frames are due.
+//! sequence for each body.
 
 use std::path::{Path, PathBuf};
 
@@ -162,7 +162,7 @@ impl SurfaceWriter {
         Ok(())
     }
 
-    /// What keeps it from continuing after the first `samples` of an earlier run: a file, and what is wrong with it.
+    /// Returns the file that prevents continuing after the first `samples` of an earlier run, and its problem.
     /// Samples of a point cache cannot be made again from a checkpoint.
     pub(crate) fn obstacle(&self, samples: usize) -> Option<(PathBuf, String)> {
         if self.cache != Cache::Pc2 || samples == 0 {

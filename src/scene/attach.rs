@@ -1,4 +1,4 @@
-//! Attachments and seams, as a scene says them. It must not know how nodes are found or tied.
+//! Attachments and seams, as a scene says them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -14,7 +14,7 @@ use super::Selection;
 pub struct Attach {
     /// The body whose nodes are attached.
     pub body: String,
-    /// Its nodes.
+    /// Nodes that are attached.
     #[serde(flatten)]
     pub on: Selection,
     /// The body whose surface holds them; without it, they are held in space.
@@ -23,7 +23,7 @@ pub struct Attach {
     /// A surface region of that body (default: its whole boundary).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surface: Option<String>,
-    /// How the places in space move, without `to` (default: not at all).
+    /// Motion of the places in space, without `to` (default: at rest).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<Motion>,
     /// Stiffness k of each node's spring, N/m (> 0); without it the nodes, which must lie on the surface
@@ -36,7 +36,7 @@ pub struct Attach {
 }
 
 impl Attach {
-    /// What is wrong with its values, each with the key within it.
+    /// Returns the problems of its values, each with the key at fault.
     pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
         let mut problems = spring_problems(self.stiffness, self.length);
         if self.stiffness.is_none() && self.to.is_none() {
@@ -119,7 +119,7 @@ impl Seam {
         self.to.as_deref().unwrap_or(&self.body)
     }
 
-    /// What is wrong with its values, each with the key within it.
+    /// Returns the problems of its values, each with the key at fault.
     pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
         let mut problems = spring_problems(self.stiffness, self.length);
         match (&self.region, &self.to_region, &self.nodes, &self.to_nodes) {
@@ -156,7 +156,7 @@ pub struct Periodic {
 }
 
 impl Periodic {
-    /// What is wrong with its values, each with the key within it.
+    /// Returns the problems of its values, each with the key at fault.
     pub(super) fn problems(&self) -> Vec<(String, String)> {
         let keyed = |side: &str, (key, message): (&str, String)| match key {
             "" => (side.to_owned(), message),

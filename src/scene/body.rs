@@ -14,7 +14,7 @@ use super::{FieldComponent, MaterialEntry, Materials, Selection, Substance};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Body {
-    /// Its name, by which fixes, probes and springs refer to it.
+    /// Name by which fixes, probes and springs refer to the body.
     pub name: String,
     /// Mesh file (.msh, .vtk, .vtu, .vtp, .inp, .obj, .stl), relative to the scene file: of volume cells for a
     /// solid, of triangles for a sheet. Point data `displacement` (m) and `velocity` (m/s) in it are the initial
@@ -38,7 +38,7 @@ pub struct Body {
     /// `y-max`, and the corners `x-min-y-min` … `x-max-y-max`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sheet: Option<SheetMesh>,
-    /// What it is made of: one material, or a list of them by region. That of a sheet has `thickness`.
+    /// Material: one, or a list by region. The material of a sheet has `thickness`.
     pub material: Materials,
     /// 2: quadratic elements in the place of a solid's linear ones (tet10, hex20, wedge15), with straight edges
     /// but where the mesh has curved ones; elements that are quadratic stay as they are (default 1: as the mesh is).
@@ -90,7 +90,7 @@ pub enum RestShape {
     Flat,
 }
 
-/// How a mesh is refined.
+/// Refinement of a mesh.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Refine {
@@ -107,19 +107,19 @@ pub struct RefineAlong {
     /// The axes of space along which elements are halved, one or two: the body is extruded along the third, or
     /// along this one. Each edge of an element runs along the axis of extrusion or across it.
     pub axes: Vec<Axis>,
-    /// How many times (0 to 6).
+    /// Number of refinements (0 to 6).
     pub levels: u32,
 }
 
 impl Refine {
-    /// How many times elements are halved.
+    /// Number of times that elements are halved.
     pub fn levels(&self) -> u32 {
         match self {
             Self::Levels(levels) | Self::Along(RefineAlong { levels, .. }) => *levels,
         }
     }
 
-    /// The same with another number of times.
+    /// Returns a copy with another number of refinements.
     #[must_use]
     pub fn with_levels(mut self, new: u32) -> Self {
         match &mut self {
@@ -129,7 +129,7 @@ impl Refine {
     }
 }
 
-/// How often elements may be halved.
+/// Largest number of times that elements may be halved.
 pub(crate) const MOST_REFINED: u32 = 6;
 
 impl Body {
@@ -286,7 +286,7 @@ pub struct Spring {
 pub struct Strike {
     /// The body.
     pub body: String,
-    /// Its nodes.
+    /// Nodes selected.
     #[serde(flatten)]
     pub on: Selection,
     /// Impulse, N s.

@@ -1,5 +1,4 @@
-//! What is wrong with the values of a scene: everything at once, each with its key and the way out.
-//! It must not read a file; meshes are checked when they are loaded.
+//! Finds all problems of the values of a scene at once, each with its key and the way out.
 
 use std::collections::HashSet;
 

@@ -1,5 +1,4 @@
-//! The columns of history.csv that a scene asks for: each has a name of its own, which needs no quotes. It must not
-//! know what stands in them.
+//! The columns of history.csv that a scene asks for: each has a name of its own, which needs no quotes.
 
 use std::collections::HashMap;
 

@@ -1,4 +1,4 @@
-//! `[contact]`: which bodies meet, and how. It must not know how contact is found or solved.
+//! `[contact]`: which bodies meet, and how.
 
 use std::collections::HashSet;
 

@@ -1,5 +1,4 @@
-//! Prescribed coordinates, as a scene says them: which nodes, along which directions, on which path. It must not know
-//! meshes.
+//! Prescribed coordinates, as a scene says them: which nodes, along which directions, on which path.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -71,7 +70,7 @@ pub struct About {
 pub struct Fix {
     /// The body.
     pub body: String,
-    /// Its nodes.
+    /// Nodes that are held.
     #[serde(flatten)]
     pub on: Selection,
     /// Along which directions (default: `["x", "y", "z"]`): axes of space "x", "y", "z"; "normal" and "tangent" of
@@ -82,7 +81,7 @@ pub struct Fix {
     /// The cylinder or sphere of "radial", "hoop" and "axial".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub about: Option<About>,
-    /// How they move (default: not at all).
+    /// Prescribed motion (default: at rest).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<Motion>,
     /// Clamp a sheet: hold the normal of the edges of its boundary between these nodes as it is in the mesh.
@@ -99,7 +98,7 @@ impl Fix {
         [Axis::X, Axis::Y, Axis::Z].map(HeldAxis::Space).to_vec()
     }
 
-    /// The axes of space along which it holds, as 0, 1 and 2; none where it holds along any other direction.
+    /// Returns the axes of space along which it holds, as 0, 1 and 2, or `None` if it holds along any other direction.
     pub(crate) fn space_axes(&self) -> Option<Vec<usize>> {
         let axis = |axis: &HeldAxis| match axis {
             HeldAxis::Space(axis) => Some(*axis as usize),

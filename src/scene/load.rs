@@ -1,4 +1,4 @@
-//! Loads and damping, as a scene says them. It must not know how they are made.
+//! Loads and damping, as a scene says them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,7 @@ use super::Selection;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum FieldComponent {
-    /// The same everywhere.
+    /// One value everywhere.
     Number(f64),
     /// A formula such as `"1e3*(1 - y/2)"`.
     Formula(String),
@@ -120,7 +120,7 @@ impl Load {
         }
     }
 
-    /// The same, to be changed.
+    /// Returns the selection of the load, for changes.
     pub(super) fn selection_mut(&mut self) -> Option<&mut Selection> {
         match self {
             Self::Traction { on, .. } | Self::Pressure { on, .. } | Self::Force { on, .. } => Some(on),
@@ -128,7 +128,7 @@ impl Load {
         }
     }
 
-    /// What is wrong with its values, each with the key within the load.
+    /// Returns the problems of its values, each with the key at fault.
     pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
         let mut problems = Vec::new();
         let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());

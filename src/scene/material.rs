@@ -1,5 +1,4 @@
-//! What a body is made of, as a scene says it: solid matter, or a sheet's, which has a thickness.
-//! It must not know meshes.
+//! Scene keys for the material of a body: a solid's, or a sheet's, which has a thickness.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};

@@ -14,7 +14,7 @@ impl BodyId {
         Self(index)
     }
 
-    /// Its number in the order of the scene.
+    /// Number in the order of the scene.
     pub fn index(self) -> usize {
         self.0
     }
@@ -30,7 +30,7 @@ impl RigidId {
     }
 }
 
-/// What the names of a scene stand for. Of two bodies with one name, which the checks refuse, it knows the first.
+/// Looks up the names of a scene. If two bodies share a name, which the checks refuse, it finds the first.
 pub(crate) struct Names<'a> {
     bodies: HashMap<&'a str, BodyId>,
     rigids: HashMap<&'a str, RigidId>,

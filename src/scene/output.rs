@@ -1,4 +1,4 @@
-//! What a run writes, and what must hold at its end.
+//! Files that a run writes, and assertions at its end.
 
 use std::path::PathBuf;
 
@@ -80,7 +80,7 @@ impl Field {
         Self::MaterialId,
     ];
 
-    /// Its name in scenes and files.
+    /// Name in scenes and files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Displacement => "displacement",
@@ -155,7 +155,7 @@ pub enum Precision {
     F64,
 }
 
-/// How arrays are stored in the frames.
+/// Storage of arrays in the frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Encoding {
@@ -166,7 +166,7 @@ pub enum Encoding {
     Base64,
 }
 
-/// How surfaces are written for animation programs.
+/// Format of surfaces for animation programs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Cache {
@@ -257,7 +257,7 @@ pub struct Output {
 }
 
 impl Output {
-    /// When frames are due; none where none are asked for.
+    /// Times at which frames are due; `None` if no frames are asked for.
     pub(crate) fn schedule(&self) -> Option<Schedule> {
         self.fps.map(Schedule::Rate).or(self.interval.map(Schedule::Interval))
     }

@@ -1,4 +1,4 @@
-//! What holds for every value of a scene, whatever its key: numbers are finite and texts can be printed. It knows no keys
+//! Rules for every value of a scene, whatever its key: numbers are finite and texts can be printed. It knows no keys
 //! but the bounds of boxes, which may be infinite and are checked where they are defined, so that it holds for new keys.
 
 use serde_json::Value;

@@ -1,4 +1,4 @@
-//! Probes, as a scene says them: nodes, or quantities over a part of a body. It must not know how they are found.
+//! Probes, as a scene says them: nodes, or quantities over a part of a body.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -56,7 +56,7 @@ pub struct Probe {
 /// The sum of a probe between two bodies.
 const CONTACT_FORCE: &str = "contact_force";
 
-/// What is made of the values of a field over a part of a body.
+/// Statistic of the values of a field over a part of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Statistic {
     /// The sum over nodes.
@@ -70,7 +70,7 @@ pub enum Statistic {
 }
 
 impl Statistic {
-    /// Its key in a probe.
+    /// Key of the statistic in a probe.
     pub fn name(self) -> &'static str {
         match self {
             Self::Sum => "sum",
@@ -106,7 +106,7 @@ impl Quantity {
     /// Reads `field` or `field.component`.
     ///
     /// # Errors
-    /// What is wrong with it, and what there is.
+    /// The problem, and the fields that exist.
     pub fn parse(text: &str) -> Result<Self, String> {
         let (name, part) = text.split_once('.').map_or((text, None), |(name, part)| (name, Some(part)));
         let known = Field::ALL.iter().filter(|field| field.component_count() > 0);
@@ -139,7 +139,7 @@ impl Quantity {
         }
     }
 
-    /// What follows the name of a statistic in the heads of its columns, one per column.
+    /// Suffixes of the statistic's name in the heads of its columns, one per column.
     pub fn columns(&self) -> Vec<String> {
         let (field, names) = (self.field.name(), Self::components(self.field));
         match self.component {
@@ -248,7 +248,7 @@ impl Probe {
         all.into_iter().filter_map(|(statistic, text)| Some((statistic, text.as_deref()?)))
     }
 
-    /// What it asks for over a part of a body; none for a node. What does not parse is left out.
+    /// Returns the statistics asked for over a part of a body; none for a node. Fields that do not parse are left out.
     pub fn quantities(&self) -> Vec<(Statistic, Quantity)> {
         self.statistics()
             .filter_map(|(statistic, text)| Some((statistic, Quantity::parse(text).ok()?)))

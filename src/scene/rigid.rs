@@ -1,4 +1,4 @@
-//! Rigid bodies and joints, as a scene says them. It must not know how they are made.
+//! Rigid bodies and joints, as a scene says them.
 
 use std::f64::consts::PI;
 
@@ -11,7 +11,7 @@ use vi_fem::Motion;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rigid {
-    /// Its name, by which attachments and joints refer to it; heads its columns `name.x name.y name.z`
+    /// Name by which attachments and joints refer to the body; heads its columns `name.x name.y name.z`
     /// (position of its centre, m) and `name.qw name.qx name.qy name.qz` (orientation) in history.csv.
     pub name: String,
     /// Mass, kg; or give `density` with a shape, or neither for what the attached nodes weigh alone.
@@ -24,13 +24,13 @@ pub struct Rigid {
     /// 3 × 3 matrix by rows. Instead of a shape.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inertia: Option<Inertia>,
-    /// Its shape, which gives the inertia and is shown in frames.
+    /// Shape, which gives the inertia and is shown in frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shape: Option<RigidShape>,
-    /// Its own centre of mass at the start, m.
+    /// Centre of mass at the start, without attached nodes, m.
     #[serde(default)]
     pub position: [f64; 3],
-    /// How its own axes are turned at the start (default: along those of space).
+    /// Orientation of the axes of the body at the start (default: along those of space).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orientation: Option<Turn>,
     /// Initial velocity of its own centre of mass, m/s.
@@ -217,7 +217,7 @@ impl Rigid {
         None
     }
 
-    /// What is wrong with its values, each with the key within it.
+    /// Returns the problems of its values, each with the key at fault.
     pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
         let mut problems = Vec::new();
         for (key, value, unit) in [("mass", self.mass, "kg"), ("density", self.density, "kg/m³")] {
@@ -333,7 +333,7 @@ pub enum Joint {
         to: Option<String>,
         /// A point of the line at the start, m.
         point: [f64; 3],
-        /// Its direction at the start, of any length but zero.
+        /// Direction at the start, of any length but zero.
         axis: [f64; 3],
     },
     /// They move as one.
@@ -382,7 +382,7 @@ impl Joint {
         }
     }
 
-    /// What is wrong with its values, each with the key within it.
+    /// Returns the problems of its values, each with the key at fault.
     pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
         let mut problems = Vec::new();
         if self.to() == Some(self.body()) {

@@ -1,5 +1,4 @@
-//! What keeps a run safe, as a scene says it: checkpoints and the energy guard.
-//! It must not know how either is done.
+//! Scene keys for the safety of a run: checkpoints and the energy guard.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -11,7 +10,7 @@ pub struct Checkpoints {
     /// Simulated time between checkpoints, s (> 0); each is written at the nearest step. There is one
     /// at the start too, and one where the run is ended by Ctrl-C or by a failed step.
     pub interval: f64,
-    /// How many are kept, the newest (≥ 1, default 2: should the newest be damaged, there is the one before).
+    /// Number of checkpoints kept, the newest ones (≥ 1; default 2, so that one is left if the newest is damaged).
     #[serde(default = "Checkpoints::default_keep")]
     pub keep: u64,
 }
@@ -27,7 +26,7 @@ impl Checkpoints {
     }
 }
 
-/// What the energy guard does about energy that nothing has put in.
+/// Reaction of the energy guard to energy that no work accounts for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum GuardAction {
@@ -50,7 +49,7 @@ pub enum GuardAction {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Guard {
-    /// What it does.
+    /// Reaction of the guard.
     #[serde(default)]
     pub action: GuardAction,
     /// Largest growth that is allowed (> 0, default 1e-2), relative to the exchange: the largest energy

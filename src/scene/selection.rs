@@ -60,7 +60,7 @@ impl BoxRegion {
         Ok(<[Option<f64>; 3]>::deserialize(from)?.map(|bound| bound.unwrap_or(f64::INFINITY)))
     }
 
-    /// What is wrong with its bounds.
+    /// Returns the problem of its bounds, if any.
     fn problem(&self) -> Option<String> {
         let Self { min, max } = self;
         if let Some(k) = (0..3).find(|&k| min[k] == f64::INFINITY || max[k] == f64::NEG_INFINITY) {
@@ -80,7 +80,7 @@ impl BoxRegion {
 pub struct PlaneRegion {
     /// A point of the plane, m.
     pub point: [f64; 3],
-    /// Its normal, of any length but zero.
+    /// Normal, of any length but zero.
     pub normal: [f64; 3],
     /// Largest distance of a node from the plane, m (≥ 0; default: 1e-6 of the body's extent).
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -91,9 +91,9 @@ pub struct PlaneRegion {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SphereRegion {
-    /// Its centre, m.
+    /// Centre, m.
     pub centre: [f64; 3],
-    /// Its radius, m (> 0).
+    /// Radius, m (> 0).
     pub radius: f64,
 }
 

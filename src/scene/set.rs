@@ -1,4 +1,4 @@
-//! `--set key.path=value`: sets keys of a scene file before it is read. It must not know what keys mean.
+//! `--set key.path=value`: sets keys of a scene file before it is read.
 //!
 //! A path is written as messages print it, `body[0].material.young`; `body.0.material.young` is the same.
 
@@ -79,7 +79,7 @@ fn assign(root: &mut Item, path: &str, value: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// The steps of a path; none where it is not one.
+/// Parses the steps of a path, or returns `None` if it is not a path.
 fn steps(path: &str) -> Option<Vec<Step<'_>>> {
     let mut steps = Vec::new();
     for part in path.split('.') {

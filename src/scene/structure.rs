@@ -19,7 +19,7 @@ pub(super) struct Flaw {
     pub(super) key: String,
     /// Where it stands in the text; of a missing key, where its table begins.
     pub(super) offset: usize,
-    /// What is wrong, and what to write instead.
+    /// The problem, and what to write instead.
     pub(super) message: String,
     /// The key that is changed to repair it.
     pub(super) repaired: String,
@@ -41,7 +41,7 @@ pub(super) struct Entry<'s> {
     schema: &'s Json,
 }
 
-/// What a walk over a file finds.
+/// Findings of a walk over a file.
 pub(super) struct Found<'s> {
     pub(super) flaws: Vec<Flaw>,
     pub(super) entries: Vec<Entry<'s>>,
@@ -324,7 +324,7 @@ impl Structure {
         found.min_by_key(|found| found.flaws.len()).unwrap_or(none)
     }
 
-    /// What a schema allows, in words.
+    /// Describes in words what a schema allows.
     fn words(&self, schema: &Json) -> String {
         let mut options = Vec::new();
         self.options(&Shape::plain(schema), &mut options);

@@ -122,7 +122,7 @@ impl Time {
         (count as u64, self.end / count)
     }
 
-    /// The integrator that is asked for; none where it is yet to be chosen, or where `[static]` needs none.
+    /// The integrator asked for; `None` if it is yet to be chosen, or if `[static]` needs none.
     pub fn method(&self) -> Option<Method> {
         Some(match self.scheme?.method()? {
             Method::Gauss { stages } => Method::Gauss { stages: self.stages.unwrap_or(stages) },

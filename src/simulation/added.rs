@@ -1,5 +1,4 @@
-//! What a program adds to a scene before it is simulated: energies, forces and live terms of its own. It must not know
-//! how they are summed.
+//! Terms that a program adds to a scene before it is simulated: energies, forces and live terms of its own.
 
 use std::sync::Arc;
 

@@ -1,5 +1,4 @@
-//! All components of a simulation over one step of the run, or over several with nothing due between them. It
-//! must not know how a component is stepped.
+//! All components of a simulation over one step of the run, or over several with nothing due between them.
 
 use rayon::prelude::*;
 use vi_core::{State, System};
@@ -13,12 +12,12 @@ use crate::model::BodyModel;
 /// Steps that are made together at most: a caller who asks for more may still interrupt.
 pub(crate) const TOGETHER: u64 = 16;
 
-/// What one step of all components did.
+/// Outcome of one step of all components.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Stepped {
     /// Newton iterations.
     pub iterations: u64,
-    /// What changed the energy, J (where the ledger is kept, and always the prescribed work).
+    /// Contributions to the change of energy, J (where the ledger is kept, and always the prescribed work).
     pub energy: vi_core::StepEnergy,
     /// Substeps of all components; 0 where every step was made as it was asked for.
     pub substeps: u64,

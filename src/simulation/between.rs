@@ -1,4 +1,4 @@
-//! A simulation as it is between two steps, to look at: no step is made or changed. It must not know files.
+//! A simulation as it is between two steps, to look at: no step is made or changed.
 //!
 //! Within a step of h from (q₀, p₀) to (q₁, p₁), with θ from 0 to 1:
 //! - Schemes of order 1 and 2, and statics: q(θ) = q₀ + θ (q₁ − q₀), the linear path that their discrete Lagrangian is

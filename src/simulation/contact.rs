@@ -1,4 +1,4 @@
-//! What is seen of contact: pairs that act, the smallest gap, and forces between bodies. It must not change a state.
+//! What is seen of contact: pairs that act, the smallest gap, and forces between bodies.
 
 use std::sync::Arc;
 

@@ -1,12 +1,11 @@
 //! One component over one step of the run: as a whole, or in substeps of h/2, h/4 … h/1024 as its pace has it.
-//! It must not know which scheme steps.
 
 use vi_core::{State, StepEnergy, System};
 use vi_solvers::{SolverError, StepError, StepReport, Stepper};
 
 use super::pace::{FLOOR, Pace};
 
-/// What the way through one step was.
+/// Course of one step.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct March {
     pub(crate) iterations: u64,
@@ -20,7 +19,7 @@ pub(crate) struct March {
 /// Is the state at the end of a step one that the terms of the potential accept?
 pub(crate) type Check<'a> = &'a mut dyn FnMut(&System, &State) -> Result<(), SolverError>;
 
-/// How a step may be made.
+/// Options for making a step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cut {
     /// Parts to begin with, a power of two.

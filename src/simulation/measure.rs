@@ -1,4 +1,4 @@
-//! What probes over a part of a body see: sums, means and extremes of fields. Only what a probe names is computed.
+//! Values of probes over a part of a body: sums, means and extremes of fields. Only what a probe names is computed.
 
 use vi_fem::{element_field, nodal_field};
 

@@ -1,5 +1,4 @@
-//! What can be seen of a simulation: energies, momenta, probes, nodal quantities, and why they are not finite.
-//! It must not change a state.
+//! Observations of a simulation: energies, momenta, probes, nodal quantities, and the cause if they are not finite.
 
 use vi_core::{HessianKind, Potential, angular_momentum, kinetic_energy, linear_momentum};
 use vi_fem::{ElementField, element_field};

@@ -1,7 +1,6 @@
-//! How finely the steps of a component are cut, learnt from its last ones. A substep that fails is halved. One
-//! that took the last rungs of Newton's method is made in halves from then on, if these cost less. After some
-//! that went well twice the length is tried again, the less often the more often that failed. It must not know
-//! how a step is made.
+//! How finely the steps of a component are cut, learnt from its last ones. A substep that fails is halved. One that
+//! took the last rungs of Newton's method is made in halves from then on, if these cost less. After some that went
+//! well twice the length is tried again, the less often the more often that failed.
 //!
 //! Costs are counted, not measured, so that equal runs are cut alike.
 
@@ -27,7 +26,7 @@ pub(crate) struct Pace {
     /// Substeps of that length in a row, and what they cost.
     count: u64,
     cost: f64,
-    /// How many of the last were made without the last rungs.
+    /// Number of consecutive steps made without the last rungs.
     calm: u64,
     /// Was the last change to twice the length, and has that not lasted yet?
     has_grown: bool,

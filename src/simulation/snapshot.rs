@@ -1,5 +1,5 @@
-//! Everything that the next steps of a simulation depend on beyond its scene, to go back to or to
-//! continue from, bit for bit. It must not know files.
+//! Everything that the next steps of a simulation depend on beyond its scene, to go back to or to continue from, bit
+//! for bit.
 
 use vi_core::State;
 use vi_solvers::{Method, SolverError, SolverOptions, StepperMemory, Work};

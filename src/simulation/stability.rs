@@ -1,5 +1,4 @@
-//! Is an explicit step below its stability limit? Asked before the run, by the highest frequency of
-//! the scene. It must not know how that is found.
+//! Is an explicit step below its stability limit? Asked before the run, by the highest frequency of the scene.
 
 use rayon::prelude::*;
 use vi_core::{State, System};
@@ -21,7 +20,7 @@ pub struct StabilityNote {
 }
 
 impl StabilityNote {
-    /// What to say after a run has blown up with a step that was below the limit at the start, but not far.
+    /// Returns advice after a run has blown up with a step that was slightly below the limit at the start.
     pub fn diagnosis(&self) -> Option<String> {
         let share = self.step / self.step_limit;
         (0.5..=1.0).contains(&share).then(|| {
@@ -35,7 +34,7 @@ impl StabilityNote {
         })
     }
 
-    /// What to say before the run where the step is above the limit.
+    /// Returns a warning before the run if the step is above the limit.
     pub fn warning(&self) -> Option<String> {
         if self.step <= self.step_limit {
             return None;
@@ -71,7 +70,7 @@ pub fn stability(simulation: &Simulation) -> Result<Option<StabilityNote>, Solve
     }))
 }
 
-/// What to say before a run of what was found: that the step is above the limit, or that the limit is not known.
+/// Returns a warning before the run if the step is above the limit, or if the limit is not known.
 pub fn warning(found: &Result<Option<StabilityNote>, SolverError>, method: Method) -> Option<String> {
     match found {
         Ok(note) => note.as_ref().and_then(StabilityNote::warning),
@@ -81,7 +80,7 @@ pub fn warning(found: &Result<Option<StabilityNote>, SolverError>, method: Metho
     }
 }
 
-/// The highest angular frequency of a scene at its start, rad/s; none where no free coordinate feels a force
+/// Returns the highest angular frequency of a scene at its start, rad/s, or `None` if no free coordinate feels a force
 /// that changes with position.
 ///
 /// # Errors

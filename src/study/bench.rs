@@ -1,5 +1,5 @@
-//! The program measures itself on the user's own scene: schemes × steps against a self-converged
-//! reference, by run time and error at the end. It must not know the command line.
+//! The program measures itself on the user's own scene: schemes × steps against a self-converged reference, by run
+//! time and error at the end.
 //!
 //! Error is ‖u − u_ref‖_M / ‖u_ref‖_M at the end of the scene, u the displacement from rest. Time is that
 //! of stepping alone, output off; combinations run in turn until their two least times agree, and the least counts:
@@ -21,7 +21,7 @@ use crate::scene::{Problem, Scene};
 
 pub use sweep::bench;
 
-/// What a bench is asked for.
+/// Options of a bench.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BenchOptions {
     /// Name of the scene, for the report.
@@ -42,7 +42,7 @@ impl Default for BenchOptions {
 
 /// Follows a bench. All methods are optional.
 pub trait BenchWatch {
-    /// What is about to run, the share of the budget that is spent, and the time left.
+    /// The run about to start, the share of the budget spent, and the time left.
     fn next(&mut self, _what: &str, _spent: f64, _left: Duration) {}
     /// Asked often: false ends the bench with what it has.
     fn go_on(&mut self) -> bool {
@@ -68,11 +68,11 @@ impl TrialWatch for Trials<'_> {
 /// The solution that errors are measured against, and why it can be trusted.
 #[derive(Debug, Clone, Serialize)]
 pub struct ReferenceFacts {
-    /// How it was made.
+    /// Method of the reference.
     pub scheme: String,
     /// Steps.
     pub steps: u64,
-    /// Its relative difference from a solution with `coarser_steps` by the same scheme.
+    /// Relative difference from a solution with `coarser_steps` by the same scheme.
     pub difference: f64,
     /// Steps of that solution.
     pub coarser_steps: u64,
@@ -94,12 +94,12 @@ pub struct Row {
     pub seconds: Option<f64>,
     /// Seconds of processors in stepping, of all threads, the least of `repeats`.
     pub processor_seconds: Option<f64>,
-    /// What each repeat took: by the clock, and of processors.
+    /// Time of each repeat: by the clock, and of processors, s.
     #[serde(skip)]
     times: Vec<[f64; 2]>,
-    /// How often it ran.
+    /// Number of repeats.
     pub repeats: u32,
-    /// Relative error at the end; none where it failed.
+    /// Relative error at the end; `None` if the run failed.
     pub error: Option<f64>,
     /// Order observed from the row with twice the step, where there is one.
     pub observed_order: Option<f64>,
@@ -134,7 +134,7 @@ impl Row {
         })
     }
 
-    /// What it is ranked by, s.
+    /// Time by which it is ranked, s.
     pub fn cost(&self, measure: Measure) -> Option<f64> {
         match measure {
             Measure::ProcessorTime => self.processor_seconds,
@@ -143,7 +143,7 @@ impl Row {
     }
 }
 
-/// What combinations are ranked by.
+/// Time by which combinations are ranked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Measure {
@@ -174,11 +174,11 @@ const BUSY: f64 = 0.05;
 /// The outcome of a bench.
 #[derive(Debug, Clone, Serialize)]
 pub struct BenchReport {
-    /// What ran, and where.
+    /// Origin of the result.
     pub provenance: Provenance,
-    /// What combinations are ranked by.
+    /// Time by which combinations are ranked.
     pub ranked_by: Measure,
-    /// Share of their time for which runs waited for a processor that something else had; none where the system does
+    /// Share of their time for which runs waited for a processor that something else had; `None` if the system does
     /// not tell.
     pub waited_share: Option<f64>,
     /// The relative error wanted.
@@ -187,7 +187,7 @@ pub struct BenchReport {
     pub reference: ReferenceFacts,
     /// All combinations.
     pub rows: Vec<Row>,
-    /// What to use, in a sentence.
+    /// Recommendation, in a sentence.
     pub recommendation: String,
     /// The row that is recommended.
     pub recommended: Option<usize>,
@@ -196,7 +196,7 @@ pub struct BenchReport {
 }
 
 impl BenchReport {
-    /// What a row is ranked by, s.
+    /// Time by which a row is ranked, s.
     pub(crate) fn cost(&self, row: &Row) -> Option<f64> {
         row.cost(self.ranked_by)
     }
@@ -230,9 +230,9 @@ pub enum BenchError {
     /// A scheme is unknown.
     #[error("unknown scheme '{name}'; there are {known}")]
     Scheme {
-        /// What was asked for.
+        /// Name asked for.
         name: String,
-        /// What there is.
+        /// Names that exist.
         known: String,
     },
     /// Nothing moves.
@@ -246,7 +246,7 @@ pub enum BenchError {
     /// The scene never leaves its rest shape.
     #[error("no reference within the budget: {why}; allow more with --budget")]
     Reference {
-        /// What was tried.
+        /// Attempts made.
         why: String,
     },
 }

@@ -1,5 +1,5 @@
-//! `variational convergence`: a scene on finer meshes and with smaller steps, and what that tells about the
-//! exact solution. It must not know the command line.
+//! `variational convergence`: a scene on finer meshes and with smaller steps, and what that tells about the exact
+//! solution.
 //!
 //! Space: every element is halved again and again. Time: the step is, on the scene's own mesh. Static scenes
 //! have no time study; with `modes` the frequencies of vibration are studied, in space. Explicit schemes take
@@ -25,7 +25,7 @@ use crate::study::modes::scene_modes;
 
 pub use extrapolate::{Extrapolation, Verdict, extrapolate};
 
-/// What a study is asked for.
+/// Options of a convergence study.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConvergenceOptions {
     /// Name of the scene, for the report.
@@ -49,7 +49,7 @@ impl Default for ConvergenceOptions {
 /// One run of a study.
 #[derive(Debug, Clone, Serialize)]
 pub struct Level {
-    /// How often the elements of the scene were halved.
+    /// Number of times that the elements of the scene were halved.
     pub refined: u32,
     /// Nodes of all bodies.
     pub nodes: usize,
@@ -69,9 +69,9 @@ pub struct Level {
 pub struct Row {
     /// `tip.ux` (m) and so on for probes, `kinetic`, `elastic`, `total` (J), `mode 7` (Hz); at the end of the scene.
     pub quantity: String,
-    /// Its values, the coarsest level first.
+    /// Values, the coarsest level first.
     pub values: Vec<f64>,
-    /// What they tell.
+    /// Evaluation of the values.
     #[serde(flatten)]
     pub extrapolation: Extrapolation,
 }
@@ -81,9 +81,9 @@ pub struct Row {
 pub struct Study {
     /// `space` or `time`.
     pub of: &'static str,
-    /// Its runs.
+    /// Runs of the study.
     pub levels: Vec<Level>,
-    /// Its quantities.
+    /// Quantities of the study.
     pub rows: Vec<Row>,
 }
 
@@ -92,7 +92,7 @@ pub struct Study {
 pub struct Estimate {
     /// The quantity.
     pub quantity: String,
-    /// Its estimate and error bar: the finest mesh, corrected in space and in time.
+    /// Estimate and error bar: the finest mesh, corrected in space and in time.
     #[serde(flatten)]
     pub extrapolation: Extrapolation,
 }
@@ -100,17 +100,17 @@ pub struct Estimate {
 /// The outcome.
 #[derive(Debug, Clone, Serialize)]
 pub struct ConvergenceReport {
-    /// What ran, and where; the free coordinates are those of the scene's own mesh.
+    /// Origin of the study; free coordinates are those of the scene's own mesh.
     pub provenance: Provenance,
     /// The scheme; none for statics and modes.
     pub scheme: Option<String>,
-    /// Its order in time.
+    /// Order in time.
     pub formal_order: Option<usize>,
     /// The studies.
     pub studies: Vec<Study>,
     /// The estimates.
     pub estimates: Vec<Estimate>,
-    /// What a reader should know of them, e.g. that elements lock.
+    /// Notes on them, e.g. that elements lock.
     pub notes: Vec<String>,
 }
 

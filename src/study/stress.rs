@@ -1,6 +1,6 @@
-//! `variational stress`: violent scenes from a seed, run and judged, so that the engine can be trusted.
-//! Whatever is done to a body, a run must end in one of two ways: done with its invariants inside their
-//! bounds, or a failure that is named, with the state intact. It must not know how a run works.
+//! `variational stress`: violent scenes from a seed, run and judged, so that the engine can be trusted. Whatever is
+//! done to a body, a run must end in one of two ways: done with its invariants inside their bounds, or a failure that
+//! is named, with the state intact.
 
 mod judge;
 mod random;
@@ -22,7 +22,7 @@ pub use violence::{Case, CaseError, Violence, case};
 
 use crate::scene::Scene;
 
-/// What is to be tried.
+/// Options of a stress test.
 #[derive(Debug, Clone)]
 pub struct StressOptions {
     /// Scenes.
@@ -87,7 +87,7 @@ impl Tally {
     }
 }
 
-/// What came of all.
+/// Outcome of all scenes.
 #[derive(Debug, Clone, Default)]
 pub struct StressReport {
     /// By what was done.
@@ -128,7 +128,7 @@ impl StressReport {
         text
     }
 
-    /// The same for programs.
+    /// Returns the outcome as JSON.
     pub fn json(&self, options: &StressOptions) -> Value {
         let names = ["scenes", "done", "cut", "guarded", "failed", "out_of_time", "refused", "forbidden"];
         let object = |tally: &Tally| -> Value {

@@ -20,7 +20,7 @@ pub use error::SweepError;
 pub use options::{SweepOptions, SweepWatch};
 use point::{Identities, Point};
 
-/// What a sweep has come to.
+/// Outcome of a sweep.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SweepReport {
     /// Points of the whole sweep.

@@ -1,5 +1,4 @@
-//! What a mesh file needs to become a sheet: triangles only, welded points, a flat pattern from texture
-//! coordinates. It must not know formats or potentials.
+//! Turns a mesh file into a sheet: triangles only, welded points, a flat pattern from texture coordinates.
 
 use vi_io::{DataArray, MeshFile};
 use vi_mesh::{CellKind, Mesh};

@@ -1,5 +1,5 @@
-//! Checkpoints as files of a directory: each is whole or not there, the newest few are kept, and the
-//! newest sound one is found. It must not know what a checkpoint holds.
+//! Checkpoints as files of a directory: each is whole or not there, the newest few are kept, and the newest sound one
+//! is found.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -42,7 +42,7 @@ impl Store {
             file.sync_all()?;
             drop(file);
             if path.is_dir() {
-                // It is no checkpoint, though it has the name of one: it makes room with all that is in it.
+                // A directory with the name of a checkpoint is removed with its contents.
                 fs::rename(&path, path.with_extension("vck.moved"))?;
             }
             fs::rename(&temporary, &path)?;
@@ -67,7 +67,7 @@ fn sync_directory(directory: &Path) -> io::Result<()> {
     if cfg!(unix) { File::open(directory)?.sync_all() } else { Ok(()) }
 }
 
-/// What has the name of a checkpoint in a directory, the oldest first.
+/// Lists the entries of a directory that are named like checkpoints, the oldest first.
 fn files(directory: &Path) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for entry in fs::read_dir(directory)? {
@@ -91,7 +91,7 @@ pub(crate) fn is_file_name(file: &str) -> bool {
 pub struct Found {
     /// The checkpoint.
     pub checkpoint: Checkpoint,
-    /// Its file.
+    /// File of the checkpoint.
     pub path: PathBuf,
     /// Newer ones that cannot be used, and why.
     pub damages: Vec<String>,

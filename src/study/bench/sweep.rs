@@ -1,5 +1,4 @@
 //! The order of a bench: reference, ladders of steps, refinement at the wanted error, repeats.
-//! It must not write anything.
 
 use std::time::{Duration, Instant};
 

@@ -1,5 +1,4 @@
-//! Richardson's extrapolation of a sequence whose step is halved, with an error bar. It must not know what the values
-//! are.
+//! Richardson's extrapolation of a sequence whose step is halved, with an error bar.
 //!
 //! With the last two differences Δ₁, Δ₂ and the formal order p_f, the observed order is p = log₂(Δ₁/Δ₂), capped at
 //! p_f, the limit q + Δ/(2^p − 1) with |Δ| = max(|Δ₂|, |Δ₁|/2^p_f), and the bar F |Δ|/(2^p − 1). F follows Roache (1994)
@@ -9,7 +8,7 @@
 
 use serde::Serialize;
 
-/// How a sequence behaves.
+/// Behaviour of a sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
@@ -29,16 +28,16 @@ pub enum Verdict {
     MayLock,
 }
 
-/// What a sequence of values tells about its limit.
+/// Evaluation of a sequence: its limit, order and error bar.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Extrapolation {
-    /// How the sequence behaves.
+    /// Behaviour of the sequence.
     pub verdict: Verdict,
     /// log₂ of the ratio of the last two differences, as observed; `None` where they do not fall steadily.
     pub observed_order: Option<f64>,
     /// The limit; the last value where no order can be relied on.
     pub value: f64,
-    /// Its error bar; `None` where the sequence does not converge yet.
+    /// Error bar; `None` if the sequence does not converge yet.
     pub error: Option<f64>,
 }
 
@@ -125,7 +124,7 @@ impl Extrapolation {
         Self { verdict, observed_order: self.observed_order, value: self.value + correction, error }
     }
 
-    /// The same without a bar, for elements that lock.
+    /// Evaluates the sequence without an error bar, for elements that lock.
     pub(super) fn locked(self) -> Self {
         match self.verdict {
             Verdict::IsExact => self,

@@ -1,5 +1,4 @@
-//! What theory says of the meshes of a scene: the order that a quantity can have, and whether elements lock. It must
-//! not know values.
+//! Theory of the meshes of a scene: the formal order of a quantity, and whether elements lock.
 
 use vi_fem::LockingCure;
 use vi_mesh::CellKind;

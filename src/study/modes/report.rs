@@ -9,10 +9,10 @@ use crate::chart::{Chart, Scale, Series, Style};
 use crate::run::provenance::Provenance;
 use crate::scene::MassKind;
 
-/// What was found.
+/// Modes found.
 #[derive(Debug, Clone, Serialize)]
 pub struct ModesReport {
-    /// What ran, and where.
+    /// Origin of the result.
     pub provenance: Provenance,
     /// The mass matrix.
     pub mass: MassKind,
@@ -22,7 +22,7 @@ pub struct ModesReport {
     pub modes: Vec<ModeFacts>,
 }
 
-/// What is known of a mode.
+/// Data of one mode.
 #[derive(Debug, Clone, Serialize)]
 pub struct ModeFacts {
     /// Number of the component that vibrates.

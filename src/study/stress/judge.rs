@@ -1,5 +1,4 @@
-//! Runs one violent scene and judges what came of it by what it left behind: its report, its files and
-//! its state. It must not know why the scene is violent.
+//! Runs one violent scene and judges what came of it by what it left behind: its report, its files and its state.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -21,11 +20,11 @@ const SILENT: f64 = 0.1;
 /// Newton's method ends on an estimate of its error from its own contraction: so much for that.
 const ESTIMATED: f64 = 2.0;
 
-/// The same for energy, whose bound knows a K that is one and the same over a step: crushed and snapping bodies
+/// Factor on the energy bound, which assumes a K that is one and the same over a step: crushed and snapping bodies
 /// change theirs by orders of magnitude.
 const VIOLENT: f64 = 100.0;
 
-/// What came of a scene.
+/// Verdict on a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outcome {
     /// Done, every invariant inside its bounds.
@@ -41,7 +40,7 @@ pub enum Outcome {
     OutOfTime,
     /// The scene was refused before it ran.
     Refused(String),
-    /// What must never happen.
+    /// Violation of a law.
     Forbidden(String),
 }
 

@@ -1,5 +1,5 @@
-//! Changes of a scene that must not change what it does: other units of length, mass and time, or another
-//! place. Every number that a scene holds is listed here with its dimension. It must not know how a scene runs.
+//! Changes of a scene that must not change what it does: other units of length, mass and time, or another place.
+//! Every number that a scene holds is listed here with its dimension.
 //!
 //! Numbers in mesh files are lengths alone: `scale` and `translate` of the body change them. A file with point
 //! data `velocity` cannot be brought to other units of time.
@@ -26,7 +26,7 @@ pub enum Transform {
     Moved([f64; 3]),
 }
 
-/// What a number of a scene is.
+/// Dimension of a number of a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Meaning {
     /// Powers of length, mass and time.
@@ -190,7 +190,7 @@ fn meaning(path: &str) -> Option<Meaning> {
     of(KEYS, path).or_else(|| of(KEYS_OF_SELECTIONS, selection?))
 }
 
-/// What a key of a material is, where it has a dimension.
+/// Dimension of a key of a material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Quantity {
     /// Pa.

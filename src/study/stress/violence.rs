@@ -1,5 +1,5 @@
-//! Violent scenes: each kind of violence against a random body, law, element, scheme, step and support.
-//! The same seed and index give the same scene. It must not know what comes of it.
+//! Violent scenes: each kind of violence against a random body, law, element, scheme, step and support. The same seed
+//! and index give the same scene.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ use crate::scene::{
 
 macro_rules! violence {
     ($($(#[doc = $doc:literal])* $name:ident;)*) => {
-        /// What is done to a body.
+        /// Action on a body.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
         pub enum Violence { $($(#[doc = $doc])* $name,)* }
 
@@ -74,15 +74,15 @@ violence! {
 /// Why a case cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum CaseError {
-    /// Its mesh cannot be written.
+    /// The mesh cannot be written.
     #[error(transparent)]
     Mesh(#[from] IoError),
     /// A law of the registry cannot be given the parameters of the case: `stress/violence.rs` is to learn its keys.
     #[error("law {law}: {why}")]
     Law {
-        /// Its name.
+        /// Name of the law.
         law: String,
-        /// What serde says.
+        /// Error of the parser.
         why: String,
     },
 }
@@ -90,9 +90,9 @@ pub enum CaseError {
 /// A scene to be survived.
 #[derive(Debug, Clone)]
 pub struct Case {
-    /// Its number in the seed.
+    /// Number of the scene in the seed.
     pub index: u64,
-    /// What is done.
+    /// Action on the bodies.
     pub violence: Violence,
     /// The scene.
     pub scene: Scene,

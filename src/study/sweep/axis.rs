@@ -10,7 +10,7 @@ pub(crate) const MOST_POINTS: usize = 100_000;
 pub struct Axis {
     /// The key, as `--set` takes it.
     pub key: String,
-    /// Its values, as `--set` takes them.
+    /// Values, as `--set` takes them.
     pub values: Vec<String>,
 }
 
@@ -45,7 +45,7 @@ impl FromStr for Axis {
     }
 }
 
-/// The values of `FROM:TO:logN` or `FROM:TO:linN`; none where the text is no range.
+/// Parses `FROM:TO:logN` or `FROM:TO:linN`; returns `None` if the text is not a range.
 fn range(text: &str) -> Result<Option<Vec<String>>, AxisError> {
     let &[from, to, rule] = text.split(':').collect::<Vec<_>>().as_slice() else { return Ok(None) };
     let (Ok(low), Ok(high)) = (from.trim().parse::<f64>(), to.trim().parse::<f64>()) else { return Ok(None) };

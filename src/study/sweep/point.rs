@@ -17,7 +17,7 @@ use crate::simulation::Simulation;
 
 /// A point of a sweep.
 pub(super) struct Point {
-    /// Its number, from 0.
+    /// Number of the point, from 0.
     pub(super) number: usize,
     /// Values of the axes.
     pub(super) values: Vec<String>,
@@ -31,7 +31,7 @@ pub(super) struct Point {
     pub(super) directory: PathBuf,
 }
 
-/// What was run: enough to know whether it is what would be run now.
+/// Identity of a run: enough to know whether it equals the run that would be made now.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Identity {
     /// Version of the program.
@@ -42,7 +42,7 @@ struct Identity {
     files: Vec<(PathBuf, u32)>,
 }
 
-/// How a point ended.
+/// End of a point.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct End {
     /// The exit code that `variational run` would have.
@@ -103,7 +103,7 @@ impl Watch for Stop<'_> {
 }
 
 impl Point {
-    /// How it ended, where it has: in this call of the program or an earlier one.
+    /// End of the point, if it has ended, in this call of the program or an earlier one.
     pub(super) fn end(&self, identities: &Identities) -> Option<End> {
         let scene = match &self.scene {
             Ok(scene) => scene,
@@ -114,7 +114,7 @@ impl Point {
         (record.identity == identities.identity(scene)).then_some(record.end)
     }
 
-    /// Runs it, from its newest checkpoint where there is one, unless it is done; none where the sweep was ended.
+    /// Runs the point from its newest checkpoint, if any, unless it is done. Returns `None` if the sweep was interrupted.
     ///
     /// # Errors
     /// Where its output cannot be written.

@@ -9,7 +9,7 @@ use super::error::SweepError;
 use super::options::SweepOptions;
 use super::point::{End, Identities, Point, write_whole};
 
-/// What a point has left in its directory.
+/// Results that a point has left in its directory.
 struct Found {
     end: Option<End>,
     /// Of each column of history.csv its name, last, smallest and largest value.

@@ -1,4 +1,4 @@
-//! Which vector instructions the kernels run on. It must not know the kernels.
+//! Which vector instructions the kernels run on.
 
 use pulp::Arch;
 

@@ -1,5 +1,4 @@
 //! Eight numbers of eight elements (or points) side by side: the unit that kernels load and store.
-//! It must not know what the numbers mean.
 
 use pulp::Simd;
 

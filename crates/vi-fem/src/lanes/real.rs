@@ -1,5 +1,4 @@
 //! The scalar that laws and elements are written in: one number (f64), or one SIMD lane group.
-//! It must not know what is computed with it.
 //!
 //! A kernel written once over [`Real`] runs on whatever vector unit the machine has. Lane groups
 //! carry pulp's token, the proof that the instructions exist; so there is no `unsafe` here and no

@@ -1,5 +1,5 @@
-//! Between memory, where the numbers of an element lie together, and lanes, where the same number of
-//! eight elements does. It must not know what the numbers mean.
+//! Between memory, where the numbers of an element lie together, and lanes, where the same number of eight elements
+//! does.
 //!
 //! Moving single numbers costs more than all arithmetic of a linear tetrahedron, so that AVX2 and
 //! AVX-512 have their own ways here; every way moves the same numbers to the same places.

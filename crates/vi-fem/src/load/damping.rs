@@ -1,5 +1,5 @@
-//! Damping of strain rates in the material frame (Kelvin–Voigt), and of velocities by mass: together
-//! Rayleigh's damping. Off unless asked for. It must not know time steps.
+//! Damping of strain rates in the material frame (Kelvin–Voigt), and of velocities by mass: together Rayleigh's
+//! damping. Off unless asked for.
 //!
 //! The viscous stress S_v = 2η Ė + ζ tr(Ė) I, Ė = sym(FᵀḞ), depends on the rate of the Green–Lagrange
 //! strain alone: free fall and rigid spin feel nothing. At small strains 2η = 2βμ, ζ = βλ is Rayleigh's

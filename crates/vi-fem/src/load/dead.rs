@@ -1,5 +1,5 @@
-//! Dead loads: tractions, body forces and point loads that keep their direction while the body
-//! moves. Each is a potential V = −a(t) Σ_a f_a·(x_a − X_a). It must not know laws or time steps.
+//! Dead loads: tractions, body forces and point loads that keep their direction while the body moves. Each is a
+//! potential V = −a(t) Σ_a f_a·(x_a − X_a).
 
 use std::ops::Range;
 

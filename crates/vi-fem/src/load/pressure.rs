@@ -1,10 +1,9 @@
 //! Pressure that follows a surface as it deforms: f_a = −a(t) p ∫ N_a n da over the deformed facets.
 //!
-//! Where the edge of the surface is held so that the pressure does no work around it, it is minus the
-//! derivative of V = p × (volume behind the surface) and enters as a potential; elsewhere it is a
-//! [`Force`] with its work in the ledger. The volume is ∫ G·n da with a linear field G of divergence 1;
-//! the edge adds nothing when it is clamped, or slides in planes that G lies in (Rumpel & Schweizerhof
-//! 2003 give the symmetric tangent). This room must not know solids or time steps.
+//! Where the edge of the surface is held so that the pressure does no work around it, it is minus the derivative of V
+//! = p × (volume behind the surface) and enters as a potential; elsewhere it is a [`Force`] with its work in the
+//! ledger. The volume is ∫ G·n da with a linear field G of divergence 1; the edge adds nothing when it is clamped, or
+//! slides in planes that G lies in (Rumpel & Schweizerhof 2003 give the symmetric tangent).
 
 use std::collections::HashMap;
 use std::ops::Range;

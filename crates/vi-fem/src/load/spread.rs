@@ -1,4 +1,4 @@
-//! How a total force and moment are spread over a part of a body at rest. It must not know loads in time.
+//! How a total force and moment are spread over a part of a body at rest.
 
 use nalgebra::{Matrix3, Vector3};
 

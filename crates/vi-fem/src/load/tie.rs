@@ -1,5 +1,5 @@
-//! Ties: springs between a node and a weighted mean of nodes (a point of a surface, another node) or a
-//! place that may move. It must not know how the weights were found.
+//! Ties: springs between a node and a weighted mean of nodes (a point of a surface, another node) or a place that may
+//! move.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

@@ -1,5 +1,4 @@
-//! Drag of moving or still air on a sheet, triangle by triangle: a force that no potential gives. It must
-//! not know laws nor how blocks are summed.
+//! Drag of moving or still air on a sheet, triangle by triangle: a force that no potential gives.
 
 use std::ops::Range;
 

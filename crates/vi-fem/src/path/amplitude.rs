@@ -1,4 +1,4 @@
-//! How a load changes in time: a number, a formula of t, or a table. It must not know which load.
+//! How a load changes in time: a number, a formula of t, or a table.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

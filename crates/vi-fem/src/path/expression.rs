@@ -1,5 +1,4 @@
 //! Formulas of scene files, `"sin(2*pi*t)"`: parsed once, evaluated fast, nothing but arithmetic.
-//! It must not know what a formula stands for.
 //!
 //! Grammar, from weak to strong: `+ -`, `* /`, unary `-`, `^` (to the right: 2^3^2 = 512, -x^2 = -(x^2)),
 //! numbers, names, calls, parentheses.

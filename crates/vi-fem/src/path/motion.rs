@@ -1,4 +1,4 @@
-//! Prescribed motions x(t) of nodes, as scenes say them. It must not know which nodes, or why.
+//! Prescribed motions x(t) of nodes, as scenes say them.
 
 mod table;
 

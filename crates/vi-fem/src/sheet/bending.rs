@@ -1,5 +1,4 @@
-//! How a sheet resists bending: the models a scene can name. It must not know stretching, nor how
-//! blocks are summed.
+//! How a sheet resists bending: the models a scene can name.
 //!
 //! To add a model: one file in `bending/` with `potentials(&BentSheet)`, one line in `bendings!`.
 

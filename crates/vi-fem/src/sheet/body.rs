@@ -1,5 +1,4 @@
-//! A sheet's potentials and mass from its triangles and law. It must not know any one law or bending
-//! model.
+//! A sheet's potentials and mass from its triangles and law.
 
 use vi_core::Potential;
 

@@ -1,5 +1,4 @@
-//! The angle between two triangles at their common edge, with its derivatives, in SIMD lanes. It must not
-//! know stiffness.
+//! The angle between two triangles at their common edge, with its derivatives, in SIMD lanes.
 //!
 //! Corners: the edge x₀ → x₁, x₂ of the first triangle (x₀, x₁, x₂) and x₃ of the second (x₁, x₀, x₃).
 //! The angle is zero where they are coplanar, positive where x₃ leans to the side of the first normal. It is

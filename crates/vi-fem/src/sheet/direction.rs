@@ -1,5 +1,4 @@
-//! Directions of a sheet's matter, triangle by triangle: constant, by formula, or from the cells of its
-//! mesh. It must not know what follows the direction.
+//! Directions of a sheet's matter, triangle by triangle: constant, by formula, or from the cells of its mesh.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

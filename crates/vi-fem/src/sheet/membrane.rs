@@ -1,5 +1,4 @@
-//! The membrane energy Σ_T A h W(E(F)) of a sheet of linear triangles, F = ∂x/∂X (3 × 2) constant on
-//! each. It must not know bending, nor how blocks are summed.
+//! The membrane energy Σ_T A h W(E(F)) of a sheet of linear triangles, F = ∂x/∂X (3 × 2) constant on each.
 
 mod kernel;
 

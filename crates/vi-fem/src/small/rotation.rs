@@ -1,5 +1,4 @@
-//! The rotation nearest to a 3 × 3 matrix without its singular values, in lanes. It must not know what it is
-//! used for.
+//! The rotation nearest to a 3 × 3 matrix without its singular values, in lanes.
 //!
 //! For F = U diag(σ) Vᵀ with rotations U and V (σ₃ < 0 where F is inverted) it is R = U Vᵀ, with tr RᵀF =
 //! λ = σ₁ + σ₂ + σ₃: the largest root of

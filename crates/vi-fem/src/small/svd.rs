@@ -1,5 +1,4 @@
 //! Singular values of 3 × 3 matrices without a branch, so that lanes go through it side by side.
-//! It must not know what it is used for.
 
 use crate::lanes::real::Real;
 use crate::small::tensor::{Mat3, contract, cross, dot, mat3, right_cauchy_green, transpose, vec3};

@@ -1,4 +1,4 @@
-//! 3 × 3 matrices and packed fourth-order tangents over [`Real`]. It must not know any law.
+//! 3 × 3 matrices and packed fourth-order tangents over [`Real`].
 
 use crate::lanes::real::Real;
 

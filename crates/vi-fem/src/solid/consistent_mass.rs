@@ -1,5 +1,5 @@
-//! The consistent mass M_ab = ρ ∫ N_a N_b dV of solid elements, and that of linear triangles: the kinetic
-//! energy ½ v·M v as quadratic local terms of the velocities. It must not know laws or time steps.
+//! The consistent mass M_ab = ρ ∫ N_a N_b dV of solid elements, and that of linear triangles: the kinetic energy ½
+//! v·M v as quadratic local terms of the velocities.
 
 use std::ops::Range;
 

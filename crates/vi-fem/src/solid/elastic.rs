@@ -1,5 +1,4 @@
-//! The strain energy Σ_e ∫ Ψ(F) dV of a region: elements × law, erased to a potential once. It must
-//! not know how blocks are summed.
+//! The strain energy Σ_e ∫ Ψ(F) dV of a region: elements × law, erased to a potential once.
 
 #[cfg(test)]
 mod laws;

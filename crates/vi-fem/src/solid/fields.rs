@@ -1,5 +1,4 @@
-//! What a deformed body feels, element by element: stress, strain, energy. Evaluated only when asked
-//! for. It must not know files.
+//! What a deformed body feels, element by element: stress, strain, energy. Evaluated only when asked for.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

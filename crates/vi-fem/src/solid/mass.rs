@@ -1,4 +1,4 @@
-//! Lumped masses, and what follows from them: total mass, centre, inertia. It must not know laws.
+//! Lumped masses, and what follows from them: total mass, centre, inertia.
 
 use crate::error::FemError;
 use crate::small::tensor::{Mat3, cross, determinant};

@@ -1,5 +1,5 @@
-//! The strain energy of elements that do not lock in near incompressibility: each quadrature point
-//! sees the volume change of its whole element. It must not know how blocks are summed.
+//! The strain energy of elements that do not lock in near incompressibility: each quadrature point sees the volume
+//! change of its whole element.
 //!
 //! V = Σ_e Σ_q w_q Ψ(F̄_q), F̄_q = (θ_e/J_q)^⅓ F_q, with θ_e = Σ w_q J_q / Σ w_q the mean dilation
 //! (Nagtegaal, Parks & Rice 1974; Simo, Taylor & Pister 1985, eliminated at the element). It is a

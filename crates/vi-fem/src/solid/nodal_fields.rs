@@ -1,4 +1,4 @@
-//! Element fields smoothed to the nodes. It must not know files.
+//! Element fields smoothed to the nodes.
 //!
 //! In every element the values at the quadrature points are fitted by a linear function of ξ (least
 //! squares with the rule's weights) and read at the nodes; a node takes the mean of its elements,

@@ -1,5 +1,4 @@
-//! The slit annulus lifted at one edge of the slit: too long for a test, so an example runs it. It must
-//! not know how it is printed or judged.
+//! The slit annulus lifted at one edge of the slit: too long for a test, so an example runs it.
 //!
 //! Source: Sze, Liu & Lo (2004), *Popular benchmark problems for geometric nonlinear analysis of shells*.
 

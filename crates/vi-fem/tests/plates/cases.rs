@@ -1,5 +1,4 @@
-//! The reference cases of plates and shells, each on one mesh: numbers against references. It must not
-//! know how they are printed or judged.
+//! The reference cases of plates and shells, each on one mesh: numbers against references.
 //!
 //! Sources: Sze, Liu & Lo (2004), *Popular benchmark problems for geometric nonlinear analysis of
 //! shells*; the elastica and eigenvalues of Kirchhoff's plate computed independently to the digits given.

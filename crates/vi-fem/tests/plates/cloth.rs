@@ -1,5 +1,4 @@
 //! The reference cases of cloth (D3), each on one mesh: hanging, swinging and sounding sheets, a rolled one.
-//! It must not know how they are printed or judged.
 //!
 //! Sources: the catenary 2a sinh(1/2a) = L; zeros of Bessel's functions, of J₀(2ω√(L/g)) for the hanging
 //! chain and of J_n(ωR/c) for the drum.

@@ -1,5 +1,5 @@
-//! A symmetric matrix under its skyline and its LDLᵀ factors: small, serial and indefinite, as much as
-//! the validation of plates and shells needs. It must not know where the matrix comes from.
+//! A symmetric matrix under its skyline and its LDLᵀ factors: small, serial and indefinite, as much as the validation
+//! of plates and shells needs.
 
 /// Row i holds the columns `first[i]..=i`.
 pub(crate) struct Skyline {

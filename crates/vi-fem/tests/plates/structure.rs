@@ -1,5 +1,5 @@
-//! A sheet under supports and dead loads: equilibrium by Newton's method, stability by the inertia of
-//! the stiffness, vibrations by subspace iteration. It must not know any reference case.
+//! A sheet under supports and dead loads: equilibrium by Newton's method, stability by the inertia of the stiffness,
+//! vibrations by subspace iteration.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 use vi_core::Potential;

@@ -1,4 +1,4 @@
-//! Reading a table of displacements. It must not know the other motions.
+//! Reading a table of displacements.
 
 use super::Table;
 use crate::error::FemError;

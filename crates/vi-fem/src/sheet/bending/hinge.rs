@@ -1,5 +1,5 @@
-//! Discrete Shells (Grinspun, Hirani, Desbrun & Schröder 2003): V = Σ ½ k (|e|²/A)(θ − θ̄)², A the area
-//! of the two triangles, with the square made smooth round the circle (`turn`). It must not know stretching.
+//! Discrete Shells (Grinspun, Hirani, Desbrun & Schröder 2003): V = Σ ½ k (|e|²/A)(θ − θ̄)², A the area of the two
+//! triangles, with the square made smooth round the circle (`turn`).
 //!
 //! k = h³/12 Q_mm, the bending modulus across the edge (for isotropic sheets D = E h³/(12(1 − ν²))).
 //! With it, cylinders are right on equilateral triangles in every direction, and on right-angled ones

@@ -1,5 +1,4 @@
-//! The hinges of a surface: pairs of triangles at an edge, and edges whose normal is held. It must not
-//! know any bending energy.
+//! The hinges of a surface: pairs of triangles at an edge, and edges whose normal is held.
 
 use super::sheet::BentSheet;
 use crate::error::FemError;

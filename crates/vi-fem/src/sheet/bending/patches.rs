@@ -1,6 +1,5 @@
-//! The kernel of all models whose energy is a square of angles, eight stencils at a time: V = Σ ½ |y|²,
-//! y = Σ over the hinges of a stencil of form (θ − θ̄), made smooth round the circle (`turn`). It must not know
-//! where forms come from.
+//! The kernel of all models whose energy is a square of angles, eight stencils at a time: V = Σ ½ |y|², y = Σ over
+//! the hinges of a stencil of form (θ − θ̄), made smooth round the circle (`turn`).
 //!
 //! Stencils whose hinges join the same corners of their own ("pattern") share a group, so that everything
 //! but the gathering of nodes is done in lanes. Groups that are not full repeat their last stencil.

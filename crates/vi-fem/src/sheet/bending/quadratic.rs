@@ -1,5 +1,4 @@
-//! Isometric bending (Bergou, Wardetzky, Harmon, Zorin & Grinspun 2006): quadratic in x, so its Hessian
-//! is made once. It must not know stretching.
+//! Isometric bending (Bergou, Wardetzky, Harmon, Zorin & Grinspun 2006): quadratic in x, so its Hessian is made once.
 //!
 //! V = Σ ½ k (|e|²/A) |[∂x/∂m]|², [∂x/∂m] the jump of the slope across the edge, which for sheets that
 //! do not stretch has the length 2 sin(θ/2). k as for `hinge`, with the same dependence on the mesh.

@@ -1,5 +1,4 @@
-//! How the normal at the middle of each edge divides the angle of its hinge, from angles alone. It must
-//! not know stiffness.
+//! How the normal at the middle of each edge divides the angle of its hinge, from angles alone.
 //!
 //! Let w be the height of the sheet over a tangent plane. In Morley's plate a triangle has the values of
 //! w at its corners and the slopes ∂w/∂m at the middles of its edges, and the curvature

@@ -1,7 +1,6 @@
-//! Kirchhoff–Love bending on any triangulation from positions alone:
-//! V = Σ_T ½ A (κ − κ̄):D:(κ − κ̄), κ Morley's curvature of the triangle, a linear function of the angles
-//! of the hinges at and next to it (see `reconstruction`; made smooth round the circle by `turn`). It must not
-//! know stretching.
+//! Kirchhoff–Love bending on any triangulation from positions alone: V = Σ_T ½ A (κ − κ̄):D:(κ − κ̄), κ Morley's
+//! curvature of the triangle, a linear function of the angles of the hinges at and next to it (see `reconstruction`;
+//! made smooth round the circle by `turn`).
 //!
 //! Chosen over mid-edge normals with a degree of freedom an edge (Grinspun, Gingold, Reisman & Zorin
 //! 2006), whose rotations would need a made-up inertia in explicit schemes; over rotation-free patches

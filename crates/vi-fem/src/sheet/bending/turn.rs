@@ -1,4 +1,4 @@
-//! How far a hinge has turned from rest, Δ = θ − θ̄, as bending energies see it. It must not know stiffness.
+//! How far a hinge has turned from rest, Δ = θ − θ̄, as bending energies see it.
 //!
 //! Δ itself has a border: where a hinge folds through itself, which nothing forbids without contact, it jumps
 //! from π to −π, and ½ Δ² has a ridge that a scheme crosses with an error of energy that no step makes small.

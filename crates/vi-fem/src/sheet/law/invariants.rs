@@ -1,5 +1,5 @@
-//! Isotropic membranes: from derivatives in the invariants i = tr C, j = √det C (the area ratio) to
-//! derivatives in the strain, and relaxation of compression. It must not know any law.
+//! Isotropic membranes: from derivatives in the invariants i = tr C, j = √det C (the area ratio) to derivatives in
+//! the strain, and relaxation of compression.
 
 use crate::lanes::real::Real;
 use crate::sheet::material::SheetResponse;

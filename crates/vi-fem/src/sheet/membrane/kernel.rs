@@ -1,5 +1,5 @@
-//! The kernel of all membranes, eight triangles at a time: x ↦ F and strain, the law's response ↦ energies,
-//! forces, Hessians. It must not know any one law.
+//! The kernel of all membranes, eight triangles at a time: x ↦ F and strain, the law's response ↦ energies, forces,
+//! Hessians.
 
 use std::ops::Range;
 

@@ -1,5 +1,5 @@
-//! One kernel serves every solid element: x ↦ F at the quadrature points, P ↦ nodal forces, tangents
-//! ↦ element Hessians, eight elements at a time. It must not know laws.
+//! One kernel serves every solid element: x ↦ F at the quadrature points, P ↦ nodal forces, tangents ↦ element
+//! Hessians, eight elements at a time.
 //!
 //! Of the geometry at rest a quadrature point keeps only J⁻¹ = (∂X/∂ξ)⁻¹ and its volume w det J:
 //! F = (Σ x_a ⊗ ∂N_a/∂ξ) J⁻¹ and f_a = Σ_q w P J⁻ᵀ ∂N_a/∂ξ.

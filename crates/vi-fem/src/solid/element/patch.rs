@@ -1,5 +1,5 @@
-//! Solid elements on a patch: from the positions of its nodes to the sums at its nodes, eight elements
-//! at a time, with no block of an element in memory. It must not know laws, nor what a patch is cut from.
+//! Solid elements on a patch: from the positions of its nodes to the sums at its nodes, eight elements at a time,
+//! with no block of an element in memory.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! Quadrature on reference cells, as products and lists. It must not know shape functions.
+//! Quadrature on reference cells, as products and lists.
 
 /// Two Gauss points on [−1, 1]: exact to degree 3.
 pub(super) const GAUSS_2: [(f64, f64); 2] = [(-0.577_350_269_189_625_8, 1.0), (0.577_350_269_189_625_8, 1.0)];

@@ -1,5 +1,5 @@
-//! The linear simplex with a law, compiled together: forces of patches and Hessians in registers, with
-//! one load of the geometry. It must not know which laws there are.
+//! The linear simplex with a law, compiled together: forces of patches and Hessians in registers, with one load of
+//! the geometry.
 
 use std::ops::Range;
 

@@ -1,5 +1,4 @@
-//! A law over many points at once, in the lanes of the machine. It must not know where the points
-//! come from.
+//! A law over many points at once, in the lanes of the machine.
 //!
 //! Laws and elements are compiled apart, and meet in groups of deformation gradients that stay in
 //! the first cache: one kernel a law and one an element, instead of one a pair.

@@ -1,5 +1,4 @@
 //! The eigensystem that every isotropic law shares, and the positive-definite part of a tangent.
-//! It must not know which law.
 //!
 //! In the frame of the singular values, F = UΣVᵀ, the tangent of an isotropic law is a 3 × 3 block
 //! of stretches and three 2 × 2 blocks [[a, b], [b, a]], one a pair of axes, with eigenvalues a + b

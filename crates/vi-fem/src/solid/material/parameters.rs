@@ -1,4 +1,4 @@
-//! What a scene file says of a material, its ranges and units. It must not know any law.
+//! What a scene file says of a material, its ranges and units.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,5 +1,4 @@
-//! Mean dilation at the quadrature points of a group of elements, in the lanes of the machine. It must
-//! not know elements or laws.
+//! Mean dilation at the quadrature points of a group of elements, in the lanes of the machine.
 //!
 //! With J = det F, G = F⁻ᵀ, s = (θ/J)^⅓, F̄ = s F, and P, C the law's stress and tangent at F̄:
 //! τ = ⅓ P:F̄ = θ ∂Ψ/∂θ, ∂Ψ/∂F = s P − τ G at fixed θ, D = C:F̄ and d = F̄:D. The linearised map is the
