@@ -4,6 +4,7 @@ mod added;
 mod advance;
 mod between;
 mod contact;
+mod contact_fields;
 mod crossing;
 mod march;
 pub mod matrices;

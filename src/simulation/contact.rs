@@ -6,10 +6,8 @@ use serde_json::{Value, json};
 use vi_contact::{ContactPotential, ContactTerm};
 use vi_core::Impulse;
 
-use super::{Component, Simulation};
 use crate::model::ContactModel;
 use crate::record::record;
-use crate::scene::Field;
 
 /// What is seen of contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -122,7 +120,7 @@ impl ContactWatch {
 
     /// Force of contact per area (Pa, without friction) at every node of the component at positions x, and the gap to
     /// what presses on it, at most the reach of the layer (m).
-    fn fields(&self, x: &[f64]) -> (Vec<[f64; 3]>, Vec<f64>) {
+    pub(super) fn fields(&self, x: &[f64]) -> (Vec<[f64; 3]>, Vec<f64>) {
         let (near, surface) = (self.term.at(x), self.term.surface());
         let mut gaps = vec![self.term.distance(); x.len() / 3];
         let mut tractions = vec![[0.0; 3]; x.len() / 3];
@@ -141,36 +139,5 @@ impl ContactWatch {
             traction.iter_mut().for_each(|value| *value /= area);
         }
         (tractions, gaps)
-    }
-}
-
-impl Simulation {
-    /// A field of contact at the nodes of all bodies, then at the points of the surfaces of rigid bodies.
-    pub(crate) fn contact_values(&self, field: Field) -> Vec<f64> {
-        let bodies = (0..self.bodies.len()).flat_map(|body| self.contact_values_of(body, field));
-        let rigids = self.rigids.iter().flat_map(|rigid| {
-            let nodes = rigid.surface_nodes().collect::<Vec<_>>();
-            self.contact_values_at(rigid.component, &nodes, field)
-        });
-        bodies.chain(rigids).collect()
-    }
-
-    /// A field of contact at the nodes of body number `body`.
-    pub(super) fn contact_values_of(&self, body: usize, field: Field) -> Vec<f64> {
-        let body = &self.bodies[body];
-        let nodes: Vec<usize> = (0..body.mesh.points.len()).map(|node| body.node(node)).collect();
-        self.contact_values_at(body.component, &nodes, field)
-    }
-
-    fn contact_values_at(&self, component: usize, nodes: &[usize], field: Field) -> Vec<f64> {
-        let Component { system, state, contact, .. } = &self.components[component];
-        let Some(watch) = contact else { return vec![0.0; nodes.len() * field.component_count()] };
-        let (tractions, gaps) = watch.fields(&system.positions(state));
-        let length = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
-        match field {
-            Field::ContactTraction => nodes.iter().flat_map(|&node| tractions[node]).collect(),
-            Field::ContactPressure => nodes.iter().map(|&node| length(tractions[node])).collect(),
-            _ => nodes.iter().map(|&node| gaps[node]).collect(),
-        }
     }
 }
