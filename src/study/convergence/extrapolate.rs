@@ -4,7 +4,7 @@
 //! p_f, the limit q + Δ/(2^p − 1) with |Δ| = max(|Δ₂|, |Δ₁|/2^p_f), and the bar F |Δ|/(2^p − 1). F follows Roache (1994)
 //! and Eça & Hoekstra (2014): 1.25 where p is near p_f, 3 where it is below or the order changes from level to level.
 //! Three kinds of sequences have another bar or none: see [`Verdict`]. How often bars hold is counted by
-//! `tests/known_answers.rs`.
+//! `tests/laws/known_answers.rs`.
 
 use serde::Serialize;
 

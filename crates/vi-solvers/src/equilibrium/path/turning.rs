@@ -9,7 +9,7 @@ use crate::equilibrium::search::Search;
 use crate::error::SolverError;
 
 /// An arc step over which the path turns by more than the angle of this cosine (18°) is halved: it may have jumped
-/// over a limit point. The arch of `tests/accuracy.rs`, which snaps at a twentieth of its load, is so followed through
+/// over a limit point. The arch of `tests/laws/accuracy.rs`, which snaps at a twentieth of its load, is so followed through
 /// both limit points from a first step of half of its load on; with 0.9 (25°) it is not. Allgower & Georg (2003,
 /// chapter 6) bound the angle alike.
 const LEAST_COSINE: f64 = 0.95;

@@ -1,0 +1,96 @@
+//! Candidates: complete against a search of all pairs, valid within the margin, the same on any number of threads.
+
+use crate::support::{Numbers, Sheet, body};
+use vi_contact::{Body, Neighbours, Shape, Surface, SurfaceBuilder};
+
+fn folded(seed: u64, n: usize) -> (Surface, Vec<f64>, Numbers) {
+    let mut numbers = Numbers::new(seed);
+    let mut all = Sheet::default();
+    let [first, second] = [0.0, 0.05].map(|z| all.join(&Sheet::grid(n, 0.0, 1.0, z)));
+    let mut builder = SurfaceBuilder::new(&all.x);
+    let edge = 1.0 / n as f64;
+    for triangles in [first, second] {
+        let number = builder.body(Body { meets_itself: true, ..body(0.1 * edge, 1e4) });
+        builder.triangles(number, &triangles);
+    }
+    let surface = builder.build().expect("a sound surface");
+    // Fold the sheets over themselves, with a ripple.
+    let mut x = all.x;
+    for node in x.chunks_exact_mut(3) {
+        let angle = 3.0 * node[0];
+        (node[0], node[2]) = ((0.3 + node[2]) * angle.sin(), (0.3 + node[2]) * angle.cos());
+        node[2] += edge * (2.0 * numbers.unit() - 1.0);
+    }
+    (surface, x, numbers)
+}
+
+#[test]
+fn no_near_pair_is_missed() {
+    let (surface, x, _) = folded(1, 12);
+    let margin = 0.05;
+    let neighbours = Neighbours::find(&surface, &x, margin);
+    let at = |node: u32| crate::support::at(&x, node);
+    let mut count = 0;
+    for (number, point) in surface.points().iter().enumerate() {
+        for (cell, other) in surface.cells().iter().enumerate() {
+            let [a, b, c] = other.nodes;
+            let distance = Shape::PointTriangle.closest(&[at(point.node), at(a), at(b), at(c)]).distance();
+            let near = !other.nodes.contains(&point.node) && distance < 0.1 / 12.0 + margin - 1e-9;
+            let found = neighbours.cells_of(number).contains(&(cell as u32));
+            count += usize::from(near);
+            assert!(!near || found, "point {number}, cell {cell} at {distance}");
+        }
+    }
+    let pairs = neighbours.edge_pairs();
+    for (a, first) in surface.edges().iter().enumerate() {
+        for (b, second) in surface.edges().iter().enumerate().skip(a + 1) {
+            let nodes = [first.nodes, second.nodes].concat();
+            let distance = Shape::EdgeEdge.closest(&[0, 1, 2, 3].map(|k: usize| at(nodes[k]))).distance();
+            let apart = first.nodes.iter().all(|node| !second.nodes.contains(node));
+            let near = apart && distance < 0.1 / 12.0 + margin - 1e-9;
+            let key = [a as u32, b as u32];
+            assert!(!near || pairs.binary_search_by_key(&key, |pair| pair.edges).is_ok(), "{key:?}");
+        }
+    }
+    assert!(count > 1000, "{count}");
+}
+
+#[test]
+fn lists_are_the_same_on_any_number_of_threads() {
+    let (surface, x, _) = folded(2, 40);
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| {
+            let found = Neighbours::find(&surface, &x, 0.02);
+            let cells: Vec<u32> =
+                (0..surface.points().len()).flat_map(|point| found.cells_of(point).to_vec()).collect();
+            let contact = vi_contact::Contact { surface: &surface, neighbours: &found };
+            (cells, found.edge_pairs().to_vec(), contact.active(&x), contact.energy(&x).to_bits())
+        })
+    };
+    let one = on(1);
+    assert!(one.2.len() > 100);
+    assert_eq!(one, on(2));
+    assert_eq!(one, on(7));
+}
+
+/// Inside half the margin nothing acts that is not listed.
+#[test]
+fn lists_stay_valid_within_half_the_margin() {
+    let (surface, x, mut numbers) = folded(3, 16);
+    let margin = 0.04;
+    let neighbours = Neighbours::find(&surface, &x, margin);
+    let moved: Vec<f64> = x
+        .chunks_exact(3)
+        .flat_map(|x| {
+            let step = numbers.vector().normalize() * (0.499 * margin);
+            [x[0] + step.x, x[1] + step.y, x[2] + step.z]
+        })
+        .collect();
+    assert!(neighbours.covers(&surface, &moved));
+    let fresh = Neighbours::find(&surface, &moved, 0.0);
+    let [old, new] = [&neighbours, &fresh]
+        .map(|neighbours| vi_contact::Contact { surface: &surface, neighbours }.active(&moved));
+    assert!(new.len() > 20);
+    assert_eq!(old, new);
+}

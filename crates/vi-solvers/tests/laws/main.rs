@@ -1,0 +1,23 @@
+//! Assembly, linear solvers, and the schemes.
+
+mod assembly;
+#[path = "../bodies/mod.rs"]
+mod bodies;
+mod consistent;
+mod constrained;
+#[path = "../contacts/mod.rs"]
+mod contacts;
+mod damped;
+mod explicit;
+mod factor;
+#[path = "../forces/mod.rs"]
+mod forces;
+mod implicit;
+mod live;
+mod modes;
+mod pcg;
+mod single;
+#[path = "../springs/mod.rs"]
+mod springs;
+mod statics;
+mod tied;

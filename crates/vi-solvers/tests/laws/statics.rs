@@ -1,0 +1,326 @@
+//! Equilibria against closed forms: snap-through, buckling, jumps, forces without a potential.
+
+use crate::forces::Linear;
+use vi_core::problems::{Jet, Term};
+use vi_core::{Coordinates, HessianKind, Path, Potential, Prescribed, State, Stencils, System, Traits};
+use vi_solvers::{
+    CriticalKind, PathControl, PathFunction, SolverError, StaticOptions, equilibrium, equilibrium_path,
+    path_following,
+};
+
+/// One coordinate with V(x, t) = U(x) − t P x.
+struct Loaded<U>(U, f64);
+
+impl<U: Fn(f64) -> [f64; 3] + Send + Sync> Potential for Loaded<U> {
+    fn name(&self) -> &str {
+        "loaded"
+    }
+    fn account(&self) -> vi_core::Account {
+        vi_core::Account::Elastic
+    }
+    fn stencils(&self) -> Stencils<'_> {
+        Stencils { arity: 1, block: 1, nodes: &[0] }
+    }
+    fn traits(&self) -> Traits {
+        Traits { hessian: HessianKind::Varying, time_dependent: true }
+    }
+    fn energies(&self, _: std::ops::Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        out[0] = (self.0)(x[0])[0] - t * self.1 * x[0];
+    }
+    fn gradients(&self, _: std::ops::Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        out[0] = (self.0)(x[0])[1] - t * self.1;
+    }
+    fn hessians(&self, _: std::ops::Range<usize>, x: &[f64], _: f64, out: &mut [f64]) {
+        out[0] = (self.0)(x[0])[2];
+    }
+}
+
+fn one(potential: impl Potential + 'static) -> (System, State) {
+    let system = System::new(vec![1.0], vec![Box::new(potential)], Coordinates::all_free(1)).unwrap();
+    (system, State { t: 0.0, q: vec![0.0], p: vec![0.0] })
+}
+
+/// A wall at x = 0 as a user writes it, V = k (d − |x|)³/|x| where |x| < d: infinite at the wall, and nothing on its
+/// other side. `largest_step` keeps the point on its side.
+struct Wall {
+    distance: f64,
+    stiffness: f64,
+}
+
+impl Wall {
+    /// V, V′ and V″ at x.
+    fn jet(&self, x: f64) -> [f64; 3] {
+        let (k, d, size, sign) = (self.stiffness, self.distance, x.abs(), x.signum());
+        let q = d - size;
+        if q <= 0.0 {
+            return [0.0; 3];
+        }
+        let slope = -3.0 * q * q / size - q.powi(3) / (size * size);
+        let curvature = 6.0 * q / size + 6.0 * q * q / (size * size) + 2.0 * q.powi(3) / size.powi(3);
+        [k * q.powi(3) / size, k * sign * slope, k * curvature]
+    }
+}
+
+impl Potential for Wall {
+    fn name(&self) -> &str {
+        "wall"
+    }
+    fn account(&self) -> vi_core::Account {
+        vi_core::Account::Contact
+    }
+    fn stencils(&self) -> Stencils<'_> {
+        Stencils { arity: 1, block: 1, nodes: &[0] }
+    }
+    fn traits(&self) -> Traits {
+        Traits { hessian: HessianKind::Varying, time_dependent: false }
+    }
+    fn energies(&self, _: std::ops::Range<usize>, x: &[f64], _: f64, out: &mut [f64]) {
+        out[0] = self.jet(x[0])[0];
+    }
+    fn gradients(&self, _: std::ops::Range<usize>, x: &[f64], _: f64, out: &mut [f64]) {
+        out[0] = self.jet(x[0])[1];
+    }
+    fn hessians(&self, _: std::ops::Range<usize>, x: &[f64], _: f64, out: &mut [f64]) {
+        out[0] = self.jet(x[0])[2];
+    }
+    fn limits_steps(&self) -> bool {
+        true
+    }
+    fn largest_step(&self, x: &[f64], dx: &[f64]) -> f64 {
+        // A tenth of the way to the wall is left.
+        let left = 1.0 + dx[0] / x[0];
+        if left < 0.1 { 0.9 / (1.0 - left) } else { 1.0 }
+    }
+}
+
+/// A spring of stiffness 1 that a load P t pulls beyond the wall: the point stays on its side, in balance. Without the
+/// wall's word the first Newton step ends on the other side, where the wall has no force.
+#[test]
+fn a_point_that_is_pulled_against_a_wall_stays_on_its_side() {
+    for (load, increment) in [(3.0, 1.0), (3.0, 0.1), (1e3, 1.0), (1e3, 0.3)] {
+        let spring = Loaded(|x: f64| [0.5 * (x - 1.0).powi(2), x - 1.0, 1.0], -load);
+        let wall = Wall { distance: 0.1, stiffness: 0.2 };
+        let terms: Vec<Box<dyn Potential>> = vec![Box::new(spring), Box::new(wall)];
+        let system = System::new(vec![1.0], terms, Coordinates::all_free(1)).unwrap();
+        for arc_steps in [None, Some(200)] {
+            let mut state = State { t: 0.0, q: vec![1.0], p: vec![0.0] };
+            let largest_increment = increment;
+            let options = StaticOptions {
+                increment,
+                largest_increment,
+                arc_steps,
+                tolerance: 1e-12,
+                ..Default::default()
+            };
+            let report = equilibrium_path(&system, &mut state, &options, &mut |state, _| {
+                assert!(state.q[0] > 0.0, "{load} {increment}: {state:?}");
+                true
+            });
+            let report = report.unwrap();
+            let x = state.q[0];
+            let force = (x - 1.0) + load + Wall { distance: 0.1, stiffness: 0.2 }.jet(x)[1];
+            assert!(force.abs() < 1e-7 * load, "{load} {increment}: {force} at {x}");
+            assert!(report.is_stable() && report.critical.is_empty());
+        }
+    }
+}
+
+/// A point on a spring whose other end, a support, moves through the wall: the point stays on its side.
+#[test]
+fn a_point_that_a_support_drags_against_a_wall_stays_on_its_side() {
+    struct Line;
+    impl Path for Line {
+        fn position(&self, t: f64, out: &mut [f64]) {
+            out[0] = 1.0 - 3.0 * t;
+        }
+        fn velocity(&self, _: f64, out: &mut [f64]) {
+            out[0] = -3.0;
+        }
+    }
+    let spring = |_: usize, x: &[f64; 2]| {
+        let stretch = x[0] - x[1];
+        Jet {
+            energy: 0.5 * stretch * stretch,
+            gradient: [stretch, -stretch],
+            hessian: [[1.0, -1.0], [-1.0, 1.0]],
+        }
+    };
+    let spring =
+        Term { name: "spring", block: 1, nodes: vec![0, 1], hessian: HessianKind::Constant, jet: spring };
+    let terms: Vec<Box<dyn Potential>> =
+        vec![Box::new(spring), Box::new(Wall { distance: 0.1, stiffness: 0.2 })];
+    let support = Prescribed { dofs: vec![1], path: Box::new(Line) };
+    let system = System::new(vec![1.0; 2], terms, Coordinates::new(2, vec![support]).unwrap()).unwrap();
+    let mut state = State { t: 0.0, q: vec![1.0], p: vec![0.0] };
+    equilibrium(&system, &mut state, &StaticOptions::default()).unwrap();
+    let x = state.q[0];
+    assert!(x > 0.0 && (x + 2.0 + Wall { distance: 0.1, stiffness: 0.2 }.jet(x)[1]).abs() < 1e-7);
+}
+
+/// A shallow arch of two bars, V = ((1 − w)² − 1)²/2 of the sag w: it snaps at P = 4/(3√3).
+fn arch(load: f64) -> (System, State) {
+    let energy = |w: f64| {
+        let y = 1.0 - w;
+        [0.5 * (y * y - 1.0).powi(2), -2.0 * y * (y * y - 1.0), 6.0 * y * y - 2.0]
+    };
+    one(Loaded(energy, load))
+}
+
+const SNAP: f64 = 0.769_800_358_919_501;
+
+#[test]
+fn below_the_limit_load_the_arch_carries_to_round_off() {
+    let (system, mut state) = arch(0.9 * SNAP);
+    let report = equilibrium(&system, &mut state, &StaticOptions::default()).unwrap();
+    let y = 1.0 - state.q[0];
+    assert!((2.0 * y * (1.0 - y * y) - 0.9 * SNAP).abs() < 1e-12);
+    assert!(report.is_stable() && report.jumps.is_empty() && report.critical.is_empty());
+    assert_eq!((state.t, report.load_factor()), (1.0, 1.0));
+}
+
+#[test]
+fn beyond_it_the_arch_snaps_and_the_report_says_where() {
+    let (system, mut state) = arch(1.25 * SNAP);
+    let options = StaticOptions { increment: 0.1, largest_increment: 0.1, ..Default::default() };
+    let report = equilibrium(&system, &mut state, &options).unwrap();
+    assert!(state.q[0] > 2.0 && report.is_stable());
+    assert_eq!(report.jumps.len(), 1);
+    assert!((report.jumps[0] - 0.8).abs() < 2e-3, "{:?}", report.jumps);
+}
+
+#[test]
+fn the_arc_goes_through_both_limit_points() {
+    let (system, mut state) = arch(1.25 * SNAP);
+    let options =
+        StaticOptions { increment: 0.05, largest_increment: 0.2, arc_steps: Some(500), ..Default::default() };
+    let mut path = Vec::new();
+    let report = equilibrium_path(&system, &mut state, &options, &mut |state, _| {
+        path.push((state.t, state.q[0]));
+        true
+    })
+    .unwrap();
+    for (t, w) in &path {
+        let y = 1.0 - w;
+        assert!((2.0 * y * (1.0 - y * y) - t * 1.25 * SNAP).abs() < 1e-10, "{t} {w}");
+    }
+    let unstable: Vec<_> = report.steps.iter().filter(|step| !step.is_stable).collect();
+    assert!(unstable.len() > 5);
+    assert_eq!(report.critical.len(), 2);
+    for (critical, expected) in report.critical.iter().zip([0.8, -0.8]) {
+        assert_eq!(critical.kind, CriticalKind::Limit);
+        assert!((critical.load_factor - expected).abs() < 1e-3, "{critical:?}");
+    }
+    assert!(state.t == 1.0 && state.q[0] > 2.0 && report.is_stable());
+}
+
+/// The arch by its sag, which takes ten values evenly: each load factor is the exact one, through both limit points.
+/// A stepper that takes over the memory of another goes on to the same bits.
+#[test]
+fn a_path_that_is_controlled_by_a_displacement_has_its_exact_loads() {
+    let (system, start) = arch(1.25 * SNAP);
+    let control = || {
+        let sag = |x: &[f64; 1]| Jet { energy: x[0], gradient: [1.0], hessian: [[0.0]] };
+        let jet = move |_: usize, x: &[f64; 1]| sag(x);
+        let term = Term { name: "sag", block: 1, nodes: vec![0], hessian: HessianKind::Zero, jet };
+        let function = PathFunction::new(&system, vec![Box::new(term)], &[0.0]).unwrap();
+        PathControl::Function { function: Box::new(function), to: 2.5, steps: 10 }
+    };
+    let stepper = || path_following(&system, StaticOptions::default(), control(), true).unwrap();
+    let (mut whole, mut state) = (stepper(), start.clone());
+    let mut middle = None;
+    let mut limits = 0;
+    for step in 1..=10 {
+        whole.step(&system, &mut state, 0.1).unwrap();
+        let (w, y) = (state.q[0], 1.0 - state.q[0]);
+        assert!((w - 0.25 * f64::from(step)).abs() < 1e-14);
+        assert!((2.0 * y * (1.0 - y * y) - state.t * 1.25 * SNAP).abs() < 1e-12, "{w}: {}", state.t);
+        limits += whole.take_findings().iter().filter(|finding| finding.contains("limit point")).count();
+        if step == 4 {
+            middle = Some((whole.memory(), state.clone()));
+        }
+    }
+    assert_eq!(limits, 2);
+    let (memory, mut again) = middle.unwrap();
+    let mut other = stepper();
+    other.restore(&system, &memory).unwrap();
+    for _ in 4..10 {
+        other.step(&system, &mut again, 0.1).unwrap();
+    }
+    assert_eq!(again, state);
+}
+
+/// Arc steps that are used up say so, and not that Newton's method failed.
+#[test]
+fn arc_steps_that_are_used_up_are_named() {
+    let (system, mut state) = arch(1.25 * SNAP);
+    let options =
+        StaticOptions { increment: 0.01, largest_increment: 0.01, arc_steps: Some(5), ..Default::default() };
+    let error = equilibrium(&system, &mut state, &options).unwrap_err();
+    assert!(matches!(error, SolverError::ArcSteps { steps: 5, .. }), "{error}");
+    assert!(
+        error.to_string().contains("5 arc steps") && !error.to_string().contains("iterations"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_column_buckles_at_its_critical_load_and_a_push_bends_it() {
+    // A rigid link on a spring of turning: V = θ²/2 − t P (1 − cos θ), critical at t P = 1.
+    let column = |load: f64| {
+        let jet = move |_: usize, x: &[f64; 2]| {
+            // The second coordinate only carries the load factor: it is prescribed to be t.
+            let (angle, t) = (x[0], x[1]);
+            let p = load * t;
+            Jet {
+                energy: 0.5 * angle * angle - p * (1.0 - angle.cos()),
+                gradient: [angle - p * angle.sin(), -load * (1.0 - angle.cos())],
+                hessian: [[1.0 - p * angle.cos(), -load * angle.sin()], [-load * angle.sin(), 0.0]],
+            }
+        };
+        let term = Term { name: "column", block: 2, nodes: vec![0], hessian: HessianKind::Varying, jet };
+        let path = Box::new(crate::forces::Clock);
+        let coordinates = Coordinates::new(2, vec![vi_core::Prescribed { dofs: vec![1], path }]).unwrap();
+        let system = System::new(vec![1.0; 2], vec![Box::new(term)], coordinates).unwrap();
+        (system, State { t: 0.0, q: vec![0.0], p: vec![0.0] })
+    };
+    let (system, mut state) = column(2.0);
+    let options = StaticOptions { increment: 0.3, largest_increment: 0.3, ..Default::default() };
+    let report = equilibrium(&system, &mut state, &options).unwrap();
+    assert_eq!(state.q, [0.0]);
+    assert!(!report.is_stable());
+    let critical = report.critical[0];
+    assert_eq!((critical.kind, report.critical.len()), (CriticalKind::Bifurcation, 1));
+    assert!((critical.load_factor - 0.5).abs() < 1e-8, "{critical:?}");
+
+    let (system, mut state) = column(2.0);
+    let options = StaticOptions { push: Some(0.1), ..options };
+    let report = equilibrium(&system, &mut state, &options).unwrap();
+    assert!(report.is_stable());
+    let angle = state.q[0].abs();
+    assert!(angle > 1.0 && (angle - 2.0 * angle.sin()).abs() < 1e-9, "{angle}");
+}
+
+#[test]
+fn a_load_that_nothing_carries_is_an_error_and_leaves_the_state() {
+    // U = 1 − exp(−x): its force never exceeds 1 from the right.
+    let (system, mut state) = one(Loaded(|x: f64| [1.0 - (-x).exp(), (-x).exp(), -(-x).exp()], 2.0));
+    let before = state.clone();
+    match equilibrium(&system, &mut state, &StaticOptions::default()) {
+        Err(error @ SolverError::Equilibrium { .. }) => {
+            assert!(error.to_string().contains("no equilibrium beyond load factor"), "{error}");
+        }
+        other => panic!("{other:?}"),
+    }
+    assert_eq!(state, before);
+}
+
+#[test]
+fn forces_without_a_potential_take_part() {
+    // x = f(x) = 1 + x/2 at rest: x = 2.
+    let jet = |_: usize, x: &[f64; 1]| Jet { energy: 0.5 * x[0] * x[0], gradient: *x, hessian: [[1.0]] };
+    let spring = Term { name: "spring", block: 1, nodes: vec![0], hessian: HessianKind::Constant, jet };
+    let (system, mut state) = one(spring);
+    let system = system.with_forces(vec![Linear::shared(1.0, 0.5, 0.0)]).unwrap();
+    equilibrium(&system, &mut state, &StaticOptions::default()).unwrap();
+    assert!((state.q[0] - 2.0).abs() < 1e-12, "{:?}", state.q);
+}

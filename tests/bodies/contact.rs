@@ -1,0 +1,183 @@
+//! Laws of contact in scenes: nothing crosses, energy is kept through every impact, and runs continue to the same bits.
+
+use crate::program::Program;
+
+/// A soft block that falls on a floor, 10 cm below it.
+fn block(scheme: &str, more: &str) -> String {
+    format!(
+        r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.3
+step = 1e-3
+scheme = "{scheme}"
+[contact]
+{more}
+[[body]]
+name = "block"
+box = {{ size = [0.2, 0.2, 0.2], cells = [2, 2, 2], element = "tet4", origin = [0.0, 0.0, 0.1] }}
+material = {{ law = "neo-hookean", young = 1e5, poisson = 0.3, density = 1000.0 }}
+[[rigid]]
+name = "floor"
+shape = {{ kind = "plane", normal = [0, 0, 1] }}
+position = [0.0, 0.0, 0.0]
+fixed = true
+[solver]
+tolerance = 1e-8
+[output]
+ledger = true
+"#
+    )
+}
+
+/// Largest |H − H₀ − what was dissipated| over the largest kinetic energy.
+fn drift(program: &Program) -> f64 {
+    let history = program.history();
+    let [total, friction, damping] =
+        ["total", "friction", "contact_damping"].map(|name| history.column(name));
+    let kinetic = history.column("kinetic").into_iter().fold(0.0, f64::max);
+    let kept = |row: usize| total[row] - friction[row] - damping[row];
+    (0..total.len()).map(|row| (kept(row) - kept(0)).abs()).fold(0.0, f64::max) / kinetic
+}
+
+#[test]
+fn a_block_bounces_on_a_floor_and_keeps_its_energy() {
+    for (scheme, bound) in [("energy-momentum", 1e-9), ("implicit-midpoint", 2e-2), ("stormer-verlet", 2e-2)]
+    {
+        let program = Program::run(&block(scheme, ""));
+        let history = program.history();
+        let found = drift(&program);
+        assert!(found < bound, "{scheme}: {found:e}");
+        assert!(history.column("smallest_gap").iter().all(|&gap| gap > 0.0), "{scheme}");
+        assert!(history.column("pairs").iter().any(|&pairs| pairs > 0.0), "{scheme}");
+        let report = program.report();
+        let unexplained = report["energy"]["unexplained"].as_f64().unwrap();
+        assert!(unexplained.abs() < 1e-10, "{scheme}: {unexplained:e}");
+    }
+}
+
+/// Two boxes that slide and tumble on a table, a cloth over a ball, a solid on a solid.
+fn heap(scheme: &str, more: &str) -> String {
+    format!(
+        r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.1
+step = 1e-3
+scheme = "{scheme}"
+[contact]
+friction = 0.3
+[[rigid]]
+name = "table"
+shape = {{ kind = "box", size = [1.0, 1.0, 0.1] }}
+position = [0.0, 0.0, -0.05]
+fixed = true
+[[rigid]]
+name = "brick"
+shape = {{ kind = "box", size = [0.1, 0.2, 0.05] }}
+density = 1000.0
+position = [0.0, 0.0, 0.03]
+velocity = [1.0, 0.0, 0.0]
+[[body]]
+name = "jelly"
+box = {{ size = [0.1, 0.1, 0.1], cells = [1, 1, 1], element = "tet10", origin = [-0.05, -0.05, 0.057] }}
+material = {{ law = "neo-hookean", young = 1e5, poisson = 0.3, density = 1000.0 }}
+{more}
+[[probe]]
+name = "on-table"
+between = ["brick", "table"]
+sum = "contact_force"
+[output]
+interval = 0.02
+precision = "f64"
+fields = ["displacement", "contact_pressure", "contact_traction", "gap"]
+ledger = true
+[assert]
+intersections = 0
+smallest_gap = 1e-9
+"#
+    )
+}
+
+#[test]
+fn rigid_and_quadratic_bodies_rub_and_their_accounts_close() {
+    for (scheme, bound) in [("energy-momentum", 1e-6), ("implicit-midpoint", 2e-2), ("stormer-verlet", 5e-2)]
+    {
+        let program = Program::run(&heap(scheme, ""));
+        let history = program.history();
+        let found = drift(&program);
+        assert!(found < bound, "{scheme}: {found:e}");
+        let friction = history.column("friction");
+        assert!(friction.windows(2).all(|pair| pair[1] <= pair[0] + 1e-12), "{scheme}");
+        assert!(friction.last().is_some_and(|&last| last < -1e-4), "{scheme}: {:?}", friction.last());
+        let unexplained = program.report()["energy"]["unexplained"].as_f64().unwrap();
+        assert!(unexplained.abs() < 1e-9, "{scheme}: {unexplained:e}");
+        // The table presses upwards, and holds the brick back.
+        let pushes = history.column("on-table.fz");
+        assert!(
+            pushes.iter().all(|&force| force >= 0.0) && pushes.iter().any(|&force| force > 1.0),
+            "{scheme}"
+        );
+        assert!(history.column("on-table.fx").iter().any(|&force| force < -0.1), "{scheme}");
+    }
+}
+
+#[test]
+fn a_run_is_the_same_on_any_threads_and_after_a_resume_in_mid_slip() {
+    for scheme in ["implicit-midpoint", "stormer-verlet"] {
+        let scene =
+            heap(scheme, "[checkpoint]\ninterval = 0.02\nkeep = 9\n").replace("end = 0.1\n", "end = 0.06\n");
+        let text = |program: &Program| std::fs::read(program.out().join("history.csv")).unwrap();
+        let one = Program::run_with(&scene, &["--threads", "1"]);
+        let two = Program::run_with(&scene, &["--threads", "2"]);
+        assert!(text(&one) == text(&two), "{scheme}");
+        // A run that is ended after two thirds, by dropping its newest checkpoints, and continued.
+        let files = std::fs::read_dir(two.out()).unwrap().map(|entry| entry.unwrap().path());
+        let is_saved = |file: &std::path::PathBuf| file.to_string_lossy().contains("checkpoint_");
+        let mut saved: Vec<_> = files.filter(is_saved).collect();
+        saved.sort();
+        assert!(saved.len() >= 3, "{scheme}: {saved:?}");
+        for newest in &saved[2..] {
+            std::fs::remove_file(newest).unwrap();
+        }
+        let resumed =
+            crate::program::command().current_dir(two.directory()).args(["resume", "out"]).output().unwrap();
+        assert!(resumed.status.success(), "{scheme}: {}", String::from_utf8_lossy(&resumed.stderr));
+        assert!(text(&one) == text(&two), "{scheme}: resumed");
+    }
+}
+
+#[test]
+fn what_is_not_built_is_refused_by_name() {
+    let refused = |scene: &str, words: &[&str]| {
+        let program = Program::check(scene);
+        let said = program.errors() + &String::from_utf8_lossy(&program.output.stdout);
+        assert_eq!(program.code(), Some(2), "{said}");
+        assert!(words.iter().all(|word| said.contains(word)), "{words:?}: {said}");
+    };
+    refused(&block("blanes-moan-4", ""), &["blanes-moan-4", "take stormer-verlet"]);
+    refused(&block("gauss", ""), &["gauss 2", "take stormer-verlet"]);
+    refused(&block("auto", ""), &["\"auto\" does not choose"]);
+    refused(&block("backward-euler", "friction = 0.1"), &["friction", "backward-euler"]);
+    refused(
+        &block("energy-momentum", "exclude = [[\"block\", \"flor\"]]"),
+        &["contact.exclude[0]", "'flor'"],
+    );
+    let without = block("energy-momentum", "").replace("[contact]\n", "");
+    refused(&without, &["rigid[0].shape", "add the table [contact]"]);
+}
+
+#[test]
+fn a_start_that_touches_or_crosses_names_the_pair() {
+    let refused = |scene: &str, words: &[&str]| {
+        let program = Program::try_run(scene, &[]);
+        assert_eq!(program.code(), Some(2), "{}", program.errors());
+        assert!(words.iter().all(|word| program.errors().contains(word)), "{words:?}: {}", program.errors());
+    };
+    let sunk = block("energy-momentum", "").replace("origin = [0.0, 0.0, 0.1]", "origin = [0.0, 0.0, -0.05]");
+    refused(&sunk, &["'block' and 'floor' meet at the start", "contact.exclude"]);
+    refused(&sunk.replace("[contact]", "[contact]\nresolve = true"), &["`contact.resolve` is not built"]);
+    let through =
+        heap("energy-momentum", "").replace("position = [0.0, 0.0, 0.03]", "position = [0.0, 0.0, 0.01]");
+    refused(&through, &["'table'", "'brick'", "at the start"]);
+}

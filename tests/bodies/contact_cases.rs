@@ -1,0 +1,106 @@
+//! Reference cases of contact: impact of a bar, a block that slides, stops and stays, a box that bounces.
+//!
+//! Cases H1, H5 and H12 of docs/validation-contact.md, where the numbers come from.
+
+use crate::program::Program;
+
+/// A bar of wave speed c = 31.6 m/s hits a wall: it stays for 2 L/c, pushes with p = ρ c v₀, and leaves as fast as it came.
+#[test]
+fn a_bar_leaves_a_wall_as_fast_as_it_came() {
+    let run = Program::run(
+        r#"
+[time]
+end = 0.09
+step = 3e-4
+scheme = "energy-momentum"
+[contact]
+[[body]]
+name = "bar"
+box = { size = [1.0, 0.1, 0.1], cells = [100, 1, 1], element = "hex8", origin = [0.002, 0, 0] }
+material = { law = "linear", young = 1e6, poisson = 0.0, density = 1000.0 }
+velocity = [-0.316228, 0, 0]
+[[rigid]]
+name = "wall"
+shape = { kind = "plane", normal = [1, 0, 0] }
+fixed = true
+"#,
+    )
+    .history();
+    let (t, pairs, p, total) = (run.column("t"), run.column("pairs"), run.column("px"), run.column("total"));
+    let touching: Vec<f64> =
+        t.iter().zip(&pairs).filter(|(_, pairs)| **pairs > 0.0).map(|(t, _)| *t).collect();
+    let duration = touching[touching.len() - 1] - touching[0];
+    assert!((duration / 63.246e-3 - 1.0).abs() < 0.03, "{duration}");
+    assert!(((p[p.len() - 1] - p[0]) / 6.3246 - 1.0).abs() < 5e-3, "{:?}", p.last());
+    let drift = total.iter().map(|e| (e - total[0]).abs()).fold(0.0, f64::max);
+    assert!(drift < 1e-10 * 0.5, "{drift:e}");
+}
+
+/// On a slope of 30° with μ = 0.7 a block at 1 m/s stops after v²/(2 g (μ cos − sin)), and then does not creep.
+#[test]
+fn a_block_stops_on_a_slope_and_stays() {
+    let run = Program::run(
+        r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 5.0
+step = 1e-3
+scheme = "energy-momentum"
+[contact]
+friction = 0.7
+damping = 1e-3
+[[rigid]]
+name = "block"
+shape = { kind = "box", size = [0.1, 0.1, 0.04] }
+density = 1000.0
+orientation = { axis = [0, 1, 0], angle = 0.5235987755982988 }
+position = [0.0102, 0, 0.01766692]
+velocity = [0.8660254037844387, 0.0, -0.5]
+[[rigid]]
+name = "slope"
+shape = { kind = "plane", normal = [0.5, 0, 0.8660254037844387] }
+fixed = true
+"#,
+    )
+    .history();
+    let (t, x, z) = (run.column("t"), run.column("block.x"), run.column("block.z"));
+    let settled = t.iter().position(|t| *t > 1.5).unwrap();
+    let distance = |i: usize, j: usize| (x[j] - x[i]).hypot(z[j] - z[i]);
+    assert!((distance(0, settled) / 0.479848 - 1.0).abs() < 1e-3, "{}", distance(0, settled));
+    assert!(distance(settled, t.len() - 1) < 1e-9, "{:e}", distance(settled, t.len() - 1));
+    let (total, friction, damping) =
+        (run.column("total"), run.column("friction"), run.column("contact_damping"));
+    assert!(friction.windows(2).all(|pair| pair[1] <= pair[0]));
+    for i in 0..t.len() {
+        let balance = total[i] - friction[i] - damping[i] - total[0];
+        assert!(balance.abs() < 1e-8, "t = {}: {balance:e}", t[i]);
+    }
+}
+
+/// A rigid box dropped on a floor keeps its energy through every bounce.
+#[test]
+fn a_box_bounces_on_without_loss() {
+    let run = Program::run(
+        r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 9.2
+step = 2e-3
+scheme = "energy-momentum"
+[contact]
+[[rigid]]
+name = "box"
+shape = { kind = "box", size = [0.2, 0.2, 0.2] }
+density = 1000.0
+position = [0, 0, 1.1]
+[[rigid]]
+name = "floor"
+shape = { kind = "plane", normal = [0, 0, 1] }
+fixed = true
+"#,
+    )
+    .history();
+    let total = run.column("total");
+    let drift = total.iter().map(|e| (e / total[0] - 1.0).abs()).fold(0.0, f64::max);
+    assert!(drift < 1e-8, "{drift:e}");
+}

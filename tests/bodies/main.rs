@@ -1,0 +1,16 @@
+//! Bodies and what joins them: solids, sheets, rigid bodies, ties, contact, equilibria, vibrations.
+
+mod consistent_mass;
+mod contact;
+mod contact_cases;
+mod equilibria;
+mod parts;
+mod paths;
+#[path = "../program/mod.rs"]
+mod program;
+mod rigid;
+mod sheet_files;
+mod sheets;
+mod stiff_cloth;
+mod ties;
+mod vibrations;

@@ -1,0 +1,14 @@
+//! Files that the program reads and writes.
+
+mod check_frames;
+mod decks;
+mod frames;
+mod meshes;
+mod output_directory;
+#[path = "../program/mod.rs"]
+mod program;
+mod provenance;
+mod results;
+mod resume;
+mod resume_files;
+mod viewers;

@@ -1,0 +1,199 @@
+//! What the end of a run says: extremes with their places, reactions, and no more of statics than there is.
+
+use crate::program::Program;
+use serde_json::Value;
+
+/// A beam that hangs from two fixes which share an edge, in statics.
+const HANGING: &str = r#"
+gravity = [1.0, 2.0, -9.81]
+[time]
+end = 1.0
+step = 1.0
+scheme = "implicit-midpoint"
+[static]
+tolerance = 1e-14
+[[body]]
+name = "beam"
+box = { size = [1.0, 0.2, 0.3], cells = [6, 2, 2], element = "hex8" }
+material = { law = "neo-hookean", young = 1e7, poisson = 0.3, density = 1000.0 }
+[[fix]]
+body = "beam"
+region = "x-min"
+[[fix]]
+body = "beam"
+region = "z-min"
+axes = ["z"]
+[[probe]]
+name = "tip"
+body = "beam"
+point = [1.0, 0.2, 0.3]
+[output]
+interval = 1.0
+precision = "f64"
+fields = ["displacement", "von_mises", "reaction_force"]
+"#;
+
+/// Equal but for what a reader of JSON may make of the last digit.
+fn is_close(value: &Value, expected: f64) -> bool {
+    (value.as_f64().unwrap() - expected).abs() <= 4.0 * f64::EPSILON * expected.abs()
+}
+
+fn vector(value: &Value) -> [f64; 3] {
+    [0, 1, 2].map(|k| value[k].as_f64().unwrap())
+}
+
+#[test]
+fn reactions_of_statics_carry_the_weight() {
+    let program = Program::run(HANGING);
+    let report = program.report();
+    let reactions = report["results"]["reactions"].as_array().unwrap();
+    assert_eq!(reactions.len(), 2);
+    let (mut force, mut moment) = ([0.0; 3], [0.0; 3]);
+    for reaction in reactions {
+        let (f, m, c) =
+            (vector(&reaction["force"]), vector(&reaction["moment"]), vector(&reaction["centroid"]));
+        for k in 0..3 {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            force[k] += f[k];
+            moment[k] += m[k] + c[i] * f[j] - c[j] * f[i];
+        }
+    }
+    let mass = 1000.0 * 0.06;
+    let weight = [mass, 2.0 * mass, -9.81 * mass];
+    for k in 0..3 {
+        assert!((force[k] + weight[k]).abs() < 1e-9 * mass, "{force:?}");
+    }
+    // The second fix holds z alone.
+    assert_eq!(vector(&reactions[1]["force"])[..2], [0.0, 0.0]);
+    // The moment about the origin is that of the weight of the bent body: its nodes' row sums of mass are even on a
+    // lattice of bricks, but for the ends.
+    let frame = variational::io::read_mesh(&program.out().join("scene_000001.vtu")).unwrap();
+    let u = &frame.point_array("displacement").unwrap().values;
+    let mut of_weight = [0.0; 3];
+    for (node, rest) in frame.mesh.points.iter().enumerate() {
+        let inner = |x: f64, end: f64| if x.abs() < 1e-9 || (x - end).abs() < 1e-9 { 0.5 } else { 1.0 };
+        let share = inner(rest[0], 1.0) * inner(rest[1], 0.2) * inner(rest[2], 0.3) / 24.0;
+        let x = [0, 1, 2].map(|k| rest[k] + u[3 * node + k]);
+        for k in 0..3 {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            of_weight[k] += share * (x[i] * weight[j] - x[j] * weight[i]);
+        }
+    }
+    for k in 0..3 {
+        assert!((moment[k] + of_weight[k]).abs() < 1e-8 * mass, "{moment:?} {of_weight:?}");
+    }
+}
+
+#[test]
+fn the_largest_values_are_those_of_the_last_frame() {
+    let program = Program::run(HANGING);
+    let report = program.report();
+    let frame = variational::io::read_mesh(&program.out().join("scene_000001.vtu")).unwrap();
+    let u = frame.point_array("displacement").unwrap().values.as_chunks::<3>().0.to_vec();
+    let length = |u: &[f64; 3]| u.iter().map(|u| u * u).sum::<f64>().sqrt();
+    let peak = &report["results"]["largest_displacement"];
+    let node = peak["node"].as_u64().unwrap() as usize;
+    let largest = u.iter().map(length).fold(0.0, f64::max);
+    assert!(is_close(&peak["value"], length(&u[node])), "{peak}");
+    assert!((largest - length(&u[node])).abs() < 1e-15);
+    assert!((0..3).all(|k| is_close(&peak["position"][k], frame.mesh.points[node][k])), "{peak}");
+    assert_eq!(peak["body"], "beam");
+    let stress = &frame.cell_array("von_mises").unwrap().values;
+    let peak = &report["results"]["largest_von_mises"];
+    let element = peak["element"].as_u64().unwrap() as usize;
+    assert!(is_close(&peak["value"], stress.iter().copied().fold(0.0, f64::max)), "{peak}");
+    assert!(is_close(&peak["value"], stress[element]), "{peak}");
+    let said = String::from_utf8_lossy(&program.output.stdout).into_owned();
+    for words in
+        ["largest displacement", "largest von Mises stress", "reaction of fix 0, region 'x-min'", "tip.uz: "]
+    {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+}
+
+#[test]
+fn statics_have_no_scheme_and_no_drift() {
+    let program = Program::run(HANGING);
+    let report = program.report();
+    assert!(report["scheme"].is_null() && report["variational"].is_null());
+    assert!(report["energy"].get("drift").is_none() && report["energy"].get("relative_drift").is_none());
+    let said = String::from_utf8_lossy(&program.output.stdout).into_owned() + &program.errors();
+    assert!(
+        said.contains("load step") && !said.contains("implicit-midpoint") && !said.contains("drift"),
+        "{said}"
+    );
+}
+
+#[test]
+fn extremes_of_probes_are_those_of_the_rows() {
+    let region = "[[probe]]\nname = \"root\"\nbody = \"beam\"\nregion = \"x-min\"\nsum = \"reaction_force\"\n\
+                  max = \"von_mises\"\n[[probe]]\nname = \"tip\"";
+    let scene = HANGING
+        .replace("[static]\ntolerance = 1e-14\n", "")
+        .replace("end = 1.0\nstep = 1.0", "end = 0.2\nstep = 0.002")
+        .replace("[[probe]]\nname = \"tip\"", region);
+    let program = Program::run(&scene);
+    let (report, history) = (program.report(), program.history());
+    let times = history.column("t");
+    let ranges = report["results"]["probes"].as_array().unwrap();
+    assert_eq!(ranges.len(), 3 + 4);
+    let root = ["root.sum.reaction_force.x", "root.sum.reaction_force.z", "root.max.von_mises"];
+    for column in ["tip.ux", "tip.uy", "tip.uz"].into_iter().chain(root) {
+        let values = history.column(column);
+        let range =
+            ranges.iter().find(|range| range["column"] == column).unwrap_or_else(|| panic!("{column}"));
+        let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        assert!(
+            is_close(&range["min"], least) && is_close(&range["max"], most),
+            "{range} {least:e} {most:e}"
+        );
+        let at = times.iter().position(|&t| is_close(&range["at_max"], t)).unwrap();
+        assert_eq!(values[at], most);
+    }
+}
+
+#[test]
+fn a_mesh_that_looks_like_millimetres_is_told() {
+    let said = |keys: &str, young: &str| {
+        let program = Program::run(&format!(
+            "[time]\nend = 1.0\nstep = 1.0\nscheme = \"implicit-midpoint\"\n[static]\n[[body]]\nname = \"bar\"\n\
+             mesh = \"MESHES/bar.inp\"\n{keys}\n\
+             material = {{ law = \"linear\", young = {young}, poisson = 0.3, density = 7850.0 }}\n\
+             [[fix]]\nbody = \"bar\"\nregion = \"root\"\n"
+        ));
+        let notes = program.report()["notes"].to_string();
+        assert_eq!(notes.contains("millimetre"), program.errors().contains("millimetre"));
+        notes.contains("millimetre")
+    };
+    assert!(said("", "2.1e11"));
+    assert!(!said("scale = 1e-3", "2.1e11") && !said("scale = 1.0", "2.1e11") && !said("", "1e6"));
+}
+
+/// A body that nothing moves does not drift: a ratio of round-off to round-off is no drift, and breaks no assertion.
+#[test]
+fn a_body_at_rest_does_not_drift() {
+    let scene = |scheme: &str| {
+        format!(
+            r#"
+            [time]
+            end = 0.02
+            step = 1e-3
+            scheme = "{scheme}"
+            [[body]]
+            name = "beam"
+            box = {{ size = [1.0, 0.2, 0.2], cells = [3, 1, 1] }}
+            material = {{ law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }}
+            [[fix]]
+            body = "beam"
+            region = "x-min"
+            [assert]
+            energy_drift = 1e-6
+            "#
+        )
+    };
+    for scheme in ["implicit-midpoint", "stormer-verlet", "energy-momentum"] {
+        let program = Program::run(&scene(scheme));
+        assert_eq!(program.report()["energy"]["relative_drift"], 0.0, "{scheme}");
+    }
+}

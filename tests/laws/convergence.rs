@@ -1,0 +1,100 @@
+//! `variational convergence`: orders that theory knows, and estimates that hold what is exact.
+
+use crate::program::command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn study(scene: &str, arguments: &[&str]) -> (i32, Value, String) {
+    let directory = TempDir::new().unwrap();
+    std::fs::write(directory.path().join("scene.toml"), scene).unwrap();
+    let output = command()
+        .current_dir(directory.path())
+        .args(["convergence", "scene.toml", "--json", "--out", "out"])
+        .args(arguments)
+        .output()
+        .unwrap();
+    let code = output.status.code().unwrap();
+    if code == 0 {
+        let csv = std::fs::read_to_string(directory.path().join("out/convergence.csv")).unwrap();
+        assert!(csv.starts_with("study,refined,nodes,steps,step,seconds,"));
+        let chart = std::fs::read_to_string(directory.path().join("out/convergence.svg")).unwrap();
+        assert!(chart.starts_with("<svg") && chart.ends_with("</svg>\n"));
+    }
+    let errors = String::from_utf8(output.stderr).unwrap();
+    (code, serde_json::from_slice(&output.stdout).unwrap_or(Value::Null), errors)
+}
+
+fn row<'a>(report: &'a Value, of: &str, quantity: &str) -> &'a Value {
+    let studies = report["studies"].as_array().unwrap();
+    let study = studies.iter().find(|study| study["of"] == of).unwrap();
+    study["rows"].as_array().unwrap().iter().find(|row| row["quantity"] == quantity).unwrap()
+}
+
+const BAR: &str = r#"
+    [time]
+    end = 1.0
+    step = 0.05
+    scheme = "SCHEME"
+    [solver]
+    tolerance = 1e-12
+    [[body]]
+    name = "bar"
+    box = { size = [1.0, 0.2, 0.2], cells = [4, 1, 1], element = "hex8" }
+    material = { law = "linear", young = 1.0, poisson = 0.0, density = 1.0 }
+    [[fix]]
+    body = "bar"
+    region = "x-min"
+    [[load]]
+    kind = "body-force"
+    body = "bar"
+    force = ["sin(pi*x/2)", 0.0, 0.0]
+    [[probe]]
+    name = "tip"
+    body = "bar"
+    point = [1.0, 0.0, 0.0]
+"#;
+
+/// u = sin(πx/2) (1 − cos ωt)/ω², ω = π/2: smooth, so linear elements and midpoint are of order 2.
+#[test]
+fn a_vibrating_bar_is_of_order_two_in_space_and_in_time() {
+    for scheme in ["implicit-midpoint", "stormer-verlet"] {
+        let (code, report, errors) = study(&BAR.replace("SCHEME", scheme), &[]);
+        assert_eq!(code, 0, "{errors}");
+        for of in ["space", "time"] {
+            let order = row(&report, of, "tip.ux")["observed_order"].as_f64().unwrap();
+            assert!((order - 2.0).abs() < 0.15, "{scheme} {of}: {order}");
+        }
+        let exact = (2.0 / std::f64::consts::PI).powi(2);
+        let estimates = report["estimates"].as_array().unwrap();
+        let tip = estimates.iter().find(|estimate| estimate["quantity"] == "tip.ux").unwrap();
+        let (value, bar) = (tip["value"].as_f64().unwrap(), tip["error"].as_f64().unwrap());
+        assert_eq!(tip["verdict"], "converges");
+        assert!((value - exact).abs() < bar && bar < 0.01 * exact, "{scheme}: {value} ± {bar}, {exact}");
+    }
+}
+
+/// The tip of a bar under a load that its elements cannot have exactly; statics have no time study.
+#[test]
+fn statics_and_modes_are_studied_in_space() {
+    let scene = BAR
+        .replace("SCHEME", "implicit-midpoint")
+        .replace("[solver]", "[static]\n    tolerance = 1e-12\n    [solver]");
+    let (code, report, errors) = study(&scene, &["--levels", "4"]);
+    assert_eq!(code, 0, "{errors}");
+    assert_eq!(report["studies"].as_array().unwrap().len(), 1);
+    let energy = row(&report, "space", "elastic");
+    // ½ ∫ u'² dx of u = sin(πx/2)/ω².
+    let exact = 0.5 * 0.5 * (2.0 / std::f64::consts::PI).powi(2) * 0.04;
+    let order = energy["observed_order"].as_f64().unwrap();
+    assert!(
+        (order - 2.0).abs() < 0.1 && (energy["value"].as_f64().unwrap() / exact - 1.0).abs() < 1e-4,
+        "{energy}"
+    );
+    let (code, report, errors) = study(&scene, &["--modes", "1"]);
+    assert_eq!(code, 0, "{errors}");
+    let found = row(&report, "space", "mode 0")["value"].as_f64().unwrap();
+    // The lowest mode is a bending one of a thick beam, or the axial one, 1/4 Hz: what matters is that it settles.
+    assert!(found > 0.0 && found < 0.26, "{found}");
+    let (code, _, errors) = study(&scene, &["--time"]);
+    assert!(code == 2 && errors.contains("no time study"), "{errors}");
+}

@@ -1,0 +1,14 @@
+//! The laws that every simulation keeps: invariance, conservation, determinism, accuracy, error bars.
+
+mod accuracy;
+mod conservation;
+mod convergence;
+mod determinism;
+mod known_answers;
+mod measured;
+#[path = "../program/mod.rs"]
+mod program;
+mod promise;
+mod properties;
+mod safety;
+mod stress;

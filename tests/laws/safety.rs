@@ -1,0 +1,241 @@
+//! What a run does when a step fails or energy comes from nowhere: it says so, it mends what can be
+//! mended, and it ends clearly where nothing can.
+
+use crate::program::Program;
+
+/// A block whose left end is struck so hard that a whole step turns elements inside out.
+const STRUCK: &str = r#"
+[time]
+end = 0.02
+step = 2e-3
+scheme = "SCHEME"
+TIME
+[[body]]
+name = "block"
+box = { size = [0.4, 0.2, 0.2], cells = [4, 2, 2], element = "tet4", origin = [0, 0, 0] }
+material = { law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }
+[[strike]]
+body = "block"
+region = "x-min"
+impulse = [300.0, 0.0, 0.0]
+[output]
+interval = 0.004
+[checkpoint]
+interval = 0.004
+"#;
+
+fn struck(scheme: &str, time: &str) -> Program {
+    Program::try_run(&STRUCK.replace("SCHEME", scheme).replace("TIME", time), &[])
+}
+
+#[test]
+fn a_step_that_fails_is_cut() {
+    for scheme in ["implicit-midpoint", "gauss", "energy-momentum", "bdf2", "generalized-alpha"] {
+        let whole = struck(scheme, "substeps = false");
+        assert_eq!(whole.code(), Some(4), "{scheme}: the scene is too gentle");
+        let run = struck(scheme, "");
+        assert_eq!(run.code(), Some(0), "{scheme}: {}", run.errors());
+        let (report, history) = (run.report(), run.history());
+        let cut = report["substeps"]["steps_cut"].as_u64().unwrap();
+        let substeps = report["substeps"]["substeps"].as_u64().unwrap();
+        assert!(cut >= 1 && substeps >= 2 * cut, "{scheme}: {}", report["substeps"]);
+        assert!(report["substeps"]["smallest"].as_f64().unwrap() <= 1e-3);
+        // A scheme that is symmetric in time loses that by cuts, which the run says.
+        let is_symmetric = !["bdf2", "generalized-alpha"].contains(&scheme);
+        assert_eq!(report["substeps"]["time_symmetry_lost"], is_symmetric);
+        assert_eq!(
+            report["notes"].to_string().contains("run backwards"),
+            is_symmetric,
+            "{}",
+            report["notes"]
+        );
+        assert_eq!(history.column("substeps").iter().sum::<f64>(), substeps as f64);
+        // Every step of the run is there, at its time.
+        let times = history.column("t");
+        assert_eq!(times.len(), 11);
+        assert!(times.iter().enumerate().all(|(n, t)| *t == n as f64 * 2e-3), "{times:?}");
+        // Linear momentum is kept through all substeps.
+        let momentum = history.column("px");
+        assert!(momentum.iter().all(|p| (p / 300.0 - 1.0).abs() < 1e-6), "{scheme}: {momentum:?}");
+        assert!(String::from_utf8_lossy(&run.output.stdout).contains("were cut into"));
+    }
+}
+
+/// A clamp that pushes one face through the other: no step is small enough. The run ends with exit code
+/// 4 and what it reached, the state before the failed step.
+#[test]
+fn the_floor_is_a_clear_end() {
+    let scene = STRUCK.replace("SCHEME", "implicit-midpoint").replace("TIME", "").replace(
+        "[[strike]]\nbody = \"block\"\nregion = \"x-min\"\nimpulse = [300.0, 0.0, 0.0]",
+        "[[fix]]\nbody = \"block\"\nregion = \"x-max\"\n[[fix]]\nbody = \"block\"\nregion = \"x-min\"\n\
+         motion = { kind = \"translate\", velocity = [40.0, 0.0, 0.0] }",
+    );
+    let run = Program::try_run(&scene, &[]);
+    assert_eq!(run.code(), Some(4), "{}", run.errors());
+    let errors = run.errors();
+    assert!(errors.contains("h = 0.000001953125"), "{errors}");
+    assert!(errors.contains("failed") && errors.contains("last good state"), "{errors}");
+    let (report, history) = (run.report(), run.history());
+    let steps = report["steps"].as_u64().unwrap();
+    assert!(report["outcome"]["failed"].as_str().unwrap().contains("failed"), "{}", report["outcome"]);
+    assert_eq!(history.column("t").len() as u64, steps + 1);
+    assert!(history.last("total").is_finite());
+    let found = variational::run::checkpoint::newest(&run.out()).unwrap();
+    assert_eq!(found.checkpoint.steps(), steps);
+    let frames = vi_frames(&run);
+    assert_eq!(frames.last().unwrap(), &(steps as f64 * 2e-3), "{frames:?}");
+}
+
+/// Times of the frames.
+fn vi_frames(run: &Program) -> Vec<f64> {
+    let series = variational::io::PvdSeries::open(&run.out().join("scene.pvd")).unwrap();
+    series.frames().iter().map(|frame| frame.0).collect()
+}
+
+/// A block that rings, by explicit steps beyond their limit: energy grows without bound.
+const RINGING: &str = r#"
+[time]
+end = 0.1
+step = 2.2e-3
+scheme = "SCHEME"
+[[body]]
+name = "block"
+box = { size = [0.4, 0.2, 0.2], cells = [4, 2, 2], element = "tet4", origin = [0, 0, 0] }
+material = { law = "LAW", young = 1e6, poisson = 0.3, density = 1000.0 }
+velocity = [0.1, 0, 0]
+[[fix]]
+body = "block"
+region = "x-min"
+GUARD
+"#;
+
+fn ringing(scheme: &str, law: &str, guard: &str) -> Program {
+    let scene = RINGING.replace("SCHEME", scheme).replace("LAW", law).replace("GUARD", guard);
+    Program::try_run(&scene, &[])
+}
+
+#[test]
+fn energy_from_nowhere_never_passes_in_silence() {
+    // Without a guard of its own the scene is warned, on the console and in the report.
+    let run = ringing("stormer-verlet", "linear", "");
+    assert_eq!(run.code(), Some(0), "{}", run.errors());
+    assert!(run.errors().contains("warning: energy was gained"), "{}", run.errors());
+    let guard = &run.report()["guard"];
+    assert_eq!(guard["exceeded"], true);
+    let (first, last) = (run.history().first("total"), run.history().last("total"));
+    assert!(last > 1e3 * first, "it did not blow up: {first} {last}");
+    let growth = guard["growth"].as_f64().unwrap();
+    assert!((growth / (last - first) - 1.0).abs() < 0.5, "{growth} J of {last}");
+
+    let run = ringing("stormer-verlet", "linear", "[guard]\naction = \"stop\"");
+    assert_eq!(run.code(), Some(4));
+    assert!(run.errors().contains("energy guard") && run.errors().contains(" J "), "{}", run.errors());
+    assert!(run.history().last("total") < 10.0 * first, "it was stopped too late");
+
+    for action in ["halve", "switch"] {
+        let run = ringing("stormer-verlet", "linear", &format!("[guard]\naction = \"{action}\""));
+        assert_eq!(run.code(), Some(0), "{action}: {}", run.errors());
+        let (report, history) = (run.report(), run.history());
+        let events = report["guard"]["events"].as_array().unwrap();
+        assert!(!events.is_empty() && events.iter().all(|event| event["joules"].as_f64().unwrap() > 0.0));
+        let said = events[0]["action"].as_str().unwrap();
+        assert!(said.contains(if action == "halve" { "with steps of" } else { "energy-momentum" }), "{said}");
+        assert!(history.last("total") < 1.1 * first, "{action}: {}", history.last("total"));
+        let times = history.column("t");
+        assert!(times.iter().is_sorted_by(|a, b| a < b) && times.len() == 46, "{times:?}");
+        assert!(String::from_utf8_lossy(&run.output.stdout).contains("energy guard:"));
+    }
+}
+
+/// What keeps its energy is left alone: schemes in their bounds, driven and free.
+#[test]
+fn the_guard_leaves_sound_runs_alone() {
+    for scheme in ["stormer-verlet", "blanes-moan-4", "implicit-midpoint", "energy-momentum", "bdf2"] {
+        let scene = RINGING
+            .replace("SCHEME", scheme)
+            .replace("LAW", "stable-neo-hookean")
+            .replace("2.2e-3", "2e-4")
+            .replace("velocity = [0.1, 0, 0]", "")
+            .replace("[time]", "gravity = [0.0, -9.81, 0.0]\n[time]")
+            .replace("GUARD", "motion = { kind = \"sine\", amplitude = [0, 0.01, 0], frequency = 20.0 }\n[guard]\naction = \"halve\"");
+        let run = Program::try_run(&scene, &[]);
+        assert_eq!(run.code(), Some(0), "{scheme}: {}", run.errors());
+        assert_eq!(
+            run.report()["guard"]["events"].as_array().unwrap().len(),
+            0,
+            "{scheme}: {}",
+            run.report()["guard"]
+        );
+        assert!(!run.errors().contains("warning"), "{}", run.errors());
+    }
+}
+
+/// A flag that stiffens as it crumples, beyond the limit of the step that is stable while it is flat.
+const FLAG: &str = r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 2.0
+scheme = "auto"
+tolerance = 1e-2
+[guard]
+action = "off"
+[[body]]
+name = "cloth"
+sheet = { size = [1.0, 1.0], cells = [8, 8] }
+material = { law = "st-venant-kirchhoff", young = 1e5, poisson = 0.3, area_density = 0.2, thickness = 1e-3 }
+[[fix]]
+body = "cloth"
+region = "x-min"
+"#;
+
+#[test]
+fn auto_sees_that_a_step_becomes_too_long() {
+    // Up to 0.98 of the limit of the flat flag.
+    let fails = |step: &&str| {
+        let step = format!("time.step={step}");
+        let run = Program::try_run(FLAG, &["--set", "time.scheme=stormer-verlet", "--set", &step]);
+        run.code() == Some(4)
+    };
+    assert!(["3.4e-3", "3.5e-3", "3.55e-3", "3.6e-3"].iter().any(fails), "the flag is too tame");
+    let run = Program::try_run(FLAG, &[]);
+    assert_eq!(run.code(), Some(0), "{}", run.errors());
+    let report = run.report();
+    assert!(report["energy"]["relative_drift"].as_f64().unwrap() <= 1e-2, "{}", report["energy"]);
+    assert!(report["auto"]["trial_seconds"].as_f64() <= report["auto"]["budget_seconds"].as_f64());
+    assert_eq!(run.history().column("t").last(), Some(&2.0));
+}
+
+/// StVK stiffens as it is stretched, by the factor √(3λ² − 1)/√2 along it, and with it the highest frequency: a
+/// step that was below the limit at the start is then above it. The run says so when it has blown up.
+#[test]
+fn a_limit_that_fell_is_named() {
+    let scene = |step: f64| {
+        format!(
+            r#"
+[time]
+end = 0.2
+step = {step:e}
+scheme = "stormer-verlet"
+[[body]]
+name = "bar"
+box = {{ size = [0.4, 0.2, 0.2], cells = [8, 4, 4] }}
+material = {{ law = "st-venant-kirchhoff", young = 1e6, poisson = 0.3, density = 1000.0 }}
+[[fix]]
+body = "bar"
+region = "x-min"
+[[fix]]
+body = "bar"
+region = "x-max"
+motion = {{ kind = "translate", velocity = [2.0, 0.0, 0.0] }}
+[output]
+history = 0
+"#
+        )
+    };
+    let limit = Program::run(&scene(1e-4)).report()["stability"]["step_limit"].as_f64().unwrap();
+    let run = Program::try_run(&scene(0.95 * limit), &[]);
+    assert_eq!(run.code(), Some(4), "{}", run.errors());
+    let said = run.errors();
+    assert!(said.contains("of the stability limit that stormer-verlet had at the start"), "{said}");
+    assert!(run.report()["notes"].to_string().contains("the limit falls as bodies deform"));
+}
