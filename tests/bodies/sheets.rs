@@ -138,7 +138,7 @@ fn the_matter_of_a_solid_is_refused_for_a_sheet_and_the_reverse() {
     let time = Time::new(1.0, 0.1, SchemeName::StormerVerlet);
     for (body, words) in [
         (Body::from_sheet("b", square(), solid), "missing key `thickness`"),
-        (Body::from_box("b", block, cloth()), "`thickness` is not allowed"),
+        (Body::from_box("b", block, cloth()), "a box is a solid, which has no `thickness`"),
     ] {
         let problems = Scene::new(time.clone()).body(body).problems();
         assert_eq!(problems.len(), 1, "{problems:?}");

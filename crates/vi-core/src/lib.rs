@@ -34,7 +34,7 @@ pub use theory::{
 
 /// The pages of `docs/theory`, whose snippets are tests.
 #[cfg(doctest)]
-mod theory {
+mod theory_pages {
     #[doc = include_str!("../../../docs/theory/01-hamilton.md")]
     mod hamilton {}
     #[doc = include_str!("../../../docs/theory/02-discrete.md")]
