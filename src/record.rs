@@ -1,5 +1,5 @@
 //! Values as bytes and back: little-endian, lengths before contents, nothing else. The order of a struct's fields in
-//! [`record!`] is its format.
+//! `record!` is its format.
 //!
 //! Reading allocates no more than the bytes that are left could hold, whatever a length claims.
 

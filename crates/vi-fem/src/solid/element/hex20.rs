@@ -5,7 +5,7 @@ use vi_mesh::CellKind;
 use super::contract::Element;
 use super::rule::{GAUSS_3, cube};
 
-/// Corners as [`super::Hex8`], then the middles of the edges 01 12 23 30, 45 56 67 74, 04 15 26 37.
+/// Corners as `Hex8`, then the middles of the edges 01 12 23 30, 45 56 67 74, 04 15 26 37.
 /// N = Π (1 + ξ ξ_a)/8 (ξ·ξ_a − 2) at corners, (1 − ξ²)(1 ± η)(1 ± ζ)/4 on edges along ξ. 27 points,
 /// exact to degree 5 in each coordinate.
 #[derive(Debug, Clone, Copy)]

@@ -5,7 +5,7 @@ use vi_mesh::CellKind;
 use super::contract::Element;
 use super::rule::{GAUSS_3, cube};
 
-/// Nodes as [`super::Hex20`], then the middles of the faces x−, x+, y−, y+, z−, z+, then the centre.
+/// Nodes as `Hex20`, then the middles of the faces x−, x+, y−, y+, z−, z+, then the centre.
 /// N is the product of quadratic Lagrange polynomials. 27 points, exact to degree 5 in each
 /// coordinate; its nodes are Lobatto points, so that its lumped mass keeps its order.
 #[derive(Debug, Clone, Copy)]

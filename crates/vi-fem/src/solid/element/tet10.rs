@@ -4,7 +4,7 @@ use vi_mesh::CellKind;
 
 use super::contract::Element;
 
-/// Corners as [`super::Tet4`], then the middles of the edges 01 12 20 03 13 23. With barycentric
+/// Corners as `Tet4`, then the middles of the edges 01 12 20 03 13 23. With barycentric
 /// coordinates b: N = b_a (2 b_a − 1) at corners, 4 b_a b_b on edges. Four points, exact to degree 2.
 #[derive(Debug, Clone, Copy)]
 pub struct Tet10;

@@ -6,7 +6,7 @@ use super::contract::Element;
 use super::rule::{GAUSS_3, TRIANGLE_6, prism};
 use super::wedge6::SLOPES;
 
-/// Corners as [`super::Wedge6`], then the middles of the edges 01 12 20, 34 45 53, 03 14 25. With
+/// Corners as `Wedge6`, then the middles of the edges 01 12 20, 34 45 53, 03 14 25. With
 /// barycentric b and h = 1 − ζ or ζ: N = b h (2b + 2h − 3) at corners, 4 b_a b_b h on the triangles'
 /// edges, 4 b ζ (1 − ζ) on the upright ones. 18 points, exact to degree 4.
 #[derive(Debug, Clone, Copy)]

@@ -6,7 +6,7 @@ use super::contract::Element;
 use super::rule::{GAUSS_3, TRIANGLE_6, prism};
 use super::wedge6::SLOPES;
 
-/// Nodes as [`super::Wedge15`], then the middles of the faces 0143, 1254, 2035. N is the product of a
+/// Nodes as `Wedge15`, then the middles of the faces 0143, 1254, 2035. N is the product of a
 /// quadratic polynomial on the triangle and one along ζ. 18 points, exact to degree 4.
 #[derive(Debug, Clone, Copy)]
 pub struct Wedge18;
