@@ -1,6 +1,8 @@
 //! Frames for viewing: all bodies at rest with their displacement, as a VTU series. Nothing is computed that the
 //! scene does not name.
 
+mod rounding;
+
 use std::path::{Path, PathBuf};
 
 use vi_fem::{ElementField, nodal_field};
@@ -15,6 +17,7 @@ use crate::record::{Bytes, record};
 use crate::run::surfaces::SurfaceWriter;
 use crate::scene::{Cache, Encoding, Field, Precision, Schedule};
 use crate::simulation::Simulation;
+use rounding::{ROUNDING, largest, smallest_edge};
 
 /// Writes `<name>.pvd` and `<name>_000000.vtu` …
 pub(crate) struct FrameWriter {
@@ -38,31 +41,6 @@ pub(crate) struct FrameWriter {
     blocks: Vec<CellBlock>,
     body_ids: Vec<i32>,
     material_ids: Vec<i32>,
-}
-
-/// A number of 32 bits is off by at most this part of itself: half a unit of its 24th binary digit.
-const ROUNDING: f64 = 1.0 / 16_777_216.0;
-
-/// Largest coordinate, m.
-fn largest(points: &[[f64; 3]]) -> f64 {
-    points.as_flattened().iter().fold(0.0, |largest: f64, x| largest.max(x.abs()))
-}
-
-/// Smallest distance of two nodes of a cell, m; infinite where no cell has two nodes apart.
-fn smallest_edge(points: &[[f64; 3]], blocks: &[CellBlock]) -> f64 {
-    let mut smallest = f64::INFINITY;
-    for nodes in blocks.iter().flat_map(CellBlock::cells) {
-        for (i, &a) in nodes.iter().enumerate() {
-            for &b in &nodes[..i] {
-                let (a, b) = (points[a as usize], points[b as usize]);
-                let square: f64 = (0..3).map(|k| (a[k] - b[k]).powi(2)).sum();
-                if square > 0.0 {
-                    smallest = smallest.min(square);
-                }
-            }
-        }
-    }
-    smallest.sqrt()
 }
 
 /// The file of a frame of the run `name`.

@@ -1,5 +1,8 @@
 //! Finds all problems of the values of a scene at once, each with its key and the way out.
 
+mod checker;
+mod rigids;
+
 use std::collections::HashSet;
 
 use vi_fem::{LockingCure, Motion};
@@ -10,40 +13,7 @@ use super::{
     Substance,
 };
 use super::{columns, contact, plain};
-
-/// Collects problems with the key that they are at.
-struct Checker {
-    problems: Vec<Problem>,
-}
-
-impl Checker {
-    fn say(&mut self, key: impl Into<String>, message: impl Into<String>) {
-        self.problems.push(Problem::new(key, message));
-    }
-
-    fn positive(&mut self, key: impl Into<String>, value: f64, unit: &str) {
-        if !(value > 0.0 && value.is_finite()) {
-            self.say(key, format!("must be positive and finite, is {value} {unit}"));
-        }
-    }
-
-    fn finite(&mut self, key: impl Into<String>, values: &[f64]) {
-        if let Some(value) = values.iter().find(|value| !value.is_finite()) {
-            self.say(key, format!("must be finite, holds {value}"));
-        }
-    }
-
-    fn at_most_one_of(&mut self, key: &str, given: &[(&str, bool)], needed: bool) {
-        let count = given.iter().filter(|(_, is_given)| *is_given).count();
-        let names: Vec<_> = given.iter().map(|(name, _)| format!("`{name}`")).collect();
-        let names = names.join(", ");
-        if count > 1 {
-            self.say(key, format!("give only one of {names}"));
-        } else if count == 0 && needed {
-            self.say(key, format!("missing key: give one of {names}"));
-        }
-    }
-}
+use checker::Checker;
 
 impl Scene {
     /// Everything that is wrong with the values of this scene, without reading any file.
@@ -62,7 +32,7 @@ impl Scene {
 }
 
 fn values(scene: &Scene) -> Vec<Problem> {
-    let mut check = Checker { problems: Vec::new() };
+    let mut check = Checker::default();
     check.finite("gravity", &scene.gravity);
     time(&mut check, scene);
     if scene.bodies.is_empty() && scene.rigids.is_empty() {
@@ -80,7 +50,7 @@ fn values(scene: &Scene) -> Vec<Problem> {
             check.say(format!("rigid[{i}].name"), format!("there is another body named '{}'", rigid.name));
         }
     }
-    rigids(&mut check, scene);
+    rigids::rigids(&mut check, scene);
     attachments(&mut check, scene);
     output(&mut check, scene);
     check.problems
@@ -255,62 +225,6 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
         if !regions.insert(entry.region.as_deref()) {
             check.say(key, "two materials for the same region");
         }
-    }
-}
-
-/// Rigid bodies, their joints and what is attached to them.
-fn rigids(check: &mut Checker, scene: &Scene) {
-    let names: Vec<_> = scene.rigids.iter().map(|rigid| rigid.name.as_str()).collect();
-    let keyed = |key: String, part: &str| if part.is_empty() { key } else { format!("{key}.{part}") };
-    for (i, rigid) in scene.rigids.iter().enumerate() {
-        for (part, message) in rigid.problems() {
-            check.say(keyed(format!("rigid[{i}]"), part), message);
-        }
-    }
-    for (i, joint) in scene.joints.iter().enumerate() {
-        for (part, name) in [("body", Some(joint.body())), ("to", joint.to())] {
-            if let Some(name) = name
-                && !names.contains(&name)
-            {
-                let there = some_of(&names);
-                let message = format!("there is no rigid body '{name}'; there are: {there}");
-                check.say(format!("joint[{i}].{part}"), message);
-            }
-        }
-        for (part, message) in joint.problems() {
-            check.say(keyed(format!("joint[{i}]"), part), message);
-        }
-        let is_held = |name: Option<&str>| match name {
-            Some(name) => scene.rigids.iter().any(|rigid| rigid.name == name && rigid.is_prescribed()),
-            None => true,
-        };
-        if is_held(Some(joint.body())) && is_held(joint.to()) {
-            check.say(
-                format!("joint[{i}]"),
-                "joins two bodies whose motion is prescribed: remove this joint, or free one of them",
-            );
-        }
-    }
-    for (i, attach) in scene.attachments.iter().enumerate() {
-        let Some(to) = attach.to.as_deref().filter(|to| names.contains(to)) else { continue };
-        for (part, is_given) in [
-            ("stiffness", attach.stiffness.is_some()),
-            ("length", attach.length.is_some()),
-            ("surface", attach.surface.is_some()),
-        ] {
-            if is_given {
-                let message =
-                    format!("'{to}' is rigid and holds nodes exactly where they are: remove this key");
-                check.say(format!("attach[{i}].{part}"), message);
-            }
-        }
-    }
-    let is_free = |rigid: &super::Rigid| !rigid.is_prescribed();
-    if scene.time.scheme == Some(SchemeName::Auto) && scene.rigids.iter().any(is_free) {
-        check.say(
-            "time.scheme",
-            "\"auto\" does not choose for free rigid bodies; name implicit-midpoint, energy-momentum or stormer-verlet",
-        );
     }
 }
 

@@ -1,0 +1,28 @@
+//! Lengths that decide whether 32 bits hold the coordinates of a frame.
+
+use vi_mesh::CellBlock;
+
+/// A number of 32 bits is off by at most this part of itself: half a unit of its 24th binary digit.
+pub(super) const ROUNDING: f64 = 1.0 / 16_777_216.0;
+
+/// Largest coordinate, m.
+pub(super) fn largest(points: &[[f64; 3]]) -> f64 {
+    points.as_flattened().iter().fold(0.0, |largest: f64, x| largest.max(x.abs()))
+}
+
+/// Smallest distance of two nodes of a cell, m; infinite where no cell has two nodes apart.
+pub(super) fn smallest_edge(points: &[[f64; 3]], blocks: &[CellBlock]) -> f64 {
+    let mut smallest = f64::INFINITY;
+    for nodes in blocks.iter().flat_map(CellBlock::cells) {
+        for (i, &a) in nodes.iter().enumerate() {
+            for &b in &nodes[..i] {
+                let (a, b) = (points[a as usize], points[b as usize]);
+                let square: f64 = (0..3).map(|k| (a[k] - b[k]).powi(2)).sum();
+                if square > 0.0 {
+                    smallest = smallest.min(square);
+                }
+            }
+        }
+    }
+    smallest.sqrt()
+}

@@ -1,0 +1,61 @@
+//! Checks of rigid bodies, their joints, and what is attached to them.
+
+use super::checker::Checker;
+use crate::scene::problem::some_of;
+use crate::scene::{Rigid, Scene, SchemeName};
+
+/// Rigid bodies, their joints and what is attached to them.
+pub(super) fn rigids(check: &mut Checker, scene: &Scene) {
+    let names: Vec<_> = scene.rigids.iter().map(|rigid| rigid.name.as_str()).collect();
+    let keyed = |key: String, part: &str| if part.is_empty() { key } else { format!("{key}.{part}") };
+    for (i, rigid) in scene.rigids.iter().enumerate() {
+        for (part, message) in rigid.problems() {
+            check.say(keyed(format!("rigid[{i}]"), part), message);
+        }
+    }
+    for (i, joint) in scene.joints.iter().enumerate() {
+        for (part, name) in [("body", Some(joint.body())), ("to", joint.to())] {
+            if let Some(name) = name
+                && !names.contains(&name)
+            {
+                let there = some_of(&names);
+                let message = format!("there is no rigid body '{name}'; there are: {there}");
+                check.say(format!("joint[{i}].{part}"), message);
+            }
+        }
+        for (part, message) in joint.problems() {
+            check.say(keyed(format!("joint[{i}]"), part), message);
+        }
+        let is_held = |name: Option<&str>| match name {
+            Some(name) => scene.rigids.iter().any(|rigid| rigid.name == name && rigid.is_prescribed()),
+            None => true,
+        };
+        if is_held(Some(joint.body())) && is_held(joint.to()) {
+            check.say(
+                format!("joint[{i}]"),
+                "joins two bodies whose motion is prescribed: remove this joint, or free one of them",
+            );
+        }
+    }
+    for (i, attach) in scene.attachments.iter().enumerate() {
+        let Some(to) = attach.to.as_deref().filter(|to| names.contains(to)) else { continue };
+        for (part, is_given) in [
+            ("stiffness", attach.stiffness.is_some()),
+            ("length", attach.length.is_some()),
+            ("surface", attach.surface.is_some()),
+        ] {
+            if is_given {
+                let message =
+                    format!("'{to}' is rigid and holds nodes exactly where they are: remove this key");
+                check.say(format!("attach[{i}].{part}"), message);
+            }
+        }
+    }
+    let is_free = |rigid: &Rigid| !rigid.is_prescribed();
+    if scene.time.scheme == Some(SchemeName::Auto) && scene.rigids.iter().any(is_free) {
+        check.say(
+            "time.scheme",
+            "\"auto\" does not choose for free rigid bodies; name implicit-midpoint, energy-momentum or stormer-verlet",
+        );
+    }
+}
