@@ -88,40 +88,42 @@ pub(super) fn contact(
     if !parts.iter().enumerate().any(any) {
         return Ok(None);
     }
-    let surface = |distances: &Distances| {
+    // Farther than the layer, and never less than motion over some steps: candidates are few beside elements.
+    let reach = parts.iter().map(|part| contact.distance.unwrap_or(part.distance));
+    let reach = reach.filter(|&distance| distance < FROM_OTHERS).fold(0.0, f64::max);
+    let term = |distances: &Distances| {
         let mut builder = builder(contact, &parts, rest, may_meet);
         for (i, a) in parts.iter().enumerate() {
             for (j, b) in parts.iter().enumerate().skip(i + 1) {
                 let mut rule = rule(scene, a, b, may_meet(a, b));
-                let near =
-                    distances.get(&[i as u32, j as u32]).filter(|&&gap| gap < a.distance.min(b.distance));
-                rule.distance = rule.distance.or(near.copied());
+                rule.distance = rule.distance.or(distances.get(&[i as u32, j as u32]).copied());
                 if rule != PairRule::default() {
                     builder.pair(i as u32, j as u32, rule);
                 }
             }
         }
         hold(&mut builder, system, bodies, rigids, component);
-        builder.build().map_err(|error| {
+        let surface = builder.build().map_err(|error| {
             // The crate counts bodies of the component; a reader knows their names.
             let names: Vec<&str> = parts.iter().map(|part| name_of(scene, part.number)).collect();
             wrong(format!("{error} (bodies, from 0: {})", names.join(", ")))
-        })
+        })?;
+        Ok(Arc::new(ContactTerm::new(Arc::new(surface), reach)))
     };
-    // Farther than the layer, and never less than motion over some steps: candidates are few beside elements.
-    let reach = parts.iter().map(|part| contact.distance.unwrap_or(part.distance));
-    let reach = reach.filter(|&distance| distance < FROM_OTHERS).fold(0.0, f64::max);
     let numbers: Vec<usize> = parts.iter().map(|part| part.number).collect();
     let x = system.positions(state);
-    let term = ContactTerm::new(Arc::new(surface(&Distances::new())?), reach);
-    let gaps = term.at(&x).smallest_gaps(&x);
-    if let Some(message) = touching(scene, &numbers, &gaps) {
+    let mut found = term(&Distances::new())?;
+    let mut near = found.at(&x).smallest_gaps(&x);
+    if let Some(message) = touching(scene, &numbers, &near) {
         return Err(wrong(message));
     }
     // Bodies that start inside each other's layer would push each other off: their layer begins where they start.
-    let near = gaps.into_iter().filter(|([a, b], _)| a != b && contact.distance.is_none()).collect();
-    let term = Arc::new(ContactTerm::new(Arc::new(surface(&near)?), reach));
-    Ok(Some(ContactModel { term, bodies: numbers }))
+    let layer = |[a, b]: [u32; 2]| parts[a as usize].distance.min(parts[b as usize].distance);
+    near.retain(|&pair, gap| pair[0] != pair[1] && contact.distance.is_none() && *gap < layer(pair));
+    if !near.is_empty() {
+        found = term(&near)?;
+    }
+    Ok(Some(ContactModel { term: found, bodies: numbers }))
 }
 
 /// Activation distances d̂ of pairs of bodies, m, by their numbers among the parts.
@@ -217,12 +219,7 @@ fn rule(scene: &Scene, a: &Part, b: &Part, may_meet: bool) -> PairRule {
         return PairRule { excluded: true, ..PairRule::default() };
     }
     let Some(contact) = &scene.contact else { return PairRule::default() };
-    let names = [name_of(scene, a.number), name_of(scene, b.number)];
-    let is_of = |between: &[String; 2]| {
-        let [c, d] = between;
-        (c == names[0] && d == names[1]) || (c == names[1] && d == names[0])
-    };
-    let said = contact.pairs.iter().find(|pair| is_of(&pair.between));
+    let said = contact.pair(name_of(scene, a.number), name_of(scene, b.number));
     let are_rigid = contact.stiffness.is_none() && a.stiffness.is_none() && b.stiffness.is_none();
     let expected = STIFFNESS_OF_RIGID * a.pressure.max(b.pressure);
     let expected = if expected > 0.0 { expected } else { 1e5 };

@@ -68,6 +68,11 @@ pub struct ContactPair {
     pub stiffness: Option<f64>,
 }
 
+/// Returns whether these are the names of a pair, in either order.
+fn is_pair([c, d]: &[String; 2], a: &str, b: &str) -> bool {
+    (c == a && d == b) || (c == b && d == a)
+}
+
 impl Default for Contact {
     fn default() -> Self {
         Self {
@@ -102,8 +107,12 @@ impl Contact {
 
     /// May bodies of these names meet?
     pub fn admits(&self, a: &str, b: &str) -> bool {
-        let is_pair = |[c, d]: &[String; 2]| (c == a && d == b) || (c == b && d == a);
-        (a != b || self.own) && !self.exclude.iter().any(is_pair)
+        (a != b || self.own) && !self.exclude.iter().any(|pair| is_pair(pair, a, b))
+    }
+
+    /// Returns the parameters of the bodies of these names, in either order, if the scene gives any.
+    pub(crate) fn pair(&self, a: &str, b: &str) -> Option<&ContactPair> {
+        self.pairs.iter().find(|pair| is_pair(&pair.between, a, b))
     }
 
     fn own_problems(&self, known: &HashSet<&str>) -> Vec<(String, String)> {
