@@ -9,7 +9,7 @@ use crate::equilibrium::balance::refuse_constraints;
 use crate::equilibrium::function::PathFunction;
 use crate::equilibrium::options::{LoadStep, StaticOptions};
 use crate::equilibrium::path::branch::Path;
-use crate::equilibrium::quasi_static::findings;
+use crate::equilibrium::quasi_static::{findings, work_of_loads};
 use crate::equilibrium::search::Search;
 use crate::error::SolverError;
 use crate::memory::{StepperMemory, expect_method};
@@ -132,11 +132,8 @@ impl Stepper for PathFollowing {
         work.steps = 1;
         self.work += work;
         self.note_end(state);
-        let mut energy = StepEnergy::default();
-        if let Some(assembler) = &mut self.ledger {
-            let mut potential = |state: &State| assembler.energies(&system.positions(state), state.t).total();
-            energy.force = potential(state) - potential(&before) - vi_core::kinetic_energy(system, &before);
-        }
+        let force = work_of_loads(self.ledger.as_mut(), system, &before, state);
+        let energy = StepEnergy { force, ..StepEnergy::default() };
         Ok(StepReport { iterations: work.newton_iterations as u32, energy, work })
     }
 

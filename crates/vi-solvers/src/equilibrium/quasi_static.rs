@@ -60,11 +60,8 @@ impl Stepper for QuasiStatic {
         let report =
             equilibrium(system, state, &options).map_err(|cause| StepError { t: before.t, h, cause })?;
         self.findings.extend(findings(&report));
-        let mut energy = StepEnergy::default();
-        if let Some(assembler) = &mut self.ledger {
-            let mut potential = |state: &State| assembler.energies(&system.positions(state), state.t).total();
-            energy.force = potential(state) - potential(&before) - vi_core::kinetic_energy(system, &before);
-        }
+        let force = work_of_loads(self.ledger.as_mut(), system, &before, state);
+        let energy = StepEnergy { force, ..StepEnergy::default() };
         let mut work = report.work;
         work.steps = 1;
         self.work += work;
@@ -87,4 +84,17 @@ impl Stepper for QuasiStatic {
         self.work = Work::default();
         expect_method(memory, NAME)
     }
+}
+
+/// Returns the work (J) that loads and prescribed motion do between two equilibria: ΔV, less the kinetic energy that
+/// `before` had and that is not used. Zero without a ledger.
+pub(super) fn work_of_loads(
+    ledger: Option<&mut Assembler>,
+    system: &System,
+    before: &State,
+    after: &State,
+) -> f64 {
+    let Some(assembler) = ledger else { return 0.0 };
+    let mut potential = |state: &State| assembler.energies(&system.positions(state), state.t).total();
+    potential(after) - potential(before) - vi_core::kinetic_energy(system, before)
 }

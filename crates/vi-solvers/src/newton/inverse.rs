@@ -82,9 +82,9 @@ impl Inverse {
         self.origin.as_ref().is_some_and(|origin| (origin.c / c - 1.0).abs() < 1e-9)
     }
 
-    /// Has the linear solver been chosen?
-    pub(crate) fn is_ready(&self) -> bool {
-        self.linear.is_ready()
+    /// Returns the costs of the chosen linear solver, or those of an explicit step before one is chosen.
+    pub(crate) fn unit_costs(&self, system: &System) -> UnitCosts {
+        if self.linear.is_ready() { *self.linear.costs() } else { UnitCosts::explicit(system) }
     }
 
     pub(crate) fn costs(&self) -> &UnitCosts {
@@ -96,9 +96,9 @@ impl Inverse {
         self.linear.tighten(tight);
     }
 
-    /// Which linear solver, and why.
-    pub(crate) fn reason(&self) -> &str {
-        self.linear.reason()
+    /// Returns the chosen linear solver and the reason for it, once it is chosen.
+    pub(crate) fn reason(&self) -> Option<&str> {
+        Some(self.linear.reason()).filter(|reason| !reason.is_empty())
     }
 
     /// Factors A = M + cK at the last configuration of `evaluator`, with a Hessian of this kind to begin with. Where K is

@@ -191,11 +191,11 @@ impl Stepper for Gauss {
     }
 
     fn unit_costs(&self, system: &System) -> UnitCosts {
-        if self.inverse.is_ready() { *self.inverse.costs() } else { UnitCosts::explicit(system) }
+        self.inverse.unit_costs(system)
     }
 
     fn linear_solver(&self) -> Option<&str> {
-        Some(self.inverse.reason()).filter(|reason| !reason.is_empty())
+        self.inverse.reason()
     }
 
     fn velocity(&self, state: &State) -> Option<&[f64]> {

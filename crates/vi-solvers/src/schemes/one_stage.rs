@@ -251,11 +251,11 @@ impl<R: Rule> Stepper for OneStage<R> {
     }
 
     fn unit_costs(&self, system: &System) -> UnitCosts {
-        if self.inverse.is_ready() { *self.inverse.costs() } else { UnitCosts::explicit(system) }
+        self.inverse.unit_costs(system)
     }
 
     fn linear_solver(&self) -> Option<&str> {
-        Some(self.inverse.reason()).filter(|reason| !reason.is_empty())
+        self.inverse.reason()
     }
 
     fn analyses(&self) -> u64 {
