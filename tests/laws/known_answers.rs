@@ -3,6 +3,7 @@
 //! the program with answers in closed form. docs/validation.md publishes the counts:
 //! `cargo test --test laws known_answers -- --nocapture`
 
+use crate::random::Random;
 use std::collections::BTreeMap;
 use std::f64::consts::{E, PI};
 
@@ -67,35 +68,6 @@ fn table(mut rows: BTreeMap<&'static str, Tally>) -> Tally {
     }
     print("all", &mut all);
     all
-}
-
-/// SplitMix64 (Steele, Lea, Flood 2014).
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-
-    fn decades(&mut self, low: f64, high: f64) -> f64 {
-        10.0_f64.powf(self.between(low.log10(), high.log10()))
-    }
-
-    fn sign(&mut self) -> f64 {
-        if self.unit() < 0.5 { -1.0 } else { 1.0 }
-    }
-
-    fn one_of(&mut self, all: &[f64]) -> f64 {
-        all[(self.unit() * all.len() as f64) as usize]
-    }
 }
 
 const KINDS: [&str; 9] = [

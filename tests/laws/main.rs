@@ -10,5 +10,6 @@ mod measured;
 mod program;
 mod promise;
 mod properties;
+mod random;
 mod safety;
 mod stress;

@@ -5,6 +5,7 @@
 //! The whole study, with the counts that docs/performance.md publishes:
 //! `cargo test --test laws promise -- --ignored --nocapture`
 
+use crate::random::Random;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,35 +15,6 @@ use variational::auto::trial::{self, Choice, Limit, Norm, TrialError, TrialWatch
 use variational::prelude::*;
 
 const LONG: Limit = Limit::Clock(Duration::from_secs(600));
-
-/// SplitMix64 (Steele, Lea, Flood 2014).
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-
-    fn decades(&mut self, low: f64, high: f64) -> f64 {
-        10.0_f64.powf(self.between(low.log10(), high.log10()))
-    }
-
-    fn below(&mut self, count: usize) -> usize {
-        (self.unit() * count as f64) as usize
-    }
-
-    fn one_of<'a>(&mut self, all: &[&'a str]) -> &'a str {
-        all[self.below(all.len())]
-    }
-}
 
 const KINDS: [&str; 11] = [
     "swings under its weight",
