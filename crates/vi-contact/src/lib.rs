@@ -1,3 +1,5 @@
+//! Contact as a potential of positions: distances, candidates, proofs of separation, barrier and friction.
+//!
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
