@@ -1,6 +1,5 @@
-//! What the element kernels cost: ns an element for energy, gradient, gradient summed at the nodes,
-//! Hessian and projected Hessian, for each law and instruction set, on one thread, asked in chunks as an
-//! assembler asks.
+//! Measures the element kernels: ns per element for energy, gradient, gradient summed at the nodes, Hessian and
+//! projected Hessian, for each law and instruction set. It uses one thread and asks for chunks, as an assembler does.
 //!
 //! `cargo run --release -p vi-fem --example kernels [cells across, 16] [element, tet4]`
 
@@ -11,9 +10,9 @@ use vi_core::{Padded, Patch, PatchArray, Stencils, packed_len};
 use vi_fem::{InstructionSet, Law, elastic_on};
 use vi_mesh::{BoxMesh, CellKind};
 
-/// Elements asked at a time: their blocks stay in the second cache.
+/// Number of elements per call: their blocks stay in the second-level cache.
 const CHUNK: usize = 1024;
-/// How often everything is done.
+/// Number of repetitions of each measurement.
 const PASSES: usize = 7;
 
 fn main() {
@@ -28,7 +27,7 @@ fn main() {
     let wave = |value: f64, i: usize| value + 2e-3 * (9.0 * value + 2.0 * i as f64).sin() / f64::from(n);
     let x: Vec<f64> =
         mesh.points.iter().flatten().enumerate().map(|(i, &value)| wave(value, i % 3)).collect();
-    println!("{} elements {element}, ns an element (least of {PASSES} passes)", elements.len());
+    println!("{} elements {element}, ns per element (least of {PASSES} passes)", elements.len());
     println!(
         "{:22} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}",
         "law", "set", "energy", "gradient", "summed", "Hessian", "projected", "mean F"
@@ -39,7 +38,7 @@ fn main() {
             let potential = &potentials[0];
             let (count, size) = (potential.stencils().count(), potential.stencils().size());
             let mut out = vec![0.0; CHUNK * packed_len(size)];
-            // The least time of each chunk over the passes: what a busy machine adds falls out.
+            // Take the least time of each chunk over the passes, which removes the load of other programs.
             let mut time = |work: &dyn Fn(std::ops::Range<usize>, &mut [f64])| {
                 let mut least = vec![f64::INFINITY; count.div_ceil(CHUNK)];
                 for _ in 0..PASSES {
@@ -79,7 +78,7 @@ fn main() {
     }
 }
 
-/// The nodes of a chunk side by side.
+/// The nodes of a chunk, stored contiguously.
 struct PatchOfChunk {
     places: Vec<u16>,
     x: Box<PatchArray>,

@@ -1,6 +1,6 @@
-//! Plates and shells against reference cases on refined meshes, structured and not, as Markdown:
-//! `cargo run --release -p vi-fem --example shell_validation > docs/validation-shells.md`, or with the
-//! name of a case, or with that of a case and a pattern.
+//! Compares plates and shells with reference cases on refined meshes, structured and unstructured, and prints
+//! Markdown: `cargo run --release -p vi-fem --example shell_validation > docs/validation-shells.md`. Arguments: the
+//! name of a case, or a case and a pattern.
 
 #[path = "../tests/plates/annulus.rs"]
 mod annulus;
@@ -19,9 +19,9 @@ use vi_mesh::SheetPattern;
 const PATTERNS: [(SheetPattern, &str); 3] =
     [(SheetPattern::Diagonal, "diagonal"), (SheetPattern::Cross, "cross"), (SheetPattern::Random, "random")];
 
-/// A table of the largest error on each mesh with the observed order, and the values on the finest.
+/// Prints a table of the largest error on each mesh with the observed order, and the values on the finest mesh.
 fn table(title: &str, limit: f64, cells: &[[u32; 2]], run: impl Fn([u32; 2], SheetPattern) -> Outcome) {
-    println!("\n## {title}\n\nAsked: {:.1} %.\n", 100.0 * limit);
+    println!("\n## {title}\n\nRequired: {:.1} %.\n", 100.0 * limit);
     println!("| pattern | cells | triangles | largest error | at | order |\n|---|---|---|---|---|---|");
     let mut finest = Vec::new();
     let wanted = std::env::args().nth(2);

@@ -1,38 +1,38 @@
-//! The one error type of this crate, with facts.
+//! Defines the error type of this crate.
 
 use vi_mesh::{CellKind, MeshError};
 
-/// What can be wrong with a mesh, a material, a region or a load.
+/// Describes an invalid mesh, material, region or load.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FemError {
-    /// What is wrong with the mesh.
+    /// The mesh is invalid.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// An element kind that has no kernel for the use it is put to.
+    /// The cell kind has no kernel for the requested use.
     #[error("{kind} cells cannot be {used}")]
     Unsupported {
-        /// The kind.
+        /// The cell kind.
         kind: CellKind,
-        /// The use, e.g. "solid elements".
+        /// The requested use, e.g. "solid elements".
         used: &'static str,
     },
-    /// A parameter outside its range.
+    /// A parameter lies outside its range.
     #[error("{key} = {value}: {requirement}")]
     Parameter {
         /// The key in the scene file.
         key: &'static str,
-        /// Its value.
+        /// The value that was given.
         value: f64,
-        /// What it must be, with the way out.
+        /// The range that the value must lie in, and what to write instead.
         requirement: &'static str,
     },
-    /// A table, list or count that makes no sense, in words.
+    /// A table, list or count is invalid.
     #[error("{what}: {problem}")]
     Invalid {
-        /// The thing in question.
+        /// The object that is invalid, e.g. "table".
         what: &'static str,
-        /// What is wrong with it.
+        /// The reason, in words.
         problem: String,
     },
 }

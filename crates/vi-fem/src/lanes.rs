@@ -1,4 +1,4 @@
-//! SIMD lanes: eight elements or points side by side, and how their numbers come from memory and go back.
+//! SIMD lanes: store eight elements or points side by side, and move their numbers between memory and registers.
 
 pub(crate) mod instructions;
 pub(crate) mod pack;

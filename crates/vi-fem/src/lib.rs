@@ -1,7 +1,8 @@
-//! Elements and materials: on a mesh they produce a mass and potentials.
+//! Provides elements and materials; on a mesh they give a mass and potentials.
 //!
-//! This crate knows shapes at rest ([`vi_mesh::Mesh`]) and laws of matter. It has no sparse matrix, no time step and no
-//! file. Start with [`Law`] and [`elastic`]; to add a law see [`Material`], to add an element see [`Element`].
+//! This crate describes shapes at rest ([`vi_mesh::Mesh`]) and constitutive laws. It contains no sparse matrices, no
+//! time steps and no files. Start with [`Law`] and [`elastic`]. To add a law see [`Material`]; to add an element see
+//! [`Element`].
 
 #![forbid(unsafe_code)]
 
@@ -53,7 +54,7 @@ pub use solid::material::registered::*;
 pub use solid::mean_dilation::{LockingCure, mean_dilation};
 pub use solid::nodal_fields::nodal_field;
 
-/// Drawings at random that are the same in every run.
+/// Configures property tests with a fixed seed, so that every run draws the same samples.
 #[cfg(test)]
 fn fixed_seed() -> proptest::test_runner::Config {
     use proptest::test_runner::{Config, RngSeed};

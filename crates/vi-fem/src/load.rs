@@ -1,4 +1,4 @@
-//! Loads, springs and damping: what acts on bodies beside their own matter.
+//! Loads, springs and damping: forces on bodies other than the elastic ones.
 
 pub(crate) mod damping;
 pub(crate) mod dead;

@@ -1,4 +1,4 @@
-//! Given functions of time and place: amplitudes, motions, formulas and fields of them.
+//! Given functions of time and place: amplitudes, motions, formulas and vector fields.
 
 pub(crate) mod amplitude;
 pub(crate) mod expression;

@@ -1,4 +1,4 @@
-//! Sheets of triangles: how they stretch, bend and weigh.
+//! Sheets of triangles: membrane laws, bending models and mass.
 
 pub(crate) mod bending;
 pub(crate) mod body;

@@ -1,4 +1,4 @@
-//! Solids: elements, laws of matter, their energy, masses and fields.
+//! Solids: elements, constitutive laws, their energies, masses and fields.
 
 pub(crate) mod check;
 pub(crate) mod consistent_mass;

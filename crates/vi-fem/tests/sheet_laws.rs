@@ -1,4 +1,4 @@
-//! The laws that every membrane × bending keeps, on flat and curved shapes at rest.
+//! Tests the laws that every membrane × bending model must obey, on flat and curved rest shapes.
 
 use vi_core::{HessianKind, Potential, packed_len};
 use vi_fem::{Bending, Direction, FemError, IsotropicSheet, Sheet, SheetLaw};
@@ -9,7 +9,7 @@ fn sheet_mesh(size: [f64; 2], cells: [u32; 2], pattern: SheetPattern) -> Mesh {
     SheetMesh { size, cells, pattern, seed: 7, origin: [0.0; 3], directions }.build().unwrap()
 }
 
-/// A saddle, so that the shape at rest has curvature of both signs.
+/// Returns a saddle, so that the rest shape has curvature of both signs.
 fn curved(mut mesh: Mesh) -> Mesh {
     for p in &mut mesh.points {
         p[2] = 0.4 * p[0] * p[0] - 0.3 * p[1] * p[1] + 0.2 * p[0] * p[1];
@@ -26,7 +26,7 @@ fn potentials(
     Sheet { clamped, ..Sheet::new(mesh, &elements, law, 0, "flag") }.potentials()
 }
 
-/// Positions with a smooth large deformation and a deterministic ripple.
+/// Returns positions with a large smooth deformation and a deterministic ripple.
 fn deformed(mesh: &Mesh) -> Vec<f64> {
     let mut x = Vec::new();
     for (n, p) in mesh.points.iter().enumerate() {
@@ -38,7 +38,7 @@ fn deformed(mesh: &Mesh) -> Vec<f64> {
     x
 }
 
-/// The same, and what lies beyond x = ½ turned back over the rest by `angle`, rad.
+/// Returns the deformed positions with the part beyond x = ½ folded back over the rest by `angle`, rad.
 fn folded(mesh: &Mesh, angle: f64) -> Vec<f64> {
     let mut x = deformed(mesh);
     let (sine, cosine) = angle.sin_cos();
@@ -78,7 +78,7 @@ fn tension_fields() -> Vec<SheetLaw> {
     SheetLaw::examples().into_iter().map(relax).collect()
 }
 
-/// Every law × bending on every shape at rest that it takes, and the tension fields.
+/// Returns every law × bending model on every rest shape that it accepts, and the tension fields.
 fn cases() -> Vec<(SheetLaw, Mesh)> {
     let flat = sheet_mesh([1.0, 0.8], [4, 3], SheetPattern::Random);
     let mut cases = Vec::new();
@@ -95,7 +95,7 @@ fn cases() -> Vec<(SheetLaw, Mesh)> {
     cases
 }
 
-/// The edge of the first line cell: on `x-min`.
+/// Returns the edge of the first line cell, on `x-min`.
 fn first_side(mesh: &Mesh) -> [u32; 2] {
     let block = mesh.blocks.iter().find(|block| block.kind == CellKind::Line2).unwrap();
     [block.nodes[0], block.nodes[1]]
@@ -145,7 +145,7 @@ fn derivatives_are_those_of_the_energy() {
     }
 }
 
-/// Without contact a fold goes through itself. The work of the forces on the way is the energy that is gained.
+/// Without contact a fold can pass through itself. The work of the forces on the way equals the gain of energy.
 #[test]
 fn bending_is_smooth_where_a_fold_goes_through_itself() {
     for bending in [Bending::Hinge, Bending::Shell] {
@@ -262,9 +262,9 @@ fn blocks_do_not_depend_on_the_batch_and_projected_ones_are_not_negative() {
     }
 }
 
-/// On right-angled triangles with diagonals along (1, 1), a cylinder in the direction α bends the three
-/// hinges of a cell by κl(c² + cs), κl(s² + cs) and −√2 κl cs, which gives 1 + sin 2α + sin² 2α times the
-/// energy of the plate: right along the legs, ¾ to 3 times elsewhere.
+/// On right-angled triangles with diagonals along (1, 1), a cylinder in the direction α bends the three hinges of a
+/// cell by κl(c² + cs), κl(s² + cs) and −√2 κl cs. The energy is thus 1 + sin 2α + sin² 2α times that of the plate:
+/// exact along the legs, ¾ to 3 times in other directions.
 #[test]
 fn hinges_depend_on_the_mesh_as_they_must() {
     let (cells, radius) = (40, 5.0);
@@ -285,7 +285,7 @@ fn hinges_depend_on_the_mesh_as_they_must() {
             let x: Vec<f64> = mesh.points.iter().flat_map(roll).collect();
             let mut energy = 0.0;
             for (stencil, value) in energies(&**bent, &x).into_iter().enumerate() {
-                // Middles of edges in a square of 20 × 20 cells: one hinge of each kind a cell.
+                // Select edges with midpoints in a square of 20 × 20 cells: one hinge of each kind per cell.
                 let [a, b] = [0, 1].map(|k| mesh.points[bent.stencils().of(stencil)[k] as usize]);
                 if (0..2).all(|i| (0.25 - 1e-9..0.75 - 1e-9).contains(&(0.5 * (a[i] + b[i])))) {
                     energy += value;
@@ -354,7 +354,7 @@ fn a_wrinkled_sheet_bears_no_compression() {
     }
 }
 
-/// The general tension field of an orthotropic law is that of Pipkin where the law is isotropic.
+/// The general tension field of an orthotropic law agrees with Pipkin's if the law is isotropic.
 #[test]
 fn tension_fields_agree_where_laws_do() {
     let mesh = sheet_mesh([1.0, 0.8], [6, 5], SheetPattern::Random);
@@ -368,7 +368,7 @@ fn tension_fields_agree_where_laws_do() {
     );
     let woven: SheetLaw = serde_json::from_str(&text).unwrap();
     let [one, two] = [isotropic, woven].map(|law| potentials(&mesh, &law, &[]).unwrap().remove(0));
-    // Waves in the plane: taut, wrinkled and slack triangles.
+    // In-plane waves give taut, wrinkled and slack triangles.
     let x: Vec<f64> = mesh
         .points
         .iter()
@@ -406,7 +406,7 @@ fn leaves_of_a_book_bend_as_hinges() {
     }
 }
 
-/// What is said to have left its domain has left it: collapsed, stretched beyond all numbers, or not a number.
+/// A reported quantity is really outside its domain: for collapsed, overflowing and NaN positions.
 #[test]
 fn a_fault_names_a_quantity_that_is_outside_its_domain() {
     let mesh = sheet_mesh([1.0, 1.0], [1, 1], SheetPattern::Diagonal);
@@ -415,7 +415,8 @@ fn a_fault_names_a_quantity_that_is_outside_its_domain() {
         [[0.0, 1.0], [3.9e9, 1.0], [1e9, 1e-9], [1e12, 1e-7], [1e160, 1.0], [f64::NAN, 1.0]]
             .iter()
             .flat_map(|stretch| {
-                // Along the axes, and in a direction in which the strain of a line loses its width to round-off.
+                // Stretch along the axes, and in a direction in which the strain of a line loses its width to
+                // round-off.
                 let place = |p: &[f64], turn: f64| {
                     let (along, across) = (p[0] + turn * p[1], p[1] - turn * p[0]);
                     [stretch[0] * along, stretch[1] * across, p[2]]

@@ -1,4 +1,4 @@
-//! Sheets cut from flat patterns, and directions that vary over a sheet.
+//! Tests sheets cut from flat patterns, and directions that vary over a sheet.
 
 use std::f64::consts::TAU;
 
@@ -15,7 +15,7 @@ fn square(cells: u32) -> Mesh {
         .unwrap()
 }
 
-/// Corners (x, y) of every cell: the flat shape of a mesh in z = 0.
+/// Returns the corners (x, y) of every cell, the flat shape of a mesh in z = 0.
 fn flat(mesh: &Mesh) -> Vec<[[f64; 2]; 3]> {
     let corner = |node: u32| [mesh.points[node as usize][0], mesh.points[node as usize][1]];
     (0..mesh.cell_count())
@@ -35,7 +35,7 @@ fn rolled(mesh: &Mesh, radius: f64) -> Mesh {
     mesh
 }
 
-/// Energy and largest gradient of all potentials at x.
+/// Returns the energy and the largest gradient entry of all potentials at x.
 fn state(sheet: &Sheet, x: &[f64]) -> Result<(f64, f64), FemError> {
     let (mut energy, mut force) = (0.0, 0.0_f64);
     for potential in sheet.potentials()? {
@@ -82,7 +82,7 @@ fn charts_may_lie_anywhere_and_either_way_up() {
     let mut charts = whole.clone();
     for corners in &mut charts {
         if corners.iter().map(|c| c[0]).sum::<f64>() < 1.5 {
-            // A chart of its own: turned over, turned by a right angle, moved.
+            // Give a triangle its own chart: reversed, rotated by a right angle, translated.
             *corners = corners.map(|[u, v]| [5.0 + v, 3.0 + u]);
         }
     }
@@ -103,7 +103,7 @@ fn bad_patterns_name_the_element() {
     let law = SheetLaw::examples().remove(0);
     let sheet = Sheet::new(&mesh, &elements, &law, 0, "sheet");
     let mut folded = flat(&mesh);
-    // The free corner of one triangle is moved across its edge, in that triangle alone.
+    // Move the free corner of one triangle across its edge, in that triangle alone.
     let [a, b, c] = folded[8];
     folded[8][2] = [a[0] + b[0] - c[0], a[1] + b[1] - c[1]];
     let mut closed = flat(&mesh);
@@ -137,7 +137,7 @@ fn formulas(source: [&str; 3]) -> Direction {
     Direction::Formula(source.map(|text| DirectionComponent::Formula(text.into())))
 }
 
-/// A ring blown up: hoop warp answers with E₁, radial warp with E₂.
+/// An inflated ring: a warp along the hoops responds with E₁, a radial warp with E₂.
 #[test]
 fn a_direction_may_turn_over_the_sheet() {
     let mut mesh = square(24);
@@ -176,7 +176,7 @@ fn a_direction_may_turn_over_the_sheet() {
     let mixed = energy(serde_json::from_str(r#"["x", "y", 0.0]"#).unwrap());
     assert!((around - cells).abs() < 1e-12 * around, "{around} {cells}");
     assert!((outwards - mixed).abs() < 1e-12 * outwards);
-    // Hoop strain alone, on cells of 13°: nearly in the ratio of the moduli.
+    // The strain is in the hoops only, on cells of 13°: nearly in the ratio of the moduli.
     assert!((4.0..5.0).contains(&(around / outwards)), "{around} {outwards}");
     for (warp, words) in [
         (formulas(["0", "0", "1"]), "no part in the plane of element"),
@@ -191,13 +191,13 @@ fn a_direction_may_turn_over_the_sheet() {
     }
 }
 
-/// Cell data are given in the space of the mesh, whatever the pattern.
+/// Cell data are given in the coordinates of the mesh, whatever the pattern.
 #[test]
 fn directions_of_cells_follow_the_sheet_into_its_pattern() {
     let plane = square(24);
     let mesh = rolled(&plane, 0.5);
     let (elements, pattern) = (mesh.cells_of_dimension(2), flat(&plane));
-    // Along the roll at 45° to its axis.
+    // Along the roll, at 45° to its axis.
     let values = (0..mesh.cell_count())
         .map(|cell| {
             let (_, nodes) = mesh.cell(cell).unwrap();

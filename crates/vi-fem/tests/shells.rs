@@ -1,4 +1,4 @@
-//! The `shell` model against reference cases, on structured and unstructured meshes as coarse as the
+//! Tests the `shell` model against reference cases, on structured and unstructured meshes that are as coarse as the
 //! limits allow; `examples/shell_validation.rs` refines them further.
 
 #[path = "plates/cases.rs"]

@@ -1,21 +1,21 @@
-//! Which vector instructions the kernels run on.
+//! Selects the vector instructions that the kernels use.
 
 use pulp::Arch;
 
 use crate::error::FemError;
 
-/// An instruction set. Results on different sets differ in the last places (fused or not), so a
-/// comparison bit by bit needs the same one.
+/// An instruction set of the processor. Results on different sets differ in the last digits (fused multiply–add or
+/// not), so compare bits only between runs on the same set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum InstructionSet {
-    /// The widest that the machine has.
+    /// The widest set that the machine supports.
     #[default]
     Best,
-    /// One number at a time: the baseline of any machine.
+    /// One number at a time; every machine supports it.
     Scalar,
-    /// AVX2 and FMA: four numbers at a time.
+    /// AVX2 and FMA, four numbers at a time.
     Avx2,
-    /// AVX-512: eight numbers at a time.
+    /// AVX-512, eight numbers at a time.
     Avx512,
 }
 
@@ -23,7 +23,7 @@ impl InstructionSet {
     pub(crate) fn arch(self) -> Result<Arch, FemError> {
         let missing = |set: &str| FemError::Invalid {
             what: "instruction set",
-            problem: format!("this machine has no {set}"),
+            problem: format!("this machine does not support {set}; choose another set, e.g. the default"),
         };
         match self {
             Self::Best => Ok(Arch::new()),

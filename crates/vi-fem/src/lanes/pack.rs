@@ -1,19 +1,19 @@
-//! Eight numbers of eight elements (or points) side by side: the unit that kernels load and store.
+//! Stores eight numbers of eight elements (or points) side by side: the unit that kernels load and store.
 
 use pulp::Simd;
 
 use crate::lanes::real::Lane;
 
-/// Elements a group, whatever the width of the machine: results must not depend on it.
+/// Number of elements per group. It does not depend on the machine, so that results do not either.
 pub(crate) const GROUP: usize = 8;
 
-/// One number of each element of a group.
+/// One number for each element of a group.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[repr(C, align(64))]
 pub(crate) struct Pack(pub(crate) [f64; GROUP]);
 
 impl Pack {
-    /// Lane group `part` of GROUP / S::F64_LANES.
+    /// Loads lane group number `part`, of GROUP / S::F64_LANES in the pack.
     #[inline(always)]
     pub(crate) fn load<S: Simd>(&self, simd: S, part: usize) -> Lane<S> {
         Lane::new(simd, S::as_simd_f64s(&self.0).0[part])
@@ -25,20 +25,19 @@ impl Pack {
     }
 }
 
-/// How many lane groups make a [`Pack`].
+/// Returns how many lane groups make a [`Pack`].
 #[inline(always)]
 pub(crate) const fn parts<S: Simd>() -> usize {
     GROUP / S::F64_LANES
 }
 
-/// The elements of a group; the last group may be short of some.
+/// Returns the elements of a group. The range of the last group may reach past the last element.
 pub(crate) fn members(group: usize) -> std::ops::Range<usize> {
     group * GROUP..(group + 1) * GROUP
 }
 
-/// Deals the elements of each run of `run_length` into groups of eight, so that those of a group are an eighth of
-/// the run apart: they share no node (but by chance), and what they add to the sums at their nodes does
-/// not wait for each other.
+/// Deals the elements of each run of `run_length` into groups of eight whose members lie an eighth of the run apart.
+/// Such elements rarely share a node, so that their additions to nodal sums need not wait for each other.
 pub(crate) fn interleave(run_length: usize, elements: &mut [u32]) {
     for run in elements.chunks_mut(run_length) {
         let (whole, _) = run.as_chunks_mut::<GROUP>();

@@ -1,14 +1,14 @@
-//! The scalar that laws and elements are written in: one number (f64), or one SIMD lane group.
+//! The scalar type of laws and elements: one number (f64), or one group of SIMD lanes.
 //!
-//! A kernel written once over [`Real`] runs on whatever vector unit the machine has. Lane groups
-//! carry pulp's token, the proof that the instructions exist; so there is no `unsafe` here and no
-//! way to make a lane group from nothing: constants come from [`Real::constant`].
+//! A kernel that is written once over [`Real`] runs on any vector unit. A lane group carries pulp's token, which
+//! proves that the instructions exist; hence this file needs no `unsafe`. A lane group can only be made from another
+//! one, and so constants come from [`Real::constant`].
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use pulp::Simd;
 
-/// A real number, or several of them that go through the same arithmetic side by side.
+/// A real number, or several numbers that go through the same arithmetic side by side.
 pub trait Real:
     Copy
     + Add<Output = Self>
@@ -20,23 +20,23 @@ pub trait Real:
     + Sub<f64, Output = Self>
     + Mul<f64, Output = Self>
 {
-    /// `value` in every lane; `self` only says where (its own value is not used).
+    /// Returns `value` in every lane. `self` only gives the type of the lanes; its value is not used.
     fn constant(self, value: f64) -> Self;
-    /// self · b + c, fused where the machine can.
+    /// Returns self · b + c, fused if the machine can.
     fn mul_add(self, b: Self, c: Self) -> Self;
-    /// √self.
+    /// Returns √self.
     fn sqrt(self) -> Self;
-    /// |self|.
+    /// Returns |self|.
     fn abs(self) -> Self;
-    /// ln self to about one unit in the last place; NaN for self ≤ 0, not finite for ∞.
+    /// Returns ln self with an error of about one unit in the last place; NaN for self ≤ 0, not finite for ∞.
     fn ln(self) -> Self;
-    /// ∛self.
+    /// Returns ∛self.
     fn cbrt(self) -> Self;
-    /// A scalar function of each lane, one by one.
+    /// Applies a scalar function to each lane, one by one.
     fn map(self, function: impl Fn(f64) -> f64) -> Self;
-    /// `then` where self > 0, `otherwise` elsewhere (also for NaN).
+    /// Selects per lane: `then` if self > 0, else `otherwise` (also for NaN).
     fn if_positive(self, then: Self, otherwise: Self) -> Self;
-    /// Is self > 0 in every lane?
+    /// Returns whether self > 0 in every lane.
     fn is_positive(self) -> bool;
 }
 
@@ -97,7 +97,7 @@ impl<S: Simd> Lane<S> {
         Self { simd, v: simd.splat_f64s(value) }
     }
 
-    /// The lanes as the machine holds them.
+    /// Returns the lanes as the machine's register type.
     #[inline(always)]
     pub(crate) fn raw(self) -> S::f64s {
         self.v
@@ -181,16 +181,16 @@ impl<S: Simd> Real for Lane<S> {
 }
 
 impl<S: Simd> Lane<S> {
-    /// ln x = k ln 2 + ln m with m in [√½, √2), and ln m = f − f²/2 + s(f²/2 + R(s²)), f = m − 1,
-    /// s = f/(2 + f), with the minimax coefficients of FDLIBM's e_log.c (error below one unit in
-    /// the last place). Numbers below 2⁻¹⁰²² are taken for 2⁻¹⁰²² and a bit.
+    /// Computes ln x = k ln 2 + ln m with m in [√½, √2) and ln m = f − f²/2 + s(f²/2 + R(s²)), where f = m − 1 and s
+    /// = f/(2 + f). R has the minimax coefficients of FDLIBM's e_log.c (error below one unit in the last place).
+    /// Subnormal numbers (below 2⁻¹⁰²²) are treated as slightly above 2⁻¹⁰²².
     #[allow(clippy::excessive_precision, reason = "the published digits")]
     #[inline(always)]
     fn ln_in_lanes(self) -> Self {
         let simd = self.simd;
         let bits = simd.transmute_u64s_f64s(self.v);
-        // The exponent: shifted to the bottom of the high half, then read as the mantissa of a
-        // number in [2⁸⁴, 2⁸⁵), whose last place 2³² makes it count in units of 2⁶⁴.
+        // Extract the exponent: shift it to the bottom of the high half, then read it as the mantissa of a number in
+        // [2⁸⁴, 2⁸⁵). The last place of the high half is worth 2³² there, so it counts in units of 2⁶⁴.
         let high: S::u32s = pulp::bytemuck::cast(simd.and_u64s(bits, simd.splat_u64s(0x7ff0_0000_0000_0000)));
         let shifted = simd.wrapping_dyn_shr_u32s(high, simd.splat_u32s(20));
         let two_84 = f64::from_bits((1023 + 84) << 52);
@@ -224,7 +224,7 @@ impl<S: Simd> Lane<S> {
         let half_square = f * f * 0.5;
         let correction = s * r.mul_add(z, half_square) + k * 1.908_214_929_270_587_700_02e-10;
         let value = k * 6.931_471_803_691_238_164_90e-1 - ((half_square - correction) - f);
-        // 0 · x is zero, but NaN for ∞.
+        // Propagate ∞ as NaN: 0 · x is zero for finite x and NaN for ∞.
         self.if_positive(value + self * 0.0, self.constant(f64::NAN))
     }
 }

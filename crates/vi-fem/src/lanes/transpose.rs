@@ -1,8 +1,8 @@
-//! Between memory, where the numbers of an element lie together, and lanes, where the same number of eight elements
-//! does.
+//! Moves numbers between memory, where the numbers of one element are adjacent, and lanes, where the same number of
+//! eight elements is adjacent.
 //!
-//! Moving single numbers costs more than all arithmetic of a linear tetrahedron, so that AVX2 and
-//! AVX-512 have their own ways here; every way moves the same numbers to the same places.
+//! Moving single numbers costs more than all arithmetic of a linear tetrahedron. Therefore AVX2 and AVX-512 have
+//! their own code here. All variants move the same numbers to the same places.
 
 use std::ops::Range;
 
@@ -11,13 +11,13 @@ use pulp::Simd;
 use crate::lanes::pack::{GROUP, Pack};
 use crate::lanes::real::Lane;
 
-/// The coordinates of `S::F64_LANES` nodes in lanes: node number `nodes[stride · lane]` each.
+/// Gathers the coordinates of `S::F64_LANES` nodes into lanes; lane l holds node `nodes[stride · l]`.
 #[inline(always)]
 pub(crate) fn gather<S: Simd>(simd: S, x: &[f64], nodes: &[u32], stride: usize) -> [Lane<S>; 3] {
     #[cfg(target_arch = "x86_64")]
     {
         use std::any::Any;
-        // The casts are between a type and itself, and cost nothing.
+        // Cast between a type and itself, which costs nothing.
         let token: &dyn Any = &simd;
         if let Some(&v4) = token.downcast_ref::<pulp::x86::V4>() {
             let [a, b, c] = x86::gather_8(v4, x, nodes, stride);
@@ -46,8 +46,8 @@ pub(crate) fn gather<S: Simd>(simd: S, x: &[f64], nodes: &[u32], stride: usize) 
     [local[0].load(simd, 0), local[1].load(simd, 0), local[2].load(simd, 0)]
 }
 
-/// Copies the elements of `range` that are among `members`, which stand in lanes in this order, to `out`: it
-/// begins with range.start and holds `packs.len()` numbers an element.
+/// Copies the numbers of those `members` that lie in `range` from lanes to `out`. Lane l holds element `members.start
+/// + l`. `out` begins with the element range.start and holds `packs.len()` numbers per element.
 #[inline(always)]
 pub(crate) fn put<S: Simd>(
     simd: S,
@@ -69,7 +69,7 @@ pub(crate) fn put<S: Simd>(
     }
 }
 
-/// `rows[lane · K + k] = packs[k][lane]`, K the number of packs.
+/// Writes `rows[lane · K + k] = packs[k][lane]`, where K is the number of packs.
 #[inline(always)]
 fn scatter_rows<S: Simd>(simd: S, packs: &[Pack], rows: &mut [f64]) {
     let size = packs.len();
@@ -105,8 +105,7 @@ pub(crate) mod x86 {
 
     use crate::lanes::pack::Pack;
 
-    /// Four numbers of which the first three are the node's coordinates: the fourth is the next
-    /// node's, and is dropped.
+    /// Loads four numbers: the three coordinates of the node, and one of the next node, which is discarded.
     #[inline(always)]
     fn point(x: &[f64], node: u32) -> __m256d {
         let start = 3 * node as usize;
@@ -129,8 +128,8 @@ pub(crate) mod x86 {
         columns_8(simd, pairs)
     }
 
-    /// From nodes l and l + 4 side by side, x y z and a number that is dropped each, to x, y and z of
-    /// eight nodes.
+    /// Transposes eight nodes to x, y and z. `pairs[l]` holds nodes l and l + 4, each as x, y, z and a number to
+    /// discard.
     #[inline(always)]
     pub(crate) fn columns_8(simd: V4, pairs: [__m512d; 4]) -> [f64x8; 3] {
         let isa = simd.avx512f;
@@ -158,7 +157,7 @@ pub(crate) mod x86 {
         columns_4(simd, nodes)
     }
 
-    /// From x y z and a number that is dropped of each of four nodes to their x, y and z.
+    /// Transposes four nodes, each given as x, y, z and a number to discard, to their x, y and z.
     #[inline(always)]
     pub(crate) fn columns_4(simd: V3, [a, b, c, d]: [__m256d; 4]) -> [f64x4; 3] {
         let isa = simd.avx;
@@ -171,7 +170,7 @@ pub(crate) mod x86 {
         ]
     }
 
-    /// Blocks of 8 × 8; the last one overlaps the one before it.
+    /// Transposes in blocks of 8 × 8; the last block overlaps the one before it.
     #[inline(always)]
     pub(super) fn scatter_8(simd: V4, packs: &[Pack], rows: &mut [f64]) {
         let size = packs.len();
@@ -193,7 +192,7 @@ pub(crate) mod x86 {
         for k in 0..8 {
             r[k] = cast(packs[k].0);
         }
-        // Pairs of rows: even lanes, odd lanes; then halves of 128 bits twice.
+        // Interleave pairs of rows into even and odd lanes; then exchange halves of 128 bits twice.
         let mut even = [zero; 4];
         let mut odd = [zero; 4];
         for k in 0..4 {
@@ -218,7 +217,7 @@ pub(crate) mod x86 {
         rows[at..at + 8].copy_from_slice(&value);
     }
 
-    /// Blocks of 4 × 4; the last one overlaps the one before it.
+    /// Transposes in blocks of 4 × 4; the last block overlaps the one before it.
     #[inline(always)]
     pub(super) fn scatter_4(simd: V3, packs: &[Pack], rows: &mut [f64]) {
         let size = packs.len();

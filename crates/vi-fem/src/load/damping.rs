@@ -1,9 +1,9 @@
-//! Damping of strain rates in the material frame (Kelvin–Voigt), and of velocities by mass: together Rayleigh's
-//! damping. Off unless asked for.
+//! Damping of strain rates in the material frame (Kelvin–Voigt), and of velocities in proportion to mass; together
+//! they are Rayleigh damping. Both are off by default.
 //!
-//! The viscous stress S_v = 2η Ė + ζ tr(Ė) I, Ė = sym(FᵀḞ), depends on the rate of the Green–Lagrange
-//! strain alone: free fall and rigid spin feel nothing. At small strains 2η = 2βμ, ζ = βλ is Rayleigh's
-//! stiffness-proportional damping βK ẋ.
+//! The viscous stress S_v = 2η Ė + ζ tr(Ė) I with Ė = sym(FᵀḞ) depends only on the rate of the Green–Lagrange strain;
+//! free fall and rigid rotation are not damped. At small strains 2η = 2βμ, ζ = βλ gives Rayleigh's
+//! stiffness-proportional damping force βK ẋ.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -18,12 +18,12 @@ use vi_mesh::{CellKind, Mesh};
 
 type Vec3 = [f64; 3];
 
-/// Viscosities of a solid.
+/// Viscosities of a solid for the stress S_v = 2η Ė + ζ tr(Ė) I.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Viscosity {
-    /// η, Pa s: S_v = 2η Ė + …
+    /// Shear viscosity η, Pa s; not negative.
     pub shear: f64,
-    /// ζ, Pa s: … + ζ tr(Ė) I. Energy is only lost if η ≥ 0 and 2η + 3ζ ≥ 0.
+    /// Viscosity ζ of volume changes, Pa s. Damping only dissipates energy if η ≥ 0 and 2η + 3ζ ≥ 0.
     pub bulk: f64,
 }
 
@@ -39,12 +39,11 @@ impl Viscosity {
     }
 }
 
-/// Kelvin–Voigt damping of solid elements. Node a of the mesh is node a + `node_offset` of the system.
-/// One force an element kind.
+/// Returns the Kelvin–Voigt damping of solid elements, one force per element kind. Node a of the mesh is node a +
+/// `node_offset` of the system.
 ///
-/// # Errors
-/// [`FemError::Parameter`] for viscosities that would add energy, [`FemError::Mesh`] and
-/// [`FemError::Unsupported`] for cells that are not solid elements.
+/// [`FemError::Parameter`] for viscosities that would add energy; [`FemError::Mesh`] and [`FemError::Unsupported`]
+/// for cells that are not solid elements.
 pub fn kelvin_voigt(
     mesh: &Mesh,
     elements: &[u32],
@@ -81,7 +80,7 @@ pub fn kelvin_voigt(
     Ok(parts.into_iter().map(|(_, part)| Arc::new(part) as Arc<dyn Force>).collect())
 }
 
-/// A quadrature point at rest: its volume (m³) and ∂N_a/∂X (1/m) for each node.
+/// A quadrature point at rest: its volume (m³), and ∂N_a/∂X (1/m) for each node a.
 type Points = Vec<(f64, Vec<Vec3>)>;
 
 struct AddPoints<'a> {
@@ -99,7 +98,7 @@ impl SolidVisitor for AddPoints<'_> {
             let jacobian = E::reference_gradient(&x, &gradients);
             let det = determinant(&jacobian);
             let cofactor = cofactor(&jacobian);
-            // J⁻ᵀ ∂N/∂ξ.
+            // Push the gradients to the rest frame: J⁻ᵀ ∂N/∂ξ.
             let material = gradients.map(|g| [0, 1, 2].map(|i| dot(cofactor[i], g) / det));
             self.points.push((weight * det, material.to_vec()));
         }
@@ -111,11 +110,11 @@ struct KelvinVoigt {
     viscosity: Viscosity,
     arity: usize,
     nodes: Vec<u32>,
-    /// Of all elements, in order.
+    /// The quadrature points of all elements, element by element.
     points: Points,
 }
 
-/// Σ_a u_a ⊗ G_a.
+/// Returns Σ_a u_a ⊗ G_a, the material gradient of a nodal field.
 fn gradient(u: &[Vec3], g: &[Vec3]) -> [Vec3; 3] {
     let mut out = [[0.0; 3]; 3];
     for (u, g) in u.iter().zip(g) {
@@ -143,7 +142,7 @@ impl KelvinVoigt {
         &self.points[stencil * each..][..each]
     }
 
-    /// S_v.
+    /// Returns the viscous stress S_v, Pa.
     fn stress(&self, f: &[Vec3; 3], rate: &[Vec3; 3]) -> [Vec3; 3] {
         let Viscosity { shear, bulk } = self.viscosity;
         let e: [Vec3; 3] = [0, 1, 2].map(|p| {
@@ -153,7 +152,8 @@ impl KelvinVoigt {
         [0, 1, 2].map(|p| [0, 1, 2].map(|q| 2.0 * shear * e[p][q] + if p == q { bulk * trace } else { 0.0 }))
     }
 
-    /// Sums the packed lower triangles of `entry` over the points of each element.
+    /// Writes the packed lower triangle of one block per element: the sum of weight × `entry` over its quadrature
+    /// points. `prepare` computes once per point what `entry` needs.
     fn blocks<P>(
         &self,
         range: Range<usize>,
@@ -198,7 +198,7 @@ impl Force for KelvinVoigt {
         true
     }
 
-    /// f_a = −Σ_q w F S_v ∂N_a/∂X.
+    /// Writes f_a = −Σ_q w F S_v ∂N_a/∂X, N.
     fn forces(&self, range: Range<usize>, x: &[f64], v: &[f64], _t: f64, out: &mut [f64]) {
         for (stencil, out) in range.zip(out.chunks_exact_mut(3 * self.arity)) {
             out.fill(0.0);
@@ -216,13 +216,13 @@ impl Force for KelvinVoigt {
         }
     }
 
-    /// Geometric part δ_ik G_a·S_v G_b and material part F ∂S_v/∂F G_a, made symmetric.
+    /// Writes the geometric part δ_ik G_a·S_v G_b plus the material part F ∂S_v/∂F G_a, symmetrised.
     fn stiffness(&self, range: Range<usize>, x: &[f64], v: &[f64], _t: f64, out: &mut [f64]) {
         struct Point {
             stress: [Vec3; 3],
             /// F Ḟᵀ.
             mixed: [Vec3; 3],
-            /// F G_a and Ḟ G_a.
+            /// F G_a and Ḟ G_a for each node a.
             pushed: Vec<(Vec3, Vec3)>,
         }
         let Viscosity { shear, bulk } = self.viscosity;
@@ -242,7 +242,7 @@ impl Force for KelvinVoigt {
         });
     }
 
-    /// η (F Fᵀ)_ik G_a·G_b + η (F G_b)_i (F G_a)_k + ζ (F G_a)_i (F G_b)_k.
+    /// Writes η (F Fᵀ)_ik G_a·G_b + η (F G_b)_i (F G_a)_k + ζ (F G_a)_i (F G_b)_k.
     fn damping(&self, range: Range<usize>, x: &[f64], v: &[f64], _t: f64, out: &mut [f64]) {
         let Viscosity { shear, bulk } = self.viscosity;
         let prepare = |f: [Vec3; 3], _: [Vec3; 3], g: &[Vec3]| {
@@ -256,8 +256,8 @@ impl Force for KelvinVoigt {
     }
 }
 
-/// f_a = −α m_a v_a: the mass-proportional part of Rayleigh's damping, a drag against the frame of rest.
-/// Unlike Kelvin–Voigt it slows rigid motion too.
+/// f_a = −α m_a v_a: the mass-proportional part of Rayleigh damping, a drag relative to the inertial frame. Unlike
+/// Kelvin–Voigt damping it also slows rigid motion.
 pub struct MassDamping {
     name: String,
     nodes: Vec<u32>,
@@ -266,11 +266,11 @@ pub struct MassDamping {
 }
 
 impl MassDamping {
-    /// Damping at rate α (1/s, not negative) of the nodes with these masses (kg); node a of the list is
-    /// node a + `node_offset` of the system.
+    /// Returns the damping at rate α (1/s, not negative) of nodes with these masses (kg). Node a of the list is node
+    /// a + `node_offset` of the system.
     ///
     /// # Errors
-    /// [`FemError::Parameter`] for a negative rate.
+    /// [`FemError::Parameter`] for a rate that is negative or not finite.
     pub fn new(masses: &[f64], rate: f64, node_offset: usize, name: &str) -> Result<Self, FemError> {
         if !(rate >= 0.0 && rate.is_finite()) {
             let requirement = "mass-proportional damping must not be negative (1/s)";

@@ -1,4 +1,4 @@
-//! Dead loads: tractions, body forces and point loads that keep their direction while the body moves. Each is a
+//! Dead loads: tractions, body forces and point loads whose direction is fixed while the body moves. Each has the
 //! potential V = −a(t) Σ_a f_a·(x_a − X_a).
 
 use std::ops::Range;
@@ -15,7 +15,7 @@ use crate::solid::element::visit_solid;
 use vi_mesh::Surface;
 use vi_mesh::{Mesh, MeshError};
 
-/// Forces on nodes that never turn, f_a a(t).
+/// Nodal forces a(t) f_a of fixed direction.
 #[derive(Debug, Clone)]
 pub struct DeadLoad {
     name: String,
@@ -28,10 +28,10 @@ pub struct DeadLoad {
 }
 
 impl DeadLoad {
-    /// A force (N) on each of the nodes. Node a of the mesh is node a + `node_offset` of the system.
+    /// Returns forces (N) on single nodes. Node a of the mesh is node a + `node_offset` of the system.
     ///
     /// # Errors
-    /// [`FemError::Mesh`] for nodes that are not there.
+    /// [`FemError::Mesh`] for nodes that do not exist.
     pub fn points(
         mesh: &Mesh,
         forces: &[(u32, [f64; 3])],
@@ -51,10 +51,10 @@ impl DeadLoad {
         sum.into_load(mesh, amplitude, node_offset, name)
     }
 
-    /// A traction T (Pa, force per area at rest) on a surface: f_a = ∫ N_a T dA.
+    /// Returns the nodal forces f_a = ∫ N_a T dA of a traction T (Pa, force per area at rest) on a surface.
     ///
     /// # Errors
-    /// [`FemError::Invalid`] where the field has no finite value on the surface.
+    /// [`FemError::Invalid`] if the field has no finite value on the surface.
     pub fn traction(
         mesh: &Mesh,
         surface: &Surface,
@@ -81,13 +81,13 @@ impl DeadLoad {
         sum.into_load(mesh, amplitude, node_offset, name)
     }
 
-    /// A total force F (N) and moment (N m), spread over a part of a body: the traction F/A + θ × (X − c)
-    /// that varies linearly about its centroid c, with θ such that the moment is right. Its nodal forces have
-    /// the total force F, and about `about` (without it: about c) the moment M, to round-off.
+    /// Returns a total force F (N) and moment (N m), spread over a part of a body as the traction F/A + θ × (X − c).
+    /// It varies linearly about the centroid c, and θ is chosen such that the moment is right. To round-off, the
+    /// nodal forces sum to F, and their moment about `about` (default c) is M.
     ///
     /// # Errors
-    /// [`FemError::Invalid`] where the part is a straight line and the moment has a component along it, or
-    /// where a value is not finite.
+    /// [`FemError::Invalid`] if the part is a straight line and the moment has a component along it, or if a value is
+    /// not finite.
     pub fn resultant_on(
         mesh: &Mesh,
         spread: &Spread,
@@ -107,11 +107,11 @@ impl DeadLoad {
         sum.into_load(mesh, amplitude, node_offset, name)
     }
 
-    /// A force b per volume at rest (N/m³) on the triangles of a sheet: f_a = ∫ N_a b h dA, with `volumes` h A of
-    /// the triangles (m³).
+    /// Returns the nodal forces f_a = ∫ N_a b h dA of a force b per volume at rest (N/m³) on the triangles of a
+    /// sheet. `volumes` holds each triangle's cell number and its volume h A (m³).
     ///
     /// # Errors
-    /// As [`DeadLoad::body_force`].
+    /// Those of [`DeadLoad::body_force`].
     pub fn body_force_on_sheet(
         mesh: &Mesh,
         volumes: &[(u32, f64)],
@@ -127,7 +127,7 @@ impl DeadLoad {
                 return Err(FemError::Unsupported { kind, used: "triangles of a sheet" });
             };
             let corners = [a, b, c].map(|node| mesh.points[node as usize]);
-            // Exact for b linear in x: the middles of the edges.
+            // Integrate at the midpoints of the edges: exact for b linear in x.
             for values in [[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]] {
                 let position = [0, 1, 2].map(|i| (0..3).map(|k| values[k] * corners[k][i]).sum());
                 let force = force.at(position);
@@ -139,11 +139,11 @@ impl DeadLoad {
         sum.into_load(mesh, amplitude, node_offset, name)
     }
 
-    /// A force b per volume at rest (N/m³) on solid elements: f_a = ∫ N_a b dV.
+    /// Returns the nodal forces f_a = ∫ N_a b dV of a force b per volume at rest (N/m³) on solid elements.
     ///
     /// # Errors
-    /// [`FemError::Mesh`] and [`FemError::Unsupported`] for cells that are not solid elements,
-    /// [`FemError::Invalid`] where the field has no finite value in them.
+    /// [`FemError::Mesh`] and [`FemError::Unsupported`] for cells that are not solid elements; [`FemError::Invalid`]
+    /// if the field has no finite value in them.
     pub fn body_force(
         mesh: &Mesh,
         elements: &[u32],
@@ -161,7 +161,7 @@ impl DeadLoad {
         sum.into_load(mesh, amplitude, node_offset, name)
     }
 
-    /// Σ f_a, N, at amplitude 1.
+    /// Returns the total force Σ f_a (N) at amplitude 1.
     pub fn resultant(&self) -> [f64; 3] {
         [0, 1, 2].map(|i| self.forces.iter().map(|force| force[i]).sum())
     }
@@ -195,7 +195,7 @@ impl SolidVisitor for AddBodyForce<'_> {
     }
 }
 
-/// Forces under construction.
+/// Nodal forces while they are summed.
 struct NodalSum {
     forces: Vec<[f64; 3]>,
     touched: Vec<bool>,

@@ -18,18 +18,18 @@ pub struct Gravity {
 }
 
 impl Gravity {
-    /// Weight of the nodes with these masses (kg) in the field g (m/s²).
+    /// Returns the weight of nodes with these masses (kg) in the field g (m/s²).
     pub fn new(masses: &[f64], g: [f64; 3]) -> Self {
         Self::with_amplitude(masses, g, Amplitude::default())
     }
 
-    /// The same in a field g a(t).
+    /// Returns the weight of nodes with these masses (kg) in the field a(t) g (m/s²).
     pub fn with_amplitude(masses: &[f64], g: [f64; 3], amplitude: Amplitude) -> Self {
-        let heavy = || masses.iter().enumerate().filter(|(_, mass)| **mass != 0.0);
+        let with_mass = || masses.iter().enumerate().filter(|(_, mass)| **mass != 0.0);
         Self {
             amplitude,
-            nodes: heavy().map(|(node, _)| node as u32).collect(),
-            gradients: heavy().map(|(_, mass)| g.map(|g| -mass * g)).collect(),
+            nodes: with_mass().map(|(node, _)| node as u32).collect(),
+            gradients: with_mass().map(|(_, mass)| g.map(|g| -mass * g)).collect(),
         }
     }
 }

@@ -1,9 +1,9 @@
 //! Pressure that follows a surface as it deforms: f_a = −a(t) p ∫ N_a n da over the deformed facets.
 //!
-//! Where the edge of the surface is held so that the pressure does no work around it, it is minus the derivative of V
-//! = p × (volume behind the surface) and enters as a potential; elsewhere it is a [`Force`] with its work in the
-//! ledger. The volume is ∫ G·n da with a linear field G of divergence 1; the edge adds nothing when it is clamped, or
-//! slides in planes that G lies in (Rumpel & Schweizerhof 2003 give the symmetric tangent).
+//! If the edge of the surface is held such that the pressure does no work at it, the force is minus the derivative of
+//! V = p × (volume behind the surface), and the pressure is a potential. Otherwise it is a [`Force`], whose work the
+//! ledger records. The volume is ∫ G·n da with a linear field G of divergence 1. The edge contributes nothing if it
+//! is clamped, or if it slides in planes that contain G (Rumpel & Schweizerhof 2003 give the symmetric tangent).
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -16,19 +16,19 @@ use crate::small::tensor::{cross, dot};
 use vi_mesh::{FacetBlock, FacetPoint, Surface};
 use vi_mesh::{Mesh, resolution};
 
-/// A pressure as what a system takes: potentials where it has a potential, forces elsewhere.
+/// The terms of a pressure: potentials if it has one, else forces.
 pub enum Pressure {
-    /// One potential a kind of facet.
+    /// One potential per kind of facet.
     Potential(Vec<Box<dyn Potential>>),
-    /// One force a kind of facet.
+    /// One force per kind of facet.
     Force(Vec<Arc<dyn Force>>),
 }
 
-/// A pressure p a(t) (Pa, positive: into the body) on a surface whose nodes are prescribed as
-/// `is_fixed(node)` says axis by axis. Node a of the mesh is node a + `node_offset` of the system.
+/// Returns the terms of a pressure p a(t) (Pa, positive if it pushes into the body) on a surface. `is_fixed(node)`
+/// tells which coordinates of a node are prescribed. Node a of the mesh is node a + `node_offset` of the system.
 ///
-/// Prescribed nodes of the edge must stay where they are for the pressure to be a potential; say that
-/// they are free where they move.
+/// The pressure has a potential only if the prescribed nodes of the edge do not move: let `is_fixed` report moving
+/// nodes as free.
 pub fn pressure(
     mesh: &Mesh,
     surface: &Surface,
@@ -64,7 +64,7 @@ pub fn pressure(
     }
 }
 
-/// G_k(x) = w_k (x_k − c_k), Σ w_k = 1: the flux of G out of a closed surface is its volume.
+/// G_k(x) = w_k (x_k − c_k) with Σ w_k = 1. The flux of G out of a closed surface is the enclosed volume.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct VolumeField {
     weights: [f64; 3],
@@ -72,12 +72,13 @@ struct VolumeField {
 }
 
 impl VolumeField {
-    /// A field whose flux has no contribution from the edge of the surface, if there is one.
+    /// Returns a field whose flux gets no contribution from the edge of the surface, or `None` if there is no such
+    /// field.
     ///
-    /// The edge contributes ∮ (G × δx)·dx: nothing where δx = 0, and nothing where the edge slides in a
-    /// plane x_k = const in which G lies, w_k (x_k − c_k) = 0.
+    /// The edge contributes ∮ (G × δx)·dx. This vanishes where δx = 0, and where the edge slides in a plane x_k =
+    /// const that contains G, w_k (x_k − c_k) = 0.
     fn of_surface(mesh: &Mesh, surface: &Surface, is_fixed: impl Fn(u32) -> [bool; 3]) -> Option<Self> {
-        // Planes x_k = const that edges slide in.
+        // Collect the planes x_k = const in which edges slide.
         let mut planes: [Vec<f64>; 3] = Default::default();
         let near = (1e-9 * extent(mesh)).max(resolution(&mesh.points));
         for edge in edges(surface) {
@@ -110,7 +111,7 @@ impl VolumeField {
     }
 }
 
-/// Largest extent of a mesh, m.
+/// Returns the largest extent of a mesh along an axis, m.
 fn extent(mesh: &Mesh) -> f64 {
     let side = |k: usize| {
         let range = mesh
@@ -122,7 +123,7 @@ fn extent(mesh: &Mesh) -> f64 {
     (0..3).map(side).fold(0.0, f64::max)
 }
 
-/// The edges that belong to one facet only, with their middle nodes.
+/// Returns the edges that belong to one facet only, with their middle nodes.
 fn edges(surface: &Surface) -> Vec<Vec<u32>> {
     let mut seen: HashMap<(u32, u32), (usize, Vec<u32>)> = HashMap::new();
     for block in surface.blocks() {
@@ -143,7 +144,7 @@ fn edges(surface: &Surface) -> Vec<Vec<u32>> {
     open
 }
 
-/// Nodes of the largest facet.
+/// Number of nodes of the largest facet.
 const LARGEST: usize = 9;
 
 /// Facets of one kind under pressure.
@@ -157,7 +158,7 @@ struct Facets {
     rule: Vec<FacetPoint>,
 }
 
-/// ε_ijk.
+/// Returns the permutation symbol ε_ijk.
 fn permutation(i: usize, j: usize, k: usize) -> f64 {
     ((i as f64 - j as f64) * (j as f64 - k as f64) * (k as f64 - i as f64)) / 2.0
 }
@@ -167,7 +168,7 @@ impl Facets {
         Stencils { arity: self.arity, block: 3, nodes: &self.nodes }
     }
 
-    /// p a(t), Pa.
+    /// Returns p a(t), Pa.
     fn at(&self, t: f64) -> f64 {
         self.pressure * self.amplitude.at(t)
     }
@@ -186,7 +187,7 @@ impl Facets {
         self.rule.iter().map(move |point| (point, point.frame(positions.into_iter())))
     }
 
-    /// `factor` ∫ N_a n da.
+    /// Writes `factor` ∫ N_a n da.
     fn normals(&self, range: Range<usize>, x: &[f64], factor: f64, out: &mut [f64]) {
         for (facet, out) in range.zip(out.chunks_exact_mut(3 * self.arity)) {
             out.fill(0.0);
@@ -201,8 +202,8 @@ impl Facets {
         }
     }
 
-    /// The packed lower triangle of a block whose entry for ((a, m), (b, n)) at a point is `entry`,
-    /// times `factor`.
+    /// Writes the packed lower triangle of one block per facet: `factor` times the integral of `entry` for ((a, m),
+    /// (b, n)), where a, b are nodes and m, n axes.
     fn blocks(
         &self,
         range: Range<usize>,
@@ -228,7 +229,7 @@ impl Facets {
     }
 }
 
-/// ∂(n_m)/∂x_bn with n = a × b: ε_mnj N_b,ξ b_j + ε_min N_b,η a_i.
+/// Returns ∂(n_m)/∂x_bn with n = a × b, which is ε_mnj N_b,ξ b_j + ε_min N_b,η a_i.
 fn normal_derivative(gradient: [f64; 2], [_, a, b]: &[[f64; 3]; 3], m: usize, n: usize) -> f64 {
     if m == n {
         return 0.0;
@@ -237,7 +238,7 @@ fn normal_derivative(gradient: [f64; 2], [_, a, b]: &[[f64; 3]; 3], m: usize, n:
     permutation(m, n, k) * (gradient[0] * b[k] - gradient[1] * a[k])
 }
 
-/// V = p ∫ G·n da.
+/// The potential V = p ∫ G·n da.
 struct VolumePressure {
     facets: Facets,
     field: VolumeField,
@@ -270,13 +271,13 @@ impl Potential for VolumePressure {
         }
     }
 
-    /// The pressure's force itself: it is ∂V/∂x of every free coordinate, and at prescribed ones the
-    /// true force, where ∂V/∂x would hold the edge's share too.
+    /// Writes the pressure's force, which equals ∂V/∂x for every free coordinate. For prescribed coordinates it is
+    /// the true force, whereas ∂V/∂x would contain the contribution of the edge too.
     fn gradients(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
         self.facets.normals(range, x, self.facets.at(t), out);
     }
 
-    /// ∂²/∂x² of G_k n_k: w_m N_a ∂n_m/∂x_bn + w_n N_b ∂n_n/∂x_am + Σ_k G_k ∂²n_k.
+    /// Writes ∂²/∂x² of G_k n_k: w_m N_a ∂n_m/∂x_bn + w_n N_b ∂n_n/∂x_am + Σ_k G_k ∂²n_k.
     fn hessians(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
         let weights = self.field.weights;
         let entry =
@@ -295,7 +296,7 @@ impl Potential for VolumePressure {
     }
 }
 
-/// f_a = −p ∫ N_a n da where it has no potential.
+/// The force f_a = −p ∫ N_a n da of a pressure without a potential.
 struct FollowerPressure(Facets);
 
 impl Force for FollowerPressure {
@@ -354,7 +355,7 @@ mod tests {
         mesh.points.iter().flat_map(bend).collect()
     }
 
-    /// Σ over stencils of gradient or energy.
+    /// Returns the energy and the gradient, summed over the stencils.
     fn sums(term: &dyn Potential, x: &[f64]) -> (f64, Vec<f64>) {
         let stencils = term.stencils();
         let mut energies = vec![0.0; stencils.count()];
@@ -372,7 +373,7 @@ mod tests {
         (energies.iter().sum(), total)
     }
 
-    /// Checks gradient and Hessian of the free coordinates against differences.
+    /// Checks the gradient and the Hessian of the free coordinates against differences.
     fn check_derivatives(mesh: &Mesh, region: &str, is_fixed: impl Fn(u32) -> [bool; 3]) {
         let surface = Surface::of_region(mesh, region).unwrap();
         let Pressure::Potential(terms) =
@@ -404,7 +405,7 @@ mod tests {
             shifted[dof] -= 2.0 * e;
             let (below, g_below) = sums(term, &shifted);
             assert!(((above - below) / (2.0 * e) - gradient[dof]).abs() < 1e-8, "dof {dof}");
-            // Column of the Hessian: exact by differences, for V is cubic in x.
+            // A central difference gives a column of the Hessian exactly, because V is cubic in x.
             let mut column = vec![0.0; x.len()];
             for (s, block) in hessians.chunks_exact(packed_len(stencils.size())).enumerate() {
                 for (a, &p) in stencils.of(s).iter().enumerate() {
@@ -443,16 +444,16 @@ mod tests {
     fn edges_on_symmetry_planes_or_clamped_keep_the_potential() {
         let mesh = cube();
         let at = |node: u32| mesh.points[node as usize];
-        // One plane each for y and z, the edge between y and z planes fixed.
+        // One plane each for y and z; the edge between them is fixed.
         let is_fixed = |node: u32| {
             let x = at(node);
             [false, x[1] == 0.0 || x[1] == 1.0, x[2] == 0.25]
         };
-        // The top edge z = 1.25 is free: no potential.
+        // The top edge z = 1.25 is free, so there is no potential.
         let surface = Surface::of_region(&mesh, "x-max").unwrap();
         let once = Amplitude::default();
         assert!(matches!(pressure(&mesh, &surface, 1.0, &once, is_fixed, 0, "p"), Pressure::Force(_)));
-        // Two parallel planes for y (plane strain) and one for each end of z.
+        // Two parallel planes for y (plane strain), and one for each end of z.
         let held = |node: u32| {
             let x = at(node);
             [false, x[1] == 0.0 || x[1] == 1.0, x[2] == 0.25 || x[2] == 1.25]
@@ -485,7 +486,7 @@ mod tests {
         let mut gradients = vec![0.0; out.len()];
         terms[0].gradients(0..stencils.count(), &x, 0.0, &mut gradients);
         assert!(out.iter().zip(&gradients).all(|(f, g)| *f == -g));
-        // At rest: p × area against the outward normal.
+        // At rest the force is p × area against the outward normal.
         let rest: Vec<f64> = mesh.points.as_flattened().to_vec();
         force.forces(0..stencils.count(), &rest, &rest, 0.0, &mut out);
         let sum: f64 = out.chunks_exact(3).map(|f| f[0]).sum();

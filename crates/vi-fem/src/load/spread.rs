@@ -1,4 +1,4 @@
-//! How a total force and moment are spread over a part of a body at rest.
+//! Spreads a total force and moment over a part of a body at rest.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -7,7 +7,7 @@ use crate::small::tensor::{cross, dot};
 use vi_mesh::Surface;
 use vi_mesh::{CellKind, Mesh};
 
-/// Below this part of the largest moment of area about an axis there is none.
+/// Principal moments of area below this fraction of the largest count as zero.
 const NO_ARM: f64 = 1e-12;
 
 /// A force and a moment.
@@ -17,11 +17,11 @@ pub struct Resultant {
     pub force: [f64; 3],
     /// Moment about the point `about`, N m.
     pub moment: [f64; 3],
-    /// The point through which the force acts, m; without it the centroid of the part.
+    /// The point through which the force acts, m; by default the centroid of the part.
     pub about: Option<[f64; 3]>,
 }
 
-/// The quadrature points of a part of a body: of a surface, or of a curve.
+/// The quadrature points of a surface or of a curve.
 #[derive(Debug, Clone)]
 pub struct Spread {
     pub(crate) points: Vec<SpreadPoint>,
@@ -33,15 +33,15 @@ pub struct Spread {
 /// A quadrature point.
 #[derive(Debug, Clone)]
 pub(crate) struct SpreadPoint {
-    /// Area or length that it stands for.
+    /// Area (m²) or length (m) that the point represents.
     pub(crate) measure: f64,
     pub(crate) position: [f64; 3],
-    /// Nodes and the values N_a there.
+    /// Nodes, and the values N_a at the point.
     pub(crate) nodes: Vec<(u32, f64)>,
 }
 
 impl Spread {
-    /// Over a surface, by area.
+    /// Returns the quadrature points of a surface, weighted by area.
     pub fn of_surface(mesh: &Mesh, surface: &Surface) -> Self {
         let mut points = Vec::new();
         for block in surface.blocks() {
@@ -58,7 +58,7 @@ impl Spread {
         Self::new(points)
     }
 
-    /// Over lines (cells of the mesh), by length; other cells are passed over.
+    /// Returns the quadrature points of lines (cells of the mesh), weighted by length; other cells are ignored.
     pub fn of_lines(mesh: &Mesh, cells: &[u32]) -> Self {
         let gauss = (1.0_f64 / 3.0).sqrt();
         let mut points = Vec::new();
@@ -89,7 +89,7 @@ impl Spread {
         Self::new(points)
     }
 
-    /// The same on a mesh whose nodes have other numbers.
+    /// Returns the same points with the node numbers of another mesh: node a becomes `number(a)`.
     #[must_use]
     pub fn renumbered(mut self, number: impl Fn(u32) -> u32) -> Self {
         let nodes = self.points.iter_mut().flat_map(|point| &mut point.nodes);
@@ -104,17 +104,17 @@ impl Spread {
         Self { points, measure, centroid }
     }
 
-    /// Area, m², or length, m; zero where there is nothing.
+    /// Returns the area (m²) or the length (m); zero if there are no points.
     pub fn measure(&self) -> f64 {
         self.measure
     }
 
-    /// Its centroid, m.
+    /// Returns the centroid, m.
     pub fn centroid(&self) -> [f64; 3] {
         self.centroid
     }
 
-    /// The traction (per area or length) at a position X: F/A + θ × (X − c).
+    /// Returns the traction F/A + θ × (X − c) as a function of the position X, per area (Pa) or per length (N/m).
     pub(crate) fn traction(
         &self,
         resultant: &Resultant,
@@ -139,7 +139,7 @@ impl Spread {
             } else if along.abs() > 1e-9 * moment.norm() {
                 let problem = format!(
                     "'{name}': the region is a straight line or a point, about which forces on it have no moment; \
-                     choose a region with an extent, or a moment across the line"
+                     choose a region with an area, or a moment normal to the line"
                 );
                 return Err(FemError::Invalid { what: "load", problem });
             }
@@ -161,7 +161,7 @@ mod tests {
     use crate::solid::element::SOLIDS;
     use vi_mesh::{BoxMesh, SheetMesh, SheetPattern};
 
-    /// Σ f_a = F and Σ (X_a − a) × f_a = M to round-off, on every kind of facet and on curves.
+    /// Tests that Σ f_a = F and Σ (X_a − a) × f_a = M to round-off, on every kind of facet and on curves.
     #[test]
     fn nodal_forces_have_the_resultant() {
         let (force, moment, about) = ([3.0, -2.0, 1.0], [0.4, 0.5, -0.6], [7.0, 0.2, -0.3]);
@@ -170,7 +170,7 @@ mod tests {
             let mut mesh = BoxMesh { size: [1.0, 2.0, 0.5], cells: [2, 2, 1], element, origin: [0.0; 3] }
                 .build()
                 .unwrap();
-            // A curved face.
+            // Curve the face.
             mesh.points.iter_mut().for_each(|x| x[0] += 0.3 * x[1] * x[1] + 0.2 * x[2]);
             let surface = Surface::of_region(&mesh, "x-max").unwrap();
             let spread = Spread::of_surface(&mesh, &surface);

@@ -1,4 +1,4 @@
-//! Springs from nodes to nodes or points of space, as potentials.
+//! Springs from nodes to nodes or to points of space, as potentials.
 
 use std::ops::Range;
 
@@ -12,7 +12,7 @@ fn position(x: &[f64], node: u32) -> [f64; 3] {
     [x[start], x[start + 1], x[start + 2]]
 }
 
-/// Where a spring ends.
+/// The other end of a spring.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SpringEnd {
     /// A node of the system.
@@ -21,8 +21,8 @@ pub enum SpringEnd {
     Anchor([f64; 3]),
 }
 
-/// A spring V = k/2 (|x_a − y| − L)² from a node to a node or an anchor. With rest length L = 0 its
-/// Hessian is constant.
+/// A spring V = k/2 (|x_a − y| − L)² between a node and another node or a fixed point y. If the rest length L is
+/// zero, its Hessian is constant.
 #[derive(Debug, Clone)]
 pub struct PointSpring {
     name: String,
@@ -33,11 +33,10 @@ pub struct PointSpring {
 }
 
 impl PointSpring {
-    /// A spring of stiffness k (N/m, positive) and rest length L (m, not negative).
+    /// Returns a spring of stiffness k (N/m, positive) and rest length L (m, not negative).
     ///
     /// # Errors
-    /// [`FemError::Parameter`] for k ≤ 0 or L < 0, [`FemError::Invalid`] for a spring from a node to
-    /// itself.
+    /// [`FemError::Parameter`] for k ≤ 0 or L < 0; [`FemError::Invalid`] for a spring from a node to itself.
     pub fn new(
         name: &str,
         node: u32,
@@ -57,14 +56,14 @@ impl PointSpring {
             SpringEnd::Anchor(point) => (vec![node], Some(point)),
             SpringEnd::Node(other) if other != node => (vec![node, other], None),
             SpringEnd::Node(_) => {
-                let problem = format!("node {node} cannot be tied to itself");
+                let problem = format!("node {node} is at both ends: choose two nodes");
                 return Err(FemError::Invalid { what: "spring", problem });
             }
         };
         Ok(Self { name: name.into(), nodes, anchor, stiffness, rest_length })
     }
 
-    /// d = x_a − y, and |d|.
+    /// Returns d = x_a − y and |d|, m.
     fn extension(&self, x: &[f64]) -> ([f64; 3], f64) {
         let from = position(x, self.nodes[0]);
         let to = self.anchor.unwrap_or_else(|| position(x, self.nodes[self.nodes.len() - 1]));
@@ -98,7 +97,7 @@ impl Potential for PointSpring {
         }
     }
 
-    /// k (1 − L/|d|) d; a spring of no length pulls nowhere.
+    /// Writes k (1 − L/|d|) d. If |d| = 0 the direction is undefined, and the force is set to zero.
     fn gradients(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         if range.is_empty() {
             return;
@@ -113,7 +112,7 @@ impl Potential for PointSpring {
         }
     }
 
-    /// k (1 − L/|d|) I + k L/|d|³ d ⊗ d, with signs + − + for two nodes; k I where |d| = 0.
+    /// Writes k (1 − L/|d|) I + k L/|d|³ d ⊗ d, with the signs + − + for two nodes; k I if |d| = 0.
     fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         if range.is_empty() {
             return;

@@ -1,5 +1,5 @@
-//! Ties: springs between a node and a weighted mean of nodes (a point of a surface, another node) or a place that may
-//! move.
+//! Ties: springs between a node and either a weighted mean of nodes (a point of a surface, or another node) or a
+//! point of space that may move.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -10,29 +10,30 @@ use crate::error::FemError;
 use crate::path::motion::Motion;
 use crate::small::tensor::dot;
 
-/// What a node is tied to.
+/// The end of a tie that is not its own node.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Anchor {
-    /// y = Σ weight × node.
+    /// The weighted mean y = Σ weight × node.
     Nodes(Vec<(u32, f64)>),
-    /// A place (m) that stays, or follows a motion.
+    /// A point of space (m) that is fixed, or that follows a motion.
     Place([f64; 3], Option<Motion>),
 }
 
-/// V = ½ k (|x − y| − L)²; with L = 0 quadratic where y does not move by itself.
+/// The spring V = ½ k (|x − y| − L)². It is quadratic if L = 0 and y does not move by itself.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tie {
-    /// The node of x.
+    /// The node at x.
     pub node: u32,
-    /// y.
+    /// The point y.
     pub anchor: Anchor,
     /// Stiffness k, N/m.
     pub stiffness: f64,
-    /// Length L of the spring without force, m.
+    /// Length L of the spring at zero force, m.
     pub length: f64,
 }
 
-/// The potentials of ties: one for each number of nodes, and for ties that are linear or move.
+/// Returns the potentials of ties. Ties share a potential if they have equally many nodes and agree in whether L = 0
+/// and whether their point moves.
 ///
 /// # Errors
 /// [`FemError::Parameter`] for k ≤ 0 or L < 0; [`FemError::Invalid`] for a node tied to itself.
@@ -52,7 +53,7 @@ pub fn ties(ties: &[Tie], name: &str) -> Result<Vec<Box<dyn Potential>>, FemErro
             Anchor::Place(place, motion) => (&[][..], *place, motion.clone()),
         };
         if targets.iter().any(|(node, _)| *node == tie.node) {
-            let problem = format!("node {} cannot be tied to itself", tie.node);
+            let problem = format!("node {} cannot be tied to itself: choose another anchor", tie.node);
             return Err(FemError::Invalid { what: "tie", problem });
         }
         let arity = 1 + targets.len();
@@ -81,18 +82,18 @@ struct Spring {
     motion: Option<Motion>,
 }
 
-/// Ties of as many nodes each, all of length zero or none, all moving or none.
+/// Ties with equally many nodes each, which agree in whether L = 0 and whether their point moves.
 struct Ties {
     name: String,
     arity: usize,
     nodes: Vec<u32>,
-    /// c_a in d = Σ c_a x_a − place: 1, −weights.
+    /// The coefficients c_a in d = Σ c_a x_a − place: 1 for the tied node, −weight for the others.
     factors: Vec<f64>,
     springs: Vec<Spring>,
 }
 
 impl Ties {
-    /// d = x − y, m, and the factors of its nodes.
+    /// Returns d = x − y (m) and the coefficients of its nodes.
     fn arm(&self, tie: usize, x: &[f64], t: f64) -> ([f64; 3], &[f64]) {
         let range = tie * self.arity..(tie + 1) * self.arity;
         let (nodes, factors) = (&self.nodes[range.clone()], &self.factors[range]);
@@ -106,7 +107,8 @@ impl Ties {
             if self.arity == 1 {
                 return origin[i] - place[i];
             }
-            // The factors have the sum zero: from differences, a far away tie is as exact as a near one.
+            // The coefficients sum to zero: form differences of positions, so that round-off does not grow with the
+            // distance from the origin.
             let others = nodes[1..].iter().zip(&factors[1..]);
             others.map(|(&node, c)| c * (x[3 * node as usize + i] - origin[i])).sum::<f64>()
         });
@@ -117,7 +119,7 @@ impl Ties {
         let (d, factors) = self.arm(tie, x, t);
         let Spring { stiffness, length, .. } = self.springs[tie];
         let square = dot(d, d);
-        // k (1 − L/|d|) I + k L/|d|³ d ⊗ d; k I where |d| = 0.
+        // The block is k (1 − L/|d|) I + k L/|d|³ d ⊗ d; k I if |d| = 0.
         let slack = if square > 0.0 { length / square.sqrt() } else { 0.0 };
         let straight = if is_projected { (1.0 - slack).max(0.0) } else { 1.0 - slack };
         let along = if square > 0.0 { (1.0 - straight) / square } else { 0.0 };
@@ -162,7 +164,7 @@ impl Potential for Ties {
         }
     }
 
-    /// k (1 − L/|d|) d c_a; a tie of no length pulls nowhere.
+    /// Writes k (1 − L/|d|) d c_a. If |d| = 0 the direction is undefined, and the force is set to zero.
     fn gradients(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
         for (tie, out) in range.zip(out.chunks_exact_mut(3 * self.arity)) {
             let (d, factors) = self.arm(tie, x, t);
@@ -183,7 +185,7 @@ impl Potential for Ties {
         }
     }
 
-    /// A spring pressed together does not stiffen against turning.
+    /// Drops the negative transverse stiffness of a compressed spring.
     fn projected_hessians(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
         for (tie, out) in range.zip(out.chunks_exact_mut(packed_len(3 * self.arity))) {
             self.block(tie, x, t, true, out);

@@ -1,4 +1,4 @@
-//! Drag of moving or still air on a sheet, triangle by triangle: a force that no potential gives.
+//! Drag of moving or still air on a sheet, triangle by triangle: a force without a potential.
 
 use std::ops::Range;
 
@@ -13,22 +13,22 @@ use vi_mesh::Triangulation;
 
 /// Air around a sheet: `wind = { velocity = [5.0, 0.0, 0.0] }`.
 ///
-/// With u = velocity − ẋ at a triangle's centre, a its area vector and n = a/|a|, the force on it is
-/// ½ ρ (C_n |u·n| (u·n) a + C_t |u| |a| (u − (u·n) n)), a third on each node: pressure drag along the
-/// normal and friction along the surface, both against the relative motion.
+/// Let u = velocity − ẋ at the centre of a triangle, a its area vector and n = a/|a|. The force on the triangle is ½
+/// ρ (C_n |u·n| (u·n) a + C_t |u| |a| (u − (u·n) n)), a third on each node: pressure drag along the normal and
+/// friction along the surface, both against the motion relative to the air.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Wind {
-    /// Velocity of the air, m/s; zero for drag alone.
+    /// Velocity of the air, m/s; zero gives drag in still air.
     #[serde(default)]
     pub velocity: [f64; 3],
     /// Density ρ of the air, kg/m³; not negative.
     #[serde(default = "air_density")]
     pub density: f64,
-    /// Coefficient C_n of the pressure, without unit; not negative. About 1.2 to 2 for a plate.
+    /// Coefficient C_n of the pressure drag, dimensionless; not negative. About 1.2 to 2 for a plate.
     #[serde(default = "pressure_coefficient")]
     pub normal: f64,
-    /// Coefficient C_t of the friction, without unit; not negative. About 0.01 for smooth cloth.
+    /// Coefficient C_t of the friction, dimensionless; not negative. About 0.01 for smooth cloth.
     #[serde(default = "friction_coefficient")]
     pub tangential: f64,
 }
@@ -46,12 +46,12 @@ fn friction_coefficient() -> f64 {
 }
 
 impl Wind {
-    /// The force on the triangles `elements` of a mesh; node a of the mesh is node a + `node_offset` of
-    /// the system.
+    /// Returns the force on the triangles `elements` of a mesh. Node a of the mesh is node a + `node_offset` of the
+    /// system.
     ///
     /// # Errors
-    /// Coefficients that are negative or not finite; cells that are not there, are no triangles or have
-    /// no area.
+    /// [`FemError::Parameter`] for coefficients that are negative or not finite; an error for cells that do not
+    /// exist, are not triangles, or have no area.
     pub fn force(
         &self,
         mesh: &Mesh,
@@ -90,7 +90,7 @@ impl Drag {
         })
     }
 
-    /// The relative velocity u, the area vector a.
+    /// Returns the relative velocity u (m/s) and the area vector a (m²).
     fn flow(&self, triangle: usize, x: &[f64], v: &[f64]) -> (Vec3, Vec3) {
         let [a, b, c] = self.corners(triangle, x);
         let [p, q, r] = self.corners(triangle, v);
@@ -99,7 +99,7 @@ impl Drag {
         (u, area.map(|c| 0.5 * c))
     }
 
-    /// The force of a triangle, N.
+    /// Returns the force on a triangle, N.
     fn total(&self, u: Vec3, a: Vec3) -> Vec3 {
         let area = dot(a, a).sqrt();
         if area == 0.0 {
@@ -112,7 +112,7 @@ impl Drag {
         [0, 1, 2].map(|i| pressure * a[i] + friction * (area * u[i] - across * a[i]))
     }
 
-    /// ∂f/∂u and ∂f/∂a.
+    /// Returns ∂f/∂u and ∂f/∂a.
     fn derivatives(&self, u: Vec3, a: Vec3) -> (Mat3, Mat3) {
         let area = dot(a, a).sqrt();
         let speed = dot(u, u).sqrt();
@@ -129,7 +129,7 @@ impl Drag {
             let friction = speed * (unit(i, j) - n[i] * n[j]) + along[i] * u[j] / speed;
             area * (2.0 * normal * across.abs() * n[i] * n[j] + tangential * friction)
         };
-        // ∂(u·n)/∂a = (u − (u·n) n)/|a|, and |a| u − (u·n) a has the derivative u n − (u·n) I − n ⊗ along.
+        // ∂(u·n)/∂a = (u − (u·n) n)/|a|, and the derivative of |a| u − (u·n) a is u n − (u·n) I − n ⊗ along.
         let by_a = |i: usize, j: usize| {
             let pressure = across.abs() * (across * unit(i, j) + 2.0 * n[i] * along[j]);
             let friction = u[i] * n[j] - across * unit(i, j) - n[i] * along[j];
@@ -171,7 +171,7 @@ impl Force for Drag {
             let (u, a) = self.flow(triangle, x, v);
             let (_, by_a) = self.derivatives(u, a);
             let corners = self.corners(triangle, x);
-            // ∂a/∂x of a corner is ½ (opposite edge) × ·, hence ∂f/∂x = ½ ∂f/∂a [opposite edge]×.
+            // For a corner ∂a/∂x is ½ (opposite edge) × ·, hence ∂f/∂x = ½ ∂f/∂a [opposite edge]×.
             let by_x: [[f64; 3]; 9] = std::array::from_fn(|n| {
                 let (k, j) = (n / 3, n % 3);
                 let (p, q) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
@@ -198,7 +198,7 @@ impl Force for Drag {
             for row in 0..9 {
                 for column in 0..=row {
                     let (i, j) = (row % 3, column % 3);
-                    // u falls by a third of each node's velocity, and each node has a third of the force.
+                    // u falls by a third of each node's velocity, and each node carries a third of the force.
                     out[k] = 0.5 * (by_u[i][j] + by_u[j][i]) / 9.0;
                     k += 1;
                 }
@@ -253,7 +253,7 @@ mod tests {
                 }
             }
         }
-        // In still air drag takes energy, whatever the motion.
+        // In still air drag dissipates energy for any motion.
         let still = Wind { velocity: [0.0; 3], ..wind }.force(&mesh, &[0], 0, "flag").unwrap();
         let mut out = [0.0; 9];
         let drift: Vec<f64> = v[..3].iter().copied().cycle().take(9).collect();

@@ -1,4 +1,4 @@
-//! How a load changes in time: a number, a formula of t, or a table.
+//! Scales a load in time by a number, a formula of t, or a table.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 use crate::error::FemError;
 use crate::path::expression::Expression;
 
-/// Factor a(t) on a load: `amplitude = 2.0`, `"sin(2*pi*t)"`, or `[[0.0, 0.0], [0.5, 1.0]]`.
+/// Factor a(t) of a load: `amplitude = 2.0`, `"sin(2*pi*t)"`, or `[[0.0, 0.0], [0.5, 1.0]]`.
 ///
-/// A table holds pairs (t in s, a) with times that increase; linear in between, constant before the
-/// first and after the last.
+/// A table holds pairs (t in s, a) with increasing times. a is linear between them, and constant before the first and
+/// after the last.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Source", into = "Source")]
 pub struct Amplitude(Kind);
@@ -21,7 +21,7 @@ enum Kind {
     Table(Vec<[f64; 2]>),
 }
 
-/// What a scene file says.
+/// The forms in which a scene file gives an amplitude.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 enum Source {
@@ -29,7 +29,7 @@ enum Source {
     Constant(f64),
     /// A formula of t (s).
     Expression(String),
-    /// Pairs (t in s, factor), times increasing.
+    /// Pairs (t in s, factor) with increasing times.
     Table(Vec<[f64; 2]>),
 }
 
@@ -40,38 +40,37 @@ impl Default for Amplitude {
 }
 
 impl Amplitude {
-    /// a(t) = value.
+    /// Returns the constant a(t) = value.
     pub fn constant(value: f64) -> Self {
         Self(Kind::Constant(value))
     }
 
-    /// a(t) by a formula of `t`.
+    /// Returns a(t) from a formula of `t` (s).
     ///
     /// # Errors
-    /// [`FemError::Invalid`] where the formula does not parse.
+    /// [`FemError::Invalid`] if the formula does not parse.
     pub fn expression(source: &str) -> Result<Self, FemError> {
         Ok(Self(Kind::Expression(Expression::parse(source, &["t"])?)))
     }
 
-    /// a(t) linear between points (t, a).
+    /// Returns a(t) that is linear between the points (t in s, a).
     ///
     /// # Errors
-    /// [`FemError::Invalid`] where the table is empty, holds a number that is not finite, or its times
-    /// do not increase.
+    /// [`FemError::Invalid`] if the table is empty, holds a number that is not finite, or its times do not increase.
     pub fn table(points: Vec<[f64; 2]>) -> Result<Self, FemError> {
         let problem = if points.is_empty() {
-            "the table is empty; give at least one pair [t, factor]".to_owned()
+            "the table is empty: give at least one pair [t, factor]".to_owned()
         } else if let Some(row) = points.iter().position(|point| !point.iter().all(|v| v.is_finite())) {
-            format!("row {row} of the table holds a number that is not finite")
+            format!("row {row} of the table holds a number that is not finite: give finite numbers")
         } else if let Some(row) = points.windows(2).position(|pair| pair[1][0] <= pair[0][0]) {
-            format!("times must increase, row {} does not come after row {row}", row + 1)
+            format!("times must increase, but that of row {} is not above that of row {row}", row + 1)
         } else {
             return Ok(Self(Kind::Table(points)));
         };
         Err(FemError::Invalid { what: "amplitude", problem })
     }
 
-    /// a(t).
+    /// Returns a(t), t in s.
     pub fn at(&self, t: f64) -> f64 {
         match &self.0 {
             Kind::Constant(value) => *value,
@@ -87,7 +86,7 @@ impl Amplitude {
         }
     }
 
-    /// The factor, where it never changes.
+    /// Returns whether the factor never changes.
     pub fn is_constant(&self) -> bool {
         match &self.0 {
             Kind::Constant(_) => true,

@@ -1,21 +1,22 @@
-//! Formulas of scene files, `"sin(2*pi*t)"`: parsed once, evaluated fast, nothing but arithmetic.
+//! Parses formulas of scene files such as `"sin(2*pi*t)"` once, and evaluates them fast. Formulas can do arithmetic
+//! only.
 //!
-//! Grammar, from weak to strong: `+ -`, `* /`, unary `-`, `^` (to the right: 2^3^2 = 512, -x^2 = -(x^2)),
-//! numbers, names, calls, parentheses.
+//! The grammar, from the weakest to the strongest binding: `+ -`, `* /`, unary `-`, `^` (right-associative: 2^3^2 =
+//! 512, and -x^2 = -(x^2)), then numbers, names, calls and parentheses.
 
 use crate::error::FemError;
 
-/// How deep parentheses and calls may nest.
+/// Maximum depth of nested parentheses and calls.
 const MAX_DEPTH: usize = 100;
 
-/// Intermediate values that a formula may need at once.
+/// Maximum number of intermediate values that a formula may need at the same time.
 const MAX_STACK: usize = 64;
 
-/// A function of one argument, and of two.
+/// Functions of one argument and of two arguments.
 type Unary = fn(f64) -> f64;
 type Binary = fn(f64, f64) -> f64;
 
-/// Functions of one argument.
+/// The functions of one argument that a formula may call.
 const UNARY: &[(&str, Unary)] = &[
     ("sin", f64::sin),
     ("cos", f64::cos),
@@ -34,7 +35,7 @@ const UNARY: &[(&str, Unary)] = &[
     ("step", |x| if x >= 0.0 { 1.0 } else { 0.0 }),
 ];
 
-/// Functions of two arguments.
+/// The functions of two arguments that a formula may call.
 const BINARY: &[(&str, Binary)] =
     &[("min", f64::min), ("max", f64::max), ("atan2", f64::atan2), ("pow", f64::powf)];
 
@@ -62,17 +63,17 @@ enum Code {
 #[derive(Debug, Clone)]
 pub struct Expression {
     source: String,
-    /// Reverse Polish.
+    /// The operations in reverse Polish notation.
     code: Vec<Code>,
 }
 
 impl Expression {
-    /// Parses `source`; the value of `variables[k]` is argument k of [`Expression::evaluate`]. Known
-    /// besides: `pi`, the functions `sin cos tan asin acos atan sinh cosh tanh exp log sqrt abs floor
-    /// step min max atan2 pow`, `step(x)` being 0 for x < 0 and 1 otherwise.
+    /// Parses `source`. The name `variables[k]` stands for argument k of [`Expression::evaluate`]. A formula may also
+    /// use `pi` and the functions `sin cos tan asin acos atan sinh cosh tanh exp log sqrt abs floor step min max
+    /// atan2 pow`; `step(x)` is 0 for x < 0 and 1 otherwise.
     ///
     /// # Errors
-    /// [`FemError::Invalid`] with the place and what is allowed there.
+    /// [`FemError::Invalid`] with the position in the formula and what is allowed there.
     pub fn parse(source: &str, variables: &[&str]) -> Result<Self, FemError> {
         let mut parser = Parser { source, rest: source, variables, code: Vec::new(), depth: 0 };
         parser.sum()?;
@@ -86,17 +87,17 @@ impl Expression {
         Ok(Self { source: source.into(), code: parser.code })
     }
 
-    /// What it was parsed from.
+    /// Returns the text that the formula was parsed from.
     pub fn source(&self) -> &str {
         &self.source
     }
 
-    /// Does it read variable number k?
+    /// Returns whether the formula reads variable number k.
     pub fn uses(&self, variable: usize) -> bool {
         self.code.iter().any(|code| matches!(code, Code::Variable(k) if *k == variable))
     }
 
-    /// Its value; NaN where a function is not defined.
+    /// Returns the value; NaN where a function is not defined.
     pub fn evaluate(&self, variables: &[f64]) -> f64 {
         let mut stack = [0.0; MAX_STACK];
         let mut top = 0;
@@ -130,7 +131,7 @@ impl Expression {
     }
 }
 
-/// The largest number of values on the stack.
+/// Returns the largest number of values on the stack during the evaluation of `code`.
 fn stack_needed(code: &[Code]) -> usize {
     let (mut now, mut most) = (0_usize, 0);
     for code in code {
@@ -221,7 +222,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// Signs, then a power; in the exponent signs again.
+    /// Parses signs, then a power; the exponent may have signs again.
     fn signed(&mut self) -> Result<(), FemError> {
         let mut negative = false;
         loop {

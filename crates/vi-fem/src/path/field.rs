@@ -3,7 +3,7 @@
 use crate::error::FemError;
 use crate::path::expression::Expression;
 
-/// A vector field over the body at rest: components constant or by formulas of `x y z` (m).
+/// A vector field over the body at rest. Each component is a constant, or a formula of the position `x y z` (m).
 #[derive(Debug, Clone, PartialEq)]
 pub struct VectorField([FieldComponent; 3]);
 
@@ -20,16 +20,16 @@ impl From<[f64; 3]> for VectorField {
 }
 
 impl VectorField {
-    /// Components by formulas of `x y z`, the position at rest (m).
+    /// Returns a field whose components are formulas of `x y z`, the position at rest (m).
     ///
     /// # Errors
-    /// [`FemError::Invalid`] where a formula does not parse.
+    /// [`FemError::Invalid`] if a formula does not parse.
     pub fn expressions(sources: [&str; 3]) -> Result<Self, FemError> {
         let [a, b, c] = sources.map(|source| Expression::parse(source, &["x", "y", "z"]));
         Ok(Self([a?, b?, c?].map(FieldComponent::Expression)))
     }
 
-    /// Its value at a position of rest.
+    /// Returns the value at a position at rest (m).
     pub fn at(&self, position: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|i| match &self.0[i] {
             FieldComponent::Number(value) => *value,

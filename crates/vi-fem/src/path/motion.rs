@@ -1,4 +1,4 @@
-//! Prescribed motions x(t) of nodes, as scenes say them.
+//! Prescribed motions x(t) of nodes, as scene files write them.
 
 mod table;
 
@@ -11,22 +11,21 @@ use vi_core::Path;
 use crate::error::FemError;
 use crate::small::tensor::{cross, dot};
 
-/// How prescribed nodes move, measured from where they are at the start:
-/// `motion = { kind = "sine", amplitude = [0.0, 0.01, 0.0], frequency = 5.0 }`.
+/// The prescribed motion of nodes, measured from their positions at the start: `motion = { kind = "sine", amplitude =
+/// [0.0, 0.01, 0.0], frequency = 5.0 }`.
 ///
-/// The clock of a motion runs from `start` and stops at `end`; before and after, nodes stay where
-/// they are.
+/// The motion runs from `start` to `end`. Before and after, the nodes stay where they are.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Motion {
     /// u(t) = v (t − start).
     Translate(Translate),
-    /// Turning about an axis at a constant rate.
+    /// Rotation about an axis at a constant rate.
     Rotate(Rotate),
     /// u(t) = a (sin(2πf (t − start) + φ) − sin φ).
     Sine(Sine),
-    /// u(t) straight between given times.
+    /// Displacement u(t) that is linear between given times.
     Table(Table),
 }
 
@@ -36,10 +35,10 @@ pub enum Motion {
 pub struct Translate {
     /// Velocity, m/s.
     pub velocity: [f64; 3],
-    /// When it starts, s; default 0.
+    /// Time when the motion starts, s; default 0.
     #[serde(default)]
     pub start: f64,
-    /// When it stops, s; default never.
+    /// Time when the motion stops, s; default never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub end: Option<f64>,
 }
@@ -48,17 +47,17 @@ pub struct Translate {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rotate {
-    /// Direction of the axis, of any length but zero; turns are right-handed about it.
+    /// Direction of the axis, of any length but zero. A positive rate turns right-handed about it.
     pub axis: [f64; 3],
     /// A point on the axis, m; default the origin.
     #[serde(default)]
     pub point: [f64; 3],
     /// Rate, rad/s.
     pub rate: f64,
-    /// When it starts, s; default 0.
+    /// Time when the motion starts, s; default 0.
     #[serde(default)]
     pub start: f64,
-    /// When it stops, s; default never.
+    /// Time when the motion stops, s; default never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub end: Option<f64>,
 }
@@ -69,27 +68,27 @@ pub struct Rotate {
 pub struct Sine {
     /// Amplitude, m.
     pub amplitude: [f64; 3],
-    /// Frequency, Hz; positive.
+    /// Frequency f, Hz; positive.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub frequency: f64,
     /// Phase φ, rad; default 0. The displacement starts from zero for every φ.
     #[serde(default)]
     pub phase: f64,
-    /// When it starts, s; default 0.
+    /// Time when the motion starts, s; default 0.
     #[serde(default)]
     pub start: f64,
-    /// When it stops, s; default never.
+    /// Time when the motion stops, s; default never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub end: Option<f64>,
 }
 
-/// Displacements at given times, straight between them, constant before the first and after the last.
+/// Displacements at given times: linear between them, constant before the first and after the last.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
-    /// Times, s, rising.
+    /// Times, s; increasing.
     pub times: Vec<f64>,
-    /// Displacements, m, one a time.
+    /// Displacements, m, one per time.
     pub displacements: Vec<[f64; 3]>,
 }
 
@@ -97,8 +96,8 @@ impl Motion {
     /// Checks the parameters.
     ///
     /// # Errors
-    /// The first of: a value that is not finite, an axis of length zero, a frequency that is not
-    /// positive, an end before the start, a table of unequal lengths or with times that do not rise.
+    /// The first of: a value that is not finite, an axis of length zero, a frequency that is not positive, an end
+    /// before the start, a table of unequal lengths or whose times do not increase.
     pub fn check(&self) -> Result<(), FemError> {
         match self {
             Self::Translate(motion) => {
@@ -119,7 +118,7 @@ impl Motion {
                 finite("amplitude", &motion.amplitude)?;
                 finite("phase", &[motion.phase])?;
                 if !(motion.frequency > 0.0 && motion.frequency.is_finite()) {
-                    let requirement = "a frequency must be positive (Hz)";
+                    let requirement = "the frequency must be positive (Hz)";
                     return Err(FemError::Parameter {
                         key: "frequency",
                         value: motion.frequency,
@@ -132,11 +131,12 @@ impl Motion {
         }
     }
 
-    /// The path of coordinates of nodes: (x₀ (m) of the node at the start, axis 0, 1 or 2), in the
-    /// order of the list. A coordinate follows its axis's part of the motion of the whole point.
+    /// Returns the path of prescribed coordinates. Each is given as (x₀ (m) of its node at the start, axis 0, 1 or
+    /// 2), in the order of the list. A coordinate follows the component along its axis of the motion of the whole
+    /// point.
     ///
     /// # Errors
-    /// As [`Motion::check`].
+    /// Those of [`Motion::check`], and [`FemError::Invalid`] for an axis above 2.
     pub fn path(&self, coordinates: Vec<([f64; 3], usize)>) -> Result<Box<dyn Path>, FemError> {
         self.check()?;
         if let Some(&(_, axis)) = coordinates.iter().find(|(_, axis)| *axis > 2) {
@@ -146,7 +146,7 @@ impl Motion {
         Ok(Box::new(MovingPath { motion: self.clone(), coordinates }))
     }
 
-    /// Position (m) at time t (s) of the point that starts at x₀.
+    /// Returns the position (m) at time t (s) of the point that starts at x₀.
     pub fn position(&self, x: [f64; 3], t: f64) -> [f64; 3] {
         match self {
             Self::Translate(motion) => {
@@ -170,8 +170,8 @@ impl Motion {
         }
     }
 
-    /// Velocity (m/s) at time t (s) of the point that starts at x₀: the derivative of the position,
-    /// from the right where it jumps.
+    /// Returns the velocity (m/s) at time t (s) of the point that starts at x₀. If the velocity jumps, this is the
+    /// derivative of the position from the right.
     pub fn velocity(&self, x: [f64; 3], t: f64) -> [f64; 3] {
         match self {
             Self::Translate(motion) => {
@@ -192,7 +192,7 @@ impl Motion {
         }
     }
 
-    /// What a direction of the moved body, `direction` at the start, is at time t (s).
+    /// Returns a direction fixed to the moving body at time t (s); `direction` is its value at the start.
     pub fn turned(&self, direction: [f64; 3], t: f64) -> [f64; 3] {
         match self {
             Self::Rotate(motion) => motion.turned(direction, clock(motion.start, motion.end, t).0),
@@ -200,7 +200,7 @@ impl Motion {
         }
     }
 
-    /// The derivative of [`Motion::turned`] by time, 1/s.
+    /// Returns the time derivative of [`Motion::turned`], 1/s.
     pub fn turning(&self, direction: [f64; 3], t: f64) -> [f64; 3] {
         match self {
             Self::Rotate(motion) => {
@@ -218,12 +218,12 @@ impl Rotate {
         self.axis.map(|value| value / length)
     }
 
-    /// x − point, turned by rate · s.
+    /// Returns x − point, rotated by the angle rate · s.
     fn turned_arm(&self, x: [f64; 3], s: f64) -> [f64; 3] {
         self.turned([0, 1, 2].map(|i| x[i] - self.point[i]), s)
     }
 
-    /// A vector turned by rate · s (Rodrigues).
+    /// Rotates a vector by the angle rate · s (Rodrigues' formula).
     fn turned(&self, arm: [f64; 3], s: f64) -> [f64; 3] {
         let n = self.unit_axis();
         let (sin, cos) = (self.rate * s).sin_cos();
@@ -232,7 +232,7 @@ impl Rotate {
     }
 }
 
-/// The motion's own time, which runs from `start` to `end`, and its rate, 1 or 0.
+/// Returns the motion's own time, which runs from `start` to `end`, and its rate, 1 or 0.
 fn clock(start: f64, end: Option<f64>, t: f64) -> (f64, f64) {
     let end = end.unwrap_or(f64::INFINITY);
     (t.clamp(start, end) - start, if start <= t && t < end { 1.0 } else { 0.0 })
@@ -252,16 +252,16 @@ fn window(start: f64, end: Option<f64>) -> Result<(), FemError> {
         Some(end) if end.is_nan() || end < start => Err(FemError::Parameter {
             key: "end",
             value: end,
-            requirement: "a motion must not end before it starts (s)",
+            requirement: "`end` must not be before `start` (s)",
         }),
         _ => Ok(()),
     }
 }
 
-/// Coordinates of nodes that follow one motion.
+/// The coordinates of nodes that follow one motion.
 struct MovingPath {
     motion: Motion,
-    /// Start of the node, and which of its coordinates.
+    /// Position of the node at the start (m), and the axis of the coordinate.
     coordinates: Vec<([f64; 3], usize)>,
 }
 

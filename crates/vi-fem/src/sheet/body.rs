@@ -1,4 +1,4 @@
-//! A sheet's potentials and mass from its triangles and law.
+//! Makes the potentials and the mass of a sheet from its triangles and law.
 
 use vi_core::Potential;
 
@@ -12,35 +12,35 @@ use crate::solid::consistent_mass::triangle_mass;
 use vi_mesh::Mesh;
 use vi_mesh::Triangulation;
 
-/// Triangles with a law, bent and stretched from a shape at rest.
+/// A sheet of triangles with a law for stretching and bending, and a rest shape.
 #[derive(Debug, Clone, Copy)]
 pub struct Sheet<'a> {
-    /// The triangles, and the shape at rest unless there is a pattern.
+    /// The mesh with the triangles. It also gives the rest shape, unless there is a `pattern`.
     pub mesh: &'a Mesh,
-    /// Cell numbers of its triangles.
+    /// Cell numbers of the sheet's triangles.
     pub elements: &'a [u32],
-    /// Law and parameters.
+    /// The law and its parameters.
     pub law: &'a SheetLaw,
     /// Node a of the mesh is node a + `node_offset` of the system.
     pub node_offset: usize,
     /// Name of the body: the potentials are called `name: membrane` and `name: bending`.
     pub name: &'a str,
-    /// Is the sheet free of moments when flat, whatever the shape of the mesh?
+    /// Whether the sheet is free of moments when flat, whatever the shape of the mesh.
     pub flat: bool,
-    /// The flat pattern that the sheet is cut from, m: the corners of every cell of the mesh.
+    /// The flat pattern from which the sheet is cut, m: the corners of every cell of the mesh.
     pub pattern: Option<&'a [[[f64; 2]; 3]]>,
-    /// Vectors over the cells of the mesh that a law may name.
+    /// Vectors on the cells of the mesh, which a law may name.
     pub fields: &'a [CellField],
-    /// Boundary edges (pairs of nodes of the mesh) whose normal is held in space as it is in the mesh:
-    /// clamped, if their nodes are prescribed too.
+    /// Boundary edges (pairs of nodes of the mesh) whose normal keeps the direction in space that it has in the mesh.
+    /// If their nodes are prescribed too, they are clamped.
     pub clamped: &'a [[u32; 2]],
-    /// Boundary edges (pairs of nodes of the mesh) in a mirror plane with this normal: they bend against the
-    /// mirror image of the sheet, if their nodes stay in the plane.
+    /// Boundary edges (pairs of nodes of the mesh) in a mirror plane with this normal. They bend against the mirror
+    /// image of the sheet, provided that their nodes stay in the plane.
     pub mirrored: &'a [([u32; 2], [f64; 3])],
 }
 
 impl<'a> Sheet<'a> {
-    /// A sheet with the shape of its mesh at rest.
+    /// Returns a sheet whose rest shape is that of its mesh.
     pub fn new(
         mesh: &'a Mesh,
         elements: &'a [u32],
@@ -70,13 +70,13 @@ impl<'a> Sheet<'a> {
         }
     }
 
-    /// The membrane's potential, and those of bending: several for `shell`, one for each size of
-    /// stencil, all of one name.
+    /// Returns the potential of the membrane and those of bending. `shell` has several of the same name, one for each
+    /// size of stencil.
     ///
     /// # Errors
-    /// The first parameter out of its range ([`SheetLaw::check`] gives all); cells that are not there,
-    /// are no triangles or have no area; triangles folded onto each other at rest; clamped edges that
-    /// are not on the boundary; `quadratic` on a curved rest shape.
+    /// The first parameter out of its range ([`SheetLaw::check`] gives all); cells that do not exist, are not
+    /// triangles, or have no area; triangles folded onto each other at rest; clamped edges that are not on the
+    /// boundary; `quadratic` on a curved rest shape.
     pub fn potentials(&self) -> Result<Vec<Box<dyn Potential>>, FemError> {
         if let Err(problems) = self.law.check()
             && let Some(first) = problems.into_iter().next()
@@ -112,10 +112,10 @@ impl<'a> Sheet<'a> {
         Ok(potentials)
     }
 
-    /// Mass of each node of the mesh, kg, a third of each triangle's: added to `masses`.
+    /// Adds the lumped mass (kg) of each node of the mesh to `masses`: a third of the mass of each of its triangles.
     ///
     /// # Errors
-    /// As [`Sheet::potentials`].
+    /// Those of [`Sheet::potentials`].
     pub fn add_lumped_mass(&self, masses: &mut [f64]) -> Result<(), FemError> {
         let surface = self.surface()?;
         for (triangle, nodes) in surface.triangles.iter().enumerate() {
@@ -127,11 +127,11 @@ impl<'a> Sheet<'a> {
         Ok(())
     }
 
-    /// The consistent mass of its triangles, as a potential of the velocities: see
+    /// Returns the consistent mass of the triangles as a potential of the velocities; see
     /// [`consistent_mass`](crate::consistent_mass).
     ///
     /// # Errors
-    /// As [`Sheet::potentials`].
+    /// Those of [`Sheet::potentials`].
     pub fn consistent_mass(&self) -> Result<Box<dyn Potential>, FemError> {
         let surface = self.surface()?;
         let moved = |nodes: &[u32; 3]| nodes.map(|node| node + self.node_offset as u32);
@@ -140,10 +140,10 @@ impl<'a> Sheet<'a> {
         Ok(triangle_mass(masses, self.name))
     }
 
-    /// Volume of each triangle at rest, thickness times area, m³, with its cell number.
+    /// Returns the volume at rest (thickness times area, m³) of each triangle with its cell number.
     ///
     /// # Errors
-    /// As [`Sheet::potentials`].
+    /// Those of [`Sheet::potentials`].
     pub fn volumes(&self) -> Result<Vec<(u32, f64)>, FemError> {
         let surface = self.surface()?;
         let thickness = self.law.parameters().common().thickness;
@@ -151,7 +151,7 @@ impl<'a> Sheet<'a> {
         Ok((0..surface.triangles.len()).map(|triangle| (surface.cells[triangle], volume(triangle))).collect())
     }
 
-    /// Mass of a triangle, kg.
+    /// Returns the mass of a triangle, kg.
     fn mass_of(&self, surface: &Triangulation, triangle: usize) -> f64 {
         let [a, b, c] = surface.corners(triangle);
         let normal = cross([0, 1, 2].map(|i| b[i] - a[i]), [0, 1, 2].map(|i| c[i] - a[i]));

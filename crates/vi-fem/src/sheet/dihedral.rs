@@ -1,8 +1,8 @@
 //! The angle between two triangles at their common edge, with its derivatives, in SIMD lanes.
 //!
-//! Corners: the edge x₀ → x₁, x₂ of the first triangle (x₀, x₁, x₂) and x₃ of the second (x₁, x₀, x₃).
-//! The angle is zero where they are coplanar, positive where x₃ leans to the side of the first normal. It is
-//! the same seen from the second triangle, as (x₁, x₀, x₃, x₂).
+//! The corners are the edge x₀ → x₁, the free corner x₂ of the first triangle (x₀, x₁, x₂) and the free corner x₃ of
+//! the second (x₁, x₀, x₃). The angle is zero if they are coplanar, and positive if x₃ is on the side of the first
+//! normal. Seen from the second triangle, as (x₁, x₀, x₃, x₂), it is the same.
 
 use crate::lanes::real::Real;
 use crate::small::tensor::{cross, dot, vec3};
@@ -14,16 +14,16 @@ fn sub<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
     vec3!(i => a[i] - b[i])
 }
 
-/// A triangle on the edge: what both derivatives need.
+/// One triangle on the edge: the quantities that gradient and Hessian use.
 #[derive(Clone, Copy)]
 struct Wing<R> {
     /// e × r.
     n: [R; 3],
     /// ∂θ/∂(free corner) = ± |e| n/|n|².
     slope: [R; 3],
-    /// r, from x₀ to the free corner.
+    /// The vector r from x₀ to the free corner.
     r: [R; 3],
-    /// Where the free corner projects onto the edge: 0 at x₀, 1 at x₁.
+    /// The projection of the free corner onto the edge: 0 at x₀, 1 at x₁.
     s: R,
     /// |n|².
     square: R,
@@ -55,7 +55,7 @@ impl<R: Real> Fold<R> {
         Self { e, square, wings }
     }
 
-    /// sin θ and cos θ.
+    /// Returns sin θ and cos θ.
     #[inline(always)]
     pub(crate) fn direction(&self) -> [R; 2] {
         let [one, two] = self.wings;
@@ -65,7 +65,7 @@ impl<R: Real> Fold<R> {
         [dot(self.e, cross(m, one.n)) / (self.square.sqrt() * size), dot(one.n, m) / size]
     }
 
-    /// ∂θ/∂x, 1/m.
+    /// Returns ∂θ/∂x, 1/m.
     #[inline(always)]
     pub(crate) fn gradient(&self) -> Corners<R> {
         let [one, two] = self.wings;
@@ -74,11 +74,11 @@ impl<R: Real> Fold<R> {
         [at_start, at_end, one.slope, two.slope]
     }
 
-    /// ∂²θ/∂x², 1/m²: the lower triangle.
+    /// Returns the lower triangle of ∂²θ/∂x², 1/m².
     ///
-    /// The gradient is a sum over the two triangles, A at the free corner, −(1 − s) A and −s A at the ends
-    /// of the edge, A = ± |e| n/|n|²; its derivative follows from
-    /// dA = ± (|e|/|n|²)(I − 2 n nᵀ/|n|²) dn + (A/|e|²) e·de and ds, with dn linear in the corners.
+    /// The gradient is a sum over the two triangles: A at the free corner, −(1 − s) A and −s A at the ends of the
+    /// edge, with A = ± |e| n/|n|². Its derivative follows from dA = ± (|e|/|n|²)(I − 2 n nᵀ/|n|²) dn + (A/|e|²) e·de
+    /// and from ds; dn is linear in the corners.
     #[inline(always)]
     pub(crate) fn hessian(&self) -> [[R; 12]; 12] {
         let e = self.e;
@@ -89,7 +89,7 @@ impl<R: Real> Fold<R> {
         for side in 0..2 {
             let Wing { n, slope, r, s, square, factor } = self.wings[side];
             let over = (one / square) * 2.0;
-            // ∂n/∂x of x₀, x₁ and the free corner is the cross product with these vectors.
+            // The derivatives of n by x₀, x₁ and the free corner are cross products with these vectors.
             let arms = [sub(r, e), vec3!(i => -r[i]), e];
             let along = [vec3!(i => -e[i] * inverse), vec3!(i => e[i] * inverse), [zero; 3]];
             let ds = [
@@ -102,7 +102,7 @@ impl<R: Real> Fold<R> {
                 for k in 0..3 {
                     let column = 3 * corner[q] + k;
                     let [a, b] = [(k + 1) % 3, (k + 2) % 3];
-                    // arm × unit vector k.
+                    // Form arm × (unit vector k).
                     let mut dn = [zero; 3];
                     dn[a] = arms[q][b];
                     dn[b] = -arms[q][a];
@@ -128,7 +128,7 @@ impl<R: Real> Fold<R> {
     }
 }
 
-/// θ ∈ (−π, π] of one pair of triangles.
+/// Returns the angle θ ∈ (−π, π] of one pair of triangles.
 pub(crate) fn angle(x: &[[f64; 3]; 4]) -> f64 {
     let [sine, cosine] = Fold::new(x).direction();
     sine.atan2(cosine)

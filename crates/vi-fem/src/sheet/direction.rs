@@ -1,4 +1,4 @@
-//! Directions of a sheet's matter, triangle by triangle: constant, by formula, or from the cells of its mesh.
+//! Material directions of a sheet, triangle by triangle: constant, by formula, or from the cells of its mesh.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -9,25 +9,25 @@ use crate::sheet::triangle::{barycentric_gradients, flatten, frame};
 use crate::small::tensor::dot;
 use vi_mesh::Triangulation;
 
-/// Vectors over all cells of a mesh, by name.
+/// Vectors on all cells of a mesh, with a name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CellField {
-    /// Its name.
+    /// The name.
     pub name: String,
-    /// One a cell.
+    /// The vectors, one per cell.
     pub values: Vec<[f64; 3]>,
 }
 
-/// A direction on a sheet at rest, of any length, projected onto each triangle: `[1, 0, 0]`, formulas of
-/// the position at rest `["-y", "x", 0]`, or vectors of the mesh file's cells `{ cell_data = "warp" }`.
+/// A direction on a sheet at rest, of any length, which is projected onto each triangle: `[1, 0, 0]`, formulas of the
+/// position at rest `["-y", "x", 0]`, or cell vectors of the mesh file `{ cell_data = "warp" }`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Direction {
-    /// The same everywhere.
+    /// The same direction everywhere.
     Constant([f64; 3]),
-    /// Formulas of x y z, m: of the middle of each triangle at rest (in a flat pattern u v 0).
+    /// Formulas of x y z (m), the centre of each triangle at rest; in a flat pattern of u v 0.
     Formula([DirectionComponent; 3]),
-    /// A cell array of three components in the mesh file, in the space of the mesh.
+    /// A cell array of three components in the mesh file, in the coordinates of the mesh.
     Cells(CellDirection),
 }
 
@@ -41,7 +41,7 @@ pub enum DirectionComponent {
     Formula(String),
 }
 
-/// A direction by the cells of a mesh file.
+/// A direction from the cells of a mesh file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CellDirection {
@@ -50,7 +50,7 @@ pub struct CellDirection {
 }
 
 impl Direction {
-    /// What is wrong with it, before any mesh is known.
+    /// Returns what is wrong with the direction as far as it can be told without the mesh.
     pub(crate) fn problem(&self, key: &'static str) -> Option<FemError> {
         match self {
             Self::Constant(v) => (!(dot(*v, *v).is_finite() && dot(*v, *v) > 0.0)).then(|| {
@@ -62,10 +62,10 @@ impl Direction {
         }
     }
 
-    /// Its unit vector in the plane of each triangle at rest.
+    /// Returns the unit vector of the direction in the plane of each triangle at rest.
     ///
     /// # Errors
-    /// Formulas that do not parse, arrays that are not there, directions across a triangle.
+    /// Formulas that do not parse; cell arrays that do not exist; directions normal to a triangle.
     pub(crate) fn on(
         &self,
         surface: &Triangulation,
@@ -88,7 +88,7 @@ impl Direction {
                     return Err(FemError::Invalid {
                         what: "direction",
                         problem: format!(
-                            "the mesh has no cell data '{cell_data}' of three components; there are: {}",
+                            "the mesh has no cell data '{cell_data}' of three components; it has: {}",
                             if names.is_empty() { "none".to_owned() } else { names.join(", ") }
                         ),
                     });
@@ -113,7 +113,7 @@ fn field(components: &[DirectionComponent; 3]) -> Result<VectorField, FemError> 
     VectorField::expressions([x, y, z])
 }
 
-/// A vector in the space of the mesh as the triangle at rest has it: with the same parts of its edges.
+/// Maps a vector from the coordinates of the mesh to the triangle at rest: its components along the edges stay.
 fn to_rest(surface: &Triangulation, triangle: usize, vector: [f64; 3]) -> [f64; 3] {
     if !surface.has_pattern() {
         return vector;
@@ -138,7 +138,7 @@ fn project(surface: &Triangulation, triangle: usize, vector: [f64; 3]) -> Result
     Err(FemError::Invalid {
         what: "direction",
         problem: format!(
-            "{vector:?} has no part in the plane of element {}; give a direction that lies on the sheet, by \
+            "{vector:?} has no part in the plane of element {}: give a direction that lies on the sheet, by \
              formulas or by cell data",
             surface.cells[triangle]
         ),

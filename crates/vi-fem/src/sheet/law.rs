@@ -1,7 +1,8 @@
-//! The registry of sheet laws, which makes a law a scene's word.
+//! The registry of sheet laws that a scene can name.
 //!
-//! To add a law: one file in `law/` with a [`SheetMaterial`], one line in `sheet_materials!` below; its parameters have the
-//! fields `bending` and `tension_field`. The line gives the scene name, the schema entry, the potential and the law tests.
+//! To add a law, write one file in `law/` with a [`SheetMaterial`] whose parameters have the fields `bending` and
+//! `tension_field`, and add one line to `sheet_materials!` below. The line gives the scene name, the schema entry,
+//! the potential and the tests that every law must pass.
 
 mod invariants;
 
@@ -22,7 +23,7 @@ macro_rules! sheet_materials {
         }
         use registered::*;
 
-        /// A sheet's law and its parameters as the scene file says them.
+        /// The law of a sheet with its parameters, as a scene file writes them.
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(tag = "law", rename_all = "kebab-case")]
         #[non_exhaustive]
@@ -34,28 +35,28 @@ macro_rules! sheet_materials {
             /// The scene names of all laws.
             pub const NAMES: &'static [&'static str] = &[$($name),*];
 
-            /// The scene name of this law.
+            /// Returns the scene name of this law.
             pub fn name(&self) -> &'static str {
                 match self { $(Self::$variant(_) => $name,)* }
             }
 
-            /// Its parameters.
+            /// Returns the parameters.
             pub fn parameters(&self) -> &dyn SheetParameters {
                 match self { $(Self::$variant(parameters) => parameters,)* }
             }
 
-            /// One of each law, with sound parameters.
+            /// Returns one example of each law, with valid parameters.
             pub fn examples() -> Vec<Self> {
                 vec![$(Self::$variant(<$material as SheetMaterial>::Parameters::example())),*]
             }
 
-            /// The same law with another answer to bending.
+            /// Returns the law with another bending model.
             pub fn with_bending(mut self, bending: Bending) -> Self {
                 match &mut self { $(Self::$variant(parameters) => parameters.bending = bending,)* }
                 self
             }
 
-            /// The same law with or without wrinkles below the size of the mesh.
+            /// Returns the law with or without a tension field: wrinkles smaller than the elements.
             pub fn with_tension_field(mut self, tension_field: bool) -> Self {
                 match &mut self { $(Self::$variant(parameters) => parameters.tension_field = tension_field,)* }
                 self
@@ -80,12 +81,12 @@ sheet_materials! {
 }
 
 impl SheetLaw {
-    /// Mass per area at rest, kg/m².
+    /// Returns the mass per area at rest, kg/m².
     pub fn area_density(&self) -> f64 {
         self.parameters().common().area_density
     }
 
-    /// Everything that is wrong with the parameters.
+    /// Checks the parameters.
     ///
     /// # Errors
     /// All problems at once.

@@ -1,4 +1,4 @@
-//! What the law of a sheet is: energy in plane stress, parameters, and what all sheets have.
+//! Contracts of a sheet law: its energy in plane stress, its parameters, and the data common to all sheets.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -9,18 +9,19 @@ use crate::sheet::bending::Bending;
 use crate::sheet::direction::Direction;
 use crate::solid::material::parameters::{Isotropic, Parameters};
 
-/// A membrane law in plane stress, written once over the scalar or SIMD lane R: the energy density W(e) (J/m³ of the sheet at rest) of Green's
-/// strain e = (E₁₁, E₂₂, 2E₁₂), E = ½(FᵀF − I) in an orthonormal frame of the rest plane, F = ∂x/∂X
-/// 3 × 2. The strain across the thickness has been eliminated by S₃₃ = 0. Objective by its argument.
+/// A membrane law in plane stress, written once over the scalar or SIMD lane R. It gives the energy density W(e)
+/// (J/m³ of the sheet at rest) of Green's strain e = (E₁₁, E₂₂, 2E₁₂), E = ½(FᵀF − I), in an orthonormal frame of the
+/// rest plane, with F = ∂x/∂X (3 × 2). The strain across the thickness is eliminated by S₃₃ = 0. The law is objective
+/// because it depends on E only.
 pub trait SheetMaterial: Send + Sync + 'static {
-    /// What the scene file says of it.
+    /// The parameters in a scene file.
     type Parameters: SheetParameters;
 
-    /// The law with these parameters, which have passed [`SheetParameters::check`].
+    /// Returns the law with these parameters, which have passed [`SheetParameters::check`].
     fn new(parameters: &Self::Parameters) -> Self;
-    /// W(e) and its derivatives; W = +∞ outside the domain.
+    /// Returns W(e) and its derivatives; W = +∞ outside the domain.
     fn response<R: Real>(&self, strain: &[R; 3]) -> SheetResponse<R>;
-    /// The relaxed W(e) of a sheet that wrinkles instead of bearing compression (Pipkin 1986).
+    /// Returns the relaxed W(e) of a sheet that wrinkles instead of carrying compression (Pipkin 1986).
     fn relaxed(&self, strain: &[f64; 3]) -> SheetResponse;
 }
 
@@ -35,34 +36,34 @@ pub struct SheetResponse<R = f64> {
     pub tangent: [[R; 3]; 3],
 }
 
-/// Parameters of a sheet: what every law has to answer of them.
+/// Parameters of a sheet law.
 pub trait SheetParameters {
-    /// What all sheets have.
+    /// Returns the data common to all sheets.
     fn common(&self) -> SheetCommon;
-    /// Plane-stress moduli ∂²W/∂e² at rest, Pa, in the frame of the law's own directions.
+    /// Returns the plane-stress moduli ∂²W/∂e² at rest, Pa, in the frame of the law's own axes.
     fn moduli(&self) -> [[f64; 3]; 3];
-    /// The direction on the sheet at rest that the law's first axis follows, if the law has axes.
+    /// Returns the direction on the sheet at rest that the law's first axis follows, if the law has axes.
     fn direction(&self) -> Option<&Direction> {
         None
     }
-    /// Everything that is wrong with them.
+    /// Returns everything that is wrong with the parameters.
     fn check(&self) -> Vec<FemError>;
-    /// Sound parameters, for tests and first steps.
+    /// Returns valid parameters for tests and first steps.
     fn example() -> Self
     where
         Self: Sized;
 }
 
-/// What all sheets have.
+/// The data common to all sheets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SheetCommon {
     /// Mass per area at rest, kg/m².
     pub area_density: f64,
     /// Thickness, m.
     pub thickness: f64,
-    /// How it resists bending.
+    /// The model of the resistance to bending.
     pub bending: Bending,
-    /// Do wrinkles below the size of the mesh take away compression?
+    /// Whether wrinkles smaller than the elements relax compression.
     pub tension_field: bool,
 }
 
@@ -74,33 +75,33 @@ pub struct IsotropicSheet {
     /// Young's modulus E, Pa; positive.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub young: f64,
-    /// Poisson's ratio ν, without unit; in (−1, ½).
+    /// Poisson's ratio ν, dimensionless; in (−1, ½).
     #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5))]
     pub poisson: f64,
-    /// Density ρ at rest, kg/m³; this or `area_density`.
+    /// Density ρ at rest, kg/m³; give this or `area_density`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub density: Option<f64>,
-    /// Mass per area at rest, kg/m²; this or `density`.
+    /// Mass per area at rest, kg/m²; give this or `density`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub area_density: Option<f64>,
     /// Thickness h, m; positive.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub thickness: f64,
-    /// How the sheet resists bending.
+    /// The model of the resistance to bending.
     #[serde(default)]
     pub bending: Bending,
-    /// Let wrinkles below the size of the mesh take away compression.
+    /// Whether wrinkles smaller than the elements relax compression.
     #[serde(default)]
     pub tension_field: bool,
 }
 
 impl IsotropicSheet {
-    /// Lamé's (λ, μ) of the solid, Pa.
+    /// Returns the Lamé constants (λ, μ) of the solid, Pa.
     pub(crate) fn lame(&self) -> (f64, f64) {
         Isotropic { young: self.young, poisson: self.poisson, density: 1.0 }.lame()
     }
 
-    /// (E ν/(1 − ν²), μ): Lamé's constants in plane stress, Pa.
+    /// Returns (E ν/(1 − ν²), μ), the Lamé constants in plane stress, Pa.
     pub(crate) fn plane_stress(&self) -> (f64, f64) {
         (
             self.young * self.poisson / (1.0 - self.poisson * self.poisson),
@@ -132,7 +133,7 @@ impl SheetParameters for IsotropicSheet {
             problems.push(FemError::Parameter {
                 key: "poisson",
                 value: self.poisson,
-                requirement: "Poisson's ratio must lie in (-1, 0.5); for an incompressible sheet take 0.49",
+                requirement: "Poisson's ratio must lie in (-1, 0.5); for a nearly incompressible sheet write 0.49",
             });
         }
         check_sheet(&mut problems, self.density, self.area_density, self.thickness);
@@ -152,12 +153,12 @@ impl SheetParameters for IsotropicSheet {
     }
 }
 
-/// Mass per area, kg/m², from whichever was given.
+/// Returns the mass per area (kg/m²) from whichever of the two was given.
 pub(crate) fn area_density(density: Option<f64>, area_density: Option<f64>, thickness: f64) -> f64 {
     area_density.or_else(|| density.map(|density| density * thickness)).unwrap_or(f64::NAN)
 }
 
-/// Checks what all sheets have.
+/// Checks the data common to all sheets.
 pub(crate) fn check_sheet(
     problems: &mut Vec<FemError>,
     density: Option<f64>,
@@ -168,7 +169,7 @@ pub(crate) fn check_sheet(
         problems,
         "thickness",
         thickness,
-        "the thickness of a sheet must be positive (m); for cloth without bending stiffness say \
+        "the thickness of a sheet must be positive (m); for cloth without bending stiffness write \
          bending = \"none\"",
     );
     match (density, area_density) {
@@ -200,7 +201,7 @@ pub(crate) fn require_positive(
     }
 }
 
-/// Work to do with a law whose type is known only at run time.
+/// Work on a law whose type is known only at run time.
 pub(crate) trait SheetVisitor {
     type Output;
     fn visit<M: SheetMaterial>(self, material: M) -> Self::Output;

@@ -1,4 +1,4 @@
-//! The membrane energy Σ_T A h W(E(F)) of a sheet of linear triangles, F = ∂x/∂X (3 × 2) constant on each.
+//! The membrane energy Σ_T A h W(E(F)) of a sheet of linear triangles; F = ∂x/∂X (3 × 2) is constant on each.
 
 mod kernel;
 
@@ -18,7 +18,7 @@ use vi_mesh::Triangulation;
 pub(crate) struct BuildMembrane<'a> {
     pub(crate) surface: &'a Triangulation,
     pub(crate) thickness: f64,
-    /// The first axis of the law in each triangle, if it has axes.
+    /// The first axis of the law in each triangle, if the law has axes.
     pub(crate) directions: Option<&'a [[f64; 3]]>,
     pub(crate) tension_field: bool,
     pub(crate) node_offset: usize,
@@ -33,7 +33,7 @@ impl SheetVisitor for BuildMembrane<'_> {
         let count = surface.triangles.len();
         let mut frames = Vec::with_capacity(count);
         let mut rest = vec![RestPack::default(); count.div_ceil(GROUP)];
-        // The last group is filled up with copies of the last triangle.
+        // Fill the last group with copies of the last triangle.
         for place in 0..rest.len() * GROUP {
             let triangle = place.min(count - 1);
             let corners = surface.corners(triangle);
@@ -101,7 +101,7 @@ impl<M: SheetMaterial> Potential for Membrane<M> {
         self.blocks(range, x, true, out);
     }
 
-    /// F completed by the unit normal.
+    /// Writes F, completed by the unit normal.
     fn mean_deformations(&self, range: Range<usize>, x: &[f64], out: &mut [f64]) -> bool {
         for (triangle, out) in range.zip(out.chunks_exact_mut(9)) {
             let (Deformed { f, .. }, _) = self.scalar(triangle, x);
@@ -126,7 +126,7 @@ impl<M: SheetMaterial> Potential for Membrane<M> {
         }
         let element = self.cells[stencil] as usize;
         let fault = |quantity, value, domain| Some(Fault { element, quantity, value, domain });
-        // The first quantity on the way from F to the stress that is not what it must be.
+        // Report the first quantity between F and the stress that is outside its domain.
         let normal = cross(f[0], f[1]);
         let area = dot(normal, normal).sqrt();
         let determinant = dot(f[0], f[0]) * dot(f[1], f[1]) - dot(f[0], f[1]).powi(2);

@@ -5,7 +5,8 @@ use crate::small::tensor::{cross, dot};
 /// An orthonormal frame of a triangle at rest: two axes in its plane, and the normal.
 pub(crate) type Frame = [[f64; 3]; 3];
 
-/// The frame of a triangle whose first axis is `direction`, a unit vector in its plane, else its first edge.
+/// Returns the frame of a triangle. Its first axis is `direction`, a unit vector in the plane, or else the first
+/// edge.
 pub(crate) fn frame(corners: &[[f64; 3]; 3], direction: Option<[f64; 3]>) -> Frame {
     let edge = |k: usize| [0, 1, 2].map(|i| corners[k][i] - corners[0][i]);
     let unit = |v: [f64; 3]| {
@@ -17,7 +18,7 @@ pub(crate) fn frame(corners: &[[f64; 3]; 3], direction: Option<[f64; 3]>) -> Fra
     [first, cross(normal, first), normal]
 }
 
-/// Corners in the plane of a frame, from the first corner, m.
+/// Returns the corners in the plane of a frame, relative to the first corner, m.
 pub(crate) fn flatten(corners: &[[f64; 3]; 3], frame: &Frame) -> [[f64; 2]; 3] {
     corners.map(|corner| {
         let d = [0, 1, 2].map(|i| corner[i] - corners[0][i]);
@@ -25,7 +26,7 @@ pub(crate) fn flatten(corners: &[[f64; 3]; 3], frame: &Frame) -> [[f64; 2]; 3] {
     })
 }
 
-/// Gradients of the three barycentric coordinates, 1/m, and the area, m².
+/// Returns the gradients of the three barycentric coordinates (1/m) and the area (m²).
 pub(crate) fn barycentric_gradients(p: &[[f64; 2]; 3]) -> ([[f64; 2]; 3], f64) {
     let twice = (p[1][0] - p[0][0]) * (p[2][1] - p[0][1]) - (p[1][1] - p[0][1]) * (p[2][0] - p[0][0]);
     let gradient = |k: usize| {

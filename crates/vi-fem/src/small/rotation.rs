@@ -1,12 +1,12 @@
-//! The rotation nearest to a 3 × 3 matrix without its singular values, in lanes.
+//! Computes the rotation nearest to a 3 × 3 matrix in lanes, without its singular values.
 //!
-//! For F = U diag(σ) Vᵀ with rotations U and V (σ₃ < 0 where F is inverted) it is R = U Vᵀ, with tr RᵀF =
-//! λ = σ₁ + σ₂ + σ₃: the largest root of
-//! p(λ) = λ⁴ − 2 I λ² − 8 J λ + I² − 4 II, I = ‖F‖², J = det F, II = ‖cof F‖²,
-//! whose other roots are the sums in which two signs are turned (N.J. Higham, V. Noferini, "An algorithm to
-//! compute the polar decomposition of a 3 × 3 matrix", Numer. Algorithms 73 (2016) 349–369, §3). As R = ∂λ/∂F,
-//! R = ((λ² + I) F + 2λ cof F − 2 F FᵀF)/(λ³ − I λ − 2J), of which the denominator is
-//! 2 (σ₁ + σ₂)(σ₂ + σ₃)(σ₃ + σ₁).
+//! For F = U diag(σ) Vᵀ with rotations U and V (σ₃ < 0 if F is inverted) the nearest rotation is R = U Vᵀ, and tr RᵀF
+//! = λ = σ₁ + σ₂ + σ₃. This λ is the largest root of
+//! p(λ) = λ⁴ − 2 I λ² − 8 J λ + I² − 4 II, where I = ‖F‖², J = det F, II = ‖cof F‖².
+//! The other roots are the sums in which two of the σ change sign (N.J. Higham, V. Noferini, "An algorithm to compute
+//! the polar decomposition of a 3 × 3 matrix", Numer. Algorithms 73 (2016) 349–369, §3). As R = ∂λ/∂F,
+//! R = ((λ² + I) F + 2λ cof F − 2 F FᵀF)/(λ³ − I λ − 2J).
+//! The denominator equals 2 (σ₁ + σ₂)(σ₂ + σ₃)(σ₃ + σ₁).
 
 use crate::lanes::real::Real;
 use crate::small::svd::{normalised, svd};
@@ -14,17 +14,19 @@ use crate::small::tensor::{
     Mat3, cofactor, contract, dot, mat3, product, product_transposed, right_cauchy_green,
 };
 
-/// Steps of Laguerre's method, which converges from above with order three as all roots are real: four serve
-/// strains of order one.
+/// Number of steps of Laguerre's method. As all roots are real it converges from above with order three; four steps
+/// suffice for strains of order one.
 const STEPS: usize = 4;
 
-/// The denominator of F/‖F‖ above which R is exact to some 1e-14; it is 3 for a rotation.
+/// Smallest denominator of F/‖F‖ for which R is exact to about 1e-14. For a rotation the denominator is 16/(3√3) ≈
+/// 3.1.
 const REGULAR: f64 = 0.1;
 
-/// The last step below which the next one would be round-off.
+/// Largest last step that counts as converged: the next step would be of the size of round-off.
 const CONVERGED: f64 = 1e-6;
 
-/// R, defined for every F whose squares do not underflow; where σ₂ + σ₃ = 0 one of the nearest.
+/// Returns the rotation nearest to F, for every F whose squares do not underflow. If σ₂ + σ₃ = 0 it is not unique;
+/// returns one of the nearest.
 #[inline(always)]
 pub(crate) fn nearest_rotation<R: Real>(f: &Mat3<R>) -> Mat3<R> {
     let (g, norm) = normalised(f);
@@ -53,7 +55,7 @@ pub(crate) fn nearest_rotation<R: Real>(f: &Mat3<R>) -> Mat3<R> {
         g[i][k],
         second.mul_add(cofactors[i][k], third * cubed[i][k]),
     ));
-    // Positive where both hold; not where one is not a number.
+    // The margin is positive if both conditions hold; it is not positive if one of them is NaN.
     let margin = (denominator - REGULAR).if_positive(norm.constant(CONVERGED) - step.abs(), -one);
     if margin.is_positive() {
         return regular;
@@ -70,7 +72,7 @@ mod tests {
     use crate::lanes::real::Lane;
     use crate::small::tensor::{determinant, transpose};
 
-    /// Numbers in (−1, 1) that are the same in every run.
+    /// Returns numbers in (−1, 1) that are the same in every run.
     fn noise(seed: &mut u64) -> f64 {
         *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (*seed >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
@@ -115,7 +117,7 @@ mod tests {
             let norm = contract(&f, &f).sqrt();
             let (u, sigma, v) = svd(&f);
             let (expected, metric) = (product_transposed(&u, &v), product(&transpose(&r), &r));
-            // It turns where σ₂ + σ₃ is small against round-off of F.
+            // Allow an error in inverse proportion to σ₂ + σ₃: R is ill-conditioned if the gap is small.
             let gap = ((sigma[1] + sigma[2]) / norm).max(1e-300);
             for i in 0..3 {
                 for j in 0..3 {
@@ -125,16 +127,16 @@ mod tests {
                 }
             }
             assert!((determinant(&r) - 1.0).abs() < 2e-13, "{f:?}");
-            // R F^T is symmetric, so that no force of it turns a body.
-            let turned = product_transposed(&r, &f);
+            // R Fᵀ is symmetric, so that the stress of a corotated law has no moment.
+            let rotated = product_transposed(&r, &f);
             let skew =
-                (0..3).map(|i| (turned[i][(i + 1) % 3] - turned[(i + 1) % 3][i]).abs()).fold(0.0, f64::max);
+                (0..3).map(|i| (rotated[i][(i + 1) % 3] - rotated[(i + 1) % 3][i]).abs()).fold(0.0, f64::max);
             assert!(skew <= 1e-13 * norm, "{f:?} {sigma:?}: {skew:e}");
         }
     }
 
-    /// Where the nearest rotation jumps, round-off decides; a law whose tangent is made of singular values must find
-    /// the same one.
+    /// If the nearest rotation is not unique, round-off decides. A law whose tangent uses singular values must find
+    /// the same rotation.
     #[test]
     fn at_a_jump_it_is_that_of_the_singular_vectors_to_the_bit() {
         let mut seed = 3;
@@ -173,10 +175,10 @@ mod tests {
     #[test]
     fn a_lane_does_not_know_its_neighbours() {
         let samples = samples();
-        let mut turned = samples.clone();
-        turned.rotate_left(3);
+        let mut rotated = samples.clone();
+        rotated.rotate_left(3);
         let arch = pulp::Arch::new();
-        let (found, mut other) = (arch.dispatch(InLanes(&samples)), arch.dispatch(InLanes(&turned)));
+        let (found, mut other) = (arch.dispatch(InLanes(&samples)), arch.dispatch(InLanes(&rotated)));
         other.rotate_right(3);
         assert!(found == other);
     }

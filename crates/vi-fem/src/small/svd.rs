@@ -1,15 +1,15 @@
-//! Singular values of 3 × 3 matrices without a branch, so that lanes go through it side by side.
+//! Computes singular values of 3 × 3 matrices without branches, so that lanes run side by side.
 
 use crate::lanes::real::Real;
 use crate::small::tensor::{Mat3, contract, cross, dot, mat3, right_cauchy_green, transpose, vec3};
 
-/// Sweeps of cyclic Jacobi rotations: five reach round-off from any start (quadratic convergence).
+/// Number of sweeps of cyclic Jacobi rotations. Five reach round-off from any start (quadratic convergence).
 const SWEEPS: usize = 5;
 
-/// Guards quotients that are 0/0 only where the result does not matter.
+/// Guards quotients that are 0/0; their value does not matter then.
 const TINY: f64 = 1e-290;
 
-/// A = Q diag(λ) Qᵀ of a symmetric A: (λ, Q), the columns of Q being eigenvectors; λ in no order.
+/// Diagonalises a symmetric A = Q diag(λ) Qᵀ. Returns (λ, Q): the columns of Q are eigenvectors, λ is not sorted.
 #[inline(always)]
 pub(crate) fn symmetric_eigen<R: Real>(a: &Mat3<R>) -> ([R; 3], Mat3<R>) {
     let mut a = *a;
@@ -17,7 +17,7 @@ pub(crate) fn symmetric_eigen<R: Real>(a: &Mat3<R>) -> ([R; 3], Mat3<R>) {
     let mut q = [[one, zero, zero], [zero, one, zero], [zero, zero, one]];
     for _ in 0..SWEEPS {
         for (i, j, k) in [(0, 1, 2), (0, 2, 1), (1, 2, 0)] {
-            // Golub & Van Loan 2013, §8.5.2: the rotation by the smaller angle that makes a_ij zero.
+            // Rotate by the smaller of the two angles that make a_ij zero (Golub & Van Loan 2013, §8.5.2).
             let difference = a[j][j] - a[i][i];
             let twice = a[i][j] * 2.0;
             let sign = (-difference).if_positive(-one, one);
@@ -38,16 +38,16 @@ pub(crate) fn symmetric_eigen<R: Real>(a: &Mat3<R>) -> ([R; 3], Mat3<R>) {
     ([a[0][0], a[1][1], a[2][2]], q)
 }
 
-/// F = U diag(σ) Vᵀ with rotations U and V (det = +1): (U, σ, V), σ₁ ≥ σ₂ ≥ |σ₃|, and σ₃ < 0 where
-/// F is inverted. V from Jacobi on FᵀF, U by orthonormalising F V, both of F/‖F‖: how large F is does not matter,
-/// as long as its squares do not underflow.
+/// Decomposes F = U diag(σ) Vᵀ with rotations U and V (det = +1). Returns (U, σ, V) with σ₁ ≥ σ₂ ≥ |σ₃|; σ₃ < 0 if F
+/// is inverted. V comes from Jacobi's method on FᵀF, U from orthonormalising F V, both for F/‖F‖. Any scale of F is
+/// accepted as long as its squares do not underflow.
 #[inline(always)]
 pub(crate) fn svd<R: Real>(f: &Mat3<R>) -> (Mat3<R>, [R; 3], Mat3<R>) {
     let (f, norm) = normalised(f);
     let (values, q) = symmetric_eigen(&right_cauchy_green(&f));
     let zero = values[0].constant(0.0);
     let one = values[0].constant(1.0);
-    // Columns with their eigenvalues, sorted; each exchange turns one column over to keep det V = 1.
+    // Sort the columns by their eigenvalues; each exchange reverses one column to keep det V = 1.
     let mut columns = vec3!(j => (values[j], [q[0][j], q[1][j], q[2][j]]));
     for (i, j) in [(0, 1), (0, 2), (1, 2)] {
         let ((high, a), (low, b)) = (columns[i], columns[j]);
@@ -62,7 +62,8 @@ pub(crate) fn svd<R: Real>(f: &Mat3<R>) -> (Mat3<R>, [R; 3], Mat3<R>) {
     let u0 = normalised_or(image[0], [one, zero, zero]);
     let along = dot(u0, image[1]);
     let rest = vec3!(k => image[1][k] - along * u0[k]);
-    // Where F has rank one, any direction across u₀ will do: the one from its smaller entries.
+    // If F has rank one, any direction normal to u₀ serves: cross u₀ with the x axis if |u₀ₓ| ≤ ½, else with the y
+    // axis.
     let aside = (u0[0].abs() - 0.5).if_positive(zero, one);
     let other = one - aside;
     let across = cross(u0, [aside, other, zero]);
@@ -73,7 +74,7 @@ pub(crate) fn svd<R: Real>(f: &Mat3<R>) -> (Mat3<R>, [R; 3], Mat3<R>) {
     (transpose(&u), sigma, transpose(&v))
 }
 
-/// F/‖F‖ and ‖F‖; zero stays.
+/// Returns F/‖F‖ and ‖F‖; zero stays zero.
 #[inline(always)]
 pub(crate) fn normalised<R: Real>(f: &Mat3<R>) -> (Mat3<R>, R) {
     let norm = contract(f, f).sqrt();
@@ -82,7 +83,7 @@ pub(crate) fn normalised<R: Real>(f: &Mat3<R>) -> (Mat3<R>, R) {
     (mat3!(i j => f[i][j] * scale), norm)
 }
 
-/// a/‖a‖, or `otherwise` where a vanishes.
+/// Returns a/‖a‖, or `otherwise` if a vanishes.
 #[inline(always)]
 fn normalised_or<R: Real>(a: [R; 3], otherwise: [R; 3]) -> [R; 3] {
     let square = dot(a, a);

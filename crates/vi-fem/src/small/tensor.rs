@@ -2,14 +2,14 @@
 
 use crate::lanes::real::Real;
 
-/// A 3 × 3 matrix by rows: `f[i][j]`, i the spatial index, j the material one.
+/// A 3 × 3 matrix by rows: `f[i][j]` with the spatial index i and the material index j.
 pub type Mat3<R> = [[R; 3]; 3];
 
-/// `vec3!(i => a[i])` is `[a[0], a[1], a[2]]`.
+/// Builds a vector: `vec3!(i => a[i])` is `[a[0], a[1], a[2]]`.
 ///
-/// Kernels are written with these macros and plain loops, never with closures given to the standard
-/// library: what is not inlined for certain is compiled without the vector instructions, and then
-/// each lane operation is a call (measured: sixty times slower).
+/// Kernels use these macros and plain loops, and never pass closures to the standard library. Code that is not
+/// certain to be inlined is compiled without the vector instructions, and then each lane operation is a call
+/// (measured: sixty times slower).
 macro_rules! vec3 {
     ($i:ident => $entry:expr) => {
         [
@@ -29,7 +29,7 @@ macro_rules! vec3 {
     };
 }
 
-/// `mat3!(i j => a[j][i])` is Aᵀ.
+/// Builds a matrix: `mat3!(i j => a[j][i])` is Aᵀ.
 macro_rules! mat3 {
     ($i:ident $j:ident => $entry:expr) => {
         $crate::small::tensor::vec3!($i => $crate::small::tensor::vec3!($j => $entry))
@@ -38,92 +38,92 @@ macro_rules! mat3 {
 
 pub(crate) use {mat3, vec3};
 
-/// A B.
+/// Returns A B.
 #[inline(always)]
 pub fn product<R: Real>(a: &Mat3<R>, b: &Mat3<R>) -> Mat3<R> {
     mat3!(i j => a[i][2].mul_add(b[2][j], a[i][1].mul_add(b[1][j], a[i][0] * b[0][j])))
 }
 
-/// A Bᵀ.
+/// Returns A Bᵀ.
 #[inline(always)]
 pub fn product_transposed<R: Real>(a: &Mat3<R>, b: &Mat3<R>) -> Mat3<R> {
     mat3!(i j => dot(a[i], b[j]))
 }
 
-/// Aᵀ.
+/// Returns Aᵀ.
 #[inline(always)]
 pub fn transpose<R: Real>(a: &Mat3<R>) -> Mat3<R> {
     mat3!(i j => a[j][i])
 }
 
-/// FᵀF, the right Cauchy–Green tensor.
+/// Returns FᵀF, the right Cauchy–Green tensor.
 #[inline(always)]
 pub fn right_cauchy_green<R: Real>(f: &Mat3<R>) -> Mat3<R> {
     left_cauchy_green(&transpose(f))
 }
 
-/// FFᵀ, the left Cauchy–Green tensor.
+/// Returns FFᵀ, the left Cauchy–Green tensor.
 #[inline(always)]
 pub fn left_cauchy_green<R: Real>(f: &Mat3<R>) -> Mat3<R> {
     let (b01, b02, b12) = (dot(f[0], f[1]), dot(f[0], f[2]), dot(f[1], f[2]));
     [[dot(f[0], f[0]), b01, b02], [b01, dot(f[1], f[1]), b12], [b02, b12, dot(f[2], f[2])]]
 }
 
-/// a·b.
+/// Returns a·b.
 #[inline(always)]
 pub fn dot<R: Real>(a: [R; 3], b: [R; 3]) -> R {
     a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
 }
 
-/// a × b.
+/// Returns a × b.
 #[inline(always)]
 pub fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// A:B = Σ A_ij B_ij.
+/// Returns A:B = Σ A_ij B_ij.
 #[inline(always)]
 pub fn contract<R: Real>(a: &Mat3<R>, b: &Mat3<R>) -> R {
     dot(a[0], b[0]) + dot(a[1], b[1]) + dot(a[2], b[2])
 }
 
-/// ∂J/∂F, the cofactor matrix; its rows are f₁ × f₂, f₂ × f₀, f₀ × f₁ of F's rows.
+/// Returns ∂J/∂F, the cofactor matrix. Its rows are f₁ × f₂, f₂ × f₀ and f₀ × f₁, where f_i are the rows of F.
 #[inline(always)]
 pub fn cofactor<R: Real>(f: &Mat3<R>) -> Mat3<R> {
     [cross(f[1], f[2]), cross(f[2], f[0]), cross(f[0], f[1])]
 }
 
-/// J = det F.
+/// Returns J = det F.
 #[inline(always)]
 pub fn determinant<R: Real>(f: &Mat3<R>) -> R {
     dot(f[0], cross(f[1], f[2]))
 }
 
-/// α A + β B.
+/// Returns α A + β B.
 #[inline(always)]
 pub fn combine<R: Real>(alpha: R, a: &Mat3<R>, beta: R, b: &Mat3<R>) -> Mat3<R> {
     mat3!(i j => alpha.mul_add(a[i][j], beta * b[i][j]))
 }
 
-/// The tangent ∂²Ψ/∂F∂F as a symmetric 9 × 9 matrix over the entries (i, j) ↦ 3i + j of F: the
-/// packed lower triangle by rows, 45 entries.
+/// The tangent ∂²Ψ/∂F∂F as a symmetric 9 × 9 matrix over the entries (i, j) ↦ 3i + j of F. It stores the packed lower
+/// triangle by rows, 45 entries.
 #[derive(Clone, Copy)]
 pub struct Tangent<R>(pub [R; 45]);
 
-/// Where the entry (row ≥ column) of a packed lower triangle lies.
+/// Returns the index of the entry (row ≥ column) in a packed lower triangle.
 #[inline(always)]
 pub const fn packed_index(row: usize, column: usize) -> usize {
     row * (row + 1) / 2 + column
 }
 
-/// Where an entry of a symmetric matrix lies in its packed lower triangle.
+/// Returns the index of an entry of a symmetric matrix in its packed lower triangle; row and column in any order.
 #[inline(always)]
 pub const fn symmetric_index(row: usize, column: usize) -> usize {
     if row >= column { packed_index(row, column) } else { packed_index(column, row) }
 }
 
 impl<R: Real> Tangent<R> {
-    /// α δ_ik δ_jl: the tangent of α/2 F:F.
+    /// Returns α δ_ik δ_jl, the tangent of α/2 F:F.
     #[inline(always)]
     pub fn identity(alpha: R) -> Self {
         let mut entries = [alpha.constant(0.0); 45];
@@ -133,13 +133,13 @@ impl<R: Real> Tangent<R> {
         Self(entries)
     }
 
-    /// The entry (i j, k l).
+    /// Returns the entry (ij, kl) with row = 3i + j and column = 3k + l.
     #[inline(always)]
     pub fn entry(&self, row: usize, column: usize) -> R {
         self.0[symmetric_index(row, column)]
     }
 
-    /// += α A ⊗ A.
+    /// Adds α A ⊗ A.
     #[inline(always)]
     pub fn add_square(&mut self, alpha: R, a: &Mat3<R>) {
         for row in 0..9 {
@@ -151,7 +151,7 @@ impl<R: Real> Tangent<R> {
         }
     }
 
-    /// += α (A ⊗ B + B ⊗ A).
+    /// Adds α (A ⊗ B + B ⊗ A).
     #[inline(always)]
     pub fn add_product(&mut self, alpha: R, a: &Mat3<R>, b: &Mat3<R>) {
         for row in 0..9 {
@@ -164,7 +164,7 @@ impl<R: Real> Tangent<R> {
         }
     }
 
-    /// += α δ_ik S_jl, S symmetric: the tangent of a stress F S at fixed S.
+    /// Adds α δ_ik S_jl for a symmetric S: the tangent of the stress F S at fixed S.
     #[inline(always)]
     pub fn add_material_blocks(&mut self, alpha: R, s: &Mat3<R>) {
         for i in 0..3 {
@@ -177,7 +177,7 @@ impl<R: Real> Tangent<R> {
         }
     }
 
-    /// += α B_ik δ_jl, B symmetric.
+    /// Adds α B_ik δ_jl for a symmetric B.
     #[inline(always)]
     pub fn add_spatial_blocks(&mut self, alpha: R, b: &Mat3<R>) {
         for i in 0..3 {
@@ -190,7 +190,7 @@ impl<R: Real> Tangent<R> {
         }
     }
 
-    /// += α F_il F_kj.
+    /// Adds α F_il F_kj.
     #[inline(always)]
     pub fn add_crossed(&mut self, alpha: R, f: &Mat3<R>) {
         for row in 0..9 {
@@ -202,11 +202,11 @@ impl<R: Real> Tangent<R> {
         }
     }
 
-    /// += α ∂²J/∂F∂F, whose entries are ε_ikm ε_jln F_mn.
+    /// Adds α ∂²J/∂F∂F, whose entries are ε_ikm ε_jln F_mn.
     #[inline(always)]
     pub fn add_cofactor_derivative(&mut self, alpha: R, f: &Mat3<R>) {
         for (i, k, m) in [(1, 0, 2), (2, 0, 1), (2, 1, 0)] {
-            // ε_ikm is −1, +1, −1 for these three.
+            // ε_ikm is −1, +1, −1 for these three index triples.
             let sign_ik = if i - k == 2 { 1.0 } else { -1.0 };
             for (j, l, n) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
                 let value = alpha * f[m][n] * sign_ik;

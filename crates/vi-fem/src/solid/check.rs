@@ -1,4 +1,4 @@
-//! Whether the cells of a mesh can carry elements.
+//! Checks whether the cells of a mesh can carry elements.
 
 use vi_mesh::{CellKind, Mesh, MeshError, volume_of_round_off};
 
@@ -6,14 +6,14 @@ use crate::small::tensor::determinant;
 use crate::solid::element::contract::{Element, SolidVisitor};
 use crate::solid::element::visit_solid;
 
-/// Number of inverted elements that an error names.
+/// Number of inverted elements that an error lists.
 const NAMED: usize = 5;
 
-/// Checks that the cells of `dimension` make a body: 3 a solid, 2 a sheet.
+/// Checks that the cells of `dimension` form a body: 3 for a solid, 2 for a sheet.
 ///
 /// # Errors
-/// Every problem found: those of [`Mesh::check`], and solid elements whose Jacobian is not positive at every quadrature
-/// point.
+/// Every problem found: those of [`Mesh::check`], and solid elements whose Jacobian is not positive at every
+/// quadrature point.
 pub fn check_body(mesh: &Mesh, dimension: usize) -> Result<(), Vec<MeshError>> {
     let mut problems = mesh.check(dimension).err().unwrap_or_default();
     let can_be_measured = problems.iter().all(|problem| matches!(problem, MeshError::Unused { .. }));
@@ -44,8 +44,8 @@ fn inverted_elements(mesh: &Mesh) -> Option<MeshError> {
     (count > 0).then_some(MeshError::Inverted { count, total, first })
 }
 
-/// Reference volume × the smallest Jacobian determinant at the quadrature points, m³: the volume of
-/// a linear tetrahedron, and for others its sign says whether the element is sound.
+/// Returns the reference volume × the smallest Jacobian determinant at the quadrature points, m³. For a linear
+/// tetrahedron this is its volume; for other elements a positive sign tells that the element is valid.
 fn smallest_volume(kind: CellKind, nodes: &[u32], points: &[[f64; 3]]) -> Option<f64> {
     visit_solid(kind, SmallestVolume { nodes, points })
 }

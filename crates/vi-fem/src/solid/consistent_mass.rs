@@ -1,5 +1,5 @@
-//! The consistent mass M_ab = ρ ∫ N_a N_b dV of solid elements, and that of linear triangles: the kinetic energy ½
-//! v·M v as quadratic local terms of the velocities.
+//! The consistent mass M_ab = ρ ∫ N_a N_b dV of solid elements and of linear triangles. It enters as the kinetic
+//! energy ½ v·M v, a sum of quadratic local terms of the velocities.
 
 use std::ops::Range;
 
@@ -11,11 +11,11 @@ use crate::solid::element::contract::{Element, SolidVisitor};
 use crate::solid::element::visit_solid;
 use vi_mesh::{CellKind, Mesh};
 
-/// Gauss points along each direction of the reference cell: more than any N_a N_b det J needs.
+/// Number of Gauss points along each direction of the reference cell: more than any N_a N_b det J needs.
 const POINTS: usize = 5;
 
-/// The kinetic energy of elements (numbers of solid cells) of a density (kg/m³), one term a kind. Node a
-/// of the mesh is node a + `node_offset` of the system.
+/// Returns the kinetic energy of elements (numbers of solid cells) at a density (kg/m³), one term per element kind.
+/// Node a of the mesh is node a + `node_offset` of the system.
 ///
 /// A term is a potential of the velocities: its Hessians are the blocks of M.
 ///
@@ -50,7 +50,7 @@ pub fn consistent_mass(
     Ok(terms.into_iter().map(|(_, term)| Box::new(term) as Box<dyn Potential>).collect())
 }
 
-/// The kinetic energy of linear triangles of these masses (kg): M_ab = m/12 (1 + δ_ab).
+/// Returns the kinetic energy of linear triangles with these masses (kg): M_ab = m/12 (1 + δ_ab).
 pub(crate) fn triangle_mass(
     triangles: impl Iterator<Item = ([u32; 3], f64)>,
     name: &str,
@@ -64,8 +64,8 @@ pub(crate) fn triangle_mass(
     Box::new(term)
 }
 
-/// A rule of many points on the reference cell of a kind: a box, a prism over the triangle ξ + η ≤ 1, a
-/// pyramid, or the simplex ξ + η + ζ ≤ 1 (collapsed coordinates).
+/// Returns a quadrature rule with many points on the reference cell of a kind: a box, a prism over the triangle ξ + η
+/// ≤ 1, a pyramid, or the simplex ξ + η + ζ ≤ 1 (collapsed coordinates).
 pub(crate) fn rich_rule<E: Element<N, Q>, const N: usize, const Q: usize>(
     kind: CellKind,
 ) -> Vec<([f64; 3], f64)> {
@@ -76,7 +76,7 @@ pub(crate) fn rich_rule<E: Element<N, Q>, const N: usize, const Q: usize>(
             high[k] = high[k].max(node[k]);
         }
     }
-    // Five points are always defined.
+    // The rule with five points always exists.
     let Ok(line) = Quadrature::gauss_legendre(POINTS) else { return Vec::new() };
     let line: Vec<(f64, f64)> = line.nodes().iter().copied().zip(line.weights().iter().copied()).collect();
     let mut rule = Vec::with_capacity(POINTS * POINTS * POINTS);
@@ -131,12 +131,12 @@ impl SolidVisitor for AddBlock<'_> {
     }
 }
 
-/// ½ Σ_ab M_ab v_a·v_b, one stencil an element.
+/// The kinetic energy ½ Σ_ab M_ab v_a·v_b, one stencil per element.
 struct MassTerm {
     name: String,
     arity: usize,
     nodes: Vec<u32>,
-    /// Packed lower triangles of M_ab, kg.
+    /// Packed lower triangles of M_ab, kg, element by element.
     blocks: Vec<f64>,
 }
 
@@ -145,7 +145,7 @@ impl MassTerm {
         &self.blocks[stencil * packed_len(self.arity)..][..packed_len(self.arity)]
     }
 
-    /// Σ_b M_ab v_b of every local node a, three numbers each.
+    /// Writes Σ_b M_ab v_b for every local node a, three numbers each.
     fn momenta(&self, stencil: usize, v: &[f64], out: &mut [f64]) {
         let block = self.block(stencil);
         let nodes = &self.nodes[stencil * self.arity..][..self.arity];
@@ -233,7 +233,7 @@ mod tests {
             let Ok(mesh) = shape.build() else { continue };
             let all = mesh.cells_of_dimension(3);
             let terms = consistent_mass(&mesh, &all, 3.0, 0, "mass").unwrap();
-            // v = (1, y, 0): the kinetic energy is ½ ρ ∫ (1 + y²) dV = ½ · 3 · (1 + 8/6).
+            // For v = (1, y, 0) the kinetic energy is ½ ρ ∫ (1 + y²) dV = ½ · 3 · (1 + 8/6).
             let v: Vec<f64> = mesh.points.iter().flat_map(|x| [1.0, x[1], 0.0]).collect();
             let mut energy = 0.0;
             for term in &terms {

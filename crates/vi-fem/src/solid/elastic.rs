@@ -1,4 +1,4 @@
-//! The strain energy Σ_e ∫ Ψ(F) dV of a region: elements × law, erased to a potential once.
+//! The strain energy Σ_e ∫ Ψ(F) dV of a region. Elements and law are combined once into a `dyn Potential`.
 
 #[cfg(test)]
 mod laws;
@@ -25,19 +25,19 @@ use crate::solid::material::contract::{LawVisitor, Material, Outside};
 use vi_mesh::sort_by_place;
 use vi_mesh::{CellKind, Mesh, MeshError};
 
-/// Groups of points that are worked on together: enough that a kernel's start costs nothing, few
-/// enough that F stays in the first cache. No element has more quadrature points.
+/// Number of groups of points that are processed together: enough that starting a kernel costs nothing, few enough
+/// that F stays in the first-level cache. No element has more quadrature points.
 pub(crate) const POINTS: usize = 32;
 
-/// The elastic potential of the elements `elements` (numbers in the mesh's cell order, all of one
-/// kind or several) with one law. Node a of the mesh is node a + `node_offset` of the system.
+/// Returns the elastic potentials of `elements` (numbers in the mesh's cell order, of one kind or several) with one
+/// law. Node a of the mesh is node a + `node_offset` of the system.
 ///
-/// One potential an element kind, in the order in which the kinds first occur.
+/// There is one potential per element kind, in the order in which the kinds first occur.
 ///
 /// # Errors
-/// [`FemError::Mesh`] for elements that are not there, [`FemError::Unsupported`] for cells
-/// that are not solid elements, [`FemError::Mesh`] for elements without positive volume,
-/// [`FemError::Parameter`] for parameters out of range (the first; [`Law::check`] gives all).
+/// [`FemError::Mesh`] for elements that do not exist or have no positive volume; [`FemError::Unsupported`] for cells
+/// that are not solid elements; [`FemError::Parameter`] for the first parameter out of its range ([`Law::check`]
+/// gives all).
 pub fn elastic(
     mesh: &Mesh,
     elements: &[u32],
@@ -48,10 +48,10 @@ pub fn elastic(
     elastic_on(InstructionSet::Best, mesh, elements, law, node_offset, name)
 }
 
-/// [`elastic`] on a chosen instruction set, to compare them.
+/// Returns the potentials of [`elastic`] on a chosen instruction set, to compare the sets.
 ///
 /// # Errors
-/// As [`elastic`], and [`FemError::Invalid`] where the machine has not that instruction set.
+/// Those of [`elastic`], and [`FemError::Invalid`] if the machine lacks the instruction set.
 pub fn elastic_on(
     instructions: InstructionSet,
     mesh: &Mesh,
@@ -63,7 +63,7 @@ pub fn elastic_on(
     by_kind::<Plain>(instructions, mesh, elements, law, node_offset, name)
 }
 
-/// How the strain energy of elements is formed from their deformation.
+/// Builds the potential of elements: it defines how their strain energy follows from their deformation.
 pub(crate) trait Build {
     fn build<E: Element<N, Q>, M: Material, const N: usize, const Q: usize>(
         solids: Solids<E, N, Q>,
@@ -73,7 +73,7 @@ pub(crate) trait Build {
     ) -> Box<dyn Potential>;
 }
 
-/// One potential an element kind, each made by `B`.
+/// Returns one potential per element kind, each built by `B`.
 pub(crate) fn by_kind<B: Build>(
     instructions: InstructionSet,
     mesh: &Mesh,
@@ -153,7 +153,7 @@ impl<B: Build, E: Element<N, Q>, const N: usize, const Q: usize> LawVisitor for 
     }
 }
 
-/// Ψ(F) at every point.
+/// Builds the energy that evaluates Ψ(F) at every quadrature point.
 struct Plain;
 
 impl Build for Plain {
@@ -164,13 +164,13 @@ impl Build for Plain {
         name: String,
     ) -> Box<dyn Potential> {
         if E::IS_SIMPLEX && !M::LINEAR {
-            solids.turn();
+            solids.rotate_rest_shapes();
         }
         Box::new(ElasticPotential { solids, material, elements, name })
     }
 }
 
-/// V = Σ_e Σ_q w_q det J_q Ψ(F_q), one stencil an element.
+/// The potential V = Σ_e Σ_q w_q det J_q Ψ(F_q), one stencil per element.
 struct ElasticPotential<E, M, const N: usize, const Q: usize> {
     solids: Solids<E, N, Q>,
     material: M,
@@ -180,18 +180,17 @@ struct ElasticPotential<E, M, const N: usize, const Q: usize> {
 }
 
 thread_local! {
-    /// Room for the tangents and the Hessian of one group; grows once a thread.
-    static ROOM: RefCell<(Vec<PackedTangent>, Vec<Pack>)> = const { RefCell::new((Vec::new(), Vec::new())) };
+    /// Scratch memory for the tangents and the Hessian of one group; each thread allocates it once.
+    static SCRATCH: RefCell<(Vec<PackedTangent>, Vec<Pack>)> = const { RefCell::new((Vec::new(), Vec::new())) };
 }
 
 impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> ElasticPotential<E, M, N, Q> {
-    /// F of groups at the positions `x` of all nodes.
+    /// Returns a function that computes F of groups at the positions `x` of all nodes.
     fn at<'a>(&'a self, x: &'a [f64]) -> impl Fn(Range<usize>, &mut [PackedMat3]) + 'a {
         |groups, out| self.solids.deformations(groups, x, out)
     }
 
-    /// Runs `work` on the groups that `range` touches, some at a time, with F at their points from
-    /// `deform`.
+    /// Runs `work` on the groups that overlap `range`, some at a time, with F at their points from `deform`.
     #[inline]
     fn in_passes(
         &self,
@@ -200,11 +199,11 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> ElasticPoten
         mut work: impl FnMut(Range<usize>, &mut [PackedMat3]),
     ) {
         const { assert!(Q <= POINTS) };
-        let mut room = [[Pack::default(); 9]; POINTS];
+        let mut scratch = [[Pack::default(); 9]; POINTS];
         let (mut group, end) = (range.start / GROUP, range.end.div_ceil(GROUP));
         while group < end {
             let next = end.min(group + POINTS / Q);
-            let points = &mut room[..(next - group) * Q];
+            let points = &mut scratch[..(next - group) * Q];
             deform(group..next, points);
             work(group..next, points);
             group = next;
@@ -221,22 +220,22 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> ElasticPoten
         if range.is_empty() {
             return;
         }
-        ROOM.with_borrow_mut(|(tangent_room, block)| {
-            tangent_room.resize(Q.max(tangent_room.len()), [Pack::default(); 45]);
+        SCRATCH.with_borrow_mut(|(scratch, block)| {
+            scratch.resize(Q.max(scratch.len()), [Pack::default(); 45]);
             let size = packed_len(3 * N);
             block.resize(size.max(block.len()), Pack::default());
-            let (tangent_room, block) = (&mut tangent_room[..Q], &mut block[..size]);
+            let (scratch, block) = (&mut scratch[..Q], &mut block[..size]);
             self.in_passes(&range, self.at(x), |groups, points| {
                 for (group, points) in groups.zip(points.chunks_exact(Q)) {
-                    tangents(self.solids.arch(), &self.material, points, tangent_room);
-                    self.solids.hessians(group, tangent_room, block, range.clone(), out);
+                    tangents(self.solids.arch(), &self.material, points, scratch);
+                    self.solids.hessians(group, scratch, block, range.clone(), out);
                 }
             });
         });
     }
 }
 
-/// Copies the lanes of `range` that lie in `group` to `out`, which begins with range.start.
+/// Copies those lanes of `group` that lie in `range` to `out`, which begins with range.start.
 fn scatter(
     group: usize,
     range: &Range<usize>,
@@ -361,7 +360,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
     }
 }
 
-/// Of the points of one lane that are outside a domain, the farthest.
+/// Returns the point of one lane that is farthest outside the domain, if any.
 pub(crate) fn farthest_outside(
     points: &[PackedMat3],
     lane: usize,

@@ -1,7 +1,8 @@
 //! The registry of solid elements.
 //!
-//! To add one of a kind that the table of cells has ([`CellKind`]): one file in `element/` with an [`Element`](contract::Element),
-//! one line in `elements!` below. The line gives the kernels and the law tests.
+//! To add an element for a cell kind that exists ([`CellKind`]), write one file in `element/` with an
+//! [`Element`](contract::Element) and add one line to `elements!` below. The line gives the kernels and the tests
+//! that every element must pass.
 
 pub(crate) mod contract;
 pub(crate) mod kernel;
@@ -21,15 +22,15 @@ macro_rules! elements {
     ($($file:ident: $element:ident, $n:literal nodes, $q:literal points;)*) => {
         $(mod $file;)*
 
-        /// The solid elements, each named as its kind of cell.
+        /// The solid elements, each named like its cell kind.
         pub(crate) mod solids {
             $(pub use super::$file::$element;)*
         }
 
-        /// The kinds that solids can be made of.
+        /// The cell kinds that have a solid element.
         pub const SOLIDS: &[CellKind] = &[$(CellKind::$element),*];
 
-        /// Runs `visitor` with the solid element of this kind; None where there is none.
+        /// Runs `visitor` with the solid element of this kind; `None` if the kind has none.
         pub(crate) fn visit_solid<V: SolidVisitor>(kind: CellKind, visitor: V) -> Option<V::Output> {
             match kind {
                 $(CellKind::$element => Some(visitor.visit::<solids::$element, $n, $q>()),)*

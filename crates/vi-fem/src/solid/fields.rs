@@ -1,4 +1,4 @@
-//! What a deformed body feels, element by element: stress, strain, energy. Evaluated only when asked for.
+//! Element fields of a deformed body: stress, strain, energy density. They are computed on request only.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,7 +12,7 @@ use crate::solid::material::contract::{LawVisitor, Material};
 use crate::solid::mean_dilation::LockingCure;
 use vi_mesh::Mesh;
 
-/// A quantity of each element: the mean over its volume at rest.
+/// A quantity of each element, averaged over its volume at rest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ElementField {
@@ -25,12 +25,12 @@ pub enum ElementField {
     /// Volume ratio J = det F.
     #[serde(rename = "J")]
     J,
-    /// Strain energy Ψ in a volume at rest, J/m³.
+    /// Strain energy Ψ per volume at rest, J/m³.
     EnergyDensity,
 }
 
 impl ElementField {
-    /// The name in files.
+    /// Returns the name in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Stress => "stress",
@@ -41,7 +41,7 @@ impl ElementField {
         }
     }
 
-    /// Numbers an element.
+    /// Returns the number of components per element.
     pub fn component_count(self) -> usize {
         match self {
             Self::Stress | Self::Strain => 9,
@@ -50,13 +50,12 @@ impl ElementField {
     }
 }
 
-/// `field` of each of `elements` (numbers of solid cells) of one law at positions x (m, flat, 3 a node
-/// of the mesh); `field.component_count()` numbers an element. Outside a law's domain they are NaN
-/// or infinite. With mean dilation they are those of F̄.
+/// Returns `field` for each of `elements` (numbers of solid cells) with one law at positions x (m, flat, 3 per node
+/// of the mesh), `field.component_count()` numbers per element. Outside the domain of a law they are NaN or infinite.
+/// With mean dilation they are evaluated at F̄.
 ///
 /// # Errors
-/// [`FemError::Mesh`] for cells that are not there, [`FemError::Unsupported`] for cells that
-/// are not solid elements.
+/// [`FemError::Mesh`] for cells that do not exist; [`FemError::Unsupported`] for cells that are not solid elements.
 pub fn element_field(
     mesh: &Mesh,
     elements: &[u32],
@@ -85,11 +84,11 @@ pub(crate) struct DeformedPoint {
     /// Weight on the reference cell.
     pub(crate) weight: f64,
     pub(crate) f: Mat3<f64>,
-    /// At rest, m³.
+    /// Volume at rest, m³.
     pub(crate) volume: f64,
 }
 
-/// The quadrature points of an element.
+/// Returns the quadrature points of an element.
 pub(crate) fn deformed(mesh: &Mesh, element: u32, x: &[f64]) -> Result<Vec<DeformedPoint>, FemError> {
     let (kind, nodes) = mesh.element(element, "field, element")?;
     visit_solid(kind, Deform { mesh, nodes, x }).ok_or(FemError::Unsupported { kind, used: "solid elements" })
@@ -122,7 +121,7 @@ impl SolidVisitor for Deform<'_> {
     }
 }
 
-/// A field at each point of one element.
+/// Evaluates a field at each point of one element.
 pub(crate) struct AtPoints<'a> {
     pub(crate) points: &'a [DeformedPoint],
     pub(crate) field: ElementField,
@@ -156,7 +155,7 @@ impl LawVisitor for AtPoints<'_> {
     }
 }
 
-/// F̄ from F, as [`crate::mean_dilation`] has it.
+/// Replaces F by F̄ as defined in [`crate::mean_dilation`].
 fn adjust(is_linear: bool, deformations: &mut [Mat3<f64>], volumes: &[f64]) {
     let measure = |f: &Mat3<f64>| if is_linear { f[0][0] + f[1][1] + f[2][2] } else { determinant(f) };
     let whole: f64 = volumes.iter().sum();
@@ -173,7 +172,7 @@ fn adjust(is_linear: bool, deformations: &mut [Mat3<f64>], volumes: &[f64]) {
     }
 }
 
-/// σ = P Fᵀ/J.
+/// Returns σ = P Fᵀ/J.
 fn cauchy<M: Material>(material: &M, f: &Mat3<f64>) -> Mat3<f64> {
     let j = determinant(f);
     let transposed = [0, 1, 2].map(|i| [f[0][i], f[1][i], f[2][i]]);
@@ -199,7 +198,7 @@ mod tests {
     use crate::solid::material::parameters::Isotropic;
     use vi_mesh::{BoxMesh, CellKind};
 
-    /// Uniaxial stress of the neo-Hookean law (reference case C6): σ₁₁ = P₁₁ λ/J, nothing else.
+    /// Tests uniaxial stress of the neo-Hookean law (reference case C6): σ₁₁ = P₁₁ λ/J, all other components zero.
     #[test]
     fn uniaxial_stress_of_every_element() {
         let (stretch, side) = (2.0, 0.7980775445);

@@ -1,4 +1,4 @@
-//! Lumped masses, and what follows from them: total mass, centre, inertia.
+//! Lumped masses and quantities that follow from them: total mass, centre of mass, inertia.
 
 use crate::error::FemError;
 use crate::small::tensor::{Mat3, cross, determinant};
@@ -7,13 +7,12 @@ use crate::solid::element::contract::{Element, SolidVisitor};
 use crate::solid::element::visit_solid;
 use vi_mesh::{CellKind, Mesh};
 
-/// Mass of each node of the mesh, kg: those of `elements` (numbers of solid cells) at a density,
-/// kg/m³, added to `masses`. Row sums of ρ ∫ N_a N_b dV where they are positive for the element, and
-/// the scaled diagonal of Hinton, Rock & Zienkiewicz (1976) otherwise: positive for every kind.
+/// Adds to `masses` the lumped mass (kg) of each node of the mesh, for `elements` (numbers of solid cells) at a
+/// density (kg/m³). It uses the row sums of ρ ∫ N_a N_b dV if they are positive for the element kind, and otherwise
+/// the scaled diagonal of Hinton, Rock & Zienkiewicz (1976), which is positive for every kind.
 ///
 /// # Errors
-/// [`FemError::Mesh`] for cells that are not there, [`FemError::Unsupported`] for cells that
-/// are not solid elements.
+/// [`FemError::Mesh`] for cells that do not exist; [`FemError::Unsupported`] for cells that are not solid elements.
 pub fn add_lumped_mass(
     mesh: &Mesh,
     elements: &[u32],
@@ -23,21 +22,21 @@ pub fn add_lumped_mass(
     each_solid(mesh, elements, |kind, nodes| visit_solid(kind, AddMass { mesh, nodes, density, masses }))
 }
 
-/// Row sums ρ ∫ N_a dV, kg, added to `sums`: what weight acts on in equilibrium, of the accuracy of the
-/// element. They may be negative (tet10, hex20), so that they are no masses.
+/// Adds the row sums ρ ∫ N_a dV (kg) to `sums`. Weight uses them in equilibrium, since they have the accuracy of the
+/// element. They may be negative (tet10, hex20) and are then no masses.
 ///
 /// # Errors
-/// As [`add_lumped_mass`].
+/// Those of [`add_lumped_mass`].
 pub fn add_row_sums(mesh: &Mesh, elements: &[u32], density: f64, sums: &mut [f64]) -> Result<(), FemError> {
     each_solid(mesh, elements, |kind, nodes| {
         visit_solid(kind, AddRowSums { kind, mesh, nodes, density, sums })
     })
 }
 
-/// Volume of each of `elements` (numbers of solid cells) at rest, m³.
+/// Returns the volume at rest (m³) of each of `elements` (numbers of solid cells).
 ///
 /// # Errors
-/// As [`add_lumped_mass`].
+/// Those of [`add_lumped_mass`].
 pub fn volumes(mesh: &Mesh, elements: &[u32]) -> Result<Vec<f64>, FemError> {
     let mut volumes = Vec::with_capacity(elements.len());
     each_solid(mesh, elements, |kind, nodes| {
@@ -60,7 +59,7 @@ impl SolidVisitor for Volume<'_> {
     }
 }
 
-/// Adds each element by `add`, which gives nothing where it is not solid.
+/// Calls `add` for each element; `add` returns `None` for a cell that is not solid.
 fn each_solid(
     mesh: &Mesh,
     elements: &[u32],
@@ -85,7 +84,7 @@ impl SolidVisitor for AddRowSums<'_> {
     type Output = ();
     fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) {
         let x: [[f64; 3]; N] = std::array::from_fn(|a| self.mesh.points[self.nodes[a] as usize]);
-        // The rule of the consistent mass: weight and inertia agree to round-off.
+        // Use the rule of the consistent mass, so that weight and inertia agree to round-off.
         for (xi, weight) in rich_rule::<E, N, Q>(self.kind) {
             let dv = weight * determinant(&E::reference_gradient(&x, &E::gradients(xi)));
             for (&node, value) in self.nodes.iter().zip(E::values(xi)) {
@@ -113,7 +112,7 @@ impl SolidVisitor for AddMass<'_> {
     }
 }
 
-/// Volume that each node of an element at rest at `x` stands for, m³; their sum is the volume.
+/// Returns the volume (m³) assigned to each node of an element at rest at `x`; the sum is the volume of the element.
 pub(crate) fn mass_shares<E: Element<N, Q>, const N: usize, const Q: usize>(x: &[[f64; 3]; N]) -> [f64; N] {
     let (mut rows, mut diagonal, mut volume) = ([0.0; N], [0.0; N], 0.0);
     for (xi, weight) in E::mass_rule() {
@@ -125,7 +124,7 @@ pub(crate) fn mass_shares<E: Element<N, Q>, const N: usize, const Q: usize>(x: &
             diagonal[a] += dv * values[a] * values[a];
         }
     }
-    // Whether row sums do is a property of the kind, so that all elements of a mesh agree.
+    // Decide by the element kind whether to use row sums, so that all elements of a mesh agree.
     let reference = E::mass_rule().iter().fold([0.0; N], |mut sum, &(xi, weight)| {
         let values = E::values(xi);
         for a in 0..N {
@@ -140,7 +139,7 @@ pub(crate) fn mass_shares<E: Element<N, Q>, const N: usize, const Q: usize>(x: &
     diagonal.map(|share| scale * share)
 }
 
-/// Mass, centre and inertia of a set of point masses.
+/// Mass, centre of mass and inertia of a set of point masses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MassProperties {
     /// Total mass, kg.
@@ -151,7 +150,7 @@ pub struct MassProperties {
     pub inertia: [[f64; 3]; 3],
 }
 
-/// Mass properties of points (m) with masses (kg).
+/// Returns the mass properties of points (m) with masses (kg).
 pub fn mass_properties(points: &[[f64; 3]], masses: &[f64]) -> MassProperties {
     let mass: f64 = masses.iter().sum();
     let mut centre = [0.0; 3];
@@ -173,7 +172,7 @@ pub fn mass_properties(points: &[[f64; 3]], masses: &[f64]) -> MassProperties {
     MassProperties { mass, centre, inertia }
 }
 
-/// Velocities v + ω × (x − centre), m/s, of points (m) that move as one rigid body; flat, 3 a point.
+/// Returns the velocities v + ω × (x − centre) (m/s) of points (m) that move as one rigid body; flat, 3 per point.
 pub fn rigid_velocities(
     points: &[[f64; 3]],
     centre: [f64; 3],
@@ -219,7 +218,7 @@ mod tests {
             let mesh = shape.build().unwrap();
             let mut sums = vec![0.0; mesh.points.len()];
             add_row_sums(&mesh, &mesh.cells_of_dimension(3), 1.0, &mut sums).unwrap();
-            // ∫ 1, x and, where the element has it, x² dV.
+            // Check ∫ 1 dV, ∫ x dV and, if the element is quadratic, ∫ x² dV.
             let degrees = if element.node_count() > 8 { 3 } else { 2 };
             for k in 0..degrees {
                 let sum: f64 = sums.iter().zip(&mesh.points).map(|(m, x)| m * x[0].powi(k)).sum();

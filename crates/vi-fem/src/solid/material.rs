@@ -1,7 +1,7 @@
-//! The registry of hyperelastic laws Ψ(F), which makes a law a scene's word.
+//! The registry of hyperelastic laws Ψ(F) that a scene can name.
 //!
-//! To add a law: one file in `material/` with a [`Material`], one line in `materials!` below. The line gives the scene name,
-//! the schema entry, the batch kernels and the law tests.
+//! To add a law, write one file in `material/` with a [`Material`] and add one line to `materials!` below. The line
+//! gives the scene name, the schema entry, the batch kernels and the tests that every law must pass.
 
 pub(crate) mod batch;
 pub(crate) mod contract;
@@ -31,14 +31,14 @@ macro_rules! materials {
         }
         use registered::*;
 
-        /// A law and its parameters as the scene file says them:
-        /// `{ law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }`.
+        /// A law with its parameters, as a scene file writes them: `{ law = "neo-hookean", young = 1e6, poisson =
+        /// 0.3, density = 1000.0 }`.
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(tag = "law", rename_all = "kebab-case")]
         #[non_exhaustive]
         pub enum Law {
             $($(#[$doc])* #[serde(rename = $name)] $variant(<$variant as Material>::Parameters),)*
-            /// A law of a program's own, which a scene file cannot name.
+            /// A law that a program defines itself; a scene file cannot name it.
             #[serde(skip_deserializing, rename = "own")]
             #[schemars(skip)]
             Own(OwnLaw),
@@ -48,17 +48,17 @@ macro_rules! materials {
             /// The scene names of all registered laws.
             pub const NAMES: &'static [&'static str] = &[$($name),*];
 
-            /// One of each registered law with sound parameters, for tests and first steps.
+            /// Returns one example of each registered law with valid parameters, for tests and first steps.
             pub fn examples() -> Vec<Self> {
                 vec![$(Self::$variant(Parameters::example())),*]
             }
 
-            /// The scene name of this law.
+            /// Returns the scene name of this law.
             pub fn name(&self) -> &'static str {
                 match self { $(Self::$variant(_) => $name,)* Self::Own(_) => "own" }
             }
 
-            /// Its parameters.
+            /// Returns the parameters.
             pub fn parameters(&self) -> &dyn Parameters {
                 match self { $(Self::$variant(parameters) => parameters,)* Self::Own(law) => law }
             }
@@ -105,12 +105,12 @@ impl From<OwnLaw> for Law {
 }
 
 impl Law {
-    /// Density of the body at rest, kg/m³.
+    /// Returns the density of the body at rest, kg/m³.
     pub fn density(&self) -> f64 {
         self.parameters().density()
     }
 
-    /// Everything that is wrong with the parameters.
+    /// Checks the parameters.
     ///
     /// # Errors
     /// All [`FemError::Parameter`] problems at once.

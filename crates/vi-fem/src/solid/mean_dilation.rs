@@ -1,11 +1,11 @@
-//! The strain energy of elements that do not lock in near incompressibility: each quadrature point sees the volume
+//! The strain energy of elements that do not lock near incompressibility: each quadrature point takes the volume
 //! change of its whole element.
 //!
-//! V = Σ_e Σ_q w_q Ψ(F̄_q), F̄_q = (θ_e/J_q)^⅓ F_q, with θ_e = Σ w_q J_q / Σ w_q the mean dilation
-//! (Nagtegaal, Parks & Rice 1974; Simo, Taylor & Pister 1985, eliminated at the element). It is a
-//! potential, so that its gradient and symmetric Hessian are exact and every integrator keeps what it
-//! keeps with plain elements. Laws that are linear in ∂u/∂X take the linearised map
-//! F̄ = F + ⅓ (mean tr F − tr F) I, which is the B̄ of Hughes (1980), and stay linear.
+//! V = Σ_e Σ_q w_q Ψ(F̄_q) with F̄_q = (θ_e/J_q)^⅓ F_q and the mean dilation θ_e = Σ w_q J_q / Σ w_q (Nagtegaal,
+//! Parks & Rice 1974; Simo, Taylor & Pister 1985, eliminated on the element). It is a potential, so its gradient and
+//! symmetric Hessian are exact, and every integrator conserves what it conserves with plain elements. Laws that are
+//! linear in ∂u/∂X use the linearised map F̄ = F + ⅓ (mean tr F − tr F) I, which is the B̄ of Hughes (1980), and stay
+//! linear.
 
 mod points;
 
@@ -28,24 +28,24 @@ use crate::solid::material::batch::{self, PackedMat3, PackedTangent};
 use crate::solid::material::contract::{Material, positive_determinant};
 use vi_mesh::Mesh;
 
-/// What is done against locking.
+/// The measure against volumetric locking.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LockingCure {
-    /// Nothing: the law at every quadrature point.
+    /// None: evaluate the law at every quadrature point.
     #[default]
     None,
-    /// One dilation for each element: hex8 and wedge6 do not lock as ν nears ½.
+    /// One dilation for each element, so that hex8 and wedge6 do not lock as ν approaches ½.
     MeanDilation,
 }
 
-/// [`crate::elastic`] with mean dilation: for nearly incompressible matter (ν up to .4999 and beyond) in
-/// `hex8` and `wedge6`. Quadratic elements take it too; they then hold one volume ratio each, as
-/// P2/P0 elements do, and are of lower order than without it. An element with one quadrature point
-/// (`tet4`) is what it is without. J = det F > 0 is asked of every law that is not linear.
+/// Returns the potentials of [`crate::elastic`] with mean dilation, for nearly incompressible materials (ν up to
+/// .4999 and beyond) in `hex8` and `wedge6`. Quadratic elements accept it too; they then have one volume ratio each,
+/// as P2/P0 elements do, and are of lower order than without it. An element with one quadrature point (`tet4`) is
+/// unchanged. Every law that is not linear then requires J = det F > 0.
 ///
 /// # Errors
-/// As [`crate::elastic`].
+/// Those of [`crate::elastic`].
 pub fn mean_dilation(
     mesh: &Mesh,
     elements: &[u32],
@@ -56,7 +56,7 @@ pub fn mean_dilation(
     by_kind::<MeanDilation>(InstructionSet::Best, mesh, elements, law, node_offset, name)
 }
 
-/// Builds the potential of mean dilation.
+/// Builds the potential with mean dilation.
 pub(crate) struct MeanDilation;
 
 impl Build for MeanDilation {
@@ -70,7 +70,7 @@ impl Build for MeanDilation {
     }
 }
 
-/// V = Σ_e Σ_q w_q Ψ(F̄_q), one stencil an element.
+/// The potential V = Σ_e Σ_q w_q Ψ(F̄_q), one stencil per element.
 struct MeanDilationPotential<E, M, const N: usize, const Q: usize> {
     solids: Solids<E, N, Q>,
     material: M,
@@ -79,50 +79,50 @@ struct MeanDilationPotential<E, M, const N: usize, const Q: usize> {
     name: String,
 }
 
-/// Room for one group; grows once a thread.
+/// Scratch memory for one group; each thread allocates it once.
 #[derive(Default)]
-struct Room {
+struct Scratch {
     /// F at the quadrature points.
     deformations: Vec<PackedMat3>,
-    /// F̄ there.
+    /// F̄ at the quadrature points.
     adjusted: Vec<PackedMat3>,
-    /// P(F̄), then what forces are made from.
+    /// P(F̄), then the stress from which the forces are computed.
     stresses: Vec<PackedMat3>,
-    /// ∂θ/∂F there, over the element's volume.
+    /// ∂θ/∂F at the quadrature points, divided by the element's volume.
     slopes: Vec<PackedMat3>,
     dilation: Dilation,
     tangents: Vec<PackedTangent>,
     block: Vec<Pack>,
-    /// ∂θ/∂x and ∂²V/∂x∂θ, 3N an element.
+    /// ∂θ/∂x and ∂²V/∂x∂θ, 3N per element.
     nodal_slopes: Vec<f64>,
     nodal_mixed: Vec<f64>,
 }
 
 thread_local! {
-    static ROOM: RefCell<Room> = RefCell::default();
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
 }
 
 impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> MeanDilationPotential<E, M, N, Q> {
-    /// Runs `work` on each group that `range` touches: its number, those of its elements that are in
-    /// the range, and a room with F, θ and F̄.
+    /// Runs `work` on each group that overlaps `range`, with the group's number, its elements in the range, and
+    /// scratch memory that holds F, θ and F̄.
     fn in_groups(
         &self,
         range: &Range<usize>,
         x: &[f64],
-        mut work: impl FnMut(usize, Range<usize>, &mut Room),
+        mut work: impl FnMut(usize, Range<usize>, &mut Scratch),
     ) {
-        ROOM.with_borrow_mut(|room| {
+        SCRATCH.with_borrow_mut(|scratch| {
             let empty = [Pack::default(); 9];
-            room.deformations.resize(Q, empty);
-            room.adjusted.resize(Q, empty);
+            scratch.deformations.resize(Q, empty);
+            scratch.adjusted.resize(Q, empty);
             for group in range.start / GROUP..range.end.div_ceil(GROUP) {
                 let first = group * GROUP;
                 let part = range.start.max(first)..range.end.min(first + GROUP);
-                self.solids.deformations(group..group + 1, x, &mut room.deformations);
+                self.solids.deformations(group..group + 1, x, &mut scratch.deformations);
                 let arch = self.solids.arch();
-                room.dilation.find(arch, M::LINEAR, &room.deformations, self.solids.volumes(group));
-                room.dilation.adjust(arch, M::LINEAR, &room.deformations, &mut room.adjusted);
-                work(group, part, room);
+                scratch.dilation.find(arch, M::LINEAR, &scratch.deformations, self.solids.volumes(group));
+                scratch.dilation.adjust(arch, M::LINEAR, &scratch.deformations, &mut scratch.adjusted);
+                work(group, part, scratch);
             }
         });
     }
@@ -149,67 +149,67 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
     }
 
     fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        self.in_groups(&range, x, |group, part, room| {
-            room.block.resize(Q.max(room.block.len()), Pack::default());
-            let densities = &mut room.block[..Q];
-            batch::energies(self.solids.arch(), &self.material, &room.adjusted, densities);
+        self.in_groups(&range, x, |group, part, scratch| {
+            scratch.block.resize(Q.max(scratch.block.len()), Pack::default());
+            let densities = &mut scratch.block[..Q];
+            batch::energies(self.solids.arch(), &self.material, &scratch.adjusted, densities);
             for element in part {
                 let lane = element % GROUP;
                 let terms = densities.iter().zip(self.solids.volumes(group));
                 let sum: f64 = terms.map(|(density, volume)| density.0[lane] * volume.0[lane]).sum();
-                // NaN is a point without positive J.
+                // NaN marks a point without positive J.
                 out[element - range.start] = if sum.is_nan() { f64::INFINITY } else { sum };
             }
         });
     }
 
     fn gradients(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        self.in_groups(&range, x, |group, part, room| {
+        self.in_groups(&range, x, |group, part, scratch| {
             let arch = self.solids.arch();
-            room.stresses.clone_from(&room.adjusted);
-            batch::stresses(arch, &self.material, &mut room.stresses);
-            room.dilation.pull_back(
+            scratch.stresses.clone_from(&scratch.adjusted);
+            batch::stresses(arch, &self.material, &mut scratch.stresses);
+            scratch.dilation.pull_back(
                 arch,
                 M::LINEAR,
-                &room.deformations,
+                &scratch.deformations,
                 self.solids.volumes(group),
-                &mut room.stresses,
+                &mut scratch.stresses,
             );
             let out = &mut out[3 * N * (part.start - range.start)..3 * N * (part.end - range.start)];
-            self.solids.forces(group..group + 1, &room.stresses, part, out);
+            self.solids.forces(group..group + 1, &scratch.stresses, part, out);
         });
     }
 
-    /// K = Σ_q w Bᵀ A B + h bᵀ + b hᵀ + κ b bᵀ, with b = ∂θ/∂x and h = Σ_q w Bᵀ ∂²Ψ/∂F∂θ: the mean
-    /// dilation couples all points of an element.
+    /// Writes K = Σ_q w Bᵀ A B + h bᵀ + b hᵀ + κ b bᵀ with b = ∂θ/∂x and h = Σ_q w Bᵀ ∂²Ψ/∂F∂θ: the mean dilation
+    /// couples all points of an element.
     fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         let (size, rows) = (packed_len(3 * N), 3 * N);
-        self.in_groups(&range, x, |group, part, room| {
+        self.in_groups(&range, x, |group, part, scratch| {
             let arch = self.solids.arch();
-            room.stresses.clone_from(&room.adjusted);
-            batch::stresses(arch, &self.material, &mut room.stresses);
-            room.tangents.resize(Q.max(room.tangents.len()), [Pack::default(); 45]);
-            let tangents = &mut room.tangents[..Q];
-            batch::tangents(arch, &self.material, &room.adjusted, tangents);
-            room.slopes.resize(Q, [Pack::default(); 9]);
+            scratch.stresses.clone_from(&scratch.adjusted);
+            batch::stresses(arch, &self.material, &mut scratch.stresses);
+            scratch.tangents.resize(Q.max(scratch.tangents.len()), [Pack::default(); 45]);
+            let tangents = &mut scratch.tangents[..Q];
+            batch::tangents(arch, &self.material, &scratch.adjusted, tangents);
+            scratch.slopes.resize(Q, [Pack::default(); 9]);
             let curvature = Curvature {
-                deformations: &room.deformations,
-                adjusted: &room.adjusted,
-                stresses: &mut room.stresses,
+                deformations: &scratch.deformations,
+                adjusted: &scratch.adjusted,
+                stresses: &mut scratch.stresses,
                 tangents,
-                slopes: &mut room.slopes[..Q],
+                slopes: &mut scratch.slopes[..Q],
             };
-            let kappa = room.dilation.curve(arch, M::LINEAR, curvature, self.solids.volumes(group));
-            room.nodal_slopes.resize(GROUP * rows, 0.0);
-            room.nodal_mixed.resize(GROUP * rows, 0.0);
-            room.block.resize(size.max(room.block.len()), Pack::default());
+            let kappa = scratch.dilation.curve(arch, M::LINEAR, curvature, self.solids.volumes(group));
+            scratch.nodal_slopes.resize(GROUP * rows, 0.0);
+            scratch.nodal_mixed.resize(GROUP * rows, 0.0);
+            scratch.block.resize(size.max(scratch.block.len()), Pack::default());
             let count = part.len();
             let (slopes, mixed) =
-                (&mut room.nodal_slopes[..count * rows], &mut room.nodal_mixed[..count * rows]);
-            self.solids.forces(group..group + 1, &room.slopes[..Q], part.clone(), slopes);
-            self.solids.forces(group..group + 1, &room.stresses, part.clone(), mixed);
+                (&mut scratch.nodal_slopes[..count * rows], &mut scratch.nodal_mixed[..count * rows]);
+            self.solids.forces(group..group + 1, &scratch.slopes[..Q], part.clone(), slopes);
+            self.solids.forces(group..group + 1, &scratch.stresses, part.clone(), mixed);
             let out = &mut out[size * (part.start - range.start)..size * (part.end - range.start)];
-            self.solids.hessians(group, tangents, &mut room.block[..size], part.clone(), out);
+            self.solids.hessians(group, tangents, &mut scratch.block[..size], part.clone(), out);
             let elements = slopes.chunks_exact(rows).zip(mixed.chunks_exact(rows));
             for ((element, block), (b, h)) in part.zip(out.chunks_exact_mut(size)).zip(elements) {
                 add_dilation(block, b, h, kappa.0[element % GROUP]);
@@ -218,10 +218,10 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
     }
 
     fn mean_deformations(&self, range: Range<usize>, x: &[f64], out: &mut [f64]) -> bool {
-        self.in_groups(&range, x, |group, part, room| {
+        self.in_groups(&range, x, |group, part, scratch| {
             for element in part {
                 for (k, out) in out[9 * (element - range.start)..][..9].iter_mut().enumerate() {
-                    let weighted = self.solids.volumes(group).zip(&room.deformations);
+                    let weighted = self.solids.volumes(group).zip(&scratch.deformations);
                     *out =
                         weighted.map(|(volume, f)| volume.0[element % GROUP] * f[k].0[element % GROUP]).sum();
                 }
@@ -239,16 +239,16 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
             return None;
         }
         let mut worst = None;
-        self.in_groups(&(stencil..stencil + 1), x, |_, _, room| {
+        self.in_groups(&(stencil..stencil + 1), x, |_, _, scratch| {
             let lane = stencil % GROUP;
-            worst = farthest_outside(&room.deformations, lane, positive_determinant)
-                .or_else(|| farthest_outside(&room.adjusted, lane, |f| self.material.inside(f)));
+            worst = farthest_outside(&scratch.deformations, lane, positive_determinant)
+                .or_else(|| farthest_outside(&scratch.adjusted, lane, |f| self.material.inside(f)));
         });
         worst.map(|outside| fault(self.element(stencil), outside))
     }
 }
 
-/// block += h bᵀ + b hᵀ + κ b bᵀ, the packed lower triangle by rows.
+/// Adds h bᵀ + b hᵀ + κ b bᵀ to `block`, a packed lower triangle by rows.
 fn add_dilation(block: &mut [f64], b: &[f64], h: &[f64], kappa: f64) {
     let mut start = 0;
     for i in 0..b.len() {

@@ -1,9 +1,8 @@
-//! Element fields smoothed to the nodes.
+//! Extrapolates element fields to the nodes.
 //!
-//! In every element the values at the quadrature points are fitted by a linear function of ξ (least
-//! squares with the rule's weights) and read at the nodes; a node takes the mean of its elements,
-//! weighted by their volumes. Fields that are linear in space are exact, on the boundary too
-//! (Hinton & Campbell 1974).
+//! In each element a linear function of ξ is fitted to the values at the quadrature points (least squares with the
+//! weights of the rule) and evaluated at the nodes. A node takes the mean of its elements, weighted by their volumes.
+//! Fields that are linear in space are reproduced exactly, on the boundary too (Hinton & Campbell 1974).
 
 use std::collections::HashMap;
 
@@ -16,12 +15,12 @@ use crate::solid::material::Law;
 use crate::solid::mean_dilation::LockingCure;
 use vi_mesh::{CellKind, Mesh};
 
-/// `field` at every node of the mesh, `field.component_count()` numbers a node, from the elements of
-/// `parts`, each with its law, at positions x (m, flat). Zero at nodes without an element. Von Mises
-/// stress is that of the smoothed stress.
+/// Returns `field` at every node of the mesh, `field.component_count()` numbers per node, from the elements of
+/// `parts`, each with its law, at positions x (m, flat). It is zero at nodes without an element. The von Mises stress
+/// is that of the smoothed stress.
 ///
 /// # Errors
-/// As [`crate::element_field`].
+/// Those of [`crate::element_field`].
 pub fn nodal_field(
     mesh: &Mesh,
     parts: &[(&[u32], &Law)],
@@ -41,7 +40,7 @@ pub fn nodal_field(
     for &(elements, law) in parts {
         for &element in elements {
             let points = deformed(mesh, element, x)?;
-            // It is there, for it could be deformed.
+            // The cell exists, because it could be deformed above.
             let Some((kind, nodes)) = mesh.cell(element as usize) else { continue };
             let fit = fits.entry(kind).or_insert_with(|| fit(kind, &points));
             let at_points = law.visit(AtPoints { points: &points, field, cure });
@@ -65,7 +64,7 @@ pub fn nodal_field(
     Ok(values)
 }
 
-/// The matrix from values at the quadrature points to those of their linear fit at the nodes.
+/// Returns the matrix from values at the quadrature points to those of their linear fit at the nodes.
 fn fit(kind: CellKind, points: &[DeformedPoint]) -> DMatrix<f64> {
     let nodes = kind.reference_nodes();
     let terms = if points.len() < 4 { 1 } else { 4 };
@@ -73,7 +72,7 @@ fn fit(kind: CellKind, points: &[DeformedPoint]) -> DMatrix<f64> {
     let basis = DMatrix::from_fn(points.len(), terms, |q, k| term(points[q].xi, k));
     let weighted = DMatrix::from_fn(terms, points.len(), |k, q| points[q].weight * term(points[q].xi, k));
     let at_nodes = DMatrix::from_fn(nodes.len(), terms, |a, k| term(nodes[a], k));
-    // Four points or more of a rule that is exact to degree 2 determine a linear function.
+    // Four or more points of a rule that is exact to degree 2 determine a linear function.
     let inverse = (&weighted * basis).try_inverse().unwrap_or_else(|| DMatrix::zeros(terms, terms));
     at_nodes * inverse * weighted
 }
@@ -85,8 +84,8 @@ mod tests {
     use crate::solid::material::parameters::Isotropic;
     use vi_mesh::BoxMesh;
 
-    /// Pure bending of linear elasticity, σ_xx = E κ y: linear in space, so exact at every node of
-    /// quadratic elements, at the surface too.
+    /// Tests pure bending of linear elasticity, σ_xx = E κ y. It is linear in space, so the stress is exact at every
+    /// node of quadratic elements, at the surface too.
     #[test]
     fn linear_stress_is_exact_at_the_nodes() {
         let (young, curvature) = (3.0, 1e-6);
@@ -108,7 +107,7 @@ mod tests {
                 .collect();
             let all = mesh.cells_of_dimension(3);
             let parts = [(all.as_slice(), &law)];
-            // Cauchy stress of the linear law has terms of second order in κ.
+            // The Cauchy stress of the linear law has terms of second order in κ.
             let stress = nodal_field(&mesh, &parts, LockingCure::None, &x, ElementField::Stress).unwrap();
             for (point, stress) in mesh.points.iter().zip(stress.chunks_exact(9)) {
                 let error = stress[0] - young * curvature * point[1];

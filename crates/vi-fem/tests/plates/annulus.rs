@@ -1,4 +1,4 @@
-//! The slit annulus lifted at one edge of the slit: too long for a test, so an example runs it.
+//! The slit annulus, lifted at one edge of the slit. It takes too long for a test, so an example runs it.
 //!
 //! Source: Sze, Liu & Lo (2004), *Popular benchmark problems for geometric nonlinear analysis of shells*.
 
@@ -9,7 +9,8 @@ use vi_mesh::SheetPattern;
 use super::cases::{Outcome, curve, held_nodes, law, line_load, mesh, relative, triangles};
 use super::structure::Structure;
 
-/// Loads of the annulus over the largest, and the lifts of its inner and outer tip (Sze et al., table 4).
+/// Loads of the annulus as fractions of the largest, and the deflections of its inner and outer tip (Sze et al.,
+/// table 4).
 const ANNULUS: [(f64, f64, f64); 23] = [
     (0.025, 1.305, 1.789),
     (0.05, 2.455, 3.370),
@@ -36,8 +37,8 @@ const ANNULUS: [(f64, f64, f64); 23] = [
     (1.0, 13.891, 17.528),
 ];
 
-/// Sze's slit annulus, Ri = 6, Ro = 10, h = .03, E = 21e6, ν = 0, edge lift .8 per length at most: one
-/// edge of the slit is clamped, the other lifted. Cells go around and across.
+/// Sze's slit annulus: Ri = 6, Ro = 10, h = .03, E = 21e6, ν = 0, largest edge load .8 per length. One edge of the
+/// slit is clamped, the other is lifted. `cells` are counted around and across.
 pub(crate) fn slit_annulus(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     let flat = mesh([TAU, 4.0], cells, pattern);
     let mut mesh = flat.clone();

@@ -1,7 +1,7 @@
-//! The reference cases of plates and shells, each on one mesh: numbers against references.
+//! The reference cases of plates and shells, each on one mesh: computed values against references.
 //!
-//! Sources: Sze, Liu & Lo (2004), *Popular benchmark problems for geometric nonlinear analysis of
-//! shells*; the elastica and eigenvalues of Kirchhoff's plate computed independently to the digits given.
+//! Sources: Sze, Liu & Lo (2004), *Popular benchmark problems for geometric nonlinear analysis of shells*; the
+//! elastica and the eigenvalues of Kirchhoff's plate were computed independently to the digits given.
 
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
@@ -12,11 +12,11 @@ use vi_mesh::{CellKind, Mesh, SheetMesh, SheetPattern};
 
 use super::structure::Structure;
 
-/// What a case gives on one mesh.
+/// The results of a case on one mesh.
 pub(crate) struct Outcome {
-    /// Triangles.
+    /// Number of triangles.
     pub(crate) triangles: usize,
-    /// (what, computed, reference, error relative to the scale that the case is judged by).
+    /// (quantity, computed, reference, error relative to the scale by which the case is judged).
     pub(crate) values: Vec<(String, f64, f64, f64)>,
 }
 
@@ -47,7 +47,7 @@ pub(crate) fn triangles(mesh: &Mesh) -> usize {
     mesh.cells_of_dimension(2).len()
 }
 
-/// The edges of a named curve.
+/// Returns the edges of a named curve.
 pub(crate) fn curve(mesh: &Mesh, name: &str) -> Vec<[u32; 2]> {
     let cells = &mesh.region(name).unwrap().cells;
     let pair = |&cell: &u32| match mesh.cell(cell as usize) {
@@ -62,7 +62,7 @@ fn length(mesh: &Mesh, [a, b]: [u32; 2]) -> f64 {
     (0..3).map(|i| (p[i] - q[i]).powi(2)).sum::<f64>().sqrt()
 }
 
-/// A force per length along a curve, lumped: N on every coordinate.
+/// Returns a force per length along a curve, lumped to the nodes: N on every coordinate.
 pub(crate) fn line_load(mesh: &Mesh, name: &str, force: [f64; 3]) -> Vec<f64> {
     let mut load = vec![0.0; 3 * mesh.points.len()];
     for edge in curve(mesh, name) {
@@ -85,13 +85,13 @@ pub(crate) fn held_nodes(mesh: &Mesh, names: &[&str]) -> Vec<bool> {
     held
 }
 
-/// A strip along x, clamped at x = 0.
+/// Returns a strip along x, clamped at x = 0.
 fn cantilever(mesh: &Mesh, law: &SheetLaw) -> Structure {
     let held = held_nodes(mesh, &["x-min"]);
     Structure::new(mesh, law, &curve(mesh, "x-min"), |node, _| held[node], |node| mesh.points[node][0])
 }
 
-/// Mean displacement of a curve's nodes.
+/// Returns the mean displacement of the nodes of a curve.
 fn displacement(mesh: &Mesh, structure: &Structure, name: &str) -> [f64; 3] {
     let nodes = mesh.region_nodes(name).unwrap();
     [0, 1, 2].map(|i| {
@@ -104,7 +104,7 @@ pub(crate) fn relative(what: impl Into<String>, value: f64, reference: f64) -> (
     (what.into(), value, reference, (value - reference).abs() / reference.abs())
 }
 
-/// Sze's cantilever under end shear, L = 10, b = 1, h = .1, E = 1.2e6, ν = 0, P to 4, against the
+/// Sze's cantilever under end shear: L = 10, b = 1, h = .1, E = 1.2e6, ν = 0, P up to 4. The reference is the
 /// elastica at α = P L²/(E I) = 1, 2, 4 (P = 1, 2, 4).
 pub(crate) fn end_shear(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     let mesh = mesh([10.0, 1.0], cells, pattern);
@@ -121,10 +121,10 @@ pub(crate) fn end_shear(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     Outcome { triangles: triangles(&mesh), values }
 }
 
-/// A moment about −y on the last row of cells: V = −M Σ share ψ, ψ the slope angle of the lattice's lines
-/// that end there.
+/// A moment about −y on the last row of cells: V = −M Σ share ψ, where ψ is the slope angle of the grid lines that
+/// end there.
 struct EndMoment {
-    /// The last node but one and the last of each line.
+    /// The second to last and the last node of each line.
     nodes: Vec<u32>,
     shares: Vec<f64>,
     moment: f64,
@@ -150,7 +150,7 @@ impl Potential for EndMoment {
     fn traits(&self) -> Traits {
         Traits { hessian: HessianKind::Varying, time_dependent: false }
     }
-    /// The angle counts from −½ to 2π − ½, so that it passes π and stays near a full turn.
+    /// The angle counts from −½ to 2π − ½, so that it can pass π and reach nearly a full turn.
     fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         for (index, out) in range.zip(out) {
             let d = self.line(index, x);
@@ -193,12 +193,13 @@ impl Potential for EndMoment {
     }
 }
 
-/// Sze's cantilever under end moment, L = 12, to a full circle in quarters; errors over L.
+/// Sze's cantilever under an end moment: L = 12, bent to a full circle in quarters; errors relative to L.
 pub(crate) fn end_moment(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     let mesh = mesh([12.0, 1.0], cells, pattern);
     let law = law(1.2e6, 0.0, 0.1, 1.0);
     let held = held_nodes(&mesh, &["x-min"]);
-    // In the plane of bending (ν = 0): a dead moment about a fixed axis is unstable out of it.
+    // Restrict the motion to the plane of bending (ν = 0): a dead moment about a fixed axis is unstable out of the
+    // plane.
     let is_held = |node: usize, axis: usize| axis == 1 || held[node];
     let sweep = |node: usize| mesh.points[node][0];
     let mut structure = Structure::new(&mesh, &law, &curve(&mesh, "x-min"), is_held, sweep);
@@ -215,7 +216,7 @@ pub(crate) fn end_moment(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
             structure.potentials.pop();
         }
         structure.add(Box::new(EndMoment { nodes: nodes.clone(), shares: shares.clone(), moment }));
-        // The circle of this moment is the start.
+        // Start from the circle that belongs to this moment.
         let curvature = moment / 100.0;
         let exact = |p: &[f64; 3]| {
             let s = p[0];
@@ -237,7 +238,8 @@ pub(crate) fn end_moment(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     Outcome { triangles: triangles(&mesh), values }
 }
 
-/// A plate strip under its own weight, Γ = 12 (1 − ν²) ρ g L³/(E h²), ν = 0: drop H and reach W over L.
+/// A plate strip under its own weight with Γ = 12 (1 − ν²) ρ g L³/(E h²) and ν = 0: drop H and reach W, relative to
+/// L.
 pub(crate) fn self_weight(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     let mesh = mesh([1.0, 0.1], cells, pattern);
     let (young, thickness, gravity) = (1e7, 1e-2, 9.81);
@@ -263,8 +265,8 @@ pub(crate) fn self_weight(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     Outcome { triangles: triangles(&mesh), values }
 }
 
-/// Lateral buckling of a narrow strip, clamped edge-on: critical tip load P L²/√(EI·GJ), EI = E d t³/12,
-/// GJ = G d t³/3, by bisection on the number of negative eigenvalues.
+/// Lateral buckling of a narrow strip clamped on edge: critical tip load P L²/√(EI·GJ) with EI = E d t³/12 and GJ = G
+/// d t³/3, by bisection on the number of negative eigenvalues.
 pub(crate) fn lateral_buckling(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     // The beam theory of the reference holds for L ≫ d ≫ t.
     let (depth, thickness, young, poisson): (f64, f64, f64, f64) = (0.01, 2e-4, 1e9, 0.3);
@@ -285,7 +287,7 @@ pub(crate) fn lateral_buckling(cells: [u32; 2], pattern: SheetPattern) -> Outcom
     Outcome { triangles: triangles(&mesh), values: vec![relative("P L²/√(EI·GJ)", stable, 4.01259934)] }
 }
 
-/// Square Kirchhoff plates, ω a² √(ρh/D): supports by name, ν = .3.
+/// Square Kirchhoff plates: ω a² √(ρh/D) for supports by name, ν = .3.
 pub(crate) fn plate(supports: &str, cells: u32, pattern: SheetPattern) -> Outcome {
     let mesh = mesh([1.0, 1.0], [cells; 2], pattern);
     let all = ["x-min", "x-max", "y-min", "y-max"];

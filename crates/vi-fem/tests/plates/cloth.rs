@@ -1,4 +1,4 @@
-//! The reference cases of cloth (D3), each on one mesh: hanging, swinging and sounding sheets, a rolled one.
+//! The reference cases of cloth (D3), each on one mesh: hanging, swinging and vibrating sheets, and a rolled one.
 //!
 //! Sources: the catenary 2a sinh(1/2a) = L; zeros of Bessel's functions, of J₀(2ω√(L/g)) for the hanging
 //! chain and of J_n(ωR/c) for the drum.
@@ -9,8 +9,8 @@ use vi_mesh::{Mesh, SheetPattern};
 use super::cases::{Outcome, curve, held_nodes, law, mesh, relative, triangles};
 use super::structure::Structure;
 
-/// A strip of lengths 1.2, 1.5, 2 between supports at the distance 1: sag, and horizontal force over weight
-/// per length. E h is 1e5 times the weight, and the bending length √(D/H) below .01.
+/// A strip of length 1.2, 1.5 or 2 between supports at distance 1: the sag, and the horizontal force over the weight
+/// per length. E h is 1e5 times the weight; the bending length √(D/H) is below .01.
 pub(crate) fn catenary(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     let (width, mut values, mut count) = (0.1, Vec::new(), 0);
     for (length, sag, force) in
@@ -22,7 +22,7 @@ pub(crate) fn catenary(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
         let law = law(1e5 / thickness, 0.0, thickness, 1.0);
         let mut structure =
             Structure::new(&mesh, &law, &[], |node, _| held[node], |node| mesh.points[node][0]);
-        // From a parabola of about the length.
+        // Start from a parabola of about the right length.
         let depth = (0.375 * (length - 1.0_f64)).sqrt();
         for (x, p) in structure.x.chunks_exact_mut(3).zip(&mesh.points) {
             let s = p[0] / length;
@@ -47,8 +47,8 @@ fn weight(structure: &Structure, g: [f64; 3]) -> Vec<f64> {
     structure.masses.iter().flat_map(|m| g.map(|g| m * g)).collect()
 }
 
-/// Frequencies ω√(L/g) of a strip that hangs from one end. Its fibres swing alike or against each other at the
-/// same frequency, so that each reference stands for a cluster: the worst of it counts.
+/// Frequencies ω√(L/g) of a strip that hangs from one end. Its fibres swing in phase or against each other at the
+/// same frequency, so each reference stands for a cluster of modes; the worst of the cluster counts.
 pub(crate) fn chain(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     let mesh = mesh([1.0, 0.1], cells, pattern);
     let held = held_nodes(&mesh, &["x-min"]);
@@ -71,7 +71,7 @@ pub(crate) fn chain(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     Outcome { triangles: triangles(&mesh), values }
 }
 
-/// A square's mesh moved onto the unit disc, the rims onto the circle.
+/// Returns the mesh of a square mapped to the unit disc, with its rim on the circle.
 fn disc(cells: u32, pattern: SheetPattern) -> Mesh {
     let mut mesh = mesh([2.0, 2.0], [cells, cells], pattern);
     for p in &mut mesh.points {
@@ -81,7 +81,7 @@ fn disc(cells: u32, pattern: SheetPattern) -> Mesh {
     mesh
 }
 
-/// Frequencies ωR/c of a circular drum, a membrane stretched by 5 % without bending stiffness.
+/// Frequencies ωR/c of a circular drum: a membrane without bending stiffness, stretched by 5 %.
 pub(crate) fn drum(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     let (young, thickness, stretch) = (1e3, 1e-2, 1.05);
     let mesh = disc(cells[0], pattern);
@@ -90,7 +90,7 @@ pub(crate) fn drum(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     let is_held = |node: usize, axis: usize| held[node] || axis < 2;
     let mut structure = Structure::new(&mesh, &law, &[], is_held, |node| mesh.points[node][0]);
     structure.x.iter_mut().for_each(|x| *x *= stretch);
-    // Tension h S over the mass per stretched area, R stretched.
+    // The tension is h S; the mass per area and R are those of the stretched drum.
     let tension = thickness * young * 0.5 * (stretch * stretch - 1.0);
     let speed = (tension * stretch * stretch).sqrt();
     let references = [2.404825558, 3.831705970, 3.831705970, 5.135622302, 5.135622302, 5.520078110];
@@ -102,8 +102,8 @@ pub(crate) fn drum(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     Outcome { triangles: triangles(&mesh), values }
 }
 
-/// A unit square rolled onto a cylinder of radius ½ in twelve directions: bending energy over ½ D/R² times the
-/// area, of the triangles well inside (at a free edge the sheet may straighten).
+/// A unit square rolled onto a cylinder of radius ½ in twelve directions: bending energy over ½ D/R² times the area,
+/// of the triangles well inside (near a free edge the sheet may straighten).
 pub(crate) fn rolled(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     let radius = 0.5;
     let law = law(1e6, 0.3, 1e-2, 1.0);
@@ -125,7 +125,7 @@ pub(crate) fn rolled(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
             let mut energies = vec![0.0; stencils.count()];
             potential.energies(0..stencils.count(), &x, 0.0, &mut energies);
             for (stencil, value) in energies.into_iter().enumerate() {
-                // The triangle's own corners come first in its stencil.
+                // The corners of the triangle come first in its stencil.
                 let [a, b, c] = [0, 1, 2].map(|k| mesh.points[stencils.of(stencil)[k] as usize]);
                 let is_inside = (0..2)
                     .map(|i| (a[i] + b[i] + c[i]) / 3.0)

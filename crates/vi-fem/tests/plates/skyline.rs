@@ -1,5 +1,5 @@
-//! A symmetric matrix under its skyline and its LDLᵀ factors: small, serial and indefinite, as much as the validation
-//! of plates and shells needs.
+//! A symmetric matrix in skyline storage and its LDLᵀ factors: small, serial and indefinite, which is enough for the
+//! validation of plates and shells.
 
 /// Row i holds the columns `first[i]..=i`.
 pub(crate) struct Skyline {
@@ -9,7 +9,7 @@ pub(crate) struct Skyline {
 }
 
 impl Skyline {
-    /// The zero matrix with these first columns.
+    /// Returns the zero matrix with these first columns.
     pub(crate) fn new(first: Vec<usize>) -> Self {
         let mut start = vec![0];
         for (row, &column) in first.iter().enumerate() {
@@ -36,8 +36,8 @@ impl Skyline {
         &self.values[self.start[row]..self.start[row + 1]]
     }
 
-    /// LDLᵀ of this matrix plus a diagonal; the number of negative pivots is that of its negative
-    /// eigenvalues (Sylvester).
+    /// Returns the LDLᵀ factors of this matrix plus a diagonal. The number of negative pivots equals the number of
+    /// negative eigenvalues (Sylvester).
     pub(crate) fn factor(&self, diagonal: impl Fn(usize) -> f64) -> Factor {
         let count = self.first.len();
         let mut lower =
@@ -67,7 +67,7 @@ impl Skyline {
     }
 }
 
-/// A dot product in four lanes.
+/// Returns a dot product, summed in eight lanes.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut lanes = [0.0; 8];
     let (left, right) = (a.chunks_exact(8), b.chunks_exact(8));
@@ -83,7 +83,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 pub(crate) struct Factor {
     lower: Skyline,
     pivots: Vec<f64>,
-    /// Negative pivots.
+    /// Number of negative pivots.
     pub(crate) negative: usize,
 }
 

@@ -1,5 +1,5 @@
-//! A sheet under supports and dead loads: equilibrium by Newton's method, stability by the inertia of the stiffness,
-//! vibrations by subspace iteration.
+//! A sheet under supports and dead loads: equilibrium by Newton's method, stability by the inertia of the stiffness
+//! matrix, vibrations by subspace iteration.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 use vi_core::Potential;
@@ -8,23 +8,23 @@ use vi_mesh::Mesh;
 
 use super::skyline::Skyline;
 
-/// Potentials on the free coordinates, numbered along a sweep so that the skyline is low.
+/// Potentials on the free coordinates, which are numbered along a sweep to keep the skyline low.
 pub(crate) struct Structure {
     pub(crate) potentials: Vec<Box<dyn Potential>>,
     pub(crate) masses: Vec<f64>,
     /// Current positions of all coordinates, m.
     pub(crate) x: Vec<f64>,
-    /// Coordinates in the order of the sweep.
+    /// The free coordinates in the order of the sweep.
     free: Vec<usize>,
-    /// Where a coordinate is in `free`.
+    /// The index of a coordinate in `free`.
     place: Vec<Option<usize>>,
     matrix: Skyline,
-    /// No coordinate moves farther in one Newton step, m: far steps may fold facets over.
+    /// Largest displacement of a coordinate in one Newton step, m: longer steps may fold facets over.
     pub(crate) longest_step: f64,
 }
 
 impl Structure {
-    /// A sheet at rest; `is_held(node, axis)` tells the supports, `clamped` the edges without rotation,
+    /// Returns a sheet at rest. `is_held(node, axis)` defines the supports, `clamped` the edges without rotation, and
     /// `sweep(node)` a key that grows along the sheet.
     pub(crate) fn new(
         mesh: &Mesh,
@@ -79,13 +79,13 @@ impl Structure {
         self.potentials.iter().map(|potential| of(&**potential)).sum()
     }
 
-    /// ∂V/∂q, N.
+    /// Returns ∂V/∂q, N.
     fn gradient(&self, x: &[f64]) -> Vec<f64> {
         let all = self.internal_forces(x);
         self.free.iter().map(|&dof| all[dof]).collect()
     }
 
-    /// ∂V/∂x of all coordinates, free or held, N.
+    /// Returns ∂V/∂x of all coordinates, free or held, N.
     pub(crate) fn internal_forces(&self, x: &[f64]) -> Vec<f64> {
         let mut sum = vec![0.0; x.len()];
         for potential in &self.potentials {
@@ -130,9 +130,9 @@ impl Structure {
         }
     }
 
-    /// Equilibrium under the dead loads `load` (N on every coordinate): Newton with the exact Hessian
-    /// where it is positive definite, else with the projected one; energy line search. Returns the
-    /// iterations.
+    /// Finds the equilibrium under the dead loads `load` (N on every coordinate) by Newton's method with the exact
+    /// Hessian if it is positive definite, else with the projected one, and a line search on the energy. Returns the
+    /// number of iterations.
     pub(crate) fn equilibrate(&mut self, load: &[f64]) -> Result<usize, String> {
         let work = |x: &[f64]| x.iter().zip(load).map(|(x, f)| x * f).sum::<f64>();
         let mut energy = self.energy(&self.x) - work(&self.x);
@@ -181,7 +181,7 @@ impl Structure {
         }
     }
 
-    /// The straight equilibrium under small loads, stable or not: three Newton steps without a search.
+    /// Finds the straight equilibrium under small loads, stable or not, by three Newton steps without a line search.
     pub(crate) fn straight(&mut self, load: &[f64]) {
         for _ in 0..3 {
             let x = self.x.clone();
@@ -195,14 +195,14 @@ impl Structure {
         }
     }
 
-    /// Negative eigenvalues of the stiffness at the present positions.
+    /// Returns the number of negative eigenvalues of the stiffness at the current positions.
     pub(crate) fn instabilities(&mut self) -> usize {
         let x = self.x.clone();
         self.assemble(&x, false);
         self.matrix.factor(|_| 0.0).negative
     }
 
-    /// The lowest `count` squared angular frequencies at the present positions, rad²/s², ascending, by
+    /// Returns the lowest `count` squared angular frequencies at the current positions, rad²/s², ascending, by
     /// subspace iteration on (K + shift M)⁻¹ M.
     pub(crate) fn squared_frequencies(&mut self, count: usize, shift: f64) -> Vec<f64> {
         let x = self.x.clone();

@@ -1,4 +1,4 @@
-//! Reading a table of displacements.
+//! Checks and evaluates a table of displacements.
 
 use super::Table;
 use crate::error::FemError;
@@ -9,14 +9,14 @@ impl Table {
         let (times, displacements) = (self.times.len(), self.displacements.len());
         if times != displacements || times == 0 {
             return invalid(format!(
-                "{times} times and {displacements} displacements; there must be as many of both, and at least one"
+                "{times} times and {displacements} displacements; give as many of one as of the other, and at least one"
             ));
         }
         if let Some(k) = (1..times)
             .find(|&k| self.times[k].partial_cmp(&self.times[k - 1]) != Some(std::cmp::Ordering::Greater))
         {
             return invalid(format!(
-                "times must rise, but entry {k} is {} s after {} s",
+                "times must increase, but entry {k} is {} s after {} s",
                 self.times[k],
                 self.times[k - 1]
             ));
@@ -28,7 +28,7 @@ impl Table {
         }
     }
 
-    /// Displacement (m) and velocity (m/s) at time t (s).
+    /// Returns the displacement (m) and the velocity (m/s) at time t (s).
     pub(super) fn at(&self, t: f64) -> ([f64; 3], [f64; 3]) {
         let next = self.times.partition_point(|&time| time <= t);
         if next == 0 || next == self.times.len() {

@@ -1,10 +1,11 @@
-//! Discrete Shells (Grinspun, Hirani, Desbrun & Schröder 2003): V = Σ ½ k (|e|²/A)(θ − θ̄)², A the area of the two
-//! triangles, with the square made smooth round the circle (`turn`).
+//! Discrete Shells (Grinspun, Hirani, Desbrun & Schröder 2003): V = Σ ½ k (|e|²/A)(θ − θ̄)², where A is the area of
+//! the two triangles. The square is replaced by a function that is smooth around the circle (see `turn`).
 //!
-//! k = h³/12 Q_mm, the bending modulus across the edge (for isotropic sheets D = E h³/(12(1 − ν²))).
-//! With it, cylinders are right on equilateral triangles in every direction, and on right-angled ones
-//! along their legs; in the direction α of `diagonal` the energy is 1 + sin 2α + sin² 2α times the
-//! plate's, ¾ to 3. On equilateral triangles the model is an isotropic plate with ν = −1/3.
+//! The modulus k = h³/12 Q_mm is the bending modulus across the edge (D = E h³/(12(1 − ν²)) for isotropic sheets).
+//! With it the energy of a cylinder is right on equilateral triangles in every direction, and on right-angled
+//! triangles along their legs. On the right-angled triangles of `diagonal`, in the direction α, the energy is 1 + sin
+//! 2α + sin² 2α times that of the plate, ¾ to 3. On equilateral triangles the model is an isotropic plate with ν =
+//! −1/3.
 
 use vi_core::Potential;
 
@@ -17,7 +18,7 @@ pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, F
     Ok(from_hinges(sheet, &hinges(sheet)?))
 }
 
-/// One potential for pairs of triangles, one for held edges, where there are any.
+/// Returns one potential for pairs of triangles and one for held edges, as far as there are any.
 pub(super) fn from_hinges<'a>(
     sheet: &BentSheet,
     hinges: impl IntoIterator<Item = &'a Hinge>,
@@ -40,7 +41,7 @@ pub(super) fn from_hinges<'a>(
     patches(hinges.into_iter().map(patch).collect(), sheet)
 }
 
-/// The bending modulus across the edge, (m ⊗ m):D:(m ⊗ m), N m, m normal to the edge in the plane of
+/// Returns the bending modulus across the edge, (m ⊗ m):D:(m ⊗ m), N m. Here m is normal to the edge in the plane of
 /// the first triangle.
 pub(super) fn across(sheet: &BentSheet, hinge: &Hinge) -> f64 {
     let (triangle, k) = (hinge.first.0 as usize, usize::from(hinge.first.1));

@@ -1,4 +1,4 @@
-//! The hinges of a surface: pairs of triangles at an edge, and edges whose normal is held.
+//! Finds the hinges of a surface: pairs of triangles at an edge, and edges whose normal is held.
 
 use super::sheet::BentSheet;
 use crate::error::FemError;
@@ -6,54 +6,55 @@ use crate::sheet::dihedral;
 use crate::small::tensor::{cross, dot};
 use vi_mesh::Triangulation;
 
-/// What turns against the first triangle.
+/// The second side of a hinge.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Opposite {
-    /// The corner of a second triangle, and that triangle with the number of its edge.
+    /// The free corner of a second triangle, and that triangle with the number of its edge.
     Node(u32, (u32, u8)),
-    /// A point held in space: the second triangle is the support.
+    /// A point fixed in space: the second triangle is the support.
     Held([f64; 3]),
-    /// A vector from the edge, held in space: the support goes with the edge, normal to a mirror plane. Half the
-    /// energy of the triangle and its mirror image at their common edge.
+    /// A vector from the edge that is fixed in space. The support moves with the edge and stays normal to a mirror
+    /// plane. The energy is half that of the triangle and its mirror image at their common edge.
     Mirror([f64; 3]),
 }
 
 impl Opposite {
-    /// Is the second triangle a support, not a part of the sheet?
+    /// Returns whether the second triangle is a support and not a part of the sheet.
     pub(super) fn is_support(&self) -> bool {
         matches!(self, Self::Held(_) | Self::Mirror(_))
     }
 }
 
-/// Two triangles at an edge at rest. Lengths along the edge count from its midpoint, with a → b.
+/// Two triangles at an edge at rest. Coordinates along the edge count from its midpoint, positive from a to b.
 pub(super) struct Hinge {
-    /// Edge a → b as the first triangle runs, and its free corner.
+    /// The edge a → b in the orientation of the first triangle, then that triangle's free corner.
     pub(super) nodes: [u32; 3],
     pub(super) opposite: Opposite,
     pub(super) first: (u32, u8),
-    /// Is this the only pair at its edge?
+    /// Whether this is the only pair of triangles at its edge.
     pub(super) is_single: bool,
     pub(super) rest_angle: f64,
     /// Length of the edge, m.
     pub(super) length: f64,
     /// Heights of the two triangles over the edge, m.
     pub(super) heights: [f64; 2],
-    /// Feet of the heights along the edge, m.
+    /// Coordinates of the feet of the heights along the edge, m.
     pub(super) feet: [f64; 2],
 }
 
 impl Hinge {
-    /// Area of the triangles, m²; of the one where the other is a support.
+    /// Returns the area of both triangles, m²; of the first alone if the other is a support.
     pub(super) fn area(&self) -> f64 {
         let [one, two] = self.heights;
         0.5 * self.length * if self.opposite.is_support() { one } else { one + two }
     }
 }
 
-/// All hinges: every pair of triangles at every inner edge, by edge; then the held edges as given.
+/// Returns all hinges: every pair of triangles at every inner edge, edge by edge, then the held edges in the given
+/// order.
 ///
 /// # Errors
-/// Triangles folded flat onto each other at rest, held edges that are not on the boundary.
+/// Triangles folded flat onto each other at rest; held edges that are not on the boundary.
 pub(super) fn hinges(sheet: &BentSheet) -> Result<Vec<Hinge>, FemError> {
     let surface = sheet.surface;
     let mut hinges = Vec::new();
@@ -72,7 +73,9 @@ pub(super) fn hinges(sheet: &BentSheet) -> Result<Vec<Hinge>, FemError> {
             Some(&[side]) => Ok(side),
             _ => Err(FemError::Invalid {
                 what,
-                problem: format!("nodes {a} and {b} are not the ends of a boundary edge of the sheet"),
+                problem: format!(
+                    "nodes {a} and {b} are not the ends of a boundary edge of the sheet: name an edge that belongs to one triangle"
+                ),
             }),
         }
     };
@@ -87,7 +90,8 @@ pub(super) fn hinges(sheet: &BentSheet) -> Result<Vec<Hinge>, FemError> {
     Ok(hinges)
 }
 
-/// The vector along the normal of a mirror plane that leads away from the triangle of `side`, as long as its edge.
+/// Returns the vector normal to a mirror plane that points away from the triangle of `side` and is as long as its
+/// edge.
 fn away(sheet: &BentSheet, side: (u32, u8), normal: [f64; 3]) -> [f64; 3] {
     let [c, a, b] = sheet.surface.around(side.0, side.1).map(|node| sheet.surface.points[node as usize]);
     let (e, r) = ([0, 1, 2].map(|i| b[i] - a[i]), [0, 1, 2].map(|i| c[i] - a[i]));
@@ -95,7 +99,7 @@ fn away(sheet: &BentSheet, side: (u32, u8), normal: [f64; 3]) -> [f64; 3] {
     normal.map(|n| if dot(r, normal) > 0.0 { -scale * n } else { scale * n })
 }
 
-/// The free corner of a triangle reflected at its edge within its plane.
+/// Returns the free corner of a triangle, reflected at its edge within the plane of the triangle.
 fn mirrored_corner(sheet: &BentSheet, side: (u32, u8)) -> [f64; 3] {
     let [c, a, b] = sheet.surface.around(side.0, side.1).map(|node| sheet.surface.points[node as usize]);
     let (e, r) = ([0, 1, 2].map(|i| b[i] - a[i]), [0, 1, 2].map(|i| c[i] - a[i]));
@@ -130,7 +134,7 @@ fn hinge(
             what: "sheet",
             problem: format!(
                 "at rest, element {} is folded flat onto its neighbour across the edge of nodes {a} and {b}; \
-                 unfold the rest shape, or separate the two layers",
+                 unfold the rest shape, or give the two layers nodes of their own",
                 surface.cells[first.0 as usize]
             ),
         });
@@ -147,7 +151,7 @@ fn hinge(
     })
 }
 
-/// A triangle at an edge at rest, m.
+/// A triangle at an edge at rest; lengths in m.
 #[derive(Clone, Copy)]
 struct Wing {
     length: f64,
@@ -155,7 +159,7 @@ struct Wing {
     foot: f64,
 }
 
-/// The triangle of `side` as it is at rest, the edge running from node a.
+/// Returns the triangle of `side` at rest, with coordinates along the edge counted from node a.
 fn wing(surface: &Triangulation, side: (u32, u8), a: u32) -> Wing {
     let (triangle, k) = (side.0 as usize, usize::from(side.1));
     let corners = surface.corners(triangle);

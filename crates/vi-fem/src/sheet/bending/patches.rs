@@ -1,8 +1,9 @@
-//! The kernel of all models whose energy is a square of angles, eight stencils at a time: V = Σ ½ |y|², y = Σ over
-//! the hinges of a stencil of form (θ − θ̄), made smooth round the circle (`turn`).
+//! The kernel of all bending models whose energy is a square of angles, V = Σ ½ |y|², with y = Σ form (θ − θ̄) over
+//! the hinges of a stencil. It handles eight stencils at a time. The angle is replaced by a function that is smooth
+//! around the circle (see `turn`).
 //!
-//! Stencils whose hinges join the same corners of their own ("pattern") share a group, so that everything
-//! but the gathering of nodes is done in lanes. Groups that are not full repeat their last stencil.
+//! Stencils whose hinges join the same local corners (the same "pattern") share a group, so that all work except
+//! gathering nodes is done in lanes. A group that is not full repeats its last stencil.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -19,19 +20,19 @@ use crate::lanes::transpose::{gather, put};
 use crate::sheet::dihedral::Fold;
 use crate::small::tensor::{packed_index, vec3};
 
-/// Most nodes a stencil can have.
+/// Largest number of nodes of a stencil.
 const MOST: usize = 12;
 
-/// Most hinges a stencil can have: a triangle's own and two of each neighbour.
+/// Largest number of hinges of a stencil: three of its triangle and two of each neighbour.
 const BENDS: usize = 9;
 
-/// A fourth corner that is held in space.
+/// Marks a fourth corner that is fixed in space.
 pub(super) const HELD: u8 = u8::MAX;
 
-/// A fourth corner that goes with the first, at a vector from it that is held in space.
+/// Marks a fourth corner at a vector from the first that is fixed in space.
 pub(super) const CARRIED: u8 = u8::MAX - 1;
 
-/// The local node that corner c of a hinge moves with; not below [`MOST`] where it is held.
+/// Returns the local node with which corner c of a hinge moves; at least [`MOST`] if the corner is fixed.
 #[inline(always)]
 fn node_of(corners: &[u8; 4], c: usize) -> usize {
     usize::from(if corners[c] == CARRIED { corners[0] } else { corners[c] })
@@ -39,12 +40,12 @@ fn node_of(corners: &[u8; 4], c: usize) -> usize {
 
 /// A hinge of a stencil.
 pub(super) struct Bend<const F: usize> {
-    /// Its corners among the nodes of the stencil; the fourth may be [`HELD`] or [`CARRIED`].
+    /// The corners as local nodes of the stencil; the fourth may be [`HELD`] or [`CARRIED`].
     pub(super) corners: [u8; 4],
-    /// Where the fourth is held, or the vector by which it is carried, m.
+    /// The position of a [`HELD`] fourth corner, or the vector from the first to a [`CARRIED`] one, m.
     pub(super) point: [f64; 3],
     pub(super) rest_angle: f64,
-    /// Its coefficients in the F forms, the root of an energy in the unit of [`BentSheet::unit`].
+    /// The coefficients in the F forms: roots of energies in the unit of [`BentSheet::unit`].
     pub(super) form: [f64; F],
 }
 
@@ -54,7 +55,7 @@ pub(super) struct Patch<const F: usize> {
     pub(super) bends: Vec<Bend<F>>,
 }
 
-/// The potentials of patches of a sheet, one for each number of nodes.
+/// Returns the potentials of the patches of a sheet, one for each number of nodes.
 pub(super) fn patches<const F: usize>(list: Vec<Patch<F>>, sheet: &BentSheet) -> Vec<Box<dyn Potential>> {
     let mut by_pattern: BTreeMap<(usize, Vec<[u8; 4]>), Vec<Patch<F>>> = BTreeMap::new();
     for patch in list {
@@ -73,7 +74,7 @@ struct Group {
     first: usize,
     count: usize,
     pattern: usize,
-    /// Where its hinges begin, and their held corners.
+    /// The index of the first hinge, and that of the first held corner.
     bends: usize,
     held: usize,
 }
@@ -84,7 +85,7 @@ impl Group {
     }
 }
 
-/// One hinge of each stencil of a group.
+/// One hinge for each stencil of a group.
 struct BendPack<const F: usize> {
     /// sin θ̄ and cos θ̄.
     rest: [Pack; 2],
@@ -108,7 +109,7 @@ impl<const F: usize> BendPack<F> {
     }
 }
 
-/// a·b + c.
+/// Returns a·b + c.
 #[inline(always)]
 fn dot_add<R: Real, const F: usize>(a: &[R; F], b: &[R; F], c: R) -> R {
     let mut sum = c;
@@ -122,7 +123,7 @@ struct Patches<const F: usize> {
     arch: Arch,
     arity: usize,
     count: usize,
-    /// Nodes, `arity` a stencil, and some more so that a last group can be gathered whole.
+    /// Node numbers, `arity` per stencil. The list is padded so that the last group can be gathered whole.
     nodes: Vec<u32>,
     patterns: Vec<Vec<[u8; 4]>>,
     groups: Vec<Group>,
@@ -130,7 +131,7 @@ struct Patches<const F: usize> {
     group_of: Vec<u32>,
     bends: Vec<BendPack<F>>,
     held: Vec<[Pack; 3]>,
-    /// The unit of energy of the forms' squares, J.
+    /// The unit of energy for the squares of the forms, J.
     unit: f64,
     name: String,
 }
@@ -176,7 +177,7 @@ impl<const F: usize> Patches<F> {
         self.patterns.push(pattern);
     }
 
-    /// With nodes enough for a last group.
+    /// Pads the nodes so that the last group can be gathered whole.
     fn closed(mut self) -> Self {
         let last = self.nodes[self.nodes.len() - self.arity..].to_vec();
         self.nodes.extend(last.iter().cycle().take(GROUP * self.arity));
@@ -190,7 +191,7 @@ impl<const F: usize> Patches<F> {
         &self.groups[self.group_of[range.start] as usize..=self.group_of[range.end - 1] as usize]
     }
 
-    /// Positions of the corners of the stencils of a part of a group.
+    /// Returns the corner positions of the stencils in one part of a group.
     #[inline(always)]
     fn gather<S: Simd>(&self, simd: S, group: &Group, part: usize, x: &[f64]) -> [[Lane<S>; 3]; MOST] {
         let mut at = [[Lane::splat(simd, 0.0); 3]; MOST];
@@ -201,7 +202,8 @@ impl<const F: usize> Patches<F> {
         at
     }
 
-    /// The four corners of hinge b; `held` counts the held ones before it.
+    /// Returns the fold of hinge b with its four corners. `held` counts the held corners of the hinges before it, and
+    /// advances.
     #[inline(always)]
     fn fold<S: Simd>(
         &self,
@@ -289,7 +291,7 @@ impl<const F: usize> WithSimd for Gradients<'_, F> {
                 let mut held = group.held;
                 let mut y = [zero; F];
                 let mut slopes = [[[zero; 3]; 4]; BENDS];
-                // ψ and 1 − ψ′.
+                // ψ and 1 − ψ′ of each hinge.
                 let mut turns = [[zero; 2]; BENDS];
                 for b in 0..pattern.len() {
                     let fold = patches.fold(simd, part, pattern[b], &mut held, &at);
@@ -306,7 +308,7 @@ impl<const F: usize> WithSimd for Gradients<'_, F> {
                     let (form, [psi, softening]) = (bends[b].form(simd, part), turns[b]);
                     let coupled = dot_add(&form, &y, zero);
                     let own = dot_add(&form, &form, zero) * psi;
-                    // ψ′ Kψ + (1 − ψ′) K_aa ψ_a.
+                    // ∂V/∂Δ_a = ψ′ Kψ + (1 − ψ′) K_aa ψ_a.
                     let moment = softening.mul_add(own - coupled, coupled);
                     for c in 0..4 {
                         let corner = node_of(&pattern[b], c);
@@ -330,9 +332,9 @@ struct Hessians<'a, const F: usize> {
     patches: &'a Patches<F>,
     range: Range<usize>,
     x: &'a [f64],
-    /// Leave out what may be negative.
+    /// Whether to omit terms that may be negative.
     is_projected: bool,
-    /// Room for the packed Hessians of a group.
+    /// Scratch memory for the packed Hessians of a group.
     block: &'a mut [Pack],
     out: &'a mut [f64],
 }
@@ -386,7 +388,8 @@ impl<const F: usize> WithSimd for Hessians<'_, F> {
                     let (psi, softening) = (turn.value(), turn.softening());
                     let (coupled, stiffness) = (dot_add(&form, &y, zero), dot_add(&form, &form, zero));
                     let own = stiffness * psi;
-                    // What the slopes above leave of ∂²V/∂Δ²: K_aa ψ′(1 − ψ′) + ψ″ (Kψ − K_aa ψ_a).
+                    // Add the part of ∂²V/∂Δ² that the slopes above do not contain: K_aa ψ′(1 − ψ′) + ψ″ (Kψ − K_aa
+                    // ψ_a).
                     let rest = stiffness * softening * (-softening + 1.0);
                     let (second, moment) = if is_projected {
                         (rest.if_positive(rest, zero), zero)
@@ -403,7 +406,7 @@ impl<const F: usize> WithSimd for Hessians<'_, F> {
                         let along = second * slope[n / 3][n % 3];
                         for m in 0..=n {
                             let column = 3 * node_of(&pattern[b], m / 3) + m % 3;
-                            // Two corners of one node: the entry stands for both halves of the matrix.
+                            // If two corners are the same node, this entry stands for both halves of the matrix.
                             let is_doubled = n != m && row == column;
                             let (along, moment) = match is_doubled {
                                 true => (along + along, moment + moment),
@@ -422,16 +425,16 @@ impl<const F: usize> WithSimd for Hessians<'_, F> {
 }
 
 thread_local! {
-    /// Room for the Hessians of one group; grows once a thread.
-    static ROOM: RefCell<Vec<Pack>> = const { RefCell::new(Vec::new()) };
+    /// Scratch memory for the Hessians of one group; each thread allocates it once.
+    static SCRATCH: RefCell<Vec<Pack>> = const { RefCell::new(Vec::new()) };
 }
 
 impl<const F: usize> Patches<F> {
     fn blocks(&self, range: Range<usize>, x: &[f64], is_projected: bool, out: &mut [f64]) {
-        ROOM.with_borrow_mut(|room| {
+        SCRATCH.with_borrow_mut(|scratch| {
             let size = packed_len(3 * self.arity);
-            room.resize(size.max(room.len()), Pack::default());
-            let block = &mut room[..size];
+            scratch.resize(size.max(scratch.len()), Pack::default());
+            let block = &mut scratch[..size];
             self.arch.dispatch(Hessians { patches: self, range, x, is_projected, block, out });
         });
     }
@@ -466,7 +469,7 @@ impl<const F: usize> Potential for Patches<F> {
         self.blocks(range, x, false, out);
     }
 
-    /// The parts that are squares of first derivatives, which are never negative, alone.
+    /// Writes only the parts that are squares of first derivatives, which are never negative.
     fn projected_hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         self.blocks(range, x, true, out);
     }

@@ -1,8 +1,9 @@
-//! Isometric bending (Bergou, Wardetzky, Harmon, Zorin & Grinspun 2006): quadratic in x, so its Hessian is made once.
+//! Isometric bending (Bergou, Wardetzky, Harmon, Zorin & Grinspun 2006). The energy is quadratic in x, so its Hessian
+//! is computed once.
 //!
-//! V = Σ ½ k (|e|²/A) |[∂x/∂m]|², [∂x/∂m] the jump of the slope across the edge, which for sheets that
-//! do not stretch has the length 2 sin(θ/2). k as for `hinge`, with the same dependence on the mesh.
-//! Rest shapes are flat. A held edge has the slope of the support on its far side.
+//! V = Σ ½ k (|e|²/A) |[∂x/∂m]|², where [∂x/∂m] is the jump of the slope across the edge. For a sheet that does not
+//! stretch its length is 2 sin(θ/2). The modulus k and the dependence on the mesh are those of `hinge`. Rest shapes
+//! are flat. On the far side of a held edge the slope is that of the support.
 
 use std::ops::Range;
 
@@ -23,7 +24,7 @@ pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, F
                 what: "bending",
                 problem: format!(
                     "\"quadratic\" is for sheets that are flat at rest, but element {} and its neighbour \
-                     meet at {:.3} rad; take \"hinge\" or \"shell\", or say rest = \"flat\"",
+                     meet at {:.3} rad; use \"hinge\" or \"shell\", or write rest = \"flat\"",
                     sheet.surface.cells[hinge.first.0 as usize], hinge.rest_angle
                 ),
             });
@@ -54,8 +55,8 @@ pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, F
                 held.terms.push(Jump { stiffness, weights, constant, normal: [0.0; 3] });
             }
             Opposite::Mirror(vector) => {
-                // The slope and its mirror image differ by twice its part in the mirror plane; of their energy this
-                // is the half.
+                // The slope and its mirror image differ by twice the component in the mirror plane. The sheet takes
+                // half of their energy.
                 let length = crate::small::tensor::dot(vector, vector).sqrt();
                 held.nodes.extend(hinge.nodes.map(|node| node + offset));
                 let weights = [one[0], one[1], 1.0 / height, 0.0];
@@ -68,11 +69,11 @@ pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, F
     Ok(some(pairs).into_iter().chain(some(held)).collect())
 }
 
-/// ½ stiffness |P (Σ weights x + constant)|², P = I − n ⊗ n with a unit vector n or zero.
+/// The energy ½ stiffness |P (Σ weights x + constant)|² with P = I − n ⊗ n; `normal` n is a unit vector or zero.
 struct Jump {
-    /// J.
+    /// Stiffness, J.
     stiffness: f64,
-    /// 1/m, with sum zero over the corners of two triangles.
+    /// Weights, 1/m; they sum to zero over the corners of two triangles.
     weights: [f64; 4],
     constant: [f64; 3],
     normal: [f64; 3],
@@ -90,8 +91,9 @@ impl Jumps {
         let Jump { weights, constant, normal, .. } = &self.terms[index];
         let nodes = &self.nodes[index * self.arity..][..self.arity];
         let whole = [0, 1, 2].map(|i| {
-            // From the first corner, so that a far away sheet is as exact as a near one: the weights of
-            // a held edge have the sum zero too, the constant being a vector.
+            // Form differences to the first corner, so that round-off does not grow with the distance from the
+            // origin. This is exact for held edges too: their weights also sum to zero, because the constant is a
+            // vector.
             let origin = x[3 * nodes[0] as usize + i];
             let from_origin = nodes.iter().zip(weights).map(|(&n, w)| w * (x[3 * n as usize + i] - origin));
             from_origin.sum::<f64>() + constant[i]
@@ -152,7 +154,7 @@ impl Potential for Jumps {
         }
     }
 
-    /// A sum of squares is never negative.
+    /// Writes the Hessians unchanged: a sum of squares is never negative.
     fn projected_hessians(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
         self.hessians(range, x, t, out);
     }

@@ -1,14 +1,13 @@
-//! Kirchhoff–Love bending on any triangulation from positions alone: V = Σ_T ½ A (κ − κ̄):D:(κ − κ̄), κ Morley's
-//! curvature of the triangle, a linear function of the angles of the hinges at and next to it (see `reconstruction`;
-//! made smooth round the circle by `turn`).
+//! Kirchhoff–Love bending on any triangulation, from positions alone: V = Σ_T ½ A (κ − κ̄):D:(κ − κ̄). Here κ is
+//! Morley's curvature of the triangle, a linear function of the angles of the hinges at it and next to it (see
+//! `reconstruction`). Angles are replaced by a function that is smooth around the circle (see `turn`).
 //!
-//! Chosen over mid-edge normals with a degree of freedom an edge (Grinspun, Gingold, Reisman & Zorin
-//! 2006), whose rotations would need a made-up inertia in explicit schemes; over rotation-free patches
-//! with averaged normals (BST, EBST: Oñate & Zárate 2000; Flores & Oñate 2005), which do not converge on
-//! unstructured meshes; and over C⁰ interior penalty, which needs quadratic triangles and a parameter.
-//! A function of angles is objective, needs no rotations, and has no force at a curved rest shape.
-//! At free edges the turn is eliminated by M_mm = 0. Where more than two triangles meet, every pair
-//! bends as a hinge.
+//! This model was chosen over three others. Mid-edge normals with a degree of freedom per edge (Grinspun, Gingold,
+//! Reisman & Zorin 2006) have rotations that would need an artificial inertia in explicit schemes. Rotation-free
+//! patches with averaged normals (BST, EBST: Oñate & Zárate 2000; Flores & Oñate 2005) do not converge on
+//! unstructured meshes. C⁰ interior penalty needs quadratic triangles and a parameter. A function of angles is
+//! objective, needs no rotations, and exerts no force at a curved rest shape. At free edges the rotation is
+//! eliminated by M_mm = 0. Where more than two triangles meet, every pair bends as a hinge.
 
 use std::collections::BTreeMap;
 
@@ -26,7 +25,7 @@ pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, F
     let hinges = hinges(sheet)?;
     let turns = turns(sheet, &hinges);
     let at = hinges_of_edges(sheet, &hinges);
-    // A stencil is the triangle and the nodes of its hinges, 4 to 12.
+    // A stencil has the nodes of the triangle and of its hinges, 4 to 12.
     let mut list = Vec::with_capacity(turns.len());
     for (triangle, turns) in turns.iter().enumerate() {
         let mut forms = forms(sheet, triangle, turns);
@@ -46,7 +45,7 @@ pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, F
     Ok(patches(list, sheet).into_iter().chain(branches).collect())
 }
 
-/// The single hinge at each edge of each triangle.
+/// Returns the single hinge at each edge of each triangle.
 fn hinges_of_edges(sheet: &BentSheet, hinges: &[Hinge]) -> Vec<[Option<u32>; 3]> {
     let mut at = vec![[None; 3]; sheet.surface.triangles.len()];
     for (index, hinge) in hinges.iter().enumerate().filter(|(_, hinge)| hinge.is_single) {
@@ -58,8 +57,8 @@ fn hinges_of_edges(sheet: &BentSheet, hinges: &[Hinge]) -> Vec<[Option<u32>; 3]>
     at
 }
 
-/// The hinges of a triangle, then the two others of each neighbour, each with the triangle from which it is
-/// seen: so ordered, stencils of regular parts of a mesh are alike.
+/// Returns the hinges of a triangle, then the two other hinges of each neighbour, each with the triangle from which
+/// it is seen. In this order the stencils of regular parts of a mesh have the same pattern.
 fn in_order(at: &[[Option<u32>; 3]], hinges: &[Hinge], triangle: u32) -> Vec<(u32, u32)> {
     let own = at[triangle as usize];
     let mut order: Vec<(u32, u32)> = own.iter().flatten().map(|&hinge| (hinge, triangle)).collect();
@@ -75,11 +74,11 @@ fn in_order(at: &[[Option<u32>; 3]], hinges: &[Hinge], triangle: u32) -> Vec<(u3
     order
 }
 
-/// Three linear forms in hinge angles, y, with V_T = ½ |y|²: the coefficients of each hinge, with energies in the unit of
-/// [`BentSheet::unit`].
+/// Returns three linear forms y in hinge angles with V_T = ½ |y|²: the coefficients of each hinge, with energies in
+/// the unit of [`BentSheet::unit`].
 ///
-/// With B_ij = A (2/hᵢ)(2/hⱼ) (mᵢ⊗mᵢ):D:(mⱼ⊗mⱼ), V_T = ½ φᵀBφ; free turns leave it by their Schur
-/// complement, and y = Lᵀφ with LLᵀ = B of those that remain.
+/// With B_ij = A (2/hᵢ)(2/hⱼ) (mᵢ⊗mᵢ):D:(mⱼ⊗mⱼ) the energy is V_T = ½ φᵀBφ. Rotations at free edges are eliminated by
+/// the Schur complement. For the others y = Lᵀφ with LLᵀ = B.
 fn forms(sheet: &BentSheet, triangle: usize, turns: &[Turn; 3]) -> BTreeMap<u32, [f64; 3]> {
     let p = sheet.plane(triangle);
     let (gradients, area) = crate::sheet::triangle::barycentric_gradients(&p);
@@ -94,7 +93,7 @@ fn forms(sheet: &BentSheet, triangle: usize, turns: &[Turn; 3]) -> BTreeMap<u32,
     for free in (0..3).filter(|&k| turns[k].is_none()) {
         let column = b.column(free).into_owned();
         b -= column * column.transpose() / column[free];
-        // Round-off of the eliminated row; a unit pivot keeps the factor of the rest.
+        // Remove the round-off of the eliminated row; a unit pivot keeps the factor of the other rows.
         b.set_row(free, &nalgebra::RowVector3::zeros());
         b.set_column(free, &Vector3::zeros());
         b[(free, free)] = 1.0;
@@ -110,13 +109,13 @@ fn forms(sheet: &BentSheet, triangle: usize, turns: &[Turn; 3]) -> BTreeMap<u32,
             }
         }
     }
-    // Regular meshes have hinges that cancel, up to round-off.
+    // On regular meshes some hinges cancel up to round-off; drop them.
     let largest = forms.values().flatten().fold(0.0_f64, |most, c| most.max(c.abs()));
     forms.retain(|_, form| form.iter().any(|c| c.abs() > 1e-13 * largest));
     forms
 }
 
-/// A hinge of a stencil as seen from one of its triangles; new nodes join the stencil.
+/// Returns a hinge of a stencil as seen from one of its triangles, and adds its new nodes to the stencil.
 fn bend(hinge: &Hinge, viewer: u32, form: [f64; 3], nodes: &mut Vec<u32>) -> Bend<3> {
     let mut local = |node: u32| {
         nodes.iter().position(|&other| other == node).unwrap_or_else(|| {

@@ -1,23 +1,24 @@
-//! How far a hinge has turned from rest, Δ = θ − θ̄, as bending energies see it.
+//! The rotation of a hinge from rest, Δ = θ − θ̄, in the form in which bending energies use it.
 //!
-//! Δ itself has a border: where a hinge folds through itself, which nothing forbids without contact, it jumps
-//! from π to −π, and ½ Δ² has a ridge that a scheme crosses with an error of energy that no step makes small.
-//! Instead the energy is a function of sin Δ and x = sin²(Δ/2) that is analytic all round the circle, and
+//! Δ itself is discontinuous: when a hinge folds through itself, which is possible without contact, Δ jumps from π to
+//! −π. Then ½ Δ² has a kink, and a scheme that crosses it makes an energy error that no small step removes. Instead
+//! the energy is a function of sin Δ and x = sin²(Δ/2) that is analytic around the whole circle and equals ½ Δ² up to
+//! a relative error of Δ⁶/560: the series of arcsin²√x, cut after three terms,
 //! equals ½ Δ² to a part of Δ⁶/560: the series of arcsin²√x, cut after three terms,
 //! ```text
 //! V(Δ) = 2x + ⅔x² + 16/45 x³,    V′ = ψ(Δ) = sin Δ (1 + ⅔x + 8/15 x²),    ψ = Δ − Δ⁷/140 …,
 //! ```
-//! of which sin²(Δ/2) is the first (Bridson, Marino & Fedkiw 2003; Tamstorf & Grinspun 2013, §2). Of the
-//! alternatives, 2 tan(Δ/2) (Gingold et al. 2004) diverges at π, so that a fold that closes at speed would ask
-//! for ever shorter steps, and tracked angles are a state beside positions.
+//! The first term, sin²(Δ/2), is used by Bridson, Marino & Fedkiw 2003 and Tamstorf & Grinspun 2013, §2. There are
+//! two alternatives: 2 tan(Δ/2) (Gingold et al. 2004) diverges at π, so that a fold that closes at speed would
+//! require ever shorter steps; tracked angles would be a state besides the positions.
 //!
-//! Where angles are coupled, ½ ΔᵀKΔ, no function that is continuous on the circle can take the place of Δ
-//! alone, for it is zero again at π. There V = ½ ψᵀKψ + Σ K_aa (V(Δ_a) − ½ ψ_a²): the second part is of the
-//! order of Δ⁸, positive, and what keeps a hinge that is folded flat from being at rest.
+//! Where angles are coupled, ½ ΔᵀKΔ, no continuous function on the circle can simply replace Δ, because it is zero
+//! again at π. There V = ½ ψᵀKψ + Σ K_aa (V(Δ_a) − ½ ψ_a²). The second part is positive and of the order Δ⁸; it keeps
+//! a hinge that is folded flat from being in equilibrium.
 
 use crate::lanes::real::Real;
 
-/// A hinge's turn: sin Δ and x = sin²(Δ/2).
+/// The rotation of a hinge, as sin Δ and x = sin²(Δ/2).
 #[derive(Clone, Copy)]
 pub(super) struct Turn<R> {
     sine: R,
@@ -25,33 +26,33 @@ pub(super) struct Turn<R> {
 }
 
 impl<R: Real> Turn<R> {
-    /// From [sin θ, cos θ] and [sin θ̄, cos θ̄].
+    /// Returns the rotation from [sin θ, cos θ] and [sin θ̄, cos θ̄].
     #[inline(always)]
     pub(super) fn new([sine, cosine]: [R; 2], [rest_sine, rest_cosine]: [R; 2]) -> Self {
         let difference = cosine * rest_cosine + sine * rest_sine;
         Self { sine: sine * rest_cosine - cosine * rest_sine, x: (sine.constant(1.0) - difference) * 0.5 }
     }
 
-    /// ψ.
+    /// Returns ψ.
     #[inline(always)]
     pub(super) fn value(self) -> R {
         let Self { sine, x } = self;
         sine * (x * (x * (8.0 / 15.0) + 2.0 / 3.0) + 1.0)
     }
 
-    /// 1 − ψ′ = 16/5 x³.
+    /// Returns 1 − ψ′ = 16/5 x³.
     #[inline(always)]
     pub(super) fn softening(self) -> R {
         self.x * self.x * self.x * 3.2
     }
 
-    /// ψ″.
+    /// Returns ψ″.
     #[inline(always)]
     pub(super) fn second(self) -> R {
         self.x * self.x * self.sine * -4.8
     }
 
-    /// V − ½ ψ² = 8/5 x⁴ + 64/75 x⁵ + 128/225 x⁶.
+    /// Returns V − ½ ψ² = 8/5 x⁴ + 64/75 x⁵ + 128/225 x⁶.
     #[inline(always)]
     pub(super) fn surplus(self) -> R {
         let x = self.x;
@@ -88,7 +89,7 @@ mod tests {
         let slope = |f: &dyn Fn(Turn<f64>) -> f64, at: f64| {
             (f(turn(at + step, 0.4)) - f(turn(at - step, 0.4))) / (2.0 * step)
         };
-        // Across the border of the angle too.
+        // The slope is continuous across the jump of the angle too.
         for k in 1..60 {
             let at = 0.4 + f64::from(k) * std::f64::consts::TAU / 60.0;
             let here = turn(at, 0.4);

@@ -4,8 +4,8 @@ use super::invariants::{Invariants, Uniaxial, from_invariants, invariants, relax
 use crate::lanes::real::Real;
 use crate::sheet::material::{IsotropicSheet, SheetMaterial, SheetResponse};
 
-/// W = μ Σ (σ − 1)² + λ'/2 (σ₁ + σ₂ − 2)², σ the singular values of F, λ' = E ν/(1 − ν²): P₃₃ = 0 is
-/// linear in σ₃, so the condensation is exact. σ₁ + σ₂ = √(i + 2j), σ₁² + σ₂² = i.
+/// W = μ Σ (σ − 1)² + λ'/2 (σ₁ + σ₂ − 2)², where σ are the singular values of F and λ' = E ν/(1 − ν²). The condition
+/// P₃₃ = 0 is linear in σ₃, so its elimination is exact. The code uses σ₁ + σ₂ = √(i + 2j) and σ₁² + σ₂² = i.
 #[derive(Debug, Clone)]
 pub struct CorotatedSheet {
     lambda: f64,
@@ -26,7 +26,7 @@ impl SheetMaterial for CorotatedSheet {
     fn response<R: Real>(&self, strain: &[R; 3]) -> SheetResponse<R> {
         let (i, j) = invariants(strain);
         let sum = (i + j * 2.0).sqrt();
-        // With D = μ (i − 2s + 2) + λ'/2 (s − 2)²: D_s, D_ss, and s_i = 1/(2s), s_j = 1/s.
+        // With D = μ (i − 2s + 2) + λ'/2 (s − 2)²: compute D_s, D_ss, and s_i = 1/(2s), s_j = 1/s.
         let slope = (sum - 2.0) * self.lambda - 2.0 * self.mu;
         let by_i = sum.constant(0.5) / sum;
         let curvature = by_i * by_i * self.lambda - slope * 0.25 / (sum * sum * sum);
@@ -44,7 +44,7 @@ impl SheetMaterial for CorotatedSheet {
 }
 
 impl CorotatedSheet {
-    /// W = ½ E (σ − 1)², width σ₂ = 1 − ν (σ − 1).
+    /// Returns W = ½ E (σ − 1)² and the transverse stretch σ₂ = 1 − ν (σ − 1).
     fn uniaxial(&self, c: f64) -> Uniaxial {
         let stretch = c.sqrt();
         Uniaxial {

@@ -1,5 +1,5 @@
-//! Isotropic membranes: from derivatives in the invariants i = tr C, j = √det C (the area ratio) to derivatives in
-//! the strain, and relaxation of compression.
+//! Isotropic membranes: converts derivatives by the invariants i = tr C and j = √det C (the area ratio) to
+//! derivatives by the strain, and relaxes compression.
 
 use crate::lanes::real::Real;
 use crate::sheet::material::SheetResponse;
@@ -14,7 +14,7 @@ pub(super) struct Invariants<R> {
     pub(super) second: [R; 3],
 }
 
-/// (i, j) at the strain e = (E₁₁, E₂₂, 2E₁₂), C = I + 2E.
+/// Returns (i, j) at the strain e = (E₁₁, E₂₂, 2E₁₂), with C = I + 2E.
 #[inline(always)]
 pub(super) fn invariants<R: Real>(strain: &[R; 3]) -> (R, R) {
     let (c11, c22, c12) = (strain[0] * 2.0 + 1.0, strain[1] * 2.0 + 1.0, strain[2]);
@@ -22,12 +22,12 @@ pub(super) fn invariants<R: Real>(strain: &[R; 3]) -> (R, R) {
     (c11 + c22, square.if_positive(square, square.constant(0.0)).sqrt())
 }
 
-/// The response of W(i, j) at that strain.
+/// Returns the response of W(i, j) at that strain.
 #[inline(always)]
 pub(super) fn from_invariants<R: Real>(strain: &[R; 3], j: R, law: Invariants<R>) -> SheetResponse<R> {
     let (c11, c22, c12) = (strain[0] * 2.0 + 1.0, strain[1] * 2.0 + 1.0, strain[2]);
     let Invariants { energy, first: [w_i, w_j], second: [w_ii, w_ij, w_jj] } = law;
-    // ∂i/∂e and ∂j/∂e; ∂²(j²)/∂e² = 2 q qᵀ + 2 j ∂²j/∂e² is constant.
+    // p = ∂i/∂e and q = ∂j/∂e; ∂²(j²)/∂e² = 2 q qᵀ + 2 j ∂²j/∂e² is constant.
     let (zero, two) = (j.constant(0.0), j.constant(2.0));
     let p = [two, two, zero];
     let q = [c22 / j, c11 / j, -c12 / j];
@@ -43,19 +43,19 @@ pub(super) fn from_invariants<R: Real>(strain: &[R; 3], j: R, law: Invariants<R>
     }
 }
 
-/// Uniaxial tension at the principal value c of C, free to contract across.
+/// Uniaxial tension at the principal value c of C, with free transverse contraction.
 pub(super) struct Uniaxial {
-    /// W, and its derivatives by c.
+    /// W and its derivatives by c, J/m³.
     pub(super) energy: f64,
     pub(super) first: f64,
     pub(super) second: f64,
-    /// The other principal value of C that goes with it.
+    /// The other principal value of C.
     pub(super) width: f64,
 }
 
-/// Relaxed energy of an isotropic membrane (Pipkin 1986; Steigmann 1990): slack (W = 0) where no
-/// principal stretch exceeds 1; wrinkled, in uniaxial tension, where the sheet is narrower than its
-/// natural width; else `taut`. W and its stress are continuous.
+/// Returns the relaxed energy of an isotropic membrane (Pipkin 1986; Steigmann 1990). The sheet is slack (W = 0) if
+/// no principal stretch exceeds 1. It is wrinkled, in uniaxial tension, if it is narrower than its natural width.
+/// Otherwise the response is `taut`. W and its stress are continuous.
 pub(super) fn relaxed(
     strain: &[f64; 3],
     uniaxial: impl Fn(f64) -> Uniaxial,
@@ -73,7 +73,7 @@ pub(super) fn relaxed(
     if small >= width {
         return taut();
     }
-    // Here small < width < 1 < large: the principal directions n (large) and m are distinct.
+    // Here small < width < 1 < large, so the principal directions n (large) and m are distinct.
     let angle = 0.5 * c12.atan2(half_difference);
     let (n, m) = ([angle.cos(), angle.sin()], [-angle.sin(), angle.cos()]);
     let p = [2.0 * n[0] * n[0], 2.0 * n[1] * n[1], 2.0 * n[0] * n[1]];

@@ -4,8 +4,8 @@ use super::invariants::{Invariants, Uniaxial, from_invariants, invariants, relax
 use crate::lanes::real::Real;
 use crate::sheet::material::{IsotropicSheet, SheetMaterial, SheetResponse};
 
-/// Ψ = μ/2 (I₁ − 3 − 2 ln J) + λ/2 ln²J (Bonet & Wood 2008, eq. 6.27) with the stretch s across the
-/// thickness eliminated: I₁ = i + s², J = j s, and P₃₃ = 0 gives μ (s² − 1) + λ ln(j s) = 0.
+/// Ψ = μ/2 (I₁ − 3 − 2 ln J) + λ/2 ln²J (Bonet & Wood 2008, eq. 6.27) with the stretch s across the thickness
+/// eliminated: I₁ = i + s², J = j s, and P₃₃ = 0 gives μ (s² − 1) + λ ln(j s) = 0.
 #[derive(Debug, Clone)]
 pub struct NeoHookeanSheet {
     lambda: f64,
@@ -24,12 +24,12 @@ impl SheetMaterial for NeoHookeanSheet {
     fn response<R: Real>(&self, strain: &[R; 3]) -> SheetResponse<R> {
         let (lambda, mu) = (self.lambda, self.mu);
         let (i, j) = invariants(strain);
-        // Not a number outside the domain, and all that follows from it.
+        // NaN outside the domain; it propagates to all that follows.
         let log_j = j.ln();
         let square = log_j.map(|log| self.thickness_square(log, 1.0));
         let log = square.ln() * 0.5 + log_j;
         let slope = (log * lambda - mu) / j;
-        // The energy is stationary in s: only the second derivative feels ∂ ln s/∂ ln j.
+        // The energy is stationary in s, so only the second derivative contains ∂ ln s/∂ ln j.
         let stiffness = square * (2.0 * mu * lambda) / (square * (2.0 * mu) + lambda);
         let energy = (i + square - 3.0 - log * 2.0) * (0.5 * mu) + log * log * (0.5 * lambda);
         let zero = j.constant(0.0);
@@ -47,11 +47,11 @@ impl SheetMaterial for NeoHookeanSheet {
 }
 
 impl NeoHookeanSheet {
-    /// The square a of `count` equal free stretches: μ (a − 1) + λ (ln j + count/2 ln a) = 0. Newton in
-    /// ln a of a convex, increasing function: from the right it falls to the root.
+    /// Returns the square a of `count` equal free stretches, the root of μ (a − 1) + λ (ln j + count/2 ln a) = 0.
+    /// Newton's method in ln a for a convex, increasing function: from the right of the root it decreases towards it.
     fn thickness_square(&self, log_j: f64, count: f64) -> f64 {
         let (lambda, mu) = (self.lambda, self.mu);
-        // Under a positive λ the root lies on the other side of 1 than j; linear theory at the start.
+        // For a positive λ the root lies on the other side of 1 than j; start from linear theory.
         let mut log_a = -lambda * log_j / (mu + 0.5 * count * lambda);
         for _ in 0..60 {
             let a = log_a.exp();
@@ -65,7 +65,7 @@ impl NeoHookeanSheet {
         log_a.exp()
     }
 
-    /// Both transverse stretches free: μ (a − 1) + λ (½ ln c + ln a) = 0.
+    /// Both transverse stretches are free: μ (a − 1) + λ (½ ln c + ln a) = 0.
     fn uniaxial(&self, c: f64) -> Uniaxial {
         let (lambda, mu) = (self.lambda, self.mu);
         let width = self.thickness_square(0.5 * c.ln(), 2.0);

@@ -12,9 +12,9 @@ use crate::sheet::material::{
 };
 use crate::small::tensor::{dot, mat3, vec3};
 
-/// W = ½ eᵀQ e, e = (E₁₁, E₂₂, 2E₁₂) in the frame of warp and weft;
-/// Q = [[E₁, ν₁₂E₂, 0], [ν₁₂E₂, E₂, 0], [0, 0, G(1 − ν₁₂ν₂₁)]]/(1 − ν₁₂ν₂₁), ν₂₁ = ν₁₂ E₂/E₁
-/// (Reddy, *Mechanics of Laminated Composite Plates and Shells*, eq. 1.3.36).
+/// W = ½ eᵀQ e with e = (E₁₁, E₂₂, 2E₁₂) in the frame of warp and weft, and Q = [[E₁, ν₁₂E₂, 0], [ν₁₂E₂, E₂, 0], [0,
+/// 0, G(1 − ν₁₂ν₂₁)]]/(1 − ν₁₂ν₂₁), ν₂₁ = ν₁₂ E₂/E₁ (Reddy, *Mechanics of Laminated Composite Plates and Shells*, eq.
+/// 1.3.36).
 #[derive(Debug, Clone)]
 pub struct OrthotropicSheet {
     moduli: [[f64; 3]; 3],
@@ -33,7 +33,7 @@ pub struct OrthotropicParameters {
     /// Young's modulus E₂ along the weft, Pa; positive.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub young_weft: f64,
-    /// Poisson's ratio ν₁₂: contraction of the weft under tension of the warp; ν₁₂² < E₁/E₂.
+    /// Poisson's ratio ν₁₂, the contraction of the weft under tension along the warp; ν₁₂² < E₁/E₂.
     pub poisson: f64,
     /// Shear modulus G between warp and weft, Pa; positive.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
@@ -41,19 +41,19 @@ pub struct OrthotropicParameters {
     /// Direction of the warp on the sheet at rest (default: along x).
     #[serde(default = "default_warp")]
     pub warp: Direction,
-    /// Density ρ at rest, kg/m³; this or `area_density`.
+    /// Density ρ at rest, kg/m³; give this or `area_density`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub density: Option<f64>,
-    /// Mass per area at rest, kg/m²; this or `density`.
+    /// Mass per area at rest, kg/m²; give this or `density`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub area_density: Option<f64>,
     /// Thickness h, m; positive.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub thickness: f64,
-    /// How the sheet resists bending.
+    /// The model of the resistance to bending.
     #[serde(default)]
     pub bending: Bending,
-    /// Let wrinkles below the size of the mesh take away compression.
+    /// Whether wrinkles smaller than the elements relax compression.
     #[serde(default)]
     pub tension_field: bool,
 }
@@ -98,7 +98,7 @@ impl SheetParameters for OrthotropicParameters {
             problems.push(FemError::Parameter {
                 key: "poisson",
                 value: self.poisson,
-                requirement: "its square must be below young_warp / young_weft, or the sheet is unstable",
+                requirement: "poisson² must be below young_warp / young_weft; otherwise the sheet is unstable",
             });
         }
         problems.extend(self.warp.problem("warp"));
@@ -139,8 +139,9 @@ impl SheetMaterial for OrthotropicSheet {
         SheetResponse { energy: dot(stress, *strain) * 0.5, stress, tangent }
     }
 
-    /// min ½ (e + Δ)ᵀQ (e + Δ) over wrinkle strains Δ ≥ 0 = max S·e − ½ SᵀQ⁻¹S over stresses S ≥ 0: taut
-    /// where Q e ≥ 0; else the tension of one direction t, max ½ Y(t) (t·e t)₊², 1/Y = tt·Q⁻¹tt.
+    /// Returns min ½ (e + Δ)ᵀQ (e + Δ) over wrinkle strains Δ ≥ 0, which equals max S·e − ½ SᵀQ⁻¹S over stresses S ≥
+    /// 0. The sheet is taut if Q e ≥ 0. Otherwise it is in tension along one direction t: max ½ Y(t) (t·e t)₊² with
+    /// 1/Y = tt·Q⁻¹tt.
     fn relaxed(&self, strain: &[f64; 3]) -> SheetResponse {
         let taut = self.response(strain);
         let [s11, s22, s12] = taut.stress;
@@ -149,7 +150,7 @@ impl SheetMaterial for OrthotropicSheet {
         }
         let Some(theta) = self.tension_direction(strain) else { return SheetResponse::default() };
         let Tension { slope, by_theta, curvature, stiffness, energy } = self.tension(strain, theta);
-        // The direction follows the strain: dθ = −φ_θe·de/φ_θθ.
+        // The direction depends on the strain: dθ = −φ_θe·de/φ_θθ.
         let entry = |a: usize, b: usize| {
             let direct = stiffness * slope.1[a] * slope.1[b];
             direct - if curvature < 0.0 { by_theta[a] * by_theta[b] / curvature } else { 0.0 }
@@ -162,12 +163,12 @@ impl SheetMaterial for OrthotropicSheet {
     }
 }
 
-/// φ(θ, e) = ½ Y ε², ε = p·e, and its derivatives.
+/// φ(θ, e) = ½ Y ε² with ε = p·e, and its derivatives.
 struct Tension {
     energy: f64,
-    /// ∂φ/∂e = Y ε p: the tension Y ε, and p = (t₁², t₂², t₁t₂).
+    /// ∂φ/∂e = Y ε p, as the tension Y ε and p = (t₁², t₂², t₁t₂).
     slope: (f64, [f64; 3]),
-    /// Y.
+    /// The stiffness Y, Pa.
     stiffness: f64,
     /// ∂²φ/∂θ∂e.
     by_theta: [f64; 3],
@@ -178,7 +179,7 @@ struct Tension {
 impl OrthotropicSheet {
     fn tension(&self, e: &[f64; 3], theta: f64) -> Tension {
         let (s, c) = theta.sin_cos();
-        // p, p', p'' by θ.
+        // p and its first and second derivatives by θ.
         let p = [c * c, s * s, s * c];
         let dp = [-2.0 * s * c, 2.0 * s * c, c * c - s * s];
         let ddp = [-2.0 * dp[2], 2.0 * dp[2], -4.0 * s * c];
@@ -202,15 +203,15 @@ impl OrthotropicSheet {
         }
     }
 
-    /// ∂φ/∂θ.
+    /// Returns ∂φ/∂θ.
     fn turning(&self, e: &[f64; 3], theta: f64) -> f64 {
-        // φ is of second degree in e: φ_θ = ½ φ_θe·e.
+        // φ is homogeneous of degree two in e: φ_θ = ½ φ_θe·e.
         let by_theta = self.tension(e, theta).by_theta;
         0.5 * (0..3).map(|k| by_theta[k] * e[k]).sum::<f64>()
     }
 
-    /// The angle of greatest φ where a line is stretched at all: the best of 32, then bisection of ∂φ/∂θ
-    /// between its neighbours.
+    /// Returns the angle of greatest φ, or `None` if no direction is stretched. Takes the best of 32 angles, then
+    /// bisects ∂φ/∂θ between its neighbours.
     fn tension_direction(&self, e: &[f64; 3]) -> Option<f64> {
         const COUNT: usize = 32;
         let width = std::f64::consts::PI / COUNT as f64;
@@ -218,7 +219,7 @@ impl OrthotropicSheet {
             let tension = self.tension(e, theta);
             if tension.slope.0 > 0.0 { tension.energy } else { 0.0 }
         };
-        // The most stretched line is among the candidates: it may be the only one that is stretched.
+        // Include the most stretched direction in the candidates: it may be the only one that is stretched.
         let stretched = 0.5 * e[2].atan2(e[0] - e[1]);
         let candidates = (0..COUNT).map(|k| stretched + k as f64 * width);
         let best = candidates.max_by(|&a, &b| value(a).total_cmp(&value(b)))?;
@@ -228,7 +229,7 @@ impl OrthotropicSheet {
         let (mut low, mut high) = (best - width, best + width);
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
-            // Below the peak φ rises; where a line is not stretched, the peak lies towards `best`.
+            // Left of the maximum φ rises. If the middle is not stretched, the maximum lies towards `best`.
             let rises = if value(middle) > 0.0 { self.turning(e, middle) > 0.0 } else { middle < best };
             if rises { low = middle } else { high = middle }
         }

@@ -4,7 +4,8 @@ use super::invariants::{Uniaxial, relaxed};
 use crate::lanes::real::Real;
 use crate::sheet::material::{IsotropicSheet, SheetMaterial, SheetResponse};
 
-/// W = μ E:E + λ'/2 (tr E)², λ' = E ν/(1 − ν²): S₃₃ = 0 is linear in E₃₃, so the condensation is exact.
+/// W = μ E:E + λ'/2 (tr E)² with λ' = E ν/(1 − ν²). The condition S₃₃ = 0 is linear in E₃₃, so its elimination is
+/// exact.
 #[derive(Debug, Clone)]
 pub struct StVenantKirchhoffSheet {
     lambda: f64,
@@ -21,7 +22,7 @@ impl SheetMaterial for StVenantKirchhoffSheet {
         Self { lambda, mu, young: parameters.young, poisson: parameters.poisson }
     }
 
-    /// Written in E itself, which is exact near rest.
+    /// Uses E itself, which avoids cancellation near rest.
     #[inline(always)]
     fn response<R: Real>(&self, &[e11, e22, gamma]: &[R; 3]) -> SheetResponse<R> {
         let (zero, lambda, mu) = (e11.constant(0.0), e11.constant(self.lambda), e11.constant(self.mu));
@@ -40,7 +41,7 @@ impl SheetMaterial for StVenantKirchhoffSheet {
 }
 
 impl StVenantKirchhoffSheet {
-    /// W = ½ E E₁², width E₂ = −ν E₁.
+    /// Returns W = ½ E E₁² and the transverse strain E₂ = −ν E₁.
     fn uniaxial(&self, c: f64) -> Uniaxial {
         let strain = 0.5 * (c - 1.0);
         Uniaxial {

@@ -1,5 +1,5 @@
-//! The kernel of all membranes, eight triangles at a time: x ↦ F and strain, the law's response ↦ energies, forces,
-//! Hessians.
+//! The kernel of all membranes. For eight triangles at a time it maps x to F and strain, and the response of the law
+//! to energies, forces and Hessians.
 
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ use crate::small::tensor::{dot, mat3, packed_index, vec3};
 /// Eight triangles at rest.
 #[derive(Clone, Copy, Default)]
 pub(super) struct RestPack {
-    /// Gradients of the barycentric coordinates of the second and third corner in the frame, 1/m.
+    /// Gradients of the barycentric coordinates of the second and third corner in the frame of the triangle, 1/m.
     pub(super) gradients: [[Pack; 2]; 2],
     /// Area × thickness, m³.
     pub(super) volume: Pack,
@@ -28,20 +28,20 @@ pub(super) struct Membrane<M> {
     pub(super) relaxed: bool,
     pub(super) rest: Vec<RestPack>,
     pub(super) frames: Vec<Frame>,
-    /// Three a triangle, of whole groups.
+    /// Node numbers of whole groups, three per triangle.
     pub(super) nodes: Vec<u32>,
     pub(super) cells: Vec<u32>,
     pub(super) name: String,
 }
 
-/// Triangles of a group as they are: F by columns, and its strain.
+/// Deformed triangles of a group: F by columns, and its strain.
 pub(super) struct Deformed<R> {
     pub(super) f: [[R; 3]; 2],
     strain: [R; 3],
 }
 
 impl<R: Real> Deformed<R> {
-    /// From the sides of a triangle, so that a far away sheet is as exact as a near one.
+    /// Computes F from the sides of a triangle, so that round-off does not grow with the distance from the origin.
     #[inline(always)]
     fn new(u: [R; 3], v: [R; 3], g: [[R; 2]; 2]) -> Self {
         let f = [
@@ -82,7 +82,7 @@ impl<M: SheetMaterial> Membrane<M> {
         }
     }
 
-    /// One triangle by itself.
+    /// Evaluates one triangle by itself.
     pub(super) fn scalar(&self, triangle: usize, x: &[f64]) -> (Deformed<f64>, SheetResponse) {
         let rest = &self.rest[triangle / GROUP];
         let g = rest.gradients.map(|g| g.map(|pack| pack.0[triangle % GROUP]));
@@ -99,13 +99,13 @@ impl<M: SheetMaterial> Membrane<M> {
         (deformed, response)
     }
 
-    /// Hessians of a range, projected or not.
+    /// Writes the Hessians of a range, projected or not.
     pub(super) fn blocks(&self, range: Range<usize>, x: &[f64], is_projected: bool, out: &mut [f64]) {
         self.arch.dispatch(Hessians { membrane: self, range, x, is_projected, out });
     }
 }
 
-/// A response that is known of numbers only.
+/// Evaluates lane by lane a response that is defined for single numbers only.
 #[inline(always)]
 fn lane_by_lane<S: Simd>(
     simd: S,
@@ -206,9 +206,9 @@ struct Hessians<'a, M> {
 
 impl<M: SheetMaterial> WithSimd for Hessians<'_, M> {
     type Output = ();
-    /// A h [∂²W/∂e² through ∂e/∂x on both sides + S through the gradients of the nodes]. Projected, the two
-    /// parts are made positive each by itself, in closed form: the tangent as a 3 × 3 matrix, the stress as
-    /// a 2 × 2 one. Never less than zero, at times more than the least.
+    /// Writes A h [∂²W/∂e² applied to ∂e/∂x on both sides + S applied to the gradients of the nodes]. The projection
+    /// makes each of the two parts positive semidefinite by itself, in closed form: the tangent as a 3 × 3 matrix,
+    /// the stress as a 2 × 2 matrix. The result is positive semidefinite, but not always the nearest such matrix.
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { membrane, range, x, is_projected, out } = self;
@@ -226,7 +226,7 @@ impl<M: SheetMaterial> WithSimd for Hessians<'_, M> {
                 let tangent = mat3!(k l => response.tangent[k][l] * volume);
                 let h = membrane.gradients_of(simd, group, part);
                 let g = [[-(h[0][0] + h[1][0]), -(h[0][1] + h[1][1])], h[0], h[1]];
-                // ∂e/∂x of each local coordinate.
+                // ∂e/∂x for each local coordinate.
                 let mut strains = [[volume; 3]; 9];
                 for a in 0..3 {
                     for i in 0..3 {
@@ -263,7 +263,7 @@ impl<M: SheetMaterial> Membrane<M> {
     }
 }
 
-/// A symmetric 2 × 2 matrix (s₁₁, s₂₂, s₁₂) with its negative eigenvalues set to zero.
+/// Returns a symmetric 2 × 2 matrix (s₁₁, s₂₂, s₁₂) with its negative eigenvalues set to zero.
 fn positive_stress([s11, s22, s12]: [f64; 3]) -> [f64; 3] {
     let (mean, half) = (0.5 * (s11 + s22), 0.5 * (s11 - s22));
     let radius = half.hypot(s12);
@@ -274,12 +274,12 @@ fn positive_stress([s11, s22, s12]: [f64; 3]) -> [f64; 3] {
     if largest.is_nan() || largest <= 0.0 {
         return [0.0; 3];
     }
-    // ½ (I + deviator/radius) projects onto the larger eigenvalue's direction.
+    // ½ (I + deviator/radius) projects onto the eigenvector of the larger eigenvalue.
     let factor = 0.5 * largest / radius;
     [factor * (radius + half), factor * (radius - half), factor * s12]
 }
 
-/// A symmetric 3 × 3 matrix with its negative eigenvalues set to zero.
+/// Returns a symmetric 3 × 3 matrix with its negative eigenvalues set to zero.
 fn positive_tangent(tangent: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
     let matrix = nalgebra::Matrix3::from_fn(|i, j| tangent[i][j]);
     if matrix.iter().any(|value| !value.is_finite()) {

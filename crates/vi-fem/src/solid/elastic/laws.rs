@@ -1,5 +1,5 @@
-//! What the elastic potential of every element with every law must keep. New elements and laws enter
-//! by their registration lines.
+//! Tests the laws that the elastic potential must obey for every element with every material law. The registration
+//! lines of elements and laws add new ones.
 
 use vi_core::{Padded, Patch, Potential, packed_len};
 
@@ -13,13 +13,13 @@ use crate::solid::material::parameters::Isotropic;
 use crate::solid::mean_dilation::mean_dilation;
 use vi_mesh::{BoxMesh, CellKind, Mesh};
 
-/// A box of 2 × 2 × 2 cells, its inner nodes moved: no element is like another.
+/// Returns a box of 2 × 2 × 2 cells whose inner nodes are moved, so that no two elements are alike.
 fn distorted(element: CellKind) -> Mesh {
     let mut mesh =
         BoxMesh { size: [1.0, 1.2, 0.9], cells: [2, 2, 2], element, origin: [0.0; 3] }.build().unwrap();
     for point in &mut mesh.points {
         let [x, y, z] = *point;
-        // Zero on the surface, so that it stays a box.
+        // The displacement is zero on the surface, so that the body stays a box.
         let bubble = x * (1.0 - x) * y * (1.2 - y) * z * (0.9 - z);
         *point = [x + 0.9 * bubble, y - 1.1 * bubble, z + 0.8 * bubble];
     }
@@ -41,7 +41,7 @@ fn energy(potential: &dyn Potential, x: &[f64]) -> f64 {
     out.iter().sum()
 }
 
-/// Blocks of all stencils.
+/// Returns the gradient blocks of all stencils.
 fn gradient_blocks(potential: &dyn Potential, x: &[f64]) -> Vec<f64> {
     let stencils = potential.stencils();
     let mut out = vec![0.0; stencils.count() * stencils.size()];
@@ -49,7 +49,7 @@ fn gradient_blocks(potential: &dyn Potential, x: &[f64]) -> Vec<f64> {
     out
 }
 
-/// ∂V/∂x summed over the stencils.
+/// Returns ∂V/∂x, summed over the stencils.
 fn gradient(potential: &dyn Potential, x: &[f64]) -> Vec<f64> {
     let stencils = potential.stencils();
     let mut sum = vec![0.0; x.len()];
@@ -84,7 +84,7 @@ fn apply(f: &Mat3<f64>, x: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|i| (0..3).map(|j| f[i][j] * x[j]).sum())
 }
 
-/// A smooth, not affine deformation with J > 0.
+/// A smooth deformation with J > 0 that is not affine.
 fn bent(x: [f64; 3]) -> [f64; 3] {
     let [a, b, c] = apply(&STRETCH, x);
     [a + 0.05 * (2.0 * b).sin(), b - 0.04 * c * c, c + 0.06 * a * b]
@@ -129,7 +129,7 @@ fn gradients_and_hessians_are_derivatives() {
         let x = flat(mesh, bent);
         let stencils = potential.stencils();
         let size = stencils.size();
-        // One stencil, each of its coordinates.
+        // Test one stencil, and each of its coordinates.
         let stencil = stencils.count() / 2;
         let value = |x: &[f64]| {
             let (mut energy, mut gradient) = ([0.0], vec![0.0; size]);
@@ -187,7 +187,7 @@ fn rigid_motions_do_no_work() {
             assert!(energy.abs() <= 1e-14 * modulus, "{kind} {}: energy {energy:e}", law.name());
             assert!(force <= 1e-13 * modulus, "{kind} {}: force {force:e}", law.name());
         }
-        // Forces of any deformation have no resultant (and no moment, where the law is objective).
+        // For any deformation the forces have no resultant, and no moment if the law is objective.
         let x = flat(mesh, bent);
         let force = gradient(potential, &x);
         let scale = size_of(&force);
@@ -232,7 +232,7 @@ fn a_stencil_does_not_depend_on_the_range_it_is_asked_in() {
     });
 }
 
-/// ∂V/∂x of the stencils of `range` as the term itself adds it up, the nodes of the patch in reverse.
+/// Returns ∂V/∂x of the stencils of `range` as the term itself sums it, with the nodes of the patch in reverse order.
 fn patch_gradient(potential: &dyn Potential, range: std::ops::Range<usize>, x: &[f64]) -> Vec<f64> {
     let (stencils, count) = (potential.stencils(), x.len() / 3);
     let (mut points, mut sums) = (Patch::zeros(), Patch::zeros());
@@ -258,7 +258,7 @@ fn a_patch_sums_what_the_blocks_are() {
                 let count = potential.stencils().count();
                 let whole = gradient(potential.as_ref(), &x);
                 let scale = size_of(&gradient_blocks(potential.as_ref(), &x));
-                // Runs that begin and end inside groups of eight.
+                // Use ranges that begin and end inside groups of eight.
                 let mut sum = vec![0.0; x.len()];
                 for range in [0..0, 0..1, 1..count / 2, count / 2..count - 1, count - 1..count] {
                     let part = patch_gradient(potential.as_ref(), range, &x);
@@ -295,7 +295,7 @@ fn instruction_sets_agree_to_round_off() {
 #[test]
 fn projected_hessians_are_positive_and_keep_what_is() {
     for_all(|kind, mesh, law, potential| {
-        // Squeezed to a third: tangents with negative eigenvalues.
+        // Compress to a third, so that tangents have negative eigenvalues.
         let x = flat(mesh, |[x, y, z]| [0.35 * x, 1.05 * y, 0.95 * z]);
         let size = potential.stencils().size();
         let mut packed = vec![0.0; packed_len(size)];
@@ -322,7 +322,7 @@ fn inverted_elements_are_reported_not_panicked_on() {
     let potential = potential(&mesh, &law);
     assert_eq!(energy(potential.as_ref(), &x), f64::INFINITY);
     assert!(gradient_blocks(potential.as_ref(), &x).iter().any(|value| value.is_nan()));
-    // Each stencil names its element, whatever the order in which they are summed.
+    // Each stencil names its element, in whatever order the stencils are summed.
     let mut named: Vec<usize> = (0..potential.stencils().count())
         .map(|stencil| {
             let fault = potential.fault(stencil, &x, 0.0).unwrap();
@@ -351,7 +351,7 @@ fn mean_deformations_are_volume_weighted() {
     });
 }
 
-/// The energy at rest of the single tetrahedron of the reference cases, x₁ = (1.2, 0, 0).
+/// Tests the energy at rest of the single tetrahedron of the reference cases, x₁ = (1.2, 0, 0).
 #[test]
 fn single_tetrahedron_energy() {
     let points = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -360,7 +360,7 @@ fn single_tetrahedron_energy() {
     let mut masses = vec![0.0; 4];
     crate::add_lumped_mass(&mesh, &[0], 6.0, &mut masses).unwrap();
     assert!(masses.iter().all(|mass| (mass - 0.25).abs() < 1e-16));
-    // Kinetic energy of v = (3,3,−2), (−3,−1,1), (2,−1,2).
+    // The kinetic energy of the velocities (3,3,−2), (−3,−1,1), (2,−1,2).
     let kinetic = 0.5 * 0.25 * (22.0 + 11.0 + 9.0);
     let x = [0.0, 0.0, 0.0, 1.2, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
     let parameters = Isotropic { young: 1000.0, poisson: 0.3, density: 6.0 };

@@ -1,5 +1,5 @@
-//! What elements keep on meshes drawn at random: jittered boxes with renumbered nodes and shuffled elements. Every
-//! registered element and law enters. `PROPTEST_CASES=10000` draws more.
+//! Tests properties of elements on random meshes: jittered boxes with renumbered nodes and shuffled elements, with
+//! every registered element and law. `PROPTEST_CASES=10000` draws more samples.
 
 use proptest::prelude::*;
 use vi_core::{Potential, packed_len};
@@ -18,7 +18,7 @@ struct Body {
     x: Vec<[f64; 3]>,
 }
 
-/// Numbers of `count` things, shuffled.
+/// Draws a permutation of 0..count.
 fn shuffled(count: usize) -> impl Strategy<Value = Vec<u32>> {
     Just((0..count as u32).collect::<Vec<_>>()).prop_shuffle()
 }
@@ -44,7 +44,7 @@ fn body() -> impl Strategy<Value = Body> {
     })
 }
 
-/// The body with its nodes renumbered, node a becoming `number[a]`, and its elements in the order `order`.
+/// Returns the body with node a renumbered to `number[a]` and its elements in the order `order`.
 fn renumbered(body: &Body, number: &[u32], order: &[u32]) -> Body {
     let mut other = body.clone();
     for (a, &b) in number.iter().enumerate() {
@@ -80,7 +80,7 @@ fn potential(set: InstructionSet, body: &Body, law: &Law) -> Option<Box<dyn Pote
 proptest! {
     #![proptest_config(crate::fixed_seed())]
 
-    /// Any range on any instruction set: what one number at a time gives.
+    /// Any range on any instruction set gives the same as scalar arithmetic, up to round-off.
     #[test]
     fn lanes_do_what_one_number_does(
         body in body(), law in law(), first in any::<prop::sample::Index>(), last in any::<prop::sample::Index>(),
@@ -98,7 +98,7 @@ proptest! {
             for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
                 prop_assert!((found - expected).abs() <= 1e-12 * stiffness, "{set:?}: {found} but {expected}");
             }
-            // Not a bit depends on the range.
+            // The results do not depend on the range, to the bit.
             let all = blocks(lanes.as_ref(), 0..count, &body);
             for (part, all) in found.iter().zip(&all) {
                 let length = part.len() / range.len();
@@ -107,7 +107,7 @@ proptest! {
         }
     }
 
-    /// Names of nodes and the order of elements are nothing to the physics.
+    /// Results do not depend on the numbering of nodes or the order of elements.
     #[test]
     fn numbering_is_no_physics(
         (body, number, order) in body().prop_flat_map(|body| {

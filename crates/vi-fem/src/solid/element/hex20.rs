@@ -1,17 +1,17 @@
-//! The quadratic hexahedron without middle nodes (serendipity).
+//! The quadratic serendipity hexahedron, without nodes on faces or in the centre.
 
 use vi_mesh::CellKind;
 
 use super::contract::Element;
 use super::rule::{GAUSS_3, cube};
 
-/// Corners as `Hex8`, then the middles of the edges 01 12 23 30, 45 56 67 74, 04 15 26 37.
-/// N = Π (1 + ξ ξ_a)/8 (ξ·ξ_a − 2) at corners, (1 − ξ²)(1 ± η)(1 ± ζ)/4 on edges along ξ. 27 points,
+/// The corners are those of `Hex8`; then follow the midpoints of the edges 01 12 23 30, 45 56 67 74, 04 15 26 37. N =
+/// Π (1 + ξ ξ_a)/8 (ξ·ξ_a − 2) at corners, (1 − ξ²)(1 ± η)(1 ± ζ)/4 on edges along ξ. The rule has 27 points and is
 /// exact to degree 5 in each coordinate.
 #[derive(Debug, Clone, Copy)]
 pub struct Hex20;
 
-/// (1 + ξ ξ_a) at ends, (1 − ξ²) in the middle, and its derivative.
+/// Returns the factor of one coordinate and its derivative: (1 + ξ ξ_a) at an end, (1 − ξ²) in the middle.
 fn factor(node: f64, xi: f64) -> (f64, f64) {
     if node == 0.0 { (1.0 - xi * xi, -2.0 * xi) } else { (1.0 + node * xi, node) }
 }

@@ -5,13 +5,13 @@ use vi_mesh::CellKind;
 use super::contract::Element;
 use super::rule::{GAUSS_3, cube};
 
-/// Nodes as `Hex20`, then the middles of the faces x−, x+, y−, y+, z−, z+, then the centre.
-/// N is the product of quadratic Lagrange polynomials. 27 points, exact to degree 5 in each
-/// coordinate; its nodes are Lobatto points, so that its lumped mass keeps its order.
+/// The nodes are those of `Hex20`; then follow the centres of the faces x−, x+, y−, y+, z−, z+ and the centre. N is a
+/// product of quadratic Lagrange polynomials. The rule has 27 points and is exact to degree 5 in each coordinate. The
+/// nodes are Lobatto points, so lumping the mass keeps the order.
 #[derive(Debug, Clone, Copy)]
 pub struct Hex27;
 
-/// The quadratic Lagrange polynomial of a node −1, 0 or 1, and its derivative.
+/// Returns the quadratic Lagrange polynomial of a node at −1, 0 or 1, and its derivative.
 fn lagrange(node: f64, xi: f64) -> (f64, f64) {
     if node == 0.0 { (1.0 - xi * xi, -2.0 * xi) } else { (0.5 * xi * (xi + node), xi + 0.5 * node) }
 }

@@ -5,8 +5,8 @@ use vi_mesh::CellKind;
 use super::contract::Element;
 use super::rule::{GAUSS_2, cube};
 
-/// On [−1, 1]³: the bottom face ζ = −1 counter-clockwise from (−1, −1), then the top. N = Π (1 ± ξ)/2.
-/// Eight points, exact to degree 3 in each coordinate.
+/// The reference cell is [−1, 1]³: the bottom face ζ = −1 counter-clockwise from (−1, −1), then the top face. N = Π
+/// (1 ± ξ)/2. The rule has eight points and is exact to degree 3 in each coordinate.
 #[derive(Debug, Clone, Copy)]
 pub struct Hex8;
 

@@ -1,8 +1,8 @@
-//! One kernel serves every solid element: x ↦ F at the quadrature points, P ↦ nodal forces, tangents ↦ element
-//! Hessians, eight elements at a time.
+//! The kernel of all solid elements: x ↦ F at the quadrature points, P ↦ nodal forces, tangents ↦ element Hessians,
+//! for eight elements at a time.
 //!
-//! Of the geometry at rest a quadrature point keeps only J⁻¹ = (∂X/∂ξ)⁻¹ and its volume w det J:
-//! F = (Σ x_a ⊗ ∂N_a/∂ξ) J⁻¹ and f_a = Σ_q w P J⁻ᵀ ∂N_a/∂ξ.
+//! At rest a quadrature point stores only J⁻¹ = (∂X/∂ξ)⁻¹ and its volume w det J. Then F = (Σ x_a ⊗ ∂N_a/∂ξ) J⁻¹ and
+//! f_a = Σ_q w P J⁻ᵀ ∂N_a/∂ξ.
 
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -11,7 +11,7 @@ use pulp::{Arch, Simd, WithSimd};
 use vi_core::packed_len;
 
 use super::contract::Element;
-use super::rest_shape::{PointGeometry, TurnedGeometry};
+use super::rest_shape::{PointGeometry, RotatedGeometry};
 use crate::lanes::pack::{GROUP, Pack, members, parts};
 use crate::lanes::real::Lane;
 use crate::lanes::transpose::{gather, put};
@@ -21,24 +21,23 @@ use crate::small::tensor::{
 use crate::solid::material::batch::{PackedMat3, PackedTangent, load_mat3, store_mat3};
 use vi_mesh::volume_of_round_off;
 
-/// Solid elements of one kind, in groups of eight; the last group is filled up with copies of the
-/// last element.
+/// Solid elements of one kind in groups of eight; copies of the last element fill the last group.
 pub(crate) struct Solids<E, const N: usize, const Q: usize> {
     arch: Arch,
     count: usize,
     nodes: Vec<u32>,
-    /// Q a group.
+    /// The geometry of the quadrature points, Q per group.
     pub(super) geometry: Vec<PointGeometry>,
-    /// One a group where [`Solids::turn`] has been called.
-    pub(super) turned: Vec<TurnedGeometry>,
+    /// The rotated geometry, one per group, if [`Solids::rotate_rest_shapes`] has been called.
+    pub(super) rotated: Vec<RotatedGeometry>,
     /// ∂N_a/∂ξ at the quadrature points.
     pub(super) gradients: [[[f64; 3]; N]; Q],
     element: PhantomData<E>,
 }
 
 impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
-    /// Elements with these nodes (N each) at rest at `points`. Elements that are inverted or have no
-    /// volume are returned instead: (index in the list, smallest w det J · Q-fold volume, m³).
+    /// Returns elements with these nodes (N each) at rest at `points`. If an element is inverted or has no volume,
+    /// returns it as the error: (index in the list, Q × its smallest w det J, m³).
     pub(crate) fn new(
         arch: Arch,
         points: &[[f64; 3]],
@@ -79,30 +78,30 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
         if !inverted.is_empty() {
             return Err(inverted);
         }
-        Ok(Self { arch, count, nodes, geometry, turned: Vec::new(), gradients, element: PhantomData })
+        Ok(Self { arch, count, nodes, geometry, rotated: Vec::new(), gradients, element: PhantomData })
     }
 
-    /// Makes the turned geometry of linear tetrahedra. For laws that do not see the turn.
-    pub(crate) fn turn(&mut self) {
-        self.turned = self.geometry.iter().map(TurnedGeometry::of).collect();
+    /// Computes the rotated geometry of linear tetrahedra. Use it only for laws that are isotropic and objective.
+    pub(crate) fn rotate_rest_shapes(&mut self) {
+        self.rotated = self.geometry.iter().map(RotatedGeometry::of).collect();
     }
 
-    /// How many elements.
+    /// Returns the number of elements.
     pub(crate) fn count(&self) -> usize {
         self.count
     }
 
-    /// Instruction set that the kernels run on.
+    /// Returns the instruction set of the kernels.
     pub(crate) fn arch(&self) -> Arch {
         self.arch
     }
 
-    /// Node numbers, N an element.
+    /// Returns the node numbers, N per element.
     pub(crate) fn nodes(&self) -> &[u32] {
         &self.nodes[..self.count * N]
     }
 
-    /// [`Solids::nodes`] of whole groups.
+    /// Returns [`Solids::nodes`] for whole groups.
     pub(super) fn padded_nodes(&self) -> &[u32] {
         &self.nodes
     }
@@ -114,18 +113,18 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
         }
     }
 
-    /// The volumes w det J of the quadrature points of a group, m³.
+    /// Returns the volumes w det J (m³) of the quadrature points of a group.
     pub(crate) fn volumes(&self, group: usize) -> impl Iterator<Item = &Pack> + Clone {
         self.geometry[group * Q..][..Q].iter().map(|point| &point.volume)
     }
 
-    /// F at the quadrature points of some groups, Q a group.
+    /// Writes F at the quadrature points of some groups, Q per group.
     #[inline(never)]
     pub(crate) fn deformations(&self, groups: Range<usize>, x: &[f64], out: &mut [PackedMat3]) {
         self.arch.dispatch(Deformations { solids: self, groups, x, out });
     }
 
-    /// Gradients of the elements of `range` from P at the quadrature points of `groups`.
+    /// Writes the gradients of the elements of `range` from P at the quadrature points of `groups`.
     #[inline(never)]
     pub(crate) fn forces(
         &self,
@@ -137,8 +136,8 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
         self.arch.dispatch(Forces { solids: self, groups, stresses, range, out });
     }
 
-    /// Packed Hessians of the elements of `range` in `group` from the tangents at its quadrature
-    /// points; `block` is room for one packed Hessian of a group.
+    /// Writes the packed Hessians of the elements of `range` in `group` from the tangents at its quadrature points;
+    /// `block` is scratch memory for one packed Hessian of a group.
     #[inline(never)]
     pub(crate) fn hessians(
         &self,
@@ -153,7 +152,7 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
 }
 
 impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
-    /// Nodal forces of a part of a group from P at its quadrature points.
+    /// Returns the nodal forces of a part of a group from P at its quadrature points.
     #[inline(always)]
     pub(super) fn lane_forces<S: Simd>(
         &self,
@@ -244,7 +243,7 @@ struct Hessians<'a, E, const N: usize, const Q: usize> {
 
 impl<E: Element<N, Q>, const N: usize, const Q: usize> WithSimd for Hessians<'_, E, N, Q> {
     type Output = ();
-    /// K_(ai)(bk) = Σ_q w Σ_jl G_aj C_ijkl G_bl, G_a = J⁻ᵀ ∂N_a/∂ξ.
+    /// Writes K_(ai)(bk) = Σ_q w Σ_jl G_aj C_ijkl G_bl with G_a = J⁻ᵀ ∂N_a/∂ξ.
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { solids, group, tangents, block, range, out } = self;

@@ -1,10 +1,10 @@
-//! What every registered element must keep. New elements enter by their registration line.
+//! Tests the laws that every registered element must obey. The registration line adds a new element.
 
 use vi_mesh::CellKind;
 
 use super::contract::Element;
 
-/// All laws of an element.
+/// Checks all laws for one element.
 pub(super) fn check<E: Element<N, Q>, const N: usize, const Q: usize>(kind: CellKind) {
     assert_eq!((E::KIND, kind.node_count()), (kind, N));
     shapes_interpolate::<E, N, Q>();
@@ -13,7 +13,7 @@ pub(super) fn check<E: Element<N, Q>, const N: usize, const Q: usize>(kind: Cell
     nodes_carry_positive_mass::<E, N, Q>(kind);
 }
 
-/// ∫ x^a y^b z^c over the reference cell.
+/// Returns ∫ x^a y^b z^c over the reference cell.
 fn moment(kind: CellKind, [a, b, c]: [i32; 3]) -> f64 {
     let factorial = |n: i32| (1..=n).map(f64::from).product::<f64>();
     let symmetric = |n: i32| if n % 2 == 0 { 2.0 / f64::from(n + 1) } else { 0.0 };
@@ -52,13 +52,13 @@ fn nodes_carry_positive_mass<E: Element<N, Q>, const N: usize, const Q: usize>(k
     assert!(shares.iter().all(|&share| share > 0.0), "{kind}: {shares:?}");
     assert!((shares.iter().sum::<f64>() - moment(kind, [0; 3])).abs() < 1e-14);
     if kind == CellKind::Tet10 {
-        // Straight sides: 1/36 and 4/27 of the whole.
+        // With straight sides the shares are 1/36 and 4/27 of the whole.
         assert!((6.0 * shares[0] - 1.0 / 36.0).abs() < 1e-14 && (6.0 * shares[9] - 4.0 / 27.0).abs() < 1e-14);
     }
 }
 
-/// Points inside the reference cell: those of the rule and one near each node. At a node itself shape functions may have
-/// no gradient, as at the apex of a pyramid.
+/// Returns points inside the reference cell: those of the rule, and one near each node. At a node itself shape
+/// functions may have no gradient, as at the apex of a pyramid.
 fn samples<E: Element<N, Q>, const N: usize, const Q: usize>() -> Vec<[f64; 3]> {
     let inside = E::rule().map(|(xi, _)| xi);
     let middle = [0, 1, 2].map(|i| E::nodes().iter().map(|node| node[i]).sum::<f64>() / N as f64);
@@ -73,7 +73,7 @@ fn shapes_interpolate<E: Element<N, Q>, const N: usize, const Q: usize>() {
         }
     }
     for xi in samples::<E, N, Q>() {
-        // Partition of unity, and linear functions are reproduced.
+        // Check the partition of unity, and that linear functions are reproduced.
         let (values, gradients) = (E::values(xi), E::gradients(xi));
         assert!((values.iter().sum::<f64>() - 1.0).abs() < 1e-14);
         for i in 0..3 {

@@ -1,5 +1,5 @@
-//! Solid elements on a patch: from the positions of its nodes to the sums at its nodes, eight elements at a time,
-//! with no block of an element in memory.
+//! Solid elements on a patch: from the positions of its nodes to the sums at its nodes, eight elements at a time. No
+//! element block is stored in memory.
 
 use std::ops::Range;
 
@@ -14,11 +14,12 @@ use crate::lanes::real::Lane;
 use crate::small::tensor::product;
 use crate::solid::material::batch::{PackedMat3, load_mat3, store_mat3};
 
-/// Most nodes of an element.
+/// Largest number of nodes of an element.
 const MOST_NODES: usize = 27;
 
-/// Calls `work` with groups and the places of all their elements, `node_count` each, for a run of
-/// elements: first and last groups of which only some lanes are in the run have the others nowhere.
+/// Calls `work` with groups and the places of the nodes of all their elements, `node_count` per element, for a range
+/// of elements. If only some lanes of the first or last group lie in the range, the places of the others are
+/// [`Patch::NOWHERE`].
 pub(crate) fn whole_groups(
     range: Range<usize>,
     places: &[u16],
@@ -35,17 +36,17 @@ pub(crate) fn whole_groups(
             element = end * GROUP;
         } else {
             let stop = range.end.min((group + 1) * GROUP);
-            let mut room = [Patch::NOWHERE; GROUP * MOST_NODES];
+            let mut padded = [Patch::NOWHERE; GROUP * MOST_NODES];
             let (first, length) = ((element % GROUP) * node_count, (stop - element) * node_count);
-            room[first..first + length].copy_from_slice(&rest[..length]);
-            work(group..group + 1, &room[..GROUP * node_count]);
+            padded[first..first + length].copy_from_slice(&rest[..length]);
+            work(group..group + 1, &padded[..GROUP * node_count]);
             element = stop;
         }
     }
 }
 
 impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
-    /// F at the quadrature points of groups, Q a group.
+    /// Writes F at the quadrature points of groups, Q per group.
     #[inline(never)]
     pub(crate) fn patch_deformations(
         &self,
@@ -70,7 +71,7 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
     }
 }
 
-/// The positions of the nodes of a part of a group.
+/// Returns the positions of the nodes of a part of a group.
 #[inline(always)]
 fn positions<S: Simd, const N: usize>(simd: S, x: &PatchArray, places: &[u16]) -> [[Lane<S>; 3]; N] {
     let mut positions = [[Lane::splat(simd, 0.0); 3]; N];

@@ -1,7 +1,8 @@
-//! Between the padded vectors of a patch and lanes: [`crate::lanes::transpose`] for nodes that one load reads.
+//! Moves numbers between the padded vectors of a patch and lanes. It is [`crate::lanes::transpose`] for nodes that a
+//! single load reads.
 //!
-//! Every way adds in the order of the lanes, node by node. Places are u16 into arrays that have them
-//! all: no index is checked, and none can fail.
+//! All variants add in the order of the lanes, node by node. Places are u16 indices into arrays that have an entry
+//! for every u16, so no index needs a check and none can fail.
 
 use pulp::Simd;
 use vi_core::PatchArray;
@@ -10,12 +11,12 @@ use crate::lanes::pack::Pack;
 use crate::lanes::real::Lane;
 use crate::small::tensor::{Mat3, mat3};
 
-/// Runs `$v4` or `$v3` where the token is that of AVX-512 or AVX2.
+/// Runs `$v4` or `$v3` if the token is that of AVX-512 or AVX2.
 macro_rules! on_x86 {
     ($simd:ident, $token:ident, $v4:expr, $v3:expr) => {
         #[cfg(target_arch = "x86_64")]
         {
-            // The casts are between a type and itself, and cost nothing.
+            // Cast between a type and itself, which costs nothing.
             let token: &dyn std::any::Any = &$simd;
             if let Some(&$token) = token.downcast_ref::<pulp::x86::V4>() {
                 return $v4;
@@ -44,7 +45,7 @@ fn raw<S: Simd, V: pulp::bytemuck::AnyBitPattern>([x, y, z]: [Lane<S>; 3]) -> [V
     [cast(x.raw()), cast(y.raw()), cast(z.raw())]
 }
 
-/// The coordinates of `S::F64_LANES` nodes in lanes: place `places[stride · lane]` each.
+/// Gathers the coordinates of `S::F64_LANES` nodes into lanes; lane l holds the node at `places[stride · l]`.
 #[inline(always)]
 pub(crate) fn gather_places<S: Simd>(simd: S, x: &PatchArray, places: &[u16], stride: usize) -> [Lane<S>; 3] {
     on_x86!(
@@ -63,7 +64,7 @@ pub(crate) fn gather_places<S: Simd>(simd: S, x: &PatchArray, places: &[u16], st
     [local[0].load(simd, 0), local[1].load(simd, 0), local[2].load(simd, 0)]
 }
 
-/// Adds the vector of each lane to its place, `places[stride · lane]`.
+/// Adds the vector of lane l to the sum at `places[stride · l]`.
 #[inline(always)]
 pub(crate) fn add_to_places<S: Simd>(
     simd: S,
@@ -90,8 +91,8 @@ pub(crate) fn add_to_places<S: Simd>(
     }
 }
 
-/// The edges of `S::F64_LANES` tetrahedra from their first nodes, four places each, as columns:
-/// x₁ − x₀, x₂ − x₀, x₃ − x₀.
+/// Returns the edges of `S::F64_LANES` tetrahedra from their first nodes as columns x₁ − x₀, x₂ − x₀, x₃ − x₀.
+/// `places` holds four per element.
 #[inline(always)]
 pub(crate) fn gather_edges<S: Simd>(simd: S, x: &PatchArray, places: &[u16]) -> Mat3<Lane<S>> {
     #[cfg(target_arch = "x86_64")]
@@ -112,8 +113,8 @@ pub(crate) fn gather_edges<S: Simd>(simd: S, x: &PatchArray, places: &[u16]) -> 
     mat3!(i j => columns[j][i] - origin[i])
 }
 
-/// Adds the forces of `S::F64_LANES` tetrahedra on their last three nodes, the columns of `forces`,
-/// and minus their sum on the first.
+/// Adds the forces of `S::F64_LANES` tetrahedra: the columns of `forces` to their last three nodes, and minus the sum
+/// of the columns to the first.
 #[inline(always)]
 pub(crate) fn add_edge_forces<S: Simd>(
     simd: S,
@@ -165,7 +166,7 @@ mod x86 {
         sum.0 = cast(isa._mm256_add_pd(cast(sum.0), value));
     }
 
-    /// Nodes of lanes l and l + 4 side by side.
+    /// Loads the nodes of lanes l and l + 4 side by side.
     #[inline(always)]
     fn pairs(simd: V4, x: &PatchArray, places: &[u16], stride: usize) -> [__m512d; 4] {
         let isa = simd.avx512f;
@@ -177,8 +178,8 @@ mod x86 {
         pairs
     }
 
-    /// x, y, z of eight nodes as vectors of lanes l and l + 4 side by side; the fourth numbers mean
-    /// nothing.
+    /// Transposes x, y, z of eight nodes to vectors that hold lanes l and l + 4 side by side; the fourth numbers are
+    /// unused.
     #[inline(always)]
     fn rows(simd: V4, [x, y, z]: [f64x8; 3]) -> [__m512d; 4] {
         let isa = simd.avx512f;
@@ -215,7 +216,7 @@ mod x86 {
         add_rows(simd, rows(simd, value), places, stride, sums);
     }
 
-    /// Differences before the transposition: three nodes to transpose instead of four.
+    /// Subtracts before transposing, so that three nodes need transposing instead of four.
     #[inline(always)]
     pub(super) fn edges_8(simd: V4, x: &PatchArray, places: &[u16]) -> [[f64x8; 3]; 3] {
         let isa = simd.avx512f;
@@ -231,7 +232,7 @@ mod x86 {
         columns
     }
 
-    /// The force on the first node after the transposition, as above.
+    /// Forms the force on the first node after transposing, for the same reason.
     #[inline(always)]
     pub(super) fn add_edge_forces_8(
         simd: V4,
@@ -296,7 +297,7 @@ mod tests {
             for (node, x) in x.iter_mut().take(20).enumerate() {
                 *x = Padded([node as f64, 10.0 * node as f64, 100.0 + node as f64, f64::NAN]);
             }
-            // Tetrahedra that share nodes.
+            // Use tetrahedra that share nodes.
             let places: Vec<u16> = (0..32).map(|k| (7 * k + 19) % 20).collect();
             let width = S::F64_LANES;
             let (mut sums, mut edge_sums) = (Patch::zeros(), Patch::zeros());

@@ -1,9 +1,10 @@
-//! The shape of elements at rest; that of linear tetrahedra also turned, so that a third of it is zero.
+//! The shape of elements at rest. For linear tetrahedra it can also be rotated, such that a third of its entries
+//! vanish.
 //!
-//! A law that is isotropic and objective has Ψ(F Q) = Ψ(F) and P(F Q) = P(F) Q for every rotation Q, so that a body
-//! may be turned at rest, each element by itself, and the forces stay. With the edges J = Q R (R upper
-//! triangular: the first edge along the first axis, the second in the plane of the first two) and B = R⁻¹,
-//! F Q = (x₁ − x₀, x₂ − x₀, x₃ − x₀) B, and the forces on nodes 1, 2, 3 are the columns of V P Bᵀ.
+//! A law that is isotropic and objective has Ψ(F Q) = Ψ(F) and P(F Q) = P(F) Q for every rotation Q. Hence each
+//! element may be rotated at rest by itself, and the forces stay the same. Let the edges be J = Q R with an upper
+//! triangular R: the first edge lies along the first axis, the second in the plane of the first two. With B = R⁻¹, F
+//! Q = (x₁ − x₀, x₂ − x₀, x₃ − x₀) B, and the forces on nodes 1, 2, 3 are the columns of V P Bᵀ.
 
 use pulp::Simd;
 
@@ -21,11 +22,12 @@ pub(super) struct PointGeometry {
     pub(super) volume: Pack,
 }
 
-/// What the forces of a group of linear tetrahedra need of their shape at rest.
+/// The rest shape of a group of linear tetrahedra, as far as forces depend on it.
 pub(super) trait RestShape {
-    /// F of a part of the group from the edges x₁ − x₀, x₂ − x₀, x₃ − x₀ as columns; turned, if the shape is.
+    /// Returns F of a part of the group, given the edges x₁ − x₀, x₂ − x₀, x₃ − x₀ as columns; F Q if the shape is
+    /// rotated.
     fn deformation<S: Simd>(&self, simd: S, part: usize, edges: &Mat3<Lane<S>>) -> Mat3<Lane<S>>;
-    /// The forces on nodes 1, 2, 3 as columns, N, from P of that F.
+    /// Returns the forces on nodes 1, 2, 3 (N) as columns from P at that F.
     fn forces<S: Simd>(&self, simd: S, part: usize, stress: &Mat3<Lane<S>>) -> Mat3<Lane<S>>;
 }
 
@@ -43,16 +45,16 @@ impl RestShape for PointGeometry {
     }
 }
 
-/// B of a group of tetrahedra and their volumes.
+/// The matrices B of a group of tetrahedra, and their volumes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct TurnedGeometry {
+pub(super) struct RotatedGeometry {
     /// B₀₀ B₀₁ B₀₂ B₁₁ B₁₂ B₂₂, 1/m.
     inverse: [Pack; 6],
     /// V, m³.
     volume: Pack,
 }
 
-impl RestShape for TurnedGeometry {
+impl RestShape for RotatedGeometry {
     #[inline(always)]
     fn deformation<S: Simd>(&self, simd: S, part: usize, edges: &Mat3<Lane<S>>) -> Mat3<Lane<S>> {
         let [b00, b01, b02] = vec3!(k => self.inverse[k].load(simd, part));
@@ -74,25 +76,25 @@ impl RestShape for TurnedGeometry {
     }
 }
 
-impl TurnedGeometry {
-    /// The shape of a group of linear tetrahedra, turned.
+impl RotatedGeometry {
+    /// Returns the rotated shape of a group of linear tetrahedra.
     pub(super) fn of(geometry: &PointGeometry) -> Self {
-        let mut turned = Self { inverse: [Pack::default(); 6], volume: geometry.volume };
+        let mut rotated = Self { inverse: [Pack::default(); 6], volume: geometry.volume };
         for lane in 0..GROUP {
-            let inverse = turned_inverse(&mat3!(i j => geometry.inverse[3 * i + j].0[lane]));
-            for (pack, value) in turned.inverse.iter_mut().zip(inverse) {
+            let inverse = rotated_inverse(&mat3!(i j => geometry.inverse[3 * i + j].0[lane]));
+            for (pack, value) in rotated.inverse.iter_mut().zip(inverse) {
                 pack.0[lane] = value;
             }
         }
-        turned
+        rotated
     }
 }
 
-/// The upper triangle of B in J⁻¹ = B Qᵀ: the rows of J⁻¹ made orthogonal from the last to the first. Products
-/// of vectors keep it accurate where they are nearly parallel.
-fn turned_inverse(inverse: &Mat3<f64>) -> [f64; 6] {
+/// Returns the upper triangle of B in J⁻¹ = B Qᵀ: orthogonalises the rows of J⁻¹ from the last to the first. Cross
+/// products keep it accurate if the rows are nearly parallel.
+fn rotated_inverse(inverse: &Mat3<f64>) -> [f64; 6] {
     let [a, b, c] = *inverse;
-    // q₂ along c, q₀ along n = b × c, q₁ = q₂ × q₀.
+    // q₂ lies along c, q₀ along n = b × c, and q₁ = q₂ × q₀.
     let n = cross(b, c);
     let (length, area) = (dot(c, c).sqrt(), dot(n, n).sqrt());
     let middle = cross(c, n).map(|value| value / (length * area));
@@ -111,21 +113,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn turning_keeps_the_metric() {
-        // B Bᵀ = J⁻¹ J⁻ᵀ, also of a sliver.
+    fn rotating_keeps_the_metric() {
+        // Check B Bᵀ = J⁻¹ J⁻ᵀ, also for a sliver.
         for thickness in [1.0, 1e-3, 1e-6] {
             let inverse = [[1.2, 0.3, -0.4], [-0.7, 2.0, 0.1], [0.3, 0.2, 1.0 / thickness]];
-            let [b00, b01, b02, b11, b12, b22] = turned_inverse(&inverse);
-            let turned = [[b00, b01, b02], [0.0, b11, b12], [0.0, 0.0, b22]];
+            let [b00, b01, b02, b11, b12, b22] = rotated_inverse(&inverse);
+            let rotated = [[b00, b01, b02], [0.0, b11, b12], [0.0, 0.0, b22]];
             let (found, expected) =
-                (product_transposed(&turned, &turned), product_transposed(&inverse, &inverse));
+                (product_transposed(&rotated, &rotated), product_transposed(&inverse, &inverse));
             for i in 0..3 {
                 for j in 0..3 {
                     let scale = (expected[i][i] * expected[j][j]).sqrt();
                     assert!((found[i][j] - expected[i][j]).abs() <= 4e-15 * scale, "{thickness} {i} {j}");
                 }
             }
-            assert!((determinant(&turned) / determinant(&inverse) - 1.0).abs() < 1e-14);
+            assert!((determinant(&rotated) / determinant(&inverse) - 1.0).abs() < 1e-14);
         }
     }
 }

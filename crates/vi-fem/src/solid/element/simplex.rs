@@ -1,5 +1,5 @@
-//! The linear simplex with a law, compiled together: forces of patches and Hessians in registers, with one load of
-//! the geometry.
+//! The linear simplex compiled together with a law. Forces on patches and Hessians stay in registers, and the
+//! geometry is loaded once.
 
 use std::ops::Range;
 
@@ -19,7 +19,7 @@ use crate::solid::material::batch::load_mat3;
 use crate::solid::material::contract::Material;
 
 impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
-    /// Adds the forces of groups of simplices to the sums of a patch, four places an element.
+    /// Adds the forces of groups of simplices to the sums of a patch; `places` holds four per element.
     #[inline(never)]
     pub(crate) fn add_simplex_forces<M: Material>(
         &self,
@@ -29,16 +29,16 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
         x: &PatchArray,
         sums: &mut PatchArray,
     ) {
-        if self.turned.is_empty() {
+        if self.rotated.is_empty() {
             let shapes = &self.geometry[groups];
             self.arch().dispatch(Forces { shapes, material, places, x, sums });
         } else {
-            let shapes = &self.turned[groups];
+            let shapes = &self.rotated[groups];
             self.arch().dispatch(Forces { shapes, material, places, x, sums });
         }
     }
 
-    /// Packed Hessians of the simplices of `range`.
+    /// Writes the packed Hessians of the simplices of `range`.
     #[inline(never)]
     pub(crate) fn simplex_hessians<M: Material>(
         &self,
@@ -113,8 +113,8 @@ impl<M: Material> WithSimd for Hessians<'_, M> {
     }
 }
 
-/// K_(ai)(bk) = V Σ_jl G_aj C_ijkl G_bl of nodes 1, 2, 3, whose gradients G_a are the rows of J⁻¹. All
-/// gradients sum to zero, and so do the blocks of a row: those of node 0 follow.
+/// Writes K_(ai)(bk) = V Σ_jl G_aj C_ijkl G_bl for the nodes 1, 2, 3, whose gradients G_a are the rows of J⁻¹. All
+/// gradients sum to zero, and so do the blocks of a row, which gives the blocks of node 0.
 #[inline(always)]
 fn write_block<S: Simd>(
     simd: S,

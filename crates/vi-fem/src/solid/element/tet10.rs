@@ -4,8 +4,9 @@ use vi_mesh::CellKind;
 
 use super::contract::Element;
 
-/// Corners as `Tet4`, then the middles of the edges 01 12 20 03 13 23. With barycentric
-/// coordinates b: N = b_a (2 b_a − 1) at corners, 4 b_a b_b on edges. Four points, exact to degree 2.
+/// The corners are those of `Tet4`; then follow the midpoints of the edges 01 12 20 03 13 23. With barycentric
+/// coordinates b, N = b_a (2 b_a − 1) at corners and 4 b_a b_b on edges. The rule has four points and is exact to
+/// degree 2.
 #[derive(Debug, Clone, Copy)]
 pub struct Tet10;
 
@@ -28,7 +29,7 @@ impl Element<10, 4> for Tet10 {
         ]
     }
 
-    /// Lumping needs degree 4: 14 points, exact to degree 5 (Walkington 2000).
+    /// Lumping needs degree 4: this rule has 14 points and is exact to degree 5 (Walkington 2000).
     fn mass_rule() -> Vec<([f64; 3], f64)> {
         let mut rule = Vec::new();
         for (near, weight) in [

@@ -6,7 +6,7 @@ use super::contract::Element;
 use crate::lanes::real::Real;
 use crate::small::tensor::{Mat3, mat3};
 
-/// Nodes 0, e₁, e₂, e₃; N = 1 − ξ − η − ζ, ξ, η, ζ.
+/// The nodes are 0, e₁, e₂, e₃; the shape functions are 1 − ξ − η − ζ, ξ, η, ζ.
 #[derive(Debug, Clone, Copy)]
 pub struct Tet4;
 
@@ -27,7 +27,7 @@ impl Element<4, 1> for Tet4 {
         [[-1.0, -1.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     }
 
-    /// Columns x₁ − x₀, x₂ − x₀, x₃ − x₀.
+    /// Returns the columns x₁ − x₀, x₂ − x₀, x₃ − x₀.
     #[inline(always)]
     fn reference_gradient<R: Real>(x: &[[R; 3]; 4], _: &[[f64; 3]; 4]) -> Mat3<R> {
         mat3!(i j => x[j + 1][i] - x[0][i])

@@ -1,4 +1,4 @@
-//! The quadratic wedge without middle nodes (serendipity).
+//! The quadratic serendipity wedge, without nodes on faces.
 
 use vi_mesh::CellKind;
 
@@ -6,13 +6,13 @@ use super::contract::Element;
 use super::rule::{GAUSS_3, TRIANGLE_6, prism};
 use super::wedge6::SLOPES;
 
-/// Corners as `Wedge6`, then the middles of the edges 01 12 20, 34 45 53, 03 14 25. With
-/// barycentric b and h = 1 − ζ or ζ: N = b h (2b + 2h − 3) at corners, 4 b_a b_b h on the triangles'
-/// edges, 4 b ζ (1 − ζ) on the upright ones. 18 points, exact to degree 4.
+/// The corners are those of `Wedge6`; then follow the midpoints of the edges 01 12 20, 34 45 53, 03 14 25. With
+/// barycentric coordinates b and h = 1 − ζ or ζ: N = b h (2b + 2h − 3) at corners, 4 b_a b_b h on the edges of the
+/// triangles, 4 b ζ (1 − ζ) on the upright edges. The rule has 18 points and is exact to degree 4.
 #[derive(Debug, Clone, Copy)]
 pub struct Wedge15;
 
-/// (1 − ζ or ζ) of a corner, and its slope.
+/// Returns h = 1 − ζ or ζ for a corner, and its derivative.
 fn height(corner: usize, z: f64) -> (f64, f64) {
     if corner < 3 { (1.0 - z, -1.0) } else { (z, 1.0) }
 }

@@ -1,4 +1,4 @@
-//! The biquadratic wedge: what Gmsh makes of wedges beside triquadratic hexahedra.
+//! The biquadratic wedge, which Gmsh generates next to triquadratic hexahedra.
 
 use vi_mesh::CellKind;
 
@@ -6,12 +6,12 @@ use super::contract::Element;
 use super::rule::{GAUSS_3, TRIANGLE_6, prism};
 use super::wedge6::SLOPES;
 
-/// Nodes as `Wedge15`, then the middles of the faces 0143, 1254, 2035. N is the product of a
-/// quadratic polynomial on the triangle and one along ζ. 18 points, exact to degree 4.
+/// The nodes are those of `Wedge15`; then follow the centres of the faces 0143, 1254, 2035. N is the product of a
+/// quadratic polynomial on the triangle and one along ζ. The rule has 18 points and is exact to degree 4.
 #[derive(Debug, Clone, Copy)]
 pub struct Wedge18;
 
-/// Of each node: the node of the quadratic triangle (corners, then the middles of 01 12 20), and twice ζ.
+/// For each node: the node of the quadratic triangle (corners, then the midpoints of 01 12 20), and twice its ζ.
 const PLACES: [(usize, usize); 18] = [
     (0, 0),
     (1, 0),
@@ -33,7 +33,7 @@ const PLACES: [(usize, usize); 18] = [
     (5, 1),
 ];
 
-/// Value and slopes of a node of the quadratic triangle.
+/// Returns the value and the derivatives of the shape function of a node of the quadratic triangle.
 fn triangle(node: usize, [x, y]: [f64; 2]) -> (f64, [f64; 2]) {
     let b = [1.0 - x - y, x, y];
     match node.checked_sub(3) {
@@ -45,7 +45,8 @@ fn triangle(node: usize, [x, y]: [f64; 2]) -> (f64, [f64; 2]) {
     }
 }
 
-/// Value and slope of the node at ζ = `twice`/2 of the quadratic line on [0, 1].
+/// Returns the value and the derivative of the shape function of the node at ζ = `twice`/2 of the quadratic line on
+/// [0, 1].
 fn line(twice: usize, z: f64) -> (f64, f64) {
     match twice {
         0 => ((1.0 - z) * (1.0 - 2.0 * z), 4.0 * z - 3.0),

@@ -5,12 +5,12 @@ use vi_mesh::CellKind;
 use super::contract::Element;
 use super::rule::{GAUSS_2, TRIANGLE_3, prism};
 
-/// The triangle (0,0) (1,0) (0,1) at ζ = 0, then at ζ = 1: N = b_a (1 − ζ), b_a ζ. Six points, exact to
-/// degree 2.
+/// The triangle (0,0) (1,0) (0,1) at ζ = 0, then at ζ = 1. N = b_a (1 − ζ) and b_a ζ with the barycentric coordinates
+/// b. The rule has six points and is exact to degree 2.
 #[derive(Debug, Clone, Copy)]
 pub struct Wedge6;
 
-/// Slopes of the barycentric coordinates of the triangle.
+/// Gradients of the barycentric coordinates of the triangle.
 pub(super) const SLOPES: [[f64; 2]; 3] = [[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]];
 
 impl Element<6, 6> for Wedge6 {

@@ -1,7 +1,7 @@
-//! A law over many points at once, in the lanes of the machine.
+//! Evaluates a law at many points at once, in SIMD lanes.
 //!
-//! Laws and elements are compiled apart, and meet in groups of deformation gradients that stay in
-//! the first cache: one kernel a law and one an element, instead of one a pair.
+//! Laws and elements are compiled separately. They exchange groups of deformation gradients that stay in the
+//! first-level cache. This takes one kernel per law and one per element instead of one per pair.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -12,9 +12,9 @@ use crate::lanes::real::Lane;
 use crate::small::tensor::Tangent;
 use crate::small::tensor::{Mat3, mat3};
 
-/// A 3 × 3 matrix of each of a group of points, by rows.
+/// One 3 × 3 matrix by rows for each point of a group.
 pub(crate) type PackedMat3 = [Pack; 9];
-/// A tangent of each of a group of points.
+/// One tangent for each point of a group.
 pub(crate) type PackedTangent = [Pack; 45];
 
 #[inline(always)]
@@ -79,19 +79,19 @@ impl<M: Material, const PROJECTED: bool> WithSimd for Tangents<'_, M, PROJECTED>
     }
 }
 
-/// Ψ(F) at each point.
+/// Writes Ψ(F) at each point.
 #[inline(never)]
 pub(crate) fn energies<M: Material>(arch: Arch, material: &M, points: &[PackedMat3], out: &mut [Pack]) {
     arch.dispatch(Energies(material, points, out));
 }
 
-/// P(F) at each point, in the place of F.
+/// Overwrites F with P(F) at each point.
 #[inline(never)]
 pub(crate) fn stresses<M: Material>(arch: Arch, material: &M, points: &mut [PackedMat3]) {
     arch.dispatch(Stresses(material, points));
 }
 
-/// ∂²Ψ/∂F∂F at each point.
+/// Writes ∂²Ψ/∂F∂F at each point.
 #[inline(never)]
 pub(crate) fn tangents<M: Material>(
     arch: Arch,
@@ -102,7 +102,7 @@ pub(crate) fn tangents<M: Material>(
     arch.dispatch(Tangents::<M, false>(material, points, out));
 }
 
-/// ∂²Ψ/∂F∂F with its negative eigenvalues set to zero, at each point.
+/// Writes ∂²Ψ/∂F∂F with its negative eigenvalues set to zero at each point.
 #[inline(never)]
 pub(crate) fn projected_tangents<M: Material>(
     arch: Arch,

@@ -1,27 +1,27 @@
-//! What a hyperelastic law is: energy, stress, tangent and domain.
+//! The contract of a hyperelastic law: energy, stress, tangent and domain.
 
 use super::parameters::Parameters;
 use crate::lanes::real::Real;
 use crate::small::tensor::{Mat3, Tangent, determinant};
 
-/// A hyperelastic law: the energy density Ψ(F) (J/m³ of the body at rest) of the deformation
-/// gradient F = ∂x/∂X, and its derivatives. Written once, over any [`Real`].
+/// A hyperelastic law: the energy density Ψ(F) (J/m³ of the body at rest) as a function of the deformation gradient F
+/// = ∂x/∂X, with its derivatives. It is written once, over any [`Real`].
 pub trait Material: Send + Sync + 'static {
-    /// What the scene file says of it.
+    /// The parameters in a scene file.
     type Parameters: Parameters;
 
-    /// Is ∂²Ψ/∂F∂F the same for all F? Such a law is objective only to first order in ∂u/∂X.
+    /// Whether ∂²Ψ/∂F∂F is the same for all F. Such a law is objective only to first order in ∂u/∂X.
     const LINEAR: bool = false;
 
-    /// The law with these parameters, which have passed [`Parameters::check`].
+    /// Returns the law with these parameters, which have passed [`Parameters::check`].
     fn new(parameters: &Self::Parameters) -> Self;
-    /// Ψ(F), J/m³; Ψ(I) = 0; +∞ outside the domain.
+    /// Returns Ψ(F), J/m³; Ψ(I) = 0, and +∞ outside the domain.
     fn energy<R: Real>(&self, f: &Mat3<R>) -> R;
-    /// First Piola–Kirchhoff stress P = ∂Ψ/∂F, Pa; NaN outside the domain.
+    /// Returns the first Piola–Kirchhoff stress P = ∂Ψ/∂F, Pa; NaN outside the domain.
     fn stress<R: Real>(&self, f: &Mat3<R>) -> Mat3<R>;
-    /// Tangent ∂²Ψ/∂F∂F, Pa.
+    /// Returns the tangent ∂²Ψ/∂F∂F, Pa.
     fn tangent<R: Real>(&self, f: &Mat3<R>) -> Tangent<R>;
-    /// Is Ψ defined at F? A law that is defined everywhere, for inverted F too, need not say so.
+    /// Checks that Ψ is defined at F. A law that is defined for every F, including inverted ones, keeps this default.
     ///
     /// # Errors
     /// The quantity that left its domain, for the message of a failed step.
@@ -34,20 +34,20 @@ pub trait Material: Send + Sync + 'static {
 /// A quantity that has left the domain of a law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outside {
-    /// Its name, "det F" for example.
+    /// The name, for example "det F".
     pub quantity: &'static str,
-    /// Its value.
+    /// The value.
     pub value: f64,
-    /// What it must be, "must be positive" for example.
+    /// The condition that it violates, for example "must be positive".
     pub domain: &'static str,
-    /// How far it is beyond its domain, not negative. Of several points the farthest is reported.
+    /// The distance to the domain, not negative. Of several points the one with the largest is reported.
     pub excess: f64,
 }
 
-/// Ok where J = det F > 0: the domain of laws in ln J or powers of J.
+/// Checks J = det F > 0, the domain of laws in ln J or in powers of J.
 ///
 /// # Errors
-/// J where it is not positive; −∞ where it is not a number.
+/// J if it is not positive; −∞ if it is NaN.
 pub fn positive_determinant(f: &Mat3<f64>) -> Result<(), Outside> {
     let j = determinant(f);
     let value = if j.is_nan() { f64::NEG_INFINITY } else { j };
@@ -55,7 +55,7 @@ pub fn positive_determinant(f: &Mat3<f64>) -> Result<(), Outside> {
     if value > 0.0 { Ok(()) } else { Err(outside) }
 }
 
-/// Work to do with a law whose type is known only at run time.
+/// Work on a law whose type is known only at run time.
 pub(crate) trait LawVisitor {
     type Output;
     fn visit<M: Material>(self, material: M) -> Self::Output;

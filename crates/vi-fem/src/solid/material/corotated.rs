@@ -8,10 +8,10 @@ use crate::small::rotation::nearest_rotation;
 use crate::small::svd::svd;
 use crate::small::tensor::{Mat3, Tangent, contract, mat3};
 
-/// Ψ = μ ‖F − R‖² + λ/2 (tr(RᵀF) − 3)², R the rotation nearest to F (Müller et al. 2002; analytic
-/// tangent after Kim & Eberle 2022, §5). Defined for every F: R is a rotation for inverted F too.
-/// Where the two smallest singular values cancel (σ₂ + σ₃ = 0, deep inversion) R jumps; there the
-/// tangent takes the limit from a hair aside.
+/// Ψ = μ ‖F − R‖² + λ/2 (tr(RᵀF) − 3)², where R is the rotation nearest to F (Müller et al. 2002; analytic tangent
+/// after Kim & Eberle 2022, §5). It is defined for every F, because R is a rotation for inverted F too. If the two
+/// smallest singular values cancel (σ₂ + σ₃ = 0, deep inversion), R is discontinuous; there the tangent takes the
+/// value at a nearby F.
 #[derive(Debug, Clone)]
 pub struct Corotated {
     lambda: f64,
@@ -26,7 +26,7 @@ impl Material for Corotated {
         Self { lambda, mu }
     }
 
-    /// In singular values: μ Σ (σ_i − 1)² + λ/2 (Σ σ_i − 3)².
+    /// Returns Ψ; in singular values it is μ Σ (σ_i − 1)² + λ/2 (Σ σ_i − 3)².
     #[inline(always)]
     fn energy<R: Real>(&self, f: &Mat3<R>) -> R {
         let r = nearest_rotation(f);
@@ -35,7 +35,7 @@ impl Material for Corotated {
         contract(&difference, &difference) * self.mu + trace * trace * (0.5 * self.lambda)
     }
 
-    /// P = 2μ (F − R) + λ (tr(RᵀF) − 3) R.
+    /// Returns P = 2μ (F − R) + λ (tr(RᵀF) − 3) R.
     #[inline(always)]
     fn stress<R: Real>(&self, f: &Mat3<R>) -> Mat3<R> {
         let r = nearest_rotation(f);
@@ -44,7 +44,7 @@ impl Material for Corotated {
         mat3!(i j => trace.mul_add(r[i][j], difference[i][j] * (2.0 * self.mu)))
     }
 
-    /// 2μ I + λ R ⊗ R + (λ (tr(RᵀF) − 3) − 2μ) ∂R/∂F, ∂R/∂F = Σ 2/(σ_i + σ_j) T_ij ⊗ T_ij over the
+    /// Returns 2μ I + λ R ⊗ R + (λ (tr(RᵀF) − 3) − 2μ) ∂R/∂F, where ∂R/∂F = Σ 2/(σ_i + σ_j) T_ij ⊗ T_ij over the
     /// three twists T_ij.
     #[inline(always)]
     fn tangent<R: Real>(&self, f: &Mat3<R>) -> Tangent<R> {

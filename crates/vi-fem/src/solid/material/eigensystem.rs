@@ -1,9 +1,8 @@
-//! The eigensystem that every isotropic law shares, and the positive-definite part of a tangent.
+//! The eigensystem of the tangent of every isotropic law, and the positive semidefinite part of a tangent.
 //!
-//! In the frame of the singular values, F = UΣVᵀ, the tangent of an isotropic law is a 3 × 3 block
-//! of stretches and three 2 × 2 blocks [[a, b], [b, a]], one a pair of axes, with eigenvalues a + b
-//! (flip) and a − b (twist) (Smith, de Goes & Kim 2019, Analytic Eigensystems for Isotropic
-//! Distortion Energies).
+//! In the frame of the singular values, F = UΣVᵀ, the tangent of an isotropic law consists of a 3 × 3 block of
+//! stretches and three 2 × 2 blocks [[a, b], [b, a]], one per pair of axes, with the eigenvalues a + b (flip) and a −
+//! b (twist) (Smith, de Goes & Kim 2019, Analytic Eigensystems for Isotropic Distortion Energies).
 
 use super::contract::Material;
 use crate::lanes::real::Real;
@@ -12,33 +11,33 @@ use crate::small::tensor::{Mat3, Tangent, mat3, product_transposed};
 
 const PAIRS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
 
-/// The rotation R = U Vᵀ nearest to F.
+/// Returns the rotation R = U Vᵀ nearest to F.
 #[inline(always)]
 pub(super) fn rotations<R: Real>(u: &Mat3<R>, v: &Mat3<R>) -> Mat3<R> {
     product_transposed(u, v)
 }
 
-/// The three unit twists (u_i ⊗ v_j − u_j ⊗ v_i)/√2 with their axes (i, j).
+/// Returns the three unit twists (u_i ⊗ v_j − u_j ⊗ v_i)/√2 with their axes (i, j).
 #[inline(always)]
 pub(super) fn twists<R: Real>(u: &Mat3<R>, v: &Mat3<R>) -> [(usize, usize, Mat3<R>); 3] {
     let twist = -std::f64::consts::FRAC_1_SQRT_2;
     [(0, 1, pair(u, v, 0, 1, twist)), (0, 2, pair(u, v, 0, 2, twist)), (1, 2, pair(u, v, 1, 2, twist))]
 }
 
-/// (u_i ⊗ v_j)/√2 + s u_j ⊗ v_i.
+/// Returns (u_i ⊗ v_j)/√2 + s u_j ⊗ v_i.
 #[inline(always)]
 fn pair<R: Real>(u: &Mat3<R>, v: &Mat3<R>, i: usize, j: usize, s: f64) -> Mat3<R> {
     let half = std::f64::consts::FRAC_1_SQRT_2;
     mat3!(row column => (u[row][i] * half).mul_add(v[column][j], u[row][j] * s * v[column][i]))
 }
 
-/// max(value, 0), NaN for NaN.
+/// Returns max(value, 0); NaN for NaN.
 #[inline(always)]
 fn positive<R: Real>(value: R) -> R {
     (value + value.abs()) * 0.5
 }
 
-/// The tangent with its negative eigenvalues set to zero.
+/// Returns the tangent with its negative eigenvalues set to zero.
 #[inline(always)]
 pub(super) fn projected_tangent<M: Material, R: Real>(material: &M, f: &Mat3<R>) -> Tangent<R> {
     if M::LINEAR {

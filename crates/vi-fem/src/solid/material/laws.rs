@@ -1,4 +1,4 @@
-//! What every registered law must keep. New laws enter by their registration line.
+//! Tests the laws that every registered material law must obey. The registration line adds a new law.
 
 use super::contract::Material;
 use super::eigensystem::projected_tangent;
@@ -8,7 +8,7 @@ use crate::small::tensor::{Mat3, Tangent, contract, product, transpose};
 
 const IDENTITY: Mat3<f64> = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-/// Deformations of all sizes, J > 0.
+/// Deformations of all sizes with J > 0.
 const SAMPLES: [Mat3<f64>; 5] = [
     IDENTITY,
     [[1.01, 0.003, -0.002], [0.001, 0.98, 0.004], [-0.003, 0.002, 1.02]],
@@ -16,21 +16,21 @@ const SAMPLES: [Mat3<f64>; 5] = [
     [[0.1, -1.4, 0.2], [0.9, 0.3, -0.1], [0.2, 0.1, 0.7]],
     [[2.0, 0.5, 0.0], [0.0, 0.6, 0.3], [0.4, 0.0, 1.2]],
 ];
-/// Deformations that some laws are not defined for: inverted, stretched a hundredfold.
+/// Deformations outside the domain of some laws: inverted, stretched a hundredfold.
 const EXTREME: [Mat3<f64>; 2] = [
     [[-0.6, 0.1, 0.2], [0.0, 1.1, -0.2], [0.3, 0.1, 0.9]],
     [[100.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.5]],
 ];
-/// A body pressed to a point: laws may have values there, or be undefined.
+/// A body compressed to a point: a law may be defined there or not.
 const POINT: Mat3<f64> = [[0.0; 3]; 3];
 
-/// All laws of a material.
+/// Checks all properties of a law.
 pub(super) fn check<M: Material>(name: &str) {
     let parameters = M::Parameters::example();
     assert!(parameters.check().is_empty(), "{name}: the example parameters must be sound");
     let material = M::new(&parameters);
     states_its_domain(&material, name);
-    // Inverted samples too, where the law is defined for them.
+    // Include the inverted sample if the law is defined there.
     let mut samples = SAMPLES.to_vec();
     samples.extend(EXTREME[..1].iter().filter(|f| material.inside(f).is_ok()));
     rests_without_energy_or_stress(&material, name);
@@ -51,7 +51,7 @@ fn moved(f: &Mat3<f64>, entry: usize, by: f64) -> Mat3<f64> {
     f
 }
 
-/// Richardson-extrapolated central difference, O(ε⁴).
+/// Returns the Richardson-extrapolated central difference, with an error of O(ε⁴).
 fn derivative(value: impl Fn(f64) -> f64) -> f64 {
     let (a, b) = (1e-3, 5e-4);
     let central = |e: f64| (value(e) - value(-e)) / (2.0 * e);
@@ -106,7 +106,7 @@ fn tangent_is_the_gradient_of_stress<M: Material>(material: &M, f: &Mat3<f64>, n
     }
 }
 
-/// Rows of a rotation by `angle` about `axis` (of length 1).
+/// Returns the rows of a rotation by `angle` about `axis` (of length 1).
 fn rotation(axis: [f64; 3], angle: f64) -> Mat3<f64> {
     let (s, c) = angle.sin_cos();
     let [x, y, z] = axis;
@@ -126,12 +126,12 @@ fn is_objective_and_isotropic<M: Material>(material: &M, f: &Mat3<f64>, name: &s
             let difference = [0, 1, 2].map(|i| [0, 1, 2].map(|j| a[i][j] - b[i][j]));
             norm(&difference) <= 1e-12 * (scale + norm(b))
         };
-        let turned = product(&q, f);
-        assert!((material.energy(&turned) - energy).abs() <= 1e-12 * (scale + energy), "{name}: Ψ(QF)");
-        assert!(close(&material.stress(&turned), &product(&q, &stress)), "{name}: P(QF) = Q P");
-        let turned = product(f, &transpose(&q));
-        assert!((material.energy(&turned) - energy).abs() <= 1e-12 * (scale + energy), "{name}: Ψ(FQᵀ)");
-        assert!(close(&material.stress(&turned), &product(&stress, &transpose(&q))), "{name}: P(FQᵀ)");
+        let rotated = product(&q, f);
+        assert!((material.energy(&rotated) - energy).abs() <= 1e-12 * (scale + energy), "{name}: Ψ(QF)");
+        assert!(close(&material.stress(&rotated), &product(&q, &stress)), "{name}: P(QF) = Q P");
+        let rotated = product(f, &transpose(&q));
+        assert!((material.energy(&rotated) - energy).abs() <= 1e-12 * (scale + energy), "{name}: Ψ(FQᵀ)");
+        assert!(close(&material.stress(&rotated), &product(&stress, &transpose(&q))), "{name}: P(FQᵀ)");
     }
 }
 
@@ -145,7 +145,8 @@ fn projection_is_the_positive_part<M: Material>(material: &M, f: &Mat3<f64>, nam
     assert!(error <= 1e-11 * eigen.eigenvalues.amax(), "{name} at {f:?}: projection off by {error}");
 }
 
-/// Inside its domain a law has finite values, outside infinite energy and no stress.
+/// Checks that a law has finite values inside its domain; outside, the energy is infinite and the stress is not
+/// finite.
 fn states_its_domain<M: Material>(material: &M, name: &str) {
     assert!(SAMPLES.iter().all(|f| material.inside(f).is_ok()), "{name}: the samples must be in the domain");
     for f in SAMPLES.iter().chain(&EXTREME).chain([&POINT]) {
@@ -161,8 +162,8 @@ fn states_its_domain<M: Material>(material: &M, name: &str) {
     }
 }
 
-/// Uniaxial stress of the logarithmic neo-Hookean law: the lateral stretch and P₁₁/E, closed numbers
-/// computed independently (stretch, ν, lateral, stress).
+/// Tests uniaxial stress of the logarithmic neo-Hookean law: the lateral stretch and P₁₁/E against independently
+/// computed numbers (stretch, ν, lateral stretch, stress).
 #[test]
 fn neo_hookean_uniaxial_stress() {
     for (stretch, poisson, lateral, stress) in [
@@ -206,7 +207,7 @@ fn a_scene_names_a_law() {
     assert_eq!(wrong.check().unwrap_err().len(), 3);
 }
 
-/// Real is used with f64 here and with lanes in the kernels: they must agree.
+/// Tests that a law gives the same with f64 and with lanes.
 #[test]
 fn lanes_agree_with_scalars() {
     use super::Law;

@@ -5,10 +5,10 @@ use super::parameters::{Isotropic, Parameters};
 use crate::lanes::real::Real;
 use crate::small::tensor::{Mat3, Tangent, contract, mat3};
 
-/// Ψ = μ ε:ε + λ/2 (tr ε)², ε = sym(F) − I.
+/// Ψ = μ ε:ε + λ/2 (tr ε)² with ε = sym(F) − I.
 ///
-/// Right for small displacement gradients only: a rotation by an angle θ makes a false strain of
-/// order θ². Its Hessian is constant, so that an implicit run factors once.
+/// It is valid for small displacement gradients only: a rotation by an angle θ produces a spurious strain of order
+/// θ². The Hessian is constant, so that an implicit run factors it once.
 #[derive(Debug, Clone)]
 pub struct Linear {
     lambda: f64,

@@ -62,8 +62,8 @@ impl Parameters for MooneyRivlinParameters {
     }
 }
 
-/// Ψ = c₁₀ (J^(−2/3) I₁ − 3) + c₀₁ (J^(−4/3) I₂ − 3) + κ/2 (J − 1)², I₁ = tr C, I₂ = (I₁² − tr C²)/2,
-/// C = FᵀF, J > 0 (Holzapfel 2000, §6.4–6.5). Small strains: μ = 2 (c₁₀ + c₀₁), λ = κ − 2μ/3.
+/// Ψ = c₁₀ (J^(−2/3) I₁ − 3) + c₀₁ (J^(−4/3) I₂ − 3) + κ/2 (J − 1)² with I₁ = tr C, I₂ = (I₁² − tr C²)/2, C = FᵀF, J
+/// > 0 (Holzapfel 2000, §6.4–6.5). For small strains μ = 2 (c₁₀ + c₀₁) and λ = κ − 2μ/3.
 #[derive(Debug, Clone)]
 pub struct MooneyRivlin {
     c10: f64,
@@ -71,7 +71,7 @@ pub struct MooneyRivlin {
     bulk: f64,
 }
 
-/// I₁, I₂, J and the derivatives ∂I₁/∂F = 2F, ∂I₂/∂F = 2 (I₁ F − F C), ∂J/∂F = cof F.
+/// The invariants I₁, I₂, J and their derivatives ∂I₁/∂F = 2F, ∂I₂/∂F = 2 (I₁ F − F C), ∂J/∂F = cof F.
 struct Invariants<R> {
     i1: R,
     i2: R,

@@ -5,8 +5,7 @@ use super::parameters::{Isotropic, Parameters};
 use crate::lanes::real::Real;
 use crate::small::tensor::{Mat3, Tangent, cofactor, combine, contract, dot};
 
-/// Ψ = μ/2 (I₁ − 3 − 2 ln J) + λ/2 (ln J)², I₁ = F:F, J = det F > 0
-/// (Bonet & Wood 2008, eq. 6.27).
+/// Ψ = μ/2 (I₁ − 3 − 2 ln J) + λ/2 (ln J)² with I₁ = F:F and J = det F > 0 (Bonet & Wood 2008, eq. 6.27).
 #[derive(Debug, Clone)]
 pub struct NeoHookean {
     lambda: f64,
@@ -29,7 +28,7 @@ impl Material for NeoHookean {
         j.if_positive(energy, j.constant(f64::INFINITY))
     }
 
-    /// P = μ F + (λ ln J − μ) F⁻ᵀ, F⁻ᵀ = cof F / J.
+    /// Returns P = μ F + (λ ln J − μ) F⁻ᵀ with F⁻ᵀ = cof F / J.
     #[inline(always)]
     fn stress<R: Real>(&self, f: &Mat3<R>) -> Mat3<R> {
         let cofactor = cofactor(f);
@@ -38,7 +37,7 @@ impl Material for NeoHookean {
         combine(j.constant(self.mu), f, factor, &cofactor)
     }
 
-    /// With Ψ_J = (λ ln J − μ)/J: μ I + Ψ_J ∂²J/∂F∂F + Ψ_JJ cof F ⊗ cof F.
+    /// Returns μ I + Ψ_J ∂²J/∂F∂F + Ψ_JJ cof F ⊗ cof F with Ψ_J = (λ ln J − μ)/J.
     #[inline(always)]
     fn tangent<R: Real>(&self, f: &Mat3<R>) -> Tangent<R> {
         let cofactor = cofactor(f);

@@ -1,7 +1,8 @@
-//! Laws of a program's own: an isotropic Ψ(F) from outside this crate, wherever a scene takes a law.
+//! Laws that a program defines itself: an isotropic Ψ(F) from outside this crate, accepted wherever a scene takes a
+//! law.
 //!
-//! A law that is registered in `materials!` is compiled for SIMD lanes. One of a program's own is evaluated point by
-//! point, lane after lane, through a pointer; with [`Differentiated`] it is also differentiated point by point.
+//! A law registered in `materials!` is compiled for SIMD lanes. A law of a program is evaluated point by point, lane
+//! after lane, through a pointer; with [`Differentiated`] it is also differentiated point by point.
 
 use std::cell::Cell;
 use std::fmt;
@@ -19,28 +20,29 @@ use crate::small::tensor::{Mat3, Tangent, packed_index, product, transpose};
 
 /// An isotropic hyperelastic law with its derivatives, at one point.
 ///
-/// [`OwnLaw::new`] makes a material of it. The derivatives, objectivity and isotropy are checked at some deformations
-/// before a body is made of it.
+/// [`OwnLaw::new`] makes a material from it. Before a body uses it, its derivatives, objectivity and isotropy are
+/// checked at some deformations.
 pub trait PointLaw: Send + Sync + 'static {
-    /// Density of the body at rest, kg/m³.
+    /// Returns the density of the body at rest, kg/m³.
     fn density(&self) -> f64;
-    /// Ψ(F), J/m³ of the body at rest; zero for F = I, not finite outside its domain, which has det F > 0.
+    /// Returns Ψ(F), J/m³ of the body at rest. It is zero for F = I, and not finite outside its domain. The domain
+    /// must lie in det F > 0.
     fn energy(&self, f: &Mat3<f64>) -> f64;
-    /// First Piola–Kirchhoff stress ∂Ψ/∂F, Pa.
+    /// Returns the first Piola–Kirchhoff stress ∂Ψ/∂F, Pa.
     fn stress(&self, f: &Mat3<f64>) -> Mat3<f64>;
-    /// ∂²Ψ/∂F∂F, Pa.
+    /// Returns ∂²Ψ/∂F∂F, Pa.
     fn tangent(&self, f: &Mat3<f64>) -> Tangent<f64>;
 }
 
-/// An isotropic hyperelastic law by its energy alone.
+/// An isotropic hyperelastic law, given by its energy alone.
 pub trait EnergyDensity: Send + Sync + 'static {
-    /// Density of the body at rest, kg/m³.
+    /// Returns the density of the body at rest, kg/m³.
     fn density(&self) -> f64;
-    /// Ψ(F), J/m³ of the body at rest; zero for F = I. Numbers of type f64 stand on the right of `*` and `+`.
+    /// Returns Ψ(F), J/m³ of the body at rest; zero for F = I. Write numbers of type f64 on the right of `*` and `+`.
     fn energy<D: Scalar>(&self, f: &Mat3<D>) -> D;
 }
 
-/// A law whose derivatives follow from its energy, by dual numbers: exact to round-off.
+/// A law whose derivatives are computed from its energy by dual numbers, exact to round-off.
 #[derive(Debug, Clone)]
 pub struct Differentiated<E>(pub E);
 
@@ -80,7 +82,8 @@ impl<E: EnergyDensity> PointLaw for Differentiated<E> {
     }
 }
 
-/// A material of a program's own. In reports it is a table with its name and density; it cannot be read back from one.
+/// A material with a law that a program defines. In reports it is a table with its name and density, from which it
+/// cannot be read back.
 #[derive(Clone)]
 pub struct OwnLaw {
     name: Arc<str>,
@@ -88,12 +91,12 @@ pub struct OwnLaw {
 }
 
 impl OwnLaw {
-    /// A material with derivatives of its own; `name` is for reports.
+    /// Returns a material from a law with its derivatives; `name` appears in reports.
     pub fn new(name: &str, law: impl PointLaw) -> Self {
         Self { name: name.into(), law: Arc::new(law) }
     }
 
-    /// A material by its energy alone; `name` is for reports.
+    /// Returns a material from an energy alone; `name` appears in reports.
     pub fn from_energy(name: &str, energy: impl EnergyDensity) -> Self {
         Self::new(name, Differentiated(energy))
     }
@@ -105,7 +108,7 @@ impl fmt::Debug for OwnLaw {
     }
 }
 
-/// Two are equal if they are clones of one.
+/// Two materials are equal if they are clones of one.
 impl PartialEq for OwnLaw {
     fn eq(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.law, &other.law)
@@ -125,7 +128,7 @@ impl Serialize for OwnLaw {
 
 const IDENTITY: Mat3<f64> = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-/// Deformations at which a law is checked: small, and with strains of some 20 %.
+/// Deformations at which a law is checked: a small one, and one with strains of about 20 %.
 const SAMPLES: [Mat3<f64>; 2] = [
     [[1.01, 0.003, -0.002], [0.001, 0.98, 0.004], [-0.003, 0.002, 1.02]],
     [[1.15, 0.1, -0.05], [-0.15, 0.9, 0.12], [0.08, -0.1, 1.05]],
@@ -134,24 +137,24 @@ const SAMPLES: [Mat3<f64>; 2] = [
 /// A rotation about (0.36, 0.48, 0.8) by 90°.
 const ROTATION: Mat3<f64> = [[0.1296, -0.6272, 0.768], [0.9728, 0.2304, 0.024], [-0.192, 0.744, 0.64]];
 
-/// Largest part of the stiffness at rest by which differences may miss a derivative: they are good to 1e-8.
+/// Largest error of a derivative relative to the stiffness at rest. Differences are accurate to 1e-8.
 const TOLERANCE: f64 = 1e-6;
 
 impl OwnLaw {
-    /// What a law breaks of what all laws keep, at rest and at the samples inside its domain.
+    /// Returns a rule of all laws that this one breaks, at rest or at the samples inside its domain.
     fn broken_rule(&self) -> Option<String> {
         const STEP: f64 = 1e-4;
         let law = self.law.as_ref();
         let scale = law.tangent(&IDENTITY).entry(0, 0);
         let is_close = |a: f64, b: f64| (a - b).abs() <= TOLERANCE * scale;
         if !(scale > 0.0 && scale.is_finite()) {
-            return Some(format!("its stiffness ∂²Ψ/∂F₁₁² at rest is {scale}, and must be positive"));
+            return Some(format!("its stiffness ∂²Ψ/∂F₁₁² at rest is {scale} Pa, but must be positive"));
         }
         if !is_close(law.energy(&IDENTITY), 0.0) {
-            return Some(format!("Ψ(I) is {:e} J/m³, and must be zero", law.energy(&IDENTITY)));
+            return Some(format!("Ψ(I) is {:e} J/m³, but must be zero", law.energy(&IDENTITY)));
         }
         if let Some(stress) = law.stress(&IDENTITY).as_flattened().iter().find(|&&p| !is_close(p, 0.0)) {
-            return Some(format!("a stress at rest is {stress:e} Pa, and must be zero"));
+            return Some(format!("a stress at rest is {stress:e} Pa, but must be zero"));
         }
         for f in SAMPLES.iter().filter(|f| law.energy(f).is_finite()) {
             let moved = |k: usize, by: f64| {
@@ -166,25 +169,25 @@ impl OwnLaw {
                 if !is_close(slope, stress[i][j]) {
                     let found = stress[i][j];
                     return Some(format!(
-                        "its stress P{i}{j} is {found:e} Pa where ∂Ψ/∂F is {slope:e} Pa, at F = {f:?}"
+                        "its stress P{i}{j} is {found:e} Pa, but ∂Ψ/∂F is {slope:e} Pa, at F = {f:?}"
                     ));
                 }
                 let (ahead, behind) = (law.stress(&moved(k, STEP)), law.stress(&moved(k, -STEP)));
                 for row in 0..9 {
                     let slope = (ahead[row / 3][row % 3] - behind[row / 3][row % 3]) / (2.0 * STEP);
                     let found = tangent.entry(row, k);
-                    // Third derivatives of stiff volume terms are some hundred times the stiffness.
+                    // The third derivatives of stiff volume terms are some hundred times the stiffness.
                     if (slope - found).abs() > 100.0 * TOLERANCE * scale {
                         return Some(format!(
-                            "its tangent ({row}, {k}) is {found:e} Pa where ∂P/∂F is {slope:e} Pa, at F = {f:?}"
+                            "its tangent ({row}, {k}) is {found:e} Pa, but ∂P/∂F is {slope:e} Pa, at F = {f:?}"
                         ));
                     }
                 }
             }
-            for (turned, property) in
+            for (rotated, property) in
                 [(product(&ROTATION, f), "objective"), (product(f, &transpose(&ROTATION)), "isotropic")]
             {
-                let (energy, after) = (law.energy(f), law.energy(&turned));
+                let (energy, after) = (law.energy(f), law.energy(&rotated));
                 if !is_close(energy, after) {
                     return Some(format!(
                         "it is not {property}: a rotation changes Ψ from {energy:e} to {after:e} J/m³"
@@ -201,7 +204,7 @@ impl Parameters for OwnLaw {
         self.law.density()
     }
 
-    /// λ = ∂²Ψ/∂F₁₁∂F₂₂ and μ = ∂²Ψ/∂F₁₂² at rest.
+    /// Returns λ = ∂²Ψ/∂F₁₁∂F₂₂ and μ = ∂²Ψ/∂F₁₂² at rest, Pa.
     fn lame(&self) -> (f64, f64) {
         let tangent = self.law.tangent(&IDENTITY);
         (tangent.entry(0, 4), tangent.entry(1, 1))
@@ -217,7 +220,7 @@ impl Parameters for OwnLaw {
         problems
     }
 
-    /// μ ε:ε of small strains, with E = 1 MPa and ν = 0.
+    /// Returns μ ε:ε for small strains, with E = 1 MPa and ν = 0.
     fn example() -> Self {
         struct Soft;
         impl EnergyDensity for Soft {
@@ -237,7 +240,7 @@ impl Parameters for OwnLaw {
     }
 }
 
-/// A law of a program's own among the laws of this crate.
+/// Adapts a program's law to the contract of the laws of this crate.
 pub(crate) struct Own(Arc<dyn PointLaw>);
 
 impl Material for Own {
@@ -281,10 +284,10 @@ impl Material for Own {
     }
 }
 
-/// Most lanes that a group has.
+/// Largest number of lanes of a group.
 const LANES: usize = 8;
 
-/// N numbers of each lane's own F.
+/// Evaluates N numbers at each lane's own F.
 #[inline(always)]
 fn by_point<R: Real, const N: usize>(f: &Mat3<R>, evaluate: impl Fn(&Mat3<f64>) -> [f64; N]) -> [R; N] {
     let mut points = [IDENTITY; LANES];
@@ -292,7 +295,7 @@ fn by_point<R: Real, const N: usize>(f: &Mat3<R>, evaluate: impl Fn(&Mat3<f64>) 
     for i in 0..3 {
         for j in 0..3 {
             let (lane, entries) = (Cell::new(0), Cell::new([0.0; LANES]));
-            // Each lane's number is taken down in turn.
+            // Record each lane's number in turn.
             let _ = f[i][j].map(|value| {
                 let mut taken = entries.get();
                 taken[lane.get()] = value;
@@ -332,7 +335,7 @@ mod tests {
     use crate::solid::material::Law;
     use crate::solid::material::parameters::Isotropic;
 
-    /// The neo-Hookean law by its energy alone, plus a term that is not objective.
+    /// The neo-Hookean law given by its energy alone, plus a term that is not objective.
     struct Copy {
         wrong: f64,
     }
@@ -374,8 +377,8 @@ mod tests {
         }
     }
 
-    /// Energy, forces and Hessians of a law by its energy alone are those of the registered one to round-off, on every
-    /// instruction set, linear tetrahedra and others.
+    /// Tests that energies, forces and Hessians of a law given by its energy alone agree with those of the registered
+    /// law to round-off, on every instruction set, for linear tetrahedra and other elements.
     #[test]
     fn a_law_from_outside_is_the_law_inside() {
         let own = Law::from(OwnLaw::from_energy("copy", Copy { wrong: 0.0 }));

@@ -1,19 +1,19 @@
-//! What a scene file says of a material, its ranges and units.
+//! Parameters of a material in scene files, with ranges and units.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::FemError;
 
-/// Parameters of a law: what every law has to answer of them.
+/// Parameters of a law.
 pub trait Parameters {
-    /// Density of the body at rest, kg/m³.
+    /// Returns the density of the body at rest, kg/m³.
     fn density(&self) -> f64;
-    /// Lamé's (λ, μ) of the law for small strains, Pa.
+    /// Returns the Lamé constants (λ, μ) of the law for small strains, Pa.
     fn lame(&self) -> (f64, f64);
-    /// Every parameter that is out of its range.
+    /// Returns every parameter that is out of its range.
     fn check(&self) -> Vec<FemError>;
-    /// Sound parameters of a soft rubber, for tests and first steps.
+    /// Returns valid parameters of a soft rubber, for tests and first steps.
     fn example() -> Self
     where
         Self: Sized;
@@ -26,7 +26,7 @@ pub struct Isotropic {
     /// Young's modulus E, Pa; positive.
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub young: f64,
-    /// Poisson's ratio ν, without unit; in (−1, ½).
+    /// Poisson's ratio ν, dimensionless; in (−1, ½).
     #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5))]
     pub poisson: f64,
     /// Density ρ of the body at rest, kg/m³; positive.
@@ -39,7 +39,7 @@ impl Parameters for Isotropic {
         self.density
     }
 
-    /// λ = E ν/((1 + ν)(1 − 2ν)), μ = E/(2(1 + ν)).
+    /// Returns λ = E ν/((1 + ν)(1 − 2ν)) and μ = E/(2(1 + ν)).
     fn lame(&self) -> (f64, f64) {
         let (young, poisson) = (self.young, self.poisson);
         (young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)), young / (2.0 * (1.0 + poisson)))
@@ -52,7 +52,7 @@ impl Parameters for Isotropic {
             problems.push(FemError::Parameter {
                 key: "poisson",
                 value: self.poisson,
-                requirement: "Poisson's ratio must lie in (-1, 0.5); for an incompressible body take 0.49",
+                requirement: "Poisson's ratio must lie in (-1, 0.5); for a nearly incompressible body write 0.49",
             });
         }
         require_positive(&mut problems, "density", self.density, "density must be positive (kg/m³)");

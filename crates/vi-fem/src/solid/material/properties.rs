@@ -1,6 +1,6 @@
-//! What laws keep at deformations and parameters drawn at random: objectivity, isotropy, stress and tangent as
-//! derivatives, a stated domain. Every registered law enters; the fixed samples are in `laws`.
-//! `PROPTEST_CASES=100000` draws more.
+//! Tests properties of laws at random deformations and parameters: objectivity, isotropy, stress and tangent as
+//! derivatives, and the stated domain. Every registered law takes part; `laws` has the fixed samples.
+//! `PROPTEST_CASES=100000` draws more samples.
 
 use proptest::prelude::*;
 
@@ -8,7 +8,7 @@ use super::Law;
 use super::contract::{LawVisitor, Material};
 use crate::small::tensor::{Mat3, Tangent, contract, product, transpose};
 
-/// Any law, its moduli times a factor, and ν anywhere where it has one.
+/// Draws any law, with its moduli times a factor and any ν if it has one.
 pub(crate) fn law() -> impl Strategy<Value = Law> {
     let parameters = (0..Law::NAMES.len(), -3.0..6.0, prop_oneof![-0.9..0.45, Just(0.49), Just(0.499)]);
     parameters.prop_map(|(index, decades, poisson)| {
@@ -23,7 +23,7 @@ pub(crate) fn law() -> impl Strategy<Value = Law> {
     })
 }
 
-/// A rotation: by |v| about v.
+/// Draws a rotation about v by the angle |v|.
 pub(crate) fn rotation() -> impl Strategy<Value = Mat3<f64>> {
     prop::array::uniform3(-3.0..3.0).prop_map(|v| {
         let turn = nalgebra::Rotation3::new(nalgebra::Vector3::from(v));
@@ -31,8 +31,8 @@ pub(crate) fn rotation() -> impl Strategy<Value = Mat3<f64>> {
     })
 }
 
-/// F = Q diag(s) Rᵀ. Inverted ones too, but away from where two principal stretches add up to nothing: there
-/// the polar decomposition has a kink.
+/// Draws F = Q diag(s) Rᵀ, inverted ones too, but with no two principal stretches whose sum is near zero: there the
+/// polar decomposition has a kink.
 fn deformation() -> impl Strategy<Value = (Mat3<f64>, f64)> {
     let stretches = (prop::array::uniform3(-1.5_f64..1.5), any::<bool>(), 0.1_f64..0.8);
     (rotation(), stretches, rotation()).prop_map(|(q, (logarithms, is_inverted, part), r)| {
@@ -59,12 +59,12 @@ fn apply(tangent: &Tangent<f64>, direction: &Mat3<f64>) -> Mat3<f64> {
     [0, 1, 2].map(|i| [0, 1, 2].map(|j| entry(3 * i + j)))
 }
 
-/// Central difference of order 4.
+/// Returns the central difference of order 4.
 fn derivative(step: f64, value: impl Fn(f64) -> f64) -> f64 {
     (8.0 * (value(step) - value(-step)) - (value(2.0 * step) - value(-2.0 * step))) / (12.0 * step)
 }
 
-/// One drawing: F and its least |stretch|, rotations Q and R, directions of length 1.
+/// One sample: F and its least |stretch|, rotations Q and R, directions of length 1.
 struct Check {
     f: Mat3<f64>,
     least: f64,
@@ -87,7 +87,7 @@ impl LawVisitor for Check {
         let stiffness = tangent.0.iter().fold(0.0_f64, |largest, c| largest.max(c.abs()));
         let scale = stiffness * norm(&f);
         prop_assert!(energy.is_finite() && energy >= -1e-12 * scale, "Ψ = {}", energy);
-        // Smooth over the least stretch: the error of a difference of step h is (h/least)⁴ or so.
+        // Ψ varies on the scale of the least stretch: the error of a difference with step h is about (h/least)⁴.
         let step = 1e-3 * least;
         let is_near_edge = |direction, by| material.inside(&along(&f, by, direction)).is_err();
         if [&a, &b]
@@ -104,14 +104,14 @@ impl LawVisitor for Check {
         prop_assert!((found - curve).abs() <= 1e-8 * stiffness / least, "C: {} but {}", found, curve);
         prop_assert!((found - mirrored).abs() <= 1e-14 * stiffness);
         if !M::LINEAR {
-            for (turned, expected) in [
+            for (rotated, expected) in [
                 (product(&q, &f), product(&q, &stress)),
                 (product(&f, &transpose(&q)), product(&stress, &transpose(&q))),
             ] {
-                let off = material.energy(&turned) - energy;
-                prop_assert!(off.abs() <= 1e-11 * scale * norm(&f), "Ψ turned is off by {:e}", off);
-                let off = norm(&along(&material.stress(&turned), -1.0, &expected));
-                prop_assert!(off <= 1e-11 * scale / least, "P turned is off by {:e}", off);
+                let off = material.energy(&rotated) - energy;
+                prop_assert!(off.abs() <= 1e-11 * scale * norm(&f), "Ψ rotated is off by {:e}", off);
+                let off = norm(&along(&material.stress(&rotated), -1.0, &expected));
+                prop_assert!(off <= 1e-11 * scale / least, "P rotated is off by {:e}", off);
             }
         }
         Ok(())
@@ -133,7 +133,8 @@ proptest! {
         law.visit(Check { f, least, q, directions })?;
     }
 
-    /// Numbers that are no numbers, or beyond all bounds, give no panic and no sound energy.
+    /// Tests that NaN, infinite and huge entries cause no panic, and that NaN and infinite entries give no finite
+    /// energy.
     #[test]
     fn no_deformation_panics(law in law(), f in prop::array::uniform9(prop_oneof![
         4 => -1e3_f64..1e3, 1 => Just(0.0), 1 => Just(f64::NAN), 1 => Just(f64::INFINITY), 1 => Just(1e200), 1 => Just(-1e-300),

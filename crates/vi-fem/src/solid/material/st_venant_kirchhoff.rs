@@ -5,17 +5,17 @@ use super::parameters::{Isotropic, Parameters};
 use crate::lanes::real::Real;
 use crate::small::tensor::{Mat3, Tangent, contract, left_cauchy_green, mat3, product, right_cauchy_green};
 
-/// Ψ = μ E:E + λ/2 (tr E)², E = (FᵀF − I)/2.
+/// Ψ = μ E:E + λ/2 (tr E)² with E = (FᵀF − I)/2.
 ///
-/// Large rotations and small strains: it softens under strong compression (σ → 0 as the stretch
-/// goes to 1/√3 and below) and gives a finite energy to J ≤ 0. Defined for every F.
+/// Use it for large rotations and small strains. It softens under strong compression (the tangent vanishes at the
+/// stretch 1/√3, and below it the force decreases) and gives a finite energy for J ≤ 0. It is defined for every F.
 #[derive(Debug, Clone)]
 pub struct StVenantKirchhoff {
     lambda: f64,
     mu: f64,
 }
 
-/// Green–Lagrange strain E.
+/// Returns the Green–Lagrange strain E.
 #[inline(always)]
 fn strain<R: Real>(f: &Mat3<R>) -> Mat3<R> {
     let c = right_cauchy_green(f);
@@ -27,7 +27,7 @@ fn strain<R: Real>(f: &Mat3<R>) -> Mat3<R> {
 }
 
 impl StVenantKirchhoff {
-    /// Second Piola–Kirchhoff stress S = 2μ E + λ tr(E) I = μ C + (λ/2 (tr C − 3) − μ) I.
+    /// Returns the second Piola–Kirchhoff stress S = 2μ E + λ tr(E) I = μ C + (λ/2 (tr C − 3) − μ) I.
     #[inline(always)]
     fn second_stress<R: Real>(&self, f: &Mat3<R>) -> Mat3<R> {
         let c = right_cauchy_green(f);
@@ -56,13 +56,13 @@ impl Material for StVenantKirchhoff {
         contract(&e, &e) * self.mu + trace * trace * (0.5 * self.lambda)
     }
 
-    /// P = F S.
+    /// Returns P = F S.
     #[inline(always)]
     fn stress<R: Real>(&self, f: &Mat3<R>) -> Mat3<R> {
         product(f, &self.second_stress(f))
     }
 
-    /// δ_ik S_jl + λ F_ij F_kl + μ (F_il F_kj + (FFᵀ)_ik δ_jl).
+    /// Returns δ_ik S_jl + λ F_ij F_kl + μ (F_il F_kj + (FFᵀ)_ik δ_jl).
     #[inline(always)]
     fn tangent<R: Real>(&self, f: &Mat3<R>) -> Tangent<R> {
         let one = f[0][0].constant(1.0);

@@ -5,10 +5,10 @@ use super::parameters::{Isotropic, Parameters};
 use crate::lanes::real::Real;
 use crate::small::tensor::{Mat3, Tangent, cofactor, combine, contract, dot};
 
-/// Ψ = μ̂/2 (I₁ − 3) − μ̂/2 ln((I₁ + 1)/4) + λ̂/2 ((J − α)² − (1 − α)²), α = 1 + 3 μ̂/(4 λ̂)
-/// (Smith, de Goes & Kim 2018, Stable Neo-Hookean Flesh Simulation, eq. 14), with their Lamé
-/// correction μ̂ = 4/3 μ, λ̂ = λ + 5/6 μ, so that small strains see the λ and μ asked for. The rest
-/// state has neither stress nor energy. Defined for every F, inverted ones too.
+/// Ψ = μ̂/2 (I₁ − 3) − μ̂/2 ln((I₁ + 1)/4) + λ̂/2 ((J − α)² − (1 − α)²) with α = 1 + 3 μ̂/(4 λ̂) (Smith, de Goes &
+/// Kim 2018, Stable Neo-Hookean Flesh Simulation, eq. 14), and their Lamé correction μ̂ = 4/3 μ, λ̂ = λ + 5/6 μ,
+/// which gives the requested λ and μ at small strains. The rest state has neither stress nor energy. The law is
+/// defined for every F, including inverted ones.
 #[derive(Debug, Clone)]
 pub struct StableNeoHookean {
     lambda: f64,
@@ -34,7 +34,7 @@ impl Material for StableNeoHookean {
             + (j - 1.0) * (j + (1.0 - 2.0 * self.alpha)) * (0.5 * self.lambda)
     }
 
-    /// P = μ̂ (1 − 1/(I₁ + 1)) F + λ̂ (J − α) cof F.
+    /// Returns P = μ̂ (1 − 1/(I₁ + 1)) F + λ̂ (J − α) cof F.
     #[inline(always)]
     fn stress<R: Real>(&self, f: &Mat3<R>) -> Mat3<R> {
         let i1 = contract(f, f);
@@ -44,7 +44,7 @@ impl Material for StableNeoHookean {
         combine(shear, f, (j - self.alpha) * self.lambda, &cofactor)
     }
 
-    /// μ̂ (1 − 1/(I₁ + 1)) I + 2μ̂/(I₁ + 1)² F ⊗ F + λ̂ (cof F ⊗ cof F + (J − α) ∂²J/∂F∂F).
+    /// Returns μ̂ (1 − 1/(I₁ + 1)) I + 2μ̂/(I₁ + 1)² F ⊗ F + λ̂ (cof F ⊗ cof F + (J − α) ∂²J/∂F∂F).
     #[inline(always)]
     fn tangent<R: Real>(&self, f: &Mat3<R>) -> Tangent<R> {
         let cofactor = cofactor(f);

@@ -1,8 +1,8 @@
-//! Mean dilation at the quadrature points of a group of elements, in the lanes of the machine.
+//! Mean dilation at the quadrature points of a group of elements, in SIMD lanes.
 //!
-//! With J = det F, G = F⁻ᵀ, s = (θ/J)^⅓, F̄ = s F, and P, C the law's stress and tangent at F̄:
-//! τ = ⅓ P:F̄ = θ ∂Ψ/∂θ, ∂Ψ/∂F = s P − τ G at fixed θ, D = C:F̄ and d = F̄:D. The linearised map is the
-//! same algebra at F = I (s = J = θ = 1, G = F̄ = I), without stress in the curvature.
+//! With J = det F, G = F⁻ᵀ, s = (θ/J)^⅓, F̄ = s F, and the law's stress P and tangent C at F̄: τ = ⅓ P:F̄ = θ ∂Ψ/∂θ,
+//! ∂Ψ/∂F = s P − τ G at fixed θ, D = C:F̄ and d = F̄:D. The linearised map is the same algebra at F = I (s = J = θ =
+//! 1, G = F̄ = I), without stress in the curvature.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -12,30 +12,30 @@ use crate::small::tensor::{Mat3, Tangent, cofactor, contract, determinant, mat3,
 use crate::solid::elastic::POINTS;
 use crate::solid::material::batch::{PackedMat3, PackedTangent, load_mat3, store_mat3};
 
-/// The mean dilation θ of each element of a group, and its scale s at each point.
+/// The mean dilation θ of each element of a group, and the scale s at each point.
 #[derive(Default)]
 pub(super) struct Dilation {
     theta: Pack,
     /// Volume at rest, m³.
     volume: Pack,
-    /// s = (θ/J)^⅓; the linearised map has the shift ⅓ (θ − tr F) here.
+    /// s = (θ/J)^⅓; for the linearised map the shift ⅓ (θ − tr F).
     scales: Vec<Pack>,
 }
 
-/// What the curvature at fixed θ is made from, and where it goes.
+/// Input and output of the curvature at fixed θ.
 pub(super) struct Curvature<'a> {
     pub(super) deformations: &'a [PackedMat3],
     pub(super) adjusted: &'a [PackedMat3],
-    /// P at F̄ on the way in, ∂²Ψ/∂F∂θ on the way out.
+    /// P at F̄ as input, ∂²Ψ/∂F∂θ as output.
     pub(super) stresses: &'a mut [PackedMat3],
-    /// C at F̄ on the way in; ∂²Ψ/∂F∂F at fixed θ, with the share of ∂²θ/∂F∂F, on the way out.
+    /// C at F̄ as input; as output ∂²Ψ/∂F∂F at fixed θ plus the contribution of ∂²θ/∂F∂F.
     pub(super) tangents: &'a mut [PackedTangent],
-    /// ∂θ/∂F over the quadrature volume: cof F/V.
+    /// Output: ∂θ/∂F over the quadrature volume, cof F/V.
     pub(super) slopes: &'a mut [PackedMat3],
 }
 
 impl Dilation {
-    /// θ and s of F at the points, whose volumes are w det J.
+    /// Computes θ and s from F at the points, whose volumes are w det J.
     pub(super) fn find<'a>(
         &mut self,
         arch: Arch,
@@ -59,7 +59,7 @@ impl Dilation {
         arch.dispatch(Scales { is_linear, theta: &self.theta, scales: &mut self.scales });
     }
 
-    /// F̄ from F.
+    /// Computes F̄ from F.
     pub(super) fn adjust(
         &self,
         arch: Arch,
@@ -70,7 +70,7 @@ impl Dilation {
         arch.dispatch(Adjust { is_linear, scales: &self.scales, deformations, out });
     }
 
-    /// From P(F̄) to the stress that does work on δF: s P + (p − τ/J) cof F, p the mean of τ/θ.
+    /// Converts P(F̄) to the stress that does work on δF: s P + (p − τ/J) cof F, where p is the mean of τ/θ.
     pub(super) fn pull_back<'a>(
         &self,
         arch: Arch,
@@ -89,7 +89,7 @@ impl Dilation {
         });
     }
 
-    /// Curvatures; returns κ = Σ w ∂²Ψ/∂θ², J of each element.
+    /// Computes the curvatures; returns κ = Σ w ∂²Ψ/∂θ² (J) of each element.
     pub(super) fn curve<'a>(
         &self,
         arch: Arch,
@@ -110,7 +110,7 @@ impl Dilation {
         Pack(kappa)
     }
 
-    /// p = Σ w τ/(V θ): the derivative of the energy by θ, a volume.
+    /// Returns p = Σ w τ/(V θ), the derivative of the energy by the volume of the element.
     fn pressure<'a>(
         &self,
         arch: Arch,
@@ -145,7 +145,7 @@ fn identity<R: Real>(like: R) -> Mat3<R> {
     mat3!(i j => like.constant(if i == j { 1.0 } else { 0.0 }))
 }
 
-/// J, or tr F.
+/// Computes J, or tr F for the linearised map.
 struct Measures<'a> {
     is_linear: bool,
     deformations: &'a [PackedMat3],
@@ -165,7 +165,7 @@ impl WithSimd for Measures<'_> {
     }
 }
 
-/// From J to (θ/J)^⅓, from tr F to ⅓ (θ − tr F).
+/// Computes (θ/J)^⅓ from J, or ⅓ (θ − tr F) from tr F.
 struct Scales<'a> {
     is_linear: bool,
     theta: &'a Pack,
@@ -218,7 +218,7 @@ impl WithSimd for Adjust<'_> {
     }
 }
 
-/// τ = ⅓ P:F̄, or ⅓ tr P.
+/// Computes τ = ⅓ P:F̄, or ⅓ tr P for the linearised map.
 struct Taus<'a> {
     is_linear: bool,
     scales: &'a [Pack],
@@ -301,7 +301,7 @@ impl WithSimd for Curve<'_, '_> {
                 }
                 let f = load_mat3(simd, &at.deformations[q], part);
                 let volume = dilation.volume.load(simd, part);
-                // At F = I and without stress where the map is linear.
+                // For the linearised map evaluate at F = I, without stress.
                 let (s, theta, g, adjusted, p, cof) = if is_linear {
                     let zero = Lane::splat(simd, 0.0);
                     let eye = identity(one);
@@ -330,8 +330,8 @@ impl WithSimd for Curve<'_, '_> {
                 }
                 let second = contract(&adjusted, &slope);
                 let tau = contract(&p, &adjusted) * (1.0 / 3.0);
-                // ∂²Ψ/∂F∂F = s² C − (s/3)((D + P) ⊗ G + G ⊗ (D + P)) + (d/9 + 4τ/3) G ⊗ G
-                //            + (p − τ/J) ∂²J/∂F∂F, p of ∂²θ/∂F∂F.
+                // ∂²Ψ/∂F∂F = s² C − (s/3)((D + P) ⊗ G + G ⊗ (D + P)) + (d/9 + 4τ/3) G ⊗ G + (p − τ/J) ∂²J/∂F∂F; the
+                // term in p comes from ∂²θ/∂F∂F.
                 let both = mat3!(i j => slope[i][j] + p[i][j]);
                 let squared = s * s;
                 for k in 0..45 {
