@@ -2,9 +2,8 @@
 //! components that it acts on.
 
 use std::collections::HashSet;
-use std::sync::Arc;
 
-use vi_core::{Live, State, System};
+use vi_core::{State, System};
 use vi_fem::{Anchor, PointSpring, SpringEnd};
 use vi_mesh::Numbering;
 
@@ -74,7 +73,7 @@ pub(super) fn assemble(scene: &Scene, resolved: Resolved<'_>) -> Result<Model, V
         let made = component.into_system(scene, &nodal_fixes(&fixes, bodies, number));
         let made = made.and_then(|(system, state)| {
             let contact = contact(scene, number, (&system, &state), &rest, bodies, &rigids, &joined)?;
-            let live = contact.iter().map(|contact| Arc::clone(&contact.term) as Arc<dyn Live>).collect();
+            let live = contact.iter().flat_map(ContactModel::live).collect();
             contacts.push(contact);
             Ok((system.with_live(live), state))
         });

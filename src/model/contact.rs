@@ -4,8 +4,8 @@
 use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 
-use vi_contact::{ContactTerm, PairRule, SurfaceBuilder, median_edge};
-use vi_core::{State, System};
+use vi_contact::{ContactTerm, PairRule, RollingTerm, SurfaceBuilder, median_edge};
+use vi_core::{Live, State, System};
 
 use super::{BodyModel, RigidModel};
 use crate::scene::{Contact, Problem, RigidShape, Scene, Substance};
@@ -18,6 +18,14 @@ pub(crate) struct ContactModel {
     pub(crate) bodies: Vec<usize>,
 }
 
+impl ContactModel {
+    /// Its live terms.
+    pub(super) fn live(&self) -> Vec<Arc<dyn Live>> {
+        let rolling = RollingTerm::new(&self.term).map(|term| Arc::new(term) as Arc<dyn Live>);
+        std::iter::once(Arc::clone(&self.term) as Arc<dyn Live>).chain(rolling).collect()
+    }
+}
+
 /// A surface of a body, before its constants are known.
 struct Part {
     /// Number among all bodies of the scene.
@@ -25,6 +33,10 @@ struct Part {
     triangles: Vec<[u32; 3]>,
     /// The node and outward normal of a half-space.
     plane: Option<(u32, [f64; 3])>,
+    /// The point of a ball or the ends of a capsule, and the area that each stands for, m².
+    skeleton: (Vec<u32>, f64),
+    /// Nodes c, d₁, d₂, d₃ of a rigid body.
+    frame: Option<[u32; 4]>,
     radius: f64,
     distance: f64,
     /// Of a deformable body; a rigid one has none.
@@ -147,6 +159,14 @@ fn builder(
             meets_itself: part.stiffness.is_some() && may_meet(part, part),
         });
         builder.triangles(body, &part.triangles);
+        match (part.skeleton.0.as_slice(), part.skeleton.1) {
+            (&[point], area) => builder.point(body, point, area),
+            (&[a, b], area) => builder.segment(body, [a, b], area),
+            _ => {}
+        }
+        if let Some(frame) = part.frame {
+            builder.frame(body, frame);
+        }
         if let Some((node, normal)) = part.plane {
             builder.half_space(body, node, normal);
         }
@@ -180,7 +200,8 @@ fn of_body(scene: &Scene, number: usize, body: &BodyModel, rest: &[f64]) -> Resu
         }
     }
     let stiffness = Some(STIFFNESS * young);
-    Ok(Part { number, triangles, plane: None, radius, distance, stiffness, pressure: 0.0 })
+    let (plane, frame, skeleton) = (None, None, (Vec::new(), 0.0));
+    Ok(Part { number, triangles, plane, skeleton, frame, radius, distance, stiffness, pressure: 0.0 })
 }
 
 /// The surface of a rigid body; none where it has no shape.
@@ -193,15 +214,35 @@ fn of_rigid(scene: &Scene, number: usize, model: &RigidModel, rest: &[f64]) -> O
         }
         _ => (None, DISTANCE_OF_RIGID * shape.thickness()),
     };
+    let triangles = model.triangles.clone();
+    let (mut skeleton, mut spread) = ((Vec::new(), 0.0), 1.0);
+    if model.radius > 0.0 {
+        let nodes: Vec<u32> = model.surface_nodes().map(|node| node as u32).collect();
+        let layer = scene.contact.as_ref().and_then(|contact| contact.distance).unwrap_or(distance);
+        let area = area_of_round(shape, layer);
+        // The area that presses is far smaller than the section of the body.
+        spread = shape.volume() / (shape.thickness() * area * nodes.len() as f64);
+        skeleton = (nodes, area);
+    }
     // What falls through its own extent or hits at its first speed; see docs/contact.md.
     let square = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>();
     let gravity = square(scene.gravity).sqrt();
     let density = rigid.density.or(rigid.mass.map(|mass| mass / shape.volume())).unwrap_or(0.0);
     let speed = square(rigid.velocity.unwrap_or_default()) + 2.0 * gravity * extent(rest);
     let pressure =
-        if shape.is_plane() { 0.0 } else { density * (gravity * shape.thickness().max(0.0) + speed) };
-    let triangles = model.triangles.clone();
-    Some(Part { number, triangles, plane, radius: 0.0, distance, stiffness: None, pressure })
+        if shape.is_plane() { 0.0 } else { spread * density * (gravity * shape.thickness() + speed) };
+    let (frame, radius, stiffness) = (Some(model.frame()), model.radius, None);
+    Some(Part { number, triangles, plane, skeleton, frame, radius, distance, stiffness, pressure })
+}
+
+/// The area that each point of a round skeleton stands for, m²: what of its surface is within d̂ of a plane that touches
+/// it. That is a cap of a ball, 2πR d̂, and of a cylinder a strip of half-width √(2R d̂).
+fn area_of_round(shape: &RigidShape, layer: f64) -> f64 {
+    let (length, radius) = match *shape {
+        RigidShape::Capsule { length, radius } => (length, radius),
+        _ => (0.0, 0.5 * shape.thickness()),
+    };
+    std::f64::consts::TAU * radius * layer + length * (2.0 * radius * layer).sqrt()
 }
 
 /// Largest extent of the nodes along an axis, m.

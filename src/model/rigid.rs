@@ -29,6 +29,8 @@ pub struct RigidModel {
     pub shape: Option<RigidShape>,
     /// Triangles of its surface, where it can meet others: nodes of the component.
     pub(crate) triangles: Vec<[u32; 3]>,
+    /// Radius about the points of its surface where they are its skeleton, m; 0 otherwise.
+    pub(crate) radius: f64,
     /// Nodes that it has added to the component.
     node_count: usize,
     /// How many of these, the last ones, are points of its surface.
@@ -74,7 +76,12 @@ impl RigidModel {
         self.node as u32..(self.node + self.node_count) as u32
     }
 
-    /// Nodes of the component that are the points of its surface.
+    /// Nodes c, d₁, d₂, d₃ of the component.
+    pub(super) fn frame(&self) -> [u32; 4] {
+        [0, 1, 2, 3].map(|k| (self.node + k) as u32)
+    }
+
+    /// Nodes of the component that are the points of its surface, or of its skeleton if it is round.
     pub(crate) fn surface_nodes(&self) -> std::ops::Range<usize> {
         let end = self.node + self.node_count;
         end - self.surface_count..end
@@ -200,8 +207,9 @@ pub(super) fn build(
             masses.push(share);
         }
     }
-    let surface = rigid.shape.as_ref().filter(|_| can_meet).map(super::surface);
-    let (points, mut triangles) = surface.unwrap_or_default();
+    let outside = rigid.shape.as_ref().filter(|_| can_meet).map(super::shape::outside);
+    let (points, mut triangles, radius) =
+        outside.map_or_else(Default::default, |outside| (outside.points, outside.triangles, outside.radius));
     let (first, surface_count) = ((node + x.len()) as u32, points.len());
     triangles.iter_mut().for_each(|triangle| *triangle = triangle.map(|k| first + k));
     for point in points {
@@ -225,6 +233,7 @@ pub(super) fn build(
         axes: frame.axes.transpose() * own.axes,
         shape: rigid.shape.clone(),
         triangles,
+        radius,
         node_count: x.len(),
         surface_count,
     };

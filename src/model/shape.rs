@@ -1,12 +1,37 @@
-//! Surfaces of the shapes of rigid bodies as triangles, for viewing.
+//! Surfaces of the shapes of rigid bodies: as triangles, for viewing, and as contact meets them.
 
 use std::f64::consts::{PI, TAU};
 
 use crate::scene::RigidShape;
 
-/// Points around, and from pole to pole.
+/// Points around what is round for contact, and from pole to pole.
 const AROUND: u32 = 24;
 const ALONG: u32 = 12;
+/// Points around a cylinder, which contact meets as a prism: its faces are at most R (1 − cos(π/96)) = 5.4e-4 R inside.
+const AROUND_CYLINDER: u32 = 96;
+
+/// What contact meets of a shape: points (m) in the body's own axes from its centre, with triangles, or with the radius
+/// of a round shape, whose points are its skeleton.
+pub(crate) struct Outside {
+    pub(crate) points: Vec<[f64; 3]>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+    pub(crate) radius: f64,
+}
+
+/// The outside of a shape: a ball is a point, a capsule a segment, with a radius.
+pub(crate) fn outside(shape: &RigidShape) -> Outside {
+    let round = |points: Vec<[f64; 3]>, radius: f64| Outside { points, triangles: Vec::new(), radius };
+    match *shape {
+        RigidShape::Sphere { radius } => round(vec![[0.0; 3]], radius),
+        RigidShape::Capsule { length, radius } => {
+            round([-0.5, 0.5].map(|end| [end * length, 0.0, 0.0]).to_vec(), radius)
+        }
+        _ => {
+            let (points, triangles) = surface(shape);
+            Outside { points, triangles, radius: 0.0 }
+        }
+    }
+}
 
 /// Points (m) in the body's own axes from its centre, and triangles with normals outward.
 pub(crate) fn surface(shape: &RigidShape) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
@@ -17,11 +42,11 @@ pub(crate) fn surface(shape: &RigidShape) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
                 .map(|k| PI * f64::from(k) / f64::from(ALONG))
                 .map(|angle| [-radius * angle.cos(), radius * angle.sin()])
                 .collect();
-            revolved(-radius, &rings, radius)
+            revolved(-radius, &rings, radius, AROUND)
         }
         RigidShape::Rod { length, radius } | RigidShape::Cylinder { length, radius } => {
             let (a, b) = (-0.5 * length, 0.5 * length);
-            revolved(a, &[[a, radius], [b, radius]], b)
+            revolved(a, &[[a, radius], [b, radius]], b, AROUND_CYLINDER)
         }
         RigidShape::Capsule { length, radius } => {
             let end =
@@ -29,7 +54,8 @@ pub(crate) fn surface(shape: &RigidShape) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
             let angle = |k: u32| 0.5 * PI * f64::from(k) / f64::from(ALONG / 2);
             let first = (1..=ALONG / 2).map(|k| end(-1.0, angle(k)));
             let last = (1..=ALONG / 2).rev().map(|k| end(1.0, angle(k)));
-            revolved(-(0.5 * length + radius), &first.chain(last).collect::<Vec<_>>(), 0.5 * length + radius)
+            let (rings, pole) = (first.chain(last).collect::<Vec<_>>(), 0.5 * length + radius);
+            revolved(-pole, &rings, pole, AROUND)
         }
         RigidShape::Plane { .. } => (Vec::new(), Vec::new()),
     }
@@ -43,24 +69,24 @@ fn cuboid(size: [f64; 3]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
 }
 
 /// The surface that rings (place along the first axis, radius) make about it, from the pole `first` to the pole `last`,
-/// which are one point each.
-fn revolved(first: f64, rings: &[[f64; 2]], last: f64) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
-    let angle = |k: u32| TAU * f64::from(k) / f64::from(AROUND);
+/// which are one point each; `around` points make a ring.
+fn revolved(first: f64, rings: &[[f64; 2]], last: f64, around: u32) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+    let angle = |k: u32| TAU * f64::from(k) / f64::from(around);
     let point = |[x, r]: [f64; 2], k: u32| [x, r * angle(k).cos(), r * angle(k).sin()];
     let mut points: Vec<[f64; 3]> =
-        rings.iter().flat_map(|&ring| (0..AROUND).map(move |k| point(ring, k))).collect();
+        rings.iter().flat_map(|&ring| (0..around).map(move |k| point(ring, k))).collect();
     let count = points.len() as u32;
     points.extend([[first, 0.0, 0.0], [last, 0.0, 0.0]]);
     let mut triangles = Vec::new();
-    for k in 0..AROUND {
-        let next = (k + 1) % AROUND;
+    for k in 0..around {
+        let next = (k + 1) % around;
         triangles.push([count, next, k]);
-        for start in (AROUND..count).step_by(AROUND as usize) {
-            let [a, b] = [start - AROUND + k, start - AROUND + next];
+        for start in (around..count).step_by(around as usize) {
+            let [a, b] = [start - around + k, start - around + next];
             let [c, d] = [start + k, start + next];
             triangles.extend([[a, b, c], [b, d, c]]);
         }
-        triangles.push([count + 1, count - AROUND + k, count - AROUND + next]);
+        triangles.push([count + 1, count - around + k, count - around + next]);
     }
     (points, triangles)
 }
@@ -98,7 +124,7 @@ mod tests {
             let length = |[a, b]: [u32; 2]| {
                 (0..3).map(|k| (x[a as usize][k] - x[b as usize][k]).powi(2)).sum::<f64>().sqrt()
             };
-            assert!(edges.iter().all(|&edge| length(edge) > 0.01), "{shape:?}");
+            assert!(edges.iter().all(|&edge| length(edge) > 0.005), "{shape:?}");
         }
     }
 }

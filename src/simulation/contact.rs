@@ -1,5 +1,6 @@
 //! What is seen of contact: pairs that act, the smallest gap, and forces between bodies.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use serde_json::{Value, json};
@@ -55,6 +56,13 @@ impl Default for ContactTotals {
     fn default() -> Self {
         Self { smallest_gap: f64::INFINITY, friction: 0.0, damping: 0.0, intersections: 0 }
     }
+}
+
+/// A force on a round rigid body: where it acts (m), the force (N), and the gap there (m).
+pub(super) struct Press {
+    pub(super) place: [f64; 3],
+    pub(super) force: [f64; 3],
+    pub(super) gap: f64,
 }
 
 /// Looks at the contact of a component.
@@ -116,6 +124,40 @@ impl ContactWatch {
             (0..3).for_each(|k| sum[k] += sign * value[k]);
         }
         sum
+    }
+
+    /// The distance within which gaps are known, m.
+    pub(super) fn reach(&self) -> f64 {
+        self.term.distance()
+    }
+
+    /// What presses on a round rigid body with the skeleton `nodes` at positions x of the component.
+    pub(super) fn presses(&self, x: &[f64], nodes: &Range<usize>) -> Vec<Press> {
+        let (near, surface) = (self.term.at(x), self.term.surface());
+        let is_own = |node: &u32| nodes.contains(&(*node as usize));
+        let mut presses = Vec::new();
+        for pair in near.contact().active(x) {
+            let used = &pair.nodes[..pair.shape.arity()];
+            let Some(body) = used.iter().find(|node| is_own(node)).and_then(|&node| surface.body_of(node))
+            else {
+                continue;
+            };
+            let radius = surface.radius(body);
+            let (mut force, mut place, mut sign) = ([0.0; 3], [0.0; 3], 0.0);
+            for (k, &node) in used.iter().enumerate().filter(|(_, node)| is_own(node)) {
+                let (gradient, weight) = (pair.gradient(x)[k], pair.closest.weights[k]);
+                sign += weight;
+                for axis in 0..3 {
+                    force[axis] -= gradient[axis];
+                    place[axis] += weight * x[3 * node as usize + axis];
+                }
+            }
+            // The vector of the pair points from its second side to its first, whose weights sum to one.
+            let arm = pair.closest.vector * (-radius / pair.closest.distance());
+            (0..3).for_each(|axis| place[axis] = sign * (place[axis] + arm[axis]));
+            presses.push(Press { place, force, gap: pair.gap });
+        }
+        presses
     }
 
     /// Force of contact per area (Pa, without friction) at every node of the component at positions x, and the gap to

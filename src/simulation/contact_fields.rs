@@ -1,17 +1,54 @@
 //! Fields of contact at nodes: traction, pressure and gap. It must not change a state.
 
+use nalgebra::Vector3;
+
+use super::contact::{ContactWatch, Press};
 use super::{Component, Simulation};
+use crate::model::surface;
 use crate::scene::Field;
 
 impl Simulation {
     /// A field of contact at the nodes of all bodies, then at the points of the surfaces of rigid bodies.
     pub(crate) fn contact_values(&self, field: Field) -> Vec<f64> {
         let bodies = (0..self.bodies.len()).flat_map(|body| self.contact_values_of(body, field));
-        let rigids = self.rigids.iter().flat_map(|rigid| {
+        let rigids = self.rigids.iter().enumerate().flat_map(|(number, rigid)| {
+            if rigid.radius > 0.0 {
+                return self.contact_values_of_round(number, field);
+            }
             let nodes = rigid.surface_nodes().collect::<Vec<_>>();
             self.contact_values_at(rigid.component, &nodes, field)
         });
         bodies.chain(rigids).collect()
+    }
+
+    /// A field of contact at the points that show a ball or a capsule: what presses on its skeleton is put where it
+    /// acts, on the nearest of these points.
+    fn contact_values_of_round(&self, number: usize, field: Field) -> Vec<f64> {
+        let rigid = &self.rigids[number];
+        let Some(shape) = &rigid.shape else { return Vec::new() };
+        let (points, triangles) = surface(shape);
+        let places = self.carried(number, &points);
+        let Component { system, state, contact, .. } = &self.components[rigid.component];
+        let mut tractions = vec![[0.0; 3]; points.len()];
+        let mut gaps = vec![contact.as_ref().map_or(0.0, ContactWatch::reach); points.len()];
+        let nodes = rigid.surface_nodes();
+        let presses = contact.iter().flat_map(|watch| watch.presses(&system.positions(state), &nodes));
+        for Press { place, force, gap } in presses {
+            let square = |k: usize| (0..3).map(|axis| (places[k][axis] - place[axis]).powi(2)).sum::<f64>();
+            let nearest = (1..places.len()).fold(0, |a, b| if square(b) < square(a) { b } else { a });
+            (0..3).for_each(|axis| tractions[nearest][axis] += force[axis]);
+            gaps[nearest] = gap.min(gaps[nearest]);
+        }
+        let mut areas = vec![0.0; points.len()];
+        for triangle in triangles {
+            let [a, b, c] = triangle.map(|k| Vector3::from(points[k as usize]));
+            let area = (b - a).cross(&(c - a)).norm() / 6.0;
+            triangle.iter().for_each(|&k| areas[k as usize] += area);
+        }
+        for (traction, area) in tractions.iter_mut().zip(&areas) {
+            traction.iter_mut().for_each(|value| *value /= area);
+        }
+        of_field(field, tractions.into_iter().zip(gaps))
     }
 
     /// A field of contact at the nodes of body number `body`.
@@ -25,11 +62,16 @@ impl Simulation {
         let Component { system, state, contact, .. } = &self.components[component];
         let Some(watch) = contact else { return vec![0.0; nodes.len() * field.component_count()] };
         let (tractions, gaps) = watch.fields(&system.positions(state));
-        let length = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
-        match field {
-            Field::ContactTraction => nodes.iter().flat_map(|&node| tractions[node]).collect(),
-            Field::ContactPressure => nodes.iter().map(|&node| length(tractions[node])).collect(),
-            _ => nodes.iter().map(|&node| gaps[node]).collect(),
-        }
+        of_field(field, nodes.iter().map(|&node| (tractions[node], gaps[node])))
+    }
+}
+
+/// The numbers of a field from tractions and gaps.
+fn of_field(field: Field, values: impl Iterator<Item = ([f64; 3], f64)>) -> Vec<f64> {
+    let length = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+    match field {
+        Field::ContactTraction => values.flat_map(|(traction, _)| traction).collect(),
+        Field::ContactPressure => values.map(|(traction, _)| length(traction)).collect(),
+        _ => values.map(|(_, gap)| gap).collect(),
     }
 }

@@ -1,6 +1,6 @@
 //! Reference cases of contact: impact of a bar, a block that slides, stops and stays, a box that bounces.
 //!
-//! Cases H1, H5 and H12 of docs/validation-contact.md, where the numbers come from.
+//! Cases H1, H5, H9 and H12 of docs/validation-contact.md, where the numbers come from.
 
 use crate::program::Program;
 
@@ -103,4 +103,109 @@ fixed = true
     let total = run.column("total");
     let drift = total.iter().map(|e| (e / total[0] - 1.0).abs()).fold(0.0, f64::max);
     assert!(drift < 1e-8, "{drift:e}");
+}
+
+/// A solid ball that slides at 2 m/s with μ = 0.3 rolls at 5 v₀/7 after 2 v₀/(7 μ g), on the way 12 v₀²/(49 μ g); from
+/// then on nothing is dissipated. On a half-space and on a box of triangles.
+#[test]
+fn a_ball_slides_until_it_rolls() {
+    let floors = [
+        r#"shape = { kind = "plane", normal = [0, 0, 1] }"#,
+        "shape = { kind = \"box\", size = [4.0, 4.0, 0.2] }\nposition = [0.1, 0.2, -0.1]",
+    ];
+    for (scheme, floor) in
+        [("energy-momentum", floors[0]), ("stormer-verlet", floors[0]), ("implicit-midpoint", floors[1])]
+    {
+        let run = Program::run(&format!(
+            r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.4
+step = 5e-4
+scheme = "{scheme}"
+[contact]
+friction = 0.3
+damping = 1e-3
+[[rigid]]
+name = "ball"
+shape = {{ kind = "sphere", radius = 0.1 }}
+density = 1000.0
+position = [0, 0, 0.1018]
+velocity = [2.0, 0, 0]
+[[rigid]]
+name = "floor"
+{floor}
+fixed = true
+"#
+        ))
+        .history();
+        let (t, x, momentum, friction) =
+            (run.column("t"), run.column("ball.x"), run.column("px"), run.column("friction"));
+        let mass = momentum[0] / 2.0;
+        let last = t.len() - 1;
+        let speed = momentum[last] / mass;
+        assert!((speed / (10.0 / 7.0) - 1.0).abs() < 5e-3, "{scheme}: {speed}");
+        // Where friction has done nine tenths of its work, (1 − t/t₁)² = 0.1.
+        let tenth = friction.iter().position(|&work| work < 0.9 * friction[last]).unwrap();
+        let [time, way] = [t[tenth] / (1.0 - 0.1_f64.sqrt()), x[last] - speed * (t[last] - 0.194165)];
+        assert!((time / 0.194165 - 1.0).abs() < 2e-2, "{scheme}: {time}");
+        assert!((way / 0.332855 - 1.0).abs() < 5e-3, "{scheme}: {way}");
+        let lost = friction[last] / (0.5 * mass * 4.0);
+        assert!((lost / (-2.0 / 7.0) - 1.0).abs() < 5e-3, "{scheme}: {lost}");
+        let rolling = t.iter().position(|&t| t > 0.25).unwrap();
+        assert!((friction[last] - friction[rolling]).abs() < 1e-6 * friction[last].abs(), "{scheme}");
+    }
+}
+
+/// A capsule that leans on a box by its middle and lies on a plane by its ends, and balls that meet: what friction and
+/// damping take is what is gone, and no facet makes it jump.
+#[test]
+fn round_bodies_keep_their_balance() {
+    for (scheme, bound) in [("energy-momentum", 1e-7), ("stormer-verlet", 1e-3)] {
+        let run = Program::run(&format!(
+            r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.3
+step = 5e-4
+scheme = "{scheme}"
+[contact]
+friction = 0.4
+damping = 1e-3
+[[rigid]]
+name = "capsule"
+shape = {{ kind = "capsule", length = 0.3, radius = 0.05 }}
+density = 1000.0
+position = [0, 0, 0.06]
+velocity = [0.0, 1.0, 0.0]
+angular_velocity = [0.0, 0.3, 1.0]
+[[rigid]]
+name = "ball"
+shape = {{ kind = "sphere", radius = 0.08 }}
+density = 500.0
+position = [0.05, 0.2, 0.085]
+angular_velocity = [3.0, 0, 5.0]
+[[rigid]]
+name = "block"
+shape = {{ kind = "box", size = [0.1, 0.1, 0.1] }}
+density = 2000.0
+position = [-0.1, 0.16, 0.052]
+[[rigid]]
+name = "floor"
+shape = {{ kind = "plane", normal = [0, 0, 1] }}
+fixed = true
+"#
+        ))
+        .history();
+        let column = |name| run.column(name);
+        let (total, friction, damping) = (column("total"), column("friction"), column("contact_damping"));
+        let kinetic = column("kinetic").into_iter().fold(0.0, f64::max);
+        for i in 0..total.len() {
+            let balance = total[i] - friction[i] - damping[i] - total[0];
+            assert!(balance.abs() < bound * kinetic, "{scheme} {i}: {balance:e} of {kinetic}");
+        }
+        assert!(friction.windows(2).all(|pair| pair[1] <= pair[0] + 1e-12), "{scheme}");
+        assert!(friction[total.len() - 1] < -1e-2 * kinetic, "{scheme}");
+        assert!(column("smallest_gap").iter().all(|&gap| gap > 0.0), "{scheme}");
+    }
 }

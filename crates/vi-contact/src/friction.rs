@@ -8,6 +8,7 @@
 
 mod anchors;
 mod bristle;
+mod rolling;
 mod slip;
 
 pub use anchors::{Anchor, Anchors};
@@ -15,6 +16,7 @@ pub use anchors::{Anchor, Anchors};
 use std::collections::BTreeMap;
 
 use bristle::stretch;
+pub(crate) use rolling::RollingPair;
 use slip::Slip;
 use vi_core::packed_len;
 
@@ -59,6 +61,37 @@ pub struct FrictionPair {
     pub stored: f64,
     /// The anchor after the step.
     pub anchor: Anchor,
+}
+
+/// What the bristle of a pair does over a step.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Held {
+    /// Traction T on the second part, N.
+    pub(crate) traction: Vec3,
+    /// Half the bristle's stiffness, less where it slides, N/m.
+    pub(crate) stiffness: f64,
+    /// T·u less the change of the stored energy, never negative, J.
+    pub(crate) dissipated: f64,
+    /// Energy stored at the end, J.
+    pub(crate) stored: f64,
+    /// Stretch at the end along both tangents, m.
+    pub(crate) end: [f64; 2],
+}
+
+impl Held {
+    /// `start` is the stretch at the start and its energy, k the bristle's stiffness, `rate` is τ/h, `limit` is μλ.
+    fn new(start: ([f64; 2], f64), slip: Vec3, tangents: &[Vec3; 2], k: f64, rate: f64, limit: f64) -> Self {
+        let bristle = stretch(start.0, tangents.map(|tangent| tangent.dot(&slip)), k, rate, limit);
+        let traction = tangents[0] * bristle.traction[0] + tangents[1] * bristle.traction[1];
+        let stored = 0.5 * k * (bristle.end[0].powi(2) + bristle.end[1].powi(2));
+        Self {
+            traction,
+            stiffness: (0.5 + rate) * k * bristle.held,
+            dissipated: (traction.dot(&slip) - (stored - start.1)).max(0.0),
+            stored,
+            end: bristle.end,
+        }
+    }
 }
 
 impl FrictionPair {
@@ -133,49 +166,39 @@ impl Contact<'_> {
         settings: &StepSettings,
     ) -> Option<FrictionPair> {
         let law = self.law_of(partners)?;
+        if self.surface.rolls(partners) {
+            return None;
+        }
         let before = anchors.of(partners);
         let (cell, slip) = self.slip_of(partners, x, before)?;
         let stiffness = self.surface.bristle_stiffness(partners)?;
-        let (start, stored_before) = match before {
-            Some(anchor) => {
-                let energy = 0.5 * stiffness * (anchor.stretch[0].powi(2) + anchor.stretch[1].powi(2));
-                (self.carry(anchor, cell, partners, x[0]), energy)
-            }
+        let start = match before {
+            Some(anchor) => (self.carry(anchor, cell, partners, x[0]), anchor.energy(stiffness)),
             None => ([0.0; 2], 0.0),
         };
-        let along = slip.tangents.map(|tangent| tangent.dot(&slip.slip));
         let rate = law.damping / settings.duration;
-        let bristle = stretch(start, along, stiffness, rate, law.friction * normal_force);
-        let traction = slip.tangents[0] * bristle.traction[0] + slip.tangents[1] * bristle.traction[1];
-        let stored = 0.5 * stiffness * (bristle.end[0].powi(2) + bristle.end[1].powi(2));
+        let held = Held::new(start, slip.slip, &slip.tangents, stiffness, rate, law.friction * normal_force);
         Some(FrictionPair {
             partners,
             arity: slip.arity,
             nodes: slip.nodes,
-            gradient: slip.gradient(traction),
+            gradient: slip.gradient(held.traction),
             slip: slip.slip,
-            traction,
+            traction: held.traction,
             normal_force,
             weights: slip.weights,
-            stiffness: (0.5 + rate) * stiffness * bristle.held,
+            stiffness: held.stiffness,
             tangents: slip.tangents,
-            dissipated: (traction.dot(&slip.slip) - (stored - stored_before)).max(0.0),
-            stored,
-            anchor: Anchor { partners, cell, stretch: bristle.end },
+            dissipated: held.dissipated,
+            stored: held.stored,
+            anchor: Anchor { partners, cell, stretch: held.end },
         })
     }
 
     /// The law of both bodies, where there is friction.
-    fn law_of(&self, partners: Partners) -> Option<Law> {
-        let surface = self.surface;
-        let (a, b) = match partners {
-            Partners::PointBody(point, body) => (surface.points[point as usize].body, body),
-            Partners::PointPlane(point, plane) => {
-                (surface.points[point as usize].body, surface.half_spaces[plane as usize].body)
-            }
-            Partners::Edges(a, b) => (surface.edges[a as usize].body, surface.edges[b as usize].body),
-        };
-        surface.law(a, b).filter(|law| law.friction > 0.0)
+    pub(crate) fn law_of(&self, partners: Partners) -> Option<Law> {
+        let [a, b] = self.surface.bodies_of(partners);
+        self.surface.law(a, b).filter(|law| law.friction > 0.0)
     }
 
     /// The frame that measures slip, and the slip. A point is measured on the cell that is nearest at x₀; the cell of

@@ -4,11 +4,14 @@
 //! energy of a point is grouped by closest feature before it is shared out, and each group goes to the first of its
 //! point's candidates that contains it, so that the block of a stencil depends on positions alone.
 
+mod rolling;
 mod step;
+
+pub use rolling::RollingTerm;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use vi_core::{Account, DiscreteGradient, Fault, HessianKind, Live, Potential, Stencils, Traits, packed_len};
 
@@ -30,13 +33,38 @@ const MARGIN: f64 = 0.9;
 pub struct ContactTerm {
     surface: Arc<Surface>,
     reach: f64,
+    /// What was found last, with its place and reach: the friction of round bodies asks for the same.
+    last: Option<Arc<Mutex<Last>>>,
+}
+
+#[derive(Debug, Default)]
+struct Last {
+    x: Vec<f64>,
+    reach: f64,
+    found: Option<ContactPotential>,
 }
 
 impl ContactTerm {
     /// The contact of surfaces. Nodes may move by `reach` (m) before candidates are sought again; half of the activation
     /// distance is a good choice.
     pub fn new(surface: Arc<Surface>, reach: f64) -> Self {
-        Self { surface, reach }
+        let last = surface.has_rolling().then(Arc::default);
+        Self { surface, reach, last }
+    }
+
+    /// The contact near x, found once where it is asked for twice in a row.
+    fn near_shared(&self, x: &[f64], reach: f64) -> ContactPotential {
+        let find = || ContactPotential::near(Arc::clone(&self.surface), x, reach);
+        let Some(last) = &self.last else { return find() };
+        let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
+        match &last.found {
+            Some(found) if last.x == x && last.reach == reach => found.clone(),
+            _ => {
+                let found = find();
+                *last = Last { x: x.to_vec(), reach, found: Some(found.clone()) };
+                found
+            }
+        }
     }
 }
 
@@ -67,7 +95,7 @@ impl Live for ContactTerm {
     }
 
     fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential> {
-        Arc::new(ContactPotential::near(Arc::clone(&self.surface), x, reach))
+        Arc::new(self.near_shared(x, reach))
     }
 }
 

@@ -17,6 +17,7 @@ use law::Laws;
 
 use crate::barrier::Barrier;
 use crate::distance::{Shape, Vec3, at};
+use crate::pairs::Partners;
 
 /// A point of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -116,6 +117,8 @@ pub struct Surface {
     pub(crate) laws: Laws,
     /// Group of nodes that move as one (0: none), per node.
     pub(crate) held: Vec<u32>,
+    /// Nodes c, d₁, d₂, d₃ of each body, if it is rigid.
+    pub(crate) frames: Vec<Option<[u32; 4]>>,
     /// Thickness and activation distance of each point against its own body.
     pub(crate) own: Vec<[f64; 2]>,
 }
@@ -149,9 +152,49 @@ impl Surface {
         &self.half_spaces
     }
 
+    /// The body of a node that is a point of a surface.
+    pub fn body_of(&self, node: u32) -> Option<u32> {
+        let place = self.points.binary_search_by_key(&node, |point| point.node).ok()?;
+        Some(self.points[place].body)
+    }
+
+    /// Radius of a body, m: half the thickness of a sheet.
+    pub fn radius(&self, body: u32) -> f64 {
+        self.laws.bodies[body as usize].radius
+    }
+
     /// The constants of bodies `a` and `b` against each other; `None` where they are no pair.
     pub fn law(&self, a: u32, b: u32) -> Option<Law> {
         self.laws.of(a, b)
+    }
+
+    /// Numbers of both bodies of a pair.
+    pub(crate) fn bodies_of(&self, partners: Partners) -> [u32; 2] {
+        match partners {
+            Partners::PointBody(point, body) => [self.points[point as usize].body, body],
+            Partners::PointPlane(point, plane) => {
+                [self.points[point as usize].body, self.half_spaces[plane as usize].body]
+            }
+            Partners::Edges(a, b) => [self.edges[a as usize].body, self.edges[b as usize].body],
+        }
+    }
+
+    /// Returns whether a body is a rigid ball or capsule: its skeleton does not turn, its surface does.
+    pub(crate) fn is_round(&self, body: u32) -> bool {
+        self.frames[body as usize].is_some() && self.laws.bodies[body as usize].radius > 0.0
+    }
+
+    /// Returns whether the friction of this pair is that of a round body.
+    pub(crate) fn rolls(&self, partners: Partners) -> bool {
+        self.bodies_of(partners).into_iter().any(|body| self.is_round(body))
+    }
+
+    /// Returns whether there is friction between a round body and another one.
+    pub(crate) fn has_rolling(&self) -> bool {
+        let count = self.laws.bodies.len() as u32;
+        let round = (0..count).filter(|&body| self.is_round(body));
+        let rubs = |a: u32, b: u32| self.law(a, b).is_some_and(|law| law.friction > 0.0);
+        round.into_iter().any(|a| (0..count).any(|b| a != b && rubs(a, b)))
     }
 
     /// Returns whether these nodes move as one rigid body, so that distances between them never change.

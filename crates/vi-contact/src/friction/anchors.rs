@@ -10,10 +10,18 @@ use super::FrictionPair;
 pub struct Anchor {
     /// Pair that the bristle holds together.
     pub partners: Partners,
-    /// The cell in whose frame the stretch is measured; 0 where there is none.
+    /// The cell in whose frame the stretch is measured; 0 where there is none. Of a round body: three times the cell,
+    /// plus the number of the direction that the tangents follow.
     pub cell: u32,
     /// Stretch along both tangents of the frame, m.
     pub stretch: [f64; 2],
+}
+
+impl Anchor {
+    /// Energy stored by a bristle of stiffness k (N/m), J.
+    pub(super) fn energy(&self, k: f64) -> f64 {
+        0.5 * k * (self.stretch[0] * self.stretch[0] + self.stretch[1] * self.stretch[1])
+    }
 }
 
 /// All stretched bristles, in the order of their partners.
@@ -23,8 +31,12 @@ pub struct Anchors(Vec<Anchor>);
 impl Anchors {
     /// The anchors after a step with this friction. Pairs that opened have none.
     pub fn after(pairs: &[FrictionPair]) -> Self {
-        let stretched = pairs.iter().map(|pair| pair.anchor).filter(|anchor| anchor.stretch != [0.0; 2]);
-        Self(stretched.collect())
+        Self::stretched(pairs.iter().map(|pair| pair.anchor))
+    }
+
+    /// Those of `anchors`, in the order of their partners, that are stretched.
+    pub(crate) fn stretched(anchors: impl Iterator<Item = Anchor>) -> Self {
+        Self(anchors.filter(|anchor| anchor.stretch != [0.0; 2]).collect())
     }
 
     /// The anchor between partners.
@@ -39,10 +51,8 @@ impl Anchors {
 
     /// Energy stored, J: ½ Σ k |e|².
     pub fn energy(&self, surface: &Surface) -> f64 {
-        let energy = |anchor: &Anchor| {
-            let [a, b] = anchor.stretch;
-            0.5 * surface.bristle_stiffness(anchor.partners).unwrap_or(0.0) * (a * a + b * b)
-        };
+        let energy =
+            |anchor: &Anchor| anchor.energy(surface.bristle_stiffness(anchor.partners).unwrap_or(0.0));
         self.0.iter().map(energy).sum()
     }
 
@@ -79,8 +89,9 @@ impl Anchors {
             let cell = index(six[3])?;
             let known = match partners {
                 Partners::PointBody(a, b) => {
-                    surface.points.len() > a as usize
-                        && surface.cells.get(cell as usize).is_some_and(|cell| cell.body == b)
+                    let is_known = surface.points.len() > a as usize && surface.frames.len() > b as usize;
+                    let cell = if is_known && surface.rolls(partners) { cell / 3 } else { cell };
+                    is_known && surface.cells.get(cell as usize).is_some_and(|cell| cell.body == b)
                 }
                 Partners::PointPlane(a, b) => {
                     surface.points.len() > a as usize && surface.half_spaces.len() > b as usize
@@ -102,7 +113,7 @@ const STIFF: f64 = 100.0;
 
 impl Surface {
     /// Stiffness of a bristle, N/m.
-    pub(super) fn bristle_stiffness(&self, partners: Partners) -> Option<f64> {
+    pub(crate) fn bristle_stiffness(&self, partners: Partners) -> Option<f64> {
         let (gauge, weight) = match partners {
             Partners::PointBody(point, body) => (self.point_gauge(point as usize, body)?, 1.0),
             Partners::PointPlane(point, plane) => (self.plane_gauge(point as usize, plane as usize)?, 1.0),

@@ -163,7 +163,7 @@ impl ActivePair {
 }
 
 /// k (c ⊗ n)(c ⊗ n)ᵀ as a packed lower triangle.
-pub(crate) fn pack_rank_one(k: f64, c: &[f64; 4], normal: Vec3, size: usize, out: &mut [f64]) {
+pub(crate) fn pack_rank_one(k: f64, c: &[f64], normal: Vec3, size: usize, out: &mut [f64]) {
     for (i, row) in rows(size, out) {
         let left = k * c[i / 3] * normal[i % 3];
         for (j, entry) in row.iter_mut().enumerate() {

@@ -105,18 +105,6 @@ impl ContactPotential {
             }
         }
     }
-
-    /// Numbers of both bodies.
-    fn bodies(&self, partners: Partners) -> [u32; 2] {
-        let surface = &self.surface;
-        match partners {
-            Partners::PointBody(point, body) => [surface.points[point as usize].body, body],
-            Partners::PointPlane(point, plane) => {
-                [surface.points[point as usize].body, surface.half_spaces[plane as usize].body]
-            }
-            Partners::Edges(a, b) => [surface.edges[a as usize].body, surface.edges[b as usize].body],
-        }
-    }
 }
 
 /// The sum over the stencils of a point does its work exactly; which of them carries a group that several share is
@@ -157,7 +145,7 @@ impl DiscreteGradient for ContactPotential {
         let (mut rubbing, mut work) = (Vec::new(), 0.0);
         let duration = self.step.as_ref().map_or(0.0, |step| step.settings.duration);
         self.for_each_step(0..self.neighbours.count(), [start, end], |_, acting, _| {
-            let [first, second] = self.bodies(acting.partners());
+            let [first, second] = self.surface.bodies_of(acting.partners());
             let sign = if first <= second { 1.0 } else { -1.0 };
             let between = [first.min(second), first.max(second)];
             *impulses.entry(between).or_insert_with(Vec3::zeros) += acting.force() * (sign * duration);

@@ -22,6 +22,7 @@ pub struct SurfaceBuilder {
     areas: BTreeMap<u32, f64>,
     half_spaces: Vec<HalfSpace>,
     held: BTreeMap<u32, u32>,
+    frames: BTreeMap<u32, [u32; 4]>,
 }
 
 impl SurfaceBuilder {
@@ -42,6 +43,7 @@ impl SurfaceBuilder {
             areas: BTreeMap::new(),
             half_spaces: Vec::new(),
             held: BTreeMap::new(),
+            frames: BTreeMap::new(),
         }
     }
 
@@ -85,6 +87,19 @@ impl SurfaceBuilder {
     pub fn point(&mut self, body: u32, node: u32, area: f64) {
         self.cell(body, [node; 3], 1);
         self.areas.insert(node, area);
+    }
+
+    /// Gives a body an edge whose two nodes stand for `area` (m²) each: a capsule with the body's radius.
+    pub fn segment(&mut self, body: u32, nodes: [u32; 2], area: f64) {
+        self.wires(body, &[nodes]);
+        self.areas.extend(nodes.map(|node| (node, area)));
+    }
+
+    /// Says that a body is rigid, with these nodes as its frame: a point c and directors d₁, d₂, d₃, so that
+    /// x = c + Σ X_k d_k is a place that it carries. Friction on a round one, a point or segment with a radius, then acts
+    /// where it touches.
+    pub fn frame(&mut self, body: u32, nodes: [u32; 4]) {
+        self.frames.insert(body, nodes);
     }
 
     fn cell(&mut self, body: u32, mut nodes: [u32; 3], count: u8) {
@@ -142,6 +157,8 @@ impl SurfaceBuilder {
         for (node, group) in self.held {
             held[node as usize] = group;
         }
+        let frame = |body: u32| self.frames.get(&body).copied();
+        let frames = (0..self.laws.bodies.len() as u32).map(frame).collect();
         let mut surface = Surface {
             barrier: self.barrier,
             rest: self.rest,
@@ -152,6 +169,7 @@ impl SurfaceBuilder {
             half_spaces: self.half_spaces,
             laws: self.laws,
             held,
+            frames,
         };
         let nearest = nearest_own_cells(&surface);
         for (point, rest) in nearest.into_iter().enumerate() {
@@ -166,7 +184,7 @@ impl SurfaceBuilder {
         let count = self.rest.len() / 3;
         let mut owners = BTreeMap::new();
         let planes = self.half_spaces.iter().map(|plane| plane.node);
-        let held = self.held.keys().copied();
+        let held = self.held.keys().copied().chain(self.frames.values().flatten().copied());
         if let Some(node) = planes.chain(held).find(|&node| node as usize >= count) {
             return Err(ContactError::Node { node, count });
         }

@@ -1,0 +1,401 @@
+//! Friction of round rigid bodies: balls and capsules, which are points and edges with a thickness.
+//!
+//! Their skeleton does not turn, their surface does. A pair touches at one place z in the middle of a step: on the axis
+//! between the closest points of the middle, on the surface of a round body that meets another rigid one (halfway in the
+//! gap of two round ones), or where the node or triangle of a deformable body is. Each side carries z by fixed weights: a rigid body with frame (c, d₁, d₂, d₃) by
+//! ```text
+//! z = c(x_m) + Σ_k y_k d_k(x_m),   x_m = (x₀ + x₁)/2,
+//! ```
+//! a deformable one by the weights of its closest point. With w_a the weights of the first side, and those of the second
+//! with the opposite sign, the slip is the part of Σ_a w_a Δx_a across the normal, and a traction T exerts −w_a T. As
+//! Σ_a w_a x_a(x_m) = z − z = 0, it does the work −T·u exactly, without net force or torque, and its arm about the
+//! centre of a body ends at the place of contact. A step of pure rolling has no slip: by Cayley's map
+//! Δd_k = ω × d_k(x_m), so that u = Δc + ω × (z − c).
+
+use nalgebra::Matrix3;
+
+use super::{Anchor, Anchors, Held};
+use crate::distance::{Closest, Shape, Vec3, at};
+use crate::pairs::{Contact, Partners, StepSettings};
+
+/// A reference direction serves while its sine against the normal is above this.
+const ACROSS: f64 = 0.3;
+
+/// Friction of one pair of which a side is a round rigid body, over a step.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct RollingPair {
+    pub(crate) partners: Partners,
+    /// The cell at which the point is measured; zero where there is none.
+    pub(crate) cell: u32,
+    /// Weights of the place of contact in [`Contact::rolling_nodes`]: the force on node a is −w_a T.
+    pub(crate) weights: [f64; 8],
+    /// Slip u of the first side over the second, m.
+    #[cfg_attr(not(test), expect(dead_code, reason = "shown by the field slip"))]
+    pub(crate) slip: Vec3,
+    /// Orthonormal directions across the normal.
+    pub(crate) tangents: [Vec3; 2],
+    pub(crate) held: Held,
+    /// The anchor after the step.
+    pub(crate) anchor: Anchor,
+}
+
+/// The axis of a pair at one configuration.
+struct Axis {
+    /// Unit normal from the second side to the first.
+    normal: Vec3,
+    /// Closest points of both skeletons, m.
+    places: [Vec3; 2],
+    /// Weights of these in the nodes of the pair.
+    weights: [f64; 4],
+}
+
+impl Contact<'_> {
+    /// The four nodes that carry each side of a pair, repeated where there are fewer.
+    pub(crate) fn rolling_nodes(&self, partners: Partners, cell: u32) -> [u32; 8] {
+        let surface = self.surface;
+        let (nodes, bodies) = (self.pair_nodes(partners, cell), surface.bodies_of(partners));
+        let first = partners.first_count();
+        let own = match first {
+            1 => [[nodes[0]; 4], [nodes[1], nodes[2], nodes[3], nodes[3]]],
+            _ => [[nodes[0], nodes[1], nodes[1], nodes[1]], [nodes[2], nodes[3], nodes[3], nodes[3]]],
+        };
+        let side = |k: usize| surface.frames[bodies[k] as usize].unwrap_or(own[k]);
+        let ([a, b, c, d], [e, f, g, h]) = (side(0), side(1));
+        [a, b, c, d, e, f, g, h]
+    }
+
+    /// Nodes of a pair, the last one repeated.
+    fn pair_nodes(&self, partners: Partners, cell: u32) -> [u32; 4] {
+        let surface = self.surface;
+        match partners {
+            Partners::PointBody(point, _) => {
+                let [a, b, c] = surface.cells[cell as usize].nodes;
+                [surface.points[point as usize].node, a, b, c]
+            }
+            Partners::PointPlane(point, plane) => {
+                let face = surface.half_spaces[plane as usize].node;
+                [surface.points[point as usize].node, face, face, face]
+            }
+            Partners::Edges(a, b) => self.edge_nodes([a, b]),
+        }
+    }
+
+    /// The cell of a body that is nearest to a point at x: that of the anchor as long as none is nearer.
+    fn nearest_cell(&self, point: u32, body: u32, x: &[f64], before: Option<&Anchor>) -> Option<u32> {
+        let (_, cells) = self.bodies_of(point as usize).find(|&(other, _)| other == body)?;
+        let distance = |cell: u32| {
+            let shape = self.surface.cells[cell as usize].shape();
+            let nodes = self.pair_nodes(Partners::PointBody(point, body), cell);
+            shape.closest(&nodes.map(|node| at(x, node))).distance()
+        };
+        let kept = before.map(|anchor| anchor.cell / 3).filter(|cell| cells.binary_search(cell).is_ok());
+        let mut nearest = kept.map_or((f64::INFINITY, None), |cell| (distance(cell), Some(cell)));
+        for &cell in cells {
+            let found = distance(cell);
+            if found < nearest.0 * (1.0 - 1e-9) {
+                nearest = (found, Some(cell));
+            }
+        }
+        nearest.1
+    }
+
+    fn axis(&self, partners: Partners, cell: u32, x: &impl Fn(u32) -> Vec3) -> Option<Axis> {
+        let nodes = self.pair_nodes(partners, cell);
+        let positions = nodes.map(x);
+        let closest = match partners {
+            Partners::PointPlane(_, plane) => {
+                let normal = self.surface.half_spaces[plane as usize].normal;
+                let height = normal.dot(&(positions[0] - positions[1]));
+                let weights = [1.0, -1.0, 0.0, 0.0];
+                Closest { squared: height * height, vector: normal * height, weights }
+            }
+            Partners::PointBody(..) => self.surface.cells[cell as usize].shape().closest(&positions),
+            Partners::Edges(..) => Shape::EdgeEdge.closest(&positions),
+        };
+        if matches!(partners, Partners::Edges(..)) && closest.support() != 0b1111 {
+            // An end that is nearest is a point, which rubs on its own.
+            return None;
+        }
+        let distance = closest.distance();
+        if distance == 0.0 {
+            return None;
+        }
+        let first = partners.first_count();
+        let own: Vec3 = (0..first).map(|a| positions[a] * closest.weights[a]).sum();
+        Some(Axis {
+            normal: closest.vector / distance,
+            places: [own, own - closest.vector],
+            weights: closest.weights,
+        })
+    }
+
+    /// Directions that the second side carries: the first two edges of its cell and their normal, or its directors.
+    fn directions(&self, partners: Partners, cell: u32, x: &impl Fn(u32) -> Vec3) -> [Vec3; 3] {
+        let [_, second] = self.surface.bodies_of(partners);
+        if let Some([_, directors @ ..]) = self.surface.frames[second as usize] {
+            return directors.map(x);
+        }
+        let nodes = self.pair_nodes(partners, cell);
+        let first = partners.first_count();
+        let (a, b) = (x(nodes[first]), x(nodes[first + 1]));
+        if first == 2 {
+            return [b - a, Vec3::zeros(), Vec3::zeros()];
+        }
+        let (one, two) = (b - a, x(nodes[3]) - a);
+        [one, two, one.cross(&two)]
+    }
+
+    /// Friction over a step from x₀ to x₁ of one pair, pressed together by `normal_force`; `cell` is where the point is
+    /// measured.
+    pub(crate) fn roll(
+        &self,
+        partners: Partners,
+        normal_force: f64,
+        x: [&[f64]; 2],
+        anchors: &Anchors,
+        settings: &StepSettings,
+    ) -> Option<RollingPair> {
+        let law = self.law_of(partners)?;
+        let before = anchors.of(partners);
+        let cell = match partners {
+            Partners::PointBody(point, body) => self.nearest_cell(point, body, x[0], before)?,
+            _ => 0,
+        };
+        let start = |node: u32| at(x[0], node);
+        let middle = |node: u32| (at(x[0], node) + at(x[1], node)) * 0.5;
+        let first = self.axis(partners, cell, &start)?.normal;
+        let axis = self.axis(partners, cell, &middle)?;
+        // Which direction the tangents follow is chosen at x₀, so that it does not change while a solver varies x₁.
+        let across =
+            |number: usize, cell: u32| across(self.directions(partners, cell, &start)[number], first);
+        let kept = before.map(|anchor| (anchor.cell % 3) as usize);
+        let kept = kept.filter(|&number| across(number, cell).norm() > ACROSS);
+        let number = kept.unwrap_or_else(|| {
+            let sine = |number: usize| across(number, cell).norm();
+            (1..3).fold(0, |best, other| if sine(other) > sine(best) { other } else { best })
+        });
+        let tangents = tangents(self.directions(partners, cell, &middle)[number], axis.normal)?;
+        let frame = 3 * cell + number as u32;
+        let stretch = match before {
+            Some(anchor) if anchor.cell == frame => anchor.stretch,
+            Some(anchor) => {
+                let direction = |frame: u32| self.directions(partners, frame / 3, &start)[frame as usize % 3];
+                carry(anchor.stretch, [direction(anchor.cell), direction(frame)], first)
+            }
+            None => [0.0; 2],
+        };
+        let weights = self.weights(partners, cell, &axis, &middle)?;
+        let nodes = self.rolling_nodes(partners, cell);
+        let moved = nodes.iter().zip(&weights);
+        let slip: Vec3 = moved.map(|(&node, &weight)| (at(x[1], node) - at(x[0], node)) * weight).sum();
+        let slip = slip - axis.normal * axis.normal.dot(&slip);
+        let stiffness = self.surface.bristle_stiffness(partners)?;
+        let stored = before.map_or(0.0, |anchor| anchor.energy(stiffness));
+        let rate = law.damping / settings.duration;
+        let held =
+            Held::new((stretch, stored), slip, &tangents, stiffness, rate, law.friction * normal_force);
+        let anchor = Anchor { partners, cell: frame, stretch: held.end };
+        Some(RollingPair { partners, cell, weights, slip, tangents, held, anchor })
+    }
+
+    /// Weights of the place of contact on both sides, those of the second with the opposite sign.
+    fn weights(
+        &self,
+        partners: Partners,
+        cell: u32,
+        axis: &Axis,
+        middle: &impl Fn(u32) -> Vec3,
+    ) -> Option<[f64; 8]> {
+        let surface = self.surface;
+        let bodies = surface.bodies_of(partners);
+        let frames = bodies.map(|body| surface.frames[body as usize]);
+        let radii = bodies.map(|body| surface.laws.bodies[body as usize].radius);
+        let [first, second] = axis.places;
+        let place = match frames {
+            [Some(_), Some(_)] => {
+                let gap = axis.normal.dot(&(first - second)) - radii[0] - radii[1];
+                let share = match radii.map(|radius| radius > 0.0) {
+                    [true, true] => 0.5,
+                    [true, false] => 0.0,
+                    [false, _] => 1.0,
+                };
+                first - axis.normal * (radii[0] + share * gap)
+            }
+            [Some(_), None] => second,
+            [None, _] => first,
+        };
+        let count = partners.first_count();
+        let arity = self.arity(partners, cell);
+        let mut weights = [0.0; 8];
+        for (k, frame) in frames.into_iter().enumerate() {
+            let sign = if k == 0 { 1.0 } else { -1.0 };
+            let out = &mut weights[4 * k..4 * k + 4];
+            match frame {
+                Some([c, directors @ ..]) => {
+                    let directors = Matrix3::from_columns(&directors.map(middle));
+                    let y = directors.try_inverse()? * (place - middle(c));
+                    out.copy_from_slice(&[sign, sign * y.x, sign * y.y, sign * y.z]);
+                }
+                None if k == 0 => out[..count].copy_from_slice(&axis.weights[..count]),
+                None => out[..arity - count].copy_from_slice(&axis.weights[count..arity]),
+            }
+        }
+        Some(weights)
+    }
+
+    fn arity(&self, partners: Partners, cell: u32) -> usize {
+        match partners {
+            Partners::PointBody(..) => self.surface.cells[cell as usize].shape().arity(),
+            Partners::PointPlane(..) => 2,
+            Partners::Edges(..) => 4,
+        }
+    }
+}
+
+/// The part of a direction across a unit normal, per length of the direction.
+fn across(direction: Vec3, normal: Vec3) -> Vec3 {
+    let length = direction.norm();
+    if length == 0.0 { Vec3::zeros() } else { (direction - normal * normal.dot(&direction)) / length }
+}
+
+/// Orthonormal directions across a unit normal, the first one as near to `direction` as can be.
+fn tangents(direction: Vec3, normal: Vec3) -> Option<[Vec3; 2]> {
+    let first = across(direction, normal).try_normalize(1e-6)?;
+    Some([first, normal.cross(&first)])
+}
+
+/// A stretch along the tangents of the first direction, along those of the second, with the same length.
+fn carry(stretch: [f64; 2], directions: [Vec3; 2], normal: Vec3) -> [f64; 2] {
+    let [Some(from), Some(to)] = directions.map(|direction| tangents(direction, normal)) else {
+        return [0.0; 2];
+    };
+    let vector = from[0] * stretch[0] + from[1] * stretch[1];
+    to.map(|tangent| tangent.dot(&vector))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use nalgebra::Rotation3;
+
+    use super::*;
+    use crate::broad_phase::Neighbours;
+    use crate::pairs::StepPair;
+    use crate::surface::{Body, Surface, SurfaceBuilder};
+    use crate::testing::Numbers;
+
+    /// A ball (skeleton 0, frame 1–4) over a capsule (skeleton 5 and 6, frame 7–10) over a triangle (11–13).
+    fn round_bodies() -> (Surface, Vec<f64>) {
+        let frame = |c: [f64; 3]| [c, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].concat();
+        let x = [
+            [0.1, 0.02, 0.515].to_vec(),
+            frame([0.1, 0.02, 0.515]),
+            [-0.3, 0.0, 0.105, 0.3, 0.0, 0.105].to_vec(),
+            frame([0.0, 0.0, 0.105]),
+            [-2.0, -1.0, 0.0, 2.0, -1.0, 0.0, 0.0, 2.0, 0.0].to_vec(),
+        ]
+        .concat();
+        let mut builder = SurfaceBuilder::new(&x);
+        let body = |radius| Body { radius, distance: 0.05, stiffness: 1e5, meets_itself: false };
+        let bodies = [0.3, 0.1, 0.0].map(|radius| builder.body(body(radius)));
+        builder.point(bodies[0], 0, 0.01);
+        builder.frame(bodies[0], [1, 2, 3, 4]);
+        builder.segment(bodies[1], [5, 6], 0.01);
+        builder.frame(bodies[1], [7, 8, 9, 10]);
+        builder.triangles(bodies[2], &[[11, 12, 13]]);
+        builder.friction(0.3);
+        (builder.build().expect("a sound surface"), x)
+    }
+
+    /// Moves node `c` and its directors, and the skeleton, by a turn about c and a shift.
+    fn moved(x: &mut [f64], c: usize, skeleton: &[usize], turn: Rotation3<f64>, shift: Vec3) {
+        let centre = at(x, c as u32);
+        let mut set = |node: usize, place: Vec3| x[3 * node..3 * node + 3].copy_from_slice(place.as_slice());
+        let place = |x: Vec3| centre + turn * (x - centre) + shift;
+        set(c, centre + shift);
+        (1..4).for_each(|k| set(c + k, turn * Vec3::ith(k - 1, 1.0)));
+        let own: Vec<Vec3> =
+            skeleton
+                .iter()
+                .map(|&node| {
+                    if node == 0 { centre } else { Vec3::new(if node == 5 { -0.3 } else { 0.3 }, 0.0, 0.105) }
+                })
+                .collect();
+        skeleton.iter().zip(own).for_each(|(&node, own)| set(node, place(own)));
+    }
+
+    fn rolling(contact: &Contact<'_>, x: [&[f64]; 2], anchors: &Anchors) -> Vec<RollingPair> {
+        let settings = StepSettings { duration: 1e-3 };
+        let mut pressed: BTreeMap<Partners, Vec3> = BTreeMap::new();
+        for pair in contact.step(x[0], x[1], &settings) {
+            *pressed.entry(pair.partners).or_insert_with(Vec3::zeros) += StepPair::force(&pair);
+        }
+        let roll =
+            |(partners, force): (Partners, Vec3)| contact.roll(partners, force.norm(), x, anchors, &settings);
+        pressed.into_iter().filter_map(roll).collect()
+    }
+
+    /// The work of friction is T·u, and it makes no net force and no net torque, whatever turns.
+    #[test]
+    fn friction_of_round_bodies_keeps_both_momenta() {
+        let (surface, rest) = round_bodies();
+        let neighbours = Neighbours::find(&surface, &rest, 1.0);
+        let contact = Contact { surface: &surface, neighbours: &neighbours };
+        let (mut numbers, mut anchors, mut count) = (Numbers::new(31), Anchors::default(), 0);
+        for _ in 0..500 {
+            let mut ends = [rest.clone(), rest.clone()];
+            for x in &mut ends {
+                let mut turn = |size: f64| Rotation3::from_scaled_axis(numbers.vector() * size);
+                let turns = [turn(0.5), turn(0.02)];
+                moved(x, 1, &[0], turns[0], numbers.vector() * 0.01);
+                moved(x, 7, &[5, 6], turns[1], numbers.vector() * 0.002);
+            }
+            let x = [ends[0].as_slice(), ends[1].as_slice()];
+            let pairs = rolling(&contact, x, &anchors);
+            for pair in &pairs {
+                let nodes = contact.rolling_nodes(pair.partners, pair.cell);
+                let (mut work, mut force, mut torque) = (0.0, Vec3::zeros(), Vec3::zeros());
+                for (&node, weight) in nodes.iter().zip(pair.weights) {
+                    let gradient = pair.held.traction * weight;
+                    work += gradient.dot(&(at(x[1], node) - at(x[0], node)));
+                    torque += ((at(x[0], node) + at(x[1], node)) * 0.5).cross(&gradient);
+                    // Directors are differences of places: only points c and nodes of triangles translate.
+                    if !matches!(node, 2..=4 | 8..=10) {
+                        force += gradient;
+                    }
+                }
+                let size = pair.held.traction.norm();
+                assert!((work - pair.held.traction.dot(&pair.slip)).abs() <= 1e-13 * size.max(1.0));
+                assert!(
+                    force.norm() <= 1e-13 * size && torque.norm() <= 1e-13 * size,
+                    "{force:?} {torque:?}"
+                );
+                assert!(pair.held.dissipated >= 0.0);
+                count += 1;
+            }
+            anchors = Anchors::stretched(pairs.iter().map(|pair| pair.anchor));
+        }
+        assert!(count > 1000, "{count}");
+    }
+
+    /// A ball that rolls on a fixed triangle has no slip: Cayley's turn by 2 tan(θ/2) about the place of contact.
+    #[test]
+    fn a_step_of_rolling_has_no_slip() {
+        let (surface, mut rest) = round_bodies();
+        moved(&mut rest, 7, &[5, 6], Rotation3::identity(), Vec3::new(0.0, 0.0, 50.0));
+        let height = 0.34;
+        let drop = height - rest[2];
+        moved(&mut rest, 1, &[0], Rotation3::identity(), Vec3::new(0.0, 0.0, drop));
+        let neighbours = Neighbours::find(&surface, &rest, 1.0);
+        let contact = Contact { surface: &surface, neighbours: &neighbours };
+        let mut x1 = rest.clone();
+        let angle = 0.2_f64;
+        let way = height * 2.0 * (0.5 * angle).tan();
+        let turn = Rotation3::from_axis_angle(&Vec3::y_axis(), angle);
+        moved(&mut x1, 1, &[0], turn, Vec3::new(way, 0.0, 0.0));
+        let pairs = rolling(&contact, [&rest, &x1], &Anchors::default());
+        assert!(!pairs.is_empty());
+        assert!(pairs.iter().all(|pair| pair.slip.norm() < 1e-15), "{pairs:?}");
+    }
+}

@@ -1,0 +1,234 @@
+//! Friction of round rigid bodies as a live term of its own: it reads frames besides the nodes of a pair, eight nodes
+//! together, and has no energy. Candidates are those of the contact, of which a body is round.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::Arc;
+
+use vi_core::{
+    Account, DiscreteGradient, HessianKind, Impulse, Live, Potential, Stencils, StepOutcome, Traits,
+    packed_len,
+};
+
+use super::{ContactPotential, ContactTerm};
+use crate::distance::{Vec3, at};
+use crate::friction::{Anchors, RollingPair, Step};
+use crate::pairs::{Group, Partners, StepPair, StepSettings, pack_rank_one};
+
+/// Nodes of a stencil, and numbers in its gradient.
+const ARITY: usize = 8;
+const SIZE: usize = 3 * ARITY;
+
+/// The friction of balls and capsules.
+pub struct RollingTerm(Arc<ContactTerm>);
+
+impl RollingTerm {
+    /// The friction of the round bodies of a contact; `None` where there is none.
+    pub fn new(contact: &Arc<ContactTerm>) -> Option<Self> {
+        contact.surface().has_rolling().then(|| Self(Arc::clone(contact)))
+    }
+}
+
+impl Live for RollingTerm {
+    fn name(&self) -> &str {
+        "friction of round bodies"
+    }
+
+    fn reach(&self) -> f64 {
+        self.0.reach()
+    }
+
+    fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential> {
+        let contact = self.0.near_shared(x, reach);
+        let candidates = candidates(&contact);
+        let view = contact.contact();
+        let nodes =
+            candidates.iter().flat_map(|candidate| view.rolling_nodes(candidate.partners, candidate.cell));
+        Arc::new(RollingPotential {
+            nodes: nodes.collect(),
+            candidates: candidates.into(),
+            contact,
+            step: None,
+        })
+    }
+}
+
+/// A stencil: a pair that may rub, and its place in the lists of the contact.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    partners: Partners,
+    cell: u32,
+    /// Number among the pairs of edges, or of points and half-spaces.
+    number: usize,
+}
+
+/// The candidates of a contact of which a body is round: points with the cells near them, edges, half-spaces.
+fn candidates(contact: &ContactPotential) -> Vec<Candidate> {
+    let (surface, view) = (contact.surface(), contact.contact());
+    let mut all = Vec::new();
+    for point in 0..surface.points().len() {
+        for (body, cells) in view.bodies_of(point) {
+            let partners = Partners::PointBody(point as u32, body);
+            all.extend(cells.iter().map(|&cell| Candidate { partners, cell, number: 0 }));
+        }
+    }
+    let neighbours = contact.neighbours();
+    for (number, pair) in neighbours.edge_pairs().iter().enumerate() {
+        all.push(Candidate { partners: Partners::Edges(pair.edges[0], pair.edges[1]), cell: 0, number });
+    }
+    for (number, &[point, plane]) in neighbours.plane_pairs().iter().enumerate() {
+        all.push(Candidate { partners: Partners::PointPlane(point, plane), cell: 0, number });
+    }
+    all.retain(|candidate| surface.rolls(candidate.partners));
+    all
+}
+
+/// The friction of round bodies near one configuration.
+#[derive(Clone)]
+struct RollingPotential {
+    contact: ContactPotential,
+    candidates: Arc<[Candidate]>,
+    nodes: Arc<[u32]>,
+    /// The step in which it acts; none before one is open.
+    step: Option<Step>,
+}
+
+impl RollingPotential {
+    /// Calls `each` with the pairs that rub between x₀ and x₁ in the stencils of `range`.
+    fn for_each(&self, range: Range<usize>, x: [&[f64]; 2], mut each: impl FnMut(usize, &RollingPair)) {
+        let Some(step) = &self.step else { return };
+        let contact = self.contact.contact();
+        let (mut group, mut normal, mut rubbing) = (Group::new(), Vec::new(), Vec::<RollingPair>::new());
+        let mut known = None;
+        for stencil in range {
+            let Candidate { partners, cell, number } = self.candidates[stencil];
+            let of = |normal: &[StepPair], out: &mut Vec<RollingPair>| {
+                out.clear();
+                for pairs in normal.chunk_by(|a, b| a.partners == b.partners) {
+                    let force: Vec3 = pairs.iter().map(StepPair::force).sum();
+                    if contact.surface.rolls(pairs[0].partners) {
+                        let Step { settings, anchors } = step;
+                        out.extend(contact.roll(pairs[0].partners, force.norm(), x, anchors, settings));
+                    }
+                }
+            };
+            match partners {
+                Partners::PointBody(point, _) => {
+                    if known != Some(point) {
+                        normal.clear();
+                        contact.step_of_point(point as usize, x, &step.settings, &mut group, &mut normal);
+                        of(&normal, &mut rubbing);
+                        known = Some(point);
+                    }
+                }
+                Partners::Edges(..) => {
+                    of(contact.step_of_edges(number, x, &step.settings).as_slice(), &mut rubbing);
+                }
+                Partners::PointPlane(..) => {
+                    of(contact.step_of_plane(number, x, &step.settings).as_slice(), &mut rubbing);
+                }
+            }
+            let found = rubbing.iter().find(|pair| pair.partners == partners && pair.cell == cell);
+            if let Some(pair) = found {
+                each(stencil, pair);
+            }
+        }
+    }
+}
+
+impl Potential for RollingPotential {
+    fn name(&self) -> &str {
+        "friction of round bodies"
+    }
+
+    fn account(&self) -> Account {
+        Account::Contact
+    }
+
+    fn stencils(&self) -> Stencils<'_> {
+        Stencils { arity: ARITY, block: 3, nodes: &self.nodes }
+    }
+
+    fn traits(&self) -> Traits {
+        Traits { hessian: HessianKind::Zero, time_dependent: false }
+    }
+
+    fn energies(&self, _range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
+        out.fill(0.0);
+    }
+
+    fn gradients(&self, _range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
+        out.fill(0.0);
+    }
+
+    fn hessians(&self, _range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
+        out.fill(0.0);
+    }
+
+    fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {
+        Some(self)
+    }
+}
+
+impl DiscreteGradient for RollingPotential {
+    fn gradients(&self, range: Range<usize>, start: &[f64], end: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        let first = range.start;
+        self.for_each(range, [start, end], |stencil, pair| {
+            let out = &mut out[(stencil - first) * SIZE..(stencil - first + 1) * SIZE];
+            for (out, weight) in out.chunks_exact_mut(3).zip(pair.weights) {
+                let gradient = pair.held.traction * weight;
+                (0..3).for_each(|k| out[k] += gradient[k]);
+            }
+        });
+    }
+
+    fn tangents(&self, range: Range<usize>, start: &[f64], end: &[f64], out: &mut [f64]) {
+        const PACKED: usize = packed_len(SIZE);
+        out.fill(0.0);
+        let first = range.start;
+        self.for_each(range, [start, end], |stencil, pair| {
+            let out = &mut out[(stencil - first) * PACKED..(stencil - first + 1) * PACKED];
+            let mut block = [0.0; PACKED];
+            for tangent in pair.tangents {
+                pack_rank_one(pair.held.stiffness, &pair.weights, tangent, SIZE, &mut block);
+                out.iter_mut().zip(&block).for_each(|(out, entry)| *out += entry);
+            }
+        });
+    }
+
+    fn over_step(&self, duration: f64, memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
+        let anchors = Anchors::from_numbers(memory, self.contact.surface())?;
+        let step = Some(Step { settings: StepSettings { duration }, anchors });
+        Some(Arc::new(Self { step, ..self.clone() }))
+    }
+
+    fn outcome(&self, start: &[f64], end: &[f64]) -> StepOutcome {
+        let surface = self.contact.surface();
+        let mut outcome = StepOutcome::default();
+        let mut impulses: BTreeMap<[u32; 2], Vec3> = BTreeMap::new();
+        let (mut anchors, mut work) = (Vec::new(), 0.0);
+        let duration = self.step.as_ref().map_or(0.0, |step| step.settings.duration);
+        self.for_each(0..self.candidates.len(), [start, end], |stencil, pair| {
+            let [first, second] = surface.bodies_of(pair.partners);
+            let sign = if first <= second { -1.0 } else { 1.0 };
+            let between = [first.min(second), first.max(second)];
+            *impulses.entry(between).or_insert_with(Vec3::zeros) += pair.held.traction * (sign * duration);
+            let nodes = &self.nodes[ARITY * stencil..ARITY * (stencil + 1)];
+            for (&node, weight) in nodes.iter().zip(pair.weights) {
+                work += weight * pair.held.traction.dot(&(at(end, node) - at(start, node)));
+            }
+            anchors.push(pair.anchor);
+        });
+        anchors.sort_by_key(|anchor| anchor.partners);
+        let anchors = Anchors::stretched(anchors.into_iter());
+        let before = self.step.as_ref().map_or(0.0, |step| step.anchors.energy(surface));
+        outcome.stored = anchors.energy(surface);
+        // With the energy of bristles whose pair has opened.
+        outcome.friction = work - (outcome.stored - before);
+        outcome.memory = anchors.to_numbers();
+        let exchanged = |(between, value): ([u32; 2], Vec3)| Impulse { between, value: value.into() };
+        outcome.impulses = impulses.into_iter().map(exchanged).collect();
+        outcome
+    }
+}
