@@ -194,13 +194,7 @@ fn units_change_no_bit_of_what_scenes_say_of_parts() {
 
 #[test]
 fn parts_far_from_the_origin_are_those_near() {
-    // Where a support moves, `energy-momentum` ends a step with an error that depends on the number of its iterations,
-    // and that on the round-off of coordinates.
-    each(|name, scene| {
-        if name != "rollers, \"energy-momentum\"" {
-            check_moved(name, scene);
-        }
-    });
+    each(check_moved);
 }
 
 fn path(control: &str) -> Scene {

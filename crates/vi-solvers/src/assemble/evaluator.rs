@@ -33,7 +33,15 @@ pub(crate) struct Evaluator {
     nonconservative: Option<Nonconservative>,
     /// Positions of all coordinates at the ends of the step, between which discrete gradients act.
     ends: Option<[Vec<f64>; 2]>,
+    middle: Option<Middle>,
     pub(crate) work: Work,
+}
+
+/// The middle of a step: at time t prescribed coordinates stand half-way between their ends.
+struct Middle {
+    t: f64,
+    ends: [f64; 2],
+    x_end: Vec<f64>,
 }
 
 /// Forces without a potential at the velocities that a stage implies.
@@ -60,6 +68,7 @@ impl Evaluator {
             is_autonomous: !is_time_dependent && !system.coordinates().is_moving(),
             nonconservative: None,
             ends: None,
+            middle: None,
             work: Work::default(),
         }
     }
@@ -82,6 +91,15 @@ impl Evaluator {
         system.coordinates().embed(start.0, start.1, x_start);
         system.coordinates().embed(end.0, end.1, x_end);
         self.gradient_is_of_x = false;
+    }
+
+    /// Lets evaluations at time t place the prescribed coordinates half-way between where they are at the times `ends`,
+    /// and not where their paths lead at t: x is then the mean of the ends of the step where q is.
+    pub(crate) fn set_middle(&mut self, system: &System, t: f64, ends: [f64; 2]) {
+        if system.coordinates().is_moving() {
+            let x_end = self.middle.take().map_or_else(Vec::new, |middle| middle.x_end);
+            self.middle = Some(Middle { t, ends, x_end });
+        }
     }
 
     /// The ends of the step, where they have been set.
@@ -325,7 +343,16 @@ impl Evaluator {
             self.t = t;
             return;
         }
-        system.coordinates().embed(q, t, &mut self.x);
+        match &mut self.middle {
+            Some(Middle { t: middle, ends: [start, end], x_end }) if *middle == t => {
+                x_end.resize(self.x.len(), 0.0);
+                system.coordinates().embed(q, *start, &mut self.x);
+                system.coordinates().embed(q, *end, x_end);
+                // x is affine in q, so that what does not move with t is the same in both.
+                self.x.iter_mut().zip(x_end).for_each(|(x, end)| *x = 0.5 * (*x + *end));
+            }
+            _ => system.coordinates().embed(q, t, &mut self.x),
+        }
         if !system.coordinates().node_axes().is_empty() {
             self.q.clear();
             self.q.extend_from_slice(q);

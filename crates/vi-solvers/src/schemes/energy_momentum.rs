@@ -6,9 +6,14 @@
 //! ```text
 //! G = ∂V/∂x(x_m) + λ M d,   λ = Σ_s (V_s(x₁) − V_s(x₀) − ∂V_s/∂x(x_m)·Δx) / dᵀM d,
 //! ```
-//! where d is Δq without its rigid part, orthogonal in M to the translations and rotations about x_m
-//! that V admits: so Σ M d = 0 and Σ x_m × M d = 0. Order 2, symmetric; energy, linear and angular
+//! where x_m is the mean of x₀ and x₁, and d is Δx without its rigid part, orthogonal in M to the translations and
+//! rotations about x_m that V admits: so Σ M d = 0 and Σ x_m × M d = 0. Order 2, symmetric; energy, linear and angular
 //! momentum are kept to the tolerance of the solver.
+//!
+//! Where supports move, their coordinates are a part of x_m, Δx and d as free ones are. The numerator is then of third
+//! order in d, and λ d vanishes with d. If x_m had the supports where their paths lead in the middle of the step, or d
+//! were of the free coordinates alone, the numerator would be of second order beside d, and the direction of d, which
+//! round-off decides where little moves, would decide the force.
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -31,6 +36,9 @@ pub(crate) struct EnergyMomentum {
     x_start: Vec<f64>,
     x_end: Vec<f64>,
     dq: Vec<f64>,
+    /// Change of all coordinates, along nodes' own axes, where supports move.
+    dx: Vec<f64>,
+    prescribed_work: f64,
     /// Defect of each part's energy, and its round-off, J.
     defects: Vec<[f64; 2]>,
     excess: Vec<[f64; 2]>,
@@ -48,6 +56,8 @@ impl EnergyMomentum {
             x_start: vec![0.0; count],
             x_end: vec![0.0; count],
             dq: vec![0.0; coordinates.free_count()],
+            dx: Vec::new(),
+            prescribed_work: 0.0,
             excess: Vec::new(),
         }
     }
@@ -136,6 +146,14 @@ impl Rule for EnergyMomentum {
         true
     }
 
+    fn prescribed_work(&self) -> f64 {
+        self.prescribed_work
+    }
+
+    fn takes_mean_of_ends(&self) -> bool {
+        true
+    }
+
     fn correction(&mut self, trial: &Trial<'_>, out: &mut [f64]) {
         let coordinates = trial.system.coordinates();
         let (t0, t1) = (trial.start_t, trial.start_t + trial.h);
@@ -154,18 +172,29 @@ impl Rule for EnergyMomentum {
         // Twice: what one removal leaves of a large rigid motion is not small beside a small deformation.
         self.parts.deform(trial.system, x, &mut self.dq);
         self.parts.deform(trial.system, x, &mut self.dq);
-        let norms = self.parts.sums(|k| mass[k] * self.dq[k] * self.dq[k]);
+        let mut norms = self.parts.sums(|k| mass[k] * self.dq[k] * self.dq[k]);
+        self.dx.clear();
+        self.dx.extend(self.x_end.iter().zip(&self.x_start).map(|(end, start)| end - start));
+        coordinates.to_own_axes(&mut self.dx);
+        let all = trial.system.mass();
+        let prescribed = |part: usize, dof: usize| (part, all[dof] * self.dx[dof] * self.dx[dof]);
+        let prescribed: Vec<(usize, f64)> = self
+            .parts
+            .prescribed
+            .iter()
+            .map(|&(part, dof)| prescribed(part as usize, dof as usize))
+            .collect();
+        prescribed.iter().for_each(|&(part, square)| norms[part] += square);
+        let factor = |part: usize| {
+            let ([defect, size], norm) = (self.defects[part], norms[part]);
+            let has_defect = defect.abs() > NOISE * f64::EPSILON * size;
+            if has_defect && norm > RIGID * RIGID * place[part] { defect / norm } else { 0.0 }
+        };
         for (k, out) in out.iter_mut().enumerate() {
             let part = self.parts.of_free[k];
-            *out = 0.0;
-            if part != NONE {
-                let part = part as usize;
-                let ([defect, size], norm) = (self.defects[part], norms[part]);
-                if defect.abs() > NOISE * f64::EPSILON * size && norm > RIGID * RIGID * place[part] {
-                    *out = defect / norm * mass[k] * self.dq[k];
-                }
-            }
+            *out = if part == NONE { 0.0 } else { factor(part as usize) * mass[k] * self.dq[k] };
         }
+        self.prescribed_work = prescribed.iter().map(|&(part, square)| factor(part) * square).sum();
     }
 }
 
@@ -179,6 +208,8 @@ struct Parts {
     /// For each part: the translations and whether the rotations under which V is invariant.
     translations: Vec<[bool; 3]>,
     rotations: Vec<bool>,
+    /// Each part with each prescribed coordinate that its stencils touch; empty where no support moves.
+    prescribed: Vec<(u32, u32)>,
 }
 
 impl Parts {
@@ -221,6 +252,8 @@ impl Parts {
         let mut count = 0;
         let mut of_stencils = Vec::new();
         let (mut translations, mut rotations): (Vec<[bool; 3]>, Vec<bool>) = (Vec::new(), Vec::new());
+        let is_moving = coordinates.is_moving();
+        let mut prescribed = Vec::new();
         for (term, internal) in &terms {
             let mut of_term = Vec::new();
             if !is_affine(term.as_ref()) {
@@ -244,6 +277,9 @@ impl Parts {
                     for dof in dofs {
                         let node = dof as u32 / 3;
                         let has_own_axes = coordinates.axes_of(node).is_some();
+                        if free_of[dof] == NONE && is_moving {
+                            prescribed.push((part as u32, dof as u32));
+                        }
                         if free_of[dof] == NONE || has_own_axes {
                             rotations[part] = false;
                             // A director that is held stays as it is under translations.
@@ -263,7 +299,9 @@ impl Parts {
             of_stencils.push(of_term);
         }
         let of_free = (0..coordinates.free_count() as u32).map(|k| number[sets.root(k) as usize]).collect();
-        Self { count: count as usize, of_free, of_stencils, translations, rotations }
+        prescribed.sort_unstable();
+        prescribed.dedup();
+        Self { count: count as usize, of_free, of_stencils, translations, rotations, prescribed }
     }
 
     /// Sums over the free coordinates of each part.

@@ -80,6 +80,9 @@ impl<R: Rule> OneStage<R> {
         self.inertia.open(system, &state.p, &mut self.evaluator.work);
         self.rule.open(system, &mut self.evaluator, &self.inertia, state, h)?;
         self.stage.open(system, &self.rule, &self.inertia, state, h);
+        if self.rule.takes_mean_of_ends() {
+            self.evaluator.set_middle(system, self.stage.t, [state.t, state.t + h]);
+        }
         self.evaluator.open_step(system, &state.q, state.t, h)?;
         let iterations = self.solve(system)?;
         self.stage.project_end(system, state)?;
@@ -193,7 +196,7 @@ impl<R: Rule> OneStage<R> {
         let (w, c, step) = (&*w, *c, &*dx);
         let inertial = inertia.momentum(system, w, room);
         let along = |k: usize| step[free[k] as usize];
-        let mut prescribed = accounts::prescribed_work(system, gradient, step);
+        let mut prescribed = accounts::prescribed_work(system, gradient, step) + rule.prescribed_work();
         if let Some(multipliers) = multipliers {
             prescribed += multipliers.prescribed_work(step);
         }

@@ -49,6 +49,14 @@ pub(crate) trait Rule: Send + Sync {
     }
     /// What is added to ∂V/∂q at the stage.
     fn correction(&mut self, _trial: &Trial<'_>, _out: &mut [f64]) {}
+    /// Work of the last correction along the prescribed coordinates over the step, J.
+    fn prescribed_work(&self) -> f64 {
+        0.0
+    }
+    /// Do prescribed coordinates stand half-way between their ends at the stage, and not where their paths lead?
+    fn takes_mean_of_ends(&self) -> bool {
+        false
+    }
     /// Makes ready for a step from `state`, whose momentum has been opened: a history that does not belong
     /// to it is begun anew.
     fn open(
