@@ -10,6 +10,7 @@ mod extrapolate;
 mod tables;
 mod theory;
 
+use std::ops::Range;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -178,12 +179,12 @@ pub fn convergence(
     let choice = Choice::of(&scene);
     let facts = choice.method().facts();
     let finest = options.levels - 1;
-    let names = names(&scene, options);
+    let quantities = quantities(&scene, options);
     let locking = theory::locking_bodies(&first);
     // Values of explicit runs and of modes have no solver's error.
-    let noise =
+    let tolerance =
         if options.modes.is_some() || moves && facts.is_explicit { 0.0 } else { scene.solver.tolerance };
-    let extrapolated = |of: &str, quantity: &str, values: &[f64]| match of {
+    let extrapolated = |of: &str, quantity: &str, values: &[f64], noise: f64| match of {
         "time" => extrapolate(values, facts.order as f64, noise),
         _ => {
             let found = extrapolate(values, theory::order_in_space(&first, quantity), noise);
@@ -203,7 +204,9 @@ pub fn convergence(
             }
             levels.push(level(run, refined, options, watch)?);
         }
-        let rows = rows(&names, &levels, |quantity, values| extrapolated(of, quantity, values));
+        let rows = rows(&quantities, &levels, tolerance, |quantity, values, noise| {
+            extrapolated(of, quantity, values, noise)
+        });
         studies.push(Study { of, rows, levels });
         Ok::<(), ConvergenceError>(())
     };
@@ -266,14 +269,39 @@ fn by_nodes(simulation: &Simulation) -> Scene {
     scene
 }
 
-/// Names of the quantities.
-fn names(scene: &Scene, options: &ConvergenceOptions) -> Vec<String> {
+/// Round-off of a value, of the largest that it belongs with. Components across a bar were at most 6e-15 of its
+/// displacement after 1600 explicit steps, and 5e-14 after 80 implicit ones.
+const ROUND_OFF: f64 = 1e-12;
+
+/// A quantity that is studied.
+struct Quantity {
+    name: String,
+    /// The quantities in whose round-off its own is lost: the components of its vector, or the parts of the energy.
+    peers: Range<usize>,
+    /// Is it a component of a vector, whose error by the solver is a part of the whole vector?
+    is_component: bool,
+}
+
+/// Returns the quantities in the order of the values of a level.
+fn quantities(scene: &Scene, options: &ConvergenceOptions) -> Vec<Quantity> {
     if let Some(count) = options.modes {
-        return (0..count).map(|mode| format!("mode {mode}")).collect();
+        let mode =
+            |mode| Quantity { name: format!("mode {mode}"), peers: mode..mode + 1, is_component: false };
+        return (0..count).map(mode).collect();
     }
-    let of_probe = |name: &String| ["ux", "uy", "uz"].map(|axis| format!("{name}.{axis}"));
-    let probes = scene.node_probes().flat_map(|probe| of_probe(&probe.name));
-    probes.chain(["kinetic", "elastic", "load", "total"].map(str::to_owned)).collect()
+    let mut all = Vec::new();
+    for probe in scene.node_probes() {
+        let peers = all.len()..all.len() + 3;
+        for axis in ["ux", "uy", "uz"] {
+            let name = format!("{}.{axis}", probe.name);
+            all.push(Quantity { name, peers: peers.clone(), is_component: true });
+        }
+    }
+    let peers = all.len()..all.len() + 4;
+    for energy in ["kinetic", "elastic", "load", "total"] {
+        all.push(Quantity { name: energy.to_owned(), peers: peers.clone(), is_component: false });
+    }
+    all
 }
 
 /// Runs a scene to its end.
@@ -322,21 +350,31 @@ fn values(seen: &Observation) -> Vec<f64> {
     probes.chain([seen.kinetic, seen.elastic, seen.load, seen.total()]).collect()
 }
 
-/// Quantities that are not zero everywhere, with what their values tell.
+/// Quantities that are not zero everywhere, with what their values tell. `tolerance` is the solver's.
 fn rows(
-    names: &[String],
+    quantities: &[Quantity],
     levels: &[Level],
-    extrapolated: impl Fn(&str, &[f64]) -> Extrapolation,
+    tolerance: f64,
+    extrapolated: impl Fn(&str, &[f64], f64) -> Extrapolation,
 ) -> Vec<Row> {
-    let row = |(k, name): (usize, &String)| {
+    let largest = |range: Range<usize>| {
+        let values = levels.iter().flat_map(|level| level.values.get(range.clone()).unwrap_or_default());
+        values.fold(0.0_f64, |most, value| most.max(value.abs()))
+    };
+    let row = |(k, quantity): (usize, &Quantity)| {
         let values: Option<Vec<f64>> = levels.iter().map(|level| level.values.get(k).copied()).collect();
         let values = values?;
         if values.iter().all(|value| *value == 0.0) {
             return None;
         }
-        Some(Row { quantity: name.clone(), extrapolation: extrapolated(name, &values), values })
+        let solved = if quantity.is_component { quantity.peers.clone() } else { k..k + 1 };
+        let is_alone = quantity.peers.len() == 1;
+        let round_off = if is_alone { 0.0 } else { ROUND_OFF * largest(quantity.peers.clone()) };
+        let noise = round_off.max(tolerance * largest(solved));
+        let extrapolation = extrapolated(&quantity.name, &values, noise);
+        Some(Row { quantity: quantity.name.clone(), extrapolation, values })
     };
-    names.iter().enumerate().filter_map(row).collect()
+    quantities.iter().enumerate().filter_map(row).collect()
 }
 
 /// The finest mesh, corrected by what is left in space, and in time at its step.

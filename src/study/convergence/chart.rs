@@ -1,7 +1,7 @@
 //! A convergence study as a picture: how far each quantity is from its limit, over the size of elements or steps,
 //! both logarithmic; an order is a slope. Nothing here measures.
 
-use super::ConvergenceReport;
+use super::{ConvergenceReport, Row, Verdict};
 use crate::chart::{Chart, Scale, Series, Style};
 
 impl ConvergenceReport {
@@ -9,7 +9,13 @@ impl ConvergenceReport {
     pub fn chart(&self, title: &str) -> String {
         let order =
             self.formal_order.map(|order| format!("; the scheme is of order {order}")).unwrap_or_default();
-        let subtitle = format!("differences from Richardson's limit, relative to it{order}");
+        let is_zero = |row: &&Row| row.extrapolation.verdict == Verdict::IsZero;
+        let zeros = self.studies.iter().flat_map(|study| &study.rows).filter(is_zero).count();
+        let left_out = match zeros {
+            0 => String::new(),
+            count => format!("; {count} zero to round-off not drawn"),
+        };
+        let subtitle = format!("differences from Richardson's limit, relative to it{order}{left_out}");
         let labels = ["size of elements or steps, over that of the scene", "relative difference"];
         let mut chart = Chart::new(title, subtitle, labels, [Scale::Logarithmic; 2]);
         for study in &self.studies {
@@ -18,7 +24,7 @@ impl ConvergenceReport {
                 "space" => 0.5_f64.powi(level.refined as i32),
                 _ => level.step / coarsest,
             };
-            for row in &study.rows {
+            for row in study.rows.iter().filter(|row| !is_zero(row)) {
                 let limit = row.extrapolation.value;
                 let points = study.levels.iter().zip(&row.values);
                 let points = points.map(|(level, value)| (size(level), ((value - limit) / limit).abs()));

@@ -20,6 +20,9 @@ pub enum Verdict {
     FallsByChance,
     /// All differences are round-off, or what the solver leaves.
     IsExact,
+    /// All values are round-off, or what the solver leaves, of a larger quantity that they belong to: the component of
+    /// a vector that points elsewhere.
+    IsZero,
     /// Two levels show no order: the bar is three times their difference.
     TwoLevels,
     /// Differences do not fall: there is no bar.
@@ -59,10 +62,13 @@ const ROUND_OFF: f64 = 1e-13;
 const CARRIED_OVER: f64 = 1.0;
 
 /// Extrapolates values of levels with halved steps, the coarsest first. `formal_order` is what theory allows;
-/// `noise` is the relative error of each value that has nothing to do with its level, such as a solver's tolerance.
+/// `noise`, in the unit of the values, is the error of each value that has nothing to do with its level: the round-off
+/// of the largest component of a vector, or a solver's tolerance of it.
 pub fn extrapolate(values: &[f64], formal_order: f64, noise: f64) -> Extrapolation {
     let last = values.last().copied().unwrap_or(f64::NAN);
-    let noise = noise.max(ROUND_OFF) * values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+    let largest = values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+    let is_zero = noise > 0.0 && largest <= noise;
+    let noise = noise.max(ROUND_OFF * largest);
     let differences: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let found = |verdict, observed_order, correction: f64, error: Option<f64>| Extrapolation {
         verdict,
@@ -70,6 +76,9 @@ pub fn extrapolate(values: &[f64], formal_order: f64, noise: f64) -> Extrapolati
         value: last + correction,
         error: error.map(|error| error.max(noise)),
     };
+    if is_zero {
+        return found(Verdict::IsZero, None, 0.0, Some(noise));
+    }
     let (before, now) = match differences[..] {
         [] => return found(Verdict::NotYet, None, 0.0, None),
         [only] => return found(Verdict::TwoLevels, None, 0.0, Some(3.0 * only.abs())),
@@ -127,7 +136,7 @@ impl Extrapolation {
     /// Evaluates the sequence without an error bar, for elements that lock.
     pub(super) fn locked(self) -> Self {
         match self.verdict {
-            Verdict::IsExact => self,
+            Verdict::IsExact | Verdict::IsZero => self,
             _ => Self { verdict: Verdict::MayLock, error: None, ..self },
         }
     }
@@ -169,6 +178,16 @@ mod tests {
         let exact = extrapolate(&[2.0, 2.0, 2.0], 2.0, 0.0);
         assert!(exact.verdict == Verdict::IsExact && exact.error.unwrap() < 1e-12);
         let noisy = extrapolate(&[2.0, 2.000_000_1, 2.0], 2.0, 1e-6);
-        assert!(noisy.verdict == Verdict::IsExact && noisy.error.unwrap() > 1e-6);
+        assert!(noisy.verdict == Verdict::IsExact && noisy.error.unwrap() > 5e-7);
+    }
+
+    #[test]
+    fn round_off_of_a_larger_component_is_zero() {
+        for values in [&[1e-16, -3e-16, 4e-16][..], &[8e-16, 4e-16, 2e-16], &[1e-16, 2e-16]] {
+            let found = extrapolate(values, 2.0, 1e-15);
+            assert_eq!((found.verdict, found.error), (Verdict::IsZero, Some(1e-15)), "{values:?}");
+            // Without anything larger beside them they are what they are.
+            assert_ne!(extrapolate(values, 2.0, 0.0).verdict, Verdict::IsZero, "{values:?}");
+        }
     }
 }

@@ -63,6 +63,7 @@ fn bar(found: &Extrapolation) -> String {
     let bar = found.error.map_or(String::new(), |error| format!("± {error:.1e}"));
     match found.verdict {
         Verdict::Converges | Verdict::IsExact => bar,
+        Verdict::IsZero => format!("{bar} (zero to round-off)"),
         Verdict::Alternates => format!("{bar} (alternates)"),
         Verdict::FallsByChance => format!("{bar} (falls faster than theory allows)"),
         Verdict::TwoLevels => format!("{bar} (two levels show no order)"),
