@@ -4,6 +4,7 @@
 //! 5 input/output, 128 + n ended by signal n (130 Ctrl-C, 143 SIGTERM, 129 SIGHUP) with everything written.
 
 mod bench;
+mod check;
 mod check_frames;
 mod convergence;
 pub(crate) mod exit;
@@ -20,7 +21,6 @@ mod summary;
 mod sweep;
 
 use std::ffi::OsString;
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -50,14 +50,7 @@ enum Command {
     /// Run violent scenes from a seed: every one must end well, or fail by name
     Stress(stress::StressArguments),
     /// Check scenes and their meshes without running: everything that is wrong, at once
-    Check {
-        /// Scene files
-        #[arg(required = true)]
-        scenes: Vec<PathBuf>,
-        /// Set a key of the scene, e.g. time.step=0.01
-        #[arg(long = "set", value_name = "KEY=VALUE")]
-        overrides: Vec<String>,
-    },
+    Check(check::CheckArguments),
     /// Judge the frames of a run exactly: does any edge meet a triangle?
     CheckFrames(check_frames::CheckFramesArguments),
     /// Find the lowest vibration modes of a scene; write modes.csv and mode shapes
@@ -88,7 +81,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Sweep(arguments) => sweep::run(&arguments),
         Command::Bench(arguments) => bench::bench_scene(&arguments),
         Command::Convergence(arguments) => convergence::study(&arguments),
-        Command::Check { scenes, overrides } => run::check(&scenes, &overrides),
+        Command::Check(arguments) => check::run(&arguments),
         Command::CheckFrames(arguments) => check_frames::run(&arguments),
         Command::Modes(arguments) => modes::modes(&arguments),
         Command::Schema => {

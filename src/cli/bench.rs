@@ -11,7 +11,7 @@ use super::exit;
 use super::run::print_problems;
 use super::say::{self, message, out};
 use super::signals::Stop;
-use super::study::{Study, StudyArguments, print_json};
+use super::study::{Study, StudyArguments};
 use crate::study::bench::{BenchError, BenchOptions, BenchReport, BenchWatch, bench};
 
 #[derive(Debug, Args)]
@@ -27,9 +27,6 @@ pub(super) struct BenchArguments {
     /// Schemes to sweep, comma-separated, e.g. stormer-verlet,"gauss 3"
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     schemes: Vec<String>,
-    /// Print the recommendation only
-    #[arg(long, short)]
-    quiet: bool,
 }
 
 pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
@@ -50,7 +47,7 @@ pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
         accuracy: arguments.error,
         schemes: arguments.schemes.clone(),
     };
-    let mut watch = Watch::new(arguments.quiet || arguments.study.json, stop.clone());
+    let mut watch = Watch::new(arguments.study.say.is_brief(), stop.clone());
     let result = pool.install(|| bench(&scene, &options, &mut watch));
     watch.finish();
     let report = match result {
@@ -73,20 +70,15 @@ pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
         message!("error: {}: {error}", directory.display());
         return exit::INPUT_OUTPUT;
     }
-    let code = if stop.is_asked() { stop.code() } else { exit::DONE };
-    if arguments.study.json {
-        print_json(&report);
-        return code;
-    }
-    if !arguments.quiet {
+    arguments.study.say.result(&report, || {
         say::write_result(format_args!("{}", report.table()));
         out!("written to {}", directory.display());
-    }
+        out!("{}.", report.recommendation);
+    });
     if let Some(busy) = report.busy() {
         message!("warning: {busy}");
     }
-    out!("{}.", report.recommendation);
-    code
+    if report.interrupted { stop.code() } else { exit::DONE }
 }
 
 fn write(report: &BenchReport, title: &str, directory: &Path) -> std::io::Result<()> {

@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use serde::Serialize;
 use vi_io::{IoError, PvdSeries};
 
 use super::exit;
-use super::say::{message, out};
+use super::say::{Say, message, out};
 use crate::intersections::frame::FrameSurface;
-use crate::intersections::intersections;
+use crate::intersections::{Intersection, intersections};
+use crate::run::provenance::Provenance;
 
 /// Intersections that are printed per frame.
 const PRINTED: usize = 10;
@@ -17,49 +19,72 @@ const PRINTED: usize = 10;
 pub(super) struct CheckFramesArguments {
     /// A directory that a run has written. Frames in f32 round positions: write them with `precision = "f64"`
     directory: PathBuf,
+    #[command(flatten)]
+    say: Say,
+}
+
+#[derive(Serialize)]
+struct FramesReport {
+    provenance: Provenance,
+    /// Number of intersections in all frames.
+    intersections: usize,
+    frames: Vec<FrameReport>,
+}
+
+#[derive(Serialize)]
+struct FrameReport {
+    file: String,
+    intersections: Vec<IntersectionReport>,
+}
+
+#[derive(Serialize)]
+struct IntersectionReport {
+    edge: [u32; 2],
+    triangle: [u32; 3],
 }
 
 pub(super) fn run(arguments: &CheckFramesArguments) -> u8 {
-    match check(&arguments.directory) {
-        Ok(Some((0, frames))) => {
-            out!("{frames} frames, 0 intersections");
-            exit::DONE
-        }
-        Ok(Some((count, frames))) => {
-            out!("{frames} frames, {count} intersections");
-            exit::BROKEN
-        }
-        Ok(None) => {
-            let directory = arguments.directory.display();
-            message!(
-                "error: {directory} holds no .vtu frames; name the output directory of a run with `interval`"
-            );
-            exit::BAD_INPUT
-        }
+    let frames = match check(&arguments.directory, &arguments.say) {
+        Ok(frames) => frames,
         Err(error) => {
             message!("error: {error}");
-            exit::BAD_INPUT
+            return exit::BAD_INPUT;
         }
+    };
+    let directory = arguments.directory.display();
+    if frames.is_empty() {
+        message!(
+            "error: {directory} holds no .vtu frames; name the output directory of a run with `interval`"
+        );
+        return exit::BAD_INPUT;
     }
+    let count = frames.iter().map(|frame| frame.intersections.len()).sum();
+    let provenance = Provenance::new(&directory.to_string(), 0);
+    let report = FramesReport { provenance, intersections: count, frames };
+    arguments.say.result(&report, || out!("{} frames, {count} intersections", report.frames.len()));
+    if count == 0 { exit::DONE } else { exit::BROKEN }
 }
 
-/// Numbers of intersections and of frames; `None` where there are no frames.
-fn check(directory: &Path) -> Result<Option<(usize, usize)>, IoError> {
-    let files = frames_of(directory)?;
-    let mut count = 0;
-    for file in &files {
-        let surface = FrameSurface::new(&vi_io::read_mesh(file)?);
+/// Finds the intersections of each frame, and prints the first of them for a reader.
+fn check(directory: &Path, say: &Say) -> Result<Vec<FrameReport>, IoError> {
+    let mut frames = Vec::new();
+    for file in frames_of(directory)? {
+        let surface = FrameSurface::new(&vi_io::read_mesh(&file)?);
         let found = intersections(&surface.points, &surface.triangles, &surface.wires);
-        if !found.is_empty() {
+        if !found.is_empty() && !say.is_brief() {
             out!("{}: {} intersections", file.display(), found.len());
+            for Intersection { segment: [a, b], triangle: [i, j, k] } in found.iter().take(PRINTED) {
+                out!("  edge {a} {b} meets triangle {i} {j} {k}");
+            }
         }
-        for crossing in found.iter().take(PRINTED) {
-            let ([a, b], [i, j, k]) = (crossing.segment, crossing.triangle);
-            out!("  edge {a} {b} meets triangle {i} {j} {k}");
-        }
-        count += found.len();
+        let report =
+            |found: &Intersection| IntersectionReport { edge: found.segment, triangle: found.triangle };
+        frames.push(FrameReport {
+            file: file.display().to_string(),
+            intersections: found.iter().map(report).collect(),
+        });
     }
-    Ok((!files.is_empty()).then_some((count, files.len())))
+    Ok(frames)
 }
 
 /// The frames of the series in a directory, or all its .vtu files in the order of their names.

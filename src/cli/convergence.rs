@@ -8,7 +8,7 @@ use super::exit;
 use super::run::print_problems;
 use super::say::{self, message, out};
 use super::signals::Stop;
-use super::study::{Study, StudyArguments, print_json};
+use super::study::{Study, StudyArguments};
 use crate::auto::trial::TrialWatch;
 use crate::study::convergence::{ConvergenceError, ConvergenceOptions, ConvergenceReport, convergence};
 
@@ -28,9 +28,6 @@ pub(super) struct ConvergenceArguments {
     /// Study the lowest frequencies of vibration, rigid ones included, instead of the end of the run
     #[arg(long, value_name = "COUNT", conflicts_with = "time", value_parser = clap::value_parser!(u32).range(1..=1000))]
     modes: Option<u32>,
-    /// Print errors only
-    #[arg(long, short)]
-    quiet: bool,
 }
 
 pub(super) fn study(arguments: &ConvergenceArguments) -> u8 {
@@ -47,7 +44,7 @@ pub(super) fn study(arguments: &ConvergenceArguments) -> u8 {
         time: !arguments.space,
         modes: arguments.modes.map(|count| count as usize),
     };
-    let mut watch = Watch { quiet: arguments.quiet || arguments.study.json, stop: stop.clone() };
+    let mut watch = Watch { quiet: arguments.study.say.is_brief(), stop: stop.clone() };
     let report = match pool.install(|| convergence(&scene, &options, &mut watch)) {
         Ok(report) => report,
         Err(ConvergenceError::Scene(problems)) => {
@@ -68,12 +65,10 @@ pub(super) fn study(arguments: &ConvergenceArguments) -> u8 {
         message!("error: {}: {error}", directory.display());
         return exit::INPUT_OUTPUT;
     }
-    if arguments.study.json {
-        print_json(&report);
-    } else if !arguments.quiet {
+    arguments.study.say.result(&report, || {
         say::write_result(format_args!("{}", report.table()));
         out!("written to {}", directory.display());
-    }
+    });
     exit::DONE
 }
 

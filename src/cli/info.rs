@@ -7,8 +7,7 @@ use serde::Serialize;
 
 use super::exit;
 use super::run::{accept, name_of, print_problems};
-use super::say::{message, out};
-use super::study::print_json;
+use super::say::{Say, message, out};
 use crate::auto::stand_in;
 use crate::run::provenance::Provenance;
 use crate::scene::{SchemeName, Substance};
@@ -19,12 +18,11 @@ use crate::simulation::stability::stability;
 pub(super) struct InfoArguments {
     /// A scene (.toml) or a mesh file
     file: PathBuf,
-    /// Print it as JSON
-    #[arg(long)]
-    json: bool,
     /// Write mass, stiffness and residual of a scene at its start into this directory (Matrix Market)
     #[arg(long, value_name = "DIRECTORY")]
     matrices: Option<PathBuf>,
+    #[command(flatten)]
+    say: Say,
 }
 
 /// Describes the contents of a mesh file.
@@ -104,13 +102,9 @@ pub(super) fn info(arguments: &InfoArguments) -> u8 {
             Ok(facts) => facts,
             Err(code) => return code,
         };
-        if arguments.json {
-            print_json(&facts)
-        } else {
-            say_scene(path, &facts)
-        }
+        arguments.say.result(&facts, || say_scene(path, &facts));
         if let Some(directory) = &arguments.matrices {
-            return write_matrices(path, directory);
+            return write_matrices(path, directory, &arguments.say);
         }
     } else if arguments.matrices.is_some() {
         message!("error: --matrices needs a scene (.toml); {} is a mesh", path.display());
@@ -124,13 +118,13 @@ pub(super) fn info(arguments: &InfoArguments) -> u8 {
             }
         };
         let facts = mesh(path, &file);
-        if arguments.json { print_json(&facts) } else { say_mesh(path, &facts) }
+        arguments.say.result(&facts, || say_mesh(path, &facts));
     }
     exit::DONE
 }
 
 /// Writes the matrices of each system, in files that begin with its number where there are several.
-fn write_matrices(path: &Path, directory: &Path) -> u8 {
+fn write_matrices(path: &Path, directory: &Path, say: &Say) -> u8 {
     let Ok((scene, parsed)) = accept(path, &[]) else { return exit::BAD_INPUT };
     let simulation = match Simulation::new(stand_in(&scene)) {
         Ok(simulation) => simulation,
@@ -154,7 +148,9 @@ fn write_matrices(path: &Path, directory: &Path) -> u8 {
             return exit::INPUT_OUTPUT;
         }
     }
-    message!("the matrices are in {}", directory.display());
+    if !say.is_brief() {
+        message!("the matrices are in {}", directory.display());
+    }
     exit::DONE
 }
 

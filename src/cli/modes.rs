@@ -5,7 +5,7 @@ use clap::Args;
 use super::exit;
 use super::run::{code_of, output_directory, print_problems};
 use super::say::{self, message, out};
-use super::study::{Study, StudyArguments, print_json};
+use super::study::{Study, StudyArguments};
 use crate::run::RunError;
 use crate::scene::MassKind;
 use crate::study::modes::write_modes;
@@ -20,9 +20,6 @@ pub(super) struct ModesArguments {
     /// Use lumped mass, whatever `solver.mass` of the scene says (default: consistent)
     #[arg(long)]
     lumped: bool,
-    /// Print errors only
-    #[arg(long, short)]
-    quiet: bool,
 }
 
 pub(super) fn modes(arguments: &ModesArguments) -> u8 {
@@ -45,11 +42,9 @@ pub(super) fn modes(arguments: &ModesArguments) -> u8 {
             return code_of(&error);
         }
     };
-    if arguments.study.json {
-        print_json(&report);
-    } else if !arguments.quiet {
+    arguments.study.say.result(&report, || {
         say::write_result(format_args!("{}", report.table()));
         out!("written to {}", directory.display());
-    }
+    });
     exit::DONE
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::exit;
-use super::run::{Say, conclude, fail, thread_pool};
+use super::run::{RunSay, conclude, fail, thread_pool};
 use super::say::{message, out};
 use super::signals::Stop;
 use crate::run::checkpoint::{CheckpointError, Origin, newest};
@@ -20,15 +20,15 @@ pub(super) struct ResumeArguments {
     #[arg(long)]
     threads: Option<usize>,
     #[command(flatten)]
-    say: Say,
+    output: RunSay,
 }
 
 pub(super) fn resume(arguments: &ResumeArguments) -> u8 {
     let directory = &arguments.directory;
     if let Some((report, steps)) = finished(directory) {
-        if arguments.say.json {
+        if arguments.output.say.json {
             out!("{}", report.trim_end());
-        } else if !arguments.say.quiet {
+        } else if !arguments.output.say.quiet {
             out!("{}: the run is finished, {steps} steps; there is nothing to resume", directory.display());
         }
         return exit::DONE;
@@ -52,18 +52,18 @@ pub(super) fn resume(arguments: &ResumeArguments) -> u8 {
         Ok(pool) => pool,
         Err(code) => return code,
     };
-    if !arguments.say.quiet && !arguments.say.json {
+    if !arguments.output.say.is_brief() {
         message!("resuming {path} after step {step}");
     }
     let stop = Stop::on_signals();
-    let mut progress = arguments.say.progress(&stop);
+    let mut progress = arguments.output.progress(&stop);
     let result = pool.install(|| resume_run(scene, &found.checkpoint, directory, &mut progress));
     progress.finish();
     if let Err(RunError::Scene(problems)) = &result {
         problems.iter().for_each(|problem| message!("error: {problem}"));
         return exit::BAD_INPUT;
     }
-    conclude(result, directory, &arguments.say, &stop)
+    conclude(result, directory, &arguments.output, &stop)
 }
 
 /// The report and the steps of a run that has reached its end.

@@ -1,4 +1,4 @@
-//! `variational run` and `variational check`.
+//! `variational run`, and how commands read a scene and end.
 
 use std::path::{Path, PathBuf};
 
@@ -6,16 +6,14 @@ use clap::Args;
 
 use super::exit;
 use super::progress::Progress;
-use super::say::{self, message, out};
+use super::say::{self, Say, message};
 use super::signals::Stop;
 use super::summary::summary;
-use crate::auto::stand_in;
 use crate::run::checkpoint::{CheckpointError, newest};
 use crate::run::claim::ClaimError;
 use crate::run::report::{Outcome, Report};
 use crate::run::{RunError, run_from};
 use crate::scene::{Parsed, Problem, Scene};
-use crate::simulation::Simulation;
 
 #[derive(Debug, Args)]
 pub(super) struct RunArguments {
@@ -34,27 +32,23 @@ pub(super) struct RunArguments {
     #[arg(long)]
     chart: bool,
     #[command(flatten)]
-    say: Say,
+    output: RunSay,
 }
 
-/// Amount of text that a run prints.
+/// How much a run prints.
 #[derive(Debug, Args)]
-pub(super) struct Say {
-    /// Print errors and warnings only
-    #[arg(long, short)]
-    pub(super) quiet: bool,
-    /// Print the report as JSON
-    #[arg(long)]
-    pub(super) json: bool,
+pub(super) struct RunSay {
+    #[command(flatten)]
+    pub(super) say: Say,
     /// Print what is built, made once, skipped and why; after the run, what was done
     #[arg(long)]
     explain: bool,
 }
 
-impl Say {
+impl RunSay {
     /// The watch of a run that prints so.
     pub(super) fn progress(&self, stop: &Stop) -> Progress {
-        Progress::new(self.quiet || self.json, self.explain, stop.clone())
+        Progress::new(self.say.is_brief(), self.explain, stop.clone())
     }
 }
 
@@ -81,13 +75,13 @@ pub(super) fn run(arguments: &RunArguments) -> u8 {
         return exit::BAD_INPUT;
     }
     let stop = Stop::on_signals();
-    let mut progress = arguments.say.progress(&stop);
+    let mut progress = arguments.output.progress(&stop);
     let source = (arguments.scene.as_path(), overrides.as_slice());
     let result = pool.install(|| run_from(Some(source), scene, &name, &directory, &mut progress));
     progress.finish();
     match result {
         Err(RunError::Scene(problems)) => refuse(problems, &arguments.scene, &overrides),
-        other => conclude(other, &directory, &arguments.say, &stop),
+        other => conclude(other, &directory, &arguments.output, &stop),
     }
 }
 
@@ -116,7 +110,12 @@ pub(super) fn thread_pool(threads: Option<usize>) -> Result<rayon::ThreadPool, u
 }
 
 /// Says how a run ended; the exit code.
-pub(super) fn conclude(result: Result<Report, RunError>, directory: &Path, say: &Say, stop: &Stop) -> u8 {
+pub(super) fn conclude(
+    result: Result<Report, RunError>,
+    directory: &Path,
+    output: &RunSay,
+    stop: &Stop,
+) -> u8 {
     let report = match result {
         Ok(report) => report,
         Err(RunError::Stopped) => {
@@ -126,18 +125,11 @@ pub(super) fn conclude(result: Result<Report, RunError>, directory: &Path, say: 
         Err(error) => return fail(&error, directory),
     };
     let report = &report;
-    if say.json {
-        match serde_json::to_string_pretty(report) {
-            Ok(text) => out!("{text}"),
-            Err(error) => message!("error: {error}"),
-        }
-    } else if !say.quiet {
-        summary(report, directory);
-    }
+    output.say.result(report, || summary(report, directory));
     if let Some(warning) = &report.warning {
         message!("warning: {warning}");
     }
-    if say.explain {
+    if output.explain {
         say::write_message(format_args!("{}", report.account()));
     }
     for broken in &report.broken {
@@ -185,42 +177,23 @@ pub(super) fn fail(error: &RunError, directory: &Path) -> u8 {
     code
 }
 
-pub(super) fn check(scenes: &[PathBuf], overrides: &[String]) -> u8 {
-    let mut code = exit::DONE;
-    for path in scenes {
-        match accept(path, overrides) {
-            Err(error) => code = code.max(error),
-            Ok((scene, parsed)) => {
-                let directory = output_directory(&scene, &name_of(path), None);
-                let mut problems = match Simulation::new(stand_in(&scene)) {
-                    Ok(_) => Vec::new(),
-                    Err(problems) => problems,
-                };
-                if let Err(error) = writable(&directory) {
-                    let message = format!("{}: not writable: {error}", directory.display());
-                    problems.push(Problem::new("output.directory", message));
-                }
-                if problems.is_empty() {
-                    out!("{}: ok", path.display());
-                } else {
-                    print_problems(problems, &parsed, path);
-                    code = exit::BAD_INPUT;
-                }
-            }
-        }
-    }
-    code
-}
-
 /// Reads a scene and its meshes' headers; on problems prints all of them, with those of its meshes.
 pub(super) fn accept(path: &Path, overrides: &[String]) -> Result<(Scene, Parsed), u8> {
+    read(path, overrides).map_err(|problems| {
+        problems.iter().for_each(|problem| message!("error: {problem}"));
+        exit::BAD_INPUT
+    })
+}
+
+/// Reads a scene and its meshes' headers; returns all problems where there are any.
+pub(super) fn read(path: &Path, overrides: &[String]) -> Result<(Scene, Parsed), Vec<Problem>> {
+    let here = |problem: Problem| Problem { file: Some(path.to_owned()), ..problem };
     let mut parsed = Scene::read(path, overrides).map_err(|error| {
         let why = match error.kind() {
             std::io::ErrorKind::InvalidData => "it is no UTF-8 text; save it as UTF-8".to_owned(),
             _ => error.to_string(),
         };
-        message!("error: {}: cannot read the scene: {why}", path.display());
-        exit::BAD_INPUT
+        vec![here(Problem::new("", format!("cannot read the scene: {why}")))]
     })?;
     if parsed.problems.is_empty()
         && let Some(scene) = parsed.scene.clone()
@@ -229,14 +202,10 @@ pub(super) fn accept(path: &Path, overrides: &[String]) -> Result<(Scene, Parsed
     }
     let mut problems = std::mem::take(&mut parsed.problems);
     if let Some(scene) = &parsed.scene {
-        let found = parsed.relevant(crate::model::mesh_problems(scene));
-        problems.extend(found.into_iter().map(|problem| Problem { file: Some(path.to_owned()), ..problem }));
+        problems.extend(parsed.relevant(crate::model::mesh_problems(scene)).into_iter().map(here));
     }
     problems.sort_by_key(|problem| problem.line);
-    for problem in &problems {
-        message!("error: {problem}");
-    }
-    Err(exit::BAD_INPUT)
+    Err(problems)
 }
 
 fn refuse(problems: Vec<Problem>, path: &Path, overrides: &[String]) -> u8 {
@@ -247,10 +216,13 @@ fn refuse(problems: Vec<Problem>, path: &Path, overrides: &[String]) -> u8 {
 }
 
 pub(super) fn print_problems(problems: Vec<Problem>, parsed: &Parsed, path: &Path) {
-    for problem in problems {
-        let located = Problem { file: Some(path.to_owned()), ..parsed.locate(problem) };
-        message!("error: {located}");
-    }
+    located(problems, parsed, path).iter().for_each(|problem| message!("error: {problem}"));
+}
+
+/// The problems with the lines of the file that they stand in.
+pub(super) fn located(problems: Vec<Problem>, parsed: &Parsed, path: &Path) -> Vec<Problem> {
+    let located = |problem| Problem { file: Some(path.to_owned()), ..parsed.locate(problem) };
+    problems.into_iter().map(located).collect()
 }
 
 /// The scene file's name without its ending.

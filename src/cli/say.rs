@@ -5,6 +5,54 @@ use std::fmt::Arguments;
 use std::io::{Write, stderr, stdout};
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use clap::Args;
+
+/// Writes a line of results to standard output.
+macro_rules! out {
+    ($($text:tt)*) => {
+        $crate::cli::say::write_result(format_args!("{}\n", format_args!($($text)*)))
+    };
+}
+
+/// Writes a line to standard error.
+macro_rules! message {
+    ($($text:tt)*) => {
+        $crate::cli::say::write_message(format_args!("{}\n", format_args!($($text)*)))
+    };
+}
+
+pub(super) use {message, out};
+
+/// How much a command prints. These options mean the same for every command.
+#[derive(Debug, Clone, Copy, Args)]
+pub(super) struct Say {
+    /// Print nothing but errors, warnings and notes (on standard error)
+    #[arg(long, short)]
+    pub(super) quiet: bool,
+    /// Print the result as one JSON document on standard output; errors, warnings and notes stay on standard error
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+impl Say {
+    /// Returns whether progress and text for a reader are left out.
+    pub(super) fn is_brief(&self) -> bool {
+        self.quiet || self.json
+    }
+
+    /// Prints a result: as JSON, by `print`, or not at all.
+    pub(super) fn result(&self, result: &impl serde::Serialize, print: impl FnOnce()) {
+        if self.json {
+            match serde_json::to_string_pretty(result) {
+                Ok(text) => out!("{text}"),
+                Err(error) => message!("error: {error}"),
+            }
+        } else if !self.quiet {
+            print();
+        }
+    }
+}
+
 /// Has some of the standard output been lost?
 static LOST: AtomicBool = AtomicBool::new(false);
 
@@ -24,19 +72,3 @@ pub(super) fn write_message(text: Arguments<'_>) {
 pub(super) fn all_is_written() -> bool {
     stdout().flush().is_ok() && !LOST.load(Ordering::Relaxed)
 }
-
-/// Writes a line of results to standard output.
-macro_rules! out {
-    ($($text:tt)*) => {
-        $crate::cli::say::write_result(format_args!("{}\n", format_args!($($text)*)))
-    };
-}
-
-/// Writes a line to standard error.
-macro_rules! message {
-    ($($text:tt)*) => {
-        $crate::cli::say::write_message(format_args!("{}\n", format_args!($($text)*)))
-    };
-}
-
-pub(super) use {message, out};

@@ -6,8 +6,9 @@ use std::time::Duration;
 use clap::Args;
 
 use super::exit;
-use super::say::{self, message, out};
-use crate::study::stress::{Outcome, StressOptions, stress, write_scenes};
+use super::say::{self, Say, message};
+use super::signals::Stop;
+use crate::study::stress::{Case, Outcome, StressOptions, StressWatch, stress, write_scenes};
 
 #[derive(Debug, Args)]
 pub(super) struct StressArguments {
@@ -29,9 +30,8 @@ pub(super) struct StressArguments {
     /// Write the scenes and their meshes into this directory and run none
     #[arg(long, value_name = "DIRECTORY")]
     write: Option<PathBuf>,
-    /// Print the counts as JSON
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    say: Say,
     /// Print what came of every scene
     #[arg(long)]
     verbose: bool,
@@ -51,23 +51,39 @@ pub(super) fn run(arguments: &StressArguments) -> u8 {
             }
         };
     }
-    let report = stress(&options, &|case, outcome| {
-        if arguments.verbose || matches!(outcome, Outcome::Forbidden(_)) {
-            let scheme = case.scene.time.scheme.unwrap_or(crate::scene::SchemeName::Auto);
-            message!("scene {}: {}, {scheme:?}: {outcome:?}", case.index, case.violence.words());
-        }
-    });
-    if arguments.json {
-        out!("{:#}", report.json(&options));
-    } else {
-        say::write_result(format_args!("{}", report.markdown(&options)));
-    }
-    if report.forbidden.is_empty() {
-        return exit::DONE;
-    }
+    let watch = Watch { verbose: arguments.verbose, stop: Stop::on_signals() };
+    let report = stress(&options, &watch);
+    arguments
+        .say
+        .result(&report.json(&options), || say::write_result(format_args!("{}", report.markdown(&options))));
     for (index, why) in &report.forbidden {
         message!("forbidden: scene {index}: {why}");
     }
-    message!("their scenes are in {}", options.keep.display());
-    exit::BROKEN
+    if !report.forbidden.is_empty() {
+        message!("their scenes are in {}", options.keep.display());
+    }
+    match (report.interrupted, report.forbidden.is_empty()) {
+        (true, _) => watch.stop.code(),
+        (false, true) => exit::DONE,
+        (false, false) => exit::BROKEN,
+    }
+}
+
+/// Prints forbidden outcomes, or all, as they come.
+struct Watch {
+    verbose: bool,
+    stop: Stop,
+}
+
+impl StressWatch for Watch {
+    fn ended(&self, case: &Case, outcome: &Outcome) {
+        if self.verbose || matches!(outcome, Outcome::Forbidden(_)) {
+            let scheme = case.scene.time.scheme.unwrap_or(crate::scene::SchemeName::Auto);
+            message!("scene {}: {}, {scheme:?}: {outcome:?}", case.index, case.violence.words());
+        }
+    }
+
+    fn go_on(&self) -> bool {
+        !self.stop.is_asked()
+    }
 }

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::exit;
 use super::run::{accept, name_of, thread_pool, writable};
-use super::say::{message, out};
+use super::say::{Say, message};
 use crate::run::claim::Claim;
 use crate::scene::{Parsed, Scene};
 
@@ -23,9 +23,8 @@ pub(super) struct StudyArguments {
     /// Threads (default: one a core)
     #[arg(long)]
     threads: Option<usize>,
-    /// Print the report as JSON
-    #[arg(long)]
-    pub(super) json: bool,
+    #[command(flatten)]
+    pub(super) say: Say,
 }
 
 /// A study that may begin.
@@ -64,13 +63,5 @@ impl StudyArguments {
             exit::BAD_INPUT
         })?;
         Ok(Study { scene, parsed, pool, name, directory, claim })
-    }
-}
-
-/// Prints a report as JSON.
-pub(super) fn print_json(report: &impl serde::Serialize) {
-    match serde_json::to_string_pretty(report) {
-        Ok(text) => out!("{text}"),
-        Err(error) => message!("error: {error}"),
     }
 }

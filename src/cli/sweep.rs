@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use serde::Serialize;
 
 use super::exit;
 use super::run::{code_of, name_of, writable};
-use super::say::{message, out};
+use super::say::{Say, message, out};
 use super::signals::Stop;
-use crate::study::sweep::{Axis, SweepError, SweepOptions, SweepWatch, sweep};
+use crate::run::provenance::Provenance;
+use crate::study::sweep::{Axis, SweepError, SweepOptions, SweepReport, SweepWatch, sweep};
 
 #[derive(Debug, Args)]
 pub(super) struct SweepArguments {
@@ -32,9 +34,17 @@ pub(super) struct SweepArguments {
     /// Run every N-th point only, from the I-th on (from 0): one task of an array of N
     #[arg(long, value_name = "I/N", default_value = "0/1", value_parser = task)]
     task: (usize, usize),
-    /// Print errors only
-    #[arg(long, short)]
-    quiet: bool,
+    #[command(flatten)]
+    say: Say,
+}
+
+#[derive(Serialize)]
+struct SweepJson<'a> {
+    provenance: Provenance,
+    #[serde(flatten)]
+    report: &'a SweepReport,
+    /// The tables that were written.
+    tables: [String; 2],
 }
 
 fn task(text: &str) -> Result<(usize, usize), String> {
@@ -68,7 +78,7 @@ pub(super) fn run(arguments: &SweepArguments) -> u8 {
         threads: arguments.threads,
         task: arguments.task,
     };
-    let watch = Watch { quiet: arguments.quiet, stop: Stop::on_signals() };
+    let watch = Watch { quiet: arguments.say.is_brief(), stop: Stop::on_signals() };
     let report = match sweep(&options, &watch) {
         Ok(report) => report,
         Err(SweepError::Scene(problems)) => {
@@ -84,11 +94,15 @@ pub(super) fn run(arguments: &SweepArguments) -> u8 {
             };
         }
     };
-    if !arguments.quiet {
-        let table = options.directory.join("sweep.csv");
+    let tables =
+        ["sweep.csv", "sweep-times.csv"].map(|name| options.directory.join(name).display().to_string());
+    // Points may differ in their meshes: their own reports count the coordinates.
+    let provenance = Provenance::new(&name_of(&arguments.scene), 0);
+    let json = SweepJson { provenance, report: &report, tables };
+    arguments.say.result(&json, || {
         out!("{} of {} points are done, {} of them failed", report.done, report.points, report.failed);
-        out!("written to {}", table.display());
-    }
+        out!("written to {}", json.tables[0]);
+    });
     if report.interrupted { watch.stop.code() } else { exit::DONE }
 }
 

@@ -10,7 +10,7 @@ use serde::Serialize;
 pub struct Provenance {
     /// Name of the scene, or the file.
     pub scene: String,
-    /// Free coordinates; those of the scene's own mesh, where that is refined.
+    /// Free coordinates; those of the scene's own mesh, where that is refined; 0 where the result is not of one system.
     pub free_coordinates: usize,
     /// Version of the program.
     pub version: &'static str,

@@ -191,6 +191,8 @@ pub struct BenchReport {
     pub recommendation: String,
     /// The row that is recommended.
     pub recommended: Option<usize>,
+    /// Was the bench ended from outside? The rows are then those that were measured before.
+    pub interrupted: bool,
     /// Wall seconds of the whole bench.
     pub seconds: f64,
 }
@@ -225,7 +227,7 @@ pub enum BenchError {
     #[error("the scene is wrong")]
     Scene(Vec<Problem>),
     /// The caller asked to stop before anything could be compared.
-    #[error("stopped")]
+    #[error("interrupted before anything could be compared; nothing was written")]
     Stopped,
     /// A scheme is unknown.
     #[error("unknown scheme '{name}'; there are {known}")]
@@ -243,7 +245,7 @@ pub enum BenchError {
     /// The highest frequency could not be estimated.
     #[error("the highest frequency of the scene is not known: {0}")]
     Frequency(vi_solvers::SolverError),
-    /// The scene never leaves its rest shape.
+    /// No two solutions could be made that show how exact they are.
     #[error("no reference within the budget: {why}; allow more with --budget")]
     Reference {
         /// Attempts made.

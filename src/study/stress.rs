@@ -11,16 +11,22 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, mpsc};
-use std::time::Duration;
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
+use judge::Clock;
 pub use judge::Outcome;
 pub use transform::Transform;
 pub use violence::{Case, CaseError, Violence, case};
 
+use crate::run::provenance::Provenance;
 use crate::scene::Scene;
+
+/// How often a scene under way is told whether to go on.
+const LOOK: Duration = Duration::from_millis(50);
 
 /// Options of a stress test.
 #[derive(Debug, Clone)]
@@ -36,6 +42,19 @@ pub struct StressOptions {
     /// Where the scenes of forbidden outcomes are written.
     pub keep: PathBuf,
 }
+
+/// Follows a stress test, from several threads.
+pub trait StressWatch: Sync {
+    /// A scene has come to its end.
+    fn ended(&self, _case: &Case, _outcome: &Outcome) {}
+    /// Asked many times per second: false ends the test. A scene that is under way then ends after its step and is not
+    /// counted, unless its outcome is forbidden.
+    fn go_on(&self) -> bool {
+        true
+    }
+}
+
+impl StressWatch for () {}
 
 /// Counts of outcomes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -96,6 +115,8 @@ pub struct StressReport {
     pub forbidden: Vec<(u64, String)>,
     /// Number and reason of each scene that was refused.
     pub refused: Vec<(u64, String)>,
+    /// Was the test ended from outside before all scenes were run?
+    pub interrupted: bool,
 }
 
 impl StressReport {
@@ -111,14 +132,17 @@ impl StressReport {
 
     /// A table for people.
     pub fn markdown(&self, options: &StressOptions) -> String {
+        let total = self.total();
+        let scenes = match self.interrupted {
+            true => format!("interrupted after {} of {}", total.tried, options.count),
+            false => options.count.to_string(),
+        };
         let mut text = format!(
-            "Version {}, {} scenes of seed {}.\n\n| what was done | scenes | done | with cut steps | warned or guarded \
+            "Version {}, {scenes} scenes of seed {}.\n\n| what was done | scenes | done | with cut steps | warned or guarded \
              | failed, named | out of time | refused | forbidden |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|\n",
             env!("CARGO_PKG_VERSION"),
-            options.count,
             options.seed
         );
-        let total = self.total();
         let rows = self.tallies.iter().map(|(violence, tally)| (violence.words(), tally));
         for (words, tally) in rows.chain([("**all**", &total)]) {
             let cells: Vec<String> = tally.cells().iter().map(u64::to_string).collect();
@@ -136,25 +160,26 @@ impl StressReport {
         };
         let kinds: serde_json::Map<String, Value> =
             self.tallies.iter().map(|(kind, tally)| (format!("{kind:?}"), object(tally))).collect();
-        json!({ "version": env!("CARGO_PKG_VERSION"), "seed": options.seed, "total": object(&self.total()),
-                "kinds": kinds, "forbidden": self.forbidden, "refused": self.refused })
+        json!({ "provenance": Provenance::new("stress", 0), "seed": options.seed, "interrupted": self.interrupted,
+                "total": object(&self.total()), "kinds": kinds, "forbidden": self.forbidden,
+                "refused": self.refused })
     }
 }
 
-/// Runs all scenes; `watch` is told of each as it ends.
-pub fn stress(options: &StressOptions, watch: &(dyn Fn(&Case, &Outcome) + Sync)) -> StressReport {
+/// Runs all scenes, or as many as `watch` lets it.
+pub fn stress(options: &StressOptions, watch: &dyn StressWatch) -> StressReport {
     let report = Mutex::new(StressReport::default());
     let next = AtomicU64::new(0);
     let is_broken = AtomicBool::new(false);
     std::thread::scope(|scope| {
         for _ in 0..options.jobs.max(1) {
             scope.spawn(|| {
-                while !is_broken.load(Ordering::Relaxed) {
+                while !is_broken.load(Ordering::Relaxed) && watch.go_on() {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     if index >= options.count {
                         break;
                     }
-                    let (case, outcome) = match trial(options, index) {
+                    let (case, outcome) = match trial(options, index, watch) {
                         Ok(trial) => trial,
                         Err(why) => {
                             is_broken.store(true, Ordering::Relaxed);
@@ -164,7 +189,10 @@ pub fn stress(options: &StressOptions, watch: &(dyn Fn(&Case, &Outcome) + Sync))
                             break;
                         }
                     };
-                    watch(&case, &outcome);
+                    if outcome == Outcome::OutOfTime && !watch.go_on() {
+                        break;
+                    }
+                    watch.ended(&case, &outcome);
                     let Ok(mut report) = report.lock() else { break };
                     report.tallies.entry(case.violence).or_default().enter(&outcome);
                     match outcome {
@@ -179,16 +207,17 @@ pub fn stress(options: &StressOptions, watch: &(dyn Fn(&Case, &Outcome) + Sync))
     let mut report = report.into_inner().unwrap_or_default();
     report.forbidden.sort();
     report.refused.sort();
+    report.interrupted = !watch.go_on() && report.total().tried < options.count;
     report
 }
 
 /// One scene in a directory of its own; an error where that cannot be written, or the scene not be made.
-fn trial(options: &StressOptions, index: u64) -> Result<(Case, Outcome), String> {
+fn trial(options: &StressOptions, index: u64, watch: &dyn StressWatch) -> Result<(Case, Outcome), String> {
     let directory = tempfile::tempdir().map_err(|error| error.to_string())?;
     let case = case(options.seed, index, directory.path()).map_err(|error| error.to_string())?;
-    let outcome = timed(&case, &directory.path().join("out"), options.limit);
+    let outcome = timed(&case, &directory.path().join("out"), options.limit, watch);
     if let Outcome::Forbidden(why) = &outcome {
-        let smaller = simplify(&case, directory.path(), options.limit);
+        let smaller = simplify(&case, directory.path(), options.limit, watch);
         // A reproduction that cannot be kept is still reported by its number.
         let _ = keep(&smaller, why, options);
     }
@@ -196,24 +225,34 @@ fn trial(options: &StressOptions, index: u64) -> Result<(Case, Outcome), String>
 }
 
 /// Judges a case on a thread of its own, so that a hang is seen.
-fn timed(case: &Case, out: &Path, limit: Duration) -> Outcome {
+fn timed(case: &Case, out: &Path, limit: Duration, watch: &dyn StressWatch) -> Outcome {
     let (sender, receiver) = mpsc::channel();
-    let (case, out) = (Arc::new(case.clone()), out.to_owned());
+    let (case, out) = (case.clone(), out.to_owned());
+    let is_ended = Arc::new(AtomicBool::new(false));
+    let clock = Clock { limit, is_ended: Arc::clone(&is_ended) };
     std::thread::spawn(move || {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         let outcome = match pool {
-            Ok(pool) => pool.install(|| judge::judge(&case, &out, limit)),
+            Ok(pool) => pool.install(|| judge::judge(&case, &out, &clock)),
             Err(error) => Outcome::Forbidden(format!("no thread: {error}")),
         };
         // Whoever has given up waiting does not hear it.
         let _ = sender.send(outcome);
     });
-    let hung = || Outcome::Forbidden(format!("hangs: more than {:?}", 10 * limit));
-    receiver.recv_timeout(10 * limit).unwrap_or_else(|_| hung())
+    let begin = Instant::now();
+    while begin.elapsed() < 10 * limit {
+        is_ended.store(!watch.go_on(), Ordering::Relaxed);
+        match receiver.recv_timeout(LOOK) {
+            Ok(outcome) => return outcome,
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => break,
+        }
+    }
+    Outcome::Forbidden(format!("hangs: more than {:?}", 10 * limit))
 }
 
 /// Takes out of a scene what the forbidden outcome does not need.
-fn simplify(case: &Case, directory: &Path, limit: Duration) -> Case {
+fn simplify(case: &Case, directory: &Path, limit: Duration, watch: &dyn StressWatch) -> Case {
     let simpler: [fn(&mut Scene); 9] = [
         |scene| scene.wind = None,
         |scene| scene.damping = None,
@@ -230,7 +269,7 @@ fn simplify(case: &Case, directory: &Path, limit: Duration) -> Case {
         let mut trial = best.clone();
         change(&mut trial.scene);
         let out = directory.join(format!("simpler-{number}"));
-        if trial.scene != best.scene && matches!(timed(&trial, &out, limit), Outcome::Forbidden(_)) {
+        if trial.scene != best.scene && matches!(timed(&trial, &out, limit, watch), Outcome::Forbidden(_)) {
             best = trial;
         }
     }

@@ -12,6 +12,8 @@ mod table;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use serde::Serialize;
+
 use crate::scene::Scene;
 
 use axis::MOST_POINTS;
@@ -21,7 +23,7 @@ pub use options::{SweepOptions, SweepWatch};
 use point::{Identities, Point};
 
 /// Outcome of a sweep.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct SweepReport {
     /// Points of the whole sweep.
     pub points: usize,

@@ -102,22 +102,48 @@ fn a_signal_ends_a_run_with_everything_written() {
     }
 }
 
-/// A bench that is ended leaves its directory free.
+/// A bench that is ended leaves its directory free, and says that it was interrupted; a larger budget would not help.
 #[test]
 fn a_signal_ends_a_bench() {
     let place = directory(&short());
-    let mut child = command()
+    let child = command()
         .current_dir(place.path())
         .args(["bench", "scene.toml", "--budget", "1000", "--out", "bench"])
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
         .spawn()
         .unwrap();
     wait_for("claim", || place.path().join("bench/variational.lock").exists());
     std::thread::sleep(Duration::from_millis(500));
     send("TERM", &child);
-    assert_eq!(child.wait().unwrap().code(), Some(143));
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(143));
     assert!(!place.path().join("bench/variational.lock").exists());
+    let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+    assert!(said.contains("interrupt") && !said.contains("budget"), "{said}");
+}
+
+/// A stress test that is ended prints the table of the scenes that it has run.
+#[test]
+fn a_signal_ends_a_stress_test_with_its_table() {
+    let place = tempfile::tempdir().unwrap();
+    let said = std::fs::File::create(place.path().join("said")).unwrap();
+    let child = command()
+        .current_dir(place.path())
+        .args(["stress", "--count", "1000000", "--jobs", "1", "--verbose", "--json"])
+        .stdout(Stdio::piped())
+        .stderr(said)
+        .spawn()
+        .unwrap();
+    let text = || std::fs::read_to_string(place.path().join("said")).unwrap();
+    wait_for("scene", || text().lines().count() > 2);
+    send("TERM", &child);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(143));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["interrupted"], true);
+    assert_eq!(report["total"]["scenes"], text().lines().count());
+    assert_eq!(report["total"]["forbidden"], 0);
 }
 
 #[test]

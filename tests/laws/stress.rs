@@ -14,7 +14,7 @@ fn violent_scenes_end_well_or_fail_by_name() {
     let keep = std::env::temp_dir().join("variational-stress-failures");
     let limit = Duration::from_secs(10);
     let options = StressOptions { count: 300, seed: 300, jobs: 2, limit, keep: keep.clone() };
-    let report = stress(&options, &|_, _| {});
+    let report = stress(&options, &());
     let total = report.total();
     assert!(report.forbidden.is_empty(), "{:#?}, kept in {}", report.forbidden, keep.display());
     assert_eq!(total.tried, 300);

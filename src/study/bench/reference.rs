@@ -49,12 +49,18 @@ pub(super) fn find(
         Ok(seconds) => tried.push(format!("{} would take {seconds:.0} s", explicit.label())),
         Err(why) => tried.push(format!("{}: {why}", explicit.label())),
     }
+    if !watch.go_on() {
+        return Err(BenchError::Stopped);
+    }
     let mut tight = scene.clone();
     tight.solver.tolerance = tight.solver.tolerance.min(GAUSS_TOLERANCE);
     let gauss = Choice { scheme: SchemeName::Gauss, stages: Some(3), steps: 64 };
-    ladder(&tight, norm, gauss, share, begin, watch).map_err(|why| {
-        tried.push(format!("{}: {why}", gauss.label()));
-        BenchError::Reference { why: tried.join("; ") }
+    ladder(&tight, norm, gauss, share, begin, watch).map_err(|why| match why {
+        TrialError::Stopped => BenchError::Stopped,
+        why => {
+            tried.push(format!("{}: {why}", gauss.label()));
+            BenchError::Reference { why: tried.join("; ") }
+        }
     })
 }
 

@@ -63,7 +63,7 @@ pub fn bench(
     };
     let present = Choice::of(&sweep.scene);
     sweep.enter(present);
-    sweep.rows[0].is_present = true;
+    sweep.rows.iter_mut().for_each(|row| row.is_present = true);
     sweep.climb(schemes, omega);
     sweep.refine();
     sweep.repeat();
@@ -121,8 +121,11 @@ impl Sweep<'_> {
         let spent = self.begin.elapsed().as_secs_f64() / self.budget.as_secs_f64();
         self.watch.next(&format!("{} in {} steps", choice.label(), choice.steps), spent, left);
         let done = run(choice.apply(&self.scene), 0.0..1.0, Limit::Clock(left), &mut || self.watch.go_on());
-        if let Ok(trial) = &done {
-            self.account(trial);
+        match &done {
+            Ok(trial) => self.account(trial),
+            // What was not measured is no row.
+            Err(TrialError::Stopped) => return,
+            Err(_) => {}
         }
         let row = self.row(choice, done);
         self.rows.push(row);
@@ -287,6 +290,7 @@ impl Sweep<'_> {
             rows: self.rows,
             recommendation: String::new(),
             recommended: None,
+            interrupted: !self.watch.go_on(),
             seconds: self.begin.elapsed().as_secs_f64(),
         };
         (report.recommended, report.recommendation) = recommend(&report);

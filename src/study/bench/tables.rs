@@ -20,12 +20,17 @@ pub(super) fn recommend(report: &BenchReport) -> (Option<usize>, String) {
         let nearest = nearest.min_by(|a, b| a.error.unwrap_or(1.0).total_cmp(&b.error.unwrap_or(1.0)));
         let said = match nearest {
             Some(row) => format!(
-                "nothing within the budget reaches {wanted}; nearest is {}, h = {}, with {} in {}",
+                "{} reaches {wanted}; nearest is {}, h = {}, with {} in {}",
+                match report.interrupted {
+                    true => "nothing that was measured before the interruption",
+                    false => "nothing within the budget",
+                },
                 row.scheme,
                 engineering(row.step, "s"),
                 percent(row.error.unwrap_or(f64::NAN)),
                 engineering(seconds(row), "s")
             ),
+            None if report.interrupted => "interrupted before a combination was measured".to_owned(),
             None => "every combination failed".to_owned(),
         };
         return (None, said);
@@ -53,6 +58,9 @@ pub(super) fn recommend(report: &BenchReport) -> (Option<usize>, String) {
             }
             (None, None) => Ok(()),
         };
+    }
+    if report.interrupted {
+        said.push_str("; the bench was interrupted, and another combination may be cheaper");
     }
     (Some(index), said)
 }

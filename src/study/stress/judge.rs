@@ -2,6 +2,8 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
@@ -44,9 +46,18 @@ pub enum Outcome {
     Forbidden(String),
 }
 
+/// When a scene is to end.
+pub(super) struct Clock {
+    /// Time that a scene may take.
+    pub(super) limit: Duration,
+    /// Set from outside: every scene ends after its step.
+    pub(super) is_ended: Arc<AtomicBool>,
+}
+
 /// Keeps the last state and looks after every step.
-struct Witness {
+struct Witness<'a> {
     deadline: Instant,
+    is_ended: &'a AtomicBool,
     states: Vec<State>,
     steps: u64,
     wrong: Option<String>,
@@ -54,7 +65,7 @@ struct Witness {
     is_beyond: bool,
 }
 
-impl Witness {
+impl Witness<'_> {
     fn look(&mut self, simulation: &Simulation) {
         self.states = simulation.components().iter().map(|component| component.state().clone()).collect();
         let is_finite = |state: &State| state.q.iter().chain(&state.p).all(|value| value.is_finite());
@@ -65,7 +76,7 @@ impl Witness {
     }
 }
 
-impl Watch for Witness {
+impl Watch for Witness<'_> {
     fn start(&mut self, simulation: &Simulation, _: &[String]) {
         self.look(simulation);
     }
@@ -76,7 +87,7 @@ impl Watch for Witness {
             self.wrong = Some(format!("step {} follows step {}", simulation.steps(), self.steps));
         }
         self.look(simulation);
-        Instant::now() < self.deadline
+        Instant::now() < self.deadline && !self.is_ended.load(Ordering::Relaxed)
     }
 
     fn end(&mut self, simulation: &Simulation) {
@@ -91,9 +102,9 @@ impl Watch for Witness {
     }
 }
 
-/// Runs a case and its twin into `directory`, each for at most about `limit`.
-pub(super) fn judge(case: &Case, directory: &Path, limit: Duration) -> Outcome {
-    let (outcome, end) = witnessed(case, directory, limit);
+/// Runs a case and its twin into `directory`, each for at most about `clock.limit`.
+pub(super) fn judge(case: &Case, directory: &Path, clock: &Clock) -> Outcome {
+    let (outcome, end) = witnessed(case, directory, clock);
     let Some(transform) = case.twin.filter(|_| matches!(outcome, Outcome::Done { .. } | Outcome::Failed(_)))
     else {
         return outcome;
@@ -105,7 +116,7 @@ pub(super) fn judge(case: &Case, directory: &Path, limit: Duration) -> Outcome {
     let mut twin = Case { scene, ..case.clone() };
     // Frames in single precision do not hold numbers in all units.
     twin.scene.output.interval = None;
-    let (of_twin, end_of_twin) = witnessed(&twin, &directory.join("twin"), limit);
+    let (of_twin, end_of_twin) = witnessed(&twin, &directory.join("twin"), clock);
     match of_twin {
         Outcome::Forbidden(why) => Outcome::Forbidden(format!("{transform:?}: {why}")),
         Outcome::OutOfTime => outcome,
@@ -120,9 +131,9 @@ pub(super) fn judge(case: &Case, directory: &Path, limit: Duration) -> Outcome {
 /// In what a scene in other units ends otherwise.
 fn differs(
     outcome: &Outcome,
-    end: &Witness,
+    end: &Witness<'_>,
     of_twin: &Outcome,
-    end_of_twin: &Witness,
+    end_of_twin: &Witness<'_>,
     transform: &Transform,
 ) -> Option<String> {
     // What frames cannot hold ends a run that writes them.
@@ -144,15 +155,21 @@ fn differs(
     (!is_same).then(|| "ended in another state".to_owned())
 }
 
-/// Runs a case into `directory`, for at most about `limit`.
-fn witnessed(case: &Case, directory: &Path, limit: Duration) -> (Outcome, Witness) {
-    let deadline = Instant::now() + limit;
-    let mut witness = Witness { deadline, states: Vec::new(), steps: 0, wrong: None, is_beyond: false };
+/// Runs a case into `directory`, for at most about `clock.limit`.
+fn witnessed<'a>(case: &Case, directory: &Path, clock: &'a Clock) -> (Outcome, Witness<'a>) {
+    let mut witness = Witness {
+        deadline: Instant::now() + clock.limit,
+        is_ended: &clock.is_ended,
+        states: Vec::new(),
+        steps: 0,
+        wrong: None,
+        is_beyond: false,
+    };
     let outcome = run_and_judge(case, directory, &mut witness);
     (outcome, witness)
 }
 
-fn run_and_judge(case: &Case, directory: &Path, witness: &mut Witness) -> Outcome {
+fn run_and_judge(case: &Case, directory: &Path, witness: &mut Witness<'_>) -> Outcome {
     let ran = catch_unwind(AssertUnwindSafe(|| run(case.scene.clone(), "case", directory, witness)));
     let ran = match ran {
         Ok(ran) => ran,
