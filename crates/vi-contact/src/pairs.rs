@@ -50,6 +50,24 @@ impl Partners {
     }
 }
 
+impl Surface {
+    /// Numbers of both bodies of a pair.
+    pub(crate) fn bodies_of(&self, partners: Partners) -> [u32; 2] {
+        match partners {
+            Partners::PointBody(point, body) => [self.points[point as usize].body, body],
+            Partners::PointPlane(point, plane) => {
+                [self.points[point as usize].body, self.half_spaces[plane as usize].body]
+            }
+            Partners::Edges(a, b) => [self.edges[a as usize].body, self.edges[b as usize].body],
+        }
+    }
+
+    /// Returns whether the friction of this pair is that of a round body.
+    pub(crate) fn rolls(&self, partners: Partners) -> bool {
+        self.bodies_of(partners).into_iter().any(|body| self.is_round(body))
+    }
+}
+
 /// Surfaces with the candidates near a configuration: what energies and forces are asked of.
 #[derive(Debug, Clone, Copy)]
 pub struct Contact<'a> {

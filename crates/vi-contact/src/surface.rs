@@ -17,7 +17,6 @@ use law::Laws;
 
 use crate::barrier::Barrier;
 use crate::distance::{Shape, Vec3, at};
-use crate::pairs::Partners;
 
 /// A point of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -168,25 +167,9 @@ impl Surface {
         self.laws.of(a, b)
     }
 
-    /// Numbers of both bodies of a pair.
-    pub(crate) fn bodies_of(&self, partners: Partners) -> [u32; 2] {
-        match partners {
-            Partners::PointBody(point, body) => [self.points[point as usize].body, body],
-            Partners::PointPlane(point, plane) => {
-                [self.points[point as usize].body, self.half_spaces[plane as usize].body]
-            }
-            Partners::Edges(a, b) => [self.edges[a as usize].body, self.edges[b as usize].body],
-        }
-    }
-
     /// Returns whether a body is a rigid ball or capsule: its skeleton does not turn, its surface does.
     pub(crate) fn is_round(&self, body: u32) -> bool {
         self.frames[body as usize].is_some() && self.laws.bodies[body as usize].radius > 0.0
-    }
-
-    /// Returns whether the friction of this pair is that of a round body.
-    pub(crate) fn rolls(&self, partners: Partners) -> bool {
-        self.bodies_of(partners).into_iter().any(|body| self.is_round(body))
     }
 
     /// Returns whether there is friction between a round body and another one.
