@@ -642,7 +642,7 @@ fn wrong_parts_are_refused_with_the_way_out() {
                   material = { law = \"linear\", young = 1e6, poisson = 0.3, density = 1.0 }\n";
     refused(
         &format!("{refine}refine = {{ axes = [\"x\", \"y\"], levels = 1 }}"),
-        &["body[1].refine", "is no prism"],
+        &["body[1].refine", "is not a prism"],
     );
     refused(&format!("{refine}refine = {{ axes = [], levels = 1 }}"), &["body[1].refine", "one or two"]);
     refused(&format!("{refine}velocity = [\"sin(\", 0, 0]"), &["body[1].velocity", "sin("]);

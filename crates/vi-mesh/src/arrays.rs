@@ -1,20 +1,20 @@
-//! Meshes from arrays of points and node numbers.
+//! Builds meshes from arrays of points and node numbers.
 
 use crate::check::volume_of_round_off;
 use crate::error::MeshError;
 use crate::mesh::{CellBlock, Mesh, Region};
 use crate::volume::Volumes;
 
-/// Number of inverted cells that an error names.
+/// Number of inverted cells that an error lists.
 const NAMED: usize = 5;
 
 impl Mesh {
-    /// A mesh of these points (m) and cells, without regions. Nodes of a cell are in VTK's order
-    /// ([`CellKind`](crate::CellKind)); cells are numbered through all blocks in order.
+    /// Returns a mesh of these points (m) and cells, without regions. The nodes of a cell are in VTK's order
+    /// ([`CellKind`](crate::CellKind)); cells are numbered consecutively through all blocks.
     ///
     /// # Errors
-    /// Every problem found: node numbers that are no whole number of cells or out of range, coordinates that are not
-    /// finite, and volume cells that are numbered in mirror image or have no volume.
+    /// Every problem found: node lists whose length is not a whole number of cells, node numbers out of range,
+    /// coordinates that are not finite, and volume cells that are mirrored or have no volume.
     ///
     /// # Examples
     /// ```
@@ -39,12 +39,12 @@ impl Mesh {
         if problems.is_empty() { Ok(mesh) } else { Err(problems) }
     }
 
-    /// The mesh with one more region: these cells, which have one dimension. A volume region can have a material of its
-    /// own; a surface, curve or point region is a part of the boundary.
+    /// Returns the mesh with one more region of these cells, which must have the same dimension. A volume region can
+    /// have its own material; a surface, curve or point region is a part of the boundary.
     ///
     /// # Errors
-    /// [`MeshError::Invalid`] without cells or with cells of several dimensions, [`MeshError::OutOfRange`] for a cell that
-    /// is not there.
+    /// [`MeshError::Invalid`] without cells or for cells of several dimensions; [`MeshError::OutOfRange`] for a cell
+    /// that does not exist.
     pub fn with_region(mut self, name: impl Into<String>, cells: &[u32]) -> Result<Self, MeshError> {
         let name = name.into();
         let mut dimensions = Vec::with_capacity(cells.len());
@@ -54,8 +54,8 @@ impl Mesh {
         dimensions.dedup();
         let &[dimension] = &dimensions[..] else {
             let problem = match dimensions[..] {
-                [] => format!("'{name}' has no cells; name at least one"),
-                _ => format!("'{name}' has cells of several dimensions; make one region of each"),
+                [] => format!("'{name}' has no cells: name at least one"),
+                _ => format!("'{name}' has cells of several dimensions: make one region for each dimension"),
             };
             return Err(MeshError::Invalid { what: "region", problem });
         };

@@ -1,4 +1,5 @@
-//! The boundary of a body without names: the faces that one element has alone; of a sheet, the sheet.
+//! Finds the boundary of a body that has no named surfaces: for a solid the faces that belong to one element only,
+//! for a sheet the sheet itself.
 
 use std::collections::HashMap;
 
@@ -7,9 +8,9 @@ use crate::error::MeshError;
 use crate::facet::{Surface, turn_over};
 use crate::mesh::Mesh;
 
-/// Does a facet with these corners, a face of the element `nodes`, look into that element?
+/// Returns whether a facet with these corners, a face of the element `nodes`, faces into that element.
 ///
-/// The corners decide, not places: the middle of a thin curved element may lie on the other side of its faces.
+/// The corners decide, not positions: the centre of a thin curved element may lie on the other side of its faces.
 fn looks_inwards(faces: &[Side], nodes: &[u32], corners: &[u32]) -> bool {
     let of_face = |face: &Side| face.nodes[..face.kind.corner_count()].to_vec();
     let is_face = |face: &Vec<usize>| {
@@ -22,7 +23,7 @@ fn looks_inwards(faces: &[Side], nodes: &[u32], corners: &[u32]) -> bool {
 }
 
 impl Surface {
-    /// Turns facets over that look into the solid element that they bound.
+    /// Reverses the facets that face into the solid element that they bound.
     pub(crate) fn look_outwards(&mut self, mesh: &Mesh) {
         let mut facet_of: HashMap<u32, Vec<(usize, usize)>> = HashMap::new();
         for (b, block) in self.blocks.iter().enumerate() {
@@ -50,11 +51,11 @@ impl Surface {
         }
     }
 
-    /// The boundary of the elements of `dimension`: for 3 the faces that belong to one element alone,
-    /// looking outwards; for 2 all elements, as they look.
+    /// Returns the boundary of the elements of `dimension`: for 3 the faces that belong to one element only, facing
+    /// outwards; for 2 all elements with their own orientation.
     ///
     /// # Errors
-    /// [`MeshError::Unsupported`] for cells that are no surfaces or volumes.
+    /// [`MeshError::Unsupported`] for cells that are not surfaces or volumes.
     pub fn of_body(mesh: &Mesh, dimension: usize) -> Result<Self, MeshError> {
         let mut blocks: Vec<(CellKind, Vec<u32>)> = Vec::new();
         let mut add = |kind: CellKind, nodes: &[u32]| {
@@ -64,7 +65,7 @@ impl Surface {
             });
             blocks[index].1.extend(nodes);
         };
-        // Faces in the order of their elements, with how often their corners occur.
+        // List the faces in the order of their elements, and count how often their corners occur.
         let mut all: Vec<(CellKind, Vec<u32>, Vec<u32>)> = Vec::new();
         let mut count: HashMap<Vec<u32>, u32> = HashMap::new();
         for cell in mesh.cells_of_dimension(dimension) {
@@ -91,8 +92,8 @@ impl Surface {
 }
 
 impl Surface {
-    /// Triangles that cover the facets and use all of their nodes: a quadrilateral is cut in two, a quadratic facet
-    /// at its midpoints.
+    /// Returns triangles that cover the facets and use all of their nodes: a quadrilateral is cut in two, a quadratic
+    /// facet at its midpoints.
     pub fn triangles(&self) -> Vec<[u32; 3]> {
         let facets = self.blocks.iter().flat_map(|block| block.facets().map(|nodes| (block.kind, nodes)));
         let cut = |(kind, nodes): (CellKind, &[u32])| -> Vec<[u32; 3]> {
@@ -114,7 +115,7 @@ mod tests {
             let mesh = BoxMesh { size, cells: [2, 2, 3], element, origin: [0.0; 3] }.build().unwrap();
             let surface = Surface::of_body(&mesh, 3).unwrap();
             assert!((surface.area(&mesh) - 22.0).abs() < 1e-12, "{element}");
-            // ∮ x·n dA = 3 V says that all faces look outwards and midpoints are in their places.
+            // ∮ x·n dA = 3 V holds if all faces face outwards and the midpoints are in place.
             assert!((surface.enclosed_volume(&mesh) - 6.0).abs() < 1e-12, "{element}");
             let triangles = surface.triangles();
             let of = |[a, b, c]: [u32; 3]| {
@@ -135,7 +136,7 @@ mod tests {
         }
     }
 
-    /// Named surfaces look outwards however thin and curved the elements are: together they are the boundary.
+    /// Named surfaces face outwards, however thin and curved the elements are; together they are the boundary.
     #[test]
     fn named_faces_of_a_thin_curved_element_look_outwards() {
         for element in [CellKind::Hex20, CellKind::Hex27] {

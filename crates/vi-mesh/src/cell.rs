@@ -1,5 +1,5 @@
-//! The one table of cells. A row gives a kind its name, shape, middle nodes and its codes in file formats; sides,
-//! reference nodes and shape functions follow from the row.
+//! The only table of cell kinds. A row gives the name, the shape, the middle nodes and the codes in file formats.
+//! Sides, reference nodes and shape functions follow from the row.
 
 pub(crate) mod interpolation;
 #[cfg(test)]
@@ -10,16 +10,16 @@ use std::sync::LazyLock;
 
 use shape::{HEXAHEDRON, LINE, POINT, PYRAMID, QUADRILATERAL, Shape, TETRAHEDRON, TRIANGLE, WEDGE};
 
-/// The nodes of a kind beside its corners: in the middles of edges, then of quadrilateral faces, then of the cell.
+/// The nodes of a kind besides its corners: at the midpoints of edges, then of quadrilateral faces, then of the cell.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Middles {
-    /// Corners alone.
+    /// No nodes besides the corners.
     None,
-    /// Of edges.
+    /// Midpoints of edges.
     Edges,
-    /// Of edges and quadrilateral faces.
+    /// Midpoints of edges and quadrilateral faces.
     Faces,
-    /// Of edges, quadrilateral faces and the cell.
+    /// Midpoints of edges, quadrilateral faces and the cell.
     Cell,
 }
 
@@ -29,7 +29,7 @@ macro_rules! cells {
         $kind:ident = $name:literal: $shape:ident, $middles:ident, $nodes:literal nodes, vtk $vtk:literal,
             gmsh $gmsh:literal $($order:expr)?;
     )*) => {
-        /// The kind of a cell. Nodes are in VTK's order: corners, then middles of edges, of faces, of the cell.
+        /// The kind of a cell. Nodes are in VTK's order: corners, then midpoints of edges, of faces, of the cell.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
         #[non_exhaustive]
@@ -42,39 +42,41 @@ macro_rules! cells {
             /// The names of all kinds, for messages.
             pub const NAMES: &'static str = cells!(@join $( $name ),*);
 
-            /// The name in scene files and messages.
+            /// Returns the name in scene files and messages.
             pub const fn name(self) -> &'static str {
                 match self { $( Self::$kind => $name, )* }
             }
 
-            /// Number of nodes per cell.
+            /// Returns the number of nodes per cell.
             pub const fn node_count(self) -> usize {
                 match self { $( Self::$kind => $nodes, )* }
             }
 
-            /// The code of the kind in VTK files (vtkCellType.h).
+            /// Returns the code of the kind in VTK files (vtkCellType.h).
             pub const fn vtk_code(self) -> u8 {
                 match self { $( Self::$kind => $vtk, )* }
             }
 
-            /// The kind with this code in VTK files.
+            /// Returns the kind with this code in VTK files.
             pub fn from_vtk_code(code: u8) -> Option<Self> {
                 match code { $( $vtk => Some(Self::$kind), )* _ => None }
             }
 
-            /// The code of the kind in Gmsh files (Gmsh reference manual, "MSH file format").
+            /// Returns the code of the kind in Gmsh files (Gmsh reference manual, "MSH file format").
             pub const fn gmsh_code(self) -> i32 {
                 match self { $( Self::$kind => $gmsh, )* }
             }
 
-            /// The kind with this code in Gmsh files.
+            /// Returns the kind with this code in Gmsh files.
             pub fn from_gmsh_code(code: i32) -> Option<Self> {
                 match code { $( $gmsh => Some(Self::$kind), )* _ => None }
             }
 
-            /// Gmsh's order of the nodes: node `i` is node `gmsh_order()[i]` of Gmsh. `None` where the orders agree.
+            /// Returns Gmsh's order of the nodes: node `i` is node `gmsh_order()[i]` of Gmsh. `None` if the orders
+            /// agree.
             ///
-            /// Source: Gmsh reference manual, "Node ordering"; VTK, vtkQuadratic*.cxx and vtkTriQuadraticHexahedron.cxx.
+            /// Source: Gmsh reference manual, "Node ordering"; VTK, vtkQuadratic*.cxx and
+            /// vtkTriQuadraticHexahedron.cxx.
             pub const fn gmsh_order(self) -> Option<&'static [usize]> {
                 match self { $( Self::$kind => cells!(@order $($order)?), )* }
             }
@@ -133,20 +135,20 @@ cells! {
     Pyramid5 = "pyramid5": PYRAMID, None, 5 nodes, vtk 14, gmsh 7;
     /// Quadratic pyramid without a middle node.
     Pyramid13 = "pyramid13": PYRAMID, Edges, 13 nodes, vtk 27, gmsh 19 [0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12];
-    /// Quadratic pyramid with a node in the middle of its base. VTK has it as a Lagrange pyramid of order 2.
+    /// Quadratic pyramid with a node at the centre of its base. In VTK it is a Lagrange pyramid of order 2.
     Pyramid14 = "pyramid14": PYRAMID, Faces, 14 nodes, vtk 74, gmsh 14 [0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12, 13];
 }
 
 /// A side of a cell: a face of a volume, an edge of a surface, an end of a line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Side {
-    /// Its kind.
+    /// The kind of the side.
     pub kind: CellKind,
-    /// Its nodes, by their local numbers in the cell, in the order of its kind.
+    /// The nodes of the side as local numbers in the cell, in the order of the side's kind.
     pub nodes: Vec<usize>,
 }
 
-/// What follows from a row of the table.
+/// The data that follow from a row of the table.
 struct Derived {
     reference_nodes: Vec<[f64; 3]>,
     sides: Vec<Side>,
@@ -158,60 +160,61 @@ static DERIVED: LazyLock<Vec<Derived>> = LazyLock::new(|| {
 });
 
 impl CellKind {
-    /// Dimension of the cell: 0 point, 1 curve, 2 surface, 3 volume.
+    /// Returns the dimension of the cell: 0 point, 1 curve, 2 surface, 3 volume.
     pub const fn dimension(self) -> usize {
         self.shape().dimension
     }
 
-    /// Number of corners per cell; they are the first nodes.
+    /// Returns the number of corners per cell; they are the first nodes.
     pub const fn corner_count(self) -> usize {
         self.shape().corners.len()
     }
 
-    /// The kind with the same corners and no other node; itself for a linear kind.
+    /// Returns the kind with the same corners and no other nodes; a linear kind returns itself.
     pub fn linear(self) -> Self {
         let fits = |kind: &Self| kind.shape().family == self.shape().family && kind.is_linear();
         Self::ALL.iter().copied().find(fits).unwrap_or(self)
     }
 
-    /// Does it have corners alone?
+    /// Returns whether the kind has corner nodes only.
     pub const fn is_linear(self) -> bool {
         matches!(self.middles(), Middles::None)
     }
 
-    /// The kind with the same corners and a node in the middle of every edge, and no other. `None` for a point.
+    /// Returns the kind with the same corners and a node at the midpoint of every edge, and no others. `None` for a
+    /// point.
     pub fn quadratic(self) -> Option<Self> {
         let fits =
             |kind: &Self| kind.shape().family == self.shape().family && kind.middles() == Middles::Edges;
         Self::ALL.iter().copied().find(fits)
     }
 
-    /// The kind with the corners of `shape`, and with middle nodes as far as cells of this kind have them.
+    /// Returns the kind with the corners of `shape` and as many middle nodes as cells of this kind have.
     pub(crate) fn of_shape(self, shape: Self) -> Self {
         let fits =
             |kind: &&Self| kind.shape().family == shape.shape().family && kind.middles() <= self.middles();
         Self::ALL.iter().filter(fits).max_by_key(|kind| kind.middles()).copied().unwrap_or(shape)
     }
 
-    /// Ends of the edges by local node number. In kinds with middle nodes, node `corner_count() + k` is the middle of
-    /// edge k.
+    /// Returns the ends of the edges as local node numbers. In kinds with middle nodes, node `corner_count() + k` is
+    /// the midpoint of edge k.
     pub const fn edges(self) -> &'static [[usize; 2]] {
         self.shape().edges
     }
 
-    /// The cells of one dimension less that bound the cell. Faces of a volume are counter-clockwise seen from outside;
-    /// edges of a surface go round it in the sense of its nodes.
+    /// Returns the cells of one dimension less that bound the cell. The faces of a volume are counter-clockwise seen
+    /// from outside; the edges of a surface follow the orientation of its nodes.
     pub fn sides(self) -> &'static [Side] {
         &DERIVED[self as usize].sides
     }
 
-    /// Positions of the nodes in the reference cell: lines, triangles, tetrahedra and the heights of wedges and pyramids
-    /// on [0, 1]; quadrilaterals, hexahedra and the bases of pyramids on [−1, 1].
+    /// Returns the positions of the nodes in the reference cell. Lines, triangles, tetrahedra and the heights of
+    /// wedges and pyramids are on [0, 1]; quadrilaterals, hexahedra and the bases of pyramids on [−1, 1].
     pub fn reference_nodes(self) -> &'static [[f64; 3]] {
         &DERIVED[self as usize].reference_nodes
     }
 
-    /// Triangles that cover a cell of a surface and use all of its nodes, by local node number. Empty for other
+    /// Returns triangles, as local node numbers, that cover a surface cell and use all of its nodes. Empty for other
     /// dimensions.
     pub const fn triangles(self) -> &'static [[usize; 3]] {
         match self {
@@ -219,7 +222,7 @@ impl CellKind {
             Self::Tri6 => &[[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]],
             Self::Quad4 => &[[0, 1, 2], [0, 2, 3]],
             Self::Quad8 => &[[0, 4, 7], [4, 1, 5], [5, 2, 6], [6, 3, 7], [4, 5, 6], [4, 6, 7]],
-            // Around the node in the middle.
+            // Eight triangles around the central node.
             Self::Quad9 => {
                 &[[8, 0, 4], [8, 4, 1], [8, 1, 5], [8, 5, 2], [8, 2, 6], [8, 6, 3], [8, 3, 7], [8, 7, 0]]
             }
@@ -241,7 +244,7 @@ impl CellKind {
         }
     }
 
-    /// The local number of the middle node of the edge between two corners. `None` where there is none.
+    /// Returns the local number of the midpoint of the edge between two corners. `None` if the kind has no such node.
     fn middle_of_edge(self, a: usize, b: usize) -> Option<usize> {
         let edge = self.edges().iter().position(|&edge| edge == [a, b] || edge == [b, a])?;
         (self.middles() >= Middles::Edges).then_some(self.corner_count() + edge)
@@ -277,7 +280,7 @@ impl CellKind {
         let mut side = |corners: Vec<usize>| {
             let count = corners.len();
             let mut nodes = corners.clone();
-            // A line has one edge, not one behind each corner.
+            // A line has one edge, not one after each corner.
             for k in 0..if count == 2 { 1 } else { count } {
                 nodes.extend(self.middle_of_edge(corners[k], corners[(k + 1) % count]));
             }

@@ -1,15 +1,15 @@
-//! What can be wrong with a mesh, found all at once, and turning mirrored tetrahedra over.
+//! Finds all problems of a mesh at once, and reverses mirrored tetrahedra.
 
 use crate::cell::CellKind;
 use crate::error::MeshError;
 use crate::mesh::Mesh;
 use crate::vector::determinant;
 
-/// How many offenders a message names.
+/// Number of offending nodes that a message lists.
 const NAMED: usize = 5;
 
 impl Mesh {
-    /// Checks that the cells of `dimension` can make a body: 3 a solid, 2 a sheet.
+    /// Checks that the cells of `dimension` can form a body: 3 for a solid, 2 for a sheet.
     ///
     /// # Errors
     /// Every problem found: node numbers out of range, coordinates that are not finite, no cells, nodes without a cell.
@@ -25,7 +25,7 @@ impl Mesh {
         if problems.is_empty() { Ok(()) } else { Err(problems) }
     }
 
-    /// Turns over the linear tetrahedra that are numbered in mirror image (negative volume), and returns how many.
+    /// Reverses the linear tetrahedra that are mirrored (negative volume), and returns how many.
     pub fn repair(&mut self) -> usize {
         let mut turned = 0;
         for block in self.blocks.iter_mut().filter(|block| block.kind == CellKind::Tet4) {
@@ -97,8 +97,8 @@ impl Mesh {
     }
 }
 
-/// A volume that the round-off of an element with these nodes leaves of none, m³: that of products of its
-/// size, and that of its coordinates, which may be much larger.
+/// Returns the volume (m³) below which an element with these nodes cannot be told from one without volume: the
+/// round-off of products of its size, and that of its coordinates, which may be much larger.
 pub fn volume_of_round_off(mut nodes: impl Iterator<Item = [f64; 3]>) -> f64 {
     let Some(origin) = nodes.next() else { return 0.0 };
     let largest = |v: [f64; 3]| v.iter().fold(0.0_f64, |largest, v| largest.max(v.abs()));

@@ -1,74 +1,74 @@
-//! The one error type of this crate, with facts.
+//! Defines the error type of this crate.
 
 use crate::cell::CellKind;
 
-/// What can be wrong with a mesh, a region or the shape of a generator.
+/// Describes an invalid mesh, region or shape of a generator.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshError {
-    /// Elements whose Jacobian is not positive at every quadrature point.
+    /// Elements have a Jacobian that is not positive at every quadrature point.
     #[error(
         "{count} of {total} elements are inverted or have no volume; first: {}. \
          Number the nodes of an element in VTK's order (positive volume), or run the mesh through \
-         its generator's repair; `Mesh::repair` turns mirrored elements over",
+         the repair of its generator; `Mesh::repair` reverses mirrored elements",
         list_volumes(.first)
     )]
     Inverted {
-        /// How many such elements.
+        /// Number of such elements.
         count: usize,
-        /// Of how many elements in all.
+        /// Number of all elements.
         total: usize,
         /// Index and volume (m³) of the first few.
         first: Vec<(usize, f64)>,
     },
-    /// Nodes that no element touches: they would have no mass.
+    /// Nodes belong to no element, so that they would have no mass.
     #[error(
         "{count} of {total} nodes belong to no element (first: {first:?}) and would have no mass; \
          remove them from the mesh"
     )]
     Unused {
-        /// How many such nodes.
+        /// Number of such nodes.
         count: usize,
-        /// Of how many nodes in all.
+        /// Number of all nodes.
         total: usize,
-        /// The first few.
+        /// The first few nodes.
         first: Vec<u32>,
     },
-    /// Points with a coordinate that is NaN or infinite.
+    /// Points have a coordinate that is NaN or infinite.
     #[error("{count} nodes have a coordinate that is not a finite number (first: {first:?})")]
     NotFinite {
-        /// How many such nodes.
+        /// Number of such nodes.
         count: usize,
-        /// The first few.
+        /// The first few nodes.
         first: Vec<u32>,
     },
-    /// An element names a node, or a region an element, that is not there.
+    /// An element names a node that does not exist, or a region names such an element.
     #[error("{what} {index}: {target} {value} is out of range (there are {available})")]
     OutOfRange {
-        /// Who names it.
+        /// The object that names it, e.g. "element".
         what: &'static str,
-        /// Its index.
+        /// The index of this object.
         index: usize,
-        /// What is named.
+        /// The kind of object that is named, e.g. "node".
         target: &'static str,
-        /// The index named.
+        /// The index that is named.
         value: usize,
-        /// How many there are.
+        /// The number of such objects that exist.
         available: usize,
     },
-    /// A block of cells whose node list is not a whole number of cells.
+    /// The node list of a block of cells is not a whole number of cells.
     #[error("block {block} of {kind} cells: {length} node numbers are not a multiple of {arity}")]
     BlockLength {
-        /// The block's index.
+        /// The index of the block.
         block: usize,
-        /// Its kind.
+        /// The kind of its cells.
         kind: CellKind,
-        /// How many node numbers.
+        /// The number of node numbers.
         length: usize,
-        /// Nodes a cell.
+        /// The number of nodes per cell.
         arity: usize,
     },
-    /// The mesh has no cells of the body's dimension.
+    /// The mesh has no cells of the dimension of the body.
     #[error(
         "the mesh has no elements of dimension {dimension}{}",
         if *.dimension == 3 {
@@ -81,38 +81,38 @@ pub enum MeshError {
         /// The dimension that the body needs.
         dimension: usize,
     },
-    /// A region that the mesh does not have.
+    /// The mesh does not have the region.
     #[error("there is no region '{name}'; the mesh has {}", list_names(.available))]
     UnknownRegion {
-        /// The name asked for.
+        /// The requested name.
         name: String,
-        /// The names there are.
+        /// The names of the regions that exist.
         available: Vec<String>,
     },
-    /// An element kind that has no kernel for the use it is put to.
+    /// The cell kind has no kernel for the requested use.
     #[error("{kind} cells cannot be {used}")]
     Unsupported {
-        /// The kind.
+        /// The cell kind.
         kind: CellKind,
-        /// The use, e.g. "solid elements".
+        /// The requested use, e.g. "solid elements".
         used: &'static str,
     },
-    /// A parameter outside its range.
+    /// A parameter lies outside its range.
     #[error("{key} = {value}: {requirement}")]
     Parameter {
         /// The key in the scene file.
         key: &'static str,
-        /// Its value.
+        /// The value that was given.
         value: f64,
-        /// What it must be, with the way out.
+        /// The range that the value must lie in, and what to write instead.
         requirement: &'static str,
     },
-    /// A table, list or count that makes no sense, in words.
+    /// A table, list or count is invalid.
     #[error("{what}: {problem}")]
     Invalid {
-        /// The thing in question.
+        /// The object that is invalid, e.g. "table".
         what: &'static str,
-        /// What is wrong with it.
+        /// The reason, in words.
         problem: String,
     },
 }

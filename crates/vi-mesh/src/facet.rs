@@ -8,7 +8,7 @@ use crate::vector::cross;
 /// A quadrature point of a reference facet.
 #[derive(Debug, Clone)]
 pub struct FacetPoint {
-    /// Its weight; the sum over a rule is the area of the reference facet.
+    /// The weight; the sum over a rule is the area of the reference facet.
     pub weight: f64,
     /// N_a(ξ, η).
     pub values: Vec<f64>,
@@ -17,7 +17,7 @@ pub struct FacetPoint {
 }
 
 impl FacetPoint {
-    /// Position and tangents x, x,ξ, x,η at the point of a facet whose nodes are at `nodes`.
+    /// Returns position and tangents x, x,ξ, x,η at the point, for a facet whose nodes are at `nodes`.
     pub fn frame(&self, nodes: impl Iterator<Item = [f64; 3]>) -> [[f64; 3]; 3] {
         let mut out = [[0.0; 3]; 3];
         for ((x, value), gradient) in nodes.zip(&self.values).zip(&self.gradients) {
@@ -31,7 +31,7 @@ impl FacetPoint {
     }
 }
 
-/// The rule of a kind: exact for ∫ N_a (x,ξ × x,η) dξdη, the force of a pressure.
+/// Returns the rule of a kind, which is exact for ∫ N_a (x,ξ × x,η) dξdη, the force of a pressure.
 pub(crate) fn rule(kind: CellKind) -> Option<Vec<FacetPoint>> {
     let points: Vec<([f64; 2], f64)> = match kind {
         CellKind::Tri3 => triangle_degree_2(),
@@ -52,7 +52,7 @@ fn triangle_degree_2() -> Vec<([f64; 2], f64)> {
     [[a, a], [b, a], [a, b]].map(|xi| (xi, 1.0 / 6.0)).to_vec()
 }
 
-/// Six points (Dunavant 1985, table II).
+/// Returns six points (Dunavant 1985, table II).
 fn triangle_degree_4() -> Vec<([f64; 2], f64)> {
     let mut points = Vec::new();
     for (a, weight) in
@@ -78,7 +78,7 @@ fn square(line: &[(f64, f64)]) -> Vec<([f64; 2], f64)> {
     line.iter().flat_map(|&(y, wy)| line.iter().map(move |&(x, wx)| ([x, y], wx * wy))).collect()
 }
 
-/// (N_a, ∂N_a/∂(ξ, η)) in VTK's order; triangles on ξ, η ≥ 0, ξ + η ≤ 1, squares on [−1, 1]².
+/// Returns (N_a, ∂N_a/∂(ξ, η)) in VTK's order. Triangles are on ξ, η ≥ 0, ξ + η ≤ 1, squares on [−1, 1]².
 pub(crate) fn shapes(kind: CellKind, [x, y]: [f64; 2]) -> Vec<(f64, [f64; 2])> {
     let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
     match kind {
@@ -120,7 +120,7 @@ pub(crate) fn shapes(kind: CellKind, [x, y]: [f64; 2]) -> Vec<(f64, [f64; 2])> {
             out
         }
         _ => {
-            // Products of Lagrange polynomials through −1, 0, 1; nodes by their coordinates.
+            // Products of Lagrange polynomials through −1, 0, 1, selected by the coordinates of the nodes.
             let line = |node: f64, x: f64| match node {
                 -1.0 => (0.5 * x * (x - 1.0), x - 0.5),
                 0.0 => (1.0 - x * x, -2.0 * x),
@@ -141,7 +141,7 @@ pub(crate) fn shapes(kind: CellKind, [x, y]: [f64; 2]) -> Vec<(f64, [f64; 2])> {
 /// Facets of one kind with their quadrature rule, which is exact for ∫ N_a (x,ξ × x,η) dξdη, the force of a pressure.
 #[derive(Debug, Clone)]
 pub struct FacetBlock {
-    /// Their kind.
+    /// The kind of the facets.
     pub kind: CellKind,
     /// `kind.node_count()` node numbers per facet.
     pub nodes: Vec<u32>,
@@ -150,12 +150,12 @@ pub struct FacetBlock {
 }
 
 impl FacetBlock {
-    /// Number of nodes per facet.
+    /// Returns the number of nodes per facet.
     pub fn arity(&self) -> usize {
         self.kind.node_count()
     }
 
-    /// The nodes of each facet.
+    /// Returns the nodes of each facet.
     pub fn facets(&self) -> impl Iterator<Item = &[u32]> {
         self.nodes.chunks_exact(self.arity())
     }
@@ -169,12 +169,11 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// The facets of the surface region `name`. Those that bound a solid element look away from it,
-    /// whatever the order of their nodes in the mesh.
+    /// Returns the facets of the surface region `name`. Facets that bound a solid element face away from it, whatever
+    /// the order of their nodes in the mesh.
     ///
     /// # Errors
-    /// [`MeshError::UnknownRegion`] with the names there are; [`MeshError::Invalid`] where the region has
-    /// no facets.
+    /// [`MeshError::UnknownRegion`] with the names that exist; [`MeshError::Invalid`] if the region has no facets.
     pub fn of_region(mesh: &Mesh, name: &str) -> Result<Self, MeshError> {
         mesh.region(name)?;
         let regions = mesh.regions.iter().filter(|region| region.name == name && region.dimension == 2);
@@ -184,7 +183,7 @@ impl Surface {
         if cells.is_empty() {
             let dimension = mesh.region(name)?.dimension;
             let problem =
-                format!("region '{name}' has dimension {dimension} and no facets; name a surface region");
+                format!("region '{name}' has dimension {dimension} and no facets: name a surface region");
             return Err(MeshError::Invalid { what: "surface", problem });
         }
         let mut blocks: Vec<(CellKind, Vec<u32>)> = Vec::new();
@@ -201,7 +200,7 @@ impl Surface {
         Ok(surface)
     }
 
-    /// Facets by kind with their nodes.
+    /// Builds a surface from facets by kind, with their nodes.
     pub(crate) fn from_blocks(name: &str, blocks: Vec<(CellKind, Vec<u32>)>) -> Result<Self, MeshError> {
         let with_rule = |(kind, nodes)| {
             let rule = rule(kind).ok_or(MeshError::Unsupported { kind, used: "facets of a surface" })?;
@@ -211,17 +210,17 @@ impl Surface {
         Ok(Self { name: name.into(), blocks })
     }
 
-    /// Its name.
+    /// Returns the name.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Its facets by kind.
+    /// Returns the facets by kind.
     pub fn blocks(&self) -> &[FacetBlock] {
         &self.blocks
     }
 
-    /// The facets whose nodes are all among `nodes`.
+    /// Returns the facets all of whose nodes are in `nodes`.
     #[must_use]
     pub fn within(&self, nodes: &[u32]) -> Self {
         let nodes: std::collections::HashSet<u32> = nodes.iter().copied().collect();
@@ -236,15 +235,15 @@ impl Surface {
         Self { name: self.name.clone(), blocks: self.blocks.iter().map(part).collect() }
     }
 
-    /// The same facets of a mesh whose nodes have other numbers.
+    /// Returns the same facets with the node numbers of another mesh: node a becomes `number(a)`.
     #[must_use]
     pub fn renumbered(mut self, number: impl Fn(u32) -> u32) -> Self {
         self.blocks.iter_mut().flat_map(|block| &mut block.nodes).for_each(|node| *node = number(*node));
         self
     }
 
-    /// The normal at each of its nodes, ascending: the sum over its facets of their normals there, of unit length
-    /// times their areas (m²).
+    /// Returns the normal at each node of the surface, in ascending order of nodes: the sum over its facets of the
+    /// unit normal at the node times the area of the facet (m²).
     pub fn normals(&self, mesh: &Mesh) -> Vec<(u32, [f64; 3])> {
         let mut sums: std::collections::BTreeMap<u32, [f64; 3]> = Default::default();
         for block in &self.blocks {
@@ -276,7 +275,7 @@ impl Surface {
         sums.into_iter().collect()
     }
 
-    /// Area at rest, m².
+    /// Returns the area at rest, m².
     pub fn area(&self, mesh: &Mesh) -> f64 {
         let mut area = 0.0;
         for block in &self.blocks {
@@ -291,7 +290,7 @@ impl Surface {
         area
     }
 
-    /// ⅓ ∫ x·n dA at rest, m³: the volume inside, where it is closed.
+    /// Returns ⅓ ∫ x·n dA at rest, m³: the enclosed volume if the surface is closed.
     #[cfg(test)]
     pub(crate) fn enclosed_volume(&self, mesh: &Mesh) -> f64 {
         let mut volume = 0.0;
@@ -307,7 +306,7 @@ impl Surface {
     }
 }
 
-/// Reverses the sense of rotation of a facet's nodes.
+/// Reverses the orientation of a facet's nodes.
 pub(crate) fn turn_over(kind: CellKind, nodes: &mut [u32]) {
     match kind {
         CellKind::Tri3 => nodes.swap(1, 2),
@@ -358,7 +357,7 @@ mod tests {
 
     #[test]
     fn rules_integrate_what_they_promise() {
-        // ∫ x^p y^q over the triangle = p! q!/(p + q + 2)!, over the square a product.
+        // ∫ x^p y^q over the triangle is p! q!/(p + q + 2)!; over the square it is a product.
         let factorial = |n: u32| (1..=n).map(f64::from).product::<f64>();
         for (kind, degree) in [(CellKind::Tri3, 2), (CellKind::Tri6, 4)] {
             for p in 0..=degree {

@@ -1,21 +1,21 @@
-//! A mesh made from a coarser one, and how its nodes follow from the coarse ones.
+//! A mesh made from a coarser one, with the relation between their nodes.
 
 use crate::mesh::Mesh;
 
-/// A mesh whose nodes are sums of the nodes of a coarser one; the coarse nodes come first and keep
-/// their numbers.
+/// A mesh whose nodes are weighted sums of the nodes of a coarser one. The coarse nodes come first and keep their
+/// numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FinerMesh {
     /// The mesh.
     pub mesh: Mesh,
-    /// For each node: coarse nodes and their weights, whose sum is 1.
+    /// For each node: the coarse nodes and their weights, whose sum is 1.
     pub parents: Vec<Vec<(u32, f64)>>,
-    /// For each cell: the coarse cell that it is part of.
+    /// For each cell: the coarse cell to which it belongs.
     pub cells: Vec<u32>,
 }
 
 impl FinerMesh {
-    /// Values at the nodes (3 a node) from those at the coarse nodes.
+    /// Returns values at the nodes (3 per node) from those at the coarse nodes.
     pub fn interpolate(&self, coarse: &[f64]) -> Vec<f64> {
         let value = |parents: &Vec<(u32, f64)>, i: usize| -> f64 {
             parents.iter().map(|&(node, weight)| weight * coarse[3 * node as usize + i]).sum()
@@ -23,8 +23,8 @@ impl FinerMesh {
         self.parents.iter().flat_map(|parents| (0..3).map(move |i| value(parents, i))).collect()
     }
 
-    /// Texture coordinates at the corners of every cell, from those of the coarse cells: the corners of triangles
-    /// follow from the corners of the triangle that they are part of; zero for other cells.
+    /// Returns texture coordinates at the corners of every cell from those of the coarse cells. The corners of a
+    /// triangle follow from the corners of the triangle to which it belongs; other cells get zero.
     pub fn texture(&self, coarse: &Mesh, corners: &[[[f64; 2]; 3]]) -> Vec<[[f64; 2]; 3]> {
         let of_cell = |(cell, &parent): (usize, &u32)| {
             let mut texture = [[0.0; 2]; 3];

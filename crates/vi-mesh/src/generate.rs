@@ -1,4 +1,4 @@
-//! Meshes of simple shapes.
+//! Generates meshes of simple shapes.
 
 mod box_cells;
 pub(crate) mod box_mesh;

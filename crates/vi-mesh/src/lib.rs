@@ -1,8 +1,8 @@
 //! Meshes: points, cells of all dimensions, and named regions of them.
 //!
-//! [`CellKind`] is the one table of cells: corners, edges, sides, reference nodes, and codes in file formats. Readers,
-//! generators ([`BoxMesh`], [`SheetMesh`]), refinement ([`Mesh::refined`]), the boundary ([`Surface`]) and finite
-//! elements all read it. A mesh has no physics and no file format.
+//! [`CellKind`] is the only table of cell kinds: corners, edges, sides, reference nodes, and codes in file formats.
+//! Readers, generators ([`BoxMesh`], [`SheetMesh`]), refinement ([`Mesh::refined`]), the boundary ([`Surface`]) and
+//! finite elements all use it. This crate has no physics and no file formats.
 
 #![forbid(unsafe_code)]
 

@@ -1,11 +1,11 @@
-//! Quadratic cells in the place of linear ones.
+//! Replaces linear cells by quadratic ones.
 
 use std::collections::HashMap;
 
 use crate::finer::FinerMesh;
 use crate::mesh::{CellBlock, Mesh};
 
-/// The edges of the cells of a block and the nodes in their middles; none for linear cells.
+/// Returns the edges of the cells of a block with their midpoints; none for linear cells.
 fn middles(block: &CellBlock) -> impl Iterator<Item = ([u32; 2], u32)> {
     let edges = if block.kind.is_linear() { &[] } else { block.kind.edges() };
     let corners = block.kind.corner_count();
@@ -16,10 +16,10 @@ fn middles(block: &CellBlock) -> impl Iterator<Item = ([u32; 2], u32)> {
 }
 
 impl Mesh {
-    /// The mesh with quadratic cells ([`CellKind::quadratic`](crate::CellKind::quadratic)) in the place of linear
-    /// ones: a new node in the middle of every edge, numbered after the old ones; cells,
-    /// regions and cells that are quadratic already stay as they are. Where an edge belongs to a
-    /// quadratic cell too, its middle node is that cell's: curved boundaries stay curved.
+    /// Returns the mesh with linear cells replaced by quadratic ones
+    /// ([`CellKind::quadratic`](crate::CellKind::quadratic)). Every edge gets a new midpoint, numbered after the old
+    /// nodes. Cell numbers, regions and quadratic cells stay as they are. If an edge also belongs to a quadratic
+    /// cell, it takes the midpoint of that cell, so that curved boundaries stay curved.
     pub fn lifted(&self) -> FinerMesh {
         let mut points = self.points.clone();
         let mut parents: Vec<Vec<(u32, f64)>> =
@@ -82,7 +82,7 @@ mod tests {
         }
     }
 
-    /// A linear tetrahedron beside a curved quadratic facet takes its middle nodes.
+    /// A linear tetrahedron next to a curved quadratic facet takes the facet's midpoints.
     #[test]
     fn curved_edges_that_the_mesh_has_are_kept() {
         let mut points = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.5, -0.1, 0.0]];

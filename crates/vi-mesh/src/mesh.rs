@@ -1,17 +1,17 @@
-//! Points, cells of all dimensions, named regions.
+//! Points, cells of all dimensions, and named regions.
 
 use crate::cell::CellKind;
 use crate::error::MeshError;
 
 /// Points, blocks of cells of one kind each, and named sets of cells.
 ///
-/// Cells are numbered through all blocks in order: the first cell of block b follows the last of
-/// block b − 1. A body's volume cells and the facets, edges and points of its boundary are all cells.
+/// Cells are numbered consecutively through all blocks: the first cell of block b follows the last of block b − 1.
+/// The volume cells of a body and the facets, edges and points of its boundary are all cells.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
     /// Positions at rest, m.
     pub points: Vec<[f64; 3]>,
-    /// Cells.
+    /// The blocks of cells.
     pub blocks: Vec<CellBlock>,
     /// Named sets of cells; a cell may be in several.
     pub regions: Vec<Region>,
@@ -20,19 +20,19 @@ pub struct Mesh {
 /// Cells of one kind.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CellBlock {
-    /// Their kind.
+    /// The kind of the cells.
     pub kind: CellKind,
-    /// Node numbers, `kind.node_count()` a cell, in VTK's order.
+    /// Node numbers in VTK's order, `kind.node_count()` per cell.
     pub nodes: Vec<u32>,
 }
 
 impl CellBlock {
-    /// Number of cells.
+    /// Returns the number of cells.
     pub fn cell_count(&self) -> usize {
         self.nodes.len() / self.kind.node_count()
     }
 
-    /// The nodes of each cell.
+    /// Returns the nodes of each cell.
     pub fn cells(&self) -> impl ExactSizeIterator<Item = &[u32]> {
         self.nodes.chunks_exact(self.kind.node_count())
     }
@@ -41,32 +41,32 @@ impl CellBlock {
 /// A named set of cells of one dimension: a material region or a part of the boundary.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
-    /// The name that scenes call it by.
+    /// The name by which scenes refer to it.
     pub name: String,
-    /// 3 volume, 2 surface, 1 curve, 0 points.
+    /// 3 for volumes, 2 for surfaces, 1 for curves, 0 for points.
     pub dimension: usize,
     /// Cell numbers. Readers give them ascending, each once.
     pub cells: Vec<u32>,
 }
 
-/// The distance below which the round-off of coordinates does not tell points apart, m: four units of the
-/// largest coordinate.
+/// Returns the distance (m) below which points cannot be told apart because of the round-off of coordinates: four
+/// units in the last place of the largest coordinate.
 pub fn resolution(points: &[[f64; 3]]) -> f64 {
     4.0 * f64::EPSILON * points.as_flattened().iter().fold(0.0_f64, |reach, x| reach.max(x.abs()))
 }
 
 impl Mesh {
-    /// How many cells of all kinds.
+    /// Returns the number of cells of all kinds.
     pub fn cell_count(&self) -> usize {
         self.blocks.iter().map(CellBlock::cell_count).sum()
     }
 
-    /// Kind and nodes of every cell, in order.
+    /// Returns kind and nodes of every cell, in order.
     pub fn cells(&self) -> impl Iterator<Item = (CellKind, &[u32])> {
         self.blocks.iter().flat_map(|block| block.cells().map(|nodes| (block.kind, nodes)))
     }
 
-    /// Appends one cell, to the last block if that is of its kind.
+    /// Appends one cell, to the last block if its kind matches.
     ///
     /// # Panics
     /// If `nodes` does not hold `kind.node_count()` nodes.
@@ -78,17 +78,17 @@ impl Mesh {
         }
     }
 
-    /// Kind and nodes of the cell that is element number `element` of `what`, which an error names.
+    /// Returns kind and nodes of the cell `element`; `what` names its user in an error.
     ///
     /// # Errors
-    /// [`MeshError::OutOfRange`] for a cell that is not there.
+    /// [`MeshError::OutOfRange`] for a cell that does not exist.
     pub fn element(&self, element: u32, what: &'static str) -> Result<(CellKind, &[u32]), MeshError> {
         let index = element as usize;
         let available = self.cell_count();
         self.cell(index).ok_or(MeshError::OutOfRange { what, index, target: "cell", value: index, available })
     }
 
-    /// Kind and nodes of a cell.
+    /// Returns kind and nodes of a cell.
     pub fn cell(&self, index: usize) -> Option<(CellKind, &[u32])> {
         let mut index = index;
         for block in &self.blocks {
@@ -101,7 +101,7 @@ impl Mesh {
         None
     }
 
-    /// The numbers of all cells of a dimension.
+    /// Returns the numbers of all cells of a dimension.
     pub fn cells_of_dimension(&self, dimension: usize) -> Vec<u32> {
         let mut first = 0;
         let mut cells = Vec::new();
@@ -115,10 +115,10 @@ impl Mesh {
         cells
     }
 
-    /// The region of this name.
+    /// Returns the region of this name.
     ///
     /// # Errors
-    /// [`MeshError::UnknownRegion`] with the names there are.
+    /// [`MeshError::UnknownRegion`] with the names that exist.
     pub fn region(&self, name: &str) -> Result<&Region, MeshError> {
         self.regions.iter().find(|region| region.name == name).ok_or_else(|| MeshError::UnknownRegion {
             name: name.into(),
@@ -126,11 +126,11 @@ impl Mesh {
         })
     }
 
-    /// The nodes of all cells of the regions of this name (a name may stand for a volume and a
-    /// surface at once), ascending, each once.
+    /// Returns the nodes of all cells of the regions with this name (a volume and a surface may share a name),
+    /// ascending, each once.
     ///
     /// # Errors
-    /// [`MeshError::UnknownRegion`] with the names there are.
+    /// [`MeshError::UnknownRegion`] with the names that exist.
     pub fn region_nodes(&self, name: &str) -> Result<Vec<u32>, MeshError> {
         self.region(name)?;
         let regions = self.regions.iter().filter(|region| region.name == name);
@@ -144,7 +144,7 @@ impl Mesh {
         Ok(nodes)
     }
 
-    /// The nodes in a box, ascending: its faces are included, to the round-off of coordinates.
+    /// Returns the nodes in a box, ascending. The box includes its faces, to the round-off of coordinates.
     pub fn nodes_in_box(&self, min: [f64; 3], max: [f64; 3]) -> Vec<u32> {
         let near = resolution(&self.points);
         let inside =
@@ -152,10 +152,10 @@ impl Mesh {
         (0..self.points.len()).filter(|&node| inside(&self.points[node])).map(|node| node as u32).collect()
     }
 
-    /// The nodes whose distance from the plane through a point is at most `reach` (m), ascending. The normal may
-    /// have any length but zero.
+    /// Returns the nodes whose distance from the plane through a point is at most `reach` (m), ascending. The normal
+    /// may have any length but zero.
     pub fn nodes_near_plane(&self, point: [f64; 3], normal: [f64; 3], reach: f64) -> Vec<u32> {
-        // Squares of very short and very long normals leave the range of numbers.
+        // Scale first: squares of very short and very long normals would underflow or overflow.
         let largest = normal.iter().fold(0.0_f64, |largest, n| largest.max(n.abs()));
         let normal = normal.map(|n| n / largest);
         let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
@@ -164,7 +164,7 @@ impl Mesh {
         (0..self.points.len() as u32).filter(|&node| distance(&self.points[node as usize]) <= reach).collect()
     }
 
-    /// The nodes in a ball, ascending: its surface is included, to the round-off of coordinates.
+    /// Returns the nodes in a ball, ascending. The ball includes its surface, to the round-off of coordinates.
     pub fn nodes_in_ball(&self, centre: [f64; 3], radius: f64) -> Vec<u32> {
         let radius = radius + resolution(&self.points);
         let distance = |x: &[f64; 3]| (0..3).map(|i| (x[i] - centre[i]).powi(2)).sum::<f64>().sqrt();
@@ -173,7 +173,7 @@ impl Mesh {
             .collect()
     }
 
-    /// The node nearest to a point (the first of equals); None for a mesh without points.
+    /// Returns the node nearest to a point (the first of several); `None` for a mesh without points.
     pub fn nearest_node(&self, point: [f64; 3]) -> Option<u32> {
         let distance = |node: &[f64; 3]| -> f64 { (0..3).map(|i| (node[i] - point[i]).powi(2)).sum() };
         let nodes = 0..self.points.len();

@@ -1,33 +1,33 @@
-//! The point of a surface nearest to a point in space, as weights on the surface's nodes.
+//! Finds the point of a surface nearest to a point in space, as weights on the nodes of the surface.
 
 use crate::cell::CellKind;
 use crate::facet::{FacetBlock, Surface, shapes};
 use crate::vector::dot;
 
-/// A point of a surface: Σ weight × node.
+/// A point of a surface, Σ weight × node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SurfacePoint {
-    /// Nodes of its facet and their weights, of sum 1; those of weight zero are left out.
+    /// The nodes of its facet with their weights, which sum to 1; zero weights are omitted.
     pub weights: Vec<(u32, f64)>,
-    /// Where it is, m.
+    /// The position, m.
     pub position: [f64; 3],
-    /// Its distance from the point that was asked for, m.
+    /// The distance from the given point, m.
     pub distance: f64,
 }
 
-/// Finds nearest points of one surface.
+/// Finds nearest points on one surface.
 pub struct NearestPoints<'a> {
     surface: &'a Surface,
     x: &'a [[f64; 3]],
-    /// Facets (block, number) with the middle and the radius of a ball around each.
+    /// Facets (block, number), each with the centre and the radius of a ball that contains it.
     balls: Vec<(usize, usize, [f64; 3], f64)>,
 }
 
-/// Halvings of the pattern search: to 1e-15 of a facet.
+/// Number of halvings of the pattern search, which reaches 1e-15 of a facet.
 const HALVINGS: usize = 50;
 
 impl<'a> NearestPoints<'a> {
-    /// A search on a surface whose nodes are at x (m).
+    /// Prepares the search on a surface whose nodes are at x (m).
     pub fn new(surface: &'a Surface, x: &'a [[f64; 3]]) -> Self {
         let mut balls = Vec::new();
         for (b, block) in surface.blocks.iter().enumerate() {
@@ -43,7 +43,7 @@ impl<'a> NearestPoints<'a> {
         Self { surface, x, balls }
     }
 
-    /// The nearest point; the first of equals. None on a surface without facets.
+    /// Returns the nearest point, the first of several; `None` for a surface without facets.
     pub fn of(&self, p: [f64; 3]) -> Option<SurfacePoint> {
         let mut best: Option<SurfacePoint> = None;
         let mut reach = self
@@ -66,7 +66,7 @@ impl<'a> NearestPoints<'a> {
 
     fn on_facet(&self, block: &FacetBlock, facet: usize, p: [f64; 3]) -> SurfacePoint {
         let nodes = &block.nodes[facet * block.arity()..][..block.arity()];
-        // Seen from p, so that a place far from the origin costs no digits.
+        // Measure from p, so that a position far from the origin loses no digits.
         let from: Vec<[f64; 3]> =
             nodes.iter().map(|&node| [0, 1, 2].map(|i| self.x[node as usize][i] - p[i])).collect();
         let values: Vec<f64> = match from[..] {
@@ -80,13 +80,13 @@ impl<'a> NearestPoints<'a> {
     }
 }
 
-/// Σ w x.
+/// Returns Σ w x.
 fn mean(x: &[[f64; 3]], weights: &[f64]) -> [f64; 3] {
     [0, 1, 2].map(|i| x.iter().zip(weights).map(|(x, w)| w * x[i]).sum())
 }
 
-/// Values of the shape functions at the point of a facet nearest to the origin, its nodes at `x`, by pattern search
-/// over the reference facet: no derivatives, no failure at its borders.
+/// Returns the shape functions at the point of a facet nearest to the origin, for nodes at `x`. A pattern search over
+/// the reference facet needs no derivatives and cannot fail at the facet's edges.
 fn search(kind: CellKind, x: &[[f64; 3]]) -> Vec<f64> {
     let values = |xi: [f64; 2]| -> Vec<f64> { shapes(kind, xi).into_iter().map(|(n, _)| n).collect() };
     let far = |xi: [f64; 2]| {
@@ -131,7 +131,7 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     dot(d, d).sqrt()
 }
 
-/// Barycentric coordinates of the point of a triangle nearest to p (Ericson, *Real-Time Collision
+/// Returns the barycentric coordinates of the point of a triangle nearest to p (Ericson, *Real-Time Collision
 /// Detection*, 2005, §5.1.5).
 fn on_triangle([a, b, c]: [[f64; 3]; 3], p: [f64; 3]) -> [f64; 3] {
     let from = |q: [f64; 3], r: [f64; 3]| [0, 1, 2].map(|i| r[i] - q[i]);

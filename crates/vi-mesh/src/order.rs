@@ -1,9 +1,9 @@
-//! Orders of the elements of a region and of the nodes of a mesh in which neighbours in space are neighbours in
-//! the list, so that a run of elements touches few nodes, and those near each other.
+//! Orders the elements of a region and the nodes of a mesh such that neighbours in the list are neighbours in space.
+//! A run of elements then touches few nodes, and these are near each other.
 
 use crate::mesh::Mesh;
 
-/// Bits of each coordinate that count.
+/// Number of bits of each coordinate that are used.
 const BITS: u32 = 20;
 
 /// Morton's curve through a box of points (G. M. Morton, 1966).
@@ -24,7 +24,7 @@ impl Curve {
         Self { low, scale: if extent > 0.0 { f64::from((1 << BITS) - 1) / extent } else { 0.0 } }
     }
 
-    /// Where on the curve a point lies.
+    /// Returns the position of a point on the curve.
     fn place(&self, point: [f64; 3]) -> u64 {
         (0..3).map(|i| spread(((point[i] - self.low[i]) * self.scale) as u64) << i).sum()
     }
@@ -46,9 +46,9 @@ pub fn sort_by_place(mesh: &Mesh, elements: &mut [u32]) {
     elements.sort_by_cached_key(|&element| curve.place(centroid(element)));
 }
 
-/// Another numbering of the nodes of a mesh, along Morton's curve: that of the elements of a sum. Runs of
-/// elements and of nodes then lie together in space and in memory, whatever order a file has, and what one core
-/// writes it mostly reads itself.
+/// A renumbering of the nodes of a mesh along Morton's curve, like that of the elements. Runs of elements and of
+/// nodes then lie together in space and in memory, whatever the order in a file, and a core mostly reads what it
+/// wrote itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Numbering {
     /// The new number of each node.
@@ -56,7 +56,7 @@ pub struct Numbering {
 }
 
 impl Numbering {
-    /// The numbering along the curve.
+    /// Returns the numbering along the curve.
     pub fn by_place(mesh: &Mesh) -> Self {
         let curve = Curve::through(mesh.points.iter().copied());
         let mut nodes: Vec<u32> = (0..mesh.points.len() as u32).collect();
@@ -68,17 +68,17 @@ impl Numbering {
         Self { number }
     }
 
-    /// The new number of a node; its own for one that the mesh does not have.
+    /// Returns the new number of a node; a node that the mesh does not have keeps its number.
     pub fn of(&self, node: u32) -> u32 {
         self.number.get(node as usize).copied().unwrap_or(node)
     }
 
-    /// The node that has a new number. Takes a search.
+    /// Returns the node that has a new number. This takes a linear search.
     pub fn node(&self, number: u32) -> Option<u32> {
         self.number.iter().position(|&of| of == number).map(|node| node as u32)
     }
 
-    /// Values a node, in the new order.
+    /// Returns nodal values in the new order.
     pub fn values<T: Copy>(&self, values: &[T]) -> Vec<T> {
         let mut ordered = values.to_vec();
         for (value, &number) in values.iter().zip(&self.number) {
@@ -87,7 +87,7 @@ impl Numbering {
         ordered
     }
 
-    /// The mesh with its nodes so numbered; cells and regions keep their numbers.
+    /// Returns the mesh with its nodes renumbered; cells and regions keep their numbers.
     pub fn mesh(&self, mesh: &Mesh) -> Mesh {
         let mut blocks = mesh.blocks.clone();
         for node in blocks.iter_mut().flat_map(|block| &mut block.nodes) {
@@ -97,7 +97,7 @@ impl Numbering {
     }
 }
 
-/// Two zeros before each of the lowest 21 bits.
+/// Inserts two zeros before each of the lowest 21 bits.
 fn spread(bits: u64) -> u64 {
     let mut x = bits & 0x1f_ffff;
     for (shift, mask) in [
@@ -140,7 +140,7 @@ mod tests {
         assert_eq!(numbering.node(numbers[17]), Some(17));
         numbers.sort_unstable();
         assert!(numbers.into_iter().eq(0..mesh.points.len() as u32));
-        // Neighbours in the list are neighbours in space, most of the time.
+        // Most neighbours in the list are neighbours in space.
         let steps = other.points.windows(2).map(|pair| (0..3).map(|i| (pair[1][i] - pair[0][i]).abs()).sum());
         let mut steps: Vec<f64> = steps.collect();
         steps.sort_by(f64::total_cmp);

@@ -1,8 +1,8 @@
-//! Uniform refinement: every cell in smaller ones of half its size.
+//! Uniform refinement: cuts every cell into smaller ones of half its size.
 //!
-//! A node of a small cell is a point ξ of the reference cell of the large one, and lies where its shape
-//! functions put it: curved cells stay as curved as they are. Two cells that share a facet give its
-//! points the same weights, by which they are known to be one node.
+//! A node of a small cell is a point ξ of the reference cell of the large one, and lies where the shape functions of
+//! the large cell map it; so curved cells stay curved. Two cells that share a facet give its points the same weights,
+//! by which these are recognised as the same node.
 
 use std::collections::HashMap;
 
@@ -13,25 +13,25 @@ use crate::finer::FinerMesh;
 use crate::mesh::{CellBlock, Mesh, Region};
 use crate::vector::determinant;
 
-/// Weights of shape functions at quarter points of a facet are whole numbers of this.
+/// Weights of shape functions at quarter points of a facet are multiples of this.
 const WEIGHT_UNIT: f64 = 1.0 / 4096.0;
 
 type Point = [f64; 3];
 
 impl Mesh {
-    /// The mesh with 8 small cells of its kind in the place of every volume cell, 4 of every surface cell, 2 of
-    /// every edge; regions hold the small cells of their cells. Of a tetrahedron's octahedron in the
-    /// middle the shortest diagonal is taken. A pyramid becomes 6 pyramids and 4 tetrahedra.
+    /// Returns the mesh with every volume cell replaced by 8 small cells of its kind, every surface cell by 4, every
+    /// edge by 2. Regions hold the small cells of their cells. The octahedron in the middle of a tetrahedron is cut
+    /// along its shortest diagonal. A pyramid becomes 6 pyramids and 4 tetrahedra.
     pub fn refined(&self) -> FinerMesh {
         self.split(|_, _| Halves::ALL)
     }
 
-    /// The mesh with its cells halved along some axes of space (0, 1, 2) alone: along two of them, a body
-    /// extruded along the third keeps its layers; along one, only the layers along it are halved.
+    /// Returns the mesh with its cells halved along some axes of space (0, 1, 2) only. Halved along two axes, a body
+    /// extruded along the third keeps its layers; halved along one axis, only the layers along it are halved.
     ///
     /// # Errors
-    /// [`MeshError::Invalid`] where a cell has edges that are neither along the extrusion nor across it, or is
-    /// a tetrahedron.
+    /// [`MeshError::Invalid`] if a cell has edges that are neither along the extrusion nor normal to it, or is a
+    /// tetrahedron or a pyramid.
     pub fn refined_along(&self, axes: &[usize]) -> Result<FinerMesh, MeshError> {
         let is_halved = |axis: usize| axes.contains(&axis);
         // The axis that differs from the two others.
@@ -42,7 +42,7 @@ impl Mesh {
             _ => None,
         };
         let Some(axis) = special else {
-            let problem = "names no axis; name one or two of x, y, z".to_owned();
+            let problem = "names no axis: name one or two of x, y, z".to_owned();
             return Err(MeshError::Invalid { what: "refinement", problem });
         };
         let mut halves = Vec::with_capacity(self.cell_count());
@@ -62,17 +62,17 @@ impl Mesh {
         Ok(self.split(|index, _| halves[index]))
     }
 
-    /// The mesh with each cell in the parts that `halves` says, of its number and kind.
+    /// Cuts each cell, given its number and kind, as `halves` says.
     fn split(&self, halves: impl Fn(usize, CellKind) -> Halves) -> FinerMesh {
         let mut nodes = Nodes::of(self);
         let mut blocks = Vec::with_capacity(self.blocks.len());
-        // First small cell of each large one.
+        // Number of the first small cell of each large one.
         let (mut first, mut next) = (Vec::with_capacity(self.cell_count() + 1), 0);
         let functions: HashMap<CellKind, ShapeFunctions> =
             CellKind::ALL.iter().map(|&kind| (kind, ShapeFunctions::of(kind))).collect();
         for block in &self.blocks {
             let kind = block.kind;
-            // Small cells follow each other by kind, so that they are numbered in the order of the large ones.
+            // Collect small cells by kind, so that they are numbered in the order of the large ones.
             let mut fine: Vec<CellBlock> = Vec::new();
             for cell in block.cells() {
                 let at = |xi: Point| nodes.position(cell, &functions[&kind].values(xi));
@@ -109,7 +109,7 @@ impl Mesh {
     }
 }
 
-/// The nodes of the fine mesh, growing.
+/// The nodes of the fine mesh while it is built.
 struct Nodes {
     points: Vec<Point>,
     parents: Vec<Vec<(u32, f64)>>,
@@ -153,27 +153,29 @@ fn middle(a: Point, b: Point) -> Point {
     [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]))
 }
 
-/// Along which axes of its reference cell a cell is halved: for a wedge the first two together are its triangle.
+/// The axes of its reference cell along which a cell is halved. For a wedge the first two axes together are its
+/// triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Halves([bool; 3]);
 
-/// How far an edge may be from along or across an axis, as a part of its length.
+/// Largest deviation of an edge from the direction along or normal to an axis, relative to its length.
 const STRAIGHT: f64 = 1e-6;
 
 impl Halves {
     const ALL: Self = Self([true; 3]);
 
-    /// Of a cell with these corners, where edges along an axis of space are halved (`along`) or those across it.
+    /// Returns the axes for a cell with these corners if edges along an axis of space are halved (`along`), or else
+    /// those normal to it.
     fn of(linear: CellKind, corners: &[Point], axis: usize, along: bool) -> Result<Self, &'static str> {
         if matches!(linear, CellKind::Tet4 | CellKind::Pyramid5) {
-            return Err("is no prism");
+            return Err("is not a prism");
         }
         let reference = linear.reference_nodes();
         let mut halves = [None; 3];
         for (a, p) in reference.iter().enumerate() {
             for (b, q) in reference.iter().enumerate().skip(a + 1) {
                 let differ: Vec<usize> = (0..3).filter(|&k| p[k] != q[k]).collect();
-                // Of triangles the third edge runs along both axes.
+                // The third edge of a triangle runs along both axes.
                 let is_triangle = matches!(linear, CellKind::Tri3 | CellKind::Wedge6);
                 let of: &[usize] = match differ[..] {
                     [2] if is_triangle => &[2],
@@ -202,7 +204,8 @@ impl Halves {
     }
 }
 
-/// Linear kinds and corners of the small cells in the reference cell; `at` is where a reference point lies in space.
+/// Returns the linear kinds and corners of the small cells in the reference cell; `at` maps a reference point to
+/// space.
 fn children(linear: CellKind, halves: Halves, at: impl Fn(Point) -> Point) -> Vec<(CellKind, Vec<Point>)> {
     let corners = linear.reference_nodes();
     let Halves(halves) = halves;
@@ -223,7 +226,7 @@ fn children(linear: CellKind, halves: Halves, at: impl Fn(Point) -> Point) -> Ve
             };
             low.iter().zip(&high).flat_map(layer).collect()
         }
-        // Lines and products of them: the small cell at each corner.
+        // For lines and products of lines: the small cell at each corner.
         _ => {
             let place = |corner: Point, other: Point| {
                 let middle = middle(corner, other);
@@ -242,7 +245,7 @@ fn triangles(c: &[Point]) -> Vec<Vec<Point>> {
     vec![vec![c[0], a, d], vec![a, c[1], b], vec![d, b, c[2]], vec![a, b, d]]
 }
 
-/// Four tetrahedra at the corners and four around a diagonal of the octahedron between them.
+/// Returns four tetrahedra at the corners and four around a diagonal of the octahedron between them.
 fn tetrahedra(c: &[Point], at: impl Fn(Point) -> Point) -> Vec<Vec<Point>> {
     let m = |a: usize, b: usize| middle(c[a], c[b]);
     let mut cells = vec![
@@ -251,7 +254,7 @@ fn tetrahedra(c: &[Point], at: impl Fn(Point) -> Point) -> Vec<Vec<Point>> {
         vec![m(0, 2), m(1, 2), c[2], m(2, 3)],
         vec![m(0, 3), m(1, 3), m(2, 3), c[3]],
     ];
-    // Diagonals, that of Bey (1995) first, and the edges around them.
+    // The diagonals, that of Bey (1995) first, and the edges around them.
     let choices = [
         ([m(0, 2), m(1, 3)], [m(0, 1), m(1, 2), m(2, 3), m(0, 3)]),
         ([m(0, 1), m(2, 3)], [m(0, 2), m(1, 2), m(1, 3), m(0, 3)]),
@@ -277,7 +280,7 @@ fn tetrahedra(c: &[Point], at: impl Fn(Point) -> Point) -> Vec<Vec<Point>> {
     cells
 }
 
-/// Pyramids at the corners, at the apex and upside down below it; tetrahedra at the edges of the base.
+/// Returns pyramids at the corners, at the apex and upside down below it, and tetrahedra at the edges of the base.
 fn pyramids_and_tetrahedra(c: &[Point]) -> Vec<(CellKind, Vec<Point>)> {
     let m = |a: usize, b: usize| middle(c[a], c[b]);
     let centre = middle(c[0], c[2]);
@@ -304,12 +307,13 @@ mod tests {
     use crate::facet::Surface;
     use crate::generate::box_mesh::BoxMesh;
 
-    /// The elements of boxes that are refined into their own kind alone.
+    /// Returns the elements of boxes that are refined into cells of their own kind only.
     fn elements() -> impl Iterator<Item = CellKind> {
         BoxMesh::elements().filter(|element| element.linear() != CellKind::Pyramid5)
     }
 
-    /// Small cells fill the large one, and their faces match: those that one cell has alone are the boundary.
+    /// Small cells fill the large one and their faces match: the faces that belong to one cell only form the
+    /// boundary.
     #[test]
     fn every_solid_kind_is_filled_by_its_small_cells() {
         for &kind in CellKind::ALL.iter().filter(|kind| kind.dimension() == 3) {
@@ -349,7 +353,7 @@ mod tests {
                 let nodes = |mesh: &Mesh| mesh.region_nodes(name).unwrap().len();
                 assert_eq!(nodes(&refined.mesh), nodes(&fine), "{element}: {name}");
             }
-            // Linear functions are carried over.
+            // Linear functions are interpolated exactly.
             let linear: Vec<f64> =
                 coarse.points.iter().flat_map(|p| [p[0] - p[2], 3.0 * p[1], 1.0]).collect();
             let carried = refined.interpolate(&linear);
@@ -360,8 +364,8 @@ mod tests {
         }
     }
 
-    /// Halved along x and y, a body extruded along z is the finer body with the same layers; halved along z
-    /// alone, that with twice the layers.
+    /// Halved along x and y, a body extruded along z is the finer body with the same layers; halved along z only, it
+    /// is the body with twice the layers.
     #[test]
     fn layers_are_kept() {
         for element in elements() {
@@ -371,7 +375,7 @@ mod tests {
             for (axes, cells) in [(&[0, 1][..], [4, 2, 1]), (&[2], [2, 1, 2])] {
                 let refined = coarse.refined_along(axes);
                 if element.linear() == CellKind::Tet4 {
-                    assert!(refined.unwrap_err().to_string().contains("is no prism"));
+                    assert!(refined.unwrap_err().to_string().contains("is not a prism"));
                     continue;
                 }
                 let (refined, fine) = (refined.unwrap().mesh, build(cells));

@@ -1,4 +1,4 @@
-//! The triangles of a sheet and their edges: which are neighbours, and which way they face.
+//! The triangles of a sheet and their edges: neighbours and orientations.
 
 use crate::cell::CellKind;
 use crate::error::MeshError;
@@ -9,38 +9,41 @@ use crate::vector::{cross, dot};
 pub struct Triangulation {
     /// Positions of all nodes of the mesh, m.
     pub points: Vec<[f64; 3]>,
-    /// Corners of each triangle in the flat pattern it is cut from, m, where there is one.
+    /// The corners of each triangle in the flat pattern from which it is cut, m, if there is one.
     pattern: Option<Vec<[[f64; 3]; 3]>>,
-    /// Nodes of each triangle.
+    /// The nodes of each triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// The mesh's number of each triangle.
+    /// The cell number of each triangle in the mesh.
     pub cells: Vec<u32>,
-    /// Edges, ascending by their nodes.
+    /// The edges, in ascending order of their nodes.
     pub edges: Vec<Edge>,
     /// The three edges of each triangle: edge k lies opposite node k.
     pub edges_of: Vec<[u32; 3]>,
 }
 
-/// An edge and the triangles that meet there, ascending.
+/// An edge, and the triangles that meet there, ascending.
 pub struct Edge {
-    /// Its nodes, ascending.
+    /// The nodes of the edge, ascending.
     pub nodes: [u32; 2],
-    /// Triangle and which of its edges this is.
+    /// Each triangle, with the number of this edge in it.
     pub sides: Vec<(u32, u8)>,
 }
 
 impl Triangulation {
-    /// The triangles `elements` of a mesh.
+    /// Returns the triangulation of the cells `elements` of a mesh.
     ///
     /// # Errors
-    /// Cells that are not there or no linear triangles, and triangles without area.
+    /// Cells that do not exist, cells that are not linear triangles, and triangles without area.
     pub fn new(mesh: &Mesh, elements: &[u32]) -> Result<Self, MeshError> {
         let mut triangles = Vec::with_capacity(elements.len());
         for (index, &element) in elements.iter().enumerate() {
             match mesh.cell(element as usize) {
                 Some((CellKind::Tri3, &[a, b, c])) => triangles.push([a, b, c]),
                 Some((kind, _)) => {
-                    return Err(MeshError::Unsupported { kind, used: "elements of a sheet (they are tri3)" });
+                    return Err(MeshError::Unsupported {
+                        kind,
+                        used: "elements of a sheet (they must be tri3)",
+                    });
                 }
                 None => {
                     return Err(MeshError::OutOfRange {
@@ -59,10 +62,11 @@ impl Triangulation {
         Ok(Self { points, pattern: None, triangles, cells, edges, edges_of })
     }
 
-    /// The surface with the shape at rest of a flat pattern: the corners (m) of every cell of the mesh.
+    /// Returns the surface with the rest shape of a flat pattern, given by the corners (m) of every cell of the mesh.
     ///
     /// # Errors
-    /// A pattern of another length, triangles without area in it, neighbours folded onto each other in it.
+    /// A pattern with fewer cells than the mesh, triangles without area in it, and neighbours folded onto each other
+    /// in it.
     pub fn with_pattern(mut self, pattern: &[[[f64; 2]; 3]]) -> Result<Self, MeshError> {
         let invalid = |problem| MeshError::Invalid { what: "pattern of a sheet", problem };
         let Some(flat) = self.cells.iter().map(|&cell| pattern.get(cell as usize).copied()).collect() else {
@@ -77,7 +81,7 @@ impl Triangulation {
             let area = 0.5 * twice_area(corners).abs();
             if area.is_nan() || area <= 0.5e-8 * longest {
                 return Err(invalid(format!(
-                    "element {} has no area in it ({area:.3e} m²); mend the texture coordinates",
+                    "element {} has no area in it ({area:.3e} m²): correct the texture coordinates",
                     self.cells[triangle]
                 )));
             }
@@ -102,12 +106,12 @@ impl Triangulation {
         Ok(self)
     }
 
-    /// Is the shape at rest a flat pattern?
+    /// Returns whether the rest shape is a flat pattern.
     pub fn has_pattern(&self) -> bool {
         self.pattern.is_some()
     }
 
-    /// Corners of a triangle at rest, m.
+    /// Returns the corners of a triangle at rest, m.
     pub fn corners(&self, triangle: usize) -> [[f64; 3]; 3] {
         match &self.pattern {
             Some(pattern) => pattern[triangle],
@@ -115,12 +119,13 @@ impl Triangulation {
         }
     }
 
-    /// Corners of a triangle where the mesh has them, m.
+    /// Returns the corners of a triangle at their positions in the mesh, m.
     pub fn placed(&self, triangle: usize) -> [[f64; 3]; 3] {
         self.triangles[triangle].map(|node| self.points[node as usize])
     }
 
-    /// The node of a triangle opposite its edge `k`, and the edge's nodes in the triangle's sense.
+    /// Returns the node of a triangle opposite its edge `k`, then the nodes of the edge in the orientation of the
+    /// triangle.
     pub fn around(&self, triangle: u32, k: u8) -> [u32; 3] {
         let nodes = self.triangles[triangle as usize];
         let k = usize::from(k);
@@ -128,7 +133,7 @@ impl Triangulation {
     }
 }
 
-/// Edges with the triangles that meet there, and the edges of each triangle.
+/// Returns the edges with the triangles that meet there, and the edges of each triangle.
 fn edges(triangles: &[[u32; 3]]) -> (Vec<Edge>, Vec<[u32; 3]>) {
     let mut sides = Vec::with_capacity(3 * triangles.len());
     for (triangle, nodes) in triangles.iter().enumerate() {
@@ -177,24 +182,25 @@ fn check_areas(points: &[[f64; 3]], triangles: &[[u32; 3]], elements: &[u32]) ->
     })
 }
 
-/// What [`orient_triangles`] found and did.
+/// The findings and changes of [`orient_triangles`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct Orientation {
-    /// Connected pieces.
+    /// Number of connected pieces.
     pub pieces: usize,
-    /// Triangles that were turned over, so that neighbours face the same way.
+    /// Number of triangles that were turned over, so that neighbours face the same way.
     pub turned: usize,
-    /// Edges where neighbours still face opposite ways: the piece is one-sided, like a Möbius strip.
+    /// Number of edges at which neighbours still face opposite ways: the piece is one-sided, like a Möbius strip.
     pub one_sided: usize,
-    /// Edges where more than two triangles meet.
+    /// Number of edges at which more than two triangles meet.
     pub branched: usize,
-    /// Edges with one triangle.
+    /// Number of edges with one triangle.
     pub boundary: usize,
 }
 
 impl Orientation {
-    /// What a user should hear of it; none where the triangles were as they should be.
+    /// Returns messages for the user; none if no triangle was turned over and the surface is two-sided and
+    /// unbranched.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         if self.turned > 0 {
@@ -202,8 +208,8 @@ impl Orientation {
         }
         if self.one_sided > 0 {
             notes.push(format!(
-                "the surface is one-sided: neighbours face opposite ways across {} edges (bending does not \
-                 mind; the side that a pressure acts on is not defined)",
+                "the surface is one-sided: neighbours face opposite ways across {} edges (this does not \
+                 affect bending, but the side on which a pressure acts is not defined)",
                 self.one_sided
             ));
         }
@@ -217,11 +223,11 @@ impl Orientation {
     }
 }
 
-/// Turns triangles over so that the neighbours across every edge of two triangles face the same way as
-/// far as the surface has two sides. In each piece the majority decides; ties go to the first triangle.
+/// Turns triangles over so that neighbours across every edge of two triangles face the same way, as far as the
+/// surface has two sides. In each piece the majority decides; a tie goes to the first triangle.
 ///
 /// # Errors
-/// As for the potentials of a sheet: cells that are not triangles, or without area.
+/// Those of [`Triangulation::new`]: cells that are not triangles, or have no area.
 pub fn orient_triangles(mesh: &mut Mesh, elements: &[u32]) -> Result<Orientation, MeshError> {
     let surface = Triangulation::new(mesh, elements)?;
     let count = surface.triangles.len();
@@ -275,7 +281,7 @@ pub fn orient_triangles(mesh: &mut Mesh, elements: &[u32]) -> Result<Orientation
     Ok(report)
 }
 
-/// Do two triangles run along their common edge in the same sense (so that they face opposite ways)?
+/// Returns whether two triangles traverse their common edge in the same direction, so that they face opposite ways.
 fn same_sense(surface: &Triangulation, one: (u32, u8), two: (u32, u8)) -> bool {
     surface.around(one.0, one.1)[1] == surface.around(two.0, two.1)[1]
 }

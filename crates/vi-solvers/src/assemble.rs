@@ -1,5 +1,5 @@
-//! Sums of local terms: energy, gradient and Hessian of a system, forces without a potential, live terms, the mass
-//! matrix, and the evaluator that steppers ask. All sums give the same bits on any number of threads.
+//! Sums local terms: energy, gradient and Hessian of a system, forces without a potential, live terms and the mass
+//! matrix. Also holds the evaluator that steppers call. All sums give the same bits on any number of threads.
 
 pub(crate) mod assembler;
 pub(crate) mod energy;

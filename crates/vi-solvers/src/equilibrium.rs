@@ -1,5 +1,5 @@
-//! Static equilibrium: load steps, paths of equilibria through limit points, critical points, and the steppers made of
-//! them; also the forces on the nodes of a given state.
+//! Static equilibrium: load steps, paths of equilibria through limit points, critical points, and the steppers built
+//! from them. Also computes the forces on the nodes of a given state.
 
 pub(crate) mod balance;
 mod critical;

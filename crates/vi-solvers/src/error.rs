@@ -1,85 +1,88 @@
-//! What can go wrong in assembly and in sparse solves, with the facts.
+//! Defines the error type of this crate.
 
 use thiserror::Error;
 
-/// Errors of this crate.
+/// The errors of this crate.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SolverError {
-    /// The fill-reducing ordering could not be made.
+    /// The fill-reducing ordering failed.
     #[error("ordering of {nodes} nodes failed: METIS reports {code}")]
     Ordering {
-        /// Nodes of the graph.
+        /// Number of nodes of the graph.
         nodes: usize,
         /// METIS' return code.
         code: i32,
     },
-    /// The factor would not fit in memory or its index type.
+    /// The factor does not fit in memory or in its index type.
     #[error("symbolic factorisation of {dofs} unknowns failed: {reason}")]
     Symbolic {
-        /// Unknowns.
+        /// Number of unknowns.
         dofs: usize,
-        /// Why.
+        /// The reason.
         reason: &'static str,
     },
     /// A pivot was not positive.
     #[error(transparent)]
     NotPositiveDefinite(#[from] NotPositiveDefinite),
-    /// A solve was asked of a factor that holds no matrix yet.
-    #[error("solve before the first factorisation")]
+    /// A solve was requested from a factor that holds no matrix yet.
+    #[error("solve before the first factorisation: factorise a matrix first")]
     NotFactored,
-    /// A solve left a residual above what round-off explains.
-    #[error("linear solve left a backward error of {residual:e}, {limit:e} allowed")]
+    /// A solve left a residual larger than round-off explains.
+    #[error("linear solve left a backward error of {residual:e}, but {limit:e} is allowed")]
     Residual {
         /// ‖Ax − b‖/(‖b‖ + max|a_ij| ‖x‖).
         residual: f64,
-        /// What is allowed.
+        /// The largest value that is allowed.
         limit: f64,
     },
-    /// Conjugate gradients met a direction in which the matrix or the preconditioner is not positive.
-    #[error("conjugate gradients: curvature {curvature:e} at iteration {iterations}: not positive definite")]
+    /// Conjugate gradients found a direction in which the matrix or the preconditioner is not positive.
+    #[error(
+        "conjugate gradients: the matrix or its preconditioner is not positive definite (curvature {curvature:e} at iteration {iterations})"
+    )]
     NegativeCurvature {
-        /// Iterations made.
+        /// Number of iterations made.
         iterations: u32,
-        /// dᵀAd.
+        /// The curvature dᵀAd.
         curvature: f64,
     },
     /// Conjugate gradients did not reach the tolerance.
     #[error(
-        "conjugate gradients: relative residual {residual:e} after {iterations} iterations, {tolerance:e} wanted"
+        "conjugate gradients: relative residual {residual:e} after {iterations} iterations, but {tolerance:e} was required"
     )]
     ConjugateGradients {
-        /// Iterations made.
+        /// Number of iterations made.
         iterations: u32,
         /// Relative residual in the preconditioned norm.
         residual: f64,
-        /// What was wanted.
+        /// The required relative residual.
         tolerance: f64,
     },
     /// A term of the potential left its domain.
     #[error("{term}")]
     Term {
-        /// Which, where and why.
+        /// The term, the element and the quantity.
         term: TermFault,
-        /// Was it so before the step began? Then no smaller step helps.
+        /// Whether this was so before the step began. Then no smaller step helps.
         at_start: bool,
     },
-    /// The straight path of a step, or any path to its end that was found, meets a surface.
+    /// The straight path of a step would make surfaces pass through each other, and so would every other path that
+    /// was tried.
     #[error(
         "surfaces would pass through each other in this step: something moves too far at once; a smaller step helps"
     )]
     Crossing,
-    /// A number is not finite and no term says why: the step is far too large.
+    /// A number is not finite although no term reports a fault: the step is far too large.
     #[error("{what} is not finite (at coordinate {dof})")]
     NotFinite {
-        /// The array in question.
+        /// The array that holds the number.
         what: &'static str,
-        /// The first coordinate x_i where it is so.
+        /// The first coordinate x_i with a number that is not finite.
         dof: usize,
-        /// Was it so before the step began?
+        /// Whether this was so before the step began.
         at_start: bool,
     },
-    /// The coordinates are so large beside the extent of a body that their round-off hides its shape.
+    /// The coordinates are so large compared with the extent of a body that round-off hides its shape.
     #[error(
         "coordinates of up to {reach:.3e} m do not resolve a body of {extent:.3e} m: differences of its forces \
          would be round-off; place the scene nearer to the origin"
@@ -93,37 +96,37 @@ pub enum SolverError {
     /// The nonlinear solve did not converge.
     #[error(
         "no convergence after {iterations} iterations: residual {residual:e} relative in the energy \
-         norm, {tolerance:e} asked for; a smaller step helps"
+         norm, but {tolerance:e} is required; a smaller step helps"
     )]
     NoConvergence {
-        /// Newton iterations made.
+        /// Number of Newton iterations made.
         iterations: u32,
-        /// Last residual, relative, in the energy norm.
+        /// Last relative residual in the energy norm.
         residual: f64,
-        /// What was asked for.
+        /// The required tolerance.
         tolerance: f64,
     },
-    /// The corrections of a step along a path of equilibria did not come to rest.
+    /// The corrections of a step along a path of equilibria did not converge.
     #[error(
         "no convergence after {iterations} iterations: the last correction was {change:e} of the step, \
-         {tolerance:e} asked for"
+         but {tolerance:e} is required"
     )]
     Correction {
-        /// Newton iterations made.
+        /// Number of Newton iterations made.
         iterations: u32,
-        /// The last correction over the step.
+        /// The last correction relative to the step.
         change: f64,
-        /// What was asked for.
+        /// The required tolerance.
         tolerance: f64,
     },
-    /// An option outside its domain.
+    /// An option lies outside its domain.
     #[error("{option} = {value}: {allowed}")]
     Option {
-        /// Its name in a scene file.
+        /// The name of the option in a scene file.
         option: &'static str,
-        /// The value given.
+        /// The value that was given.
         value: f64,
-        /// What is allowed.
+        /// The values that are allowed.
         allowed: &'static str,
     },
     /// No equilibrium was found beyond a load factor.
@@ -136,9 +139,9 @@ pub enum SolverError {
         load_factor: f64,
         /// The smallest increment that was tried.
         increment: f64,
-        /// Lowest ω² of the last equilibrium, 1/s²: near zero at a limit point.
+        /// Lowest ω² of the last equilibrium, 1/s²; it is near zero at a limit point.
         lowest: Option<f64>,
-        /// Why that increment failed.
+        /// The reason why that increment failed.
         cause: Box<SolverError>,
     },
     /// No equilibrium was found at the end of an arc step, however short.
@@ -149,40 +152,41 @@ pub enum SolverError {
     ArcStep {
         /// Load factor of the last equilibrium.
         load_factor: f64,
-        /// Length of the shortest arc step tried, as the change of the load factor that it is at the start.
+        /// Length of the shortest arc step tried, as the change of the load factor to which it corresponds at the
+        /// start.
         load: f64,
-        /// Why it failed.
+        /// The reason why it failed.
         cause: Box<SolverError>,
     },
-    /// The arc steps were used up before the load factor at the end was reached.
+    /// All arc steps were used before the final load factor was reached.
     #[error(
-        "the path of equilibria was followed for all {steps} arc steps, to load factor {load_factor}, and has not \
-         come to load factor {end}: allow more arc steps (`static.arc_steps`)"
+        "the path of equilibria was followed for all {steps} arc steps, to load factor {load_factor}, but has not \
+         reached load factor {end}: allow more arc steps (`static.arc_steps`)"
     )]
     ArcSteps {
-        /// Arc steps made.
+        /// Number of arc steps made.
         steps: u32,
         /// Load factor of the last equilibrium.
         load_factor: f64,
-        /// Load factor asked for.
+        /// The requested final load factor.
         end: f64,
     },
-    /// A term does not allow the body to move as far as an increment of the load asks, for example because it would
-    /// pass through another body.
+    /// A term does not allow the displacement that a load increment requires, for example because the body would pass
+    /// through another one.
     #[error(
-        "a term allows {part} of the way to load factor {load_factor} and no more; take smaller increments \
+        "a term allows only {part} of the way to load factor {load_factor}; take smaller increments \
          (`static.increment`)"
     )]
     Blocked {
-        /// Load factor that was asked for.
+        /// The requested load factor.
         load_factor: f64,
-        /// Part of the way that is allowed, below 1.
+        /// The fraction of the way that is allowed, below 1.
         part: f64,
     },
-    /// No equilibrium was found with the value that controls the path, however little that changes.
+    /// No equilibrium was found for a new value of the quantity that controls the path, however little it changes.
     #[error(
         "the path of equilibria cannot be followed beyond load factor {load_factor}: a change of the controlled \
-         quantity by {change:e} fails ({cause}); where the path turns back in this quantity, follow it by arc length \
+         quantity by {change:e} fails ({cause}); if the path turns back in this quantity, follow it by arc length \
          (`static.arc_steps` instead of `static.control`)"
     )]
     ControlStep {
@@ -190,102 +194,104 @@ pub enum SolverError {
         load_factor: f64,
         /// The smallest change tried, m or m³.
         change: f64,
-        /// Why it failed.
+        /// The reason why it failed.
         cause: Box<SolverError>,
     },
-    /// The load does not move what controls the path.
-    #[error("the quantity that controls the path does not respond to the load at load factor {load_factor}")]
+    /// The load does not change the quantity that controls the path.
+    #[error(
+        "the quantity that controls the path does not respond to the load at load factor {load_factor}; choose another quantity (`static.control`)"
+    )]
     Unmoved {
         /// Load factor of the equilibrium.
         load_factor: f64,
     },
-    /// A scheme that has no place for a force that no potential gives.
+    /// The scheme does not accept this force without a potential.
     #[error(
-        "scheme {scheme} cannot take the force '{force}', which {reason}; remove the force or choose one of {schemes}"
+        "scheme {scheme} does not accept the force '{force}', which {reason}; remove the force or choose one of {schemes}"
     )]
     Force {
-        /// The scheme's name.
+        /// Name of the scheme.
         scheme: &'static str,
-        /// The force's name.
+        /// Name of the force.
         force: String,
-        /// Why not.
+        /// The property of the force that the scheme does not accept.
         reason: &'static str,
-        /// Schemes that can.
+        /// The schemes that accept it.
         schemes: Box<str>,
     },
-    /// A scheme that has no place for constraints.
+    /// The scheme does not accept constraints.
     #[error(
-        "scheme {scheme} cannot keep the constraint '{constraint}'; choose one of {schemes}, or remove the rigid \
+        "scheme {scheme} does not accept the constraint '{constraint}'; choose one of {schemes}, or remove the rigid \
          bodies and joints"
     )]
     Constrained {
-        /// The scheme's name.
+        /// Name of the scheme.
         scheme: &'static str,
-        /// The first constraint.
+        /// Name of the first constraint.
         constraint: String,
-        /// Schemes that can.
+        /// The schemes that accept constraints.
         schemes: Box<str>,
     },
-    /// An analysis that has no place for constraints.
-    #[error("{analysis} cannot keep the constraint '{constraint}'; remove the rigid bodies and joints")]
+    /// The analysis does not accept constraints.
+    #[error("{analysis} does not accept the constraint '{constraint}'; remove the rigid bodies and joints")]
     ConstrainedAnalysis {
-        /// The analysis.
+        /// Name of the analysis.
         analysis: &'static str,
-        /// The first constraint.
+        /// Name of the first constraint.
         constraint: String,
     },
-    /// An explicit scheme, whose steps divide by the mass of each coordinate.
+    /// The scheme is explicit: its steps divide by the mass of each coordinate and therefore need lumped mass.
     #[error("scheme {scheme} needs lumped mass; choose one of {schemes}, or lump the mass")]
     ConsistentMass {
-        /// The scheme's name.
+        /// Name of the scheme.
         scheme: &'static str,
-        /// Schemes that can.
+        /// The schemes that accept consistent mass.
         schemes: Box<str>,
     },
     /// The constraints could not be satisfied to round-off.
     #[error(
-        "constraint '{constraint}' is {defect:e} off after {iterations} iterations: the step is too long, or joints \
-         depend on each other here"
+        "constraint '{constraint}' has the error {defect:e} after {iterations} iterations: the step is too long, or joints \
+         depend on each other in this position"
     )]
     ConstraintDefect {
-        /// The constraint furthest off.
+        /// Name of the constraint with the largest error.
         constraint: String,
-        /// Iterations made.
+        /// Number of iterations made.
         iterations: u32,
-        /// Its value.
+        /// The value of the constraint.
         defect: f64,
     },
-    /// A memory to continue from that does not fit.
+    /// The memory of a stepper does not fit the stepper that should continue from it.
     #[error("cannot continue: the memory of the stepper has no fitting '{missing}'")]
     Memory {
-        /// What is missing or has the wrong size.
+        /// The entry that is missing or has the wrong size.
         missing: &'static str,
     },
 }
 
-/// A matrix has a pivot that is not positive: a Cholesky factor does not exist.
+/// A pivot of a matrix is not positive, so that no Cholesky factor exists.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error("matrix is not positive definite: the pivot of free coordinate {free} is not positive")]
 pub struct NotPositiveDefinite {
-    /// Index of the free coordinate q_k where the pivot failed.
+    /// Index of the free coordinate q_k whose pivot failed.
     pub free: usize,
 }
 
-/// A term of the potential has no finite value: which, where and why.
+/// A term of the potential has no finite value. Tells which term, where and why.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{term}: element {}: {} = {:e} {}", .fault.element, .fault.quantity, .fault.value, .fault.domain)]
 pub struct TermFault {
-    /// The term's name.
+    /// Name of the term.
     pub term: String,
-    /// The element, quantity, value and domain.
+    /// The element, the quantity, its value and its domain.
     pub fault: vi_core::Fault,
 }
 
 fn explain_lowest(lowest: &Option<f64>) -> String {
     match lowest {
         Some(lowest) => format!(
-            "; the lowest eigenvalue of the last equilibrium is {lowest:e} 1/s²: where it has fallen towards \
-             zero this is a limit point, which an arc-length search can pass"
+            "; the lowest eigenvalue of the last equilibrium is {lowest:e} 1/s²: if it has decreased towards \
+             zero, this is a limit point, which an arc-length search can pass"
         ),
         None => String::new(),
     }

@@ -1,9 +1,9 @@
-//! Indices of nodes, rows and coordinates: the index that stands for none, and grouping by a key.
+//! Indices of nodes, rows and coordinates: the index that means "none", and grouping by a key.
 
-/// No index: a coordinate that is not free, or a node without a row.
+/// Stands for no index: a coordinate that is not free, or a node without a row.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// For each key below `key_count` the places where it occurs in `keys`, ascending, as (start, places).
+/// Returns for each key below `key_count` the places where it occurs in `keys`, ascending, as (start, places).
 pub(crate) fn group_by(keys: &[u32], key_count: usize) -> (Vec<u32>, Vec<u32>) {
     let mut start = vec![0_u32; key_count + 1];
     for &key in keys {

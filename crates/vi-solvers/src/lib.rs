@@ -1,7 +1,8 @@
 //! Time integrators, assembly, nonlinear and sparse solves for `vi-core` systems.
 //!
-//! This crate knows stencils, small dense blocks, sparse systems and time steps; elements and materials are elsewhere.
-//! The folders stand on each other in this order: `linear`, `assemble`, `newton`, `schemes`, `equilibrium`, `modes`.
+//! This crate works on stencils, small dense blocks, sparse systems and time steps; elements and materials are in
+//! other crates. Each folder uses only those before it: `linear`, `assemble`, `newton`, `schemes`, `equilibrium`,
+//! `modes`.
 
 mod assemble;
 mod equilibrium;

@@ -1,4 +1,4 @@
-//! Sparse symmetric matrices, and solves with them: Cholesky factors, conjugate gradients, minimal residuals, Lanczos.
+//! Sparse symmetric matrices and solves with them: Cholesky factors, conjugate gradients, minimal residuals, Lanczos.
 
 pub(crate) mod choice;
 pub(crate) mod cost;

@@ -1,11 +1,11 @@
-//! What a stepper keeps between steps, as plain data for a checkpoint.
+//! The data that a stepper keeps between steps, as plain values for a checkpoint.
 
 use crate::error::SolverError;
 
-/// Everything beyond (t, q, p) that the next step's bits depend on, as plain data for a checkpoint.
+/// Everything besides (t, q, p) on which the bits of the next step depend.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct StepperMemory {
-    /// Scene name of the scheme.
+    /// Name of the scheme in scene files.
     pub method: String,
     /// Named arrays.
     pub arrays: Vec<(String, Vec<f64>)>,
@@ -14,26 +14,26 @@ pub struct StepperMemory {
 }
 
 impl StepperMemory {
-    /// The array of this name.
+    /// Returns the array of this name.
     ///
     /// # Errors
-    /// [`SolverError::Memory`] where there is none.
+    /// [`SolverError::Memory`] if there is none.
     pub fn array(&self, name: &'static str) -> Result<&[f64], SolverError> {
         let found = self.arrays.iter().find(|(key, _)| key == name);
         found.map(|(_, value)| value.as_slice()).ok_or(SolverError::Memory { missing: name })
     }
 
-    /// The count of this name.
+    /// Returns the count of this name.
     ///
     /// # Errors
-    /// [`SolverError::Memory`] where there is none.
+    /// [`SolverError::Memory`] if there is none.
     pub fn count(&self, name: &'static str) -> Result<u64, SolverError> {
         let found = self.counts.iter().find(|(key, _)| key == name);
         found.map(|&(_, value)| value).ok_or(SolverError::Memory { missing: name })
     }
 }
 
-/// Is `memory` that of the scheme `name`?
+/// Checks that `memory` belongs to the scheme `name`.
 pub(crate) fn expect_method(memory: &StepperMemory, name: &'static str) -> Result<(), SolverError> {
     if memory.method == name { Ok(()) } else { Err(SolverError::Memory { missing: name }) }
 }

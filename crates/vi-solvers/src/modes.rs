@@ -1,4 +1,4 @@
-//! Vibration modes about a state: the lowest eigenpairs of K φ = ω² M φ, with rigid motions named.
+//! Computes vibration modes about a state: the lowest eigenpairs of K φ = ω² M φ, with rigid motions marked.
 
 use std::sync::Arc;
 
@@ -14,12 +14,12 @@ use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::pencil::Pencil;
 use crate::vectors;
 
-/// Which modes, and how well.
+/// Number and accuracy of the modes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModeOptions {
-    /// How many, rigid ones included.
+    /// Number of modes, including rigid ones.
     pub count: usize,
-    /// Residual ‖A⁻¹Mφ − θφ‖_M/θ of the shifted and inverted problem; eigenvalues are good to its square.
+    /// Largest residual ‖A⁻¹Mφ − θφ‖_M/θ of the shifted and inverted problem; eigenvalues are accurate to its square.
     pub tolerance: f64,
 }
 
@@ -32,16 +32,16 @@ impl Default for ModeOptions {
 /// A mode of vibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mode {
-    /// ω², 1/s²; negative where the state is unstable.
+    /// ω², 1/s²; negative if the state is unstable.
     pub omega_squared: f64,
-    /// φ on the free coordinates, φᵀMφ = 1 (kg^(−1/2)).
+    /// The shape φ on the free coordinates, normalised to φᵀMφ = 1 (kg^(−1/2)).
     pub shape: Vec<f64>,
-    /// A motion of the whole body that strains nothing.
+    /// Whether the mode is a motion of the whole body without strain.
     pub is_rigid: bool,
-    /// ‖Kφ − ω²Mφ‖ / ((|ω²| + σ) ‖Mφ‖), in the norm of the inverse lumped mass; σ is the shift.
+    /// The residual ‖Kφ − ω²Mφ‖ / ((|ω²| + σ) ‖Mφ‖) in the norm of the inverse lumped mass; σ is the shift.
     pub residual: f64,
     /// Participation factors Γ_k = φᵀMe_k of the translations e_k along x, y and z, √kg. Γ_k² is the effective modal
-    /// mass; over all modes of a system it sums to [`Modes::free_mass`]. Zero where coordinates are not those of
+    /// mass; its sum over all modes of a system is [`Modes::free_mass`]. Zero if the coordinates are not those of
     /// points in space.
     pub participation: [f64; 3],
 }
@@ -49,26 +49,26 @@ pub struct Mode {
 /// The lowest modes of a system.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Modes {
-    /// They, by ascending ω².
+    /// The modes in ascending order of ω².
     pub modes: Vec<Mode>,
-    /// e_kᵀMe_k of the translations e_k of the free coordinates along x, y and z, kg: the mass that can move so.
+    /// e_kᵀMe_k of the translations e_k of the free coordinates along x, y and z, kg: the mass that can move in that
+    /// direction.
     pub free_mass: [f64; 3],
 }
 
 impl Mode {
-    /// ω/2π, Hz; zero where ω² is not positive.
+    /// Returns ω/2π, Hz; zero if ω² is not positive.
     pub fn frequency(&self) -> f64 {
         self.omega_squared.max(0.0).sqrt() / std::f64::consts::TAU
     }
 }
 
-/// The lowest modes about `state`, by ascending ω². The tangent is that of V and of the forces that no
-/// potential gives (its symmetric part). `mass` holds the kinetic energy as quadratic local terms of the
-/// velocities, Hessians being blocks of M (consistent mass); without them M is the system's own mass.
+/// Returns the lowest modes about `state` in ascending order of ω². The tangent is that of V and of the forces
+/// without a potential (symmetric part). `mass` gives the kinetic energy as quadratic local terms of the velocities,
+/// whose Hessians are blocks of M (consistent mass). If it is empty, M is the system's own mass.
 ///
 /// # Errors
-/// [`SolverError::Option`] for a count of zero, an error of a term or factor, or
-/// [`SolverError::NoConvergence`].
+/// [`SolverError::Option`] for a count of zero; an error of a term or a factor; [`SolverError::NoConvergence`].
 pub fn modes(
     system: &System,
     state: &State,
@@ -89,8 +89,8 @@ pub fn modes(
         (true, own) => own.map(mass_matrix),
         (false, _) => Some(matrix_of(system, mass)?),
     };
-    // Norms by the mass take square roots, which have the same digits whatever the units of a scene are if masses are
-    // counted in a power of two near the largest of them. So do shifts if stiffness is.
+    // Norms with the mass take square roots. Their digits do not depend on the units of a scene if masses are
+    // measured in a power of two near the largest of them. The same holds for shifts and the stiffness.
     let mut diagonal = vec![0.0; state.q.len()];
     stiffness.diagonal(&mut diagonal);
     let (unit_of_mass, unit_of_stiffness) = (binary_unit(system.free_mass()), binary_unit(&diagonal));
@@ -116,7 +116,7 @@ pub fn modes(
             translations.each_ref().map(|motion| vectors::sum(n, |k| motion[k] * weighted[k]));
         let overlap: f64 =
             rigid.iter().map(|motion| vectors::sum(n, |k| motion[k] * weighted[k]).powi(2)).sum();
-        // A body whose modes are all rigid has nothing to compare with but the shift.
+        // If all modes of a body are rigid, the shift is the only value to compare with.
         let is_zero = pair.value.abs() <= 1e-6 * scale.max(pencil.shift);
         modes.push(Mode {
             omega_squared: pair.value * unit_of_stiffness / unit_of_mass,
@@ -130,19 +130,19 @@ pub fn modes(
     Ok(Modes { modes, free_mass })
 }
 
-/// The power of two at or below the largest of some numbers; 1 where all are zero.
+/// Returns the power of two at or below the largest absolute value; 1 if all values are zero.
 fn binary_unit(values: &[f64]) -> f64 {
     2.0_f64.powi(binary_exponent(values.iter().fold(0.0, |largest, value| value.abs().max(largest))))
 }
 
-/// A matrix times a number.
+/// Returns `factor` × `matrix`.
 fn scaled(matrix: &SymmetricMatrix, factor: f64) -> SymmetricMatrix {
     let mut scaled = matrix.clone();
     scaled.set_shifted(&[], factor, matrix);
     scaled
 }
 
-/// M from its local terms.
+/// Returns M, assembled from its local terms.
 fn matrix_of(system: &System, terms: Vec<Box<dyn Potential>>) -> Result<SymmetricMatrix, SolverError> {
     let mismatch = |_| SolverError::Memory { missing: "mass of this system" };
     let coordinates = Arc::new(system.coordinates().held());
@@ -150,7 +150,7 @@ fn matrix_of(system: &System, terms: Vec<Box<dyn Potential>>) -> Result<Symmetri
     Ok(mass_matrix(&Terms::new(coordinates, terms).map_err(mismatch)?))
 }
 
-/// The translation of the free coordinates along an axis; zero for systems that are not points in space.
+/// Returns the translation of the free coordinates along an axis; zero for systems that are not points in space.
 fn translation(system: &System, axis: usize) -> Vec<f64> {
     let coordinates = system.coordinates();
     let count = coordinates.dof_count();
@@ -163,7 +163,7 @@ fn translation(system: &System, axis: usize) -> Vec<f64> {
     free
 }
 
-/// Translations and infinitesimal rotations of the free coordinates about `state`, M-orthonormal; none
+/// Returns the translations and infinitesimal rotations of the free coordinates about `state`, M-orthonormal; empty
 /// for systems that are not points in space.
 fn rigid_motions(system: &System, state: &State, pencil: &mut Pencil) -> Vec<Vec<f64>> {
     let coordinates = system.coordinates();
@@ -178,7 +178,7 @@ fn rigid_motions(system: &System, state: &State, pencil: &mut Pencil) -> Vec<Vec
         let mut motion = if kind < 3 {
             translation(system, axis)
         } else {
-            // e_axis × x
+            // Velocity of a unit rotation, e_axis × x.
             let rotate = |dof: usize| {
                 let (node, k) = (dof / 3 * 3, dof % 3);
                 let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);

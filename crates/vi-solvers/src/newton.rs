@@ -1,5 +1,5 @@
-//! Newton's method for the equations of an implicit step: the iteration, what it does when it converges slowly, and the
-//! inverse of the model that it uses.
+//! Newton's method for the equations of an implicit step: the iteration, the measures against slow convergence, and
+//! the inverse of the model.
 
 mod anderson;
 mod attempt;

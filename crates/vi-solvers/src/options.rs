@@ -1,15 +1,15 @@
-//! How the implicit equations of a step are solved.
+//! Options for solving the implicit equations of a step.
 
-/// How implicit equations are solved.
+/// Options for solving implicit equations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SolverOptions {
     /// Relative tolerance of every implicit solve in the energy norm; 1e-14 means to round-off.
     pub tolerance: f64,
-    /// Which linear solver.
+    /// The linear solver.
     pub linear: LinearSolver,
-    /// Fill [`StepReport::energy`](crate::StepReport::energy): a few energies a step more.
+    /// Whether to fill [`StepReport::energy`](crate::StepReport::energy); this costs a few more energies per step.
     pub ledger: bool,
-    /// Newton iterations after which a step has failed.
+    /// Number of Newton iterations after which a step fails.
     pub max_iterations: u32,
 }
 
@@ -19,22 +19,22 @@ impl Default for SolverOptions {
     }
 }
 
-/// How linear systems are solved.
+/// The method for linear systems.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum LinearSolver {
-    /// The cheaper of the two by counted work.
+    /// The cheaper of a factor and conjugate gradients, by counted work.
     #[default]
     Auto,
-    /// Sparse Cholesky factor, in single precision where Newton's method corrects what that leaves.
+    /// A sparse Cholesky factor, in single precision if Newton's method corrects the error of a solve.
     Cholesky,
-    /// Sparse Cholesky factor, in double precision in any case.
+    /// A sparse Cholesky factor, always in double precision.
     CholeskyDouble,
     /// Preconditioned conjugate gradients.
     Pcg,
 }
 
 impl LinearSolver {
-    /// The name in a scene file.
+    /// Returns the name in scene files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",

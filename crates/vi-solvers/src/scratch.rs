@@ -1,4 +1,4 @@
-//! A buffer per thread that is kept from call to call, so that inner loops allocate nothing.
+//! One buffer per thread that is kept from call to call, so that inner loops allocate nothing.
 
 use std::cell::RefCell;
 
@@ -6,7 +6,7 @@ thread_local! {
     static SCRATCH: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Calls `body` with a buffer of `length` numbers that the thread keeps from call to call.
+/// Calls `body` with a buffer of `length` numbers, which the thread keeps from call to call.
 pub(crate) fn with_scratch<R>(length: usize, body: impl FnOnce(&mut [f64]) -> R) -> R {
     let mut buffer = SCRATCH.take();
     if buffer.len() < length {

@@ -1,29 +1,30 @@
-//! Sums and updates of long vectors, on both cores where they are long. The tree of every sum is
-//! fixed by its length, so that the bits do not depend on the number of threads.
+//! Sums and updates of vectors; long vectors are processed in parallel. The tree of every sum depends only on its
+//! length, so the bits do not depend on the number of threads.
 //!
 //! Only the loop over a leaf is compiled for each caller. The recursion calls it through `dyn`, once per some
-//! thousand entries: compiled for each caller too, the calls of `rayon::join` were half of this crate's code.
+//! thousand entries. When the recursion was compiled for each caller too, the calls of `rayon::join` were half of
+//! this crate's code.
 
 use std::ops::Range;
 
-/// Entries that one task works on; also the leaf of the tree of every sum.
+/// Number of entries per task; it is also the leaf size of the tree of every sum.
 const LEAF: usize = 4096;
-/// Length from which tasks are worth their cost.
+/// Length above which parallel tasks pay off.
 const PARALLEL: usize = 32_768;
 
-/// Σ term(k) over 0..n, by a fixed binary tree.
+/// Returns Σ term(k) over 0..n by a fixed binary tree.
 pub(crate) fn sum(n: usize, term: impl Fn(usize) -> f64 + Sync) -> f64 {
     let leaf = |leaf: Range<usize>| leaf.map(&term).sum();
     if n <= LEAF { leaf(0..n) } else { tree(0..n, &leaf, |a, b| a + b) }
 }
 
-/// Are all numbers finite?
+/// Returns whether all numbers are finite.
 pub(crate) fn all_finite(values: &[f64]) -> bool {
     // 0 · x is zero for finite x, and NaN otherwise.
     sum(values.len(), |k| 0.0 * values[k]) == 0.0
 }
 
-/// max |value(k)| over 0..n; NaN counts as +∞.
+/// Returns max |value(k)| over 0..n; NaN counts as +∞.
 pub(crate) fn max_abs(n: usize, value: impl Fn(usize) -> f64 + Sync) -> f64 {
     let leaf = |leaf: Range<usize>| {
         leaf.fold(0.0_f64, |max, k| {
@@ -53,12 +54,12 @@ fn tree(
     combine(a, b)
 }
 
-/// out[k] = value(k).
+/// Sets out[k] = value(k).
 pub(crate) fn fill(out: &mut [f64], value: impl Fn(usize) -> f64 + Sync) {
     update(out, |k, out| *out = value(k));
 }
 
-/// update(k, &mut a[k]).
+/// Calls update(k, &mut a[k]) for every k.
 pub(crate) fn update(a: &mut [f64], update: impl Fn(usize, &mut f64) + Sync) {
     let leaf = |first: usize, a: &mut [f64]| {
         for (k, a) in a.iter_mut().enumerate() {
@@ -77,7 +78,7 @@ fn on_leaves(first: usize, a: &mut [f64], leaf: &(dyn Fn(usize, &mut [f64]) + Sy
     rayon::join(|| on_leaves(first, left, leaf), || on_leaves(first + n / 2, right, leaf));
 }
 
-/// update(k, &mut a[k], &mut b[k]) for two vectors of one length.
+/// Calls update(k, &mut a[k], &mut b[k]) for every k of two vectors of equal length.
 pub(crate) fn update_pair(a: &mut [f64], b: &mut [f64], update: impl Fn(usize, &mut f64, &mut f64) + Sync) {
     let leaf = |first: usize, a: &mut [f64], b: &mut [f64]| {
         for (k, (a, b)) in a.iter_mut().zip(b).enumerate() {

@@ -1,4 +1,4 @@
-//! Counts of the work that a stepper has done.
+//! Counts the work that a stepper has done.
 
 macro_rules! work {
     ($($(#[$doc:meta])* $name:ident),* $(,)?) => {
@@ -10,12 +10,12 @@ macro_rules! work {
         }
 
         impl Work {
-            /// Names and counts, in order.
+            /// Returns the names and counts, in order.
             pub fn iter(&self) -> impl Iterator<Item = (&'static str, u64)> + use<> {
                 [$((stringify!($name), self.$name)),*].into_iter()
             }
 
-            /// Counts by their names; none where a name is unknown.
+            /// Returns the counts for these names, or `None` if a name is unknown.
             pub fn from_counts<'a>(counts: impl IntoIterator<Item = (&'a str, u64)>) -> Option<Self> {
                 let mut work = Self::default();
                 for (name, count) in counts {
@@ -54,13 +54,13 @@ work! {
     hessians,
     /// Numeric factorisations.
     factorizations,
-    /// Of these: because there was none yet, or h had changed.
+    /// Factorisations (of the above) because there was no factor yet, or h had changed.
     factorizations_new,
-    /// Of these: before a step, because the old factor had become dearer than a new one.
+    /// Factorisations (of the above) before a step, because the old factor had become more expensive than a new one.
     factorizations_stale,
-    /// Of these: inside a step that converged too slowly.
+    /// Factorisations (of the above) inside a step that converged too slowly.
     factorizations_slow,
-    /// Of these: full Newton iterations.
+    /// Factorisations (of the above) in full Newton iterations.
     factorizations_newton,
     /// Linear solves.
     solves,
@@ -72,10 +72,10 @@ work! {
     newton_iterations,
     /// Energies or residuals evaluated in line searches.
     line_searches,
-    /// Hessians projected to be positive definite, where the exact one gave no factor or no good direction.
+    /// Hessians projected to be positive definite because the exact one gave no factor or no descent direction.
     projections,
-    /// Steps whose cheap iteration failed and that full Newton steps down an energy solved.
+    /// Steps whose cheap iteration failed and that full Newton steps with an energy descent solved.
     descents,
-    /// Implicit steps whose prediction already satisfied the tolerance: nothing was solved.
+    /// Implicit steps whose prediction already satisfied the tolerance, so that nothing was solved.
     skipped,
 }

@@ -1,11 +1,11 @@
-//! Shape functions of every kind, from its reference nodes.
+//! Shape functions of every kind, derived from its reference nodes.
 //!
-//! Let r_a be the product over the factors of the shape of the lowest barycentric polynomial that is 1 at node a and 0 at
-//! all nodes before it: b at a corner, 4 b b′ in the middle between two. Then N_a = r_a − Σ_{c > a} r_a(ξ_c) N_c, because
-//! nodes are sorted by dimension: corners, edges, faces, cell. On the linear kinds N = r.
+//! Let r_a be the product, over the factors of the shape, of the lowest barycentric polynomial that is 1 at node a
+//! and 0 at all nodes before it: b at a corner, 4 b b′ at the midpoint between two. Then N_a = r_a − Σ_{c > a}
+//! r_a(ξ_c) N_c, because nodes are sorted by dimension: corners, edges, faces, cell. For the linear kinds N = r.
 //!
-//! Values at dyadic points ξ (as in refinement) are exact: all of their products and sums are short binary fractions,
-//! except inside quadratic pyramids, whose functions are rational.
+//! Values at dyadic points ξ (as in refinement) are exact, because all products and sums are short binary fractions.
+//! The exception is the interior of quadratic pyramids, whose functions are rational.
 
 use crate::cell::CellKind;
 use crate::cell::shape::Shape;
@@ -13,7 +13,7 @@ use crate::cell::shape::Shape;
 /// The shape functions of a kind.
 pub(crate) struct ShapeFunctions {
     kind: CellKind,
-    /// For each node a: later nodes c with r_a(ξ_c) ≠ 0, and that value.
+    /// For each node a: the later nodes c with r_a(ξ_c) ≠ 0, and that value.
     later: Vec<Vec<(usize, f64)>>,
 }
 
@@ -27,7 +27,7 @@ impl ShapeFunctions {
         Self { kind, later: (0..nodes.len()).map(of_node).collect() }
     }
 
-    /// N_a(ξ) of all nodes; their sum is 1.
+    /// Returns N_a(ξ) of all nodes; their sum is 1.
     pub(crate) fn values(&self, xi: [f64; 3]) -> Vec<f64> {
         let shape = self.kind.shape();
         let nodes = self.kind.reference_nodes();
@@ -39,12 +39,12 @@ impl ShapeFunctions {
     }
 }
 
-/// r(ξ) of the node at `node`.
+/// Returns r(ξ) of the node at `node`.
 fn lowest(shape: &Shape, node: [f64; 3], xi: [f64; 3]) -> f64 {
     if !shape.is_cone {
         return product(shape, node, xi);
     }
-    // A cone over the square: (ξ, η)/(1 − ζ) is the point of the base below.
+    // In a cone over the square, (ξ, η)/(1 − ζ) is the projection to the base.
     let width = 1.0 - xi[2];
     let flat = |[x, y, z]: [f64; 3]| if z == 1.0 { [0.0; 3] } else { [x / (1.0 - z), y / (1.0 - z), 0.0] };
     if node[2] == 1.0 {
@@ -59,7 +59,8 @@ fn lowest(shape: &Shape, node: [f64; 3], xi: [f64; 3]) -> f64 {
     }
 }
 
-/// Π over the factors of b (node at a corner of the factor) or 4 b b′ (node in the middle between two corners).
+/// Returns the product over the factors of b (if the node is at a corner of the factor) or 4 b b′ (if it is midway
+/// between two corners).
 fn product(shape: &Shape, node: [f64; 3], xi: [f64; 3]) -> f64 {
     let low = shape.corners[0][0];
     let fraction = |x: f64| if low < 0.0 { 0.5 * (1.0 + x) } else { x };

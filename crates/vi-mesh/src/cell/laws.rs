@@ -1,4 +1,4 @@
-//! What every row of the table must keep. New kinds enter by their row.
+//! Tests the laws that every row of the table must obey. A new row adds its kind.
 
 use std::collections::{HashMap, HashSet};
 
@@ -29,7 +29,7 @@ fn nodes_are_corners_and_middles() {
         assert!(linear.is_linear() && linear.dimension() == kind.dimension());
         assert_eq!(linear.node_count(), kind.corner_count());
         assert_eq!(linear.reference_nodes(), &kind.reference_nodes()[..kind.corner_count()], "{kind}");
-        // Each node is the mean of the corners at which its own face of the cell ends.
+        // Each node is the mean of the corners of the face of the cell to which it belongs.
         let distinct: HashSet<_> = kind.reference_nodes().iter().map(|x| x.map(f64::to_bits)).collect();
         assert_eq!(distinct.len(), kind.node_count(), "{kind}");
         for (k, &[a, b]) in kind.edges().iter().enumerate().filter(|_| kind.middles() >= Middles::Edges) {
@@ -52,7 +52,7 @@ fn a_quadratic_relative_is_an_extension() {
     assert_eq!(CellKind::Point.quadratic(), None);
 }
 
-/// Each edge of a volume is run through in both senses, by two faces; the faces look outwards; V − E + F = 2.
+/// Each edge of a volume is traversed in both directions, by two faces; the faces face outwards; V − E + F = 2.
 #[test]
 fn faces_close_the_surface_of_a_volume() {
     for kind in of_dimension(3) {
@@ -80,7 +80,7 @@ fn faces_close_the_surface_of_a_volume() {
             assert!(crate::vector::determinant([outward, u, v]) > 0.0, "{kind} {side:?}");
         }
     }
-    // 8 corners of the unit cube, 4/3 of the pyramid over the square of side 2.
+    // The cube [−1, 1]³ has the volume 8, the pyramid over the square of side 2 has 4/3.
     let volumes = [("tet4", 1.0 / 6.0), ("hex8", 8.0), ("wedge6", 0.5), ("pyramid5", 4.0 / 3.0)];
     for kind in of_dimension(3) {
         let (_, volume) = volumes.iter().find(|(name, _)| *name == kind.linear().name()).unwrap();
@@ -94,7 +94,7 @@ fn reference_mesh(kind: CellKind) -> Mesh {
     mesh
 }
 
-/// A side has the kind of its cell, and its nodes lie in it where the reference cell of the side has them.
+/// A side has the kind that matches its cell, and its nodes lie at the positions of the side's reference cell.
 #[test]
 fn sides_have_the_nodes_of_their_kind_in_order() {
     for &kind in CellKind::ALL {
@@ -110,7 +110,7 @@ fn sides_have_the_nodes_of_their_kind_in_order() {
                 assert_eq!(at(a), expected, "{kind} {side:?}");
             }
         }
-        // All nodes but one in the middle of a cell are on sides.
+        // All nodes except one at the centre of a cell are on sides.
         let on_sides: HashSet<_> = kind.sides().iter().flat_map(|side| &side.nodes).collect();
         let inside = match (kind.dimension(), kind.middles()) {
             (0, _) | (1, Middles::Edges) | (_, Middles::Cell) => 1,
@@ -120,7 +120,7 @@ fn sides_have_the_nodes_of_their_kind_in_order() {
     }
 }
 
-/// Triangles of a surface cell cover it once, counter-clockwise, and use all of its nodes.
+/// The triangles of a surface cell cover it once, counter-clockwise, and use all of its nodes.
 #[test]
 fn triangles_cover_surface_cells() {
     for kind in of_dimension(2) {
@@ -157,7 +157,7 @@ fn shape_functions_interpolate() {
     }
 }
 
-/// Ends of the edges with a middle node, as the manual of Gmsh lists them.
+/// Returns the ends of the edges that have a middle node, as listed in the manual of Gmsh.
 fn gmsh_edges(kind: CellKind) -> &'static [[usize; 2]] {
     match kind.linear() {
         CellKind::Tet4 => &[[0, 1], [1, 2], [2, 0], [0, 3], [2, 3], [1, 3]],

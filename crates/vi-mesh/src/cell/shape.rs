@@ -1,4 +1,4 @@
-//! The shapes that cells have: corners, edges and faces, which cells of every order share.
+//! The shapes of cells: corners, edges and faces, which cells of every order share.
 
 /// The name of a shape.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -16,17 +16,19 @@ pub(super) enum Family {
 /// A reference shape and its topology. All numbers are local corner numbers.
 pub(super) struct Shape {
     pub(super) family: Family,
-    /// 0 point, 1 line, 2 surface, 3 volume.
+    /// 0 for a point, 1 for a line, 2 for a surface, 3 for a volume.
     pub(super) dimension: usize,
     /// Positions of the corners in the reference cell.
     pub(super) corners: &'static [[f64; 3]],
     /// Ends of the edges, in the order of their middle nodes.
     pub(super) edges: &'static [[usize; 2]],
-    /// Corners of the faces of a volume, seen from outside counter-clockwise, in the order of their middle nodes.
+    /// Corners of the faces of a volume, counter-clockwise seen from outside, in the order of the faces' middle
+    /// nodes.
     pub(super) faces: &'static [&'static [usize]],
-    /// The reference cell is a product of simplices: the coordinates of each. That of a cone is the product at its base.
+    /// The coordinates of each simplex of which the reference cell is the product; for a cone, of which its base is
+    /// the product.
     pub(super) factors: &'static [&'static [usize]],
-    /// Does the product shrink to a point along the third coordinate, which goes from 0 to 1?
+    /// Whether the product shrinks to a point along the third coordinate, which goes from 0 to 1.
     pub(super) is_cone: bool,
 }
 

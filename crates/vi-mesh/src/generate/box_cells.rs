@@ -1,19 +1,19 @@
-//! How one box cell is cut into elements and facets, on a lattice of half cells.
+//! Cuts one box cell into elements and facets, on a lattice of half cells.
 
 use crate::cell::interpolation::ShapeFunctions;
 use crate::cell::{CellKind, Side};
 
-/// A node on the lattice of a cell: 0, 1 (middle) or 2 along each axis.
+/// A node on the lattice of a cell: 0, 1 (midpoint) or 2 along each axis.
 pub(super) type LatticePoint = [usize; 3];
 
-/// Corners of a cell by their numbers i + 2j + 4k, then its centre, on the lattice.
+/// The corners of a cell by their numbers i + 2j + 4k, then its centre, on the lattice.
 const PLACES: [LatticePoint; 9] =
     [[0, 0, 0], [2, 0, 0], [0, 2, 0], [2, 2, 0], [0, 0, 2], [2, 0, 2], [0, 2, 2], [2, 2, 2], [1, 1, 1]];
 
 /// Kuhn's six tetrahedra, all around the diagonal 0–7, so that neighbouring cells match.
 const TETRAHEDRA: &[&[usize]] =
     &[&[0, 1, 3, 7], &[0, 5, 1, 7], &[0, 3, 2, 7], &[0, 2, 6, 7], &[0, 4, 5, 7], &[0, 6, 4, 7]];
-/// Two wedges on either side of the plane x = y.
+/// Two wedges, one on each side of the plane x = y.
 const WEDGES: &[&[usize]] = &[&[0, 1, 3, 4, 5, 7], &[0, 3, 2, 4, 7, 6]];
 const HEXAHEDRA: &[&[usize]] = &[&[0, 1, 3, 2, 4, 5, 7, 6]];
 /// Six pyramids around the centre.
@@ -26,8 +26,8 @@ const PYRAMIDS: &[&[usize]] = &[
     &[4, 6, 7, 5, 8],
 ];
 
-/// The elements of `kind` in a cell, each as its nodes on the lattice; None for kinds that boxes are
-/// not made of.
+/// Returns the elements of `kind` in a cell, each as its nodes on the lattice; `None` for a kind that a box cannot
+/// consist of.
 pub(super) fn elements(kind: CellKind) -> Option<Vec<Vec<LatticePoint>>> {
     let cells = match kind.linear() {
         CellKind::Tet4 => TETRAHEDRA,
@@ -41,14 +41,14 @@ pub(super) fn elements(kind: CellKind) -> Option<Vec<Vec<LatticePoint>>> {
     let place = |cell: &[usize], weights: &Vec<f64>| {
         let sum = |i: usize| -> f64 { weights.iter().zip(cell).map(|(w, &c)| w * PLACES[c][i] as f64).sum() };
         let place = [0, 1, 2].map(sum);
-        // The middle nodes of edges towards the centre are no points of the lattice.
+        // The midpoints of edges towards the centre are not on the lattice.
         place.iter().all(|x| x.fract() == 0.0).then(|| place.map(|x| x as usize))
     };
     cells.iter().map(|cell| weights.iter().map(|weights| place(cell, weights)).collect()).collect()
 }
 
-/// The facets of `kind`'s elements on the face of a cell across `axis`, each as its nodes on the
-/// lattice, turned so that they look outwards.
+/// Returns the facets of the elements of `kind` on the face of a cell normal to `axis`, each as its nodes on the
+/// lattice, oriented outwards.
 pub(super) fn facets(
     kind: CellKind,
     elements: &[Vec<LatticePoint>],
@@ -61,7 +61,7 @@ pub(super) fn facets(
         kind.sides().iter().find(lies_on).map(|side| side.kind)
     };
     let facet_kind = elements.iter().find_map(on_face).unwrap_or(CellKind::Quad4);
-    // Corners in the face's own axes u, v, counter-clockwise seen from outside a far face.
+    // Corners in the face's own axes u, v, counter-clockwise if the far face is seen from outside.
     let corners: &[&[[usize; 2]]] = if facet_kind.corner_count() == 3 {
         &[&[[0, 0], [2, 0], [2, 2]], &[[0, 0], [2, 2], [0, 2]]]
     } else {

@@ -14,8 +14,7 @@ pub struct BoxMesh {
     pub size: [f64; 3],
     /// Cells along x, y, z; at least 1 each.
     pub cells: [u32; 3],
-    /// The element that cells are made of; a cell is one hexahedron, 2 wedges, 6 tetrahedra
-    /// or 6 pyramids.
+    /// The kind of element. A cell is one hexahedron, 2 wedges, 6 tetrahedra or 6 pyramids.
     #[cfg_attr(feature = "serde", serde(default = "default_element"))]
     pub element: CellKind,
     /// The corner of smallest coordinates, m.
@@ -28,7 +27,7 @@ fn default_element() -> CellKind {
     CellKind::Tet4
 }
 
-/// The faces of a box: name, the axis they are across, and whether they are the far one.
+/// The faces of a box: name, the axis that is normal to it, and whether it is the far one.
 const FACES: [(&str, usize, bool); 6] = [
     ("x-min", 0, false),
     ("x-max", 0, true),
@@ -38,9 +37,9 @@ const FACES: [(&str, usize, bool); 6] = [
     ("z-max", 2, true),
 ];
 
-/// The lattice of half cells of a box, and the numbers of those of its points that are nodes.
+/// The lattice of half cells of a box, and the node numbers of its points.
 struct Lattice {
-    /// Points along each axis, 2 cells + 1.
+    /// Number of points along each axis, 2 · cells + 1.
     counts: [usize; 3],
     numbers: Vec<u32>,
 }
@@ -52,7 +51,7 @@ impl Lattice {
     }
 }
 
-/// All cells (i, j, k), i fastest, of which those across an axis may be held at one index.
+/// Returns all cells (i, j, k) with i fastest; `held` = (axis, index) restricts them to one layer.
 fn cells_of(counts: [usize; 3], held: Option<(usize, usize)>) -> impl Iterator<Item = [usize; 3]> {
     let range = move |axis: usize| match held {
         Some((held_axis, index)) if held_axis == axis => index..index + 1,
@@ -62,24 +61,23 @@ fn cells_of(counts: [usize; 3], held: Option<(usize, usize)>) -> impl Iterator<I
 }
 
 impl BoxMesh {
-    /// The kinds of cells that boxes are made of.
+    /// Returns the kinds of cells of which a box can consist.
     pub fn elements() -> impl Iterator<Item = CellKind> {
         CellKind::ALL.iter().copied().filter(|&kind| elements(kind).is_some())
     }
 
-    /// Number of elements that the box has; 0 for a kind that boxes are not made of.
+    /// Returns the number of elements of the box; 0 for a kind of which a box cannot consist.
     pub fn element_count(&self) -> f64 {
         let in_cell = elements(self.element).map_or(0, |elements| elements.len());
         in_cell as f64 * self.cells.map(f64::from).iter().product::<f64>()
     }
 
-    /// The mesh: nodes in lattice order, i fastest (for elements without middle nodes, node =
-    /// i + j nx + k nx ny); the volume region `box` and the surface regions
-    /// `x-min x-max y-min y-max z-min z-max`.
+    /// Builds the mesh. Nodes are in lattice order with i fastest (for elements without middle nodes, node = i + j nx
+    /// + k nx ny). The volume region is `box`; the surface regions are `x-min x-max y-min y-max z-min z-max`.
     ///
     /// # Errors
-    /// [`MeshError::Parameter`] for a size that is not positive or no cells,
-    /// [`MeshError::Unsupported`] for a kind that boxes are not made of.
+    /// [`MeshError::Parameter`] for a size that is not positive or for no cells; [`MeshError::Unsupported`] for a
+    /// kind of which a box cannot consist.
     pub fn build(&self) -> Result<Mesh, MeshError> {
         self.check()?;
         let kind = self.element;
@@ -114,7 +112,7 @@ impl BoxMesh {
         Ok(Mesh { points, blocks, regions })
     }
 
-    /// Numbers the lattice points that elements use, in lattice order; returns where they lie.
+    /// Numbers the lattice points that elements use, in lattice order; returns their positions.
     fn number_nodes(&self, lattice: &mut Lattice, elements: &[Vec<LatticePoint>]) -> Vec<[f64; 3]> {
         let counts = self.cells.map(|count| count as usize);
         let mut used = vec![false; lattice.counts.iter().product()];
@@ -139,7 +137,7 @@ impl BoxMesh {
     fn check(&self) -> Result<(), MeshError> {
         for value in self.size {
             if !(value > 0.0 && value.is_finite()) {
-                let requirement = "every extent of a box must be positive (m)";
+                let requirement = "every size of a box must be positive (m)";
                 return Err(MeshError::Parameter { key: "size", value, requirement });
             }
         }
@@ -158,7 +156,7 @@ impl BoxMesh {
             nodes *= 2.0 * f64::from(count) + 1.0;
         }
         if nodes > f64::from(u32::MAX) {
-            let requirement = "so many cells need more than 2³² nodes";
+            let requirement = "so many cells need more than 2³² nodes: use fewer";
             return Err(MeshError::Parameter { key: "cells", value: nodes, requirement });
         }
         Ok(())
@@ -221,7 +219,7 @@ mod tests {
             let volumes: Vec<f64> = solids.iter().map(|&cell| mesh.volume(cell as usize).unwrap()).collect();
             assert!(volumes.iter().all(|&volume| volume > 0.0), "{element}");
             assert!((volumes.iter().sum::<f64>() - 1.0).abs() < 1e-13, "{element}");
-            // The named faces are the faces that one element has alone.
+            // The named faces are those that belong to one element only.
             let boundary = Surface::of_body(&mesh, 3).unwrap();
             let named = |name| Surface::of_region(&mesh, name).unwrap().blocks()[0].facets().count();
             let count: usize = FACES.iter().map(|(name, ..)| named(name)).sum();

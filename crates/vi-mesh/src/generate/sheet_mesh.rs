@@ -13,17 +13,17 @@ pub struct SheetMesh {
     pub size: [f64; 2],
     /// Cells along the two directions; at least 1 each.
     pub cells: [u32; 2],
-    /// How a cell is cut into triangles.
+    /// The pattern by which cells are cut into triangles.
     #[cfg_attr(feature = "serde", serde(default))]
     pub pattern: SheetPattern,
-    /// Which of the random meshes, for `pattern = "random"`; the same seed makes the same mesh.
+    /// The seed of the mesh for `pattern = "random"`; the same seed gives the same mesh.
     #[cfg_attr(feature = "serde", serde(default))]
     pub seed: u64,
     /// The corner `x-min`, `y-min`, m.
     #[cfg_attr(feature = "serde", serde(default))]
     pub origin: [f64; 3],
-    /// The directions of the two extents in space; of any length, at a right angle. The normal is
-    /// their cross product.
+    /// The directions of the two extents in space: of any length, at a right angle. The normal is their cross
+    /// product.
     #[cfg_attr(feature = "serde", serde(default = "default_directions"))]
     pub directions: [[f64; 3]; 2],
 }
@@ -33,28 +33,28 @@ fn default_directions() -> [[f64; 3]; 2] {
     [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
 }
 
-/// How the cells of a sheet are cut into triangles.
+/// The pattern by which the cells of a sheet are cut into triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum SheetPattern {
-    /// Two triangles a cell, all diagonals alike: cheap, stiffer in one direction than in the other.
+    /// Two triangles per cell with parallel diagonals: cheap, but stiffer in one direction than in the other.
     #[default]
     Diagonal,
-    /// Four triangles around the cell's centre: the same in x and y.
+    /// Four triangles around the centre of each cell: symmetric in x and y.
     Cross,
-    /// Nodes moved at random by up to a quarter of a cell, each cell cut along its Delaunay diagonal.
+    /// Nodes displaced at random by up to a quarter of a cell, and each cell cut along its Delaunay diagonal.
     Random,
 }
 
 impl SheetMesh {
-    /// The mesh: nodes in lattice order, i fastest, then the centres of `cross`; triangles turned
-    /// towards the normal. Regions: the surface `sheet`, the curves `x-min x-max y-min y-max`, the
-    /// points `x-min-y-min x-max-y-min x-min-y-max x-max-y-max`.
+    /// Builds the mesh. Nodes are in lattice order with i fastest, then follow the centres of `cross`; triangles face
+    /// the normal. The regions are the surface `sheet`, the curves `x-min x-max y-min y-max`, and the points
+    /// `x-min-y-min x-max-y-min x-min-y-max x-max-y-max`.
     ///
     /// # Errors
-    /// [`MeshError::Parameter`] for a size that is not positive, no cells, or directions that are
-    /// zero or not at a right angle.
+    /// [`MeshError::Parameter`] for a size that is not positive, no cells, or directions that are zero or not at a
+    /// right angle.
     pub fn build(&self) -> Result<Mesh, MeshError> {
         let [u, v] = self.check()?;
         let [nx, ny] = self.cells.map(|count| count as usize);
@@ -122,8 +122,8 @@ impl SheetMesh {
         Ok(Mesh { points, blocks, regions })
     }
 
-    /// Texture coordinates at the corners of every cell of its mesh: 0 to 1 along the two directions; zero for cells
-    /// that are no triangles.
+    /// Returns texture coordinates at the corners of every cell of the mesh: 0 to 1 along the two directions; zero
+    /// for cells that are not triangles.
     pub fn texture(&self, mesh: &Mesh) -> Vec<[[f64; 2]; 3]> {
         let along = |x: [f64; 3], k: usize| {
             let direction = self.directions[k];
@@ -140,7 +140,7 @@ impl SheetMesh {
         (0..mesh.cell_count()).map(of_cell).collect()
     }
 
-    /// Everything wrong with the numbers, else the unit directions.
+    /// Checks the numbers; returns the unit directions.
     fn check(&self) -> Result<[[f64; 3]; 2], MeshError> {
         for size in self.size {
             if !(size > 0.0 && size.is_finite()) {
@@ -168,7 +168,7 @@ impl SheetMesh {
         Ok(unit)
     }
 
-    /// The lattice in the plane of the sheet, m.
+    /// Returns the lattice in the plane of the sheet, m.
     fn lattice(&self) -> Vec<[f64; 2]> {
         let [nx, ny] = self.cells.map(|count| count as usize);
         let mut random = SplitMix(self.seed);
@@ -178,7 +178,7 @@ impl SheetMesh {
                 let mut shift = [0.0; 2];
                 if self.pattern == SheetPattern::Random {
                     shift = [0, 1].map(|_| 0.5 * random.next() - 0.25);
-                    // Nodes of a side stay on it, corners where they are.
+                    // Nodes of a side stay on it, and corners stay where they are.
                     shift[0] *= f64::from(i > 0 && i < nx);
                     shift[1] *= f64::from(j > 0 && j < ny);
                 }
@@ -192,7 +192,8 @@ impl SheetMesh {
     }
 }
 
-/// Is the diagonal a–c of a quadrilateral the Delaunay one: opposite angles at b and d not above π?
+/// Returns whether the diagonal a–c of a quadrilateral is the Delaunay one: the opposite angles at b and d sum to at
+/// most π.
 fn is_delaunay([a, b, c, d]: [[f64; 2]; 4]) -> bool {
     let angle = |p: [f64; 2], at: [f64; 2], q: [f64; 2]| {
         let (u, v) = ([p[0] - at[0], p[1] - at[1]], [q[0] - at[0], q[1] - at[1]]);
@@ -201,11 +202,11 @@ fn is_delaunay([a, b, c, d]: [[f64; 2]; 4]) -> bool {
     angle(a, b, c) + angle(c, d, a) <= std::f64::consts::PI
 }
 
-/// The generator SplitMix64 (Steele, Lea & Flood 2014): the same numbers on every machine.
+/// The generator SplitMix64 (Steele, Lea & Flood 2014), which gives the same numbers on every machine.
 struct SplitMix(u64);
 
 impl SplitMix {
-    /// Uniform in [0, 1).
+    /// Returns a uniform number in [0, 1).
     fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -243,7 +244,7 @@ mod tests {
                 area += 0.5 * twice;
             }
             assert!((area - 2.0).abs() < 1e-14, "{pattern:?}: {area}");
-            // Texture coordinates are the place on the sheet over its size, on a refined mesh too.
+            // Texture coordinates are the position on the sheet divided by its size, on a refined mesh too.
             let finer = mesh.refined();
             let texture = sheet(pattern).texture(&mesh);
             for (mesh, texture) in [(&mesh, texture.clone()), (&finer.mesh, finer.texture(&mesh, &texture))] {

@@ -1,5 +1,5 @@
-//! Energy, gradient and Hessian of a list of terms: the sum of its fixed terms (`fixed.rs`) and of its live ones
-//! (`live.rs`).
+//! Computes energy, gradient and Hessian of a list of terms: the sum of its fixed terms (`fixed.rs`) and its live
+//! ones (`live.rs`).
 
 use vi_core::Terms;
 
@@ -11,33 +11,33 @@ use crate::assemble::live::LiveSum;
 use crate::error::{SolverError, TermFault};
 use crate::linear::matrix::SymmetricMatrix;
 
-/// Sums the terms of a list; all methods give the same bits on any number of threads and allocate nothing after their
-/// first call, unless live terms change their stencils.
+/// Sums the terms of a list. All methods give the same bits on any number of threads. After their first call they
+/// allocate nothing, unless live terms change their stencils.
 pub struct Assembler {
     fixed: FixedSum,
     live: Option<Box<LiveSum>>,
 }
 
 impl Assembler {
-    /// Of the terms of V, for a system. Makes the maps of energy and gradient; those of the Hessian are made at its
-    /// first call.
+    /// Builds the sum of the terms of V of a system. It builds the maps of energy and gradient; those of the Hessian
+    /// are built at its first call.
     pub fn new(terms: &impl AsRef<Terms>) -> Self {
         let fixed = FixedSum::new(terms.as_ref().clone(), None);
         let live = LiveSum::new(fixed.terms(), fixed.block(), false).map(Box::new);
         Self { fixed, live }
     }
 
-    /// From here on live terms with a discrete gradient act by that alone, between the ends of a step.
+    /// Makes live terms that have a discrete gradient act by it alone from now on, between the ends of a step.
     pub(crate) fn split_live(&mut self) {
         self.live = LiveSum::new(self.fixed.terms(), self.fixed.block(), true).map(Box::new);
     }
 
-    /// What is summed.
+    /// Returns the list of terms.
     pub fn terms(&self) -> &Terms {
         self.fixed.terms()
     }
 
-    /// V(x, t) by account, J.
+    /// Returns V(x, t) by account, J.
     pub fn energies(&mut self, x: &[f64], t: f64) -> Energies {
         let mut energies = self.fixed.energies(x, t);
         if let Some(live) = &mut self.live {
@@ -46,11 +46,11 @@ impl Assembler {
         energies
     }
 
-    /// ∂V/∂x of every coordinate, N, pulled back from tied nodes (whose entries are zero); not finite
-    /// where x is outside the domain of a term.
+    /// Writes ∂V/∂x of every coordinate, N, pulled back from tied nodes (whose entries are zero). It is not finite if
+    /// x is outside the domain of a term.
     ///
-    /// What never changes (affine terms without t, stencils whose coordinates are all fixed) is
-    /// evaluated at the first call only.
+    /// Gradients that never change (affine terms without t, stencils with fixed coordinates only) are evaluated at
+    /// the first call only.
     pub fn gradient(&mut self, x: &[f64], t: f64, out: &mut [f64]) {
         self.fixed.gradient(x, t, out);
         if let Some(live) = &mut self.live {
@@ -58,8 +58,8 @@ impl Assembler {
         }
     }
 
-    /// The first phase of [`Assembler::gradient`] for lists without live terms; the caller then sums over nodes from
-    /// [`Assembler::gather`].
+    /// Performs the first phase of [`Assembler::gradient`] for lists without live terms. The caller then sums over
+    /// nodes by [`Assembler::gather`].
     pub(crate) fn sum_chunks(&mut self, x: &[f64], t: f64) {
         self.fixed.sum_chunks(x, t);
     }
@@ -68,22 +68,22 @@ impl Assembler {
         self.fixed.gather()
     }
 
-    /// The sum of the live terms, to be read.
+    /// Returns the sum of the live terms for reading.
     pub(crate) fn shared_live(&self) -> Option<&LiveSum> {
         self.live.as_deref()
     }
 
-    /// The sum of the live terms.
+    /// Returns the sum of the live terms.
     pub(crate) fn live(&mut self) -> Option<&mut LiveSum> {
         self.live.as_deref_mut()
     }
 
-    /// ∂²V/∂q² on the free coordinates, N/m.
+    /// Returns ∂²V/∂q² on the free coordinates, N/m.
     ///
-    /// Terms whose Hessian is constant are evaluated at the first call only.
+    /// Terms with a constant Hessian are evaluated at the first call only.
     ///
     /// # Errors
-    /// Where live terms and fixed ones cannot be summed into one matrix.
+    /// The Hessians of live and fixed terms cannot be summed into one matrix.
     pub fn hessian(
         &mut self,
         x: &[f64],
@@ -93,7 +93,7 @@ impl Assembler {
         self.hessian_over(x, t, kind, None)
     }
 
-    /// As [`Assembler::hessian`], with the tangents of discrete gradients, for a step between two `ends` that has its
+    /// Returns [`Assembler::hessian`] with the tangents of discrete gradients, for a step between two `ends` with its
     /// stage at x.
     pub(crate) fn hessian_over(
         &mut self,
@@ -109,41 +109,42 @@ impl Assembler {
         }
     }
 
-    /// Must a term be asked how far the body may move? Without such terms [`Assembler::largest_step`] is 1.
+    /// Returns whether a term may limit a displacement. If not, [`Assembler::largest_step`] is 1.
     pub(crate) fn limits_steps(&self) -> bool {
         self.live.is_some() || self.terms().fixed().iter().any(|term| term.limits_steps())
     }
 
-    /// The largest part of the change `dx` from x that all terms allow, in (0, 1]. Terms that act by a discrete
-    /// gradient are asked for `end` = (end of the step, its change) instead, if that is given.
+    /// Returns the largest fraction in (0, 1] of the change `dx` from x that all terms allow. Terms that act by a
+    /// discrete gradient check `end` = (end of the step, its change) instead, if it is given.
     pub(crate) fn largest_step(&mut self, x: &[f64], dx: &[f64], end: Option<[&[f64]; 2]>) -> f64 {
         let fixed = self.terms().fixed().iter().filter(|term| term.limits_steps());
         let fixed = fixed.map(|term| term.largest_step(x, dx)).fold(1.0, f64::min);
         fixed.min(self.live.as_mut().map_or(1.0, |live| live.largest_step(x, dx, end)))
     }
 
-    /// Σ V_e F̄_e (m³, row-major) over the stencils around each node; false where no term has it.
+    /// Writes Σ V_e F̄_e (m³, row-major) over the stencils around each node; returns false if no term provides it.
     pub fn mean_deformations(&mut self, x: &[f64], out: &mut [[f64; 9]]) -> bool {
         self.fixed.mean_deformations(x, out)
     }
 
-    /// The first stencil without a finite energy or gradient, by term and stencil order.
+    /// Returns the first stencil without a finite energy or gradient, in the order of terms and stencils.
     pub fn fault(&self, x: &[f64], t: f64) -> Option<TermFault> {
         self.fixed.fault(x, t).or_else(|| self.live.as_ref()?.fault(x, t))
     }
 
-    /// What was evaluated so far.
+    /// Returns the counts of evaluations so far.
     pub fn work(&self) -> AssemblyWork {
         let [live_renewals, live_patterns] = self.live.as_ref().map_or([0; 2], |live| live.counts());
         AssemblyWork { live_renewals, live_patterns, ..self.fixed.work() }
     }
 
-    /// Coordinates per node of the nodal arrays: the largest of 3, 2, 1 that divides the block of every term.
+    /// Returns the number of coordinates per node of the nodal arrays: the largest of 3, 2, 1 that divides the block
+    /// of every term.
     pub fn block(&self) -> usize {
         self.fixed.block()
     }
 
-    /// Bytes of maps and buffers, beyond what the terms hold.
+    /// Returns the size of maps and buffers in bytes, without the terms' own data.
     pub fn bytes(&self) -> usize {
         self.fixed.bytes()
     }

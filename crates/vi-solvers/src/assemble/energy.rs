@@ -1,7 +1,8 @@
-//! The energy of a system by account, summed so that drift tests see the scheme and not the sum.
+//! Sums the energy of a system by account so accurately that drift tests measure the scheme and not the sum.
 //!
-//! Every chunk is summed in eight interleaved lanes with the error of each addition kept (Knuth's TwoSum), chunks in
-//! order the same way: the result is correct to the last bit or two, and the same on any number of threads.
+//! Each chunk is summed in eight interleaved lanes with the error of each addition kept (Knuth's TwoSum); the chunks
+//! are then summed in order in the same way. The result is correct to the last one or two bits, and the same on any
+//! number of threads.
 
 use rayon::prelude::*;
 use vi_core::{Account, Terms};
@@ -9,16 +10,16 @@ use vi_core::{Account, Terms};
 use crate::assemble::spans::{Mobility, Span, mobilities, mobility_of, spans};
 use crate::scratch::with_scratch;
 
-/// The energy of the accounts, J.
+/// The energy by account, J.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Energies {
     /// Strain energy.
     pub elastic: f64,
-    /// Weight.
+    /// Energy of weight.
     pub gravity: f64,
-    /// Other conservative loads.
+    /// Energy of other conservative loads.
     pub load: f64,
-    /// Contact.
+    /// Energy of contact.
     pub contact: f64,
 }
 
@@ -32,7 +33,7 @@ impl std::ops::AddAssign for Energies {
 }
 
 impl Energies {
-    /// V, J.
+    /// Returns V, J.
     pub fn total(&self) -> f64 {
         self.elastic + self.gravity + self.load + self.contact
     }
@@ -40,13 +41,13 @@ impl Energies {
 
 const LANES: usize = 8;
 
-/// Stencils whose energies are evaluated together.
+/// Number of stencils whose energies are evaluated together.
 const BATCH: usize = 256;
 
-/// Below this many stencils a sum is made on the calling thread.
+/// With fewer stencils than this, the calling thread computes the sum alone.
 const PARALLEL_STENCILS: usize = 6000;
 
-/// A sum and the rounding errors that it left.
+/// A sum, and the sum of its rounding errors.
 #[derive(Clone, Copy, Default)]
 struct Compensated {
     sum: f64,
@@ -61,7 +62,7 @@ impl Compensated {
         self.sum = sum;
     }
 
-    /// The sum; the errors of an infinite sum are not numbers and say nothing.
+    /// Returns the corrected sum. The errors of an infinite sum are NaN and are ignored.
     fn value(self) -> f64 {
         if self.sum.is_finite() { self.sum + self.error } else { self.sum }
     }
@@ -96,14 +97,14 @@ impl Lanes {
 struct Part {
     span: Span,
     total: Compensated,
-    /// Nothing that the energy depends on can change.
+    /// Whether the energy of this part can never change.
     constant: bool,
 }
 
 /// The parts of the sum, in order.
 pub(crate) struct EnergySum {
     parts: Vec<Part>,
-    /// Stencils to evaluate at each call.
+    /// Number of stencils to evaluate at each call.
     stencil_count: usize,
     constant_known: bool,
 }
@@ -124,7 +125,7 @@ impl EnergySum {
         Self { parts, stencil_count, constant_known: false }
     }
 
-    /// V(x, t) by account.
+    /// Returns V(x, t) by account.
     pub(crate) fn evaluate(&mut self, terms: &Terms, x: &[f64], t: f64) -> Energies {
         let skip = self.constant_known;
         let update = |part: &mut Part| {

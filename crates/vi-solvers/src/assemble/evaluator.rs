@@ -1,4 +1,5 @@
-//! V and its derivatives at a configuration q at time t, checked to be finite: what a stepper sees of a body.
+//! Evaluates V and its derivatives at a configuration q and time t, and checks that they are finite. Steppers access
+//! the terms of a system through it.
 
 use vi_core::{Impulse, State, StepOutcome, System};
 
@@ -15,21 +16,22 @@ use crate::memory::StepperMemory;
 use crate::vectors;
 use crate::work::Work;
 
-/// The sums of a system's terms with the buffers to evaluate them.
+/// The sums of a system's terms, with the buffers to evaluate them.
 pub(crate) struct Evaluator {
     assembler: Assembler,
     /// Positions of all coordinates at the last evaluation.
     x: Vec<f64>,
-    /// Free coordinates there, where nodes have axes of their own: x does not tell them to the bit.
+    /// Free coordinates at the last evaluation, if nodes have their own axes: then x does not determine them to the
+    /// bit.
     q: Vec<f64>,
     t: f64,
     gradient: Vec<f64>,
-    /// Does `gradient` belong to `x` and `t`?
+    /// Whether `gradient` belongs to `x` and `t`.
     gradient_is_of_x: bool,
     is_time_dependent: bool,
-    /// Does t matter to neither V nor x(q, t)?
+    /// Whether neither V nor x(q, t) depends on t.
     is_autonomous: bool,
-    /// Forces without a potential, where the scheme has asked for them.
+    /// Forces without a potential, if the scheme uses them.
     nonconservative: Option<Nonconservative>,
     /// Positions of all coordinates at the ends of the step, between which discrete gradients act.
     ends: Option<[Vec<f64>; 2]>,
@@ -37,14 +39,14 @@ pub(crate) struct Evaluator {
     pub(crate) work: Work,
 }
 
-/// The middle of a step: at time t prescribed coordinates stand half-way between their ends.
+/// The middle of a step: at time t, prescribed coordinates are half-way between their ends.
 struct Middle {
     t: f64,
     ends: [f64; 2],
     x_end: Vec<f64>,
 }
 
-/// Forces without a potential at the velocities that a stage implies.
+/// Forces without a potential, at the velocities that a stage implies.
 struct Nonconservative {
     sum: ForceSum,
     x_dot: Vec<f64>,
@@ -73,8 +75,8 @@ impl Evaluator {
         }
     }
 
-    /// The same where live terms with a discrete gradient act by that alone, between the ends that
-    /// [`Evaluator::set_ends`] gives.
+    /// Makes live terms that have a discrete gradient act by it alone, between the ends that [`Evaluator::set_ends`]
+    /// sets.
     #[must_use]
     pub(crate) fn with_discrete_gradients(mut self) -> Self {
         self.assembler.split_live();
@@ -93,8 +95,8 @@ impl Evaluator {
         self.gradient_is_of_x = false;
     }
 
-    /// Lets evaluations at time t place the prescribed coordinates half-way between where they are at the times `ends`,
-    /// and not where their paths lead at t: x is then the mean of the ends of the step where q is.
+    /// Makes evaluations at time t place the prescribed coordinates half-way between their positions at the times
+    /// `ends`, and not where their paths lead at t. If q is the mean of the ends of the step, so is x.
     pub(crate) fn set_middle(&mut self, system: &System, t: f64, ends: [f64; 2]) {
         if system.coordinates().is_moving() {
             let x_end = self.middle.take().map_or_else(Vec::new, |middle| middle.x_end);
@@ -102,17 +104,17 @@ impl Evaluator {
         }
     }
 
-    /// The ends of the step, where they have been set.
+    /// Returns the ends of the step, if they have been set.
     pub(crate) fn ends(&self) -> Option<&[Vec<f64>; 2]> {
         self.ends.as_ref()
     }
 
-    /// Are there live terms?
+    /// Returns whether there are live terms.
     pub(crate) fn has_live(&mut self) -> bool {
         self.assembler.live().is_some()
     }
 
-    /// Opens a step of h (s) from (q, t) for live terms that remember earlier ones.
+    /// Opens a step of duration h (s) from (q, t), for live terms with a memory of earlier steps.
     pub(crate) fn open_step(
         &mut self,
         system: &System,
@@ -130,10 +132,10 @@ impl Evaluator {
         }
     }
 
-    /// Closes a step from (q, t) to (q, t): what live terms did in it beside their potential.
+    /// Closes a step from (q, t) to (q, t). Returns the effects of live terms in it besides their potential.
     ///
     /// # Errors
-    /// [`SolverError::Crossing`] where its path is not free.
+    /// [`SolverError::Crossing`] if its path is not free.
     pub(crate) fn close_step(
         &mut self,
         system: &System,
@@ -150,49 +152,49 @@ impl Evaluator {
         Ok(live.close_step(start, end))
     }
 
-    /// The step that was closed last has been made.
+    /// Accepts the step that was closed last.
     pub(crate) fn accept_step(&mut self) {
         if let (Some([start, end]), Some(live)) = (&self.ends, self.assembler.live()) {
             live.accept_step(start, end);
         }
     }
 
-    /// Do live terms act by discrete gradients?
+    /// Returns whether live terms act by discrete gradients.
     pub(crate) fn has_discrete(&mut self) -> bool {
         self.assembler.live().is_some_and(|live| live.has_discrete())
     }
 
-    /// Do live terms remember anything between steps?
+    /// Returns whether live terms have a memory between steps.
     pub(crate) fn remembers(&self) -> bool {
         self.assembler.shared_live().is_some_and(|live| live.remembers())
     }
 
-    /// Energy that live terms store between steps beside V, J.
+    /// Returns the energy that live terms store between steps besides V, J.
     pub(crate) fn stored(&self) -> f64 {
         self.assembler.shared_live().map_or(0.0, |live| live.stored())
     }
 
-    /// Impulses between parts of live terms since this was asked last, N s.
+    /// Returns the impulses between parts of live terms since the last call, N s.
     pub(crate) fn take_impulses(&mut self) -> Vec<Impulse> {
         self.assembler.live().map(|live| live.take_impulses()).unwrap_or_default()
     }
 
-    /// As [`Assembler::limits_steps`].
+    /// See [`Assembler::limits_steps`].
     pub(crate) fn limits_steps(&self) -> bool {
         self.assembler.limits_steps()
     }
 
-    /// As [`Assembler::largest_step`].
+    /// See [`Assembler::largest_step`].
     pub(crate) fn largest_step(&mut self, x: &[f64], dx: &[f64], end: Option<[&[f64]; 2]>) -> f64 {
         self.assembler.largest_step(x, dx, end)
     }
 
-    /// Where the stencils of live terms come from.
+    /// Returns the configurations from which the stencils of live terms come.
     pub(crate) fn live_state(&mut self) -> Option<LiveState> {
         self.assembler.live().map(|live| live.state())
     }
 
-    /// Goes to the stencils of live terms, and the ends of a step, that an earlier run had.
+    /// Restores the stencils of live terms, and the ends of a step, of an earlier run.
     pub(crate) fn go_to_live(&mut self, state: &Option<LiveState>, ends: &Option<[Vec<f64>; 2]>) {
         if let (Some(live), Some(state)) = (self.assembler.live(), state) {
             live.go_to(state);
@@ -201,20 +203,20 @@ impl Evaluator {
         self.gradient_is_of_x = false;
     }
 
-    /// The same with the forces that no potential gives: gradients are then ∂V/∂x − f, and Hessians
-    /// have their tangents added. The velocities are those of [`Evaluator::set_velocities`].
+    /// Returns an evaluator that includes the forces without a potential: its gradients are ∂V/∂x − f, and its
+    /// Hessians contain their tangents. [`Evaluator::set_velocities`] sets their velocities.
     pub(crate) fn with_nonconservative(system: &System) -> Self {
         let count = system.coordinates().dof_count();
         let whole = |sum| Nonconservative { sum, x_dot: vec![0.0; count], rate: 0.0, tangent: None };
         Self { nonconservative: ForceSum::new(system).map(whole), ..Self::new(system) }
     }
 
-    /// Are there forces without a potential in what is evaluated?
+    /// Returns whether evaluations include forces without a potential.
     pub(crate) fn has_nonconservative(&self) -> bool {
         self.nonconservative.is_some()
     }
 
-    /// Sets the velocities q̇ of the next evaluation, at time t, with ∂q̇/∂q = `rate` (1/s).
+    /// Sets the velocities q̇ of the next evaluation at time t, with ∂q̇/∂q = `rate` (1/s).
     pub(crate) fn set_velocities(&mut self, system: &System, q_dot: &[f64], t: f64, rate: f64) {
         if let Some(forces) = &mut self.nonconservative {
             system.coordinates().embed_velocity(q_dot, t, &mut forces.x_dot);
@@ -223,30 +225,30 @@ impl Evaluator {
         }
     }
 
-    /// Work of the forces without a potential of the last evaluation along `dx` (along nodes' own axes), by
-    /// account: (force, damping), J.
+    /// Returns the work of the forces without a potential at the last evaluation along `dx` (in the nodes' own axes)
+    /// by account: (force, damping), J.
     pub(crate) fn nonconservative_work(&self, dx: &[f64]) -> (f64, f64) {
         let Some(forces) = &self.nonconservative else { return (0.0, 0.0) };
         let force = vectors::sum(dx.len(), |dof| forces.sum.by_account(dof).0 * dx[dof]);
         (force, vectors::sum(dx.len(), |dof| forces.sum.by_account(dof).1 * dx[dof]))
     }
 
-    /// ∂V/∂x of all coordinates at the last configuration, N.
+    /// Returns ∂V/∂x of all coordinates at the last configuration, N.
     pub(crate) fn gradient(&self) -> &[f64] {
         &self.gradient
     }
 
-    /// x of all coordinates at the last configuration, m.
+    /// Returns x of all coordinates at the last configuration, m.
     pub(crate) fn positions(&self) -> &[f64] {
         &self.x
     }
 
-    /// t of the last configuration, s.
+    /// Returns t of the last configuration, s.
     pub(crate) fn time(&self) -> f64 {
         self.t
     }
 
-    /// Goes to positions `x` of all coordinates at time t.
+    /// Sets the positions `x` of all coordinates and the time t.
     pub(crate) fn go_to_positions(&mut self, x: &[f64], t: f64) {
         self.x.copy_from_slice(x);
         self.q.clear();
@@ -254,12 +256,12 @@ impl Evaluator {
         self.gradient_is_of_x = false;
     }
 
-    /// ẋ and ∂ẋ/∂q of the last evaluation, where there are forces that may depend on them.
+    /// Returns ẋ and ∂ẋ/∂q of the last evaluation, if there are forces that may depend on them.
     pub(crate) fn velocities(&self) -> Option<(Vec<f64>, f64)> {
         self.nonconservative.as_ref().map(|forces| (forces.x_dot.clone(), forces.rate))
     }
 
-    /// Goes to what [`Evaluator::velocities`] gave.
+    /// Restores what [`Evaluator::velocities`] returned.
     pub(crate) fn go_to_velocities(&mut self, rates: &Option<(Vec<f64>, f64)>) {
         if let (Some(forces), Some((x_dot, rate))) = (&mut self.nonconservative, rates) {
             forces.x_dot.clone_from(x_dot);
@@ -268,7 +270,7 @@ impl Evaluator {
         }
     }
 
-    /// The gradient at the last configuration, if it was evaluated there.
+    /// Returns the gradient at the last configuration, if it was evaluated there.
     pub(crate) fn known_gradient(&self) -> Option<&[f64]> {
         self.gradient_is_of_x.then_some(&self.gradient[..])
     }
@@ -277,8 +279,8 @@ impl Evaluator {
         &mut self.assembler
     }
 
-    /// Is (q, t), to the bit, where the last evaluation was made? Where t does not matter, it need not
-    /// be the same: a clock that counts steps and one that adds them up differ by round-off.
+    /// Returns whether (q, t) is, to the bit, the place of the last evaluation. If nothing depends on t, it may
+    /// differ: a clock that counts steps and one that sums them differ by round-off.
     pub(crate) fn is_at(&self, system: &System, q: &[f64], t: f64) -> bool {
         let coordinates = system.coordinates();
         if !coordinates.node_axes().is_empty() {
@@ -291,25 +293,25 @@ impl Evaluator {
         self.t == t || (self.is_autonomous && !self.t.is_nan())
     }
 
-    /// Is the gradient known at time t, wherever that was?
+    /// Returns whether the gradient is known at time t, at whatever positions.
     pub(crate) fn knows_gradient_of(&self, t: f64) -> bool {
         self.gradient_is_of_x && self.is_at_time(t)
     }
 
-    /// Forgets where the last evaluation was made.
+    /// Forgets the place of the last evaluation.
     pub(crate) fn forget(&mut self) {
         self.t = f64::NAN;
         self.gradient_is_of_x = false;
     }
 
-    /// Has nothing been evaluated yet, or all been forgotten?
+    /// Returns whether nothing has been evaluated yet, or everything has been forgotten.
     pub(crate) fn is_blank(&self) -> bool {
         self.t.is_nan()
     }
 
-    /// Makes a pass of an explicit step over q and p: `kicks` are the one that ends the step before and the one
-    /// before the drift. The gradient is that of the last [`Evaluator::sum_chunks`] where `sums`, else the one that
-    /// is known. Returns whether all that was written is finite.
+    /// Makes a pass of an explicit step over q and p. `kicks` are the one that ends the previous step and the one
+    /// before the drift. If `sums`, the gradient is that of the last [`Evaluator::sum_chunks`], otherwise the known
+    /// one. Returns whether everything written is finite.
     pub(crate) fn sweep(
         &mut self,
         sweep: &Sweep,
@@ -325,8 +327,8 @@ impl Evaluator {
         is_sound
     }
 
-    /// Evaluates ∂V/∂x where the last pass went, at time t, up to the sums over nodes: they are the
-    /// next pass's.
+    /// Evaluates ∂V/∂x at the result of the last pass and time t, but without the sums over nodes: the next pass
+    /// computes them.
     pub(crate) fn sum_chunks(&mut self, system: &System, t: f64) {
         if system.coordinates().is_moving() {
             system.coordinates().place_prescribed(t, &mut self.x);
@@ -337,7 +339,7 @@ impl Evaluator {
         self.assembler.sum_chunks(&self.x, t);
     }
 
-    /// Goes to (q, t); keeps the gradient only where that is where it was evaluated, to the bit.
+    /// Goes to (q, t). Keeps the gradient only if it was evaluated there, to the bit.
     pub(crate) fn go_to(&mut self, system: &System, q: &[f64], t: f64) {
         if self.is_at(system, q, t) {
             self.t = t;
@@ -361,7 +363,7 @@ impl Evaluator {
         self.gradient_is_of_x = false;
     }
 
-    /// Evaluates ∂V/∂x at (q, t), unless that is where the last one was made.
+    /// Evaluates ∂V/∂x at (q, t), unless the last evaluation was made there.
     pub(crate) fn evaluate(
         &mut self,
         system: &System,
@@ -391,7 +393,8 @@ impl Evaluator {
         Err(self.why_not_finite(at_start))
     }
 
-    /// The error of a failed step from `state`: where the start itself has no finite force, that.
+    /// Returns the error of a failed step from `state`. If the start itself has no finite force, returns that error
+    /// instead.
     pub(crate) fn explain(&mut self, system: &System, state: &State, error: SolverError) -> SolverError {
         self.ends = None;
         if check_state(state, system).is_err() {
@@ -400,33 +403,33 @@ impl Evaluator {
         self.evaluate(system, &state.q, state.t, true).err().unwrap_or(error)
     }
 
-    /// V at (q, t), J.
+    /// Returns V at (q, t), J.
     pub(crate) fn energy(&mut self, system: &System, q: &[f64], t: f64) -> f64 {
         self.go_to(system, q, t);
         self.work.energies += 1;
         self.assembler.energies(&self.x, t).total()
     }
 
-    /// V with positions `x` of all coordinates at time t, J.
+    /// Returns V with positions `x` of all coordinates at time t, J.
     pub(crate) fn energy_of_positions(&mut self, x: &[f64], t: f64) -> f64 {
         self.work.energies += 1;
         self.assembler.energies(x, t).total()
     }
 
-    /// Does t matter to neither V nor x(q, t)?
+    /// Returns whether neither V nor x(q, t) depends on t.
     pub(crate) fn is_autonomous(&self) -> bool {
         self.is_autonomous
     }
 
-    /// Does V depend on t explicitly?
+    /// Returns whether V depends on t explicitly.
     pub(crate) fn is_time_dependent(&self) -> bool {
         self.is_time_dependent
     }
 
-    /// ∂²V/∂q² at the last configuration, with the tangents of forces without a potential.
+    /// Returns ∂²V/∂q² at the last configuration, with the tangents of forces without a potential.
     ///
     /// # Errors
-    /// Where those cannot be summed into one matrix.
+    /// The matrices cannot be summed into one.
     pub(crate) fn hessian(
         &mut self,
         system: &System,
@@ -449,8 +452,8 @@ impl Evaluator {
         MatrixSum::of(tangent, &parts)
     }
 
-    /// Enters where the last evaluation was made, so that a run that continues evaluates no more than one that
-    /// was never interrupted.
+    /// Records the place of the last evaluation, so that a continued run evaluates no more than one that was never
+    /// interrupted.
     pub(crate) fn save(&self, memory: &mut StepperMemory) {
         if self.t.is_nan() {
             return;
@@ -467,10 +470,10 @@ impl Evaluator {
         memory.counts.push(("forces.gradient".into(), u64::from(knows_gradient)));
     }
 
-    /// Goes to where [`Evaluator::save`] was.
+    /// Restores the place that [`Evaluator::save`] recorded.
     ///
     /// # Errors
-    /// Where the memory is that of another system.
+    /// [`SolverError::Memory`] if the memory belongs to another system.
     pub(crate) fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
         let Ok(x) = memory.array("forces.x") else { return Ok(()) };
         let &[t] = memory.array("forces.t")? else {

@@ -1,11 +1,11 @@
-//! Checks that the numbers of a state are finite, with the coordinate of the first that is not.
+//! Checks that the numbers of a state are finite, and reports the first coordinate whose number is not.
 
 use vi_core::{State, System};
 
 use crate::error::SolverError;
 use crate::vectors;
 
-/// Reports momenta or positions of a start that are not finite.
+/// Checks that the positions and momenta of a start are finite.
 pub(crate) fn check_state(state: &State, system: &System) -> Result<(), SolverError> {
     let n = system.coordinates().free_count();
     for (what, values) in [("position", &state.q), ("momentum", &state.p)] {
@@ -21,7 +21,7 @@ pub(crate) fn check_state(state: &State, system: &System) -> Result<(), SolverEr
     Ok(())
 }
 
-/// A result that has overflowed is not a step.
+/// Checks that the result of a step is finite: a result that has overflowed is an error.
 pub(crate) fn check_finite(q: &[f64], p: &[f64], system: &System) -> Result<(), SolverError> {
     if vectors::all_finite(q) && vectors::all_finite(p) {
         return Ok(());

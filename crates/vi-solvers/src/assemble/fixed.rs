@@ -1,5 +1,5 @@
-//! Energy, gradient and Hessian of the terms whose stencils never change, as sums over their stencils, and the count of
-//! what was evaluated. The sums themselves are made in `energy.rs`, `gather.rs` and `hessian.rs`.
+//! Energy, gradient and Hessian of the terms whose stencils never change, as sums over their stencils, and counts of
+//! the evaluations. The sums themselves are computed in `energy.rs`, `gather.rs` and `hessian.rs`.
 
 use std::sync::Arc;
 
@@ -12,26 +12,26 @@ use crate::assemble::spans::{common_block, spans};
 use crate::error::{SolverError, TermFault};
 use crate::linear::matrix::SymmetricMatrix;
 
-/// Counts of what was evaluated and what was not.
+/// Counts of what was evaluated and what was skipped.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct AssemblyWork {
     /// Energies of the whole system.
     pub energies: u64,
     /// Gradients of the whole system.
     pub gradients: u64,
-    /// Hessians of the whole system, not counting calls where nothing could have changed.
+    /// Hessians of the whole system, not counting calls in which nothing could have changed.
     pub hessians: u64,
-    /// Stencils whose gradient is made once: V is affine, or none of their coordinates ever moves.
+    /// Stencils whose gradient is computed once: V is affine, or none of their coordinates ever moves.
     pub constant_stencils: u64,
     /// Stencils without a Hessian on free coordinates: V is affine, or all their coordinates are prescribed.
     pub hessian_skipped_stencils: u64,
-    /// How often live terms were asked for new stencils.
+    /// Number of times that live terms were asked for new stencils.
     pub live_renewals: u64,
-    /// How often the pattern of the sum of Hessians was made for them.
+    /// Number of times that the pattern of the sum of Hessians was built for live terms.
     pub live_patterns: u64,
 }
 
-/// The sum of the fixed terms of a list; live terms of the list are left out.
+/// The sum of the fixed terms of a list; its live terms are left out.
 pub(crate) struct FixedSum {
     terms: Terms,
     energy: EnergySum,
@@ -41,8 +41,9 @@ pub(crate) struct FixedSum {
 }
 
 impl FixedSum {
-    /// Makes the maps of energy and gradient; the maps of the Hessian are made at its first call. The nodal arrays have
-    /// `block` coordinates per node, which must divide the blocks of all terms; without it, the largest that does.
+    /// Builds the maps of energy and gradient; the maps of the Hessian are built at its first call. The nodal arrays
+    /// have `block` coordinates per node, which must divide the blocks of all terms. Without `block`, the largest
+    /// such number is used.
     pub(crate) fn new(terms: Terms, block: Option<usize>) -> Self {
         let block = block.unwrap_or_else(|| common_block(&terms));
         let gather = Gather::new(&terms, block);
@@ -51,7 +52,7 @@ impl FixedSum {
         Self { energy: EnergySum::new(&terms), gather, hessian: None, work, terms }
     }
 
-    /// Sums other terms from here on, whose stencils are those of the ones before.
+    /// Replaces the terms by others with the same stencils.
     pub(crate) fn exchange(&mut self, terms: Vec<Arc<dyn Potential>>) -> Result<(), SolverError> {
         let coordinates = Arc::clone(self.terms.shared_coordinates());
         self.terms = Terms::new(coordinates, terms)
@@ -63,20 +64,20 @@ impl FixedSum {
         &self.terms
     }
 
-    /// V(x, t) by account, J.
+    /// Returns V(x, t) by account, J.
     pub(crate) fn energies(&mut self, x: &[f64], t: f64) -> Energies {
         self.work.energies += 1;
         self.energy.evaluate(&self.terms, x, t)
     }
 
-    /// ∂V/∂x of every coordinate, N, pulled back from tied nodes.
+    /// Writes ∂V/∂x of every coordinate, N, pulled back from tied nodes.
     pub(crate) fn gradient(&mut self, x: &[f64], t: f64, out: &mut [f64]) {
         self.work.gradients += 1;
         self.gather.gradient(&self.terms, x, t, out);
         self.terms.coordinates().pull_back(out);
     }
 
-    /// The first phase of [`FixedSum::gradient`]; the caller then sums over nodes from [`FixedSum::gather`].
+    /// Performs the first phase of [`FixedSum::gradient`]; the caller then sums over nodes by [`FixedSum::gather`].
     pub(crate) fn sum_chunks(&mut self, x: &[f64], t: f64) {
         self.work.gradients += 1;
         self.gather.sum_chunks(&self.terms, x, t);
@@ -86,7 +87,7 @@ impl FixedSum {
         &self.gather
     }
 
-    /// ∂²V/∂q² on the free coordinates, N/m. Only what has changed is evaluated.
+    /// Returns ∂²V/∂q² on the free coordinates, N/m. Evaluates only what has changed.
     pub(crate) fn hessian(&mut self, x: &[f64], t: f64, kind: HessianEvaluation) -> &SymmetricMatrix {
         let Self { terms, gather, hessian, work, .. } = self;
         let hessian = hessian.get_or_insert_with(|| HessianSum::new(terms, gather.block()));
@@ -97,12 +98,12 @@ impl FixedSum {
         hessian.matrix()
     }
 
-    /// Σ V_e F̄_e (m³, row-major) over the stencils around each node; false where no term has it.
+    /// Writes Σ V_e F̄_e (m³, row-major) over the stencils around each node; returns false if no term provides it.
     pub(crate) fn mean_deformations(&mut self, x: &[f64], out: &mut [[f64; 9]]) -> bool {
         self.gather.node_tensors(&self.terms, x, out)
     }
 
-    /// The first stencil without a finite energy or gradient, by term and stencil order.
+    /// Returns the first stencil without a finite energy or gradient, in the order of terms and stencils.
     pub(crate) fn fault(&self, x: &[f64], t: f64) -> Option<TermFault> {
         for (term, potential) in self.terms.fixed().iter().enumerate() {
             let size = potential.stencils().size();
@@ -132,12 +133,12 @@ impl FixedSum {
         self.work
     }
 
-    /// Coordinates per node of the nodal arrays.
+    /// Returns the number of coordinates per node of the nodal arrays.
     pub(crate) fn block(&self) -> usize {
         self.gather.block()
     }
 
-    /// Bytes of maps and buffers, beyond what the terms hold.
+    /// Returns the size of maps and buffers in bytes, without the terms' own data.
     pub(crate) fn bytes(&self) -> usize {
         self.gather.bytes() + self.hessian.as_ref().map_or(0, HessianSum::bytes)
     }

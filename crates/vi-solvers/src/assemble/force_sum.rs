@@ -1,8 +1,8 @@
-//! Sums of the forces that no potential gives, and of their symmetric tangents.
+//! Sums the forces without a potential, and their symmetric tangents.
 //!
-//! To an assembler, a force at given velocities is a gradient, and its tangent is a Hessian: the terms are wrapped as
-//! such and summed like any others, to the same bits on any number of threads. The wrapped terms read positions and
-//! velocities one after another from one array.
+//! To an assembler, a force at given velocities is a gradient, and its tangent is a Hessian. The forces are therefore
+//! wrapped as potentials and summed like any others, to the same bits on any number of threads. The wrappers read
+//! positions and then velocities from one array.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use crate::assemble::fixed::FixedSum;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::linear::matrix::SymmetricMatrix;
 
-/// What of a force stands in for a Hessian.
+/// The tangent of a force that stands for a Hessian.
 #[derive(Clone, Copy, PartialEq)]
 enum Tangent {
     /// −∂f/∂x.
@@ -22,7 +22,7 @@ enum Tangent {
     Damping,
 }
 
-/// A force as a potential: gradient −f, Hessian the tangent.
+/// A force as a potential: its gradient is −f, its Hessian the tangent.
 struct Term {
     force: Arc<dyn Force>,
     tangent: Tangent,
@@ -41,7 +41,7 @@ impl Potential for Term {
         self.force.stencils()
     }
 
-    /// Time-dependent, so that nothing is taken for constant: velocities change unseen.
+    /// Declares time dependence, so that nothing is cached as constant: velocities change without notice.
     fn traits(&self) -> Traits {
         Traits { hessian: HessianKind::Varying, time_dependent: true }
     }
@@ -65,7 +65,7 @@ impl Potential for Term {
     }
 }
 
-/// The sum of some wrapped terms.
+/// The sum of some wrapped forces.
 struct Group {
     sum: FixedSum,
     /// −Σ f of every coordinate at the last evaluation, N.
@@ -73,7 +73,7 @@ struct Group {
 }
 
 impl Group {
-    /// The forces that `keep` says; none where there are none.
+    /// Returns the sum of the forces that `keep` selects; `None` if it selects none.
     fn new(system: &System, tangent: Tangent, keep: impl Fn(&dyn Force) -> bool) -> Option<Self> {
         let forces = system.forces().iter().filter(|force| keep(force.as_ref()));
         let terms: Vec<Arc<dyn Potential>> = forces
@@ -102,7 +102,7 @@ pub(crate) struct ForceSum {
 }
 
 impl ForceSum {
-    /// Maps of the forces; none where the system has none.
+    /// Builds the maps of the forces; `None` if the system has none.
     pub(crate) fn new(system: &System) -> Option<Self> {
         if system.forces().is_empty() {
             return None;
@@ -119,7 +119,7 @@ impl ForceSum {
         })
     }
 
-    /// Does any force depend on ẋ?
+    /// Returns whether any force depends on ẋ.
     pub(crate) fn depends_on_velocity(&self) -> bool {
         self.depends_on_velocity
     }
@@ -135,19 +135,19 @@ impl ForceSum {
         }
     }
 
-    /// Force on coordinate x_i by ledger account, N: (force, damping).
+    /// Returns the force on coordinate x_i by ledger account, N: (force, damping).
     pub(crate) fn by_account(&self, dof: usize) -> (f64, f64) {
         let of = |group: &Option<Group>| group.as_ref().map_or(0.0, |group| -group.negative[dof]);
         (of(&self.force), of(&self.damping))
     }
 
-    /// Force on coordinate x_i, N.
+    /// Returns the force on coordinate x_i, N.
     pub(crate) fn total(&self, dof: usize) -> f64 {
         let (force, damping) = self.by_account(dof);
         force + damping
     }
 
-    /// Symmetric part of −∂f/∂x on the free coordinates at the last evaluation.
+    /// Returns the symmetric part of −∂f/∂x on the free coordinates at the last evaluation.
     pub(crate) fn stiffness(&mut self, system: &System) -> Option<&SymmetricMatrix> {
         if self.stiffness_tangent.is_none() {
             self.stiffness_tangent = Group::new(system, Tangent::Stiffness, |_| true);
@@ -156,8 +156,8 @@ impl ForceSum {
         Some(group.sum.hessian(&self.state, self.t, HessianEvaluation::Exact))
     }
 
-    /// Symmetric parts of −∂f/∂x and −∂f/∂ẋ at the last evaluation; the latter only where a force
-    /// depends on ẋ.
+    /// Returns the symmetric parts of −∂f/∂x and −∂f/∂ẋ at the last evaluation; the latter only if a force depends on
+    /// ẋ.
     pub(crate) fn tangents(
         &mut self,
         system: &System,

@@ -1,10 +1,11 @@
-//! Sums of local blocks into nodal arrays, in two phases with the same bits on any number of threads.
+//! Sums local blocks into nodal arrays in two phases, with the same bits on any number of threads.
 //!
-//! The stencils of every term are cut into chunks whose size depends on the stencil count alone. Phase 1, parallel
-//! over chunks: a chunk adds up its stencils at its own nodes, in cache. Terms that know how do so themselves, from a
-//! copy of the nodes' positions; of the others, the blocks of a few stencils are written into a buffer and added.
-//! Phase 2, parallel over nodes: the sums of the chunks around a node are added in chunk order through a map made
-//! once. Memory traffic is that of the chunks' nodes (about .3 a tetrahedron), not of the blocks.
+//! The stencils of every term are cut into chunks whose size depends only on the stencil count. In phase 1, parallel
+//! over chunks, a chunk sums its stencils at its own nodes, in cache. Some terms do so themselves from a copy of the
+//! nodes' positions; for the others, the blocks of a few stencils are written to a buffer and added. In phase 2,
+//! parallel over nodes, the sums of the chunks around a node are added in the order of the chunks, through a map that
+//! is built once. The memory traffic is that of the nodes of the chunks (about .3 per tetrahedron), not of the
+//! blocks.
 
 use std::cell::RefCell;
 use std::ops::Range;
@@ -16,13 +17,13 @@ use crate::assemble::spans::{Span, mobilities, mobility_of, parts, spans};
 use crate::index::group_by;
 use crate::scratch::with_scratch;
 
-/// Stencils whose blocks are evaluated together: their gradients stay in the first-level cache.
+/// Number of stencils whose blocks are evaluated together: their gradients stay in the first-level cache.
 const BATCH: usize = 64;
 
-/// Below this many stencils a sum is made on the calling thread.
+/// With fewer stencils than this, the calling thread computes the sum alone.
 const PARALLEL_STENCILS: usize = 3000;
 
-/// Nodes that one task of phase 2 sums.
+/// Number of nodes that one task of phase 2 sums.
 const NODES_PER_TASK: usize = 1024;
 
 thread_local! {
@@ -32,37 +33,37 @@ thread_local! {
 
 struct Chunk {
     span: Span,
-    /// First entry of its stencils in `Gather::local`.
+    /// Index in `Gather::local` of the first entry of its stencils.
     local: usize,
-    /// Its nodal sums in `Gather::partial`.
+    /// Range of its nodal sums in `Gather::partial`.
     slots: Range<usize>,
-    /// Does the term add up its stencils itself?
+    /// Whether the term sums its stencils itself.
     patched: bool,
 }
 
 /// The maps from the stencils of a system to its nodes, and the buffers of the sums.
 pub(crate) struct Gather {
-    /// Coordinates a node.
+    /// Number of coordinates per node.
     block: usize,
     chunks: Vec<Chunk>,
-    /// Per stencil and local node: the node's place among the chunk's nodal sums.
+    /// For each stencil and local node: the index of the node among the nodal sums of the chunk.
     local: Vec<u16>,
     /// The node of each nodal sum of each chunk.
     slot_nodes: Vec<u32>,
     /// Node n is summed from the slots `node_slots[node_start[n]..node_start[n + 1]]`.
     node_start: Vec<u32>,
     node_slots: Vec<u32>,
-    /// The nodal sums of the chunks, of which the first `block` numbers count.
+    /// The nodal sums of the chunks; only the first `block` numbers of each are used.
     partial: Vec<Padded>,
     stencil_count: usize,
-    /// Spans whose gradient never changes: all coordinates fixed, or V affine and free of t.
+    /// Spans whose gradient never changes: all coordinates are fixed, or V is affine and independent of t.
     constant: Vec<Span>,
-    /// The sum of their gradients once it has been made.
+    /// The sum of their gradients, once it is computed.
     base: Option<Vec<f64>>,
 }
 
 impl Gather {
-    /// With `block` coordinates a node, which divides those of all terms.
+    /// Builds the maps for `block` coordinates per node, which must divide the blocks of all terms.
     pub(crate) fn new(terms: &Terms, block: usize) -> Self {
         let node_count = terms.coordinates().dof_count() / block;
         let mobility = mobilities(terms);
@@ -117,28 +118,28 @@ impl Gather {
         }
     }
 
-    /// Coordinates a node.
+    /// Returns the number of coordinates per node.
     pub(crate) fn block(&self) -> usize {
         self.block
     }
 
-    /// Stencils whose gradient is made once.
+    /// Returns the number of stencils whose gradient is computed once.
     pub(crate) fn constant_stencils(&self) -> usize {
         self.constant.iter().map(|span| span.stencils.len()).sum()
     }
 
-    /// Bytes held by maps and buffers.
+    /// Returns the size of maps and buffers in bytes.
     pub(crate) fn bytes(&self) -> usize {
         let maps = self.slot_nodes.len() + self.node_start.len() + self.node_slots.len();
         2 * self.local.len() + 4 * maps + size_of::<Padded>() * self.partial.len()
     }
 
-    /// Is there enough to do for several threads?
+    /// Returns whether the work is large enough for several threads.
     pub(crate) fn is_parallel(&self) -> bool {
         self.stencil_count >= PARALLEL_STENCILS
     }
 
-    /// ∂V/∂x of every coordinate.
+    /// Writes ∂V/∂x of every coordinate.
     pub(crate) fn gradient(&mut self, terms: &Terms, x: &[f64], t: f64, out: &mut [f64]) {
         self.sum_chunks(terms, x, t);
         let (this, length) = (&*self, NODES_PER_TASK * self.block);
@@ -150,7 +151,7 @@ impl Gather {
         }
     }
 
-    /// Phase 1: the nodal sums of every chunk.
+    /// Phase 1: computes the nodal sums of every chunk.
     pub(crate) fn sum_chunks(&mut self, terms: &Terms, x: &[f64], t: f64) {
         if self.base.is_none() && !self.constant.is_empty() {
             self.base = Some(sum_constant(&self.constant, terms, x, t));
@@ -164,7 +165,7 @@ impl Gather {
         }
     }
 
-    /// Phase 2: ∂V/∂x of the nodes from `first` on that `out` has room for.
+    /// Phase 2: writes ∂V/∂x of the nodes from `first` on, as many as fit in `out`.
     pub(crate) fn sum_nodes(&self, first: usize, out: &mut [f64]) {
         match self.block {
             3 => self.sum_nodes_of::<3>(first, out),
@@ -192,8 +193,8 @@ impl Gather {
         }
     }
 
-    /// Σ over the stencils around each node of what `evaluate` writes for a batch, 9 numbers a stencil.
-    /// Spans for which it returns false do not count; returns whether any did.
+    /// Sums over the stencils around each node what `evaluate` writes for a batch, 9 numbers per stencil. Spans for
+    /// which it returns false are left out; returns whether any was included.
     pub(crate) fn node_tensors(&mut self, terms: &Terms, x: &[f64], out: &mut [[f64; 9]]) -> bool {
         out.fill([0.0; 9]);
         let mut found = false;
@@ -227,7 +228,7 @@ impl Gather {
     }
 }
 
-/// Phase 1: what chunks add up.
+/// Phase 1: the sums of the chunks.
 struct PartialSums<'a> {
     local: &'a [u16],
     slot_nodes: &'a [u32],
@@ -238,7 +239,7 @@ struct PartialSums<'a> {
 }
 
 impl PartialSums<'_> {
-    /// Halves the list of chunks, and with it the array of their sums, until one is left.
+    /// Halves the list of chunks, and with it the array of their sums, until one chunk is left.
     fn chunks<const B: usize>(&self, chunks: &[Chunk], partial: &mut [Padded]) {
         match chunks {
             [] => {}
@@ -258,7 +259,7 @@ impl PartialSums<'_> {
         }
     }
 
-    /// A chunk of a term that adds up its stencils itself.
+    /// Sums a chunk of a term that sums its stencils itself.
     fn patch(&self, chunk: &Chunk, sums: &mut [Padded]) {
         let potential = &self.terms.fixed()[chunk.span.term];
         let arity = potential.stencils().arity;
@@ -278,7 +279,7 @@ impl PartialSums<'_> {
         });
     }
 
-    /// A chunk whose blocks are written, a few at a time, and added.
+    /// Sums a chunk from blocks, a few at a time.
     fn chunk<const B: usize>(&self, chunk: &Chunk, sums: &mut [Padded]) {
         let potential = &self.terms.fixed()[chunk.span.term];
         let stencils = potential.stencils();
@@ -304,7 +305,7 @@ impl PartialSums<'_> {
     }
 }
 
-/// The gradients of spans that never change, summed in order.
+/// Returns the sum of the gradients of spans that never change, in order.
 fn sum_constant(constant: &[Span], terms: &Terms, x: &[f64], t: f64) -> Vec<f64> {
     let mut base = vec![0.0; x.len()];
     for span in constant {

@@ -1,8 +1,8 @@
-//! Sums of packed Hessian blocks into a sparse matrix, in two phases like `gather`.
+//! Sums packed Hessian blocks into a sparse matrix, in two phases like `gather`.
 //!
-//! A chunk of stencils adds its blocks in cache, then writes out two lists: entries that no other chunk touches go
-//! straight to their places in the matrix, which lie together; the rest are partial sums that phase 2 adds in chunk
-//! order. Chunks of constant terms are evaluated once and keep both.
+//! A chunk of stencils adds its blocks in cache and then writes two lists. Entries that no other chunk touches go
+//! directly to their contiguous places in the matrix. The others are partial sums, which phase 2 adds in the order of
+//! the chunks. Chunks of constant terms are evaluated once and keep both lists.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -16,34 +16,34 @@ use crate::index::{NONE, group_by};
 use crate::linear::matrix::{Pattern, SymmetricMatrix};
 use crate::scratch::with_scratch;
 
-/// Which Hessian to assemble.
+/// The Hessian to assemble.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HessianEvaluation {
     /// ∂²V/∂x².
     Exact,
-    /// Every stencil's negative eigenvalues set to zero: positive semidefinite.
+    /// The Hessian with the negative eigenvalues of every stencil set to zero: positive semidefinite.
     Projected,
 }
 
-/// Stencils whose packed blocks are evaluated together.
+/// Number of stencils whose packed blocks are evaluated together.
 const BATCH: usize = 16;
 
-/// Below this many stencils a sum is made on the calling thread.
+/// With fewer stencils than this, the calling thread computes the sum alone.
 const PARALLEL_STENCILS: usize = 600;
 
-/// Shared entries that one task of phase 2 sums.
+/// Number of shared entries that one task of phase 2 sums.
 const ENTRIES_PER_TASK: usize = 512;
 
 struct Chunk {
     span: Span,
     constant: bool,
-    /// Pairs a ≠ b of a stencil that are the same node, as (stencil, a, b): both halves are the diagonal's.
+    /// Pairs a ≠ b of a stencil that are the same node, as (stencil, a, b): both halves belong to the diagonal.
     repeats: Vec<(usize, usize, usize)>,
-    /// First entry of its stencils in `HessianSum::codes`.
+    /// Index in `HessianSum::codes` of the first entry of its stencils.
     codes: usize,
-    /// Places in the matrix of the entries that are its own.
+    /// Places in the matrix of the entries that only this chunk touches.
     owned: Range<usize>,
-    /// Its partial sums.
+    /// Range of its partial sums.
     shared: Range<usize>,
 }
 
@@ -56,8 +56,8 @@ impl Chunk {
 /// The maps from packed blocks to a matrix, and the matrix.
 pub(crate) struct HessianSum {
     chunks: Vec<Chunk>,
-    /// Per stencil and local pair (a, b ≤ a): 2 · (entry of the chunk) + (is it transposed?). The
-    /// entry after the last takes what falls on prescribed nodes.
+    /// For each stencil and local pair (a, b ≤ a): 2 · (entry of the chunk), plus 1 if it is transposed. The entry
+    /// after the last collects what belongs to prescribed nodes.
     codes: Vec<u32>,
     partial: Vec<f64>,
     /// Shared entry s is summed from `shared_slots[shared_start[s]..shared_start[s + 1]]`.
@@ -69,15 +69,16 @@ pub(crate) struct HessianSum {
     masked: Vec<(u32, u32, u32)>,
     stencil_count: usize,
     skipped_stencils: usize,
-    /// The evaluation that the constant chunks hold.
+    /// The kind of Hessian that the constant chunks hold.
     constants: Option<HessianEvaluation>,
     matrix: SymmetricMatrix,
-    /// Where nodes are tied or have axes of their own: `matrix` counts them as free, and this is what comes of it.
+    /// The Hessian on the free coordinates, if nodes are tied or have their own axes; `matrix` then treats these
+    /// nodes as free.
     tied: Option<TiedHessian>,
 }
 
-/// The row of each node and the free index of each coordinate of each row; where `with_tied`, as if
-/// tied nodes were free, and all coordinates of nodes with axes of their own.
+/// Returns the row of each node, and the free index of each coordinate of each row. If `with_tied`, treats tied nodes
+/// and all coordinates of nodes with their own axes as free.
 fn rows(terms: &Terms, block: usize, with_tied: bool) -> (Vec<u32>, Vec<u32>) {
     let coordinates = terms.coordinates();
     let count = coordinates.dof_count();
@@ -117,7 +118,7 @@ const fn key(row: u32, column: u32) -> u64 {
     (row as u64) << 32 | column as u64
 }
 
-/// The entries of a chunk (keys, sorted) and the code of each local pair with the entry's rank.
+/// The entries of a chunk (sorted keys), and the code of each local pair with the entry's rank.
 struct ChunkPattern {
     keys: Vec<u64>,
     codes: Vec<u32>,
@@ -170,7 +171,7 @@ impl HessianSum {
         let mut patterns: Vec<ChunkPattern> =
             included.par_iter().map(|span| ChunkPattern::new(span, terms, block, &row_of)).collect();
 
-        // All (entry, chunk) pairs in row order; the diagonal is there even where no chunk touches it.
+        // Collect all (entry, chunk) pairs in row order; add the diagonal even if no chunk touches it.
         let mut touched: Vec<(u64, u32)> = Vec::new();
         for (chunk, pattern) in patterns.iter().enumerate() {
             touched.extend(pattern.keys.iter().map(|&key| (key, chunk as u32)));
@@ -178,7 +179,7 @@ impl HessianSum {
         touched.extend((0..row_count as u32).map(|row| (key(row, row), NONE)));
         touched.par_sort_unstable();
 
-        // Entries of one chunk are its own, in chunk order; the others follow, shared.
+        // Entries of a single chunk are its own, in the order of the chunks; shared entries follow.
         let mut entries: Vec<(u32, u32)> = Vec::new();
         let mut owner: Vec<u32> = Vec::new();
         for group in touched.chunk_by(|a, b| a.0 == b.0) {
@@ -206,7 +207,7 @@ impl HessianSum {
             *next += 1;
         }
 
-        // Within a chunk: own entries first, both in row order.
+        // Within a chunk, its own entries come first; both kinds are in row order.
         let mut chunks = Vec::with_capacity(patterns.len());
         let mut codes = Vec::with_capacity(patterns.iter().map(|pattern| pattern.codes.len()).sum());
         let mut slot_keys: Vec<u32> = Vec::new();
@@ -272,12 +273,12 @@ impl HessianSum {
         }
     }
 
-    /// Stencils that need no Hessian: V is affine, or all their coordinates are prescribed.
+    /// Returns the number of stencils without a Hessian: V is affine, or all their coordinates are prescribed.
     pub(crate) fn skipped_stencils(&self) -> usize {
         self.skipped_stencils
     }
 
-    /// Bytes of maps, partial sums and the matrix.
+    /// Returns the size of maps, partial sums and matrix in bytes.
     pub(crate) fn bytes(&self) -> usize {
         4 * (self.codes.len() + self.shared_start.len() + self.shared_slots.len())
             + 8 * self.partial.len()
@@ -353,7 +354,7 @@ impl HessianSum {
     }
 }
 
-/// The spans with a Hessian on free coordinates, and how many stencils have none.
+/// Returns the spans with a Hessian on free coordinates, and the number of stencils without one.
 fn varying_spans(terms: &Terms, mobility: &[Mobility]) -> (Vec<Span>, usize) {
     let (mut included, mut skipped) = (Vec::new(), 0);
     for (term, potential) in terms.fixed().iter().enumerate() {
@@ -369,7 +370,7 @@ fn varying_spans(terms: &Terms, mobility: &[Mobility]) -> (Vec<Span>, usize) {
     (included, skipped)
 }
 
-/// Phase 1: what the chunks add up.
+/// Phase 1: the sums of the chunks.
 struct ChunkSums<'a> {
     codes: &'a [u32],
     terms: &'a Terms,
@@ -380,7 +381,7 @@ struct ChunkSums<'a> {
 }
 
 impl ChunkSums<'_> {
-    /// Halves the list of chunks, and with it both outputs, until one is left.
+    /// Halves the list of chunks, and with it both outputs, until one chunk is left.
     fn chunks<const B: usize>(
         &self,
         chunks: &[Chunk],
@@ -454,7 +455,7 @@ impl ChunkSums<'_> {
     }
 }
 
-/// The B × B block (a, b), b < a, of a packed lower triangle.
+/// Returns the B × B block (a, b), b < a, of a packed lower triangle.
 #[inline]
 fn packed_block<const B: usize>(packed: &[f64], a: usize, b: usize) -> [[f64; B]; B] {
     std::array::from_fn(|i| {
@@ -463,7 +464,7 @@ fn packed_block<const B: usize>(packed: &[f64], a: usize, b: usize) -> [[f64; B]
     })
 }
 
-/// Adds the packed block of one stencil to the sums of its chunk, B rows of B an entry.
+/// Adds the packed block of one stencil to the sums of its chunk; each entry has B rows of B numbers.
 #[inline]
 fn add_stencil<const B: usize>(sums: &mut [[f64; B]], arity: usize, codes: &[u32], packed: &[f64]) {
     let mut codes = codes.iter();
@@ -484,7 +485,7 @@ fn add_stencil<const B: usize>(sums: &mut [[f64; B]], arity: usize, codes: &[u32
     }
 }
 
-/// Adds a block, transposed where the code says so, to the entry of the code.
+/// Adds a block to the entry of the code, transposed if the code says so.
 #[inline]
 fn add_block<const B: usize>(sums: &mut [[f64; B]], code: u32, value: &[[f64; B]; B]) {
     let entry = (code / 2) as usize * B;

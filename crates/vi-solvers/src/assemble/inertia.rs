@@ -1,5 +1,5 @@
-//! The mass of a system as implicit steps meet it: M v, M⁻¹p, and the matrix M where mass is consistent. Lumped mass
-//! costs nothing here.
+//! The mass of a system in implicit steps: M v, M⁻¹p, and the matrix M if the mass is consistent. Lumped mass needs
+//! no matrix.
 
 use std::sync::Arc;
 
@@ -12,16 +12,16 @@ use crate::linear::matrix::SymmetricMatrix;
 use crate::memory::StepperMemory;
 use crate::work::Work;
 
-/// M of a system, and the velocity of the last state that was asked for: M⁻¹p begins there.
+/// M of a system, and the velocity of the last state: the next computation of M⁻¹p starts from it.
 pub(crate) struct Inertia {
-    /// M where mass is consistent.
+    /// M, if the mass is consistent.
     matrix: Option<Arc<SymmetricMatrix>>,
-    /// q̇ = M⁻¹p of the p beside it; empty where mass is lumped.
+    /// q̇ = M⁻¹p for the p in `momentum`; empty if the mass is lumped.
     velocity: Vec<f64>,
     momentum: Vec<f64>,
 }
 
-/// A vector read entry by entry, so that lumped mass needs no pass of its own.
+/// A vector that is computed entry by entry, so that lumped mass needs no pass of its own.
 #[derive(Clone, Copy)]
 pub(crate) enum Entries<'a> {
     /// a_k b_k.
@@ -50,29 +50,29 @@ impl Inertia {
         Self { matrix, velocity: vec![0.0; n], momentum: vec![0.0; n] }
     }
 
-    /// M, where it is not lumped.
+    /// Returns M if it is not lumped.
     pub(crate) fn matrix(&self) -> Option<&Arc<SymmetricMatrix>> {
         self.matrix.as_ref()
     }
 
-    /// M v; `room` is written where mass is consistent.
+    /// Returns M v; writes it to `scratch` if the mass is consistent.
     pub(crate) fn momentum<'a>(
         &self,
         system: &'a System,
         v: &'a [f64],
-        room: &'a mut Vec<f64>,
+        scratch: &'a mut Vec<f64>,
     ) -> Entries<'a> {
         match &self.matrix {
             Some(matrix) => {
-                room.resize(v.len(), 0.0);
-                matrix.multiply(v, room);
-                Entries::Stored(room)
+                scratch.resize(v.len(), 0.0);
+                matrix.multiply(v, scratch);
+                Entries::Stored(scratch)
             }
             None => Entries::Product(system.free_mass(), v),
         }
     }
 
-    /// Finds M⁻¹p for [`Inertia::velocity`].
+    /// Computes M⁻¹p for [`Inertia::velocity`].
     pub(crate) fn open(&mut self, system: &System, p: &[f64], work: &mut Work) {
         if let Some(matrix) = &self.matrix {
             self.momentum.copy_from_slice(p);
@@ -82,7 +82,7 @@ impl Inertia {
         }
     }
 
-    /// M⁻¹p of the p that was opened last.
+    /// Returns M⁻¹p for the last p given to [`Inertia::open`].
     pub(crate) fn velocity<'a>(&'a self, system: &'a System, p: &'a [f64]) -> Entries<'a> {
         match self.matrix {
             Some(_) => Entries::Stored(&self.velocity),
@@ -90,7 +90,7 @@ impl Inertia {
         }
     }
 
-    /// A step ended with momentum p, after velocities changed by `change`: the next one begins there.
+    /// Ends a step with momentum p, in which velocities changed by `change`. The next step starts from this velocity.
     pub(crate) fn close(&mut self, p: &[f64], change: &[f64]) {
         if self.matrix.is_some() {
             self.momentum.copy_from_slice(p);
@@ -98,12 +98,12 @@ impl Inertia {
         }
     }
 
-    /// q̇ at a state, where a step has ended or begun there and mass is consistent.
+    /// Returns q̇ at a state, if a step has ended or begun there and the mass is consistent.
     pub(crate) fn known_velocity(&self, state: &State) -> Option<&[f64]> {
         (self.matrix.is_some() && self.momentum == state.p).then_some(&self.velocity)
     }
 
-    /// r ← M⁻¹r.
+    /// Computes r ← M⁻¹r.
     pub(crate) fn divide(&self, system: &System, r: &mut [f64], work: &mut Work) {
         let lumped = system.free_mass();
         let Some(matrix) = &self.matrix else {
@@ -116,7 +116,7 @@ impl Inertia {
         work.mass_iterations += u64::from(solve_mass(multiply, lumped, &rhs, r));
     }
 
-    /// Enters where the next solve begins.
+    /// Records the start of the next solve.
     pub(crate) fn save(&self, memory: &mut StepperMemory) {
         if self.matrix.is_some() {
             memory.arrays.push(("inertia.velocity".into(), self.velocity.clone()));
@@ -124,10 +124,10 @@ impl Inertia {
         }
     }
 
-    /// Takes over what [`Inertia::save`] entered.
+    /// Restores what [`Inertia::save`] recorded.
     ///
     /// # Errors
-    /// [`SolverError::Memory`] where the memory is that of another system.
+    /// [`SolverError::Memory`] if the memory belongs to another system.
     pub(crate) fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
         if self.matrix.is_some() {
             let [velocity, momentum] =
@@ -143,7 +143,7 @@ impl Inertia {
     }
 }
 
-/// M from the kinetic energy as terms of the velocities ([`System::kinetic`]).
+/// Returns M from the kinetic energy given as terms of the velocities ([`System::kinetic`]).
 pub(crate) fn mass_matrix(kinetic: &Terms) -> SymmetricMatrix {
     let at_rest = vec![0.0; kinetic.coordinates().dof_count()];
     FixedSum::new(kinetic.clone(), None).hessian(&at_rest, 0.0, HessianEvaluation::Exact).clone()

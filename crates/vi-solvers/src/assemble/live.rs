@@ -1,8 +1,8 @@
-//! Sums of live terms. They are evaluated by the stencils that they have near one configuration, which serve until a
-//! node leaves their reach; then new ones are asked for.
+//! Sums live terms. They are evaluated with the stencils near one configuration. When a node leaves the reach of
+//! these stencils, new ones are requested.
 //!
-//! Where a scheme takes a step by discrete gradients, the terms that have one are kept apart from the others, and are
-//! summed from an array that holds the end of the step and behind it the start.
+//! If a scheme uses discrete gradients, the terms that have one are kept apart from the others. They are summed from
+//! an array that holds the end of the step followed by its start.
 
 use std::sync::Arc;
 
@@ -18,19 +18,19 @@ use crate::linear::matrix_sum::MatrixSum;
 use crate::memory::StepperMemory;
 use crate::vectors;
 
-/// ∂x₁/∂x of a stage x in the middle of x₀ and x₁.
+/// ∂x₁/∂x for a stage x in the middle between x₀ and x₁.
 const END_PER_STAGE: f64 = 2.0;
 
-/// Where the stencils of live terms come from. Two sums with equal values give equal bits.
+/// The configurations from which the stencils of live terms come. Two sums with equal values give equal bits.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct LiveState {
-    /// Positions about which the stencils were asked for, and their reach, m. Empty before the first call.
+    /// Positions about which the stencils were requested, and their reach, m. Empty before the first call.
     about: Vec<f64>,
     reach: f64,
-    /// The same of the stencils that the pattern of the sum of Hessians was made of.
+    /// Positions and reach of the stencils from which the pattern of the sum of Hessians was built.
     pattern_about: Vec<f64>,
     pattern_reach: f64,
-    /// The step that the terms are in.
+    /// The memory of the terms in the current step.
     step: Remembered,
 }
 
@@ -42,7 +42,7 @@ impl LiveState {
         self.step.remember(name, memory);
     }
 
-    /// What [`LiveState::save`] entered; none where it is not that of `count` coordinates.
+    /// Returns what [`LiveState::save`] recorded; `None` if it is not for `count` coordinates.
     pub(crate) fn restore(name: &str, memory: &StepperMemory, count: usize) -> Option<Self> {
         let array = |part: &str| {
             let found = memory.arrays.iter().find(|(key, _)| *key == format!("{name}.{part}"));
@@ -61,14 +61,14 @@ impl LiveState {
 struct Near {
     /// All terms.
     whole: FixedSum,
-    /// Terms without and with a discrete gradient, where they are kept apart and both kinds may occur.
+    /// The terms without and with a discrete gradient, if they are kept apart and both kinds may occur.
     parts: Option<[FixedSum; 2]>,
-    /// The terms with a discrete gradient, and their numbers in the list.
+    /// The terms with a discrete gradient, with their indices in the list.
     discrete: Vec<(usize, Arc<dyn Potential>)>,
 }
 
 impl Near {
-    /// The Hessians to be summed, with their factors.
+    /// Returns the Hessians to be summed, with their factors.
     fn hessians<'a>(
         &'a mut self,
         fixed: &'a SymmetricMatrix,
@@ -96,14 +96,14 @@ impl Near {
 /// The sum of the live terms of a list.
 pub(crate) struct LiveSum {
     terms: Terms,
-    /// Are terms with a discrete gradient kept apart?
+    /// Whether terms with a discrete gradient are kept apart.
     splits: bool,
-    /// Coordinates a node of the matrix of the fixed terms; none where there are none.
+    /// Number of coordinates per node of the matrix of the fixed terms; `None` if there are no fixed terms.
     block: Option<usize>,
     state: LiveState,
     near: Option<Near>,
     union: Option<MatrixSum>,
-    /// A live term whose stencils cannot be used.
+    /// The fault of a live term whose stencils cannot be used.
     fault: Option<TermFault>,
     buffer: Vec<f64>,
     /// Positions at the end of a step, then at its start.
@@ -114,7 +114,7 @@ pub(crate) struct LiveSum {
 }
 
 impl LiveSum {
-    /// None where the list has no live terms.
+    /// Returns the sum, or `None` if the list has no live terms.
     pub(crate) fn new(terms: &Terms, block: usize, splits: bool) -> Option<Self> {
         if terms.live().is_empty() {
             return None;
@@ -135,7 +135,7 @@ impl LiveSum {
         })
     }
 
-    /// How often stencils were asked for, and how often the pattern of the sum of Hessians was made.
+    /// Returns how often stencils were requested, and how often the pattern of the sum of Hessians was built.
     pub(crate) fn counts(&self) -> [u64; 2] {
         [self.renewals, self.patterns]
     }
@@ -144,7 +144,7 @@ impl LiveSum {
         LiveState { step: self.passage.now().clone(), ..self.state.clone() }
     }
 
-    /// Goes to the stencils of a state.
+    /// Restores the stencils of a state.
     pub(crate) fn go_to(&mut self, state: &LiveState) {
         self.union = None;
         self.near = None;
@@ -156,7 +156,7 @@ impl LiveSum {
         self.state = state.clone();
     }
 
-    /// Asks for the stencils about `x`.
+    /// Requests the stencils about `x`.
     fn renew(&mut self, x: &[f64], reach: f64) {
         self.renewals += 1;
         self.state.about.clear();
@@ -176,7 +176,8 @@ impl LiveSum {
             if self.block.is_some_and(|block| !stencils.block.is_multiple_of(block)) {
                 let domain = "must be a multiple of that of the fixed terms";
                 let value = stencils.block as f64;
-                let fault = Fault { element: 0, quantity: "coordinates a node of a stencil", value, domain };
+                let fault =
+                    Fault { element: 0, quantity: "coordinates per node of a stencil", value, domain };
                 return Err(TermFault { term: potential.name().to_owned(), fault });
             }
         }
@@ -189,8 +190,12 @@ impl LiveSum {
                     TermFault { term, fault }
                 }
                 other => {
-                    let fault =
-                        Fault { element: 0, quantity: "term", value: f64::NAN, domain: "must be sound" };
+                    let fault = Fault {
+                        element: 0,
+                        quantity: "term",
+                        value: f64::NAN,
+                        domain: "must have valid stencils",
+                    };
                     TermFault { term: other.to_string(), fault }
                 }
             })?;
@@ -209,10 +214,10 @@ impl LiveSum {
         Ok(Near { whole: assembler(potentials)?, parts, discrete })
     }
 
-    /// Sees to it that the stencils serve at positions `x`, and at `other` too.
+    /// Ensures that the stencils are valid at positions `x`, and at `other` too.
     fn follow(&mut self, x: &[f64], other: Option<&[f64]>) {
         let distance = |a: &[f64], b: &[f64]| {
-            // At most √3 times the largest change of a coordinate, for nodes in space.
+            // The distance is at most √3 times the largest change of a coordinate, for nodes in space.
             3.0_f64.sqrt() * vectors::max_abs(a.len(), |k| a[k] - b[k])
         };
         let (about, reach) = (&self.state.about, self.state.reach);
@@ -222,7 +227,7 @@ impl LiveSum {
         }
         let apart = other.map_or(0.0, |other| distance(x, other));
         if !apart.is_finite() || !vectors::all_finite(x) {
-            // Positions that are not finite have no energy; the caller finds that out by the fixed terms.
+            // Positions that are not finite have no energy; the fixed terms report this to the caller.
             return;
         }
         let shortest = self.terms.live().iter().map(|term| term.reach()).fold(f64::INFINITY, f64::min);
@@ -230,7 +235,7 @@ impl LiveSum {
         self.renew(&x, shortest.max(1.0001 * apart));
     }
 
-    /// Σ V of the live terms, J, by account; infinite where a term cannot be used.
+    /// Returns Σ V of the live terms by account, J; infinite if a term cannot be used.
     pub(crate) fn energies(&mut self, x: &[f64], t: f64) -> Energies {
         self.follow(x, None);
         match &mut self.near {
@@ -252,7 +257,8 @@ impl LiveSum {
         vectors::update(out, |k, out| *out += buffer[k]);
     }
 
-    /// Opens a step of `duration` (s) from positions `x` (m): terms that dissipate go on from what they remember there.
+    /// Opens a step of `duration` (s) from positions `x` (m). Terms that dissipate continue from the memory that they
+    /// have there.
     pub(crate) fn open_step(&mut self, x: &[f64], duration: f64) -> Result<(), SolverError> {
         if self.splits && self.passage.open(x, duration) {
             self.exchange()?;
@@ -260,7 +266,7 @@ impl LiveSum {
         Ok(())
     }
 
-    /// Hands the terms with a discrete gradient the step that they are in.
+    /// Gives the current step to the terms with a discrete gradient.
     fn exchange(&mut self) -> Result<(), SolverError> {
         let Self { near: Some(near), passage, .. } = self else { return Ok(()) };
         if let Some([_, discrete]) = &mut near.parts {
@@ -269,35 +275,35 @@ impl LiveSum {
         Ok(())
     }
 
-    /// What the forces of the terms did that no potential gives, over the step from `start` to `end`.
+    /// Returns the effects of the terms' forces without a potential, over the step from `start` to `end`.
     pub(crate) fn close_step(&mut self, start: &[f64], end: &[f64]) -> StepOutcome {
         self.follow(start, Some(end));
         let near = self.near.as_ref().filter(|near| near.parts.is_some());
         self.passage.close(near.map_or(&[], |near| &near.discrete), start, end)
     }
 
-    /// The step that was closed last has been made.
+    /// Accepts the step that was closed last.
     pub(crate) fn accept_step(&mut self, start: &[f64], end: &[f64]) {
         self.passage.accept(start, end);
     }
 
-    /// Is there anything to remember between steps?
+    /// Returns whether any term has a memory between steps.
     pub(crate) fn remembers(&self) -> bool {
         self.passage.remembers()
     }
 
-    /// Energy that the terms store between steps beside V, J.
+    /// Returns the energy that the terms store between steps besides V, J.
     pub(crate) fn stored(&self) -> f64 {
         self.passage.stored()
     }
 
-    /// Impulses between parts since this was asked last, N s.
+    /// Returns the impulses between parts since the last call, N s.
     pub(crate) fn take_impulses(&mut self) -> Vec<Impulse> {
         self.passage.take_impulses()
     }
 
-    /// Is the straight path from `start` to `end` free of what no term allows? A term may keep a margin that is relative to
-    /// where a step begins: then the rest of the path is asked for again, from where the term allows it to go.
+    /// Returns whether all terms allow the straight path from `start` to `end`. A term may keep a margin relative to
+    /// the start of a step; then the rest of the path is checked again from the point that the term allows.
     pub(crate) fn is_path_free(&mut self, start: &[f64], end: &[f64]) -> bool {
         const ASKED: usize = 4;
         let mut x = start.to_vec();
@@ -330,8 +336,8 @@ impl LiveSum {
         self.pair.extend_from_slice(start);
     }
 
-    /// The Hessian of all terms with `fixed` that of the fixed ones; where a step from `start` to `end` has its stage
-    /// at `x`, with the tangents of discrete gradients.
+    /// Returns the Hessian of all terms, given the Hessian `fixed` of the fixed ones. For a step with two ends and
+    /// its stage at `x` it contains the tangents of discrete gradients.
     pub(crate) fn hessian<'a>(
         &'a mut self,
         fixed: &'a SymmetricMatrix,
@@ -348,7 +354,7 @@ impl LiveSum {
             None => self.follow(x, None),
         }
         if self.union.is_none() && self.state.pattern_about != self.state.about {
-            // The run that this one continues made the pattern at another place.
+            // The run that this one continues built the pattern at another place.
             self.restore_pattern(fixed, x, t, ends.is_some())?;
         }
         let Self { near, union, state, pair, patterns, .. } = self;
@@ -388,8 +394,8 @@ impl LiveSum {
         Ok(())
     }
 
-    /// The largest part of a step that all terms allow: by the change `dx` from x, or for terms that act by a discrete
-    /// gradient by the change of the end of the step, (end, change).
+    /// Returns the largest fraction of a step that all terms allow: of the change `dx` from x, or, for terms that act
+    /// by a discrete gradient, of the change of the end of the step, (end, change).
     pub(crate) fn largest_step(&mut self, x: &[f64], dx: &[f64], end: Option<[&[f64]; 2]>) -> f64 {
         let sum = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a + b).collect() };
         let (from, along) = match end {
@@ -410,12 +416,12 @@ impl LiveSum {
         }
     }
 
-    /// Do any terms act by a discrete gradient?
+    /// Returns whether any terms act by a discrete gradient.
     pub(crate) fn has_discrete(&self) -> bool {
         self.near.as_ref().is_some_and(|near| near.parts.is_some())
     }
 
-    /// The first stencil without a finite value.
+    /// Returns the first stencil without a finite value.
     pub(crate) fn fault(&self, x: &[f64], t: f64) -> Option<TermFault> {
         self.fault.clone().or_else(|| self.near.as_ref()?.whole.fault(x, t))
     }

@@ -1,6 +1,6 @@
-//! What live terms with a discrete gradient carry from step to step: the memory of forces that dissipate, such as dry
-//! friction. It belongs to the positions where the last step ended; a step that is made again begins with the memory
-//! that it began with before. This file does not know what the terms are.
+//! The memory that live terms with a discrete gradient carry from step to step, for forces that dissipate, such as
+//! dry friction. It belongs to the positions where the last step ended. A repeated step begins with the memory with
+//! which it began before.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -9,12 +9,12 @@ use vi_core::{Account, DiscreteGradient, HessianKind, Impulse, Potential, Stenci
 
 use crate::memory::StepperMemory;
 
-/// The memory of all live terms at one place, and the step that they are in.
+/// The memory of all live terms at one configuration, and the duration of the current step.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Remembered {
-    /// Memory of each term.
+    /// The memory of each term.
     memories: Vec<Vec<f64>>,
-    /// Energy stored there beside V, J.
+    /// Energy stored in the terms besides V, J.
     stored: f64,
     /// Duration of the step, s.
     duration: f64,
@@ -33,7 +33,7 @@ impl Remembered {
         memory.arrays.push((format!("{name}.stored_duration"), vec![self.stored, self.duration]));
     }
 
-    /// What [`Remembered::remember`] entered; none where there is no such thing.
+    /// Returns what [`Remembered::remember`] recorded; `None` if there is nothing.
     pub(super) fn recall(name: &str, memory: &StepperMemory) -> Option<Self> {
         let array = |part: &str| {
             let found = memory.arrays.iter().find(|(key, _)| *key == format!("{name}.{part}"));
@@ -46,19 +46,20 @@ impl Remembered {
     }
 }
 
-/// The way of live terms through the steps.
+/// The memory of live terms over the steps.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Passage {
-    /// Now, and where: positions of all coordinates, m. Empty: anywhere.
+    /// The current memory, and the positions of all coordinates to which it belongs, m. Empty positions mean
+    /// anywhere.
     now: Remembered,
     x: Vec<f64>,
-    /// The same before the last step.
+    /// The memory and the positions before the last step.
     before: Remembered,
     x_before: Vec<f64>,
-    /// At the end of the step that was closed last.
+    /// The memory at the end of the step that was closed last.
     next: Remembered,
     next_impulses: Vec<Impulse>,
-    /// Impulses of the last step, and of all before that nobody has taken yet, N s.
+    /// Impulses of the last step, and the sum of all earlier ones that were not yet taken, N s.
     impulses: Vec<Impulse>,
     earlier: Vec<Impulse>,
 }
@@ -78,10 +79,10 @@ impl Passage {
         }
     }
 
-    /// Opens a step from positions x; false where the terms act as they did over the last one.
+    /// Opens a step from positions x. Returns false if the terms act as they did over the last step.
     pub(super) fn open(&mut self, x: &[f64], duration: f64) -> bool {
         if self.x != x && self.x_before == x {
-            // The last step was given up.
+            // The last step was rejected: return to the memory before it.
             self.now = self.before.clone();
             self.x = x.to_vec();
             self.impulses.clear();
@@ -91,7 +92,7 @@ impl Passage {
         !is_same
     }
 
-    /// The terms as they act over the open step, as potentials of its end.
+    /// Returns the terms over the open step, as potentials of its end.
     pub(super) fn paired(&self, discrete: &[(usize, Arc<dyn Potential>)]) -> Vec<Arc<dyn Potential>> {
         let of = |(number, term): &(usize, Arc<dyn Potential>)| {
             let (term, over) = (Arc::clone(term), self.over_step(*number, term));
@@ -100,13 +101,13 @@ impl Passage {
         discrete.iter().map(of).collect()
     }
 
-    /// The discrete gradient over the open step, where the term has one of its own for it.
+    /// Returns the discrete gradient over the open step, if the term has a special one for it.
     fn over_step(&self, number: usize, term: &Arc<dyn Potential>) -> Option<Arc<dyn DiscreteGradient>> {
         let Remembered { memories, duration, .. } = &self.now;
         term.discrete_gradient()?.over_step(*duration, &memories[number])
     }
 
-    /// Closes the step: what it did, all terms together. Nothing is changed for good before [`Passage::accept`].
+    /// Closes the step and returns the effects of all terms together. [`Passage::accept`] makes the change permanent.
     pub(super) fn close(
         &mut self,
         discrete: &[(usize, Arc<dyn Potential>)],
@@ -130,7 +131,7 @@ impl Passage {
         sum
     }
 
-    /// The step that was closed last has been made, from positions `start` to `end`.
+    /// Accepts the step that was closed last, from positions `start` to `end`.
     pub(super) fn accept(&mut self, start: &[f64], end: &[f64]) {
         self.before = std::mem::replace(&mut self.now, std::mem::take(&mut self.next));
         self.x_before.clear();
@@ -141,19 +142,19 @@ impl Passage {
         add(&mut self.earlier, &last);
     }
 
-    /// The impulses since this was asked last.
+    /// Returns the impulses since the last call.
     pub(super) fn take_impulses(&mut self) -> Vec<Impulse> {
         let mut all = std::mem::take(&mut self.earlier);
         add(&mut all, &std::mem::take(&mut self.impulses));
         all
     }
 
-    /// Is there anything to remember?
+    /// Returns whether any term has a memory.
     pub(super) fn remembers(&self) -> bool {
         self.now.memories.iter().any(|memory| !memory.is_empty())
     }
 
-    /// Energy stored beside V, J.
+    /// Returns the energy stored besides V, J.
     pub(super) fn stored(&self) -> f64 {
         self.now.stored
     }
@@ -169,10 +170,10 @@ fn add(sums: &mut Vec<Impulse>, more: &[Impulse]) {
     }
 }
 
-/// A term with a discrete gradient as a potential of the end of a step, whose start stands behind it in one array.
+/// A term with a discrete gradient as a potential of the end of a step; the start follows the end in one array.
 struct Paired {
     term: Arc<dyn Potential>,
-    /// Its discrete gradient over the open step, where that is not the term's.
+    /// The discrete gradient over the open step, if it differs from that of the term.
     over: Option<Arc<dyn DiscreteGradient>>,
 }
 
@@ -195,7 +196,7 @@ impl Potential for Paired {
         self.term.stencils()
     }
 
-    /// Time-dependent, so that nothing is taken for constant: the start changes unseen.
+    /// Declares time dependence, so that nothing is cached as constant: the start changes without notice.
     fn traits(&self) -> Traits {
         Traits { hessian: HessianKind::Varying, time_dependent: true }
     }

@@ -1,15 +1,15 @@
-//! Runs of stencils that are summed together, and which of their coordinates can move.
+//! Runs of stencils that are summed together, and the mobility of their coordinates.
 
 use std::ops::Range;
 
 use vi_core::{Potential, Terms, run_length};
 
-/// Coordinates in a block of the nodal arrays: the largest of 3, 2, 1 that divides the block of every fixed
-/// term. Terms with larger blocks are seen as stencils of more, smaller nodes.
+/// Returns the number of coordinates per node of the nodal arrays: the largest of 3, 2, 1 that divides the block of
+/// every fixed term. Terms with larger blocks are treated as stencils of more, smaller nodes.
 pub(crate) fn common_block(terms: &Terms) -> usize {
     let has_ties = !terms.coordinates().is_plain();
     let divides = |block: usize| {
-        // Ties and axes are of nodes of three coordinates.
+        // Ties and axes belong to nodes of three coordinates.
         if has_ties && block == 2 {
             return false;
         }
@@ -19,7 +19,7 @@ pub(crate) fn common_block(terms: &Terms) -> usize {
     [3, 2].into_iter().find(|&block| divides(block)).unwrap_or(1)
 }
 
-/// Can a coordinate change, and is it solved for? The freest first.
+/// Whether a coordinate is solved for, is prescribed and moves, or is fixed; in this order.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Mobility {
     Free,
@@ -27,7 +27,7 @@ pub(crate) enum Mobility {
     Fixed,
 }
 
-/// The mobility of every coordinate.
+/// Returns the mobility of every coordinate.
 pub(crate) fn mobilities(terms: &Terms) -> Vec<Mobility> {
     let mut mobility = vec![Mobility::Free; terms.coordinates().dof_count()];
     for group in terms.coordinates().prescribed() {
@@ -36,13 +36,13 @@ pub(crate) fn mobilities(terms: &Terms) -> Vec<Mobility> {
             mobility[dof as usize] = kind;
         }
     }
-    // Along the axes of space a node with axes of its own moves as its freest coordinate.
+    // Along the axes of space, all coordinates of a node with its own axes are as mobile as its most mobile one.
     for own in terms.coordinates().node_axes() {
         let of_node = &mut mobility[3 * own.node as usize..][..3];
         let freest = of_node.iter().copied().min().unwrap_or(Mobility::Fixed);
         of_node.fill(freest);
     }
-    // A tied node moves as the freest of those that it is tied to.
+    // A tied node is as mobile as the most mobile of the nodes to which it is tied.
     for (node, terms) in terms.coordinates().combinations() {
         for axis in 0..3 {
             let of = terms.iter().map(|term| mobility[3 * term.0 as usize + axis]);
@@ -57,7 +57,7 @@ pub(crate) fn mobilities(terms: &Terms) -> Vec<Mobility> {
 pub(crate) struct Span {
     /// Index of the term.
     pub(crate) term: usize,
-    /// Its stencils.
+    /// The range of its stencils.
     pub(crate) stencils: Range<usize>,
 }
 
@@ -70,7 +70,7 @@ pub(crate) fn spans(term: usize, potential: &dyn Potential) -> impl Iterator<Ite
         .map(move |chunk| Span { term, stencils: chunk * length..count.min((chunk + 1) * length) })
 }
 
-/// The mobilities that occur among the coordinates of a span: (any free, any moving).
+/// Returns which mobilities occur among the coordinates of a span: (any free, any moving).
 pub(crate) fn mobility_of(span: &Span, potential: &dyn Potential, mobility: &[Mobility]) -> (bool, bool) {
     let stencils = potential.stencils();
     let block = stencils.block;
@@ -85,7 +85,7 @@ pub(crate) fn mobility_of(span: &Span, potential: &dyn Potential, mobility: &[Mo
     found
 }
 
-/// The `split` smaller nodes that a node is made of.
+/// Returns the `split` smaller nodes of which a node consists.
 pub(crate) fn parts(node: u32, split: usize) -> Range<u32> {
     node * split as u32..(node + 1) * split as u32
 }

@@ -1,23 +1,24 @@
-//! One pass over the coordinates of a body for everything that an explicit step does to them: the sums of a gradient,
-//! a kick, a drift and the new positions, a cacheful at a time, on all cores.
+//! Makes one pass over the coordinates of a body for everything that an explicit step does to them: the nodal sums of
+//! a gradient, a kick, a drift and the new positions. It works on cache-sized pieces, on all cores.
 
 use pulp::{Arch, Simd, WithSimd};
 use vi_core::{State, System};
 
 use crate::assemble::gather::Gather;
 
-/// Coordinates that one task works through.
+/// Number of coordinates per task.
 const TASK: usize = 2048;
-/// Coordinates that are worked on together, so that what one part writes the next finds in cache.
+/// Number of coordinates that are processed together, so that each part of the pass finds the output of the previous
+/// one in cache.
 const TILE: usize = 384;
-/// By how much the blocks of a system may make a tile longer.
+/// Number of coordinates by which the block size of a system may lengthen a tile.
 const MARGIN: usize = 3;
 
-/// Free coordinates that follow each other.
+/// A run of consecutive free coordinates.
 struct Run {
-    /// The first in x.
+    /// Index of the first in x.
     dof: usize,
-    /// The first in q.
+    /// Index of the first in q.
     free: usize,
     length: usize,
 }
@@ -27,7 +28,7 @@ pub(crate) struct Sweep {
     runs: Vec<Run>,
     /// 1/m of every free coordinate, 1/kg.
     inverse_mass: Vec<f64>,
-    /// Coordinates a task, a tile, and where tasks are cut, in whole nodes.
+    /// Number of coordinates per task and per tile, and the multiple at which tasks are cut; all contain whole nodes.
     task: usize,
     tile: usize,
     grain: usize,
@@ -35,15 +36,15 @@ pub(crate) struct Sweep {
     arch: Arch,
 }
 
-/// The arrays that a pass changes, of coordinates `first` and on.
+/// The arrays that a pass changes, from coordinate `first` on.
 pub(crate) struct Arrays<'a> {
-    /// ∂V/∂x of all coordinates; what a pass sums and then drifts away from it does not enter.
+    /// ∂V/∂x of all coordinates. A gradient that the pass itself sums before it drifts is not stored here.
     pub(crate) gradient: &'a mut [f64],
     /// x of all coordinates.
     pub(crate) x: &'a mut [f64],
-    /// q of the free ones, which a pass that does not drift enters.
+    /// q of the free coordinates; written by a pass that does not drift.
     pub(crate) q: &'a mut [f64],
-    /// p of the free ones.
+    /// p of the free coordinates.
     pub(crate) p: &'a mut [f64],
 }
 
@@ -57,18 +58,19 @@ impl<'a> Arrays<'a> {
     }
 }
 
-/// What a pass does: p −= closing ∂V/∂q, then p −= kick ∂V/∂q, then x += drift M⁻¹p at the free coordinates.
+/// The operations of a pass: p −= closing ∂V/∂q, then p −= kick ∂V/∂q, then x += drift M⁻¹p at the free coordinates.
 #[derive(Clone, Copy)]
 pub(crate) struct Pass<'a> {
-    /// Where q and p are read from; else they are x and p in place. Before a kick, x must be of this state.
+    /// If set, read q and p from this state; otherwise update x and p in place. Before a kick, x must be that of this
+    /// state.
     pub(crate) from: Option<&'a State>,
     /// If set, first sum these chunks into the gradient; otherwise the gradient is already valid.
     pub(crate) sums: Option<&'a Gather>,
-    /// b h of the kick that ends the step before, s; none where it is zero.
+    /// b h of the kick that ends the previous step, s; no kick if it is zero.
     pub(crate) closing: f64,
-    /// b h, s.
+    /// b h of the kick before the drift, s.
     pub(crate) kick: f64,
-    /// a h, s; nothing moves where it is zero.
+    /// a h of the drift, s; no drift if it is zero.
     pub(crate) drift: f64,
 }
 
@@ -88,25 +90,26 @@ impl Sweep {
             inverse_mass: system.free_mass().iter().map(|m| 1.0 / m).collect(),
             task: TASK.next_multiple_of(block),
             tile: TILE.next_multiple_of(block),
-            // Of whole vectors, and near the middle: the halves of nodes are then those of the elements.
+            // A multiple of whole vectors, and near the middle: then the halves of the nodes match those of the
+            // elements.
             grain: 8 * block,
             parallel: gather.is_parallel(),
             arch: Arch::new(),
         }
     }
 
-    /// 1/m of every free coordinate, 1/kg.
+    /// Returns 1/m of every free coordinate, 1/kg.
     pub(crate) fn inverse_mass(&self) -> &[f64] {
         &self.inverse_mass
     }
 
-    /// Makes a pass. Returns false if a number that it wrote is not finite, or if x was not that of the state: the
-    /// arrays must then not be used.
+    /// Makes a pass. Returns false if a number that it wrote is not finite, or if x was not that of the state; then
+    /// the arrays must not be used.
     pub(crate) fn pass(&self, pass: Pass<'_>, arrays: Arrays<'_>) -> bool {
         self.task(pass, 0, 0, arrays)
     }
 
-    /// The free coordinates before coordinate `dof`.
+    /// Returns the number of free coordinates before coordinate `dof`.
     fn free_before(&self, dof: usize) -> usize {
         let after = self.runs.partition_point(|run| run.dof < dof);
         match after.checked_sub(1).map(|k| &self.runs[k]) {
@@ -115,7 +118,8 @@ impl Sweep {
         }
     }
 
-    /// Coordinates `first` and on, of which q begins with number `free`: halved until small.
+    /// Processes the coordinates from `first` on, whose first free coordinate is number `free`; halves them until
+    /// they are few enough.
     fn task(&self, pass: Pass<'_>, first: usize, free: usize, arrays: Arrays<'_>) -> bool {
         let length = arrays.x.len();
         if length <= self.task {
@@ -183,11 +187,10 @@ impl Sweep {
     }
 }
 
-// What is done to the coordinates of a run, in whatever vectors the machine has, with a sum of zeros that is
-// zero where all numbers are finite. No product is fused with a sum, so that every machine gives the same
-// bits.
+// Operations on the coordinates of a run with the vector instructions of the machine. Each also sums 0 · (result),
+// which is zero if all numbers are finite. No product is fused with a sum, so that every machine gives the same bits.
 
-/// Are all numbers finite?
+/// Returns whether all numbers are finite.
 struct AreFinite<'a>(&'a [f64]);
 
 impl WithSimd for AreFinite<'_> {
@@ -208,7 +211,7 @@ impl WithSimd for AreFinite<'_> {
     }
 }
 
-/// a = b, and both are finite?
+/// Returns whether a equals b and both are finite.
 struct AreEqual<'a> {
     a: &'a [f64],
     b: &'a [f64],
@@ -231,7 +234,7 @@ impl WithSimd for AreEqual<'_> {
     }
 }
 
-/// p −= kick g. Is p finite?
+/// Computes p −= kick g; returns whether p is finite.
 struct KickRun<'a> {
     kick: f64,
     gradient: &'a [f64],
@@ -259,7 +262,7 @@ impl WithSimd for KickRun<'_> {
     }
 }
 
-/// p −= kick g, then x += drift p/m. Are p and x finite?
+/// Computes p −= kick g, then x += drift p/m; returns whether p and x are finite.
 struct KickDriftRun<'a> {
     kick: f64,
     drift: f64,

@@ -1,6 +1,7 @@
-//! The Hessian of a system with tied nodes, K = SᵀK̂S: K̂ is summed as if tied nodes were free, then each nodal block
-//! goes to the pairs of nodes that its own two are tied to, times both weights, through a map made once. Blocks of
-//! nodes with axes of their own are turned into these, R_a K_ab R_bᵀ. Systems without such nodes never come here.
+//! The Hessian of a system with tied nodes, K = SᵀK̂S. K̂ is summed as if tied nodes were free. Then each nodal block
+//! is added to the pairs of nodes to which its two nodes are tied, times both weights, through a map that is built
+//! once. Blocks of nodes with their own axes are rotated to these, R_a K_ab R_bᵀ. Systems without such nodes do not
+//! use this file.
 
 use std::sync::Arc;
 
@@ -10,22 +11,22 @@ use vi_core::Terms;
 use crate::index::NONE;
 use crate::linear::matrix::{Pattern, SymmetricMatrix};
 
-/// Orthonormal axes of a node, one a row.
+/// Orthonormal axes of a node, one per row.
 type Axes = [[f64; 3]; 3];
 
-/// Below this many entries the sum is made on the calling thread.
+/// With fewer entries than this, the calling thread computes the sum alone.
 const PARALLEL_ENTRIES: usize = 12_000;
 
-/// How a block enters an entry of the lower triangle.
+/// The form in which a block is added to an entry of the lower triangle.
 #[derive(Clone, Copy, PartialEq)]
 enum Side {
     Plain,
     Transposed,
-    /// Block plus transpose: both halves fall on the diagonal.
+    /// Block plus transpose, because both halves belong to the diagonal.
     Both,
 }
 
-/// A block of K̂ with what it is multiplied by.
+/// A block of K̂ with its factor.
 #[derive(Clone, Copy)]
 struct Part {
     place: u32,
@@ -40,14 +41,14 @@ pub(crate) struct TiedHessian {
     parts: Vec<Part>,
     /// Blocks with rows or columns of prescribed coordinates: entry, row, column.
     masked: Vec<(u32, u32, u32)>,
-    /// Blocks of nodes with axes of their own: entry, axes of the row's node, of the column's.
-    turned: Vec<(u32, Option<Axes>, Option<Axes>)>,
+    /// Blocks of nodes with their own axes: entry, axes of the row's node, axes of the column's node.
+    rotated: Vec<(u32, Option<Axes>, Option<Axes>)>,
     matrix: SymmetricMatrix,
 }
 
 impl TiedHessian {
-    /// From the rows of nodes without tied ones (`row_of`, `free_of`), and K̂ over the rows `full_row_of`
-    /// with tied ones; none where no node is tied.
+    /// Builds the map from the rows `full_row_of` of K̂, which include tied nodes, to the rows without them
+    /// (`row_of`, `free_of`). Returns `None` if no node is tied.
     pub(crate) fn new(
         terms: &Terms,
         full: &SymmetricMatrix,
@@ -59,7 +60,7 @@ impl TiedHessian {
             return None;
         }
         let block = full.pattern.block;
-        // For each row of K̂ the rows of K that it stands for.
+        // For each row of K̂, find the rows of K to which it contributes.
         let mut sums: Vec<Vec<(u32, f64)>> = vec![Vec::new(); full.pattern.row_count()];
         for (node, &full_row) in full_row_of.iter().enumerate() {
             if full_row != NONE && row_of[node] != NONE {
@@ -90,7 +91,7 @@ impl TiedHessian {
                             std::cmp::Ordering::Greater => Side::Plain,
                             std::cmp::Ordering::Equal if diagonal => Side::Plain,
                             std::cmp::Ordering::Equal => Side::Both,
-                            // The pair (b, a) of the same block has it.
+                            // The pair (b, a) of the same block covers it.
                             std::cmp::Ordering::Less if diagonal => continue,
                             std::cmp::Ordering::Less => Side::Transposed,
                         };
@@ -99,14 +100,14 @@ impl TiedHessian {
                 }
             }
         }
-        // Stable: the parts of an entry stay in the order of K̂.
+        // The sort is stable: the parts of an entry stay in the order of K̂.
         touched.par_sort_by_key(|touch| touch.0);
         let row_count = free_of.len() / block;
         let (mut entries, mut start, mut parts) = (Vec::new(), vec![0], Vec::with_capacity(touched.len()));
         let mut next_row = 0;
         let mut diagonals_to =
             |row: u32, entries: &mut Vec<(u32, u32)>, start: &mut Vec<u32>, count: usize| {
-                // The diagonal is there even where nothing touches it.
+                // Add the diagonal even if nothing contributes to it.
                 while next_row < row {
                     if entries.last() != Some(&(next_row, next_row)) {
                         entries.push((next_row, next_row));
@@ -130,7 +131,7 @@ impl TiedHessian {
             .filter(|(_, entry)| partially_free(entry.0) || partially_free(entry.1))
             .map(|(place, &(row, column))| (place, row, column))
             .collect();
-        // Axes are of nodes of three coordinates, and so are then the blocks.
+        // Only nodes of three coordinates have axes, and then blocks have three rows.
         let mut axes_of: Vec<Option<[[f64; 3]; 3]>> = vec![None; row_count];
         for own in terms.coordinates().node_axes().iter().filter(|_| block == 3) {
             let row = row_of[own.node as usize];
@@ -139,14 +140,14 @@ impl TiedHessian {
             }
         }
         let axes = |row: u32| axes_of[row as usize];
-        let turned = (0_u32..)
+        let rotated = (0_u32..)
             .zip(&entries)
             .filter(|(_, entry)| axes(entry.0).is_some() || axes(entry.1).is_some())
             .map(|(place, &(row, column))| (place, axes(row), axes(column)))
             .collect();
         let places = (0..entries.len() as u32).collect();
         let matrix = SymmetricMatrix::zeros(Arc::new(Pattern::new(block, &entries, places, free_of)));
-        Some(Self { start, parts, masked, turned, matrix })
+        Some(Self { start, parts, masked, rotated, matrix })
     }
 
     pub(crate) fn matrix(&self) -> &SymmetricMatrix {
@@ -157,7 +158,7 @@ impl TiedHessian {
         4 * self.start.len() + size_of::<Part>() * self.parts.len() + self.matrix.bytes()
     }
 
-    /// K from K̂.
+    /// Computes K from K̂.
     pub(crate) fn pull_back(&mut self, full: &SymmetricMatrix) {
         let block = self.matrix.pattern.block;
         let size = block * block;
@@ -184,8 +185,8 @@ impl TiedHessian {
         } else {
             values.chunks_mut(size).enumerate().for_each(sum);
         }
-        for (place, of_row, of_column) in &self.turned {
-            turn(&mut values[*place as usize * size..][..size], of_row, of_column);
+        for (place, of_row, of_column) in &self.rotated {
+            rotate(&mut values[*place as usize * size..][..size], of_row, of_column);
         }
         let free_of = &self.matrix.pattern.free_of;
         let prescribed = |row: u32, k: usize| free_of[row as usize * block + k] == NONE;
@@ -199,8 +200,8 @@ impl TiedHessian {
     }
 }
 
-/// K ← R_a K R_bᵀ, with the axes of a node as the rows of R, or none for those of space.
-fn turn(block: &mut [f64], of_row: &Option<[[f64; 3]; 3]>, of_column: &Option<[[f64; 3]; 3]>) {
+/// Computes K ← R_a K R_bᵀ. The rows of R are the axes of a node; `None` means the axes of space.
+fn rotate(block: &mut [f64], of_row: &Option<[[f64; 3]; 3]>, of_column: &Option<[[f64; 3]; 3]>) {
     if let Some(axes) = of_row {
         for j in 0..3 {
             let column = [0, 1, 2].map(|i| block[3 * i + j]);

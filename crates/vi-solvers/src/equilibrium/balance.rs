@@ -1,4 +1,4 @@
-//! The balance of a body at a load factor: residual, energy, tangent and its factor.
+//! The equilibrium of a body at a load factor: residual, energy, tangent and its factor.
 
 use vi_core::{State, System};
 
@@ -25,11 +25,11 @@ pub(crate) struct Balance<'a> {
     still: Vec<f64>,
     gradient: Vec<f64>,
     shifted_mass: Vec<f64>,
-    /// K of the last factorisation with a shift.
+    /// K of the last factorisation that had a shift.
     unshifted: Option<SymmetricMatrix>,
     /// Diagonal of the K of the last factorisation, N/m.
     diagonal: Vec<f64>,
-    /// Constant forces that are taken from the residual, N; none where empty.
+    /// Constant forces that are subtracted from the residual, N; empty for none.
     pub(crate) held: Vec<f64>,
     pub(crate) work: Work,
 }
@@ -55,7 +55,7 @@ impl<'a> Balance<'a> {
         }
     }
 
-    /// Do all forces have a potential, so that equilibria are stationary points of V?
+    /// Returns whether all forces have a potential, so that equilibria are stationary points of V.
     pub(crate) fn is_conservative(&self) -> bool {
         self.forces.is_none()
     }
@@ -65,7 +65,7 @@ impl<'a> Balance<'a> {
         self.t = t;
     }
 
-    /// r(q, t), N.
+    /// Writes r(q, t), N.
     ///
     /// # Errors
     /// [`SolverError::Term`] or [`SolverError::NotFinite`] outside the domain of a term.
@@ -94,7 +94,7 @@ impl<'a> Balance<'a> {
         Ok(())
     }
 
-    /// The largest part of the change `dq` from (q, t) that the terms allow, in (0, 1].
+    /// Returns the largest fraction of the change `dq` from (q, t) that the terms allow, in (0, 1].
     pub(crate) fn largest_step(&mut self, q: &[f64], t: f64, dq: &[f64]) -> f64 {
         if !self.assembler.limits_steps() {
             return 1.0;
@@ -105,7 +105,7 @@ impl<'a> Balance<'a> {
         self.assembler.largest_step(&self.x, &dx, None)
     }
 
-    /// Do the terms allow the body to go straight from `from` to (q, t), its prescribed coordinates with it?
+    /// Checks that the terms allow the straight path from `from` to (q, t), including the prescribed coordinates.
     ///
     /// # Errors
     /// [`SolverError::Blocked`].
@@ -121,7 +121,7 @@ impl<'a> Balance<'a> {
         if part < 1.0 { Err(SolverError::Blocked { load_factor: t, part }) } else { Ok(()) }
     }
 
-    /// V(q, t), J; infinite outside the domain of a term.
+    /// Returns V(q, t), J; infinite outside the domain of a term.
     pub(crate) fn energy(&mut self, q: &[f64], t: f64) -> f64 {
         self.go_to(q, t);
         self.work.energies += 1;
@@ -129,7 +129,7 @@ impl<'a> Balance<'a> {
         self.assembler.energies(&self.x, t).total() - held
     }
 
-    /// Σ |V| over the accounts at (q, t), J: a scale of energy.
+    /// Returns Σ |V| over the accounts at (q, t), J, as a scale of energy.
     pub(crate) fn energy_scale(&mut self, q: &[f64], t: f64) -> f64 {
         self.go_to(q, t);
         self.work.energies += 1;
@@ -137,10 +137,10 @@ impl<'a> Balance<'a> {
         energies.elastic.abs() + energies.gravity.abs() + energies.load.abs() + energies.contact.abs()
     }
 
-    /// K at (q, t).
+    /// Returns K at (q, t).
     ///
     /// # Errors
-    /// Where terms and forces cannot be summed into one matrix.
+    /// The matrices of terms and forces cannot be summed into one.
     pub(crate) fn tangent(
         &mut self,
         q: &[f64],
@@ -160,7 +160,7 @@ impl<'a> Balance<'a> {
     /// Factors K + σM at (q, t), σ in 1/s².
     ///
     /// # Errors
-    /// The outer error is fatal; the inner one says that the matrix is not positive definite.
+    /// The outer error is fatal; the inner one means that the matrix is not positive definite.
     pub(crate) fn factorize(
         &mut self,
         q: &[f64],
@@ -190,8 +190,8 @@ impl<'a> Balance<'a> {
         Ok(result)
     }
 
-    /// Is r no more than the rounding of positions leaves, |r_i| ≤ 16 ε K_ii max |x|? K is that of the last
-    /// factorisation.
+    /// Returns whether r is no larger than the round-off of positions, |r_i| ≤ 16 ε K_ii max |x|, with the K of the
+    /// last factorisation.
     pub(crate) fn is_round_off(&self, r: &[f64]) -> bool {
         let [_, reach] = self.system.coordinates().extent_and_reach(&self.x);
         let noise = 16.0 * f64::EPSILON * reach;
@@ -201,14 +201,14 @@ impl<'a> Balance<'a> {
     /// Solves with the last factor, in place.
     ///
     /// # Errors
-    /// [`SolverError::Residual`] where the matrix is too close to singular.
+    /// [`SolverError::Residual`] if the matrix is too close to singular.
     pub(crate) fn solve(&mut self, rhs_to_solution: &mut [f64]) -> Result<(), SolverError> {
         self.work.solves += 1;
         self.factor.as_mut().ok_or(SolverError::NotFactored)?.solve(rhs_to_solution)?;
         Ok(())
     }
 
-    /// Solves K x = b by minimal residuals, K that of the last factorisation, which had a shift.
+    /// Solves K x = b by minimal residuals, with the K of the last factorisation that had a shift.
     ///
     /// # Errors
     /// [`SolverError::NoConvergence`] after `max_iterations`.
@@ -224,7 +224,7 @@ impl<'a> Balance<'a> {
         minimal_residual(k, factor, b, tolerance, max_iterations, &mut self.work.solves)
     }
 
-    /// max K_ii/M_ii of the tangent at (q, t), 1/s²: above the highest ω².
+    /// Returns max K_ii/M_ii of the tangent at (q, t), 1/s²: a scale of the highest ω².
     pub(crate) fn stiffest(&mut self, q: &[f64], t: f64) -> Result<f64, SolverError> {
         let mut diagonal = vec![0.0; q.len()];
         self.tangent(q, t, HessianEvaluation::Exact)?.diagonal(&mut diagonal);
@@ -233,7 +233,7 @@ impl<'a> Balance<'a> {
     }
 }
 
-/// Refuses constraints to an analysis that has no place for them.
+/// Refuses constraints in an analysis that does not support them.
 ///
 /// # Errors
 /// [`SolverError::ConstrainedAnalysis`].

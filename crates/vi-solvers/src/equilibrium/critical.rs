@@ -1,5 +1,5 @@
-//! Critical points: the lowest eigenpair of (K, M) at an equilibrium, where it crosses zero, and the push onto the
-//! branch that leaves there.
+//! Critical points: the lowest eigenpair of (K, M) at an equilibrium, the load factor at which it crosses zero, and
+//! the step onto the branch that starts there.
 
 use vi_core::State;
 
@@ -13,7 +13,7 @@ use crate::linear::lanczos::lowest_pairs;
 use crate::linear::pencil::Pencil;
 use crate::vectors;
 
-/// Lowest ω² (1/s²) of (K, M) at (q, t) and its mode, of mass norm 1.
+/// Returns the lowest ω² (1/s²) of (K, M) at (q, t), and its mode with mass norm 1.
 pub(crate) fn lowest(balance: &mut Balance, q: &[f64], t: f64) -> Result<(f64, Vec<f64>), SolverError> {
     let stiffness = balance.tangent(q, t, HessianEvaluation::Exact)?.clone();
     let mut pencil = Pencil::lumped(stiffness, balance.system.free_mass().to_vec())?;
@@ -22,7 +22,7 @@ pub(crate) fn lowest(balance: &mut Balance, q: &[f64], t: f64) -> Result<(f64, V
 }
 
 impl Search<'_> {
-    /// Between equilibria of unlike stability: where the lowest eigenvalue is zero.
+    /// Finds the load factor between two equilibria of different stability at which the lowest eigenvalue is zero.
     pub(super) fn find_critical(&mut self, before: &State, after: &State) -> Result<(), SolverError> {
         let (first, _) = lowest(&mut self.balance, &before.q, before.t)?;
         let (last, mode) = lowest(&mut self.balance, &after.q, after.t)?;
@@ -67,7 +67,8 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// At a limit point the critical mode feels the load, φᵀ ∂r/∂t ≠ 0; at a bifurcation it does not.
+    /// Returns the kind of a critical point. At a limit point the load acts on the critical mode, φᵀ ∂r/∂t ≠ 0; at a
+    /// bifurcation it does not.
     pub(super) fn kind_of(&mut self, mode: &[f64], state: &State) -> Result<CriticalKind, SolverError> {
         let n = mode.len();
         let (mut here, mut there) = (vec![0.0; n], vec![0.0; n]);
@@ -75,14 +76,14 @@ impl Search<'_> {
         self.balance.residual(&state.q, state.t - e, &mut here)?;
         self.balance.residual(&state.q, state.t + e, &mut there)?;
         let mass = self.balance.system.free_mass();
-        // Both sides per √mass, so that the ratio has no unit.
+        // Divide both sides by √mass, so that the ratio is dimensionless.
         let load = vectors::sum(n, |k| (there[k] - here[k]).powi(2) / mass[k]).sqrt();
         let felt = vectors::sum(n, |k| mode[k] * (there[k] - here[k])).abs();
         Ok(if felt > 1e-4 * load { CriticalKind::Limit } else { CriticalKind::Bifurcation })
     }
 
-    /// Pushes an unstable equilibrium along its critical mode and lets it fall to a minimum of V at the
-    /// same load; returns whether that is stable.
+    /// Perturbs an unstable equilibrium along its critical mode and descends to a minimum of V at the same load.
+    /// Returns whether the result is stable.
     pub(super) fn leave_branch(&mut self, state: &mut State, push: f64) -> Result<bool, SolverError> {
         let (_, mode) = lowest(&mut self.balance, &state.q, state.t)?;
         let largest = vectors::max_abs(mode.len(), |k| mode[k]);

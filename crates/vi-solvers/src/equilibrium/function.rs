@@ -1,5 +1,5 @@
-//! A function c(x) of the positions by which a path of equilibria is followed: a displacement, or an enclosed
-//! volume. It is given as a sum of local terms, as a potential is.
+//! A function c(x) of the positions that controls a path of equilibria: a displacement, or an enclosed volume. It is
+//! given as a sum of local terms, like a potential.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use crate::assemble::assembler::Assembler;
 use crate::error::SolverError;
 use crate::vectors;
 
-/// c(x) = Σ terms − origin.
+/// The function c(x) = Σ terms − origin.
 pub struct PathFunction {
     assembler: Assembler,
     origin: f64,
@@ -21,23 +21,23 @@ pub(crate) struct FunctionValue {
     pub(crate) value: f64,
     /// ∂c/∂q.
     pub(crate) gradient: Vec<f64>,
-    /// ∂c/∂t: not zero where prescribed coordinates move with the load factor.
+    /// ∂c/∂t; not zero if prescribed coordinates move with the load factor.
     rate: f64,
 }
 
 impl FunctionValue {
-    /// dc/dt along dq/dt.
+    /// Returns dc/dt along dq/dt.
     pub(crate) fn slope(&self, velocity: &[f64]) -> f64 {
         vectors::sum(velocity.len(), |k| self.gradient[k] * velocity[k]) + self.rate
     }
 }
 
 impl PathFunction {
-    /// The sum of the energies of `terms` over the coordinates of `system`, less what it is at positions `rest`
-    /// (m, one a coordinate).
+    /// Returns the sum of the energies of `terms` over the coordinates of `system`, minus its value at the positions
+    /// `rest` (m, one per coordinate).
     ///
     /// # Errors
-    /// [`SolverError::Memory`] where a term names a node that the system does not have.
+    /// [`SolverError::Memory`] if a term names a node that the system does not have.
     pub fn new(system: &System, terms: Vec<Box<dyn Potential>>, rest: &[f64]) -> Result<Self, SolverError> {
         let mismatch = |_| SolverError::Memory { missing: "node of the function that controls the path" };
         // All coordinates are free here, so that no term counts as constant.
@@ -48,12 +48,13 @@ impl PathFunction {
         Ok(Self { assembler, origin })
     }
 
-    /// c at positions x, one a coordinate.
+    /// Returns c at positions x, one per coordinate.
     pub fn value(&mut self, x: &[f64]) -> f64 {
         self.assembler.energies(x, 0.0).total() - self.origin
     }
 
-    /// c and its derivatives at (q, t) of the system that is followed; `end` is of the size of its load factors.
+    /// Returns c and its derivatives at (q, t) of the system that is followed; `end` gives the size of its load
+    /// factors.
     pub(crate) fn at(&mut self, followed: &System, q: &[f64], t: f64, end: f64) -> FunctionValue {
         let coordinates = followed.coordinates();
         let mut x = vec![0.0; coordinates.dof_count()];

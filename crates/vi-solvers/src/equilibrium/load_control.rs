@@ -1,5 +1,5 @@
-//! Static equilibria by load steps that halve and grow. Time is the load factor: loads and prescribed motions are read
-//! at t, from where the state is to `end`.
+//! Finds static equilibria by load steps that are halved and enlarged. Time is the load factor: loads and prescribed
+//! motions are evaluated at t, from the state's own t to `end`.
 
 use vi_core::{State, System};
 
@@ -14,16 +14,16 @@ use crate::equilibrium::search::Search;
 use crate::error::SolverError;
 use crate::vectors;
 
-/// A body that moves this many times further per unit of load than in the step before may have snapped.
+/// If a body moves this many times farther per unit of load than in the previous step, it may have snapped.
 const SNAP_RATIO: f64 = 5.0;
 
-/// Brings `state` to the equilibrium at load factor `options.end`, from where it is (state.t); momenta
-/// become zero. Where state.t is already there, solves at that load factor.
+/// Brings `state` from its load factor state.t to the equilibrium at load factor `options.end`; momenta become zero.
+/// If state.t is already there, solves at that load factor.
 ///
 /// # Errors
-/// [`SolverError::Equilibrium`] with the load factor that was reached where no increment succeeds,
-/// [`SolverError::ArcStep`] where no arc step does, [`SolverError::ArcSteps`] where they are used up, or the error
-/// of a term or factor; `state` is then as before.
+/// [`SolverError::Equilibrium`] with the load factor that was reached, if no increment succeeds;
+/// [`SolverError::ArcStep`] if no arc step succeeds; [`SolverError::ArcSteps`] if they are used up; or the error of a
+/// term or factor. Then `state` is unchanged.
 pub fn equilibrium(
     system: &System,
     state: &mut State,
@@ -32,10 +32,11 @@ pub fn equilibrium(
     equilibrium_path(system, state, options, &mut |_, _| true)
 }
 
-/// [`equilibrium`], showing every equilibrium on the way to `watch`, which returns false to stop there.
+/// Does the same as [`equilibrium`], and passes every equilibrium on the way to `watch`, which returns false to stop
+/// there.
 ///
 /// # Errors
-/// As [`equilibrium`].
+/// Those of [`equilibrium`].
 pub fn equilibrium_path(
     system: &System,
     state: &mut State,
@@ -62,15 +63,15 @@ pub fn equilibrium_path(
 }
 
 impl Search<'_> {
-    /// Load control.
+    /// Steps the load factor to its end.
     fn step_loads(&mut self, state: &mut State) -> Result<(), SolverError> {
         let end = self.options.end;
         let span = end - state.t;
         let (mut q, mut velocity) = (state.q.clone(), vec![0.0; state.q.len()]);
         let mut increment = self.options.increment.min(self.options.largest_increment) * span.signum();
-        // How far the body moved per unit of load in the last step.
+        // The distance that the body moved per unit of load in the last step.
         let mut last_rate = 0.0;
-        // Is dq/dt known, from a tangent that holds at `state`?
+        // Whether dq/dt is known from a tangent at `state`.
         let mut has_velocity = false;
         let mut may_release = true;
         loop {
@@ -82,7 +83,7 @@ impl Search<'_> {
             let mut stop = self.stop;
             let mut result = self.solve_at(state, &mut q, t, &mut stop);
             if result.is_err() && has_velocity {
-                // Perhaps the prediction was at fault.
+                // The prediction may be the cause; try without it.
                 q.copy_from_slice(&state.q);
                 stop = self.stop;
                 result = self.solve_at(state, &mut q, t, &mut stop);
@@ -95,7 +96,7 @@ impl Search<'_> {
             let may_have_snapped =
                 was_stable && !self.report.steps.is_empty() && (lost_definiteness || has_leapt);
             match result {
-                // Perhaps to another equilibrium: look closer before that is accepted.
+                // The step may have gone to another equilibrium; refine it before accepting it.
                 Ok(_) if may_have_snapped && tried > self.closest(span) => {
                     increment = 0.25 * tried * span.signum();
                     self.report.halvings += 1;
@@ -146,7 +147,8 @@ impl Search<'_> {
         }
     }
 
-    /// Solves at load factor t with `q` as the first guess, if the body may go there straight from `state`.
+    /// Solves at load factor t with `q` as the first guess, if the terms allow the straight path from `state` to the
+    /// solution.
     fn solve_at(
         &mut self,
         state: &State,
@@ -158,19 +160,20 @@ impl Search<'_> {
         newton::solve(&mut self.balance, q, t, stop)
     }
 
-    /// The increment at which a step across an indefinite tangent is accepted.
+    /// Returns the increment at which a step across an indefinite tangent is accepted.
     fn closest(&self, span: f64) -> f64 {
         (1e-3 * span.abs()).max(self.options.smallest_increment)
     }
 
-    /// Root mean square distance of two configurations, m, weighted by mass.
+    /// Returns the root mean square distance of two configurations, m, weighted by mass.
     fn distance(&self, a: &[f64], b: &[f64]) -> f64 {
         let mass = self.balance.system.free_mass();
         let square = vectors::sum(a.len(), |k| mass[k] * (a[k] - b[k]).powi(2));
         (square / vectors::sum(a.len(), |k| mass[k])).sqrt()
     }
 
-    /// dq/dt = −K⁻¹ ∂r/∂t at an equilibrium whose tangent was just factored; false where it has none.
+    /// Writes dq/dt = −K⁻¹ ∂r/∂t at an equilibrium whose tangent was just factored; returns false if it does not
+    /// exist.
     fn velocity(&mut self, state: &State, increment: f64, out: &mut [f64]) -> Result<bool, SolverError> {
         let mut here = vec![0.0; out.len()];
         self.balance.residual(&state.q, state.t, &mut here)?;
@@ -187,7 +190,7 @@ impl Search<'_> {
         Ok(self.balance.solve(out).is_ok())
     }
 
-    /// The error of a load that cannot be carried, with what is known of the last equilibrium.
+    /// Returns the error for a load that cannot be carried, with the facts about the last equilibrium.
     fn no_equilibrium(&mut self, state: &State, increment: f64, cause: SolverError) -> SolverError {
         let t = state.t;
         let lowest = critical::lowest(&mut self.balance, &state.q, t).ok().map(|mode| mode.0);

@@ -1,23 +1,24 @@
-//! Newton's method for an equilibrium at a fixed load factor: energy line search, projection where
-//! the tangent has no Cholesky factor, stop in the energy norm. Terms are asked how far a step may go before it is taken.
+//! Newton's method for an equilibrium at a fixed load factor. It uses a line search on the energy, projects the
+//! Hessian if the tangent has no Cholesky factor, and stops in the energy norm. Before a step, the terms limit its
+//! length.
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::Balance;
 use crate::error::SolverError;
 use crate::vectors;
 
-/// Below this relative energy norm steps are taken whole: there, differences of energies are noise.
+/// Below this relative energy norm full steps are made, because differences of energies are round-off there.
 const WHOLE_STEPS_BELOW: f64 = 1e-4;
 
 /// Below this relative energy norm a solve that stalls has reached round-off.
 const ROUND_OFF_BELOW: f64 = 1e-5;
 
-/// When and how a solve stops.
+/// The criteria for stopping a solve.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Stop {
     pub(crate) tolerance: f64,
     pub(crate) max_iterations: u32,
-    /// Energy that the norm is relative to, J; grows with the first decrement of each solve.
+    /// Energy to which the norm is relative, J; it grows with the first decrement of each solve.
     pub(crate) scale: f64,
 }
 
@@ -28,16 +29,16 @@ impl Stop {
     }
 }
 
-/// What a solve took.
+/// The effort of a solve.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Solved {
     pub(crate) iterations: u32,
-    /// Was the tangent definite at every iterate? Then the equilibrium lies on the path that the start
-    /// is on; otherwise the body may have snapped.
+    /// Whether the tangent was positive definite at every iterate. Then the equilibrium lies on the path of the
+    /// start; otherwise the body may have snapped.
     pub(crate) stayed_definite: bool,
 }
 
-/// Factors the tangent, or what has to stand in for it where it is not definite; returns whether it was.
+/// Factors the tangent, or a positive definite substitute for it; returns whether the tangent was positive definite.
 fn factorize_somehow(balance: &mut Balance, q: &[f64], t: f64) -> Result<bool, SolverError> {
     if balance.factorize(q, t, HessianEvaluation::Exact, 0.0)?.is_ok() {
         return Ok(true);
@@ -45,7 +46,7 @@ fn factorize_somehow(balance: &mut Balance, q: &[f64], t: f64) -> Result<bool, S
     let Err(mut failure) = balance.factorize(q, t, HessianEvaluation::Projected, 0.0)? else {
         return Ok(false);
     };
-    // Semidefinite: a little mass makes it definite, e.g. for a string that is not yet taut.
+    // The matrix is semidefinite, e.g. for a string that is not yet taut; a little mass makes it definite.
     let stiffest = balance.stiffest(q, t)?;
     for exponent in [-10, -8, -6, -4, -2] {
         match balance.factorize(q, t, HessianEvaluation::Projected, stiffest * 10.0_f64.powi(exponent))? {
@@ -56,8 +57,8 @@ fn factorize_somehow(balance: &mut Balance, q: &[f64], t: f64) -> Result<bool, S
     Err(failure.into())
 }
 
-/// Goes from `q` to an equilibrium at t, minimising V where all forces are conservative; `q` is
-/// overwritten even in failure.
+/// Iterates from `q` to an equilibrium at t, minimising V if all forces are conservative. Overwrites `q` even if it
+/// fails.
 pub(crate) fn solve(
     balance: &mut Balance,
     q: &mut [f64],
@@ -111,7 +112,8 @@ pub(crate) fn solve(
     })
 }
 
-/// Moves `q` along `step` as far as it pays, at most the `longest` part of it, and evaluates the residual there.
+/// Moves `q` along `step` as far as the energy decreases, by at most the fraction `longest` of it, and evaluates the
+/// residual there.
 fn line_search(
     balance: &mut Balance,
     q: &mut [f64],
@@ -143,7 +145,7 @@ fn line_search(
                     Err(error) => failure = error,
                 }
             } else if change.is_finite() {
-                // The minimum of the parabola through what is known.
+                // The minimum of the parabola through the known values.
                 let minimum = -0.5 * slope * length * length / (change - slope * length);
                 next = minimum.clamp(0.1 * length, 0.5 * length);
             }

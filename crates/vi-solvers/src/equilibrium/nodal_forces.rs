@@ -1,4 +1,4 @@
-//! What acts on the nodes, for observers: accelerations, external forces. Evaluated only when asked for.
+//! Accelerations and forces at the nodes, for observers. They are evaluated only on request.
 
 use vi_core::{Account, ForceAccount, State, Stencils, System};
 
@@ -6,8 +6,8 @@ use crate::assemble::assembler::Assembler;
 use crate::assemble::force_sum::ForceSum;
 use crate::schemes::constraint::manifold::constrain_accelerations;
 
-/// Accelerations of all coordinates, m/s²: M⁻¹(f − ∂V/∂x) where they are free, and those of their path where they
-/// are prescribed, by differences of its velocity over a thousandth of the time step `h` (s).
+/// Returns the accelerations of all coordinates, m/s². They are M⁻¹(f − ∂V/∂x) at free coordinates. At prescribed
+/// ones they are those of the path, by differences of its velocity over a thousandth of the time step `h` (s).
 pub fn accelerations(system: &System, state: &State, h: f64) -> Vec<f64> {
     let (x, v) = (system.positions(state), system.velocities(state));
     let net = net_forces(system, state);
@@ -15,7 +15,7 @@ pub fn accelerations(system: &System, state: &State, h: f64) -> Vec<f64> {
     let mut out = vec![0.0; x.len()];
     if coordinates.is_moving() {
         let step = 1e-3 * h.abs();
-        // No path is asked where it was before the beginning.
+        // Do not evaluate paths before their beginning.
         let (from, to) = ((state.t - step).max(state.t.min(0.0)), state.t + step);
         let still = vec![0.0; coordinates.free_count()];
         let mut before = vec![0.0; x.len()];
@@ -34,8 +34,8 @@ pub fn accelerations(system: &System, state: &State, h: f64) -> Vec<f64> {
     out
 }
 
-/// f − ∂V/∂x of all coordinates, N, pulled back from tied nodes: what accelerates the free ones and what the prescribed
-/// ones are held against. Forces of constraints are not in it.
+/// Returns f − ∂V/∂x of all coordinates, N, pulled back from tied nodes: it accelerates free coordinates and is
+/// balanced by the supports at prescribed ones. Forces of constraints are not included.
 pub fn net_forces(system: &System, state: &State) -> Vec<f64> {
     let x = system.positions(state);
     let mut net = vec![0.0; x.len()];
@@ -50,7 +50,7 @@ pub fn net_forces(system: &System, state: &State) -> Vec<f64> {
     net
 }
 
-/// Forces of weight, loads and wind on all coordinates, N; neither elastic nor damping forces.
+/// Returns the forces of weight, loads and wind on all coordinates, N, without elastic and damping forces.
 pub fn external_forces(system: &System, state: &State) -> Vec<f64> {
     let (x, v) = (system.positions(state), system.velocities(state));
     let mut out = vec![0.0; x.len()];
@@ -78,8 +78,9 @@ pub fn external_forces(system: &System, state: &State) -> Vec<f64> {
     out
 }
 
-/// The forces that hold the prescribed coordinates, N: ∂V/∂x − f where they do not accelerate, with what
-/// consistent mass passes on to them, M_pf q̈; zero at free coordinates. One entry a coordinate.
+/// Returns the forces that hold the prescribed coordinates, N, one entry per coordinate: ∂V/∂x − f for coordinates
+/// that do not accelerate, plus the inertia that consistent mass transfers to them, M_pf q̈; zero at free
+/// coordinates.
 pub fn reactions(system: &System, state: &State) -> Vec<f64> {
     let (x, v) = (system.positions(state), system.velocities(state));
     let mut out = vec![0.0; x.len()];

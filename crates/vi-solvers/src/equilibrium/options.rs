@@ -1,30 +1,30 @@
-//! How equilibria are searched for, and what a search reports.
+//! Options of a search for equilibria, and its report.
 
 use crate::error::SolverError;
 use crate::work::Work;
 
-/// How equilibria are searched for.
+/// Options of a search for equilibria.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StaticOptions {
-    /// Load factor (time) to end at.
+    /// Final load factor (time).
     pub end: f64,
     /// First increment of the load factor.
     pub increment: f64,
-    /// Increments grow to this at most.
+    /// Largest increment of the load factor.
     pub largest_increment: f64,
-    /// A solve that fails at increments this small has failed.
+    /// Smallest increment; a solve that fails at this increment ends the search.
     pub smallest_increment: f64,
     /// Relative tolerance in the energy norm, √(rᵀK⁻¹r / largest first decrement).
     pub tolerance: f64,
-    /// Newton iterations after which an increment is halved.
+    /// Number of Newton iterations after which an increment is halved.
     pub max_iterations: u32,
-    /// Follow the path of equilibria by its arc length, through limit points, in at most so many steps. The first
-    /// and the longest of them are those of `increment` and `largest_increment` where the body responds as at the
+    /// Follows the path of equilibria by its arc length, through limit points, in at most this many steps. The first
+    /// and the largest step correspond to `increment` and `largest_increment` with the response of the body at the
     /// start.
     pub arc_steps: Option<u32>,
-    /// Find the load factors at which an equilibrium becomes unstable.
+    /// Whether to find the load factors at which an equilibrium becomes unstable.
     pub find_critical: bool,
-    /// Where the path becomes unstable, leave it along the critical mode: amplitude of the push, m.
+    /// If the path becomes unstable, leave it along the critical mode with this amplitude, m.
     pub push: Option<f64>,
 }
 
@@ -44,60 +44,60 @@ impl Default for StaticOptions {
     }
 }
 
-/// An equilibrium on the way.
+/// An equilibrium on the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LoadStep {
-    /// Its load factor.
+    /// The load factor.
     pub load_factor: f64,
-    /// Newton iterations that it took.
+    /// Number of Newton iterations made for it.
     pub iterations: u32,
-    /// Is V at a minimum there (has the tangent a Cholesky factor)?
+    /// Whether V has a minimum there, that is, the tangent has a Cholesky factor.
     pub is_stable: bool,
 }
 
-/// What happens at a critical point.
+/// The kind of a critical point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CriticalKind {
-    /// The load has a maximum or minimum along the path: beyond it the body snaps.
+    /// The load has a maximum or minimum along the path; the body snaps beyond it.
     Limit,
-    /// Another path branches off: the body buckles.
+    /// Another path branches off; the body buckles.
     Bifurcation,
 }
 
-/// A load factor at which stability is lost or won.
+/// A load factor at which stability changes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CriticalPoint {
-    /// What happens.
+    /// The kind of the critical point.
     pub kind: CriticalKind,
-    /// Load factor.
+    /// The load factor.
     pub load_factor: f64,
     /// Lowest ω² = λ(K, M) of the equilibria before and after it, 1/s².
     pub eigenvalues: [f64; 2],
 }
 
-/// What a search did.
+/// The report of a search.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct StaticReport {
     /// The equilibria, in order.
     pub steps: Vec<LoadStep>,
-    /// Critical points passed, in order.
+    /// The critical points that were passed, in order.
     pub critical: Vec<CriticalPoint>,
-    /// Load factors of stable equilibria from which the next one could only be reached across states
-    /// without stability: there the body snapped, and the path that it was on has ended.
+    /// Load factors of stable equilibria after which the next one could only be reached through unstable states:
+    /// there the body snapped, and its path ended.
     pub jumps: Vec<f64>,
-    /// Increments that failed and were halved.
+    /// Number of increments that failed and were halved.
     pub halvings: u32,
     /// Work done.
     pub work: Work,
 }
 
 impl StaticReport {
-    /// Load factor reached.
+    /// Returns the load factor that was reached.
     pub fn load_factor(&self) -> f64 {
         self.steps.last().map_or(0.0, |step| step.load_factor)
     }
 
-    /// Is the last equilibrium stable?
+    /// Returns whether the last equilibrium is stable.
     pub fn is_stable(&self) -> bool {
         self.steps.last().is_some_and(|step| step.is_stable)
     }

@@ -1,5 +1,5 @@
-//! Steps along a path of equilibria as a stepper: `state.t` is the load factor, which each step finds; momenta
-//! are zero.
+//! A stepper that follows a path of equilibria. `state.t` is the load factor, which each step finds; momenta are
+//! zero.
 
 use vi_core::{State, StepEnergy, System};
 
@@ -18,17 +18,17 @@ use crate::work::Work;
 
 const NAME: &str = "path of equilibria";
 
-/// What fixes how far a step along a path of equilibria goes.
+/// The quantity that determines the length of a step along a path of equilibria.
 pub enum PathControl {
-    /// Its arc length. The path is followed to the load factor `end` of the options, or for `arc_steps` of them.
+    /// The arc length. The path is followed to the load factor `end` of the options, or for `arc_steps` steps.
     Arc,
-    /// A function of the positions, which goes evenly in `steps` steps from where it is to `to`.
+    /// A function of the positions, which changes in `steps` equal steps from its initial value to `to`.
     Function {
         /// The function.
         function: Box<PathFunction>,
-        /// Its value at the end.
+        /// The value of the function at the end.
         to: f64,
-        /// Steps.
+        /// Number of steps.
         steps: u64,
     },
 }
@@ -36,23 +36,23 @@ pub enum PathControl {
 struct PathFollowing {
     options: StaticOptions,
     control: PathControl,
-    /// None before the first step.
+    /// `None` before the first step.
     path: Option<Path>,
-    /// Value of the function at the start; zero for an arc.
+    /// Value of the function at the start; zero for arc length.
     start: f64,
-    /// Steps made.
+    /// Number of steps made.
     made: u64,
     ledger: Option<Assembler>,
     work: Work,
     findings: Vec<String>,
 }
 
-/// A stepper whose steps follow a path of equilibria from `state.t`, the load factor, which it finds. The step h
-/// that it is given does not matter. The work of loads and prescribed motion, ΔV along the path, is entered as work
-/// of forces where a ledger is kept.
+/// Returns a stepper that follows a path of equilibria from the load factor `state.t`. Each step finds the next load
+/// factor; its argument h is ignored. With a ledger, the work of loads and prescribed motion, which is ΔV along the
+/// path, is booked as work of forces.
 ///
 /// # Errors
-/// [`SolverError::Option`], or [`SolverError::Constrained`] where the system has constraints.
+/// [`SolverError::Option`], or [`SolverError::ConstrainedAnalysis`] if the system has constraints.
 pub fn path_following(
     system: &System,
     options: StaticOptions,
@@ -74,7 +74,7 @@ pub fn path_following(
 }
 
 impl PathFollowing {
-    /// Makes a step of the path that begins or goes on at `state`; returns where the path then is.
+    /// Makes a step of the path that begins or continues at `state`; returns the data of the path after it.
     fn follow(&mut self, search: &mut Search, state: &mut State) -> Result<Path, SolverError> {
         let system = search.balance.system;
         let mut path = match self.path.clone() {
@@ -99,7 +99,7 @@ impl PathFollowing {
         Ok(path)
     }
 
-    /// Says so where this was the last arc step that is allowed, and the load factor asked for is not reached.
+    /// Records a finding if this was the last allowed arc step and the final load factor is not reached.
     fn note_end(&mut self, state: &State) {
         let end = self.options.end;
         if let (PathControl::Arc, Some(steps)) = (&self.control, self.options.arc_steps)

@@ -1,4 +1,4 @@
-//! Equilibria one after another as a stepper: t is the load factor, momenta are zero.
+//! A stepper that goes from one equilibrium to the next: t is the load factor, momenta are zero.
 
 use vi_core::{State, StepEnergy, System};
 
@@ -19,7 +19,7 @@ struct QuasiStatic {
     findings: Vec<String>,
 }
 
-/// Critical points and snaps of a step, in words.
+/// Returns descriptions of the critical points and snaps of a step.
 pub(crate) fn findings(report: &StaticReport) -> impl Iterator<Item = String> {
     let critical = report.critical.iter().map(|point| {
         let what = match point.kind {
@@ -36,9 +36,9 @@ pub(crate) fn findings(report: &StaticReport) -> impl Iterator<Item = String> {
     critical.chain(report.jumps.iter().map(snapped)).collect::<Vec<_>>().into_iter()
 }
 
-/// A stepper that goes from the equilibrium at t to that at t + h; steps are cut further as `options`
-/// say, whose end is not used. The work of loads and prescribed motion, ΔV along a path of equilibria,
-/// is entered as work of forces where a ledger is kept.
+/// Returns a stepper that goes from the equilibrium at t to that at t + h. It cuts steps further as `options` say;
+/// their `end` is not used. With a ledger, the work of loads and prescribed motion, which is ΔV along a path of
+/// equilibria, is booked as work of forces.
 pub fn quasi_static(system: &System, options: StaticOptions, ledger: bool) -> Box<dyn Stepper> {
     Box::new(QuasiStatic {
         options,
@@ -86,8 +86,8 @@ impl Stepper for QuasiStatic {
     }
 }
 
-/// Returns the work (J) that loads and prescribed motion do between two equilibria: ΔV, less the kinetic energy that
-/// `before` had and that is not used. Zero without a ledger.
+/// Returns the work (J) of loads and prescribed motion between two equilibria: ΔV minus the kinetic energy of
+/// `before`, which is not used. Zero without a ledger.
 pub(super) fn work_of_loads(
     ledger: Option<&mut Assembler>,
     system: &System,

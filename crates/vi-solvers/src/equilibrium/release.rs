@@ -1,8 +1,8 @@
-//! From a state that is out of balance to an equilibrium at the same load factor: what holds it is let go step by
-//! step.
+//! Brings a state that is out of equilibrium to an equilibrium at the same load factor, by releasing it step by step.
 //!
-//! With r₀ the residual at the start, r(q) − (1 − s) r₀ = 0 has the start as its solution at s = 0 and the
-//! equilibrium at s = 1. A body under weight alone, which no amplitude raises, is loaded so step by step.
+//! With the residual r₀ at the start, r(q) − (1 − s) r₀ = 0 has the start as its solution at s = 0 and the
+//! equilibrium at s = 1. In this way a body under weight alone, whose load has no amplitude to increase, is loaded
+//! step by step.
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::Balance;
@@ -11,13 +11,13 @@ use crate::error::SolverError;
 
 /// First and largest step of s.
 const STEP: f64 = 0.125;
-/// A release whose steps are smaller than this has failed.
+/// Smallest step; a release that needs smaller ones fails.
 const SMALLEST_STEP: f64 = 1e-5;
 
-/// Brings `q` to an equilibrium at t; `q` is as before where that fails. Returns how often steps were halved.
+/// Brings `q` to an equilibrium at t. If that fails, `q` is unchanged. Returns how often steps were halved.
 ///
 /// # Errors
-/// What stopped the last step.
+/// The error that stopped the last step.
 pub(super) fn release(balance: &mut Balance, q: &mut [f64], t: f64, stop: &Stop) -> Result<u32, SolverError> {
     let n = q.len();
     let mut unbalanced = vec![0.0; n];
@@ -55,7 +55,7 @@ fn follow(
         }
         let mut result = newton::solve(balance, &mut trial, t, &mut { *stop });
         if result.is_err() && is_predicted {
-            // Perhaps the prediction was at fault.
+            // The prediction may be the cause; try without it.
             trial.copy_from_slice(q);
             result = newton::solve(balance, &mut trial, t, &mut { *stop });
         }

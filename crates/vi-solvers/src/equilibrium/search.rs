@@ -1,4 +1,4 @@
-//! A search for equilibria under way: the body, the options, and what has been found so far.
+//! A search for equilibria in progress: the body, the options, and the results so far.
 
 use vi_core::{State, System};
 
@@ -7,7 +7,7 @@ use crate::equilibrium::newton::Stop;
 use crate::equilibrium::options::{LoadStep, StaticOptions, StaticReport};
 use crate::equilibrium::release;
 
-/// A search under way.
+/// A search for equilibria in progress.
 pub(crate) struct Search<'a> {
     pub(crate) balance: Balance<'a>,
     pub(super) options: &'a StaticOptions,
@@ -26,7 +26,8 @@ impl<'a> Search<'a> {
         Self { balance: Balance::new(system), options, stop, report: StaticReport::default(), watch }
     }
 
-    /// Balances the start at its own load factor; false, with the state as it was, where that fails.
+    /// Brings the start to equilibrium at its own load factor. If that fails, returns false and leaves the state
+    /// unchanged.
     pub(super) fn release(&mut self, state: &mut State) -> bool {
         match release::release(&mut self.balance, &mut state.q, state.t, &self.stop) {
             Ok(halvings) => {

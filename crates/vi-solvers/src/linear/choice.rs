@@ -1,5 +1,5 @@
-//! The linear solver behind an implicit step: a Cholesky factor or preconditioned conjugate gradients, by the user's
-//! word or by counted work.
+//! Chooses the linear solver of an implicit step: a Cholesky factor or preconditioned conjugate gradients. The user
+//! or the counted work decides.
 
 use vi_core::System;
 
@@ -13,39 +13,40 @@ use crate::memory::StepperMemory;
 use crate::options::{LinearSolver, SolverOptions};
 use crate::work::Work;
 
-/// Factors with fewer operations are made without asking: there is little to gain.
+/// A factor with fewer operations is taken without comparing, since there is little to gain.
 const CONSIDER_FLOPS: f64 = 3e9;
-/// Solves that share the cost of one factor, as stale factors do.
+/// Number of solves that share the cost of one factor, as stale factors do.
 const SOLVES_A_FACTOR: f64 = 25.0;
-/// A factor may take this part of the machine's memory.
+/// Largest fraction of the machine's memory that a factor may take.
 const MEMORY_SHARE: f64 = 0.5;
-/// Newton's method corrects what conjugate gradients leave: this part of the error, in the energy norm.
+/// Relative error of a solve by conjugate gradients in the energy norm. Newton's method corrects it.
 const FORCING: f64 = 0.05;
-/// The same where solves are subtracted from each other.
+/// Relative error of a solve while solutions are differenced.
 const TIGHT: f64 = 1e-8;
-/// Where one solve must be exact: the least error that is asked for, and iterations a coordinate.
+/// Relative error of a solve that nothing corrects.
 const EXACT: f64 = 1e-13;
-/// Iterations of a solve before one has been made.
+/// Assumed iterations of a solve before the first one.
 const FIRST_GUESS: f64 = 20.0;
-/// A factor in single precision that leaves more than this of an error gives way to one in double.
+/// Largest relative error of a solve with a factor in single precision; above it the factor is replaced by one in
+/// double precision.
 const SINGLE_LIMIT: f64 = 1e-2;
-/// Newton's method to a smaller tolerance takes its steps in double precision.
+/// Smallest tolerance of Newton's method for which single precision is used.
 const SINGLE_TOLERANCE: f64 = 1e-9;
-/// What one in single precision costs of one in double.
+/// Cost of a factor in single precision relative to one in double precision.
 const SINGLE_COST: f64 = 0.55;
-/// The reason in a run that continues another.
+/// The reason reported in a run that continues another.
 const CONTINUED: &str = "as in the run that this one continues";
 const NAMES: [&str; 4] = ["linear.pcg", "linear.single", "linear.iterations", "linear.solves"];
-/// Iterations after which a solve that Newton's method corrects is cut off.
+/// Largest number of iterations of a solve that Newton's method corrects.
 const LONGEST: u32 = 400;
 const LONGEST_EXACT: u32 = 20_000;
 
-/// What serves A⁻¹.
+/// The way in which A⁻¹ is applied.
 enum Path {
     Undecided,
-    /// In double precision.
+    /// A factor in double precision.
     Factor(Box<Factor>),
-    /// In single precision.
+    /// A factor in single precision.
     Single(Box<SingleFactor>),
     Gradients(Box<Pcg>),
 }
@@ -53,27 +54,27 @@ enum Path {
 pub(crate) struct ChosenSolver {
     choice: LinearSolver,
     path: Path,
-    /// Is single precision worth while?
+    /// Whether single precision is allowed.
     may_be_single: bool,
-    /// Must a solve be exact, for nothing corrects it?
+    /// Whether a solve must be exact because nothing corrects its error.
     is_exact: bool,
-    /// Conjugate gradients or not, and single precision or not, in the run that this one continues.
+    /// For a continued run: whether the earlier run used conjugate gradients, and whether it used single precision.
     continued: Option<[bool; 2]>,
-    /// Are solves subtracted from each other?
+    /// Whether solutions are differenced, so that solves need a tight tolerance.
     is_tight: bool,
     costs: UnitCosts,
-    /// Why this path, in words.
+    /// The reason for this path, in words.
     reason: String,
     x: Vec<f64>,
-    /// Iterations of all solves by conjugate gradients, and their number.
+    /// Total iterations of all solves by conjugate gradients, and the number of these solves.
     iterations: [u64; 2],
     pcg: PcgFacts,
-    /// How often ordering and layout were made.
+    /// Number of times that ordering and layout were computed.
     analyses: u64,
 }
 
 impl ChosenSolver {
-    /// For `is_exact` nothing corrects what a solve leaves.
+    /// Returns a solver without a matrix. Set `is_exact` if nothing corrects the error of a solve.
     pub(crate) fn new(options: &SolverOptions, is_exact: bool) -> Self {
         Self {
             choice: options.linear,
@@ -95,7 +96,7 @@ impl ChosenSolver {
         &self.costs
     }
 
-    /// Which solver and why; empty before the first A.
+    /// Returns which solver was chosen and why; empty before the first A.
     pub(crate) fn reason(&self) -> &str {
         &self.reason
     }
@@ -104,7 +105,7 @@ impl ChosenSolver {
         !matches!(self.path, Path::Undecided)
     }
 
-    /// Tightens the tolerance while solutions are subtracted from each other.
+    /// Tightens the tolerance while solutions are differenced.
     pub(crate) fn tighten(&mut self, tight: bool) {
         self.is_tight = tight;
     }
@@ -119,7 +120,7 @@ impl ChosenSolver {
         }
     }
 
-    /// Back to before the first A.
+    /// Returns to the state before the first A.
     pub(crate) fn forget(&mut self) {
         let Self { choice, may_be_single, is_exact, .. } = *self;
         *self = Self {
@@ -137,7 +138,7 @@ impl ChosenSolver {
         Ok(())
     }
 
-    /// Takes A = M + cK with M = diag(mass); an empty mass is zero.
+    /// Takes A = M + cK with M = diag(mass); an empty mass means zero.
     pub(crate) fn make(
         &mut self,
         system: &System,
@@ -164,14 +165,14 @@ impl ChosenSolver {
                     return Ok(());
                 }
                 work.factorizations += 1;
-                self.double(&format!("in single precision a solve leaves {left:.1e} of an error"));
+                self.double(&format!("in single precision a solve has a relative error of {left:.1e}"));
                 return self.make(system, mass, c, k, work);
             }
             Path::Gradients(pcg) => pcg.prepare(mass, c, k).map(|_| ()).map_err(SolverError::from),
         };
         match made {
             Err(SolverError::NotPositiveDefinite(_)) if self.choice == LinearSolver::Auto => {
-                // A pivot of the preconditioner failed: the factor knows whether A itself is to blame.
+                // A pivot of the preconditioner failed. A factor shows whether A itself is indefinite.
                 self.take_factor(system, k, "conjugate gradients found no preconditioner")?;
                 self.make(system, mass, c, k, work)
             }
@@ -179,7 +180,7 @@ impl ChosenSolver {
         }
     }
 
-    /// Makes ordering and layout anew for the pattern of k, in the same solver.
+    /// Recomputes ordering and layout for the pattern of k with the same solver.
     fn analyze(&mut self, k: &SymmetricMatrix) -> Result<(), SolverError> {
         self.path = match &self.path {
             Path::Undecided => Path::Undecided,
@@ -192,7 +193,7 @@ impl ChosenSolver {
         Ok(())
     }
 
-    /// Were ordering and layout made for the pattern of k?
+    /// Returns whether ordering and layout belong to the pattern of k.
     fn serves(&self, k: &SymmetricMatrix) -> bool {
         match &self.path {
             Path::Undecided => false,
@@ -202,12 +203,12 @@ impl ChosenSolver {
         }
     }
 
-    /// How often ordering and layout were made.
+    /// Returns the number of times that ordering and layout were computed.
     pub(crate) fn analyses(&self) -> u64 {
         self.analyses
     }
 
-    /// From here on double precision, if it is single; says whether it was.
+    /// Switches from single to double precision for all later solves; returns whether it was single.
     pub(crate) fn double(&mut self, why: &str) -> bool {
         match std::mem::replace(&mut self.path, Path::Undecided) {
             Path::Single(factor) => self.path = Path::Factor(Box::new(factor.into_precision())),
@@ -231,7 +232,7 @@ impl ChosenSolver {
         }
     }
 
-    /// v ← A⁻¹v.
+    /// Computes v ← A⁻¹v.
     pub(crate) fn apply(&mut self, v: &mut [f64], work: &mut Work) -> Result<(), SolverError> {
         let Self { path, x, iterations, is_exact, is_tight, .. } = self;
         let (tolerance, longest) = match (*is_exact, *is_tight) {
@@ -242,7 +243,7 @@ impl ChosenSolver {
         match path {
             Path::Undecided => Err(SolverError::NotFactored),
             Path::Factor(factor) if *is_exact => factor.solve(v).map(|_| ()),
-            // Newton's own residual is the check.
+            // Newton's own residual serves as the check.
             Path::Factor(factor) => factor.solve_unchecked(v),
             Path::Single(factor) if *is_tight => {
                 work.solves += factor.solve_refined(v, TIGHT)? - 1;
@@ -253,7 +254,7 @@ impl ChosenSolver {
                 x.resize(v.len(), 0.0);
                 let made = match pcg.solve(v, x, tolerance, longest) {
                     Ok(report) => report.iterations,
-                    // What has been reached descends: Newton's method goes on from there (Steihaug 1983).
+                    // The partial solution is a descent direction: Newton's method continues from it (Steihaug 1983).
                     Err(
                         SolverError::NegativeCurvature { iterations, .. }
                         | SolverError::ConjugateGradients { iterations, .. },
@@ -270,7 +271,7 @@ impl ChosenSolver {
         }
     }
 
-    /// The mean cost of a solve by conjugate gradients so far.
+    /// Returns the mean cost of a solve by conjugate gradients so far.
     fn mean_solve(&self) -> f64 {
         let mean = match self.iterations {
             [_, 0] => FIRST_GUESS,
@@ -285,13 +286,14 @@ impl ChosenSolver {
         Ok(())
     }
 
-    /// Single precision where something corrects it, cheaply: not where a solve must be exact, nor where multipliers
-    /// of constraints are found by solves, nor where a tolerance close to round-off would cost an iteration more.
+    /// Returns whether to use single precision: only if something corrects its error cheaply. It is not used for
+    /// exact solves, for solves that find multipliers of constraints, or for tolerances near round-off, where it
+    /// would cost one more iteration.
     fn prefers_single(&self, system: &System) -> bool {
         self.may_be_single && system.constraints().is_empty() && self.choice != LinearSolver::CholeskyDouble
     }
 
-    /// Takes the path of a factor, with its costs, in the precision that serves.
+    /// Takes the path of a factor with its costs, in the precision that suits.
     fn keep_factor(&mut self, system: &System, factor: Factor) {
         let single = match self.continued.take() {
             Some([_, single]) => single,
@@ -320,8 +322,8 @@ impl ChosenSolver {
         self.path = Path::Gradients(Box::new(pcg));
     }
 
-    /// Chooses by counted work: the factor's, shared by the solves that it serves, against that of conjugate
-    /// gradients, whose number of iterations is found by one solve.
+    /// Chooses by counted work: the cost of a factor, shared by the solves that use it, against that of conjugate
+    /// gradients. One trial solve finds their number of iterations.
     fn decide(
         &mut self,
         system: &System,
@@ -352,12 +354,12 @@ impl ChosenSolver {
         match Factor::new(k) {
             Ok(factor) => self.keep_factor(system, factor),
             Err(error @ SolverError::Symbolic { .. }) => {
-                self.take_gradients(system, k, format!("a factor is not possible, {error}"));
+                self.take_gradients(system, k, format!("a factor is not possible: {error}"));
                 return Ok(());
             }
             Err(error) => return Err(error),
         }
-        // Of the factor as it would be made.
+        // Facts and costs of the factor if it were made.
         let (facts, costs) = (self.facts(), self.costs);
         let (memory, gigabytes) = (memory_of_machine(), facts.bytes as f64 * 1e-9);
         if facts.bytes as f64 > MEMORY_SHARE * memory {
@@ -394,21 +396,21 @@ impl ChosenSolver {
 fn describe(facts: &FactorFacts, single: bool) -> String {
     let (flops, megabytes) = (1e-9 * facts.flops, 1e-6 * facts.bytes as f64);
     let precision = if single { "single" } else { "double" };
-    format!("cholesky: {flops:.2} Gflop a factor, {megabytes:.1} MB, {precision} precision")
+    format!("cholesky: {flops:.2} Gflop per factor, {megabytes:.1} MB, {precision} precision")
 }
 
-/// A load with all frequencies, the same at every call.
+/// Returns a load with all frequencies, the same at every call.
 fn rough_load(mass: &[f64]) -> Vec<f64> {
     mass.iter().zip(0..).map(|(m, i)| m * rough(i)).collect()
 }
 
-/// A number from −1 to 1 that looks random, the same at every call.
+/// Returns a pseudo-random number from −1 to 1, the same at every call.
 fn rough(k: u64) -> f64 {
     let mixed = (k + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     (mixed >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
-/// Bytes of memory that the machine has; 8 GB where it does not tell.
+/// Returns the machine's memory in bytes; 8 GB if it cannot be read.
 fn memory_of_machine() -> f64 {
     let told = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
         let line = text.lines().find(|line| line.starts_with("MemTotal:"))?;

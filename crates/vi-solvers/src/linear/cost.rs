@@ -1,5 +1,5 @@
-//! What the pieces of a step cost, counted in fixed units (seconds of one reference core, from counts of flops and bytes)
-//! and never measured with a clock, so that equal runs are equal to the bit.
+//! The costs of the parts of a step in fixed units: seconds of one reference core, from counts of flops and bytes.
+//! They are never measured with a clock, so that equal runs are equal to the bit.
 
 use vi_core::{HessianKind, System, packed_len};
 
@@ -9,38 +9,39 @@ use crate::work::Work;
 /// Seconds of the reference core for one entry of a local gradient, and of a local Hessian.
 const GRADIENT_ENTRY: f64 = 2.0e-9;
 const HESSIAN_ENTRY: f64 = 1.8e-9;
-/// Flops a second of a factorisation, bytes a second of a solve.
+/// Flops per second of a factorisation, and bytes per second of a solve.
 const FACTOR_RATE: f64 = 25e9;
 const SOLVE_RATE: f64 = 8e9;
 
-/// Seconds of the reference core for a call, however small its system.
+/// Seconds of the reference core for one call, however small the system.
 const CALL: f64 = 1e-6;
 
-/// Seconds of the reference core to move so many bytes through sparse or triangular products.
+/// Returns the seconds of the reference core to move so many bytes in sparse or triangular products.
 pub(crate) fn bytes(count: f64) -> f64 {
     count / SOLVE_RATE
 }
 
-/// Costs of the pieces of a step, s of one core of the reference machine: counted, the same everywhere.
+/// Costs of the parts of a step in seconds of one core of the reference machine. They are counted and are the same on
+/// every machine.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct UnitCosts {
-    /// ∂V/∂x of the system.
+    /// Cost of ∂V/∂x of the system.
     pub gradient: f64,
-    /// ∂²V/∂x² of the system.
+    /// Cost of ∂²V/∂x² of the system.
     pub hessian: f64,
-    /// A factor of M + cK, or its preconditioner.
+    /// Cost of a factor of M + cK, or of its preconditioner.
     pub factor: f64,
-    /// A solve.
+    /// Cost of a solve.
     pub solve: f64,
 }
 
 impl UnitCosts {
-    /// The costs of schemes that solve nothing.
+    /// Returns the costs of schemes that solve no equations.
     pub fn explicit(system: &System) -> Self {
         Self::new(system, &FactorFacts::default())
     }
 
-    /// What `work` costs, s of the reference core. An energy counts as a gradient.
+    /// Returns the cost of `work` in seconds of the reference core. An energy counts as a gradient.
     pub fn seconds(&self, work: &Work) -> f64 {
         CALL * (work.gradients + work.energies + work.solves) as f64
             + self.gradient * (work.gradients + work.energies) as f64
@@ -66,7 +67,7 @@ impl UnitCosts {
         Self { gradient, hessian, factor, solve }
     }
 
-    /// Cost of a new factor in iterations with the old one.
+    /// Returns the cost of a new factor, as a number of iterations with the old one.
     pub(crate) fn refactor(&self) -> f64 {
         let iteration = self.gradient + self.solve;
         if iteration > 0.0 { (self.hessian + self.factor) / iteration } else { 1.0 }

@@ -1,10 +1,10 @@
-//! Sparse Cholesky factor of A = M + cK: a nodal multifrontal method.
+//! Sparse Cholesky factor of A = M + cK by a nodal multifrontal method.
 //!
-//! The tree of fronts is made once a pattern (`tree`); a factorisation walks it from the leaves, sums the entries of
-//! A and the updates of the children into each dense front, eliminates its columns (`front`), and passes the update
-//! on. Independent subtrees run in parallel; sums have a fixed order, so the bits are the same on any number of
-//! threads. All memory is laid out beforehand: panels of L in postorder, updates on two stacks that alternate with
-//! the depth of the tree. Every solve is checked against the A that was factored.
+//! The tree of fronts is built once per pattern (`tree`). A factorisation visits it from the leaves: it sums the
+//! entries of A and the updates of the children into each dense front, eliminates the columns of the front (`front`),
+//! and passes its update on. Independent subtrees run in parallel. Sums have a fixed order, so the bits are the same
+//! on any number of threads. All memory is laid out beforehand: the panels of L in postorder, and updates on two
+//! stacks that alternate with the depth of the tree. Every solve is checked against the A that was factored.
 
 mod front;
 mod panel;
@@ -22,62 +22,63 @@ use crate::linear::matrix::SymmetricMatrix;
 use scalar::Scalar;
 use tree::{Family, Supernode, Tree};
 
-/// A backward error above this is an error: round-off of a sound factor stays far below, however
-/// badly conditioned A is.
+/// Largest allowed backward error. The round-off of a valid factor stays far below it, however badly conditioned A
+/// is.
 const RESIDUAL_LIMIT: f64 = 1e-8;
 
-/// A relative residual above this is refined once.
+/// A solve with a larger relative residual is refined once.
 const REFINE_ABOVE: f64 = 1e-12;
 
 /// Size and cost of a factor.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct FactorFacts {
-    /// Entries of the factor, stored zeros included.
+    /// Number of entries of the factor, including stored zeros.
     pub nnz: u64,
-    /// Floating-point operations of a factorisation (a multiplication with an addition counts two).
+    /// Floating-point operations of a factorisation (a multiplication with an addition counts as two).
     pub flops: f64,
-    /// Bytes read by one solve, its residual included.
+    /// Bytes that one solve reads, including its residual.
     pub solve_bytes: f64,
-    /// Bytes held.
+    /// Bytes of memory held.
     pub bytes: u64,
-    /// Dense column blocks.
+    /// Number of dense column blocks.
     pub supernodes: usize,
 }
 
-/// Sparse Cholesky factor of A = M + cK, to the round-off of double precision.
+/// A sparse Cholesky factor of A = M + cK in double precision.
 pub type Factor = Cholesky<f64>;
 
-/// The same in single precision: half the bytes and up to half the time, with errors of about 1e-7 times the
-/// condition number of A in what it solves, for something else to correct.
+/// A sparse Cholesky factor of A = M + cK in single precision: half the bytes and up to half the time. The errors of
+/// its solutions are about 1e-7 times the condition number of A, and something else must correct them.
 pub type SingleFactor = Cholesky<f32>;
 
-/// Sparse Cholesky factor L Lᵀ = s A, A = M + cK, of numbers `T`. In single precision s makes the largest entry
-/// of s A one. In double precision s is a power of two that makes its first entry 1 to 2, so that solutions
-/// have the same bits in units of mass that are powers of two, whose roots are none.
+/// A sparse Cholesky factor L Lᵀ = s A of A = M + cK in numbers of type `T`. In single precision s makes the largest
+/// entry of s A one. In double precision s is a power of two that makes the first entry of s A 1 to 2. Then solutions
+/// have the same bits in units of mass that differ by a power of two, although the roots of such powers need not be
+/// powers of two.
 pub struct Cholesky<T> {
     tree: Tree,
-    /// The panels of L, in postorder.
+    /// The panels of L in postorder.
     panels: Vec<T>,
     /// The two stacks of updates.
     stacks: [Vec<T>; 2],
-    /// A as it was factored, for residuals.
+    /// The matrix A that was factored, for residuals.
     matrix: SymmetricMatrix,
     rhs: Vec<f64>,
     residual: Vec<f64>,
     permuted: Vec<T>,
     shared: Vec<T>,
-    /// Largest diagonal entry of A: no entry of a positive definite matrix is larger.
+    /// Largest diagonal entry of A; no entry of a positive definite matrix is larger.
     largest: f64,
-    /// s.
+    /// The scale s.
     scale: f64,
     is_factored: bool,
 }
 
 impl<T: Scalar> Cholesky<T> {
-    /// Ordering and layout, once a pattern; the factor's own memory is taken by the first factorisation.
+    /// Computes ordering and layout, once per pattern. The first factorisation allocates the memory of the factor.
     ///
     /// # Errors
-    /// Where the ordering fails or a front exceeds the index type.
+    /// The ordering failed, or a front exceeds the index type.
     pub fn new(pattern: &SymmetricMatrix) -> Result<Self, SolverError> {
         let matrix = SymmetricMatrix::zeros(Arc::clone(&pattern.pattern));
         Ok(Self::with_tree(Tree::new(&matrix.pattern)?, matrix))
@@ -100,23 +101,23 @@ impl<T: Scalar> Cholesky<T> {
         }
     }
 
-    /// The same order and layout for numbers `U`, nothing factored.
+    /// Returns the same order and layout for numbers of type `U`, without a factor.
     pub(crate) fn into_precision<U: Scalar>(self) -> Cholesky<U> {
         Cholesky::with_tree(self.tree, self.matrix)
     }
 
-    /// Is it for matrices of the pattern of k?
+    /// Returns whether this factor is for matrices with the pattern of k.
     pub(crate) fn serves(&self, k: &SymmetricMatrix) -> bool {
         self.matrix.has_pattern_of(k)
     }
 
-    /// Factors A = M + cK with M = diag(mass) on the free coordinates; an empty mass is zero.
+    /// Factors A = M + cK with M = diag(mass) on the free coordinates; an empty mass means zero.
     ///
     /// # Errors
-    /// Where a pivot is not positive; the factor then holds nothing.
+    /// A pivot is not positive; then the object holds no factor.
     ///
     /// # Panics
-    /// Where k has another pattern than the factor was made for.
+    /// If k has another pattern than the one that the factor was made for.
     pub fn factorize(
         &mut self,
         mass: &[f64],
@@ -154,12 +155,12 @@ impl<T: Scalar> Cholesky<T> {
         Ok(())
     }
 
-    /// Solves A x = b in place and returns ‖Ax − b‖/‖b‖. What it is judged by is the backward error
-    /// ‖Ax − b‖/(‖b‖ + max|a_ij| ‖x‖): a solution that is exact for a matrix next to A is all that
-    /// round-off leaves where A is badly conditioned (Higham, Accuracy and Stability, §7.1).
+    /// Solves A x = b in place and returns ‖Ax − b‖/‖b‖. The solution is judged by its backward error ‖Ax − b‖/(‖b‖ +
+    /// max|a_ij| ‖x‖). If A is badly conditioned, round-off allows no more than an exact solution for a matrix close
+    /// to A (Higham, Accuracy and Stability, §7.1).
     ///
     /// # Errors
-    /// Where the backward error is above 1e-8 after one step of refinement, or nothing has been factored.
+    /// The backward error is above 1e-8 after one step of refinement, or nothing has been factored.
     pub fn solve(&mut self, rhs_to_solution: &mut [f64]) -> Result<f64, SolverError> {
         if !self.is_factored {
             return Err(SolverError::NotFactored);
@@ -188,11 +189,11 @@ impl<T: Scalar> Cholesky<T> {
         }
     }
 
-    /// Solves A x = b in place, refined until ‖Ax − b‖ ≤ `tolerance` ‖b‖ or no longer better; returns the number of
-    /// solves.
+    /// Solves A x = b in place and refines until ‖Ax − b‖ ≤ `tolerance` ‖b‖ or there is no more improvement. Returns
+    /// the number of solves.
     ///
     /// # Errors
-    /// Where nothing has been factored.
+    /// Nothing has been factored.
     pub(crate) fn solve_refined(
         &mut self,
         rhs_to_solution: &mut [f64],
@@ -218,10 +219,10 @@ impl<T: Scalar> Cholesky<T> {
         }
     }
 
-    /// The same without a check, where the caller's own residual is one.
+    /// Solves A x = b in place without a check, for callers whose own residual is a check.
     ///
     /// # Errors
-    /// Where nothing has been factored.
+    /// Nothing has been factored.
     pub(crate) fn solve_unchecked(&mut self, rhs_to_solution: &mut [f64]) -> Result<(), SolverError> {
         if !self.is_factored {
             return Err(SolverError::NotFactored);
@@ -230,16 +231,16 @@ impl<T: Scalar> Cholesky<T> {
         Ok(())
     }
 
-    /// Does it hold a factor, or has nothing been factored, or the last attempt failed?
+    /// Returns whether a factor is present: something has been factored, and the last attempt succeeded.
     pub fn is_factored(&self) -> bool {
         self.is_factored
     }
 
-    /// ‖A x − b‖/‖b‖ of the x that the factor gives for a load b, to which modes of all frequencies answer:
-    /// about what it leaves of an error.
+    /// Returns ‖A x − b‖/‖b‖ for the x that the factor gives. If the load b excites modes of all frequencies, this is
+    /// about the relative error of a solve.
     ///
     /// # Errors
-    /// Where nothing has been factored.
+    /// Nothing has been factored.
     pub(crate) fn relative_residual(&mut self, load: &[f64]) -> Result<f64, SolverError> {
         let mut x = load.to_vec();
         self.solve_unchecked(&mut x)?;
@@ -247,9 +248,9 @@ impl<T: Scalar> Cholesky<T> {
         Ok(self.update_residual(&x) / norm(load))
     }
 
-    /// x ← s (LLᵀ)⁻¹ x without a check: a preconditioner where A has moved on since.
+    /// Computes x ← s (LLᵀ)⁻¹ x without a check. It is a preconditioner if A has changed since the factorisation.
     pub(crate) fn apply_inverse(&mut self, x: &mut [f64]) {
-        // In single precision, numbers near 1.
+        // In single precision scale the numbers to about 1.
         let unit = match T::IS_SINGLE {
             true => x.iter().fold(0.0, |largest: f64, value| largest.max(value.abs())),
             false => 1.0,
@@ -268,7 +269,7 @@ impl<T: Scalar> Cholesky<T> {
         }
     }
 
-    /// Size and cost.
+    /// Returns size and cost.
     pub fn facts(&self) -> FactorFacts {
         let stacks: usize = self.tree.stack.iter().sum();
         let vectors = 4 * self.rhs.len() + self.shared.len();
@@ -284,7 +285,7 @@ impl<T: Scalar> Cholesky<T> {
         }
     }
 
-    /// residual = b − Ax; returns its norm.
+    /// Sets residual = b − Ax and returns its norm.
     fn update_residual(&mut self, x: &[f64]) -> f64 {
         self.matrix.multiply(x, &mut self.residual);
         for (r, b) in self.residual.iter_mut().zip(&self.rhs) {
@@ -298,19 +299,19 @@ fn norm(x: &[f64]) -> f64 {
     x.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// What a factorisation reads. Errors are the position of the coordinate whose pivot is not positive.
+/// The input of a factorisation. Its errors are the position of the coordinate whose pivot is not positive.
 struct Walk<'a, T> {
     tree: &'a Tree,
     /// The values of A.
     values: &'a [f64],
-    /// s.
+    /// The scale s.
     scale: f64,
     block: usize,
     number: PhantomData<T>,
 }
 
 impl<T: Scalar> Walk<'_, T> {
-    /// Eliminates the subtrees of a family. Their updates are left in `stack`; `panels` are theirs.
+    /// Eliminates the subtrees of a family. Leaves their updates in `stack`; `panels` holds their panels.
     fn family(
         &self,
         family: &Family,
@@ -361,12 +362,12 @@ impl<T: Scalar> Walk<'_, T> {
         }
     }
 
-    /// Numbers in the panels of a subtree.
+    /// Returns the number of entries in the panels of a subtree.
     fn subtree_length(&self, node: &Supernode) -> usize {
         node.panel + node.panel_length() - self.tree.supernodes[node.subtree].panel
     }
 
-    /// Eliminates a subtree: its panels end with the root's own, its update is left at the start of `own`.
+    /// Eliminates a subtree. Its panels end with that of the root; its update is left at the start of `own`.
     fn subtree(
         &self,
         node: &Supernode,
@@ -390,7 +391,7 @@ impl<T: Scalar> Walk<'_, T> {
             .map_err(|column| node.first + column)
     }
 
-    /// The entries of A in the columns of a front.
+    /// Adds the entries of A in the columns of a front.
     fn add_entries(&self, node: &Supernode, panel: &mut [T]) {
         match self.block {
             3 => self.add_blocks::<3>(node, panel),
@@ -408,7 +409,7 @@ impl<T: Scalar> Walk<'_, T> {
             let place = (block.source / 2) as usize * B;
             let value = &values[place..place + B];
             let transposed = block.source % 2 == 1;
-            // A diagonal block writes above the diagonal too: those places are never read.
+            // A diagonal block also writes above the diagonal; those places are never read.
             for j in 0..B {
                 let target = &mut panel[block.target as usize + j * node.rows..][..B];
                 for i in 0..B {
@@ -435,7 +436,7 @@ impl<T: Scalar> Walk<'_, T> {
                 let column = run.from as usize + offset;
                 let source = &source[column * order..][..order];
                 let to = run.to as usize + offset;
-                // The rest of this run, then the runs after it.
+                // Take the rest of this run, then the runs after it.
                 let here = (column, to, run.length as usize - offset);
                 let after =
                     runs[k + 1..].iter().map(|run| (run.from as usize, run.to as usize, run.length as usize));

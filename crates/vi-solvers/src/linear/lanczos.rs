@@ -1,6 +1,6 @@
-//! Block Lanczos for (K + σM)⁻¹M with full reorthogonalisation: the largest θ = 1/(λ + σ) first. A block as wide as a
-//! free body has rigid motions finds multiple eigenvalues; the start is fixed, so that equal inputs give equal bits
-//! (Grimes, Lewis & Simon 1994).
+//! Block Lanczos method for (K + σM)⁻¹M with full reorthogonalisation; it finds the largest θ = 1/(λ + σ) first. A
+//! block as wide as the number of rigid motions of a free body finds multiple eigenvalues. The start is fixed, so
+//! that equal inputs give equal bits (Grimes, Lewis & Simon 1994).
 
 use nalgebra::DMatrix;
 
@@ -8,17 +8,17 @@ use crate::error::SolverError;
 use crate::linear::pencil::Pencil;
 use crate::vectors;
 
-/// Vectors a block.
+/// Number of vectors per block.
 const BLOCK: usize = 6;
 
-/// An eigenpair of K φ = λ M φ, φᵀMφ = 1.
+/// An eigenpair of K φ = λ M φ with φᵀMφ = 1.
 #[derive(Debug, Clone)]
 pub(crate) struct Pair {
     pub(crate) value: f64,
     pub(crate) vector: Vec<f64>,
 }
 
-/// The `count` lowest eigenpairs, ascending.
+/// Returns the `count` lowest eigenpairs, ascending.
 pub(crate) fn lowest_pairs(
     pencil: &mut Pencil,
     count: usize,
@@ -26,11 +26,11 @@ pub(crate) fn lowest_pairs(
 ) -> Result<Vec<Pair>, SolverError> {
     let stiffest = pencil.stiffest();
     if stiffest == 0.0 {
-        // No stiffness at all: every vector of mass norm 1 is a mode of zero frequency.
+        // There is no stiffness: every vector of mass norm 1 is a mode of zero frequency.
         pencil.factorize(1.0)?;
         return Krylov::new(pencil).pairs(pencil, count, tolerance);
     }
-    // A first look with a tiny shift tells where the wanted values lie; the shift then goes there.
+    // A first pass with a tiny shift shows where the wanted values lie; the second pass shifts there.
     pencil.factorize(1e-8 * stiffest)?;
     let look = Krylov::new(pencil).pairs(pencil, count, 1e-2)?;
     let highest = look.last().map_or(stiffest, |pair| pair.value.abs());
@@ -44,11 +44,11 @@ pub(crate) fn lowest_pairs(
 struct Krylov {
     basis: Vec<Vec<f64>>,
     weighted: Vec<Vec<f64>>,
-    /// T by columns, as far as they are known.
+    /// The columns of T that are known so far.
     projection: Vec<Vec<f64>>,
     /// (K + σM)⁻¹M times the last block, orthogonal to the basis.
     next: Vec<Vec<f64>>,
-    /// Random vectors drawn so far.
+    /// Number of random vectors drawn so far.
     drawn: u64,
 }
 
@@ -65,7 +65,7 @@ impl Krylov {
         krylov
     }
 
-    /// A vector of numbers in ±1 by the splitmix64 generator, the same in every run.
+    /// Returns a vector of numbers in ±1 by the splitmix64 generator, the same in every run.
     fn draw(&mut self, n: usize) -> Vec<f64> {
         self.drawn += 1;
         let mut state = self.drawn.wrapping_mul(0xD1B5_4A32_D192_ED03);
@@ -80,7 +80,7 @@ impl Krylov {
             .collect()
     }
 
-    /// Removes the basis from `vector`; returns the products QᵀM·vector.
+    /// Removes the components along the basis from `vector`; returns the products QᵀM·vector.
     fn orthogonalise(&self, vector: &mut [f64]) -> Vec<f64> {
         let mut products = vec![0.0; self.basis.len()];
         for _ in 0..2 {
@@ -93,8 +93,8 @@ impl Krylov {
         products
     }
 
-    /// Takes the next block into the basis and applies the operator to it. What a vector has in common
-    /// with the others is dropped, and a fresh one drawn where nothing is left.
+    /// Adds the next block to the basis and applies the operator to it. Components along earlier vectors are removed;
+    /// if nothing is left of a vector, a new random one is drawn.
     fn grow(&mut self, pencil: &mut Pencil) -> Result<(), SolverError> {
         let n = pencil.size();
         let first = self.basis.len();
@@ -134,7 +134,7 @@ impl Krylov {
         Ok(())
     }
 
-    /// Grows until the `count` largest θ have converged.
+    /// Grows the basis until the `count` largest θ have converged.
     fn pairs(mut self, pencil: &mut Pencil, count: usize, tolerance: f64) -> Result<Vec<Pair>, SolverError> {
         let n = pencil.size();
         let limit = n.min(20 * count + 300);
@@ -154,7 +154,7 @@ impl Krylov {
             let eigen = projection.symmetric_eigen();
             let mut order: Vec<usize> = (0..size).collect();
             order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-            // ‖A⁻¹My − θy‖_M is what the next block adds to the last rows of the Ritz vector.
+            // ‖A⁻¹My − θy‖_M comes from the next block's contribution to the last rows of the Ritz vector.
             let gram = self.next_gram(pencil);
             let last = size - self.next.len();
             worst = 0.0;

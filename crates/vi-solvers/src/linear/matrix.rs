@@ -1,9 +1,9 @@
 //! A sparse symmetric matrix on the free coordinates, in dense nodal blocks.
 //!
-//! Rows are the nodes with at least one free coordinate. The lower triangle is kept, a full block an entry, each
-//! value once; the order of the values is the assembly's (what one chunk of stencils writes lies together), reached
-//! from the rows through `places`. A coordinate that is prescribed at a node with free ones has zero rows and
-//! columns.
+//! Rows are the nodes with at least one free coordinate. The lower triangle is stored, with one full block per entry
+//! and each value once. The values are in the order of the assembly (what one chunk of stencils writes is
+//! contiguous); rows find them through `places`. At a node with free coordinates, a prescribed coordinate has zero
+//! rows and columns.
 
 use std::sync::Arc;
 
@@ -13,35 +13,35 @@ use crate::index::{NONE, group_by};
 use crate::linear::ordering::Graph;
 use crate::scratch::with_scratch;
 
-/// Rows that one task of a product computes.
+/// Number of rows that one task of a product computes.
 const ROWS_PER_TASK: usize = 512;
 
-/// Below this many block entries a product is made on the calling thread.
+/// With fewer block entries than this, the calling thread computes a product alone.
 const PARALLEL_ENTRIES: usize = 12_000;
 
-/// Where the entries of a matrix are: shared by all matrices of a system.
+/// The positions of the entries of a matrix, shared by all matrices of a system.
 pub(crate) struct Pattern {
-    /// Coordinates a node.
+    /// Number of coordinates per node.
     pub(crate) block: usize,
     pub(crate) free_count: usize,
-    /// Row r has the entries `row_start[r]..row_start[r + 1]`, columns ascending, the diagonal last.
+    /// Row r has the entries `row_start[r]..row_start[r + 1]`, with ascending columns and the diagonal last.
     pub(crate) row_start: Vec<u32>,
     pub(crate) columns: Vec<u32>,
     /// Entry e has its block at `places[e]` of the values.
     pub(crate) places: Vec<u32>,
-    /// The entries below the diagonal by column: rows and places.
+    /// The entries below the diagonal by column, as rows and places.
     upper_start: Vec<u32>,
     upper_rows: Vec<u32>,
     upper_places: Vec<u32>,
     /// Index of the free coordinate `row · block + k`, or `NONE`.
     pub(crate) free_of: Vec<u32>,
-    /// Are there nodes with both free and prescribed coordinates?
+    /// Whether any node has both free and prescribed coordinates.
     pub(crate) has_partial_nodes: bool,
 }
 
 impl Pattern {
-    /// From the lower-triangle entries (row, column), sorted and with all diagonal entries, their places,
-    /// and the free index (or `NONE`) of each coordinate of each row.
+    /// Builds a pattern from the lower-triangle entries (row, column), sorted and with all diagonal entries, from
+    /// their places, and from the free index (or `NONE`) of each coordinate of each row.
     pub(crate) fn new(block: usize, entries: &[(u32, u32)], places: Vec<u32>, free_of: Vec<u32>) -> Self {
         let row_count = free_of.len() / block;
         let mut row_start = vec![0_u32; row_count + 1];
@@ -77,30 +77,31 @@ impl Pattern {
         self.row_start.len() - 1
     }
 
-    /// The entries of a row, the diagonal last.
+    /// Returns the entries of a row, the diagonal last.
     pub(crate) fn row(&self, row: usize) -> std::ops::Range<usize> {
         self.row_start[row] as usize..self.row_start[row + 1] as usize
     }
 
-    /// The entries above the diagonal of a column read as a row: (row, place) with row > column.
+    /// Returns the entries above the diagonal of the row `column`, stored as (row, place) of the lower triangle with
+    /// row > column.
     pub(crate) fn upper(&self, column: usize) -> impl Iterator<Item = (u32, u32)> + '_ {
         let range = self.upper_start[column] as usize..self.upper_start[column + 1] as usize;
         range.map(|k| (self.upper_rows[k], self.upper_places[k]))
     }
 
-    /// Place of the diagonal block of a row.
+    /// Returns the place of the diagonal block of a row.
     pub(crate) fn diagonal_place(&self, row: usize) -> usize {
         self.places[self.row_start[row + 1] as usize - 1] as usize
     }
 
-    /// The free coordinates of a vector, spread over rows · block with zeros between.
+    /// Spreads the free coordinates of a vector over rows · block entries, with zeros between.
     pub(crate) fn spread(&self, free: &[f64], padded: &mut [f64]) {
         for (value, &k) in padded.iter_mut().zip(&self.free_of) {
             *value = if k == NONE { 0.0 } else { free[k as usize] };
         }
     }
 
-    /// The reverse of `spread`.
+    /// Collects the free coordinates again: the inverse of `spread`.
     pub(crate) fn collect(&self, padded: &[f64], free: &mut [f64]) {
         for (value, &k) in padded.iter().zip(&self.free_of) {
             if k != NONE {
@@ -109,7 +110,7 @@ impl Pattern {
         }
     }
 
-    /// The graph of the rows: an edge where two nodes share an entry.
+    /// Returns the graph of the rows, with an edge between two nodes that share an entry.
     pub(crate) fn graph(&self) -> Graph {
         let block = self.block;
         let (mut start, mut neighbours) = (vec![0], Vec::new());
@@ -136,39 +137,40 @@ impl Pattern {
 #[derive(Clone)]
 pub struct SymmetricMatrix {
     pub(crate) pattern: Arc<Pattern>,
-    /// block × block numbers a place, row-major; the transposed part of a diagonal block is kept too.
+    /// block × block numbers per place, row-major; a diagonal block also stores its transposed part.
     pub(crate) values: Vec<f64>,
 }
 
 impl SymmetricMatrix {
-    /// The zero matrix of a pattern.
+    /// Returns the zero matrix of a pattern.
     pub(crate) fn zeros(pattern: Arc<Pattern>) -> Self {
         let values = vec![0.0; pattern.columns.len() * pattern.block * pattern.block];
         Self { pattern, values }
     }
 
-    /// Number of rows and columns.
+    /// Returns the number of rows and columns.
     pub fn free_count(&self) -> usize {
         self.pattern.free_count
     }
 
-    /// Entries of the whole matrix that are kept as possibly not zero.
+    /// Returns the number of entries of the whole matrix that are stored, zero or not.
     pub fn nnz(&self) -> usize {
         let rows = self.pattern.row_count();
         (2 * self.pattern.columns.len() - rows) * self.pattern.block * self.pattern.block
     }
 
-    /// Bytes of pattern and values.
+    /// Returns the size of pattern and values in bytes.
     pub fn bytes(&self) -> usize {
         self.pattern.bytes() + 8 * self.values.len()
     }
 
-    /// Do both have their entries in the same places, so that a factor of one serves the other?
+    /// Returns whether both matrices have the same pattern, so that a factor for one can hold the other.
     pub fn has_pattern_of(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.pattern, &other.pattern)
     }
 
-    /// The entries of the lower triangle that are kept, as (row, column, value) with row ≥ column, in no order.
+    /// Returns the stored entries of the lower triangle as (row, column, value) with row ≥ column, in no particular
+    /// order.
     pub fn lower_triangle(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
         let pattern = &*self.pattern;
         let block = pattern.block;
@@ -184,7 +186,7 @@ impl SymmetricMatrix {
         })
     }
 
-    /// The diagonal.
+    /// Writes the diagonal.
     pub fn diagonal(&self, out: &mut [f64]) {
         let block = self.pattern.block;
         for row in 0..self.pattern.row_count() {
@@ -198,7 +200,7 @@ impl SymmetricMatrix {
         }
     }
 
-    /// self = diag(mass) + c·k on the pattern of k; an empty `mass` is zero.
+    /// Sets self = diag(mass) + c·k on the pattern of k; an empty `mass` means zero.
     pub(crate) fn set_shifted(&mut self, mass: &[f64], c: f64, k: &Self) {
         debug_assert!(self.has_pattern_of(k));
         const PIECE: usize = 1 << 16;
@@ -227,7 +229,7 @@ impl SymmetricMatrix {
         }
     }
 
-    /// y = K x.
+    /// Computes y = K x.
     pub fn multiply(&self, x: &[f64], y: &mut [f64]) {
         if !self.pattern.has_partial_nodes {
             return self.multiply_padded(x, y);
@@ -241,7 +243,7 @@ impl SymmetricMatrix {
         });
     }
 
-    /// y = K x in vectors of rows · block entries.
+    /// Computes y = K x in vectors of rows · block entries.
     pub(crate) fn multiply_padded(&self, x: &[f64], y: &mut [f64]) {
         match self.pattern.block {
             3 => self.multiply_blocks::<3>(x, y),

@@ -1,29 +1,29 @@
-//! Linear combinations of symmetric matrices whose entries lie in different places.
+//! Linear combinations of symmetric matrices with different patterns.
 
 use std::sync::Arc;
 
 use crate::error::SolverError;
 use crate::linear::matrix::{Pattern, SymmetricMatrix};
 
-/// Σ c_k A_k on the union of the patterns, with the maps made once.
+/// Σ c_k A_k on the union of the patterns; the maps are computed once.
 pub(crate) struct MatrixSum {
     matrix: SymmetricMatrix,
-    /// The patterns of the parts.
+    /// The patterns of the summands.
     parts: Vec<Arc<Pattern>>,
-    /// Entry e of part k (in row order) is added to this place of the sum.
+    /// The place in the sum of entry e of summand k (in row order).
     places: Vec<Vec<u32>>,
 }
 
 impl MatrixSum {
-    /// The union of the patterns of these matrices, which all stand on the same free coordinates.
+    /// Builds the union of the patterns of these matrices, which all have the same free coordinates.
     ///
     /// # Errors
-    /// [`SolverError::Symbolic`] where their nodes have different numbers of coordinates.
+    /// [`SolverError::Symbolic`] if their nodes have different numbers of coordinates.
     pub(crate) fn new(parts: &[&SymmetricMatrix]) -> Result<Self, SolverError> {
         let first = &parts[0].pattern;
         if parts.iter().any(|part| part.pattern.block != first.block || part.pattern.free_of != first.free_of)
         {
-            let reason = "terms and forces with different numbers of coordinates a node";
+            let reason = "terms and forces have different numbers of coordinates per node";
             return Err(SolverError::Symbolic { dofs: first.free_count, reason });
         }
         let entries_of = |part: &SymmetricMatrix| -> Vec<(u32, u32)> {
@@ -37,7 +37,7 @@ impl MatrixSum {
         let mut union: Vec<(u32, u32)> = lists.iter().flatten().copied().collect();
         union.sort_unstable();
         union.dedup();
-        // Every row has its diagonal, for every part does.
+        // Every row has its diagonal, because it has it in every summand.
         let find = |entry: &(u32, u32)| union.partition_point(|other| other < entry) as u32;
         let places = lists.iter().map(|list| list.iter().map(find).collect()).collect();
         let own = (0..union.len() as u32).collect();
@@ -46,8 +46,8 @@ impl MatrixSum {
         Ok(Self { matrix: SymmetricMatrix::zeros(Arc::new(pattern)), parts, places })
     }
 
-    /// Are these the parts that it was made of, or ones whose entries all lie in its pattern? Then it sums them from here
-    /// on, and its own pattern, with all that was made from it, stays.
+    /// Accepts these summands if they are those from before, or if all their entries lie in the pattern of the sum.
+    /// In the latter case the sum uses them from now on, and keeps its pattern and everything that was built from it.
     pub(crate) fn admit(&mut self, parts: &[&SymmetricMatrix]) -> bool {
         if parts.len() != self.parts.len() {
             return false;
@@ -69,10 +69,10 @@ impl MatrixSum {
         true
     }
 
-    /// The sum of these parts, with the maps made anew where a part has another pattern than before.
+    /// Returns the sum of these matrices. Builds the maps again if a summand has another pattern than before.
     ///
     /// # Errors
-    /// As [`MatrixSum::new`].
+    /// Those of [`MatrixSum::new`].
     pub(crate) fn of<'a>(
         sum: &'a mut Option<Self>,
         parts: &[(f64, &SymmetricMatrix)],
@@ -89,7 +89,7 @@ impl MatrixSum {
         Ok(sum.insert(made).combine(parts))
     }
 
-    /// Σ c_k A_k, with the parts in the order that they were given to [`MatrixSum::new`].
+    /// Returns Σ c_k A_k, with the summands in the order in which [`MatrixSum::new`] received them.
     pub(crate) fn combine(&mut self, parts: &[(f64, &SymmetricMatrix)]) -> &SymmetricMatrix {
         let area = self.matrix.pattern.block * self.matrix.pattern.block;
         self.matrix.values.fill(0.0);
@@ -104,13 +104,14 @@ impl MatrixSum {
         &self.matrix
     }
 
-    /// The sum as it was last made.
+    /// Returns the last sum.
     pub(crate) fn matrix(&self) -> &SymmetricMatrix {
         &self.matrix
     }
 }
 
-/// Where the entries of `part` lie in `whole`, whose entries are in row order; none where one is missing.
+/// Returns the places of the entries of `part` in `whole`, whose entries are in row order; `None` if an entry is
+/// missing.
 fn places_in(whole: &Pattern, part: &Pattern) -> Option<Vec<u32>> {
     if part.block != whole.block || part.free_of != whole.free_of {
         return None;

@@ -1,5 +1,5 @@
-//! Minimal residuals for a symmetric, perhaps indefinite K with a definite factor of K + σM as preconditioner (Paige
-//! & Saunders 1975).
+//! The minimal residual method for a symmetric, possibly indefinite K, preconditioned by a definite factor of K + σM
+//! (Paige & Saunders 1975).
 
 use vi_core::binary_exponent;
 
@@ -9,7 +9,7 @@ use crate::linear::matrix::SymmetricMatrix;
 use crate::vectors;
 
 /// Solves K x = b with the factor P of K + σM as preconditioner, until the residual in the norm of P⁻¹ is below
-/// `tolerance` of its first value. Adds the number of solves with P to `solves`.
+/// `tolerance` times its first value. Adds the number of solves with P to `solves`.
 pub(crate) fn minimal_residual(
     k: &SymmetricMatrix,
     preconditioner: &mut Factor,
@@ -20,13 +20,14 @@ pub(crate) fn minimal_residual(
 ) -> Result<Vec<f64>, SolverError> {
     let n = b.len();
     let mut x = vec![0.0; n];
-    // Lanczos vectors v (unpreconditioned) and z = P⁻¹v.
+    // The Lanczos vectors are v (unpreconditioned) and z = P⁻¹v.
     let (mut v_last, mut v) = (vec![0.0; n], b.to_vec());
     let mut z = v.clone();
     *solves += 1;
     preconditioner.solve(&mut z)?;
     let first = vectors::sum(n, |k| v[k] * z[k]).max(0.0);
-    // A unit of energy that is a power of two: its root is taken, and solutions do not depend on units.
+    // Take the root of energies in a unit that is a power of two, so that the bits of solutions do not depend on
+    // units.
     let per_unit = 2.0_f64.powi(-binary_exponent(first));
     let mut beta = (per_unit * first).sqrt();
     if beta == 0.0 {
@@ -48,11 +49,11 @@ pub(crate) fn minimal_residual(
         *solves += 1;
         preconditioner.solve(&mut z)?;
         let beta_next = (per_unit * vectors::sum(n, |k| image[k] * z[k]).max(0.0)).sqrt();
-        // The column (0, …, β, α, β⁺) turned by the two rotations before it.
+        // Apply the two previous rotations to the column (0, …, β, α, β⁺).
         let third = s_last * beta;
-        let turned = c_last * beta;
-        let second = c * turned + s * alpha;
-        let diagonal = c * alpha - s * turned;
+        let rotated = c_last * beta;
+        let second = c * rotated + s * alpha;
+        let diagonal = c * alpha - s * rotated;
         let length = diagonal.hypot(beta_next);
         if length == 0.0 {
             break;

@@ -1,8 +1,8 @@
 //! A fill-reducing elimination order of the nodal graph, and its elimination tree.
 //!
-//! Nested dissection by METIS (Karypis, Kumar 1998) on nodes rather than coordinates: the graph is nine times smaller
-//! and the coordinates of a node stay together. The order is then made a postorder of its elimination tree, so that
-//! each subtree, and each supernode, is a run of consecutive nodes.
+//! METIS computes a nested dissection (Karypis, Kumar 1998) of nodes rather than coordinates: the graph is nine times
+//! smaller, and the coordinates of a node stay together. The order is then made a postorder of its elimination tree,
+//! so that each subtree and each supernode is a range of consecutive nodes.
 #![allow(unsafe_code)] // One call into METIS, which has no safe binding for node orders.
 
 use std::sync::Mutex;
@@ -10,17 +10,17 @@ use std::sync::Mutex;
 use crate::error::SolverError;
 use crate::index::NONE;
 
-/// Graphs below this size keep their order: there is nothing to gain.
+/// Smaller graphs keep their order, since there is nothing to gain.
 const SMALLEST_GRAPH: usize = 4;
 
-/// METIS draws from the C library's one random generator: calls must not interleave.
+/// METIS uses the one random generator of the C library, so calls must not interleave.
 static METIS: Mutex<()> = Mutex::new(());
 
-/// An undirected graph: neighbours of node n are `neighbours[start[n]..start[n + 1]]`, without n.
+/// An undirected graph: the neighbours of node n, without n itself, are `neighbours[start[n]..start[n + 1]]`.
 pub(crate) struct Graph {
     pub(crate) start: Vec<i32>,
     pub(crate) neighbours: Vec<i32>,
-    /// Free coordinates of each node.
+    /// Number of free coordinates of each node.
     pub(crate) weights: Vec<i32>,
 }
 
@@ -38,14 +38,14 @@ impl Graph {
 pub(crate) struct Ordering {
     /// `order[k]` is the node eliminated at position k.
     pub(crate) order: Vec<u32>,
-    /// `position[node]`: the inverse.
+    /// The inverse of `order`: the position of each node.
     pub(crate) position: Vec<u32>,
-    /// Parent position of each position in the elimination tree, or `NONE`; always above it.
+    /// Parent position of each position in the elimination tree, or `NONE`; a parent comes after its children.
     pub(crate) parent: Vec<u32>,
 }
 
 impl Ordering {
-    /// Nested dissection, then postorder.
+    /// Computes a nested dissection, then a postorder of it.
     pub(crate) fn new(graph: &Graph) -> Result<Self, SolverError> {
         let dissection = if graph.node_count() < SMALLEST_GRAPH || graph.neighbours.is_empty() {
             (0..graph.node_count() as u32).collect()
@@ -68,10 +68,10 @@ impl Ordering {
     }
 }
 
-/// The order in which METIS eliminates the nodes.
+/// Returns the order in which METIS eliminates the nodes.
 fn nested_dissection(graph: &Graph) -> Result<Vec<u32>, SolverError> {
     let count = graph.node_count();
-    // METIS takes its input by pointers to mutable memory: it gets copies.
+    // METIS takes its input by pointers to mutable memory, so give it copies.
     let (mut start, mut neighbours, mut weights) =
         (graph.start.clone(), graph.neighbours.clone(), graph.weights.clone());
     let (mut order, mut position) = (vec![0_i32; count], vec![0_i32; count]);
@@ -114,8 +114,8 @@ fn inverse(order: &[u32]) -> Vec<u32> {
     inverse
 }
 
-/// Parent of each position: the first later position that its column of the factor reaches
-/// (Liu 1986, with path compression).
+/// Returns the parent of each position: the first later position in its column of the factor (Liu 1986, with path
+/// compression).
 fn elimination_tree(graph: &Graph, order: &[u32], position: &[u32]) -> Vec<u32> {
     let mut parent = vec![NONE; order.len()];
     let mut ancestor = parent.clone();
@@ -135,7 +135,7 @@ fn elimination_tree(graph: &Graph, order: &[u32], position: &[u32]) -> Vec<u32> 
     parent
 }
 
-/// Positions in postorder: children before parents, subtrees together.
+/// Returns the positions in postorder: children before parents, each subtree contiguous.
 fn postorder(parent: &[u32]) -> Vec<u32> {
     let count = parent.len();
     let (mut first_child, mut sibling) = (vec![NONE; count], vec![NONE; count]);
@@ -171,7 +171,7 @@ fn postorder(parent: &[u32]) -> Vec<u32> {
 mod tests {
     use super::*;
 
-    /// The graph of an n × n × n grid with the six neighbours of each point.
+    /// Returns the graph of an n × n × n grid with the six neighbours of each point.
     fn grid(n: usize) -> Graph {
         let index = |i: usize, j: usize, k: usize| ((i * n + j) * n + k) as i32;
         let (mut start, mut neighbours) = (vec![0], Vec::new());
@@ -195,7 +195,7 @@ mod tests {
         Graph { weights: vec![3; n * n * n], start, neighbours }
     }
 
-    /// Entries of the factor, counted by eliminating nodes one after the other.
+    /// Returns the number of entries of the factor, counted by eliminating nodes one after the other.
     fn fill(graph: &Graph, ordering: &Ordering) -> usize {
         let count = graph.node_count();
         let mut columns: Vec<std::collections::BTreeSet<u32>> = vec![Default::default(); count];
@@ -227,7 +227,7 @@ mod tests {
             parent: elimination_tree(&graph, &(0..729).collect::<Vec<_>>(), &(0..729).collect::<Vec<_>>()),
         };
         assert!(2 * fill(&graph, &ordering) < fill(&graph, &natural));
-        // Postorder: the subtree of k is the run of positions that ends at k.
+        // In a postorder the subtree of k is the range of positions that ends at k.
         let mut size = vec![1_usize; 729];
         for k in 0..729 {
             if ordering.parent[k] != NONE {

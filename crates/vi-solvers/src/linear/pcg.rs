@@ -1,6 +1,6 @@
 //! Preconditioned conjugate gradients for A = M + cK on nodal blocks (Hestenes, Stiefel 1952).
 //!
-//! Scalar products are sums of fixed pieces in fixed order: the same bits on any number of threads.
+//! Scalar products are sums of fixed pieces in a fixed order, so the bits are the same on any number of threads.
 
 pub(crate) mod block;
 
@@ -14,7 +14,7 @@ use crate::linear::factor::Factor;
 use crate::linear::matrix::SymmetricMatrix;
 use block::{BlockPreconditioner, Preconditioner};
 
-/// Numbers of a vector that one task handles.
+/// Number of entries of a vector per task.
 const PIECE: usize = 8192;
 
 /// Shorter vectors are handled on the calling thread.
@@ -22,48 +22,48 @@ const PARALLEL_LENGTH: usize = 4 * PIECE;
 
 /// Conjugate gradients for A = M + cK.
 pub struct Pcg {
-    /// A.
+    /// The matrix A.
     matrix: SymmetricMatrix,
     preconditioner: BlockPreconditioner,
     vectors: Vectors,
 }
 
-/// Vectors of rows · block entries, with zeros where a coordinate is prescribed.
+/// Vectors of rows · block entries, with zeros at prescribed coordinates.
 struct Vectors {
     solution: Vec<f64>,
     residual: Vec<f64>,
     /// P⁻¹ residual.
     improved: Vec<f64>,
     direction: Vec<f64>,
-    /// A direction; room for the preconditioner in between.
+    /// A times the direction; also scratch memory of the preconditioner.
     product: Vec<f64>,
     pieces: Vec<f64>,
 }
 
-/// What a solve took.
+/// Iterations and residual of a solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PcgReport {
-    /// Iterations.
+    /// Number of iterations.
     pub iterations: u32,
-    /// √(rᵀP⁻¹r) over its value at x = 0.
+    /// √(rᵀP⁻¹r) relative to its value at x = 0.
     pub residual: f64,
 }
 
 /// Cost of an iteration and of the preparation.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PcgFacts {
-    /// Bytes moved by one iteration.
+    /// Bytes that one iteration moves.
     pub iteration_bytes: f64,
     /// Floating-point operations of one iteration.
     pub iteration_flops: f64,
-    /// Bytes moved by the preparation.
+    /// Bytes that the preparation moves.
     pub prepare_bytes: f64,
-    /// Bytes held.
+    /// Bytes of memory held.
     pub bytes: u64,
 }
 
 impl Pcg {
-    /// Maps and buffers, once a pattern.
+    /// Builds maps and buffers, once per pattern.
     pub fn new(pattern: &SymmetricMatrix, preconditioner: Preconditioner) -> Self {
         let matrix = SymmetricMatrix::zeros(Arc::clone(&pattern.pattern));
         let length = matrix.pattern.free_of.len();
@@ -82,13 +82,14 @@ impl Pcg {
         }
     }
 
-    /// Takes A = M + cK (M = diag(mass), empty: zero) and makes the preconditioner; returns the one made.
+    /// Takes A = M + cK (M = diag(mass), zero if empty) and builds the preconditioner; returns the kind that was
+    /// built.
     ///
     /// # Errors
-    /// Where a diagonal block is not positive definite.
+    /// A diagonal block is not positive definite.
     ///
     /// # Panics
-    /// Where k has another pattern.
+    /// If k has another pattern.
     pub fn prepare(
         &mut self,
         mass: &[f64],
@@ -104,21 +105,21 @@ impl Pcg {
         })
     }
 
-    /// Takes A = M + cK for [`Pcg::solve_with`], without a preconditioner of its own.
+    /// Takes A = M + cK for [`Pcg::solve_with`], without building a preconditioner.
     ///
     /// # Panics
-    /// Where k has another pattern.
+    /// If k has another pattern.
     pub fn set_matrix(&mut self, mass: &[f64], c: f64, k: &SymmetricMatrix) {
         assert!(self.matrix.has_pattern_of(k), "conjugate gradients serve one pattern");
         self.matrix.set_shifted(mass, c, k);
     }
 
-    /// Solves A x = b from x = 0 until √(rᵀP⁻¹r) is below `tolerance` of its first value: an estimate of
-    /// the relative error in the energy norm.
+    /// Solves A x = b from x = 0 until √(rᵀP⁻¹r) is below `tolerance` times its first value, which estimates the
+    /// relative error in the energy norm.
     ///
     /// # Errors
-    /// Where it does not converge within `max_iterations`, or A is not positive definite; `x` then holds what
-    /// was reached, which descends as the solution does.
+    /// The iteration does not converge within `max_iterations`, or A is not positive definite. Then `x` holds the
+    /// last iterate, which is a descent direction.
     pub fn solve(
         &mut self,
         rhs: &[f64],
@@ -128,14 +129,15 @@ impl Pcg {
     ) -> Result<PcgReport, SolverError> {
         let Self { matrix, preconditioner, vectors } = self;
         let pattern = &matrix.pattern;
-        let apply = |r: &[f64], z: &mut [f64], room: &mut [f64]| preconditioner.apply(pattern, r, z, room);
+        let apply =
+            |r: &[f64], z: &mut [f64], scratch: &mut [f64]| preconditioner.apply(pattern, r, z, scratch);
         iterate(matrix, vectors, apply, (rhs, x), tolerance, max_iterations)
     }
 
-    /// The same with the factor of an earlier A as preconditioner.
+    /// Solves like [`Pcg::solve`], with the factor of an earlier A as preconditioner.
     ///
     /// # Errors
-    /// As [`Pcg::solve`], and where the factor holds nothing.
+    /// Those of [`Pcg::solve`], and a factor that holds nothing.
     pub fn solve_with(
         &mut self,
         factor: &mut Factor,
@@ -149,21 +151,21 @@ impl Pcg {
         }
         let Self { matrix, vectors, .. } = self;
         let pattern = &matrix.pattern;
-        let apply = |r: &[f64], z: &mut [f64], room: &mut [f64]| {
-            let room = &mut room[..pattern.free_count];
-            pattern.collect(r, room);
-            factor.apply_inverse(room);
-            pattern.spread(room, z);
+        let apply = |r: &[f64], z: &mut [f64], scratch: &mut [f64]| {
+            let scratch = &mut scratch[..pattern.free_count];
+            pattern.collect(r, scratch);
+            factor.apply_inverse(scratch);
+            pattern.spread(scratch, z);
         };
         iterate(matrix, vectors, apply, (rhs, x), tolerance, max_iterations)
     }
 
-    /// Is it for matrices of the pattern of k?
+    /// Returns whether this solver is for matrices with the pattern of k.
     pub(crate) fn serves(&self, k: &SymmetricMatrix) -> bool {
         self.matrix.has_pattern_of(k)
     }
 
-    /// Cost and size.
+    /// Returns cost and size.
     pub fn facts(&self) -> PcgFacts {
         let pattern = &self.matrix.pattern;
         let length = pattern.free_of.len() as f64;
@@ -207,7 +209,8 @@ fn iterate(
         matrix.multiply_padded(direction, product);
         let curvature = dot(direction, product, pieces);
         if curvature.is_nan() || curvature <= 0.0 {
-            // What has been reached minimises on a smaller space; at first, the preconditioned load.
+            // Return the iterate, which minimises the energy on a smaller space; in the first iteration return the
+            // preconditioned load.
             matrix.pattern.collect(if iterations == 1 { direction } else { solution }, x);
             return Err(SolverError::NegativeCurvature { iterations, curvature });
         }
@@ -219,7 +222,7 @@ fn iterate(
         scale_and_add(direction, next / square, improved);
         square = next;
     }
-    // Not a number, or a preconditioner that is not positive definite.
+    // The value is NaN, or the preconditioner is not positive definite.
     if square.is_nan() || square < 0.0 {
         return Err(SolverError::NegativeCurvature { iterations, curvature: square });
     }
@@ -238,7 +241,7 @@ fn dot(a: &[f64], b: &[f64], pieces: &mut [f64]) -> f64 {
     pieces.iter().sum()
 }
 
-/// In lanes that a compiler can keep in registers.
+/// Uses several partial sums, which the compiler can keep in registers.
 fn dot_piece(a: &[f64], b: &[f64]) -> f64 {
     const LANES: usize = 8;
     let (a_rows, a_rest) = a.as_chunks::<LANES>();
@@ -261,12 +264,12 @@ fn pairs(y: &mut [f64], x: &[f64], apply: impl Fn(&mut f64, f64) + Sync) {
     }
 }
 
-/// y += a x.
+/// Computes y += a x.
 fn add_scaled(y: &mut [f64], a: f64, x: &[f64]) {
     pairs(y, x, |y, x| *y += a * x);
 }
 
-/// y = a y + x.
+/// Computes y = a y + x.
 fn scale_and_add(y: &mut [f64], a: f64, x: &[f64]) {
     pairs(y, x, |y, x| *y = a * *y + x);
 }

@@ -6,14 +6,14 @@ use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::matrix_sum::MatrixSum;
 use crate::vectors;
 
-/// K and M with a factor of K + σM.
+/// The matrices K and M, with a factor of K + σM.
 pub(crate) struct Pencil {
     stiffness: SymmetricMatrix,
     lumped: Vec<f64>,
-    /// The consistent mass and the sum K + σM, where mass is not lumped.
+    /// The consistent mass and the sum K + σM, if the mass is not lumped.
     consistent: Option<(SymmetricMatrix, MatrixSum)>,
     factor: Factor,
-    /// σ, 1/s².
+    /// The shift σ, 1/s².
     pub(crate) shift: f64,
 }
 
@@ -33,19 +33,19 @@ impl Pencil {
         Ok(Self { stiffness, lumped, consistent: Some((mass, sum)), factor, shift: 0.0 })
     }
 
-    /// Number of unknowns.
+    /// Returns the number of unknowns.
     pub(crate) fn size(&self) -> usize {
         self.lumped.len()
     }
 
-    /// max K_ii/M_ii, 1/s².
+    /// Returns max K_ii/M_ii, 1/s².
     pub(crate) fn stiffest(&self) -> f64 {
         let mut diagonal = vec![0.0; self.size()];
         self.stiffness.diagonal(&mut diagonal);
         diagonal.iter().zip(&self.lumped).map(|(k, m)| (k / m).abs()).fold(0.0, f64::max)
     }
 
-    /// Factors K + σM for the given σ or the smallest of σ, 10 σ, 100 σ, … for which it is definite.
+    /// Factors K + σM for the first of σ, 10 σ, 100 σ, … for which it is positive definite.
     pub(crate) fn factorize(&mut self, shift: f64) -> Result<(), SolverError> {
         let mut shift = shift;
         let mut last = None;
@@ -71,12 +71,12 @@ impl Pencil {
         Err(last.map_or(SolverError::NotFactored, SolverError::NotPositiveDefinite))
     }
 
-    /// x = (K + σM)⁻¹ b in place.
+    /// Computes x = (K + σM)⁻¹ b in place.
     pub(crate) fn solve(&mut self, rhs_to_solution: &mut [f64]) -> Result<(), SolverError> {
         self.factor.solve(rhs_to_solution).map(|_| ())
     }
 
-    /// y = M x.
+    /// Computes y = M x.
     pub(crate) fn multiply_mass(&self, x: &[f64], y: &mut [f64]) {
         match &self.consistent {
             Some((mass, _)) => mass.multiply(x, y),
@@ -84,7 +84,7 @@ impl Pencil {
         }
     }
 
-    /// ‖Kφ − λMφ‖ / ((|λ| + σ) ‖Mφ‖) in the norm of the inverse lumped mass.
+    /// Returns ‖Kφ − λMφ‖ / ((|λ| + σ) ‖Mφ‖) in the norm of the inverse lumped mass.
     pub(crate) fn residual(&self, vector: &[f64], value: f64) -> f64 {
         let n = self.size();
         let (mut k_x, mut m_x) = (vec![0.0; n], vec![0.0; n]);
@@ -95,7 +95,7 @@ impl Pencil {
         (difference / size).sqrt() / (value.abs() + self.shift)
     }
 
-    /// xᵀM y.
+    /// Returns xᵀM y.
     pub(crate) fn mass_product(&self, x: &[f64], y: &[f64]) -> f64 {
         let mut m_y = vec![0.0; y.len()];
         self.multiply_mass(y, &mut m_y);

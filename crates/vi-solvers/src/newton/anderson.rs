@@ -1,16 +1,15 @@
-//! Anderson's acceleration of an iteration w ← w + δ(w) with one and the same factor (D. G. Anderson, J. ACM 12
-//! (1965) 547–560; Walker, Ni, SIAM J. Numer. Anal. 49 (2011) 1715–1735): the last few corrections tell how the
-//! iteration treats a few directions, and those are corrected in one go. Sums are taken in the norm of A, in which
-//! errors are judged.
+//! Anderson acceleration of an iteration w ← w + δ(w) with one fixed factor (D. G. Anderson, J. ACM 12 (1965)
+//! 547–560; Walker, Ni, SIAM J. Numer. Anal. 49 (2011) 1715–1735). The last few corrections show how the iteration
+//! acts on a few directions, and these are corrected at once. Sums use the norm of A, in which errors are measured.
 
 use nalgebra::{DMatrix, DVector};
 use vi_core::binary_exponent;
 
 use crate::vectors;
 
-/// Differences that are kept.
+/// Number of differences that are kept.
 const DEPTH: usize = 4;
-/// A difference that the newer ones nearly contain is left out.
+/// A difference is dropped if this fraction or less of it is independent of the newer ones.
 const INDEPENDENT: f64 = 1e-10;
 
 /// One difference of successive iterates.
@@ -24,22 +23,22 @@ struct Difference {
 
 #[derive(Default)]
 pub(super) struct Anderson {
-    /// δ and Aδ of the last iteration; none when a new factor begins.
+    /// δ and Aδ of the last iteration; `None` after a new factor.
     last: Option<(Vec<f64>, Vec<f64>)>,
     /// w' − w of the last iteration.
     gone: Vec<f64>,
-    /// Newest first.
+    /// The differences, newest first.
     differences: Vec<Difference>,
 }
 
 impl Anderson {
-    /// Forgets: the factor or the place has changed.
+    /// Forgets all differences, because the factor or the place has changed.
     pub(super) fn restart(&mut self) {
         self.last = None;
         self.differences.clear();
     }
 
-    /// Takes the correction δ with Aδ = `load`; where it is to be mixed, replaces it.
+    /// Records the correction δ with Aδ = `load`; replaces it by the accelerated one if `mix`.
     pub(super) fn mix(&mut self, delta: &mut [f64], load: &[f64], mix: bool) {
         let n = delta.len();
         let (mut raw, mut raw_load) = match self.last.take() {
@@ -73,13 +72,13 @@ impl Anderson {
         }
     }
 
-    /// The step was made: w' − w = fraction · δ.
+    /// Records that the step w' − w = fraction · δ was made.
     pub(super) fn advance(&mut self, delta: &[f64], fraction: f64) {
         self.gone.resize(delta.len(), 0.0);
         vectors::fill(&mut self.gone, |k| fraction * delta[k]);
     }
 
-    /// Weights γ of the differences with the least ‖δ − Σ γ_i Δδ_i‖ in the norm of A.
+    /// Returns the weights γ of the differences that minimise ‖δ − Σ γ_i Δδ_i‖ in the norm of A.
     fn weights(&self, load: &[f64]) -> Vec<f64> {
         let n = load.len();
         let product = |i: usize, load: &[f64]| {
@@ -89,7 +88,7 @@ impl Anderson {
         let mut count = self.differences.len();
         let all = DMatrix::from_fn(count, count, |i, j| product(i.min(j), &self.differences[i.max(j)].load));
         let rhs = DVector::from_fn(count, |i, _| product(i, load));
-        // In a unit of energy that is a power of two, whose roots are taken: so weights do not depend on units.
+        // Take roots of energies in a unit that is a power of two, so that the weights do not depend on units.
         let per_unit = 2.0_f64.powi(-binary_exponent(all[(0, 0)]));
         let (all, rhs) = (all * per_unit, rhs * per_unit);
         while count > 0 {
@@ -112,7 +111,7 @@ mod tests {
 
     #[test]
     fn a_linear_iteration_of_four_slow_directions_ends_after_five_steps() {
-        // w ← w + δ, δ = −(1 − s_k) w_k: contraction s_k, some of it above 1; A = 1.
+        // w ← w + δ with δ = −(1 − s_k) w_k has the contractions s_k, some of them above 1; A = 1.
         let keep = [0.9, -1.5, 0.5, 2.0, 0.0, 0.0, 0.0];
         let mut w = vec![1.0; 7];
         let mut anderson = Anderson::default();

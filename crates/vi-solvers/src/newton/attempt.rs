@@ -1,9 +1,9 @@
-//! One attempt to solve the equations of a step: what has been tried, and how fast it converged.
+//! The course of one attempt to solve the equations of a step: what has been tried, and how fast it converged.
 
 use crate::newton::inverse::Reason;
 use crate::newton::start::Start;
 
-/// Tolerances below this one mean: to round-off.
+/// Smaller tolerances mean "to round-off".
 pub(super) const ROUND_OFF: f64 = 1e-12;
 
 /// A converged solve.
@@ -12,10 +12,10 @@ pub(crate) struct Solved {
     pub(crate) iterations: u32,
 }
 
-/// What became of the cheap iteration.
+/// The result of the cheap iteration.
 pub(super) enum Course {
     Solved(Solved),
-    /// Given up after so many iterations, the last with this relative error.
+    /// Not converged after so many iterations.
     Stuck(u32),
 }
 
@@ -23,12 +23,12 @@ pub(super) enum Course {
 pub(super) struct Attempt {
     pub(super) to_round_off: bool,
     pub(super) wanted: Option<Reason>,
-    /// How often it converged slowly, or not at all.
+    /// Number of times that it converged slowly or not at all.
     pub(super) troubles: u32,
     pub(super) restarts: u32,
-    /// Was the current factor made in this solve?
+    /// Whether the current factor was made in this solve.
     pub(super) is_renewed: bool,
-    /// Iterations with the current factor.
+    /// Number of iterations with the current factor.
     pub(super) with_factor: u64,
     pub(super) first_eta: f64,
     pub(super) last_eta: Option<f64>,
@@ -48,7 +48,7 @@ impl Attempt {
         }
     }
 
-    /// One that begins with a factor of where it begins.
+    /// Returns an attempt that begins with a factor made at its start.
     pub(super) fn with_new_factor(tolerance: f64) -> Self {
         Self { wanted: Some(Reason::Newton), ..Self::new(tolerance <= ROUND_OFF) }
     }
@@ -74,7 +74,7 @@ impl Attempt {
         }
     }
 
-    /// Records the error of an iteration; returns its ratio to the one before.
+    /// Records the error of an iteration; returns its ratio to the previous one.
     pub(super) fn record(&mut self, eta: f64) -> Option<f64> {
         let contraction = self.last_eta.map(|last| eta / last);
         if self.last_eta.is_none() {
@@ -84,7 +84,7 @@ impl Attempt {
         contraction
     }
 
-    /// Mean ratio of errors since the factor was made or the step began.
+    /// Returns the mean ratio of errors since the factor was made or the step began.
     pub(super) fn mean_contraction(&self) -> Option<f64> {
         let steps = self.with_factor.checked_sub(1).filter(|&steps| steps > 0)?;
         let ratio = self.last_eta? / self.first_eta;

@@ -1,10 +1,10 @@
-//! The last rungs of the ladder: full Newton steps, each with a factor of its own, down the merit that
-//! the solution minimises. Where an exact Hessian gives no factor, or a direction along which only a
-//! small part of the step descends, the next one is projected. As the merit falls at every step and is
-//! bounded below, this converges where the cheap iteration does not.
+//! The last stages of Newton's method: full Newton steps, each with its own factor, that decrease the merit function
+//! whose minimum is the solution. If an exact Hessian gives no factor, or a direction along which only a small step
+//! decreases the merit, the next Hessian is projected. The merit decreases at every step and is bounded below, so
+//! this converges where the cheap iteration does not.
 //!
-//! Equations without a merit are first simplified to such as have one, whose solution is near, where there are such;
-//! then each step is a full Newton step with their own Jacobian (`krylov`).
+//! Equations without a merit function are first simplified, if possible, to equations that have one and whose
+//! solution is near. From there each step is a full Newton step with their own Jacobian (`krylov`).
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::error::SolverError;
@@ -16,16 +16,17 @@ use crate::newton::line_search::{ENERGY_NOISE, search};
 use crate::newton::solver::Newton;
 use crate::newton::start::Start;
 
-/// Simplified equations are solved to this relative error: they only give a start.
+/// Relative error to which simplified equations are solved: they only provide a start.
 const SIMPLE_TOLERANCE: f64 = 1e-4;
-/// A step shorter than this part of the correction asks for a projected Hessian.
+/// A step shorter than this fraction of the correction requests a projected Hessian.
 const SHORT: f64 = 0.3;
-/// So many steps in a row that gain nothing, or are shorter than this part, end the descent.
+/// The descent ends after this many consecutive steps without progress: shorter than the fraction `STUCK`, or, for
+/// equations without a merit, with an error that does not decrease.
 const IDLE_STEPS: u32 = 8;
 const STUCK: f64 = 1e-2;
 
 impl Newton {
-    /// From the best place that is known; `done` iterations have been made before.
+    /// Descends from the best place that is known; `done` is the number of iterations made before.
     pub(super) fn descend<E: Equations>(
         &mut self,
         solve: &mut Solve<'_, E>,
@@ -52,7 +53,7 @@ impl Newton {
             self.begin(solve, self.renewal.start)?;
         }
         let iterations = self.full_steps(solve, self.tolerance)?;
-        // The factor is that of the last iterate: the next step begins as after any other new factor.
+        // The factor belongs to the last iterate; the next step begins as after any other new factor.
         self.renewal.renew();
         self.renewal.record(1, None);
         self.renewal.has_descended = iterations > 2;
@@ -102,14 +103,15 @@ impl Newton {
                 SolverError::NoConvergence { .. } => stuck.clone(),
                 other => other,
             })?;
-            // Without a merit nothing else says that it wanders; with one, that it has met a wall.
+            // Without a merit, only the error tells that the iteration makes no progress. With one, a very short step
+            // tells that it is stuck.
             let gains = if solve.equations.has_merit() { fraction > STUCK } else { eta < 0.7 * least };
             idle = if gains { 0 } else { idle + 1 };
             least = least.min(eta);
             if idle == IDLE_STEPS {
                 return Err(stuck);
             }
-            // The error of a step that was not made in full says nothing of the next one's.
+            // The error of a step that was not made in full does not predict that of the next one.
             last = (fraction == 1.0).then_some(eta);
             kind = if fraction < SHORT { HessianEvaluation::Projected } else { HessianEvaluation::Exact };
         }
@@ -117,8 +119,8 @@ impl Newton {
     }
 }
 
-/// Goes along the correction as far as it descends from the merit `before`; returns the part of it that
-/// was gone.
+/// Moves along the correction as far as the merit decreases from `before`; returns the fraction of the correction
+/// that was used.
 fn full_step<E: Equations>(
     solve: &mut Solve<'_, E>,
     before: f64,
@@ -132,7 +134,7 @@ fn full_step<E: Equations>(
     search(solve, before, decrement, longest)
 }
 
-/// The place with the least merit among where the equations stand and the starts.
+/// Goes to the place with the least merit among the current one and the starts.
 fn best_start<E: Equations>(solve: &mut Solve<'_, E>) -> Result<(), SolverError> {
     let mut best: Option<(f64, Vec<f64>)> = None;
     let mut outcome = Ok(());

@@ -1,4 +1,4 @@
-//! What Newton's method asks of the equations of an implicit step, and what a solve works with.
+//! The contract of the equations of an implicit step with Newton's method, and the data of a solve.
 
 use vi_core::System;
 
@@ -10,62 +10,63 @@ use crate::newton::start::Start;
 
 /// Equations R(w) = 0 with a symmetric positive definite model A ≈ ∂R/∂w.
 pub(crate) trait Equations {
-    /// c of the model A = M + cK.
+    /// Returns c of the model A = M + cK.
     fn coefficient(&self) -> f64;
-    /// Is A with K at the unknowns ∂R/∂w itself?
+    /// Returns whether A equals ∂R/∂w if K is taken at the unknowns.
     fn model_is_exact(&self) -> bool {
         true
     }
-    /// Returns whether A leaves out parts of ∂R/∂w, such as the turn of contact normals: then these limit convergence,
-    /// however new the K in it is.
+    /// Returns whether A omits parts of ∂R/∂w, such as the rotation of contact normals. Then these parts limit
+    /// convergence, however recent K is.
     fn model_is_partial(&self) -> bool {
         false
     }
-    /// Does A stand for the coupled equations of several stages? Then the splitting limits convergence, however
-    /// new the K in it is.
+    /// Returns whether A stands for the coupled equations of several stages. Then the splitting limits convergence,
+    /// however recent K is.
     fn splits_stages(&self) -> bool {
         false
     }
-    /// The unknowns, to be kept.
+    /// Returns the unknowns, for [`Equations::go_to`].
     fn unknowns(&self) -> &[f64];
-    /// Sets the unknowns to ones that were kept.
+    /// Sets the unknowns to values from [`Equations::unknowns`].
     fn go_to(&mut self, unknowns: &[f64]);
-    /// Sets the unknowns.
+    /// Sets the unknowns to a start.
     fn start(&mut self, start: Start);
-    /// Shortens the way from where the step begins to where the iteration does, so that no term is left behind its limit.
+    /// Shortens the path from the beginning of the step to the start of the iteration, so that it stays within the
+    /// limits of all terms.
     fn shorten_start(&mut self, _system: &System, _evaluator: &mut Evaluator) {}
-    /// The largest part of the last correction that the terms allow, in (0, 1].
+    /// Returns the largest fraction of the last correction that the terms allow, in (0, 1].
     fn largest_step(&mut self, _system: &System, _evaluator: &mut Evaluator) -> f64 {
         1.0
     }
-    /// Leaves out of R what keeps its solution from minimising the merit, or puts it back; false where
+    /// Omits from R the part that keeps its solution from minimising the merit, or restores it; returns false if
     /// there is no such part.
     fn simplify(&mut self, _simple: bool) -> bool {
         false
     }
-    /// Goes where K is taken.
+    /// Goes to the configuration at which K is evaluated.
     fn linearize(&mut self, system: &System, evaluator: &mut Evaluator) -> Result<(), SolverError>;
     /// Evaluates −R at the unknowns.
     fn evaluate(&mut self, system: &System, evaluator: &mut Evaluator) -> Result<(), SolverError>;
     /// Solves for the correction δ = −A⁻¹R; returns its energy −Rᵀδ/c, J.
     fn correct(&mut self, inverse: &mut Inverse, evaluator: &mut Evaluator) -> Result<f64, SolverError>;
-    /// δ of the last correction, and Aδ.
+    /// Returns δ of the last correction, and Aδ.
     fn correction(&mut self) -> (&mut [f64], &[f64]);
-    /// Sets the unknowns to those of the last correction plus `fraction` of δ.
+    /// Sets the unknowns to those of the last correction plus `fraction` · δ.
     fn advance(&mut self, fraction: f64);
-    /// −R·δ/c at the unknowns, J: minus the slope of the merit along δ.
+    /// Returns −R·δ/c at the unknowns, J: minus the slope of the merit along δ.
     fn slope(&self) -> f64;
-    /// Is there a function that the solution minimises?
+    /// Returns whether there is a merit, a function that the solution minimises.
     fn has_merit(&self) -> bool;
-    /// That function over c, J; none where there is no such.
+    /// Returns the merit over c, J; `None` if there is none.
     fn merit(&mut self, system: &System, evaluator: &mut Evaluator) -> Option<f64>;
-    /// The energy that errors are relative to, J.
+    /// Returns the energy to which errors are relative, J.
     fn energy_scale(&self) -> f64;
-    /// Is δ below the resolution of the numbers that hold the configuration?
+    /// Returns whether δ is below the resolution of the numbers that hold the configuration.
     fn is_at_resolution(&self) -> bool;
 }
 
-/// A solve under way: the equations of a system, with its evaluator and an inverse of their model.
+/// A solve in progress: the equations of a system, with its evaluator and an inverse of their model.
 pub(crate) struct Solve<'a, E> {
     pub(crate) system: &'a System,
     pub(crate) evaluator: &'a mut Evaluator,
@@ -98,7 +99,7 @@ impl<E: Equations> Solve<'_, E> {
         self.equations.correct(self.inverse, self.evaluator)
     }
 
-    /// The largest part of the last correction that the terms allow.
+    /// Returns the largest fraction of the last correction that the terms allow.
     pub(super) fn largest_step(&mut self) -> f64 {
         match self.evaluator.limits_steps() {
             true => self.equations.largest_step(self.system, self.evaluator),
@@ -106,12 +107,12 @@ impl<E: Equations> Solve<'_, E> {
         }
     }
 
-    /// Factors the model where the forces were evaluated last.
+    /// Factors the model at the last evaluation of the forces.
     pub(super) fn factorize(&mut self, reason: Reason) -> Result<(), SolverError> {
         self.factorize_as(reason, HessianEvaluation::Exact)
     }
 
-    /// The same with the Hessian of this kind to begin with.
+    /// Factors the model, starting with a Hessian of this kind.
     pub(super) fn factorize_as(
         &mut self,
         reason: Reason,

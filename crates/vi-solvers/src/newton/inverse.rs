@@ -1,5 +1,5 @@
-//! A⁻¹ for A = M + cK as Newton's method uses it: a factor, or a preconditioned matrix, made at one
-//! configuration and used, rotated with the material, at later ones.
+//! The inverse of A = M + cK for Newton's method: a factor, or a preconditioned matrix. It is made at one
+//! configuration and used at later ones, rotated with the material.
 
 use std::sync::Arc;
 
@@ -19,16 +19,16 @@ use crate::newton::rotated_factor::RotatedFactor;
 use crate::options::SolverOptions;
 use crate::work::Work;
 
-/// Why a factor is made.
+/// The reason why a factor is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Reason {
-    /// There was none, or h has changed.
+    /// There was no factor, or h has changed.
     New,
-    /// The old one had become dearer than a new one.
+    /// The old factor had become more expensive than a new one.
     Stale,
-    /// Inside a step that converged too slowly.
+    /// The step converges too slowly.
     Slow,
-    /// Newton's method in full.
+    /// Full Newton iterations need one.
     Newton,
 }
 
@@ -39,14 +39,14 @@ struct Origin {
     x: Vec<f64>,
     t: f64,
     projected: bool,
-    /// ẋ and ∂ẋ/∂q, where forces depend on them.
+    /// ẋ and ∂ẋ/∂q, if forces depend on them.
     rates: Option<(Vec<f64>, f64)>,
     /// The stencils of live terms, and the ends of the step.
     live: Option<LiveState>,
     ends: Option<[Vec<f64>; 2]>,
 }
 
-/// M that is not lumped, and M + cK once K has been seen.
+/// A mass M that is not lumped, and M + cK once K is known.
 struct Summed {
     mass: Arc<SymmetricMatrix>,
     sum: Option<MatrixSum>,
@@ -54,11 +54,11 @@ struct Summed {
 
 pub(crate) struct Inverse {
     linear: ChosenSolver,
-    /// Where mass is consistent.
+    /// The sum with the mass, if the mass is consistent.
     summed: Option<Summed>,
     origin: Option<Origin>,
     rotated: Option<RotatedFactor>,
-    /// Are all Hessians constant? Then a factor is never stale.
+    /// Whether all Hessians are constant. Then a factor is never stale.
     is_linear: bool,
 }
 
@@ -72,12 +72,12 @@ impl Inverse {
         Self { linear: ChosenSolver::new(options, is_linear), summed, origin: None, rotated, is_linear }
     }
 
-    /// Is K the same everywhere?
+    /// Returns whether K is the same everywhere.
     pub(crate) fn is_linear(&self) -> bool {
         self.is_linear
     }
 
-    /// Is there a factor for this c?
+    /// Returns whether there is a factor for this c.
     pub(crate) fn is_for(&self, c: f64) -> bool {
         self.origin.as_ref().is_some_and(|origin| (origin.c / c - 1.0).abs() < 1e-9)
     }
@@ -91,7 +91,7 @@ impl Inverse {
         self.linear.costs()
     }
 
-    /// Tightens the tolerance while solutions are subtracted from each other.
+    /// Tightens the tolerance while solutions are differenced.
     pub(crate) fn tighten(&mut self, tight: bool) {
         self.linear.tighten(tight);
     }
@@ -101,8 +101,8 @@ impl Inverse {
         Some(self.linear.reason()).filter(|reason| !reason.is_empty())
     }
 
-    /// Factors A = M + cK at the last configuration of `evaluator`, with a Hessian of this kind to begin with. Where K is
-    /// indefinite and A is not positive definite, the terms' Hessians are projected.
+    /// Factors A = M + cK at the last configuration of `evaluator`, starting with a Hessian of this kind. If A is not
+    /// positive definite because K is indefinite, the Hessians of the terms are projected.
     pub(crate) fn make(
         &mut self,
         system: &System,
@@ -118,7 +118,7 @@ impl Inverse {
             {
                 let projected = self.factorize(system, evaluator, c, HessianEvaluation::Projected, reason);
                 match projected {
-                    // Positive definite by its making: round-off is to blame.
+                    // The projected A is positive definite by construction, so round-off caused the failure.
                     Err(SolverError::NotPositiveDefinite(_))
                         if self.linear.double("a pivot failed in single precision") =>
                     {
@@ -178,7 +178,7 @@ impl Inverse {
         made
     }
 
-    /// Rotates the factor with the material, as it is at the last configuration of `evaluator`.
+    /// Rotates the factor with the material to the last configuration of `evaluator`.
     pub(crate) fn rotate(&mut self, evaluator: &mut Evaluator) {
         if let (Some(rotated), Some(_)) = (&mut self.rotated, &self.origin) {
             let x = evaluator.positions().to_vec();
@@ -186,7 +186,7 @@ impl Inverse {
         }
     }
 
-    /// v ← A⁻¹v.
+    /// Computes v ← A⁻¹v.
     pub(crate) fn apply(&mut self, evaluator: &mut Evaluator, v: &mut [f64]) -> Result<(), SolverError> {
         let Self { linear, rotated, .. } = self;
         evaluator.work.solves += 1;
@@ -221,12 +221,12 @@ impl Inverse {
         }
     }
 
-    /// How often ordering and layout were made.
+    /// Returns the number of times that ordering and layout were computed.
     pub(crate) fn analyses(&self) -> u64 {
         self.linear.analyses()
     }
 
-    /// Makes the factor that `memory` tells of.
+    /// Makes the factor that `memory` describes.
     pub(crate) fn restore(
         &mut self,
         system: &System,
@@ -234,7 +234,7 @@ impl Inverse {
         memory: &StepperMemory,
     ) -> Result<(), SolverError> {
         self.origin = None;
-        // They are of the pattern that the forces had before.
+        // The current ordering and layout belong to the pattern that the forces had before.
         self.linear.forget();
         if let Some(summed) = &mut self.summed {
             summed.sum = None;

@@ -1,8 +1,7 @@
-//! A full Newton step for equations whose Jacobian J is not their model A: stages that are coupled, forces without a
-//! potential, discrete gradients. J δ = −R is solved by GMRES (Saad, Schultz 1986) with A⁻¹ in front and products
-//! with J by differences of R, so that nothing but residuals and corrections is asked of the solve.equations. The
-//! step is shortened until A⁻¹R falls (Deuflhard's natural monotonicity test, Newton Methods for Nonlinear Problems,
-//! §3.3).
+//! A full Newton step for equations whose Jacobian J differs from their model A: coupled stages, forces without a
+//! potential, discrete gradients. GMRES (Saad, Schultz 1986) solves J δ = −R, preconditioned by A⁻¹, with products
+//! with J by differences of R; it needs only residuals and corrections of the equations. The step is shortened until
+//! A⁻¹R decreases (Deuflhard's natural monotonicity test, Newton Methods for Nonlinear Problems, §3.3).
 
 use nalgebra::{DMatrix, DVector};
 
@@ -12,11 +11,11 @@ use crate::vectors;
 
 /// Largest number of products with J.
 const BASIS: usize = 25;
-/// J δ = −R is solved to this relative error.
+/// Relative error to which J δ = −R is solved.
 const FORCING: f64 = 1e-2;
 /// Length of a difference, relative to the unknowns or to the correction.
 const DIFFERENCE: f64 = 1e-4;
-/// Shortest part of a step.
+/// Shortest fraction of a step.
 const SHORTEST: f64 = 1e-2;
 
 fn norm(v: &[f64]) -> f64 {
@@ -27,10 +26,10 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     vectors::sum(a.len(), |k| a[k] * b[k])
 }
 
-/// Makes the step from the place of the last correction A⁻¹(−R); returns the part of it that was made.
+/// Makes the step from the place of the last correction A⁻¹(−R); returns the fraction of it that was made.
 pub(super) fn step<E: Equations>(solve: &mut Solve<'_, E>) -> Result<f64, SolverError> {
     let first = solve.equations.correction().0.to_vec();
-    // The place is where the last correction was made.
+    // Store the place of the last correction.
     solve.equations.advance(0.0);
     let place = solve.equations.unknowns().to_vec();
     let delta = direction(solve, &place, &first)?;
@@ -53,7 +52,7 @@ pub(super) fn step<E: Equations>(solve: &mut Solve<'_, E>) -> Result<f64, Solver
     Err(failure.unwrap_or(stuck))
 }
 
-/// A⁻¹(−R) where the equations come to from `place` along `direction`.
+/// Returns A⁻¹(−R) at the point that the equations reach from `place` along `direction`.
 fn correct_along<'a, E: Equations>(
     solve: &'a mut Solve<'_, E>,
     place: &[f64],
@@ -68,7 +67,7 @@ fn correct_along<'a, E: Equations>(
     Ok(solve.equations.correction().0)
 }
 
-/// δ with ‖A⁻¹(R + Jδ)‖ ≤ forcing · ‖A⁻¹R‖, `first` = −A⁻¹R.
+/// Returns δ with ‖A⁻¹(R + Jδ)‖ ≤ forcing · ‖A⁻¹R‖; `first` = −A⁻¹R.
 fn direction<E: Equations>(
     solve: &mut Solve<'_, E>,
     place: &[f64],
@@ -82,7 +81,7 @@ fn direction<E: Equations>(
     for column in 0..BASIS {
         let there = correct_along(solve, place, &basis[column], length)?;
         let mut image: Vec<f64> = first.iter().zip(there).map(|(a, b)| (a - b) / length).collect();
-        // Twice is enough (Kahan, Parlett).
+        // Orthogonalising twice is enough (Kahan, Parlett).
         for _ in 0..2 {
             for (row, other) in basis.iter().enumerate() {
                 let part = dot(other, &image);

@@ -1,18 +1,19 @@
-//! How far to go along a correction: down a merit, or at least inside the domain of the terms.
+//! Chooses how far to move along a correction: so far that a merit decreases, or at least so that all terms stay
+//! inside their domain.
 
 use crate::error::SolverError;
 use crate::newton::equations::{Equations, Solve};
 
-/// A trial whose slope is below this part of the first one is accepted without an energy.
+/// A trial whose slope is below this fraction of the first one is accepted without an energy.
 pub(super) const SLOPE_KEPT: f64 = 0.9;
-/// Energies are good to this part of their size.
+/// Relative accuracy of energies.
 pub(super) const ENERGY_NOISE: f64 = 1e-14;
-/// Steps shorter than this do not move.
+/// Shorter steps do not change the unknowns.
 const SHORTEST: f64 = 1e-10;
 
-/// Searches along the correction for a sufficient decrease of the merit (Armijo's condition), `before`
-/// at its start, by parabolas; where the change is within the noise of the energies, the slope decides
-/// (Hager, Zhang 2005). Evaluates the residual there and returns the part gone.
+/// Searches along the correction by parabolas for a sufficient decrease of the merit (Armijo's condition), which is
+/// `before` at the start. If the change is within the noise of the energies, the slope decides (Hager, Zhang 2005).
+/// Evaluates the residual at the result and returns the fraction of the correction.
 pub(super) fn search<E: Equations>(
     solve: &mut Solve<'_, E>,
     before: f64,
@@ -43,7 +44,7 @@ pub(super) fn search<E: Equations>(
     Err(failure)
 }
 
-/// Halves the step, at first the `longest` part of the correction, until the terms are inside their domain.
+/// Halves the step, starting with the fraction `longest` of the correction, until all terms are inside their domain.
 pub(super) fn keep_inside<E: Equations>(solve: &mut Solve<'_, E>, longest: f64) -> Result<f64, SolverError> {
     let mut fraction = longest;
     let mut outcome = solve.evaluate();

@@ -1,36 +1,36 @@
-//! When a new factor pays: the history of a factor in iterations, against the costs of a new one.
+//! Decides when a new factor pays off, from the iterations made with a factor and the cost of a new one.
 
 use crate::error::SolverError;
 use crate::linear::cost::UnitCosts;
 use crate::memory::StepperMemory;
 use crate::newton::start::Start;
 
-/// A better contraction than this is not relied on before it has been seen in the step itself.
+/// Smallest contraction that is assumed before it has been observed in the step itself.
 const LEAST_CONTRACTION: f64 = 0.05;
 
-/// Iterations a step above which steps are hard.
+/// Number of iterations per step above which steps count as hard.
 const HARD: f64 = 4.0;
 
 /// Weight of the past in the mean of recent iterations.
 const FADING: f64 = 0.7;
 
-/// The history of a factor in iterations.
+/// The iterations made with a factor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Renewal {
-    /// Steps with this factor.
+    /// Number of steps with this factor.
     age: u64,
-    /// Iterations with it in all.
+    /// Total number of iterations with it.
     total: u64,
-    /// Iterations a step of late: a mean in which a step counts `FADING` times the one after it, so that
-    /// one dear step is no verdict.
+    /// Recent mean of iterations per step, in which each step has `FADING` times the weight of the next, so that a
+    /// single expensive step does not decide.
     recent: f64,
-    /// Iterations of a step with a new factor.
+    /// Number of iterations of a step with a new factor.
     fresh: u64,
     /// Mean contraction of the last step.
     contraction: f64,
-    /// Where a step begins: where the last doubtful one began best.
+    /// The start of a step: the one that was best when a start was last in doubt.
     pub(crate) start: Start,
-    /// Did the last step need full Newton steps?
+    /// Whether the last step needed full Newton steps.
     pub(crate) has_descended: bool,
 }
 
@@ -49,34 +49,34 @@ impl Default for Renewal {
 }
 
 impl Renewal {
-    /// A new factor before the next step, as the classic rule of replacement: its next step costs
-    /// more than the average of its life, the price of a new one included.
+    /// Returns whether to make a new factor before the next step, by the classic rule of replacement: the next step
+    /// would cost more than the average over the factor's life, including the price of a new one.
     pub(crate) fn is_stale(&self, costs: &UnitCosts) -> bool {
         self.age > 0 && self.recent > (costs.refactor() + self.total as f64) / self.age as f64
     }
 
-    /// A new factor inside a step that has made `iterations` and foresees `remaining` more?
+    /// Returns whether to make a new factor inside a step that has made `iterations` and expects `remaining` more.
     pub(crate) fn is_slow(&self, costs: &UnitCosts, iterations: u64, remaining: f64) -> bool {
         iterations as f64 + remaining > self.fresh.max(2) as f64 + costs.refactor() + 2.0
     }
 
-    /// Did steps take many iterations of late? Then it pays to compare where they begin.
+    /// Returns whether recent steps took many iterations. Then comparing starts pays off.
     pub(crate) fn is_hard(&self) -> bool {
         self.has_descended || self.recent > HARD
     }
 
-    /// The contraction to expect of the first iteration of a step: that of the last step, if its factor
-    /// was already an old one; what a factor does where it was made says nothing of where it will be used.
+    /// Returns the contraction to expect of the first iteration of a step: that of the last step, if its factor was
+    /// already an old one. The contraction near the configuration of a factor does not predict the one elsewhere.
     pub(crate) fn expected_contraction(&self) -> Option<f64> {
         (self.age > 1 && self.contraction > 0.0).then(|| self.contraction.max(LEAST_CONTRACTION))
     }
 
-    /// A factor was made.
+    /// Records that a factor was made.
     pub(crate) fn renew(&mut self) {
         *self = Self { fresh: self.fresh, start: self.start, ..Self::default() };
     }
 
-    /// A step has ended that made `iterations` with the current factor.
+    /// Records the end of a step that made `iterations` with the current factor.
     pub(crate) fn record(&mut self, iterations: u64, contraction: Option<f64>) {
         self.has_descended = false;
         if self.age == 0 {

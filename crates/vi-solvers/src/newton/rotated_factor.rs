@@ -1,5 +1,5 @@
-//! Rotations of the material at the nodes, by which a factor made at one configuration serves at
-//! another: A⁻¹ ≈ R A₀⁻¹ Rᵀ, R = diag over nodes of polar(F̄_now) polar(F̄_then)ᵀ with F̄ the
+//! Rotations of the material at the nodes, by which a factor made at one configuration is used at another: A⁻¹ ≈ R
+//! A₀⁻¹ Rᵀ. R is block diagonal over the nodes with the blocks polar(F̄_now) polar(F̄_then)ᵀ; F̄ is the
 //! volume-averaged deformation gradient around the node. A lumped mass commutes with R.
 
 use nalgebra::Matrix3;
@@ -9,8 +9,8 @@ use crate::assemble::assembler::Assembler;
 use crate::index::NONE;
 
 pub(crate) struct RotatedFactor {
-    /// For each node, the free coordinate of its first axis (the two others follow), or [`NONE`] where not all three
-    /// are free: such a node is not rotated.
+    /// For each node, the free coordinate of its first axis (the two others follow). It is [`NONE`] if not all three
+    /// are free; such a node is not rotated.
     first_free: Vec<u32>,
     means: Vec<[f64; 9]>,
     then: Vec<Matrix3<f64>>,
@@ -20,7 +20,7 @@ pub(crate) struct RotatedFactor {
 }
 
 impl RotatedFactor {
-    /// None where the coordinates are not points in space with one mass a node.
+    /// Returns `None` if the coordinates are not points in space with one mass per node.
     pub(crate) fn new(system: &System) -> Option<Self> {
         let coordinates = system.coordinates();
         let (count, mass) = (coordinates.dof_count(), system.mass());
@@ -47,7 +47,7 @@ impl RotatedFactor {
         Some(Self { first_free, means: vec![[0.0; 9]; nodes], then, rotation, is_rotated: false })
     }
 
-    /// Takes x for the configuration at which the factor is made.
+    /// Sets the configuration x at which the factor is made.
     pub(crate) fn set_origin(&mut self, assembler: &mut Assembler, x: &[f64]) {
         self.is_rotated = false;
         if assembler.mean_deformations(x, &mut self.means) {
@@ -57,7 +57,7 @@ impl RotatedFactor {
         }
     }
 
-    /// Takes x for the configuration at which the factor is used.
+    /// Sets the configuration x at which the factor is used.
     pub(crate) fn rotate_to(&mut self, assembler: &mut Assembler, x: &[f64]) {
         self.is_rotated = assembler.mean_deformations(x, &mut self.means);
         if self.is_rotated {
@@ -67,12 +67,12 @@ impl RotatedFactor {
         }
     }
 
-    /// v ← Rᵀv.
+    /// Computes v ← Rᵀv.
     pub(crate) fn to_origin(&self, v: &mut [f64]) {
         self.rotate(v, |r| r.transpose());
     }
 
-    /// v ← R v.
+    /// Computes v ← R v.
     pub(crate) fn to_now(&self, v: &mut [f64]) {
         self.rotate(v, |r| *r);
     }
@@ -91,12 +91,12 @@ impl RotatedFactor {
     }
 }
 
-/// The rotation of the polar decomposition F = R U by Newton's iteration R ← ½(R + R⁻ᵀ) (Higham
-/// 1986); the identity where F is inverted or flat, where no rotation is meaningful.
+/// Returns the rotation of the polar decomposition F = R U by Newton's iteration R ← ½(R + R⁻ᵀ) (Higham 1986).
+/// Returns the identity if F is inverted or flat, because then no rotation is meaningful.
 fn rotation_of(mean: &[f64; 9]) -> Matrix3<f64> {
     let f = Matrix3::from_row_slice(mean);
     let size = f.norm();
-    // With F of norm √3 the determinant of a rotation is 1.
+    // With F scaled to the norm √3, the determinant of a rotation is 1.
     let mut r = f * (3.0_f64.sqrt() / size);
     if !(size > 0.0 && size.is_finite() && r.determinant() > 1e-3) {
         return Matrix3::identity();

@@ -1,7 +1,7 @@
-//! Newton's method for the equations of an implicit step, with the cheapest factor that converges,
-//! and the ladder by which it escalates: rotated old factor → factor at the iterate → descent by full
-//! Newton steps, with projected Hessians where they are needed (`descent`) → failure with the facts.
-//! A halved step is the caller's to try, for it changes h.
+//! Newton's method for the equations of an implicit step, with the cheapest factor that converges. It escalates in
+//! this order: the rotated old factor; a factor at the iterate; descent by full Newton steps, with projected Hessians
+//! if needed (`descent`); an error with the facts. The caller may then halve the step; this file does not, because
+//! that changes h.
 
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
@@ -14,14 +14,14 @@ use crate::newton::renewal::Renewal;
 use crate::newton::start::Start;
 use crate::options::SolverOptions;
 
-/// Relative error above which steps are searched along a line; below, round-off would stall it.
+/// Relative error above which steps use a line search; below it, round-off would stall the search.
 const SEARCH_ABOVE: f64 = 1e-3;
-/// Relative error of a start above which the others are looked at.
+/// Relative error of a start above which the other starts are compared.
 const DOUBT_ABOVE: f64 = 0.05;
 /// Contraction per iteration below which a fresh factor of a partial model is kept. A block that sticks on a slope
 /// contracts by 0.2; renewing its factor led to 70 failed iterations per step, keeping it to 3.
 const STEADY: f64 = 0.5;
-/// New factors that slow convergence may ask for inside one step before the descent begins.
+/// Number of new factors that slow convergence may request inside one step before the descent begins.
 const FACTORS_BEFORE_DESCENT: u32 = 2;
 
 pub(crate) struct Newton {
@@ -49,12 +49,12 @@ impl Newton {
         self.tolerance
     }
 
-    /// Solves the equations. On return the unknowns hold the solution; the forces may stand one
+    /// Solves the equations. On return the unknowns hold the solution; the last evaluation of the forces may be one
     /// correction before it.
     pub(crate) fn solve<E: Equations>(&mut self, solve: &mut Solve<'_, E>) -> Result<Solved, SolverError> {
         let mut attempt = Attempt::new(self.tolerance <= ROUND_OFF);
         if self.renewal.has_descended && !solve.inverse.is_linear() {
-            // Old factors did not serve the last step: the first trouble leads on at once.
+            // Old factors did not work in the last step, so escalate at the first sign of trouble.
             attempt.wanted = Some(Reason::Slow);
             attempt.troubles = FACTORS_BEFORE_DESCENT;
         }
@@ -65,8 +65,7 @@ impl Newton {
         }
     }
 
-    /// Iterates from where the equations were evaluated last, with the factor at hand, and with a few new
-    /// ones.
+    /// Iterates from the last evaluation of the equations with the current factor and, if needed, a few new ones.
     pub(super) fn iterate<E: Equations>(
         &mut self,
         solve: &mut Solve<'_, E>,
@@ -74,7 +73,7 @@ impl Newton {
     ) -> Result<Course, SolverError> {
         self.anderson.restart();
         if attempt.wanted.is_some() {
-            // It begins with a new factor.
+            // The attempt begins with a new factor.
         } else if !solve.inverse.is_for(solve.equations.coefficient()) {
             attempt.wanted = Some(Reason::New);
         } else if !solve.inverse.is_linear() && self.renewal.is_stale(solve.inverse.costs()) {
@@ -108,7 +107,7 @@ impl Newton {
                 decrement = self.choose_start(solve, decrement)?;
             }
             if !solve.inverse.is_linear() || !solve.equations.model_is_exact() {
-                // Where a merit is searched along, the correction must point down it.
+                // If the merit is searched along the correction, the correction must be a descent direction.
                 let small = decrement <= SEARCH_ABOVE * SEARCH_ABOVE * solve.equations.energy_scale();
                 let (delta, load) = solve.equations.correction();
                 self.anderson.mix(delta, load, small || !has_merit);
@@ -125,7 +124,7 @@ impl Newton {
             let diverges = contraction.is_some_and(|theta| theta > 2.0) || !eta.is_finite();
             let gone = if diverges { None } else { self.accept(solve, eta, decrement, longest).ok() };
             let Some(fraction) = gone else {
-                // Begin again with a factor of where we are.
+                // Start again with a factor at the current place.
                 attempt.escalate(Reason::Slow);
                 self.begin(solve, attempt.safer_start())?;
                 self.anderson.restart();
@@ -137,8 +136,8 @@ impl Newton {
         Ok(Course::Stuck(self.max_iterations))
     }
 
-    /// Begins again at the start with the smallest correction, `decrement` that of the one in use, and
-    /// corrects there.
+    /// Restarts from the start with the smallest correction and corrects there; `decrement` is that of the current
+    /// start.
     fn choose_start<E: Equations>(
         &mut self,
         solve: &mut Solve<'_, E>,
@@ -165,7 +164,7 @@ impl Newton {
         Ok(least)
     }
 
-    /// Starts at the best of the places from `first` on where the residual is finite.
+    /// Goes to the first start, from `first` on, at which the residual is finite.
     pub(super) fn begin<E: Equations>(
         &self,
         solve: &mut Solve<'_, E>,
@@ -194,12 +193,12 @@ impl Newton {
             return true;
         }
         if to_round_off {
-            // Until nothing more is gained.
+            // Iterate until there is no more improvement.
             let stalled = if solve.equations.model_is_exact() { 0.5 } else { 0.9 };
             return eta < 1e-9 && contraction.is_some_and(|theta| theta > stalled);
         }
         if solve.inverse.is_linear() && solve.equations.model_is_exact() {
-            // One solve of a linear system with its own factor is exact.
+            // A solve of a linear system with its own factor is exact.
             return true;
         }
         let theta = contraction.or_else(|| self.renewal.expected_contraction());
@@ -209,7 +208,7 @@ impl Newton {
         }
     }
 
-    /// Evaluates at the `longest` part of the correction, or at less of it where that is too far; returns the part.
+    /// Evaluates at the fraction `longest` of the correction, or at less if that is too far; returns the fraction.
     fn accept<E: Equations>(
         &self,
         solve: &mut Solve<'_, E>,
@@ -226,7 +225,7 @@ impl Newton {
         if let Some(before) = solve.merit() {
             line_search::search(solve, before, decrement, longest)
         } else {
-            // No merit: only keep inside the domain of the terms.
+            // Without a merit, only stay inside the domain of the terms.
             solve.equations.advance(longest);
             line_search::keep_inside(solve, longest)
         }
@@ -249,11 +248,11 @@ impl Newton {
             && attempt.first_eta <= DOUBT_ABOVE
             && theta < 1.0
         {
-            // A factor made next to the solution is as good as any.
+            // A factor made near the solution is as good as any.
             return;
         }
         if solve.equations.model_is_partial() && attempt.is_renewed && theta < STEADY {
-            // A new factor would leave out the same parts.
+            // A new factor would omit the same parts.
             return;
         }
         let remaining = if theta < 1.0 {

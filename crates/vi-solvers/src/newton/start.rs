@@ -1,16 +1,16 @@
-//! Where Newton's method may start a step.
+//! The starts of Newton's method in a step.
 
-/// Where an iteration may start, from the best guess to the safest.
+/// The starts of an iteration, from the best guess to the safest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Start {
-    /// Extrapolated from the last steps, for motions that the steps resolve.
+    /// Extrapolates from the last steps, for motions that the steps resolve.
     Predicted,
-    /// Extrapolated so that oscillations far beyond the step, which a scheme turns into ones of a period of
-    /// one or two steps, are continued too.
+    /// Extrapolates such that fast oscillations continue too. A scheme turns oscillations much faster than the step
+    /// into ones with a period of one or two steps.
     Stiff,
-    /// Without acceleration.
+    /// Assumes zero acceleration.
     Inertial,
-    /// Where the step began.
+    /// Stays at the beginning of the step.
     Still,
 }
 

@@ -1,25 +1,25 @@
-//! Is a body at rest in balance? Then an implicit step is known without a Hessian, a factor or a solve.
+//! Detects a body at rest in equilibrium. An implicit step then needs no Hessian, factor or solve.
 
 use vi_core::System;
 
 use crate::assemble::evaluator::Evaluator;
 use crate::vectors;
 
-/// Stencils evaluated at once.
+/// Number of stencils evaluated at once.
 const BATCH: usize = 256;
 
-/// Can the body be at rest? Only then is it worth to look at the forces: it has never moved (no step
-/// was made, or the last one without acceleration) and does not move.
+/// Returns whether the body may be at rest: it does not move and has never moved (no step was made, or the last one
+/// had no acceleration). Only then are its forces worth checking.
 pub(crate) fn may_be_at_rest(twice_kinetic: f64, last_acceleration: &[f64], steps: usize) -> bool {
     twice_kinetic == 0.0
         && (steps == 0 || vectors::max_abs(last_acceleration.len(), |k| last_acceleration[k]) == 0.0)
 }
 
-/// At the last configuration of `evaluator`: is the energy that the unbalanced force would give within a
-/// stage of coefficient c (s²), with a margin since A ≥ M, below tolerance² of what the forces in
-/// play would give one by one?
+/// Checks equilibrium at the last configuration of `evaluator`. It compares the energy that the unbalanced force
+/// would produce within a stage of coefficient c (s²), with a margin because A ≥ M, with tolerance² times the energy
+/// that the individual forces would produce:
 ///
-/// c Σ g²/m ≤ ε² c Σ (Σ_s |g_s|)²/m over the free coordinates, g_s the gradient of stencil s.
+/// c Σ g²/m ≤ ε² c Σ (Σ_s |g_s|)²/m over the free coordinates, where g_s is the gradient of stencil s.
 pub(crate) fn is_at_rest(system: &System, evaluator: &Evaluator, tolerance: f64) -> bool {
     let (gradient, mass, free) = (evaluator.gradient(), system.free_mass(), system.coordinates().free());
     let unbalanced = vectors::sum(free.len(), |k| {
@@ -34,7 +34,7 @@ pub(crate) fn is_at_rest(system: &System, evaluator: &Evaluator, tolerance: f64)
     unbalanced <= tolerance * tolerance * total
 }
 
-/// Σ_s |∂V_s/∂x_i| of every coordinate, N.
+/// Returns Σ_s |∂V_s/∂x_i| of every coordinate, N.
 fn magnitudes(system: &System, x: &[f64], t: f64) -> Vec<f64> {
     let mut total = vec![0.0; x.len()];
     let mut blocks = Vec::new();

@@ -1,5 +1,5 @@
-//! Integrators that are not variational, for comparison runs only: they gain or lose energy by
-//! themselves, and the ledger shows it as the scheme's part.
+//! Integrators that are not variational, for comparison runs only. They gain or lose energy numerically; the ledger
+//! shows it as the energy of the scheme.
 
 mod backward_euler;
 mod bdf2;

@@ -1,19 +1,19 @@
-//! The energy–momentum method: implicit midpoint with a discrete gradient G in place of ∂V/∂x at the
-//! midpoint (O. Gonzalez, "Time integration and discrete Hamiltonian systems", J. Nonlinear Sci. 6
-//! (1996) 449–467), such that G·Δx = ΔV exactly and G exerts no more net force or torque than V does.
+//! The energy–momentum method: implicit midpoint with a discrete gradient G in place of ∂V/∂x at the midpoint (O.
+//! Gonzalez, "Time integration and discrete Hamiltonian systems", J. Nonlinear Sci. 6 (1996) 449–467). G·Δx = ΔV
+//! holds exactly, and G has no more net force or moment than ∂V/∂x.
 //!
-//! For every part of the body that hangs together by its stencils
+//! For every part of the body that is connected by its stencils
 //! ```text
 //! G = ∂V/∂x(x_m) + λ M d,   λ = Σ_s (V_s(x₁) − V_s(x₀) − ∂V_s/∂x(x_m)·Δx) / dᵀM d,
 //! ```
-//! where x_m is the mean of x₀ and x₁, and d is Δx without its rigid part, orthogonal in M to the translations and
-//! rotations about x_m that V admits: so Σ M d = 0 and Σ x_m × M d = 0. Order 2, symmetric; energy, linear and angular
-//! momentum are kept to the tolerance of the solver.
+//! Here x_m is the mean of x₀ and x₁, and d is Δx without its rigid part: it is orthogonal in M to those translations
+//! and rotations about x_m under which V is invariant, so Σ M d = 0 and Σ x_m × M d = 0. The method has order 2 and is
+//! symmetric. Energy, linear and angular momentum are conserved to the tolerance of the solver.
 //!
-//! Where supports move, their coordinates are a part of x_m, Δx and d as free ones are. The numerator is then of third
-//! order in d, and λ d vanishes with d. If x_m had the supports where their paths lead in the middle of the step, or d
-//! were of the free coordinates alone, the numerator would be of second order beside d, and the direction of d, which
-//! round-off decides where little moves, would decide the force.
+//! If supports move, their coordinates are part of x_m, Δx and d like free ones. The numerator is then of third order
+//! in d, and λ d vanishes with d. If instead x_m had the supports where their paths lead in the middle of the step, or
+//! if d contained the free coordinates only, the numerator would be of second order besides d. Then the direction of
+//! d, which is round-off if little moves, would determine the force.
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -22,12 +22,12 @@ use vi_core::{HessianKind, Potential, System};
 use crate::index::NONE;
 use crate::schemes::one_stage::rule::{Midpoint, MultiplierDirections, Rule, Trial};
 
-/// Stencils evaluated at once.
+/// Number of stencils evaluated at once.
 const BATCH: usize = 512;
-/// A part's energy defect below this many units of its round-off is no defect.
+/// A part's energy defect of fewer units of its round-off counts as zero.
 const NOISE: f64 = 4.0;
-/// A part that moves rigidly but for so little of its place and motion does not deform: the defect, of third order in
-/// the deformation, is nothing, while the direction d would be round-off, and λ without bounds.
+/// A part whose deformation is below this fraction of its coordinates and motion counts as rigid. The defect, of
+/// third order in the deformation, is then negligible, whereas the direction d would be round-off and λ unbounded.
 const RIGID: f64 = 1e-12;
 
 pub(crate) struct EnergyMomentum {
@@ -36,10 +36,10 @@ pub(crate) struct EnergyMomentum {
     x_start: Vec<f64>,
     x_end: Vec<f64>,
     dq: Vec<f64>,
-    /// Change of all coordinates, along nodes' own axes, where supports move.
+    /// Change of all coordinates, in the nodes' own axes, if supports move.
     dx: Vec<f64>,
     prescribed_work: f64,
-    /// Defect of each part's energy, and its round-off, J.
+    /// The energy defect of each part and its round-off, J.
     defects: Vec<[f64; 2]>,
     excess: Vec<[f64; 2]>,
 }
@@ -62,7 +62,7 @@ impl EnergyMomentum {
         }
     }
 
-    /// V_s(x₁) − V_s(x₀) − ∂V_s/∂x(x_m)·Δx summed over the stencils of each part.
+    /// Sums V_s(x₁) − V_s(x₀) − ∂V_s/∂x(x_m)·Δx over the stencils of each part.
     fn sum_defects(&mut self, trial: &Trial<'_>) {
         self.defects.fill([0.0; 2]);
         let (t, middle) = (trial.evaluator.time(), trial.evaluator.positions());
@@ -90,7 +90,8 @@ impl EnergyMomentum {
     }
 }
 
-/// Energy defects of the stencils from `first` on, and sizes of the numbers they come from.
+/// Writes the energy defects of the stencils from `first` on, and the sizes of the numbers that they are differences
+/// of.
 fn defects_of(term: &dyn Potential, first: usize, x: [&[f64]; 3], t: f64, out: &mut [[f64; 2]]) {
     let [start, middle, end] = x;
     let stencils = term.stencils();
@@ -138,8 +139,8 @@ impl Rule for EnergyMomentum {
         Some(MultiplierDirections::Middle)
     }
     fn tolerance(&self, tolerance: f64) -> f64 {
-        // Energy errs as the residual's work: linear in it, where other schemes' is quadratic. At the default the
-        // errors of thousands of steps then sum to less than 1e-8.
+        // The energy error is the work of the residual, which is linear in the residual; for other schemes it is
+        // quadratic. With this tolerance, the default makes the errors of thousands of steps sum to less than 1e-8.
         (1e-5 * tolerance).max(1e-14)
     }
     fn has_correction(&self) -> bool {
@@ -169,7 +170,8 @@ impl Rule for EnergyMomentum {
         let (mass, x) = (trial.system.free_mass(), trial.evaluator.positions());
         let free = coordinates.free();
         let place = self.parts.sums(|k| mass[k] * (x[free[k] as usize].powi(2) + self.dq[k] * self.dq[k]));
-        // Twice: what one removal leaves of a large rigid motion is not small beside a small deformation.
+        // Remove the rigid part twice: after a large rigid motion, the remainder of one removal is not small compared
+        // with a small deformation.
         self.parts.deform(trial.system, x, &mut self.dq);
         self.parts.deform(trial.system, x, &mut self.dq);
         let mut norms = self.parts.sums(|k| mass[k] * self.dq[k] * self.dq[k]);
@@ -198,14 +200,14 @@ impl Rule for EnergyMomentum {
     }
 }
 
-/// The parts of a body that hang together by stencils of terms that are not affine.
+/// The parts of a body that are connected by stencils of terms that are not affine.
 struct Parts {
     count: usize,
-    /// Part of each free coordinate, or [`NONE`] where it is touched by affine terms alone.
+    /// The part of each free coordinate, or [`NONE`] if only affine terms act on it.
     of_free: Vec<u32>,
-    /// Part of each stencil, per term; empty for affine terms.
+    /// The part of each stencil, per term; empty for affine terms.
     of_stencils: Vec<Vec<u32>>,
-    /// For each part: the translations and whether the rotations under which V is invariant.
+    /// For each part, the translations under which V is invariant, and whether it is invariant under rotations.
     translations: Vec<[bool; 3]>,
     rotations: Vec<bool>,
     /// Each part with each prescribed coordinate that its stencils touch; empty where no support moves.
@@ -228,7 +230,7 @@ impl Parts {
             let block = stencils.block;
             let mut dofs = Vec::new();
             for &node in stencils.of(stencil) {
-                // A tied node stands for those that it is tied to.
+                // A tied node stands for the nodes to which it is tied.
                 match coordinates.combination(node * block as u32 / 3) {
                     Some(terms) => {
                         dofs.extend(terms.iter().flat_map(|&(k, _)| 3 * k as usize..3 * k as usize + 3));
@@ -273,7 +275,7 @@ impl Parts {
                     }
                     let part = number[root] as usize;
                     of_term.push(part as u32);
-                    // A coordinate that is held, or a term that knows where it is, breaks symmetry.
+                    // A fixed coordinate, or a term that depends on absolute position, breaks the symmetry.
                     for dof in dofs {
                         let node = dof as u32 / 3;
                         let has_own_axes = coordinates.axes_of(node).is_some();
@@ -282,7 +284,7 @@ impl Parts {
                         }
                         if free_of[dof] == NONE || has_own_axes {
                             rotations[part] = false;
-                            // A director that is held stays as it is under translations.
+                            // A fixed director does not change under translations.
                             if has_own_axes {
                                 translations[part] = [false; 3];
                             } else if !coordinates.is_director(node) {
@@ -304,7 +306,7 @@ impl Parts {
         Self { count: count as usize, of_free, of_stencils, translations, rotations, prescribed }
     }
 
-    /// Sums over the free coordinates of each part.
+    /// Returns the sums over the free coordinates of each part.
     fn sums(&self, term: impl Fn(usize) -> f64) -> Vec<f64> {
         let mut sums = vec![0.0; self.count];
         for (k, &part) in self.of_free.iter().enumerate() {
@@ -315,11 +317,11 @@ impl Parts {
         sums
     }
 
-    /// dq ← dq without its rigid part about positions x, part by part.
+    /// Removes the rigid part about positions x from dq, part by part.
     fn deform(&self, system: &System, x: &[f64], dq: &mut [f64]) {
         let (mass, free) = (system.free_mass(), system.coordinates().free());
         let mut rigid = vec![Rigid::default(); self.count];
-        // Directors turn about the origin and are not translated.
+        // Directors rotate about the origin and are not translated.
         let is_director = |k: usize| system.coordinates().is_director(free[k] / 3);
         let arm_of = |rigid: &Rigid, k: usize| match is_director(k) {
             true => place(x, free[k] as usize),
@@ -358,7 +360,7 @@ impl Parts {
         }
         for (part, rigid) in rigid.iter_mut().enumerate() {
             if self.rotations[part] {
-                // A straight or single part has no inertia about some axes, and no motion to remove.
+                // A straight or single part has no inertia about some axes; rotations about these are no motion.
                 let size = rigid.inertia.trace();
                 if let Ok(inverse) = rigid.inertia.pseudo_inverse(1e-12 * size) {
                     rigid.rotation = inverse * rigid.spin;
@@ -385,20 +387,20 @@ struct Rigid {
     rotation: Vector3<f64>,
 }
 
-/// Where the node of a coordinate is.
+/// Returns the position of the node to which a coordinate belongs.
 fn place(x: &[f64], dof: usize) -> Vector3<f64> {
     let node = dof - dof % 3;
     Vector3::new(x[node], x[node + 1], x[node + 2])
 }
 
-/// Do all stencils of a term feel shape alone: no net force and no net torque at a place where no
-/// symmetry hides one?
+/// Returns whether all stencils of a term depend on shape alone: no net force and no net moment at a configuration
+/// without symmetry.
 fn is_internal(term: &dyn Potential) -> bool {
     let stencils = term.stencils();
     if stencils.block != 3 || stencils.arity < 2 || stencils.count() == 0 {
         return false;
     }
-    // A few stencils speak for the term: its energy has one form.
+    // A few stencils are enough, because all have the same form of energy.
     let highest = stencils.nodes.iter().max().map_or(0, |&node| node as usize);
     let x: Vec<f64> =
         (0..3 * (highest + 1)).map(|k| (1.7 * k as f64 + 0.3).sin() + 0.01 * k as f64).collect();
@@ -413,7 +415,7 @@ fn is_internal(term: &dyn Potential) -> bool {
             torque += at.cross(&g);
             size += g.norm() * (1.0 + at.norm());
         }
-        // Outside its domain a term does not tell; hyperelastic terms are internal.
+        // Outside its domain a term gives no answer; hyperelastic terms are internal.
         !size.is_finite() || force.norm() + torque.norm() <= 1e-9 * size
     })
 }

@@ -1,9 +1,9 @@
 //! Gauss collocation with s stages, order 2s, solved with one symmetric positive definite factor.
 //!
-//! With T = A² (A Butcher's matrix) the stages Q_i = q₀ + c_i h v₀ + Z_i solve R_i = M Z_i + h² Σ_j T_ij ∂V/∂q(Q_j) =
-//! 0. The iteration replaces QᵀTQ by a lower triangular L of constant diagonal θ (`splitting`), so that all its
-//! blocks are A = M + h²θK: with r̃ = −QᵀR, ρ_i = r̃_i − Σ_{j<i} (L_ij/θ)(ρ_j − M Δ̃_j), A Δ̃_i = ρ_i, Z += Q Δ̃, and
-//! no product with K. For s ≥ 2 the stages minimise no function.
+//! With T = A² (A is Butcher's matrix) the stages Q_i = q₀ + c_i h v₀ + Z_i solve R_i = M Z_i + h² Σ_j T_ij
+//! ∂V/∂q(Q_j) = 0. The iteration replaces QᵀTQ by a lower triangular L with constant diagonal θ (`splitting`), so
+//! that all its blocks are A = M + h²θK. With r̃ = −QᵀR: ρ_i = r̃_i − Σ_{j<i} (L_ij/θ)(ρ_j − M Δ̃_j), A Δ̃_i = ρ_i, Z
+//! += Q Δ̃, without any product with K. For s ≥ 2 the stages do not minimise any function.
 
 pub(crate) mod collocation;
 mod stages;
@@ -28,7 +28,7 @@ use crate::schemes::stepper::{StepError, StepReport, Stepper};
 use crate::vectors;
 use crate::work::Work;
 
-/// The stepper.
+/// The stepper of Gauss collocation.
 pub(crate) struct Gauss {
     evaluator: Evaluator,
     inertia: Inertia,
@@ -39,14 +39,14 @@ pub(crate) struct Gauss {
     stages: Stages,
     after: State,
     x_dot: Vec<f64>,
-    /// Change of velocity over the step, where mass is consistent.
+    /// Change of velocity over the step, if the mass is consistent.
     dv: Vec<f64>,
 }
 
 impl Gauss {
     const NAME: &str = "gauss";
 
-    /// Of degree s × Gauss–Legendre with s points, s from 2 to 5.
+    /// Returns the stepper of degree s × Gauss–Legendre with s points, s from 2 to 5.
     pub(crate) fn new(
         scheme: &Scheme,
         system: &System,
@@ -76,7 +76,7 @@ impl Gauss {
         self.inertia.open(system, &state.p, &mut self.evaluator.work);
         self.stages.open(system, &self.inertia, state, h);
         let iterations = self.solve(system)?;
-        let Stages { coefficients, z, velocity, history, has_history, room, .. } = &mut self.stages;
+        let Stages { coefficients, z, velocity, history, has_history, scratch, .. } = &mut self.stages;
         let (n, mass, z) = (state.q.len(), system.free_mass(), &*z);
         let State { t, q, p } = &mut self.after;
         *t = state.t + h;
@@ -85,7 +85,7 @@ impl Gauss {
         if self.inertia.matrix().is_some() {
             self.dv.resize(n, 0.0);
             vectors::fill(&mut self.dv, change);
-            let dp = self.inertia.momentum(system, &self.dv, room);
+            let dp = self.inertia.momentum(system, &self.dv, scratch);
             vectors::update_pair(q, p, |k, q, p| {
                 *q = state.q[k] + position(k);
                 *p = state.p[k] + dp.at(k);
@@ -130,10 +130,10 @@ impl Gauss {
         Ok(newton.solve(&mut Solve { system, evaluator, inverse, equations })?.iterations)
     }
 
-    /// ΔT = h Σ b_i M a_i·V_i with stage velocities V_i = v₀ + h Σ A_ij a_j, for the method conserves
-    /// quadratic invariants. So the work on prescribed coordinates is h Σ b_i g_i·ẋ_i, the residual's
-    /// h Σ b_i (M a_i + g_i)·V_i, and the scheme's part ΔV − h Σ b_i g_i·V_i over all coordinates. With forces f
-    /// that have no potential g is ∂V/∂x − f, and their work h Σ b_i f_i·ẋ_i has its own parts.
+    /// ΔT = h Σ b_i M a_i·V_i with stage velocities V_i = v₀ + h Σ A_ij a_j, because the method conserves quadratic
+    /// invariants. So the work on prescribed coordinates is h Σ b_i g_i·ẋ_i, that of the residual is h Σ b_i (M a_i +
+    /// g_i)·V_i, and the energy of the scheme is ΔV − h Σ b_i g_i·V_i over all coordinates. With forces f without a
+    /// potential, g is ∂V/∂x − f, and their work h Σ b_i f_i·ẋ_i is accounted separately.
     fn account(&mut self, system: &System) -> Result<StepEnergy, SolverError> {
         let Self { evaluator, inertia, stages, after, potential_energies, x_dot, .. } = self;
         stages.evaluate(system, inertia, evaluator)?;

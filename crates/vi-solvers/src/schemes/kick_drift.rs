@@ -1,13 +1,15 @@
-//! All explicit variational schemes as one kernel: kicks p −= b h ∂V/∂q and drifts q += a h M⁻¹p in turn, b₀ a₁ b₁ …
-//! aₙ bₙ. Time advances with the drifts, so that prescribed motion is read at the time of each kick.
+//! One kernel for all explicit variational schemes: alternating kicks p −= b h ∂V/∂q and drifts q += a h M⁻¹p with
+//! the coefficients b₀ a₁ b₁ … aₙ bₙ. Time advances with the drifts, so prescribed motion is evaluated at the time of
+//! each kick.
 //!
-//! Forces that no potential gives join the kicks, p += b h (f(q, v) − ∂V/∂q). Those that depend on
-//! velocity are read at the velocity before the kick, and in the closing kick of a symmetric scheme at
-//! one predicted by that reading (Heun): Störmer–Verlet keeps order 2, the Euler schemes order 1. In
-//! the ledger their work is f·v̄, v̄ being the mean of the velocities before and after the kick.
+//! Forces without a potential join the kicks, p += b h (f(q, v) − ∂V/∂q). Forces that depend on velocity are
+//! evaluated at the velocity before the kick; in the closing kick of a symmetric scheme, at the velocity that this
+//! evaluation predicts (Heun). Then Störmer–Verlet keeps order 2 and the Euler schemes order 1. In the ledger the
+//! work of such forces is f·v̄, where v̄ is the mean of the velocities before and after the kick.
 //!
 //! With constraints, each drift projects q onto their manifold by multipliers along their gradients at its start, and
-//! the step ends with p projected onto the tangent space: RATTLE for Störmer–Verlet (`constraint/manifold.rs`).
+//! the step ends by projecting p onto the tangent space. For Störmer–Verlet this is RATTLE
+//! (`constraint/manifold.rs`).
 
 mod collisions;
 mod drift;
@@ -31,7 +33,7 @@ use crate::schemes::stepper::{StepError, StepReport, Stepper};
 use crate::vectors;
 use crate::work::Work;
 
-/// The stepper of a list of coefficients.
+/// The stepper for a list of coefficients.
 pub(crate) struct KickDrift {
     name: &'static str,
     coefficients: Splitting,
@@ -43,13 +45,13 @@ pub(crate) struct KickDrift {
     p: Vec<f64>,
     x_dot: Vec<f64>,
     nonconservative: Option<ForceSum>,
-    /// f − ∂V/∂x of all coordinates where there are forces without a potential.
+    /// f − ∂V/∂x of all coordinates, if there are forces without a potential.
     net: Vec<f64>,
-    /// Where there are constraints.
+    /// The constraint manifold, if there are constraints.
     manifold: Option<ConstraintManifold>,
-    /// The multipliers' impulses of a drift, N s.
+    /// The impulses of the multipliers in a drift, N s.
     impulses: Vec<f64>,
-    /// Where there are live terms, and the scheme takes discrete gradients.
+    /// The collisions in drifts, if there are live terms and the scheme uses discrete gradients.
     collisions: Option<Collisions>,
 }
 
@@ -61,7 +63,7 @@ impl KickDrift {
         options: &SolverOptions,
     ) -> Result<Self, SolverError> {
         let n = system.coordinates().free_count();
-        // A drift backwards in time would meet what the body has left.
+        // A drift backwards in time would meet obstacles that the body has already left.
         let takes_discrete = coefficients.drifts.iter().all(|&drift| drift >= 0.0);
         let collisions = if takes_discrete { Collisions::new(system, options)? } else { None };
         let mut evaluator = Self::evaluator(system, collisions.is_some());
@@ -88,8 +90,8 @@ impl KickDrift {
         if takes_discrete { evaluator.with_discrete_gradients() } else { evaluator }
     }
 
-    /// p −= b h ∂V/∂q, then q += a h M⁻¹p. With a ledger, the work that the kick does on the kinetic
-    /// energy and on the prescribed coordinates is entered, and returned as minus their sum.
+    /// Computes p −= b h ∂V/∂q, then q += a h M⁻¹p. With a ledger, books the work that the kick does on the kinetic
+    /// energy and on the prescribed coordinates, and returns minus their sum.
     fn kick_drift(&mut self, system: &System, t: f64, kick: f64, drift: f64, energy: &mut StepEnergy) -> f64 {
         let mass = system.free_mass();
         let inverse_mass = self.sweep.inverse_mass();
@@ -120,7 +122,7 @@ impl KickDrift {
         work
     }
 
-    /// Does nobody ask for more than q and p?
+    /// Returns whether only q and p are needed.
     fn is_plain(&self, system: &System) -> bool {
         !self.ledger
             && self.nonconservative.is_none()
@@ -129,14 +131,14 @@ impl KickDrift {
             && system.terms().live().is_empty()
     }
 
-    /// Is it of as many coordinates as the system?
+    /// Returns whether the state has as many coordinates as the system.
     fn fits(&self, state: &State) -> bool {
         state.q.len() == self.q.len() && state.p.len() == self.p.len()
     }
 
-    /// Plain steps in one pass over the coordinates a force: the last kick of a step and the first of the next
-    /// read the same force. Time must matter to nothing where there are several.
-    /// Returns false if a number is not finite.
+    /// Makes plain steps with one pass over the coordinates per force: the last kick of a step and the first kick of
+    /// the next use the same force. If there are several steps, nothing may depend on time. Returns false if a number
+    /// is not finite.
     fn advance_swept(
         &mut self,
         system: &System,
@@ -182,14 +184,14 @@ impl KickDrift {
 
     fn advance(&mut self, system: &System, state: &State, h: f64) -> Result<StepEnergy, SolverError> {
         if self.is_plain(system) && self.fits(state) {
-            // The second time from the start, in case the state is not where the last step ended.
+            // Try a second time from the start, in case the state is not where the last step ended.
             for _ in 0..2 {
                 if self.advance_swept(system, state, h, 1)? {
                     return Ok(StepEnergy::default());
                 }
                 self.evaluator.forget();
             }
-            // Something is not finite: the plain way says what.
+            // Something is not finite: the ordinary path finds out what.
         }
         check_state(state, system)?;
         self.q.copy_from_slice(&state.q);
@@ -224,7 +226,7 @@ impl KickDrift {
             }
             elapsed += drift;
             t = if i + 1 >= drifts { state.t + h } else { state.t + elapsed * h };
-            // A drift past what stands in the way keeps the constraints too.
+            // A drift with collisions satisfies the constraints by itself.
             if drift != 0.0 && self.manifold.is_some() && self.collisions.is_none() {
                 kicked += self.project_positions(system, t, drift * h, &mut energy)?;
             }
@@ -266,7 +268,7 @@ impl Stepper for KickDrift {
         let (before, knew) = (self.evaluator.work, self.evaluator.knows_gradient_of(state.t));
         let found = self.advance_swept(system, state, h, count);
         if !found.unwrap_or(false) {
-            // As if nothing had been tried.
+            // Restore the evaluator to its state before the attempt.
             self.evaluator.forget();
             if knew {
                 self.evaluator.evaluate(system, &state.q, state.t, true).ok();

@@ -1,5 +1,5 @@
-//! The time integrators by name: what is known of each before it runs, which systems it accepts, and how its stepper
-//! is made. The rows are in `table.rs`.
+//! The time integrators by name: their facts, the systems that they accept, and the construction of their steppers.
+//! The rows are in `table.rs`.
 
 use vi_core::{Scheme, System};
 
@@ -15,58 +15,58 @@ use crate::schemes::one_stage::OneStage;
 use crate::schemes::one_stage::rule::{Midpoint, Rule};
 use crate::schemes::stepper::Stepper;
 
-/// What is known of a scheme before it runs.
+/// The facts about a scheme that are known before it runs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MethodFacts {
-    /// Name in a scene file.
+    /// Name in scene files.
     pub name: &'static str,
     /// Interpolation × quadrature, or the family, in words.
     pub made_of: &'static str,
     /// Classical order of accuracy.
     pub order: usize,
-    /// Makes a step without solving equations?
+    /// Whether a step solves no equations.
     pub is_explicit: bool,
-    /// Is it its own adjoint (reverses in time)?
+    /// Whether the scheme is its own adjoint, that is, reversible in time.
     pub is_symmetric: bool,
-    /// Evaluations of ∂V/∂x a step (explicit schemes; 0 where the solver decides).
+    /// Evaluations of ∂V/∂x per step of an explicit scheme; 0 if the solver decides.
     pub forces_per_step: usize,
     /// hω below which an explicit scheme is stable on the oscillator.
     pub stability_limit: Option<f64>,
-    /// hω up to which we recommend it for long nonlinear runs.
+    /// Largest hω that is recommended for long nonlinear runs.
     pub recommended_limit: Option<f64>,
-    /// What it conserves.
+    /// The quantities that the scheme conserves.
     pub conserves: Conserves,
-    /// Which systems it can step.
+    /// The systems that the scheme can step.
     pub accepts: Accepts,
-    /// Is it among the schemes that `bench` compares when none is named?
+    /// Whether `bench` compares the scheme when none is named.
     pub is_benchmarked: bool,
-    /// When to use it, in words.
+    /// Recommended use, in words.
     pub use_when: &'static str,
 }
 
 impl MethodFacts {
-    /// Does the scheme follow from a discrete Hamilton's principle? It then conserves the symplectic form, and its
-    /// energy stays in a bounded band below the stability limit.
+    /// Returns whether the scheme follows from a discrete Hamilton's principle. It then conserves the symplectic
+    /// form, and its energy stays in a bounded band below the stability limit.
     pub fn is_variational(&self) -> bool {
         self.conserves.symplectic_form
     }
 }
 
-/// What a scheme conserves exactly, apart from round-off and the tolerance of the solver.
+/// Quantities that a scheme conserves exactly, apart from round-off and the tolerance of the solver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Conserves {
     /// The symplectic form dq ∧ dp.
     pub symplectic_form: bool,
     /// The energy T + V.
     pub energy: bool,
-    /// The linear momentum, where nothing acts from outside.
+    /// The linear momentum, without external forces.
     pub linear_momentum: bool,
-    /// The angular momentum, where nothing acts from outside.
+    /// The angular momentum, without external forces.
     pub angular_momentum: bool,
 }
 
 impl Conserves {
-    /// In words, e.g. "symplectic form, momenta".
+    /// Returns the quantities in words, e.g. "symplectic form, momenta".
     pub fn words(&self) -> String {
         let momenta = match (self.linear_momentum, self.angular_momentum) {
             (true, true) => Some("momenta"),
@@ -81,25 +81,25 @@ impl Conserves {
     }
 }
 
-/// Forces without a potential that a scheme accepts.
+/// The forces without a potential that a scheme accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AcceptedForces {
-    /// None.
+    /// No forces without a potential.
     None,
-    /// Those that do not depend on velocity.
+    /// Forces that do not depend on velocity.
     OfPosition,
-    /// All.
+    /// All forces.
     All,
 }
 
-/// Which systems a scheme can step.
+/// The systems that a scheme can step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Accepts {
-    /// Forces without a potential.
+    /// Which forces without a potential it accepts.
     pub forces: AcceptedForces,
-    /// Constraints: rigid bodies and joints.
+    /// Whether it accepts constraints: rigid bodies and joints.
     pub constraints: bool,
-    /// Mass that is not lumped.
+    /// Whether it accepts mass that is not lumped.
     pub consistent_mass: bool,
 }
 
@@ -108,7 +108,7 @@ const EVERYTHING: Accepts = Accepts { forces: AcceptedForces::All, constraints: 
 const SYMPLECTIC: Conserves =
     Conserves { symplectic_form: true, energy: false, linear_momentum: true, angular_momentum: true };
 
-/// An explicit scheme with one force a step, to be completed by its row.
+/// The facts of an explicit scheme with one force per step, to be completed by its row.
 const VARIATIONAL_EXPLICIT: MethodFacts = MethodFacts {
     name: "",
     made_of: "",
@@ -124,7 +124,7 @@ const VARIATIONAL_EXPLICIT: MethodFacts = MethodFacts {
     use_when: "",
 };
 
-/// An implicit scheme, to be completed by its row.
+/// The facts of an implicit scheme, to be completed by its row.
 const VARIATIONAL_IMPLICIT: MethodFacts = MethodFacts {
     is_explicit: false,
     is_symmetric: true,
@@ -135,7 +135,7 @@ const VARIATIONAL_IMPLICIT: MethodFacts = MethodFacts {
     ..VARIATIONAL_EXPLICIT
 };
 
-/// An implicit scheme that is no use but to be compared with, to be completed by its row.
+/// The facts of an implicit scheme that only serves comparison, to be completed by its row.
 const COMPARISON: MethodFacts = MethodFacts {
     made_of: "not variational",
     is_symmetric: false,
@@ -153,13 +153,13 @@ const COMPARISON: MethodFacts = MethodFacts {
 type Made = Result<Box<dyn Stepper>, SolverError>;
 type Make = dyn Fn(&System, &SolverOptions) -> Made;
 
-/// Where the stepper of a scheme comes from.
+/// The origin of the stepper of a scheme.
 enum Source {
-    /// Derived from interpolation × quadrature.
+    /// The stepper is derived from interpolation × quadrature.
     Scheme(Scheme),
-    /// Kicks and drifts with coefficients of their own.
+    /// Kicks and drifts with tabulated coefficients.
     KickDrift(Splitting),
-    /// A stepper of its own.
+    /// A stepper that the scheme implements itself.
     Own(Box<Make>),
 }
 
@@ -168,7 +168,7 @@ impl Source {
         Self::Own(Box::new(make))
     }
 
-    /// Degree s × Gauss–Legendre with s points.
+    /// Returns degree s × Gauss–Legendre with s points.
     fn gauss(stages: usize) -> Self {
         match Scheme::gauss(stages) {
             Ok(scheme) => Self::Scheme(scheme),
@@ -181,7 +181,7 @@ fn one_stage<R: Rule + 'static>(rule: R, system: &System, options: &SolverOption
     Ok(Box::new(OneStage::new(rule, system, options)?))
 }
 
-/// The stepper of a scheme that is interpolation × quadrature.
+/// Returns the stepper of a scheme that is interpolation × quadrature.
 fn derived(name: &'static str, scheme: &Scheme, system: &System, options: &SolverOptions) -> Made {
     if let Some(coefficients) = Splitting::of(scheme) {
         return Ok(Box::new(KickDrift::new(name, coefficients, system, options)?));
@@ -209,7 +209,7 @@ macro_rules! methods {
             pub const ALL: [Self; [$($name),+].len()] =
                 [$(Self::$variant $({ $($parameter: $default,)+ })?),+];
 
-            /// What is known of it before it runs.
+            /// Returns the facts that are known before the scheme runs.
             pub fn facts(&self) -> MethodFacts {
                 match *self {
                     $(Self::$variant $({ $($parameter,)+ })? => MethodFacts { name: $name, ..$facts },)+
@@ -226,7 +226,7 @@ macro_rules! methods {
 crate::schemes!(methods);
 
 impl Method {
-    /// All schemes, `gauss` with each number of stages.
+    /// Returns all schemes, with `gauss` for each number of stages.
     pub fn variants() -> impl Iterator<Item = Self> {
         Self::ALL.into_iter().flat_map(|method| match method {
             Self::Gauss { .. } => (1..=5).map(|stages| Self::Gauss { stages }).collect(),
@@ -234,12 +234,12 @@ impl Method {
         })
     }
 
-    /// Name in a scene file.
+    /// Returns the name in scene files.
     pub fn name(&self) -> &'static str {
         self.facts().name
     }
 
-    /// Name with the number of stages, e.g. `gauss 3`.
+    /// Returns the name with the number of stages, e.g. `gauss 3`.
     pub fn label(&self) -> String {
         match self {
             Self::Gauss { stages } => format!("{} {stages}", self.name()),
@@ -247,7 +247,7 @@ impl Method {
         }
     }
 
-    /// Interpolation × quadrature, for the schemes that are made from that alone.
+    /// Returns interpolation × quadrature, for the schemes that are defined by it alone.
     pub fn scheme(&self) -> Option<Scheme> {
         match self.source() {
             Source::Scheme(scheme) => Some(scheme),
@@ -255,11 +255,11 @@ impl Method {
         }
     }
 
-    /// Can it step this system?
+    /// Checks that the scheme can step this system.
     ///
     /// # Errors
-    /// [`SolverError::Force`], [`SolverError::Constrained`] or [`SolverError::ConsistentMass`] with what it does not
-    /// accept, and the schemes that do.
+    /// [`SolverError::Force`], [`SolverError::Constrained`] or [`SolverError::ConsistentMass`] with the part that it
+    /// does not accept, and the schemes that do.
     pub fn check(&self, system: &System) -> Result<(), SolverError> {
         let MethodFacts { name: scheme, accepts, .. } = self.facts();
         let (refused, reason) = match accepts.forces {
@@ -286,7 +286,7 @@ impl Method {
         Ok(())
     }
 
-    /// Names of the schemes that accept something, the schemes for comparison left out.
+    /// Returns the names of the schemes that accept something, without the schemes for comparison.
     fn accepting(accepts: impl Fn(&Accepts) -> bool) -> Box<str> {
         let is_proposed =
             |facts: &MethodFacts| facts.made_of != COMPARISON.made_of && accepts(&facts.accepts);
@@ -295,10 +295,10 @@ impl Method {
     }
 }
 
-/// The integrator `method` for `system`.
+/// Returns the stepper of the integrator `method` for `system`.
 ///
 /// # Errors
-/// [`SolverError::Option`] where a parameter of the method or an option is outside its domain, and those of
+/// [`SolverError::Option`] if a parameter of the method or an option is outside its domain, and the errors of
 /// [`Method::check`].
 pub fn stepper(
     method: &Method,
@@ -319,11 +319,11 @@ pub fn stepper(
 mod tests {
     use super::*;
 
-    /// The smallest z = hω at which the trace of the step's 2 × 2 matrix on the oscillator leaves
-    /// ±2, by a scan: the first gap of stability of the high orders near z = π is narrow.
+    /// Returns the smallest z = hω at which the trace of the step's 2 × 2 matrix on the oscillator leaves ±2. It
+    /// scans z, because the first instability gap of the high orders near z = π is narrow.
     fn first_gap(scheme: &Splitting) -> f64 {
         let trace = |z: f64| {
-            // (q, p) in units where ω = 1 and h = z.
+            // Use (q, p) in units in which ω = 1 and h = z.
             let column = |mut q: f64, mut p: f64| {
                 for i in 0..scheme.kicks.len() {
                     p -= scheme.kicks[i] * z * q;
@@ -370,7 +370,7 @@ mod tests {
             assert!(Method::ALL[..k].iter().all(|other| other.name() != method.name()), "{}", method.name());
         }
     }
-    /// The table in README.md, from the rows.
+    /// Tests that README.md contains the table built from the rows.
     #[test]
     fn the_readme_has_the_table() {
         let is_compared_only = |facts: &MethodFacts| facts.made_of == COMPARISON.made_of;

@@ -1,10 +1,10 @@
-//! One implicit stage, M w + c ∂V/∂q(û + w, t_s) = 0, and the steppers that are made of it: implicit midpoint and,
-//! for comparison, Newmark, generalised-α, BDF2 and backward Euler differ only in û, c, t_s and in what follows from
-//! w ([`Rule`]).
+//! One implicit stage, M w + c ∂V/∂q(û + w, t_s) = 0, and the steppers based on it. Implicit midpoint and, for
+//! comparison, Newmark, generalised-α, BDF2 and backward Euler differ only in û, c, t_s and in the update from w
+//! ([`Rule`]).
 //!
-//! The unknown is the increment w = c a of the stage and never u = û + w itself: so momenta come from
-//! accelerations with their full relative precision, not from differences of positions. The solution
-//! minimises Φ(w) = ½ wᵀM w + c V(x(û + w, t_s)).
+//! The unknown is the increment w = c a of the stage and never u = û + w itself. So momenta come from accelerations
+//! with their full relative precision, and not from differences of positions. The solution minimises Φ(w) = ½ wᵀM w +
+//! c V(x(û + w, t_s)).
 
 pub(crate) mod rule;
 mod stage;
@@ -31,7 +31,7 @@ use crate::schemes::stepper::{StepError, StepReport, Stepper};
 use crate::vectors;
 use crate::work::Work;
 
-/// Names of the accelerations that are kept.
+/// Names of the stored accelerations.
 const HISTORY: [&str; 3] = ["stage.last", "stage.older", "stage.oldest"];
 
 /// The stepper of a one-stage method.
@@ -47,7 +47,7 @@ pub(crate) struct OneStage<R> {
     after: State,
     x_start: Vec<f64>,
     dx: Vec<f64>,
-    /// Change of velocity over the step, where mass is consistent.
+    /// Change of velocity over the step, if the mass is consistent.
     dv: Vec<f64>,
 }
 
@@ -86,14 +86,14 @@ impl<R: Rule> OneStage<R> {
         self.evaluator.open_step(system, &state.q, state.t, h)?;
         let iterations = self.solve(system)?;
         self.stage.project_end(system, state)?;
-        let Self { rule, inertia, stage: Stage { w, room, .. }, dv, .. } = self;
+        let Self { rule, inertia, stage: Stage { w, scratch, .. }, dv, .. } = self;
         let (w, v, mass) = (&*w, inertia.velocity(system, &state.p), system.free_mass());
         let State { t, q, p } = &mut self.after;
         *t = state.t + h;
         if inertia.matrix().is_some() {
             dv.resize(w.len(), 0.0);
             vectors::fill(dv, |k| rule.change(k, v.at(k), w[k], h).1);
-            let dp = inertia.momentum(system, dv, room);
+            let dp = inertia.momentum(system, dv, scratch);
             vectors::update_pair(q, p, |k, q, p| {
                 *q = state.q[k] + rule.change(k, v.at(k), w[k], h).0;
                 *p = state.p[k] + dp.at(k);
@@ -115,7 +115,7 @@ impl<R: Rule> OneStage<R> {
         energy.friction = -outcome.friction;
         energy.contact_damping = -outcome.damping;
         if self.ledger {
-            // The stage has counted what its forces took as work on the potential.
+            // The stage has counted the work of these forces as work on the potential.
             energy.scheme += outcome.friction + outcome.damping + stored;
         }
         self.rule.close(system, state, &self.after, &self.stage.w, h);
@@ -124,22 +124,22 @@ impl<R: Rule> OneStage<R> {
         Ok((iterations, energy))
     }
 
-    /// Do live terms remember anything?
+    /// Returns whether live terms have a memory.
     pub(crate) fn remembers(&self) -> bool {
         self.evaluator.remembers()
     }
 
-    /// What live terms remember.
+    /// Returns the memory of live terms.
     pub(crate) fn live_state(&mut self) -> Option<LiveState> {
         self.evaluator.live_state()
     }
 
-    /// Goes back to what live terms remembered.
+    /// Restores the memory of live terms.
     pub(crate) fn go_to_live(&mut self, state: &Option<LiveState>) {
         self.evaluator.go_to_live(state, &None);
     }
 
-    /// Is a step of h one of free motion: does nothing act at its stage or stand in the way of it?
+    /// Returns whether a step of h is free motion: nothing acts at its stage or blocks its path.
     pub(crate) fn is_free(&mut self, system: &System, state: &State, h: f64) -> bool {
         let Self { rule, evaluator, inertia, stage, .. } = self;
         inertia.open(system, &state.p, &mut evaluator.work);
@@ -153,7 +153,7 @@ impl<R: Rule> OneStage<R> {
             && evaluator.gradient().iter().all(|&force| force == 0.0)
     }
 
-    /// Solves the stage; 0 iterations where the body is at rest in balance.
+    /// Solves the stage; 0 iterations if the body is at rest in equilibrium.
     fn solve(&mut self, system: &System) -> Result<u32, SolverError> {
         let Self { rule, evaluator, inertia, inverse, newton, stage, .. } = self;
         if stage.origin.is_empty() {
@@ -176,10 +176,11 @@ impl<R: Rule> OneStage<R> {
         Ok(newton.solve(&mut Solve { system, evaluator, inverse, equations })?.iterations)
     }
 
-    /// The parts of the step's change of energy. With ΔT = Δp·v̄ and g = ∂V/∂x at the stage, they are
-    /// the work g·Δx (g with the rule's addition) on prescribed coordinates, the residual's work R·Δq/c, and the
-    /// rest that the scheme makes: ΔV − g·Δx (with forces f that have no potential g is ∂V/∂x − f, and their work
-    /// f·Δx is a part of its own), and for schemes that do not balance it with the work on the mean velocity, Δp·v̄ + (g − R/c)·Δq.
+    /// Computes the parts of the step's change of energy. With ΔT = Δp·v̄ and g = ∂V/∂x at the stage they are: the
+    /// work g·Δx on prescribed coordinates (g includes the rule's addition), the work R·Δq/c of the residual, and the
+    /// energy of the scheme, ΔV − g·Δx. With forces f without a potential, g is ∂V/∂x − f, and their work f·Δx is
+    /// accounted separately. For schemes that do not balance energy by the work on the mean velocity, the energy of
+    /// the scheme also contains Δp·v̄ + (g − R/c)·Δq.
     fn account(&mut self, system: &System, before: &State) -> Result<StepEnergy, SolverError> {
         let Self { rule, evaluator, inertia, stage, after, potential_energies, x_start, dx, dv, .. } = self;
         stage.evaluate(system, rule, evaluator)?;
@@ -192,9 +193,9 @@ impl<R: Rule> OneStage<R> {
         vectors::update(dx, |k, dx| *dx -= x_start[k]);
         coordinates.to_own_axes(dx);
         let gradient = evaluator.gradient();
-        let Stage { w, c, room, added, multipliers, .. } = stage;
+        let Stage { w, c, scratch, added, multipliers, .. } = stage;
         let (w, c, step) = (&*w, *c, &*dx);
-        let inertial = inertia.momentum(system, w, room);
+        let inertial = inertia.momentum(system, w, scratch);
         let along = |k: usize| step[free[k] as usize];
         let mut prescribed = accounts::prescribed_work(system, gradient, step) + rule.prescribed_work();
         if let Some(multipliers) = multipliers {
@@ -230,7 +231,7 @@ impl<R: Rule> OneStage<R> {
     }
 }
 
-/// What the stage of a rule evaluates.
+/// Returns the evaluator for the stage of a rule.
 fn evaluator_of(rule: &impl Rule, system: &System) -> Evaluator {
     let evaluator = Evaluator::with_nonconservative(system);
     if rule.takes_discrete_gradients() { evaluator.with_discrete_gradients() } else { evaluator }

@@ -1,9 +1,9 @@
-//! The highest frequency of a body, which limits the step of every explicit scheme: Lanczos on
-//! M^{-1/2} K M^{-1/2} with K v from differences of two gradients. It must not build a Hessian:
-//! an explicit run has none.
+//! Estimates the highest frequency of a body, which limits the step of every explicit scheme. It uses the Lanczos
+//! method on M^{-1/2} K M^{-1/2}, with K v from differences of two gradients. It must not build a Hessian, because an
+//! explicit run has none.
 //!
-//! The result transforms as a frequency does: translations of the body change it by the round-off of its
-//! coordinates, and units of length, mass and time that are powers of two change no bit of it.
+//! The result transforms as a frequency does. Translations of the body change it only by the round-off of its
+//! coordinates. A change of the units of length, mass and time by powers of two changes no bit of it.
 
 use nalgebra::DMatrix;
 use vi_core::{State, System, binary_exponent};
@@ -14,32 +14,32 @@ use crate::vectors;
 
 /// Largest number of Lanczos vectors.
 const MAX_ITERATIONS: u32 = 120;
-/// Bound on the relative error of λ_max at which it is good enough.
+/// Relative error of λ_max below which the estimate is accurate enough.
 const ACCURACY: f64 = 0.01;
-/// Largest displacement of a difference, relative to the extent of the body: its square and the
-/// round-off that it amplifies (1e-16/1e-7) are both far below [`ACCURACY`].
+/// Largest displacement of a difference, relative to the extent of the body. Its square and the round-off that it
+/// amplifies (1e-16/1e-7) are both far below [`ACCURACY`].
 const DIFFERENCE: f64 = 1e-7;
-/// Least displacement of a difference, in units of the round-off of the coordinates: far from the origin
-/// the differences then keep four digits.
+/// Smallest displacement of a difference, in units of the round-off of the coordinates. Far from the origin the
+/// differences then keep four digits.
 const RESOLVED: f64 = 1e4;
-/// A displacement beyond this part of the extent is no small displacement any more.
+/// Largest displacement, relative to the extent, that still counts as small.
 const LARGEST: f64 = 1e-3;
 
 /// An estimate of the highest frequency about a state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HighestFrequency {
-    /// ω_max = √λ_max(M⁻¹K), rad/s: the Ritz value plus its residual bound, so that it errs on the
-    /// high side, by at most 1 % where the iteration converged.
+    /// ω_max = √λ_max(M⁻¹K), rad/s: the Ritz value plus its residual bound. It is therefore an overestimate, by at
+    /// most 1 % if the iteration converged.
     pub omega: f64,
-    /// Products with K made for it, two gradients each.
+    /// Number of products with K, each of two gradients.
     pub iterations: u32,
 }
 
-/// ω_max about `state`, with a start vector that is the same in every run.
+/// Returns ω_max about `state`. The start vector is the same in every run.
 ///
 /// # Errors
-/// [`SolverError::Term`] or [`SolverError::NotFinite`] where the state has no finite force;
-/// [`SolverError::Unresolved`] where the coordinates are so large that their round-off hides the body's shape.
+/// [`SolverError::Term`] or [`SolverError::NotFinite`] if the state has no finite force; [`SolverError::Unresolved`]
+/// if the coordinates are so large that their round-off hides the shape of the body.
 pub fn highest_frequency(system: &System, state: &State) -> Result<HighestFrequency, SolverError> {
     let n = system.coordinates().free_count();
     if n == 0 {
@@ -71,16 +71,16 @@ pub fn highest_frequency(system: &System, state: &State) -> Result<HighestFreque
     Ok(HighestFrequency { omega: bound.sqrt(), iterations: MAX_ITERATIONS })
 }
 
-/// v ↦ M^{-1/2} K M^{-1/2} v by central differences about a state.
+/// The operator v ↦ M^{-1/2} K M^{-1/2} v by central differences about a state.
 struct Operator {
     evaluator: Evaluator,
-    /// √(m/unit), with a unit of mass that is a power of two: so it has the same bits in any such unit.
+    /// √(m/unit) with a unit of mass that is a power of two, so that it has the same bits in every such unit.
     root_mass: Vec<f64>,
     /// The inverse of that unit.
     per_unit: f64,
-    /// The displacement of a difference where all of the body moves by the same, m; of directors, 1.
+    /// The displacement of a difference if the whole body moves equally, m; for directors, 1.
     sizes: [f64; 2],
-    /// Which of these is a free coordinate's: 1 for directors.
+    /// Index into `sizes` for each free coordinate: 1 for directors.
     kind: Vec<u8>,
     direction: Vec<f64>,
     q: Vec<f64>,
@@ -128,9 +128,9 @@ impl Operator {
     }
 }
 
-/// The largest displacement of a difference about positions `x`, m: small beside the extent of the body,
-/// and large beside the round-off of its coordinates. A single point has no extent: it is moved by a small
-/// part of its distance from the origin, and at the origin by a small part of 1 m.
+/// Returns the largest displacement of a difference about positions `x`, m. It is small compared with the extent of
+/// the body and large compared with the round-off of its coordinates. A single point has no extent: it is displaced
+/// by a small fraction of its distance from the origin, or of 1 m if it is at the origin.
 fn displacement(system: &System, x: &[f64]) -> Result<f64, SolverError> {
     let [extent, reach] = system.coordinates().extent_and_reach(x);
     if extent == 0.0 {
@@ -143,7 +143,7 @@ fn displacement(system: &System, x: &[f64]) -> Result<f64, SolverError> {
     Ok(resolved.max(DIFFERENCE * extent))
 }
 
-/// The largest eigenvalue of the tridiagonal matrix, and the residual β |s_last| of its vector.
+/// Returns the largest eigenvalue of the tridiagonal matrix, and the residual β |s_last| of its vector.
 fn largest_ritz_value(diagonal: &[f64], off_diagonal: &[f64], beta: f64) -> (f64, f64) {
     let m = diagonal.len();
     let matrix = DMatrix::from_fn(m, m, |i, j| match i.abs_diff(j) {
@@ -164,7 +164,7 @@ fn normalize(v: &mut [f64]) -> f64 {
     norm
 }
 
-/// A number in ±½ from a counter (the finaliser of SplitMix64, Steele et al. 2014).
+/// Returns a number in ±½ from a counter (the finaliser of SplitMix64, Steele et al. 2014).
 fn noise(k: u64) -> f64 {
     let mut z = (k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -222,7 +222,7 @@ mod tests {
         let near = of(0.0).unwrap().omega;
         for by in [1e3, -1e6, 3e7] {
             let far = of(by).unwrap().omega;
-            // A few digits are all that is asked of it.
+            // Only a few digits are required.
             assert!((far / near - 1.0).abs() < ACCURACY, "{by:e}: {far} {near}");
         }
         let error = of(1e14).unwrap_err();

@@ -1,5 +1,5 @@
-//! What every time integrator promises: one step of a system, counted work, and a memory from which a run continues
-//! bit for bit.
+//! The contract of a time integrator: one step of a system, counted work, and a memory from which a run continues bit
+//! for bit.
 
 use vi_core::{Impulse, State, StepEnergy, System};
 
@@ -8,94 +8,98 @@ use crate::linear::cost::UnitCosts;
 use crate::memory::StepperMemory;
 use crate::work::Work;
 
-/// A time integrator with everything it keeps between steps.
+/// A time integrator with everything that it keeps between steps.
 pub trait Stepper: Send {
     /// Advances `state` by h (s, > 0).
     ///
     /// # Errors
-    /// A [`StepError`] with the facts; `state` is then bit-identical to what it was.
+    /// A [`StepError`] with the facts; `state` is then unchanged to the bit.
     fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError>;
 
-    /// Are steps of this system cheaper together, by [`Stepper::steps`], than one by one?
+    /// Returns whether several steps of this system are cheaper together, by [`Stepper::steps`], than one by one.
     fn joins_steps(&self, _system: &System) -> bool {
         false
     }
 
-    /// Advances `state` by `count` steps of h at once, to the bits of as many calls of [`Stepper::step`]. None,
-    /// with nothing changed, where the scheme does not join steps of this system, or where one of them fails:
-    /// single steps then tell which and why.
+    /// Advances `state` by `count` steps of h at once, to the same bits as that many calls of [`Stepper::step`].
+    /// Returns `None` and changes nothing if the scheme does not join steps of this system, or if a step fails.
+    /// Single steps then tell which one and why.
     fn steps(&mut self, _system: &System, _state: &mut State, _h: f64, _count: u32) -> Option<StepReport> {
         None
     }
 
-    /// Everything done so far.
+    /// Returns all work done so far.
     fn work(&self) -> Work;
 
-    /// What the pieces of its work cost on the reference core.
+    /// Returns the costs of the parts of its work on the reference core.
     fn unit_costs(&self, system: &System) -> UnitCosts {
         UnitCosts::explicit(system)
     }
 
-    /// Everything beyond (t, q, p) that the bits of the next step depend on.
+    /// Returns everything besides (t, q, p) on which the bits of the next step depend.
     fn memory(&self) -> StepperMemory;
 
-    /// Takes over what [`Stepper::memory`] of an equal stepper gave: the run then continues bit for
-    /// bit. Work counts start from zero.
+    /// Restores the [`Stepper::memory`] of an equal stepper. The run then continues bit for bit. Work counts start
+    /// from zero.
     ///
     /// # Errors
-    /// [`SolverError::Memory`] where the memory is not of this scheme and system, or an error of
-    /// the factorisation that it asks for.
+    /// [`SolverError::Memory`] if the memory does not belong to this scheme and system, or an error of the
+    /// factorisation that it requires.
     fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError>;
 
-    /// Which linear solver serves its steps, and why; none before the first solve and in explicit schemes.
+    /// Returns the linear solver of its steps and the reason for it; `None` before the first solve and for explicit
+    /// schemes.
     fn linear_solver(&self) -> Option<&str> {
         None
     }
 
-    /// How often the ordering and layout of a matrix were made: once, and again when live terms change its pattern.
+    /// Returns how often the ordering and layout of a matrix were computed: once, and again when live terms change
+    /// its pattern.
     fn analyses(&self) -> u64 {
         0
     }
 
-    /// ∂V/∂x (N, all coordinates) at the end of the last step, where the scheme knows it anyway.
+    /// Returns ∂V/∂x (N, all coordinates) at the end of the last step, if the scheme knows it without further cost.
     fn gradient(&self) -> Option<&[f64]> {
         None
     }
 
-    /// q̇ at a state, where the scheme knows it and M⁻¹p would be a solve (consistent mass).
+    /// Returns q̇ at a state, if the scheme knows it and M⁻¹p would need a solve (consistent mass).
     fn velocity(&self, _state: &State) -> Option<&[f64]> {
         None
     }
 
-    /// Energy that live terms store between steps beside V, J: stretched bristles of friction.
+    /// Returns the energy that live terms store between steps besides V, J, for example the stretched bristles of
+    /// friction.
     fn stored_energy(&self) -> f64 {
         0.0
     }
 
-    /// Impulses between parts of live terms since the last call, N s.
+    /// Returns the impulses between parts of live terms since the last call, N s.
     fn take_impulses(&mut self) -> Vec<Impulse> {
         Vec::new()
     }
 
-    /// What a reader should hear of the steps since the last call, e.g. of a limit point.
+    /// Returns messages for the user about the steps since the last call, e.g. about a limit point.
     fn take_findings(&mut self) -> Vec<String> {
         Vec::new()
     }
 }
 
-/// What one step did.
+/// The results of one step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct StepReport {
-    /// Newton iterations (0 for explicit schemes and for a body at rest in balance).
+    /// Newton iterations (0 for explicit schemes and for a body at rest in equilibrium).
     pub iterations: u32,
-    /// What changed the total energy; zero unless [`SolverOptions::ledger`](crate::SolverOptions::ledger).
+    /// The contributions to the change of total energy; zero unless
+    /// [`SolverOptions::ledger`](crate::SolverOptions::ledger).
     pub energy: StepEnergy,
     /// The work of this step alone.
     pub work: Work,
 }
 
-/// A step that failed. The state is as it was before.
+/// A failed step. The state is unchanged.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("the step from t = {t} s with h = {h} s failed: {cause}")]
 pub struct StepError {
@@ -103,13 +107,13 @@ pub struct StepError {
     pub t: f64,
     /// The step, s.
     pub h: f64,
-    /// What went wrong.
+    /// The cause of the failure.
     pub cause: SolverError,
 }
 
 impl StepError {
-    /// Could a smaller step succeed? So it may where the state left the domain of a term or the
-    /// nonlinear solve did not converge; not where the state at the start is already wrong.
+    /// Returns whether a smaller step may succeed. It may if the state left the domain of a term or the nonlinear
+    /// solve did not converge; it cannot if the state at the start is already invalid.
     pub fn smaller_step_may_help(&self) -> bool {
         matches!(
             self.cause,

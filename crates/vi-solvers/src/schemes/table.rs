@@ -1,7 +1,7 @@
 //! The table of time integrators: one row per scheme, and the only list of them.
 //!
-//! A row holds the variant of [`crate::Method`] with its parameters and their defaults, the name in scene files, where
-//! the stepper comes from, and the facts that everything else reads: checks, `bench`, `stress`, the schema of scenes
+//! A row holds the variant of [`crate::Method`] with its parameters and their defaults, the name in scene files, the
+//! source of the stepper, and the facts that everything else reads: checks, `bench`, `stress`, the schema of scenes
 //! and the table in the README. To add a scheme, write its file and its row.
 
 /// Calls the macro `$define` with the rows of the table:
@@ -95,7 +95,7 @@ macro_rules! schemes {
             }
             /// Degree s × Gauss–Legendre with s points. Variational, implicit, order 2s.
             Gauss {
-                /// s = 1 … 5.
+                /// Number of stages s, 1 … 5.
                 stages: usize = 2,
             } = "gauss" {
                 Source::gauss(stages);

@@ -1,4 +1,4 @@
-//! Small bodies and measures that the laws of the schemes share.
+//! Small bodies and measures that the tests of the schemes share.
 #![allow(dead_code, unreachable_pub, reason = "every test file uses its part")]
 
 use std::ops::Range;
@@ -10,7 +10,7 @@ use vi_core::{
 };
 use vi_solvers::{Method, SolverOptions, Stepper};
 
-/// Options that solve implicit equations to round-off.
+/// Returns options that solve implicit equations to round-off.
 pub fn to_round_off() -> SolverOptions {
     SolverOptions { tolerance: 1e-14, ..Default::default() }
 }
@@ -26,7 +26,7 @@ pub fn run(method: Method, system: &System, state: &mut State, h: f64, steps: us
     }
 }
 
-/// A smooth motion of two nodes' coordinates.
+/// A smooth motion of the coordinates of two nodes.
 struct Wave(usize);
 
 impl Path for Wave {
@@ -43,7 +43,7 @@ impl Path for Wave {
     }
 }
 
-/// A chain whose first node, and the height of its last, follow smooth paths.
+/// Returns a chain whose first node, and the height of its last, follow smooth paths.
 pub fn moving_chain(nodes: usize) -> (System, State) {
     let chain = SpringChain::unit(nodes);
     let last = 3 * nodes as u32 - 1;
@@ -58,7 +58,7 @@ pub fn moving_chain(nodes: usize) -> (System, State) {
     (system, state)
 }
 
-/// Springs at their rest length under gravity, thrown without spin.
+/// Returns springs at their rest length under gravity, thrown without spin.
 pub fn falling_chain(nodes: usize) -> (System, State) {
     let mass: Vec<f64> = (0..3 * nodes).map(|dof| 1.0 + (dof / 3 % 2) as f64).collect();
     let weight = mass.clone();
@@ -91,7 +91,7 @@ pub fn falling_chain(nodes: usize) -> (System, State) {
     (system, state)
 }
 
-/// Is `state` the parabola from `start`, every node alike, to the round-off of many steps?
+/// Checks that every node of `state` has followed the parabola from `start`, to the round-off of many steps.
 pub fn assert_fall(start: &State, state: &State, name: &str) {
     let t = state.t - start.t;
     for k in 0..state.q.len() {
@@ -107,7 +107,7 @@ pub fn assert_fall(start: &State, state: &State, name: &str) {
     }
 }
 
-/// V = ½ k (r − l)² between two points.
+/// Returns V = ½ k (r − l)² between two points, with its derivatives.
 pub fn spring(x: &[f64; 6], k: f64, l: f64) -> Jet<6> {
     let d = [x[3] - x[0], x[4] - x[1], x[5] - x[2]];
     let r = d.iter().map(|d| d * d).sum::<f64>().sqrt();
@@ -126,7 +126,7 @@ pub fn spring(x: &[f64; 6], k: f64, l: f64) -> Jet<6> {
     jet
 }
 
-/// V = −ln(1 − e²), e = x_b − x_a − 1 on a line: no finite value beyond |e| = 1.
+/// V = −ln(1 − e²) with e = x_b − x_a − 1 on a line; not finite for |e| ≥ 1.
 struct Brittle([u32; 2]);
 
 impl Brittle {
@@ -174,7 +174,7 @@ impl Potential for Brittle {
     }
 }
 
-/// Two points on a line, driven apart: a large step tears them.
+/// Returns two points on a line that move apart: a large step tears them.
 pub fn brittle_pair() -> (System, State) {
     let system =
         System::new(vec![1.0, 1.0], vec![Box::new(Brittle([0, 1]))], Coordinates::all_free(2)).unwrap();

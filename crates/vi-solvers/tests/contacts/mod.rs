@@ -7,12 +7,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use vi_core::{Account, DiscreteGradient, HessianKind, Live, Potential, Stencils, Traits};
 
-/// Pairs of points with V = k/(8 d²) (d² − r²)² where their distance r is below d, and zero elsewhere.
+/// Pairs of points with V = k/(8 d²) (d² − r²)² if their distance r is below d, and zero otherwise.
 pub struct Pairs {
     pub nodes: Vec<u32>,
     pub distance: f64,
     pub stiffness: f64,
-    /// Does it act by its discrete gradient?
+    /// Whether it acts by its discrete gradient.
     pub is_discrete: bool,
 }
 
@@ -22,12 +22,12 @@ impl Pairs {
         std::array::from_fn(|k| x[a + k] - x[b + k])
     }
 
-    /// How far r² is below d², m²; zero where it is not.
+    /// Returns d² − r² (m²) if it is positive, else zero.
     fn depth(&self, r: [f64; 3]) -> f64 {
         (self.distance.powi(2) - square(r)).max(0.0)
     }
 
-    /// V as a function of u = d² − r² has dV/du = k/(4 d²) u.
+    /// Returns k/(4 d²), so that dV/du = k/(4 d²) u with u = d² − r².
     fn slope(&self) -> f64 {
         self.stiffness / (4.0 * self.distance.powi(2))
     }
@@ -37,7 +37,7 @@ fn square(r: [f64; 3]) -> f64 {
     r.iter().map(|r| r * r).sum()
 }
 
-/// The packed block of a pair from the 3 × 3 block of their separation.
+/// Writes the packed block of a pair from the 3 × 3 block of their separation.
 fn pack(block: impl Fn(usize, usize) -> f64, out: &mut [f64]) {
     let mut packed = out.iter_mut();
     for i in 0..6 {
@@ -92,14 +92,14 @@ impl Potential for Pairs {
     }
 }
 
-/// G = γ (r₀ + r₁) of the separations, with γ the difference quotient of V over r².
+/// The discrete gradient G = γ (r₀ + r₁) of the separations, where γ is the difference quotient of V over r².
 impl Pairs {
     fn quotient(&self, start: [f64; 3], end: [f64; 3]) -> (f64, f64) {
         let (u0, u1) = (self.depth(start), self.depth(end));
         let change = square(end) - square(start);
         let size = 1e-12 * self.distance.powi(2);
         if u0 > 0.0 && u1 > 0.0 || change.abs() <= size {
-            // Without cancellation; dγ/d(r₁²) beside it.
+            // Both are written without cancellation: γ, and dγ/d(r₁²).
             let active = f64::from(u8::from(u1 > 0.0));
             return (-0.5 * self.slope() * (u0 + u1), 0.5 * self.slope() * active);
         }
@@ -133,7 +133,7 @@ impl DiscreteGradient for Pairs {
     }
 }
 
-/// The same among all points, as a live term whose stencils are the pairs that are close.
+/// The repulsion of all points as a live term, whose stencils are the pairs that are close.
 pub struct Repulsion {
     pub count: u32,
     pub distance: f64,
@@ -148,7 +148,7 @@ impl Repulsion {
         Self { count, distance: 0.5, stiffness: 40.0, reach: 0.05, is_discrete, calls: AtomicUsize::new(0) }
     }
 
-    /// The pairs of points that are closer than `limit`, and have numbers at least two apart.
+    /// Returns the pairs of points that are closer than `limit` and whose numbers differ by at least two.
     fn pairs(&self, x: &[f64], limit: f64) -> Pairs {
         let distance = |a: u32, b: u32| {
             let part = |k: usize| x[3 * a as usize + k] - x[3 * b as usize + k];
@@ -160,7 +160,7 @@ impl Repulsion {
         Pairs { nodes, distance, stiffness, is_discrete }
     }
 
-    /// All pairs, whether close or not.
+    /// Returns all pairs, close or not.
     pub fn fixed(&self) -> Pairs {
         self.pairs(&vec![0.0; 3 * self.count as usize], f64::INFINITY)
     }
@@ -179,7 +179,7 @@ impl Live for Repulsion {
     }
 }
 
-/// Points above a floor at z = 0 with V = k (d − z)³/z where z is below d: infinite at the floor.
+/// Points above a floor at z = 0 with V = k (d − z)³/z for z below d: infinite at the floor.
 pub struct Floor {
     pub nodes: Vec<u32>,
     pub distance: f64,
@@ -191,7 +191,7 @@ impl Floor {
         x[3 * self.nodes[stencil] as usize + 2]
     }
 
-    /// V, V′, V″ at height z.
+    /// Returns V, V′, V″ at height z.
     fn jet(&self, z: f64) -> [f64; 3] {
         let (k, d) = (self.stiffness, self.distance);
         if z >= d {
@@ -206,7 +206,7 @@ impl Floor {
         [k * q.powi(3) / z, k * first, k * second]
     }
 
-    /// (V(z₁) − V(z₀))/(z₁ − z₀) and its derivative by z₁.
+    /// Returns (V(z₁) − V(z₀))/(z₁ − z₀) and its derivative by z₁.
     fn quotient(&self, z0: f64, z1: f64) -> [f64; 2] {
         let ([v0, ..], [v1, s1, _]) = (self.jet(z0), self.jet(z1));
         let change = z1 - z0;
@@ -257,7 +257,7 @@ impl Potential for Floor {
     fn largest_step(&self, x: &[f64], dx: &[f64]) -> f64 {
         let limit = |&node: &u32| {
             let (z, dz) = (x[3 * node as usize + 2], dx[3 * node as usize + 2]);
-            // A tenth of the way to the floor is kept.
+            // Keep a tenth of the distance to the floor.
             if z + dz < 0.1 * z { 0.9 * z / -dz } else { 1.0 }
         };
         self.nodes.iter().map(limit).fold(1.0, f64::min)
@@ -280,7 +280,7 @@ impl DiscreteGradient for Floor {
     }
 }
 
-/// The floor as a live term: its stencils are the points that are low.
+/// The floor as a live term: its stencils are the points near the floor.
 pub struct LiveFloor {
     pub count: u32,
     pub distance: f64,

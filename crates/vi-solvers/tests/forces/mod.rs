@@ -18,7 +18,7 @@ impl Path for Clock {
     }
 }
 
-/// f = a + b x − c v on coordinate 0.
+/// The force f = a + b x − c v on coordinate 0.
 pub struct Linear {
     a: f64,
     b: f64,

@@ -1,11 +1,11 @@
-//! The sums over stencils against entry-by-entry sums, and their laws: same bits on any number of
-//! threads, nothing evaluated that cannot have changed.
+//! Tests the sums over stencils against entry-by-entry sums. They give the same bits on any number of threads, and
+//! evaluate nothing that cannot have changed.
 
 use crate::springs::{Springs, block, block_system, deformed, dense, fixed};
 use vi_core::{Account, Coordinates, HessianKind, Potential, Stencils, System, Traits};
 use vi_solvers::{Assembler, HessianEvaluation, SymmetricMatrix};
 
-/// The free part of a dense matrix against a sparse one, column by column.
+/// Compares the free part of a dense matrix with a sparse one, column by column.
 fn assert_same_matrix(system: &System, sparse: &SymmetricMatrix, dense: &[Vec<f64>]) {
     let free = system.coordinates().free();
     assert_eq!(sparse.free_count(), free.len());
@@ -129,7 +129,7 @@ fn energies_are_right_to_the_last_bits() {
 
 #[test]
 fn what_is_fixed_is_evaluated_once() {
-    // Two boxes: the second is fixed as a whole.
+    // Two boxes, the second of which is fixed as a whole.
     let (x, nodes) = block([4, 4, 4]);
     let shift = x.len() as u32 / 3;
     let other = nodes.iter().map(|node| node + shift).collect::<Vec<_>>();

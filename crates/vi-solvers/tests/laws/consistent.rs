@@ -1,5 +1,5 @@
-//! Laws of implicit schemes with consistent mass: oracle, orders, energy, momenta, time symmetry, ledger,
-//! memory, and what is refused.
+//! Tests the laws of implicit schemes with consistent mass: oracle, orders, energy, momenta, time symmetry, ledger,
+//! memory, and refused systems.
 
 use crate::bodies::{assert_close, assert_momenta, distance, run, stepper_of, to_round_off};
 use vi_core::problems::{Jet, SpringChain, Term};
@@ -9,7 +9,7 @@ use vi_core::{
 };
 use vi_solvers::{Method, SolverError, SolverOptions, modes};
 
-/// ½ m/6 (2 v_a² + 2 v_b² + 2 v_a·v_b) of neighbours: bars of mass m = 3.
+/// Returns ½ m/6 (2 v_a² + 2 v_b² + 2 v_a·v_b) of neighbours: bars of mass m = 3.
 fn bars(nodes: usize) -> Vec<Box<dyn Potential>> {
     let jet = |_: usize, v: &[f64; 6]| {
         let mut jet = Jet { energy: 0.0, gradient: [0.0; 6], hessian: [[0.0; 6]; 6] };
@@ -26,7 +26,7 @@ fn bars(nodes: usize) -> Vec<Box<dyn Potential>> {
     vec![Box::new(Term { name: "bars", block: 3, nodes, hessian: HessianKind::Constant, jet })]
 }
 
-/// A free chain, or one whose first node is held and whose last only moves along x and z.
+/// Returns a free chain, or one whose first node is held and whose last moves only along x and z.
 fn chain(nodes: usize, held: bool) -> (System, State) {
     let chain = SpringChain::unit(nodes);
     let free = chain.system().unwrap();
@@ -193,7 +193,7 @@ fn momentum_and_velocity_are_inverse_to_each_other() {
     for (p, back) in state.p.iter().zip(dense.iter()) {
         assert!((p - back).abs() < 1e-13, "{p} {back}");
     }
-    // A good start costs nothing.
+    // A good start needs no iteration.
     let multiply = |v: &[f64], out: &mut [f64]| out.copy_from_slice(&system.momentum(v));
     let mut again = v.clone();
     assert_eq!(solve_mass(multiply, system.free_mass(), &state.p, &mut again), 0);

@@ -1,5 +1,5 @@
-//! Laws of the steppers on constraints: the dense RATTLE, rigid bodies against the Lie-group integrator
-//! and the exact flip, momenta, energy, the surface itself, the ledger.
+//! Tests the laws of the steppers with constraints: the dense RATTLE, rigid bodies against the Lie-group integrator
+//! and the exact flip, momenta, energy, the constraint manifold, the ledger.
 
 use crate::springs::{Springs, block, fixed};
 use vi_core::constraints::{Place, QuadraticConstraint, Rattle};
@@ -11,7 +11,7 @@ use vi_core::{
 };
 use vi_solvers::{Method, SolverError, SolverOptions, Stepper, stepper};
 
-/// The schemes that accept constraints.
+/// Returns the schemes that accept constraints.
 fn methods() -> impl Iterator<Item = Method> {
     Method::ALL.into_iter().filter(|method| method.facts().accepts.constraints)
 }
@@ -25,13 +25,13 @@ fn total(system: &System, state: &State) -> f64 {
     kinetic_energy(system, state) + reference::energy(system, &system.positions(state), state.t)
 }
 
-/// The largest |g|.
+/// Returns the largest |g|.
 fn defect(system: &System, state: &State) -> f64 {
     let x = system.positions(state);
     system.constraints().iter().map(|g| g.value(&x).abs()).fold(0.0, f64::max)
 }
 
-/// Three points in a row on rods, the first end held, with a spring across: a double pendulum's bones.
+/// Returns three points connected by rods, the first held, with a spring across: a double pendulum.
 fn linkage() -> (System, State) {
     let x = vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, -0.8, 0.3];
     let rod = |a: u32, b: u32, length: f64| {
@@ -51,7 +51,7 @@ fn linkage() -> (System, State) {
     (system, start)
 }
 
-/// A free body in natural coordinates (c, d₁, d₂, d₃), with spin Π about its principal axes.
+/// Returns a free body in natural coordinates (c, d₁, d₂, d₃) with angular momentum Π about its principal axes.
 fn free_body(mass: f64, moments: [f64; 3], spin: [f64; 3]) -> (System, State) {
     let euler: Vec<f64> = (0..3).map(|k| 0.5 * (moments.iter().sum::<f64>() - 2.0 * moments[k])).collect();
     let masses: Vec<f64> = [mass].iter().chain(&euler).flat_map(|&m| [m; 3]).collect();
@@ -187,7 +187,7 @@ fn a_free_body_agrees_with_the_lie_group_integrator_and_flips_on_time() {
         assert!(fine < 2e-3, "{}: {fine}", method.name());
         assert!(((coarse / fine).log2() - 2.0).abs() < 0.1, "{}: {coarse} {fine}", method.name());
     }
-    // The spin about the intermediate axis comes back after one period.
+    // The rotation about the intermediate axis returns after one period.
     let mut stepper = stepper_of(Method::ImplicitMidpoint, &system);
     let mut state = start.clone();
     let steps = 4000;
@@ -195,13 +195,13 @@ fn a_free_body_agrees_with_the_lie_group_integrator_and_flips_on_time() {
         stepper.step(&system, &mut state, period / steps as f64).unwrap();
     }
     let v = system.velocities(&state);
-    // Π₂ = I₂ ω₂ with ω₂ = d₁·ḋ₃ as d₃ turns towards d₁.
+    // Π₂ = I₂ ω₂ with ω₂ = d₁·ḋ₃, because d₃ rotates towards d₁.
     let omega: f64 = (0..3).map(|i| v[9 + i] * state.q[3 + i]).sum();
     assert!((moments[1] * omega - spin[1]).abs() < 1e-2, "{omega}");
 }
 
-/// A box of springs whose face is part of a rigid body that hangs by a ball joint from a moving or a
-/// fixed place; gravity by a spring of the far end.
+/// Returns a box of springs with a face that is part of a rigid body, which hangs by a ball joint from a moving or a
+/// fixed point. A spring at the far end acts as gravity.
 fn hanging(is_moving: bool) -> (System, State) {
     let (mut x, nodes) = block([2, 1, 1]);
     let n = x.len() as u32 / 3;
@@ -254,7 +254,7 @@ fn hanging(is_moving: bool) -> (System, State) {
     (system, state)
 }
 
-/// A circle of radius ½ m about (2.5, 0.5, 0.5), once in 2π s.
+/// A circle of radius ½ m about (2.5, 0.5, 0.5), traversed once in 2π s.
 struct Circle;
 
 impl vi_core::Path for Circle {
@@ -295,7 +295,7 @@ fn springs_on_a_jointed_body_close_the_ledger() {
 
 #[test]
 fn redundant_joints_are_solved_all_the_same() {
-    // A body held at three points: nine equations, of which six and the body's own six are dependent.
+    // A body held at three points has nine equations. Together with the six of the body itself, six are dependent.
     let (system, _) = free_body(2.0, [1.0, 2.0, 2.8], [0.0; 3]);
     let mut constraints = system.constraints().to_vec();
     for director in [1, 2] {
@@ -306,7 +306,7 @@ fn redundant_joints_are_solved_all_the_same() {
     }
     let system = system.with_constraints(constraints).unwrap();
     let x = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-    // Turning about the line through both points: (−1, 1, 0)/√2.
+    // A rotation about the line through both points, (−1, 1, 0)/√2.
     let v = [0.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, -1.0, -1.0, 0.0];
     let start = system.state(0.0, &x, &v).unwrap();
     for method in methods() {

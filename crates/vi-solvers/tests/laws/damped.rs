@@ -1,11 +1,11 @@
-//! Forces without a potential: order, ledger, refusals.
+//! Tests forces without a potential: order, ledger, refusals.
 
 use crate::forces::Linear;
 use vi_core::problems::{Oscillator, Pendulum};
 use vi_core::{State, StepEnergy};
 use vi_solvers::{Method, SolverError, SolverOptions, stepper};
 
-/// Unit oscillator with damping c: exact position and velocity at t from (1, 0).
+/// Returns the exact position and velocity at t of the unit oscillator with damping c from (1, 0).
 fn exact(c: f64, t: f64) -> (f64, f64) {
     let (decay, omega) = (0.5 * c, (1.0 - 0.25 * c * c).sqrt());
     let (sin, cos) = (omega * t).sin_cos();
@@ -66,7 +66,7 @@ fn gauss_keeps_its_order_and_its_ledger() {
             }
             let change = problem.energy(&state) - before;
             assert!((sum.total() - change).abs() < 1e-12, "{stages}: {sum:?} {change}");
-            // Collocation makes the work of damping an exact part: the scheme has none on a quadratic energy.
+            // Collocation integrates the work of damping exactly: the scheme adds no energy for a quadratic energy.
             assert!(sum.damping < -0.2 && sum.force == 0.0 && sum.scheme.abs() < 1e-12, "{sum:?}");
             let (q, v) = exact(c, 3.0);
             (state.q[0] - q).hypot(state.p[0] - v)
@@ -78,7 +78,7 @@ fn gauss_keeps_its_order_and_its_ledger() {
 
 #[test]
 fn energy_momentum_does_exactly_the_work_of_forces() {
-    // A pendulum's energy is no quadratic: what the scheme adds is zero all the same.
+    // The energy of a pendulum is not quadratic; the scheme adds no energy nevertheless.
     let system = Pendulum::unit().system().unwrap().with_forces(vec![Linear::shared(0.2, 0.1, 0.3)]).unwrap();
     let options = SolverOptions { ledger: true, tolerance: 1e-12, ..Default::default() };
     let mut stepper = stepper(&Method::EnergyMomentum, &system, &options).unwrap();

@@ -1,4 +1,4 @@
-//! Laws of the explicit schemes: oracle, orders, momenta, time symmetry, stability limits, work.
+//! Tests the laws of the explicit schemes: oracle, orders, momenta, time symmetry, stability limits, work.
 
 use crate::bodies::{moving_chain, run, stepper_of};
 use vi_core::problems::{Oscillator, Pendulum, SpringChain};
@@ -30,7 +30,7 @@ fn kernels_agree_with_the_oracle() {
     }
 }
 
-/// The order that an error of so many steps shows: that of the finest pair of steps whose errors are far above round-off.
+/// Returns the observed order: that of the finest pair of step counts whose errors are far above round-off.
 fn observed_order(error: impl Fn(usize) -> f64) -> f64 {
     let is_above = |&steps: &usize| error(2 * steps) > 1e-11;
     let steps = (1..10).map(|k| 1 << k).take_while(is_above).last().unwrap();
@@ -56,7 +56,7 @@ fn orders_are_observed() {
 
 #[test]
 fn orders_are_observed_in_space_and_with_moving_clamps() {
-    // Against the same scheme at a step so small that its error is round-off.
+    // Compare with the same scheme at a step so small that its error is round-off.
     let chain = SpringChain::unit(4);
     for (system, start) in [(chain.system().unwrap(), chain.disturbed_state()), moving_chain(4)] {
         let mut exact = start.clone();
@@ -206,7 +206,7 @@ fn explicit_runs_make_no_hessian_and_reuse_the_last_force() {
         let per_step = method.facts().forces_per_step as u64;
         let first = u64::from(method.facts().is_symmetric);
         assert_eq!(work.gradients, 10 * per_step + first, "{}", method.name());
-        // A state changed from outside is noticed: the result is that of a new stepper.
+        // The stepper notices that the state was changed from outside: the result is that of a new stepper.
         state.q[0] += 1e-3;
         let mut other = state.clone();
         stepper.step(&system, &mut state, 0.01).unwrap();
@@ -215,8 +215,8 @@ fn explicit_runs_make_no_hessian_and_reuse_the_last_force() {
     }
 }
 
-/// One pass over the coordinates and the plain way with a ledger are the same arithmetic, also where
-/// somebody moves the body between two steps.
+/// A single pass over the coordinates and the ordinary path with a ledger give the same arithmetic, also if the body
+/// is moved from outside between two steps.
 #[test]
 fn a_ledger_does_not_change_the_path() {
     let chain = SpringChain::unit(3000);

@@ -1,4 +1,5 @@
-//! The sparse factor: solves, refuses what is not positive definite, gives the same bits again.
+//! Tests the sparse factor: it solves, refuses matrices that are not positive definite, and gives the same bits
+//! again.
 
 use crate::springs::{Springs, block, block_system, deformed, fixed};
 use vi_core::{Coordinates, System};
@@ -12,7 +13,7 @@ fn wave(n: usize) -> Vec<f64> {
     (0..n).map(|k| (1.3 * k as f64).sin()).collect()
 }
 
-/// ‖(M + cK) x − b‖ / ‖b‖ from the matrix itself.
+/// Returns ‖(M + cK) x − b‖ / ‖b‖, computed from the matrix itself.
 fn residual(mass: &[f64], c: f64, k: &SymmetricMatrix, x: &[f64], b: &[f64]) -> f64 {
     let mut product = vec![0.0; x.len()];
     k.multiply(x, &mut product);

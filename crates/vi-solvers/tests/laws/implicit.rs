@@ -1,4 +1,4 @@
-//! Laws of the implicit schemes: oracle, orders, momenta, time symmetry, ledger, work, memory.
+//! Tests the laws of the implicit schemes: oracle, orders, momenta, time symmetry, ledger, work, memory.
 
 use crate::bodies::{moving_chain, run, stepper_of};
 use vi_core::problems::{Oscillator, Pendulum, SpringChain};
@@ -121,7 +121,7 @@ fn closed_forms_on_the_oscillator() {
     let z: f64 = h * omega;
     let oscillator = Oscillator::with_frequency(omega);
     let system = oscillator.system().unwrap();
-    // Phase per step of schemes that conserve H.
+    // The phase per step of schemes that conserve H.
     let gauss_2 = Method::Gauss { stages: 2 };
     for (method, phase) in [
         (Method::ImplicitMidpoint, 2.0 * (z / 2.0).atan()),
@@ -137,7 +137,7 @@ fn closed_forms_on_the_oscillator() {
             assert!((state.q[0] - (phase * f64::from(step)).cos()).abs() < 1e-11, "{method:?}");
         }
     }
-    // Area factor of backward Euler, as energy: it is a similarity of phase space.
+    // The area factor of backward Euler, measured as energy: the step is a similarity of phase space.
     let mut state = State { t: 0.0, q: vec![1.0], p: vec![0.5] };
     let mut stepper = stepper_of(Method::BackwardEuler, &system);
     for _ in 0..20 {
@@ -152,7 +152,7 @@ fn ledger_closes_to_round_off() {
     let chain = SpringChain::unit(6);
     for (system, start) in [(chain.system().unwrap(), chain.disturbed_state()), moving_chain(6)] {
         for method in all() {
-            // A loose tolerance too: then the residual's work is a real part.
+            // Include a loose tolerance, with which the work of the residual is significant.
             for tolerance in [1e-3, 1e-14] {
                 let options = SolverOptions { ledger: true, tolerance, ..Default::default() };
                 let mut stepper = vi_solvers::stepper(&method, &system, &options).unwrap();
@@ -180,7 +180,7 @@ fn ledger_closes_to_round_off() {
 #[test]
 fn a_failed_step_leaves_the_state_and_names_the_cause() {
     let (system, mut state) = crate::bodies::brittle_pair();
-    // Already torn: no step helps.
+    // The pair is torn from the start: no step helps.
     state.q[1] = 2.5;
     for method in all() {
         let before = state.clone();
@@ -255,7 +255,7 @@ fn a_linear_system_factors_once_and_iterates_once() {
             stepper.step(&system, &mut state, 0.1).unwrap();
         }
         let work = stepper.work();
-        // BDF2 begins with a step of midpoint, whose matrix is another.
+        // BDF2 begins with a step of implicit midpoint, which has another matrix.
         let factors = if method == Method::Bdf2 { 2 } else { 1 };
         assert_eq!(work.factorizations, factors, "{method:?}");
         assert_eq!((work.newton_iterations, work.solves), (steps, steps), "{method:?}");

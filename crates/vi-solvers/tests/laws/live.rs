@@ -1,4 +1,4 @@
-//! Laws of live terms: their stencils change, and neither the motion nor its invariants notice.
+//! Tests the laws of live terms: their stencils change, and neither the motion nor its invariants depend on that.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -12,7 +12,7 @@ use vi_core::{
 };
 use vi_solvers::{Method, SolverOptions, StaticOptions, equilibrium, make_tangent, stepper};
 
-/// A strip of springs, 4 × 1 × 1 cells, with the terms `add` says besides; clamped at x = 0 where asked.
+/// Returns a strip of springs, 4 × 1 × 1 cells, with the additional terms `add`, clamped at x = 0 if `clamped`.
 fn strip(clamped: bool, add: Vec<Box<dyn Potential>>) -> (System, Vec<f64>) {
     let (x, nodes) = block([4, 1, 1]);
     let clamp = (0..x.len() as u32).filter(|&dof| clamped && x[dof as usize / 3 * 3] == 0.0).collect();
@@ -22,7 +22,7 @@ fn strip(clamped: bool, add: Vec<Box<dyn Potential>>) -> (System, Vec<f64>) {
     (System::new(vec![1.0; x.len()], terms, coordinates).unwrap(), x)
 }
 
-/// Velocities that fold the strip, so that points come close to each other.
+/// Returns velocities that fold the strip, so that points come close to each other.
 fn folding(x: &[f64]) -> Vec<f64> {
     let points = x.chunks_exact(3);
     points.flat_map(|p| [1.2 * (2.0 - p[0]), 0.1 * p[2], 0.8 * (p[0] - 2.0) * (0.5 - p[1])]).collect()
@@ -40,8 +40,8 @@ const OPTIONS: SolverOptions = SolverOptions {
     max_iterations: 100,
 };
 
-/// Steps the system with a live term and the one it is compared with; returns how often stencils were asked for, and the
-/// largest energy of the term.
+/// Steps the system with a live term and the one with which it is compared. Returns how often stencils were
+/// requested, and the largest energy of the term.
 fn compare(method: Method, live: &Arc<Repulsion>, reference_system: &System) -> (usize, f64) {
     let (system, x) = strip(false, Vec::new());
     let elastic = |state: &State| reference::energy(&system, &system.positions(state), 0.0);
@@ -87,7 +87,7 @@ fn a_motion_does_not_notice_that_stencils_change() {
 fn a_motion_by_discrete_gradients_does_not_notice_it_either() {
     for method in [Method::StormerVerlet, Method::ImplicitMidpoint, Method::EnergyMomentum] {
         let live = Arc::new(Repulsion::new(20, true));
-        // Of so long a reach that all pairs are stencils from the start.
+        // The reach is so long that all pairs are stencils from the start.
         let far: Arc<dyn Live> = Arc::new(Repulsion { reach: 100.0, ..Repulsion::new(20, true) });
         let (calls, largest) = compare(method, &live, &strip(false, Vec::new()).0.with_live(vec![far]));
         assert!(calls > 3 && largest > 1e-3, "{}: {calls} {largest}", method.name());
@@ -112,7 +112,8 @@ fn an_equilibrium_does_not_notice_that_stencils_change() {
     assert!(a.q.iter().zip(&b.q).all(|(a, b)| (a - b).abs() < 1e-9));
 }
 
-/// Ordering and layout are made once, and again only when a pair comes close that was not among the stencils before.
+/// Ordering and layout are computed once, and again only when a pair comes close that was not among the stencils
+/// before.
 #[test]
 fn a_pattern_is_analysed_only_when_it_changes() {
     let still = |distance: f64| {
@@ -126,7 +127,7 @@ fn a_pattern_is_analysed_only_when_it_changes() {
         }
         stepper.analyses()
     };
-    // A rigid motion asks for new stencils, which are the same.
+    // A rigid motion requests new stencils, which are the same as before.
     assert_eq!(still(0.5), 1);
     let live = Arc::new(Repulsion::new(20, false));
     let (system, x) = strip(false, Vec::new());
@@ -140,7 +141,7 @@ fn a_pattern_is_analysed_only_when_it_changes() {
     assert!((2..calls).contains(&stepper.analyses()), "{} analyses, {calls} calls", stepper.analyses());
 }
 
-/// Linear and angular momentum to round-off; energy too under energy–momentum; the ledger closes.
+/// Linear and angular momentum are conserved to round-off, and energy too by energy–momentum; the ledger closes.
 #[test]
 fn discrete_gradients_keep_what_they_promise() {
     for method in [Method::EnergyMomentum, Method::ImplicitMidpoint, Method::StormerVerlet] {
@@ -171,7 +172,7 @@ fn discrete_gradients_keep_what_they_promise() {
     }
 }
 
-/// Points thrown at a barrier never cross it, however long the step is, and come back with their energy.
+/// Points thrown at a barrier never cross it, however long the step is, and return with their energy.
 #[test]
 fn a_barrier_is_not_crossed_at_any_step() {
     for method in [Method::EnergyMomentum, Method::ImplicitMidpoint, Method::StormerVerlet] {
@@ -199,9 +200,9 @@ fn a_barrier_is_not_crossed_at_any_step() {
     }
 }
 
-/// Two dumbbells, points on rods of length 1, over a floor: thrown at it with spin. They bounce, and never cross it, at
-/// any step; rods keep their length, momenta along the floor stay, the ledger closes, and the energy comes back: to
-/// round-off under energy–momentum, and to the order of the scheme under the others.
+/// Two dumbbells, points on rods of length 1, are thrown at a floor with spin. They bounce and never cross it at any
+/// step. Rods keep their length, momenta along the floor are conserved, and the ledger closes. The energy is
+/// restored: to round-off by energy–momentum, and to the order of the scheme by the others.
 #[test]
 fn rods_bounce_off_a_floor() {
     let x = [0.0, 0.0, 0.6, 0.8, 0.0, 1.2, 3.0, 0.0, 0.3, 3.0, 1.0, 0.3];
@@ -214,7 +215,7 @@ fn rods_bounce_off_a_floor() {
     let energy = |state: &State| {
         kinetic_energy(&system, state) + reference::energy(&system, &system.positions(state), state.t)
     };
-    // The largest change of energy at points where nothing touches the floor, over the energy.
+    // Returns the largest relative change of energy at times when nothing touches the floor.
     let run = |method: Method, h: f64| {
         let mut state = system.state(0.0, &x, &v).unwrap();
         make_tangent(&system, &mut state).unwrap();

@@ -1,4 +1,4 @@
-//! Assembly, linear solvers, and the schemes.
+//! Tests of assembly, linear solvers and schemes.
 
 mod assembly;
 #[path = "../bodies/mod.rs"]

@@ -1,10 +1,10 @@
-//! Modes against closed forms, with multiple eigenvalues and rigid motions.
+//! Tests modes against closed forms, with multiple eigenvalues and rigid motions.
 
 use vi_core::problems::{Jet, Term};
 use vi_core::{Coordinates, Fixed, HessianKind, Potential, Prescribed, State, System};
 use vi_solvers::{ModeOptions, modes};
 
-/// Unit masses joined by springs of zero length, V = ½ Σ |x_a − x_(a+1)|²: every frequency is triple.
+/// Returns unit masses connected by springs of zero length, V = ½ Σ |x_a − x_(a+1)|²: every frequency is triple.
 fn chain(nodes: u32, clamped: bool) -> (System, State) {
     let jet = |_: usize, x: &[f64; 6]| {
         let mut hessian = [[0.0; 6]; 6];
@@ -27,7 +27,7 @@ fn chain(nodes: u32, clamped: bool) -> (System, State) {
     let coordinates = Coordinates::new(count, vec![Prescribed { dofs, path }]).unwrap();
     let terms: Vec<Box<dyn Potential>> = vec![Box::new(term)];
     let system = System::new(vec![1.0; count], terms, coordinates).unwrap();
-    // Spread out, so that rotations are motions of the nodes.
+    // Spread the nodes, so that rotations move them.
     let x: Vec<f64> = (0..count).map(|k| (0.3 * k as f64).sin() + (k % 3) as f64 * 0.1 * k as f64).collect();
     let state = system.state(0.0, &x, &vec![0.0; count]).unwrap();
     (system, state)
@@ -60,7 +60,7 @@ fn triple_frequencies_of_a_free_chain_are_all_found() {
 fn a_consistent_mass_is_taken_and_equal_runs_give_equal_bits() {
     let nodes = 30;
     let (system, state) = chain(nodes, true);
-    // M of linear bars of unit length: 2/3 on the diagonal, 1/6 beside it; 1/3 at the free end.
+    // M of linear bars of unit length: 2/3 on the diagonal, 1/6 next to it, 1/3 at the free end.
     let mass = || {
         let jet = |_: usize, v: &[f64; 6]| {
             let mut hessian = [[0.0; 6]; 6];
@@ -79,7 +79,7 @@ fn a_consistent_mass_is_taken_and_equal_runs_give_equal_bits() {
     let options = ModeOptions { count: 6, ..Default::default() };
     let found = modes(&system, &state, mass(), &options).unwrap().modes;
     for (k, mode) in found.iter().enumerate() {
-        // A fixed–free bar of n − 1 linear elements: c = cos((2j − 1)π/2(n − 1)), ω² = 6 (1 − c)/(2 + c).
+        // A fixed–free bar of n − 1 linear elements: ω² = 6 (1 − c)/(2 + c) with c = cos((2j − 1)π/2(n − 1)).
         let j = f64::from(k as u32 / 3) + 0.5;
         let c = (j * std::f64::consts::PI / f64::from(nodes - 1)).cos();
         let exact = 6.0 * (1.0 - c) / (2.0 + c);
@@ -87,7 +87,7 @@ fn a_consistent_mass_is_taken_and_equal_runs_give_equal_bits() {
         assert!(!mode.is_rigid);
     }
     assert_eq!(found, modes(&system, &state, mass(), &options).unwrap().modes);
-    // All modes together take part with the whole mass that can move: 29 kg but for 1/3 kg on the held node and twice
+    // The effective masses of all modes sum to the mass that can move: 29 kg minus 1/3 kg on the held node and twice
     // 1/6 kg that couples it to its neighbour.
     let all = modes(&system, &state, mass(), &ModeOptions { count: 200, ..Default::default() }).unwrap();
     for axis in 0..3 {

@@ -1,4 +1,4 @@
-//! Conjugate gradients: solves, falls back, refuses, gives the same bits again.
+//! Tests conjugate gradients: they solve, fall back, refuse, and give the same bits again.
 
 use crate::springs::{Springs, block, block_system, deformed, fixed};
 use vi_core::{Coordinates, System};
@@ -88,7 +88,7 @@ fn implicit_steps_are_the_same_with_either_solver() {
         assert!(pcg_iterations > 0 && reason.starts_with("pcg"), "{reason}");
         let difference = largest_difference(&iterated, &direct);
         assert!(difference < 1e-8, "{}: {difference:e}", method.name());
-        // A small system is not worth a thought.
+        // For a small system no comparison is made.
         let (_, counts, reason) = run(LinearSolver::Auto);
         assert!(counts.pcg_iterations == 0 && reason.starts_with("cholesky"), "{reason}");
     }
@@ -127,7 +127,7 @@ fn what_does_not_converge_or_is_indefinite_is_an_error() {
     let compressed: Vec<f64> = x.iter().map(|x| 0.3 * x).collect();
     let k = assembler.hessian(&compressed, 0.0, HessianEvaluation::Exact).unwrap();
     assert!(pcg.prepare(mass, 100.0, k).is_err());
-    // A preconditioner that is positive hides nothing.
+    // A positive definite preconditioner does not hide an indefinite matrix.
     let k = assembler.hessian(&x, 0.0, HessianEvaluation::Exact).unwrap();
     let mut factor = Factor::new(k).unwrap();
     factor.factorize(mass, 1.0, k).unwrap();

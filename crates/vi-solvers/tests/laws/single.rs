@@ -1,5 +1,5 @@
-//! Factors in single precision: what they leave is small or corrected, whatever the units, and where round-off
-//! would rule, double precision takes over.
+//! Tests factors in single precision: their errors are small or corrected, whatever the units. If round-off would
+//! dominate, double precision takes over.
 
 use crate::springs::{block_system, deformed};
 use vi_core::System;
@@ -11,7 +11,7 @@ fn one_refinement_makes_it_double() {
     let mut assembler = Assembler::new(&system);
     let k = assembler.hessian(&deformed(&x, 0.02), 0.0, HessianEvaluation::Projected).unwrap();
     let mut factor = SingleFactor::new(k).unwrap();
-    // Units do not matter, though single precision has no 1e-60.
+    // Units do not matter, although single precision cannot represent 1e-60.
     for unit in [1e-60, 1.0, 1e60] {
         let mass: Vec<f64> = system.free_mass().iter().map(|m| m * unit).collect();
         factor.factorize(&mass, unit, k).unwrap();
@@ -22,7 +22,7 @@ fn one_refinement_makes_it_double() {
     }
 }
 
-/// Ten steps from velocities of a size.
+/// Makes ten steps from velocities of the given size.
 fn run(
     system: &System,
     x: &[f64],
@@ -50,14 +50,14 @@ fn newton_corrects_what_it_leaves() {
         assert!(reason.contains("double precision"), "{reason}");
         let distance = single.iter().zip(&double).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(distance < 1e-6, "{}: {distance:e}", method.name());
-        // An iteration a step and stage at most.
+        // At most one more iteration per step and stage.
         assert!(work.solves <= exact_work.solves + 30, "{} {}", work.solves, exact_work.solves);
     }
 }
 
 #[test]
 fn double_precision_takes_over_where_round_off_rules() {
-    // A free block and a long step: its rigid motion has inertia alone, 1e-8 of the stiffness times h²/4.
+    // A free block and a long step: its rigid motion has only inertia, 1e-8 of the stiffness times h²/4.
     let (system, x) = block_system([6, 3, 3], false);
     let (_, work, reason) = run(&system, &x, 1e-9, 1e4, (Method::ImplicitMidpoint, LinearSolver::Cholesky));
     assert!(reason.contains("double precision") && reason.contains("single"), "{reason} {work:?}");

@@ -1,4 +1,4 @@
-//! Equilibria against closed forms: snap-through, buckling, jumps, forces without a potential.
+//! Tests equilibria against closed forms: snap-through, buckling, jumps, forces without a potential.
 
 use crate::forces::Linear;
 use vi_core::problems::{Jet, Term};
@@ -40,15 +40,15 @@ fn one(potential: impl Potential + 'static) -> (System, State) {
     (system, State { t: 0.0, q: vec![0.0], p: vec![0.0] })
 }
 
-/// A wall at x = 0 as a user writes it, V = k (d − |x|)³/|x| where |x| < d: infinite at the wall, and nothing on its
-/// other side. `largest_step` keeps the point on its side.
+/// A wall at x = 0 as a user would write it: V = k (d − |x|)³/|x| for |x| < d, infinite at the wall, and zero farther
+/// than d from it. `largest_step` keeps the point on its side.
 struct Wall {
     distance: f64,
     stiffness: f64,
 }
 
 impl Wall {
-    /// V, V′ and V″ at x.
+    /// Returns V, V′ and V″ at x.
     fn jet(&self, x: f64) -> [f64; 3] {
         let (k, d, size, sign) = (self.stiffness, self.distance, x.abs(), x.signum());
         let q = d - size;
@@ -87,14 +87,14 @@ impl Potential for Wall {
         true
     }
     fn largest_step(&self, x: &[f64], dx: &[f64]) -> f64 {
-        // A tenth of the way to the wall is left.
+        // Keep a tenth of the distance to the wall.
         let left = 1.0 + dx[0] / x[0];
         if left < 0.1 { 0.9 / (1.0 - left) } else { 1.0 }
     }
 }
 
-/// A spring of stiffness 1 that a load P t pulls beyond the wall: the point stays on its side, in balance. Without the
-/// wall's word the first Newton step ends on the other side, where the wall has no force.
+/// A load P t pulls a spring of stiffness 1 against the wall; the point stays on its side, in equilibrium. Without
+/// the limit by the wall the first Newton step would end on the other side.
 #[test]
 fn a_point_that_is_pulled_against_a_wall_stays_on_its_side() {
     for (load, increment) in [(3.0, 1.0), (3.0, 0.1), (1e3, 1.0), (1e3, 0.3)] {
@@ -125,7 +125,7 @@ fn a_point_that_is_pulled_against_a_wall_stays_on_its_side() {
     }
 }
 
-/// A point on a spring whose other end, a support, moves through the wall: the point stays on its side.
+/// A point on a spring whose other end, a support, moves through the wall stays on its side.
 #[test]
 fn a_point_that_a_support_drags_against_a_wall_stays_on_its_side() {
     struct Line;
@@ -157,7 +157,7 @@ fn a_point_that_a_support_drags_against_a_wall_stays_on_its_side() {
     assert!(x > 0.0 && (x + 2.0 + Wall { distance: 0.1, stiffness: 0.2 }.jet(x)[1]).abs() < 1e-7);
 }
 
-/// A shallow arch of two bars, V = ((1 − w)² − 1)²/2 of the sag w: it snaps at P = 4/(3√3).
+/// Returns a shallow arch of two bars, V = ((1 − w)² − 1)²/2 of the deflection w: it snaps at P = 4/(3√3).
 fn arch(load: f64) -> (System, State) {
     let energy = |w: f64| {
         let y = 1.0 - w;
@@ -213,8 +213,8 @@ fn the_arc_goes_through_both_limit_points() {
     assert!(state.t == 1.0 && state.q[0] > 2.0 && report.is_stable());
 }
 
-/// The arch by its sag, which takes ten values evenly: each load factor is the exact one, through both limit points.
-/// A stepper that takes over the memory of another goes on to the same bits.
+/// The arch is controlled by its deflection, which takes ten equally spaced values. Each load factor is the exact
+/// one, through both limit points. A stepper that restores the memory of another continues to the same bits.
 #[test]
 fn a_path_that_is_controlled_by_a_displacement_has_its_exact_loads() {
     let (system, start) = arch(1.25 * SNAP);
@@ -249,7 +249,7 @@ fn a_path_that_is_controlled_by_a_displacement_has_its_exact_loads() {
     assert_eq!(again, state);
 }
 
-/// Arc steps that are used up say so, and not that Newton's method failed.
+/// If all arc steps are used, the error says so, and not that Newton's method failed.
 #[test]
 fn arc_steps_that_are_used_up_are_named() {
     let (system, mut state) = arch(1.25 * SNAP);
@@ -265,7 +265,7 @@ fn arc_steps_that_are_used_up_are_named() {
 
 #[test]
 fn a_column_buckles_at_its_critical_load_and_a_push_bends_it() {
-    // A rigid link on a spring of turning: V = θ²/2 − t P (1 − cos θ), critical at t P = 1.
+    // A rigid link on a rotational spring, V = θ²/2 − t P (1 − cos θ), critical at t P = 1.
     let column = |load: f64| {
         let jet = move |_: usize, x: &[f64; 2]| {
             // The second coordinate only carries the load factor: it is prescribed to be t.
@@ -302,7 +302,7 @@ fn a_column_buckles_at_its_critical_load_and_a_push_bends_it() {
 
 #[test]
 fn a_load_that_nothing_carries_is_an_error_and_leaves_the_state() {
-    // U = 1 − exp(−x): its force never exceeds 1 from the right.
+    // U = 1 − exp(−x): its force never exceeds 1 for x ≥ 0.
     let (system, mut state) = one(Loaded(|x: f64| [1.0 - (-x).exp(), (-x).exp(), -(-x).exp()], 2.0));
     let before = state.clone();
     match equilibrium(&system, &mut state, &StaticOptions::default()) {
@@ -316,7 +316,7 @@ fn a_load_that_nothing_carries_is_an_error_and_leaves_the_state() {
 
 #[test]
 fn forces_without_a_potential_take_part() {
-    // x = f(x) = 1 + x/2 at rest: x = 2.
+    // x = f(x) = 1 + x/2 in equilibrium, hence x = 2.
     let jet = |_: usize, x: &[f64; 1]| Jet { energy: 0.5 * x[0] * x[0], gradient: *x, hessian: [[1.0]] };
     let spring = Term { name: "spring", block: 1, nodes: vec![0], hessian: HessianKind::Constant, jet };
     let (system, mut state) = one(spring);

@@ -1,5 +1,5 @@
-//! Laws of tied nodes: gradients and Hessians pulled back as the dense oracle does, every scheme as the
-//! oracle, momenta of what is tied.
+//! Tests the laws of tied nodes: gradients and Hessians are pulled back as by the dense oracle, every scheme agrees
+//! with the oracle, and momenta of tied bodies are conserved.
 
 use crate::springs::{Springs, block, deformed, fixed};
 use vi_core::{
@@ -12,8 +12,8 @@ fn tie(node: u32, terms: &[(u32, f64)], mass: TiedMass) -> Combination {
     Combination { node, terms: terms.to_vec(), mass }
 }
 
-/// Two boxes of springs: a corner of the second rides on a face of the first, two nodes are sewn, one
-/// rides on a sewn one.
+/// Returns two boxes of springs. A corner of the second is tied to a face of the first, one node is sewn to a node of
+/// the first, and one is tied to the sewn node.
 fn riding(held: Vec<u32>) -> (System, Vec<f64>) {
     let (first, nodes) = block([2, 1, 1]);
     let n = first.len() as u32 / 3;
@@ -32,8 +32,8 @@ fn riding(held: Vec<u32>) -> (System, Vec<f64>) {
     (System::new(mass, vec![Box::new(term)], coordinates).unwrap(), x)
 }
 
-/// Two boxes of springs with a corner each at the corners of a cube of matter that deforms as one:
-/// x = c + X₁ d₁ + X₂ d₂ + X₃ d₃ about its centre.
+/// Returns two boxes of springs, each with a corner at a corner of a cube that deforms homogeneously: x = c + X₁ d₁ +
+/// X₂ d₂ + X₃ d₃ about its centre.
 fn on_directors() -> (System, State) {
     let (first, nodes) = block([1, 1, 1]);
     let n = first.len() as u32 / 3;

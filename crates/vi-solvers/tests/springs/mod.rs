@@ -1,5 +1,5 @@
-//! A term for tests: stencils whose nodes are joined pairwise by springs
-//! V = Σ k/4 (|x_a − x_b|² − L²)², and a box of them. Energy, gradient and Hessian in closed form.
+//! A term for tests: stencils whose nodes are connected pairwise by springs V = Σ k/4 (|x_a − x_b|² − L²)², and a box
+//! of them. Energy, gradient and Hessian are in closed form.
 #![allow(dead_code)]
 
 use std::ops::Range;
@@ -11,10 +11,10 @@ use vi_core::{
 pub(crate) struct Springs {
     pub(crate) arity: usize,
     pub(crate) nodes: Vec<u32>,
-    /// |x_a − x_b|² at rest, a pair (a, b < a) of each stencil.
+    /// |x_a − x_b|² at rest, one per pair (a, b < a) of each stencil.
     pub(crate) rest: Vec<f64>,
     pub(crate) stiffness: f64,
-    /// Calls of (energies, gradients, hessians), in stencils.
+    /// Numbers of evaluated (energies, gradients, Hessians), in stencils.
     pub(crate) calls: [std::sync::atomic::AtomicUsize; 3],
 }
 
@@ -127,7 +127,7 @@ impl Potential for Springs {
     }
 }
 
-/// A box of (a, b, c) cells of six stencils each: the positions and the stencils' nodes.
+/// Returns a box of (a, b, c) cells of six stencils each: the positions and the stencils' nodes.
 pub(crate) fn block(cells: [usize; 3]) -> (Vec<f64>, Vec<u32>) {
     let [a, b, c] = cells;
     let node = |i: usize, j: usize, k: usize| ((i * (b + 1) + j) * (c + 1) + k) as u32;
@@ -158,13 +158,13 @@ pub(crate) fn block(cells: [usize; 3]) -> (Vec<f64>, Vec<u32>) {
     (x, nodes)
 }
 
-/// A prescription of some coordinates to stay where x has them.
+/// Returns a prescription that keeps some coordinates at their values in x.
 pub(crate) fn fixed(x: &[f64], dofs: Vec<u32>) -> Vec<Prescribed> {
     let values = dofs.iter().map(|&dof| x[dof as usize]).collect();
     vec![Prescribed { dofs, path: Box::new(Fixed(values)) as Box<dyn Path> }]
 }
 
-/// A box of springs, clamped where the first coordinate of a node is zero if so asked.
+/// Returns a box of springs; if `clamped`, nodes whose first coordinate is zero are clamped.
 pub(crate) fn block_system(cells: [usize; 3], clamped: bool) -> (System, Vec<f64>) {
     let (x, nodes) = block(cells);
     let count = x.len();
@@ -178,12 +178,12 @@ pub(crate) fn block_system(cells: [usize; 3], clamped: bool) -> (System, Vec<f64
     (System::new(vec![1.0; count], vec![Box::new(springs)], coordinates).unwrap(), x)
 }
 
-/// Positions moved by smooth, reproducible amounts.
+/// Returns positions displaced by smooth, reproducible amounts.
 pub(crate) fn deformed(x: &[f64], amplitude: f64) -> Vec<f64> {
     x.iter().enumerate().map(|(k, x)| x + amplitude * (0.7 * k as f64 + x).sin()).collect()
 }
 
-/// The sum of a term's blocks in order, entry by entry: the oracle of every gather.
+/// Returns the sums of the terms' blocks in order, entry by entry: the oracle of every gather.
 pub(crate) fn dense(system: &System, x: &[f64], t: f64) -> (f64, Vec<f64>, Vec<Vec<f64>>) {
     let count = x.len();
     let (mut energy, mut gradient, mut hessian) = (0.0, vec![0.0; count], vec![vec![0.0; count]; count]);

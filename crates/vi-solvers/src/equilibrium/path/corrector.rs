@@ -1,5 +1,5 @@
-//! Newton's method back to the path from where a straight step has led, and the direction of the path there. Nothing
-//! here knows how long a step is, nor when it is given up.
+//! Newton's method from the end of a straight step back to the path, and the direction of the path there. The step
+//! length and its reduction are decided elsewhere.
 
 use vi_core::State;
 
@@ -10,7 +10,7 @@ use crate::equilibrium::search::Search;
 use crate::error::SolverError;
 use crate::vectors;
 
-/// The equation that fixes the load factor of a step.
+/// The equation that determines the load factor of a step.
 pub(super) enum Closure<'a> {
     /// The step has this length, m.
     Sphere(f64),
@@ -21,7 +21,7 @@ pub(super) enum Closure<'a> {
 }
 
 impl Path {
-    /// Newton's method for r = 0 and `closure`; changes are measured against `length`, m.
+    /// Solves r = 0 and `closure` by Newton's method; changes are measured relative to `length`, m.
     pub(super) fn correct(
         &mut self,
         search: &mut Search,
@@ -63,7 +63,7 @@ impl Path {
                 break;
             }
             let change: Vec<f64> = (0..n).map(|k| step[k] + dt * along[k]).collect();
-            // rᵀδ may have either sign where K is indefinite: measure the change against the step instead.
+            // If K is indefinite, rᵀδ may have either sign, so measure the change relative to the step.
             let relative = (mass_product(search, &change, &change) + squared * dt * dt).sqrt() / length;
             if relative > 3.0 || (iteration > 3 && relative > last && relative > 1e-6) {
                 last = relative;
@@ -85,7 +85,7 @@ impl Path {
         Err(SolverError::Correction { iterations, change: last, tolerance: search.options.tolerance })
     }
 
-    /// Where the path goes from an equilibrium.
+    /// Returns the direction of the path at an equilibrium.
     pub(super) fn tangent_at(&mut self, search: &mut Search, state: &State) -> Result<Tangent, SolverError> {
         let mut velocity = load_rate(search, &state.q, state.t)?;
         velocity.iter_mut().for_each(|value| *value = -*value);
@@ -94,7 +94,8 @@ impl Path {
     }
 }
 
-/// Solves K x = b with K at (q, t), definite or not, for some right-hand sides; returns whether it was definite.
+/// Solves K x = b with K at (q, t), definite or not, for several right-hand sides; returns whether K was positive
+/// definite.
 fn solve(
     search: &mut Search,
     q: &[f64],
@@ -125,7 +126,7 @@ fn solve(
     Ok(false)
 }
 
-/// ∂r/∂t at an equilibrium.
+/// Returns ∂r/∂t at an equilibrium.
 fn load_rate(search: &mut Search, q: &[f64], t: f64) -> Result<Vec<f64>, SolverError> {
     let (mut above, mut below) = (vec![0.0; q.len()], vec![0.0; q.len()]);
     let e = 1e-5 * search.options.end.abs().max(t.abs()).max(search.options.increment);

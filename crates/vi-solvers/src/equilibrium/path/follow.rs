@@ -1,4 +1,4 @@
-//! Arc steps and steps of a controlled function along a path of equilibria, shorter where they fail.
+//! Arc steps, and steps of a controlled function, along a path of equilibria; a step that fails is shortened.
 
 use vi_core::State;
 
@@ -11,13 +11,14 @@ use crate::equilibrium::path::turning::note_critical;
 use crate::equilibrium::search::Search;
 use crate::error::SolverError;
 
-/// Newton iterations an arc step is sized for.
+/// Number of Newton iterations for which the length of an arc step is chosen.
 const WANTED_ITERATIONS: f64 = 5.0;
 
-/// Halvings of an arc step that turns too much: where the path has a corner it turns however short the step is.
+/// Largest number of halvings of an arc step that turns too much. At a corner of the path it turns however short the
+/// step is.
 const MOST_TURN_HALVINGS: u32 = 8;
 
-/// Follows the path from `state` to the load factor at the end, in at most `steps` arc steps.
+/// Follows the path from `state` to the final load factor, in at most `steps` arc steps.
 pub(crate) fn follow(search: &mut Search, state: &mut State, steps: u32) -> Result<(), SolverError> {
     let end = search.options.end;
     let mut path = Path::begin(search, state)?;
@@ -37,7 +38,7 @@ pub(crate) fn follow(search: &mut Search, state: &mut State, steps: u32) -> Resu
 }
 
 impl Path {
-    /// Brings the start into balance, and finds where the path goes from there.
+    /// Brings the start to equilibrium, and finds the direction of the path there.
     pub(crate) fn begin(search: &mut Search, state: &mut State) -> Result<Self, SolverError> {
         let mut stop = search.stop;
         let before = state.q.clone();
@@ -62,7 +63,7 @@ impl Path {
         Ok(path)
     }
 
-    /// Makes one arc step, shorter where that fails, and not beyond the load factor at the end.
+    /// Makes one arc step, shorter if it fails, and not beyond the final load factor.
     pub(crate) fn arc_step(
         &mut self,
         search: &mut Search,
@@ -109,7 +110,7 @@ impl Path {
         }
     }
 
-    /// Goes on to where `function` is `goal`, in smaller changes where that fails.
+    /// Moves along the path until `function` is `goal`, in smaller changes if that fails.
     pub(crate) fn step_to(
         &mut self,
         search: &mut Search,
@@ -157,7 +158,7 @@ impl Path {
         }
     }
 
-    /// Takes over an equilibrium: the path goes on from there. `dt` is the change of the load factor that was predicted.
+    /// Accepts an equilibrium, from which the path continues. `dt` is the predicted change of the load factor.
     fn accept(
         &mut self,
         search: &mut Search,

@@ -1,4 +1,4 @@
-//! How a path turns over a step: too much for one step, or around a limit point. Nothing here makes a step.
+//! Judges how a path turns over a step: too much for one step, or around a limit point.
 
 use vi_core::State;
 
@@ -8,14 +8,15 @@ use crate::equilibrium::path::branch::{Path, Tangent, mass_product};
 use crate::equilibrium::search::Search;
 use crate::error::SolverError;
 
-/// An arc step over which the path turns by more than the angle of this cosine (18°) is halved: it may have jumped
-/// over a limit point. The arch of `tests/laws/accuracy.rs`, which snaps at a twentieth of its load, is so followed through
-/// both limit points from a first step of half of its load on; with 0.9 (25°) it is not. Allgower & Georg (2003,
-/// chapter 6) bound the angle alike.
+/// Smallest cosine of the angle by which the path may turn over an arc step (18°). A step with a larger angle is
+/// halved, because it may have jumped over a limit point. With this value the arch of `tests/laws/accuracy.rs`, which
+/// snaps at a twentieth of its load, is followed through both limit points even if the first step is half of its
+/// load; with 0.9 (25°) it is not. Allgower & Georg (2003, chapter 6) bound the angle in the same way.
 const LEAST_COSINE: f64 = 0.95;
 
 impl Path {
-    /// Does the path turn by more than [`LEAST_COSINE`] allows over a step to `next`, forwards for dt > 0?
+    /// Returns whether the path turns by more than [`LEAST_COSINE`] allows over a step to `next`, forwards for dt >
+    /// 0.
     pub(super) fn turns(
         &self,
         search: &Search,
@@ -30,14 +31,15 @@ impl Path {
         dt.signum() * self.sense(search, state, next, tangent) * cosine < LEAST_COSINE
     }
 
-    /// Does the load factor rise (1) or fall (−1) where a step from `state` to `next` goes on?
+    /// Returns whether the load factor rises (1) or falls (−1) after the step from `state` to `next`.
     pub(super) fn sense(&self, search: &Search, state: &State, next: &State, tangent: &Tangent) -> f64 {
         let moved: Vec<f64> = next.q.iter().zip(&state.q).map(|(next, q)| next - q).collect();
         let moved_t = next.t - state.t;
         (mass_product(search, &moved, &tangent.velocity) + self.psi * self.psi * moved_t).signum()
     }
 
-    /// The load factor at which it turns between two equilibria: that of the cubic through both with the slopes there.
+    /// Returns the load factor at which the path turns between two equilibria: that of the cubic through both with
+    /// the slopes there.
     pub(super) fn turning_load(
         &self,
         search: &Search,
@@ -53,7 +55,7 @@ impl Path {
             sense * length / (mass_product(search, velocity, velocity) + squared).sqrt()
         };
         let (a, b) = (slope(&self.velocity, senses[0]), slope(&tangent.velocity, senses[1]));
-        // The slope a + 2 c s + 3 d s² has unlike signs at s = 0 and 1: one zero between them, found by bisection.
+        // The slope a + 2 c s + 3 d s² has different signs at s = 0 and 1; bisection finds the zero between them.
         let (c, d) = (3.0 * moved_t - 2.0 * a - b, a + b - 2.0 * moved_t);
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..60 {
@@ -64,7 +66,8 @@ impl Path {
     }
 }
 
-/// Enters a critical point between two equilibria; without its load factor, where the lowest eigenvalue crosses zero.
+/// Records a critical point between two equilibria. If its load factor is not given, finds where the lowest
+/// eigenvalue crosses zero.
 pub(super) fn note_critical(
     search: &mut Search,
     before: &State,

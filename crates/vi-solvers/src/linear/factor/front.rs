@@ -1,7 +1,7 @@
-//! Dense work on one front: eliminate its columns and update the rest.
+//! Dense operations on one front: eliminates its columns and updates the rest.
 //!
-//! Uses the dense kernels of faer, one thread each. Large fronts are cut into tiles of fixed size
-//! that threads share, so the bits depend on the front alone.
+//! They use the dense kernels of faer with one thread each. Large fronts are cut into tiles of fixed size, which
+//! threads share; so the bits depend on the front alone.
 
 use std::cell::RefCell;
 
@@ -16,19 +16,19 @@ use super::scalar::Scalar;
 /// Fronts with more operations than this are cut into tiles.
 const TILED_FLOPS: f64 = 3e7;
 
-/// Columns eliminated at a time in a tiled front.
+/// Number of columns that a tiled front eliminates at a time.
 const PANEL: usize = 128;
 
-/// Rows or columns of a tile.
+/// Number of rows or columns of a tile.
 const TILE: usize = 256;
 
 thread_local! {
     static MEMORY: RefCell<Option<(usize, MemBuffer)>> = const { RefCell::new(None) };
 }
 
-/// Eliminates the `columns` of a panel of `rows` × `columns` (column-major, lower triangle on top) and
-/// subtracts L₂₁L₂₁ᵀ from the lower triangle of `update`, of order rows − columns; an update that is
-/// `fresh` holds nothing and is overwritten.
+/// Eliminates the `columns` of a panel of `rows` × `columns` (column-major, lower triangle on top) and subtracts
+/// L₂₁L₂₁ᵀ from the lower triangle of `update`, whose order is rows − columns. If the update is `fresh`, its content
+/// is overwritten.
 ///
 /// # Errors
 /// The column whose pivot is not positive.
@@ -93,7 +93,7 @@ fn cholesky<T: Scalar>(matrix: MatMut<'_, T>) -> Result<(), usize> {
     let mut memory = MEMORY.take();
     if memory.as_ref().is_none_or(|(capacity, _)| *capacity < order) {
         let capacity = order.next_power_of_two();
-        // Numbers of either size find room.
+        // Request enough scratch memory for numbers of either size.
         let request = cholesky_in_place_scratch::<f64>(capacity, Par::Seq, Default::default())
             .or(cholesky_in_place_scratch::<f32>(capacity, Par::Seq, Default::default()));
         memory = Some((capacity, MemBuffer::new(request)));
@@ -109,7 +109,7 @@ fn cholesky<T: Scalar>(matrix: MatMut<'_, T>) -> Result<(), usize> {
     result.map(|_| ()).map_err(|LltError::NonPositivePivot { index }| index)
 }
 
-/// below ← below · L⁻ᵀ, tiles of rows in parallel.
+/// Computes below ← below · L⁻ᵀ, with tiles of rows in parallel.
 fn solve_tiles<T: Scalar>(diagonal: MatRef<'_, T>, below: MatMut<'_, T>) {
     let rows = below.nrows();
     if rows <= TILE {
@@ -122,7 +122,7 @@ fn solve_tiles<T: Scalar>(diagonal: MatRef<'_, T>, below: MatMut<'_, T>) {
     rayon::join(|| solve_tiles(diagonal, top), || solve_tiles(diagonal, bottom));
 }
 
-/// The lower trapezoid of `target` −= left · (its first rows)ᵀ, tiles of columns in parallel.
+/// Computes (lower trapezoid of `target`) −= left · (its first rows)ᵀ, with tiles of columns in parallel.
 fn subtract_tiles<T: Scalar>(target: MatMut<'_, T>, accumulate: Accum, left: MatRef<'_, T>) {
     let columns = target.ncols();
     if columns <= TILE {
@@ -144,7 +144,7 @@ fn subtract_tiles<T: Scalar>(target: MatMut<'_, T>, accumulate: Accum, left: Mat
     );
 }
 
-/// target −= left · rightᵀ, tiles of rows in parallel.
+/// Computes target −= left · rightᵀ, with tiles of rows in parallel.
 fn subtract_rows<T: Scalar>(
     target: MatMut<'_, T>,
     accumulate: Accum,
@@ -179,7 +179,7 @@ fn subtract_rows<T: Scalar>(
     );
 }
 
-/// The lower triangle of target −= left · rightᵀ.
+/// Computes (lower triangle of target) −= left · rightᵀ.
 fn subtract_square<T: Scalar>(
     target: MatMut<'_, T>,
     accumulate: Accum,
@@ -202,7 +202,7 @@ fn subtract_square<T: Scalar>(
     }
 }
 
-/// A multiple of `TILE` near the middle.
+/// Returns a multiple of `TILE` near the middle.
 fn half(length: usize) -> usize {
     (length / 2).next_multiple_of(TILE).min(length - 1)
 }

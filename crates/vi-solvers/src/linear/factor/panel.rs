@@ -1,10 +1,10 @@
-//! Substitution through one panel, in whatever vectors the machine has.
+//! Substitutes through one panel, with the vector instructions of the machine.
 
 use pulp::{Simd, WithSimd};
 
 use super::scalar::{COLUMNS, Scalar};
 
-/// own ← L₁₁⁻¹ own, below ← below − L₂₁ own, of a panel of columns of `rows` numbers.
+/// Computes own ← L₁₁⁻¹ own and below ← below − L₂₁ own for a panel whose columns have `rows` numbers.
 pub(super) struct Eliminate<'a, T> {
     pub(super) panel: &'a [T],
     pub(super) rows: usize,
@@ -39,7 +39,7 @@ impl<T: Scalar> WithSimd for Eliminate<'_, T> {
                 T::subtract(simd, &mut own[next..], inner, x);
                 T::subtract(simd, below, [&a[split..], &b[split..], &c[split..], &d[split..]], x);
             } else {
-                // The last columns: no others are between them and the rows below.
+                // The last columns: no further columns lie between them and the rows below.
                 for j in 0..width {
                     let column = &panel[(first + j) * rows..][split..rows];
                     for i in 0..column.len() {
@@ -52,7 +52,7 @@ impl<T: Scalar> WithSimd for Eliminate<'_, T> {
     }
 }
 
-/// own ← L₁₁⁻ᵀ (own − L₂₁ᵀ below), of a panel of columns of `rows` numbers.
+/// Computes own ← L₁₁⁻ᵀ (own − L₂₁ᵀ below) for a panel whose columns have `rows` numbers.
 pub(super) struct Substitute<'a, T> {
     pub(super) panel: &'a [T],
     pub(super) rows: usize,

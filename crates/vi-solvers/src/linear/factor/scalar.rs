@@ -1,10 +1,10 @@
-//! The numbers of a factor, f64 or f32, and the vector operations on them that a substitution needs.
+//! The number types of a factor, f64 or f32, and the vector operations on them that a substitution needs.
 
 use std::ops::{Add, AddAssign, Div, Mul, Sub, SubAssign};
 
 use pulp::Simd;
 
-/// The numbers of a factor: f64, or f32 for half the work where something else corrects its errors.
+/// The number type of a factor: f64, or f32 for half the work if something else corrects its errors.
 pub trait Scalar:
     faer::traits::RealField
     + Columns
@@ -17,11 +17,11 @@ pub trait Scalar:
     + AddAssign
     + SubAssign
 {
-    /// Is it f32?
+    /// Whether the type is f32.
     const IS_SINGLE: bool;
-    /// The nearest number to `value`.
+    /// Returns the number nearest to `value`.
     fn of(value: f64) -> Self;
-    /// The same number.
+    /// Returns the number as f64.
     fn value(self) -> f64;
 }
 
@@ -45,14 +45,14 @@ impl Scalar for f32 {
     }
 }
 
-/// Columns handled at a time: each number of the vector is read and written once for four of the panel.
+/// Number of columns handled at a time: each number of the vector is read and written once for four columns.
 pub(super) const COLUMNS: usize = 4;
 
-/// What four columns do to a vector, in vectors of the machine.
+/// Operations of four columns on a vector, with the vector instructions of the machine.
 pub trait Columns: Sized {
-    /// target ← target − Σ_j x_j column_j, all of one length.
+    /// Computes target ← target − Σ_j x_j column_j; all have the same length.
     fn subtract<S: Simd>(simd: S, target: &mut [Self], columns: [&[Self]; COLUMNS], x: [Self; COLUMNS]);
-    /// Σ_i column_ji x_i of every column, all of one length.
+    /// Returns Σ_i column_ji x_i for every column j; all have the same length.
     fn products<S: Simd>(simd: S, columns: [&[Self]; COLUMNS], x: &[Self]) -> [Self; COLUMNS];
 }
 

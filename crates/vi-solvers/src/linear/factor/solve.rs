@@ -1,7 +1,7 @@
 //! Forward and backward substitution through the panels of a factor.
 //!
-//! Each supernode passes its parent a vector for the rows it shares with it, as fronts do, so that subtrees run in
-//! parallel and sums keep their order.
+//! Each supernode passes its parent a vector for the rows that they share, as fronts do. Hence subtrees run in
+//! parallel, and sums keep their order.
 
 use pulp::Arch;
 
@@ -9,17 +9,17 @@ use super::panel::{Eliminate, Substitute};
 use super::scalar::Scalar;
 use super::tree::{Family, Run, Supernode, Tree};
 
-/// Subtrees with less than this many panel numbers are not worth a task.
+/// Subtrees with fewer panel entries than this run without a task of their own.
 const PARALLEL_LENGTH: usize = 40_000;
 
-/// The vectors of a subtree, each a run because the tree is postordered: the unknowns in elimination
-/// order, and the rows shared with parents.
+/// The vectors of a subtree: its unknowns in elimination order, and the rows shared with parents. Each is contiguous
+/// because the tree is postordered.
 struct Vectors<'a, T> {
     unknowns: &'a mut [T],
     shared: &'a mut [T],
 }
 
-/// x ← (LLᵀ)⁻¹x in elimination order; `shared` has `tree.vector_length` entries.
+/// Computes x ← (LLᵀ)⁻¹x in elimination order; `shared` has `tree.vector_length` entries.
 pub(super) fn solve<T: Scalar>(tree: &Tree, panels: &[T], x: &mut [T], shared: &mut [T]) {
     let walk = Walk { tree, panels, arch: Arch::new() };
     let members = &tree.members[tree.roots.members.clone()];
@@ -28,20 +28,20 @@ pub(super) fn solve<T: Scalar>(tree: &Tree, panels: &[T], x: &mut [T], shared: &
     walk.backward_family(members, parallel, None, Vectors { unknowns: x, shared });
 }
 
-/// What a substitution reads, and the vectors of this machine.
+/// The input of a substitution, and the vector instructions of the machine.
 struct Walk<'a, T> {
     tree: &'a Tree,
     panels: &'a [T],
     arch: Arch,
 }
 
-/// Index in the whole vectors of the first entries of a supernode's subtree.
+/// Returns the indices of the first entries of a supernode's subtree in the whole vectors.
 fn origin(tree: &Tree, s: usize) -> (usize, usize) {
     let first = &tree.supernodes[tree.supernodes[s].subtree];
     (first.first, first.vector)
 }
 
-/// Splits the vectors of some subtrees, which follow each other, before subtree `at`.
+/// Splits the vectors of consecutive subtrees before subtree `at`.
 fn split<'a, T>(
     tree: &Tree,
     whole: Vectors<'a, T>,
@@ -54,7 +54,7 @@ fn split<'a, T>(
     (Vectors { unknowns: x_left, shared: s_left }, Vectors { unknowns: x_right, shared: s_right })
 }
 
-/// Splits the vectors of a subtree into those of its descendants, its own unknowns, its shared rows.
+/// Splits the vectors of a subtree into those of its descendants, its own unknowns, and its shared rows.
 fn split_own<'a, T>(
     tree: &Tree,
     s: usize,
@@ -67,7 +67,7 @@ fn split_own<'a, T>(
     (Vectors { unknowns, shared }, &mut own[..node.columns], &mut rows[..node.below()])
 }
 
-/// Runs `left` and `right`, side by side where both halves of a family are worth it.
+/// Runs `left` and `right`; in parallel if `parallel` says that both halves of a family are large enough.
 fn both(parallel: bool, left: impl FnOnce() + Send, right: impl FnOnce() + Send) {
     if parallel {
         rayon::join(left, right);
@@ -77,13 +77,13 @@ fn both(parallel: bool, left: impl FnOnce() + Send, right: impl FnOnce() + Send)
     }
 }
 
-fn is_heavy(tree: &Tree, members: &[u32]) -> bool {
+fn is_large(tree: &Tree, members: &[u32]) -> bool {
     let (Some(&first), Some(&last)) = (members.first(), members.last()) else { return false };
     let (first, last) = (&tree.supernodes[first as usize], &tree.supernodes[last as usize]);
     last.panel + last.panel_length() - tree.supernodes[first.subtree].panel >= PARALLEL_LENGTH
 }
 
-/// The solution around a family: the parent's unknowns and the rows that it shares with its own parent.
+/// The solution around a family: the parent's unknowns, and the rows that the parent shares with its own parent.
 #[derive(Clone, Copy)]
 struct Above<'a, T> {
     own: &'a [T],
@@ -91,7 +91,7 @@ struct Above<'a, T> {
 }
 
 impl<T: Scalar> Walk<'_, T> {
-    /// The panel of a supernode.
+    /// Returns the panel of a supernode.
     fn panel(&self, node: &Supernode) -> &[T] {
         &self.panels[node.panel..][..node.panel_length()]
     }
@@ -104,7 +104,7 @@ impl<T: Scalar> Walk<'_, T> {
                 let (left, right) = members.split_at(members.len() / 2);
                 let (left_vectors, right_vectors) =
                     split(self.tree, vectors, left[0] as usize, right[0] as usize);
-                let parallel = parallel && is_heavy(self.tree, left) && is_heavy(self.tree, right);
+                let parallel = parallel && is_large(self.tree, left) && is_large(self.tree, right);
                 both(
                     parallel,
                     || self.forward_family(left, parallel, left_vectors),
@@ -148,7 +148,7 @@ impl<T: Scalar> Walk<'_, T> {
                 let (left, right) = members.split_at(members.len() / 2);
                 let (left_vectors, right_vectors) =
                     split(self.tree, vectors, left[0] as usize, right[0] as usize);
-                let parallel = parallel && is_heavy(self.tree, left) && is_heavy(self.tree, right);
+                let parallel = parallel && is_large(self.tree, left) && is_large(self.tree, right);
                 both(
                     parallel,
                     || self.backward_family(left, parallel, above, left_vectors),
@@ -180,7 +180,7 @@ impl<T: Scalar> Walk<'_, T> {
     }
 }
 
-/// The part of an update that a run covers, added to the parent's unknowns or shared rows.
+/// Adds the part of an update that a run covers to the parent's unknowns or shared rows.
 fn add_run<T: Scalar>(run: &Run, node: &Supernode, update: &[T], own: &mut [T], rows: &mut [T]) {
     let update = &update[run.from as usize..][..run.length as usize];
     for (row, value) in (run.to as usize..).zip(update) {

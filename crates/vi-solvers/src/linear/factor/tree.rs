@@ -1,9 +1,9 @@
-//! The assembly tree of a multifrontal factor: which columns are eliminated together, where their
-//! dense front is kept, and how the update of one front enters the next (Duff, Reid 1983; Liu 1992).
+//! The assembly tree of a multifrontal factor. It tells which columns are eliminated together, where their dense
+//! front is stored, and how the update of one front enters the next (Duff, Reid 1983; Liu 1992).
 //!
-//! Made once a pattern from the nodal graph. Supernodes are runs of consecutive nodes in a postordered nested
-//! dissection with equal columns, and runs merged where few zeros are stored for it (Ashcraft, Grimes 1989). All
-//! lengths of panels and fronts are in coordinates, not nodes.
+//! It is built once per pattern from the nodal graph. Supernodes are runs of consecutive nodes of a postordered
+//! nested dissection that have equal columns; runs are merged if this stores only few zeros (Ashcraft, Grimes 1989).
+//! All lengths of panels and fronts count coordinates, not nodes.
 
 use std::ops::Range;
 
@@ -12,10 +12,10 @@ use crate::index::NONE;
 use crate::linear::matrix::Pattern;
 use crate::linear::ordering::{Graph, Ordering};
 
-/// Children are eliminated side by side where at least two of them cost this many operations.
+/// Children are eliminated in parallel if at least two of them need this many operations.
 const PARALLEL_FLOPS: f64 = 1e6;
 
-/// A run of rows of an update matrix and where it lands in the parent's front.
+/// A run of rows of an update matrix, and its position in the parent's front.
 #[derive(Clone, Copy)]
 pub(crate) struct Run {
     pub(crate) from: u32,
@@ -23,50 +23,50 @@ pub(crate) struct Run {
     pub(crate) length: u32,
 }
 
-/// A full block of the matrix and where it lands in the panel.
+/// A full block of the matrix, and its position in the panel.
 #[derive(Clone, Copy)]
 pub(crate) struct BlockSource {
-    /// 2 · place + (is the block transposed?).
+    /// 2 · place, plus 1 if the block is transposed.
     pub(crate) source: u32,
-    /// Index in the panel of its first number.
+    /// Index in the panel of the block's first number.
     pub(crate) target: u32,
 }
 
-/// A single number of the matrix and where it lands in the panel.
+/// A single number of the matrix, and its position in the panel.
 #[derive(Clone, Copy)]
 pub(crate) struct NumberSource {
     pub(crate) source: u32,
     pub(crate) target: u32,
 }
 
-/// Columns eliminated together: a dense panel of `rows` × `columns`, whose first `columns` rows are its
-/// own coordinates, and an update of the remaining rows squared for its parent.
+/// Columns that are eliminated together: a dense panel of `rows` × `columns`, whose first `columns` rows are the
+/// supernode's own coordinates, and an update of the remaining rows squared for the parent.
 pub(crate) struct Supernode {
-    /// Position of its first coordinate in the elimination order.
+    /// Position of the first coordinate in the elimination order.
     pub(crate) first: usize,
     pub(crate) columns: usize,
     pub(crate) rows: usize,
-    /// Its first descendant; the subtree is the run of supernodes from there to itself.
+    /// The first descendant; the subtree is the range of supernodes from there to this one.
     pub(crate) subtree: usize,
-    /// Start of its panel, and of its part of the solve's update vector.
+    /// Start of the panel, and of its part of the update vector of a solve.
     pub(crate) panel: usize,
     pub(crate) vector: usize,
     pub(crate) children: Family,
-    /// The rows of its update in the front of the parent.
+    /// The positions of the rows of the update in the front of the parent.
     pub(crate) runs: Range<usize>,
     pub(crate) blocks: Range<usize>,
     pub(crate) numbers: Range<usize>,
-    /// Start of its update in the stack region of its family, and the lengths of its stack regions:
-    /// `own` for its update and those two levels below, `other` for those one and three below.
+    /// Start of the update in the stack region of its family, and the lengths of the stack regions of this subtree:
+    /// `own` holds its update and those two levels below, `other` those one and three levels below.
     pub(crate) update: usize,
     pub(crate) own: usize,
     pub(crate) other: usize,
-    /// Operations of its subtree.
+    /// Number of operations of the subtree.
     pub(crate) flops: f64,
 }
 
 impl Supernode {
-    /// Rows below the diagonal block: the order of the update.
+    /// Returns the number of rows below the diagonal block, which is the order of the update.
     pub(crate) fn below(&self) -> usize {
         self.rows - self.columns
     }
@@ -76,25 +76,25 @@ impl Supernode {
     }
 }
 
-/// Supernodes with one parent, ascending; or the roots.
+/// Supernodes with the same parent, ascending; or the roots.
 #[derive(Clone, Default)]
 pub(crate) struct Family {
     pub(crate) members: Range<usize>,
-    /// Are they eliminated side by side?
+    /// Whether the members are eliminated in parallel.
     pub(crate) parallel: bool,
 }
 
 /// The assembly tree.
 pub(crate) struct Tree {
-    /// In postorder.
+    /// The supernodes in postorder.
     pub(crate) supernodes: Vec<Supernode>,
-    /// Supernodes by family.
+    /// The supernodes, ordered by family.
     pub(crate) members: Vec<u32>,
     pub(crate) roots: Family,
     pub(crate) runs: Vec<Run>,
     pub(crate) blocks: Vec<BlockSource>,
     pub(crate) numbers: Vec<NumberSource>,
-    /// Free coordinate at each position of the elimination order.
+    /// The free coordinate at each position of the elimination order.
     pub(crate) permutation: Vec<u32>,
     pub(crate) panel_length: usize,
     pub(crate) vector_length: usize,
@@ -134,7 +134,7 @@ impl Tree {
         Ok(tree)
     }
 
-    /// Bytes of the maps.
+    /// Returns the size of the maps in bytes.
     pub(crate) fn bytes(&self) -> usize {
         size_of::<Supernode>() * self.supernodes.len()
             + size_of::<Run>() * self.runs.len()
@@ -159,7 +159,7 @@ impl Tree {
             structures.iter().map(|rows| rows.first().map_or(NONE, |&row| owner[row as usize])).collect();
         let families = self.families(&parent);
 
-        // Where each position is in the front at hand.
+        // Position of each row in the current front.
         let mut local = vec![0_u32; graph.node_count()];
         let place_front = |s: usize, local: &mut [u32]| {
             let mut next = 0;
@@ -224,7 +224,7 @@ impl Tree {
             .sum();
     }
 
-    /// The children of every supernode; the roots are kept in `self`.
+    /// Returns the children of every supernode, and stores the roots in `self`.
     fn families(&mut self, parent: &[u32]) -> Vec<Family> {
         let mut count = vec![0_usize; parent.len() + 1];
         let slot = |above: u32| if above == NONE { parent.len() } else { above as usize };
@@ -249,13 +249,13 @@ impl Tree {
         families
     }
 
-    /// Chooses how a family is eliminated and where its updates lie; returns the lengths of the stack
-    /// for the updates of the family and of the one for their children's.
+    /// Decides how a family is eliminated and where its updates lie. Returns the length of the stack for the updates
+    /// of the family, and of the one for those of their children.
     fn lay_out(&mut self, mut family: Family, parent: usize) -> (usize, usize) {
         let members: Vec<usize> =
             self.members[family.members.clone()].iter().map(|&member| member as usize).collect();
-        let heavy = members.iter().filter(|&&member| self.supernodes[member].flops > PARALLEL_FLOPS);
-        family.parallel = heavy.count() >= 2;
+        let large = members.iter().filter(|&&member| self.supernodes[member].flops > PARALLEL_FLOPS);
+        family.parallel = large.count() >= 2;
         let (mut stack, mut spare, mut next) = (0_usize, 0_usize, 0_usize);
         for member in members {
             let node = &mut self.supernodes[member];
@@ -276,7 +276,7 @@ impl Tree {
         (stack, spare)
     }
 
-    /// The entries of the matrix in the columns of one node.
+    /// Records the entries of the matrix in the columns of one node.
     fn sources(
         &mut self,
         pattern: &Pattern,
@@ -327,8 +327,8 @@ fn permutation(pattern: &Pattern, ordering: &Ordering) -> Vec<u32> {
     coordinates.filter(|&free| free != NONE).collect()
 }
 
-/// Nodes in each column of the factor below the diagonal, by walking up the elimination tree from every
-/// entry of a row until a node already reached by that row.
+/// Returns the number of nodes in each column of the factor below the diagonal. From every entry of a row it walks up
+/// the elimination tree to a node that this row has already reached.
 fn column_counts(graph: &Graph, ordering: &Ordering, first: &[usize]) -> Vec<usize> {
     let count = graph.node_count();
     let mut below = vec![0; count];
@@ -347,12 +347,13 @@ fn column_counts(graph: &Graph, ordering: &Ordering, first: &[usize]) -> Vec<usi
     below
 }
 
-/// May a child be merged into its parent, for `columns` columns with that share of stored zeros?
+/// Returns whether a child may be merged into its parent, given the number of columns and the fraction of stored
+/// zeros.
 fn worth_merging(columns: usize, zeros: f64) -> bool {
     columns <= 12 || (columns <= 48 && zeros < 0.5) || (columns <= 144 && zeros < 0.15) || zeros < 0.05
 }
 
-/// Runs of positions eliminated together.
+/// Returns the ranges of positions that are eliminated together.
 fn supernodes(graph: &Graph, ordering: &Ordering, first: &[usize]) -> Vec<Range<usize>> {
     struct Candidate {
         range: Range<usize>,
@@ -396,7 +397,7 @@ fn supernodes(graph: &Graph, ordering: &Ordering, first: &[usize]) -> Vec<Range<
     done.into_iter().map(|candidate| candidate.range).collect()
 }
 
-/// The positions below each supernode's columns that its front reaches, ascending.
+/// Returns the positions below each supernode's columns that its front contains, ascending.
 fn row_structures(
     graph: &Graph,
     ordering: &Ordering,
@@ -433,7 +434,7 @@ fn row_structures(
     structures
 }
 
-/// The places of the rows of an update in the front that `local` describes, in contiguous runs.
+/// Records the positions of the rows of an update in the front that `local` describes, as contiguous runs.
 fn push_runs(runs: &mut Vec<Run>, rows: &[u32], first: &[usize], local: &[u32]) -> Range<usize> {
     let start = runs.len();
     let mut from = 0;

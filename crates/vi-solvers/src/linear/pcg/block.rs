@@ -1,28 +1,29 @@
-//! Preconditioners of nodal blocks: P = (D + L) D⁻¹ (D + L)ᵀ with D block diagonal and L strictly lower.
+//! Block preconditioners P = (D + L) D⁻¹ (D + L)ᵀ with a block diagonal D and a strictly lower L; the blocks are
+//! nodal.
 //!
-//! Block Jacobi has L = 0; symmetric Gauss–Seidel (SSOR with ω = 1) takes D and L from A; incomplete Cholesky
-//! corrects both so that P = A on the pattern of A (Meijerink, van der Vorst 1977, in blocks). Rows are cut into
-//! domains whose number depends on the size alone; entries between domains are left out of L, so that domains run in
-//! parallel.
+//! Block Jacobi has L = 0. Symmetric Gauss–Seidel (SSOR with ω = 1) takes D and L from A. Incomplete Cholesky
+//! corrects both so that P = A on the pattern of A (Meijerink, van der Vorst 1977, in blocks). The rows are cut into
+//! domains, whose number depends on the size alone. Entries between domains are omitted from L, so that domains run
+//! in parallel.
 
 use std::ops::Range;
 
 use crate::index::NONE;
 use crate::linear::matrix::{Pattern, SymmetricMatrix};
 
-/// Rows of a domain: fewer make more parallelism and more iterations.
+/// Number of rows per domain: a smaller number gives more parallelism and more iterations.
 const ROWS_PER_DOMAIN: usize = 2500;
 const LARGEST_DOMAIN_COUNT: usize = 8;
 
-/// A pivot below this share of the diagonal of A is a breakdown.
+/// A pivot below this fraction of the diagonal of A counts as a breakdown.
 const SMALLEST_PIVOT: f64 = 1e-3;
 
-/// What stands in for A⁻¹.
+/// The approximation of A⁻¹.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Preconditioner {
     /// The inverse of the diagonal blocks.
     BlockJacobi,
-    /// Incomplete Cholesky factor on the pattern of A; falls back to `Ssor` where a pivot fails.
+    /// An incomplete Cholesky factor on the pattern of A; replaced by `Ssor` if a pivot fails.
     BlockIncompleteCholesky,
     /// Symmetric block Gauss–Seidel.
     Ssor,
@@ -32,9 +33,9 @@ pub(super) struct BlockPreconditioner {
     kind: Preconditioner,
     /// Row ranges of the domains.
     domains: Vec<Range<usize>>,
-    /// D⁻¹, a block a row.
+    /// D⁻¹, one block per row.
     inverse: Vec<f64>,
-    /// L, a block an entry of the pattern in row order; the diagonal's place is not used.
+    /// L, one block per entry of the pattern in row order; the diagonal's block is not used.
     lower: Vec<f64>,
 }
 
@@ -63,7 +64,8 @@ impl BlockPreconditioner {
         8 * (self.inverse.len() + self.lower.len())
     }
 
-    /// Makes P for A; returns what was made, or the first row whose diagonal block is not positive definite.
+    /// Builds P for A. Returns the kind that was built, or the first row whose diagonal block is not positive
+    /// definite.
     pub(super) fn prepare(&mut self, a: &SymmetricMatrix) -> Result<Preconditioner, usize> {
         match a.pattern.block {
             3 => self.prepare_blocks::<3>(a),
@@ -92,7 +94,7 @@ impl BlockPreconditioner {
         Err(broken)
     }
 
-    /// z = P⁻¹ r; `sums` is room for as many numbers.
+    /// Computes z = P⁻¹ r; `sums` is scratch memory of the same size.
     pub(super) fn apply(&self, pattern: &Pattern, r: &[f64], z: &mut [f64], sums: &mut [f64]) {
         match pattern.block {
             3 => self.apply_blocks::<3>(pattern, r, z, sums),
@@ -128,7 +130,7 @@ fn subtract_product_transposed<const B: usize>(c: &mut Block<B>, a: &Block<B>, b
     }
 }
 
-/// The inverse of a symmetric block by LDLᵀ; `None` where a pivot is below `smallest`[i].
+/// Returns the inverse of a symmetric block by LDLᵀ; `None` if a pivot is below `smallest`[i].
 fn invert<const B: usize>(a: &Block<B>, smallest: [f64; B]) -> Option<Block<B>> {
     let mut l = [[0.0; B]; B];
     let mut d = [0.0; B];
@@ -159,7 +161,7 @@ fn invert<const B: usize>(a: &Block<B>, smallest: [f64; B]) -> Option<Block<B>> 
     Some(inverse)
 }
 
-/// D⁻¹ and L of some domains, each on its own part of the arrays.
+/// Computes D⁻¹ and L of some domains, each on its own part of the arrays.
 fn make_domains<const B: usize>(
     a: &SymmetricMatrix,
     kind: Preconditioner,
@@ -218,7 +220,7 @@ fn make_domain<const B: usize>(
                 let column = pattern.columns[entry] as usize;
                 let mut value = block(values, pattern.places[entry] as usize);
                 if kind == Preconditioner::BlockIncompleteCholesky {
-                    // Common columns of both rows, both ascending.
+                    // Find the common columns of both rows; both are ascending.
                     let (mut left, mut right) = (below(row).start, below(column));
                     while left < entry && right.start < right.end {
                         let (l, r) = (pattern.columns[left], pattern.columns[right.start]);
@@ -243,7 +245,7 @@ fn make_domain<const B: usize>(
     Ok(())
 }
 
-/// z = P⁻¹ r.
+/// Computes z = P⁻¹ r.
 struct Apply<'a, const B: usize> {
     pattern: &'a Pattern,
     inverse: &'a [[f64; B]],

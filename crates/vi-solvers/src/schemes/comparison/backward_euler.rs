@@ -1,4 +1,4 @@
-//! Implicit Euler: û = q₀ + h v₀, c = h². Order 1; the phase area shrinks by 1/(1 + z²) a step.
+//! Implicit Euler: û = q₀ + h v₀, c = h². Order 1; each step shrinks the phase area by the factor 1/(1 + z²).
 
 use crate::schemes::one_stage::rule::Rule;
 

@@ -1,5 +1,6 @@
-//! Backward differences of order 2: q₂ = (4 q₁ − q₀)/3 + (2h/3) v₂, v₂ = (4 v₁ − v₀)/3 + (2h/3) a₂. The first step,
-//! and the first after a change of h or of the state, is one of implicit midpoint, which keeps the order.
+//! Backward differences of order 2: q₂ = (4 q₁ − q₀)/3 + (2h/3) v₂ and v₂ = (4 v₁ − v₀)/3 + (2h/3) a₂. The first
+//! step, and the first one after a change of h or of the state, is a step of implicit midpoint, which keeps the
+//! order.
 
 use vi_core::{State, System};
 
@@ -14,7 +15,7 @@ use crate::schemes::one_stage::rule::{Midpoint, Rule};
 pub(crate) struct Bdf2 {
     /// The last two states, and the step between them.
     last: Option<(State, State, f64)>,
-    /// Of the step being made: q₁ − q₀ and v₁ − v₀; empty in a first step.
+    /// q₁ − q₀ and v₁ − v₀ of the current step; empty in a first step.
     dq: Vec<f64>,
     dv: Vec<f64>,
 }

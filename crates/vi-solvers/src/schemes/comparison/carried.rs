@@ -1,4 +1,4 @@
-//! What Newmark and generalised-α carry from step to step: the acceleration.
+//! The acceleration that Newmark and generalised-α carry from step to step.
 
 use vi_core::{State, System};
 
@@ -7,12 +7,12 @@ use crate::assemble::inertia::Inertia;
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
 
-/// Is `state` where the last step ended? Its time may differ in the last bits.
+/// Returns whether `state` is the end of the last step. Its time may differ in the last bits.
 pub(super) fn continues(last: &State, state: &State, h: f64) -> bool {
     (last.t - state.t).abs() <= 1e-6 * h && last.q == state.q && last.p == state.p
 }
 
-/// The acceleration that Newmark's family carries from step to step, with the state it belongs to.
+/// The acceleration that Newmark's family carries from step to step, with the state to which it belongs.
 #[derive(Default)]
 pub(super) struct CarriedAcceleration {
     state: Option<State>,
@@ -20,7 +20,7 @@ pub(super) struct CarriedAcceleration {
 }
 
 impl CarriedAcceleration {
-    /// At a state where no step has ended, M⁻¹ (f − ∂V/∂q).
+    /// Computes M⁻¹ (f − ∂V/∂q) if no step has ended at this state.
     pub(super) fn open(
         &mut self,
         system: &System,

@@ -1,5 +1,5 @@
-//! Explicit Euler: q += h M⁻¹p, p −= h ∂V/∂q, both from the start of the step. Order 1, unstable for every
-//! oscillation: each step grows the phase area by 1 + z².
+//! Explicit Euler: q += h M⁻¹p and p −= h ∂V/∂q, both evaluated at the start of the step. Order 1, unstable for every
+//! oscillation: each step grows the phase area by the factor 1 + z².
 
 use vi_core::{State, StepEnergy, System};
 

@@ -1,7 +1,7 @@
 //! Generalised-α (J. Chung, G. M. Hulbert, J. Appl. Mech. 60 (1993) 371–375) with the forces at the mean
-//! configuration: M((1 − α_m) a₁ + α_m a₀) + ∂V/∂q((1 − α_f) q₁ + α_f q₀) = 0, Newmark's formulas for q₁ and v₁, and
-//! all parameters from the spectral radius ρ at infinite frequency: α_m = (2ρ − 1)/(ρ + 1), α_f = ρ/(ρ + 1), γ = ½ −
-//! α_m + α_f, β = ¼(1 − α_m + α_f)².
+//! configuration: M((1 − α_m) a₁ + α_m a₀) + ∂V/∂q((1 − α_f) q₁ + α_f q₀) = 0, with Newmark's formulas for q₁ and v₁.
+//! All parameters follow from the spectral radius ρ at infinite frequency: α_m = (2ρ − 1)/(ρ + 1), α_f = ρ/(ρ + 1), γ
+//! = ½ − α_m + α_f, β = ¼(1 − α_m + α_f)².
 
 use vi_core::{State, System};
 
@@ -21,7 +21,7 @@ pub(crate) struct GeneralizedAlpha {
 }
 
 impl GeneralizedAlpha {
-    /// 0 ≤ ρ ≤ 1.
+    /// Returns the rule for 0 ≤ ρ ≤ 1.
     pub(crate) fn new(spectral_radius: f64) -> Result<Self, SolverError> {
         let rho = spectral_radius;
         if !(0.0..=1.0).contains(&rho) {
@@ -34,7 +34,7 @@ impl GeneralizedAlpha {
         Ok(Self { alpha_m, alpha_f, beta, gamma, carried: CarriedAcceleration::default() })
     }
 
-    /// a₁ from the mean acceleration s = (1 − α_m) a₁ + α_m a₀ of the stage.
+    /// Returns a₁ from the mean acceleration s = (1 − α_m) a₁ + α_m a₀ of the stage.
     fn next(&self, a: f64, s: f64) -> f64 {
         (s - self.alpha_m * a) / (1.0 - self.alpha_m)
     }
@@ -51,7 +51,7 @@ impl Rule for GeneralizedAlpha {
         1.0 - self.alpha_f
     }
     fn offset(&self, k: usize, v: f64, h: f64) -> f64 {
-        // The mean configuration with s = 0.
+        // The mean configuration for s = 0.
         let a = self.carried.a[k];
         let end = h * (v + h * ((0.5 - self.beta) * a + self.beta * self.next(a, 0.0)));
         (1.0 - self.alpha_f) * end

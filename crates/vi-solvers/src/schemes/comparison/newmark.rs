@@ -17,7 +17,7 @@ pub(crate) struct Newmark {
 }
 
 impl Newmark {
-    /// 0 < β ≤ ½ and ½ ≤ γ ≤ 1 (γ < ½ gains energy at every step; β = 0 is explicit).
+    /// Returns the rule for 0 < β ≤ ½ and ½ ≤ γ ≤ 1 (γ < ½ gains energy at every step; β = 0 is explicit).
     pub(crate) fn new(beta: f64, gamma: f64) -> Result<Self, SolverError> {
         if !(beta > 0.0 && beta <= 0.5) {
             let allowed = "must be above 0 (0 is stormer-verlet) and at most 1/2";

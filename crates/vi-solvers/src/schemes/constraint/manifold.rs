@@ -1,12 +1,12 @@
-//! The manifold g(x) = 0 of the configurations that the constraints of a system allow. Positions are projected onto it
-//! (SHAKE) and momenta onto its tangent space (RATTLE), both to round-off, by multipliers.
+//! The manifold g(x) = 0 of the configurations that the constraints of a system allow. Multipliers project positions
+//! onto it (SHAKE) and momenta onto its tangent space (RATTLE), both to round-off.
 //!
-//! Constraints that share free coordinates form a cluster (a rigid body, a mechanism), whose Jacobian G
-//! is a small dense matrix over the few coordinates that it reads; the lumped mass is diagonal. So the
-//! cost is that of the clusters and not of the bodies attached to them. Constraints that depend on each
-//! other where the cluster is first met (closed loops) are solved in the sense of least multipliers.
-//! Constraints have different dimensions (a distance in m², a perpendicularity in 1), so that S = G M⁻¹ Gᵀ is
-//! judged and solved in units of its own rows ([`Units`]).
+//! Constraints that share free coordinates form a cluster (a rigid body, a mechanism). The Jacobian G of a cluster is
+//! a small dense matrix over the few coordinates that it reads; the lumped mass is diagonal. So the cost depends on
+//! the clusters and not on the bodies attached to them. If constraints of a cluster depend on each other in its first
+//! configuration (closed loops), the multipliers of least norm are taken. Constraints have different dimensions (a
+//! distance in m², a perpendicularity in 1); therefore S = G M⁻¹ Gᵀ is judged and solved in units of its own rows
+//! ([`Units`]).
 
 use nalgebra::{DMatrix, DVector};
 use vi_core::System;
@@ -16,29 +16,29 @@ use crate::error::SolverError;
 use crate::index::NONE;
 use crate::schemes::constraint::units::Units;
 
-/// Iterations for the multipliers before a step is given up.
+/// Number of iterations for the multipliers after which a step fails.
 const MAX_ITERATIONS: u32 = 50;
-/// A defect below this many units of its round-off is none.
+/// A defect of fewer units of its round-off counts as zero.
 const NOISE: f64 = 4.0;
 
-/// Constraints that share free coordinates, on coordinates numbered from 0.
+/// Constraints that share free coordinates, with coordinates numbered from 0.
 struct Cluster {
     constraints: Vec<QuadraticConstraint>,
-    /// The coordinates x_i that it reads.
+    /// The coordinates x_i that the cluster reads.
     dofs: Vec<u32>,
-    /// Their free coordinates, or [`NONE`] where they are prescribed.
+    /// Their free coordinates, or [`NONE`] if they are prescribed.
     free: Vec<u32>,
-    /// Which of its nodes are directors, whose coordinates are no lengths.
+    /// Which of its nodes are directors, whose coordinates are not lengths.
     is_director: Vec<bool>,
-    /// Of the free ones; zero of the others.
+    /// Inverse masses of the free coordinates; zero for the others.
     inverse_mass: DVector<f64>,
-    /// Where the coordinates are.
+    /// The current values of the coordinates.
     y: Vec<f64>,
-    /// G where the step takes its multipliers' directions from.
+    /// G at the configuration from which the step takes the directions of the multipliers.
     normal: DMatrix<f64>,
-    /// Of N M⁻¹ Nᵀ with these directions N.
+    /// Units of N M⁻¹ Nᵀ with these directions N.
     units: Units,
-    /// Do its constraints depend on each other?
+    /// Whether its constraints depend on each other.
     is_redundant: bool,
 }
 
@@ -47,7 +47,7 @@ impl Cluster {
         let mut nodes: Vec<u32> = members.iter().flat_map(|constraint| constraint.nodes()).collect();
         nodes.sort_unstable();
         nodes.dedup();
-        // A node that is not there has no number; constraints were resolved against the coordinates.
+        // Constraints were resolved against the coordinates, so every node has a number.
         let number = |node: u32| nodes.binary_search(&node).unwrap_or(0) as u32;
         let dofs: Vec<u32> = nodes.iter().flat_map(|&node| 3 * node..3 * node + 3).collect();
         let free: Vec<u32> = dofs.iter().map(|&dof| free_of[dof as usize]).collect();
@@ -66,14 +66,14 @@ impl Cluster {
         }
     }
 
-    /// Goes to q; prescribed coordinates are read from `x`.
+    /// Goes to q; reads prescribed coordinates from `x`.
     fn place(&mut self, q: &[f64], x: &[f64]) {
         for (k, y) in self.y.iter_mut().enumerate() {
             *y = if self.free[k] == NONE { x[self.dofs[k] as usize] } else { q[self.free[k] as usize] };
         }
     }
 
-    /// G here, m × coordinates.
+    /// Returns G at the current configuration, m × coordinates.
     fn jacobian(&self) -> DMatrix<f64> {
         let mut transposed = DMatrix::zeros(self.dofs.len(), self.constraints.len());
         let columns = transposed.as_mut_slice().chunks_exact_mut(self.dofs.len());
@@ -83,15 +83,15 @@ impl Cluster {
         transposed.transpose()
     }
 
-    /// g here.
+    /// Returns g at the current configuration.
     fn defect(&self) -> DVector<f64> {
         DVector::from_iterator(self.constraints.len(), self.constraints.iter().map(|c| c.value(&self.y)))
     }
 
-    /// The largest |g| in units of its round-off, and its constraint.
+    /// Returns the largest |g| in units of its round-off, and its constraint.
     fn worst(&self, defect: &DVector<f64>) -> (f64, usize) {
-        // Coordinates near zero come from sums of others: all points are as good as the farthest of them, and
-        // all directors as the longest.
+        // Coordinates near zero are sums of others. Therefore all points have the round-off of the farthest of them,
+        // and all directors that of the longest.
         let mut size = [0.0_f64; 2];
         for (node, y) in self.y.chunks_exact(3).enumerate() {
             let size = &mut size[usize::from(self.is_director[node])];
@@ -105,7 +105,7 @@ impl Cluster {
         })
     }
 
-    /// G M⁻¹ Nᵀ.
+    /// Returns G M⁻¹ Nᵀ.
     fn metric(&self, g: &DMatrix<f64>, normal: &DMatrix<f64>) -> DMatrix<f64> {
         let mut weighted = normal.transpose();
         for (mut row, inverse) in weighted.row_iter_mut().zip(&self.inverse_mass) {
@@ -128,7 +128,7 @@ impl Cluster {
 /// All clusters of a system.
 pub(crate) struct ConstraintManifold {
     clusters: Vec<Cluster>,
-    /// Does any read prescribed coordinates? Then `x` holds all coordinates.
+    /// Whether any cluster reads prescribed coordinates. Then `x` holds all coordinates.
     reads_prescribed: bool,
     x: Vec<f64>,
     x_dot: Vec<f64>,
@@ -136,7 +136,7 @@ pub(crate) struct ConstraintManifold {
 }
 
 impl ConstraintManifold {
-    /// None where the system has no constraints.
+    /// Returns `None` if the system has no constraints.
     pub(crate) fn new(system: &System) -> Option<Self> {
         if system.constraints().is_empty() {
             return None;
@@ -156,7 +156,7 @@ impl ConstraintManifold {
         Some(Self { clusters, reads_prescribed, x, x_dot, is_ranked: false })
     }
 
-    /// How many multipliers there are.
+    /// Returns the number of multipliers.
     pub(crate) fn multiplier_count(&self) -> usize {
         self.clusters.iter().map(|cluster| cluster.constraints.len()).sum()
     }
@@ -188,7 +188,7 @@ impl ConstraintManifold {
         self.is_ranked = true;
     }
 
-    /// out_k += scale (Gᵀλ)_k with the directions taken.
+    /// Adds out_k += scale (Gᵀλ)_k with the current directions.
     pub(crate) fn add_force(&self, lambda: &[f64], scale: f64, out: &mut [f64]) {
         let mut first = 0;
         for cluster in &self.clusters {
@@ -201,8 +201,8 @@ impl ConstraintManifold {
         }
     }
 
-    /// λᵀN d over prescribed coordinates with the directions N taken: the work of whoever moves them
-    /// along d against multipliers λ, J.
+    /// Returns λᵀN d over prescribed coordinates with the current directions N, J: the work of prescribed motion
+    /// along d against the multipliers λ.
     pub(crate) fn prescribed_work(&self, lambda: &[f64], d: &[f64]) -> f64 {
         if !self.reads_prescribed {
             return 0.0;
@@ -216,12 +216,13 @@ impl ConstraintManifold {
         work
     }
 
-    /// The same for impulses where the directions were taken, with the velocities there.
+    /// Returns the work of prescribed motion against impulses λ, with the velocities at the configuration of the
+    /// directions, J.
     pub(crate) fn impulse_work(&self, lambda: &[f64]) -> f64 {
         self.prescribed_work(lambda, &self.x_dot)
     }
 
-    /// Columns Nᵀe_i as free vectors, for all multipliers.
+    /// Writes the column Nᵀe_i of one multiplier as a free vector.
     pub(crate) fn direction(&self, multiplier: usize, out: &mut [f64]) {
         out.fill(0.0);
         let mut unit = vec![0.0; self.multiplier_count()];
@@ -229,7 +230,7 @@ impl ConstraintManifold {
         self.add_force(&unit, 1.0, out);
     }
 
-    /// g and G at (q, t), one after another in the order of the multipliers: (g, G as free entries).
+    /// Returns g and G at (q, t) in the order of the multipliers: (g, G as free entries).
     pub(crate) fn linearize(&mut self, system: &System, q: &[f64], t: f64) -> (DVector<f64>, Vec<Row>) {
         self.place(system, q, t);
         let mut defects = Vec::with_capacity(self.multiplier_count());
@@ -245,16 +246,16 @@ impl ConstraintManifold {
         (DVector::from_vec(defects), rows)
     }
 
-    /// Are the constraints of any cluster dependent on each other?
+    /// Returns whether the constraints of any cluster depend on each other.
     pub(crate) fn is_redundant(&self) -> bool {
         self.clusters.iter().any(|cluster| cluster.is_redundant)
     }
 
-    /// Projects q onto the manifold at time t by impulses along the directions taken: p −= Nᵀλ and
-    /// q −= drift M⁻¹Nᵀλ with g(q) = 0. Adds λ to `lambda`, and returns the change of ½ pᵀM⁻¹p, J.
+    /// Projects q onto the manifold at time t by impulses along the current directions: p −= Nᵀλ and q −= drift
+    /// M⁻¹Nᵀλ with g(q) = 0. Adds λ to `lambda`, and returns the change of ½ pᵀM⁻¹p, J.
     ///
     /// # Errors
-    /// [`SolverError::ConstraintDefect`] where that does not converge.
+    /// [`SolverError::ConstraintDefect`] if the iteration does not converge.
     pub(crate) fn project_positions(
         &mut self,
         system: &System,
@@ -276,7 +277,7 @@ impl ConstraintManifold {
                 cluster.place(q, &self.x);
                 let defect = cluster.defect();
                 let (worst, which) = cluster.worst(&defect);
-                // On the manifold, or as near as round-off allows.
+                // q is on the manifold, or as near as round-off allows.
                 if worst <= NOISE || (worst < 1e4 && worst >= 0.5 * previous) {
                     break;
                 }
@@ -302,11 +303,12 @@ impl ConstraintManifold {
         Ok(change)
     }
 
-    /// Projects p onto the tangent space at (q, t), G M⁻¹p + G ẋ_prescribed = 0, by impulses along G; returns the change of
-    /// ½ pᵀM⁻¹p and the work of prescribed motion, J.
+    /// Projects p onto the tangent space at (q, t), G M⁻¹p + G ẋ_prescribed = 0, by impulses along G. Returns the
+    /// change of ½ pᵀM⁻¹p and the work of prescribed motion, J.
     ///
     /// # Errors
-    /// [`SolverError::ConstraintDefect`] where constraints that did not depend on each other do so here.
+    /// [`SolverError::ConstraintDefect`] if constraints that were independent of each other depend on each other
+    /// here.
     pub(crate) fn project_momenta(
         &mut self,
         system: &System,
@@ -322,7 +324,7 @@ impl ConstraintManifold {
         let (mut change, mut work) = (0.0, 0.0);
         for cluster in &self.clusters {
             let g = cluster.jacobian();
-            // Twice, so that the round-off of the first is projected too.
+            // Project twice, so that the round-off of the first projection is projected too.
             for _ in 0..2 {
                 let velocity = DVector::from_iterator(
                     cluster.free.len(),
@@ -348,7 +350,7 @@ impl ConstraintManifold {
 pub(crate) type Row = Vec<(u32, f64)>;
 
 impl Cluster {
-    /// λᵀG d over its prescribed coordinates.
+    /// Returns λᵀG d over the prescribed coordinates of the cluster.
     fn prescribed_work(&self, g: &DMatrix<f64>, lambda: &[f64], d: &[f64]) -> f64 {
         let mut work = 0.0;
         for (k, _) in self.free.iter().enumerate().filter(|(_, free)| **free == NONE) {
@@ -358,7 +360,7 @@ impl Cluster {
         work
     }
 
-    /// p −= impulse; returns the change of ½ pᵀM⁻¹p.
+    /// Subtracts an impulse from p; returns the change of ½ pᵀM⁻¹p.
     fn kick(&self, impulse: &DVector<f64>, p: &mut [f64]) -> f64 {
         let mut change = 0.0;
         for (k, &free) in self.free.iter().enumerate().filter(|(_, free)| **free != NONE) {
@@ -370,7 +372,7 @@ impl Cluster {
     }
 }
 
-/// The constraints by cluster, both in the order of the system.
+/// Returns the constraints by cluster, both in the order of the system.
 fn clusters<'a>(system: &'a System, free_of: &[u32]) -> Vec<Vec<&'a QuadraticConstraint>> {
     let constraints = system.constraints();
     let mut label: Vec<usize> = (0..constraints.len()).collect();
@@ -397,11 +399,12 @@ fn clusters<'a>(system: &'a System, free_of: &[u32]) -> Vec<Vec<&'a QuadraticCon
     order.into_iter().map(|cluster| members(cluster).collect()).collect()
 }
 
-/// Makes the momenta of `state` tangent to the constraints, by impulses of theirs: how a run begins.
-/// Returns the change of the velocities over the velocities, both in the norm of the mass.
+/// Makes the momenta of `state` tangent to the constraints by impulses of the constraints, as at the beginning of a
+/// run. Returns the change of the velocities relative to the velocities, both in the norm of the mass.
 ///
 /// # Errors
-/// [`SolverError::ConstraintDefect`] where the state is not on the manifold to 1e-9 of what the constraints add up.
+/// [`SolverError::ConstraintDefect`] if the state is not on the manifold to 1e-9 of the terms that the constraints
+/// sum.
 pub fn make_tangent(system: &System, state: &mut vi_core::State) -> Result<f64, SolverError> {
     let Some(mut manifold) = ConstraintManifold::new(system) else { return Ok(0.0) };
     manifold.set_directions(system, &state.q, state.t);
@@ -421,9 +424,9 @@ pub fn make_tangent(system: &System, state: &mut vi_core::State) -> Result<f64, 
     Ok(if change == 0.0 { 0.0 } else { (change / square(&|k| before[k]).max(change)).sqrt() })
 }
 
-/// Adds to accelerations of all coordinates what keeps them on the constraints, with velocities `v` of all:
-/// a −= M⁻¹Gᵀμ with G a + γ = 0, γ = g(x + v) − 2 g(x) + g(x − v) for quadratic g. Where constraints
-/// depend on each other against expectation, nothing is added.
+/// Adds to the accelerations of all coordinates the part that keeps them on the constraints, for velocities `v` of
+/// all coordinates: a −= M⁻¹Gᵀμ with G a + γ = 0 and γ = g(x + v) − 2 g(x) + g(x − v) for quadratic g. If constraints
+/// unexpectedly depend on each other, adds nothing.
 pub(crate) fn constrain_accelerations(system: &System, state: &vi_core::State, v: &[f64], a: &mut [f64]) {
     let Some(mut manifold) = ConstraintManifold::new(system) else { return };
     manifold.set_directions(system, &state.q, state.t);

@@ -1,16 +1,16 @@
-//! The multipliers of a constrained midpoint step, beside the unknowns of its stage:
+//! The multipliers of a constrained midpoint step, besides the unknowns of its stage:
 //! ```text
 //! M w + c (∂V/∂q(û + w) + Nᵀℓ) = 0,   g(q₁) = 0,   q₁ = q₀ + 2 (û − q₀ + w),   c = h²/4
 //! ```
-//! with forces ℓ of constraint and their directions N = ∂g/∂q at the start (variational: then
-//! p₁ = p₀ + (4/h) M w + (h/2) Nᵀℓ − G₁ᵀμ with μ from G₁ M⁻¹ p₁ = 0) or at the stage (keeps energy:
-//! p₁ = p₀ + (4/h) M w). Newton's method eliminates ℓ: with A ≈ M + cK, y = −A⁻¹R and Z = A⁻¹Nᵀ,
+//! The ℓ are the forces of the constraints and N = ∂g/∂q their directions. Directions at the start make the scheme
+//! variational: then p₁ = p₀ + (4/h) M w + (h/2) Nᵀℓ − G₁ᵀμ with μ from G₁ M⁻¹ p₁ = 0. Directions at the stage
+//! conserve energy: then p₁ = p₀ + (4/h) M w. Newton's method eliminates ℓ: with A ≈ M + cK, y = −A⁻¹R and Z = A⁻¹Nᵀ,
 //! ```text
 //! 2c G₁ Z Δℓ = g(q₁) + 2 G₁ y,   δ = y − c Z Δℓ.
 //! ```
-//! Z costs one solve a multiplier and is made once a step and factor. ℓ + Δℓ and δ depend on w alone and not
-//! on the ℓ in R: so w is all that Newton's method and its accelerations need to know. When the stage is solved to its
-//! tolerance, q₁ is projected onto the manifold to round-off along M⁻¹Nᵀ.
+//! Z costs one solve per multiplier and is computed once per step and factor. ℓ + Δℓ and δ depend on w alone and not
+//! on the ℓ in R, so Newton's method and its accelerations only see w. After the stage is solved to its tolerance, q₁
+//! is projected onto the manifold to round-off along M⁻¹Nᵀ.
 
 use nalgebra::{DMatrix, DVector};
 use vi_core::{State, System};
@@ -25,7 +25,7 @@ use crate::schemes::one_stage::rule::MultiplierDirections;
 pub(crate) struct Multipliers {
     manifold: ConstraintManifold,
     directions: MultiplierDirections,
-    /// ℓ of the last step that was made.
+    /// ℓ of the last step.
     last: Vec<f64>,
     /// ℓ of the last correction.
     forces: Vec<f64>,
@@ -33,12 +33,12 @@ pub(crate) struct Multipliers {
     load: Vec<f64>,
     h: f64,
     end_t: f64,
-    /// g and G at the end of the step, of the last evaluation.
+    /// g and G at the end of the step, from the last evaluation.
     defect: DVector<f64>,
     rows: Vec<Row>,
     /// Work of prescribed motion against the impulses at both ends of the last step, J.
     end_work: f64,
-    /// Z by columns, and of which factor and step it is.
+    /// Z by columns, and the number of the factor and step for which it was computed.
     z: Vec<f64>,
     z_is_of: Option<u64>,
     q_end: Vec<f64>,
@@ -46,7 +46,7 @@ pub(crate) struct Multipliers {
 }
 
 impl Multipliers {
-    /// None where the system has no constraints.
+    /// Returns `None` if the system has no constraints.
     pub(crate) fn new(system: &System, directions: MultiplierDirections) -> Option<Self> {
         let manifold = ConstraintManifold::new(system)?;
         let (m, n) = (manifold.multiplier_count(), system.coordinates().free_count());
@@ -68,7 +68,7 @@ impl Multipliers {
         })
     }
 
-    /// ℓ of the last step, from which the next begins.
+    /// Returns ℓ of the last step, from which the next one starts.
     pub(crate) fn multipliers(&self) -> &[f64] {
         &self.last
     }
@@ -88,7 +88,7 @@ impl Multipliers {
         self.forces.copy_from_slice(&self.last);
     }
 
-    /// Adds Nᵀℓ to what is added to ∂V/∂q at stage (q, t), and looks at the end of the step.
+    /// Adds Nᵀℓ to the additions to ∂V/∂q at the stage (q, t), and evaluates the constraints at the end of the step.
     pub(crate) fn evaluate(
         &mut self,
         system: &System,
@@ -105,7 +105,7 @@ impl Multipliers {
         (self.defect, self.rows) = self.manifold.linearize(system, &self.q_end, self.end_t);
     }
 
-    /// From y in `correction` to δ; returns its energy δᵀAδ/c.
+    /// Computes δ from y in `correction`; returns its energy δᵀAδ/c.
     pub(crate) fn correct(
         &mut self,
         c: f64,
@@ -122,7 +122,7 @@ impl Multipliers {
             DMatrix::from_fn(m, m, |i, j| 2.0 * c * along(&self.rows[i], &self.z[j * n..(j + 1) * n]));
         let units = Units::of(&matrix.diagonal().map(f64::abs));
         let solved = units.solve(matrix, &rhs, self.manifold.is_redundant());
-        // Dependent constraints are named when the end of the step is projected.
+        // If constraints depend on each other, the projection at the end of the step reports it.
         let step = solved.unwrap_or_else(|| DVector::zeros(m));
         // A δ = −R − c NᵀΔℓ.
         self.load.copy_from_slice(residual);
@@ -137,7 +137,7 @@ impl Multipliers {
         Ok(self.load.iter().zip(&*correction).map(|(r, d)| r * d).sum::<f64>() / c)
     }
 
-    /// Makes Z where the factor is another than it was made with.
+    /// Recomputes Z if the factor has changed.
     fn refresh(
         &mut self,
         inverse: &mut Inverse,
@@ -157,12 +157,12 @@ impl Multipliers {
         Ok(())
     }
 
-    /// A δ of the last correction.
+    /// Returns A δ of the last correction.
     pub(crate) fn load(&self) -> &[f64] {
         &self.load
     }
 
-    /// Projects the end of the step onto the manifold by a change of w along M⁻¹Nᵀ, and of ℓ with it.
+    /// Projects the end of the step onto the manifold by a change of w along M⁻¹Nᵀ, and changes ℓ accordingly.
     pub(crate) fn project_end(
         &mut self,
         system: &System,
@@ -170,7 +170,7 @@ impl Multipliers {
         w: &mut [f64],
         t: f64,
     ) -> Result<(), SolverError> {
-        // Impulses p −= Nᵀλ, q₁ −= h M⁻¹Nᵀλ are w −= (h/2) M⁻¹Nᵀλ, ℓ += (2/h) λ.
+        // The impulses p −= Nᵀλ, q₁ −= h M⁻¹Nᵀλ correspond to w −= (h/2) M⁻¹Nᵀλ, ℓ += (2/h) λ.
         let mass = system.free_mass();
         self.q_end.iter_mut().enumerate().for_each(|(k, q)| *q = end(k, w[k]));
         self.p_scratch.fill(0.0);
@@ -188,7 +188,7 @@ impl Multipliers {
         Ok(())
     }
 
-    /// The momentum at the end (q, t) from p₀ + (4/h) M w.
+    /// Returns the momentum at the end (q, t) from p₀ + (4/h) M w.
     pub(crate) fn close(
         &mut self,
         system: &System,
@@ -205,7 +205,7 @@ impl Multipliers {
         Ok(())
     }
 
-    /// Work of prescribed motion through the multipliers along Δx of all coordinates, J.
+    /// Returns the work of prescribed motion through the multipliers along Δx of all coordinates, J.
     pub(crate) fn prescribed_work(&self, along: &[f64]) -> f64 {
         match self.directions {
             MultiplierDirections::Ends => self.end_work,

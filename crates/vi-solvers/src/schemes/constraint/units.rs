@@ -1,30 +1,32 @@
-//! Units of the rows of a small symmetric matrix whose rows have different dimensions, such as S = G M⁻¹ Gᵀ of
-//! constraints: in them the matrix is judged and solved as if it had none.
+//! Units for the rows of a small symmetric matrix whose rows have different dimensions, such as S = G M⁻¹ Gᵀ of
+//! constraints. In these units the matrix can be judged and solved as if it were dimensionless.
 
 use nalgebra::{DMatrix, DVector};
 use vi_core::binary_exponent;
 
-/// Rows depend on each other where the smallest eigenvalue is below this part of the largest, both in these units.
+/// Rows count as dependent if the smallest eigenvalue is below this fraction of the largest, both in these units.
 const DEPENDENT: f64 = 1e-9;
-/// Singular values below this part of the largest are taken for zero where rows depend on each other.
+/// If rows depend on each other, singular values below this fraction of the largest count as zero.
 const SINGULAR: f64 = 1e-10;
 
-/// Units u_i of the rows and columns of a matrix S, powers of two with S_ii/u_i² from 1 to 4 but for a common
-/// factor: bodies of any size then have the same S/(u_i u_j), to the bit in units that are powers of two.
+/// Units u_i of the rows and columns of a matrix S: powers of two such that S_ii/u_i² is from 1 to 4, up to a common
+/// factor. Bodies of any size then have the same S/(u_i u_j), even to the bit if the units of the scene differ by
+/// powers of two.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Units(Vec<f64>);
 
 impl Units {
-    /// Those of the diagonal S_ii ≥ 0.
+    /// Returns the units for the diagonal S_ii ≥ 0.
     pub(crate) fn of(diagonal: &DVector<f64>) -> Self {
-        // Exponents of rows of different dimension differ by an even number: their difference is halved exactly.
+        // The exponents of rows of different dimension differ by an even number, so halving their difference is
+        // exact.
         let first = diagonal.iter().copied().find(|s| *s > 0.0).map_or(0, binary_exponent);
         let unit =
             |&s: &f64| if s > 0.0 { 2.0_f64.powi((binary_exponent(s) - first).div_euclid(2)) } else { 1.0 };
         Self(diagonal.iter().map(unit).collect())
     }
 
-    /// Solves S λ = r, S in the rows and columns of these units; in the least-squares sense where `is_redundant`.
+    /// Solves S λ = r with S scaled to these units; by least squares if `is_redundant`.
     pub(crate) fn solve(
         &self,
         mut matrix: DMatrix<f64>,
@@ -42,14 +44,14 @@ impl Units {
         solved.map(|solved| DVector::from_fn(rhs.len(), |i, _| solved[i] / self.0[i]))
     }
 
-    /// Do rows and columns of the symmetric S ≥ 0 depend on each other?
+    /// Returns whether the rows of the symmetric S ≥ 0 depend on each other.
     pub(crate) fn are_dependent(&self, mut matrix: DMatrix<f64>) -> bool {
         self.scale(&mut matrix);
         let values = matrix.symmetric_eigenvalues();
         values.min() <= DEPENDENT * values.max()
     }
 
-    /// S_ij ← S_ij/(u_i u_j).
+    /// Scales S_ij ← S_ij/(u_i u_j).
     fn scale(&self, matrix: &mut DMatrix<f64>) {
         for (j, mut column) in matrix.column_iter_mut().enumerate() {
             for (i, value) in column.iter_mut().enumerate() {

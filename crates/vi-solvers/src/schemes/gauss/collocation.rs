@@ -1,4 +1,4 @@
-//! The numbers of a Gauss method and of the triangular splitting of T = A² that its solver iterates with.
+//! The coefficients of a Gauss method, and of the triangular splitting of T = A² that its solver iterates with.
 
 use nalgebra::DMatrix;
 use vi_core::{Quadrature, Scheme};
@@ -7,12 +7,12 @@ use crate::error::SolverError;
 
 type Rows = Vec<Vec<f64>>;
 
-/// The error of a number of stages that no method has.
+/// Returns the error for a number of stages that no method has.
 pub(crate) fn stages_outside_domain(stages: usize) -> SolverError {
     SolverError::Option { option: "stages", value: stages as f64, allowed: "must be from 1 to 5" }
 }
 
-/// Everything is a linear combination of the stage increments Z_j.
+/// The coefficients: all quantities of a step are linear combinations of the stage increments Z_j.
 pub(crate) struct Collocation {
     pub(crate) c: Vec<f64>,
     pub(crate) b: Vec<f64>,
@@ -31,16 +31,16 @@ pub(crate) struct Collocation {
     pub(crate) position: Vec<f64>,
     /// h (v₁ − v₀) = h² Σ b_i a_i.
     pub(crate) velocity: Vec<f64>,
-    /// Z of the next step from Z of the last: the accelerations extrapolated by the straight line
-    /// that fits them best. (Higher extrapolation is worse at large steps.)
+    /// Z of the next step from Z of the last one: extrapolates the accelerations by their least-squares line.
+    /// (Higher-order extrapolation is worse at large steps.)
     pub(crate) prediction: Rows,
 }
 
 impl Collocation {
-    /// Those of degree s × Gauss–Legendre with s points, s from 2 to 5.
+    /// Returns the coefficients of degree s × Gauss–Legendre with s points, s from 2 to 5.
     ///
-    /// The trajectory's velocity, of degree s − 1, is the polynomial through its values at the s nodes: Butcher's matrix
-    /// is that of collocation at the nodes.
+    /// The velocity of the trajectory, of degree s − 1, is the polynomial through its values at the s nodes. Hence
+    /// Butcher's matrix is that of collocation at the nodes.
     pub(crate) fn new(scheme: &Scheme) -> Result<Self, SolverError> {
         let rule = &scheme.quadrature;
         let s = rule.nodes().len();
@@ -83,7 +83,7 @@ fn rows(matrix: &DMatrix<f64>) -> Rows {
     matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
 }
 
-/// A_ij = ∫₀^{c_i} ℓ_j, exactly, by the rule itself on [0, c_i].
+/// Returns A_ij = ∫₀^{c_i} ℓ_j, computed exactly by the rule itself on [0, c_i].
 fn butcher(rule: &Quadrature) -> DMatrix<f64> {
     let (c, b) = (rule.nodes(), rule.weights());
     let s = c.len();
@@ -93,7 +93,7 @@ fn butcher(rule: &Quadrature) -> DMatrix<f64> {
     DMatrix::from_fn(s, s, |i, j| (0..s).map(|k| c[i] * b[k] * lagrange(j, c[i] * c[k])).sum())
 }
 
-/// Values at 1 + c_i of the least-squares line through values at c_j.
+/// Returns the values at 1 + c_i of the least-squares line through values at c_j.
 fn line_extrapolation(c: &[f64]) -> DMatrix<f64> {
     let s = c.len();
     // The nodes are symmetric about ½.
@@ -101,17 +101,17 @@ fn line_extrapolation(c: &[f64]) -> DMatrix<f64> {
     DMatrix::from_fn(s, s, |i, j| 1.0 / s as f64 + (c[i] + 0.5) * (c[j] - 0.5) / spread)
 }
 
-/// QᵀTQ ≈ L, lower triangular of constant diagonal θ, Q orthogonal.
+/// The splitting QᵀTQ ≈ L with a lower triangular L of constant diagonal θ and an orthogonal Q.
 ///
-/// On the test equation with κ = h²λ the iteration has the matrix κ(1 + κL)⁻¹(L − QᵀTQ); Q, L and θ
-/// minimise its largest spectral radius over κ > 0 (found by direct search; the rates below are
-/// checked by a test). Compare P. J. van der Houwen, J. J. B. de Swart, "Triangularly implicit
-/// iteration methods for ODE-IVP solvers", SIAM J. Sci. Comput. 18 (1997) 41–55.
+/// On the test equation with κ = h²λ the iteration has the matrix κ(1 + κL)⁻¹(L − QᵀTQ). Q, L and θ minimise its
+/// largest spectral radius over κ > 0. They were found by direct search; a test checks the rates below. Compare P. J.
+/// van der Houwen, J. J. B. de Swart, "Triangularly implicit iteration methods for ODE-IVP solvers", SIAM J. Sci.
+/// Comput. 18 (1997) 41–55.
 struct Splitting {
     theta: f64,
-    /// By rows.
+    /// Q by rows.
     q: &'static [f64],
-    /// Lower triangle by rows, the diagonal included.
+    /// The lower triangle of L by rows, including the diagonal.
     l: &'static [f64],
     /// Largest spectral radius.
     #[cfg(test)]
@@ -269,12 +269,12 @@ mod tests {
             let q = DMatrix::from_row_slice(s, s, splitting.q);
             assert!((q.transpose() * &q - DMatrix::identity(s, s)).norm() < 1e-14);
             let a = butcher(&Quadrature::gauss_legendre(s).unwrap());
-            let turned = q.transpose() * &a * &a * &q;
+            let rotated = q.transpose() * &a * &a * &q;
             let l = DMatrix::from_fn(s, s, |i, j| if j > i { 0.0 } else { splitting.l[i * (i + 1) / 2 + j] });
             assert!((0..s).all(|i| l[(i, i)] == splitting.theta));
             let rate = |kappa: f64| {
                 let left = DMatrix::identity(s, s) + kappa * &l;
-                let step = left.try_inverse().unwrap() * (&l - &turned) * kappa;
+                let step = left.try_inverse().unwrap() * (&l - &rotated) * kappa;
                 step.complex_eigenvalues().iter().map(|z| z.norm()).fold(0.0, f64::max)
             };
             let worst = (-20..=120).map(|k| rate(10.0_f64.powf(f64::from(k) / 10.0))).fold(0.0, f64::max);

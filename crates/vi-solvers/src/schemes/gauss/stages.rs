@@ -1,4 +1,4 @@
-//! The stages of a Gauss step and their coupled equations as Newton's method sees them.
+//! The stages of a Gauss step, and their coupled equations for Newton's method.
 
 use vi_core::{State, System};
 
@@ -11,7 +11,7 @@ use crate::newton::start::Start;
 use crate::schemes::gauss::collocation::Collocation;
 use crate::vectors;
 
-/// The unknowns and buffers of the stages; stage vectors are stored one after the other.
+/// The unknowns and buffers of the stages; stage vectors are stored one after another.
 pub(super) struct Stages {
     pub(super) coefficients: Collocation,
     pub(super) h: f64,
@@ -26,13 +26,13 @@ pub(super) struct Stages {
     pub(super) z: Vec<f64>,
     pub(super) base: Vec<f64>,
     pub(super) correction: Vec<f64>,
-    /// r̃ and then ρ.
+    /// r̃, and then ρ.
     pub(super) residual: Vec<f64>,
     /// ∂V/∂q at the stages.
     pub(super) gradients: Vec<f64>,
-    /// M Z of the last evaluation, where mass is consistent.
+    /// M Z of the last evaluation, if the mass is consistent.
     pub(super) inertial: Vec<f64>,
-    pub(super) room: Vec<f64>,
+    pub(super) scratch: Vec<f64>,
     pub(super) q: Vec<f64>,
 }
 
@@ -56,7 +56,7 @@ impl Stages {
             residual: zero(),
             gradients: zero(),
             inertial: Vec::new(),
-            room: Vec::new(),
+            scratch: Vec::new(),
             q: vec![0.0; n],
         }
     }
@@ -77,7 +77,7 @@ impl Stages {
         self.h * self.h * self.coefficients.theta
     }
 
-    /// Goes to stage i: sets `q` and returns its time.
+    /// Goes to stage i: sets `q` and returns the time of the stage.
     pub(super) fn configure(&mut self, i: usize) -> f64 {
         let Self { coefficients, h, t, origin, velocity, z, q, .. } = self;
         let (n, offset) = (q.len(), coefficients.c[i] * *h);
@@ -86,13 +86,13 @@ impl Stages {
         *t + offset
     }
 
-    /// Velocity of coordinate k at stage i.
+    /// Returns the velocity of coordinate k at stage i.
     pub(super) fn stage_velocity(&self, i: usize, k: usize) -> f64 {
         let Self { coefficients, z, velocity, h, q, .. } = self;
         velocity[k] + Self::combine(&coefficients.stage_velocity[i], z, q.len(), k) / h
     }
 
-    /// Evaluates the forces at stage i, those without a potential at its velocity.
+    /// Evaluates the forces at stage i; those without a potential at the velocity of the stage.
     pub(super) fn evaluate_stage(
         &mut self,
         i: usize,
@@ -128,7 +128,7 @@ impl Stages {
         Ok(())
     }
 
-    /// Σ_j matrix_ij M Z_j of the last evaluation, for coordinate k.
+    /// Returns Σ_j row_j M Z_j of the last evaluation for coordinate k.
     pub(super) fn combine_inertial(&self, mass: &[f64], row: &[f64], k: usize) -> f64 {
         match self.inertial.is_empty() {
             true => mass[k] * Self::combine(row, &self.z, self.q.len(), k),
@@ -136,7 +136,7 @@ impl Stages {
         }
     }
 
-    /// Σ_j matrix_ij of the stage vectors, for coordinate k.
+    /// Returns Σ_j row_j of the stage vectors for coordinate k.
     pub(super) fn combine(row: &[f64], vectors: &[f64], n: usize, k: usize) -> f64 {
         row.iter().enumerate().map(|(j, a)| a * vectors[j * n + k]).sum()
     }
@@ -192,7 +192,7 @@ impl Equations for GaussEquations<'_> {
     }
 
     fn linearize(&mut self, system: &System, evaluator: &mut Evaluator) -> Result<(), SolverError> {
-        // One K for all stages: that of the middle one.
+        // Use one K for all stages, that of the middle stage.
         let middle = self.stages.coefficients.stages() / 2;
         self.stages.evaluate_stage(middle, system, evaluator)
     }
@@ -216,7 +216,7 @@ impl Equations for GaussEquations<'_> {
     }
 
     fn correct(&mut self, inverse: &mut Inverse, evaluator: &mut Evaluator) -> Result<f64, SolverError> {
-        let Stages { coefficients, correction, residual, z, base, q, room, .. } = &mut *self.stages;
+        let Stages { coefficients, correction, residual, z, base, q, scratch, .. } = &mut *self.stages;
         let n = q.len();
         let mut energy = 0.0;
         for i in 0..coefficients.stages() {
@@ -226,7 +226,7 @@ impl Equations for GaussEquations<'_> {
             for j in 0..i {
                 let coupling = coefficients.l[i][j] / coefficients.theta;
                 let (rho, done) = (&rho[j * n..(j + 1) * n], &done[j * n..(j + 1) * n]);
-                let inertial = self.inertia.momentum(self.system, done, room);
+                let inertial = self.inertia.momentum(self.system, done, scratch);
                 vectors::update(current, |k, r| *r -= coupling * (rho[k] - inertial.at(k)));
             }
             delta.copy_from_slice(current);
@@ -255,7 +255,7 @@ impl Equations for GaussEquations<'_> {
     }
 
     fn slope(&self) -> f64 {
-        // There is no merit whose slope this were.
+        // There is no merit, hence no slope.
         0.0
     }
 

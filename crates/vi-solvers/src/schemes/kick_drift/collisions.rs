@@ -1,9 +1,10 @@
-//! The drift of an explicit step where live terms act by discrete gradients, such as contact: in place of q += h M⁻¹p,
+//! The drift of an explicit step in which live terms, such as contact, act by discrete gradients. Instead of q += h
+//! M⁻¹p:
 //! ```text
 //! M (v₁ − v₀) = −h G(x₀, x₁),   x₁ = x₀ + h (v₀ + v₁)/2.
 //! ```
-//! This is a step of the energy–momentum method with the kinetic energy and these terms alone. It keeps their energy and
-//! the momenta, and sets no limit to the step. Where no term acts along the free drift, nothing is solved.
+//! This is a step of the energy–momentum method for the kinetic energy and these terms alone. It conserves their
+//! energy and the momenta, and does not limit the step. If no term acts along the free drift, nothing is solved.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -20,18 +21,18 @@ use crate::schemes::one_stage::rule::{Midpoint, MultiplierDirections, Rule};
 use crate::schemes::stepper::Stepper;
 use crate::work::Work;
 
-/// What is put before the names of its memory in that of the scheme.
+/// Prefix of the names of its memory in that of the scheme.
 const PREFIX: &str = "collisions.";
 
 pub(super) struct Collisions {
-    /// The live terms alone.
+    /// A system with the live terms alone.
     system: System,
     stepper: OneStage<Drift>,
     state: State,
 }
 
-/// A live term where it acts by a discrete gradient, and nothing where it does not: its kicks are then those of its
-/// gradient.
+/// A live term that acts in drifts if it has a discrete gradient. Otherwise it is empty here, and acts in the kicks
+/// by its gradient.
 struct Acting(Arc<dyn Live>);
 
 impl Live for Acting {
@@ -88,25 +89,26 @@ impl Potential for Nothing {
     }
 }
 
-/// What a drift did.
+/// The results of a drift.
 #[derive(Default)]
 pub(super) struct Drifted {
-    /// Change of the kinetic energy, J; zero where no ledger is kept.
+    /// Change of the kinetic energy, J; zero without a ledger.
     pub(super) kinetic: f64,
     pub(super) energy: StepEnergy,
     pub(super) work: Work,
     solves: u32,
 }
 
-/// Halvings of a drift that cannot be made as a whole. Steps are not cut for what stands in the way of a drift: a
-/// change of the step near the limit of stability turns one conserved energy into another (docs/contact.md).
+/// Largest number of times that a failed drift is halved. The step itself is not cut when a drift fails: near the
+/// stability limit, a change of the step exchanges one conserved energy for another (docs/contact.md).
 const HALVINGS: u32 = 10;
-/// Solves of one drift at most: a run that has become unstable then ends soon.
+/// Largest number of solves of one drift, so that a run that has become unstable ends soon.
 const MOST_SOLVES: u32 = 48;
-/// Newton iterations of one solve at most.
+/// Largest number of Newton iterations of one solve.
 const MOST_ITERATIONS: u32 = 50;
 
-/// The middle of a drift, with multipliers where they do no work: bodies under constraints keep their energy.
+/// The midpoint rule of a drift. It takes multiplier directions at the stage, where they do no work, so that bodies
+/// with constraints conserve their energy.
 pub(super) struct Drift(Midpoint);
 
 impl Rule for Drift {
@@ -137,7 +139,7 @@ impl Rule for Drift {
 }
 
 impl Collisions {
-    /// None where the system has no live terms.
+    /// Returns `None` if the system has no live terms.
     pub(super) fn new(system: &System, options: &SolverOptions) -> Result<Option<Self>, SolverError> {
         if system.terms().live().is_empty() {
             return Ok(None);
@@ -150,7 +152,7 @@ impl Collisions {
             .with_live(live)
             .with_constraints(constraints)
             .map_err(|_| SolverError::Memory { missing: "constraints of the system" })?;
-        // The energy errs as the work of the residual, which is linear in it.
+        // The energy error is the work of the residual, which is linear in the residual.
         let tolerance = (1e-5 * options.tolerance).max(1e-14);
         let rule = Drift(Midpoint::new());
         let max_iterations = options.max_iterations.min(MOST_ITERATIONS);
@@ -159,10 +161,11 @@ impl Collisions {
         Ok(Some(Self { system, stepper, state: State { t: 0.0, q: Vec::new(), p: Vec::new() } }))
     }
 
-    /// Drifts from (q, p) at time t by h; none where no term acts along the free drift, which is then to be made.
+    /// Drifts from (q, p) at time t by h. Returns `None` if no term acts along the free drift; the caller then makes
+    /// that drift.
     ///
     /// # Errors
-    /// Where the equations are not solved, even in small parts of the drift; q and p are then as before.
+    /// The equations cannot be solved even in small parts of the drift; q and p are then unchanged.
     pub(super) fn drift(
         &mut self,
         (q, p): (&mut Vec<f64>, &mut Vec<f64>),
@@ -190,7 +193,7 @@ impl Collisions {
         Ok(Some(drifted))
     }
 
-    /// Drifts by h, or twice by half of it where that fails.
+    /// Drifts by h, or by two halves of it if that fails.
     fn pass(&mut self, h: f64, halvings: u32, ledger: bool, sum: &mut Drifted) -> Result<(), SolverError> {
         let Self { system, stepper, state } = self;
         let kinetic = |state: &State| if ledger { vi_core::kinetic_energy(system, state) } else { 0.0 };
@@ -211,17 +214,17 @@ impl Collisions {
         }
     }
 
-    /// Energy that the terms store between steps beside V, J.
+    /// Returns the energy that the terms store between steps besides V, J.
     pub(super) fn stored(&self) -> f64 {
         self.stepper.stored_energy()
     }
 
-    /// Impulses between parts of the terms since this was asked last, N s.
+    /// Returns the impulses between parts of the terms since the last call, N s.
     pub(super) fn take_impulses(&mut self) -> Vec<Impulse> {
         self.stepper.take_impulses()
     }
 
-    /// How often the ordering and layout of a matrix were made.
+    /// Returns the number of times that the ordering and layout of a matrix were computed.
     pub(super) fn analyses(&self) -> u64 {
         self.stepper.analyses()
     }

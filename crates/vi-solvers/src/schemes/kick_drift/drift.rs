@@ -1,5 +1,5 @@
-//! Drifts that do more than q += a h M⁻¹p: onto the manifold of constraints, and past live terms that act by discrete
-//! gradients.
+//! Drifts that do more than q += a h M⁻¹p: they project onto the manifold of constraints, or resolve collisions with
+//! live terms that act by discrete gradients.
 
 use vi_core::{StepEnergy, System};
 
@@ -8,7 +8,7 @@ use crate::schemes::kick_drift::KickDrift;
 use crate::schemes::stepper::Stepper;
 
 impl KickDrift {
-    /// Drifts from time t by `drift` (s), past what stands in the way; returns as [`KickDrift::kick_drift`].
+    /// Drifts from time t by `drift` (s) and resolves collisions; returns as [`KickDrift::kick_drift`].
     pub(super) fn drift_past(
         &mut self,
         system: &System,
@@ -33,8 +33,8 @@ impl KickDrift {
         }
     }
 
-    /// After a drift to time t, with the directions of the multipliers from its start: projects q onto
-    /// the constraint manifold (SHAKE). Returns the change of kinetic energy less the work of prescribed motion.
+    /// Projects q onto the constraint manifold (SHAKE) after a drift to time t, with the directions of the
+    /// multipliers from its start. Returns the change of kinetic energy less the work of prescribed motion.
     pub(super) fn project_positions(
         &mut self,
         system: &System,
@@ -51,7 +51,7 @@ impl KickDrift {
         energy.prescribed += done;
         change -= done;
         if self.nonconservative.is_some() {
-            // What is read next depends on velocity: let it be tangent to the manifold.
+            // The next evaluation depends on velocity, so make the velocity tangent to the manifold.
             let [projected, done] = manifold.project_momenta(system, q, p, t)?;
             energy.prescribed += done;
             change += projected - done;

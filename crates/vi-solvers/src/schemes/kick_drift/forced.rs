@@ -1,4 +1,4 @@
-//! Kicks with forces that no potential gives, and their parts in the energy ledger.
+//! Kicks with forces without a potential, and their entries in the energy ledger.
 
 use vi_core::{StepEnergy, System};
 
@@ -8,8 +8,8 @@ use crate::schemes::kick_drift::KickDrift;
 use crate::vectors;
 
 impl KickDrift {
-    /// Evaluates the forces without a potential at the positions of the last gradient, before a kick
-    /// (b h = `kick`) or, where `closes`, as the closing kick of a symmetric scheme reads them.
+    /// Evaluates the forces without a potential at the positions of the last gradient, before a kick (b h = `kick`)
+    /// or, if `closes`, at the velocity that the closing kick of a symmetric scheme uses.
     pub(super) fn evaluate_nonconservative(
         &mut self,
         system: &System,
@@ -47,7 +47,7 @@ impl KickDrift {
         Err(SolverError::NotFinite { what: "force without a potential", dof, at_start: false })
     }
 
-    /// Kick and drift with forces that have no potential; returns as [`KickDrift::kick_drift`].
+    /// Makes a kick and a drift with forces without a potential; returns as [`KickDrift::kick_drift`].
     pub(super) fn forced_kick_drift(
         &mut self,
         system: &System,
@@ -68,7 +68,7 @@ impl KickDrift {
                 .map(|k| (self.p[k] + 0.5 * kick * self.net[free[k] as usize]) / mass[k])
                 .collect();
             work -= kick * accounts::free_work(system, gradient, |k| mean[k]);
-            // Forces work on prescribed coordinates too; whoever moves those pays for the rest.
+            // Forces do work on prescribed coordinates too; the prescribed motion provides the rest.
             self.x_dot.resize(gradient.len(), 0.0);
             system.coordinates().embed_velocity(&mean, t, &mut self.x_dot);
             system.coordinates().to_own_axes(&mut self.x_dot);

@@ -1,12 +1,13 @@
-//! The kicks and drifts of the explicit schemes, derived from interpolation × quadrature where a scheme is that.
+//! The kick and drift coefficients of the explicit schemes. They are derived from interpolation × quadrature if the
+//! scheme is of that form.
 //!
-//! For the others: S. Blanes, P.C. Moan,
-//! "Practical symplectic partitioned Runge–Kutta and Runge–Kutta–Nyström methods", J. Comput. Appl.
-//! Math. 142 (2002) 313–330, Table 3, for SRKN₆ᵇ (order 4) and SRKN₁₁ᵇ (order 6).
+//! Otherwise they are from S. Blanes, P.C. Moan, "Practical symplectic partitioned Runge–Kutta and
+//! Runge–Kutta–Nyström methods", J. Comput. Appl. Math. 142 (2002) 313–330, Table 3: SRKN₆ᵇ (order 4) and SRKN₁₁ᵇ
+//! (order 6).
 
 use vi_core::Scheme;
 
-/// Kick and drift coefficients, in units of h; one kick more than drifts.
+/// Kick and drift coefficients in units of h, with one kick more than drifts.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Splitting {
     pub(crate) kicks: Vec<f64>,
@@ -14,9 +15,10 @@ pub(crate) struct Splitting {
 }
 
 impl Splitting {
-    /// Those of a scheme with a linear trajectory and V read at the ends of the step only; none for other schemes.
+    /// Returns the coefficients of a scheme with a linear trajectory and a quadrature with nodes only at the ends of
+    /// the step; `None` for other schemes.
     ///
-    /// With b₀ and b₁ the weights of the two ends, L_d = h T((q₁ − q₀)/h) − h (b₀ V(q₀) + b₁ V(q₁)), and its Legendre
+    /// With the weights b₀ and b₁ of the two ends, L_d = h T((q₁ − q₀)/h) − h (b₀ V(q₀) + b₁ V(q₁)). Its Legendre
     /// transforms are p₀ = M(q₁ − q₀)/h + h b₀ ∇V(q₀) and p₁ = M(q₁ − q₀)/h − h b₁ ∇V(q₁): kick b₀ h, drift h, kick
     /// b₁ h (Marsden & West 2001, §2.6).
     pub(crate) fn of(scheme: &Scheme) -> Option<Self> {

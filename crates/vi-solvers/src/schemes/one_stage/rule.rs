@@ -1,5 +1,5 @@
-//! What tells one-stage methods apart: û, c, the time of the stage, and what follows from its increment w. Here is
-//! implicit midpoint; `comparison/` has the others.
+//! The differences between one-stage methods: û, c, the time of the stage, and the update from its increment w. This
+//! file holds implicit midpoint; `comparison/` has the others.
 
 use vi_core::{Scheme, State, System};
 
@@ -8,57 +8,60 @@ use crate::assemble::inertia::Inertia;
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
 
-/// What one step of a one-stage method is, for one coordinate: v is its velocity at the start, w the
-/// stage increment, and `k` its index in the rule's own history.
+/// One step of a one-stage method for one coordinate: v is its velocity at the start, w the stage increment, and `k`
+/// its index in the rule's own history.
 pub(crate) trait Rule: Send + Sync {
-    /// Scene name.
+    /// Returns the name in scene files.
     fn name(&self) -> &'static str;
-    /// c of the stage equation, s².
+    /// Returns c of the stage equation, s².
     fn coefficient(&self, h: f64) -> f64;
-    /// Does the change of kinetic energy, Δp·v̄ with v̄ the mean velocity of the step, equal R·Δq/c − g·Δq to round-off,
-    /// as for implicit midpoint?
+    /// Returns whether the change of kinetic energy, Δp·v̄ with the mean velocity v̄ of the step, equals R·Δq/c −
+    /// g·Δq to round-off, as for implicit midpoint.
     fn works_on_mean_velocity(&self) -> bool {
         false
     }
-    /// Time of the stage, in units of h from the start.
+    /// Returns the time of the stage in units of h from the start.
     fn time(&self) -> f64;
-    /// û − q₀.
+    /// Returns û − q₀.
     fn offset(&self, k: usize, v: f64, h: f64) -> f64;
-    /// The changes of q and of velocity over the step, affine in w.
+    /// Returns the changes of q and of velocity over the step; both are affine in w.
     fn change(&self, k: usize, v: f64, w: f64, h: f64) -> (f64, f64);
-    /// Velocity at the stage, for forces that depend on it: as far between the two ends as the stage is.
+    /// Returns the velocity at the stage, for forces that depend on it. It interpolates between the two ends at the
+    /// time of the stage.
     fn velocity(&self, k: usize, v: f64, w: f64, h: f64) -> f64 {
         v + self.time() * self.change(k, v, w, h).1
     }
-    /// The solver's tolerance that serves the tolerance asked for.
+    /// Returns the tolerance of the solver that achieves the requested tolerance.
     fn tolerance(&self, tolerance: f64) -> f64 {
         tolerance
     }
-    /// Where multipliers take their directions and whether the momentum is made tangent at the end;
-    /// none where the scheme has no place for constraints.
+    /// Returns where multipliers take their directions and whether the momentum is made tangent at the end; `None` if
+    /// the scheme does not accept constraints.
     fn multiplier_directions(&self) -> Option<MultiplierDirections> {
         None
     }
-    /// Do live terms with a discrete gradient act by that, between the ends of the step? The stage is then in its middle.
+    /// Returns whether live terms with a discrete gradient act by it between the ends of the step. The stage is then
+    /// at the midpoint.
     fn takes_discrete_gradients(&self) -> bool {
         false
     }
-    /// Is there a force beside −∂V/∂q at the stage? Then the stage minimises nothing.
+    /// Returns whether a force besides −∂V/∂q acts at the stage. Then the stage does not minimise a function.
     fn has_correction(&self) -> bool {
         false
     }
-    /// What is added to ∂V/∂q at the stage.
+    /// Writes the addition to ∂V/∂q at the stage.
     fn correction(&mut self, _trial: &Trial<'_>, _out: &mut [f64]) {}
-    /// Work of the last correction along the prescribed coordinates over the step, J.
+    /// Returns the work of the last correction along the prescribed coordinates over the step, J.
     fn prescribed_work(&self) -> f64 {
         0.0
     }
-    /// Do prescribed coordinates stand half-way between their ends at the stage, and not where their paths lead?
+    /// Returns whether prescribed coordinates at the stage are half-way between their ends, and not where their paths
+    /// lead.
     fn takes_mean_of_ends(&self) -> bool {
         false
     }
-    /// Makes ready for a step from `state`, whose momentum has been opened: a history that does not belong
-    /// to it is begun anew.
+    /// Prepares for a step from `state`, whose momentum has been opened. A history that does not belong to this state
+    /// is discarded.
     fn open(
         &mut self,
         _: &System,
@@ -69,11 +72,11 @@ pub(crate) trait Rule: Send + Sync {
     ) -> Result<(), SolverError> {
         Ok(())
     }
-    /// The step has been made: keeps what the next one needs.
+    /// Records what the next step needs after the step has been made.
     fn close(&mut self, _system: &System, _before: &State, _after: &State, _w: &[f64], _h: f64) {}
-    /// What it keeps.
+    /// Saves the rule's memory.
     fn save(&self, _memory: &mut StepperMemory) {}
-    /// Takes over what it kept.
+    /// Restores the rule's memory.
     fn restore(&mut self, _memory: &StepperMemory) -> Result<(), SolverError> {
         Ok(())
     }
@@ -101,22 +104,23 @@ pub(crate) struct Trial<'a> {
 }
 
 impl Trial<'_> {
-    /// û + w − q₀ of coordinate k.
+    /// Returns û + w − q₀ of coordinate k.
     pub(crate) fn increment(&self, k: usize) -> f64 {
         self.offset[k] + self.w[k]
     }
 }
 
-/// The stage of linear × midpoint. With c the node of the quadrature, here ½, the trajectory at the node is
-/// q₀ + c(q₁ − q₀), and the Legendre transforms of L_d give (Marsden & West 2001, §2.6.2)
-/// q₁ − q₀ = h v₀ + w/c and v₁ − v₀ = w/(c(1 − c)h), where w = −c(1 − c)h² M⁻¹∂V/∂q.
+/// The stage of linear × midpoint. Let c be the node of the quadrature, here ½. The trajectory at the node is q₀ +
+/// c(q₁ − q₀), and the Legendre transforms of L_d (Marsden & West 2001, §2.6.2) give q₁ − q₀ = h v₀ + w/c and v₁ − v₀
+/// = w/(c(1 − c)h), where w = −c(1 − c)h² M⁻¹∂V/∂q.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Midpoint {
     node: f64,
 }
 
 impl Midpoint {
-    /// Of a scheme with a linear trajectory and V read at its middle alone; none for other schemes.
+    /// Returns the stage of a scheme with a linear trajectory and its only quadrature node in the middle; `None` for
+    /// other schemes.
     pub(crate) fn of(scheme: &Scheme) -> Option<Self> {
         let is_linear = scheme.interpolation.degree() == 1;
         match scheme.quadrature.nodes() {
@@ -125,7 +129,7 @@ impl Midpoint {
         }
     }
 
-    /// The stage of [`Scheme::implicit_midpoint`].
+    /// Returns the stage of [`Scheme::implicit_midpoint`].
     pub(crate) const fn new() -> Self {
         Self { node: 0.5 }
     }

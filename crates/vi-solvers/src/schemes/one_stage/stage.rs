@@ -1,4 +1,4 @@
-//! The equations of one implicit stage as Newton's method sees them: residual, start, correction, merit.
+//! The equations of one implicit stage for Newton's method: residual, start, correction, merit.
 
 use vi_core::{State, System};
 
@@ -17,7 +17,7 @@ pub(super) struct Stage {
     pub(super) c: f64,
     /// Time of the stage, s.
     pub(super) t: f64,
-    /// 2 T of the start, J: part of the energy that errors are relative to.
+    /// 2 T at the start, J: part of the energy to which errors are relative.
     pub(super) twice_kinetic: f64,
     /// q₀ and û − q₀.
     pub(super) origin: Vec<f64>,
@@ -32,21 +32,21 @@ pub(super) struct Stage {
     pub(super) residual: Vec<f64>,
     /// û + w.
     pub(super) q: Vec<f64>,
-    /// The rule's addition to the force there.
+    /// The rule's addition to the force at û + w.
     pub(super) added: Vec<f64>,
-    /// Room for M w where mass is consistent.
-    pub(super) room: Vec<f64>,
+    /// Scratch memory for M w, if the mass is consistent.
+    pub(super) scratch: Vec<f64>,
     pub(super) twice_origin: f64,
     pub(super) start_t: f64,
     pub(super) h: f64,
-    /// Is the rule's addition left out, so that the stage minimises Φ?
+    /// Whether the rule's addition is omitted, so that the stage minimises Φ.
     pub(super) is_simple: bool,
-    /// Are there forces without a potential? Then velocities at the start are kept.
+    /// Whether there are forces without a potential. Then velocities at the start are stored.
     pub(super) is_forced: bool,
     pub(super) velocity: Vec<f64>,
-    /// Do live terms act by discrete gradients? Then the stage minimises nothing.
+    /// Whether live terms act by discrete gradients. Then the stage does not minimise a function.
     pub(super) has_discrete: bool,
-    /// Where there are constraints.
+    /// The multipliers, if there are constraints.
     pub(super) multipliers: Option<Multipliers>,
 }
 
@@ -71,7 +71,7 @@ impl Stage {
             residual: zero(),
             q: zero(),
             added: zero(),
-            room: Vec::new(),
+            scratch: Vec::new(),
             twice_origin: 0.0,
             start_t: 0.0,
             h: 0.0,
@@ -115,7 +115,7 @@ impl Stage {
         vectors::fill(q, |k| origin[k] + (offset[k] + w[k]));
     }
 
-    /// Evaluates the forces at û + w, the rule's addition with them.
+    /// Evaluates the forces at û + w, including the rule's addition.
     pub(super) fn evaluate(
         &mut self,
         system: &System,
@@ -149,12 +149,12 @@ impl Stage {
         Ok(())
     }
 
-    /// Coordinate k at the end of the step, of a stage in the middle.
+    /// Returns coordinate k at the end of a step whose stage is at the midpoint.
     fn end(&self, k: usize) -> f64 {
         self.origin[k] + 2.0 * (self.offset[k] + self.w[k])
     }
 
-    /// The largest part of the change dq of the stage, from where it is, that the terms allow.
+    /// Returns the largest fraction of the change dq of the stage, from its current place, that the terms allow.
     fn largest_step(
         &mut self,
         system: &System,
@@ -181,8 +181,8 @@ impl Stage {
         evaluator.largest_step(&x, &dx, Some([&x_end, &dx_end]))
     }
 
-    /// The largest of the parts p, p/2, p/4 … of the way `goal` to the stage whose whole step has a free path, with
-    /// prescribed coordinates at the end of theirs; zero where there is none.
+    /// Returns the largest of the fractions p, p/2, p/4 … of the way to the stage `goal` for which the path of the
+    /// whole step is free, with prescribed coordinates at their end; zero if there is none.
     fn free_part(&self, system: &System, evaluator: &mut Evaluator, goal: &[f64], largest: f64) -> f64 {
         const HALVINGS: usize = 6;
         let coordinates = system.coordinates();
@@ -205,7 +205,7 @@ impl Stage {
         0.0
     }
 
-    /// Tells the forces without a potential how fast the stage moves.
+    /// Sets the velocity of the stage for the forces without a potential.
     pub(super) fn set_velocities(&self, system: &System, rule: &impl Rule, evaluator: &mut Evaluator) {
         if self.is_forced && !self.w.is_empty() {
             let (v, w, h) = (&self.velocity, &self.w, self.h);
@@ -235,7 +235,7 @@ impl Stage {
     }
 }
 
-/// A stage of a system: what Newton's method sees.
+/// The equations of a stage for Newton's method.
 pub(super) struct StageEquations<'a, R> {
     pub(super) system: &'a System,
     pub(super) rule: &'a mut R,
@@ -276,7 +276,7 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         let Stage { c, history: [last, older, oldest], history_count, w, base, offset, .. } = self.stage;
         match (start, *history_count) {
             (Start::Predicted, 2..) => vectors::fill(w, |k| *c * (2.0 * last[k] - older[k])),
-            // Exact for straight lines and for what changes its sign at every step.
+            // Exact for linear sequences and for values that change their sign at every step.
             (Start::Stiff, 3..) => vectors::fill(w, |k| *c * (last[k] + (older[k] - oldest[k]))),
             (Start::Stiff, 2) => vectors::fill(w, |k| *c * older[k]),
             (Start::Predicted, 1) => vectors::fill(w, |k| *c * last[k]),
@@ -287,7 +287,7 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn shorten_start(&mut self, system: &System, evaluator: &mut Evaluator) {
-        // From where the step begins to where the iteration does.
+        // The path leads from the beginning of the step to the start of the iteration.
         let Self { rule, stage, .. } = self;
         let goal: Vec<f64> = stage.offset.iter().zip(&stage.w).map(|(offset, w)| offset + w).collect();
         let at_start = stage.offset.iter().map(|offset| -offset).collect();
@@ -322,8 +322,8 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     fn evaluate(&mut self, system: &System, evaluator: &mut Evaluator) -> Result<(), SolverError> {
         self.stage.evaluate(system, self.rule, evaluator)?;
         let (gradient, free) = (evaluator.gradient(), system.coordinates().free());
-        let Stage { w, c, added, residual, room, .. } = &mut *self.stage;
-        let inertial = self.inertia.momentum(system, w, room);
+        let Stage { w, c, added, residual, scratch, .. } = &mut *self.stage;
+        let inertial = self.inertia.momentum(system, w, scratch);
         vectors::fill(residual, |k| -(inertial.at(k) + *c * (gradient[free[k] as usize] + added[k])));
         Ok(())
     }
@@ -364,10 +364,10 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
             return None;
         }
         self.stage.configure();
-        let Stage { w, c, room, .. } = &mut *self.stage;
+        let Stage { w, c, scratch, .. } = &mut *self.stage;
         let kinetic = match self.inertia.matrix() {
             Some(_) => {
-                let inertial = self.inertia.momentum(system, w, room);
+                let inertial = self.inertia.momentum(system, w, scratch);
                 vectors::sum(w.len(), |k| 0.5 * inertial.at(k) * w[k]) / *c
             }
             None => {
@@ -379,7 +379,7 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn energy_scale(&self) -> f64 {
-        // Of the acceleration the lumped mass gives the size.
+        // The lumped mass is enough for the size of the acceleration term.
         let (w, mass) = (&self.stage.w, self.system.free_mass());
         0.5 * self.stage.twice_kinetic + vectors::sum(w.len(), |k| mass[k] * w[k] * w[k]) / self.stage.c
     }
@@ -387,7 +387,7 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     fn is_at_resolution(&self) -> bool {
         let (d, mass) = (&self.stage.correction, self.system.free_mass());
         let square = vectors::sum(d.len(), |k| mass[k] * d[k] * d[k]);
-        // Forces of a stiff contact layer carry the round-off of positions several times over.
+        // The forces of a stiff contact layer amplify the round-off of positions several times.
         let resolution = f64::EPSILON * if self.stage.has_discrete { 8.0 } else { 1.0 };
         square <= resolution * resolution * self.stage.twice_origin
     }
