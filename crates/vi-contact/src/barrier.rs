@@ -1,21 +1,21 @@
 //! The barrier B(s) of a gap s = g/d̂ relative to the activation distance d̂.
 //!
-//! Two reciprocal powers, B = (1−s)ᵏ/s with k = 3 or 4, for 0 < s < 1, and zero beyond. They are infinite at touch in
-//! floating point too, where a logarithm is not: ln of the smallest gap that coordinates of 1 m resolve is −37, while
-//! 1/s reaches 1e16. Both need no function of the C library, so that their bits are the same on every machine.
+//! B = (1−s)ᵏ/s with k = 3 or 4 for 0 < s < 1, and zero beyond. It becomes infinite at touch in floating point too,
+//! whereas a logarithm does not: for the smallest gap that coordinates of 1 m resolve, ln is −37 and 1/s is 1e16. B
+//! needs no function of the C library, so its bits are the same on every machine.
 
 /// B(s) = (1−s)ᵏ/s for 0 < s < 1, zero for s ≥ 1, infinite for s ≤ 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Barrier {
-    /// k = 3: twice continuously differentiable where it sets in.
+    /// k = 3: twice continuously differentiable at s = 1.
     #[default]
     Cubic,
-    /// k = 4: three times continuously differentiable, for schemes of order four and more.
+    /// k = 4: three times continuously differentiable at s = 1, for schemes of order four and more.
     Quartic,
 }
 
 impl Barrier {
-    /// B(s).
+    /// Returns B(s).
     pub fn value(self, s: f64) -> f64 {
         if s >= 1.0 {
             return 0.0;
@@ -30,7 +30,7 @@ impl Barrier {
         }
     }
 
-    /// B'(s) ≤ 0.
+    /// Returns B'(s) ≤ 0.
     pub fn slope(self, s: f64) -> f64 {
         if s >= 1.0 {
             return 0.0;
@@ -45,7 +45,7 @@ impl Barrier {
         }
     }
 
-    /// B''(s) ≥ 0.
+    /// Returns B''(s) ≥ 0.
     pub fn curvature(self, s: f64) -> f64 {
         if s >= 1.0 {
             return 0.0;
@@ -60,8 +60,8 @@ impl Barrier {
         }
     }
 
-    /// The difference quotient (B(b) − B(a))/(b − a) ≤ 0, without cancellation where a is near b:
-    /// for a, b < 1, with p = 1−a and q = 1−b, −(P_k − p q P_{k−1})/(a b), where P_k = Σ pⁱ q^{k−1−i}.
+    /// Returns the difference quotient (B(b) − B(a))/(b − a) ≤ 0, without cancellation if a is near b. For a, b < 1,
+    /// with p = 1−a and q = 1−b, it is −(P_k − p q P_{k−1})/(a b), where P_k = Σ pⁱ q^{k−1−i}.
     pub fn quotient(self, a: f64, b: f64) -> f64 {
         if a >= 1.0 && b >= 1.0 {
             return 0.0;
@@ -81,8 +81,8 @@ impl Barrier {
         -sum / (a * b)
     }
 
-    /// Derivative of [`Barrier::quotient`] by its second argument, (B'(b)(b−a) − B(b) + B(a))/(b−a)² ≥ 0; half of B''
-    /// where a = b.
+    /// Returns the derivative of [`Barrier::quotient`] by its second argument, (B'(b)(b−a) − B(b) + B(a))/(b−a)² ≥ 0;
+    /// it is half of B'' if a = b.
     pub fn quotient_slope(self, a: f64, b: f64) -> f64 {
         if a >= 1.0 && b >= 1.0 {
             return 0.0;
@@ -147,7 +147,7 @@ mod tests {
                     "{barrier:?} {s}: {quotient} {slope}"
                 );
                 let (half, curvature) = (barrier.quotient_slope(s, s), barrier.curvature(s));
-                // The quartic's curvature vanishes as the square of 1 − s, and round-off of 1 remains.
+                // The curvature of the quartic vanishes as (1 − s)², and the round-off of 1 remains.
                 assert!((half - 0.5 * curvature).abs() <= 1e-14 * curvature + 1e-15, "{barrier:?} {s}");
             }
         }

@@ -1,4 +1,5 @@
-//! Finds what is near what: a tree of boxes, and lists of candidates that stay valid while nodes move little.
+//! Finds parts of surfaces that are near each other, with a tree of boxes and with lists of candidates that stay
+//! valid while nodes move little.
 
 mod neighbours;
 mod tree;
@@ -11,8 +12,8 @@ use crate::distance::at;
 use crate::surface::Surface;
 use tree::{Bounds, Tree};
 
-/// Rest distance of each point from the nearest cell of its own body that it is not part of, m; infinite where that is
-/// too far for contact at rest.
+/// Returns for each point the rest distance (m) to the nearest cell of its own body that does not contain it;
+/// infinite if that is too far for contact at rest.
 pub(crate) fn nearest_own_cells(surface: &Surface) -> Vec<f64> {
     let bodies = &surface.laws.bodies;
     if !bodies.iter().any(|body| body.meets_itself) {

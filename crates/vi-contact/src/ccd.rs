@@ -1,46 +1,47 @@
 //! Continuous collision detection by separating planes: proofs that two moving simplices stay apart.
 //!
-//! The nodes of simplices A and B move on straight lines, x(t) = (1−t) x₀ + t x₁. For any direction w and nodes i of A,
-//! j of B, a_ij(t) = w·(x_i − x_j) is affine in t. If every a_ij ≥ |w| ξ at two times, the convex hulls are at least ξ
-//! apart at all times between them: a few affine functions prove an interval, however good or bad w is. Each a_ij is
-//! diminished by
+//! The nodes of simplices A and B move on straight lines, x(t) = (1−t) x₀ + t x₁. For any direction w and nodes i of
+//! A, j of B, a_ij(t) = w·(x_i − x_j) is affine in t. If every a_ij ≥ |w| ξ at two times, the convex hulls are at
+//! least ξ apart at all times between them. So a few affine functions prove an interval, whatever the quality of w.
+//! Each a_ij is reduced by
 //! ```text
 //! 8u |w|₁ (|Δ₀|₁ + |Δ₁|₁) + 4u |w| ξ,   u = 2⁻⁵³,   Δ = x_i − x_j at both ends,
 //! ```
-//! which covers the rounding of Δ, of the products and of the times. w is the vector between the closest points at the
-//! time up to which separation is proved; the interval is extended as long as it grows. What is returned is proved, and
-//! a limit of iterations makes it shorter, never wrong.
+//! This covers the rounding of Δ, of the products and of the times. w is the vector between the closest points at the
+//! time up to which separation is proved; the interval is extended as long as it grows. The returned interval is
+//! always proved; the limit of iterations can only make it shorter.
 //!
-//! This is sound where the additive method of Li et al. 2021 (C-IPC) can miss collisions by rounding, and needs no
-//! tolerance as root finders over intervals do (Wang et al. 2021, Tight Inclusion).
+//! The additive method of Li et al. 2021 (C-IPC) can miss collisions by rounding; this method cannot. It also needs
+//! no tolerance, unlike root finders over intervals (Wang et al. 2021, Tight Inclusion).
 
 use crate::distance::{Shape, Vec3, at};
 use crate::pairs::{Contact, Partners, in_order};
 
-/// Directions tried for one pair. Far pairs need one, pairs nearer than 1e-2 of their size six on average.
+/// Largest number of directions tried for one pair. Far pairs need one; pairs nearer than 1e-2 of their size need six
+/// on average.
 const DIRECTIONS: usize = 24;
-/// An interval that grows by less than this ends the search.
+/// The search ends if the interval grows by less than this.
 const PROGRESS: f64 = 1e-3;
 
-/// One separating direction and the interval that it proves.
+/// One separating direction, and the interval for which it proves separation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Certificate {
-    /// w.
+    /// The direction w.
     pub direction: Vec3,
-    /// Where the interval begins.
+    /// Start of the interval.
     pub from: f64,
-    /// Where it ends.
+    /// End of the interval.
     pub to: f64,
 }
 
-/// Nodes of the first simplex; the others up to the arity are those of the second.
+/// Returns the number of nodes of the first simplex; the others up to the arity belong to the second.
 fn first_count(shape: Shape) -> usize {
     if shape == Shape::EdgeEdge { 2 } else { 1 }
 }
 
-/// A time s in [0, 1] such that the pair is proved to stay more than `thickness` apart on [0, s], where its nodes move
-/// straight from x₀ to x₁. Zero if it is not apart at the start. `record` receives the certificates, whose intervals
-/// follow each other from 0 to s.
+/// Returns a time s in [0, 1] such that the pair is proved to stay more than `thickness` apart on [0, s] while its
+/// nodes move straight from x₀ to x₁; zero if it is not apart at the start. `record` receives the certificates, whose
+/// consecutive intervals cover 0 to s.
 #[inline]
 pub fn separated_until(
     shape: Shape,
@@ -75,7 +76,8 @@ pub fn separated_until(
     time
 }
 
-/// The end of the interval from `time` on in which direction w separates; `None` if it does not at `time`.
+/// Returns the end of the interval from `time` on in which direction w separates; `None` if it does not separate at
+/// `time`.
 #[inline]
 fn plane_holds_until(
     shape: Shape,
@@ -88,7 +90,7 @@ fn plane_holds_until(
     const U: f64 = 0.5 * f64::EPSILON;
     let (first, arity) = (first_count(shape), shape.arity());
     let size = w.x.abs() + w.y.abs() + w.z.abs();
-    // |w| is 1 to a few roundings.
+    // |w| is 1 up to a few roundings.
     let apart = thickness * (1.0 + 16.0 * U);
     let mut until = 1.0_f64;
     for i in 0..first {
@@ -110,12 +112,12 @@ fn plane_holds_until(
     (until > time).then_some(until)
 }
 
-/// Where a path is first not proved free.
+/// The first place at which a path is not proved free.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Impact {
-    /// The part of the path that is proved free, in [0, 1).
+    /// The fraction of the path that is proved free, in [0, 1).
     pub time: f64,
-    /// Pair that meets there, or may.
+    /// The pair that meets there, or may meet.
     pub partners: Partners,
 }
 
@@ -126,9 +128,10 @@ impl Impact {
 }
 
 impl Contact<'_> {
-    /// The earliest impact on the straight path from x₀ to x₁; `None` if the whole path is proved free of touch.
+    /// Returns the earliest impact on the straight path from x₀ to x₁; `None` if the whole path is proved free of
+    /// touch.
     ///
-    /// The candidates must cover both ends. Among equal times the first pair counts.
+    /// The candidates must cover both ends. Of several pairs with the same time the first is returned.
     pub fn first_impact(&self, x0: &[f64], x1: &[f64]) -> Option<Impact> {
         let surface = self.surface;
         let of_points = in_order(

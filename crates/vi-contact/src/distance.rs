@@ -1,8 +1,8 @@
 //! Distances between two simplices: point–point, point–edge, point–triangle, edge–edge.
 //!
-//! A pair has up to four nodes; r = Σ_a c_a x_a joins its closest points, with weights c that sum to zero (1 on the
-//! point, −β on the triangle). Everything is made from differences of positions: squares of a Gram matrix would lose
-//! u L²/d² of a distance d between features of size L, differences lose u L/d, where u = 2⁻⁵³.
+//! A pair has up to four nodes. r = Σ_a c_a x_a connects its closest points, with weights c that sum to zero (1 on
+//! the point, −β on the triangle). Everything is computed from differences of positions. Squares in a Gram matrix
+//! would lose u L²/d² for a distance d between features of size L; differences lose u L/d, where u = 2⁻⁵³.
 
 mod curvature;
 mod edge;
@@ -14,10 +14,10 @@ pub(crate) use triangle::{point_edge, point_point, point_triangle};
 
 use nalgebra::Vector3;
 
-/// A vector of space.
+/// A vector in space.
 pub(crate) type Vec3 = Vector3<f64>;
 
-/// Position of a node in the flat array of coordinates.
+/// Returns the position of a node in the flat array of coordinates.
 #[inline]
 pub(crate) fn at(x: &[f64], node: u32) -> Vec3 {
     let k = 3 * node as usize;
@@ -37,20 +37,20 @@ pub struct Closest {
 }
 
 impl Closest {
-    /// Which nodes carry the closest points: bit a is set where c_a ≠ 0.
+    /// Returns the nodes that determine the closest points: bit a is set if c_a ≠ 0.
     #[inline]
     pub fn support(&self) -> u8 {
         (0..4).fold(0, |bits, a| bits | (u8::from(self.weights[a] != 0.0) << a))
     }
 
-    /// d = |r|, m.
+    /// Returns d = |r|, m.
     #[inline]
     pub fn distance(&self) -> f64 {
         self.squared.sqrt()
     }
 }
 
-/// Σ_a c_a x_a.
+/// Returns Σ_a c_a x_a.
 #[inline]
 pub(crate) fn combine(weights: &[f64; 4], x: &[Vec3; 4]) -> Vec3 {
     x[0] * weights[0] + x[1] * weights[1] + x[2] * weights[2] + x[3] * weights[3]
@@ -70,7 +70,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// Nodes of the pair.
+    /// Returns the number of nodes of the pair.
     pub fn arity(self) -> usize {
         match self {
             Self::PointPoint => 2,
@@ -79,8 +79,8 @@ impl Shape {
         }
     }
 
-    /// The closest points at positions x. Entries of x beyond the arity are ignored. Among equally close features the
-    /// one of the lowest index is chosen.
+    /// Returns the closest points at positions x. Entries of x beyond the arity are ignored. Of equally close
+    /// features the one with the lowest index is chosen.
     #[inline]
     pub fn closest(self, x: &[Vec3; 4]) -> Closest {
         match self {

@@ -1,10 +1,11 @@
-//! Friction: bristles between surfaces, stretched by slip and returned to Coulomb's cone.
+//! Friction by bristles between surfaces, which slip stretches and which are returned to Coulomb's cone.
 //!
-//! A point (or edge) that is pressed against a surface by the force λ of the step itself holds on by a spring of
-//! stiffness k ∝ κ w/d̂ whose anchor is carried by the surface. Over a step with slip u (`slip.rs`) its stretch goes from
-//! e₀ to e₁, with the traction T = k (e₀ + e₁)/2 while it sticks, so that T·u is the change of ½ k |e|² exactly; where
-//! |T| would exceed μ λ, it is returned to it and the rest is dissipated (`bristle.rs`). Nothing is lagged and nothing
-//! creeps. Forces on the nodes do the work −T·u exactly and make neither net force nor torque.
+//! A point (or edge) that is pressed against a surface by the force λ of the current step is held by a spring of
+//! stiffness k ∝ κ w/d̂, whose anchor moves with the surface. Over a step with slip u (`slip.rs`) its stretch changes
+//! from e₀ to e₁. While it sticks the traction is T = k (e₀ + e₁)/2, so that T·u is exactly the change of ½ k |e|².
+//! If |T| would exceed μ λ, it is reduced to μ λ and the rest of the work is dissipated (`bristle.rs`). No quantity
+//! is lagged, and nothing creeps. The forces on the nodes do the work −T·u exactly and have neither a resultant nor a
+//! moment.
 
 mod anchors;
 mod bristle;
@@ -28,16 +29,16 @@ use crate::surface::Law;
 #[derive(Debug, Clone)]
 pub(crate) struct Step {
     pub(crate) settings: StepSettings,
-    /// The bristles at its start.
+    /// The bristles at the start of the step.
     pub(crate) anchors: Anchors,
 }
 
-/// Friction of one point against a body or half-space, or of two edges, over a step.
+/// Friction over a step, of one point against a body or half-space, or of two edges.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrictionPair {
-    /// Shape of the sliding pair.
+    /// The parts of the sliding pair.
     pub partners: Partners,
-    /// Number of its nodes.
+    /// Number of nodes of the pair.
     pub arity: usize,
     /// Nodes of the pair.
     pub nodes: [u32; 4],
@@ -47,15 +48,15 @@ pub struct FrictionPair {
     pub slip: Vec3,
     /// Traction T on the second part, N.
     pub traction: Vec3,
-    /// Force that presses both together, N.
+    /// Force that presses the two parts together, N.
     pub normal_force: f64,
     /// Weights of the contact point, as in [`StepPair::weights`].
     pub weights: [f64; 4],
-    /// k of ∂G/∂x₁ ≈ k c cᵀ ⊗ (t₁t₁ᵀ + t₂t₂ᵀ), N/m: half the bristle's, less where it slides.
+    /// k of ∂G/∂x₁ ≈ k c cᵀ ⊗ (t₁t₁ᵀ + t₂t₂ᵀ), N/m: half the stiffness of the bristle, less if it slides.
     pub stiffness: f64,
     /// t₁ and t₂.
     pub tangents: [Vec3; 2],
-    /// Energy that is dissipated, J: T·u less the change of the stored energy, never negative.
+    /// Dissipated energy, J: T·u minus the change of the stored energy; never negative.
     pub dissipated: f64,
     /// Energy stored at the end, J.
     pub stored: f64,
@@ -63,14 +64,14 @@ pub struct FrictionPair {
     pub anchor: Anchor,
 }
 
-/// What the bristle of a pair does over a step.
+/// The bristle of a pair over a step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Held {
     /// Traction T on the second part, N.
     pub(crate) traction: Vec3,
-    /// Half the bristle's stiffness, less where it slides, N/m.
+    /// Half the stiffness of the bristle, less if it slides, N/m.
     pub(crate) stiffness: f64,
-    /// T·u less the change of the stored energy, never negative, J.
+    /// Dissipated energy, T·u minus the change of the stored energy, J; never negative.
     pub(crate) dissipated: f64,
     /// Energy stored at the end, J.
     pub(crate) stored: f64,
@@ -79,7 +80,8 @@ pub(crate) struct Held {
 }
 
 impl Held {
-    /// `start` is the stretch at the start and its energy, k the bristle's stiffness, `rate` is τ/h, `limit` is μλ.
+    /// `start` holds the stretch and the energy at the start, k is the stiffness of the bristle, `rate` is τ/h, and
+    /// `limit` is μλ.
     fn new(start: ([f64; 2], f64), slip: Vec3, tangents: &[Vec3; 2], k: f64, rate: f64, limit: f64) -> Self {
         let bristle = stretch(start.0, tangents.map(|tangent| tangent.dot(&slip)), k, rate, limit);
         let traction = tangents[0] * bristle.traction[0] + tangents[1] * bristle.traction[1];
@@ -104,7 +106,7 @@ impl FrictionPair {
         }
     }
 
-    /// Force on the first part of the pair, N.
+    /// Returns the force on the first part of the pair, N.
     pub fn force(&self) -> Vec3 {
         -self.gradient[..self.partners.first_count()].iter().sum::<Vec3>()
     }
@@ -120,10 +122,11 @@ impl FrictionPair {
 }
 
 impl Contact<'_> {
-    /// Friction over a step from x₀ to x₁ with the normal forces of `pairs`, in the order of partners.
+    /// Returns the friction over a step from x₀ to x₁ with the normal forces of `pairs`, in the order of partners.
     ///
-    /// `anchors` is the memory at x₀ and does not change; [`Anchors::after`] makes the memory at x₁ once the step is
-    /// accepted. Only the frame in which slip is measured is chosen at x₀: it does not change while a solver varies x₁.
+    /// `anchors` is the memory at x₀ and does not change; [`Anchors::after`] returns the memory at x₁ once the step
+    /// is accepted. The frame in which slip is measured is chosen at x₀, so it does not change while a solver varies
+    /// x₁.
     pub fn friction(
         &self,
         x0: &[f64],
@@ -142,8 +145,8 @@ impl Contact<'_> {
         pressed.into_iter().filter_map(rub).collect()
     }
 
-    /// Friction of the pairs of one point, or of one pair of edges, in their order: those of equal partners lie side by
-    /// side.
+    /// Returns the friction of the pairs of one point, or of one pair of edges, in their order. Pairs with equal
+    /// partners are adjacent.
     pub(crate) fn friction_of_each(
         &self,
         pairs: &[StepPair],
@@ -195,14 +198,14 @@ impl Contact<'_> {
         })
     }
 
-    /// The law of both bodies, where there is friction.
+    /// Returns the law of both bodies if they have friction.
     pub(crate) fn law_of(&self, partners: Partners) -> Option<Law> {
         let [a, b] = self.surface.bodies_of(partners);
         self.surface.law(a, b).filter(|law| law.friction > 0.0)
     }
 
-    /// The frame that measures slip, and the slip. A point is measured on the cell that is nearest at x₀; the cell of
-    /// its anchor stays where it is as near as any.
+    /// Returns the frame that measures slip, and the slip. A point is measured on the cell that is nearest at x₀; the
+    /// cell of its anchor is kept as long as no other cell is nearer.
     fn slip_of(&self, partners: Partners, x: [&[f64]; 2], before: Option<&Anchor>) -> Option<(u32, Slip)> {
         let surface = self.surface;
         match partners {
@@ -236,7 +239,7 @@ impl Contact<'_> {
                 Some((0, Slip::over_plane(nodes, face.normal, x)))
             }
             Partners::Edges(a, b) => {
-                // Where an end of one edge is nearest, that end is a point that rubs on its own; the crossing of both
+                // If an end of one edge is nearest, that end is a point with its own friction; the crossing of both
                 // lines may be far away.
                 let nodes = self.edge_nodes([a, b]);
                 let closest = Shape::EdgeEdge.closest(&nodes.map(|node| at(x[0], node)));
@@ -248,7 +251,7 @@ impl Contact<'_> {
         }
     }
 
-    /// The stretch of an anchor in the frame of `cell` at x₀: turned into its plane, with the same length.
+    /// Returns the stretch of an anchor in the frame of `cell` at x₀: rotated into its plane, with the same length.
     fn carry(&self, anchor: &Anchor, cell: u32, partners: Partners, x: &[f64]) -> [f64; 2] {
         let Partners::PointBody(point, _) = partners else { return anchor.stretch };
         if anchor.cell == cell {

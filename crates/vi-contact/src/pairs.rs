@@ -1,18 +1,18 @@
 //! The pairs that act, and their energies.
 //!
-//! The energy of a point p against the cells of a body is, with area w, modulus κ and activation distance d̂,
+//! The energy of a point p against the cells of a body is, with the point's area w, the modulus κ and the activation
+//! distance d̂,
 //! ```text
 //! C_p = ½ w κ d̂ Σ_σ n_σ B((d(p, σ) − ξ)/d̂),
 //! ```
-//! over all simplices σ of the body: triangles and wire edges with n = 1, other edges with n = 1 − (triangles at the
-//! edge), nodes with n = 1 + (triangles at it) − (edges at it). This is inclusion and exclusion: the numbers n of all
-//! simplices that contain a given one sum to 1, so that every place of the surface is seen once, however it is meshed,
-//! on rims, forks and wires too. d(p, σ) is the distance from the closed simplex, hence C_p is one continuous function
-//! of positions, the sum over fixed pairs (p, σ) with fixed n. Grouping those that have the same closest feature is
-//! arithmetic, not a choice: it never changes the sum. See `groups.rs`.
-//!
-//! The formula is the "improved max" of Li et al. 2023 (Convergent IPC) for points against triangles, with n made from
-//! the mesh; in crossing edges nothing is subtracted, because their sum could become negative.
+//! The sum is over all simplices σ of the body: triangles and wire edges with n = 1, other edges with n = 1 −
+//! (triangles at the edge), nodes with n = 1 + (triangles at it) − (edges at it). This is inclusion and exclusion:
+//! the numbers n of all simplices that contain a given one sum to 1. So every part of the surface counts once,
+//! however it is meshed, also on rims, forks and wires. d(p, σ) is the distance from the closed simplex. Hence C_p is
+//! one continuous function of positions, a sum over fixed pairs (p, σ) with fixed n. Grouping pairs with the same
+//! closest feature only simplifies the arithmetic and never changes the sum (see `groups.rs`).
+//! The formula is the "improved max" of Li et al. 2023 (Convergent IPC) for points against triangles, with n from the
+//! mesh. For crossing edges nothing is subtracted, because their sum could become negative.
 
 mod chord;
 mod clusters;
@@ -32,26 +32,26 @@ pub(crate) use chord::DistanceChange;
 pub(crate) use energy::{in_order, pack_rank_one};
 pub(crate) use groups::Group;
 
-/// Kinds of the two parts of a pair.
+/// The two parts of a pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Partners {
-    /// A point and the cells of a body: numbers of both.
+    /// A point and the cells of a body, by their numbers.
     PointBody(u32, u32),
-    /// A point and a half-space: numbers of both.
+    /// A point and a half-space, by their numbers.
     PointPlane(u32, u32),
-    /// Two edges: their numbers.
+    /// Two edges, by their numbers.
     Edges(u32, u32),
 }
 
 impl Partners {
-    /// Nodes of the first part: one point, or the two of an edge.
+    /// Returns the number of nodes of the first part: one for a point, two for an edge.
     pub(crate) fn first_count(self) -> usize {
         if matches!(self, Self::Edges(..)) { 2 } else { 1 }
     }
 }
 
 impl Surface {
-    /// Numbers of both bodies of a pair.
+    /// Returns the numbers of both bodies of a pair.
     pub(crate) fn bodies_of(&self, partners: Partners) -> [u32; 2] {
         match partners {
             Partners::PointBody(point, body) => [self.points[point as usize].body, body],
@@ -68,11 +68,11 @@ impl Surface {
     }
 }
 
-/// Surfaces with the candidates near a configuration: what energies and forces are asked of.
+/// Surfaces with the candidates near a configuration, from which energies and forces are computed.
 #[derive(Debug, Clone, Copy)]
 pub struct Contact<'a> {
     /// The surfaces.
     pub surface: &'a Surface,
-    /// Candidates that cover every configuration asked about.
+    /// Candidates that cover every configuration to be evaluated.
     pub neighbours: &'a Neighbours,
 }

@@ -1,8 +1,8 @@
 //! Contact as a [`vi_core::Live`] term: C(x) as a sum over the candidates near one configuration.
 //!
-//! Every candidate is a stencil of four nodes; shorter pairs repeat their last node, where their blocks are zero. The
-//! energy of a point is grouped by closest feature before it is shared out, and each group goes to the first of its
-//! point's candidates that contains it, so that the block of a stencil depends on positions alone.
+//! Every candidate is a stencil of four nodes. Pairs with fewer nodes repeat their last node, where their blocks are
+//! zero. The energy of a point is grouped by closest feature before it is distributed. Each group goes to the first
+//! candidate of its point that contains it, so that the block of a stencil depends on positions alone.
 
 mod rolling;
 mod step;
@@ -21,11 +21,11 @@ use crate::friction::Step;
 use crate::pairs::{ActivePair, Contact, Group};
 use crate::surface::Surface;
 
-/// Numbers in the gradient and in the packed Hessian of a stencil.
+/// Sizes of the gradient and of the packed Hessian of a stencil.
 const SIZE: usize = 12;
 const PACKED: usize = packed_len(SIZE);
 
-/// Of the path that is proved free of touch, the part that a correction may use.
+/// Fraction of the proved free path that a correction may use.
 const MARGIN: f64 = 0.9;
 
 /// The contact energy of surfaces, at every configuration.
@@ -33,7 +33,7 @@ const MARGIN: f64 = 0.9;
 pub struct ContactTerm {
     surface: Arc<Surface>,
     reach: f64,
-    /// What was found last, with its place and reach: the friction of round bodies asks for the same.
+    /// The last result with its positions and reach, because the friction of round bodies requests the same.
     last: Option<Arc<Mutex<Last>>>,
 }
 
@@ -45,14 +45,14 @@ struct Last {
 }
 
 impl ContactTerm {
-    /// The contact of surfaces. Nodes may move by `reach` (m) before candidates are sought again; half of the activation
-    /// distance is a good choice.
+    /// Returns the contact of surfaces. Nodes may move by `reach` (m) before candidates are searched again; half of
+    /// the activation distance is a good choice.
     pub fn new(surface: Arc<Surface>, reach: f64) -> Self {
         let last = surface.has_rolling().then(Arc::default);
         Self { surface, reach, last }
     }
 
-    /// The contact near x, found once where it is asked for twice in a row.
+    /// Returns the contact near x. Two consecutive requests for the same positions search only once.
     fn near_shared(&self, x: &[f64], reach: f64) -> ContactPotential {
         let find = || ContactPotential::near(Arc::clone(&self.surface), x, reach);
         let Some(last) = &self.last else { return find() };
@@ -69,17 +69,17 @@ impl ContactTerm {
 }
 
 impl ContactTerm {
-    /// The distance that nodes may move before candidates are sought again, m.
+    /// Returns the distance that nodes may move before candidates are searched again, m.
     pub fn distance(&self) -> f64 {
         self.reach
     }
 
-    /// The surfaces.
+    /// Returns the surfaces.
     pub fn surface(&self) -> &Surface {
         &self.surface
     }
 
-    /// The contact near x, until a node is farther than the reach from there.
+    /// Returns the contact near x, valid until a node is farther than the reach from there.
     pub fn at(&self, x: &[f64]) -> ContactPotential {
         ContactPotential::near(Arc::clone(&self.surface), x, self.reach)
     }
@@ -99,18 +99,18 @@ impl Live for ContactTerm {
     }
 }
 
-/// The contact energy of all configurations near one.
+/// The contact energy at all configurations near a given one.
 #[derive(Debug, Clone)]
 pub struct ContactPotential {
     surface: Arc<Surface>,
     neighbours: Arc<Neighbours>,
     nodes: Arc<[u32]>,
-    /// Where it acts over a step with friction and damping.
+    /// The step, if friction and damping over a step are evaluated.
     step: Option<Step>,
 }
 
 impl ContactPotential {
-    /// The contact energy, exact wherever no node is farther than `reach` (m) from x.
+    /// Returns the contact energy, exact as long as no node is farther than `reach` (m) from x.
     pub fn near(surface: Arc<Surface>, x: &[f64], reach: f64) -> Self {
         let neighbours = Neighbours::find(&surface, x, 2.0 * reach);
         let contact = Contact { surface: &surface, neighbours: &neighbours };
@@ -129,17 +129,17 @@ impl ContactPotential {
         Self { surface, neighbours: Arc::new(neighbours), nodes: nodes.into(), step: None }
     }
 
-    /// The candidates.
+    /// Returns the candidates.
     pub fn neighbours(&self) -> &Neighbours {
         &self.neighbours
     }
 
-    /// The surfaces.
+    /// Returns the surfaces.
     pub fn surface(&self) -> &Surface {
         &self.surface
     }
 
-    /// View of surface and candidates that evaluates energies, steps and impacts.
+    /// Returns a view of surface and candidates that evaluates energies, steps and impacts.
     pub fn contact(&self) -> Contact<'_> {
         Contact { surface: &self.surface, neighbours: &self.neighbours }
     }
@@ -149,7 +149,7 @@ impl ContactPotential {
         self.contact().smallest_gaps(x)
     }
 
-    /// The part of the straight path from x to x + dx that is proved free of touch, in [0, 1].
+    /// Returns the fraction in [0, 1] of the straight path from x to x + dx that is proved free of touch.
     pub fn free_path(&self, x: &[f64], dx: &[f64]) -> f64 {
         let end: Vec<f64> = x.iter().zip(dx).map(|(x, dx)| x + dx).collect();
         let covers = |x: &[f64]| self.neighbours.covers(&self.surface, x);
@@ -163,7 +163,7 @@ impl ContactPotential {
         impact.map_or(1.0, |impact| impact.time)
     }
 
-    /// The first point with candidates in `range`, and all after it.
+    /// Returns the points that have candidates in `range`.
     fn points_from(&self, range: &Range<usize>) -> impl Iterator<Item = usize> + use<'_> {
         let starts = &self.neighbours.starts;
         let first = starts.partition_point(|&start| start as usize <= range.start).saturating_sub(1);
@@ -171,13 +171,13 @@ impl ContactPotential {
         (first..self.surface.points().len()).take_while(move |&point| (starts[point] as usize) < end)
     }
 
-    /// The first candidate of a point that holds these nodes.
+    /// Returns the first candidate of a point that contains these nodes.
     fn home(&self, point: usize, nodes: &[u32; 4]) -> Option<usize> {
         let own = self.neighbours.starts[point] as usize..self.neighbours.starts[point + 1] as usize;
         own.into_iter().find(|&stencil| nodes.iter().all(|node| self.of(stencil).contains(node)))
     }
 
-    /// Calls `each` with the acting pairs of the stencils in `range` and the places of their nodes in the stencil.
+    /// Calls `each` with the acting pairs of the stencils in `range`, and the places of their nodes in the stencil.
     fn for_each(&self, range: Range<usize>, x: &[f64], mut each: impl FnMut(usize, &ActivePair, [usize; 4])) {
         let contact = self.contact();
         let cells = self.neighbours.cells.len();
@@ -210,7 +210,7 @@ impl ContactPotential {
         &self.nodes[4 * stencil..4 * stencil + 4]
     }
 
-    /// Places of nodes in a stencil.
+    /// Returns the places of nodes in a stencil.
     fn places(&self, stencil: usize, of: &[u32; 4]) -> [usize; 4] {
         let nodes = self.of(stencil);
         of.map(|node| nodes.iter().position(|&other| other == node).unwrap_or(0))
@@ -242,7 +242,7 @@ fn add_packed(block: &[f64], size: usize, places: [usize; 4], out: &mut [f64]) {
     let mut values = block.iter();
     for i in 0..size {
         for (j, value) in (0..=i).zip(&mut values) {
-            // Nodes of a simplex are sorted, so that lower stays lower.
+            // The nodes of a simplex are sorted, so a lower entry stays a lower entry.
             out[packed_len(place(i)) + place(j)] += value;
         }
     }

@@ -1,9 +1,10 @@
-//! The surfaces that can meet: points with areas, edges with their turning angle at rest, cells (triangles, wire edges,
-//! single points), half-spaces, and the rules which of them are pairs.
+//! The surfaces that can meet: points with areas, edges with the angle between their two triangles at rest (0 if
+//! flat), cells (triangles, wire edges, single points), half-spaces, and the rules that decide which of them form
+//! pairs.
 //!
-//! Everything here is made once and never changes, so that the contact energy is a function of positions alone.
-//! Nodes are those of the caller's flat array of positions: node n has coordinates x[3n], x[3n+1], x[3n+2]. Corners of a
-//! linear proxy of a curved surface are nodes too, tied to others by weights that only the caller knows.
+//! All of this is built once and never changes, so that the contact energy is a function of positions alone. Nodes
+//! refer to the caller's flat array of positions: node n has the coordinates x[3n], x[3n+1], x[3n+2]. The corners of
+//! a linear proxy of a curved surface are nodes too; the caller ties them to other nodes by weights.
 
 mod build;
 mod law;
@@ -21,32 +22,32 @@ use crate::distance::{Shape, Vec3, at};
 /// A point of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// Node of the point.
+    /// The node of the point.
     pub node: u32,
-    /// Body that it belongs to.
+    /// The body to which it belongs.
     pub body: u32,
-    /// Area that it stands for, m².
+    /// The area that it represents, m².
     pub area: f64,
 }
 
-/// A simplex that points meet: a triangle, an edge of a wire, or a single point.
+/// A simplex that points can meet: a triangle, an edge of a wire, or a single point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cell {
-    /// Nodes in increasing order; the last is repeated where there are fewer than three.
+    /// Nodes in increasing order; the last is repeated if there are fewer than three.
     pub nodes: [u32; 3],
     /// Number of its nodes, 1 to 3.
     pub count: u8,
-    /// Body that it belongs to.
+    /// The body to which it belongs.
     pub body: u32,
 }
 
 impl Cell {
-    /// Nodes without repetition.
+    /// Returns the nodes without repetition.
     pub fn nodes(&self) -> &[u32] {
         &self.nodes[..self.count as usize]
     }
 
-    /// The kind of pair that a point makes with it.
+    /// Returns the kind of pair that a point forms with it.
     pub(crate) fn shape(&self) -> Shape {
         [Shape::PointPoint, Shape::PointEdge, Shape::PointTriangle][self.count as usize - 1]
     }
@@ -57,24 +58,24 @@ impl Cell {
 pub struct Edge {
     /// Nodes in increasing order.
     pub nodes: [u32; 2],
-    /// Body that it belongs to.
+    /// The body to which it belongs.
     pub body: u32,
-    /// Area that it stands for, m²: a third of the triangles at it; length times width for wires.
+    /// The area that it represents, m²: a third of the triangles at it, or length times width for wires.
     pub area: f64,
-    /// χ of the turning angle at rest: 0 where flat, 1 from 30° on, and 1 for rims and wires.
+    /// χ of the angle between the normals of its triangles at rest: 0 if flat, 1 from 30° on, and 1 for rims and wires.
     pub sharpness: f64,
     /// Squared length at rest, m².
     pub square: f64,
 }
 
-/// The half-space n·(x − x_o) < 0, filled with matter, where x_o is the position of a node.
+/// The half-space n·(x − x_o) < 0, filled with material, where x_o is the position of a node.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HalfSpace {
     /// A node on its face, usually prescribed; it takes the reaction.
     pub node: u32,
-    /// Body that it belongs to.
+    /// The body to which it belongs.
     pub body: u32,
-    /// Outward unit normal n; constant.
+    /// Outward unit normal n, which is constant.
     pub normal: Vec3,
 }
 
@@ -90,13 +91,13 @@ pub struct Gauge {
 }
 
 impl Gauge {
-    /// Relative gap s = (d − ξ)/d̂.
+    /// Returns the relative gap s = (d − ξ)/d̂.
     #[inline]
     pub fn relative(&self, distance: f64) -> f64 {
         (distance - self.thickness) / self.distance
     }
 
-    /// Squared distance from which on there is no force, m².
+    /// Returns the squared distance from which on there is no force, m².
     #[inline]
     pub fn reach_squared(&self) -> f64 {
         let reach = self.thickness + self.distance;
@@ -104,7 +105,7 @@ impl Gauge {
     }
 }
 
-/// Surfaces, and which of their parts are pairs.
+/// Surfaces, and the rules that decide which of their parts form pairs.
 #[derive(Debug, Clone)]
 pub struct Surface {
     pub(crate) barrier: Barrier,
@@ -114,60 +115,61 @@ pub struct Surface {
     pub(crate) edges: Vec<Edge>,
     pub(crate) half_spaces: Vec<HalfSpace>,
     pub(crate) laws: Laws,
-    /// Group of nodes that move as one (0: none), per node.
+    /// For each node, the group of nodes that move as one; 0 for none.
     pub(crate) held: Vec<u32>,
-    /// Nodes c, d₁, d₂, d₃ of each body, if it is rigid.
+    /// The nodes c, d₁, d₂, d₃ of each body that is rigid.
     pub(crate) frames: Vec<Option<[u32; 4]>>,
     /// Thickness and activation distance of each point against its own body.
     pub(crate) own: Vec<[f64; 2]>,
 }
 
-/// Within this part of d̂ at rest, two places of a body are one place (a seam, a doubled node) and no pair.
+/// If two places of a body are closer than this fraction of d̂ at rest, they are the same place (a seam, a doubled
+/// node) and form no pair.
 const WELDED: f64 = 1e-6;
 
 impl Surface {
-    /// The barrier of all pairs.
+    /// Returns the barrier of all pairs.
     pub fn barrier(&self) -> Barrier {
         self.barrier
     }
 
-    /// Points with area.
+    /// Returns the points, which have areas.
     pub fn points(&self) -> &[Point] {
         &self.points
     }
 
-    /// Cells, body by body.
+    /// Returns the cells, body by body.
     pub fn cells(&self) -> &[Cell] {
         &self.cells
     }
 
-    /// Edges, body by body.
+    /// Returns the edges, body by body.
     pub fn edges(&self) -> &[Edge] {
         &self.edges
     }
 
-    /// Half-spaces.
+    /// Returns the half-spaces.
     pub fn half_spaces(&self) -> &[HalfSpace] {
         &self.half_spaces
     }
 
-    /// The body of a node that is a point of a surface.
+    /// Returns the body of a node that is a point of a surface.
     pub fn body_of(&self, node: u32) -> Option<u32> {
         let place = self.points.binary_search_by_key(&node, |point| point.node).ok()?;
         Some(self.points[place].body)
     }
 
-    /// Radius of a body, m: half the thickness of a sheet.
+    /// Returns the radius of a body, m: half the thickness of a sheet.
     pub fn radius(&self, body: u32) -> f64 {
         self.laws.bodies[body as usize].radius
     }
 
-    /// The constants of bodies `a` and `b` against each other; `None` where they are no pair.
+    /// Returns the constants of bodies `a` and `b` against each other; `None` if they form no pair.
     pub fn law(&self, a: u32, b: u32) -> Option<Law> {
         self.laws.of(a, b)
     }
 
-    /// Returns whether a body is a rigid ball or capsule: its skeleton does not turn, its surface does.
+    /// Returns whether a body is a rigid ball or capsule: its skeleton does not rotate, its surface does.
     pub(crate) fn is_round(&self, body: u32) -> bool {
         self.frames[body as usize].is_some() && self.laws.bodies[body as usize].radius > 0.0
     }
@@ -186,8 +188,8 @@ impl Surface {
         group != 0 && nodes[1..].iter().all(|&node| self.held[node as usize] == group)
     }
 
-    /// Constants of a point against a body. One d̂ for all cells of the body, or the features between two cells would
-    /// no longer cancel.
+    /// Returns the constants of a point against a body. All cells of the body share one d̂; otherwise the features
+    /// between two cells would no longer cancel.
     pub(crate) fn point_gauge(&self, point: usize, body: u32) -> Option<Gauge> {
         let Point { body: own, area, .. } = self.points[point];
         let law = self.law(own, body)?;
@@ -196,11 +198,11 @@ impl Surface {
         } else {
             [self.laws.bodies[own as usize].radius + self.laws.bodies[body as usize].radius, law.distance]
         };
-        // Both sides see each other: half for each.
+        // Each side acts on the other, so each has half the energy.
         Some(Gauge { thickness, distance, energy: 0.5 * area * law.stiffness * distance })
     }
 
-    /// Constants of a point against a half-space, which has no points of its own.
+    /// Returns the constants of a point against a half-space, which has no points of its own.
     pub(crate) fn plane_gauge(&self, point: usize, plane: usize) -> Option<Gauge> {
         let Point { body, area, .. } = self.points[point];
         let law = self.law(body, self.half_spaces[plane].body)?;
@@ -208,7 +210,8 @@ impl Surface {
         Some(Gauge { thickness, distance: law.distance, energy: area * law.stiffness * law.distance })
     }
 
-    /// Constants of two edges; the part of the pair that acts over the whole distance has the weight χ_a χ_b.
+    /// Returns the constants of two edges; the part of the pair that acts over the whole distance has the weight χ_a
+    /// χ_b.
     pub(crate) fn edge_gauge(&self, a: usize, b: usize) -> Option<Gauge> {
         let (first, second) = (&self.edges[a], &self.edges[b]);
         let law = self.law(first.body, second.body)?;
@@ -229,7 +232,8 @@ impl Surface {
         Some(Gauge { thickness, distance, energy })
     }
 
-    /// Can this point and this cell meet? Not where the cell holds the point, is welded to it, or moves with it.
+    /// Returns whether this point and this cell may meet. They may not if the cell contains the point, is welded to
+    /// it, or moves with it.
     pub(crate) fn admits_point(&self, point: usize, cell: usize) -> bool {
         let (point, cell) = (self.points[point], &self.cells[cell]);
         let Some(law) = self.law(point.body, cell.body) else { return false };
@@ -259,14 +263,14 @@ impl Surface {
         shape.closest(&nodes.map(|node| at(&self.rest, node))).distance()
     }
 
-    /// Nodes that contact reads.
+    /// Returns the nodes that contact reads.
     pub fn nodes(&self) -> impl Iterator<Item = u32> + '_ {
         let cells = self.cells.iter().flat_map(|cell| cell.nodes().iter().copied());
         cells.chain(self.half_spaces.iter().map(|plane| plane.node))
     }
 }
 
-/// Thickness and activation distance that exert no force at a rest distance.
+/// Returns a thickness and an activation distance that exert no force at a rest distance.
 fn within_rest(thickness: f64, distance: f64, rest: f64) -> [f64; 2] {
     let thickness = thickness.min(0.5 * rest);
     [thickness, distance.min(0.5 * (rest - thickness))]

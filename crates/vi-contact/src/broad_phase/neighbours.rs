@@ -7,7 +7,7 @@ use super::tree::{Bounds, Tree};
 use crate::distance::{Shape, at};
 use crate::surface::{Gauge, Surface};
 
-/// Queries that one task makes.
+/// Number of queries per task.
 const CHUNK: usize = 1024;
 
 /// Two edges that may meet.
@@ -24,16 +24,16 @@ pub struct EdgePair {
 pub struct Neighbours {
     reference: Vec<f64>,
     margin: f64,
-    /// Where the cells of each point start, and where the last one's end.
+    /// Index in `cells` of the first cell of each point, followed by the total number.
     pub(crate) starts: Vec<u32>,
     pub(crate) cells: Vec<u32>,
     pub(crate) edges: Vec<EdgePair>,
-    /// Points and half-spaces.
+    /// Point and half-space of each pair.
     pub(crate) planes: Vec<[u32; 2]>,
 }
 
 impl Neighbours {
-    /// All pairs nearer than their activation distance plus `margin` (m) at positions x.
+    /// Returns all pairs nearer than their activation distance plus `margin` (m) at positions x.
     pub fn find(surface: &Surface, x: &[f64], margin: f64) -> Self {
         let (starts, cells) = near_cells(surface, x, margin);
         let edges = near_edges(surface, x, margin);
@@ -52,45 +52,46 @@ impl Neighbours {
         Self { reference: x.to_vec(), margin, starts, cells, edges, planes }
     }
 
-    /// Is every pair that can act or meet at x among the candidates? So it is while 2 max|Δx| ≤ margin. The set of such
-    /// x is convex: what holds at both ends of a path holds on it.
+    /// Returns whether every pair that can act or meet at x is among the candidates. This holds while 2 max|Δx| ≤
+    /// margin. The set of such x is convex: if it contains both ends of a straight path, it contains the path.
     pub fn covers(&self, surface: &Surface, x: &[f64]) -> bool {
         let limit = 0.25 * self.margin * self.margin;
         surface.nodes().all(|node| (at(x, node) - at(&self.reference, node)).norm_squared() <= limit)
     }
 
-    /// The margin, m.
+    /// Returns the margin, m.
     pub fn margin(&self) -> f64 {
         self.margin
     }
 
-    /// Number of candidates of all kinds.
+    /// Returns the number of candidates of all kinds.
     pub fn count(&self) -> usize {
         self.cells.len() + self.edges.len() + self.planes.len()
     }
 
-    /// Cells near a point.
+    /// Returns the cells near a point.
     pub fn cells_of(&self, point: usize) -> &[u32] {
         &self.cells[self.starts[point] as usize..self.starts[point + 1] as usize]
     }
 
-    /// Pairs of edges.
+    /// Returns the pairs of edges.
     pub fn edge_pairs(&self) -> &[EdgePair] {
         &self.edges
     }
 
-    /// Points near half-spaces: numbers of both.
+    /// Returns the points near half-spaces, as numbers of both.
     pub fn plane_pairs(&self) -> &[[u32; 2]] {
         &self.planes
     }
 }
 
-/// What the box of a part of a body is inflated by: boxes meet wherever a pair is nearer than its reach.
+/// Returns the distance by which the box of a part of a body is inflated, such that boxes overlap if a pair is nearer
+/// than its reach.
 fn inflation(surface: &Surface, body: u32, margin: f64) -> f64 {
     surface.laws.bodies[body as usize].radius + surface.laws.half_reach[body as usize] + 0.5 * margin
 }
 
-/// Cells near each point, in the order of points and of cells.
+/// Returns the cells near each point, in the order of points and of cells.
 fn near_cells(surface: &Surface, x: &[f64], margin: f64) -> (Vec<u32>, Vec<u32>) {
     let bounds: Vec<Bounds> = surface
         .cells
@@ -137,7 +138,7 @@ fn near_cells(surface: &Surface, x: &[f64], margin: f64) -> (Vec<u32>, Vec<u32>)
     (starts, cells)
 }
 
-/// Edges near each other, in the order of their numbers.
+/// Returns the pairs of edges near each other, in the order of their numbers.
 fn near_edges(surface: &Surface, x: &[f64], margin: f64) -> Vec<EdgePair> {
     let bounds: Vec<Bounds> = surface
         .edges

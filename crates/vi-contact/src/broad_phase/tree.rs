@@ -1,9 +1,9 @@
-//! A binary tree of boxes over items in Morton order (Morton 1966), kept as a heap: the children of box i are 2i and
-//! 2i + 1, the leaves hold a few items each. The tree decides how fast items are found, never which.
+//! A binary tree of boxes over items in Morton order (Morton 1966), stored as a heap: the children of box i are 2i
+//! and 2i + 1, and each leaf holds a few items. The tree affects how fast items are found, but never which ones.
 
 use crate::distance::at;
 
-/// A box along the axes.
+/// An axis-aligned box.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bounds {
     pub(crate) min: [f64; 3],
@@ -13,7 +13,7 @@ pub(crate) struct Bounds {
 impl Bounds {
     pub(crate) const EMPTY: Self = Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3] };
 
-    /// The box around nodes.
+    /// Returns the box around nodes.
     #[inline]
     pub(crate) fn of(nodes: &[u32], x: &[f64]) -> Self {
         let mut bounds = Self::EMPTY;
@@ -46,7 +46,7 @@ impl Bounds {
 
     #[inline]
     pub(crate) fn meets(&self, other: &Self) -> bool {
-        // Without a branch between the axes.
+        // Compare all axes without a branch.
         (self.min[0] <= other.max[0])
             & (other.min[0] <= self.max[0])
             & (self.min[1] <= other.max[1])
@@ -56,7 +56,7 @@ impl Bounds {
     }
 }
 
-/// Items of a leaf. 4 was the fastest of 2, 4 and 8 for a rebuild of two folded sheets of 80 000 triangles.
+/// Number of items per leaf. Of 2, 4 and 8, 4 was the fastest for a rebuild of two folded sheets of 80 000 triangles.
 const LEAF: usize = 4;
 
 pub(crate) struct Tree {
@@ -69,7 +69,7 @@ pub(crate) struct Tree {
 }
 
 impl Tree {
-    /// The tree of items 0, 1, 2, … with these boxes.
+    /// Builds the tree of items 0, 1, 2, … with these boxes.
     pub(crate) fn new(bounds: &[Bounds]) -> Self {
         let mut all = Bounds::EMPTY;
         bounds.iter().for_each(|item| all.join(item));
@@ -91,7 +91,7 @@ impl Tree {
         Self { boxes, items, item_boxes, leaves }
     }
 
-    /// Calls `found` with every item whose box meets `bounds`.
+    /// Calls `found` with every item whose box overlaps `bounds`.
     #[inline]
     pub(crate) fn visit(&self, bounds: &Bounds, found: &mut impl FnMut(u32)) {
         if !self.boxes[1].meets(bounds) {
@@ -122,13 +122,13 @@ impl Tree {
         }
     }
 
-    /// Items in Morton order: queries in this order read memory that the one before has read.
+    /// Returns the items in Morton order: queries in this order reuse memory that the previous query has read.
     pub(crate) fn order(&self) -> &[u32] {
         &self.items
     }
 }
 
-/// 21 bits of each coordinate of the centre, interleaved.
+/// Returns 21 bits of each coordinate of the centre, interleaved.
 fn morton(item: &Bounds, all: &Bounds) -> u64 {
     let mut code = 0;
     for k in 0..3 {
@@ -140,7 +140,7 @@ fn morton(item: &Bounds, all: &Bounds) -> u64 {
     code
 }
 
-/// Puts two zero bits between the bits of a number below 2²¹.
+/// Inserts two zero bits between the bits of a number below 2²¹.
 fn spread(mut bits: u64) -> u64 {
     bits = (bits | (bits << 32)) & 0x1f_0000_0000_ffff;
     bits = (bits | (bits << 16)) & 0x1f_0000_ff00_00ff;

@@ -1,15 +1,16 @@
 //! The Hessian of a squared distance.
 //!
-//! d² = min_β |r(β, x)|² with r = Σ c_a(β) x_a. With ∂r/∂β_k = E_k and ∂c_a/∂β_k = c_{a,k}, the envelope theorem gives
+//! d² = min_β |r(β, x)|² with r = Σ c_a(β) x_a. With ∂r/∂β_k = E_k and ∂c_a/∂β_k = c_{a,k}, the envelope theorem
+//! gives
 //! ```text
 //! ∂d²/∂x_a = 2 c_a r,
 //! ∂²d²/∂x_a∂x_b = 2 [c_a c_b I − Σ_kl (c_a E_k + c_{a,k} r)(A⁻¹)_kl (c_b E_l + c_{b,l} r)ᵀ],   A_kl = E_k·E_l,
 //! ```
-//! where β runs over the parameters that are free: two on a face or for two crossing edges, one on an edge.
+//! Here β runs over the free parameters: two on a face or for two crossing edges, one on an edge.
 
 use super::{Closest, Shape, Vec3};
 
-/// Directions of the free parameters: weights c_{a,k}, and how many there are.
+/// Returns the directions of the free parameters, as weights c_{a,k}, and their number.
 fn free_directions(shape: Shape, closest: &Closest) -> ([[f64; 4]; 2], usize) {
     let mut directions = [[0.0; 4]; 2];
     let mut count = 0;
@@ -40,12 +41,12 @@ fn free_directions(shape: Shape, closest: &Closest) -> ([[f64; 4]; 2], usize) {
     (directions, count)
 }
 
-/// ∂²d²/∂x_a∂x_b of a pair, packed lower triangle of its 3·arity coordinates. Writes 3n(3n+1)/2 entries.
+/// Writes ∂²d²/∂x_a∂x_b of a pair as the packed lower triangle of its n = 3·arity coordinates, n(n+1)/2 entries.
 pub(crate) fn squared_hessian(shape: Shape, closest: &Closest, x: &[Vec3; 4], out: &mut [f64]) {
     let (directions, count) = free_directions(shape, closest);
     let (r, c) = (closest.vector, &closest.weights);
     let edges = directions.map(|weights| super::combine(&weights, x));
-    // A⁻¹ = LᵀL of the one or two free parameters.
+    // A⁻¹ = LᵀL for the one or two free parameters.
     let mut rows = [[Vec3::zeros(); 4]; 2];
     for k in 0..count {
         for a in 0..4 {

@@ -1,15 +1,15 @@
-//! An edge against an edge.
+//! The closest points of two edges.
 
 use super::triangle::closest_on_edge;
 use super::{Closest, Vec3};
 
-/// Below this squared sine of their angle two edges count as parallel. Closest points on the ends are then right to
-/// (L sin)² of d², which is below round-off of positions.
+/// Two edges count as parallel below this squared sine of their angle. Then closest points at their ends give d² up
+/// to (L sin)², which is below the round-off of positions.
 const PARALLEL: f64 = 1e-16;
 /// Below this squared sine the common normal is less exact than the difference of the two closest points.
 const NEARLY_PARALLEL: f64 = 1e-6;
 
-/// The edge of nodes 0 and 1 against that of nodes 2 and 3.
+/// Returns the closest points of the edge of nodes 0 and 1 and that of nodes 2 and 3.
 #[inline]
 pub(crate) fn edge_edge(x: &[Vec3; 4]) -> Closest {
     let [a, b, c, d] = *x;
@@ -29,7 +29,7 @@ pub(crate) fn edge_edge(x: &[Vec3; 4]) -> Closest {
                     weights: [1.0 - alpha, alpha, beta - 1.0, -beta],
                 };
             }
-            // Round-off of both parameters is along the edges; projecting there and back removes it.
+            // The round-off of both parameters is along the edges; projecting to the other edge and back removes it.
             let (beta, _) = closest_on_edge(a + first * alpha, c, d);
             let (alpha, _) = closest_on_edge(c + second * beta, a, b);
             let inside = |t: f64| t > 0.0 && t < 1.0;

@@ -1,4 +1,4 @@
-//! The memory of friction: how far each bristle is stretched. It is part of the state.
+//! The memory of friction: the stretch of each bristle. It is part of the state.
 
 use crate::pairs::{Blend, Partners};
 use crate::surface::Surface;
@@ -8,17 +8,17 @@ use super::FrictionPair;
 /// One stretched bristle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Anchor {
-    /// Pair that the bristle holds together.
+    /// The pair that the bristle connects.
     pub partners: Partners,
-    /// The cell in whose frame the stretch is measured; 0 where there is none. Of a round body: three times the cell,
-    /// plus the number of the direction that the tangents follow.
+    /// The cell in whose frame the stretch is measured; 0 if there is none. For a round body it is three times the
+    /// cell plus the number of the direction that the tangents follow.
     pub cell: u32,
     /// Stretch along both tangents of the frame, m.
     pub stretch: [f64; 2],
 }
 
 impl Anchor {
-    /// Energy stored by a bristle of stiffness k (N/m), J.
+    /// Returns the energy stored by a bristle of stiffness k (N/m), J.
     pub(super) fn energy(&self, k: f64) -> f64 {
         0.5 * k * (self.stretch[0] * self.stretch[0] + self.stretch[1] * self.stretch[1])
     }
@@ -29,34 +29,34 @@ impl Anchor {
 pub struct Anchors(Vec<Anchor>);
 
 impl Anchors {
-    /// The anchors after a step with this friction. Pairs that opened have none.
+    /// Returns the anchors after a step with this friction. Pairs that opened have no anchor.
     pub fn after(pairs: &[FrictionPair]) -> Self {
         Self::stretched(pairs.iter().map(|pair| pair.anchor))
     }
 
-    /// Those of `anchors`, in the order of their partners, that are stretched.
+    /// Returns those of `anchors` that are stretched; they must be in the order of their partners.
     pub(crate) fn stretched(anchors: impl Iterator<Item = Anchor>) -> Self {
         Self(anchors.filter(|anchor| anchor.stretch != [0.0; 2]).collect())
     }
 
-    /// The anchor between partners.
+    /// Returns the anchor between partners.
     pub(super) fn of(&self, partners: Partners) -> Option<&Anchor> {
         self.0.binary_search_by(|anchor| anchor.partners.cmp(&partners)).ok().map(|found| &self.0[found])
     }
 
-    /// All anchors.
+    /// Returns all anchors.
     pub fn as_slice(&self) -> &[Anchor] {
         &self.0
     }
 
-    /// Energy stored, J: ½ Σ k |e|².
+    /// Returns the stored energy ½ Σ k |e|², J.
     pub fn energy(&self, surface: &Surface) -> f64 {
         let energy =
             |anchor: &Anchor| anchor.energy(surface.bristle_stiffness(anchor.partners).unwrap_or(0.0));
         self.0.iter().map(energy).sum()
     }
 
-    /// Six numbers per anchor, for a checkpoint: kind, both partners, cell, stretch.
+    /// Returns six numbers per anchor for a checkpoint: kind, both partners, cell, stretch.
     pub fn to_numbers(&self) -> Vec<f64> {
         let numbers = |anchor: &Anchor| {
             let (kind, a, b) = match anchor.partners {
@@ -69,7 +69,7 @@ impl Anchors {
         self.0.iter().flat_map(numbers).collect()
     }
 
-    /// The anchors from the numbers of [`Anchors::to_numbers`]; `None` if they are not that.
+    /// Returns the anchors from the numbers of [`Anchors::to_numbers`]; `None` if the numbers are invalid.
     pub fn from_numbers(numbers: &[f64], surface: &Surface) -> Option<Self> {
         if !numbers.len().is_multiple_of(6) {
             return None;
@@ -107,12 +107,13 @@ impl Anchors {
     }
 }
 
-/// Stiffness of a bristle, of the layer's κ w/d̂. A block that starts to slide on a slope gains speed until its bristles
-/// are stretched: with 1, at κ of ten times the pressure, its path after 1 s is 0.8 % too long; with 100, 0.08 %.
+/// Stiffness of a bristle relative to the layer's κ w/d̂. A block that starts to slide on a slope gains speed until
+/// its bristles are stretched. With 1, at κ of ten times the pressure, its path after 1 s is 0.8 % too long; with
+/// 100, 0.08 %.
 const STIFF: f64 = 100.0;
 
 impl Surface {
-    /// Stiffness of a bristle, N/m.
+    /// Returns the stiffness of a bristle, N/m.
     pub(crate) fn bristle_stiffness(&self, partners: Partners) -> Option<f64> {
         let (gauge, weight) = match partners {
             Partners::PointBody(point, body) => (self.point_gauge(point as usize, body)?, 1.0),

@@ -7,16 +7,17 @@ pub(super) struct Bristle {
     pub(super) end: [f64; 2],
     /// Traction T, N.
     pub(super) traction: [f64; 2],
-    /// |T| over the trial's: 1 while it sticks.
+    /// |T| relative to the trial traction: 1 while it sticks.
     pub(super) held: f64,
 }
 
-/// Stretches a bristle of stiffness k from e₀ by the slip u, with |T| ≤ `limit` = μλ. `rate` is τ/h of contact damping,
-/// without which a bristle that sticks would swing for ever.
+/// Stretches a bristle of stiffness k from e₀ by the slip u, with |T| ≤ `limit` = μλ. `rate` is τ/h of contact
+/// damping; without damping a sticking bristle would oscillate for ever.
 ///
-/// Trial: T = k (e₀ + u/2) + k (τ/h) u, e₁ = e₀ + u, T·u = ½k(|e₁|² − |e₀|²) + k (τ/h) |u|². Beyond the cone T is shortened by θ < 1, and
-/// e₁ = T/k is what T can hold. Where that would store more than the work T·u = θ (E_trial − E₀) leaves, e₁ is shortened
-/// until nothing is dissipated; it can be, because E₀ + T·u ≥ (1−θ) E₀ + θ E_trial ≥ 0.
+/// The trial is T = k (e₀ + u/2) + k (τ/h) u and e₁ = e₀ + u, for which T·u = ½k(|e₁|² − |e₀|²) + k (τ/h) |u|².
+/// Beyond the cone T is shortened by a factor θ < 1, and e₁ = T/k is the stretch that T can hold. If that stored more
+/// energy than the work T·u = θ (E_trial − E₀) provides, e₁ is shortened until nothing is dissipated. This is
+/// possible because E₀ + T·u ≥ (1−θ) E₀ + θ E_trial ≥ 0.
 pub(super) fn stretch(start: [f64; 2], slip: [f64; 2], k: f64, rate: f64, limit: f64) -> Bristle {
     let trial = [0, 1].map(|a: usize| k * (start[a] + (0.5 + rate) * slip[a]));
     let size = trial[0].hypot(trial[1]);

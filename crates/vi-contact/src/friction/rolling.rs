@@ -1,16 +1,16 @@
-//! Friction of round rigid bodies: balls and capsules, which are points and edges with a thickness.
+//! Friction of round rigid bodies: balls and capsules, which are points and edges with a radius.
 //!
-//! Their skeleton does not turn, their surface does. A pair touches at one place z in the middle of a step: on the axis
-//! between the closest points of the middle, on the surface of a round body that meets another rigid one (halfway in the
-//! gap of two round ones), or where the node or triangle of a deformable body is. Each side carries z by fixed weights: a rigid body with frame (c, d₁, d₂, d₃) by
-//! ```text
+//! Their skeleton does not rotate, but their surface does. In the middle of a step a pair touches at one point z on
+//! the axis between the closest points. It lies on the surface of a round body that meets another rigid one (in the
+//! middle of the gap if both are round), or at the node or triangle of a deformable body. Each side carries z by
+//! fixed weights. For a rigid body with frame (c, d₁, d₂, d₃) they follow from
 //! z = c(x_m) + Σ_k y_k d_k(x_m),   x_m = (x₀ + x₁)/2,
 //! ```
-//! a deformable one by the weights of its closest point. With w_a the weights of the first side, and those of the second
-//! with the opposite sign, the slip is the part of Σ_a w_a Δx_a across the normal, and a traction T exerts −w_a T. As
-//! Σ_a w_a x_a(x_m) = z − z = 0, it does the work −T·u exactly, without net force or torque, and its arm about the
-//! centre of a body ends at the place of contact. A step of pure rolling has no slip: by Cayley's map
-//! Δd_k = ω × d_k(x_m), so that u = Δc + ω × (z − c).
+//! A deformable body carries it by the weights of its closest point. Let w_a be the weights of the first side, and
+//! those of the second with the opposite sign. The slip is the part of Σ_a w_a Δx_a normal to the axis, and a
+//! traction T exerts −w_a T on node a. As Σ_a w_a x_a(x_m) = z − z = 0, the forces do the work −T·u exactly, without
+//! resultant or moment, and act at the point of contact. A step of pure rolling has no slip: by Cayley's map Δd_k = ω
+//! × d_k(x_m), so that u = Δc + ω × (z − c).
 
 use nalgebra::Matrix3;
 
@@ -18,21 +18,21 @@ use super::{Anchor, Anchors, Held};
 use crate::distance::{Closest, Shape, Vec3, at};
 use crate::pairs::{Contact, Partners, StepSettings};
 
-/// A reference direction serves while its sine against the normal is above this.
+/// A reference direction is kept while the sine of its angle to the normal is above this.
 const ACROSS: f64 = 0.3;
 
-/// Friction of one pair of which a side is a round rigid body, over a step.
+/// Friction of one pair over a step, if a side is a round rigid body.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RollingPair {
     pub(crate) partners: Partners,
-    /// The cell at which the point is measured; zero where there is none.
+    /// The cell on which the point is measured; zero if there is none.
     pub(crate) cell: u32,
-    /// Weights of the place of contact in [`Contact::rolling_nodes`]: the force on node a is −w_a T.
+    /// Weights of the point of contact for the nodes of [`Contact::rolling_nodes`]: the force on node a is −w_a T.
     pub(crate) weights: [f64; 8],
     /// Slip u of the first side over the second, m.
     #[cfg_attr(not(test), expect(dead_code, reason = "shown by the field slip"))]
     pub(crate) slip: Vec3,
-    /// Orthonormal directions across the normal.
+    /// Orthonormal directions normal to the axis.
     pub(crate) tangents: [Vec3; 2],
     pub(crate) held: Held,
     /// The anchor after the step.
@@ -45,12 +45,12 @@ struct Axis {
     normal: Vec3,
     /// Closest points of both skeletons, m.
     places: [Vec3; 2],
-    /// Weights of these in the nodes of the pair.
+    /// Weights of these points for the nodes of the pair.
     weights: [f64; 4],
 }
 
 impl Contact<'_> {
-    /// The four nodes that carry each side of a pair, repeated where there are fewer.
+    /// Returns the four nodes that carry each side of a pair, repeated if there are fewer.
     pub(crate) fn rolling_nodes(&self, partners: Partners, cell: u32) -> [u32; 8] {
         let surface = self.surface;
         let (nodes, bodies) = (self.pair_nodes(partners, cell), surface.bodies_of(partners));
@@ -64,7 +64,7 @@ impl Contact<'_> {
         [a, b, c, d, e, f, g, h]
     }
 
-    /// Nodes of a pair, the last one repeated.
+    /// Returns the nodes of a pair, the last one repeated.
     fn pair_nodes(&self, partners: Partners, cell: u32) -> [u32; 4] {
         let surface = self.surface;
         match partners {
@@ -80,7 +80,8 @@ impl Contact<'_> {
         }
     }
 
-    /// The cell of a body that is nearest to a point at x: that of the anchor as long as none is nearer.
+    /// Returns the cell of a body nearest to a point at x; keeps the cell of the anchor as long as no other is
+    /// nearer.
     fn nearest_cell(&self, point: u32, body: u32, x: &[f64], before: Option<&Anchor>) -> Option<u32> {
         let (_, cells) = self.bodies_of(point as usize).find(|&(other, _)| other == body)?;
         let distance = |cell: u32| {
@@ -113,7 +114,7 @@ impl Contact<'_> {
             Partners::Edges(..) => Shape::EdgeEdge.closest(&positions),
         };
         if matches!(partners, Partners::Edges(..)) && closest.support() != 0b1111 {
-            // An end that is nearest is a point, which rubs on its own.
+            // If an end is nearest, it is a point with its own friction.
             return None;
         }
         let distance = closest.distance();
@@ -129,7 +130,8 @@ impl Contact<'_> {
         })
     }
 
-    /// Directions that the second side carries: the first two edges of its cell and their normal, or its directors.
+    /// Returns directions that move with the second side: the first two edges of its cell and their normal, or its
+    /// directors.
     fn directions(&self, partners: Partners, cell: u32, x: &impl Fn(u32) -> Vec3) -> [Vec3; 3] {
         let [_, second] = self.surface.bodies_of(partners);
         if let Some([_, directors @ ..]) = self.surface.frames[second as usize] {
@@ -145,8 +147,8 @@ impl Contact<'_> {
         [one, two, one.cross(&two)]
     }
 
-    /// Friction over a step from x₀ to x₁ of one pair, pressed together by `normal_force`; `cell` is where the point is
-    /// measured.
+    /// Returns the friction over a step from x₀ to x₁ of one pair that `normal_force` presses together; the point is
+    /// measured on `cell`.
     pub(crate) fn roll(
         &self,
         partners: Partners,
@@ -165,7 +167,7 @@ impl Contact<'_> {
         let middle = |node: u32| (at(x[0], node) + at(x[1], node)) * 0.5;
         let first = self.axis(partners, cell, &start)?.normal;
         let axis = self.axis(partners, cell, &middle)?;
-        // Which direction the tangents follow is chosen at x₀, so that it does not change while a solver varies x₁.
+        // Choose the direction that the tangents follow at x₀, so that it does not change while a solver varies x₁.
         let across =
             |number: usize, cell: u32| across(self.directions(partners, cell, &start)[number], first);
         let kept = before.map(|anchor| (anchor.cell % 3) as usize);
@@ -198,7 +200,7 @@ impl Contact<'_> {
         Some(RollingPair { partners, cell, weights, slip, tangents, held, anchor })
     }
 
-    /// Weights of the place of contact on both sides, those of the second with the opposite sign.
+    /// Returns the weights of the point of contact on both sides, those of the second with the opposite sign.
     fn weights(
         &self,
         partners: Partners,
@@ -252,19 +254,19 @@ impl Contact<'_> {
     }
 }
 
-/// The part of a direction across a unit normal, per length of the direction.
+/// Returns the part of a direction normal to a unit normal, per length of the direction.
 fn across(direction: Vec3, normal: Vec3) -> Vec3 {
     let length = direction.norm();
     if length == 0.0 { Vec3::zeros() } else { (direction - normal * normal.dot(&direction)) / length }
 }
 
-/// Orthonormal directions across a unit normal, the first one as near to `direction` as can be.
+/// Returns orthonormal directions normal to a unit normal, the first one as near to `direction` as possible.
 fn tangents(direction: Vec3, normal: Vec3) -> Option<[Vec3; 2]> {
     let first = across(direction, normal).try_normalize(1e-6)?;
     Some([first, normal.cross(&first)])
 }
 
-/// A stretch along the tangents of the first direction, along those of the second, with the same length.
+/// Converts a stretch along the tangents of the first direction to those of the second, with the same length.
 fn carry(stretch: [f64; 2], directions: [Vec3; 2], normal: Vec3) -> [f64; 2] {
     let [Some(from), Some(to)] = directions.map(|direction| tangents(direction, normal)) else {
         return [0.0; 2];
@@ -285,7 +287,7 @@ mod tests {
     use crate::surface::{Body, Surface, SurfaceBuilder};
     use crate::testing::Numbers;
 
-    /// A ball (skeleton 0, frame 1–4) over a capsule (skeleton 5 and 6, frame 7–10) over a triangle (11–13).
+    /// Returns a ball (skeleton 0, frame 1–4) over a capsule (skeleton 5 and 6, frame 7–10) over a triangle (11–13).
     fn round_bodies() -> (Surface, Vec<f64>) {
         let frame = |c: [f64; 3]| [c, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].concat();
         let x = [
@@ -308,7 +310,7 @@ mod tests {
         (builder.build().expect("a sound surface"), x)
     }
 
-    /// Moves node `c` and its directors, and the skeleton, by a turn about c and a shift.
+    /// Moves node `c`, its directors and the skeleton by a rotation about c and a translation.
     fn moved(x: &mut [f64], c: usize, skeleton: &[usize], turn: Rotation3<f64>, shift: Vec3) {
         let centre = at(x, c as u32);
         let mut set = |node: usize, place: Vec3| x[3 * node..3 * node + 3].copy_from_slice(place.as_slice());
@@ -336,7 +338,7 @@ mod tests {
         pressed.into_iter().filter_map(roll).collect()
     }
 
-    /// The work of friction is T·u, and it makes no net force and no net torque, whatever turns.
+    /// The work of friction is T·u, and the forces have neither a resultant nor a moment, however the bodies rotate.
     #[test]
     fn friction_of_round_bodies_keeps_both_momenta() {
         let (surface, rest) = round_bodies();
@@ -360,7 +362,8 @@ mod tests {
                     let gradient = pair.held.traction * weight;
                     work += gradient.dot(&(at(x[1], node) - at(x[0], node)));
                     torque += ((at(x[0], node) + at(x[1], node)) * 0.5).cross(&gradient);
-                    // Directors are differences of places: only points c and nodes of triangles translate.
+                    // Directors are differences of positions: only points c and the nodes of triangles carry a
+                    // resultant force.
                     if !matches!(node, 2..=4 | 8..=10) {
                         force += gradient;
                     }
@@ -379,7 +382,7 @@ mod tests {
         assert!(count > 1000, "{count}");
     }
 
-    /// A ball that rolls on a fixed triangle has no slip: Cayley's turn by 2 tan(θ/2) about the place of contact.
+    /// A ball that rolls on a fixed triangle has no slip: Cayley's rotation by 2 tan(θ/2) about the point of contact.
     #[test]
     fn a_step_of_rolling_has_no_slip() {
         let (surface, mut rest) = round_bodies();

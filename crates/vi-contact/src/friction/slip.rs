@@ -1,33 +1,33 @@
-//! Slip from the change of convected coordinates.
+//! Slip, computed from the change of convected coordinates.
 //!
-//! The first part of a pair touches the second at ρ = r + Σ_k ξ_k E_k, perpendicular to both E_k: for a point over a
-//! triangle r = p − x₁ and E_k = −e_k, so that ξ are the coordinates of its foot; for two edges E₁ = e_a, E₂ = −e_b.
-//! With A_kl = E_k·E_l and b_k = −E_k·r, ξ = A⁻¹b, not limited to the cell: a point just beyond an edge still has both
-//! coordinates. Over a step, with means of both ends Ā and ξ̄, exactly
+//! The first part of a pair touches the second at ρ = r + Σ_k ξ_k E_k, which is perpendicular to both E_k. For a
+//! point over a triangle r = p − x₁ and E_k = −e_k, so that ξ are the coordinates of its foot; for two edges E₁ = e_a
+//! and E₂ = −e_b. With A_kl = E_k·E_l and b_k = −E_k·r, ξ = A⁻¹b. It is not limited to the cell: a point just beyond
+//! an edge still has both coordinates. Over a step, with the means Ā and ξ̄ of both ends, exactly
 //! ```text
 //! Δξ = Ā⁻¹ (Δb − ΔA ξ̄),   u = −Σ_k Δξ_k E_k(x_m).
 //! ```
-//! A and b are invariants of the pair, so that u vanishes in rigid motion. Δb and ΔA are exact by the product rule with
-//! middles, hence with y = Ā⁻¹ (T·E_k(x_m))
+//! A and b are invariants of the pair, so u vanishes in rigid motion. Δb and ΔA are exact by the product rule with
+//! midpoint values. Hence, with y = Ā⁻¹ (T·E_k(x_m)),
 //! ```text
 //! T·u = Σ_k y_k (E_k·Δr + r·ΔE_k) + Σ_kl y_k ξ̄_l (E_k·ΔE_l + E_l·ΔE_k),   all at x_m,
 //! ```
-//! and the coefficients of Δx_a are forces without net force or torque. Slip as the difference of two velocities at
-//! points a distance d apart, as is usual, takes rotation for slip d|ω| and makes the torque d × T.
+//! The coefficients of Δx_a are forces without resultant or moment. The usual slip, the difference of two velocities
+//! at points a distance d apart, mistakes rotation for a slip d|ω| and produces the moment d × T.
 
 use crate::distance::{Shape, Vec3, at, combine};
 
-/// Squared sine between edges, or between sides of a triangle, below which slip has no frame.
+/// Smallest squared sine between edges, or between sides of a triangle, for which slip has a frame.
 const FLAT: f64 = 1e-4;
 
-/// Slip of a pair over a step, and what is needed for its forces.
+/// Slip of a pair over a step, and the data for its forces.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Slip {
     pub(super) arity: usize,
     pub(super) nodes: [u32; 4],
-    /// u, m.
+    /// Slip u, m.
     pub(super) slip: Vec3,
-    /// Orthonormal directions of slip at x_m. The second is zero where slip has one direction only.
+    /// Orthonormal directions of slip at x_m. The second is zero if slip has one direction only.
     pub(super) tangents: [Vec3; 2],
     /// Weights of the contact point on both parts.
     pub(super) weights: [f64; 4],
@@ -36,13 +36,13 @@ pub(super) struct Slip {
 
 #[derive(Debug, Clone, Copy)]
 enum Frame {
-    /// The tangents do not turn: a half-space.
+    /// The tangents do not rotate: a half-space.
     Fixed,
     /// The kind of pair, r and E at x_m, Ā⁻¹ and ξ̄.
     Convected { shape: Shape, r: Vec3, e: [Vec3; 2], inverse: [[f64; 2]; 2], mean: [f64; 2] },
 }
 
-/// Weights of r and of E_k in the nodes of a pair, and the number of E_k.
+/// Returns the weights of r and of E_k for the nodes of a pair, and the number of E_k.
 fn pattern(shape: Shape) -> ([f64; 4], [[f64; 4]; 2], usize) {
     match shape {
         Shape::PointPoint => ([1.0, -1.0, 0.0, 0.0], [[0.0; 4]; 2], 0),
@@ -52,7 +52,7 @@ fn pattern(shape: Shape) -> ([f64; 4], [[f64; 4]; 2], usize) {
     }
 }
 
-/// A⁻¹ of one or two directions.
+/// Returns A⁻¹ for one or two directions.
 fn invert(a: [[f64; 2]; 2], count: usize) -> Option<[[f64; 2]; 2]> {
     if count == 1 {
         return (a[0][0] > 0.0).then(|| [[1.0 / a[0][0], 0.0], [0.0; 2]]);
@@ -69,8 +69,8 @@ fn multiply(a: &[[f64; 2]; 2], v: [f64; 2]) -> [f64; 2] {
 }
 
 impl Slip {
-    /// Slip of a pair between the positions x₀ and x₁; `None` where it has no frame: a point against a point, parallel
-    /// edges.
+    /// Returns the slip of a pair between the positions x₀ and x₁; `None` if it has no frame: a point against a
+    /// point, or parallel edges.
     pub(super) fn new(shape: Shape, nodes: [u32; 4], x: [&[f64]; 2]) -> Option<Self> {
         let (to_r, to_e, count) = pattern(shape);
         if count == 0 {
@@ -105,7 +105,7 @@ impl Slip {
         Some(Self { arity: shape.arity(), nodes, slip, tangents: [first, second], weights, frame })
     }
 
-    /// Slip of node 0 over a half-space that node 1 carries.
+    /// Returns the slip of node 0 over a half-space that moves with node 1.
     pub(super) fn over_plane(nodes: [u32; 4], normal: Vec3, x: [&[f64]; 2]) -> Self {
         let step = |node: u32| at(x[1], node) - at(x[0], node);
         let relative = step(nodes[0]) - step(nodes[1]);
@@ -116,7 +116,7 @@ impl Slip {
         Self { arity: 2, nodes, slip, tangents, weights: [1.0, -1.0, 0.0, 0.0], frame: Frame::Fixed }
     }
 
-    /// G_a with Σ G·Δx = T·u for a traction T along the tangents.
+    /// Returns G_a with Σ G·Δx = T·u for a traction T along the tangents.
     pub(super) fn gradient(&self, traction: Vec3) -> [Vec3; 4] {
         let Frame::Convected { shape, r, e, inverse, mean } = self.frame else {
             return [traction, -traction, Vec3::zeros(), Vec3::zeros()];

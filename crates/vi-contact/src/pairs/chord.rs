@@ -1,19 +1,19 @@
 //! A discrete gradient of a distance over a step.
 //!
-//! A pair has the distances d₀, d₁ at the ends x₀, x₁ of a step, between closest points of weights c₀, c₁. With the mean
-//! weights c̄ = (c₀ + c₁)/2, their change δ = c₁ − c₀, ζ = c̄ + λ δ, and ρᶜ(x) = Σ_a c_a x_a,
+//! A pair has the distances d₀ and d₁ at the ends x₀ and x₁ of a step, between closest points with weights c₀ and c₁.
+//! Let c̄ = (c₀ + c₁)/2 be the mean weights, δ = c₁ − c₀ their change, ζ = c̄ + λ δ, and ρᶜ(x) = Σ_a c_a x_a. Then
 //! ```text
 //! N_a = (c̄_a ρ^ζ(x_m) + ζ_a ρ^c̄(x_m))/(d₀ + d₁),   x_m = (x₀ + x₁)/2.
 //! ```
-//! For any λ, Σ N_a = 0 and Σ x_m,a × N_a = 0: N exerts no net force and no net torque. For weights that are frozen,
-//! Σ N_a·Δx_a = Δ(ρ^c̄·ρ^ζ)/(d₀ + d₁) exactly, which is d₁ − d₀ if
+//! For any λ, Σ N_a = 0 and Σ x_m,a × N_a = 0: N has neither a resultant nor a moment. With fixed weights, Σ N_a·Δx_a
+//! = Δ(ρ^c̄·ρ^ζ)/(d₀ + d₁) exactly, which is d₁ − d₀ if
 //! ```text
 //! λ = [¼(a₁ − a₀) − (p₀ + p₁)] / [½(a₀ + a₁) + p₀ − p₁],   a_i = |ρ^δ(x_i)|²,   p_i = r_i·ρ^δ(x_i).
 //! ```
-//! Closest points of convex sets have p₀ ≥ 0 ≥ p₁ (both zero while features stay the same), so numerator and
-//! denominator are sums of the same non-negative numbers with signs, and |λ| ≤ 1: nothing is ever divided by what can
-//! vanish alone, and no fallback is needed. λ = 0 where a sliding pair is rigid. Reversing time changes the sign of δ
-//! and of λ, and leaves ζ: the rule is symmetric, so of order two.
+//! Closest points of convex sets have p₀ ≥ 0 ≥ p₁ (both are zero while the features stay the same). So numerator and
+//! denominator are sums of the same non-negative numbers with different signs, and |λ| ≤ 1. The denominator vanishes
+//! only together with the numerator, so no fallback is needed; λ = 0 if a sliding pair is rigid. Reversing time
+//! changes the sign of δ and of λ, and leaves ζ unchanged: the rule is symmetric and therefore of order two.
 
 use crate::distance::{Closest, Vec3, combine};
 
@@ -31,7 +31,7 @@ pub(crate) struct DistanceChange {
 }
 
 impl DistanceChange {
-    /// From the closest points at both ends, where the positions are x₀ and x₁.
+    /// Computes the change from the closest points at both ends, where the positions are x₀ and x₁.
     #[inline]
     pub(crate) fn new(start: &Closest, end: &Closest, x: [&[Vec3; 4]; 2]) -> Self {
         let [x0, x1] = x;
@@ -78,7 +78,7 @@ mod tests {
         x.map(|x| rotation * x + shift)
     }
 
-    /// Both ends random, so that closest features differ, and steps from 1 down to 1e-12.
+    /// Both ends are random, so that closest features differ; steps range from 1 to 1e-12.
     #[test]
     fn work_is_the_change_of_distance_and_both_momenta_are_kept() {
         let mut numbers = Numbers::new(1);
@@ -105,7 +105,7 @@ mod tests {
         }
     }
 
-    /// The gradient stays near unit size: |c̄| and |ζ| are bounded, and so is the force of a pair.
+    /// The gradient has a norm near one: |c̄| and |ζ| are bounded, and so is the force of a pair.
     #[test]
     fn it_tends_to_the_gradient_at_order_two_and_is_bounded() {
         let mut numbers = Numbers::new(2);

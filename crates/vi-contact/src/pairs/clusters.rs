@@ -1,8 +1,8 @@
-//! Clusters: sets of nodes that pairs join.
+//! Clusters: sets of nodes that pairs connect.
 
-/// Groups nodes 0 … count − 1 into the sets that `pairs` join, each in increasing order, in the order of their least
-/// node. Nodes without a pair are in none; nodes for which `is_free` is false join nothing, so that two bodies on one
-/// fixed floor are two clusters.
+/// Groups the nodes 0 … count − 1 into the sets that `pairs` connect, each in increasing order, in the order of their
+/// lowest node. Nodes without a pair are in no set. Nodes for which `is_free` is false connect nothing, so that two
+/// bodies on one fixed floor are two clusters.
 pub fn clusters<'a>(
     count: usize,
     pairs: impl IntoIterator<Item = &'a [u32]>,
@@ -17,7 +17,7 @@ pub fn clusters<'a>(
             let root = root_of(&mut parent, node);
             let other = *first.get_or_insert(root);
             let other = root_of(&mut parent, other);
-            // The least node is the root.
+            // The lowest node is the root.
             parent[root.max(other) as usize] = root.min(other);
         }
     }

@@ -1,19 +1,19 @@
-//! Terms of edge pairs only: the mollifier of parallel edges, and the guard of flat ones.
+//! Terms that only edge pairs have: the mollifier for parallel edges, and the guard for flat ones.
 
 use crate::barrier::Barrier;
 use crate::distance::Vec3;
 use crate::surface::Edge;
 
-/// Weight of the barrier that every pair of edges has below [`GUARD_REACH`] of d̂, sharp or flat. Points carry the
-/// pressure between flat meshes; without a guard their edges could cross where a flat mesh is folded over an edge.
+/// Weight of the barrier that every pair of edges has below [`GUARD_REACH`] · d̂, sharp or flat. Points carry the
+/// pressure between flat meshes; without a guard, edges could cross if a flat mesh is folded over an edge.
 const GUARD: f64 = 1e-2;
-/// Where the guard sets in, of d̂: at the gap of s = ¼ points alone press with 13 κ, so that the guard stays out of the
-/// pressure between flat meshes, whose energy per area is then exact.
+/// Relative gap below which the guard acts. At s = ¼ points alone press with 13 κ, so the guard does not contribute
+/// to the pressure between flat meshes, whose energy per area is then exact.
 const GUARD_REACH: f64 = 0.25;
-/// Edges count as parallel below this part of the squared product of their rest lengths (Li et al. 2020, IPC).
+/// Edges count as parallel below this fraction of the squared product of their rest lengths (Li et al. 2020, IPC).
 const PARALLEL: f64 = 1e-3;
 
-/// A weighted sum of the barrier over d̂ and of the guard over its part of d̂, as a function of s.
+/// A weighted sum, as a function of s, of the barrier over d̂ and of the guard over its part of d̂.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Blend {
     barrier: Barrier,
@@ -22,19 +22,20 @@ pub struct Blend {
 }
 
 impl Blend {
-    /// The barrier of points.
+    /// Returns the barrier of points.
     pub(crate) fn of_points(barrier: Barrier) -> Self {
         Self { barrier, full: 1.0, guard: 0.0 }
     }
 
-    /// The barrier of two edges: χ_a χ_b B(s) + guard. Where one is sharp, the guard has its weight: a knife on a coarse
-    /// cloth may have no point under it, and with the guard of flat edges alone would come to a thousandth of d̂.
+    /// Returns the barrier of two edges, χ_a χ_b B(s) + guard. If one edge is sharp, the guard has the weight of its
+    /// sharpness. For a knife on a coarse cloth there may be no point under the knife; with the guard of flat edges
+    /// alone the gap would decrease to a thousandth of d̂.
     pub(crate) fn of_edges(barrier: Barrier, a: &Edge, b: &Edge) -> Self {
         Self { barrier, full: a.sharpness * b.sharpness, guard: GUARD.max(a.sharpness.max(b.sharpness)) }
     }
 
-    /// full · part(B, 1) + guard · part(B, reach), where a part is a function of B and of what s is divided by. A
-    /// weight of zero must not meet the infinity of touch.
+    /// Returns full · part(B, 1) + guard · part(B, reach), where `part` is a function of B and of the divisor of s. A
+    /// zero weight must not be multiplied by the infinity at touch.
     #[inline]
     fn sum(self, part: impl Fn(Barrier, f64) -> f64) -> f64 {
         let mut sum = 0.0;
@@ -47,39 +48,40 @@ impl Blend {
         sum
     }
 
-    /// The larger of both weights: the scale of the pair's forces.
+    /// Returns the larger of both weights, which is the scale of the pair's forces.
     pub(crate) fn weight(self) -> f64 {
         self.full.max(self.guard)
     }
 
-    /// The value at s.
+    /// Returns the value at s.
     pub fn value(self, s: f64) -> f64 {
         self.sum(|barrier, reach| reach * barrier.value(s / reach))
     }
 
-    /// Derivative by s.
+    /// Returns the derivative by s.
     pub fn slope(self, s: f64) -> f64 {
         self.sum(|barrier, reach| barrier.slope(s / reach))
     }
 
-    /// Second derivative by s.
+    /// Returns the second derivative by s.
     pub fn curvature(self, s: f64) -> f64 {
         self.sum(|barrier, reach| barrier.curvature(s / reach) / reach)
     }
 
-    /// Difference quotient between a and b.
+    /// Returns the difference quotient between a and b.
     pub fn quotient(self, a: f64, b: f64) -> f64 {
         self.sum(|barrier, reach| barrier.quotient(a / reach, b / reach))
     }
 
-    /// Derivative of the quotient by its second argument.
+    /// Returns the derivative of the quotient by its second argument.
     pub fn quotient_slope(self, a: f64, b: f64) -> f64 {
         self.sum(|barrier, reach| barrier.quotient_slope(a / reach, b / reach) / reach)
     }
 }
 
-/// The mollifier m = (2 − c/ε) c/ε for c < ε, else 1, of c = |e_a × e_b|², with ε = 1e-3 of the rest lengths squared.
-/// The closest points of parallel edges jump; there the energy of the pair vanishes, and points carry the contact.
+/// The mollifier m = (2 − c/ε) c/ε for c < ε, else 1, of c = |e_a × e_b|², with ε = 1e-3 of the squared product of
+/// the rest lengths. The closest points of parallel edges jump; there the energy of the pair vanishes, and points
+/// carry the contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Mollifier {
     pub(crate) scale: f64,
@@ -90,7 +92,7 @@ impl Mollifier {
         Self { scale: PARALLEL * a.square * b.square }
     }
 
-    /// c.
+    /// Returns c.
     pub(crate) fn argument(x: &[Vec3; 4]) -> f64 {
         (x[1] - x[0]).cross(&(x[3] - x[2])).norm_squared()
     }
@@ -109,7 +111,7 @@ impl Mollifier {
         if c < self.scale { -2.0 / (self.scale * self.scale) } else { 0.0 }
     }
 
-    /// Difference quotient of m, without cancellation.
+    /// Returns the difference quotient of m, without cancellation.
     pub(crate) fn quotient(self, c0: f64, c1: f64) -> f64 {
         let (u0, u1) = (c0 / self.scale, c1 / self.scale);
         if u0 < 1.0 && u1 < 1.0 {
@@ -121,8 +123,8 @@ impl Mollifier {
         }
     }
 
-    /// A discrete gradient of c: exact for c = A B − G² with A = e_a·e_a, B = e_b·e_b, G = e_a·e_b, each of which is
-    /// quadratic in positions, so that ΔA = 2 e_a(x_m)·Δe_a and so on.
+    /// Returns a discrete gradient of c. It is exact for c = A B − G² with A = e_a·e_a, B = e_b·e_b, G = e_a·e_b,
+    /// each of which is quadratic in positions, so that ΔA = 2 e_a(x_m)·Δe_a etc.
     pub(crate) fn discrete_gradient(x0: &[Vec3; 4], x1: &[Vec3; 4]) -> [Vec3; 4] {
         let edges = |x: &[Vec3; 4]| [x[1] - x[0], x[3] - x[2]];
         let ([a0, b0], [a1, b1]) = (edges(x0), edges(x1));
@@ -136,7 +138,7 @@ impl Mollifier {
         [-along_a, along_a, -along_b, along_b]
     }
 
-    /// ∂²c/∂e_i∂e_j as a function of the six components of e_a and e_b.
+    /// Returns ∂²c/∂e_i∂e_j as a function of the six components of e_a and e_b.
     pub(crate) fn hessian(x: &[Vec3; 4]) -> [[f64; 6]; 6] {
         let (a, b) = (x[1] - x[0], x[3] - x[2]);
         let (aa, bb, ab) = (a.norm_squared(), b.norm_squared(), a.dot(&b));

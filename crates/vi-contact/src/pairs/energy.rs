@@ -11,10 +11,10 @@ use crate::surface::Gauge;
 
 pub use super::edges::Blend;
 
-/// Items that one task looks at; fewer are not worth a thread.
+/// Number of items per task; fewer items run on the calling thread.
 const CHUNK: usize = 512;
 
-/// Concatenates what `each` appends for the items 0, 1, 2, …, in their order, with a work space per task.
+/// Concatenates what `each` appends for the items 0, 1, 2, …, in their order, with one work space per task.
 pub(crate) fn in_order<W, T: Send>(
     count: usize,
     space: impl Fn() -> W + Sync,
@@ -32,7 +32,7 @@ pub(crate) fn in_order<W, T: Send>(
     }
 }
 
-/// Parameters that give the energy of a pair from its distance.
+/// Parameters from which the energy of a pair follows, given its distance.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Strength {
     pub(super) gauge: Gauge,
@@ -44,15 +44,15 @@ pub(super) struct Strength {
 /// A pair that acts at a configuration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ActivePair {
-    /// Shape of the pair: kinds of its closest features.
+    /// The parts of the pair.
     pub partners: Partners,
-    /// The kind of pair; a point against a half-space is a [`Shape::PointPoint`] with a normal that does not turn.
+    /// The kind of pair; a point against a half-space is a [`Shape::PointPoint`] with a fixed normal.
     pub shape: Shape,
     /// Nodes of the pair; the first `shape.arity()` are used.
     pub nodes: [u32; 4],
     /// Closest points.
     pub closest: Closest,
-    /// C, J. Negative where inclusion and exclusion subtracts.
+    /// Energy C, J; negative for pairs that inclusion and exclusion subtracts.
     pub energy: f64,
     /// dC/dd, N.
     pub slope: f64,
@@ -60,7 +60,7 @@ pub struct ActivePair {
     pub curvature: f64,
     /// Gap g = d − ξ, m.
     pub gap: f64,
-    /// dC/dc, d²C/dc² and d²C/dd dc of nearly parallel edges, where c = |e_a × e_b|².
+    /// dC/dc, d²C/dc² and d²C/dd dc of nearly parallel edges, with c = |e_a × e_b|².
     parallel: Option<[f64; 3]>,
 }
 
@@ -101,7 +101,7 @@ impl ActivePair {
         }
     }
 
-    /// ∂C/∂x_a, N.
+    /// Returns ∂C/∂x_a, N.
     pub fn gradient(&self, x: &[f64]) -> [Vec3; 4] {
         let normal = self.closest.vector / self.closest.distance();
         let mut gradient = self.closest.weights.map(|weight| normal * (self.slope * weight));
@@ -114,7 +114,7 @@ impl ActivePair {
         gradient
     }
 
-    /// ∂²C/∂x², N/m: packed lower triangle of the 3·arity coordinates, by rows.
+    /// Writes ∂²C/∂x², N/m, as the packed lower triangle of the 3·arity coordinates, by rows.
     pub fn hessian(&self, x: &[f64], out: &mut [f64]) {
         let size = 3 * self.shape.arity();
         let x = self.nodes.map(|node| at(x, node));
@@ -155,14 +155,14 @@ impl ActivePair {
         }
     }
 
-    /// The positive part that every Newton method may use, max(C'', 0) c cᵀ ⊗ n nᵀ, packed like the Hessian.
+    /// Writes a positive semidefinite part for Newton methods, max(C'', 0) c cᵀ ⊗ n nᵀ, packed like the Hessian.
     pub fn stiffness(&self, out: &mut [f64]) {
         let normal = self.closest.vector / self.closest.distance();
         pack_rank_one(self.curvature.max(0.0), &self.closest.weights, normal, 3 * self.shape.arity(), out);
     }
 }
 
-/// k (c ⊗ n)(c ⊗ n)ᵀ as a packed lower triangle.
+/// Writes k (c ⊗ n)(c ⊗ n)ᵀ as a packed lower triangle.
 pub(crate) fn pack_rank_one(k: f64, c: &[f64], normal: Vec3, size: usize, out: &mut [f64]) {
     for (i, row) in rows(size, out) {
         let left = k * c[i / 3] * normal[i % 3];
@@ -172,7 +172,7 @@ pub(crate) fn pack_rank_one(k: f64, c: &[f64], normal: Vec3, size: usize, out: &
     }
 }
 
-/// Rows of a packed lower triangle with their numbers.
+/// Returns the rows of a packed lower triangle with their numbers.
 fn rows(size: usize, mut packed: &mut [f64]) -> impl Iterator<Item = (usize, &mut [f64])> {
     (0..size).map(move |i| {
         let (row, rest) = std::mem::take(&mut packed).split_at_mut(i + 1);
@@ -182,7 +182,7 @@ fn rows(size: usize, mut packed: &mut [f64]) -> impl Iterator<Item = (usize, &mu
 }
 
 impl Contact<'_> {
-    /// All pairs that act at positions x, in the order of points, edges, half-spaces.
+    /// Returns all pairs that act at positions x, in the order of points, edges, half-spaces.
     pub fn active(&self, x: &[f64]) -> Vec<ActivePair> {
         let mut pairs = in_order(self.surface.points.len(), Group::new, |point, group, out| {
             self.active_at_point(point, x, group, out);
@@ -196,12 +196,12 @@ impl Contact<'_> {
         pairs
     }
 
-    /// C(x), J: infinite where surfaces touch.
+    /// Returns C(x), J; infinite if surfaces touch.
     pub fn energy(&self, x: &[f64]) -> f64 {
         self.active(x).iter().map(|pair| pair.energy).sum()
     }
 
-    /// Smallest gap of all candidates at x, m; infinite where there are none.
+    /// Returns the smallest gap of all candidates at x, m; infinite if there are none.
     pub fn smallest_gap(&self, x: &[f64]) -> f64 {
         self.smallest_gaps(x).into_values().fold(f64::INFINITY, f64::min)
     }
@@ -261,14 +261,14 @@ impl Contact<'_> {
         }
     }
 
-    /// Cells near a point, body by body.
+    /// Returns the cells near a point, body by body.
     pub(crate) fn bodies_of(&self, point: usize) -> impl Iterator<Item = (u32, &[u32])> {
         let body = |cell: &u32| self.surface.cells[*cell as usize].body;
         let runs = self.neighbours.cells_of(point).chunk_by(move |a, b| body(a) == body(b));
         runs.map(move |cells| (body(&cells[0]), cells))
     }
 
-    /// The pair of edges of a candidate, if it acts.
+    /// Returns the pair of edges of a candidate if it acts.
     pub(crate) fn active_edges(&self, pair: usize, x: &[f64]) -> Option<ActivePair> {
         let pair = &self.neighbours.edges[pair];
         let nodes = self.edge_nodes(pair.edges);
@@ -287,7 +287,7 @@ impl Contact<'_> {
         (active.energy != 0.0).then_some(active)
     }
 
-    /// The point and half-space of a candidate, if they act.
+    /// Returns the point and half-space of a candidate if they act.
     pub(crate) fn active_plane(&self, pair: usize, x: &[f64]) -> Option<ActivePair> {
         let [point, plane] = self.neighbours.planes[pair];
         let gauge = self.surface.plane_gauge(point as usize, plane as usize)?;
@@ -306,14 +306,14 @@ impl Contact<'_> {
         Some(ActivePair::new(partners, Shape::PointPoint, nodes, closest, height, &strength))
     }
 
-    /// Height of a point over a half-space, m.
+    /// Returns the height of a point over a half-space, m.
     pub(crate) fn height(&self, point: u32, plane: u32, x: &[f64]) -> f64 {
         let (node, face) =
             (self.surface.points[point as usize].node, &self.surface.half_spaces[plane as usize]);
         face.normal.dot(&(at(x, node) - at(x, face.node)))
     }
 
-    /// The nodes of two edges.
+    /// Returns the nodes of two edges.
     pub(crate) fn edge_nodes(&self, [a, b]: [u32; 2]) -> [u32; 4] {
         let ([i, j], [k, l]) = (self.surface.edges[a as usize].nodes, self.surface.edges[b as usize].nodes);
         [i, j, k, l]

@@ -1,14 +1,14 @@
-//! The simplices of a body that a point sees, with inclusion–exclusion numbers, grouped by closest feature.
+//! Finds the simplices of a body near a point, with inclusion–exclusion numbers, grouped by closest feature.
 
 use crate::distance::{Closest, Shape, Vec3, at};
 use crate::surface::{Gauge, Surface};
 
-/// A simplex that a point sees at `ENDS` configurations: one, or both ends of a step.
+/// A simplex near a point at `ENDS` configurations: one, or both ends of a step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PointTerm<const ENDS: usize> {
     /// The kind of pair.
     pub(crate) shape: Shape,
-    /// The point and the nodes of the simplex; the last is repeated.
+    /// The point and the nodes of the simplex; the last one is repeated.
     pub(crate) nodes: [u32; 4],
     /// Sum n of the inclusion–exclusion numbers.
     pub(crate) multiplicity: i32,
@@ -18,16 +18,16 @@ pub(crate) struct PointTerm<const ENDS: usize> {
     features: [[u32; 3]; ENDS],
 }
 
-/// Work space for the cells that one point sees.
+/// Work space for the cells near one point.
 #[derive(Debug, Default)]
 pub(crate) struct Group<const ENDS: usize> {
-    /// The terms of the point against one body, no two with the same closest features.
+    /// The terms of the point against one body; no two have the same closest features.
     pub(crate) terms: Vec<PointTerm<ENDS>>,
     edges: Vec<([u32; 2], i32)>,
     nodes: Vec<(u32, i32)>,
 }
 
-/// No node.
+/// Stands for no node.
 const NONE: u32 = u32::MAX;
 
 impl<const ENDS: usize> Group<ENDS> {
@@ -37,8 +37,8 @@ impl<const ENDS: usize> Group<ENDS> {
 
     /// Finds the terms of a point against cells of one body, at positions x of each end.
     ///
-    /// Only cells within reach at some end count. That is enough: where an edge or node is within reach, so are all
-    /// cells that contain it, and their number is counted here, without the cells that the surface excludes.
+    /// Only cells within reach at some end are considered. That is enough: if an edge or node is within reach, so are
+    /// all cells that contain it. Their number is counted here, without the cells that the surface excludes.
     pub(crate) fn gather(
         &mut self,
         surface: &Surface,
@@ -86,7 +86,7 @@ impl<const ENDS: usize> Group<ENDS> {
                     }
                     [a, b, c].into_iter().for_each(|node| add(&mut self.nodes, node, 1));
                 }
-                // A wire's edge is a cell: n = 1 is there already.
+                // The edge of a wire is a cell, which already counts with n = 1.
                 Shape::PointEdge => self.edges.push(([term.nodes[1], term.nodes[2]], 0)),
                 _ => {}
             }
@@ -105,7 +105,8 @@ impl<const ENDS: usize> Group<ENDS> {
         (self.edges, self.nodes) = (edges, nodes);
     }
 
-    /// Sums terms with the same closest features at every end: they have the same distances, hence the same energies.
+    /// Sums terms with the same closest features at every end: they have the same distances and hence the same
+    /// energies.
     fn merge(&mut self) {
         let terms = &mut self.terms;
         let mut kept = 0;
@@ -131,7 +132,7 @@ fn add(nodes: &mut Vec<(u32, i32)>, node: u32, number: i32) {
     }
 }
 
-/// Nodes of the simplex that carry the closest point.
+/// Returns the nodes of the simplex that determine the closest point.
 #[inline]
 fn feature(nodes: &[u32; 4], closest: &Closest) -> [u32; 3] {
     let mut feature = [NONE; 3];
@@ -146,7 +147,7 @@ fn feature(nodes: &[u32; 4], closest: &Closest) -> [u32; 3] {
 }
 
 impl<const ENDS: usize> PointTerm<ENDS> {
-    /// Positions of the nodes at each end.
+    /// Returns the positions of the nodes at each end.
     pub(crate) fn positions(&self, x: [&[f64]; ENDS]) -> [[Vec3; 4]; ENDS] {
         x.map(|x| self.nodes.map(|node| at(x, node)))
     }

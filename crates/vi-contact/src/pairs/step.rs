@@ -1,11 +1,12 @@
 //! Contact over a step from x₀ to x₁: forces that do exactly the work C₁ − C₀, pair by pair.
 //!
-//! With the quotient Q = (C(d₁) − C(d₀))/(d₁ − d₀) ≤ 0 and the discrete gradient N of the distance (`chord.rs`), a pair
-//! exerts −G with G_a = Q N_a. Hence Σ G·Δx = C₁ − C₀, Σ G_a = 0 and Σ x_m,a × G_a = 0, at any step and for any change
-//! of closest features: the pairs are simplices, not features, so that their energies telescope from step to step.
+//! With the quotient Q = (C(d₁) − C(d₀))/(d₁ − d₀) ≤ 0 and the discrete gradient N of the distance (`chord.rs`), a
+//! pair exerts −G with G_a = Q N_a. Hence Σ G·Δx = C₁ − C₀, Σ G_a = 0 and Σ x_m,a × G_a = 0, for any step and any
+//! change of closest features. The pairs are simplices and not features, so their energies add up from step to step.
 //!
-//! Damping of time τ adds the force τ C''(s̄) Δd/h along N, as far as the pair does not pull; it takes
-//! D = τ C'' Δd²/h ≥ 0. It acts on what inclusion and exclusion adds, not on what it subtracts.
+//! Damping with the time constant τ adds the force τ C''(s̄) Δd/h along N, as long as the pair does not pull. It
+//! dissipates D = τ C'' Δd²/h ≥ 0. It acts on the pairs that inclusion and exclusion adds, not on those that it
+//! subtracts.
 
 use super::edges::Mollifier;
 use super::energy::{Strength, in_order, pack_rank_one};
@@ -15,16 +16,16 @@ use crate::distance::{Shape, Vec3, at};
 /// Parameters of the forces of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepSettings {
-    /// Duration of the step, s: of the drift where contact acts in the drift.
+    /// Duration of the step, s; that of the drift if contact acts in the drift.
     pub duration: f64,
 }
 
 /// A pair that acts over a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepPair {
-    /// Shape of the pair: kinds of its closest features.
+    /// The parts of the pair.
     pub partners: Partners,
-    /// Number of its nodes.
+    /// Number of nodes of the pair.
     pub arity: usize,
     /// Nodes of the pair.
     pub nodes: [u32; 4],
@@ -32,25 +33,25 @@ pub struct StepPair {
     pub gradient: [Vec3; 4],
     /// Mean weights c̄ of the closest points.
     pub weights: [f64; 4],
-    /// Unit vector between the closest points of the middle.
+    /// Unit vector between the closest points at the midpoint.
     pub normal: Vec3,
-    /// k of ∂G/∂x₁ ≈ k c̄ c̄ᵀ ⊗ n nᵀ, N/m; positive but where inclusion and exclusion subtracts.
+    /// k of ∂G/∂x₁ ≈ k c̄ c̄ᵀ ⊗ n nᵀ, N/m; positive except for pairs that inclusion and exclusion subtracts.
     pub stiffness: f64,
     /// C₀ and C₁, J.
     pub energy: [f64; 2],
-    /// Energy that damping takes, J: Σ G·Δx = C₁ − C₀ + dissipated.
+    /// Energy that damping dissipates, J: Σ G·Δx = C₁ − C₀ + dissipated.
     pub dissipated: f64,
-    /// Smaller gap of both ends, m.
+    /// The smaller gap of both ends, m.
     pub gap: f64,
 }
 
 impl StepPair {
-    /// Force on the first part of the pair (the point, or the first edge), N.
+    /// Returns the force on the first part of the pair (the point, or the first edge), N.
     pub fn force(&self) -> Vec3 {
         -self.gradient[..self.partners.first_count()].iter().sum::<Vec3>()
     }
 
-    /// k c̄ c̄ᵀ ⊗ n nᵀ as a packed lower triangle of 3·arity coordinates, N/m.
+    /// Writes k c̄ c̄ᵀ ⊗ n nᵀ as a packed lower triangle of 3·arity coordinates, N/m.
     pub fn packed_stiffness(&self, out: &mut [f64]) {
         pack_rank_one(self.stiffness, &self.weights, self.normal, 3 * self.arity, out);
     }
@@ -75,7 +76,7 @@ struct Quotient {
 }
 
 impl Quotient {
-    /// `rate` is τ/h; `change` is d₁ − d₀.
+    /// `rate` is τ/h, and `change` is d₁ − d₀.
     #[inline]
     fn new(strength: &Strength, ends: [f64; 2], change: f64, rate: f64) -> Self {
         let Strength { gauge, blend, multiplicity: n } = *strength;
@@ -104,9 +105,10 @@ impl Quotient {
 }
 
 impl Contact<'_> {
-    /// All pairs that act between x₀ and x₁, in the order of points, edges, half-spaces.
+    /// Returns all pairs that act between x₀ and x₁, in the order of points, edges, half-spaces.
     ///
-    /// The path from x₀ to x₁ must not cross (see [`Contact::first_impact`]): a distance has no sign.
+    /// Surfaces must not cross on the path from x₀ to x₁ (see [`Contact::first_impact`]), because a distance has no
+    /// sign.
     pub fn step(&self, x0: &[f64], x1: &[f64], settings: &StepSettings) -> Vec<StepPair> {
         let x = [x0, x1];
         let mut pairs = in_order(self.surface.points.len(), Group::new, |point, group, out| {
@@ -223,7 +225,7 @@ impl Contact<'_> {
         Some(assemble(Partners::PointPlane(point, plane), 2, nodes, &change, &quotient))
     }
 
-    /// τ/h of two bodies.
+    /// Returns τ/h of two bodies.
     fn damping_rate(&self, a: u32, b: u32, settings: &StepSettings) -> f64 {
         self.surface.law(a, b).map_or(0.0, |law| law.damping / settings.duration)
     }

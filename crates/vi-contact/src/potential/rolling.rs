@@ -1,5 +1,5 @@
-//! Friction of round rigid bodies as a live term of its own: it reads frames besides the nodes of a pair, eight nodes
-//! together, and has no energy. Candidates are those of the contact, of which a body is round.
+//! Friction of round rigid bodies as a separate live term. Besides the nodes of a pair it reads frames, eight nodes
+//! together, and it has no energy. Its candidates are those of the contact with a round body.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -15,7 +15,7 @@ use crate::distance::{Vec3, at};
 use crate::friction::{Anchors, RollingPair, Step};
 use crate::pairs::{Group, Partners, StepPair, StepSettings, pack_rank_one};
 
-/// Nodes of a stencil, and numbers in its gradient.
+/// Number of nodes of a stencil, and size of its gradient.
 const ARITY: usize = 8;
 const SIZE: usize = 3 * ARITY;
 
@@ -23,7 +23,7 @@ const SIZE: usize = 3 * ARITY;
 pub struct RollingTerm(Arc<ContactTerm>);
 
 impl RollingTerm {
-    /// The friction of the round bodies of a contact; `None` where there is none.
+    /// Returns the friction of the round bodies of a contact; `None` if there is none.
     pub fn new(contact: &Arc<ContactTerm>) -> Option<Self> {
         contact.surface().has_rolling().then(|| Self(Arc::clone(contact)))
     }
@@ -53,7 +53,7 @@ impl Live for RollingTerm {
     }
 }
 
-/// A stencil: a pair that may rub, and its place in the lists of the contact.
+/// A stencil: a pair with possible friction, and its place in the lists of the contact.
 #[derive(Debug, Clone, Copy)]
 struct Candidate {
     partners: Partners,
@@ -62,7 +62,7 @@ struct Candidate {
     number: usize,
 }
 
-/// The candidates of a contact of which a body is round: points with the cells near them, edges, half-spaces.
+/// Returns the candidates of a contact with a round body: points with the cells near them, edges, half-spaces.
 fn candidates(contact: &ContactPotential) -> Vec<Candidate> {
     let (surface, view) = (contact.surface(), contact.contact());
     let mut all = Vec::new();
@@ -89,12 +89,12 @@ struct RollingPotential {
     contact: ContactPotential,
     candidates: Arc<[Candidate]>,
     nodes: Arc<[u32]>,
-    /// The step in which it acts; none before one is open.
+    /// The step in which it acts; `None` before a step is opened.
     step: Option<Step>,
 }
 
 impl RollingPotential {
-    /// Calls `each` with the pairs that rub between x₀ and x₁ in the stencils of `range`.
+    /// Calls `each` with the pairs that have friction between x₀ and x₁ in the stencils of `range`.
     fn for_each(&self, range: Range<usize>, x: [&[f64]; 2], mut each: impl FnMut(usize, &RollingPair)) {
         let Some(step) = &self.step else { return };
         let contact = self.contact.contact();
@@ -224,7 +224,7 @@ impl DiscreteGradient for RollingPotential {
         let anchors = Anchors::stretched(anchors.into_iter());
         let before = self.step.as_ref().map_or(0.0, |step| step.anchors.energy(surface));
         outcome.stored = anchors.energy(surface);
-        // With the energy of bristles whose pair has opened.
+        // Include the energy of bristles whose pair has opened.
         outcome.friction = work - (outcome.stored - before);
         outcome.memory = anchors.to_numbers();
         let exchanged = |(between, value): ([u32; 2], Vec3)| Impulse { between, value: value.into() };

@@ -1,5 +1,5 @@
 //! Contact over a step, stencil by stencil: the discrete gradient of the contact energy, and with it friction and
-//! damping, which remember the stretch of their bristles from step to step.
+//! damping. Friction remembers the stretch of its bristles from step to step.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -12,10 +12,10 @@ use crate::distance::{Vec3, at};
 use crate::friction::{Anchors, FrictionPair, Step};
 use crate::pairs::{Group, Partners, StepPair, StepSettings};
 
-/// Without damping, which is a force of its own.
+/// Settings without damping, which is a separate force.
 const UNDAMPED: StepSettings = StepSettings { duration: f64::INFINITY };
 
-/// What acts between x₀ and x₁: a pair by its normal force, or by its friction.
+/// A force between x₀ and x₁: the normal force of a pair, or its friction.
 enum Acting<'a> {
     Normal(&'a StepPair),
     Friction(&'a FrictionPair),
@@ -43,7 +43,7 @@ impl Acting<'_> {
         }
     }
 
-    /// Force on the first part, N.
+    /// Returns the force on the first part, N.
     fn force(&self) -> Vec3 {
         match self {
             Self::Normal(pair) => pair.force(),
@@ -60,7 +60,7 @@ impl Acting<'_> {
 }
 
 impl ContactPotential {
-    /// Calls `each` with what acts in the stencils of `range` between x₀ and x₁, and the places of its nodes.
+    /// Calls `each` with the forces of the stencils of `range` between x₀ and x₁, and the places of their nodes.
     fn for_each_step(
         &self,
         range: Range<usize>,
@@ -107,8 +107,8 @@ impl ContactPotential {
     }
 }
 
-/// The sum over the stencils of a point does its work exactly; which of them carries a group that several share is
-/// chosen by the features at both ends.
+/// The sum over the stencils of a point does its work exactly. If several stencils share a group, the features at
+/// both ends decide which of them carries it.
 impl DiscreteGradient for ContactPotential {
     fn gradients(&self, range: Range<usize>, start: &[f64], end: &[f64], out: &mut [f64]) {
         out.fill(0.0);
@@ -163,7 +163,7 @@ impl DiscreteGradient for ContactPotential {
         let anchors = Anchors::after(&rubbing);
         let before = self.step.as_ref().map_or(0.0, |step| step.anchors.energy(&self.surface));
         outcome.stored = anchors.energy(&self.surface);
-        // With the energy of bristles whose pair has opened.
+        // Include the energy of bristles whose pair has opened.
         outcome.friction = work - (outcome.stored - before);
         outcome.memory = anchors.to_numbers();
         let exchanged = |(between, value): ([u32; 2], Vec3)| Impulse { between, value: value.into() };

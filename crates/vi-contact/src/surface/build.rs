@@ -1,4 +1,4 @@
-//! Makes a [`Surface`]: bodies first, then their cells, then the rules.
+//! Builds a [`Surface`]: bodies first, then their cells, then the rules.
 
 use std::collections::BTreeMap;
 
@@ -47,17 +47,17 @@ impl SurfaceBuilder {
         }
     }
 
-    /// Chooses the barrier of all pairs.
+    /// Sets the barrier of all pairs.
     pub fn barrier(&mut self, barrier: Barrier) {
         self.barrier = barrier;
     }
 
-    /// Coulomb's coefficient of pairs without one of their own; 0 unless set.
+    /// Sets Coulomb's coefficient for pairs without their own; default 0.
     pub fn friction(&mut self, coefficient: f64) {
         self.laws.friction = coefficient;
     }
 
-    /// Damping time of pairs without one of their own, s; 0 unless set.
+    /// Sets the damping time for pairs without their own, s; default 0.
     pub fn damping(&mut self, time: f64) {
         self.laws.damping = time;
     }
@@ -68,14 +68,14 @@ impl SurfaceBuilder {
         self.laws.bodies.len() as u32 - 1
     }
 
-    /// Gives a body triangles: the boundary of a solid, or a sheet. Their orientation does not matter.
+    /// Adds triangles to a body: the boundary of a solid, or a sheet. Their orientation does not matter.
     pub fn triangles(&mut self, body: u32, triangles: &[[u32; 3]]) {
         for &triangle in triangles {
             self.cell(body, triangle, 3);
         }
     }
 
-    /// Gives a body wire edges: a rope, or a capsule. An edge stands for its length times its width, the larger of
+    /// Adds wire edges to a body: a rope, or a capsule. An edge represents its length times its width, the larger of
     /// 2·radius and d̂.
     pub fn wires(&mut self, body: u32, edges: &[[u32; 2]]) {
         for &[a, b] in edges {
@@ -83,21 +83,21 @@ impl SurfaceBuilder {
         }
     }
 
-    /// Gives a body a single point that stands for an area (m²): a particle, or a sphere with the body's radius.
+    /// Adds a single point to a body that represents an area (m²): a particle, or a sphere with the body's radius.
     pub fn point(&mut self, body: u32, node: u32, area: f64) {
         self.cell(body, [node; 3], 1);
         self.areas.insert(node, area);
     }
 
-    /// Gives a body an edge whose two nodes stand for `area` (m²) each: a capsule with the body's radius.
+    /// Adds an edge to a body whose two nodes represent `area` (m²) each: a capsule with the body's radius.
     pub fn segment(&mut self, body: u32, nodes: [u32; 2], area: f64) {
         self.wires(body, &[nodes]);
         self.areas.extend(nodes.map(|node| (node, area)));
     }
 
-    /// Says that a body is rigid, with these nodes as its frame: a point c and directors d₁, d₂, d₃, so that
-    /// x = c + Σ X_k d_k is a place that it carries. Friction on a round one, a point or segment with a radius, then acts
-    /// where it touches.
+    /// Declares a body rigid, with these nodes as its frame: a point c and directors d₁, d₂, d₃, so that the body
+    /// carries the points x = c + Σ X_k d_k. Friction on a round body, a point or segment with a radius, then acts at
+    /// the point of contact.
     pub fn frame(&mut self, body: u32, nodes: [u32; 4]) {
         self.frames.insert(body, nodes);
     }
@@ -107,31 +107,31 @@ impl SurfaceBuilder {
         self.cells.push(Cell { nodes, count, body });
     }
 
-    /// Makes a body a half-space n·(x − x_node) < 0 with outward normal n, of any length.
+    /// Makes a body a half-space n·(x − x_node) < 0 with an outward normal n of any length.
     pub fn half_space(&mut self, body: u32, node: u32, normal: [f64; 3]) {
         let normal = Vec3::from(normal).normalize();
         self.half_spaces.push(HalfSpace { node, body, normal });
     }
 
-    /// Sets what the pair of bodies `a` and `b` has of its own.
+    /// Sets the rule for the pair of bodies `a` and `b`.
     pub fn pair(&mut self, a: u32, b: u32, rule: PairRule) {
         self.laws.rules.insert((a.min(b), a.max(b)), rule);
     }
 
-    /// Says that these nodes move as one, as a rigid body does, or are all prescribed: what has nodes of one group only
-    /// is no pair. Groups have numbers from 1 on.
+    /// Declares that these nodes move as one: as a rigid body, or because all are prescribed. Parts whose nodes are
+    /// all in the same group form no pair. Groups are numbered from 1.
     pub fn hold(&mut self, nodes: impl IntoIterator<Item = u32>, group: u32) {
         self.held.extend(nodes.into_iter().map(|node| (node, group)));
     }
 
-    /// Checks everything and makes the surface.
+    /// Checks everything and builds the surface.
     ///
     /// # Errors
-    /// [`ContactError`] where a number is outside its domain, a node does not exist or has two bodies, or a cell has
-    /// no extent.
+    /// [`ContactError`] if a number is outside its domain, a node does not exist or belongs to two bodies, or a cell
+    /// has no extent.
     pub fn build(mut self) -> Result<Surface, ContactError> {
         self.laws.finish()?;
-        // Cells of a body lie side by side.
+        // Make the cells of a body adjacent.
         self.cells.sort_by_key(|cell| (cell.body, cell.nodes, cell.count));
         self.cells.dedup();
         let owners = self.owners()?;
@@ -179,7 +179,7 @@ impl SurfaceBuilder {
         Ok(surface)
     }
 
-    /// The body of each node of a cell.
+    /// Returns the body of each node of a cell.
     fn owners(&self) -> Result<BTreeMap<u32, u32>, ContactError> {
         let count = self.rest.len() / 3;
         let mut owners = BTreeMap::new();

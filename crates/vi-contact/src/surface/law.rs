@@ -4,16 +4,16 @@ use std::collections::BTreeMap;
 
 use crate::error::ContactError;
 
-/// A body as contact sees it.
+/// The contact constants of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Body {
-    /// Half the thickness of a sheet, the radius of a sphere or wire; 0 for the surface of a solid, m.
+    /// Half the thickness of a sheet, or the radius of a sphere or wire; 0 for the surface of a solid, m.
     pub radius: f64,
-    /// Activation distance d̂, m. A pair takes the smaller of its two.
+    /// Activation distance d̂, m. A pair uses the smaller one of its two bodies.
     pub distance: f64,
-    /// Layer modulus κ, Pa. A pair takes the smaller of its two.
+    /// Layer modulus κ, Pa. A pair uses the smaller one of its two bodies.
     pub stiffness: f64,
-    /// If true, the body is searched for contact with itself.
+    /// Whether the body is searched for contact with itself.
     pub meets_itself: bool,
 }
 
@@ -33,7 +33,7 @@ pub struct Law {
 /// Parameters of one pair of bodies that differ from the defaults.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PairRule {
-    /// The bodies do not meet.
+    /// Whether the bodies never meet.
     pub excluded: bool,
     /// Activation distance d̂, m.
     pub distance: Option<f64>,
@@ -52,7 +52,7 @@ pub(crate) struct Laws {
     pub(crate) rules: BTreeMap<(u32, u32), PairRule>,
     pub(crate) friction: f64,
     pub(crate) damping: f64,
-    /// Half of the largest d̂ of each body: a pair's d̂ is at most the sum of both.
+    /// Half of the largest d̂ of each body; the d̂ of a pair is at most the sum of both.
     pub(crate) half_reach: Vec<f64>,
 }
 
@@ -75,7 +75,7 @@ impl Laws {
         })
     }
 
-    /// Checks all numbers and finds the reach of each body.
+    /// Checks all numbers and computes the reach of each body.
     pub(crate) fn finish(&mut self) -> Result<(), ContactError> {
         let check = |body: u32, quantity: &'static str, value: f64, positive: bool| {
             let sound = value.is_finite() && if positive { value > 0.0 } else { value >= 0.0 };

@@ -1,14 +1,15 @@
-//! Areas of points and edges, and how far edges turn at rest.
+//! Computes the areas of points and edges, and how sharply the surface bends at each edge at rest.
 
 use std::collections::BTreeMap;
 
 use super::{Cell, Edge};
 use crate::distance::{Vec3, at};
 
-/// 1 − cos 30°: from this turning angle on an edge is sharp.
+/// 1 − cos 30°: an edge with a larger angle between the normals of its triangles is sharp.
 const SHARP: f64 = 0.133_974_596_215_561_35;
 
-/// The edges of cells, and the area of each node: a third of its triangles, half of its wires' length times width.
+/// Returns the edges of cells, and the area of each node: a third of its triangles, half of its wires' length times
+/// width.
 pub(super) fn edges_and_areas(
     cells: &[Cell],
     widths: &[f64],
@@ -41,7 +42,7 @@ pub(super) fn edges_and_areas(
         }
     }
     let edges = at_edge.into_iter().map(|((body, nodes), (area, sides))| {
-        // Two triangles that lie flat have opposite sides. Rims, wires and forks are sharp.
+        // The side vectors of two coplanar triangles are opposite. Rims, wires and forks count as sharp.
         let sharpness = match sides.as_slice() {
             [first, second] => ((1.0 + first.dot(second)) / SHARP).clamp(0.0, 1.0),
             _ => 1.0,
@@ -52,8 +53,8 @@ pub(super) fn edges_and_areas(
     (edges.collect(), areas)
 }
 
-/// Median over the triangles of their shortest edge at rest, m: a tenth of it is the usual activation distance d̂. Long
-/// cells count by their short side, so that the layer stays thin beside them.
+/// Returns the median over the triangles of their shortest edge at rest, m. A tenth of it is the usual activation
+/// distance d̂. Long cells count with their short side, so that the layer stays thin compared with them.
 pub fn median_edge(triangles: &[[u32; 3]], rest: &[f64]) -> Option<f64> {
     let length = |a: u32, b: u32| (at(rest, a) - at(rest, b)).norm();
     let shortest = |&[a, b, c]: &[u32; 3]| length(a, b).min(length(b, c)).min(length(c, a));

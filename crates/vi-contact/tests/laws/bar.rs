@@ -1,5 +1,6 @@
-//! Case H1: an elastic bar hits a wall at v₀; closed form: contact lasts 2L/c under the force ρ c v₀ A, then it leaves
-//! at +v₀. With contact by discrete gradient inside the energy–momentum step, and in the drift of Störmer–Verlet.
+//! Case H1: an elastic bar hits a wall at v₀. In closed form, contact lasts 2L/c under the force ρ c v₀ A, and then
+//! the bar leaves with +v₀. Contact acts by discrete gradient inside the energy–momentum step, or in the drift of
+//! Störmer–Verlet.
 
 use crate::support::body;
 use nalgebra::{DMatrix, DVector};
@@ -11,7 +12,7 @@ const YOUNG: f64 = 1e6;
 const DENSITY: f64 = 1000.0;
 const WAVE: f64 = 31.622_776_601_683_793;
 
-/// A bar of equal linear elements along z over a half-space; its lowest node is the one that meets it.
+/// A bar of equal linear elements along z over a half-space, which its lowest node meets.
 struct Bar {
     surface: Surface,
     /// Heights of the nodes, the lowest first.
@@ -24,7 +25,7 @@ struct Bar {
 }
 
 impl Bar {
-    /// At a relative gap of 1 from the wall, with a layer of `thinness` elements and modulus κ.
+    /// Returns a bar at a relative gap of 1 from the wall, with a layer of `thinness` elements and modulus κ.
     fn new(elements: usize, thinness: f64, speed: f64, modulus: f64) -> Self {
         let edge = LENGTH / elements as f64;
         let distance = thinness * edge;
@@ -51,7 +52,7 @@ impl Bar {
         Self { surface, z: rest.clone(), v, rest, mass, stiffness, gap: f64::INFINITY }
     }
 
-    /// Contact of the lowest node between two heights: G, its slope, and C at the end.
+    /// Returns the contact of the lowest node between two heights: G, its slope, and C at the end.
     fn contact(&self, z0: f64, z1: f64, h: f64) -> [f64; 3] {
         let x = [z0, z1].map(|z| [0.0, 0.0, z, 0.0, 0.0, 0.0]);
         let neighbours = Neighbours::find(&self.surface, &x[0], 4.0 * (z1 - z0).abs() + 0.01);
@@ -60,8 +61,8 @@ impl Bar {
         pairs.first().map_or([0.0; 3], |pair| [pair.gradient[0].z, pair.stiffness, pair.energy[1]])
     }
 
-    /// The end height w that solves a (w − free) + b G(z₀, w) = 0: increasing in w, so found by Newton's method inside a
-    /// bracket.
+    /// Returns the end height w that solves a (w − free) + b G(z₀, w) = 0. The left side increases with w, so
+    /// Newton's method inside a bracket finds it.
     fn meet(&self, z0: f64, free: f64, a: f64, b: f64, h: f64) -> f64 {
         let (mut low, mut high) = (0.0_f64, free.max(z0) + LENGTH);
         let mut w = if free > 0.0 { free } else { 0.5 * z0 };
@@ -83,8 +84,8 @@ impl Bar {
         w
     }
 
-    /// The energy–momentum step. Elasticity is linear: its matrix A = M + h²K/4 is factored once, and the bar follows
-    /// its lowest node.
+    /// Makes energy–momentum steps. Elasticity is linear: the matrix A = M + h²K/4 is factored once, and the bar
+    /// follows its lowest node.
     fn energy_momentum(&mut self, h: f64, steps: usize, mut see: impl FnMut(usize, f64, &Self)) {
         let n = self.z.len();
         let matrix = DMatrix::from_diagonal(&self.mass) + &self.stiffness * (0.25 * h * h);
@@ -109,7 +110,7 @@ impl Bar {
         }
     }
 
-    /// Störmer–Verlet: kick by elasticity, drift with contact by discrete gradient, kick.
+    /// Makes Störmer–Verlet steps: kick by elasticity, drift with contact by discrete gradient, kick.
     fn verlet(&mut self, h: f64, steps: usize, mut see: impl FnMut(usize, &Self)) {
         for step in 0..steps {
             for phase in 0..2 {
@@ -140,13 +141,13 @@ impl Bar {
     }
 }
 
-/// The limit of Störmer–Verlet, L_e/c, and v₀.
+/// Returns the step limit of Störmer–Verlet, L_e/c.
 fn limit(elements: usize) -> f64 {
     LENGTH / elements as f64 / WAVE
 }
 
 const SPEED: f64 = 0.01 * WAVE;
-/// κ at which the layer is half compressed by the pressure of impact, −B'(½) = 2.
+/// κ at which the pressure of impact compresses the layer to half, −B'(½) = 2.
 const MATCHED: f64 = 0.5 * DENSITY * WAVE * SPEED;
 
 #[test]
@@ -186,7 +187,8 @@ fn energy_is_exact_and_the_gap_stays_open_at_any_step_and_speed() {
     }
 }
 
-/// The drift's contact adds no step limit: energy of the first bounce stays in the band of the elastic scheme.
+/// Contact in the drift adds no step limit: the energy after the first bounce stays in the band of the elastic
+/// scheme.
 #[test]
 fn contact_in_the_drift_holds_at_the_elastic_limit() {
     for (thinness, courant, band) in

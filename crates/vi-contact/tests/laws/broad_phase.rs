@@ -1,4 +1,5 @@
-//! Candidates: complete against a search of all pairs, valid within the margin, the same on any number of threads.
+//! Tests candidates: complete compared with a search of all pairs, valid within the margin, and the same on any
+//! number of threads.
 
 use crate::support::{Numbers, Sheet, body};
 use vi_contact::{Body, Neighbours, Shape, Surface, SurfaceBuilder};
@@ -74,7 +75,7 @@ fn lists_are_the_same_on_any_number_of_threads() {
     assert_eq!(one, on(7));
 }
 
-/// Inside half the margin nothing acts that is not listed.
+/// Within half the margin, no pair acts that is not listed.
 #[test]
 fn lists_stay_valid_within_half_the_margin() {
     let (surface, x, mut numbers) = folded(3, 16);

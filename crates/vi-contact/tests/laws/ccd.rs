@@ -1,4 +1,4 @@
-//! Continuous collision detection: every certificate is proved again in exact rationals.
+//! Tests continuous collision detection: every certificate is proved again in exact rational arithmetic.
 
 use crate::support::{Numbers, Vec3};
 use num_bigint::BigInt;
@@ -37,8 +37,8 @@ impl Dyadic {
     }
 }
 
-/// Does direction w keep all nodes of the pair more than ξ apart at time t? Exactly:
-/// w·Δ > 0 and (w·Δ)² > ξ² |w|² for Δ = (1−t) Δ₀ + t Δ₁.
+/// Returns whether direction w keeps all nodes of the pair more than ξ apart at time t. Exactly: w·Δ > 0 and (w·Δ)² >
+/// ξ² |w|² for Δ = (1−t) Δ₀ + t Δ₁.
 fn holds(shape: Shape, x: [&Points; 2], thickness: f64, certificate: &Certificate, t: f64) -> bool {
     let first = if shape == Shape::EdgeEdge { 2 } else { 1 };
     let w = [0, 1, 2].map(|k| Dyadic::new(certificate.direction[k]));
@@ -58,7 +58,7 @@ fn holds(shape: Shape, x: [&Points; 2], thickness: f64, certificate: &Certificat
     })
 }
 
-/// A path of the pair: far apart, near (gaps 1e-8 … 1e-2), nearly parallel, or degenerate.
+/// Returns a path of the pair: far apart, near (gaps 1e-8 … 1e-2), nearly parallel, or degenerate.
 fn query(numbers: &mut Numbers, shape: Shape, round: usize) -> (Points, Points, f64) {
     let gap = 10_f64.powf(-8.0 + 6.0 * numbers.unit());
     let mut x0 = [(); 4].map(|()| numbers.vector());
@@ -78,14 +78,14 @@ fn query(numbers: &mut Numbers, shape: Shape, round: usize) -> (Points, Points, 
             motion.iter_mut().take(above).for_each(|v| v.z -= fall);
         }
         2 => {
-            // Edges nearly parallel, triangles nearly needles.
+            // Nearly parallel edges, and needle-like triangles.
             let tilt = 10_f64.powf(-10.0 * numbers.unit());
             let along = x0[1] - x0[0];
             x0[3] = x0[2] + along + numbers.vector() * tilt;
             motion = motion.map(|v| v * gap.sqrt());
         }
         _ => {
-            // Degenerate: coincident nodes, no motion, or all in one plane.
+            // Degenerate: coincident nodes, no motion, or all nodes in one plane.
             match round % 12 {
                 3 => x0[3] = x0[2],
                 7 => motion = [Vec3::zeros(); 4],
@@ -129,7 +129,7 @@ fn every_interval_is_proved_again_in_rationals() {
     assert!(certificates > 4000 && whole > 1000 && part > 200, "{certificates} {whole} {part}");
 }
 
-/// A point that falls straight on a triangle, edges that cross: the proved time is just before touch.
+/// For a point that falls straight on a triangle, and for edges that cross, the proved time is just before touch.
 #[test]
 fn head_on_impacts_are_found_to_round_off() {
     let mut numbers = Numbers::new(12);
@@ -157,7 +157,7 @@ fn head_on_impacts_are_found_to_round_off() {
     }
 }
 
-/// Between random paths the proved time is near the time of touch, which bisection over distances finds.
+/// On random paths the proved time is near the time of touch, which bisection over distances finds.
 #[test]
 fn proved_times_are_near_the_times_of_impact() {
     let mut numbers = Numbers::new(13);

@@ -1,10 +1,10 @@
-//! The drift of clusters: energy and momenta over many collisions, at any step, with unequal masses.
+//! Tests the drift of clusters: energy and momenta over many collisions, at any step, with unequal masses.
 
 use crate::support::drift::Drift;
 use crate::support::{Numbers, Vec3, at};
 use vi_contact::{Body, Contact, Neighbours, Surface, SurfaceBuilder};
 
-/// Balls between two walls, with masses up to `ratio` times each other.
+/// Balls between two walls, with masses that differ by a factor of up to `ratio`.
 struct Box {
     surface: Surface,
     mass: Vec<f64>,
@@ -70,7 +70,7 @@ fn columns_of_balls_keep_their_energy_at_any_step() {
     }
 }
 
-/// In space, off centre: momenta of free balls are kept too.
+/// In space and off centre, the momenta of free balls are conserved too.
 #[test]
 fn glancing_balls_keep_both_momenta() {
     let mut set = Box::new(8, 5.0, 0.08, 3);
@@ -80,7 +80,7 @@ fn glancing_balls_keep_both_momenta() {
             [p + momentum, l + at(&set.x, ball).cross(&momentum)]
         })
     };
-    // Before any ball reaches a wall.
+    // Stop before any ball reaches a wall.
     for ball in 0..8 {
         set.v[3 * ball + 2] = 3.5 - ball as f64;
     }

@@ -1,4 +1,4 @@
-//! Friction: balance of energy and momenta, sticking without creep, stopping where Coulomb's law says.
+//! Tests friction: balance of energy and momenta, sticking without creep, and stopping as Coulomb's law predicts.
 
 use crate::support::particles::Particles;
 use crate::support::{Numbers, Vec3, at, body};
@@ -6,7 +6,7 @@ use vi_contact::{Anchors, Body, Contact, Neighbours, Partners, StepSettings, Sur
 
 const STEP: StepSettings = StepSettings { duration: 1e-3 };
 
-/// A tetrahedron that sits on another one by a corner; both spin and tumble. `friction` is μ.
+/// Returns a tetrahedron that touches another one with a corner; both spin and tumble. `friction` is μ.
 fn spinning_pair(friction: f64) -> Particles {
     let x = [
         [0.3, 0.3, 0.04],
@@ -30,7 +30,7 @@ fn spinning_pair(friction: f64) -> Particles {
     let mut particles = Particles::new(surface, vec![0.1, 0.2, 0.3, 0.2, 0.3, 0.1, 0.2, 0.4], x);
     particles.tie(&[0, 1, 2, 3], 1e3);
     particles.tie(&[4, 5, 6, 7], 1e3);
-    // Draws the corner back to the face, without a force from outside.
+    // This spring pulls the corner back to the face, without any external force.
     particles.springs.push((0, 7, 0.3, 30.0));
     let (spin, tumble) = (Vec3::new(0.2, 0.1, 3.0), Vec3::new(1.5, -0.7, -1.0));
     for node in 0..8 {
@@ -41,7 +41,7 @@ fn spinning_pair(friction: f64) -> Particles {
     particles
 }
 
-/// Case H13: neither momentum changes, and the energy that is gone is what friction took.
+/// Case H13: neither momentum changes, and the lost energy equals the dissipation by friction.
 #[test]
 fn a_spinning_pair_keeps_its_momenta() {
     for friction in [0.0, 0.4] {
@@ -64,7 +64,7 @@ fn a_spinning_pair_keeps_its_momenta() {
     }
 }
 
-/// Random steps of a pair: dissipation is never negative and is what the forces took, to round-off.
+/// For random steps of a pair, dissipation is never negative and equals the energy taken by the forces, to round-off.
 #[test]
 fn the_work_of_friction_is_dissipated_or_stored() {
     let mut numbers = Numbers::new(21);
@@ -116,7 +116,7 @@ fn the_work_of_friction_is_dissipated_or_stored() {
                     .sum();
                 assert!(force.norm() + torque.norm() <= 1e-13 * rub.traction.norm(), "{force:?} {torque:?}");
             }
-            // The accounts of all pairs close.
+            // The energy accounts of all pairs close.
             let done: f64 = rubs.iter().map(|rub| rub.traction.dot(&rub.slip)).sum();
             let taken: f64 = rubs.iter().map(|rub| rub.dissipated).sum();
             let released: f64 = anchors.energy(&surface) - rubs.iter().map(|rub| rub.stored).sum::<f64>();
@@ -159,7 +159,7 @@ fn slip_is_zero_where_a_pair_moves_rigidly() {
     }
 }
 
-/// A particle on a half-space tilted by 30°, with damping so that it comes to rest; gravity 9.81.
+/// Returns a particle on a half-space inclined by 30°, with damping so that it comes to rest; gravity is 9.81.
 fn on_a_slope(friction: f64, speed: f64) -> Particles {
     let x = vec![0.0, 0.0, 0.9e-3, 0.0, 0.0, 0.0];
     let mut builder = SurfaceBuilder::new(&x);
@@ -177,7 +177,7 @@ fn on_a_slope(friction: f64, speed: f64) -> Particles {
     particles
 }
 
-/// Case H5: stops after 0.479848 m, then stands for 10 s within 1e-6 m.
+/// Case H5: it stops after 0.479848 m, then stays within 1e-6 m for 10 s.
 #[test]
 fn a_block_stops_where_coulomb_says_and_does_not_creep() {
     for h in [1e-3, 1e-2] {
@@ -199,13 +199,13 @@ fn a_block_stops_where_coulomb_says_and_does_not_creep() {
     }
 }
 
-/// Case H6: μ = 1.01 tan θ holds, .99 slides; μ = .5 accelerates by .657145.
+/// Case H6: μ = 1.01 tan θ sticks, .99 tan θ slides; μ = .5 accelerates by .657145.
 #[test]
 fn a_block_slides_where_the_slope_is_steeper_than_friction() {
     let limit = 30_f64.to_radians().tan();
     let run = |friction: f64| {
         let mut particles = on_a_slope(friction, 0.0);
-        // It settles first without the slope.
+        // Let it settle first without the slope.
         let slope = particles.gravity;
         particles.gravity = Vec3::new(0.0, 0.0, slope.z);
         (0..500).for_each(|_| particles.step(1e-3));

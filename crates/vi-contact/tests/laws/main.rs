@@ -1,4 +1,4 @@
-//! Contact between small bodies, proofs of separation, friction.
+//! Tests contact between small bodies, proofs of separation, and friction.
 
 mod bar;
 mod broad_phase;

@@ -1,4 +1,4 @@
-//! Energies and forces of pairs: patch test, balance of energy and momenta over a step, derivatives.
+//! Tests energies and forces of pairs: patch test, balance of energy and momenta over a step, derivatives.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use vi_core::Potential;
 
 const STEP: StepSettings = StepSettings { duration: 1e-3 };
 
-/// Two sheets as two bodies.
+/// Returns two sheets as two bodies.
 fn two_sheets(low: &Sheet, high: &Sheet, distance: f64, stiffness: f64) -> (Surface, Vec<f64>) {
     let mut all = Sheet::default();
     let (first, second) = (all.join(low), all.join(high));
@@ -35,7 +35,7 @@ fn energy_per_area_and_pressure_do_not_depend_on_the_meshes() {
         let per_area = kappa * d * Barrier::Cubic.value(0.5);
         let pressure = -kappa * Barrier::Cubic.slope(0.5);
         let pairs = contact.active(&x);
-        // The smaller patch sees the larger one everywhere: its half of the energy is that of its area.
+        // Every point of the smaller patch faces the larger one, so its half of the energy is that of its area.
         let nodes_below = (n + 1) * (n + 1);
         let own =
             pairs.iter().filter(|pair| is_point_of(pair, &surface, |node| node as usize >= nodes_below));
@@ -65,7 +65,7 @@ fn is_point_of(pair: &ActivePair, surface: &Surface, of: impl Fn(u32) -> bool) -
     }
 }
 
-/// A crumpled sheet that meets itself and another one: all kinds of features, in valleys, on ridges and rims.
+/// Returns a crumpled sheet that meets itself and another one, with all kinds of features: valleys, ridges and rims.
 fn crumpled(seed: u64) -> (Surface, Vec<f64>, Numbers) {
     let mut numbers = Numbers::new(seed);
     let mut all = Sheet::default();
@@ -136,7 +136,7 @@ fn work_over_a_step_is_the_change_of_energy_and_no_momentum_is_made() {
     }
 }
 
-/// The sum over simplices without grouping, straight from the definition.
+/// Computes the sum over simplices without grouping, directly from the definition.
 #[test]
 fn grouping_by_closest_feature_does_not_change_the_sum() {
     use vi_contact::Shape;
@@ -150,7 +150,7 @@ fn grouping_by_closest_feature_does_not_change_the_sum() {
             .filter(|pair| is_point_of(pair, &surface, |node| node < 36) && is_against(pair, 1))
             .map(|pair| pair.energy)
             .sum();
-        // Points of the first sheet against the second: 25 nodes from 36 on.
+        // The points of the first sheet against the second: 25 nodes from number 36 on.
         let cells: Vec<[u32; 3]> =
             surface.cells().iter().filter(|cell| cell.body == 1).map(|cell| cell.nodes).collect();
         let mut sum = 0.0;
@@ -234,7 +234,7 @@ fn gradients_and_hessians_agree_with_differences() {
     }
 }
 
-/// The potential is the same sum, whatever ranges it is asked in.
+/// The potential gives the same sum, whatever ranges it is evaluated in.
 #[test]
 fn the_potential_of_candidates_is_the_sum_over_acting_pairs() {
     let (surface, x, _) = crumpled(9);
@@ -271,7 +271,7 @@ fn the_potential_of_candidates_is_the_sum_over_acting_pairs() {
     let down: Vec<f64> = (0..x.len()).map(|k| if k % 3 == 2 && k < 108 { 1.0 } else { 0.0 }).collect();
     let (free, step) = (potential.free_path(&x, &down), potential.largest_step(&x, &down));
     assert!(free > 0.0 && free < 0.2 && step < free);
-    // The discrete gradient of the stencils is that of the pairs.
+    // The discrete gradient of the stencils equals that of the pairs.
     let x1: Vec<f64> = x.iter().zip(&down).map(|(x, d)| x + 0.5 * step * d).collect();
     let exact = potential.discrete_gradient().expect("contact has one");
     exact.gradients(0..count, &x, &x1, &mut gradients);
@@ -319,7 +319,7 @@ fn damping_takes_energy_and_never_pulls() {
     }
 }
 
-/// Rest distances: a fine fold's neighbours and the other side of a thin plate press on nobody at rest.
+/// At rest, neither the neighbours in a fine fold nor the two sides of a thin plate press on each other.
 #[test]
 fn a_body_at_rest_does_not_press_on_itself() {
     let (surface, _, _) = crumpled(1);

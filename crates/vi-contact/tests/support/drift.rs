@@ -1,20 +1,20 @@
-//! The drift of nodes in contact, M (v₁ − v₀) = −h G(x₀, x₁), x₁ = x₀ + h (v₀ + v₁)/2, cluster by cluster: what an
-//! explicit scheme does between two kicks. Nodes outside the clusters drift straight.
+//! The drift of nodes in contact, M (v₁ − v₀) = −h G(x₀, x₁), x₁ = x₀ + h (v₀ + v₁)/2, cluster by cluster, as an
+//! explicit scheme makes it between two kicks. Nodes outside the clusters drift straight.
 //!
-//! Newton's method with the positive part of ∂G/∂x₁ (one rank a pair), from the free drift; iterates stay on paths that
-//! are proved free. A cluster that does not converge is drifted in two halves.
+//! Newton's method uses the positive part of ∂G/∂x₁ (rank one per pair) and starts from the free drift; iterates stay
+//! on paths that are proved free. A cluster that does not converge drifts in two halves.
 
 use nalgebra::{DMatrix, DVector};
 use vi_contact::{Contact, Neighbours, StepPair, StepSettings, Surface, clusters};
 
-/// Newton corrections of one map.
+/// Largest number of Newton corrections of one solve.
 const CORRECTIONS: usize = 60;
-/// Halvings of a drift.
+/// Largest number of halvings of a drift.
 const HALVINGS: usize = 8;
 
 pub(crate) struct Drift<'a> {
     pub(crate) surface: &'a Surface,
-    /// kg per node; infinite for held nodes.
+    /// Mass per node, kg; infinite for held nodes.
     pub(crate) mass: &'a [f64],
     pub(crate) corrections: usize,
     pub(crate) solves: usize,
@@ -25,12 +25,12 @@ impl Drift<'_> {
     pub(crate) fn run(&mut self, x: &mut [f64], v: &mut [f64], h: f64) {
         let far =
             v.chunks_exact(3).map(|v| v.iter().map(|v| v * v).sum::<f64>()).fold(0.0, f64::max).sqrt() * h;
-        // Twice the free drift, and the velocities that contact may give.
+        // Cover twice the free drift, and the velocities that contact may cause.
         let neighbours = Neighbours::find(self.surface, x, 16.0 * far + 1e-9);
         let contact = Contact { surface: self.surface, neighbours: &neighbours };
         let start = x.to_vec();
         x.iter_mut().zip(&*v).for_each(|(x, v)| *x += h * v);
-        // Whatever the candidates join may push each other; nothing else can.
+        // Only nodes that candidates connect can push each other.
         let pairs = candidate_nodes(&contact);
         let free = |node: u32| self.mass[node as usize].is_finite();
         for cluster in clusters(self.mass.len(), pairs.iter().map(|nodes| &nodes[..]), free) {
@@ -60,7 +60,7 @@ impl Drift<'_> {
         self.cluster(contact, dofs, &middle, x1, v, 0.5 * h, depth + 1);
     }
 
-    /// One map on the coordinates of a cluster; false if it does not converge.
+    /// Solves one drift for the coordinates of a cluster; returns false if it does not converge.
     fn solve(
         &mut self,
         contact: &Contact<'_>,
@@ -147,7 +147,7 @@ impl Drift<'_> {
     }
 }
 
-/// Nodes of all candidates.
+/// Returns the nodes of all candidates.
 fn candidate_nodes(contact: &Contact<'_>) -> Vec<Vec<u32>> {
     let (surface, neighbours) = (contact.surface, contact.neighbours);
     let mut pairs = Vec::new();

@@ -17,7 +17,7 @@ impl Numbers {
         Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15))
     }
 
-    /// Uniform in [0, 1).
+    /// Returns a uniform number in [0, 1).
     pub(crate) fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -26,7 +26,7 @@ impl Numbers {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Uniform in [−1, 1)³.
+    /// Returns a uniform vector in [−1, 1)³.
     pub(crate) fn vector(&mut self) -> Vec3 {
         Vec3::new(2.0 * self.unit() - 1.0, 2.0 * self.unit() - 1.0, 2.0 * self.unit() - 1.0)
     }
@@ -40,7 +40,7 @@ pub(crate) struct Sheet {
 }
 
 impl Sheet {
-    /// n × n squares of two triangles over [low, high]² at height z.
+    /// Returns n × n squares of two triangles over [low, high]² at height z.
     pub(crate) fn grid(n: usize, low: f64, high: f64, z: f64) -> Self {
         let mut sheet = Self::default();
         for j in 0..=n {
@@ -53,7 +53,7 @@ impl Sheet {
         for j in 0..n {
             for i in 0..n {
                 let [a, b, c, d] = [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)];
-                // Diagonals alternate, so that no direction is favoured.
+                // Alternate the diagonals, so that no direction is favoured.
                 let pair = if (i + j) % 2 == 0 { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
                 sheet.triangles.extend(pair);
             }
@@ -61,7 +61,7 @@ impl Sheet {
         sheet
     }
 
-    /// Joins another mesh; returns its triangles in the new numbers.
+    /// Appends another mesh; returns its triangles in the new numbering.
     pub(crate) fn join(&mut self, other: &Self) -> Vec<[u32; 3]> {
         let base = (self.x.len() / 3) as u32;
         self.x.extend(&other.x);
@@ -71,12 +71,12 @@ impl Sheet {
     }
 }
 
-/// The surface of a body without thickness.
+/// Returns the constants of a body without thickness.
 pub(crate) fn body(distance: f64, stiffness: f64) -> Body {
     Body { radius: 0.0, distance, stiffness, meets_itself: false }
 }
 
-/// Position of a node.
+/// Returns the position of a node.
 pub(crate) fn at(x: &[f64], node: u32) -> Vec3 {
     Vec3::from_column_slice(&x[3 * node as usize..3 * node as usize + 3])
 }

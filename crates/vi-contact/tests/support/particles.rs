@@ -2,8 +2,8 @@
 //! ```text
 //! M (v₁ − v₀) = −h (G_springs + G_contact + G_friction − M g),   x₁ = x₀ + h (v₀ + v₁)/2,
 //! ```
-//! by Newton's method on Δ = x₁ − x₀ with a dense matrix. Without springs and gravity it is the map by which explicit
-//! schemes drift the nodes in contact. Iterates whose straight path is not proved free are shortened.
+//! Newton's method solves for Δ = x₁ − x₀ with a dense matrix. Without springs and gravity this is the map by which
+//! explicit schemes drift the nodes in contact. Iterates whose straight path is not proved free are shortened.
 
 use nalgebra::{DMatrix, DVector};
 use vi_contact::{Anchors, Contact, Neighbours, StepSettings, Surface};
@@ -12,7 +12,7 @@ use super::{Vec3, at};
 
 pub(crate) struct Particles {
     pub(crate) surface: Surface,
-    /// kg per node; infinite for held nodes.
+    /// Mass per node, kg; infinite for held nodes.
     pub(crate) mass: Vec<f64>,
     pub(crate) x: Vec<f64>,
     pub(crate) v: Vec<f64>,
@@ -21,7 +21,7 @@ pub(crate) struct Particles {
     pub(crate) gravity: Vec3,
     pub(crate) anchors: Anchors,
     pub(crate) neighbours: Neighbours,
-    /// Energy that friction and damping took, J.
+    /// Energy that friction and damping dissipated, J.
     pub(crate) dissipated: f64,
     pub(crate) iterations: usize,
 }
@@ -52,7 +52,7 @@ impl Particles {
         }
     }
 
-    /// Joins nodes by springs at their present distance.
+    /// Connects nodes by springs at their current distance.
     pub(crate) fn tie(&mut self, nodes: &[u32], stiffness: f64) {
         for (k, &a) in nodes.iter().enumerate() {
             for &b in &nodes[k + 1..] {
@@ -70,7 +70,7 @@ impl Particles {
         for &(a, b, length, stiffness) in &self.springs {
             let [r0, r1] = [&self.x[..], x1].map(|x| at(x, a) - at(x, b));
             let (d0, d1) = (r0.norm(), r1.norm());
-            // ½k(d−l)²: its quotient k((d₀ + d₁)/2 − l) along (r₀ + r₁)/(d₀ + d₁).
+            // The difference quotient of ½k(d−l)² is k((d₀ + d₁)/2 − l) along (r₀ + r₁)/(d₀ + d₁).
             let force = (r0 + r1) * (stiffness * (0.5 * (d0 + d1) - length) / (d0 + d1));
             for k in 0..3 {
                 gradient[3 * a as usize + k] += force[k];
@@ -92,7 +92,7 @@ impl Particles {
         Trial { gradient, anchors: Anchors::after(&rubs), work: damped + rubbed, gap }
     }
 
-    /// M (2Δ/h − 2v₀) + h G on free coordinates.
+    /// Returns M (2Δ/h − 2v₀) + h G on free coordinates.
     fn residual(&self, delta: &[f64], h: f64) -> (DVector<f64>, Trial) {
         let x1: Vec<f64> = self.x.iter().zip(delta).map(|(x, d)| x + d).collect();
         let trial = self.trial(&x1, h);
@@ -106,7 +106,7 @@ impl Particles {
         (0..self.x.len()).filter(|k| self.is_free(k / 3))
     }
 
-    /// Is the straight path of these displacements proved free?
+    /// Returns whether the straight path of these displacements is proved free.
     fn is_clear(&self, delta: &[f64]) -> Result<(), f64> {
         let x1: Vec<f64> = self.x.iter().zip(delta).map(|(x, d)| x + d).collect();
         let contact = Contact { surface: &self.surface, neighbours: &self.neighbours };
@@ -114,7 +114,7 @@ impl Particles {
         contact.first_impact(&self.x, &x1).map_or(Ok(()), |impact| Err(impact.time))
     }
 
-    /// One step. The Jacobian is made of differences: the systems are tiny.
+    /// Makes one step. The Jacobian is computed by differences, because the systems are tiny.
     pub(crate) fn step(&mut self, h: f64) {
         let speed = (0..self.mass.len()).map(|node| at(&self.v, node as u32).norm()).fold(0.0, f64::max);
         let reach = 4.0 * h * (speed + 2.0 * h * self.gravity.norm()) + 1e-2;
@@ -154,7 +154,7 @@ impl Particles {
                 part *= 0.5;
                 None
             });
-            // No decrease: the residual is round-off.
+            // There is no decrease: the residual is round-off.
             let Some(found) = found else {
                 assert!(residual.norm() <= 1e-9 * scale, "stalled at {:e} of {scale:e}", residual.norm());
                 break;
@@ -171,7 +171,7 @@ impl Particles {
         self.anchors = trial.anchors;
     }
 
-    /// Kinetic, spring, weight, contact and bristle energy, J.
+    /// Returns the kinetic, spring, weight, contact and bristle energy, J.
     pub(crate) fn energy(&self) -> f64 {
         let contact = Contact { surface: &self.surface, neighbours: &self.neighbours };
         let springs = self.springs.iter().map(|&(a, b, length, stiffness)| {
@@ -193,7 +193,7 @@ impl Particles {
         Contact { surface: &self.surface, neighbours: &self.neighbours }.smallest_gap(&self.x)
     }
 
-    /// Linear and angular momentum.
+    /// Returns linear and angular momentum.
     pub(crate) fn momenta(&self) -> [Vec3; 2] {
         let mut sums = [Vec3::zeros(); 2];
         for node in (0..self.mass.len()).filter(|&node| self.is_free(node)) {
