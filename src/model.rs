@@ -19,6 +19,7 @@ mod read;
 mod regions;
 mod resolve;
 mod rigid;
+mod rigid_mesh;
 mod select;
 mod shape;
 mod sheets;
@@ -32,7 +33,6 @@ pub(crate) use control::path_control;
 pub(crate) use mass::kinetic_terms;
 pub use regions::RegionProbe;
 pub use rigid::{Pose, RigidModel};
-pub(crate) use shape::surface;
 
 use crate::scene::{Problem, Scene};
 /// Reads all meshes of a scene and builds all systems.

@@ -320,7 +320,12 @@ impl Scene {
         let lists = self.selections().into_iter();
         let lists =
             lists.filter_map(|(key, on)| Some((format!("{key}.node_file"), on.node_file.as_deref()?)));
-        meshes.chain(lists).collect()
+        let rigids = self.rigids.iter().enumerate();
+        let shapes = rigids.filter_map(|(i, rigid)| match rigid.shape.as_ref()? {
+            RigidShape::Mesh { file, .. } => Some((format!("rigid[{i}].shape.file"), file.as_path())),
+            _ => None,
+        });
+        meshes.chain(shapes).chain(lists).collect()
     }
 
     /// Reads the paths of meshes and node lists as relative to `directory`, where the scene file lies.
@@ -336,6 +341,11 @@ impl Scene {
     /// Changes the paths of the files that the scene reads, in the order of [`Scene::files`].
     pub(crate) fn for_each_file(&mut self, mut change: impl FnMut(&mut PathBuf)) {
         self.bodies.iter_mut().filter_map(|body| body.mesh.as_mut()).for_each(&mut change);
+        let shapes = self.rigids.iter_mut().filter_map(|rigid| match rigid.shape.as_mut()? {
+            RigidShape::Mesh { file, .. } => Some(file),
+            _ => None,
+        });
+        shapes.for_each(&mut change);
         self.selections_mut().filter_map(|on| on.node_file.as_mut()).for_each(change);
     }
 

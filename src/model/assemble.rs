@@ -263,7 +263,7 @@ impl Parts {
         let mut all = Vec::with_capacity(rigids.len());
         // The mass of nodes when those that are tied to them have handed on theirs.
         let masses: Vec<Vec<f64>> = self.components.iter().map(ComponentBuilder::handed_on_mass).collect();
-        for (index, ResolvedRigid { rigid, held }) in rigids.iter().enumerate() {
+        for (index, ResolvedRigid { rigid, form, held }) in rigids.iter().enumerate() {
             let number = partition.of_rigid(index);
             let mut nodes: Vec<u32> = held
                 .iter()
@@ -280,7 +280,7 @@ impl Parts {
                     mass: masses[number][node as usize],
                 })
                 .collect();
-            match rigid::build(rigid, &attached, number, component.node_count(), can_meet) {
+            match rigid::build((rigid, form.as_ref()), &attached, number, component.node_count(), can_meet) {
                 Ok(added) => {
                     component.add_rigid(&added);
                     all.push(added);

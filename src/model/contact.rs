@@ -207,12 +207,12 @@ fn of_body(scene: &Scene, number: usize, body: &BodyModel, rest: &[f64]) -> Resu
 /// The surface of a rigid body; none where it has no shape.
 fn of_rigid(scene: &Scene, number: usize, model: &RigidModel, rest: &[f64]) -> Option<Part> {
     let rigid = &scene.rigids[number - scene.bodies.len()];
-    let shape = rigid.shape.as_ref()?;
+    let (shape, form) = (rigid.shape.as_ref()?, model.form.as_ref()?);
     let (plane, distance) = match shape {
         RigidShape::Plane { normal } => {
             (Some((model.node as u32, model.directions_at_start(rest, *normal))), FROM_OTHERS)
         }
-        _ => (None, DISTANCE_OF_RIGID * shape.thickness()),
+        _ => (None, DISTANCE_OF_RIGID * form.thickness),
     };
     let triangles = model.triangles.clone();
     let (mut skeleton, mut spread) = ((Vec::new(), 0.0), 1.0);
@@ -221,16 +221,15 @@ fn of_rigid(scene: &Scene, number: usize, model: &RigidModel, rest: &[f64]) -> O
         let layer = scene.contact.as_ref().and_then(|contact| contact.distance).unwrap_or(distance);
         let area = area_of_round(shape, layer);
         // The area that presses is far smaller than the section of the body.
-        spread = shape.volume() / (shape.thickness() * area * nodes.len() as f64);
+        spread = form.volume / (form.thickness * area * nodes.len() as f64);
         skeleton = (nodes, area);
     }
     // What falls through its own extent or hits at its first speed; see docs/contact.md.
     let square = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>();
     let gravity = square(scene.gravity).sqrt();
-    let density = rigid.density.or(rigid.mass.map(|mass| mass / shape.volume())).unwrap_or(0.0);
+    let density = rigid.density.or(rigid.mass.map(|mass| mass / form.volume)).unwrap_or(0.0);
     let speed = square(rigid.velocity.unwrap_or_default()) + 2.0 * gravity * extent(rest);
-    let pressure =
-        if shape.is_plane() { 0.0 } else { spread * density * (gravity * shape.thickness() + speed) };
+    let pressure = if shape.is_plane() { 0.0 } else { spread * density * (gravity * form.thickness + speed) };
     let (frame, radius, stiffness) = (Some(model.frame()), model.radius, None);
     Some(Part { number, triangles, plane, skeleton, frame, radius, distance, stiffness, pressure })
 }

@@ -1,6 +1,6 @@
 //! From a mesh file, which knows no physics, to the mesh of a body and its initial state.
 
-mod sheet;
+pub(super) mod sheet;
 
 use std::path::Path;
 

@@ -2,10 +2,12 @@
 //! names is known when this is done, and nothing is looked up by name afterwards.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use super::body::{NodeSet, ProbeTarget};
 use super::read::{self, ReadBody};
 use super::regions::RegionProbe;
+use super::shape::{Form, form};
 use super::ties::{self, TieSet};
 use super::{directions, periodic, select};
 use crate::scene::{
@@ -69,6 +71,7 @@ pub(super) enum End {
 /// A rigid body with the nodes that are attached to it.
 pub(super) struct ResolvedRigid<'a> {
     pub(super) rigid: &'a Rigid,
+    pub(super) form: Option<Arc<Form>>,
     pub(super) held: Vec<NodeSet>,
 }
 
@@ -269,8 +272,15 @@ impl<'a, 'b> Resolver<'a, 'b> {
 
     /// Rigid bodies with what is attached to them, and the ties of all other attachments.
     fn attachments(&mut self, scene: &'a Scene) -> (Vec<ResolvedRigid<'a>>, Vec<TieSet>) {
-        let none_held = |rigid| ResolvedRigid { rigid, held: Vec::new() };
-        let mut rigids: Vec<ResolvedRigid> = scene.rigids.iter().map(none_held).collect();
+        let mut rigids = Vec::with_capacity(scene.rigids.len());
+        for (index, rigid) in scene.rigids.iter().enumerate() {
+            let form = rigid.shape.as_ref().map(form).transpose().map(|form| form.map(Arc::new));
+            let form = form.unwrap_or_else(|message| {
+                self.say(format!("rigid[{index}].shape"), message);
+                None
+            });
+            rigids.push(ResolvedRigid { rigid, form, held: Vec::new() });
+        }
         let mut ties = Vec::new();
         for (index, attach) in scene.attachments.iter().enumerate() {
             let key = format!("attach[{index}]");

@@ -5,11 +5,14 @@
 //! rigid body (E. J. Routh's equimomental system; J_k = ∫ X_k² dm are Euler's moments). With them its own
 //! mass is tied to (c, d_k) as attached nodes are, and one rule gives the mass of all.
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix3, Vector3};
 use vi_core::constraints::{Place, QuadraticConstraint};
 use vi_core::{Combination, Fixed, Path, Prescribed, TiedMass};
 use vi_fem::Motion;
 
+use super::shape::Form;
 use crate::scene::{Joint, Rigid, RigidShape};
 
 /// A rigid body of a scene, as part of a component.
@@ -27,6 +30,8 @@ pub struct RigidModel {
     axes: Matrix3<f64>,
     /// Shape of the body.
     pub shape: Option<RigidShape>,
+    /// Its outside and volume.
+    pub(crate) form: Option<Arc<Form>>,
     /// Triangles of its surface, where it can meet others: nodes of the component.
     pub(crate) triangles: Vec<[u32; 3]>,
     /// Radius about the points of its surface where they are its skeleton, m; 0 otherwise.
@@ -170,13 +175,13 @@ pub(super) struct Attached {
 /// A rigid body with what is attached to it, as nodes `node` and on of component `component`; with the points of its
 /// surface where it `can_meet` others.
 pub(super) fn build(
-    rigid: &Rigid,
+    (rigid, form): (&Rigid, Option<&Arc<Form>>),
     attached: &[Attached],
     component: usize,
     node: usize,
     can_meet: bool,
 ) -> Result<Added, String> {
-    let own = Own::new(rigid);
+    let own = Own::new(rigid, form.map(Arc::as_ref));
     let mass = own.mass + attached.iter().map(|a| a.mass).sum::<f64>();
     let frame = if rigid.is_prescribed() {
         Frame { node: node as u32, origin: own.centre, axes: own.axes, centre: Vector3::zeros() }
@@ -207,13 +212,12 @@ pub(super) fn build(
             masses.push(share);
         }
     }
-    let outside = rigid.shape.as_ref().filter(|_| can_meet).map(super::shape::outside);
-    let (points, mut triangles, radius) =
-        outside.map_or_else(Default::default, |outside| (outside.points, outside.triangles, outside.radius));
+    let (points, triangles) = form.filter(|_| can_meet).map(|form| form.outside()).unwrap_or_default();
+    let (mut triangles, radius) = (triangles.to_vec(), form.map_or(0.0, |form| form.radius));
     let (first, surface_count) = ((node + x.len()) as u32, points.len());
     triangles.iter_mut().for_each(|triangle| *triangle = triangle.map(|k| first + k));
     for point in points {
-        let point = own.centre + own.axes * Vector3::from(point);
+        let point = own.centre + own.axes * Vector3::from(*point);
         let number = (node + x.len()) as u32;
         ties.push(Combination { node: number, terms: frame.point(point.into()), mass: TiedMass::Exact });
         x.push(point);
@@ -232,6 +236,7 @@ pub(super) fn build(
         centre: frame.axes.transpose() * (own.centre - frame.origin),
         axes: frame.axes.transpose() * own.axes,
         shape: rigid.shape.clone(),
+        form: form.cloned(),
         triangles,
         radius,
         node_count: x.len(),
@@ -265,20 +270,20 @@ struct Own {
 }
 
 impl Own {
-    fn new(rigid: &Rigid) -> Self {
+    fn new(rigid: &Rigid, form: Option<&Form>) -> Self {
         let axes = rigid.orientation.map_or(Matrix3::identity(), |turn| {
             let axis = nalgebra::Unit::new_normalize(Vector3::from(turn.axis));
             nalgebra::Rotation3::from_axis_angle(&axis, turn.angle).into_inner()
         });
-        let volume = rigid.shape.as_ref().map_or(0.0, |shape| shape.volume());
+        let volume = form.map_or(0.0, |form| form.volume);
         let mass = rigid.mass.or(rigid.density.map(|density| density * volume)).unwrap_or(0.0);
-        let local = match (&rigid.inertia, &rigid.shape) {
+        let local = match (&rigid.inertia, form) {
             (Some(inertia), _) => {
                 let inertia = inertia.matrix();
                 let inertia = Matrix3::from_fn(|i, j| inertia[i][j]);
                 Matrix3::identity() * (0.5 * inertia.trace()) - inertia
             }
-            (None, Some(shape)) => Matrix3::from_diagonal(&Vector3::from(shape.mean_squares())) * mass,
+            (None, Some(form)) => form.squares * mass,
             (None, None) => Matrix3::zeros(),
         };
         let eigen = local.symmetric_eigen();
@@ -286,7 +291,9 @@ impl Own {
         let normal = eigen.eigenvectors.column(least);
         let missing = (thick - eigen.eigenvalues[least]).max(0.0);
         let local = local + normal * normal.transpose() * missing;
-        Self { mass, centre: Vector3::from(rigid.position), axes, euler: axes * local * axes.transpose() }
+        let from_position = axes * form.map_or(Vector3::zeros(), |form| Vector3::from(form.centre));
+        let centre = Vector3::from(rigid.position) + from_position;
+        Self { mass, centre, axes, euler: axes * local * axes.transpose() }
     }
 
     /// Six points of equal mass with its mass, centre and inertia.

@@ -2,6 +2,9 @@
 
 use std::f64::consts::{PI, TAU};
 
+use nalgebra::Matrix3;
+
+use super::rigid_mesh;
 use crate::scene::RigidShape;
 
 /// Points around what is round for contact, and from pole to pole.
@@ -10,31 +13,64 @@ const ALONG: u32 = 12;
 /// Points around a cylinder, which contact meets as a prism: its faces are at most R (1 − cos(π/96)) = 5.4e-4 R inside.
 const AROUND_CYLINDER: u32 = 96;
 
-/// What contact meets of a shape: points (m) in the body's own axes from its centre, with triangles, or with the radius
-/// of a round shape, whose points are its skeleton.
-pub(crate) struct Outside {
+/// A shape with what a rigid body has from it: its outside, and the volume with its moments.
+#[derive(Debug, Clone)]
+pub(crate) struct Form {
+    /// Points of the surface in the body's own axes from its centre of mass, m.
     pub(crate) points: Vec<[f64; 3]>,
+    /// Triangles of the surface, with normals outward.
     pub(crate) triangles: Vec<[u32; 3]>,
+    /// The point of a ball or the ends of a capsule, which contact meets with `radius`; empty for other shapes.
+    pub(crate) skeleton: Vec<[f64; 3]>,
+    /// Radius of a ball or capsule, m; 0 for other shapes.
     pub(crate) radius: f64,
+    /// Volume, m³; infinite for a half-space.
+    pub(crate) volume: f64,
+    /// Centre of mass from the body's position in its own axes, m.
+    pub(crate) centre: [f64; 3],
+    /// Mean of r rᵀ over the volume from the centre of mass, m²: Euler's tensor of unit mass.
+    pub(crate) squares: Matrix3<f64>,
+    /// The smallest of its thicknesses, m.
+    pub(crate) thickness: f64,
 }
 
-/// The outside of a shape: a ball is a point, a capsule a segment, with a radius.
-pub(crate) fn outside(shape: &RigidShape) -> Outside {
-    let round = |points: Vec<[f64; 3]>, radius: f64| Outside { points, triangles: Vec::new(), radius };
-    match *shape {
-        RigidShape::Sphere { radius } => round(vec![[0.0; 3]], radius),
+/// The form of a shape.
+///
+/// # Errors
+/// Where the mesh of a shape cannot be taken.
+pub(crate) fn form(shape: &RigidShape) -> Result<Form, String> {
+    if let RigidShape::Mesh { file, scale } = shape {
+        return rigid_mesh::read(file, scale.unwrap_or(1.0));
+    }
+    let (skeleton, radius) = match *shape {
+        RigidShape::Sphere { radius } => (vec![[0.0; 3]], radius),
         RigidShape::Capsule { length, radius } => {
-            round([-0.5, 0.5].map(|end| [end * length, 0.0, 0.0]).to_vec(), radius)
+            ([-0.5, 0.5].map(|end| [end * length, 0.0, 0.0]).to_vec(), radius)
         }
-        _ => {
-            let (points, triangles) = surface(shape);
-            Outside { points, triangles, radius: 0.0 }
-        }
+        _ => (Vec::new(), 0.0),
+    };
+    let (points, triangles) = surface(shape);
+    Ok(Form {
+        points,
+        triangles,
+        skeleton,
+        radius,
+        volume: shape.volume(),
+        centre: [0.0; 3],
+        squares: Matrix3::from_diagonal(&shape.mean_squares().into()),
+        thickness: shape.thickness(),
+    })
+}
+
+impl Form {
+    /// What contact meets: points with triangles, or a skeleton.
+    pub(crate) fn outside(&self) -> (&[[f64; 3]], &[[u32; 3]]) {
+        if self.radius > 0.0 { (&self.skeleton, &[]) } else { (&self.points, &self.triangles) }
     }
 }
 
 /// Points (m) in the body's own axes from its centre, and triangles with normals outward.
-pub(crate) fn surface(shape: &RigidShape) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+fn surface(shape: &RigidShape) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
     match *shape {
         RigidShape::Box { size } => cuboid(size),
         RigidShape::Sphere { radius } => {
@@ -57,7 +93,7 @@ pub(crate) fn surface(shape: &RigidShape) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
             let (rings, pole) = (first.chain(last).collect::<Vec<_>>(), 0.5 * length + radius);
             revolved(-pole, &rings, pole, AROUND)
         }
-        RigidShape::Plane { .. } => (Vec::new(), Vec::new()),
+        RigidShape::Plane { .. } | RigidShape::Mesh { .. } => (Vec::new(), Vec::new()),
     }
 }
 

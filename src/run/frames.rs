@@ -146,8 +146,9 @@ impl FrameWriter {
 
     /// Rigid bodies are numbered after the others; they have no material (−1).
     fn add_surface(&mut self, id: usize, simulation: &Simulation) {
-        let shape = &simulation.rigids()[id].shape;
-        let (points, triangles) = shape.as_ref().map(crate::model::surface).unwrap_or_default();
+        let form = simulation.rigids()[id].form.as_ref();
+        let (points, triangles) =
+            form.map(|form| (form.points.clone(), form.triangles.clone())).unwrap_or_default();
         let offset = self.points.len() as u32;
         self.points.extend(simulation.carried(id, &points));
         self.surfaces.push(points);

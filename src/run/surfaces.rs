@@ -123,8 +123,8 @@ impl SurfaceWriter {
             parts.push(Part { name: body.name.clone(), stem, source, triangles, texture, file: None });
         }
         for ((number, rigid), stem) in simulation.rigids().iter().enumerate().zip(stems) {
-            let Some(shape) = &rigid.shape else { continue };
-            let (points, triangles) = crate::model::surface(shape);
+            let Some(form) = &rigid.form else { continue };
+            let (points, triangles) = (form.points.clone(), form.triangles.clone());
             let source = Source::Carried(number, points);
             parts.push(Part { name: rigid.name.clone(), stem, source, triangles, texture: None, file: None });
         }

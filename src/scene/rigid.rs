@@ -1,6 +1,7 @@
 //! Rigid bodies and joints, as a scene says them.
 
 use std::f64::consts::PI;
+use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -27,7 +28,7 @@ pub struct Rigid {
     /// Shape, which gives the inertia and is shown in frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shape: Option<RigidShape>,
-    /// Centre of mass at the start, without attached nodes, m.
+    /// Centre of mass at the start, without attached nodes, m; of a mesh, where the origin of its file is.
     #[serde(default)]
     pub position: [f64; 3],
     /// Orientation of the axes of the body at the start (default: along those of space).
@@ -98,6 +99,16 @@ pub enum RigidShape {
         /// Radius, m.
         radius: f64,
     },
+    /// The solid within a closed surface of triangles, read from a mesh file of any kind that bodies are read from; of a
+    /// mesh of solids its boundary. The body's position is where the origin of the file is; its centre of mass follows.
+    Mesh {
+        /// The file, relative to the scene.
+        file: PathBuf,
+        /// Metres per unit of the file (> 0, default 1).
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("exclusiveMinimum" = 0.0))]
+        scale: Option<f64>,
+    },
 }
 
 impl RigidShape {
@@ -106,10 +117,11 @@ impl RigidShape {
         matches!(self, Self::Plane { .. })
     }
 
-    /// Volume, m³; infinite for a half-space.
+    /// Volume, m³; infinite for a half-space, not a number for a mesh, which only its file tells.
     pub fn volume(&self) -> f64 {
         match *self {
             Self::Plane { .. } => f64::INFINITY,
+            Self::Mesh { .. } => f64::NAN,
             Self::Box { size: [a, b, c] } => a * b * c,
             Self::Sphere { radius } => 4.0 / 3.0 * PI * radius.powi(3),
             Self::Rod { length, radius } | Self::Cylinder { length, radius } => PI * radius * radius * length,
@@ -118,10 +130,11 @@ impl RigidShape {
     }
 
     /// Mean squares of the coordinates over the shape, m²: Euler's moments of unit mass; zero for a half-space, which
-    /// has no mass.
+    /// has no mass, not numbers for a mesh.
     pub fn mean_squares(&self) -> [f64; 3] {
         match *self {
             Self::Plane { .. } => [0.0; 3],
+            Self::Mesh { .. } => [f64::NAN; 3],
             Self::Box { size } => size.map(|edge| edge * edge / 12.0),
             Self::Sphere { radius } => [radius * radius / 5.0; 3],
             Self::Rod { length, radius } | Self::Cylinder { length, radius } => {
@@ -139,10 +152,11 @@ impl RigidShape {
         }
     }
 
-    /// The smallest of its thicknesses, m.
+    /// The smallest of its thicknesses, m; not a number for a mesh.
     pub fn thickness(&self) -> f64 {
         match *self {
             Self::Plane { .. } => f64::INFINITY,
+            Self::Mesh { .. } => f64::NAN,
             Self::Box { size: [a, b, c] } => a.min(b).min(c),
             Self::Sphere { radius } | Self::Capsule { radius, .. } => 2.0 * radius,
             Self::Rod { length, radius } | Self::Cylinder { length, radius } => length.min(2.0 * radius),
@@ -155,6 +169,7 @@ impl RigidShape {
             Self::Plane { normal } => {
                 return (!is_direction(*normal)).then_some("its normal must be finite and not zero");
             }
+            Self::Mesh { scale, .. } => scale.is_none_or(is_length),
             Self::Box { size } => size.iter().all(|&edge| is_length(edge)),
             Self::Sphere { radius } => is_length(*radius),
             Self::Rod { length, radius }

@@ -4,7 +4,6 @@ use nalgebra::Vector3;
 
 use super::contact::{ContactWatch, Press};
 use super::{Component, Simulation};
-use crate::model::surface;
 use crate::scene::Field;
 
 impl Simulation {
@@ -25,9 +24,9 @@ impl Simulation {
     /// acts, on the nearest of these points.
     fn contact_values_of_round(&self, number: usize, field: Field) -> Vec<f64> {
         let rigid = &self.rigids[number];
-        let Some(shape) = &rigid.shape else { return Vec::new() };
-        let (points, triangles) = surface(shape);
-        let places = self.carried(number, &points);
+        let Some(form) = &rigid.form else { return Vec::new() };
+        let (points, triangles) = (&form.points, &form.triangles);
+        let places = self.carried(number, points);
         let Component { system, state, contact, .. } = &self.components[rigid.component];
         let mut tractions = vec![[0.0; 3]; points.len()];
         let mut gaps = vec![contact.as_ref().map_or(0.0, ContactWatch::reach); points.len()];

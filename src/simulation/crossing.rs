@@ -28,9 +28,8 @@ impl Simulation {
             add(number, self.positions(number), &surface.triangles());
         }
         for (number, rigid) in self.rigids.iter().enumerate() {
-            let Some(shape) = &rigid.shape else { continue };
-            let (own, surface) = crate::model::surface(shape);
-            add(self.bodies.len() + number, self.carried(number, &own), &surface);
+            let Some(form) = &rigid.form else { continue };
+            add(self.bodies.len() + number, self.carried(number, &form.points), &form.triangles);
         }
         let bodies = |segment: [u32; 2], triangle: [u32; 3]| {
             let pair = [owners[segment[0] as usize], owners[triangle[0] as usize]];

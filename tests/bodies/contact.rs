@@ -181,3 +181,63 @@ fn a_start_that_touches_or_crosses_names_the_pair() {
         heap("energy-momentum", "").replace("position = [0.0, 0.0, 0.03]", "position = [0.0, 0.0, 0.01]");
     refused(&through, &["'table'", "'brick'", "at the start"]);
 }
+
+/// A box as a mesh file, off its origin and inside out, flies and bounces as the box, and one with a hole is refused.
+#[test]
+fn a_rigid_mesh_moves_as_the_solid_that_it_encloses() {
+    let directory = tempfile::TempDir::new().unwrap();
+    let corner = |c: usize| [0, 1, 2].map(|k| if c >> k & 1 == 1 { [1.5, 2.0, 0.8][k] } else { 0.5 });
+    let points = (0..8).map(corner).map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect::<String>();
+    let faces = "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n";
+    let file = |name: &str, faces: &str| {
+        let path = directory.path().join(name);
+        std::fs::write(&path, format!("{points}{faces}")).unwrap();
+        path.display().to_string()
+    };
+    let scene = |shape: &str, position: [f64; 3]| {
+        format!(
+            r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.3
+step = 1e-3
+scheme = "energy-momentum"
+[contact]
+friction = 0.3
+[[rigid]]
+name = "brick"
+{shape}
+density = 700.0
+position = {position:?}
+velocity = [0.3, 0.0, 0.0]
+angular_velocity = [3.0, 1.0, 2.0]
+[[rigid]]
+name = "floor"
+shape = {{ kind = "plane", normal = [0, 0, 1] }}
+position = [0.0, 0.0, -0.4]
+fixed = true
+"#
+        )
+    };
+    let mesh = |path: String| format!("shape = {{ kind = \"mesh\", file = {path:?}, scale = 0.2 }}");
+    let of_box =
+        Program::run(&scene(r#"shape = { kind = "box", size = [0.2, 0.3, 0.06] }"#, [0.2, 0.25, 0.13]));
+    let of_mesh = Program::run(&scene(&mesh(file("box.obj", faces)), [0.0; 3]));
+    let (a, b) = (of_box.history(), of_mesh.history());
+    let landed = b.column("pairs").iter().position(|&pairs| pairs > 0.0).unwrap();
+    assert!(landed > 100);
+    for name in ["brick.x", "brick.y", "brick.z", "kinetic", "lx", "ly", "lz"] {
+        let (a, b) = (a.column(name), b.column(name));
+        // Until they land: the diagonals of their faces differ, and with them the areas of their corners.
+        let flight = a.iter().zip(&b).take(landed);
+        assert!(flight.into_iter().all(|(a, b)| (a - b).abs() < 1e-12 * (1.0 + a.abs())), "{name}");
+    }
+    assert!(drift(&of_mesh) < 1e-8);
+    let open = Program::try_run(&scene(&mesh(file("open.obj", &faces[12..])), [0.0; 3]), &[]);
+    assert_eq!(open.code(), Some(2));
+    assert!(
+        open.errors().contains("rigid[0].shape") && open.errors().contains("not closed"),
+        "{}",
+        open.errors()
+    );
+}

@@ -17,7 +17,7 @@ const WELD: f64 = 1e-9;
 ///
 /// # Errors
 /// Cells of surfaces that are no linear triangles or quadrilaterals; triangles that are there twice.
-pub(super) fn prepare(file: &mut MeshFile, weld: Option<f64>) -> Result<(), String> {
+pub(in crate::model) fn prepare(file: &mut MeshFile, weld: Option<f64>) -> Result<(), String> {
     let is_curved =
         |kind: &CellKind| kind.dimension() == 2 && !matches!(kind, CellKind::Tri3 | CellKind::Quad4);
     if let Some(kind) = file.mesh.blocks.iter().map(|block| block.kind).find(is_curved) {

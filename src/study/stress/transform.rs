@@ -8,7 +8,7 @@ use std::fmt::Write;
 
 use serde_json::Value;
 
-use crate::scene::Scene;
+use crate::scene::{RigidShape, Scene};
 
 /// A change of units, or of place.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -110,6 +110,7 @@ const KEYS: &[(&str, Meaning)] = &[
     ("rigid.shape.size", LENGTH),
     ("rigid.shape.radius", LENGTH),
     ("rigid.shape.length", LENGTH),
+    ("rigid.shape.scale", LENGTH),
     ("rigid.position", Place),
     ("rigid.orientation.axis", NUMBER),
     ("rigid.orientation.angle", NUMBER),
@@ -230,6 +231,14 @@ impl Transform {
                 Self::Units { .. } => {}
                 Self::Moved(by) if body.translate.is_none() => body.translate = Some(by),
                 Self::Moved(_) => {}
+            }
+        }
+        for rigid in &mut changed.rigids {
+            if let (Self::Units { length, .. }, Some(RigidShape::Mesh { scale, .. })) =
+                (self, &mut rigid.shape)
+            {
+                // A scale that is given has been changed as a length.
+                scale.get_or_insert(power(*length));
             }
         }
         Ok(changed)
