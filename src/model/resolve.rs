@@ -9,10 +9,10 @@ use super::read::{self, ReadBody};
 use super::regions::RegionProbe;
 use super::shape::{Form, form};
 use super::ties::{self, TieSet};
-use super::{directions, periodic, select};
+use super::{directions, periodic, rigid_mesh, select};
 use crate::scene::{
-    Attach, BodyId, Control, Fix, Joint, Load, Names, Probe, Problem, Rigid, RigidId, Scene, Seam, Selection,
-    Spring, SpringEnd, Strike,
+    Attach, BodyId, Control, Fix, Joint, Load, Names, Probe, Problem, Rigid, RigidId, RigidShape, Scene,
+    Seam, Selection, Spring, SpringEnd, Strike,
 };
 
 /// A scene with bodies, nodes and directions in the place of names. Each entry holds the entry of the scene that it
@@ -274,12 +274,14 @@ impl<'a, 'b> Resolver<'a, 'b> {
     fn attachments(&mut self, scene: &'a Scene) -> (Vec<ResolvedRigid<'a>>, Vec<TieSet>) {
         let mut rigids = Vec::with_capacity(scene.rigids.len());
         for (index, rigid) in scene.rigids.iter().enumerate() {
-            let form = rigid.shape.as_ref().map(form).transpose().map(|form| form.map(Arc::new));
-            let form = form.unwrap_or_else(|message| {
-                self.say(format!("rigid[{index}].shape"), message);
-                None
-            });
-            rigids.push(ResolvedRigid { rigid, form, held: Vec::new() });
+            let form = match &rigid.shape {
+                Some(RigidShape::Mesh { file, scale }) => {
+                    let read = rigid_mesh::read(file, scale.unwrap_or(1.0));
+                    read.map_err(|message| self.say(format!("rigid[{index}].shape"), message)).ok()
+                }
+                shape => shape.as_ref().map(form),
+            };
+            rigids.push(ResolvedRigid { rigid, form: form.map(Arc::new), held: Vec::new() });
         }
         let mut ties = Vec::new();
         for (index, attach) in scene.attachments.iter().enumerate() {

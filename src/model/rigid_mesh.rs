@@ -110,7 +110,7 @@ mod tests {
     #[test]
     fn mass_properties_of_a_mesh_are_those_of_its_solid() {
         let shape = RigidShape::Box { size: [0.3, 1.0, 2.0] };
-        let form = shape::form(&shape).expect("a shape without a file");
+        let form = shape::form(&shape);
         let shifted: Vec<[f64; 3]> = form.points.iter().map(|x| [x[0] + 1e3, x[1] - 5.0, x[2]]).collect();
         let inside_out = form.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
         let found = enclosed(&shifted, inside_out).expect("a closed surface");
@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn an_open_surface_names_its_edge() {
-        let form = shape::form(&RigidShape::Box { size: [1.0; 3] }).expect("a shape without a file");
+        let form = shape::form(&RigidShape::Box { size: [1.0; 3] });
         let message = enclosed(&form.points, form.triangles[1..].to_vec()).expect_err("a hole");
         assert!(message.contains("not closed"), "{message}");
     }

@@ -4,7 +4,6 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::Matrix3;
 
-use super::rigid_mesh;
 use crate::scene::RigidShape;
 
 /// Points around what is round for contact, and from pole to pole.
@@ -34,14 +33,8 @@ pub(crate) struct Form {
     pub(crate) thickness: f64,
 }
 
-/// The form of a shape.
-///
-/// # Errors
-/// Where the mesh of a shape cannot be taken.
-pub(crate) fn form(shape: &RigidShape) -> Result<Form, String> {
-    if let RigidShape::Mesh { file, scale } = shape {
-        return rigid_mesh::read(file, scale.unwrap_or(1.0));
-    }
+/// The form of a shape that its lengths give; that of a mesh is read from its file (`rigid_mesh.rs`).
+pub(crate) fn form(shape: &RigidShape) -> Form {
     let (skeleton, radius) = match *shape {
         RigidShape::Sphere { radius } => (vec![[0.0; 3]], radius),
         RigidShape::Capsule { length, radius } => {
@@ -50,7 +43,7 @@ pub(crate) fn form(shape: &RigidShape) -> Result<Form, String> {
         _ => (Vec::new(), 0.0),
     };
     let (points, triangles) = surface(shape);
-    Ok(Form {
+    Form {
         points,
         triangles,
         skeleton,
@@ -59,7 +52,7 @@ pub(crate) fn form(shape: &RigidShape) -> Result<Form, String> {
         centre: [0.0; 3],
         squares: Matrix3::from_diagonal(&shape.mean_squares().into()),
         thickness: shape.thickness(),
-    })
+    }
 }
 
 impl Form {
