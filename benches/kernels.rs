@@ -1,6 +1,6 @@
-//! Element kernels of every law, gather, Hessian, factor, solve, whole steps and the writing of VTU files
-//! on the cantilever block P1 (docs/performance.md), at n = 4, 8, 16: `cargo bench --bench kernels`; a
-//! part of them by its name, `cargo bench --bench kernels -- step/stormer-verlet`.
+//! Benchmarks element kernels of every law, gather, Hessian, factor, solve, whole steps, and writing VTU files, on
+//! the cantilever P1 (docs/performance.md) with n = 4, 8, 16: `cargo bench --bench kernels`. Select a part by its
+//! name: `cargo bench --bench kernels -- step/stormer-verlet`.
 
 use std::hint::black_box;
 use std::io::Cursor;
@@ -32,7 +32,7 @@ fn st_venant_kirchhoff() -> Law {
     Law::StVenantKirchhoff(Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 })
 }
 
-/// Ten samples in a second: differences of a few per cent show, and all benches take minutes.
+/// Takes ten samples in a second: this resolves differences of a few per cent, and all benchmarks take minutes.
 fn quick(group: &mut BenchmarkGroup<'_, WallTime>) {
     group.sample_size(10).warm_up_time(Duration::from_millis(200)).measurement_time(Duration::from_secs(1));
 }
@@ -64,7 +64,7 @@ fn elements(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Whole gradients and Hessians, sums included, and the linear algebra of an implicit step.
+/// Complete gradients and Hessians, sums included, and the linear algebra of an implicit step.
 fn assembly(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("assembly");
     quick(&mut group);
@@ -105,7 +105,7 @@ fn assembly(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Steps of whole schemes.
+/// Steps of complete schemes.
 fn steps(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("step");
     quick(&mut group);
@@ -123,7 +123,7 @@ fn steps(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// A frame with displacements, into memory.
+/// Writes a frame with displacements into memory.
 fn output(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("output");
     quick(&mut group);

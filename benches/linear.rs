@@ -1,6 +1,6 @@
-//! What assembly and linear algebra cost on a clamped beam of 6 · 4n³ tetrahedra, StVK, least of several
-//! passes: energy, gradient and Hessian against their kernels alone, product, factor, solve, conjugate
-//! gradients; on one thread and on two.
+//! Measures assembly and linear algebra on a clamped beam of 6 · 4n³ StVK tetrahedra, as the least of several passes:
+//! energy, gradient and Hessian compared with their kernels alone, product, factor, solve, conjugate gradients. Uses
+//! one thread and then two.
 //!
 //! `cargo bench --bench linear -- [cells across: 4 8 16] [step 0.01]`
 
@@ -11,17 +11,17 @@ use vi_fem::{Isotropic, Law, add_lumped_mass, elastic};
 use vi_mesh::{BoxMesh, CellKind};
 use vi_solvers::{Assembler, Factor, HessianEvaluation, Pcg, Preconditioner};
 
-/// Passes of each measurement; the least time counts.
+/// Number of passes of each measurement; the least time counts.
 const PASSES: usize = 7;
 
-/// Stencils asked of a kernel at a time where it is timed alone.
+/// Number of stencils per call of a kernel when it is timed alone.
 const BATCH: usize = 64;
 
 fn main() {
     let arguments: Vec<String> =
         std::env::args().skip(1).filter(|argument| !argument.starts_with("--")).collect();
     let step: f64 = arguments.get(1).map_or(0.01, |step| step.parse().expect("a step"));
-    // `cargo bench -- --test` only asks whether it runs.
+    // `cargo bench -- --test` only checks that it runs.
     let is_test = std::env::args().any(|argument| argument == "--test");
     let sizes = match arguments.first() {
         _ if is_test => vec![2],
@@ -37,7 +37,7 @@ fn main() {
     }
 }
 
-/// The beam of the reference problem P1, 1 × 0.25 × 0.25 m, bent a little.
+/// Returns the beam of the reference problem P1, 1 × 0.25 × 0.25 m, slightly bent.
 fn beam(n: u32) -> (System, Vec<f64>) {
     let mesh =
         BoxMesh { size: [1.0, 0.25, 0.25], cells: [4 * n, n, n], element: CellKind::Tet4, origin: [0.0; 3] };
@@ -62,7 +62,7 @@ fn beam(n: u32) -> (System, Vec<f64>) {
     (system, x)
 }
 
-/// Least seconds of several passes.
+/// Returns the least time of several passes, s.
 fn least(mut pass: impl FnMut()) -> f64 {
     let mut timed = || {
         let start = Instant::now();
@@ -101,10 +101,10 @@ fn measure(n: u32, threads: usize, step: f64, system: &System, x: &[f64]) {
     let time = least(|| {
         std::hint::black_box(assembler.energies(x, 0.0));
     });
-    println!("  energy    {:7.1} ns a tet, kernel alone {:7.1}", each(time), each(alone));
+    println!("  energy    {:7.1} ns per tet, kernel alone {:7.1}", each(time), each(alone));
     let alone = kernel(potential, size, |range, out| potential.gradients(range, x, 0.0, out));
     let time = least(|| assembler.gradient(x, 0.0, &mut gradient));
-    println!("  gradient  {:7.1} ns a tet, kernel alone {:7.1}", each(time), each(alone));
+    println!("  gradient  {:7.1} ns per tet, kernel alone {:7.1}", each(time), each(alone));
     let alone = kernel(potential, packed_len(size), |range, out| potential.hessians(range, x, 0.0, out));
     let first = Instant::now();
     assembler.hessian(x, 0.0, HessianEvaluation::Exact).unwrap();
@@ -113,7 +113,7 @@ fn measure(n: u32, threads: usize, step: f64, system: &System, x: &[f64]) {
         assembler.hessian(x, 0.0, HessianEvaluation::Exact).unwrap();
     });
     println!(
-        "  Hessian   {:7.1} ns a tet, kernel alone {:7.1}; pattern {:.1} ms",
+        "  Hessian   {:7.1} ns per tet, kernel alone {:7.1}; pattern {:.1} ms",
         each(time),
         each(alone),
         first * 1e3

@@ -1,4 +1,4 @@
-//! A flag that hangs by one edge in gusts: energy comes from the wind alone, and the ledger says how much.
+//! A flag held at one edge in gusts of wind: its energy comes from the wind alone, and the ledger records how much.
 
 use variational::prelude::*;
 

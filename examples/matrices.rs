@@ -1,5 +1,5 @@
-//! Mass and stiffness of a scene for another solver: the lowest frequency of a cantilever by inverse iteration with the
-//! products of sprs alone. Run it with `--features sprs`.
+//! Mass and stiffness of a scene for another solver: finds the lowest frequency of a cantilever by inverse iteration
+//! that only uses products of sprs matrices. Run it with `--features sprs`.
 
 use sprs::CsMat;
 use variational::prelude::*;
@@ -15,7 +15,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// K x = b by conjugate gradients.
+/// Solves K x = b by conjugate gradients.
 fn solve(k: &CsMat<f64>, b: &[f64]) -> Vec<f64> {
     let (mut x, mut r, mut d) = (vec![0.0; b.len()], b.to_vec(), b.to_vec());
     let mut left = dot(&r, &r);

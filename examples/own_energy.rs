@@ -1,11 +1,12 @@
-//! An energy of one's own on a body of a scene: a soft floor that pushes nodes back up. Derivatives follow by themselves.
+//! Adds an energy of its own to a body of a scene: a soft floor that pushes nodes back up. Its derivatives are
+//! computed automatically.
 
 use variational::core::lagrange::Scalar;
 use variational::core::{Derived, LocalEnergy};
 use variational::prelude::*;
 use variational::simulation::AddedTerm;
 
-/// V = k/2 z² for each node below z = 0.
+/// The energy V = k/2 z² for each node below z = 0.
 struct SoftFloor {
     stiffness: f64,
 }

@@ -1,5 +1,5 @@
-//! A law of one's own on a body of a scene, by its energy alone: Gent's rubber, whose chains cannot be stretched beyond a
-//! limit. A cube of it is pulled to 1.8 times its length; what pulls it is what the law says.
+//! Defines a material law by its energy alone: Gent's rubber, whose chains cannot be stretched beyond a limit. A cube
+//! of it is pulled to 1.8 times its length, and the pulling force agrees with the law.
 
 use variational::core::lagrange::Scalar;
 use variational::fem::{Differentiated, EnergyDensity, OwnLaw, PointLaw, Translate};

@@ -1,4 +1,4 @@
-//! A loop of one's own over the steps of a scene: it watches a body fall, and turns its velocity round half-way.
+//! Steps a scene in its own loop: it watches a body fall, and reverses its velocity half-way.
 
 use variational::prelude::*;
 
@@ -19,7 +19,7 @@ fn main() {
             simulation.set_motion(0, &x, &v).expect("as many nodes as the body has");
         }
     }
-    // Up as long as it fell: it is where it began, and no energy came in.
+    // The body rises for as long as it fell: it returns to its start, without any gain of energy.
     let end = simulation.positions(0);
     let gap = start.iter().zip(&end).map(|(a, b)| (a[1] - b[1]).abs()).fold(0.0, f64::max);
     println!("{gap:.1e} m from where it began");

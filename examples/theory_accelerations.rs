@@ -1,5 +1,5 @@
-//! A Lagrangian with accelerations, the Pais–Uhlenbeck oscillator of frequencies 1 and 2: marched
-//! on Hermite cubics against the exact motion. Prints `t,q,exact,error`.
+//! A Lagrangian with accelerations, the Pais–Uhlenbeck oscillator with frequencies 1 and 2, integrated with Hermite
+//! cubics and compared with the exact motion. Prints `t,q,exact,error`.
 
 use nalgebra::DVector;
 use vi_core::discrete::HermiteLagrangian;

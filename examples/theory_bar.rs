@@ -1,5 +1,5 @@
-//! An elastic bar of twenty finite elements as a Lagrangian by hand: a sudden pull of inertia, the
-//! wave that follows, and its energy. Prints `t,middle,tip,energy_error`.
+//! An elastic bar of twenty finite elements as a handwritten Lagrangian: the moving bar is stopped at its end, and a
+//! wave follows. Prints `t,middle,tip,energy_error`.
 
 use vi_core::discrete::DiscreteLagrangian;
 use vi_core::lagrange::{energy, velocities};
@@ -10,7 +10,7 @@ fn main() -> Result<(), CoreError> {
     let bar = Bar { element_count: 20, length: 1.0, area: 0.01, young: 1e6, density: 1000.0 };
     let n = bar.element_count;
     let discrete = DiscreteLagrangian::new(&bar, &Scheme::implicit_midpoint(), 5e-4)?;
-    // The whole bar moves at 0.1 m/s when its end is caught.
+    // The whole bar moves at 0.1 m/s when its end is stopped.
     let mass = bar.density * bar.area * bar.length / n as f64;
     let p = (1..=n).map(|k| 0.1 * mass * if k == n { 0.5 } else { 1.0 }).collect();
     let mut state = State { t: 0.0, q: vec![0.0; n], p };

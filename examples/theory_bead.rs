@@ -1,6 +1,6 @@
-//! A bead on a turning hoop: its equilibria as the angular velocity grows, followed through the
-//! bifurcation at ω = √(g/r), with their stability and small-oscillation frequency.
-//! Prints `branch,omega,angle,stable,frequency`.
+//! A bead on a rotating hoop: follows its equilibria as the angular velocity grows, through the bifurcation at ω =
+//! √(g/r), with their stability and the frequency of small oscillations. Prints
+//! `branch,omega,angle,stable,frequency`.
 
 use vi_core::CoreError;
 use vi_core::problems::BeadOnHoop;

@@ -1,5 +1,5 @@
-//! A double pendulum by two joints, and a second one displaced by 1e-9: chaos, and an energy that
-//! does not care. Prints `t,x,z,energy_error,distance`.
+//! A double pendulum with two joints, and a second one displaced by 1e-9: the motion is chaotic, yet the energy is
+//! conserved. Prints `t,x,z,energy_error,distance`.
 
 use vi_core::discrete::DiscreteLagrangian;
 use vi_core::lagrange::{energy, velocities};

@@ -1,5 +1,5 @@
-//! A million steps of the pendulum: the envelope of the energy error, window by window, does not
-//! move. Prints `window,low,high`.
+//! A million steps of the pendulum: the envelope of the energy error, window by window, does not drift. Prints
+//! `window,low,high`.
 
 use vi_core::diagnostics::Envelope;
 use vi_core::problems::Pendulum;

@@ -1,4 +1,4 @@
-//! A free rigid body spun about its intermediate axis flips over and over. Prints
+//! A free rigid body that rotates about its intermediate axis flips periodically. Prints
 //! `t,spin1,spin2,spin3,energy_error,momentum_error` for Gauss-2 over four periods.
 
 use vi_core::problems::{flip_period, free_body};

@@ -1,6 +1,6 @@
-//! The free particle: every scheme is exact. And the mass–spring both ways: the discrete
-//! Euler–Lagrange rule of the action and Newton's rule, step by step the same numbers.
-//! Prints `t,free,free_exact,spring_by_action,spring_by_newton,spring_exact`.
+//! The free particle, for which every scheme is exact, and the mass–spring system in two ways: the discrete
+//! Euler–Lagrange equations of the action and Newton's equation give the same numbers, step by step. Prints
+//! `t,free,free_exact,spring_by_action,spring_by_newton,spring_exact`.
 
 use vi_core::discrete::DiscreteLagrangian;
 use vi_core::{CoreError, Scheme, State, lagrangian};
@@ -13,7 +13,7 @@ fn main() -> Result<(), CoreError> {
     let swing = DiscreteLagrangian::new(&spring, &Scheme::stormer_verlet(), h)?;
     let mut particle = State { t: 0.0, q: vec![1.0], p: vec![0.5] };
     let mut by_action = State { t: 0.0, q: vec![1.0], p: vec![0.0] };
-    // Newton: m (q_{k+1} − 2 q_k + q_{k−1})/h² = F(q_k), begun with half a kick.
+    // Newton: m (q_{k+1} − 2 q_k + q_{k−1})/h² = F(q_k), started with half a kick.
     let (mut before, mut now) = (1.0, 1.0 - 0.5 * h * h * omega * omega);
     println!("t,free,free_exact,spring_by_action,spring_by_newton,spring_exact");
     for k in 0..=100 {

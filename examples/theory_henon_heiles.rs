@@ -1,5 +1,5 @@
-//! Poincaré sections of the Hénon–Heiles system at two energies: curves where motion is regular,
-//! clouds where it is chaotic. Prints `energy,orbit,y,py`.
+//! Poincaré sections of the Hénon–Heiles system at two energies: curves for regular motion, scattered points for
+//! chaotic motion. Prints `energy,orbit,y,py`.
 
 use vi_core::diagnostics::Section;
 use vi_core::problems::HenonHeiles;

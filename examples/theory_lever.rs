@@ -1,5 +1,5 @@
-//! The law of the lever as virtual work: the third arm of three masses is varied, and the lever is
-//! in balance where Σ m r = 0. Prints `arm,virtual_work,moment,rest_angle`.
+//! The law of the lever as virtual work: the arm of the third of three masses is varied; the lever is in equilibrium
+//! if Σ m r = 0. Prints `arm,virtual_work,moment,rest_angle`.
 
 use nalgebra::DVector;
 use vi_core::generalised::Embedded;
@@ -15,7 +15,7 @@ fn main() {
         let energy = AtRest(Embedded(lever));
         let level = DVector::zeros(1);
         let work = virtual_work(&energy, 0.0, &level, &DVector::from_element(1, 1.0));
-        // Off balance the only stable rest is the heavy side straight down.
+        // If unbalanced, the only stable equilibrium has the heavy side straight down.
         let starts: Vec<Vec<f64>> = (0..7).map(|k| vec![-1.4 + 0.47 * k as f64]).collect();
         let found = equilibria(&energy, 0.0, &starts, 1e-6);
         let rest = found.iter().find(|e| e.is_stable()).map_or(f64::NAN, |e| e.q[0]);

@@ -1,5 +1,5 @@
-//! The harmonic oscillator in phase space: variational steps keep area and energy, the two Eulers
-//! do not. Prints `scheme,t,q,p,energy`.
+//! The harmonic oscillator in phase space: variational steps conserve area and bound the energy; the two Euler
+//! methods do not. Prints `scheme,t,q,p,energy`.
 
 use vi_core::problems::Oscillator;
 use vi_core::{CoreError, Scheme, State, reference};
@@ -25,7 +25,7 @@ fn main() -> Result<(), CoreError> {
             state = reference::step(&system, &scheme, &state, h)?;
         }
     }
-    // Not variational: each step multiplies phase area by 1 + h² or its inverse.
+    // Not variational: each step multiplies the phase area by 1 + h² or its inverse.
     let (mut forward, mut backward) = (start.clone(), start);
     for _ in 0..150 {
         print("forward-euler", &forward);

@@ -1,5 +1,5 @@
-//! The planar pendulum: energy error and shadow energy of Störmer–Verlet for three steps, and the
-//! measured period against the elliptic integral. Prints `h,t,q,p,energy_error,shadow_error`.
+//! The planar pendulum: energy error and shadow energy of Störmer–Verlet for three steps, and the measured period
+//! compared with the elliptic integral. Prints `h,t,q,p,energy_error,shadow_error`.
 
 use vi_core::diagnostics::verlet_shadow;
 use vi_core::problems::Pendulum;

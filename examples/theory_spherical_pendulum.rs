@@ -1,6 +1,6 @@
-//! The spherical pendulum as a particle on a sphere, three ways: multipliers (RATTLE), projection
-//! after a free step, and a plain symplectic step of the differentiated constraint, which drifts
-//! off. Prints `method,t,x,y,z,off_surface,energy_error`.
+//! The spherical pendulum as a particle on a sphere, in three ways: multipliers (RATTLE), projection after a free
+//! step, and a plain symplectic step with the differentiated constraint, which drifts off the sphere. Prints
+//! `method,t,x,y,z,off_surface,energy_error`.
 
 use vi_core::constraints::Rattle;
 use vi_core::problems::{Sphere, SphericalPendulum};
@@ -17,7 +17,7 @@ fn main() -> Result<(), CoreError> {
     let (h, steps) = (0.05, 4000);
     let start = State { t: 0.0, q: vec![0.6, 0.0, -0.8], p: vec![0.0, 0.9, 0.0] };
     let verlet = Scheme::stormer_verlet();
-    // Projection: a free step, then q back to the sphere and p to its tangent.
+    // Projection: a free step, then q back to the sphere and p to its tangent plane.
     let project = |state: &State| -> Result<State, CoreError> {
         let mut next = reference::step(&system, &verlet, state, h)?;
         let length = dot(&next.q, &next.q).sqrt();
@@ -26,7 +26,7 @@ fn main() -> Result<(), CoreError> {
         next.p.iter_mut().zip(&next.q).for_each(|(p, q)| *p -= normal * q);
         Ok(next)
     };
-    // The force −∇V − λ q with λ = |p|² − q·∇V (twice differentiated constraint), kicks and drifts.
+    // The force is −∇V − λ q with λ = |p|² − q·∇V (twice differentiated constraint), in kicks and drifts.
     let drift_off = |state: &State| -> Result<State, CoreError> {
         let kick = |q: &[f64], p: &[f64]| -> Vec<f64> {
             let lambda = dot(p, p) - q[2];
