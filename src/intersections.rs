@@ -49,6 +49,42 @@ pub fn intersections(points: &[[f64; 3]], triangles: &[[u32; 3]], wires: &[[u32;
     found
 }
 
+/// Is this place within the closed surface of these triangles? Not on it, and with either orientation.
+///
+/// A ray that leaves the surface crosses it an odd number of times. A ray through an edge or a corner tells nothing;
+/// then another one is taken.
+pub fn is_inside(place: [f64; 3], points: &[[f64; 3]], triangles: &[[u32; 3]]) -> bool {
+    let [low, high] = bounds(points, triangles.as_flattened());
+    if (0..3).any(|k| !(low[k] <= place[k] && place[k] <= high[k])) {
+        return false;
+    }
+    let far = (0..3).map(|k| high[k] - low[k]).sum::<f64>();
+    let parity = |direction: [f64; 3]| {
+        let end = [0, 1, 2].map(|k| place[k] + far * direction[k]);
+        let mut crossings = 0;
+        for triangle in triangles {
+            let [a, b, c] = triangle.map(|node| points[node as usize]);
+            let side = |a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3]| {
+                sign(orient3d(solid(a), solid(b), solid(c), solid(d)))
+            };
+            let (from, to) = (side(a, b, c, place), side(a, b, c, end));
+            let turns = [side(place, end, a, b), side(place, end, b, c), side(place, end, c, a)];
+            if turns.contains(&1) && turns.contains(&-1) || from * to > 0 {
+                continue;
+            }
+            if from == 0 || to == 0 || turns.contains(&0) {
+                return None;
+            }
+            crossings += 1;
+        }
+        Some(crossings % 2 == 1)
+    };
+    // Directions without a common plane, none along an axis or a diagonal.
+    let directions =
+        (1..=64).map(|k| [1, 2, 3].map(|axis| (f64::from(k * axis) * 2.399 + f64::from(axis)).sin() + 1.5));
+    directions.into_iter().find_map(parity).unwrap_or(false)
+}
+
 /// The first node at the place of each node.
 fn places(points: &[[f64; 3]]) -> Vec<u32> {
     let mut first = HashMap::new();
@@ -195,6 +231,24 @@ mod tests {
         assert!(meets([-1.0, 0.5, 0.0], [2.0, 0.4, 0.0], TRIANGLE));
         assert!(!meets([1.0, 0.1, 0.0], [0.9, 0.2, 0.0], TRIANGLE));
         assert!(!meets([2.0, 0.0, 0.0], [3.0, 0.0, 0.0], TRIANGLE));
+    }
+
+    #[test]
+    fn a_place_is_inside_a_closed_surface_or_not() {
+        let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let triangles = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+        let tiny = 1e-15;
+        for (place, expected) in [
+            ([0.2, 0.2, 0.2], true),
+            ([0.4, 0.4, 0.4], false),
+            ([tiny, 0.5, 0.25], true),
+            ([-tiny, 0.5, 0.25], false),
+            ([0.25, 0.25, 0.5 - tiny], true),
+            ([0.25, 0.25, 0.5 + tiny], false),
+            ([5.0, 0.2, 0.2], false),
+        ] {
+            assert_eq!(is_inside(place, &points, &triangles), expected, "{place:?}");
+        }
     }
 
     #[test]

@@ -12,6 +12,9 @@ mod initial;
 mod loads;
 mod mass;
 mod matter;
+mod meeting;
+mod outline;
+mod parting;
 mod partition;
 mod periodic;
 mod prescribe;
@@ -28,9 +31,12 @@ mod ties;
 
 pub(crate) use assemble::Model;
 pub use body::{BodyModel, MaterialPart, NodeSet, ProbeTarget};
-pub(crate) use contact::{ContactModel, may_meet, name_of};
+pub(crate) use contact::ContactModel;
 pub(crate) use control::path_control;
 pub(crate) use mass::kinetic_terms;
+pub(crate) use meeting::{Meeting, name_of};
+pub(crate) use outline::Outline;
+pub(crate) use parting::Parted;
 pub use regions::RegionProbe;
 pub use rigid::{Pose, RigidModel};
 

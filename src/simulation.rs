@@ -16,12 +16,12 @@ pub mod stability;
 #[cfg(test)]
 mod tests;
 
-use std::collections::HashSet;
-
 use vi_core::{HessianKind, State, System};
 use vi_solvers::{Assembler, Method, SolverOptions, Stepper, Work};
 
-use crate::model::{self, BodyModel, Model, NodeSet, ProbeTarget, RegionProbe, RigidModel, path_control};
+use crate::model::{
+    self, BodyModel, Meeting, Model, NodeSet, Parted, ProbeTarget, RegionProbe, RigidModel, path_control,
+};
 use crate::scene::{Fix, Problem, Scene};
 pub use added::AddedTerm;
 pub use advance::Stepped;
@@ -102,8 +102,10 @@ pub struct Simulation {
     /// Energy that [`Simulation::set_motion`] gave and no step has told yet, J.
     given: f64,
     contact: ContactTotals,
-    /// Pairs of bodies that are joined where they touch, and no pair for contact.
-    joined: HashSet<(usize, usize)>,
+    /// Which bodies meet.
+    meeting: Meeting,
+    /// What `contact.resolve` moved before the start.
+    parted: Vec<Parted>,
 }
 
 impl Simulation {
@@ -186,7 +188,7 @@ impl Simulation {
         let (step_count, h) = scene.time.steps();
         let arc_steps = scene.statics.as_ref().and_then(|statics| statics.arc_steps);
         let step_count = arc_steps.map_or(step_count, u64::from);
-        let simulation = Self {
+        let mut simulation = Self {
             scene,
             bodies: model.bodies,
             rigids: model.rigids,
@@ -206,8 +208,10 @@ impl Simulation {
             earlier_work: Work::default(),
             given: 0.0,
             contact: ContactTotals::default(),
-            joined: model.joined,
+            meeting: model.meeting,
+            parted: model.parted,
         };
+        simulation.tell_of_contact();
         let problems = simulation.crossing_start();
         if problems.is_empty() { Ok(simulation) } else { Err(problems) }
     }
@@ -329,6 +333,23 @@ impl Simulation {
         self.contact.intersections
     }
 
+    /// Notes on joined bodies that cross, and on what was moved before the start.
+    fn tell_of_contact(&mut self) {
+        let name = |number: usize| model::name_of(&self.scene, number);
+        let overlaps = self.meeting.overlapping().map(|(a, b)| {
+            format!("'{}' and '{}' are joined and cross where they start: they do not meet", name(a), name(b))
+        });
+        let moves = self.parted.iter().map(|Parted { body, by: [x, y, z], energy }| {
+            format!(
+                "'{}' was moved by ({x:.3e}, {y:.3e}, {z:.3e}) m before the start, so that it does not touch; potential \
+                 energy changed by {energy:.3e} J, and the energy balance begins after that",
+                name(*body)
+            )
+        });
+        let notes: Vec<String> = overlaps.chain(moves).collect();
+        self.notes.extend(notes);
+    }
+
     /// What contact searches, for report.json; null in a scene without contact.
     pub(crate) fn contact_report(&self) -> serde_json::Value {
         if self.scene.contact.is_none() {
@@ -338,12 +359,18 @@ impl Simulation {
         let systems: Vec<_> = systems.map(ContactWatch::report).collect();
         let count = self.bodies.len() + self.rigids.len();
         let pairs = (0..count).flat_map(|a| (a..count).map(move |b| (a, b)));
-        let meets = |&(a, b): &(usize, usize)| crate::model::may_meet(&self.scene, &self.joined, a, b);
+        let meets = |&(a, b): &(usize, usize)| self.meeting.may_meet(&self.scene, a, b);
         let (searched, skipped): (Vec<_>, Vec<_>) = pairs.partition(meets);
+        let parted = self.parted.iter().map(|Parted { body, by, energy }| {
+            serde_json::json!({
+                "body": model::name_of(&self.scene, *body), "moved_by": by, "potential_energy": energy,
+            })
+        });
         let smallest_gap = Some(self.contact.smallest_gap).filter(|gap| gap.is_finite());
         serde_json::json!({
             "smallest_gap": smallest_gap, "pairs_of_bodies_searched": searched.len(),
             "pairs_of_bodies_skipped": skipped.len(), "systems": systems,
+            "parted_at_start": parted.collect::<Vec<_>>(),
         })
     }
 

@@ -9,9 +9,11 @@ use vi_mesh::Numbering;
 
 use super::body::{BodyModel, NodeSet, ProbeTarget};
 use super::component::ComponentBuilder;
-use super::contact::{ContactModel, contact};
+use super::contact::{ContactModel, Surfaces, contact};
 use super::import::Imported;
 use super::matter::{self, Edges};
+use super::meeting::Meeting;
+use super::parting::Parted;
 use super::partition::{Partition, joined};
 use super::prescribe::NodalFix;
 use super::read::ReadBody;
@@ -38,8 +40,10 @@ pub(crate) struct Model {
     pub(crate) components: Vec<(System, State)>,
     /// The contact of each component.
     pub(crate) contacts: Vec<Option<ContactModel>>,
-    /// Pairs of bodies that are joined where they touch, and no pair for contact.
-    pub(crate) joined: HashSet<(usize, usize)>,
+    /// Which bodies meet.
+    pub(crate) meeting: Meeting,
+    /// What `contact.resolve` moved before the start.
+    pub(crate) parted: Vec<Parted>,
     pub(crate) notes: Vec<String>,
 }
 
@@ -48,8 +52,8 @@ pub(crate) struct Model {
 /// # Errors
 /// Everything that is wrong with the bodies; if they are sound, everything that is wrong with what acts on them.
 pub(super) fn assemble(scene: &Scene, resolved: Resolved<'_>) -> Result<Model, Vec<Problem>> {
-    let partition = Partition::new(scene, &resolved);
-    let joined = joined(&resolved);
+    let mut meeting = Meeting::new(joined(&resolved));
+    let partition = Partition::new(scene, &resolved, &meeting);
     let Resolved {
         bodies, fixes, probes, region_probes, periodics, strikes, springs, rigids, joints, ..
     } = resolved;
@@ -67,12 +71,15 @@ pub(super) fn assemble(scene: &Scene, resolved: Resolved<'_>) -> Result<Model, V
     parts.add_periodics(&periodics);
     let mut systems = Vec::with_capacity(parts.components.len());
     let mut contacts = Vec::with_capacity(parts.components.len());
+    let mut parted = Vec::new();
     for (number, component) in parts.components.into_iter().enumerate() {
         let rest = if scene.contact.is_some() { component.rest.clone() } else { Vec::new() };
         let bodies = &parts.bodies;
         let made = component.into_system(scene, &nodal_fixes(&fixes, bodies, number));
-        let made = made.and_then(|(system, state)| {
-            let contact = contact(scene, number, (&system, &state), &rest, bodies, &rigids, &joined)?;
+        let made = made.and_then(|(system, mut state)| {
+            let surfaces = Surfaces { bodies, rigids: &rigids, rest: &rest, stitches: &parts.stitches };
+            let contact =
+                contact(scene, number, (&system, &mut state), &surfaces, &mut meeting, &mut parted)?;
             let live = contact.iter().flat_map(ContactModel::live).collect();
             contacts.push(contact);
             Ok((system.with_live(live), state))
@@ -94,7 +101,8 @@ pub(super) fn assemble(scene: &Scene, resolved: Resolved<'_>) -> Result<Model, V
         control: resolved.control,
         components: systems,
         contacts,
-        joined,
+        meeting,
+        parted,
         notes: parts.notes,
     })
 }
@@ -123,6 +131,8 @@ struct Parts {
     meshes: Vec<Imported>,
     notes: Vec<String>,
     problems: Vec<Problem>,
+    /// Nodes that attachments and seams join to others: component, node, and those.
+    stitches: Vec<(usize, u32, Vec<u32>)>,
 }
 
 impl Parts {
@@ -136,6 +146,7 @@ impl Parts {
             meshes: Vec::new(),
             notes: Vec::new(),
             problems: Vec::new(),
+            stitches: Vec::new(),
         }
     }
 
@@ -237,6 +248,8 @@ impl Parts {
                 tie.node = self.node(set.body, tie.node);
                 if let (Anchor::Nodes(weights), Some(to)) = (&mut tie.anchor, set.to) {
                     weights.iter_mut().for_each(|(node, _)| *node = self.node(to, *node));
+                    let others = weights.iter().map(|&(node, _)| node).collect();
+                    self.stitches.push((self.bodies[set.body.index()].component, tie.node, others));
                 }
             }
             let component = &mut self.components[self.bodies[set.body.index()].component];

@@ -1,12 +1,15 @@
 //! The surfaces of a component that can meet: which nodes and triangles, how thick, how stiff, and which bodies are
 //! no pair.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use vi_contact::{ContactTerm, PairRule, RollingTerm, SurfaceBuilder, median_edge};
 use vi_core::{Live, State, System};
 
+use super::meeting::{Meeting, name_of};
+use super::outline::outline;
+use super::parting::{Parted, Start};
 use super::{BodyModel, RigidModel};
 use crate::scene::{Contact, Problem, RigidShape, Scene, Substance};
 
@@ -55,39 +58,30 @@ const STIFFNESS_OF_RIGID: f64 = 10.0;
 /// d̂ and κ of what takes them from the other side.
 const FROM_OTHERS: f64 = 1e300;
 
-/// May the bodies numbered `a` and `b` of a scene (deformable ones first) meet?
-pub(crate) fn may_meet(scene: &Scene, joined: &HashSet<(usize, usize)>, a: usize, b: usize) -> bool {
-    let Some(contact) = &scene.contact else { return false };
-    let rigid = |number: usize| number.checked_sub(scene.bodies.len()).map(|rigid| &scene.rigids[rigid]);
-    let has_surface = |number| rigid(number).is_none_or(|rigid| rigid.shape.is_some());
-    let is_prescribed = |number| rigid(number).is_some_and(|rigid| rigid.is_prescribed());
-    has_surface(a)
-        && has_surface(b)
-        && !(is_prescribed(a) && is_prescribed(b))
-        && contact.admits(name_of(scene, a), name_of(scene, b))
-        && !joined.contains(&(a.min(b), a.max(b)))
+/// The surfaces of all bodies, and what joins them.
+pub(super) struct Surfaces<'a> {
+    pub(super) bodies: &'a [BodyModel],
+    pub(super) rigids: &'a [RigidModel],
+    /// Nodes of the component at rest, m.
+    pub(super) rest: &'a [[f64; 3]],
+    /// Nodes that attachments and seams join to others: component, node, and those.
+    pub(super) stitches: &'a [(usize, u32, Vec<u32>)],
 }
 
-pub(crate) fn name_of(scene: &Scene, number: usize) -> &str {
-    match number.checked_sub(scene.bodies.len()) {
-        Some(rigid) => &scene.rigids[rigid].name,
-        None => &scene.bodies[number].name,
-    }
-}
-
-/// The contact of component number `component`; none where nothing in it can meet.
+/// The contact of component number `component`; none where nothing in it can meet. Joined bodies that cross where they
+/// start are entered in `meeting`, and what `contact.resolve` moves in `parted`.
 pub(super) fn contact(
     scene: &Scene,
     component: usize,
-    (system, state): (&System, &State),
-    rest: &[[f64; 3]],
-    bodies: &[BodyModel],
-    rigids: &[RigidModel],
-    joined: &HashSet<(usize, usize)>,
+    (system, state): (&System, &mut State),
+    surfaces: &Surfaces<'_>,
+    meeting: &mut Meeting,
+    parted: &mut Vec<Parted>,
 ) -> Result<Option<ContactModel>, Problem> {
     let Some(contact) = &scene.contact else { return Ok(None) };
+    let Surfaces { bodies, rigids, .. } = *surfaces;
     let wrong = |message: String| Problem::new("contact", message);
-    let rest = rest.as_flattened();
+    let rest = surfaces.rest.as_flattened();
     let mut parts = Vec::new();
     for (number, body) in bodies.iter().enumerate().filter(|(_, body)| body.component == component) {
         parts.push(of_body(scene, number, body, rest).map_err(wrong)?);
@@ -95,7 +89,9 @@ pub(super) fn contact(
     for (number, rigid) in rigids.iter().enumerate().filter(|(_, rigid)| rigid.component == component) {
         parts.extend(of_rigid(scene, bodies.len() + number, rigid, rest));
     }
-    let may_meet = |a: &Part, b: &Part| may_meet(scene, joined, a.number, b.number);
+    enter_overlaps(&parts, surfaces, &system.positions(state), meeting);
+    let meeting = &*meeting;
+    let may_meet = |a: &Part, b: &Part| meeting.may_meet(scene, a.number, b.number);
     let any = |(i, part): (usize, &Part)| parts[i..].iter().any(|other| may_meet(part, other));
     if !parts.iter().enumerate().any(any) {
         return Ok(None);
@@ -103,11 +99,20 @@ pub(super) fn contact(
     // Farther than the layer, and never less than motion over some steps: candidates are few beside elements.
     let reach = parts.iter().map(|part| contact.distance.unwrap_or(part.distance));
     let reach = reach.filter(|&distance| distance < FROM_OTHERS).fold(0.0, f64::max);
-    let term = |distances: &Distances| {
+    let term = |distances: &Distances, x: &[f64]| {
         let mut builder = builder(contact, &parts, rest, may_meet);
+        builder.start(x);
+        for (_, node, others) in surfaces.stitches.iter().filter(|stitch| stitch.0 == component) {
+            others.iter().for_each(|&other| builder.stitch(*node, other));
+        }
         for (i, a) in parts.iter().enumerate() {
-            for (j, b) in parts.iter().enumerate().skip(i + 1) {
-                let mut rule = rule(scene, a, b, may_meet(a, b));
+            for (j, b) in parts.iter().enumerate().skip(i) {
+                let is_joined = meeting.is_joined(a.number, b.number);
+                let mut rule = match i == j {
+                    true => PairRule::default(),
+                    false => rule(scene, a, b, may_meet(a, b)),
+                };
+                rule.joined = is_joined;
                 rule.distance = rule.distance.or(distances.get(&[i as u32, j as u32]).copied());
                 if rule != PairRule::default() {
                     builder.pair(i as u32, j as u32, rule);
@@ -120,11 +125,20 @@ pub(super) fn contact(
             let names: Vec<&str> = parts.iter().map(|part| name_of(scene, part.number)).collect();
             wrong(format!("{error} (bodies, from 0: {})", names.join(", ")))
         })?;
-        Ok(Arc::new(ContactTerm::new(Arc::new(surface), reach)))
+        Ok::<_, Problem>(Arc::new(ContactTerm::new(Arc::new(surface), reach)))
     };
     let numbers: Vec<usize> = parts.iter().map(|part| part.number).collect();
-    let x = system.positions(state);
-    let mut found = term(&Distances::new())?;
+    let mut x = system.positions(state);
+    let mut found = term(&Distances::new(), &x)?;
+    if contact.resolve {
+        let normals = parts.iter().map(|part| (part.number, part.plane.map(|(_, normal)| normal))).collect();
+        let start = Start { scene, meeting, system, bodies, rigids, term: &found, parts: normals };
+        let moved = start.part(state).map_err(|message| {
+            wrong(format!("{message}; move the bodies apart, or list the pair in `contact.exclude`"))
+        })?;
+        parted.extend(moved);
+        x = system.positions(state);
+    }
     let mut near = found.at(&x).smallest_gaps(&x);
     if let Some(message) = touching(scene, &numbers, &near) {
         return Err(wrong(message));
@@ -133,9 +147,21 @@ pub(super) fn contact(
     let layer = |[a, b]: [u32; 2]| parts[a as usize].distance.min(parts[b as usize].distance);
     near.retain(|&pair, gap| pair[0] != pair[1] && contact.distance.is_none() && *gap < layer(pair));
     if !near.is_empty() {
-        found = term(&near)?;
+        found = term(&near, &x)?;
     }
     Ok(Some(ContactModel { term: found, bodies: numbers }))
+}
+
+/// Enters the joined pairs whose surfaces cross at positions x: a bolt in a block that holds it meets nothing there.
+fn enter_overlaps(parts: &[Part], surfaces: &Surfaces<'_>, x: &[f64], meeting: &mut Meeting) {
+    let outline = |part: &Part| outline(part.number, surfaces.bodies, surfaces.rigids, x);
+    for (i, a) in parts.iter().enumerate() {
+        for b in &parts[i + 1..] {
+            if meeting.is_joined(a.number, b.number) && outline(a).meets(&outline(b)) {
+                meeting.overlap(a.number, b.number);
+            }
+        }
+    }
 }
 
 /// Activation distances d̂ of pairs of bodies, m, by their numbers among the parts.
@@ -265,6 +291,7 @@ fn rule(scene: &Scene, a: &Part, b: &Part, may_meet: bool) -> PairRule {
     let expected = if expected > 0.0 { expected } else { 1e5 };
     PairRule {
         excluded: false,
+        joined: false,
         distance: said.and_then(|pair| pair.distance),
         stiffness: said.and_then(|pair| pair.stiffness).or(are_rigid.then_some(expected)),
         friction: said.and_then(|pair| pair.friction),
@@ -302,10 +329,8 @@ fn touching(scene: &Scene, numbers: &[usize], gaps: &Distances) -> Option<String
     let (pair, gap) = gaps.iter().find(|(_, gap)| **gap <= 0.0)?;
     let [a, b] = pair.map(|body| name_of(scene, numbers[body as usize]));
     let who = if a == b { format!("'{a}' meets itself") } else { format!("'{a}' and '{b}' meet") };
-    let asked = scene.contact.as_ref().is_some_and(|contact| contact.resolve);
-    let resolve = if asked { ", and `contact.resolve` is not built yet" } else { "" };
     Some(format!(
-        "{who} at the start (gap {gap:.3e} m, after the thickness of sheets){resolve}: move them apart, or list the \
-         pair in `contact.exclude`"
+        "{who} at the start (gap {gap:.3e} m, after the thickness of sheets): move them apart, let `contact.resolve = true` \
+         do it, or list the pair in `contact.exclude`"
     ))
 }

@@ -3,7 +3,7 @@
 
 use std::collections::HashSet;
 
-use super::contact::may_meet;
+use super::meeting::Meeting;
 use super::resolve::{End, Resolved};
 use crate::scene::{BodyId, RigidId, Scene};
 
@@ -16,12 +16,11 @@ pub(super) struct Partition {
 
 impl Partition {
     /// Components are numbered by their first body.
-    pub(super) fn new(scene: &Scene, resolved: &Resolved<'_>) -> Self {
-        let joined = joined(resolved);
+    pub(super) fn new(scene: &Scene, resolved: &Resolved<'_>, meeting: &Meeting) -> Self {
         let all = resolved.bodies.len() + resolved.rigids.len();
         let count = if scene.contact.is_some() { all } else { 0 };
         let pairs = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
-        let meeting = pairs.filter(|&(a, b)| may_meet(scene, &joined, a, b));
+        let meeting = pairs.filter(|&(a, b)| meeting.may_meet(scene, a, b));
         let scene = resolved;
         let body_count = scene.bodies.len();
         let body = |id: BodyId| id.index();
@@ -65,13 +64,11 @@ impl Partition {
     }
 }
 
-/// Pairs of bodies (rigid ones count on after the others) that the scene joins where they are: they touch, and are no
-/// pair for contact.
+/// Pairs of bodies (rigid ones count on after the others) that the scene joins, a body with itself among them.
 pub(super) fn joined(scene: &Resolved<'_>) -> HashSet<(usize, usize)> {
     let body_count = scene.bodies.len();
     let rigid = |id: RigidId| body_count + id.index();
     let ties = scene.ties.iter().filter_map(|set| Some((set.body.index(), set.to?.index())));
-    let ties = ties.filter(|(a, b)| a != b);
     let joints = scene.joints.iter().filter_map(|joint| Some((rigid(joint.body), rigid(joint.to?))));
     let rigids = scene.rigids.iter().enumerate();
     let held = rigids

@@ -36,7 +36,8 @@ pub struct Contact {
     /// Do bodies meet themselves (default true)?
     #[serde(rename = "self", default = "Contact::default_own", skip_serializing_if = "Clone::clone")]
     pub own: bool,
-    /// Part surfaces that touch at the start (default false). Not built yet: a start that touches is refused in any case.
+    /// Part bodies that touch or cross at the start (default false): they are moved as a whole, by the shortest way found,
+    /// and report.json says by how much. Without it such a start is refused.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub resolve: bool,
     /// What pairs of bodies have of their own.

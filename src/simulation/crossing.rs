@@ -3,9 +3,9 @@
 
 use std::collections::BTreeSet;
 
-use super::Simulation;
+use super::{Component, Simulation};
 use crate::intersections::intersections;
-use crate::model::{may_meet, name_of};
+use crate::model::{Outline, name_of};
 use crate::scene::Problem;
 
 impl Simulation {
@@ -15,21 +15,13 @@ impl Simulation {
         if self.scene.contact.is_none() {
             return (0, BTreeSet::new());
         }
+        let outlines = self.outlines();
         let (mut points, mut triangles, mut owners) = (Vec::new(), Vec::new(), Vec::new());
-        let mut add = |body: usize, own: Vec<[f64; 3]>, surface: &[[u32; 3]]| {
+        for (body, outline) in outlines.iter().enumerate() {
             let first = points.len() as u32;
-            owners.resize(points.len() + own.len(), body);
-            points.extend(own);
-            triangles.extend(surface.iter().map(|triangle| triangle.map(|node| first + node)));
-        };
-        for (number, body) in self.bodies.iter().enumerate() {
-            // The elements have been accepted as those of a body when it was built: they have faces.
-            let Ok(surface) = vi_mesh::Surface::of_body(&body.mesh, body.dimension) else { continue };
-            add(number, self.positions(number), &surface.triangles());
-        }
-        for (number, rigid) in self.rigids.iter().enumerate() {
-            let Some(form) = &rigid.form else { continue };
-            add(self.bodies.len() + number, self.carried(number, &form.points), &form.triangles);
+            owners.resize(points.len() + outline.points.len(), body);
+            points.extend(&outline.points);
+            triangles.extend(outline.triangles.iter().map(|triangle| triangle.map(|node| first + node)));
         }
         let bodies = |segment: [u32; 2], triangle: [u32; 3]| {
             let pair = [owners[segment[0] as usize], owners[triangle[0] as usize]];
@@ -37,11 +29,47 @@ impl Simulation {
         };
         let found = intersections(&points, &triangles, &[]);
         let pairs = found.iter().map(|found| bodies(found.segment, found.triangle));
-        let pairs: Vec<_> = pairs.filter(|&[a, b]| may_meet(&self.scene, &self.joined, a, b)).collect();
+        let pairs: Vec<_> = pairs.filter(|&[a, b]| self.meeting.may_meet(&self.scene, a, b)).collect();
         (pairs.len(), pairs.into_iter().collect())
     }
 
-    /// A start whose surfaces cross, by the names of the pairs.
+    /// The surfaces of all bodies now, rigid ones after the others.
+    fn outlines(&self) -> Vec<Outline> {
+        let bodies = self.bodies.iter().enumerate();
+        let bodies = bodies.map(|(number, body)| Outline::of_body(body, self.positions(number)));
+        let rigids = self.rigids.iter().map(|rigid| {
+            let Component { system, state, .. } = &self.components[rigid.component];
+            Outline::of_rigid(rigid, &system.positions(state))
+        });
+        bodies.chain(rigids).collect()
+    }
+
+    /// Bodies that start wholly within another one that they may meet: nothing would ever part them.
+    fn enclosed_start(&self) -> Vec<Problem> {
+        if self.scene.contact.is_none() {
+            return Vec::new();
+        }
+        let outlines = self.outlines();
+        let mut problems = Vec::new();
+        for (outer, around) in outlines.iter().enumerate() {
+            for (inner, within) in outlines.iter().enumerate() {
+                if inner != outer
+                    && self.meeting.may_meet(&self.scene, inner, outer)
+                    && around.encloses(within)
+                {
+                    let [inner, outer] = [inner, outer].map(|number| name_of(&self.scene, number));
+                    let message = format!(
+                        "'{inner}' starts within '{outer}': move it out, let `contact.resolve = true` do it, or list the \
+                         pair in `contact.exclude`"
+                    );
+                    problems.push(Problem::new("contact", message));
+                }
+            }
+        }
+        problems
+    }
+
+    /// A start whose surfaces cross or enclose each other, by the names of the pairs.
     pub(super) fn crossing_start(&self) -> Vec<Problem> {
         /// Pairs that are named.
         const NAMED: usize = 8;
@@ -52,7 +80,7 @@ impl Simulation {
             false => format!("'{}' through '{}'", name(a), name(b)),
         };
         if pairs.is_empty() {
-            return Vec::new();
+            return self.enclosed_start();
         }
         let named: Vec<String> = pairs.iter().take(NAMED).map(words).collect();
         let more = if pairs.len() > NAMED {
@@ -61,7 +89,8 @@ impl Simulation {
             String::new()
         };
         let message = format!(
-            "surfaces cross at the start: {}{more}; move the bodies apart, or list the pairs in `contact.exclude`",
+            "surfaces cross at the start: {}{more}; move the bodies apart, let `contact.resolve = true` do it, or list the pairs \
+             in `contact.exclude`",
             named.join(", ")
         );
         vec![Problem::new("contact", message)]

@@ -176,7 +176,6 @@ fn a_start_that_touches_or_crosses_names_the_pair() {
     };
     let sunk = block("energy-momentum", "").replace("origin = [0.0, 0.0, 0.1]", "origin = [0.0, 0.0, -0.05]");
     refused(&sunk, &["'block' and 'floor' meet at the start", "contact.exclude"]);
-    refused(&sunk.replace("[contact]", "[contact]\nresolve = true"), &["`contact.resolve` is not built"]);
     let through =
         heap("energy-momentum", "").replace("position = [0.0, 0.0, 0.03]", "position = [0.0, 0.0, 0.01]");
     refused(&through, &["'table'", "'brick'", "at the start"]);
@@ -240,4 +239,134 @@ fixed = true
         "{}",
         open.errors()
     );
+}
+
+/// A body that starts wholly within another one touches nothing and crosses nothing, and is found all the same.
+#[test]
+fn a_start_within_another_body_names_the_pair() {
+    let nested = |shape: &str, fixed: &str| {
+        format!(
+            r#"
+[time]
+end = 0.01
+step = 1e-3
+scheme = "energy-momentum"
+[contact]
+[[body]]
+name = "jelly"
+box = {{ size = [1.0, 1.0, 1.0], cells = [2, 2, 2], element = "tet4" }}
+material = {{ law = "neo-hookean", young = 1e5, poisson = 0.3, density = 1000.0 }}
+[[rigid]]
+name = "stone"
+shape = {shape}
+{fixed}
+density = 1000.0
+position = [0.45, 0.52, 0.5]
+"#
+        )
+    };
+    for shape in [r#"{ kind = "box", size = [0.1, 0.1, 0.1] }"#, r#"{ kind = "sphere", radius = 0.05 }"#] {
+        let program = Program::try_run(&nested(shape, ""), &[]);
+        assert_eq!(program.code(), Some(2), "{}", program.errors());
+        assert!(program.errors().contains("'stone' starts within 'jelly'"), "{}", program.errors());
+        let parted = nested(shape, "").replace("[contact]", "[contact]\nresolve = true");
+        let report = Program::run(&parted).report();
+        let moved = &report["contact"]["parted_at_start"][0];
+        // The nearest way out is to the left, by 0.45 m and half of its size.
+        assert_eq!(moved["body"], "stone");
+        let by = moved["moved_by"][0].as_f64().unwrap();
+        assert!((-0.51..-0.49).contains(&by), "{moved}");
+    }
+}
+
+/// `contact.resolve` moves whole bodies by the shortest way, and the run that starts there keeps its energy.
+#[test]
+fn a_start_that_touches_is_parted_where_that_is_asked_for() {
+    let sunk = block("energy-momentum", "resolve = true")
+        .replace("origin = [0.0, 0.0, 0.1]", "origin = [0.0, 0.0, -0.05]")
+        .replace("density = 1000.0 }", "density = 1000.0 }\nvelocity = [0.0, 0.0, -0.5]");
+    let program = Program::run(&sunk);
+    let moved = program.report()["contact"]["parted_at_start"][0].clone();
+    let by = moved["moved_by"][2].as_f64().unwrap();
+    // 50 mm deep, and by the layer of a tenth of its edges of 0.1 m.
+    assert!((by - 0.06).abs() < 1e-6, "{moved}");
+    // Its weight was lifted: 8 kg by as much.
+    let energy = moved["potential_energy"].as_f64().unwrap();
+    assert!((energy / (8.0 * 9.81 * by) - 1.0).abs() < 1e-12, "{moved}");
+    assert!(drift(&program) < 1e-9);
+    let through = heap("energy-momentum", "")
+        .replace("position = [0.0, 0.0, 0.03]", "position = [0.0, 0.0, 0.01]")
+        .replace("[contact]", "[contact]\nresolve = true");
+    let report = Program::run(&through).report();
+    let names: Vec<&str> = report["contact"]["parted_at_start"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|moved| moved["body"].as_str().unwrap())
+        .collect();
+    assert!(names.contains(&"brick"), "{names:?}");
+    let held = sunk
+        .replace("-0.05]", "-0.15]")
+        .replace("[solver]", "[[fix]]\nbody = \"block\"\nregion = \"z-min\"\n[solver]");
+    let program = Program::try_run(&held, &[]);
+    assert_eq!(program.code(), Some(2));
+    assert!(program.errors().contains("neither 'block' nor 'floor' can be moved"), "{}", program.errors());
+}
+
+/// Bodies that a hinge or an attachment joins meet elsewhere than at the joint.
+#[test]
+fn joined_bodies_meet_elsewhere_than_where_they_are_joined() {
+    let scene = |scheme: &str| {
+        format!(
+            r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.4
+step = 1e-3
+scheme = "{scheme}"
+[contact]
+[[rigid]]
+name = "base"
+shape = {{ kind = "box", size = [0.4, 0.1, 0.02] }}
+position = [0.0, 0.0, -0.01]
+fixed = true
+[[rigid]]
+name = "leaf"
+shape = {{ kind = "box", size = [0.02, 0.1, 0.4] }}
+density = 1000.0
+position = [-0.19, 0.0, 0.215]
+angular_velocity = [0.0, 2.0, 0.0]
+velocity = [0.41, 0.0, -0.02]
+[[joint]]
+kind = "hinge"
+body = "leaf"
+to = "base"
+point = [-0.2, 0.0, 0.01]
+axis = [0.0, 1.0, 0.0]
+[[body]]
+name = "flap"
+sheet = {{ size = [0.15, 0.1], cells = [3, 2], origin = [0.2005, -0.05, -0.005] }}
+material = {{ law = "st-venant-kirchhoff", young = 1e5, poisson = 0.3, density = 300.0, thickness = 1e-3 }}
+[[attach]]
+body = "flap"
+to = "base"
+region = "x-min"
+[output]
+ledger = true
+[assert]
+intersections = 0
+smallest_gap = 1e-9
+"#
+        )
+    };
+    for scheme in ["energy-momentum", "implicit-midpoint"] {
+        let program = Program::run(&scene(scheme));
+        let history = program.history();
+        assert!(history.column("pairs").iter().any(|&pairs| pairs > 0.0), "{scheme}");
+        // Without contact the leaf would fall through the base.
+        assert!(history.column("leaf.z").iter().all(|&z| z > 0.05), "{scheme}");
+        let report = program.report();
+        assert_eq!(report["contact"]["pairs_of_bodies_searched"], 4, "{scheme}: {}", report["contact"]);
+        assert!(drift(&program) < if scheme == "energy-momentum" { 1e-8 } else { 3e-2 }, "{scheme}");
+    }
 }

@@ -14,6 +14,8 @@ pub use build::SurfaceBuilder;
 pub use law::{Body, Law, PairRule};
 pub use topology::median_edge;
 
+use std::collections::BTreeSet;
+
 use law::Laws;
 
 use crate::barrier::Barrier;
@@ -110,6 +112,7 @@ impl Gauge {
 pub struct Surface {
     pub(crate) barrier: Barrier,
     pub(crate) rest: Vec<f64>,
+    pub(crate) start: Vec<f64>,
     pub(crate) points: Vec<Point>,
     pub(crate) cells: Vec<Cell>,
     pub(crate) edges: Vec<Edge>,
@@ -119,6 +122,8 @@ pub struct Surface {
     pub(crate) held: Vec<u32>,
     /// The nodes c, d₁, d₂, d₃ of each body that is rigid.
     pub(crate) frames: Vec<Option<[u32; 4]>>,
+    /// Nodes that something joins, the lower first.
+    pub(crate) stitches: BTreeSet<[u32; 2]>,
     /// Thickness and activation distance of each point against its own body.
     pub(crate) own: Vec<[f64; 2]>,
 }
@@ -241,22 +246,53 @@ impl Surface {
             return false;
         }
         let [a, b, c] = cell.nodes;
-        if self.is_rigid(&[point.node, a, b, c]) {
+        if self.is_rigid(&[point.node, a, b, c]) || self.is_stitched(&[point.node], &[a, b, c]) {
             return false;
         }
-        point.body != cell.body
-            || self.rest_distance(cell.shape(), [point.node, a, b, c]) > WELDED * law.distance
+        let nodes = [point.node, a, b, c];
+        let is_apart =
+            point.body != cell.body || self.rest_distance(cell.shape(), nodes) > WELDED * law.distance;
+        is_apart && !self.is_joint(&law, [point.body, cell.body], cell.shape(), nodes)
+    }
+
+    /// Returns whether something joins a node of the first part to one of the second.
+    fn is_stitched(&self, first: &[u32], second: &[u32]) -> bool {
+        let joins = |a: u32, b: u32| self.stitches.contains(&[a.min(b), a.max(b)]);
+        !self.stitches.is_empty() && first.iter().any(|&a| second.iter().any(|&b| joins(a, b)))
+    }
+
+    /// Returns whether these parts are where their bodies are joined.
+    fn is_joint(&self, law: &Law, [a, b]: [u32; 2], shape: Shape, nodes: [u32; 4]) -> bool {
+        if !law.joined {
+            return false;
+        }
+        let distance = shape.closest(&nodes.map(|node| at(&self.start, node))).distance();
+        let reach =
+            if a == b { WELDED * law.distance } else { self.radius(a) + self.radius(b) + law.distance };
+        distance <= reach
+    }
+
+    /// Returns whether a point starts in the layer of a half-space to which its body is joined.
+    pub(crate) fn is_held_to_plane(&self, point: usize, plane: usize) -> bool {
+        let (point, face) = (self.points[point], &self.half_spaces[plane]);
+        let Some(law) = self.law(point.body, face.body).filter(|law| law.joined) else { return false };
+        let height = face.normal.dot(&(at(&self.start, point.node) - at(&self.start, face.node)));
+        height <= self.radius(point.body) + law.distance
     }
 
     /// Returns whether these edges may come into contact.
     pub(crate) fn admits_edges(&self, a: usize, b: usize) -> bool {
         let ([i, j], [k, l]) = (self.edges[a].nodes, self.edges[b].nodes);
+        let bodies = [self.edges[a].body, self.edges[b].body];
         i != k
             && i != l
             && j != k
             && j != l
             && !self.is_rigid(&[i, j, k, l])
-            && self.law(self.edges[a].body, self.edges[b].body).is_some()
+            && !self.is_stitched(&[i, j], &[k, l])
+            && self
+                .law(bodies[0], bodies[1])
+                .is_some_and(|law| !self.is_joint(&law, bodies, Shape::EdgeEdge, [i, j, k, l]))
     }
 
     fn rest_distance(&self, shape: Shape, nodes: [u32; 4]) -> f64 {

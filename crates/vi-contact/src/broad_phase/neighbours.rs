@@ -43,8 +43,9 @@ impl Neighbours {
                 let (node, face) = (surface.points[point].node, &surface.half_spaces[plane]);
                 let Some(gauge) = surface.plane_gauge(point, plane) else { continue };
                 let height = face.normal.dot(&(at(x, node) - at(x, face.node)));
-                if height < gauge.thickness + gauge.distance + margin && !surface.is_rigid(&[node, face.node])
-                {
+                let is_pair =
+                    !surface.is_rigid(&[node, face.node]) && !surface.is_held_to_plane(point, plane);
+                if height < gauge.thickness + gauge.distance + margin && is_pair {
                     planes.push([point as u32, plane as u32]);
                 }
             }

@@ -1,6 +1,6 @@
 //! Builds a [`Surface`]: bodies first, then their cells, then the rules.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::law::Laws;
 use super::topology::edges_and_areas;
@@ -16,6 +16,7 @@ use crate::error::ContactError;
 #[derive(Debug, Clone)]
 pub struct SurfaceBuilder {
     rest: Vec<f64>,
+    start: Option<Vec<f64>>,
     barrier: Barrier,
     laws: Laws,
     cells: Vec<Cell>,
@@ -23,6 +24,7 @@ pub struct SurfaceBuilder {
     half_spaces: Vec<HalfSpace>,
     held: BTreeMap<u32, u32>,
     frames: BTreeMap<u32, [u32; 4]>,
+    stitches: BTreeSet<[u32; 2]>,
 }
 
 impl SurfaceBuilder {
@@ -37,6 +39,7 @@ impl SurfaceBuilder {
         };
         Self {
             rest: rest.to_vec(),
+            start: None,
             barrier: Barrier::default(),
             laws,
             cells: Vec::new(),
@@ -44,7 +47,13 @@ impl SurfaceBuilder {
             half_spaces: Vec::new(),
             held: BTreeMap::new(),
             frames: BTreeMap::new(),
+            stitches: BTreeSet::new(),
         }
+    }
+
+    /// Sets the positions at the start, m, where bodies that something joins are near each other; those at rest if not set.
+    pub fn start(&mut self, x: &[f64]) {
+        self.start = Some(x.to_vec());
     }
 
     /// Sets the barrier of all pairs.
@@ -100,6 +109,11 @@ impl SurfaceBuilder {
     /// the point of contact.
     pub fn frame(&mut self, body: u32, nodes: [u32; 4]) {
         self.frames.insert(body, nodes);
+    }
+
+    /// Says that something joins these two nodes, such as a stitch: what has both is no pair.
+    pub fn stitch(&mut self, a: u32, b: u32) {
+        self.stitches.insert([a.min(b), a.max(b)]);
     }
 
     fn cell(&mut self, body: u32, mut nodes: [u32; 3], count: u8) {
@@ -161,6 +175,7 @@ impl SurfaceBuilder {
         let frames = (0..self.laws.bodies.len() as u32).map(frame).collect();
         let mut surface = Surface {
             barrier: self.barrier,
+            start: self.start.unwrap_or_else(|| self.rest.clone()),
             rest: self.rest,
             own: vec![[0.0; 2]; points.len()],
             points,
@@ -170,6 +185,7 @@ impl SurfaceBuilder {
             laws: self.laws,
             held,
             frames,
+            stitches: self.stitches,
         };
         let nearest = nearest_own_cells(&surface);
         for (point, rest) in nearest.into_iter().enumerate() {

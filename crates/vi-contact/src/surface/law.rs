@@ -28,6 +28,8 @@ pub struct Law {
     pub friction: f64,
     /// Damping time τ, s.
     pub damping: f64,
+    /// Something joins the bodies: what starts within d̂ there is no pair.
+    pub joined: bool,
 }
 
 /// Parameters of one pair of bodies that differ from the defaults.
@@ -35,6 +37,8 @@ pub struct Law {
 pub struct PairRule {
     /// Whether the bodies never meet.
     pub excluded: bool,
+    /// Something joins the bodies: what starts within d̂ there is no pair. Of a body with itself: what starts at one place.
+    pub joined: bool,
     /// Activation distance d̂, m.
     pub distance: Option<f64>,
     /// Layer modulus κ, Pa.
@@ -72,6 +76,7 @@ impl Laws {
             stiffness: rule.stiffness.unwrap_or(first.stiffness.min(second.stiffness)),
             friction: rule.friction.unwrap_or(self.friction),
             damping: rule.damping.unwrap_or(self.damping),
+            joined: rule.joined,
         })
     }
 

@@ -1,0 +1,73 @@
+//! Which bodies of a scene meet, and why others do not.
+
+use std::collections::{BTreeSet, HashSet};
+
+use crate::scene::Scene;
+
+/// Which pairs of bodies meet. Bodies are numbered as in the scene, rigid ones after the others.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Meeting {
+    /// Pairs that something joins, a body with itself among them: they meet elsewhere than where they are joined.
+    joined: HashSet<(usize, usize)>,
+    /// Pairs of these whose surfaces cross at the start.
+    overlapping: BTreeSet<(usize, usize)>,
+}
+
+/// Name of a body by its number.
+pub(crate) fn name_of(scene: &Scene, number: usize) -> &str {
+    match number.checked_sub(scene.bodies.len()) {
+        Some(rigid) => &scene.rigids[rigid].name,
+        None => &scene.bodies[number].name,
+    }
+}
+
+impl Meeting {
+    pub(super) fn new(joined: HashSet<(usize, usize)>) -> Self {
+        Self { joined, overlapping: BTreeSet::new() }
+    }
+
+    /// Does something join these bodies?
+    pub(super) fn is_joined(&self, a: usize, b: usize) -> bool {
+        self.joined.contains(&(a.min(b), a.max(b)))
+    }
+
+    /// Enters joined bodies whose surfaces cross: they do not meet.
+    pub(super) fn overlap(&mut self, a: usize, b: usize) {
+        self.overlapping.insert((a.min(b), a.max(b)));
+    }
+
+    /// The joined pairs whose surfaces cross at the start.
+    pub(crate) fn overlapping(&self) -> impl Iterator<Item = (usize, usize)> {
+        self.overlapping.iter().copied()
+    }
+
+    /// Why two bodies, or a body with itself, do not meet; none if they may.
+    pub(crate) fn reason_not(&self, scene: &Scene, a: usize, b: usize) -> Option<&'static str> {
+        let Some(contact) = &scene.contact else { return Some("the scene has no table [contact]") };
+        let rigid = |number: usize| number.checked_sub(scene.bodies.len()).map(|rigid| &scene.rigids[rigid]);
+        let is_shapeless = |number| rigid(number).is_some_and(|rigid| rigid.shape.is_none());
+        let is_prescribed = |number| rigid(number).is_some_and(|rigid| rigid.is_prescribed());
+        if is_shapeless(a) || is_shapeless(b) {
+            Some("a rigid body without a shape has no surface")
+        } else if a == b && rigid(a).is_some() {
+            Some("a rigid body does not meet itself")
+        } else if is_prescribed(a) && is_prescribed(b) {
+            Some("the motion of both is prescribed")
+        } else if !contact.admits(name_of(scene, a), name_of(scene, b)) {
+            Some(if a == b && !contact.own {
+                "`contact.self` is false"
+            } else {
+                "listed in `contact.exclude`"
+            })
+        } else if self.overlapping.contains(&(a.min(b), a.max(b))) {
+            Some("they are joined, and cross where they start")
+        } else {
+            None
+        }
+    }
+
+    /// May two bodies, or a body with itself, meet?
+    pub(crate) fn may_meet(&self, scene: &Scene, a: usize, b: usize) -> bool {
+        self.reason_not(scene, a, b).is_none()
+    }
+}

@@ -1,0 +1,90 @@
+//! The surfaces of bodies as triangles at one configuration, and whether they cross or enclose each other, exactly.
+
+use super::{BodyModel, RigidModel};
+use crate::intersections::{intersections, is_inside};
+
+/// The surface of a body.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Outline {
+    /// m.
+    pub(crate) points: Vec<[f64; 3]>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// Is the body matter within this surface? A sheet is not.
+    pub(crate) is_filled: bool,
+    /// A point of each piece of the surface.
+    pieces: Vec<u32>,
+}
+
+impl Outline {
+    fn new(points: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>, is_filled: bool) -> Self {
+        let pieces = pieces(points.len(), &triangles);
+        Self { points, triangles, is_filled, pieces }
+    }
+
+    /// Of a deformable body whose nodes are at `points`.
+    pub(crate) fn of_body(body: &BodyModel, points: Vec<[f64; 3]>) -> Self {
+        // The elements have been accepted as those of a body when it was built: they have faces.
+        let surface = vi_mesh::Surface::of_body(&body.mesh, body.dimension);
+        let triangles = surface.map(|surface| surface.triangles()).unwrap_or_default();
+        Self::new(points, triangles, body.dimension == 3)
+    }
+
+    /// Of a rigid body at positions x of the nodes of its component; that of a half-space is empty.
+    pub(crate) fn of_rigid(rigid: &RigidModel, x: &[f64]) -> Self {
+        let Some(form) = &rigid.form else { return Self::default() };
+        Self::new(rigid.carry(x, &form.points), form.triangles.clone(), true)
+    }
+
+    /// Is a piece of `other` wholly within this body, or would it be if their surfaces do not cross?
+    pub(crate) fn encloses(&self, other: &Self) -> bool {
+        let within = |&piece: &u32| is_inside(other.points[piece as usize], &self.points, &self.triangles);
+        self.is_filled && other.pieces.iter().any(within)
+    }
+
+    /// Do the surfaces of two bodies cross, or is one within the other?
+    pub(crate) fn meets(&self, other: &Self) -> bool {
+        if self.encloses(other) || other.encloses(self) {
+            return true;
+        }
+        let first = self.points.len() as u32;
+        let mut points = self.points.clone();
+        points.extend(&other.points);
+        let mut triangles = self.triangles.clone();
+        triangles.extend(other.triangles.iter().map(|triangle| triangle.map(|node| first + node)));
+        let found = intersections(&points, &triangles, &[]);
+        found.iter().any(|found| (found.segment[0] < first) != (found.triangle[0] < first))
+    }
+}
+
+/// The outline of body number `number` of a scene at positions x of the nodes of its component.
+pub(super) fn outline(number: usize, bodies: &[BodyModel], rigids: &[RigidModel], x: &[f64]) -> Outline {
+    match number.checked_sub(bodies.len()) {
+        Some(rigid) => Outline::of_rigid(&rigids[rigid], x),
+        None => {
+            let (body, (all, _)) = (&bodies[number], x.as_chunks::<3>());
+            Outline::of_body(body, (0..body.mesh.points.len()).map(|node| all[body.node(node)]).collect())
+        }
+    }
+}
+
+/// A node of each connected piece of a surface.
+fn pieces(count: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
+    let mut parent: Vec<u32> = (0..count as u32).collect();
+    let root = |parent: &mut Vec<u32>, mut node: u32| {
+        while parent[node as usize] != node {
+            parent[node as usize] = parent[parent[node as usize] as usize];
+            node = parent[node as usize];
+        }
+        node
+    };
+    for &[a, b, c] in triangles {
+        for other in [b, c] {
+            let (a, b) = (root(&mut parent, a), root(&mut parent, other));
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut roots: Vec<u32> = triangles.iter().map(|triangle| root(&mut parent, triangle[0])).collect();
+    roots.sort_unstable();
+    roots.dedup();
+    roots
+}
