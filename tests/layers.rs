@@ -1,4 +1,4 @@
-//! The layers of the workspace, read from the sources: which crate and which folder may use which, no import circles
+//! Checks the layers of the workspace from its sources: the crates and folders that each may use, no import circles
 //! between the files of a crate, and no path in the main documents that does not exist.
 //!
 //! The rules are the tables of ARCHITECTURE.md, section "Layers".
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use sources::{Crate, Use};
 
-/// Crates in which circles are still to be cut. This list may only become shorter.
+/// Crates that still have import circles. This list may only become shorter.
 const WITH_CIRCLES: &[&str] = &[];
 
 /// Crates whose files still import names through the re-exports of their own root. This list may only become shorter.
@@ -24,7 +24,7 @@ fn read(path: &str) -> String {
     std::fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-/// All crates of the workspace.
+/// Reads all crates of the workspace.
 fn crates() -> Vec<Crate> {
     let mut names: Vec<String> = std::fs::read_dir(root().join("crates"))
         .expect("a folder of crates")
@@ -38,10 +38,11 @@ fn crates() -> Vec<Crate> {
     crates
 }
 
-/// What each crate (`vi-core`) and each folder of a crate (`vi-solvers/linear`) may use: the rows of the tables.
+/// Maps each crate (`vi-core`) and each folder of a crate (`vi-solvers/linear`) to what it may use: the rows of the
+/// tables.
 type Rules = BTreeMap<String, BTreeSet<String>>;
 
-/// Rows "| `name` | `other`, `other` |" of the section "Layers" of a document.
+/// Reads the rows "| `name` | `other`, `other` |" of the section "Layers" of a document.
 fn rules(document: &str) -> Rules {
     let section = document.split("\n## ").find(|section| section.starts_with("Layers\n"));
     let section = section.expect("ARCHITECTURE.md has a section \"Layers\"");
@@ -53,7 +54,7 @@ fn rules(document: &str) -> Rules {
         let cells: Vec<&str> = row.trim_matches('|').split('|').collect();
         let [of, may_use, ..] = cells[..] else { panic!("a row with one cell: {row}") };
         let of = names(of).remove(0);
-        // Folders are named without their crate in the second cell.
+        // In the second column, folders are named without their crate.
         let crate_of = of.split_once('/').map(|(name, _)| name.to_owned());
         let full =
             |name: String| crate_of.as_ref().map_or(name.clone(), |crate_of| format!("{crate_of}/{name}"));
@@ -62,7 +63,7 @@ fn rules(document: &str) -> Rules {
     rules
 }
 
-/// The crate and the folder of a file: ("vi-solvers", "vi-solvers/linear").
+/// Returns the crate and the folder of a file: ("vi-solvers", "vi-solvers/linear").
 fn place(file: &str) -> (&str, String) {
     let mut parts = file.splitn(3, '/');
     let name = parts.next().unwrap_or("");
@@ -70,7 +71,7 @@ fn place(file: &str) -> (&str, String) {
     (name, format!("{name}/{folder}"))
 }
 
-/// The uses that the rules do not allow, with the reason.
+/// Returns the uses that the rules do not allow, with the reason.
 fn breaches<'a>(uses: &'a [Use], rules: &Rules) -> Vec<(&'a Use, String)> {
     let mut breaches = Vec::new();
     for one in uses {
@@ -91,7 +92,7 @@ fn breaches<'a>(uses: &'a [Use], rules: &Rules) -> Vec<(&'a Use, String)> {
     breaches
 }
 
-/// The uses that stand in a circle of files: those from which a chain of others leads back.
+/// Returns the uses that belong to a circle of files, i.e. from whose target a chain of uses leads back.
 fn circles(uses: &[Use]) -> Vec<&Use> {
     let mut next: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
     for one in uses {
@@ -148,7 +149,7 @@ fn files_import_from_the_file_that_defines_a_name() {
     }
 }
 
-/// Words of a document that name a file or folder of the repository.
+/// Returns the words of a document that name a file or folder of the repository.
 fn named_paths(document: &str) -> Vec<String> {
     const ROOTS: [&str; 12] = [
         "crates", "src", "tests", "docs", "examples", "scenes", "meshes", "benches", "fuzz", "python", ".ci",
@@ -167,8 +168,8 @@ fn named_paths(document: &str) -> Vec<String> {
         .collect()
 }
 
-/// Does a path that a document names exist: from the root, as `vi-solvers/linear/factor.rs` below `crates/`, or a bare
-/// file name anywhere in `crates/` or `src/`?
+/// Returns whether a path named in a document exists: from the root, as `vi-solvers/linear/factor.rs` below `crates/`,
+/// or as a bare file name anywhere in `crates/` or `src/`.
 fn exists(path: &str, bare_names: &BTreeSet<String>) -> bool {
     let below_crates = path.split_once('/').map(|(name, rest)| format!("crates/{name}/src/{rest}"));
     let module = below_crates.as_ref().map(|path| format!("{path}.rs"));
@@ -205,7 +206,7 @@ fn every_path_in_the_main_documents_exists() {
     assert!(missing.is_empty(), "paths that do not exist:\n{}", missing.join("\n"));
 }
 
-/// A crate of four files: `low/a.rs`, `low/b.rs`, `high.rs` and a root that re-exports.
+/// Makes up a crate of four files: `low/a.rs`, `low/b.rs`, `high.rs` and a root that re-exports.
 fn made_up(changed: &[(&str, &str)]) -> Crate {
     let mut files = BTreeMap::from([
         ("lib.rs", "//! Root.\nmod high;\nmod low;\npub use high::High;\npub use low::a::A;\n"),
@@ -240,7 +241,7 @@ fn a_sound_tree_is_accepted() {
 #[test]
 fn a_broken_rule_is_found() {
     let table = "# Title\n\n## Layers\n\n| `made-up/low` | |\n| `made-up/high` | `low` |\n\n## Other\n";
-    // In a `use` line, in a path, behind an alias, and hidden by the re-export of the root.
+    // The breach is in a `use` line, in a path, behind an alias, or hidden by a re-export of the root.
     for line in [
         "use crate::high::High;",
         "fn f() { crate::high::High; }",

@@ -1,5 +1,5 @@
-//! Laws of `mass = "consistent"` in scenes: the dispersion of linear elements in closed form, exact energy and
-//! momenta, equal bits, and a clear word where mass has to be lumped.
+//! Tests scenes with `mass = "consistent"`: the dispersion of linear elements in closed form, exact energy and momenta,
+//! equal bits, and clear errors where the mass must be lumped.
 
 use std::f64::consts::PI;
 
@@ -17,7 +17,7 @@ fn simulation(scene: &str) -> Simulation {
 const CELLS: usize = 8;
 const STEP: f64 = 0.05;
 
-/// A bar of unit length and wave speed c = 1, held at x = 0, thrown along x: `CELLS` linear elements.
+/// Describes a bar of unit length and wave speed c = 1 with `CELLS` linear elements, held at x = 0 and thrown along x.
 fn bar(mass: &str, scheme: &str) -> String {
     format!(
         r#"
@@ -44,9 +44,9 @@ fn bar(mass: &str, scheme: &str) -> String {
     )
 }
 
-/// ω of mode m of that bar: linear elements of length ℓ have K = (1/ℓ)[1 −1; −1 1] and M = ℓ[2 1; 1 2]/6 or
-/// ℓ[1 0; 0 1]/2, so that u_j = sin κj with κ = (2m − 1)π/2n gives ω² = (6/ℓ²)(1 − cos κ)/(2 + cos κ) or
-/// (2/ℓ²)(1 − cos κ). The exact ω = κ/ℓ lies between.
+/// Returns ω of mode m of that bar, discrete and exact. Linear elements of length ℓ have K = (1/ℓ)[1 −1; −1 1] and
+/// M = ℓ[2 1; 1 2]/6 or ℓ[1 0; 0 1]/2, so that u_j = sin κj with κ = (2m − 1)π/2n gives ω² = (6/ℓ²)(1 − cos κ)/(2 + cos κ)
+/// or (2/ℓ²)(1 − cos κ). The exact ω = κ/ℓ lies between the two.
 fn dispersion(mode: usize, mass: MassKind) -> (f64, f64) {
     let (kappa, n) = ((2 * mode - 1) as f64 * PI / (2 * CELLS) as f64, CELLS as f64);
     let square = match mass {
@@ -61,7 +61,7 @@ fn a_bar_vibrates_as_its_mass_says() {
     for (name, mass) in [("consistent", MassKind::Consistent), ("lumped", MassKind::Lumped)] {
         let mut simulation = simulation(&bar(name, "implicit-midpoint"));
         let modes = scene_modes(&mut simulation, 3, mass).unwrap().modes;
-        // The momentum Σ sin κj p_j of a mode turns by θ a step, tan θ/2 = ωh/2.
+        // The modal momentum Σ sin κj p_j oscillates with phase θ per step, where tan θ/2 = ωh/2 for the midpoint rule.
         let free: Vec<u32> = simulation.components()[0].system().coordinates().free().to_vec();
         let body = &simulation.bodies()[0];
         let points = body.numbering.values(&body.mesh.points);
@@ -101,7 +101,7 @@ fn linear_bars_keep_their_energy_to_round_off() {
         assert!(before.kinetic > 0.0 && after.elastic > 0.0);
         let change = (after.total() - before.total()).abs() / before.total();
         assert!(change < 1e-12, "{scheme}: {change:e}");
-        // Velocities come from momenta with few iterations: from where the step itself ends.
+        // Solving M v = p takes few iterations, because each solve starts from the velocities that the step ends with.
         let work = simulation.work();
         assert!(work.mass_iterations > 0 && work.mass_iterations < 2 * work.steps + 40, "{work:?}");
     }
@@ -142,7 +142,7 @@ fn free_bodies_of_every_kind_keep_their_momenta() {
     ] {
         let mut simulation = simulation(&FREE.replace("SCHEME", scheme).replace("ELEMENT", element));
         let before = simulation.observe();
-        // A rigid motion: ½ m v² + ½ ω·Iω of a box and a plate, and their momenta.
+        // In rigid motion the kinetic energy is ½ m v² + ½ ω·Iω; the values are those of a box and a plate.
         let (m, v, w) = (125.0_f64, [1.0, -0.5, 2.0_f64], [4.0, -3.0, 2.0_f64]);
         let square = [1.0, 0.25, 0.0625];
         let inertia = [0, 1, 2].map(|k| m / 12.0 * (square.iter().sum::<f64>() - square[k]));
@@ -167,7 +167,7 @@ fn free_bodies_of_every_kind_keep_their_momenta() {
     }
 }
 
-/// A body that falls free keeps its shape: weight acts on the same mass as inertia.
+/// A body in free fall keeps its shape, because the weight acts on the same mass matrix as the inertia.
 #[test]
 fn free_fall_keeps_the_shape() {
     for element in ["tet10", "hex20"] {
@@ -190,7 +190,7 @@ fn free_fall_keeps_the_shape() {
     }
 }
 
-/// The block pulls on what holds it: Σ reactions = dP/dt − weight, with the momentum of all nodes.
+/// The reactions satisfy Σ reactions = dP/dt − weight, with P the momentum of all nodes.
 #[test]
 fn reactions_balance_weight_and_inertia() {
     let scene = format!(
@@ -206,7 +206,7 @@ fn reactions_balance_weight_and_inertia() {
         simulation.step().unwrap();
     }
     let (accelerations, reactions) = (simulation.accelerations(0), simulation.reactions(0));
-    // Shares of the whole momentum: row sums, which are the lumped mass of hex8.
+    // Each node's share of the total momentum is its row sum of the mass matrix, which is the lumped mass of hex8.
     let body = &simulation.bodies()[0];
     let system = simulation.components()[body.component].system();
     let mass = |node: usize| system.mass()[3 * body.node(node)];

@@ -1,8 +1,8 @@
-//! Laws of contact in scenes: nothing crosses, energy is kept through every impact, and runs continue to the same bits.
+//! Tests contact in scenes: nothing crosses, energy is kept through every impact, and resumed runs give the same bits.
 
 use crate::program::Program;
 
-/// A soft block that falls on a floor, 10 cm below it.
+/// Describes a soft block that falls from a height of 10 cm onto a floor.
 fn block(scheme: &str, more: &str) -> String {
     format!(
         r#"
@@ -30,7 +30,7 @@ ledger = true
     )
 }
 
-/// Largest |H − H₀ − what was dissipated| over the largest kinetic energy.
+/// Returns the largest |H − H₀ − dissipated energy| relative to the largest kinetic energy.
 fn drift(program: &Program) -> f64 {
     let history = program.history();
     let [total, friction, damping] =
@@ -56,7 +56,7 @@ fn a_block_bounces_on_a_floor_and_keeps_its_energy() {
     }
 }
 
-/// Two boxes that slide and tumble on a table, a cloth over a ball, a solid on a solid.
+/// Describes two boxes that slide and tumble on a table, a cloth over a ball, and a solid on a solid.
 fn heap(scheme: &str, more: &str) -> String {
     format!(
         r#"
@@ -112,7 +112,7 @@ fn rigid_and_quadratic_bodies_rub_and_their_accounts_close() {
         assert!(friction.last().is_some_and(|&last| last < -1e-4), "{scheme}: {:?}", friction.last());
         let unexplained = program.report()["energy"]["unexplained"].as_f64().unwrap();
         assert!(unexplained.abs() < 1e-9, "{scheme}: {unexplained:e}");
-        // The table presses upwards, and holds the brick back.
+        // The table pushes upwards only, and its friction brakes the brick.
         let pushes = history.column("on-table.fz");
         assert!(
             pushes.iter().all(|&force| force >= 0.0) && pushes.iter().any(|&force| force > 1.0),
@@ -131,7 +131,7 @@ fn a_run_is_the_same_on_any_threads_and_after_a_resume_in_mid_slip() {
         let one = Program::run_with(&scene, &["--threads", "1"]);
         let two = Program::run_with(&scene, &["--threads", "2"]);
         assert!(text(&one) == text(&two), "{scheme}");
-        // A run that is ended after two thirds, by dropping its newest checkpoints, and continued.
+        // Interrupts a run after two thirds by deleting its newest checkpoints, and resumes it.
         let files = std::fs::read_dir(two.out()).unwrap().map(|entry| entry.unwrap().path());
         let is_saved = |file: &std::path::PathBuf| file.to_string_lossy().contains("checkpoint_");
         let mut saved: Vec<_> = files.filter(is_saved).collect();
@@ -181,7 +181,8 @@ fn a_start_that_touches_or_crosses_names_the_pair() {
     refused(&through, &["'table'", "'brick'", "at the start"]);
 }
 
-/// A box as a mesh file, off its origin and inside out, flies and bounces as the box, and one with a hole is refused.
+/// A box read from a mesh file, placed off its origin and with faces turned inwards, flies and bounces like the
+/// analytic box. A mesh with a hole is refused.
 #[test]
 fn a_rigid_mesh_moves_as_the_solid_that_it_encloses() {
     let directory = tempfile::TempDir::new().unwrap();
@@ -227,7 +228,8 @@ fixed = true
     assert!(landed > 100);
     for name in ["brick.x", "brick.y", "brick.z", "kinetic", "lx", "ly", "lz"] {
         let (a, b) = (a.column(name), b.column(name));
-        // Until they land: the diagonals of their faces differ, and with them the areas of their corners.
+        // The motions agree until the boxes land: the diagonals of their faces differ, and so do the areas of the
+        // corners.
         let flight = a.iter().zip(&b).take(landed);
         assert!(flight.into_iter().all(|(a, b)| (a - b).abs() < 1e-12 * (1.0 + a.abs())), "{name}");
     }

@@ -1,10 +1,11 @@
-//! Reference cases of contact: impact of a bar, a block that slides, stops and stays, a box that bounces.
+//! Holds reference cases of contact: the impact of a bar, a block that slides to rest and stays, a box that bounces.
 //!
-//! Cases H1, H5, H9 and H12 of docs/validation-contact.md, where the numbers come from.
+//! These are cases H1, H5, H9 and H12 of docs/validation-contact.md, which gives the sources of the numbers.
 
 use crate::program::Program;
 
-/// A bar of wave speed c = 31.6 m/s hits a wall: it stays for 2 L/c, pushes with p = ρ c v₀, and leaves as fast as it came.
+/// A bar of wave speed c = 31.6 m/s hits a wall, stays in contact for 2 L/c, pushes with p = ρ c v₀, and leaves with
+/// the speed that it came with.
 #[test]
 fn a_bar_leaves_a_wall_as_fast_as_it_came() {
     let run = Program::run(
@@ -36,7 +37,8 @@ fixed = true
     assert!(drift < 1e-10 * 0.5, "{drift:e}");
 }
 
-/// On a slope of 30° with μ = 0.7 a block at 1 m/s stops after v²/(2 g (μ cos − sin)), and then does not creep.
+/// On a slope of 30° with μ = 0.7 a block of initial speed 1 m/s stops after v²/(2 g (μ cos − sin)) and does not creep
+/// afterwards.
 #[test]
 fn a_block_stops_on_a_slope_and_stays() {
     let run = Program::run(
@@ -105,8 +107,8 @@ fixed = true
     assert!(drift < 1e-8, "{drift:e}");
 }
 
-/// A solid ball that slides at 2 m/s with μ = 0.3 rolls at 5 v₀/7 after 2 v₀/(7 μ g), on the way 12 v₀²/(49 μ g); from
-/// then on nothing is dissipated. On a half-space and on a box of triangles.
+/// A solid ball that slides at v₀ = 2 m/s with μ = 0.3 rolls at 5 v₀/7 after the time 2 v₀/(7 μ g) and the distance 12
+/// v₀²/(49 μ g). From then on nothing is dissipated. The floor is a half-space or a box of triangles.
 #[test]
 fn a_ball_slides_until_it_rolls() {
     let floors = [
@@ -145,7 +147,7 @@ fixed = true
         let last = t.len() - 1;
         let speed = momentum[last] / mass;
         assert!((speed / (10.0 / 7.0) - 1.0).abs() < 5e-3, "{scheme}: {speed}");
-        // Where friction has done nine tenths of its work, (1 − t/t₁)² = 0.1.
+        // At this time friction has done nine tenths of its work: (1 − t/t₁)² = 0.1.
         let tenth = friction.iter().position(|&work| work < 0.9 * friction[last]).unwrap();
         let [time, way] = [t[tenth] / (1.0 - 0.1_f64.sqrt()), x[last] - speed * (t[last] - 0.194165)];
         assert!((time / 0.194165 - 1.0).abs() < 2e-2, "{scheme}: {time}");
@@ -157,8 +159,8 @@ fixed = true
     }
 }
 
-/// A capsule that leans on a box by its middle and lies on a plane by its ends, and balls that meet: what friction and
-/// damping take is what is gone, and no facet makes it jump.
+/// The energy balance closes, friction never adds energy, and no facet makes the contact force jump: for a capsule that
+/// leans on a box by its side and lies on a plane by its ends, and for balls that collide.
 #[test]
 fn round_bodies_keep_their_balance() {
     for (scheme, bound) in [("energy-momentum", 1e-7), ("stormer-verlet", 1e-3)] {

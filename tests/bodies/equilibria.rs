@@ -1,5 +1,5 @@
-//! Static reference cases with closed forms or digits of independent computations: uniaxial stretch
-//! (C6), thick shells under following pressure (C4), the elastica (C2), Cook's membrane (C1).
+//! Holds static reference cases with closed forms or digits of independent computations: uniaxial stretch (C6), thick
+//! shells under following pressure (C4), the elastica (C2), Cook's membrane (C1).
 
 use variational::core::{Coordinates, Fixed, Path, Potential, Prescribed, State, System};
 use variational::fem::{
@@ -8,7 +8,7 @@ use variational::fem::{
 use variational::mesh::{BoxMesh, CellKind, Mesh, Surface};
 use variational::solvers::{StaticOptions, StaticReport, equilibrium, reactions};
 
-/// A box of elements whose points are mapped.
+/// Meshes a box and maps its points.
 fn mapped(size: [f64; 3], cells: [u32; 3], element: CellKind, map: impl Fn([f64; 3]) -> [f64; 3]) -> Mesh {
     let mut mesh = BoxMesh { size, cells, element, origin: [0.0; 3] }.build().unwrap();
     for point in &mut mesh.points {
@@ -17,7 +17,7 @@ fn mapped(size: [f64; 3], cells: [u32; 3], element: CellKind, map: impl Fn([f64;
     mesh
 }
 
-/// Prescribed positions of single coordinates.
+/// Prescribes the positions of single coordinates.
 struct Held {
     is_held: Vec<[bool; 3]>,
 }
@@ -77,7 +77,7 @@ fn neo_hookean(young: f64, poisson: f64) -> Law {
     Law::NeoHookean(Isotropic { young, poisson, density: 1.0 })
 }
 
-/// x moves from X to X + t d.
+/// Moves x linearly from X to X + t d.
 struct Ramp(Vec<f64>, f64);
 
 impl Path for Ramp {
@@ -126,7 +126,7 @@ fn c6_uniaxial_stretch_to_ten_digits() {
 
 #[test]
 fn c4_thick_cylinder_under_following_pressure() {
-    // A quarter in plane strain, radii 1 to 2.
+    // A quarter of a cylinder in plane strain, with radii from 1 to 2.
     let quarter = std::f64::consts::FRAC_PI_2;
     let mesh = mapped([1.0, quarter, 0.2], [8, 8, 1], CellKind::Hex20, |x| {
         let (sin, cos) = x[1].sin_cos();
@@ -156,7 +156,8 @@ fn c4_thick_cylinder_under_following_pressure() {
 
 #[test]
 fn c1_cook_membrane_linear_plane_strain() {
-    // (0,0) (48,44) (48,60) (0,44); graded towards the clamped edge and its singular corners.
+    // The corners are (0,0) (48,44) (48,60) (0,44). The mesh is graded towards the clamped edge and its singular
+    // corners.
     let mesh = mapped([1.0, 1.0, 1.0], [24, 24, 1], CellKind::Hex20, |x| {
         let (s, t) = (x[0] * x[0], x[1] * x[1] * (3.0 - 2.0 * x[1]));
         [48.0 * s, 44.0 * s + t * (44.0 - 28.0 * s), x[2]]
@@ -178,7 +179,7 @@ fn c1_cook_membrane_linear_plane_strain() {
 
 #[test]
 fn c2_elastica_under_a_dead_tip_load() {
-    // A slender strip, ν = 0: E I = E b h³/12.
+    // The strip is slender and ν = 0, so that E I = E b h³/12.
     let (length, height) = (1.0, 0.01);
     let mesh = mapped([length, height, height], [40, 1, 1], CellKind::Hex20, |x| x);
     let young = 1e9;
@@ -203,7 +204,7 @@ fn c2_elastica_under_a_dead_tip_load() {
     assert!((-mean(1) - 0.66996418).abs() < 1e-3, "{}", mean(1));
 }
 
-/// A strip that bends under its own weight, which no amplitude raises (C3): Γ = 12 ρ g L³/(E h²).
+/// A strip bends under its own weight, which no amplitude scales (C3): Γ = 12 ρ g L³/(E h²).
 #[test]
 fn c3_self_weight_from_a_scene() {
     for (gamma, drop, reach) in [(1.0, 0.12347140, 0.99124640), (10.0, 0.70019972, 0.65635376)] {

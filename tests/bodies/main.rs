@@ -1,4 +1,4 @@
-//! Bodies and what joins them: solids, sheets, rigid bodies, ties, contact, equilibria, vibrations.
+//! Tests bodies and how they are joined: solids, sheets, rigid bodies, ties, contact, equilibria, vibrations.
 
 mod consistent_mass;
 mod contact;

@@ -1,5 +1,5 @@
-//! What acts on a part of a body: total forces and moments, supports in local axes, mirror planes, periodic pairs,
-//! quantities over regions, initial fields, refinement that keeps layers.
+//! Tests the keys that act on a part of a body: total forces and moments, supports in local axes, mirror planes,
+//! periodic pairs, quantities over regions, initial fields, refinement that keeps layers.
 
 use crate::program::Program;
 use variational::prelude::*;
@@ -18,7 +18,7 @@ fn block(element: CellKind) -> BoxMesh {
     BoxMesh { size: [1.0, 0.6, 0.4], cells: [4, 3, 2], element, origin: [0.0; 3] }
 }
 
-/// An equilibrium at full load, to round-off.
+/// Starts a scene that solves for the equilibrium at full load, to round-off.
 fn equilibrium() -> Scene {
     let tolerance = Static { tolerance: 1e-13, ..Static::default() };
     Scene::new(Time::new(1.0, 1.0, SchemeName::ImplicitMidpoint)).statics(tolerance)
@@ -40,7 +40,7 @@ fn near(found: [f64; 3], expected: [f64; 3], tolerance: f64) {
     assert!((0..3).all(|k| (found[k] - expected[k]).abs() <= tolerance), "{found:?}, expected {expected:?}");
 }
 
-/// Of forces at the nodes of a body at rest: their sum, and their moment about the origin.
+/// Returns the resultant of nodal forces on the first body and their moment about the origin, both at rest positions.
 fn resultant(simulation: &Simulation, forces: &[[f64; 3]]) -> ([f64; 3], [f64; 3]) {
     let (mut force, mut moment) = ([0.0; 3], [0.0; 3]);
     for (x, f) in simulation.bodies()[0].mesh.points.iter().zip(forces) {
@@ -54,7 +54,7 @@ fn load(json: serde_json::Value) -> Load {
     serde_json::from_value(json).unwrap()
 }
 
-/// A total force and moment are what the supports answer, on every kind of facet.
+/// The reactions balance an applied total force and moment, on every kind of facet.
 #[test]
 fn reactions_balance_a_total_force_and_moment() {
     let (force, moment, about) = ([30.0, -20.0, 10.0], [1.0, 2.0, -3.0], [1.2, 0.1, 0.3]);
@@ -84,7 +84,7 @@ fn reactions_balance_a_total_force_and_moment() {
             near(applied, force, 1e-12);
             let carried = cross(about, force);
             near(applied_moment, [0, 1, 2].map(|k| moment[k] + carried[k]), 1e-12);
-            // The linear law balances moments about the places of rest.
+            // The linear law balances moments about the rest positions.
             let (reaction, reaction_moment) = resultant(&simulation, &simulation.reactions(0));
             near(reaction, applied.map(|f| -f), 1e-9);
             near(reaction_moment, applied_moment.map(|m| -m), 1e-9);
@@ -93,7 +93,8 @@ fn reactions_balance_a_total_force_and_moment() {
     }
 }
 
-/// On the edge of a sheet by length, in a sheet by volume, and weight that grows.
+/// A sheet accepts a total force on its edge, a force per volume, and weight with an amplitude. The reactions balance
+/// their sum.
 #[test]
 fn sheets_and_weight_are_loaded_as_asked() {
     let sheet = SheetMesh {
@@ -120,14 +121,15 @@ fn sheets_and_weight_are_loaded_as_asked() {
     for factor in [0.5, 1.0] {
         simulation.step().unwrap();
         let (force, _) = resultant(&simulation, &simulation.external_forces(0));
-        // Volume 0.005 m³, mass 5 kg; the mean of 100 x is 50 N/m³.
+        // The volume is 0.005 m³, the mass 5 kg, and the mean of 100 x is 50 N/m³.
         near(force, [1.0 + 1.0, 2.0, 3.0 + 0.25 - 50.0 * factor], 1e-12);
         let (reaction, _) = resultant(&simulation, &simulation.reactions(0));
         near(reaction, force.map(|f| -f), 1e-10);
     }
 }
 
-/// A body on rollers all over slides down an incline as a point does, and the incline answers along its normal alone.
+/// A body whose nodes all lie on rollers slides down an incline as a point mass does, and the incline reacts along its
+/// normal alone.
 #[test]
 fn rollers_on_an_incline_answer_along_the_normal() {
     let angle: f64 = 0.4;
@@ -164,11 +166,12 @@ fn rollers_on_an_incline_answer_along_the_normal() {
             }
         }
         let seen = simulation.observe();
-        // Along the incline nothing but weight acts: m g_t t, to round-off (240 kg).
+        // Along the incline only weight acts: the momentum is m g_t t to round-off, with m = 240 kg.
         let tangent = [normal[2], 0.0, -normal[0]];
         let p: f64 = (0..3).map(|k| seen.momentum[k] * tangent[k]).sum();
         let expected = 240.0 * (g[2] * tangent[2]) * 0.1;
-        // The correction of energy-momentum knows symmetries along the axes of space alone.
+        // The correction of `energy-momentum` preserves translations along the global axes only, hence its wider
+        // tolerance.
         let tolerance = if scheme == SchemeName::EnergyMomentum { 1e-6 } else { 1e-9 };
         assert!((p - expected).abs() < tolerance * expected.abs(), "{scheme:?}: {p} {expected}");
         let drift = (seen.total() - first.total()).abs();
@@ -176,7 +179,7 @@ fn rollers_on_an_incline_answer_along_the_normal() {
     }
 }
 
-/// A body glued to nodes on rollers goes with them: ties see through to axes of the nodes' own.
+/// A body tied to nodes on rollers moves along the rollers' plane: ties also work where the nodes have local axes.
 #[test]
 fn what_is_tied_to_rollers_rolls_too() {
     let normal = [0.6, 0.0, 0.8];
@@ -210,11 +213,11 @@ fn what_is_tied_to_rollers_rolls_too() {
     }
 }
 
-/// The same body, turned in space: held on its faces by "normal", it does what it does along the axes of space.
+/// A body held by "normal" on faces that are rotated in space deforms like the same body held along the global axes.
 #[test]
 fn normals_turn_with_the_body() {
     let (c, s) = (0.6, 0.8);
-    // A turn about z, then one about x.
+    // Rotates about z, then about x.
     let turn = |[x, y, z]: [f64; 3]| {
         let [a, b] = [c * x - s * y, s * x + c * y];
         [a, c * b - s * z, s * b + c * z]
@@ -268,8 +271,9 @@ fn normals_turn_with_the_body() {
     }
 }
 
-/// Held along the radius and the axis of a cylinder, nodes move around it alone; along the radius of a sphere, they
-/// keep off it.
+/// Nodes held along the radial and axial directions of a cylinder move in its hoop direction alone. Nodes held in
+/// another of these directions, or along the radius or the tangents of a sphere, do not move in it, and no reaction
+/// acts along the free directions.
 #[test]
 fn cylinders_and_spheres_hold_their_directions() {
     let shape = BoxMesh { origin: [0.5, -0.2, 0.1], ..block(CellKind::Tet4) };
@@ -317,7 +321,7 @@ fn cylinders_and_spheres_hold_their_directions() {
     }
 }
 
-/// A support that moves along a normal does the work that the energy gains.
+/// The work of a support that moves along local axes equals the energy that the system gains.
 #[test]
 fn a_moving_support_in_local_axes_closes_the_ledger() {
     let motion: Motion =
@@ -347,7 +351,7 @@ fn a_moving_support_in_local_axes_closes_the_ledger() {
     }
 }
 
-/// Partners of periodic parts have the same displacement, and nothing holds the common motion: momentum is kept.
+/// Partners of a periodic pair have equal displacements, and the pair leaves rigid translation free: momentum is kept.
 #[test]
 fn periodic_pairs_move_alike_and_keep_momentum() {
     let pair = |from: &str, to: &str| Periodic {
@@ -395,7 +399,7 @@ fn periodic_pairs_move_alike_and_keep_momentum() {
     }
 }
 
-/// Displacement and velocity by formulas are the formulas' values.
+/// Initial displacements and velocities given by formulas equal the values of the formulas.
 #[test]
 fn initial_fields_are_their_formulas() {
     let formulas = |f: [&str; 3]| Some(f.map(|f| FieldComponent::Formula(f.into())));
@@ -412,7 +416,7 @@ fn initial_fields_are_their_formulas() {
     }
 }
 
-/// Half a plate with a mirror plane bends as the whole one, however far it turns.
+/// Half a plate with a mirror plane bends like the whole plate, at any rotation.
 #[test]
 fn a_mirror_plane_stands_for_the_other_half() {
     let plate = |length: f64, cells: u32| SheetMesh {
@@ -446,7 +450,8 @@ fn a_mirror_plane_stands_for_the_other_half() {
         assert!(a[2] > 1e-4, "{bending}: {a:?}");
         near(b, a, tolerance * a[2]);
         let free = run(scene(0.5, 6).fix(Fix::region("plate", "x-max").axes(&[Axis::X])));
-        // Supported edges turn freely. Without the mirror the middle turns too, and only membrane stress holds the half.
+        // Supported edges rotate freely. Without the mirror plane the middle also rotates freely, and membrane stress
+        // alone carries the load on the half.
         let further = middle(&free)[2] / a[2] - 1.0;
         assert!(further > 1.0, "{bending}: {further}");
     }
@@ -502,7 +507,7 @@ body = "bar"
 point = [2.0, 0.0, 0.0]
 "#;
 
-/// A bar in uniaxial tension: what probes over its parts say is known.
+/// In a bar under uniaxial tension the probes over its regions give the known sums, means and extremes.
 #[test]
 fn probes_over_regions_say_what_is_known() {
     let mesh = BoxMesh { size: [2.0, 1.0, 1.0], cells: [4, 2, 2], element: CellKind::Hex8, origin: [0.0; 3] };
@@ -524,7 +529,7 @@ fn probes_over_regions_say_what_is_known() {
         ("all.sum.reaction_force.magnitude", 500.0),
         ("tip.ux", 2.0 * 500.0 / 1e9),
     ] {
-        // Small strains, of 5e-7.
+        // The strains are small (5e-7), which bounds the error of the linear reference.
         let tolerance = if expected == 0.0 { 1e-6 } else { 1e-6 * expected.abs() };
         assert!(
             (last(column) - expected).abs() < tolerance,
@@ -534,7 +539,8 @@ fn probes_over_regions_say_what_is_known() {
     }
 }
 
-/// Cook's membrane in plane strain (reference 30.749, docs/validation.md), refined in its plane alone.
+/// Refining Cook's membrane in plane strain in its plane alone keeps one layer and approaches the reference 30.749
+/// (docs/validation.md).
 #[test]
 fn refinement_in_the_plane_keeps_one_layer() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/validation/cook-plane-strain.toml");
@@ -548,7 +554,7 @@ fn refinement_in_the_plane_keeps_one_layer() {
             let mut heights: Vec<i64> = mesh.points.iter().map(|x| (x[2] * 1e9).round() as i64).collect();
             heights.sort_unstable();
             heights.dedup();
-            // One layer of quadratic elements: bottom, middle, top.
+            // One layer of quadratic elements has nodes at the bottom, the middle and the top.
             assert_eq!(heights.len(), 3);
             (simulation.observe().probes[0].displacement[1] - 30.749).abs() / 30.749
         })
@@ -566,7 +572,7 @@ fn refused(change: &str, expected: &[&str]) {
     expected.iter().for_each(|words| assert!(errors.contains(words), "{change}: no {words:?} in:\n{errors}"));
 }
 
-/// Unknown keys are refused from JSON too, beside the keys of a selection.
+/// Unknown keys beside the keys of a selection are refused in JSON too.
 #[test]
 fn unknown_keys_are_refused_from_json() {
     let json = |key: &str| serde_json::json!({ "body": "b", "region": "r", key: 1.0 });

@@ -1,5 +1,5 @@
-//! Paths of equilibria through limit points, from scenes: the rows follow exact curves down their falling branches,
-//! by arc length, by a displacement and by a volume, and a run that was interrupted writes the same bytes.
+//! Tests paths of equilibria through limit points, from scenes. The rows follow exact curves down their falling
+//! branches, controlled by arc length, by a displacement and by a volume. An interrupted run writes the same bytes.
 
 use std::fmt::Write as _;
 
@@ -10,27 +10,29 @@ use variational::run::resume;
 
 const YOUNG: f64 = 3.0;
 const POISSON: f64 = 0.4;
-/// Radii of the sphere at rest, m.
+/// Radii of the sphere at rest (m).
 const INNER: f64 = 1.0;
 const OUTER: f64 = 2.0;
-/// Pressure at load factor 1, Pa.
+/// Pressure at load factor 1 (Pa).
 const PRESSURE: f64 = 1.0;
 
-/// Inner radius (m) and inner pressure (Pa) of a thick neo-Hookean sphere, W = μ/2 (I₁ − 3) − μ ln J + λ/2 ln² J,
-/// whose outer radius is `outer`: from there inwards by Runge and Kutta's method on dP_r/dR + 2 (P_r − P_θ)/R = 0.
+/// Returns the inner radius (m) and inner pressure (Pa) of a thick neo-Hookean sphere, W = μ/2 (I₁ − 3) − μ ln J + λ/2
+/// ln² J, whose outer radius is `outer`. Integrates dP_r/dR + 2 (P_r − P_θ)/R = 0 from the outer surface inwards by the
+/// Runge–Kutta method.
 fn sphere(outer: f64) -> (f64, f64) {
     let mu = 0.5 * YOUNG / (1.0 + POISSON);
     let lambda = YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON));
     let log = |radial: f64, hoop: f64| (radial * hoop * hoop).ln();
     let stress = |stretch: f64, log: f64| mu * (stretch - 1.0 / stretch) + lambda * log / stretch;
     let slope = |radial: f64, log: f64| mu * (1.0 + radial.powi(-2)) + lambda * (1.0 - log) / radial.powi(2);
-    // The outer surface is free; the start is that of a body that keeps its volume.
+    // The outer surface is free of stress. The iteration for its radial stretch starts from that of an incompressible
+    // body.
     let mut radial = (OUTER / outer).powi(2);
     for _ in 0..60 {
         let log = log(radial, outer / OUTER);
         radial -= stress(radial, log) / slope(radial, log);
     }
-    // Rates of r and of the radial stretch.
+    // Returns the derivatives of r and of the radial stretch with respect to R.
     let rates = |at: f64, [r, radial]: [f64; 2]| {
         let hoop = r / at;
         let log = log(radial, hoop);
@@ -53,7 +55,7 @@ fn sphere(outer: f64) -> (f64, f64) {
     (y[0], -stress(y[1], log(y[1], hoop)) / hoop.powi(2))
 }
 
-/// The pressure at an inner radius: bisection in the outer one.
+/// Returns the pressure at an inner radius, found by bisection in the outer radius.
 fn pressure_at(inner: f64) -> f64 {
     let (mut low, mut high) = (OUTER, OUTER + inner);
     for _ in 0..60 {
@@ -63,8 +65,8 @@ fn pressure_at(inner: f64) -> f64 {
     sphere(0.5 * (low + high)).1
 }
 
-/// An octant of the sphere in curved wedges of 15 nodes, `n` a side and `layers` deep, as a Gmsh 2.2 file with the
-/// surface `inside`.
+/// Writes an octant of the sphere as a Gmsh 2.2 file with the surface `inside`: curved wedges of 15 nodes, `n` per side
+/// and `layers` through the thickness.
 fn octant(n: usize, layers: usize) -> String {
     let (fine, levels) = (2 * n, 2 * layers);
     let mut nodes = Vec::new();
@@ -72,7 +74,7 @@ fn octant(n: usize, layers: usize) -> String {
     for level in 0..=levels {
         for i in 0..=fine {
             for j in 0..=fine - i {
-                // Middles have no node half way through a layer.
+                // The middle nodes of a wedge's triangles have no counterpart half way through a layer.
                 if level % 2 == 1 && (i % 2, j % 2) != (0, 0) {
                     continue;
                 }
@@ -86,7 +88,7 @@ fn octant(n: usize, layers: usize) -> String {
     }
     let mut elements = Vec::new();
     let mut wedges = |corners: [[usize; 2]; 3]| {
-        // Points of the fine grid: corners, and the middles between them.
+        // Returns the nodes of a triangle on the fine grid: its corners and the middles between them.
         let middle = |a: usize, b: usize| [0, 1].map(|k| (corners[a][k] + corners[b][k]) / 2);
         let plane = [corners[0], corners[1], corners[2], middle(0, 1), middle(1, 2), middle(2, 0)];
         let at = |place: usize, level: usize| number[&(plane[place][0], plane[place][1], level)];
@@ -111,7 +113,7 @@ fn octant(n: usize, layers: usize) -> String {
             ];
             elements.push((18, 1, nodes.to_vec()));
         }
-        // Seen from the cavity.
+        // Numbers the triangle so that its normal points out of the cavity.
         elements.push((9, 2, [0, 2, 1, 5, 4, 3].map(|place| at(place, 0)).to_vec()));
     };
     for i in (0..fine).step_by(2) {
@@ -137,7 +139,7 @@ fn octant(n: usize, layers: usize) -> String {
     text + "$EndElements\n"
 }
 
-/// The octant under inner pressure, with these lines of [time] and [static].
+/// Describes the octant under inner pressure, with the given lines of [time] and [static].
 fn inflation(mesh: &std::path::Path, time: &str, statics: &str) -> String {
     let planes: String = ["x", "y", "z"]
         .iter()
@@ -177,8 +179,8 @@ fn inflation(mesh: &std::path::Path, time: &str, statics: &str) -> String {
     )
 }
 
-/// The pressures of all rows against the exact curve, up to where the sphere has been pushed down its falling
-/// branch; returns the largest inner radius.
+/// Checks the pressures of all rows against the exact curve, and that the sphere is pushed down its falling branch.
+/// Returns the largest inner radius.
 fn assert_on_curve(history: &History, what: &str) -> f64 {
     let (radius, factor) = (history.column("inner.x"), history.column("load_factor"));
     let largest = factor.iter().fold(0.0_f64, |most, &p| most.max(p));
@@ -227,7 +229,7 @@ fn a_thick_sphere_is_inflated_down_the_falling_branch() {
     assert!(program.errors().contains("for all 60 arc steps"), "{}", program.errors());
 }
 
-/// Ends the run after a step, as Ctrl-C does.
+/// Ends the run after the given step, as Ctrl-C does.
 struct StopAfter(u64);
 
 impl Watch for StopAfter {

@@ -1,9 +1,9 @@
-//! Rigid bodies, joints and exact attachments in scenes: periods, momenta, ledgers, what is refused.
+//! Tests rigid bodies, joints and exact attachments in scenes: periods, momenta, energy ledgers, and refused input.
 
 use crate::program::{History, Program};
 use vi_core::problems::{complete_elliptic_k, flip_period};
 
-/// Times at which a column goes through zero upwards, by interpolation.
+/// Returns the times at which a column crosses zero upwards, by linear interpolation.
 fn crossings(history: &History, values: &[f64]) -> Vec<f64> {
     let t = history.column("t");
     let rises = (1..t.len()).filter(|&i| values[i - 1] < 0.0 && values[i] >= 0.0);
@@ -15,7 +15,8 @@ fn drift(history: &History, name: &str) -> f64 {
     values.iter().map(|value| (value - values[0]).abs()).fold(0.0, f64::max)
 }
 
-/// A stiff cube of side a at the end of a rod of length 1 that hangs from the origin, started with rate ω.
+/// Describes a stiff cube of side a at the end of a rod of length 1 that hangs from the origin and starts with angular
+/// velocity ω.
 fn bob(scheme: &str, step: f64, omega: f64) -> String {
     let a = 0.2;
     let drop = -1.0 - 0.5 * a;
@@ -61,7 +62,7 @@ history = 1
 #[test]
 fn a_bob_on_a_rod_swings_with_the_period_of_the_compound_pendulum() {
     let (omega, a) = (1.0, 0.2_f64);
-    // The mesh has its mass at its nodes: 2 × 2 × 2 cells put ¼, ½, ¼ of it along each axis.
+    // The mass of the mesh is lumped at its nodes: 2 × 2 × 2 cells put ¼, ½ and ¼ of it along each axis.
     let (rod, cube) = (2.0, 500.0 * a.powi(3));
     let spread = 0.5 * (0.5 * a).powi(2);
     let inertia =
@@ -74,7 +75,7 @@ fn a_bob_on_a_rod_swings_with_the_period_of_the_compound_pendulum() {
         let at = crossings(&history, &history.column("rod.x"));
         let found = (at[at.len() - 1] - at[0]) / (at.len() - 1) as f64;
         assert!((found / period - 1.0).abs() < least, "{scheme}: {found} s, not {period} s");
-        // It keeps to its plane and its length.
+        // The rod stays in its plane and keeps its length.
         let (x, y) = (history.column("rod.x"), history.column("rod.y"));
         for (x, y) in x.iter().zip(&y) {
             assert!((x.hypot(*y) - 0.5).abs() < 1e-12);
@@ -117,7 +118,7 @@ fn a_box_flips_on_time_and_keeps_its_momenta() {
         if scheme == "energy-momentum" {
             assert!(drift(&history, "total") < 1e-12);
         }
-        // Minus the intermediate axis times the angular momentum, which starts as (0.02, 2, 0).
+        // This is minus the component of the angular momentum (0.02, 2, 0) along the intermediate axis of the body.
         let [w, x, y, z] = ["box.qw", "box.qx", "box.qy", "box.qz"].map(|name| history.column(name));
         let t = history.column("t");
         let cosine: Vec<f64> = (0..t.len())
@@ -128,7 +129,7 @@ fn a_box_flips_on_time_and_keeps_its_momenta() {
         let falls = (1..t.len()).filter(|&i| cosine[i - 1] > 0.0 && cosine[i] <= 0.0);
         let mut falls = falls.map(|i| t[i] - (t[i] - t[i - 1]) * cosine[i] / (cosine[i] - cosine[i - 1]));
         let (rise, fall) = (crossings(&history, &cosine)[0], falls.next_back().unwrap());
-        // Upside down for half a period.
+        // The body stays upside down for half a period.
         ((fall - rise) / (0.5 * period) - 1.0).abs()
     };
     for scheme in ["stormer-verlet", "implicit-midpoint", "energy-momentum"] {
@@ -140,7 +141,7 @@ fn a_box_flips_on_time_and_keeps_its_momenta() {
 #[test]
 fn blades_on_a_free_hub_keep_energy_and_momenta() {
     let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/blades.toml")).unwrap();
-    // Coarser and shorter than the scene; its own asserts judge it.
+    // This mesh is coarser and the run shorter than in the scene file; the scene's own asserts judge the run.
     let text = text
         .replace("[16, 3, 1]", "[5, 1, 1]")
         .replace("[3, 16, 1]", "[1, 5, 1]")
@@ -167,14 +168,15 @@ fn a_turning_arm_pays_for_what_it_swings() {
         let [x, y] = ["arm.x", "arm.y"].map(|name| history.last(name));
         let angle = std::f64::consts::TAU * 0.2;
         assert!((x - 0.5 * angle.cos()).abs() < 1e-12 && (y - 0.5 * angle.sin()).abs() < 1e-12);
-        // The tip is dragged after the arm, and the work of the arm is the energy that it gained.
+        // The arm drags the tip after it, and the work of the arm equals the energy that the tip gained.
         let gained = history.last("total") - history.first("total");
         let work = report["energy"]["prescribed_work"].as_f64().unwrap_or(f64::NAN);
         assert!(gained > 10.0 && (work / gained - 1.0).abs() < 1e-2, "{gained} {work} {report}");
     }
 }
 
-/// Two rods joined by a hinge to each other and to the world, out of the plane that gravity would choose.
+/// Hinges, a distance joint and a weld keep their points, axes, distance and rotation in a chain that falls out of its
+/// plane.
 #[test]
 fn joints_keep_what_they_say() {
     let scene = r#"
@@ -287,8 +289,8 @@ fn what_cannot_be_is_refused_with_the_way_out() {
     assert!(program.errors().contains("energy-momentum"), "{}", program.errors());
 }
 
-/// A flat body, whose largest moment is the sum of the others, moves as the limit of bodies ever thinner: free, and
-/// held by a joint off its plane.
+/// A flat body, whose largest principal moment is the sum of the others, moves as the limit of ever thinner bodies,
+/// both free and held by a joint off its plane.
 #[test]
 fn a_flat_body_moves_as_thin_ones_do() {
     let end = |scheme: &str, largest: f64, joint: &str| {

@@ -1,5 +1,4 @@
-//! Sheets from mesh files, through the program: what is repaired with a line that says so, and what is
-//! refused.
+//! Tests sheets from mesh files, through the program: which defects are repaired and reported, and which are refused.
 
 use crate::program::Program;
 use std::fmt::Write as _;
@@ -23,7 +22,7 @@ material = {MATTER}
     )
 }
 
-/// A file in a directory that lives as long as the value, and a scene with it.
+/// Holds a file in a directory that lives as long as the value, and the path to name in a scene.
 struct File(#[allow(dead_code, reason = "keeps the directory")] tempfile::TempDir, String);
 
 impl File {
@@ -38,7 +37,7 @@ impl File {
         Program::check(&scene(&self.1, keys))
     }
 
-    /// What the program says when it runs the scene.
+    /// Returns everything that the program prints and notes when it runs the scene.
     fn said(&self, keys: &str) -> String {
         let program = Program::run(&scene(&self.1, keys));
         let notes = program.report()["notes"].to_string();
@@ -51,7 +50,7 @@ impl File {
         program.errors()
     }
 
-    /// Kinetic energy over ½ g² t² after free fall: the mass.
+    /// Returns the mass, from the momentum p = m g t after free fall.
     fn mass(&self, keys: &str) -> f64 {
         let history = Program::run(&scene(&self.1, keys)).history();
         let (t, pz) = (history.last("t"), history.last("pz"));
@@ -59,8 +58,8 @@ impl File {
     }
 }
 
-/// n × n squares of an OBJ on a half cylinder of length π in x; every face has vertices of its own
-/// if `split`, and every second faces down if `turned`.
+/// Writes an OBJ of n × n squares on a half cylinder of arc length π in x. With `split` every face has vertices of its
+/// own; with `turned` every second face is reversed.
 fn obj(n: usize, split: bool, turned: bool, uv: Option<f64>) -> String {
     let mut text = String::from("# made by hand\no cloth\n");
     let (mut vertices, mut textures, mut faces) = (Vec::new(), Vec::new(), Vec::new());
@@ -108,7 +107,7 @@ fn vertices_on_each_other_are_welded_and_triangles_turned_with_a_line_each() {
     let said = file.said("");
     assert!(said.contains("167 points that lie on others were welded to them, 49 are left"), "{said}");
     assert!(said.contains("36 triangles were turned over"), "{said}");
-    // Kept apart, every triangle is a piece of its own.
+    // Without welding, every triangle is a separate piece.
     let apart = file.said("weld = 0.0");
     assert!(!apart.contains("welded to them") && !apart.contains("turned over"), "{apart}");
     let clean = File::new("clean.obj", obj(6, false, false, None)).said("");
@@ -121,7 +120,8 @@ fn texture_coordinates_are_the_pattern_at_rest() {
         let history = Program::run(&scene(&file.1, keys)).history();
         (history.first("elastic"), file.mass(keys))
     };
-    // As given there is no energy; flat, that of a half cylinder of radius 1, ½ D L W κ².
+    // The shape as given stores no energy. With a flat rest shape the energy is that of a half cylinder of radius 1, ½
+    // D L W κ².
     let modulus = 1e5 * 1e-9 / (12.0 * (1.0 - 0.09));
     let area = std::f64::consts::PI;
     let file = File::new("uv.obj", obj(24, true, true, Some(1.0)));
@@ -130,13 +130,13 @@ fn texture_coordinates_are_the_pattern_at_rest() {
     let (flat, mass) = energies(&file, keys);
     assert!(as_given < 1e-12, "{as_given}");
     assert!((mass / (0.2 * area) - 1.0).abs() < 1e-9, "{mass}");
-    // Chords of a polygon are shorter than arcs: a little membrane energy beside.
+    // The chords of a polygon are shorter than the arcs, which adds a little membrane energy.
     let n = 24.0;
     let strain = (n * (0.5 * area / n).sin() * 2.0 / area).powi(2) - 1.0;
     let membrane = 0.5 * 1e5 / 0.91 * (0.5 * strain).powi(2) * 1e-3 * area;
     let bent = 0.5 * modulus * area;
     assert!(flat > 0.8 * (bent + membrane) && flat < 1.2 * (bent + membrane), "{flat} {bent} {membrane}");
-    // In other units a scale is asked for, and does the same.
+    // Texture coordinates in other units are refused with a request for a scale; with that scale the result is equal.
     let file = File::new("unit.obj", obj(24, true, true, Some(area)));
     let message = file.refused(keys);
     assert!(message.contains("uv_scale") && message.contains("3.14"), "{message}");
@@ -144,7 +144,8 @@ fn texture_coordinates_are_the_pattern_at_rest() {
     assert!((scaled / flat - 1.0).abs() < 1e-6, "{scaled} {flat}");
 }
 
-/// A tube whose vertices are one along its seam, where texture coordinates are two: sewn up at rest flat.
+/// A tube has single vertices along its seam but two texture coordinates there. Its flat rest shape is sewn at that
+/// seam.
 #[test]
 fn a_seam_of_the_pattern_is_sewn() {
     let (around, along) = (40, 6);
@@ -155,7 +156,7 @@ fn a_seam_of_the_pattern_is_sewn() {
             writeln!(text, "v {} {} {}", angle.cos(), angle.sin(), f64::from(j) / f64::from(along)).unwrap();
         }
     }
-    // Chords, so that nothing is stretched.
+    // Texture coordinates are spaced by chords, so that nothing is stretched.
     let chord = 2.0 * (std::f64::consts::PI / f64::from(around)).sin();
     for j in 0..=along {
         for i in 0..=around {
@@ -176,7 +177,7 @@ fn a_seam_of_the_pattern_is_sewn() {
     let history = Program::run(&text).history();
     let modulus = 1e5 * 1e-9 / (12.0 * (1.0 - 0.09));
     let ratio = history.first("elastic") / (0.5 * modulus * std::f64::consts::TAU);
-    // The two free ends straighten by Poisson's ratio.
+    // Poisson's effect relaxes the curvature at the two free ends a little.
     assert!((0.95..1.005).contains(&ratio), "{ratio}");
 }
 
@@ -204,7 +205,7 @@ fn a_surface_group_of_a_solid_is_a_sheet_with_part() {
     assert!((mass / 0.2 - 1.0).abs() < 1e-9, "{mass}");
 }
 
-/// A unit square with a square hole: four trapezes of two triangles.
+/// A unit square with a square hole consists of four trapezes of two triangles each.
 const POINTS: [[f64; 2]; 8] =
     [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.25, 0.25], [0.75, 0.25], [0.75, 0.75], [0.25, 0.75]];
 
@@ -312,7 +313,7 @@ fn what_cannot_be_a_sheet_is_refused_with_the_element() {
     assert!(program.errors().contains("thickness of a sheet must be positive"), "{}", program.errors());
 }
 
-/// Three leaves at one edge: said, and run.
+/// Three triangles at one edge are reported, and the scene runs.
 #[test]
 fn a_book_runs() {
     let book = "v 0 0 0\nv 0 1 0\nv 1 0.5 0\nv -0.5 0.5 0.8\nv -0.5 0.5 -0.8\nf 1 2 3\nf 1 2 4\nf 1 2 5\n";
@@ -320,7 +321,7 @@ fn a_book_runs() {
     assert!(said.contains("more than two triangles meet at 1 edges"), "{said}");
 }
 
-/// Density per volume and per area weigh the same, where they should.
+/// A density per volume and one per area give the same mass if they differ by the factor thickness.
 #[test]
 fn matter_is_given_per_volume_or_per_area() {
     let file = File::new("sheet.obj", obj(4, false, false, None));

@@ -1,4 +1,4 @@
-//! Sheets in scenes: what is kept, what is refused, what is written.
+//! Tests sheets in scenes: conserved quantities, refused input, written files.
 
 use crate::program::Program;
 use variational::prelude::*;
@@ -17,8 +17,8 @@ fn exact() -> Solver {
     Solver { tolerance: 1e-14, ..Solver::default() }
 }
 
-/// Linear and angular momentum of a free, spinning, struck sheet, to 1e-12 of what is in motion: every law,
-/// every answer to bending, every scheme that promises it.
+/// A free, spinning, struck sheet keeps its linear and angular momentum to 1e-12 of the sums of absolute values, for
+/// every law, every bending model, and every scheme that promises to conserve them.
 #[test]
 fn a_free_sheet_keeps_its_momenta() {
     let shape: SheetMesh =
@@ -48,7 +48,7 @@ fn a_free_sheet_keeps_its_momenta() {
                     simulation.step().unwrap_or_else(|error| panic!("{what}: {error}"));
                 }
                 let last = simulation.observe();
-                // Σ m |v|, by Cauchy's inequality, for a mass of 8 kg.
+                // By Cauchy's inequality this bounds Σ m |v| for a mass of 8 kg.
                 let scale = (2.0 * first.kinetic * 8.0).sqrt();
                 for k in 0..3 {
                     let linear = (last.momentum[k] - first.momentum[k]).abs();
@@ -63,8 +63,8 @@ fn a_free_sheet_keeps_its_momenta() {
     }
 }
 
-/// In rigid flight faster than sound, the round-off of its energy is no deformation: energy–momentum must not correct
-/// it along a direction that is round-off too.
+/// In rigid flight faster than sound the round-off of the elastic energy is not a deformation: energy–momentum must not
+/// correct it along a direction that is round-off too.
 #[test]
 fn a_sheet_in_rigid_flight_is_left_alone() {
     let law = r#"{ "law": "neo-hookean", "young": 6e8, "poisson": 0.4, "density": 56.0, "thickness": 0.02,
@@ -88,8 +88,8 @@ fn a_sheet_in_rigid_flight_is_left_alone() {
     }
 }
 
-/// Energy of a sheet that swings down from horizontal, to 1e-3 of what the fall exchanges: the
-/// bounded error of second order of Störmer–Verlet.
+/// A sheet that swings down from horizontal keeps its energy to 1e-3 of the potential energy exchanged: Störmer–Verlet
+/// has a bounded energy error of second order.
 #[test]
 fn a_hanging_sheet_keeps_its_energy() {
     let scene = Scene::new(Time::new(0.5, 2.5e-4, SchemeName::StormerVerlet))
@@ -109,7 +109,7 @@ fn a_hanging_sheet_keeps_its_energy() {
     assert!(drift < 1e-3 * exchange, "{drift:e} of {exchange:e} J");
 }
 
-/// A strip held at one end, as a hinge and clamped: a clamp makes it stiffer against its weight.
+/// A strip that is clamped at one end is stiffer against its weight than one that is hinged there.
 #[test]
 fn a_clamp_holds_the_normal() {
     let deflection = |fix: Fix| {
@@ -163,7 +163,7 @@ region = "x-min"
 interval = 0.01
 "#;
 
-/// The frames are triangles, and a frame is a mesh that a scene can start from.
+/// The frames consist of triangles, and a scene can start from a frame as its mesh.
 #[test]
 fn a_run_writes_frames_that_are_read_back() {
     let program = Program::run(SCENE);
@@ -199,7 +199,7 @@ fn a_forgotten_thickness_is_asked_for() {
     assert!(program.errors().contains("missing key `thickness`"), "{}", program.errors());
 }
 
-/// Drag in still air takes energy from a falling sheet; its joules are in the ledger's class of forces.
+/// Drag in still air takes energy from a falling sheet, and the ledger books it as work of forces.
 #[test]
 fn air_slows_a_falling_sheet() {
     let fall = |wind: Option<Wind>| {
@@ -216,7 +216,7 @@ fn air_slows_a_falling_sheet() {
     let wind: Wind = serde_json::from_str("{}").unwrap();
     let (free, slowed) = (fall(None), fall(Some(wind)));
     assert!((free + 0.2 * 9.81 * 0.3).abs() < 1e-9, "{free}");
-    // m v̇ = m g − ½ ρ C A v²: v = v∞ tanh(g t / v∞), v∞² = 2 m g / (ρ C A), for a sheet that stays flat.
+    // For a sheet that stays flat m v̇ = m g − ½ ρ C A v² gives v = v∞ tanh(g t / v∞) with v∞² = 2 m g / (ρ C A).
     let limit = (2.0 * 0.2 * 9.81 / (1.2 * 1.28_f64)).sqrt();
     let expected = -0.2 * limit * (9.81 * 0.3 / limit).tanh();
     assert!((slowed / expected - 1.0).abs() < 1e-2, "{slowed} {expected}");

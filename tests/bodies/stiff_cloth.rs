@@ -1,6 +1,6 @@
-//! Stiff cloth at steps far beyond what it resolves, under every implicit scheme: a sheet dropped from
-//! horizontal gets through its first swing. A step may be halved, as a run does where the solver says
-//! that a smaller one may help; the stepper then comes back to the whole step.
+//! Drops a stiff sheet from horizontal at steps far beyond those that resolve it, under every implicit scheme: it
+//! completes its first swing. A step may be halved, as a run does if the solver says that a smaller step may help. The
+//! stepper then returns to the whole step.
 
 use variational::prelude::*;
 use vi_core::{State, System, kinetic_energy, reference};
@@ -21,7 +21,7 @@ fn sheet(young: f64) -> Simulation {
     Simulation::new(scene).unwrap()
 }
 
-/// One step, in halves where it must be; returns the number of steps that were made.
+/// Makes one step, halved as often as needed. Returns the number of steps made.
 fn step(stepper: &mut dyn Stepper, system: &System, state: &mut State, h: f64, depth: u32) -> u32 {
     let before = state.clone();
     match stepper.step(system, state, h) {
@@ -35,7 +35,7 @@ fn step(stepper: &mut dyn Stepper, system: &System, state: &mut State, h: f64, d
     }
 }
 
-/// Steps of the run, and |ΔH| at its end over the largest kinetic energy.
+/// Returns the number of steps of the run, and |ΔH| at its end over the largest kinetic energy.
 fn drop(method: Method, young: f64, end: f64) -> (u32, f64) {
     let simulation = sheet(young);
     let component = &simulation.components()[0];

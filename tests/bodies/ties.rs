@@ -1,9 +1,9 @@
-//! Attachments and seams in scenes: what they keep, how strong they are, what is refused.
+//! Tests attachments and seams in scenes: what they conserve, how stiff they are, and what is refused.
 
 use crate::program::Program;
 use variational::prelude::*;
 
-/// A strip of cloth whose edge lies on a soft block, both free and spinning.
+/// Describes a strip of cloth whose edge lies on a soft block, both free and spinning.
 fn held(scheme: &str, step: f64, joint: &str) -> String {
     format!(
         r#"
@@ -58,7 +58,7 @@ fn attached_bodies_keep_their_momenta_and_their_energy() {
     }
 }
 
-/// Σ m g hangs from n springs of stiffness k: the mean extension of a rigid-like strip in balance.
+/// A nearly rigid sheet of weight Σ m g hangs from n springs of stiffness k: the mean extension is Σ m g / (n k).
 #[test]
 fn a_sheet_hangs_from_its_springs_as_deep_as_they_say() {
     let scene = r#"
@@ -87,7 +87,7 @@ point = [0.5, 0.0, 0.0]
     assert!((found / expected - 1.0).abs() < 1e-4, "{found} {expected}");
 }
 
-/// Carried round by springs: the work of what moves them closes the ledger.
+/// A cloth is carried around by springs with moving ends. The work of these ends closes the energy ledger.
 #[test]
 fn what_moves_the_places_does_work_that_is_accounted_for() {
     let joint = "[[attach]]\nbody = \"cloth\"\nregion = \"x-max\"\nstiffness = 200.0\n\
@@ -152,7 +152,7 @@ fn a_seam_of_unequal_edges_has_no_force_where_they_meet_and_pulls_where_they_do_
         let history = Program::run(&panels(cells, 0.0, curves)).history();
         assert!(history.column("elastic").iter().all(|&e| e < 1e-20));
         let history = Program::run(&panels(cells, 0.2, curves)).history();
-        // ½ k g² for each stitch, one a node of the finer edge.
+        // Each stitch stores ½ k g², with one stitch per node of the finer edge.
         let stitches = f64::from(cells[0].max(cells[1]) + 1);
         assert!((history.first("elastic") - stitches * 0.5 * 5.0 * 0.04).abs() < 1e-12);
         let gaps: Vec<f64> =
@@ -167,12 +167,12 @@ fn a_seam_of_unequal_edges_has_no_force_where_they_meet_and_pulls_where_they_do_
 
 #[test]
 fn a_seam_by_pairs_and_one_run_backwards_do_as_told() {
-    // Nodes of x-max of the left (4 a row) and x-min of the right panel, bottom to top.
+    // These are nodes of x-max of the left panel (4 per row) and of x-min of the right panel, from bottom to top.
     let pairs = "nodes = [3, 7, 11]\nto_nodes = [0, 4, 8]";
     let curves = "region = \"x-max\"\nto_region = \"x-min\"";
     let energy = |seam: &str| Program::run(&panels([2, 2], 0.1, seam)).history().first("elastic");
     assert!((energy(pairs) - energy(curves)).abs() < 1e-14);
-    // Backwards: the two ends cross over, the middle stays.
+    // If one edge is reversed, its two ends cross over and its middle stays.
     let crossed = 0.5 * 5.0 * (3.0 * 0.01 + 2.0);
     assert!((energy(&format!("{curves}\nreverse = true")) - crossed).abs() < 1e-12);
 }
@@ -206,7 +206,7 @@ fn what_cannot_be_sewn_or_attached_is_refused() {
     }
 }
 
-/// The two rims of a tube's wall cut open along z are closed curves of another body too.
+/// Two closed curves, the inner rims of two rings with different numbers of nodes, are sewn all round.
 #[test]
 fn closed_curves_are_sewn_all_round() {
     let ring = |name: &str, z: f64, count: usize| -> String {
@@ -245,12 +245,12 @@ fn closed_curves_are_sewn_all_round() {
         .body(body("b", &b))
         .seam(seam);
     let elastic = Simulation::new(scene).unwrap().observe().elastic;
-    // 24 stitches of length ¼, and a little for the corners of the polygons.
+    // 24 stitches have length ¼; the corners of the polygons add a little.
     let least = 24.0 * 0.5 * 10.0 / 16.0;
     assert!(elastic > least && elastic < 1.15 * least, "{elastic} {least}");
 }
 
-/// Without a stiffness nothing gives: the nodes stay where they are held, at any scheme, and momenta stay.
+/// A tie without `stiffness` holds its nodes exactly where they are attached, under any scheme, and keeps momenta.
 #[test]
 fn exact_ties_hold_exactly() {
     let joint = "[[attach]]\nbody = \"cloth\"\nregion = \"x-min\"\nto = \"block\"\n\
@@ -273,7 +273,7 @@ fn exact_ties_hold_exactly() {
     }
 }
 
-/// Four panels sewn around a common corner, one side of it held: every pair of edges stays together.
+/// Four panels are sewn around a common corner and one side is held: every pair of edges stays together.
 #[test]
 fn exact_seams_share_corners_and_may_be_held() {
     let mut text = String::from(
@@ -281,7 +281,7 @@ fn exact_seams_share_corners_and_may_be_held() {
          [[fix]]\nbody = \"b01\"\nregion = \"x-min\"\n[output]\nhistory = 1\n",
     );
     for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-        // Panels above have twice the cells.
+        // The upper panels have twice as many cells per side.
         let cells = 3 + 3 * j;
         text += &format!(
             "[[body]]\nname = \"b{i}{j}\"\nsheet = {{ size = [0.5, 0.5], cells = [{cells}, {cells}], \

@@ -1,4 +1,5 @@
-//! Modes of reference: the free cube (E2), rigid motions named; what modes have of the mass; the files of `modes`.
+//! Tests modes against references: the free cube (E2), names of rigid motions, effective masses, and the files of
+//! `modes`.
 
 use variational::core::{Coordinates, System};
 use variational::fem::{Isotropic, Law, add_lumped_mass, consistent_mass, elastic};
@@ -27,7 +28,7 @@ fn e2_free_cube_with_the_exact_lame_mode() {
     assert!(found[..6].iter().all(|mode| mode.is_rigid) && !found[6].is_rigid, "{omega:?}");
     let near = |exact: f64, tolerance: f64| omega.iter().any(|omega| (omega - exact).abs() < tolerance);
     assert!(near(1.77126, 2e-4) && near(2.38518, 2e-4) && near(2.42566, 2e-4), "{omega:?}");
-    // √2 π √(G/ρ), G = 1/2.6.
+    // The exact frequency of a Lamé mode is √2 π √(G/ρ) with G = 1/2.6.
     let lame = 2.0_f64.sqrt() * std::f64::consts::PI * (1.0 / 2.6_f64).sqrt();
     assert!(near(lame, 2e-4 * lame), "{lame} {omega:?}");
 }
@@ -50,13 +51,14 @@ const BLOCK_AND_SHEET: &str = r#"
     material = { law = "st-venant-kirchhoff", young = 1e5, poisson = 0.3, density = 500.0, thickness = 1e-2 }
 "#;
 
-/// Effective masses of all modes sum to the mass that can move, and shapes are orthonormal, to round-off; of solids
-/// and sheets, consistent as `modes` takes it without being asked, though the scheme is explicit.
+/// The effective masses of all modes add up to the mass that can move, and the mode shapes are orthonormal, both to
+/// round-off. This holds for solids and sheets, and with the consistent mass that `modes` uses by default even if the
+/// scheme is explicit.
 #[test]
 fn all_modes_take_part_with_all_of_the_mass() {
     let scene = Scene::parse(BLOCK_AND_SHEET, &[]).scene.unwrap();
-    // The sheet is free: 0.6 m · 0.4 m · 0.01 m · 500 kg/m³. Of the block's two cells of 62.5 kg one hangs on the nodes
-    // that are held: half of its lumped mass can move, and a third of its consistent mass, ∫ ξ² dξ.
+    // The sheet is free: 0.6 m · 0.4 m · 0.01 m · 500 kg/m³. One of the block's two cells of 62.5 kg is attached to the
+    // held nodes: half of its lumped mass can move, and a third of its consistent mass, ∫ ξ² dξ.
     for (mass, block) in [(MassKind::Lumped, 125.0 * 0.75), (MassKind::Consistent, 62.5 + 62.5 / 3.0)] {
         let mut simulation = Simulation::new(scene.clone()).unwrap();
         let found = scene_modes(&mut simulation, 1000, mass).unwrap();

@@ -1,5 +1,5 @@
-//! Bad input ends with exit code 2, a message that names the file, the place and the way out, and
-//! nothing written. `check` finds everything at once.
+//! Bad input ends with exit code 2, a message that names the file, the place and the remedy, and no written files.
+//! `check` finds all problems at once.
 
 use crate::program::Program;
 
@@ -109,7 +109,7 @@ fn an_output_directory_that_cannot_be_made() {
     assert!(program.errors().contains("not writable"), "{}", program.errors());
 }
 
-/// A missing key hides nothing, and what follows from a problem is not reported as a second one.
+/// A missing key hides no other problem, and the consequences of a problem are not reported as further problems.
 #[test]
 fn structure() {
     let without_scheme = GOOD
@@ -164,10 +164,10 @@ fn an_equilibrium_needs_no_scheme() {
     assert_eq!(program.code(), Some(0), "{}", program.errors());
 }
 
-/// The words of a number that is none, in TOML.
+/// How TOML writes numbers that are not finite.
 const NOT_FINITE: [&str; 3] = ["nan", "inf", "-inf"];
 
-/// Every number of a scene that uses every table is refused when it is nan or infinite, whatever its key.
+/// Every number of a scene that uses every table is refused if it is nan or infinite, whatever its key.
 #[test]
 fn numbers_that_are_not_finite() {
     let scene = r#"
@@ -257,7 +257,7 @@ angular_momentum_drift = 0.5
                 let lines = scene.lines().enumerate();
                 let text: Vec<&str> = lines.map(|(i, old)| if i == at { &*changed } else { old }).collect();
                 let found = problems(&text.join("\n"));
-                // A selection by a box may be open, downwards in `min` and upwards in `max`.
+                // A box that selects nodes may be unbounded: below in `min` and above in `max`.
                 let is_bound = line.starts_with("box = { min");
                 let is_open = is_bound && word == if line[..start].contains("max") { "inf" } else { "-inf" };
                 let is_refused = found.iter().any(|problem| problem.line == Some(at + 1));
@@ -269,7 +269,7 @@ angular_momentum_drift = 0.5
     assert!(tried > 200, "{tried}");
 }
 
-/// Names that head columns: no two columns of history.csv are called alike, and names need no quotes.
+/// Names that head columns are checked: no two columns of history.csv have the same name, and no name needs quotes.
 #[test]
 fn names_of_columns() {
     let probe = |name: &str| format!("[[probe]]\nname = {name:?}\nbody = \"beam\"\nnode = 0\n");
@@ -295,7 +295,7 @@ fn names_of_columns() {
     }
 }
 
-/// What no machine can hold is refused by name before it is made, at once.
+/// A scene too large for any machine is refused by the responsible key, at once and before anything is allocated.
 #[test]
 fn scenes_beyond_memory() {
     let begin = std::time::Instant::now();
@@ -309,7 +309,7 @@ fn scenes_beyond_memory() {
     let sheet = solid("sheet = { size = [1.0, 1.0], cells = [1000000000, 2] }")
         .replace("density = 1000.0", "density = 1000.0, thickness = 0.001");
     refused(&sheet, &["body[0].sheet.cells", "4.000e9 elements", "GB"]);
-    // A mesh file of 64 000 tetrahedra, all on the same nodes.
+    // This mesh file has 64 000 tetrahedra, all on the same nodes.
     let directory = tempfile::tempdir().unwrap();
     let count = 64_000;
     let mut text = format!("{POINTS}POINTS 4 double\n0 0 0 1 0 0 0 1 0 0 0 1\nCELLS {count} {}\n", 5 * count);
@@ -323,7 +323,7 @@ fn scenes_beyond_memory() {
     assert!(begin.elapsed().as_secs() < 20);
 }
 
-/// The name of a scene becomes part of the names of files.
+/// A scene name that cannot be part of file names is refused, because output files carry it.
 #[cfg(unix)]
 #[test]
 fn names_of_scenes() {
@@ -348,7 +348,7 @@ fn more_threads_than_a_machine_has_use_for() {
     }
 }
 
-/// Overrides are set or refused with a reason; a key that messages print can be set as they print it.
+/// An override is applied or refused with a reason. A key can be set in the form in which messages print it.
 #[test]
 fn overrides() {
     let scene = GOOD.replace("step = 0.01", "step = 1e-4").replace("end = 0.1", "end = 1e-3");
@@ -366,7 +366,7 @@ fn overrides() {
     }
 }
 
-/// 2000 wrong names, of bodies, keys, regions and values, are 2000 messages in a time that grows with their number.
+/// 2000 wrong names of bodies, keys, regions or values give 2000 messages, in a time linear in their number.
 #[test]
 fn many_wrong_names() {
     let many = |part: &dyn Fn(usize) -> String| (0..2000).map(part).collect::<String>();
@@ -394,13 +394,14 @@ fn many_wrong_names() {
         let messages = program.errors().lines().filter(|line| line.starts_with("error: ")).count();
         assert!(program.code() == Some(2) && messages >= 2000, "{what}: {messages} messages");
         assert!(program.errors().len() < 400 * messages, "{what}: {} bytes", program.errors().len());
-        // It takes less than a second of one processor without optimisation; the messages alone once took 47 s.
+        // It takes less than a second on one processor without optimisation; printing the messages alone once took 47
+        // s.
         assert!(seconds < 20.0, "{what}: {seconds} s");
     }
 }
 
-/// A box without bounds along an axis selects whatever lies between the others, written out or left out; a box that
-/// holds nothing is refused.
+/// A box that is unbounded along an axis selects everything between its other bounds, whether `inf` is written or left
+/// out. A box that selects nothing is refused.
 #[test]
 fn boxes_may_be_half_infinite() {
     let fixed = |on: &str| {
@@ -429,7 +430,7 @@ fn boxes_may_be_half_infinite() {
     }
 }
 
-/// Whatever its length, what a file says is repeated only as far as a reader needs it, with the way out at the end.
+/// Messages shorten names of any length to what a reader needs, and the remedy still stands at the end.
 #[test]
 fn very_long_names() {
     let long = "n".repeat(100_000);
@@ -443,7 +444,7 @@ fn very_long_names() {
         assert!(program.code() == Some(2) && said.contains(way_out), "{}", &said[..1000]);
         assert!(said.len() < 10_000, "{} bytes", said.len());
     }
-    // A body may be called so: the names of its files are shorter.
+    // A body may have a very long name: the names of its files are shortened.
     let film = GOOD.replace("beam\"\n", &format!("{long}\"\n")).replace("end = 0.1", "end = 0.01")
         + "[output]\nfps = 100\ncache = \"pc2\"\n";
     let program = Program::run(&film);

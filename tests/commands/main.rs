@@ -1,4 +1,4 @@
-//! The command line: bad input, signals, sweeps.
+//! Tests the command line: bad input, signals, sweeps.
 
 mod bad_input;
 mod open_to_users;

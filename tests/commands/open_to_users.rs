@@ -1,5 +1,5 @@
-//! What programs of others do with a simulation: they set its state between steps, take it elsewhere as bytes, and give
-//! it laws of their own. The energy ledger knows of all of it.
+//! Tests how other programs use a simulation: they set its state between steps, move it elsewhere as bytes, and supply
+//! laws of their own. The energy ledger accounts for all of it.
 
 use variational::core::lagrange::Scalar;
 use variational::fem::{EnergyDensity, OwnLaw};
@@ -18,7 +18,7 @@ fn rubber() -> Law {
     Law::NeoHookean(Isotropic { young: 1e5, poisson: 0.3, density: 1000.0 })
 }
 
-/// The work that the steps to the end tell, J.
+/// Steps to the end and returns the sum of the booked work (J).
 fn work(simulation: &mut Simulation) -> f64 {
     let mut work = 0.0;
     while !simulation.is_done() {
@@ -27,8 +27,8 @@ fn work(simulation: &mut Simulation) -> f64 {
     work
 }
 
-/// Energy that `change` gives is booked by the next step, also by one that a snapshot taken before that step is
-/// continued with, elsewhere and from bytes; both simulations end in the same bits.
+/// The energy that `change` adds is booked by the next step. A snapshot taken in between and restored elsewhere from
+/// bytes books it too, and both simulations end with the same bits.
 fn books(change: impl Fn(&mut Simulation)) {
     for scheme in [SchemeName::StormerVerlet, SchemeName::ImplicitMidpoint, SchemeName::EnergyMomentum] {
         let mut here = cube(scheme, rubber());
@@ -83,7 +83,7 @@ fn bytes_that_are_no_snapshot_are_refused() {
     assert!(Snapshot::from_bytes(&[]).is_err());
 }
 
-/// Ψ = μ/2 (I₁ − 3 − 2 ln J) + λ/2 ln²J of `rubber`.
+/// The law of `rubber`: Ψ = μ/2 (I₁ − 3 − 2 ln J) + λ/2 ln²J.
 struct Rubber;
 
 impl EnergyDensity for Rubber {
@@ -100,8 +100,8 @@ impl EnergyDensity for Rubber {
     }
 }
 
-/// A body of a program's own law moves as one of the registered law, to the round-off that grows on the way, and has
-/// its stresses.
+/// A body with a law from another crate moves like one with the equal registered law, up to the growth of round-off,
+/// and has the same stresses.
 #[test]
 fn a_law_from_outside_moves_as_the_registered_one() {
     for scheme in [SchemeName::StormerVerlet, SchemeName::EnergyMomentum] {
@@ -126,7 +126,7 @@ fn a_law_from_outside_moves_as_the_registered_one() {
     }
 }
 
-/// A run writes the name of such a law into its report.
+/// A run writes the name of a law from another crate into its report.
 #[test]
 fn a_run_with_a_law_from_outside_reports_it() {
     let shape = BoxMesh { size: [0.2; 3], cells: [1; 3], element: CellKind::Hex8, origin: [0.0; 3] };
@@ -140,8 +140,8 @@ fn a_run_with_a_law_from_outside_reports_it() {
     assert!(text.contains(r#""law": "own""#) && text.contains(r#""name": "rubber""#), "{text}");
 }
 
-/// A tetrahedron from arrays, and a sheet of two triangles that face opposite ways, move freely as the arrays have them:
-/// scaled, moved and turned over as those of a file would be.
+/// A tetrahedron and a sheet of two oppositely oriented triangles are made from arrays. They move freely, and are
+/// scaled, moved and reoriented like meshes from files.
 #[test]
 fn bodies_are_made_from_arrays() {
     let points = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

@@ -1,5 +1,5 @@
-//! `--json` and `--quiet` mean the same for every command: one JSON document and nothing else on standard output, or
-//! nothing there at all. Errors and warnings go to standard error under both, and exit codes do not change.
+//! `--json` and `--quiet` mean the same for every command: standard output holds one JSON document or nothing. Errors
+//! and warnings go to standard error under both, and exit codes do not change.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ interval = 0.01
 interval = 0.01
 "#;
 
-/// Runs a command: its exit code, its standard output and its standard error.
+/// Runs a command and returns its exit code, standard output and standard error.
 fn said(directory: &Path, words: &str, option: &str) -> (Option<i32>, String, String) {
     let words = words.split(' ').chain([option]).filter(|word| !word.is_empty());
     let output = command().current_dir(directory).args(words).output().unwrap();
@@ -62,7 +62,7 @@ fn json_and_quiet_mean_the_same_for_every_command() {
         assert!(document["provenance"]["version"].is_string(), "{words}: {document}");
         let (end, out, quiet_errors) = said(place, words, "--quiet");
         assert_eq!((end, out.as_str()), (Some(code), ""), "{words}");
-        // Of what is said on standard error, no progress is left.
+        // Standard error holds no progress lines.
         for line in errors.lines().chain(quiet_errors.lines()) {
             let is_message = ["error: ", "warning: ", "note: "].iter().any(|kind| line.starts_with(kind));
             assert!(is_message, "{words}: {line}");
@@ -89,7 +89,7 @@ fn check_names_every_problem_in_json() {
     let problem = &scenes[1]["problems"][0];
     assert_eq!(problem["key"], "body[0].material", "{problem}");
     assert_eq!(problem["line"], 10, "{problem}");
-    // The same is said on standard error.
+    // Standard error repeats these problems.
     for scene in scenes {
         for problem in scene["problems"].as_array().unwrap() {
             assert!(errors.contains(problem["message"].as_str().unwrap()), "{problem}: {errors}");

@@ -1,5 +1,5 @@
-//! A command that is asked to end, or that nobody listens to, loses nothing: a run that a signal ends is written whole
-//! and can be resumed, and closed or full standard streams stop no run and panic no command.
+//! A command that is terminated, or whose output nobody reads, loses nothing. A run ended by a signal is written
+//! completely and can be resumed. Closed or full standard streams stop no run and make no command panic.
 #![cfg(unix)]
 
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use crate::program::{command, report_of};
 
-/// A run that takes a moment: a hundred thousand steps of one small block.
+/// This run takes a moment: a hundred thousand steps of one small block.
 const SCENE: &str = r#"
 gravity = [0.0, 0.0, -9.81]
 [time]
@@ -28,7 +28,7 @@ history = 100
 interval = 0.01
 "#;
 
-/// The scene, shortened to a tenth of a second of simulated time.
+/// Returns the scene, shortened to a tenth of a second of simulated time.
 fn short() -> String {
     SCENE.replace("end = 10.0", "end = 0.1")
 }
@@ -39,7 +39,7 @@ fn directory(scene: &str) -> tempfile::TempDir {
     directory
 }
 
-/// Waits for a condition that must come true.
+/// Waits until a condition becomes true, and fails after 60 s.
 fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
     let deadline = Instant::now() + Duration::from_secs(60);
     while !condition() {
@@ -59,13 +59,13 @@ fn checkpoints(directory: &Path) -> Vec<PathBuf> {
     paths.filter(|path| path.extension().is_some_and(|ending| ending == "vck")).collect()
 }
 
-/// The program under a shell that redirects its streams.
+/// Runs the program in a shell that redirects its streams.
 fn under_shell(directory: &Path, script: &str) -> Output {
     let script = script.replace("variational", env!("CARGO_BIN_EXE_variational"));
     Command::new("bash").args(["-c", &script]).current_dir(directory).output().unwrap()
 }
 
-/// `nohup` and its like start a program with SIGHUP ignored, and it stays ignored.
+/// Returns whether this process ignores SIGHUP, as under `nohup`; the program then keeps ignoring it.
 fn is_hangup_ignored() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).unwrap_or("0");
@@ -102,7 +102,7 @@ fn a_signal_ends_a_run_with_everything_written() {
     }
 }
 
-/// A bench that is ended leaves its directory free, and says that it was interrupted; a larger budget would not help.
+/// A bench that is terminated releases its directory and reports the interruption, not a budget that was too small.
 #[test]
 fn a_signal_ends_a_bench() {
     let place = directory(&short());
@@ -123,7 +123,7 @@ fn a_signal_ends_a_bench() {
     assert!(said.contains("interrupt") && !said.contains("budget"), "{said}");
 }
 
-/// A stress test that is ended prints the table of the scenes that it has run.
+/// A stress test that is terminated prints the table of the scenes that it has run.
 #[test]
 fn a_signal_ends_a_stress_test_with_its_table() {
     let place = tempfile::tempdir().unwrap();
@@ -188,12 +188,12 @@ fn output_that_cannot_be_written_is_exit_code_5() {
         assert_eq!(status(&format!("variational {words} 2> /dev/full > /dev/null")), Some(0), "{words}");
     }
     assert_eq!(status("variational schema | head -1; exit ${PIPESTATUS[0]}"), Some(5));
-    // A failure keeps its own code.
+    // A failed command keeps its own exit code.
     assert_eq!(status("variational check no-such.toml > /dev/full 2>&1"), Some(2));
     assert_eq!(status("variational frobnicate > /dev/full 2>&1"), Some(2));
 }
 
-/// The trials of scheme "auto" say what they do, and a signal ends them before anything is written.
+/// The trials of scheme "auto" report their progress, and a signal ends them before anything is written.
 #[test]
 fn a_signal_ends_the_trials_of_auto() {
     let scene = SCENE.replace("step = 1e-4\nscheme = \"stormer-verlet\"", "scheme = \"auto\"");

@@ -1,4 +1,5 @@
-//! A sweep writes the same bytes however it was run: on one or two threads, in tasks, ended by a signal or killed.
+//! A sweep writes the same bytes whether it runs on one or two threads, in separate tasks, or is ended by a signal
+//! or killed and continued.
 
 use std::path::Path;
 use std::process::{Output, Stdio};
@@ -28,7 +29,7 @@ point = [1.0, 0.1, 0.1]
 interval = 0.02
 "#;
 
-/// Of the stiffest beam a step of 5 ms blows up, and a negative one is no scene.
+/// With the stiffest beam a step of 5 ms is unstable, and a negative step is refused.
 const OVER: [&str; 4] =
     ["--over", "body.0.material.young=1e5:1e7:log3", "--over", "time.step=1e-4,5e-5,5e-3,-1.0"];
 
@@ -54,7 +55,7 @@ fn table(directory: &Path, out: &str) -> String {
     std::fs::read_to_string(directory.join(out).join("sweep.csv")).unwrap()
 }
 
-/// Starts a sweep of one job and waits until its second point has begun.
+/// Starts a sweep with one job and waits until its second point has begun.
 fn begun(directory: &Path, out: &str) -> std::process::Child {
     let mut child = sweep(directory, out, &["--jobs", "1"]).stderr(Stdio::null()).spawn().unwrap();
     let point = directory.join(out).join("point-0001/history.csv");
@@ -99,7 +100,7 @@ fn a_signal_ends_a_sweep_cleanly_and_a_second_call_goes_on() {
     assert!(kill.success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
     assert!(table(directory, "out").contains("not run yet"));
-    // What was done stays as it is.
+    // Finished points are not run again.
     let first = directory.join("out/point-0000/history.csv");
     let written = || std::fs::metadata(&first).unwrap().modified().unwrap();
     let before = written();
@@ -127,10 +128,10 @@ fn rows_are_those_of_the_runs_and_failures_have_their_reasons() {
     assert_eq!(exits[8..], ["0", "0", "4", "2"]);
     assert!(rows[3][at("reason")].contains("time.step"), "{:?}", rows[3]);
     assert!(rows[10][at("reason")].contains("step "), "{:?}", rows[10]);
-    // The stiffest beam bends least, and a run by hand gives the same row.
+    // The stiffest beam bends least, and a separate run of the same point gives the same row.
     let low = |row: usize| rows[row][at("tip.uy.min")].parse::<f64>().unwrap();
     assert!(low(0).max(low(4)) < low(8) && low(8) < 0.0);
-    // Points say what ran, as every JSON file does; those that failed too.
+    // Each point records what ran, as every JSON file does, even if it failed.
     for point in ["point-0000", "point-0010"] {
         let text = std::fs::read_to_string(directory.join("out").join(point).join("point.json")).unwrap();
         let record: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -149,7 +150,7 @@ fn rows_are_those_of_the_runs_and_failures_have_their_reasons() {
     for (name, value) in history.lines().next().unwrap().split(',').zip(last) {
         assert_eq!(rows[4][at(name)], value, "{name}");
     }
-    // A key that no point knows is refused before anything is written.
+    // A key that no scene has is refused before anything is written.
     let wrong = command()
         .current_dir(directory)
         .args(["sweep", "scene.toml", "--out", "wrong", "--over", "time.stepp=1,2"])
@@ -159,7 +160,7 @@ fn rows_are_those_of_the_runs_and_failures_have_their_reasons() {
     assert!(String::from_utf8_lossy(&wrong.stderr).contains("stepp") && !directory.join("wrong").exists());
 }
 
-/// A point that is done is run anew where a file that its scene reads has changed, a list of nodes too.
+/// A finished point is run again if a file that its scene reads has changed, including a list of nodes.
 #[test]
 fn a_changed_list_of_nodes_is_seen() {
     let directory = directory();
@@ -178,7 +179,7 @@ fn a_changed_list_of_nodes_is_seen() {
     assert!(first != second);
 }
 
-/// A sweep with more points than can be made is refused at once, and so is one into a point that another process runs.
+/// A sweep with too many points is refused at once, and so is one whose point is being run by another process.
 #[test]
 fn sweeps_that_cannot_be_made() {
     let directory = directory();

@@ -1,5 +1,5 @@
-//! What the tutorials promise: their scenes and files are there, reactions balance loads, modes and their masses are
-//! written, and point caches say what the object file beside them says.
+//! Tests what the tutorials promise: their scenes and files exist, reactions balance loads, modes and effective masses
+//! are written, and point caches match the object file beside them.
 
 use std::path::{Path, PathBuf};
 
@@ -16,7 +16,7 @@ fn scene(name: &str) -> String {
     format!("{ROOT}/scenes/{name}.toml")
 }
 
-/// Every scene, mesh and script that a command of a tutorial names is there, and every scene is sound.
+/// Every scene, mesh and script that a command in a tutorial names exists, and every scene is valid.
 #[test]
 fn the_files_of_the_tutorials_are_there() {
     let mut scenes: Vec<String> = Vec::new();
@@ -40,14 +40,14 @@ fn the_files_of_the_tutorials_are_there() {
     }
 }
 
-/// The bracket on linear elements, which are quicker: its support carries what its pin is loaded with, force and
-/// moment; the probe, the report and the sum over time agree.
+/// The support of the bracket carries the force and moment on its pin. The probe, the report and the time series agree.
+/// Linear elements keep the test quick.
 #[test]
 fn the_bracket_carries_its_load() {
     let place = tempfile::tempdir().unwrap();
     say(place.path(), &["run", &scene("bracket"), "--out", "out", "--set", "body[0].order=1"]);
     let (load, moment) = ([300.0, 0.0, -500.0], [0.0, 0.0, 4.0]);
-    // The centroid of the pin hole: the middle of the upright leg's plate, at half its width.
+    // The centroid of the pin hole lies in the mid-plane of the upright plate, at half its width.
     let pin = [0.0035, 0.03, 0.038];
     let report = report_of(&place.path().join("out"));
     let results = &report["results"];
@@ -61,7 +61,7 @@ fn the_bracket_carries_its_load() {
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
         assert!((force[k] + load[k]).abs() < 1e-6 * 500.0, "{force:?}");
         let needed = moment[k] + arm[i] * load[j] - arm[j] * load[i];
-        // The hole is a polygon of elements, whose centroid is off by less than 0.1 mm; the load moves by 0.03 mm.
+        // The hole is a polygon of element edges, whose centroid is off by less than 0.1 mm; the load moves by 0.03 mm.
         assert!((torque[k] + needed).abs() < 1e-4 * 500.0, "{torque:?}, needed {needed}");
         let column =
             ["bolts.sum.reaction_force.x", "bolts.sum.reaction_force.y", "bolts.sum.reaction_force.z"][k];
@@ -71,7 +71,7 @@ fn the_bracket_carries_its_load() {
     assert!((1e6..1e9).contains(&stress) && stress >= history.last("bolts.max.von_mises"));
     let probes = results["probes"].as_array().unwrap();
     let range = probes.iter().find(|range| range["column"] == "bolts.max.von_mises").unwrap();
-    // Numbers of JSON are read to the last digit but one.
+    // The JSON reader may change the last digit.
     assert!((range["max"].as_f64().unwrap() / history.last("bolts.max.von_mises") - 1.0).abs() < 1e-15);
 }
 
@@ -112,8 +112,8 @@ fn the_transient_of_the_bracket_tells_its_extremes() {
     assert!(out.join("energy.svg").is_file() && report["energy"]["relative_drift"].as_f64().unwrap() < 1e-2);
 }
 
-/// The cache has the header that Blender reads, a sample for every frame, finite numbers, the object's points as its
-/// first sample and the waist where its motion has it; the object has the texture coordinates of the mesh file.
+/// The cache has the header that Blender reads, one sample per frame, finite numbers, the object's points as its first
+/// sample, and the waist where its motion puts it. The object has the texture coordinates of the mesh file.
 #[test]
 fn the_cache_of_the_skirt_is_that_of_its_object() {
     let place = tempfile::tempdir().unwrap();
@@ -135,7 +135,7 @@ fn the_cache_of_the_skirt_is_that_of_its_object() {
         let all = |key: &str| -> Vec<Vec<f64>> {
             text.lines().filter(|line| line.starts_with(key)).map(numbers).collect()
         };
-        // The texture coordinates of every corner of a face, by its point.
+        // Collects the texture coordinates of every face corner, by point.
         let texture = all("vt ");
         let mut corners: Vec<(usize, [f64; 2])> = Vec::new();
         for word in
@@ -155,7 +155,7 @@ fn the_cache_of_the_skirt_is_that_of_its_object() {
     assert_eq!(corners, its_corners);
     let apart = |x: [f64; 3], y: &[f64]| (0..3).map(|k| (x[k] - y[k]).abs()).fold(0.0, f64::max);
     assert!(object.iter().enumerate().all(|(n, x)| apart(point(0, n), x) < 1e-7));
-    // The waist turns by 4 rad/s.
+    // The waist rotates at 4 rad/s.
     for (n, x) in object.iter().enumerate().filter(|(_, x)| x[2] == 1.0) {
         let (sin, cos) = (4.0 * 6.0 / 24.0_f64).sin_cos();
         let turned = [cos * x[0] - sin * x[1], sin * x[0] + cos * x[1], 1.0];

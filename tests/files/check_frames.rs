@@ -1,10 +1,10 @@
-//! `variational check-frames` judges what a run has written.
+//! Tests that `variational check-frames` judges the frames of a run.
 
 use std::process::Command;
 
 use crate::program::Program;
 
-/// Two sheets without contact, one of which is thrown at the other, or not.
+/// Runs two sheets without contact; at a nonzero speed one of them is thrown at the other.
 fn run(speed: f64) -> (Option<i32>, String) {
     let scene = format!(
         r#"

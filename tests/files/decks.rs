@@ -1,4 +1,4 @@
-//! Input decks of Abaqus and CalculiX as meshes of scenes.
+//! Tests input decks of Abaqus and CalculiX as meshes of scenes.
 
 use crate::program::{Program, command};
 
@@ -27,7 +27,7 @@ const BENT: &str = r#"
     point = [0.1, 0.02, 0.01]
 "#;
 
-/// The same elements give the same answer, whoever numbered their nodes: a deck in millimetres and a generated box.
+/// Equal elements give equal results however their nodes are numbered: a deck in millimetres and a generated box.
 #[test]
 fn a_deck_and_a_generated_box_bend_alike() {
     let bent = |shape: &str, root: &str, top: &str| {
@@ -55,7 +55,7 @@ fn info_tells_what_a_deck_holds() {
     }
 }
 
-/// Marks of UTF-8, quotes around names, and commas in them change nothing; a set without a name is refused.
+/// A byte order mark of UTF-8, quotes around names and commas in them change nothing. A set without a name is refused.
 #[test]
 fn marks_and_quotes_of_other_programs() {
     let deck = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/meshes/bar.inp")).unwrap();
@@ -73,8 +73,8 @@ fn marks_and_quotes_of_other_programs() {
     assert!(error.contains("NSET=<name>"), "{error}");
 }
 
-/// Decks with lines and words that were lost, doubled, moved or changed are refused with a problem of the body or of
-/// what names its parts, or are sound: mass and energy are numbers.
+/// Decks with lost, doubled, moved or changed lines and words are either refused, with a problem of the body or of a
+/// key that names its parts, or give a body of finite mass and energy.
 #[test]
 fn corrupted_decks_are_refused_or_sound() {
     use variational::prelude::*;

@@ -1,4 +1,4 @@
-//! Frames at even times, point caches and surfaces for animation programs, and the precision of frames.
+//! Tests frames at even times, point caches and surfaces for animation programs, and the precision of frames.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use variational::io::read_mesh;
 use variational::prelude::*;
 use variational::run::run;
 
-/// A falling, spinning cloth and a moved block in front of it; OUTPUT and SCHEME differ.
+/// A falling, spinning cloth, with a moving block in front of it. OUTPUT and SCHEME are replaced.
 const SCENE: &str = r#"
 gravity = [0.0, 0.0, -9.81]
 [time]
@@ -45,7 +45,7 @@ fn scene(scheme: &str, output: &str) -> String {
     SCENE.replace("SCHEME", scheme).replace("OUTPUT", output)
 }
 
-/// Positions of a node of the first body in all frames, with their times.
+/// Returns the times of all frames and the positions of one node of the first body.
 fn track(directory: &Path, node: usize) -> Vec<(f64, [f64; 3])> {
     let mut frames: Vec<_> = std::fs::read_dir(directory)
         .unwrap()
@@ -63,7 +63,7 @@ fn track(directory: &Path, node: usize) -> Vec<(f64, [f64; 3])> {
 
 #[test]
 fn frames_at_even_times_change_no_step() {
-    // blanes-moan-4 makes several steps together where nothing is due.
+    // If nothing is due, blanes-moan-4 makes several steps together.
     for scheme in ["stormer-verlet", "implicit-midpoint", "gauss", "blanes-moan-4", "energy-momentum"] {
         let plain = Program::run(&scene(scheme, "history = 5"));
         let filmed = Program::run(&scene(scheme, "history = 5\nfps = 60"));
@@ -80,7 +80,7 @@ fn frames_at_even_times_change_no_step() {
 #[test]
 fn a_frame_at_the_end_of_a_step_is_its_state_to_the_bit() {
     for scheme in ["stormer-verlet", "gauss"] {
-        // Every frame is at the end of a step, though not all times are the same to the last bit.
+        // Every frame lies at the end of a step, although the times may differ in the last bit.
         let program = Program::run(&scene(scheme, "fps = 50"));
         let history = program.history();
         let frames = track(&program.out(), 0);
@@ -94,8 +94,9 @@ fn a_frame_at_the_end_of_a_step_is_its_state_to_the_bit() {
     }
 }
 
-/// Between steps of h the linear path of a scheme of order 2 is off by h², the cubic of higher orders by h⁴: halving
-/// the step quarters the one error and makes the other a sixteenth. Frames lie at thirds of the steps of both lengths.
+/// Positions between steps are interpolated linearly in schemes of order 2, with an error of h², and by cubics in
+/// higher orders, with an error of h⁴. Halving the step therefore divides the error by 4 or by 16. Frames lie at thirds
+/// of the steps of both lengths.
 #[test]
 fn states_between_steps_are_as_accurate_as_their_scheme_has_them() {
     let film = |scheme: &str| scene(scheme, "fps = 500").replace("end = 0.1", "end = 0.096");
@@ -114,7 +115,7 @@ fn states_between_steps_are_as_accurate_as_their_scheme_has_them() {
     }
 }
 
-/// Samples of a PC2 file: number of points, then their positions.
+/// Reads a PC2 file: the number of points, and the positions of each sample.
 fn point_cache(path: &Path) -> (usize, Vec<Vec<[f32; 3]>>) {
     let bytes = std::fs::read(path).unwrap();
     assert_eq!(&bytes[..12], b"POINTCACHE2\0");
@@ -131,7 +132,7 @@ fn point_cache(path: &Path) -> (usize, Vec<Vec<[f32; 3]>>) {
 fn point_caches_hold_what_history_and_the_object_file_say() {
     let program = Program::run(&scene("stormer-verlet", "fps = 50\ncache = \"pc2\""));
     let (out, history) = (program.out(), program.history());
-    // A cloth of 4 × 2 crossed cells, and the surface of 2 bricks: all of their 12 nodes.
+    // The cloth has 4 × 2 crossed cells. The surface of the block of 2 bricks has all of its 12 nodes.
     for (stem, count, faces, probe, node) in
         [("scene.the_skirt", 15 + 8, 32, "corner", 0), ("scene.block", 12, 20, "tip", 11)]
     {
@@ -161,7 +162,7 @@ fn point_caches_hold_what_history_and_the_object_file_say() {
     assert!(!block.contains("vt "), "a solid has no texture coordinates");
 }
 
-/// Texture coordinates of a file reach the cache with their seams, on a refined mesh too.
+/// Texture coordinates of a mesh file reach the cache with their seams, on a refined mesh too.
 #[test]
 fn texture_coordinates_of_a_mesh_file_are_kept() {
     for refine in [0, 1] {
@@ -232,7 +233,8 @@ fn keys_of_output_are_checked_and_an_earlier_run_leaves_nothing() {
     assert_eq!(once("history = 1"), ["scene.mine.obj"]);
 }
 
-/// In 32 bits positions at 10⁶ m are rounded to 6 cm.
+/// Far from the origin frames use 64 bits, which the run notes, and keep the shape. In 32 bits, positions at 10⁶ m
+/// would be rounded to 6 cm.
 #[test]
 fn frames_far_from_the_origin_keep_their_shape() {
     let shape = |translate: f64| {
@@ -257,7 +259,7 @@ fn frames_far_from_the_origin_keep_their_shape() {
     }
 }
 
-/// Where a displacement is controlled, the load factor is found and is no time: frames lie between rows all the same.
+/// Under displacement control the load factor is an unknown, not a time. Frames still lie between rows.
 #[test]
 fn the_film_of_a_path_of_equilibria_follows_its_steps() {
     let program = Program::run(
@@ -296,7 +298,7 @@ fn the_film_of_a_path_of_equilibria_follows_its_steps() {
     }
 }
 
-/// A row of history for every frame of a film, as long as nothing else is asked for.
+/// A static scene writes a row of history for every frame, unless the scene asks for other rows.
 #[test]
 fn the_film_of_a_static_scene_follows_its_load() {
     let program = Program::run(

@@ -1,4 +1,4 @@
-//! Files that the program reads and writes.
+//! Tests the files that the program reads and writes.
 
 mod check_frames;
 mod decks;

@@ -1,10 +1,11 @@
-//! Meshes of scenes: mixed cells of second order from Gmsh, lifted and refined meshes, fields on them.
+//! Tests meshes of scenes: mixed quadratic cells from Gmsh, meshes raised in order and refined, and fields on them.
 
 use crate::program::Program;
 use variational::mesh::CellKind;
 use variational::prelude::Simulation;
 
-/// Uniform tension of a block of hexahedra and wedges: exact, so every wrong node order shows.
+/// A block of hexahedra and wedges under uniform tension. The elements are exact for it, so every wrong node order
+/// shows.
 const MIXED: &str = r#"
     [time]
     end = 1.0
@@ -66,11 +67,11 @@ fn hexahedra_and_wedges_of_second_order_share_a_uniform_stress() {
         assert!(von_mises.values.iter().all(|value| (value - axial).abs() < 1e-5));
         let of_cells = frame.cell_data.iter().find(|array| array.name == "stress").unwrap();
         assert!(of_cells.values.chunks(9).all(|s| (s[0] - axial).abs() < 1e-5));
-        // Loads and reactions balance, node by node where both act on all.
+        // Loads and reactions balance in total.
         let sum = |name: &str, axis: usize| -> f64 {
             frame.point_array(name).unwrap().values.iter().skip(axis).step_by(3).sum()
         };
-        // 6.467… Pa on 1 × .5 m².
+        // The traction of 6.467… Pa acts on 1 × 0.5 m².
         assert!((sum("external_force", 0) - 6.467446602 * 0.5).abs() < 1e-9);
         assert!((sum("reaction_force", 0) + sum("external_force", 0)).abs() < 1e-6);
         let accelerations = frame.point_array("acceleration").unwrap();
@@ -126,7 +127,7 @@ fn keys_that_cannot_be_are_refused_with_the_way_out() {
     assert!(said("locking = \"f-bar\"").contains("mean-dilation"));
 }
 
-/// Everything that names a node, by its number in the mesh of the body: fixes, loads, strikes, springs, probes.
+/// Every key that names a node by its number in the body's mesh: fixes, loads, strikes, springs, probes.
 const NAMED: &str = r#"
     gravity = [0.0, -9.81, 0.0]
     [time]
@@ -162,7 +163,7 @@ const NAMED: &str = r#"
     fields = ["displacement", "velocity", "acceleration"]
 "#;
 
-/// The numbers that a file gives its nodes are no physics, and frames keep its order.
+/// How a file numbers its nodes does not change the motion, and frames keep the order of the file.
 #[test]
 fn nodes_are_named_and_written_as_the_file_has_them() {
     use variational::io::{VtuFrame, VtuOptions, read_mesh, write_vtu};
@@ -176,7 +177,7 @@ fn nodes_are_named_and_written_as_the_file_has_them() {
     };
     let mesh = shape.build().unwrap();
     let count = mesh.points.len();
-    // 31 is prime to the number of nodes, so that this is a permutation.
+    // 31 is prime to the number of nodes, so that the renumbering is a permutation.
     assert_eq!(count, 72);
     let run = |number: &dyn Fn(usize) -> usize, name: &str| {
         let mut points = vec![[0.0; 3]; count];

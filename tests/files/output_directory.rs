@@ -1,5 +1,5 @@
-//! An output directory belongs to one process at a time; a run removes there what it has written itself, keeps what
-//! other scenes have written, and never touches what it reads.
+//! An output directory belongs to one process at a time. A run removes its own earlier files there, keeps the files of
+//! other scenes, and never touches its input.
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -55,7 +55,7 @@ impl Place {
         assert_eq!(code, Some(0), "{words}: {said}");
     }
 
-    /// Every file of a directory with its bytes.
+    /// Returns every file of a directory with its bytes, by name.
     fn files(&self, directory: &str) -> Vec<(String, Vec<u8>)> {
         let mut files: Vec<_> = std::fs::read_dir(self.path().join(directory))
             .unwrap()
@@ -73,8 +73,8 @@ impl Place {
     }
 }
 
-/// While a run writes into a directory no other command does, and says which process has it. When that process is
-/// gone, killed or not, the directory is free.
+/// While a run writes into a directory, every other command refuses to, and names the process that holds it. When that
+/// process has ended, killed or not, the directory is free.
 #[test]
 fn one_process_at_a_time() {
     let long = SCENE.replace("end = 0.01", "end = 100.0").replace("interval = 0.005", "history = 1000")
@@ -118,8 +118,8 @@ fn one_process_at_a_time() {
     assert!(!place.names("out").contains(&"variational.lock".to_owned()));
 }
 
-/// A scene whose mesh is a file that the run would remove or replace is refused, by whatever path it names it, and
-/// nothing is touched.
+/// A scene whose mesh is a file that the run would remove or replace is refused, by whatever path the scene names it,
+/// and no file is touched.
 #[test]
 fn a_run_does_not_delete_what_it_reads() {
     let place = Place::new(&[("block.toml", SCENE)]);
@@ -145,19 +145,19 @@ fn a_run_does_not_delete_what_it_reads() {
         assert!(said.contains("body[0].mesh") && said.contains("--out"), "{path}: {said}");
         assert!(place.files("out") == before, "{path}: something was touched");
     }
-    // The same file is no output of a run by another name, nor of one into another directory.
+    // A run under another scene name, or into another directory, would not replace this file: both are accepted.
     std::fs::write(place.path().join("again.toml"), frame(&paths[0])).unwrap();
     place.run("run again.toml");
     place.run("run block.toml --out other");
-    // Mode shapes are output too.
+    // A file of mode shapes counts as output too.
     place.run("modes again.toml --count 7");
     std::fs::write(place.path().join("again.toml"), frame("out/again_mode_000.vtu")).unwrap();
     let (code, said) = place.say("modes again.toml --count 7");
     assert!(code == Some(2) && said.contains("body[0].mesh"), "{said}");
 }
 
-/// Two scenes share a directory: each keeps its frames and its series, and the history and the report of the one
-/// that ran before are kept under its name. A second run of a scene replaces all of its first, and nothing else.
+/// Two scenes share a directory. Each keeps its frames and its series, and the history and report of the earlier run
+/// are kept under its name. A second run of a scene replaces all files of its first run and nothing else.
 #[test]
 fn scenes_share_a_directory() {
     let other = SCENE.replace("end = 0.01", "end = 0.02").replace("-9.81", "-1.0");
@@ -170,7 +170,7 @@ fn scenes_share_a_directory() {
     std::fs::create_dir(place.path().join("out")).unwrap();
     std::fs::write(place.path().join("out/notes.txt"), "mine").unwrap();
     let is_report = |name: &str| name.ends_with("report.json");
-    // What stands there after runs of `last` and of `other`, each alone.
+    // Returns the expected files after a run of `other` and then one of `last`, from those of each scene run alone.
     let both = |last: &[(String, Vec<u8>)], other: (&str, &[(String, Vec<u8>)])| {
         let renamed = |name: &str| match name {
             "history.csv" | "report.json" => format!("{}.{name}", other.0),
@@ -198,19 +198,19 @@ fn scenes_share_a_directory() {
     same("b again", both(&b, ("a", &a)));
     place.run("run a.toml");
     same("a again", both(&a, ("b", &b)));
-    // A shorter run leaves no frames of the longer one behind.
+    // A shorter run removes the later frames of a longer one.
     place.run("run b.toml --set time.end=0.005");
     assert!(!place.names("out").contains(&"b_000002.vtu".to_owned()));
     assert!(place.names("out").contains(&"a_000002.vtu".to_owned()));
 }
 
-/// A run that can still be continued is not overwritten by another scene's.
+/// A run that can still be continued is not overwritten by a run of another scene.
 #[test]
 fn a_run_that_has_not_ended_is_kept() {
     let kept = SCENE.to_owned() + "[checkpoint]\ninterval = 0.002\n";
     let place = Place::new(&[("kept.toml", &kept), ("other.toml", SCENE)]);
     place.run("run kept.toml");
-    // As if the power had failed shortly before the end.
+    // Imitates a power failure shortly before the end.
     std::fs::remove_file(place.path().join("out/report.json")).unwrap();
     let before = place.files("out");
     let (code, said) = place.say("run other.toml");
@@ -222,7 +222,7 @@ fn a_run_that_has_not_ended_is_kept() {
     assert!(place.names("out").contains(&"kept.report.json".to_owned()));
 }
 
-/// Equal runs have equal reports but for `provenance` and the clock times.
+/// Equal runs have equal reports except for `provenance` and clock times.
 #[test]
 fn reports_do_not_depend_on_the_machine() {
     let place = Place::new(&[("a.toml", SCENE)]);
@@ -237,8 +237,8 @@ fn reports_do_not_depend_on_the_machine() {
     assert_eq!(report(1), report(2));
 }
 
-/// Two scenes whose modes are written into one directory keep their shapes and series each; the tables are those of the
-/// last, and those of the other are kept under its name.
+/// Two scenes whose modes are written into one directory each keep their shapes and series. The tables are those of the
+/// later command; those of the earlier one are kept under its scene's name.
 #[test]
 fn modes_of_scenes_share_a_directory() {
     let other = SCENE.replace("young = 1e6", "young = 4e6");
@@ -259,7 +259,7 @@ fn modes_of_scenes_share_a_directory() {
     };
     assert_eq!([count("a_mode_", ".vtu"), count("b_mode_", ".vtu")], [8, 9], "{names:?}");
     assert!(count("a_modes.pvd", "") == 1 && count("b_modes.pvd", "") == 1 && count("b.pvd", "") == 1);
-    // A run of the scene does not take its modes away.
+    // A run of the scene does not remove its modes.
     place.run("run a.toml");
     assert_eq!(place.names("out").iter().filter(|name| name.contains("_mode_")).count(), 17);
 }

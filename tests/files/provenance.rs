@@ -1,5 +1,5 @@
-//! Every JSON file says where it comes from, in one object, and equal runs differ in nothing but that and the clock;
-//! charts are drawn of what was found, and by `run` only where they are asked for.
+//! Every JSON file states its origin in one object, and equal runs differ only there and in clock times. Commands draw
+//! charts of their results; `run` does so only on request.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ body = "beam"
 point = [1.0, 0.1, 0.1]
 "#;
 
-/// Runs a command that must succeed; what it prints, as JSON.
+/// Runs a command that must succeed, and parses its standard output as JSON.
 fn json(directory: &Path, arguments: &[&str]) -> Value {
     let output = command().current_dir(directory).args(arguments).output().unwrap();
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
@@ -80,7 +80,7 @@ fn every_json_file_has_its_provenance_in_one_object() {
     assert_eq!(bench["ranked_by"], "processor-time");
     for row in bench["rows"].as_array().unwrap().iter().filter(|row| row["failure"].is_null()) {
         let [wall, processor] = ["seconds", "processor_seconds"].map(|key| row[key].as_f64().unwrap());
-        // One thread has one processor at most; the clocks tick apart.
+        // One thread uses at most one processor; the tolerance covers the resolution of both clocks.
         assert!(processor > 0.0 && processor < 1.5 * wall + 0.05, "{row}");
     }
 }
@@ -109,7 +109,7 @@ fn a_run_draws_its_energies_where_it_is_asked_to() {
     for name in ["total", "kinetic", "elastic", "gravity", "A &lt;soft&gt; beam"] {
         assert!(chart.contains(name), "{name}");
     }
-    // Without being asked it draws nothing, and leaves no chart of an earlier run.
+    // Without the option the run draws nothing, and removes the chart of an earlier run.
     json(directory, &["run", "beam.toml", "--json", "--out", "out"]);
     assert!(!directory.join("out/energy.svg").exists());
 }

@@ -1,9 +1,9 @@
-//! What the end of a run says: extremes with their places, reactions, and no more of statics than there is.
+//! Tests the summary at the end of a run: extremes with their positions, reactions, and no dynamics in statics.
 
 use crate::program::Program;
 use serde_json::Value;
 
-/// A beam that hangs from two fixes which share an edge, in statics.
+/// A beam in statics that hangs from two fixes which share an edge.
 const HANGING: &str = r#"
 gravity = [1.0, 2.0, -9.81]
 [time]
@@ -33,7 +33,7 @@ precision = "f64"
 fields = ["displacement", "von_mises", "reaction_force"]
 "#;
 
-/// Equal but for what a reader of JSON may make of the last digit.
+/// Compares up to the last digit, which a JSON reader may change.
 fn is_close(value: &Value, expected: f64) -> bool {
     (value.as_f64().unwrap() - expected).abs() <= 4.0 * f64::EPSILON * expected.abs()
 }
@@ -65,8 +65,8 @@ fn reactions_of_statics_carry_the_weight() {
     }
     // The second fix holds z alone.
     assert_eq!(vector(&reactions[1]["force"])[..2], [0.0, 0.0]);
-    // The moment about the origin is that of the weight of the bent body: its nodes' row sums of mass are even on a
-    // lattice of bricks, but for the ends.
+    // The moment about the origin balances that of the weight of the deformed body. On a lattice of bricks each
+    // interior node has the same row sum of mass; on each end plane it is halved.
     let frame = variational::io::read_mesh(&program.out().join("scene_000001.vtu")).unwrap();
     let u = &frame.point_array("displacement").unwrap().values;
     let mut of_weight = [0.0; 3];
@@ -170,7 +170,8 @@ fn a_mesh_that_looks_like_millimetres_is_told() {
     assert!(!said("scale = 1e-3", "2.1e11") && !said("scale = 1.0", "2.1e11") && !said("", "1e6"));
 }
 
-/// A body that nothing moves does not drift: a ratio of round-off to round-off is no drift, and breaks no assertion.
+/// A body at rest has no energy drift: a ratio of round-off to round-off is not reported as drift and breaks no
+/// assertion.
 #[test]
 fn a_body_at_rest_does_not_drift() {
     let scene = |scheme: &str| {

@@ -1,5 +1,5 @@
-//! A run that was interrupted, killed, or out of room continues to the same bits as one that never
-//! was; and whoever cannot continue is told why.
+//! A run that was interrupted, killed, or out of disk space continues to the same bits as an uninterrupted one. If a
+//! run cannot be continued, the message says why.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -11,7 +11,7 @@ use variational::prelude::*;
 use variational::run::checkpoint::newest;
 use variational::run::resume;
 
-/// Everything that a run writes but checkpoints and clock values, by name.
+/// Returns everything that a run writes, by name, without checkpoints and clock values.
 fn written(directory: &Path) -> Vec<(String, Vec<u8>)> {
     let mut files: Vec<_> = std::fs::read_dir(directory)
         .unwrap()
@@ -49,7 +49,7 @@ fn assert_same(one: &Path, other: &Path, what: &str) {
     }
 }
 
-/// Ends the run after a step, as Ctrl-C does.
+/// Ends the run after the given step, as Ctrl-C does.
 struct StopAfter(u64);
 
 impl Watch for StopAfter {
@@ -68,7 +68,7 @@ fn block(law: Law) -> Body {
     Body::from_box("block", shape, law)
 }
 
-/// A swinging block with a moving clamp, a probe with a pitch, frames, a ledger and checkpoints.
+/// Describes a swinging block with a moving clamp, a probe with a pitch, frames, an energy ledger and checkpoints.
 fn driven(scheme: SchemeName) -> Scene {
     let sine = r#"{ "kind": "sine", "amplitude": [0.0, 0.02, 0.01], "frequency": 8.0 }"#;
     let rubber = Law::NeoHookean(Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 });
@@ -81,8 +81,8 @@ fn driven(scheme: SchemeName) -> Scene {
         .checkpoint(Checkpoints::every(0.01))
 }
 
-/// Runs to the end; runs again, stopped at some steps and continued each time; compares. Between the
-/// stops the newest checkpoint is sometimes taken away, so that history and frames reach beyond the next.
+/// Runs a scene to its end, then again with several stops and continuations, and compares the files. Before one stop
+/// the newest checkpoint is removed, so that history and frames reach beyond the one that is resumed.
 fn continues(scene: Scene, what: &str) {
     let whole = tempfile::tempdir().unwrap();
     run(scene.clone(), "test", whole.path(), &mut ()).unwrap();
@@ -225,7 +225,7 @@ fn rigid_bodies_joints_and_attachments_continue_to_the_same_bits() {
     }
 }
 
-/// A run of the program that takes a moment.
+/// This run takes long enough to be killed.
 const SCENE: &str = r#"
 gravity = [0.0, 0.0, -9.81]
 [time]
@@ -280,7 +280,7 @@ impl Kept {
 
 const RUN: [&str; 4] = ["run", "scene.toml", "--out", "out"];
 
-/// SplitMix64: moments to kill at.
+/// SplitMix64 (Steele, Lea, Flood 2014), which draws the moments to kill at.
 fn random(state: &mut u64) -> f64 {
     *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
     let mut z = *state;
@@ -289,8 +289,7 @@ fn random(state: &mut u64) -> f64 {
     (z ^ (z >> 31)) as f64 / u64::MAX as f64
 }
 
-/// Kills the program (SIGKILL) at 50 random moments after its first checkpoint; each time the run
-/// continues to the same bits.
+/// Killed (SIGKILL) at 50 random moments after its first checkpoint, the program continues each time to the same bits.
 #[test]
 fn killed_at_any_moment() {
     let mut seed = 7;
@@ -315,15 +314,15 @@ fn killed_at_any_moment() {
             child.wait().unwrap();
             unfinished += u32::from(!run.out().join("report.json").exists());
             assert!(run.command(&["resume", "out"]).status().unwrap().success(), "{scheme}, kill {kill}");
-            // The scene as it ran names no directory, so that all reports are the same.
+            // The recorded scene names no directory, so that all reports are equal.
             assert_same(&whole.out(), &run.out(), &format!("{scheme}, kill {kill}"));
         }
     }
     assert!(unfinished > 10, "only {unfinished} of 50 kills met a run under way");
 }
 
-/// A file that cannot grow, as on a full disk: exit code 5, the last good state kept and named, and the
-/// run continues when there is room.
+/// If files cannot grow, as on a full disk, the run ends with exit code 5 and names the last good state, which it
+/// keeps. It continues when there is space.
 #[cfg(unix)]
 #[test]
 fn out_of_room() {
@@ -331,7 +330,7 @@ fn out_of_room() {
     let whole = Kept::new(&scene);
     assert!(whole.command(&RUN).status().unwrap().success());
     let run = Kept::new(&scene);
-    // The limit is in blocks of 512 bytes; the signal that comes with it is ignored.
+    // The limit is in blocks of 512 bytes; the shell ignores the signal that would come with it.
     let script = r#"trap '' XFSZ; ulimit -f 400; exec "$0" "$@""#;
     let program = env!("CARGO_BIN_EXE_variational");
     let output =
@@ -354,7 +353,7 @@ fn damaged_missing_changed_finished() {
     let (code, says) = whole.says(&["resume", "out"]);
     assert!(code == Some(0) && says.contains("finished"), "{says}");
 
-    // As if the power had failed shortly before the end.
+    // Imitates a power failure shortly before the end.
     let unfinish = || std::fs::remove_file(whole.out().join("report.json")).unwrap();
     let reference = Kept::new(&scene);
     assert!(reference.command(&RUN).status().unwrap().success());

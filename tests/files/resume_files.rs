@@ -1,5 +1,5 @@
-//! A run is continued from wherever it lies and with whatever has happened to files that it does not need; what it
-//! cannot be continued from is named, and stays.
+//! A run is continued from any place, whatever has happened to files that it does not need. A checkpoint that it cannot
+//! be continued from is named and not deleted.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ interval = 0.005
 keep = 3
 "#;
 
-/// A finished run of the scene, of which the report is missing, as if it had been killed before its end.
+/// A finished run of the scene without its report, as if it had been killed before its end.
 struct Unfinished {
     place: tempfile::TempDir,
     directory: PathBuf,
@@ -55,7 +55,7 @@ impl Unfinished {
         self.directory.join("out")
     }
 
-    /// Makes the run one that was killed after its last checkpoint.
+    /// Turns the run into one that was killed after its last checkpoint.
     fn interrupt(&self) {
         std::fs::remove_file(self.out().join("report.json")).unwrap();
         for (path, _) in files(&self.out()).iter().filter(|(path, _)| path.ends_with("scene_000010.vtu")) {
@@ -85,7 +85,7 @@ impl Unfinished {
     }
 }
 
-/// The files of a directory but reports, which hold clock times, and checkpoints.
+/// Returns the files of a directory except reports, which hold clock times, and checkpoints.
 fn files(directory: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let paths = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path());
     let is_meant = |path: &PathBuf| {
@@ -116,12 +116,13 @@ fn past_directories_with_names_of_checkpoints() {
     let said = run.resumes("directories");
     assert!(said.contains("checkpoint_999999999999.vck") && said.contains("falling back"), "{said}");
     assert!(files(&run.out()) == run.whole);
-    // The continued run needed the name; what was there is kept.
+    // The continued run needed the name for a checkpoint, so it moved the directory that had it.
     assert!(newest.is_file() && newest.with_extension("vck.moved").join("inside").is_dir());
     assert!(run.out().join("checkpoint_999999999999.vck").is_dir());
 }
 
-/// The format stands behind the magic, and a newer version writes its checksum as this one does.
+/// A checkpoint of a newer format is named in the message, and no file is deleted. The format number follows the magic
+/// bytes, and the checksum is that of all formats.
 #[test]
 fn a_newer_format_is_named_and_nothing_is_deleted() {
     let run = Unfinished::new("run".as_ref());
@@ -146,8 +147,8 @@ fn a_newer_format_is_named_and_nothing_is_deleted() {
     assert!(everything() == before, "something was touched");
 }
 
-/// `--json` prints one JSON document and nothing else, `--quiet` nothing at all, whether there is something to
-/// resume or not.
+/// `--json` prints one JSON document and nothing else, and `--quiet` prints nothing, whether the run can be resumed or
+/// is complete.
 #[test]
 fn json_and_quiet_hold() {
     let run = Unfinished::new("run".as_ref());
@@ -167,7 +168,7 @@ fn json_and_quiet_hold() {
     }
 }
 
-/// A path is bytes on Unix, in the scene file's directory and in the names of its meshes.
+/// On Unix a path is any bytes: in the directory of the scene file and in the names of its meshes.
 #[cfg(unix)]
 #[test]
 fn from_a_path_that_is_not_utf_8() {
@@ -182,7 +183,7 @@ fn from_a_path_that_is_not_utf_8() {
     assert!(files(&run.out()) == run.whole);
 }
 
-/// A scene is found again from any directory, however its path was written when it ran: `../scene.toml`, with meshes
+/// The scene is found again from any directory, however its path was written for the run: `../scene.toml`, with meshes
 /// above it and lists of nodes beside it. A list that has changed is named.
 #[test]
 fn from_another_directory_with_a_list_of_nodes() {
@@ -218,8 +219,8 @@ fn from_another_directory_with_a_list_of_nodes() {
     }
 }
 
-/// Frames of a point cache cannot be made again from a checkpoint. Where the cache is gone or another file, the run is
-/// not continued, and the message says what to do.
+/// A checkpoint cannot restore the frames of a point cache. If the cache is missing or is another file, the run is not
+/// continued, and the message says what to do.
 #[test]
 fn without_its_point_cache() {
     let place = tempfile::tempdir().unwrap();

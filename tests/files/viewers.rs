@@ -1,8 +1,8 @@
-//! pyvista and meshio read every file that a run writes, and its values equal history.csv's; Blender shows its point
-//! caches.
+//! pyvista and meshio read every file that a run writes, and its values equal those of history.csv. Blender shows its
+//! point caches.
 //!
-//! Two of these tests need Python with the packages of tests/python/requirements.txt and are ignored unless asked for:
-//! `cargo test --test files viewers -- --ignored`. `VARIATIONAL_PYTHON` names another interpreter.
+//! Two of these tests need Python with the packages of tests/python/requirements.txt and are ignored by default: `cargo
+//! test --test files viewers -- --ignored` runs them. `VARIATIONAL_PYTHON` names another interpreter.
 
 use std::process::Command;
 
@@ -32,7 +32,7 @@ precision = "PRECISION"
 encoding = "ENCODING"
 "#;
 
-/// The Python interpreter.
+/// Returns the name of the Python interpreter.
 fn python() -> String {
     std::env::var("VARIATIONAL_PYTHON").unwrap_or_else(|_| "python3".to_owned())
 }
@@ -55,7 +55,7 @@ fn python_reads_what_was_written() {
     }
 }
 
-/// A falling, spinning cloth with texture coordinates, and a moved block.
+/// A falling, spinning cloth with texture coordinates, and a moving block.
 const FILM: &str = r#"
 gravity = [0.0, 0.0, -9.81]
 [time]
@@ -100,7 +100,7 @@ fn blender_shows_the_point_caches() {
     }
 }
 
-/// A frame in double precision starts another run where it left off.
+/// A run that starts from a frame in double precision continues the motion of the run that wrote it.
 #[test]
 fn a_frame_can_start_a_run() {
     let scene = SCENE.replace("PRECISION", "f64").replace("ENCODING", "raw");

@@ -1,5 +1,6 @@
-//! The law of units and places: a scene in units of length, mass and time that are powers of two moves as it does
-//! in its own, to the bit; a scene that is moved moves as it does at home, to the round-off of its coordinates.
+//! Tests invariance under units and translations. A scene in units of length, mass and time that are powers of two
+//! times SI moves as it does in SI, to the bit. A translated scene moves as the original does, to the round-off of its
+//! coordinates.
 
 mod parts;
 mod scenes;
@@ -9,11 +10,11 @@ use variational::prelude::*;
 use variational::simulation::stability::{stability, warning};
 use variational::study::stress::Transform;
 
-/// Units from 1e-9 to 1e9 of the scene's own, odd and even powers, alone and together.
+/// Units from 1e-9 to 1e9 of the original ones, as even and odd powers of two, alone and combined.
 const UNITS: [[i32; 3]; 7] =
     [[-30, 0, 0], [0, -29, 0], [0, 0, 29], [30, 29, 0], [-29, 30, -30], [30, -30, 30], [1, 1, 1]];
 
-/// A scene stepped by a scheme, e.g. `gauss` with `stages = 2`.
+/// Reads a scene with a scheme such as `gauss` with `stages = 2`.
 fn scene(body: &str, step: f64, steps: u32, scheme: &str) -> Scene {
     let end = step * f64::from(steps);
     let text = format!("{body}\n[time]\nend = {end}\nstep = {step}\nscheme = {scheme}\n");
@@ -29,7 +30,7 @@ fn statics(body: &str) -> Scene {
     parsed.scene.unwrap()
 }
 
-/// Positions of all nodes at the end, m, and orientations of rigid bodies.
+/// Holds the positions of all nodes (m) and the orientations of rigid bodies at the end.
 #[derive(Debug, PartialEq)]
 struct End {
     places: Vec<[f64; 3]>,
@@ -52,7 +53,7 @@ fn in_units([length, mass, time]: [i32; 3]) -> Transform {
     Transform::Units { length, mass, time }
 }
 
-/// In all units the same bits.
+/// A run in any of the units gives the same bits.
 fn check_units(name: &str, scene: &Scene) {
     let own = run(scene.clone());
     assert!(own.places.iter().flatten().all(|x| x.is_finite()));
@@ -67,11 +68,11 @@ fn check_units(name: &str, scene: &Scene) {
     }
 }
 
-/// Coordinates are moved by this many times the extent of the scenes, which is about 1 m.
+/// The translation: 10⁵ to 10⁶ times the extent of the scenes, which is about 1 m.
 const FAR: [f64; 3] = [1e6, -7e5, 4e5];
 
-/// What round-off of a coordinate may grow to in these short runs, which last less than a period of most modes: by the
-/// stiffness of elements over that of the body.
+/// How far round-off of a coordinate may grow in these short runs, which last less than a period of most modes: the
+/// ratio of the stiffness of an element to that of the body.
 const CONDITION: f64 = 500.0;
 
 fn check_moved(name: &str, scene: &Scene) {
@@ -93,7 +94,7 @@ const IMPLICIT: [&str; 5] =
     ["\"implicit-midpoint\"", "\"gauss\"\nstages = 2", "\"energy-momentum\"", "\"newmark\"", "\"bdf2\""];
 const OF_JOINTS: [&str; 3] = ["\"stormer-verlet\"", "\"implicit-midpoint\"", "\"energy-momentum\""];
 
-/// Every body with every family of schemes that takes it.
+/// Checks every body with every family of schemes that accepts it.
 fn each(check: impl Fn(&str, &Scene)) {
     for (name, body, small, large) in [
         ("solid", SOLID, 2e-4, 0.01),
@@ -137,7 +138,7 @@ fn equilibria_far_from_the_origin_are_those_near() {
     }
 }
 
-/// Joints hold bodies of a picometre and of a million kilometres.
+/// Joints hold bodies of any size, from a picometre to a million kilometres.
 #[test]
 fn joints_hold_at_any_size() {
     let own = scene(RIGID, 5e-4, 20, "\"stormer-verlet\"");
@@ -149,7 +150,7 @@ fn joints_hold_at_any_size() {
     }
 }
 
-/// `auto` chooses the same scheme and as many steps.
+/// `auto` chooses the same scheme and the same number of steps in all units and places.
 #[test]
 fn auto_does_not_see_units_or_places() {
     for body in [SOLID, SHEET] {
@@ -168,8 +169,8 @@ fn auto_does_not_see_units_or_places() {
     }
 }
 
-/// An explicit step above the limit is warned of wherever the scene lies, and an estimate that cannot be made is
-/// said to be none.
+/// A warning about an explicit step above the limit is given wherever the scene lies. If the limit cannot be estimated,
+/// the message says so.
 #[test]
 fn an_unstable_step_is_seen_from_afar() {
     let own = scene(SOLID, 0.05, 1, "\"stormer-verlet\"");

@@ -1,4 +1,4 @@
-//! The law for what scenes say of parts of bodies, for loads, damping and air, for modes and for paths of equilibria.
+//! Tests the same invariance for parts of bodies, loads, damping, air, modes, and paths of equilibria.
 
 use variational::prelude::*;
 use variational::study::modes::scene_modes;
@@ -7,7 +7,7 @@ use variational::study::stress::Transform;
 use super::scenes::SOLID;
 use super::{EXPLICIT, FAR, IMPLICIT, UNITS, check_moved, check_units, in_units, scene};
 
-/// Selections of every kind, rollers, a moment, a body force, weight that rises, damping.
+/// Selections of every kind, rollers, a moment, a body force, weight with an amplitude, damping.
 const ROLLERS: &str = r#"
 gravity = [0.0, -9.81, 0.0]
 gravity_amplitude = "min(40*t, 1)"
@@ -49,7 +49,7 @@ stiffness_time = 1e-4
 mass_rate = 0.5
 "#;
 
-/// A tube held about its axis, of quadratic elements, and a nearly incompressible block beside it.
+/// A tube of quadratic elements held about its axis, with a nearly incompressible block beside it.
 const ORDERS: &str = r#"
 gravity = [1.0, -9.81, 3.0]
 [[body]]
@@ -74,7 +74,7 @@ body = "rubber"
 region = "y-min"
 "#;
 
-/// A cell that is periodic in one direction, pressed.
+/// A cell that is periodic in one direction, under pressure.
 const PERIODIC: &str = r#"
 [[body]]
 name = "cell"
@@ -116,7 +116,7 @@ region = "y-min"
 rotation = true
 "#;
 
-/// A sheet on an arm that turns.
+/// A sheet on a rotating arm.
 const ARM: &str = r#"
 gravity = [0.0, 0.0, -9.81]
 [[rigid]]
@@ -161,7 +161,7 @@ body = "leg"
 point = [1.0, 0.0, 0.0]
 "#;
 
-/// Schemes that take damping and wind.
+/// Schemes that accept damping and wind.
 const DAMPED: [&str; 4] =
     ["\"stormer-verlet\"", "\"implicit-midpoint\"", "\"gauss\"\nstages = 2", "\"energy-momentum\""];
 
@@ -212,15 +212,15 @@ fn units_change_no_bit_of_a_path_of_equilibria() {
     check_moved("control", &path(control));
 }
 
-/// ω² of all modes, 1/s².
+/// Returns ω² of all modes (1/s²).
 fn squares(scene: Scene, mass: MassKind) -> Vec<f64> {
     let mut simulation = Simulation::new(scene).unwrap_or_else(|problems| panic!("{problems:?}"));
     let found = scene_modes(&mut simulation, 6, mass).unwrap();
     found.modes.iter().map(|mode| mode.mode.omega_squared).collect()
 }
 
-/// In other units ω² has the same bits times T⁻²; far away it is as near as the round-off of coordinates lets the
-/// stiffness be: 10⁶ of it, over the size of an element.
+/// In other units ω² has the same bits times T⁻². Far away it changes by the relative error of the stiffness: the
+/// round-off of coordinates, 10⁶ times larger there, over the size of an element.
 #[test]
 fn modes_do_not_see_units_or_places() {
     let still = AIR.replace("wind = { velocity = [3.0, 1.0, 0.5] }\n", "");

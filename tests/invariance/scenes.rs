@@ -1,6 +1,6 @@
-//! The scenes that the law is tried on, without `[time]`.
+//! Scenes of the invariance tests, without `[time]`.
 
-/// A clamped block under weight, a traction that rises, and a point load; with a clamp by a box.
+/// A block clamped by a box, under weight, a traction with an amplitude, and a point load.
 pub(crate) const SOLID: &str = r#"
 gravity = [0.0, -9.81, 0.0]
 [[body]]
@@ -24,7 +24,7 @@ force = [0.0, 0.0, 3.0]
 amplitude = [[0.0, 0.0], [0.01, 1.0]]
 "#;
 
-/// A sheet that bends, held at a corner and thrown.
+/// A sheet with bending stiffness, held at a corner and thrown.
 pub(crate) const SHEET: &str = r#"
 gravity = [0.0, 0.0, -9.81]
 [[body]]
@@ -40,7 +40,7 @@ body = "cloth"
 region = "x-max-y-min"
 "#;
 
-/// Two blocks and a place in space, joined by springs; one block spins.
+/// Two blocks and a fixed point, joined by springs; one block spins.
 pub(crate) const SPRINGS: &str = r#"
 [[body]]
 name = "one"
@@ -69,7 +69,7 @@ body = "two"
 region = "z-max"
 "#;
 
-/// Sheets sewn to each other exactly, one attached exactly to a block, the other by springs; the block is held.
+/// Sheets sewn to each other exactly. One is attached exactly to a held block, the other by springs.
 pub(crate) const TIES: &str = r#"
 gravity = [0.0, -9.81, 0.0]
 [[body]]

@@ -1,5 +1,5 @@
-//! Laws that scenes keep in space and time together: orders of manufactured motions, damping that spares
-//! rigid motion, modes of loaded bodies, snap-through.
+//! Tests accuracy in space and time together: orders of manufactured motions, damping without effect on rigid motion,
+//! modes of loaded bodies, snap-through.
 
 use crate::program::Program;
 use variational::core::Quadrature;
@@ -16,9 +16,9 @@ fn simulation(scene: &str) -> Simulation {
     Simulation::new(parsed.scene.unwrap()).unwrap()
 }
 
-/// ‖u_h − u‖ over ‖u‖ at the end, in L², of u = (φ, 0, 0) t²/2, φ = sin πx sin πy sin πz, on the unit cube with its
-/// surface held: the body forces ρφ e₁ and −div σ(φ e₁) t²/2 make it exact. λ = μ = 1 (E = 2.5, ν = .25), ρ = 1.
-/// Gauss collocation with two stages is exact for t².
+/// Returns ‖u_h − u‖ over ‖u‖ in L² at the end, for u = (φ, 0, 0) t²/2 with φ = sin πx sin πy sin πz on the unit cube
+/// with its surface held. The body forces ρφ e₁ and −div σ(φ e₁) t²/2 make u the exact solution. λ = μ = 1 (E = 2.5,
+/// ν = 0.25), ρ = 1. Gauss collocation with two stages is exact for t².
 fn manufactured(element: CellKind, cells: u32, mass: &str) -> f64 {
     let faces: String = ["x-min", "x-max", "y-min", "y-max", "z-min", "z-max"]
         .iter()
@@ -69,8 +69,8 @@ fn manufactured(element: CellKind, cells: u32, mass: &str) -> f64 {
     }
 }
 
-/// ‖u_h − u‖/‖u‖ in L² by a rule of five points in each direction: not the element's own, at whose points
-/// errors may be smaller than between them.
+/// Returns ‖u_h − u‖/‖u‖ in L² by a rule of five points per direction. It differs from the element's own rule, at whose
+/// points errors may be smaller than between them.
 fn distance<E: Element<N, Q>, const N: usize, const Q: usize>(mesh: &Mesh, x: &[[f64; 3]]) -> f64 {
     let line = Quadrature::gauss_legendre(5).unwrap();
     let line: Vec<(f64, f64)> = line.nodes().iter().copied().zip(line.weights().iter().copied()).collect();
@@ -78,7 +78,7 @@ fn distance<E: Element<N, Q>, const N: usize, const Q: usize>(mesh: &Mesh, x: &[
     for &(u, a) in &line {
         for &(v, b) in &line {
             for &(w, c) in &line {
-                // Tetrahedra, wedges and cubes, by the corners that they have.
+                // Maps the rule to tetrahedra, wedges and cubes, by their number of nodes.
                 rule.push(match N {
                     4 | 10 => (
                         [u, v * (1.0 - u), w * (1.0 - u) * (1.0 - v)],
@@ -111,8 +111,9 @@ fn distance<E: Element<N, Q>, const N: usize, const Q: usize>(mesh: &Mesh, x: &[
     (error / whole).sqrt()
 }
 
-/// Order p + 1 of displacements in motion, p the degree of the element, with consistent mass; with lumped mass
-/// for those whose nodes are the points of a rule exact enough. (hex20 and wedge15 fall to order 1 to 2 with it.)
+/// Displacements in motion converge with order p + 1, where p is the degree of the element, with consistent mass, and
+/// with lumped mass if the nodes are the points of a sufficiently exact rule. (Lumped hex20 and wedge15 fall to order 1
+/// to 2.)
 #[test]
 fn a_manufactured_motion_shows_the_order_of_each_element() {
     use CellKind::*;
@@ -173,7 +174,7 @@ fn free(gravity: &str, spin: &str, damped: bool) -> Simulation {
 #[test]
 fn free_fall_is_untouched_by_viscosity() {
     let fallen = free("-9.81", "[0.0, 0.0, 0.0]", true);
-    // Midpoint is exact for a parabola.
+    // The midpoint rule is exact for a parabola.
     let t = 0.5_f64;
     let motion = [t, 0.0, 2.0 * t - 0.5 * 9.81 * t * t];
     for (x, rest) in fallen.positions(0).iter().zip(&fallen.bodies()[0].mesh.points) {
@@ -181,7 +182,8 @@ fn free_fall_is_untouched_by_viscosity() {
     }
 }
 
-/// A slow spin strains the block by 1e-8: viscosity takes less than that of its energy, and no momentum.
+/// Viscous damping takes no momentum from a slow spin. Centrifugal strain is 1e-8, and damping takes less than that
+/// share of the energy.
 #[test]
 fn rigid_spin_is_untouched_by_viscosity() {
     let spin = "[0.0, 0.0, 0.01]";
@@ -191,7 +193,7 @@ fn rigid_spin_is_untouched_by_viscosity() {
         assert!((damped.angular_momentum[k] - free.angular_momentum[k]).abs() < 1e-9);
         assert!((damped.momentum[k] - free.momentum[k]).abs() < 1e-9);
     }
-    // Of spinning alone: 125 kg, ½ m v² = 312.5 J of flight.
+    // This is the energy of spin alone, without the ½ m v² = 312.5 J of flight of 125 kg.
     let spinning = free.kinetic - 0.5 * 125.0 * 5.0;
     assert!(
         spinning > 1e-4 && (free.total() - damped.total()).abs() < 1e-6 * spinning,
@@ -199,8 +201,8 @@ fn rigid_spin_is_untouched_by_viscosity() {
     );
 }
 
-/// A clamped column under a dead axial load P: ω² falls to nothing at Euler's load π²EI/(4L²), and is
-/// near ω₀² (1 − P/P_E) on the way.
+/// For a clamped column under a dead axial load P, ω² vanishes at Euler's load P_E = π²EI/(4L²) and stays near ω₀² (1 −
+/// P/P_E) below it.
 #[test]
 fn modes_are_those_of_the_loaded_body() {
     let (height, young) = (0.05_f64, 1e9);
@@ -237,8 +239,8 @@ fn modes_are_those_of_the_loaded_body() {
     assert!((most / free - 0.05).abs() < 0.02, "{}", most / free);
 }
 
-/// A shallow arch of two straight legs, pushed down at its crown: it carries a greatest load, and snaps
-/// through to the other side. The program follows the path by arc length and says where the limit is.
+/// A shallow arch of two straight legs is pushed down at its crown, reaches a greatest load, and snaps through. The
+/// program follows the path by arc length and reports the limit points.
 #[test]
 fn snap_through_is_followed_by_arc_length_from_a_scene() {
     use variational::io::{VtuFrame, VtuOptions, write_vtu};
@@ -303,12 +305,12 @@ fn snap_through_is_followed_by_arc_length_from_a_scene() {
     let program = Program::run(&scene);
     let crown = program.history().column("crown.uy");
     assert!(*crown.last().unwrap() < -0.3, "through to the other side: {crown:?}");
-    // A row for each arc step: the load falls between the limit points, and the crown sinks all the while.
+    // There is one row per arc step. The load falls between the limit points while the crown sinks throughout.
     let factors = program.history().column("load_factor");
     assert!(factors.windows(2).filter(|pair| pair[1] < pair[0]).count() > 3, "{factors:?}");
     assert!(crown.windows(2).all(|pair| pair[1] < pair[0]) && *factors.last().unwrap() == 1.0, "{crown:?}");
     let text = program.errors();
-    // The sideways mode loses its stability before the load has its maximum: limit points are told all the same.
+    // The arch loses stability sideways before the load has its maximum. Limit points are reported nevertheless.
     assert_eq!(text.matches("a limit point").count(), 2, "{text}");
     let notes = program.report()["notes"].to_string();
     assert!(notes.contains("limit point"), "{notes}");

@@ -1,16 +1,16 @@
-//! What the variational family keeps, for every scheme and every material, on whole scenes.
+//! Tests what variational schemes conserve, for every scheme and every material, on whole scenes.
 
 use variational::prelude::*;
 use variational::solvers::Method;
 
-/// The variational schemes that `bench` compares, and symplectic Euler.
+/// Iterates over the variational schemes that `bench` compares, and symplectic Euler.
 fn schemes() -> impl Iterator<Item = (SchemeName, Option<usize>)> {
     let is_usual = |method: &Method| method.facts().is_benchmarked || method.facts().order == 1;
     let is_variational = |method: &Method| method.facts().is_variational();
     Method::variants().filter(is_usual).filter(is_variational).map(SchemeName::of)
 }
 
-/// The registered law of this name, with the parameters of its example.
+/// Returns the registered law of this name, with the parameters of its example.
 fn law(name: &str) -> Law {
     Law::examples().into_iter().find(|law| law.name() == name).unwrap()
 }
@@ -33,8 +33,8 @@ fn exact() -> Solver {
     Solver { tolerance: 1e-14, ..Solver::default() }
 }
 
-/// Linear and angular momentum of a free, struck, spinning body over 1000 steps, to 1e-12 of what is
-/// in motion. (Linear elasticity is no function of F's stretch alone: only its linear momentum is kept.)
+/// A free, struck, spinning body keeps linear and angular momentum over 1000 steps, to 1e-12 of the sums of absolute
+/// values. (Linear elasticity is not invariant under rotations, so only its linear momentum is kept.)
 #[test]
 fn momenta_are_kept_to_round_off() {
     for scheme in schemes() {
@@ -70,8 +70,8 @@ fn momenta_are_kept_to_round_off() {
     }
 }
 
-/// A body thrown without spin falls as a point does, x = x₀ + v t + g t²/2 (to the order of the
-/// scheme: the symplectic Euler schemes are off by g h t/2), and keeps its shape to round-off.
+/// A body thrown without spin falls as a point mass, x = x₀ + v t + g t²/2, and keeps its shape to round-off. (The
+/// symplectic Euler schemes are of order 1 and differ by g h t/2.)
 #[test]
 fn free_fall_keeps_the_shape() {
     for scheme in schemes() {
@@ -102,7 +102,7 @@ fn free_fall_keeps_the_shape() {
     }
 }
 
-/// Bodies apart are separate systems; one that is wholly fixed is not stepped at all.
+/// Bodies that do not interact are separate systems. A system without a free coordinate is not stepped.
 #[test]
 fn bodies_apart_are_separate_systems() {
     let mut held = block("neo-hookean").translate([5.0, 0.0, 0.0]);
@@ -123,7 +123,7 @@ fn bodies_apart_are_separate_systems() {
     assert_eq!(alone.work(), both.work());
 }
 
-/// What a step did not need, it did not make.
+/// Explicit schemes build no Hessian and no factor, and solve nothing.
 #[test]
 fn explicit_steps_build_no_hessian() {
     let is_explicit = |name: SchemeName| name.method().is_some_and(|method| method.facts().is_explicit);
@@ -138,8 +138,8 @@ fn explicit_steps_build_no_hessian() {
     }
 }
 
-/// The change of energy over a run with a moving clamp is the sum of the parts of the ledger, each
-/// computed on its own.
+/// The change of energy over a run with a moving clamp is the sum of the entries of the ledger, each computed on its
+/// own.
 #[test]
 fn the_ledger_closes() {
     for scheme in schemes() {
@@ -166,8 +166,8 @@ fn the_ledger_closes() {
     }
 }
 
-/// A support that begins to move from rest: a step of `energy-momentum` has one solution, whatever tolerance it is
-/// solved to, of order 2, and takes all energy that it gains from the support.
+/// If a support starts to move from rest, a step of `energy-momentum` has a unique solution that does not depend on the
+/// solver's tolerance, is of order 2, and gains energy from the support alone.
 #[test]
 fn a_moving_support_leaves_energy_momentum_one_solution() {
     let motion =
@@ -196,7 +196,7 @@ fn a_moving_support_leaves_energy_momentum_one_solution() {
     };
     let coarse = end(2.5e-3, 1e-9);
     for tolerance in [1e-5, 1e-6, 1e-7, 1e-8] {
-        // The scheme solves 1e5 times closer than it is asked to; the support moves by a millimetre.
+        // The scheme solves 1e5 times more accurately than `tolerance`; the support moves by a millimetre.
         let off = apart(&end(2.5e-3, tolerance), &coarse);
         assert!(off < 1e-8 * tolerance + 1e-14, "off by {off:e} m at a tolerance of {tolerance:e}");
     }
@@ -205,8 +205,7 @@ fn a_moving_support_leaves_energy_momentum_one_solution() {
     assert!((order - 2.0).abs() < 0.3, "order {order}");
 }
 
-/// Where something outside works on a body, its joules are reported without being asked for, and are not
-/// taken for drift.
+/// External work is reported by default and does not count as energy drift.
 #[test]
 fn work_from_outside_is_not_drift() {
     let damping: variational::scene::Damping = serde_json::from_str(r#"{ "stiffness_time": 1e-3 }"#).unwrap();

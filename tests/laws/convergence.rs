@@ -1,4 +1,4 @@
-//! `variational convergence`: orders that theory knows, and estimates that hold what is exact.
+//! Tests `variational convergence`: it finds known orders, and its error bars contain exact values.
 
 use crate::program::command;
 use serde_json::Value;
@@ -30,7 +30,7 @@ fn row<'a>(report: &'a Value, of: &str, quantity: &str) -> &'a Value {
     study["rows"].as_array().unwrap().iter().find(|row| row["quantity"] == quantity).unwrap()
 }
 
-/// Is a component left out, or said to be zero to round-off with a bar of that size?
+/// Returns whether a quantity is left out, or reported as zero to round-off with an error bar of that size.
 fn is_absent_or_zero(report: &Value, of: &str, quantity: &str) -> bool {
     let studies = report["studies"].as_array().unwrap();
     let study = studies.iter().find(|study| study["of"] == of).unwrap();
@@ -62,7 +62,8 @@ const BAR: &str = r#"
     point = [1.0, 0.0, 0.0]
 "#;
 
-/// u = sin(πx/2) (1 − cos ωt)/ω², ω = π/2: smooth, so linear elements and midpoint are of order 2.
+/// The solution is u = sin(πx/2) (1 − cos ωt)/ω² with ω = π/2. It is smooth, so linear elements and midpoint are of
+/// order 2.
 #[test]
 fn a_vibrating_bar_is_of_order_two_in_space_and_in_time() {
     for scheme in ["implicit-midpoint", "stormer-verlet"] {
@@ -72,7 +73,7 @@ fn a_vibrating_bar_is_of_order_two_in_space_and_in_time() {
             let order = row(&report, of, "tip.ux")["observed_order"].as_f64().unwrap();
             assert!((order - 2.0).abs() < 0.15, "{scheme} {of}: {order}");
         }
-        // Nothing moves across the bar: the round-off of its displacement says nothing of convergence.
+        // Nothing moves across the bar, and the round-off of that displacement does not show convergence.
         for of in ["space", "time"] {
             for across in ["tip.uy", "tip.uz"] {
                 assert!(is_absent_or_zero(&report, of, across), "{scheme} {of} {across}: {report:#}");
@@ -87,7 +88,8 @@ fn a_vibrating_bar_is_of_order_two_in_space_and_in_time() {
     }
 }
 
-/// The tip of a bar under a load that its elements cannot have exactly; statics have no time study.
+/// Statics and modes are studied in space alone, here for a bar under a load that its elements cannot represent
+/// exactly.
 #[test]
 fn statics_and_modes_are_studied_in_space() {
     let scene = BAR
@@ -97,7 +99,7 @@ fn statics_and_modes_are_studied_in_space() {
     assert_eq!(code, 0, "{errors}");
     assert_eq!(report["studies"].as_array().unwrap().len(), 1);
     let energy = row(&report, "space", "elastic");
-    // ½ ∫ u'² dx of u = sin(πx/2)/ω².
+    // The exact energy is ½ ∫ u'² dx with u = sin(πx/2)/ω².
     let exact = 0.5 * 0.5 * (2.0 / std::f64::consts::PI).powi(2) * 0.04;
     let order = energy["observed_order"].as_f64().unwrap();
     assert!(
@@ -107,7 +109,8 @@ fn statics_and_modes_are_studied_in_space() {
     let (code, report, errors) = study(&scene, &["--modes", "1"]);
     assert_eq!(code, 0, "{errors}");
     let found = row(&report, "space", "mode 0")["value"].as_f64().unwrap();
-    // The lowest mode is a bending one of a thick beam, or the axial one, 1/4 Hz: what matters is that it settles.
+    // The lowest mode of this thick beam is a bending mode, or the axial one at 1/4 Hz; the test needs only that it
+    // converges.
     assert!(found > 0.0 && found < 0.26, "{found}");
     let (code, _, errors) = study(&scene, &["--time"]);
     assert!(code == 2 && errors.contains("no time study"), "{errors}");

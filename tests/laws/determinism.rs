@@ -1,5 +1,5 @@
-//! The same scene gives the same bits on 1, 2 and 8 threads: history and frames, byte for byte; and whether its
-//! steps are made one by one or together.
+//! The same scene gives the same bits in history and frames on 1, 2 and 8 threads, and whether its steps are made one
+//! by one or together.
 
 use crate::program::Program;
 use variational::prelude::*;
@@ -54,7 +54,7 @@ fn implicit_runs() {
     same_bits("gauss", 0.01, 5e-3);
 }
 
-/// A block beside a spinning one, by `scheme`, for 100 steps.
+/// Runs a held block and a spinning one for 100 steps by `scheme`.
 fn two_blocks(scheme: SchemeName, young: f64) -> Simulation {
     let shape = |x| BoxMesh {
         size: [0.4, 0.2, 0.2],
@@ -98,7 +98,8 @@ fn steps_together_are_steps_one_by_one() {
             together.advance(u64::MAX).unwrap();
             calls += 1;
         }
-        // The term has a domain, and Euler's first scheme does not look at the end of a step.
+        // The law has a domain, so positions must be checked after each step. `symplectic-euler-a` does not evaluate
+        // the end of a step and therefore makes its steps one by one.
         assert_eq!(calls == 100, scheme == SchemeName::SymplecticEulerA, "{scheme:?}: {calls} calls");
         assert_eq!(single.work(), together.work(), "{scheme:?}");
         assert!(bits(&single) == bits(&together), "{scheme:?}");
@@ -107,7 +108,7 @@ fn steps_together_are_steps_one_by_one() {
 
 #[test]
 fn a_step_that_fails_together_is_named_as_alone() {
-    // Far above the limit of stability.
+    // The step is far above the stability limit.
     let [mut single, mut together] = [1e9, 1e9].map(|young| two_blocks(SchemeName::StormerVerlet, young));
     let alone = std::iter::repeat_with(|| single.step()).find_map(Result::err).unwrap();
     let found = std::iter::repeat_with(|| together.advance(u64::MAX)).find_map(Result::err).unwrap();

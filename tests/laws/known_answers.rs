@@ -1,7 +1,7 @@
-//! Error bars of `variational convergence` against known answers: generated sequences that do what studies do (orders
-//! set in late, singularities, locking, noise, signs that change, errors in space and time together), and studies by
-//! the program with answers in closed form. docs/validation.md publishes the counts:
-//! `cargo test --test laws known_answers -- --nocapture`
+//! Tests the error bars of `variational convergence` against known answers. Generated sequences imitate real studies:
+//! orders that set in late, singularities, locking, noise, sign changes, errors in space and time together. Further
+//! studies run the program on problems with closed solutions. docs/validation.md publishes the counts: `cargo test
+//! --test laws known_answers -- --nocapture`
 
 use crate::random::Random;
 use std::collections::BTreeMap;
@@ -10,16 +10,16 @@ use std::f64::consts::{E, PI};
 use variational::prelude::Scene;
 use variational::study::convergence::{ConvergenceOptions, Extrapolation, Verdict, convergence, extrapolate};
 
-/// Bars that must hold.
+/// The least share of error bars that must contain the true value.
 const SHARE: f64 = 0.95;
 
-/// Studies of one kind.
+/// Counts the studies of one kind.
 #[derive(Default)]
 struct Tally {
     studies: usize,
     not_yet: usize,
     held: usize,
-    /// Bars over the true error of the extrapolated value, and of the last level.
+    /// Ratios of the bar to the true error of the extrapolated value, and to that of the last level.
     of_estimate: Vec<f64>,
     of_last: Vec<f64>,
 }
@@ -33,7 +33,7 @@ impl Tally {
         };
         let (error, before) = ((found.value - truth).abs(), (last - truth).abs());
         self.held += usize::from(error <= bar);
-        // A ratio with an error that is round-off says nothing.
+        // A ratio to an error that is round-off has no meaning.
         if before > 1e-9 * truth.abs() {
             self.of_estimate.push(bar / error);
             self.of_last.push(bar / before);
@@ -46,7 +46,7 @@ fn median(values: &mut [f64]) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// Prints a table; returns the tally of all.
+/// Prints a table and returns the total tally.
 fn table(mut rows: BTreeMap<&'static str, Tally>) -> Tally {
     println!(
         "| | studies | does not converge yet | bars | that hold | bar/error | bar/error of the last level |"
@@ -82,7 +82,7 @@ const KINDS: [&str; 9] = [
     "space and time, with a product",
 ];
 
-/// Generated study `index`: its kind, what is found, the value of its last level, and the truth.
+/// Generates study `index`: its kind, its extrapolation, the value of its last level, and the true value.
 fn generated(index: u64) -> (&'static str, Extrapolation, f64, f64) {
     let random = &mut Random(0x5EED ^ (index << 20));
     let kind = index as usize % KINDS.len();
@@ -167,7 +167,7 @@ fn bars_hold_in_generated_studies() {
     }
 }
 
-/// A bar of unit length, stiffness and density that moves along x alone.
+/// Describes a bar of unit length, stiffness and density that moves along x alone.
 fn bar(element: &str, cells: u32, time: &str, load: &str) -> String {
     format!(
         r#"
@@ -198,7 +198,7 @@ fn bar(element: &str, cells: u32, time: &str, load: &str) -> String {
     )
 }
 
-/// Enters the estimates of a study of `scene` whose answers are known.
+/// Adds the estimates of a study of `scene`, whose exact values are given.
 fn enter(row: &mut Tally, scene: &str, options: &ConvergenceOptions, answers: &[(&str, f64)]) {
     let parsed = Scene::parse(scene, &[]);
     assert!(parsed.problems.is_empty(), "{:?}", parsed.problems);
@@ -224,11 +224,11 @@ fn bars_hold_in_studies_with_closed_answers() {
     for element in ["hex8", "tet4", "wedge6", "hex20", "tet10"] {
         let finest = if element.ends_with('0') { 2 } else { 4 };
         for cells in [2, finest] {
-            // −u'' = f: u(1) and ½ ∫ u'² dx.
+            // The exact tip u(1) and energy ½ ∫ u'² dx of −u'' = f.
             for (load, tip, energy) in [
                 ("sin(pi*x/2)", 1.0 / (omega * omega), 0.25 / (omega * omega)),
                 ("x^2", 0.25, 0.5 * (1.0 - 0.5 + 1.0 / 7.0) / 9.0),
-                // u' = e − eˣ.
+                // For this load u' = e − eˣ.
                 ("exp(x)", 1.0, 0.5 * (E * E - 2.0 * E * (E - 1.0) + 0.5 * (E * E - 1.0))),
             ] {
                 let scene = bar(element, cells, still, load);
@@ -245,13 +245,13 @@ fn bars_hold_in_studies_with_closed_answers() {
         ["implicit-midpoint", "stormer-verlet", "gauss", "energy-momentum", "backward-euler", "bdf2"];
     for (k, scheme) in schemes.into_iter().enumerate() {
         for end in [0.7, 1.0, 1.9] {
-            // u = sin(πx/2)(1 − cos ωt)/ω².
+            // The exact motion is u = sin(πx/2)(1 − cos ωt)/ω².
             let tip = (1.0 - (omega * end).cos()) / (omega * omega);
             let time = format!("end = {end}\nstep = 0.05\nscheme = \"{scheme}\"");
             let scene = bar("hex8", 4, &time, "sin(pi*x/2)");
             let options = ConvergenceOptions::default();
             enter(rows.entry("bars that vibrate").or_default(), &scene, &options, &[("tip.ux", tip)]);
-            // One cell: the mass of its free face, m/2, on its stiffness EA/L.
+            // One cell is an oscillator: the lumped mass m/2 of its free face on the stiffness EA/L.
             let (omega, steps) = (2.0_f64.sqrt(), 8 + 3 * k);
             let tip = 0.5 * (1.0 - (omega * end).cos());
             let time = format!("end = {end}\nstep = {}\nscheme = \"{scheme}\"", end / steps as f64);
@@ -266,8 +266,8 @@ fn bars_hold_in_studies_with_closed_answers() {
     assert!(all.not_yet * 4 < all.studies, "{} of {} have no bar", all.not_yet, all.studies);
 }
 
-/// Thin beams of linear elements are far too stiff in bending, and nearly incompressible ones in volume: their bars
-/// hold, or there is none.
+/// Linear elements lock in the bending of thin beams, and at near incompressibility. Their error bars contain the
+/// truth, or no bar is given.
 #[test]
 fn locked_meshes_have_no_tight_bars() {
     let beam = |element: &str, poisson: f64| {
@@ -298,7 +298,7 @@ fn locked_meshes_have_no_tight_bars() {
             "#
         )
     };
-    // P L³/3EI, and 1.2 P L/GA of shear.
+    // The deflection is P L³/3EI, plus 1.2 P L/GA of shear.
     let (inertia, force) = (0.05_f64.powi(4) / 12.0, 0.0025);
     let exact = force / (3e6 * inertia) + 1.2 * force / (0.5e6 * 0.0025);
     let options = ConvergenceOptions { time: false, ..ConvergenceOptions::default() };
@@ -313,7 +313,7 @@ fn locked_meshes_have_no_tight_bars() {
                 assert_eq!((found.verdict, found.error), (Verdict::MayLock, None));
                 assert!(report.table().contains("lock") && report.notes[0].contains("mean-dilation"));
             } else {
-                // Theory of beams is 5e-3 of the truth, or nearer.
+                // Beam theory is within 5e-3 of the truth.
                 let holds = |bar| (found.value - exact).abs() <= bar + 5e-3 * exact;
                 assert!(found.error.is_none_or(holds), "{element}: {found:?}, exact {exact:.4e}");
             }

@@ -1,4 +1,4 @@
-//! The laws that every simulation keeps: invariance, conservation, determinism, accuracy, error bars.
+//! Tests the laws of every simulation: invariance, conservation, determinism, accuracy, error bars.
 
 mod accuracy;
 mod conservation;

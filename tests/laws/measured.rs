@@ -1,6 +1,6 @@
-//! What the program says of itself must hold: the recommended combination reaches its error when it is run
-//! again, `auto` holds the tolerance, an estimated error covers the true one, and what is said to be
-//! skipped is not in the work counts.
+//! What the program reports about itself holds: the recommended combination reaches its error when it is run again,
+//! `auto` keeps the tolerance, an estimated error covers the true one, and work that is reported as skipped is absent
+//! from the work counts.
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use variational::study::bench::{BenchOptions, bench, recommended_scene};
 const SOFT: Isotropic = Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 };
 const LONG: Limit = Limit::Clock(Duration::from_secs(3600));
 
-/// The cantilever block P1 with n = 1 or 2 cells across.
+/// Describes the cantilever block P1 with n = 1 or 2 cells across.
 fn cantilever(n: u32, time: Time, law: Law) -> Scene {
     let mesh =
         BoxMesh { size: [1.0, 0.25, 0.25], cells: [4 * n, n, n], element: CellKind::Tet4, origin: [0.0; 3] };
@@ -65,7 +65,7 @@ fn the_recommended_combination_reaches_its_error_again() {
 
 #[test]
 fn a_combination_that_fails_is_a_row() {
-    // Ten times above the stability limit.
+    // This step is ten times above the stability limit.
     let time = Time::new(0.5, 0.02, SchemeName::StormerVerlet);
     let scene = cantilever(1, time, Law::NeoHookean(SOFT));
     let options = BenchOptions {
@@ -96,7 +96,7 @@ fn auto_holds_its_tolerance() {
     }
 }
 
-/// Steps of a run to its end, with the estimate there.
+/// Runs a scene to its end and returns it with the error estimate there.
 fn estimated(scene: &Scene) -> (Simulation, ProbeEstimate) {
     let mut simulation = Simulation::new(scene.clone()).unwrap();
     let mut estimator = Estimator::new(&simulation);
@@ -109,8 +109,8 @@ fn estimated(scene: &Scene) -> (Simulation, ProbeEstimate) {
     (simulation, estimate)
 }
 
-/// The ratio of the estimated error to the true one lies between 0.3 and 3 for every scheme, and the order that the
-/// estimate shows is that of the scheme.
+/// For every scheme the estimated error is 0.3 to 3 times the true one, and the order shown by the estimate is that of
+/// the scheme.
 #[test]
 fn every_scheme_estimates_its_own_error() {
     let size = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -149,7 +149,7 @@ fn every_scheme_estimates_its_own_error() {
         (plain(SchemeName::GeneralizedAlpha), 200),
     ] {
         let choice = Choice { scheme, stages, steps };
-        // What the solver leaves at its usual tolerance is part of the error of high orders.
+        // At its usual tolerance the error of the solver is part of the error of high-order schemes.
         for tolerance in [1e-12, 1e-6] {
             let (mut simulation, estimate) = estimated(&scene(choice, tolerance));
             let found = simulation.observe().probes[0].displacement;
@@ -164,7 +164,8 @@ fn every_scheme_estimates_its_own_error() {
     }
 }
 
-/// A scene that the higher explicit schemes refuse, here for its drag, is compared with finer steps of its own.
+/// A scene that the higher explicit schemes refuse, here because of its drag, is compared with finer steps of its own
+/// scheme.
 #[test]
 fn an_estimate_does_without_the_schemes_that_refuse_the_scene() {
     let scene = |steps: u32| {

@@ -1,9 +1,9 @@
-//! The promise of `scheme = "auto"`: a relative error at the end below `time.tolerance`, or a warning. Scenes are
-//! generated from a seed; their errors are measured against runs of order 6 (of Gauss's method where there is
-//! damping) that agree with finer ones.
+//! Tests the promise of `scheme = "auto"`: a relative error at the end below `time.tolerance`, or a warning. Scenes are
+//! generated from a seed. Their errors are measured against runs of order 6, or of Gauss's method if there is damping,
+//! that agree with finer runs.
 //!
-//! The whole study, with the counts that docs/performance.md publishes:
-//! `cargo test --test laws promise -- --ignored --nocapture`
+//! The whole study, whose counts docs/performance.md publishes: `cargo test --test laws promise -- --ignored
+//! --nocapture`
 
 use crate::random::Random;
 use std::collections::BTreeMap;
@@ -30,7 +30,7 @@ const KINDS: [&str; 11] = [
     "consistent mass",
 ];
 
-/// Scene `index` of a seed, without a tolerance; `share` shortens it.
+/// Generates scene `index` of a seed, without a tolerance. `share` scales its duration.
 fn scene(seed: u64, index: u64, share: f64) -> (&'static str, Scene) {
     let random = &mut Random(seed.wrapping_mul(0x2545_F491_4F6C_DD1D) ^ index);
     let kind = KINDS[index as usize % KINDS.len()];
@@ -41,10 +41,10 @@ fn scene(seed: u64, index: u64, share: f64) -> (&'static str, Scene) {
     let poisson = random.between(0.0, 0.45);
     let is_sheet = kind == "sheet";
     let height = length * if is_sheet { 1.0 } else { random.between(0.15, 0.5) };
-    // Time in units of the time that a wave takes through a cell.
+    // Times are in units of the transit time of a wave through a cell.
     let transit = (length / cells as f64).min(height) / (young / density).sqrt();
     let end = share * transit * random.decades(60.0, if is_sheet { 200.0 } else { 1500.0 });
-    // A cantilever sags by so much of its length; what hangs swings once or a few times.
+    // A cantilever sags by this share of its length; a hanging body swings once or a few times.
     let sag = random.decades(1e-3, 0.2);
     let mut gravity = sag * young * height * height / (1.5 * density * length.powi(3));
     if kind == "hung by one node" || is_sheet {
@@ -76,7 +76,7 @@ fn scene(seed: u64, index: u64, share: f64) -> (&'static str, Scene) {
     let speed = (young / density).sqrt() * random.decades(1e-4, 3e-2);
     let clamp = "[[fix]]\nbody = \"b\"\nregion = \"x-min\"\n";
     let other = "[[fix]]\nbody = \"b\"\nregion = \"x-max\"\n";
-    // Events fall on 64ths of the run, so that references can meet them.
+    // Events fall on 64ths of the run, so that steps of the reference can end there.
     let part = |k: usize| end * k as f64 / 64.0;
     let start = 10 + random.below(48);
     let stop = start + 1 + random.below(63 - start);
@@ -167,7 +167,7 @@ fn end_of(scene: &Scene, choice: Choice) -> Result<State, TrialError> {
     trial::run(choice.apply(scene), 0.0..1.0, LONG, &mut || true).map(|trial| trial.end)
 }
 
-/// A solution that is at least 20 times as accurate as `accuracy`, by a finer one.
+/// Returns a solution at least 20 times as accurate as `accuracy`, verified by a finer one.
 fn reference(scene: &Scene, norm: &Norm, steps: u64, accuracy: f64) -> Option<State> {
     let mut tight = scene.clone();
     tight.solver.tolerance = 1e-12;
@@ -191,19 +191,19 @@ fn reference(scene: &Scene, norm: &Norm, steps: u64, accuracy: f64) -> Option<St
     None
 }
 
-/// What came of a scene and a tolerance.
+/// The result of `auto` for one scene and tolerance.
 #[derive(Debug, Clone)]
 struct Outcome {
     kind: &'static str,
     index: u64,
     tolerance: f64,
-    /// Error over tolerance; none where `auto` refused or the run failed.
+    /// Ratio of the error to the tolerance; `None` if `auto` refused or the run failed.
     ratio: Option<f64>,
     is_warned: bool,
     said: String,
 }
 
-/// Runs one scene with each tolerance; none where there is no reference.
+/// Runs one scene with each tolerance. Returns `None` if there is no reference solution.
 fn judge(seed: u64, index: u64, share: f64, tolerances: &[f64]) -> Option<Vec<Outcome>> {
     let (kind, scene) = scene(seed, index, share);
     let start = variational::auto::stand_in(&scene);
@@ -243,7 +243,8 @@ fn judge(seed: u64, index: u64, share: f64, tolerances: &[f64]) -> Option<Vec<Ou
     Some(tolerances.iter().map(outcome).collect())
 }
 
-/// Outcomes of the first `count` scenes of a seed on all cores, and how many had no reference.
+/// Judges the first `count` scenes of a seed on all cores. Returns their outcomes and the number of scenes without a
+/// reference.
 fn study(seed: u64, count: u64, share: f64, tolerances: &[f64]) -> (Vec<Outcome>, u64) {
     let (next, unknown) = (AtomicU64::new(0), AtomicU64::new(0));
     let found = Mutex::new(Vec::new());
@@ -279,8 +280,8 @@ fn study(seed: u64, count: u64, share: f64, tolerances: &[f64]) -> (Vec<Outcome>
     (found, unknown.into_inner())
 }
 
-/// Prints a table, and returns how many outcomes held, broke the promise silently by more than 3, and how many there
-/// are.
+/// Prints a table. Returns the numbers of outcomes that kept the promise, that broke it by more than a factor 3 without
+/// a warning, and of all.
 fn table(found: &[Outcome]) -> (usize, usize, usize) {
     let mut rows: BTreeMap<String, [usize; 6]> = BTreeMap::new();
     for outcome in found {
@@ -313,7 +314,7 @@ fn table(found: &[Outcome]) -> (usize, usize, usize) {
     (all[1], all[4], all[0])
 }
 
-/// A dozen of the scenes, shortened: a scene of each kind.
+/// Runs shortened versions of a dozen scenes, one of each kind.
 #[test]
 fn auto_keeps_its_promise_or_says_that_it_may_not() {
     let (found, _) = study(7, 12, 0.2, &[1e-2, 1e-4]);
@@ -322,7 +323,7 @@ fn auto_keeps_its_promise_or_says_that_it_may_not() {
     assert!(within as f64 >= 0.98 * all as f64, "{within} of {all}");
 }
 
-/// The whole study.
+/// Runs the whole study.
 #[test]
 #[ignore = "takes an hour; its counts are in docs/performance.md"]
 fn auto_keeps_its_promise_in_200_scenes() {
@@ -346,7 +347,7 @@ impl TrialWatch for Impatient {
     }
 }
 
-/// Trials tell what they do, and end when they are asked to.
+/// Trials report their progress and end on request.
 #[test]
 fn trials_are_told_and_can_be_stopped() {
     let (_, scene) = scene(1, 0, 1.0);

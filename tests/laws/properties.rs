@@ -1,5 +1,5 @@
-//! Sums over stencils on bodies drawn at random, solids and sheets of any law on jittered meshes with shuffled node
-//! numbers and any coordinates held, against dense sums entry by entry. `PROPTEST_CASES=10000` draws more.
+//! Compares assembled sums with dense sums entry by entry, on random bodies: solids and sheets of any law on jittered
+//! meshes with shuffled node numbers and any coordinates held. `PROPTEST_CASES=10000` draws more bodies.
 
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
@@ -69,7 +69,7 @@ fn system(body: &Body) -> System {
         let triangles = body.mesh.cells_of_dimension(2);
         Sheet::new(&body.mesh, &triangles, &law, 0, "sheet").potentials().unwrap()
     } else {
-        // In two halves, so that terms share nodes.
+        // Splits the elements into two terms that share nodes.
         let (first, second) = solids.split_at(solids.len() / 2);
         let laws = Law::examples();
         [(first, body.law), (second, (body.law + 1) % laws.len())]
@@ -95,7 +95,7 @@ proptest! {
         let system = system(&body);
         let (energy, gradient, hessian) = dense(&system, &body.x, 0.0);
         prop_assume!(energy.is_finite());
-        // What sums of sizes like these lose, whatever their order.
+        // These are the scales of round-off of such sums, in any order.
         let stiffness = largest(hessian.iter().flatten());
         let force = stiffness * largest(&body.x);
         let mut assembler = Assembler::new(&system);

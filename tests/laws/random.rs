@@ -1,4 +1,4 @@
-//! Random numbers of generated scenes and sequences: the same for the same seed.
+//! Random numbers for generated scenes and sequences; equal seeds give equal numbers.
 
 /// SplitMix64 (Steele, Lea, Flood 2014).
 pub(crate) struct Random(pub(crate) u64);

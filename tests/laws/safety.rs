@@ -1,9 +1,9 @@
-//! What a run does when a step fails or energy comes from nowhere: it says so, it mends what can be
-//! mended, and it ends clearly where nothing can.
+//! Tests the response of a run to failed steps and to energy from nowhere: it reports them, recovers if it can, and
+//! otherwise ends with a clear error.
 
 use crate::program::Program;
 
-/// A block whose left end is struck so hard that a whole step turns elements inside out.
+/// A block whose left end is struck so hard that a whole step inverts elements.
 const STRUCK: &str = r#"
 [time]
 end = 0.02
@@ -40,7 +40,7 @@ fn a_step_that_fails_is_cut() {
         let substeps = report["substeps"]["substeps"].as_u64().unwrap();
         assert!(cut >= 1 && substeps >= 2 * cut, "{scheme}: {}", report["substeps"]);
         assert!(report["substeps"]["smallest"].as_f64().unwrap() <= 1e-3);
-        // A scheme that is symmetric in time loses that by cuts, which the run says.
+        // Cut steps break the time symmetry of a symmetric scheme, and the report says so.
         let is_symmetric = !["bdf2", "generalized-alpha"].contains(&scheme);
         assert_eq!(report["substeps"]["time_symmetry_lost"], is_symmetric);
         assert_eq!(
@@ -50,19 +50,19 @@ fn a_step_that_fails_is_cut() {
             report["notes"]
         );
         assert_eq!(history.column("substeps").iter().sum::<f64>(), substeps as f64);
-        // Every step of the run is there, at its time.
+        // The history has every whole step at its time.
         let times = history.column("t");
         assert_eq!(times.len(), 11);
         assert!(times.iter().enumerate().all(|(n, t)| *t == n as f64 * 2e-3), "{times:?}");
-        // Linear momentum is kept through all substeps.
+        // Linear momentum is conserved through all substeps.
         let momentum = history.column("px");
         assert!(momentum.iter().all(|p| (p / 300.0 - 1.0).abs() < 1e-6), "{scheme}: {momentum:?}");
         assert!(String::from_utf8_lossy(&run.output.stdout).contains("were cut into"));
     }
 }
 
-/// A clamp that pushes one face through the other: no step is small enough. The run ends with exit code
-/// 4 and what it reached, the state before the failed step.
+/// A clamp pushes one face through the other, so that no step is small enough. The run ends with exit code 4 and keeps
+/// the state before the failed step.
 #[test]
 fn the_floor_is_a_clear_end() {
     let scene = STRUCK.replace("SCHEME", "implicit-midpoint").replace("TIME", "").replace(
@@ -86,13 +86,13 @@ fn the_floor_is_a_clear_end() {
     assert_eq!(frames.last().unwrap(), &(steps as f64 * 2e-3), "{frames:?}");
 }
 
-/// Times of the frames.
+/// Returns the times of the frames.
 fn vi_frames(run: &Program) -> Vec<f64> {
     let series = variational::io::PvdSeries::open(&run.out().join("scene.pvd")).unwrap();
     series.frames().iter().map(|frame| frame.0).collect()
 }
 
-/// A block that rings, by explicit steps beyond their limit: energy grows without bound.
+/// A block that rings, with explicit steps beyond their limit: its energy grows without bound.
 const RINGING: &str = r#"
 [time]
 end = 0.1
@@ -116,7 +116,7 @@ fn ringing(scheme: &str, law: &str, guard: &str) -> Program {
 
 #[test]
 fn energy_from_nowhere_never_passes_in_silence() {
-    // Without a guard of its own the scene is warned, on the console and in the report.
+    // Without a table `[guard]` the energy gain is a warning, on the console and in the report.
     let run = ringing("stormer-verlet", "linear", "");
     assert_eq!(run.code(), Some(0), "{}", run.errors());
     assert!(run.errors().contains("warning: energy was gained"), "{}", run.errors());
@@ -147,7 +147,7 @@ fn energy_from_nowhere_never_passes_in_silence() {
     }
 }
 
-/// What keeps its energy is left alone: schemes in their bounds, driven and free.
+/// The guard does not act on stable runs, driven or free, of schemes within their stability limits.
 #[test]
 fn the_guard_leaves_sound_runs_alone() {
     for scheme in ["stormer-verlet", "blanes-moan-4", "implicit-midpoint", "energy-momentum", "bdf2"] {
@@ -170,7 +170,7 @@ fn the_guard_leaves_sound_runs_alone() {
     }
 }
 
-/// A flag that stiffens as it crumples, beyond the limit of the step that is stable while it is flat.
+/// A flag that stiffens as it crumples: a step that is stable while the flag is flat becomes unstable.
 const FLAG: &str = r#"
 gravity = [0.0, 0.0, -9.81]
 [time]
@@ -190,7 +190,7 @@ region = "x-min"
 
 #[test]
 fn auto_sees_that_a_step_becomes_too_long() {
-    // Up to 0.98 of the limit of the flat flag.
+    // These steps are up to 0.98 of the stability limit of the flat flag.
     let fails = |step: &&str| {
         let step = format!("time.step={step}");
         let run = Program::try_run(FLAG, &["--set", "time.scheme=stormer-verlet", "--set", &step]);
@@ -205,8 +205,8 @@ fn auto_sees_that_a_step_becomes_too_long() {
     assert_eq!(run.history().column("t").last(), Some(&2.0));
 }
 
-/// StVK stiffens as it is stretched, by the factor √(3λ² − 1)/√2 along it, and with it the highest frequency: a
-/// step that was below the limit at the start is then above it. The run says so when it has blown up.
+/// StVK stiffens under stretch λ by the factor √(3λ² − 1)/√2 along it, which raises the highest frequency. A step below
+/// the limit at the start is then above it. When the run has become unstable, its error says so.
 #[test]
 fn a_limit_that_fell_is_named() {
     let scene = |step: f64| {

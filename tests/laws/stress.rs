@@ -1,5 +1,5 @@
-//! Violent scenes: none may end in a panic, a hang, a number that is not finite, energy gained in silence or a
-//! skipped step; and a body that was crushed comes back.
+//! Tests violent scenes: none may end in a panic, a hang, a number that is not finite, an unreported gain of energy, or
+//! a skipped step. Tests that crushed bodies recover.
 
 use std::path::Path;
 use std::time::Duration;
@@ -8,7 +8,7 @@ use variational::prelude::*;
 use variational::run::run;
 use variational::study::stress::{StressOptions, Violence, case, stress};
 
-/// 300 scenes; `variational stress --count 10000` is the long form (docs/robustness.md).
+/// Runs 300 scenes; `variational stress --count 10000` is the long form (docs/robustness.md).
 #[test]
 fn violent_scenes_end_well_or_fail_by_name() {
     let keep = std::env::temp_dir().join("variational-stress-failures");
@@ -34,7 +34,7 @@ fn bits(directory: &Path) -> Vec<(std::ffi::OsString, Vec<u8>)> {
     files
 }
 
-/// The same bits on 1, 2 and 8 threads, however the scene ends.
+/// A scene gives the same bits on 1, 2 and 8 threads, however it ends.
 #[test]
 fn threads_do_not_change_a_bit() {
     let directory = tempfile::tempdir().unwrap();
@@ -43,7 +43,7 @@ fn threads_do_not_change_a_bit() {
         let case = case(8, index, directory.path()).unwrap();
         let runs = pools.each_ref().map(|pool| {
             let out = directory.path().join(format!("{index}-{}", pool.current_num_threads()));
-            // How it ends is the other test's business.
+            // Another test judges how the run ends.
             let _ = pool.install(|| run(case.scene.clone(), "case", &out, &mut ()));
             if out.exists() { bits(&out) } else { Vec::new() }
         });
@@ -51,9 +51,9 @@ fn threads_do_not_change_a_bit() {
     }
 }
 
-/// A block crushed to a plane, to a thousandth of its size or turned inside out, by a scheme that damps: it comes
-/// back to its shape at rest (up to a rigid motion). Crushed to a point altogether, no direction is left to come
-/// back in: that is a balance, though one that nothing keeps.
+/// A block crushed to a plane, to a thousandth of its size, or turned inside out recovers its rest shape up to a rigid
+/// motion under a dissipative scheme. A block crushed to a single point has no direction to expand in: that is an
+/// unstable equilibrium, which is not tested.
 #[test]
 fn crushed_bodies_come_back() {
     for name in ["stable-neo-hookean", "corotated"] {
@@ -71,7 +71,7 @@ fn crushed_bodies_come_back() {
             }
             let left = simulation.observe().elastic;
             assert!(left < 1e-6 * first, "{name} from {crush}: {left:e} of {first:e} J are left");
-            // Without strain energy every edge has its length.
+            // Without strain energy every edge has its rest length.
             let (x, rest) = (simulation.positions(0), &simulation.bodies()[0].mesh.points);
             for (a, b) in [(0, 1), (0, 5), (3, 9), (2, 7), (0, 35)] {
                 let length =
@@ -109,8 +109,8 @@ fn crushed(crush: &str, directory: &Path) -> std::path::PathBuf {
     path
 }
 
-/// On the violent configurations too, forces are the derivative of the energy (along the steepest direction) and
-/// those of shape alone have no sum.
+/// On violent configurations too, forces are the derivative of the energy along the steepest direction, and internal
+/// forces have no resultant.
 #[test]
 fn forces_derive_from_energy_wherever_there_is_one() {
     use variational::solvers::Assembler;
@@ -118,7 +118,7 @@ fn forces_derive_from_energy_wherever_there_is_one() {
     let mut checked = 0;
     for index in 0..340 {
         let case = case(3, index, directory.path()).unwrap();
-        // Where a body is flat or mirrored, some laws have a kink.
+        // On flat or mirrored bodies some laws have a kink.
         if !matches!(case.violence, Violence::Scrambled | Violence::Stretched) {
             continue;
         }
@@ -135,7 +135,7 @@ fn forces_derive_from_energy_wherever_there_is_one() {
             let energy = assembler.energies(&x, 0.0).total();
             let largest = gradient.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
             let is_sound = energy.is_finite() && gradient.iter().all(|g| g.is_finite());
-            // What round-off leaves of a body at rest (a sheet stretched across its plane) says nothing.
+            // Round-off in a body without strain (a sheet stretched across its plane) is not compared.
             let size = x.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
             if !is_sound || energy < 1e-6 {
                 continue;
@@ -153,7 +153,7 @@ fn forces_derive_from_energy_wherever_there_is_one() {
                 (at(1.0) - at(-1.0)) / (2.0 * step)
             };
             let exact: f64 = gradient.iter().map(|g| g * g / largest).sum();
-            // Slivers and kinks need other steps than smooth bodies.
+            // Slivers and kinks need other difference steps than smooth configurations.
             let best = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12]
                 .into_iter()
                 .map(|step| (quotient(step * size) / exact - 1.0).abs())
@@ -166,7 +166,7 @@ fn forces_derive_from_energy_wherever_there_is_one() {
     assert!(checked > 15, "{checked}");
 }
 
-/// Scenes that were mutated at random are read or refused, never a panic.
+/// Scenes mutated at random are read or refused, without a panic.
 #[test]
 fn mutated_scenes_are_read_or_refused() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");

@@ -1,4 +1,4 @@
-//! Runs the program on a scene in a directory of its own, and reads what it wrote.
+//! Runs the program on a scene in a temporary directory and reads the files that it writes.
 #![allow(dead_code, reason = "each test binary uses a part of this room")]
 
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 
 use tempfile::TempDir;
 
-/// A run that has ended.
+/// A run of the program that has ended.
 pub(crate) struct Program {
     directory: TempDir,
     pub(crate) output: Output,
@@ -18,7 +18,7 @@ impl Program {
         Self::run_with(scene, &[])
     }
 
-    /// The same, with further arguments.
+    /// Runs a scene that must succeed, with further arguments.
     pub(crate) fn run_with(scene: &str, arguments: &[&str]) -> Self {
         let program = Self::try_run(scene, arguments);
         assert!(program.output.status.success(), "{}", program.errors());
@@ -40,7 +40,7 @@ impl Program {
         Self { directory, output }
     }
 
-    /// `variational check` on a scene.
+    /// Runs `variational check` on a scene.
     pub(crate) fn check(scene: &str) -> Self {
         let directory = TempDir::new().unwrap();
         std::fs::write(directory.path().join("scene.toml"), with_paths(scene)).unwrap();
@@ -48,12 +48,12 @@ impl Program {
         Self { directory, output }
     }
 
-    /// The directory that the run was started in.
+    /// The directory in which the program was started.
     pub(crate) fn directory(&self) -> &Path {
         self.directory.path()
     }
 
-    /// The directory that it wrote.
+    /// The directory that the program wrote.
     pub(crate) fn out(&self) -> PathBuf {
         self.directory.path().join("out")
     }
@@ -75,7 +75,7 @@ impl Program {
     }
 }
 
-/// The report.json of a directory.
+/// Reads the report.json of a directory.
 pub(crate) fn report_of(directory: &Path) -> serde_json::Value {
     serde_json::from_str(&std::fs::read_to_string(directory.join("report.json")).unwrap()).unwrap()
 }
@@ -85,12 +85,12 @@ fn with_paths(scene: &str) -> String {
     scene.replace("DATA", &format!("{root}/tests/data")).replace("MESHES", &format!("{root}/meshes"))
 }
 
-/// The program as it was built for the tests.
+/// Returns a command that starts the program as built for the tests.
 pub(crate) fn command() -> Command {
     Command::new(env!("CARGO_BIN_EXE_variational"))
 }
 
-/// history.csv.
+/// The contents of history.csv.
 pub(crate) struct History {
     names: Vec<String>,
     rows: Vec<Vec<f64>>,
@@ -118,7 +118,7 @@ impl History {
         *self.column(name).last().unwrap()
     }
 
-    /// The value in the row nearest to t.
+    /// Returns the value in the row at time t.
     pub(crate) fn at(&self, name: &str, t: f64) -> f64 {
         let times = self.column("t");
         let nearest =

@@ -1,4 +1,4 @@
-//! Reference cases with their sources.
+//! Tests reference cases, with their sources.
 
 #[path = "../program/mod.rs"]
 mod program;

@@ -1,4 +1,4 @@
-//! Reference cases A1 and A2, through the command line: exact to round-off, whatever the mesh.
+//! Tests reference cases A1 and A2 through the command line: exact to round-off, for any mesh.
 
 use crate::program::{History, Program};
 
@@ -28,7 +28,7 @@ fn close(found: f64, expected: f64, tolerance: f64, what: &str) {
     assert!((found - expected).abs() <= tolerance, "{what}: {found:.13} instead of {expected:.13}");
 }
 
-/// The table of A1: node 0 after 20 steps, and the energy then, to 1e-10.
+/// The table of A1 is met to 1e-10: the position of node 0 after 20 steps, and the energy then.
 #[test]
 fn a1_single_tetrahedron() {
     for (scheme, x, energy) in [
@@ -53,7 +53,7 @@ fn a1_single_tetrahedron() {
     close(a1("stormer-verlet", "neo-hookean").first("total"), 9.263417035889, 1e-11, "NH energy at t = 0");
 }
 
-/// The exact solution of the ODE, ±1e-9, by schemes of high order.
+/// Schemes of high order meet the exact solution of the ODE to ±1e-9.
 #[test]
 fn a1_exact_solution() {
     let exact = [0.246749587, -0.120237950, -0.003696031];
@@ -67,7 +67,7 @@ fn a1_exact_solution() {
     }
 }
 
-/// The Kuhn cube, exact ODE solution at t = .05 and t = .2.
+/// The Kuhn cube meets the exact solution of the ODE at t = 0.05 and t = 0.2.
 #[test]
 fn a2_kuhn_cube() {
     let scene = r#"

@@ -1,5 +1,5 @@
-//! The finite element body is one instance of the theory: a bar of tetrahedra, with its cross
-//! sections kept plane by generalised coordinates, is the bar that one writes by hand.
+//! The finite element body is an instance of the theory: a bar of tetrahedra whose cross sections are kept plane by
+//! generalised coordinates equals the bar written by hand.
 
 use nalgebra::{DMatrix, DVector};
 use vi_core::discrete::DiscreteLagrangian;
@@ -11,7 +11,7 @@ use vi_mesh::{BoxMesh, CellKind};
 
 const BAR: Bar = Bar { element_count: 6, length: 1.5, area: 0.04, young: 1e6, density: 1000.0 };
 
-/// The body of tetrahedra with x = X + S q: q the axial displacement of each section but the first.
+/// The body of tetrahedra with x = X + S q, where q is the axial displacement of each section but the first.
 struct PlaneSections {
     system: System,
     rest: Vec<f64>,
@@ -54,7 +54,7 @@ impl PlaneSections {
     }
 }
 
-/// The pull-back along S: gradients by Sᵀ, second derivatives by Sᵀ · S.
+/// Pulls back along S: gradients by Sᵀ, second derivatives by Sᵀ · S.
 impl Expand for PlaneSections {
     fn coordinate_count(&self) -> usize {
         self.s.ncols()

@@ -1,5 +1,5 @@
-//! The scenes of scenes/validation on meshes that take seconds, against published and independent
-//! numbers. Their full digits are in docs/validation.md.
+//! Runs the scenes of scenes/validation on meshes that take seconds, against published and independent numbers.
+//! docs/validation.md lists all digits.
 
 use std::path::{Path, PathBuf};
 
@@ -27,12 +27,12 @@ fn run(name: &str, overrides: &[&str]) -> Simulation {
     simulation
 }
 
-/// Displacement of the first probe at the end.
+/// Returns the displacement of the first probe at the end.
 fn displacement(name: &str, overrides: &[&str]) -> [f64; 3] {
     run(name, overrides).observe().probes[0].displacement
 }
 
-/// Relative to `exact`.
+/// Checks that `found` is `exact` within a relative tolerance.
 fn close(found: f64, exact: f64, tolerance: f64, what: &str) {
     let error = (found / exact - 1.0).abs();
     assert!(error < tolerance, "{what}: {found:.8e} instead of {exact:.8e}, off by {error:.1e}");
@@ -83,7 +83,7 @@ fn c1_cook_membrane_of_neo_hookean_matter() {
     close(seen.elastic / 0.1, 372.91, 1e-3, "energy");
 }
 
-/// ν = .4999: plain hex8 lock; with mean dilation they come as near as hex20 of the same mesh.
+/// At ν = 0.4999 plain hex8 lock. With mean dilation they come as close as hex20 on the same mesh.
 #[test]
 fn nearly_incompressible_cook_membrane_does_not_lock() {
     let v = |overrides: &[&str]| displacement("cook-incompressible.toml", overrides)[1];
@@ -94,7 +94,8 @@ fn nearly_incompressible_cook_membrane_does_not_lock() {
     assert!(locked / reference < 0.75, "{locked} {reference}");
 }
 
-/// A cylinder of incompressible neo-Hookean matter: r² = R² + a² − A², p = ∫ μ(λ² − λ⁻²)/r dr, λ = r/R.
+/// A cylinder of incompressible neo-Hookean material satisfies r² = R² + a² − A² and p = ∫ μ(λ² − λ⁻²)/r dr, with
+/// λ = r/R.
 #[test]
 fn nearly_incompressible_cylinder_does_not_lock() {
     let (inner, outer, at) = (1.0_f64, 2.0_f64, 1.25_f64);
@@ -103,7 +104,7 @@ fn nearly_incompressible_cylinder_does_not_lock() {
     let term = |k: usize| {
         let rest = inner + (outer - inner) * (k as f64 + 0.5) / f64::from(count);
         let r = (rest * rest + at * at - inner * inner).sqrt();
-        // dr = R/r dR.
+        // The integral is over R: dr = R/r dR.
         shear * ((r / rest).powi(2) - (rest / r).powi(2)) / r * (rest / r)
     };
     let pressure: f64 = (0..count as usize).map(term).sum::<f64>() * (outer - inner) / f64::from(count);
@@ -112,7 +113,7 @@ fn nearly_incompressible_cylinder_does_not_lock() {
         let cure = format!("body.0.locking='{cure}'");
         displacement("cylinder.toml", &["body.0.material.poisson=0.4999", &load, &cure])[0]
     };
-    // Quadratic elements stiffen a little, which the cure takes away.
+    // Quadratic elements are slightly too stiff; mean dilation removes that.
     close(with("none"), 0.25, 1e-2, "hex27");
     close(with("mean-dilation"), 0.25, 1e-3, "mean dilation");
 }
@@ -158,8 +159,8 @@ fn c6_uniaxial_stretch_and_its_reactions() {
     }
 }
 
-/// Where the m-th derivative of a wave leaps, a scheme of order 2 converges at order 2m/3 in the maximum
-/// (Brenner, Thomée & Wahlbin 1975): 4/3 under gravity, 2/3 under a tip force. Steps are in units of ℓ/c.
+/// If the m-th derivative of a wave jumps, a scheme of order 2 converges with order 2m/3 in the maximum norm (Brenner,
+/// Thomée & Wahlbin 1975): 4/3 under gravity, 2/3 under a tip force. Steps are in units of ℓ/c.
 #[test]
 fn b5_bar_waves() {
     let gravity = |t: f64| 1e-3 * (0.5 * t * t - (t - 1.0).max(0.0).powi(2));
@@ -193,7 +194,8 @@ fn b5_bar_waves() {
                 "{name}, {mass}: {errors:?} {found:?}"
             );
         }
-        // Consistent mass is as much too fast, (κ²/24), as midpoint with h = ℓ/(√2 c) is too slow.
+        // The phase error of consistent mass (κ²/24, too fast) cancels that of the midpoint rule with h = ℓ/(√2 c) (too
+        // slow).
         let least = largest_error(name, "consistent", std::f64::consts::FRAC_1_SQRT_2, 2, exact);
         assert!(least < bounds[2], "{name}: {least}");
     }
@@ -205,7 +207,7 @@ fn e2_lame_mode_of_the_free_cube() {
         .iter()
         .map(|frequency| std::f64::consts::TAU * frequency)
         .collect();
-    // √2 π √(G/ρ), G = 1/2.6: a pair.
+    // The exact Lamé frequency is √2 π √(G/ρ) with G = 1/2.6; it belongs to a pair of modes.
     let exact = 2.0_f64.sqrt() * std::f64::consts::PI * (1.0 / 2.6_f64).sqrt();
     close(omega[0], exact, 5e-5, "Lamé");
     close(omega[1], exact, 5e-5, "Lamé");

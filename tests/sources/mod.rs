@@ -1,4 +1,4 @@
-//! Reads Rust sources for what they import: modules, definitions, `use` lines and paths, without a compiler.
+//! Reads the imports of Rust sources without a compiler: modules, definitions, `use` lines and paths.
 #![allow(unreachable_pub, reason = "a module of a test")]
 
 mod tokens;
@@ -8,7 +8,7 @@ use std::path::Path;
 
 use tokens::{Item, items};
 
-/// A module by its names from the root of its crate: `schemes/gauss.rs` is ["schemes", "gauss"], `lib.rs` is [].
+/// A module, as names from the root of its crate: `schemes/gauss.rs` is ["schemes", "gauss"], `lib.rs` is [].
 pub type Module = Vec<String>;
 
 /// The sources of a crate.
@@ -22,28 +22,28 @@ pub struct Crate {
 struct File {
     path: String,
     definitions: BTreeSet<String>,
-    /// Names that `use` brings, with the paths that they stand for; re-exports among them.
+    /// Names brought in by `use`, re-exports included, with the paths that they stand for.
     names: BTreeMap<String, Vec<String>>,
-    /// Paths whose names are all brought in, `use path::*`.
+    /// Paths of glob imports, `use path::*`.
     globs: Vec<Vec<String>>,
-    /// Imports and other paths; re-exports are not among them.
+    /// Paths of imports and other paths, without re-exports.
     paths: Vec<Vec<String>>,
 }
 
-/// One file uses a name that another file defines.
+/// The use, in one file, of a name that another file defines.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Use {
     /// `crate-name/path/of/file.rs`.
     pub from: String,
     pub to: String,
-    /// The path as it is written.
+    /// The path as written.
     pub path: String,
-    /// Does the path reach the name through a re-export of the crate's root?
+    /// Whether the path reaches the name through a re-export of the crate's root.
     pub through_root: bool,
 }
 
 impl Crate {
-    /// A crate from (path below `src/`, text) of its files.
+    /// Makes a crate from its files, each a pair (path below `src/`, text).
     pub fn new(name: &str, sources: &[(String, String)]) -> Self {
         let mut files = BTreeMap::new();
         let mut tests = Vec::new();
@@ -73,7 +73,7 @@ impl Crate {
         Self { name: name.to_owned(), files }
     }
 
-    /// The crate whose sources are in `folder`.
+    /// Reads the crate whose sources are in `folder`.
     pub fn read(name: &str, folder: &Path) -> Self {
         let mut sources = Vec::new();
         collect(folder, folder, &mut sources);
@@ -81,8 +81,8 @@ impl Crate {
         Self::new(name, &sources)
     }
 
-    /// The module that defines what `path` names, seen from `module` of this crate; for paths into another crate of
-    /// `all`, that crate too.
+    /// Returns the module that defines what `path` names in `module` of this crate, and the crate that it belongs to:
+    /// this one or another of `all`.
     fn resolve<'a>(
         &'a self,
         all: &'a [Crate],
@@ -116,7 +116,7 @@ impl Crate {
                 if let Some(other) = all.iter().find(|other| other.name.replace('-', "_") == *first) {
                     return other.find(all, rest, depth);
                 }
-                // A module or type under the name that an import gave it.
+                // Resolves a module or type under the name that an import gave it.
                 let brought = self.files.get(module)?.names.get(first)?;
                 if rest.is_empty() || brought == path {
                     return None;
@@ -128,7 +128,7 @@ impl Crate {
         self.find(all, &absolute, depth)
     }
 
-    /// The module that defines what an absolute path names.
+    /// Returns the module that defines what an absolute path names.
     fn find<'a>(&'a self, all: &'a [Crate], path: &[String], depth: usize) -> Option<(&'a Crate, Module)> {
         let length = (0..=path.len()).rev().find(|&length| self.files.contains_key(&path[..length]))?;
         let (module, rest) = (path[..length].to_vec(), &path[length..]);
@@ -151,8 +151,8 @@ impl Crate {
         Some((self, module))
     }
 
-    /// Every use of a name of another file of `all`. A module that declares another does not use it by that, and a
-    /// re-export is no use.
+    /// Returns every use of a name that another file of `all` defines. The declaration of a module is not a use, nor is
+    /// a re-export.
     pub fn uses(&self, all: &[Crate]) -> Vec<Use> {
         let mut uses = BTreeSet::new();
         for (module, file) in &self.files {

@@ -1,19 +1,20 @@
-//! What a source file defines and names, from its tokens. Comments, literals and items under `#[cfg(test)]` are left out.
+//! Lists what a source file defines and names, from its tokens. It ignores comments, literals and items under
+//! `#[cfg(test)]`.
 
-/// What a file says, in order.
+/// An item of a source file.
 #[derive(Debug, PartialEq)]
 pub(super) enum Item {
     /// A function, type, trait, constant or macro.
     Definition(String),
     /// A file module that only tests have.
     TestModule(String),
-    /// One leaf of a `use` line: `name` is the last of the path, its alias, or `*`.
+    /// One leaf of a `use` line: `name` is the last name of the path, its alias, or `*`.
     Use { path: Vec<String>, name: String, is_public: bool },
     /// A path of at least two names outside `use` lines.
     Path(Vec<String>),
 }
 
-/// The items of a source text.
+/// Returns the items of a source text, in order.
 pub(super) fn items(text: &str) -> Vec<Item> {
     let tokens = tokens(text);
     let mut reader = Reader { tokens: &tokens, at: 0, inline: Vec::new(), depth: 0, items: Vec::new() };
@@ -21,7 +22,7 @@ pub(super) fn items(text: &str) -> Vec<Item> {
     reader.items
 }
 
-/// Names, `::`, and single characters of anything else.
+/// Splits a text into names, `::`, and other single characters.
 fn tokens(text: &str) -> Vec<String> {
     let bytes: Vec<char> = text.chars().collect();
     let (mut out, mut i) = (Vec::new(), 0);
@@ -53,7 +54,7 @@ fn tokens(text: &str) -> Vec<String> {
             }
             i += 1;
         } else if c == '\'' && (at(i + 1) == '\\' || at(i + 2) == '\'') {
-            // A character; a lifetime has no second quote.
+            // This is a character literal; a lifetime has no second quote.
             i += if at(i + 1) == '\\' { 3 } else { 2 };
             while i < bytes.len() && bytes[i] != '\'' {
                 i += 1;
@@ -78,7 +79,7 @@ fn tokens(text: &str) -> Vec<String> {
     out
 }
 
-/// The end of a raw string that begins here: `r"…"`, `r#"…"#`, `br"…"`.
+/// Returns the end of a raw string that begins at `start`: `r"…"`, `r#"…"#`, `br"…"`.
 fn raw_string(text: &[char], start: usize) -> Option<usize> {
     if start > 0 && (text[start - 1].is_alphanumeric() || text[start - 1] == '_') {
         return None;
@@ -100,7 +101,7 @@ fn raw_string(text: &[char], start: usize) -> Option<usize> {
 struct Reader<'a> {
     tokens: &'a [String],
     at: usize,
-    /// The inline modules around, with the depth of their braces.
+    /// The depths of the braces of the enclosing inline modules.
     inline: Vec<usize>,
     depth: usize,
     items: Vec<Item>,
@@ -162,7 +163,7 @@ impl Reader<'_> {
         }
     }
 
-    /// An attribute; what stands under `#[cfg(test)]` is skipped.
+    /// Reads an attribute, and skips the item under `#[cfg(test)]`.
     fn attribute(&mut self) {
         let start = self.at;
         self.at += 1;
@@ -202,7 +203,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The rest of a `use` line, or of a group in one, behind `prefix`.
+    /// Reads the rest of a `use` line, or of a group in one, after `prefix`.
     fn use_tree(&mut self, prefix: &mut Vec<String>, is_public: bool) {
         let length = prefix.len();
         loop {
@@ -255,7 +256,7 @@ impl Reader<'_> {
 
     fn path(&mut self) {
         let mut path = vec![self.peek(0).to_owned()];
-        // `$crate::` in a macro is a path of its callers.
+        // `$crate::` in a macro is a path at its call site.
         let follows_name = self.at > 0 && [".", "::", "$"].contains(&self.tokens[self.at - 1].as_str());
         self.at += 1;
         while self.peek(0) == "::" && is_name(self.peek(1)) {
@@ -268,7 +269,7 @@ impl Reader<'_> {
         }
     }
 
-    /// A path as it is seen from the file: `super` inside an inline module stands for what is around that.
+    /// Returns a path as seen from the file: `super` inside an inline module stands for the enclosing module.
     fn relative(&self, mut path: Vec<String>) -> Vec<String> {
         let supers = path.iter().take_while(|name| *name == "super").count();
         let inner = supers.min(self.inline.len());
