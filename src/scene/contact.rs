@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vi_solvers::Method;
 
-use super::{GuardAction, Problem, Scene, SchemeName};
+use super::{GuardAction, Problem, Scene};
 
 /// `[contact]`: everything that can meet, meets, other bodies and the body itself. Without this table nothing is
 /// searched, and bodies pass through each other. Formulae, defaults and limits: docs/contact.md.
@@ -175,11 +175,6 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
             problems.push(Problem::new(format!("probe[{i}].between"), no_body(name, &known)));
         }
     }
-    if scene.time.scheme == Some(SchemeName::Auto) {
-        let message = "\"auto\" does not choose for scenes with [contact] yet; name implicit-midpoint, energy-momentum or \
-                       stormer-verlet, and a `step`";
-        problems.push(Problem::new("time.scheme", message));
-    }
     if let Some(method) = scene.time.method()
         && scene.statics.is_none()
         && let Some(message) = refused(&method, contact)
@@ -192,11 +187,6 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
         let message = "explicit steps must not change with [contact]: each change near the limit of stability pumps \
                        energy; write action = \"stop\" or \"warn\", or take energy-momentum";
         problems.push(Problem::new("guard.action", message));
-    }
-    if scene.time.estimate {
-        let message = "is not built for scenes with [contact]: the companion runs cannot step them; compare runs with \
-                       other steps";
-        problems.push(Problem::new("time.estimate", message));
     }
     if scene.statics.is_some() && contact.dissipates() {
         let message = "friction and damping of contact in [static] are not built yet: an equilibrium with friction \

@@ -157,7 +157,10 @@ fn what_is_not_built_is_refused_by_name() {
     };
     refused(&block("blanes-moan-4", ""), &["blanes-moan-4", "take stormer-verlet"]);
     refused(&block("gauss", ""), &["gauss 2", "take stormer-verlet"]);
-    refused(&block("auto", ""), &["\"auto\" does not choose"]);
+    let guarded = block("stormer-verlet", "") + "[guard]\naction = \"halve\"\n";
+    refused(&guarded, &["guard.action", "explicit steps must not change"]);
+    let resting = block("implicit-midpoint", "friction = 0.3") + "[static]\n";
+    refused(&resting, &["contact", "depends on its path"]);
     refused(&block("backward-euler", "friction = 0.1"), &["friction", "backward-euler"]);
     refused(
         &block("energy-momentum", "exclude = [[\"block\", \"flor\"]]"),
@@ -371,4 +374,106 @@ smallest_gap = 1e-9
         assert_eq!(report["contact"]["pairs_of_bodies_searched"], 4, "{scheme}: {}", report["contact"]);
         assert!(drift(&program) < if scheme == "energy-momentum" { 1e-8 } else { 3e-2 }, "{scheme}");
     }
+}
+
+/// `auto` chooses a scheme that steps contact, `bench` ranks those that do and says of the others why not, `convergence`
+/// and `time.estimate` take scenes with contact.
+#[test]
+fn studies_take_scenes_with_contact() {
+    let probed = |scheme: &str| {
+        block(scheme, "").replace("end = 0.3", "end = 0.16")
+            + "[[probe]]\nname = \"top\"\nbody = \"block\"\npoint = [0.1, 0.1, 0.3]\n"
+    };
+    let auto = Program::run(&probed("auto").replace("step = 1e-3\n", "step = 1e-3\ntolerance = 0.02\n"));
+    let scheme = auto.report()["scheme"].as_str().unwrap_or_default().to_owned();
+    assert!(["stormer-verlet", "implicit-midpoint"].contains(&scheme.as_str()), "{scheme}");
+    assert!(auto.history().column("pairs").iter().any(|&pairs| pairs > 0.0));
+    let estimated =
+        Program::run(&probed("stormer-verlet").replace("step = 1e-3\n", "step = 1e-3\nestimate = true\n"));
+    assert!(estimated.report()["estimate"].is_object(), "{}", estimated.report());
+    let study = |command: &[&str]| {
+        let program = Program::check(&probed("implicit-midpoint"));
+        let output =
+            crate::program::command().current_dir(program.directory()).args(command).output().unwrap();
+        assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let ranked =
+        study(&["bench", "scene.toml", "--budget", "4", "--schemes", "stormer-verlet,blanes-moan-4"]);
+    assert!(ranked.contains("stormer-verlet"), "{ranked}");
+    study(&["convergence", "scene.toml", "--levels", "2"]);
+}
+
+/// Schemes for comparison, which act by the gradient at the end of a step, and the Euler schemes: nothing crosses, and
+/// what they lose is in the account of the scheme.
+#[test]
+fn every_scheme_that_steps_contact_keeps_bodies_apart() {
+    for (scheme, least, most) in [
+        ("symplectic-euler-a", -0.1, 0.1),
+        ("symplectic-euler-b", -0.1, 0.1),
+        ("gauss\"\nstages = 1\n#\"", -0.02, 0.02),
+        ("backward-euler", -1.0, 1e-9),
+        ("bdf2", -1.0, 0.05),
+        ("newmark", -0.3, 0.3),
+    ] {
+        let program = Program::run(&block(scheme, "").replace("end = 0.3", "end = 0.2"));
+        let history = program.history();
+        assert!(history.column("smallest_gap").iter().all(|&gap| gap > 0.0), "{scheme}");
+        assert!(history.column("pairs").iter().any(|&pairs| pairs > 0.0), "{scheme}");
+        let (total, kinetic) = (history.column("total"), history.column("kinetic"));
+        let exchanged = kinetic.iter().copied().fold(0.0, f64::max);
+        let gained = (total[total.len() - 1] - total[0]) / exchanged;
+        assert!((least..=most).contains(&gained), "{scheme}: {gained}");
+        let unexplained = program.report()["energy"]["unexplained"].as_f64().unwrap();
+        assert!(unexplained.abs() < 1e-9, "{scheme}: {unexplained:e}");
+    }
+}
+
+/// An equilibrium with contact: a block under its weight on a floor, and two blocks with unlike meshes between which the
+/// pressure is what is put on top.
+#[test]
+fn equilibria_with_contact_carry_their_load() {
+    let program = Program::run(
+        r#"
+[time]
+end = 1.0
+step = 1.0
+[static]
+[contact]
+self = false
+[[body]]
+name = "lower"
+box = { size = [1.0, 1.0, 0.2], cells = [6, 6, 1], element = "hex8" }
+material = { law = "linear", young = 1e6, poisson = 0.0, density = 1000.0 }
+[[body]]
+name = "upper"
+box = { size = [1.0, 1.0, 0.2], cells = [5, 5, 1], element = "hex8", origin = [0.0, 0.0, 0.201] }
+material = { law = "linear", young = 1e6, poisson = 0.0, density = 1000.0 }
+[[fix]]
+body = "lower"
+region = "z-min"
+[[fix]]
+body = "upper"
+region = "z-max"
+axes = ["x", "y"]
+[[load]]
+kind = "pressure"
+body = "upper"
+region = "z-max"
+pressure = 1000.0
+"#,
+    );
+    let history = program.history();
+    let row = history.column("smallest_gap").len() - 1;
+    // The layer starts at the gap of 1 mm and has κ = 1e5 Pa: κ |B'(s)| = 1 kPa.
+    let (mut low, mut high) = (0.5, 1.0);
+    for _ in 0..60 {
+        let s: f64 = 0.5 * (low + high);
+        let q = 1.0 - s;
+        let pressure = 1e5 * (3.0 * q * q * s + q * q * q) / (s * s);
+        (low, high) = if pressure > 1e3 { (s, high) } else { (low, s) };
+    }
+    assert!((history.column("smallest_gap")[row] / (1e-3 * low) - 1.0).abs() < 5e-3);
+    let said = String::from_utf8_lossy(&program.output.stdout).into_owned() + &program.errors();
+    assert!(said.contains("1.0000e3) N"), "{said}");
 }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::{BenchError, BenchWatch, ReferenceFacts};
 use crate::auto::trial::{Choice, Limit, Norm, Trial, TrialError, run};
-use crate::scene::{Scene, SchemeName};
+use crate::scene::{MassKind, Scene, SchemeName};
 
 /// hω of the finer Blanes–Moan run: well inside stability, error 1e-9 and below where the motion is
 /// that of the low modes.
@@ -20,7 +20,8 @@ pub(super) struct Reference {
 }
 
 /// Finds a reference within `share` of wall time: by Blanes and Moan's method of order 6 where its steps
-/// fit, else by Gauss's method with 3 stages, refined until the next halving would not fit.
+/// fit, else by Gauss's method with 3 stages, refined until the next halving would not fit; with contact by
+/// Störmer–Verlet, or by implicit midpoint with consistent mass.
 pub(super) fn find(
     scene: &Scene,
     norm: &Norm,
@@ -29,6 +30,13 @@ pub(super) fn find(
     watch: &mut dyn BenchWatch,
 ) -> Result<Reference, BenchError> {
     let begin = Instant::now();
+    if scene.contact.is_some() {
+        let choice = with_contact(scene, omega);
+        return ladder(scene, norm, choice, share, begin, watch).map_err(|why| match why {
+            TrialError::Stopped => BenchError::Stopped,
+            why => BenchError::Reference { why: format!("{}: {why}", choice.label()) },
+        });
+    }
     let explicit = Choice {
         scheme: SchemeName::BlanesMoan6,
         stages: None,
@@ -62,6 +70,14 @@ pub(super) fn find(
             BenchError::Reference { why: tried.join("; ") }
         }
     })
+}
+
+/// The scheme of the reference where bodies meet: schemes of higher order do not step contact.
+fn with_contact(scene: &Scene, omega: f64) -> Choice {
+    let steps = ((scene.time.end * omega).ceil() as u64).max(16);
+    let is_lumped = scene.solver.mass != Some(MassKind::Consistent);
+    let scheme = if is_lumped { SchemeName::StormerVerlet } else { SchemeName::ImplicitMidpoint };
+    Choice { scheme, stages: None, steps }
 }
 
 /// Halves the step from 2/`choice.steps` on until two solutions agree or time is up.

@@ -10,7 +10,7 @@ use super::{BenchError, BenchOptions, BenchReport, BenchWatch, Measure, Row, Tri
 use crate::auto::settle;
 use crate::auto::trial::{Choice, Limit, Norm, Trial, TrialError, run};
 use crate::run::provenance::Provenance;
-use crate::scene::{Problem, Scene, SchemeName};
+use crate::scene::{Scene, SchemeName};
 use crate::simulation::Simulation;
 use crate::simulation::stability::highest;
 
@@ -34,11 +34,6 @@ pub fn bench(
     watch: &mut dyn BenchWatch,
 ) -> Result<BenchReport, BenchError> {
     let begin = Instant::now();
-    if scene.contact.is_some() {
-        let message = "`bench` of scenes with contact is not built yet: its reference schemes cannot step them; run the \
-                       scene with several steps and schemes, e.g. by `variational sweep`";
-        return Err(BenchError::Scene(vec![Problem::new("contact", message)]));
-    }
     let schemes = schemes(options)?;
     let (scene, _) = settle(scene.clone(), &mut Trials(watch))?;
     let simulation = Simulation::new(scene.clone()).map_err(BenchError::Scene)?;
