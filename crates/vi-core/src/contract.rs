@@ -1,5 +1,5 @@
-//! What the crates of the workspace agree on: coordinates, local terms, systems and states, the energy ledger, constraints,
-//! and schemes as data. Nothing here needs automatic differentiation.
+//! The contract between the crates of the workspace: coordinates, local terms, systems and states, the energy ledger,
+//! constraints, and schemes as data. Nothing here needs automatic differentiation.
 
 pub(crate) mod combination;
 pub(crate) mod conserved;

@@ -1,20 +1,20 @@
-//! The one error type of this crate.
+//! The error type of this crate.
 
-/// Errors of Lagrangian systems and schemes, with the facts.
+/// Errors of Lagrangian systems and schemes.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CoreError {
-    /// Two arrays that must have the same length have not.
+    /// Two arrays must have the same length but do not.
     #[error("{what}: expected {expected} entries, found {found}")]
     Length {
-        /// The array in question.
+        /// Name of the array.
         what: &'static str,
-        /// The length that the system implies.
+        /// Length that the system requires.
         expected: usize,
-        /// The length that was given.
+        /// Length found.
         found: usize,
     },
-    /// A free coordinate carries no inertia.
+    /// A free coordinate has no mass.
     #[error(
         "coordinate {dof} is free but its mass is {mass} kg; a free coordinate needs a positive, finite mass"
     )]
@@ -25,34 +25,34 @@ pub enum CoreError {
         mass: f64,
     },
     /// The mass cannot be consistent.
-    #[error("mass cannot be consistent here: {reason}; lumped mass serves there")]
+    #[error("mass cannot be consistent here: {reason}; use lumped mass instead")]
     ConsistentMass {
         /// Reason.
         reason: &'static str,
     },
-    /// A coordinate that is named does not exist, or is named twice.
+    /// A coordinate does not exist, or is given twice.
     #[error("{what}: coordinate {dof} is out of range or given twice (there are {count})")]
     Coordinate {
-        /// The list in question.
+        /// Name of the list.
         what: &'static str,
         /// The coordinate x_i.
         dof: usize,
         /// Number of coordinates.
         count: usize,
     },
-    /// Axes of a node that are not orthonormal.
-    #[error("the axes {} and {} of node {node} have the product {product}; axes must be unit vectors, normal to each other", axes[0], axes[1])]
+    /// Axes of a node are not orthonormal.
+    #[error("the axes {} and {} of node {node} have the scalar product {product}; axes must be unit vectors, normal to each other", axes[0], axes[1])]
     Axes {
         /// The node.
         node: usize,
         /// Their scalar product.
         product: f64,
-        /// Which two, from 0.
+        /// Indices of the two axes, from 0.
         axes: [usize; 2],
     },
-    /// A term that does not count three coordinates a node, where nodes have axes of their own.
+    /// A term does not have three coordinates per node, but some nodes have their own axes.
     #[error(
-        "term '{term}' counts {block} coordinates per node; beside nodes with axes of their own it must be 3"
+        "term '{term}' has {block} coordinates per node; it must have 3, because some nodes have their own axes"
     )]
     Block {
         /// The term's name.
@@ -60,28 +60,30 @@ pub enum CoreError {
         /// Coordinates per node.
         block: usize,
     },
-    /// A node cannot be tied to others as asked.
+    /// A node cannot be tied to others as requested.
     #[error("node {node} cannot be tied to others: {reason}")]
     Combination {
         /// The tied node.
         node: usize,
-        /// Why not.
+        /// Reason.
         reason: String,
     },
-    /// A constraint that constrains nothing.
-    #[error("constraint '{constraint}' reads no free coordinate: remove it, or free what it joins")]
+    /// A constraint contains no free coordinate.
+    #[error(
+        "constraint '{constraint}' contains no free coordinate: remove it, or free a node that it constrains"
+    )]
     Constraint {
         /// Name of the constraint.
         constraint: String,
     },
-    /// A term's stencil names a node that the system has not.
+    /// A stencil refers to a node that does not exist.
     #[error("term '{term}', stencil {stencil}: node {node} is out of range (there are {count})")]
     Stencil {
-        /// The term's name.
+        /// Name of the term.
         term: String,
-        /// The stencil's index.
+        /// Index of the stencil.
         stencil: usize,
-        /// The node that does not exist.
+        /// The missing node.
         node: usize,
         /// Number of nodes.
         count: usize,
@@ -89,16 +91,16 @@ pub enum CoreError {
     /// A scheme or quadrature that is not defined for this number of points.
     #[error("{what} with {count} points is not defined; {allowed}")]
     Points {
-        /// The rule in question.
+        /// Name of the rule.
         what: &'static str,
-        /// The number of points that was asked for.
+        /// The requested number of points.
         count: usize,
-        /// Numbers of points that are defined.
+        /// The allowed numbers of points.
         allowed: &'static str,
     },
-    /// The quadrature has too few points for the interpolation: some motion costs no action.
+    /// The quadrature has too few points for the interpolation: some motion has no action.
     #[error(
-        "degenerate scheme: a quadrature of {points} points cannot see the velocity of a polynomial of degree {degree}; \
+        "degenerate scheme: a quadrature of {points} points does not determine the velocity of a polynomial of degree {degree}; \
          use at least {degree} points inside the step or at its ends"
     )]
     Degenerate {
@@ -107,7 +109,7 @@ pub enum CoreError {
         /// Points of the quadrature.
         points: usize,
     },
-    /// A step that does not move time.
+    /// The step has zero or non-finite length.
     #[error("the step must be finite and not zero, found h = {h} s")]
     StepSize {
         /// The step, s.
@@ -119,7 +121,7 @@ pub enum CoreError {
         /// The step, s.
         h: f64,
     },
-    /// The Legendre transform has no inverse: some velocity costs no kinetic energy.
+    /// The Legendre transform has no inverse: some velocity has no kinetic energy.
     #[error("the mass d2L/dv2 has no inverse at t = {t} s: some velocity does not enter the Lagrangian")]
     SingularMass {
         /// The time, s.

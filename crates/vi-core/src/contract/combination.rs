@@ -1,25 +1,26 @@
-//! Nodes whose place is a fixed weighted sum of other nodes, x_i = Σ_k w_ik x_k: a vertex on a surface, a seam, a
-//! point of a rigid body. They are eliminated exactly, as prescribed coordinates are.
+//! Tied nodes: their positions are fixed weighted sums of other nodes, x_i = Σ_k w_ik x_k. Examples are a vertex
+//! attached to a surface, a seam and a point of a rigid body. Tied nodes are eliminated exactly, as prescribed
+//! coordinates are.
 //!
-//! A rigid body is the case that needs *directors*: in natural coordinates (P. Betsch, P. Steinmann,
-//! "Constrained integration of rigid body dynamics", Comput. Methods Appl. Mech. Engrg. 191 (2001)
-//! 467–488) its point with body coordinates X is x = c + X₁ d₁ + X₂ d₂ + X₃ d₃, linear in the place c
-//! and the directors d_k. A director is a node of the arrays that turns as points do but is not moved
-//! by translations. It has the dimension of the body coordinates' inverse times length: none.
+//! Rigid bodies need *directors*. In natural coordinates (P. Betsch, P. Steinmann, "Constrained integration of rigid
+//! body dynamics", Comput. Methods Appl. Mech. Engrg. 191 (2001) 467–488) the point of a body with body coordinates X
+//! has the position x = c + X₁ d₁ + X₂ d₂ + X₃ d₃, which is linear in the reference point c and the directors d_k. A
+//! director is stored like a node. It rotates as points do, but translations do not move it. The components of d_k
+//! are dimensionless if X is in metres.
 //!
 //! # How to tie nodes
 //! ```
 //! use vi_core::{Combination, Coordinates, TiedMass};
-//! // Node 3 rides on the triangle of nodes 0, 1, 2; its mass is shared by the weights.
+//! // Node 3 is attached to the triangle of nodes 0, 1, 2, which share its mass by the weights.
 //! let tie = Combination { node: 3, terms: vec![(0, 0.2), (1, 0.3), (2, 0.5)], mass: TiedMass::Lumped };
-//! // Node 5 is sewn to node 4; its mass joins that of node 4.
+//! // Node 5 is sewn to node 4, and its mass is added to that of node 4.
 //! let seam = Combination { node: 5, terms: vec![(4, 1.0)], mass: TiedMass::Exact };
 //! let coordinates = Coordinates::new(18, vec![])?.with_combinations(&[tie, seam], &[])?;
 //! assert_eq!(coordinates.free_count(), 12);
 //! # Ok::<(), vi_core::CoreError>(())
 //! ```
-//! Everything else follows: [`crate::System::new`] pulls the mass back, steppers pull gradients and
-//! Hessians back, frames and probes read x. Terms go on naming the tied node.
+//! The rest is automatic: [`crate::System::new`] pulls the mass back, steppers pull gradients and Hessians back,
+//! frames and probes read x. Terms still refer to the tied node.
 
 use crate::error::CoreError;
 
@@ -29,39 +30,40 @@ const BLOCK: usize = 3;
 /// Distribution of the mass of a tied node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TiedMass {
-    /// M = Sᵀ M S, which must come out diagonal (one term, or a body at its principal axes).
+    /// M = Sᵀ M S. It must be diagonal: a tie to one node, or a body at its principal axes.
     Exact,
-    /// Each node of the sum takes m_i w_ik: mass, and so linear momentum, is kept; m_i w_ik w_il is not.
+    /// Each node k of the sum receives the mass m_i w_ik. This conserves mass and linear momentum; the products m_i
+    /// w_ik w_il are dropped.
     Lumped,
 }
 
 /// x_node = Σ w x_k over `terms` (k, w), for all three coordinates of the node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Combination {
-    /// The node that is tied; it is no longer free.
+    /// The tied node; it is no longer free.
     pub node: u32,
-    /// The nodes that it is tied to, with weights. Weights on points sum to one; on directors they are
-    /// free.
+    /// Pairs (node, weight) to which the node is tied. The weights of points sum to one; the weights of directors are
+    /// arbitrary.
     pub terms: Vec<(u32, f64)>,
-    /// Distribution of its mass.
+    /// Distribution of the mass of the tied node.
     pub mass: TiedMass,
 }
 
-/// All tied nodes, with sums over nodes that are not tied themselves; in ascending order.
+/// All tied nodes in ascending order, each with its sum over nodes that are not tied themselves.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Combinations {
     nodes: Vec<u32>,
     /// Node `nodes[i]` is the sum of `terms[start[i]..start[i + 1]]`.
     start: Vec<usize>,
     terms: Vec<(u32, f64)>,
-    /// Ties whose mass moves as it is to the nodes that they name, those before that are named by none.
+    /// Ties whose whole mass moves to the nodes of their sums. A tie precedes all ties that it refers to.
     lumped: Vec<(u32, Vec<(u32, f64)>)>,
 }
 
 impl Combinations {
     /// # Errors
-    /// [`CoreError::Coordinate`] where a node is out of range or tied twice, [`CoreError::Combination`]
-    /// where nodes are tied to each other in a ring, or weights do not leave translations alone.
+    /// [`CoreError::Coordinate`] if a node is out of range or tied twice, [`CoreError::Combination`] if ties form a
+    /// cycle or the weights do not preserve translations.
     pub(crate) fn new(
         node_count: usize,
         combinations: &[Combination],
@@ -109,19 +111,19 @@ impl Combinations {
         Ok(all)
     }
 
-    /// The tied nodes, ascending, each with its sum.
+    /// Returns the tied nodes in ascending order, each with its sum.
     pub(crate) fn iter(&self) -> impl Iterator<Item = (u32, &[(u32, f64)])> {
         let sums = self.start.windows(2).map(|range| &self.terms[range[0]..range[1]]);
         self.nodes.iter().copied().zip(sums)
     }
 
-    /// The sum of a node, where it is tied.
+    /// Returns the sum of a node, if it is tied.
     pub(crate) fn of(&self, node: u32) -> Option<&[(u32, f64)]> {
         let place = self.nodes.binary_search(&node).ok()?;
         Some(&self.terms[self.start[place]..self.start[place + 1]])
     }
 
-    /// x_i ← Σ w x_k.
+    /// Sets the tied nodes: x_i ← Σ w x_k.
     pub(crate) fn embed(&self, x: &mut [f64]) {
         for (node, terms) in self.iter() {
             let mut sum = [0.0; BLOCK];
@@ -134,7 +136,7 @@ impl Combinations {
         }
     }
 
-    /// g_k += w g_i, then g_i = 0.
+    /// Adds g_k += w g_i, then sets g_i = 0, for each tied node i.
     pub(crate) fn pull_back(&self, covector: &mut [f64]) {
         for (node, terms) in self.iter() {
             let own = &mut covector[BLOCK * node as usize..][..BLOCK];
@@ -148,11 +150,11 @@ impl Combinations {
         }
     }
 
-    /// The mass of what is free, from the mass of every coordinate: lumped ties hand theirs on, m_k += w m_i;
-    /// of the others the diagonal of Sᵀ M S is taken.
+    /// Replaces the mass of every coordinate by that of the free ones. Lumped ties distribute their mass, m_k += w
+    /// m_i; the others contribute the diagonal of Sᵀ M S.
     ///
     /// # Errors
-    /// [`CoreError::Combination`] where that is not diagonal.
+    /// [`CoreError::Combination`] if Sᵀ M S is not diagonal.
     pub(crate) fn pull_back_mass(
         &self,
         mass: &mut [f64],
@@ -166,7 +168,8 @@ impl Combinations {
                 }
             }
         }
-        // What stands beside the diagonal, by pair of nodes; isotropic up to prescribed axes.
+        // Off-diagonal entries by pair of nodes. One number is enough because masses are isotropic (except along
+        // prescribed axes).
         let mut beside: std::collections::BTreeMap<(u32, u32), (f64, u32)> = Default::default();
         for (node, terms) in self.iter() {
             let own = &mut mass[BLOCK * node as usize..][..BLOCK];
@@ -184,7 +187,7 @@ impl Combinations {
                 }
             }
         }
-        // Between nodes that are both prescribed there is no motion to couple.
+        // Two prescribed nodes have no free motion that could be coupled.
         for ((l, k), (value, node)) in beside.into_iter().filter(|((l, k), _)| is_free(*l) || is_free(*k)) {
             let scale = (mass[BLOCK * k as usize] * mass[BLOCK * l as usize]).sqrt();
             if value.abs() > 1e-9 * scale {
@@ -202,10 +205,10 @@ impl Combinations {
     }
 }
 
-/// Hands the masses (kg, one a node) of lumped ties, and of ties to one node alone, on to the nodes that
-/// they name, as [`crate::System::new`] will: what other ties then find there.
+/// Moves the masses (kg, one per node) of lumped ties, and of ties to a single node, to the nodes that they refer to,
+/// as [`crate::System::new`] does. The result is the mass that the remaining ties see at each node.
 ///
-/// Ties and nodes must be such as [`crate::Coordinates::with_combinations`] takes.
+/// Ties and nodes must satisfy the conditions of [`crate::Coordinates::with_combinations`].
 pub fn redistribute_lumped_mass(combinations: &[Combination], mass: &mut [f64]) {
     for (node, terms) in lumped_order(combinations) {
         let value = std::mem::take(&mut mass[node as usize]);
@@ -215,7 +218,7 @@ pub fn redistribute_lumped_mass(combinations: &[Combination], mass: &mut [f64]) 
     }
 }
 
-/// The ties whose mass moves as it is, each before those that it names.
+/// Returns the ties whose whole mass moves, each before those that it refers to.
 fn lumped_order(combinations: &[Combination]) -> Vec<(u32, Vec<(u32, f64)>)> {
     let moves = |tie: &&Combination| {
         tie.mass == TiedMass::Lumped || matches!(tie.terms[..], [(_, weight)] if weight == 1.0)
@@ -231,7 +234,7 @@ fn lumped_order(combinations: &[Combination]) -> Vec<(u32, Vec<(u32, f64)>)> {
     order
 }
 
-/// Lists what a tie names, then the tie.
+/// Appends the ties that a tie refers to, then the tie itself.
 fn name_first(
     node: u32,
     ties: &std::collections::BTreeMap<u32, &Combination>,
@@ -251,7 +254,7 @@ fn out_of_range(node: u32, count: usize) -> CoreError {
     CoreError::Coordinate { what: "tied nodes", dof: BLOCK * node as usize, count: BLOCK * count }
 }
 
-/// Adds `scale` times the sum of a tie, its terms that are tied themselves replaced by their sums.
+/// Adds `scale` times the sum of a tie; nodes that are tied themselves are replaced by their sums.
 fn resolve(
     tie_of: &[Option<&Combination>],
     tie: &Combination,

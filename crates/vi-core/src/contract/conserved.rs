@@ -1,4 +1,4 @@
-//! The quantities of Noether's theorem: energy, linear and angular momentum of a state.
+//! The quantities of Noether's theorem for a state: energy, linear and angular momentum.
 
 use crate::contract::system::{State, System};
 
@@ -10,7 +10,7 @@ pub fn kinetic_energy(system: &System, state: &State) -> f64 {
     }
 }
 
-/// Linear momentum P = Σ p of points in space (3 coordinates a node), kg m/s; directors have none.
+/// Linear momentum P = Σ p of points in space (3 coordinates per node), kg m/s. Directors do not contribute.
 pub fn linear_momentum(system: &System, state: &State) -> [f64; 3] {
     let mut total = [0.0; 3];
     let coordinates = system.coordinates();
@@ -23,12 +23,12 @@ pub fn linear_momentum(system: &System, state: &State) -> [f64; 3] {
     total
 }
 
-/// Angular momentum L = Σ x × p about the origin, points in space, kg m²/s.
+/// Angular momentum L = Σ x × p about the origin for points in space, kg m²/s.
 pub fn angular_momentum(system: &System, state: &State) -> [f64; 3] {
     let x = system.positions(state);
     let mut total = [0.0; 3];
     each_momentum(system, state, &mut |dof, p| {
-        // p along axis k adds x × e_k p, whose components are those of the other two axes.
+        // p along axis k adds x × e_k p, which has components along the other two axes.
         let (node, k) = (dof as usize / 3 * 3, dof as usize % 3);
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
         total[i] += x[node + j] * p;
@@ -37,7 +37,7 @@ pub fn angular_momentum(system: &System, state: &State) -> [f64; 3] {
     total
 }
 
-/// Gives the momentum of every coordinate that can move, along the axes of space.
+/// Calls `give` with the momentum of every coordinate that can move, along the axes of space.
 fn each_momentum(system: &System, state: &State, give: &mut impl FnMut(u32, f64)) {
     let coordinates = system.coordinates();
     let free = coordinates.free().iter().zip(&state.p);

@@ -1,5 +1,5 @@
-//! Quadratic constraints on points in space: g(x) = a(x)·b(x) − value, where a and b are weighted sums of
-//! nodes. In natural coordinates everything that rigid bodies and joints ask is of this form:
+//! Quadratic constraints on points in space: g(x) = a(x)·b(x) − value, where a and b are weighted sums of nodes. In
+//! natural coordinates all constraints of rigid bodies and joints have this form:
 //! ```text
 //! rigid body    d_i·d_j − δ_ij = 0                    (6)
 //! ball joint    r_A − r_B = 0                         (3)       r = c + X₁ d₁ + X₂ d₂ + X₃ d₃
@@ -7,39 +7,39 @@
 //! weld          ball joint, three such products       (3 + 3)
 //! rod           |r_A − r_B|² − L² = 0                 (1)
 //! ```
-//! Its Hessian is constant and its gradient at the middle of a step is exactly its difference,
-//! ∂g/∂x(½(x₀ + x₁))·(x₁ − x₀) = g(x₁) − g(x₀): so multipliers at the middle do no work (O. Gonzalez,
-//! "Mechanical systems subject to holonomic constraints", Physica D 132 (1999) 165–174).
+//! The Hessian of g is constant, and its gradient at the middle of a step gives its exact difference, ∂g/∂x(½(x₀ +
+//! x₁))·(x₁ − x₀) = g(x₁) − g(x₀). So multipliers at the middle do no work (O. Gonzalez, "Mechanical systems subject
+//! to holonomic constraints", Physica D 132 (1999) 165–174).
 
 use crate::contract::coordinates::Coordinates;
 use crate::error::CoreError;
 
-/// A point or a vector in space as a sum: r = place + Σ w x_k over nodes (k, w).
+/// A point or vector in space as a sum: r = fixed + Σ w x_k over nodes (k, w).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Place {
-    /// Nodes with weights.
+    /// Pairs (node, weight).
     pub nodes: Vec<(u32, f64)>,
-    /// Fixed positions, m.
+    /// Fixed part, m.
     pub fixed: [f64; 3],
 }
 
 impl Place {
-    /// A node.
+    /// Returns the position of a node.
     pub fn node(node: u32) -> Self {
         Self { nodes: vec![(node, 1.0)], fixed: [0.0; 3] }
     }
 
-    /// A place or direction fixed in space.
+    /// Returns a point or direction fixed in space.
     pub fn fixed(fixed: [f64; 3]) -> Self {
         Self { nodes: Vec::new(), fixed }
     }
 
-    /// A weighted sum of nodes.
+    /// Returns a weighted sum of nodes.
     pub fn sum(nodes: Vec<(u32, f64)>) -> Self {
         Self { nodes, fixed: [0.0; 3] }
     }
 
-    /// This minus `other`.
+    /// Returns the difference of this place and `other`.
     pub fn minus(&self, other: &Self) -> Self {
         let negative = other.nodes.iter().map(|&(node, weight)| (node, -weight));
         Self {
@@ -50,7 +50,7 @@ impl Place {
 }
 
 impl Place {
-    /// Where it is, from positions x of three coordinates per node.
+    /// Returns the value of the sum at positions x, three coordinates per node.
     fn at(&self, x: &[f64]) -> [f64; 3] {
         std::array::from_fn(|k| {
             let mut sum = self.fixed[k];
@@ -61,7 +61,8 @@ impl Place {
         })
     }
 
-    /// The sum of the sizes of what it adds up at x, m, where a node counts with `size(node)` at least.
+    /// Returns the sum of the norms of all summands at x, m. The position of a node counts with at least
+    /// `size(node)`.
     fn magnitude(&self, x: &[f64], size: &dyn Fn(u32) -> f64) -> f64 {
         let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
         let of_node = |&(node, weight): &(u32, f64)| {
@@ -95,8 +96,8 @@ impl Place {
 
 /// One constraint g(x) = a(x)·b(x) − value = 0.
 ///
-/// The two factors are kept apart: a difference of places far from the origin is then as good as the
-/// places are, where products of the places themselves would lose twice as many digits.
+/// The two factors are stored separately. A difference of points far from the origin then has the absolute accuracy
+/// of the points; products of the points themselves would lose twice as many digits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct QuadraticConstraint {
     name: String,
@@ -106,19 +107,19 @@ pub struct QuadraticConstraint {
 }
 
 impl QuadraticConstraint {
-    /// a·b = value. `name` is for messages.
+    /// Returns the constraint a·b = value. `name` appears in messages.
     pub fn product(name: impl Into<String>, a: &Place, b: &Place, value: f64) -> Self {
         Self { name: name.into(), a: a.clone(), b: b.clone(), value }
     }
 
-    /// a = b: three constraints, one an axis.
+    /// Returns a = b as three constraints, one per axis.
     pub fn coincidence(name: &str, a: &Place, b: &Place) -> [Self; 3] {
         let gap = a.minus(b);
         [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
             .map(|axis| Self::product(name, &gap, &Place::fixed(axis), 0.0))
     }
 
-    /// |a − b| = length, as |a − b|²/2 = length²/2.
+    /// Returns |a − b| = length, in the form |a − b|²/2 = length²/2.
     pub fn distance(name: &str, a: &Place, b: &Place, length: f64) -> Self {
         let gap = a.minus(b);
         let half = Place {
@@ -128,7 +129,7 @@ impl QuadraticConstraint {
         Self::product(name, &gap, &half, 0.5 * length * length)
     }
 
-    /// The six constraints of three directors: d_i·d_j = δ_ij.
+    /// Returns the six constraints of three directors, d_i·d_j = δ_ij.
     pub fn orthonormal(name: &str, directors: [u32; 3]) -> [Self; 6] {
         [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].map(|(i, j): (usize, usize)| {
             let (a, b) = (Place::node(directors[i]), Place::node(directors[j]));
@@ -141,7 +142,7 @@ impl QuadraticConstraint {
         &self.name
     }
 
-    /// Nodes that it reads, each as often as it is named.
+    /// Returns the nodes in the sums of both factors, with repetitions.
     pub fn nodes(&self) -> impl Iterator<Item = u32> + '_ {
         self.a.nodes.iter().chain(&self.b.nodes).map(|term| term.0)
     }
@@ -153,19 +154,19 @@ impl QuadraticConstraint {
         Self { name: self.name.clone(), a, b, value: self.value }
     }
 
-    /// g at positions x, three coordinates per node.
+    /// Returns g at positions x, three coordinates per node.
     pub fn value(&self, x: &[f64]) -> f64 {
         let (a, b) = (self.a.at(x), self.b.at(x));
         a[0] * b[0] + a[1] * b[1] + a[2] * b[2] - self.value
     }
 
-    /// The factors a and b, and the value that their product takes.
+    /// Returns the factors a and b, and the required value of their product.
     pub(crate) fn factors(&self) -> (&Place, &Place, f64) {
         (&self.a, &self.b, self.value)
     }
 
-    /// The size of what g adds up at x, where node k counts with `size(k)` at least: g is good to this times
-    /// the unit of round-off.
+    /// Returns the size of the summands of g at x; the position of node k counts with at least `size(k)`. The
+    /// round-off in g is this size times the unit of round-off.
     pub fn magnitude(&self, x: &[f64], size: impl Fn(u32) -> f64) -> f64 {
         let norm = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
         let (a, b) = (norm(self.a.at(x)), norm(self.b.at(x)));
@@ -183,7 +184,7 @@ impl QuadraticConstraint {
         }
     }
 
-    /// Returns the constraint on nodes that are not tied.
+    /// Returns the constraint with tied nodes replaced by their sums.
     pub(crate) fn resolved(self, coordinates: &Coordinates) -> Result<Self, CoreError> {
         let count = coordinates.dof_count() / 3;
         let missing = self.nodes().find(|&node| node as usize >= count);

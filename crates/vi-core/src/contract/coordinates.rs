@@ -1,6 +1,6 @@
-//! Generalised coordinates of a body of points: x = x(q, t), where q are the free coordinates and the others follow a
-//! prescribed path, or are weighted sums of these two (`combination.rs`). Nodes may count their coordinates along
-//! axes of their own (`node_axes.rs`). All that is not free is eliminated, never penalised.
+//! Generalised coordinates of a body of points: x = x(q, t), where q are the free coordinates. The others follow a
+//! prescribed path or are weighted sums of these two (`combination.rs`). The coordinates of a node may be components
+//! along its own axes (`node_axes.rs`). All coordinates that are not free are eliminated, never penalised.
 
 use crate::contract::combination::{Combination, Combinations};
 use crate::contract::node_axes::{AllNodeAxes, NodeAxes};
@@ -8,17 +8,17 @@ use crate::error::CoreError;
 
 /// A prescribed motion of a list of coordinates.
 pub trait Path: Send + Sync {
-    /// Positions at time t (s), m: one a coordinate of the list.
+    /// Writes the positions at time t (s), m, one per coordinate of the list.
     fn position(&self, t: f64, out: &mut [f64]);
-    /// Velocities at time t, m/s: one a coordinate of the list.
+    /// Writes the velocities at time t, m/s, one per coordinate of the list.
     fn velocity(&self, t: f64, out: &mut [f64]);
-    /// Does nothing ever move? Then what depends on these coordinates alone is made once.
+    /// Returns whether all velocities are always zero. Terms that depend only on such coordinates are evaluated once.
     fn is_fixed(&self) -> bool {
         false
     }
 }
 
-/// The path that stays where it is.
+/// A path that does not move: the given positions, m.
 #[derive(Debug, Clone)]
 pub struct Fixed(pub Vec<f64>);
 
@@ -34,37 +34,37 @@ impl Path for Fixed {
     }
 }
 
-/// Coordinates and the path that they follow together.
+/// Coordinates that follow one path together.
 pub struct Prescribed {
     /// The coordinates x_i, in the order of the path's values.
     pub dofs: Vec<u32>,
-    /// Where they are.
+    /// Path that gives their positions.
     pub path: Box<dyn Path>,
 }
 
-/// The map x(q, t): which coordinates are free, and where the others are.
+/// The map x(q, t) from the free coordinates and time to all coordinates.
 pub struct Coordinates {
     dof_count: usize,
     free: Vec<u32>,
     prescribed: Vec<Prescribed>,
     axes: AllNodeAxes,
     combinations: Option<Combinations>,
-    /// Nodes that translations do not move, ascending.
+    /// Directors, ascending: nodes that translations do not move.
     directors: Vec<u32>,
 }
 
 impl Coordinates {
-    /// All `dof_count` coordinates are free: x = q.
+    /// Returns coordinates that are all free, x = q, with `dof_count` entries.
     pub fn all_free(dof_count: usize) -> Self {
         let free = (0..dof_count as u32).collect();
         let (prescribed, axes) = (Vec::new(), AllNodeAxes::default());
         Self { dof_count, free, prescribed, axes, combinations: None, directors: Vec::new() }
     }
 
-    /// The coordinates that no path of `prescribed` names are free, in ascending order.
+    /// Returns coordinates that are free, in ascending order, except for those in a path of `prescribed`.
     ///
     /// # Errors
-    /// [`CoreError::Coordinate`] where a coordinate is out of range or named twice.
+    /// [`CoreError::Coordinate`] if a coordinate is out of range or given twice.
     pub fn new(dof_count: usize, prescribed: Vec<Prescribed>) -> Result<Self, CoreError> {
         let mut is_free = vec![true; dof_count];
         for &dof in prescribed.iter().flat_map(|group| &group.dofs) {
@@ -84,23 +84,23 @@ impl Coordinates {
         Ok(Self { dof_count, free, prescribed, axes, combinations: None, directors: Vec::new() })
     }
 
-    /// Returns a copy whose nodes have axes of their own: coordinate k of such a node,
-    /// free or prescribed, is e_k · x. The nodes have three coordinates.
+    /// Returns a copy in which some nodes have their own axes: coordinate k of such a node, free or prescribed, is
+    /// e_k · x. The nodes have three coordinates.
     ///
     /// # Errors
-    /// [`CoreError::Coordinate`] where a node is out of range or named twice, [`CoreError::Axes`] where axes are
-    /// not orthonormal.
+    /// [`CoreError::Coordinate`] if a node is out of range or given twice, [`CoreError::Axes`] if axes are not
+    /// orthonormal.
     pub fn with_axes(mut self, axes: Vec<NodeAxes>) -> Result<Self, CoreError> {
         self.axes = AllNodeAxes::new(self.dof_count, axes)?;
         Ok(self)
     }
 
-    /// Returns a copy with tied nodes, and with nodes that are directors (see `combination.rs`), both of
-    /// three coordinates a node. Tied nodes may be named by those that are tied to them.
+    /// Returns a copy with tied nodes and with directors (see `combination.rs`), both with three coordinates per
+    /// node. A tie may refer to other tied nodes.
     ///
     /// # Errors
-    /// [`CoreError::Coordinate`] where a node is out of range or tied twice; [`CoreError::Combination`]
-    /// where a tied node is prescribed, ties go in a ring, or weights on points do not sum to one.
+    /// [`CoreError::Coordinate`] if a node is out of range or tied twice; [`CoreError::Combination`] if a tied node
+    /// is prescribed, ties form a cycle, or the weights of points do not sum to one.
     pub fn with_combinations(
         mut self,
         combinations: &[Combination],
@@ -134,60 +134,61 @@ impl Coordinates {
         Ok(self)
     }
 
-    /// Is x(q, t) no more than a list of entries: no node is tied, none has axes of its own?
+    /// Returns whether x(q, t) only copies entries: no node is tied and none has its own axes.
     pub fn is_plain(&self) -> bool {
         self.combinations.is_none() && self.axes.is_empty()
     }
 
-    /// The nodes with axes of their own, ascending.
+    /// Returns the nodes with their own axes, ascending.
     pub fn node_axes(&self) -> &[NodeAxes] {
         self.axes.list()
     }
 
-    /// The axes of a node, where it has its own.
+    /// Returns the axes of a node, if it has its own.
     pub fn axes_of(&self, node: u32) -> Option<&[[f64; 3]; 3]> {
         self.axes.of(node)
     }
 
-    /// From vectors along the axes of space to coordinates along the nodes' own axes, in place.
+    /// Transforms vectors along the axes of space to components along the nodes' own axes, in place.
     pub fn to_own_axes(&self, vectors: &mut [f64]) {
         self.axes.to_own(vectors);
     }
 
-    /// The reverse of [`Coordinates::to_own_axes`].
+    /// Inverts [`Coordinates::to_own_axes`].
     pub fn to_space(&self, vectors: &mut [f64]) {
         self.axes.to_space(vectors);
     }
 
-    /// Completes vectors in space (velocities, displacements) at nodes that are not tied: those of tied nodes
-    /// follow, without the parts that move by themselves.
+    /// Completes vectors in space (velocities, displacements): sets those of tied nodes to the sums, with the weights
+    /// of the positions, of the vectors given at the other nodes.
     pub fn complete(&self, vectors: &mut [f64]) {
         if let Some(tied) = &self.combinations {
             tied.embed(vectors);
         }
     }
 
-    /// The tied nodes, ascending, each with its sum over nodes that are not tied: (node, weight).
+    /// Returns the tied nodes in ascending order, each with its sum over nodes that are not tied: (node, weight).
     pub fn combinations(&self) -> impl Iterator<Item = (u32, &[(u32, f64)])> {
         self.combinations.iter().flat_map(Combinations::iter)
     }
 
-    /// The sum of a node over nodes that are not tied, where it is tied.
+    /// Returns the sum of a tied node over nodes that are not tied.
     pub fn combination(&self, node: u32) -> Option<&[(u32, f64)]> {
         self.combinations.as_ref()?.of(node)
     }
 
-    /// The nodes that turn as points do but are not moved by translations, ascending.
+    /// Returns the directors, ascending: nodes that rotate as points do but that translations do not move.
     pub fn directors(&self) -> &[u32] {
         &self.directors
     }
 
-    /// Is a node a director?
+    /// Returns whether a node is a director.
     pub fn is_director(&self, node: u32) -> bool {
         !self.directors.is_empty() && self.directors.binary_search(&node).is_ok()
     }
 
-    /// The largest extent along an axis of the points at x, and their largest coordinate, m. Directors are no points.
+    /// Returns the largest extent of the points at x along an axis, and their largest absolute coordinate, m.
+    /// Directors do not count.
     pub fn extent_and_reach(&self, x: &[f64]) -> [f64; 2] {
         let (mut least, mut greatest, mut reach) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3], 0.0_f64);
         for (dof, &x) in x.iter().enumerate().filter(|(dof, _)| !self.is_director((dof / 3) as u32)) {
@@ -198,8 +199,8 @@ impl Coordinates {
         [(0..3).map(|k| greatest[k] - least[k]).fold(0.0, f64::max), reach]
     }
 
-    /// Sᵀ on a covector of all coordinates, in place: what acts on tied nodes acts on the nodes they
-    /// are tied to instead, and the entries of tied nodes are zero; at nodes with axes of their own it counts
+    /// Applies Sᵀ to a covector of all coordinates, in place. Forces on tied nodes act on the nodes of their sums
+    /// instead, and the entries of tied nodes become zero. At nodes with their own axes the result has components
     /// along these.
     pub fn pull_back(&self, covector: &mut [f64]) {
         if let Some(tied) = &self.combinations {
@@ -208,7 +209,7 @@ impl Coordinates {
         self.axes.to_own(covector);
     }
 
-    /// The lumped mass of the free coordinates from that of every coordinate, kg.
+    /// Returns the lumped mass of the free coordinates from that of every coordinate, kg.
     pub(crate) fn free_mass(&self, mass: &[f64]) -> Result<Vec<f64>, CoreError> {
         let of_free = |mass: &[f64]| self.free.iter().map(|&dof| mass[dof as usize]).collect();
         let Some(tied) = &self.combinations else { return Ok(of_free(mass)) };
@@ -218,7 +219,7 @@ impl Coordinates {
         Ok(of_free(&pulled))
     }
 
-    /// Returns the coordinates with all prescribed ones held at zero.
+    /// Returns a copy in which all prescribed coordinates are zero at all times.
     #[must_use]
     pub fn held(&self) -> Self {
         let dofs: Vec<u32> = self.prescribed.iter().flat_map(|group| group.dofs.iter().copied()).collect();
@@ -243,22 +244,22 @@ impl Coordinates {
         self.free.len()
     }
 
-    /// The coordinates x_i that are free, ascending: `q[k] = x[free[k]]` where [`Coordinates::is_plain`].
+    /// Returns the free coordinates x_i in ascending order; `q[k] = x[free[k]]` if [`Coordinates::is_plain`].
     pub fn free(&self) -> &[u32] {
         &self.free
     }
 
-    /// The prescribed coordinates and their paths.
+    /// Returns the prescribed coordinates and their paths.
     pub fn prescribed(&self) -> &[Prescribed] {
         &self.prescribed
     }
 
-    /// Does any prescribed coordinate move?
+    /// Returns whether any prescribed coordinate moves.
     pub fn is_moving(&self) -> bool {
         self.prescribed.iter().any(|group| !group.path.is_fixed())
     }
 
-    /// x(q, t), m.
+    /// Computes x(q, t), m.
     pub fn embed(&self, q: &[f64], t: f64, x: &mut [f64]) {
         self.scatter_free(q, x);
         self.place_prescribed(t, x);
@@ -268,12 +269,12 @@ impl Coordinates {
         }
     }
 
-    /// The prescribed entries of x(q, t), m, along nodes' own axes; the others stay as they are.
+    /// Sets the prescribed entries of x(q, t), m, along the nodes' own axes; the others remain unchanged.
     pub fn place_prescribed(&self, t: f64, x: &mut [f64]) {
         self.scatter_prescribed(x, |path, out| path.position(t, out));
     }
 
-    /// ẋ = ∂x/∂q q̇ + ∂x/∂t, m/s.
+    /// Computes ẋ = ∂x/∂q q̇ + ∂x/∂t, m/s.
     pub fn embed_velocity(&self, q_dot: &[f64], t: f64, x_dot: &mut [f64]) {
         self.scatter_free(q_dot, x_dot);
         self.scatter_prescribed(x_dot, |path, out| path.velocity(t, out));
@@ -283,7 +284,7 @@ impl Coordinates {
         }
     }
 
-    /// ∂x/∂q dq: the change of all coordinates with that of the free ones, at a fixed time, m.
+    /// Computes ∂x/∂q dq, m: the change of all coordinates for a change of the free ones at fixed time.
     pub fn embed_change(&self, dq: &[f64], dx: &mut [f64]) {
         dx.fill(0.0);
         self.scatter_free(dq, dx);
@@ -293,7 +294,7 @@ impl Coordinates {
         }
     }
 
-    /// q from positions x, or q̇ from velocities: the free coordinates, along nodes' own axes.
+    /// Computes q from positions x, or q̇ from velocities, with components along the nodes' own axes.
     pub fn coordinates_of(&self, x: &[f64], q: &mut [f64]) {
         if self.axes.is_empty() {
             return self.restrict(x, q);
@@ -303,7 +304,7 @@ impl Coordinates {
         self.restrict(&own, q);
     }
 
-    /// The entries of the free coordinates: of a covector that has been pulled back, Sᵀf.
+    /// Copies the free entries of x to q. For a covector after [`Coordinates::pull_back`] this gives Sᵀf.
     pub fn restrict(&self, x: &[f64], q: &mut [f64]) {
         for (value, &dof) in q.iter_mut().zip(&self.free) {
             *value = x[dof as usize];

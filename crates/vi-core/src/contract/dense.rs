@@ -1,5 +1,5 @@
-//! Energy, gradient and Hessian of a list of terms as dense arrays, in the plainest way: for small systems, and to check
-//! faster sums against.
+//! Energy, gradient and Hessian of a list of terms as dense arrays, computed in the simplest way: for small systems,
+//! and as a reference for faster sums.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use nalgebra::DMatrix;
 use crate::contract::potential::{Potential, packed_len};
 use crate::contract::terms::Terms;
 
-/// V(x, t), J.
+/// Returns V(x, t), J.
 pub fn energy(terms: &impl AsRef<Terms>, x: &[f64], t: f64) -> f64 {
     let mut total = 0.0;
     for potential in &all(terms, x) {
@@ -20,7 +20,7 @@ pub fn energy(terms: &impl AsRef<Terms>, x: &[f64], t: f64) -> f64 {
     total
 }
 
-/// ∂V/∂x (N), one entry a coordinate x_i, pulled back from tied nodes.
+/// Returns ∂V/∂x (N), one entry per coordinate x_i, pulled back from tied nodes.
 pub fn gradient(terms: &impl AsRef<Terms>, x: &[f64], t: f64) -> Vec<f64> {
     let mut total = vec![0.0; x.len()];
     for potential in &all(terms, x) {
@@ -38,7 +38,7 @@ pub fn gradient(terms: &impl AsRef<Terms>, x: &[f64], t: f64) -> Vec<f64> {
     total
 }
 
-/// ∂²V/∂x² (N/m), a full symmetric matrix over all coordinates x_i, pulled back from tied nodes.
+/// Returns ∂²V/∂x² (N/m), a full symmetric matrix over all coordinates x_i, pulled back from tied nodes.
 pub fn hessian(terms: &impl AsRef<Terms>, x: &[f64], t: f64) -> DMatrix<f64> {
     let mut total = DMatrix::zeros(x.len(), x.len());
     for potential in &all(terms, x) {
@@ -60,7 +60,7 @@ pub fn hessian(terms: &impl AsRef<Terms>, x: &[f64], t: f64) -> DMatrix<f64> {
         }
     }
     if !terms.as_ref().coordinates().is_plain() {
-        // SᵀKS: once by columns, once by rows.
+        // SᵀKS: pull back the columns, then the rows.
         for _ in 0..2 {
             for mut column in total.column_iter_mut() {
                 let mut pulled = column.iter().copied().collect::<Vec<f64>>();
@@ -73,14 +73,14 @@ pub fn hessian(terms: &impl AsRef<Terms>, x: &[f64], t: f64) -> DMatrix<f64> {
     total
 }
 
-/// The fixed terms, and the live ones as they are at `x`.
+/// Returns the fixed terms, and the live ones evaluated near `x`.
 fn all(terms: &impl AsRef<Terms>, x: &[f64]) -> Vec<Arc<dyn Potential>> {
     let terms = terms.as_ref();
     let live = terms.live().iter().map(|term| term.near(x, term.reach()));
     terms.fixed().iter().cloned().chain(live).collect()
 }
 
-/// The coordinates of one stencil, in the order of its local block.
+/// Returns the coordinates of one stencil in the order of its local block.
 fn local_dofs(potential: &dyn Potential, stencil: usize) -> impl Iterator<Item = usize> {
     let stencils = potential.stencils();
     let block = stencils.block;

@@ -7,43 +7,44 @@ use std::sync::Arc;
 /// ```text
 /// G_s(x₀, x₁)·(x₁ − x₀) = V_s(x₁) − V_s(x₀)
 /// ```
-/// exactly, and G_s(x, x) = ∂V_s/∂x (O. Gonzalez, J. Nonlinear Sci. 6 (1996) 449–467). A term that acts by it over a
-/// step exchanges exactly its energy with the body. `start` and `end` hold all coordinates, m.
+/// exactly, and G_s(x, x) = ∂V_s/∂x (O. Gonzalez, J. Nonlinear Sci. 6 (1996) 449–467). A term that acts through G
+/// over a step exchanges exactly its change of energy with the body. `start` and `end` hold all coordinates, m.
 pub trait DiscreteGradient: Send + Sync {
-    /// G_s, N: n a stencil, as in [`Potential::gradients`](crate::Potential::gradients).
+    /// Writes G_s, N: n entries per stencil, as in [`Potential::gradients`](crate::Potential::gradients).
     fn gradients(&self, range: Range<usize>, start: &[f64], end: &[f64], out: &mut [f64]);
 
-    /// Symmetric part of ∂G_s/∂x₁, N/m: packed lower triangles as in [`Potential::hessians`](crate::Potential::hessians). It is the matrix of
-    /// Newton's method with symmetric factors. Where ∂G_s/∂x₁ is not symmetric, convergence is linear instead of
-    /// quadratic, and the solution is the same.
+    /// Writes the symmetric part of ∂G_s/∂x₁, N/m, as packed lower triangles as in
+    /// [`Potential::hessians`](crate::Potential::hessians). It is the matrix of Newton's method with symmetric
+    /// factors. If ∂G_s/∂x₁ is not symmetric, convergence is linear instead of quadratic, and the solution is the
+    /// same.
     fn tangents(&self, range: Range<usize>, start: &[f64], end: &[f64], out: &mut [f64]);
 
-    /// The term over one step of `duration` (s), where beside V it has forces that dissipate and may remember earlier
-    /// steps, such as dry friction: `memory` is what [`DiscreteGradient::outcome`] of the last step left. The stencils
-    /// are those of this term. None where V is all there is.
+    /// Returns the term for one step of `duration` (s), if it has dissipative forces in addition to V. These may
+    /// depend on earlier steps, as dry friction does: `memory` comes from [`DiscreteGradient::outcome`] of the last
+    /// step. The stencils are those of this term. Returns `None` if the term has no such forces.
     fn over_step(&self, _duration: f64, _memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
         None
     }
 
-    /// What the forces that dissipate did over a step from `start` to `end`.
+    /// Returns the work and the memory of the dissipative forces for a step from `start` to `end`.
     fn outcome(&self, _start: &[f64], _end: &[f64]) -> StepOutcome {
         StepOutcome::default()
     }
 }
 
-/// What the forces of a term that no potential gives did over one step. With G of the term over the step,
+/// Result of one step for the forces of a term that have no potential. With G of the term over the step,
 /// ```text
 /// Σ G·Δx = ΔV + Δstored + friction + damping.
 /// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct StepOutcome {
-    /// What the next step must know.
+    /// Memory for the next step.
     pub memory: Vec<f64>,
-    /// Energy that is stored in the memory, J.
+    /// Energy stored in the memory, J.
     pub stored: f64,
-    /// Energy that friction took, J (≥ 0).
+    /// Energy dissipated by friction, J (≥ 0).
     pub friction: f64,
-    /// Energy that damping of the term took, J (≥ 0).
+    /// Energy dissipated by the damping of the term, J (≥ 0).
     pub damping: f64,
     /// Impulses between parts of the system.
     pub impulses: Vec<Impulse>,
@@ -52,7 +53,7 @@ pub struct StepOutcome {
 /// The impulse of the second of two parts on the first over a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Impulse {
-    /// Both parts, in numbers of the term.
+    /// Both parts, in the numbering of the term.
     pub between: [u32; 2],
     /// The impulse, N s.
     pub value: [f64; 3],

@@ -1,18 +1,18 @@
-//! The mass matrix of quadratic terms of the velocities (consistent mass): M v as the sum of their gradients, M⁻¹p by
-//! conjugate gradients with the lumped mass, whose number of iterations does not grow with the mesh (A. J. Wathen,
-//! IMA J. Numer. Anal. 7 (1987) 449–457).
+//! The consistent mass matrix M, given by quadratic terms of the velocities. M v is the sum of their gradients. M⁻¹p
+//! is computed by conjugate gradients with the lumped mass as preconditioner, whose number of iterations does not
+//! grow with the mesh (A. J. Wathen, IMA J. Numer. Anal. 7 (1987) 449–457).
 
 use crate::contract::dense;
 use crate::contract::terms::Terms;
 
-/// Relative residual that round-off leaves, in units of its own.
+/// Relative residual that round-off leaves, in units of ε.
 const ROUND_OFF: f64 = 4.0;
-/// Where elements are so distorted that more iterations are needed, the residual tells.
+/// Largest number of iterations. If elements are so distorted that more are needed, the residual shows it.
 const LONGEST: u32 = 10_000;
-/// Times that a solution is refined by its residual.
+/// Largest number of refinements of a solution by its residual.
 const REFINEMENTS: u32 = 3;
 
-/// M q̇, `kinetic` being the kinetic energy of the velocities of all coordinates.
+/// Returns M q̇. `kinetic` is the kinetic energy as a function of the velocities of all coordinates.
 pub(crate) fn momentum(kinetic: &Terms, q_dot: &[f64]) -> Vec<f64> {
     let coordinates = kinetic.coordinates();
     let mut v = vec![0.0; coordinates.dof_count()];
@@ -23,9 +23,9 @@ pub(crate) fn momentum(kinetic: &Terms, q_dot: &[f64]) -> Vec<f64> {
     p
 }
 
-/// Improves v until M v = p to round-off: ‖p − M v‖ ≤ 4ε ‖p‖, in the norm of the inverse `lumped` mass
-/// (positive, of the length of p). `multiply` sets its second argument to M times its first. Returns
-/// the number of iterations, 0 where v was good. All sums have one order: equal input, equal bits.
+/// Improves v until M v = p to round-off: ‖p − M v‖ ≤ 4ε ‖p‖, in the norm of the inverse `lumped` mass (positive, of
+/// the length of p). `multiply` sets its second argument to M times its first. Returns the number of iterations, 0 if
+/// v was accurate enough. All sums have a fixed order, so that equal input gives bitwise equal results.
 pub fn solve_mass(
     mut multiply: impl FnMut(&[f64], &mut [f64]),
     lumped: &[f64],
@@ -43,14 +43,14 @@ pub fn solve_mass(
             residual[k] = p[k] - product[k];
         }
         let mut left = square(&residual);
-        // Not a number: the caller looks at what it gets.
+        // A NaN is left to the caller to check.
         if left.is_nan() || left <= wanted {
             break;
         }
         for k in 0..n {
             direction[k] = residual[k] / lumped[k];
         }
-        // A quarter, so that the true residual, which round-off adds to, is within what is wanted.
+        // One quarter of the bound leaves a margin for the round-off in the true residual.
         while left > 0.0625 * wanted && iterations < LONGEST {
             iterations += 1;
             multiply(&direction, &mut product);

@@ -1,6 +1,6 @@
-//! Nodes whose coordinates count along axes of their own: x_i = Σ_k y_k e_k with orthonormal e_k. A roller on
-//! an inclined plane is such a node with y_0 prescribed along the normal e_0. The lumped mass of a node is
-//! isotropic, so that it is the same along any axes.
+//! Nodes with their own axes: their coordinates are the components y_k in x_i = Σ_k y_k e_k with orthonormal e_k. A
+//! roller on an inclined plane is such a node, with y_0 prescribed along the normal e_0. The lumped mass of a node is
+//! isotropic, so it is the same along any axes.
 
 use crate::error::CoreError;
 
@@ -12,11 +12,11 @@ const ORTHONORMAL: f64 = 1e-9;
 pub struct NodeAxes {
     /// The node.
     pub node: u32,
-    /// e_0, e_1, e_2: unit vectors normal to each other.
+    /// e_0, e_1, e_2: orthonormal vectors.
     pub axes: [[f64; 3]; 3],
 }
 
-/// All nodes with axes of their own, ascending.
+/// All nodes with their own axes, ascending.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct AllNodeAxes(Vec<NodeAxes>);
 
@@ -56,7 +56,7 @@ impl AllNodeAxes {
         Some(&self.0[place].axes)
     }
 
-    /// y_k = e_k · x.
+    /// Computes y_k = e_k · x.
     pub(crate) fn to_own(&self, x: &mut [f64]) {
         for NodeAxes { node, axes } in &self.0 {
             let own = &mut x[3 * *node as usize..][..3];
@@ -67,7 +67,7 @@ impl AllNodeAxes {
         }
     }
 
-    /// x = Σ_k y_k e_k.
+    /// Computes x = Σ_k y_k e_k.
     pub(crate) fn to_space(&self, y: &mut [f64]) {
         for NodeAxes { node, axes: [a, b, c] } in &self.0 {
             let own = &mut y[3 * *node as usize..][..3];
@@ -88,7 +88,8 @@ mod tests {
         [[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]]
     }
 
-    /// What is prescribed along a direction stays, what is free moves across it; S and Sᵀ are adjoint.
+    /// A component prescribed along a direction keeps its value, and free components move normal to it; S and Sᵀ are
+    /// adjoint.
     #[test]
     fn coordinates_count_along_own_axes() {
         let held = Prescribed { dofs: vec![3], path: Box::new(Fixed(vec![2.0])) };

@@ -1,8 +1,8 @@
 //! A potential energy V(x, t) as a sum of local terms, one per stencil.
 //!
-//! An element, a spring, a hinge, a contact and a penalty are one kind of thing: a small dense block of gradient and
-//! Hessian on a few nodes. This keeps symmetry and energy visible, so that a line search, an energy ledger and a
-//! Cholesky factor are possible.
+//! An element, a spring, a hinge, a contact and a penalty all have the same form: a small dense block of gradient and
+//! Hessian on a few nodes. Symmetry and energy are then explicit, which line search, energy ledger and Cholesky
+//! factor need.
 
 use std::ops::Range;
 
@@ -11,17 +11,17 @@ use nalgebra::DMatrix;
 use crate::contract::discrete_gradient::DiscreteGradient;
 use crate::contract::patch::Patch;
 
-/// Which nodes each local term touches: `arity` nodes a stencil, `block` coordinates a node.
+/// The nodes of each local term: `arity` nodes per stencil, `block` coordinates per node.
 ///
 /// Coordinate k of node a is x[a·block + k]. Local entry `a_local·block + k` of a gradient block
 /// belongs to coordinate k of the stencil's node number `a_local`.
 #[derive(Debug, Clone, Copy)]
 pub struct Stencils<'a> {
-    /// Nodes a stencil.
+    /// Nodes per stencil.
     pub arity: usize,
-    /// Coordinates a node (3 for points in space).
+    /// Coordinates per node (3 for points in space).
     pub block: usize,
-    /// Node numbers, flat, `arity` a stencil.
+    /// Node numbers, flat, `arity` per stencil.
     pub nodes: &'a [u32],
 }
 
@@ -31,18 +31,18 @@ impl<'a> Stencils<'a> {
         self.nodes.len() / self.arity
     }
 
-    /// Coordinates a stencil, n = arity · block: the length of a local gradient.
+    /// Returns the number of coordinates per stencil, n = arity · block: the length of a local gradient.
     pub fn size(&self) -> usize {
         self.arity * self.block
     }
 
-    /// The nodes of one stencil.
+    /// Returns the nodes of one stencil.
     pub fn of(&self, stencil: usize) -> &'a [u32] {
         &self.nodes[stencil * self.arity..(stencil + 1) * self.arity]
     }
 }
 
-/// Length of the packed lower triangle of an n × n matrix, n(n+1)/2.
+/// Returns the length of the packed lower triangle of an n × n matrix, n(n+1)/2.
 pub const fn packed_len(n: usize) -> usize {
     n * (n + 1) / 2
 }
@@ -50,9 +50,9 @@ pub const fn packed_len(n: usize) -> usize {
 /// Structure of a term's Hessian ∂²V/∂x², known before it is evaluated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HessianKind {
-    /// V is affine in x (gravity): no Hessian is ever built, the gradient is made once.
+    /// V is affine in x (gravity): no Hessian is built, and the gradient is evaluated once.
     Zero,
-    /// V is quadratic in x (springs of zero length, linear elasticity): made once.
+    /// V is quadratic in x (springs of zero length, linear elasticity): the Hessian is evaluated once.
     Constant,
     /// V is a general function of x.
     Varying,
@@ -63,16 +63,16 @@ pub enum HessianKind {
 pub struct Traits {
     /// Structure of the Hessian.
     pub hessian: HessianKind,
-    /// Does V depend on t explicitly?
+    /// Whether V depends explicitly on t.
     pub time_dependent: bool,
 }
 
-/// The account of the energy ledger that a term belongs to.
+/// The account of the energy ledger to which a term belongs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Account {
     /// Strain energy of bodies, springs, hinges.
     Elastic,
-    /// Weight.
+    /// Energy in the gravity field.
     Gravity,
     /// Energy of other conservative loads.
     Load,
@@ -80,12 +80,12 @@ pub enum Account {
     Contact,
 }
 
-/// Why a term has no finite value at a state: the facts of a diagnosis.
+/// The reason why a term has no finite value at a state.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fault {
-    /// Index of the element in the caller's numbering (the mesh's, not the stencil's).
+    /// Index of the element in the caller's numbering (that of the mesh, not that of the stencils).
     pub element: usize,
-    /// The quantity that left its domain, e.g. "det F".
+    /// The quantity outside its domain, e.g. "det F".
     pub quantity: &'static str,
     /// Its value.
     pub value: f64,
@@ -95,48 +95,48 @@ pub struct Fault {
 
 /// V(x, t) as a sum of local terms V_s, one per stencil s.
 ///
-/// Every method fills `out` for the stencils of `range` only, so that the caller chooses batches
-/// that stay in cache; the result for a stencil must not depend on the range it is asked in.
-/// Outside its domain a term writes a non-finite value (energy +∞, gradient NaN) and explains it
-/// in [`Potential::fault`]. `x` holds all coordinates (m), `t` is the time (s).
+/// Every method fills `out` only for the stencils of `range`, so that the caller can choose batches that stay in
+/// cache. The result for a stencil must not depend on `range`. Outside its domain a term writes a non-finite value
+/// (energy +∞, gradient NaN), and [`Potential::fault`] explains it. `x` holds all coordinates (m), `t` is the time
+/// (s).
 pub trait Potential: Send + Sync {
-    /// Name for reports and errors, e.g. `beam: neo-hookean`.
+    /// Returns the name for reports and errors, e.g. `beam: neo-hookean`.
     fn name(&self) -> &str;
 
-    /// The ledger account that the energy goes to.
+    /// Returns the ledger account to which the energy belongs.
     fn account(&self) -> Account;
 
-    /// Which nodes each term touches; fixed for the life of the value unless it says otherwise.
+    /// Returns the nodes of each local term. They do not change during the life of the value.
     fn stencils(&self) -> Stencils<'_>;
 
     /// Returns the properties that allow work to be skipped.
     fn traits(&self) -> Traits;
 
-    /// Energies V_s, J: one a stencil.
+    /// Writes the energies V_s, J: one per stencil.
     fn energies(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]);
 
-    /// Gradients ∂V_s/∂x, N: n a stencil, n = `stencils().size()`.
+    /// Writes the gradients ∂V_s/∂x, N: n per stencil, n = `stencils().size()`.
     fn gradients(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]);
 
-    /// Does the term know [`Potential::add_gradients`]?
+    /// Returns whether the term implements [`Potential::add_gradients`].
     fn adds_gradients(&self) -> bool {
         false
     }
 
-    /// Adds the gradients of a run of stencils to the sums of its nodes, for terms of points in space
-    /// (block 3) that know a faster way there than one block a stencil. Only called
-    /// where [`Potential::adds_gradients`].
+    /// Adds the gradients of a run of stencils to the sums of its nodes. Terms of points in space (block 3) may
+    /// implement it if it is faster than one block per stencil. It is called only if [`Potential::adds_gradients`] is
+    /// true.
     ///
-    /// The order of additions at a node may depend on the run, and with it their round-off.
+    /// The order of additions at a node, and so their round-off, may depend on the run.
     fn add_gradients(&self, _range: Range<usize>, _t: f64, _patch: Patch<'_>) {}
 
-    /// Hessians ∂²V_s/∂x², N/m: the packed lower triangle by rows, (0,0) (1,0) (1,1) (2,0) …,
-    /// n(n+1)/2 a stencil.
+    /// Writes the Hessians ∂²V_s/∂x², N/m: packed lower triangles by rows, (0,0) (1,0) (1,1) (2,0) …, with n(n+1)/2
+    /// entries per stencil.
     fn hessians(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]);
 
-    /// Hessians with their negative eigenvalues set to zero, for a Newton step after a Cholesky
-    /// factorisation has failed. The default takes the eigenvalues of each n × n block; a term that
-    /// knows its eigensystem in closed form overrides it.
+    /// Writes the Hessians with their negative eigenvalues set to zero, for a Newton step after a failed Cholesky
+    /// factorisation. The default computes the eigenvalues of each n × n block; a term with an eigensystem in closed
+    /// form overrides it.
     fn projected_hessians(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
         self.hessians(range, x, t, out);
         let n = self.stencils().size();
@@ -145,36 +145,37 @@ pub trait Potential: Send + Sync {
         }
     }
 
-    /// For terms that deform matter: the volume-weighted mean deformation gradient of each
-    /// stencil, V_e F̄ (row-major 3 × 3, m³), 9 a stencil, from which a solver finds the rotation
-    /// of each node. Returns false (and writes nothing) where the term has no such thing.
+    /// For terms that deform a body: writes the volume-weighted mean deformation gradient of each stencil, V_e F̄
+    /// (row-major 3 × 3, m³), 9 numbers per stencil, from which a solver finds the rotation of each node. Returns
+    /// false, and writes nothing, if the term has no deformation gradient.
     fn mean_deformations(&self, _range: Range<usize>, _x: &[f64], _out: &mut [f64]) -> bool {
         false
     }
 
-    /// A discrete gradient of this term, where it has one. Of live terms, implicit midpoint, energy–momentum and the
-    /// explicit schemes then use it in place of the gradient.
+    /// Returns a discrete gradient of this term, if it has one. Implicit midpoint, energy–momentum and the explicit
+    /// schemes use it in place of the gradient for live terms.
     fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {
         None
     }
 
-    /// Does [`Potential::largest_step`] ever say less than 1? Terms that do not are never asked.
+    /// Returns whether [`Potential::largest_step`] can be less than 1. It is not called for other terms.
     fn limits_steps(&self) -> bool {
         false
     }
 
-    /// The largest part of the step from `x` along `dx` (both of all coordinates, m), in (0, 1], by which this term stays
-    /// inside its domain with a margin. It is asked before a correction of Newton's method is applied.
+    /// Returns the largest fraction, in (0, 1], of the step from `x` along `dx` (both of all coordinates, m) for
+    /// which this term stays inside its domain with a margin. It is called before a correction of Newton's method is
+    /// applied.
     fn largest_step(&self, _x: &[f64], _dx: &[f64]) -> f64 {
         1.0
     }
 
-    /// The element that stencil `stencil` is, in the numbers of its mesh.
+    /// Returns the element of stencil `stencil`, in the numbering of its mesh.
     fn element(&self, stencil: usize) -> usize {
         stencil
     }
 
-    /// Why stencil `stencil` has no finite value at (x, t), if so.
+    /// Returns why stencil `stencil` has no finite value at (x, t), if this is so.
     fn fault(&self, _stencil: usize, _x: &[f64], _t: f64) -> Option<Fault> {
         None
     }

@@ -1,10 +1,10 @@
-//! Units that are powers of two: numbers of different dimensions become comparable by them without rounding.
+//! Units that are powers of two: they make numbers of different dimensions comparable without rounding.
 
-/// e with 2^e ≤ |x| < 2^(e+1); 0 for zero and for numbers that are not finite.
+/// Returns e with 2^e ≤ |x| < 2^(e+1); 0 for zero and for non-finite numbers.
 pub fn binary_exponent(x: f64) -> i32 {
     let biased = (x.to_bits() >> 52 & 0x7ff) as i32;
     match biased {
-        // Subnormal, or zero.
+        // Subnormal or zero.
         0 if x != 0.0 => binary_exponent(x * 2.0_f64.powi(64)) - 64,
         0 | 0x7ff => 0,
         _ => biased - 1023,

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use crate::error::CoreError;
 
-/// ∫₀¹ f ≈ Σ b_i f(c_i): nodes c ascending, weights b.
+/// The rule ∫₀¹ f ≈ Σ b_i f(c_i) with nodes c in ascending order and weights b.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Quadrature {
     nodes: Vec<f64>,
@@ -12,27 +12,27 @@ pub struct Quadrature {
 }
 
 impl Quadrature {
-    /// f(0).
+    /// Returns the rule f(0).
     pub fn left() -> Self {
         Self { nodes: vec![0.0], weights: vec![1.0] }
     }
 
-    /// f(1).
+    /// Returns the rule f(1).
     pub fn right() -> Self {
         Self { nodes: vec![1.0], weights: vec![1.0] }
     }
 
-    /// (f(0) + f(1))/2.
+    /// Returns the rule (f(0) + f(1))/2.
     pub fn trapezoid() -> Self {
         Self { nodes: vec![0.0, 1.0], weights: vec![0.5, 0.5] }
     }
 
-    /// f(½).
+    /// Returns the rule f(½).
     pub fn midpoint() -> Self {
         Self { nodes: vec![0.5], weights: vec![1.0] }
     }
 
-    /// Gauss–Legendre with s points, exact for polynomials of degree 2s − 1.
+    /// Returns the Gauss–Legendre rule with s points, exact for polynomials of degree 2s − 1.
     ///
     /// # Errors
     /// [`CoreError::Points`] for s = 0.
@@ -64,7 +64,7 @@ impl Quadrature {
         Ok(Self { nodes, weights })
     }
 
-    /// Gauss–Lobatto with s ≥ 2 points (both ends are nodes), exact for degree 2s − 3.
+    /// Returns the Gauss–Lobatto rule with s ≥ 2 points (both ends are nodes), exact for degree 2s − 3.
     ///
     /// # Errors
     /// [`CoreError::Points`] for s < 2.
@@ -100,17 +100,17 @@ impl Quadrature {
         Ok(Self { nodes, weights })
     }
 
-    /// The nodes c_i in [0, 1], ascending.
+    /// Returns the nodes c_i in [0, 1], ascending.
     pub fn nodes(&self) -> &[f64] {
         &self.nodes
     }
 
-    /// The weights b_i, of sum 1.
+    /// Returns the weights b_i; their sum is 1.
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }
 
-    /// Is the rule unchanged by c → 1 − c?
+    /// Returns whether the rule is invariant under c → 1 − c.
     pub fn is_symmetric(&self) -> bool {
         let n = self.nodes.len();
         (0..n).all(|i| {

@@ -1,5 +1,5 @@
-//! A variational integrator as plain data: how the trajectory is interpolated × how the action is integrated (Marsden
-//! & West 2001, §2.6).
+//! A variational integrator as plain data: an interpolation of the trajectory × a quadrature of the action (Marsden &
+//! West 2001, §2.6).
 
 use crate::contract::quadrature::Quadrature;
 use crate::error::CoreError;
@@ -58,13 +58,13 @@ impl Scheme {
         Ok(Self { interpolation: Interpolation::Polynomial(s), quadrature })
     }
 
-    /// Is one step explicit for T = ½ q̇ᵀM q̇? So it is when the trajectory is linear and V is only
-    /// read at the two ends of the step.
+    /// Returns whether a step is explicit for T = ½ q̇ᵀM q̇. It is if the trajectory is linear and V is only
+    /// evaluated at the two ends of the step.
     pub fn is_explicit(&self) -> bool {
         self.interpolation.degree() == 1 && self.quadrature.nodes().iter().all(|&c| c == 0.0 || c == 1.0)
     }
 
-    /// Is the scheme its own adjoint? So it is when the quadrature is symmetric about ½.
+    /// Returns whether the scheme is its own adjoint. It is if the quadrature is symmetric about ½.
     pub fn is_symmetric(&self) -> bool {
         self.quadrature.is_symmetric()
     }

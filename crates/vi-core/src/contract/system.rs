@@ -13,28 +13,28 @@ use crate::contract::potential::{HessianKind, Potential};
 use crate::contract::terms::{Live, Terms, check_stencils};
 use crate::error::CoreError;
 
-/// The Lagrangian L(q, q̇, t) = ½ q̇ᵀM q̇ − Σ V(x(q, t), t), with lumped (diagonal) mass M unless
+/// The Lagrangian L(q, q̇, t) = ½ q̇ᵀM q̇ − Σ V(x(q, t), t), with lumped (diagonal) mass M unless set by
 /// [`System::with_consistent_mass`].
 ///
-/// Prescribed coordinates leave the kinetic energy; they act through V(x(q, t), t). Forces that no
-/// potential gives are listed apart: M q̈ = −∂V/∂q + Σ f(x, ẋ, t). So are constraints g(x) = 0, whose
-/// multipliers add −(∂g/∂q)ᵀλ.
+/// Prescribed coordinates do not enter the kinetic energy; they act through V(x(q, t), t). Forces without a potential
+/// are listed separately: M q̈ = −∂V/∂q + Σ f(x, ẋ, t). So are constraints g(x) = 0, whose multipliers add
+/// −(∂g/∂q)ᵀλ.
 pub struct System {
     mass: Vec<f64>,
     free_mass: Vec<f64>,
     /// V.
     potential: Terms,
-    /// T as a function of the velocities of all coordinates, where mass is consistent.
+    /// T as a function of the velocities of all coordinates, if the mass is consistent.
     kinetic: Option<Terms>,
     forces: Vec<Arc<dyn Force>>,
     constraints: Vec<QuadraticConstraint>,
 }
 
 impl System {
-    /// A system from the lumped mass of every coordinate x_i (kg), its potentials and coordinates.
+    /// Returns a system with the lumped mass of every coordinate x_i (kg), potentials and coordinates.
     ///
     /// # Errors
-    /// Where lengths differ, a free coordinate has no mass, or a stencil names a missing node.
+    /// If lengths differ, a free coordinate has no mass, or a stencil refers to a missing node.
     pub fn new(
         mass: Vec<f64>,
         potentials: Vec<Box<dyn Potential>>,
@@ -56,32 +56,32 @@ impl System {
         Ok(Self { mass, free_mass, potential, kinetic: None, forces, constraints })
     }
 
-    /// The system with these potentials besides those that it has.
+    /// Adds potentials to the system.
     ///
     /// # Errors
-    /// [`CoreError::Stencil`] where a stencil names a missing node.
+    /// [`CoreError::Stencil`] if a stencil refers to a missing node.
     pub fn add_potentials(mut self, more: Vec<Box<dyn Potential>>) -> Result<Self, CoreError> {
         self.potential = self.potential.with_more(more.into_iter().map(Arc::from).collect())?;
         Ok(self)
     }
 
-    /// The system with these forces besides those that it has.
+    /// Adds forces to the system.
     ///
     /// # Errors
-    /// [`CoreError::Stencil`] where a stencil names a missing node.
+    /// [`CoreError::Stencil`] if a stencil refers to a missing node.
     pub fn add_forces(self, more: Vec<Arc<dyn Force>>) -> Result<Self, CoreError> {
         let all = self.forces.iter().cloned().chain(more).collect();
         self.with_forces(all)
     }
 
-    /// The system with these live terms besides its potentials.
+    /// Returns the system with these live terms in addition to its potentials.
     #[must_use]
     pub fn with_live(mut self, live: Vec<Arc<dyn Live>>) -> Self {
         self.potential = self.potential.with_live(live);
         self
     }
 
-    /// A system with the same coordinates and lumped mass on which nothing acts.
+    /// Returns a system with the same coordinates and lumped mass, without potentials, forces and constraints.
     #[must_use]
     pub fn without_terms(&self) -> Self {
         let Self { mass, free_mass, .. } = self;
@@ -96,13 +96,13 @@ impl System {
         }
     }
 
-    /// The system with the kinetic energy T(ẋ) that these terms give as potentials of the velocities,
-    /// quadratic: their Hessians are the blocks of M. The lumped mass stays, as what norms and
-    /// preconditioners take. No terms: the mass stays lumped.
+    /// Returns the system with the kinetic energy T(ẋ) that these terms define. They are potentials of the velocities
+    /// and quadratic: their Hessians are the blocks of M. Norms and preconditioners still use the lumped mass. With
+    /// an empty list the mass remains lumped.
     ///
     /// # Errors
-    /// [`CoreError::ConsistentMass`] where coordinates are moved, where there are constraints, or where a
-    /// term is not quadratic; [`CoreError::Stencil`] where a stencil names a missing node.
+    /// [`CoreError::ConsistentMass`] if coordinates are moved, there are constraints, or a term is not quadratic;
+    /// [`CoreError::Stencil`] if a stencil refers to a missing node.
     pub fn with_consistent_mass(mut self, terms: Vec<Box<dyn Potential>>) -> Result<Self, CoreError> {
         if terms.is_empty() {
             return Ok(self);
@@ -125,16 +125,16 @@ impl System {
         Ok(self)
     }
 
-    /// Where mass is consistent: the kinetic energy T as a sum of terms whose coordinates are the velocities. Their
-    /// Hessian is M.
+    /// Returns the kinetic energy T, if the mass is consistent, as a sum of terms whose coordinates are the
+    /// velocities. Their Hessian is M.
     pub fn kinetic(&self) -> Option<&Terms> {
         self.kinetic.as_ref()
     }
 
-    /// The system with these forces besides its potentials.
+    /// Returns the system with these forces, in place of earlier ones.
     ///
     /// # Errors
-    /// [`CoreError::Stencil`] where a stencil names a missing node.
+    /// [`CoreError::Stencil`] if a stencil refers to a missing node.
     pub fn with_forces(mut self, forces: Vec<Arc<dyn Force>>) -> Result<Self, CoreError> {
         for force in &forces {
             check_stencils(force.name(), force.stencils(), self.mass.len())?;
@@ -143,12 +143,12 @@ impl System {
         Ok(self)
     }
 
-    /// The system on the surface g(x) = 0 of these constraints; what they say of tied nodes they say
-    /// of the nodes those are tied to.
+    /// Returns the system on the surface g(x) = 0 of these constraints. In a constraint, tied nodes are replaced by
+    /// their sums.
     ///
     /// # Errors
-    /// [`CoreError::Stencil`] where a constraint names a missing node, [`CoreError::Constraint`] where
-    /// it reads no free coordinate, [`CoreError::ConsistentMass`] where mass is not lumped.
+    /// [`CoreError::Stencil`] if a constraint refers to a missing node, [`CoreError::Constraint`] if it contains no
+    /// free coordinate, [`CoreError::ConsistentMass`] if the mass is not lumped.
     pub fn with_constraints(mut self, constraints: Vec<QuadraticConstraint>) -> Result<Self, CoreError> {
         if self.kinetic.is_some() && !constraints.is_empty() {
             return Err(CoreError::ConsistentMass { reason: CONSTRAINED });
@@ -159,46 +159,46 @@ impl System {
         Ok(self)
     }
 
-    /// The constraints, on nodes that are not tied.
+    /// Returns the constraints, in which no node is tied.
     pub fn constraints(&self) -> &[QuadraticConstraint] {
         &self.constraints
     }
 
-    /// Lumped mass of every coordinate x_i, kg: that of tied nodes is theirs.
+    /// Returns the lumped mass of every coordinate x_i, kg. Tied nodes still have their own mass here.
     pub fn mass(&self) -> &[f64] {
         &self.mass
     }
 
-    /// Lumped mass of every free coordinate q_k, kg: the diagonal M, unless mass is consistent.
+    /// Returns the lumped mass of every free coordinate q_k, kg: the diagonal of M, unless the mass is consistent.
     pub fn free_mass(&self) -> &[f64] {
         &self.free_mass
     }
 
-    /// V as a sum of terms.
+    /// Returns V as a sum of terms.
     pub fn terms(&self) -> &Terms {
         &self.potential
     }
 
-    /// The terms of V whose stencils never change.
+    /// Returns the terms of V whose stencils never change.
     pub fn potentials(&self) -> &[Arc<dyn Potential>] {
         self.potential.fixed()
     }
 
-    /// The forces that no potential gives.
+    /// Returns the forces without a potential.
     pub fn forces(&self) -> &[Arc<dyn Force>] {
         &self.forces
     }
 
-    /// The map x(q, t).
+    /// Returns the map x(q, t).
     pub fn coordinates(&self) -> &Coordinates {
         self.potential.coordinates()
     }
 
-    /// The state with positions x (m) and velocities v (m/s) of all coordinates at time t (s);
-    /// entries of prescribed coordinates are ignored.
+    /// Returns the state with positions x (m) and velocities v (m/s) of all coordinates at time t (s). Entries of
+    /// prescribed coordinates are ignored.
     ///
     /// # Errors
-    /// [`CoreError::Length`] where x or v has not one entry a coordinate.
+    /// [`CoreError::Length`] if x or v does not have one entry per coordinate.
     pub fn state(&self, t: f64, x: &[f64], v: &[f64]) -> Result<State, CoreError> {
         let expected = self.coordinates().dof_count();
         for (what, array) in [("positions", x), ("velocities", v)] {
@@ -213,7 +213,7 @@ impl System {
         Ok(State { t, q, p: self.momentum(&q_dot) })
     }
 
-    /// p = M q̇, kg m/s, of the velocities of the free coordinates, m/s.
+    /// Returns p = M q̇, kg m/s, for velocities of the free coordinates, m/s.
     pub fn momentum(&self, q_dot: &[f64]) -> Vec<f64> {
         match &self.kinetic {
             Some(kinetic) => inertia::momentum(kinetic, q_dot),
@@ -221,7 +221,7 @@ impl System {
         }
     }
 
-    /// q̇ = M⁻¹p, m/s, to round-off.
+    /// Returns q̇ = M⁻¹p, m/s, to round-off.
     pub fn velocity(&self, p: &[f64]) -> Vec<f64> {
         match &self.kinetic {
             Some(kinetic) => {
@@ -235,7 +235,7 @@ impl System {
         }
     }
 
-    /// M, n × n for n free coordinates, kg: for small systems.
+    /// Returns M, n × n for n free coordinates, kg: for small systems.
     pub fn dense_mass(&self) -> DMatrix<f64> {
         match &self.kinetic {
             Some(kinetic) => {
@@ -247,14 +247,14 @@ impl System {
         }
     }
 
-    /// Positions x(q, t) of all coordinates, m.
+    /// Returns the positions x(q, t) of all coordinates, m.
     pub fn positions(&self, state: &State) -> Vec<f64> {
         let mut x = vec![0.0; self.coordinates().dof_count()];
         self.coordinates().embed(&state.q, state.t, &mut x);
         x
     }
 
-    /// Velocities ẋ of all coordinates, m/s: M⁻¹p where free, the path's where prescribed.
+    /// Returns the velocities ẋ of all coordinates, m/s: M⁻¹p for free ones, those of the path for prescribed ones.
     pub fn velocities(&self, state: &State) -> Vec<f64> {
         let mut x_dot = vec![0.0; self.coordinates().dof_count()];
         self.coordinates().embed_velocity(&self.velocity(&state.p), state.t, &mut x_dot);
@@ -265,13 +265,13 @@ impl System {
 const CONSTRAINED: &str = "constraints hold rigid bodies or joints";
 
 impl AsRef<Terms> for System {
-    /// V.
+    /// Returns the terms of V.
     fn as_ref(&self) -> &Terms {
         &self.potential
     }
 }
 
-/// A point of phase space: never two old positions.
+/// A point of phase space: positions and momenta at one time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     /// Time, s.

@@ -1,8 +1,8 @@
-//! Lists of local terms over one set of coordinates: what an assembler sums.
+//! Lists of local terms over one set of coordinates: the input of an assembler.
 //!
-//! A list has a part that is fixed and a part that is *live*: terms whose stencils change while a body moves (contact,
-//! cutting, adaptive terms). A potential is a value and never changes its stencils. A live term gives a new potential
-//! instead when nodes have moved far enough.
+//! A list has a fixed part and a *live* part: terms whose stencils change while a body moves (contact, cutting,
+//! adaptive terms). A potential is a value and never changes its stencils. A live term instead builds a new potential
+//! when nodes have moved far enough.
 
 use std::sync::Arc;
 
@@ -19,11 +19,11 @@ pub struct Terms {
 }
 
 impl Terms {
-    /// The sum of these terms.
+    /// Returns the sum of these terms.
     ///
     /// # Errors
-    /// [`CoreError::Stencil`] where a stencil names a missing node, [`CoreError::Block`] where a term does not
-    /// count three coordinates per node and nodes have axes of their own.
+    /// [`CoreError::Stencil`] if a stencil refers to a missing node, [`CoreError::Block`] if a term does not have
+    /// three coordinates per node although some nodes have their own axes.
     pub fn new(coordinates: Arc<Coordinates>, fixed: Vec<Arc<dyn Potential>>) -> Result<Self, CoreError> {
         for term in &fixed {
             check_term(term.as_ref(), &coordinates)?;
@@ -31,7 +31,7 @@ impl Terms {
         Ok(Self { coordinates, fixed, live: Vec::new() })
     }
 
-    /// The sum of no terms.
+    /// Returns an empty sum.
     pub(crate) fn of_nothing(coordinates: Arc<Coordinates>) -> Self {
         Self { coordinates, fixed: Vec::new(), live: Vec::new() }
     }
@@ -39,7 +39,7 @@ impl Terms {
     /// Returns a copy with these fixed terms added.
     ///
     /// # Errors
-    /// [`CoreError::Stencil`] where a stencil names a missing node.
+    /// [`CoreError::Stencil`] if a stencil refers to a missing node.
     pub fn with_more(mut self, more: Vec<Arc<dyn Potential>>) -> Result<Self, CoreError> {
         for term in &more {
             check_term(term.as_ref(), &self.coordinates)?;
@@ -54,30 +54,30 @@ impl Terms {
         Self { live, ..self }
     }
 
-    /// The map x(q, t).
+    /// Returns the map x(q, t).
     pub fn coordinates(&self) -> &Coordinates {
         &self.coordinates
     }
 
-    /// The map x(q, t), to be shared with other terms.
+    /// Returns the map x(q, t), to be shared with other terms.
     pub fn shared_coordinates(&self) -> &Arc<Coordinates> {
         &self.coordinates
     }
 
-    /// The terms whose stencils never change.
+    /// Returns the terms whose stencils never change.
     pub fn fixed(&self) -> &[Arc<dyn Potential>] {
         &self.fixed
     }
 
-    /// The terms whose stencils change.
+    /// Returns the terms whose stencils change.
     pub fn live(&self) -> &[Arc<dyn Live>] {
         &self.live
     }
 
-    /// The terms as they are about positions `x` (m) of all coordinates, none of them live.
+    /// Returns a copy for positions near `x` (m, all coordinates), in which potentials replace the live terms.
     ///
     /// # Errors
-    /// [`CoreError::Stencil`] where a live term names a missing node.
+    /// [`CoreError::Stencil`] if a live term refers to a missing node.
     pub fn near(&self, x: &[f64]) -> Result<Self, CoreError> {
         let live = self.live.iter().map(|term| term.near(x, term.reach()));
         Self::new(Arc::clone(&self.coordinates), self.fixed.iter().cloned().chain(live).collect())
@@ -92,24 +92,24 @@ impl AsRef<Terms> for Terms {
 
 /// A term whose stencils change while a body moves.
 ///
-/// It is a function V(x) like any other potential. Only the stencils by which it is evaluated change, so that energy is
-/// conserved across a change.
+/// It is a function V(x) like any other potential. Only the stencils that evaluate it change, so energy is conserved
+/// when they do.
 pub trait Live: Send + Sync {
-    /// Name for reports and errors, e.g. `contact`.
+    /// Returns the name for reports and errors, e.g. `contact`.
     fn name(&self) -> &str;
 
-    /// Distance, m, that nodes may move before [`Live::near`] is asked again. A larger one is asked less often and has
-    /// more stencils.
+    /// Returns the distance, m, that nodes may move before [`Live::near`] is called again. A larger distance means
+    /// fewer calls and more stencils.
     fn reach(&self) -> f64;
 
-    /// A potential that equals this term at every configuration at which no node is farther than `reach` (m) from `x`.
-    /// `x` holds all coordinates, m.
+    /// Returns a potential that equals this term at every configuration in which no node is farther than `reach` (m)
+    /// from its position in `x`. `x` holds all coordinates, m.
     ///
-    /// Equal arguments give equal stencils in an equal order, on any number of threads.
+    /// Equal arguments must give the same stencils in the same order, on any number of threads.
     fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential>;
 }
 
-/// Does a term fit these coordinates?
+/// Checks that a term fits these coordinates.
 fn check_term(term: &dyn Potential, coordinates: &Coordinates) -> Result<(), CoreError> {
     let stencils = term.stencils();
     if stencils.block != 3 && !coordinates.node_axes().is_empty() {
@@ -118,7 +118,7 @@ fn check_term(term: &dyn Potential, coordinates: &Coordinates) -> Result<(), Cor
     check_stencils(term.name(), stencils, coordinates.dof_count())
 }
 
-/// Do the stencils of a term name only nodes within `count` coordinates?
+/// Checks that the stencils of a term refer only to nodes within `count` coordinates.
 pub(crate) fn check_stencils(term: &str, stencils: Stencils<'_>, count: usize) -> Result<(), CoreError> {
     for (k, &node) in stencils.nodes.iter().enumerate() {
         if (node as usize + 1) * stencils.block > count {

@@ -1,5 +1,5 @@
-//! A potential from its energy alone. Gradients and Hessians are made by automatic differentiation: exact, and slower
-//! than by hand.
+//! A potential given by its energy alone. Automatic differentiation computes gradients and Hessians: they are exact,
+//! but slower than derivatives written by hand.
 
 use std::ops::Range;
 
@@ -8,13 +8,14 @@ use num_dual::{Dual64, HyperDual64};
 use crate::contract::potential::{Account, HessianKind, Potential, Stencils, Traits, packed_len};
 use crate::theory::lagrange::lagrangian::Scalar;
 
-/// The energy V_s (J) of one local term of N coordinates, written for numbers that may carry derivatives.
+/// The energy V_s (J) of one local term of N coordinates, generic over numbers that may carry derivatives.
 pub trait LocalEnergy<const N: usize>: Send + Sync {
-    /// V_s of stencil number `stencil` at its coordinates x, m. Numbers of type f64 stand on the right of `*` and `+`.
+    /// Returns V_s of stencil number `stencil` at its coordinates x, m. In products and sums, write numbers of type
+    /// f64 on the right of `*` and `+`.
     fn value<D: Scalar>(&self, stencil: usize, x: &[D; N]) -> D;
 }
 
-/// The potential Σ V_s of an energy: points in space, N/3 nodes a stencil.
+/// The potential Σ V_s of a local energy of points in space, with N/3 nodes per stencil.
 pub struct Derived<const N: usize, E> {
     name: String,
     nodes: Vec<u32>,
@@ -22,7 +23,8 @@ pub struct Derived<const N: usize, E> {
 }
 
 impl<const N: usize, E: LocalEnergy<N>> Derived<N, E> {
-    /// With the nodes of each stencil, one stencil after the other. `name` is for reports and errors.
+    /// Returns the potential for the nodes of all stencils, one stencil after the other. `name` appears in reports
+    /// and errors.
     pub fn new(name: impl Into<String>, nodes: Vec<u32>, energy: E) -> Self {
         const { assert!(N > 0 && N.is_multiple_of(3), "a node has three coordinates") };
         Self { name: name.into(), nodes, energy }

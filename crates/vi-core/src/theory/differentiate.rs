@@ -1,4 +1,4 @@
-//! Gradient and Hessian of a scalar function of many numbers, by dual numbers.
+//! Gradient and Hessian of a scalar function of many variables, by dual numbers.
 
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual64, HyperDual64};
@@ -10,7 +10,7 @@ pub(crate) trait Function {
     fn value<D: Scalar>(&self, x: &[D]) -> D;
 }
 
-/// ∂f/∂x.
+/// Returns ∂f/∂x.
 pub(crate) fn gradient(f: &impl Function, x: &[f64]) -> DVector<f64> {
     let mut point: Vec<Dual64> = x.iter().map(|&x| Dual64::from_re(x)).collect();
     DVector::from_fn(x.len(), |i, _| {
@@ -21,7 +21,7 @@ pub(crate) fn gradient(f: &impl Function, x: &[f64]) -> DVector<f64> {
     })
 }
 
-/// ∂²f/∂x².
+/// Returns ∂²f/∂x².
 pub(crate) fn hessian(f: &impl Function, x: &[f64]) -> DMatrix<f64> {
     let mut point: Vec<HyperDual64> = x.iter().map(|&x| HyperDual64::from_re(x)).collect();
     let mut out = DMatrix::zeros(x.len(), x.len());

@@ -1,6 +1,6 @@
-//! Generalised coordinates x = x(q, τ(t)): a body of points whose positions follow from a few coordinates q and
+//! Generalised coordinates x = x(q, τ(t)): the positions of a body of points are functions of a few coordinates q and
 //! prescribed controls τ (the angle of a driven wire, a moving support). With S = ∂x/∂q and Σ = ∂x/∂τ, ẋ = S q̇ + Σ
-//! τ̇, and the equations of motion are Sᵀ(M ẍ − F) = 0: what S cannot see is the force of constraint.
+//! τ̇, and the equations of motion are Sᵀ(M ẍ − F) = 0. The constraint force lies in the null space of Sᵀ.
 
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual, Dual2_64, Dual64};
@@ -8,24 +8,24 @@ use num_dual::{Dual, Dual2_64, Dual64};
 use crate::error::CoreError;
 use crate::theory::lagrange::lagrangian::{Lagrangian, Scalar};
 
-/// The map x(q, τ(t)), and the mass and potential of what it moves.
+/// The map x(q, τ(t)), with the mass and the potential of the points.
 pub trait Embedding {
     /// Number of generalised coordinates n.
     fn dof_count(&self) -> usize;
     /// Mass of every coordinate x_i, kg.
     fn mass(&self) -> Vec<f64>;
-    /// Controls τ(t); none by default.
+    /// Returns the controls τ(t); the default has none.
     fn controls<D: Scalar>(&self, _t: D) -> Vec<D> {
         Vec::new()
     }
-    /// x(q, τ), m.
+    /// Returns x(q, τ), m.
     fn positions<D: Scalar>(&self, q: &[D], tau: &[D]) -> Vec<D>;
-    /// V(x, t), J.
+    /// Returns V(x, t), J.
     fn potential<D: Scalar>(&self, x: &[D], t: D) -> D;
 }
 
-/// The Lagrangian T(ẋ) − V(x) pulled back along x(q, τ(t)): with M(q) = SᵀMS and whatever Coriolis
-/// and centrifugal terms follow, none of them written by hand.
+/// The Lagrangian T(ẋ) − V(x) pulled back along x(q, τ(t)). It contains the mass M(q) = SᵀMS and all Coriolis and
+/// centrifugal terms, without any of them written by hand.
 #[derive(Debug, Clone, Copy)]
 pub struct Embedded<E>(pub E);
 
@@ -35,7 +35,7 @@ impl<E: Embedding> Lagrangian for Embedded<E> {
     }
 
     fn value<D: Scalar>(&self, t: D, q: &[D], v: &[D]) -> D {
-        // d/dt x(q(t), τ(t)) by one more dual number in the direction of time.
+        // One more dual number, in the direction of time, gives d/dt x(q(t), τ(t)).
         let moving: Vec<Dual<D>> = q.iter().zip(v).map(|(&q, &v)| Dual::new(q, v)).collect();
         let tau = self.0.controls(Dual::new(t, D::from(1.0)));
         let x = self.0.positions(&moving, &tau);
@@ -45,7 +45,7 @@ impl<E: Embedding> Lagrangian for Embedded<E> {
     }
 }
 
-/// Positions and velocities of all points for (t, q, q̇).
+/// Returns positions and velocities of all points for (t, q, q̇).
 pub fn motion_of_points(
     embedding: &impl Embedding,
     t: f64,
@@ -58,13 +58,13 @@ pub fn motion_of_points(
     (part(|x| x.re), part(|x| x.eps))
 }
 
-/// S = ∂x/∂q: rows x, columns q.
+/// Returns S = ∂x/∂q: rows x, columns q.
 pub fn tangent(embedding: &impl Embedding, t: f64, q: &[f64]) -> DMatrix<f64> {
     let tau = constants(&embedding.controls(t));
     columns(&constants(q), |q| embedding.positions(q, &tau))
 }
 
-/// Σ = ∂x/∂τ: rows x, columns τ.
+/// Returns Σ = ∂x/∂τ: rows x, columns τ.
 pub fn control_tangent(embedding: &impl Embedding, t: f64, q: &[f64]) -> DMatrix<f64> {
     let q = constants(q);
     columns(&constants(&embedding.controls(t)), |tau| embedding.positions(&q, tau))
@@ -74,7 +74,7 @@ fn constants(values: &[f64]) -> Vec<Dual64> {
     values.iter().map(|&value| Dual64::from_re(value)).collect()
 }
 
-/// The Jacobian of f at a point, one column an argument.
+/// Returns the Jacobian of f at a point, one column per argument.
 fn columns(at: &[Dual64], f: impl Fn(&[Dual64]) -> Vec<Dual64>) -> DMatrix<f64> {
     let mut point = at.to_vec();
     let mut out = DMatrix::zeros(f(at).len(), at.len());
@@ -88,7 +88,7 @@ fn columns(at: &[Dual64], f: impl Fn(&[Dual64]) -> Vec<Dual64>) -> DMatrix<f64> 
     out
 }
 
-/// ẍ of all points for (t, q, q̇, q̈).
+/// Returns ẍ of all points for (t, q, q̇, q̈).
 pub fn point_accelerations(
     embedding: &impl Embedding,
     t: f64,
@@ -101,7 +101,7 @@ pub fn point_accelerations(
     DVector::from_iterator(x.len(), x.iter().map(|x| x.v2))
 }
 
-/// The force −∂V/∂x on every point, N.
+/// Returns the force −∂V/∂x on every point, N.
 pub fn applied_force(embedding: &impl Embedding, t: f64, x: &DVector<f64>) -> DVector<f64> {
     let mut point = constants(x.as_slice());
     DVector::from_fn(x.len(), |i, _| {
@@ -112,11 +112,11 @@ pub fn applied_force(embedding: &impl Embedding, t: f64, x: &DVector<f64>) -> DV
     })
 }
 
-/// q̈ from SᵀMS q̈ = Sᵀ(F − M ẍ|_{q̈ = 0}) for forces F on the points (N) that need not come from a
+/// Returns q̈ from SᵀMS q̈ = Sᵀ(F − M ẍ|_{q̈ = 0}) for arbitrary forces F on the points (N), with or without a
 /// potential: d'Alembert's principle in generalised coordinates.
 ///
 /// # Errors
-/// [`CoreError::SingularMass`] where SᵀMS has no inverse (S has lost rank).
+/// [`CoreError::SingularMass`] if SᵀMS has no inverse (S does not have full rank).
 pub fn generalised_accelerations(
     embedding: &impl Embedding,
     t: f64,
@@ -132,8 +132,8 @@ pub fn generalised_accelerations(
     reduced.lu().solve(&driving).ok_or(CoreError::SingularMass { t })
 }
 
-/// The force of constraint R = M ẍ − F on every point (N): what keeps x on its surface. SᵀR = 0 on
-/// motions, so it does no virtual work, and no equation in q can tell it.
+/// Returns the constraint force R = M ẍ − F on every point (N), which keeps x on its surface. For a motion SᵀR = 0: R
+/// does no virtual work, and the equations in q do not contain it.
 pub fn constraint_force(
     embedding: &impl Embedding,
     t: f64,

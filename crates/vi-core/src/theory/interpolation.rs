@@ -5,16 +5,16 @@ use crate::error::CoreError;
 
 /// The Lagrange basis ℓ_0 … ℓ_s on [0, 1]: ℓ_j(d_k) = δ_jk, Σ_j ℓ_j = 1.
 ///
-/// The control points d are Lobatto's: both ends of the step are among them, and the basis stays
-/// well conditioned for every degree. The discrete Lagrangian does not depend on where the
-/// interior ones are, since they are eliminated.
+/// The control points d are the Lobatto points. They include both ends of the step, and the basis is well conditioned
+/// for every degree. The discrete Lagrangian does not depend on the interior control points, because they are
+/// eliminated.
 #[derive(Debug, Clone)]
 pub(crate) struct Basis {
     points: Vec<f64>,
 }
 
 impl Basis {
-    /// The basis of degree s ≥ 1.
+    /// Returns the basis of degree s ≥ 1.
     pub(crate) fn new(degree: usize) -> Result<Self, CoreError> {
         if degree == 0 {
             return Err(CoreError::Points {
@@ -26,12 +26,12 @@ impl Basis {
         Ok(Self { points: Quadrature::lobatto(degree + 1)?.nodes().to_vec() })
     }
 
-    /// The control points d_0 = 0 < … < d_s = 1.
+    /// Returns the control points d_0 = 0 < … < d_s = 1.
     pub(crate) fn points(&self) -> &[f64] {
         &self.points
     }
 
-    /// ℓ_j(c), one a control point.
+    /// Returns ℓ_j(c), one per control point.
     pub(crate) fn values(&self, c: f64) -> Vec<f64> {
         let d = &self.points;
         (0..d.len())
@@ -39,7 +39,7 @@ impl Basis {
             .collect()
     }
 
-    /// ℓ'_j(c), one a control point.
+    /// Returns ℓ'_j(c), one per control point.
     pub(crate) fn slopes(&self, c: f64) -> Vec<f64> {
         let d = &self.points;
         let without = |j: usize, l: usize| -> f64 {

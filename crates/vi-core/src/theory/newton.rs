@@ -4,14 +4,14 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::error::CoreError;
 
-/// Iterations before the solve is given up.
+/// Largest number of iterations.
 const MAX_ITERATIONS: usize = 60;
-/// An update this small against the unknowns, and no longer reducing the residual, is round-off.
+/// An update below this fraction of the unknowns that no longer reduces the residual counts as round-off.
 const ROUND_OFF_UPDATE: f64 = 1e-10;
 
-/// Solves residual(u) = 0 from `start` with backtracking on ‖residual‖, until the residual cannot
-/// fall further. `extent` is a size of the unknowns against which an update counts as small;
-/// `singular` is the error where the Jacobian has no inverse.
+/// Solves residual(u) = 0 from `start` with backtracking on ‖residual‖, until the residual no longer decreases.
+/// `extent` is the size of the unknowns to which updates are compared; `singular` is the error for a Jacobian without
+/// an inverse.
 pub(crate) fn solve(
     start: DVector<f64>,
     extent: f64,
@@ -36,7 +36,7 @@ pub(crate) fn solve(
             let trial_residual = residual(&trial);
             let trial_norm = trial_residual.norm();
             if is_tiny && (trial_norm.is_nan() || trial_norm > 0.25 * norm) {
-                // Round-off: the residual cannot fall further. Keep the better of the two.
+                // The residual is at round-off and cannot decrease further. Keep the better of the two.
                 return Ok(if trial_norm < norm { trial } else { u });
             }
             if trial_norm <= (1.0 - 1e-4 * scale) * norm {

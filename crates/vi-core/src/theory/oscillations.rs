@@ -1,41 +1,41 @@
-//! Small oscillations about an equilibrium of any Lagrangian, gyroscopic terms included: rotating frames, spinning
+//! Small oscillations about an equilibrium of any Lagrangian, including gyroscopic terms: rotating frames, spinning
 //! bodies, magnetic fields.
 //!
 //! To second order in η = q − q₀, with C = ∂²L/∂v∂q at (q₀, 0),
 //! ```text
 //! M η̈ + (C − Cᵀ) η̇ + K η = 0,   M = ∂²L/∂v²,   K = −∂²L/∂q²;   η = a e^{λt}
 //! ```
-//! λ come in fours, ±λ and their conjugates: an equilibrium is stable to this order only where all of
-//! them are imaginary, which gyroscopic terms can bring about where V is no minimum (E. T. Whittaker,
-//! Analytical Dynamics, §84).
+//! The λ come in groups of four: ±λ and their conjugates. An equilibrium is stable to this order only if all of them
+//! are imaginary. Gyroscopic terms can achieve this even if V has no minimum (E. T. Whittaker, Analytical Dynamics,
+//! §84).
 
 use nalgebra::{Complex, DMatrix, DVector};
 
 use crate::error::CoreError;
 use crate::theory::lagrange::expansion::Expand;
 
-/// One motion a e^{λt} of the linearised system, with Im λ ≥ 0; its conjugate is another.
+/// One motion a e^{λt} of the linearised system, with Im λ ≥ 0; its conjugate is another motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Oscillation {
     /// λ, 1/s: growth rate and frequency (rad/s).
     pub rate: Complex<f64>,
-    /// a, of norm 1; its phases say in which order the coordinates follow each other.
+    /// a, of norm 1; its phases give the order in which the coordinates follow each other.
     pub shape: DVector<Complex<f64>>,
 }
 
 impl Oscillation {
-    /// Im λ, rad/s.
+    /// Returns Im λ, rad/s.
     pub fn frequency(&self) -> f64 {
         self.rate.im
     }
 }
 
-/// The motions about the equilibrium q₀ at time t by rising frequency, those that do not oscillate first.
-/// A λ that is there twice has two shapes only where there are two.
+/// Returns the motions about the equilibrium q₀ at time t in order of increasing frequency, starting with those that
+/// do not oscillate. For a double λ the two shapes may coincide.
 ///
 /// # Errors
-/// [`CoreError::SingularMass`] where M has no inverse; [`CoreError::Convergence`] where q₀ is no
-/// equilibrium: |∂L/∂q| above 1e-8 of |K| (1 + |q₀|).
+/// [`CoreError::SingularMass`] if M has no inverse; [`CoreError::Convergence`] if q₀ is not an equilibrium: |∂L/∂q|
+/// above 1e-8 of |K| (1 + |q₀|).
 pub fn oscillations<L: Expand>(lagrangian: &L, t: f64, q: &[f64]) -> Result<Vec<Oscillation>, CoreError> {
     let n = lagrangian.coordinate_count();
     let at = lagrangian.expansion(t, q, &vec![0.0; n]);
@@ -63,13 +63,13 @@ pub fn oscillations<L: Expand>(lagrangian: &L, t: f64, q: &[f64]) -> Result<Vec<
         .collect())
 }
 
-/// Is no motion growing, to `tolerance` times the highest |λ|?
+/// Returns whether no motion grows faster than `tolerance` times the largest |λ|.
 pub fn is_spectrally_stable(oscillations: &[Oscillation], tolerance: f64) -> bool {
     let scale = oscillations.iter().fold(0.0_f64, |scale, motion| scale.max(motion.rate.norm()));
     oscillations.iter().all(|motion| motion.rate.re.abs() <= tolerance * scale)
 }
 
-/// a with (λ²M + λG − ∂²L/∂q²) a = 0: the right singular vector of the least singular value.
+/// Returns a with (λ²M + λG − ∂²L/∂q²) a = 0: the right singular vector of the smallest singular value.
 fn shape(m: &DMatrix<f64>, g: &DMatrix<f64>, qq: &DMatrix<f64>, rate: Complex<f64>) -> DVector<Complex<f64>> {
     let matrix = DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| {
         rate * rate * m[(i, j)] + rate * g[(i, j)] - Complex::from(qq[(i, j)])

@@ -1,6 +1,6 @@
-//! Equilibria of V(q; μ): where the first variation vanishes, and whether the second is positive. V may be a
-//! potential, or −L(q, q̇ = 0), which includes centrifugal effects of a driven frame. μ is a parameter (a load, a
-//! speed) along which equilibria are followed through folds and bifurcations.
+//! Equilibria of V(q; μ): points at which the first variation vanishes, with their stability from the second. V may
+//! be a potential, or −L(q, q̇ = 0), which includes centrifugal effects of a driven frame. μ is a parameter (a load,
+//! a speed) along which equilibria are followed through folds and bifurcations.
 
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual64, HyperDual64};
@@ -9,11 +9,11 @@ use crate::error::CoreError;
 use crate::theory::lagrange::lagrangian::{Lagrangian, Scalar};
 use crate::theory::newton;
 
-/// V(q; μ), J, with a parameter μ.
+/// The energy V(q; μ), J, with a parameter μ.
 pub trait Energy {
-    /// Number of coordinates n.
+    /// Returns the number of coordinates n.
     fn dof_count(&self) -> usize;
-    /// V at coordinates q for the parameter μ.
+    /// Returns V at coordinates q for the parameter μ.
     fn value<D: Scalar>(&self, parameter: D, q: &[D]) -> D;
 }
 
@@ -30,7 +30,7 @@ impl<L: Lagrangian> Energy for AtRest<L> {
     }
 }
 
-/// The first variation ∂V/∂q, N.
+/// Returns the first variation ∂V/∂q, N.
 pub fn first_variation(energy: &impl Energy, parameter: f64, q: &DVector<f64>) -> DVector<f64> {
     let mut point: Vec<Dual64> = q.iter().map(|&q| Dual64::from_re(q)).collect();
     DVector::from_fn(q.len(), |i, _| {
@@ -41,12 +41,12 @@ pub fn first_variation(energy: &impl Energy, parameter: f64, q: &DVector<f64>) -
     })
 }
 
-/// The second variation ∂²V/∂q², N/m.
+/// Returns the second variation ∂²V/∂q², N/m.
 pub fn second_variation(energy: &impl Energy, parameter: f64, q: &DVector<f64>) -> DMatrix<f64> {
     curvatures_and_rate(energy, parameter, q).0
 }
 
-/// (∂²V/∂q², ∂²V/∂q∂μ).
+/// Returns (∂²V/∂q², ∂²V/∂q∂μ).
 fn curvatures_and_rate(
     energy: &impl Energy,
     parameter: f64,
@@ -72,12 +72,12 @@ fn curvatures_and_rate(
     (curvature, rate)
 }
 
-/// The virtual work −∂V/∂q · δq of a virtual displacement, J: zero for every δq at equilibrium.
+/// Returns the virtual work −∂V/∂q · δq of a virtual displacement, J: zero for every δq at equilibrium.
 pub fn virtual_work(energy: &impl Energy, parameter: f64, q: &DVector<f64>, delta: &DVector<f64>) -> f64 {
     -first_variation(energy, parameter, q).dot(delta)
 }
 
-/// An equilibrium and how the energy curves there.
+/// An equilibrium and the curvatures of the energy there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Equilibrium {
     /// The parameter μ.
@@ -89,7 +89,7 @@ pub struct Equilibrium {
 }
 
 impl Equilibrium {
-    /// The equilibrium at q, which the caller knows to be one.
+    /// Returns the equilibrium at q; the caller ensures that q is one.
     fn at(energy: &impl Energy, parameter: f64, q: DVector<f64>) -> Self {
         let eigenvalues = second_variation(energy, parameter, &q).symmetric_eigenvalues();
         let mut curvatures: Vec<f64> = eigenvalues.iter().copied().collect();
@@ -97,19 +97,19 @@ impl Equilibrium {
         Self { parameter, q, curvatures }
     }
 
-    /// Is it a strict minimum of V, and so stable (Lagrange and Dirichlet)?
+    /// Returns whether it is a strict minimum of V, and so stable (Lagrange and Dirichlet).
     pub fn is_stable(&self) -> bool {
         self.unstable_count() == 0
     }
 
-    /// Number of directions in which V does not grow.
+    /// Returns the number of directions in which V does not grow.
     pub fn unstable_count(&self) -> usize {
         self.curvatures.iter().filter(|&&curvature| curvature <= 0.0).count()
     }
 }
 
-/// Equilibria found by Newton's method from each start; those closer than `distance` (in the
-/// largest coordinate) count as one. Starts that lead nowhere are left out.
+/// Returns the equilibria found by Newton's method from each start. Those closer than `distance` (in the largest
+/// coordinate) count as one. Starts without convergence are omitted.
 pub fn equilibria(
     energy: &impl Energy,
     parameter: f64,
@@ -137,14 +137,14 @@ fn solve(energy: &impl Energy, parameter: f64, start: DVector<f64>) -> Result<DV
     )
 }
 
-/// The branch of equilibria through `start`, followed for `step_count` steps of arc length |step|
-/// in (q, μ): pseudo-arclength continuation (Keller 1977), which turns folds where no equilibrium
-/// lies ahead. It begins with growing μ for step > 0, falling μ for step < 0. A change of
-/// [`Equilibrium::unstable_count`] between neighbours marks a fold or a bifurcation.
+/// Follows the branch of equilibria through `start` for `step_count` steps of arc length |step| in (q, μ), by
+/// pseudo-arclength continuation (Keller 1977). This passes folds, beyond which no equilibrium exists at larger μ. It
+/// starts with increasing μ for step > 0, decreasing μ for step < 0. A change of [`Equilibrium::unstable_count`]
+/// between neighbours indicates a fold or a bifurcation.
 ///
 /// # Errors
-/// [`CoreError::Convergence`] where the branch is lost (take shorter steps),
-/// [`CoreError::SingularStiffness`] where it cannot be told from another.
+/// [`CoreError::Convergence`] if the branch is lost (use shorter steps), [`CoreError::SingularStiffness`] if it
+/// cannot be distinguished from another.
 pub fn follow(
     energy: &impl Energy,
     start: &Equilibrium,
@@ -174,7 +174,7 @@ pub fn follow(
     Ok(branch)
 }
 
-/// [∂²V/∂q², ∂²V/∂q∂μ; directionᵀ] at z = (q, μ).
+/// Returns [∂²V/∂q², ∂²V/∂q∂μ; directionᵀ] at z = (q, μ).
 fn bordered(energy: &impl Energy, z: &DVector<f64>, direction: &DVector<f64>) -> DMatrix<f64> {
     let n = z.len() - 1;
     let (curvature, rate) = curvatures_and_rate(energy, z[n], &z.rows(0, n).into_owned());
@@ -185,7 +185,8 @@ fn bordered(energy: &impl Energy, z: &DVector<f64>, direction: &DVector<f64>) ->
     out
 }
 
-/// Where stability changes between two neighbours of a branch: bisection in μ, to `tolerance`.
+/// Returns the equilibrium at which stability changes between two neighbours of a branch, by bisection in μ to
+/// `tolerance`.
 ///
 /// # Errors
 /// As [`follow`].

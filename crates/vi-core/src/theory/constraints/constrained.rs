@@ -19,7 +19,7 @@ use crate::theory::lagrange::equations::velocities;
 use crate::theory::lagrange::expansion::Expand;
 use crate::theory::newton;
 
-/// A Lagrangian on the surface g(q) = 0, integrated with order 2s.
+/// A Lagrangian system on the surface g(q) = 0, integrated with order 2s.
 pub struct Constrained<'a, L: Expand, G: Constraint> {
     lagrangian: &'a L,
     constraint: G,
@@ -27,7 +27,7 @@ pub struct Constrained<'a, L: Expand, G: Constraint> {
 }
 
 impl<'a, L: Expand, G: Constraint> Constrained<'a, L, G> {
-    /// The integrator of degree s ≥ 1 with step h, s.
+    /// Returns the integrator of degree s ≥ 1 with step h, s.
     ///
     /// # Errors
     /// [`CoreError::Points`] for s = 0, [`CoreError::StepSize`].
@@ -38,11 +38,11 @@ impl<'a, L: Expand, G: Constraint> Constrained<'a, L, G> {
         Ok(Self { lagrangian, constraint, discrete })
     }
 
-    /// One step from a state on the surface: g(q) = 0 and G q̇ = 0.
+    /// Makes one step from a state on the surface: g(q) = 0 and G q̇ = 0.
     ///
     /// # Errors
-    /// [`CoreError::Convergence`] where Newton's method stalls, [`CoreError::SingularStep`] where
-    /// the gradients of the constraints depend on each other, [`CoreError::SingularMass`].
+    /// [`CoreError::Convergence`] if Newton's method stalls, [`CoreError::SingularStep`] if the gradients of the
+    /// constraints depend on each other, [`CoreError::SingularMass`].
     pub fn step(&self, state: &State) -> Result<State, CoreError> {
         let (n, m, s) = (state.q.len(), self.constraint.count(), self.discrete.degree());
         let start = DVector::from_column_slice(&state.q);
@@ -104,7 +104,7 @@ impl<'a, L: Expand, G: Constraint> Constrained<'a, L, G> {
         Ok(State { t: state.t + h, q: q.as_slice().to_vec(), p: p.as_slice().to_vec() })
     }
 
-    /// p − Gᵀλ whose velocity is tangent to the surface, by Newton's method.
+    /// Returns the momentum p − Gᵀλ with a velocity tangent to the surface, by Newton's method.
     ///
     /// # Errors
     /// [`CoreError::Convergence`], [`CoreError::SingularMass`].

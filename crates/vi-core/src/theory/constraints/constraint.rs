@@ -1,4 +1,4 @@
-//! A surface g(q) = 0, its Jacobian and its curvature, by dual numbers.
+//! A surface g(q) = 0, its Jacobian and its curvature, computed with dual numbers.
 
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual64, HyperDual64};
@@ -9,7 +9,7 @@ use crate::theory::lagrange::lagrangian::Scalar;
 pub trait Constraint {
     /// Number of constraints m.
     fn count(&self) -> usize;
-    /// g(q), m entries.
+    /// Returns g(q), m entries.
     fn value<D: Scalar>(&self, q: &[D]) -> Vec<D>;
 }
 
@@ -22,12 +22,12 @@ impl<G: Constraint> Constraint for &G {
     }
 }
 
-/// g(q) as a vector.
+/// Returns g(q) as a vector.
 pub(super) fn values(constraint: &impl Constraint, q: &[f64]) -> DVector<f64> {
     DVector::from_vec(constraint.value(q))
 }
 
-/// G = ∂g/∂q, m × n.
+/// Returns G = ∂g/∂q, m × n.
 pub(super) fn jacobian(constraint: &impl Constraint, q: &[f64]) -> DMatrix<f64> {
     let mut point: Vec<Dual64> = q.iter().map(|&q| Dual64::from_re(q)).collect();
     let mut out = DMatrix::zeros(constraint.count(), q.len());
@@ -41,7 +41,7 @@ pub(super) fn jacobian(constraint: &impl Constraint, q: &[f64]) -> DMatrix<f64> 
     out
 }
 
-/// Σ_i λ_i ∂²g_i/∂q², n × n.
+/// Returns Σ_i λ_i ∂²g_i/∂q², n × n.
 pub(super) fn curvature(constraint: &impl Constraint, q: &[f64], lambda: &DVector<f64>) -> DMatrix<f64> {
     let mut point: Vec<HyperDual64> = q.iter().map(|&q| HyperDual64::from_re(q)).collect();
     let mut out = DMatrix::zeros(q.len(), q.len());

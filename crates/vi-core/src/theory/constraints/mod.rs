@@ -1,10 +1,10 @@
-//! Holonomic constraints g(q) = 0 with multipliers: the motion stays on its surface to round-off,
-//! and the multipliers are the forces that keep it there.
+//! Holonomic constraints g(q) = 0 with multipliers: the motion remains on the surface to round-off, and the
+//! multipliers give the constraint forces.
 //!
-//! [`Constraint`] is any surface; [`QuadraticConstraint`] one that a [`System`](crate::System) carries
-//! to the sparse steppers of other crates. Two integrators for small systems: [`Rattle`] for a system,
-//! explicit in the potential; and [`Constrained`], any Lagrangian with polynomials of degree s on
-//! Lobatto points, of order 2s, whose first member is RATTLE. Neither must know which surface it is.
+//! [`Constraint`] describes any surface. A [`QuadraticConstraint`] can be part of a [`System`](crate::System) for the
+//! sparse steppers of other crates. There are two integrators for small systems: [`Rattle`] for a
+//! [`System`](crate::System), explicit in the potential, and [`Constrained`] for any Lagrangian, with polynomials of
+//! degree s on Lobatto points and of order 2s; its first member is RATTLE. Both accept any [`Constraint`].
 
 pub(crate) mod constrained;
 pub(crate) mod constraint;

@@ -1,4 +1,4 @@
-//! Quadratic constraints as holonomic ones on q, for systems whose coordinates are all free: x = q.
+//! Quadratic constraints as holonomic constraints on q, for systems with only free coordinates: x = q.
 
 use crate::contract::constraint::{Place, QuadraticConstraint};
 use crate::theory::constraints::constraint::Constraint;
@@ -18,7 +18,7 @@ impl Constraint for Vec<QuadraticConstraint> {
     }
 }
 
-/// Where a place is, from positions x of three coordinates per node.
+/// Returns the value of a place at positions x, three coordinates per node.
 fn place<D: Scalar>(place: &Place, x: &[D]) -> [D; 3] {
     std::array::from_fn(|k| {
         let mut sum = D::from(place.fixed[k]);

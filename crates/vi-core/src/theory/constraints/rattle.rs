@@ -13,7 +13,7 @@ use crate::contract::system::{State, System};
 use crate::error::CoreError;
 use crate::theory::constraints::constraint::{Constraint, jacobian, values};
 
-/// Newton iterations for the multipliers before the step is given up.
+/// Largest number of Newton iterations for the multipliers.
 const MAX_ITERATIONS: usize = 40;
 
 /// RATTLE for a system on the surface g(q) = 0. Order 2, symplectic, time-symmetric.
@@ -23,16 +23,16 @@ pub struct Rattle<'a, G: Constraint> {
 }
 
 impl<'a, G: Constraint> Rattle<'a, G> {
-    /// The integrator of `system` on the surface of `constraint`.
+    /// Returns the integrator of `system` on the surface of `constraint`.
     pub fn new(system: &'a System, constraint: G) -> Self {
         Self { system, constraint }
     }
 
-    /// One step of length h (s). `state` must lie on the surface, g(q) = 0.
+    /// Makes one step of length h (s). `state` must lie on the surface, g(q) = 0.
     ///
     /// # Errors
-    /// [`CoreError::Convergence`] where the surface is not reached: h too long, or gradients of the
-    /// constraints that depend on each other.
+    /// [`CoreError::Convergence`] if the surface is not reached: h is too long, or the gradients of the constraints
+    /// depend on each other.
     pub fn step(&self, state: &State, h: f64) -> Result<State, CoreError> {
         let q_0 = DVector::from_column_slice(&state.q);
         let inverse_mass = DVector::from_column_slice(self.system.free_mass()).map(|m| 1.0 / m);
@@ -44,11 +44,11 @@ impl<'a, G: Constraint> Rattle<'a, G> {
         Ok(State { t: state.t + h, q: q_1.as_slice().to_vec(), p: p.as_slice().to_vec() })
     }
 
-    /// `state` with its momentum projected on the tangent of the surface, G M⁻¹ p = 0: how a run
-    /// begins.
+    /// Returns `state` with its momentum projected on the tangent of the surface, G M⁻¹ p = 0. A run starts from such
+    /// a state.
     ///
     /// # Errors
-    /// [`CoreError::Convergence`] where the gradients of the constraints depend on each other.
+    /// [`CoreError::Convergence`] if the gradients of the constraints depend on each other.
     pub fn tangent(&self, state: &State) -> Result<State, CoreError> {
         let inverse_mass = DVector::from_column_slice(self.system.free_mass()).map(|m| 1.0 / m);
         let mut p = DVector::from_column_slice(&state.p);
@@ -56,7 +56,7 @@ impl<'a, G: Constraint> Rattle<'a, G> {
         Ok(State { p: p.as_slice().to_vec(), ..state.clone() })
     }
 
-    /// ∇V in the free coordinates.
+    /// Returns ∇V in the free coordinates.
     fn force(&self, t: f64, q: &[f64]) -> DVector<f64> {
         let coordinates = self.system.coordinates();
         let mut x = vec![0.0; coordinates.dof_count()];
@@ -66,7 +66,7 @@ impl<'a, G: Constraint> Rattle<'a, G> {
         slope
     }
 
-    /// Newton's method for λ on g(q_1(λ)) = 0, to round-off. Returns (q_1, p½).
+    /// Solves g(q_1(λ)) = 0 for λ by Newton's method, to round-off. Returns (q_1, p½).
     fn shake(
         &self,
         q_0: &DVector<f64>,
@@ -80,7 +80,7 @@ impl<'a, G: Constraint> Rattle<'a, G> {
             let q_1 = q_0 + inverse_mass.component_mul(&p) * h;
             let defect = values(&self.constraint, q_1.as_slice());
             let size = defect.amax();
-            // Converged when the defect is round-off, or no longer falls.
+            // Converged if the defect is round-off and no longer decreases.
             if size == 0.0 || (size < 1e-13 && size >= 0.5 * previous) {
                 return Ok((q_1, p));
             }
@@ -99,7 +99,8 @@ impl<'a, G: Constraint> Rattle<'a, G> {
         Err(CoreError::Convergence { iterations: MAX_ITERATIONS, residual: previous })
     }
 
-    /// p − Gᵀμ with G M⁻¹ p = 0, twice, so that one solve's round-off is projected too.
+    /// Returns p − Gᵀμ with G M⁻¹ p = 0. It projects twice, so that the round-off of the first solve is projected
+    /// too.
     fn project(
         &self,
         normal: &DMatrix<f64>,

@@ -1,5 +1,5 @@
-//! The envelope of a quantity over a long run: its extremes in the first and in the last part tell an oscillation
-//! from a drift.
+//! The envelope of a quantity over a long run. Comparing its extremes in the first and the last part distinguishes an
+//! oscillation from a drift.
 
 /// Extremes of a value over equal windows of a run of known length.
 #[derive(Debug, Clone, PartialEq)]
@@ -10,7 +10,7 @@ pub struct Envelope {
 }
 
 impl Envelope {
-    /// An envelope of windows of `window` values each.
+    /// Returns an envelope with windows of `window` values each.
     pub fn new(window: usize) -> Self {
         Self { window: window.max(1), seen: 0, extremes: Vec::new() }
     }
@@ -27,19 +27,19 @@ impl Envelope {
         }
     }
 
-    /// (smallest, largest) value of each window.
+    /// Returns (smallest, largest) value of each window.
     pub fn extremes(&self) -> &[(f64, f64)] {
         &self.extremes
     }
 
-    /// Largest minus smallest value of the whole run.
+    /// Returns the largest minus the smallest value of the whole run.
     pub fn spread(&self) -> f64 {
         let low = self.extremes.iter().map(|e| e.0).fold(f64::INFINITY, f64::min);
         let high = self.extremes.iter().map(|e| e.1).fold(f64::NEG_INFINITY, f64::max);
         high - low
     }
 
-    /// Distance of the middle of the last complete window from the middle of the first.
+    /// Returns the mid-range of the last complete window minus that of the first.
     pub fn drift(&self) -> f64 {
         let complete = self.seen / self.window;
         if complete == 0 {

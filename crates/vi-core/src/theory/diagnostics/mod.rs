@@ -1,6 +1,6 @@
-//! Instruments for runs: how symplectic a map is, how its energy spreads, whether it reverses, and
-//! where it crosses a section. They look at maps and states from outside: none knows a scheme,
-//! except the shadow Hamiltonians, which belong to one.
+//! Diagnostics of runs: the symplecticity of a map, the spread of its energy, its reversibility, and its crossings of
+//! a section. They use only maps and states and are independent of the scheme, except for the shadow Hamiltonians,
+//! each of which belongs to one scheme.
 
 pub(crate) mod energy;
 pub(crate) mod section;

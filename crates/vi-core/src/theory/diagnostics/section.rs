@@ -1,8 +1,8 @@
-//! Poincaré sections: where a run crosses q_k = level.
+//! Poincaré sections: the states at which a run crosses q_k = level.
 
 use crate::contract::system::State;
 
-/// The section q_k = level, crossed with growing q_k.
+/// The section q_k = level, crossed with increasing q_k.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Section {
     /// The coordinate k.
@@ -12,9 +12,8 @@ pub struct Section {
 }
 
 impl Section {
-    /// The state on the section, if it is crossed between two successive states of a run.
-    /// `rate(state)` gives (q̇, ṗ): each entry follows its Hermite cubic between the two, whose error
-    /// is of order h⁴.
+    /// Returns the state on the section, if the run crosses it between two successive states. `rate(state)` gives
+    /// (q̇, ṗ). Each entry follows its Hermite cubic between the two states, with an error of order h⁴.
     pub fn crossing(
         &self,
         before: &State,
@@ -33,7 +32,7 @@ impl Section {
                 - h * db * s * s * d
         };
         let height = |s: f64| cubic(before.q[k], rate_0.0[k], after.q[k], rate_1.0[k], s) - self.level;
-        // Bisection: the sign changes between 0 and 1, and the cubic is cheap.
+        // Bisection: the sign changes between 0 and 1, and the cubic is cheap to evaluate.
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..60 {
             let middle = 0.5 * (low + high);

@@ -1,9 +1,9 @@
-//! The derivative of a map of phase space, measured, and its defect from symplecticity.
+//! The derivative of a map of phase space by finite differences, and its deviation from symplecticity.
 
 use nalgebra::DMatrix;
 
-/// DΦ at z by central differences of order 6 with step `delta` (error ~ delta⁶ + 1e-16/delta; 1e-3
-/// of the size of z is a good choice).
+/// Returns DΦ at z by central differences of order 6 with step `delta`. The error is about delta⁶ + 1e-16/delta; 1e-3
+/// times the size of z is a good choice.
 pub fn map_derivative(map: impl Fn(&[f64]) -> Vec<f64>, z: &[f64], delta: f64) -> DMatrix<f64> {
     const WEIGHTS: [(f64, f64); 3] = [(1.0, 45.0), (2.0, -9.0), (3.0, 1.0)];
     let mut out = DMatrix::zeros(z.len(), z.len());
@@ -22,7 +22,8 @@ pub fn map_derivative(map: impl Fn(&[f64]) -> Vec<f64>, z: &[f64], delta: f64) -
     out
 }
 
-/// The largest entry of DΦᵀ J DΦ − J for a map of z = (q, p): zero iff the map is symplectic.
+/// Returns the largest entry of DΦᵀ J DΦ − J for a map of z = (q, p). It is zero if and only if the map is
+/// symplectic.
 pub fn symplecticity_defect(derivative: &DMatrix<f64>) -> f64 {
     let n = derivative.nrows() / 2;
     let unit = DMatrix::from_fn(2 * n, 2 * n, |i, j| match () {
@@ -33,13 +34,13 @@ pub fn symplecticity_defect(derivative: &DMatrix<f64>) -> f64 {
     (derivative.transpose() * &unit * derivative - unit).amax()
 }
 
-/// det DΦ: the factor by which the map changes phase volume (area for one coordinate).
+/// Returns det DΦ: the factor by which the map changes phase volume (area for one coordinate).
 pub fn area_factor(derivative: &DMatrix<f64>) -> f64 {
     derivative.determinant()
 }
 
-/// Returns the distance by which a run misses its start after it is run back with reversed momenta: the largest entry of
-/// R Φᵏ R Φᵏ(z) − z, R(q, p) = (q, −p), for `steps` applications of the map each way.
+/// Runs the map forwards and back with reversed momenta, and returns the distance from the start: the largest entry
+/// of R Φᵏ R Φᵏ(z) − z with R(q, p) = (q, −p), for `steps` applications of the map in each direction.
 pub fn reversal_defect(map: impl Fn(&[f64]) -> Vec<f64>, z: &[f64], steps: usize) -> f64 {
     let n = z.len() / 2;
     let mut point = z.to_vec();

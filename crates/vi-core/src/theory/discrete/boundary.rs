@@ -1,5 +1,5 @@
-//! Hamilton's principle for a whole discrete path with fixed ends: all interior points at once, a boundary value
-//! problem, where marching solves an initial value problem. Both find the same path.
+//! Hamilton's principle for a whole discrete path with fixed ends. It solves a boundary value problem for all
+//! interior points at once, while marching solves an initial value problem. Both find the same path.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -10,9 +10,9 @@ use crate::theory::lagrange::expansion::Expand;
 use crate::theory::lagrange::higher::HigherLagrangian;
 use crate::theory::newton;
 
-/// The path of `step_count` steps from `first` at time t to `last` that makes the discrete action
-/// Σ L_d stationary. Returns q_0 … q_N, N + 1 positions. `guess(τ)`, τ from 0 to 1, is where the
-/// search begins: a stationary path need not be the only one.
+/// Returns the path of `step_count` steps from `first` at time t to `last` that makes the discrete action Σ L_d
+/// stationary: q_0 … q_N, N + 1 positions. The search starts from `guess(τ)`, τ from 0 to 1; there may be several
+/// stationary paths.
 ///
 /// # Errors
 /// [`CoreError::Length`], [`CoreError::SingularStep`] (conjugate points: the ends do not determine
@@ -33,7 +33,7 @@ pub fn stationary_path<L: Expand>(
     if step_count == 0 {
         return Err(CoreError::Points { what: "path", count: 0, allowed: "it needs at least 1 step" });
     }
-    // All control points in a row; those shared by two steps appear once.
+    // All control points in sequence; those shared by two steps appear once.
     let count = step_count * s + 1;
     let whole = |interior: &DVector<f64>| {
         let mut all = DVector::zeros(count * n);
@@ -78,9 +78,8 @@ pub fn stationary_path<L: Expand>(
     Ok((0..=step_count).map(|k| all.rows(k * s * n, n).into_owned()).collect())
 }
 
-/// The path of piecewise cubics with continuous velocity, from (q, v) = `first` at time t to `last`,
-/// that makes the discrete action stationary; ends and end velocities are fixed. Returns N + 1
-/// pairs (q, v).
+/// Returns the path of piecewise cubics with continuous velocity, from (q, v) = `first` at time t to `last`, that
+/// makes the discrete action stationary for fixed positions and velocities at both ends: N + 1 pairs (q, v).
 ///
 /// # Errors
 /// As [`stationary_path`].
@@ -101,7 +100,7 @@ pub fn stationary_hermite_path<L: HigherLagrangian>(
         _ if k == step_count => end.clone(),
         _ => interior.rows((k - 1) * size, size).into_owned(),
     };
-    // Node k's block of unknowns starts at row (k − 1) · size; the ends have none.
+    // The unknowns of node k start at row (k − 1) · size; the two ends have no unknowns.
     let interior_nodes =
         |k: usize| [k, k + 1].into_iter().enumerate().filter(|&(_, node)| node > 0 && node < step_count);
     let residual = |interior: &DVector<f64>| {
@@ -129,7 +128,7 @@ pub fn stationary_hermite_path<L: HigherLagrangian>(
         }
         sum
     };
-    // The straight line between the ends.
+    // The initial guess is the straight line between the ends.
     let guess = DVector::from_fn(rows, |i, _| {
         let (fraction, entry) = ((i / size + 1) as f64 / step_count as f64, i % size);
         if entry < n {

@@ -1,10 +1,10 @@
-//! The discrete Lagrangian on Hermite cubics: each step is the cubic that has given positions and
-//! velocities at both ends, so that paths are continuous with their velocity, as a Lagrangian with
-//! accelerations needs. z = (q, v) is the position of this integrator and P = (p, π) its momentum.
+//! The discrete Lagrangian on Hermite cubics. Each step is the cubic with given positions and velocities at both
+//! ends, so paths have continuous velocities, as a Lagrangian with accelerations requires. z = (q, v) is the position
+//! of this integrator and P = (p, π) its momentum.
 //!
-//! For an ordinary Lagrangian the same cubics serve in a boundary value problem; marching them has parasitic modes
-//! that grow (each step would choose its velocity against its neighbour), so there the interior of a step is
-//! eliminated instead: a polynomial of degree 3 in [`DiscreteLagrangian`](super::DiscreteLagrangian).
+//! For an ordinary Lagrangian the same cubics serve a boundary value problem. Marching with them has parasitic modes
+//! that grow, because each step would choose its velocity against that of its neighbour. There the interior of a step
+//! is eliminated instead, which gives a polynomial of degree 3 in [`DiscreteLagrangian`](super::DiscreteLagrangian).
 
 use nalgebra::{DMatrix, DVector};
 
@@ -25,19 +25,19 @@ pub struct HermiteState {
 }
 
 impl HermiteState {
-    /// z = (q, v), 2n.
+    /// Returns z = (q, v), 2n entries.
     pub fn stacked(&self) -> DVector<f64> {
         DVector::from_iterator(2 * self.q.len(), self.q.iter().chain(&self.v).copied())
     }
 
-    /// The state of z = (q, v).
+    /// Returns the state for z = (q, v).
     pub fn from_stacked(z: &DVector<f64>) -> Self {
         let n = z.len() / 2;
         Self { q: z.rows(0, n).as_slice().to_vec(), v: z.rows(n, n).as_slice().to_vec() }
     }
 }
 
-/// L_d(z_0, z_1) = h Σ_i b_i L(t_i, q(t_i), q̇(t_i), q̈(t_i)), q the Hermite cubic of the step.
+/// L_d(z_0, z_1) = h Σ_i b_i L(t_i, q(t_i), q̇(t_i), q̈(t_i)), where q is the Hermite cubic of the step.
 pub struct HermiteLagrangian<'a, L: HigherLagrangian> {
     lagrangian: &'a L,
     quadrature: Quadrature,
@@ -45,10 +45,10 @@ pub struct HermiteLagrangian<'a, L: HigherLagrangian> {
 }
 
 impl<'a, L: HigherLagrangian> HermiteLagrangian<'a, L> {
-    /// The discrete Lagrangian of one step h, s.
+    /// Returns the discrete Lagrangian of one step h, s.
     ///
     /// # Errors
-    /// [`CoreError::StepSize`] where h is zero or not finite.
+    /// [`CoreError::StepSize`] if h is zero or not finite.
     pub fn new(lagrangian: &'a L, quadrature: Quadrature, h: f64) -> Result<Self, CoreError> {
         if h == 0.0 || !h.is_finite() {
             return Err(CoreError::StepSize { h });
@@ -56,18 +56,18 @@ impl<'a, L: HigherLagrangian> HermiteLagrangian<'a, L> {
         Ok(Self { lagrangian, quadrature, h })
     }
 
-    /// The step h, s.
+    /// Returns the step h, s.
     pub fn step_size(&self) -> f64 {
         self.h
     }
 
-    /// L_d on any numbers; `z` is (q_0, v_0, q_1, v_1), 4n.
+    /// Evaluates L_d for any number type; `z` is (q_0, v_0, q_1, v_1), 4n entries.
     fn evaluate<D: Scalar>(&self, t: f64, z: &[D]) -> D {
         let n = z.len() / 4;
         let h = self.h;
         let mut sum = D::from(0.0);
         for (&c, &b) in self.quadrature.nodes().iter().zip(self.quadrature.weights()) {
-            // Hermite cubics in s = c: weights of q_0, v_0, q_1, v_1, and their time derivatives.
+            // Weights of q_0, v_0, q_1, v_1 in the Hermite cubic at c, and their time derivatives.
             let d = 1.0 - c;
             let value = [d * d * (1.0 + 2.0 * c), h * c * d * d, c * c * (3.0 - 2.0 * c), -h * c * c * d];
             let slope = [-6.0 * c * d / h, d * (1.0 - 3.0 * c), 6.0 * c * d / h, c * (3.0 * c - 2.0)];
@@ -86,26 +86,26 @@ impl<'a, L: HigherLagrangian> HermiteLagrangian<'a, L> {
         sum
     }
 
-    /// L_d(z_0, z_1).
+    /// Returns L_d(z_0, z_1).
     pub fn value(&self, t: f64, z_0: &DVector<f64>, z_1: &DVector<f64>) -> f64 {
         self.evaluate(t, &ends(z_0, z_1))
     }
 
-    /// (D₁L_d, D₂L_d), 4n entries: −P_0 and P_1.
+    /// Returns (D₁L_d, D₂L_d) = (−P_0, P_1), 4n entries.
     pub fn gradient(&self, t: f64, z_0: &DVector<f64>, z_1: &DVector<f64>) -> DVector<f64> {
         differentiate::gradient(&StepAction { discrete: self, t }, &ends(z_0, z_1))
     }
 
-    /// The second derivatives of L_d, 4n × 4n.
+    /// Returns the second derivatives of L_d, 4n × 4n.
     pub fn hessian(&self, t: f64, z_0: &DVector<f64>, z_1: &DVector<f64>) -> DMatrix<f64> {
         differentiate::hessian(&StepAction { discrete: self, t }, &ends(z_0, z_1))
     }
 
-    /// One step: from z_0 and its momentum P_0 = (p, π), with p = ∂L/∂q̇ − d/dt ∂L/∂q̈ and
-    /// π = ∂L/∂q̈ (Ostrogradsky), to z_1 and P_1.
+    /// Makes one step from z_0 and its momentum P_0 = (p, π) to z_1 and P_1, where p = ∂L/∂q̇ − d/dt ∂L/∂q̈ and π =
+    /// ∂L/∂q̈ (Ostrogradsky).
     ///
     /// # Errors
-    /// [`CoreError::SingularStep`] where D₁D₂L_d has no inverse, [`CoreError::Convergence`].
+    /// [`CoreError::SingularStep`] if D₁D₂L_d has no inverse, [`CoreError::Convergence`].
     pub fn step(
         &self,
         t: f64,

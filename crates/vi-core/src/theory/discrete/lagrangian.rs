@@ -1,4 +1,4 @@
-//! The discrete Lagrangian of one step, straight from its definition (Marsden & West 2001, §2.6.3):
+//! The discrete Lagrangian of one step, directly from its definition (Marsden & West 2001, §2.6.3):
 //!
 //! ```text
 //! S(Q_0 … Q_s) = h Σ_i b_i L(t_i, q(t_i), q̇(t_i)),   q the polynomial through Q_0 = q_0 … Q_s = q_1
@@ -6,8 +6,8 @@
 //! p_0 = −∂L_d/∂q_0,   p_1 = ∂L_d/∂q_1               (discrete Legendre transforms)
 //! ```
 //!
-//! Given (q_0, p_0), the s vector equations ∂S/∂Q_0 = −p_0, ∂S/∂Q_k = 0 (0 < k < s) have the unknowns Q_1 … Q_s; then
-//! p_1 = ∂S/∂Q_s. That p_1 of one step is p_0 of the next is the discrete Euler–Lagrange equation.
+//! For given (q_0, p_0), the s vector equations ∂S/∂Q_0 = −p_0, ∂S/∂Q_k = 0 (0 < k < s) have the unknowns Q_1 … Q_s.
+//! Then p_1 = ∂S/∂Q_s. The discrete Euler–Lagrange equation states that p_1 of one step is p_0 of the next.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -27,7 +27,7 @@ pub struct DiscreteLagrangian<'a, L: Expand> {
     samples: Vec<Sample>,
 }
 
-/// One quadrature point: its place c_i, its weight b_i, basis values and slopes there.
+/// A quadrature point: its position c_i, its weight b_i, and the basis values and slopes there.
 struct Sample {
     place: f64,
     weight: f64,
@@ -35,8 +35,8 @@ struct Sample {
     slopes: Vec<f64>,
 }
 
-/// The path of one step: the polynomial through q_0 and q_0 + U_j, j = 1 … s. Increments rather
-/// than positions, so that velocities are exact to round-off far from the origin.
+/// The path of one step: the polynomial through q_0 and q_0 + U_j, j = 1 … s. It stores increments, not positions, so
+/// that velocities are exact to round-off far from the origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Polynomial {
     /// Start of the step, s.
@@ -48,7 +48,7 @@ pub struct Polynomial {
 }
 
 impl Polynomial {
-    /// q_1 = q_0 + U_s.
+    /// Returns q_1 = q_0 + U_s.
     pub fn end(&self) -> DVector<f64> {
         let n = self.start.len();
         &self.start + self.increments.rows(self.increments.len() - n, n)
@@ -56,12 +56,12 @@ impl Polynomial {
 }
 
 impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
-    /// The discrete Lagrangian of one step h (s, negative to run back).
+    /// Returns the discrete Lagrangian of one step h (s, negative to run backwards).
     ///
     /// # Errors
-    /// - [`CoreError::Degenerate`] where the quadrature cannot see every velocity of the
-    ///   interpolation (fewer points than the degree), so that no momentum determines the step;
-    /// - [`CoreError::StepSize`] where h is zero or not finite;
+    /// - [`CoreError::Degenerate`] if the quadrature has fewer points than the degree of the interpolation. Some
+    ///   velocity then has no action, and no momentum determines the step;
+    /// - [`CoreError::StepSize`] if h is zero or not finite;
     /// - [`CoreError::Points`] for a polynomial of degree 0.
     pub fn new(lagrangian: &'a L, scheme: &Scheme, h: f64) -> Result<Self, CoreError> {
         if h == 0.0 || !h.is_finite() {
@@ -84,17 +84,17 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
         Ok(discrete)
     }
 
-    /// Degree s of the interpolation.
+    /// Returns the degree s of the interpolation.
     pub fn degree(&self) -> usize {
         self.control_points.len() - 1
     }
 
-    /// The step h, s.
+    /// Returns the step h, s.
     pub fn step_size(&self) -> f64 {
         self.h
     }
 
-    /// Is Σ_i b_i ℓ'_k(c_i) ℓ'_j(c_i), k = 0 … s−1, j = 1 … s, without an inverse?
+    /// Returns whether the matrix Σ_i b_i ℓ'_k(c_i) ℓ'_j(c_i), k = 0 … s−1, j = 1 … s, is singular.
     fn kinetic_form_is_singular(&self) -> bool {
         let s = self.degree();
         let entry = |k: usize, j: usize| -> f64 {
@@ -104,7 +104,7 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
         singular.min() <= 1e-10 * singular.max()
     }
 
-    /// (t, q, q̇) at a quadrature point; the basis slopes sum to zero, so q_0 drops out of q̇.
+    /// Returns (t, q, q̇) at a quadrature point. The slopes of the basis sum to zero, so q̇ does not depend on q_0.
     fn motion(&self, sample: &Sample, path: &Polynomial) -> (f64, DVector<f64>, DVector<f64>) {
         let n = path.start.len();
         let mut q = path.start.clone();
@@ -117,7 +117,7 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
         (path.t + sample.place * self.h, q, v)
     }
 
-    /// The action S of a path over one step, J s.
+    /// Returns the action S of a path over one step, J s.
     pub fn action(&self, path: &Polynomial) -> f64 {
         let term = |sample| {
             let (t, q, v) = self.motion(sample, path);
@@ -126,7 +126,7 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
         self.samples.iter().map(term).sum()
     }
 
-    /// ∂S/∂Q_k = Σ_i b_i (h ℓ_k ∂L/∂q + ℓ'_k ∂L/∂q̇) for k = 0 … s, (s+1) · n entries.
+    /// Returns ∂S/∂Q_k = Σ_i b_i (h ℓ_k ∂L/∂q + ℓ'_k ∂L/∂q̇) for k = 0 … s, (s+1) · n entries.
     pub fn gradient(&self, path: &Polynomial) -> DVector<f64> {
         let n = path.start.len();
         let mut out = DVector::zeros((self.degree() + 1) * n);
@@ -136,7 +136,7 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
             for k in 0..=self.degree() {
                 let mut block = out.rows_mut(k * n, n);
                 block.axpy(sample.weight * sample.slopes[k], &momentum, 1.0);
-                // A basis function that vanishes here must not see a force, finite or not.
+                // A basis function that vanishes here receives no force, even a non-finite one.
                 if sample.values[k] != 0.0 {
                     block.axpy(self.h * sample.weight * sample.values[k], &force, 1.0);
                 }
@@ -145,7 +145,7 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
         out
     }
 
-    /// ∂²S/∂Q_k∂Q_j for k, j = 0 … s, a symmetric matrix of (s+1) · n rows.
+    /// Returns ∂²S/∂Q_k∂Q_j for k, j = 0 … s, a symmetric matrix of (s+1) · n rows.
     pub fn hessian(&self, path: &Polynomial) -> DMatrix<f64> {
         let n = path.start.len();
         let blocks = self.degree() + 1;
@@ -176,11 +176,11 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
         out
     }
 
-    /// The path of the step from (q_0, p_0), by Newton's method to round-off.
+    /// Returns the path of the step from (q_0, p_0), by Newton's method to round-off.
     ///
     /// # Errors
-    /// [`CoreError::Length`] where the state does not fit, [`CoreError::SingularStep`] where
-    /// D₁D₂L_d has no inverse at this h, [`CoreError::Convergence`] where Newton's method stalls.
+    /// [`CoreError::Length`] if the state has the wrong size, [`CoreError::SingularStep`] if D₁D₂L_d has no inverse
+    /// at this h, [`CoreError::Convergence`] if Newton's method stalls.
     pub fn path_from(&self, state: &State) -> Result<Polynomial, CoreError> {
         let n = self.lagrangian.coordinate_count();
         for (what, array) in [("q of the state", &state.q), ("p of the state", &state.p)] {
@@ -203,7 +203,7 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
             residual
         };
         let jacobian = |u: &DVector<f64>| self.hessian(&through(u)).view((0, n), (rows, rows)).into_owned();
-        // Uniform motion is the first guess; where that leaves the domain of L, rest.
+        // The first guess is uniform motion, or rest if that leaves the domain of L.
         let v = velocities(self.lagrangian, state.t, &state.q, &state.p)?;
         let mut guess = DVector::from_fn(rows, |i, _| self.h * self.control_points[i / n + 1] * v[i % n]);
         if residual(&guess).iter().any(|r| !r.is_finite()) {
@@ -213,7 +213,7 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
         Ok(through(&newton::solve(guess, start.amax(), singular, residual, jacobian)?))
     }
 
-    /// One step of the integrator: the state at t + h.
+    /// Makes one step of the integrator: returns the state at t + h.
     ///
     /// # Errors
     /// As [`DiscreteLagrangian::path_from`].
@@ -224,7 +224,7 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
         Ok(State { t: state.t + self.h, q: path.end().as_slice().to_vec(), p })
     }
 
-    /// The path between two positions over one step: stationary in its interior control points.
+    /// Returns the path between two positions over one step; its interior control points make S stationary.
     ///
     /// # Errors
     /// As [`DiscreteLagrangian::path_from`].
@@ -257,7 +257,7 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
         Ok(through(&newton::solve(straight, extent, singular, residual, jacobian)?))
     }
 
-    /// L_d(q_0, q_1), J s.
+    /// Returns L_d(q_0, q_1), J s.
     ///
     /// # Errors
     /// As [`DiscreteLagrangian::path_from`].
@@ -265,7 +265,7 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
         Ok(self.action(&self.path_between(t, q_0, q_1)?))
     }
 
-    /// The discrete Legendre transforms (p⁻, p⁺) = (−D₁L_d, D₂L_d) of a step from q_0 to q_1.
+    /// Returns the discrete Legendre transforms (p⁻, p⁺) = (−D₁L_d, D₂L_d) of a step from q_0 to q_1.
     ///
     /// # Errors
     /// As [`DiscreteLagrangian::path_from`].

@@ -1,6 +1,5 @@
-//! Hamilton's principle after discretisation: a discrete Lagrangian is an interpolation of the path
-//! × a quadrature of the action, and its discrete Euler–Lagrange equations are the integrator
-//! (Marsden & West 2001).
+//! Hamilton's principle after discretisation. A discrete Lagrangian is an interpolation of the path × a quadrature of
+//! the action, and its discrete Euler–Lagrange equations define the integrator (Marsden & West 2001).
 //!
 //! ```
 //! use vi_core::{Scheme, discrete::DiscreteLagrangian};

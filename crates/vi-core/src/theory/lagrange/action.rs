@@ -1,4 +1,4 @@
-//! The action of a path and the variation δ in a direction η. Any function f(t, q, q̇) is a [`Lagrangian`] here: its
+//! The action of a path and its variation δ in a direction η. Here any function f(t, q, q̇) is a [`Lagrangian`]. Its
 //! value along a path is a function of time, and δ is the derivative with respect to ε on the varied path q + ε η.
 
 use num_dual::{Dual, Dual64};
@@ -8,7 +8,7 @@ use crate::error::CoreError;
 use crate::theory::lagrange::lagrangian::{Lagrangian, Scalar};
 use crate::theory::lagrange::trajectory::Trajectory;
 
-/// f(t, q(t), q̇(t)) along a path.
+/// Evaluates f(t, q(t), q̇(t)) along a path.
 pub fn along<D: Scalar>(f: &impl Lagrangian, path: &impl Trajectory, t: D) -> D
 where
     Dual<D>: Scalar,
@@ -16,7 +16,7 @@ where
     along_varied(f, path, path, t, D::zero())
 }
 
-/// f along the varied path q + ε η, for numbers t and ε that may carry derivatives.
+/// Evaluates f along the varied path q + ε η, for numbers t and ε that may carry derivatives.
 pub fn along_varied<D: Scalar>(
     f: &impl Lagrangian,
     path: &impl Trajectory,
@@ -39,21 +39,21 @@ where
     f.value(t, &q, &v)
 }
 
-/// The total derivative df/dt along a path.
+/// Returns the total derivative df/dt along a path.
 pub fn total_derivative(f: &impl Lagrangian, path: &impl Trajectory, t: f64) -> f64 {
     along(f, path, Dual64::new(t, 1.0)).eps
 }
 
-/// The variation δf = d/dε f(t, q + ε η, q̇ + ε η̇) at ε = 0 and time t.
+/// Returns the variation δf = d/dε f(t, q + ε η, q̇ + ε η̇) at ε = 0 and time t.
 pub fn variation(f: &impl Lagrangian, path: &impl Trajectory, eta: &impl Trajectory, t: f64) -> f64 {
     along_varied(f, path, eta, Dual64::from_re(t), Dual64::new(0.0, 1.0)).eps
 }
 
-/// ∫ f dt over [start, end] along a path, by `panels` panels of 10-point Gauss–Legendre quadrature
-/// (exact for polynomials of degree 19 a panel). For f = L it is the action, J s.
+/// Returns ∫ f dt over [start, end] along a path, by `panels` panels of 10-point Gauss–Legendre quadrature (exact for
+/// polynomials of degree 19 on each panel). For f = L it is the action, J s.
 ///
 /// # Errors
-/// [`CoreError::Points`] for no panels.
+/// [`CoreError::Points`] if `panels` is zero.
 pub fn action(
     f: &impl Lagrangian,
     path: &impl Trajectory,

@@ -1,5 +1,5 @@
-//! The Euler–Lagrange equations d/dt ∂L/∂q̇ = ∂L/∂q: their residual on a path, the accelerations they give, and the
-//! two Legendre transforms.
+//! The Euler–Lagrange equations d/dt ∂L/∂q̇ = ∂L/∂q: their residual on a path, the accelerations that they give, and
+//! the two Legendre transforms.
 
 use nalgebra::DVector;
 use num_dual::HyperDual64;
@@ -9,7 +9,7 @@ use crate::theory::lagrange::expansion::Expand;
 use crate::theory::lagrange::lagrangian::Lagrangian;
 use crate::theory::lagrange::trajectory::{Trajectory, motion};
 
-/// ∂²L/∂t∂v, n: non-zero only for a Lagrangian that depends on time.
+/// Returns ∂²L/∂t∂v, n entries; non-zero only for a Lagrangian that depends on time.
 fn explicit_rate(lagrangian: &impl Lagrangian, t: f64, q: &[f64], v: &[f64]) -> DVector<f64> {
     let time = HyperDual64::from_re(t).derivative1();
     let q: Vec<HyperDual64> = q.iter().map(|&q| HyperDual64::from_re(q)).collect();
@@ -22,8 +22,8 @@ fn explicit_rate(lagrangian: &impl Lagrangian, t: f64, q: &[f64], v: &[f64]) -> 
     })
 }
 
-/// The Euler–Lagrange residual d/dt ∂L/∂q̇ − ∂L/∂q (N, generalised) of any path at time t:
-/// L_vt + L_vq q̇ + L_vv q̈ − L_q. It vanishes on motions and nowhere else.
+/// Returns the Euler–Lagrange residual d/dt ∂L/∂q̇ − ∂L/∂q (N, generalised) of any path at time t, L_vt + L_vq q̇ +
+/// L_vv q̈ − L_q. It vanishes for all times only if the path is a motion.
 pub fn residual(lagrangian: &impl Lagrangian, path: &impl Trajectory, t: f64) -> DVector<f64> {
     let (q, v, a) = motion(path, t);
     let at = lagrangian.expansion(t, &q, &v);
@@ -31,10 +31,10 @@ pub fn residual(lagrangian: &impl Lagrangian, path: &impl Trajectory, t: f64) ->
         - at.d_q
 }
 
-/// The accelerations q̈ that make the residual vanish: L_vv q̈ = L_q − L_vt − L_vq q̇.
+/// Returns the accelerations q̈ that make the residual vanish: L_vv q̈ = L_q − L_vt − L_vq q̇.
 ///
 /// # Errors
-/// [`CoreError::SingularMass`] where ∂²L/∂q̇² has no inverse.
+/// [`CoreError::SingularMass`] if ∂²L/∂q̇² has no inverse.
 pub fn accelerations(
     lagrangian: &impl Lagrangian,
     t: f64,
@@ -46,16 +46,15 @@ pub fn accelerations(
     at.vv.lu().solve(&(at.d_q - rate)).ok_or(CoreError::SingularMass { t })
 }
 
-/// The Legendre transform p = ∂L/∂q̇.
+/// Returns the Legendre transform p = ∂L/∂q̇.
 pub fn momenta(lagrangian: &impl Expand, t: f64, q: &[f64], v: &[f64]) -> DVector<f64> {
     lagrangian.gradient(t, q, v).1
 }
 
-/// Inverts the Legendre transform: returns the velocities that have the momenta p, by Newton's method from rest.
+/// Inverts the Legendre transform: returns the velocities with the momenta p, by Newton's method from rest.
 ///
 /// # Errors
-/// [`CoreError::SingularMass`] where ∂²L/∂q̇² has no inverse, [`CoreError::Convergence`] where
-/// Newton's method fails.
+/// [`CoreError::SingularMass`] if ∂²L/∂q̇² has no inverse, [`CoreError::Convergence`] if Newton's method fails.
 pub fn velocities(lagrangian: &impl Expand, t: f64, q: &[f64], p: &[f64]) -> Result<DVector<f64>, CoreError> {
     const MAX_ITERATIONS: usize = 50;
     let p = DVector::from_column_slice(p);
@@ -66,8 +65,8 @@ pub fn velocities(lagrangian: &impl Expand, t: f64, q: &[f64], p: &[f64]) -> Res
         let defect = &p - at.d_v;
         let update = at.vv.lu().solve(&defect).ok_or(CoreError::SingularMass { t })?;
         v += &update;
-        // Round-off: so small against the velocities (or a unit of them, near rest) that it no
-        // longer falls.
+        // Stop at round-off: the update is small relative to the velocities (or to 1 near rest) and no longer
+        // decreases.
         let size = update.amax();
         if size <= 1e-14 * v.amax() || (size <= 1e-12 * (1.0 + v.amax()) && size >= 0.5 * previous) {
             return Ok(v);
@@ -78,7 +77,7 @@ pub fn velocities(lagrangian: &impl Expand, t: f64, q: &[f64], p: &[f64]) -> Res
     Err(CoreError::Convergence { iterations: MAX_ITERATIONS, residual })
 }
 
-/// The energy function E = q̇ · ∂L/∂q̇ − L, J: conserved where L does not depend on time.
+/// Returns the energy function E = q̇ · ∂L/∂q̇ − L, J: conserved if L does not depend on time.
 pub fn energy(lagrangian: &impl Expand, t: f64, q: &[f64], v: &[f64]) -> f64 {
     let p = momenta(lagrangian, t, q, v);
     p.iter().zip(v).map(|(p, v)| p * v).sum::<f64>() - lagrangian.lagrangian(t, q, v)

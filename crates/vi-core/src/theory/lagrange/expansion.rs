@@ -1,5 +1,5 @@
-//! A Lagrangian and its first and second derivatives at one point: all that a discrete Lagrangian and a Newton
-//! iteration need.
+//! A Lagrangian and its first and second derivatives at one point, as a discrete Lagrangian and a Newton iteration
+//! need them.
 
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual64, HyperDual64};
@@ -11,9 +11,9 @@ use crate::theory::lagrange::lagrangian::Lagrangian;
 /// Derivatives of L at one (t, q, v), n coordinates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Expansion {
-    /// ∂L/∂q, n.
+    /// ∂L/∂q, n entries.
     pub d_q: DVector<f64>,
-    /// ∂L/∂v, n: the momenta.
+    /// ∂L/∂v, n entries: the momenta.
     pub d_v: DVector<f64>,
     /// ∂²L/∂q∂q, n × n.
     pub qq: DMatrix<f64>,
@@ -23,16 +23,16 @@ pub struct Expansion {
     pub vv: DMatrix<f64>,
 }
 
-/// A function that can be expanded to second order in (q, v): every [`Lagrangian`], by dual numbers; and every
+/// A function with an expansion to second order in (q, v): every [`Lagrangian`], by dual numbers, and every
 /// [`System`], from the blocks of its potentials.
 pub trait Expand {
-    /// Number of coordinates n.
+    /// Returns the number of coordinates n.
     fn coordinate_count(&self) -> usize;
-    /// L(t, q, v), J.
+    /// Returns L(t, q, v), J.
     fn lagrangian(&self, t: f64, q: &[f64], v: &[f64]) -> f64;
-    /// (∂L/∂q, ∂L/∂v), n each.
+    /// Returns (∂L/∂q, ∂L/∂v), n entries each.
     fn gradient(&self, t: f64, q: &[f64], v: &[f64]) -> (DVector<f64>, DVector<f64>);
-    /// First and second derivatives.
+    /// Returns the first and second derivatives.
     fn expansion(&self, t: f64, q: &[f64], v: &[f64]) -> Expansion;
 }
 

@@ -1,5 +1,5 @@
-//! Lagrangians L(t, q, q̇, q̈) that depend on accelerations (an elastic rod in its arc length, a trajectory of least
-//! jerk). Their equation is ∂L/∂q − d/dt ∂L/∂q̇ + d²/dt² ∂L/∂q̈ = 0 (Ostrogradsky).
+//! Lagrangians L(t, q, q̇, q̈) that depend on accelerations (an elastic rod as a function of arc length, a trajectory
+//! of minimum jerk). Their equation is ∂L/∂q − d/dt ∂L/∂q̇ + d²/dt² ∂L/∂q̈ = 0 (Ostrogradsky).
 
 use nalgebra::DVector;
 use num_dual::{Dual, Dual2, Dual2_64};
@@ -15,7 +15,7 @@ pub trait HigherLagrangian {
     fn value<D: Scalar>(&self, t: D, q: &[D], v: &[D], a: &[D]) -> D;
 }
 
-/// An ordinary Lagrangian seen as one that ignores accelerations.
+/// An ordinary Lagrangian, considered as one that does not depend on accelerations.
 #[derive(Debug, Clone, Copy)]
 pub struct FirstOrder<L>(pub L);
 
@@ -28,10 +28,10 @@ impl<L: Lagrangian> HigherLagrangian for FirstOrder<L> {
     }
 }
 
-/// The residual ∂L/∂q − d/dt ∂L/∂q̇ + d²/dt² ∂L/∂q̈ of a path at time t, one entry a coordinate.
+/// Returns the residual ∂L/∂q − d/dt ∂L/∂q̇ + d²/dt² ∂L/∂q̈ of a path at time t, one entry per coordinate.
 ///
-/// Time runs on second-order dual numbers, so that ∂L/∂q̇ and ∂L/∂q̈ come as functions of time with
-/// their derivatives; the partial derivatives are one more dual number around them.
+/// Time is a second-order dual number, so that ∂L/∂q̇ and ∂L/∂q̈ are functions of time with derivatives. One more
+/// dual number around it gives the partial derivatives.
 pub fn higher_residual(lagrangian: &impl HigherLagrangian, path: &impl Trajectory, t: f64) -> DVector<f64> {
     let time = Dual2_64::from_re(t).derivative();
     let jets = path.at(Dual2::from_re(time).derivative());

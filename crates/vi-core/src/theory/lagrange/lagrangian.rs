@@ -1,19 +1,19 @@
-//! A Lagrangian in this crate is a function that can be evaluated on any numbers that carry derivatives.
+//! Lagrangians: functions that can be evaluated with any number type that carries derivatives.
 
 use num_dual::DualNum;
 
-/// A real number, or one that carries derivatives: f64 and every dual number over f64.
+/// A real number with or without derivatives: f64 and every dual number over f64.
 pub trait Scalar: DualNum<Primitive = f64> + Copy {}
 impl<D: DualNum<Primitive = f64> + Copy> Scalar for D {}
 
 /// A Lagrangian L(t, q, q̇) of n generalised coordinates, in J.
 ///
-/// Twice differentiable in all arguments; regular (∂²L/∂q̇² invertible) where accelerations are
-/// asked for. Write it with [`lagrangian!`](crate::lagrangian), or as a type of your own.
+/// It is twice differentiable in all arguments, and regular (∂²L/∂q̇² invertible) if accelerations are computed.
+/// Write it with [`lagrangian!`](crate::lagrangian), or implement the trait for your own type.
 pub trait Lagrangian {
     /// Number of coordinates n.
     fn dof_count(&self) -> usize;
-    /// L at time t (s), coordinates q and velocities v = q̇, n each.
+    /// Returns L at time t (s), coordinates q and velocities v = q̇, n entries each.
     fn value<D: Scalar>(&self, t: D, q: &[D], v: &[D]) -> D;
 }
 
@@ -26,11 +26,11 @@ impl<L: Lagrangian> Lagrangian for &L {
     }
 }
 
-/// A [`Lagrangian`](crate::lagrange::Lagrangian) from an expression:
+/// Makes a [`Lagrangian`](crate::lagrange::Lagrangian) from an expression:
 /// `lagrangian!(n; [constants] |t, q, v| expression)`.
 ///
-/// The constants are `f64` variables in scope, captured by value; numbers stand on the right of
-/// `*` and `+` (`v[0] * 0.5`), as dual numbers need.
+/// The constants are `f64` variables in scope, captured by value. Plain numbers must be on the right of `*` and `+`
+/// (`v[0] * 0.5`), as dual numbers require.
 #[macro_export]
 macro_rules! lagrangian {
     ($count:expr; |$t:ident, $q:ident, $v:ident| $body:expr) => {

@@ -1,5 +1,5 @@
-//! Hamilton's principle for any Lagrangian L(t, q, q̇) that one can write down: equations of
-//! motion, action, variations and momenta by automatic differentiation (dual numbers, `num-dual`).
+//! Hamilton's principle for any Lagrangian L(t, q, q̇) given as an expression: equations of motion, action,
+//! variations and momenta by automatic differentiation (dual numbers, `num-dual`).
 //!
 //! ```
 //! use vi_core::lagrange::{Scalar, accelerations};

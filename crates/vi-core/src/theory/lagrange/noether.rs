@@ -1,4 +1,4 @@
-//! Noether's theorem: a direction ξ(q) in which L does not change gives a momentum p · ξ(q) that does not change.
+//! Noether's theorem: if L does not change along a direction ξ(q), then the momentum p · ξ(q) is conserved.
 
 use num_dual::Dual64;
 
@@ -6,11 +6,11 @@ use crate::theory::lagrange::lagrangian::{Lagrangian, Scalar};
 
 /// The infinitesimal generator ξ(q) = d/ds of a one-parameter group acting on the coordinates.
 pub trait Symmetry {
-    /// ξ at q, one entry a coordinate.
+    /// Returns ξ at q, one entry per coordinate.
     fn generator<D: Scalar>(&self, q: &[D]) -> Vec<D>;
 }
 
-/// δL along the symmetry, L_q · ξ + L_v · (∂ξ/∂q q̇): zero where L has it.
+/// Returns δL along the symmetry, L_q · ξ + L_v · (∂ξ/∂q q̇). It is zero if L has the symmetry.
 pub fn symmetry_defect(
     lagrangian: &impl Lagrangian,
     symmetry: &impl Symmetry,
@@ -25,8 +25,8 @@ pub fn symmetry_defect(
     lagrangian.value(Dual64::from_re(t), &varied_q, &varied_v).eps
 }
 
-/// The momentum map J = p · ξ(q). A variational integrator whose discrete Lagrangian has the
-/// symmetry keeps it exactly (Marsden & West 2001, §1.3.3).
+/// Returns the momentum map J = p · ξ(q). A variational integrator conserves it exactly if its discrete Lagrangian
+/// has the symmetry (Marsden & West 2001, §1.3.3).
 pub fn momentum_map(symmetry: &impl Symmetry, q: &[f64], p: &[f64]) -> f64 {
     symmetry.generator(q).iter().zip(p).map(|(xi, p)| xi * p).sum()
 }

@@ -4,9 +4,9 @@ use num_dual::Dual2_64;
 
 use crate::theory::lagrange::lagrangian::Scalar;
 
-/// A path q(t), evaluated on any [`Scalar`] time so that its derivatives follow.
+/// A path q(t), evaluated at any [`Scalar`] time, which gives its derivatives.
 pub trait Trajectory {
-    /// q at time t, one entry a coordinate.
+    /// Returns q at time t, one entry per coordinate.
     fn at<D: Scalar>(&self, t: D) -> Vec<D>;
 }
 
@@ -16,7 +16,7 @@ impl<P: Trajectory> Trajectory for &P {
     }
 }
 
-/// A [`Trajectory`](crate::lagrange::Trajectory) from an expression:
+/// Makes a [`Trajectory`](crate::lagrange::Trajectory) from an expression:
 /// `trajectory!([constants] |t| vec![…])`.
 #[macro_export]
 macro_rules! trajectory {
@@ -37,7 +37,7 @@ macro_rules! trajectory {
     }};
 }
 
-/// (q, q̇, q̈) of a path at time t.
+/// Returns (q, q̇, q̈) of a path at time t.
 pub fn motion(path: &impl Trajectory, t: f64) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
     let jets = path.at(Dual2_64::from_re(t).derivative());
     let part = |pick: fn(&Dual2_64) -> f64| jets.iter().map(pick).collect();

@@ -1,4 +1,4 @@
-//! An elastic bar of linear finite elements, as a Lagrangian that one writes by hand.
+//! An elastic bar of linear finite elements, as a Lagrangian written by hand.
 
 use crate::theory::lagrange::lagrangian::{Lagrangian, Scalar};
 
@@ -8,7 +8,7 @@ use crate::theory::lagrange::lagrangian::{Lagrangian, Scalar};
 pub struct Bar {
     /// Number of elements n.
     pub element_count: usize,
-    /// Whole length, m.
+    /// Total length, m.
     pub length: f64,
     /// Cross-section A, m².
     pub area: f64,
@@ -30,7 +30,7 @@ impl Lagrangian for Bar {
         for e in 0..self.element_count {
             let stretch = q[e] - left;
             left = q[e];
-            // The last node has the half mass of its only element.
+            // The last node has half the mass of its only element.
             let share = if e + 1 == self.element_count { 0.5 } else { 1.0 };
             sum += v[e] * v[e] * (0.5 * mass * share) - stretch * stretch * (0.5 * stiffness);
         }

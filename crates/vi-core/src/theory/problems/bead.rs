@@ -1,11 +1,11 @@
-//! A bead on a hoop that is turned about its vertical diameter with angular velocity ω: one generalised coordinate,
+//! A bead on a hoop that rotates about its vertical diameter with angular velocity ω: one generalised coordinate and
 //! one prescribed control τ = ωt.
 
 use crate::theory::generalised::Embedding;
 use crate::theory::lagrange::lagrangian::Scalar;
 use crate::theory::statics::Energy;
 
-/// x = r (sin q cos τ, sin q sin τ, cos q), q from straight up (+z), V = m g z, unit mass.
+/// x = r (sin q cos τ, sin q sin τ, cos q), q measured from the upward vertical (+z), V = m g z, unit mass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BeadOnHoop {
     /// r, m.
@@ -48,12 +48,12 @@ impl Energy for BeadOnHoop {
 }
 
 impl BeadOnHoop {
-    /// The stable equilibrium: arccos(−g/(rω²)) above ω = √(g/r), straight down (π) below.
+    /// Returns the stable equilibrium: arccos(−g/(rω²)) for ω above √(g/r), straight down (π) below.
     pub fn equilibrium(&self) -> f64 {
         (-(self.gravity / (self.radius * self.omega * self.omega)).min(1.0)).acos()
     }
 
-    /// Angular frequency of small oscillations about it: ω √(1 − (g/rω²)²), or √(g/r − ω²), rad/s.
+    /// Returns the angular frequency of small oscillations about it: ω √(1 − (g/rω²)²), or √(g/r − ω²), rad/s.
     pub fn frequency(&self) -> f64 {
         let ratio = self.gravity / (self.radius * self.omega * self.omega);
         if ratio < 1.0 {

@@ -6,22 +6,22 @@ use crate::theory::rotations::articulated::{Articulated, Joint, Link};
 use crate::theory::rotations::rigid::{RigidBody, Weight, Weightless};
 use crate::theory::rotations::so3::{Matrix3, Vector3};
 
-/// The inertia diag(I₁, I₂, I₃), kg m².
+/// Returns the inertia diag(I₁, I₂, I₃), kg m².
 pub fn principal_inertia(moments: Vector3<f64>) -> Matrix3<f64> {
     std::array::from_fn(|i| std::array::from_fn(|j| if i == j { moments[i] } else { 0.0 }))
 }
 
-/// A body that turns freely about its centre.
+/// Returns a body that rotates freely about its centre.
 pub fn free_body(moments: Vector3<f64>) -> RigidBody<Weightless> {
     RigidBody { mass: 1.0, inertia: principal_inertia(moments), is_pivoted: true, potential: Weightless }
 }
 
-/// Period (s) of Π for a free body with I₁ < I₂ < I₃ (kg m²) and spin Π (Landau & Lifshitz,
-/// Mechanics, §37): 4 K(k)/λ. One period is two flips of the intermediate axis.
+/// Returns the period (s) of Π for a free body with I₁ < I₂ < I₃ (kg m²) and spin Π (Landau & Lifshitz, Mechanics,
+/// §37): 4 K(k)/λ. One period contains two flips of the intermediate axis.
 pub fn flip_period(moments: Vector3<f64>, spin: Vector3<f64>) -> f64 {
     let double_energy: f64 = (0..3).map(|i| spin[i] * spin[i] / moments[i]).sum();
     let square: f64 = spin.iter().map(|x| x * x).sum();
-    // The spin circles the axis of the largest moment, or else that of the smallest.
+    // The spin precesses about the axis of the largest moment, or else about that of the smallest.
     let [a, b, c] =
         if square > double_energy * moments[1] { moments } else { [moments[2], moments[1], moments[0]] };
     let rate = ((c - b) * (square - double_energy * a) / (a * b * c)).sqrt();
@@ -29,8 +29,7 @@ pub fn flip_period(moments: Vector3<f64>, spin: Vector3<f64>) -> f64 {
     4.0 * complete_elliptic_k(k) / rate
 }
 
-/// Lagrange's top: inertia (I, I, I₃) about its pivot, weight `weight` (N) at `height` (m) on its
-/// axis.
+/// Returns Lagrange's top: inertia (I, I, I₃) about its pivot, weight `weight` (N) at `height` (m) on its axis.
 pub fn heavy_top(transverse: f64, axial: f64, weight: f64, height: f64) -> RigidBody<Weight> {
     RigidBody {
         mass: 1.0,
@@ -40,8 +39,8 @@ pub fn heavy_top(transverse: f64, axial: f64, weight: f64, height: f64) -> Rigid
     }
 }
 
-/// Two point masses on massless rods in the x–z plane, q the angle of each rod from the one before
-/// it, the first from straight down.
+/// Returns two point masses on massless rods in the x–z plane. q is the angle of each rod relative to the previous
+/// one; the first is measured from the downward vertical.
 ///
 /// # Errors
 /// Never; the type is that of [`Articulated::new`].

@@ -1,5 +1,5 @@
-//! A chain of anharmonic springs in space: small, free, geometrically and materially nonlinear, with all momenta to
-//! conserve. The test system for fast kernels.
+//! A chain of anharmonic springs in space: small, free, geometrically and materially nonlinear, with all momenta
+//! conserved. It is the test system for fast kernels.
 
 use crate::contract::coordinates::{Coordinates, Prescribed};
 use crate::contract::potential::HessianKind;
@@ -12,7 +12,7 @@ use crate::theory::problems::term::{Jet, Term};
 pub struct SpringChain {
     /// Number of nodes, ≥ 2; 3 coordinates each.
     pub node_count: usize,
-    /// Mass of a node, kg; every second node has twice of it, so that no mode is hidden by symmetry.
+    /// Mass of a node, kg; every second node has twice this mass, so that symmetry hides no mode.
     pub mass: f64,
     /// k, N/m.
     pub stiffness: f64,
@@ -23,12 +23,12 @@ pub struct SpringChain {
 }
 
 impl SpringChain {
-    /// A chain of unit masses, springs and lengths with β = 1.
+    /// Returns a chain of unit masses, springs and lengths with β = 1.
     pub fn unit(node_count: usize) -> Self {
         Self { node_count, mass: 1.0, stiffness: 1.0, quartic: 1.0, rest_length: 1.0 }
     }
 
-    /// The free chain.
+    /// Returns the free chain.
     ///
     /// # Errors
     /// As [`System::new`].
@@ -36,7 +36,7 @@ impl SpringChain {
         self.system_with(Coordinates::all_free(3 * self.node_count))
     }
 
-    /// The chain with prescribed coordinates.
+    /// Returns the chain with prescribed coordinates.
     ///
     /// # Errors
     /// As [`Coordinates::new`] and [`System::new`].
@@ -57,7 +57,7 @@ impl SpringChain {
         System::new(mass, vec![Box::new(springs)], coordinates)
     }
 
-    /// A state off the axis, stretched, bent and spinning: nothing is zero or symmetric.
+    /// Returns a state off the axis, stretched, bent and spinning, without zeros or symmetries.
     pub fn disturbed_state(&self) -> State {
         let mut state = State { t: 0.0, q: Vec::new(), p: Vec::new() };
         for node in 0..self.node_count {
@@ -77,8 +77,8 @@ impl SpringChain {
         state
     }
 
-    /// One spring: with n = (x_b − x_a)/r, V' = k e + β e³, the block on x_b is
-    /// V'' n nᵀ + (V'/r)(I − n nᵀ).
+    /// Evaluates one spring. With n = (x_b − x_a)/r and V' = k e + β e³, the block of x_b is V'' n nᵀ + (V'/r)(I − n
+    /// nᵀ).
     fn jet(&self, x: &[f64; 6]) -> Jet<6> {
         let d = [x[3] - x[0], x[4] - x[1], x[5] - x[2]];
         let r = d.iter().map(|d| d * d).sum::<f64>().sqrt();

@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-/// The complete elliptic integral K(k) = ∫₀^{π/2} dφ/√(1 − k² sin²φ), modulus 0 ≤ k < 1.
+/// Returns the complete elliptic integral K(k) = ∫₀^{π/2} dφ/√(1 − k² sin²φ), modulus 0 ≤ k < 1.
 pub fn complete_elliptic_k(k: f64) -> f64 {
     let (mut a, mut b) = (1.0, ((1.0 - k) * (1.0 + k)).sqrt());
     while a - b > 1e-15 * a {
@@ -22,7 +22,7 @@ pub struct Jacobi {
     pub dn: f64,
 }
 
-/// sn, cn, dn of argument u and modulus 0 ≤ k < 1, by descending Landen steps.
+/// Returns sn, cn, dn of argument u and modulus 0 ≤ k < 1, by descending Landen steps.
 pub fn jacobi(u: f64, k: f64) -> Jacobi {
     let (mut a, mut b, mut c) = (1.0, ((1.0 - k) * (1.0 + k)).sqrt(), k);
     let mut steps = Vec::new();

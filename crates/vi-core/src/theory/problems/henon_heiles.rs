@@ -1,5 +1,5 @@
-//! The potential of Hénon & Heiles (1964), regular at low energy and chaotic at high: the classic of Poincaré
-//! sections.
+//! The potential of Hénon & Heiles (1964), regular at low energy and chaotic at high energy: the classical example of
+//! Poincaré sections.
 
 use crate::contract::coordinates::Coordinates;
 use crate::contract::potential::HessianKind;
@@ -12,7 +12,7 @@ use crate::theory::problems::term::{Jet, Term};
 pub struct HenonHeiles;
 
 impl HenonHeiles {
-    /// The system, two coordinates.
+    /// Returns the system, two coordinates.
     ///
     /// # Errors
     /// As [`System::new`].
@@ -31,8 +31,8 @@ impl HenonHeiles {
         System::new(vec![1.0; 2], vec![Box::new(well)], Coordinates::all_free(2))
     }
 
-    /// The state on the section x = 0 with energy E, given y and p_y, and p_x > 0; none where E does
-    /// not suffice.
+    /// Returns the state on the section x = 0 with energy E, given y and p_y, and p_x > 0, or `None` if E is too
+    /// small.
     pub fn on_section(&self, energy: f64, y: f64, p_y: f64) -> Option<State> {
         let square = 2.0 * energy - p_y * p_y - y * y + 2.0 * y * y * y / 3.0;
         (square > 0.0).then(|| State { t: 0.0, q: vec![0.0, y], p: vec![square.sqrt(), p_y] })

@@ -16,7 +16,7 @@ pub struct Kepler<const D: usize> {
 }
 
 impl<const D: usize> Kepler<D> {
-    /// The system, D coordinates.
+    /// Returns the system, D coordinates.
     ///
     /// # Errors
     /// Never for a unit mass; the type is that of [`System::new`].
@@ -43,8 +43,8 @@ impl<const D: usize> Kepler<D> {
         System::new(vec![1.0; D], vec![Box::new(attraction)], Coordinates::all_free(D))
     }
 
-    /// The state at the pericentre of the ellipse of semi-major axis a = 1 and eccentricity
-    /// 0 ≤ e < 1, at t = 0: q = (1 − e, 0), p = (0, √(μ (1+e)/(1−e))).
+    /// Returns the state at the pericentre of the ellipse of semi-major axis a = 1 and eccentricity 0 ≤ e < 1, at t =
+    /// 0: q = (1 − e, 0), p = (0, √(μ (1+e)/(1−e))).
     pub fn pericentre(&self, eccentricity: f64) -> State {
         let mut state = State { t: 0.0, q: vec![0.0; D], p: vec![0.0; D] };
         state.q[0] = 1.0 - eccentricity;
@@ -52,24 +52,24 @@ impl<const D: usize> Kepler<D> {
         state
     }
 
-    /// H = |p|²/2 − μ/|q|, J/kg.
+    /// Returns H = |p|²/2 − μ/|q|, J/kg.
     pub fn energy(&self, state: &State) -> f64 {
         let square = |a: &[f64]| a.iter().map(|a| a * a).sum::<f64>();
         0.5 * square(&state.p) - self.mu / square(&state.q).sqrt()
     }
 
-    /// q₁p₂ − q₂p₁, m²/s: the component of q × p normal to the plane of the first two axes.
+    /// Returns q₁p₂ − q₂p₁, m²/s: the component of q × p normal to the plane of the first two axes.
     pub fn angular_momentum(&self, state: &State) -> f64 {
         state.q[0] * state.p[1] - state.q[1] * state.p[0]
     }
 
-    /// Period of the ellipse with a = 1: T = 2π/√μ, s.
+    /// Returns the period of the ellipse with a = 1: T = 2π/√μ, s.
     pub fn period(&self) -> f64 {
         TAU / self.mu.sqrt()
     }
 
-    /// The exact motion on the ellipse of [`Kepler::pericentre`] at time t, from Kepler's equation
-    /// E − e sin E = √μ t.
+    /// Returns the exact motion on the ellipse of [`Kepler::pericentre`] at time t, from Kepler's equation E − e sin
+    /// E = √μ t.
     pub fn exact(&self, eccentricity: f64, t: f64) -> State {
         let e = eccentricity;
         let mean = self.mu.sqrt() * t;

@@ -1,9 +1,10 @@
-//! The lever: n masses on a rigid beam that turns about a fulcrum. Its law is the principle of virtual work.
+//! The lever: n masses on a rigid beam that rotates about a fulcrum. Its law follows from the principle of virtual
+//! work.
 
 use crate::theory::generalised::Embedding;
 use crate::theory::lagrange::lagrangian::Scalar;
 
-/// Point masses m_i at signed arms r_i along a massless beam, q the angle of the beam from level.
+/// Point masses m_i at signed arms r_i along a massless beam; q is the angle of the beam from the horizontal.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lever {
     /// (m_i kg, r_i m) pairs.
@@ -29,7 +30,7 @@ impl Embedding for Lever {
 }
 
 impl Lever {
-    /// Σ m_i g r_i, N m: what the law of the lever sets to zero.
+    /// Returns Σ m_i g r_i, N m. The law of the lever states that it is zero.
     pub fn moment(&self) -> f64 {
         self.loads.iter().map(|(mass, arm)| mass * self.gravity * arm).sum()
     }

@@ -16,17 +16,17 @@ pub struct Oscillator {
 }
 
 impl Oscillator {
-    /// Unit mass and angular frequency ω (rad/s): H = p²/2 + ω²q²/2.
+    /// Returns an oscillator of unit mass and angular frequency ω (rad/s): H = p²/2 + ω²q²/2.
     pub fn with_frequency(omega: f64) -> Self {
         Self { mass: 1.0, stiffness: omega * omega }
     }
 
-    /// ω = √(k/m), rad/s.
+    /// Returns ω = √(k/m), rad/s.
     pub fn frequency(&self) -> f64 {
         (self.stiffness / self.mass).sqrt()
     }
 
-    /// The system, one coordinate.
+    /// Returns the system, one coordinate.
     ///
     /// # Errors
     /// [`CoreError::Mass`] for a mass that is not positive.
@@ -42,12 +42,12 @@ impl Oscillator {
         System::new(vec![self.mass], vec![Box::new(spring)], Coordinates::all_free(1))
     }
 
-    /// H = p²/2m + k q²/2, J.
+    /// Returns H = p²/2m + k q²/2, J.
     pub fn energy(&self, state: &State) -> f64 {
         0.5 * state.p[0] * state.p[0] / self.mass + 0.5 * self.stiffness * state.q[0] * state.q[0]
     }
 
-    /// The exact motion: (q, p) after a time (s) from `state`, a rotation in phase space.
+    /// Returns the exact motion: (q, p) after a time (s) from `state`, a rotation in phase space.
     pub fn exact(&self, state: &State, time: f64) -> State {
         let impedance = self.mass * self.frequency();
         let (sin, cos) = (self.frequency() * time).sin_cos();

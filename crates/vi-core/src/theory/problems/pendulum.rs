@@ -7,7 +7,7 @@ use crate::error::CoreError;
 use crate::theory::problems::elliptic::{complete_elliptic_k, jacobi};
 use crate::theory::problems::term::{Jet, Term};
 
-/// A point mass on a massless rod, θ measured from straight down.
+/// A point mass on a massless rod; θ is measured from the downward vertical.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pendulum {
     /// m, kg.
@@ -19,17 +19,17 @@ pub struct Pendulum {
 }
 
 impl Pendulum {
-    /// Unit mass, length and gravity: ω₀ = 1, H = p²/2 − cos θ.
+    /// Returns a pendulum of unit mass, length and gravity: ω₀ = 1, H = p²/2 − cos θ.
     pub fn unit() -> Self {
         Self { mass: 1.0, length: 1.0, gravity: 1.0 }
     }
 
-    /// ω₀ = √(g/l), rad/s, of small swings.
+    /// Returns ω₀ = √(g/l), rad/s, the frequency of small oscillations.
     pub fn frequency(&self) -> f64 {
         (self.gravity / self.length).sqrt()
     }
 
-    /// The system, one coordinate θ with inertia m l².
+    /// Returns the system, one coordinate θ with inertia m l².
     ///
     /// # Errors
     /// [`CoreError::Mass`] for an inertia that is not positive.
@@ -49,24 +49,24 @@ impl Pendulum {
         System::new(vec![self.inertia()], vec![Box::new(weight)], Coordinates::all_free(1))
     }
 
-    /// m l², kg m².
+    /// Returns m l², kg m².
     pub fn inertia(&self) -> f64 {
         self.mass * self.length * self.length
     }
 
-    /// H = p²/(2 m l²) − m g l cos θ, J.
+    /// Returns H = p²/(2 m l²) − m g l cos θ, J.
     pub fn energy(&self, state: &State) -> f64 {
         0.5 * state.p[0] * state.p[0] / self.inertia()
             - self.mass * self.gravity * self.length * state.q[0].cos()
     }
 
-    /// Period (s) of a swing of amplitude 0 < θ₀ < π: T = 4 K(sin θ₀/2)/ω₀.
+    /// Returns the period (s) of a swing of amplitude 0 < θ₀ < π: T = 4 K(sin θ₀/2)/ω₀.
     pub fn period(&self, amplitude: f64) -> f64 {
         4.0 * complete_elliptic_k((0.5 * amplitude).sin()) / self.frequency()
     }
 
-    /// The exact motion, released from rest at amplitude |θ₀| < π at t = 0:
-    /// sin(θ/2) = k sn(K + ω₀t, k), k = sin(θ₀/2).
+    /// Returns the exact motion, released from rest at amplitude |θ₀| < π at t = 0: sin(θ/2) = k sn(K + ω₀t, k), k =
+    /// sin(θ₀/2).
     pub fn exact(&self, amplitude: f64, t: f64) -> State {
         let k = (0.5 * amplitude).sin();
         let omega = self.frequency();

@@ -10,7 +10,7 @@ use crate::theory::lagrange::noether::Symmetry;
 use crate::theory::problems::elliptic::complete_elliptic_k;
 use crate::theory::problems::term::{Jet, Term};
 
-/// A unit point mass at distance `length` from a fixed point, q = (θ, φ), θ from straight down.
+/// A unit point mass at distance `length` from a fixed point, q = (θ, φ), θ measured from the downward vertical.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SphericalPendulum {
     /// l, m.
@@ -32,13 +32,12 @@ impl Lagrangian for SphericalPendulum {
 }
 
 impl SphericalPendulum {
-    /// Period (s) of the nutation in θ for energy E (J) and vertical angular momentum J (kg m²/s):
-    /// 4 l K(k)/√(2g (z₃ − z₁)), k² = (z₂ − z₁)/(z₃ − z₁), z_i the roots of
-    /// 2 (E − g z)(l² − z²) = J².
+    /// Returns the period (s) of the nutation in θ for energy E (J) and vertical angular momentum J (kg m²/s): 4 l
+    /// K(k)/√(2g (z₃ − z₁)), k² = (z₂ − z₁)/(z₃ − z₁), where z_i are the roots of 2 (E − g z)(l² − z²) = J².
     pub fn nutation_period(&self, energy: f64, momentum: f64) -> f64 {
         let (l, g) = (self.length, self.gravity);
         let cubic = |z: f64| 2.0 * (energy - g * z) * (l * l - z * z) - momentum * momentum;
-        // The cubic is negative at ±l, positive between, and grows beyond l.
+        // The cubic is negative at ±l, positive between its two roots inside, and increases beyond l.
         let top = golden_maximum(cubic, -l, l);
         let mut far = 2.0 * l;
         while cubic(far) < 0.0 {
@@ -49,7 +48,7 @@ impl SphericalPendulum {
         4.0 * l * complete_elliptic_k(k) / (2.0 * g * (roots[2] - roots[0])).sqrt()
     }
 
-    /// A unit mass in the same field in Cartesian coordinates, to be held on [`Sphere`].
+    /// Returns a unit mass in the same field in Cartesian coordinates, to be constrained to a [`Sphere`].
     ///
     /// # Errors
     /// As [`System::new`].
@@ -70,14 +69,14 @@ impl SphericalPendulum {
     }
 }
 
-/// Turning about the vertical.
+/// The rotation about the vertical.
 impl Symmetry for SphericalPendulum {
     fn generator<D: Scalar>(&self, _q: &[D]) -> Vec<D> {
         vec![D::from(0.0), D::from(1.0)]
     }
 }
 
-/// The sphere (|x|² − l²)/(2l) = 0 about the origin, l its radius, m.
+/// The sphere (|x|² − l²)/(2l) = 0 about the origin; l is its radius, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sphere(pub f64);
 
@@ -103,7 +102,7 @@ fn bisect(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// The place of the one maximum of f on an interval, by golden sections.
+/// Returns the position of the only maximum of f on an interval, by golden-section search.
 fn golden_maximum(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
     for _ in 0..80 {

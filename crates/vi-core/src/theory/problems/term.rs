@@ -15,13 +15,13 @@ pub struct Jet<const N: usize> {
     pub hessian: [[f64; N]; N],
 }
 
-/// A potential whose local terms all come from `jet(stencil, local coordinates)`.
+/// A potential with all local terms given by `jet(stencil, local coordinates)`.
 pub struct Term<const N: usize, J> {
     /// Name for reports.
     pub name: &'static str,
-    /// Coordinates a node.
+    /// Coordinates per node.
     pub block: usize,
-    /// Node numbers, N / block a stencil.
+    /// Node numbers, N / block per stencil.
     pub nodes: Vec<u32>,
     /// Structure of the Hessian.
     pub hessian: HessianKind,

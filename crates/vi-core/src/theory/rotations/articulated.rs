@@ -1,6 +1,6 @@
-//! Articulated bodies q = (q_1 … q_m): a tree of rigid links, each moved against its parent by one joint. The pose of
-//! every link follows from q, its velocity by differentiation, and the sum of the links' Lagrangians is one
-//! Lagrangian of q: no equation of a mechanism is written by hand.
+//! Articulated bodies q = (q_1 … q_m): a tree of rigid links, each connected to its parent by one joint. The pose of
+//! every link is a function of q, and differentiation gives its velocity. The sum of the links' Lagrangians is one
+//! Lagrangian of q, so no equation of a mechanism is written by hand.
 
 use num_dual::Dual;
 
@@ -11,17 +11,16 @@ use crate::theory::rotations::so3::{Matrix3, Vector3, cayley, identity, product,
 /// Motion of a link relative to its parent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Joint {
-    /// Turns by q (rad) about a unit axis.
+    /// Rotation by q (rad) about a unit axis.
     Revolute(Vector3<f64>),
-    /// Slides by q (m) along a unit axis.
+    /// Translation by q (m) along a unit axis.
     Prismatic(Vector3<f64>),
-    /// Turns freely about a point, by cay(q) of three coordinates: half a turn away from where q = 0 the
-    /// chart ends.
+    /// Free rotation about a point, cay(q) with three coordinates. The chart ends at a rotation of π from q = 0.
     Ball,
 }
 
 impl Joint {
-    /// Number of its coordinates.
+    /// Returns the number of its coordinates.
     pub fn dof_count(&self) -> usize {
         match self {
             Self::Revolute(_) | Self::Prismatic(_) => 1,
@@ -33,15 +32,15 @@ impl Joint {
 /// A rigid link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Link {
-    /// The link that carries it, an earlier one; `None` for the ground.
+    /// The parent link, which comes earlier in the list; `None` for the ground.
     pub parent: Option<usize>,
-    /// Place of the joint in the parent's frame, m.
+    /// Position of the joint in the parent's frame, m.
     pub anchor: Vector3<f64>,
-    /// The joint, its axis in the parent's frame.
+    /// The joint, with its axis in the parent's frame.
     pub joint: Joint,
     /// Mass, kg.
     pub mass: f64,
-    /// Centre of mass in the link's own frame, whose origin is the joint, m.
+    /// Centre of mass in the link's own frame, with its origin at the joint, m.
     pub centre: Vector3<f64>,
     /// Inertia about the centre of mass, in the link's frame, kg m².
     pub inertia: Matrix3<f64>,
@@ -55,10 +54,10 @@ pub struct Articulated {
 }
 
 impl Articulated {
-    /// The tree of `links` in a field of gravity (m/s²).
+    /// Returns the tree of `links` in a uniform gravity field (m/s²).
     ///
     /// # Errors
-    /// [`CoreError::Coordinate`] where a link's parent does not come before it.
+    /// [`CoreError::Coordinate`] if a link's parent does not come before it.
     pub fn new(links: Vec<Link>, gravity: Vector3<f64>) -> Result<Self, CoreError> {
         for (k, link) in links.iter().enumerate() {
             if let Some(parent) = link.parent.filter(|&parent| parent >= k) {
@@ -73,7 +72,7 @@ impl Articulated {
         &self.links
     }
 
-    /// Pose (origin, rotation) of every link.
+    /// Returns the pose (origin, rotation) of every link.
     pub fn poses<D: Scalar>(&self, q: &[D]) -> Vec<(Vector3<D>, Matrix3<D>)> {
         let mut poses: Vec<(Vector3<D>, Matrix3<D>)> = Vec::with_capacity(self.links.len());
         let mut rest = q;

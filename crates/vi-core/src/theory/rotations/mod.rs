@@ -1,6 +1,6 @@
-//! Rotations without angles: the orientation is the matrix R itself, every step moves in a chart of its own around
-//! the present one, and so there is no gimbal lock and no quaternion to renormalise. Rigid bodies, free or about a
-//! fixed point, by Lie-group variational integrators of any order; articulated bodies by joints.
+//! Rotations without angles: the orientation is the matrix R, and every step uses its own chart around the current
+//! orientation. So there is no gimbal lock, and no quaternion must be normalised. Lie-group variational integrators
+//! of any order move rigid bodies, free or about a fixed point; joints connect articulated bodies.
 
 pub(crate) mod articulated;
 pub(crate) mod rigid;

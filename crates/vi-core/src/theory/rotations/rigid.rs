@@ -1,9 +1,9 @@
 //! Rigid bodies (c, R) ∈ ℝ³ × SO(3) by Lie-group variational integrators of any scheme (in the manner of Bou-Rabee &
 //! Marsden 2009; Hall & Leok 2015).
 //!
-//! A step from R_a to R_b follows R(τ) = R_a cay(x(τ)), x the polynomial through x_0 = 0 and the
-//! control points x_j = cay⁻¹(R_aᵀR_j). As x does not change when the body is turned in space, L_d
-//! has the symmetry of L, and the angular momentum R Π of a free body is kept to round-off.
+//! A step from R_a to R_b follows R(τ) = R_a cay(x(τ)), where x is the polynomial through x_0 = 0 and the control
+//! points x_j = cay⁻¹(R_aᵀR_j). Since x does not change when the body is rotated in space, L_d has the symmetry of L,
+//! and the angular momentum R Π of a free body is conserved to round-off.
 
 use nalgebra::DVector;
 
@@ -17,9 +17,9 @@ use crate::theory::rotations::so3::{
     Matrix3, Vector3, body_momentum, body_rate, cayley, constant, dot, product, relative, rotate,
 };
 
-/// V(t, c, R) of a body with its centre (or its pivot) at c and orientation R, J.
+/// The potential V(t, c, R) of a body with its centre (or its pivot) at c and orientation R, J.
 pub trait PosePotential {
-    /// V at time t, place c (m), rotation R from body to space.
+    /// Returns V at time t, position c (m) and rotation R from body to space.
     fn value<D: Scalar>(&self, t: D, place: &Vector3<D>, turn: &Matrix3<D>) -> D;
 }
 
@@ -48,14 +48,14 @@ impl PosePotential for Weight {
     }
 }
 
-/// A rigid body with L = ½ m |ċ|² + ½ ω·I ω − V(t, c, R), ω the angular velocity in the body.
+/// A rigid body with L = ½ m |ċ|² + ½ ω·I ω − V(t, c, R), where ω is the angular velocity in the body frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RigidBody<V> {
     /// m, kg.
     pub mass: f64,
-    /// Inertia about the centre of mass, or about the pivot, in the body, kg m².
+    /// Inertia about the centre of mass, or about the pivot, in the body frame, kg m².
     pub inertia: Matrix3<f64>,
-    /// Does it turn about a fixed point (c = 0)?
+    /// Whether the body rotates about a fixed point (c = 0).
     pub is_pivoted: bool,
     /// V.
     pub potential: V,
@@ -72,22 +72,22 @@ pub struct RigidState {
     pub turn: Matrix3<f64>,
     /// m ċ, kg m/s.
     pub momentum: Vector3<f64>,
-    /// Π = I ω, angular momentum in the body, kg m²/s.
+    /// Π = I ω, angular momentum in the body frame, kg m²/s.
     pub spin: Vector3<f64>,
 }
 
 impl RigidState {
-    /// Angular momentum about c in space, R Π.
+    /// Returns the angular momentum about c in space, R Π.
     pub fn spatial_spin(&self) -> Vector3<f64> {
         rotate(&self.turn, &self.spin)
     }
 }
 
 impl<V: PosePotential> RigidBody<V> {
-    /// T + V, J.
+    /// Returns T + V, J.
     ///
     /// # Errors
-    /// [`CoreError::SingularMass`] where the inertia has no inverse.
+    /// [`CoreError::SingularMass`] if the inertia has no inverse.
     pub fn energy(&self, state: &RigidState) -> Result<f64, CoreError> {
         let inertia = nalgebra::Matrix3::from_fn(|i, j| self.inertia[i][j]);
         let spin = nalgebra::Vector3::from(state.spin);
@@ -96,10 +96,10 @@ impl<V: PosePotential> RigidBody<V> {
         Ok(0.5 * (along + spin.dot(&omega)) + self.potential.value(state.t, &state.place, &state.turn))
     }
 
-    /// One step of length h (s) of the scheme.
+    /// Makes one step of length h (s) of the scheme.
     ///
     /// # Errors
-    /// [`CoreError::StepSize`], [`CoreError::SingularStep`], [`CoreError::Convergence`] (a turn of
+    /// [`CoreError::StepSize`], [`CoreError::SingularStep`], [`CoreError::Convergence`] (for example if a rotation of
     /// nearly π in one step leaves the chart), [`CoreError::Points`].
     pub fn step(&self, scheme: &Scheme, state: &RigidState, h: f64) -> Result<RigidState, CoreError> {
         if h == 0.0 || !h.is_finite() {
@@ -115,7 +115,8 @@ impl<V: PosePotential> RigidBody<V> {
             rate.extend(state.momentum.map(|p| p / self.mass));
         }
         let p_0 = DVector::from_vec(p_0);
-        // Unknowns: node coordinates (x, c − c_0) of the control points 1 … s; node 0 is the origin.
+        // The unknowns are the node coordinates (x, c − c_0) of the control points 1 … s; those of node 0 are
+        // zero.
         let nodes = |u: &DVector<f64>| [vec![0.0; n], u.as_slice().to_vec()].concat();
         let residual = |u: &DVector<f64>| {
             let mut out = gradient(&action, &nodes(u)).rows(0, s * n).into_owned();
@@ -143,7 +144,7 @@ impl<V: PosePotential> RigidBody<V> {
         Ok(next)
     }
 
-    /// ω = I⁻¹ Π.
+    /// Returns ω = I⁻¹ Π.
     fn rate(&self, state: &RigidState) -> Result<Vector3<f64>, CoreError> {
         let inertia = nalgebra::Matrix3::from_fn(|i, j| self.inertia[i][j]);
         let omega = inertia.lu().solve(&nalgebra::Vector3::from(state.spin));
@@ -151,8 +152,8 @@ impl<V: PosePotential> RigidBody<V> {
     }
 }
 
-/// The action of one step as a function of the node coordinates (x, c − c_0) around the present
-/// pose, s + 1 nodes.
+/// The action of one step as a function of the node coordinates (x, c − c_0) relative to the current pose, for s + 1
+/// nodes.
 struct StepAction<'a, V> {
     body: &'a RigidBody<V>,
     scheme: &'a Scheme,

@@ -1,5 +1,5 @@
-//! The rotation group in the chart of Cayley: for x ∈ ℝ³, cay(x) = (I − x̂/2)⁻¹(I + x̂/2) = I + 4/(4 + |x|²) (x̂ +
-//! x̂²/2), a rotation by 2 atan(|x|/2) about x: rational, so that it and its derivatives have no hole at 0.
+//! The rotation group in the Cayley chart: for x ∈ ℝ³, cay(x) = (I − x̂/2)⁻¹(I + x̂/2) = I + 4/(4 + |x|²) (x̂ +
+//! x̂²/2), a rotation by 2 atan(|x|/2) about x. It is rational, so that it and its derivatives are regular at 0.
 
 use crate::theory::lagrange::lagrangian::Scalar;
 
@@ -8,25 +8,25 @@ pub type Vector3<D> = [D; 3];
 /// A matrix, by rows.
 pub type Matrix3<D> = [[D; 3]; 3];
 
-/// The unit matrix.
+/// Returns the unit matrix.
 pub fn identity<D: Scalar>() -> Matrix3<D> {
     let (one, zero) = (D::from(1.0), D::from(0.0));
     [[one, zero, zero], [zero, one, zero], [zero, zero, one]]
 }
 
-/// A B.
+/// Returns A B.
 pub fn product<D: Scalar>(a: &Matrix3<D>, b: &Matrix3<D>) -> Matrix3<D> {
     std::array::from_fn(|i| {
         std::array::from_fn(|j| a[i][0] * b[0][j] + a[i][1] * b[1][j] + a[i][2] * b[2][j])
     })
 }
 
-/// Aᵀ.
+/// Returns Aᵀ.
 pub fn transpose<D: Scalar>(a: &Matrix3<D>) -> Matrix3<D> {
     std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
 }
 
-/// A x.
+/// Returns A x.
 pub fn rotate<D: Scalar>(a: &Matrix3<D>, x: &Vector3<D>) -> Vector3<D> {
     std::array::from_fn(|i| dot(&a[i], x))
 }
@@ -39,12 +39,12 @@ pub(super) fn cross<D: Scalar>(a: &Vector3<D>, b: &Vector3<D>) -> Vector3<D> {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// A matrix of numbers as one of constants of any scalar.
+/// Converts a matrix of numbers to one of constants of any scalar type.
 pub(super) fn constant<D: Scalar>(a: &Matrix3<f64>) -> Matrix3<D> {
     a.map(|row| row.map(D::from))
 }
 
-/// cay(x).
+/// Returns cay(x).
 pub fn cayley<D: Scalar>(x: &Vector3<D>) -> Matrix3<D> {
     let scale = (dot(x, x) + 4.0).recip() * 4.0;
     // x̂² = x xᵀ − |x|² I.
@@ -59,22 +59,22 @@ pub fn cayley<D: Scalar>(x: &Vector3<D>) -> Matrix3<D> {
     })
 }
 
-/// The chart coordinates of cay(a)ᵀ cay(b): (b − a − a × b/2)/(1 + a·b/4).
+/// Returns the chart coordinates of cay(a)ᵀ cay(b): (b − a − a × b/2)/(1 + a·b/4).
 pub(super) fn relative<D: Scalar>(a: &Vector3<D>, b: &Vector3<D>) -> Vector3<D> {
     let scale = (dot(a, b) * 0.25 + 1.0).recip();
     let turn = cross(a, b);
     std::array::from_fn(|i| (b[i] - a[i] - turn[i] * 0.5) * scale)
 }
 
-/// The angular velocity in the body, ω̂ = RᵀṘ for R = cay(x): ω = 4/(4 + |x|²) (ẋ − x × ẋ/2).
+/// Returns the angular velocity in the body frame, ω̂ = RᵀṘ for R = cay(x): ω = 4/(4 + |x|²) (ẋ − x × ẋ/2).
 pub(super) fn body_rate<D: Scalar>(x: &Vector3<D>, x_dot: &Vector3<D>) -> Vector3<D> {
     let scale = (dot(x, x) + 4.0).recip() * 4.0;
     let turn = cross(x, x_dot);
     std::array::from_fn(|i| (x_dot[i] - turn[i] * 0.5) * scale)
 }
 
-/// The momentum Π conjugate to the body rate from p conjugate to ẋ: p = BᵀΠ with ω = B ẋ, whose
-/// inverse is Π = p − x × p/2 + x (x·p)/4.
+/// Returns the momentum Π conjugate to the body rate from p conjugate to ẋ: p = BᵀΠ with ω = B ẋ, hence Π = p − x ×
+/// p/2 + x (x·p)/4.
 pub(super) fn body_momentum(x: &Vector3<f64>, p: &Vector3<f64>) -> Vector3<f64> {
     let turn = cross(x, p);
     let along = 0.25 * dot(x, p);
