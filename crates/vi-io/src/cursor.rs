@@ -1,9 +1,9 @@
-//! A bounded walk through the bytes of a file: tokens, lines, binary numbers, and errors that know their place.
-//! Knows no format.
+//! Reads the bytes of a file with bounds: tokens, lines, binary numbers, and errors with their place. It is independent
+//! of formats.
 //!
-//! Every read is checked against the end, and every announced count against the bytes that are left before anything
-//! is allocated for it: a number takes at least two bytes of a text and one of binary data, so what a reader holds
-//! stays below a small multiple of the file.
+//! Every read is checked against the end of the file. Every announced count is checked against the bytes that are left
+//! before memory is allocated for it: a number takes at least two bytes of a text and one of binary data. So the memory
+//! of a reader stays below a small multiple of the file.
 
 use std::path::Path;
 use std::str::FromStr;
@@ -18,14 +18,14 @@ pub(crate) enum Encoding {
     Big,
 }
 
-/// Reading position in a file.
+/// A reading position in a file.
 #[derive(Clone)]
 pub(crate) struct Cursor<'a> {
     bytes: &'a [u8],
     position: usize,
     file: &'a Path,
     pub(crate) encoding: Encoding,
-    /// Bytes of an unsigned size in binary data (Gmsh's data size).
+    /// Width in bytes of an unsigned size in binary data (Gmsh's data size).
     pub(crate) size_width: usize,
 }
 
@@ -54,7 +54,7 @@ impl<'a> Cursor<'a> {
         self.bytes.len() - self.position
     }
 
-    /// The place of a byte offset: its line in a text, itself in binary data.
+    /// Returns the place of a byte offset: the line in a text, the offset in binary data.
     pub(crate) fn place_at(&self, position: usize) -> Place {
         if self.encoding == Encoding::Text { self.line_at(position) } else { Place::Byte(position) }
     }
@@ -107,9 +107,9 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Accepts a count of records that take at least `bytes_each` bytes each, if the rest of the file can hold them.
+    /// Accepts a count of records of at least `bytes_each` bytes each, if the rest of the file can hold them.
     pub(crate) fn count(&self, count: u64, bytes_each: usize, what: &str) -> Result<usize, IoError> {
-        // One separator less than numbers: the last one may end the file.
+        // There is one separator fewer than numbers, because the last number may end the file.
         let room = self.remaining() as u64 + 1;
         match count.checked_mul(bytes_each.max(1) as u64) {
             Some(bytes) if bytes <= room => Ok(count as usize),
@@ -128,7 +128,7 @@ impl<'a> Cursor<'a> {
         self.position += white;
     }
 
-    /// Where the next thing begins, for messages.
+    /// Returns the offset at which the next item begins, for messages.
     pub(crate) fn start(&mut self) -> usize {
         if self.encoding == Encoding::Text {
             self.skip_whitespace();
@@ -136,7 +136,7 @@ impl<'a> Cursor<'a> {
         self.position
     }
 
-    /// Skips spaces and at most one end of line: what stands between a text header and binary data.
+    /// Skips spaces and at most one line end, which separate a text header from binary data.
     pub(crate) fn skip_line_end(&mut self) {
         let spaces =
             self.rest().iter().take_while(|&&byte| byte == b' ' || byte == b'\t' || byte == b'\r').count();
@@ -145,7 +145,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The rest of the line, without its end; `None` at the end of the file.
+    /// Returns the rest of the line without its end; `None` at the end of the file.
     pub(crate) fn line(&mut self) -> Option<&'a [u8]> {
         let rest = self.rest();
         if rest.is_empty() {
@@ -156,12 +156,12 @@ impl<'a> Cursor<'a> {
         Some(rest[..length].strip_suffix(b"\r").unwrap_or(&rest[..length]))
     }
 
-    /// The next word between white space.
+    /// Returns the next word between white space.
     pub(crate) fn token(&mut self, what: &str) -> Result<&'a [u8], IoError> {
         self.next_token().ok_or_else(|| self.truncated(what))
     }
 
-    /// The next word between white space, or `None` at the end of the file.
+    /// Returns the next word between white space, or `None` at the end of the file.
     pub(crate) fn next_token(&mut self) -> Option<&'a [u8]> {
         self.skip_whitespace();
         let rest = self.rest();
@@ -170,7 +170,7 @@ impl<'a> Cursor<'a> {
         (length > 0).then(|| &rest[..length])
     }
 
-    /// A number written as text.
+    /// Reads a number written as text.
     pub(crate) fn text_number<T: FromStr>(&mut self, what: &str) -> Result<T, IoError> {
         let token = self.token(what)?;
         std::str::from_utf8(token)
@@ -179,7 +179,7 @@ impl<'a> Cursor<'a> {
             .ok_or_else(|| self.syntax_at(self.position - token.len(), what, token))
     }
 
-    /// The next `length` bytes.
+    /// Returns the next `length` bytes.
     pub(crate) fn take(&mut self, length: usize, what: &str) -> Result<&'a [u8], IoError> {
         if length > self.remaining() {
             return Err(self.truncated(what));
@@ -198,7 +198,7 @@ impl<'a> Cursor<'a> {
         Ok(out)
     }
 
-    /// A 32-bit integer.
+    /// Reads a 32-bit integer.
     pub(crate) fn int(&mut self, what: &str) -> Result<i32, IoError> {
         match self.encoding {
             Encoding::Text => self.text_number(what),
@@ -206,7 +206,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// An unsigned size.
+    /// Reads an unsigned size.
     pub(crate) fn size(&mut self, what: &str) -> Result<u64, IoError> {
         match (self.encoding, self.size_width) {
             (Encoding::Text, _) => self.text_number(what),
@@ -215,7 +215,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// A double-precision number.
+    /// Reads a double-precision number.
     pub(crate) fn real(&mut self, what: &str) -> Result<f64, IoError> {
         match self.encoding {
             Encoding::Text => self.text_number(what),
@@ -224,7 +224,7 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// The beginning of what was found, fit for a message.
+/// Returns the beginning of the bytes that were found, quoted for a message.
 pub(crate) fn excerpt(found: &[u8]) -> String {
     if found.is_empty() {
         return "nothing".into();
@@ -234,7 +234,7 @@ pub(crate) fn excerpt(found: &[u8]) -> String {
     format!("\"{}{more}\"", shown.escape_ascii())
 }
 
-/// A text that may hold words of the file, fit for a message: on one line, and not too long.
+/// Returns a text that may contain words of the file in a form fit for a message: on one line and shortened.
 pub(crate) fn shown(text: &str) -> String {
     let plain = |c: char| if c.is_control() { '\u{FFFD}' } else { c };
     let mut out: String = text.chars().take(200).map(plain).collect();

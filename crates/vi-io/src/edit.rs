@@ -1,5 +1,4 @@
-//! Changes of a mesh as a whole: parts of it, welded points, quadrilaterals cut into triangles. Groups and arrays
-//! follow.
+//! Edits a mesh as a whole: selects cells, welds points, cuts quadrilaterals into triangles. Groups and arrays follow.
 
 use std::collections::HashMap;
 
@@ -7,12 +6,12 @@ use vi_mesh::{CellBlock, CellKind};
 
 use crate::mesh::MeshFile;
 
-/// A cell of a changed mesh, and the cell that it came from.
+/// A cell of an edited mesh: its kind, its nodes, and the number of the cell that it came from.
 type Kept = (CellKind, Vec<u32>, usize);
 
 impl MeshFile {
-    /// Keeps the cells that `keep` accepts (number, kind, nodes) and the points that these use; returns how many points
-    /// were left out.
+    /// Keeps the cells that `keep` accepts (number, kind, nodes) and the points that they use. Returns the number of
+    /// points removed.
     pub fn retain_cells(&mut self, keep: impl Fn(usize, CellKind, &[u32]) -> bool) -> usize {
         let kept = self
             .mesh
@@ -25,8 +24,9 @@ impl MeshFile {
         self.drop_unused_points()
     }
 
-    /// Makes one point of points that lie nearer to each other than `distance` (the unit of the file): the first of them,
-    /// with its data. Returns how many points went. Cells keep their number of nodes, two of which may now be one.
+    /// Merges points that lie nearer to each other than `distance` (in the unit of the file) into the first of them,
+    /// which keeps its data. Returns the number of points removed. Cells keep their number of nodes, two of which may
+    /// then be the same.
     pub fn weld(&mut self, distance: f64) -> usize {
         if distance.is_nan() || distance <= 0.0 {
             return 0;
@@ -60,8 +60,8 @@ impl MeshFile {
         self.drop_points(&gone)
     }
 
-    /// Cuts linear quadrilaterals into two triangles each, along the shorter diagonal (the first of equals); returns how
-    /// many.
+    /// Cuts each linear quadrilateral into two triangles along the shorter diagonal (the first if they are equal).
+    /// Returns the number of quadrilaterals cut.
     pub fn cut_quadrilaterals(&mut self) -> usize {
         let square = |a: u32, b: u32| -> f64 {
             let (a, b) = (self.mesh.points[a as usize], self.mesh.points[b as usize]);
@@ -88,7 +88,7 @@ impl MeshFile {
         cut
     }
 
-    /// Leaves out the points that no cell uses; returns how many.
+    /// Removes the points that no cell uses, and returns their number.
     pub fn drop_unused_points(&mut self) -> usize {
         let mut unused = vec![true; self.mesh.points.len()];
         for &node in self.mesh.blocks.iter().flat_map(|block| &block.nodes) {
@@ -97,7 +97,7 @@ impl MeshFile {
         self.drop_points(&unused)
     }
 
-    /// Cells in ascending order of where they came from.
+    /// Replaces the cells; they are given in ascending order of the cells that they came from.
     fn replace_cells(&mut self, cells: Vec<Kept>) {
         let mut from = Vec::with_capacity(cells.len());
         let mut blocks: Vec<CellBlock> = Vec::new();
@@ -126,7 +126,7 @@ impl MeshFile {
         self.mesh.blocks = blocks;
     }
 
-    /// Leaves out points, which no cell may use; returns how many.
+    /// Removes points that no cell uses, and returns their number.
     fn drop_points(&mut self, gone: &[bool]) -> usize {
         let count = gone.iter().filter(|gone| **gone).count();
         if count == 0 {
@@ -159,7 +159,7 @@ mod tests {
     use crate::mesh::DataArray;
     use vi_mesh::{Mesh, Region};
 
-    /// Two squares side by side whose common points are there twice, and a point of its own.
+    /// Makes two adjacent squares whose common points are duplicated, and one unused point.
     fn squares() -> MeshFile {
         let points = [0.0, 1.0, 1.0, 2.0]
             .iter()

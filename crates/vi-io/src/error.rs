@@ -1,4 +1,4 @@
-//! Errors of reading and writing files. Each names the file, the place and the way out.
+//! Errors of reading and writing files. Each names the file, the place and the remedy.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -21,44 +21,44 @@ impl fmt::Display for Place {
     }
 }
 
-/// Why a file could not be read or written. Every message names the file, the place in it and the way out.
+/// Why a file could not be read or written. Every message names the file, the place in it and the remedy.
 #[non_exhaustive]
 #[derive(Debug, thiserror::Error)]
 pub enum IoError {
-    /// The operating system refused.
+    /// The operating system refused the operation.
     #[error("{}: cannot {action}: {source}", file.display())]
     System {
-        /// The file it is about.
+        /// The file concerned.
         file: PathBuf,
         /// Action that failed, as a verb: "open", "write", …
         action: &'static str,
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Neither name nor content tell the format.
+    /// Neither the name nor the content identify the format.
     #[error("{}: not a mesh file known here ({found}); give a Gmsh .msh (2.2 or 4.1), .vtk, .vtu, .inp, .obj or .stl file", file.display())]
     UnknownFormat {
-        /// The file it is about.
+        /// The file concerned.
         file: PathBuf,
         /// Text found instead.
         found: String,
     },
-    /// The file ends, or a section of it ends, before what it announced.
+    /// The file or one of its sections ends before the announced data.
     #[error("{}: {place}: the file ends inside {what}; it is truncated: write or copy it again", file.display())]
     Truncated {
-        /// The file it is about.
+        /// The file concerned.
         file: PathBuf,
         /// Where the data end.
         place: Place,
         /// Section that was being read.
         what: String,
     },
-    /// Something else stands where the format asks for a certain thing.
+    /// The file has something other than the format requires.
     #[error("{}: {place}: expected {expected}, found {found}; the file is damaged or of another format: write it again", file.display())]
     Syntax {
-        /// The file it is about.
+        /// The file concerned.
         file: PathBuf,
-        /// Where it stands.
+        /// Where it was found.
         place: Place,
         /// Text that the format requires.
         expected: String,
@@ -68,23 +68,23 @@ pub enum IoError {
     /// A header claims more than the rest of the file could hold. Nothing was allocated for it.
     #[error("{}: {place}: {count} {what} are announced, but the {room} bytes left cannot hold them; the header is wrong or the file is truncated: write it again", file.display())]
     CountTooLarge {
-        /// The file it is about.
+        /// The file concerned.
         file: PathBuf,
-        /// Where the count stands.
+        /// Where the count was found.
         place: Place,
         /// Name of the counted entries.
         what: String,
         /// The count claimed.
         count: u64,
-        /// Bytes that are left in the file.
+        /// Bytes left in the file.
         room: u64,
     },
     /// Parts of the file contradict each other.
     #[error("{}: {place}: {what}; the file is damaged: write it again", file.display())]
     Inconsistent {
-        /// The file it is about.
+        /// The file concerned.
         file: PathBuf,
-        /// Where it shows.
+        /// Where the contradiction was found.
         place: Place,
         /// Contradiction, as a sentence.
         what: String,
@@ -92,37 +92,37 @@ pub enum IoError {
     /// A cell names a node that does not exist.
     #[error("{}: {place}: cell {cell} uses node {node}, which is not among the {node_count} nodes of the file; write the mesh again, with all its nodes", file.display())]
     UnknownNode {
-        /// The file it is about.
+        /// The file concerned.
         file: PathBuf,
-        /// Where the cell (or its array) stands.
+        /// Where the cell (or its array) begins.
         place: Place,
-        /// The cell, as the file counts or tags it.
+        /// The cell, by its number or tag in the file.
         cell: u64,
-        /// The node, as the file counts or tags it.
+        /// The node, by its number or tag in the file.
         node: i64,
-        /// Nodes there are.
+        /// Number of nodes in the file.
         node_count: usize,
     },
     /// A coordinate is NaN or infinite.
     #[error("{}: {place}: node {node} has the coordinates {x:?}, which are not all finite; mend the mesh where it was made", file.display())]
     NotFinite {
-        /// The file it is about.
+        /// The file concerned.
         file: PathBuf,
-        /// Where the node (or the array of points) stands.
+        /// Where the node (or the array of points) begins.
         place: Place,
-        /// The node, as the file counts or tags it.
+        /// The node, by its number or tag in the file.
         node: u64,
         /// Coordinates of the node, m.
         x: [f64; 3],
     },
-    /// A kind of cell that no element here stands for.
+    /// A kind of cell without a counterpart here.
     #[error("{}: {place}: cell {cell} is of the unsupported {format} type {code}{name}; mesh with {supported}", file.display())]
     UnsupportedCell {
-        /// The file it is about.
+        /// The file concerned.
         file: PathBuf,
-        /// Where the cell (or its array) stands.
+        /// Where the cell (or its array) begins.
         place: Place,
-        /// The cell, as the file counts or tags it.
+        /// The cell, by its number or tag in the file.
         cell: u64,
         /// "Gmsh" or "VTK".
         format: &'static str,
@@ -133,22 +133,22 @@ pub enum IoError {
         /// The kinds that are supported.
         supported: &'static str,
     },
-    /// A feature of the format that is not read here.
+    /// A feature of the format that is not supported.
     #[error("{}: {place}: {what} cannot be read here; {remedy}", file.display())]
     Unsupported {
-        /// The file it is about.
+        /// The file concerned.
         file: PathBuf,
-        /// Where it stands.
+        /// Where it was found.
         place: Place,
         /// The feature.
         what: String,
-        /// The way out.
+        /// The remedy.
         remedy: &'static str,
     },
     /// The data to write is inconsistent.
     #[error("{}: cannot write: {what}", file.display())]
     BadOutput {
-        /// The file it is about.
+        /// The file concerned.
         file: PathBuf,
         /// Inconsistency, and what to pass instead.
         what: String,

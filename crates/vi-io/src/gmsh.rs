@@ -1,5 +1,5 @@
-//! Gmsh mesh files, MSH 2.x and 4.1, text and binary of either byte order: sections, names, and how physical tags
-//! become groups. The layouts of nodes and elements are in `v2.rs` and `v4.rs`, views in `view.rs`.
+//! Reads Gmsh mesh files, MSH 2.x and 4.1, text and binary of either byte order: sections, names, and groups from
+//! physical tags. Nodes and elements are read in `v2.rs` and `v4.rs`, views in `view.rs`.
 //!
 //! Source: Gmsh reference manual, "MSH file format" (4.1) and "MSH file format version 2 (legacy)".
 
@@ -17,14 +17,14 @@ use crate::mesh::MeshFile;
 use reading::{Reading, Version};
 use view::Site;
 
-/// Reads a Gmsh MSH 2.x or 4.1 file that is in memory; `file` is for the messages only.
+/// Reads a Gmsh MSH 2.x or 4.1 file that is in memory; `file` is used in messages only.
 ///
-/// Physical groups become groups (unnamed ones are called by their number), nodes stay in the order of the file, the
-/// copies of an element that MSH 2 keeps for each of its groups are merged. `$NodeData` and `$ElementData` become
-/// point and cell arrays. Memory stays below 64 times the size of the file.
+/// Physical groups become groups (unnamed ones are called by their number). Nodes keep the order of the file. MSH 2
+/// repeats an element for each of its groups; these copies are merged. `$NodeData` and `$ElementData` become point and
+/// cell arrays. Memory stays below 64 times the size of the file.
 ///
 /// # Errors
-/// Everything of [`IoError`] that reading has, with the line in a text and the byte offset in binary data.
+/// Every [`IoError`] of reading, with the line in a text and the byte offset in binary data.
 pub fn parse_msh(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let mut cursor = Cursor::new(bytes, file);
     let version = header(&mut cursor)?;
@@ -63,11 +63,11 @@ pub fn parse_msh(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     reading.finish(version)
 }
 
-/// `$MeshFormat` with version, file type and data size, and the number 1 that shows the byte order.
+/// Reads `$MeshFormat`: version, file type, data size, and the number 1 that shows the byte order.
 fn header(cursor: &mut Cursor) -> Result<Version, IoError> {
     const RESAVE: &str = "save it from Gmsh as version 4.1 or 2.2 (Mesh.MshFileVersion = 4.1)";
     cursor.skip_whitespace();
-    // A comment section may come first.
+    // Comment sections may come first.
     while cursor.rest().starts_with(b"$Comments") {
         skip_section(cursor, b"Comments")?;
         end_of_section(cursor, b"Comments")?;
@@ -123,7 +123,7 @@ fn header(cursor: &mut Cursor) -> Result<Version, IoError> {
     Ok(version)
 }
 
-/// The name of the next section, the cursor behind its line.
+/// Returns the name of the next section, and leaves the cursor after its line.
 fn section<'a>(cursor: &mut Cursor<'a>) -> Result<Option<&'a [u8]>, IoError> {
     cursor.skip_whitespace();
     let at = cursor.start();
@@ -147,11 +147,11 @@ fn end_of_section(cursor: &mut Cursor, name: &[u8]) -> Result<(), IoError> {
     Err(cursor.syntax_at(at, expected(), found))
 }
 
-/// Goes to the `$End…` of a section.
+/// Moves to the `$End…` of a section.
 fn skip_section(cursor: &mut Cursor, name: &[u8]) -> Result<(), IoError> {
     let end = [b"$End", name].concat();
     let rest = cursor.rest();
-    // Only `$` can begin it, and it is rare in text and in data.
+    // The end mark can only begin with `$`, which is rare in text and in data.
     let mut from = 0;
     while let Some(found) = rest[from..].iter().position(|&byte| byte == b'$') {
         if rest[from + found..].starts_with(&end) {

@@ -1,5 +1,5 @@
-//! Reads the mesh of Abaqus and CalculiX input files (.inp): nodes, elements, sets and surfaces. How sets and surfaces
-//! become groups is in `sets.rs`, the types of elements are in `elements.rs`.
+//! Reads the mesh of Abaqus and CalculiX input files (.inp): nodes, elements, sets and surfaces. Groups are made from
+//! sets and surfaces in `sets.rs`; the types of elements are in `elements.rs`.
 //!
 //! Source: Abaqus Keywords Reference Guide; CalculiX CrunchiX User's Manual, "Input deck format".
 
@@ -19,17 +19,17 @@ use keyword::{Keyword, fields, label, next_line};
 use reading::{Element, Of, Reading};
 use vi_mesh::CellKind;
 
-/// Reads an Abaqus or CalculiX input file that is in memory; `file` is for the messages only.
+/// Reads an Abaqus or CalculiX input file that is in memory; `file` is used in messages only.
 ///
-/// Nodes stay in the order of the file. Elements of shells, membranes and plane problems become cells of surfaces,
-/// trusses and beams lines. Element sets become groups of their cells; node sets groups of points; surfaces groups of
-/// faces, which become cells of their own. Where a node set, an element set or a surface have one name, the groups are
-/// called `<name>.nodes`, `<name>.elements` and `<name>.surface`. Materials, sections, steps and all else that is no
-/// mesh is left out, with a note that names it. Memory stays below 64 times the size of the file.
+/// Nodes keep the order of the file. Elements of shells, membranes and plane problems become surface cells, trusses and
+/// beams become lines. Element sets become groups of their cells, node sets groups of points, and surfaces groups of
+/// faces, which become cells of their own. If a node set, an element set or a surface share a name, the groups are
+/// called `<name>.nodes`, `<name>.elements` and `<name>.surface`. Materials, sections, steps and everything else
+/// outside the mesh are left out, with a note that names them. Memory stays below 64 times the size of the file.
 ///
 /// # Errors
-/// Everything of [`IoError`] that reading has, with the line; [`IoError::Unsupported`] for what would change the mesh
-/// and is not read (`*INCLUDE`, several parts, moved instances, generated nodes).
+/// Every [`IoError`] of reading, with the line; [`IoError::Unsupported`] for keywords that would change the mesh and
+/// are not supported (`*INCLUDE`, several parts, moved instances, generated nodes).
 pub fn parse_inp(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let mut cursor = Cursor::new(bytes, file);
     let mut reading = Reading::default();
@@ -49,7 +49,7 @@ pub fn parse_inp(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
 
 /// Kind of the data lines that follow a keyword.
 enum Section {
-    /// There was no keyword yet.
+    /// No keyword was read yet.
     Start,
     Nodes {
         /// If true, the nodes join the set that was defined last.
@@ -60,23 +60,23 @@ enum Section {
         kind: CellKind,
         in_set: bool,
     },
-    /// Elements without a shape.
+    /// Elements without a cell.
     Shapeless,
     /// Lines of the set or surface that was defined last.
     Set {
         generate: bool,
     },
     Surface,
-    /// Lines that nothing is read from.
+    /// Lines that are ignored.
     PassedOver,
-    /// There must be none: what they would do.
+    /// No lines may follow; the text says what they would do.
     Empty(&'static str),
 }
 
 const FLAT: &str = "write the mesh flat: one part, nodes in global coordinates, everything in one file";
 
 impl<'a> Reading<'a> {
-    /// Begins what a keyword announces.
+    /// Begins the section of a keyword.
     fn open(&mut self, cursor: &Cursor<'a>, keyword: &Keyword<'a>) -> Result<Section, IoError> {
         let refuse = |what: &str| Err(cursor.unsupported_at(keyword.at, what, FLAT));
         if keyword.value("INPUT").is_some() {
@@ -119,7 +119,7 @@ impl<'a> Reading<'a> {
                     }
                     b"NODE" => {
                         self.define(Of::Nodes, name, keyword);
-                        // A line may name a node and an area, which is of no use here.
+                        // A line may name a node and an area, which is ignored.
                         Section::Surface
                     }
                     _ => {
@@ -204,7 +204,7 @@ impl<'a> Reading<'a> {
         let mut words = fields(line);
         let tag = label(cursor, at, words.next().unwrap_or_default(), "the number of a node")?;
         let mut x = [0.0; 3];
-        // Coordinates that are left out are 0.
+        // Missing coordinates are 0.
         for (x, word) in x.iter_mut().zip(words) {
             *x = if word.is_empty() { 0.0 } else { keyword::real(cursor, at, word, "a coordinate")? };
         }
@@ -218,7 +218,7 @@ impl<'a> Reading<'a> {
         Ok(())
     }
 
-    /// The nodes of an element may go on over several lines; the last of them ends a line.
+    /// Reads one line of an element, whose nodes may continue over several lines. The last node ends its line.
     fn element(
         &mut self,
         cursor: &Cursor<'a>,

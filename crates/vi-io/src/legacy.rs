@@ -1,6 +1,6 @@
 //! Reads legacy VTK files, versions 1 to 5.1, text and binary: unstructured grids and surfaces.
 //!
-//! Source: VTK file formats, "Simple legacy formats"; vtkDataReader for what it leaves open (the OFFSETS and
+//! Source: VTK file formats, "Simple legacy formats"; vtkDataReader for what the formats leave open (the OFFSETS and
 //! CONNECTIVITY layout of 5.1, METADATA, names with %-codes).
 
 use std::path::Path;
@@ -12,12 +12,12 @@ use crate::vtk::cells::CellReader;
 use crate::vtk::groups;
 use crate::vtk::number::Number;
 
-/// Reads a legacy VTK file that is in memory; `file` is for the messages only.
+/// Reads a legacy VTK file that is in memory; `file` is used in messages only.
 ///
 /// Cell arrays become groups as in [`parse_vtu`](crate::parse_vtu). Memory stays below 64 times the file.
 ///
 /// # Errors
-/// Everything of [`IoError`] that reading has, with the line in a text and the byte offset in binary data.
+/// Every [`IoError`] of reading, with the line in a text and the byte offset in binary data.
 pub fn parse_vtk(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let mut cursor = Cursor::new(bytes, file);
     header(&mut cursor)?;
@@ -29,7 +29,7 @@ pub fn parse_vtk(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     legacy.finish(bytes.len())
 }
 
-/// Cells of one keyword: connectivity with the end of each cell in it.
+/// The cells of one keyword: connectivity, with the end of each cell in it.
 struct Topology {
     at: usize,
     keyword: &'static str,
@@ -37,7 +37,7 @@ struct Topology {
     nodes: Vec<i64>,
 }
 
-/// Keywords of cells, with the VTK type of theirs, in the order that cell arrays follow.
+/// The keywords of cells with their VTK types, in the order that cell arrays follow.
 const TOPOLOGIES: [(&str, Option<i64>); 5] = [
     ("CELLS", None),
     ("VERTICES", Some(2)),
@@ -46,7 +46,7 @@ const TOPOLOGIES: [(&str, Option<i64>); 5] = [
     ("TRIANGLE_STRIPS", Some(6)),
 ];
 
-/// Entities that the attributes that follow belong to.
+/// The entities that the following attributes belong to.
 #[derive(Clone, Copy, PartialEq)]
 enum Site {
     Points,
@@ -58,7 +58,7 @@ struct Legacy<'a> {
     out: MeshFile,
     topologies: Vec<Topology>,
     types: Option<Vec<i64>>,
-    /// Site and number of its tuples.
+    /// The site and the number of its tuples.
     site: Option<(Site, usize)>,
 }
 
@@ -159,7 +159,7 @@ impl Legacy<'_> {
         let before = self.cursor.clone();
         let (mut ends, nodes);
         if self.cursor.next_token().is_some_and(|word| word.eq_ignore_ascii_case(b"OFFSETS")) {
-            // Version 5.1: one offset more than cells, then the nodes.
+            // In version 5.1 the offsets, one more than cells, precede the nodes.
             let number = self.number_type()?;
             let offsets = self.integers(number, first, "the offsets of cells")?;
             let here = self.cursor.start();
@@ -175,7 +175,7 @@ impl Legacy<'_> {
             }
             ends = offsets.into_iter().skip(1).map(|end| end as usize).collect();
         } else {
-            // Before: each cell with its number of nodes ahead.
+            // In older versions each cell begins with its number of nodes.
             self.cursor = before;
             let mut entries = self.integers(Number::Signed(4), second, "the cells")?;
             ends = Vec::with_capacity(first.min(second));
@@ -206,7 +206,7 @@ impl Legacy<'_> {
         Ok(())
     }
 
-    /// The attributes SCALARS, VECTORS, …
+    /// Reads an attribute: SCALARS, VECTORS, …
     fn attribute(&mut self, at: usize, keyword: &[u8]) -> Result<(), IoError> {
         let components = match keyword {
             b"SCALARS" | b"GLOBAL_IDS" | b"PEDIGREE_IDS" | b"EDGE_FLAGS" => 1,
@@ -228,7 +228,7 @@ impl Legacy<'_> {
         };
         let mut components = components;
         if keyword == b"SCALARS" {
-            // An optional number of components on the same line, then an optional table.
+            // An optional number of components stands on the same line, an optional table after it.
             let here = self.cursor.position();
             let rest = self.cursor.line().unwrap_or_default().trim_ascii();
             if !rest.is_empty() {
@@ -241,7 +241,7 @@ impl Legacy<'_> {
                 self.cursor.token("the name of a lookup table")?;
             } else {
                 self.cursor = before;
-                // The line end is behind the cursor already.
+                // The cursor is already after the line end.
                 return self.array(name, components, count, number, false);
             }
         }
@@ -369,10 +369,10 @@ impl Legacy<'_> {
         self.reals_here(number, count, what)
     }
 
-    /// `count` real numbers, the cursor being on the first of them.
+    /// Reads `count` real numbers from the cursor on.
     fn reals_here(&mut self, number: Number, count: usize, what: &str) -> Result<Vec<f64>, IoError> {
         if number == Number::Real(4) && self.cursor.encoding == Encoding::Text {
-            // Nine digits are a float exactly, but not the double that they are near.
+            // Nine digits identify a float exactly, but not the double nearest to them.
             let values: Vec<f32> = self.numbers(number, count, what, |_, _| None)?;
             return Ok(values.into_iter().map(f64::from).collect());
         }
@@ -386,7 +386,7 @@ impl Legacy<'_> {
         self.numbers(number, count, what, |number, bytes| number.integers(bytes, true))
     }
 
-    /// `count` numbers, the cursor being on the first of them.
+    /// Reads `count` numbers from the cursor on.
     fn numbers<T: std::str::FromStr>(
         &mut self,
         number: Number,
@@ -410,7 +410,7 @@ impl Legacy<'_> {
     }
 }
 
-/// A name with its %-codes replaced.
+/// Replaces the %-codes of a name.
 fn name(word: &[u8]) -> String {
     let mut out = Vec::with_capacity(word.len());
     let mut rest = word;

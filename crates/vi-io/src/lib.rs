@@ -1,8 +1,8 @@
 //! Reads and writes files: meshes and arrays, no physics.
 //!
-//! [`read_mesh`] reads every format into one [`MeshFile`]: a [`vi_mesh::Mesh`] and the arrays over it. The `parse_*` functions do the same for bytes in memory.
-//! Memory is bounded by a small multiple of the file, whatever its headers claim; whatever is wrong is an [`IoError`]
-//! that names the file, the line or byte, and the way out.
+//! [`read_mesh`] reads every format into one [`MeshFile`]: a [`vi_mesh::Mesh`] and the arrays over it. The `parse_*`
+//! functions do so for bytes in memory. Memory is bounded by a small multiple of the file, whatever its headers claim.
+//! Every fault is an [`IoError`] that names the file, the line or byte, and the remedy.
 
 #![forbid(unsafe_code)]
 

@@ -1,19 +1,19 @@
-//! A mesh as files hold it: with arrays over its points and cells.
+//! A mesh with its arrays over points and cells, as files hold it.
 
 use vi_mesh::{Mesh, Region};
 
 /// A mesh with the data that its file holds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshFile {
-    /// Points, all finite, and cells in the order of the file, consecutive cells of one kind together; points that no
-    /// cell uses are kept. Named groups of the file are regions, each of one dimension: of an unnamed physical group of
-    /// Gmsh, its number is the name.
+    /// Points, all finite, and cells in the order of the file, in blocks of consecutive cells of one kind. Points that
+    /// no cell uses are kept. Named groups of the file are regions, each of one dimension. An unnamed physical group of
+    /// Gmsh is named by its number.
     pub mesh: Mesh,
     /// Arrays over the points.
     pub point_data: Vec<DataArray>,
     /// Arrays over all cells, in the order of the blocks.
     pub cell_data: Vec<DataArray>,
-    /// Time of the data in seconds, where the file has it (`TimeValue` of VTK files).
+    /// Time of the data in seconds, if the file has it (`TimeValue` of VTK files).
     pub time: Option<f64>,
     /// Notes of the reader: repairs and omissions, one line each.
     pub notes: Vec<String>,
@@ -26,22 +26,22 @@ pub struct DataArray {
     pub name: String,
     /// Values per point or cell, at least 1.
     pub components: usize,
-    /// The values, tuple after tuple. They may be NaN or infinite where the file has them so.
+    /// The values, tuple after tuple. They may be NaN or infinite if they are so in the file.
     pub values: Vec<f64>,
 }
 
 impl MeshFile {
-    /// The point array of this name.
+    /// Returns the point array of this name.
     pub fn point_array(&self, name: &str) -> Option<&DataArray> {
         self.point_data.iter().find(|array| array.name == name)
     }
 
-    /// The cell array of this name.
+    /// Returns the cell array of this name.
     pub fn cell_array(&self, name: &str) -> Option<&DataArray> {
         self.cell_data.iter().find(|array| array.name == name)
     }
 
-    /// The region of this name; of several, the one of the highest dimension.
+    /// Returns the region of this name; of several, the one of the highest dimension.
     pub fn region(&self, name: &str) -> Option<&Region> {
         self.mesh.regions.iter().filter(|region| region.name == name).max_by_key(|region| region.dimension)
     }

@@ -11,15 +11,15 @@ use crate::mesh::{DataArray, MeshFile};
 use vi_mesh::CellKind;
 use vi_mesh::Region;
 
-/// Reads an OBJ file that is in memory; `file` is for the messages only.
+/// Reads an OBJ file that is in memory; `file` is used in messages only.
 ///
 /// Faces of more than three corners are cut into triangles from their first corner, with a note. Groups (`g`), objects
-/// (`o`) and materials (`usemtl`) become groups. Texture coordinates become the point array `uv`, or, where a vertex has
+/// (`o`) and materials (`usemtl`) become groups. Texture coordinates become the point array `uv` or, if a vertex has
 /// several of them, the cell array `uv` of six components: u v of the three corners of each triangle. Normals and
-/// free-form surfaces are passed over.
+/// free-form surfaces are ignored.
 ///
 /// # Errors
-/// Everything of [`IoError`] that reading has, with the line.
+/// Every [`IoError`] of reading, with the line.
 pub fn parse_obj(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let mut cursor = Cursor::new(bytes, file);
     let mut obj = Obj::default();
@@ -38,9 +38,9 @@ pub fn parse_obj(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
 struct Obj {
     out: MeshFile,
     textures: Vec<[f64; 2]>,
-    /// Texture coordinates of each vertex: none yet, or the last.
+    /// Texture coordinates last given for each vertex, if any.
     uv: Vec<Option<u32>>,
-    /// Texture coordinates of the corners of each cell; of lines and points none.
+    /// Texture coordinates of the corners of each cell; `None` for lines and points.
     corner_uv: Vec<[Option<u32>; 3]>,
     has_seams: bool,
     corners_without_uv: usize,
@@ -76,7 +76,7 @@ impl Obj {
                 self.uv.push(None);
             }
             b"vt" => {
-                // A single coordinate is allowed, the second then is 0.
+                // The second coordinate may be missing and is then 0.
                 let words: Vec<&[u8]> = words.chain([b"0".as_slice()]).collect();
                 self.textures.push(numbers::<2>(cursor, at, words.into_iter(), "texture coordinates")?);
             }
@@ -102,7 +102,7 @@ impl Obj {
         Ok(())
     }
 
-    /// A corner `v`, `v/vt`, `v//vn` or `v/vt/vn`: its vertex and its texture coordinates.
+    /// Reads a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`: its vertex and its texture coordinates.
     fn corner(
         &mut self,
         cursor: &Cursor,
@@ -185,7 +185,8 @@ impl Obj {
         for name in self.groups.iter().chain(&self.object).chain(&self.material) {
             let made = (self.cell_count - first) as usize;
             self.memberships += made;
-            // Names × faces can multiply; every honest file stays far below one membership a byte.
+            // Memberships are the product of names and faces, so they are limited to one per byte of the file; valid
+            // files stay far below.
             if self.memberships > cursor.position() + cursor.remaining() {
                 return Err(cursor.unsupported_at(
                     at,
@@ -230,7 +231,7 @@ impl Obj {
             .members
             .into_iter()
             .map(|((name, dimension), mut cells)| {
-                // A face may name one group twice, as group and as object for instance.
+                // A face may belong to one group twice, for instance as group and as object.
                 cells.sort_unstable();
                 cells.dedup();
                 Region { name, dimension, cells }
@@ -260,7 +261,7 @@ fn index(cursor: &Cursor, at: usize, word: &[u8]) -> Result<i64, IoError> {
     number.ok_or_else(|| cursor.syntax_at(at, "the number of a vertex", word))
 }
 
-/// Numbers count from 1, negative ones backwards from the last.
+/// Returns an index from 0 for a number that counts from 1 or, if negative, backwards from the last.
 fn absolute(number: i64, count: usize) -> Option<u32> {
     let index = if number < 0 { i64::try_from(count).ok()?.checked_add(number)? } else { number - 1 };
     u32::try_from(index).ok().filter(|&index| (index as usize) < count)

@@ -1,7 +1,8 @@
-//! PC2 point caches: the points of one mesh at even times, for Blender, Maya, 3ds Max. Knows no physics.
+//! Reads and writes PC2 point caches: the points of one mesh at even times, for Blender, Maya, 3ds Max.
 //!
 //! Layout, little-endian: the 12 bytes `POINTCACHE2\0`, version 1 (int32), number of points (int32), first frame
-//! (float32), samples a frame (float32), number of samples (int32); then x y z (float32) of every point of every sample.
+//! (float32), samples per frame (float32), number of samples (int32); then x y z (float32) of every point of every
+//! sample.
 //!
 //! Source: Blender, `source/blender/modifiers/intern/MOD_meshcache_pc2.cc`; 3ds Max SDK, "Point cache".
 
@@ -12,10 +13,10 @@ use std::path::{Path, PathBuf};
 use crate::error::IoError;
 
 const HEADER: u64 = 32;
-/// Where the number of samples stands.
+/// Offset of the number of samples.
 const COUNT: u64 = 28;
 
-/// A point cache that grows sample by sample, and is whole after each.
+/// A point cache that grows sample by sample and is a valid file after each.
 #[derive(Debug)]
 pub struct Pc2File {
     path: PathBuf,
@@ -25,7 +26,7 @@ pub struct Pc2File {
 }
 
 impl Pc2File {
-    /// An empty cache of so many points; an older file is replaced.
+    /// Creates an empty cache of `points` points, replacing an older file.
     ///
     /// # Errors
     /// [`IoError::System`] if it cannot be written, [`IoError::BadOutput`] for more points than it can hold.
@@ -42,11 +43,11 @@ impl Pc2File {
         Ok(Self { file: file.map_err(system(path))?, path: path.into(), points, samples: 0 })
     }
 
-    /// Continues a cache behind its first `samples`; what follows them goes.
+    /// Continues a cache after its first `samples`; later samples are removed.
     ///
     /// # Errors
-    /// [`IoError::System`] if it cannot be written; [`IoError::BadOutput`] where it is shorter than that, or no cache of
-    /// so many points.
+    /// [`IoError::System`] if it cannot be written; [`IoError::BadOutput`] if it has fewer samples, or is not a cache
+    /// of `points` points.
     pub fn resume(path: &Path, points: usize, samples: usize) -> Result<Self, IoError> {
         let mut file = File::options().read(true).write(true).open(path).map_err(system(path))?;
         let mut found = Vec::new();
@@ -65,12 +66,12 @@ impl Pc2File {
         Ok(cache)
     }
 
-    /// Bytes of the samples so far and the header.
+    /// Returns the size of the header and the samples so far (bytes).
     fn length(&self) -> u64 {
         HEADER + 12 * self.points as u64 * self.samples as u64
     }
 
-    /// Drops all but the first samples.
+    /// Removes all but the first `samples` samples.
     ///
     /// # Errors
     /// [`IoError::System`] if it cannot be written.
@@ -83,7 +84,7 @@ impl Pc2File {
     /// Appends the points of one sample.
     ///
     /// # Errors
-    /// [`IoError::BadOutput`] where their number is another one or 32 bits cannot hold a coordinate;
+    /// [`IoError::BadOutput`] if their number differs from that of the cache or a coordinate exceeds 32 bits;
     /// [`IoError::System`] if it cannot be written.
     pub fn append(&mut self, points: &[[f64; 3]]) -> Result<(), IoError> {
         let wrong = |what: String| IoError::BadOutput { file: self.path.clone(), what };
@@ -111,7 +112,7 @@ impl Pc2File {
         self.file.write_all(&(self.samples as i32).to_le_bytes())
     }
 
-    /// Returns when everything is on the disk.
+    /// Waits until everything is on disk.
     ///
     /// # Errors
     /// [`IoError::System`] if it cannot be written.
@@ -120,7 +121,7 @@ impl Pc2File {
     }
 }
 
-/// The header of a cache of so many points, without the number of samples.
+/// Returns the header of a cache of `points` points, without the number of samples.
 fn head(points: i32) -> Vec<u8> {
     let mut head = b"POINTCACHE2\0".to_vec();
     [1, points].iter().for_each(|value| head.extend(value.to_le_bytes()));

@@ -1,4 +1,4 @@
-//! PVD files: which frame belongs to which time. ParaView and pyvista open them as a time series.
+//! Reads and writes PVD files, which list frames with their times. ParaView and pyvista open them as a time series.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -15,11 +15,11 @@ const OPENING: &str =
     "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n";
 const CLOSING: &str = "</Collection>\n</VTKFile>\n";
 
-/// A time series of frames, whose file is whole after every [`push`](PvdSeries::push).
+/// A time series of frames, whose file is valid after every [`push`](PvdSeries::push).
 ///
-/// A frame is appended over the closing tags, which are written behind it again in the same call to the operating
-/// system, so that a series of n frames costs n entries and not n²/2. A process that is killed leaves a whole file;
-/// after a power cut [`set_frames`](PvdSeries::set_frames) repairs it.
+/// A frame is appended over the closing tags, which are written again after it in the same call to the operating
+/// system. So a series of n frames costs n entries and not n²/2. A process that is killed leaves a valid file; after a
+/// power failure [`set_frames`](PvdSeries::set_frames) repairs it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PvdSeries {
     path: PathBuf,
@@ -27,15 +27,15 @@ pub struct PvdSeries {
 }
 
 impl PvdSeries {
-    /// A series without frames yet. The file is written with the first one.
+    /// Makes a series without frames. The file is written with the first frame.
     pub fn new(path: &Path) -> Self {
         Self { path: path.into(), frames: Vec::new() }
     }
 
-    /// The series that a PVD file holds, to be continued.
+    /// Opens the series of a PVD file, to continue it.
     ///
     /// # Errors
-    /// [`IoError::System`] if it cannot be read, [`IoError::Syntax`] if it is no PVD file.
+    /// [`IoError::System`] if it cannot be read, [`IoError::Syntax`] if it is not a PVD file.
     pub fn open(path: &Path) -> Result<Self, IoError> {
         let text = std::fs::read_to_string(path).map_err(|source| IoError::System {
             file: path.into(),
@@ -77,25 +77,25 @@ impl PvdSeries {
         Ok(Self { path: path.into(), frames })
     }
 
-    /// Time and file of every frame.
+    /// Returns the time and the file of every frame.
     pub fn frames(&self) -> &[(f64, String)] {
         &self.frames
     }
 
-    /// Makes these the frames, as a run does that continues after them, and replaces the series' file.
+    /// Replaces the frames and the file of the series, as a continued run does.
     ///
     /// # Errors
-    /// [`IoError::System`] if it cannot be written; the old file is then untouched.
+    /// [`IoError::System`] if it cannot be written; the old file is then unchanged.
     pub fn set_frames(&mut self, frames: Vec<(f64, String)>) -> Result<(), IoError> {
         self.frames = frames;
         self.save()
     }
 
-    /// Adds a frame, its file given relative to the series' own directory, and appends it to the series' file. A
-    /// first frame replaces a file that an earlier series left there.
+    /// Adds a frame, whose file is given relative to the series' own directory, and appends it to the series' file. The
+    /// first frame replaces the file of an earlier series.
     ///
     /// # Errors
-    /// [`IoError::System`] if it cannot be written; the series and its file are then as they were.
+    /// [`IoError::System`] if it cannot be written; the series and its file are then unchanged.
     pub fn push(&mut self, time: f64, file: &str) -> Result<(), IoError> {
         let is_first = self.frames.is_empty();
         self.frames.push((time, file.into()));
@@ -129,8 +129,8 @@ fn entry(time: f64, file: &str) -> String {
     format!("<DataSet timestep=\"{time:?}\" part=\"0\" file=\"{}\"/>\n", escape(file))
 }
 
-/// Appends an entry to a series' file. False where the file does not end as a series does: it is gone, or somebody
-/// has changed it.
+/// Appends an entry to the file of a series. Returns false if the file does not end as a series does, because it was
+/// removed or changed.
 fn append(path: &Path, entry: &str) -> io::Result<bool> {
     let mut file = match File::options().read(true).write(true).open(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
@@ -147,8 +147,7 @@ fn append(path: &Path, entry: &str) -> io::Result<bool> {
     file.seek(SeekFrom::Start(end))?;
     let written = file.write_all(format!("{entry}{CLOSING}").as_bytes());
     if written.is_err() {
-        // The disk is full. There is room for the old end, which was there before; the first error is the one to
-        // report.
+        // The disk is full. The old end fits, because it was there before. The first error is the one to report.
         let _ = file.seek(SeekFrom::Start(end)).and_then(|_| file.write_all(CLOSING.as_bytes()));
         let _ = file.set_len(length);
     }

@@ -1,4 +1,4 @@
-//! Which reader a file gets: by what it begins with, then by its name.
+//! Chooses the reader of a file by its first bytes, then by its name.
 
 use std::path::Path;
 
@@ -12,10 +12,10 @@ use crate::obj::parse_obj;
 use crate::stl::parse_stl;
 use crate::vtu::parse_vtu;
 
-/// Reads a mesh file of any format known here.
+/// Reads a mesh file of any supported format.
 ///
 /// # Errors
-/// [`IoError::System`] if it cannot be opened or read, [`IoError::UnknownFormat`], or what is wrong in it.
+/// [`IoError::System`] if it cannot be opened or read, [`IoError::UnknownFormat`], or the fault in its content.
 pub fn read_mesh(path: &Path) -> Result<MeshFile, IoError> {
     let bytes = std::fs::read(path).map_err(|source| IoError::System {
         file: path.into(),
@@ -25,14 +25,14 @@ pub fn read_mesh(path: &Path) -> Result<MeshFile, IoError> {
     parse_mesh(&bytes, path)
 }
 
-/// Reads a mesh of any format known here from memory; `file` gives the extension, and stands in the messages.
+/// Reads a mesh of any supported format from memory; `file` gives the extension and is used in messages.
 ///
 /// # Errors
-/// [`IoError::UnknownFormat`], or what is wrong in it.
+/// [`IoError::UnknownFormat`], or the fault in the content.
 pub fn parse_mesh(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let extension =
         file.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
-    // Editors put a mark of UTF-8 before a text. The header of a binary STL file may begin with any bytes.
+    // Editors put a byte order mark of UTF-8 before a text. The header of a binary STL file may begin with any bytes.
     let bytes = match bytes.strip_prefix(b"\xEF\xBB\xBF") {
         Some(text) if extension != "stl" || text.starts_with(b"solid") => text,
         _ => bytes,

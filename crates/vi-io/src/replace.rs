@@ -1,4 +1,4 @@
-//! Files that are replaced as a whole: a reader sees the old one or the new one, never half of one.
+//! Replaces a file as a whole: a reader sees the old one or the new one, never a partial one.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use crate::error::IoError;
 
-/// Writes `path` through a temporary file `<path>.tmp` beside it, which takes its place when all is written.
+/// Writes `path` through a temporary file `<path>.tmp` beside it, which replaces it once it is complete.
 ///
 /// # Errors
-/// [`IoError::System`]; the old file is then untouched and the temporary one removed.
+/// [`IoError::System`]; the old file is then unchanged and the temporary one removed.
 pub fn replace_file(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,

@@ -1,4 +1,4 @@
-//! Reads STL files, text and binary. Every facet has corners of its own there; equal corners are welded here.
+//! Reads STL files, text and binary. There every facet has corners of its own; equal corners are welded here.
 //!
 //! Source: 3D Systems, "StereoLithography Interface Specification" (1989).
 
@@ -13,20 +13,20 @@ use vi_mesh::Region;
 
 /// Bytes of a binary facet: normal, three corners, an attribute.
 const FACET: usize = 50;
-/// Bytes before the first binary facet: a comment and their number.
+/// Bytes before the first binary facet: a comment and the number of facets.
 const HEAD: usize = 84;
 
-/// Reads an STL file that is in memory; `file` is for the messages only.
+/// Reads an STL file that is in memory; `file` is used in messages only.
 ///
-/// Corners of exactly equal coordinates become one point, with a note; facets of which two corners are one are left
-/// out, with a note. Named solids become groups. Normals are passed over.
+/// Corners with exactly equal coordinates become one point, with a note. Facets with two equal corners are left out,
+/// with a note. Named solids become groups. Normals are ignored.
 ///
 /// # Errors
-/// Everything of [`IoError`] that reading has, with the line in a text and the byte offset in binary data.
+/// Every [`IoError`] of reading, with the line in a text and the byte offset in binary data.
 pub fn parse_stl(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let mut cursor = Cursor::new(bytes, file);
     let mut stl = Stl::default();
-    // Binary files may begin with "solid" too; their length tells them apart.
+    // Binary files may begin with "solid" too; their length distinguishes them.
     let announced =
         bytes.get(80..HEAD).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
     let fits =
@@ -58,7 +58,7 @@ impl Stl {
                 let (file, place) = (cursor.file().into(), cursor.place_at(at));
                 return Err(IoError::NotFinite { file, place, node: number, x });
             }
-            // −0 is 0.
+            // Replaces −0 by 0.
             let x = x.map(|x| x + 0.0);
             *node = *self.points.entry(x.map(f64::to_bits)).or_insert_with(|| {
                 self.out.mesh.points.push(x);

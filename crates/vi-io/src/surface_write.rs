@@ -1,4 +1,4 @@
-//! Writes surfaces of triangles with texture coordinates as OBJ and PLY files. Knows no physics.
+//! Writes surfaces of triangles with texture coordinates as OBJ and PLY files.
 //!
 //! Source: Wavefront, "Object Files (.obj)"; G. Turk, "The PLY polygon file format" (1994).
 
@@ -9,7 +9,7 @@ use std::path::Path;
 use crate::error::IoError;
 use crate::replace::replace_file;
 
-/// A surface to be written.
+/// A surface to write.
 #[derive(Clone, Copy, Debug)]
 pub struct TriangleSurface<'a> {
     /// Name of the object.
@@ -38,14 +38,15 @@ impl TriangleSurface<'_> {
     }
 }
 
-/// Writes an OBJ file, points in their order. Texture coordinates that are equal are written once.
+/// Writes an OBJ file with the points in their order. Equal texture coordinates are written once.
 ///
 /// # Errors
-/// [`IoError::BadOutput`] if a value is not finite or a point is not there, [`IoError::System`] if it cannot be written.
+/// [`IoError::BadOutput`] if a value is not finite or a point does not exist, [`IoError::System`] if it cannot be
+/// written.
 pub fn write_obj(path: &Path, surface: &TriangleSurface) -> Result<(), IoError> {
     surface.check(path)?;
     replace_file(path, |out| {
-        // A name is one word, on one line.
+        // A name is a single word on one line.
         let name: String =
             surface.name.chars().map(|c| if c.is_whitespace() || c.is_control() { '_' } else { c }).collect();
         writeln!(out, "o {name}")?;
@@ -74,11 +75,11 @@ pub fn write_obj(path: &Path, surface: &TriangleSurface) -> Result<(), IoError> 
     })
 }
 
-/// Writes a binary PLY file with coordinates in 64 bits. Texture coordinates go with the faces (`texcoord`), so that
-/// points stay in their order and number.
+/// Writes a binary PLY file with coordinates in 64 bits. Texture coordinates are stored with the faces (`texcoord`), so
+/// that the order and number of points do not change.
 ///
 /// # Errors
-/// The same errors as [`write_obj`].
+/// Returns the errors of [`write_obj`].
 pub fn write_ply(path: &Path, surface: &TriangleSurface) -> Result<(), IoError> {
     surface.check(path)?;
     replace_file(path, |out| {
@@ -122,7 +123,7 @@ mod tests {
         let path = directory.path().join("a.obj");
         let points = [[0.0, 0.0, 1.0 / 3.0], [1.0, 0.0, 0.0], [1.0, 1e-7, 0.0], [0.0, 1.0, 5e20]];
         let triangles = [[0, 1, 2], [0, 2, 3]];
-        // A seam between the two triangles.
+        // The two triangles have a texture seam between them.
         let texture = [[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]], [[0.5, 0.0], [1.0, 1.0], [0.0, 1.0 / 3.0]]];
         let surface = TriangleSurface {
             name: "two words",

@@ -1,11 +1,11 @@
-//! From the tags that a file gives to nodes and elements (any numbers, in any order) to places in our arrays.
+//! Maps the tags that a file gives to nodes and elements (any numbers, in any order) to indices of arrays.
 
 use std::collections::HashMap;
 
-/// Where each tag is.
+/// The index of each tag.
 #[derive(Default)]
 pub(crate) struct TagIndex {
-    /// By tag, `NONE` where there is none: used while tags are dense.
+    /// Index by tag, or `NONE`; used while tags are dense.
     table: Vec<u32>,
     /// Tags too large for the table.
     others: HashMap<u64, u32>,
@@ -14,10 +14,10 @@ pub(crate) struct TagIndex {
 const NONE: u32 = u32::MAX;
 
 impl TagIndex {
-    /// Place `i` for tag `tags[i]`.
+    /// Maps tag `tags[i]` to index `i`.
     ///
     /// # Errors
-    /// The place of a tag that occurred before.
+    /// Returns the index of the second occurrence of a tag.
     pub(crate) fn new(tags: &[u64]) -> Result<Self, usize> {
         let mut index = Self::with_room(tags.len());
         for (place, &tag) in tags.iter().enumerate() {
@@ -28,7 +28,7 @@ impl TagIndex {
         Ok(index)
     }
 
-    /// Like `new`, but a tag that occurs twice keeps its first place.
+    /// Maps tags like `new`, but keeps the first index of a tag that occurs twice.
     pub(crate) fn with_first_of_copies(tags: &[u64]) -> Self {
         let mut index = Self::with_room(tags.len());
         for (place, &tag) in tags.iter().enumerate().rev() {

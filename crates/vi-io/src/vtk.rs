@@ -1,4 +1,4 @@
-//! Shared by the two VTK formats: number types, cells from connectivity, groups from arrays.
+//! Parts common to the two VTK formats: number types, cells from connectivity, groups from arrays.
 
 pub(crate) mod cells;
 pub(crate) mod groups;

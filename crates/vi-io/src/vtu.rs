@@ -1,5 +1,5 @@
-//! Reads VTU (unstructured grids) and VTP (surfaces) files: the XML and what it says about arrays. How arrays are
-//! encoded is in `payload.rs`.
+//! Reads VTU (unstructured grids) and VTP (surfaces) files: the XML and its descriptions of arrays. `payload.rs`
+//! decodes the arrays.
 //!
 //! Source: VTK file formats, "XML file formats".
 
@@ -19,17 +19,17 @@ use crate::vtk::groups;
 use crate::vtk::number::Number;
 use payload::{Content, Form, Payloads, Spec};
 
-/// Reads a VTU or VTP file that is in memory; `file` is for the messages only.
+/// Reads a VTU or VTP file that is in memory; `file` is used in messages only.
 ///
-/// Text, inline base64, appended raw and appended base64 data are read, each uncompressed or with zlib, of either byte
-/// order and header type. Pieces are joined. Memory stays below 64 times the file, plus what compressed arrays
-/// unpack to: zlib can pack at most 1032 bytes into one, and more is refused.
+/// Supports text, inline base64, appended raw and appended base64 data, each uncompressed or with zlib, of either byte
+/// order and header type. Pieces are joined. Memory stays below 64 times the file, plus the size of unpacked arrays:
+/// zlib packs at most 1032 bytes into one, and a larger ratio is refused.
 ///
-/// Integer cell arrays named `region_id`, `material_id`, `body_id`, `gmsh:physical` or `CellEntityIds` are given as
-/// groups too ("material_id=3"; "3" for `gmsh:physical`); arrays `group:<name>` of 0 and 1 become the group `<name>`.
+/// Integer cell arrays named `region_id`, `material_id`, `body_id`, `gmsh:physical` or `CellEntityIds` also become
+/// groups ("material_id=3"; "3" for `gmsh:physical`). Arrays `group:<name>` of 0 and 1 become the group `<name>`.
 ///
 /// # Errors
-/// Everything of [`IoError`] that reading has.
+/// Every [`IoError`] of reading.
 pub fn parse_vtu(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let document = Document::parse(bytes, file)?;
     let mut payloads = Payloads::new(bytes, file, document.form);
@@ -57,10 +57,11 @@ pub fn parse_vtu(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     Ok(out)
 }
 
-/// Connectivity of one kind of cells: all of a VTU file, or the vertices, lines, strips, polygons of a VTP file.
+/// The connectivity of one kind of cells: all cells of a VTU file, or the vertices, lines, strips or polygons of a VTP
+/// file.
 #[derive(Default)]
 struct Section {
-    /// The VTK type of all cells, where the file has no array of types.
+    /// The VTK type of all cells, if the file has no array of types.
     code: Option<i64>,
     count: usize,
     connectivity: Option<Spec>,
@@ -85,7 +86,7 @@ struct Document {
     notes: Vec<String>,
 }
 
-/// The sections of a piece that hold cells, with the VTK type of theirs, in the order that cell arrays follow.
+/// The sections of a piece that hold cells, with their VTK types, in the order that cell arrays follow.
 const SECTIONS: [(&str, &str, Option<i64>); 5] = [
     ("Cells", "NumberOfCells", None),
     ("Verts", "NumberOfVerts", Some(2)),
@@ -270,7 +271,7 @@ fn number_attribute(tag: &BytesStart, name: &str, cursor: &Cursor, at: usize) ->
     value.trim().parse().map_err(|_| cursor.syntax_at(at, expected(), value.as_bytes()))
 }
 
-/// The text of a `DataArray` up to its end; elements inside it (ParaView's `InformationKey`) are passed over.
+/// Returns the text of a `DataArray` up to its end. Elements inside it (ParaView's `InformationKey`) are ignored.
 fn inline_text(reader: &mut Reader<&[u8]>, cursor: &Cursor) -> Result<Range<usize>, IoError> {
     let start = reader.buffer_position() as usize;
     let mut text: Option<Range<usize>> = None;
@@ -384,7 +385,7 @@ fn read_arrays(specs: &[Spec], count: usize, payloads: &mut Payloads) -> Result<
     Ok(arrays)
 }
 
-/// Joins the arrays of the `i`-th piece to those of the pieces before it; what is not in all pieces is left out.
+/// Joins the arrays of piece `i` to those of the earlier pieces. An array that is missing in a piece is left out.
 fn join(all: &mut Vec<DataArray>, piece: Vec<DataArray>, i: usize, notes: &mut Vec<String>) {
     if i == 0 {
         *all = piece;

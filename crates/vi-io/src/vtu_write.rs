@@ -1,7 +1,7 @@
-//! Writes VTU files (VTK XML unstructured grids), streaming from slices. Knows no physics.
+//! Writes VTU files (VTK XML unstructured grids), streaming from slices.
 //!
-//! Sizes of compressed data are known only after them, so their headers and offsets are filled in afterwards:
-//! one block of data is all that is held in memory.
+//! The size of compressed data is known only after compression, so headers and offsets are filled in afterwards. Only
+//! one block of data is held in memory.
 //!
 //! Source: VTK file formats, "XML file formats"; the compressed layout is that of vtkXMLDataParser.
 
@@ -17,9 +17,9 @@ use crate::error::IoError;
 use crate::replace::replace_file;
 use vi_mesh::{CellBlock, Region};
 
-/// Bytes of a block that is compressed on its own.
+/// Size of a block that is compressed on its own (bytes).
 const BLOCK: usize = 1 << 17;
-/// Room for a 64-bit offset that is filled in later.
+/// Digits reserved for a 64-bit offset that is filled in later.
 const OFFSET_DIGITS: usize = 20;
 
 /// Contents of a VTU file to write.
@@ -29,7 +29,7 @@ pub struct VtuFrame<'a> {
     pub points: &'a [[f64; 3]],
     /// The cells.
     pub blocks: &'a [CellBlock],
-    /// Groups of cells; they become cell arrays `group:<name>` of 0 and 1, which the reader turns back into groups.
+    /// Groups of cells. They become cell arrays `group:<name>` of 0 and 1, which the reader turns back into groups.
     pub regions: &'a [Region],
     /// Arrays over the points.
     pub point_data: &'a [VtuArray<'a>],
@@ -37,11 +37,11 @@ pub struct VtuFrame<'a> {
     pub cell_data: &'a [VtuArray<'a>],
     /// Time in seconds, written as `TimeValue`.
     pub time: Option<f64>,
-    /// Further numbers of the whole frame by name, all finite.
+    /// Further named numbers of the whole frame, all finite.
     pub field_data: &'a [(&'a str, &'a [f64])],
 }
 
-/// A named array to be written.
+/// A named array to write.
 #[derive(Clone, Copy, Debug)]
 pub struct VtuArray<'a> {
     /// The name.
@@ -52,10 +52,10 @@ pub struct VtuArray<'a> {
     pub values: VtuValues<'a>,
 }
 
-/// Values of an array to be written.
+/// Values of an array to write.
 #[derive(Clone, Copy, Debug)]
 pub enum VtuValues<'a> {
-    /// Real numbers, all finite; written in the precision of the options.
+    /// Real numbers, all finite, written in the precision of the options.
     Real(&'a [f64]),
     /// Integers such as `material_id`, written as Int32.
     Integer(&'a [i32]),
@@ -80,10 +80,10 @@ pub enum Precision {
     Double,
 }
 
-/// Where and how data stand in the file.
+/// Position and encoding of the data in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum VtuEncoding {
-    /// Behind the XML as raw bytes: small and fast.
+    /// After the XML, as raw bytes: small and fast.
     #[default]
     AppendedRaw,
     /// Inside the XML as base64: valid XML that more tools read.
@@ -93,7 +93,7 @@ pub enum VtuEncoding {
 /// Encoding of a VTU file. The default is appended raw, compressed, in double precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VtuOptions {
-    /// Where and how data stand in the file.
+    /// Position and encoding of the data in the file.
     pub encoding: VtuEncoding,
     /// Precision of points and real arrays.
     pub precision: Precision,
@@ -107,21 +107,21 @@ impl Default for VtuOptions {
     }
 }
 
-/// Writes a VTU file as a whole: `path` is replaced when all is written.
+/// Writes a VTU file as a whole: `path` is replaced once everything is written.
 ///
 /// # Errors
-/// [`IoError::BadOutput`] if lengths do not fit together, a node is not there or a value is not finite;
-/// [`IoError::System`] if the file cannot be written. In both cases an older file stays as it was.
+/// [`IoError::BadOutput`] if lengths do not match, a node does not exist or a value is not finite; [`IoError::System`]
+/// if the file cannot be written. In both cases an older file is unchanged.
 pub fn write_vtu(path: &Path, frame: &VtuFrame, options: VtuOptions) -> Result<(), IoError> {
     let wrong = |what: String| IoError::BadOutput { file: path.into(), what };
     check(frame, options.precision).map_err(wrong)?;
     replace_file(path, |file| encode_vtu(file, frame, options))
 }
 
-/// Writes the bytes of a VTU file from the present position of `out`, which is that of the file's first byte.
+/// Writes the bytes of a VTU file. The current position of `out` becomes the first byte of the file.
 ///
 /// # Errors
-/// Returns the error of `out`, and [`io::ErrorKind::InvalidInput`] for what [`write_vtu`] reports as [`IoError::BadOutput`].
+/// Returns the errors of `out`, and [`io::ErrorKind::InvalidInput`] where [`write_vtu`] returns [`IoError::BadOutput`].
 pub fn encode_vtu<W: Write + Seek>(out: &mut W, frame: &VtuFrame, options: VtuOptions) -> io::Result<()> {
     check(frame, options.precision).map_err(|what| io::Error::new(io::ErrorKind::InvalidInput, what))?;
     let cell_count: usize = frame.blocks.iter().map(CellBlock::cell_count).sum();
@@ -178,13 +178,13 @@ pub fn encode_vtu<W: Write + Seek>(out: &mut W, frame: &VtuFrame, options: VtuOp
     writeln!(writer.out, "</VTKFile>")
 }
 
-/// Are 32 signed bits too few for the nodes of cells (up to the number of points) or for the offsets into them (up to
-/// the number of all nodes of all cells)?
+/// Returns whether 32 signed bits are too few for the nodes of cells (up to the number of points) or for the offsets
+/// into them (up to the number of all nodes of all cells).
 fn needs_64_bits(point_count: usize, node_count: usize) -> bool {
     node_count.max(point_count) > i32::MAX as usize
 }
 
-/// Says what in a frame does not fit together.
+/// Checks that the parts of a frame match each other.
 fn check(frame: &VtuFrame, precision: Precision) -> Result<(), String> {
     let point_count = frame.points.len();
     let mut cell_count = 0;
@@ -243,7 +243,7 @@ fn check(frame: &VtuFrame, precision: Precision) -> Result<(), String> {
     Ok(())
 }
 
-/// The content of one `DataArray`.
+/// The data of one `DataArray`.
 #[derive(Clone, Copy)]
 enum Data<'a> {
     Values(VtuValues<'a>),
@@ -256,7 +256,7 @@ enum Data<'a> {
 struct Writer<'a, W> {
     out: &'a mut W,
     options: VtuOptions,
-    /// Arrays to be appended, each with the position where its offset goes.
+    /// Arrays to append, each with the position of its offset.
     later: Vec<(u64, Data<'a>)>,
 }
 
@@ -289,7 +289,7 @@ impl<'a, W: Write + Seek> Writer<'a, W> {
         }
     }
 
-    /// The section of appended data, and the offsets into it.
+    /// Writes the section of appended data, and the offsets into it.
     fn appended(&mut self) -> io::Result<()> {
         if self.later.is_empty() {
             return Ok(());
@@ -365,7 +365,7 @@ impl<'a, W: Write + Seek> Writer<'a, W> {
         }
     }
 
-    /// Header and data of an array of `count` items of `WIDTH` bytes.
+    /// Writes the header and data of an array of `count` items of `WIDTH` bytes.
     fn items<const WIDTH: usize>(
         &mut self,
         count: usize,
@@ -386,7 +386,8 @@ impl<'a, W: Write + Seek> Writer<'a, W> {
             }
             return stream.finish();
         }
-        // Number of blocks, bytes of a whole block, bytes of a last partial block, then each compressed size.
+        // The header is: number of blocks, bytes of a whole block, bytes of a last partial block, then each compressed
+        // size.
         let block_count = length.div_ceil(BLOCK);
         let mut header = vec![block_count as u64, BLOCK as u64, (length % BLOCK) as u64];
         header.resize(3 + block_count, 0);
@@ -418,11 +419,11 @@ impl<'a, W: Write + Seek> Writer<'a, W> {
     }
 }
 
-/// One block as a zlib stream of its own.
+/// Compresses one block as a zlib stream of its own.
 fn deflate(compress: &mut Compress, block: &[u8], packed: &mut Vec<u8>) -> io::Result<()> {
     compress.reset();
     packed.clear();
-    // zlib's own bound for what cannot be compressed.
+    // This is zlib's own bound for incompressible data.
     packed.reserve(block.len() + block.len() / 1000 + 64);
     loop {
         let read = compress.total_in() as usize;
@@ -436,7 +437,7 @@ fn deflate(compress: &mut Compress, block: &[u8], packed: &mut Vec<u8>) -> io::R
     }
 }
 
-/// Bytes as they are, or as base64 with its padding at the end.
+/// Writes bytes as they are, or as base64 with padding at the end.
 enum Stream<'a, W: Write> {
     Raw(&'a mut W),
     Base64(Box<EncoderWriter<'static, base64::engine::GeneralPurpose, &'a mut W>>),
@@ -469,7 +470,7 @@ impl<'a, W: Write> Stream<'a, W> {
 mod tests {
     use super::*;
 
-    /// Int32 holds 2³¹ − 1; 10⁹ tetrahedra have 4 · 10⁹ nodes. No such frame is made here.
+    /// Int32 holds at most 2³¹ − 1, but 10⁹ tetrahedra have 4 · 10⁹ nodes. The test does not build such a frame.
     #[test]
     fn indices_beyond_31_bits_are_written_in_64() {
         let most = i32::MAX as usize;

@@ -1,4 +1,4 @@
-//! Gmsh files: groups, node orders, and errors that name their place.
+//! Tests Gmsh files: groups, node orders, and errors that name their place.
 
 use std::path::Path;
 

@@ -1,6 +1,6 @@
-//! Sample files cut off at every byte and mutated at random: no panic, no mesh that breaks the laws, no memory out of
-//! proportion. `VI_IO_MUTATIONS=1000000 cargo test --release -p vi-io --test mutations -- --nocapture` tries that many
-//! mutations per sample; the default is sized for CI.
+//! Reads sample files that are truncated at every byte and mutated at random: no panic, no mesh that breaks the laws,
+//! no memory out of proportion. `VI_IO_MUTATIONS=1000000 cargo test --release -p vi-io --test mutations -- --nocapture`
+//! tries that many mutations per sample; the default is sized for CI.
 
 mod laws;
 
@@ -12,10 +12,11 @@ use vi_io::parse_mesh;
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
 
-/// Bytes of memory per byte of file that a reader may take, and what it may take besides.
+/// Bytes of memory that a reader may take per byte of file, and its fixed allowance.
 const MULTIPLE: usize = 64;
 const BASE: usize = 1 << 16;
-/// zlib packs up to 1032 bytes into one, and a byte may stand for a number of eight: what compressed files may take.
+/// The multiple for compressed files: zlib packs up to 1032 bytes into one, and each may stand for a number of eight
+/// bytes.
 const COMPRESSED_MULTIPLE: usize = 1040 * 9 + MULTIPLE;
 
 fn samples() -> Vec<(PathBuf, Vec<u8>)> {
@@ -31,7 +32,7 @@ fn samples() -> Vec<(PathBuf, Vec<u8>)> {
     samples
 }
 
-/// Reads, checks the laws, and gives whether there was a mesh.
+/// Reads a file, checks the laws, and returns whether it gave a mesh.
 fn try_to_read(file: &Path, bytes: &[u8]) -> bool {
     MEMORY.reset_peak_usage();
     let before = MEMORY.current_usage();
@@ -101,7 +102,7 @@ fn mutate(random: &mut Random, bytes: &mut Vec<u8>, other: &[u8]) {
                 bytes.splice(span, copy.iter().copied());
             }
             6 => {
-                // A number or word of the text becomes another one.
+                // Replaces a number or word of the text by another one.
                 let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || *byte == b'-' || *byte == b'.';
                 let start = (0..at).rev().find(|&i| !is_word(&bytes[i])).map_or(0, |i| i + 1);
                 let end = (at..n).find(|&i| !is_word(&bytes[i])).unwrap_or(n);
@@ -125,7 +126,7 @@ fn mutate(random: &mut Random, bytes: &mut Vec<u8>, other: &[u8]) {
     }
 }
 
-/// One test, since the peak of memory is the whole process's.
+/// There is a single test, because peak memory is measured for the whole process.
 #[test]
 fn damaged_files_are_refused_or_read_within_the_laws() {
     let samples = samples();

@@ -1,4 +1,5 @@
-//! The sample files, each written by another program in one of its dialects (`data/make.py`), read as what they are.
+//! Reads the sample files, each written by another program in one of its dialects (`data/make.py`), and checks their
+//! content.
 
 use std::path::{Path, PathBuf};
 
@@ -87,7 +88,7 @@ fn every_version_of_gmsh_holds_the_same_box() {
                 "{name}"
             );
             assert_eq!(file.region("tip").unwrap().dimension, 0, "{name}");
-            // "clamp" is one of the three surfaces of the group 7.
+            // "clamp" is one of the three surfaces of group 7.
             let (clamp, seven) = (file.region("clamp").unwrap(), file.region("7").unwrap());
             assert_eq!((clamp.dimension, seven.dimension), (2, 2), "{name}");
             assert!(
@@ -107,7 +108,7 @@ fn every_version_of_gmsh_holds_the_same_box() {
     }
 }
 
-/// Corners of the midside nodes in VTK's order.
+/// Returns the corners that each midside node lies between, in VTK's order.
 fn edges(kind: CellKind) -> (usize, &'static [[usize; 2]]) {
     const HEXAHEDRON: &[[usize; 2]] =
         &[[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
@@ -133,7 +134,7 @@ fn middles_lie_between_corners(name: &str, file: &MeshFile) {
             }
         }
         if kind == CellKind::Hex27 {
-            // Faces −x +x −y +y −z +z of the cell's own axes: the middle of four corners.
+            // The faces −x +x −y +y −z +z in the axes of the cell; a face node is the mean of four corners.
             let faces = [[0, 3, 7, 4], [1, 2, 6, 5], [0, 1, 5, 4], [3, 2, 6, 7], [0, 1, 2, 3], [4, 5, 6, 7]];
             for (i, face) in faces.iter().enumerate() {
                 for k in 0..3 {
@@ -145,7 +146,8 @@ fn middles_lie_between_corners(name: &str, file: &MeshFile) {
     }
 }
 
-/// Volume of straight-sided cells by tetrahedra around their corners, to twelve digits; every cell must be positive.
+/// Returns the volume of straight-sided cells, to twelve digits, from tetrahedra at their corners. Every cell must be
+/// positive.
 fn volume(file: &MeshFile, cells: &[u32]) -> f64 {
     let all: Vec<_> = file.mesh.cells().collect();
     let mut sum = 0.0;
@@ -245,7 +247,7 @@ fn decks_of_abaqus_hold_the_same_box_as_gmsh_files() {
         let same = read(&format!("{stem}-4.1-binary.msh"));
         middles_lie_between_corners(&name, &file);
         assert_eq!(file.mesh.points.len(), same.mesh.points.len(), "{name}");
-        // Cells as the places of their nodes in order: every wrong order shows.
+        // Compares cells as the positions of their nodes in order, so that every wrong order shows.
         let places = |file: &MeshFile, group: &str| {
             let all: Vec<_> = file.mesh.cells().collect();
             let group = file.region(group).unwrap_or_else(|| panic!("{name}: {group}"));
@@ -286,7 +288,7 @@ fn sets_and_surfaces_of_a_deck_become_groups() {
         nodes.dedup();
         (group.dimension, nodes)
     };
-    // Places count from 0; the numbers 11 to 16 follow 8.
+    // Indices count from 0; the numbers 11 to 16 follow 8.
     assert_eq!(nodes("Root"), (0, vec![0, 2, 4, 6, 7]), "a range and a second definition of other case");
     assert_eq!(nodes("Some"), (0, vec![0, 2, 4, 6, 7, 13]), "a set of a set");
     assert_eq!(nodes("Set-1.elements"), (3, (0..14).collect()), "one name for two sets");
@@ -298,7 +300,7 @@ fn sets_and_surfaces_of_a_deck_become_groups() {
     assert_eq!(nodes("Rim"), (1, vec![6, 7]));
     assert_eq!(nodes("Tips"), (0, vec![12, 13]));
     assert_eq!(file.region("Skin").unwrap().cells, file.region("Shell").unwrap().cells);
-    // ∮ x·n dA = 3 V: the faces S1 … S6 of bricks and S1 … S4 of the wedge close, and all look outwards.
+    // ∮ x·n dA = 3 V: the faces S1 … S6 of bricks and S1 … S4 of the wedge form a closed surface with outward normals.
     let outside = &file.region("Outside").unwrap().cells;
     let mut sum = 0.0;
     for &cell in outside {
@@ -311,7 +313,7 @@ fn sets_and_surfaces_of_a_deck_become_groups() {
             sum += 0.5 * (0..3).map(|i| a[i] * n[i]).sum::<f64>();
         }
     }
-    // The wedge's faces S3 and S4 are its slanted ones; S5 lies on the second brick.
+    // The faces S3 and S4 of the wedge are its slanted ones; S5 lies on the second brick.
     assert!((sum - 3.0 * 2.5).abs() < 1e-12, "{sum}");
     let notes = file.notes.join("\n");
     for word in ["MATERIAL", "ELASTIC", "SOLID SECTION", "BOUNDARY", "MASS", "T3D2", "\"Set-1\""] {
@@ -322,7 +324,8 @@ fn sets_and_surfaces_of_a_deck_become_groups() {
 #[test]
 fn what_would_change_the_mesh_of_a_deck_is_refused_with_its_line() {
     let good = std::fs::read_to_string(data().join("sets.inp")).unwrap();
-    // What stands in the deck, what takes its place, lines from there to the one that is named, what is said.
+    // Each case: a text of the deck, its replacement, the number of lines from there to the line named, and words of
+    // the message.
     for (from, to, further, words) in [
         ("*End Part", "*Include, input=more.inp", 0, "data in another file"),
         ("*End Part", "*Part, name=Second", 0, "a second *PART"),

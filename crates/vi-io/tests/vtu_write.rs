@@ -1,4 +1,4 @@
-//! What the VTU writer writes is what the reader reads: bit for bit in double precision.
+//! The VTU reader returns exactly the data that the writer was given, bit for bit in double precision.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -9,7 +9,7 @@ use vi_io::{
 };
 use vi_mesh::{CellBlock, CellKind, Region};
 
-/// Numbers without a pattern, of all sizes.
+/// Returns numbers without a pattern, over many orders of magnitude.
 fn noise(count: usize) -> Vec<f64> {
     let mut state = 7u64;
     let mut next = || {
@@ -21,7 +21,7 @@ fn noise(count: usize) -> Vec<f64> {
 
 #[test]
 fn frames_come_back_bit_for_bit_in_every_encoding() {
-    // Large enough for several compressed blocks and a partial last one.
+    // The largest has several compressed blocks and a partial last one.
     for n in [8, 1000, 20_000] {
         let points: Vec<[f64; 3]> = noise(3 * n).as_chunks::<3>().0.to_vec();
         let velocity = noise(3 * n + 5).split_off(5);
@@ -126,7 +126,7 @@ fn a_series_is_whole_after_every_frame_and_can_be_continued() {
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
 }
 
-/// A series of n frames writes n entries: what n pushes take grows with n, not with n².
+/// The cost of n pushes to a series grows with n, not with n², because each appends one entry.
 #[test]
 fn a_long_series_is_appended_to() {
     let directory = tempfile::tempdir().unwrap();
@@ -140,7 +140,7 @@ fn a_long_series_is_appended_to() {
     let [appended, replaced] =
         ["run.pvd", "whole.pvd"].map(|name| std::fs::read(directory.path().join(name)).unwrap());
     assert!(appended == replaced);
-    // A file that was replaced would have another inode.
+    // A replaced file would have another inode.
     #[cfg(unix)]
     {
         use std::os::unix::fs::MetadataExt;
@@ -151,7 +151,7 @@ fn a_long_series_is_appended_to() {
     }
 }
 
-/// A series whose file was removed, cut off or changed is written as a whole again.
+/// If the file of a series was removed, truncated or changed, the next push writes it as a whole.
 #[test]
 fn a_series_whose_file_was_changed_is_repaired() {
     let directory = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Constraints to round-off: RATTLE, its higher-order kin, and what projection does instead.
+//! Tests that constraints hold to round-off under RATTLE and its generalisations of higher order, and compares them
+//! with projection.
 
 use vi_core::constraints::{Constrained, Constraint, Rattle};
 use vi_core::lagrange::Scalar;
@@ -68,7 +69,7 @@ fn the_lobatto_family_begins_with_rattle_and_has_order_2s() {
 
 #[test]
 fn angles_and_multipliers_give_the_same_motion() {
-    // The spherical pendulum in two angles by Gauss-4, and on its sphere by degree 4.
+    // Compares the spherical pendulum in two angles by Gauss-4 with the same pendulum on its sphere by degree 4.
     let system = PENDULUM.particle().unwrap();
     let (h, steps) = (0.05, 40);
     let on_surface = Constrained::new(&system, Sphere(1.0), 4, h).unwrap();
@@ -88,7 +89,7 @@ fn angles_and_multipliers_give_the_same_motion() {
     }
 }
 
-/// Two rods: |x_1| = 1, |x_2 − x_1| = 1.
+/// Two rods: |x_1| = 1 and |x_2 − x_1| = 1.
 struct Rods;
 
 impl Constraint for Rods {
@@ -118,7 +119,7 @@ fn a_double_pendulum_of_rods_keeps_its_energy_and_any_lagrangian_will_do() {
 
 #[test]
 fn a_penalty_is_no_constraint() {
-    // The same motion with a stiff spring instead of a rod: symplectic, but the surface is left.
+    // With a stiff spring in place of the rod the motion is symplectic but leaves the surface.
     let stiff = lagrangian!(3; |_t, q, v| {
         let r = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2]).sqrt();
         (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) * 0.5 - q[2] - (r - 1.0) * (r - 1.0) * 500.0

@@ -1,4 +1,4 @@
-//! The instruments, on maps whose answers are known.
+//! Tests the diagnostics on maps with known answers.
 
 use vi_core::diagnostics::{
     Envelope, Section, area_factor, map_derivative, midpoint_shadow, reversal_defect, symplecticity_defect,

@@ -1,4 +1,4 @@
-//! Laws of discrete Lagrangians: any Lagrangian, boundary value problems, Hermite cubics.
+//! Tests discrete Lagrangians: arbitrary Lagrangians, boundary value problems, Hermite cubics.
 
 use nalgebra::DVector;
 use vi_core::discrete::{
@@ -38,7 +38,8 @@ fn a_lagrangian_by_hand_and_a_system_of_potentials_step_alike() {
 
 #[test]
 fn generalised_mass_and_time_dependence_keep_the_order() {
-    // A pendulum in polar form is trivial; this one has M(q), gyroscopic and time-dependent terms.
+    // A pendulum in polar form would be too simple: this Lagrangian has a mass matrix M(q), gyroscopic and
+    // time-dependent terms.
     let odd = lagrangian!(2; |t, q, v| {
         (v[0] * v[0] * (q[1] * q[1] + 1.0) + v[1] * v[1]) * 0.5 + q[0] * v[1] * 0.3
             - (q[0] * q[0] + q[1] * q[1]) * 0.5 + q[0] * (t * 2.0).sin() * 0.2
@@ -118,7 +119,7 @@ impl Symmetry for Turn {
 
 #[test]
 fn the_discrete_noether_momentum_is_kept() {
-    // A central force with a magnetic field: p is not mass times velocity.
+    // In a central force with a magnetic field, p is not mass times velocity.
     let charged = lagrangian!(2; |_t, q, v| {
         (v[0] * v[0] + v[1] * v[1]) * 0.5 + (q[0] * v[1] - q[1] * v[0]) * 0.4
             - (q[0] * q[0] + q[1] * q[1]).sqrt()
@@ -138,7 +139,7 @@ fn the_discrete_noether_momentum_is_kept() {
 
 #[test]
 fn hermite_cubics_solve_the_boundary_value_problem_of_an_ordinary_lagrangian() {
-    // q̈ = −q from q = 1, v = 0 to t = 2: the exact path is cos t.
+    // The exact path of q̈ = −q from q = 1, v = 0 to t = 2 is cos t.
     let oscillator = FirstOrder(lagrangian!(1; |_t, q, v| (v[0] * v[0] - q[0] * q[0]) * 0.5));
     let node = |t: f64| HermiteState { q: vec![t.cos()], v: vec![-t.sin()] };
     let worst = |steps: usize| {
@@ -154,7 +155,7 @@ fn hermite_cubics_solve_the_boundary_value_problem_of_an_ordinary_lagrangian() {
 
 #[test]
 fn an_acceleration_dependent_lagrangian_marches() {
-    // q = 0.7 cos t + 0.3 sin 2t. Ostrogradsky momenta: π = q̈, p = −5 q̇ − q⃛.
+    // The motion q = 0.7 cos t + 0.3 sin 2t has the Ostrogradsky momenta π = q̈ and p = −5 q̇ − q⃛.
     let q = |t: f64| 0.7 * t.cos() + 0.3 * (2.0 * t).sin();
     let v = |t: f64| -0.7 * t.sin() + 0.6 * (2.0 * t).cos();
     let a = |t: f64| -0.7 * t.cos() - 1.2 * (2.0 * t).sin();

@@ -1,5 +1,5 @@
-//! Generalised coordinates and statics: d'Alembert equals Lagrange, constraint forces, the lever,
-//! the bead on a hoop and its bifurcation.
+//! Tests generalised coordinates and statics: d'Alembert equals Lagrange, constraint forces, the lever, the bead on a
+//! hoop and its bifurcation.
 
 use nalgebra::DVector;
 use vi_core::discrete::DiscreteLagrangian;
@@ -27,21 +27,21 @@ fn d_alembert_and_lagrange_agree_and_the_constraint_force_does_no_virtual_work()
     let by_force = generalised_accelerations(&BEAD, t, &q, &v, &force).unwrap();
     let by_lagrange = accelerations(&Embedded(BEAD), t, &q, &v).unwrap();
     assert!((&by_force - &by_lagrange).amax() < 1e-13);
-    // By hand: r q̈ = r ω² sin q cos q + g sin q.
+    // Derived by hand: r q̈ = r ω² sin q cos q + g sin q.
     let (sin, cos) = q[0].sin_cos();
     assert!((by_force[0] - (16.0 * sin * cos + 9.81 / 1.3 * sin)).abs() < 1e-13);
     let reaction = constraint_force(&BEAD, t, &q, &v, by_force.as_slice(), &force);
     assert!((s.transpose() * &reaction).amax() < 1e-12);
     assert!(reaction.norm() > 1.0, "the wire does push");
-    // M(q) = SᵀMS.
+    // The mass matrix is M(q) = SᵀMS.
     let mass = Embedded(BEAD).expansion(t, &q, &v).vv;
     assert!((mass - s.transpose() * s).amax() < 1e-13);
 }
 
 #[test]
 fn a_driven_frame_integrates_variationally() {
-    // The Jacobi integral ½ r² q̇² + amended potential is kept; L itself depends on time only
-    // through the frame, which the dual numbers find to cancel.
+    // The Jacobi integral ½ r² q̇² + amended potential is conserved. L depends on time only through the frame, and in
+    // its dual-number expansion that dependence cancels.
     let bead = Embedded(BEAD);
     let discrete = DiscreteLagrangian::new(&bead, &Scheme::gauss(3).unwrap(), 0.02).unwrap();
     let mut state = State { t: 0.0, q: vec![2.0], p: vec![0.4] };
@@ -65,7 +65,7 @@ fn the_law_of_the_lever_is_virtual_work() {
         let work = virtual_work(&at_rest, 0.0, &level, &DVector::from_element(1, 1.0));
         assert!((work + moment).abs() < 1e-13);
         assert_eq!(work.abs() < 1e-13, balances);
-        // Off balance it hangs straight down, and stands straight up unstably.
+        // A lever out of balance hangs straight down in its stable equilibrium; straight up is the unstable one.
         if !balances {
             let starts: Vec<Vec<f64>> = (0..8).map(|k| vec![0.7 * k as f64 - 2.5]).collect();
             let found = equilibria(&at_rest, 0.0, &starts, 1e-6);
@@ -94,10 +94,10 @@ fn the_bead_has_its_equilibria_stabilities_and_frequencies() {
         assert_eq!(stable.len(), 1);
         assert!((stable[0].q[0].to_degrees() - degrees).abs() < 1e-7);
         assert!((stable[0].q[0] - bead.equilibrium()).abs() < 1e-7);
-        // ω² = V''/M.
+        // The frequency of small oscillations satisfies ω² = V''/M.
         assert!((stable[0].curvatures[0].sqrt() - frequency).abs() < 1e-8);
         assert!((bead.frequency() - frequency).abs() < 1e-8);
-        // And by integration: after one period of small oscillation the bead is back.
+        // Integration confirms it: after one period of small oscillation the bead is back.
         let steps = 60;
         let embedded = Embedded(bead);
         let h = 2.0 * std::f64::consts::PI / frequency / steps as f64;
@@ -113,14 +113,14 @@ fn the_bead_has_its_equilibria_stabilities_and_frequencies() {
 
 #[test]
 fn a_bifurcation_is_followed_in_its_parameter() {
-    // Straight down loses its stability at ω = √(g/r); the branch of tilted equilibria leaves there.
+    // At the bottom the bead loses its stability at ω = √(g/r), where the branch of tilted equilibria begins.
     let bead = BeadOnHoop { radius: 1.0, gravity: 9.81, omega: 0.0 };
     let down = equilibria(&bead, 1.0, &[vec![3.0]], 1e-6).remove(0);
     let branch = follow(&bead, &down, 0.2, 20).unwrap();
     let change = branch.windows(2).position(|pair| pair[0].is_stable() != pair[1].is_stable()).unwrap();
     let critical = bifurcation_between(&bead, &branch[change], &branch[change + 1], 1e-10).unwrap();
     assert!((critical.parameter - 9.81_f64.sqrt()).abs() < 1e-9);
-    // The tilted branch, followed down towards it from ω = 6.
+    // Follows the tilted branch from ω = 6 down towards the bifurcation.
     let tilted = equilibria(&bead, 6.0, &[vec![1.9]], 1e-6).remove(0);
     for point in follow(&bead, &tilted, -0.05, 55).unwrap() {
         let exact = BeadOnHoop { omega: point.parameter, ..bead }.equilibrium();
@@ -128,7 +128,7 @@ fn a_bifurcation_is_followed_in_its_parameter() {
     }
 }
 
-/// x⁴/4 − x²/2 + μ x: two folds.
+/// The energy x⁴/4 − x²/2 + μ x has two folds.
 struct Fold;
 
 impl Energy for Fold {

@@ -1,4 +1,4 @@
-//! Laws of the continuous side: Lagrange residuals, variations, Noether, higher Lagrangians.
+//! Tests the continuous theory: Lagrange residuals, variations, Noether's theorem, higher Lagrangians.
 
 use num_dual::{Dual, Dual64};
 use vi_core::lagrange::{
@@ -18,7 +18,7 @@ fn residuals_vanish_on_exact_paths_and_not_on_wrong_ones() {
         (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) * 0.5 - q[2] * g
     });
     let parabola = trajectory!([g] | t | vec![t * 2.0, t * -1.0 + 3.0, t * 4.0 - t * t * (0.5 * g)]);
-    // A circular orbit of radius 2 with mu = 8: angular velocity 1.
+    // A circular orbit of radius 2 with μ = 8 has angular velocity 1.
     let kepler = lagrangian!(2; |_t, q, v| {
         (v[0] * v[0] + v[1] * v[1]) * 0.5 + (q[0] * q[0] + q[1] * q[1]).sqrt().recip() * 8.0
     });
@@ -33,7 +33,7 @@ fn residuals_vanish_on_exact_paths_and_not_on_wrong_ones() {
 
 #[test]
 fn time_dependent_lagrangians_have_their_explicit_term() {
-    // L = e^{γt} (v² − ω²q²)/2, whose motions are damped oscillations (Caldirola–Kanai).
+    // The motions of L = e^{γt} (v² − ω²q²)/2 are damped oscillations (Caldirola–Kanai).
     let (gamma, omega) = (0.4, 2.0);
     let damped = lagrangian!(1; [gamma, omega] |t, q, v| {
         (t * gamma).exp() * (v[0] * v[0] - q[0] * q[0] * (omega * omega)) * 0.5
@@ -49,7 +49,7 @@ fn time_dependent_lagrangians_have_their_explicit_term() {
 
 #[test]
 fn legendre_transforms_are_inverse_and_energy_is_kept_along_motions() {
-    // Velocity-dependent mass and a magnetic term.
+    // The Lagrangian has a velocity-dependent mass and a magnetic term.
     let odd = lagrangian!(2; |_t, q, v| {
         (v[0] * v[0] * (q[1] * q[1] + 1.0) + v[1] * v[1] * 2.0) * 0.5 + v[0].powi(4) * 0.1
             + q[0] * v[1] - q[1] * v[0] - q[0] * q[0] * 0.5
@@ -58,7 +58,7 @@ fn legendre_transforms_are_inverse_and_energy_is_kept_along_motions() {
     let p = momenta(&odd, 0.0, &q, &v);
     let back = velocities(&odd, 0.0, &q, p.as_slice()).unwrap();
     assert!((back[0] - v[0]).abs() < 1e-14 && (back[1] - v[1]).abs() < 1e-14);
-    // dE/dt = 0 along the accelerations that the Lagrange equations give.
+    // With the accelerations of the Lagrange equations, dE/dt = 0.
     let a = accelerations(&odd, 0.0, &q, &v).unwrap();
     let at = |e: f64| {
         let q = [q[0] + e * v[0] + 0.5 * e * e * a[0], q[1] + e * v[1] + 0.5 * e * e * a[1]];
@@ -82,7 +82,7 @@ fn the_variation_obeys_product_chain_and_commutation_rules() {
         let (at_f, at_g) = (along(&f, &path, t), along(&g, &path, t));
         assert!((variation(&product, &path, &eta, t) - (at_f * dg + at_g * df)).abs() < 1e-14);
         assert!((variation(&chain, &path, &eta, t) - at_f.exp() * df).abs() < 1e-14);
-        // δ(df/dt) = d/dt(δf): ε outside of time, and time outside of ε.
+        // Checks δ(df/dt) = d/dt(δf) by nesting the dual numbers of ε and t in both orders.
         let constant = |x: f64| Dual64::from_re(x);
         let epsilon_outside = along_varied(
             &f,
@@ -117,7 +117,7 @@ fn the_variation_obeys_product_chain_and_commutation_rules() {
 fn the_action_is_stationary_on_motions_only() {
     let pendulum = lagrangian!(1; |_t, q, v| v[0] * v[0] * 0.5 - q[0] * q[0] * 0.5);
     let path = trajectory!(|t| vec![t.cos()]);
-    // δS = [p η] − ∫ residual η: with η = 0 at the ends only the residual counts.
+    // δS = [p η] − ∫ residual η; if η vanishes at the ends, only the residual contributes.
     struct Varied(f64, f64);
     impl Trajectory for Varied {
         fn at<D: Scalar>(&self, t: D) -> Vec<D> {
@@ -158,14 +158,14 @@ fn a_symmetry_is_seen_and_gives_its_momentum() {
 
 #[test]
 fn higher_lagrangians_have_their_fourth_order_equation() {
-    // q⁗ + 5 q̈ + 4 q = 0: frequencies 1 and 2, and no other.
+    // The solutions of q⁗ + 5 q̈ + 4 q = 0 have the frequencies 1 and 2 only.
     let path = trajectory!(|t| vec![t.cos() * 0.7 + (t * 2.0).sin() * 0.3]);
     let wrong = trajectory!(|t| vec![(t * 1.5).cos()]);
     for t in [0.0, 0.6, 1.7] {
         assert!(higher_residual(&PaisUhlenbeck(1.0, 2.0), &path, t).amax() < 1e-12);
     }
     assert!(higher_residual(&PaisUhlenbeck(1.0, 2.0), &wrong, 0.3).amax() > 0.1);
-    // An ordinary Lagrangian gives minus its ordinary residual.
+    // For a Lagrangian of first order, the higher residual is minus the ordinary one.
     let quartic = lagrangian!(1; |_t, q, v| v[0] * v[0] * (q[0] * q[0] + 1.0) - q[0].powi(4));
     let ordinary = residual(&quartic, &path, 0.4)[0];
     let higher = higher_residual(&vi_core::lagrange::FirstOrder(quartic), &path, 0.4)[0];

@@ -1,4 +1,4 @@
-//! The theory and the contract: discrete equations, symmetries, reference cases.
+//! Tests the theory and the contract: discrete equations, symmetries, reference cases.
 
 mod constraints;
 mod diagnostics;

@@ -1,4 +1,4 @@
-//! Laws of the dense oracle: orders, momentum maps, time symmetry, and clear refusals.
+//! Tests the dense oracle: orders, momentum maps, time symmetry, and clear refusals.
 
 use vi_core::problems::{Kepler, Oscillator, Pendulum, SpringChain};
 use vi_core::{
@@ -26,8 +26,8 @@ fn error_on_pendulum(scheme: &Scheme, steps: usize) -> f64 {
 fn orders_are_those_of_the_pair() {
     let gauss = |s| Quadrature::gauss_legendre(s).unwrap();
     let lobatto = |s| Quadrature::lobatto(s).unwrap();
-    // (scheme, order, steps of the coarse run). Degree s with a quadrature of order ≥ 2s has order
-    // 2s; a weaker rule sets the order itself.
+    // Each case is (scheme, order, steps of the coarse run). Degree s with a quadrature of order ≥ 2s has order 2s;
+    // with a weaker rule the order is that of the rule.
     let cases = [
         (Scheme::symplectic_euler_a(), 1, 400),
         (Scheme::symplectic_euler_b(), 1, 400),
@@ -140,7 +140,7 @@ fn one_step_is_symplectic() {
 
 #[test]
 fn momenta_are_the_derivatives_of_the_discrete_lagrangian() {
-    // dL_d = p1·dq1 − p0·dq0 along any variation of the initial state.
+    // For any variation of the initial state dL_d = p1·dq1 − p0·dq0.
     let problem = Kepler::<2> { mu: 1.0 };
     let system = problem.system().unwrap();
     let (start, h) = (problem.pericentre(0.3), 0.2);
@@ -207,8 +207,8 @@ impl Path for Shaker {
 
 #[test]
 fn prescribed_coordinates_follow_their_path_at_the_quadrature_times() {
-    // With the far node held and the near one driven, degree-s Gauss still has order 2s: the
-    // prescribed motion is read at the quadrature points and nowhere else.
+    // With the far node held and the near one driven, degree-s Gauss still has order 2s: the prescribed motion is
+    // evaluated at the quadrature points only.
     let chain = SpringChain::unit(3);
     let hold = || {
         vec![

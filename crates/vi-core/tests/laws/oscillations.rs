@@ -1,12 +1,11 @@
-//! Small oscillations with gyroscopic terms: Foucault's pendulum, Lagrange's points, stability won by
-//! turning.
+//! Tests small oscillations with gyroscopic terms: Foucault's pendulum, Lagrange's points, gyroscopic stabilisation.
 
 use vi_core::CoreError;
 use vi_core::lagrange::{Lagrangian, Scalar};
 use vi_core::oscillations::{is_spectrally_stable, oscillations};
 use vi_core::problems::SpringChain;
 
-/// A particle in a plane that turns with Ω, in a field ½ (a x² + b y²): L = ½ |v + Ω × q|² − V.
+/// A particle in a plane frame that rotates with Ω, in a potential ½ (a x² + b y²): L = ½ |v + Ω × q|² − V.
 struct Turning {
     rate: f64,
     field: [f64; 2],
@@ -28,32 +27,33 @@ fn foucaults_pendulum_beats_with_the_turning_of_the_ground() {
     assert_eq!(found.len(), 2);
     for (motion, expected) in found.iter().zip([1.7, 2.3]) {
         assert!((motion.frequency() - expected).abs() < 1e-12 && motion.rate.re.abs() < 1e-12);
-        // Circles: y is a quarter of a turn from x.
+        // The motion is circular: y lags or leads x by a quarter period.
         let ratio = motion.shape[1] / motion.shape[0];
         assert!((ratio.norm() - 1.0).abs() < 1e-10 && ratio.re.abs() < 1e-10);
     }
 }
 
-/// On a saddle or a hill in a turning frame: stable between bounds (a rotating trap).
+/// In a rotating frame a saddle is stable between bounds (a rotating trap).
 #[test]
 fn turning_can_stabilise_a_hill() {
     let stable = |rate: f64| {
         let found = oscillations(&Turning { rate, field: [-1.0, -1.0] }, 0.0, &[0.0, 0.0]).unwrap();
         is_spectrally_stable(&found, 1e-9)
     };
-    // Seen from space it rolls off, whatever the frame.
+    // On an axisymmetric hill the particle rolls off in the inertial frame, whatever the rate of the frame.
     assert!(!stable(0.5) && !stable(3.0));
     let saddle = |rate: f64| {
         let found = oscillations(&Turning { rate, field: [1.0, -0.5] }, 0.0, &[0.0, 0.0]).unwrap();
         is_spectrally_stable(&found, 1e-9)
     };
-    // K = diag(a − Ω², b − Ω²): det λ⁴ + (a + b + 2Ω²) λ² + (a − Ω²)(b − Ω²), stable for Ω² > a.
+    // With K = diag(a − Ω², b − Ω²) the characteristic equation is λ⁴ + (a + b + 2Ω²) λ² + (a − Ω²)(b − Ω²) = 0, which
+    // is stable for Ω² > a.
     assert!(!saddle(0.5) && !saddle(0.9) && saddle(1.1) && saddle(2.0));
 }
 
-/// The restricted problem of three bodies in the frame of the two heavy ones, distance and rate 1.
+/// The restricted three-body problem in the frame of the two primaries, at distance 1 and angular velocity 1.
 struct ThreeBodies {
-    /// Part of the mass of the lighter one.
+    /// Mass fraction of the lighter primary.
     part: f64,
 }
 
@@ -78,7 +78,7 @@ fn lagranges_triangle_is_stable_below_gascheaus_ratio() {
     };
     for part in [0.001, 0.012, 0.038] {
         let found = at(part);
-        // λ⁴ + λ² + (27/4) μ (1 − μ) = 0.
+        // The characteristic equation is λ⁴ + λ² + (27/4) μ (1 − μ) = 0.
         let root = (1.0 - 27.0 * part * (1.0 - part)).sqrt();
         for (motion, expected) in found.iter().zip([(0.5 * (1.0 - root)).sqrt(), (0.5 * (1.0 + root)).sqrt()])
         {
@@ -86,7 +86,7 @@ fn lagranges_triangle_is_stable_below_gascheaus_ratio() {
         }
         assert!(is_spectrally_stable(&found, 1e-7));
     }
-    // μ₁ = ½ (1 − √(23/27)) = 0.03852…
+    // The critical mass fraction is μ₁ = ½ (1 − √(23/27)) = 0.03852…
     assert!(!is_spectrally_stable(&at(0.039), 1e-3));
 }
 

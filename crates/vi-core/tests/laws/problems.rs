@@ -1,9 +1,9 @@
-//! The library of problems keeps the laws of potentials, and its exact motions are motions.
+//! Tests the library of problems: derivatives of potentials, and exact motions against the equations of motion.
 
 use vi_core::problems::{HenonHeiles, Kepler, Oscillator, Pendulum, SphericalPendulum, SpringChain};
 use vi_core::{State, System, reference};
 
-/// Gradient against differences of the energy, Hessian against differences of the gradient.
+/// Compares the gradient with differences of the energy, and the Hessian with differences of the gradient.
 fn derivatives_are_right(system: &System, x: &[f64]) {
     let delta = 1e-3;
     let shifted = |i: usize, steps: f64| {
@@ -58,7 +58,7 @@ fn exact_motions_keep_their_energy_and_obey_their_equation() {
         for t in [0.1, 0.8, 2.3, 7.1] {
             let state = motion(t);
             assert!((total(&state) - initial).abs() < 1e-12 * (1.0 + initial.abs()));
-            // ṗ = −∇V and q̇ = M⁻¹p.
+            // Checks ṗ = −∇V and q̇ = M⁻¹p.
             let (a, b, c, e) = (motion(t - 2.0 * d), motion(t - d), motion(t + d), motion(t + 2.0 * d));
             let slope = reference::gradient(&system, &state.q, t);
             for i in 0..state.q.len() {

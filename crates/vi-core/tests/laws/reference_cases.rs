@@ -1,5 +1,5 @@
-//! Closed forms and published numbers for integrators on small problems, every one of them run
-//! through the dense oracle: reference cases, section "Integrators".
+//! Tests closed forms and published numbers of integrators on small problems, all run through the dense oracle:
+//! reference cases, section "Integrators".
 
 use vi_core::problems::{Kepler, Oscillator, Pendulum};
 use vi_core::{Scheme, State, System, reference};
@@ -26,7 +26,7 @@ fn max_energy_error(
     worst
 }
 
-/// The 2 × 2 matrix of one step of a linear system, by columns.
+/// Returns the 2 × 2 matrix of one step of a linear system.
 fn step_matrix(system: &System, scheme: &Scheme, h: f64) -> [[f64; 2]; 2] {
     let column = |q: f64, p: f64| {
         let next = reference::step(system, scheme, &State { t: 0.0, q: vec![q], p: vec![p] }, h).unwrap();
@@ -36,7 +36,7 @@ fn step_matrix(system: &System, scheme: &Scheme, h: f64) -> [[f64; 2]; 2] {
     [[a[0], b[0]], [a[1], b[1]]]
 }
 
-/// ω_d of a step whose matrix is similar to a rotation by ω_d h.
+/// Returns ω_d of a step whose matrix is similar to a rotation by ω_d h.
 fn discrete_frequency(system: &System, scheme: &Scheme, h: f64) -> f64 {
     let m = step_matrix(system, scheme, h);
     (0.5 * (m[0][0] + m[1][1])).acos() / h
@@ -149,7 +149,7 @@ fn pendulum_periods() {
     let scheme = Scheme::gauss(4).unwrap();
     for (amplitude, period) in cases {
         assert!((problem.period(amplitude) / period - 1.0).abs() < 1e-14);
-        // And by integration: after one period the state is the first one again.
+        // Integration confirms the period: after one period the state is the initial one.
         let start = State { t: 0.0, q: vec![amplitude], p: vec![0.0] };
         let steps = 200;
         let mut end = start.clone();
@@ -163,7 +163,7 @@ fn shadow_hamiltonians_drift_with_the_fourth_order() {
     let problem = Pendulum::unit();
     let system = problem.system().unwrap();
     let start = State { t: 0.0, q: vec![1.0], p: vec![0.3] };
-    // V'' q̇² and |V'|² of V = −cos q with unit mass.
+    // The modified Hamiltonian contains V'' q̇² and |V'|², here of V = −cos q with unit mass.
     let terms = |s: &State| (s.q[0].cos() * s.p[0] * s.p[0], s.q[0].sin() * s.q[0].sin());
     let verlet = |s: &State, h: f64| {
         let (curvature, force) = terms(s);

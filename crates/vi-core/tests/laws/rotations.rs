@@ -1,4 +1,4 @@
-//! Rigid and articulated bodies: momenta, the flip and nutation periods, orders.
+//! Tests rigid and articulated bodies: momenta, the periods of the flip and of nutation, orders.
 
 use vi_core::discrete::DiscreteLagrangian;
 use vi_core::lagrange::{Expand, Lagrangian, energy, velocities};
@@ -47,7 +47,7 @@ fn the_intermediate_axis_flips_with_its_period() {
         turned = turned.min(state.spin[1]);
     }
     assert!(turned < -0.99, "it did flip");
-    // The period to 8 digits: the miss in Π against its rate dΠ/dt = Π × ω.
+    // The period is met to 8 digits: the difference in Π divided by its rate dΠ/dt = Π × ω.
     let omega = [0, 1, 2].map(|i| start.spin[i] / MOMENTS[i]);
     let slope = start.spin[1] * omega[2] - start.spin[2] * omega[1];
     let miss = (state.spin[0] - start.spin[0]) / slope;
@@ -97,13 +97,13 @@ fn the_heavy_top_keeps_its_three_integrals() {
     let initial = (top.energy(&state).unwrap(), state.spatial_spin()[2], state.spin[2]);
     for _ in 0..500 {
         state = top.step(&Scheme::gauss(2).unwrap(), &state, 0.05).unwrap();
-        // Vertical momentum from turning in space, exactly; axial momentum from the symmetry of the
-        // body, which the chart does not break; energy to the order of the scheme.
+        // Vertical momentum is conserved exactly, by invariance under rotations in space. So is axial momentum, by the
+        // symmetry of the body, which the chart does not break. Energy is conserved to the order of the scheme.
         assert!((state.spatial_spin()[2] - initial.1).abs() < 1e-12);
         assert!((state.spin[2] - initial.2).abs() < 1e-12);
         assert!((top.energy(&state).unwrap() - initial.0).abs() < 1e-5);
     }
-    // A tilted top does not fall: the axis stays near its first height.
+    // A tilted top does not fall: its axis stays near its initial height.
     assert!(rotate(&state.turn, &[0.0, 0.0, 1.0])[2] > 0.0);
 }
 
@@ -123,7 +123,7 @@ fn the_spherical_pendulum_nutates_with_its_period() {
         state = discrete.step(&state).unwrap();
         assert!((state.p[1] - momentum).abs() < 1e-13, "the angular momentum");
     }
-    // ṗ_θ = ∂L/∂θ at the start, where θ̇ = 0.
+    // At the start θ̇ = 0, so that ṗ_θ = ∂L/∂θ.
     let v = velocities(&pendulum, 0.0, &start.q, &start.p).unwrap();
     let rate = pendulum.gradient(0.0, &start.q, v.as_slice()).0[0];
     assert!((state.p[0] / rate / period).abs() < 1e-8, "{:e}", state.p[0] / rate / period);
@@ -136,7 +136,7 @@ fn joints_give_the_double_pendulum_of_the_textbook() {
     let linkage = double_pendulum(m, l, g).unwrap();
     let (m1, m2, l1, l2): (f64, f64, f64, f64) = (m[0], m[1], l[0], l[1]);
     let textbook = lagrangian!(2; [m1, m2, l1, l2, g] |_t, q, v| {
-        // Absolute angles a, b of the rods.
+        // Here a and b are the absolute angles of the rods.
         let (a, b) = (q[0], q[0] + q[1]);
         let (da, db) = (v[0], v[0] + v[1]);
         da * da * (0.5 * (m1 + m2) * l1 * l1) + db * db * (0.5 * m2 * l2 * l2)
@@ -162,7 +162,7 @@ fn joints_give_the_double_pendulum_of_the_textbook() {
     assert!((total(&state) - initial).abs() < 1e-4);
 }
 
-/// One link on a ball joint is the heavy top: the same motion as on the rotation group.
+/// One link on a ball joint is the heavy top: it moves as the top does on the rotation group.
 #[test]
 fn a_link_on_a_ball_joint_is_a_pivoted_body() {
     use vi_core::discrete::DiscreteLagrangian;
@@ -185,7 +185,7 @@ fn a_link_on_a_ball_joint_is_a_pivoted_body() {
         is_pivoted: true,
         potential: vi_core::rotations::Weight { force: mass * 9.81, centre: [0.0, 0.0, height] },
     };
-    // At q = 0 the momentum of the chart is the spin.
+    // At q = 0 the momentum in the chart is the body's angular momentum.
     let spin = [0.1, -0.05, 0.3];
     let scheme = Scheme::gauss(4).unwrap();
     let discrete = DiscreteLagrangian::new(&tree, &scheme, 0.01).unwrap();

@@ -1,4 +1,4 @@
-//! The first two systems of the theory pages: the free particle, and the mass–spring both ways.
+//! Tests the first two systems of the theory pages: the free particle, and masses and springs formulated in two ways.
 
 use vi_core::discrete::DiscreteLagrangian;
 use vi_core::problems::SpringChain;
@@ -26,8 +26,8 @@ fn every_scheme_moves_a_free_particle_exactly() {
 
 #[test]
 fn the_rule_of_the_action_is_newtons_rule() {
-    // M (q_{k+1} − 2 q_k + q_{k−1})/h² = −∇V(q_k) against the discrete Euler–Lagrange equations of
-    // linear × trapezoid, on masses and springs in space.
+    // Compares M (q_{k+1} − 2 q_k + q_{k−1})/h² = −∇V(q_k) with the discrete Euler–Lagrange equations of linear ×
+    // trapezoid, for masses and springs in space.
     let chain = SpringChain::unit(4);
     let system = chain.system().unwrap();
     let h = 0.05;
@@ -45,7 +45,7 @@ fn the_rule_of_the_action_is_newtons_rule() {
             .collect();
         (before, now) = (now, next);
     }
-    // One step of it, to round-off.
+    // One step satisfies it to round-off.
     let force = reference::gradient(&system, &states[7].q, 0.0);
     for i in 0..now.len() {
         let newton = 2.0 * states[7].q[i] - states[6].q[i] - h * h * force[i] / system.free_mass()[i];

@@ -1,5 +1,5 @@
-//! MSH 2 keeps one physical tag per element, so Gmsh writes an element once for each group that it is in.
-//! Here the copies become one cell in several groups.
+//! Merges copies of elements: MSH 2 keeps one physical tag per element, so Gmsh writes an element once for each group
+//! that contains it. The copies become one cell in several groups.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -23,11 +23,11 @@ impl Reading<'_> {
             by_hash.push((hasher.finish(), i as u32));
         }
         by_hash.sort_unstable();
-        // The first of each cell's copies; itself where it has none before it.
+        // Maps each cell to the first of its copies, or to itself if no copy precedes it.
         let mut first: Vec<u32> = (0..cells.len() as u32).collect();
         let mut copies = 0;
         for run in by_hash.chunk_by(|a, b| a.0 == b.0) {
-            // A run has one set of nodes but for collisions, which then simply stay apart.
+            // A run holds one set of nodes, except for hash collisions, whose cells then stay apart.
             let head = run[0].1 as usize;
             for &(_, i) in &run[1..] {
                 let (a, b) = (cells[head], cells[i as usize]);

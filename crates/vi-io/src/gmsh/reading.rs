@@ -1,4 +1,4 @@
-//! What is read of a Gmsh file: points and cells by their tags, names, and how physical tags become groups.
+//! Holds the data read from a Gmsh file: points and cells by their tags, names, and groups from physical tags.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -15,17 +15,17 @@ pub(super) enum Version {
     Four,
 }
 
-/// Everything read so far.
+/// The data read so far.
 #[derive(Default)]
 pub(super) struct Reading<'a> {
     pub(super) out: MeshFile,
     pub(super) seen: std::collections::HashSet<&'a [u8]>,
     pub(super) names: BTreeMap<(usize, i32), String>,
-    /// Physical tags of each geometric entity (dimension, tag): MSH 4 only.
+    /// Physical tags of each geometric entity (dimension, tag), in MSH 4 only.
     pub(super) entities: HashMap<(usize, i32), Vec<i32>>,
     pub(super) node_tags: TagIndex,
     pub(super) cell_tags: Vec<u64>,
-    /// Geometric entity of each cell: MSH 2 only, to know copies from neighbours.
+    /// Geometric entity of each cell, in MSH 2 only: it distinguishes copies from neighbours.
     pub(super) cell_entities: Vec<i32>,
     /// Cells of each physical group (dimension, tag).
     pub(super) members: BTreeMap<(usize, i32), Vec<u32>>,
@@ -47,7 +47,7 @@ impl<'a> Reading<'a> {
         Ok(())
     }
 
-    /// Takes one element over, its nodes given by their tags in Gmsh's order.
+    /// Adds one element whose nodes are given by their tags in Gmsh's order.
     pub(super) fn push_element(
         &mut self,
         cursor: &Cursor,
@@ -106,7 +106,7 @@ impl<'a> Reading<'a> {
                     .notes
                     .push(format!("the physical group \"{name}\" (dimension {dimension}) has no elements"));
             }
-            // One name for two tags is one region.
+            // Two tags with one name form one region.
             match self
                 .out
                 .mesh
@@ -133,7 +133,7 @@ impl<'a> Reading<'a> {
     }
 }
 
-/// The kind of an element type, or the error that lists the supported ones.
+/// Returns the cell kind of an element type, or the error that lists the supported types.
 pub(super) fn kind_of(cursor: &Cursor, at: usize, code: i32, tag: u64) -> Result<CellKind, IoError> {
     CellKind::from_gmsh_code(code).ok_or_else(|| IoError::UnsupportedCell {
         file: cursor.file().into(),

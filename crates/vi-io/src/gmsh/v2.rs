@@ -1,4 +1,4 @@
-//! Nodes and elements as MSH 2 lays them out.
+//! Reads nodes and elements in the layout of MSH 2.
 
 use super::reading::{Reading, kind_of};
 use crate::cursor::{Cursor, Encoding};
@@ -40,7 +40,7 @@ pub(super) fn elements(cursor: &mut Cursor, reading: &mut Reading) -> Result<(),
     let mut done = 0;
     while done < count {
         let at = cursor.start();
-        // A text has this head on every line, binary data once for a run of elements.
+        // Text has this header on every line, binary data once per run of elements.
         let (code, run, tag_count);
         let mut tag = 0;
         if text {

@@ -1,4 +1,5 @@
-//! Entities, nodes and elements as MSH 4.1 lays them out. Text and binary data have the same numbers in the same order.
+//! Reads entities, nodes and elements in the layout of MSH 4.1. Text and binary data hold the same numbers in the same
+//! order.
 
 use super::reading::{Reading, kind_of};
 use crate::cursor::{Cursor, Encoding};
@@ -6,12 +7,12 @@ use crate::error::IoError;
 use crate::tags::TagIndex;
 use vi_mesh::CellKind;
 
-/// Least bytes that a number takes: a digit and a separator, or four binary bytes.
+/// Returns the least number of bytes per number: a digit and a separator, or four binary bytes.
 fn number_bytes(cursor: &Cursor) -> usize {
     if cursor.encoding == Encoding::Text { 2 } else { 4 }
 }
 
-/// Geometric entities, for their physical tags; those of a partitioned mesh say where they come from as well.
+/// Reads geometric entities for their physical tags. Those of a partitioned mesh also name their parent.
 pub(super) fn entities(cursor: &mut Cursor, reading: &mut Reading, partitioned: bool) -> Result<(), IoError> {
     let least = number_bytes(cursor);
     if partitioned {
@@ -26,7 +27,7 @@ pub(super) fn entities(cursor: &mut Cursor, reading: &mut Reading, partitioned: 
         *count = cursor.size("the number of geometric entities")?;
     }
     for (dimension, &announced) in counts.iter().enumerate() {
-        // A tag, a point or a box, the number of physical tags.
+        // At least a tag, a point or a box, and the number of physical tags.
         for _ in 0..cursor.count(announced, 5 * least, "geometric entities")? {
             let tag = cursor.int("the tag of an entity")?;
             if partitioned {
@@ -120,7 +121,7 @@ pub(super) fn elements(cursor: &mut Cursor, reading: &mut Reading) -> Result<(),
     cursor.size("the greatest element tag")?;
     let block_count = cursor.count(announced_blocks, 4 * least, "element blocks")?;
     let count = cursor.count(announced, 2 * least, "elements")?;
-    // Memberships can multiply (tags of an entity × its elements), so they are bounded by the file as well.
+    // Memberships are the product of the tags of an entity and its elements, so they too are bounded by the file size.
     let mut memberships_left = cursor.remaining();
     let mut done = 0;
     for _ in 0..block_count {

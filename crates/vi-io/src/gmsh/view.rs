@@ -1,18 +1,18 @@
-//! `$NodeData` and `$ElementData`: values at tagged nodes or elements.
+//! Reads `$NodeData` and `$ElementData`: values at tagged nodes or elements.
 
 use crate::cursor::{Cursor, Encoding};
 use crate::error::IoError;
 use crate::mesh::{DataArray, MeshFile};
 use crate::tags::TagIndex;
 
-/// Entities that a view's values belong to.
+/// The entities that the values of a view belong to.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Site {
     Points,
     Cells,
 }
 
-/// Values as the file holds them.
+/// The values of a view as the file holds them.
 pub(super) struct View {
     pub(super) site: Site,
     name: String,
@@ -21,7 +21,7 @@ pub(super) struct View {
     values: Vec<f64>,
 }
 
-/// Reads a view; its head is text in binary files too.
+/// Reads a view, whose header is text in binary files too.
 pub(super) fn read(cursor: &mut Cursor, site: Site) -> Result<Option<View>, IoError> {
     let start = cursor.position();
     let string_count: u64 = cursor.text_number("the number of strings of a view")?;
@@ -73,8 +73,9 @@ pub(super) fn read(cursor: &mut Cursor, site: Site) -> Result<Option<View>, IoEr
 }
 
 impl View {
-    /// Puts the values where their tags say, among `count` points or cells. Where there is none it is 0, with a note;
-    /// a view of less than an eighth is left out (it would take memory out of proportion to the file).
+    /// Assigns the values to points or cells, of which there are `count`, by their tags. Entities without a value get
+    /// 0, with a note. A view with values for less than an eighth of them is left out, because it would take memory out
+    /// of proportion to the file.
     pub(super) fn place(self, index: &TagIndex, count: usize, out: &mut MeshFile) {
         let site = if self.site == Site::Points { "nodes" } else { "elements" };
         if self.tags.len() < count.div_ceil(8) {

@@ -1,29 +1,29 @@
-//! The element types of Abaqus and CalculiX: which cell each is, and the numbers of its faces and edges.
+//! Maps the element types of Abaqus and CalculiX to cells, and numbers their faces and edges.
 //!
-//! The nodes of every type here stand in VTK's order, so that none is reordered: midpoints of 01 12 20 03 13 23
-//! (C3D10), 01 12 23 30 45 56 67 74 04 15 26 37 (C3D20), 01 12 20 34 45 53 03 14 25 (C3D15).
+//! The nodes of every type here have VTK's order, so none are reordered: midpoints of 01 12 20 03 13 23 (C3D10), 01 12
+//! 23 30 45 56 67 74 04 15 26 37 (C3D20), 01 12 20 34 45 53 03 14 25 (C3D15).
 //!
 //! Source: Abaqus Analysis User's Guide, "Solid isoparametric quadrilaterals and hexahedra" and the element library;
 //! CalculiX CrunchiX User's Manual, "Element types" and `*SURFACE`.
 
 use vi_mesh::CellKind;
 
-/// Use of the elements of a type.
+/// How the elements of a type are used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Meaning {
     /// A cell of this kind.
     Cell(CellKind),
-    /// Nothing: a mass, a spring or a connector has no shape.
+    /// No cell: a mass, a spring or a connector has no shape.
     Shapeless,
     /// The type is not known.
     Unknown,
 }
 
-/// The types that are read, for messages.
+/// The supported types, for messages.
 pub(super) const READ: &str = "use the types C3D4 C3D5 C3D6 C3D8 C3D10 C3D15 C3D20 (solids), S3 S4 S6 S8 M3D CPS CPE \
                                (surfaces), T3D2 B31 (lines)";
 
-/// Looks up an element type, given in upper case. Letters behind the number of nodes (R, I, H, M, T …) choose an
+/// Looks up an element type, given in upper case. Letters after the number of nodes (R, I, H, M, T …) select an
 /// integration rule or a formulation and do not change the cell.
 pub(super) fn meaning(code: &str) -> Meaning {
     const SHAPELESS: [&str; 8] = ["MASS", "ROTARYI", "SPRING", "DASHPOT", "CONN", "DCOUP", "GAP", "DIST"];
@@ -52,7 +52,7 @@ pub(super) fn meaning(code: &str) -> Meaning {
         match count {
             3 => Some(CellKind::Tri3),
             4 => Some(CellKind::Quad4),
-            // STRI65 has six nodes and five degrees of freedom at each.
+            // STRI65 has six nodes and five degrees of freedom per node.
             6 | 65 => Some(CellKind::Tri6),
             8 => Some(CellKind::Quad8),
             9 => Some(CellKind::Quad9),
@@ -69,7 +69,7 @@ pub(super) fn meaning(code: &str) -> Meaning {
     kind.map_or(Meaning::Unknown, Meaning::Cell)
 }
 
-/// The faces S1, S2 … of a solid: which side of the table each is, and its first corner.
+/// Returns for each face S1, S2 … of a solid its side in the table of cells, and its first corner.
 fn faces(kind: CellKind) -> &'static [(usize, usize)] {
     match kind.linear() {
         CellKind::Tet4 => &[(3, 0), (0, 0), (1, 1), (2, 2)],
@@ -80,8 +80,8 @@ fn faces(kind: CellKind) -> &'static [(usize, usize)] {
     }
 }
 
-/// Kind and local nodes of side number `side` (from 0) of a cell: a face of a solid, an edge of a surface. None where
-/// the cell has no such side.
+/// Returns the kind and the local nodes of side number `side` (from 0) of a cell: a face of a solid, an edge of a
+/// surface. `None` if the cell has no such side.
 pub(super) fn side(kind: CellKind, side: usize) -> Option<(CellKind, Vec<usize>)> {
     if kind.dimension() == 2 {
         return kind.sides().get(side).map(|side| (side.kind, side.nodes.clone()));
@@ -89,7 +89,7 @@ pub(super) fn side(kind: CellKind, side: usize) -> Option<(CellKind, Vec<usize>)
     let &(side, first) = faces(kind).get(side)?;
     let side = &kind.sides()[side];
     let mut nodes = side.nodes.clone();
-    // Corners, and middles of edges after them, go round from the first corner.
+    // Rotates the corners, and the edge middles after them, to begin at the first corner.
     let start = nodes.iter().position(|&node| node == first)?;
     nodes.chunks_exact_mut(side.kind.corner_count()).for_each(|round| round.rotate_left(start));
     Some((side.kind, nodes))
@@ -130,7 +130,7 @@ mod tests {
         }
     }
 
-    /// Corners of S1, S2 … as the user's guide draws them.
+    /// The corners of S1, S2 … are those drawn in the user's guide.
     #[test]
     fn faces_are_those_of_the_guide() {
         let guide: [(CellKind, &[&[usize]]); 4] = [

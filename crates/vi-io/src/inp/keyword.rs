@@ -1,9 +1,9 @@
-//! Lines of an Abaqus input file: comments, keywords with parameters, fields of data.
+//! Reads the lines of an Abaqus input file: comments, keywords with parameters, fields of data.
 
 use crate::cursor::Cursor;
 use crate::error::IoError;
 
-/// The next line that is neither empty nor a comment (`**`), trimmed, and where it begins.
+/// Returns the next line that is neither empty nor a comment (`**`), trimmed, and its offset.
 pub(super) fn next_line<'a>(cursor: &mut Cursor<'a>) -> Option<(usize, &'a [u8])> {
     loop {
         let at = cursor.position();
@@ -16,14 +16,14 @@ pub(super) fn next_line<'a>(cursor: &mut Cursor<'a>) -> Option<(usize, &'a [u8])
 
 /// A keyword line: `*NAME, KEY=value, FLAG`.
 pub(super) struct Keyword<'a> {
-    /// In upper case, single spaces between its words.
+    /// In upper case, with single spaces between the words.
     pub(super) name: String,
     pub(super) at: usize,
     parameters: Vec<(&'a [u8], Option<&'a [u8]>)>,
 }
 
 impl<'a> Keyword<'a> {
-    /// Reads a keyword from its line and those that continue it: a line that ends with a comma goes on.
+    /// Reads a keyword from its line and the lines that continue it: a line that ends with a comma is continued.
     pub(super) fn read(cursor: &mut Cursor<'a>, at: usize, line: &'a [u8]) -> Result<Self, IoError> {
         let mut words = fields(&line[1..]);
         let name = words.next().unwrap_or_default();
@@ -54,7 +54,7 @@ impl<'a> Keyword<'a> {
         }
     }
 
-    /// The value of a parameter, its name in upper case.
+    /// Returns the value of a parameter, whose name is given in upper case.
     pub(super) fn value(&self, key: &str) -> Option<&'a [u8]> {
         let found = self.parameters.iter().find(|(name, _)| name.eq_ignore_ascii_case(key.as_bytes()));
         found.and_then(|(_, value)| *value)
@@ -66,8 +66,8 @@ impl<'a> Keyword<'a> {
     }
 }
 
-/// The fields of a line, trimmed and without the quotes around them; nothing behind a last comma. Commas in quotes
-/// separate nothing.
+/// Returns the fields of a line, trimmed and without enclosing quotes. A comma at the end adds no field, and commas in
+/// quotes do not separate fields.
 pub(super) fn fields(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     let line = line.trim_ascii();
     let mut is_quoted = false;
@@ -78,13 +78,13 @@ pub(super) fn fields(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.strip_suffix(b",").unwrap_or(line).split(separates).map(unquoted)
 }
 
-/// A word, trimmed and without the quotes around it.
+/// Trims a word and removes the quotes around it.
 fn unquoted(word: &[u8]) -> &[u8] {
     let word = word.trim_ascii();
     word.strip_prefix(b"\"").and_then(|rest| rest.strip_suffix(b"\"")).unwrap_or(word)
 }
 
-/// A number of a node or element, positive.
+/// Reads the number of a node or element, which is positive.
 pub(super) fn label(cursor: &Cursor, at: usize, word: &[u8], what: &str) -> Result<u64, IoError> {
     let number = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
     number
@@ -92,7 +92,7 @@ pub(super) fn label(cursor: &Cursor, at: usize, word: &[u8], what: &str) -> Resu
         .ok_or_else(|| cursor.syntax_at(at, format!("{what} (1 or more)"), word))
 }
 
-/// A real number, whose exponent Fortran may have written with a D.
+/// Reads a real number, with an exponent E or, as in Fortran, D.
 pub(super) fn real(cursor: &Cursor, at: usize, word: &[u8], what: &str) -> Result<f64, IoError> {
     let number = std::str::from_utf8(word).ok().and_then(|text| match text.parse() {
         Ok(number) => Some(number),

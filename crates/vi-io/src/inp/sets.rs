@@ -1,4 +1,4 @@
-//! Node sets, element sets and surfaces of an Abaqus input file, and how they become groups of cells.
+//! Makes groups of cells from the node sets, element sets and surfaces of an Abaqus input file.
 
 use std::collections::{HashMap, HashSet};
 
@@ -25,14 +25,14 @@ impl<'a> Reading<'a> {
         });
     }
 
-    /// Adds a number to the set that was defined last, if it is `in_set`.
+    /// Adds a number to the latest set, if it is `in_set`.
     pub(super) fn list(&mut self, number: u64, in_set: bool) {
         if let Some(set) = self.definitions.last_mut().filter(|_| in_set) {
             set.numbers.push(number);
         }
     }
 
-    /// A line of a set: numbers and names of other sets, or a range.
+    /// Reads a line of a set: numbers and names of other sets, or a range.
     pub(super) fn items(
         &mut self,
         cursor: &Cursor<'a>,
@@ -61,7 +61,7 @@ impl<'a> Reading<'a> {
         Ok(())
     }
 
-    /// A line of a surface: an element or a set of them, and the side; or a node or a set of nodes.
+    /// Reads a line of a surface: an element or element set with its side, or a node or node set.
     pub(super) fn faces(&mut self, cursor: &Cursor<'a>, at: usize, line: &'a [u8]) -> Result<(), IoError> {
         let mut words = fields(line);
         let (who, side) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
@@ -75,7 +75,7 @@ impl<'a> Reading<'a> {
     }
 }
 
-/// Kind of a set and its name in upper case: names are case-insensitive.
+/// The kind and the name of a set, in upper case because names are case-insensitive.
 type Key = (Of, Vec<u8>);
 
 fn key(of: Of, name: &[u8]) -> Key {
@@ -96,7 +96,8 @@ pub(super) fn add_groups(
         cells,
         elements: &elements,
         shapeless: &shapeless,
-        // Sets of sets and ranges can multiply; every honest file stays far below one member a byte.
+        // Sets of sets and ranges can multiply, so the members are limited to one per byte of the file; valid files
+        // stay far below.
         room: cursor.position() + cursor.remaining(),
         of: HashMap::new(),
         sides: Vec::new(),
@@ -145,7 +146,7 @@ pub(super) fn add_groups(
     Ok(out)
 }
 
-/// A node set of just the nodes of the element set or surface that has its name is the same region: it goes.
+/// Drops a node set that has the name of an element set or surface and exactly its nodes: it is the same region.
 fn drop_node_sets_of_groups(out: &MeshFile, of: &mut HashMap<Key, Vec<u32>>) {
     let cells: Vec<&[u32]> = out.mesh.cells().map(|(_, nodes)| nodes).collect();
     let nodes_of = |members: &Vec<u32>| {
@@ -166,7 +167,7 @@ fn drop_node_sets_of_groups(out: &MeshFile, of: &mut HashMap<Key, Vec<u32>>) {
     }
 }
 
-/// The name of the group of each definition: that of the set, and what it holds where the name stands for several.
+/// Returns the name of the group of each definition: that of the set, with a suffix if several kinds of sets share it.
 fn names(
     definitions: &[Definition<'_>],
     of: &HashMap<Key, Vec<u32>>,
@@ -202,10 +203,10 @@ fn names(
     definitions.iter().map(name).collect()
 }
 
-/// The side of a cell that is the cell itself.
+/// Side number that stands for the cell itself.
 const WHOLE: u8 = u8::MAX;
 
-/// Adds the sides as cells, each once; the cell of each definition's sides.
+/// Adds the sides as cells, each once. Returns the cell of each side, with its definition.
 fn add_sides(out: &mut MeshFile, elements: &[Element], mut sides: Vec<(u32, u8, u32)>) -> Vec<(u32, u32)> {
     let mut first = vec![0; elements.len()];
     let mut next = 0;
@@ -237,7 +238,7 @@ fn add_sides(out: &mut MeshFile, elements: &[Element], mut sides: Vec<(u32, u8, 
     found
 }
 
-/// Adds a point cell for each node that is in a set; the cell of each node.
+/// Adds a point cell for each node that is in a set. Returns the cell of each node.
 fn add_points(
     out: &mut MeshFile,
     definitions: &[Definition<'_>],
@@ -255,20 +256,20 @@ fn add_points(
     nodes.into_iter().zip(first..).collect()
 }
 
-/// The members of the sets so far.
+/// The members of the sets resolved so far.
 struct Members<'a> {
     cursor: &'a Cursor<'a>,
     nodes: &'a TagIndex,
     cells: &'a TagIndex,
     elements: &'a [Element],
     shapeless: &'a HashSet<u64>,
-    /// Members that may still be added.
+    /// Number of members that may still be added.
     room: usize,
-    /// Places of nodes and of elements.
+    /// Indices of nodes or elements, by set.
     of: HashMap<Key, Vec<u32>>,
-    /// Of surfaces: cell, side, number of the definition.
+    /// Sides of surfaces: cell, side, number of the definition.
     sides: Vec<(u32, u8, u32)>,
-    /// Numbers in ranges that are not there.
+    /// Number of members of ranges that do not exist.
     missing: usize,
 }
 
@@ -310,7 +311,7 @@ impl Members<'_> {
         Ok(())
     }
 
-    /// Reserves memory for `count` members.
+    /// Counts `count` members against the limit.
     fn take(&mut self, at: usize, count: usize) -> Result<(), IoError> {
         self.room = self.room.checked_sub(count).ok_or_else(|| {
             let remedy = "give every node and element to fewer sets";
@@ -323,7 +324,7 @@ impl Members<'_> {
         if of == Of::Nodes { self.nodes } else { self.cells }
     }
 
-    /// The place of a node or element; none for an element without a shape.
+    /// Returns the index of a node or element; `None` for an element without a cell.
     fn place(&self, definition: &Definition<'_>, tag: u64) -> Result<Option<u32>, IoError> {
         let what = if definition.of == Of::Nodes { "node" } else { "element" };
         match self.index(definition.of).get(tag) {
@@ -333,7 +334,7 @@ impl Members<'_> {
         }
     }
 
-    /// The members of a set that was defined before; an instance may stand before its name.
+    /// Returns the members of a set defined before. Its name may be prefixed by an instance.
     fn set(&self, definition: &Definition<'_>, of: Of, name: &[u8]) -> Result<&Vec<u32>, IoError> {
         let short = name.iter().rposition(|&byte| byte == b'.').map_or(name, |dot| &name[dot + 1..]);
         let found = [name, short].into_iter().find_map(|name| self.of.get(&key(of, name)));
@@ -376,8 +377,8 @@ impl Members<'_> {
     }
 }
 
-/// Which side of an element a surface means: S1 … a face of a solid or an edge of a plane element, SPOS and SNEG (or S1
-/// and S2) a shell itself, E1 … or S3 … its edges. None where there is no such side.
+/// Returns the side of an element that a surface names: S1 … is a face of a solid or an edge of a plane element, SPOS
+/// and SNEG (or S1 and S2) a shell itself, E1 … or S3 … its edges. `None` if there is no such side.
 fn side_of(element: &Element, word: &[u8]) -> Option<u8> {
     let word = word.to_ascii_uppercase();
     let numbered = |letter: u8| {

@@ -1,4 +1,4 @@
-//! Cells from VTK's types, offsets and connectivity. Composite cells (poly-lines, strips, polygons) are taken apart,
+//! Makes cells from VTK's types, offsets and connectivity. Composite cells (poly-lines, strips, polygons) are divided,
 //! and the arrays over cells follow them.
 
 use std::path::Path;
@@ -7,29 +7,29 @@ use crate::error::{IoError, Place};
 use crate::mesh::{DataArray, MeshFile};
 use vi_mesh::CellKind;
 
-/// Cells of one source, growing.
+/// Collects the cells of one file.
 #[derive(Default)]
 pub(crate) struct CellReader {
     base: usize,
     point_count: usize,
-    /// For each cell of the mesh the cell of the file it comes from.
+    /// For each cell of the mesh, the cell of the file that it comes from.
     source: Vec<u32>,
-    /// Cells of the file.
+    /// Number of cells of the file.
     file_cells: u32,
-    /// Cells that were taken apart.
+    /// Number of cells that were divided.
     divided: usize,
-    /// Wedges that were turned round.
+    /// Number of wedges whose orientation was reversed.
     turned: usize,
 }
 
 impl CellReader {
-    /// From now on, node numbers start with point `base` and stay below `point_count`: pieces of a file are numbered
-    /// each for itself.
+    /// Offsets the following node numbers by `base` and limits them by `point_count`: each piece of a file numbers its
+    /// own points.
     pub(crate) fn set_points(&mut self, base: usize, point_count: usize) {
         (self.base, self.point_count) = (base, point_count);
     }
 
-    /// Takes over one cell of the file.
+    /// Adds one cell of the file.
     pub(crate) fn push(
         &mut self,
         out: &mut MeshFile,
@@ -60,7 +60,7 @@ impl CellReader {
             (4, 2..) => n.windows(2).for_each(|pair| out.mesh.push_cell(CellKind::Line2, pair)),
             (6, 3..) => {
                 for (i, t) in n.windows(3).enumerate() {
-                    // Every other triangle of a strip is turned round.
+                    // Every second triangle of a strip is reversed.
                     let t = if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
                     out.mesh.push_cell(CellKind::Tri3, &t);
                 }
@@ -78,7 +78,7 @@ impl CellReader {
             (11, 8) => out.mesh.push_cell(CellKind::Hex8, &[n[0], n[1], n[3], n[2], n[4], n[5], n[7], n[6]]),
             _ => {
                 let kind = u8::try_from(code).ok().and_then(CellKind::from_vtk_code);
-                // Lagrange pyramids are of any order; one of these is a kind.
+                // Lagrange pyramids exist in any order; only one of them is a supported kind.
                 let kind = kind.filter(|kind| *kind != CellKind::Pyramid14 || n.len() == kind.node_count());
                 let kind = kind.ok_or_else(|| IoError::UnsupportedCell {
                     file: file.into(),
@@ -116,14 +116,14 @@ impl CellReader {
         Ok(())
     }
 
-    /// Cells of the file taken over so far.
+    /// Returns the number of cells of the file added so far.
     pub(crate) fn file_cell_count(&self) -> usize {
         self.file_cells as usize
     }
 
-    /// Lets the arrays over the file's cells follow the cells that were taken apart, and says so. Arrays that would
-    /// take more than `room` values together are left out, with a note: many arrays over one long poly-line would
-    /// take memory out of proportion to the file.
+    /// Repeats the values of arrays for cells that were divided, with a note. Arrays that would together take more than
+    /// `room` values are left out, with a note: many arrays over one long poly-line would take memory out of proportion
+    /// to the file.
     pub(crate) fn finish(self, out: &mut MeshFile, mut room: usize) {
         if self.turned > 0 {
             let note = "wedges had their base facing outwards, as old VTK manuals have it: turned round";
@@ -150,8 +150,8 @@ impl CellReader {
     }
 }
 
-/// Returns whether a wedge is numbered by the drawing in VTK's older manuals, which some programs follow (Gmsh's VTK export):
-/// the normal of its first triangle points away from the second one.
+/// Returns whether a wedge is numbered as drawn in VTK's older manuals, which some programs follow (such as Gmsh's VTK
+/// export): the normal of its first triangle points away from the second one.
 fn is_inward(points: &[[f64; 3]], n: &[u32]) -> bool {
     let [o, a, b, c] = [n[0], n[1], n[2], n[3]].map(|i| points[i as usize]);
     let edge = |to: [f64; 3]| [to[0] - o[0], to[1] - o[1], to[2] - o[2]];

@@ -1,20 +1,20 @@
-//! Groups from cell arrays: VTK files have no named groups, so arrays of integers with known names stand for them.
+//! Makes groups from cell arrays: VTK files have no named groups, so integer arrays with known names represent them.
 
 use std::collections::BTreeMap;
 
 use crate::mesh::{DataArray, MeshFile};
 use vi_mesh::Region;
 
-/// Arrays whose values are numbers of regions. A region of value 3 is the group "material_id=3"; with Gmsh's own
-/// array it is "3", as an unnamed physical group of a .msh file is.
+/// Arrays whose values are numbers of regions. Region 3 becomes the group "material_id=3"; in Gmsh's own array it
+/// becomes "3", as an unnamed physical group of a .msh file does.
 pub(crate) const REGION_ARRAYS: [&str; 5] =
     ["region_id", "material_id", "body_id", "gmsh:physical", "CellEntityIds"];
 /// Arrays `group:<name>` hold 1 in the cells of the group, and 0 in the others.
 const MEMBER_PREFIX: &str = "group:";
-/// More regions than this are no regions but a numbering of cells.
+/// An array with more values than this is taken for a numbering of cells, not for regions.
 const REGION_LIMIT: usize = 1000;
 
-/// Makes groups of the arrays that stand for them. `group:…` arrays are consumed, the others stay.
+/// Makes groups of the arrays that represent them. `group:…` arrays are consumed, the others are kept.
 pub(crate) fn from_arrays(out: &mut MeshFile) {
     let dimensions: Vec<u8> = out.mesh.cells().map(|(kind, _)| kind.dimension() as u8).collect();
     let arrays = std::mem::take(&mut out.cell_data);

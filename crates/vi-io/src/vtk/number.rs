@@ -1,6 +1,6 @@
-//! The number types of VTK files, and arrays of them from raw bytes.
+//! Number types of VTK files, and their decoding from raw bytes.
 
-/// A number type, by its width and meaning.
+/// A number type: its meaning and its width in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Number {
     Signed(usize),
@@ -9,7 +9,7 @@ pub(crate) enum Number {
 }
 
 impl Number {
-    /// The type with this name in XML files.
+    /// Returns the type with this name in XML files.
     pub(crate) fn from_xml(name: &str) -> Option<Self> {
         Some(match name {
             "Int8" => Self::Signed(1),
@@ -26,7 +26,7 @@ impl Number {
         })
     }
 
-    /// The type with this name in legacy files; `vtkIdType` is written there as a 32-bit int.
+    /// Returns the type with this name in legacy files, where `vtkIdType` is a 32-bit int.
     pub(crate) fn from_legacy(name: &[u8]) -> Option<Self> {
         Some(match name.to_ascii_lowercase().as_slice() {
             b"char" | b"signed_char" | b"vtktypeint8" => Self::Signed(1),
@@ -43,14 +43,14 @@ impl Number {
         })
     }
 
-    /// Bytes of one number.
+    /// Returns the width of one number (bytes).
     pub(crate) fn width(self) -> usize {
         match self {
             Self::Signed(width) | Self::Unsigned(width) | Self::Real(width) => width,
         }
     }
 
-    /// The numbers in `bytes` (whole numbers of them) as f64; integers above 2⁵³ are rounded.
+    /// Decodes `bytes`, which hold whole numbers of this type, as f64; integers above 2⁵³ are rounded.
     pub(crate) fn reals(self, bytes: &[u8], big: bool) -> Vec<f64> {
         match self {
             Self::Signed(1) => decode(bytes, big, |b: [u8; 1]| f64::from(i8::from_le_bytes(b))),
@@ -66,8 +66,8 @@ impl Number {
         }
     }
 
-    /// The integers in `bytes` (whole numbers of them); unsigned ones above i64::MAX become −1, which no index is.
-    /// `None` for a type of real numbers.
+    /// Decodes `bytes`, which hold whole integers of this type. Unsigned values above i64::MAX become −1, which is not
+    /// a valid index. `None` for a type of real numbers.
     pub(crate) fn integers(self, bytes: &[u8], big: bool) -> Option<Vec<i64>> {
         Some(match self {
             Self::Signed(1) => decode(bytes, big, |b: [u8; 1]| i8::from_le_bytes(b).into()),

@@ -1,7 +1,7 @@
-//! The encodings of a `DataArray`: text, base64, raw; with a header of lengths; whole or in blocks of zlib.
+//! Decodes a `DataArray`: text, base64 or raw, with a header of lengths, whole or in blocks of zlib.
 //!
-//! Every length is known before it is read (from the number of points and cells), compared with what the file says,
-//! and with what its bytes can hold, before anything is allocated.
+//! Every length follows from the number of points and cells. Before memory is allocated, it is compared with the length
+//! that the file announces and with the length that its bytes can hold.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -15,23 +15,23 @@ use crate::cursor::{Cursor, Encoding, excerpt, shown};
 use crate::error::{IoError, Place};
 use crate::vtk::number::Number;
 
-/// Bytes that one byte of zlib data can unpack to, rounded up (1032, zlib technical details).
+/// Upper bound of the bytes that one byte of zlib data can unpack to (1032, zlib technical details).
 const GREATEST_RATIO: usize = 1040;
 
-/// Where the content of an array is.
+/// Where the data of an array are.
 pub(super) enum Content {
     Text(Range<usize>),
     Base64(Range<usize>),
     Appended(usize),
 }
 
-/// One `DataArray` as the XML describes it.
+/// A `DataArray` as the XML describes it.
 pub(super) struct Spec {
     pub(super) name: String,
     pub(super) number: Number,
     pub(super) components: usize,
     pub(super) content: Content,
-    /// Where its element begins.
+    /// Offset of its element.
     pub(super) at: usize,
 }
 
@@ -45,12 +45,12 @@ pub(super) struct Form {
     pub(super) appended: Option<(usize, bool)>,
 }
 
-/// The bytes of a file, as source of arrays.
+/// The bytes of a file, from which arrays are decoded.
 pub(super) struct Payloads<'a> {
     bytes: &'a [u8],
     file: &'a Path,
     form: Form,
-    /// Encoded bytes that arrays may still take. Arrays do not share bytes; a file in which they do could hold far
+    /// Number of encoded bytes that arrays may still take. Arrays must not share bytes; otherwise a file could hold far
     /// more data than its size.
     budget: usize,
 }
@@ -60,21 +60,21 @@ impl<'a> Payloads<'a> {
         Self { bytes, file, form, budget: 2 * bytes.len() }
     }
 
-    /// The line of a place in the XML.
+    /// Returns the line of an offset in the XML.
     pub(super) fn place(&self, at: usize) -> Place {
         Cursor::new(self.bytes, self.file).line_at(at)
     }
 
-    /// `count · components`, if the file could hold so many numbers.
+    /// Returns `count · components`, if the file can hold so many numbers.
     pub(super) fn product(&self, spec: &Spec, count: usize, components: usize) -> Result<usize, IoError> {
         count.checked_mul(components).ok_or_else(|| self.too_large(spec, u64::MAX, self.bytes.len()))
     }
 
-    /// The `count` numbers of an array as f64.
+    /// Reads the `count` numbers of an array as f64.
     pub(super) fn reals(&mut self, spec: &Spec, count: usize) -> Result<Vec<f64>, IoError> {
         if let Content::Text(range) = &spec.content {
             if spec.number == Number::Real(4) {
-                // Nine digits are a float exactly, but not the double that they are near.
+                // Nine digits identify a float exactly, but not the double nearest to them.
                 let values: Vec<f32> = self.text(spec, range.clone(), count)?;
                 return Ok(values.into_iter().map(f64::from).collect());
             }
@@ -84,7 +84,7 @@ impl<'a> Payloads<'a> {
         Ok(spec.number.reals(&bytes, self.form.big))
     }
 
-    /// The `count` numbers of an array of integers.
+    /// Reads the `count` numbers of an integer array.
     pub(super) fn integers(&mut self, spec: &Spec, count: usize) -> Result<Vec<i64>, IoError> {
         if let Content::Text(range) = &spec.content {
             return self.text(spec, range.clone(), count);
@@ -117,7 +117,7 @@ impl<'a> Payloads<'a> {
         }
     }
 
-    /// The bytes of `count` numbers.
+    /// Returns the decoded bytes of `count` numbers.
     fn decode(&mut self, spec: &Spec, count: usize) -> Result<Cow<'a, [u8]>, IoError> {
         let length = count
             .checked_mul(spec.number.width())
@@ -145,7 +145,7 @@ impl<'a> Payloads<'a> {
         let announced =
             whole.checked_mul(block).and_then(|bytes| bytes.checked_add(last)).unwrap_or(u64::MAX);
         self.expect_length(spec, announced, length)?;
-        // Both fit now: whole · block ≤ length, and a header of more blocks than the file has bytes is cut short.
+        // Neither overflows: whole · block ≤ length, and a header of more blocks than the file has bytes is truncated.
         let head_length =
             usize::try_from(block_count).ok().and_then(|n| n.checked_add(3)?.checked_mul(width));
         let head_length = head_length
@@ -177,7 +177,7 @@ impl<'a> Payloads<'a> {
         Ok(Cow::Owned(out))
     }
 
-    /// Header and data of an array, as they are encoded.
+    /// Returns the header and the data of an array in their encoding.
     fn stream(&self, spec: &Spec) -> Result<Stream<'a>, IoError> {
         match &spec.content {
             Content::Appended(offset) => {
@@ -203,7 +203,7 @@ impl<'a> Payloads<'a> {
         }
     }
 
-    /// The first `length` decoded bytes of a stream.
+    /// Returns the first `length` decoded bytes of a stream.
     fn prefix(&self, spec: &Spec, stream: &Stream<'a>, length: usize) -> Result<Cow<'a, [u8]>, IoError> {
         match stream {
             Stream::Raw(bytes) => bytes.get(..length).map(Cow::Borrowed).ok_or_else(|| self.truncated(spec)),
@@ -214,7 +214,7 @@ impl<'a> Payloads<'a> {
                 let mut out = Vec::with_capacity(length + 2);
                 let mut text: &[u8] = text;
                 while out.len() < length {
-                    // The header may be encoded on its own: padding inside the text ends a part.
+                    // The header may be encoded separately: padding inside the text ends a part.
                     let needed = (length - out.len()).div_ceil(3) * 4;
                     let part = &text[..needed.min(text.len())];
                     let part = match part.iter().position(|&byte| byte == b'=') {
@@ -292,7 +292,7 @@ enum Stream<'a> {
     Base64(Cow<'a, [u8]>),
 }
 
-/// Unpacks one zlib stream into `out`, which it must fill.
+/// Unpacks one zlib stream, which must fill `out` exactly.
 fn inflate(packed: &[u8], out: &mut [u8]) -> Result<(), String> {
     let mut decompress = Decompress::new(true);
     match decompress.decompress(packed, out, FlushDecompress::Finish) {

@@ -1,10 +1,10 @@
-//! What every mesh that a reader hands out must fulfil, whatever the file was. Shared by the tests and the fuzz targets.
+//! Laws of every mesh that a reader returns, for any file. The tests and the fuzz targets share them.
 
 use std::path::Path;
 
 use vi_io::{IoError, MeshFile};
 
-/// Panics if the result of reading `file` is not one that readers may give.
+/// Panics if the result of reading `file` breaks a law.
 pub(crate) fn hold(file: &Path, result: &Result<MeshFile, IoError>) {
     let read = match result {
         Ok(read) => read,
