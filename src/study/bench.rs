@@ -1,9 +1,10 @@
-//! The program measures itself on the user's own scene: schemes × steps against a self-converged reference, by run
-//! time and error at the end.
+//! Measures the program on the user's own scene: schemes × steps against a self-converged reference, by run time and
+//! error at the end.
 //!
-//! Error is ‖u − u_ref‖_M / ‖u_ref‖_M at the end of the scene, u the displacement from rest. Time is that
-//! of stepping alone, output off; combinations run in turn until their two least times agree, and the least counts:
-//! processor time on one thread, run time on several. A combination that fails is a row, not an end.
+//! The error is ‖u − u_ref‖_M / ‖u_ref‖_M at the end of the scene, where u is the displacement from rest. The time is
+//! that of stepping alone, without output. Combinations run in turn until their two smallest times agree, and the
+//! smallest counts: processor time on one thread, run time on several. A combination that fails is a row; it does not
+//! end the bench.
 
 mod chart;
 mod reference;
@@ -26,11 +27,11 @@ pub use sweep::bench;
 pub struct BenchOptions {
     /// Name of the scene, for the report.
     pub name: String,
-    /// Wall time for everything (default 60 s).
+    /// Wall time for the whole bench (default 60 s).
     pub budget: Duration,
-    /// The relative error wanted at the end (default: `[time] tolerance`, else 1e-2).
+    /// Required relative error at the end (default: `[time] tolerance`, else 1e-2).
     pub accuracy: Option<f64>,
-    /// Schemes to sweep, e.g. `gauss 3`; empty: the variational ones and `energy-momentum`.
+    /// Schemes to compare, e.g. `gauss 3`; if empty, the variational ones and `energy-momentum`.
     pub schemes: Vec<String>,
 }
 
@@ -42,9 +43,9 @@ impl Default for BenchOptions {
 
 /// Follows a bench. All methods are optional.
 pub trait BenchWatch {
-    /// The run about to start, the share of the budget spent, and the time left.
+    /// Called with the next run, the fraction of the budget used, and the time left.
     fn next(&mut self, _what: &str, _spent: f64, _left: Duration) {}
-    /// Asked often: false ends the bench with what it has.
+    /// Called often: false ends the bench with the results so far.
     fn go_on(&mut self) -> bool {
         true
     }
@@ -52,7 +53,7 @@ pub trait BenchWatch {
 
 impl BenchWatch for () {}
 
-/// A watch of a bench that follows the trials of `auto` before it.
+/// Passes the progress of the preceding trials of `auto` to the watch of a bench.
 struct Trials<'a>(&'a mut dyn BenchWatch);
 
 impl TrialWatch for Trials<'_> {
@@ -65,7 +66,7 @@ impl TrialWatch for Trials<'_> {
     }
 }
 
-/// The solution that errors are measured against, and why it can be trusted.
+/// The solution against which errors are measured, with its own error estimate.
 #[derive(Debug, Clone, Serialize)]
 pub struct ReferenceFacts {
     /// Method of the reference.
@@ -90,42 +91,42 @@ pub struct Row {
     pub steps: u64,
     /// Step, s.
     pub step: f64,
-    /// Seconds of stepping by the clock, the least of `repeats`.
+    /// Run time of stepping, s, the smallest of `repeats`.
     pub seconds: Option<f64>,
-    /// Seconds of processors in stepping, of all threads, the least of `repeats`.
+    /// Processor time of stepping, s, of all threads, the smallest of `repeats`.
     pub processor_seconds: Option<f64>,
-    /// Time of each repeat: by the clock, and of processors, s.
+    /// Run time and processor time of each repeat, s.
     #[serde(skip)]
     times: Vec<[f64; 2]>,
     /// Number of repeats.
     pub repeats: u32,
     /// Relative error at the end; `None` if the run failed.
     pub error: Option<f64>,
-    /// Order observed from the row with twice the step, where there is one.
+    /// Order observed relative to the row with twice the step, if there is one.
     pub observed_order: Option<f64>,
     /// max |H − H₀| over the largest kinetic energy.
     pub energy_drift: Option<f64>,
     /// Counted work.
     pub work: serde_json::Map<String, serde_json::Value>,
-    /// Is no other row both faster and more accurate?
+    /// Whether no other row is both faster and more accurate.
     pub on_front: bool,
-    /// Is it what the scene asks for now?
+    /// Whether it is the current choice of the scene.
     pub is_present: bool,
-    /// Is its error so near that of the reference that it says no more than "at most about this"?
+    /// Whether its error is so near that of the reference that it is only an upper estimate.
     pub at_reference: bool,
-    /// Why it failed.
+    /// Error message, if the run failed.
     pub failure: Option<String>,
 }
 
 impl Row {
-    /// Enters what a run took.
+    /// Adds the times of a run.
     fn time(&mut self, trial: &Trial) {
         self.times.push([trial.seconds, trial.processor_seconds]);
         let least = |k: usize| self.times.iter().map(|times| times[k]).reduce(f64::min);
         (self.seconds, self.processor_seconds) = (least(0), least(1));
     }
 
-    /// Do the two least times differ by this share at most, by the clock and of processors?
+    /// Returns whether the two smallest times differ by at most `share`, for run time and for processor time.
     fn times_agree(&self, share: f64) -> bool {
         (0..2).all(|k| {
             let mut times: Vec<f64> = self.times.iter().map(|times| times[k]).collect();
@@ -134,7 +135,7 @@ impl Row {
         })
     }
 
-    /// Time by which it is ranked, s.
+    /// Returns the time by which it is ranked, s.
     pub fn cost(&self, measure: Measure) -> Option<f64> {
         match measure {
             Measure::ProcessorTime => self.processor_seconds,
@@ -147,9 +148,9 @@ impl Row {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Measure {
-    /// Seconds of the processor: on one thread, where it does not matter what else the machine does.
+    /// Processor time: used on one thread, because it does not depend on the load of the machine.
     ProcessorTime,
-    /// Seconds by the clock: on several threads, for they are there to save it.
+    /// Run time: used on several threads, because their purpose is to reduce it.
     RunTime,
 }
 
@@ -168,7 +169,7 @@ impl std::fmt::Display for Measure {
     }
 }
 
-/// A machine on which runs wait longer than this share of their time for a processor is busy.
+/// A machine counts as busy if runs wait for a processor during more than this fraction of their time.
 const BUSY: f64 = 0.05;
 
 /// The outcome of a bench.
@@ -178,32 +179,31 @@ pub struct BenchReport {
     pub provenance: Provenance,
     /// Time by which combinations are ranked.
     pub ranked_by: Measure,
-    /// Share of their time for which runs waited for a processor that something else had; `None` if the system does
-    /// not tell.
+    /// Fraction of their time for which runs waited for a busy processor; `None` if the system does not provide it.
     pub waited_share: Option<f64>,
-    /// The relative error wanted.
+    /// Required relative error.
     pub accuracy: f64,
     /// The reference.
     pub reference: ReferenceFacts,
     /// All combinations.
     pub rows: Vec<Row>,
-    /// Recommendation, in a sentence.
+    /// Recommendation, one sentence.
     pub recommendation: String,
-    /// The row that is recommended.
+    /// Index of the recommended row.
     pub recommended: Option<usize>,
-    /// Was the bench ended from outside? The rows are then those that were measured before.
+    /// Whether the bench was ended from outside. The rows are then those measured before.
     pub interrupted: bool,
-    /// Wall seconds of the whole bench.
+    /// Wall time of the whole bench, s.
     pub seconds: f64,
 }
 
 impl BenchReport {
-    /// Time by which a row is ranked, s.
+    /// Returns the time by which a row is ranked, s.
     pub(crate) fn cost(&self, row: &Row) -> Option<f64> {
         row.cost(self.ranked_by)
     }
 
-    /// A warning where the machine had other things to do.
+    /// Returns a warning if the machine was busy with other work.
     pub fn busy(&self) -> Option<String> {
         let share = self.waited_share.filter(|share| *share > BUSY)?;
         let trust = match self.ranked_by {
@@ -219,11 +219,11 @@ impl BenchReport {
     }
 }
 
-/// Why there is no bench at all.
+/// Error that prevents a bench.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BenchError {
-    /// The scene is wrong.
+    /// The scene is invalid.
     #[error("the scene is wrong")]
     Scene(Vec<Problem>),
     /// The caller asked to stop before anything could be compared.
@@ -232,9 +232,9 @@ pub enum BenchError {
     /// A scheme is unknown.
     #[error("unknown scheme '{name}'; there are {known}")]
     Scheme {
-        /// Name asked for.
+        /// The unknown name.
         name: String,
-        /// Names that exist.
+        /// The known names.
         known: String,
     },
     /// Nothing moves.
@@ -245,7 +245,7 @@ pub enum BenchError {
     /// The highest frequency could not be estimated.
     #[error("the highest frequency of the scene is not known: {0}")]
     Frequency(vi_solvers::SolverError),
-    /// No two solutions could be made that show how exact they are.
+    /// No two solutions with a known accuracy could be computed.
     #[error("no reference within the budget: {why}; allow more with --budget")]
     Reference {
         /// Attempts made.
@@ -262,7 +262,7 @@ impl From<SettleError> for BenchError {
     }
 }
 
-/// The scene that a bench recommends: its own, with the recommended scheme and step.
+/// Returns the scene with the scheme and step that the bench recommends.
 pub fn recommended_scene(report: &BenchReport, scene: &Scene) -> Option<Scene> {
     report.recommended.map(|row| {
         let mut found = report.rows[row].choice.apply(scene);

@@ -1,9 +1,8 @@
-//! `variational convergence`: a scene on finer meshes and with smaller steps, and what that tells about the exact
-//! solution.
+//! `variational convergence`: runs a scene on finer meshes and with smaller steps, and estimates the exact solution.
 //!
-//! Space: every element is halved again and again. Time: the step is, on the scene's own mesh. Static scenes
-//! have no time study; with `modes` the frequencies of vibration are studied, in space. Explicit schemes take
-//! the smallest step of the study on all meshes, so that it is stable on the finest.
+//! The space study halves every element repeatedly. The time study halves the step on the scene's own mesh. Static
+//! scenes have no time study; with `modes`, the space study considers the frequencies of vibration. Explicit schemes
+//! use the smallest step of the study on all meshes, so that it is stable on the finest.
 
 mod chart;
 mod extrapolate;
@@ -31,13 +30,13 @@ pub use extrapolate::{Extrapolation, Verdict, extrapolate};
 pub struct ConvergenceOptions {
     /// Name of the scene, for the report.
     pub name: String,
-    /// Meshes and steps, 2 to 6; 3 or more show an order.
+    /// Number of meshes or steps, 2 to 6; at least 3 show an order.
     pub levels: u32,
-    /// Refine the mesh.
+    /// Whether the mesh is refined.
     pub space: bool,
-    /// Refine the step.
+    /// Whether the step is refined.
     pub time: bool,
-    /// Study so many frequencies of vibration instead of the end of the run.
+    /// Number of vibration frequencies to study in place of the end of the run.
     pub modes: Option<usize>,
 }
 
@@ -58,7 +57,7 @@ pub struct Level {
     pub steps: u64,
     /// Step, s.
     pub step: f64,
-    /// Seconds of the run.
+    /// Run time, s.
     pub seconds: f64,
     /// The quantities, in the order of [`Study::rows`].
     #[serde(skip)]
@@ -68,9 +67,10 @@ pub struct Level {
 /// One quantity on all levels.
 #[derive(Debug, Clone, Serialize)]
 pub struct Row {
-    /// `tip.ux` (m) and so on for probes, `kinetic`, `elastic`, `total` (J), `mode 7` (Hz); at the end of the scene.
+    /// Name: for example `tip.ux` (m) for probes, `kinetic`, `elastic`, `total` (J), `mode 7` (Hz), each at the end
+    /// of the scene.
     pub quantity: String,
-    /// Values, the coarsest level first.
+    /// Values, starting with the coarsest level.
     pub values: Vec<f64>,
     /// Evaluation of the values.
     #[serde(flatten)]
@@ -88,12 +88,12 @@ pub struct Study {
     pub rows: Vec<Row>,
 }
 
-/// The exact value of a quantity, as far as the studies tell.
+/// The exact value of a quantity, as estimated by the studies.
 #[derive(Debug, Clone, Serialize)]
 pub struct Estimate {
     /// The quantity.
     pub quantity: String,
-    /// Estimate and error bar: the finest mesh, corrected in space and in time.
+    /// Estimate and error bar: the value on the finest mesh, corrected in space and in time.
     #[serde(flatten)]
     pub extrapolation: Extrapolation,
 }
@@ -101,9 +101,9 @@ pub struct Estimate {
 /// The outcome.
 #[derive(Debug, Clone, Serialize)]
 pub struct ConvergenceReport {
-    /// Origin of the study; free coordinates are those of the scene's own mesh.
+    /// Origin of the study, with the free coordinates of the scene's own mesh.
     pub provenance: Provenance,
-    /// The scheme; none for statics and modes.
+    /// The scheme; `None` for statics and modes.
     pub scheme: Option<String>,
     /// Order in time.
     pub formal_order: Option<usize>,
@@ -111,31 +111,31 @@ pub struct ConvergenceReport {
     pub studies: Vec<Study>,
     /// The estimates.
     pub estimates: Vec<Estimate>,
-    /// Notes on them, e.g. that elements lock.
+    /// Notes on the estimates, for example that elements lock.
     pub notes: Vec<String>,
 }
 
-/// Why there is no study.
+/// Error that prevents a study.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConvergenceError {
-    /// The scene is wrong.
+    /// The scene is invalid.
     #[error("the scene is wrong")]
     Scene(Vec<Problem>),
     /// A run failed.
     #[error("{what}: {source}")]
     Step {
-        /// The run.
+        /// Description of the run.
         what: String,
-        /// Why.
+        /// Error.
         source: Box<StepError>,
     },
-    /// The modes were not found.
+    /// The modes could not be computed.
     #[error("{what}: {source}")]
     Modes {
-        /// The run.
+        /// Description of the run.
         what: String,
-        /// Why.
+        /// Error.
         source: Box<RunError>,
     },
     /// The caller asked to stop.
@@ -169,7 +169,7 @@ pub fn convergence(
         None => settle(scene.clone(), watch)?.0,
     };
     let first = Simulation::new(scene).map_err(ConvergenceError::Scene)?;
-    // With scheme and step settled, and points of the scene's mesh named by their nodes.
+    // This scene has a fixed scheme and step, and points are replaced by the nodes of the scene's mesh.
     let scene = by_nodes(&first);
     let moves = scene.statics.is_none() && options.modes.is_none();
     if options.modes.is_none() && scene.probes.is_empty() && !moves {
@@ -181,7 +181,7 @@ pub fn convergence(
     let finest = options.levels - 1;
     let quantities = quantities(&scene, options);
     let locking = theory::locking_bodies(&first);
-    // Values of explicit runs and of modes have no solver's error.
+    // Values of explicit runs and of modes have no solver error.
     let tolerance =
         if options.modes.is_some() || moves && facts.is_explicit { 0.0 } else { scene.solver.tolerance };
     let extrapolated = |of: &str, quantity: &str, values: &[f64], noise: f64| match of {
@@ -211,7 +211,7 @@ pub fn convergence(
         Ok::<(), ConvergenceError>(())
     };
     if options.space {
-        // The step of all meshes.
+        // The step for all meshes.
         let count = steps(if facts.is_explicit { finest } else { 0 });
         study("space", &mut (0..options.levels).map(|refined| (refined, count)))?;
     }
@@ -239,7 +239,7 @@ fn locking_note(body: &str) -> String {
     )
 }
 
-/// The settled scene, with nodes in the place of points, so that finer meshes have the same places.
+/// Returns the scene with points replaced by nodes, so that finer meshes use the same positions.
 fn by_nodes(simulation: &Simulation) -> Scene {
     let mut scene = simulation.scene().clone();
     let bodies = simulation.bodies();
@@ -269,16 +269,16 @@ fn by_nodes(simulation: &Simulation) -> Scene {
     scene
 }
 
-/// Round-off of a value, of the largest that it belongs with. Components across a bar were at most 6e-15 of its
-/// displacement after 1600 explicit steps, and 5e-14 after 80 implicit ones.
+/// Relative round-off of a value, compared with the largest value of its group. Components across a bar were at most
+/// 6e-15 of its displacement after 1600 explicit steps, and 5e-14 after 80 implicit ones.
 const ROUND_OFF: f64 = 1e-12;
 
-/// A quantity that is studied.
+/// A studied quantity.
 struct Quantity {
     name: String,
-    /// The quantities in whose round-off its own is lost: the components of its vector, or the parts of the energy.
+    /// The quantities that set the scale of its round-off: the components of its vector, or the parts of the energy.
     peers: Range<usize>,
-    /// Is it a component of a vector, whose error by the solver is a part of the whole vector?
+    /// Whether it is a component of a vector, so that its solver error is relative to the whole vector.
     is_component: bool,
 }
 
@@ -344,13 +344,14 @@ fn level(
     })
 }
 
-/// The quantities of a state, in the order of their names.
+/// Returns the values of the quantities for a state, in the order of their names.
 fn values(seen: &Observation) -> Vec<f64> {
     let probes = seen.probes.iter().flat_map(|probe| probe.displacement);
     probes.chain([seen.kinetic, seen.elastic, seen.load, seen.total()]).collect()
 }
 
-/// Quantities that are not zero everywhere, with what their values tell. `tolerance` is the solver's.
+/// Returns the quantities that are not zero on all levels, with the evaluation of their values. `tolerance` is that
+/// of the solver.
 fn rows(
     quantities: &[Quantity],
     levels: &[Level],
@@ -377,7 +378,7 @@ fn rows(
     quantities.iter().enumerate().filter_map(row).collect()
 }
 
-/// The finest mesh, corrected by what is left in space, and in time at its step.
+/// Returns the values on the finest mesh, corrected by the remaining error in space and, at its step, in time.
 fn estimates(studies: &[Study]) -> Vec<Estimate> {
     let find = |of: &str| studies.iter().find(|study| study.of == of);
     let (space, time) = (find("space"), find("time"));

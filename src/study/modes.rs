@@ -1,5 +1,5 @@
-//! The vibration modes of a scene about its initial or static state, to files. Nothing here knows how eigenpairs
-//! are found.
+//! The vibration modes of a scene about its initial or static state, written to files. The eigenvalue solver is
+//! elsewhere.
 
 mod found;
 mod report;
@@ -21,18 +21,18 @@ use crate::simulation::Simulation;
 pub use found::{SceneMode, SceneModes};
 pub use report::{ModeFacts, ModesReport};
 
-/// The largest displacement of a mode shape in the files, over the largest extent of the bodies that vibrate.
+/// Largest displacement of a mode shape in the files, relative to the largest extent of the vibrating bodies.
 const SHAPE_SIZE: f64 = 0.1;
 
-/// Files that do not carry the name of the scene: they are of the last one whose modes were found.
+/// Files whose names do not contain the scene: they belong to the last scene with computed modes.
 const TABLES: [&str; 3] = ["modes.csv", "modes.json", "modes.svg"];
 
-/// The lowest `count` modes of each component, by ascending frequency. A scene with `[static]` is first
-/// brought to equilibrium at the end of its time, so that modes are those of the loaded body. Where the scene
-/// itself names the mass (`solver.mass`), that is taken.
+/// Returns the lowest `count` modes of each component, by ascending frequency. A scene with `[static]` is first
+/// brought to equilibrium at the end of its time, so that the modes are those of the loaded body. The mass matrix is
+/// the one given by the scene (`solver.mass`), if any.
 ///
 /// # Errors
-/// [`RunError`] where the scene, the equilibrium or the eigenproblem fails.
+/// [`RunError`] if the scene, the equilibrium or the eigenproblem fails.
 pub fn scene_modes(
     simulation: &mut Simulation,
     count: usize,
@@ -70,12 +70,12 @@ pub fn scene_modes(
 }
 
 /// Writes `modes.csv`, `modes.json`, `modes.svg` and, for each mode, `<name>_mode_000.vtu` with its shape as
-/// `displacement`, whose largest vector is a tenth of the largest extent of the bodies that vibrate. `<name>_modes.pvd`
-/// is a series of them, with the frequency as time. Tables of another scene's modes that were there are kept as
-/// `<other>.modes.csv` and so on. `mass` counts before that of the scene; without both it is consistent.
+/// `displacement`; its largest vector is a tenth of the largest extent of the vibrating bodies. `<name>_modes.pvd` is
+/// a series of these files with the frequency as time. Existing tables of another scene are renamed to
+/// `<other>.modes.csv` and so on. `mass` has priority over that of the scene; without both, the mass is consistent.
 ///
 /// # Errors
-/// [`RunError`] where the scene cannot be solved or a file cannot be written.
+/// [`RunError`] if the scene cannot be solved or a file cannot be written.
 pub fn write_modes(
     scene: Scene,
     name: &str,
@@ -85,7 +85,7 @@ pub fn write_modes(
 ) -> Result<ModesReport, RunError> {
     let mut scene = scene;
     let wanted = mass.or(scene.solver.mass).unwrap_or(MassKind::Consistent);
-    // Motion may need lumped mass where the search for modes does not.
+    // The motion may require lumped mass even if the modes do not.
     if scene.solver.mass != Some(MassKind::Consistent) || wanted == MassKind::Lumped {
         scene.solver.mass = (wanted == MassKind::Lumped).then_some(MassKind::Lumped);
     }
@@ -109,7 +109,7 @@ pub fn write_modes(
     let mut series = PvdSeries::new(&directory.join(format!("{name}_modes.pvd")));
     for (number, (found, facts)) in found.modes.iter().zip(&report.modes).enumerate() {
         let file = shape_file(number);
-        // Viewers show one file for a time: rigid modes must not share theirs.
+        // Viewers show one file per time, so rigid modes need distinct times.
         let last = series.frames().last().map_or(f64::NEG_INFINITY, |frame| frame.0);
         let time = facts.signed_frequency().max(last.next_up());
         let data: [(&str, &[f64]); 3] = [
@@ -120,7 +120,7 @@ pub fn write_modes(
         frames.write_shape(&file, &shape(&simulation, found), time, &data)?;
         series.push(time, &file)?;
     }
-    // Shapes of an earlier call that found more modes.
+    // Remove shapes of an earlier call that computed more modes.
     for path in (found.modes.len()..).map(|number| directory.join(shape_file(number))) {
         match std::fs::remove_file(&path) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => break,
@@ -134,7 +134,7 @@ pub fn write_modes(
     Ok(report)
 }
 
-/// The displacement of every node of every body in a mode, m.
+/// Returns the displacement of every node of every body in a mode, m.
 fn shape(simulation: &Simulation, SceneMode { component, mode }: &SceneMode) -> Vec<f64> {
     let coordinates = simulation.components()[*component].system().coordinates();
     let mut all = vec![0.0; coordinates.dof_count()];
@@ -162,12 +162,12 @@ fn shape(simulation: &Simulation, SceneMode { component, mode }: &SceneMode) -> 
     displacement.into_iter().flatten().map(|u| factor * u).collect()
 }
 
-/// Gives the tables of another scene's modes names that tell so.
+/// Renames the tables of another scene's modes after that scene.
 fn set_aside_others(directory: &Path, name: &str) -> std::io::Result<()> {
     let table = std::fs::read(directory.join("modes.json")).ok();
     let table = table.and_then(|bytes| serde_json::from_slice::<serde_json::Value>(&bytes).ok());
     let other = table.and_then(|table| Some(table["provenance"]["scene"].as_str()?.to_owned()));
-    // What is to be part of a file's name must be one.
+    // Only a valid file name is accepted.
     let is_name = |other: &String| Path::new(other).file_name() == Some(other.as_ref());
     let Some(other) = other.filter(|other| other != name).filter(is_name) else { return Ok(()) };
     for file in TABLES {

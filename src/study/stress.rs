@@ -1,6 +1,6 @@
-//! `variational stress`: violent scenes from a seed, run and judged, so that the engine can be trusted. Whatever is
-//! done to a body, a run must end in one of two ways: done with its invariants inside their bounds, or a failure that
-//! is named, with the state intact.
+//! `variational stress`: violent scenes from a seed, run and judged, to test the robustness of the engine. A run must
+//! end in one of two ways: completed with its invariants within their bounds, or with a named error and an intact
+//! state.
 
 mod judge;
 mod random;
@@ -25,29 +25,29 @@ pub use violence::{Case, CaseError, Violence, case};
 use crate::run::provenance::Provenance;
 use crate::scene::Scene;
 
-/// How often a scene under way is told whether to go on.
+/// Interval at which a running scene is checked for an interruption.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Options of a stress test.
 #[derive(Debug, Clone)]
 pub struct StressOptions {
-    /// Scenes.
+    /// Number of scenes.
     pub count: u64,
-    /// The seed that they come from.
+    /// Seed of the scenes.
     pub seed: u64,
-    /// Scenes run at once.
+    /// Number of scenes that run at the same time.
     pub jobs: usize,
-    /// Time of one scene after which it is ended after its step; at ten times this it counts as hung.
+    /// Time limit of a scene, after which it ends with its current step. At ten times this limit it counts as hung.
     pub limit: Duration,
-    /// Where the scenes of forbidden outcomes are written.
+    /// Directory for the scenes with forbidden outcomes.
     pub keep: PathBuf,
 }
 
 /// Follows a stress test, from several threads.
 pub trait StressWatch: Sync {
-    /// A scene has come to its end.
+    /// Called when a scene has ended.
     fn ended(&self, _case: &Case, _outcome: &Outcome) {}
-    /// Asked many times per second: false ends the test. A scene that is under way then ends after its step and is not
+    /// Called many times per second: false ends the test. A running scene then ends after its current step and is not
     /// counted, unless its outcome is forbidden.
     fn go_on(&self) -> bool {
         true
@@ -59,17 +59,17 @@ impl StressWatch for () {}
 /// Counts of outcomes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Scenes.
+    /// Scenes run.
     pub tried: u64,
-    /// Done without any help.
+    /// Completed without cut steps or actions of the guard.
     pub done: u64,
-    /// Done with steps that were cut.
+    /// Completed with cut steps.
     pub cut: u64,
-    /// Done, with a warning or an action of the energy guard.
+    /// Completed with a warning or an action of the energy guard.
     pub guarded: u64,
-    /// Failures that were named.
+    /// Ended with a named error.
     pub failed: u64,
-    /// Ended by the clock.
+    /// Ended by the time limit.
     pub out_of_time: u64,
     /// Refused before the run.
     pub refused: u64,
@@ -109,18 +109,18 @@ impl Tally {
 /// Outcome of all scenes.
 #[derive(Debug, Clone, Default)]
 pub struct StressReport {
-    /// By what was done.
+    /// Counts by kind of violence.
     pub tallies: BTreeMap<Violence, Tally>,
     /// Number and reason of each forbidden outcome.
     pub forbidden: Vec<(u64, String)>,
     /// Number and reason of each scene that was refused.
     pub refused: Vec<(u64, String)>,
-    /// Was the test ended from outside before all scenes were run?
+    /// Whether the test was ended from outside before all scenes were run.
     pub interrupted: bool,
 }
 
 impl StressReport {
-    /// All of it.
+    /// Returns the sum of all counts.
     pub fn total(&self) -> Tally {
         let mut sums = [0; 8];
         for tally in self.tallies.values() {
@@ -130,7 +130,7 @@ impl StressReport {
         Tally { tried, done, cut, guarded, failed, out_of_time, refused, forbidden }
     }
 
-    /// A table for people.
+    /// Returns a Markdown table.
     pub fn markdown(&self, options: &StressOptions) -> String {
         let total = self.total();
         let scenes = match self.interrupted {
@@ -146,7 +146,7 @@ impl StressReport {
         let rows = self.tallies.iter().map(|(violence, tally)| (violence.words(), tally));
         for (words, tally) in rows.chain([("**all**", &total)]) {
             let cells: Vec<String> = tally.cells().iter().map(u64::to_string).collect();
-            // Writing into a text cannot fail.
+            // Writing into a string cannot fail.
             let _ = writeln!(text, "| {words} | {} |", cells.join(" | "));
         }
         text
@@ -166,7 +166,7 @@ impl StressReport {
     }
 }
 
-/// Runs all scenes, or as many as `watch` lets it.
+/// Runs all scenes, or until `watch` ends the test.
 pub fn stress(options: &StressOptions, watch: &dyn StressWatch) -> StressReport {
     let report = Mutex::new(StressReport::default());
     let next = AtomicU64::new(0);
@@ -211,20 +211,21 @@ pub fn stress(options: &StressOptions, watch: &dyn StressWatch) -> StressReport 
     report
 }
 
-/// One scene in a directory of its own; an error where that cannot be written, or the scene not be made.
+/// Runs one scene in its own directory; returns an error if the directory cannot be written or the scene cannot be
+/// built.
 fn trial(options: &StressOptions, index: u64, watch: &dyn StressWatch) -> Result<(Case, Outcome), String> {
     let directory = tempfile::tempdir().map_err(|error| error.to_string())?;
     let case = case(options.seed, index, directory.path()).map_err(|error| error.to_string())?;
     let outcome = timed(&case, &directory.path().join("out"), options.limit, watch);
     if let Outcome::Forbidden(why) = &outcome {
         let smaller = simplify(&case, directory.path(), options.limit, watch);
-        // A reproduction that cannot be kept is still reported by its number.
+        // The number of a forbidden scene is reported even if the scene cannot be written.
         let _ = keep(&smaller, why, options);
     }
     Ok((case, outcome))
 }
 
-/// Judges a case on a thread of its own, so that a hang is seen.
+/// Judges a case in a separate thread, so that a hang is detected.
 fn timed(case: &Case, out: &Path, limit: Duration, watch: &dyn StressWatch) -> Outcome {
     let (sender, receiver) = mpsc::channel();
     let (case, out) = (case.clone(), out.to_owned());
@@ -236,7 +237,7 @@ fn timed(case: &Case, out: &Path, limit: Duration, watch: &dyn StressWatch) -> O
             Ok(pool) => pool.install(|| judge::judge(&case, &out, &clock)),
             Err(error) => Outcome::Forbidden(format!("no thread: {error}")),
         };
-        // Whoever has given up waiting does not hear it.
+        // The receiver may have stopped waiting.
         let _ = sender.send(outcome);
     });
     let begin = Instant::now();
@@ -251,7 +252,7 @@ fn timed(case: &Case, out: &Path, limit: Duration, watch: &dyn StressWatch) -> O
     Outcome::Forbidden(format!("hangs: more than {:?}", 10 * limit))
 }
 
-/// Takes out of a scene what the forbidden outcome does not need.
+/// Removes everything from a scene that is not needed for its forbidden outcome.
 fn simplify(case: &Case, directory: &Path, limit: Duration, watch: &dyn StressWatch) -> Case {
     let simpler: [fn(&mut Scene); 9] = [
         |scene| scene.wind = None,
@@ -276,15 +277,15 @@ fn simplify(case: &Case, directory: &Path, limit: Duration, watch: &dyn StressWa
     best
 }
 
-/// Writes the scene of a forbidden outcome, and its mesh, into `options.keep`.
+/// Writes the scene with a forbidden outcome, and its mesh, into `options.keep`.
 fn keep(case: &Case, why: &str, options: &StressOptions) -> std::io::Result<()> {
     write(case, &format!("seed {}, scene {}: {why}", options.seed, case.index), &options.keep)
 }
 
-/// Writes the scenes of `options.seed`, with their meshes, into `directory` and runs none.
+/// Writes the scenes of `options.seed`, with their meshes, into `directory` without running them.
 ///
 /// # Errors
-/// Where a file cannot be written.
+/// Returns an error if a file cannot be written.
 pub fn write_scenes(options: &StressOptions, directory: &Path) -> std::io::Result<()> {
     for index in 0..options.count {
         let scratch = tempfile::tempdir()?;

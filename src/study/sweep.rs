@@ -1,8 +1,8 @@
-//! `variational sweep`: a scene at every combination of some values, each point a run in a directory of its own,
-//! several at once, and one table of what came out. Nothing here knows the command line.
+//! `variational sweep`: a scene at every combination of some values. Each point is a run in its own directory,
+//! several run at the same time, and one table collects the results. This file does not depend on the command line.
 //!
-//! A sweep can end at any time and be called again: points that are done are not run again, points with a
-//! checkpoint go on from it, and the table has the same bytes in the end.
+//! A sweep can end at any time and be called again. Points that are done are not run again, points with a checkpoint
+//! continue from it, and the final table has the same bytes.
 
 mod axis;
 mod error;
@@ -27,18 +27,18 @@ use point::{Identities, Point};
 pub struct SweepReport {
     /// Points of the whole sweep.
     pub points: usize,
-    /// Of them: those that have come to an end, in this call or before, in this task or another.
+    /// Points that have ended, in this call or before, in this task or another.
     pub done: usize,
-    /// Of these: those that did not end well.
+    /// Ended points with an error.
     pub failed: usize,
-    /// Was it ended from outside before all points of the task were done?
+    /// Whether the sweep was ended from outside before all points of the task were done.
     pub interrupted: bool,
 }
 
-/// Runs the points of a task that are not done yet, and writes `sweep.csv` and `sweep-times.csv` of all points.
+/// Runs the points of a task that are not done yet, and writes `sweep.csv` and `sweep-times.csv` for all points.
 ///
 /// # Errors
-/// [`SweepError`]; what was reached is written, and a second call goes on from there. A point that fails is a row of
+/// [`SweepError`]; results so far are written, and a second call continues from there. A point that fails is a row of
 /// the table, not an error.
 pub fn sweep(options: &SweepOptions, watch: &dyn SweepWatch) -> Result<SweepReport, SweepError> {
     let points = points(options)?;
@@ -72,7 +72,7 @@ pub fn sweep(options: &SweepOptions, watch: &dyn SweepWatch) -> Result<SweepRepo
     Ok(SweepReport { points: points.len(), done, failed, interrupted })
 }
 
-/// All points, the last axis varying first.
+/// Returns all points; the last axis varies fastest.
 fn points(options: &SweepOptions) -> Result<Vec<Point>, SweepError> {
     let count = options.axes.iter().try_fold(1_usize, |count, axis| count.checked_mul(axis.values.len()));
     let count = count.filter(|&count| count <= MOST_POINTS).ok_or(SweepError::TooMany)?;

@@ -1,10 +1,11 @@
-//! A bench as a picture: run time over error, both logarithmic, the Pareto front marked. Nothing here measures.
+//! A bench as a chart: run time over error, both logarithmic, with the Pareto front marked. This file measures
+//! nothing.
 
 use super::{BenchReport, Row};
 use crate::chart::{Chart, Scale, Series, Style};
 
 impl BenchReport {
-    /// Run time over error as SVG.
+    /// Returns run time over error as SVG.
     pub fn chart(&self, title: &str) -> String {
         let shown: Vec<&Row> = self
             .rows
@@ -43,7 +44,7 @@ impl BenchReport {
                 name: name.to_owned(),
                 points: own.iter().map(|row| place(row)).collect(),
                 style: Style::Marked,
-                // No better known than the reference.
+                // Errors no larger than that of the reference are drawn hollow.
                 hollow: (0..own.len()).filter(|&k| own[k].at_reference).collect(),
             });
         }

@@ -1,5 +1,5 @@
-//! The reference solution of a bench: two runs of one high-order scheme, whose difference is the
-//! evidence. It must not look at the rows.
+//! The reference solution of a bench: two runs of one high-order scheme, with their difference as its error estimate.
+//! It does not depend on the rows.
 
 use std::time::{Duration, Instant};
 
@@ -7,10 +7,10 @@ use super::{BenchError, BenchWatch, ReferenceFacts};
 use crate::auto::trial::{Choice, Limit, Norm, Trial, TrialError, run};
 use crate::scene::{MassKind, Scene, SchemeName};
 
-/// hω of the finer Blanes–Moan run: well inside stability, error 1e-9 and below where the motion is
-/// that of the low modes.
+/// hω of the finer Blanes–Moan run: far inside the stability limit, with an error of 1e-9 or less if low modes
+/// dominate the motion.
 const FREQUENCY_STEP: f64 = 1.5;
-/// A difference that no row needs to be measured below.
+/// Difference between reference solutions that is accurate enough for all rows.
 const ENOUGH: f64 = 3e-11;
 const GAUSS_TOLERANCE: f64 = 1e-10;
 
@@ -19,9 +19,9 @@ pub(super) struct Reference {
     pub(super) facts: ReferenceFacts,
 }
 
-/// Finds a reference within `share` of wall time: by Blanes and Moan's method of order 6 where its steps
-/// fit, else by Gauss's method with 3 stages, refined until the next halving would not fit; with contact by
-/// Störmer–Verlet, or by implicit midpoint with consistent mass.
+/// Computes a reference within `share` of wall time, refined until the next halving would not fit. The method is that
+/// of Blanes and Moan of order 6 if its steps fit, otherwise Gauss's with 3 stages. With contact it is Störmer–Verlet,
+/// or implicit midpoint for consistent mass.
 pub(super) fn find(
     scene: &Scene,
     norm: &Norm,
@@ -46,7 +46,7 @@ pub(super) fn find(
     let probe_fraction = (4.0 / explicit.steps as f64).min(1.0);
     let probe = run(explicit.apply(scene), 0.0..probe_fraction, Limit::Clock(share), &mut || watch.go_on());
     match probe.map(|probe| probe.seconds / 4.0 * explicit.steps as f64) {
-        // The pair costs one and a half runs.
+        // Both runs together cost one and a half times the finer one.
         Ok(seconds) if 1.5 * seconds <= share.as_secs_f64() => {
             let pair = ladder(scene, norm, explicit, share, begin, watch);
             match pair {
@@ -80,7 +80,7 @@ fn with_contact(scene: &Scene, omega: f64) -> Choice {
     Choice { scheme, stages: None, steps }
 }
 
-/// Halves the step from 2/`choice.steps` on until two solutions agree or time is up.
+/// Halves the step from 2/`choice.steps` until two solutions agree or the time is used up.
 fn ladder(
     scene: &Scene,
     norm: &Norm,
@@ -119,7 +119,7 @@ fn ladder(
                 coarser = Some((steps, trial));
             }
             (Ok(trial), None) => coarser = Some((steps, trial)),
-            // A coarse run may fail where a finer one does not.
+            // A finer run may succeed after a coarse run failed.
             (Err(TrialError::Failed(_)), None) if steps < 64 * choice.steps => {}
             (Err(why), _) if best.is_none() => return Err(why),
             (Err(_), _) => break,

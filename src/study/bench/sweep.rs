@@ -1,4 +1,4 @@
-//! The order of a bench: reference, ladders of steps, refinement at the wanted error, repeats.
+//! The sequence of a bench: reference, ladders of steps, refinement at the required error, repeats.
 
 use std::time::{Duration, Instant};
 
@@ -16,18 +16,18 @@ use crate::simulation::stability::highest;
 
 const REFERENCE_SHARE: f64 = 0.35;
 const ROWS_SHARE: f64 = 0.85;
-/// Ladders end below this error: no run time is chosen by less.
+/// Ladders end below this error; smaller errors are not relevant for the choice.
 const FINEST: f64 = 1e-7;
 const COARSEST_IMPLICIT: u64 = 16;
-/// A row is timed until its two least times differ by this share at most.
+/// A row is repeated until its two smallest times differ by at most this fraction.
 const AGREEMENT: f64 = 0.03;
-/// A row is timed so often at most.
+/// Largest number of repeats of a row.
 const MOST_REPEATS: u32 = 12;
 
 /// Measures schemes × steps on `scene`.
 ///
 /// # Errors
-/// [`BenchError`] where the scene is wrong, nothing moves, or no reference fits into the budget.
+/// [`BenchError`] if the scene is invalid, nothing moves, or no reference fits into the budget.
 pub fn bench(
     scene: &Scene,
     options: &BenchOptions,
@@ -65,7 +65,7 @@ pub fn bench(
     Ok(sweep.close())
 }
 
-/// The schemes to sweep.
+/// Returns the schemes to compare.
 fn schemes(options: &BenchOptions) -> Result<Vec<(SchemeName, Option<usize>)>, BenchError> {
     if options.schemes.is_empty() {
         let usual = Method::variants().filter(|method| method.facts().is_benchmarked);
@@ -91,9 +91,9 @@ struct Sweep<'a> {
     budget: Duration,
     begin: Instant,
     rows: Vec<Row>,
-    /// Seconds of processors in all timed runs.
+    /// Processor time of all timed runs, s.
     processor: f64,
-    /// Seconds for which threads that could run had none, where the system tells.
+    /// Time during which runnable threads waited for a processor, s, if the system provides it.
     waited: Option<f64>,
     watch: &'a mut dyn BenchWatch,
 }
@@ -110,7 +110,7 @@ impl Sweep<'_> {
         self.budget.mul_f64(share).saturating_sub(self.begin.elapsed())
     }
 
-    /// Runs one combination and enters its row.
+    /// Runs one combination and adds its row.
     fn enter(&mut self, choice: Choice) {
         let left = self.left(ROWS_SHARE);
         let spent = self.begin.elapsed().as_secs_f64() / self.budget.as_secs_f64();
@@ -118,7 +118,7 @@ impl Sweep<'_> {
         let done = run(choice.apply(&self.scene), 0.0..1.0, Limit::Clock(left), &mut || self.watch.go_on());
         match &done {
             Ok(trial) => self.account(trial),
-            // What was not measured is no row.
+            // An unfinished run gives no row.
             Err(TrialError::Stopped) => return,
             Err(_) => {}
         }
@@ -170,7 +170,7 @@ impl Sweep<'_> {
         row
     }
 
-    /// Halves the step of every scheme, always that run next which should take least.
+    /// Halves the step of every scheme. The next run is always the one with the smallest expected time.
     fn climb(&mut self, schemes: Vec<(SchemeName, Option<usize>)>, omega: f64) {
         let end = self.scene.time.end;
         let ladder = |(scheme, stages)| {
@@ -212,7 +212,7 @@ impl Sweep<'_> {
         }
     }
 
-    /// For every scheme whose ladder steps over the wanted error: the step that should just reach it.
+    /// Adds, for every scheme whose ladder passes the required error, the step that should just reach it.
     fn refine(&mut self) {
         let reach = 0.8 * self.accuracy;
         let mut wanted = Vec::new();
@@ -234,8 +234,8 @@ impl Sweep<'_> {
         }
     }
 
-    /// Times rows again, in turn, so that a disturbance of the machine hits all alike, until the two least times of
-    /// each agree.
+    /// Times rows again, in turn, so that a disturbance of the machine affects all rows alike, until the two smallest
+    /// times of each row agree.
     fn repeat(&mut self) {
         for turn in 1..MOST_REPEATS {
             for index in 0..self.rows.len() {
@@ -293,12 +293,12 @@ impl Sweep<'_> {
     }
 }
 
-/// Is `fine` the same scheme as `coarse` with twice its steps?
+/// Returns whether `fine` is the same scheme as `coarse` with twice the number of steps.
 fn is_halved(fine: &Row, coarse: &Row) -> bool {
     fine.scheme == coarse.scheme && fine.steps == 2 * coarse.steps
 }
 
-/// Marks the rows for which no other is both faster and more accurate.
+/// Marks the rows for which no other row is both faster and more accurate.
 fn mark_front(rows: &mut [Row], measure: Measure) {
     let mut order: Vec<(usize, f64, f64)> =
         rows.iter().enumerate().filter_map(|(i, row)| Some((i, row.cost(measure)?, row.error?))).collect();

@@ -1,10 +1,10 @@
-//! A bench in words: the table for the terminal, CSV, and the recommendation. It must not measure.
+//! A bench in words: the table for the terminal, CSV, and the recommendation. This file measures nothing.
 
 use std::fmt::Write;
 
 use super::{BenchReport, Row};
 
-/// The cheapest row within the wanted error, and what to say of it.
+/// Returns the cheapest row within the required error, and the recommendation in words.
 pub(super) fn recommend(report: &BenchReport) -> (Option<usize>, String) {
     let wanted = percent(report.accuracy);
     let good = |row: &Row| row.error.is_some_and(|error| error <= report.accuracy);
@@ -66,7 +66,7 @@ pub(super) fn recommend(report: &BenchReport) -> (Option<usize>, String) {
 }
 
 impl BenchReport {
-    /// The table for a terminal, most accurate last.
+    /// Returns the table for a terminal, with the most accurate row last.
     pub fn table(&self) -> String {
         let mut text = format!(
             "{:<20} {:>8} {:>10} {:>10} {:>10} {:>9} {:>6} {:>9} {:>8} {:>7}\n",
@@ -119,7 +119,7 @@ impl BenchReport {
         text
     }
 
-    /// All rows as CSV. Counted work that has the name of another column is headed `work_…`.
+    /// Returns all rows as CSV. A count of work with the name of another column gets the prefix `work_`.
     pub fn csv(&self) -> String {
         const OWN: &str = "scheme,steps,step,seconds,processor_seconds,repeats,error,observed_order,energy_drift,on_front,is_present,\
                            at_reference,failure";
@@ -165,7 +165,7 @@ impl BenchReport {
     }
 }
 
-/// 0.01 as `1 %`, small errors as powers of ten.
+/// Formats 0.01 as `1 %`, and small errors as powers of ten.
 fn percent(value: f64) -> String {
     if (1e-3..1.0).contains(&value) {
         let text = format!("{:.2}", 100.0 * value);
@@ -175,7 +175,7 @@ fn percent(value: f64) -> String {
     }
 }
 
-/// 0.004 s as `4 ms`.
+/// Formats 0.004 s as `4 ms`.
 fn engineering(value: f64, unit: &str) -> String {
     let (scale, prefix) = match value {
         v if v >= 1.0 || v == 0.0 => (1.0, ""),

@@ -1,11 +1,11 @@
-//! A convergence study as a picture: how far each quantity is from its limit, over the size of elements or steps,
-//! both logarithmic; an order is a slope. Nothing here measures.
+//! A convergence study as a chart: the distance of each quantity from its limit, over the size of elements or steps,
+//! both logarithmic; an order appears as a slope. This file measures nothing.
 
 use super::{ConvergenceReport, Row, Verdict};
 use crate::chart::{Chart, Scale, Series, Style};
 
 impl ConvergenceReport {
-    /// Distance from the limit over size, as SVG.
+    /// Returns the distance from the limit over the size, as SVG.
     pub fn chart(&self, title: &str) -> String {
         let order =
             self.formal_order.map(|order| format!("; the scheme is of order {order}")).unwrap_or_default();

@@ -1,10 +1,10 @@
-//! Richardson's extrapolation of a sequence whose step is halved, with an error bar.
+//! Richardson's extrapolation of a sequence with halved steps, with an error bar.
 //!
 //! With the last two differences Δ₁, Δ₂ and the formal order p_f, the observed order is p = log₂(Δ₁/Δ₂), capped at
-//! p_f, the limit q + Δ/(2^p − 1) with |Δ| = max(|Δ₂|, |Δ₁|/2^p_f), and the bar F |Δ|/(2^p − 1). F follows Roache (1994)
-//! and Eça & Hoekstra (2014): 1.25 where p is near p_f, 3 where it is below or the order changes from level to level.
-//! Three kinds of sequences have another bar or none: see [`Verdict`]. How often bars hold is counted by
-//! `tests/laws/known_answers.rs`.
+//! p_f. The limit is q + Δ/(2^p − 1) with |Δ| = max(|Δ₂|, |Δ₁|/2^p_f), and the bar is F |Δ|/(2^p − 1). F follows
+//! Roache (1994) and Eça & Hoekstra (2014): 1.25 if p is near p_f, 3 if it is below or the order changes between
+//! levels. Other kinds of sequences have a different bar or none: see [`Verdict`]. `tests/laws/known_answers.rs`
+//! counts how often the bars hold.
 
 use serde::Serialize;
 
@@ -12,22 +12,22 @@ use serde::Serialize;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// Differences fall with an order up to the formal one.
+    /// Differences decrease with an order up to the formal one.
     Converges,
-    /// Differences change their sign and fall: the bar is the larger of the last two.
+    /// Differences decrease and alternate in sign: the bar is the larger of the last two.
     Alternates,
-    /// Differences fall faster than theory allows, which is chance: the bar is what order 1 leaves of the larger one.
+    /// Differences decrease faster than theory allows, by chance: the bar is the larger one, reduced by order 1.
     FallsByChance,
-    /// All differences are round-off, or what the solver leaves.
+    /// All differences are at the level of round-off or of the solver's tolerance.
     IsExact,
-    /// All values are round-off, or what the solver leaves, of a larger quantity that they belong to: the component of
-    /// a vector that points elsewhere.
+    /// All values are at the level of round-off or of the solver's tolerance, relative to a larger quantity to which
+    /// they belong: for example a component of a vector with another direction.
     IsZero,
-    /// Two levels show no order: the bar is three times their difference.
+    /// Two levels do not show an order: the bar is three times their difference.
     TwoLevels,
-    /// Differences do not fall: there is no bar.
+    /// Differences do not decrease: there is no bar.
     NotYet,
-    /// The elements lock, so that differences say little about errors: there is no bar.
+    /// The elements lock, so that differences give little information about errors: there is no bar.
     MayLock,
 }
 
@@ -36,34 +36,34 @@ pub enum Verdict {
 pub struct Extrapolation {
     /// Behaviour of the sequence.
     pub verdict: Verdict,
-    /// log₂ of the ratio of the last two differences, as observed; `None` where they do not fall steadily.
+    /// Observed order, log₂ of the ratio of the last two differences; `None` if they do not decrease steadily.
     pub observed_order: Option<f64>,
-    /// The limit; the last value where no order can be relied on.
+    /// The limit; the last value if no order is reliable.
     pub value: f64,
     /// Error bar; `None` if the sequence does not converge yet.
     pub error: Option<f64>,
 }
 
-/// The least order that is taken for convergence.
+/// Smallest order that counts as convergence.
 const LEAST_ORDER: f64 = 0.5;
-/// An order is near the formal one from this share of it on.
+/// An order counts as near the formal one if it is at least this fraction of it.
 const NEAR: f64 = 0.75;
-/// An order that is above the formal one by more than this is chance.
+/// An order that exceeds the formal one by more than this counts as chance.
 const CHANCE: f64 = 0.5;
-/// Orders of two pairs of levels that differ by more than this scatter.
+/// Orders of two pairs of levels that differ by more than this count as scattered.
 const SCATTER: f64 = 0.5;
-/// Differences with changing sign must fall to this.
+/// Alternating differences must decrease by at least this factor.
 const LEAST_FALL: f64 = 0.75;
-/// Safety factors of the bar: near the formal order, and else.
+/// Safety factors of the bar: near the formal order, and otherwise.
 const FACTORS: [f64; 2] = [1.25, 3.0];
 /// Round-off of a value, relative.
 const ROUND_OFF: f64 = 1e-13;
-/// Share of a correction in time, found on the coarsest mesh, by which that of the finest mesh may differ.
+/// Fraction of a correction in time, found on the coarsest mesh, by which that of the finest mesh may differ.
 const CARRIED_OVER: f64 = 1.0;
 
-/// Extrapolates values of levels with halved steps, the coarsest first. `formal_order` is what theory allows;
-/// `noise`, in the unit of the values, is the error of each value that has nothing to do with its level: the round-off
-/// of the largest component of a vector, or a solver's tolerance of it.
+/// Extrapolates values of levels with halved steps, starting with the coarsest. `formal_order` is the order of the
+/// theory. `noise`, in the unit of the values, is the error of each value that does not depend on its level: the
+/// round-off of the largest component of a vector, or the solver's tolerance for it.
 pub fn extrapolate(values: &[f64], formal_order: f64, noise: f64) -> Extrapolation {
     let last = values.last().copied().unwrap_or(f64::NAN);
     let largest = values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
@@ -112,7 +112,7 @@ pub fn extrapolate(values: &[f64], formal_order: f64, noise: f64) -> Extrapolati
     let scatters = match differences[..] {
         [.., earlier, _, _] => {
             let earlier = (earlier / before).log2();
-            // NaN where the sign changed.
+            // The order is NaN if the sign changed.
             earlier.is_nan() || (earlier.min(formal_order) - capped).abs() > SCATTER
         }
         _ => false,
@@ -123,8 +123,8 @@ pub fn extrapolate(values: &[f64], formal_order: f64, noise: f64) -> Extrapolati
 }
 
 impl Extrapolation {
-    /// The limit in space with that in time: `at_step` is the value of the study in time at the step of the one in
-    /// space. The correction in time was found on one mesh and is carried over to the finest.
+    /// Returns the limit in space combined with that in time: `at_step` is the value of the time study at the step of
+    /// the space study. The correction in time was found on one mesh and is applied to the finest.
     pub fn with_time(&self, time: &Self, at_step: f64) -> Self {
         let correction = time.value - at_step;
         let error =
@@ -133,7 +133,7 @@ impl Extrapolation {
         Self { verdict, observed_order: self.observed_order, value: self.value + correction, error }
     }
 
-    /// Evaluates the sequence without an error bar, for elements that lock.
+    /// Returns the evaluation without an error bar, for elements that lock.
     pub(super) fn locked(self) -> Self {
         match self.verdict {
             Verdict::IsExact | Verdict::IsZero => self,
@@ -158,11 +158,11 @@ mod tests {
 
     #[test]
     fn orders_by_chance_do_not_narrow_a_bar() {
-        // The error changes its sign between the levels: the differences fall by a factor of 390.
+        // The error changes its sign between the levels: the differences decrease by a factor of 390.
         let found = extrapolate(&[1.04, 1.001, 1.0009], 2.0, 0.0);
         assert_eq!((found.verdict, found.observed_order), (Verdict::FallsByChance, None));
         assert!((found.value - 1.0).abs() < found.error.unwrap());
-        // A little above the formal order: no more than that is relied on.
+        // Slightly above the formal order: the formal order is used.
         let above = extrapolate(&[1.008, 0.12, 0.02], 3.0, 0.0);
         assert!((above.observed_order.unwrap() - 3.15).abs() < 0.1);
         assert!((above.value - (0.02 - 0.888 / 8.0 / 7.0)).abs() < 1e-12, "{above:?}");
@@ -186,7 +186,7 @@ mod tests {
         for values in [&[1e-16, -3e-16, 4e-16][..], &[8e-16, 4e-16, 2e-16], &[1e-16, 2e-16]] {
             let found = extrapolate(values, 2.0, 1e-15);
             assert_eq!((found.verdict, found.error), (Verdict::IsZero, Some(1e-15)), "{values:?}");
-            // Without anything larger beside them they are what they are.
+            // Without a larger quantity they are not zero.
             assert_ne!(extrapolate(values, 2.0, 0.0).verdict, Verdict::IsZero, "{values:?}");
         }
     }

@@ -1,11 +1,11 @@
-//! A study as text and as CSV. It must not measure.
+//! A convergence study as text and as CSV. This file measures nothing.
 
 use std::fmt::Write as _;
 
 use super::{ConvergenceReport, Extrapolation, Study, Verdict};
 
 impl ConvergenceReport {
-    /// Tables for a reader.
+    /// Returns tables for a reader.
     pub fn table(&self) -> String {
         let mut text = String::new();
         // Writing to a string cannot fail.
@@ -33,7 +33,7 @@ impl ConvergenceReport {
         text
     }
 
-    /// A row for each run: study, refined, nodes, steps, step (s), seconds, and the quantities.
+    /// Returns one row per run: study, refined, nodes, steps, step (s), seconds, and the quantities.
     pub fn csv(&self) -> String {
         let mut text = String::new();
         for study in &self.studies {
@@ -58,7 +58,7 @@ impl ConvergenceReport {
     }
 }
 
-/// The bar of a limit in words.
+/// Returns the error bar of a limit in words.
 fn bar(found: &Extrapolation) -> String {
     let bar = found.error.map_or(String::new(), |error| format!("± {error:.1e}"));
     match found.verdict {

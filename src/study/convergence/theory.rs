@@ -6,10 +6,11 @@ use vi_mesh::CellKind;
 use crate::scene::Substance;
 use crate::simulation::Simulation;
 
-/// λ/μ from which linear elements lock volumetrically: ν = .455.
+/// λ/μ above which linear elements lock volumetrically: ν = 0.455.
 const LOCKING: f64 = 10.0;
 
-/// The formal order in space of a quantity: degree + 1 of displacements, twice the degree of energies and frequencies.
+/// Returns the formal order in space of a quantity: degree + 1 for displacements, twice the degree for energies and
+/// frequencies.
 pub(super) fn order_in_space(simulation: &Simulation, quantity: &str) -> f64 {
     let kinds = simulation.bodies().iter().flat_map(|body| body.mesh.blocks.iter().map(|block| block.kind));
     let mut kinds = kinds.filter(|kind| kind.dimension() > 1);
@@ -18,7 +19,7 @@ pub(super) fn order_in_space(simulation: &Simulation, quantity: &str) -> f64 {
     if is_displacement { degree + 1.0 } else { 2.0 * degree }
 }
 
-/// Names of the bodies whose elements lock: linear solids that are nearly incompressible, without a cure.
+/// Returns the names of the bodies with locking elements: nearly incompressible linear solids without a cure.
 pub(super) fn locking_bodies(simulation: &Simulation) -> Vec<String> {
     let scene = simulation.scene();
     let is_stiff = |substance: &Substance| match substance {

@@ -1,4 +1,4 @@
-//! The modes that were found.
+//! Computed modes of a scene.
 
 use vi_solvers::Mode;
 
@@ -14,9 +14,9 @@ pub struct SceneMode {
 /// The modes of a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneModes {
-    /// They, by ascending frequency.
+    /// The modes, by ascending frequency.
     pub modes: Vec<SceneMode>,
-    /// Mass of all components that can move along x, y and z, kg; with consistent mass without what couples free
-    /// coordinates to held ones.
+    /// Mass of all components that can move along x, y and z, kg. With consistent mass it excludes the coupling of
+    /// free and held coordinates.
     pub free_mass: [f64; 3],
 }

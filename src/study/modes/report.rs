@@ -1,4 +1,4 @@
-//! The modes of a scene as a table, as JSON and as a chart. Nothing here solves.
+//! The modes of a scene as a table, as JSON and as a chart. This file solves nothing.
 
 use std::fmt::Write as _;
 
@@ -9,7 +9,7 @@ use crate::chart::{Chart, Scale, Series, Style};
 use crate::run::provenance::Provenance;
 use crate::scene::MassKind;
 
-/// Modes found.
+/// Computed modes.
 #[derive(Debug, Clone, Serialize)]
 pub struct ModesReport {
     /// Origin of the result.
@@ -27,22 +27,23 @@ pub struct ModesReport {
 pub struct ModeFacts {
     /// Number of the component that vibrates.
     pub component: usize,
-    /// ω/2π, Hz; zero where ω² is not positive.
+    /// ω/2π, Hz; zero if ω² is not positive.
     pub frequency: f64,
-    /// ω², 1/s²; negative where the state is unstable.
+    /// ω², 1/s²; negative if the state is unstable.
     pub omega_squared: f64,
-    /// Is it a motion of the whole body that strains nothing?
+    /// Whether the mode is a rigid motion without strain.
     pub is_rigid: bool,
     /// Residual of the eigenproblem, relative.
     pub residual: f64,
     /// Effective modal mass along x, y and z, kg: (φᵀMe)²/(φᵀMφ).
     pub effective_mass: [f64; 3],
-    /// The sum of it over this mode and those below, over the free mass: 1 where all modes are known.
+    /// Sum of the effective masses of this mode and all lower ones, divided by the free mass: 1 if all modes are
+    /// included.
     pub cumulative_share: [f64; 3],
 }
 
 impl ModeFacts {
-    /// √|ω²|/2π with the sign of ω², Hz.
+    /// Returns √|ω²|/2π with the sign of ω², Hz.
     pub(super) fn signed_frequency(&self) -> f64 {
         self.omega_squared.signum() * self.omega_squared.abs().sqrt() / std::f64::consts::TAU
     }
@@ -68,7 +69,7 @@ impl ModesReport {
         Self { provenance, mass, free_mass: found.free_mass, modes }
     }
 
-    /// The table for a terminal: effective masses are shares of the mass that can move.
+    /// Returns the table for a terminal, with effective masses as fractions of the free mass.
     pub fn table(&self) -> String {
         let mut text = format!(
             "{:>4} {:>16}    {:^23}   {:^23}\n{:>4} {:>16}    {:>7} {:>7} {:>7}   {:>7} {:>7} {:>7}\n",
@@ -82,7 +83,7 @@ impl ModesReport {
                 (false, true) => "  unstable",
                 (false, false) => "",
             };
-            // Writing into a text in memory cannot fail.
+            // Writing into a string cannot fail.
             let _ = writeln!(
                 text,
                 "{number:4} {:16.9}    {:7.2} {:7.2} {:7.2}   {:7.2} {:7.2} {:7.2}{name}",
@@ -94,7 +95,7 @@ impl ModesReport {
         text
     }
 
-    /// A row for each mode.
+    /// Returns one row per mode.
     pub fn csv(&self) -> String {
         let mut text = String::from("mode,component,omega_squared,frequency,rigid,residual");
         for column in ["effective_mass", "effective_share", "cumulative_share"] {
@@ -116,12 +117,12 @@ impl ModesReport {
         text
     }
 
-    /// All of it as JSON.
+    /// Returns the report as JSON.
     pub(super) fn json(&self) -> String {
         format!("{:#}\n", serde_json::json!(self))
     }
 
-    /// Effective masses over frequencies, as SVG.
+    /// Returns effective masses over frequencies, as SVG.
     pub fn chart(&self) -> String {
         let unit = format!(
             "of {} modes, {} mass",
@@ -144,7 +145,7 @@ impl ModesReport {
     }
 }
 
-/// A part of a mass over the whole; zero where nothing can move.
+/// Returns part/whole, or zero if nothing can move.
 fn share(part: f64, whole: f64) -> f64 {
     if whole > 0.0 { part / whole } else { 0.0 }
 }

@@ -1,4 +1,4 @@
-//! Runs one violent scene and judges what came of it by what it left behind: its report, its files and its state.
+//! Runs one violent scene and judges its results: report, files and state.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -15,53 +15,54 @@ use crate::run::{RunError, Watch, run};
 use crate::scene::{GuardAction, SchemeName};
 use crate::simulation::{Simulation, TOGETHER};
 
-/// Growth of energy that must be warned of, of the exchange: the bound of the guard. Theory gives no less: below its
-/// limit an explicit scheme keeps an energy near the true one, which swings by (hω)²/4 of it.
+/// Growth of energy, relative to the energy exchanged, above which a warning is required: the bound of the guard.
+/// Theory allows no smaller bound: below its limit an explicit scheme conserves an energy near the true one, which
+/// oscillates by (hω)²/4 of it.
 const SILENT: f64 = 0.1;
 
-/// Newton's method ends on an estimate of its error from its own contraction: so much for that.
+/// Newton's method stops by an estimate of its error from its contraction; this factor allows for the estimate.
 const ESTIMATED: f64 = 2.0;
 
-/// Factor on the energy bound, which assumes a K that is one and the same over a step: crushed and snapping bodies
-/// change theirs by orders of magnitude.
+/// Factor on the energy bound. The bound assumes a constant K during a step; crushed and snapping bodies change K by
+/// orders of magnitude.
 const VIOLENT: f64 = 100.0;
 
-/// Verdict on a scene.
+/// Result for a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outcome {
-    /// Done, every invariant inside its bounds.
+    /// The run ended with every invariant within its bounds.
     Done {
-        /// Were steps cut?
+        /// Whether steps were cut.
         was_cut: bool,
-        /// Did the guard warn or act?
+        /// Whether the guard warned or acted.
         was_guarded: bool,
     },
-    /// A failure named, with everything that was reached written and the state intact.
+    /// The run failed with a named error, all results were written and the state is intact.
     Failed(String),
-    /// Ended by the clock of the trial, with everything written.
+    /// The time limit of the trial ended the run, with all results written.
     OutOfTime,
-    /// The scene was refused before it ran.
+    /// The scene was refused before the run.
     Refused(String),
-    /// Violation of a law.
+    /// A law was violated.
     Forbidden(String),
 }
 
-/// When a scene is to end.
+/// Time limits of a scene.
 pub(super) struct Clock {
-    /// Time that a scene may take.
+    /// Time allowed for a scene.
     pub(super) limit: Duration,
-    /// Set from outside: every scene ends after its step.
+    /// Set from outside: every scene ends after its current step.
     pub(super) is_ended: Arc<AtomicBool>,
 }
 
-/// Keeps the last state and looks after every step.
+/// Stores the last state and checks every step.
 struct Witness<'a> {
     deadline: Instant,
     is_ended: &'a AtomicBool,
     states: Vec<State>,
     steps: u64,
     wrong: Option<String>,
-    /// Did the state leave the range of frames?
+    /// Whether the state left the number range of frames.
     is_beyond: bool,
 }
 
@@ -82,7 +83,7 @@ impl Watch for Witness<'_> {
     }
 
     fn step(&mut self, simulation: &Simulation) -> bool {
-        // The guard goes back, and nothing else does; nothing goes on by more steps than are made together.
+        // Only the guard goes back. No advance exceeds the number of steps that are made together.
         if simulation.steps() > self.steps + TOGETHER {
             self.wrong = Some(format!("step {} follows step {}", simulation.steps(), self.steps));
         }
@@ -95,14 +96,14 @@ impl Watch for Witness<'_> {
             let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
             bits(&component.state().q) == bits(&state.q) && bits(&component.state().p) == bits(&state.p)
         });
-        // The guard, or a state beyond all bounds, may end a run after a step that was made.
+        // The guard, or a state out of range, may end a run after a completed step.
         if !same && simulation.steps() == self.steps {
             self.wrong = Some("a failed step has changed the state".to_owned());
         }
     }
 }
 
-/// Runs a case and its twin into `directory`, each for at most about `clock.limit`.
+/// Runs a case and its twin in `directory`, each for at most about `clock.limit`.
 pub(super) fn judge(case: &Case, directory: &Path, clock: &Clock) -> Outcome {
     let (outcome, end) = witnessed(case, directory, clock);
     let Some(transform) = case.twin.filter(|_| matches!(outcome, Outcome::Done { .. } | Outcome::Failed(_)))
@@ -114,7 +115,7 @@ pub(super) fn judge(case: &Case, directory: &Path, clock: &Clock) -> Outcome {
         Err(why) => return Outcome::Forbidden(format!("{transform:?}: {why}")),
     };
     let mut twin = Case { scene, ..case.clone() };
-    // Frames in single precision do not hold numbers in all units.
+    // Frames in single precision cannot store numbers in all units.
     twin.scene.output.interval = None;
     let (of_twin, end_of_twin) = witnessed(&twin, &directory.join("twin"), clock);
     match of_twin {
@@ -128,7 +129,7 @@ pub(super) fn judge(case: &Case, directory: &Path, clock: &Clock) -> Outcome {
     }
 }
 
-/// In what a scene in other units ends otherwise.
+/// Describes how the end of a scene in other units differs.
 fn differs(
     outcome: &Outcome,
     end: &Witness<'_>,
@@ -136,7 +137,7 @@ fn differs(
     end_of_twin: &Witness<'_>,
     transform: &Transform,
 ) -> Option<String> {
-    // What frames cannot hold ends a run that writes them.
+    // Values out of the range of frames end a run that writes frames.
     if end.is_beyond {
         return None;
     }
@@ -155,7 +156,7 @@ fn differs(
     (!is_same).then(|| "ended in another state".to_owned())
 }
 
-/// Runs a case into `directory`, for at most about `clock.limit`.
+/// Runs a case in `directory`, for at most about `clock.limit`.
 fn witnessed<'a>(case: &Case, directory: &Path, clock: &'a Clock) -> (Outcome, Witness<'a>) {
     let mut witness = Witness {
         deadline: Instant::now() + clock.limit,
@@ -206,7 +207,7 @@ fn run_and_judge(case: &Case, directory: &Path, witness: &mut Witness<'_>) -> Ou
     }
 }
 
-/// Reads every file again and compares: the report, or what is wrong.
+/// Reads every file again and compares; returns the report, or the contradiction found.
 fn left_behind(case: &Case, directory: &Path, has_failed: bool) -> Result<Value, String> {
     let read = |name: &str| {
         std::fs::read_to_string(directory.join(name)).map_err(|error| format!("{name}: {error}"))
@@ -249,13 +250,13 @@ fn left_behind(case: &Case, directory: &Path, has_failed: bool) -> Result<Value,
     Ok(report)
 }
 
-/// Error that implicit equations are solved to, of an energy, in the energy norm; zero for explicit schemes.
+/// Returns the relative error of the solution of implicit equations, in the energy norm; zero for explicit schemes.
 fn tolerance(case: &Case) -> f64 {
     let asked = case.scene.solver.tolerance;
     let is_explicit = case.scene.time.method().is_some_and(|method| method.facts().is_explicit);
     let may_switch = case.scene.guard.as_ref().is_some_and(|guard| guard.action == GuardAction::Switch);
     match case.scene.time.scheme.unwrap_or(SchemeName::Auto) {
-        // It keeps the energy to first order in that error, and so asks for more.
+        // Energy–momentum conserves the energy only to first order in this error, so it uses a smaller tolerance.
         SchemeName::EnergyMomentum => 1e-5 * asked,
         _ if !is_explicit => asked,
         _ if may_switch => 1e-5 * asked,
@@ -263,17 +264,17 @@ fn tolerance(case: &Case) -> f64 {
     }
 }
 
-/// Is the momentum of a free body kept?
+/// Checks that the momentum of a free body is conserved.
 ///
-/// Forces of shape have no sum, so that every scheme keeps it but for round-off and for what is left of implicit
-/// equations. A stage M w + c f = R with A = M + cK is solved to ‖R‖_{A⁻¹} ≤ η√(cE) for a tolerance η of the energy
-/// E, which is at most nine times what motion and deformation were given. K moves no rigid body, so the net impulse
-/// that is left, |ΣR|/√c or so, is at most √m ‖R‖_{A⁻¹}/√c = η√(mE): that is η√(E/2T) of √(2mT), the most momentum
-/// that mass m has with the energy T, and n steps leave n times as much.
+/// Elastic forces sum to zero, so that every scheme conserves momentum up to round-off and the residual of implicit
+/// equations. A stage M w + c f = R with A = M + cK is solved to ‖R‖_{A⁻¹} ≤ η√(cE) for a tolerance η and the energy
+/// E, which is at most nine times the initial energy of motion and deformation. K vanishes on rigid motions, so the
+/// remaining net impulse, about |ΣR|/√c, is at most √m ‖R‖_{A⁻¹}/√c = η√(mE). This is η√(E/2T) times √(2mT), the
+/// largest momentum of a mass m with energy T. In n steps the errors add up to n times this.
 fn momentum(case: &Case, report: &Value) -> Result<(), String> {
     let number = |of: &str, name: &str| report[of][name].as_f64().unwrap_or(f64::NAN);
     let kinetic = number("energy", "largest_kinetic");
-    // A body at rest moves by the round-off of its forces alone: that says nothing of momentum.
+    // A body at rest moves only by the round-off of its forces, which gives no information on momentum.
     if kinetic <= number("guard", "resolution") {
         return Ok(());
     }
@@ -287,7 +288,7 @@ fn momentum(case: &Case, report: &Value) -> Result<(), String> {
     Ok(())
 }
 
-/// Has energy been gained in silence? Computed anew from the rows.
+/// Checks, from the rows, whether energy was gained without a warning.
 fn energy(
     case: &Case,
     report: &Value,
@@ -305,8 +306,8 @@ fn energy(
         if growth > SILENT * given + noise {
             return Err(format!("energy grew by {growth:e} J of {given:e} J in silence"));
         }
-        // The work of what is left of the equations is at most η√E times the size of the step in the energy norm:
-        // kinetic and strain energy count up to eight times each in it, and E is at most nine times what was given.
+        // The work of the residuals is at most η√E times the size of the step in the energy norm. Kinetic and strain
+        // energy count up to eight times each in this norm, and E is at most nine times the given energy.
         let steps = report["work"]["steps"].as_f64().unwrap_or(f64::NAN);
         let left = VIOLENT * (72.0_f64).sqrt() * steps * tolerance(case);
         if case.scene.time.scheme == Some(SchemeName::EnergyMomentum) && growth.abs() > left * given + noise {
@@ -316,7 +317,7 @@ fn energy(
     Ok(())
 }
 
-/// Reads every frame: no number in it may be other than finite.
+/// Reads every frame; all numbers must be finite.
 fn frames(directory: &Path) -> Result<(), String> {
     for entry in std::fs::read_dir(directory).map_err(|error| error.to_string())? {
         let path = entry.map_err(|error| error.to_string())?.path();

@@ -1,10 +1,10 @@
-//! Random numbers that are the same everywhere: SplitMix64 (Steele, Lea, Flood 2014).
+//! Random numbers that are the same on every machine: SplitMix64 (Steele, Lea, Flood 2014).
 
 /// A generator.
 pub(super) struct Random(u64);
 
 impl Random {
-    /// That of case `index` of a seed.
+    /// Returns the generator of case `index` of a seed.
     pub(super) fn of(seed: u64, index: u64) -> Self {
         let mut start = Self(seed);
         Self(start.bits() ^ index.wrapping_mul(0xD6E8_FEB8_6659_FD93))
@@ -18,37 +18,37 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// In [0, 1).
+    /// Returns a number in [0, 1).
     pub(super) fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Evenly in [low, high).
+    /// Returns a number with uniform distribution in [low, high).
     pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// With an even logarithm in [low, high), both positive.
+    /// Returns a number with uniform distribution of its logarithm in [low, high), both positive.
     pub(super) fn decades(&mut self, low: f64, high: f64) -> f64 {
         10.0_f64.powf(self.between(low.log10(), high.log10()))
     }
 
-    /// In 0..count.
+    /// Returns an integer in 0..count.
     pub(super) fn below(&mut self, count: usize) -> usize {
         (self.bits() % count.max(1) as u64) as usize
     }
 
-    /// True once in `count` times.
+    /// Returns true with probability 1/count.
     pub(super) fn once_in(&mut self, count: usize) -> bool {
         self.below(count) == 0
     }
 
-    /// One of several.
+    /// Returns one of several values.
     pub(super) fn of_all<T: Copy>(&mut self, all: &[T]) -> T {
         all[self.below(all.len())]
     }
 
-    /// A vector with components in [−size, size).
+    /// Returns a vector with components in [−size, size).
     pub(super) fn vector(&mut self, size: f64) -> [f64; 3] {
         [0; 3].map(|_| self.between(-size, size))
     }

@@ -1,8 +1,8 @@
-//! Changes of a scene that must not change what it does: other units of length, mass and time, or another place.
-//! Every number that a scene holds is listed here with its dimension.
+//! Changes of a scene that must not change its result: other units of length, mass and time, or another position.
+//! Every number of a scene is listed here with its dimension.
 //!
-//! Numbers in mesh files are lengths alone: `scale` and `translate` of the body change them. A file with point
-//! data `velocity` cannot be brought to other units of time.
+//! Numbers in mesh files can only be lengths: `scale` and `translate` of the body change them. A file with point data
+//! `velocity` cannot be converted to other units of time.
 
 use std::fmt::Write;
 
@@ -10,19 +10,21 @@ use serde_json::Value;
 
 use crate::scene::{RigidShape, Scene};
 
-/// A change of units, or of place.
+/// A change of units or of position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Transform {
-    /// All lengths, masses and times times 2 to these powers: the same motion in other units, to the bit.
+    /// All lengths, masses and times are multiplied by 2 to these powers: the same motion in other units, with
+    /// bitwise equal numbers.
     Units {
         /// Power of two of lengths.
         length: i32,
-        /// Of masses.
+        /// Power of two of masses.
         mass: i32,
-        /// Of times.
+        /// Power of two of times.
         time: i32,
     },
-    /// All places moved by this vector, m: the same motion elsewhere, to the round-off of its coordinates.
+    /// All positions are moved by this vector, m: the same motion at another place, up to the round-off of its
+    /// coordinates.
     Moved([f64; 3]),
 }
 
@@ -35,7 +37,7 @@ enum Meaning {
     Place,
     /// A factor in time: a number, a formula of t, or pairs (t, factor).
     Amplitude,
-    /// Names and vectors of directions, without dimension.
+    /// Names and dimensionless vectors of directions.
     Directions,
 }
 use Meaning::{Amplitude, Directions, Of, Place};
@@ -51,8 +53,8 @@ const PRESSURE: Meaning = Of(-1, 1, -2);
 const STIFFNESS: Meaning = Of(0, 1, -2);
 const VISCOSITY: Meaning = Of(-1, 1, -1);
 
-/// The keys of a scene that hold numbers or formulas. Of motions and materials only what follows `motion.` and
-/// `material.` is listed.
+/// The keys of a scene that contain numbers or formulas. Keys of motions and materials are listed by the part after
+/// `motion.` and `material.`.
 const KEYS: &[(&str, Meaning)] = &[
     ("gravity", Of(1, 0, -2)),
     ("gravity_amplitude", Amplitude),
@@ -136,7 +138,7 @@ const KEYS: &[(&str, Meaning)] = &[
     ("load.pressure", PRESSURE),
     ("load.point", Place),
     ("load.node", NUMBER),
-    // Of a point; a body force is one per volume.
+    // The total force at a point; that of a body force is per volume.
     ("load.force", Of(1, 1, -2)),
     ("load.moment", Of(2, 1, -2)),
     ("load.about", Place),
@@ -167,7 +169,7 @@ const KEYS: &[(&str, Meaning)] = &[
     ("assert.angular_momentum_drift", NUMBER),
 ];
 
-/// The keys of a selection of nodes, behind those of the table that it is in.
+/// The keys of a selection of nodes, relative to the table that contains it.
 const KEYS_OF_SELECTIONS: &[(&str, Meaning)] = &[
     ("box.min", Place),
     ("box.max", Place),
@@ -182,7 +184,7 @@ const KEYS_OF_SELECTIONS: &[(&str, Meaning)] = &[
 const SELECTING: &[&str] =
     &["fix.", "attach.", "periodic.from.", "periodic.to.", "strike.", "load.", "probe."];
 
-/// What a key of a scene holds.
+/// Returns the dimension of a key of a scene.
 fn meaning(path: &str) -> Option<Meaning> {
     let of = |keys: &[(&str, Meaning)], key: &str| {
         keys.iter().find(|(known, _)| *known == key).map(|entry| entry.1)
@@ -202,7 +204,7 @@ pub(super) enum Quantity {
     Length,
 }
 
-/// The quantity of a key of a material table; none for pure numbers and words.
+/// Returns the quantity of a key of a material table; `None` for pure numbers and words.
 pub(super) fn quantity(key: &str) -> Option<Quantity> {
     let of = |(path, _): &&(&str, Meaning)| path.strip_prefix("material.") == Some(key);
     match KEYS.iter().find(of)?.1 {
@@ -214,17 +216,17 @@ pub(super) fn quantity(key: &str) -> Option<Quantity> {
 }
 
 impl Transform {
-    /// The scene after this change.
+    /// Returns the scene after this change.
     ///
     /// # Errors
-    /// The key of a number whose dimension is not listed, or what serde says of the changed scene.
+    /// The key of a number without a listed dimension, or the message of serde about the changed scene.
     pub fn of(&self, scene: &Scene) -> Result<Scene, String> {
         let mut value = serde_json::to_value(scene).map_err(|error| error.to_string())?;
         self.walk("", &mut value)?;
         let mut changed: Scene = serde_json::from_value(value).map_err(|error| error.to_string())?;
         for body in &mut changed.bodies {
             match *self {
-                // The file is as it was.
+                // The file itself does not change.
                 Self::Units { length, .. } if body.mesh.is_some() => {
                     body.scale = Some(body.scale.unwrap_or(1.0) * power(length));
                 }
@@ -237,14 +239,14 @@ impl Transform {
             if let (Self::Units { length, .. }, Some(RigidShape::Mesh { scale, .. })) =
                 (self, &mut rigid.shape)
             {
-                // A scale that is given has been changed as a length.
+                // A scale that is given was changed as a length.
                 scale.get_or_insert(power(*length));
             }
         }
         Ok(changed)
     }
 
-    /// The factor on a quantity of these powers of length, mass and time.
+    /// Returns the factor for a quantity with these powers of length, mass and time.
     pub fn factor(&self, powers: [i32; 3]) -> f64 {
         match *self {
             Self::Units { length, mass, time } => {
@@ -278,7 +280,7 @@ impl Transform {
                 }
                 Ok(())
             }
-            // A list of tables, or of numbers.
+            // The list contains tables, or numbers.
             Value::Array(list) if list.iter().any(Value::is_object) => {
                 list.iter_mut().try_for_each(|value| self.walk(path, value))
             }
@@ -336,7 +338,7 @@ impl Transform {
     }
 }
 
-/// 2^e.
+/// Returns 2^e.
 fn power(e: i32) -> f64 {
     2.0_f64.powi(e)
 }
@@ -355,7 +357,7 @@ fn holds_numbers(value: &Value) -> bool {
     }
 }
 
-/// A formula with its variables replaced; numbers such as 1e3 and other names stay.
+/// Returns a formula with its variables replaced; numbers such as 1e3 and other names do not change.
 fn renamed(formula: &str, variables: &[&str], by: &dyn Fn(usize) -> String) -> String {
     let mut out = String::with_capacity(formula.len());
     let mut rest = formula;
@@ -367,7 +369,7 @@ fn renamed(formula: &str, variables: &[&str], by: &dyn Fn(usize) -> String) -> S
         };
         let (word, after) = rest.split_at(end);
         match variables.iter().position(|variable| *variable == word) {
-            // Writing into a text cannot fail.
+            // Writing into a string cannot fail.
             Some(k) => drop(write!(out, "{}", by(k))),
             None => out.push_str(word),
         }

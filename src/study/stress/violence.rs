@@ -1,5 +1,5 @@
-//! Violent scenes: each kind of violence against a random body, law, element, scheme, step and support. The same seed
-//! and index give the same scene.
+//! Violent scenes: combines each kind of violence with a random body, law, element, scheme, step and support. The
+//! same seed and index give the same scene.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ macro_rules! violence {
             /// All kinds.
             pub const ALL: &'static [Self] = &[$(Self::$name),*];
 
-            /// In words.
+            /// Returns the kind in words.
             pub fn words(self) -> &'static str {
                 match self { $(Self::$name => concat!($($doc),*).trim_start(),)* }
             }
@@ -71,13 +71,13 @@ violence! {
     Moderate;
 }
 
-/// Why a case cannot be made.
+/// Error that prevents a case.
 #[derive(Debug, thiserror::Error)]
 pub enum CaseError {
     /// The mesh cannot be written.
     #[error(transparent)]
     Mesh(#[from] IoError),
-    /// A law of the registry cannot be given the parameters of the case: `stress/violence.rs` is to learn its keys.
+    /// The parameters of a case do not fit a law of the registry; `stress/violence.rs` must support its keys.
     #[error("law {law}: {why}")]
     Law {
         /// Name of the law.
@@ -87,7 +87,7 @@ pub enum CaseError {
     },
 }
 
-/// A scene to be survived.
+/// A scene of the stress test.
 #[derive(Debug, Clone)]
 pub struct Case {
     /// Number of the scene in the seed.
@@ -96,22 +96,22 @@ pub struct Case {
     pub violence: Violence,
     /// The scene.
     pub scene: Scene,
-    /// Does anything but its start, its elasticity and constant weight act on the body?
+    /// Whether something other than its initial state, elasticity and constant weight acts on the body.
     pub is_driven: bool,
-    /// Is the body free of supports and weight, so that momentum is kept?
+    /// Whether the body has no supports and no weight, so that momentum is conserved.
     pub is_free: bool,
-    /// A change that must not change what comes of the scene: the changed scene is run and judged too.
+    /// A change that must not change the result: the changed scene is also run and judged.
     pub twin: Option<Transform>,
 }
 
-/// A body in the making.
+/// A body that is being built.
 struct Making {
     mesh: Mesh,
     displacement: Vec<[f64; 3]>,
     is_sheet: bool,
-    /// Stiffness and density of its second half, over those of its first.
+    /// Stiffness and density of its second half, as multiples of those of its first half.
     ratio: (f64, f64),
-    /// Young's modulus, Pa, density, kg/m³, Poisson's ratio.
+    /// Young's modulus, Pa; density, kg/m³; Poisson's ratio.
     young: f64,
     density: f64,
     poisson: f64,
@@ -120,19 +120,19 @@ struct Making {
     size: f64,
 }
 
-/// Case `index` of a seed; meshes that it needs are written into `directory`.
+/// Returns case `index` of a seed. Required meshes are written into `directory`.
 ///
 /// # Errors
-/// [`CaseError`] where a mesh cannot be written, or a law of the registry is not understood.
+/// [`CaseError`] if a mesh cannot be written, or a law of the registry is not supported.
 pub fn case(seed: u64, index: u64, directory: &Path) -> Result<Case, CaseError> {
     let mut random = Random::of(seed, index);
     let random = &mut random;
-    // Every kind in turn, so that any count is spread evenly.
+    // The kinds take turns, so that any count covers them evenly.
     let violence = Violence::ALL[(index % Violence::ALL.len() as u64) as usize];
     let mut making = make(random, violence);
     deform(random, violence, &mut making);
     let wave_speed = (making.young / making.density).sqrt();
-    // Time for a wave to cross the body, and a step between a hundredth of it and all of it.
+    // The time scale is that of a wave crossing the body; the step is between 1/100 of it and all of it.
     let crossing = making.size / wave_speed;
     let scheme = random.of_all(&SchemeName::ALL);
     let step = match violence {
@@ -206,7 +206,8 @@ pub fn case(seed: u64, index: u64, directory: &Path) -> Result<Case, CaseError> 
         }
         is_free &= scene.fixes.is_empty();
     }
-    // Variational schemes up to order 2 alone: under `newmark` a struck sheet in the wind ends otherwise in other units.
+    // Only variational schemes up to order 2: with `newmark` a struck sheet in the wind ends differently in other
+    // units.
     let takes_forces = scheme.method().map(|method| method.facts()).is_some_and(|facts| {
         facts.accepts.forces == AcceptedForces::All && facts.is_variational() && facts.order <= 2
     });
@@ -239,7 +240,7 @@ pub fn case(seed: u64, index: u64, directory: &Path) -> Result<Case, CaseError> 
     Ok(Case { index, violence, scene, is_driven, is_free, twin })
 }
 
-/// Half of the scenes have a twin: in other units, or far from the origin.
+/// Half of the scenes have a twin, in other units or far from the origin.
 fn twin(random: &mut Random, size: f64) -> Option<Transform> {
     let mut power = || random.below(61) as i32 - 30;
     let units = Transform::Units { length: power(), mass: power(), time: power() };
@@ -295,11 +296,11 @@ fn make(random: &mut Random, violence: Violence) -> Making {
     }
 }
 
-/// Gives the body another shape than at rest.
+/// Deforms the body from its shape at rest.
 fn deform(random: &mut Random, violence: Violence, making: &mut Making) {
     let axis = random.below(3);
     let partly = random.once_in(3);
-    // A collapse that is not complete is as hard as one that is.
+    // An incomplete collapse is as difficult as a complete one.
     let rest = if partly { random.decades(1e-12, 1e-2) } else { 0.0 };
     let keeps = |k: usize| match violence {
         Violence::Plane => k != axis,
@@ -321,7 +322,7 @@ fn deform(random: &mut Random, violence: Violence, making: &mut Making) {
     }
 }
 
-/// Nodes at the least and at the greatest x.
+/// Returns the nodes at the smallest and at the largest x.
 fn ends(mesh: &Mesh) -> [Vec<usize>; 2] {
     let x = || mesh.points.iter().map(|point| point[0]);
     let (low, high) = (x().fold(f64::INFINITY, f64::min), x().fold(f64::NEG_INFINITY, f64::max));
@@ -371,8 +372,8 @@ fn body(making: &Making, directory: &Path, index: u64) -> Result<Body, CaseError
 /// Young's modulus of the registry's examples, Pa: all are soft rubbers.
 const EXAMPLE_YOUNG: f64 = 1e6;
 
-/// A law of the registry with its moduli, densities and Poisson's ratio brought to those asked for: its own example
-/// says which keys it has, and their dimensions what they are.
+/// Returns a law of the registry with moduli, densities and Poisson's ratio set to the given values. The example of
+/// the law lists its keys; their dimensions identify them.
 fn substance(making: &Making, tension_field: bool, young: f64, density: f64) -> Result<Substance, CaseError> {
     let mut value = match making.is_sheet {
         true => json!(SheetLaw::examples()[making.law]),

@@ -2,19 +2,19 @@
 
 use std::str::FromStr;
 
-/// Points of a sweep at most: each has a directory and is held in memory as a scene of its own.
+/// Largest number of points of a sweep: each has a directory, and its scene is held in memory.
 pub(crate) const MOST_POINTS: usize = 100_000;
 
 /// A key with its values, as `--over` takes them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Axis {
-    /// The key, as `--set` takes it.
+    /// The key, in the form of `--set`.
     pub key: String,
-    /// Values, as `--set` takes them.
+    /// Values, in the form of `--set`.
     pub values: Vec<String>,
 }
 
-/// Why a text is no axis of a sweep.
+/// Error in the text of an axis.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum AxisError {
     /// There is no key or no value.
@@ -68,14 +68,14 @@ fn range(text: &str) -> Result<Option<Vec<String>>, AxisError> {
         share => low + share * (high - low),
     };
     let values: Vec<f64> = (0..count).map(value).collect();
-    // Counts stay counts.
+    // Integer ranges keep integer values.
     let is_whole = |text: &str| text.trim().parse::<i64>().is_ok();
     let are_whole = is_whole(from) && is_whole(to) && values.iter().all(|value| value.fract() == 0.0);
     let text = |value: &f64| if are_whole { format!("{value}") } else { format!("{value:?}") };
     Ok(Some(values.iter().map(text).collect()))
 }
 
-/// The parts of a list between commas that no bracket and no quote encloses.
+/// Splits a list at commas outside brackets and quotes.
 fn list(text: &str) -> Vec<String> {
     let (mut parts, mut depth, mut is_quoted) = (vec![String::new()], 0_i32, false);
     for letter in text.chars() {

@@ -1,4 +1,4 @@
-//! Why there is no sweep.
+//! Errors that prevent a sweep.
 
 use std::path::{Path, PathBuf};
 
@@ -6,11 +6,11 @@ use super::axis::MOST_POINTS;
 use crate::run::RunError;
 use crate::scene::Problem;
 
-/// Why there is no sweep.
+/// Error that prevents a sweep.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SweepError {
-    /// No point is a sound scene: what is wrong with the first.
+    /// No point has a valid scene; these are the problems of the first.
     #[error("no point of the sweep is a sound scene")]
     Scene(Vec<Problem>),
     /// A file cannot be read or written.

@@ -1,33 +1,34 @@
-//! What a sweep is asked for, and how it is followed.
+//! Options of a sweep, and a trait to follow it.
 
 use std::path::PathBuf;
 
 use super::axis::Axis;
 
-/// What a sweep is asked for.
+/// Options of a sweep.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SweepOptions {
     /// The scene file.
     pub scene: PathBuf,
-    /// Keys that are set in every point, as `run --set` takes them.
+    /// Keys that are set in every point, in the form of `run --set`.
     pub overrides: Vec<String>,
-    /// The keys that vary; the last one varies first.
+    /// The keys that vary; the last one varies fastest.
     pub axes: Vec<Axis>,
     /// Directory of the tables and of the points.
     pub directory: PathBuf,
-    /// Points that run at once.
+    /// Number of points that run at the same time.
     pub jobs: usize,
-    /// Threads of each point.
+    /// Number of threads of each point.
     pub threads: usize,
-    /// Run the points whose number leaves the remainder `.0` when it is divided by `.1` only.
+    /// Runs only the points whose number has the remainder `.0` when divided by `.1`.
     pub task: (usize, usize),
 }
 
 /// Follows a sweep, from several threads.
 pub trait SweepWatch: Sync {
-    /// A point has come to its end: its number, its exit code, why it failed, and how many of all are left.
+    /// Called when a point has ended: with its number, its exit code, the reason if it failed, and the number of
+    /// points left.
     fn done(&self, _point: usize, _exit: u8, _reason: &str, _left: usize) {}
-    /// Asked after every step: false ends the sweep, with everything written.
+    /// Called after every step: false ends the sweep, after all output is written.
     fn go_on(&self) -> bool {
         true
     }

@@ -1,5 +1,5 @@
-//! One point of a sweep: a run in a directory of its own, and `point.json`, which says that it has come to its end
-//! and of which scene it is. Nothing here knows the other points.
+//! One point of a sweep: a run in its own directory, with `point.json`, which records its end and identifies its
+//! scene. Points do not depend on each other.
 
 use std::collections::HashMap;
 use std::io;
@@ -21,24 +21,24 @@ pub(super) struct Point {
     pub(super) number: usize,
     /// Values of the axes.
     pub(super) values: Vec<String>,
-    /// All keys that are set in the scene.
+    /// All keys that are set in the scene, with values.
     pub(super) overrides: Vec<String>,
     /// The scene file.
     pub(super) file: PathBuf,
-    /// The scene, or what is wrong with it.
+    /// The scene, or the problems found in it.
     pub(super) scene: Result<Scene, Vec<Problem>>,
-    /// Where it runs.
+    /// Directory of the run.
     pub(super) directory: PathBuf,
 }
 
-/// Identity of a run: enough to know whether it equals the run that would be made now.
+/// Identity of a run: sufficient to decide whether a new run would be equal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Identity {
     /// Version of the program.
     version: String,
-    /// The scene, as [`scene_text`] gives it.
+    /// The scene, from [`scene_text`].
     scene: String,
-    /// The files that the scene reads and the CRC-32 of their bytes.
+    /// The files that the scene reads, with the CRC-32 of their bytes.
     files: Vec<(PathBuf, u32)>,
 }
 
@@ -47,20 +47,20 @@ struct Identity {
 pub(super) struct End {
     /// The exit code that `variational run` would have.
     pub(super) exit: u8,
-    /// Why it did not end well; empty where it did.
+    /// Reason for an error; empty if the run ended without one.
     pub(super) reason: String,
 }
 
 #[derive(Serialize, Deserialize)]
 struct Record {
-    /// That of report.json; null where the run wrote none.
+    /// Provenance from report.json; null if the run wrote none.
     #[serde(default)]
     provenance: serde_json::Value,
     end: End,
     identity: Identity,
 }
 
-/// Checksums of the files that all points read, each made once.
+/// Checksums of the files that the points read, each computed once.
 pub(super) struct Identities {
     sums: HashMap<PathBuf, u32>,
 }
@@ -70,7 +70,7 @@ impl Identities {
         let mut sums = HashMap::new();
         let scenes = points.iter().filter_map(|point| point.scene.as_ref().ok());
         for (_, path) in scenes.flat_map(Scene::files) {
-            // A file that cannot be read is a problem of its scene, which says so.
+            // An unreadable file is reported as a problem of its scene.
             if !sums.contains_key(path)
                 && let Ok(bytes) = std::fs::read(path)
             {
@@ -93,7 +93,7 @@ impl Identities {
     }
 }
 
-/// Ends the run where the sweep ends.
+/// Ends the run when the sweep ends.
 struct Stop<'a>(&'a dyn SweepWatch);
 
 impl Watch for Stop<'_> {
@@ -103,7 +103,7 @@ impl Watch for Stop<'_> {
 }
 
 impl Point {
-    /// End of the point, if it has ended, in this call of the program or an earlier one.
+    /// Returns the end of the point, if it has ended in this call of the program or an earlier one.
     pub(super) fn end(&self, identities: &Identities) -> Option<End> {
         let scene = match &self.scene {
             Ok(scene) => scene,
@@ -114,10 +114,11 @@ impl Point {
         (record.identity == identities.identity(scene)).then_some(record.end)
     }
 
-    /// Runs the point from its newest checkpoint, if any, unless it is done. Returns `None` if the sweep was interrupted.
+    /// Runs the point from its newest checkpoint, if any, unless it is done. Returns `None` if the sweep was
+    /// interrupted.
     ///
     /// # Errors
-    /// Where its output cannot be written.
+    /// Returns an error if its output cannot be written.
     pub(super) fn bring_to_end(
         &self,
         identities: &Identities,
@@ -157,7 +158,7 @@ impl Point {
             && found.checkpoint.origin.check(scene).is_ok()
         {
             match resume(scene.clone(), &found.checkpoint, &self.directory, &mut stop) {
-                // What cannot be continued is run anew.
+                // A run that cannot be continued starts again.
                 Err(RunError::Checkpoint(_)) => {}
                 other => return other,
             }
@@ -167,7 +168,7 @@ impl Point {
         run_from(Some(source), scene.clone(), &name, &self.directory, &mut stop)
     }
 
-    /// What ran here, and where, as its report tells.
+    /// Returns the provenance from the report of the run.
     fn provenance(&self) -> serde_json::Value {
         let report = std::fs::read(self.directory.join("report.json")).ok();
         let report = report.and_then(|bytes| serde_json::from_slice::<serde_json::Value>(&bytes).ok());
@@ -179,18 +180,18 @@ impl Point {
     }
 }
 
-/// A scene that is refused. Neither the file's place nor its lines belong into the table.
+/// Returns the end of a point with an invalid scene. The table must not depend on the location or lines of the file.
 fn refusal(problems: &[Problem]) -> End {
     let plain = |problem: &Problem| Problem::new(&problem.key, &problem.message).to_string();
     End { exit: 2, reason: problems.iter().map(plain).collect::<Vec<_>>().join("; ") }
 }
 
-/// Writes a file as a whole: it is there with all of its text, or not at all.
+/// Writes a file completely or not at all, even if the process is interrupted.
 pub(super) fn write_whole(path: &Path, text: &str) -> io::Result<()> {
     let temporary = path.with_extension(format!("tmp-{}", std::process::id()));
     let written = std::fs::write(&temporary, text).and_then(|()| std::fs::rename(&temporary, path));
     if written.is_err() {
-        // The first error is the one to report; the temporary file may not even exist.
+        // The first error is reported; the temporary file may not exist.
         let _ = std::fs::remove_file(&temporary);
     }
     written

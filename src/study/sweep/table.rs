@@ -1,5 +1,5 @@
 //! The tables of a sweep, gathered from the directories of its points: `sweep.csv`, whose bytes do not depend on how
-//! the sweep was run, and `sweep-times.csv`, which holds what the clock said. Nothing here runs anything.
+//! the sweep was run, and `sweep-times.csv` with clock times. This file runs nothing.
 
 use std::fmt::Write as _;
 
@@ -9,17 +9,18 @@ use super::error::SweepError;
 use super::options::SweepOptions;
 use super::point::{End, Identities, Point, write_whole};
 
-/// Results that a point has left in its directory.
+/// Results found in the directory of a point.
 struct Found {
     end: Option<End>,
-    /// Of each column of history.csv its name, last, smallest and largest value.
+    /// Name, last, smallest and largest value of each column of history.csv.
     columns: Vec<(String, [String; 3])>,
     report: Value,
 }
 
-/// Writes both tables; returns how many points are done, and how many of these did not end well.
+/// Writes both tables; returns how many points are done, and how many of these ended with an error.
 ///
-/// Tasks that end at the same time each write all of the table: the last one to write has seen the points of all.
+/// Tasks that end at the same time each write the whole table: the last one to write has seen the points of all
+/// tasks.
 pub(super) fn write(
     options: &SweepOptions,
     points: &[Point],
@@ -41,7 +42,7 @@ pub(super) fn write(
 
 fn find(point: &Point, identities: &Identities) -> Found {
     let end = point.end(identities);
-    // What lies in the directory of a point that was refused or not run is of another scene.
+    // The files in the directory of a refused or skipped point belong to another scene.
     if end.as_ref().is_none_or(|end| end.exit == 2) {
         return Found { end, columns: Vec::new(), report: Value::Null };
     }
@@ -53,7 +54,7 @@ fn find(point: &Point, identities: &Identities) -> Found {
     }
 }
 
-/// Of each column its name, last, smallest and largest value, as they stand in the file.
+/// Returns name, last, smallest and largest value of each column, as text from the file.
 fn extremes(history: &str) -> Vec<(String, [String; 3])> {
     let mut lines = history.lines();
     let names = lines.next().into_iter().flat_map(|line| line.split(','));
@@ -136,7 +137,7 @@ fn number(value: &Value) -> String {
     if value.is_null() { String::new() } else { value.to_string() }
 }
 
-/// A text as a cell (RFC 4180), on one line.
+/// Formats a text as a cell (RFC 4180) on one line.
 fn cell(text: &str) -> String {
     let line = text.replace(['\n', '\r'], " ");
     if line.contains([',', '"']) { format!("\"{}\"", line.replace('"', "\"\"")) } else { line }
