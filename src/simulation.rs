@@ -1,4 +1,4 @@
-//! A scene come to life: systems with their states and steppers, stepped together.
+//! The simulation of a scene: systems with their states and steppers, stepped together.
 
 mod added;
 mod advance;
@@ -34,35 +34,35 @@ pub use snapshot::{Snapshot, Substeps};
 
 /// Bodies that act on each other, as one Lagrangian system with its integrator.
 ///
-/// Bodies apart from each other are separate components and cost what they cost alone; a component
-/// without a free coordinate has no stepper and costs nothing.
+/// Bodies that do not act on each other are separate components, with the same cost as if they were alone. A
+/// component without a free coordinate has no stepper and costs nothing.
 pub struct Component {
     pub(crate) system: System,
     pub(crate) state: State,
     pub(crate) stepper: Option<Box<dyn Stepper>>,
     /// Subdivision of its steps.
     pace: Pace,
-    /// Evaluates energies for observers; made when first asked for.
+    /// Evaluates energies for observers; created at first use.
     observer: Option<Assembler>,
-    /// Does its stepper keep the full energy ledger?
+    /// Whether its stepper keeps the full energy ledger.
     keeps_ledger: bool,
-    /// Can a configuration lie outside the domain of a term?
+    /// Whether a configuration can lie outside the domain of a term.
     has_domain: bool,
     contact: Option<ContactWatch>,
 }
 
 impl Component {
-    /// The Lagrangian system.
+    /// Returns the Lagrangian system.
     pub fn system(&self) -> &System {
         &self.system
     }
 
-    /// State of the component.
+    /// Returns the state of the component.
     pub fn state(&self) -> &State {
         &self.state
     }
 
-    /// Velocities of all coordinates, m/s.
+    /// Returns the velocities of all coordinates, m/s.
     fn velocities(&self) -> Vec<f64> {
         let known = self.stepper.as_ref().and_then(|stepper| stepper.velocity(&self.state));
         let Some(q_dot) = known else { return self.system.velocities(&self.state) };
@@ -71,13 +71,13 @@ impl Component {
         x_dot
     }
 
-    /// The integrator; `None` if no coordinate is free.
+    /// Returns the integrator; `None` if no coordinate is free.
     pub fn stepper(&self) -> Option<&dyn Stepper> {
         self.stepper.as_deref()
     }
 }
 
-/// A scene with its state, ready to be stepped.
+/// A scene with its state, ready for steps.
 pub struct Simulation {
     scene: Scene,
     bodies: Vec<BodyModel>,
@@ -93,32 +93,32 @@ pub struct Simulation {
     h: f64,
     method: Method,
     options: SolverOptions,
-    /// Into how many parts each step is cut from the start; 1 unless [`Simulation::halve`].
+    /// Number of parts into which each step is divided; 1 before any [`Simulation::halve`].
     parts: u32,
     switched: bool,
     substeps: Substeps,
-    /// Work of steppers that have been replaced, and of the run that this one continues.
+    /// Work of replaced steppers, and of the run that this one continues.
     earlier_work: Work,
-    /// Energy that [`Simulation::set_motion`] gave and no step has told yet, J.
+    /// Energy from [`Simulation::set_motion`] that no step has booked yet, J.
     given: f64,
     contact: ContactTotals,
-    /// Which bodies meet.
+    /// Pairs of bodies with contact.
     meeting: Meeting,
-    /// What `contact.resolve` moved before the start.
+    /// Bodies that `contact.resolve` moved before the start.
     parted: Vec<Parted>,
 }
 
 impl Simulation {
-    /// Reads the meshes of a scene and builds its systems at t = 0. A scene with scheme `auto` is settled by
-    /// [`crate::auto::settle`] first.
+    /// Reads the meshes of a scene and builds its systems at t = 0. A scene with scheme `auto` must first be passed
+    /// to [`crate::auto::settle`].
     ///
     /// # Errors
-    /// Everything that is wrong with the scene and its meshes, at once.
+    /// All problems of the scene and its meshes, at once.
     pub fn new(scene: Scene) -> Result<Self, Vec<Problem>> {
         Self::build(scene, Ok)
     }
 
-    /// Makes the simulation after `extend` has changed the model of the scene.
+    /// Builds the simulation after `extend` has changed the model of the scene.
     fn build(
         scene: Scene,
         extend: impl FnOnce(Model) -> Result<Model, Vec<Problem>>,
@@ -129,7 +129,7 @@ impl Simulation {
         }
         let method = match (scene.time.method(), &scene.statics) {
             (Some(method), _) => method,
-            // An equilibrium is found without a scheme.
+            // An equilibrium needs no scheme.
             (None, Some(_)) => Method::ImplicitMidpoint,
             (None, None) => {
                 let message = "\"auto\" is settled by trial runs before a simulation is made: pass the scene that \
@@ -216,8 +216,8 @@ impl Simulation {
         if problems.is_empty() { Ok(simulation) } else { Err(problems) }
     }
 
-    /// Cost of all work so far on one core of the reference machine, s: counted, so that it is the same
-    /// in every run.
+    /// Returns the cost of all work so far on one core of the reference machine, s. It is counted, not measured, so
+    /// it is the same in every run.
     pub fn counted_seconds(&self) -> f64 {
         let cost = |component: &Component| {
             let stepper = component.stepper.as_ref()?;
@@ -226,47 +226,47 @@ impl Simulation {
         self.components.iter().filter_map(cost).sum()
     }
 
-    /// Does any component keep the full energy ledger?
+    /// Returns whether any component keeps the full energy ledger.
     pub(crate) fn has_ledger(&self) -> bool {
         self.components.iter().any(|component| component.keeps_ledger)
     }
 
-    /// Is all work from outside accounted for, or is there none?
+    /// Returns whether all work from outside is recorded, or there is none.
     pub(crate) fn is_accounted(&self) -> bool {
         self.components.iter().all(|component| component.keeps_ledger || !is_worked_on(&component.system))
     }
 
-    /// The integrator.
+    /// Returns the integrator.
     pub fn method(&self) -> Method {
         self.method
     }
 
-    /// The scene.
+    /// Returns the scene.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// The bodies, in the order of the scene.
+    /// Returns the bodies, in the order of the scene.
     pub fn bodies(&self) -> &[BodyModel] {
         &self.bodies
     }
 
-    /// The rigid bodies, in the order of the scene.
+    /// Returns the rigid bodies, in the order of the scene.
     pub fn rigids(&self) -> &[RigidModel] {
         &self.rigids
     }
 
-    /// The fixes of the scene, each with its nodes.
+    /// Returns the fixes of the scene, each with its nodes.
     pub fn fixed_nodes(&self) -> impl Iterator<Item = (&Fix, &NodeSet)> {
         self.scene.fixes.iter().zip(&self.fixes)
     }
 
-    /// The systems.
+    /// Returns the systems.
     pub fn components(&self) -> &[Component] {
         &self.components
     }
 
-    /// Number of free coordinates of all systems.
+    /// Returns the number of free coordinates of all systems.
     pub fn free_coordinates(&self) -> usize {
         self.components.iter().map(|component| component.system.coordinates().free_count()).sum()
     }
@@ -282,53 +282,54 @@ impl Simulation {
         steppers.flat_map(|stepper| stepper.take_findings()).collect()
     }
 
-    /// The step h that lands on the scene's end, s.
+    /// Returns the step h that lands on the scene's end, s.
     pub fn step_size(&self) -> f64 {
         self.h
     }
 
-    /// Steps made.
+    /// Returns the number of steps made.
     pub fn steps(&self) -> u64 {
         self.steps
     }
 
-    /// Makes the initial state that after `steps` steps, as if nothing had moved before.
+    /// Declares the initial state to be that after `steps` steps, without earlier motion.
     pub(crate) fn start_at(&mut self, steps: u64) {
         self.steps = steps;
         let t = self.time();
         self.components.iter_mut().for_each(|component| component.state.t = t);
     }
 
-    /// Steps that the scene asks for; arc steps at most, where it follows a path by arc length.
+    /// Returns the number of steps of the scene; on a path by arc length it is the largest number of arc steps.
     pub fn step_count(&self) -> u64 {
         self.step_count
     }
 
-    /// Time, s. Along a path of equilibria it counts steps of `time.step`; see [`Simulation::load_factor`].
+    /// Returns the time, s. On a path of equilibria it counts steps of `time.step`; see [`Simulation::load_factor`].
     pub fn time(&self) -> f64 {
         self.steps as f64 * self.h
     }
 
-    /// Is the end reached?
+    /// Returns whether the end is reached.
     pub fn is_done(&self) -> bool {
         let statics = self.scene.statics.as_ref();
         let is_arc = statics.is_some_and(|statics| statics.arc_steps.is_some());
         self.steps >= self.step_count || (is_arc && self.load_factor() == Some(self.scene.time.end))
     }
 
-    /// The load factor, where a path of equilibria is followed that finds it.
+    /// Returns the load factor on a path of equilibria that computes it.
     pub fn load_factor(&self) -> Option<f64> {
         self.scene.statics.as_ref().filter(|statics| statics.follows_path())?;
         self.components.iter().find(|component| component.stepper.is_some()).map(|c| c.state.t)
     }
 
-    /// The smallest gap between surfaces that press on each other, at the start and after any step so far, m; infinite
-    /// where there were none.
+    /// Returns the smallest gap between surfaces with a contact force, at the start and after any step so far, m;
+    /// infinite without such surfaces.
     pub fn smallest_gap(&self) -> f64 {
         self.contact.smallest_gap
     }
 
-    /// Most crossings of surfaces in any observation so far; counted only where the scene asserts their number.
+    /// Returns the largest number of surface crossings in any observation so far; counted only if the scene asserts
+    /// it.
     pub(crate) fn intersections(&self) -> u64 {
         self.contact.intersections
     }
@@ -350,7 +351,7 @@ impl Simulation {
         self.notes.extend(notes);
     }
 
-    /// What contact searches, for report.json; null in a scene without contact.
+    /// Returns the size of the contact search for report.json; null in a scene without contact.
     pub(crate) fn contact_report(&self) -> serde_json::Value {
         if self.scene.contact.is_none() {
             return serde_json::Value::Null;
@@ -374,12 +375,12 @@ impl Simulation {
         })
     }
 
-    /// Steps that were cut into substeps so far.
+    /// Returns the counts of steps that were cut into substeps so far.
     pub fn substeps(&self) -> Substeps {
         self.substeps
     }
 
-    /// Work done by all steppers so far.
+    /// Returns the work done by all steppers so far.
     pub fn work(&self) -> Work {
         let mut total = self.earlier_work;
         for stepper in self.components.iter().filter_map(Component::stepper) {
@@ -389,8 +390,8 @@ impl Simulation {
     }
 }
 
-/// Can a configuration lie outside the domain of a term? So it can where the first stencil has no energy when
-/// all its nodes are in one place.
+/// Returns whether a configuration can lie outside the domain of a term. This is so if the first stencil has no
+/// finite energy when all its nodes coincide.
 fn has_domain(system: &System) -> bool {
     let collapsed = vec![0.0; system.coordinates().dof_count()];
     system.potentials().iter().any(|term| {
@@ -403,8 +404,8 @@ fn has_domain(system: &System) -> bool {
     })
 }
 
-/// Does something outside put energy in or take it out: moving supports, forces without a potential, or loads
-/// that change in time?
+/// Returns whether something outside adds or removes energy: moving supports, forces without a potential, or loads
+/// that change in time.
 fn is_worked_on(system: &System) -> bool {
     system.coordinates().is_moving()
         || !system.forces().is_empty()

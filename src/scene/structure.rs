@@ -1,6 +1,6 @@
-//! Compares the tables and keys of a scene file with the JSON schema of scenes: unknown and missing keys,
-//! values of the wrong type. It finds all of them in one walk, and it repairs each one, so that the values of
-//! the rest can be checked too. The meaning of values is checked in `check.rs`.
+//! Compares the tables and keys of a scene file with the JSON schema of scenes: unknown keys, missing keys, values of
+//! the wrong type. One walk finds all of them, and each is repaired so that the remaining values can be checked too.
+//! The meaning of values is checked in `check.rs`.
 
 mod repair;
 mod view;
@@ -17,11 +17,11 @@ use view::{List, View, end_of};
 pub(super) struct Flaw {
     /// The key, e.g. `body[0].material.yuong`.
     pub(super) key: String,
-    /// Where it stands in the text; of a missing key, where its table begins.
+    /// Position in the text; for a missing key, the start of its table.
     pub(super) offset: usize,
-    /// The problem, and what to write instead.
+    /// The problem and the remedy.
     pub(super) message: String,
-    /// The key that is changed to repair it.
+    /// The key whose change repairs it.
     pub(super) repaired: String,
     repair: Repair,
 }
@@ -33,27 +33,27 @@ enum Repair {
     Set(Json),
 }
 
-/// A value of the file with the schema that it was compared with.
+/// A value of the file and the corresponding schema.
 pub(super) struct Entry<'s> {
     pub(super) key: String,
-    /// From the key to the end of the value, sub-tables included.
+    /// From the key to the end of the value, including sub-tables.
     pub(super) span: Range<usize>,
     schema: &'s Json,
 }
 
-/// Findings of a walk over a file.
+/// Results of a walk over a file.
 pub(super) struct Found<'s> {
     pub(super) flaws: Vec<Flaw>,
     pub(super) entries: Vec<Entry<'s>>,
 }
 
-/// Keys that a reader may expect, and what to do without them.
+/// Keys that a user may expect but that do not exist, with the alternative.
 const ABSENT: &[(&[&str], &str)] = &[(
     &["contacts", "collision", "collisions", "friction"],
     "bodies meet where the scene has the table [contact], e.g. `[contact]` with `friction = 0.3` in it; remove this key",
 )];
 
-/// The schema of scenes, ready to be compared with files.
+/// The schema of scenes, prepared for the comparison with files.
 pub(super) struct Structure {
     schema: Json,
 }

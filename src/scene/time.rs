@@ -1,4 +1,4 @@
-//! How time is stepped and how implicit equations are solved, as a scene says it.
+//! The keys of a scene for time steps and for the solution of implicit equations.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -28,12 +28,12 @@ macro_rules! scheme_names {
 vi_solvers::schemes!(scheme_names);
 
 impl SchemeName {
-    /// The scheme with its default parameters; none for `auto`.
+    /// Returns the scheme with its default parameters; `None` for `auto`.
     pub fn method(self) -> Option<Method> {
         Self::ALL.iter().zip(Method::ALL).find(|(name, _)| **name == self).map(|(_, method)| method)
     }
 
-    /// The name of a scheme, and its number of stages where it has some.
+    /// Returns the name of a scheme, and its number of stages if it has some.
     pub fn of(method: Method) -> (Self, Option<usize>) {
         let named = |(_, other): &(_, Method)| other.name() == method.name();
         let name = Self::ALL.into_iter().zip(Method::ALL).find(named).map_or(Self::Auto, |(name, _)| name);
@@ -45,17 +45,17 @@ impl SchemeName {
     }
 }
 
-/// `[time]`: how long, in which steps, by which scheme.
+/// `[time]`: duration, steps and scheme.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Time {
     /// End of the run, s (> 0).
     pub end: f64,
-    /// Step h, s (> 0). It is adjusted to end/round(end/step), so that a step lands on `end`.
-    /// Scheme `auto` chooses it: there it may be left out, and is not used.
+    /// Step h, s (> 0). It is adjusted to end/round(end/step), so that a step lands on `end`. Scheme `auto` chooses
+    /// it; there the key is optional and not used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step: Option<f64>,
-    /// The time integrator. Only a scene with `[static]` can do without.
+    /// The time integrator. It is optional only in a scene with `[static]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scheme: Option<SchemeName>,
     /// Stages of `gauss`, 1 to 5 (default 2).
@@ -64,14 +64,14 @@ pub struct Time {
     /// Spectral radius at infinite frequency of `generalized-alpha`, 0 to 1 (default 0.8).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spectral_radius: Option<f64>,
-    /// Relative error wanted at `end`, 1e-9 to 0.5 (default 1e-4): what `auto` and `bench` aim at.
+    /// Required relative error at `end`, 1e-9 to 0.5 (default 1e-4), for `auto` and `bench`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<f64>,
     /// Estimate the error of every probe by companion runs with other steps (5 to 10 times the cost).
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub estimate: bool,
-    /// Cut a step that fails into halves, down to h/1024, and go back to h after it (default true); false
-    /// ends the run at the first step that fails.
+    /// Cut a step that fails into halves, down to h/1024, and return to h after it (default true); false ends the run
+    /// at the first step that fails.
     #[serde(default = "Time::default_substeps", skip_serializing_if = "Time::has_default_substeps")]
     pub substeps: bool,
 }
@@ -85,14 +85,14 @@ impl Time {
         *substeps
     }
 
-    /// From 0 to `end` (s) in steps of `step` (s).
+    /// Returns a run from 0 to `end` (s) in steps of `step` (s).
     pub fn new(end: f64, step: f64, scheme: SchemeName) -> Self {
         let none = Self::auto(end, 1e-4);
         Self { step: Some(step), scheme: Some(scheme), tolerance: None, ..none }
     }
 
-    /// From 0 to `end` (s) with a relative error of `tolerance` at the end, by a scheme and a step that the
-    /// program chooses.
+    /// Returns a run from 0 to `end` (s) with a relative error of `tolerance` at the end. The program chooses scheme
+    /// and step.
     pub fn auto(end: f64, tolerance: f64) -> Self {
         Self {
             end,
@@ -106,7 +106,7 @@ impl Time {
         }
     }
 
-    /// Settles scheme and step: `steps` of them from 0 to `end`.
+    /// Sets scheme and step: `steps` of them from 0 to `end`.
     pub fn choose(&mut self, scheme: SchemeName, stages: Option<usize>, steps: u64) {
         if Some(scheme) != self.scheme {
             self.spectral_radius = None;
@@ -116,13 +116,13 @@ impl Time {
         self.step = Some(self.end / steps as f64);
     }
 
-    /// Number of steps, end/step rounded and at least one, and the step that lands on `end`, s.
+    /// Returns the number of steps, end/step rounded and at least one, and the step that lands on `end`, s.
     pub fn steps(&self) -> (u64, f64) {
         let count = (self.end / self.step.unwrap_or(self.end)).round().max(1.0);
         (count as u64, self.end / count)
     }
 
-    /// The integrator asked for; `None` if it is yet to be chosen, or if `[static]` needs none.
+    /// Returns the integrator of the scene; `None` if it is not chosen yet, or if `[static]` needs none.
     pub fn method(&self) -> Option<Method> {
         Some(match self.scheme?.method()? {
             Method::Gauss { stages } => Method::Gauss { stages: self.stages.unwrap_or(stages) },
@@ -134,16 +134,16 @@ impl Time {
     }
 }
 
-/// Which linear solver serves implicit steps.
+/// The linear solver of implicit steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LinearChoice {
-    /// The cheaper one by the counted work.
+    /// The cheaper one by counted work.
     #[default]
     Auto,
-    /// Sparse Cholesky factor, in single precision where Newton's method corrects what that leaves.
+    /// Sparse Cholesky factor, in single precision if Newton's method corrects the difference.
     Cholesky,
-    /// Sparse Cholesky factor, in double precision in any case.
+    /// Sparse Cholesky factor, always in double precision.
     CholeskyDouble,
     /// Preconditioned conjugate gradients.
     Pcg,
@@ -160,20 +160,20 @@ pub struct Solver {
     /// The linear solver.
     #[serde(default)]
     pub linear: LinearChoice,
-    /// The mass matrix of deformable bodies: "lumped" or "consistent" (implicit schemes only). By default motion
-    /// takes it lumped, and `variational modes` consistent.
+    /// The mass matrix of deformable bodies: "lumped" or "consistent" (implicit schemes only). The default is lumped
+    /// for motion and consistent for `variational modes`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mass: Option<MassKind>,
 }
 
-/// Which mass matrix.
+/// The mass matrix.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum MassKind {
-    /// A mass a node: frequencies of linear elements are too low. All schemes take it.
+    /// One mass per node: frequencies of linear elements are too low. All schemes accept it.
     Lumped,
-    /// ρ ∫ N_a N_b dV, which couples the nodes of an element: frequencies are bounds from above, and of the
-    /// order of the element. Implicit schemes take it, on supports that do not move.
+    /// ρ ∫ N_a N_b dV, which couples the nodes of an element: frequencies are upper bounds, with the order of the
+    /// element. Implicit schemes accept it if supports do not move.
     Consistent,
 }
 
@@ -182,7 +182,7 @@ impl Solver {
         1e-6
     }
 
-    /// As the solvers take it.
+    /// Returns the options for the solvers.
     pub fn options(&self) -> SolverOptions {
         let linear = match self.linear {
             LinearChoice::Auto => LinearSolver::Auto,

@@ -1,4 +1,4 @@
-//! Terms that a program adds to a scene before it is simulated: energies, forces and live terms of its own.
+//! Terms that a program adds to a scene before the simulation: its own energies, forces and live terms.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use super::Simulation;
 use crate::model::{BodyModel, Model};
 use crate::scene::{Problem, Scene, SchemeName};
 
-/// A term that acts on the component of a body. Its stencils count nodes as the component does:
+/// A term that acts on the component of a body. Its stencils use the node numbers of the component:
 /// [`BodyModel::node`] of a node of the body's mesh.
 pub struct AddedTerm {
     component: usize,
@@ -24,28 +24,28 @@ enum Kind {
 }
 
 impl AddedTerm {
-    /// An energy.
+    /// Adds an energy.
     pub fn potential(body: &BodyModel, term: impl Potential + 'static) -> Self {
         Self { component: body.component, kind: Kind::Potential(Box::new(term)) }
     }
 
-    /// A force that no potential gives.
+    /// Adds a force without a potential.
     pub fn force(body: &BodyModel, force: impl Force + 'static) -> Self {
         Self { component: body.component, kind: Kind::Force(Arc::new(force)) }
     }
 
-    /// An energy whose stencils change while the body moves.
+    /// Adds an energy whose stencils change while the body moves.
     pub fn live(body: &BodyModel, term: impl Live + 'static) -> Self {
         Self { component: body.component, kind: Kind::Live(Arc::new(term)) }
     }
 }
 
 impl Simulation {
-    /// A scene with terms of the program's own: `add` is given the bodies, in the order of the scene.
+    /// Returns the simulation of a scene with additional terms; `add` receives the bodies, in the order of the scene.
     ///
     /// # Errors
-    /// As [`Simulation::new`], and where a term names a missing node. Scheme `auto` is refused: it tries the scene
-    /// without these terms.
+    /// As [`Simulation::new`], and if a term refers to a missing node. Scheme `auto` is refused, because its trials
+    /// would run the scene without these terms.
     pub fn with_terms(
         scene: Scene,
         add: impl FnOnce(&[BodyModel]) -> Vec<AddedTerm>,
@@ -57,11 +57,11 @@ impl Simulation {
         Self::build(scene, |model| extend(model, add))
     }
 
-    /// Sets where the nodes of body number `body` are (m) and how fast they move (m/s), in the order of its mesh.
-    /// Prescribed coordinates keep to their path. The next step books the change of energy as work of forces.
+    /// Sets the positions (m) and velocities (m/s) of the nodes of body number `body`, in the order of its mesh.
+    /// Prescribed coordinates stay on their path. The next step books the change of energy as work of forces.
     ///
     /// # Errors
-    /// [`CoreError::Length`] where there is not one entry a node; nothing has then changed.
+    /// [`CoreError::Length`] if there is not one entry per node; nothing has then changed.
     pub fn set_motion(
         &mut self,
         body: usize,
@@ -88,12 +88,12 @@ impl Simulation {
         Ok(())
     }
 
-    /// Sets the free coordinates q (m) and their momenta p (kg m/s) of component number `component`; its
-    /// [`Component::state`] tells those of now. They must keep the constraints of rigid bodies. The next step books the
-    /// change of energy as work of forces.
+    /// Sets the free coordinates q (m) and their momenta p (kg m/s) of component number `component`;
+    /// [`Component::state`] returns the current ones. They must satisfy the constraints of rigid bodies. The next
+    /// step books the change of energy as work of forces.
     ///
     /// # Errors
-    /// [`CoreError::Length`] where there is not one entry per free coordinate; nothing has then changed.
+    /// [`CoreError::Length`] if there is not one entry per free coordinate; nothing has then changed.
     pub fn set_state(&mut self, component: usize, q: &[f64], p: &[f64]) -> Result<(), CoreError> {
         let before = self.observe().total();
         let state = &mut self.components[component].state;
@@ -110,7 +110,7 @@ impl Simulation {
     }
 }
 
-/// The model with what `add` says.
+/// Adds the terms returned by `add` to the model.
 fn extend(model: Model, add: impl FnOnce(&[BodyModel]) -> Vec<AddedTerm>) -> Result<Model, Vec<Problem>> {
     let mut model = model;
     let mut potentials: Vec<Vec<Box<dyn Potential>>> = model.components.iter().map(|_| Vec::new()).collect();

@@ -1,4 +1,4 @@
-//! All components of a simulation over one step of the run, or over several with nothing due between them.
+//! All components of a simulation over one step of the run, or over several steps without output between them.
 
 use rayon::prelude::*;
 use vi_core::{State, System};
@@ -9,7 +9,7 @@ use super::pace::Pace;
 use super::{Component, ContactFacts, Simulation};
 use crate::model::BodyModel;
 
-/// Steps that are made together at most: a caller who asks for more may still interrupt.
+/// Largest number of steps that are made together, so that a caller can interrupt.
 pub(crate) const TOGETHER: u64 = 16;
 
 /// Outcome of one step of all components.
@@ -17,32 +17,32 @@ pub(crate) const TOGETHER: u64 = 16;
 pub struct Stepped {
     /// Newton iterations.
     pub iterations: u64,
-    /// Contributions to the change of energy, J (where the ledger is kept, and always the prescribed work).
+    /// Contributions to the change of energy, J (if the ledger is kept; the prescribed work always).
     pub energy: vi_core::StepEnergy,
-    /// Substeps of all components; 0 where every step was made as it was asked for.
+    /// Substeps of all components; 0 if no step was divided.
     pub substeps: u64,
 }
 
 impl Simulation {
-    /// Advances every component by one step, in substeps where it fails as a whole and the scene allows them.
+    /// Advances every component by one step, in substeps if the whole step fails and the scene allows them.
     ///
     /// # Errors
-    /// The first component's [`StepError`]; all states are then as before.
+    /// The [`StepError`] of the first component that failed; all states are then as before.
     pub fn step(&mut self) -> Result<Stepped, StepError> {
         if self.load_factor().is_some() {
             return self.step_along_path();
         }
         let (h, is_static) = (self.h, self.scene.statics.is_some());
         let end = (self.steps + 1) as f64 * h;
-        // Statics cuts its increments by itself.
-        // Nor does contact in explicit schemes: each change of a step near its limit of stability pumps energy.
+        // Statics divides its increments itself.
+        // Explicit contact is not divided either: each change of a step near its stability limit adds energy.
         let further = self.scene.time.substeps && !is_static && !self.has_explicit_contact();
         let cut = Cut { parts: self.parts, further };
         let advance = |component: &mut Component| -> Result<March, StepError> {
             let Component { system, state, stepper, pace, observer, has_domain, .. } = component;
             match stepper {
                 Some(stepper) => {
-                    // Not all schemes look at the end of a step: implicit midpoint only sees its middle.
+                    // Not all schemes evaluate the end of a step: implicit midpoint only evaluates its middle.
                     let unseen = *has_domain && !is_static && stepper.gradient().is_none();
                     let mut check = |system: &System, state: &State| {
                         let assembler = observer.get_or_insert_with(|| Assembler::new(system));
@@ -79,12 +79,12 @@ impl Simulation {
         Ok(total)
     }
 
-    /// Is there contact, and an explicit scheme?
+    /// Returns whether the scene has contact and an explicit scheme.
     pub(crate) fn has_explicit_contact(&self) -> bool {
         self.scene.contact.is_some() && self.scene.statics.is_none() && self.method.facts().is_explicit
     }
 
-    /// Looks at the gaps and forces after a step.
+    /// Records gaps and forces after a step.
     fn see_contact(&mut self, energy: &vi_core::StepEnergy) {
         self.contact.friction += energy.friction;
         self.contact.damping += energy.contact_damping;
@@ -99,7 +99,8 @@ impl Simulation {
         self.contact.smallest_gap = self.contact.smallest_gap.min(facts.smallest_gap);
     }
 
-    /// Makes a step along a path of equilibria: one component finds the load factor, the others have nothing free.
+    /// Makes a step along a path of equilibria. One component finds the load factor; the others have no free
+    /// coordinate.
     fn step_along_path(&mut self) -> Result<Stepped, StepError> {
         let h = self.h;
         let mut stepped = Stepped::default();
@@ -120,8 +121,8 @@ impl Simulation {
         Ok(stepped)
     }
 
-    /// Advances every component by one step, or by up to `most` together where that is cheaper: the bits are those
-    /// of [`Simulation::step`] every time.
+    /// Advances every component by one step, or by up to `most` together if that is cheaper. The results are bitwise
+    /// those of [`Simulation::step`].
     ///
     /// # Errors
     /// As [`Simulation::step`].
@@ -133,7 +134,7 @@ impl Simulation {
         self.step()
     }
 
-    /// Makes `count` steps in one stretch; false, with nothing changed, where a component cannot.
+    /// Makes `count` steps together; returns false, without changes, if a component does not support this.
     fn steps_together(&mut self, count: u32) -> bool {
         let (h, end) = (self.h, (self.steps + u64::from(count)) as f64 * self.h);
         if self.parts > 1 || self.given != 0.0 || !self.components.iter().all(joins_steps) {
@@ -156,7 +157,7 @@ impl Simulation {
     }
 }
 
-/// Advances every component. One that fails must be as before; all are then.
+/// Advances every component. If one fails, all are restored; the failed one must be unchanged itself.
 fn on_all<T: Send, E: Send>(
     components: &mut [Component],
     advance: impl Fn(&mut Component) -> Result<T, E> + Send + Sync,
@@ -174,7 +175,7 @@ fn on_all<T: Send, E: Send>(
     results
 }
 
-/// Are several steps of a component cheaper together, with nobody who looks at each?
+/// Returns whether several steps of a component are cheaper together, without observation of each.
 fn joins_steps(component: &Component) -> bool {
     let Component { system, stepper, pace, has_domain, .. } = component;
     stepper.as_ref().is_none_or(|stepper| {
@@ -183,7 +184,7 @@ fn joins_steps(component: &Component) -> bool {
     })
 }
 
-/// The error of a component with the coordinate that it names counted as in the bodies' own meshes.
+/// Converts the coordinate in a component's error to the numbering of the bodies' own meshes.
 fn in_numbers_of_meshes(bodies: &[BodyModel], component: usize, mut error: StepError) -> StepError {
     if let SolverError::NotFinite { dof, .. } = &mut error.cause {
         let body = bodies.iter().filter(|body| body.component == component).find_map(|body| {
@@ -195,7 +196,7 @@ fn in_numbers_of_meshes(bodies: &[BodyModel], component: usize, mut error: StepE
     error
 }
 
-/// Do all terms have a finite energy at a state?
+/// Checks that all terms have a finite energy at a state.
 fn accepts(assembler: &mut Assembler, system: &System, state: &State) -> Result<(), SolverError> {
     let x = system.positions(state);
     if assembler.energies(&x, state.t).total().is_finite() {

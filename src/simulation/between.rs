@@ -1,30 +1,31 @@
-//! A simulation as it is between two steps, to look at: no step is made or changed.
+//! A simulation at a time between two steps, for observation only: no step is made or changed.
 //!
 //! Within a step of h from (q₀, p₀) to (q₁, p₁), with θ from 0 to 1:
-//! - Schemes of order 1 and 2, and statics: q(θ) = q₀ + θ (q₁ − q₀), the linear path that their discrete Lagrangian is
-//!   made of; p linear too.
-//! - Schemes of order 3 and more (Gauss with two stages and more, Blanes–Moan): the cubic that has positions and
-//!   velocities at both ends (Hermite), q(θ) = q₀ + θ²(3 − 2θ)(q₁ − q₀) + h θ(1 − θ)² q̇₀ − h θ²(1 − θ) q̇₁ with an
-//!   error of h⁴; p = M q̇(θ).
+//! - Schemes of order 1 and 2, and statics: q(θ) = q₀ + θ (q₁ − q₀), the linear path of their discrete Lagrangian; p
+//!   is also linear.
+//! - Schemes of order 3 and higher (Gauss with two or more stages, Blanes–Moan): the Hermite cubic with positions and
+//!   velocities at both ends, q(θ) = q₀ + θ²(3 − 2θ)(q₁ − q₀) + h θ(1 − θ)² q̇₀ − h θ²(1 − θ) q̇₁, with an error of
+//!   order h⁴; p = M q̇(θ).
 //!
-//! Coordinates with a prescribed path are where that path has them.
+//! Prescribed coordinates follow their path.
 
 use vi_core::{State, System};
 
 use super::Simulation;
 
 impl Simulation {
-    /// The states of all components.
+    /// Returns the states of all components.
     pub(crate) fn states(&self) -> Vec<State> {
         self.components.iter().map(|component| component.state.clone()).collect()
     }
 
-    /// Shows the simulation as it was at time t (s) on the way from the states `before` to those now; afterwards all is
-    /// as before, to the bit. The number of steps is that of now.
+    /// Calls `see` with the simulation at time t (s), interpolated between the states `before` and the current ones.
+    /// Afterwards all values are bitwise as before. The number of steps is the current one.
     pub(crate) fn between<T>(&mut self, before: &[State], t: f64, see: impl FnOnce(&Self) -> T) -> T {
         let is_linear = self.scene.statics.is_some() || self.is_switched() || self.method.facts().order <= 2;
         let path = if is_linear { linear } else { hermite };
-        // By the time of the run: along a path of equilibria the time of a state is its load factor.
+        // The fraction uses the time of the run, because on a path of equilibria the time of a state is its load
+        // factor.
         let part = (t / self.h - (self.steps as f64 - 1.0)).clamp(0.0, 1.0);
         let mut now = Vec::with_capacity(before.len());
         for (component, before) in self.components.iter_mut().zip(before) {
@@ -39,7 +40,7 @@ impl Simulation {
     }
 }
 
-/// As a mean of the ends, so that both are met to the bit.
+/// Computed as a mean of both ends, so that the ends are reproduced bitwise.
 fn mean(part: f64, before: f64, after: f64) -> f64 {
     (1.0 - part) * before + part * after
 }

@@ -1,4 +1,4 @@
-//! What is seen of contact: pairs that act, the smallest gap, and forces between bodies.
+//! Observations of contact: active pairs, the smallest gap, and forces between bodies.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -10,12 +10,12 @@ use vi_core::Impulse;
 use crate::model::ContactModel;
 use crate::record::record;
 
-/// What is seen of contact.
+/// Observations of contact at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactFacts {
-    /// Pairs that press on each other.
+    /// Number of pairs with a contact force.
     pub pairs: u64,
-    /// The smallest gap of these pairs, m; infinite where there are none.
+    /// The smallest gap of these pairs, m; infinite without such pairs.
     pub smallest_gap: f64,
     /// Work of friction between bodies since the start, J (≤ 0).
     pub friction: f64,
@@ -38,15 +38,15 @@ impl ContactFacts {
     }
 }
 
-/// What has been of contact until now: kept from step to step.
+/// Totals of contact since the start, updated at each step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ContactTotals {
     /// The smallest gap after any step, m.
     pub(crate) smallest_gap: f64,
-    /// Work of friction and of the damping of contact, J.
+    /// Work of friction and of contact damping, J.
     pub(crate) friction: f64,
     pub(crate) damping: f64,
-    /// Most crossings in any row, where the scene asserts their number.
+    /// Largest number of crossings in any row, if the scene asserts their number.
     pub(crate) intersections: u64,
 }
 
@@ -58,21 +58,21 @@ impl Default for ContactTotals {
     }
 }
 
-/// A force on a round rigid body: where it acts (m), the force (N), and the gap there (m).
+/// A force on a round rigid body: its point of action (m), the force (N), and the gap there (m).
 pub(super) struct Press {
     pub(super) place: [f64; 3],
     pub(super) force: [f64; 3],
     pub(super) gap: f64,
 }
 
-/// Looks at the contact of a component.
+/// Observes the contact of a component.
 pub(crate) struct ContactWatch {
     term: Arc<ContactTerm>,
-    /// For each body of the term: its number among all bodies of the scene.
+    /// For each body of the term, its number among all bodies of the scene.
     bodies: Vec<usize>,
     /// Mean forces over the last step, N.
     forces: Vec<Impulse>,
-    /// The candidates that were found last.
+    /// The candidates of the last search.
     near: Option<ContactPotential>,
 }
 
@@ -81,7 +81,7 @@ impl ContactWatch {
         Self { term: model.term, bodies: model.bodies, forces: Vec::new(), near: None }
     }
 
-    /// Number of pairs that act at positions x of the component, and the smallest gap of them, m.
+    /// Returns the number of active pairs at positions x of the component, and their smallest gap, m.
     fn pairs_and_gap(&mut self, x: &[f64]) -> (u64, f64) {
         let serves = |near: &ContactPotential| near.neighbours().covers(near.surface(), x);
         let near = match self.near.take().filter(serves) {
@@ -94,13 +94,13 @@ impl ContactWatch {
         (active.len() as u64, smallest_gap)
     }
 
-    /// Takes the impulses of a step of h (s).
+    /// Stores the impulses of a step of h (s).
     pub(crate) fn enter(&mut self, impulses: Vec<Impulse>, h: f64) {
         self.forces = impulses;
         self.forces.iter_mut().for_each(|force| force.value.iter_mut().for_each(|value| *value /= h));
     }
 
-    /// What is searched: for report.json.
+    /// Returns the size of the search for report.json.
     pub(crate) fn report(&self) -> Value {
         let surface = self.term.surface();
         let candidates = self.near.as_ref().map_or(0, |near| near.neighbours().count());
@@ -111,7 +111,8 @@ impl ContactWatch {
         })
     }
 
-    /// Mean force of the second body on the first over the last step, N; bodies by their numbers in the scene.
+    /// Returns the mean force of the second body on the first over the last step, N; bodies have their numbers in the
+    /// scene.
     pub(crate) fn force(&self, first: usize, second: usize) -> [f64; 3] {
         let mut sum = [0.0; 3];
         for Impulse { between, value } in &self.forces {
@@ -126,12 +127,12 @@ impl ContactWatch {
         sum
     }
 
-    /// The distance within which gaps are known, m.
+    /// Returns the distance within which gaps are known, m.
     pub(super) fn reach(&self) -> f64 {
         self.term.distance()
     }
 
-    /// What presses on a round rigid body with the skeleton `nodes` at positions x of the component.
+    /// Returns the contact forces on a round rigid body with the skeleton `nodes` at positions x of the component.
     pub(super) fn presses(&self, x: &[f64], nodes: &Range<usize>) -> Vec<Press> {
         let (near, surface) = (self.term.at(x), self.term.surface());
         let is_own = |node: &u32| nodes.contains(&(*node as usize));
@@ -152,7 +153,8 @@ impl ContactWatch {
                     place[axis] += weight * x[3 * node as usize + axis];
                 }
             }
-            // The vector of the pair points from its second side to its first, whose weights sum to one.
+            // The vector of the pair points from its second side to its first; the weights of the first side sum to
+            // one.
             let arm = pair.closest.vector * (-radius / pair.closest.distance());
             (0..3).for_each(|axis| place[axis] = sign * (place[axis] + arm[axis]));
             presses.push(Press { place, force, gap: pair.gap });
@@ -160,8 +162,8 @@ impl ContactWatch {
         presses
     }
 
-    /// Force of contact per area (Pa, without friction) at every node of the component at positions x, and the gap to
-    /// what presses on it, at most the reach of the layer (m).
+    /// Returns the contact force per area (Pa, without friction) at every node of the component at positions x, and
+    /// the gap to the opposite surface, at most the reach of the layer (m).
     pub(super) fn fields(&self, x: &[f64]) -> (Vec<[f64; 3]>, Vec<f64>) {
         let (near, surface) = (self.term.at(x), self.term.surface());
         let mut gaps = vec![self.term.distance(); x.len() / 3];

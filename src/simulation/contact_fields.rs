@@ -1,4 +1,4 @@
-//! Fields of contact at nodes: traction, pressure and gap. It must not change a state.
+//! Fields of contact at nodes: traction, pressure and gap. This file does not change the state.
 
 use nalgebra::Vector3;
 
@@ -7,7 +7,7 @@ use super::{Component, Simulation};
 use crate::scene::Field;
 
 impl Simulation {
-    /// A field of contact at the nodes of all bodies, then at the points of the surfaces of rigid bodies.
+    /// Returns a contact field at the nodes of all bodies, then at the surface points of rigid bodies.
     pub(crate) fn contact_values(&self, field: Field) -> Vec<f64> {
         let bodies = (0..self.bodies.len()).flat_map(|body| self.contact_values_of(body, field));
         let rigids = self.rigids.iter().enumerate().flat_map(|(number, rigid)| {
@@ -20,8 +20,8 @@ impl Simulation {
         bodies.chain(rigids).collect()
     }
 
-    /// A field of contact at the points that show a ball or a capsule: what presses on its skeleton is put where it
-    /// acts, on the nearest of these points.
+    /// Returns a contact field at the surface points of a ball or a capsule. Each force on its skeleton is moved to
+    /// the nearest of these points.
     fn contact_values_of_round(&self, number: usize, field: Field) -> Vec<f64> {
         let rigid = &self.rigids[number];
         let Some(form) = &rigid.form else { return Vec::new() };
@@ -50,7 +50,7 @@ impl Simulation {
         of_field(field, tractions.into_iter().zip(gaps))
     }
 
-    /// A field of contact at the nodes of body number `body`.
+    /// Returns a contact field at the nodes of body number `body`.
     pub(super) fn contact_values_of(&self, body: usize, field: Field) -> Vec<f64> {
         let body = &self.bodies[body];
         let nodes: Vec<usize> = (0..body.mesh.points.len()).map(|node| body.node(node)).collect();
@@ -65,7 +65,7 @@ impl Simulation {
     }
 }
 
-/// The numbers of a field from tractions and gaps.
+/// Returns the values of a field from tractions and gaps.
 fn of_field(field: Field, values: impl Iterator<Item = ([f64; 3], f64)>) -> Vec<f64> {
     let length = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
     match field {

@@ -1,5 +1,5 @@
-//! Which surfaces cross in the state of a simulation, exactly. It shares no code with the search for contact, which it
-//! judges.
+//! Exact test of which surfaces cross in the state of a simulation. It shares no code with the contact search, which
+//! it verifies.
 
 use std::collections::BTreeSet;
 
@@ -9,8 +9,9 @@ use crate::model::{Outline, name_of};
 use crate::scene::Problem;
 
 impl Simulation {
-    /// Pairs of bodies whose surfaces cross now though they may meet, and the number of crossings: bodies by their
-    /// numbers in the scene, rigid ones after the others. Empty in a scene without contact.
+    /// Returns the number of crossings, and the pairs of bodies whose surfaces cross although contact applies to
+    /// them. Bodies have their numbers in the scene; rigid ones follow the others. Both are empty in a scene without
+    /// contact.
     pub fn crossings(&self) -> (usize, BTreeSet<[usize; 2]>) {
         if self.scene.contact.is_none() {
             return (0, BTreeSet::new());
@@ -33,7 +34,7 @@ impl Simulation {
         (pairs.len(), pairs.into_iter().collect())
     }
 
-    /// The surfaces of all bodies now, rigid ones after the others.
+    /// Returns the current surfaces of all bodies; rigid ones follow the others.
     fn outlines(&self) -> Vec<Outline> {
         let bodies = self.bodies.iter().enumerate();
         let bodies = bodies.map(|(number, body)| Outline::of_body(body, self.positions(number)));
@@ -44,7 +45,7 @@ impl Simulation {
         bodies.chain(rigids).collect()
     }
 
-    /// Bodies that start wholly within another one that they may meet: nothing would ever part them.
+    /// Returns the bodies that start entirely inside another one. Contact could never separate them.
     fn enclosed_start(&self) -> Vec<Problem> {
         if self.scene.contact.is_none() {
             return Vec::new();
@@ -69,9 +70,9 @@ impl Simulation {
         problems
     }
 
-    /// A start whose surfaces cross or enclose each other, by the names of the pairs.
+    /// Returns a problem that names the pairs whose surfaces cross or enclose each other at the start.
     pub(super) fn crossing_start(&self) -> Vec<Problem> {
-        /// Pairs that are named.
+        /// Largest number of pairs that are listed.
         const NAMED: usize = 8;
         let (_, pairs) = self.crossings();
         let name = |number: usize| name_of(&self.scene, number);

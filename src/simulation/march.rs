@@ -1,4 +1,4 @@
-//! One component over one step of the run: as a whole, or in substeps of h/2, h/4 … h/1024 as its pace has it.
+//! One component over one step of the run: as a whole, or in substeps of h/2, h/4 … h/1024 according to its pace.
 
 use vi_core::{State, StepEnergy, System};
 use vi_solvers::{SolverError, StepError, StepReport, Stepper};
@@ -10,25 +10,25 @@ use super::pace::{FLOOR, Pace};
 pub(crate) struct March {
     pub(crate) iterations: u64,
     pub(crate) energy: StepEnergy,
-    /// Substeps made; 0 where the step was made as it was asked for.
+    /// Substeps made; 0 if the step was not divided.
     pub(crate) substeps: u64,
-    /// The step was cut into at most this many equal parts.
+    /// Largest number of equal parts into which the step was divided.
     pub(crate) finest: u32,
 }
 
-/// Is the state at the end of a step one that the terms of the potential accept?
+/// Checks that the terms of the potential accept the state at the end of a step.
 pub(crate) type Check<'a> = &'a mut dyn FnMut(&System, &State) -> Result<(), SolverError>;
 
 /// Options for making a step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cut {
-    /// Parts to begin with, a power of two.
+    /// Initial number of parts, a power of two.
     pub(crate) parts: u32,
-    /// May a part that fails be cut further?
+    /// Whether a part that fails may be divided further.
     pub(crate) further: bool,
 }
 
-/// A stepper whose steps count only where their end passes a check.
+/// A stepper that accepts a step only if its end passes a check.
 struct Checked<'a, 'b> {
     stepper: &'a mut dyn Stepper,
     check: Option<Check<'b>>,
@@ -53,7 +53,7 @@ impl Checked<'_, '_> {
 /// Advances `state` by h (s), to the time `end`.
 ///
 /// # Errors
-/// That of the smallest substep tried; the state and the pace are then as they were.
+/// The error of the smallest substep tried; state and pace are then unchanged.
 pub(crate) fn march(
     stepper: &mut dyn Stepper,
     system: &System,
@@ -66,7 +66,7 @@ pub(crate) fn march(
     let mut stepper = Checked { stepper, check };
     let mut done = March { finest: 1, ..March::default() };
     let (start, mut next) = (state.t, *pace);
-    // A step that fails leaves the state untouched: a copy is needed only where one has been made before.
+    // A step that fails does not change the state, so a copy is needed only after a successful substep.
     let mut before: Option<State> = None;
     let largest = FLOOR / cut.parts;
     let mut at = 0;

@@ -1,6 +1,6 @@
-//! The matrices and forces of a scene, for programs and solvers of others: mass M, stiffness K = ∂²V/∂q² and the residual
-//! f − ∂V/∂q on the free coordinates. They are written as Matrix Market files, and with the feature `sprs` converted to
-//! `sprs::CsMat`.
+//! The matrices and forces of a scene, for other programs and solvers: mass M, stiffness K = ∂²V/∂q² and the residual
+//! f − ∂V/∂q on the free coordinates. They are written as Matrix Market files, and with the feature `sprs` converted
+//! to `sprs::CsMat`.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -18,7 +18,7 @@ use crate::simulation::Simulation;
 pub struct LowerTriangle {
     /// Number of rows and columns.
     pub size: usize,
-    /// (row, column, value) with row ≥ column, by rows, columns ascending.
+    /// Entries (row, column, value) with row ≥ column, sorted by row and then by column.
     pub entries: Vec<(usize, usize, f64)>,
 }
 
@@ -29,7 +29,7 @@ impl LowerTriangle {
         Self { size: matrix.free_count(), entries }
     }
 
-    /// Both halves by compressed rows.
+    /// Returns the full matrix in compressed row format.
     #[cfg(feature = "sprs")]
     pub fn to_csr(&self) -> CsMat<f64> {
         let mut triplets = TriMat::new((self.size, self.size));
@@ -58,17 +58,17 @@ impl LowerTriangle {
 pub struct Matrices {
     /// M, kg, n × n.
     pub mass: LowerTriangle,
-    /// K = ∂²V/∂q², N/m, n × n; without the tangents of forces that no potential gives.
+    /// K = ∂²V/∂q², N/m, n × n, without the tangents of forces that have no potential.
     pub stiffness: LowerTriangle,
-    /// f − ∂V/∂q, N, one per free coordinate: M q̈ where there are no constraints.
+    /// f − ∂V/∂q, N, one per free coordinate. It equals M q̈ if there are no constraints.
     pub residual: Vec<f64>,
 }
 
 impl Matrices {
-    /// Of a system at a state.
+    /// Computes the matrices of a system at a state.
     ///
     /// # Errors
-    /// Where its terms cannot be summed into one matrix.
+    /// If the terms cannot be assembled into one matrix.
     pub fn new(system: &System, state: &State) -> Result<Self, SolverError> {
         let hessian = |terms: &Terms, x: &[f64], t: f64| {
             let mut assembler = Assembler::new(terms);
@@ -88,10 +88,11 @@ impl Matrices {
         Ok(Self { mass, stiffness, residual })
     }
 
-    /// Writes `mass.mtx`, `stiffness.mtx` and `residual.mtx` (Matrix Market) into a directory, their names after `prefix`.
+    /// Writes `mass.mtx`, `stiffness.mtx` and `residual.mtx` (Matrix Market) into a directory, with `prefix` before
+    /// their names.
     ///
     /// # Errors
-    /// Where a file cannot be written.
+    /// If a file cannot be written.
     pub fn write(&self, directory: &Path, prefix: &str) -> io::Result<()> {
         std::fs::create_dir_all(directory)?;
         let path = |name: &str| directory.join(format!("{prefix}{name}.mtx"));
@@ -107,7 +108,7 @@ impl Matrices {
 }
 
 impl Simulation {
-    /// M, K and the residual of component number `component` as it is now.
+    /// Returns M, K and the residual of component number `component` in its current state.
     ///
     /// # Errors
     /// As [`Matrices::new`].

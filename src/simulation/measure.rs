@@ -1,4 +1,5 @@
-//! Values of probes over a part of a body: sums, means and extremes of fields. Only what a probe names is computed.
+//! Values of probes over a part of a body: sums, means and extremes of fields. Only the quantities of the probes are
+//! computed.
 
 use vi_fem::{element_field, nodal_field};
 
@@ -7,7 +8,7 @@ use crate::model::RegionProbe;
 use crate::scene::{Component, Field, Quantity, Statistic, Substance};
 
 impl Simulation {
-    /// The values of the probes over parts of bodies, in the order of their columns
+    /// Returns the values of the probes over parts of bodies, in the order of their columns
     /// ([`crate::scene::Probe::columns`]).
     pub fn measures(&self) -> Vec<f64> {
         let mut values = Vec::new();
@@ -26,7 +27,7 @@ impl Simulation {
         values
     }
 
-    /// The mean force of contact of the second body on the first over the last step, N; zero at the start.
+    /// Returns the mean contact force of the second body on the first over the last step, N; zero at the start.
     fn contact_force(&self, names: &[String; 2]) -> [f64; 3] {
         let rigids = self.rigids.iter().map(|rigid| &rigid.name);
         let all: Vec<&String> = self.bodies.iter().map(|body| &body.name).chain(rigids).collect();
@@ -41,7 +42,7 @@ impl Simulation {
             .fold([0.0; 3], |sum, force| [0, 1, 2].map(|k| sum[k] + force[k]))
     }
 
-    /// The values of a field at the nodes or elements of a probe, each with its weight in a mean.
+    /// Returns the values of a field at the nodes or elements of a probe, each with its weight in a mean.
     fn field_over(&self, probe: &RegionProbe, field: Field) -> Vec<(f64, Vec<f64>)> {
         let number = probe.body.index();
         let body = &self.bodies[number];
@@ -54,7 +55,7 @@ impl Simulation {
                 let mut all = Vec::new();
                 for (part, (elements, volumes)) in body.materials.iter().zip(&probe.elements) {
                     let Substance::Solid(law) = &part.law else { continue };
-                    // The cells have been accepted as solid elements of this mesh when the body was built.
+                    // These cells were accepted as solid elements of this mesh when the body was built.
                     let values =
                         element_field(&body.mesh, elements, law, body.locking, x.as_flattened(), of_elements);
                     let values = values.unwrap_or_default();
@@ -92,11 +93,11 @@ impl Simulation {
     }
 }
 
-/// One number per column of a quantity.
+/// Returns one number per column of a quantity.
 fn reduced(entries: &[(f64, Vec<f64>)], statistic: Statistic, quantity: Quantity) -> Vec<f64> {
     let count = quantity.field.component_count();
     let length = |v: &[f64]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
-    // The magnitude of a sum or a mean is that of the vector; an extreme is that of the magnitudes.
+    // The magnitude of a sum or a mean is that of the vector; an extreme is the extreme of the magnitudes.
     let over = |value: &dyn Fn(&[f64]) -> f64| -> f64 {
         let values = entries.iter().map(|(weight, v)| (weight, value(v)));
         match statistic {
@@ -120,7 +121,7 @@ fn reduced(entries: &[(f64, Vec<f64>)], statistic: Statistic, quantity: Quantity
     }
 }
 
-/// The larger one; not a number where one is not.
+/// Returns the larger number, or NaN if one of them is NaN.
 fn larger(a: f64, b: f64) -> f64 {
     if a.is_nan() || b.is_nan() { f64::NAN } else { a.max(b) }
 }

@@ -1,4 +1,5 @@
-//! Observations of a simulation: energies, momenta, probes, nodal quantities, and the cause if they are not finite.
+//! Observations of a simulation: energies, momenta, probes and nodal quantities, and the cause if they are not
+//! finite.
 
 use vi_core::{HessianKind, Potential, angular_momentum, kinetic_energy, linear_momentum};
 use vi_fem::{ElementField, element_field};
@@ -11,9 +12,9 @@ use crate::model::{Pose, ProbeTarget, RigidModel};
 /// Position and displacement of a probe, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProbeValue {
-    /// Where the node is.
+    /// Position of the node.
     pub position: [f64; 3],
-    /// Where it is, from where it is at rest.
+    /// Displacement from the position at rest.
     pub displacement: [f64; 3],
 }
 
@@ -26,13 +27,13 @@ pub struct Observation {
     pub kinetic: f64,
     /// Strain energy, J.
     pub elastic: f64,
-    /// Energy of weight, J, zero at the origin.
+    /// Gravitational energy, J, zero at the origin.
     pub gravity: f64,
     /// Energy of other conservative loads, J.
     pub load: f64,
-    /// Energy of contact, J, with what the bristles of friction store.
+    /// Energy of contact, J, including the energy stored in the bristles of friction.
     pub contact: f64,
-    /// Pairs in contact and the smallest gap; none in a scene without contact.
+    /// Pairs in contact and the smallest gap; `None` in a scene without contact.
     pub contact_facts: Option<ContactFacts>,
     /// Linear momentum of the free coordinates, kg m/s.
     pub momentum: [f64; 3],
@@ -42,25 +43,25 @@ pub struct Observation {
     pub probes: Vec<ProbeValue>,
     /// The rigid bodies, in the order of the scene.
     pub rigids: Vec<Pose>,
-    /// The load factor, where a path of equilibria is followed.
+    /// The load factor, if a path of equilibria is followed.
     pub load_factor: Option<f64>,
 }
 
 impl Observation {
-    /// Are all energies and momenta finite?
+    /// Returns whether all energies and momenta are finite.
     pub fn is_finite(&self) -> bool {
         let sum = self.total() + self.momentum.iter().chain(&self.angular_momentum).sum::<f64>();
         sum.is_finite()
     }
 
-    /// Total energy, J.
+    /// Returns the total energy, J.
     pub fn total(&self) -> f64 {
         self.kinetic + self.elastic + self.gravity + self.load + self.contact
     }
 }
 
 impl Simulation {
-    /// Energies, momenta and probes now. Costs one energy evaluation.
+    /// Returns the current energies, momenta and probes. It costs one energy evaluation.
     pub fn observe(&mut self) -> Observation {
         let mut seen =
             Observation { t: self.time(), load_factor: self.load_factor(), ..Observation::default() };
@@ -110,7 +111,7 @@ impl Simulation {
         seen
     }
 
-    /// Why energies or momenta are not finite: the first term that has left its domain, or an overflow.
+    /// Returns why energies or momenta are not finite: the first term outside its domain, or an overflow.
     pub(crate) fn fault(&mut self) -> SolverError {
         for component in &mut self.components {
             let Component { system, state, observer, .. } = component;
@@ -123,9 +124,10 @@ impl Simulation {
         SolverError::NotFinite { what: "energy or momentum", dof: 0, at_start: true }
     }
 
-    /// Energy below which round-off rules, J: 1e-16 Σ tr(K_e) r_e (r_e + D), with stiffness and extent r of each
-    /// stencil, of which a few speak for a term. Laws that subtract large numbers have it at rest. D is how far the
-    /// coordinates reach beyond the extent of the component: far from the origin they are rounded more coarsely.
+    /// Returns the energy at the level of round-off, J: 1e-16 Σ tr(K_e) r_e (r_e + D), with the stiffness and the
+    /// extent r of each stencil. A sample of the stencils represents a term. Laws that subtract large numbers have
+    /// this energy at rest. D is the distance by which the coordinates exceed the extent of the component: far from
+    /// the origin the coordinates have a larger round-off.
     pub(crate) fn resolution(&self) -> f64 {
         let of_term = |term: &dyn Potential, x: &[f64], t: f64, beyond: f64| -> f64 {
             let stencils = term.stencils();
@@ -159,23 +161,24 @@ impl Simulation {
         1e-16 * total
     }
 
-    /// Positions of the nodes of body number `body`, m.
+    /// Returns the positions of the nodes of body number `body`, m.
     pub fn positions(&self, body: usize) -> Vec<[f64; 3]> {
         self.nodal(body, |component| component.system.positions(&component.state))
     }
 
-    /// Velocities of the nodes of body number `body`, m/s.
+    /// Returns the velocities of the nodes of body number `body`, m/s.
     pub fn velocities(&self, body: usize) -> Vec<[f64; 3]> {
         self.nodal(body, Component::velocities)
     }
 
-    /// Points given in the own axes of rigid body number `rigid` from its centre, where they are now (m).
+    /// Returns the current positions (m) of points given in the axes of rigid body number `rigid`, relative to its
+    /// centre.
     pub fn carried(&self, rigid: usize, points: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let (rigid, component) = self.rigid(rigid);
         rigid.carry(&component.system.positions(&component.state), points)
     }
 
-    /// Their velocities now, m/s.
+    /// Returns the current velocities of such points, m/s.
     pub fn carried_velocities(&self, rigid: usize, points: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let (rigid, component) = self.rigid(rigid);
         rigid.carry(&component.system.velocities(&component.state), points)
@@ -186,28 +189,28 @@ impl Simulation {
         (rigid, &self.components[rigid.component])
     }
 
-    /// Forces that hold the prescribed coordinates of body number `body`, N; zero elsewhere.
+    /// Returns the reaction forces at the prescribed coordinates of body number `body`, N; zero elsewhere.
     pub fn reactions(&self, body: usize) -> Vec<[f64; 3]> {
         self.nodal(body, |component| vi_solvers::reactions(&component.system, &component.state))
     }
 
-    /// Accelerations of the nodes of body number `body`, m/s²: M⁻¹(f − ∂V/∂x), and those of their
-    /// path at prescribed coordinates.
+    /// Returns the accelerations of the nodes of body number `body`, m/s²: M⁻¹(f − ∂V/∂x) at free coordinates, and
+    /// those of the path at prescribed ones.
     pub fn accelerations(&self, body: usize) -> Vec<[f64; 3]> {
         self.nodal(body, |component| vi_solvers::accelerations(&component.system, &component.state, self.h))
     }
 
-    /// Forces of weight, loads and wind on the nodes of body number `body`, N.
+    /// Returns the forces of weight, loads and wind on the nodes of body number `body`, N.
     pub fn external_forces(&self, body: usize) -> Vec<[f64; 3]> {
         self.nodal(body, |component| vi_solvers::external_forces(&component.system, &component.state))
     }
 
-    /// A field of the elements of solids of body number `body`, in the order of its material entries.
+    /// Returns a field on the solid elements of body number `body`, in the order of its material entries.
     pub fn element_values(&self, body: usize, field: ElementField) -> Vec<f64> {
         let (x, body) = (self.positions(body), &self.bodies[body]);
         let mut values = Vec::with_capacity(body.element_count() * field.component_count());
         for (elements, law) in body.solids() {
-            // The cells have been accepted as solid elements of this mesh when the body was built.
+            // These cells were accepted as solid elements of this mesh when the body was built.
             if let Ok(part) = element_field(&body.mesh, elements, law, body.locking, x.as_flattened(), field)
             {
                 values.extend(part);

@@ -1,37 +1,37 @@
-//! How finely the steps of a component are cut, learnt from its last ones. A substep that fails is halved. One that
-//! took the last rungs of Newton's method is made in halves from then on, if these cost less. After some that went
-//! well twice the length is tried again, the less often the more often that failed.
+//! The subdivision of the steps of a component, adapted to its last steps. A substep that fails is halved. If a
+//! substep needed the last fallbacks of Newton's method, further substeps are halved, provided that halves cost less.
+//! After several good substeps twice the length is tried again, less often the more often this failed.
 //!
-//! Costs are counted, not measured, so that equal runs are cut alike.
+//! Costs are counted, not measured, so that equal runs have equal subdivisions.
 
 use crate::record::record;
 
-/// Substeps of a step at its floor: 2¹⁰.
+/// Number of substeps of a step at the smallest length: 2¹⁰.
 pub(crate) const FLOOR: u32 = 1024;
 
-/// Good substeps after which twice the length is tried, at first and at most.
+/// Number of good substeps before twice the length is tried: at first, and at most.
 const PATIENCE: [u64; 2] = [4, 128];
-/// Substeps after which a length is compared with the one that was left for its cost.
+/// Number of substeps after which the cost of a length is compared with that of the original length.
 const TRIAL: u64 = 4;
-/// A length that is left for its cost is cut down to this part of it.
+/// To reduce its cost, a length is divided by at most this number.
 const DEEPEST: u64 = 8;
-/// Substeps for which none is cut for its cost after that did not pay.
+/// Number of substeps without further subdivision for cost, after one that did not reduce it.
 const HOLD: u64 = 64;
 
-/// Lengths count in h/1024, costs in seconds of the reference core.
+/// The state of the subdivision, with lengths in h/1024 and costs in seconds of the reference core.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Pace {
     /// Length of the next substep.
     size: u64,
-    /// Substeps of that length in a row, and what they cost.
+    /// Number of consecutive substeps of that length, and their cost.
     count: u64,
     cost: f64,
-    /// Number of consecutive steps made without the last rungs.
+    /// Number of consecutive steps without the last fallbacks.
     calm: u64,
-    /// Was the last change to twice the length, and has that not lasted yet?
+    /// Whether the last change doubled the length, and the new length is not confirmed yet.
     has_grown: bool,
     patience: u64,
-    /// The length that was left for its cost, and that cost over it; 0 for none.
+    /// The length that was reduced because of its cost, and its cost per length; 0 for none.
     origin: u64,
     origin_rate: f64,
     /// Length to return to; 0 for none.
@@ -70,35 +70,35 @@ impl Default for Pace {
 }
 
 impl Pace {
-    /// Could it have been remembered?
+    /// Returns whether the values are valid, for a pace read from a snapshot.
     pub(crate) fn is_sound(&self) -> bool {
         self.size.is_power_of_two() && self.size <= u64::from(FLOOR)
     }
 
-    /// Does it want to know what calm substeps cost?
+    /// Returns whether it compares the cost of good substeps.
     pub(crate) fn compares(&self) -> bool {
         self.origin > 0
     }
 
-    /// Length of the next substep, at most `largest`.
+    /// Returns the length of the next substep, at most `largest`.
     pub(crate) fn size(&mut self, largest: u32) -> u32 {
         self.size = self.size.min(u64::from(largest));
         self.size as u32
     }
 
-    /// Are steps made whole?
+    /// Returns whether steps are not subdivided.
     pub(crate) fn is_whole(&self) -> bool {
         self.size == u64::from(FLOOR)
     }
 
-    /// `count` whole steps were made, none of them hard.
+    /// Records `count` whole steps without difficulty.
     pub(crate) fn walk(&mut self, count: u32) {
         for _ in 0..count {
             self.succeed(FLOOR, FLOOR, false, 0.0);
         }
     }
 
-    /// A substep was made that ends at `end` of its step.
+    /// Records a completed substep that ends at `end` of its step.
     pub(crate) fn succeed(&mut self, end: u32, largest: u32, is_hard: bool, cost: f64) {
         self.count += 1;
         self.cost += cost;
@@ -121,7 +121,7 @@ impl Pace {
         }
         let wants_more = self.goal > self.size || self.calm >= self.patience;
         if self.has_grown && self.calm >= self.patience {
-            // It was right to grow.
+            // The doubled length is confirmed.
             self.patience = (self.patience / 2).max(PATIENCE[0]);
             self.has_grown = false;
         }
@@ -134,7 +134,7 @@ impl Pace {
         }
     }
 
-    /// A substep failed; false where it cannot be cut.
+    /// Records a failed substep; returns false if it cannot be divided.
     pub(crate) fn fail(&mut self) -> bool {
         let can = self.size > 1;
         if can {
@@ -144,7 +144,7 @@ impl Pace {
         can
     }
 
-    /// Cost of the substeps of this length over their length.
+    /// Returns the cost of the substeps of this length per length.
     fn rate(&self) -> f64 {
         self.cost / (self.count * self.size) as f64
     }
@@ -166,8 +166,8 @@ impl Pace {
 mod tests {
     use super::*;
 
-    /// Steps of a component whose substeps fail above `limit` and are hard above `easy`; returns substeps made
-    /// and tried.
+    /// Makes steps of a component whose substeps fail above `limit` and are difficult above `easy`; returns the
+    /// numbers of substeps made and tried.
     fn steps(pace: &mut Pace, count: u32, limit: u32, easy: u32, cost: impl Fn(u32) -> f64) -> (u32, u32) {
         let (mut made, mut tried) = (0, 0);
         for _ in 0..count {
@@ -200,7 +200,7 @@ mod tests {
         let (made, tried) = steps(&mut pace, 100, FLOOR / 8, FLOOR, f64::from);
         assert_eq!(made, 800);
         assert!(tried - made < 30, "{tried} {made}");
-        // And the whole step is found again.
+        // It returns to whole steps.
         steps(&mut pace, 100, FLOOR, FLOOR, f64::from);
         assert_eq!(pace.size(FLOOR), FLOOR);
     }
@@ -208,12 +208,12 @@ mod tests {
     #[test]
     fn hard_steps_are_cut_where_it_pays() {
         let mut pace = Pace::default();
-        // Whole steps and halves cost ten, quarters one.
+        // Whole steps and halves cost ten, quarters cost one.
         let cost = |size| if size > FLOOR / 4 { 10.0 } else { 1.0 };
         let (made, _) = steps(&mut pace, 100, FLOOR, FLOOR / 4, cost);
         assert!(made > 350, "{made}");
         let mut pace = Pace::default();
-        // All cost alike and are hard.
+        // All lengths cost the same and are difficult.
         let (made, _) = steps(&mut pace, 1000, FLOOR, 0, |_| 1.0);
         assert!(made < 1400, "{made}");
     }

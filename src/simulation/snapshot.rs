@@ -1,5 +1,5 @@
-//! Everything that the next steps of a simulation depend on beyond its scene, to go back to or to continue from, bit
-//! for bit.
+//! The complete state of a simulation, apart from its scene, on which the next steps depend. Returning to a snapshot,
+//! or continuing from it, gives bitwise the same results.
 
 use vi_core::State;
 use vi_solvers::{Method, SolverError, SolverOptions, StepperMemory, Work};
@@ -10,21 +10,21 @@ use super::{Component, Simulation};
 use crate::record::{self, Damage, record};
 
 const MAGIC: &[u8; 8] = b"VI-STATE";
-/// Changes with every change of the record.
+/// Version of the record; increase it with every change of the record.
 const FORMAT: u64 = 1;
 
-/// Steps that were cut into substeps.
+/// Counts of steps that were cut into substeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Substeps {
     /// Steps that were cut.
     pub steps: u64,
-    /// Substeps that they were cut into.
+    /// Number of substeps of these steps.
     pub substeps: u64,
-    /// The smallest substep was h divided by this; 1 where none was cut.
+    /// The smallest substep was h divided by this; 1 if no step was cut.
     pub finest: u64,
 }
 
-/// A simulation between two steps.
+/// The state of a simulation between two steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snapshot {
     pub(super) steps: u64,
@@ -34,7 +34,7 @@ pub struct Snapshot {
     pub(super) paces: Vec<Pace>,
     pub(super) work: Work,
     pub(super) substeps: Substeps,
-    /// Energy that [`Simulation::set_motion`] gave and no step has told yet, J.
+    /// Energy from [`Simulation::set_motion`] that no step has booked yet, J.
     pub(super) given: f64,
     pub(super) contact: ContactTotals,
 }
@@ -58,22 +58,22 @@ impl Snapshot {
         self.steps
     }
 
-    /// The snapshot as bytes, with a checksum.
+    /// Returns the snapshot as bytes, with a checksum.
     pub fn to_bytes(&self) -> Vec<u8> {
         record::seal(MAGIC, FORMAT, self)
     }
 
-    /// The snapshot that [`Snapshot::to_bytes`] gave these bytes of.
+    /// Reads a snapshot from the bytes of [`Snapshot::to_bytes`].
     ///
     /// # Errors
-    /// [`Damage`] where they are not those that it gave, or those of another version of the program.
+    /// [`Damage`] if the bytes are damaged or from another version of the program.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Damage> {
         record::unseal(MAGIC, FORMAT, bytes)
     }
 }
 
 impl Simulation {
-    /// Everything that the next steps depend on beyond the scene.
+    /// Returns the complete state, apart from the scene, on which the next steps depend.
     pub fn snapshot(&self) -> Snapshot {
         let of = |component: &Component| {
             (component.state.clone(), component.stepper.as_ref().map(|stepper| stepper.memory()))
@@ -91,10 +91,10 @@ impl Simulation {
         }
     }
 
-    /// Becomes what an equal simulation was; the next steps are the same to the bit.
+    /// Sets the state to that of an equal simulation; the next steps are bitwise the same.
     ///
     /// # Errors
-    /// [`SolverError`] where the snapshot is that of another scene; the simulation is then of no use.
+    /// [`SolverError`] if the snapshot belongs to another scene; the simulation must not be used afterwards.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SolverError> {
         let count = self.components.len();
         if snapshot.components.len() != count || snapshot.paces.len() != count {
@@ -134,7 +134,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Becomes what it was; the work of the steps that are given up stays counted.
+    /// Returns to a snapshot; the work of the discarded steps remains counted.
     ///
     /// # Errors
     /// As [`Simulation::restore`].
@@ -145,7 +145,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Cuts every step from now on into twice as many parts; false where they are at the floor, h/1024.
+    /// Divides every further step into twice as many parts; returns false if they are already h/1024.
     pub fn halve(&mut self) -> bool {
         let can = self.parts < FLOOR;
         if can {
@@ -154,15 +154,15 @@ impl Simulation {
         can
     }
 
-    /// The step that is made now, s: h, or the part of it that [`Simulation::halve`] has left.
+    /// Returns the current step, s: h, or its part after [`Simulation::halve`].
     pub fn part(&self) -> f64 {
         self.h / f64::from(self.parts)
     }
 
-    /// Continues by `energy-momentum`.
+    /// Switches to the scheme `energy-momentum`.
     ///
     /// # Errors
-    /// [`SolverError`] where a force of the scene rules that out; nothing has then changed.
+    /// [`SolverError`] if a force of the scene does not allow this; nothing has then changed.
     pub fn switch(&mut self) -> Result<(), SolverError> {
         let work = self.work();
         self.set_steppers(Method::EnergyMomentum)?;
@@ -171,7 +171,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Has it been switched to `energy-momentum`?
+    /// Returns whether the simulation was switched to `energy-momentum`.
     pub fn is_switched(&self) -> bool {
         self.switched
     }

@@ -1,4 +1,4 @@
-//! Is an explicit step below its stability limit? Asked before the run, by the highest frequency of the scene.
+//! Compares an explicit step with its stability limit before the run, using the highest frequency of the scene.
 
 use rayon::prelude::*;
 use vi_core::{State, System};
@@ -15,12 +15,12 @@ pub struct StabilityNote {
     pub step: f64,
     /// Highest angular frequency ω of the scene at its start, rad/s.
     pub highest_frequency: f64,
-    /// The greatest stable step, (hω limit)/ω, s.
+    /// The largest stable step, (hω limit)/ω, s.
     pub step_limit: f64,
 }
 
 impl StabilityNote {
-    /// Returns advice after a run has blown up with a step that was slightly below the limit at the start.
+    /// Returns advice for a run that became unstable with a step slightly below the limit at the start.
     pub fn diagnosis(&self) -> Option<String> {
         let share = self.step / self.step_limit;
         (0.5..=1.0).contains(&share).then(|| {
@@ -54,10 +54,10 @@ impl StabilityNote {
     }
 }
 
-/// The stability of a simulation's explicit scheme; none for implicit schemes, or where nothing oscillates.
+/// Returns the stability of a simulation's explicit scheme; `None` for implicit schemes, or if nothing oscillates.
 ///
 /// # Errors
-/// That of the first component whose highest frequency cannot be estimated: its limit is not known then.
+/// The error of the first component with an unknown highest frequency: the limit is not known then.
 pub fn stability(simulation: &Simulation) -> Result<Option<StabilityNote>, SolverError> {
     let method = simulation.method();
     let Some(limit) = method.facts().stability_limit else { return Ok(None) };
@@ -83,7 +83,7 @@ pub fn warning(found: &Result<Option<StabilityNote>, SolverError>, method: Metho
 /// Returns the highest angular frequency of a scene at its start, rad/s, or `None` if no free coordinate feels a force
 /// that changes with position.
 ///
-/// # Errors
+/// The error of the first component with an unknown frequency.
 /// That of the first component whose frequency cannot be estimated.
 pub fn highest(simulation: &Simulation) -> Result<Option<f64>, SolverError> {
     let moving: Vec<(&System, &State)> = simulation

@@ -1,8 +1,8 @@
-//! Time symmetry: a symmetric scheme with equal steps runs back to where it began.
+//! Time symmetry: a symmetric scheme with equal steps returns to its start when it runs backwards.
 
 use crate::prelude::*;
 
-/// A soft block that spins and shakes, with hω = 10 at its highest frequency.
+/// Returns a soft block that spins and vibrates, with hω = 10 at its highest frequency.
 fn block(stages: usize, tolerance: f64, young: f64) -> Simulation {
     let shape =
         BoxMesh { size: [1.0, 0.2, 0.2], cells: [5, 1, 1], element: CellKind::Tet4, origin: [0.0; 3] };
@@ -15,7 +15,8 @@ fn block(stages: usize, tolerance: f64, young: f64) -> Simulation {
     Simulation::new(scene).unwrap()
 }
 
-/// Half of the steps forward, the other half with all momenta turned; the largest distance from the start, m.
+/// Runs half of the steps forward, and the other half with reversed momenta; returns the largest distance from the
+/// start, m.
 fn reversal(mut simulation: Simulation) -> (f64, u64) {
     let start = simulation.components[0].state.q.clone();
     for _ in 0..simulation.step_count() / 2 {
@@ -30,7 +31,8 @@ fn reversal(mut simulation: Simulation) -> (f64, u64) {
     (off, simulation.substeps().steps)
 }
 
-/// No step of a smooth motion is cut, whatever the tolerance; to round-off, the scheme runs back to round-off.
+/// No step of a smooth motion is cut, at any tolerance. With equations solved to round-off, the scheme returns to its
+/// start to round-off.
 #[test]
 fn gauss_runs_back_to_its_start() {
     for (stages, young) in [(2, 1e5), (2, 1e6), (3, 1e5), (3, 1e6)] {

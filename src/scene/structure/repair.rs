@@ -1,4 +1,4 @@
-//! Changes to a scene file that make it agree with the schema, so that what is sound in it can be read.
+//! Changes a scene file so that it agrees with the schema and its valid parts can be read.
 
 use serde_json::Value as Json;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
@@ -7,7 +7,7 @@ use super::view::{Step, steps};
 use super::{Flaw, Repair};
 
 impl Flaw {
-    /// Changes the file so that the flaw is gone. What cannot be changed stays.
+    /// Changes the file so that the flaw is removed, if possible.
     pub(in crate::scene) fn repair(&self, document: &mut DocumentMut) {
         let mut steps = steps(&self.repaired);
         let Some(last) = steps.pop() else { return };

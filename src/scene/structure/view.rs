@@ -1,10 +1,10 @@
-//! A scene file as a walk over it sees it: values with their places in the text, and keys as paths.
+//! Read access to a scene file during a walk: values with their positions in the text, and keys as paths.
 
 use std::ops::Range;
 
 use toml_edit::{Array, ArrayOfTables, Item, Table, TableLike, Value};
 
-/// A value of the file as the walk sees it.
+/// A value of the file.
 #[derive(Clone)]
 pub(super) enum View<'a> {
     Table(&'a dyn TableLike),
@@ -51,7 +51,7 @@ impl<'a> View<'a> {
     }
 }
 
-/// A list of the file. Nothing is made of all its elements: it may be asked for one of thousands.
+/// A list of the file. Its elements are not converted in advance, because a caller may need one of thousands.
 #[derive(Clone, Copy)]
 pub(super) enum List<'a> {
     Tables(&'a ArrayOfTables),
@@ -66,7 +66,7 @@ impl<'a> List<'a> {
         }
     }
 
-    /// An element, and where it stands.
+    /// Returns an element and its position in the text.
     pub(super) fn get(self, index: usize) -> Option<(View<'a>, Range<usize>)> {
         match self {
             Self::Tables(tables) => tables.get(index).map(|table| (View::Table(table), span_of_table(table))),
@@ -77,7 +77,7 @@ impl<'a> List<'a> {
     }
 }
 
-/// From the header of a table to the end of its last entry.
+/// Returns the span from the header of a table to the end of its last entry.
 fn span_of_table(table: &Table) -> Range<usize> {
     let header = table.span().unwrap_or_default();
     let ends = table.iter().filter_map(|(_, item)| end_of(item));
@@ -99,7 +99,7 @@ pub(super) enum Step<'a> {
     Index(usize),
 }
 
-/// `body[0].name` as its parts.
+/// Splits `body[0].name` into its parts.
 pub(super) fn steps(key: &str) -> Vec<Step<'_>> {
     let mut steps = Vec::new();
     for part in key.split('.') {
@@ -110,7 +110,7 @@ pub(super) fn steps(key: &str) -> Vec<Step<'_>> {
     steps
 }
 
-/// The span of a key path such as `body[0].material.density`, or of the nearest key above it.
+/// Returns the span of a key path such as `body[0].material.density`, or of the nearest key above it.
 pub(in crate::scene) fn span_of(root: &Item, key: &str) -> Option<Range<usize>> {
     let mut view = View::of_item(root);
     let mut span = None;
@@ -119,7 +119,7 @@ pub(in crate::scene) fn span_of(root: &Item, key: &str) -> Option<Range<usize>> 
             (Step::Key(name), View::Table(table)) => {
                 let own = table.key(name).and_then(|key| key.span());
                 let item = table.get(name);
-                // A table is found at its header.
+                // The position of a table is its header.
                 let header = item.and_then(Item::as_table).and_then(Table::span);
                 span = header.or(own).or(span);
                 item.map(View::of_item)
