@@ -1,5 +1,4 @@
-//! A whole run: steps a simulation to its end and writes what the scene asks for, from the start or from a
-//! checkpoint.
+//! Runs a simulation to its end and writes the files that the scene requests, from the start or from a checkpoint.
 
 mod chart;
 pub mod checkpoint;
@@ -42,7 +41,7 @@ pub use probe_estimate::ProbeEstimate;
 use state::Run;
 pub use watch::Watch;
 
-/// A watch of a run that follows the trials before it.
+/// Passes the watch of a run on to the trials before it.
 struct Trials<'a>(&'a mut dyn Watch);
 
 impl TrialWatch for Trials<'_> {
@@ -57,21 +56,21 @@ impl TrialWatch for Trials<'_> {
 
 /// Runs a scene and writes history.csv, frames, checkpoints and report.json into `directory`.
 ///
-/// The directory is made only once the whole scene has been accepted; what an earlier run of the scene wrote
-/// there is replaced, nothing else is touched. The history and the report of another scene are kept under its name.
-/// Until the run has ended, nobody else can run into the directory.
+/// The directory is created only after the whole scene has been accepted. Files that an earlier run of the scene wrote
+/// there are replaced, and nothing else is changed. The history and the report of another scene are kept under its
+/// name. Until the run has ended, no other process can run into the directory.
 ///
 /// # Errors
-/// [`RunError`]; what was reached before the error is written, but for errors of output itself.
+/// [`RunError`]. The results up to the error are written, unless writing itself failed.
 pub fn run(scene: Scene, name: &str, directory: &Path, watch: &mut dyn Watch) -> Result<Report, RunError> {
     run_from(None, scene, name, directory, watch)
 }
 
-/// [`run`] of a scene that was read from `file`: its path and the keys that were set in it, by which
+/// Does the same as [`run`] for a scene that was read from `file`: its path and the keys that were set in it, by which
 /// [`resume`] finds it again.
 ///
 /// # Errors
-/// As [`run`].
+/// Returns the errors of [`run`].
 pub fn run_from(
     file: Option<(&Path, &[String])>,
     scene: Scene,
@@ -90,7 +89,7 @@ pub fn run_from(
         watch.settled(auto);
     }
     let simulation = Simulation::new(scene).map_err(RunError::Scene)?;
-    // A mesh that cannot be read is a problem of the scene, and has been reported as one.
+    // If a mesh cannot be read, the problems of the scene already report it.
     let mut origin = origin.transpose()?;
     if let (Some(origin), Some((path, overrides))) = (&mut origin, file) {
         let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
@@ -99,11 +98,10 @@ pub fn run_from(
     Run::start(simulation, auto, name, directory, origin, begin)?.complete(watch)
 }
 
-/// Continues the run of `scene` in `directory` from a checkpoint of it, to the same bits as if it had
-/// never been interrupted.
+/// Continues the run of `scene` in `directory` from one of its checkpoints, to the same bits as an uninterrupted run.
 ///
 /// # Errors
-/// [`RunError::Checkpoint`] where scene or meshes have changed; else as [`run`].
+/// [`RunError::Checkpoint`] if the scene or meshes have changed; otherwise the errors of [`run`].
 pub fn resume(
     scene: Scene,
     checkpoint: &Checkpoint,

@@ -1,17 +1,17 @@
-//! The energies of a run over time as a picture, from its history. Nothing here steps.
+//! Draws the energies of a run over time from its history.
 
 use std::io;
 use std::path::Path;
 
 use crate::chart::{Chart, Scale, Series, Style};
 
-/// Largest number of points on a chart; of longer series the lowest and highest of each stretch are drawn.
+/// Largest number of points in a chart. Of a longer series the minimum and maximum of each stretch are drawn.
 const MOST_POINTS: usize = 2000;
 
 /// Writes `energy.svg` beside history.csv.
 ///
 /// # Errors
-/// Where a file cannot be read or written.
+/// Returns an error if a file cannot be read or written.
 pub(super) fn write(directory: &Path, title: &str, scheme: &str) -> io::Result<()> {
     let history = std::fs::read_to_string(directory.join("history.csv"))?;
     std::fs::write(directory.join("energy.svg"), draw(&history, title, scheme))
@@ -39,7 +39,7 @@ fn draw(history: &str, title: &str, scheme: &str) -> String {
     chart.svg()
 }
 
-/// Of each stretch of points the lowest and the highest, in order; all where they are few.
+/// Returns the lowest and the highest point of each stretch of points, in order; all points if there are few.
 fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     if points.len() <= MOST_POINTS {
         return points.to_vec();

@@ -1,8 +1,8 @@
-//! A run between two steps as one value, from which it continues bit for bit: the simulation, and the snapshots of all
-//! observers. `store.rs` knows where its files lie.
+//! The state of a run between two steps, from which it continues bit for bit: the simulation and the snapshots of all
+//! observers. `store.rs` manages the files.
 //!
-//! A file is a sealed record (`record.rs`). Only the record changes from format to format, so that every version
-//! recognises a file of a newer one.
+//! A file is a sealed record (`record.rs`). Formats differ in the record alone, so that every version recognises a file
+//! of a newer one.
 
 mod store;
 
@@ -17,14 +17,14 @@ pub use store::{Found, newest};
 pub(crate) use store::{Store, is_file_name};
 
 const MAGIC: &[u8; 8] = b"VI-CHECK";
-/// Changes with every change of the record.
+/// Number of the format; increased with every change of the record.
 const FORMAT: u64 = 5;
 
 /// Why a run cannot continue.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CheckpointError {
-    /// There is nothing to continue from.
+    /// There is no checkpoint.
     #[error(
         "{}: no checkpoint here; a scene writes them with [checkpoint] interval = …; run it again", .directory.display()
     )]
@@ -37,22 +37,22 @@ pub enum CheckpointError {
     Damaged {
         /// The directory.
         directory: PathBuf,
-        /// Problem of each.
+        /// The damage of each checkpoint.
         damages: Vec<String>,
     },
-    /// The newest checkpoint is of a newer version of the program.
+    /// A newer version of the program wrote the newest checkpoint.
     #[error(
         "{}: a newer version of this program has written it (format {format}; this version reads format {FORMAT}); \
          resume with that version",
         .path.display()
     )]
     Newer {
-        /// The checkpoint.
+        /// The file.
         path: PathBuf,
         /// Format version of the file.
         format: u64,
     },
-    /// The scene or a mesh is not the one that was run.
+    /// The scene or a mesh differs from the one that was run.
     #[error("{what} has changed since the checkpoint: {how}; bring back what was run, or run it anew")]
     Changed {
         /// The scene, or a mesh.
@@ -60,7 +60,7 @@ pub enum CheckpointError {
         /// The first difference.
         how: String,
     },
-    /// The state does not fit the scene.
+    /// The state does not match the scene.
     #[error("the checkpoint does not fit its scene: {0}")]
     Unfit(String),
     /// A file cannot be read.
@@ -80,19 +80,19 @@ pub struct Origin {
     pub program: String,
     /// Name of the scene.
     pub name: String,
-    /// The scene file, if there was one, and what was set in it.
+    /// The scene file, if there was one, and the keys that were set in it.
     pub file: Option<(PathBuf, Vec<String>)>,
     /// The scene's text, as [`scene_text`] gives it.
     pub scene: String,
     /// The files that the scene reads, meshes first, and the CRC-32 of their bytes.
     pub meshes: Vec<(PathBuf, u64)>,
-    /// Scheme, stages (0: none) and number of steps that `auto` has chosen.
+    /// Scheme, stages (0: unset) and number of steps that `auto` chose.
     pub(crate) choice: Option<(String, (u64, u64))>,
-    /// Why, as JSON.
+    /// The report of `auto`, as JSON.
     pub(crate) auto: String,
 }
 
-/// The snapshots of the observers of a run, by their names.
+/// The snapshots of the observers of a run, by name.
 pub(crate) type Snapshots = Vec<(String, Bytes)>;
 
 /// A run between two steps.
@@ -104,9 +104,9 @@ pub struct Checkpoint {
     /// Bytes of history.csv at this point.
     pub(crate) history_bytes: u64,
     pub(crate) observers: Snapshots,
-    /// Notes made on the way, e.g. of limit points.
+    /// Notes made during the run, e.g. on limit points.
     pub(crate) findings: Vec<String>,
-    /// Seconds of set-up, stepping and output so far.
+    /// Seconds spent so far on set-up, stepping and output.
     pub(crate) seconds: [f64; 3],
 }
 
@@ -129,30 +129,30 @@ record!(Checkpoint {
 });
 
 impl Checkpoint {
-    /// Steps made.
+    /// Returns the number of steps made.
     pub fn steps(&self) -> u64 {
         self.simulation.steps()
     }
 
-    /// The bytes of its file.
+    /// Encodes the checkpoint as the bytes of its file.
     pub fn encode(&self) -> Vec<u8> {
         record::seal(MAGIC, FORMAT, self)
     }
 
-    /// Reads the bytes of a file.
+    /// Decodes the bytes of a file.
     ///
     /// # Errors
-    /// [`Damage`] where they are not those that were written.
+    /// [`Damage`] if they differ from those that were written.
     pub fn decode(bytes: &[u8]) -> Result<Self, Damage> {
         record::unseal(MAGIC, FORMAT, bytes)
     }
 }
 
 impl Origin {
-    /// Identity of the present run.
+    /// Returns the identity of the current run.
     ///
     /// # Errors
-    /// Where a mesh cannot be read again.
+    /// Returns an error if a mesh cannot be read again.
     pub(crate) fn new(scene: &Scene, name: &str) -> Result<Self, CheckpointError> {
         Ok(Self {
             program: env!("CARGO_PKG_VERSION").to_owned(),
@@ -165,10 +165,10 @@ impl Origin {
         })
     }
 
-    /// Is this what `scene` would run? Otherwise, what differs.
+    /// Checks that `scene` is the one that was run.
     ///
     /// # Errors
-    /// [`CheckpointError::Changed`], or where a mesh cannot be read.
+    /// [`CheckpointError::Changed`] with the difference, or an error if a mesh cannot be read.
     pub fn check(&self, scene: &Scene) -> Result<(), CheckpointError> {
         let text = scene_text(scene);
         if text != self.scene {
@@ -188,11 +188,11 @@ impl Origin {
         Ok(())
     }
 
-    /// The scene as it was run.
+    /// Parses the recorded scene.
     #[cfg(feature = "cli")]
     pub(crate) fn parse(&self) -> crate::scene::Parsed {
         let mut parsed = Scene::parse(&self.scene, &[]);
-        // Text cannot hold paths that are not UTF-8.
+        // The text cannot represent paths that are not UTF-8.
         let mut paths = self.meshes.iter().map(|(path, _)| path);
         if let Some(scene) = &mut parsed.scene {
             scene.for_each_file(|file| {
@@ -204,7 +204,7 @@ impl Origin {
         parsed
     }
 
-    /// The scene with what `auto` had chosen.
+    /// Returns the scene with the choice that `auto` made.
     pub(crate) fn settle(&self, mut scene: Scene) -> Result<Scene, CheckpointError> {
         if let Some((name, (stages, steps))) = &self.choice {
             let scheme: SchemeName = serde_json::from_value(name.as_str().into())
@@ -216,7 +216,7 @@ impl Origin {
     }
 }
 
-/// A scene in words that are the same for equal scenes, with absolute paths to the files that it reads.
+/// Returns a text that is equal for equal scenes, with absolute paths to the files that it reads.
 pub fn scene_text(scene: &Scene) -> String {
     let scene = scene.clone().with_absolute_paths();
     #[cfg(feature = "cli")]
@@ -240,7 +240,7 @@ fn mesh_sums(scene: &Scene) -> Result<Vec<(PathBuf, u64)>, CheckpointError> {
     files.chain(arrays).collect()
 }
 
-/// The CRC-32 of the points and cells of a mesh.
+/// Returns the CRC-32 of the points and cells of a mesh.
 fn array_sum(mesh: &Mesh) -> u64 {
     let mut sum = crc32fast::Hasher::new();
     mesh.points.as_flattened().iter().for_each(|x| sum.update(&x.to_le_bytes()));

@@ -1,7 +1,7 @@
-//! The right to write into a directory, which one process at a time has.
+//! Grants the right to write into a directory to one process at a time.
 //!
-//! A claim is a lock of the operating system on the file `variational.lock`. The system gives it up when the process
-//! ends, in whatever way, so that a file which a killed process left behind bars nobody, whoever has its number now.
+//! A claim is a lock of the operating system on the file `variational.lock`. The system releases it when the process
+//! ends, however it ends. So the file of a killed process blocks nobody, even if its process number is in use again.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Write};
@@ -12,11 +12,11 @@ use same_file::Handle;
 /// Name of the file that is locked.
 const LOCK: &str = "variational.lock";
 
-/// Why a directory cannot be written into.
+/// Why a directory cannot be claimed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ClaimError {
-    /// Another process writes into it.
+    /// Another process writes into the directory.
     #[error(
         "{}: {holder} is writing into this directory; wait until it has ended, or choose another directory with --out",
         .directory.display()
@@ -24,28 +24,28 @@ pub enum ClaimError {
     Held {
         /// The directory.
         directory: PathBuf,
-        /// `process 123`, or `another process` where its number is not known yet.
+        /// `process 123`, or `another process` if its number is not known yet.
         holder: String,
     },
-    /// The directory or its lock cannot be made.
+    /// The directory or its lock file cannot be created.
     #[error("{}: {source}", .path.display())]
     Output {
-        /// The directory, or the file that is locked.
+        /// The directory or the lock file.
         path: PathBuf,
         /// Error of the operating system.
         source: io::Error,
     },
 }
 
-/// A directory that this process may write into for as long as the value lives.
+/// A directory that this process may write into as long as the value lives.
 ///
-/// The directory is made if it is missing. It goes with the claim if nothing has been written into it.
+/// The directory is created if it is missing, and removed with the claim if nothing has been written into it.
 #[derive(Debug)]
 pub struct Claim {
     path: PathBuf,
     lock: Handle,
     is_locked: bool,
-    /// Directories that were made, the innermost first.
+    /// Directories that were created for it, innermost first.
     made: Vec<PathBuf>,
 }
 
@@ -53,7 +53,7 @@ impl Claim {
     /// Claims a directory.
     ///
     /// # Errors
-    /// [`ClaimError`] where another process or another claim has it, or where it cannot be written into.
+    /// [`ClaimError`] if another process or another claim holds it, or if it cannot be written into.
     pub fn new(directory: &Path) -> Result<Self, ClaimError> {
         let path = directory.join(LOCK);
         let failed = |path: &Path| {
@@ -65,7 +65,7 @@ impl Claim {
         loop {
             fs::create_dir_all(directory).map_err(failed(directory))?;
             let file = match File::options().read(true).write(true).create(true).truncate(false).open(&path) {
-                // An unused claim has just gone, and its directory with it.
+                // Another claim was just dropped, and its directory was removed with it.
                 Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
                 opened => opened.map_err(failed(&path))?,
             };
@@ -78,7 +78,7 @@ impl Claim {
                 Err(TryLockError::Error(error)) => return Err(failed(&path)(error)),
             };
             let lock = Handle::from_file(file).map_err(failed(&path))?;
-            // The file that was opened may have been removed by its holder before it was locked here.
+            // The holder may have removed the file between our opening and our locking it.
             if Handle::from_path(&path).is_ok_and(|there| there == lock) {
                 let mut claim = Self { path, lock, is_locked, made };
                 claim.sign().map_err(failed(&claim.path))?;
@@ -87,7 +87,7 @@ impl Claim {
         }
     }
 
-    /// Writes the number of this process, by which others name it.
+    /// Writes the number of this process, for the messages of other processes.
     fn sign(&mut self) -> io::Result<()> {
         let file = self.lock.as_file_mut();
         file.set_len(0)?;
@@ -104,8 +104,8 @@ impl Claim {
 }
 
 impl Drop for Claim {
-    /// The lock ends with the file's last handle, after the file has gone. What cannot be removed stays: a lock file
-    /// that nobody holds, or a directory that is in use.
+    /// The lock ends with the last handle of the file, after the file is removed. A removal may fail and is then
+    /// ignored: it leaves a lock file that nobody holds, or a directory in use.
     fn drop(&mut self) {
         let _ = fs::remove_file(&self.path);
         for directory in &self.made {
@@ -141,7 +141,7 @@ mod tests {
     #[test]
     fn a_file_of_a_process_that_is_gone_bars_nobody() {
         let directory = tempfile::tempdir().unwrap();
-        // Number 1 is always in use: a number alone tells nothing.
+        // Process 1 always exists, so the number alone does not show that the lock is held.
         fs::write(directory.path().join(LOCK), "process 1\n").unwrap();
         let claim = Claim::new(directory.path()).unwrap();
         fs::write(directory.path().join("kept"), "").unwrap();

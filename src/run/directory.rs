@@ -1,5 +1,5 @@
-//! Which files of an output directory belong to the runs of a scene. A new run removes those, sets the results of
-//! other scenes aside, and touches nothing else.
+//! Decides which files of an output directory belong to the runs of a scene. A new run removes those, renames the
+//! results of other scenes, and changes nothing else.
 
 use std::fs;
 use std::io;
@@ -13,16 +13,15 @@ use crate::run::frames::frame_number;
 use crate::run::surfaces::SurfaceFiles;
 use crate::scene::{Problem, Scene};
 
-/// Files of a run whose names do not tell the scene. Another scene's are kept as `<scene>.history.csv` and
+/// Files whose names do not contain the name of the scene. Those of another scene are renamed `<scene>.history.csv` and
 /// `<scene>.report.json`.
 const SHARED: [&str; 3] = ["history.csv", "report.json", "energy.svg"];
 
-/// Prepares a new run of the scene `name`: removes the files of an earlier run of it.
+/// Prepares a new run of the scene `name`: removes the files of its earlier run.
 ///
 /// # Errors
-/// Before anything is touched: [`RunError::Scene`] where the scene reads a file that would be removed, and
-/// [`RunError::Unfinished`] where another scene's run can still be continued. [`RunError::Output`] where a file cannot
-/// be moved or removed.
+/// Before any change: [`RunError::Scene`] if the scene reads a file that would be removed, and [`RunError::Unfinished`]
+/// if the run of another scene can still be continued. [`RunError::Output`] if a file cannot be moved or removed.
 pub(super) fn prepare(directory: &Path, name: &str, scene: &Scene) -> Result<(), RunError> {
     refuse_inputs(directory, name, scene)?;
     set_aside_others(directory, name)?;
@@ -38,10 +37,10 @@ pub(super) fn refuse_inputs(directory: &Path, name: &str, scene: &Scene) -> Resu
     if problems.is_empty() { Ok(()) } else { Err(RunError::Scene(problems)) }
 }
 
-/// A problem for each file that a scene reads and that is one of `outputs`, by whatever path.
+/// Returns a problem for each file that a scene reads and that is one of `outputs`, by any path.
 pub(crate) fn inputs_among(scene: &Scene, outputs: &[PathBuf]) -> Vec<Problem> {
     let is_output = |input: &Path| {
-        // A file that is not there is no other file.
+        // A file that does not exist is not the same file.
         outputs.iter().any(|output| same_file::is_same_file(input, output).unwrap_or(false))
     };
     let problem = |(key, path): (String, &Path)| {
@@ -62,7 +61,7 @@ fn own_files(directory: &Path, name: &str, scene: &Scene) -> Result<Vec<PathBuf>
     let listed = (|| {
         for entry in fs::read_dir(directory)? {
             let entry = entry?;
-            // A run that was killed while it wrote a file has left it under its temporary name.
+            // A run killed while writing a file leaves it under its temporary name.
             let is_own = entry.file_name().to_str().is_some_and(|file| {
                 let file = file.strip_suffix(".tmp").unwrap_or(file);
                 is_own(file, name) || surfaces.contain(file)
@@ -87,7 +86,7 @@ fn is_own(file: &str, name: &str) -> bool {
         || checkpoint::is_file_name(file)
 }
 
-/// Gives the history and the report of another scene's run names that tell so.
+/// Renames the history and the report of another scene's run by that scene.
 fn set_aside_others(directory: &Path, name: &str) -> Result<(), RunError> {
     let Some((other, is_done)) = last_run(directory).filter(|(other, _)| other != name) else {
         return Ok(());
@@ -105,14 +104,14 @@ fn set_aside_others(directory: &Path, name: &str) -> Result<(), RunError> {
     Ok(())
 }
 
-/// The scene that ran last in a directory, as its report or its newest checkpoint tells, and whether it reached its
-/// end.
+/// Returns the scene that ran last in a directory, from its report or its newest checkpoint, and whether the run is
+/// complete.
 fn last_run(directory: &Path) -> Option<(String, bool)> {
     let report = fs::read(directory.join("report.json")).ok();
     let found = match report.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok()) {
         Some(report) => (report["name"].as_str()?.to_owned(), report["outcome"] == "done"),
         None => (checkpoint::newest(directory).ok()?.checkpoint.origin.name, false),
     };
-    // What is to be part of a file's name must be one.
+    // The name must be usable as part of a file name.
     (Path::new(&found.0).file_name() == Some(found.0.as_ref())).then_some(found)
 }

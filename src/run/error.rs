@@ -1,4 +1,4 @@
-//! Why a run ends before its end.
+//! Errors that end a run early.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -11,22 +11,22 @@ use crate::run::checkpoint::CheckpointError;
 use crate::run::claim::ClaimError;
 use crate::scene::Problem;
 
-/// Why a run ended before its end.
+/// Why a run ended early.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RunError {
     /// The scene or its meshes are wrong.
     #[error("{}", list(.0))]
     Scene(Vec<Problem>),
-    /// A step failed; what was reached is written.
+    /// A step failed; results up to it are written.
     #[error("step {step}: {source}")]
     Step {
         /// The step that failed, from 1.
         step: u64,
-        /// Why.
+        /// The cause.
         source: StepError,
     },
-    /// The energy guard ended the run; what was reached is written.
+    /// The energy guard ended the run; results up to it are written.
     #[error(
         "step {step}: the energy guard ends the run at t = {t} s: {joules:.3e} J were gained that nothing put in, \
          {relative:.2e} of the energy given, {bound:e} allowed{after}"
@@ -38,19 +38,19 @@ pub enum RunError {
         t: f64,
         /// Growth, J.
         joules: f64,
-        /// Growth relative to the exchange.
+        /// Growth relative to the energy exchange.
         relative: f64,
         /// Bound allowed.
         bound: f64,
-        /// Remedies tried, in words; may be empty.
+        /// Remedies tried, for the message; may be empty.
         after: &'static str,
     },
-    /// The state has left the range of what frames can hold: it has blown up. What was reached is written.
+    /// The state exceeds the range of the numbers in frames: the run has become unstable. Results up to it are written.
     #[error("step {step}: the state is beyond all bounds: {source}")]
     Beyond {
         /// The last step made.
         step: u64,
-        /// The value.
+        /// The value that is out of range.
         source: vi_io::IoError,
     },
     /// A file could not be written.
@@ -61,10 +61,10 @@ pub enum RunError {
         /// Error of the operating system.
         source: io::Error,
     },
-    /// Another process writes into the directory, or it cannot be written into.
+    /// Another process writes into the directory, or it cannot be written to.
     #[error(transparent)]
     Claim(#[from] ClaimError),
-    /// The directory holds a run of another scene that can be continued.
+    /// The directory holds an unfinished run of another scene.
     #[error(
         "{}: the run of '{name}' in this directory has not ended: continue it with `variational resume {}`, or delete \
          its checkpoints, or choose another directory with --out",
@@ -79,21 +79,21 @@ pub enum RunError {
     /// A mesh file could not be written.
     #[error(transparent)]
     Frame(#[from] vi_io::IoError),
-    /// The caller ended the trials of scheme `auto`; nothing was written.
+    /// The caller stopped the trials of scheme `auto`; nothing was written.
     #[error("stopped during the trials of scheme \"auto\"; nothing was written")]
     Stopped,
-    /// There is nothing to continue from, or it does not fit.
+    /// There is no checkpoint, or it does not match.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
 }
 
 impl RunError {
-    /// Is it the motion that failed, rather than its files?
+    /// Returns whether the motion failed, rather than a file operation.
     pub fn is_failure(&self) -> bool {
         matches!(self, Self::Step { .. } | Self::Guard { .. } | Self::Beyond { .. })
     }
 
-    /// An error of writing `path`.
+    /// Returns a conversion of errors of writing `path`.
     pub(super) fn output(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::Output { path, source }

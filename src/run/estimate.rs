@@ -1,19 +1,19 @@
-//! `[time] estimate = true`: estimates the error of every probe from companions of the run. They solve the same
-//! scene beside it and change nothing in it.
+//! Implements `[time] estimate = true`: estimates the error of every probe from companion simulations. They solve the
+//! same scene beside the run and do not change it.
 //!
 //! Every scheme is compared with a companion that is more accurate than the scheme itself:
 //!
 //! | scheme | reference s | error of s |
 //! |---|---|---|
-//! | explicit, order 1 and 2 | Blanes–Moan 4 with h, or 2h where that is stable | neglected |
+//! | explicit, order 1 and 2 | Blanes–Moan 4 with h, or 2h if that is stable | neglected |
 //! | `blanes-moan-4` | Blanes–Moan 6 with h/2 | neglected |
 //! | `blanes-moan-6`, and explicit schemes in scenes that Blanes–Moan 4 cannot step | the scheme with h/4 | 4^−p of its own |
 //! | implicit, order p | the scheme with h/2 | 2^−p of its own, p as observed |
 //!
-//! An error of which s has the share φ is e = (u_h − u_s)/(1 − φ). Explicit schemes show their order by
-//! 2^p = |u_h − u_s| / |u_{h/2} − u_s|, implicit ones by 2^p = |u_{2h} − u_h| / |u_h − u_{h/2}|, taken no higher than
-//! the formal order, and for 1 where the differences do not fall. References of implicit schemes solve their
-//! equations 100 times as tightly, so that what the run's own solver leaves is part of the error.
+//! If the reference s has the share φ of the error, the error is e = (u_h − u_s)/(1 − φ). Explicit schemes show their
+//! order by 2^p = |u_h − u_s| / |u_{h/2} − u_s|, implicit ones by 2^p = |u_{2h} − u_h| / |u_h − u_{h/2}|. The order is
+//! limited to the formal order, and taken as 1 if the differences do not decrease. References of implicit schemes solve
+//! their equations 100 times as accurately, so that the estimate includes the error of the run's own solver.
 
 use std::time::Instant;
 
@@ -30,14 +30,14 @@ use crate::scene::{Problem, SchemeName};
 use crate::simulation::stability::highest;
 use crate::simulation::{ProbeValue, Simulation, Snapshot};
 
-/// An estimator between two steps of the run; `None` for a companion that the scheme does not need or that failed.
+/// The estimator between two steps of the run; `None` for a companion that is not needed or has failed.
 struct Companions {
     double: Option<Snapshot>,
     half: Option<Snapshot>,
     shadow: Option<Snapshot>,
     notes: Vec<String>,
     latest: Vec<ProbeEstimate>,
-    /// `None` where they are those that the estimator holds: time passes even if the run goes back.
+    /// `None` if the estimator's own value stays valid: elapsed time is kept when the run goes back.
     seconds: Option<f64>,
 }
 
@@ -50,38 +50,38 @@ record!(Companions {
     seconds: Option<f64>,
 });
 
-/// Solver tolerance of companions over that of the run.
+/// Ratio of the companions' solver tolerance to that of the run.
 const TIGHTER: f64 = 1e-2;
 
 /// The companions of a run.
 pub struct Estimator {
-    /// The scheme with twice the step; implicit schemes.
+    /// The scheme with twice the step, for implicit schemes.
     double: Option<Companion>,
     /// The scheme with half the step.
     half: Option<Companion>,
     /// The reference of explicit schemes.
     shadow: Option<Companion>,
-    /// The error of `shadow` over that of the run.
+    /// Ratio of the error of `shadow` to that of the run.
     share: f64,
-    /// Steps of the run after which all companions can be compared with it: 1 or 2.
+    /// The companions meet the run every `stride` steps: 1 or 2.
     stride: u64,
     order: f64,
     notes: Vec<String>,
     /// The last estimate of each probe.
     latest: Vec<ProbeEstimate>,
-    /// Time that the companions took, s.
+    /// Time spent on companions, s.
     seconds: f64,
 }
 
 /// A simulation of the same scene with its own number of steps.
 struct Companion {
     simulation: Simulation,
-    /// Number of its steps relative to the run, as a fraction.
+    /// Its steps per step of the run, as a fraction.
     steps: [u64; 2],
 }
 
 impl Estimator {
-    /// Companions of a simulation that has not begun.
+    /// Makes the companions of a simulation at its start.
     pub fn new(simulation: &Simulation) -> Self {
         let scene = simulation.scene();
         let run = Choice::of(scene);
@@ -113,8 +113,8 @@ impl Estimator {
                 _ => {
                     let fourth = higher(SchemeName::BlanesMoan4);
                     let limit = fourth.method().facts().recommended_limit.unwrap_or(0.0);
-                    // With twice the step it costs 3 forces per step of the run, where that is stable.
-                    // Where the frequency is not known, which the run says, the step is not doubled.
+                    // With twice the step it costs 3 forces per step of the run, provided that it is stable. If the
+                    // highest frequency is not known, which the run reports, the step is not doubled.
                     let is_slow = matches!(highest(simulation),
                         Ok(Some(omega)) if 2.0 * simulation.step_size() * omega <= limit);
                     estimator.stride = if can_double && is_slow { 2 } else { 1 };
@@ -147,13 +147,13 @@ impl Estimator {
         }
     }
 
-    /// Reason for the failure, in words.
+    /// Returns why companions have failed.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// Brings all companions to `step` steps of the run and compares; `None` at a step on which not all of
-    /// them land. A companion that fails is left behind, and [`Self::notes`] says so.
+    /// Brings all companions to step `step` of the run and compares. Returns `None` if not all of them reach that time
+    /// exactly. A companion that fails is dropped, with a note.
     pub fn compare(&mut self, step: u64, probes: &[ProbeValue]) -> Option<Vec<ProbeEstimate>> {
         if !step.is_multiple_of(self.stride) {
             return None;
@@ -170,7 +170,7 @@ impl Estimator {
                 Some(shadow) => self.by_shadow(own, of(&half), shadow),
                 None => self.by_pair(own, of(&double), of(&half)),
             };
-            // Positions are rounded at every step, and nobody knows them better.
+            // Positions are rounded at every step, which adds to any error.
             let round_off = f64::EPSILON * (step as f64).sqrt();
             for (error, position) in found.error.iter_mut().zip(probes[index].position) {
                 *error += round_off * position.abs();
@@ -186,7 +186,7 @@ impl Estimator {
     fn by_shadow(&self, own: Vector, half: Option<Vector>, shadow: Vector) -> ProbeEstimate {
         let difference = minus(own, shadow);
         let observed_order = half.and_then(|half| {
-            // A reference that is the scheme itself has a part of the error: three steps show the order without it.
+            // A reference by the same scheme shares part of the error. Three steps show the order without it.
             let coarse = if self.share > 0.0 { minus(own, half) } else { difference };
             order_of(coarse, minus(half, shadow))
         });
@@ -197,7 +197,7 @@ impl Estimator {
         let Some(half) = half else { return ProbeEstimate { error: [f64::NAN; 3], observed_order: None } };
         let difference = minus(own, half);
         let observed_order = double.and_then(|double| order_of(minus(double, own), difference));
-        // Where the order is not seen, no more than order 1 is relied on.
+        // If no order is observed, order 1 is assumed.
         let share = 2.0_f64.powf(-observed_order.map_or(1.0, |observed| observed.min(self.order)));
         ProbeEstimate { error: difference.map(|value| value.abs() / (1.0 - share)), observed_order }
     }
@@ -208,7 +208,7 @@ impl Observer for Estimator {
         "error estimate"
     }
 
-    /// The run brings the companions on by [`Estimator::compare`], whose result is a column of the row.
+    /// [`Estimator::compare`] advances the companions, and its result is part of the row.
     fn see(&mut self, _: &Sight<'_>) -> Result<(), RunError> {
         Ok(())
     }
@@ -252,7 +252,7 @@ impl Observer for Estimator {
     }
 }
 
-/// Brings a companion to where the run is after `step` steps.
+/// Advances a companion to the time of step `step` of the run.
 fn advance(companion: &mut Option<Companion>, step: u64, notes: &mut Vec<String>) -> Option<Vec<ProbeValue>> {
     let Companion { simulation, steps } = companion.as_mut()?;
     let target = step * steps[0] / steps[1];
@@ -272,10 +272,10 @@ fn minus(a: Vector, b: Vector) -> Vector {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
-/// The order that the errors of a step and of half that step show; `None` where they do not fall.
+/// Returns the order shown by the errors at a step and at half of it; `None` if they do not decrease.
 fn order_of(coarse: Vector, fine: Vector) -> Option<f64> {
     let size = |a: Vector| a.iter().map(|v| v * v).sum::<f64>().sqrt();
     let ratio = size(coarse) / size(fine);
-    // Order 1/4 is the least that is taken for an order: below, 1/(1 - 2^-p) is arbitrary.
+    // Orders below 1/4 are rejected, because 1/(1 - 2^-p) is then arbitrary.
     (ratio.is_finite() && ratio > 2.0_f64.powf(0.25)).then(|| ratio.log2())
 }

@@ -1,4 +1,4 @@
-//! Explains what a run builds, makes once, and skips, with reasons: `variational run --explain`.
+//! Explains what a run builds, what it evaluates once, and what it skips, with reasons: `variational run --explain`.
 
 use std::fmt::Write;
 
@@ -10,8 +10,8 @@ use crate::simulation::{Component, Simulation};
 
 /// Lists what will be built, by component and term.
 ///
-/// For implicit schemes it makes the matrix and, on the side, one step, to tell their sizes and which linear
-/// solver serves it.
+/// For implicit schemes it builds the matrix and makes one step of a copy, to report sizes and the choice of the linear
+/// solver.
 pub fn explain(simulation: &Simulation) -> String {
     let method = simulation.method();
     let facts = method.facts();
@@ -41,7 +41,7 @@ pub fn explain(simulation: &Simulation) -> String {
     text
 }
 
-/// Which linear solver serves the steps, found by making one.
+/// Appends the linear solver of the steps, found by making one.
 fn linear_solver(text: &mut String, simulation: &Simulation, component: &Component) {
     let options = simulation.scene().solver.options();
     let Ok(mut stepper) = vi_solvers::stepper(&simulation.method(), component.system(), &options) else {
@@ -182,7 +182,7 @@ pub fn account(work: &Map<String, Value>) -> String {
     text
 }
 
-/// 1536 as `1.5 kB`.
+/// Formats 1536 as `1.5 kB`.
 fn bytes(count: u64) -> String {
     let value = count as f64;
     match value {

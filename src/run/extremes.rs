@@ -1,4 +1,4 @@
-//! The extremes of the probes, as an observer of the rows of history.csv.
+//! Observes the extremes of the probes over the rows of history.csv.
 
 use super::error::RunError;
 use super::observer::{Observer, Purpose, Sight};
@@ -8,17 +8,17 @@ use crate::record::{Bytes, record};
 use crate::scene::{Probe, Scene};
 use crate::simulation::{Observation, Simulation};
 
-/// Extremes so far of the displacements of the probes at nodes, then of the columns of the other probes.
+/// Extremes so far: displacements of the node probes, then the columns of the other probes.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Extremes {
-    /// Per column: least value, its time, greatest value, its time.
+    /// Per column: minimum, its time, maximum, its time.
     ranges: Vec<[f64; 4]>,
 }
 
 record!(Extremes { ranges: Vec<[f64; 4]> });
 
 impl Extremes {
-    /// Enters a row of history.csv: an observation, and the columns of probes over parts of bodies.
+    /// Records a row of history.csv: an observation, and the columns of probes over parts of bodies.
     fn enter(&mut self, seen: &Observation, measures: &[f64]) {
         let displacements = seen.probes.iter().flat_map(|probe| probe.displacement);
         let values: Vec<f64> = displacements.chain(measures.iter().copied()).collect();
@@ -35,7 +35,7 @@ impl Extremes {
         }
     }
 
-    /// The extremes with the names of their columns.
+    /// Returns the extremes with the names of their columns.
     fn of_columns(&self, scene: &Scene) -> Vec<ColumnRange> {
         let of_nodes = scene
             .node_probes()

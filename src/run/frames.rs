@@ -1,5 +1,5 @@
-//! Frames for viewing: all bodies at rest with their displacement, as a VTU series. Nothing is computed that the
-//! scene does not name.
+//! Writes frames for viewing: all bodies at rest with their displacements, as a VTU series. Only fields that the scene
+//! names are computed.
 
 mod rounding;
 
@@ -25,17 +25,17 @@ pub(crate) struct FrameWriter {
     name: String,
     series: PvdSeries,
     series_file: PathBuf,
-    /// Frames that are known to be on the disk.
+    /// Number of frames known to be on disk.
     synced: usize,
     schedule: Schedule,
     options: VtuOptions,
-    /// Smallest distance of two nodes of a cell, m.
+    /// Smallest distance between two nodes of a cell, m.
     smallest_edge: f64,
     cache: Option<SurfaceWriter>,
     fields: Vec<Field>,
-    /// Points of all bodies at rest, then of the surfaces of rigid bodies at the start, m.
+    /// Rest positions of all bodies, then points of the surfaces of rigid bodies at the start, m.
     points: Vec<[f64; 3]>,
-    /// For each rigid body the points of its surface in its own axes, m; cells in all.
+    /// The points of the surface of each rigid body in its own axes, m, and the total number of their cells.
     surfaces: Vec<Vec<[f64; 3]>>,
     surface_cells: usize,
     blocks: Vec<CellBlock>,
@@ -43,12 +43,12 @@ pub(crate) struct FrameWriter {
     material_ids: Vec<i32>,
 }
 
-/// The file of a frame of the run `name`.
+/// Returns the file name of a frame of the run `name`.
 fn frame_file(name: &str, number: usize) -> String {
     format!("{name}_{number:06}.vtu")
 }
 
-/// The number of a frame of the run `name`, if `file` is the name of one.
+/// Returns the number of a frame of the run `name`, if `file` is the name of one.
 pub(crate) fn frame_number(name: &str, file: &str) -> Option<usize> {
     let digits = file.strip_prefix(name)?.strip_prefix('_')?.strip_suffix(".vtu")?;
     let is_number = digits.len() >= 6 && digits.bytes().all(|byte| byte.is_ascii_digit());
@@ -56,10 +56,10 @@ pub(crate) fn frame_number(name: &str, file: &str) -> Option<usize> {
 }
 
 impl FrameWriter {
-    /// A series in a directory.
+    /// Starts a series in a directory.
     ///
     /// # Errors
-    /// Where a mesh cannot be written.
+    /// Returns an error if a mesh cannot be written.
     pub(crate) fn create(
         directory: &Path,
         name: &str,
@@ -115,7 +115,7 @@ impl FrameWriter {
         Ok(writer)
     }
 
-    /// Would 32 bits round lengths up to `length` (m) by more than a thousandth of the smallest edge?
+    /// Returns whether 32 bits would round lengths up to `length` (m) by more than a thousandth of the smallest edge.
     fn loses(&self, length: f64) -> bool {
         length * ROUNDING > 1e-3 * self.smallest_edge
     }
@@ -144,7 +144,7 @@ impl FrameWriter {
         notes
     }
 
-    /// Rigid bodies are numbered after the others; they have no material (−1).
+    /// Rigid bodies are numbered after the others and have no material (−1).
     fn add_surface(&mut self, id: usize, simulation: &Simulation) {
         let form = simulation.rigids()[id].form.as_ref();
         let (points, triangles) =
@@ -181,12 +181,12 @@ impl FrameWriter {
         }
     }
 
-    /// Frames written.
+    /// Returns the number of frames written.
     pub(crate) fn count(&self) -> usize {
         self.series.frames().len()
     }
 
-    /// Time and file of every frame.
+    /// Returns the time and file of every frame.
     pub(crate) fn frames(&self) -> &[(f64, String)] {
         self.series.frames()
     }
@@ -197,7 +197,7 @@ impl FrameWriter {
         if let Some((file, how)) = obstacle {
             return Err(CheckpointError::Changed { what: file.display().to_string(), how }.into());
         }
-        // They were on the disk before the checkpoint was written, and may have been moved since.
+        // They were on disk before the checkpoint was written, and may have been moved since.
         self.synced = frames.len();
         Ok(self.keep(frames)?)
     }
@@ -223,10 +223,10 @@ impl FrameWriter {
         Ok(())
     }
 
-    /// Returns when every frame written so far is on the disk, and the series that names them.
+    /// Waits until every frame written so far, and the series that lists them, is on disk.
     ///
     /// # Errors
-    /// Where a file cannot be written.
+    /// Returns an error if a file cannot be written.
     pub(crate) fn sync(&mut self) -> Result<(), IoError> {
         if let Some(cache) = &self.cache {
             cache.sync(self.synced)?;
@@ -240,36 +240,36 @@ impl FrameWriter {
         Ok(())
     }
 
-    /// Drops all but the first frames.
+    /// Removes all frames after the first `count`.
     fn truncate(&mut self, count: usize) -> Result<(), IoError> {
         let kept = self.frames()[..count.min(self.count())].to_vec();
         if kept.len() < self.count() { self.keep(&kept) } else { Ok(()) }
     }
 
-    /// Is a frame due when step `steps`, of h (s) each, has ended?
+    /// Returns whether a frame is due at the end of step `steps`, of h (s) each.
     pub(crate) fn is_due(&self, steps: u64, h: f64) -> bool {
         self.schedule.is_due(self.count(), steps, h)
     }
 
-    /// Is one due before the end of that step?
+    /// Returns whether a frame is due before the end of that step.
     pub(crate) fn is_within(&self, steps: u64, h: f64) -> bool {
         self.schedule.is_within(self.count(), steps, h)
     }
 
-    /// Is the end of the run a frame, whenever it is?
+    /// Returns whether the end of the run always has a frame.
     pub(crate) fn ends_with_frame(&self) -> bool {
         matches!(self.schedule, Schedule::Interval(_))
     }
 
-    /// Time of the next frame, s.
+    /// Returns the time of the next frame, s.
     pub(crate) fn next_time(&self) -> f64 {
         self.schedule.time(self.count())
     }
 
-    /// Writes the frame that is due, of the state that the simulation shows, and the surfaces.
+    /// Writes the frame that is due for the current state of the simulation, and the surfaces.
     ///
     /// # Errors
-    /// Where a value is not finite or a file cannot be written.
+    /// Returns an error if a value is not finite or a file cannot be written.
     pub(crate) fn write(&mut self, simulation: &Simulation) -> Result<(), IoError> {
         if let Some(cache) = &mut self.cache {
             cache.write(simulation)?;
@@ -281,10 +281,10 @@ impl FrameWriter {
         self.write_at(simulation, time)
     }
 
-    /// Writes a frame of the state where a run ends before its end, whenever that is; the surfaces stay at even times.
+    /// Writes a frame of the state at which a run ends early, at any time. Surfaces are written at even times only.
     ///
     /// # Errors
-    /// As [`FrameWriter::write`].
+    /// Returns the errors of [`FrameWriter::write`].
     pub(crate) fn write_last(&mut self, simulation: &Simulation) -> Result<(), IoError> {
         self.write_at(simulation, simulation.time())
     }
@@ -303,7 +303,7 @@ impl FrameWriter {
                 }
                 continue;
             }
-            // Rigid bodies have no nodes of their own: zero on their surfaces.
+            // Rigid bodies have no nodes; the values on their surfaces are zero.
             let vectors = |values: &dyn Fn(usize) -> Vec<[f64; 3]>| -> Vec<f64> {
                 let mut all: Vec<f64> = bodies.clone().flat_map(values).flatten().collect();
                 all.resize(3 * self.points.len(), 0.0);
@@ -376,7 +376,7 @@ impl FrameWriter {
         };
         let file = frame_file(&self.name, self.count());
         let mut options = self.options;
-        // A body can fly so far that its displacement needs them, too.
+        // The displacement of a body that flies far may need 64 bits, too.
         let u = points.iter().filter(|(name, _)| *name == "displacement").flat_map(|(_, values)| values);
         let longest = u.fold(0.0, |longest: f64, value| longest.max(value.abs()));
         if self.loses(longest) && longest <= f64::from(f32::MAX) {
@@ -386,39 +386,39 @@ impl FrameWriter {
         self.series.push(time, &file)
     }
 
-    /// A field of all elements, in the order of the cells.
+    /// Returns a field of all elements, in the order of the cells.
     fn element_values(&self, simulation: &Simulation, field: ElementField) -> (ElementField, Vec<f64>) {
         let mut values = Vec::with_capacity(self.body_ids.len() * field.component_count());
-        // A scene with sheets asks for none of these: its check sees to it.
+        // The check of the scene refuses these fields in a scene with sheets.
         for body in 0..simulation.bodies().len() {
             values.extend(simulation.element_values(body, field));
         }
-        // Rigid bodies have none.
+        // The cells of rigid bodies get zeros.
         values.resize(values.len() + self.surface_cells * field.component_count(), 0.0);
         (field, values)
     }
 
-    /// A field smoothed to the points of all bodies: its name, components and values.
+    /// Returns a field smoothed to the nodes of all bodies: its name, components and values.
     fn nodal_values(&self, simulation: &Simulation, field: ElementField) -> (String, usize, Vec<f64>) {
         let mut values = Vec::with_capacity(self.points.len() * field.component_count());
         for (number, body) in simulation.bodies().iter().enumerate() {
             let x = simulation.positions(number);
             let parts: Vec<_> = body.solids().collect();
-            // The cells have been accepted as solid elements of this mesh when the body was built.
+            // The cells were accepted as solid elements of this mesh when the body was built.
             if let Ok(part) = nodal_field(&body.mesh, &parts, body.locking, x.as_flattened(), field) {
                 values.extend(part);
             }
         }
-        // Rigid bodies have none.
+        // The points of rigid bodies get zeros.
         values.resize(self.points.len() * field.component_count(), 0.0);
         (format!("nodal_{}", field.name()), field.component_count(), values)
     }
 
-    /// Writes one file, out of the series, with a displacement (m, 3 a point of all bodies), a time and further
-    /// numbers by name.
+    /// Writes a single file outside the series, with a displacement (m, 3 per point of all bodies), a time and further
+    /// named numbers.
     ///
     /// # Errors
-    /// Where a value is not finite or the file cannot be written.
+    /// Returns an error if a value is not finite or the file cannot be written.
     pub(crate) fn write_shape(
         &self,
         file: &str,
@@ -442,10 +442,10 @@ impl FrameWriter {
     }
 }
 
-/// The frames that have been written.
+/// The state of the writer: the frames that have been written.
 struct Written {
     count: u64,
-    /// Time and file of each; `None` where they are those that the writer holds.
+    /// Time and file of each; `None` if the writer's own list, cut to `count`, is valid.
     frames: Option<Vec<(f64, String)>>,
 }
 

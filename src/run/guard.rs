@@ -1,8 +1,8 @@
-//! The energy guard: has a run more energy than anything has put into it?
+//! The energy guard detects energy that nothing has put in.
 //!
-//! Growth is H − H₀ − W, total energy beyond its start and the work W of loads, prescribed motion and
-//! damping. It is judged by the exchange, the largest energy that motion and deformation were given:
-//! max over time of H₀ + W⁺ − V_weight − V_load, with the work W⁺ of loads and prescribed motion.
+//! Growth is H − H₀ − W: the total energy beyond its start and the work W of loads, prescribed motion and damping. It
+//! is judged relative to the exchange, the largest energy that motion and deformation were given: max over time of H₀ +
+//! W⁺ − V_weight − V_load, with the work W⁺ of loads and prescribed motion.
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -15,13 +15,13 @@ use crate::record::{Bytes, record};
 use crate::scene::{Guard, GuardAction};
 use crate::simulation::{Observation, Simulation};
 
-/// Round-off of an energy, relative to the largest part of it.
+/// Relative round-off of an energy.
 const NOISE: f64 = 1e-11;
 
 /// An intervention of the guard.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GuardEvent {
-    /// The step after which energy was found to have grown.
+    /// The step after which the growth was found.
     pub step: u64,
     /// Time of the intervention, s.
     pub t: f64,
@@ -29,31 +29,31 @@ pub struct GuardEvent {
     pub joules: f64,
     /// Growth relative to the exchange.
     pub relative: f64,
-    /// Action taken, and the time from which it holds.
+    /// The action, and the time from which it holds.
     pub action: String,
 }
 
 record!(GuardEvent { step: u64, t: f64, joules: f64, relative: f64, action: String });
 
-/// Growth that was seen.
+/// Growth of energy.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Growth {
-    /// Now, J.
+    /// Current growth, J.
     pub(crate) now: f64,
-    /// The largest, J.
+    /// Largest growth, J.
     largest: f64,
     /// The exchange, J.
     pub(crate) exchange: f64,
-    /// Growth that the guard has come to terms with when it acted, J.
+    /// Growth at the last intervention, which is accepted, J.
     accepted: f64,
 }
 
 record!(Growth { now: f64, largest: f64, exchange: f64, accepted: f64 });
 
-/// Observations and interventions of the guard.
+/// Snapshot of the guard.
 struct Watched {
     growth: Growth,
-    /// `None` where the events are those that the guard holds: they are told even if the run goes back.
+    /// `None` if the guard's own list stays valid: events are reported even if the run goes back.
     events: Option<Vec<GuardEvent>>,
 }
 
@@ -64,18 +64,18 @@ pub(crate) struct EnergyGuard {
     pub(crate) rule: Guard,
     pub(crate) growth: Growth,
     events: Vec<GuardEvent>,
-    /// Energy below which round-off rules, J.
+    /// Energy below which round-off dominates, J.
     resolution: f64,
-    /// Steps before it judges: a body that starts from rest has exchanged next to nothing at first, and the
-    /// energy of a scheme of order 1 is off by 1/n of that in step n.
+    /// Steps before the guard judges. A body that starts from rest has exchanged almost no energy at first, and the
+    /// energy of a scheme of order 1 has a relative error of 1/n in step n.
     grace: u64,
-    /// Steps between its looks.
+    /// Steps between observations.
     stride: u64,
 }
 
 impl EnergyGuard {
-    /// For a scheme of this order, from the first observation on, every `stride` steps where it is to act;
-    /// `resolution` is the energy below which round-off rules, J.
+    /// Makes the guard of a scheme of order `order` at the first observation. If it may act, it observes every `stride`
+    /// steps. Below the energy `resolution` (J) round-off dominates.
     pub(crate) fn new(rule: Guard, stride: u64, order: usize, first: &Observation, resolution: f64) -> Self {
         let grace = if order < 2 { (4.0 / rule.bound).ceil() as u64 } else { 2 };
         let exchange = (first.kinetic + first.elastic).max(resolution);
@@ -83,12 +83,12 @@ impl EnergyGuard {
         Self { rule, growth, events: Vec::new(), resolution, grace, stride }
     }
 
-    /// Must it look after this step, so that it can act?
+    /// Returns whether the guard must observe after this step in order to act.
     pub(crate) fn is_due(&self, step: u64) -> bool {
         self.rule.acts() && step.is_multiple_of(self.stride)
     }
 
-    /// Enters an observation and the account of the run until then.
+    /// Records an observation and the energy ledger up to it.
     fn enter(&mut self, seen: &Observation, ledger: &EnergyLedger) {
         let parts = &ledger.parts;
         let given = ledger.initial + parts.prescribed + parts.force - seen.gravity - seen.load;
@@ -102,27 +102,27 @@ impl EnergyGuard {
         growth.largest = growth.largest.max(growth.now);
     }
 
-    /// Is growth now, after `steps` steps, beyond the bound?
+    /// Returns whether the current growth, after `steps` steps, exceeds the bound.
     pub(crate) fn is_exceeded(&self, steps: u64) -> bool {
         let Growth { now, exchange, accepted, .. } = self.growth;
         steps > self.grace && now > accepted + self.rule.bound * exchange
     }
 
-    /// Notes what was done about the growth that was `seen` after `step` (at t, s). The run has gone back to
-    /// a good point, and further growth counts from there.
+    /// Records the action against the growth that was `seen` after `step` (at t, s). The run has gone back to a good
+    /// point; further growth counts from there.
     pub(crate) fn act(&mut self, step: u64, t: f64, action: String, seen: Growth) {
         let event = GuardEvent { step, t, joules: seen.now, relative: seen.now / seen.exchange, action };
         self.events.push(event);
         self.growth.accepted = self.growth.accepted.max(self.growth.now);
     }
 
-    /// The largest growth over the exchange; zero where there was none.
+    /// Returns the largest growth relative to the exchange; zero if there was none.
     pub(crate) fn relative(&self) -> f64 {
         let Growth { largest, exchange, .. } = self.growth;
         if largest > 0.0 { largest / exchange } else { 0.0 }
     }
 
-    /// Returns a warning if energy exceeded the bound although the run went on.
+    /// Returns a warning if growth exceeded the bound and the run was not ended.
     pub(crate) fn warning(&self) -> Option<String> {
         let relative = self.relative();
         if self.rule.action == GuardAction::Off || relative <= self.rule.bound {
@@ -135,7 +135,7 @@ impl EnergyGuard {
         ))
     }
 
-    /// For report.json.
+    /// Returns the entry of report.json.
     fn account(&self) -> Value {
         json!({
             "action": self.rule.action, "bound": self.rule.bound, "growth": self.growth.largest,

@@ -1,5 +1,5 @@
-//! history.csv: a row of energies, momenta and probes every n steps. Writing into a text in memory cannot fail; what
-//! `write!` returns there is passed over.
+//! Writes history.csv: a row of energies, momenta and probes every n steps. Writing to a string cannot fail, so results
+//! of `write!` are ignored.
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -13,14 +13,14 @@ use super::report::Report;
 use crate::record::{Bytes, record};
 use crate::simulation::Simulation;
 
-/// Columns that not every run has.
+/// Optional columns.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Columns {
-    /// The energy of conservative loads other than weight.
+    /// Energy of conservative loads other than weight.
     pub(crate) has_loads: bool,
-    /// Estimated errors of the probes; empty in rows at which nothing could be compared.
+    /// Estimated errors of the probes; empty in rows without a comparison.
     pub(crate) has_estimates: bool,
-    /// `load_factor`, where a path of equilibria is followed.
+    /// `load_factor`, if a path of equilibria is followed.
     pub(crate) has_load_factor: bool,
 }
 
@@ -32,21 +32,21 @@ pub(crate) struct HistoryWriter {
     written: Written,
 }
 
-/// Extent of the file.
+/// Position in the file.
 #[derive(Debug, Clone, Copy, Default)]
 struct Written {
     /// Bytes written so far, in the buffer or in the file.
     bytes: u64,
     /// The step of the last row.
     step: u64,
-    /// Since the last row.
+    /// Work since the last row.
     work: RowWork,
 }
 
 record!(RowWork { iterations: u64, substeps: u64 });
 record!(Written { bytes: u64, step: u64, work: RowWork });
 
-/// Work since the row before.
+/// Work since the previous row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct RowWork {
     /// Newton iterations.
@@ -59,7 +59,7 @@ impl HistoryWriter {
     /// Creates the file and writes its header, the names of all columns (`scene/columns.rs`).
     ///
     /// # Errors
-    /// Where the file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub(crate) fn create(path: &Path, names: &[String], columns: Columns) -> io::Result<Self> {
         let file = BufWriter::new(File::create(path)?);
         let mut writer = Self { path: path.to_owned(), file, columns, written: Written::default() };
@@ -67,20 +67,20 @@ impl HistoryWriter {
         Ok(writer)
     }
 
-    /// Continues a file after its first `bytes`; [`HistoryWriter::restore`] drops what is behind them.
+    /// Continues a file after its first `bytes`; [`HistoryWriter::restore`] removes the rest.
     ///
     /// # Errors
-    /// Where the file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub(crate) fn resume(path: &Path, columns: Columns, bytes: u64) -> io::Result<Self> {
         let file = File::options().write(true).open(path)?;
         let (path, written) = (path.to_owned(), Written { bytes, ..Written::default() });
         Ok(Self { path, file: BufWriter::new(file), columns, written })
     }
 
-    /// Drops what is behind the first `bytes`.
+    /// Removes everything after the first `bytes`.
     ///
     /// # Errors
-    /// Where the file cannot be written.
+    /// Returns an error if the file cannot be written.
     fn truncate(&mut self, bytes: u64) -> io::Result<()> {
         self.file.flush()?;
         self.file.get_ref().set_len(bytes)?;
@@ -88,21 +88,21 @@ impl HistoryWriter {
         Ok(())
     }
 
-    /// Returns when all bytes written so far are on the disk.
+    /// Waits until all bytes written so far are on disk.
     ///
     /// # Errors
-    /// Where the file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub(crate) fn sync(&mut self) -> io::Result<()> {
         self.file.flush()?;
         self.file.get_ref().sync_data()
     }
 
-    /// Bytes written so far.
+    /// Returns the number of bytes written so far.
     pub(crate) fn bytes(&self) -> u64 {
         self.written.bytes
     }
 
-    /// The step of the last row.
+    /// Returns the step of the last row.
     pub(crate) fn last_step(&self) -> u64 {
         self.written.step
     }
@@ -164,10 +164,10 @@ impl HistoryWriter {
         self.file.write_all(line.as_bytes())
     }
 
-    /// Hands everything to the operating system.
+    /// Passes everything written to the operating system.
     ///
     /// # Errors
-    /// Where the file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub(crate) fn flush(&mut self) -> io::Result<()> {
         self.file.flush()
     }

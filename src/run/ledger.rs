@@ -1,4 +1,4 @@
-//! The energy ledger as an observer: what came in and went out, step by step, and the drift that is left.
+//! Observes the energy ledger: work and dissipation step by step, and the remaining drift.
 
 use serde_json::json;
 use vi_core::{EnergyLedger, StepEnergy};
@@ -12,12 +12,12 @@ use crate::simulation::{Observation, Simulation};
 /// Follows the energy of a run.
 pub(crate) struct LedgerKeeper {
     pub(crate) account: EnergyLedger,
-    /// Energy below which round-off rules, J.
+    /// Energy below which round-off dominates, J.
     resolution: f64,
 }
 
 impl LedgerKeeper {
-    /// Opens at the first observation; `resolution` is the energy below which round-off rules, J.
+    /// Opens at the first observation. Below the energy `resolution` (J) round-off dominates.
     pub(crate) fn new(first: &Observation, resolution: f64) -> Self {
         Self { account: EnergyLedger::new(first.total(), first.kinetic), resolution }
     }
@@ -48,7 +48,7 @@ impl Observer for LedgerKeeper {
 
     fn report(&self, simulation: &Simulation, report: &mut Report) {
         let (energy, parts) = (&self.account, &self.account.parts);
-        // Where nothing moves but round-off, a ratio of energies says nothing.
+        // If all energies are round-off, their ratio has no meaning.
         let is_at_rest = energy.drift.max(energy.kinetic_max) <= self.resolution;
         let is_kept = energy.drift == 0.0 || is_at_rest;
         report.energy_drift = if is_kept { 0.0 } else { energy.drift / energy.kinetic_max };
@@ -60,7 +60,7 @@ impl Observer for LedgerKeeper {
             report.energy["friction_work"] = parts.friction.into();
             report.energy["contact_damping_work"] = parts.contact_damping.into();
         }
-        // In statics nothing moves, and energy that loads put in is no drift.
+        // In statics nothing moves, and the work of loads is not drift.
         if simulation.scene().statics.is_none() {
             report.energy["drift"] = energy.drift.into();
             report.energy["largest_kinetic"] = energy.kinetic_max.into();

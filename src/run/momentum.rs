@@ -1,4 +1,4 @@
-//! How far linear and angular momentum moved over a run, relative to what is in motion.
+//! Measures the change of linear and angular momentum over a run, relative to the largest momentum possible.
 
 use serde_json::json;
 
@@ -25,14 +25,14 @@ type Momenta = ([f64; 3], [f64; 3]);
 record!(MomentumLedger { first: Momenta, mass: f64, size: f64, kinetic_max: f64, linear: f64, angular: f64 });
 
 impl MomentumLedger {
-    /// Opens at the first observation.
+    /// Makes the ledger at the first observation.
     pub fn new(simulation: &Simulation, first: &Observation) -> Self {
         let mut mass = 0.0;
         let mut size: f64 = 0.0;
         for component in simulation.components() {
             let system = component.system();
             let coordinates = system.coordinates();
-            // Directors are no places, and their inertia is no mass.
+            // Directors are not points, and their inertia is not mass.
             let of_points = coordinates.free().iter().zip(system.free_mass());
             let of_points = of_points.filter(|(dof, _)| !coordinates.is_director(**dof / 3));
             mass += of_points.map(|(_, mass)| mass).sum::<f64>() / 3.0;
@@ -45,7 +45,7 @@ impl MomentumLedger {
         Self { first, mass, size, kinetic_max: first_kinetic, linear: 0.0, angular: 0.0 }
     }
 
-    /// Enters an observation.
+    /// Records an observation.
     pub fn enter(&mut self, seen: &Observation) {
         self.kinetic_max = self.kinetic_max.max(seen.kinetic);
         for k in 0..3 {
@@ -55,22 +55,22 @@ impl MomentumLedger {
         }
     }
 
-    /// Largest change of a component of linear momentum, kg m/s.
+    /// Returns the largest change of a component of linear momentum, kg m/s.
     pub fn linear_change(&self) -> f64 {
         self.linear
     }
 
-    /// Largest change of a component of angular momentum, kg m²/s.
+    /// Returns the largest change of a component of angular momentum, kg m²/s.
     pub fn angular_change(&self) -> f64 {
         self.angular
     }
 
-    /// The change of linear momentum over √(2 m T_max), the most that mass m can carry with that energy.
+    /// Returns the change of linear momentum over √(2 m T_max), the largest momentum of mass m with that energy.
     pub fn linear_drift(&self) -> f64 {
         relative(self.linear, (2.0 * self.mass * self.kinetic_max).sqrt())
     }
 
-    /// The change of angular momentum over √(2 m T_max) times the greatest coordinate.
+    /// Returns the change of angular momentum over √(2 m T_max) times the largest coordinate.
     pub fn angular_drift(&self) -> f64 {
         relative(self.angular, (2.0 * self.mass * self.kinetic_max).sqrt() * self.size)
     }

@@ -1,4 +1,4 @@
-//! The contract of all that a run observes: the energy ledger, the momenta, pitches, the energy guard, the error
+//! The contract of the observers of a run: the energy ledger, the momenta, pitches, the energy guard, the error
 //! estimate, extremes of the probes, history.csv and frames.
 
 use vi_core::EnergyLedger;
@@ -9,11 +9,11 @@ use super::report::Report;
 use crate::record::Bytes;
 use crate::simulation::{Observation, Simulation, Stepped};
 
-/// An event that observers are shown. Each handles the events that concern it and ignores the others.
+/// An event that is shown to all observers. Each handles the events that concern it and ignores the others.
 pub(crate) enum Sight<'a> {
     /// A step was made, or several with nothing due between them.
     Steps(&'a Stepped),
-    /// Energies and momenta after a step, with the account of energy until then.
+    /// Energies and momenta after a step, with the energy ledger up to it.
     Energies(&'a Observation, &'a EnergyLedger),
     /// A row of history.csv is due.
     Row(&'a Row<'a>),
@@ -28,15 +28,15 @@ pub(crate) struct Row<'a> {
     pub(crate) seen: &'a Observation,
     /// The columns of probes over parts of bodies.
     pub(crate) measures: &'a [f64],
-    /// The estimated errors of the probes, where they are asked for and known at this step.
+    /// The estimated errors of the probes, if requested and known at this step.
     pub(crate) estimates: Option<&'a [ProbeEstimate]>,
 }
 
 /// Purpose of a snapshot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Purpose {
-    /// To go back to this point later in the same run. What only grows is stored by its length, and what tells of the
-    /// run as a whole stays as it is.
+    /// To go back to this point later in the same run. Lists that only grow are stored by their length, and data about
+    /// the run as a whole are not reset.
     GoBack,
     /// To continue the run in another process.
     Resume,
@@ -47,21 +47,21 @@ pub(crate) trait Observer {
     /// The name of its snapshot in a checkpoint.
     fn name(&self) -> &'static str;
 
-    /// Looks.
+    /// Handles an event.
     ///
     /// # Errors
-    /// Where a file cannot be written.
+    /// Returns an error if a file cannot be written.
     fn see(&mut self, sight: &Sight<'_>) -> Result<(), RunError>;
 
-    /// All that it depends on beyond the scene.
+    /// Returns everything beyond the scene that its further results depend on.
     fn snapshot(&self, purpose: Purpose) -> Bytes;
 
-    /// Becomes what it was when the snapshot was taken, and makes its files what they were.
+    /// Restores the snapshot, and cuts its files accordingly.
     ///
     /// # Errors
-    /// [`RunError::Checkpoint`] where the snapshot is not one of this observer; else as [`Observer::see`].
+    /// [`RunError::Checkpoint`] if the snapshot is not one of this observer; otherwise the errors of [`Observer::see`].
     fn restore(&mut self, snapshot: &Bytes) -> Result<(), RunError>;
 
-    /// Writes what it found into the report, where the run has ended.
+    /// Adds its results to the report, at the end of the run.
     fn report(&self, simulation: &Simulation, report: &mut Report);
 }

@@ -1,4 +1,4 @@
-//! The observers of a run, in the order in which they see and report.
+//! The observers of a run, in the order in which they see events and report.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ use super::pitch::PitchFinder;
 use super::report::Report;
 use crate::simulation::{Observation, Simulation, Stepped};
 
-/// All that a run observes.
+/// All observers of a run.
 pub(super) struct Observers {
     pub(super) ledger: LedgerKeeper,
     pub(super) guard: EnergyGuard,
@@ -63,7 +63,7 @@ impl Observers {
         self.all_mut().try_for_each(|observer| observer.see(sight))
     }
 
-    /// Shows what steps did.
+    /// Shows the outcome of steps.
     pub(super) fn see_steps(&mut self, stepped: &Stepped) -> Result<(), RunError> {
         self.see(&Sight::Steps(stepped))
     }
@@ -82,17 +82,17 @@ impl Observers {
         self.see(&Sight::Row(&Row { step, seen, measures: &measures, estimates: estimates.as_deref() }))
     }
 
-    /// Shows a state that a frame is due of.
+    /// Shows a state for which a frame is due.
     pub(super) fn see_frame(&mut self, simulation: &Simulation) -> Result<(), RunError> {
         self.see(&Sight::Frame(simulation))
     }
 
-    /// The snapshots of all observers.
+    /// Returns the snapshots of all observers.
     pub(super) fn snapshots(&self, purpose: Purpose) -> Snapshots {
         self.all().map(|observer| (observer.name().to_owned(), observer.snapshot(purpose))).collect()
     }
 
-    /// Makes all observers what they were. History is cut last, when nothing else is in the way.
+    /// Restores all observers. The history is cut last, after everything that can fail.
     pub(super) fn restore(&mut self, snapshots: &Snapshots) -> Result<(), RunError> {
         for observer in self.all_mut() {
             let name = observer.name();
@@ -107,21 +107,21 @@ impl Observers {
         self.all().for_each(|observer| observer.report(simulation, report));
     }
 
-    /// Returns when history and frames are on the disk, so that what is written then may build on them.
+    /// Waits until history and frames are on disk, before files that refer to them are written.
     pub(super) fn sync(&mut self, directory: &Path) -> Result<(), RunError> {
         self.history.sync().map_err(RunError::output(&directory.join("history.csv")))?;
         self.frames.as_mut().map_or(Ok(()), FrameWriter::sync)?;
         Ok(())
     }
 
-    /// Writes the state where a run ends before its end as a last frame, unless there is one.
+    /// Writes the state at which a run ends early as a last frame, unless it has one.
     pub(super) fn write_last_frame(&mut self, simulation: &Simulation) -> Result<(), RunError> {
         let Some(frames) = &mut self.frames else { return Ok(()) };
         if frames.frames().last().is_some_and(|last| last.0 >= simulation.time()) {
             return Ok(());
         }
         match frames.write_last(simulation) {
-            // A value that a frame cannot hold is why the run ends.
+            // A value that a frame cannot hold is the reason why the run ends.
             Ok(()) | Err(IoError::BadOutput { .. }) => Ok(()),
             Err(error) => Err(error.into()),
         }

@@ -1,4 +1,4 @@
-//! The pitch of a probe: the frequency of its strongest oscillation.
+//! Finds the pitch of a probe: the frequency of its strongest oscillation.
 
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex;
@@ -13,16 +13,16 @@ use crate::record::{Bytes, record};
 use crate::scene::{Axis, Probe};
 use crate::simulation::{Observation, Simulation};
 
-/// Collects the displacements of the probes that ask for their pitch.
+/// Collects the displacements of the probes with `pitch`.
 pub struct PitchFinder {
     tracks: Vec<Track>,
     times: Vec<f64>,
 }
 
-/// The samples of a finder.
+/// Snapshot of a finder.
 struct Samples {
     count: u64,
-    /// Times, and the values of each track; `None` where the samples are those that the finder holds.
+    /// Times, and the values of each track; `None` if the finder's own samples, cut to `count`, are valid.
     values: Option<(Vec<f64>, Vec<Vec<f64>>)>,
 }
 
@@ -36,7 +36,7 @@ struct Track {
 }
 
 impl PitchFinder {
-    /// For those of the probes at nodes with `pitch`.
+    /// Makes a finder for the node probes with `pitch`.
     pub fn new<'a>(probes: impl Iterator<Item = &'a Probe>) -> Self {
         let tracks = probes
             .enumerate()
@@ -59,7 +59,7 @@ impl PitchFinder {
         }
     }
 
-    /// Returns name and pitch (Hz) of each probe that asks for it; `None` if the record is too short.
+    /// Returns name and pitch (Hz) of each probe with `pitch`; `None` if its record is too short.
     pub fn pitches(&self) -> Vec<(String, Option<f64>)> {
         let n = self.times.len();
         let interval = if n > 1 { (self.times[n - 1] - self.times[0]) / (n - 1) as f64 } else { 0.0 };
@@ -103,9 +103,9 @@ impl Observer for PitchFinder {
     }
 }
 
-/// Frequency (Hz) of the strongest oscillation in equally spaced samples (`interval` in s): the peak
-/// of the spectrum under a Hann window, zero-padded fourfold and refined by a parabola through the
-/// logarithms of the three highest bins.
+/// Returns the frequency (Hz) of the strongest oscillation in equally spaced samples (`interval` in s): the peak of the
+/// spectrum under a Hann window, zero-padded fourfold and refined by a parabola through the logarithms of the three
+/// highest bins.
 pub fn pitch(samples: &[f64], interval: f64) -> Option<f64> {
     let n = samples.len();
     if n < 16 || interval <= 0.0 {
@@ -120,7 +120,7 @@ pub fn pitch(samples: &[f64], interval: f64) -> Option<f64> {
     }
     FftPlanner::new().plan_fft_forward(size).process(&mut spectrum);
     let power: Vec<f64> = spectrum[..size / 2].iter().map(Complex::norm_sqr).collect();
-    // What is slower than two periods in the window cannot be told from drift.
+    // An oscillation with fewer than two periods in the window cannot be distinguished from drift.
     let lowest = 2 * size / n;
     let peak = (lowest..power.len() - 1).max_by(|&a, &b| power[a].total_cmp(&power[b]))?;
     if power[peak] <= 0.0 {

@@ -7,9 +7,9 @@ use crate::record::record;
 /// The estimated error of a probe.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct ProbeEstimate {
-    /// |error| of the displacement, each axis, m.
+    /// |error| of the displacement along each axis, m.
     pub error: [f64; 3],
-    /// Order observed; `None` where the differences do not show one.
+    /// Observed order; `None` if the differences do not show one.
     pub observed_order: Option<f64>,
 }
 

@@ -1,5 +1,5 @@
-//! Where a report comes from: what ran, by which program, on which machine, when and by which command. Every JSON
-//! file has it, in one object, and nothing else in such a file depends on them. Nothing here knows a report.
+//! The origin of a result: scene, program, machine, time and command. Every JSON file has it in one object, and equal
+//! runs have otherwise equal files.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -10,11 +10,12 @@ use serde::Serialize;
 pub struct Provenance {
     /// Name of the scene, or the file.
     pub scene: String,
-    /// Free coordinates; those of the scene's own mesh, where that is refined; 0 where the result is not of one system.
+    /// Number of free coordinates of the scene's own mesh, even if that is refined; 0 if the result does not belong to
+    /// one system.
     pub free_coordinates: usize,
     /// Version of the program.
     pub version: &'static str,
-    /// Commit that the program was built from, with `+` where files had changed; none outside a repository.
+    /// Commit that the program was built from, with `+` if files had changed; `None` outside a repository.
     pub commit: Option<&'static str>,
     /// Compiler that the program was built with.
     pub compiler: &'static str,
@@ -22,18 +23,18 @@ pub struct Provenance {
     pub target: String,
     /// Model of the processor.
     pub processor: String,
-    /// Threads that the processor runs at once.
+    /// Hardware threads of the processor.
     pub hardware_threads: usize,
-    /// Threads of the pool.
+    /// Threads of the thread pool.
     pub threads: usize,
-    /// When, in UTC (RFC 3339).
+    /// Date and time in UTC (RFC 3339).
     pub date: String,
     /// The command line.
     pub command: Vec<String>,
 }
 
 impl Provenance {
-    /// That of a report which is made now, in the pool of the caller.
+    /// Makes the provenance of a result computed now, in the caller's thread pool.
     pub fn new(scene: &str, free_coordinates: usize) -> Self {
         let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
         Self {
@@ -52,7 +53,7 @@ impl Provenance {
     }
 }
 
-/// The name that Linux or Windows gives the processor; elsewhere its instruction set.
+/// Returns the name of the processor in Linux or Windows; elsewhere its instruction set.
 fn processor() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
@@ -62,7 +63,7 @@ fn processor() -> String {
         .unwrap_or_else(|| std::env::consts::ARCH.to_owned())
 }
 
-/// A time (s since 1970 in UTC) as `2026-11-21T23:04:05Z`.
+/// Formats a time (s since 1970 in UTC) as `2026-11-21T23:04:05Z`.
 fn date(seconds: u64) -> String {
     let (days, of_day) = (seconds / 86_400, seconds % 86_400);
     let (mut year, mut day) = (1970, days);
@@ -89,7 +90,7 @@ fn date(seconds: u64) -> String {
 mod tests {
     use super::*;
 
-    /// Dates of `date -u -d @SECONDS`.
+    /// The expected dates are those of `date -u -d @SECONDS`.
     #[test]
     fn dates_are_those_of_the_calendar() {
         for (seconds, expected) in [

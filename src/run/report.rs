@@ -1,4 +1,4 @@
-//! report.json: what ran, how long each phase took, the work that was counted, where energy went.
+//! Writes report.json: the scene that ran, the duration of each phase, the counted work, and the energy balance.
 
 use std::io;
 use std::path::Path;
@@ -14,37 +14,37 @@ use crate::scene::Scene;
 use crate::simulation::Simulation;
 use crate::simulation::stability::{self, StabilityNote};
 
-/// End of a run.
+/// How a run ended.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Outcome {
-    /// At its end.
+    /// It reached its end.
     Done,
-    /// By the user, after a step.
+    /// The user interrupted it after a step.
     Interrupted,
-    /// By a failed step.
+    /// A step failed.
     Failed(String),
 }
 
-/// The report of a run. Equal runs have equal reports but for `provenance` and the clock times, whose names end in
+/// The report of a run. Equal runs have equal reports except for `provenance` and the clock times, whose names end in
 /// `_seconds`.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
-    /// Origin of the result: everything that may differ between equal runs besides clock times.
+    /// Origin of the result: besides clock times, all that may differ between equal runs.
     pub provenance: Provenance,
     /// Name of the scene.
     pub name: String,
     /// The scene as it ran.
     pub scene: Scene,
-    /// Name of the scheme; none in statics.
+    /// Name of the scheme; `None` in statics.
     pub scheme: Option<&'static str>,
-    /// Is it variational (symplectic)?
+    /// Whether the scheme is variational (symplectic).
     pub variational: Option<bool>,
-    /// Step that lands on the end, s; in statics the increment of the time that loads depend on.
+    /// The step, adjusted to land on the end, s; in statics the increment of the time that loads depend on.
     pub h: f64,
     /// Steps made.
     pub steps: u64,
-    /// End of the run.
+    /// How the run ended.
     pub outcome: Option<Outcome>,
     /// Nodes of all bodies.
     pub node_count: usize,
@@ -52,31 +52,31 @@ pub struct Report {
     pub element_count: usize,
     /// Free coordinates.
     pub free_coordinates: usize,
-    /// Independent systems, and how many of them have nothing to step.
+    /// Number of independent systems, and of those without a free coordinate.
     pub components: Value,
     /// Stability limit of an explicit scheme.
     pub stability: Value,
     /// Repairs and omissions in meshes, and warnings.
     pub notes: Vec<String>,
-    /// Building systems, s.
+    /// Time spent on building systems, s.
     pub setup_seconds: f64,
-    /// Stepping alone, s.
+    /// Time spent on stepping alone, s.
     pub stepping_seconds: f64,
-    /// History and frames, s.
+    /// Time spent on history and frames, s.
     pub output_seconds: f64,
-    /// Companion runs of the error estimate, s; part of the output.
+    /// Time spent on companions of the error estimate, s; part of the output.
     pub estimating_seconds: f64,
-    /// Why this scheme and step, where the scene left them open.
+    /// Reasons of `auto` for this scheme and step, if the scene left them open.
     pub auto: Value,
     /// Estimated errors of the probes at the end.
     pub estimate: Map<String, Value>,
-    /// Steps that were cut into substeps, these, and the smallest of them, s.
+    /// Number of steps that were cut, of their substeps, and the smallest substep, s.
     pub substeps: Value,
-    /// Energy that nothing put in, and what the guard did about it.
+    /// Energy that nothing put in, and the actions of the guard.
     pub guard: Value,
     /// Counted work.
     pub work: Map<String, Value>,
-    /// Which linear solver served each system that had equations to solve; `--explain` tells why.
+    /// The linear solver of each system with equations to solve; `--explain` gives the reasons.
     pub linear_solvers: Vec<String>,
     /// Frames written.
     pub frames: usize,
@@ -84,18 +84,18 @@ pub struct Report {
     pub energy: Value,
     /// The momentum ledger.
     pub momentum: Value,
-    /// What contact searched and the smallest gap; null in a scene without contact.
+    /// Counts of the contact search and the smallest gap; null in a scene without contact.
     pub contact: Value,
-    /// Pitch of the probes that ask for it, Hz.
+    /// Pitch of the probes with `pitch`, Hz.
     pub pitch: Map<String, Value>,
     /// Largest displacement and stress, reactions, extremes of probes.
     pub results: Results,
-    /// Asserts of the scene that are broken.
+    /// Asserts of the scene that do not hold.
     pub broken: Vec<String>,
-    /// Energy that was gained in spite of the guard, in words.
+    /// Energy gained in spite of the guard, as a message.
     #[serde(skip)]
     pub warning: Option<String>,
-    /// Energy drift over the largest kinetic energy.
+    /// Energy drift relative to the largest kinetic energy.
     #[serde(skip)]
     pub energy_drift: f64,
 }
@@ -159,7 +159,7 @@ impl Report {
         }
     }
 
-    /// Enters how the run ended and the work that it took; the observers report the rest.
+    /// Enters the end of the run and its work; the observers report the rest.
     pub(crate) fn close(&mut self, simulation: &Simulation, outcome: Outcome) {
         self.steps = simulation.steps();
         self.outcome = Some(outcome);
@@ -171,7 +171,7 @@ impl Report {
                                 "time_symmetry_lost": is_symmetric && cut.steps > 0 });
         self.notes.extend(self.lost_symmetry());
         let steppers = simulation.components().iter().filter_map(|component| component.stepper());
-        // The reason is that of the run which chose; one that continues it must report the same.
+        // Drops the reason: it belongs to the run that chose, and a continued run must report the same.
         let name = |reason: &str| reason.split(':').next().map(str::to_owned);
         self.linear_solvers = steppers.filter_map(|stepper| stepper.linear_solver().and_then(name)).collect();
         self.contact = simulation.contact_report();
@@ -192,7 +192,7 @@ impl Report {
         }
     }
 
-    /// Says so if a value is beyond the bound that the scene asserts.
+    /// Records a broken assert if a value exceeds the bound that the scene asserts.
     pub(crate) fn assert_at_most(&mut self, name: &str, bound: Option<f64>, value: f64) {
         if let Some(bound) = bound
             && (value > bound || value.is_nan())
@@ -212,13 +212,13 @@ impl Report {
         ))
     }
 
-    /// Work done, in counts.
+    /// Lists the work done, in counts.
     #[cfg(feature = "cli")]
     pub(crate) fn account(&self) -> String {
         crate::run::explain::account(&self.work)
     }
 
-    /// Writes report.json as a whole: it is there when the run has ended, and not before.
+    /// Writes report.json as a whole; it exists only after the run has ended.
     pub(crate) fn write(&self, path: &Path) -> io::Result<()> {
         let mut text = serde_json::to_string_pretty(self)?;
         text.push('\n');

@@ -1,5 +1,5 @@
-//! Results of a run: extremes of its probes, and at the end the largest displacement and stress and the reactions of
-//! its supports. Everything at the end is computed once.
+//! Results of a run: the extremes of its probes and, at the end, the largest displacement and stress and the reactions
+//! of its supports. The results at the end are computed once.
 
 use std::collections::{HashMap, HashSet};
 
@@ -14,17 +14,17 @@ use crate::simulation::Simulation;
 pub struct Results {
     /// Time at the end, s.
     pub time: f64,
-    /// Largest |u| of all nodes, m, where it is not zero.
+    /// Largest |u| of all nodes, m, unless it is zero.
     pub largest_displacement: Option<Peak>,
     /// Largest von Mises stress of all elements of solids, Pa.
     pub largest_von_mises: Option<Peak>,
     /// Reaction (N) of each `[[fix]]`.
     pub reactions: Vec<Reaction>,
-    /// Extremes over all rows of history.csv of the columns of the probes: of nodes their displacements.
+    /// Extremes of the probe columns over all rows of history.csv; for node probes, of their displacements.
     pub probes: Vec<ColumnRange>,
 }
 
-/// The largest value of a field, and where.
+/// The largest value of a field, and its place.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Peak {
     /// The value.
@@ -37,22 +37,22 @@ pub struct Peak {
     /// Cell of its mesh, from 0, for a field of elements.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub element: Option<usize>,
-    /// Where the node, or the mean of the element's nodes, is at rest, m.
+    /// Rest position of the node, or of the mean of the element's nodes, m.
     pub position: [f64; 3],
 }
 
-/// Reaction (N) of a `[[fix]]`: the sum over its nodes and axes. A coordinate that several fixes prescribe
-/// counts for the first of them, so that the sum over all fixes is the whole reaction.
+/// Reaction (N) of a `[[fix]]`: the sum over its nodes and axes. A coordinate that several fixes prescribe counts for
+/// the first of them, so that the sum over all fixes is the total reaction.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Reaction {
     /// The body.
     pub body: String,
-    /// The region, where the fix names one.
+    /// The region, if the fix names one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub region: Option<String>,
     /// Number of its nodes.
     pub nodes: usize,
-    /// Mean of its nodes where they are now, m.
+    /// Mean of the current positions of its nodes, m.
     pub centroid: [f64; 3],
     /// Σ r, N: the force of the support on the body.
     pub force: [f64; 3],
@@ -60,7 +60,7 @@ pub struct Reaction {
     pub moment: [f64; 3],
 }
 
-/// The extremes of one column of history.csv, and when they were first reached.
+/// The extremes of one column of history.csv, and the times at which they were first reached.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ColumnRange {
     /// Name of the column, e.g. `tip.uz` or `hole.max.von_mises`.
@@ -76,7 +76,7 @@ pub struct ColumnRange {
 }
 
 impl Results {
-    /// What the state of a simulation holds, with the extremes of the probes on the way there.
+    /// Collects the results of the current state, with the extremes of the probes so far.
     pub(super) fn of(simulation: &Simulation, probes: Vec<ColumnRange>) -> Self {
         Self {
             time: simulation.time(),
@@ -120,7 +120,7 @@ fn largest_von_mises(simulation: &Simulation) -> Option<Peak> {
 }
 
 fn reactions(simulation: &Simulation) -> Vec<Reaction> {
-    // Positions and reactions of the nodes of bodies that have a fix.
+    // Positions and reactions of the nodes of bodies with a fix.
     let mut of_body: HashMap<usize, [Vec<[f64; 3]>; 2]> = HashMap::new();
     let mut counted: HashSet<(usize, u32, usize)> = HashSet::new();
     let mut all = Vec::new();
@@ -132,7 +132,7 @@ fn reactions(simulation: &Simulation) -> Vec<Reaction> {
         let (mut force, mut moment) = ([0.0; 3], [0.0; 3]);
         for &node in nodes {
             let mut own = [0.0; 3];
-            // A node that is held along a direction of its own has one reaction, along it.
+            // A node that is held along a local direction has one reaction, along it.
             let axes = match fix.space_axes() {
                 Some(axes) => axes,
                 None => vec![0, 1, 2],

@@ -1,5 +1,4 @@
-//! Safety of a run: it keeps good points to go back to, answers the energy guard, and saves checkpoints and
-//! resumes from them.
+//! Keeps states of a run to go back to, responds to the energy guard, saves checkpoints and resumes from them.
 
 use super::checkpoint::{Checkpoint, CheckpointError};
 use super::error::RunError;
@@ -9,7 +8,7 @@ use super::state::{Good, Run, STRIDE};
 use crate::scene::GuardAction;
 
 impl Run {
-    /// Keeps this point to go back to, where the guard may ask for one.
+    /// Keeps the current state, if the guard may go back to one.
     pub(super) fn keep_good(&mut self) {
         let can_go_back =
             matches!(self.observers.guard.rule.action, GuardAction::Halve | GuardAction::Switch);
@@ -21,13 +20,13 @@ impl Run {
         }
     }
 
-    /// Is there a good point, and a smaller step to go on with?
+    /// Returns whether the run can go back to a good state with a smaller step.
     pub(super) fn can_go_back(&self) -> bool {
         self.good.is_some() && self.simulation.part() > self.simulation.step_size() / 1024.0
     }
 
-    /// Answers growth beyond the bound: back to the last good point with a smaller step or another scheme,
-    /// or the end.
+    /// Responds to growth beyond the bound: goes back to the last good state with a smaller step or another scheme, or
+    /// ends the run.
     pub(super) fn answer(&mut self) -> Result<(), RunError> {
         let (step, t) = (self.simulation.steps(), self.simulation.time());
         let end = |run: &Self, after| {
@@ -62,19 +61,19 @@ impl Run {
         Ok(())
     }
 
-    /// Saves a checkpoint where one is due.
+    /// Saves a checkpoint if one is due.
     pub(super) fn save_if_due(&mut self) -> Result<(), RunError> {
         let (steps, h) = (self.simulation.steps(), self.simulation.step_size());
         if !self.simulation.is_done() && self.store.as_ref().is_some_and(|(store, _)| store.is_due(steps, h))
         {
-            // A run that continues goes back no further than here, so neither does this one.
+            // A continued run cannot go back beyond its checkpoint, so neither does this run.
             self.good = None;
             self.save()?;
         }
         Ok(())
     }
 
-    /// Saves a checkpoint of the state now, where the scene asks for checkpoints.
+    /// Saves a checkpoint of the current state, if the scene has checkpoints.
     pub(super) fn save(&mut self) -> Result<(), RunError> {
         let Some((_, origin)) = &self.store else { return Ok(()) };
         let mut origin = origin.clone();
@@ -99,8 +98,8 @@ impl Run {
         store.write(&checkpoint).map_err(RunError::output(&self.directory.join("checkpoint")))
     }
 
-    /// Completes everything that report.json describes: on the disk, where the scene asks for checkpoints, and else with
-    /// the operating system.
+    /// Completes the files that report.json describes: on disk if the scene has checkpoints, otherwise as far as the
+    /// operating system.
     pub(super) fn settle(&mut self) -> Result<(), RunError> {
         if self.store.is_some() {
             return self.observers.sync(&self.directory);
@@ -109,7 +108,7 @@ impl Run {
         self.observers.history.flush().map_err(RunError::output(&path))
     }
 
-    /// Makes a run that has just been built what it was at a checkpoint.
+    /// Restores a run that has just been built to the state of a checkpoint.
     pub(super) fn reinstate(&mut self, was: &Checkpoint) -> Result<(), RunError> {
         let unfit = |error: vi_solvers::SolverError| CheckpointError::Unfit(error.to_string());
         self.simulation.restore(&was.simulation).map_err(unfit)?;

@@ -1,4 +1,4 @@
-//! What a run under way holds.
+//! The state of a run.
 
 use std::path::PathBuf;
 
@@ -12,14 +12,14 @@ use crate::auto::AutoReport;
 use crate::simulation::stability::StabilityNote;
 use crate::simulation::{Simulation, Snapshot};
 
-/// A run under way.
+/// A run in progress.
 pub(super) struct Run {
     pub(super) simulation: Simulation,
     pub(super) directory: PathBuf,
     pub(super) observers: Observers,
     pub(super) good: Option<Good>,
     pub(super) store: Option<(Store, Origin)>,
-    /// What the steps so far have found, e.g. limit points.
+    /// Findings of the steps so far, e.g. limit points.
     pub(super) findings: Vec<String>,
     pub(super) report: Report,
     pub(super) auto: Option<AutoReport>,
@@ -27,10 +27,10 @@ pub(super) struct Run {
     pub(super) claim: Claim,
 }
 
-/// Steps between points that the guard can go back to.
+/// Steps between states that the guard can go back to.
 pub(super) const STRIDE: u64 = 16;
 
-/// A point that the guard can go back to.
+/// A state that the guard can go back to.
 pub(super) struct Good {
     pub(super) simulation: Snapshot,
     pub(super) observers: Snapshots,

@@ -1,4 +1,4 @@
-//! The loop of a run: steps, rows and frames as they fall due, and the end. `safety.rs` goes back, saves and resumes.
+//! The loop of a run: steps, rows and frames when they are due, and the end. `safety.rs` goes back, saves and resumes.
 
 use std::path::Path;
 use std::time::Instant;
@@ -29,7 +29,7 @@ use crate::simulation::stability::stability;
 use crate::simulation::{Observation, Simulation, TOGETHER};
 
 impl Run {
-    /// A run at its start, its first row and frame written.
+    /// Starts a run and writes its first row and frame.
     pub(super) fn start(
         simulation: Simulation,
         auto: Option<AutoReport>,
@@ -44,7 +44,7 @@ impl Run {
         let history = |names: &[String], columns| HistoryWriter::create(&path, names, columns);
         let (mut run, first) = Self::build(simulation, auto, name, claim, directory, origin, history)?;
         if !first.is_finite() {
-            // Nothing can be written of such a state.
+            // Such a state cannot be written.
             return Err(run.refuse_start());
         }
         run.observers.see_row(&run.simulation, &first)?;
@@ -56,7 +56,7 @@ impl Run {
         Ok(run)
     }
 
-    /// A run where a checkpoint left it.
+    /// Continues a run from a checkpoint.
     pub(super) fn resume(
         simulation: Simulation,
         checkpoint: &Checkpoint,
@@ -72,7 +72,7 @@ impl Run {
         let origin = checkpoint.origin.clone();
         let (mut run, _) = Self::build(simulation, None, name, claim, directory, Some(origin), history)?;
         run.reinstate(checkpoint)?;
-        // What an interrupted run reported is no longer so.
+        // The report of the interrupted run is no longer valid.
         let report = directory.join("report.json");
         if report.exists() {
             std::fs::remove_file(&report).map_err(RunError::output(&report))?;
@@ -108,13 +108,13 @@ impl Run {
             .transpose()?;
         let mut report = Report::new(&simulation, auto.as_ref(), name, &stability);
         report.notes.extend(frames.iter().flat_map(|frames| frames.notes(&simulation)));
-        // A step that the program chose by itself it also halves by itself.
+        // A step that the program chose itself may also be halved by it.
         let is_auto = auto.is_some() || origin.as_ref().is_some_and(|origin| !origin.auto.is_empty());
         let unasked = if is_auto { Guard::new(GuardAction::Halve) } else { Guard::silent() };
         let mut rule = scene.guard.unwrap_or(unasked);
         let stride = if scene.guard.is_some() { 1 } else { STRIDE };
         if scene.statics.is_some() || !simulation.is_accounted() {
-            // Without the work from outside, growth would not be known from it.
+            // Growth cannot be determined without the external work.
             rule.action = GuardAction::Off;
         }
         let store = scene.checkpoint.as_ref().map(|rule| Store::new(directory, rule)).zip(origin);
@@ -145,7 +145,7 @@ impl Run {
         Ok((run, first))
     }
 
-    /// Steps to the end, or to where the run fails or is stopped, and writes everything.
+    /// Steps to the end, or until the run fails or is stopped, and writes everything.
     pub(super) fn complete(mut self, watch: &mut dyn Watch) -> Result<Report, RunError> {
         let mut notes = self.report.notes.clone();
         notes.extend(self.claim.note());
@@ -190,8 +190,8 @@ impl Run {
         }
     }
 
-    /// Steps until something is due, from one to as many as are made together; a step with a frame within it is
-    /// made alone.
+    /// Returns the number of steps to make together before something is due, at least one. A step with a frame inside
+    /// it is made alone.
     fn quiet_steps(&self) -> u64 {
         let (now, h) = (self.simulation.steps(), self.simulation.step_size());
         let holds_frame =
@@ -210,7 +210,8 @@ impl Run {
         (now + 1..now + TOGETHER).find(is_due).unwrap_or(now + TOGETHER) - now
     }
 
-    /// A step, or several with nothing due between, with row, frame and checkpoint where they are due; the energy guard may go back instead.
+    /// Makes one step, or several if nothing is due between them, and writes row, frame and checkpoint if they are due.
+    /// The energy guard may go back instead.
     fn advance(&mut self) -> Result<(), RunError> {
         self.keep_good();
         let quiet = self.quiet_steps();
@@ -223,7 +224,8 @@ impl Run {
         let step = self.simulation.steps();
         let stepped = match stepped {
             Ok(stepped) => stepped,
-            // An explicit scheme fails where its energy has left all bounds since the guard last looked.
+            // An explicit scheme fails if its energy has grown beyond all bounds since the last observation of the
+            // guard.
             Err(_) if self.simulation.method().facts().is_explicit && self.can_go_back() => {
                 return self.answer();
             }
@@ -256,7 +258,7 @@ impl Run {
         Ok(())
     }
 
-    /// Shows the states that frames are due of; those within the step that was made lie between `before` and now.
+    /// Shows the states for which frames are due. Those within the last step are interpolated between `before` and now.
     fn show_frames(&mut self, before: Option<&[State]>) -> Result<(), RunError> {
         let Self { simulation, observers, .. } = self;
         let (steps, h) = (simulation.steps(), simulation.step_size());
@@ -274,8 +276,7 @@ impl Run {
         if is_due { observers.see_frame(simulation) } else { Ok(()) }
     }
 
-    /// The state at which a run ends before its end: a checkpoint, and then the row and the frame that
-    /// were not due there.
+    /// Writes the state at which a run ends early: a checkpoint, then the row and the frame that were not due.
     fn leave(&mut self) -> Result<(), RunError> {
         let begin = Instant::now();
         let seen = self.simulation.observe();
@@ -305,13 +306,13 @@ impl Run {
         self.report.write(&path).map_err(RunError::output(&path))
     }
 
-    /// The start is not a state: says why, with a report but no row and no frame.
+    /// Reports why the initial state is not finite, with a report but without row and frame.
     fn refuse_start(&mut self) -> RunError {
         let error = self.overflow();
         self.finish(Outcome::Failed(error.to_string())).err().unwrap_or(error)
     }
 
-    /// Energies or momenta that are not finite.
+    /// Returns the error for energies or momenta that are not finite.
     fn overflow(&mut self) -> RunError {
         let cause: SolverError = self.simulation.fault();
         let (t, h) = (self.simulation.time(), self.simulation.step_size());

@@ -1,5 +1,5 @@
-//! Surfaces of bodies for animation programs: point caches with one OBJ file, or OBJ and PLY sequences, a file or a
-//! sequence for each body.
+//! Writes the surfaces of bodies for animation programs: per body a point cache with one OBJ file, or a sequence of OBJ
+//! or PLY files.
 
 use std::path::{Path, PathBuf};
 
@@ -14,14 +14,14 @@ pub(crate) struct SurfaceWriter {
     directory: PathBuf,
     cache: Cache,
     parts: Vec<Part>,
-    /// Samples written.
+    /// Number of samples written.
     samples: usize,
 }
 
 /// The surface of one body.
 struct Part {
     name: String,
-    /// Name of its files without ending.
+    /// Name of its files without extension.
     stem: String,
     source: Source,
     triangles: Vec<[u32; 3]>,
@@ -29,19 +29,19 @@ struct Part {
     file: Option<Pc2File>,
 }
 
-/// Where the points come from.
+/// The source of its points.
 enum Source {
     /// These nodes of a body.
     Nodes(usize, Vec<u32>),
-    /// Points in the own axes of a rigid body, m.
+    /// Points in the local axes of a rigid body, m.
     Carried(usize, Vec<[f64; 3]>),
 }
 
-/// Bytes of a body's name that the names of its files repeat: file systems take names of 255 bytes.
+/// Largest number of bytes of a body's name in the names of its files: file systems allow names of 255 bytes.
 const LONGEST: usize = 100;
 
-/// Names without ending of the files of all bodies, deformable ones first: `<run>.<body>`, with what a file's name
-/// cannot hold replaced, and numbered where two would be alike.
+/// Returns the file names without extension of all bodies, deformable ones first: `<run>.<body>`. Characters that file
+/// names cannot hold are replaced, and equal names are numbered.
 fn stems(name: &str, scene: &Scene) -> Vec<String> {
     let bodies =
         scene.bodies.iter().map(|body| &body.name).chain(scene.rigids.iter().map(|rigid| &rigid.name));
@@ -61,12 +61,12 @@ fn stems(name: &str, scene: &Scene) -> Vec<String> {
     stems
 }
 
-/// The name of file number `number` of a sequence.
+/// Returns the name of file number `number` of a sequence.
 fn numbered(stem: &str, number: usize, ending: &str) -> String {
     format!("{stem}.{number:06}{ending}")
 }
 
-/// The number of a file of a sequence, if `file` is the name of one.
+/// Returns the number of a file of a sequence, if `file` is the name of one.
 fn number_of(stem: &str, file: &str, ending: &str) -> Option<usize> {
     let digits = file.strip_prefix(stem)?.strip_prefix('.')?.strip_suffix(ending)?;
     let is_number = digits.len() >= 6 && digits.bytes().all(|byte| byte.is_ascii_digit());
@@ -75,7 +75,7 @@ fn number_of(stem: &str, file: &str, ending: &str) -> Option<usize> {
 
 /// The surface files of a scene in a directory.
 pub(crate) struct SurfaceFiles {
-    /// For each body the stem of its files, and whether there is a point cache.
+    /// The stem of the files of each body, and whether it has a point cache.
     stems: Vec<(String, bool)>,
 }
 
@@ -88,8 +88,8 @@ impl SurfaceFiles {
         Self { stems: stems(name, scene).into_iter().map(with_cache).collect() }
     }
 
-    /// Is this the name of a file that a run of the scene has written? An OBJ file without a number belongs to a point
-    /// cache; where there is none, it is somebody else's.
+    /// Returns whether a run of the scene wrote the file with this name. An OBJ file without a number belongs to a
+    /// point cache; otherwise it is not ours.
     pub(crate) fn contain(&self, file: &str) -> bool {
         self.stems.iter().any(|(stem, has_cache)| match file.strip_prefix(stem.as_str()) {
             Some(".pc2") => true,
@@ -101,14 +101,14 @@ impl SurfaceFiles {
 }
 
 impl SurfaceWriter {
-    /// The surfaces of a simulation; nothing is written yet.
+    /// Collects the surfaces of a simulation, without writing them.
     pub(crate) fn new(directory: &Path, name: &str, simulation: &Simulation, cache: Cache) -> Self {
         let scene = simulation.scene();
         let mut stems = stems(name, scene).into_iter();
         let mut parts = Vec::new();
         for ((number, body), stem) in simulation.bodies().iter().enumerate().zip(&mut stems) {
             let dimension = scene.bodies[number].dimension();
-            // The elements have been accepted as those of a body when it was built: they have faces.
+            // The elements were accepted as those of a body when it was built, so they have faces.
             let Ok(surface) = Surface::of_body(&body.mesh, dimension) else { continue };
             let mut triangles = surface.triangles();
             let mut nodes: Vec<u32> = triangles.as_flattened().to_vec();
@@ -131,10 +131,10 @@ impl SurfaceWriter {
         Self { directory: directory.to_owned(), cache, parts, samples: 0 }
     }
 
-    /// Writes the surfaces as they are now.
+    /// Writes the current surfaces.
     ///
     /// # Errors
-    /// Where a coordinate is not finite or a file cannot be written.
+    /// Returns an error if a coordinate is not finite or a file cannot be written.
     pub(crate) fn write(&mut self, simulation: &Simulation) -> Result<(), IoError> {
         let place = |file: String| self.directory.join(file);
         for part in &mut self.parts {
@@ -162,8 +162,8 @@ impl SurfaceWriter {
         Ok(())
     }
 
-    /// Returns the file that prevents continuing after the first `samples` of an earlier run, and its problem.
-    /// Samples of a point cache cannot be made again from a checkpoint.
+    /// Returns the file that prevents continuing after the first `samples` of an earlier run, with the problem. A
+    /// checkpoint cannot restore the samples of a point cache.
     pub(crate) fn obstacle(&self, samples: usize) -> Option<(PathBuf, String)> {
         if self.cache != Cache::Pc2 || samples == 0 {
             return None;
@@ -179,10 +179,10 @@ impl SurfaceWriter {
         })
     }
 
-    /// Continues after the first `samples` of an earlier run; what is behind them goes.
+    /// Continues after the first `samples` of an earlier run, and removes the later ones.
     ///
     /// # Errors
-    /// Where a file cannot be written or removed.
+    /// Returns an error if a file cannot be written or removed.
     pub(crate) fn resume(&mut self, samples: usize) -> Result<(), IoError> {
         self.samples = samples;
         for part in &mut self.parts {
@@ -219,10 +219,10 @@ impl SurfaceWriter {
         Ok(())
     }
 
-    /// Returns when the samples from number `from` on are on the disk.
+    /// Waits until the samples from number `from` on are on disk.
     ///
     /// # Errors
-    /// Where a file cannot be written.
+    /// Returns an error if a file cannot be written.
     pub(crate) fn sync(&self, from: usize) -> Result<(), IoError> {
         let sync = |file: String| {
             let file = self.directory.join(file);

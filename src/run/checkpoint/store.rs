@@ -1,5 +1,5 @@
-//! Checkpoints as files of a directory: each is whole or not there, the newest few are kept, and the newest sound one
-//! is found.
+//! Manages the checkpoint files of a directory: each is complete or absent, the newest few are kept, and the newest
+//! undamaged one is found.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -12,7 +12,7 @@ use crate::scene::Checkpoints;
 const PREFIX: &str = "checkpoint_";
 const ENDING: &str = ".vck";
 
-/// Where checkpoints go, and when.
+/// The directory and the interval of checkpoints.
 pub(crate) struct Store {
     directory: PathBuf,
     interval: f64,
@@ -25,14 +25,14 @@ impl Store {
         Self { directory: directory.to_owned(), interval: rule.interval, keep }
     }
 
-    /// Is the end of step `steps`, of h (s) each, the nearest to a multiple of the interval?
+    /// Returns whether the end of step `steps`, of h (s) each, is the nearest to a multiple of the interval.
     pub(crate) fn is_due(&self, steps: u64, h: f64) -> bool {
         let count = |steps: f64| (steps * h / self.interval).floor();
         count(steps as f64 + 0.5) > count(steps as f64 - 0.5)
     }
 
-    /// Writes a checkpoint through a temporary file: when this returns, it is on the disk under its name,
-    /// and those before the newest few are gone.
+    /// Writes a checkpoint through a temporary file. On return it is on disk under its name, and all but the newest few
+    /// are removed.
     pub(crate) fn write(&self, checkpoint: &Checkpoint) -> io::Result<()> {
         let path = self.directory.join(format!("{PREFIX}{:012}{ENDING}", checkpoint.steps()));
         let temporary = path.with_extension("vck.tmp");
@@ -42,7 +42,7 @@ impl Store {
             file.sync_all()?;
             drop(file);
             if path.is_dir() {
-                // A directory with the name of a checkpoint is removed with its contents.
+                // A directory that has the name of the checkpoint is moved aside with its contents.
                 fs::rename(&path, path.with_extension("vck.moved"))?;
             }
             fs::rename(&temporary, &path)?;
@@ -62,7 +62,8 @@ impl Store {
     }
 }
 
-/// A directory's entries are only on the disk when it is synced itself; elsewhere than on Unix it cannot be.
+/// On Unix the entries of a directory are on disk only after the directory itself is synced; other systems cannot do
+/// that.
 fn sync_directory(directory: &Path) -> io::Result<()> {
     if cfg!(unix) { File::open(directory)?.sync_all() } else { Ok(()) }
 }
@@ -80,27 +81,27 @@ fn files(directory: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Is this the name of a checkpoint's file?
+/// Returns whether a file name is that of a checkpoint.
 pub(crate) fn is_file_name(file: &str) -> bool {
     let digits = file.strip_prefix(PREFIX).and_then(|rest| rest.strip_suffix(ENDING));
     digits.is_some_and(|digits| digits.len() >= 12 && digits.bytes().all(|byte| byte.is_ascii_digit()))
 }
 
-/// The newest sound checkpoint of a directory.
+/// The newest undamaged checkpoint of a directory.
 #[derive(Debug)]
 pub struct Found {
     /// The checkpoint.
     pub checkpoint: Checkpoint,
     /// File of the checkpoint.
     pub path: PathBuf,
-    /// Newer ones that cannot be used, and why.
+    /// Newer checkpoints that cannot be used, with the reason.
     pub damages: Vec<String>,
 }
 
-/// Finds the newest sound checkpoint of a directory whose history.csv reaches to it.
+/// Finds the newest undamaged checkpoint of a directory whose history.csv reaches that step.
 ///
 /// # Errors
-/// [`CheckpointError`] where there is none, or where a newer version of this program has written a newer one.
+/// [`CheckpointError`] if there is none, or if a newer version of this program wrote a newer one.
 pub fn newest(directory: &Path) -> Result<Found, CheckpointError> {
     if !directory.is_dir() {
         return Err(CheckpointError::None { directory: directory.to_owned() });

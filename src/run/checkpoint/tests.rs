@@ -1,4 +1,4 @@
-//! Whatever bytes a checkpoint file holds, reading it is an error or the value that was written.
+//! Decoding any bytes gives an error or the value that was written.
 
 use super::*;
 use crate::prelude::*;
@@ -34,8 +34,8 @@ fn damage_is_found_wherever_it_is() {
     }
 }
 
-/// Records whose checksum is right but whose content is not: lengths that claim more than there is are
-/// refused before anything is allocated for them.
+/// Records with a valid checksum may have invalid content. Lengths beyond the end of the data are refused before memory
+/// is allocated for them.
 #[test]
 fn a_record_with_a_right_checksum_can_still_be_wrong() {
     let good = some_bytes();
@@ -50,11 +50,12 @@ fn a_record_with_a_right_checksum_can_still_be_wrong() {
             accepted += u32::from(Checkpoint::decode(&bad).is_ok());
         }
     }
-    // A number may be another number.
+    // A changed number may still be valid.
     assert!(accepted > 0);
 }
 
-/// Found by fuzzing: a record whose list of work counts is empty was read, each count as zero.
+/// A value that is decoded is encoded to the same bytes. Fuzzing found a violation: a record with an empty list of work
+/// counts was read as zero counts.
 #[test]
 fn what_is_read_is_written_to_the_same_bytes() {
     for length in 0..1500_usize {

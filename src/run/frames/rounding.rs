@@ -1,16 +1,16 @@
-//! Lengths that decide whether 32 bits hold the coordinates of a frame.
+//! Determines whether 32 bits suffice for the coordinates of a frame.
 
 use vi_mesh::CellBlock;
 
-/// A number of 32 bits is off by at most this part of itself: half a unit of its 24th binary digit.
+/// Relative rounding error of a 32-bit number: half a unit of its 24th binary digit.
 pub(super) const ROUNDING: f64 = 1.0 / 16_777_216.0;
 
-/// Largest coordinate, m.
+/// Returns the largest absolute coordinate, m.
 pub(super) fn largest(points: &[[f64; 3]]) -> f64 {
     points.as_flattened().iter().fold(0.0, |largest: f64, x| largest.max(x.abs()))
 }
 
-/// Smallest distance of two nodes of a cell, m; infinite where no cell has two nodes apart.
+/// Returns the smallest distance between two nodes of a cell, m; infinite if no two nodes of a cell are apart.
 pub(super) fn smallest_edge(points: &[[f64; 3]], blocks: &[CellBlock]) -> f64 {
     let mut smallest = f64::INFINITY;
     for nodes in blocks.iter().flat_map(CellBlock::cells) {
