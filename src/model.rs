@@ -1,5 +1,5 @@
-//! From a scene to Lagrangian systems. `resolve.rs` reads the meshes and finds what the scene names, `assemble.rs` makes
-//! masses, terms and initial states of the components, bodies that act on each other.
+//! Makes Lagrangian systems from a scene. `resolve.rs` reads the meshes and finds what the scene names. `assemble.rs`
+//! makes masses, terms and initial states of the components, each of which holds bodies that act on each other.
 
 mod assemble;
 mod body;
@@ -44,13 +44,12 @@ use crate::scene::{Problem, Scene};
 /// Reads all meshes of a scene and builds all systems.
 ///
 /// # Errors
-/// Everything that is wrong with the meshes and what the scene names in them; if that is sound, everything that is
-/// wrong with the systems.
+/// All problems of the meshes and of the names that refer to them; if there are none, all problems of the systems.
 pub(crate) fn build(scene: &Scene) -> Result<Model, Vec<Problem>> {
     assemble::assemble(scene, resolve::resolve(scene)?)
 }
 
-/// Everything that is wrong with the meshes of a scene and what refers to them.
+/// Returns all problems of the meshes of a scene and of the names that refer to them.
 #[cfg(feature = "cli")]
 pub(crate) fn mesh_problems(scene: &Scene) -> Vec<Problem> {
     resolve::resolve(scene).err().unwrap_or_default()

@@ -1,5 +1,5 @@
-//! From a resolved scene to its model, section by section: each adds its masses, terms and initial values to the
-//! components that it acts on.
+//! Makes the model from a resolved scene, section by section: each section adds its masses, terms and initial values to
+//! the components that it acts on.
 
 use std::collections::HashSet;
 
@@ -31,7 +31,7 @@ use crate::scene::{BodyId, Damping, MassKind, Problem, Scene, Strike};
 pub(crate) struct Model {
     pub(crate) bodies: Vec<BodyModel>,
     pub(crate) rigids: Vec<RigidModel>,
-    /// The probes at nodes.
+    /// The node probes.
     pub(crate) probes: Vec<ProbeTarget>,
     pub(crate) region_probes: Vec<RegionProbe>,
     /// The nodes of each fix.
@@ -40,9 +40,9 @@ pub(crate) struct Model {
     pub(crate) components: Vec<(System, State)>,
     /// The contact of each component.
     pub(crate) contacts: Vec<Option<ContactModel>>,
-    /// Which bodies meet.
+    /// The pairs of bodies that may meet.
     pub(crate) meeting: Meeting,
-    /// What `contact.resolve` moved before the start.
+    /// Translations by `contact.resolve` before the start.
     pub(crate) parted: Vec<Parted>,
     pub(crate) notes: Vec<String>,
 }
@@ -50,7 +50,7 @@ pub(crate) struct Model {
 /// Makes the model of a scene.
 ///
 /// # Errors
-/// Everything that is wrong with the bodies; if they are sound, everything that is wrong with what acts on them.
+/// All problems of the bodies; if there are none, all problems of the other sections.
 pub(super) fn assemble(scene: &Scene, resolved: Resolved<'_>) -> Result<Model, Vec<Problem>> {
     let mut meeting = Meeting::new(joined(&resolved));
     let partition = Partition::new(scene, &resolved, &meeting);
@@ -107,7 +107,7 @@ pub(super) fn assemble(scene: &Scene, resolved: Resolved<'_>) -> Result<Model, V
     })
 }
 
-/// The fixes that hold nodes of component number `component`, with its numbers of the nodes.
+/// Returns the fixes of nodes of component number `component`, with the component's node numbers.
 fn nodal_fixes<'a>(
     fixes: &'a [ResolvedFix<'a>],
     bodies: &[BodyModel],
@@ -123,15 +123,15 @@ fn nodal_fixes<'a>(
     .collect()
 }
 
-/// The components of a scene under construction, and their bodies.
+/// The components of a scene under construction, with their bodies.
 struct Parts {
     components: Vec<ComponentBuilder>,
     bodies: Vec<BodyModel>,
-    /// For each body what was read, in the numbering of its component.
+    /// The mesh and initial fields of each body, in the numbering of its component.
     meshes: Vec<Imported>,
     notes: Vec<String>,
     problems: Vec<Problem>,
-    /// Nodes that attachments and seams join to others: component, node, and those.
+    /// Nodes that attachments and seams join to others: component, node, and the nodes that it is joined to.
     stitches: Vec<(usize, u32, Vec<u32>)>,
 }
 
@@ -154,12 +154,12 @@ impl Parts {
         self.problems.push(Problem::new(key, message));
     }
 
-    /// The problems so far, if there are any.
+    /// Returns the problems so far as an error, if there are any.
     fn check(&mut self) -> Result<(), Vec<Problem>> {
         if self.problems.is_empty() { Ok(()) } else { Err(std::mem::take(&mut self.problems)) }
     }
 
-    /// Number of a node of a body in its component.
+    /// Returns the number of a body's node in its component.
     fn node(&self, body: BodyId, node: u32) -> u32 {
         self.bodies[body.index()].node(node as usize) as u32
     }
@@ -264,7 +264,7 @@ impl Parts {
         }
     }
 
-    /// Adds the rigid bodies with the nodes attached to them, then their joints. Returns `None` if one is wrong.
+    /// Adds the rigid bodies with their attached nodes, then their joints. Returns `None` if one of them has a problem.
     fn add_rigids(
         &mut self,
         rigids: &[ResolvedRigid<'_>],
@@ -274,7 +274,7 @@ impl Parts {
     ) -> Vec<RigidModel> {
         let before = self.problems.len();
         let mut all = Vec::with_capacity(rigids.len());
-        // The mass of nodes when those that are tied to them have handed on theirs.
+        // Nodal masses after tied nodes have passed on theirs.
         let masses: Vec<Vec<f64>> = self.components.iter().map(ComponentBuilder::handed_on_mass).collect();
         for (index, ResolvedRigid { rigid, form, held }) in rigids.iter().enumerate() {
             let number = partition.of_rigid(index);
@@ -348,7 +348,7 @@ impl Parts {
     }
 }
 
-/// The nodes of a sheet that fixes clamp or hold in a mirror plane.
+/// Returns the nodes of a sheet at edges that fixes clamp or hold in a mirror plane.
 fn edges(body: BodyId, numbering: &Numbering, fixes: &[ResolvedFix<'_>]) -> Edges {
     let own = || fixes.iter().filter(|fix| fix.on.body == body);
     let numbered = |fix: &ResolvedFix<'_>| -> HashSet<u32> {

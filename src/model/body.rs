@@ -1,4 +1,4 @@
-//! Bodies of a scene with their meshes, and nodes of them.
+//! Bodies of a scene with their meshes, and sets of their nodes.
 
 use vi_fem::{Law, LockingCure};
 use vi_mesh::{Mesh, Numbering};
@@ -14,7 +14,7 @@ pub struct NodeSet {
     pub nodes: Vec<u32>,
 }
 
-/// A probe at a node, or another point of a scene that is a node.
+/// A node that stands for a point of a scene, such as a probe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ProbeTarget {
     /// The body.
@@ -23,10 +23,10 @@ pub struct ProbeTarget {
     pub node: usize,
 }
 
-/// The elements of a body that are of one material.
+/// The elements of a body that have one material.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MaterialPart {
-    /// The region that the scene names; none for all elements that no other material names.
+    /// The region that the scene names; `None` for all elements that no other material names.
     pub region: Option<String>,
     /// The law and its parameters.
     pub law: Substance,
@@ -45,34 +45,34 @@ pub struct BodyModel {
     pub mesh: Mesh,
     /// Dimension of its elements: 3 for a solid, 2 for a sheet.
     pub dimension: usize,
-    /// Cure of a solid's locking near incompressibility.
+    /// Treatment of locking near incompressibility, for solids.
     pub locking: LockingCure,
-    /// Texture coordinates of a sheet: the corners of every cell of its mesh.
+    /// Texture coordinates of a sheet at the corners of every cell of its mesh.
     pub texture: Option<Vec<[[f64; 2]; 3]>>,
     /// Materials, in the order of the scene.
     pub materials: Vec<MaterialPart>,
-    /// Number of the component that it is part of.
+    /// Number of its component.
     pub component: usize,
-    /// First node of the body among the nodes of the component.
+    /// Number of the body's first node in the component.
     pub node_offset: usize,
     /// Numbers of the body's nodes in the component, relative to the first.
     pub numbering: Numbering,
-    /// The flat pattern that a sheet is cut from, m: the corners of every cell.
+    /// The flat pattern of a sheet, m: the corners of every cell.
     pub(crate) pattern: Option<Vec<[[f64; 2]; 3]>>,
 }
 
 impl BodyModel {
-    /// Number among the nodes of the component of a node of the mesh.
+    /// Returns the number in the component of a node of the mesh.
     pub fn node(&self, node: usize) -> usize {
         self.node_offset + self.numbering.of(node as u32) as usize
     }
 
-    /// Elements, material by material.
+    /// Iterates over the elements, material by material.
     pub fn elements(&self) -> impl Iterator<Item = u32> {
         self.materials.iter().flat_map(|part| part.elements.iter().copied())
     }
 
-    /// The elements of each of its solid materials, with the law.
+    /// Iterates over its solid materials: the elements and the law of each.
     pub fn solids(&self) -> impl Iterator<Item = (&[u32], &Law)> {
         self.materials.iter().filter_map(|part| match &part.law {
             Substance::Solid(law) => Some((part.elements.as_slice(), law)),
@@ -80,7 +80,7 @@ impl BodyModel {
         })
     }
 
-    /// Number of its elements.
+    /// Returns the number of its elements.
     pub fn element_count(&self) -> usize {
         self.materials.iter().map(|part| part.elements.len()).sum()
     }

@@ -1,5 +1,5 @@
-//! A component under construction: the masses, terms and initial state of bodies that act on each other, until they
-//! are a system.
+//! Builds a component: collects the masses, terms and initial state of bodies that act on each other, and makes a
+//! system of them.
 
 use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
@@ -15,27 +15,27 @@ use crate::scene::{Problem, Scene};
 /// A component under construction.
 #[derive(Default)]
 pub(super) struct ComponentBuilder {
-    /// Weight acts on row sums of the mass, which are as accurate as the elements: nothing moves, or mass is
-    /// consistent.
+    /// If true, weight acts on row sums of the mass, which are as accurate as the elements. Used if nothing moves or
+    /// the mass is consistent.
     pub(super) sums_rows: bool,
     pub(super) is_consistent: bool,
     /// Lumped mass per node, kg.
     pub(super) mass: Vec<f64>,
-    /// The mass per node that weight acts on, kg.
+    /// Mass per node that weight acts on, kg.
     pub(super) gravity_mass: Vec<f64>,
     pub(super) rest: Vec<[f64; 3]>,
     pub(super) x: Vec<f64>,
     pub(super) v: Vec<f64>,
-    /// The kinetic energy of the velocities, where mass is consistent.
+    /// The kinetic energy as a function of the velocities, if the mass is consistent.
     pub(super) kinetic: Vec<Box<dyn Potential>>,
     pub(super) potentials: Vec<Box<dyn Potential>>,
     pub(super) forces: Vec<Arc<dyn Force>>,
-    /// Ties that hold exactly.
+    /// Exact ties.
     pub(super) ties: Vec<Tie>,
-    /// Combinations that hold the nodes of rigid bodies.
+    /// Ties of nodes to rigid bodies.
     held: Vec<Combination>,
     directors: Vec<u32>,
-    /// Pairs of nodes that move alike, with the number of the periodic pair in the scene.
+    /// Pairs of nodes with equal displacements, each with the number of its periodic pair in the scene.
     pub(super) periodic: Vec<((u32, u32), usize)>,
     pub(super) constraints: Vec<QuadraticConstraint>,
     prescribed: Vec<Prescribed>,
@@ -46,12 +46,12 @@ impl ComponentBuilder {
         Self { sums_rows, is_consistent, ..Self::default() }
     }
 
-    /// Number of its nodes so far.
+    /// Returns the number of nodes so far.
     pub(super) fn node_count(&self) -> usize {
         self.mass.len()
     }
 
-    /// Adds the nodes of a rigid body and what ties them.
+    /// Adds the nodes and ties of a rigid body.
     pub(super) fn add_rigid(&mut self, added: &rigid::Added) {
         self.mass.extend(&added.mass);
         self.gravity_mass.extend(&added.mass);
@@ -64,7 +64,7 @@ impl ComponentBuilder {
         self.prescribed.extend(added.prescribed());
     }
 
-    /// The lumped mass per node after tied nodes have handed theirs on, kg.
+    /// Returns the lumped mass per node after tied nodes have passed on theirs, kg.
     pub(super) fn handed_on_mass(&self) -> Vec<f64> {
         let mut mass = self.mass.clone();
         if !self.ties.is_empty() {
@@ -73,7 +73,7 @@ impl ComponentBuilder {
         mass
     }
 
-    /// Shares an impulse (N s) among nodes by mass: all get the velocity impulse / Σm.
+    /// Distributes an impulse (N s) over nodes by mass: all get the velocity impulse / Σm.
     pub(super) fn strike(&mut self, nodes: impl Iterator<Item = usize> + Clone, impulse: [f64; 3]) {
         let mass: f64 = nodes.clone().map(|node| self.mass[node]).sum();
         for node in nodes {
@@ -83,7 +83,7 @@ impl ComponentBuilder {
         }
     }
 
-    /// Ties nodes of periodic parts to their partners; returns each with the one that it follows.
+    /// Ties nodes of periodic parts to their partners. Returns each tied node with the one that it follows.
     fn tie_periodic(&mut self) -> Result<BTreeMap<u32, u32>, Problem> {
         let leaders = periodic::leaders(self.periodic.iter().map(|(pair, _)| *pair));
         let place =

@@ -1,5 +1,5 @@
-//! The surfaces of a component that can meet: which nodes and triangles, how thick, how stiff, and which bodies are
-//! no pair.
+//! Makes the contact term of a component from the surfaces that can meet: their nodes and triangles, thickness and
+//! stiffness, and the excluded pairs of bodies.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,59 +17,60 @@ use crate::scene::{Contact, Problem, RigidShape, Scene, Substance};
 #[derive(Debug, Clone)]
 pub(crate) struct ContactModel {
     pub(crate) term: Arc<ContactTerm>,
-    /// For each body of the term: its number among all bodies of the scene, deformable ones first.
+    /// For each body of the term, its number among all bodies of the scene, deformable ones first.
     pub(crate) bodies: Vec<usize>,
 }
 
 impl ContactModel {
-    /// Its live terms.
+    /// Returns its live terms.
     pub(super) fn live(&self) -> Vec<Arc<dyn Live>> {
         let rolling = RollingTerm::new(&self.term).map(|term| Arc::new(term) as Arc<dyn Live>);
         std::iter::once(Arc::clone(&self.term) as Arc<dyn Live>).chain(rolling).collect()
     }
 }
 
-/// A surface of a body, before its constants are known.
+/// A surface of a body with its contact constants.
 struct Part {
     /// Number among all bodies of the scene.
     number: usize,
     triangles: Vec<[u32; 3]>,
     /// The node and outward normal of a half-space.
     plane: Option<(u32, [f64; 3])>,
-    /// The point of a ball or the ends of a capsule, and the area that each stands for, m².
+    /// The point of a ball or the ends of a capsule, and the area that each represents, m².
     skeleton: (Vec<u32>, f64),
     /// Nodes c, d₁, d₂, d₃ of a rigid body.
     frame: Option<[u32; 4]>,
     radius: f64,
     distance: f64,
-    /// Of a deformable body; a rigid one has none.
+    /// Stiffness of a deformable body; `None` for a rigid one.
     stiffness: Option<f64>,
-    /// Pressure that a rigid body can be expected to exert, Pa.
+    /// Pressure that a rigid body is expected to exert, Pa.
     pressure: f64,
 }
 
-/// Of the median edge of a surface, of the thickness of a rigid body, and of Young's modulus.
+/// Defaults: d̂ as a fraction of the median edge of a surface or of the thickness of a rigid body, and κ as a fraction
+/// of Young's modulus.
 const DISTANCE: f64 = 0.1;
 const DISTANCE_OF_RIGID: f64 = 0.01;
 const STIFFNESS: f64 = 0.1;
-/// A layer between rigid bodies is as stiff as this many times the pressure expected, so that a tenth of B' carries it:
-/// three quarters of the layer are left.
+/// Stiffness of a layer between rigid bodies, as a multiple of the expected pressure. A tenth of B' then carries the
+/// pressure, and three quarters of the layer remain open.
 const STIFFNESS_OF_RIGID: f64 = 10.0;
-/// d̂ and κ of what takes them from the other side.
+/// Placeholder of d̂ and κ for a part that takes these values from the other body of a pair.
 const FROM_OTHERS: f64 = 1e300;
 
-/// The surfaces of all bodies, and what joins them.
+/// The surfaces of all bodies, and the nodes that join them.
 pub(super) struct Surfaces<'a> {
     pub(super) bodies: &'a [BodyModel],
     pub(super) rigids: &'a [RigidModel],
-    /// Nodes of the component at rest, m.
+    /// Rest positions of the nodes of the component, m.
     pub(super) rest: &'a [[f64; 3]],
-    /// Nodes that attachments and seams join to others: component, node, and those.
+    /// Nodes that attachments and seams join to others: component, node, and the nodes that it is joined to.
     pub(super) stitches: &'a [(usize, u32, Vec<u32>)],
 }
 
-/// The contact of component number `component`; none where nothing in it can meet. Joined bodies that cross where they
-/// start are entered in `meeting`, and what `contact.resolve` moves in `parted`.
+/// Returns the contact of component number `component`; `None` if nothing in it can meet. Records joined bodies that
+/// cross at the start in `meeting`, and translations by `contact.resolve` in `parted`.
 pub(super) fn contact(
     scene: &Scene,
     component: usize,
@@ -96,7 +97,8 @@ pub(super) fn contact(
     if !parts.iter().enumerate().any(any) {
         return Ok(None);
     }
-    // Farther than the layer, and never less than motion over some steps: candidates are few beside elements.
+    // The search distance is at least the layer, and at least the motion over several steps: candidates are few
+    // compared with elements.
     let reach = parts.iter().map(|part| contact.distance.unwrap_or(part.distance));
     let reach = reach.filter(|&distance| distance < FROM_OTHERS).fold(0.0, f64::max);
     let term = |distances: &Distances, x: &[f64]| {
@@ -121,7 +123,7 @@ pub(super) fn contact(
         }
         hold(&mut builder, system, bodies, rigids, component);
         let surface = builder.build().map_err(|error| {
-            // The crate counts bodies of the component; a reader knows their names.
+            // The contact crate numbers the bodies of the component; readers know their names.
             let names: Vec<&str> = parts.iter().map(|part| name_of(scene, part.number)).collect();
             wrong(format!("{error} (bodies, from 0: {})", names.join(", ")))
         })?;
@@ -143,7 +145,7 @@ pub(super) fn contact(
     if let Some(message) = touching(scene, &numbers, &near) {
         return Err(wrong(message));
     }
-    // Bodies that start inside each other's layer would push each other off: their layer begins where they start.
+    // Bodies that start inside each other's layer would be pushed apart, so their layer is reduced to the initial gap.
     let layer = |[a, b]: [u32; 2]| parts[a as usize].distance.min(parts[b as usize].distance);
     near.retain(|&pair, gap| pair[0] != pair[1] && contact.distance.is_none() && *gap < layer(pair));
     if !near.is_empty() {
@@ -152,7 +154,8 @@ pub(super) fn contact(
     Ok(Some(ContactModel { term: found, bodies: numbers }))
 }
 
-/// Enters the joined pairs whose surfaces cross at positions x: a bolt in a block that holds it meets nothing there.
+/// Records the joined pairs whose surfaces cross at positions x: a bolt in a block that holds it does not meet the
+/// block.
 fn enter_overlaps(parts: &[Part], surfaces: &Surfaces<'_>, x: &[f64], meeting: &mut Meeting) {
     let outline = |part: &Part| outline(part.number, surfaces.bodies, surfaces.rigids, x);
     for (i, a) in parts.iter().enumerate() {
@@ -164,10 +167,10 @@ fn enter_overlaps(parts: &[Part], surfaces: &Surfaces<'_>, x: &[f64], meeting: &
     }
 }
 
-/// Activation distances d̂ of pairs of bodies, m, by their numbers among the parts.
+/// Activation distances d̂ (m) of pairs of bodies, by part number.
 type Distances = BTreeMap<[u32; 2], f64>;
 
-/// Starts the surface of all parts, with the constants of each.
+/// Makes the surface builder with all parts and their constants.
 fn builder(
     contact: &Contact,
     parts: &[Part],
@@ -200,7 +203,7 @@ fn builder(
     builder
 }
 
-/// The surface of a deformable body.
+/// Returns the surface of a deformable body.
 fn of_body(scene: &Scene, number: usize, body: &BodyModel, rest: &[f64]) -> Result<Part, String> {
     let of_scene = &scene.bodies[number];
     let surface = vi_mesh::Surface::of_body(&body.mesh, of_scene.dimension())
@@ -230,7 +233,7 @@ fn of_body(scene: &Scene, number: usize, body: &BodyModel, rest: &[f64]) -> Resu
     Ok(Part { number, triangles, plane, skeleton, frame, radius, distance, stiffness, pressure: 0.0 })
 }
 
-/// The surface of a rigid body; none where it has no shape.
+/// Returns the surface of a rigid body; `None` if it has no shape.
 fn of_rigid(scene: &Scene, number: usize, model: &RigidModel, rest: &[f64]) -> Option<Part> {
     let rigid = &scene.rigids[number - scene.bodies.len()];
     let (shape, form) = (rigid.shape.as_ref()?, model.form.as_ref()?);
@@ -246,11 +249,11 @@ fn of_rigid(scene: &Scene, number: usize, model: &RigidModel, rest: &[f64]) -> O
         let nodes: Vec<u32> = model.surface_nodes().map(|node| node as u32).collect();
         let layer = scene.contact.as_ref().and_then(|contact| contact.distance).unwrap_or(distance);
         let area = area_of_round(shape, layer);
-        // The area that presses is far smaller than the section of the body.
+        // The contact area is far smaller than the cross section of the body.
         spread = form.volume / (form.thickness * area * nodes.len() as f64);
         skeleton = (nodes, area);
     }
-    // What falls through its own extent or hits at its first speed; see docs/contact.md.
+    // The pressure of a body that falls through its own extent, or hits at its initial speed; see docs/contact.md.
     let square = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>();
     let gravity = square(scene.gravity).sqrt();
     let density = rigid.density.or(rigid.mass.map(|mass| mass / form.volume)).unwrap_or(0.0);
@@ -260,8 +263,8 @@ fn of_rigid(scene: &Scene, number: usize, model: &RigidModel, rest: &[f64]) -> O
     Some(Part { number, triangles, plane, skeleton, frame, radius, distance, stiffness, pressure })
 }
 
-/// The area that each point of a round skeleton stands for, m²: what of its surface is within d̂ of a plane that touches
-/// it. That is a cap of a ball, 2πR d̂, and of a cylinder a strip of half-width √(2R d̂).
+/// Returns the area (m²) that each point of a round skeleton represents: the part of its surface within d̂ of a tangent
+/// plane. For a ball this is a cap, 2πR d̂, and for a cylinder a strip of half-width √(2R d̂).
 fn area_of_round(shape: &RigidShape, layer: f64) -> f64 {
     let (length, radius) = match *shape {
         RigidShape::Capsule { length, radius } => (length, radius),
@@ -270,7 +273,7 @@ fn area_of_round(shape: &RigidShape, layer: f64) -> f64 {
     std::f64::consts::TAU * radius * layer + length * (2.0 * radius * layer).sqrt()
 }
 
-/// Largest extent of the nodes along an axis, m.
+/// Returns the largest extent of the nodes along an axis, m.
 fn extent(rest: &[f64]) -> f64 {
     let axis = |k: usize| rest.iter().skip(k).step_by(3);
     let width = |k| {
@@ -279,7 +282,7 @@ fn extent(rest: &[f64]) -> f64 {
     (0..3).map(width).fold(0.0, f64::max)
 }
 
-/// What the scene says of a pair, and the stiffness between two rigid bodies.
+/// Returns the scene's settings for a pair, and the stiffness between two rigid bodies.
 fn rule(scene: &Scene, a: &Part, b: &Part, may_meet: bool) -> PairRule {
     if !may_meet {
         return PairRule { excluded: true, ..PairRule::default() };
@@ -299,7 +302,7 @@ fn rule(scene: &Scene, a: &Part, b: &Part, may_meet: bool) -> PairRule {
     }
 }
 
-/// Tells which nodes move as one: those of a rigid body, and all that are prescribed.
+/// Marks the nodes that move as one: those of each rigid body, and all prescribed ones.
 fn hold(
     builder: &mut SurfaceBuilder,
     system: &System,

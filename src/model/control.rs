@@ -1,5 +1,4 @@
-//! From `static.arc_steps` and `static.control` to what a path of equilibria is followed by. Nothing here knows
-//! how it is followed.
+//! Finds the quantity that controls a path of equilibria, from `static.arc_steps` and `static.control`.
 
 use vi_core::{Potential, State, System};
 use vi_fem::{Amplitude, DeadLoad, Pressure, pressure};
@@ -38,7 +37,7 @@ pub(crate) fn path_control(
     let (at, terms) = match target {
         Some(ControlTarget::Displacement(target, axis)) => displacement(bodies, *target, *axis)?,
         Some(ControlTarget::Volume(body, region)) => volume(bodies, components, *body, region)?,
-        // The checks of the scene refuse a control that names what is not there.
+        // The checks of the scene refuse a control whose names do not exist.
         None => return Err(Problem::new("static.control", "names nothing that this scene has")),
     };
     if at != component {
@@ -58,7 +57,7 @@ pub(crate) fn path_control(
 
 type Terms = (usize, Vec<Box<dyn Potential>>);
 
-/// u·e of a probe: minus the potential of a unit force along e.
+/// Returns u·e of a probe as a potential: minus the potential of a unit force along e.
 fn displacement(bodies: &[BodyModel], target: ProbeTarget, axis: usize) -> Result<Terms, Problem> {
     let wrong = |message: String| Problem::new("static.control.probe", message);
     let body = &bodies[target.body.index()];
@@ -71,7 +70,7 @@ fn displacement(bodies: &[BodyModel], target: ProbeTarget, axis: usize) -> Resul
     Ok((body.component, vec![Box::new(term)]))
 }
 
-/// The volume on the side of a surface where a positive pressure acts: the potential of a pressure of −1 Pa.
+/// Returns the volume on the side of a surface where a positive pressure acts: the potential of a pressure of −1 Pa.
 fn volume(
     bodies: &[BodyModel],
     components: &[(System, State)],

@@ -1,12 +1,12 @@
-//! The directions along which nodes are held: axes of space, normals of surfaces, axes of cylinders and spheres, at
-//! rest.
+//! Finds the directions along which nodes are held: global axes, normals of surfaces, axes of cylinders and spheres,
+//! all at rest.
 
 use vi_mesh::Mesh;
 
 use super::select::{self, ON_PLANE};
 use crate::scene::{Axis, Fix, HeldAxis, LocalAxis};
 
-/// The unit vector of an axis of space.
+/// Returns the unit vector of a global axis.
 pub(super) fn of_axis(axis: Axis) -> [f64; 3] {
     let mut unit = [0.0; 3];
     unit[axis as usize] = 1.0;
@@ -16,7 +16,7 @@ pub(super) fn of_axis(axis: Axis) -> [f64; 3] {
 /// For each node of a fix, the unit directions along which it is held.
 pub(super) type DirectionsOfNodes = Vec<Vec<[f64; 3]>>;
 
-/// Unit directions of each node of a fix; `None` if they are axes of space only.
+/// Returns the unit directions of each node of a fix; `None` if they are global axes only.
 ///
 /// # Errors
 /// A problem, with the key at fault.
@@ -84,7 +84,7 @@ pub(super) fn directions(
     Ok(Some(all))
 }
 
-/// Radial, hoop and axial directions at a point; of a sphere the last two are some two across the radius.
+/// Returns the radial, hoop and axial directions at a point. For a sphere the last two are any two tangents.
 fn around(fix: &Fix, x: [f64; 3], extent: f64) -> Result<[[f64; 3]; 3], &'static str> {
     let Some(about) = &fix.about else { return Err("has no cylinder or sphere") };
     let arm = [0, 1, 2].map(|i| x[i] - about.point[i]);
@@ -111,7 +111,7 @@ fn around(fix: &Fix, x: [f64; 3], extent: f64) -> Result<[[f64; 3]; 3], &'static
     })
 }
 
-/// Nodes of a mirror plane must lie in it.
+/// Checks that the nodes of a mirror plane lie in it.
 fn check_plane(fix: &Fix, mesh: &Mesh, nodes: &[u32]) -> Result<(), (&'static str, String)> {
     let (Some(normal), Some(&first)) = (mirror_normal(fix), nodes.first()) else { return Ok(()) };
     let origin = mesh.points[first as usize];
@@ -130,7 +130,7 @@ fn check_plane(fix: &Fix, mesh: &Mesh, nodes: &[u32]) -> Result<(), (&'static st
     Ok(())
 }
 
-/// The unit normal of the mirror plane of a fix with `symmetry`.
+/// Returns the unit normal of the mirror plane of a fix with `symmetry`.
 pub(super) fn mirror_normal(fix: &Fix) -> Option<[f64; 3]> {
     match fix.axes[..] {
         [HeldAxis::Space(axis)] if fix.symmetry => Some(of_axis(axis)),
@@ -139,7 +139,7 @@ pub(super) fn mirror_normal(fix: &Fix) -> Option<[f64; 3]> {
     }
 }
 
-/// Two unit vectors normal to a unit vector and to each other.
+/// Returns two unit vectors normal to a unit vector and to each other.
 pub(super) fn across(normal: [f64; 3]) -> [[f64; 3]; 2] {
     let smallest = (0..3).min_by(|&a, &b| normal[a].abs().total_cmp(&normal[b].abs())).unwrap_or(0);
     let mut other = [0.0; 3];

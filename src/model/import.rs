@@ -1,4 +1,4 @@
-//! From a mesh file, which knows no physics, to the mesh of a body and its initial state.
+//! Makes the mesh and the initial state of a body from a mesh file.
 
 pub(super) mod sheet;
 
@@ -10,31 +10,31 @@ use vi_mesh::{Mesh, Numbering, orient_triangles};
 
 use crate::scene::{Body, RestShape, Substance};
 
-/// A body as its mesh file has it.
+/// A body as read from its mesh file.
 #[derive(Debug)]
 pub(crate) struct Imported {
     pub(crate) mesh: Mesh,
-    /// Initial displacement, m, where the file has point data of this name.
+    /// Initial displacement, m, if the file has point data of this name.
     pub(crate) displacement: Option<Vec<f64>>,
-    /// Initial velocity, m/s, where the file has point data of this name.
+    /// Initial velocity, m/s, if the file has point data of this name.
     pub(crate) velocity: Option<Vec<f64>>,
-    /// The flat pattern that a sheet is cut from, m: the corners of every cell.
+    /// The flat pattern of a sheet, m: the corners of every cell.
     pub(crate) pattern: Option<Vec<[[f64; 2]; 3]>>,
-    /// Texture coordinates of a sheet: the corners of every cell.
+    /// Texture coordinates of a sheet at the corners of every cell.
     pub(crate) texture: Option<Vec<[[f64; 2]; 3]>>,
-    /// Vectors a cell, by name.
+    /// Named vectors per cell.
     pub(crate) fields: Vec<CellField>,
     pub(crate) notes: Vec<String>,
 }
 
 impl Imported {
-    /// A mesh that no file has, at rest.
+    /// Takes a generated mesh, at rest.
     pub(crate) fn generated(mesh: Mesh) -> Self {
         let (fields, notes) = (Vec::new(), Vec::new());
         Self { mesh, displacement: None, velocity: None, pattern: None, texture: None, fields, notes }
     }
 
-    /// Renumbers the nodes; also returns the mesh as it was.
+    /// Renumbers the nodes. Also returns the mesh in the old numbering.
     pub(crate) fn renumbered(self, numbering: &Numbering) -> (Self, Mesh) {
         let reorder = |values: Option<Vec<f64>>| {
             values.map(|values| numbering.values(values.as_chunks::<3>().0).into_flattened())
@@ -44,11 +44,11 @@ impl Imported {
     }
 }
 
-/// Reads the mesh file of a body. Its elements are the cells of the body's dimension: 3 for a solid, 2 for
-/// a sheet, whose triangles are welded and made to face one way.
+/// Reads the mesh file of a body. Its elements are the cells of the body's dimension: 3 for a solid, 2 for a sheet. The
+/// triangles of a sheet are welded and oriented consistently.
 ///
 /// # Errors
-/// Everything that is wrong with the file or the mesh, in words that name the file.
+/// All problems of the file and the mesh, as messages that name the file.
 pub(crate) fn read(path: &Path, body: &Body) -> Result<Imported, Vec<String>> {
     let file = vi_io::read_mesh(path).map_err(|error| vec![error.to_string()])?;
     import(file, body).map_err(|messages| {
@@ -56,10 +56,10 @@ pub(crate) fn read(path: &Path, body: &Body) -> Result<Imported, Vec<String>> {
     })
 }
 
-/// The mesh of a body from arrays, as from a file.
+/// Makes the mesh of a body from arrays in the same way.
 ///
 /// # Errors
-/// Everything that is wrong with it.
+/// All problems of the mesh.
 pub(crate) fn from_arrays(mesh: &Mesh, body: &Body) -> Result<Imported, Vec<String>> {
     import(MeshFile { mesh: mesh.clone(), ..MeshFile::default() }, body)
 }
@@ -125,8 +125,8 @@ fn import(mut file: MeshFile, body: &Body) -> Result<Imported, Vec<String>> {
     Ok(Imported { mesh, displacement, velocity, pattern, texture, fields, notes })
 }
 
-/// Says so where a mesh looks as if its unit were the millimetre: 50 m and more of something as dense as wood to
-/// uranium and as stiff as hard plastic or metal. `scale = 1.0` answers it.
+/// Returns a note if the unit of a mesh seems to be the millimetre: it is 50 m or larger, as dense as wood to uranium,
+/// and as stiff as hard plastic or metal. Setting `scale = 1.0` suppresses the note.
 fn unit_note(body: &Body, mesh: &Mesh) -> Option<String> {
     const EXTENT: f64 = 50.0;
     const DENSITY: std::ops::RangeInclusive<f64> = 500.0..=20_000.0;
@@ -160,7 +160,7 @@ fn unit_note(body: &Body, mesh: &Mesh) -> Option<String> {
     })
 }
 
-/// Leaves the cells of the group `part`, and of lower dimension those on its nodes.
+/// Keeps the cells of the group `part`, and the cells of lower dimension on its nodes.
 fn take_part(file: &mut MeshFile, part: &str, dimension: usize) -> Result<(), String> {
     let is_part = |group: &&vi_mesh::Region| group.dimension == dimension && group.name == part;
     let Some(group) = file.mesh.regions.iter().find(is_part) else {
@@ -186,7 +186,7 @@ fn take_part(file: &mut MeshFile, part: &str, dimension: usize) -> Result<(), St
     Ok(())
 }
 
-/// Is the mesh a solid's where a sheet is wanted, or the reverse?
+/// Returns a problem if the mesh belongs to a solid and a sheet is expected, or the reverse.
 fn dimension_problem(file: &MeshFile, dimension: usize) -> Option<String> {
     let has = |dimension: usize| file.mesh.blocks.iter().any(|block| block.kind.dimension() == dimension);
     if dimension == 2 && has(3) {
@@ -202,13 +202,13 @@ fn dimension_problem(file: &MeshFile, dimension: usize) -> Option<String> {
     None
 }
 
-/// A cell array of vectors.
+/// Returns a cell array if it holds vectors.
 fn cell_field(array: &DataArray) -> Option<CellField> {
     let values = (array.components == 3).then(|| array.values.as_chunks::<3>().0.to_vec())?;
     Some(CellField { name: array.name.clone(), values })
 }
 
-/// A point array of three components, all finite.
+/// Returns a point array of three components, all finite.
 fn vector(file: &MeshFile, name: &str) -> Result<Option<Vec<f64>>, String> {
     let Some(DataArray { components, values, .. }) = file.point_array(name) else { return Ok(None) };
     if *components != 3 {

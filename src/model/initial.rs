@@ -1,8 +1,8 @@
-//! Initial fields of a body from numbers and formulas.
+//! Evaluates initial fields of a body, given by numbers and formulas.
 
 use crate::scene::{FieldComponent, field};
 
-/// Adds a field of the position at rest to values at nodes (3 per node).
+/// Adds a field of the rest position to values at nodes (3 per node).
 pub(super) fn add_field(
     components: &[FieldComponent; 3],
     rest: &[[f64; 3]],
@@ -21,7 +21,7 @@ pub(super) fn add_field(
     Ok(())
 }
 
-/// The vector, where no component is a formula.
+/// Returns the vector, if no component is a formula.
 pub(super) fn constant(components: &[FieldComponent; 3]) -> Option<[f64; 3]> {
     let number = |component: &FieldComponent| match component {
         FieldComponent::Number(value) => Some(*value),

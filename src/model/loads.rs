@@ -1,4 +1,4 @@
-//! From the loads and the damping of a scene to potentials and forces.
+//! Makes potentials and forces from the loads and the damping of a scene.
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use super::resolve::ResolvedFix;
 use super::select;
 use crate::scene::{Damping, HeldAxis, Load, Selection, Substance, field};
 
-/// Terms that a load or damping adds to a component.
+/// The terms that a load or damping adds to a component.
 #[derive(Default)]
 pub(super) struct Added {
     pub(super) potentials: Vec<Box<dyn Potential>>,
@@ -25,24 +25,24 @@ pub(super) struct Added {
 /// The body that a load acts on.
 pub(super) struct Target<'a> {
     pub(super) body: &'a BodyModel,
-    /// Mesh in the numbering of the component.
+    /// The mesh in the numbering of the component.
     pub(super) read: &'a Imported,
     /// The fixes of the scene.
     pub(super) fixes: &'a [ResolvedFix<'a>],
 }
 
 impl Target<'_> {
-    /// The selected surface, in the numbering of the component.
+    /// Returns the selected surface, in the numbering of the component.
     fn surface(&self, on: &Selection) -> Result<Surface, Problem> {
         let surface = select::surface(&self.body.mesh, self.body.dimension, on)?;
         Ok(surface.renumbered(|node| self.body.numbering.of(node)))
     }
 }
 
-/// A problem of a load, with the key at fault.
+/// The key at fault and the message of a problem.
 type Problem = (&'static str, String);
 
-/// A load, number `index` of the scene, on a body.
+/// Returns the terms of load number `index` of the scene.
 ///
 /// # Errors
 /// A problem, with the key at fault.
@@ -61,7 +61,7 @@ pub(super) fn load(load: &Load, index: usize, target: &Target) -> Result<Added, 
         }
         Load::Force { on, force, moment, about, amplitude, .. } => {
             let name = format!("load[{index}]: force");
-            // In the numbering of the file, as the nodes of the load are named there.
+            // Selects in the numbering of the file, which the load refers to.
             let spread = select::spread(&body.mesh, target.body.dimension, on)?;
             let spread = spread.renumbered(|node| body.numbering.of(node));
             let resultant = Resultant { force: *force, moment: *moment, about: *about };
@@ -71,7 +71,7 @@ pub(super) fn load(load: &Load, index: usize, target: &Target) -> Result<Added, 
         Load::Pressure { on, pressure: value, amplitude, .. } => {
             let name = format!("load[{index}]: pressure");
             let surface = target.surface(on)?;
-            // Prescribed nodes that move do not keep the potential.
+            // With moving prescribed nodes the pressure has no potential.
             let mut fixed = vec![[false; 3]; mesh.points.len()];
             let of_body = target.fixes.iter().filter(|held| held.on.body == body.id);
             for held in of_body.filter(|held| held.fix.motion.is_none()) {
@@ -120,7 +120,7 @@ pub(super) fn load(load: &Load, index: usize, target: &Target) -> Result<Added, 
     Ok(added)
 }
 
-/// The volumes at rest of those triangles of a sheet that are among `elements`, m³.
+/// Returns the rest volumes of the triangles of a sheet that are among `elements`, m³.
 fn sheet_volumes(target: &Target, elements: &[u32]) -> Result<Vec<(u32, f64)>, FemError> {
     let Target { body, read, .. } = target;
     let mut volumes = Vec::new();
@@ -141,7 +141,8 @@ fn sheet_volumes(target: &Target, elements: &[u32]) -> Result<Vec<(u32, f64)>, F
     }
 }
 
-/// Damping of a body, which comes with its mesh in the numbering of the component; its nodes have these masses (kg).
+/// Returns the damping of a body, whose mesh is in the numbering of the component and whose nodes have these masses
+/// (kg).
 pub(super) fn damping(
     damping: &Damping,
     (body, mesh): (&BodyModel, &Mesh),

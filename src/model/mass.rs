@@ -1,5 +1,4 @@
-//! The consistent mass of a system's bodies, where motion takes it lumped but an analysis does not. Nothing here
-//! knows the analysis.
+//! Makes the consistent mass of a system's bodies for analyses that need it, even if the motion uses the lumped mass.
 
 use vi_core::Potential;
 use vi_fem::{FemError, Sheet, consistent_mass};
@@ -7,10 +6,10 @@ use vi_fem::{FemError, Sheet, consistent_mass};
 use super::body::{BodyModel, MaterialPart};
 use crate::scene::Substance;
 
-/// The kinetic energy of the velocities of system number `component`, as potentials of them.
+/// Returns the kinetic energy of system number `component` as potentials of the velocities.
 ///
 /// # Errors
-/// Where an element has no consistent mass.
+/// If an element has no consistent mass.
 pub(crate) fn kinetic_terms(
     bodies: &[BodyModel],
     component: usize,

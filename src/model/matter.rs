@@ -1,4 +1,4 @@
-//! The matter of a body in a component: mass, strain energy and initial state of its nodes.
+//! Adds the matter of a body to a component: the mass, strain energy and initial state of its nodes.
 
 use std::collections::HashSet;
 
@@ -15,11 +15,11 @@ use super::read::ReadBody;
 use super::sheets;
 use crate::scene::{RestShape, Substance};
 
-/// Nodes of a sheet whose boundary edges do not end the sheet freely.
+/// Nodes at boundary edges of a sheet that are not free.
 pub(super) struct Edges {
-    /// Edges between nodes of one of these keep their normal.
+    /// An edge between two nodes of one of these sets is clamped: it keeps its normal.
     pub(super) clamps: Vec<HashSet<u32>>,
-    /// Edges between nodes of one of these lie in a mirror plane with this normal.
+    /// An edge between two nodes of one of these sets lies in a mirror plane with this normal.
     pub(super) mirrors: Vec<([f64; 3], HashSet<u32>)>,
 }
 
@@ -30,10 +30,10 @@ struct NodalMass {
     row_sums: Vec<f64>,
 }
 
-/// Adds a body, whose nodes follow those that the component has; its mesh is in the numbering of the component.
+/// Adds a body whose mesh is in the numbering of the component. Its nodes follow those that the component already has.
 ///
 /// # Errors
-/// Problem of the body.
+/// The problem of the body.
 pub(super) fn add_body(
     component: &mut ComponentBuilder,
     body: &ReadBody<'_>,
@@ -64,7 +64,7 @@ pub(super) fn add_body(
     Ok(())
 }
 
-/// The strain energy of a solid's elements of one law; adds their mass.
+/// Returns the strain energy of a solid's elements of one law, and adds their mass.
 fn solid(
     component: &mut ComponentBuilder,
     body: &ReadBody<'_>,
@@ -87,7 +87,7 @@ fn solid(
     }
 }
 
-/// The strain energy of a sheet's triangles of one law; adds their mass.
+/// Returns the strain energy of a sheet's triangles of one law, and adds their mass.
 fn sheet(
     component: &mut ComponentBuilder,
     body: &ReadBody<'_>,
@@ -118,7 +118,7 @@ fn sheet(
     sheet.potentials()
 }
 
-/// Positions and velocities of a body's nodes at the start, m and m/s.
+/// Returns the initial positions (m) and velocities (m/s) of a body's nodes.
 fn initial_state(body: &ReadBody<'_>, mass: &[f64]) -> Result<[Vec<f64>; 2], String> {
     let (read, scene) = (&body.read, body.scene);
     let rest = &read.mesh.points;

@@ -1,19 +1,19 @@
-//! Which bodies of a scene meet, and why others do not.
+//! Determines which bodies of a scene may meet, and why others may not.
 
 use std::collections::{BTreeSet, HashSet};
 
 use crate::scene::Scene;
 
-/// Which pairs of bodies meet. Bodies are numbered as in the scene, rigid ones after the others.
+/// The pairs of bodies that may meet. Bodies are numbered as in the scene, rigid ones after the others.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Meeting {
-    /// Pairs that something joins, a body with itself among them: they meet elsewhere than where they are joined.
+    /// Pairs that are joined, including a body with itself; they meet only away from the joint.
     joined: HashSet<(usize, usize)>,
-    /// Pairs of these whose surfaces cross at the start.
+    /// Joined pairs whose surfaces cross at the start.
     overlapping: BTreeSet<(usize, usize)>,
 }
 
-/// Name of a body by its number.
+/// Returns the name of a body by its number.
 pub(crate) fn name_of(scene: &Scene, number: usize) -> &str {
     match number.checked_sub(scene.bodies.len()) {
         Some(rigid) => &scene.rigids[rigid].name,
@@ -26,22 +26,22 @@ impl Meeting {
         Self { joined, overlapping: BTreeSet::new() }
     }
 
-    /// Does something join these bodies?
+    /// Returns whether these bodies are joined.
     pub(super) fn is_joined(&self, a: usize, b: usize) -> bool {
         self.joined.contains(&(a.min(b), a.max(b)))
     }
 
-    /// Enters joined bodies whose surfaces cross: they do not meet.
+    /// Records joined bodies whose surfaces cross; they do not meet.
     pub(super) fn overlap(&mut self, a: usize, b: usize) {
         self.overlapping.insert((a.min(b), a.max(b)));
     }
 
-    /// The joined pairs whose surfaces cross at the start.
+    /// Returns the joined pairs whose surfaces cross at the start.
     pub(crate) fn overlapping(&self) -> impl Iterator<Item = (usize, usize)> {
         self.overlapping.iter().copied()
     }
 
-    /// Why two bodies, or a body with itself, do not meet; none if they may.
+    /// Returns why two bodies, or a body with itself, do not meet; `None` if they may.
     pub(crate) fn reason_not(&self, scene: &Scene, a: usize, b: usize) -> Option<&'static str> {
         let Some(contact) = &scene.contact else { return Some("the scene has no table [contact]") };
         let rigid = |number: usize| number.checked_sub(scene.bodies.len()).map(|rigid| &scene.rigids[rigid]);
@@ -66,7 +66,7 @@ impl Meeting {
         }
     }
 
-    /// May two bodies, or a body with itself, meet?
+    /// Returns whether two bodies, or a body with itself, may meet.
     pub(crate) fn may_meet(&self, scene: &Scene, a: usize, b: usize) -> bool {
         self.reason_not(scene, a, b).is_none()
     }

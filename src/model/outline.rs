@@ -1,4 +1,4 @@
-//! The surfaces of bodies as triangles at one configuration, and whether they cross or enclose each other, exactly.
+//! Surfaces of bodies as triangles in one configuration, with exact tests of whether they cross or enclose each other.
 
 use super::{BodyModel, RigidModel};
 use crate::intersections::{intersections, is_inside};
@@ -6,12 +6,12 @@ use crate::intersections::{intersections, is_inside};
 /// The surface of a body.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Outline {
-    /// m.
+    /// Positions, m.
     pub(crate) points: Vec<[f64; 3]>,
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// Is the body matter within this surface? A sheet is not.
+    /// Whether the body fills this surface. A sheet does not.
     pub(crate) is_filled: bool,
-    /// A point of each piece of the surface.
+    /// A point on each connected piece of the surface.
     pieces: Vec<u32>,
 }
 
@@ -21,27 +21,27 @@ impl Outline {
         Self { points, triangles, is_filled, pieces }
     }
 
-    /// Of a deformable body whose nodes are at `points`.
+    /// Makes the outline of a deformable body with nodes at `points`.
     pub(crate) fn of_body(body: &BodyModel, points: Vec<[f64; 3]>) -> Self {
-        // The elements have been accepted as those of a body when it was built: they have faces.
+        // The elements were accepted as those of a body when it was built, so they have faces.
         let surface = vi_mesh::Surface::of_body(&body.mesh, body.dimension);
         let triangles = surface.map(|surface| surface.triangles()).unwrap_or_default();
         Self::new(points, triangles, body.dimension == 3)
     }
 
-    /// Of a rigid body at positions x of the nodes of its component; that of a half-space is empty.
+    /// Makes the outline of a rigid body at positions x of the nodes of its component; that of a half-space is empty.
     pub(crate) fn of_rigid(rigid: &RigidModel, x: &[f64]) -> Self {
         let Some(form) = &rigid.form else { return Self::default() };
         Self::new(rigid.carry(x, &form.points), form.triangles.clone(), true)
     }
 
-    /// Is a piece of `other` wholly within this body, or would it be if their surfaces do not cross?
+    /// Returns whether a piece of `other` lies wholly within this body, provided that their surfaces do not cross.
     pub(crate) fn encloses(&self, other: &Self) -> bool {
         let within = |&piece: &u32| is_inside(other.points[piece as usize], &self.points, &self.triangles);
         self.is_filled && other.pieces.iter().any(within)
     }
 
-    /// Do the surfaces of two bodies cross, or is one within the other?
+    /// Returns whether the surfaces of two bodies cross, or one lies within the other.
     pub(crate) fn meets(&self, other: &Self) -> bool {
         if self.encloses(other) || other.encloses(self) {
             return true;
@@ -56,7 +56,7 @@ impl Outline {
     }
 }
 
-/// The outline of body number `number` of a scene at positions x of the nodes of its component.
+/// Returns the outline of body number `number` of a scene at positions x of the nodes of its component.
 pub(super) fn outline(number: usize, bodies: &[BodyModel], rigids: &[RigidModel], x: &[f64]) -> Outline {
     match number.checked_sub(bodies.len()) {
         Some(rigid) => Outline::of_rigid(&rigids[rigid], x),
@@ -67,7 +67,7 @@ pub(super) fn outline(number: usize, bodies: &[BodyModel], rigids: &[RigidModel]
     }
 }
 
-/// A node of each connected piece of a surface.
+/// Returns a node of each connected piece of a surface.
 fn pieces(count: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..count as u32).collect();
     let root = |parent: &mut Vec<u32>, mut node: u32| {

@@ -1,5 +1,5 @@
-//! Parts bodies whose surfaces touch or cross at the start, where `contact.resolve` asks for it: whole bodies are moved
-//! without turning, and without a change of their shape or velocity, by the shortest way found.
+//! Separates bodies whose surfaces touch or cross at the start, if `contact.resolve` is set. Whole bodies are
+//! translated by the shortest way found; their orientation, shape and velocity do not change.
 
 use std::collections::BTreeMap;
 
@@ -13,23 +13,23 @@ use super::outline::{Outline, outline};
 use super::{BodyModel, RigidModel};
 use crate::scene::Scene;
 
-/// A body that was moved before the start.
+/// A body that was translated before the start.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Parted {
     /// Number of the body in the scene, rigid ones after the others.
     pub(crate) body: usize,
-    /// By how much, m.
+    /// Translation, m.
     pub(crate) by: [f64; 3],
     /// Change of the potential energy of its component, J.
     pub(crate) energy: f64,
 }
 
-/// Moves made at most for each body of a component.
+/// Largest number of moves per body of a component.
 const MOVES: usize = 16;
-/// Bisections of the length of a way.
+/// Number of bisections for the length of a translation.
 const BISECTIONS: usize = 20;
 
-/// A component whose bodies are to be parted.
+/// A component whose bodies are to be separated.
 pub(super) struct Start<'a> {
     pub(super) scene: &'a Scene,
     pub(super) meeting: &'a Meeting,
@@ -37,12 +37,12 @@ pub(super) struct Start<'a> {
     pub(super) bodies: &'a [BodyModel],
     pub(super) rigids: &'a [RigidModel],
     pub(super) term: &'a ContactTerm,
-    /// For each body of the term its number in the scene, and the outward normal of a half-space.
+    /// For each body of the term, its number in the scene, and the outward normal if it is a half-space.
     pub(super) parts: Vec<(usize, Option<[f64; 3]>)>,
 }
 
 impl Start<'_> {
-    /// The outline of a part at positions x.
+    /// Returns the outline of a part at positions x.
     fn outline(&self, part: usize, x: &[f64]) -> Outline {
         outline(self.parts[part].0, self.bodies, self.rigids, x)
     }
@@ -55,7 +55,7 @@ impl Start<'_> {
         self.meeting.is_joined(self.parts[a].0, self.parts[b].0)
     }
 
-    /// The parts that something joins to this one, with itself.
+    /// Returns this part and all parts joined to it.
     fn group(&self, part: usize) -> Vec<usize> {
         let mut group = vec![part];
         let mut next = 0;
@@ -70,7 +70,7 @@ impl Start<'_> {
         group
     }
 
-    /// Nodes of a group whose coordinates are places.
+    /// Returns the nodes of a group that are points in space, not directors.
     fn nodes(&self, group: &[usize]) -> Vec<usize> {
         let of = |&part: &usize| -> Vec<usize> {
             let number = self.parts[part].0;
@@ -89,7 +89,7 @@ impl Start<'_> {
         group.iter().flat_map(of).collect()
     }
 
-    /// Is nothing of the group held?
+    /// Returns whether the group is free of prescribed coordinates.
     fn is_movable(&self, group: &[usize]) -> bool {
         let nodes = self.nodes(group);
         let is_own = |dof: &u32| nodes.contains(&(*dof as usize / 3));
@@ -106,7 +106,7 @@ impl Start<'_> {
         !is_held && !to_world && !to_space && group.iter().all(|&part| self.parts[part].1.is_none())
     }
 
-    /// Pairs of parts that touch or cross.
+    /// Returns the pairs of parts that touch or cross.
     fn offending(&self, x: &[f64], gaps: &BTreeMap<[u32; 2], f64>) -> Vec<[usize; 2]> {
         let outlines: Vec<Outline> = (0..self.parts.len()).map(|part| self.outline(part, x)).collect();
         let mut found = Vec::new();
@@ -121,7 +121,7 @@ impl Start<'_> {
         found
     }
 
-    /// Is this pair apart by its layer at positions x?
+    /// Returns whether this pair is separated by at least its layer at positions x.
     fn is_apart(&self, [a, b]: [usize; 2], x: &[f64]) -> bool {
         let layer = self.term.surface().law(a as u32, b as u32).map_or(0.0, |law| law.distance);
         let gaps = self.term.at(x).smallest_gaps(x);
@@ -129,7 +129,7 @@ impl Start<'_> {
             && !self.outline(a, x).meets(&self.outline(b, x))
     }
 
-    /// The shortest way found that parts a pair by moving `nodes`, m.
+    /// Returns the shortest translation of `nodes` found that separates a pair, m.
     fn way(&self, pair: [usize; 2], nodes: &[usize], mover: usize, x: &[f64]) -> Option<Vector3<f64>> {
         let [a, b] = pair;
         let other = if mover == a { b } else { a };
@@ -181,10 +181,10 @@ impl Start<'_> {
         best
     }
 
-    /// Moves bodies until none touch or cross, and returns what it moved. Bodies that something joins move together.
+    /// Moves bodies until none touch or cross, and returns the moves. Joined bodies move together.
     ///
     /// # Errors
-    /// Where a pair cannot be parted.
+    /// If a pair cannot be separated.
     pub(super) fn part(&self, state: &mut State) -> Result<Vec<Parted>, String> {
         let mut parted: Vec<Parted> = Vec::new();
         let energy = |x: &[f64]| {

@@ -1,5 +1,5 @@
-//! Which bodies act on each other: those that springs, ties, attachments or joints join, and those that may meet, are one
-//! component.
+//! Divides the bodies into components: bodies act on each other if springs, ties, attachments or joints join them, or
+//! if they may meet.
 
 use std::collections::HashSet;
 
@@ -7,15 +7,15 @@ use super::meeting::Meeting;
 use super::resolve::{End, Resolved};
 use crate::scene::{BodyId, RigidId, Scene};
 
-/// The number of the component of each body and of each rigid body.
+/// The component number of each body and of each rigid body.
 pub(super) struct Partition {
-    /// Of the bodies, then of the rigid bodies.
+    /// The bodies first, then the rigid bodies.
     component_of: Vec<usize>,
     body_count: usize,
 }
 
 impl Partition {
-    /// Components are numbered by their first body.
+    /// Determines the components, numbered by their first body.
     pub(super) fn new(scene: &Scene, resolved: &Resolved<'_>, meeting: &Meeting) -> Self {
         let all = resolved.bodies.len() + resolved.rigids.len();
         let count = if scene.contact.is_some() { all } else { 0 };
@@ -49,7 +49,7 @@ impl Partition {
         Self { component_of, body_count }
     }
 
-    /// Number of components.
+    /// Returns the number of components.
     pub(super) fn count(&self) -> usize {
         self.component_of.iter().max().map_or(0, |&last| last + 1)
     }
@@ -58,13 +58,14 @@ impl Partition {
         self.component_of[body.index()]
     }
 
-    /// Of rigid body number `rigid` in the order of the scene.
+    /// Returns the component of rigid body number `rigid` in the order of the scene.
     pub(super) fn of_rigid(&self, rigid: usize) -> usize {
         self.component_of[self.body_count + rigid]
     }
 }
 
-/// Pairs of bodies (rigid ones count on after the others) that the scene joins, a body with itself among them.
+/// Returns the pairs of bodies (rigid ones numbered after the others) that the scene joins, including a body with
+/// itself.
 pub(super) fn joined(scene: &Resolved<'_>) -> HashSet<(usize, usize)> {
     let body_count = scene.bodies.len();
     let rigid = |id: RigidId| body_count + id.index();

@@ -1,5 +1,5 @@
-//! Periodic pairs of nodes: partners are found by the translation between two parts of a body, and tied by x_b = x_a
-//! + (X_b − X_a). The constant is a director, which translations leave alone.
+//! Ties periodic pairs of nodes. The translation between two parts of a body gives the partners, which are tied by
+//! x_b = x_a + (X_b − X_a). The constant vector is a director, which translations do not change.
 
 use std::collections::BTreeMap;
 
@@ -8,10 +8,10 @@ use vi_mesh::Mesh;
 use super::select::{self, ON_PLANE};
 use crate::scene::Periodic;
 
-/// Each node of `to` with its partner in `from`, as (from, to).
+/// Returns each node of `to` with its partner in `from`, as (from, to).
 ///
 /// # Errors
-/// Where the two parts do not match, with the key.
+/// If the two parts do not match, with the key.
 pub(super) fn partners(periodic: &Periodic, mesh: &Mesh) -> Result<Vec<(u32, u32)>, (String, String)> {
     let select =
         |side: &str, on| select::nodes(mesh, on).map_err(|(key, message)| (format!("{side}.{key}"), message));
@@ -32,7 +32,7 @@ pub(super) fn partners(periodic: &Periodic, mesh: &Mesh) -> Result<Vec<(u32, u32
     let (c, d) = (centre(&from), centre(&to));
     let translation = [0, 1, 2].map(|i| d[i] - c[i]);
     let reach = ON_PLANE * select::extent(mesh);
-    // Nodes of `from` in cells of a grid, so that partners are found without comparing all with all.
+    // Sorts the nodes of `from` into the cells of a grid, so that not all pairs are compared.
     let cell = |x: [f64; 3]| x.map(|x| (x / (4.0 * reach)).round() as i64);
     let mut grid: BTreeMap<[i64; 3], Vec<u32>> = BTreeMap::new();
     for &node in &from {
@@ -66,8 +66,8 @@ pub(super) fn partners(periodic: &Periodic, mesh: &Mesh) -> Result<Vec<(u32, u32
     Ok(pairs)
 }
 
-/// Each tied node with the one that it follows, so that no node is tied twice and none follows one that is tied:
-/// at the edges of a body that is periodic in several directions, nodes follow one in a corner.
+/// Returns each tied node with the node that it follows. No node is tied twice, and none follows a tied one: at the
+/// edges of a body that is periodic in several directions, nodes follow one at a corner.
 pub(super) fn leaders(pairs: impl IntoIterator<Item = (u32, u32)>) -> BTreeMap<u32, u32> {
     let mut leader: BTreeMap<u32, u32> = BTreeMap::new();
     let root = |leader: &BTreeMap<u32, u32>, mut node: u32| {

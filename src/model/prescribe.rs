@@ -1,8 +1,8 @@
-//! From fixes to prescribed coordinates.
+//! Makes prescribed coordinates from fixes.
 //!
-//! Nodes that are held along axes of space alone keep these as their coordinates. Nodes that are held along other
-//! directions get axes of their own: the first ones span the directions that are held, so that what is prescribed
-//! is eliminated there as along axes of space.
+//! Nodes that are held along global axes alone keep these as their coordinates. Nodes that are held along other
+//! directions get local axes. The first of these span the held directions, so that prescribed components are eliminated
+//! as along global axes.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -12,20 +12,20 @@ use vi_fem::{FemError, Motion};
 use super::directions::{across, cross, dot, of_axis, unit};
 use crate::scene::{Axis, Fix, HeldAxis, Problem};
 
-/// Directions nearer to each other's span than this are dependent.
+/// A direction whose distance from the span of the others is smaller is linearly dependent on them.
 const DEPENDENT: f64 = 1e-6;
 
-/// Products of unit vectors below this are zero.
+/// Scalar products of unit vectors below this are taken as zero.
 const ACROSS: f64 = 1e-9;
 
-/// A fix with its nodes found.
+/// A fix with its nodes.
 pub(super) struct NodalFix<'a> {
     /// Number of the fix in the scene, for messages.
     pub(super) index: usize,
     pub(super) fix: &'a Fix,
-    /// Their numbers in the component, and in the mesh of the body.
+    /// Their numbers in the component and in the mesh of the body.
     pub(super) nodes: Vec<(u32, u32)>,
-    /// Directions of each node; `None` if they are axes of space only.
+    /// Directions of each node; `None` if they are global axes only.
     pub(super) directions: Option<&'a [Vec<[f64; 3]>]>,
 }
 
@@ -45,16 +45,16 @@ impl NodalFix<'_> {
     }
 }
 
-/// A coordinate that is prescribed: which, along which direction of space.
+/// A prescribed coordinate, and its direction in space.
 struct Held {
     dof: u32,
     along: [f64; 3],
 }
 
-/// The coordinates of a component whose nodes start at x (m, 3 a node), with `others` prescribed too. `followers`
-/// are nodes that move as another one does, and are held where it is.
+/// Makes the coordinates of a component whose nodes start at x (m, 3 per node), with `others` prescribed too.
+/// `followers` maps a node to the node that it moves with; it is held there.
 ///
-/// One coordinate may be named by several fixes if they agree on its motion.
+/// Several fixes may name a coordinate if they agree on its motion.
 pub(super) fn coordinates(
     fixes: &[NodalFix],
     others: Vec<Prescribed>,
@@ -90,7 +90,7 @@ pub(super) fn coordinates(
         .map_err(|error: CoreError| Problem::new("fix", error.to_string()))
 }
 
-/// Holds nodes whose directions are axes of space.
+/// Holds nodes whose directions are global axes.
 fn hold_along_axes(
     fixes: &[NodalFix],
     followers: &BTreeMap<u32, u32>,
@@ -127,13 +127,13 @@ fn hold_along_axes(
     Ok(())
 }
 
-/// Holds nodes with directions of their own; returns their axes.
+/// Holds nodes with other directions, and returns their local axes.
 fn hold_along_directions(
     fixes: &[NodalFix],
     followers: &BTreeMap<u32, u32>,
     of_fix: &mut [Vec<Held>],
 ) -> Result<BTreeMap<u32, NodeAxes>, Problem> {
-    // What is held at each node: direction, fix, and the node in the mesh.
+    // Collects for each node its directions, each with the fix and the node in the mesh.
     let mut all: BTreeMap<u32, Vec<([f64; 3], usize, u32)>> = BTreeMap::new();
     for nodal in fixes.iter().filter(|nodal| nodal.directions.is_some()) {
         for &(number, _) in &nodal.nodes {
@@ -175,7 +175,7 @@ fn hold_along_directions(
     Ok(axes)
 }
 
-/// Orthonormal directions that span those that are held, each with the fix that it follows.
+/// Returns orthonormal directions that span the held ones, each with its fix.
 fn span(held: &[([f64; 3], usize, u32)], fixes: &[NodalFix]) -> Result<Vec<([f64; 3], usize)>, Problem> {
     let mut basis: Vec<([f64; 3], usize)> = Vec::new();
     for &(direction, i, node) in held {
@@ -195,7 +195,7 @@ fn span(held: &[([f64; 3], usize, u32)], fixes: &[NodalFix]) -> Result<Vec<([f64
     Ok(basis)
 }
 
-/// Up to three orthonormal directions and what completes them.
+/// Completes up to three orthonormal directions to a basis.
 fn completed(held: &[([f64; 3], usize)]) -> [[f64; 3]; 3] {
     match held {
         [] => [Axis::X, Axis::Y, Axis::Z].map(of_axis),
@@ -224,10 +224,10 @@ fn lone_follower(nodal: &NodalFix, node: u32) -> Problem {
     Problem::new(format!("fix[{}]", nodal.index), message)
 }
 
-/// Where a held coordinate starts, m.
+/// Returns the initial value of a held coordinate, m.
 fn along(held: &Held, x: &[f64]) -> f64 {
     let node = held.dof as usize / 3;
-    // An axis of space picks its coordinate, to the bit.
+    // Along a global axis this is a coordinate, to the bit.
     match held.along.iter().position(|&value| value == 1.0) {
         Some(axis) => x[3 * node + axis],
         None => dot(held.along, std::array::from_fn(|k| x[3 * node + k])),
@@ -245,7 +245,7 @@ fn path(motion: &Motion, held: &[Held], x: &[f64]) -> Result<Box<dyn Path>, FemE
     Ok(Box::new(Turned { path, along: held.iter().map(|held| held.along).collect() }))
 }
 
-/// The part of a motion of points along a direction of each.
+/// The components of a motion of points, each along a direction of its own.
 struct Turned {
     /// Three coordinates per point.
     path: Box<dyn Path>,

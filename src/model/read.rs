@@ -10,7 +10,7 @@ use super::import::{self, Imported};
 use super::size::Budget;
 use crate::scene::{Body, BodyId, MOST_REFINED, MaterialEntry, Problem, Refine, RefineAlong, Scene};
 
-/// A body of the scene with the mesh that was read for it.
+/// A body of the scene with its mesh.
 pub(super) struct ReadBody<'a> {
     pub(super) id: BodyId,
     /// The body as the scene has it.
@@ -19,7 +19,7 @@ pub(super) struct ReadBody<'a> {
     pub(super) materials: Vec<MaterialPart>,
 }
 
-/// Reads all bodies, in the order of the scene. A body that cannot be read leaves problems and `None`.
+/// Reads all bodies, in the order of the scene. A body that cannot be read adds problems and gives `None`.
 pub(super) fn bodies<'a>(scene: &'a Scene, problems: &mut Vec<Problem>) -> Vec<Option<ReadBody<'a>>> {
     let mut budget = Budget::of_machine();
     let bodies = scene.bodies.iter().enumerate();
@@ -33,7 +33,7 @@ fn read<'a>(
     problems: &mut Vec<Problem>,
 ) -> Option<ReadBody<'a>> {
     if body.refine.as_ref().is_some_and(|refine| refine.levels() > MOST_REFINED) {
-        // The checks of the scene have said so.
+        // The checks of the scene have reported it.
         return None;
     }
     match try_read(id, body, budget) {
@@ -55,7 +55,7 @@ fn try_read<'a>(id: BodyId, body: &'a Body, budget: &mut Budget) -> Result<ReadB
     Ok(ReadBody { id, scene: body, read, materials })
 }
 
-/// The mesh of a body from its file or its shape, before it is refined.
+/// Returns the mesh of a body from its file or its shape, before refinement.
 fn mesh(id: BodyId, body: &Body, budget: &mut Budget) -> Result<Imported, Vec<Problem>> {
     let key = format!("body[{}]", id.index());
     let mut fits = |in_file: &[(CellKind, usize)]| {
@@ -80,7 +80,7 @@ fn mesh(id: BodyId, body: &Body, budget: &mut Budget) -> Result<Imported, Vec<Pr
         read
     } else {
         fits(&[])?;
-        // A body without a mesh and without a shape is a problem that the checks of the scene have told.
+        // The checks of the scene report a body without mesh and shape.
         let (built, shape) = generate(body, scale, translate).ok_or_else(Vec::new)?;
         let wrong = |error: MeshError| vec![Problem::new(format!("{key}.{shape}"), error.to_string())];
         Imported::generated(built.map_err(wrong)?)
@@ -91,7 +91,7 @@ fn mesh(id: BodyId, body: &Body, budget: &mut Budget) -> Result<Imported, Vec<Pr
     Ok(read)
 }
 
-/// The body on the finer mesh that `order` and `refine` ask for.
+/// Refines the mesh of a body as `order` and `refine` require.
 fn refined(body: &Body, read: Imported) -> Result<Imported, String> {
     let mut read = if body.order == Some(2) { on(read, Mesh::lifted) } else { read };
     let times = body.refine.as_ref().map_or(0, Refine::levels);
@@ -117,7 +117,7 @@ fn refined(body: &Body, read: Imported) -> Result<Imported, String> {
 /// Returns a note if `locking` has no effect on some elements.
 ///
 /// # Errors
-/// Where it does nothing for any.
+/// If it has no effect on any element.
 fn locking_note(body: &Body, mesh: &Mesh) -> Result<Option<String>, String> {
     if body.locking == LockingCure::None {
         return Ok(None);
@@ -134,7 +134,7 @@ fn locking_note(body: &Body, mesh: &Mesh) -> Result<Option<String>, String> {
     Ok((!tet4.is_empty()).then(|| format!("{name}: mean dilation leaves the body's tet4 as they are")))
 }
 
-/// A body on a finer mesh.
+/// Moves a body to a finer mesh.
 fn on(read: Imported, make: impl FnOnce(&Mesh) -> FinerMesh) -> Imported {
     let finer = make(&read.mesh);
     let carry = |values: Option<Vec<f64>>| values.map(|values| finer.interpolate(&values));
@@ -147,7 +147,7 @@ fn on(read: Imported, make: impl FnOnce(&Mesh) -> FinerMesh) -> Imported {
     Imported { displacement, velocity, fields, texture, mesh: finer.mesh, ..read }
 }
 
-/// The mesh of a generated shape, and the shape's key.
+/// Generates the mesh of a shape; also returns the shape's key.
 fn generate(body: &Body, scale: f64, translate: [f64; 3]) -> Option<(Result<Mesh, MeshError>, &'static str)> {
     let place = |origin: [f64; 3]| std::array::from_fn(|k| scale * origin[k] + translate[k]);
     if let Some(shape) = &body.box_shape {
@@ -158,14 +158,14 @@ fn generate(body: &Body, scale: f64, translate: [f64; 3]) -> Option<(Result<Mesh
     Some((placed(body.sheet.as_ref()?, scale, translate).build(), "sheet"))
 }
 
-/// A generated sheet where its body has it.
+/// Scales and translates a generated sheet as its body requires.
 fn placed(sheet: &SheetMesh, scale: f64, translate: [f64; 3]) -> SheetMesh {
     let size = sheet.size.map(|size| scale * size);
     let origin = std::array::from_fn(|k| scale * sheet.origin[k] + translate[k]);
     SheetMesh { origin, size, ..sheet.clone() }
 }
 
-/// The elements of each material.
+/// Returns the elements of each material.
 fn materials(body: &Body, mesh: &Mesh) -> Result<Vec<MaterialPart>, String> {
     const NONE: usize = usize::MAX;
     let entries = &body.material.0;

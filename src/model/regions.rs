@@ -1,4 +1,4 @@
-//! Probes over a part of a body: its nodes, and the elements that cell fields need, found once.
+//! Resolves probes over a part of a body: its nodes, and the elements for cell fields.
 
 use std::collections::HashMap;
 
@@ -11,16 +11,16 @@ use crate::scene::{BodyId, Probe, Quantity, Statistic};
 pub struct RegionProbe {
     /// The body.
     pub body: BodyId,
-    /// Quantity asked for.
+    /// Requested quantities.
     pub quantities: Vec<(Statistic, Quantity)>,
     /// Nodes of the body's mesh, each once.
     pub nodes: Vec<u32>,
-    /// Elements of each material entry with their volumes at rest, m³; only where a cell field is asked for.
+    /// Elements of each material entry with their rest volumes, m³; only if a cell field is requested.
     pub elements: Vec<(Vec<u32>, Vec<f64>)>,
 }
 
 impl RegionProbe {
-    /// Finds what a probe of a scene asks for.
+    /// Resolves a probe of a scene.
     ///
     /// # Errors
     /// A problem, with the key at fault.

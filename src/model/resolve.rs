@@ -1,5 +1,5 @@
-//! Finds what a scene names: bodies, rigid bodies, regions and nodes. Everything that is wrong with the meshes and the
-//! names is known when this is done, and nothing is looked up by name afterwards.
+//! Resolves the names in a scene: bodies, rigid bodies, regions and nodes. It reports all problems of the meshes and
+//! the names. Nothing is looked up by name afterwards.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -15,8 +15,7 @@ use crate::scene::{
     Seam, Selection, Spring, SpringEnd, Strike,
 };
 
-/// A scene with bodies, nodes and directions in the place of names. Each entry holds the entry of the scene that it
-/// comes from.
+/// A scene in which bodies, nodes and directions replace names. Each entry refers to its entry in the scene.
 pub(super) struct Resolved<'a> {
     pub(super) bodies: Vec<ReadBody<'a>>,
     pub(super) fixes: Vec<ResolvedFix<'a>>,
@@ -39,11 +38,11 @@ pub(super) struct ResolvedFix<'a> {
     pub(super) index: usize,
     pub(super) fix: &'a Fix,
     pub(super) on: NodeSet,
-    /// The unit directions along which each node is held; `None` where they are axes of space alone.
+    /// The unit directions along which each node is held; `None` if they are global axes alone.
     pub(super) directions: Option<Vec<Vec<[f64; 3]>>>,
 }
 
-/// The pairs of nodes that a `[[periodic]]` ties.
+/// The pairs of nodes that a `[[periodic]]` entry ties.
 pub(super) struct PeriodicPairs {
     /// Number of the entry in the scene.
     pub(super) index: usize,
@@ -64,11 +63,11 @@ pub(super) struct ResolvedSpring<'a> {
 pub(super) enum End {
     /// A node of a body.
     Node(ProbeTarget),
-    /// A place in space, m.
+    /// A fixed point, m.
     Place([f64; 3]),
 }
 
-/// A rigid body with the nodes that are attached to it.
+/// A rigid body with its attached nodes.
 pub(super) struct ResolvedRigid<'a> {
     pub(super) rigid: &'a Rigid,
     pub(super) form: Option<Arc<Form>>,
@@ -93,19 +92,19 @@ pub(super) struct ResolvedLoad<'a> {
     pub(super) body: BodyId,
 }
 
-/// Quantity that `static.control` prescribes.
+/// The quantity that `static.control` prescribes.
 #[derive(Debug, Clone)]
 pub(crate) enum ControlTarget {
-    /// The displacement of a node along an axis.
+    /// Displacement of a node along an axis.
     Displacement(ProbeTarget, usize),
-    /// The volume on one side of a surface region of a body.
+    /// Volume on one side of a surface region of a body.
     Volume(BodyId, String),
 }
 
-/// Reads the meshes of a scene and finds all that it names.
+/// Reads the meshes of a scene and resolves all names.
 ///
 /// # Errors
-/// Everything that is wrong, at once. What refers to a body that cannot be read is passed over.
+/// All problems at once. Entries that refer to a body that cannot be read are skipped.
 pub(super) fn resolve(scene: &Scene) -> Result<Resolved<'_>, Vec<Problem>> {
     let mut problems = Vec::new();
     let bodies = read::bodies(scene, &mut problems);
@@ -142,12 +141,12 @@ pub(super) fn resolve(scene: &Scene) -> Result<Resolved<'_>, Vec<Problem>> {
     })
 }
 
-/// Finds the bodies and nodes that the sections of a scene name.
+/// Resolves the bodies and nodes that the sections of a scene name.
 struct Resolver<'a, 'b> {
     names: Names<'a>,
     /// `None` for a body that could not be read.
     bodies: &'b [Option<ReadBody<'a>>],
-    /// The probes at nodes, by name.
+    /// The node probes, by name.
     probes: HashMap<&'a str, ProbeTarget>,
     problems: Vec<Problem>,
 }
@@ -157,7 +156,7 @@ impl<'a, 'b> Resolver<'a, 'b> {
         self.problems.push(Problem::new(key, message));
     }
 
-    /// The body of this name; `None` where there is none or it could not be read, which has been said before.
+    /// Returns the body of this name; `None` if it does not exist or could not be read, which has been reported before.
     fn body(&self, name: &str) -> Option<&'b ReadBody<'a>> {
         self.bodies[self.names.body(name)?.index()].as_ref()
     }
@@ -178,7 +177,7 @@ impl<'a, 'b> Resolver<'a, 'b> {
         })
     }
 
-    /// The node of this number, or the one that is nearest to a point.
+    /// Returns the node with this number, or the one nearest to a point.
     fn node(
         &mut self,
         name: &str,
@@ -209,7 +208,7 @@ impl<'a, 'b> Resolver<'a, 'b> {
         all
     }
 
-    /// Probes at nodes, and probes over parts of bodies.
+    /// Resolves probes at nodes and probes over parts of bodies.
     fn probes(&mut self, probes: &'a [Probe]) -> (Vec<ProbeTarget>, Vec<RegionProbe>) {
         let (mut of_nodes, mut of_regions) = (Vec::new(), Vec::new());
         for (index, probe) in probes.iter().enumerate() {
@@ -219,7 +218,7 @@ impl<'a, 'b> Resolver<'a, 'b> {
                 of_nodes.push(found);
                 self.probes.insert(&probe.name, found);
             } else if probe.between.is_some() {
-                // The names have been checked with the scene.
+                // The check of the scene has verified these names.
             } else if let Some(body) = self.body(&probe.body) {
                 match RegionProbe::new(probe, body) {
                     Ok(found) => of_regions.push(found),
@@ -270,7 +269,7 @@ impl<'a, 'b> Resolver<'a, 'b> {
         }
     }
 
-    /// Rigid bodies with what is attached to them, and the ties of all other attachments.
+    /// Resolves rigid bodies with their attachments, and the ties of all other attachments.
     fn attachments(&mut self, scene: &'a Scene) -> (Vec<ResolvedRigid<'a>>, Vec<TieSet>) {
         let mut rigids = Vec::with_capacity(scene.rigids.len());
         for (index, rigid) in scene.rigids.iter().enumerate() {
@@ -295,7 +294,7 @@ impl<'a, 'b> Resolver<'a, 'b> {
         (rigids, ties)
     }
 
-    /// The ties of nodes to another body, or to places in space.
+    /// Resolves the ties of nodes to another body, or to points in space.
     fn tied(&mut self, attach: &Attach, body: &ReadBody<'_>, name: String) -> Option<TieSet> {
         let NodeSet { nodes, .. } = self.selected(body, &attach.on, &name);
         let Some(to) = &attach.to else {
@@ -342,7 +341,7 @@ impl<'a, 'b> Resolver<'a, 'b> {
         }
     }
 
-    /// Joints whose names are known; the checks of the scene refuse the others.
+    /// Resolves joints whose names exist; the checks of the scene refuse the others.
     fn joints(&self, joints: &'a [Joint]) -> Vec<ResolvedJoint<'a>> {
         let mut all = Vec::new();
         for (index, joint) in joints.iter().enumerate() {

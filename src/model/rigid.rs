@@ -1,9 +1,9 @@
-//! Rigid bodies in natural coordinates (c, d₁, d₂, d₃): the nodes that they add to a component, the ties of what is
-//! attached to them, and the constraints of their joints.
+//! Rigid bodies in natural coordinates (c, d₁, d₂, d₃): the nodes that they add to a component, the ties of attached
+//! nodes, and the constraints of their joints.
 //!
-//! Six points at c ± √(3 J_k/m) e_k of a sixth of its mass each have the mass, centre and inertia of any
-//! rigid body (E. J. Routh's equimomental system; J_k = ∫ X_k² dm are Euler's moments). With them its own
-//! mass is tied to (c, d_k) as attached nodes are, and one rule gives the mass of all.
+//! Any rigid body has the mass, centre and inertia of six points at c ± √(3 J_k/m) e_k with a sixth of its mass each
+//! (E. J. Routh's equimomental system; J_k = ∫ X_k² dm are Euler's moments). With these points its own mass is tied to
+//! (c, d_k) as attached nodes are, and one rule gives the mass of all.
 
 use std::sync::Arc;
 
@@ -15,39 +15,39 @@ use vi_fem::Motion;
 use super::shape::Form;
 use crate::scene::{Joint, Rigid, RigidShape};
 
-/// A rigid body of a scene, as part of a component.
+/// A rigid body of a scene as part of a component.
 #[derive(Debug, Clone)]
 pub struct RigidModel {
     /// Name of the body.
     pub name: String,
-    /// Number of the component that it is part of.
+    /// Number of its component.
     pub component: usize,
-    /// Node c of the component; d₁, d₂, d₃ follow.
+    /// Number of node c in the component; d₁, d₂, d₃ follow.
     pub node: usize,
-    /// Centre of mass without attached nodes, in (d₁, d₂, d₃) from c, m.
+    /// Centre of mass without attached nodes, from c in the basis (d₁, d₂, d₃), m.
     centre: Vector3<f64>,
-    /// Principal axes without attached nodes, in (d₁, d₂, d₃), by columns.
+    /// Principal axes without attached nodes in the basis (d₁, d₂, d₃), by columns.
     axes: Matrix3<f64>,
     /// Shape of the body.
     pub shape: Option<RigidShape>,
-    /// Its outside and volume.
+    /// Its surface and volume.
     pub(crate) form: Option<Arc<Form>>,
-    /// Triangles of its surface, where it can meet others: nodes of the component.
+    /// Triangles of its surface, if it can meet others: nodes of the component.
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// Radius about the points of its surface where they are its skeleton, m; 0 otherwise.
+    /// Distance of the surface from its skeleton, m, if it is round; 0 otherwise.
     pub(crate) radius: f64,
-    /// Nodes that it has added to the component.
+    /// Number of nodes that it adds to the component.
     node_count: usize,
-    /// How many of these, the last ones, are points of its surface.
+    /// Number of these that are points of its surface; they are the last ones.
     surface_count: usize,
 }
 
-/// Where a rigid body is.
+/// Position and orientation of a rigid body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// Centre of mass without attached nodes, m.
     pub position: [f64; 3],
-    /// Axes of the body in space, as a unit quaternion (w, x, y, z) with w ≥ 0.
+    /// Local axes of the body in space, as a unit quaternion (w, x, y, z) with w ≥ 0.
     pub orientation: [f64; 4],
 }
 
@@ -60,7 +60,7 @@ impl RigidModel {
         Matrix3::from_columns(&[1, 2, 3].map(|k| Self::point(x, self.node + k)))
     }
 
-    /// Where it is, from the positions of the component's nodes.
+    /// Returns its pose from the positions of the component's nodes.
     pub fn pose(&self, x: &[f64]) -> Pose {
         let directors = self.directors(x);
         let position = Self::point(x, self.node) + directors * self.centre;
@@ -71,29 +71,29 @@ impl RigidModel {
         Pose { position: position.into(), orientation }
     }
 
-    /// A direction in its own axes as it is at positions `x` of the component's nodes.
+    /// Returns the global direction of a vector given in its local axes, at positions `x` of the component's nodes.
     pub(super) fn directions_at_start(&self, x: &[f64], direction: [f64; 3]) -> [f64; 3] {
         (self.directors(x) * (self.axes * Vector3::from(direction))).into()
     }
 
-    /// Nodes of the component that move with it.
+    /// Iterates over the nodes of the component that move with it.
     pub(super) fn nodes(&self) -> impl Iterator<Item = u32> + use<> {
         self.node as u32..(self.node + self.node_count) as u32
     }
 
-    /// Nodes c, d₁, d₂, d₃ of the component.
+    /// Returns the nodes c, d₁, d₂, d₃ of the component.
     pub(super) fn frame(&self) -> [u32; 4] {
         [0, 1, 2, 3].map(|k| (self.node + k) as u32)
     }
 
-    /// Nodes of the component that are the points of its surface, or of its skeleton if it is round.
+    /// Returns the nodes of the component on its surface, or on its skeleton if it is round.
     pub(crate) fn surface_nodes(&self) -> std::ops::Range<usize> {
         let end = self.node + self.node_count;
         end - self.surface_count..end
     }
 
-    /// Points given in its own axes from its own centre, carried by positions (or velocities) of the
-    /// component's nodes.
+    /// Returns the positions (or velocities) of points that are given in its local axes from its centre, from those of
+    /// the component's nodes.
     pub fn carry(&self, x: &[f64], points: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let (c, directors) = (Self::point(x, self.node), self.directors(x));
         let at = |point: &[f64; 3]| c + directors * (self.centre + self.axes * Vector3::from(*point));
@@ -101,7 +101,7 @@ impl RigidModel {
     }
 }
 
-/// Terms that a rigid body adds to a component, with nodes numbered in the component.
+/// The terms that a rigid body adds to a component, in the component's node numbers.
 pub(super) struct Added {
     pub(super) model: RigidModel,
     /// Mass of its nodes, kg.
@@ -117,7 +117,7 @@ pub(super) struct Added {
 }
 
 impl Added {
-    /// Path of the body, if prescribed.
+    /// Returns the path of the body, if it is prescribed.
     pub(super) fn prescribed(&self) -> Option<Prescribed> {
         if !self.is_prescribed {
             return None;
@@ -131,25 +131,25 @@ impl Added {
     }
 }
 
-/// Where c and the directors are at the start.
+/// Initial position c and directors.
 #[derive(Debug, Clone, Copy)]
 struct Frame {
     node: u32,
     origin: Vector3<f64>,
     /// e_k by columns.
     axes: Matrix3<f64>,
-    /// The centre of mass in (d₁, d₂, d₃) from `origin`, m: what the round-off of coordinates far from the
-    /// origin of space leaves. Weights count from it, so that no mass couples c and directors.
+    /// The centre of mass from `origin` in the basis (d₁, d₂, d₃), m. It is not zero only because of the round-off of
+    /// coordinates far from the global origin. Weights are relative to it, so that no mass couples c and the directors.
     centre: Vector3<f64>,
 }
 
 impl Frame {
-    /// A director at the start.
+    /// Returns a director at the start.
     fn director(&self, number: usize) -> [f64; 3] {
         self.axes.column(number).into_owned().into()
     }
 
-    /// The weights of a point of space that the body carries.
+    /// Returns the weights of a point in space that moves with the body.
     fn point(&self, x: [f64; 3]) -> Vec<(u32, f64)> {
         let local = self.axes.transpose() * (Vector3::from(x) - self.origin) - self.centre;
         std::iter::once((self.node, 1.0)).chain(self.direction(local)).collect()
@@ -159,21 +159,21 @@ impl Frame {
         (1..=3).zip([local.x, local.y, local.z]).map(|(k, weight)| (self.node + k, weight))
     }
 
-    /// A direction of space that the body carries.
+    /// Returns a direction in space that rotates with the body.
     fn carried(&self, direction: Vector3<f64>) -> Place {
         Place::sum(self.direction(self.axes.transpose() * direction).collect())
     }
 }
 
-/// A node that is attached: its number in the component, where it starts (m) and its mass (kg).
+/// An attached node: its number in the component, its initial position (m) and its mass (kg).
 pub(super) struct Attached {
     pub(super) node: u32,
     pub(super) x: [f64; 3],
     pub(super) mass: f64,
 }
 
-/// A rigid body with what is attached to it, as nodes `node` and on of component `component`; with the points of its
-/// surface where it `can_meet` others.
+/// Builds a rigid body with its attached nodes. Its own nodes are `node` and following of component `component`,
+/// including the points of its surface if it `can_meet` others.
 pub(super) fn build(
     (rigid, form): (&Rigid, Option<&Arc<Form>>),
     attached: &[Attached],
@@ -257,11 +257,13 @@ pub(super) fn build(
     })
 }
 
-/// Euler's moment of a flat body across its plane, as a part of its largest. None would leave the director across the
-/// plane without mass. So its moments of inertia change by as much, and its motion by less than the integrators' error.
+/// Smallest Euler moment of a flat body, across its plane, relative to the largest. With zero the director across the
+/// plane would have no mass. The moments of inertia change by this fraction, and the motion by less than the
+/// integrators' error.
 const FLAT: f64 = 1e-9;
 
-/// Mass without attached nodes, kg, centre, axes by columns, and Euler's tensor ∫ r rᵀ dm about the centre, kg m².
+/// Mass without attached nodes (kg), centre, principal axes by columns, and Euler's tensor ∫ r rᵀ dm about the centre
+/// (kg m²).
 struct Own {
     mass: f64,
     centre: Vector3<f64>,
@@ -296,7 +298,7 @@ impl Own {
         Self { mass, centre, axes, euler: axes * local * axes.transpose() }
     }
 
-    /// Six points of equal mass with its mass, centre and inertia.
+    /// Returns six points of equal mass that have its mass, centre and inertia.
     fn equimomental(&self) -> Vec<(Vector3<f64>, f64)> {
         let eigen = self.euler.symmetric_eigen();
         let pair = |k: usize| {
@@ -307,14 +309,14 @@ impl Own {
     }
 }
 
-/// The principal axes of the body with all that is attached to it.
+/// Returns the centre of mass and the principal axes of the body with all attached nodes.
 fn principal(rigid: &Rigid, own: &Own, attached: &[Attached], mass: f64, node: u32) -> Result<Frame, String> {
     if mass <= 0.0 {
         return Err("has no mass: give it `mass` and `inertia`, a `density` and a `shape`, or attach nodes \
                     with mass to it"
             .to_owned());
     }
-    // From its own centre, so that places far from the origin cost no digits.
+    // Positions are relative to its own centre, so that no digits are lost far from the origin.
     let moment: Vector3<f64> = attached.iter().map(|a| (Vector3::from(a.x) - own.centre) * a.mass).sum();
     let origin = own.centre + moment / mass;
     let outer = |r: Vector3<f64>, m: f64| r * r.transpose() * m;
@@ -322,7 +324,7 @@ fn principal(rigid: &Rigid, own: &Own, attached: &[Attached], mass: f64, node: u
     for a in attached {
         euler += outer(Vector3::from(a.x) - origin, a.mass);
     }
-    // Exactly symmetric, so that the axes of a body that has them along those of space are these.
+    // Makes it exactly symmetric, so that principal axes along the global axes are found exactly.
     let euler = (euler + euler.transpose()) * 0.5;
     let eigen = euler.symmetric_eigen();
     if eigen.eigenvalues.min() <= 1e-12 * eigen.eigenvalues.max() {
@@ -343,7 +345,7 @@ fn principal(rigid: &Rigid, own: &Own, attached: &[Attached], mass: f64, node: u
     Ok(Frame { node, origin, axes, centre: axes.transpose() * (moment / mass) })
 }
 
-/// The path of (c, d₁, d₂, d₃) of a body that a motion carries.
+/// The path of (c, d₁, d₂, d₃) of a body with prescribed motion.
 struct Carried {
     motion: Motion,
     frame: Frame,
@@ -364,7 +366,7 @@ impl Path for Carried {
     }
 }
 
-/// The constraints of a joint between rigid bodies of one component, or to the world (`to` is none).
+/// Returns the constraints of a joint between rigid bodies of one component, or to the world (`to` is `None`).
 pub(super) fn joint(joint: &Joint, name: &str, body: &Added, to: Option<&Added>) -> Vec<QuadraticConstraint> {
     let of = |added: Option<&Added>, point: [f64; 3]| {
         added.map_or(Place::fixed(point), |added| Place::sum(added.frame.point(point)))
@@ -397,7 +399,7 @@ pub(super) fn joint(joint: &Joint, name: &str, body: &Added, to: Option<&Added>)
     }
 }
 
-/// Two unit vectors beside a unit vector and each other.
+/// Returns two unit vectors normal to a unit vector and to each other.
 fn beside(axis: Vector3<f64>) -> [Vector3<f64>; 2] {
     let other = Vector3::ith(axis.iamin(), 1.0);
     let first = axis.cross(&other).normalize();

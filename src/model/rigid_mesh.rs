@@ -1,5 +1,5 @@
-//! Rigid bodies in the shape of a mesh: a closed surface of triangles from a file, and the mass properties of what it
-//! encloses.
+//! Rigid bodies shaped by a mesh: a closed surface of triangles from a file, and the mass properties of the enclosed
+//! volume.
 
 use std::path::Path;
 
@@ -9,11 +9,11 @@ use vi_mesh::{Surface, orient_triangles};
 use super::import::sheet;
 use super::shape::Form;
 
-/// The solid within a surface mesh, or within the boundary of a mesh of solids; `scale` gives metres per unit of the
-/// file.
+/// Reads the solid within a surface mesh, or within the boundary of a mesh of solids. `scale` is in metres per unit of
+/// the file.
 ///
 /// # Errors
-/// Where the file cannot be read, or its surface does not enclose a volume.
+/// If the file cannot be read, or its surface does not enclose a volume.
 pub(super) fn read(path: &Path, scale: f64) -> Result<Form, String> {
     let mut file = vi_io::read_mesh(path).map_err(|error| error.to_string())?;
     let wrong = |message: String| format!("{}: {message}", path.display());
@@ -32,7 +32,7 @@ pub(super) fn read(path: &Path, scale: f64) -> Result<Form, String> {
     enclosed(&mesh.points, triangles).map_err(wrong)
 }
 
-/// The solid within a closed surface.
+/// Returns the solid within a closed surface.
 fn enclosed(all: &[[f64; 3]], mut triangles: Vec<[u32; 3]>) -> Result<Form, String> {
     if triangles.is_empty() {
         return Err("has no triangles: give a surface mesh, or a mesh of solids".to_owned());
@@ -50,7 +50,7 @@ fn enclosed(all: &[[f64; 3]], mut triangles: Vec<[u32; 3]>) -> Result<Form, Stri
     let place = |node: u32| nodes.partition_point(|&other| other < node) as u32;
     triangles.iter_mut().for_each(|triangle| *triangle = triangle.map(place));
     let points: Vec<Vector3<f64>> = nodes.iter().map(|&node| Vector3::from(all[node as usize])).collect();
-    // From the middle of all points, so that places far from the origin cost no digits.
+    // Positions are relative to the mean of all points, so that no digits are lost far from the origin.
     let middle = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
     let (mut volume, mut moment, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
     for triangle in &triangles {
@@ -59,7 +59,7 @@ fn enclosed(all: &[[f64; 3]], mut triangles: Vec<[u32; 3]>) -> Result<Form, Stri
         let sum = a + b + c;
         volume += part;
         moment += sum * (part / 4.0);
-        // ∫ r rᵀ dV over the tetrahedron of a, b, c and the middle.
+        // This adds ∫ r rᵀ dV over the tetrahedron of a, b, c and the mean.
         second += (a * a.transpose() + b * b.transpose() + c * c.transpose() + sum * sum.transpose())
             * (part / 20.0);
     }
@@ -92,7 +92,7 @@ fn enclosed(all: &[[f64; 3]], mut triangles: Vec<[u32; 3]>) -> Result<Form, Stri
     })
 }
 
-/// An edge that does not lie between two triangles which run along it in opposite directions.
+/// Returns an edge that is not shared by exactly two triangles with opposite directions along it.
 fn open_edge(triangles: &[[u32; 3]]) -> Option<[u32; 2]> {
     let mut edges: Vec<[u32; 2]> = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
     edges.sort_unstable();
@@ -106,7 +106,7 @@ mod tests {
     use crate::model::shape;
     use crate::scene::RigidShape;
 
-    /// A box of triangles, shifted and turned inside out, has the mass properties of a box.
+    /// A box of triangles that is translated and turned inside out has the mass properties of a box.
     #[test]
     fn mass_properties_of_a_mesh_are_those_of_its_solid() {
         let shape = RigidShape::Box { size: [0.3, 1.0, 2.0] };

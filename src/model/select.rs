@@ -1,4 +1,4 @@
-//! The nodes, facets and elements of a mesh that a selection of a scene names.
+//! Finds the nodes, facets and elements of a mesh that a selection of a scene names.
 
 use std::path::Path;
 
@@ -7,10 +7,10 @@ use vi_mesh::{Mesh, Surface};
 
 use crate::scene::{PlaneRegion, Selection};
 
-/// Nodes nearer to a plane than this times the extent of a body lie on it.
+/// Largest distance from a plane of the nodes that lie on it, as a fraction of the extent of the body.
 pub(super) const ON_PLANE: f64 = 1e-6;
 
-/// The nodes of a selection, ascending where they are not listed.
+/// Returns the nodes of a selection, in ascending order unless they are listed.
 ///
 /// # Errors
 /// A problem, with the key at fault.
@@ -44,7 +44,7 @@ pub(super) fn nodes(mesh: &Mesh, on: &Selection) -> Result<Vec<u32>, (&'static s
     Ok(found)
 }
 
-/// These nodes, if the mesh has them.
+/// Returns these nodes, if the mesh has them.
 pub(super) fn listed_nodes(mesh: &Mesh, nodes: &[usize]) -> Result<Vec<u32>, String> {
     let count = mesh.points.len();
     match nodes.iter().find(|&&node| node >= count) {
@@ -72,8 +72,8 @@ fn read_list(path: &Path) -> Result<Vec<usize>, String> {
     Ok(nodes)
 }
 
-/// The facets of a selection on a body of `dimension`: those of a surface region, or those of its boundary (of a
-/// sheet: its triangles) whose nodes are all selected.
+/// Returns the facets of a selection on a body of `dimension`: those of a surface region, or the facets of its boundary
+/// (for a sheet: its triangles) whose nodes are all selected.
 ///
 /// # Errors
 /// A problem, with the key at fault.
@@ -106,7 +106,7 @@ pub(super) fn surface(
     }
 }
 
-/// The surface of a selection, or the curves of a region of lines, for a total force.
+/// Returns the surface of a selection, or the curves of a region of lines, over which a total force is distributed.
 ///
 /// # Errors
 /// A problem, with the key at fault.
@@ -124,8 +124,8 @@ pub(super) fn spread(
     Ok(Spread::of_surface(mesh, &surface(mesh, dimension, on)?))
 }
 
-/// The elements (cells of the body's dimension) of a selection: those of a region of that dimension, else those with
-/// a selected node; all where nothing is selected.
+/// Returns the elements (cells of the body's dimension) of a selection: those of a region of that dimension, otherwise
+/// those with a selected node. If nothing is selected, returns all.
 ///
 /// # Errors
 /// A problem, with the key at fault.
@@ -156,7 +156,7 @@ pub(super) fn elements(
     Ok(cells)
 }
 
-/// Least and greatest coordinates of a mesh, m.
+/// Returns the smallest and largest coordinates of a mesh, m.
 fn bounds(mesh: &Mesh) -> ([f64; 3], [f64; 3]) {
     let mut min = [f64::INFINITY; 3];
     let mut max = [f64::NEG_INFINITY; 3];
@@ -169,7 +169,7 @@ fn bounds(mesh: &Mesh) -> ([f64; 3], [f64; 3]) {
     (min, max)
 }
 
-/// The largest extent of a mesh along an axis, m.
+/// Returns the largest extent of a mesh along an axis, m.
 pub(super) fn extent(mesh: &Mesh) -> f64 {
     let (min, max) = bounds(mesh);
     (0..3).map(|k| max[k] - min[k]).fold(0.0, f64::max)

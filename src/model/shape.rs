@@ -1,4 +1,4 @@
-//! Surfaces of the shapes of rigid bodies: as triangles, for viewing, and as contact meets them.
+//! Surfaces of the shapes of rigid bodies: triangles for viewing, and what contact uses.
 
 use std::f64::consts::{PI, TAU};
 
@@ -6,34 +6,35 @@ use nalgebra::Matrix3;
 
 use crate::scene::RigidShape;
 
-/// Points around what is round for contact, and from pole to pole.
+/// Number of points around a round shape, and from pole to pole, for viewing; contact uses the exact shape.
 const AROUND: u32 = 24;
 const ALONG: u32 = 12;
-/// Points around a cylinder, which contact meets as a prism: its faces are at most R (1 − cos(π/96)) = 5.4e-4 R inside.
+/// Number of points around a cylinder, which is a prism in contact: its faces are at most R (1 − cos(π/96)) = 5.4e-4 R
+/// inside.
 const AROUND_CYLINDER: u32 = 96;
 
-/// A shape with what a rigid body has from it: its outside, and the volume with its moments.
+/// The form of a rigid body: its surface, and its volume with moments.
 #[derive(Debug, Clone)]
 pub(crate) struct Form {
-    /// Points of the surface in the body's own axes from its centre of mass, m.
+    /// Points of the surface in the body's local axes from its centre of mass, m.
     pub(crate) points: Vec<[f64; 3]>,
     /// Triangles of the surface, with normals outward.
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// The point of a ball or the ends of a capsule, which contact meets with `radius`; empty for other shapes.
+    /// The point of a ball or the ends of a capsule, used by contact with `radius`; empty for other shapes.
     pub(crate) skeleton: Vec<[f64; 3]>,
     /// Radius of a ball or capsule, m; 0 for other shapes.
     pub(crate) radius: f64,
     /// Volume, m³; infinite for a half-space.
     pub(crate) volume: f64,
-    /// Centre of mass from the body's position in its own axes, m.
+    /// Centre of mass from the body's position in its local axes, m.
     pub(crate) centre: [f64; 3],
-    /// Mean of r rᵀ over the volume from the centre of mass, m²: Euler's tensor of unit mass.
+    /// Mean of r rᵀ over the volume from the centre of mass, m²: Euler's tensor per unit mass.
     pub(crate) squares: Matrix3<f64>,
-    /// The smallest of its thicknesses, m.
+    /// Its smallest thickness, m.
     pub(crate) thickness: f64,
 }
 
-/// The form of a shape that its lengths give; that of a mesh is read from its file (`rigid_mesh.rs`).
+/// Returns the form of a shape given by lengths; that of a mesh is read from its file (`rigid_mesh.rs`).
 pub(crate) fn form(shape: &RigidShape) -> Form {
     let (skeleton, radius) = match *shape {
         RigidShape::Sphere { radius } => (vec![[0.0; 3]], radius),
@@ -56,13 +57,13 @@ pub(crate) fn form(shape: &RigidShape) -> Form {
 }
 
 impl Form {
-    /// What contact meets: points with triangles, or a skeleton.
+    /// Returns the surface for contact: points with triangles, or a skeleton.
     pub(crate) fn outside(&self) -> (&[[f64; 3]], &[[u32; 3]]) {
         if self.radius > 0.0 { (&self.skeleton, &[]) } else { (&self.points, &self.triangles) }
     }
 }
 
-/// Points (m) in the body's own axes from its centre, and triangles with normals outward.
+/// Returns points (m) in the body's local axes from its centre, and triangles with outward normals.
 fn surface(shape: &RigidShape) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
     match *shape {
         RigidShape::Box { size } => cuboid(size),
@@ -97,8 +98,8 @@ fn cuboid(size: [f64; 3]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
     (points, faces.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect())
 }
 
-/// The surface that rings (place along the first axis, radius) make about it, from the pole `first` to the pole `last`,
-/// which are one point each; `around` points make a ring.
+/// Returns the surface of revolution about the first axis through `rings` (axial position, radius), each of `around`
+/// points. `first` and `last` are the positions of the poles, which are single points.
 fn revolved(first: f64, rings: &[[f64; 2]], last: f64, around: u32) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
     let angle = |k: u32| TAU * f64::from(k) / f64::from(around);
     let point = |[x, r]: [f64; 2], k: u32| [x, r * angle(k).cos(), r * angle(k).sin()];
@@ -124,7 +125,7 @@ fn revolved(first: f64, rings: &[[f64; 2]], last: f64, around: u32) -> (Vec<[f64
 mod tests {
     use super::*;
 
-    /// Volume inside, m³, positive if normals point outward.
+    /// Returns the enclosed volume, m³, positive if normals point outward.
     fn volume(shape: &RigidShape) -> f64 {
         let (x, triangles) = surface(shape);
         let of = |[a, b, c]: [u32; 3]| {
@@ -145,7 +146,7 @@ mod tests {
         ] {
             let ratio = volume(&shape) / shape.volume();
             assert!((ratio - 1.0).abs() < part, "{shape:?}: {ratio}");
-            // Every edge has two triangles, which run along it in opposite directions; no edge is short for round-off.
+            // Every edge belongs to two triangles with opposite directions along it. No edge is as short as round-off.
             let (x, triangles) = surface(&shape);
             let edges: Vec<[u32; 2]> =
                 triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();

@@ -1,4 +1,4 @@
-//! Terms of sheets that solids do not have: clamped edges, air around them, and notes.
+//! Terms for sheets only: clamped edges, surrounding air, and notes.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use vi_mesh::Mesh;
 use super::read::ReadBody;
 use crate::scene::{Body, Damping};
 
-/// The edges of the boundary of triangles whose nodes are both in one of these sets, ascending.
+/// Returns the boundary edges of triangles whose two nodes are in one of these sets, in ascending order.
 pub(super) fn edges_between(mesh: &Mesh, elements: &[u32], sets: &[HashSet<u32>]) -> Vec<[u32; 2]> {
     if sets.is_empty() {
         return Vec::new();
@@ -32,14 +32,14 @@ pub(super) fn edges_between(mesh: &Mesh, elements: &[u32], sets: &[HashSet<u32>]
     edges
 }
 
-/// The air's force on all triangles of a body.
+/// Returns the force of the air on all triangles of a body.
 pub(super) fn wind(wind: &Wind, body: &ReadBody<'_>, node_offset: usize) -> Result<Arc<dyn Force>, String> {
     let elements: Vec<u32> = body.materials.iter().flat_map(|part| part.elements.iter().copied()).collect();
     let force = wind.force(&body.read.mesh, &elements, node_offset, &body.scene.name);
     Ok(Arc::from(force.map_err(|error| error.to_string())?))
 }
 
-/// Returns notes on settings that do not act on a sheet as a reader of the scene could expect.
+/// Returns notes on settings whose effect on a sheet may differ from what a reader of the scene expects.
 pub(super) fn notes(body: &Body, damping: Option<&Damping>) -> Vec<String> {
     let mut notes = Vec::new();
     if body.dimension() != 2 {

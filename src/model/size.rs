@@ -1,25 +1,25 @@
-//! The memory that bodies take, estimated before their meshes are made. It must not make anything.
+//! Estimates the memory of bodies before their meshes are made.
 
 use vi_mesh::{CellKind, SheetMesh, SheetPattern};
 
 use crate::scene::{Body, Problem, Refine, RefineAlong};
 
-/// Bytes for each node of each element: its number in the mesh, the shape of the element at rest, forces, and the maps
-/// that add them up. A run of a million linear tetrahedra takes 354 bytes a tetrahedron at its peak
+/// Bytes per node of each element: its number in the mesh, the element's shape at rest, forces, and the maps for
+/// summing them. A run of a million linear tetrahedra takes 354 bytes per tetrahedron at its peak
 /// (`docs/performance.md`); implicit steps and sheets take more.
 const BYTES_A_NODE_OF_AN_ELEMENT: f64 = 80.0;
 /// Elements and nodes are numbered in 32 bits.
 const MOST_ELEMENTS: f64 = u32::MAX as f64;
 
-/// Counts the memory of the bodies of a scene.
+/// The memory budget for the bodies of a scene.
 pub(super) struct Budget {
-    /// Bytes of memory that are left.
+    /// Bytes that are left.
     left: f64,
     available: f64,
 }
 
 impl Budget {
-    /// Memory that the machine has available now.
+    /// Starts with the memory that the machine has available.
     pub(super) fn of_machine() -> Self {
         Self::new(available())
     }
@@ -28,11 +28,11 @@ impl Budget {
         Self { left: available, available }
     }
 
-    /// Takes the memory of a body, number `index` of the scene, whose mesh file has so many elements of its dimension
-    /// of each kind; a generated body has no file.
+    /// Takes the memory of body number `index` of the scene. `in_file` gives the number of elements of its dimension,
+    /// by kind, in its mesh file; a generated body has no file.
     ///
     /// # Errors
-    /// A problem where the memory that is left cannot hold it.
+    /// A problem if the remaining memory is too small.
     pub(super) fn take(
         &mut self,
         body: &Body,
@@ -75,7 +75,7 @@ impl Budget {
     }
 }
 
-/// Elements that a generated body is made of, before it is refined.
+/// Returns the number of elements of a generated body before refinement.
 fn generated(body: &Body) -> Option<(CellKind, f64)> {
     if let Some(shape) = &body.box_shape {
         return Some((shape.element, shape.element_count()));
@@ -85,7 +85,7 @@ fn generated(body: &Body) -> Option<(CellKind, f64)> {
     Some((CellKind::Tri3, a_cell * cells.map(f64::from).iter().product::<f64>()))
 }
 
-/// Nodes of an element of a body of this order.
+/// Returns the nodes per element of a body of this order.
 fn nodes(kind: CellKind, order: Option<u8>) -> usize {
     let is_lifted = order == Some(2) && kind.dimension() == 3 && kind.is_linear();
     kind.quadratic().filter(|_| is_lifted).unwrap_or(kind).node_count()
@@ -95,7 +95,7 @@ fn gigabytes(bytes: f64) -> String {
     format!("{:.3} GB", 1e-9 * bytes)
 }
 
-/// Bytes of memory that can be had: what Linux tells, and the limit of the control group; without bound elsewhere.
+/// Returns the bytes of memory available, from Linux and the limit of the control group; unlimited elsewhere.
 fn available() -> f64 {
     let read = |path: &str| std::fs::read_to_string(path).ok();
     let told = read("/proc/meminfo").and_then(|text| {
@@ -119,7 +119,7 @@ mod tests {
         serde_json::from_str(&format!(r#"{{ "name": "b", "material": {law}, {shape} }}"#)).unwrap()
     }
 
-    /// The count equals what is made, for every element, order and refinement.
+    /// The estimated number of elements equals the number made, for every element, order and refinement.
     #[test]
     fn elements_are_counted_as_they_are_made() {
         for shape in [

@@ -1,5 +1,4 @@
-//! From attachments and seams to ties between nodes: nearest points of surfaces, points along curves. It
-//! must not build potentials.
+//! Makes ties between nodes from attachments and seams: nearest points of surfaces, points along curves.
 
 use std::collections::HashMap;
 
@@ -10,26 +9,26 @@ use vi_mesh::{CellKind, Mesh, NearestPoints, Surface, resolution};
 use super::read::ReadBody;
 use crate::scene::{Attach, BodyId, Seam};
 
-/// Nodes of a body tied to another body, or to places in space.
+/// Nodes of a body that are tied to another body or to points in space.
 pub(super) struct TieSet {
-    /// For reports, e.g. `attach[0]`.
+    /// For messages, e.g. `attach[0]`.
     pub(super) name: String,
     pub(super) body: BodyId,
-    /// The other body; `None` for places in space.
+    /// The other body; `None` for points in space.
     pub(super) to: Option<BodyId>,
-    /// Are the ties springs, or exact? Of the latter stiffness and length say nothing.
+    /// Whether the ties are exact rather than springs. Stiffness and length of exact ties are not used.
     pub(super) is_exact: bool,
-    /// Ties; nodes are those of the bodies' own meshes, `node` of `body`, anchors of `to`.
+    /// Ties in the node numbers of the bodies' own meshes: `node` belongs to `body`, anchors to `to`.
     pub(super) ties: Vec<Tie>,
 }
 
-/// Nodes held exactly must be this near to where they are held, as a part of the extent of a body.
+/// Largest distance at the start between exactly tied points, as a fraction of the extent of a body.
 const MEET: f64 = 1e-6;
 
-/// Distances below this times the extent of a body are no distance.
+/// Distances below this fraction of the extent of a body count as zero.
 const NEAR: f64 = 1e-9;
 
-/// Where the nodes of a body start, m.
+/// Returns the initial positions of the nodes of a body, m.
 fn start(body: &ReadBody<'_>) -> Vec<[f64; 3]> {
     let mut x = body.read.mesh.points.clone();
     if let Some(u) = &body.read.displacement {
@@ -48,12 +47,13 @@ fn extent(x: &[[f64; 3]]) -> f64 {
     x.iter().map(|&p| distance(p, x[0])).fold(0.0, f64::max)
 }
 
-/// A distance on a body at `y` that is none: `part` of its extent, or what the round-off of coordinates leaves.
+/// Returns the distance on a body at `y` that counts as zero: the fraction `part` of its extent, or the round-off of
+/// its coordinates.
 fn none_of(part: f64, y: &[[f64; 3]]) -> f64 {
     (part * extent(y)).max(4.0 * resolution(y))
 }
 
-/// Ties of `nodes` to the surface of another body.
+/// Returns the ties of `nodes` to the surface of another body.
 pub(super) fn to_surface(
     attach: &Attach,
     nodes: &[u32],
@@ -89,7 +89,7 @@ pub(super) fn to_surface(
     nodes.iter().map(tie).collect()
 }
 
-/// Ties of `nodes` to where they start, or to where that is carried.
+/// Returns the ties of `nodes` to their initial positions, which a motion may move.
 pub(super) fn to_space(attach: &Attach, nodes: &[u32], body: &ReadBody<'_>) -> Vec<Tie> {
     let x = start(body);
     let tie = |&node: &u32| Tie {
@@ -101,8 +101,8 @@ pub(super) fn to_space(attach: &Attach, nodes: &[u32], body: &ReadBody<'_>) -> V
     nodes.iter().map(tie).collect()
 }
 
-/// The stitches of a seam between two curves: for each, a node of the one with more nodes (true: the
-/// first), and weights on the other.
+/// Returns the stitches of a seam between two curves. Each stitch has a node of the curve with more nodes and weights
+/// on the other. Also returns whether that curve is the first.
 pub(super) fn along_curves(
     seam: &Seam,
     regions: [&str; 2],
@@ -133,7 +133,7 @@ pub(super) fn along_curves(
     };
     let ((at, _), (along, whole)) = (parts(fine, x), parts(coarse, y));
     let near = none_of(NEAR, y);
-    // The last node of a closed curve is its first again.
+    // The last node of a closed curve repeats its first.
     let count = if *is_closed { fine.len() - 1 } else { fine.len() };
     let stitch = |k: usize| {
         let s = at[k];
@@ -156,7 +156,7 @@ pub(super) fn along_curves(
     Ok((is_first_finer, ties))
 }
 
-/// Points that are sewn exactly must coincide at the start.
+/// Checks that exactly sewn points coincide at the start.
 fn check_meeting(seam: &Seam, ties: &[Tie], x: &[[f64; 3]], y: &[[f64; 3]]) -> Result<(), String> {
     if seam.stiffness.is_some() {
         return Ok(());
@@ -177,7 +177,7 @@ fn check_meeting(seam: &Seam, ties: &[Tie], x: &[[f64; 3]], y: &[[f64; 3]]) -> R
     Ok(())
 }
 
-/// Stitches node by node.
+/// Returns the stitches between pairs of nodes.
 pub(super) fn in_pairs(
     seam: &Seam,
     nodes: &[u32],
@@ -195,9 +195,8 @@ pub(super) fn in_pairs(
     Ok(ties)
 }
 
-/// Exact ties as combinations. Where one node is tied to one other, either may be the one that is
-/// eliminated: not the prescribed one, nor one that is tied already, so that corners of several seams and
-/// held seams are sound.
+/// Returns exact ties as combinations. If one node is tied to one other, either can be eliminated. The choice avoids
+/// prescribed nodes and nodes that are already tied, so that corners of several seams and held seams are valid.
 pub(super) fn combinations(ties: &[Tie], is_prescribed: impl Fn(u32) -> bool) -> Vec<Combination> {
     let mut root: HashMap<u32, u32> = HashMap::new();
     let find = |root: &HashMap<u32, u32>, mut node: u32| {
@@ -227,13 +226,13 @@ pub(super) fn combinations(ties: &[Tie], is_prescribed: impl Fn(u32) -> bool) ->
     combinations
 }
 
-/// The nodes of a curve in order; of a closed one the first is the last again.
+/// The nodes of a curve in order; a closed curve repeats its first node at the end.
 struct Curve {
     nodes: Vec<u32>,
     is_closed: bool,
 }
 
-/// The lines of a region as one curve.
+/// Returns the lines of a region as one curve.
 fn curve(mesh: &Mesh, region: &str) -> Result<Curve, String> {
     mesh.region(region).map_err(|error| error.to_string())?;
     let mut neighbours: HashMap<u32, Vec<u32>> = HashMap::new();
@@ -275,8 +274,8 @@ fn curve(mesh: &Mesh, region: &str) -> Result<Curve, String> {
     Ok(Curve { nodes, is_closed })
 }
 
-/// Turns the second curve, and of a closed one its start, to where it is nearest to the first; then
-/// against that, if asked.
+/// Rotates the start of a closed second curve, and chooses its direction, so that it is nearest to the first; reverses
+/// it if requested.
 fn align(first: &[u32], second: &mut Vec<u32>, x: &[Vec<[f64; 3]>; 2], is_closed: bool, reverse: bool) {
     let far = |p: u32, q: u32| distance(x[0][p as usize], x[1][q as usize]);
     if is_closed {
@@ -287,7 +286,7 @@ fn align(first: &[u32], second: &mut Vec<u32>, x: &[Vec<[f64; 3]>; 2], is_closed
         second.rotate_left(nearest);
         second.push(second[0]);
     }
-    // Compared at a quarter and three quarters, which a closed curve tells apart too.
+    // Compares at a quarter and three quarters, which distinguishes the directions of closed curves too.
     let at = |nodes: &[u32], quarter: usize| nodes[quarter * (nodes.len() - 1) / 4];
     let cost = |second: &[u32]| far(at(first, 1), at(second, 1)) + far(at(first, 3), at(second, 3));
     let turned: Vec<u32> = second.iter().rev().copied().collect();
@@ -296,7 +295,7 @@ fn align(first: &[u32], second: &mut Vec<u32>, x: &[Vec<[f64; 3]>; 2], is_closed
     }
 }
 
-/// The part of the length that lies before each node, 0 to 1, and the length, m.
+/// Returns the fraction of the length that precedes each node, 0 to 1, and the length, m.
 fn parts(nodes: &[u32], x: &[[f64; 3]]) -> (Vec<f64>, f64) {
     let mut parts = vec![0.0];
     for pair in nodes.windows(2) {

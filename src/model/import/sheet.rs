@@ -1,22 +1,22 @@
-//! Turns a mesh file into a sheet: triangles only, welded points, a flat pattern from texture coordinates.
+//! Makes a sheet from a mesh file: triangles only, welded points, a flat pattern from texture coordinates.
 
 use vi_io::{DataArray, MeshFile};
 use vi_mesh::{CellKind, Mesh};
 
-/// Point arrays that are texture coordinates, in lower case.
+/// Names of point arrays with texture coordinates, in lower case.
 const UV_NAMES: [&str; 5] = ["uv", "tcoords", "texcoords", "texturecoordinates", "texture coordinates"];
 
-/// The cell array of u v at the three corners of each triangle.
+/// Name of the cell array with u v at the three corners of each triangle.
 const CORNERS: &str = "uv";
 
-/// Points nearer to each other than this times the largest extent are one.
+/// Default welding distance, as a fraction of the largest extent.
 const WELD: f64 = 1e-9;
 
-/// Cuts quadrilaterals, welds points nearer than `weld` (the unit of the file; default 1e-9 of the
-/// extent), leaves out points that nothing uses and triangles that welding has closed, each with a note.
+/// Cuts quadrilaterals into triangles, and welds points nearer to each other than `weld` (the unit of the file; default
+/// 1e-9 of the extent). Removes unused points, and triangles that collapse in welding. Each change gives a note.
 ///
 /// # Errors
-/// Cells of surfaces that are no linear triangles or quadrilaterals; triangles that are there twice.
+/// Surface cells that are not linear triangles or quadrilaterals; duplicate triangles.
 pub(in crate::model) fn prepare(file: &mut MeshFile, weld: Option<f64>) -> Result<(), String> {
     let is_curved =
         |kind: &CellKind| kind.dimension() == 2 && !matches!(kind, CellKind::Tri3 | CellKind::Quad4);
@@ -62,7 +62,7 @@ pub(in crate::model) fn prepare(file: &mut MeshFile, weld: Option<f64>) -> Resul
     refuse_doubles(file)
 }
 
-/// Lines and points off the triangles go, and with them what only they use.
+/// Removes lines and points that are not on the triangles, and points that only these use.
 fn drop_points_without_triangle(file: &mut MeshFile) -> usize {
     let mut used = vec![false; file.mesh.points.len()];
     for (_, nodes) in file.mesh.cells().filter(|(kind, _)| kind.dimension() == 2) {
@@ -91,7 +91,7 @@ fn refuse_doubles(file: &MeshFile) -> Result<(), String> {
     }
 }
 
-/// Texture coordinates of points become those of corners, so that welding may join charts.
+/// Moves texture coordinates from points to corners, so that welding can join charts.
 fn texture_to_corners(file: &mut MeshFile) -> Result<(), String> {
     if file.cell_array(CORNERS).is_some_and(|array| array.components == 6) {
         return Ok(());
@@ -113,8 +113,8 @@ fn texture_to_corners(file: &mut MeshFile) -> Result<(), String> {
     Ok(())
 }
 
-/// Texture coordinates of the file, as they are there: corners of every cell. None where there are none or one is
-/// not finite.
+/// Returns the texture coordinates of the file at the corners of every cell. `None` if there are none or one is not
+/// finite.
 pub(super) fn texture(file: &MeshFile) -> Option<Vec<[[f64; 2]; 3]>> {
     let array = file.cell_array(CORNERS).filter(|array| array.components == 6)?;
     let is_finite = array.values.iter().all(|value| value.is_finite());
@@ -122,11 +122,11 @@ pub(super) fn texture(file: &MeshFile) -> Option<Vec<[[f64; 2]; 3]>> {
     is_finite.then(|| corners.map(|v| [[v[0], v[1]], [v[2], v[3]], [v[4], v[5]]]).collect())
 }
 
-/// The pattern that a sheet is cut from, m: corners of every cell of the mesh, which has not been turned
-/// over since. None where the file has no texture coordinates.
+/// Returns the pattern of a sheet, m: the corners of every cell of the mesh, before cells are reoriented. `None` if the
+/// file has no texture coordinates.
 ///
 /// # Errors
-/// Without `uv_scale` (m per unit), texture coordinates that cannot be lengths in the file's unit.
+/// If `uv_scale` (m per unit) is missing and the texture coordinates cannot be lengths in the file's unit.
 pub(super) fn pattern(
     file: &MeshFile,
     mesh: &Mesh,
