@@ -1,4 +1,4 @@
-//! Tells the program which compiler and commit it was built from.
+//! Passes the compiler version and the commit of the build to the program.
 
 use std::process::Command;
 
@@ -9,7 +9,7 @@ fn main() {
     let compiler = std::env::var("RUSTC").unwrap_or_else(|_| "rustc".to_owned());
     let version = said(Command::new(compiler).arg("--version")).unwrap_or_else(|| "unknown".to_owned());
     println!("cargo::rustc-env=VARIATIONAL_COMPILER={version}");
-    // Built from a package there is no repository, and no commit to name.
+    // Without a repository, for example in a package, there is no commit.
     let Some(commit) = said(Command::new("git").args(["rev-parse", "--short=12", "HEAD"])) else { return };
     let changed = said(Command::new("git").args(["status", "--porcelain", "--untracked-files=no"]));
     let mark = if changed.is_some_and(|files| !files.is_empty()) { "+" } else { "" };
@@ -19,7 +19,7 @@ fn main() {
     }
 }
 
-/// What a command prints, where it succeeds.
+/// Returns the output of a command, if it succeeds.
 fn said(command: &mut Command) -> Option<String> {
     let output = command.output().ok().filter(|output| output.status.success())?;
     Some(String::from_utf8(output.stdout).ok()?.trim().to_owned())

@@ -1,14 +1,13 @@
-//! `scheme = "auto"`: chooses scheme and step for a wanted relative error at the end of the run, before a simulation
-//! is made.
+//! `scheme = "auto"`: chooses scheme and step for a required relative error at the end of the run, before the
+//! simulation is built.
 //!
-//! The choice rests on trials: runs of the scene itself, by several schemes and steps. Where trials of the whole run
-//! fit into the budget, a scheme and step is chosen only if it was run and its error was measured against a more
-//! accurate run. Where they do not fit, errors are measured on a part of the run and extrapolated, and the report
-//! says so.
+//! The choice is based on trials: runs of the scene itself with several schemes and steps. If trials of the whole run
+//! fit into the budget, only a scheme and step with a measured error, relative to a more accurate run, are chosen. If
+//! they do not fit, errors are measured on a part of the run and extrapolated, and the report says so.
 //!
-//! Trials may cost a share (`BUDGET`) of the run that they save: of the cheapest stable explicit run. Short runs get
-//! `LEAST_BUDGET`. Costs are counted on a reference machine and never clocked: the same scene makes the same
-//! choice on any machine and on any number of threads.
+//! Trials may cost a fraction (`BUDGET`) of the run that they save, the cheapest stable explicit run. Short runs get
+//! `LEAST_BUDGET`. Costs are counted for a reference machine and never measured with a clock: the same scene leads to
+//! the same choice on any machine and with any number of threads.
 
 mod activity;
 mod candidate;
@@ -28,38 +27,38 @@ use crate::simulation::stability::highest;
 pub use candidate::Candidate;
 use search::{Search, Stopped};
 
-/// The error aimed at, as a share of the wanted one.
+/// The target error, as a fraction of the required one.
 const SAFETY: f64 = 0.6;
-/// Budget of the trials, as a share of the run that they save.
+/// Budget of the trials, as a fraction of the run that they save.
 const BUDGET: f64 = 0.05;
-/// Least budget of the trials, s of one core of the reference machine.
+/// Smallest budget of the trials, s of one core of the reference machine.
 const LEAST_BUDGET: f64 = 2.0;
-/// Trials of implicit schemes cost at most this share of the explicit run that they could replace.
+/// Trials of implicit schemes cost at most this fraction of the explicit run that they could replace.
 const IMPLICIT_SHARE: f64 = 0.5;
-/// The choice, and the reasons for it.
+/// The choice and its reasons.
 #[derive(Debug, Clone, Serialize)]
 pub struct AutoReport {
-    /// Relative error wanted at the end.
+    /// Required relative error at the end.
     pub tolerance: f64,
     /// ω_max of the scene at its start, rad/s.
     pub highest_frequency: f64,
-    /// Candidates that are expected to reach the tolerance, the chosen one first.
+    /// Candidates that should reach the tolerance, starting with the chosen one.
     pub candidates: Vec<Candidate>,
     /// Cost of the trials, s of one core of the reference machine.
     pub trial_seconds: f64,
     /// Budget of the trials, s.
     pub budget_seconds: f64,
-    /// Why, in a paragraph.
+    /// Reason for the choice, one paragraph.
     pub reason: String,
-    /// Why the tolerance may be missed; `None` where the error was measured at the end of a whole run.
+    /// Reason why the tolerance may be missed; `None` if the error was measured at the end of a whole run.
     pub warning: Option<String>,
 }
 
-/// Why a scene is not settled.
+/// Error that prevents a choice.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SettleError {
-    /// The scene is wrong, or no scheme got through its trials.
+    /// The scene is invalid, or no scheme completed its trials.
     #[error("the scene is wrong")]
     Scene(Vec<Problem>),
     /// The caller asked to stop.
@@ -73,8 +72,8 @@ impl From<Stopped> for SettleError {
     }
 }
 
-/// The scene with scheme and step in the place of `auto`, and why these. A scene that names its scheme or
-/// looks for equilibria is returned as it is.
+/// Returns the scene with scheme and step in place of `auto`, and the reasons. A scene with a given scheme, or in
+/// search of equilibria, is returned unchanged.
 ///
 /// # Errors
 /// [`SettleError`].
@@ -88,8 +87,8 @@ pub fn settle(scene: Scene, watch: &mut dyn TrialWatch) -> Result<(Scene, Option
     Ok((scene, Some(report)))
 }
 
-/// The scene with some scheme in the place of `auto`, and its own step or a single one: for all that does not
-/// depend on it, such as masses, modes and problems.
+/// Returns the scene with some scheme in place of `auto`, and its own step or a single one, for everything that does
+/// not depend on the choice: masses, modes, problems.
 pub fn stand_in(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
     if scene.time.scheme == Some(SchemeName::Auto) {
@@ -99,7 +98,7 @@ pub fn stand_in(scene: &Scene) -> Scene {
     scene
 }
 
-/// Consistent mass leaves implicit schemes.
+/// With consistent mass only implicit schemes are possible.
 fn first_scheme(scene: &Scene) -> SchemeName {
     match scene.solver.mass {
         Some(MassKind::Consistent) => SchemeName::ImplicitMidpoint,
@@ -120,7 +119,7 @@ fn choose(scene: &Scene, watch: &mut dyn TrialWatch) -> Result<(Choice, AutoRepo
             format!("\"auto\" needs the highest frequency of the scene: {error}; or name scheme and step");
         SettleError::Scene(vec![Problem::new("time.scheme", message)])
     })?;
-    // Where no force changes with position, as in free flight, the trials alone decide.
+    // If no force changes with position, as in free flight, the trials alone decide.
     let omega = found.unwrap_or(0.0);
     let mut search = Search::new(scene, watch, Norm::new(&simulation), omega, SAFETY * tolerance);
     drop(simulation);
@@ -141,7 +140,7 @@ fn choose(scene: &Scene, watch: &mut dyn TrialWatch) -> Result<(Choice, AutoRepo
     if candidates.is_empty() {
         candidates.extend(search.nearest.take());
     }
-    // What was measured was cheap enough to measure: nothing is gained by doubt.
+    // If a candidate was measured, extrapolated ones are not needed.
     if candidates.iter().any(|candidate| candidate.measured) {
         candidates.retain(|candidate| candidate.measured);
     }

@@ -1,5 +1,5 @@
-//! Charts as SVG: lines, markers and stems over linear or logarithmic axes, with a legend. Nothing here knows what
-//! is drawn.
+//! Charts as SVG: lines, markers and stems over linear or logarithmic axes, with a legend. This file does not depend
+//! on the meaning of the data.
 
 mod axis;
 
@@ -10,12 +10,12 @@ pub(crate) use axis::Scale;
 
 const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 540.0;
-/// Of the plot: left, top, right, bottom.
+/// Edges of the plot: left, top, right, bottom.
 const FRAME: [f64; 4] = [76.0, 64.0, 640.0, 470.0];
-/// Okabe and Ito's colours, distinguishable to all eyes.
+/// The colours of Okabe and Ito, which remain distinguishable with colour blindness.
 const COLOURS: [&str; 8] =
     ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c6d31"];
-/// Colour of what is pointed out.
+/// Colour of highlighted points.
 const POINTED_OUT: &str = "#f2c14e";
 
 /// Drawing style of a series.
@@ -29,17 +29,17 @@ pub(crate) enum Style {
     Stems,
 }
 
-/// Points that belong together.
+/// A series of points.
 #[derive(Debug, Clone)]
 pub(crate) struct Series {
     pub(crate) name: String,
     pub(crate) points: Vec<(f64, f64)>,
     pub(crate) style: Style,
-    /// Points whose marker is hollow, by their index.
+    /// Indices of the points with a hollow marker.
     pub(crate) hollow: Vec<usize>,
 }
 
-/// A chart of some series.
+/// A chart of several series.
 #[derive(Debug, Clone)]
 pub(crate) struct Chart {
     pub(crate) title: String,
@@ -52,12 +52,12 @@ pub(crate) struct Chart {
     pub(crate) band: Option<(String, Vec<(f64, f64)>)>,
     /// A vertical line with its name.
     pub(crate) bound: Option<(String, f64)>,
-    /// Points with a circle and a word.
+    /// Points with a circle and a label.
     pub(crate) marks: Vec<(String, (f64, f64))>,
 }
 
 impl Chart {
-    /// A chart without series.
+    /// Returns a chart without series.
     pub(crate) fn new(title: &str, subtitle: String, labels: [&str; 2], scales: [Scale; 2]) -> Self {
         Self {
             title: title.to_owned(),
@@ -71,8 +71,8 @@ impl Chart {
         }
     }
 
-    /// The chart as an SVG document. Points that an axis cannot show (not finite, or not positive on a logarithmic
-    /// one) are left out.
+    /// Returns the chart as an SVG document. Points that an axis cannot show (not finite, or not positive on a
+    /// logarithmic one) are omitted.
     pub(crate) fn svg(&self) -> String {
         let [left, top, right, bottom] = FRAME;
         let points = || self.series.iter().flat_map(|series| &series.points);
@@ -82,7 +82,7 @@ impl Chart {
         let floor = stands.then_some(0.0);
         let y = Axis::over(self.scales[1], points().map(|p| p.1).chain(floor), bottom, top);
         let place = |(a, b): (f64, f64)| Some((x.at(a)?, y.at(b)?));
-        // Writing into a text in memory cannot fail; what `write!` returns there is passed over.
+        // Writing into a string cannot fail, so the results of `write!` are ignored.
         let mut svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" \
              width=\"{WIDTH}\" height=\"{HEIGHT}\" font-family=\"sans-serif\" font-size=\"13\">\n\
@@ -218,7 +218,7 @@ fn swatch(svg: &mut String, y: f64, colour: &str, width: f64) {
     );
 }
 
-/// Circle, square, triangle or diamond.
+/// Draws a circle, square, triangle or diamond.
 fn marker(svg: &mut String, index: usize, (x, y): (f64, f64), colour: &str, is_hollow: bool) {
     let fill = if is_hollow { "white" } else { colour };
     let r = 4.5;
@@ -267,7 +267,7 @@ mod tests {
                     [value("cx"), value("cy")]
                 })
                 .collect();
-            // The last one is the legend's.
+            // The last marker belongs to the legend.
             assert_eq!(places.len(), 4, "{svg}");
             let [left, top, right, bottom] = FRAME;
             assert!(places[..3].iter().all(|&[x, y]| x >= left && x <= right && y >= top && y <= bottom));

@@ -1,7 +1,7 @@
-//! The command line: words in, exit codes out.
+//! The command line: parses arguments, prints results, returns exit codes.
 //!
-//! Exit codes: 0 done, 2 bad input, 3 an assertion of the scene broken, 4 no convergence,
-//! 5 input/output, 128 + n ended by signal n (130 Ctrl-C, 143 SIGTERM, 129 SIGHUP) with everything written.
+//! Exit codes: 0 success, 2 bad input, 3 an assertion of the scene failed, 4 no convergence, 5 input/output error,
+//! 128 + n ended by signal n (130 Ctrl-C, 143 SIGTERM, 129 SIGHUP) after all output was written.
 
 mod bench;
 mod check;
@@ -39,29 +39,29 @@ struct Arguments {
 enum Command {
     /// Run a scene and write history.csv, frames and report.json
     Run(run::RunArguments),
-    /// Continue a run from its newest checkpoint, to the same bits as if it had never ended
+    /// Continue a run from its newest checkpoint, with bitwise the same results
     Resume(resume::ResumeArguments),
-    /// Measure schemes and steps on a scene: run time against error, and what to use
+    /// Measure schemes and steps on a scene: run time against error, with a recommendation
     Bench(bench::BenchArguments),
     /// Refine the mesh and the step of a scene: observed orders, and estimates of the exact values
     Convergence(convergence::ConvergenceArguments),
-    /// Run a scene at every combination of some values, several points at once; write one table
+    /// Run a scene at every combination of some values, several at the same time; write one table
     Sweep(sweep::SweepArguments),
-    /// Run violent scenes from a seed: every one must end well, or fail by name
+    /// Run random violent scenes from a seed: each must finish, or fail with a named error
     Stress(stress::StressArguments),
-    /// Check scenes and their meshes without running: everything that is wrong, at once
+    /// Check scenes and their meshes without running them: report all errors at once
     Check(check::CheckArguments),
-    /// Judge the frames of a run exactly: does any edge meet a triangle?
+    /// Test the frames of a run exactly: does any edge intersect a triangle?
     CheckFrames(check_frames::CheckFramesArguments),
-    /// Find the lowest vibration modes of a scene; write modes.csv and mode shapes
+    /// Compute the lowest vibration modes of a scene; write modes.csv and mode shapes
     Modes(modes::ModesArguments),
     /// Print the JSON schema of a scene
     Schema,
-    /// Print what a scene or a mesh holds
+    /// Print the contents of a scene or a mesh
     Info(info::InfoArguments),
 }
 
-/// Runs the program with these arguments (the first is its name).
+/// Runs the program with these arguments (the first is the program's name).
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,

@@ -1,7 +1,7 @@
 //! Finds where surfaces cross, exactly: segments against triangles by adaptive predicates (Shewchuk 1997, crate
-//! `robust`), whose signs are those of exact arithmetic as long as no product underflows.
+//! `robust`), with the signs of exact arithmetic as long as no product underflows.
 //!
-//! It judges what the contact crate does, and shares no code with it.
+//! It verifies the results of the contact crate, and shares no code with it.
 
 #[cfg(feature = "cli")]
 pub(crate) mod frame;
@@ -10,7 +10,7 @@ use std::collections::HashMap;
 
 use robust::{Coord, Coord3D, orient2d, orient3d};
 
-/// A segment and a triangle that have a point in common.
+/// A segment and a triangle with a common point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Intersection {
     /// Nodes of the segment.
@@ -19,8 +19,8 @@ pub struct Intersection {
     pub triangle: [u32; 3],
 }
 
-/// All intersections of triangles and wires with triangles, sorted. Parts that share a node, or nodes at one place, are
-/// joined there and are no pair.
+/// Returns all intersections of triangles and wires with triangles, sorted. Parts that share a node, or have nodes at
+/// the same position, are connected there and do not count.
 pub fn intersections(points: &[[f64; 3]], triangles: &[[u32; 3]], wires: &[[u32; 2]]) -> Vec<Intersection> {
     let place_of = places(points);
     let mut segments: Vec<[u32; 2]> =
@@ -49,10 +49,11 @@ pub fn intersections(points: &[[f64; 3]], triangles: &[[u32; 3]], wires: &[[u32;
     found
 }
 
-/// Is this place within the closed surface of these triangles? Not on it, and with either orientation.
+/// Returns whether a point is inside the closed surface of these triangles, which may have either orientation; points
+/// on the surface do not count.
 ///
-/// A ray that leaves the surface crosses it an odd number of times. A ray through an edge or a corner tells nothing;
-/// then another one is taken.
+/// A ray from a point inside crosses the surface an odd number of times. A ray through an edge or a corner is
+/// ambiguous; then another ray is used.
 pub fn is_inside(place: [f64; 3], points: &[[f64; 3]], triangles: &[[u32; 3]]) -> bool {
     let [low, high] = bounds(points, triangles.as_flattened());
     if (0..3).any(|k| !(low[k] <= place[k] && place[k] <= high[k])) {
@@ -79,21 +80,22 @@ pub fn is_inside(place: [f64; 3], points: &[[f64; 3]], triangles: &[[u32; 3]]) -
         }
         Some(crossings % 2 == 1)
     };
-    // Directions without a common plane, none along an axis or a diagonal.
+    // No three of these directions lie in a plane, and none is along an axis or a diagonal.
     let directions =
         (1..=64).map(|k| [1, 2, 3].map(|axis| (f64::from(k * axis) * 2.399 + f64::from(axis)).sin() + 1.5));
     directions.into_iter().find_map(parity).unwrap_or(false)
 }
 
-/// The first node at the place of each node.
+/// Returns, for each node, the first node at the same position.
 fn places(points: &[[f64; 3]]) -> Vec<u32> {
     let mut first = HashMap::new();
-    // 0.0 and −0.0 are one place.
+    // 0.0 and −0.0 are the same position.
     let key = |point: &[f64; 3]| point.map(|value| (value + 0.0).to_bits());
     (0..).zip(points).map(|(node, point)| *first.entry(key(point)).or_insert(node)).collect()
 }
 
-/// Does the closed segment p q meet the closed triangle? A triangle without area meets nothing; its edges do.
+/// Returns whether the closed segment p q intersects the closed triangle. A degenerate triangle intersects nothing;
+/// its edges do.
 fn meets(p: [f64; 3], q: [f64; 3], triangle: [[f64; 3]; 3]) -> bool {
     let [a, b, c] = triangle;
     let side = |a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3]| {
@@ -110,7 +112,8 @@ fn meets(p: [f64; 3], q: [f64; 3], triangle: [[f64; 3]; 3]) -> bool {
     turns.iter().all(|&turn| turn >= 0) || turns.iter().all(|&turn| turn <= 0)
 }
 
-/// The same in the plane of the triangle: dropping a coordinate along which it has area changes no incidence.
+/// Tests a segment in the plane of the triangle. Projection along an axis that leaves the triangle a positive area
+/// preserves all incidences.
 fn meets_in_plane(p: [f64; 3], q: [f64; 3], triangle: [[f64; 3]; 3]) -> bool {
     (0..3).any(|axis| {
         let flat = |x: [f64; 3]| Coord { x: x[(axis + 1) % 3], y: x[(axis + 2) % 3] };
@@ -136,14 +139,14 @@ fn sign(value: f64) -> i32 {
     i32::from(value > 0.0) - i32::from(value < 0.0)
 }
 
-/// Triangles by the cubes of a grid that their boxes meet.
+/// Triangles, listed by the grid cubes that their bounding boxes intersect.
 struct Grid {
     origin: [f64; 3],
     size: f64,
     cubes: HashMap<[i64; 3], Vec<u32>>,
 }
 
-/// Cubes along the longest side of the whole at most.
+/// Largest number of cubes along the longest side.
 const FINEST: f64 = 256.0;
 
 impl Grid {
@@ -181,7 +184,7 @@ impl Grid {
         cubes
     }
 
-    /// Triangles whose cubes the box of a segment meets.
+    /// Collects the triangles in the cubes that the bounding box of a segment intersects.
     fn near(&self, points: &[[f64; 3]], segment: [u32; 2], out: &mut Vec<u32>) {
         out.clear();
         for cube in self.cubes_of(&bounds(points, &segment)) {
@@ -218,7 +221,7 @@ mod tests {
         {
             assert_eq!(meets([0.2, 0.2, low], [0.3, 0.3, high], TRIANGLE), expected, "{low:e} {high:e}");
         }
-        // Through an edge, a corner, and one bit beside it.
+        // Segments through an edge, through a corner, and one bit next to it.
         assert!(meets([0.5, 0.5, -1.0], [0.5, 0.5, 1.0], TRIANGLE));
         assert!(meets([0.0, 0.0, -1.0], [0.0, 0.0, 1.0], TRIANGLE));
         assert!(!meets([0.5, 0.5_f64.next_up(), -1.0], [0.5, 0.5_f64.next_up(), 1.0], TRIANGLE));

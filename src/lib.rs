@@ -1,9 +1,9 @@
 //! Variational simulates deformable bodies, cloth and solids, by the finite element method.
 //!
-//! A scene is a Lagrangian L = T − V. A time integrator is a choice: how the trajectory is
-//! interpolated × how the action is integrated. The rest follows from Hamilton's principle.
+//! A scene is a Lagrangian L = T − V. A time integrator is a choice of an interpolation of the trajectory × a
+//! quadrature of the action. The rest follows from Hamilton's principle.
 //!
-//! [`scene::Scene`] says what there is, [`simulation::Simulation`] steps it, [`run::run`] writes it.
+//! [`scene::Scene`] describes a scene, [`simulation::Simulation`] steps it, [`run::run`] writes the results.
 //! The layers below are re-exported as [`core`], [`mesh`], [`fem`], [`solvers`] and [`io`].
 
 #![forbid(unsafe_code)]
@@ -45,7 +45,7 @@ pub mod prelude {
     pub use vi_mesh::{BoxMesh, CellKind, SheetMesh, SheetPattern};
 }
 
-/// The page of `docs/theory` that needs more than `vi-core`.
+/// The page of `docs/theory` that needs crates besides `vi-core`.
 #[cfg(doctest)]
 #[doc = include_str!("../docs/theory/08-embedding.md")]
 pub struct Embedding;
@@ -55,7 +55,7 @@ pub struct Embedding;
 #[doc = include_str!("../docs/tutorials/library.md")]
 pub struct LibraryTutorial;
 
-/// The README's code runs with the documentation's.
+/// The code of the README is tested with the documentation.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 pub struct Readme;

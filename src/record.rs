@@ -1,24 +1,24 @@
-//! Values as bytes and back: little-endian, lengths before contents, nothing else. The order of a struct's fields in
-//! `record!` is its format.
+//! Conversion of values to bytes and back: little-endian, lengths before contents. The order of a struct's fields in
+//! `record!` defines its format.
 //!
-//! Reading allocates no more than the bytes that are left could hold, whatever a length claims.
+//! Reading allocates at most the memory that the remaining bytes could fill, whatever a length claims.
 
 use std::path::PathBuf;
 
 use vi_core::{EnergyLedger, State, StepEnergy};
 use vi_solvers::{StepperMemory, Work};
 
-/// The bytes are not those of the value that was asked for.
+/// The bytes do not represent a value of the requested type.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("byte {at}: {what}")]
 pub struct Damage {
-    /// Where in the record, from 0.
+    /// Position in the record, from 0.
     pub at: usize,
     /// The problem.
     pub what: String,
 }
 
-/// Bytes that are being read.
+/// Bytes to read.
 pub(crate) struct Source<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -29,7 +29,7 @@ impl<'a> Source<'a> {
         Self { bytes, at: 0 }
     }
 
-    /// Bytes that are left.
+    /// Returns the number of bytes left.
     pub(crate) fn left(&self) -> usize {
         self.bytes.len() - self.at
     }
@@ -48,7 +48,7 @@ impl<'a> Source<'a> {
         Ok(taken)
     }
 
-    /// A length whose items take at least `size` bytes each.
+    /// Reads a length; each item takes at least `size` bytes.
     fn length(&mut self, size: usize) -> Result<usize, Damage> {
         let length = u64::read(self)?;
         let room = (self.left() / size.max(1)) as u64;
@@ -59,9 +59,9 @@ impl<'a> Source<'a> {
     }
 }
 
-/// A value with a form in bytes.
+/// A value with a representation in bytes.
 pub(crate) trait Record: Sized {
-    /// The least number of bytes that a value takes.
+    /// The smallest number of bytes of a value.
     const SIZE: usize;
     /// Appends the value.
     fn write(&self, out: &mut Vec<u8>);
@@ -118,7 +118,7 @@ impl Record for String {
     }
 }
 
-/// A path byte by byte on Unix, where it may be other than UTF-8.
+/// On Unix a path is stored byte by byte, because it may not be UTF-8.
 impl Record for PathBuf {
     const SIZE: usize = 8;
     fn write(&self, out: &mut Vec<u8>) {
@@ -139,19 +139,19 @@ impl Record for PathBuf {
     }
 }
 
-/// Bytes that are a record of their own.
+/// Bytes that form a separate record.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(crate) struct Bytes(pub(crate) Vec<u8>);
 
 impl Bytes {
-    /// The bytes of a value.
+    /// Returns the bytes of a value.
     pub(crate) fn of(value: &impl Record) -> Self {
         let mut bytes = Vec::new();
         value.write(&mut bytes);
         Self(bytes)
     }
 
-    /// The value that these are the bytes of.
+    /// Returns the value that these bytes represent.
     pub(crate) fn value<T: Record>(&self) -> Result<T, Damage> {
         let mut source = Source::new(&self.0);
         let value = T::read(&mut source)?;
@@ -174,8 +174,8 @@ impl Record for Bytes {
     }
 }
 
-/// A value as a file of its own: 8 bytes of magic, the number of the format, the length of the record, the record, and
-/// the CRC-32 of all before it.
+/// Returns a value as the contents of a file: 8 bytes of magic, the format number, the length of the record, the
+/// record, and the CRC-32 of everything before it.
 pub(crate) fn seal(magic: &[u8; 8], format: u64, value: &impl Record) -> Vec<u8> {
     let mut bytes = magic.to_vec();
     format.write(&mut bytes);
@@ -185,7 +185,7 @@ pub(crate) fn seal(magic: &[u8; 8], format: u64, value: &impl Record) -> Vec<u8>
     bytes
 }
 
-/// The value that [`seal`] made these bytes of.
+/// Returns the value from the bytes of [`seal`].
 pub(crate) fn unseal<T: Record>(magic: &[u8; 8], format: u64, bytes: &[u8]) -> Result<T, Damage> {
     let damage = |what: String| Damage { at: 0, what };
     let (head, sum) = split_sum(bytes).ok_or_else(|| damage("it is empty".to_owned()))?;
@@ -211,7 +211,7 @@ pub(crate) fn unseal<T: Record>(magic: &[u8; 8], format: u64, bytes: &[u8]) -> R
     Ok(value)
 }
 
-/// The format of sealed bytes, if they are those that were written.
+/// Returns the format of sealed bytes, if they are undamaged.
 pub(crate) fn format_of(magic: &[u8; 8], bytes: &[u8]) -> Option<u64> {
     let (head, sum) = split_sum(bytes)?;
     let mut source = Source::new(head.strip_prefix(magic)?);
@@ -231,7 +231,7 @@ impl<T: Record> Record for Vec<T> {
     }
     fn read(from: &mut Source<'_>) -> Result<Self, Damage> {
         let length = from.length(T::SIZE)?;
-        // Items may be larger in memory than in the file: they are not reserved for at once.
+        // Items may be larger in memory than in the file, so memory for them is not reserved in advance.
         let mut values = Self::new();
         for _ in 0..length {
             values.push(T::read(from)?);
@@ -286,7 +286,7 @@ impl Record for Work {
     }
     fn read(from: &mut Source<'_>) -> Result<Self, Damage> {
         let counts = Vec::<(String, u64)>::read(from)?;
-        // All of them, once each, as they are written: none is taken for zero in silence.
+        // The record contains every count once, in the order of writing; a missing count is not taken as zero.
         Self::from_counts(counts.iter().map(|(name, count)| (name.as_str(), *count)))
             .filter(|work| {
                 work.iter().map(|(name, count)| (name.to_owned(), count)).eq(counts.iter().cloned())
@@ -295,7 +295,7 @@ impl Record for Work {
     }
 }
 
-/// Implements [`Record`] by the named fields, in this order.
+/// Implements [`Record`] with the named fields, in this order.
 macro_rules! record {
     ($type:ty { $($field:ident: $of:ty),+ $(,)? }) => {
         impl $crate::record::Record for $type {

@@ -1,15 +1,15 @@
-//! The scene's own functions of time: amplitudes of loads, motions of supports. They tell how coarse a trial may be
-//! without stepping over what happens, and when the first thing happens.
+//! The functions of time of a scene: amplitudes of loads and motions of supports. They determine how coarse a trial
+//! may be without missing changes, and when the first change occurs.
 
 use crate::scene::{Load, Scene};
 
-/// Samples of a function of time over the run; the finest division that [`resolving_steps`] asks for.
+/// Number of samples of a function of time over the run; the finest division that [`resolving_steps`] returns.
 const SAMPLES: usize = 4096;
-/// Share of a function's mean deviation from its start that steps may miss. With 0.1, a pulse that lasts 1/100 of
-/// the run asks for 512 steps, a sine for 8 per period.
+/// Fraction of a function's mean deviation from its start that the steps may miss. With 0.1, a pulse that lasts 1/100
+/// of the run requires 512 steps, a sine 8 per period.
 const MISSED: f64 = 0.1;
 
-/// The functions of time of a scene at SAMPLES + 1 times from 0 to the end; constant ones left out.
+/// Returns the functions of time of a scene at SAMPLES + 1 times from 0 to the end, without constant ones.
 fn functions(scene: &Scene) -> Vec<Vec<f64>> {
     let time = |k: usize| scene.time.end * k as f64 / SAMPLES as f64;
     let sample = |f: &dyn Fn(f64) -> f64| (0..=SAMPLES).map(|k| f(time(k))).collect::<Vec<f64>>();
@@ -29,7 +29,7 @@ fn functions(scene: &Scene) -> Vec<Vec<f64>> {
     let of_rigids = scene.rigids.iter().filter_map(|rigid| rigid.motion.as_ref());
     let of_attachments = scene.attachments.iter().filter_map(|attach| attach.motion.as_ref());
     for motion in of_fixes.chain(of_rigids).chain(of_attachments) {
-        // A point on none of the usual axes of rotation.
+        // A point that is not on any usual axis of rotation.
         let point = [0.31, 0.57, 0.83];
         found.extend((0..3).map(|axis| sample(&|t| motion.position(point, t)[axis])));
     }
@@ -39,8 +39,8 @@ fn functions(scene: &Scene) -> Vec<Vec<f64>> {
     found
 }
 
-/// The least number of steps, at least `coarsest` and else a power of two, between which no function of time of the
-/// scene changes unseen: straight lines between them miss no more than a tenth of it in the mean.
+/// Returns the smallest number of steps, `coarsest` or a larger power of two, that resolves all functions of time of
+/// the scene: linear interpolation between the steps misses at most a tenth of a function on average.
 pub(super) fn resolving_steps(scene: &Scene, coarsest: u64) -> u64 {
     let functions = functions(scene);
     let misses = |values: &Vec<f64>, steps: usize| {
@@ -61,14 +61,14 @@ pub(super) fn resolving_steps(scene: &Scene, coarsest: u64) -> u64 {
     coarsest.max(steps as u64)
 }
 
-/// The first time at which a function of time of the scene changes, s; `None` where none does.
+/// Returns the first time at which a function of time of the scene changes, s; `None` if all are constant.
 pub(super) fn first_event(scene: &Scene) -> Option<f64> {
     let first = |values: &Vec<f64>| values.iter().position(|value| *value != values[0]);
     let sample = functions(scene).iter().filter_map(first).min()?;
     Some(scene.time.end * sample.saturating_sub(1) as f64 / SAMPLES as f64)
 }
 
-/// Does a function of time of the scene change in a new way after `t` (s): other than on a straight line?
+/// Returns whether a function of time of the scene deviates after `t` (s) from a straight line.
 pub(super) fn has_event_after(scene: &Scene, t: f64) -> bool {
     let from = ((t / scene.time.end * SAMPLES as f64) as usize).min(SAMPLES);
     let bends = |values: &Vec<f64>| {
@@ -100,7 +100,7 @@ mod tests {
     fn steps_follow_what_happens() {
         assert_eq!(resolving_steps(&scene("1"), 16), 16);
         assert_eq!(resolving_steps(&scene("t"), 16), 16);
-        // 40 periods.
+        // This function has 40 periods.
         let periods = resolving_steps(&scene("sin(2*pi*20*t)"), 16);
         assert!((256..=512).contains(&periods), "{periods}");
     }

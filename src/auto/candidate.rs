@@ -1,18 +1,18 @@
-//! What trials found: a scheme with its step, its cost and its error.
+//! The result of trials: a scheme with its step, its cost and its error.
 
 use serde::Serialize;
 
 use super::trial::Choice;
 
-/// An error that is extrapolated counts as this much dearer: it may prove wrong.
+/// Factor on the cost of a candidate with an extrapolated error, because the error may be wrong.
 const DOUBT: f64 = 3.0;
 
-/// One way to reach the wanted error.
+/// One way to reach the required error.
 #[derive(Debug, Clone, Serialize)]
 pub struct Candidate {
     /// Scheme with its stages.
     pub scheme: String,
-    /// The choice itself.
+    /// The choice.
     #[serde(skip)]
     pub choice: Choice,
     /// Steps.
@@ -21,9 +21,9 @@ pub struct Candidate {
     pub seconds_per_step: f64,
     /// Cost of the run, s of one core of the reference machine.
     pub predicted_seconds: f64,
-    /// Relative error expected at the end; NaN (`null` in report.json) where no trial could tell.
+    /// Expected relative error at the end; NaN (`null` in report.json) if no trial gave an estimate.
     pub predicted_error: f64,
-    /// Was the error measured at the end of a whole run with these steps, rather than extrapolated?
+    /// Whether the error was measured at the end of a whole run with these steps; otherwise it is extrapolated.
     pub measured: bool,
 }
 
@@ -40,7 +40,7 @@ impl Candidate {
         }
     }
 
-    /// By which candidates are ordered.
+    /// Returns the value by which candidates are ordered.
     pub(super) fn price(&self) -> f64 {
         self.predicted_seconds * if self.measured { 1.0 } else { DOUBT }
     }

@@ -1,5 +1,5 @@
-//! The search among explicit schemes: a chain of trials, each more accurate than the one before, over the whole run
-//! or over as much of it as the budget allows. The difference of two neighbours is the error of the first.
+//! The search among explicit schemes: a chain of trials, each more accurate than the previous one, over the whole run
+//! or the part of it that the budget allows. The difference of two neighbours is the error of the first.
 
 use std::ops::Range;
 
@@ -9,23 +9,23 @@ use super::search::{NoTrial, Search, Stopped, seconds_per_step};
 use crate::auto::trial::{Choice, Trial};
 use crate::scene::SchemeName;
 
-/// Cost of Störmer–Verlet and Blanes–Moan 4 at their limits, relative to the first alone (1.8/2.8 · 6 forces).
+/// Cost of Störmer–Verlet and Blanes–Moan 4 at their limits, relative to Störmer–Verlet alone (1.8/2.8 · 6 forces).
 const FIRST_TWO: f64 = 5.0;
 /// Cost with Blanes–Moan 6 added, relative to Störmer–Verlet alone.
 const FIRST_THREE: f64 = 12.0;
-/// The smallest part of a run that is tried: 2^−8.
+/// The smallest part of a run for trials: 2^−8.
 const SMALLEST: u32 = 8;
-/// Steps of Störmer–Verlet that a part must hold.
+/// Smallest number of Störmer–Verlet steps in a part.
 const LEAST_STEPS: u64 = 16;
-/// Trials of a chain: up to Blanes–Moan 6 with 1/64 of the step at its limit.
+/// Largest number of trials of a chain: up to Blanes–Moan 6 with 1/64 of the step at its limit.
 const LONGEST: u32 = 9;
-/// An error over the difference from a solution that has at most a quarter of it.
+/// Ratio of an error to its difference from a solution with at most a quarter of this error.
 const FROM_DIFFERENCE: f64 = 4.0 / 3.0;
-/// Errors below this fall by the order of the scheme; above, nothing is foretold from them.
+/// Errors below this decrease with the order of the scheme; larger errors are not extrapolated.
 const SMALL: f64 = 0.1;
-/// Errors that grow by more than this while time doubles grow faster than t^2.5.
+/// Errors that grow by more than this factor when the time doubles grow faster than t^2.5.
 const FAST: f64 = 5.7;
-/// Number of times that a scheme that fails at its limit is tried with half the step: bodies stiffen as they deform.
+/// A scheme that fails at its limit is tried this often with half the step, because bodies stiffen as they deform.
 const RETRIES: u32 = 3;
 
 struct Solution {
@@ -34,11 +34,12 @@ struct Solution {
 }
 
 impl Search<'_> {
-    /// Explicit schemes that reach the error aimed at. `seconds`: cost of Störmer–Verlet at its limit.
+    /// Returns the explicit schemes that reach the target error. `seconds` is the cost of Störmer–Verlet at its
+    /// limit.
     pub(super) fn explicit(&mut self, seconds: f64) -> Result<Vec<Candidate>, Stopped> {
         let steps = self.limit(SchemeName::StormerVerlet, 1).steps;
         let Some(size) = self.affordable(seconds, steps) else { return Ok(vec![self.blind(seconds)]) };
-        // Errors are also compared at the middle of a part of the run.
+        // On a part of the run, errors are also compared at its middle.
         let parts = if size < 1.0 { (2.0 / size) as u64 } else { 1 };
         let mut stretch = 0.0..size;
         let mut chain: Vec<Solution> = Vec::new();
@@ -49,7 +50,7 @@ impl Search<'_> {
             let per_force = chain.last().map(cost_per_force);
             let forces = choice.method().facts().forces_per_step.max(1) as f64;
             let expected = per_force.map_or(0.0, |cost| cost * forces * choice.steps as f64 * size);
-            // The first two are what the size was chosen for.
+            // The size was chosen for the first two, so they fit into the budget.
             if number > 1 && expected > self.left() {
                 self.is_exhausted = true;
                 break;
@@ -71,7 +72,7 @@ impl Search<'_> {
             }
             let Ok(trial) = tried else { break };
             if number == 0 && size < 1.0 && self.norm.error(&trial.middle, &trial.end) == 0.0 {
-                // Nothing moves before the first event: that is what is tried.
+                // Nothing moves before the first event, so the trial starts there.
                 if let Some(begin) = first_event(self.scene).map(|t| t / self.scene.time.end) {
                     let begin = ((begin / size * 2.0).floor() / 2.0 * size).min(1.0 - size);
                     stretch = begin..begin + size;
@@ -96,7 +97,7 @@ impl Search<'_> {
         }
     }
 
-    /// The part of the run on which the schemes can be compared: 1 or a power of ½.
+    /// Returns the part of the run on which the schemes can be compared: 1 or a power of ½.
     fn affordable(&self, seconds: f64, steps: u64) -> Option<f64> {
         if FIRST_TWO * seconds <= self.left() {
             return Some(1.0);
@@ -106,7 +107,7 @@ impl Search<'_> {
         sizes.find(|size| FIRST_THREE * seconds * size <= self.left())
     }
 
-    /// Trial number 0, 1, … of the chain.
+    /// Returns trial number 0, 1, … of the chain.
     fn link(&self, number: u32, parts: u64, takes_higher: bool) -> Option<Choice> {
         let times = |choice: Choice, halved: u32| Choice { steps: choice.steps << halved, ..choice };
         Some(match number {
@@ -117,7 +118,7 @@ impl Search<'_> {
         })
     }
 
-    /// The relative error of a solution at the end of the run, by one that is exact beside it.
+    /// Returns the relative error of a solution at the end of the run, compared with a much more accurate one.
     fn error(&mut self, solution: &Solution, exact: &Solution, stretch: &Range<f64>) -> f64 {
         let end = self.norm.error(&solution.trial.end, &exact.trial.end);
         if *stretch == (0.0..1.0) {
@@ -125,13 +126,13 @@ impl Search<'_> {
         }
         let growth = end / self.norm.error(&solution.trial.middle, &exact.trial.middle);
         self.growth = (growth > FAST).then_some(growth);
-        // Symplectic schemes let errors grow as t; from rest, or along a fall, as t² at most.
+        // With symplectic schemes errors grow as t; from rest, or in a fall, at most as t².
         let power = if growth.is_finite() { growth.log2().clamp(1.0, 2.0) } else { 1.0 };
         let longer = (1.0 - stretch.start) / (stretch.end - stretch.start);
         end * longer.powf(power)
     }
 
-    /// The solution that reaches the aim, and what is cheaper and reaches it too.
+    /// Returns the solution that reaches the target error, and all cheaper ones that also reach it.
     fn cheapest(
         &mut self,
         chain: &[Solution],
@@ -151,7 +152,7 @@ impl Search<'_> {
             let finer = self.finer(coarse.choice, error);
             let seconds = seconds_per_step(&coarse.trial) * finer.steps as f64;
             let tried = seconds * (stretch.end - stretch.start);
-            // A trial that costs more than it saves is left out.
+            // A trial that costs more than it saves is omitted.
             if seconds + tried > cheapest || tried > self.left() {
                 continue;
             }
@@ -166,7 +167,7 @@ impl Search<'_> {
         Ok(found)
     }
 
-    /// The step with which a scheme of this error should reach the aim, by its order.
+    /// Returns the step with which a scheme with this error should reach the target, by its order.
     fn finer(&self, choice: Choice, error: f64) -> Choice {
         let order = choice.method().facts().order as f64;
         let finer = (error / (0.8 * self.aim)).powf(1.0 / order).clamp(1.0, 1e3);
@@ -175,7 +176,8 @@ impl Search<'_> {
         Choice { steps: steps.next_multiple_of(parts.min(512)), ..choice }
     }
 
-    /// No trial reached the aim within the budget: what should, by the orders of the schemes.
+    /// Returns candidates when no trial reached the target within the budget, extrapolated by the orders of the
+    /// schemes.
     fn unreached(&mut self, chain: &[Solution], seconds: f64, stretch: &Range<f64>) -> Vec<Candidate> {
         let [coarser @ .., exact] = chain else { return vec![self.blind(seconds)] };
         if coarser.is_empty() {
@@ -193,13 +195,13 @@ impl Search<'_> {
             found.push(Candidate::new(choice, seconds_per_step(&solution.trial), error, false));
         }
         if found.is_empty() {
-            // The most accurate one, of whose error nothing is known.
+            // The most accurate solution is added; its error is unknown.
             found.push(Candidate::new(exact.choice, seconds_per_step(&exact.trial), f64::NAN, false));
         }
         found
     }
 
-    /// Störmer–Verlet at its limit, of whose error nothing is known.
+    /// Returns Störmer–Verlet at its limit, with an unknown error.
     fn blind(&mut self, seconds: f64) -> Candidate {
         self.is_exhausted = true;
         let choice = self.limit(SchemeName::StormerVerlet, 1);

@@ -6,17 +6,17 @@ use super::search::{COARSEST, FINEST, NoTrial, Search, Stopped};
 use crate::auto::trial::{Choice, Norm, Trial};
 use crate::scene::SchemeName;
 
-/// The order below which differences are not taken for convergence.
+/// Smallest order that counts as convergence.
 const LEAST_ORDER: f64 = 0.8;
-/// The order that is relied on beyond the finest rung. Stiff and suddenly loaded bodies fall to about this, whatever
-/// the scheme's own (measured: 1.6 to 2.6 for Gauss with 2 and 3 stages).
+/// Order assumed beyond the finest rung. For stiff and suddenly loaded bodies, the order decreases to about this
+/// value, whatever the order of the scheme (measured: 1.6 to 2.6 for Gauss with 2 and 3 stages).
 const RELIABLE_ORDER: f64 = 2.0;
 /// Largest factor by which an extrapolated step may be finer than the finest measured one.
 const REACH: f64 = 16.0;
 
 /// Trials of one scheme with halved steps.
 struct Ladder {
-    /// The next one.
+    /// The next choice.
     choice: Choice,
     rungs: Vec<Rung>,
     over: bool,
@@ -26,12 +26,12 @@ struct Rung {
     choice: Choice,
     end: Vec<Vec<f64>>,
     seconds: f64,
-    /// Relative difference from the rung before.
+    /// Relative difference from the previous rung.
     difference: f64,
 }
 
 impl Search<'_> {
-    /// Implicit schemes that reach the error aimed at, by trials of at most `allowed` seconds.
+    /// Returns the implicit schemes that reach the target error, from trials of at most `allowed` seconds.
     pub(super) fn implicit(&mut self, allowed: f64) -> Result<Vec<Candidate>, Stopped> {
         let ladder = |(scheme, stages)| Ladder {
             choice: Choice { scheme, stages, steps: self.coarsest },
@@ -45,7 +45,7 @@ impl Search<'_> {
         ];
         let mut ladders = schemes.map(ladder);
         let begin = self.spent();
-        // Two steps tell whether a ladder could fit at all.
+        // Two steps show whether a ladder could fit into the budget.
         let probe = self.trial(ladders[0].choice, 0.0..2.0 / COARSEST as f64, 0.1 * allowed)?;
         if matches!(&probe, Err(NoTrial::OutOfBudget)) {
             return Ok(Vec::new());
@@ -67,7 +67,7 @@ impl Search<'_> {
                         ladder.over = true;
                     }
                 }
-                // A coarse step may fail where a finer one does not.
+                // A finer step may succeed after a coarse one failed.
                 Err(NoTrial::Failed) if ladder.rungs.is_empty() => {}
                 Err(_) => ladder.over = true,
             }
@@ -88,7 +88,7 @@ impl Search<'_> {
     }
 }
 
-/// Does the most accurate rung of all ladders agree with a candidate?
+/// Checks that the most accurate rung of all ladders agrees with a candidate.
 fn is_confirmed(candidate: &Candidate, finest: &[&Rung], norm: &Norm, ladders: &[Ladder], aim: f64) -> bool {
     let own = ladders.iter().flat_map(|ladder| &ladder.rungs).find(|rung| rung.choice == candidate.choice);
     let best = finest.iter().min_by(|a, b| a.difference.total_cmp(&b.difference));
@@ -97,7 +97,7 @@ fn is_confirmed(candidate: &Candidate, finest: &[&Rung], norm: &Norm, ladders: &
 }
 
 impl Ladder {
-    /// Of the next trial.
+    /// Returns the expected cost of the next trial, s.
     fn next_seconds(&self) -> f64 {
         self.rungs.last().map_or(0.0, |rung| 2.0 * rung.seconds)
     }
@@ -109,7 +109,7 @@ impl Ladder {
         self.rungs.push(Rung { choice, end: trial.end, seconds, difference });
     }
 
-    /// The order that the last two differences show, no higher than the scheme's own.
+    /// Returns the order of the last two differences, at most that of the scheme.
     fn order(&self) -> Option<f64> {
         let [.., coarse, fine] = &self.rungs[..] else { return None };
         if fine.difference == 0.0 {
@@ -120,8 +120,8 @@ impl Ladder {
         is_shown.then(|| order.min(self.choice.method().facts().order as f64))
     }
 
-    /// The coarsest of the last two rungs that reaches `aim`, once three show an order. Only steps that were run are
-    /// taken: between them, other steps may meet the scene's events less well.
+    /// Returns the coarsest of the last two rungs that reaches `aim`, once three rungs show an order. Only measured
+    /// steps are considered: steps between them may resolve the events of the scene less well.
     fn measured(&self, aim: f64) -> Option<Candidate> {
         let order = self.order()?;
         let [.., coarse, fine] = &self.rungs[..] else { return None };
@@ -133,7 +133,7 @@ impl Ladder {
         Some(Candidate::new(rung.choice, rung.seconds / rung.choice.steps as f64, error, true))
     }
 
-    /// Finer steps than were run, which reach `aim` if the order that three rungs show goes on.
+    /// Returns finer steps that reach `aim` if the order of three rungs continues.
     fn extrapolated(&self, aim: f64) -> Option<Candidate> {
         let order = self.order()?.min(RELIABLE_ORDER);
         let fine = self.rungs.last()?;

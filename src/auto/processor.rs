@@ -1,27 +1,27 @@
-//! Processor time that this process has used.
+//! Processor time used by this process.
 
 use std::ops::{AddAssign, Sub};
 
 use cpu_time::ProcessTime;
 
-/// Seconds since the process began, or between two moments.
+/// Times since the start of the process, or between two moments.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Used {
-    /// Seconds of processors, of all threads.
+    /// Processor time of all threads, s.
     pub(crate) processor_seconds: f64,
-    /// Seconds for which threads could run and had no processor, where the system tells (Linux).
+    /// Time for which runnable threads waited for a processor, s, if the system provides it (Linux).
     pub(crate) waited_seconds: Option<f64>,
 }
 
 impl Used {
-    /// Since the process began; of threads that have ended no waiting is counted.
+    /// Returns the times since the start of the process, without the waiting time of threads that have ended.
     pub(crate) fn now() -> Self {
         let processor = ProcessTime::try_now().map(|time| time.as_duration().as_secs_f64());
         Self { processor_seconds: processor.unwrap_or(f64::NAN), waited_seconds: waited() }
     }
 }
 
-/// The second number of `schedstat` of each thread: nanoseconds in the queue of a processor.
+/// Sums the second number of `schedstat` of each thread: its time in the queue of a processor, ns.
 fn waited() -> Option<f64> {
     let mut nanoseconds = 0.0;
     for thread in std::fs::read_dir("/proc/self/task").ok()? {
@@ -56,7 +56,7 @@ impl AddAssign for Used {
 mod tests {
     use super::*;
 
-    /// Work takes processor time, and no more of it than the threads could have had.
+    /// Work uses processor time, at most the elapsed time of all threads.
     #[test]
     fn work_is_counted_and_sleep_is_not() {
         let before = Used::now();

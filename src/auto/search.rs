@@ -8,19 +8,19 @@ use super::candidate::Candidate;
 use crate::auto::trial::{Choice, Limit, Norm, Trial, TrialError, TrialWatch, run};
 use crate::scene::{Scene, SchemeName};
 
-/// Steps of the coarsest trial of an implicit scheme.
+/// Number of steps of the coarsest trial of an implicit scheme.
 pub(super) const COARSEST: u64 = 16;
-/// Steps of the finest.
+/// Number of steps of the finest trial.
 pub(super) const FINEST: u64 = COARSEST << 12;
-/// First steps by which the cost of a run is foretold: one in 64, within these numbers.
+/// Number of first steps from which the cost of a run is estimated: one in 64, within these bounds.
 const SAMPLE: [u64; 2] = [4, 64];
 
-/// The caller asked to stop.
+/// The caller requested a stop.
 pub(super) struct Stopped;
 
-/// Why there is no trial.
+/// Error of a trial.
 pub(super) enum NoTrial {
-    /// A step failed, or the scheme does not take the scene.
+    /// A step failed, or the scheme does not accept the scene.
     Failed,
     /// The trial would exceed its budget.
     OutOfBudget,
@@ -31,21 +31,21 @@ pub(super) struct Search<'a> {
     watch: &'a mut dyn TrialWatch,
     pub(super) norm: Norm,
     omega: f64,
-    /// The relative error aimed at.
+    /// The target relative error.
     pub(super) aim: f64,
     /// Budget of all trials, s of the reference machine.
     pub(super) budget: f64,
-    /// Steps below which events of the scene would go unseen.
+    /// Smallest number of steps that resolves the events of the scene.
     pub(super) coarsest: u64,
     spent: Cell<f64>,
     trials: u32,
-    /// The part of the run on which explicit schemes were tried; `None` before, or where no part fitted.
+    /// The part of the run of the explicit trials; `None` before them, or if no part fits into the budget.
     pub(super) window: Option<Range<f64>>,
-    /// Was a trial left out or ended because of the budget?
+    /// Whether a trial was omitted or ended because of the budget.
     pub(super) is_exhausted: bool,
-    /// The implicit scheme and step whose difference from a coarser step was least, where none showed an order.
+    /// The implicit scheme and step with the smallest difference from a coarser step, if none showed an order.
     pub(super) nearest: Option<Candidate>,
-    /// By how much errors grew over the second half of a window, where that was faster than t².
+    /// Factor by which errors grew in the second half of a window, if faster than t².
     pub(super) growth: Option<f64>,
 }
 
@@ -82,7 +82,7 @@ impl<'a> Search<'a> {
         (self.budget - self.spent()).max(0.0)
     }
 
-    /// An explicit scheme at its recommended limit; the number of steps is a multiple of `parts`.
+    /// Returns an explicit scheme at its recommended limit; the number of steps is a multiple of `parts`.
     pub(super) fn limit(&self, scheme: SchemeName, parts: u64) -> Choice {
         let choice = Choice { scheme, stages: None, steps: 1 };
         let limit = choice.method().facts().recommended_limit.unwrap_or(1.0);
@@ -90,7 +90,7 @@ impl<'a> Search<'a> {
         Choice { steps: steps.max(self.coarsest.min(FINEST)).next_multiple_of(parts), ..choice }
     }
 
-    /// Runs a trial over a part of the run, for at most `seconds` of the reference machine and what is left.
+    /// Runs a trial over a part of the run, for at most `seconds` of the reference machine and the remaining budget.
     pub(super) fn trial(
         &mut self,
         choice: Choice,
@@ -118,7 +118,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Seconds of a whole run by its first steps; `None` where they fail.
+    /// Returns the cost of a whole run, estimated from its first steps, s; `None` if they fail.
     pub(super) fn cost(&mut self, choice: Choice) -> Result<Option<f64>, Stopped> {
         let sample = (choice.steps / SAMPLE[1]).clamp(SAMPLE[0], SAMPLE[1]);
         let fraction = (sample as f64 / choice.steps as f64).min(1.0);
@@ -126,7 +126,7 @@ impl<'a> Search<'a> {
         Ok(trial.ok().map(|trial| seconds_per_step(&trial) * choice.steps as f64))
     }
 
-    /// Seconds of a run by implicit midpoint with the finest step of all trials, by two steps.
+    /// Returns the cost of implicit midpoint with the finest step of all trials, estimated from two steps, s.
     pub(super) fn finest_implicit_cost(&mut self) -> Result<Option<f64>, Stopped> {
         let choice = Choice { scheme: SchemeName::ImplicitMidpoint, stages: None, steps: FINEST };
         let trial = self.trial(choice, 0.0..2.0 / FINEST as f64, f64::INFINITY)?;

@@ -1,5 +1,5 @@
-//! A scene run for its end state, run time and work alone: no history, no frames. The common ground of everything by
-//! which the program measures itself.
+//! Runs a scene only for its end state, run time and work, without history or frames. All measurements of the program
+//! use it.
 
 use std::cell::Cell;
 use std::ops::Range;
@@ -24,7 +24,7 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// Returns the choice that a scene asks for.
+    /// Returns the choice of a scene.
     pub fn of(scene: &Scene) -> Self {
         Self {
             scheme: scene.time.scheme.unwrap_or(SchemeName::Auto),
@@ -33,7 +33,7 @@ impl Choice {
         }
     }
 
-    /// The scene with this choice in place of its own.
+    /// Returns the scene with this choice in place of its own.
     pub fn apply(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();
         scene.time.choose(self.scheme, self.stages, self.steps);
@@ -44,7 +44,7 @@ impl Choice {
         scene
     }
 
-    /// Name of the scheme with its stages, e.g. `gauss 3`.
+    /// Returns the name of the scheme with its stages, e.g. `gauss 3`.
     pub fn label(&self) -> String {
         let name = self.method().name();
         match self.stages {
@@ -53,7 +53,7 @@ impl Choice {
         }
     }
 
-    /// The integrator.
+    /// Returns the integrator.
     pub fn method(&self) -> Method {
         let mut time = Time::new(1.0, 1.0, self.scheme);
         time.stages = self.stages;
@@ -63,9 +63,9 @@ impl Choice {
 
 /// Follows runs that measure: the trials of `auto`, the levels of a convergence study.
 pub trait TrialWatch {
-    /// The trial about to run.
+    /// Called with the next trial.
     fn next(&mut self, _what: &str) {}
-    /// Asked every few steps: false ends the trial and all that were to follow.
+    /// Called every few steps: false ends the trial and all later ones.
     fn go_on(&mut self) -> bool {
         true
     }
@@ -73,31 +73,31 @@ pub trait TrialWatch {
 
 impl TrialWatch for () {}
 
-/// End of a trial.
+/// Result of a trial.
 #[derive(Debug, Clone)]
 pub struct Trial {
     /// Free coordinates at the end, by component, m.
     pub end: Vec<Vec<f64>>,
     /// State after half of its steps (rounded down).
     pub middle: Vec<Vec<f64>>,
-    /// Seconds of stepping, by the clock.
+    /// Run time of stepping, s.
     pub seconds: f64,
-    /// Seconds of processors in stepping, of all threads of this process.
+    /// Processor time of stepping, of all threads of this process, s.
     pub processor_seconds: f64,
-    /// Seconds for which threads of this process could run and had no processor, where the system tells.
+    /// Time for which runnable threads of this process waited for a processor, s, if the system provides it.
     pub waited_seconds: Option<f64>,
-    /// Seconds of stepping on one core of the reference machine, counted.
+    /// Counted cost of stepping on one core of the reference machine, s.
     pub counted_seconds: f64,
-    /// max |H − H₀ − work from outside| over the largest kinetic energy, at some 32 times of the run.
+    /// max |H − H₀ − work from outside| over the largest kinetic energy, sampled at about 32 times.
     pub energy_drift: f64,
     /// Counted work.
     pub work: Work,
 }
 
-/// Why a trial has no end state.
+/// Reason why a trial has no end state.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TrialError {
-    /// A step failed or the energy left all bounds.
+    /// A step failed, or the energy exceeded all bounds.
     #[error("{0}")]
     Failed(String),
     /// The trial exceeded its limit.
@@ -106,7 +106,7 @@ pub enum TrialError {
         /// Time reached, s.
         t: f64,
     },
-    /// The caller asked to stop.
+    /// The caller requested a stop.
     #[error("stopped")]
     Stopped,
 }
@@ -116,24 +116,24 @@ pub enum TrialError {
 pub enum Limit<'a> {
     /// Time by the clock.
     Clock(Duration),
-    /// Seconds of one core of the reference machine, counted: it ends at the same step in every run.
+    /// Cost on one core of the reference machine, s. It is counted, so the trial ends at the same step in every run.
     Counted {
         /// Largest cost allowed.
         seconds: f64,
-        /// Receives the cost, whether or not the trial reached its end.
+        /// Receives the cost, even if the trial did not reach its end.
         spent: &'a Cell<f64>,
     },
 }
 
-/// Runs `scene` over `stretch`, a part of 0..1 of its time, within `limit`; asks `go_on` every few steps. A stretch
-/// that does not begin at 0 begins with the initial state of the scene, moved there in time.
+/// Runs `scene` over `stretch`, a part of 0..1 of its time, within `limit`; calls `go_on` every few steps. A stretch
+/// that does not start at 0 starts with the initial state of the scene, moved in time.
 pub fn run(
     scene: Scene,
     stretch: Range<f64>,
     limit: Limit<'_>,
     go_on: &mut dyn FnMut() -> bool,
 ) -> Result<Trial, TrialError> {
-    // What a scheme can do is asked, not how it can be rescued.
+    // A trial shows the result of the scheme itself, so failed steps are not divided.
     let mut scene = scene;
     scene.time.substeps = false;
     let mut simulation = Simulation::new(scene)
@@ -211,17 +211,17 @@ fn observed(
     })
 }
 
-/// The norm in which end states are compared: ‖w‖²_M = Σ mᵢ wᵢ² over the free coordinates.
+/// The norm for the comparison of end states: ‖w‖²_M = Σ mᵢ wᵢ² over the free coordinates.
 pub struct Norm {
     mass: Vec<Vec<f64>>,
     rest: Vec<Vec<f64>>,
 }
 
 impl Norm {
-    /// The norm of a simulation's systems; displacements count from rest.
+    /// Returns the norm of a simulation's systems; displacements are measured from rest.
     pub fn new(simulation: &Simulation) -> Self {
         let components = simulation.components();
-        // Rigid bodies have no other shape than the one they start from.
+        // The rest shape of rigid bodies is their initial one.
         let mut rest: Vec<Vec<f64>> = components.iter().map(|c| c.system().positions(c.state())).collect();
         for body in simulation.bodies() {
             let (rest, _) = rest[body.component].as_chunks_mut::<3>();
@@ -240,7 +240,7 @@ impl Norm {
         }
     }
 
-    /// ‖u − u_ref‖_M / ‖u_ref‖_M; zero where both are at rest.
+    /// Returns ‖u − u_ref‖_M / ‖u_ref‖_M, or zero if both are at rest.
     pub fn error(&self, end: &[Vec<f64>], reference: &[Vec<f64>]) -> f64 {
         let difference = self.squares(end, reference);
         if difference == 0.0 { 0.0 } else { (difference / self.squares(&self.rest, reference)).sqrt() }

@@ -7,7 +7,7 @@ use super::{AutoReport, Candidate, LEAST_BUDGET, activity};
 use crate::scene::{MassKind, Scene};
 
 impl AutoReport {
-    /// Of a scene in which nothing moves freely.
+    /// Returns the report for a scene without free motion.
     pub(super) fn of_rest(tolerance: f64) -> Self {
         Self {
             tolerance,
@@ -20,7 +20,8 @@ impl AutoReport {
         }
     }
 
-    /// Why the first candidate was chosen. `explicit`: steps and seconds of Störmer–Verlet at its limit.
+    /// Explains why the first candidate was chosen. `explicit` contains the number of steps and the seconds of
+    /// Störmer–Verlet at its limit.
     pub(super) fn explain(&self, scene: &Scene, explicit: Option<(u64, f64)>) -> String {
         let Some(best) = self.candidates.first() else { return String::new() };
         let is_explicit = |candidate: &Candidate| candidate.choice.method().facts().is_explicit;
@@ -70,7 +71,7 @@ impl AutoReport {
 }
 
 impl Search<'_> {
-    /// Why `best` may miss the tolerance.
+    /// Returns why `best` may miss the tolerance.
     pub(super) fn warning(&self, best: &Candidate, tolerance: f64) -> Option<String> {
         if best.measured {
             return None;

@@ -1,15 +1,16 @@
-//! An axis of a chart: what range it shows, where values lie on it, and its ticks. Nothing here draws.
+//! An axis of a chart: its range, the positions of values on it, and its ticks. This file draws nothing.
 
 /// Spacing of values along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Scale {
-    /// Evenly.
+    /// Linear spacing.
     Linear,
-    /// By powers of ten.
+    /// Logarithmic spacing, by powers of ten.
     Logarithmic,
 }
 
-/// An axis from place `from` to place `to`, which show `low` and `high` (their logarithms on a logarithmic one).
+/// An axis from position `from` to position `to` with the values `low` and `high` (their logarithms on a logarithmic
+/// axis).
 pub(super) struct Axis {
     scale: Scale,
     from: f64,
@@ -19,14 +20,14 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// An axis that shows all of the values that it can.
+    /// Returns an axis that shows all values that it can show.
     pub(super) fn over(scale: Scale, values: impl Iterator<Item = f64>, from: f64, to: f64) -> Self {
         let shown = values.filter_map(|value| scale.coordinate(value));
         let (low, high) = shown
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
         let (low, high) = match (scale, low.is_finite()) {
             (_, false) => (0.0, 1.0),
-            // From whole to whole powers of ten.
+            // The range extends to whole powers of ten.
             (Scale::Logarithmic, _) => {
                 let low = (low - 0.05).floor();
                 (low, (high + 0.05).ceil().max(low + 1.0))
@@ -46,12 +47,12 @@ impl Axis {
         Some(self.from + share.clamp(0.0, 1.0) * (self.to - self.from))
     }
 
-    /// Labels (SVG text) and places of the ticks.
+    /// Returns the labels (SVG text) and positions of the ticks.
     pub(super) fn ticks(&self) -> Vec<(String, f64)> {
         let power = |power: f64| format!("10<tspan dy=\"-5\" font-size=\"10\">{power}</tspan>");
         let span = self.high - self.low;
         let step = match self.scale {
-            // At most 12 powers of ten have room.
+            // At most 12 powers of ten fit.
             Scale::Logarithmic => (span / 12.0).ceil().max(1.0),
             Scale::Linear => {
                 let rough = span / 5.0;
@@ -85,7 +86,7 @@ impl Scale {
     }
 }
 
-/// A multiple of `step` with as many digits as tell it from its neighbours.
+/// Formats a multiple of `step` with as many digits as are needed to distinguish it from its neighbours.
 fn linear_label(value: f64, step: f64, largest: f64) -> String {
     let decimals = (-step.log10().floor()).max(0.0) as usize;
     if (1e-3..1e5).contains(&largest) {

@@ -1,4 +1,4 @@
-//! `variational bench`: words in, table and files out. It must not measure.
+//! `variational bench`: parses arguments, prints the table and writes files. This file measures nothing.
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -18,13 +18,13 @@ use crate::study::bench::{BenchError, BenchOptions, BenchReport, BenchWatch, ben
 pub(super) struct BenchArguments {
     #[command(flatten)]
     study: StudyArguments,
-    /// Wall time for everything, s
+    /// Wall time for the whole bench, s
     #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
     budget: f64,
-    /// The relative error wanted at the end (default: the scene's time.tolerance, else 0.01)
+    /// Required relative error at the end (default: the scene's time.tolerance, else 0.01)
     #[arg(long, value_name = "ERROR")]
     error: Option<f64>,
-    /// Schemes to sweep, comma-separated, e.g. stormer-verlet,"gauss 3"
+    /// Schemes to compare, comma-separated, e.g. stormer-verlet,"gauss 3"
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     schemes: Vec<String>,
 }
@@ -89,7 +89,7 @@ fn write(report: &BenchReport, title: &str, directory: &Path) -> std::io::Result
     std::fs::write(directory.join("bench.svg"), report.chart(title))
 }
 
-/// A bar with the time left on a terminal, a line for every run in a pipe.
+/// Shows a bar with the remaining time on a terminal, or a line for every run in a pipe.
 struct Watch {
     quiet: bool,
     stop: Stop,

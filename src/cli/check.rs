@@ -1,4 +1,4 @@
-//! `variational check`: everything that is wrong with scenes, without running them.
+//! `variational check`: reports all errors of scenes without running them.
 
 use std::path::{Path, PathBuf};
 
@@ -74,8 +74,8 @@ pub(super) fn run(arguments: &CheckArguments) -> u8 {
     if report.scenes.iter().all(|scene| scene.is_sound) { exit::DONE } else { exit::BAD_INPUT }
 }
 
-/// Returns the number of free coordinates of a scene, or everything that is wrong with it, with its meshes and with its
-/// output directory.
+/// Returns the number of free coordinates of a scene, or all problems of the scene, its meshes and its output
+/// directory.
 fn problems(path: &Path, overrides: &[String]) -> Result<usize, Vec<Problem>> {
     let (scene, parsed) = read(path, overrides)?;
     let directory = output_directory(&scene, &name_of(path), None);

@@ -12,12 +12,12 @@ use crate::intersections::frame::FrameSurface;
 use crate::intersections::{Intersection, intersections};
 use crate::run::provenance::Provenance;
 
-/// Intersections that are printed per frame.
+/// Largest number of intersections printed per frame.
 const PRINTED: usize = 10;
 
 #[derive(Debug, Args)]
 pub(super) struct CheckFramesArguments {
-    /// A directory that a run has written. Frames in f32 round positions: write them with `precision = "f64"`
+    /// An output directory of a run. Frames in f32 round positions: write them with `precision = "f64"`
     directory: PathBuf,
     #[command(flatten)]
     say: Say,
@@ -65,7 +65,7 @@ pub(super) fn run(arguments: &CheckFramesArguments) -> u8 {
     if count == 0 { exit::DONE } else { exit::BROKEN }
 }
 
-/// Finds the intersections of each frame, and prints the first of them for a reader.
+/// Finds the intersections of each frame, and prints the first ones for a reader.
 fn check(directory: &Path, say: &Say) -> Result<Vec<FrameReport>, IoError> {
     let mut frames = Vec::new();
     for file in frames_of(directory)? {
@@ -87,7 +87,7 @@ fn check(directory: &Path, say: &Say) -> Result<Vec<FrameReport>, IoError> {
     Ok(frames)
 }
 
-/// The frames of the series in a directory, or all its .vtu files in the order of their names.
+/// Returns the frames of the series in a directory, or all its .vtu files in the order of their names.
 fn frames_of(directory: &Path) -> Result<Vec<PathBuf>, IoError> {
     let system = |source| IoError::System { file: directory.into(), action: "read", source };
     let mut files = Vec::new();

@@ -1,4 +1,4 @@
-//! `variational convergence`: words in, tables and files out. It must not measure.
+//! `variational convergence`: parses arguments, prints tables and writes files. This file measures nothing.
 
 use std::path::Path;
 
@@ -16,16 +16,16 @@ use crate::study::convergence::{ConvergenceError, ConvergenceOptions, Convergenc
 pub(super) struct ConvergenceArguments {
     #[command(flatten)]
     study: StudyArguments,
-    /// Meshes and steps of each study, each half as coarse as the one before; 3 or more show an order
+    /// Number of meshes or steps of each study, each with half the size of the previous one; at least 3 show an order
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(2..=6))]
     levels: u32,
-    /// Refine the mesh only
+    /// Refine only the mesh
     #[arg(long, conflicts_with = "time")]
     space: bool,
-    /// Refine the step only
+    /// Refine only the step
     #[arg(long)]
     time: bool,
-    /// Study the lowest frequencies of vibration, rigid ones included, instead of the end of the run
+    /// Study the lowest vibration frequencies, including rigid ones, instead of the end of the run
     #[arg(long, value_name = "COUNT", conflicts_with = "time", value_parser = clap::value_parser!(u32).range(1..=1000))]
     modes: Option<u32>,
 }
@@ -80,7 +80,7 @@ fn write(report: &ConvergenceReport, title: &str, directory: &Path) -> std::io::
     std::fs::write(directory.join("convergence.svg"), report.chart(title))
 }
 
-/// A line for every run.
+/// Prints a line for every run.
 struct Watch {
     quiet: bool,
     stop: Stop,

@@ -1,4 +1,4 @@
-//! `variational info`: what a scene or a mesh holds, as text or as JSON. Nothing here runs a scene.
+//! `variational info`: prints the contents of a scene or a mesh, as text or as JSON. This file runs no scene.
 
 use std::path::{Path, PathBuf};
 
@@ -31,12 +31,12 @@ struct MeshFacts {
     provenance: Provenance,
     points: usize,
     cells: usize,
-    /// Least and greatest coordinates, m; none without points.
+    /// Smallest and largest coordinates, m; `None` without points.
     extent: Option<[[f64; 3]; 2]>,
     /// Number of cells by kind.
     kinds: Vec<(&'static str, usize)>,
     regions: Vec<RegionFacts>,
-    /// Name and components of arrays over points and cells.
+    /// Names and numbers of components of arrays over points and cells.
     point_data: Vec<(String, usize)>,
     cell_data: Vec<(String, usize)>,
     notes: Vec<String>,
@@ -55,12 +55,12 @@ struct SceneFacts {
     provenance: Provenance,
     title: String,
     steps: Option<u64>,
-    /// s.
+    /// Step, s.
     step: Option<f64>,
     scheme: &'static str,
     bodies: Vec<BodyFacts>,
     systems: Vec<SystemFacts>,
-    /// Limit of explicit steps, s, and the frequency that sets it, rad/s.
+    /// Limit of explicit steps, s, and the frequency that determines it, rad/s.
     step_limit: Option<f64>,
     highest_frequency: Option<f64>,
     notes: Vec<String>,
@@ -71,7 +71,7 @@ struct BodyFacts {
     name: String,
     nodes: usize,
     elements: usize,
-    /// kg.
+    /// Mass, kg.
     mass: f64,
     system: usize,
     materials: Vec<MaterialFacts>,
@@ -81,7 +81,7 @@ struct BodyFacts {
 #[derive(Serialize)]
 struct MaterialFacts {
     law: &'static str,
-    /// None for what no other entry names.
+    /// Region; `None` for the cells of no other entry.
     region: Option<String>,
     /// Thickness (m) and mass per area (kg/m²) of a sheet.
     sheet: Option<[f64; 2]>,
@@ -91,7 +91,7 @@ struct MaterialFacts {
 struct SystemFacts {
     free: usize,
     coordinates: usize,
-    /// Name and stencils of each term.
+    /// Name and number of stencils of each term.
     terms: Vec<(String, usize)>,
 }
 
@@ -123,7 +123,7 @@ pub(super) fn info(arguments: &InfoArguments) -> u8 {
     exit::DONE
 }
 
-/// Writes the matrices of each system, in files that begin with its number where there are several.
+/// Writes the matrices of each system. If there are several systems, file names begin with the number of the system.
 fn write_matrices(path: &Path, directory: &Path, say: &Say) -> u8 {
     let Ok((scene, parsed)) = accept(path, &[]) else { return exit::BAD_INPUT };
     let simulation = match Simulation::new(stand_in(&scene)) {

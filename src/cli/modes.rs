@@ -1,4 +1,4 @@
-//! `variational modes`: words in, tables and files out. Nothing here solves.
+//! `variational modes`: parses arguments, prints tables and writes files. This file solves nothing.
 
 use clap::Args;
 
@@ -14,10 +14,10 @@ use crate::study::modes::write_modes;
 pub(super) struct ModesArguments {
     #[command(flatten)]
     study: StudyArguments,
-    /// Number of modes of each set of bodies that act on each other, rigid ones included
+    /// Number of modes of each set of interacting bodies, including rigid ones
     #[arg(long, default_value_t = 12)]
     count: usize,
-    /// Use lumped mass, whatever `solver.mass` of the scene says (default: consistent)
+    /// Use lumped mass, regardless of the scene's `solver.mass` (default: consistent)
     #[arg(long)]
     lumped: bool,
 }
@@ -28,7 +28,7 @@ pub(super) fn modes(arguments: &ModesArguments) -> u8 {
             Ok(study) => study,
             Err(code) => return code,
         };
-    // `write_modes` claims the directory itself.
+    // `write_modes` makes its own claim on the directory.
     drop(claim);
     let mass = arguments.lumped.then_some(MassKind::Lumped);
     let report = match pool.install(|| write_modes(scene, &name, &directory, arguments.count, mass)) {

@@ -1,4 +1,4 @@
-//! Progress of a run: a bar with the time left on a terminal, plain lines in a pipe.
+//! Progress of a run: a bar with the remaining time on a terminal, plain lines in a pipe.
 
 use std::io::IsTerminal;
 
@@ -12,7 +12,7 @@ use crate::run::Watch;
 use crate::run::explain::explain;
 use crate::simulation::Simulation;
 
-/// Watches a run for the person at the terminal, and for signals that ask it to end.
+/// Shows the progress of a run on the terminal, and stops it after a signal.
 pub(super) struct Progress {
     quiet: bool,
     explain: bool,
@@ -93,7 +93,7 @@ impl Watch for Progress {
     fn step(&mut self, simulation: &Simulation) -> bool {
         let (steps, count) = (simulation.steps(), simulation.step_count());
         if let Some(bar) = &self.bar {
-            // Not at every step: a step can be shorter than the lock that the bar takes.
+            // The bar is not updated at every step, because a step can be shorter than the lock of the bar.
             if steps.is_multiple_of(16) || steps == count {
                 bar.set_position(steps);
             }

@@ -1,4 +1,4 @@
-//! `variational resume`: finds the newest sound checkpoint of a directory, and the scene that it is of.
+//! `variational resume`: finds the newest valid checkpoint of a directory, and its scene.
 
 use std::path::{Path, PathBuf};
 
@@ -14,9 +14,9 @@ use crate::scene::Scene;
 
 #[derive(Debug, Args)]
 pub(super) struct ResumeArguments {
-    /// The directory that the run writes
+    /// The output directory of the run
     directory: PathBuf,
-    /// Threads (default: one a core); the results are the same
+    /// Number of threads (default: one per core); the results do not depend on it
     #[arg(long)]
     threads: Option<usize>,
     #[command(flatten)]
@@ -66,7 +66,7 @@ pub(super) fn resume(arguments: &ResumeArguments) -> u8 {
     conclude(result, directory, &arguments.output, &stop)
 }
 
-/// The report and the steps of a run that has reached its end.
+/// Returns the report and the number of steps of a completed run.
 fn finished(directory: &Path) -> Option<(String, u64)> {
     let text = std::fs::read_to_string(directory.join("report.json")).ok()?;
     let report: serde_json::Value = serde_json::from_str(&text).ok()?;
@@ -74,7 +74,7 @@ fn finished(directory: &Path) -> Option<(String, u64)> {
     (report["outcome"] == "done").then_some((text, steps))
 }
 
-/// The scene that was run: from its file, or as the checkpoint holds it where that is gone.
+/// Returns the scene of the run, from its file, or from the checkpoint if the file does not exist.
 fn scene(origin: &Origin) -> Result<Scene, u8> {
     let parsed = match &origin.file {
         Some((file, overrides)) if file.exists() => Scene::read(file, overrides).map_err(|source| {

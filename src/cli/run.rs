@@ -1,4 +1,4 @@
-//! `variational run`, and how commands read a scene and end.
+//! `variational run`; also how all commands read a scene and report the end of a run.
 
 use std::path::{Path, PathBuf};
 
@@ -25,28 +25,28 @@ pub(super) struct RunArguments {
     /// Set a key of the scene, e.g. time.step=0.01
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<String>,
-    /// Threads (default: one a core); the results are the same
+    /// Number of threads (default: one per core); the results do not depend on it
     #[arg(long)]
     threads: Option<usize>,
-    /// Draw the energies over time as energy.svg, as `output.chart = true` does
+    /// Draw the energies over time as energy.svg, like `output.chart = true`
     #[arg(long)]
     chart: bool,
     #[command(flatten)]
     output: RunSay,
 }
 
-/// How much a run prints.
+/// Amount of output of a run.
 #[derive(Debug, Args)]
 pub(super) struct RunSay {
     #[command(flatten)]
     pub(super) say: Say,
-    /// Print what is built, made once, skipped and why; after the run, what was done
+    /// Print what is built, evaluated once and skipped, with reasons; after the run, the work done
     #[arg(long)]
     explain: bool,
 }
 
 impl RunSay {
-    /// The watch of a run that prints so.
+    /// Returns the watch of a run with this amount of output.
     pub(super) fn progress(&self, stop: &Stop) -> Progress {
         Progress::new(self.say.is_brief(), self.explain, stop.clone())
     }
@@ -85,14 +85,14 @@ pub(super) fn run(arguments: &RunArguments) -> u8 {
     }
 }
 
-/// Threads that may be asked for on a machine of fewer processors.
+/// Largest number of threads accepted on a machine with fewer processors.
 const MOST_THREADS: usize = 64;
 
-/// The threads of a command.
+/// Returns the threads of a command.
 pub(super) fn thread_pool(threads: Option<usize>) -> Result<rayon::ThreadPool, u8> {
     let mut pool = rayon::ThreadPoolBuilder::new();
     if let Some(threads) = threads {
-        // More threads than processors are of use in tests only, and each costs memory.
+        // More threads than processors are useful only in tests, and each uses memory.
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
         let most = MOST_THREADS.max(4 * processors);
         if !(1..=most).contains(&threads) {
@@ -109,7 +109,7 @@ pub(super) fn thread_pool(threads: Option<usize>) -> Result<rayon::ThreadPool, u
     })
 }
 
-/// Says how a run ended; the exit code.
+/// Prints how a run ended; returns the exit code.
 pub(super) fn conclude(
     result: Result<Report, RunError>,
     directory: &Path,
@@ -142,7 +142,7 @@ pub(super) fn conclude(
     }
 }
 
-/// The exit code of a command that ends with this error.
+/// Returns the exit code of a command that ends with this error.
 pub(super) fn code_of(error: &RunError) -> u8 {
     match error {
         error if error.is_failure() => exit::NO_CONVERGENCE,
@@ -156,7 +156,7 @@ pub(super) fn code_of(error: &RunError) -> u8 {
     }
 }
 
-/// Says why a run failed and what it left; the exit code.
+/// Prints why a run failed and where its results are; returns the exit code.
 pub(super) fn fail(error: &RunError, directory: &Path) -> u8 {
     message!("error: {error}");
     let code = code_of(error);
@@ -177,7 +177,7 @@ pub(super) fn fail(error: &RunError, directory: &Path) -> u8 {
     code
 }
 
-/// Reads a scene and its meshes' headers; on problems prints all of them, with those of its meshes.
+/// Reads a scene and the headers of its meshes; prints all problems of both.
 pub(super) fn accept(path: &Path, overrides: &[String]) -> Result<(Scene, Parsed), u8> {
     read(path, overrides).map_err(|problems| {
         problems.iter().for_each(|problem| message!("error: {problem}"));
@@ -185,7 +185,7 @@ pub(super) fn accept(path: &Path, overrides: &[String]) -> Result<(Scene, Parsed
     })
 }
 
-/// Reads a scene and its meshes' headers; returns all problems where there are any.
+/// Reads a scene and the headers of its meshes; returns all problems, if there are any.
 pub(super) fn read(path: &Path, overrides: &[String]) -> Result<(Scene, Parsed), Vec<Problem>> {
     let here = |problem: Problem| Problem { file: Some(path.to_owned()), ..problem };
     let mut parsed = Scene::read(path, overrides).map_err(|error| {
@@ -219,13 +219,13 @@ pub(super) fn print_problems(problems: Vec<Problem>, parsed: &Parsed, path: &Pat
     located(problems, parsed, path).iter().for_each(|problem| message!("error: {problem}"));
 }
 
-/// The problems with the lines of the file that they stand in.
+/// Returns the problems with their lines in the file.
 pub(super) fn located(problems: Vec<Problem>, parsed: &Parsed, path: &Path) -> Vec<Problem> {
     let located = |problem| Problem { file: Some(path.to_owned()), ..parsed.locate(problem) };
     problems.into_iter().map(located).collect()
 }
 
-/// The scene file's name without its ending.
+/// Returns the name of the scene file without its extension.
 pub(super) fn name_of(path: &Path) -> String {
     path.file_stem().map_or_else(|| "scene".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
@@ -236,8 +236,7 @@ pub(super) fn output_directory(scene: &Scene, name: &str, out: Option<&Path>) ->
         .unwrap_or_else(|| Path::new("out").join(name))
 }
 
-/// Could files be written into this directory, or into the nearest one above it that exists?
-/// Leaves nothing behind.
+/// Checks that files can be written into this directory, or into the nearest existing one above it. Leaves no files.
 pub(super) fn writable(directory: &Path) -> std::io::Result<()> {
     let existing =
         directory.ancestors().find(|path| path.exists()).filter(|path| !path.as_os_str().is_empty());

@@ -1,5 +1,5 @@
-//! Output of a command: results on standard output, messages on standard error. Either may be closed or full; no
-//! command ends for that.
+//! Output of a command: results on standard output, messages on standard error. Either may be closed or full; this
+//! does not end a command.
 
 use std::fmt::Arguments;
 use std::io::{Write, stderr, stdout};
@@ -23,10 +23,10 @@ macro_rules! message {
 
 pub(super) use {message, out};
 
-/// How much a command prints. These options mean the same for every command.
+/// Amount of output of a command. These options have the same meaning for every command.
 #[derive(Debug, Clone, Copy, Args)]
 pub(super) struct Say {
-    /// Print nothing but errors, warnings and notes (on standard error)
+    /// Print only errors, warnings and notes (on standard error)
     #[arg(long, short)]
     pub(super) quiet: bool,
     /// Print the result as one JSON document on standard output; errors, warnings and notes stay on standard error
@@ -35,12 +35,12 @@ pub(super) struct Say {
 }
 
 impl Say {
-    /// Returns whether progress and text for a reader are left out.
+    /// Returns whether progress and text for a reader are omitted.
     pub(super) fn is_brief(&self) -> bool {
         self.quiet || self.json
     }
 
-    /// Prints a result: as JSON, by `print`, or not at all.
+    /// Outputs a result: as JSON, with `print`, or not at all.
     pub(super) fn result(&self, result: &impl serde::Serialize, print: impl FnOnce()) {
         if self.json {
             match serde_json::to_string_pretty(result) {
@@ -53,7 +53,7 @@ impl Say {
     }
 }
 
-/// Has some of the standard output been lost?
+/// Whether a part of the standard output was lost.
 static LOST: AtomicBool = AtomicBool::new(false);
 
 /// Writes to standard output. After a write has failed, nothing more is written.
@@ -63,12 +63,12 @@ pub(super) fn write_result(text: Arguments<'_>) {
     }
 }
 
-/// Writes to standard error. A message that cannot be written has no other place to go, and is dropped.
+/// Writes to standard error. A message that cannot be written is dropped.
 pub(super) fn write_message(text: Arguments<'_>) {
     let _ = stderr().write_fmt(text);
 }
 
-/// Has everything that was given to [`write_result`] been written?
+/// Returns whether all text of [`write_result`] has been written.
 pub(super) fn all_is_written() -> bool {
     stdout().flush().is_ok() && !LOST.load(Ordering::Relaxed)
 }

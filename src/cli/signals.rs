@@ -1,5 +1,5 @@
-//! The signals that ask a command to end: Ctrl-C (SIGINT), SIGTERM and SIGHUP. The first one lets it write what it
-//! has reached; a second one ends it at once.
+//! The signals that end a command: Ctrl-C (SIGINT), SIGTERM and SIGHUP. After the first one, the command writes its
+//! results; a second one ends it immediately.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -10,7 +10,7 @@ use signal_hook::flag;
 use super::exit;
 use super::say::message;
 
-/// Has a signal asked the command to end?
+/// Records whether a signal has requested the end of the command.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Stop {
     is_asked: Arc<AtomicBool>,
@@ -18,7 +18,7 @@ pub(super) struct Stop {
 }
 
 impl Stop {
-    /// Listens for the signals from here on.
+    /// Starts to listen for the signals.
     pub(super) fn on_signals() -> Self {
         let stop = Self::default();
         for signal in signals() {
@@ -29,8 +29,8 @@ impl Stop {
         stop
     }
 
-    /// Actions run in the order of their registration: a signal that comes after another one ends the process, and
-    /// the number is there before the flag is.
+    /// Actions run in the order of their registration. A signal after another one ends the process, and the number is
+    /// stored before the flag is set.
     fn listen(&self, signal: i32) -> std::io::Result<()> {
         flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&self.is_asked))?;
         flag::register_usize(signal, Arc::clone(&self.signal), signal as usize)?;
@@ -38,12 +38,12 @@ impl Stop {
         Ok(())
     }
 
-    /// Has a signal come?
+    /// Returns whether a signal was received.
     pub(super) fn is_asked(&self) -> bool {
         self.is_asked.load(Ordering::SeqCst)
     }
 
-    /// The exit code of a command that a signal has ended: 128 + its number.
+    /// Returns the exit code of a command that was ended by a signal: 128 + its number.
     pub(super) fn code(&self) -> u8 {
         match self.signal.load(Ordering::SeqCst) {
             0 => exit::INTERRUPTED,
@@ -61,8 +61,8 @@ fn signals() -> Vec<i32> {
     signals
 }
 
-/// Was the program started with this signal ignored, as `nohup` does with SIGHUP? Where the system does not tell, it
-/// was not.
+/// Returns whether the program was started with this signal ignored, as `nohup` does with SIGHUP; false if the system
+/// does not provide this information.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

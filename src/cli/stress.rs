@@ -12,27 +12,27 @@ use crate::study::stress::{Case, Outcome, StressOptions, StressWatch, stress, wr
 
 #[derive(Debug, Args)]
 pub(super) struct StressArguments {
-    /// Violent scenes to run
+    /// Number of violent scenes
     #[arg(long, default_value_t = 1000)]
     count: u64,
-    /// The seed that they come from
+    /// Seed of the scenes
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Scenes run at once (default: one a core)
+    /// Number of scenes that run at the same time (default: one per core)
     #[arg(long)]
     jobs: Option<usize>,
-    /// Seconds after which a scene is ended after its step; at ten times this it counts as hung
+    /// Time limit of a scene, s, after which it ends with its current step; at ten times this limit it counts as hung
     #[arg(long, default_value_t = 10.0)]
     limit: f64,
-    /// Where the scenes of forbidden outcomes are written
+    /// Directory for the scenes with forbidden outcomes
     #[arg(long, default_value = "stress-failures")]
     keep: PathBuf,
-    /// Write the scenes and their meshes into this directory and run none
+    /// Write the scenes and their meshes into this directory without running them
     #[arg(long, value_name = "DIRECTORY")]
     write: Option<PathBuf>,
     #[command(flatten)]
     say: Say,
-    /// Print what came of every scene
+    /// Print the outcome of every scene
     #[arg(long)]
     verbose: bool,
 }
@@ -69,7 +69,7 @@ pub(super) fn run(arguments: &StressArguments) -> u8 {
     }
 }
 
-/// Prints forbidden outcomes, or all, as they come.
+/// Prints forbidden outcomes, or all outcomes, as they occur.
 struct Watch {
     verbose: bool,
     stop: Stop,

@@ -20,32 +20,32 @@ pub(super) struct StudyArguments {
     /// Set a key of the scene, e.g. time.end=0.5
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<String>,
-    /// Threads (default: one a core)
+    /// Number of threads (default: one per core)
     #[arg(long)]
     threads: Option<usize>,
     #[command(flatten)]
     pub(super) say: Say,
 }
 
-/// A study that may begin.
+/// A study that is ready to start.
 pub(super) struct Study {
     pub(super) scene: Scene,
     pub(super) parsed: Parsed,
     pub(super) pool: rayon::ThreadPool,
-    /// The scene file's name without its ending.
+    /// Name of the scene file without its extension.
     pub(super) name: String,
     pub(super) directory: PathBuf,
-    /// Nobody else writes into the directory while the study lasts.
+    /// Claim that prevents others from writing into the directory during the study.
     pub(super) claim: Claim,
 }
 
 impl StudyArguments {
-    /// Accepts the scene, the threads and the output directory of `command`, or says what is wrong.
+    /// Checks the scene, the threads and the output directory of `command`; prints the problems.
     pub(super) fn open(&self, command: &str) -> Result<Study, u8> {
         self.open_in(|_, name| Path::new("out").join(format!("{name}-{command}")))
     }
 
-    /// Returns the options with an output directory next to the scene, if none is given.
+    /// Returns the study with an output directory next to the scene, if none is given.
     pub(super) fn open_in(&self, default: impl Fn(&Scene, &str) -> PathBuf) -> Result<Study, u8> {
         let (scene, parsed) = accept(&self.scene, &self.overrides)?;
         let pool = thread_pool(self.threads)?;

@@ -6,10 +6,10 @@ use super::say::out;
 use crate::run::report::Report;
 use crate::run::results::{Peak, Results};
 
-/// Lines of one kind at most; report.json has all.
+/// Largest number of lines of one kind; report.json contains all.
 const MOST: usize = 10;
 
-/// Prints what a run did and found.
+/// Prints the work and the results of a run.
 pub(super) fn summary(report: &Report, directory: &Path) {
     let what = match report.scheme {
         Some(scheme) => {
@@ -44,7 +44,7 @@ pub(super) fn summary(report: &Report, directory: &Path) {
             event["action"].as_str().unwrap_or_default()
         );
     }
-    // In statics nothing moves, and there is no drift to speak of.
+    // A static solution has no motion, and so no drift.
     let drift = report.energy_drift;
     if drift.is_finite() && report.scheme.is_some() {
         out!("energy drift {drift:.2e} of the largest kinetic energy");
@@ -73,7 +73,7 @@ pub(super) fn summary(report: &Report, directory: &Path) {
     out!("written to {}", directory.display());
 }
 
-/// Prints what a run found.
+/// Prints the results of a run.
 fn results(results: &Results) {
     if let Some(peak) = &results.largest_displacement {
         out!("largest displacement {:.4e} m {}", peak.value, place(peak));
@@ -100,7 +100,7 @@ fn results(results: &Results) {
     rest(results.probes.len(), "columns of probes");
 }
 
-/// A number with what it counts.
+/// Formats a number with the name of the counted things.
 pub(super) fn counted(count: u64, one: &str, several: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { several })
 }

@@ -1,4 +1,4 @@
-//! `variational sweep`: words in, tables and progress out. Nothing here runs a point.
+//! `variational sweep`: parses arguments, prints progress and writes tables. This file runs no point.
 
 use std::path::{Path, PathBuf};
 
@@ -25,13 +25,13 @@ pub(super) struct SweepArguments {
     /// Output directory (default: out/<scene>-sweep)
     #[arg(long, value_name = "DIRECTORY")]
     out: Option<PathBuf>,
-    /// Points that run at once (default: one a core, or fewer where each has several threads)
+    /// Number of points that run at the same time (default: one per core, or fewer if each has several threads)
     #[arg(long)]
     jobs: Option<usize>,
-    /// Threads of each point; the results are the same
+    /// Number of threads of each point; the results do not depend on it
     #[arg(long, default_value_t = 1)]
     threads: usize,
-    /// Run every N-th point only, from the I-th on (from 0): one task of an array of N
+    /// Run only every N-th point, starting with number I (from 0): one task of an array of N
     #[arg(long, value_name = "I/N", default_value = "0/1", value_parser = task)]
     task: (usize, usize),
     #[command(flatten)]
@@ -43,7 +43,7 @@ struct SweepJson<'a> {
     provenance: Provenance,
     #[serde(flatten)]
     report: &'a SweepReport,
-    /// The tables that were written.
+    /// Paths of the tables.
     tables: [String; 2],
 }
 
@@ -96,7 +96,7 @@ pub(super) fn run(arguments: &SweepArguments) -> u8 {
     };
     let tables =
         ["sweep.csv", "sweep-times.csv"].map(|name| options.directory.join(name).display().to_string());
-    // Points may differ in their meshes: their own reports count the coordinates.
+    // Points may have different meshes: their own reports contain the numbers of coordinates.
     let provenance = Provenance::new(&name_of(&arguments.scene), 0);
     let json = SweepJson { provenance, report: &report, tables };
     arguments.say.result(&json, || {

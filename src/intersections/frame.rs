@@ -1,6 +1,7 @@
 //! The surfaces of a frame: positions, the triangles of sheets and of the boundaries of solids, and lines.
 //!
-//! Quadratic sides become four triangles or more through their midpoints, the linear proxy that contact uses too.
+//! Quadratic sides become four or more triangles through their mid-side nodes, the same linear approximation as in
+//! contact.
 
 use std::collections::HashMap;
 
@@ -15,7 +16,8 @@ pub(crate) struct FrameSurface {
 }
 
 impl FrameSurface {
-    /// The surfaces of a frame, whose points are at rest and have an array `displacement`, or are where they are.
+    /// Returns the surfaces of a frame. Its points are either the positions at rest, with an array `displacement`, or
+    /// the current positions.
     pub(crate) fn new(frame: &MeshFile) -> Self {
         let mut points = frame.mesh.points.clone();
         let displacement =
@@ -26,7 +28,7 @@ impl FrameSurface {
             }
         }
         let (mut triangles, mut wires) = (Vec::new(), Vec::new());
-        // Sides of solids by their corners: those that one cell has are the boundary.
+        // Sides of solids are identified by their corners: those of only one cell form the boundary.
         let mut sides: HashMap<Vec<u32>, Option<Vec<[u32; 3]>>> = HashMap::new();
         for (kind, nodes) in frame.mesh.cells() {
             match kind.dimension() {
@@ -52,7 +54,7 @@ impl FrameSurface {
     }
 }
 
-/// The triangles of a cell of a surface.
+/// Returns the triangles of a cell of a surface.
 fn cut(kind: CellKind, nodes: &[u32]) -> Vec<[u32; 3]> {
     kind.triangles().iter().map(|triangle| triangle.map(|node| nodes[node])).collect()
 }
@@ -79,7 +81,7 @@ mod tests {
             let mut used: Vec<u32> = surface.triangles.concat();
             used.sort_unstable();
             used.dedup();
-            // The centre of the biquadratic hexahedron is inside.
+            // The centre node of the biquadratic hexahedron is inside.
             let inside = u32::from(kind == CellKind::Hex27);
             assert_eq!(used.len() as u32, count - inside, "{}", kind.name());
         }

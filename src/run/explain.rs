@@ -8,7 +8,7 @@ use vi_solvers::{Assembler, Factor, HessianEvaluation};
 
 use crate::simulation::{Component, Simulation};
 
-/// Lists what will be built, by component and term.
+/// Lists the parts that will be built, by component and term.
 ///
 /// For implicit schemes it builds the matrix and makes one step of a copy, to report sizes and the choice of the linear
 /// solver.
@@ -169,7 +169,7 @@ fn term(text: &mut String, system: &System, potential: &dyn Potential, is_explic
     let _ = writeln!(text, "; local blocks {}", bytes(local));
 }
 
-/// Lists the work done, in counts.
+/// Lists the counts of work.
 pub fn account(work: &Map<String, Value>) -> String {
     let (done, none): (Vec<_>, Vec<_>) = work.iter().partition(|(_, count)| count.as_u64() != Some(0));
     let words = |name: &str| name.replace('_', " ");

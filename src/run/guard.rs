@@ -18,12 +18,12 @@ use crate::simulation::{Observation, Simulation};
 /// Relative round-off of an energy.
 const NOISE: f64 = 1e-11;
 
-/// An intervention of the guard.
+/// An action of the guard.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GuardEvent {
     /// The step after which the growth was found.
     pub step: u64,
-    /// Time of the intervention, s.
+    /// Time of the action, s.
     pub t: f64,
     /// Growth, J.
     pub joules: f64,
@@ -59,7 +59,7 @@ struct Watched {
 
 record!(Watched { growth: Growth, events: Option<Vec<GuardEvent>> });
 
-/// Watches the energy of a run.
+/// Monitors the energy of a run.
 pub(crate) struct EnergyGuard {
     pub(crate) rule: Guard,
     pub(crate) growth: Growth,

@@ -35,7 +35,7 @@ pub(crate) struct HistoryWriter {
 /// Position in the file.
 #[derive(Debug, Clone, Copy, Default)]
 struct Written {
-    /// Bytes written so far, in the buffer or in the file.
+    /// Number of bytes written so far, in the buffer or in the file.
     bytes: u64,
     /// The step of the last row.
     step: u64,

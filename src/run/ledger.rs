@@ -9,7 +9,7 @@ use super::report::Report;
 use crate::record::Bytes;
 use crate::simulation::{Observation, Simulation};
 
-/// Follows the energy of a run.
+/// Records the energy of a run.
 pub(crate) struct LedgerKeeper {
     pub(crate) account: EnergyLedger,
     /// Energy below which round-off dominates, J.

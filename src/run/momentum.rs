@@ -8,7 +8,7 @@ use super::report::Report;
 use crate::record::{Bytes, record};
 use crate::simulation::{Observation, Simulation};
 
-/// Follows the momenta of a run.
+/// Records the momenta of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MomentumLedger {
     first: Momenta,

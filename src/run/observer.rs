@@ -11,13 +11,13 @@ use crate::simulation::{Observation, Simulation, Stepped};
 
 /// An event that is shown to all observers. Each handles the events that concern it and ignores the others.
 pub(crate) enum Sight<'a> {
-    /// A step was made, or several with nothing due between them.
+    /// A step was made, or several without output between them.
     Steps(&'a Stepped),
     /// Energies and momenta after a step, with the energy ledger up to it.
     Energies(&'a Observation, &'a EnergyLedger),
     /// A row of history.csv is due.
     Row(&'a Row<'a>),
-    /// A frame is due, of this state.
+    /// A frame of this state is due.
     Frame(&'a Simulation),
 }
 
@@ -42,9 +42,9 @@ pub(crate) enum Purpose {
     Resume,
 }
 
-/// One thing that a run observes.
+/// An observer of a run.
 pub(crate) trait Observer {
-    /// The name of its snapshot in a checkpoint.
+    /// Returns the name of its snapshot in a checkpoint.
     fn name(&self) -> &'static str;
 
     /// Handles an event.

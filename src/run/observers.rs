@@ -68,13 +68,13 @@ impl Observers {
         self.see(&Sight::Steps(stepped))
     }
 
-    /// Shows the energies after a step.
+    /// Passes the energies after a step to the observers.
     pub(super) fn see_energies(&mut self, seen: &Observation) -> Result<(), RunError> {
         let account = self.ledger.account;
         self.see(&Sight::Energies(seen, &account))
     }
 
-    /// Shows a row of history.csv.
+    /// Passes a row of history.csv to the observers.
     pub(super) fn see_row(&mut self, simulation: &Simulation, seen: &Observation) -> Result<(), RunError> {
         let step = simulation.steps();
         let estimates = self.estimator.as_mut().and_then(|estimator| estimator.compare(step, &seen.probes));

@@ -17,9 +17,9 @@ pub struct Provenance {
     pub version: &'static str,
     /// Commit that the program was built from, with `+` if files had changed; `None` outside a repository.
     pub commit: Option<&'static str>,
-    /// Compiler that the program was built with.
+    /// Compiler of the program.
     pub compiler: &'static str,
-    /// Operating system and instruction set that the program was built for.
+    /// Operating system and instruction set for which the program was built.
     pub target: String,
     /// Model of the processor.
     pub processor: String,

@@ -34,7 +34,7 @@ pub struct Report {
     pub provenance: Provenance,
     /// Name of the scene.
     pub name: String,
-    /// The scene as it ran.
+    /// The scene of the run, with all settings.
     pub scene: Scene,
     /// Name of the scheme; `None` in statics.
     pub scheme: Option<&'static str>,
@@ -42,15 +42,15 @@ pub struct Report {
     pub variational: Option<bool>,
     /// The step, adjusted to land on the end, s; in statics the increment of the time that loads depend on.
     pub h: f64,
-    /// Steps made.
+    /// Number of steps made.
     pub steps: u64,
     /// How the run ended.
     pub outcome: Option<Outcome>,
-    /// Nodes of all bodies.
+    /// Number of nodes of all bodies.
     pub node_count: usize,
-    /// Elements of all bodies.
+    /// Number of elements of all bodies.
     pub element_count: usize,
-    /// Free coordinates.
+    /// Number of free coordinates.
     pub free_coordinates: usize,
     /// Number of independent systems, and of those without a free coordinate.
     pub components: Value,
@@ -78,7 +78,7 @@ pub struct Report {
     pub work: Map<String, Value>,
     /// The linear solver of each system with equations to solve; `--explain` gives the reasons.
     pub linear_solvers: Vec<String>,
-    /// Frames written.
+    /// Number of frames written.
     pub frames: usize,
     /// The energy ledger, J.
     pub energy: Value,
@@ -225,7 +225,7 @@ impl Report {
         let temporary = path.with_extension("json.tmp");
         let written = std::fs::write(&temporary, text).and_then(|()| std::fs::rename(&temporary, path));
         if written.is_err() {
-            // The first error is the one to report; the temporary file may not even exist.
+            // The first error is reported; the temporary file may not exist.
             let _ = std::fs::remove_file(&temporary);
         }
         written

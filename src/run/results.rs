@@ -65,13 +65,13 @@ pub struct Reaction {
 pub struct ColumnRange {
     /// Name of the column, e.g. `tip.uz` or `hole.max.von_mises`.
     pub column: String,
-    /// Least value, in the unit of the column.
+    /// Smallest value, in the unit of the column.
     pub min: f64,
-    /// Time of the least value, s.
+    /// Time of the smallest value, s.
     pub at_min: f64,
-    /// Greatest value, in the unit of the column.
+    /// Largest value, in the unit of the column.
     pub max: f64,
-    /// Time of the greatest value, s.
+    /// Time of the largest value, s.
     pub at_max: f64,
 }
 

@@ -9,7 +9,7 @@ use vi_mesh::Surface;
 use crate::scene::{Cache, Scene};
 use crate::simulation::Simulation;
 
-/// Writes the surface of every body at even times.
+/// Writes the surface of every body at regular times.
 pub(crate) struct SurfaceWriter {
     directory: PathBuf,
     cache: Cache,
