@@ -1,17 +1,17 @@
 //! Finds all problems of the values of a scene at once, each with its key and the way out.
 
 mod checker;
+mod parts;
 mod rigids;
+mod statics;
 
 use std::collections::HashSet;
 
-use vi_fem::{LockingCure, Motion};
+use vi_fem::LockingCure;
 
-use super::problem::{Problem, some_of};
-use super::{
-    Body, Control, MOST_REFINED, MassKind, Refine, RefineAlong, RestShape, Scene, SchemeName, Static,
-    Substance,
-};
+use super::names::Names;
+use super::problem::Problem;
+use super::{Body, MOST_REFINED, MassKind, Refine, RefineAlong, RestShape, Scene, SchemeName, Substance};
 use super::{columns, contact, plain};
 use checker::Checker;
 
@@ -51,7 +51,10 @@ fn values(scene: &Scene) -> Vec<Problem> {
         }
     }
     rigids::rigids(&mut check, scene);
-    attachments(&mut check, scene);
+    let names = Names::new(scene);
+    parts::parts(&mut check, scene, &names);
+    wind_and_damping(&mut check, scene);
+    statics::statics(&mut check, scene, &names);
     output(&mut check, scene);
     check.problems
 }
@@ -228,98 +231,7 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
     }
 }
 
-fn attachments(check: &mut Checker, scene: &Scene) {
-    let names: Vec<_> = scene.bodies.iter().map(|body| body.name.as_str()).collect();
-    let (is_known, there) = (names.iter().copied().collect::<HashSet<_>>(), some_of(&names));
-    let known = |check: &mut Checker, key: String, name: &str| {
-        if !is_known.contains(name) {
-            check.say(key, format!("there is no body '{name}'; there are: {there}"));
-        }
-    };
-    for (i, fix) in scene.fixes.iter().enumerate() {
-        let key = format!("fix[{i}]");
-        known(check, format!("{key}.body"), &fix.body);
-        for (part, message) in fix.problems() {
-            check.say(if part.is_empty() { key.clone() } else { format!("{key}.{part}") }, message);
-        }
-        let is_sheet = |body: &Body| body.name != fix.body || body.dimension() == 2;
-        if fix.rotation && !scene.bodies.iter().all(is_sheet) {
-            check.say(
-                format!("{key}.rotation"),
-                "only sheets have it; nodes of a solid that are held hold its rotation",
-            );
-        }
-        if fix.rotation && matches!(fix.motion, Some(Motion::Rotate(_))) {
-            check.say(
-                format!("{key}.rotation"),
-                "holds the normal in space; it cannot go with a turning motion",
-            );
-        }
-        if let Some(Err(error)) = fix.motion.as_ref().map(Motion::check) {
-            check.say(format!("{key}.motion"), error.to_string());
-        }
-    }
-    for (i, spring) in scene.springs.iter().enumerate() {
-        let key = format!("spring[{i}]");
-        check.positive(format!("{key}.stiffness"), spring.stiffness, "N/m");
-        if spring.length.is_some_and(|length| !(length >= 0.0 && length.is_finite())) {
-            check.say(format!("{key}.length"), "must be zero or positive, in m");
-        }
-        if spring.from.body.is_none() {
-            check.say(format!("{key}.from"), "missing key `body`: the first end must be on a body");
-        }
-        for (side, end) in [("from", &spring.from), ("to", &spring.to)] {
-            let key = format!("{key}.{side}");
-            if let Some(body) = &end.body {
-                known(check, format!("{key}.body"), body);
-            } else if end.node.is_some() {
-                check.say(format!("{key}.node"), "a node needs a `body`");
-            }
-            let given = [("point", end.point.is_some()), ("node", end.node.is_some())];
-            check.at_most_one_of(&key, &given, true);
-        }
-    }
-    let keyed = |key: String, part: &str| if part.is_empty() { key } else { format!("{key}.{part}") };
-    for (i, attach) in scene.attachments.iter().enumerate() {
-        known(check, format!("attach[{i}].body"), &attach.body);
-        if let Some(to) = &attach.to
-            && !scene.rigids.iter().any(|rigid| rigid.name == *to)
-        {
-            known(check, format!("attach[{i}].to"), to);
-        }
-        for (part, message) in attach.problems() {
-            check.say(keyed(format!("attach[{i}]"), part), message);
-        }
-    }
-    for (i, seam) in scene.seams.iter().enumerate() {
-        known(check, format!("seam[{i}].body"), &seam.body);
-        if let Some(to) = &seam.to {
-            known(check, format!("seam[{i}].to"), to);
-        }
-        for (part, message) in seam.problems() {
-            check.say(keyed(format!("seam[{i}]"), part), message);
-        }
-    }
-    for (i, periodic) in scene.periodics.iter().enumerate() {
-        known(check, format!("periodic[{i}].body"), &periodic.body);
-        for (part, message) in periodic.problems() {
-            check.say(format!("periodic[{i}].{part}"), message);
-        }
-    }
-    for (i, strike) in scene.strikes.iter().enumerate() {
-        known(check, format!("strike[{i}].body"), &strike.body);
-        for (part, message) in strike.on.problems() {
-            check.say(keyed(format!("strike[{i}]"), part), message);
-        }
-        check.finite(format!("strike[{i}].impulse"), &strike.impulse);
-    }
-    for (i, load) in scene.loads.iter().enumerate() {
-        known(check, format!("load[{i}].body"), load.body());
-        for (key, message) in load.problems() {
-            let key = if key.is_empty() { format!("load[{i}]") } else { format!("load[{i}].{key}") };
-            check.say(key, message);
-        }
-    }
+fn wind_and_damping(check: &mut Checker, scene: &Scene) {
     if let Some(wind) = &scene.wind {
         check.finite("wind.velocity", &wind.velocity);
         for (name, value) in
@@ -344,59 +256,6 @@ fn attachments(check: &mut Checker, scene: &Scene) {
             }
         }
         check.finite("damping.bulk_viscosity", &[damping.bulk_viscosity]);
-    }
-    if let Some(statics) = &scene.statics {
-        if let Some(smallest) = statics.smallest_increment {
-            check.positive("static.smallest_increment", smallest, "");
-        }
-        if !(1e-14..=0.1).contains(&statics.tolerance) {
-            let message = format!("must be 1e-14 (to round-off) to 0.1, is {:e}", statics.tolerance);
-            check.say("static.tolerance", message);
-        }
-        if statics.push.is_some_and(|push| !push.is_finite()) {
-            check.say("static.push", "must be finite");
-        }
-        path_of_equilibria(check, scene, statics);
-    }
-    for (i, probe) in scene.probes.iter().enumerate() {
-        let key = format!("probe[{i}]");
-        if probe.between.is_none() && !probe.body.is_empty() {
-            known(check, format!("{key}.body"), &probe.body);
-        }
-        let is_sheet = |body: &Body| body.name == probe.body && body.dimension() == 2;
-        for (part, message) in probe.problems(scene.bodies.iter().any(is_sheet)) {
-            check.say(keyed(key.clone(), part), message);
-        }
-        check.finite(format!("{key}.point"), &probe.point.unwrap_or_default());
-    }
-}
-
-fn path_of_equilibria(check: &mut Checker, scene: &Scene, statics: &Static) {
-    let given = [("arc_steps", statics.arc_steps.is_some()), ("control", statics.control.is_some())];
-    check.at_most_one_of("static", &given, false);
-    if statics.arc_steps == Some(0) {
-        check.say("static.arc_steps", "must be at least 1");
-    }
-    if statics.follows_path() && statics.push.is_some() {
-        check.say("static.push", "leaves the path that `arc_steps` and `control` follow: remove this key");
-    }
-    let Some(control) = &statics.control else { return };
-    check.finite("static.control.to", &[control.to()]);
-    if control.to() == 0.0 {
-        check.say("static.control.to", "must not be zero");
-    }
-    if let Control::Displacement { probe, .. } = control
-        && !scene.probes.iter().any(|other| other.name == *probe)
-    {
-        let message = format!("there is no probe named '{probe}': add a [[probe]] of this name");
-        check.say("static.control.probe", message);
-    }
-    if let Control::Volume { body, .. } = control
-        && !scene.bodies.iter().any(|other| other.name == *body)
-    {
-        let names: Vec<_> = scene.bodies.iter().map(|body| body.name.as_str()).collect();
-        let message = format!("there is no body '{body}'; there are: {}", names.join(", "));
-        check.say("static.control.body", message);
     }
 }
 

@@ -1,0 +1,50 @@
+//! Checks of equilibria: load steps, paths and their control.
+
+use super::checker::Checker;
+use crate::scene::names::Names;
+use crate::scene::problem::some_of;
+use crate::scene::{Control, Scene, Static};
+
+pub(super) fn statics(check: &mut Checker, scene: &Scene, names: &Names<'_>) {
+    let Some(statics) = &scene.statics else { return };
+    if let Some(smallest) = statics.smallest_increment {
+        check.positive("static.smallest_increment", smallest, "");
+    }
+    if !(1e-14..=0.1).contains(&statics.tolerance) {
+        let message = format!("must be 1e-14 (to round-off) to 0.1, is {:e}", statics.tolerance);
+        check.say("static.tolerance", message);
+    }
+    if statics.push.is_some_and(|push| !push.is_finite()) {
+        check.say("static.push", "must be finite");
+    }
+    path_of_equilibria(check, scene, statics, names);
+}
+
+fn path_of_equilibria(check: &mut Checker, scene: &Scene, statics: &Static, names: &Names<'_>) {
+    let given = [("arc_steps", statics.arc_steps.is_some()), ("control", statics.control.is_some())];
+    check.at_most_one_of("static", &given, false);
+    if statics.arc_steps == Some(0) {
+        check.say("static.arc_steps", "must be at least 1");
+    }
+    if statics.follows_path() && statics.push.is_some() {
+        check.say("static.push", "leaves the path that `arc_steps` and `control` follow: remove this key");
+    }
+    let Some(control) = &statics.control else { return };
+    check.finite("static.control.to", &[control.to()]);
+    if control.to() == 0.0 {
+        check.say("static.control.to", "must not be zero");
+    }
+    if let Control::Displacement { probe, .. } = control
+        && names.probe(probe).is_none()
+    {
+        let message = format!("there is no probe named '{probe}': add a [[probe]] of this name");
+        check.say("static.control.probe", message);
+    }
+    if let Control::Volume { body, .. } = control
+        && names.body(body).is_none()
+    {
+        let there: Vec<_> = scene.bodies.iter().map(|body| body.name.as_str()).collect();
+        let message = format!("there is no body '{body}'; there are: {}", some_of(&there));
+        check.say("static.control.body", message);
+    }
+}
