@@ -1,0 +1,170 @@
+//! The parts of a body that are connected by its stencils, and the rigid motions under which the energy of each is
+//! invariant.
+
+use nalgebra::Vector3;
+use vi_core::{HessianKind, Potential, System};
+
+use crate::index::NONE;
+
+/// The parts of a body that are connected by stencils of terms that are not affine.
+pub(super) struct Parts {
+    pub(super) count: usize,
+    /// The part of each free coordinate, or [`NONE`] if only affine terms act on it.
+    pub(super) of_free: Vec<u32>,
+    /// The part of each stencil, per term; empty for affine terms.
+    pub(super) of_stencils: Vec<Vec<u32>>,
+    /// For each part, the translations under which V is invariant, and whether it is invariant under rotations.
+    pub(super) translations: Vec<[bool; 3]>,
+    pub(super) rotations: Vec<bool>,
+    /// Each part with each prescribed coordinate that its stencils touch; empty where no support moves.
+    pub(super) prescribed: Vec<(u32, u32)>,
+}
+
+impl Parts {
+    pub(super) fn new(system: &System) -> Self {
+        let coordinates = system.coordinates();
+        let mut free_of = vec![NONE; coordinates.dof_count()];
+        for (k, &dof) in coordinates.free().iter().enumerate() {
+            free_of[dof as usize] = k as u32;
+        }
+        let mut sets = Sets((0..coordinates.free_count() as u32).collect());
+        let terms: Vec<_> =
+            system.potentials().iter().map(|term| (term, is_internal(term.as_ref()))).collect();
+        let is_affine = |term: &dyn Potential| term.traits().hessian == HessianKind::Zero;
+        let dofs = |term: &dyn Potential, stencil: usize| {
+            let stencils = term.stencils();
+            let block = stencils.block;
+            let mut dofs = Vec::new();
+            for &node in stencils.of(stencil) {
+                // A tied node stands for the nodes to which it is tied.
+                match coordinates.combination(node * block as u32 / 3) {
+                    Some(terms) => {
+                        dofs.extend(terms.iter().flat_map(|&(k, _)| 3 * k as usize..3 * k as usize + 3));
+                    }
+                    None => dofs.extend(node as usize * block..(node as usize + 1) * block),
+                }
+            }
+            dofs
+        };
+        for (term, _) in terms.iter().filter(|(term, _)| !is_affine(term.as_ref())) {
+            for stencil in 0..term.stencils().count() {
+                let mut free = dofs(term.as_ref(), stencil).into_iter().map(|dof| free_of[dof]);
+                let mut free = free.by_ref().filter(|&k| k != NONE);
+                if let Some(first) = free.next() {
+                    free.for_each(|k| sets.join(first, k));
+                }
+            }
+        }
+        // Number the parts in the order of their first coordinate.
+        let mut number = vec![NONE; coordinates.free_count()];
+        let mut count = 0;
+        let mut of_stencils = Vec::new();
+        let (mut translations, mut rotations): (Vec<[bool; 3]>, Vec<bool>) = (Vec::new(), Vec::new());
+        let is_moving = coordinates.is_moving();
+        let mut prescribed = Vec::new();
+        for (term, internal) in &terms {
+            let mut of_term = Vec::new();
+            if !is_affine(term.as_ref()) {
+                for stencil in 0..term.stencils().count() {
+                    let dofs = dofs(term.as_ref(), stencil);
+                    let first = dofs.iter().map(|&dof| free_of[dof]).find(|&k| k != NONE);
+                    let Some(first) = first else {
+                        of_term.push(NONE);
+                        continue;
+                    };
+                    let root = sets.root(first) as usize;
+                    if number[root] == NONE {
+                        number[root] = count;
+                        count += 1;
+                        translations.push([true; 3]);
+                        rotations.push(true);
+                    }
+                    let part = number[root] as usize;
+                    of_term.push(part as u32);
+                    // A fixed coordinate, or a term that depends on absolute position, breaks the symmetry.
+                    for dof in dofs {
+                        let node = dof as u32 / 3;
+                        let has_own_axes = coordinates.axes_of(node).is_some();
+                        if free_of[dof] == NONE && is_moving {
+                            prescribed.push((part as u32, dof as u32));
+                        }
+                        if free_of[dof] == NONE || has_own_axes {
+                            rotations[part] = false;
+                            // A fixed director does not change under translations.
+                            if has_own_axes {
+                                translations[part] = [false; 3];
+                            } else if !coordinates.is_director(node) {
+                                translations[part][dof % 3] = false;
+                            }
+                        }
+                    }
+                    if !internal {
+                        translations[part] = [false; 3];
+                        rotations[part] = false;
+                    }
+                }
+            }
+            of_stencils.push(of_term);
+        }
+        let of_free = (0..coordinates.free_count() as u32).map(|k| number[sets.root(k) as usize]).collect();
+        prescribed.sort_unstable();
+        prescribed.dedup();
+        Self { count: count as usize, of_free, of_stencils, translations, rotations, prescribed }
+    }
+
+    /// Returns the sums over the free coordinates of each part.
+    pub(super) fn sums(&self, term: impl Fn(usize) -> f64) -> Vec<f64> {
+        let mut sums = vec![0.0; self.count];
+        for (k, &part) in self.of_free.iter().enumerate() {
+            if part != NONE {
+                sums[part as usize] += term(k);
+            }
+        }
+        sums
+    }
+}
+
+/// Returns whether all stencils of a term depend on shape alone: no net force and no net moment at a configuration
+/// without symmetry.
+fn is_internal(term: &dyn Potential) -> bool {
+    let stencils = term.stencils();
+    if stencils.block != 3 || stencils.arity < 2 || stencils.count() == 0 {
+        return false;
+    }
+    // A few stencils are enough, because all have the same form of energy.
+    let highest = stencils.nodes.iter().max().map_or(0, |&node| node as usize);
+    let x: Vec<f64> =
+        (0..3 * (highest + 1)).map(|k| (1.7 * k as f64 + 0.3).sin() + 0.01 * k as f64).collect();
+    let mut gradient = vec![0.0; stencils.size()];
+    (0..stencils.count()).step_by(stencils.count().div_ceil(16)).all(|stencil| {
+        term.gradients(stencil..stencil + 1, &x, 0.0, &mut gradient);
+        let (mut force, mut torque, mut size) = (Vector3::zeros(), Vector3::zeros(), 0.0_f64);
+        for (&node, g) in stencils.of(stencil).iter().zip(gradient.chunks_exact(3)) {
+            let g = Vector3::new(g[0], g[1], g[2]);
+            let at = Vector3::from_column_slice(&x[3 * node as usize..3 * node as usize + 3]);
+            force += g;
+            torque += at.cross(&g);
+            size += g.norm() * (1.0 + at.norm());
+        }
+        // Outside its domain a term gives no answer; hyperelastic terms are internal.
+        !size.is_finite() || force.norm() + torque.norm() <= 1e-9 * size
+    })
+}
+
+/// Disjoint sets.
+struct Sets(Vec<u32>);
+
+impl Sets {
+    fn root(&mut self, mut k: u32) -> u32 {
+        while self.0[k as usize] != k {
+            self.0[k as usize] = self.0[self.0[k as usize] as usize];
+            k = self.0[k as usize];
+        }
+        k
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+}
