@@ -19,9 +19,10 @@ use crate::lanes::pack::{GROUP, Pack};
 use crate::small::tensor::Mat3;
 use crate::solid::element::contract::{Element, SolidVisitor};
 use crate::solid::element::{kernel::Solids, patch::whole_groups, visit_solid};
+use crate::solid::law_kernels::{LawKernels, kernels_of};
 use crate::solid::material::Law;
-use crate::solid::material::batch::{self, PackedMat3, PackedTangent};
-use crate::solid::material::contract::{LawVisitor, Material, Outside};
+use crate::solid::material::batch::{PackedMat3, PackedTangent};
+use crate::solid::material::contract::Outside;
 use vi_mesh::sort_by_place;
 use vi_mesh::{CellKind, Mesh, MeshError};
 
@@ -65,9 +66,9 @@ pub fn elastic_on(
 
 /// Builds the potential of elements: it defines how their strain energy follows from their deformation.
 pub(crate) trait Build {
-    fn build<E: Element<N, Q>, M: Material, const N: usize, const Q: usize>(
+    fn build<E: Element<N, Q>, const N: usize, const Q: usize>(
         solids: Solids<E, N, Q>,
-        material: M,
+        law: Box<dyn LawKernels>,
         elements: Vec<u32>,
         name: String,
     ) -> Box<dyn Potential>;
@@ -134,22 +135,7 @@ impl<B: Build> SolidVisitor for BuildElement<'_, B> {
             FemError::from(MeshError::Inverted { count, total, first })
         })?;
         solids.shift_nodes(node_offset as u32);
-        Ok(law.visit(BuildLaw::<B, E, N, Q> { solids, elements, name, form: PhantomData }))
-    }
-}
-
-struct BuildLaw<B, E, const N: usize, const Q: usize> {
-    solids: Solids<E, N, Q>,
-    elements: Vec<u32>,
-    name: String,
-    form: PhantomData<B>,
-}
-
-impl<B: Build, E: Element<N, Q>, const N: usize, const Q: usize> LawVisitor for BuildLaw<B, E, N, Q> {
-    type Output = Box<dyn Potential>;
-    fn visit<M: Material>(self, material: M) -> Self::Output {
-        let Self { solids, elements, name, .. } = self;
-        B::build(solids, material, elements, name)
+        Ok(B::build(solids, kernels_of(law), elements, name))
     }
 }
 
@@ -157,23 +143,23 @@ impl<B: Build, E: Element<N, Q>, const N: usize, const Q: usize> LawVisitor for 
 struct Plain;
 
 impl Build for Plain {
-    fn build<E: Element<N, Q>, M: Material, const N: usize, const Q: usize>(
+    fn build<E: Element<N, Q>, const N: usize, const Q: usize>(
         mut solids: Solids<E, N, Q>,
-        material: M,
+        law: Box<dyn LawKernels>,
         elements: Vec<u32>,
         name: String,
     ) -> Box<dyn Potential> {
-        if E::IS_SIMPLEX && !M::LINEAR {
+        if E::IS_SIMPLEX && !law.is_linear() {
             solids.rotate_rest_shapes();
         }
-        Box::new(ElasticPotential { solids, material, elements, name })
+        Box::new(ElasticPotential { solids, law, elements, name })
     }
 }
 
 /// The potential V = Σ_e Σ_q w_q det J_q Ψ(F_q), one stencil per element.
-struct ElasticPotential<E, M, const N: usize, const Q: usize> {
+struct ElasticPotential<E, const N: usize, const Q: usize> {
     solids: Solids<E, N, Q>,
-    material: M,
+    law: Box<dyn LawKernels>,
     /// The caller's number of each element.
     elements: Vec<u32>,
     name: String,
@@ -184,7 +170,7 @@ thread_local! {
     static SCRATCH: RefCell<(Vec<PackedTangent>, Vec<Pack>)> = const { RefCell::new((Vec::new(), Vec::new())) };
 }
 
-impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> ElasticPotential<E, M, N, Q> {
+impl<E: Element<N, Q>, const N: usize, const Q: usize> ElasticPotential<E, N, Q> {
     /// Returns a function that computes F of groups at the positions `x` of all nodes.
     fn at<'a>(&'a self, x: &'a [f64]) -> impl Fn(Range<usize>, &mut [PackedMat3]) + 'a {
         |groups, out| self.solids.deformations(groups, x, out)
@@ -210,13 +196,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> ElasticPoten
         }
     }
 
-    fn tangent_blocks(
-        &self,
-        range: Range<usize>,
-        x: &[f64],
-        out: &mut [f64],
-        tangents: impl Fn(Arch, &M, &[PackedMat3], &mut [PackedTangent]),
-    ) {
+    fn tangent_blocks(&self, range: Range<usize>, x: &[f64], out: &mut [f64], is_projected: bool) {
         if range.is_empty() {
             return;
         }
@@ -227,7 +207,11 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> ElasticPoten
             let (scratch, block) = (&mut scratch[..Q], &mut block[..size]);
             self.in_passes(&range, self.at(x), |groups, points| {
                 for (group, points) in groups.zip(points.chunks_exact(Q)) {
-                    tangents(self.solids.arch(), &self.material, points, scratch);
+                    let arch = self.solids.arch();
+                    match is_projected {
+                        true => self.law.projected_tangents(arch, points, scratch),
+                        false => self.law.tangents(arch, points, scratch),
+                    }
                     self.solids.hessians(group, scratch, block, range.clone(), out);
                 }
             });
@@ -251,9 +235,7 @@ fn scatter(
     }
 }
 
-impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
-    for ElasticPotential<E, M, N, Q>
-{
+impl<E: Element<N, Q>, const N: usize, const Q: usize> Potential for ElasticPotential<E, N, Q> {
     fn name(&self) -> &str {
         &self.name
     }
@@ -267,14 +249,14 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
     }
 
     fn traits(&self) -> Traits {
-        let hessian = if M::LINEAR { HessianKind::Constant } else { HessianKind::Varying };
+        let hessian = if self.law.is_linear() { HessianKind::Constant } else { HessianKind::Varying };
         Traits { hessian, time_dependent: false }
     }
 
     fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         let mut densities = [Pack::default(); POINTS];
         self.in_passes(&range, self.at(x), |groups, points| {
-            batch::energies(self.solids.arch(), &self.material, points, &mut densities[..points.len()]);
+            self.law.energies(self.solids.arch(), points, &mut densities[..points.len()]);
             for (group, densities) in groups.zip(densities.chunks_exact(Q)) {
                 let mut sum = Pack::default();
                 for (density, volume) in densities.iter().zip(self.solids.volumes(group)) {
@@ -289,7 +271,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
 
     fn gradients(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         self.in_passes(&range, self.at(x), |groups, points| {
-            batch::stresses(self.solids.arch(), &self.material, points);
+            self.law.stresses(self.solids.arch(), points);
             self.solids.forces(groups, points, range.clone(), out);
         });
     }
@@ -302,7 +284,8 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
         let Patch { places, x, sums } = patch;
         whole_groups(range, places, N, |groups, places| {
             if E::IS_SIMPLEX {
-                self.solids.add_simplex_forces(&self.material, groups, places, x, sums);
+                let (arch, shapes) = (self.solids.arch(), self.solids.shapes(groups));
+                self.law.add_simplex_forces(arch, shapes, places, x, sums);
                 return;
             }
             let places_of = |part: &Range<usize>| {
@@ -313,7 +296,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
                 self.solids.patch_deformations(part.clone(), places_of(&part), x, out);
             };
             self.in_passes(&(groups.start * GROUP..groups.end * GROUP), deform, |part, points| {
-                batch::stresses(self.solids.arch(), &self.material, points);
+                self.law.stresses(self.solids.arch(), points);
                 self.solids.add_forces(part.clone(), points, places_of(&part), sums);
             });
         });
@@ -321,14 +304,15 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
 
     fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         if E::IS_SIMPLEX {
-            self.solids.simplex_hessians(&self.material, range, x, out);
+            let Self { solids, law, .. } = self;
+            law.simplex_hessians(solids.arch(), &solids.geometry, solids.padded_nodes(), range, x, out);
             return;
         }
-        self.tangent_blocks(range, x, out, batch::tangents::<M>);
+        self.tangent_blocks(range, x, out, false);
     }
 
     fn projected_hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        self.tangent_blocks(range, x, out, batch::projected_tangents::<M>);
+        self.tangent_blocks(range, x, out, true);
     }
 
     fn mean_deformations(&self, range: Range<usize>, x: &[f64], out: &mut [f64]) -> bool {
@@ -354,7 +338,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
         }
         let mut worst = None;
         self.in_passes(&(stencil..stencil + 1), self.at(x), |_, points| {
-            worst = farthest_outside(points, stencil % GROUP, |f| self.material.inside(f));
+            worst = farthest_outside(points, stencil % GROUP, |f| self.law.inside(f));
         });
         worst.map(|outside| fault(self.element(stencil), outside))
     }

@@ -10,9 +10,9 @@ pub(crate) mod kernel;
 mod laws;
 pub(crate) mod patch;
 mod places;
-mod rest_shape;
+pub(crate) mod rest_shape;
 mod rule;
-mod simplex;
+pub(crate) mod simplex;
 
 use vi_mesh::CellKind;
 

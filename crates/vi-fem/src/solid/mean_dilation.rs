@@ -23,9 +23,10 @@ use crate::lanes::pack::{GROUP, Pack};
 use crate::solid::elastic::{Build, by_kind, farthest_outside, fault};
 use crate::solid::element::contract::Element;
 use crate::solid::element::kernel::Solids;
+use crate::solid::law_kernels::LawKernels;
 use crate::solid::material::Law;
-use crate::solid::material::batch::{self, PackedMat3, PackedTangent};
-use crate::solid::material::contract::{Material, positive_determinant};
+use crate::solid::material::batch::{PackedMat3, PackedTangent};
+use crate::solid::material::contract::positive_determinant;
 use vi_mesh::Mesh;
 
 /// The measure against volumetric locking.
@@ -60,20 +61,20 @@ pub fn mean_dilation(
 pub(crate) struct MeanDilation;
 
 impl Build for MeanDilation {
-    fn build<E: Element<N, Q>, M: Material, const N: usize, const Q: usize>(
+    fn build<E: Element<N, Q>, const N: usize, const Q: usize>(
         solids: Solids<E, N, Q>,
-        material: M,
+        law: Box<dyn LawKernels>,
         elements: Vec<u32>,
         name: String,
     ) -> Box<dyn Potential> {
-        Box::new(MeanDilationPotential { solids, material, elements, name })
+        Box::new(MeanDilationPotential { solids, law, elements, name })
     }
 }
 
 /// The potential V = Σ_e Σ_q w_q Ψ(F̄_q), one stencil per element.
-struct MeanDilationPotential<E, M, const N: usize, const Q: usize> {
+struct MeanDilationPotential<E, const N: usize, const Q: usize> {
     solids: Solids<E, N, Q>,
-    material: M,
+    law: Box<dyn LawKernels>,
     /// The caller's number of each element.
     elements: Vec<u32>,
     name: String,
@@ -102,7 +103,7 @@ thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::default();
 }
 
-impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> MeanDilationPotential<E, M, N, Q> {
+impl<E: Element<N, Q>, const N: usize, const Q: usize> MeanDilationPotential<E, N, Q> {
     /// Runs `work` on each group that overlaps `range`, with the group's number, its elements in the range, and
     /// scratch memory that holds F, θ and F̄.
     fn in_groups(
@@ -111,6 +112,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> MeanDilation
         x: &[f64],
         mut work: impl FnMut(usize, Range<usize>, &mut Scratch),
     ) {
+        let is_linear = self.law.is_linear();
         SCRATCH.with_borrow_mut(|scratch| {
             let empty = [Pack::default(); 9];
             scratch.deformations.resize(Q, empty);
@@ -120,17 +122,15 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> MeanDilation
                 let part = range.start.max(first)..range.end.min(first + GROUP);
                 self.solids.deformations(group..group + 1, x, &mut scratch.deformations);
                 let arch = self.solids.arch();
-                scratch.dilation.find(arch, M::LINEAR, &scratch.deformations, self.solids.volumes(group));
-                scratch.dilation.adjust(arch, M::LINEAR, &scratch.deformations, &mut scratch.adjusted);
+                scratch.dilation.find(arch, is_linear, &scratch.deformations, self.solids.volumes(group));
+                scratch.dilation.adjust(arch, is_linear, &scratch.deformations, &mut scratch.adjusted);
                 work(group, part, scratch);
             }
         });
     }
 }
 
-impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
-    for MeanDilationPotential<E, M, N, Q>
-{
+impl<E: Element<N, Q>, const N: usize, const Q: usize> Potential for MeanDilationPotential<E, N, Q> {
     fn name(&self) -> &str {
         &self.name
     }
@@ -144,7 +144,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
     }
 
     fn traits(&self) -> Traits {
-        let hessian = if M::LINEAR { HessianKind::Constant } else { HessianKind::Varying };
+        let hessian = if self.law.is_linear() { HessianKind::Constant } else { HessianKind::Varying };
         Traits { hessian, time_dependent: false }
     }
 
@@ -152,7 +152,7 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
         self.in_groups(&range, x, |group, part, scratch| {
             scratch.block.resize(Q.max(scratch.block.len()), Pack::default());
             let densities = &mut scratch.block[..Q];
-            batch::energies(self.solids.arch(), &self.material, &scratch.adjusted, densities);
+            self.law.energies(self.solids.arch(), &scratch.adjusted, densities);
             for element in part {
                 let lane = element % GROUP;
                 let terms = densities.iter().zip(self.solids.volumes(group));
@@ -167,10 +167,10 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
         self.in_groups(&range, x, |group, part, scratch| {
             let arch = self.solids.arch();
             scratch.stresses.clone_from(&scratch.adjusted);
-            batch::stresses(arch, &self.material, &mut scratch.stresses);
+            self.law.stresses(arch, &mut scratch.stresses);
             scratch.dilation.pull_back(
                 arch,
-                M::LINEAR,
+                self.law.is_linear(),
                 &scratch.deformations,
                 self.solids.volumes(group),
                 &mut scratch.stresses,
@@ -187,10 +187,10 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
         self.in_groups(&range, x, |group, part, scratch| {
             let arch = self.solids.arch();
             scratch.stresses.clone_from(&scratch.adjusted);
-            batch::stresses(arch, &self.material, &mut scratch.stresses);
+            self.law.stresses(arch, &mut scratch.stresses);
             scratch.tangents.resize(Q.max(scratch.tangents.len()), [Pack::default(); 45]);
             let tangents = &mut scratch.tangents[..Q];
-            batch::tangents(arch, &self.material, &scratch.adjusted, tangents);
+            self.law.tangents(arch, &scratch.adjusted, tangents);
             scratch.slopes.resize(Q, [Pack::default(); 9]);
             let curvature = Curvature {
                 deformations: &scratch.deformations,
@@ -199,7 +199,8 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
                 tangents,
                 slopes: &mut scratch.slopes[..Q],
             };
-            let kappa = scratch.dilation.curve(arch, M::LINEAR, curvature, self.solids.volumes(group));
+            let kappa =
+                scratch.dilation.curve(arch, self.law.is_linear(), curvature, self.solids.volumes(group));
             scratch.nodal_slopes.resize(GROUP * rows, 0.0);
             scratch.nodal_mixed.resize(GROUP * rows, 0.0);
             scratch.block.resize(size.max(scratch.block.len()), Pack::default());
@@ -235,14 +236,14 @@ impl<E: Element<N, Q>, M: Material, const N: usize, const Q: usize> Potential
     }
 
     fn fault(&self, stencil: usize, x: &[f64], _t: f64) -> Option<Fault> {
-        if M::LINEAR || stencil >= self.solids.count() {
+        if self.law.is_linear() || stencil >= self.solids.count() {
             return None;
         }
         let mut worst = None;
         self.in_groups(&(stencil..stencil + 1), x, |_, _, scratch| {
             let lane = stencil % GROUP;
             worst = farthest_outside(&scratch.deformations, lane, positive_determinant)
-                .or_else(|| farthest_outside(&scratch.adjusted, lane, |f| self.material.inside(f)));
+                .or_else(|| farthest_outside(&scratch.adjusted, lane, |f| self.law.inside(f)));
         });
         worst.map(|outside| fault(self.element(stencil), outside))
     }

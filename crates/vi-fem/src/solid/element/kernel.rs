@@ -27,7 +27,7 @@ pub(crate) struct Solids<E, const N: usize, const Q: usize> {
     count: usize,
     nodes: Vec<u32>,
     /// The geometry of the quadrature points, Q per group.
-    pub(super) geometry: Vec<PointGeometry>,
+    pub(crate) geometry: Vec<PointGeometry>,
     /// The rotated geometry, one per group, if [`Solids::rotate_rest_shapes`] has been called.
     pub(super) rotated: Vec<RotatedGeometry>,
     /// ∂N_a/∂ξ at the quadrature points.
@@ -102,7 +102,7 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
     }
 
     /// Returns [`Solids::nodes`] for whole groups.
-    pub(super) fn padded_nodes(&self) -> &[u32] {
+    pub(crate) fn padded_nodes(&self) -> &[u32] {
         &self.nodes
     }
 

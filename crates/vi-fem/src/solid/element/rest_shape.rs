@@ -15,7 +15,7 @@ use crate::solid::material::batch::{PackedMat3, load_mat3};
 
 /// The geometry at rest of one quadrature point of a group of elements.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct PointGeometry {
+pub(crate) struct PointGeometry {
     /// (∂X/∂ξ)⁻¹ by rows, 1/m.
     pub(super) inverse: PackedMat3,
     /// w det(∂X/∂ξ), m³.
@@ -47,7 +47,7 @@ impl RestShape for PointGeometry {
 
 /// The matrices B of a group of tetrahedra, and their volumes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct RotatedGeometry {
+pub(crate) struct RotatedGeometry {
     /// B₀₀ B₀₁ B₀₂ B₁₁ B₁₂ B₂₂, 1/m.
     inverse: [Pack; 6],
     /// V, m³.

@@ -3,13 +3,13 @@
 
 use std::ops::Range;
 
-use pulp::{Simd, WithSimd};
+use pulp::{Arch, Simd, WithSimd};
 use vi_core::PatchArray;
 
 use super::contract::Element;
 use super::kernel::Solids;
 use super::places::{add_edge_forces, gather_edges};
-use super::rest_shape::{PointGeometry, RestShape};
+use super::rest_shape::{PointGeometry, RestShape, RotatedGeometry};
 use crate::lanes::pack::{GROUP, Pack, members, parts};
 use crate::lanes::real::Lane;
 use crate::lanes::transpose::gather;
@@ -18,38 +18,54 @@ use crate::small::tensor::{Mat3, Tangent, dot, mat3, packed_index, product, vec3
 use crate::solid::material::batch::load_mat3;
 use crate::solid::material::contract::Material;
 
+/// The shapes at rest of some groups of simplices.
+#[derive(Clone, Copy)]
+pub(crate) enum Shapes<'a> {
+    /// As they lie.
+    Plain(&'a [PointGeometry]),
+    /// Rotated, for laws that are isotropic and objective.
+    Rotated(&'a [RotatedGeometry]),
+}
+
 impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
-    /// Adds the forces of groups of simplices to the sums of a patch; `places` holds four per element.
-    #[inline(never)]
-    pub(crate) fn add_simplex_forces<M: Material>(
-        &self,
-        material: &M,
-        groups: Range<usize>,
-        places: &[u16],
-        x: &PatchArray,
-        sums: &mut PatchArray,
-    ) {
-        if self.rotated.is_empty() {
-            let shapes = &self.geometry[groups];
-            self.arch().dispatch(Forces { shapes, material, places, x, sums });
-        } else {
-            let shapes = &self.rotated[groups];
-            self.arch().dispatch(Forces { shapes, material, places, x, sums });
+    /// Returns the shapes of groups of simplices, rotated if [`Solids::rotate_rest_shapes`] has been called.
+    pub(crate) fn shapes(&self, groups: Range<usize>) -> Shapes<'_> {
+        match self.rotated.is_empty() {
+            true => Shapes::Plain(&self.geometry[groups]),
+            false => Shapes::Rotated(&self.rotated[groups]),
         }
     }
+}
 
-    /// Writes the packed Hessians of the simplices of `range`.
-    #[inline(never)]
-    pub(crate) fn simplex_hessians<M: Material>(
-        &self,
-        material: &M,
-        range: Range<usize>,
-        x: &[f64],
-        out: &mut [f64],
-    ) {
-        let (geometry, nodes) = (&self.geometry[..], self.padded_nodes());
-        self.arch().dispatch(Hessians { geometry, nodes, material, range, x, out });
+/// Adds the forces of simplices of these `shapes` to the sums of a patch; `places` holds four per element.
+#[inline(never)]
+pub(crate) fn add_forces<M: Material>(
+    arch: Arch,
+    material: &M,
+    shapes: Shapes<'_>,
+    places: &[u16],
+    x: &PatchArray,
+    sums: &mut PatchArray,
+) {
+    match shapes {
+        Shapes::Plain(shapes) => arch.dispatch(Forces { shapes, material, places, x, sums }),
+        Shapes::Rotated(shapes) => arch.dispatch(Forces { shapes, material, places, x, sums }),
     }
+}
+
+/// Writes the packed Hessians of the simplices of `range`, whose groups have the shapes `geometry` and these `nodes`,
+/// four per element.
+#[inline(never)]
+pub(crate) fn hessians<M: Material>(
+    arch: Arch,
+    material: &M,
+    geometry: &[PointGeometry],
+    nodes: &[u32],
+    range: Range<usize>,
+    x: &[f64],
+    out: &mut [f64],
+) {
+    arch.dispatch(Hessians { geometry, nodes, material, range, x, out });
 }
 
 struct Forces<'a, G, M> {

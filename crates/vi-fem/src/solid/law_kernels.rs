@@ -1,0 +1,112 @@
+//! The kernels of a law behind one trait object: an element is compiled once for all laws, and not once per pair.
+//!
+//! A call goes over many points, so that finding its function takes no time beside its work.
+
+use std::ops::Range;
+
+use pulp::Arch;
+use vi_core::PatchArray;
+
+use crate::lanes::pack::Pack;
+use crate::small::tensor::Mat3;
+use crate::solid::element::rest_shape::PointGeometry;
+use crate::solid::element::simplex::{self, Shapes};
+use crate::solid::material::Law;
+use crate::solid::material::batch::{self, PackedMat3, PackedTangent};
+use crate::solid::material::contract::{LawVisitor, Material, Outside};
+
+/// A law of any type with its kernels.
+pub(crate) trait LawKernels: Send + Sync {
+    /// Returns [`Material::LINEAR`].
+    fn is_linear(&self) -> bool;
+    /// As [`Material::inside`].
+    fn inside(&self, f: &Mat3<f64>) -> Result<(), Outside>;
+    /// As [`batch::energies`].
+    fn energies(&self, arch: Arch, points: &[PackedMat3], out: &mut [Pack]);
+    /// As [`batch::stresses`].
+    fn stresses(&self, arch: Arch, points: &mut [PackedMat3]);
+    /// As [`batch::tangents`].
+    fn tangents(&self, arch: Arch, points: &[PackedMat3], out: &mut [PackedTangent]);
+    /// As [`batch::projected_tangents`].
+    fn projected_tangents(&self, arch: Arch, points: &[PackedMat3], out: &mut [PackedTangent]);
+    /// As [`simplex::add_forces`].
+    fn add_simplex_forces(
+        &self,
+        arch: Arch,
+        shapes: Shapes<'_>,
+        places: &[u16],
+        x: &PatchArray,
+        sums: &mut PatchArray,
+    );
+    /// As [`simplex::hessians`].
+    fn simplex_hessians(
+        &self,
+        arch: Arch,
+        geometry: &[PointGeometry],
+        nodes: &[u32],
+        range: Range<usize>,
+        x: &[f64],
+        out: &mut [f64],
+    );
+}
+
+impl<M: Material> LawKernels for M {
+    fn is_linear(&self) -> bool {
+        M::LINEAR
+    }
+
+    fn inside(&self, f: &Mat3<f64>) -> Result<(), Outside> {
+        Material::inside(self, f)
+    }
+
+    fn energies(&self, arch: Arch, points: &[PackedMat3], out: &mut [Pack]) {
+        batch::energies(arch, self, points, out);
+    }
+
+    fn stresses(&self, arch: Arch, points: &mut [PackedMat3]) {
+        batch::stresses(arch, self, points);
+    }
+
+    fn tangents(&self, arch: Arch, points: &[PackedMat3], out: &mut [PackedTangent]) {
+        batch::tangents(arch, self, points, out);
+    }
+
+    fn projected_tangents(&self, arch: Arch, points: &[PackedMat3], out: &mut [PackedTangent]) {
+        batch::projected_tangents(arch, self, points, out);
+    }
+
+    fn add_simplex_forces(
+        &self,
+        arch: Arch,
+        shapes: Shapes<'_>,
+        places: &[u16],
+        x: &PatchArray,
+        sums: &mut PatchArray,
+    ) {
+        simplex::add_forces(arch, self, shapes, places, x, sums);
+    }
+
+    fn simplex_hessians(
+        &self,
+        arch: Arch,
+        geometry: &[PointGeometry],
+        nodes: &[u32],
+        range: Range<usize>,
+        x: &[f64],
+        out: &mut [f64],
+    ) {
+        simplex::hessians(arch, self, geometry, nodes, range, x, out);
+    }
+}
+
+/// Returns the kernels of a law.
+pub(crate) fn kernels_of(law: &Law) -> Box<dyn LawKernels> {
+    struct Boxed;
+    impl LawVisitor for Boxed {
+        type Output = Box<dyn LawKernels>;
+        fn visit<M: Material>(self, material: M) -> Self::Output {
+            Box::new(material)
+        }
+    }
+    law.visit(Boxed)
+}
