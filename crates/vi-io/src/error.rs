@@ -10,6 +10,8 @@ pub enum Place {
     Line(usize),
     /// Byte offset in binary data, counted from 0.
     Byte(usize),
+    /// Piece of a grid in memory, counted from 0.
+    Piece(usize),
 }
 
 impl fmt::Display for Place {
@@ -17,6 +19,7 @@ impl fmt::Display for Place {
         match self {
             Self::Line(line) => write!(f, "line {line}"),
             Self::Byte(byte) => write!(f, "byte {byte}"),
+            Self::Piece(piece) => write!(f, "piece {piece}"),
         }
     }
 }

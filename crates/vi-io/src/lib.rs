@@ -22,6 +22,8 @@ mod stl;
 mod surface_write;
 mod tags;
 mod vtk;
+#[cfg(feature = "vtkio")]
+mod vtkio_model;
 mod vtu;
 mod vtu_write;
 

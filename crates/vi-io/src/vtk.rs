@@ -3,3 +3,4 @@
 pub(crate) mod cells;
 pub(crate) mod groups;
 pub(crate) mod number;
+pub(crate) mod pieces;

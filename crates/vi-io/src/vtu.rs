@@ -17,6 +17,7 @@ use crate::mesh::{DataArray, MeshFile};
 use crate::vtk::cells::CellReader;
 use crate::vtk::groups;
 use crate::vtk::number::Number;
+use crate::vtk::pieces::join;
 use payload::{Content, Form, Payloads, Spec};
 
 /// Reads a VTU or VTP file that is in memory; `file` is used in messages only.
@@ -383,24 +384,4 @@ fn read_arrays(specs: &[Spec], count: usize, payloads: &mut Payloads) -> Result<
         arrays.push(DataArray { name: spec.name.clone(), components: spec.components, values });
     }
     Ok(arrays)
-}
-
-/// Joins the arrays of piece `i` to those of the earlier pieces. An array that is missing in a piece is left out.
-fn join(all: &mut Vec<DataArray>, piece: Vec<DataArray>, i: usize, notes: &mut Vec<String>) {
-    if i == 0 {
-        *all = piece;
-        return;
-    }
-    all.retain_mut(|array| {
-        match piece.iter().find(|other| other.name == array.name && other.components == array.components) {
-            Some(other) => {
-                array.values.extend_from_slice(&other.values);
-                true
-            }
-            None => {
-                notes.push(format!("the array \"{}\" is not in every piece: left out", array.name));
-                false
-            }
-        }
-    });
 }

@@ -15,6 +15,7 @@ use quick_xml::escape::escape;
 
 use crate::error::IoError;
 use crate::replace::replace_file;
+use crate::vtk::groups::array_of;
 use vi_mesh::{CellBlock, Region};
 
 /// Size of a block that is compressed on its own (bytes).
@@ -161,11 +162,7 @@ pub fn encode_vtu<W: Write + Seek>(out: &mut W, frame: &VtuFrame, options: VtuOp
         writer.array(array.name, array.components, Data::Values(array.values))?;
     }
     for region in frame.regions {
-        writer.array(
-            &format!("group:{}", region.name),
-            1,
-            Data::Member { cells: &region.cells, cell_count },
-        )?;
+        writer.array(&array_of(&region.name), 1, Data::Member { cells: &region.cells, cell_count })?;
     }
     writeln!(writer.out, "</CellData>\n<Points>")?;
     writer.array("Points", 3, Data::Values(VtuValues::Real(frame.points.as_flattened())))?;

@@ -14,6 +14,11 @@ const MEMBER_PREFIX: &str = "group:";
 /// An array with more values than this is taken for a numbering of cells, not for regions.
 const REGION_LIMIT: usize = 1000;
 
+/// The name of the array that marks the cells of a region.
+pub(crate) fn array_of(region: &str) -> String {
+    format!("{MEMBER_PREFIX}{region}")
+}
+
 /// Makes groups of the arrays that represent them. `group:…` arrays are consumed, the others are kept.
 pub(crate) fn from_arrays(out: &mut MeshFile) {
     let dimensions: Vec<u8> = out.mesh.cells().map(|(kind, _)| kind.dimension() as u8).collect();
