@@ -1,4 +1,4 @@
-//! A scene: everything that a run needs, as one serde value that the builder and TOML share.
+//! A scene: everything that a run needs, as one serde value that the Rust builder and TOML share.
 
 mod attach;
 mod body;
@@ -95,16 +95,16 @@ pub struct Scene {
     /// Prescribed coordinates: fixed, or moving on a given path.
     #[serde(rename = "fix", default, skip_serializing_if = "Vec::is_empty")]
     pub fixes: Vec<Fix>,
-    /// Springs between points, or between a point and a place in space.
+    /// Springs between points of bodies, or between such a point and a point fixed in space.
     #[serde(rename = "spring", default, skip_serializing_if = "Vec::is_empty")]
     pub springs: Vec<Spring>,
-    /// Nodes held by springs on another body's surface, or on places in space.
+    /// Nodes attached to the surface of another body, or by springs to points in space.
     #[serde(rename = "attach", default, skip_serializing_if = "Vec::is_empty")]
     pub attachments: Vec<Attach>,
     /// Edges of sheets sewn together.
     #[serde(rename = "seam", default, skip_serializing_if = "Vec::is_empty")]
     pub seams: Vec<Seam>,
-    /// Parts of a body that move alike, as if copies of it lay side by side.
+    /// Parts of a body with equal displacements, as if copies of the body lay side by side.
     #[serde(rename = "periodic", default, skip_serializing_if = "Vec::is_empty")]
     pub periodics: Vec<Periodic>,
     /// Impulses given to a region at t = 0.
@@ -116,10 +116,10 @@ pub struct Scene {
     /// Air around all sheets: drag and wind; none by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wind: Option<Wind>,
-    /// Physical damping; off by default.
+    /// Physical damping; none by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub damping: Option<Damping>,
-    /// Contact between bodies, and of bodies with themselves; none by default.
+    /// Contact between bodies and of bodies with themselves; none by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact: Option<Contact>,
     /// Solve for equilibria instead of stepping time.
@@ -128,16 +128,16 @@ pub struct Scene {
     /// Points whose motion is written to history.csv.
     #[serde(rename = "probe", default, skip_serializing_if = "Vec::is_empty")]
     pub probes: Vec<Probe>,
-    /// Solution of implicit equations.
+    /// Options for solving implicit equations.
     #[serde(default)]
     pub solver: Solver,
     /// Files to write.
     #[serde(default)]
     pub output: Output,
-    /// Files to continue from; none by default.
+    /// Checkpoint files to continue the run from; none by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub checkpoint: Option<Checkpoints>,
-    /// Reaction to energy that no work accounts for; by default a warning.
+    /// Response to energy that no work accounts for; a warning by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub guard: Option<Guard>,
     /// Assertions at the end; exit code 3 if one is broken.
@@ -146,7 +146,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// An empty scene with this stepping of time.
+    /// Makes an empty scene with these time settings.
     pub fn new(time: Time) -> Self {
         Self {
             title: String::new(),
@@ -188,7 +188,7 @@ impl Scene {
         self
     }
 
-    /// Sets how gravity changes in time.
+    /// Sets the variation of gravity in time.
     pub fn gravity_amplitude(mut self, amplitude: Amplitude) -> Self {
         self.gravity_amplitude = Some(amplitude);
         self
@@ -236,7 +236,7 @@ impl Scene {
         self
     }
 
-    /// Joins two parts of a body that move alike.
+    /// Ties two parts of a body to equal displacements.
     pub fn periodic(mut self, periodic: Periodic) -> Self {
         self.periodics.push(periodic);
         self
@@ -266,7 +266,7 @@ impl Scene {
         self
     }
 
-    /// Lets bodies meet.
+    /// Switches contact on.
     pub fn contact(mut self, contact: Contact) -> Self {
         self.contact = Some(contact);
         self
@@ -284,13 +284,13 @@ impl Scene {
         self
     }
 
-    /// Sets how implicit equations are solved.
+    /// Sets the options for implicit equations.
     pub fn solver(mut self, solver: Solver) -> Self {
         self.solver = solver;
         self
     }
 
-    /// Sets what is written.
+    /// Sets the output.
     pub fn output(mut self, output: Output) -> Self {
         self.output = output;
         self
@@ -308,12 +308,12 @@ impl Scene {
         self
     }
 
-    /// The JSON schema of a scene, with units and ranges in the descriptions.
+    /// Returns the JSON schema of a scene, with units and ranges in the descriptions.
     pub fn schema() -> serde_json::Value {
         schemars::schema_for!(Scene).into()
     }
 
-    /// The files that the scene reads, each with its key.
+    /// Returns the files that the scene reads, each with its key.
     pub fn files(&self) -> Vec<(String, &Path)> {
         let meshes = self.bodies.iter().enumerate();
         let meshes = meshes.filter_map(|(i, body)| Some((format!("body[{i}].mesh"), body.mesh.as_deref()?)));
@@ -328,7 +328,7 @@ impl Scene {
         meshes.chain(shapes).chain(lists).collect()
     }
 
-    /// Reads the paths of meshes and node lists as relative to `directory`, where the scene file lies.
+    /// Takes the paths of meshes and node lists as relative to `directory`, the folder of the scene file.
     pub fn relative_to(mut self, directory: &Path) -> Self {
         self.for_each_file(|path| {
             if path.is_relative() {
@@ -338,7 +338,7 @@ impl Scene {
         self
     }
 
-    /// Changes the paths of the files that the scene reads, in the order of [`Scene::files`].
+    /// Calls `change` with the paths of the files that the scene reads, in the order of [`Scene::files`].
     pub(crate) fn for_each_file(&mut self, mut change: impl FnMut(&mut PathBuf)) {
         self.bodies.iter_mut().filter_map(|body| body.mesh.as_mut()).for_each(&mut change);
         let shapes = self.rigids.iter_mut().filter_map(|rigid| match rigid.shape.as_mut()? {
@@ -352,7 +352,7 @@ impl Scene {
     /// Returns the scene with absolute paths, each the shortest that names its file.
     pub(crate) fn with_absolute_paths(mut self) -> Self {
         self.for_each_file(|path| {
-            // A path that cannot be made absolute (an empty one) is a problem of the scene, which is told elsewhere.
+            // A path that cannot be made absolute (an empty one) is reported by the checks of the scene.
             if let Ok(absolute) = std::path::absolute(&*path) {
                 *path = normal(absolute);
             }
@@ -360,7 +360,7 @@ impl Scene {
         self
     }
 
-    /// The selections of parts of bodies, each with the key of the table that it is in.
+    /// Returns the selections of parts of bodies, each with the key of its table.
     fn selections(&self) -> Vec<(String, &Selection)> {
         let mut all: Vec<(String, &Selection)> = Vec::new();
         all.extend(self.fixes.iter().enumerate().map(|(i, fix)| (format!("fix[{i}]"), &fix.on)));
@@ -388,13 +388,13 @@ impl Scene {
         fixes.chain(attachments).chain(periodics).chain(strikes).chain(loads).chain(probes)
     }
 
-    /// The probes that are nodes, in the order of the scene.
+    /// Iterates over the node probes, in the order of the scene.
     pub fn node_probes(&self) -> impl Iterator<Item = &Probe> {
         self.probes.iter().filter(|probe| probe.is_node())
     }
 }
 
-/// `a/b/../c` as `a/c`, for readable messages; symbolic links are not followed.
+/// Shortens `a/b/../c` to `a/c`, for readable messages; symbolic links are not followed.
 fn normal(path: PathBuf) -> PathBuf {
     let mut out = PathBuf::new();
     for part in path.components() {
@@ -411,7 +411,7 @@ fn normal(path: PathBuf) -> PathBuf {
     out
 }
 
-/// Writes a path as text; what is not UTF-8 in it is replaced, as in messages.
+/// Writes a path as text. Bytes that are not UTF-8 are replaced, as in messages.
 pub(crate) fn path_as_text<S: serde::Serializer>(
     path: &Option<PathBuf>,
     serializer: S,

@@ -1,4 +1,4 @@
-//! Attachments and seams, as a scene says them.
+//! Scene keys of attachments and seams.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,9 +6,9 @@ use vi_fem::Motion;
 
 use super::Selection;
 
-/// `[[attach]]`: nodes of a body held, each to the nearest point of another body's surface, or to the place
-/// where it starts, which may move. With `stiffness` by springs, V = ½ k (|x − y| − L)² a node; without it
-/// exactly: x = y is eliminated, and the mass of x shared by the nodes of y.
+/// `[[attach]]`: attaches nodes of a body, each to the nearest point of another body's surface, or to its initial
+/// position, which may move. With `stiffness` they are attached by springs, V = ½ k (|x − y| − L)² per node. Without it
+/// they are attached exactly: x = y is eliminated, and the nodes of y share the mass of x.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Attach {
@@ -17,20 +17,20 @@ pub struct Attach {
     /// Nodes that are attached.
     #[serde(flatten)]
     pub on: Selection,
-    /// The body whose surface holds them; without it, they are held in space.
+    /// The body to whose surface they are attached; without it, they are attached to points in space.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to: Option<String>,
     /// A surface region of that body (default: its whole boundary).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub surface: Option<String>,
-    /// Motion of the places in space, without `to` (default: at rest).
+    /// Motion of the points in space, without `to` (default: at rest).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<Motion>,
-    /// Stiffness k of each node's spring, N/m (> 0); without it the nodes, which must lie on the surface
-    /// `to`, are held there exactly.
+    /// Stiffness k of each node's spring, N/m (> 0). Without it the nodes, which must lie on the surface `to`, are held
+    /// there exactly.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stiffness: Option<f64>,
-    /// Length L at which a spring has no force, m (≥ 0; default: the distance at the start).
+    /// Length L of a spring without force, m (≥ 0; default: the initial distance).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub length: Option<f64>,
 }
@@ -77,11 +77,11 @@ fn spring_problems(stiffness: Option<f64>, length: Option<f64>) -> Vec<(&'static
     problems
 }
 
-/// `[[seam]]`: two edges sewn together: with `stiffness` by springs of length zero, or of `length`; without
-/// it exactly, the nodes of the one being where the other is.
+/// `[[seam]]`: sews two edges together. With `stiffness` they are joined by springs of length zero, or of `length`;
+/// without it exactly, so that the nodes of one edge lie on the other.
 ///
-/// By `region` and `to_region`, curves of the two meshes, every node of the one with more nodes is sewn to
-/// the point of the other at the same part of its length. By `nodes` and `to_nodes` they are sewn in pairs.
+/// By `region` and `to_region`, curves of the two meshes, every node of the curve with more nodes is sewn to the point
+/// of the other curve at the same fraction of its length. By `nodes` and `to_nodes` they are sewn in pairs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Seam {
@@ -102,7 +102,7 @@ pub struct Seam {
     /// A list of as many nodes, with `nodes`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to_nodes: Option<Vec<usize>>,
-    /// Run along the second curve against the direction that brings the ends nearest.
+    /// Follow the second curve against the direction in which the ends are nearest.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub reverse: bool,
     /// Stiffness k of each stitch, N/m (> 0); without it the edges, which must meet, are joined exactly.
@@ -114,7 +114,7 @@ pub struct Seam {
 }
 
 impl Seam {
-    /// The second body.
+    /// Returns the name of the second body.
     pub fn to_body(&self) -> &str {
         self.to.as_deref().unwrap_or(&self.body)
     }
@@ -141,15 +141,15 @@ impl Seam {
     }
 }
 
-/// `[[periodic]]`: two parts of a body that move alike, as if copies of it lay side by side: each node of `to` has
-/// the displacement of its partner in `from`. The parts are the same nodes but for a translation; node by node the
-/// forces on both sides add up, and nothing holds their common motion.
+/// `[[periodic]]`: two parts of a body with equal displacements, as if copies of the body lay side by side: each node
+/// of `to` has the displacement of its partner in `from`. The parts have the same nodes up to a translation. At each
+/// pair of nodes the forces on both sides are added, and rigid translation is free.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Periodic {
     /// The body.
     pub body: String,
-    /// The one part.
+    /// One part.
     pub from: Selection,
     /// The other part: the same nodes, translated.
     pub to: Selection,

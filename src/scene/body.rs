@@ -1,4 +1,4 @@
-//! Bodies and what is attached to them, as a scene says it.
+//! Scene keys of bodies, springs and strikes.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -16,19 +16,19 @@ use super::{FieldComponent, MaterialEntry, Materials, Selection, Substance};
 pub struct Body {
     /// Name by which fixes, probes and springs refer to the body.
     pub name: String,
-    /// Mesh file (.msh, .vtk, .vtu, .vtp, .inp, .obj, .stl), relative to the scene file: of volume cells for a
-    /// solid, of triangles for a sheet. Point data `displacement` (m) and `velocity` (m/s) in it are the initial
-    /// state. Of a sheet, quadrilaterals are cut, points on each other welded, triangles turned to face one way,
-    /// and points without a triangle left out, each with a note; nodes are numbered after that.
+    /// Mesh file (.msh, .vtk, .vtu, .vtp, .inp, .obj, .stl), relative to the scene file: volume cells for a solid,
+    /// triangles for a sheet. Its point data `displacement` (m) and `velocity` (m/s) are the initial state. For a
+    /// sheet, quadrilaterals are cut into triangles, coincident points welded, triangles oriented consistently, and
+    /// points without a triangle removed, each with a note; nodes are numbered after that.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "super::path_as_text")]
     pub mesh: Option<PathBuf>,
     /// A mesh from arrays of the program, instead of a mesh file; scene files cannot hold one.
     #[serde(skip)]
     pub arrays: Option<Arc<Mesh>>,
-    /// Take only this group of the mesh file: a volume of it for a solid, a surface for a sheet.
+    /// Use only this group of the mesh file: a volume group for a solid, a surface group for a sheet.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
-    /// Distance below which points of a sheet's mesh file are one, m (≥ 0; default: 1e-9 of its extent).
+    /// Distance below which points of a sheet's mesh file are welded, m (≥ 0; default: 1e-9 of its extent).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weld: Option<f64>,
     /// A box, instead of a mesh. Regions: `box`, `x-min`, `x-max`, `y-min` … `z-max`.
@@ -40,36 +40,36 @@ pub struct Body {
     pub sheet: Option<SheetMesh>,
     /// Material: one, or a list by region. The material of a sheet has `thickness`.
     pub material: Materials,
-    /// 2: quadratic elements in the place of a solid's linear ones (tet10, hex20, wedge15), with straight edges
-    /// but where the mesh has curved ones; elements that are quadratic stay as they are (default 1: as the mesh is).
+    /// 2: replace a solid's linear elements by quadratic ones (tet10, hex20, wedge15), with straight edges except where
+    /// the mesh has curved ones; elements that are quadratic are kept (default 1: as in the mesh).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub order: Option<u8>,
-    /// Halve every element so many times (0 to 6; default 0): 8 small ones per volume, 4 per triangle. With
-    /// `{ axes = ["x", "y"], levels = 2 }` along these axes alone. Nodes keep their numbers, regions what they
-    /// cover.
+    /// Halve every element this many times (0 to 6; default 0): into 8 smaller ones per volume, 4 per triangle. With `{
+    /// axes = ["x", "y"], levels = 2 }` halve along these axes alone. Nodes keep their numbers, and regions cover the
+    /// same part of the body.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refine: Option<Refine>,
-    /// Cure of a solid's locking near incompressibility (default none). `mean-dilation` gives each element one
-    /// volume ratio, for hex8 and wedge6 with ν towards ½; tet4 has no use of it.
+    /// Treatment of a solid's locking near incompressibility (default none). `mean-dilation` gives each element one
+    /// volume ratio, for hex8 and wedge6 with ν near ½; it has no effect on tet4.
     #[serde(default, skip_serializing_if = "Body::is_plain")]
     pub locking: LockingCure,
     /// Shape of a sheet at rest (default: that of its mesh).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rest: Option<RestShape>,
-    /// Length of a unit of texture coordinates, m (> 0; default: that of the file's unit), for rest = "flat".
+    /// Length of a unit of texture coordinates, m (> 0; default: the unit of the file), for rest = "flat".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uv_scale: Option<f64>,
-    /// Factor on the coordinates of the mesh, e.g. 0.001 for a mesh in millimetres (> 0).
+    /// Scale factor of the mesh coordinates, e.g. 0.001 for a mesh in millimetres (> 0).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
     /// Translation of the mesh after scaling, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub translate: Option<[f64; 3]>,
-    /// Initial displacement, m: numbers, or formulas of x y z, the position at rest (m). It adds to that of the
-    /// mesh file.
+    /// Initial displacement, m: numbers, or formulas of x y z, the rest position (m). It is added to that of the mesh
+    /// file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub displacement: Option<[FieldComponent; 3]>,
-    /// Initial velocity, m/s: numbers, or formulas of x y z, the position at rest (m). It adds to that of the mesh
+    /// Initial velocity, m/s: numbers, or formulas of x y z, the rest position (m). It is added to that of the mesh
     /// file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub velocity: Option<[FieldComponent; 3]>,
@@ -82,11 +82,11 @@ pub struct Body {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RestShape {
-    /// That of its mesh.
+    /// The shape of its mesh.
     Mesh,
-    /// Flat. Where the mesh file has texture coordinates (u, v), they are the pattern that the sheet is cut
-    /// from, one chart or several: without stress in that shape. Else the lengths of the mesh are kept, and
-    /// only bending takes the sheet as flat.
+    /// Flat. If the mesh file has texture coordinates (u, v), they are the pattern of the sheet, in one chart or
+    /// several, and the sheet is without stress in that shape. Otherwise the lengths of the mesh are kept, and the
+    /// sheet is flat for bending only.
     Flat,
 }
 
@@ -94,9 +94,9 @@ pub enum RestShape {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Refine {
-    /// Halve every element so many times.
+    /// Halve every element this many times.
     Levels(u32),
-    /// Halve it along some axes alone.
+    /// Halve every element along some axes alone.
     Along(RefineAlong),
 }
 
@@ -104,15 +104,15 @@ pub enum Refine {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RefineAlong {
-    /// The axes of space along which elements are halved, one or two: the body is extruded along the third, or
-    /// along this one. Each edge of an element runs along the axis of extrusion or across it.
+    /// The global axes along which elements are halved, one or two: the body is extruded along the third axis, or along
+    /// this one. Each edge of an element is parallel or normal to the axis of extrusion.
     pub axes: Vec<Axis>,
     /// Number of refinements (0 to 6).
     pub levels: u32,
 }
 
 impl Refine {
-    /// Number of times that elements are halved.
+    /// Returns how many times elements are halved.
     pub fn levels(&self) -> u32 {
         match self {
             Self::Levels(levels) | Self::Along(RefineAlong { levels, .. }) => *levels,
@@ -129,7 +129,7 @@ impl Refine {
     }
 }
 
-/// Largest number of times that elements may be halved.
+/// Largest number of times that elements can be halved.
 pub(crate) const MOST_REFINED: u32 = 6;
 
 impl Body {
@@ -156,7 +156,7 @@ impl Body {
         }
     }
 
-    /// A body from a mesh file, of one material.
+    /// Makes a body from a mesh file, of one material.
     pub fn from_mesh(
         name: impl Into<String>,
         mesh: impl Into<PathBuf>,
@@ -165,22 +165,22 @@ impl Body {
         Self { mesh: Some(mesh.into()), ..Self::new(name, material) }
     }
 
-    /// A body from a mesh of the program's own ([`Mesh::from_arrays`]), of one material.
+    /// Makes a body from a mesh in memory ([`Mesh::from_arrays`]), of one material.
     pub fn from_arrays(name: impl Into<String>, mesh: Mesh, material: impl Into<Substance>) -> Self {
         Self { arrays: Some(Arc::new(mesh)), ..Self::new(name, material) }
     }
 
-    /// Is its mesh given, in a file or as arrays, and not generated?
+    /// Returns whether its mesh is given, in a file or as arrays, and not generated.
     pub(crate) fn has_mesh(&self) -> bool {
         self.mesh.is_some() || self.arrays.is_some()
     }
 
-    /// A generated box of one material.
+    /// Makes a generated box of one material.
     pub fn from_box(name: impl Into<String>, shape: BoxMesh, material: impl Into<Substance>) -> Self {
         Self { box_shape: Some(shape), ..Self::new(name, material) }
     }
 
-    /// A generated sheet of one material.
+    /// Makes a generated sheet of one material.
     pub fn from_sheet(name: impl Into<String>, shape: SheetMesh, material: impl Into<Substance>) -> Self {
         Self { sheet: Some(shape), ..Self::new(name, material) }
     }
@@ -189,32 +189,32 @@ impl Body {
         *locking == LockingCure::None
     }
 
-    /// Sets the order of a solid's elements: 2 puts quadratic ones in the place of linear ones.
+    /// Sets the order of a solid's elements: 2 replaces linear elements by quadratic ones.
     pub fn order(mut self, order: u8) -> Self {
         self.order = Some(order);
         self
     }
 
-    /// Halves every element so many times.
+    /// Halves every element this many times.
     pub fn refine(mut self, times: u32) -> Self {
         self.refine = Some(Refine::Levels(times));
         self
     }
 
-    /// Halves every element so many times along some axes alone: a body of hexahedra or wedges extruded along the
-    /// others keeps its layers.
+    /// Halves every element this many times along some axes alone: a body of hexahedra or wedges extruded along another
+    /// axis keeps its layers.
     pub fn refine_along(mut self, axes: &[Axis], levels: u32) -> Self {
         self.refine = Some(Refine::Along(RefineAlong { axes: axes.to_vec(), levels }));
         self
     }
 
-    /// Sets the cure of locking.
+    /// Sets the treatment of locking.
     pub fn locking(mut self, cure: LockingCure) -> Self {
         self.locking = cure;
         self
     }
 
-    /// Dimension of its elements: 2 for a sheet, 3 for a solid, by its first material.
+    /// Returns the dimension of its elements, by its first material: 2 for a sheet, 3 for a solid.
     pub fn dimension(&self) -> usize {
         self.material.0.first().map_or(3, |entry| entry.law.dimension())
     }
@@ -254,10 +254,10 @@ pub enum Axis {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpringEnd {
-    /// A body: give `node` or `point` too. Without a body, `point` is a place fixed in space.
+    /// A body, with `node` or `point`. Without a body, `point` is fixed in space.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
-    /// The node nearest to this point at rest, m; without a body, the place itself.
+    /// The node nearest to this point at rest, m; without a body, the point itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub point: Option<[f64; 3]>,
     /// A node of the body, from 0.
@@ -275,18 +275,18 @@ pub struct Spring {
     pub to: SpringEnd,
     /// Stiffness k, N/m (> 0).
     pub stiffness: f64,
-    /// Length at rest L, m (≥ 0; default: the distance of the ends at rest).
+    /// Length L of the spring without force, m (≥ 0; default: the distance of the ends at rest).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub length: Option<f64>,
 }
 
-/// `[[strike]]`: an impulse at t = 0, shared by the nodes of a region in proportion to their mass.
+/// `[[strike]]`: an impulse at t = 0, distributed over the nodes of a region in proportion to their mass.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Strike {
     /// The body.
     pub body: String,
-    /// Nodes selected.
+    /// The selected nodes.
     #[serde(flatten)]
     pub on: Selection,
     /// Impulse, N s.

@@ -1,4 +1,4 @@
-//! Finds all problems of the values of a scene at once, each with its key and the way out.
+//! Finds all problems of the values of a scene at once, each with its key and the remedy.
 
 mod checker;
 mod parts;
@@ -16,10 +16,10 @@ use super::{columns, contact, plain};
 use checker::Checker;
 
 impl Scene {
-    /// Everything that is wrong with the values of this scene, without reading any file.
+    /// Returns all problems of the values of this scene, without reading any file.
     pub fn problems(&self) -> Vec<Problem> {
         let mut problems = values(self);
-        // What a check of a key has said of its value is not said twice.
+        // Do not repeat a problem of a value that the check of its key has already reported.
         let is_new = |problem: &Problem, known: &[Problem]| {
             let key = problem.key.trim_end_matches(|c: char| c.is_ascii_digit() || c == '[' || c == ']');
             !known.iter().any(|known| known.key == problem.key || known.key == key)

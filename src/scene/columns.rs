@@ -1,4 +1,4 @@
-//! The columns of history.csv that a scene asks for: each has a name of its own, which needs no quotes.
+//! The columns of history.csv for a scene: each has a unique name, which needs no quotes.
 
 use std::collections::HashMap;
 
@@ -7,29 +7,29 @@ use super::{Problem, Scene};
 /// Energies, J; linear momentum, kg m/s; angular momentum about the origin, kg m²/s.
 const CONSERVED: [&str; 11] =
     ["t", "kinetic", "elastic", "gravity", "total", "px", "py", "pz", "lx", "ly", "lz"];
-/// Newton iterations and substeps since the row before.
+/// Newton iterations and substeps since the previous row.
 const WORK: [&str; 2] = ["newton_iterations", "substeps"];
 /// Energy of conservative loads other than weight, J.
 const LOAD: &str = "load";
-/// Of scenes with contact: its energy, what friction and its damping have taken so far (≤ 0), J; pairs, and the smallest
-/// gap, m.
+/// For scenes with contact: its energy and the energy dissipated so far by friction and by contact damping (≤ 0), J;
+/// the number of pairs, and the smallest gap, m.
 const CONTACT: [&str; 5] = ["contact", "friction", "contact_damping", "pairs", "smallest_gap"];
-/// Of a probe at a node: position and displacement, m.
+/// For a node probe: position and displacement, m.
 const PROBE: [&str; 6] = ["x", "y", "z", "ux", "uy", "uz"];
-/// Of a rigid body: its centre, m, and its orientation.
+/// For a rigid body: its centre, m, and its orientation.
 const RIGID: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
-/// Of a probe at a node: estimated |error| of its displacement, m, and the observed order.
+/// For a node probe: estimated |error| of its displacement, m, and the observed order.
 const ESTIMATE: [&str; 4] = ["ex", "ey", "ez", "order"];
-/// The load factor, where a path of equilibria is followed that finds it.
+/// The load factor, if a path of equilibria determines it.
 const LOAD_FACTOR: &str = "load_factor";
 
-/// A column with the key of the scene that names it; without one where it is in every history.
+/// A column with the key of the scene that names it; without a key if every history has it.
 struct Column {
     name: String,
     key: Option<String>,
 }
 
-/// Names of all columns, in order.
+/// Returns the names of all columns, in order.
 pub(crate) fn history_columns(scene: &Scene, has_loads: bool) -> Vec<String> {
     columns(scene, has_loads).into_iter().map(|column| column.name).collect()
 }
@@ -71,7 +71,7 @@ fn headed(name: &str, key: &str, parts: &[&str]) -> Vec<Column> {
     parts.iter().map(|part| Column { name: format!("{name}.{part}"), key: Some(key.to_owned()) }).collect()
 }
 
-/// Names that cannot head a column, and columns of one name. Of each key only the first.
+/// Returns problems for names that cannot head a column and for equal names of columns; for each key only the first.
 pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
     let mut problems: Vec<Problem> = Vec::new();
     let mut owners: HashMap<String, Option<String>> = HashMap::new();

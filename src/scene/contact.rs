@@ -1,4 +1,4 @@
-//! `[contact]`: which bodies meet, and how.
+//! Scene keys of contact.
 
 use std::collections::HashSet;
 
@@ -8,8 +8,8 @@ use vi_solvers::Method;
 
 use super::{GuardAction, Problem, Scene};
 
-/// `[contact]`: everything that can meet, meets, other bodies and the body itself. Without this table nothing is
-/// searched, and bodies pass through each other. Formulae, defaults and limits: docs/contact.md.
+/// `[contact]`: contact of all bodies with each other and with themselves. Without this table there is no contact, and
+/// bodies pass through each other. Formulae, defaults and limits: docs/contact.md.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Contact {
@@ -17,12 +17,13 @@ pub struct Contact {
     #[serde(default)]
     #[schemars(extend("minimum" = 0.0))]
     pub friction: f64,
-    /// Time of contact damping, s (≥ 0, default 0): without it nothing that bounces ever comes to rest.
+    /// Time constant of contact damping, s (≥ 0, default 0); without damping and friction a bouncing body never comes
+    /// to rest.
     #[serde(default)]
     #[schemars(extend("minimum" = 0.0))]
     pub damping: f64,
     /// Gap d̂ below which surfaces press on each other, m (> 0; default: a tenth of the median edge of the finer
-    /// surface, of a sheet at most its thickness).
+    /// surface; for a sheet at most its thickness).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub distance: Option<f64>,
@@ -30,22 +31,22 @@ pub struct Contact {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub stiffness: Option<f64>,
-    /// Pairs of bodies that pass through each other; a pair of one body excludes its contact with itself.
+    /// Pairs of bodies without contact; a pair of one body excludes its contact with itself.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub exclude: Vec<[String; 2]>,
-    /// Do bodies meet themselves (default true)?
+    /// Whether bodies have contact with themselves (default true).
     #[serde(rename = "self", default = "Contact::default_own", skip_serializing_if = "Clone::clone")]
     pub own: bool,
-    /// Part bodies that touch or cross at the start (default false): they are moved as a whole, by the shortest way found,
-    /// and report.json says by how much. Without it such a start is refused.
+    /// Separate bodies that touch or cross at the start (default false): they are translated as a whole, by the
+    /// shortest way found, and report.json gives the distance. Without it such a start is refused.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub resolve: bool,
-    /// What pairs of bodies have of their own.
+    /// Values for pairs of bodies.
     #[serde(rename = "pair", default, skip_serializing_if = "Vec::is_empty")]
     pub pairs: Vec<ContactPair>,
 }
 
-/// `[[contact.pair]]`: what two bodies have between them in place of the values of `[contact]`.
+/// `[[contact.pair]]`: values for two bodies that replace those of `[contact]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ContactPair {
@@ -55,7 +56,7 @@ pub struct ContactPair {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0.0))]
     pub friction: Option<f64>,
-    /// Time of contact damping, s (≥ 0).
+    /// Time constant of contact damping, s (≥ 0).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0.0))]
     pub damping: Option<f64>,
@@ -94,19 +95,19 @@ impl Contact {
         true
     }
 
-    /// With this coefficient of friction.
+    /// Makes contact with this coefficient of friction.
     pub fn with_friction(friction: f64) -> Self {
         Self { friction, ..Self::default() }
     }
 
-    /// Is there friction or damping between any bodies?
+    /// Returns whether there is friction or damping between any bodies.
     pub fn dissipates(&self) -> bool {
         let given = |value: Option<f64>| value.is_some_and(|value| value > 0.0);
         let any = |pair: &ContactPair| given(pair.friction) || given(pair.damping);
         self.friction > 0.0 || self.damping > 0.0 || self.pairs.iter().any(any)
     }
 
-    /// May bodies of these names meet?
+    /// Returns whether bodies of these names may meet.
     pub fn admits(&self, a: &str, b: &str) -> bool {
         (a != b || self.own) && !self.exclude.iter().any(|pair| is_pair(pair, a, b))
     }
@@ -162,7 +163,7 @@ fn no_body(name: &str, known: &HashSet<&str>) -> String {
     format!("there is no body '{name}'; there are: {}", super::problem::some_of(&there))
 }
 
-/// Everything that is wrong with the contact of a scene.
+/// Returns all problems of the contact of a scene.
 pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
     let Some(contact) = &scene.contact else { return without(scene) };
     let names = scene.bodies.iter().map(|body| body.name.as_str());
@@ -196,7 +197,7 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
     problems
 }
 
-/// What only a scene with contact has.
+/// Returns problems for keys that need the table `[contact]`.
 fn without(scene: &Scene) -> Vec<Problem> {
     let planes = scene
         .rigids
@@ -218,7 +219,7 @@ fn without(scene: &Scene) -> Vec<Problem> {
     planes.chain(probes).chain(asserts).chain(fields).collect()
 }
 
-/// Why a scheme cannot step a scene with contact; none where it can.
+/// Returns why a scheme cannot step a scene with contact; `None` if it can.
 fn refused(method: &Method, contact: &Contact) -> Option<String> {
     let name = method.label();
     let advice = "take stormer-verlet, implicit-midpoint or energy-momentum";

@@ -1,4 +1,4 @@
-//! Prescribed coordinates, as a scene says them: which nodes, along which directions, on which path.
+//! Scene keys of prescribed coordinates: which nodes, along which directions, on which path.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,7 @@ use super::{Axis, Selection};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum HeldAxis {
-    /// An axis of space: "x", "y" or "z".
+    /// A global axis: "x", "y" or "z".
     Space(Axis),
     /// A direction that differs from node to node.
     Local(LocalAxis),
@@ -42,7 +42,7 @@ impl From<[f64; 3]> for HeldAxis {
 pub enum LocalAxis {
     /// The normal of the selected surface: the mean of its facets at the node, by area.
     Normal,
-    /// Both directions in that surface; with `about` and no axis, both normal to the radius of the sphere.
+    /// Both directions tangent to that surface; with `about` and no axis, both tangent to the sphere.
     Tangent,
     /// Away from the axis of the cylinder `about`, or from the centre of the sphere.
     Radial,
@@ -52,43 +52,43 @@ pub enum LocalAxis {
     Axial,
 }
 
-/// The cylinder or sphere that radial, hoop, axial and tangential directions belong to.
+/// The cylinder or sphere that defines radial, hoop, axial and tangential directions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct About {
     /// The centre of the sphere, or a point on the axis of the cylinder, m (default: the origin).
     #[serde(default)]
     pub point: [f64; 3],
-    /// The axis of the cylinder, of any length but zero; without it, it is a sphere.
+    /// The axis of the cylinder, of any length but zero; without it, `about` is a sphere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
 }
 
-/// `[[fix]]`: nodes whose coordinates are prescribed: held where they start, or moved on a path.
+/// `[[fix]]`: nodes whose coordinates are prescribed: held at their initial positions, or moved on a path.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fix {
     /// The body.
     pub body: String,
-    /// Nodes that are held.
+    /// The held nodes.
     #[serde(flatten)]
     pub on: Selection,
-    /// Along which directions (default: `["x", "y", "z"]`): axes of space "x", "y", "z"; "normal" and "tangent" of
-    /// the selected surface; "radial", "hoop", "axial" of the cylinder `about`, "radial" and "tangent" of the
-    /// sphere; or vectors such as `[1.0, 1.0, 0.0]`. All are those of the body at rest.
+    /// Directions that are held (default: `["x", "y", "z"]`): global axes "x", "y", "z"; "normal" and "tangent" of the
+    /// selected surface; "radial", "hoop", "axial" of the cylinder `about`, "radial" and "tangent" of the sphere; or
+    /// vectors such as `[1.0, 1.0, 0.0]`. All refer to the body at rest.
     #[serde(default = "Fix::all_axes")]
     pub axes: Vec<HeldAxis>,
-    /// The cylinder or sphere of "radial", "hoop" and "axial".
+    /// The cylinder or sphere for "radial", "hoop" and "axial".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub about: Option<About>,
     /// Prescribed motion (default: at rest).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<Motion>,
-    /// Clamp a sheet: hold the normal of the edges of its boundary between these nodes as it is in the mesh.
+    /// Clamp a sheet: hold the normal at its boundary edges between these nodes as in the mesh.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub rotation: bool,
-    /// The nodes lie in a mirror plane, whose normal is the one direction in `axes`: edges of the boundary of a
-    /// sheet between them bend as if the sheet went on as its mirror image. (A solid needs only `axes`.)
+    /// The nodes lie in a mirror plane, whose normal is the one direction in `axes`: boundary edges of a sheet between
+    /// them bend as if the sheet continued as its mirror image. (A solid needs only `axes`.)
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub symmetry: bool,
 }
@@ -98,7 +98,7 @@ impl Fix {
         [Axis::X, Axis::Y, Axis::Z].map(HeldAxis::Space).to_vec()
     }
 
-    /// Returns the axes of space along which it holds, as 0, 1 and 2, or `None` if it holds along any other direction.
+    /// Returns the global axes along which it holds, as 0, 1 and 2, or `None` if it holds along any other direction.
     pub(crate) fn space_axes(&self) -> Option<Vec<usize>> {
         let axis = |axis: &HeldAxis| match axis {
             HeldAxis::Space(axis) => Some(*axis as usize),
@@ -125,7 +125,7 @@ impl Fix {
         Self::on(body, Selection::region(region))
     }
 
-    /// Holds the nodes at rest in a box.
+    /// Holds the nodes whose rest positions lie in a box.
     pub fn within(body: impl Into<String>, min: [f64; 3], max: [f64; 3]) -> Self {
         Self::on(body, Selection::within(min, max))
     }
@@ -135,7 +135,7 @@ impl Fix {
         Self::on(body, Selection::nodes(nodes))
     }
 
-    /// Holds only these axes.
+    /// Holds along these directions only.
     pub fn axes<A: Into<HeldAxis> + Copy>(mut self, axes: &[A]) -> Self {
         self.axes = axes.iter().map(|&axis| axis.into()).collect();
         self
@@ -147,7 +147,7 @@ impl Fix {
         self
     }
 
-    /// Says that the nodes lie in a mirror plane, whose normal is the one direction that is held.
+    /// Declares that the nodes lie in a mirror plane, whose normal is the one direction that is held.
     pub fn symmetry(mut self) -> Self {
         self.symmetry = true;
         self
@@ -159,13 +159,13 @@ impl Fix {
         self
     }
 
-    /// Clamps a sheet: holds the normal of the edges of its boundary between these nodes.
+    /// Clamps a sheet: holds the normal at its boundary edges between these nodes.
     pub fn rotation(mut self) -> Self {
         self.rotation = true;
         self
     }
 
-    /// Everything that is wrong with its values but its motion, each with the key within it.
+    /// Returns all problems of its values except those of its motion, each with the key within it.
     pub(super) fn problems(&self) -> Vec<(String, String)> {
         let mut problems: Vec<(String, String)> =
             self.on.problems().into_iter().map(|(key, message)| (key.to_owned(), message)).collect();

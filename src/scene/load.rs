@@ -1,4 +1,4 @@
-//! Loads and damping, as a scene says them.
+//! Scene keys of loads and damping.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use vi_fem::{Amplitude, FemError, VectorField};
 
 use super::Selection;
 
-/// A component of a field: a number, or a formula of `x y z`, the position at rest (m).
+/// A component of a field: a number, or a formula of `x y z`, the rest position (m).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum FieldComponent {
@@ -21,7 +21,7 @@ pub enum FieldComponent {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Load {
-    /// A dead traction on a surface: force per area at rest that keeps its direction.
+    /// A dead traction on a surface: force per rest area, with a constant direction.
     Traction {
         /// The body.
         body: String,
@@ -30,7 +30,7 @@ pub enum Load {
         on: Selection,
         /// Traction, Pa.
         traction: [FieldComponent; 3],
-        /// Factor in time (default 1).
+        /// Time factor (default 1).
         #[serde(default)]
         amplitude: Amplitude,
     },
@@ -43,7 +43,7 @@ pub enum Load {
         on: Selection,
         /// Pressure, Pa; positive pushes into the body.
         pressure: f64,
-        /// Factor in time (default 1).
+        /// Time factor (default 1).
         #[serde(default)]
         amplitude: Amplitude,
     },
@@ -59,13 +59,13 @@ pub enum Load {
         node: Option<usize>,
         /// Force, N.
         force: [f64; 3],
-        /// Factor in time (default 1).
+        /// Time factor (default 1).
         #[serde(default)]
         amplitude: Amplitude,
     },
     /// A total force and moment on a part of a body's surface, or of a sheet's edge: a dead traction that varies
-    /// linearly over its area (length) at rest and has this force and moment. It keeps its direction, so that the
-    /// moment is that on the body at rest.
+    /// linearly over its rest area (length) and has this resultant and moment. Its direction is constant, so the moment
+    /// is that on the body at rest.
     Force {
         /// The body.
         body: String,
@@ -81,27 +81,27 @@ pub enum Load {
         /// The point through which the force acts, m (default: the centroid of the part at rest).
         #[serde(default, skip_serializing_if = "Option::is_none")]
         about: Option<[f64; 3]>,
-        /// Factor in time (default 1).
+        /// Time factor (default 1).
         #[serde(default)]
         amplitude: Amplitude,
     },
-    /// A dead force per volume at rest; in a sheet, its thickness times its area.
+    /// A dead force per rest volume; the volume of a sheet is its thickness times its area.
     BodyForce {
         /// The body.
         body: String,
-        /// A volume region of its mesh, of a sheet a surface region (default: the whole body).
+        /// A volume region of its mesh, for a sheet a surface region (default: the whole body).
         #[serde(default, skip_serializing_if = "Option::is_none")]
         region: Option<String>,
         /// Force per volume, N/m³.
         force: [FieldComponent; 3],
-        /// Factor in time (default 1).
+        /// Time factor (default 1).
         #[serde(default)]
         amplitude: Amplitude,
     },
 }
 
 impl Load {
-    /// The body that it acts on.
+    /// Returns the body that it acts on.
     pub fn body(&self) -> &str {
         match self {
             Self::Traction { body, .. }
@@ -112,7 +112,7 @@ impl Load {
         }
     }
 
-    /// The part of the body that it acts on, where it selects one.
+    /// Returns the part of the body that it acts on, if it selects one.
     pub(super) fn selection(&self) -> Option<&Selection> {
         match self {
             Self::Traction { on, .. } | Self::Pressure { on, .. } | Self::Force { on, .. } => Some(on),
@@ -120,7 +120,7 @@ impl Load {
         }
     }
 
-    /// Returns the selection of the load, for changes.
+    /// Returns the selection of the load for changes.
     pub(super) fn selection_mut(&mut self) -> Option<&mut Selection> {
         match self {
             Self::Traction { on, .. } | Self::Pressure { on, .. } | Self::Force { on, .. } => Some(on),
@@ -172,21 +172,21 @@ impl Load {
     }
 }
 
-/// The field of three components.
+/// Makes the field of three components.
 ///
 /// # Errors
-/// Where a formula does not parse.
+/// If a formula does not parse.
 pub(crate) fn field(components: &[FieldComponent; 3]) -> Result<VectorField, FemError> {
     let text = components.each_ref().map(|component| match component {
         FieldComponent::Number(value) if value.is_finite() => format!("{value:e}"),
         FieldComponent::Number(value) => value.to_string(),
         FieldComponent::Formula(formula) => formula.clone(),
     });
-    // A sign in front of a number is a formula's minus: the value is the same to the bit.
+    // In a formula the sign of a number is a unary minus, which gives the same value to the bit.
     VectorField::expressions([text[0].as_str(), text[1].as_str(), text[2].as_str()])
 }
 
-/// `[damping]`: physical damping of all solids, off by default. Its joules are in the ledger.
+/// `[damping]`: physical damping of all solids, none by default. The ledger books its dissipation.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Damping {
@@ -196,7 +196,7 @@ pub struct Damping {
     /// Kelvin–Voigt bulk viscosity ζ, Pa s.
     #[serde(default)]
     pub bulk_viscosity: f64,
-    /// Rayleigh's β, s: viscosities β μ and β λ of each material; rigid motion is untouched.
+    /// Rayleigh's β, s: viscosities β μ and β λ of each material; rigid motion is not damped.
     #[serde(default)]
     pub stiffness_time: f64,
     /// Rayleigh's α, 1/s: f = −α m v, a drag that slows rigid motion too.

@@ -1,21 +1,21 @@
-//! Scene keys for the material of a body: a solid's, or a sheet's, which has a thickness.
+//! Scene keys of the material of a body: of a solid, or of a sheet, which has a thickness.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 use vi_fem::{FemError, Law, OwnLaw, SheetLaw};
 
-/// A law with its parameters. The table of a sheet's law has the key `thickness`, that of a solid's has not.
+/// A law with its parameters. The table of a sheet's law has the key `thickness`; that of a solid's law has not.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Substance {
-    /// Fills the volume of a body.
+    /// Material of a solid.
     Solid(Law),
-    /// Covers the surface of a sheet.
+    /// Material of a sheet.
     Sheet(SheetLaw),
 }
 
 impl Substance {
-    /// The scene name of the law.
+    /// Returns the scene name of the law.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Solid(law) => law.name(),
@@ -23,7 +23,7 @@ impl Substance {
         }
     }
 
-    /// Dimension of the cells that it can be the matter of: 3 for a solid, 2 for a sheet.
+    /// Returns the dimension of its cells: 3 for a solid, 2 for a sheet.
     pub fn dimension(&self) -> usize {
         match self {
             Self::Solid(_) => 3,
@@ -31,7 +31,7 @@ impl Substance {
         }
     }
 
-    /// Everything that is wrong with the parameters.
+    /// Checks the parameters.
     ///
     /// # Errors
     /// All problems at once.
@@ -63,15 +63,15 @@ impl From<SheetLaw> for Substance {
 
 type Table = serde_json::Map<String, serde_json::Value>;
 
-/// Does a table speak of a sheet? Keys and laws that only sheets have count too, so that a forgotten
-/// `thickness` is what is asked for.
+/// Returns whether a table describes a sheet's material. Keys and laws that only sheets have count too, so that a
+/// missing `thickness` is reported.
 fn says_sheet(table: &Table) -> bool {
     let law = table.get("law").and_then(serde_json::Value::as_str);
     ["thickness", "area_density", "bending", "tension_field"].iter().any(|key| table.contains_key(*key))
         || law.is_some_and(|law| SheetLaw::NAMES.contains(&law) && !Law::NAMES.contains(&law))
 }
 
-/// A material and the region that it fills or covers (none: all that no other entry names).
+/// A material, and the region that it applies to; without a region, all elements that no other entry names.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MaterialEntry {
     /// The region.
@@ -110,7 +110,7 @@ impl<'de> Deserialize<'de> for MaterialEntry {
     }
 }
 
-/// One material for the whole body, or one a region.
+/// One material for the whole body, or one per region.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Materials(pub Vec<MaterialEntry>);
 

@@ -1,4 +1,4 @@
-//! The names of a scene: every lookup of a body, a rigid body or a probe by its name goes through here.
+//! The names of a scene: finds bodies, rigid bodies and probes by name.
 
 use std::collections::HashMap;
 
@@ -9,12 +9,12 @@ use super::{Probe, Scene};
 pub struct BodyId(usize);
 
 impl BodyId {
-    /// The body with this number in the order of the scene.
+    /// Makes the identifier of the body with this number in the order of the scene.
     pub(crate) fn new(index: usize) -> Self {
         Self(index)
     }
 
-    /// Number in the order of the scene.
+    /// Returns the number in the order of the scene.
     pub fn index(self) -> usize {
         self.0
     }

@@ -1,4 +1,4 @@
-//! Files that a run writes, and assertions at its end.
+//! Scene keys of the files that a run writes, and of assertions at its end.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vi_fem::ElementField;
 
-/// A field that can be written to the frames. Nothing is computed that is not named.
+/// A field for the frames. Only fields that are named are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Field {
@@ -14,12 +14,12 @@ pub enum Field {
     Displacement,
     /// Velocity, m/s (points).
     Velocity,
-    /// Acceleration M⁻¹(f − ∂V/∂x), m/s²; that of their path at prescribed coordinates (points).
+    /// Acceleration M⁻¹(f − ∂V/∂x), m/s²; for prescribed coordinates that of their path (points).
     Acceleration,
-    /// Force of weight, loads and wind, N; of the lumped mass where it is weight (points).
+    /// Force of weight, loads and wind, N; weight acts on the lumped mass (points).
     ExternalForce,
-    /// Force that holds the prescribed coordinates, N; zero elsewhere (points). Without their inertia
-    /// where they accelerate.
+    /// Force that holds the prescribed coordinates, N; zero elsewhere (points). The inertia of accelerating prescribed
+    /// coordinates is not included.
     ReactionForce,
     /// Cauchy stress, Pa, 9 components by rows (cells).
     Stress,
@@ -30,7 +30,7 @@ pub enum Field {
     /// Volume ratio det F (cells).
     #[serde(rename = "J")]
     J,
-    /// Strain energy in a volume at rest, J/m³ (cells).
+    /// Strain energy per rest volume, J/m³ (cells).
     EnergyDensity,
     /// Cauchy stress smoothed to the nodes, Pa, 9 components by rows (points).
     NodalStress,
@@ -41,13 +41,13 @@ pub enum Field {
     /// Volume ratio det F smoothed to the nodes (points).
     #[serde(rename = "nodal_J")]
     NodalJ,
-    /// Strain energy in a volume at rest smoothed to the nodes, J/m³ (points).
+    /// Strain energy per rest volume smoothed to the nodes, J/m³ (points).
     NodalEnergyDensity,
-    /// Force of contact per area without friction, Pa (points).
+    /// Contact force per area without friction, Pa (points).
     ContactTraction,
     /// Its magnitude, Pa (points).
     ContactPressure,
-    /// Gap to what presses on a point, m; the layer's thickness d̂ where nothing does (points).
+    /// Gap to the opposite surface, m; the thickness d̂ of the contact layer if the point has no contact (points).
     Gap,
     /// Number of the body in the scene, from 0 (cells).
     BodyId,
@@ -80,7 +80,7 @@ impl Field {
         Self::MaterialId,
     ];
 
-    /// Name in scenes and files.
+    /// Returns the name in scenes and files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Displacement => "displacement",
@@ -106,7 +106,8 @@ impl Field {
         }
     }
 
-    /// Numbers per node or element: 3 of a vector, 9 of a tensor, 0 of what is no quantity (`body_id`).
+    /// Returns the number of values per node or element: 3 for a vector, 9 for a tensor, 0 for an identifier such as
+    /// `body_id`.
     pub fn component_count(self) -> usize {
         match (self.of_elements(), self) {
             (Some((field, _)), _) => field.component_count(),
@@ -116,17 +117,17 @@ impl Field {
         }
     }
 
-    /// Is it known only in scenes with contact?
+    /// Returns whether it needs a scene with contact.
     pub fn is_of_contact(self) -> bool {
         matches!(self, Self::ContactTraction | Self::ContactPressure | Self::Gap)
     }
 
-    /// Is it a force on nodes, which can be added up?
+    /// Returns whether it is a nodal force, which can be summed.
     pub fn is_force(self) -> bool {
         matches!(self, Self::ExternalForce | Self::ReactionForce)
     }
 
-    /// For fields that elements of solids have: which, and whether it is smoothed to the nodes.
+    /// Returns the field of solid elements that it shows, if any, and whether it is smoothed to the nodes.
     pub fn of_elements(self) -> Option<(ElementField, bool)> {
         Some(match self {
             Self::Stress => (ElementField::Stress, false),
@@ -170,11 +171,11 @@ pub enum Encoding {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Cache {
-    /// A PC2 point cache for each body, with one OBJ file that has its triangles and texture coordinates.
+    /// A PC2 point cache per body, with one OBJ file that has its triangles and texture coordinates.
     Pc2,
-    /// An OBJ file for each body and frame.
+    /// An OBJ file per body and frame.
     Obj,
-    /// A binary PLY file for each body and frame.
+    /// A binary PLY file per body and frame.
     Ply,
 }
 
@@ -183,12 +184,12 @@ pub enum Cache {
 pub(crate) enum Schedule {
     /// At the steps nearest to the multiples of this time, s.
     Interval(f64),
-    /// At the multiples of 1/rate, s, between steps too.
+    /// At the multiples of 1/rate, s, also between steps.
     Rate(f64),
 }
 
 impl Schedule {
-    /// Time of frame number `frame`, s.
+    /// Returns the time of frame number `frame`, s.
     pub(crate) fn time(self, frame: usize) -> f64 {
         match self {
             Self::Interval(interval) => frame as f64 * interval,
@@ -196,47 +197,48 @@ impl Schedule {
         }
     }
 
-    /// Is frame number `frame` due when step `steps`, of h (s) each, has ended?
+    /// Returns whether frame number `frame` is due at the end of step `steps`, of h (s) each.
     pub(crate) fn is_due(self, frame: usize, steps: u64, h: f64) -> bool {
         let end = steps as f64 * h;
         match self {
             Self::Interval(_) => end + 0.5 * h > self.time(frame),
-            // A frame at the end of a step, but for round-off, is of this step.
+            // A frame within round-off of the end of a step belongs to this step.
             Self::Rate(_) => end + ROUND_OFF * h >= self.time(frame),
         }
     }
 
-    /// Lies frame number `frame` before the end of step `steps`, so that its state is to be interpolated?
+    /// Returns whether frame number `frame` lies before the end of step `steps`, so that its state must be
+    /// interpolated.
     pub(crate) fn is_within(self, frame: usize, steps: u64, h: f64) -> bool {
         matches!(self, Self::Rate(_)) && self.time(frame) < (steps as f64 - ROUND_OFF) * h
     }
 }
 
-/// Part of a step below which two times are one: far above round-off, far below what can be seen.
+/// Fraction of a step below which two times count as equal: far above round-off, far below what is visible.
 const ROUND_OFF: f64 = 1e-6;
 
-/// `[output]`: what is written, and where.
+/// `[output]`: the files of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Output {
     /// Directory, relative to the working directory (default `out/<scene>`); `--out` overrides.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "super::path_as_text")]
     pub directory: Option<PathBuf>,
-    /// Time between frames, s (> 0); omit for none. A frame is written at the nearest step.
+    /// Time between frames, s (> 0); without it there are no frames. A frame is written at the nearest step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interval: Option<f64>,
-    /// Frames a second (> 0), instead of `interval`: at the times 0, 1/fps, 2/fps … whatever the step is. Between
-    /// steps, states are interpolated (docs/files.md); no step is changed.
+    /// Frames per second (> 0), instead of `interval`: at the times 0, 1/fps, 2/fps … for any step. Between steps,
+    /// states are interpolated (docs/files.md); no step is changed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fps: Option<f64>,
-    /// Write the surface of every body for animation programs too, at `fps`: "pc2" (a point cache and one OBJ file),
+    /// Also write the surface of every body for animation programs, at `fps`: "pc2" (a point cache and one OBJ file),
     /// "obj" or "ply" (a sequence).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cache: Option<Cache>,
-    /// A row of history.csv every n steps, and always the first and the last (default 1; 0: those two only).
+    /// Write a row of history.csv every n steps, and always the first and the last (default 1; 0: those two only).
     #[serde(default = "Output::default_history")]
     pub history: u64,
-    /// Fields of the frames; nothing is computed that is not named.
+    /// Fields of the frames; only these are computed.
     #[serde(default = "Output::default_fields")]
     pub fields: Vec<Field>,
     /// Precision of the frames.
@@ -245,10 +247,10 @@ pub struct Output {
     /// Encoding of the frames.
     #[serde(default)]
     pub encoding: Encoding,
-    /// Keep the full energy ledger: every step's work, scheme error and residual work, each computed on
-    /// its own. It costs an energy evaluation a step, and an extra residual in implicit steps.
-    /// Default: where something outside works on a body (moving supports, wind, damping, loads that follow
-    /// or change), for without the ledger their joules would look like drift.
+    /// Keep the full energy ledger: the work, scheme error and residual work of every step, each computed on its own.
+    /// It costs an energy evaluation per step, and an extra residual in implicit steps. Default: if external work is
+    /// done on a body (moving supports, wind, damping, loads that follow or change), because without the ledger that
+    /// work would look like drift.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ledger: Option<bool>,
     /// Draw the energies over time as `energy.svg` when the run ends (default false; `run --chart`).
@@ -257,7 +259,7 @@ pub struct Output {
 }
 
 impl Output {
-    /// Times at which frames are due; `None` if no frames are asked for.
+    /// Returns the times at which frames are due; `None` without frames.
     pub(crate) fn schedule(&self) -> Option<Schedule> {
         self.fps.map(Schedule::Rate).or(self.interval.map(Schedule::Interval))
     }
@@ -288,7 +290,7 @@ impl Default for Output {
     }
 }
 
-/// `[assert]`: a scene can be a test; exit code 3 if broken.
+/// `[assert]`: makes a scene a test; exit code 3 if an assertion is broken.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Assert {
@@ -301,11 +303,11 @@ pub struct Assert {
     /// Largest change of angular momentum over the largest Σ m|x||v| (free bodies without gravity).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub angular_momentum_drift: Option<f64>,
-    /// Least gap between surfaces that press on each other, at the start and after every step, m (needs `[contact]`).
+    /// Smallest gap allowed between surfaces in contact, at the start and after every step, m (needs `[contact]`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub smallest_gap: Option<f64>,
-    /// Most edges that meet triangles of other bodies, or of the same, in any row of history.csv, found by exact
-    /// predicates (needs `[contact]`).
+    /// Largest number allowed of edges that cross triangles of other bodies or of the same body, in any row of
+    /// history.csv, found by exact predicates (needs `[contact]`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub intersections: Option<u64>,
 }

@@ -1,5 +1,5 @@
-//! From TOML to a scene, with every problem found at once and the line that it stands on. `structure.rs` checks
-//! keys and types, `check.rs` the values.
+//! Parses TOML to a scene, and finds all problems at once, each with its line. `structure.rs` checks keys and types,
+//! `check.rs` the values.
 
 use std::path::Path;
 
@@ -9,16 +9,15 @@ use super::set::set;
 use super::structure::{Entry, Flaw, Structure, span_of};
 use super::{Problem, Scene};
 
-/// A scene file as it was read.
+/// The result of reading a scene file.
 #[derive(Debug)]
 pub struct Parsed {
-    /// The scene, unless the file is no TOML. Where there are problems with keys or types, it holds
-    /// stand-ins for what could not be read.
+    /// The scene, unless the file is not TOML. Keys or types with problems are replaced by valid substitutes.
     pub scene: Option<Scene>,
-    /// Everything that is wrong with keys, types and values, in the order of lines.
+    /// All problems of keys, types and values, in the order of lines.
     pub problems: Vec<Problem>,
     source: Option<Source>,
-    /// Keys whose values are stand-ins.
+    /// Keys with substituted values.
     repaired: Vec<String>,
 }
 
@@ -30,13 +29,13 @@ struct Source {
 }
 
 impl Source {
-    /// The line of a key, or of the nearest key above it.
+    /// Returns the line of a key, or of the nearest key above it.
     fn line_of(&self, key: &str) -> Option<usize> {
         Some(self.lines.at(span_of(self.document.as_item(), key)?.start))
     }
 }
 
-/// Where the lines of a text begin.
+/// The offsets at which the lines of a text begin.
 #[derive(Debug)]
 struct Lines(Vec<usize>);
 
@@ -45,18 +44,18 @@ impl Lines {
         Self(std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect())
     }
 
-    /// The line of an offset, from 1.
+    /// Returns the line of an offset, from 1.
     fn at(&self, offset: usize) -> usize {
         self.0.partition_point(|&start| start <= offset)
     }
 }
 
 impl Scene {
-    /// Reads a scene file, after setting `overrides` (`time.step=0.01`) in it. Mesh paths become
-    /// relative to the file's directory.
+    /// Reads a scene file, after setting `overrides` (`time.step=0.01`) in it. Mesh paths become relative to the file's
+    /// directory.
     ///
     /// # Errors
-    /// Where the file cannot be read. Everything that is wrong with its content is in the result.
+    /// If the file cannot be read. Problems of its content are part of the result.
     pub fn read(path: &Path, overrides: &[String]) -> std::io::Result<Parsed> {
         let text = std::fs::read_to_string(path)?;
         let mut parsed = Self::parse(&text, overrides);
@@ -68,7 +67,7 @@ impl Scene {
         Ok(parsed)
     }
 
-    /// Parses a scene; mesh paths stay as they are.
+    /// Parses a scene; mesh paths are not changed.
     pub fn parse(text: &str, overrides: &[String]) -> Parsed {
         let (text, mut problems) = set(text, overrides);
         let document = match Document::parse(text.clone()) {
@@ -92,23 +91,23 @@ impl Scene {
         parsed
     }
 
-    /// The scene as TOML.
+    /// Writes the scene as TOML.
     ///
     /// # Errors
-    /// Where a value cannot be written as TOML (a path that is not Unicode).
+    /// If a value cannot be written as TOML (a path that is not Unicode).
     pub fn to_toml(&self) -> Result<String, toml_edit::ser::Error> {
         toml_edit::ser::to_string_pretty(self)
     }
 }
 
 impl Parsed {
-    /// Gives a problem the line of its key, or of the nearest key above it.
+    /// Adds to a problem the line of its key, or of the nearest key above it.
     pub fn locate(&self, problem: Problem) -> Problem {
         let line = self.source.as_ref().and_then(|source| source.line_of(&problem.key));
         Problem { line, ..problem }
     }
 
-    /// The problems with their lines, without those of stand-ins, which have been reported already.
+    /// Returns the problems with their lines, without those caused by substitutes, which have already been reported.
     pub fn relevant(&self, problems: Vec<Problem>) -> Vec<Problem> {
         let is_name = |key: &String| key.ends_with(".name") || key == "body" || key == "rigid";
         let lacks_names = self.repaired.iter().any(is_name);
@@ -129,8 +128,8 @@ impl Parsed {
     }
 }
 
-/// The scene that a file holds. Each flaw is noted and repaired, so that the rest can be read; the last list is
-/// of the keys that were repaired.
+/// Decodes the scene of a file. Each fault is recorded and repaired, so that the rest can be read. The last list holds
+/// the keys that were repaired.
 fn decode(source: &Source) -> (Option<Scene>, Vec<Problem>, Vec<String>) {
     let (structure, document) = (Structure::of_scenes(), &source.document);
     let (mut problems, mut repaired) = (Vec::new(), Vec::new());
@@ -165,7 +164,8 @@ fn decode(source: &Source) -> (Option<Scene>, Vec<Problem>, Vec<String>) {
     }
 }
 
-/// The smallest entry in which reading failed, for a reason that the schema does not know (a formula, say).
+/// Returns the smallest entry in which reading failed, for a reason that the schema does not describe (such as a
+/// formula).
 fn flaw_behind(
     error: &toml_edit::de::Error,
     text: &str,

@@ -1,11 +1,12 @@
-//! Rules for every value of a scene, whatever its key: numbers are finite and texts can be printed. It knows no keys
-//! but the bounds of boxes, which may be infinite and are checked where they are defined, so that it holds for new keys.
+//! Rules for every value of a scene: numbers are finite and texts are printable. The rules hold for new keys too. The
+//! only keys that they treat apart are the bounds of boxes, which may be infinite and are checked where they are
+//! defined.
 
 use serde_json::Value;
 
 use super::{Problem, Scene};
 
-/// Everything in a scene that is no finite number or cannot be printed.
+/// Returns the problems of numbers that are not finite and texts that are not printable.
 pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
     let mut problems = Vec::new();
     match serde_json::to_value(scene) {
@@ -18,7 +19,7 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
 fn walk(value: &Value, key: &str, problems: &mut Vec<Problem>) {
     match value {
         Value::Null if key.contains(".box.min[") || key.contains(".box.max[") => {}
-        // JSON has no name for nan and infinities, and serde_json writes null. Keys without a value are left out.
+        // JSON cannot represent nan and infinities, and serde_json writes null. Keys without a value are left out.
         Value::Null => problems.push(Problem::new(key, "must be a finite number, is nan or infinite")),
         Value::String(text) => {
             let is_name = key == "name" || key.ends_with(".name");

@@ -1,13 +1,13 @@
-//! Probes, as a scene says them: nodes, or quantities over a part of a body.
+//! Scene keys of probes: nodes, or quantities over a part of a body.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Axis, Field, Selection};
 
-/// `[[probe]]`: what goes to history.csv, of a node or of a part of a body.
+/// `[[probe]]`: columns of history.csv for a node or a part of a body.
 ///
-/// By `point` or `node` it is a node: columns `name.x` `name.y` `name.z` (position, m) and `name.ux` `name.uy`
+/// With `point` or `node` it is a node: columns `name.x` `name.y` `name.z` (position, m) and `name.ux` `name.uy`
 /// `name.uz` (displacement, m). With `sum`, `mean`, `max` or `min` it is a quantity over the nodes that `region`,
 /// `box`, `plane`, `sphere`, `nodes` or `node_file` select (without them: over the body): columns such as
 /// `name.sum.reaction_force.x`, `name.max.von_mises`, `name.mean.stress.xy`.
@@ -16,11 +16,11 @@ use super::{Axis, Field, Selection};
 pub struct Probe {
     /// Prefix of its columns.
     pub name: String,
-    /// The body; not of a probe of contact force.
+    /// The body; not for a probe of contact force.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub body: String,
-    /// The force between two bodies, with `sum = "contact_force"`: columns `name.fx` `name.fy` `name.fz`, the mean force
-    /// of the second body on the first over the last step, N. Needs `[contact]`.
+    /// The force between two bodies, with `sum = "contact_force"`: columns `name.fx` `name.fy` `name.fz`, the mean
+    /// force of the second body on the first over the last step, N. Needs `[contact]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub between: Option<[String; 2]>,
     /// The node nearest to this point at rest, m …
@@ -32,31 +32,31 @@ pub struct Probe {
     /// A part of the body, for sum, mean, max and min (default: all of it).
     #[serde(flatten)]
     pub on: Selection,
-    /// The sum over the nodes of "reaction_force" or "external_force", N; with `.x`, `.y`, `.z` or `.magnitude` (of
-    /// the sum) one number, else three.
+    /// The sum over the nodes of "reaction_force" or "external_force", N. It is one number with `.x`, `.y`, `.z` or
+    /// `.magnitude` (of the sum), otherwise three.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sum: Option<String>,
-    /// The mean of a field: over the nodes, or over the elements by volume at rest. Fields are those of
-    /// `output.fields`; components are `.x` `.y` `.z` `.magnitude` of vectors, `.xx` `.xy` … `.zz` of tensors, and
-    /// without one there is a column for each.
+    /// The mean of a field: over the nodes, or over the elements weighted by rest volume. Fields are those of
+    /// `output.fields`. Components are `.x` `.y` `.z` `.magnitude` of vectors and `.xx` `.xy` … `.zz` of tensors;
+    /// without one there is a column per component.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mean: Option<String>,
-    /// The largest value of a field, component by component. Elements belong to the part if their region does, or
-    /// if one of their nodes does.
+    /// The largest value of a field, component by component. An element belongs to the part if its region does, or if
+    /// one of its nodes does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max: Option<String>,
     /// The smallest value of a field, component by component.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min: Option<String>,
-    /// Find the pitch (frequency of the strongest oscillation, Hz) of this axis' displacement.
+    /// Find the pitch (frequency of the strongest oscillation, Hz) of the displacement along this axis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pitch: Option<Axis>,
 }
 
-/// The sum of a probe between two bodies.
+/// Name of the quantity of a probe between two bodies.
 const CONTACT_FORCE: &str = "contact_force";
 
-/// Statistic of the values of a field over a part of a body.
+/// A statistic of the values of a field over a part of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Statistic {
     /// The sum over nodes.
@@ -70,7 +70,7 @@ pub enum Statistic {
 }
 
 impl Statistic {
-    /// Key of the statistic in a probe.
+    /// Returns the key of the statistic in a probe.
     pub fn name(self) -> &'static str {
         match self {
             Self::Sum => "sum",
@@ -86,14 +86,14 @@ impl Statistic {
 pub struct Quantity {
     /// The field.
     pub field: Field,
-    /// Which component; none for all.
+    /// The component; `None` for all.
     pub component: Option<Component>,
 }
 
 /// A component of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Component {
-    /// A number of the field's values at a node or element, from 0.
+    /// The entry of this number among the field's values at a node or element, from 0.
     Entry(usize),
     /// The length of a vector.
     Magnitude,
@@ -103,7 +103,7 @@ const OF_VECTORS: [&str; 3] = ["x", "y", "z"];
 const OF_TENSORS: [&str; 9] = ["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"];
 
 impl Quantity {
-    /// Reads `field` or `field.component`.
+    /// Parses `field` or `field.component`.
     ///
     /// # Errors
     /// The problem, and the fields that exist.
@@ -139,7 +139,7 @@ impl Quantity {
         }
     }
 
-    /// Suffixes of the statistic's name in the heads of its columns, one per column.
+    /// Returns the suffixes of its column names, one per column, which follow the name of the statistic.
     pub fn columns(&self) -> Vec<String> {
         let (field, names) = (self.field.name(), Self::components(self.field));
         match self.component {
@@ -168,18 +168,18 @@ impl Probe {
         }
     }
 
-    /// The node nearest to a point at rest, m.
+    /// Makes a probe of the node nearest to a point at rest, m.
     pub fn at(name: impl Into<String>, body: impl Into<String>, point: [f64; 3]) -> Self {
         Self { point: Some(point), ..Self::new(name, body) }
     }
 
-    /// A node, from 0.
+    /// Makes a probe of a node, from 0.
     pub fn node(name: impl Into<String>, body: impl Into<String>, node: usize) -> Self {
         Self { node: Some(node), ..Self::new(name, body) }
     }
 
-    /// A statistic of a quantity (`"reaction_force"`, `"stress.xx"`) over a part of a body; over all of it where
-    /// the selection is empty.
+    /// Makes a probe of a statistic of a quantity (`"reaction_force"`, `"stress.xx"`) over a part of a body, or over
+    /// all of it if the selection is empty.
     pub fn over(
         name: impl Into<String>,
         body: impl Into<String>,
@@ -198,7 +198,7 @@ impl Probe {
         probe
     }
 
-    /// The force of contact of the second body on the first.
+    /// Makes a probe of the contact force of the second body on the first.
     pub fn contact_force(
         name: impl Into<String>,
         first: impl Into<String>,
@@ -208,7 +208,7 @@ impl Probe {
         Self { between, sum: Some(CONTACT_FORCE.to_owned()), ..Self::new(name, "") }
     }
 
-    /// What is wrong with a probe of contact force.
+    /// Returns the problems of a probe of contact force.
     fn problems_between(&self) -> Vec<(&'static str, String)> {
         let mut problems = Vec::new();
         if self.sum.as_deref() != Some(CONTACT_FORCE) {
@@ -233,7 +233,7 @@ impl Probe {
         problems
     }
 
-    /// Is it a node, not a quantity over a part of a body?
+    /// Returns whether it is a node, not a quantity over a part of a body.
     pub fn is_node(&self) -> bool {
         self.statistics().next().is_none()
     }
@@ -248,14 +248,14 @@ impl Probe {
         all.into_iter().filter_map(|(statistic, text)| Some((statistic, text.as_deref()?)))
     }
 
-    /// Returns the statistics asked for over a part of a body; none for a node. Fields that do not parse are left out.
+    /// Returns the statistics over a part of a body; empty for a node. Fields that do not parse are left out.
     pub fn quantities(&self) -> Vec<(Statistic, Quantity)> {
         self.statistics()
             .filter_map(|(statistic, text)| Some((statistic, Quantity::parse(text).ok()?)))
             .collect()
     }
 
-    /// The heads of its columns over a part of a body, or of a force between bodies.
+    /// Returns the names of its columns over a part of a body, or of a force between bodies.
     pub fn columns(&self) -> Vec<String> {
         if self.between.is_some() {
             return ["fx", "fy", "fz"].map(|part| format!("{}.{part}", self.name)).to_vec();
@@ -267,7 +267,7 @@ impl Probe {
         self.quantities().into_iter().flat_map(of).collect()
     }
 
-    /// Everything that is wrong with its values, each with the key within it; `is_sheet` says what the body is.
+    /// Returns all problems of its values, each with the key within it. `is_sheet` tells whether the body is a sheet.
     pub(super) fn problems(&self, is_sheet: bool) -> Vec<(&'static str, String)> {
         let mut problems = Vec::new();
         if self.between.is_some() {

@@ -1,32 +1,32 @@
-//! One thing that is wrong with a scene.
+//! A single problem of a scene.
 
 use std::fmt;
 use std::path::PathBuf;
 
-/// One thing that is wrong with a scene: where, what, and the way out.
+/// A single problem of a scene: its place, what is wrong, and the remedy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem {
-    /// The scene file, where there is one.
+    /// The scene file, if there is one.
     pub file: Option<PathBuf>,
     /// Line in that file, from 1.
     pub line: Option<usize>,
     /// The key, e.g. `body[0].material.density`; empty for the whole scene.
     pub key: String,
-    /// What is wrong, and the way out.
+    /// What is wrong, and the remedy.
     pub message: String,
 }
 
 impl Problem {
-    /// A problem at a key.
+    /// Makes a problem of a key.
     pub fn new(key: impl Into<String>, message: impl Into<String>) -> Self {
         Self { file: None, line: None, key: key.into(), message: message.into() }
     }
 }
 
-/// A text of which no more than its beginning and its end are shown, in messages that repeat what a file says.
+/// Shows only the beginning and the end of a long text, for messages that repeat the content of a file.
 struct Shortened<'a>(&'a str);
 
-/// Characters that are shown of the beginning and of the end.
+/// Number of characters shown of the beginning and of the end.
 const SHOWN: [usize; 2] = [1500, 500];
 
 impl fmt::Display for Shortened<'_> {
@@ -59,7 +59,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// Names for a message: the first few, and how many more there are, so that many messages about many names stay short.
+/// Lists names for a message: the first few and the number of the others, to keep messages short.
 pub(super) fn some_of(names: &[&str]) -> String {
     const FEW: usize = 12;
     let first = names[..names.len().min(FEW)].join(", ");

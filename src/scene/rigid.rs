@@ -1,4 +1,4 @@
-//! Rigid bodies and joints, as a scene says them.
+//! Scene keys of rigid bodies and joints.
 
 use std::f64::consts::PI;
 use std::path::PathBuf;
@@ -7,43 +7,43 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vi_fem::Motion;
 
-/// `[[rigid]]`: a rigid body. Its mass and inertia are given, or follow from a shape; nodes of bodies that
-/// are attached to it (`[[attach]]` with its name as `to`) bring theirs.
+/// `[[rigid]]`: a rigid body. Its mass and inertia are given, or follow from a shape. Nodes of bodies that are attached
+/// to it (`[[attach]]` with its name as `to`) add theirs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rigid {
-    /// Name by which attachments and joints refer to the body; heads its columns `name.x name.y name.z`
-    /// (position of its centre, m) and `name.qw name.qx name.qy name.qz` (orientation) in history.csv.
+    /// Name by which attachments and joints refer to the body. It heads the columns `name.x name.y name.z` (position of
+    /// its centre, m) and `name.qw name.qx name.qy name.qz` (orientation) in history.csv.
     pub name: String,
-    /// Mass, kg; or give `density` with a shape, or neither for what the attached nodes weigh alone.
+    /// Mass, kg. Alternatives: `density` with a shape, or neither if only attached nodes have mass.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mass: Option<f64>,
     /// Density of its shape, kg/m³.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub density: Option<f64>,
-    /// Inertia about its centre of mass in its own axes, kg m²: three principal moments, or a symmetric
-    /// 3 × 3 matrix by rows. Instead of a shape.
+    /// Inertia about its centre of mass in its local axes, kg m²: three principal moments, or a symmetric 3 × 3 matrix
+    /// by rows. Alternative to a shape.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inertia: Option<Inertia>,
     /// Shape, which gives the inertia and is shown in frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shape: Option<RigidShape>,
-    /// Centre of mass at the start, without attached nodes, m; of a mesh, where the origin of its file is.
+    /// Initial position of the centre of mass without attached nodes, m; for a mesh, of the origin of its file.
     #[serde(default)]
     pub position: [f64; 3],
-    /// Orientation of the axes of the body at the start (default: along those of space).
+    /// Initial orientation of the body's axes (default: along the global axes).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orientation: Option<Turn>,
     /// Initial velocity of its own centre of mass, m/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub velocity: Option<[f64; 3]>,
-    /// Initial angular velocity in space, rad/s.
+    /// Initial angular velocity in global axes, rad/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub angular_velocity: Option<[f64; 3]>,
-    /// Held where it is.
+    /// Whether it is held at its initial position.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fixed: bool,
-    /// Moved on a path.
+    /// Prescribed motion.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion: Option<Motion>,
 }
@@ -52,25 +52,25 @@ pub struct Rigid {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Inertia {
-    /// Principal moments about the body's own axes, kg m².
+    /// Principal moments about the body's local axes, kg m².
     Principal([f64; 3]),
     /// A symmetric matrix by rows, kg m².
     Matrix([[f64; 3]; 3]),
 }
 
-/// A homogeneous shape with its centre at the body's.
+/// A homogeneous shape centred at the body's position.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum RigidShape {
-    /// The half-space below a plane through the body's position: an obstacle without end, fixed or moved without
-    /// turning. It acts by contact alone and is not drawn.
+    /// The half-space below a plane through the body's position: an infinite obstacle, fixed or moved without rotation.
+    /// It acts by contact alone and is not drawn.
     Plane {
-        /// Direction out of the half-space in the body's own axes, of any length but zero.
+        /// Direction out of the half-space in the body's local axes, of any length but zero.
         normal: [f64; 3],
     },
     /// A box along the body's axes.
     Box {
-        /// Edges, m.
+        /// Edge lengths, m.
         size: [f64; 3],
     },
     /// A ball.
@@ -85,22 +85,22 @@ pub enum RigidShape {
         /// Radius, m.
         radius: f64,
     },
-    /// A cylinder along the body's first axis: the same as a rod.
+    /// A cylinder along the body's first axis; another name for `rod`.
     Cylinder {
         /// Length, m.
         length: f64,
         /// Radius, m.
         radius: f64,
     },
-    /// A cylinder along the body's first axis with a half ball at each end.
+    /// A cylinder along the body's first axis with a hemisphere at each end.
     Capsule {
-        /// Length of the cylinder without its round ends, m.
+        /// Length of the cylinder without the hemispheres, m.
         length: f64,
         /// Radius, m.
         radius: f64,
     },
-    /// The solid within a closed surface of triangles, read from a mesh file of any kind that bodies are read from; of a
-    /// mesh of solids its boundary. The body's position is where the origin of the file is; its centre of mass follows.
+    /// The solid within a closed surface of triangles, read from a mesh file of any supported kind; for a mesh of
+    /// solids, within its boundary. The body's position is that of the file's origin, and its centre of mass follows.
     Mesh {
         /// The file, relative to the scene.
         file: PathBuf,
@@ -112,12 +112,12 @@ pub enum RigidShape {
 }
 
 impl RigidShape {
-    /// Is it a half-space?
+    /// Returns whether it is a half-space.
     pub fn is_plane(&self) -> bool {
         matches!(self, Self::Plane { .. })
     }
 
-    /// Volume, m³; infinite for a half-space, not a number for a mesh, which only its file tells.
+    /// Returns the volume, m³; infinite for a half-space, NaN for a mesh, whose file must be read.
     pub fn volume(&self) -> f64 {
         match *self {
             Self::Plane { .. } => f64::INFINITY,
@@ -129,8 +129,8 @@ impl RigidShape {
         }
     }
 
-    /// Mean squares of the coordinates over the shape, m²: Euler's moments of unit mass; zero for a half-space, which
-    /// has no mass, not numbers for a mesh.
+    /// Returns the mean squares of the coordinates over the shape, m²: Euler's moments per unit mass. They are zero for
+    /// a half-space, which has no mass, and NaN for a mesh.
     pub fn mean_squares(&self) -> [f64; 3] {
         match *self {
             Self::Plane { .. } => [0.0; 3],
@@ -142,7 +142,7 @@ impl RigidShape {
             }
             Self::Capsule { length, radius } => {
                 let (l, r) = (length, radius);
-                // Parts of the volume: cylinder, and both half balls together.
+                // The cylinder, and both hemispheres together, as fractions of the volume.
                 let ball = 4.0 / 3.0 * r / (l + 4.0 / 3.0 * r);
                 let along_ball = r * r / 5.0 + 0.25 * l * l + 0.375 * l * r;
                 let along = (1.0 - ball) * l * l / 12.0 + ball * along_ball;
@@ -152,7 +152,7 @@ impl RigidShape {
         }
     }
 
-    /// The smallest of its thicknesses, m; not a number for a mesh.
+    /// Returns its smallest thickness, m; NaN for a mesh.
     pub fn thickness(&self) -> f64 {
         match *self {
             Self::Plane { .. } => f64::INFINITY,
@@ -180,7 +180,7 @@ impl RigidShape {
     }
 }
 
-/// A turn about an axis.
+/// A rotation about an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Turn {
@@ -191,7 +191,7 @@ pub struct Turn {
 }
 
 impl Rigid {
-    /// A body with this name; without a mass of its own.
+    /// Makes a body with this name and without mass.
     pub fn new(name: impl Into<String>) -> Self {
         Self {
             name: name.into(),
@@ -208,7 +208,7 @@ impl Rigid {
         }
     }
 
-    /// Is it prescribed: held or moved?
+    /// Returns whether its motion is prescribed: it is held or moved.
     pub fn is_prescribed(&self) -> bool {
         self.fixed || self.motion.is_some()
     }
@@ -288,13 +288,13 @@ impl Rigid {
     }
 }
 
-/// Is it finite and not zero?
+/// Returns whether a vector is finite and not zero.
 fn is_direction(v: [f64; 3]) -> bool {
     v.iter().all(|value| value.is_finite()) && v != [0.0; 3]
 }
 
 impl Inertia {
-    /// As a matrix, kg m².
+    /// Returns the inertia as a matrix, kg m².
     pub fn matrix(&self) -> [[f64; 3]; 3] {
         match *self {
             Self::Principal([a, b, c]) => [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]],
@@ -313,7 +313,7 @@ impl Inertia {
         }
         let matrix = nalgebra::Matrix3::from_fn(|a, b| i[a][b]);
         let moments = matrix.symmetric_eigenvalues();
-        // ½ tr I − I_k = ∫ X_k² dm: none for a flat body, to the round-off of its moments.
+        // ½ tr I − I_k = ∫ X_k² dm is zero for a flat body, up to the round-off of its moments.
         let least = 0.5 * size - moments.max();
         (moments.min() <= 0.0 || least < -1e-12 * size).then(|| {
             format!(
@@ -325,11 +325,11 @@ impl Inertia {
     }
 }
 
-/// `[[joint]]`: what a rigid body must keep to another one, or to the world.
+/// `[[joint]]`: a constraint between a rigid body and another one, or the world.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Joint {
-    /// A point stays a point of both.
+    /// A point that is fixed in both bodies.
     Ball {
         /// The rigid body.
         body: String,
@@ -339,7 +339,7 @@ pub enum Joint {
         /// The point at the start, m.
         point: [f64; 3],
     },
-    /// A line through a point stays a line of both.
+    /// A line that is fixed in both bodies.
     Hinge {
         /// The rigid body.
         body: String,
@@ -351,7 +351,7 @@ pub enum Joint {
         /// Direction at the start, of any length but zero.
         axis: [f64; 3],
     },
-    /// They move as one.
+    /// The bodies move as one.
     Weld {
         /// The rigid body.
         body: String,
@@ -362,7 +362,7 @@ pub enum Joint {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         point: Option<[f64; 3]>,
     },
-    /// Two points keep their distance: a rod without mass.
+    /// Two points with a constant distance: a massless rod.
     Distance {
         /// The rigid body.
         body: String,
@@ -377,7 +377,7 @@ pub enum Joint {
 }
 
 impl Joint {
-    /// The rigid body.
+    /// Returns the name of the rigid body.
     pub fn body(&self) -> &str {
         match self {
             Self::Ball { body, .. }
@@ -387,7 +387,7 @@ impl Joint {
         }
     }
 
-    /// The other one; none for the world.
+    /// Returns the name of the other one; `None` for the world.
     pub fn to(&self) -> Option<&str> {
         match self {
             Self::Ball { to, .. }

@@ -1,11 +1,11 @@
-//! Nodes of a body as a scene selects them: every table that acts on a part of a body says it in these keys.
+//! Scene keys that select nodes of a body, common to all tables that act on a part of a body.
 
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// Nodes of a body at rest, by exactly one of these keys.
+/// Selects nodes of a body by their rest positions, by exactly one of these keys.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Selection {
@@ -24,20 +24,20 @@ pub struct Selection {
     /// … or a list of nodes, from 0 …
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nodes: Option<Vec<usize>>,
-    /// … or the nodes that a text file lists, relative to the scene file: numbers from 0, separated by blanks,
-    /// commas or line ends; what follows a # in a line is passed over.
+    /// … or the nodes that a text file lists, relative to the scene file: numbers from 0, separated by blanks, commas
+    /// or line ends; text after a # in a line is ignored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub node_file: Option<PathBuf>,
 }
 
-/// An axis-aligned box in space that selects the nodes at rest inside it, borders included.
+/// An axis-aligned box that selects the nodes whose rest positions lie inside it, borders included.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BoxRegion {
-    /// Least coordinates, m; -inf along an axis without a lower bound (default: along all axes).
+    /// Smallest coordinates, m; -inf along an axis without a lower bound (default: all axes).
     #[serde(default = "BoxRegion::without_min", deserialize_with = "BoxRegion::read_min")]
     pub min: [f64; 3],
-    /// Greatest coordinates, m; inf along an axis without an upper bound (default: along all axes).
+    /// Largest coordinates, m; inf along an axis without an upper bound (default: all axes).
     #[serde(default = "BoxRegion::without_max", deserialize_with = "BoxRegion::read_max")]
     pub max: [f64; 3],
 }
@@ -51,7 +51,7 @@ impl BoxRegion {
         [f64::INFINITY; 3]
     }
 
-    /// JSON writes an infinite number as null.
+    /// JSON represents an infinite number as null.
     fn read_min<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
         Ok(<[Option<f64>; 3]>::deserialize(from)?.map(|bound| bound.unwrap_or(f64::NEG_INFINITY)))
     }
@@ -74,7 +74,7 @@ impl BoxRegion {
     }
 }
 
-/// A plane that selects the nodes at rest on it.
+/// A plane that selects the nodes whose rest positions lie on it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlaneRegion {
@@ -87,7 +87,7 @@ pub struct PlaneRegion {
     pub distance: Option<f64>,
 }
 
-/// A ball that selects the nodes at rest inside it, its surface included.
+/// A ball that selects the nodes whose rest positions lie inside it, its surface included.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SphereRegion {
@@ -98,32 +98,32 @@ pub struct SphereRegion {
 }
 
 impl Selection {
-    /// A named region of the mesh.
+    /// Selects a named region of the mesh.
     pub fn region(region: impl Into<String>) -> Self {
         Self { region: Some(region.into()), ..Self::default() }
     }
 
-    /// The nodes at rest in a box; infinite bounds leave it open.
+    /// Selects the nodes whose rest positions lie in a box; infinite bounds leave it open.
     pub fn within(min: [f64; 3], max: [f64; 3]) -> Self {
         Self { within: Some(BoxRegion { min, max }), ..Self::default() }
     }
 
-    /// The nodes at rest on a plane.
+    /// Selects the nodes whose rest positions lie on a plane.
     pub fn plane(point: [f64; 3], normal: [f64; 3]) -> Self {
         Self { plane: Some(PlaneRegion { point, normal, distance: None }), ..Self::default() }
     }
 
-    /// The nodes at rest in a ball.
+    /// Selects the nodes whose rest positions lie in a ball.
     pub fn sphere(centre: [f64; 3], radius: f64) -> Self {
         Self { sphere: Some(SphereRegion { centre, radius }), ..Self::default() }
     }
 
-    /// A list of nodes, from 0.
+    /// Selects a list of nodes, from 0.
     pub fn nodes(nodes: Vec<usize>) -> Self {
         Self { nodes: Some(nodes), ..Self::default() }
     }
 
-    /// The nodes that a file lists.
+    /// Selects the nodes that a file lists.
     pub fn node_file(path: impl Into<PathBuf>) -> Self {
         Self { node_file: Some(path.into()), ..Self::default() }
     }
@@ -139,17 +139,17 @@ impl Selection {
         ]
     }
 
-    /// Is none of its keys given?
+    /// Returns whether none of its keys is set.
     pub fn is_empty(&self) -> bool {
         self.given().iter().all(|(_, given)| !given)
     }
 
-    /// The key that is given, for messages.
+    /// Returns the key that is set, for messages.
     pub(crate) fn key(&self) -> &'static str {
         self.given().iter().find(|(_, given)| *given).map_or("region", |(key, _)| key)
     }
 
-    /// Everything that is wrong with its values, each with the key within it.
+    /// Returns all problems of its values, each with the key within it.
     pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
         let mut problems = Vec::new();
         let given = self.given();

@@ -6,8 +6,8 @@ use toml_edit::{DocumentMut, InlineTable, Item, Value};
 
 use super::Problem;
 
-/// The text with all assignments made, and what is wrong with those that cannot be made. A text that is no TOML is
-/// returned as it is.
+/// Returns the text with all possible assignments made, and the problems of the others. A text that is not TOML is
+/// returned unchanged.
 pub(super) fn set(text: &str, assignments: &[String]) -> (String, Vec<Problem>) {
     let Ok(mut document) = text.parse::<DocumentMut>() else { return (text.to_owned(), Vec::new()) };
     let mut problems = Vec::new();
@@ -69,7 +69,7 @@ fn assign(root: &mut Item, path: &str, value: &str) -> Result<(), String> {
             }
         };
     }
-    // What is no TOML value is a string: `--set time.scheme=gauss` needs no quotes.
+    // A value that is not TOML is taken as a string: `--set time.scheme=gauss` needs no quotes.
     let value: Value = value.parse().unwrap_or_else(|_| value.into());
     *item = match (&*item, value) {
         (Item::Table(_), Value::InlineTable(table)) => Item::Table(table.into_table()),
@@ -98,7 +98,7 @@ fn steps(path: &str) -> Option<Vec<Step<'_>>> {
     Some(steps)
 }
 
-/// Steps as messages print them.
+/// Formats steps as messages print them.
 fn words(steps: &[Step]) -> String {
     let mut text = String::new();
     for step in steps {
@@ -111,7 +111,7 @@ fn words(steps: &[Step]) -> String {
     text
 }
 
-/// The number of elements of a list.
+/// Returns the number of elements of a list.
 fn length(item: &Item) -> Option<usize> {
     match item {
         Item::ArrayOfTables(tables) => Some(tables.len()),
@@ -157,8 +157,7 @@ mod tests {
         assert_eq!(after("body[1]={name='c'}")["body"][1]["name"].as_str(), Some("c"));
     }
 
-    /// Every path over keys, indices and what is neither is either set or refused with a reason, on every kind of
-    /// value.
+    /// Every path of keys, indices and other words is either set or refused with a reason, on every kind of value.
     #[test]
     fn no_path_panics() {
         let words = [

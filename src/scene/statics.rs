@@ -1,4 +1,4 @@
-//! `[static]`, as a scene says it. Nothing here knows how equilibria are found.
+//! Scene keys of `[static]`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,28 +6,27 @@ use vi_solvers::StaticOptions;
 
 use super::{Axis, Time};
 
-/// Smallest increment by default, as a part of the end.
+/// Default of the smallest increment, as a fraction of the end.
 const SMALLEST_INCREMENT: f64 = 1e-6;
 
-/// `[static]`: the scene is solved for equilibrium at every step of `[time]`, t being the load factor
-/// that amplitudes and motions read; the scheme is not used. Every step is cut further as it needs.
-/// With `arc_steps` or `control` the load factor is not given but found, and column `load_factor` of
-/// history.csv holds it.
+/// `[static]`: solves the scene for equilibrium at every step of `[time]`, where t is the load factor of amplitudes and
+/// motions; the scheme is not used. Steps are cut as needed. With `arc_steps` or `control` the load factor is an
+/// unknown, which column `load_factor` of history.csv holds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Static {
     /// Relative tolerance in the energy norm, 1e-14 to 0.1 (default 1e-8).
     #[serde(default = "Static::default_tolerance")]
     pub tolerance: f64,
-    /// Smallest increment of t before the solve has failed (> 0; default: 1e-6 of the end).
+    /// Smallest increment of t before the solve fails (> 0; default: 1e-6 of the end).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub smallest_increment: Option<f64>,
-    /// Follow the path of equilibria by its arc length, through limit points, until the load factor is `time.end`,
-    /// in at most so many arc steps; each is a step of the run. `time.step` is the change of the load factor in the
-    /// first, and the longest of them are as long.
+    /// Follow the path of equilibria by its arc length, through limit points, until the load factor is `time.end`, in
+    /// at most this many arc steps; each is a step of the run. `time.step` is the change of the load factor in the
+    /// first arc step, whose length is also the largest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub arc_steps: Option<u32>,
-    /// Where the path becomes unstable, leave it along the critical mode: amplitude of the push, m.
+    /// If the path becomes unstable, leave it along the critical mode: amplitude of the perturbation, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub push: Option<f64>,
     /// Follow the path of equilibria by a displacement or a volume instead of the load factor.
@@ -35,8 +34,8 @@ pub struct Static {
     pub control: Option<Control>,
 }
 
-/// `static.control`: what goes evenly from where it is at t = 0 to `to` at `time.end`. The load factor, which
-/// amplitudes and motions read, is found.
+/// `static.control`: the quantity that changes linearly from its value at t = 0 to `to` at `time.end`. The load factor,
+/// which amplitudes and motions depend on, is an unknown.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Control {
@@ -53,15 +52,15 @@ pub enum Control {
     Volume {
         /// The body.
         body: String,
-        /// A surface region of its mesh; it is closed, or its edges are clamped or slide in planes x, y or z = const.
+        /// A surface region of its mesh. It is closed, or its edges are clamped or slide in planes x, y or z = const.
         region: String,
-        /// Growth of the volume from rest at `time.end`, m³.
+        /// Increase of the volume from rest at `time.end`, m³.
         to: f64,
     },
 }
 
 impl Control {
-    /// Displacement (m) or growth of the volume (m³) at the end.
+    /// Returns the displacement (m) or the increase of the volume (m³) at the end.
     pub fn to(&self) -> f64 {
         match self {
             Self::Displacement { to, .. } | Self::Volume { to, .. } => *to,
@@ -74,12 +73,12 @@ impl Static {
         StaticOptions::default().tolerance
     }
 
-    /// Is the load factor found instead of given?
+    /// Returns whether the load factor is an unknown.
     pub fn follows_path(&self) -> bool {
         self.arc_steps.is_some() || self.control.is_some()
     }
 
-    /// The options of the solver. Steps between load factors that are given set their own end and increments.
+    /// Returns the options of the solver. Steps with given load factors set their own end and increments.
     pub fn options(&self, time: &Time) -> StaticOptions {
         let increment = time.steps().1;
         StaticOptions {

@@ -2,7 +2,7 @@
 
 use crate::scene::problem::Problem;
 
-/// Problems that were found so far, each with its key.
+/// The problems found so far, each with its key.
 #[derive(Default)]
 pub(super) struct Checker {
     pub(super) problems: Vec<Problem>,

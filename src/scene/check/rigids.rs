@@ -1,10 +1,10 @@
-//! Checks of rigid bodies, their joints, and what is attached to them.
+//! Checks rigid bodies, their joints and attachments.
 
 use super::checker::Checker;
 use crate::scene::problem::some_of;
 use crate::scene::{Rigid, Scene, SchemeName};
 
-/// Rigid bodies, their joints and what is attached to them.
+/// Checks rigid bodies, their joints and attachments.
 pub(super) fn rigids(check: &mut Checker, scene: &Scene) {
     let names: Vec<_> = scene.rigids.iter().map(|rigid| rigid.name.as_str()).collect();
     let keyed = |key: String, part: &str| if part.is_empty() { key } else { format!("{key}.{part}") };
