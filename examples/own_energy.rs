@@ -1,4 +1,4 @@
-//! Adds an energy of its own to a body of a scene: a soft floor that pushes nodes back up. Its derivatives are
+//! Adds a user-defined energy to a body of a scene: a soft floor that pushes nodes back up. Its derivatives are
 //! computed automatically.
 
 use variational::core::lagrange::Scalar;

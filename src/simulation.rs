@@ -334,7 +334,7 @@ impl Simulation {
         self.contact.intersections
     }
 
-    /// Notes on joined bodies that cross, and on what was moved before the start.
+    /// Adds notes on joined bodies that cross, and on bodies that were moved before the start.
     fn tell_of_contact(&mut self) {
         let name = |number: usize| model::name_of(&self.scene, number);
         let overlaps = self.meeting.overlapping().map(|(a, b)| {

@@ -1,4 +1,4 @@
-//! No text makes the reader of scenes panic; it is read, or refused with reasons.
+//! Tests that for any text the reader of scenes does not panic: it returns a scene, or problems.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

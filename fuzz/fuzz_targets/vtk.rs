@@ -1,4 +1,5 @@
-//! No bytes make the reader of .vtk files panic, take memory out of proportion, or give a mesh that breaks the laws.
+//! Tests that for any bytes the reader of .vtk files does not panic, uses memory in proportion to the input, and returns
+//! only valid meshes.
 #![no_main]
 
 use std::path::Path;

@@ -23,7 +23,7 @@ pub(super) struct NodalFix<'a> {
     /// Number of the fix in the scene, for messages.
     pub(super) index: usize,
     pub(super) fix: &'a Fix,
-    /// Their numbers in the component and in the mesh of the body.
+    /// Numbers of the nodes in the component and in the mesh of the body.
     pub(super) nodes: Vec<(u32, u32)>,
     /// Directions of each node; `None` if they are global axes only.
     pub(super) directions: Option<&'a [Vec<[f64; 3]>]>,
@@ -227,7 +227,7 @@ fn lone_follower(nodal: &NodalFix, node: u32) -> Problem {
 /// Returns the initial value of a held coordinate, m.
 fn along(held: &Held, x: &[f64]) -> f64 {
     let node = held.dof as usize / 3;
-    // Along a global axis this is a coordinate, to the bit.
+    // Along a global axis this is bitwise a coordinate.
     match held.along.iter().position(|&value| value == 1.0) {
         Some(axis) => x[3 * node + axis],
         None => dot(held.along, std::array::from_fn(|k| x[3 * node + k])),
@@ -245,7 +245,7 @@ fn path(motion: &Motion, held: &[Held], x: &[f64]) -> Result<Box<dyn Path>, FemE
     Ok(Box::new(Turned { path, along: held.iter().map(|held| held.along).collect() }))
 }
 
-/// The components of a motion of points, each along a direction of its own.
+/// The components of a motion of points, each along its own direction.
 struct Turned {
     /// Three coordinates per point.
     path: Box<dyn Path>,

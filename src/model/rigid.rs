@@ -30,7 +30,7 @@ pub struct RigidModel {
     axes: Matrix3<f64>,
     /// Shape of the body.
     pub shape: Option<RigidShape>,
-    /// Its surface and volume.
+    /// Surface and volume of the body.
     pub(crate) form: Option<Arc<Form>>,
     /// Triangles of its surface, if it can meet others: nodes of the component.
     pub(crate) triangles: Vec<[u32; 3]>,

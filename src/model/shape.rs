@@ -30,7 +30,7 @@ pub(crate) struct Form {
     pub(crate) centre: [f64; 3],
     /// Mean of r rᵀ over the volume from the centre of mass, m²: Euler's tensor per unit mass.
     pub(crate) squares: Matrix3<f64>,
-    /// Its smallest thickness, m.
+    /// Smallest thickness of the shape, m.
     pub(crate) thickness: f64,
 }
 

@@ -20,7 +20,7 @@ const MAGIC: &[u8; 8] = b"VI-CHECK";
 /// Number of the format; increased with every change of the record.
 const FORMAT: u64 = 5;
 
-/// Why a run cannot continue.
+/// Error that prevents a run from continuing.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CheckpointError {

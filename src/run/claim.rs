@@ -12,7 +12,7 @@ use same_file::Handle;
 /// Name of the file that is locked.
 const LOCK: &str = "variational.lock";
 
-/// Why a directory cannot be claimed.
+/// Error that prevents a claim on a directory.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ClaimError {

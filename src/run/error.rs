@@ -11,7 +11,7 @@ use crate::run::checkpoint::CheckpointError;
 use crate::run::claim::ClaimError;
 use crate::scene::Problem;
 
-/// Why a run ended early.
+/// Error that ends a run early.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RunError {

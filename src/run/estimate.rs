@@ -76,7 +76,7 @@ pub struct Estimator {
 /// A simulation of the same scene with its own number of steps.
 struct Companion {
     simulation: Simulation,
-    /// Its steps per step of the run, as a fraction.
+    /// Number of its steps per step of the run, as a fraction.
     steps: [u64; 2],
 }
 

@@ -197,7 +197,7 @@ impl FrameWriter {
         if let Some((file, how)) = obstacle {
             return Err(CheckpointError::Changed { what: file.display().to_string(), how }.into());
         }
-        // They were on disk before the checkpoint was written, and may have been moved since.
+        // These frames were on disk before the checkpoint was written; files may have been moved since.
         self.synced = frames.len();
         Ok(self.keep(frames)?)
     }

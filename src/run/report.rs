@@ -14,11 +14,11 @@ use crate::scene::Scene;
 use crate::simulation::Simulation;
 use crate::simulation::stability::{self, StabilityNote};
 
-/// How a run ended.
+/// Reason for the end of a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Outcome {
-    /// It reached its end.
+    /// The run reached its end.
     Done,
     /// The user interrupted it after a step.
     Interrupted,
@@ -44,7 +44,7 @@ pub struct Report {
     pub h: f64,
     /// Number of steps made.
     pub steps: u64,
-    /// How the run ended.
+    /// Reason for the end of the run.
     pub outcome: Option<Outcome>,
     /// Number of nodes of all bodies.
     pub node_count: usize,

@@ -1,4 +1,4 @@
-//! What contact costs on one thread: two folded sheets of 20 000 triangles, half an activation distance apart.
+//! Measures the cost of contact on one thread: two folded sheets of 20 000 triangles, half an activation distance apart.
 //!
 //! `cargo bench -p vi-contact --bench contact`; divide by the counts that are printed first.
 

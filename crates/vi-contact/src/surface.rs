@@ -122,7 +122,7 @@ pub struct Surface {
     pub(crate) held: Vec<u32>,
     /// The nodes c, d₁, d₂, d₃ of each body that is rigid.
     pub(crate) frames: Vec<Option<[u32; 4]>>,
-    /// Nodes that something joins, the lower first.
+    /// Pairs of joined nodes, the lower number first.
     pub(crate) stitches: BTreeSet<[u32; 2]>,
     /// Thickness and activation distance of each point against its own body.
     pub(crate) own: Vec<[f64; 2]>,
@@ -255,13 +255,13 @@ impl Surface {
         is_apart && !self.is_joint(&law, [point.body, cell.body], cell.shape(), nodes)
     }
 
-    /// Returns whether something joins a node of the first part to one of the second.
+    /// Returns whether a node of the first part is joined to one of the second.
     fn is_stitched(&self, first: &[u32], second: &[u32]) -> bool {
         let joins = |a: u32, b: u32| self.stitches.contains(&[a.min(b), a.max(b)]);
         !self.stitches.is_empty() && first.iter().any(|&a| second.iter().any(|&b| joins(a, b)))
     }
 
-    /// Returns whether these parts are where their bodies are joined.
+    /// Returns whether these parts are at the place where their bodies are joined.
     fn is_joint(&self, law: &Law, [a, b]: [u32; 2], shape: Shape, nodes: [u32; 4]) -> bool {
         if !law.joined {
             return false;

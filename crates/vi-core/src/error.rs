@@ -127,7 +127,7 @@ pub enum CoreError {
         /// The time, s.
         t: f64,
     },
-    /// The second variation is singular where an isolated equilibrium was sought.
+    /// The second variation is singular, so the equilibrium is not isolated.
     #[error(
         "the second variation is singular near parameter {parameter}: equilibria are not isolated there; \
          start elsewhere or follow the branch through this point"

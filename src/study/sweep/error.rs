@@ -18,15 +18,15 @@ pub enum SweepError {
     Files {
         /// The file or directory.
         path: PathBuf,
-        /// What the operating system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The output of a point cannot be written.
     #[error("point {point}: {source}")]
     Output {
-        /// Its number.
+        /// Number of the point.
         point: usize,
-        /// What is wrong.
+        /// The error.
         source: RunError,
     },
     /// More points than a sweep may have.

@@ -18,7 +18,7 @@ pub(crate) struct PointTerm<const ENDS: usize> {
     features: [[u32; 3]; ENDS],
 }
 
-/// Work space for the cells near one point.
+/// Scratch memory for the cells near one point.
 #[derive(Debug, Default)]
 pub(crate) struct Group<const ENDS: usize> {
     /// The terms of the point against one body; no two have the same closest features.
@@ -27,7 +27,7 @@ pub(crate) struct Group<const ENDS: usize> {
     nodes: Vec<(u32, i32)>,
 }
 
-/// Stands for no node.
+/// Marks a missing node.
 const NONE: u32 = u32::MAX;
 
 impl<const ENDS: usize> Group<ENDS> {

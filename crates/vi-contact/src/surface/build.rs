@@ -51,7 +51,8 @@ impl SurfaceBuilder {
         }
     }
 
-    /// Sets the positions at the start, m, where bodies that something joins are near each other; those at rest if not set.
+    /// Sets the positions at the start, m, by which joined bodies are near each other; the default is the positions at
+    /// rest.
     pub fn start(&mut self, x: &[f64]) {
         self.start = Some(x.to_vec());
     }
@@ -111,7 +112,7 @@ impl SurfaceBuilder {
         self.frames.insert(body, nodes);
     }
 
-    /// Says that something joins these two nodes, such as a stitch: what has both is no pair.
+    /// Joins two nodes, for example by a stitch: parts that contain one of them each are not a pair for contact.
     pub fn stitch(&mut self, a: u32, b: u32) {
         self.stitches.insert([a.min(b), a.max(b)]);
     }

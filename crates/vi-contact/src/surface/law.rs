@@ -28,7 +28,7 @@ pub struct Law {
     pub friction: f64,
     /// Damping time τ, s.
     pub damping: f64,
-    /// Something joins the bodies: what starts within d̂ there is no pair.
+    /// Whether something joins the bodies: parts that start within d̂ of each other are then not a pair.
     pub joined: bool,
 }
 
@@ -37,7 +37,8 @@ pub struct Law {
 pub struct PairRule {
     /// Whether the bodies never meet.
     pub excluded: bool,
-    /// Something joins the bodies: what starts within d̂ there is no pair. Of a body with itself: what starts at one place.
+    /// Whether something joins the bodies: parts that start within d̂ of each other are then not a pair. For a body joined
+    /// to itself, this applies to parts that start at the same position.
     pub joined: bool,
     /// Activation distance d̂, m.
     pub distance: Option<f64>,

@@ -3,7 +3,7 @@
 //! ```text
 //! rigid body    d_i·d_j − δ_ij = 0                    (6)
 //! ball joint    r_A − r_B = 0                         (3)       r = c + X₁ d₁ + X₂ d₂ + X₃ d₃
-//! hinge         ball joint, n_A·m_B = n_A·m'_B = 0    (3 + 2)   n ∥ the axis, m and m' beside it
+//! hinge         ball joint, n_A·m_B = n_A·m'_B = 0    (3 + 2)   n ∥ the axis, m and m' normal to it
 //! weld          ball joint, three such products       (3 + 3)
 //! rod           |r_A − r_B|² − L² = 0                 (1)
 //! ```

@@ -82,7 +82,7 @@ impl DeadLoad {
     }
 
     /// Returns a total force F (N) and moment (N m), spread over a part of a body as the traction F/A + θ × (X − c).
-    /// It varies linearly about the centroid c, and θ is chosen such that the moment is right. To round-off, the
+    /// It varies linearly about the centroid c, and θ is chosen such that the moment is correct. To round-off, the
     /// nodal forces sum to F, and their moment about `about` (default c) is M.
     ///
     /// # Errors

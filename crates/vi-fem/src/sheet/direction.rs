@@ -50,7 +50,7 @@ pub struct CellDirection {
 }
 
 impl Direction {
-    /// Returns what is wrong with the direction as far as it can be told without the mesh.
+    /// Returns the problem of the direction, as far as it can be found without the mesh.
     pub(crate) fn problem(&self, key: &'static str) -> Option<FemError> {
         match self {
             Self::Constant(v) => (!(dot(*v, *v).is_finite() && dot(*v, *v) > 0.0)).then(|| {

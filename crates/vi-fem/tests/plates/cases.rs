@@ -287,7 +287,7 @@ pub(crate) fn lateral_buckling(cells: [u32; 2], pattern: SheetPattern) -> Outcom
     Outcome { triangles: triangles(&mesh), values: vec![relative("P L²/√(EI·GJ)", stable, 4.01259934)] }
 }
 
-/// Square Kirchhoff plates: ω a² √(ρh/D) for supports by name, ν = .3.
+/// Square Kirchhoff plates: ω a² √(ρh/D) for named supports, ν = 0.3.
 pub(crate) fn plate(supports: &str, cells: u32, pattern: SheetPattern) -> Outcome {
     let mesh = mesh([1.0, 1.0], [cells; 2], pattern);
     let all = ["x-min", "x-max", "y-min", "y-max"];

@@ -339,7 +339,7 @@ impl Evaluator {
         self.assembler.sum_chunks(&self.x, t);
     }
 
-    /// Goes to (q, t). Keeps the gradient only if it was evaluated there, to the bit.
+    /// Moves to (q, t). Keeps the gradient only if it was evaluated at bitwise the same point.
     pub(crate) fn go_to(&mut self, system: &System, q: &[f64], t: f64) {
         if self.is_at(system, q, t) {
             self.t = t;

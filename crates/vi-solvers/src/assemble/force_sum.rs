@@ -13,7 +13,7 @@ use crate::assemble::fixed::FixedSum;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::linear::matrix::SymmetricMatrix;
 
-/// The tangent of a force that stands for a Hessian.
+/// The tangent of a force that is assembled like a Hessian.
 #[derive(Clone, Copy, PartialEq)]
 enum Tangent {
     /// −∂f/∂x.

@@ -1,5 +1,5 @@
 //! The costs of the parts of a step in fixed units: seconds of one reference core, from counts of flops and bytes.
-//! They are never measured with a clock, so that equal runs are equal to the bit.
+//! They are never measured with a clock, so that equal runs give bitwise equal results.
 
 use vi_core::{HessianKind, System, packed_len};
 
@@ -16,7 +16,7 @@ const SOLVE_RATE: f64 = 8e9;
 /// Seconds of the reference core for one call, however small the system.
 const CALL: f64 = 1e-6;
 
-/// Returns the seconds of the reference core to move so many bytes in sparse or triangular products.
+/// Returns the seconds that the reference core needs to move `count` bytes in sparse or triangular products.
 pub(crate) fn bytes(count: f64) -> f64 {
     count / SOLVE_RATE
 }

@@ -117,7 +117,7 @@ impl<T: Scalar> Cholesky<T> {
     /// A pivot is not positive; then the object holds no factor.
     ///
     /// # Panics
-    /// If k has another pattern than the one that the factor was made for.
+    /// If the pattern of k differs from that for which the factor was made.
     pub fn factorize(
         &mut self,
         mass: &[f64],

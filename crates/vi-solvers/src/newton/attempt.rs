@@ -15,7 +15,7 @@ pub(crate) struct Solved {
 /// The result of the cheap iteration.
 pub(super) enum Course {
     Solved(Solved),
-    /// Not converged after so many iterations.
+    /// No convergence after this number of iterations.
     Stuck(u32),
 }
 

@@ -32,7 +32,7 @@ pub(crate) enum Reason {
     Newton,
 }
 
-/// Where and how the current factor was made: enough to make it again.
+/// The point and the coefficient for which the current factor was computed: sufficient to compute it again.
 #[derive(Debug, Clone, PartialEq)]
 struct Origin {
     c: f64,

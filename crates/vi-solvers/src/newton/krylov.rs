@@ -26,10 +26,10 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     vectors::sum(a.len(), |k| a[k] * b[k])
 }
 
-/// Makes the step from the place of the last correction A⁻¹(−R); returns the fraction of it that was made.
+/// Makes the step from the point of the last correction A⁻¹(−R); returns the fraction of the step that was made.
 pub(super) fn step<E: Equations>(solve: &mut Solve<'_, E>) -> Result<f64, SolverError> {
     let first = solve.equations.correction().0.to_vec();
-    // Store the place of the last correction.
+    // Store the point of the last correction.
     solve.equations.advance(0.0);
     let place = solve.equations.unknowns().to_vec();
     let delta = direction(solve, &place, &first)?;

@@ -28,7 +28,7 @@ pub(crate) struct Renewal {
     fresh: u64,
     /// Mean contraction of the last step.
     contraction: f64,
-    /// The start of a step: the one that was best when a start was last in doubt.
+    /// The kind of initial guess for a step: the best one in the last comparison.
     pub(crate) start: Start,
     /// Whether the last step needed full Newton steps.
     pub(crate) has_descended: bool,

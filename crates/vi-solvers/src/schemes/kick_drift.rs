@@ -191,7 +191,7 @@ impl KickDrift {
                 }
                 self.evaluator.forget();
             }
-            // Something is not finite: the ordinary path finds out what.
+            // A value is not finite: the ordinary path finds which one.
         }
         check_state(state, system)?;
         self.q.copy_from_slice(&state.q);

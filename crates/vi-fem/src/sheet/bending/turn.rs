@@ -12,7 +12,7 @@
 //! two alternatives: 2 tan(Δ/2) (Gingold et al. 2004) diverges at π, so that a fold that closes at speed would
 //! require ever shorter steps; tracked angles would be a state besides the positions.
 //!
-//! Where angles are coupled, ½ ΔᵀKΔ, no continuous function on the circle can simply replace Δ, because it is zero
+//! If angles are coupled, ½ ΔᵀKΔ, no continuous function on the circle can simply replace Δ, because it is zero
 //! again at π. There V = ½ ψᵀKψ + Σ K_aa (V(Δ_a) − ½ ψ_a²). The second part is positive and of the order Δ⁸; it keeps
 //! a hinge that is folded flat from being in equilibrium.
 

@@ -102,7 +102,7 @@ impl Stages {
         let t = self.configure(i);
         if evaluator.has_nonconservative() {
             let q_dot: Vec<f64> = (0..self.q.len()).map(|k| self.stage_velocity(i, k)).collect();
-            // With this rate the model has h√θ where the stages have the eigenvalues of h A.
+            // With this rate the model has h√θ in place of the stages' eigenvalues of h A.
             evaluator.set_velocities(system, &q_dot, t, 1.0 / self.model_coefficient().sqrt());
         }
         evaluator.evaluate(system, &self.q, t, false)
