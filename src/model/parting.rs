@@ -16,7 +16,7 @@ use crate::scene::Scene;
 /// A body that was translated before the start.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Parted {
-    /// Number of the body in the scene, rigid ones after the others.
+    /// Number of the body in the scene; rigid ones follow the others.
     pub(crate) body: usize,
     /// Translation, m.
     pub(crate) by: [f64; 3],

@@ -246,7 +246,7 @@ fixed = true
     );
 }
 
-/// A body that starts wholly within another one touches nothing and crosses nothing, and is found all the same.
+/// A body that starts entirely inside another one has no touching or crossing surfaces, but is still detected.
 #[test]
 fn a_start_within_another_body_names_the_pair() {
     let nested = |shape: &str, fixed: &str| {
@@ -277,14 +277,14 @@ position = [0.45, 0.52, 0.5]
         let parted = nested(shape, "").replace("[contact]", "[contact]\nresolve = true");
         let report = Program::run(&parted).report();
         let moved = &report["contact"]["parted_at_start"][0];
-        // The nearest way out is to the left, by 0.45 m and half of its size.
+        // The shortest way out is to the left, by 0.45 m and half of the stone's size.
         assert_eq!(moved["body"], "stone");
         let by = moved["moved_by"][0].as_f64().unwrap();
         assert!((-0.51..-0.49).contains(&by), "{moved}");
     }
 }
 
-/// `contact.resolve` moves whole bodies by the shortest way, and the run that starts there keeps its energy.
+/// `contact.resolve` moves whole bodies the shortest way out, and the run that starts there conserves its energy.
 #[test]
 fn a_start_that_touches_is_parted_where_that_is_asked_for() {
     let sunk = block("energy-momentum", "resolve = true")
@@ -293,9 +293,9 @@ fn a_start_that_touches_is_parted_where_that_is_asked_for() {
     let program = Program::run(&sunk);
     let moved = program.report()["contact"]["parted_at_start"][0].clone();
     let by = moved["moved_by"][2].as_f64().unwrap();
-    // 50 mm deep, and by the layer of a tenth of its edges of 0.1 m.
+    // The depth of 50 mm, plus the layer: a tenth of the edges of 0.1 m.
     assert!((by - 0.06).abs() < 1e-6, "{moved}");
-    // Its weight was lifted: 8 kg by as much.
+    // The weight of 8 kg was lifted by this distance.
     let energy = moved["potential_energy"].as_f64().unwrap();
     assert!((energy / (8.0 * 9.81 * by) - 1.0).abs() < 1e-12, "{moved}");
     assert!(drift(&program) < 1e-9);
@@ -318,7 +318,7 @@ fn a_start_that_touches_is_parted_where_that_is_asked_for() {
     assert!(program.errors().contains("neither 'block' nor 'floor' can be moved"), "{}", program.errors());
 }
 
-/// Bodies that a hinge or an attachment joins meet elsewhere than at the joint.
+/// Bodies that are joined by a hinge or an attachment have contact everywhere except at the joint.
 #[test]
 fn joined_bodies_meet_elsewhere_than_where_they_are_joined() {
     let scene = |scheme: &str| {
@@ -376,8 +376,8 @@ smallest_gap = 1e-9
     }
 }
 
-/// `auto` chooses a scheme that steps contact, `bench` ranks those that do and says of the others why not, `convergence`
-/// and `time.estimate` take scenes with contact.
+/// `auto` chooses a scheme that accepts contact; `bench` ranks such schemes and reports why the others are excluded;
+/// `convergence` and `time.estimate` accept scenes with contact.
 #[test]
 fn studies_take_scenes_with_contact() {
     let probed = |scheme: &str| {
@@ -404,8 +404,8 @@ fn studies_take_scenes_with_contact() {
     study(&["convergence", "scene.toml", "--levels", "2"]);
 }
 
-/// Schemes for comparison, which act by the gradient at the end of a step, and the Euler schemes: nothing crosses, and
-/// what they lose is in the account of the scheme.
+/// With the schemes for comparison, which use the gradient at the end of a step, and with the Euler schemes nothing
+/// crosses, and the ledger books their losses as scheme error.
 #[test]
 fn every_scheme_that_steps_contact_keeps_bodies_apart() {
     for (scheme, least, most) in [
@@ -429,8 +429,8 @@ fn every_scheme_that_steps_contact_keeps_bodies_apart() {
     }
 }
 
-/// An equilibrium with contact: a block under its weight on a floor, and two blocks with unlike meshes between which the
-/// pressure is what is put on top.
+/// Equilibria with contact: a block rests on a floor under its weight, and the pressure between two blocks with
+/// different meshes equals the pressure on top.
 #[test]
 fn equilibria_with_contact_carry_their_load() {
     let program = Program::run(

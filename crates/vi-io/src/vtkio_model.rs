@@ -1,6 +1,7 @@
-//! Meshes to and from the model of the crate `vtkio` (feature `vtkio`), for programs that hold their data in it.
+//! Converts meshes to and from the model of the crate `vtkio` (feature `vtkio`), for programs that use this crate.
 //!
-//! Points, cells and arrays are carried over in both directions; regions become cell arrays `group:<name>`, as in VTU files.
+//! Points, cells and arrays are converted in both directions; regions become cell arrays `group:<name>`, as in VTU
+//! files.
 
 use std::path::Path;
 
@@ -41,12 +42,12 @@ impl From<&MeshFile> for Vtk {
 impl TryFrom<&Vtk> for MeshFile {
     type Error = IoError;
 
-    /// Takes over every piece of an unstructured grid, as [`parse_vtu`](crate::parse_vtu) does with a file; it reads other
-    /// files only where the grid has pieces in them.
+    /// Converts every piece of an unstructured grid, as [`parse_vtu`](crate::parse_vtu) does for a file. It reads other
+    /// files only if the grid refers to pieces in them.
     ///
     /// # Errors
-    /// [`IoError`] where the data set is not an unstructured grid, where a piece cannot be loaded, and where cells or
-    /// arrays contradict the number of points.
+    /// [`IoError`] if the data set is not an unstructured grid, a piece cannot be loaded, or cells or arrays contradict
+    /// the number of points.
     fn try_from(vtk: &Vtk) -> Result<Self, IoError> {
         let path = vtk.file_path.as_deref().unwrap_or(Path::new("data of vtkio"));
         let DataSet::UnstructuredGrid { pieces, .. } = &vtk.data else {
@@ -69,7 +70,7 @@ impl TryFrom<&Vtk> for MeshFile {
             reader.push(piece)?;
         }
         let Reader { cells, mut out, size, .. } = reader;
-        // As much as a file of these numbers may take (`parse_vtu`).
+        // The same bound as for a file with this number of values (`parse_vtu`).
         cells.finish(&mut out, 32 * size);
         groups::from_arrays(&mut out);
         Ok(out)
@@ -96,7 +97,7 @@ fn attributes(arrays: &[DataArray]) -> Vec<Attribute> {
     arrays.iter().map(attribute).collect()
 }
 
-/// One array per region: 1 in its cells, 0 in the others.
+/// Returns one array per region: 1 in its cells, 0 in the others.
 fn memberships(mesh: &Mesh) -> impl Iterator<Item = Attribute> {
     let count = mesh.cell_count();
     mesh.regions.iter().map(move |region| {
@@ -106,13 +107,13 @@ fn memberships(mesh: &Mesh) -> impl Iterator<Item = Attribute> {
     })
 }
 
-/// A grid that is taken over piece by piece.
+/// A grid that is converted piece by piece.
 struct Reader<'a> {
     path: &'a Path,
     piece: usize,
     cells: CellReader,
     out: MeshFile,
-    /// Numbers taken over.
+    /// Number of values converted so far.
     size: usize,
 }
 
@@ -137,7 +138,7 @@ impl Reader<'_> {
         self.cells.set_points(base, points.len());
         let cells_before = self.cells.file_cell_count();
         let (connectivity, offsets) = cells.cell_verts.into_xml();
-        // Offsets may begin with a zero.
+        // The offsets may start with a zero.
         let ends = &offsets[usize::from(offsets.len() == cells.types.len() + 1)..];
         if ends.len() != cells.types.len() {
             return Err(self.inconsistent(format!(
@@ -176,7 +177,7 @@ impl Reader<'_> {
     }
 }
 
-/// The arrays of an attribute; those that do not hold numbers have no values.
+/// Returns the arrays of an attribute; arrays that do not contain numbers have no values.
 fn arrays(attribute: Attribute) -> Vec<DataArray> {
     let array = |name: String, components: u32, data: IOBuffer| DataArray {
         name,

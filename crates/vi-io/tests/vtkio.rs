@@ -1,4 +1,5 @@
-//! An independent reader, the crate `vtkio`, reads what is written here, and its model is converted without loss.
+//! Tests that an independent reader, the crate `vtkio`, reads the files written here, and that its model is converted
+//! without loss.
 
 use std::path::Path;
 
@@ -9,7 +10,7 @@ use vi_mesh::{CellBlock, CellKind, Region};
 use vtkio::Vtk;
 use vtkio::model::{Attribute, DataSet, Piece, UnstructuredGridPiece};
 
-/// A cell of every kind that has faces or edges, on nodes of its own, with arrays and overlapping regions.
+/// Returns a cell of every kind that has faces or edges, each on separate nodes, with arrays and overlapping regions.
 fn sample() -> MeshFile {
     let mut file = MeshFile::default();
     for &kind in CellKind::ALL {
@@ -44,7 +45,7 @@ fn the_model_of_vtkio_holds_all_of_a_mesh() {
     let file = sample();
     let vtk = Vtk::from(&file);
     assert_eq!(MeshFile::try_from(&vtk).unwrap(), file);
-    // Through a file that vtkio writes, which our own reader reads.
+    // Write a file with vtkio and read it with the reader of this crate.
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("grid.vtu");
     vtk.export(&path).unwrap();
@@ -76,12 +77,12 @@ fn vtkio_reads_our_frames() {
         let options = VtuOptions { encoding: VtuEncoding::InlineBase64, precision, compression };
         write_vtu(&path, &frame, options).unwrap();
         let vtk = Vtk::import(&path).unwrap();
-        // Their own view of it.
+        // Read the file with vtkio alone.
         let DataSet::UnstructuredGrid { pieces, .. } = &vtk.data else { panic!("{vtk:?}") };
         let piece: UnstructuredGridPiece = pieces[0].load_piece_data(None).unwrap();
         assert_eq!((pieces.len(), piece.num_points()), (1, file.mesh.points.len()));
         assert_eq!(piece.cells.num_cells(), file.mesh.cell_count());
-        // And what it is here.
+        // Convert it to a mesh of this crate.
         let found = MeshFile::try_from(&vtk).unwrap();
         let rounded = |values: &[f64]| -> Vec<f64> {
             let single = precision == Precision::Single;
@@ -98,7 +99,7 @@ fn vtkio_reads_our_frames() {
     }
 }
 
-/// What is no mesh is an error that says so.
+/// Data that are not a mesh give an error that names the contradiction.
 #[test]
 fn contradictions_are_named() {
     let change = |change: fn(&mut UnstructuredGridPiece)| {

@@ -1,4 +1,4 @@
-//! Checks of what is said of parts of bodies: supports, springs, ties, strikes, loads and probes.
+//! Checks of the tables that act on parts of bodies: supports, springs, ties, strikes, loads and probes.
 
 use vi_fem::Motion;
 
@@ -52,7 +52,7 @@ pub(super) fn parts(check: &mut Checker, scene: &Scene, names: &Names<'_>) {
     }
 }
 
-/// What the checks of parts work with.
+/// The scene and its names, for the checks of parts.
 struct Parts<'a, 'b> {
     check: &'a mut Checker,
     scene: &'a Scene,
@@ -60,7 +60,7 @@ struct Parts<'a, 'b> {
 }
 
 impl Parts<'_, '_> {
-    /// Reports a body that is not there, named by the key `part` of the table `key`.
+    /// Reports a missing body that the key `part` of the table `key` names.
     fn known(&mut self, key: &str, part: &str, name: &str) {
         if self.names.body(name).is_none() {
             let there: Vec<_> = self.scene.bodies.iter().map(|body| body.name.as_str()).collect();
@@ -69,7 +69,7 @@ impl Parts<'_, '_> {
         }
     }
 
-    /// Reports problems that name a key of the table `key`, or nothing for the whole of it.
+    /// Reports problems of the table `key`. Each names a key of the table, or an empty one for the whole table.
     fn say_all<P: std::fmt::Display, M: Into<String>>(
         &mut self,
         key: &str,

@@ -72,7 +72,7 @@ pub(super) fn find(
     })
 }
 
-/// The scheme of the reference where bodies meet: schemes of higher order do not step contact.
+/// Returns the scheme of the reference in scenes with contact, which schemes of higher order do not accept.
 fn with_contact(scene: &Scene, omega: f64) -> Choice {
     let steps = ((scene.time.end * omega).ceil() as u64).max(16);
     let is_lumped = scene.solver.mass != Some(MassKind::Consistent);

@@ -1,6 +1,7 @@
-//! The kernels of a law behind one trait object: an element is compiled once for all laws, and not once per pair.
+//! The kernels of a law behind a trait object: an element is compiled once for all laws, and not once per pair of
+//! element and law.
 //!
-//! A call goes over many points, so that finding its function takes no time beside its work.
+//! One call processes many points, so the time of a dynamic call is negligible.
 
 use std::ops::Range;
 
@@ -15,21 +16,21 @@ use crate::solid::material::Law;
 use crate::solid::material::batch::{self, PackedMat3, PackedTangent};
 use crate::solid::material::contract::{LawVisitor, Material, Outside};
 
-/// A law of any type with its kernels.
+/// The kernels of a law of any type.
 pub(crate) trait LawKernels: Send + Sync {
     /// Returns [`Material::LINEAR`].
     fn is_linear(&self) -> bool;
-    /// As [`Material::inside`].
+    /// Calls [`Material::inside`].
     fn inside(&self, f: &Mat3<f64>) -> Result<(), Outside>;
-    /// As [`batch::energies`].
+    /// Calls [`batch::energies`].
     fn energies(&self, arch: Arch, points: &[PackedMat3], out: &mut [Pack]);
-    /// As [`batch::stresses`].
+    /// Calls [`batch::stresses`].
     fn stresses(&self, arch: Arch, points: &mut [PackedMat3]);
-    /// As [`batch::tangents`].
+    /// Calls [`batch::tangents`].
     fn tangents(&self, arch: Arch, points: &[PackedMat3], out: &mut [PackedTangent]);
-    /// As [`batch::projected_tangents`].
+    /// Calls [`batch::projected_tangents`].
     fn projected_tangents(&self, arch: Arch, points: &[PackedMat3], out: &mut [PackedTangent]);
-    /// As [`simplex::add_forces`].
+    /// Calls [`simplex::add_forces`].
     fn add_simplex_forces(
         &self,
         arch: Arch,
@@ -38,7 +39,7 @@ pub(crate) trait LawKernels: Send + Sync {
         x: &PatchArray,
         sums: &mut PatchArray,
     );
-    /// As [`simplex::hessians`].
+    /// Calls [`simplex::hessians`].
     fn simplex_hessians(
         &self,
         arch: Arch,

@@ -14,7 +14,7 @@ const MEMBER_PREFIX: &str = "group:";
 /// An array with more values than this is taken for a numbering of cells, not for regions.
 const REGION_LIMIT: usize = 1000;
 
-/// The name of the array that marks the cells of a region.
+/// Returns the name of the array that marks the cells of a region.
 pub(crate) fn array_of(region: &str) -> String {
     format!("{MEMBER_PREFIX}{region}")
 }

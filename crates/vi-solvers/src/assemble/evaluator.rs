@@ -350,7 +350,7 @@ impl Evaluator {
                 x_end.resize(self.x.len(), 0.0);
                 system.coordinates().embed(q, *start, &mut self.x);
                 system.coordinates().embed(q, *end, x_end);
-                // x is affine in q, so that what does not move with t is the same in both.
+                // x is affine in q, so the mean embeds the midpoint of q with the mean of the prescribed positions.
                 self.x.iter_mut().zip(x_end).for_each(|(x, end)| *x = 0.5 * (*x + *end));
             }
             _ => system.coordinates().embed(q, t, &mut self.x),

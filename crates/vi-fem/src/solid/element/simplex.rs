@@ -18,12 +18,12 @@ use crate::small::tensor::{Mat3, Tangent, dot, mat3, packed_index, product, vec3
 use crate::solid::material::batch::load_mat3;
 use crate::solid::material::contract::Material;
 
-/// The shapes at rest of some groups of simplices.
+/// The rest shapes of some groups of simplices.
 #[derive(Clone, Copy)]
 pub(crate) enum Shapes<'a> {
-    /// As they lie.
+    /// In the orientation of the mesh.
     Plain(&'a [PointGeometry]),
-    /// Rotated, for laws that are isotropic and objective.
+    /// Rotated, for isotropic and objective laws.
     Rotated(&'a [RotatedGeometry]),
 }
 

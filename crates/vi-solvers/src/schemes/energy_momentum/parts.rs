@@ -16,7 +16,7 @@ pub(super) struct Parts {
     /// For each part, the translations under which V is invariant, and whether it is invariant under rotations.
     pub(super) translations: Vec<[bool; 3]>,
     pub(super) rotations: Vec<bool>,
-    /// Each part with each prescribed coordinate that its stencils touch; empty where no support moves.
+    /// Pairs of a part and a prescribed coordinate of its stencils; empty if no support moves.
     pub(super) prescribed: Vec<(u32, u32)>,
 }
 
@@ -36,7 +36,7 @@ impl Parts {
             let block = stencils.block;
             let mut dofs = Vec::new();
             for &node in stencils.of(stencil) {
-                // A tied node stands for the nodes to which it is tied.
+                // A tied node is replaced by the nodes of its sum.
                 match coordinates.combination(node * block as u32 / 3) {
                     Some(terms) => {
                         dofs.extend(terms.iter().flat_map(|&(k, _)| 3 * k as usize..3 * k as usize + 3));

@@ -50,7 +50,7 @@ impl Parts {
         }
         for (part, rigid) in rigid.iter_mut().enumerate() {
             if self.rotations[part] {
-                // A straight or single part has no inertia about some axes; rotations about these are no motion.
+                // A straight or single part has no inertia about some axes; rotations about these move nothing.
                 let size = rigid.inertia.trace();
                 if let Ok(inverse) = rigid.inertia.pseudo_inverse(1e-12 * size) {
                     rigid.rotation = inverse * rigid.spin;
