@@ -125,7 +125,7 @@ impl Simulation {
     /// those of [`Simulation::step`].
     ///
     /// # Errors
-    /// As [`Simulation::step`].
+    /// Returns the errors of [`Simulation::step`].
     pub fn advance(&mut self, most: u64) -> Result<Stepped, StepError> {
         let count = most.min(TOGETHER).min(self.step_count.saturating_sub(self.steps));
         if count > 1 && self.steps_together(count as u32) {

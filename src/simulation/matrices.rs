@@ -111,7 +111,7 @@ impl Simulation {
     /// Returns M, K and the residual of component number `component` in its current state.
     ///
     /// # Errors
-    /// As [`Matrices::new`].
+    /// Returns the errors of [`Matrices::new`].
     pub fn matrices(&self, component: usize) -> Result<Matrices, SolverError> {
         let component = &self.components()[component];
         Matrices::new(component.system(), component.state())

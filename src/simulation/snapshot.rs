@@ -137,7 +137,7 @@ impl Simulation {
     /// Returns to a snapshot; the work of the discarded steps remains counted.
     ///
     /// # Errors
-    /// As [`Simulation::restore`].
+    /// Returns the errors of [`Simulation::restore`].
     pub(crate) fn go_back(&mut self, snapshot: &Snapshot) -> Result<(), SolverError> {
         let work = self.work();
         self.restore(snapshot)?;

@@ -1,4 +1,4 @@
-//! Collects the problems of a scene and states the checks of numbers that several keys share.
+//! Collects the problems of a scene, and provides the checks of numbers that several keys use.
 
 use crate::scene::problem::Problem;
 

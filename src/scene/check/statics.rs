@@ -1,4 +1,4 @@
-//! Checks of equilibria: load steps, paths and their control.
+//! Checks equilibria: load steps, paths and their control.
 
 use super::checker::Checker;
 use crate::scene::names::Names;

@@ -27,7 +27,7 @@ pub fn step(system: &System, scheme: &Scheme, state: &State, h: f64) -> Result<S
 /// Returns the discrete Lagrangian L_d (J s) of the step from `state`: the action S at its solution.
 ///
 /// # Errors
-/// As [`step`].
+/// Returns the errors of [`step`].
 pub fn discrete_lagrangian(
     system: &System,
     scheme: &Scheme,

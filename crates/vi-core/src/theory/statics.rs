@@ -189,7 +189,7 @@ fn bordered(energy: &impl Energy, z: &DVector<f64>, direction: &DVector<f64>) ->
 /// `tolerance`.
 ///
 /// # Errors
-/// As [`follow`].
+/// Returns the errors of [`follow`].
 pub fn bifurcation_between(
     energy: &impl Energy,
     first: &Equilibrium,

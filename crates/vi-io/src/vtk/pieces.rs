@@ -1,4 +1,4 @@
-//! Arrays of files that hold their mesh in several pieces.
+//! Joins the arrays of files that hold their mesh in several pieces.
 
 use crate::mesh::DataArray;
 

@@ -82,7 +82,7 @@ pub fn stationary_path<L: Expand>(
 /// makes the discrete action stationary for fixed positions and velocities at both ends: N + 1 pairs (q, v).
 ///
 /// # Errors
-/// As [`stationary_path`].
+/// Returns the errors of [`stationary_path`].
 pub fn stationary_hermite_path<L: HigherLagrangian>(
     discrete: &HermiteLagrangian<'_, L>,
     t: f64,

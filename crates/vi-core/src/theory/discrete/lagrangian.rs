@@ -216,7 +216,7 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
     /// Makes one step of the integrator: returns the state at t + h.
     ///
     /// # Errors
-    /// As [`DiscreteLagrangian::path_from`].
+    /// Returns the errors of [`DiscreteLagrangian::path_from`].
     pub fn step(&self, state: &State) -> Result<State, CoreError> {
         let path = self.path_from(state)?;
         let n = path.start.len();
@@ -227,7 +227,7 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
     /// Returns the path between two positions over one step; its interior control points make S stationary.
     ///
     /// # Errors
-    /// As [`DiscreteLagrangian::path_from`].
+    /// Returns the errors of [`DiscreteLagrangian::path_from`].
     pub fn path_between(&self, t: f64, q_0: &[f64], q_1: &[f64]) -> Result<Polynomial, CoreError> {
         let n = self.lagrangian.coordinate_count();
         for (what, array) in [("q_0", q_0), ("q_1", q_1)] {
@@ -260,7 +260,7 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
     /// Returns L_d(q_0, q_1), J s.
     ///
     /// # Errors
-    /// As [`DiscreteLagrangian::path_from`].
+    /// Returns the errors of [`DiscreteLagrangian::path_from`].
     pub fn value(&self, t: f64, q_0: &[f64], q_1: &[f64]) -> Result<f64, CoreError> {
         Ok(self.action(&self.path_between(t, q_0, q_1)?))
     }
@@ -268,7 +268,7 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
     /// Returns the discrete Legendre transforms (p⁻, p⁺) = (−D₁L_d, D₂L_d) of a step from q_0 to q_1.
     ///
     /// # Errors
-    /// As [`DiscreteLagrangian::path_from`].
+    /// Returns the errors of [`DiscreteLagrangian::path_from`].
     pub fn legendre(
         &self,
         t: f64,

@@ -31,7 +31,7 @@ impl SpringChain {
     /// Returns the free chain.
     ///
     /// # Errors
-    /// As [`System::new`].
+    /// Returns the errors of [`System::new`].
     pub fn system(&self) -> Result<System, CoreError> {
         self.system_with(Coordinates::all_free(3 * self.node_count))
     }
@@ -39,7 +39,7 @@ impl SpringChain {
     /// Returns the chain with prescribed coordinates.
     ///
     /// # Errors
-    /// As [`Coordinates::new`] and [`System::new`].
+    /// Returns the errors of [`Coordinates::new`] and [`System::new`].
     pub fn system_holding(&self, prescribed: Vec<Prescribed>) -> Result<System, CoreError> {
         self.system_with(Coordinates::new(3 * self.node_count, prescribed)?)
     }

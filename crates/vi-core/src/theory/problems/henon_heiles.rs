@@ -15,7 +15,7 @@ impl HenonHeiles {
     /// Returns the system, two coordinates.
     ///
     /// # Errors
-    /// As [`System::new`].
+    /// Returns the errors of [`System::new`].
     pub fn system(&self) -> Result<System, CoreError> {
         let well = Term {
             name: "henon-heiles",

@@ -51,7 +51,7 @@ impl SphericalPendulum {
     /// Returns a unit mass in the same field in Cartesian coordinates, to be constrained to a [`Sphere`].
     ///
     /// # Errors
-    /// As [`System::new`].
+    /// Returns the errors of [`System::new`].
     pub fn particle(&self) -> Result<System, CoreError> {
         let g = self.gravity;
         let weight = Term {
