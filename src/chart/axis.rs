@@ -20,7 +20,7 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// Returns an axis that shows all values that it can show.
+    /// Returns an axis whose range covers all values that its scale can represent.
     pub(super) fn over(scale: Scale, values: impl Iterator<Item = f64>, from: f64, to: f64) -> Self {
         let shown = values.filter_map(|value| scale.coordinate(value));
         let (low, high) = shown

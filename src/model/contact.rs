@@ -53,8 +53,8 @@ struct Part {
 const DISTANCE: f64 = 0.1;
 const DISTANCE_OF_RIGID: f64 = 0.01;
 const STIFFNESS: f64 = 0.1;
-/// Stiffness of a layer between rigid bodies, as a multiple of the expected pressure. A tenth of B' then carries the
-/// pressure, and three quarters of the layer remain open.
+/// Stiffness of a layer between rigid bodies, as a multiple of the expected pressure. The slope B' of the barrier is
+/// then 0.1 under this pressure, which leaves three quarters of the layer open.
 const STIFFNESS_OF_RIGID: f64 = 10.0;
 /// Placeholder of d̂ and κ for a part that takes these values from the other body of a pair.
 const FROM_OTHERS: f64 = 1e300;

@@ -86,7 +86,7 @@ fn is_own(file: &str, name: &str) -> bool {
         || checkpoint::is_file_name(file)
 }
 
-/// Renames the history and the report of another scene's run by that scene.
+/// Renames the history and the report of another scene's run: puts the name of that scene in front.
 fn set_aside_others(directory: &Path, name: &str) -> Result<(), RunError> {
     let Some((other, is_done)) = last_run(directory).filter(|(other, _)| other != name) else {
         return Ok(());

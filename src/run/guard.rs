@@ -1,8 +1,8 @@
 //! The energy guard detects energy that nothing has put in.
 //!
 //! Growth is H − H₀ − W: the total energy beyond its start and the work W of loads, prescribed motion and damping. It
-//! is judged relative to the exchange, the largest energy that motion and deformation were given: max over time of H₀ +
-//! W⁺ − V_weight − V_load, with the work W⁺ of loads and prescribed motion.
+//! is judged relative to the exchange, the largest energy that motion and deformation were given: max over time of
+//! H₀ + W⁺ − V_weight − V_load, with the work W⁺ of loads and prescribed motion.
 
 use serde::Serialize;
 use serde_json::{Value, json};

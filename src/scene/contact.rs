@@ -17,8 +17,7 @@ pub struct Contact {
     #[serde(default)]
     #[schemars(extend("minimum" = 0.0))]
     pub friction: f64,
-    /// Time constant of contact damping, s (≥ 0, default 0); without damping and friction a bouncing body never comes
-    /// to rest.
+    /// Time constant of contact damping, s (≥ 0, default 0); without it a bouncing body never comes to rest.
     #[serde(default)]
     #[schemars(extend("minimum" = 0.0))]
     pub damping: f64,

@@ -107,8 +107,8 @@ fixed = true
     assert!(drift < 1e-8, "{drift:e}");
 }
 
-/// A solid ball that slides at v₀ = 2 m/s with μ = 0.3 rolls at 5 v₀/7 after the time 2 v₀/(7 μ g) and the distance 12
-/// v₀²/(49 μ g). From then on nothing is dissipated. The floor is a half-space or a box of triangles.
+/// A solid ball that slides at v₀ = 2 m/s with μ = 0.3 rolls at 5 v₀/7 after the time 2 v₀/(7 μ g) and the distance
+/// 12 v₀²/(49 μ g). From then on nothing is dissipated. The floor is a half-space or a box of triangles.
 #[test]
 fn a_ball_slides_until_it_rolls() {
     let floors = [
@@ -159,8 +159,8 @@ fixed = true
     }
 }
 
-/// The energy balance closes, friction never adds energy, and no facet makes the contact force jump: for a capsule that
-/// leans on a box by its side and lies on a plane by its ends, and for balls that collide.
+/// A capsule leans on a box by its side and lies on a plane by its ends, and balls collide: the energy balance closes,
+/// friction never adds energy, and the contact force does not jump at facets.
 #[test]
 fn round_bodies_keep_their_balance() {
     for (scheme, bound) in [("energy-momentum", 1e-7), ("stormer-verlet", 1e-3)] {

@@ -1,4 +1,4 @@
-//! Bad input ends with exit code 2, a message that names the file, the place and the remedy, and no written files.
+//! Bad input ends with exit code 2 and a message that names the file, the place and the remedy. Nothing is written.
 //! `check` finds all problems at once.
 
 use crate::program::Program;
@@ -295,7 +295,7 @@ fn names_of_columns() {
     }
 }
 
-/// A scene too large for any machine is refused by the responsible key, at once and before anything is allocated.
+/// A scene that is too large for any machine is refused at once, before memory is allocated. The message names the key.
 #[test]
 fn scenes_beyond_memory() {
     let begin = std::time::Instant::now();
@@ -394,8 +394,8 @@ fn many_wrong_names() {
         let messages = program.errors().lines().filter(|line| line.starts_with("error: ")).count();
         assert!(program.code() == Some(2) && messages >= 2000, "{what}: {messages} messages");
         assert!(program.errors().len() < 400 * messages, "{what}: {} bytes", program.errors().len());
-        // It takes less than a second on one processor without optimisation; printing the messages alone once took 47
-        // s.
+        // It takes less than a second on one processor without optimisation; printing the messages alone once took
+        // 47 s.
         assert!(seconds < 20.0, "{what}: {seconds} s");
     }
 }

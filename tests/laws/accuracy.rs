@@ -201,8 +201,8 @@ fn rigid_spin_is_untouched_by_viscosity() {
     );
 }
 
-/// For a clamped column under a dead axial load P, ω² vanishes at Euler's load P_E = π²EI/(4L²) and stays near ω₀² (1 −
-/// P/P_E) below it.
+/// For a clamped column under a dead axial load P, ω² vanishes at Euler's load P_E = π²EI/(4L²) and stays near ω₀²
+/// (1 − P/P_E) below it.
 #[test]
 fn modes_are_those_of_the_loaded_body() {
     let (height, young) = (0.05_f64, 1e9);

@@ -206,7 +206,7 @@ fn auto_sees_that_a_step_becomes_too_long() {
 }
 
 /// StVK stiffens under stretch λ by the factor √(3λ² − 1)/√2 along it, which raises the highest frequency. A step below
-/// the limit at the start is then above it. When the run has become unstable, its error says so.
+/// the limit at the start is then above it. The error of the unstable run states this cause.
 #[test]
 fn a_limit_that_fell_is_named() {
     let scene = |step: f64| {

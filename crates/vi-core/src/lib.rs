@@ -1,5 +1,5 @@
-//! The theory in code: a scene is a Lagrangian L = T − V, and a time integrator is a choice of interpolation ×
-//! quadrature. Everything else follows from Hamilton's principle.
+//! The theory in code: a scene is a Lagrangian L = T − V, and a time integrator is a choice of
+//! interpolation × quadrature. Everything else follows from Hamilton's principle.
 //!
 //! This crate defines potentials as sums of local terms, generalised coordinates, schemes as plain data, and their
 //! conserved quantities.

@@ -26,8 +26,8 @@ fn every_scheme_moves_a_free_particle_exactly() {
 
 #[test]
 fn the_rule_of_the_action_is_newtons_rule() {
-    // Compares M (q_{k+1} − 2 q_k + q_{k−1})/h² = −∇V(q_k) with the discrete Euler–Lagrange equations of linear ×
-    // trapezoid, for masses and springs in space.
+    // Compares M (q_{k+1} − 2 q_k + q_{k−1})/h² = −∇V(q_k) with the discrete Euler–Lagrange equations of
+    // linear × trapezoid, for masses and springs in space.
     let chain = SpringChain::unit(4);
     let system = chain.system().unwrap();
     let h = 0.05;

@@ -101,8 +101,8 @@ impl<'a, L: HigherLagrangian> HermiteLagrangian<'a, L> {
         differentiate::hessian(&StepAction { discrete: self, t }, &ends(z_0, z_1))
     }
 
-    /// Makes one step from z_0 and its momentum P_0 = (p, π) to z_1 and P_1, where p = ∂L/∂q̇ − d/dt ∂L/∂q̈ and π =
-    /// ∂L/∂q̈ (Ostrogradsky).
+    /// Makes one step from z_0 and its momentum P_0 = (p, π) to z_1 and P_1, where p = ∂L/∂q̇ − d/dt ∂L/∂q̈ and
+    /// π = ∂L/∂q̈ (Ostrogradsky).
     ///
     /// # Errors
     /// [`CoreError::SingularStep`] if D₁D₂L_d has no inverse, [`CoreError::Convergence`].

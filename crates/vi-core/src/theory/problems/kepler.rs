@@ -43,8 +43,8 @@ impl<const D: usize> Kepler<D> {
         System::new(vec![1.0; D], vec![Box::new(attraction)], Coordinates::all_free(D))
     }
 
-    /// Returns the state at the pericentre of the ellipse of semi-major axis a = 1 and eccentricity 0 ≤ e < 1, at t =
-    /// 0: q = (1 − e, 0), p = (0, √(μ (1+e)/(1−e))).
+    /// Returns the state at the pericentre of the ellipse of semi-major axis a = 1 and eccentricity 0 ≤ e < 1, at
+    /// t = 0: q = (1 − e, 0), p = (0, √(μ (1+e)/(1−e))).
     pub fn pericentre(&self, eccentricity: f64) -> State {
         let mut state = State { t: 0.0, q: vec![0.0; D], p: vec![0.0; D] };
         state.q[0] = 1.0 - eccentricity;

@@ -65,8 +65,8 @@ impl Pendulum {
         4.0 * complete_elliptic_k((0.5 * amplitude).sin()) / self.frequency()
     }
 
-    /// Returns the exact motion, released from rest at amplitude |θ₀| < π at t = 0: sin(θ/2) = k sn(K + ω₀t, k), k =
-    /// sin(θ₀/2).
+    /// Returns the exact motion, released from rest at amplitude |θ₀| < π at t = 0: sin(θ/2) = k sn(K + ω₀t, k),
+    /// k = sin(θ₀/2).
     pub fn exact(&self, amplitude: f64, t: f64) -> State {
         let k = (0.5 * amplitude).sin();
         let omega = self.frequency();

@@ -1,5 +1,5 @@
-//! The rotation group in the Cayley chart: for x ∈ ℝ³, cay(x) = (I − x̂/2)⁻¹(I + x̂/2) = I + 4/(4 + |x|²) (x̂ +
-//! x̂²/2), a rotation by 2 atan(|x|/2) about x. It is rational, so that it and its derivatives are regular at 0.
+//! The rotation group in the Cayley chart: for x ∈ ℝ³, cay(x) = (I − x̂/2)⁻¹(I + x̂/2) = I + 4/(4 + |x|²)
+//! (x̂ + x̂²/2), a rotation by 2 atan(|x|/2) about x. It is rational, so that it and its derivatives are regular at 0.
 
 use crate::theory::lagrange::lagrangian::Scalar;
 
@@ -73,8 +73,8 @@ pub(super) fn body_rate<D: Scalar>(x: &Vector3<D>, x_dot: &Vector3<D>) -> Vector
     std::array::from_fn(|i| (x_dot[i] - turn[i] * 0.5) * scale)
 }
 
-/// Returns the momentum Π conjugate to the body rate from p conjugate to ẋ: p = BᵀΠ with ω = B ẋ, hence Π = p − x ×
-/// p/2 + x (x·p)/4.
+/// Returns the momentum Π conjugate to the body rate from p conjugate to ẋ: p = BᵀΠ with ω = B ẋ, hence Π = p −
+/// x × p/2 + x (x·p)/4.
 pub(super) fn body_momentum(x: &Vector3<f64>, p: &Vector3<f64>) -> Vector3<f64> {
     let turn = cross(x, p);
     let along = 0.25 * dot(x, p);
