@@ -41,7 +41,7 @@ pub use probe_estimate::ProbeEstimate;
 use state::Run;
 pub use watch::Watch;
 
-/// Passes the watch of a run on to the trials before it.
+/// Forwards the progress of the trials before a run to the run's watch.
 struct Trials<'a>(&'a mut dyn Watch);
 
 impl TrialWatch for Trials<'_> {
@@ -66,8 +66,8 @@ pub fn run(scene: Scene, name: &str, directory: &Path, watch: &mut dyn Watch) ->
     run_from(None, scene, name, directory, watch)
 }
 
-/// Does the same as [`run`] for a scene that was read from `file`: its path and the keys that were set in it, by which
-/// [`resume`] finds it again.
+/// Runs a scene as [`run`] does. `file` is the path of the scene file with the keys that were set in it; [`resume`]
+/// finds the scene again by them.
 ///
 /// # Errors
 /// Returns the errors of [`run`].

@@ -15,8 +15,8 @@ use crate::scene::{Problem, Scene};
 /// A component under construction.
 #[derive(Default)]
 pub(super) struct ComponentBuilder {
-    /// If true, weight acts on row sums of the mass, which are as accurate as the elements. Used if nothing moves or
-    /// the mass is consistent.
+    /// If true, weight acts on the row sums of the consistent mass, which have the accuracy of the elements. This is so
+    /// if nothing moves or the mass is consistent.
     pub(super) sums_rows: bool,
     pub(super) is_consistent: bool,
     /// Lumped mass per node, kg.

@@ -1,8 +1,8 @@
 //! The state of a run between two steps, from which it continues bit for bit: the simulation and the snapshots of all
 //! observers. `store.rs` manages the files.
 //!
-//! A file is a sealed record (`record.rs`). Formats differ in the record alone, so that every version recognises a file
-//! of a newer one.
+//! A file is a sealed record (`record.rs`). The seal is the same in all formats, so that every version recognises a
+//! file of a newer one.
 
 mod store;
 

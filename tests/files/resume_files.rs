@@ -183,8 +183,8 @@ fn from_a_path_that_is_not_utf_8() {
     assert!(files(&run.out()) == run.whole);
 }
 
-/// The scene is found again from any directory, however its path was written for the run: `../scene.toml`, with meshes
-/// above it and lists of nodes beside it. A list that has changed is named.
+/// A run is resumed from any directory, even if its scene was given as `../scene.toml`, with meshes in the folder above
+/// it and lists of nodes beside it. If a list has changed, the message names it.
 #[test]
 fn from_another_directory_with_a_list_of_nodes() {
     let place = tempfile::tempdir().unwrap();

@@ -98,7 +98,7 @@ pub enum CoreError {
         /// The allowed numbers of points.
         allowed: &'static str,
     },
-    /// The quadrature has too few points for the interpolation: some motion has no action.
+    /// The quadrature has too few points for the interpolation: some motion does not change the action.
     #[error(
         "degenerate scheme: a quadrature of {points} points does not determine the velocity of a polynomial of degree {degree}; \
          use at least {degree} points inside the step or at its ends"
@@ -121,7 +121,7 @@ pub enum CoreError {
         /// The step, s.
         h: f64,
     },
-    /// The Legendre transform has no inverse: some velocity has no kinetic energy.
+    /// The Legendre transform has no inverse: some velocity does not change the kinetic energy.
     #[error("the mass d2L/dv2 has no inverse at t = {t} s: some velocity does not enter the Lagrangian")]
     SingularMass {
         /// The time, s.

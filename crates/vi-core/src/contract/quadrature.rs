@@ -47,7 +47,7 @@ impl Quadrature {
         let mut nodes = vec![0.5; s];
         let mut weights = vec![0.0; s];
         for i in 0..s.div_ceil(2) {
-            // Newton on P_s from Tricomi's estimate of the roots.
+            // Newton's method on P_s starts from Tricomi's estimate of the roots.
             let mut x = (PI * (i as f64 + 0.75) / (s as f64 + 0.5)).cos();
             if 2 * i + 1 == s {
                 x = 0.0;
@@ -82,7 +82,7 @@ impl Quadrature {
         let mut weights = vec![end_weight; s];
         nodes[n] = 1.0;
         for i in 1..=n / 2 {
-            // Interior nodes are the roots of P'_n, found by Newton with P'' from Legendre's equation.
+            // Interior nodes are the roots of P'_n, found by Newton's method with P'' from Legendre's equation.
             let mut x = (PI * i as f64 / n as f64).cos();
             if 2 * i == n {
                 x = 0.0;
@@ -120,7 +120,7 @@ impl Quadrature {
     }
 }
 
-/// Legendre polynomial P_n(x) and its derivative, for |x| < 1, by the three-term recurrence.
+/// Returns the Legendre polynomial P_n(x) and its derivative, for |x| < 1, by the three-term recurrence.
 fn legendre(n: usize, x: f64) -> (f64, f64) {
     let (mut previous, mut current) = (1.0, x);
     if n == 0 {

@@ -27,7 +27,7 @@ impl Reading<'_> {
         let mut first: Vec<u32> = (0..cells.len() as u32).collect();
         let mut copies = 0;
         for run in by_hash.chunk_by(|a, b| a.0 == b.0) {
-            // A run holds one set of nodes, except for hash collisions, whose cells then stay apart.
+            // All cells of a run have the same nodes, unless their hashes collide; cells that collide are not merged.
             let head = run[0].1 as usize;
             for &(_, i) in &run[1..] {
                 let (a, b) = (cells[head], cells[i as usize]);
