@@ -1,5 +1,5 @@
-//! Checks the layers of the workspace from its sources: the crates and folders that each may use, no import circles
-//! between the files of a crate, and no path in the main documents that does not exist.
+//! Checks the workspace from its sources: each crate and folder uses only those that its layer allows, the files of a
+//! crate do not import each other in circles, and every path in the main documents exists.
 //!
 //! The rules are the tables of ARCHITECTURE.md, section "Layers".
 
@@ -247,7 +247,7 @@ fn a_broken_rule_is_found() {
         let found = breaches(&uses, &rules(table));
         assert!(!found.is_empty(), "{line}: {uses:?}");
         assert!(found.iter().all(|(_, why)| why == "made-up/low may not use made-up/high"), "{line}");
-        // The file imports itself by way of two others.
+        // Three files import each other in a circle.
         let files: BTreeSet<_> = circles(&uses).into_iter().map(|one| &one.from[8..]).collect();
         assert_eq!(files, BTreeSet::from(["high.rs", "low/a.rs", "low/b.rs"]), "{line}");
         assert_eq!(uses.iter().any(|one| one.through_root), line == "use crate::High;", "{line}");

@@ -37,7 +37,7 @@ struct Companions {
     shadow: Option<Snapshot>,
     notes: Vec<String>,
     latest: Vec<ProbeEstimate>,
-    /// `None` if the estimator's own value stays valid: elapsed time is kept when the run goes back.
+    /// `None` in a snapshot to go back to, because elapsed time is kept even if the run goes back.
     seconds: Option<f64>,
 }
 

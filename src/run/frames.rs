@@ -445,7 +445,7 @@ impl FrameWriter {
 /// The state of the writer: the frames that have been written.
 struct Written {
     count: u64,
-    /// Time and file of each; `None` if the writer's own list, cut to `count`, is valid.
+    /// Time and file of each. `None` in a snapshot to go back to, which keeps the first `count` frames of the writer.
     frames: Option<Vec<(f64, String)>>,
 }
 

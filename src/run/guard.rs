@@ -53,7 +53,7 @@ record!(Growth { now: f64, largest: f64, exchange: f64, accepted: f64 });
 /// Snapshot of the guard.
 struct Watched {
     growth: Growth,
-    /// `None` if the guard's own list stays valid: events are reported even if the run goes back.
+    /// `None` in a snapshot to go back to, because events are reported even if the run goes back.
     events: Option<Vec<GuardEvent>>,
 }
 

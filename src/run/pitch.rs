@@ -22,7 +22,8 @@ pub struct PitchFinder {
 /// Snapshot of a finder.
 struct Samples {
     count: u64,
-    /// Times, and the values of each track; `None` if the finder's own samples, cut to `count`, are valid.
+    /// Times, and the values of each track. `None` in a snapshot to go back to, which keeps the first `count` samples
+    /// of the finder.
     values: Option<(Vec<f64>, Vec<Vec<f64>>)>,
 }
 

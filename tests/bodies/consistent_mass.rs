@@ -142,7 +142,7 @@ fn free_bodies_of_every_kind_keep_their_momenta() {
     ] {
         let mut simulation = simulation(&FREE.replace("SCHEME", scheme).replace("ELEMENT", element));
         let before = simulation.observe();
-        // In rigid motion the kinetic energy is ½ m v² + ½ ω·Iω; the values are those of a box and a plate.
+        // In rigid motion the kinetic energy of the block is ½ m v² + ½ ω·Iω, and that of the cloth is ½ ω·Iω.
         let (m, v, w) = (125.0_f64, [1.0, -0.5, 2.0_f64], [4.0, -3.0, 2.0_f64]);
         let square = [1.0, 0.25, 0.0625];
         let inertia = [0, 1, 2].map(|k| m / 12.0 * (square.iter().sum::<f64>() - square[k]));

@@ -231,8 +231,8 @@ fixed = true
     assert!(landed > 100);
     for name in ["brick.x", "brick.y", "brick.z", "kinetic", "lx", "ly", "lz"] {
         let (a, b) = (a.column(name), b.column(name));
-        // The motions agree until the boxes land: the diagonals of their faces differ, and so do the areas of the
-        // corners.
+        // After the boxes have landed the motions differ, because the diagonals of their faces, and so the areas of
+        // their corners, are not the same.
         let flight = a.iter().zip(&b).take(landed);
         assert!(flight.into_iter().all(|(a, b)| (a - b).abs() < 1e-12 * (1.0 + a.abs())), "{name}");
     }
@@ -465,7 +465,7 @@ pressure = 1000.0
     );
     let history = program.history();
     let row = history.column("smallest_gap").len() - 1;
-    // The layer starts at the gap of 1 mm and has κ = 1e5 Pa: κ |B'(s)| = 1 kPa.
+    // The layer has a thickness of 1 mm and κ = 1e5 Pa. Solves κ |B'(s)| = 1 kPa for s, the gap over the thickness.
     let (mut low, mut high) = (0.5, 1.0);
     for _ in 0..60 {
         let s: f64 = 0.5 * (low + high);

@@ -82,7 +82,7 @@ fn driven(scheme: SchemeName) -> Scene {
 }
 
 /// Runs a scene to its end, then again with several stops and continuations, and compares the files. Before one stop
-/// the newest checkpoint is removed, so that history and frames reach beyond the one that is resumed.
+/// the newest checkpoint is removed, so that history and frames reach beyond the checkpoint that is resumed.
 fn continues(scene: Scene, what: &str) {
     let whole = tempfile::tempdir().unwrap();
     run(scene.clone(), "test", whole.path(), &mut ()).unwrap();

@@ -1,5 +1,5 @@
-//! A run is continued from any place, whatever has happened to files that it does not need. A checkpoint that it cannot
-//! be continued from is named and not deleted.
+//! A run is continued from any place, whatever has happened to files that it does not need. If a checkpoint cannot be
+//! used, the message names it, and it is not deleted.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -168,7 +168,7 @@ fn json_and_quiet_hold() {
     }
 }
 
-/// On Unix a path is any bytes: in the directory of the scene file and in the names of its meshes.
+/// On Unix the directory of the scene file and the names of its meshes need not be UTF-8.
 #[cfg(unix)]
 #[test]
 fn from_a_path_that_is_not_utf_8() {

@@ -247,7 +247,7 @@ fn decks_of_abaqus_hold_the_same_box_as_gmsh_files() {
         let same = read(&format!("{stem}-4.1-binary.msh"));
         middles_lie_between_corners(&name, &file);
         assert_eq!(file.mesh.points.len(), same.mesh.points.len(), "{name}");
-        // Compares cells as the positions of their nodes in order, so that every wrong order shows.
+        // Compares the positions of the nodes of each cell in order, so that every wrong order shows.
         let places = |file: &MeshFile, group: &str| {
             let all: Vec<_> = file.mesh.cells().collect();
             let group = file.region(group).unwrap_or_else(|| panic!("{name}: {group}"));
