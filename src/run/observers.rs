@@ -121,7 +121,7 @@ impl Observers {
             return Ok(());
         }
         match frames.write_last(simulation) {
-            // A value that a frame cannot hold is the reason why the run ends.
+            // Ignore a value that a frame cannot hold: it is the reason why the run ends.
             Ok(()) | Err(IoError::BadOutput { .. }) => Ok(()),
             Err(error) => Err(error.into()),
         }

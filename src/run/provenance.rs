@@ -1,5 +1,5 @@
-//! The origin of a result: scene, program, machine, time and command. Every JSON file has it in one object, and equal
-//! runs have otherwise equal files.
+//! The origin of a result: scene, program, machine, time and command. Every JSON file has it in one object, and no
+//! other content of the file depends on it.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 

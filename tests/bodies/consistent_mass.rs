@@ -45,8 +45,8 @@ fn bar(mass: &str, scheme: &str) -> String {
 }
 
 /// Returns ω of mode m of that bar, discrete and exact. Linear elements of length ℓ have K = (1/ℓ)[1 −1; −1 1] and
-/// M = ℓ[2 1; 1 2]/6 or ℓ[1 0; 0 1]/2, so that u_j = sin κj with κ = (2m − 1)π/2n gives ω² = (6/ℓ²)(1 − cos κ)/(2 + cos
-/// κ) or (2/ℓ²)(1 − cos κ). The exact ω = κ/ℓ lies between the two.
+/// M = ℓ[2 1; 1 2]/6 or ℓ[1 0; 0 1]/2. So u_j = sin κj with κ = (2m − 1)π/2n gives
+/// ω² = (6/ℓ²)(1 − cos κ)/(2 + cos κ) or (2/ℓ²)(1 − cos κ). The exact ω = κ/ℓ lies between the two.
 fn dispersion(mode: usize, mass: MassKind) -> (f64, f64) {
     let (kappa, n) = ((2 * mode - 1) as f64 * PI / (2 * CELLS) as f64, CELLS as f64);
     let square = match mass {

@@ -17,8 +17,8 @@ fn simulation(scene: &str) -> Simulation {
 }
 
 /// Returns ‖u_h − u‖ over ‖u‖ in L² at the end, for u = (φ, 0, 0) t²/2 with φ = sin πx sin πy sin πz on the unit cube
-/// with its surface held. The body forces ρφ e₁ and −div σ(φ e₁) t²/2 make u the exact solution. λ = μ = 1 (E = 2.5,
-/// ν = 0.25), ρ = 1. Gauss collocation with two stages is exact for t².
+/// with its surface held. The body forces ρφ e₁ and −div σ(φ e₁) t²/2 make u the exact solution. λ = μ = 1
+/// (E = 2.5, ν = 0.25), ρ = 1. Gauss collocation with two stages is exact for t².
 fn manufactured(element: CellKind, cells: u32, mass: &str) -> f64 {
     let faces: String = ["x-min", "x-max", "y-min", "y-max", "z-min", "z-max"]
         .iter()

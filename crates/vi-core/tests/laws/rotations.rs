@@ -162,7 +162,7 @@ fn joints_give_the_double_pendulum_of_the_textbook() {
     assert!((total(&state) - initial).abs() < 1e-4);
 }
 
-/// One link on a ball joint is the heavy top: it moves as the top does on the rotation group.
+/// A single link on a ball joint moves as the heavy top does on the rotation group.
 #[test]
 fn a_link_on_a_ball_joint_is_a_pivoted_body() {
     use vi_core::discrete::DiscreteLagrangian;

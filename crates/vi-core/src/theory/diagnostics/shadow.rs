@@ -23,8 +23,8 @@ pub fn verlet_shadow(system: &System, state: &State, h: f64) -> f64 {
     energy + h * h * (curvature / 12.0 - force / 24.0)
 }
 
-/// Returns the shadow Hamiltonian of implicit midpoint, H − (h²/24) H''(f, f) with f = J∇H, J. For H = T + V, H''(f,
-/// f) = q̇ᵀ∇²V q̇ + ∇VᵀM⁻¹∇V.
+/// Returns the shadow Hamiltonian of implicit midpoint, H − (h²/24) H''(f, f) with f = J∇H, J. For H = T + V,
+/// H''(f, f) = q̇ᵀ∇²V q̇ + ∇VᵀM⁻¹∇V.
 pub fn midpoint_shadow(system: &System, state: &State, h: f64) -> f64 {
     let (energy, curvature, force) = parts(system, state);
     energy - h * h / 24.0 * (curvature + force)

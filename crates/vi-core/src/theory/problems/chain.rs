@@ -77,8 +77,8 @@ impl SpringChain {
         state
     }
 
-    /// Evaluates one spring. With n = (x_b − x_a)/r and V' = k e + β e³, the block of x_b is V'' n nᵀ + (V'/r)(I − n
-    /// nᵀ).
+    /// Evaluates one spring. With n = (x_b − x_a)/r and V' = k e + β e³, the block of x_b is
+    /// V'' n nᵀ + (V'/r)(I − n nᵀ).
     fn jet(&self, x: &[f64; 6]) -> Jet<6> {
         let d = [x[3] - x[0], x[4] - x[1], x[5] - x[2]];
         let r = d.iter().map(|d| d * d).sum::<f64>().sqrt();
