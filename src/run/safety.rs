@@ -98,8 +98,8 @@ impl Run {
         store.write(&checkpoint).map_err(RunError::output(&self.directory.join("checkpoint")))
     }
 
-    /// Completes the files that report.json describes: on disk if the scene has checkpoints, otherwise as far as the
-    /// operating system.
+    /// Completes the files that report.json describes: they are on disk if the scene has checkpoints, otherwise handed
+    /// to the operating system.
     pub(super) fn settle(&mut self) -> Result<(), RunError> {
         if self.store.is_some() {
             return self.observers.sync(&self.directory);

@@ -54,7 +54,7 @@ fn implicit_runs() {
     same_bits("gauss", 0.01, 5e-3);
 }
 
-/// Runs a held block and a spinning one for 100 steps by `scheme`.
+/// Makes a simulation of a held block and a spinning one, with 100 steps by `scheme`.
 fn two_blocks(scheme: SchemeName, young: f64) -> Simulation {
     let shape = |x| BoxMesh {
         size: [0.4, 0.2, 0.2],

@@ -50,7 +50,7 @@ impl Number {
         }
     }
 
-    /// Decodes `bytes`, which hold whole numbers of this type, as f64; integers above 2⁵³ are rounded.
+    /// Decodes `bytes`, whose length is a multiple of the width, as f64; integers above 2⁵³ are rounded.
     pub(crate) fn reals(self, bytes: &[u8], big: bool) -> Vec<f64> {
         match self {
             Self::Signed(1) => decode(bytes, big, |b: [u8; 1]| f64::from(i8::from_le_bytes(b))),
@@ -66,8 +66,8 @@ impl Number {
         }
     }
 
-    /// Decodes `bytes`, which hold whole integers of this type. Unsigned values above i64::MAX become −1, which is not
-    /// a valid index. `None` for a type of real numbers.
+    /// Decodes `bytes`, whose length is a multiple of the width, as integers. Unsigned values above i64::MAX become −1,
+    /// which is not a valid index. `None` for a type of real numbers.
     pub(crate) fn integers(self, bytes: &[u8], big: bool) -> Option<Vec<i64>> {
         Some(match self {
             Self::Signed(1) => decode(bytes, big, |b: [u8; 1]| i8::from_le_bytes(b).into()),
