@@ -15,7 +15,7 @@ impl AutoReport {
             candidates: Vec::new(),
             trial_seconds: 0.0,
             budget_seconds: 0.0,
-            reason: "nothing in the scene moves freely: any scheme and step will do".to_owned(),
+            reason: "no coordinate of the scene is free: any scheme and step will do".to_owned(),
             warning: None,
         }
     }
@@ -98,7 +98,7 @@ impl Search<'_> {
         };
         let mut text = match how {
             None => format!(
-                "`auto` found no step whose error could be told, so {tolerance:.0e} at the end may be missed."
+                "`auto` could not estimate the error of any step, so the error at the end may exceed {tolerance:.0e}."
             ),
             Some(how) => format!(
                 "`auto` did not measure the error at the end but extrapolated it {how}, so {tolerance:.0e} may be \

@@ -190,7 +190,7 @@ pub(super) fn read(path: &Path, overrides: &[String]) -> Result<(Scene, Parsed),
     let here = |problem: Problem| Problem { file: Some(path.to_owned()), ..problem };
     let mut parsed = Scene::read(path, overrides).map_err(|error| {
         let why = match error.kind() {
-            std::io::ErrorKind::InvalidData => "it is no UTF-8 text; save it as UTF-8".to_owned(),
+            std::io::ErrorKind::InvalidData => "it is not UTF-8 text; save it as UTF-8".to_owned(),
             _ => error.to_string(),
         };
         vec![here(Problem::new("", format!("cannot read the scene: {why}")))]

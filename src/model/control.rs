@@ -38,10 +38,18 @@ pub(crate) fn path_control(
         Some(ControlTarget::Displacement(target, axis)) => displacement(bodies, *target, *axis)?,
         Some(ControlTarget::Volume(body, region)) => volume(bodies, components, *body, region)?,
         // The checks of the scene refuse a control whose names do not exist.
-        None => return Err(Problem::new("static.control", "names nothing that this scene has")),
+        None => {
+            return Err(Problem::new(
+                "static.control",
+                "refers to a probe or region that this scene does not have",
+            ));
+        }
     };
     if at != component {
-        return Err(Problem::new("static.control", "names a body that nothing can move: choose another"));
+        return Err(Problem::new(
+            "static.control",
+            "refers to a body without free coordinates: choose another",
+        ));
     }
     let (system, _) = &components[component];
     let mut rest = vec![[0.0; 3]; system.coordinates().dof_count() / 3];

@@ -61,7 +61,10 @@ fn read_list(path: &Path) -> Result<Vec<usize>, String> {
         let content = content.split('#').next().unwrap_or_default();
         for word in content.split([' ', '\t', ',', ';']).filter(|word| !word.is_empty()) {
             let node = word.parse().map_err(|_| {
-                format!("{}:{line}: '{word}' is no node number; write whole numbers from 0", path.display())
+                format!(
+                    "{}:{line}: '{word}' is not a node number; write whole numbers from 0",
+                    path.display()
+                )
             })?;
             nodes.push(node);
         }

@@ -64,7 +64,8 @@ impl Attach {
 fn spring_problems(stiffness: Option<f64>, length: Option<f64>) -> Vec<(&'static str, String)> {
     let mut problems = Vec::new();
     if stiffness.is_none() && length.is_some() {
-        problems.push(("length", "is that of springs, which need a `stiffness`".to_owned()));
+        problems
+            .push(("length", "applies to springs only: give a `stiffness`, or remove this key".to_owned()));
     }
     if let Some(stiffness) = stiffness
         && !(stiffness > 0.0 && stiffness.is_finite())

@@ -69,7 +69,7 @@ fn time(check: &mut Checker, scene: &Scene) {
                 check.say("time.step", format!("must not exceed `end` ({} s), is {step} s", time.end));
             }
             if time.end / step > 9e15 {
-                check.say("time.step", "asks for more steps than can be counted");
+                check.say("time.step", "requires more steps than the program can count: use a larger step");
             }
         }
         None if time.scheme != Some(SchemeName::Auto) => {
@@ -92,7 +92,7 @@ fn time(check: &mut Checker, scene: &Scene) {
     match time.stages {
         Some(stages) if time.scheme != Some(SchemeName::Gauss) => check.say(
             "time.stages",
-            format!("only scheme \"gauss\" has stages; take `stages = {stages}` out, or choose gauss"),
+            format!("only scheme \"gauss\" has stages: remove `stages = {stages}`, or choose gauss"),
         ),
         Some(stages) if !(1..=5).contains(&stages) => {
             check.say("time.stages", format!("must be 1 to 5, is {stages}"));
@@ -128,7 +128,7 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
         [("mesh", body.mesh.is_some()), ("box", body.box_shape.is_some()), ("sheet", body.sheet.is_some())];
     check.at_most_one_of(key, &shapes, body.arrays.is_none());
     if body.arrays.is_some() && shapes.iter().any(|(_, is_given)| *is_given) {
-        check.say(key, "has a mesh from arrays: give no `mesh`, `box` or `sheet` beside it");
+        check.say(key, "has a mesh from arrays: remove `mesh`, `box` and `sheet`");
     }
     if let Some(scale) = body.scale {
         check.positive(format!("{key}.scale"), scale, "");
@@ -221,7 +221,7 @@ fn body(check: &mut Checker, key: &str, body: &Body) {
             ),
             law if law.dimension() != body.dimension() => check.say(
                 key.clone(),
-                "a body is a solid or a sheet: give all of its materials `thickness`, or none of them",
+                "a body is either a solid or a sheet: give `thickness` to all of its materials, or to none",
             ),
             _ => {}
         }
@@ -274,7 +274,7 @@ fn output(check: &mut Checker, scene: &Scene) {
     if output.cache.is_some() && output.fps.is_none() {
         check.say(
             "output.cache",
-            "needs frames at even times: give `fps`, e.g. fps = 24, instead of `interval`",
+            "needs frames at regular times: give `fps`, e.g. fps = 24, instead of `interval`",
         );
     }
     let mut fields = HashSet::new();
@@ -285,22 +285,22 @@ fn output(check: &mut Checker, scene: &Scene) {
         let is_of_solids = field.of_elements().is_some();
         if let Some(sheet) = scene.bodies.iter().find(|body| is_of_solids && body.dimension() == 2) {
             let name = &sheet.name;
-            check.say("output.fields", format!("{field:?} is known of solids only, and '{name}' is a sheet"));
+            check.say("output.fields", format!("{field:?} exists for solids only, and '{name}' is a sheet"));
         }
     }
     if let Some(checkpoint) = &scene.checkpoint {
         check.positive("checkpoint.interval", checkpoint.interval, "s");
         if checkpoint.keep == 0 {
-            check.say("checkpoint.keep", "must be at least 1; take [checkpoint] out to write none");
+            check.say("checkpoint.keep", "must be at least 1; remove [checkpoint] to write none");
         }
     }
     if let Some(guard) = &scene.guard {
         check.positive("guard.bound", guard.bound, "");
         if guard.acts() && scene.output.ledger == Some(false) {
-            check.say("guard.action", "needs the energy ledger; take `output.ledger = false` out");
+            check.say("guard.action", "needs the energy ledger: remove `output.ledger = false`");
         }
         if scene.statics.is_some() {
-            check.say("guard", "watches motion, and a static scene has none: remove this table");
+            check.say("guard", "monitors motion, and a static scene has none: remove this table");
         }
     }
     let assert = &scene.assert;

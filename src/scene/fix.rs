@@ -171,7 +171,7 @@ impl Fix {
             self.on.problems().into_iter().map(|(key, message)| (key.to_owned(), message)).collect();
         let mut say = |key: &str, message: &str| problems.push((key.to_owned(), message.to_owned()));
         if self.axes.is_empty() {
-            say("axes", "names no axis; remove this key to prescribe all three");
+            say("axes", "contains no axis: remove this key to prescribe all three");
         }
         for (i, axis) in self.axes.iter().enumerate() {
             if self.axes[..i].contains(axis) {
@@ -203,7 +203,7 @@ impl Fix {
                     say("about", "`axis` must be finite and not zero");
                 }
                 if about.axis.is_none() && of_cylinder {
-                    let message = "\"hoop\" and \"axial\" are of a cylinder: give its `axis` too";
+                    let message = "\"hoop\" and \"axial\" are directions of a cylinder: give its `axis` too";
                     say("about", message);
                 }
                 let of_about = [LocalAxis::Radial, LocalAxis::Tangent, LocalAxis::Hoop, LocalAxis::Axial];
@@ -212,8 +212,7 @@ impl Fix {
                     say("about", message);
                 }
                 if about.axis.is_some() && has(&[LocalAxis::Tangent]) {
-                    let message =
-                        "\"tangent\" is of a surface or a sphere; of a cylinder name \"hoop\" and \"axial\"";
+                    let message = "\"tangent\" applies to a surface or a sphere; for a cylinder write \"hoop\" and \"axial\"";
                     say("axes", message);
                 }
             }
@@ -225,10 +224,13 @@ impl Fix {
                 say("symmetry", message);
             }
             if self.rotation {
-                say("rotation", "a mirror plane leaves edges free to turn within it; give only one");
+                say(
+                    "rotation",
+                    "edges on a mirror plane are free to rotate within it: give `rotation` or `symmetry`, not both",
+                );
             }
             if self.motion.is_some() {
-                say("motion", "a mirror plane stays where it is; remove this key, or `symmetry`");
+                say("motion", "a mirror plane does not move: remove this key, or `symmetry`");
             }
         }
         problems

@@ -303,7 +303,7 @@ impl Probe {
                 problems.extend(self.on.problems());
             }
             if self.pitch.is_some() {
-                problems.push(("pitch", "is that of a node: give `point` or `node`".to_owned()));
+                problems.push(("pitch", "applies to a node: give `point` or `node`".to_owned()));
             }
         }
         for (statistic, text) in self.statistics() {
@@ -312,14 +312,14 @@ impl Probe {
                 Ok(Quantity { field, .. }) => {
                     if statistic == Statistic::Sum && !field.is_force() {
                         let message = format!(
-                            "adds up forces (reaction_force, external_force); of {} take `mean`, `max` or `min`",
+                            "applies to forces (reaction_force, external_force); for {} use `mean`, `max` or `min`",
                             field.name()
                         );
                         problems.push(("sum", message));
                     }
                     if is_sheet && field.of_elements().is_some() {
                         let message =
-                            format!("{} is known of solids only, and this body is a sheet", field.name());
+                            format!("{} exists for solids only, and this body is a sheet", field.name());
                         problems.push((statistic.name(), message));
                     }
                 }

@@ -224,10 +224,7 @@ impl Rigid {
             return Some(("shape", "a half-space has no mass: remove `mass`, `density` and `inertia`"));
         }
         if matches!(self.motion, Some(Motion::Rotate(_))) {
-            return Some((
-                "motion",
-                "a half-space that turns is not built; take a box for a turning obstacle",
-            ));
+            return Some(("motion", "a half-space cannot rotate; use a box as a rotating obstacle"));
         }
         None
     }

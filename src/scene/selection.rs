@@ -66,7 +66,7 @@ impl BoxRegion {
         if let Some(k) = (0..3).find(|&k| min[k] == f64::INFINITY || max[k] == f64::NEG_INFINITY) {
             let axis = ["x", "y", "z"][k];
             return Some(format!(
-                "holds nothing along {axis}: only -inf in `min` and inf in `max` leave a box open"
+                "contains nothing along {axis}: for an open box use -inf in `min` or inf in `max`"
             ));
         }
         let is_ordered = (0..3).all(|k| min[k] <= max[k]);

@@ -32,7 +32,7 @@ enum Step<'a> {
 
 fn assign(root: &mut Item, path: &str, value: &str) -> Result<(), String> {
     let steps =
-        steps(path).ok_or_else(|| format!("`{path}` is no key; write it as body[0].material.young"))?;
+        steps(path).ok_or_else(|| format!("`{path}` is not a key; write it as body[0].material.young"))?;
     let mut item = root;
     for (depth, step) in steps.iter().enumerate() {
         let here = words(&steps[..depth]);
@@ -42,11 +42,9 @@ fn assign(root: &mut Item, path: &str, value: &str) -> Result<(), String> {
                 Some(1) => return Err(format!("there is only `{here}[0]`")),
                 Some(count) => return Err(format!("there are {count} of `{here}`, from `{here}[0]` on")),
                 None if item.is_none() => {
-                    return Err(format!(
-                        "there is no `{here}` in the scene; set the whole of it, `{here}=…`"
-                    ));
+                    return Err(format!("there is no `{here}` in the scene; set it as a whole, `{here}=…`"));
                 }
-                None => return Err(format!("`{here}` is no list")),
+                None => return Err(format!("`{here}` is not a list")),
             },
             Step::Key(name) => {
                 if length(item).is_some() {
@@ -188,11 +186,11 @@ mod tests {
             ("body.box.cells=[1,1,1]", "body[0].box.cells"),
             ("body[2].name=c", "there are 2 of `body`"),
             ("time.end.x=1", "`time.end` is a value"),
-            ("time[0]=1", "`time` is no list"),
+            ("time[0]=1", "`time` is not a list"),
             ("probe[0].name=x", "there is no `probe`"),
             ("time=3", "`time` is a table"),
             ("time.end", "key.path=value"),
-            ("body[0.x=1", "is no key"),
+            ("body[0.x=1", "is not a key"),
         ] {
             let (_, problems) = set(SCENE, &[assignment.to_owned()]);
             assert_eq!(problems.len(), 1, "{assignment}");

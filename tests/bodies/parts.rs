@@ -627,7 +627,7 @@ fn wrong_parts_are_refused_with_the_way_out() {
     refused(&load("region = \"x-max\""), &["load[1]: missing key: give `force` (N), `moment`"]);
     refused(&load("nodes = [0]\nforce = [1, 0, 0]"), &["load[1].nodes: no facet of the surface"]);
     refused(&probe("region = \"x-max\""), &["probe[4].region", "needs `sum`, `mean`, `max` or `min`"]);
-    refused(&probe("sum = \"displacement\""), &["probe[4].sum: adds up forces"]);
+    refused(&probe("sum = \"displacement\""), &["probe[4].sum: applies to forces"]);
     refused(&probe("max = \"stres\""), &["probe[4].max: there is no field \"stres\"", "stress"]);
     refused(
         &probe("max = \"stress.magnitude\""),

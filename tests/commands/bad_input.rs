@@ -421,8 +421,8 @@ fn boxes_may_be_half_infinite() {
     }
     assert!(fixed("box = { min = [0.99, -inf, -inf] }").0 == 25 && fixed("box = {}").0 == 425);
     for (on, way_out) in [
-        ("box = { min = [inf, 0.0, 0.0] }", "holds nothing along x"),
-        ("box = { max = [0.0, -inf, 0.0] }", "holds nothing along y"),
+        ("box = { min = [inf, 0.0, 0.0] }", "contains nothing along x"),
+        ("box = { max = [0.0, -inf, 0.0] }", "contains nothing along y"),
         ("box = { min = [0.0, nan, 0.0] }", "neither may be nan"),
         ("box = { min = [2.0, -inf, -inf] }", "no node is in this box"),
     ] {

@@ -248,7 +248,7 @@ fn without_its_point_cache() {
     let bytes = std::fs::read(out.join("scene.beam.pc2")).unwrap();
     std::fs::write(out.join("scene.beam.pc2"), [&b"mine"[..], &bytes[4..]].concat()).unwrap();
     let (code, said) = say(["resume", "out/scene"]);
-    assert!(code == Some(2) && said.contains("no point cache of 290 points"), "{said}");
+    assert!(code == Some(2) && said.contains("not a point cache of 290 points"), "{said}");
     std::fs::write(out.join("scene.beam.pc2"), bytes).unwrap();
     let (code, said) = say(["resume", "out/scene"]);
     assert_eq!(code, Some(0), "{said}");

@@ -296,7 +296,9 @@ impl<'a> Reading<'a> {
             self.out.mesh.push_cell(element.kind, own);
         }
         for (code, count) in &self.lines {
-            let note = format!("{count} elements of type {code} are read as lines, which carry nothing here");
+            let note = format!(
+                "{count} elements of type {code} are read as lines, which have no stiffness or mass here"
+            );
             self.out.notes.push(note);
         }
         self.note_what_is_left_out();

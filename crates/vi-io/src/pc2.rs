@@ -53,7 +53,7 @@ impl Pc2File {
         let mut found = Vec::new();
         (&mut file).take(COUNT).read_to_end(&mut found).map_err(system(path))?;
         if !i32::try_from(points).is_ok_and(|count| found == head(count)) {
-            let what = format!("it is no point cache of {points} points");
+            let what = format!("it is not a point cache of {points} points");
             return Err(IoError::BadOutput { file: path.into(), what });
         }
         let mut cache = Self { path: path.into(), file, points, samples };

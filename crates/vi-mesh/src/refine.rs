@@ -42,7 +42,7 @@ impl Mesh {
             _ => None,
         };
         let Some(axis) = special else {
-            let problem = "names no axis: name one or two of x, y, z".to_owned();
+            let problem = "contains no axis: give one or two of x, y, z".to_owned();
             return Err(MeshError::Invalid { what: "refinement", problem });
         };
         let mut halves = Vec::with_capacity(self.cell_count());

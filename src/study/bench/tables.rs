@@ -46,15 +46,21 @@ pub(super) fn recommend(report: &BenchReport) -> (Option<usize>, String) {
     if let Some(now) = report.rows.iter().find(|row| row.is_present) {
         let present = format!("{}, h = {}", now.scheme, engineering(now.step, "s"));
         let _ = match (&now.failure, now.error) {
-            (Some(failure), _) => write!(said, "; what the scene asks for now ({present}) fails: {failure}"),
-            (None, Some(_)) if now.choice == best.choice => write!(said, ": what the scene asks for now"),
+            (Some(failure), _) => {
+                write!(said, "; the current choice of the scene ({present}) fails: {failure}")
+            }
+            (None, Some(_)) if now.choice == best.choice => write!(said, ": the current choice of the scene"),
             (None, Some(error)) if error <= report.accuracy => {
                 let ratio = seconds(now) / seconds(best);
                 write!(said, ", {ratio:.1} × cheaper than now ({present}, error {error:.1e})")
             }
             (None, Some(error)) => {
                 let spent = engineering(seconds(now), "s");
-                write!(said, "; what the scene asks for now ({present}) has {} in {spent}", percent(error))
+                write!(
+                    said,
+                    "; the current choice of the scene ({present}) has {} in {spent}",
+                    percent(error)
+                )
             }
             (None, None) => Ok(()),
         };

@@ -382,7 +382,7 @@ fn substance(making: &Making, tension_field: bool, young: f64, density: f64) -> 
     let law = value["law"].as_str().unwrap_or_default().to_owned();
     let refused = |why: String| CaseError::Law { law, why };
     let Some(keys) = value.as_object_mut() else {
-        return Err(refused("its parameters are no table".to_owned()));
+        return Err(refused("its parameters are not a table".to_owned()));
     };
     for (key, value) in keys.iter_mut() {
         match quantity(key) {

@@ -5,7 +5,7 @@ use std::str::FromStr;
 /// Largest number of points of a sweep: each has a directory, and its scene is held in memory.
 pub(crate) const MOST_POINTS: usize = 100_000;
 
-/// A key with its values, as `--over` takes them.
+/// A key with its values, in the form of `--over`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Axis {
     /// The key, in the form of `--set`.

@@ -91,7 +91,7 @@ fn results(options: &SweepOptions, points: &[Point], found: &[Found]) -> String 
         }
     }
     let mut text = String::from("point");
-    // Writing to a text in memory cannot fail.
+    // Writing to a string cannot fail.
     options.axes.iter().for_each(|axis| text.push_str(&format!(",{}", cell(&axis.key))));
     text.push_str(",exit,reason,steps");
     for name in &names {

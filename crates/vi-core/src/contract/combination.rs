@@ -100,7 +100,7 @@ impl Combinations {
             if !sum.is_finite() || (sum - expected).abs() > 1e-9 {
                 return Err(CoreError::Combination {
                     node: tie.node as usize,
-                    reason: format!("its weights on points sum to {sum}, must be {expected}"),
+                    reason: format!("the weights of its points sum to {sum}; the sum must be {expected}"),
                 });
             }
             all.nodes.push(tie.node);
@@ -194,9 +194,8 @@ impl Combinations {
                 return Err(CoreError::Combination {
                     node: node as usize,
                     reason: format!(
-                        "the mass that it brings couples nodes {l} and {k} by {value:e} kg, beside a diagonal of \
-                         {scale:e} kg; let its mass be lumped by the weights, or choose the origin and axes of its \
-                         body principal"
+                        "its mass couples nodes {l} and {k} by {value:e} kg, with a diagonal of {scale:e} kg; lump its \
+                         mass by the weights, or choose the principal origin and axes of its body"
                     ),
                 });
             }

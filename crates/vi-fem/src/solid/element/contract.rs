@@ -14,8 +14,8 @@ pub trait Element<const N: usize, const Q: usize>: Send + Sync + 'static {
     const DEGREE: usize;
     /// Whether the element is the linear simplex with one quadrature point, for which the columns of ∂x/∂ξ are x₁ −
     /// x₀, x₂ − x₀ and x₃ − x₀. Its kernels are compiled together with every law. Other elements have one kernel for
-    /// the element and one for the law, which exchange data in memory; for the simplex, with so little arithmetic,
-    /// that would take a quarter of the time.
+    /// the element and one for the law, which exchange data in memory. For the simplex, with its few operations, this
+    /// exchange would take a quarter of the time.
     const IS_SIMPLEX: bool = false;
 
     /// Returns the quadrature rule of the strain energy: points ξ and weights. The weights sum to the reference

@@ -47,7 +47,7 @@ impl KickDrift {
         Err(SolverError::NotFinite { what: "force without a potential", dof, at_start: false })
     }
 
-    /// Makes a kick and a drift with forces without a potential; returns as [`KickDrift::kick_drift`].
+    /// Makes a kick and a drift with forces without a potential; returns the same value as [`KickDrift::kick_drift`].
     pub(super) fn forced_kick_drift(
         &mut self,
         system: &System,
