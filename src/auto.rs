@@ -98,7 +98,7 @@ pub fn stand_in(scene: &Scene) -> Scene {
     scene
 }
 
-/// With consistent mass only implicit schemes are possible.
+/// Returns the scheme that stands in for `auto`: an implicit one if the mass is consistent.
 fn first_scheme(scene: &Scene) -> SchemeName {
     match scene.solver.mass {
         Some(MassKind::Consistent) => SchemeName::ImplicitMidpoint,

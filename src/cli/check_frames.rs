@@ -1,4 +1,4 @@
-//! `variational check-frames`.
+//! `variational check-frames`: prints the intersections in the frames of a run.
 
 use std::path::{Path, PathBuf};
 
@@ -54,7 +54,7 @@ pub(super) fn run(arguments: &CheckFramesArguments) -> u8 {
     let directory = arguments.directory.display();
     if frames.is_empty() {
         message!(
-            "error: {directory} holds no .vtu frames; name the output directory of a run with `interval`"
+            "error: {directory} contains no .vtu frames; give the output directory of a run with `output.interval`"
         );
         return exit::BAD_INPUT;
     }

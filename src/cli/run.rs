@@ -164,7 +164,7 @@ pub(super) fn fail(error: &RunError, directory: &Path) -> u8 {
         return code;
     }
     if error.is_failure() {
-        message!("what was reached is in {}", directory.display());
+        message!("the results so far are in {}", directory.display());
     }
     if let Ok(found) = newest(directory) {
         let path = found.path.display();

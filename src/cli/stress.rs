@@ -1,4 +1,4 @@
-//! `variational stress`.
+//! `variational stress`: runs random violent scenes and prints their outcomes.
 
 use std::path::PathBuf;
 use std::time::Duration;

@@ -215,7 +215,7 @@ impl Start<'_> {
             };
             let nodes = self.nodes(&group);
             let Some(way) = self.way([a, b], &nodes, mover, &x) else {
-                return Err(format!("no way parts '{}' and '{}'", name(a), name(b)));
+                return Err(format!("no translation separates '{}' and '{}'", name(a), name(b)));
             };
             let before = energy(&x);
             for (q, &dof) in state.q.iter_mut().zip(self.system.coordinates().free()) {
@@ -239,6 +239,6 @@ impl Start<'_> {
                 }
             }
         }
-        Err("bodies push each other to and fro".to_owned())
+        Err("separating one pair brings another one together again".to_owned())
     }
 }

@@ -13,7 +13,7 @@ use crate::scene::{Body, BodyId, MOST_REFINED, MaterialEntry, Problem, Refine, R
 /// A body of the scene with its mesh.
 pub(super) struct ReadBody<'a> {
     pub(super) id: BodyId,
-    /// The body as the scene has it.
+    /// The body in the scene.
     pub(super) scene: &'a Body,
     pub(super) read: Imported,
     pub(super) materials: Vec<MaterialPart>,
@@ -33,7 +33,7 @@ fn read<'a>(
     problems: &mut Vec<Problem>,
 ) -> Option<ReadBody<'a>> {
     if body.refine.as_ref().is_some_and(|refine| refine.levels() > MOST_REFINED) {
-        // The checks of the scene have reported it.
+        // The checks of the scene have reported this problem.
         return None;
     }
     match try_read(id, body, budget) {

@@ -184,8 +184,8 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
     let halves =
         scene.guard.is_some_and(|guard| matches!(guard.action, GuardAction::Halve | GuardAction::Switch));
     if halves && scene.time.method().is_some_and(|method| method.facts().is_explicit) {
-        let message = "explicit steps must not change with [contact]: each change near the limit of stability pumps \
-                       energy; write action = \"stop\" or \"warn\", or take energy-momentum";
+        let message = "explicit steps must not change with [contact]: each change near the stability limit adds \
+                       energy; write action = \"stop\" or \"warn\", or use energy-momentum";
         problems.push(Problem::new("guard.action", message));
     }
     if scene.statics.is_some() && contact.dissipates() {
@@ -221,20 +221,20 @@ fn without(scene: &Scene) -> Vec<Problem> {
 /// Returns why a scheme cannot step a scene with contact; `None` if it can.
 fn refused(method: &Method, contact: &Contact) -> Option<String> {
     let name = method.label();
-    let advice = "take stormer-verlet, implicit-midpoint or energy-momentum";
+    let advice = "use stormer-verlet, implicit-midpoint or energy-momentum";
     match method {
         Method::BlanesMoan4 | Method::BlanesMoan6 => Some(format!(
-            "{name} steps backwards in time on its way, through what the body has left; with [contact] {advice}"
+            "{name} contains steps backwards in time, which would meet obstacles that the body has left; with [contact] {advice}"
         )),
         Method::Gauss { stages } if *stages > 1 => Some(format!(
-            "{name} does not see the end of a step, where surfaces may have crossed; with [contact] {advice}"
+            "{name} does not evaluate the end of a step, where surfaces may have crossed; with [contact] {advice}"
         )),
         Method::ForwardEuler | Method::GeneralizedAlpha { .. } => Some(format!(
-            "{name} does not see the end of a step, where surfaces may have crossed; with [contact] {advice}, or to \
+            "{name} does not evaluate the end of a step, where surfaces may have crossed; with [contact] {advice}, or to \
              compare backward-euler, bdf2 or newmark"
         )),
         Method::BackwardEuler | Method::Bdf2 | Method::Newmark { .. } if contact.dissipates() => Some(
-            format!("friction and damping of contact are not built for {name}; set both to 0, or {advice}"),
+            format!("{name} does not support friction and damping of contact; set both to 0, or {advice}"),
         ),
         _ => None,
     }

@@ -33,7 +33,7 @@ const MARGIN: f64 = 0.9;
 pub struct ContactTerm {
     surface: Arc<Surface>,
     reach: f64,
-    /// The last result with its positions and reach, because the friction of round bodies requests the same.
+    /// The last result with its positions and reach, because the friction of round bodies needs the same result again.
     last: Option<Arc<Mutex<Last>>>,
 }
 

@@ -56,7 +56,7 @@ const SCATTER: f64 = 0.5;
 const LEAST_FALL: f64 = 0.75;
 /// Safety factors of the bar: near the formal order, and otherwise.
 const FACTORS: [f64; 2] = [1.25, 3.0];
-/// Round-off of a value, relative.
+/// Relative round-off of a value.
 const ROUND_OFF: f64 = 1e-13;
 /// Fraction of a correction in time, found on the coarsest mesh, by which that of the finest mesh may differ.
 const CARRIED_OVER: f64 = 1.0;

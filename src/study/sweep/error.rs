@@ -11,7 +11,7 @@ use crate::scene::Problem;
 #[non_exhaustive]
 pub enum SweepError {
     /// No point has a valid scene; these are the problems of the first.
-    #[error("no point of the sweep is a sound scene")]
+    #[error("no point of the sweep is a valid scene")]
     Scene(Vec<Problem>),
     /// A file cannot be read or written.
     #[error("{}: {source}", .path.display())]

@@ -177,12 +177,12 @@ fn on_a_slope(friction: f64, speed: f64) -> Particles {
     particles
 }
 
-/// Case H5: it stops after 0.479848 m, then stays within 1e-6 m for 10 s.
+/// Case H5: the block stops after 0.479848 m, then stays within 1e-6 m for 10 s.
 #[test]
 fn a_block_stops_where_coulomb_says_and_does_not_creep() {
     for h in [1e-3, 1e-2] {
         let mut particles = on_a_slope(0.7, 1.0);
-        // It settles while it slides; the run-up changes the sliding distance by less than a thousandth.
+        // The block settles while it slides; the run-up changes the sliding distance by less than a thousandth.
         let steps = |time: f64| (time / h).round() as usize;
         for _ in 0..steps(1.5) {
             particles.step(h);
@@ -199,7 +199,8 @@ fn a_block_stops_where_coulomb_says_and_does_not_creep() {
     }
 }
 
-/// Case H6: μ = 1.01 tan θ sticks, .99 tan θ slides; μ = .5 accelerates by .657145.
+/// Case H6: the block sticks with μ = 1.01 tan θ and slides with 0.99 tan θ; with μ = 0.5 it accelerates at 0.657145
+/// m/s².
 #[test]
 fn a_block_slides_where_the_slope_is_steeper_than_friction() {
     let limit = 30_f64.to_radians().tan();

@@ -137,7 +137,7 @@ impl Pcg {
     /// Solves like [`Pcg::solve`], with the factor of an earlier A as preconditioner.
     ///
     /// # Errors
-    /// Those of [`Pcg::solve`], and a factor that holds nothing.
+    /// Those of [`Pcg::solve`], and an empty factor.
     pub fn solve_with(
         &mut self,
         factor: &mut Factor,

@@ -1,6 +1,6 @@
-//! The starts of Newton's method in a step.
+//! The initial guesses of Newton's method in a step.
 
-/// The starts of an iteration, from the best guess to the safest.
+/// The kinds of initial guess, from the most accurate to the safest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Start {
     /// Extrapolates from the last steps, for motions that the steps resolve.

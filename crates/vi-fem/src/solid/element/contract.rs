@@ -63,7 +63,7 @@ pub trait Element<const N: usize, const Q: usize>: Send + Sync + 'static {
     }
 }
 
-/// Work on an element whose type is known only at run time.
+/// An operation on an element whose type is known only at run time.
 pub(crate) trait SolidVisitor {
     type Output;
     fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) -> Self::Output;

@@ -55,7 +55,7 @@ pub fn positive_determinant(f: &Mat3<f64>) -> Result<(), Outside> {
     if value > 0.0 { Ok(()) } else { Err(outside) }
 }
 
-/// Work on a law whose type is known only at run time.
+/// An operation on a law whose type is known only at run time.
 pub(crate) trait LawVisitor {
     type Output;
     fn visit<M: Material>(self, material: M) -> Self::Output;

@@ -66,7 +66,7 @@ impl Cluster {
         }
     }
 
-    /// Goes to q; reads prescribed coordinates from `x`.
+    /// Sets the configuration to q; reads prescribed coordinates from `x`.
     fn place(&mut self, q: &[f64], x: &[f64]) {
         for (k, y) in self.y.iter_mut().enumerate() {
             *y = if self.free[k] == NONE { x[self.dofs[k] as usize] } else { q[self.free[k] as usize] };
