@@ -51,7 +51,9 @@ fn linear_solver(text: &mut String, simulation: &Simulation, component: &Compone
     let step = stepper.step(component.system(), &mut state, simulation.step_size());
     let _ = match (stepper.linear_solver(), step) {
         (Some(reason), _) => writeln!(text, "  linear solver: {reason}"),
-        (None, Ok(_)) => writeln!(text, "  linear solver: none yet, the first step has nothing to solve"),
+        (None, Ok(_)) => {
+            writeln!(text, "  linear solver: none yet, because the first step solves no equations")
+        }
         (None, Err(error)) => writeln!(text, "  linear solver: not known, {error}"),
     };
 }
@@ -69,7 +71,7 @@ fn system(text: &mut String, component: &Component, is_explicit: bool) {
         }
     };
     if component.stepper().is_none() {
-        let _ = writeln!(text, "  skipped: no coordinate is free, nothing is stepped");
+        let _ = writeln!(text, "  skipped: no coordinate is free, so there are no steps");
         return;
     }
     let mut varying = false;
@@ -110,7 +112,7 @@ fn system(text: &mut String, component: &Component, is_explicit: bool) {
                 facts.supernodes,
                 bytes(facts.bytes),
                 1e-9 * facts.flops,
-                if varying { "" } else { ", the numeric part too while h stays" }
+                if varying { "" } else { ", the numeric part as long as h is constant" }
             );
         }
         Err(error) => {

@@ -138,8 +138,8 @@ fn explicit_steps_build_no_hessian() {
     }
 }
 
-/// The change of energy over a run with a moving clamp is the sum of the entries of the ledger, each computed on its
-/// own.
+/// The change of energy over a run with a moving clamp is the sum of the entries of the ledger, each computed
+/// separately.
 #[test]
 fn the_ledger_closes() {
     for scheme in schemes() {

@@ -18,7 +18,7 @@ use crate::replace::replace_file;
 use crate::vtk::groups::array_of;
 use vi_mesh::{CellBlock, Region};
 
-/// Size of a block that is compressed on its own (bytes).
+/// Size of a block that is compressed separately, bytes.
 const BLOCK: usize = 1 << 17;
 /// Digits reserved for a 64-bit offset that is filled in later.
 const OFFSET_DIGITS: usize = 20;
@@ -188,7 +188,7 @@ fn check(frame: &VtuFrame, precision: Precision) -> Result<(), String> {
     for block in frame.blocks {
         if block.nodes.len() % block.kind.node_count() != 0 {
             return Err(format!(
-                "a block of {} has {} nodes, no multiple of {}",
+                "a block of {} has {} nodes, not a multiple of {}",
                 block.kind.name(),
                 block.nodes.len(),
                 block.kind.node_count()
@@ -416,7 +416,7 @@ impl<'a, W: Write + Seek> Writer<'a, W> {
     }
 }
 
-/// Compresses one block as a zlib stream of its own.
+/// Compresses one block as a separate zlib stream.
 fn deflate(compress: &mut Compress, block: &[u8], packed: &mut Vec<u8>) -> io::Result<()> {
     compress.reset();
     packed.clear();

@@ -14,7 +14,7 @@ pub use super::edges::Blend;
 /// Number of items per task; fewer items run on the calling thread.
 const CHUNK: usize = 512;
 
-/// Concatenates what `each` appends for the items 0, 1, 2, …, in their order, with one work space per task.
+/// Concatenates what `each` appends for the items 0, 1, 2, …, in their order, with separate scratch memory for each task.
 pub(crate) fn in_order<W, T: Send>(
     count: usize,
     space: impl Fn() -> W + Sync,

@@ -95,8 +95,8 @@ impl Evaluator {
         self.gradient_is_of_x = false;
     }
 
-    /// Makes evaluations at time t place the prescribed coordinates half-way between their positions at the times
-    /// `ends`, and not where their paths lead at t. If q is the mean of the ends of the step, so is x.
+    /// Sets the prescribed coordinates of evaluations at time t to the mean of their positions at the times `ends`,
+    /// in place of their positions at t. If q is the mean of the ends of the step, so is x.
     pub(crate) fn set_middle(&mut self, system: &System, t: f64, ends: [f64; 2]) {
         if system.coordinates().is_moving() {
             let x_end = self.middle.take().map_or_else(Vec::new, |middle| middle.x_end);
@@ -132,10 +132,11 @@ impl Evaluator {
         }
     }
 
-    /// Closes a step from (q, t) to (q, t). Returns the effects of live terms in it besides their potential.
+    /// Closes a step from (q, t) to (q, t). Returns the work and impulses of live terms in this step, without
+    /// those of their potential.
     ///
     /// # Errors
-    /// [`SolverError::Crossing`] if its path is not free.
+    /// [`SolverError::Crossing`] if the path of the step is obstructed.
     pub(crate) fn close_step(
         &mut self,
         system: &System,
@@ -279,8 +280,8 @@ impl Evaluator {
         &mut self.assembler
     }
 
-    /// Returns whether (q, t) is, to the bit, the place of the last evaluation. If nothing depends on t, it may
-    /// differ: a clock that counts steps and one that sums them differ by round-off.
+    /// Returns whether (q, t) is bitwise the point of the last evaluation. If nothing depends on t, a different t is
+    /// accepted: a clock that counts steps and one that sums them differ by round-off.
     pub(crate) fn is_at(&self, system: &System, q: &[f64], t: f64) -> bool {
         let coordinates = system.coordinates();
         if !coordinates.node_axes().is_empty() {
@@ -293,7 +294,7 @@ impl Evaluator {
         self.t == t || (self.is_autonomous && !self.t.is_nan())
     }
 
-    /// Returns whether the gradient is known at time t, at whatever positions.
+    /// Returns whether the gradient is known at time t, for the positions of the last evaluation.
     pub(crate) fn knows_gradient_of(&self, t: f64) -> bool {
         self.gradient_is_of_x && self.is_at_time(t)
     }
