@@ -1,5 +1,5 @@
-//! Tests how other programs use a simulation: they set its state between steps, move it elsewhere as bytes, and supply
-//! laws of their own. The energy ledger accounts for all of it.
+//! Tests how other programs use a simulation: they set its state between steps, transfer it as bytes, and supply
+//! their own laws. The energy ledger accounts for all of it.
 
 use variational::core::lagrange::Scalar;
 use variational::fem::{EnergyDensity, OwnLaw};

@@ -87,7 +87,7 @@ struct Document {
     notes: Vec<String>,
 }
 
-/// The sections of a piece that hold cells, with their VTK types, in the order that cell arrays follow.
+/// The sections of a piece that contain cells, with their VTK types, in the order of the values of cell arrays.
 const SECTIONS: [(&str, &str, Option<i64>); 5] = [
     ("Cells", "NumberOfCells", None),
     ("Verts", "NumberOfVerts", Some(2)),

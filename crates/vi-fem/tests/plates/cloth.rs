@@ -9,8 +9,8 @@ use vi_mesh::{Mesh, SheetPattern};
 use super::cases::{Outcome, curve, held_nodes, law, mesh, relative, triangles};
 use super::structure::Structure;
 
-/// A strip of length 1.2, 1.5 or 2 between supports at distance 1: the sag, and the horizontal force over the weight
-/// per length. E h is 1e5 times the weight; the bending length √(D/H) is below .01.
+/// Strips of length 1.2, 1.5 and 2 between supports at distance 1. The values are the sag, and the horizontal force
+/// divided by the weight per length. E h is 1e5 times the weight; the bending length √(D/H) is below 0.01.
 pub(crate) fn catenary(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     let (width, mut values, mut count) = (0.1, Vec::new(), 0);
     for (length, sag, force) in
@@ -48,7 +48,7 @@ fn weight(structure: &Structure, g: [f64; 3]) -> Vec<f64> {
 }
 
 /// Frequencies ω√(L/g) of a strip that hangs from one end. Its fibres swing in phase or against each other at the
-/// same frequency, so each reference stands for a cluster of modes; the worst of the cluster counts.
+/// same frequency, so each reference value belongs to a cluster of modes; the error is that of the worst mode of the cluster.
 pub(crate) fn chain(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     let mesh = mesh([1.0, 0.1], cells, pattern);
     let held = held_nodes(&mesh, &["x-min"]);
@@ -102,8 +102,8 @@ pub(crate) fn drum(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     Outcome { triangles: triangles(&mesh), values }
 }
 
-/// A unit square rolled onto a cylinder of radius ½ in twelve directions: bending energy over ½ D/R² times the area,
-/// of the triangles well inside (near a free edge the sheet may straighten).
+/// A unit square rolled onto a cylinder of radius ½ in twelve directions. The value is the bending energy of the inner
+/// triangles, divided by ½ D/R² times their area. Near a free edge the sheet may straighten.
 pub(crate) fn rolled(cells: [u32; 2], pattern: SheetPattern) -> Outcome {
     let radius = 0.5;
     let law = law(1e6, 0.3, 1e-2, 1.0);

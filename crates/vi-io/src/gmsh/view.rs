@@ -74,8 +74,8 @@ pub(super) fn read(cursor: &mut Cursor, site: Site) -> Result<Option<View>, IoEr
 
 impl View {
     /// Assigns the values to points or cells, of which there are `count`, by their tags. Entities without a value get
-    /// 0, with a note. A view with values for less than an eighth of them is left out, because it would take memory out
-    /// of proportion to the file.
+    /// 0, with a note. A view with values for less than an eighth of them is left out, because it would need far more
+    /// memory than the file.
     pub(super) fn place(self, index: &TagIndex, count: usize, out: &mut MeshFile) {
         let site = if self.site == Site::Points { "nodes" } else { "elements" };
         if self.tags.len() < count.div_ceil(8) {

@@ -122,11 +122,11 @@ impl CellReader {
     }
 
     /// Repeats the values of arrays for cells that were divided, with a note. Arrays that would together take more than
-    /// `room` values are left out, with a note: many arrays over one long poly-line would take memory out of proportion
-    /// to the file.
+    /// `room` values are left out, with a note: many arrays over one long poly-line would need far more memory than the
+    /// file.
     pub(crate) fn finish(self, out: &mut MeshFile, mut room: usize) {
         if self.turned > 0 {
-            let note = "wedges had their base facing outwards, as old VTK manuals have it: turned round";
+            let note = "wedges had their base facing outwards, as in old VTK manuals: their orientation was reversed";
             out.notes.push(format!("{} {note}", self.turned));
         }
         if self.divided == 0 {
