@@ -9,8 +9,8 @@ use num_traits::FromPrimitive;
 use vi_mesh::{CellBlock, Mesh};
 use vtkio::IOBuffer;
 use vtkio::model::{
-    Attribute, Attributes, ByteOrder, CellType, Cells, DataArray as VtkArray, DataSet, Piece,
-    UnstructuredGridPiece, Version, VertexNumbers, Vtk,
+    Attribute, Attributes, ByteOrder, CellType, Cells, DataArray as VtkArray, DataSet, UnstructuredGridPiece,
+    Version, VertexNumbers, Vtk,
 };
 
 use crate::error::{IoError, Place};
@@ -138,8 +138,8 @@ impl Reader<'_> {
         self.cells.set_points(base, points.len());
         let cells_before = self.cells.file_cell_count();
         let (connectivity, offsets) = cells.cell_verts.into_xml();
-        // The offsets may start with a zero.
-        let ends = &offsets[usize::from(offsets.len() == cells.types.len() + 1)..];
+        // The offsets may start with a zero: no cell is without nodes.
+        let ends = offsets.strip_prefix(&[0]).unwrap_or(&offsets);
         if ends.len() != cells.types.len() {
             return Err(self.inconsistent(format!(
                 "{} offsets for {} cells",
