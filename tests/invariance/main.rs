@@ -71,8 +71,8 @@ fn check_units(name: &str, scene: &Scene) {
 /// The translation: 10⁵ to 10⁶ times the extent of the scenes, which is about 1 m.
 const FAR: [f64; 3] = [1e6, -7e5, 4e5];
 
-/// How far round-off of a coordinate may grow in these short runs, which last less than a period of most modes: the
-/// ratio of the stiffness of an element to that of the body.
+/// Largest growth of the round-off of a coordinate: the ratio of the stiffness of an element to that of the body. The
+/// runs are short, less than a period of most modes.
 const CONDITION: f64 = 500.0;
 
 fn check_moved(name: &str, scene: &Scene) {

@@ -147,7 +147,7 @@ fn append(path: &Path, entry: &str) -> io::Result<bool> {
     file.seek(SeekFrom::Start(end))?;
     let written = file.write_all(format!("{entry}{CLOSING}").as_bytes());
     if written.is_err() {
-        // The disk is full. The old end fits, because it was there before. The first error is the one to report.
+        // The disk is full. The closing tags fit, because they were there before. The first error is the one to report.
         let _ = file.seek(SeekFrom::Start(end)).and_then(|_| file.write_all(CLOSING.as_bytes()));
         let _ = file.set_len(length);
     }

@@ -6,9 +6,10 @@
 //! hinge         ball joint, n_A·m_B = n_A·m'_B = 0    (3 + 2)   n ∥ the axis, m and m' normal to it
 //! weld          ball joint, three such products       (3 + 3)
 //! rod           |r_A − r_B|² − L² = 0                 (1)
-//! ``` The Hessian of g is constant. Its gradient at the middle of a step gives its exact difference: ∂g/∂x(½(x₀ +
-//! x₁))·(x₁ − x₀) = g(x₁) − g(x₀). So multipliers at the middle do no work (O. Gonzalez, "Mechanical systems subject to
-//! holonomic constraints", Physica D 132 (1999) 165–174).
+//! ```
+//! The Hessian of g is constant. Its gradient at the middle of a step gives its exact difference:
+//! ∂g/∂x(½(x₀ + x₁))·(x₁ − x₀) = g(x₁) − g(x₀). So multipliers at the middle do no work (O. Gonzalez, "Mechanical
+//! systems subject to holonomic constraints", Physica D 132 (1999) 165–174).
 
 use crate::contract::coordinates::Coordinates;
 use crate::error::CoreError;
