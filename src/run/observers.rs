@@ -63,7 +63,7 @@ impl Observers {
         self.all_mut().try_for_each(|observer| observer.see(sight))
     }
 
-    /// Shows the outcome of steps.
+    /// Passes the outcome of steps to the observers.
     pub(super) fn see_steps(&mut self, stepped: &Stepped) -> Result<(), RunError> {
         self.see(&Sight::Steps(stepped))
     }
@@ -82,7 +82,7 @@ impl Observers {
         self.see(&Sight::Row(&Row { step, seen, measures: &measures, estimates: estimates.as_deref() }))
     }
 
-    /// Shows a state for which a frame is due.
+    /// Passes a state to the observers for which a frame is due.
     pub(super) fn see_frame(&mut self, simulation: &Simulation) -> Result<(), RunError> {
         self.see(&Sight::Frame(simulation))
     }

@@ -103,7 +103,7 @@ pub struct Seam {
     /// A list of as many nodes, with `nodes`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to_nodes: Option<Vec<usize>>,
-    /// Follow the second curve against the direction in which the ends are nearest.
+    /// Reverse the direction of the second curve. Without this key it is the direction in which the ends are nearest.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub reverse: bool,
     /// Stiffness k of each stitch, N/m (> 0); without it the edges, which must meet, are joined exactly.

@@ -94,7 +94,7 @@ impl Contact {
         true
     }
 
-    /// Makes contact with this coefficient of friction.
+    /// Returns contact with this coefficient of friction, and default values for the other keys.
     pub fn with_friction(friction: f64) -> Self {
         Self { friction, ..Self::default() }
     }

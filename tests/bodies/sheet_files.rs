@@ -22,7 +22,7 @@ material = {MATTER}
     )
 }
 
-/// Holds a file in a directory that lives as long as the value, and the path to name in a scene.
+/// A file in a temporary directory that lives as long as this value, with its path for scenes.
 struct File(#[allow(dead_code, reason = "keeps the directory")] tempfile::TempDir, String);
 
 impl File {
@@ -120,8 +120,8 @@ fn texture_coordinates_are_the_pattern_at_rest() {
         let history = Program::run(&scene(&file.1, keys)).history();
         (history.first("elastic"), file.mass(keys))
     };
-    // The shape as given stores no energy. With a flat rest shape the energy is that of a half cylinder of radius 1, ½
-    // D L W κ².
+    // The shape as given stores no energy. With a flat rest shape it is the energy of a half cylinder of radius 1: ½ D
+    // L W κ².
     let modulus = 1e5 * 1e-9 / (12.0 * (1.0 - 0.09));
     let area = std::f64::consts::PI;
     let file = File::new("uv.obj", obj(24, true, true, Some(1.0)));

@@ -98,7 +98,7 @@ pub struct Found {
     pub damages: Vec<String>,
 }
 
-/// Finds the newest undamaged checkpoint of a directory whose history.csv reaches that step.
+/// Finds the newest undamaged checkpoint of a directory. Its history.csv must reach the step of that checkpoint.
 ///
 /// # Errors
 /// [`CheckpointError`] if there is none, or if a newer version of this program wrote a newer one.

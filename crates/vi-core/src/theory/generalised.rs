@@ -1,5 +1,5 @@
 //! Generalised coordinates x = x(q, τ(t)): the positions of a body of points are functions of a few coordinates q and
-//! prescribed controls τ (the angle of a driven wire, a moving support). With S = ∂x/∂q and Σ = ∂x/∂τ, ẋ = S q̇ + Σ
+//! prescribed controls τ (the angle of a driven wire, a moving support). Let S = ∂x/∂q and Σ = ∂x/∂τ. Then ẋ = S q̇ + Σ
 //! τ̇, and the equations of motion are Sᵀ(M ẍ − F) = 0. The constraint force lies in the null space of Sᵀ.
 
 use nalgebra::{DMatrix, DVector};
