@@ -1,5 +1,5 @@
 //! Implements `[time] estimate = true`: estimates the error of every probe from companion simulations. They solve the
-//! same scene beside the run and do not change it.
+//! same scene beside the run and do not affect the run.
 //!
 //! Every scheme is compared with a companion that is more accurate than the scheme itself:
 //!
@@ -10,10 +10,11 @@
 //! | `blanes-moan-6`, and explicit schemes in scenes that Blanes–Moan 4 cannot step | the scheme with h/4 | 4^−p of its own |
 //! | implicit, order p | the scheme with h/2 | 2^−p of its own, p as observed |
 //!
-//! If the reference s has the share φ of the error, the error is e = (u_h − u_s)/(1 − φ). Explicit schemes show their
-//! order by 2^p = |u_h − u_s| / |u_{h/2} − u_s|, implicit ones by 2^p = |u_{2h} − u_h| / |u_h − u_{h/2}|. The order is
-//! limited to the formal order, and taken as 1 if the differences do not decrease. References of implicit schemes solve
-//! their equations 100 times as accurately, so that the estimate includes the error of the run's own solver.
+//! If the error of the reference s is φ times the error e of the run, then e = (u_h − u_s)/(1 − φ). Explicit schemes
+//! show their order by 2^p = |u_h − u_s| / |u_{h/2} − u_s|, implicit ones by 2^p = |u_{2h} − u_h| / |u_h − u_{h/2}|.
+//! The order is limited to the formal order, and taken as 1 if the differences do not decrease. References of implicit
+//! schemes solve their equations 100 times as accurately, so that the estimate includes the error of the run's own
+//! solver.
 
 use std::time::Instant;
 
@@ -113,8 +114,8 @@ impl Estimator {
                 _ => {
                     let fourth = higher(SchemeName::BlanesMoan4);
                     let limit = fourth.method().facts().recommended_limit.unwrap_or(0.0);
-                    // With twice the step it costs 3 forces per step of the run, provided that it is stable. If the
-                    // highest frequency is not known, which the run reports, the step is not doubled.
+                    // With twice the step this scheme costs 3 forces per step of the run. That step must be stable: it
+                    // is not used if the highest frequency is not known, which the run reports.
                     let is_slow = matches!(highest(simulation),
                         Ok(Some(omega)) if 2.0 * simulation.step_size() * omega <= limit);
                     estimator.stride = if can_double && is_slow { 2 } else { 1 };
@@ -208,7 +209,7 @@ impl Observer for Estimator {
         "error estimate"
     }
 
-    /// [`Estimator::compare`] advances the companions, and its result is part of the row.
+    /// Does nothing: [`Estimator::compare`] advances the companions, and its result is part of the row.
     fn see(&mut self, _: &Sight<'_>) -> Result<(), RunError> {
         Ok(())
     }

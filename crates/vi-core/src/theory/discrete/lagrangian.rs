@@ -60,7 +60,7 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
     ///
     /// # Errors
     /// - [`CoreError::Degenerate`] if the quadrature has fewer points than the degree of the interpolation. Some
-    ///   velocity then has no action, and no momentum determines the step;
+    ///   velocity then does not change the action, and no momentum determines the step;
     /// - [`CoreError::StepSize`] if h is zero or not finite;
     /// - [`CoreError::Points`] for a polynomial of degree 0.
     pub fn new(lagrangian: &'a L, scheme: &Scheme, h: f64) -> Result<Self, CoreError> {
