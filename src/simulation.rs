@@ -16,6 +16,8 @@ pub mod stability;
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeMap;
+
 use vi_core::{HessianKind, State, System};
 use vi_solvers::{Assembler, Method, SolverOptions, Stepper, Work};
 
@@ -351,6 +353,19 @@ impl Simulation {
         self.notes.extend(notes);
     }
 
+    /// Every pair of bodies, and of a body with itself, by their numbers in the scene; with the reason if they are not
+    /// searched for contact.
+    pub(crate) fn contact_pairs(&self) -> impl Iterator<Item = ([usize; 2], Option<&'static str>)> {
+        let count = self.bodies.len() + self.rigids.len();
+        let pairs = (0..count).flat_map(move |a| (a..count).map(move |b| [a, b]));
+        pairs.map(|[a, b]| ([a, b], self.meeting.reason_not(&self.scene, a, b)))
+    }
+
+    /// Name of a body by its number in the scene, rigid ones after the others.
+    pub(crate) fn name_of(&self, number: usize) -> &str {
+        model::name_of(&self.scene, number)
+    }
+
     /// Returns the size of the contact search for report.json; null in a scene without contact.
     pub(crate) fn contact_report(&self) -> serde_json::Value {
         if self.scene.contact.is_none() {
@@ -358,10 +373,14 @@ impl Simulation {
         }
         let systems = self.components.iter().filter_map(|component| component.contact.as_ref());
         let systems: Vec<_> = systems.map(ContactWatch::report).collect();
-        let count = self.bodies.len() + self.rigids.len();
-        let pairs = (0..count).flat_map(|a| (a..count).map(move |b| (a, b)));
-        let meets = |&(a, b): &(usize, usize)| self.meeting.may_meet(&self.scene, a, b);
-        let (searched, skipped): (Vec<_>, Vec<_>) = pairs.partition(meets);
+        let mut searched = 0;
+        let mut skipped: BTreeMap<&str, usize> = BTreeMap::new();
+        for (_, reason) in self.contact_pairs() {
+            match reason {
+                None => searched += 1,
+                Some(reason) => *skipped.entry(reason).or_default() += 1,
+            }
+        }
         let parted = self.parted.iter().map(|Parted { body, by, energy }| {
             serde_json::json!({
                 "body": model::name_of(&self.scene, *body), "moved_by": by, "potential_energy": energy,
@@ -369,8 +388,9 @@ impl Simulation {
         });
         let smallest_gap = Some(self.contact.smallest_gap).filter(|gap| gap.is_finite());
         serde_json::json!({
-            "smallest_gap": smallest_gap, "pairs_of_bodies_searched": searched.len(),
-            "pairs_of_bodies_skipped": skipped.len(), "systems": systems,
+            "smallest_gap": smallest_gap, "pairs_of_bodies_searched": searched,
+            "pairs_of_bodies_skipped": skipped.values().sum::<usize>(), "reasons_to_skip": skipped,
+            "systems": systems,
             "parted_at_start": parted.collect::<Vec<_>>(),
         })
     }

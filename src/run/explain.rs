@@ -1,5 +1,6 @@
 //! Explains what a run builds, what it evaluates once, and what it skips, with reasons: `variational run --explain`.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use serde_json::{Map, Value};
@@ -25,6 +26,9 @@ pub fn explain(simulation: &Simulation) -> String {
             if facts.is_variational() { "variational" } else { "not variational" }
         ),
     };
+    if simulation.scene().contact.is_some() {
+        contact(&mut text, simulation);
+    }
     for (index, component) in simulation.components().iter().enumerate() {
         let bodies: Vec<&str> = simulation
             .bodies()
@@ -39,6 +43,28 @@ pub fn explain(simulation: &Simulation) -> String {
         }
     }
     text
+}
+
+/// Names at most this many pairs of bodies that are searched, and of those that are not for one reason.
+const NAMED: usize = 24;
+
+/// Which pairs of bodies are searched for contact, and why others are not.
+fn contact(text: &mut String, simulation: &Simulation) {
+    let mut lists: BTreeMap<Option<&str>, Vec<String>> = BTreeMap::new();
+    for ([a, b], reason) in simulation.contact_pairs() {
+        let [first, second] = [a, b].map(|number| simulation.name_of(number));
+        let pair = if a == b { format!("{first} itself") } else { format!("{first} – {second}") };
+        lists.entry(reason).or_default().push(pair);
+    }
+    for (reason, pairs) in lists {
+        let more = pairs.len().saturating_sub(NAMED);
+        let named = pairs[..pairs.len() - more].join(", ");
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        let _ = match reason {
+            None => writeln!(text, "contact searches: {named}{more}"),
+            Some(reason) => writeln!(text, "contact skips ({reason}): {named}{more}"),
+        };
+    }
 }
 
 /// Appends the linear solver of the steps, found by making one.

@@ -371,6 +371,8 @@ smallest_gap = 1e-9
         // Without contact the leaf would fall through the base.
         assert!(history.column("leaf.z").iter().all(|&z| z > 0.05), "{scheme}");
         let report = program.report();
+        let skipped = &report["contact"]["reasons_to_skip"];
+        assert_eq!(skipped["a rigid body does not meet itself"], 2, "{scheme}: {skipped}");
         assert_eq!(report["contact"]["pairs_of_bodies_searched"], 4, "{scheme}: {}", report["contact"]);
         assert!(drift(&program) < if scheme == "energy-momentum" { 1e-8 } else { 3e-2 }, "{scheme}");
     }
