@@ -18,6 +18,9 @@ pub(super) struct StressArguments {
     /// Seed of the scenes
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Scenes in which bodies meet, judged by exact predicates after every step
+    #[arg(long)]
+    contact: bool,
     /// Number of scenes that run at the same time (default: one per core)
     #[arg(long)]
     jobs: Option<usize>,
@@ -41,7 +44,14 @@ pub(super) fn run(arguments: &StressArguments) -> u8 {
     let limit = Duration::try_from_secs_f64(arguments.limit).unwrap_or(Duration::from_secs(10));
     let jobs = arguments.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     let keep = arguments.keep.clone();
-    let options = StressOptions { count: arguments.count, seed: arguments.seed, jobs, limit, keep };
+    let options = StressOptions {
+        count: arguments.count,
+        seed: arguments.seed,
+        contact: arguments.contact,
+        jobs,
+        limit,
+        keep,
+    };
     if let Some(directory) = &arguments.write {
         return match write_scenes(&options, directory) {
             Ok(()) => exit::DONE,

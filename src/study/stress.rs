@@ -3,6 +3,7 @@
 //! state.
 
 mod judge;
+mod meetings;
 mod random;
 mod transform;
 mod violence;
@@ -35,6 +36,8 @@ pub struct StressOptions {
     pub count: u64,
     /// Seed of the scenes.
     pub seed: u64,
+    /// Whether bodies meet in the scenes; otherwise violence is done to one body.
+    pub contact: bool,
     /// Number of scenes that run at the same time.
     pub jobs: usize,
     /// Time limit of a scene, after which it ends with its current step. At ten times this limit it counts as hung.
@@ -211,11 +214,19 @@ pub fn stress(options: &StressOptions, watch: &dyn StressWatch) -> StressReport 
     report
 }
 
+/// Returns case `index` of the kind that the options request.
+fn of_kind(options: &StressOptions, index: u64, directory: &Path) -> Result<Case, CaseError> {
+    match options.contact {
+        true => meetings::meeting(options.seed, index),
+        false => case(options.seed, index, directory),
+    }
+}
+
 /// Runs one scene in its own directory; returns an error if the directory cannot be written or the scene cannot be
 /// built.
 fn trial(options: &StressOptions, index: u64, watch: &dyn StressWatch) -> Result<(Case, Outcome), String> {
     let directory = tempfile::tempdir().map_err(|error| error.to_string())?;
-    let case = case(options.seed, index, directory.path()).map_err(|error| error.to_string())?;
+    let case = of_kind(options, index, directory.path()).map_err(|error| error.to_string())?;
     let outcome = timed(&case, &directory.path().join("out"), options.limit, watch);
     if let Outcome::Forbidden(why) = &outcome {
         let smaller = simplify(&case, directory.path(), options.limit, watch);
@@ -263,7 +274,7 @@ fn simplify(case: &Case, directory: &Path, limit: Duration, watch: &dyn StressWa
         |scene| scene.strikes.clear(),
         |scene| scene.fixes.clear(),
         |scene| scene.output.interval = None,
-        |scene| scene.bodies[0].velocity = None,
+        |scene| scene.bodies.iter_mut().for_each(|body| body.velocity = None),
     ];
     let mut best = case.clone();
     for (number, change) in simpler.iter().enumerate() {
@@ -289,7 +300,7 @@ fn keep(case: &Case, why: &str, options: &StressOptions) -> std::io::Result<()> 
 pub fn write_scenes(options: &StressOptions, directory: &Path) -> std::io::Result<()> {
     for index in 0..options.count {
         let scratch = tempfile::tempdir()?;
-        let case = case(options.seed, index, scratch.path()).map_err(std::io::Error::other)?;
+        let case = of_kind(options, index, scratch.path()).map_err(std::io::Error::other)?;
         write(&case, &format!("seed {}, scene {index}: {}", options.seed, case.violence.words()), directory)?;
     }
     Ok(())

@@ -13,7 +13,7 @@ use variational::study::stress::{StressOptions, Violence, case, stress};
 fn violent_scenes_end_well_or_fail_by_name() {
     let keep = std::env::temp_dir().join("variational-stress-failures");
     let limit = Duration::from_secs(10);
-    let options = StressOptions { count: 300, seed: 300, jobs: 2, limit, keep: keep.clone() };
+    let options = StressOptions { count: 300, seed: 300, contact: false, jobs: 2, limit, keep: keep.clone() };
     let report = stress(&options, &());
     let total = report.total();
     assert!(report.forbidden.is_empty(), "{:#?}, kept in {}", report.forbidden, keep.display());
@@ -21,6 +21,20 @@ fn violent_scenes_end_well_or_fail_by_name() {
     assert!(total.done + total.cut + total.guarded > 100, "{}", report.markdown(&options));
     assert!(total.failed > 10, "they are too gentle:\n{}", report.markdown(&options));
     assert!(total.refused < 30, "{:?}", report.refused);
+}
+
+/// Runs 30 scenes in which bodies meet, each judged by exact predicates after every step; `variational stress --contact`
+/// is the long form.
+#[test]
+fn bodies_that_meet_violently_never_cross() {
+    let keep = std::env::temp_dir().join("variational-stress-contact-failures");
+    let limit = Duration::from_secs(10);
+    let options = StressOptions { count: 30, seed: 5, contact: true, jobs: 2, limit, keep: keep.clone() };
+    let report = stress(&options, &());
+    let total = report.total();
+    assert!(report.forbidden.is_empty(), "{:#?}, kept in {}", report.forbidden, keep.display());
+    assert!(total.refused == 0, "{:?}", report.refused);
+    assert!(total.done + total.cut + total.guarded >= 20, "{}", report.markdown(&options));
 }
 
 fn bits(directory: &Path) -> Vec<(std::ffi::OsString, Vec<u8>)> {

@@ -73,6 +73,13 @@ impl Witness<'_> {
         if !self.states.iter().all(is_finite) {
             self.wrong = Some("a state is not finite".to_owned());
         }
+        let (crossings, pairs) = simulation.crossings();
+        if let Some(&[a, b]) = pairs.first() {
+            let [a, b] = [a, b].map(|number| simulation.name_of(number));
+            let step = simulation.steps();
+            self.wrong =
+                Some(format!("after step {step} surfaces cross in {crossings} places: '{a}' and '{b}'"));
+        }
         self.steps = simulation.steps();
     }
 }
@@ -221,7 +228,9 @@ fn left_behind(case: &Case, directory: &Path, has_failed: bool) -> Result<Value,
     for line in lines {
         let row: Result<Vec<f64>, _> = line.split(',').map(str::parse).collect();
         let row = row.map_err(|error| format!("history.csv: {error} in {line}"))?;
-        if row.len() != names.len() || row.iter().any(|value| !value.is_finite()) {
+        // Where nothing presses, the smallest gap is infinite.
+        let is_sound = |(name, value): (&&str, &f64)| value.is_finite() || *name == "smallest_gap";
+        if row.len() != names.len() || !names.iter().zip(&row).all(is_sound) {
             return Err(format!("history.csv holds {line}"));
         }
         rows.push(row);
