@@ -115,13 +115,7 @@ pub(super) fn contact(
                     false => rule(scene, a, b, may_meet(a, b)),
                 };
                 rule.joined = is_joined;
-                if let Some(&gap) = distances.get(&[i as u32, j as u32]).filter(|_| rule.distance.is_none()) {
-                    // A thinner layer is stiffer by as much, so that it holds off as much energy.
-                    let stiffness = a.stiffness.unwrap_or(FROM_OTHERS).min(b.stiffness.unwrap_or(FROM_OTHERS));
-                    let stiffness = rule.stiffness.or(contact.stiffness).unwrap_or(stiffness);
-                    rule.stiffness = Some(stiffness * a.distance.min(b.distance) / gap);
-                    rule.distance = Some(gap);
-                }
+                rule.distance = rule.distance.or(distances.get(&[i as u32, j as u32]).copied());
                 if rule != PairRule::default() {
                     builder.pair(i as u32, j as u32, rule);
                 }
