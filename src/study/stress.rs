@@ -20,6 +20,7 @@ use serde_json::{Value, json};
 
 use judge::Clock;
 pub use judge::Outcome;
+pub use meetings::meeting;
 pub use transform::Transform;
 pub use violence::{Case, CaseError, Violence, case};
 

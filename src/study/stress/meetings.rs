@@ -37,7 +37,7 @@ struct Matter {
 ///
 /// # Errors
 /// [`CaseError::Scene`] where the scene is not understood.
-pub(super) fn meeting(seed: u64, index: u64) -> Result<Case, CaseError> {
+pub fn meeting(seed: u64, index: u64) -> Result<Case, CaseError> {
     let mut random = Random::of(seed, index);
     let random = &mut random;
     let kinds = Violence::of_contact();
