@@ -133,7 +133,7 @@ impl ComponentBuilder {
             combinations.extend(self.held);
             coordinates
                 .with_combinations(&combinations, &self.directors)
-                .map_err(|error| Problem::new("attach", format!("what is held exactly: {error}")))?
+                .map_err(|error| Problem::new("attach", format!("exact ties: {error}")))?
         };
         if scene.gravity != [0.0; 3] {
             let amplitude = scene.gravity_amplitude.clone().unwrap_or_default();

@@ -49,7 +49,7 @@ fn extent(x: &[[f64; 3]]) -> f64 {
 
 /// Returns the distance on a body at `y` that counts as zero: the fraction `part` of its extent, or the round-off of
 /// its coordinates.
-fn none_of(part: f64, y: &[[f64; 3]]) -> f64 {
+fn negligible(part: f64, y: &[[f64; 3]]) -> f64 {
     (part * extent(y)).max(4.0 * resolution(y))
 }
 
@@ -68,13 +68,13 @@ pub(super) fn to_surface(
     let surface = surface.map_err(|error| error.to_string())?;
     let (x, y) = (start(body), start(to));
     let search = NearestPoints::new(&surface, &y);
-    let (near, meeting) = (none_of(NEAR, &y), none_of(MEET, &y));
+    let (near, meeting) = (negligible(NEAR, &y), negligible(MEET, &y));
     let tie = |&node: &u32| {
         let found = search.of(x[node as usize]).ok_or("the surface has no facets")?;
         let gap = if found.distance > near { found.distance } else { 0.0 };
         if attach.stiffness.is_none() && found.distance > meeting {
             return Err(format!(
-                "node {node} is {:.3e} m from the surface; only what lies on it can be held exactly: move the \
+                "node {node} is {:.3e} m from the surface; an exact tie needs nodes on the surface: move the \
                  bodies together, or give a `stiffness`",
                 found.distance
             ));
@@ -132,7 +132,7 @@ pub(super) fn along_curves(
         (&*second, &*first, &places[1], &places[0])
     };
     let ((at, _), (along, whole)) = (parts(fine, x), parts(coarse, y));
-    let near = none_of(NEAR, y);
+    let near = negligible(NEAR, y);
     // The last node of a closed curve repeats its first.
     let count = if *is_closed { fine.len() - 1 } else { fine.len() };
     let stitch = |k: usize| {
@@ -161,14 +161,14 @@ fn check_meeting(seam: &Seam, ties: &[Tie], x: &[[f64; 3]], y: &[[f64; 3]]) -> R
     if seam.stiffness.is_some() {
         return Ok(());
     }
-    let meeting = none_of(MEET, y);
+    let meeting = negligible(MEET, y);
     for tie in ties {
         let Anchor::Nodes(weights) = &tie.anchor else { continue };
         let other = [0, 1, 2].map(|i| weights.iter().map(|&(node, w)| w * y[node as usize][i]).sum());
         let gap = distance(x[tie.node as usize], other);
         if gap > meeting {
             return Err(format!(
-                "node {} is {gap:.3e} m from where it is sewn; only edges that meet can be sewn exactly: move \
+                "node {} is {gap:.3e} m from its stitch; an exact seam needs edges that meet: move \
                  them together, or give a `stiffness`",
                 tie.node
             ));

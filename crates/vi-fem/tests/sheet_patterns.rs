@@ -176,7 +176,7 @@ fn a_direction_may_turn_over_the_sheet() {
     let mixed = energy(serde_json::from_str(r#"["x", "y", 0.0]"#).unwrap());
     assert!((around - cells).abs() < 1e-12 * around, "{around} {cells}");
     assert!((outwards - mixed).abs() < 1e-12 * outwards);
-    // The strain is in the hoops only, on cells of 13°: nearly in the ratio of the moduli.
+    // The strain is along the hoops only, on cells of 13°, so the energies are nearly in the ratio of the moduli.
     assert!((4.0..5.0).contains(&(around / outwards)), "{around} {outwards}");
     for (warp, words) in [
         (formulas(["0", "0", "1"]), "no part in the plane of element"),

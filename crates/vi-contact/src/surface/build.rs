@@ -112,7 +112,8 @@ impl SurfaceBuilder {
         self.frames.insert(body, nodes);
     }
 
-    /// Joins two nodes, for example by a stitch: parts that contain one of them each are not a pair for contact.
+    /// Joins two nodes, for example by a stitch. There is no contact between parts of which one contains the first node
+    /// and the other the second.
     pub fn stitch(&mut self, a: u32, b: u32) {
         self.stitches.insert([a.min(b), a.max(b)]);
     }

@@ -138,7 +138,7 @@ fn solve(energy: &impl Energy, parameter: f64, start: DVector<f64>) -> Result<DV
 }
 
 /// Follows the branch of equilibria through `start` for `step_count` steps of arc length |step| in (q, μ), by
-/// pseudo-arclength continuation (Keller 1977). This passes folds, beyond which no equilibrium exists at larger μ. It
+/// pseudo-arclength continuation (Keller 1977). It passes folds, at which μ has an extremum along the branch. It
 /// starts with increasing μ for step > 0, decreasing μ for step < 0. A change of [`Equilibrium::unstable_count`]
 /// between neighbours indicates a fold or a bifurcation.
 ///

@@ -150,7 +150,7 @@ impl Potential for EndMoment {
     fn traits(&self) -> Traits {
         Traits { hessian: HessianKind::Varying, time_dependent: false }
     }
-    /// The angle counts from −½ to 2π − ½, so that it can pass π and reach nearly a full turn.
+    /// The angle ranges from −½ to 2π − ½, so that it can pass π and reach nearly a full turn.
     fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         for (index, out) in range.zip(out) {
             let d = self.line(index, x);

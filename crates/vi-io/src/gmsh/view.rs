@@ -102,7 +102,7 @@ impl View {
         }
         if unknown > 0 {
             out.notes.push(format!(
-                "the view \"{}\" has {unknown} values at {site} that are not there: left out",
+                "the view \"{}\" has {unknown} values at {site} that do not exist: left out",
                 self.name
             ));
         }

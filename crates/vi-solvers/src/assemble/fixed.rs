@@ -25,7 +25,7 @@ pub struct AssemblyWork {
     pub constant_stencils: u64,
     /// Stencils without a Hessian on free coordinates: V is affine, or all their coordinates are prescribed.
     pub hessian_skipped_stencils: u64,
-    /// Number of times that live terms were asked for new stencils.
+    /// Number of times that new stencils of live terms were requested.
     pub live_renewals: u64,
     /// Number of times that the pattern of the sum of Hessians was built for live terms.
     pub live_patterns: u64,
