@@ -53,7 +53,7 @@ impl<'a> Source<'a> {
         let length = u64::read(self)?;
         let room = (self.left() / size.max(1)) as u64;
         if length > room {
-            return Err(self.damage(format!("{length} items are announced, {room} have room")));
+            return Err(self.damage(format!("{length} items are announced, but at most {room} fit")));
         }
         Ok(length as usize)
     }
@@ -199,7 +199,7 @@ pub(crate) fn unseal<T: Record>(magic: &[u8; 8], format: u64, bytes: &[u8]) -> R
     }
     let length = u64::read(&mut source)?;
     if length != source.left() as u64 {
-        return Err(damage(format!("{length} bytes were written, {} are there", source.left())));
+        return Err(damage(format!("{length} bytes are announced, {} are left", source.left())));
     }
     if crc32fast::hash(head).to_le_bytes() != sum {
         return Err(damage("its checksum is wrong".to_owned()));

@@ -349,7 +349,7 @@ impl Scene {
         self.selections_mut().filter_map(|on| on.node_file.as_mut()).for_each(change);
     }
 
-    /// Returns the scene with absolute paths, each the shortest that names its file.
+    /// Returns the scene with absolute paths in their shortest form.
     pub(crate) fn with_absolute_paths(mut self) -> Self {
         self.for_each_file(|path| {
             // A path that cannot be made absolute (an empty one) is reported by the checks of the scene.

@@ -29,10 +29,10 @@ impl TriangleSurface<'_> {
             return wrong("a coordinate is not finite");
         }
         if self.triangles.as_flattened().iter().any(|&node| node as usize >= self.points.len()) {
-            return wrong("a triangle uses a point that is not there");
+            return wrong("a triangle uses a point that does not exist");
         }
         if self.texture.is_some_and(|texture| texture.len() != self.triangles.len()) {
-            return wrong("the texture coordinates are those of other triangles");
+            return wrong("the number of texture coordinates differs from that of triangles");
         }
         Ok(())
     }

@@ -84,7 +84,7 @@ fn refuse_doubles(file: &MeshFile) -> Result<(), String> {
     match sorted.windows(2).find(|pair| pair[0].0 == pair[1].0) {
         None => Ok(()),
         Some(pair) => Err(format!(
-            "elements {} and {} have the same corners: a triangle is there twice, or two layers of the sheet lie \
+            "elements {} and {} have the same corners: a triangle exists twice, or two layers of the sheet lie \
              on each other and were welded; remove one, or keep the layers apart with `weld = 0.0`",
             pair[0].1, pair[1].1
         )),

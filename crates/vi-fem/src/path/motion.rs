@@ -132,8 +132,7 @@ impl Motion {
     }
 
     /// Returns the path of prescribed coordinates. Each is given as (x₀ (m) of its node at the start, axis 0, 1 or
-    /// 2), in the order of the list. A coordinate follows the component along its axis of the motion of the whole
-    /// point.
+    /// 2), in the order of the list. A coordinate follows the component of its node's motion along this axis.
     ///
     /// # Errors
     /// Those of [`Motion::check`], and [`FemError::Invalid`] for an axis above 2.
