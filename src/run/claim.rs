@@ -104,8 +104,9 @@ impl Claim {
 }
 
 impl Drop for Claim {
-    /// The lock ends with the last handle of the file, after the file is removed. A removal may fail and is then
-    /// ignored: it leaves a lock file that nobody holds, or a directory in use.
+    /// Removes the lock file and the directories made for it. The lock ends with the last handle of the file, after the
+    /// file is removed. A removal may fail and is then ignored: it leaves a lock file that nobody holds, or a directory
+    /// in use.
     fn drop(&mut self) {
         let _ = fs::remove_file(&self.path);
         for directory in &self.made {

@@ -144,7 +144,7 @@ impl FrameWriter {
         notes
     }
 
-    /// Rigid bodies are numbered after the others and have no material (−1).
+    /// Adds the surface of a rigid body. Rigid bodies are numbered after the others and have no material (−1).
     fn add_surface(&mut self, id: usize, simulation: &Simulation) {
         let form = simulation.rigids()[id].form.as_ref();
         let (points, triangles) =

@@ -51,7 +51,7 @@ impl BoxRegion {
         [f64::INFINITY; 3]
     }
 
-    /// JSON represents an infinite number as null.
+    /// Reads the lower bounds; JSON represents an infinite number as null.
     fn read_min<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
         Ok(<[Option<f64>; 3]>::deserialize(from)?.map(|bound| bound.unwrap_or(f64::NEG_INFINITY)))
     }

@@ -71,7 +71,7 @@ impl Structure {
         found
     }
 
-    /// An example of what the schema of an entry allows.
+    /// Returns an example value that the schema of an entry allows.
     fn sample(&self, schema: &Json) -> Json {
         let schema = self.resolved(schema);
         if let Some(value) = schema.get("default").or_else(|| schema.get("const")) {
@@ -109,7 +109,7 @@ impl Structure {
         }
     }
 
-    /// The flaw of an entry that cannot be read for a reason that the schema does not know.
+    /// Returns the flaw of an entry that cannot be read although it agrees with the schema.
     pub(super) fn flaw_of(&self, entry: &Entry, message: String) -> Flaw {
         let repair = Repair::Set(self.sample(entry.schema));
         let (key, repaired) = (entry.key.clone(), entry.key.clone());
@@ -124,7 +124,7 @@ impl Structure {
         }
     }
 
-    /// The alternatives that a schema allows, without null.
+    /// Adds the alternatives that a schema allows, except null, to `out`.
     fn options<'s>(&'s self, shape: &Shape<'s>, out: &mut Vec<Shape<'s>>) {
         let schema = self.resolved(shape.schema);
         let extra = match schema.get("allOf") {
@@ -212,7 +212,8 @@ impl Structure {
         }
     }
 
-    /// A table with several forms is told by its tag (`kind`, `law`); of those left, the nearest is meant.
+    /// Compares a table that may have several forms. Its tag (`kind`, `law`) selects the form; of the remaining forms
+    /// the one with the fewest flaws counts.
     fn table<'s>(
         &'s self,
         table: &dyn TableLike,
@@ -242,7 +243,7 @@ impl Structure {
                     );
                     let offset =
                         table.key(tag).and_then(|key| key.span()).map_or(place.offset, |span| span.start);
-                    // Without its tag nothing more can be said of a table.
+                    // A table without a valid tag cannot be compared further.
                     let repair = Repair::Set(self.sample(options[0].schema));
                     let repaired = place.key.clone();
                     return found.flaws.push(Flaw { key, offset, message, repaired, repair });
@@ -318,7 +319,7 @@ impl Structure {
         Flaw { key, offset: place.offset, message, repaired, repair: Repair::Set(self.sample(schema)) }
     }
 
-    /// The one with the fewest flaws, the first of equals.
+    /// Returns the result with the fewest flaws, or the first of equals.
     fn best<'s>(&self, found: impl Iterator<Item = Found<'s>>) -> Found<'s> {
         let none = Found { flaws: Vec::new(), entries: Vec::new() };
         found.min_by_key(|found| found.flaws.len()).unwrap_or(none)
@@ -360,7 +361,7 @@ impl Structure {
     }
 }
 
-/// An alternative of a schema; `extra` are keys that it has beside its own.
+/// An alternative of a schema; `extra` holds keys in addition to those of the schema.
 #[derive(Clone, Copy)]
 struct Shape<'s> {
     schema: &'s Json,
@@ -372,7 +373,7 @@ impl<'s> Shape<'s> {
         Self { schema, extra: None }
     }
 
-    /// The key that tells it from others, and its value.
+    /// Returns the key that distinguishes it from other alternatives, and its value.
     fn tag(&self) -> Option<(&'s str, &'s str)> {
         let properties = self.schema.get("properties")?.as_object()?;
         properties.iter().find_map(|(key, schema)| Some((key.as_str(), schema.get("const")?.as_str()?)))
@@ -406,12 +407,12 @@ fn is_of_type(schema: &Json, name: &str) -> bool {
     }
 }
 
-/// Is null only one of several types?
+/// Returns whether a value may be null, i.e. whether the schema lists several types.
 fn is_nullable(schema: &Json) -> bool {
     schema.get("type").is_some_and(Json::is_array)
 }
 
-/// The values that a schema of strings lists.
+/// Iterates over the strings that a schema allows.
 fn names(schema: &Json) -> impl Iterator<Item = &str> {
     let several = schema.get("enum").and_then(Json::as_array).into_iter().flatten();
     several.chain(schema.get("const")).filter_map(Json::as_str)
@@ -421,14 +422,14 @@ fn names_nothing(schema: &Json) -> bool {
     names(schema).next().is_none()
 }
 
-/// The known name that is nearest to a name, if it can be meant.
+/// Returns the known name that is nearest to a name, if at most a third of its letters differ.
 fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     let near = |other: &&str| strsim::damerau_levenshtein(&name.to_lowercase(), &other.to_lowercase());
     let allowed = (name.chars().count() / 3).max(1);
     known.iter().copied().min_by_key(near).filter(|other| near(other) <= allowed)
 }
 
-/// `; did you mean "x"? It can be "x", "y"`.
+/// Formats `; did you mean "x"? Expected one of "x", "y"`.
 fn suggestion(name: &str, known: &[&str], open: &str, close: &str) -> String {
     let all = list(known, open, close);
     match nearest(name, known) {

@@ -27,8 +27,8 @@ fn work(simulation: &mut Simulation) -> f64 {
     work
 }
 
-/// The energy that `change` adds is booked by the next step. A snapshot taken in between and restored elsewhere from
-/// bytes books it too, and both simulations end with the same bits.
+/// Checks that the next step books the energy that `change` adds. A snapshot taken in between and restored elsewhere
+/// from bytes books it too, and both simulations end with the same bits.
 fn books(change: impl Fn(&mut Simulation)) {
     for scheme in [SchemeName::StormerVerlet, SchemeName::ImplicitMidpoint, SchemeName::EnergyMomentum] {
         let mut here = cube(scheme, rubber());

@@ -289,7 +289,7 @@ fn random(state: &mut u64) -> f64 {
     (z ^ (z >> 31)) as f64 / u64::MAX as f64
 }
 
-/// Killed (SIGKILL) at 50 random moments after its first checkpoint, the program continues each time to the same bits.
+/// A run that is killed (SIGKILL) at 50 random moments after its first checkpoint continues each time to the same bits.
 #[test]
 fn killed_at_any_moment() {
     let mut seed = 7;

@@ -53,7 +53,7 @@ fn in_units([length, mass, time]: [i32; 3]) -> Transform {
     Transform::Units { length, mass, time }
 }
 
-/// A run in any of the units gives the same bits.
+/// Checks that a run in any of the units gives the same bits.
 fn check_units(name: &str, scene: &Scene) {
     let own = run(scene.clone());
     assert!(own.places.iter().flatten().all(|x| x.is_finite()));

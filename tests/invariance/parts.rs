@@ -1,4 +1,5 @@
-//! Tests the same invariance for parts of bodies, loads, damping, air, modes, and paths of equilibria.
+//! Tests invariance under units and translations for parts of bodies, loads, damping, air, modes, and paths of
+//! equilibria.
 
 use variational::prelude::*;
 use variational::study::modes::scene_modes;

@@ -182,8 +182,8 @@ fn free_fall_is_untouched_by_viscosity() {
     }
 }
 
-/// Viscous damping takes no momentum from a slow spin. Centrifugal strain is 1e-8, and damping takes less than that
-/// share of the energy.
+/// Viscous damping does not change the momenta of a slow spin. The centrifugal strain is 1e-8, and damping dissipates
+/// less than that fraction of the energy.
 #[test]
 fn rigid_spin_is_untouched_by_viscosity() {
     let spin = "[0.0, 0.0, 0.01]";

@@ -48,12 +48,12 @@ impl Program {
         Self { directory, output }
     }
 
-    /// The directory in which the program was started.
+    /// Returns the directory in which the program was started.
     pub(crate) fn directory(&self) -> &Path {
         self.directory.path()
     }
 
-    /// The directory that the program wrote.
+    /// Returns the output directory of the program.
     pub(crate) fn out(&self) -> PathBuf {
         self.directory.path().join("out")
     }

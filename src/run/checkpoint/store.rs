@@ -62,8 +62,7 @@ impl Store {
     }
 }
 
-/// On Unix the entries of a directory are on disk only after the directory itself is synced; other systems cannot do
-/// that.
+/// Syncs a directory, so that its entries are on disk. Only Unix can do that.
 fn sync_directory(directory: &Path) -> io::Result<()> {
     if cfg!(unix) { File::open(directory)?.sync_all() } else { Ok(()) }
 }

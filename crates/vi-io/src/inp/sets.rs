@@ -25,7 +25,7 @@ impl<'a> Reading<'a> {
         });
     }
 
-    /// Adds a number to the latest set, if it is `in_set`.
+    /// Adds a number to the latest set, if `in_set` is true.
     pub(super) fn list(&mut self, number: u64, in_set: bool) {
         if let Some(set) = self.definitions.last_mut().filter(|_| in_set) {
             set.numbers.push(number);
