@@ -58,7 +58,7 @@ impl TrialWatch for Trials<'_> {
 ///
 /// The directory is created only after the whole scene has been accepted. Files that an earlier run of the scene wrote
 /// there are replaced, and nothing else is changed. The history and the report of another scene are kept under its
-/// name. Until the run has ended, no other process can run into the directory.
+/// name. Until the run has ended, no other process of the program can write into the directory.
 ///
 /// # Errors
 /// [`RunError`]. The results up to the error are written, unless writing itself failed.

@@ -95,7 +95,8 @@ fn gigabytes(bytes: f64) -> String {
     format!("{:.3} GB", 1e-9 * bytes)
 }
 
-/// Returns the bytes of memory available, from Linux and the limit of the control group; unlimited elsewhere.
+/// Returns the available memory (bytes), as Linux and the limit of the control group state it; infinite on other
+/// systems.
 fn available() -> f64 {
     let read = |path: &str| std::fs::read_to_string(path).ok();
     let told = read("/proc/meminfo").and_then(|text| {

@@ -45,10 +45,10 @@ pub fn explain(simulation: &Simulation) -> String {
     text
 }
 
-/// Names at most this many pairs of bodies that are searched, and of those that are not for one reason.
+/// Largest number of pairs of bodies that are listed as searched, and as not searched for one reason.
 const NAMED: usize = 24;
 
-/// Which pairs of bodies are searched for contact, and why others are not.
+/// Lists the pairs of bodies that are searched for contact, and the other pairs with the reason.
 fn contact(text: &mut String, simulation: &Simulation) {
     let mut lists: BTreeMap<Option<&str>, Vec<String>> = BTreeMap::new();
     for ([a, b], reason) in simulation.contact_pairs() {

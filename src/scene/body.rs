@@ -44,9 +44,9 @@ pub struct Body {
     /// the mesh has curved ones; elements that are quadratic are kept (default 1: as in the mesh).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub order: Option<u8>,
-    /// Halve every element this many times (0 to 6; default 0): into 8 smaller ones per volume, 4 per triangle. With `{
-    /// axes = ["x", "y"], levels = 2 }` halve along these axes alone. Nodes keep their numbers, and regions cover the
-    /// same part of the body.
+    /// Halve every element this many times (0 to 6; default 0): into 8 smaller ones per volume, 4 per triangle. To
+    /// halve along some axes alone, write `{ axes = ["x", "y"], levels = 2 }`. Nodes keep their numbers, and regions
+    /// cover the same part of the body.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refine: Option<Refine>,
     /// Treatment of a solid's locking near incompressibility (default none). `mean-dilation` gives each element one
@@ -104,8 +104,8 @@ pub enum Refine {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RefineAlong {
-    /// The global axes along which elements are halved, one or two: the body is extruded along the third axis, or along
-    /// this one. Each edge of an element is parallel or normal to the axis of extrusion.
+    /// The global axes along which elements are halved, one or two. With two, the body is extruded along the third
+    /// axis; with one, along this axis. Each edge of an element is parallel or normal to the axis of extrusion.
     pub axes: Vec<Axis>,
     /// Number of refinements (0 to 6).
     pub levels: u32,
