@@ -1,5 +1,5 @@
 //! Tests the laws that the elastic potential must obey for every element with every material law. The registration
-//! lines of elements and laws add new ones.
+//! line of an element or a law also adds its tests.
 
 use vi_core::{Padded, Patch, Potential, packed_len};
 
