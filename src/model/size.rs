@@ -68,7 +68,7 @@ impl Budget {
             false => format!("this machine has {} available", gigabytes(self.available)),
         };
         let message = format!(
-            "makes {elements:.3e} elements, which take at least {} of memory, and {limit}; take fewer",
+            "makes {elements:.3e} elements, which take at least {} of memory, and {limit}; use fewer",
             gigabytes(bytes)
         );
         Err(Problem::new(format!("body[{index}].{key}"), message))

@@ -141,7 +141,7 @@ fn a_box_flips_on_time_and_keeps_its_momenta() {
 #[test]
 fn blades_on_a_free_hub_keep_energy_and_momenta() {
     let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/blades.toml")).unwrap();
-    // This mesh is coarser and the run shorter than in the scene file; the scene's own asserts judge the run.
+    // This mesh is coarser and the run shorter than in the scene file; the assertions of the scene judge the run.
     let text = text
         .replace("[16, 3, 1]", "[5, 1, 1]")
         .replace("[3, 16, 1]", "[1, 5, 1]")

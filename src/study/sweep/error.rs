@@ -31,7 +31,7 @@ pub enum SweepError {
     },
     /// More points than a sweep may have.
     #[error(
-        "the sweep has more than {MOST_POINTS} points: take fewer values, or divide it into several sweeps"
+        "the sweep has more than {MOST_POINTS} points: use fewer values, or divide it into several sweeps"
     )]
     TooMany,
     /// Threads cannot be started.

@@ -12,8 +12,8 @@
 //! ```
 //! Closest points of convex sets have p₀ ≥ 0 ≥ p₁ (both are zero while the features stay the same). So numerator and
 //! denominator are sums of the same non-negative numbers with different signs, and |λ| ≤ 1. The denominator vanishes
-//! only together with the numerator; λ is then set to zero. λ is also zero if a pair slides without deforming. Reversing time
-//! changes the sign of δ and of λ, and leaves ζ unchanged: the rule is symmetric and therefore of order two.
+//! only together with the numerator; λ is then set to zero. λ is also zero if a pair slides without deforming. Reversing
+//! time changes the sign of δ and of λ, and leaves ζ unchanged: the rule is symmetric and therefore of order two.
 
 use crate::distance::{Closest, Vec3, combine};
 

@@ -182,7 +182,10 @@ impl<'a> Payloads<'a> {
         match &spec.content {
             Content::Appended(offset) => {
                 let Some((start, base64)) = self.form.appended else {
-                    return Err(self.inconsistent(spec, "its data are appended, but nothing is".into()));
+                    return Err(self.inconsistent(
+                        spec,
+                        "its data should be appended, but the file has no appended data".into(),
+                    ));
                 };
                 let at = start.checked_add(*offset).filter(|&at| at < self.bytes.len());
                 let at = at.ok_or_else(|| self.truncated(spec))?;
@@ -261,7 +264,7 @@ impl<'a> Payloads<'a> {
                 self.budget = left;
                 Ok(())
             }
-            None => Err(self.inconsistent(spec, "arrays lie over each other in the file".into())),
+            None => Err(self.inconsistent(spec, "arrays overlap in the file".into())),
         }
     }
 

@@ -26,7 +26,7 @@ const IDLE_STEPS: u32 = 8;
 const STUCK: f64 = 1e-2;
 
 impl Newton {
-    /// Descends from the best place that is known; `done` is the number of iterations made before.
+    /// Descends from the best known point; `done` is the number of iterations made before.
     pub(super) fn descend<E: Equations>(
         &mut self,
         solve: &mut Solve<'_, E>,
@@ -134,7 +134,7 @@ fn full_step<E: Equations>(
     search(solve, before, decrement, longest)
 }
 
-/// Goes to the place with the least merit among the current one and the starts.
+/// Moves to the point with the smallest merit among the current one and the initial guesses.
 fn best_start<E: Equations>(solve: &mut Solve<'_, E>) -> Result<(), SolverError> {
     let mut best: Option<(f64, Vec<f64>)> = None;
     let mut outcome = Ok(());
