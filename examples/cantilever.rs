@@ -16,7 +16,7 @@ fn main() {
         .body(Body::from_box("beam", shape, law))
         .fix(Fix::region("beam", "x-min"));
     scene.statics = Some(Static::default());
-    let mut simulation = Simulation::new(scene).expect("a sound scene");
+    let mut simulation = Simulation::new(scene).expect("a valid scene");
     simulation.step().expect("an equilibrium");
     let rest = &simulation.bodies()[0].mesh.points;
     let now = simulation.positions(0);

@@ -11,7 +11,7 @@ fn main() {
         .body(Body::from_sheet("flag", shape, cloth))
         .fix(Fix::region("flag", "x-min"));
     scene.wind = serde_json::from_str(r#"{ "velocity": [8.0, 1.0, 0.0] }"#).ok();
-    let mut simulation = Simulation::new(scene).expect("a sound scene");
+    let mut simulation = Simulation::new(scene).expect("a valid scene");
     let before = simulation.observe().total();
     let mut work = 0.0;
     while !simulation.is_done() {

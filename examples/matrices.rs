@@ -41,7 +41,7 @@ fn main() {
         .body(Body::from_box("beam", shape, law))
         .fix(Fix::region("beam", "x-min"));
     scene.solver.mass = Some(MassKind::Consistent);
-    let simulation = Simulation::new(scene).expect("a sound scene");
+    let simulation = Simulation::new(scene).expect("a valid scene");
     let Matrices { mass, stiffness, .. } = simulation.matrices(0).expect("matrices");
     let (mass, stiffness) = (mass.to_csr(), stiffness.to_csr());
     let mut mode = vec![1.0; mass.rows()];

@@ -28,7 +28,7 @@ fn main() {
         let nodes = (0..cube.mesh.points.len()).map(|node| cube.node(node) as u32).collect();
         vec![AddedTerm::potential(cube, Derived::new("floor", nodes, SoftFloor { stiffness: 5e3 }))]
     })
-    .expect("a sound scene");
+    .expect("a valid scene");
     let before = simulation.observe().total();
     let mut lowest = f64::INFINITY;
     while !simulation.is_done() {

@@ -39,7 +39,7 @@ fn main() {
         .fix(Fix::region("cube", "z-min").axes(&[Axis::Z]))
         .fix(Fix::region("cube", "x-max").axes(&[Axis::X]).motion(pull));
     scene.statics = Some(Static::default());
-    let mut simulation = Simulation::new(scene).expect("a sound scene");
+    let mut simulation = Simulation::new(scene).expect("a valid scene");
     while !simulation.is_done() {
         simulation.step().expect("an equilibrium");
     }

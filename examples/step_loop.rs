@@ -8,7 +8,7 @@ fn main() {
     let scene = Scene::new(Time::new(0.4, 1e-3, SchemeName::ImplicitMidpoint))
         .gravity([0.0, -9.81, 0.0])
         .body(Body::from_box("cube", shape, law));
-    let mut simulation = Simulation::new(scene).expect("a sound scene");
+    let mut simulation = Simulation::new(scene).expect("a valid scene");
     let start = simulation.positions(0);
     let mut given = 0.0;
     while !simulation.is_done() {

@@ -98,7 +98,7 @@ fn around(fix: &Fix, x: [f64; 3], extent: f64) -> Result<[[f64; 3]; 3], &'static
     };
     if dot(radius, radius).sqrt() <= 1e-9 * extent {
         return Err(
-            "lies on the axis or in the centre, where no direction is radial; hold it apart, along x, y, z",
+            "lies on the axis or in the centre, where no direction is radial; hold it in an entry of its own, along x, y, z",
         );
     }
     let radial = unit(radius).unwrap_or(radius);

@@ -28,8 +28,8 @@ pub enum RunError {
     },
     /// The energy guard ended the run; results up to it are written.
     #[error(
-        "step {step}: the energy guard ends the run at t = {t} s: {joules:.3e} J were gained that nothing put in, \
-         {relative:.2e} of the energy given, {bound:e} allowed{after}"
+        "step {step}: the energy guard ends the run at t = {t} s: the energy grew by {joules:.3e} J without a source, \
+         {relative:.2e} of the energy exchanged ({bound:e} is allowed){after}"
     )]
     Guard {
         /// The last step made.
@@ -46,7 +46,7 @@ pub enum RunError {
         after: &'static str,
     },
     /// The state exceeds the range of the numbers in frames: the run has become unstable. Results up to it are written.
-    #[error("step {step}: the state is beyond all bounds: {source}")]
+    #[error("step {step}: the state has grown beyond all bounds: {source}")]
     Beyond {
         /// The last step made.
         step: u64,
@@ -93,7 +93,7 @@ impl RunError {
         matches!(self, Self::Step { .. } | Self::Guard { .. } | Self::Beyond { .. })
     }
 
-    /// Returns a conversion of errors of writing `path`.
+    /// Returns a function that converts an error in writing `path`.
     pub(super) fn output(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::Output { path, source }

@@ -130,8 +130,8 @@ impl EnergyGuard {
         }
         let Growth { largest, exchange, .. } = self.growth;
         Some(format!(
-            "energy was gained that nothing put in: {largest:.3e} J, {relative:.1e} of the {exchange:.3e} J that \
-             motion and deformation were given; take a smaller step, or let [guard] act on it"
+            "the energy grew without a source by {largest:.3e} J, {relative:.1e} of the {exchange:.3e} J that motion \
+             and deformation received; use a smaller step, or let [guard] act on it"
         ))
     }
 

@@ -40,7 +40,7 @@ impl Attach {
     pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
         let mut problems = spring_problems(self.stiffness, self.length);
         if self.stiffness.is_none() && self.to.is_none() {
-            let message = "missing key: places in space hold by springs; for exact places take [[fix]]";
+            let message = "missing key: points in space hold nodes by springs only; to prescribe positions exactly, use [[fix]]";
             problems.push(("stiffness", message.to_owned()));
         }
         problems.extend(self.on.problems());
@@ -52,7 +52,8 @@ impl Attach {
         }
         if let Some(motion) = &self.motion {
             if self.to.is_some() {
-                let message = "places move by themselves or with the body `to`; give one of them";
+                let message =
+                    "the points move either as prescribed or with the body `to`; give only one of these keys";
                 problems.push(("motion", message.to_owned()));
             }
             problems.extend(motion.check().err().map(|error| ("motion", error.to_string())));
@@ -128,11 +129,13 @@ impl Seam {
             (None, None, Some(nodes), Some(to_nodes)) => {
                 if nodes.len() != to_nodes.len() {
                     let (count, other) = (nodes.len(), to_nodes.len());
-                    problems
-                        .push(("to_nodes", format!("{other} nodes for the {count} of `nodes`: give pairs")));
+                    problems.push((
+                        "to_nodes",
+                        format!("has {other} nodes, but `nodes` has {count}: give pairs"),
+                    ));
                 }
                 if self.reverse {
-                    let message = "turns a curve; pairs of nodes are sewn as they are given";
+                    let message = "reverses a curve; pairs of nodes are sewn as they are listed";
                     problems.push(("reverse", message.to_owned()));
                 }
             }
@@ -142,7 +145,7 @@ impl Seam {
     }
 }
 
-/// `[[periodic]]`: two parts of a body with equal displacements, as if copies of the body lay side by side: each node
+/// `[[periodic]]`: gives two parts of a body equal displacements, as if copies of the body lay side by side. Each node
 /// of `to` has the displacement of its partner in `from`. The parts have the same nodes up to a translation. At each
 /// pair of nodes the forces on both sides are added, and rigid translation is free.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

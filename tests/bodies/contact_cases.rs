@@ -1,4 +1,4 @@
-//! Holds reference cases of contact: the impact of a bar, a block that slides to rest and stays, a box that bounces.
+//! Tests reference cases of contact: the impact of a bar, a block that slides to rest and stays, a box that bounces.
 //!
 //! These are cases H1, H5, H9 and H12 of docs/validation-contact.md, which gives the sources of the numbers.
 

@@ -182,7 +182,7 @@ fn what_cannot_be_sewn_or_attached_is_refused() {
     let curves = "region = \"x-max\"\nto_region = \"x-min\"";
     for (seam, words) in [
         ("region = \"x-max\"", "give `region` and `to_region`"),
-        ("nodes = [3]\nto_nodes = [0, 4]", "2 nodes for the 1 of `nodes`"),
+        ("nodes = [3]\nto_nodes = [0, 4]", "has 2 nodes, but `nodes` has 1"),
         ("nodes = [300]\nto_nodes = [0]", "no node 300"),
         ("region = \"sheet\"\nto_region = \"x-min\"", "has no lines"),
         ("region = \"seam\"\nto_region = \"x-min\"", "seam"),

@@ -40,7 +40,7 @@ fn sheets() -> (Surface, Vec<f64>) {
         builder.triangles(body, triangles);
     }
     builder.friction(0.3);
-    (builder.build().expect("a sound surface"), x)
+    (builder.build().expect("a valid surface"), x)
 }
 
 fn contact(c: &mut Criterion) {

@@ -5,7 +5,7 @@
 //! least ξ apart at all times between them. So a few affine functions prove an interval, whatever the quality of w.
 //! Each a_ij is reduced by
 //! ```text
-//! 8u |w|₁ (|Δ₀|₁ + |Δ₁|₁) + 4u |w| ξ,   u = 2⁻⁵³,   Δ = x_i − x_j at both ends,
+//! 8u |w|₁ (|Δ₀|₁ + |Δ₁|₁) + 4u |w| ξ,   u = 2⁻⁵³,   Δ = x_i − x_j at both ends.
 //! ```
 //! This covers the rounding of Δ, of the products and of the times. w is the vector between the closest points at the
 //! time up to which separation is proved; the interval is extended as long as it grows. The returned interval is
@@ -112,7 +112,7 @@ fn plane_holds_until(
     (until > time).then_some(until)
 }
 
-/// The first place at which a path is not proved free.
+/// The first point of a path that is not proved free of contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Impact {
     /// The fraction of the path that is proved free, in [0, 1).
@@ -129,7 +129,7 @@ impl Impact {
 
 impl Contact<'_> {
     /// Returns the earliest impact on the straight path from x₀ to x₁; `None` if the whole path is proved free of
-    /// touch.
+    /// contact.
     ///
     /// The candidates must cover both ends. Of several pairs with the same time the first is returned.
     pub fn first_impact(&self, x0: &[f64], x1: &[f64]) -> Option<Impact> {

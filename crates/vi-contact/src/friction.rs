@@ -1,4 +1,4 @@
-//! Friction by bristles between surfaces, which slip stretches and which are returned to Coulomb's cone.
+//! Friction by bristles between surfaces: slip stretches them, and Coulomb's cone limits their force.
 //!
 //! A point (or edge) that is pressed against a surface by the force λ of the current step is held by a spring of
 //! stiffness k ∝ κ w/d̂, whose anchor moves with the surface. Over a step with slip u (`slip.rs`) its stretch changes
@@ -80,8 +80,8 @@ pub(crate) struct Held {
 }
 
 impl Held {
-    /// `start` holds the stretch and the energy at the start, k is the stiffness of the bristle, `rate` is τ/h, and
-    /// `limit` is μλ.
+    /// Returns the bristle after a slip. `start` holds the stretch and the energy at the start, k is the stiffness of
+    /// the bristle, `rate` is τ/h, and `limit` is μλ.
     fn new(start: ([f64; 2], f64), slip: Vec3, tangents: &[Vec3; 2], k: f64, rate: f64, limit: f64) -> Self {
         let bristle = stretch(start.0, tangents.map(|tangent| tangent.dot(&slip)), k, rate, limit);
         let traction = tangents[0] * bristle.traction[0] + tangents[1] * bristle.traction[1];

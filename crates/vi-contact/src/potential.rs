@@ -149,7 +149,7 @@ impl ContactPotential {
         self.contact().smallest_gaps(x)
     }
 
-    /// Returns the fraction in [0, 1] of the straight path from x to x + dx that is proved free of touch.
+    /// Returns the fraction in [0, 1] of the straight path from x to x + dx that is proved free of contact.
     pub fn free_path(&self, x: &[f64], dx: &[f64]) -> f64 {
         let end: Vec<f64> = x.iter().zip(dx).map(|(x, dx)| x + dx).collect();
         let covers = |x: &[f64]| self.neighbours.covers(&self.surface, x);

@@ -39,7 +39,7 @@ pub enum IoError {
         source: std::io::Error,
     },
     /// Neither the name nor the content identify the format.
-    #[error("{}: not a mesh file known here ({found}); give a Gmsh .msh (2.2 or 4.1), .vtk, .vtu, .inp, .obj or .stl file", file.display())]
+    #[error("{}: the format of the mesh file is not known ({found}); give a Gmsh .msh (2.2 or 4.1), .vtk, .vtu, .inp, .obj or .stl file", file.display())]
     UnknownFormat {
         /// The file concerned.
         file: PathBuf,
@@ -107,7 +107,7 @@ pub enum IoError {
         node_count: usize,
     },
     /// A coordinate is NaN or infinite.
-    #[error("{}: {place}: node {node} has the coordinates {x:?}, which are not all finite; mend the mesh where it was made", file.display())]
+    #[error("{}: {place}: node {node} has the coordinates {x:?}, which are not all finite; correct the mesh in the program that made it", file.display())]
     NotFinite {
         /// The file concerned.
         file: PathBuf,
@@ -118,7 +118,7 @@ pub enum IoError {
         /// Coordinates of the node, m.
         x: [f64; 3],
     },
-    /// A kind of cell without a counterpart here.
+    /// A kind of cell that is not supported.
     #[error("{}: {place}: cell {cell} is of the unsupported {format} type {code}{name}; mesh with {supported}", file.display())]
     UnsupportedCell {
         /// The file concerned.

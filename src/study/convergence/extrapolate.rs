@@ -16,7 +16,7 @@ pub enum Verdict {
     Converges,
     /// Differences decrease and alternate in sign: the bar is the larger of the last two.
     Alternates,
-    /// Differences decrease faster than theory allows, by chance: the bar is the larger one, reduced by order 1.
+    /// Differences decrease faster than theory allows, by chance: the bar is the larger of |Δ₂| and |Δ₁|/2.
     FallsByChance,
     /// All differences are at the level of round-off or of the solver's tolerance.
     IsExact,

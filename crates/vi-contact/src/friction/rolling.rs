@@ -307,7 +307,7 @@ mod tests {
         builder.frame(bodies[1], [7, 8, 9, 10]);
         builder.triangles(bodies[2], &[[11, 12, 13]]);
         builder.friction(0.3);
-        (builder.build().expect("a sound surface"), x)
+        (builder.build().expect("a valid surface"), x)
     }
 
     /// Moves node `c`, its directors and the skeleton by a rotation about c and a translation.

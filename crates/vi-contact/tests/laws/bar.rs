@@ -47,7 +47,7 @@ impl Bar {
             stiffness[(k, k + 1)] -= s;
             stiffness[(k + 1, k)] -= s;
         }
-        let surface = builder.build().expect("a sound surface");
+        let surface = builder.build().expect("a valid surface");
         let v = DVector::from_element(n, -speed);
         Self { surface, z: rest.clone(), v, rest, mass, stiffness, gap: f64::INFINITY }
     }

@@ -14,7 +14,7 @@ fn folded(seed: u64, n: usize) -> (Surface, Vec<f64>, Numbers) {
         let number = builder.body(Body { meets_itself: true, ..body(0.1 * edge, 1e4) });
         builder.triangles(number, &triangles);
     }
-    let surface = builder.build().expect("a sound surface");
+    let surface = builder.build().expect("a valid surface");
     // Fold the sheets over themselves, with a ripple.
     let mut x = all.x;
     for node in x.chunks_exact_mut(3) {

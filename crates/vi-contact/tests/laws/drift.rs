@@ -36,7 +36,7 @@ impl Box {
             let wall = builder.body(ball);
             builder.half_space(wall, node, [0.0, 0.0, up]);
         }
-        Self { surface: builder.build().expect("a sound surface"), mass, x, v }
+        Self { surface: builder.build().expect("a valid surface"), mass, x, v }
     }
 
     fn energy(&self) -> f64 {

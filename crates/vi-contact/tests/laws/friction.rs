@@ -26,7 +26,7 @@ fn spinning_pair(friction: f64) -> Particles {
     builder.triangles(bodies[0], &faces(0));
     builder.triangles(bodies[1], &faces(4));
     builder.friction(friction);
-    let surface = builder.build().expect("a sound surface");
+    let surface = builder.build().expect("a valid surface");
     let mut particles = Particles::new(surface, vec![0.1, 0.2, 0.3, 0.2, 0.3, 0.1, 0.2, 0.4], x);
     particles.tie(&[0, 1, 2, 3], 1e3);
     particles.tie(&[4, 5, 6, 7], 1e3);
@@ -81,7 +81,7 @@ fn the_work_of_friction_is_dissipated_or_stored() {
             builder.wires(bodies[1], &[[2, 3]]);
         }
         builder.friction(0.3);
-        let surface = builder.build().expect("a sound surface");
+        let surface = builder.build().expect("a valid surface");
         let neighbours = Neighbours::find(&surface, &rest, 1.0);
         let contact = Contact { surface: &surface, neighbours: &neighbours };
         let (mut anchors, mut x0) = (Anchors::default(), rest.clone());
@@ -140,7 +140,7 @@ fn slip_is_zero_where_a_pair_moves_rigidly() {
     builder.point(bodies[0], 0, 0.1);
     builder.triangles(bodies[1], &[[1, 2, 3]]);
     builder.friction(0.3);
-    let surface = builder.build().expect("a sound surface");
+    let surface = builder.build().expect("a valid surface");
     let neighbours = Neighbours::find(&surface, &rest, 100.0);
     let contact = Contact { surface: &surface, neighbours: &neighbours };
     for _ in 0..300 {
@@ -169,7 +169,7 @@ fn on_a_slope(friction: f64, speed: f64) -> Particles {
     builder.half_space(slope, 1, [0.0, 0.0, 1.0]);
     builder.friction(friction);
     builder.damping(0.01);
-    let surface = builder.build().expect("a sound surface");
+    let surface = builder.build().expect("a valid surface");
     let mut particles = Particles::new(surface, vec![1.0, f64::INFINITY], x);
     let (sin, cos) = 30_f64.to_radians().sin_cos();
     particles.gravity = Vec3::new(9.81 * sin, 0.0, -9.81 * cos);

@@ -19,7 +19,7 @@ fn two_sheets(low: &Sheet, high: &Sheet, distance: f64, stiffness: f64) -> (Surf
     let bodies = [builder.body(body(distance, stiffness)), builder.body(body(distance, stiffness))];
     builder.triangles(bodies[0], &first);
     builder.triangles(bodies[1], &second);
-    (builder.build().expect("a sound surface"), all.x)
+    (builder.build().expect("a valid surface"), all.x)
 }
 
 /// Case H14: a patch of 17 × 17 squares inside one of 20 × 20, half an activation distance apart.
@@ -91,7 +91,7 @@ fn crumpled(seed: u64) -> (Surface, Vec<f64>, Numbers) {
     builder.point(ball, single, 0.01);
     let ground = builder.body(body(0.15, 1e4));
     builder.half_space(ground, plane, [0.1, 0.0, 1.0]);
-    let surface = builder.build().expect("a sound surface");
+    let surface = builder.build().expect("a valid surface");
     let mut x = all.x;
     for value in &mut x[..3 * plane as usize] {
         *value += 0.03 * (2.0 * numbers.unit() - 1.0);
@@ -304,7 +304,7 @@ fn damping_takes_energy_and_never_pulls() {
         builder.point(ball, 0, 1e-2);
         builder.half_space(ground, 1, [0.0, 0.0, 1.0]);
         builder.damping(0.01);
-        let surface = builder.build().expect("a sound surface");
+        let surface = builder.build().expect("a valid surface");
         let mut x1 = x0;
         x1[2] = 0.02 + 0.2 * numbers.unit();
         let neighbours = Neighbours::find(&surface, &x0, 1.0);
@@ -330,7 +330,7 @@ fn a_body_at_rest_does_not_press_on_itself() {
     let plate = builder.body(Body { radius: 0.2, distance: 0.5, stiffness: 1e5, meets_itself: true });
     builder.triangles(plate, &top);
     builder.triangles(plate, &bottom);
-    let thin = builder.build().expect("a sound surface");
+    let thin = builder.build().expect("a valid surface");
     let neighbours = Neighbours::find(&thin, &all.x, 0.01);
     let contact = Contact { surface: &thin, neighbours: &neighbours };
     assert!(neighbours.count() > 0 && contact.smallest_gap(&all.x) > 0.0);

@@ -26,8 +26,8 @@ use crate::solid::material::contract::Outside;
 use vi_mesh::sort_by_place;
 use vi_mesh::{CellKind, Mesh, MeshError};
 
-/// Number of groups of points that are processed together: enough that starting a kernel costs nothing, few enough
-/// that F stays in the first-level cache. No element has more quadrature points.
+/// Number of groups of points that are processed together: so many that the cost of starting a kernel is negligible,
+/// so few that F stays in the first-level cache. No element has more quadrature points.
 pub(crate) const POINTS: usize = 32;
 
 /// Returns the elastic potentials of `elements` (numbers in the mesh's cell order, of one kind or several) with one

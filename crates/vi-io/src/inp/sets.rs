@@ -109,7 +109,7 @@ pub(super) fn add_groups(
     if members.missing > 0 {
         let missing = members.missing;
         out.notes
-            .push(format!("{missing} numbers in ranges of sets (GENERATE) are those of no node or element"));
+            .push(format!("{missing} numbers in ranges of sets (GENERATE) belong to no node or element"));
     }
     let Members { mut of, sides, .. } = members;
     for (number, cell) in add_sides(&mut out, &elements, sides) {
@@ -191,7 +191,7 @@ fn names(
         let name = shown(name);
         notes.push(format!(
             "\"{name}\" names several sets; they are the regions \"{name}.nodes\", \"{name}.elements\" and \
-             \"{name}.surface\", as far as there are"
+             \"{name}.surface\", where these exist"
         ));
     }
     let name = |definition: &Definition<'_>| {

@@ -90,7 +90,7 @@ impl Sweep {
             inverse_mass: system.free_mass().iter().map(|m| 1.0 / m).collect(),
             task: TASK.next_multiple_of(block),
             tile: TILE.next_multiple_of(block),
-            // A multiple of whole vectors, and near the middle: then the halves of the nodes match those of the
+            // Cut at multiples of whole vectors, near the middle, so that the halves of the nodes match those of the
             // elements.
             grain: 8 * block,
             parallel: gather.is_parallel(),

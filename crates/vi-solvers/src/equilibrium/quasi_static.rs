@@ -23,7 +23,7 @@ struct QuasiStatic {
 pub(crate) fn findings(report: &StaticReport) -> impl Iterator<Item = String> {
     let critical = report.critical.iter().map(|point| {
         let what = match point.kind {
-            CriticalKind::Limit => "a limit point, where the load that the body carries turns",
+            CriticalKind::Limit => "a limit point, where the load that the body carries has an extremum",
             CriticalKind::Bifurcation => "a bifurcation: the body buckles",
         };
         let [before, after] = point.eigenvalues;

@@ -11,9 +11,9 @@
 //! symmetric. Energy, linear and angular momentum are conserved to the tolerance of the solver.
 //!
 //! If supports move, their coordinates are part of x_m, Δx and d like free ones. The numerator is then of third order
-//! in d, and λ d vanishes with d. If instead x_m had the supports where their paths lead in the middle of the step, or
-//! if d contained the free coordinates only, the numerator would be of second order besides d. Then the direction of
-//! d, which is round-off if little moves, would determine the force.
+//! in d, and λ d vanishes with d. If instead x_m contained the prescribed positions of the supports at the middle of
+//! the step, or if d contained the free coordinates only, the numerator would contain terms of second order that do not
+//! vanish with d. Then the direction of d, which is round-off if little moves, would determine the force.
 
 mod parts;
 mod rigid;
@@ -27,7 +27,7 @@ use parts::Parts;
 
 /// Number of stencils evaluated at once.
 const BATCH: usize = 512;
-/// A part's energy defect of fewer units of its round-off counts as zero.
+/// An energy defect of a part counts as zero if it is below this many units of its round-off.
 const NOISE: f64 = 4.0;
 /// A part whose deformation is below this fraction of its coordinates and motion counts as rigid. The defect, of
 /// third order in the deformation, is then negligible, whereas the direction d would be round-off and λ unbounded.

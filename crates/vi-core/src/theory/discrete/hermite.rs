@@ -2,9 +2,10 @@
 //! ends, so paths have continuous velocities, as a Lagrangian with accelerations requires. z = (q, v) is the position
 //! of this integrator and P = (p, π) its momentum.
 //!
-//! For an ordinary Lagrangian the same cubics serve a boundary value problem. Marching with them has parasitic modes
-//! that grow, because each step would choose its velocity against that of its neighbour. There the interior of a step
-//! is eliminated instead, which gives a polynomial of degree 3 in [`DiscreteLagrangian`](super::DiscreteLagrangian).
+//! For an ordinary Lagrangian the same cubics can solve boundary value problems. They cannot be marched: the velocities
+//! at the nodes are then unknowns of their own, and parasitic modes in them grow from step to step. To march, use the
+//! polynomial of degree 3 in [`DiscreteLagrangian`](super::DiscreteLagrangian), where the unknowns in the interior of a
+//! step are eliminated.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -18,7 +18,7 @@ pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, F
     Ok(from_hinges(sheet, &hinges(sheet)?))
 }
 
-/// Returns one potential for pairs of triangles and one for held edges, as far as there are any.
+/// Returns one potential for pairs of triangles and one for held edges, if there are any.
 pub(super) fn from_hinges<'a>(
     sheet: &BentSheet,
     hinges: impl IntoIterator<Item = &'a Hinge>,

@@ -40,7 +40,7 @@ pub(crate) trait Rule: Send + Sync {
     fn multiplier_directions(&self) -> Option<MultiplierDirections> {
         None
     }
-    /// Returns whether live terms with a discrete gradient act by it between the ends of the step. The stage is then
+    /// Returns whether live terms that have a discrete gradient use it between the ends of the step. The stage is then
     /// at the midpoint.
     fn takes_discrete_gradients(&self) -> bool {
         false
@@ -55,8 +55,8 @@ pub(crate) trait Rule: Send + Sync {
     fn prescribed_work(&self) -> f64 {
         0.0
     }
-    /// Returns whether prescribed coordinates at the stage are half-way between their ends, and not where their paths
-    /// lead.
+    /// Returns whether prescribed coordinates at the stage are the means of their values at both ends of the step. If
+    /// not, they are their values at the time of the stage.
     fn takes_mean_of_ends(&self) -> bool {
         false
     }
