@@ -76,7 +76,7 @@ impl From<Stopped> for SettleError {
 /// search of equilibria, is returned unchanged.
 ///
 /// # Errors
-/// [`SettleError`].
+/// Returns [`SettleError`] if no choice can be made.
 pub fn settle(scene: Scene, watch: &mut dyn TrialWatch) -> Result<(Scene, Option<AutoReport>), SettleError> {
     if scene.time.scheme != Some(SchemeName::Auto) || scene.statics.is_some() {
         return Ok((scene, None));

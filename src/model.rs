@@ -44,7 +44,8 @@ use crate::scene::{Problem, Scene};
 /// Reads all meshes of a scene and builds all systems.
 ///
 /// # Errors
-/// All problems of the meshes and of the names that refer to them; if there are none, all problems of the systems.
+/// Returns all problems of the meshes and of the names that refer to them; if there are none, all problems of the
+/// systems.
 pub(crate) fn build(scene: &Scene) -> Result<Model, Vec<Problem>> {
     assemble::assemble(scene, resolve::resolve(scene)?)
 }

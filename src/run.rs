@@ -61,7 +61,7 @@ impl TrialWatch for Trials<'_> {
 /// name. Until the run has ended, no other process of the program can write into the directory.
 ///
 /// # Errors
-/// [`RunError`]. The results up to the error are written, unless writing itself failed.
+/// Returns [`RunError`]. The results up to the error are written, unless writing itself failed.
 pub fn run(scene: Scene, name: &str, directory: &Path, watch: &mut dyn Watch) -> Result<Report, RunError> {
     run_from(None, scene, name, directory, watch)
 }
@@ -101,7 +101,7 @@ pub fn run_from(
 /// Continues the run of `scene` in `directory` from one of its checkpoints, to the same bits as an uninterrupted run.
 ///
 /// # Errors
-/// [`RunError::Checkpoint`] if the scene or meshes have changed; otherwise the errors of [`run`].
+/// Returns [`RunError::Checkpoint`] if the scene or meshes have changed; otherwise the errors of [`run`].
 pub fn resume(
     scene: Scene,
     checkpoint: &Checkpoint,

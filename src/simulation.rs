@@ -115,7 +115,7 @@ impl Simulation {
     /// to [`crate::auto::settle`].
     ///
     /// # Errors
-    /// All problems of the scene and its meshes, at once.
+    /// Returns all problems of the scene and its meshes, at once.
     pub fn new(scene: Scene) -> Result<Self, Vec<Problem>> {
         Self::build(scene, Ok)
     }
@@ -353,15 +353,15 @@ impl Simulation {
         self.notes.extend(notes);
     }
 
-    /// Every pair of bodies, and of a body with itself, by their numbers in the scene; with the reason if they are not
-    /// searched for contact.
+    /// Returns all pairs of bodies, and each body with itself, by their numbers in the scene. A pair that is not
+    /// searched for contact comes with the reason.
     pub(crate) fn contact_pairs(&self) -> impl Iterator<Item = ([usize; 2], Option<&'static str>)> {
         let count = self.bodies.len() + self.rigids.len();
         let pairs = (0..count).flat_map(move |a| (a..count).map(move |b| [a, b]));
         pairs.map(|[a, b]| ([a, b], self.meeting.reason_not(&self.scene, a, b)))
     }
 
-    /// Name of a body by its number in the scene, rigid ones after the others.
+    /// Returns the name of a body by its number in the scene. Rigid bodies are numbered after the others.
     pub(crate) fn name_of(&self, number: usize) -> &str {
         model::name_of(&self.scene, number)
     }

@@ -28,7 +28,7 @@ pub(super) fn modes(arguments: &ModesArguments) -> u8 {
             Ok(study) => study,
             Err(code) => return code,
         };
-    // `write_modes` makes its own claim on the directory.
+    // `write_modes` claims the directory again by itself.
     drop(claim);
     let mass = arguments.lumped.then_some(MassKind::Lumped);
     let report = match pool.install(|| write_modes(scene, &name, &directory, arguments.count, mass)) {

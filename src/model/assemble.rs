@@ -50,7 +50,7 @@ pub(crate) struct Model {
 /// Makes the model of a scene.
 ///
 /// # Errors
-/// All problems of the bodies; if there are none, all problems of the other sections.
+/// Returns all problems of the bodies; if there are none, all problems of the other sections.
 pub(super) fn assemble(scene: &Scene, resolved: Resolved<'_>) -> Result<Model, Vec<Problem>> {
     let mut meeting = Meeting::new(joined(&resolved));
     let partition = Partition::new(scene, &resolved, &meeting);

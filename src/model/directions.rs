@@ -19,7 +19,7 @@ pub(super) type DirectionsOfNodes = Vec<Vec<[f64; 3]>>;
 /// Returns the unit directions of each node of a fix; `None` if they are global axes only.
 ///
 /// # Errors
-/// A problem, with the key at fault.
+/// Returns a problem with the key at fault.
 pub(super) fn directions(
     fix: &Fix,
     mesh: &Mesh,

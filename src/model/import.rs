@@ -48,7 +48,7 @@ impl Imported {
 /// triangles of a sheet are welded and oriented consistently.
 ///
 /// # Errors
-/// All problems of the file and the mesh, as messages that name the file.
+/// Returns all problems of the file and the mesh, as messages that name the file.
 pub(crate) fn read(path: &Path, body: &Body) -> Result<Imported, Vec<String>> {
     let file = vi_io::read_mesh(path).map_err(|error| vec![error.to_string()])?;
     import(file, body).map_err(|messages| {
@@ -59,7 +59,7 @@ pub(crate) fn read(path: &Path, body: &Body) -> Result<Imported, Vec<String>> {
 /// Makes the mesh of a body from arrays in the same way.
 ///
 /// # Errors
-/// All problems of the mesh.
+/// Returns all problems of the mesh.
 pub(crate) fn from_arrays(mesh: &Mesh, body: &Body) -> Result<Imported, Vec<String>> {
     import(MeshFile { mesh: mesh.clone(), ..MeshFile::default() }, body)
 }
@@ -125,8 +125,8 @@ fn import(mut file: MeshFile, body: &Body) -> Result<Imported, Vec<String>> {
     Ok(Imported { mesh, displacement, velocity, pattern, texture, fields, notes })
 }
 
-/// Returns a note if the unit of a mesh seems to be the millimetre: it is 50 m or larger, as dense as wood to uranium,
-/// and as stiff as hard plastic or metal. Setting `scale = 1.0` suppresses the note.
+/// Returns a note if the unit of a mesh seems to be the millimetre: the mesh is 50 m or larger, as dense as wood to
+/// uranium, and as stiff as hard plastic or metal. Setting `scale = 1.0` suppresses the note.
 fn unit_note(body: &Body, mesh: &Mesh) -> Option<String> {
     const EXTENT: f64 = 50.0;
     const DENSITY: std::ops::RangeInclusive<f64> = 500.0..=20_000.0;

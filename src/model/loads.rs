@@ -45,7 +45,7 @@ type Problem = (&'static str, String);
 /// Returns the terms of load number `index` of the scene.
 ///
 /// # Errors
-/// A problem, with the key at fault.
+/// Returns a problem with the key at fault.
 pub(super) fn load(load: &Load, index: usize, target: &Target) -> Result<Added, Problem> {
     let (body, mesh) = (target.body, &target.read.mesh);
     let offset = body.node_offset;

@@ -9,7 +9,7 @@ use crate::scene::Substance;
 /// Returns the kinetic energy of system number `component` as potentials of the velocities.
 ///
 /// # Errors
-/// If an element has no consistent mass.
+/// Returns an error if an element has no consistent mass.
 pub(crate) fn kinetic_terms(
     bodies: &[BodyModel],
     component: usize,

@@ -33,7 +33,7 @@ struct NodalMass {
 /// Adds a body whose mesh is in the numbering of the component. Its nodes follow those that the component already has.
 ///
 /// # Errors
-/// The problem of the body.
+/// Returns the problem of the body.
 pub(super) fn add_body(
     component: &mut ComponentBuilder,
     body: &ReadBody<'_>,

@@ -184,7 +184,7 @@ impl Start<'_> {
     /// Moves bodies until none touch or cross, and returns the moves. Joined bodies move together.
     ///
     /// # Errors
-    /// If a pair cannot be separated.
+    /// Returns an error if a pair cannot be separated.
     pub(super) fn part(&self, state: &mut State) -> Result<Vec<Parted>, String> {
         let mut parted: Vec<Parted> = Vec::new();
         let energy = |x: &[f64]| {

@@ -11,7 +11,7 @@ use crate::scene::Periodic;
 /// Returns each node of `to` with its partner in `from`, as (from, to).
 ///
 /// # Errors
-/// If the two parts do not match, with the key.
+/// Returns a problem with its key if the two parts do not match.
 pub(super) fn partners(periodic: &Periodic, mesh: &Mesh) -> Result<Vec<(u32, u32)>, (String, String)> {
     let select =
         |side: &str, on| select::nodes(mesh, on).map_err(|(key, message)| (format!("{side}.{key}"), message));

@@ -117,7 +117,7 @@ fn refined(body: &Body, read: Imported) -> Result<Imported, String> {
 /// Returns a note if `locking` has no effect on some elements.
 ///
 /// # Errors
-/// If it has no effect on any element.
+/// Returns an error if it has no effect on any element.
 fn locking_note(body: &Body, mesh: &Mesh) -> Result<Option<String>, String> {
     if body.locking == LockingCure::None {
         return Ok(None);

@@ -23,7 +23,7 @@ impl RegionProbe {
     /// Resolves a probe of a scene.
     ///
     /// # Errors
-    /// A problem, with the key at fault.
+    /// Returns a problem with the key at fault.
     pub(super) fn new(probe: &Probe, body: &ReadBody<'_>) -> Result<Self, (&'static str, String)> {
         let mesh = &body.read.mesh;
         let mut nodes = match probe.on.is_empty() {

@@ -104,7 +104,7 @@ pub(crate) enum ControlTarget {
 /// Reads the meshes of a scene and resolves all names.
 ///
 /// # Errors
-/// All problems at once. Entries that refer to a body that cannot be read are skipped.
+/// Returns all problems at once. Entries that refer to a body that cannot be read are skipped.
 pub(super) fn resolve(scene: &Scene) -> Result<Resolved<'_>, Vec<Problem>> {
     let mut problems = Vec::new();
     let bodies = read::bodies(scene, &mut problems);

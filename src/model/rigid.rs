@@ -2,8 +2,8 @@
 //! nodes, and the constraints of their joints.
 //!
 //! Any rigid body has the mass, centre and inertia of six points at c ± √(3 J_k/m) e_k with a sixth of its mass each
-//! (E. J. Routh's equimomental system; J_k = ∫ X_k² dm are Euler's moments). With these points its own mass is tied to
-//! (c, d_k) as attached nodes are, and one rule gives the mass of all.
+//! (E. J. Routh's equimomental system; J_k = ∫ X_k² dm are Euler's moments). These points are tied to
+//! (c, d_k) like attached nodes, so that one rule gives the mass of both.
 
 use std::sync::Arc;
 
@@ -138,7 +138,7 @@ struct Frame {
     origin: Vector3<f64>,
     /// e_k by columns.
     axes: Matrix3<f64>,
-    /// The centre of mass from `origin` in the basis (d₁, d₂, d₃), m. It is not zero only because of the round-off of
+    /// The centre of mass from `origin` in the basis (d₁, d₂, d₃), m. It differs from zero only by the round-off of
     /// coordinates far from the global origin. Weights are relative to it, so that no mass couples c and the directors.
     centre: Vector3<f64>,
 }

@@ -13,7 +13,7 @@ use super::shape::Form;
 /// the file.
 ///
 /// # Errors
-/// If the file cannot be read, or its surface does not enclose a volume.
+/// Returns an error if the file cannot be read, or its surface does not enclose a volume.
 pub(super) fn read(path: &Path, scale: f64) -> Result<Form, String> {
     let mut file = vi_io::read_mesh(path).map_err(|error| error.to_string())?;
     let wrong = |message: String| format!("{}: {message}", path.display());

@@ -13,7 +13,7 @@ pub(super) const ON_PLANE: f64 = 1e-6;
 /// Returns the nodes of a selection, in ascending order unless they are listed.
 ///
 /// # Errors
-/// A problem, with the key at fault.
+/// Returns a problem with the key at fault.
 pub(super) fn nodes(mesh: &Mesh, on: &Selection) -> Result<Vec<u32>, (&'static str, String)> {
     let key = on.key();
     let found = if let Some(region) = &on.region {
@@ -79,7 +79,7 @@ fn read_list(path: &Path) -> Result<Vec<usize>, String> {
 /// (for a sheet: its triangles) whose nodes are all selected.
 ///
 /// # Errors
-/// A problem, with the key at fault.
+/// Returns a problem with the key at fault.
 pub(super) fn surface(
     mesh: &Mesh,
     dimension: usize,
@@ -112,7 +112,7 @@ pub(super) fn surface(
 /// Returns the surface of a selection, or the curves of a region of lines, over which a total force is distributed.
 ///
 /// # Errors
-/// A problem, with the key at fault.
+/// Returns a problem with the key at fault.
 pub(super) fn spread(
     mesh: &Mesh,
     dimension: usize,
@@ -131,7 +131,7 @@ pub(super) fn spread(
 /// those with a selected node. If nothing is selected, returns all.
 ///
 /// # Errors
-/// A problem, with the key at fault.
+/// Returns a problem with the key at fault.
 pub(super) fn elements(
     mesh: &Mesh,
     dimension: usize,

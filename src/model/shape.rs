@@ -1,4 +1,4 @@
-//! Surfaces of the shapes of rigid bodies: triangles for viewing, and what contact uses.
+//! Surfaces of the shapes of rigid bodies: triangles for viewing, and triangles or skeletons for contact.
 
 use std::f64::consts::{PI, TAU};
 
@@ -9,8 +9,8 @@ use crate::scene::RigidShape;
 /// Number of points around a round shape, and from pole to pole, for viewing; contact uses the exact shape.
 const AROUND: u32 = 24;
 const ALONG: u32 = 12;
-/// Number of points around a cylinder, which is a prism in contact: its faces are at most R (1 − cos(π/96)) = 5.4e-4 R
-/// inside.
+/// Number of points around a cylinder, which is a prism in contact. The faces of the prism lie inside the cylinder, by
+/// at most R (1 − cos(π/96)) = 5.4e-4 R.
 const AROUND_CYLINDER: u32 = 96;
 
 /// The form of a rigid body: its surface, and its volume with moments.

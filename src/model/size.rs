@@ -32,7 +32,7 @@ impl Budget {
     /// by kind, in its mesh file; a generated body has no file.
     ///
     /// # Errors
-    /// A problem if the remaining memory is too small.
+    /// Returns a problem if the remaining memory is too small.
     pub(super) fn take(
         &mut self,
         body: &Body,

@@ -142,7 +142,7 @@ impl Checkpoint {
     /// Decodes the bytes of a file.
     ///
     /// # Errors
-    /// [`Damage`] if they differ from those that were written.
+    /// Returns [`Damage`] if they differ from those that were written.
     pub fn decode(bytes: &[u8]) -> Result<Self, Damage> {
         record::unseal(MAGIC, FORMAT, bytes)
     }
@@ -168,7 +168,7 @@ impl Origin {
     /// Checks that `scene` is the one that was run.
     ///
     /// # Errors
-    /// [`CheckpointError::Changed`] with the difference, or an error if a mesh cannot be read.
+    /// Returns [`CheckpointError::Changed`] with the difference, or an error if a mesh cannot be read.
     pub fn check(&self, scene: &Scene) -> Result<(), CheckpointError> {
         let text = scene_text(scene);
         if text != self.scene {

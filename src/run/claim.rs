@@ -53,7 +53,7 @@ impl Claim {
     /// Claims a directory.
     ///
     /// # Errors
-    /// [`ClaimError`] if another process or another claim holds it, or if it cannot be written into.
+    /// Returns [`ClaimError`] if another process or another claim holds it, or if it cannot be written into.
     pub fn new(directory: &Path) -> Result<Self, ClaimError> {
         let path = directory.join(LOCK);
         let failed = |path: &Path| {

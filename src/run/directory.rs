@@ -20,8 +20,9 @@ const SHARED: [&str; 3] = ["history.csv", "report.json", "energy.svg"];
 /// Prepares a new run of the scene `name`: removes the files of its earlier run.
 ///
 /// # Errors
-/// Before any change: [`RunError::Scene`] if the scene reads a file that would be removed, and [`RunError::Unfinished`]
-/// if the run of another scene can still be continued. [`RunError::Output`] if a file cannot be moved or removed.
+/// Returns, before any change, [`RunError::Scene`] if the scene reads a file that would be removed, and
+/// [`RunError::Unfinished`] if the run of another scene can still be continued. Returns [`RunError::Output`] if a file
+/// cannot be moved or removed.
 pub(super) fn prepare(directory: &Path, name: &str, scene: &Scene) -> Result<(), RunError> {
     refuse_inputs(directory, name, scene)?;
     set_aside_others(directory, name)?;

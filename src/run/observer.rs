@@ -59,7 +59,8 @@ pub(crate) trait Observer {
     /// Restores the snapshot, and cuts its files accordingly.
     ///
     /// # Errors
-    /// [`RunError::Checkpoint`] if the snapshot is not one of this observer; otherwise the errors of [`Observer::see`].
+    /// Returns [`RunError::Checkpoint`] if the snapshot is not one of this observer; otherwise the errors of
+    /// [`Observer::see`].
     fn restore(&mut self, snapshot: &Bytes) -> Result<(), RunError>;
 
     /// Adds its results to the report, at the end of the run.

@@ -98,7 +98,8 @@ impl Fix {
         [Axis::X, Axis::Y, Axis::Z].map(HeldAxis::Space).to_vec()
     }
 
-    /// Returns the global axes along which it holds, as 0, 1 and 2, or `None` if it holds along any other direction.
+    /// Returns the global axes along which the nodes are held, as 0, 1 and 2, or `None` if they are held along any
+    /// other direction.
     pub(crate) fn space_axes(&self) -> Option<Vec<usize>> {
         let axis = |axis: &HeldAxis| match axis {
             HeldAxis::Space(axis) => Some(*axis as usize),

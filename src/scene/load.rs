@@ -175,7 +175,7 @@ impl Load {
 /// Makes the field of three components.
 ///
 /// # Errors
-/// If a formula does not parse.
+/// Returns an error if a formula does not parse.
 pub(crate) fn field(components: &[FieldComponent; 3]) -> Result<VectorField, FemError> {
     let text = components.each_ref().map(|component| match component {
         FieldComponent::Number(value) if value.is_finite() => format!("{value:e}"),

@@ -34,7 +34,7 @@ impl Substance {
     /// Checks the parameters.
     ///
     /// # Errors
-    /// All problems at once.
+    /// Returns all problems at once.
     pub fn check(&self) -> Result<(), Vec<FemError>> {
         match self {
             Self::Solid(law) => law.check(),

@@ -14,7 +14,7 @@ use super::{Problem, Scene};
 pub struct Parsed {
     /// The scene, unless the file is not TOML. Keys or types with problems are replaced by valid substitutes.
     pub scene: Option<Scene>,
-    /// All problems of keys, types and values, in the order of lines.
+    /// Returns all problems of keys, types and values, in the order of lines.
     pub problems: Vec<Problem>,
     source: Option<Source>,
     /// Keys with substituted values.
@@ -55,7 +55,7 @@ impl Scene {
     /// directory.
     ///
     /// # Errors
-    /// If the file cannot be read. Problems of its content are part of the result.
+    /// Returns an error if the file cannot be read. Problems of its content are part of the result.
     pub fn read(path: &Path, overrides: &[String]) -> std::io::Result<Parsed> {
         let text = std::fs::read_to_string(path)?;
         let mut parsed = Self::parse(&text, overrides);
@@ -94,7 +94,7 @@ impl Scene {
     /// Writes the scene as TOML.
     ///
     /// # Errors
-    /// If a value cannot be written as TOML (a path that is not Unicode).
+    /// Returns an error if a value cannot be written as TOML (a path that is not Unicode).
     pub fn to_toml(&self) -> Result<String, toml_edit::ser::Error> {
         toml_edit::ser::to_string_pretty(self)
     }

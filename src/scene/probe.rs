@@ -106,7 +106,7 @@ impl Quantity {
     /// Parses `field` or `field.component`.
     ///
     /// # Errors
-    /// The problem, and the fields that exist.
+    /// Returns the problem and a list of the fields that exist.
     pub fn parse(text: &str) -> Result<Self, String> {
         let (name, part) = text.split_once('.').map_or((text, None), |(name, part)| (name, Some(part)));
         let known = Field::ALL.iter().filter(|field| field.component_count() > 0);

@@ -60,7 +60,7 @@ impl Simulation {
     /// Prescribed coordinates stay on their path. The next step books the change of energy as work of forces.
     ///
     /// # Errors
-    /// [`CoreError::Length`] if there is not one entry per node; nothing has then changed.
+    /// Returns [`CoreError::Length`] if there is not one entry per node; nothing has then changed.
     pub fn set_motion(
         &mut self,
         body: usize,
@@ -92,7 +92,7 @@ impl Simulation {
     /// step books the change of energy as work of forces.
     ///
     /// # Errors
-    /// [`CoreError::Length`] if there is not one entry per free coordinate; nothing has then changed.
+    /// Returns [`CoreError::Length`] if there is not one entry per free coordinate; nothing has then changed.
     pub fn set_state(&mut self, component: usize, q: &[f64], p: &[f64]) -> Result<(), CoreError> {
         let before = self.observe().total();
         let state = &mut self.components[component].state;

@@ -27,7 +27,7 @@ impl Simulation {
     /// Advances every component by one step, in substeps if the whole step fails and the scene allows them.
     ///
     /// # Errors
-    /// The [`StepError`] of the first component that failed; all states are then as before.
+    /// Returns the [`StepError`] of the first component that failed; all states are then as before.
     pub fn step(&mut self) -> Result<Stepped, StepError> {
         if self.load_factor().is_some() {
             return self.step_along_path();

@@ -53,7 +53,7 @@ impl Checked<'_, '_> {
 /// Advances `state` by h (s), to the time `end`.
 ///
 /// # Errors
-/// The error of the smallest substep tried; state and pace are then unchanged.
+/// Returns the error of the smallest substep tried; state and pace are then unchanged.
 pub(crate) fn march(
     stepper: &mut dyn Stepper,
     system: &System,

@@ -68,7 +68,7 @@ impl Matrices {
     /// Computes the matrices of a system at a state.
     ///
     /// # Errors
-    /// If the terms cannot be assembled into one matrix.
+    /// Returns an error if the terms cannot be assembled into one matrix.
     pub fn new(system: &System, state: &State) -> Result<Self, SolverError> {
         let hessian = |terms: &Terms, x: &[f64], t: f64| {
             let mut assembler = Assembler::new(terms);
@@ -92,7 +92,7 @@ impl Matrices {
     /// their names.
     ///
     /// # Errors
-    /// If a file cannot be written.
+    /// Returns an error if a file cannot be written.
     pub fn write(&self, directory: &Path, prefix: &str) -> io::Result<()> {
         std::fs::create_dir_all(directory)?;
         let path = |name: &str| directory.join(format!("{prefix}{name}.mtx"));

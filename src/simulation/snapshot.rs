@@ -66,7 +66,7 @@ impl Snapshot {
     /// Reads a snapshot from the bytes of [`Snapshot::to_bytes`].
     ///
     /// # Errors
-    /// [`Damage`] if the bytes are damaged or from another version of the program.
+    /// Returns [`Damage`] if the bytes are damaged or from another version of the program.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Damage> {
         record::unseal(MAGIC, FORMAT, bytes)
     }
@@ -94,7 +94,7 @@ impl Simulation {
     /// Sets the state to that of an equal simulation; the next steps are bitwise the same.
     ///
     /// # Errors
-    /// [`SolverError`] if the snapshot belongs to another scene; the simulation must not be used afterwards.
+    /// Returns [`SolverError`] if the snapshot belongs to another scene; the simulation must not be used afterwards.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SolverError> {
         let count = self.components.len();
         if snapshot.components.len() != count || snapshot.paces.len() != count {
@@ -162,7 +162,7 @@ impl Simulation {
     /// Switches to the scheme `energy-momentum`.
     ///
     /// # Errors
-    /// [`SolverError`] if a force of the scene does not allow this; nothing has then changed.
+    /// Returns [`SolverError`] if a force of the scene does not allow this; nothing has then changed.
     pub fn switch(&mut self) -> Result<(), SolverError> {
         let work = self.work();
         self.set_steppers(Method::EnergyMomentum)?;

@@ -57,7 +57,7 @@ impl StabilityNote {
 /// Returns the stability of a simulation's explicit scheme; `None` for implicit schemes, or if nothing oscillates.
 ///
 /// # Errors
-/// The error of the first component with an unknown highest frequency: the limit is not known then.
+/// Returns the error of the first component with an unknown highest frequency: the limit is not known then.
 pub fn stability(simulation: &Simulation) -> Result<Option<StabilityNote>, SolverError> {
     let method = simulation.method();
     let Some(limit) = method.facts().stability_limit else { return Ok(None) };

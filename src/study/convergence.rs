@@ -158,7 +158,7 @@ impl From<SettleError> for ConvergenceError {
 /// Studies a scene.
 ///
 /// # Errors
-/// [`ConvergenceError`].
+/// Returns [`ConvergenceError`].
 pub fn convergence(
     scene: &Scene,
     options: &ConvergenceOptions,

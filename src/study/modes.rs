@@ -32,7 +32,7 @@ const TABLES: [&str; 3] = ["modes.csv", "modes.json", "modes.svg"];
 /// the one given by the scene (`solver.mass`), if any.
 ///
 /// # Errors
-/// [`RunError`] if the scene, the equilibrium or the eigenproblem fails.
+/// Returns [`RunError`] if the scene, the equilibrium or the eigenproblem fails.
 pub fn scene_modes(
     simulation: &mut Simulation,
     count: usize,
@@ -75,7 +75,7 @@ pub fn scene_modes(
 /// `<other>.modes.csv` and so on. `mass` has priority over that of the scene; without both, the mass is consistent.
 ///
 /// # Errors
-/// [`RunError`] if the scene cannot be solved or a file cannot be written.
+/// Returns [`RunError`] if the scene cannot be solved or a file cannot be written.
 pub fn write_modes(
     scene: Scene,
     name: &str,

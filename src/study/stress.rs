@@ -37,7 +37,7 @@ pub struct StressOptions {
     pub count: u64,
     /// Seed of the scenes.
     pub seed: u64,
-    /// Whether bodies meet in the scenes; otherwise violence is done to one body.
+    /// Whether bodies meet in the scenes; otherwise each scene acts violently on one body.
     pub contact: bool,
     /// Number of scenes that run at the same time.
     pub jobs: usize,

@@ -38,8 +38,8 @@ pub struct SweepReport {
 /// Runs the points of a task that are not done yet, and writes `sweep.csv` and `sweep-times.csv` for all points.
 ///
 /// # Errors
-/// [`SweepError`]; results so far are written, and a second call continues from there. A point that fails is a row of
-/// the table, not an error.
+/// Returns [`SweepError`]; results so far are written, and a second call continues from there. A point that fails is a
+/// row of the table, not an error.
 pub fn sweep(options: &SweepOptions, watch: &dyn SweepWatch) -> Result<SweepReport, SweepError> {
     let points = points(options)?;
     std::fs::create_dir_all(&options.directory).map_err(SweepError::files(&options.directory))?;

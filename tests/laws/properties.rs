@@ -95,7 +95,7 @@ proptest! {
         let system = system(&body);
         let (energy, gradient, hessian) = dense(&system, &body.x, 0.0);
         prop_assume!(energy.is_finite());
-        // These are the scales of round-off of such sums, in any order.
+        // The round-off of a sum scales with these values, whatever the order of summation.
         let stiffness = largest(hessian.iter().flatten());
         let force = stiffness * largest(&body.x);
         let mut assembler = Assembler::new(&system);

@@ -23,8 +23,8 @@ fn violent_scenes_end_well_or_fail_by_name() {
     assert!(total.refused < 30, "{:?}", report.refused);
 }
 
-/// Steps violent meetings of bodies; after every step exact predicates find no crossing. A run may fail by name. These
-/// are the quick kinds: `variational stress --contact` runs all (docs/robustness.md).
+/// After every step of a violent meeting of bodies, exact predicates find no crossing. A run may end with a named
+/// error. This test runs the quick kinds; `variational stress --contact` runs all (docs/robustness.md).
 #[test]
 fn bodies_that_meet_violently_never_cross() {
     let mut done = 0;

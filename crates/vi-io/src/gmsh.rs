@@ -24,7 +24,7 @@ use view::Site;
 /// cell arrays. Memory stays below 64 times the size of the file.
 ///
 /// # Errors
-/// Every [`IoError`] of reading, with the line in a text and the byte offset in binary data.
+/// Returns any [`IoError`] of reading, with the line in a text and the byte offset in binary data.
 pub fn parse_msh(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let mut cursor = Cursor::new(bytes, file);
     let version = header(&mut cursor)?;

@@ -28,8 +28,8 @@ use vi_mesh::CellKind;
 /// outside the mesh are left out, with a note that names them. Memory stays below 64 times the size of the file.
 ///
 /// # Errors
-/// Every [`IoError`] of reading, with the line; [`IoError::Unsupported`] for keywords that would change the mesh and
-/// are not supported (`*INCLUDE`, several parts, moved instances, generated nodes).
+/// Returns any [`IoError`] of reading, with the line, for example [`IoError::Unsupported`] for keywords that would
+/// change the mesh and are not supported (`*INCLUDE`, several parts, moved instances, generated nodes).
 pub fn parse_inp(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let mut cursor = Cursor::new(bytes, file);
     let mut reading = Reading::default();

@@ -17,7 +17,7 @@ use crate::vtk::number::Number;
 /// Cell arrays become groups as in [`parse_vtu`](crate::parse_vtu). Memory stays below 64 times the file.
 ///
 /// # Errors
-/// Every [`IoError`] of reading, with the line in a text and the byte offset in binary data.
+/// Returns any [`IoError`] of reading, with the line in a text and the byte offset in binary data.
 pub fn parse_vtk(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let mut cursor = Cursor::new(bytes, file);
     header(&mut cursor)?;

@@ -19,7 +19,7 @@ use vi_mesh::Region;
 /// free-form surfaces are ignored.
 ///
 /// # Errors
-/// Every [`IoError`] of reading, with the line.
+/// Returns any [`IoError`] of reading, with the line.
 pub fn parse_obj(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let mut cursor = Cursor::new(bytes, file);
     let mut obj = Obj::default();

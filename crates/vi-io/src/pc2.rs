@@ -29,7 +29,7 @@ impl Pc2File {
     /// Creates an empty cache of `points` points, replacing an older file.
     ///
     /// # Errors
-    /// [`IoError::System`] if it cannot be written, [`IoError::BadOutput`] for more points than it can hold.
+    /// Returns [`IoError::System`] if it cannot be written, [`IoError::BadOutput`] for more points than it can hold.
     pub fn create(path: &Path, points: usize) -> Result<Self, IoError> {
         let Ok(count) = i32::try_from(points) else {
             let what = format!("a point cache holds at most {} points, not {points}", i32::MAX);
@@ -46,8 +46,8 @@ impl Pc2File {
     /// Continues a cache after its first `samples`; later samples are removed.
     ///
     /// # Errors
-    /// [`IoError::System`] if it cannot be written; [`IoError::BadOutput`] if it has fewer samples, or is not a cache
-    /// of `points` points.
+    /// Returns [`IoError::System`] if it cannot be written; [`IoError::BadOutput`] if it has fewer samples, or is not a
+    /// cache of `points` points.
     pub fn resume(path: &Path, points: usize, samples: usize) -> Result<Self, IoError> {
         let mut file = File::options().read(true).write(true).open(path).map_err(system(path))?;
         let mut found = Vec::new();
@@ -74,7 +74,7 @@ impl Pc2File {
     /// Removes all but the first `samples` samples.
     ///
     /// # Errors
-    /// [`IoError::System`] if it cannot be written.
+    /// Returns [`IoError::System`] if it cannot be written.
     pub fn truncate(&mut self, samples: usize) -> Result<(), IoError> {
         self.samples = samples;
         let length = self.length();
@@ -84,7 +84,7 @@ impl Pc2File {
     /// Appends the points of one sample.
     ///
     /// # Errors
-    /// [`IoError::BadOutput`] if their number differs from that of the cache or a coordinate exceeds 32 bits;
+    /// Returns [`IoError::BadOutput`] if their number differs from that of the cache or a coordinate exceeds 32 bits;
     /// [`IoError::System`] if it cannot be written.
     pub fn append(&mut self, points: &[[f64; 3]]) -> Result<(), IoError> {
         let wrong = |what: String| IoError::BadOutput { file: self.path.clone(), what };
@@ -115,7 +115,7 @@ impl Pc2File {
     /// Waits until everything is on disk.
     ///
     /// # Errors
-    /// [`IoError::System`] if it cannot be written.
+    /// Returns [`IoError::System`] if it cannot be written.
     pub fn sync(&self) -> Result<(), IoError> {
         self.file.sync_all().map_err(system(&self.path))
     }

@@ -35,7 +35,7 @@ impl PvdSeries {
     /// Opens the series of a PVD file, to continue it.
     ///
     /// # Errors
-    /// [`IoError::System`] if it cannot be read, [`IoError::Syntax`] if it is not a PVD file.
+    /// Returns [`IoError::System`] if it cannot be read, [`IoError::Syntax`] if it is not a PVD file.
     pub fn open(path: &Path) -> Result<Self, IoError> {
         let text = std::fs::read_to_string(path).map_err(|source| IoError::System {
             file: path.into(),
@@ -85,7 +85,7 @@ impl PvdSeries {
     /// Replaces the frames and the file of the series, as a continued run does.
     ///
     /// # Errors
-    /// [`IoError::System`] if it cannot be written; the old file is then unchanged.
+    /// Returns [`IoError::System`] if it cannot be written; the old file is then unchanged.
     pub fn set_frames(&mut self, frames: Vec<(f64, String)>) -> Result<(), IoError> {
         self.frames = frames;
         self.save()
@@ -95,7 +95,7 @@ impl PvdSeries {
     /// first frame replaces the file of an earlier series.
     ///
     /// # Errors
-    /// [`IoError::System`] if it cannot be written; the series and its file are then unchanged.
+    /// Returns [`IoError::System`] if it cannot be written; the series and its file are then unchanged.
     pub fn push(&mut self, time: f64, file: &str) -> Result<(), IoError> {
         let is_first = self.frames.is_empty();
         self.frames.push((time, file.into()));

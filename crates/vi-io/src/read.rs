@@ -15,7 +15,7 @@ use crate::vtu::parse_vtu;
 /// Reads a mesh file of any supported format.
 ///
 /// # Errors
-/// [`IoError::System`] if it cannot be opened or read, [`IoError::UnknownFormat`], or the fault in its content.
+/// Returns [`IoError::System`] if it cannot be opened or read, [`IoError::UnknownFormat`], or the fault in its content.
 pub fn read_mesh(path: &Path) -> Result<MeshFile, IoError> {
     let bytes = std::fs::read(path).map_err(|source| IoError::System {
         file: path.into(),
@@ -28,7 +28,7 @@ pub fn read_mesh(path: &Path) -> Result<MeshFile, IoError> {
 /// Reads a mesh of any supported format from memory; `file` gives the extension and is used in messages.
 ///
 /// # Errors
-/// [`IoError::UnknownFormat`], or the fault in the content.
+/// Returns [`IoError::UnknownFormat`], or the fault in the content.
 pub fn parse_mesh(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let extension =
         file.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();

@@ -9,7 +9,7 @@ use crate::error::IoError;
 /// Writes `path` through a temporary file `<path>.tmp` beside it, which replaces it once it is complete.
 ///
 /// # Errors
-/// [`IoError::System`]; the old file is then unchanged and the temporary one removed.
+/// Returns [`IoError::System`]; the old file is then unchanged and the temporary one removed.
 pub fn replace_file(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,

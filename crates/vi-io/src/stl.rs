@@ -22,7 +22,7 @@ const HEAD: usize = 84;
 /// with a note. Named solids become groups. Normals are ignored.
 ///
 /// # Errors
-/// Every [`IoError`] of reading, with the line in a text and the byte offset in binary data.
+/// Returns any [`IoError`] of reading, with the line in a text and the byte offset in binary data.
 pub fn parse_stl(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let mut cursor = Cursor::new(bytes, file);
     let mut stl = Stl::default();

@@ -41,8 +41,8 @@ impl TriangleSurface<'_> {
 /// Writes an OBJ file with the points in their order. Equal texture coordinates are written once.
 ///
 /// # Errors
-/// [`IoError::BadOutput`] if a value is not finite or a point does not exist, [`IoError::System`] if it cannot be
-/// written.
+/// Returns [`IoError::BadOutput`] if a value is not finite or a point does not exist, [`IoError::System`] if it cannot
+/// be written.
 pub fn write_obj(path: &Path, surface: &TriangleSurface) -> Result<(), IoError> {
     surface.check(path)?;
     replace_file(path, |out| {

@@ -46,8 +46,8 @@ impl TryFrom<&Vtk> for MeshFile {
     /// files only if the grid refers to pieces in them.
     ///
     /// # Errors
-    /// [`IoError`] if the data set is not an unstructured grid, a piece cannot be loaded, or cells or arrays contradict
-    /// the number of points.
+    /// Returns [`IoError`] if the data set is not an unstructured grid, a piece cannot be loaded, or cells or arrays
+    /// contradict the number of points.
     fn try_from(vtk: &Vtk) -> Result<Self, IoError> {
         let path = vtk.file_path.as_deref().unwrap_or(Path::new("data of vtkio"));
         let DataSet::UnstructuredGrid { pieces, .. } = &vtk.data else {

@@ -30,7 +30,7 @@ use payload::{Content, Form, Payloads, Spec};
 /// groups ("material_id=3"; "3" for `gmsh:physical`). Arrays `group:<name>` of 0 and 1 become the group `<name>`.
 ///
 /// # Errors
-/// Every [`IoError`] of reading.
+/// Returns any [`IoError`] of reading.
 pub fn parse_vtu(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
     let document = Document::parse(bytes, file)?;
     let mut payloads = Payloads::new(bytes, file, document.form);

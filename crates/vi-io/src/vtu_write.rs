@@ -111,8 +111,8 @@ impl Default for VtuOptions {
 /// Writes a VTU file as a whole: `path` is replaced once everything is written.
 ///
 /// # Errors
-/// [`IoError::BadOutput`] if lengths do not match, a node does not exist or a value is not finite; [`IoError::System`]
-/// if the file cannot be written. In both cases an older file is unchanged.
+/// Returns [`IoError::BadOutput`] if lengths do not match, a node does not exist or a value is not finite;
+/// [`IoError::System`] if the file cannot be written. In both cases an older file is unchanged.
 pub fn write_vtu(path: &Path, frame: &VtuFrame, options: VtuOptions) -> Result<(), IoError> {
     let wrong = |what: String| IoError::BadOutput { file: path.into(), what };
     check(frame, options.precision).map_err(wrong)?;

@@ -16,7 +16,7 @@ const WELD: f64 = 1e-9;
 /// 1e-9 of the extent). Removes unused points, and triangles that collapse in welding. Each change gives a note.
 ///
 /// # Errors
-/// Surface cells that are not linear triangles or quadrilaterals; duplicate triangles.
+/// Returns a problem if surface cells are not linear triangles or quadrilaterals, or if triangles occur twice.
 pub(in crate::model) fn prepare(file: &mut MeshFile, weld: Option<f64>) -> Result<(), String> {
     let is_curved =
         |kind: &CellKind| kind.dimension() == 2 && !matches!(kind, CellKind::Tri3 | CellKind::Quad4);
@@ -126,7 +126,8 @@ pub(super) fn texture(file: &MeshFile) -> Option<Vec<[[f64; 2]; 3]>> {
 /// file has no texture coordinates.
 ///
 /// # Errors
-/// If `uv_scale` (m per unit) is missing and the texture coordinates cannot be lengths in the file's unit.
+/// Returns an error if `uv_scale` (m per unit) is missing and the texture coordinates cannot be lengths in the file's
+/// unit.
 pub(super) fn pattern(
     file: &MeshFile,
     mesh: &Mesh,

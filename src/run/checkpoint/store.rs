@@ -100,7 +100,7 @@ pub struct Found {
 /// Finds the newest undamaged checkpoint of a directory. Its history.csv must reach the step of that checkpoint.
 ///
 /// # Errors
-/// [`CheckpointError`] if there is none, or if a newer version of this program wrote a newer one.
+/// Returns [`CheckpointError`] if there is none, or if a newer version of this program wrote a newer one.
 pub fn newest(directory: &Path) -> Result<Found, CheckpointError> {
     if !directory.is_dir() {
         return Err(CheckpointError::None { directory: directory.to_owned() });

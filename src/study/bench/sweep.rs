@@ -27,7 +27,7 @@ const MOST_REPEATS: u32 = 12;
 /// Measures schemes × steps on `scene`.
 ///
 /// # Errors
-/// [`BenchError`] if the scene is invalid, nothing moves, or no reference fits into the budget.
+/// Returns [`BenchError`] if the scene is invalid, nothing moves, or no reference fits into the budget.
 pub fn bench(
     scene: &Scene,
     options: &BenchOptions,

@@ -23,7 +23,7 @@ pub enum Verdict {
     /// All values are at the level of round-off or of the solver's tolerance, relative to a larger quantity to which
     /// they belong: for example a component of a vector with another direction.
     IsZero,
-    /// Two levels do not show an order: the bar is three times their difference.
+    /// There are only two levels, which do not determine an order: the bar is three times their difference.
     TwoLevels,
     /// Differences do not decrease: there is no bar.
     NotYet,
@@ -48,7 +48,7 @@ pub struct Extrapolation {
 const LEAST_ORDER: f64 = 0.5;
 /// An order counts as near the formal one if it is at least this fraction of it.
 const NEAR: f64 = 0.75;
-/// An order that exceeds the formal one by more than this counts as chance.
+/// An order that exceeds the formal one by more than this is attributed to chance.
 const CHANCE: f64 = 0.5;
 /// Orders of two pairs of levels that differ by more than this count as scattered.
 const SCATTER: f64 = 0.5;

@@ -228,7 +228,7 @@ fn left_behind(case: &Case, directory: &Path, has_failed: bool) -> Result<Value,
     for line in lines {
         let row: Result<Vec<f64>, _> = line.split(',').map(str::parse).collect();
         let row = row.map_err(|error| format!("history.csv: {error} in {line}"))?;
-        // Where nothing presses, the smallest gap is infinite.
+        // The smallest gap is infinite if no parts are in contact.
         let is_sound = |(name, value): (&&str, &f64)| value.is_finite() || *name == "smallest_gap";
         if row.len() != names.len() || !names.iter().zip(&row).all(is_sound) {
             return Err(format!("history.csv holds {line}"));

@@ -1,5 +1,5 @@
-//! Violent scenes in which bodies meet: each kind of meeting with random shapes, speeds, steps, laws and schemes. The same
-//! seed and index give the same scene.
+//! Generates violent scenes in which bodies meet: each kind of meeting with random shapes, speeds, steps, laws and
+//! schemes. The same seed and index give the same scene.
 
 use serde_json::{Value, json};
 
@@ -7,7 +7,7 @@ use super::random::Random;
 use super::violence::{Case, CaseError, Violence};
 use crate::scene::Scene;
 
-/// Schemes that step contact, and whether they take friction.
+/// Schemes that support contact, and whether they support friction. Some occur twice, to be drawn more often.
 const SCHEMES: [(&str, bool); 9] = [
     ("energy-momentum", true),
     ("energy-momentum", true),
@@ -20,23 +20,23 @@ const SCHEMES: [(&str, bool); 9] = [
     ("newmark", false),
 ];
 
-/// How many of them, the first ones, take free rigid bodies.
+/// Number of schemes, from the start of the list, that support free rigid bodies.
 const TAKE_RIGIDS: usize = 7;
 
-/// What all bodies of a scene share.
+/// Material and size common to all bodies of a scene.
 struct Matter {
     young: f64,
     density: f64,
-    /// m/s.
+    /// Speed of waves √(E/ρ), m/s.
     wave_speed: f64,
     /// Extent of a body, m.
     size: f64,
 }
 
-/// Case `index` of a seed, of the kinds in which bodies meet.
+/// Generates case `index` of a seed, of the kinds in which bodies meet.
 ///
 /// # Errors
-/// [`CaseError::Scene`] where the scene is not understood.
+/// Returns [`CaseError::Scene`] if the scene does not parse.
 pub fn meeting(seed: u64, index: u64) -> Result<Case, CaseError> {
     let mut random = Random::of(seed, index);
     let random = &mut random;
@@ -48,8 +48,8 @@ pub fn meeting(seed: u64, index: u64) -> Result<Case, CaseError> {
     let has_free_rigids = !matches!(violence, Violence::Thrown | Violence::Crumpled | Violence::Driven);
     let (scheme, rubs) = random.of_all(if has_free_rigids { &SCHEMES[..TAKE_RIGIDS] } else { &SCHEMES });
     let is_explicit = scheme.starts_with("s");
-    // Waves cross the smallest elements, a fifth of a body, in ten steps or half a step; explicit steps stay below their
-    // limit.
+    // A wave crosses a fifth of a body, about the smallest element, in 0.5 to 20 implicit steps or in 7 to 50 explicit
+    // ones, which stay below their stability limit.
     let element = 0.2 * size / wave_speed;
     let step = element * if is_explicit { random.decades(0.02, 0.15) } else { random.decades(0.05, 2.0) };
     let count = 10 + random.below(40);
@@ -84,7 +84,7 @@ impl Matter {
         })
     }
 
-    /// A square sheet of this size with its least corner at `origin`.
+    /// Returns a square sheet with edges of length `size`, whose corner of least coordinates is at `origin`.
     fn sheet(&self, name: &str, size: f64, origin: [f64; 3], random: &mut Random) -> Value {
         let cells = 3 + random.below(4) as u64;
         json!({
@@ -116,7 +116,7 @@ fn floor() -> Value {
     json!({ "name": "floor", "shape": { "kind": "plane", "normal": [0.0, 0.0, 1.0] }, "fixed": true })
 }
 
-/// A shape within a ball of diameter `size`.
+/// Draws a shape with a diameter of about `size`.
 fn shape(random: &mut Random, size: f64) -> Value {
     match random.below(4) {
         0 => json!({ "kind": "sphere", "radius": 0.5 * size }),
@@ -126,7 +126,7 @@ fn shape(random: &mut Random, size: f64) -> Value {
     }
 }
 
-/// Bodies, rigid bodies and joints of a meeting that is to happen within `duration` (s).
+/// Returns the bodies, rigid bodies and joints of a scene whose bodies meet within `duration` (s).
 fn parts(
     random: &mut Random,
     violence: Violence,
@@ -134,7 +134,7 @@ fn parts(
     duration: f64,
 ) -> (Vec<Value>, Vec<Value>, Vec<Value>) {
     let s = matter.size;
-    // What passes its own size within the run, or half the wave speed if that is less.
+    // At this speed a body moves 0.3 to 2 times its size during the run, unless half the wave speed is less.
     let speed = (random.between(0.3, 2.0) * s / duration).min(0.5 * matter.wave_speed);
     let turn = |random: &mut Random| json!({ "axis": random.vector(1.0), "angle": random.between(0.0, 6.0) });
     let gap = 0.02 * s;

@@ -219,7 +219,7 @@ impl Transform {
     /// Returns the scene after this change.
     ///
     /// # Errors
-    /// The key of a number without a listed dimension, or the message of serde about the changed scene.
+    /// Returns the key of a number without a listed dimension, or the message of serde about the changed scene.
     pub fn of(&self, scene: &Scene) -> Result<Scene, String> {
         let mut value = serde_json::to_value(scene).map_err(|error| error.to_string())?;
         self.walk("", &mut value)?;

@@ -91,16 +91,16 @@ violence! {
     Folded;
 }
 
-/// How many kinds, the first ones, are done to one body; the others are meetings of bodies.
+/// Number of kinds, from the start of the list, that act on one body. In the others bodies meet.
 const OF_ONE_BODY: usize = 17;
 
 impl Violence {
-    /// Kinds that are done to one body.
+    /// Returns the kinds that act on one body.
     pub fn of_one_body() -> &'static [Self] {
         &Self::ALL[..OF_ONE_BODY]
     }
 
-    /// Kinds in which bodies meet.
+    /// Returns the kinds in which bodies meet.
     pub fn of_contact() -> &'static [Self] {
         &Self::ALL[OF_ONE_BODY..]
     }
@@ -161,7 +161,7 @@ struct Making {
 /// Returns case `index` of a seed. Required meshes are written into `directory`.
 ///
 /// # Errors
-/// [`CaseError`] if a mesh cannot be written, or a law of the registry is not supported.
+/// Returns [`CaseError`] if a mesh cannot be written, or a law of the registry is not supported.
 pub fn case(seed: u64, index: u64, directory: &Path) -> Result<Case, CaseError> {
     let mut random = Random::of(seed, index);
     let random = &mut random;

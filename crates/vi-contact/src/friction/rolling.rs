@@ -4,6 +4,7 @@
 //! the axis between the closest points. It lies on the surface of a round body that meets another rigid one (in the
 //! middle of the gap if both are round), or at the node or triangle of a deformable body. Each side carries z by
 //! fixed weights. For a rigid body with frame (c, d₁, d₂, d₃) they follow from
+//! ```text
 //! z = c(x_m) + Σ_k y_k d_k(x_m),   x_m = (x₀ + x₁)/2,
 //! ```
 //! A deformable body carries it by the weights of its closest point. Let w_a be the weights of the first side, and

@@ -62,8 +62,8 @@ pub(crate) struct Combinations {
 
 impl Combinations {
     /// # Errors
-    /// [`CoreError::Coordinate`] if a node is out of range or tied twice, [`CoreError::Combination`] if ties form a
-    /// cycle or the weights do not preserve translations.
+    /// Returns [`CoreError::Coordinate`] if a node is out of range or tied twice, [`CoreError::Combination`] if ties
+    /// form a cycle or the weights do not preserve translations.
     pub(crate) fn new(
         node_count: usize,
         combinations: &[Combination],
@@ -154,7 +154,7 @@ impl Combinations {
     /// m_i; the others contribute the diagonal of Sᵀ M S.
     ///
     /// # Errors
-    /// [`CoreError::Combination`] if Sᵀ M S is not diagonal.
+    /// Returns [`CoreError::Combination`] if Sᵀ M S is not diagonal.
     pub(crate) fn pull_back_mass(
         &self,
         mass: &mut [f64],

@@ -64,7 +64,7 @@ impl Coordinates {
     /// Returns coordinates that are free, in ascending order, except for those in a path of `prescribed`.
     ///
     /// # Errors
-    /// [`CoreError::Coordinate`] if a coordinate is out of range or given twice.
+    /// Returns [`CoreError::Coordinate`] if a coordinate is out of range or given twice.
     pub fn new(dof_count: usize, prescribed: Vec<Prescribed>) -> Result<Self, CoreError> {
         let mut is_free = vec![true; dof_count];
         for &dof in prescribed.iter().flat_map(|group| &group.dofs) {
@@ -88,7 +88,7 @@ impl Coordinates {
     /// e_k · x. The nodes have three coordinates.
     ///
     /// # Errors
-    /// [`CoreError::Coordinate`] if a node is out of range or given twice, [`CoreError::Axes`] if axes are not
+    /// Returns [`CoreError::Coordinate`] if a node is out of range or given twice, [`CoreError::Axes`] if axes are not
     /// orthonormal.
     pub fn with_axes(mut self, axes: Vec<NodeAxes>) -> Result<Self, CoreError> {
         self.axes = AllNodeAxes::new(self.dof_count, axes)?;
@@ -99,8 +99,8 @@ impl Coordinates {
     /// node. A tie may refer to other tied nodes.
     ///
     /// # Errors
-    /// [`CoreError::Coordinate`] if a node is out of range or tied twice; [`CoreError::Combination`] if a tied node
-    /// is prescribed, ties form a cycle, or the weights of points do not sum to one.
+    /// Returns [`CoreError::Coordinate`] if a node is out of range or tied twice; [`CoreError::Combination`] if a tied
+    /// node is prescribed, ties form a cycle, or the weights of points do not sum to one.
     pub fn with_combinations(
         mut self,
         combinations: &[Combination],

@@ -35,7 +35,7 @@ impl Quadrature {
     /// Returns the Gauss–Legendre rule with s points, exact for polynomials of degree 2s − 1.
     ///
     /// # Errors
-    /// [`CoreError::Points`] for s = 0.
+    /// Returns [`CoreError::Points`] for s = 0.
     pub fn gauss_legendre(s: usize) -> Result<Self, CoreError> {
         if s == 0 {
             return Err(CoreError::Points {
@@ -67,7 +67,7 @@ impl Quadrature {
     /// Returns the Gauss–Lobatto rule with s ≥ 2 points (both ends are nodes), exact for degree 2s − 3.
     ///
     /// # Errors
-    /// [`CoreError::Points`] for s < 2.
+    /// Returns [`CoreError::Points`] for s < 2.
     pub fn lobatto(s: usize) -> Result<Self, CoreError> {
         if s < 2 {
             return Err(CoreError::Points {

@@ -52,7 +52,7 @@ impl Scheme {
     /// Degree s × Gauss–Legendre with s points: the Gauss collocation method of order 2s.
     ///
     /// # Errors
-    /// [`CoreError::Points`] for s = 0.
+    /// Returns [`CoreError::Points`] for s = 0.
     pub fn gauss(s: usize) -> Result<Self, CoreError> {
         let quadrature = Quadrature::gauss_legendre(s)?;
         Ok(Self { interpolation: Interpolation::Polynomial(s), quadrature })

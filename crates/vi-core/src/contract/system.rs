@@ -34,7 +34,7 @@ impl System {
     /// Returns a system with the lumped mass of every coordinate x_i (kg), potentials and coordinates.
     ///
     /// # Errors
-    /// If lengths differ, a free coordinate has no mass, or a stencil refers to a missing node.
+    /// Returns an error if lengths differ, a free coordinate has no mass, or a stencil refers to a missing node.
     pub fn new(
         mass: Vec<f64>,
         potentials: Vec<Box<dyn Potential>>,
@@ -59,7 +59,7 @@ impl System {
     /// Adds potentials to the system.
     ///
     /// # Errors
-    /// [`CoreError::Stencil`] if a stencil refers to a missing node.
+    /// Returns [`CoreError::Stencil`] if a stencil refers to a missing node.
     pub fn add_potentials(mut self, more: Vec<Box<dyn Potential>>) -> Result<Self, CoreError> {
         self.potential = self.potential.with_more(more.into_iter().map(Arc::from).collect())?;
         Ok(self)
@@ -68,7 +68,7 @@ impl System {
     /// Adds forces to the system.
     ///
     /// # Errors
-    /// [`CoreError::Stencil`] if a stencil refers to a missing node.
+    /// Returns [`CoreError::Stencil`] if a stencil refers to a missing node.
     pub fn add_forces(self, more: Vec<Arc<dyn Force>>) -> Result<Self, CoreError> {
         let all = self.forces.iter().cloned().chain(more).collect();
         self.with_forces(all)
@@ -101,8 +101,8 @@ impl System {
     /// an empty list the mass remains lumped.
     ///
     /// # Errors
-    /// [`CoreError::ConsistentMass`] if coordinates are moved, there are constraints, or a term is not quadratic;
-    /// [`CoreError::Stencil`] if a stencil refers to a missing node.
+    /// Returns [`CoreError::ConsistentMass`] if coordinates are moved, there are constraints, or a term is not
+    /// quadratic; [`CoreError::Stencil`] if a stencil refers to a missing node.
     pub fn with_consistent_mass(mut self, terms: Vec<Box<dyn Potential>>) -> Result<Self, CoreError> {
         if terms.is_empty() {
             return Ok(self);
@@ -134,7 +134,7 @@ impl System {
     /// Returns the system with these forces, in place of earlier ones.
     ///
     /// # Errors
-    /// [`CoreError::Stencil`] if a stencil refers to a missing node.
+    /// Returns [`CoreError::Stencil`] if a stencil refers to a missing node.
     pub fn with_forces(mut self, forces: Vec<Arc<dyn Force>>) -> Result<Self, CoreError> {
         for force in &forces {
             check_stencils(force.name(), force.stencils(), self.mass.len())?;
@@ -147,8 +147,8 @@ impl System {
     /// their sums.
     ///
     /// # Errors
-    /// [`CoreError::Stencil`] if a constraint refers to a missing node, [`CoreError::Constraint`] if it contains no
-    /// free coordinate, [`CoreError::ConsistentMass`] if the mass is not lumped.
+    /// Returns [`CoreError::Stencil`] if a constraint refers to a missing node, [`CoreError::Constraint`] if it
+    /// contains no free coordinate, [`CoreError::ConsistentMass`] if the mass is not lumped.
     pub fn with_constraints(mut self, constraints: Vec<QuadraticConstraint>) -> Result<Self, CoreError> {
         if self.kinetic.is_some() && !constraints.is_empty() {
             return Err(CoreError::ConsistentMass { reason: CONSTRAINED });
@@ -198,7 +198,7 @@ impl System {
     /// prescribed coordinates are ignored.
     ///
     /// # Errors
-    /// [`CoreError::Length`] if x or v does not have one entry per coordinate.
+    /// Returns [`CoreError::Length`] if x or v does not have one entry per coordinate.
     pub fn state(&self, t: f64, x: &[f64], v: &[f64]) -> Result<State, CoreError> {
         let expected = self.coordinates().dof_count();
         for (what, array) in [("positions", x), ("velocities", v)] {

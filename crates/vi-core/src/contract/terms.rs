@@ -22,8 +22,8 @@ impl Terms {
     /// Returns the sum of these terms.
     ///
     /// # Errors
-    /// [`CoreError::Stencil`] if a stencil refers to a missing node, [`CoreError::Block`] if a term does not have
-    /// three coordinates per node although some nodes have their own axes.
+    /// Returns [`CoreError::Stencil`] if a stencil refers to a missing node, [`CoreError::Block`] if a term does not
+    /// have three coordinates per node although some nodes have their own axes.
     pub fn new(coordinates: Arc<Coordinates>, fixed: Vec<Arc<dyn Potential>>) -> Result<Self, CoreError> {
         for term in &fixed {
             check_term(term.as_ref(), &coordinates)?;
@@ -39,7 +39,7 @@ impl Terms {
     /// Returns a copy with these fixed terms added.
     ///
     /// # Errors
-    /// [`CoreError::Stencil`] if a stencil refers to a missing node.
+    /// Returns [`CoreError::Stencil`] if a stencil refers to a missing node.
     pub fn with_more(mut self, more: Vec<Arc<dyn Potential>>) -> Result<Self, CoreError> {
         for term in &more {
             check_term(term.as_ref(), &self.coordinates)?;
@@ -77,7 +77,7 @@ impl Terms {
     /// Returns a copy for positions near `x` (m, all coordinates), in which potentials replace the live terms.
     ///
     /// # Errors
-    /// [`CoreError::Stencil`] if a live term refers to a missing node.
+    /// Returns [`CoreError::Stencil`] if a live term refers to a missing node.
     pub fn near(&self, x: &[f64]) -> Result<Self, CoreError> {
         let live = self.live.iter().map(|term| term.near(x, term.reach()));
         Self::new(Arc::clone(&self.coordinates), self.fixed.iter().cloned().chain(live).collect())

@@ -116,7 +116,7 @@ pub fn applied_force(embedding: &impl Embedding, t: f64, x: &DVector<f64>) -> DV
 /// potential: d'Alembert's principle in generalised coordinates.
 ///
 /// # Errors
-/// [`CoreError::SingularMass`] if SᵀMS has no inverse (S does not have full rank).
+/// Returns [`CoreError::SingularMass`] if SᵀMS has no inverse (S does not have full rank).
 pub fn generalised_accelerations(
     embedding: &impl Embedding,
     t: f64,

@@ -34,8 +34,8 @@ impl Oscillation {
 /// do not oscillate. For a double λ the two shapes may coincide.
 ///
 /// # Errors
-/// [`CoreError::SingularMass`] if M has no inverse; [`CoreError::Convergence`] if q₀ is not an equilibrium: |∂L/∂q|
-/// above 1e-8 of |K| (1 + |q₀|).
+/// Returns [`CoreError::SingularMass`] if M has no inverse; [`CoreError::Convergence`] if q₀ is not an equilibrium:
+/// |∂L/∂q| above 1e-8 of |K| (1 + |q₀|).
 pub fn oscillations<L: Expand>(lagrangian: &L, t: f64, q: &[f64]) -> Result<Vec<Oscillation>, CoreError> {
     let n = lagrangian.coordinate_count();
     let at = lagrangian.expansion(t, q, &vec![0.0; n]);

@@ -143,7 +143,7 @@ fn solve(energy: &impl Energy, parameter: f64, start: DVector<f64>) -> Result<DV
 /// between neighbours indicates a fold or a bifurcation.
 ///
 /// # Errors
-/// [`CoreError::Convergence`] if the branch is lost (use shorter steps), [`CoreError::SingularStiffness`] if it
+/// Returns [`CoreError::Convergence`] if the branch is lost (use shorter steps), [`CoreError::SingularStiffness`] if it
 /// cannot be distinguished from another.
 pub fn follow(
     energy: &impl Energy,

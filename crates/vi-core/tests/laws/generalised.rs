@@ -41,7 +41,7 @@ fn d_alembert_and_lagrange_agree_and_the_constraint_force_does_no_virtual_work()
 #[test]
 fn a_driven_frame_integrates_variationally() {
     // The Jacobi integral ½ r² q̇² + amended potential is conserved. L depends on time only through the frame, and in
-    // its dual-number expansion that dependence cancels.
+    // the expansion by dual numbers this dependence cancels.
     let bead = Embedded(BEAD);
     let discrete = DiscreteLagrangian::new(&bead, &Scheme::gauss(3).unwrap(), 0.02).unwrap();
     let mut state = State { t: 0.0, q: vec![2.0], p: vec![0.4] };

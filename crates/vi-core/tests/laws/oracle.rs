@@ -26,8 +26,8 @@ fn error_on_pendulum(scheme: &Scheme, steps: usize) -> f64 {
 fn orders_are_those_of_the_pair() {
     let gauss = |s| Quadrature::gauss_legendre(s).unwrap();
     let lobatto = |s| Quadrature::lobatto(s).unwrap();
-    // Each case is (scheme, order, steps of the coarse run). Degree s with a quadrature of order ≥ 2s has order 2s;
-    // with a weaker rule the order is that of the rule.
+    // Each case is (scheme, order, steps of the coarse run). A path of degree s with a quadrature of order ≥ 2s has
+    // order 2s; with a weaker rule the order is that of the rule.
     let cases = [
         (Scheme::symplectic_euler_a(), 1, 400),
         (Scheme::symplectic_euler_b(), 1, 400),

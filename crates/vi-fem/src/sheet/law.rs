@@ -89,7 +89,7 @@ impl SheetLaw {
     /// Checks the parameters.
     ///
     /// # Errors
-    /// All problems at once.
+    /// Returns all problems at once.
     pub fn check(&self) -> Result<(), Vec<FemError>> {
         let problems = self.parameters().check();
         if problems.is_empty() { Ok(()) } else { Err(problems) }

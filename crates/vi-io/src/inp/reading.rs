@@ -22,7 +22,7 @@ pub(super) struct Reading<'a> {
     pub(super) parts: usize,
     pub(super) instances: usize,
     pub(super) left_out: BTreeSet<String>,
-    /// Counts of elements by type, for types without effect here.
+    /// Numbers of elements of each type that the reader ignores.
     pub(super) lines: BTreeMap<String, usize>,
 }
 

@@ -145,7 +145,8 @@ impl<'a> Payloads<'a> {
         let announced =
             whole.checked_mul(block).and_then(|bytes| bytes.checked_add(last)).unwrap_or(u64::MAX);
         self.expect_length(spec, announced, length)?;
-        // Neither overflows: whole · block ≤ length, and a header of more blocks than the file has bytes is truncated.
+        // Neither overflows: whole · block ≤ length, and a header that announces more blocks than the file has bytes
+        // is rejected as truncated.
         let head_length =
             usize::try_from(block_count).ok().and_then(|n| n.checked_add(3)?.checked_mul(width));
         let head_length = head_length

@@ -30,7 +30,7 @@ impl<'a, L: Expand, G: Constraint> Constrained<'a, L, G> {
     /// Returns the integrator of degree s ≥ 1 with step h, s.
     ///
     /// # Errors
-    /// [`CoreError::Points`] for s = 0, [`CoreError::StepSize`].
+    /// Returns [`CoreError::Points`] for s = 0, [`CoreError::StepSize`].
     pub fn new(lagrangian: &'a L, constraint: G, degree: usize, h: f64) -> Result<Self, CoreError> {
         let quadrature = Quadrature::lobatto(degree + 1)?;
         let scheme = Scheme { interpolation: Interpolation::Polynomial(degree), quadrature };
@@ -41,8 +41,8 @@ impl<'a, L: Expand, G: Constraint> Constrained<'a, L, G> {
     /// Makes one step from a state on the surface: g(q) = 0 and G q̇ = 0.
     ///
     /// # Errors
-    /// [`CoreError::Convergence`] if Newton's method stalls, [`CoreError::SingularStep`] if the gradients of the
-    /// constraints depend on each other, [`CoreError::SingularMass`].
+    /// Returns [`CoreError::Convergence`] if Newton's method stalls, [`CoreError::SingularStep`] if the gradients of
+    /// the constraints depend on each other, [`CoreError::SingularMass`].
     pub fn step(&self, state: &State) -> Result<State, CoreError> {
         let (n, m, s) = (state.q.len(), self.constraint.count(), self.discrete.degree());
         let start = DVector::from_column_slice(&state.q);
@@ -107,7 +107,7 @@ impl<'a, L: Expand, G: Constraint> Constrained<'a, L, G> {
     /// Returns the momentum p − Gᵀλ with a velocity tangent to the surface, by Newton's method.
     ///
     /// # Errors
-    /// [`CoreError::Convergence`], [`CoreError::SingularMass`].
+    /// Returns [`CoreError::Convergence`], [`CoreError::SingularMass`].
     pub fn tangent_momentum(&self, t: f64, q: &[f64], p: DVector<f64>) -> Result<DVector<f64>, CoreError> {
         const MAX_ITERATIONS: usize = 20;
         let normal = jacobian(&self.constraint, q);

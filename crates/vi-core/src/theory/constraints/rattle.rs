@@ -31,8 +31,8 @@ impl<'a, G: Constraint> Rattle<'a, G> {
     /// Makes one step of length h (s). `state` must lie on the surface, g(q) = 0.
     ///
     /// # Errors
-    /// [`CoreError::Convergence`] if the surface is not reached: h is too long, or the gradients of the constraints
-    /// depend on each other.
+    /// Returns [`CoreError::Convergence`] if the surface is not reached: h is too long, or the gradients of the
+    /// constraints depend on each other.
     pub fn step(&self, state: &State, h: f64) -> Result<State, CoreError> {
         let q_0 = DVector::from_column_slice(&state.q);
         let inverse_mass = DVector::from_column_slice(self.system.free_mass()).map(|m| 1.0 / m);
@@ -48,7 +48,7 @@ impl<'a, G: Constraint> Rattle<'a, G> {
     /// a state.
     ///
     /// # Errors
-    /// [`CoreError::Convergence`] if the gradients of the constraints depend on each other.
+    /// Returns [`CoreError::Convergence`] if the gradients of the constraints depend on each other.
     pub fn tangent(&self, state: &State) -> Result<State, CoreError> {
         let inverse_mass = DVector::from_column_slice(self.system.free_mass()).map(|m| 1.0 / m);
         let mut p = DVector::from_column_slice(&state.p);

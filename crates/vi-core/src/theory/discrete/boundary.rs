@@ -15,8 +15,8 @@ use crate::theory::newton;
 /// stationary paths.
 ///
 /// # Errors
-/// [`CoreError::Length`], [`CoreError::SingularStep`] (conjugate points: the ends do not determine
-/// the path), [`CoreError::Convergence`].
+/// Returns [`CoreError::Length`], [`CoreError::SingularStep`] (conjugate points: the ends do not determine the path),
+/// [`CoreError::Convergence`].
 pub fn stationary_path<L: Expand>(
     discrete: &DiscreteLagrangian<'_, L>,
     t: f64,

@@ -49,7 +49,7 @@ impl<'a, L: HigherLagrangian> HermiteLagrangian<'a, L> {
     /// Returns the discrete Lagrangian of one step h, s.
     ///
     /// # Errors
-    /// [`CoreError::StepSize`] if h is zero or not finite.
+    /// Returns [`CoreError::StepSize`] if h is zero or not finite.
     pub fn new(lagrangian: &'a L, quadrature: Quadrature, h: f64) -> Result<Self, CoreError> {
         if h == 0.0 || !h.is_finite() {
             return Err(CoreError::StepSize { h });
@@ -106,7 +106,7 @@ impl<'a, L: HigherLagrangian> HermiteLagrangian<'a, L> {
     /// π = ∂L/∂q̈ (Ostrogradsky).
     ///
     /// # Errors
-    /// [`CoreError::SingularStep`] if D₁D₂L_d has no inverse, [`CoreError::Convergence`].
+    /// Returns [`CoreError::SingularStep`] if D₁D₂L_d has no inverse, [`CoreError::Convergence`].
     pub fn step(
         &self,
         t: f64,

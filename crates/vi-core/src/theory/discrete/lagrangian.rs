@@ -179,8 +179,8 @@ impl<'a, L: Expand> DiscreteLagrangian<'a, L> {
     /// Returns the path of the step from (q_0, p_0), by Newton's method to round-off.
     ///
     /// # Errors
-    /// [`CoreError::Length`] if the state has the wrong size, [`CoreError::SingularStep`] if D₁D₂L_d has no inverse
-    /// at this h, [`CoreError::Convergence`] if Newton's method stalls.
+    /// Returns [`CoreError::Length`] if the state has the wrong size, [`CoreError::SingularStep`] if D₁D₂L_d has no
+    /// inverse at this h, [`CoreError::Convergence`] if Newton's method stalls.
     pub fn path_from(&self, state: &State) -> Result<Polynomial, CoreError> {
         let n = self.lagrangian.coordinate_count();
         for (what, array) in [("q of the state", &state.q), ("p of the state", &state.p)] {

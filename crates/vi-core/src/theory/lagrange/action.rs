@@ -53,7 +53,7 @@ pub fn variation(f: &impl Lagrangian, path: &impl Trajectory, eta: &impl Traject
 /// polynomials of degree 19 on each panel). For f = L it is the action, J s.
 ///
 /// # Errors
-/// [`CoreError::Points`] if `panels` is zero.
+/// Returns [`CoreError::Points`] if `panels` is zero.
 pub fn action(
     f: &impl Lagrangian,
     path: &impl Trajectory,

@@ -34,7 +34,7 @@ pub fn residual(lagrangian: &impl Lagrangian, path: &impl Trajectory, t: f64) ->
 /// Returns the accelerations q̈ that make the residual vanish: L_vv q̈ = L_q − L_vt − L_vq q̇.
 ///
 /// # Errors
-/// [`CoreError::SingularMass`] if ∂²L/∂q̇² has no inverse.
+/// Returns [`CoreError::SingularMass`] if ∂²L/∂q̇² has no inverse.
 pub fn accelerations(
     lagrangian: &impl Lagrangian,
     t: f64,
@@ -54,7 +54,7 @@ pub fn momenta(lagrangian: &impl Expand, t: f64, q: &[f64], v: &[f64]) -> DVecto
 /// Inverts the Legendre transform: returns the velocities with the momenta p, by Newton's method from rest.
 ///
 /// # Errors
-/// [`CoreError::SingularMass`] if ∂²L/∂q̇² has no inverse, [`CoreError::Convergence`] if Newton's method fails.
+/// Returns [`CoreError::SingularMass`] if ∂²L/∂q̇² has no inverse, [`CoreError::Convergence`] if Newton's method fails.
 pub fn velocities(lagrangian: &impl Expand, t: f64, q: &[f64], p: &[f64]) -> Result<DVector<f64>, CoreError> {
     const MAX_ITERATIONS: usize = 50;
     let p = DVector::from_column_slice(p);

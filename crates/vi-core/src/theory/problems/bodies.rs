@@ -43,7 +43,7 @@ pub fn heavy_top(transverse: f64, axial: f64, weight: f64, height: f64) -> Rigid
 /// one; the first is measured from the downward vertical.
 ///
 /// # Errors
-/// Never; the type is that of [`Articulated::new`].
+/// Never returns an error; the type is that of [`Articulated::new`].
 pub fn double_pendulum(masses: [f64; 2], lengths: [f64; 2], gravity: f64) -> Result<Articulated, CoreError> {
     let link = |parent: Option<usize>, anchor: Vector3<f64>, k: usize| Link {
         parent,

@@ -19,7 +19,7 @@ impl<const D: usize> Kepler<D> {
     /// Returns the system, D coordinates.
     ///
     /// # Errors
-    /// Never for a unit mass; the type is that of [`System::new`].
+    /// Never returns an error, as the mass is 1; the type is that of [`System::new`].
     pub fn system(&self) -> Result<System, CoreError> {
         let mu = self.mu;
         let attraction = Term {

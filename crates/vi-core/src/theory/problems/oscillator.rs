@@ -29,7 +29,7 @@ impl Oscillator {
     /// Returns the system, one coordinate.
     ///
     /// # Errors
-    /// [`CoreError::Mass`] for a mass that is not positive.
+    /// Returns [`CoreError::Mass`] for a mass that is not positive.
     pub fn system(&self) -> Result<System, CoreError> {
         let k = self.stiffness;
         let spring = Term {

@@ -32,7 +32,7 @@ impl Pendulum {
     /// Returns the system, one coordinate θ with inertia m l².
     ///
     /// # Errors
-    /// [`CoreError::Mass`] for an inertia that is not positive.
+    /// Returns [`CoreError::Mass`] for an inertia that is not positive.
     pub fn system(&self) -> Result<System, CoreError> {
         let moment = self.mass * self.gravity * self.length;
         let weight = Term {

@@ -57,7 +57,7 @@ impl Articulated {
     /// Returns the tree of `links` in a uniform gravity field (m/s²).
     ///
     /// # Errors
-    /// [`CoreError::Coordinate`] if a link's parent does not come before it.
+    /// Returns [`CoreError::Coordinate`] if a link's parent does not come before it.
     pub fn new(links: Vec<Link>, gravity: Vector3<f64>) -> Result<Self, CoreError> {
         for (k, link) in links.iter().enumerate() {
             if let Some(parent) = link.parent.filter(|&parent| parent >= k) {

@@ -87,7 +87,7 @@ impl<V: PosePotential> RigidBody<V> {
     /// Returns T + V, J.
     ///
     /// # Errors
-    /// [`CoreError::SingularMass`] if the inertia has no inverse.
+    /// Returns [`CoreError::SingularMass`] if the inertia has no inverse.
     pub fn energy(&self, state: &RigidState) -> Result<f64, CoreError> {
         let inertia = nalgebra::Matrix3::from_fn(|i, j| self.inertia[i][j]);
         let spin = nalgebra::Vector3::from(state.spin);
@@ -99,8 +99,8 @@ impl<V: PosePotential> RigidBody<V> {
     /// Makes one step of length h (s) of the scheme.
     ///
     /// # Errors
-    /// [`CoreError::StepSize`], [`CoreError::SingularStep`], [`CoreError::Convergence`] (for example if a rotation of
-    /// nearly π in one step leaves the chart), [`CoreError::Points`].
+    /// Returns [`CoreError::StepSize`], [`CoreError::SingularStep`], [`CoreError::Convergence`] (for example if a
+    /// rotation of nearly π in one step leaves the chart), [`CoreError::Points`].
     pub fn step(&self, scheme: &Scheme, state: &RigidState, h: f64) -> Result<RigidState, CoreError> {
         if h == 0.0 || !h.is_finite() {
             return Err(CoreError::StepSize { h });
