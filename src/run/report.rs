@@ -72,7 +72,7 @@ pub struct Report {
     pub estimate: Map<String, Value>,
     /// Number of steps that were cut, of their substeps, and the smallest substep, s.
     pub substeps: Value,
-    /// Energy that nothing put in, and the actions of the guard.
+    /// Growth of energy without a source, and the actions of the guard.
     pub guard: Value,
     /// Counted work.
     pub work: Map<String, Value>,
@@ -171,7 +171,7 @@ impl Report {
                                 "time_symmetry_lost": is_symmetric && cut.steps > 0 });
         self.notes.extend(self.lost_symmetry());
         let steppers = simulation.components().iter().filter_map(|component| component.stepper());
-        // Drops the reason: it belongs to the run that chose, and a continued run must report the same.
+        // Drop the reason: only the run that chose the solver has it, and a continued run must report the same.
         let name = |reason: &str| reason.split(':').next().map(str::to_owned);
         self.linear_solvers = steppers.filter_map(|stepper| stepper.linear_solver().and_then(name)).collect();
         self.contact = simulation.contact_report();

@@ -107,8 +107,8 @@ impl ContactPotential {
     }
 }
 
-/// The sum over the stencils of a point does its work exactly. If several stencils share a group, the features at
-/// both ends decide which of them carries it.
+/// The work of the sum over the stencils of a point is exact, but that of a single stencil need not be. If several
+/// stencils share a group, the features at both ends decide to which of them it is assigned.
 impl DiscreteGradient for ContactPotential {
     fn gradients(&self, range: Range<usize>, start: &[f64], end: &[f64], out: &mut [f64]) {
         out.fill(0.0);

@@ -19,7 +19,7 @@ pub(crate) struct CellReader {
     /// Number of cells that were divided.
     divided: usize,
     /// Number of wedges whose orientation was reversed.
-    turned: usize,
+    reversed: usize,
 }
 
 impl CellReader {
@@ -72,7 +72,7 @@ impl CellReader {
                 .for_each(|pair| out.mesh.push_cell(CellKind::Tri3, &[n[0], pair[0], pair[1]])),
             (13, 6) if is_inward(&out.mesh.points, n) => {
                 out.mesh.push_cell(CellKind::Wedge6, &[n[0], n[2], n[1], n[3], n[5], n[4]]);
-                self.turned += 1;
+                self.reversed += 1;
             }
             (8, 4) => out.mesh.push_cell(CellKind::Quad4, &[n[0], n[1], n[3], n[2]]),
             (11, 8) => out.mesh.push_cell(CellKind::Hex8, &[n[0], n[1], n[3], n[2], n[4], n[5], n[7], n[6]]),
@@ -125,9 +125,9 @@ impl CellReader {
     /// `room` values are left out, with a note: many arrays over one long poly-line would need far more memory than the
     /// file.
     pub(crate) fn finish(self, out: &mut MeshFile, mut room: usize) {
-        if self.turned > 0 {
+        if self.reversed > 0 {
             let note = "wedges had their base facing outwards, as in old VTK manuals: their orientation was reversed";
-            out.notes.push(format!("{} {note}", self.turned));
+            out.notes.push(format!("{} {note}", self.reversed));
         }
         if self.divided == 0 {
             return;

@@ -141,7 +141,7 @@ const ROTATION: Mat3<f64> = [[0.1296, -0.6272, 0.768], [0.9728, 0.2304, 0.024], 
 const TOLERANCE: f64 = 1e-6;
 
 impl OwnLaw {
-    /// Returns a rule of all laws that this one breaks, at rest or at the samples inside its domain.
+    /// Returns the first rule for laws that this law breaks, at rest or at the samples inside its domain.
     fn broken_rule(&self) -> Option<String> {
         const STEP: f64 = 1e-4;
         let law = self.law.as_ref();

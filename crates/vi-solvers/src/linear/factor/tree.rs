@@ -56,8 +56,9 @@ pub(crate) struct Supernode {
     pub(crate) runs: Range<usize>,
     pub(crate) blocks: Range<usize>,
     pub(crate) numbers: Range<usize>,
-    /// Start of the update in the stack region of its family, and the lengths of the stack regions of this subtree:
-    /// `own` holds its update and those two levels below, `other` those one and three levels below.
+    /// Start of the update in the stack region of its family. From level to level updates alternate between two
+    /// stacks. `own` is the length that this subtree needs in the stack of its own update, which also holds the updates
+    /// two levels below. `other` is the length that it needs in the other stack, for one and three levels below.
     pub(crate) update: usize,
     pub(crate) own: usize,
     pub(crate) other: usize,

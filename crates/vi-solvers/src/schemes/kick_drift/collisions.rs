@@ -1,5 +1,5 @@
-//! The drift of an explicit step in which live terms, such as contact, act by discrete gradients. Instead of q += h
-//! M⁻¹p:
+//! The drift of an explicit step in which live terms, such as contact, act by discrete gradients. It replaces q += h
+//! M⁻¹p by
 //! ```text
 //! M (v₁ − v₀) = −h G(x₀, x₁),   x₁ = x₀ + h (v₀ + v₁)/2.
 //! ```
@@ -139,7 +139,7 @@ impl Rule for Drift {
 }
 
 impl Collisions {
-    /// Returns `None` if the system has no live terms.
+    /// Returns the drift of a system; `None` if the system has no live terms.
     pub(super) fn new(system: &System, options: &SolverOptions) -> Result<Option<Self>, SolverError> {
         if system.terms().live().is_empty() {
             return Ok(None);
