@@ -108,7 +108,7 @@ impl Run {
             .transpose()?;
         let mut report = Report::new(&simulation, auto.as_ref(), name, &stability);
         report.notes.extend(frames.iter().flat_map(|frames| frames.notes(&simulation)));
-        // A step that the program chose itself may also be halved by it.
+        // The program may halve a step that it chose itself.
         let is_auto = auto.is_some() || origin.as_ref().is_some_and(|origin| !origin.auto.is_empty());
         let unasked = if is_auto { Guard::new(GuardAction::Halve) } else { Guard::silent() };
         let mut rule = scene.guard.unwrap_or(unasked);

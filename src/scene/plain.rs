@@ -1,6 +1,5 @@
 //! Rules for every value of a scene: numbers are finite and texts are printable. The rules hold for new keys too. The
-//! only keys that they treat apart are the bounds of boxes, which may be infinite and are checked where they are
-//! defined.
+//! only exceptions are the bounds of boxes, which may be infinite and are checked where they are defined.
 
 use serde_json::Value;
 

@@ -1,6 +1,6 @@
 //! The subdivision of the steps of a component, adapted to its last steps. A substep that fails is halved. If a
 //! substep needed the last fallbacks of Newton's method, further substeps are halved, provided that halves cost less.
-//! After several good substeps twice the length is tried again, less often the more often this failed.
+//! After several good substeps twice the length is tried again. Each time this fails, the next attempt waits longer.
 //!
 //! Costs are counted, not measured, so that equal runs have equal subdivisions.
 

@@ -68,8 +68,8 @@ impl<const D: usize> Kepler<D> {
         TAU / self.mu.sqrt()
     }
 
-    /// Returns the exact motion on the ellipse of [`Kepler::pericentre`] at time t, from Kepler's equation E − e sin
-    /// E = √μ t.
+    /// Returns the exact motion on the ellipse of [`Kepler::pericentre`] at time t, from Kepler's equation
+    /// E − e sin E = √μ t.
     pub fn exact(&self, eccentricity: f64, t: f64) -> State {
         let e = eccentricity;
         let mean = self.mu.sqrt() * t;

@@ -32,8 +32,8 @@ impl Lagrangian for SphericalPendulum {
 }
 
 impl SphericalPendulum {
-    /// Returns the period (s) of the nutation in θ for energy E (J) and vertical angular momentum J (kg m²/s): 4 l
-    /// K(k)/√(2g (z₃ − z₁)), k² = (z₂ − z₁)/(z₃ − z₁), where z_i are the roots of 2 (E − g z)(l² − z²) = J².
+    /// Returns the period (s) of the nutation in θ for energy E (J) and vertical angular momentum J (kg m²/s):
+    /// 4 l K(k)/√(2g (z₃ − z₁)), k² = (z₂ − z₁)/(z₃ − z₁), where z_i are the roots of 2 (E − g z)(l² − z²) = J².
     pub fn nutation_period(&self, energy: f64, momentum: f64) -> f64 {
         let (l, g) = (self.length, self.gravity);
         let cubic = |z: f64| 2.0 * (energy - g * z) * (l * l - z * z) - momentum * momentum;
