@@ -64,7 +64,7 @@ impl ComponentBuilder {
         self.prescribed.extend(added.prescribed());
     }
 
-    /// Returns the lumped mass per node after tied nodes have passed on theirs, kg.
+    /// Returns the lumped mass per node, kg, with the mass of tied nodes distributed to the nodes that they follow.
     pub(super) fn handed_on_mass(&self) -> Vec<f64> {
         let mut mass = self.mass.clone();
         if !self.ties.is_empty() {

@@ -14,7 +14,7 @@ use super::{Problem, Scene};
 pub struct Parsed {
     /// The scene, unless the file is not TOML. Keys or types with problems are replaced by valid substitutes.
     pub scene: Option<Scene>,
-    /// Returns all problems of keys, types and values, in the order of lines.
+    /// All problems of keys, types and values, in the order of lines.
     pub problems: Vec<Problem>,
     source: Option<Source>,
     /// Keys with substituted values.

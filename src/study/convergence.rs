@@ -158,7 +158,8 @@ impl From<SettleError> for ConvergenceError {
 /// Studies a scene.
 ///
 /// # Errors
-/// Returns [`ConvergenceError`].
+/// Returns [`ConvergenceError`] if the scene is invalid, a run fails, the caller asks to stop or there is nothing to
+/// refine.
 pub fn convergence(
     scene: &Scene,
     options: &ConvergenceOptions,

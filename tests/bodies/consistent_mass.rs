@@ -17,7 +17,8 @@ fn simulation(scene: &str) -> Simulation {
 const CELLS: usize = 8;
 const STEP: f64 = 0.05;
 
-/// Describes a bar of unit length and wave speed c = 1 with `CELLS` linear elements, held at x = 0 and thrown along x.
+/// Describes a bar of unit length and wave speed c = 1 with `CELLS` linear elements, held at x = 0, with an
+/// initial velocity along x.
 fn bar(mass: &str, scheme: &str) -> String {
     format!(
         r#"

@@ -430,7 +430,7 @@ fn boxes_may_be_half_infinite() {
     }
 }
 
-/// Messages shorten names of any length to what a reader needs, and the remedy still stands at the end.
+/// Messages shorten long names and still end with the remedy.
 #[test]
 fn very_long_names() {
     let long = "n".repeat(100_000);

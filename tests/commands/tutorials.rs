@@ -113,7 +113,7 @@ fn the_transient_of_the_bracket_tells_its_extremes() {
 }
 
 /// The cache has the header that Blender reads, one sample per frame, finite numbers, the object's points as its first
-/// sample, and the waist where its motion puts it. The object has the texture coordinates of the mesh file.
+/// sample, and the waist at its prescribed position. The object has the texture coordinates of the mesh file.
 #[test]
 fn the_cache_of_the_skirt_is_that_of_its_object() {
     let place = tempfile::tempdir().unwrap();

@@ -69,7 +69,7 @@ enum Section {
     Surface,
     /// Lines that are ignored.
     PassedOver,
-    /// No lines may follow; the text says what they would do.
+    /// Data lines are refused; the message contains this text, which names their effect.
     Empty(&'static str),
 }
 

@@ -16,8 +16,8 @@ use crate::scene::{GuardAction, SchemeName};
 use crate::simulation::{Simulation, TOGETHER};
 
 /// Growth of energy, relative to the energy exchanged, above which a warning is required: the bound of the guard.
-/// Theory allows no smaller bound: below its limit an explicit scheme conserves an energy near the true one, which
-/// oscillates by (hω)²/4 of it.
+/// Theory allows no smaller bound: below its stability limit an explicit scheme conserves a modified energy, about
+/// which the true energy oscillates by the fraction (hω)²/4.
 const SILENT: f64 = 0.1;
 
 /// Newton's method stops by an estimate of its error from its contraction; this factor allows for the estimate.

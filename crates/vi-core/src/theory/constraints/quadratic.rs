@@ -18,7 +18,7 @@ impl Constraint for Vec<QuadraticConstraint> {
     }
 }
 
-/// Returns the value of a place at positions x, three coordinates per node.
+/// Returns the coordinates of a place if the nodes are at positions x, three coordinates per node.
 fn place<D: Scalar>(place: &Place, x: &[D]) -> [D; 3] {
     std::array::from_fn(|k| {
         let mut sum = D::from(place.fixed[k]);

@@ -22,8 +22,8 @@ fn explicit_rate(lagrangian: &impl Lagrangian, t: f64, q: &[f64], v: &[f64]) -> 
     })
 }
 
-/// Returns the Euler–Lagrange residual d/dt ∂L/∂q̇ − ∂L/∂q (N, generalised) of any path at time t, L_vt + L_vq
-/// q̇ + L_vv q̈ − L_q. It vanishes for all times only if the path is a motion.
+/// Returns the Euler–Lagrange residual d/dt ∂L/∂q̇ − ∂L/∂q = L_vt + L_vq q̇ + L_vv q̈ − L_q (N, generalised) of any
+/// path at time t. It vanishes for all times only if the path is a motion.
 pub fn residual(lagrangian: &impl Lagrangian, path: &impl Trajectory, t: f64) -> DVector<f64> {
     let (q, v, a) = motion(path, t);
     let at = lagrangian.expansion(t, &q, &v);
