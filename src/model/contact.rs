@@ -97,10 +97,16 @@ pub(super) fn contact(
     if !parts.iter().enumerate().any(any) {
         return Ok(None);
     }
-    // The search distance is at least the layer, and at least the motion over several steps: candidates are few
-    // compared with elements.
-    let reach = parts.iter().map(|part| contact.distance.unwrap_or(part.distance));
-    let reach = reach.filter(|&distance| distance < FROM_OTHERS).fold(0.0, f64::max);
+    // A part of the edges of what deforms: with a margin of whole edges every edge would be a candidate of its neighbours.
+    let edges = parts.iter().filter(|part| part.stiffness.is_some());
+    let edges = edges.filter_map(|part| median_edge(&part.triangles, rest));
+    let reach = match edges.reduce(f64::min) {
+        Some(edge) => DISTANCE * edge,
+        None => {
+            let layers = parts.iter().map(|part| contact.distance.unwrap_or(part.distance));
+            layers.filter(|&distance| distance < FROM_OTHERS).fold(0.0, f64::max)
+        }
+    };
     let term = |distances: &Distances, x: &[f64]| {
         let mut builder = builder(contact, &parts, rest, may_meet);
         builder.start(x);

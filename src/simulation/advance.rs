@@ -93,7 +93,10 @@ impl Simulation {
             let Component { system, state, stepper, contact, .. } = component;
             if let (Some(contact), Some(stepper)) = (contact, stepper) {
                 contact.enter(stepper.take_impulses(), self.h);
-                facts.add(contact, &system.positions(state));
+                match stepper.take_smallest_gap() {
+                    Some(gap) => facts.smallest_gap = facts.smallest_gap.min(gap),
+                    None => facts.add(contact, &system.positions(state)),
+                }
             }
         }
         self.contact.smallest_gap = self.contact.smallest_gap.min(facts.smallest_gap);

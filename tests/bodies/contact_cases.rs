@@ -211,3 +211,44 @@ fixed = true
         assert!(column("smallest_gap").iter().all(|&gap| gap > 0.0), "{scheme}");
     }
 }
+
+/// H15: a cloth that falls on a ball and rubs on it does not cross it or itself, and an explicit run keeps its balance
+/// with few iterations per step.
+#[test]
+fn a_cloth_falls_on_a_ball_explicitly() {
+    let run = Program::run(
+        r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.2
+step = 4e-4
+scheme = "stormer-verlet"
+[contact]
+friction = 0.3
+[[body]]
+name = "cloth"
+sheet = { size = [1.0, 1.0], cells = [12, 12], origin = [-0.5, -0.5, 0.02] }
+material = { law = "st-venant-kirchhoff", young = 1e5, poisson = 0.3, area_density = 0.2, thickness = 1e-3 }
+[[rigid]]
+name = "ball"
+shape = { kind = "sphere", radius = 0.3 }
+position = [0, 0, -0.3]
+fixed = true
+[assert]
+intersections = 0
+smallest_gap = 1e-9
+"#,
+    );
+    let work = &run.report()["work"];
+    let (steps, iterations) = (work["steps"].as_f64().unwrap(), work["newton_iterations"].as_f64().unwrap());
+    assert!(iterations < 10.0 * steps, "{iterations} iterations of {steps} steps");
+    assert_eq!(work["factorizations"], 0);
+    let run = run.history();
+    let (total, friction, kinetic) = (run.column("total"), run.column("friction"), run.column("kinetic"));
+    let scale = kinetic.iter().copied().fold(0.0, f64::max);
+    assert!(run.column("pairs").iter().any(|pairs| *pairs > 3.0));
+    for i in 0..total.len() {
+        let balance = total[i] - friction[i] - total[0];
+        assert!(balance.abs() < 5e-3 * scale, "{i}: {balance:e} of {scale}");
+    }
+}

@@ -133,43 +133,54 @@ impl Contact<'_> {
     ///
     /// The candidates must cover both ends. Of several pairs with the same time the first is returned.
     pub fn first_impact(&self, x0: &[f64], x1: &[f64]) -> Option<Impact> {
+        let impacts = self.impacts(x0, x1).into_iter().map(|(impact, _)| impact);
+        impacts.min_by(|a, b| a.time.total_cmp(&b.time).then_with(|| a.partners.cmp(&b.partners)))
+    }
+
+    /// Every pair whose straight path from x₀ to x₁ is not proved free of touch, with its nodes.
+    pub(crate) fn impacts(&self, x0: &[f64], x1: &[f64]) -> Vec<(Impact, [u32; 4])> {
         let surface = self.surface;
-        let of_points = in_order(
-            surface.points.len(),
+        let near = self.neighbours.near();
+        let mut impacts = in_order(
+            near.len(),
             || (),
-            |point, (), out| {
+            |k, (), out| {
+                let point = near[k] as usize;
                 let node = surface.points[point].node;
                 for (body, cells) in self.bodies_of(point) {
                     let Some(gauge) = surface.point_gauge(point, body) else { continue };
                     for &cell in cells {
                         let cell = &surface.cells[cell as usize];
                         let [a, b, c] = cell.nodes;
-                        let time = self.path(cell.shape(), [node, a, b, c], x0, x1, gauge.thickness);
-                        out.extend(Impact::before_end(time, Partners::PointBody(point as u32, body)));
+                        let nodes = [node, a, b, c];
+                        let time = self.path(cell.shape(), nodes, x0, x1, gauge.thickness);
+                        let partners = Partners::PointBody(point as u32, body);
+                        out.extend(Impact::before_end(time, partners).map(|impact| (impact, nodes)));
                     }
                 }
             },
         );
-        let of_edges = in_order(
+        impacts.extend(in_order(
             self.neighbours.edges.len(),
             || (),
             |pair, (), out| {
                 let pair = &self.neighbours.edges[pair];
-                let time =
-                    self.path(Shape::EdgeEdge, self.edge_nodes(pair.edges), x0, x1, pair.gauge.thickness);
-                out.extend(Impact::before_end(time, Partners::Edges(pair.edges[0], pair.edges[1])));
+                let nodes = self.edge_nodes(pair.edges);
+                let time = self.path(Shape::EdgeEdge, nodes, x0, x1, pair.gauge.thickness);
+                let partners = Partners::Edges(pair.edges[0], pair.edges[1]);
+                out.extend(Impact::before_end(time, partners).map(|impact| (impact, nodes)));
             },
-        );
+        ));
         let of_planes = self.neighbours.planes.iter().filter_map(|&[point, plane]| {
             let thickness = surface.plane_gauge(point as usize, plane as usize)?.thickness;
             let time = self.path_over_plane(point, plane, x0, x1, thickness);
-            Impact::before_end(time, Partners::PointPlane(point, plane))
+            let [node, face] =
+                [surface.points[point as usize].node, surface.half_spaces[plane as usize].node];
+            let impact = Impact::before_end(time, Partners::PointPlane(point, plane))?;
+            Some((impact, [node, face, face, face]))
         });
-        of_points
-            .into_iter()
-            .chain(of_edges)
-            .chain(of_planes)
-            .min_by(|a, b| a.time.total_cmp(&b.time).then_with(|| a.partners.cmp(&b.partners)))
+        impacts.extend(of_planes);
+        impacts
     }
 
     fn path(&self, shape: Shape, nodes: [u32; 4], x0: &[f64], x1: &[f64], thickness: f64) -> f64 {

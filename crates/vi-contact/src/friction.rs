@@ -56,6 +56,12 @@ pub struct FrictionPair {
     pub stiffness: f64,
     /// t₁ and t₂.
     pub tangents: [Vec3; 2],
+    /// Covectors with Σ_a (·)_a·Δx_a = t₁·u and t₂·u.
+    pub along: [[Vec3; 4]; 2],
+    /// Direction of T along t₁ and t₂ where it slides; none while it sticks.
+    pub sliding: Option<[f64; 2]>,
+    /// μ.
+    pub coefficient: f64,
     /// Dissipated energy, J: T·u minus the change of the stored energy; never negative.
     pub dissipated: f64,
     /// Energy stored at the end, J.
@@ -71,6 +77,8 @@ pub(crate) struct Held {
     pub(crate) traction: Vec3,
     /// Half the stiffness of the bristle, less if it slides, N/m.
     pub(crate) stiffness: f64,
+    /// Direction of T along both tangents where it slides; none while it sticks.
+    pub(crate) sliding: Option<[f64; 2]>,
     /// Dissipated energy, T·u minus the change of the stored energy, J; never negative.
     pub(crate) dissipated: f64,
     /// Energy stored at the end, J.
@@ -89,6 +97,10 @@ impl Held {
         Self {
             traction,
             stiffness: (0.5 + rate) * k * bristle.held,
+            sliding: (bristle.held < 1.0).then(|| {
+                let size = bristle.traction[0].hypot(bristle.traction[1]);
+                if size > 0.0 { bristle.traction.map(|part| part / size) } else { [0.0; 2] }
+            }),
             dissipated: (traction.dot(&slip) - (stored - start.1)).max(0.0),
             stored,
             end: bristle.end,
@@ -160,7 +172,7 @@ impl Contact<'_> {
         })
     }
 
-    fn rub(
+    pub(crate) fn rub(
         &self,
         partners: Partners,
         normal_force: f64,
@@ -192,6 +204,9 @@ impl Contact<'_> {
             weights: slip.weights,
             stiffness: held.stiffness,
             tangents: slip.tangents,
+            along: slip.tangents.map(|tangent| slip.gradient(tangent)),
+            sliding: held.sliding,
+            coefficient: law.friction,
             dissipated: held.dissipated,
             stored: held.stored,
             anchor: Anchor { partners, cell, stretch: held.end },

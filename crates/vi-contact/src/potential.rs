@@ -4,6 +4,7 @@
 //! zero. The energy of a point is grouped by closest feature before it is distributed. Each group goes to the first
 //! candidate of its point that contains it, so that the block of a stencil depends on positions alone.
 
+mod acting;
 mod rolling;
 mod step;
 
@@ -113,9 +114,14 @@ impl ContactPotential {
     /// Returns the contact energy, exact as long as no node is farther than `reach` (m) from x.
     pub fn near(surface: Arc<Surface>, x: &[f64], reach: f64) -> Self {
         let neighbours = Neighbours::find(&surface, x, 2.0 * reach);
+        Self::on(surface, neighbours)
+    }
+
+    fn on(surface: Arc<Surface>, neighbours: Neighbours) -> Self {
         let contact = Contact { surface: &surface, neighbours: &neighbours };
         let mut nodes = Vec::with_capacity(4 * neighbours.count());
-        for (point, part) in surface.points().iter().enumerate() {
+        for &point in neighbours.near() {
+            let (point, part) = (point as usize, &surface.points()[point as usize]);
             for &cell in neighbours.cells_of(point) {
                 nodes.push(part.node);
                 nodes.extend(surface.cells()[cell as usize].nodes);
@@ -127,6 +133,12 @@ impl ContactPotential {
             nodes.extend([surface.points()[point as usize].node, face, face, face]);
         }
         Self { surface, neighbours: Arc::new(neighbours), nodes: nodes.into(), step: None }
+    }
+
+    /// The candidates that can act or meet while no node is farther than its reach from x.
+    pub(crate) fn narrowed_to(&self, x: &[f64], reach: &[f64]) -> Self {
+        let neighbours = self.neighbours.narrowed(&self.surface, x, reach);
+        Self::on(Arc::clone(&self.surface), neighbours)
     }
 
     /// Returns the candidates.
@@ -171,10 +183,10 @@ impl ContactPotential {
         (first..self.surface.points().len()).take_while(move |&point| (starts[point] as usize) < end)
     }
 
-    /// Returns the first candidate of a point that contains these nodes.
-    fn home(&self, point: usize, nodes: &[u32; 4]) -> Option<usize> {
-        let own = self.neighbours.starts[point] as usize..self.neighbours.starts[point + 1] as usize;
-        own.into_iter().find(|&stencil| nodes.iter().all(|node| self.of(stencil).contains(node)))
+    /// Number of the candidate of a point and a cell.
+    fn candidate(&self, point: usize, cell: u32) -> usize {
+        let cells = self.neighbours.cells_of(point);
+        self.neighbours.starts[point] as usize + cells.binary_search(&cell).unwrap_or(0)
     }
 
     /// Calls `each` with the acting pairs of the stencils in `range`, and the places of their nodes in the stencil.
@@ -186,8 +198,8 @@ impl ContactPotential {
             pairs.clear();
             contact.active_at_point(point, x, &mut group, &mut pairs);
             for pair in &pairs {
-                if let Some(stencil) = self.home(point, &pair.nodes).filter(|stencil| range.contains(stencil))
-                {
+                let stencil = self.candidate(point, pair.cell);
+                if range.contains(&stencil) {
                     each(stencil, pair, self.places(stencil, &pair.nodes));
                 }
             }
@@ -265,6 +277,10 @@ impl Potential for ContactPotential {
         Traits { hessian: HessianKind::Varying, time_dependent: false }
     }
 
+    fn energy(&self, x: &[f64], _t: f64) -> Option<f64> {
+        Some(self.contact().energy(x))
+    }
+
     fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         out.fill(0.0);
         let first = range.start;
@@ -301,6 +317,18 @@ impl Potential for ContactPotential {
     fn largest_step(&self, x: &[f64], dx: &[f64]) -> f64 {
         let free = self.free_path(x, dx);
         if free < 1.0 { (MARGIN * free).max(f64::MIN_POSITIVE) } else { 1.0 }
+    }
+
+    fn limit_nodes(&self, x: &[f64], end: &[f64], parts: &mut [f64]) {
+        for (impact, nodes) in self.contact().impacts(x, end) {
+            for node in nodes {
+                parts[node as usize] = parts[node as usize].min(MARGIN * impact.time);
+            }
+        }
+    }
+
+    fn narrowed(&self, x: &[f64], reach: &[f64]) -> Option<Arc<dyn Potential>> {
+        Some(Arc::new(self.narrowed_to(x, reach)))
     }
 
     fn fault(&self, stencil: usize, x: &[f64], _t: f64) -> Option<Fault> {

@@ -11,7 +11,7 @@ mod gather;
 pub(crate) mod hessian;
 pub(crate) mod inertia;
 pub(crate) mod live;
-mod passage;
+pub(crate) mod passage;
 mod spans;
 pub(crate) mod sweep;
 mod tied;

@@ -76,6 +76,12 @@ work! {
     projections,
     /// Steps whose cheap iteration failed and that full Newton steps with an energy descent solved.
     descents,
+    /// Searches for pairs of live terms, such as contact, among all parts of their surfaces.
+    searches,
+    /// Candidates of live terms whose path was checked.
+    path_checks,
+    /// Pairs of live terms whose force was evaluated.
+    pair_forces,
     /// Implicit steps whose prediction already satisfied the tolerance, so that nothing was solved.
     skipped,
 }

@@ -24,6 +24,8 @@ pub struct EdgePair {
 pub struct Neighbours {
     reference: Vec<f64>,
     margin: f64,
+    /// Points near any cell.
+    near: Vec<u32>,
     /// Index in `cells` of the first cell of each point, followed by the total number.
     pub(crate) starts: Vec<u32>,
     pub(crate) cells: Vec<u32>,
@@ -50,7 +52,56 @@ impl Neighbours {
                 }
             }
         }
-        Self { reference: x.to_vec(), margin, starts, cells, edges, planes }
+        let near = with_cells(&starts);
+        Self { reference: x.to_vec(), margin, near, starts, cells, edges, planes }
+    }
+
+    /// Those of these pairs that can act or meet while no node is farther than its `reach` (m) from x, where the list must
+    /// serve. The narrowed list has no margin of its own: it covers x alone.
+    pub fn narrowed(&self, surface: &Surface, x: &[f64], reach: &[f64]) -> Self {
+        let margin_of = |nodes: &[u32]| nodes.iter().map(|&node| reach[node as usize]).fold(0.0, f64::max);
+        let is_near = |shape: Shape, nodes: [u32; 4], gauge: &Gauge| {
+            // Both sides, with the largest reach of a node of each.
+            let (first, second) = nodes.split_at(if shape == Shape::EdgeEdge { 2 } else { 1 });
+            let margin = margin_of(first) + margin_of(second);
+            let reach = gauge.thickness + gauge.distance + margin;
+            shape.closest(&nodes.map(|node| at(x, node))).squared < reach * reach
+        };
+        let (mut starts, mut cells) = (Vec::with_capacity(self.starts.len()), Vec::new());
+        starts.push(0);
+        let mut near = self.near.iter().peekable();
+        for point in 0..surface.points.len() {
+            if near.next_if(|&&other| other as usize == point).is_some() {
+                cells.extend(self.cells_of(point).iter().filter(|&&cell| {
+                    let cell = &surface.cells[cell as usize];
+                    let [a, b, c] = cell.nodes;
+                    let gauge = surface.point_gauge(point, cell.body);
+                    gauge.is_some_and(|gauge| {
+                        is_near(cell.shape(), [surface.points[point].node, a, b, c], &gauge)
+                    })
+                }));
+            }
+            starts.push(cells.len() as u32);
+        }
+        let edges = self.edges.iter().filter(|pair| {
+            let [[i, j], [k, l]] = pair.edges.map(|edge| surface.edges[edge as usize].nodes);
+            is_near(Shape::EdgeEdge, [i, j, k, l], &pair.gauge)
+        });
+        let planes = self.planes.iter().filter(|&&[point, plane]| {
+            let (node, face) = (surface.points[point as usize].node, &surface.half_spaces[plane as usize]);
+            let height = face.normal.dot(&(at(x, node) - at(x, face.node)));
+            let gauge = surface.plane_gauge(point as usize, plane as usize);
+            let margin = margin_of(&[node, face.node]) + margin_of(&[face.node]);
+            gauge.is_some_and(|gauge| height < gauge.thickness + gauge.distance + margin)
+        });
+        let (edges, planes) = (edges.copied().collect(), planes.copied().collect());
+        let near = with_cells(&starts);
+        Self { reference: x.to_vec(), margin: 0.0, near, starts, cells, edges, planes }
+    }
+
+    /// Points near any cell, ascending.
+    pub(crate) fn near(&self) -> &[u32] {
+        &self.near
     }
 
     /// Returns whether every pair that can act or meet at x is among the candidates. This holds while 2 max|Δx| ≤
@@ -84,6 +135,11 @@ impl Neighbours {
     pub fn plane_pairs(&self) -> &[[u32; 2]] {
         &self.planes
     }
+}
+
+/// Points whose list of cells is not empty.
+fn with_cells(starts: &[u32]) -> Vec<u32> {
+    (0..).zip(starts.windows(2)).filter(|(_, range)| range[0] < range[1]).map(|(point, _)| point).collect()
 }
 
 /// Returns the distance by which the box of a part of a body is inflated, such that boxes overlap if a pair is nearer

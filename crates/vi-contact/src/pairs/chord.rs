@@ -22,6 +22,8 @@ use crate::distance::{Closest, Vec3, combine};
 pub(crate) struct DistanceChange {
     /// N_a.
     pub(crate) gradient: [Vec3; 4],
+    /// ∂d₁/∂x₁.
+    pub(crate) at_end: [Vec3; 4],
     /// d₁ − d₀ = Σ N_a·Δx_a, without cancellation.
     pub(crate) change: f64,
     /// c̄_a.
@@ -64,7 +66,8 @@ impl DistanceChange {
         let change = (rho_other.dot(&combine(&mean, &step)) + rho.dot(&combine(&other, &step))) * inverse;
         let length = rho.norm();
         let normal = if length > 0.0 { rho / length } else { Vec3::zeros() };
-        Self { gradient, change, weights: mean, normal }
+        let direction = end.vector / end.distance();
+        Self { gradient, at_end: end.weights.map(|weight| direction * weight), change, weights: mean, normal }
     }
 }
 

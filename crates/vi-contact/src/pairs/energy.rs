@@ -60,6 +60,8 @@ pub struct ActivePair {
     pub curvature: f64,
     /// Gap g = d − ξ, m.
     pub gap: f64,
+    /// Number of the first cell that contains the simplex which a point sees; zero for other pairs.
+    pub(crate) cell: u32,
     /// dC/dc, d²C/dc² and d²C/dd dc of nearly parallel edges, with c = |e_a × e_b|².
     parallel: Option<[f64; 3]>,
 }
@@ -85,6 +87,7 @@ impl ActivePair {
             slope: energy / gauge.distance * blend.slope(s),
             curvature: energy / (gauge.distance * gauge.distance) * blend.curvature(s),
             gap: s * gauge.distance,
+            cell: 0,
             parallel: None,
         }
     }
@@ -184,8 +187,9 @@ fn rows(size: usize, mut packed: &mut [f64]) -> impl Iterator<Item = (usize, &mu
 impl Contact<'_> {
     /// Returns all pairs that act at positions x, in the order of points, edges, half-spaces.
     pub fn active(&self, x: &[f64]) -> Vec<ActivePair> {
-        let mut pairs = in_order(self.surface.points.len(), Group::new, |point, group, out| {
-            self.active_at_point(point, x, group, out);
+        let near = self.neighbours.near();
+        let mut pairs = in_order(near.len(), Group::new, |k, group, out| {
+            self.active_at_point(near[k] as usize, x, group, out);
         });
         pairs.extend(in_order(
             self.neighbours.edges.len(),
@@ -256,7 +260,9 @@ impl Contact<'_> {
                 let [closest] = term.closest;
                 let partners = Partners::PointBody(point as u32, body);
                 let strength = Strength { gauge, blend, multiplicity: f64::from(term.multiplicity) };
-                ActivePair::new(partners, term.shape, term.nodes, closest, closest.distance(), &strength)
+                let distance = closest.distance();
+                let pair = ActivePair::new(partners, term.shape, term.nodes, closest, distance, &strength);
+                ActivePair { cell: term.home, ..pair }
             }));
         }
     }

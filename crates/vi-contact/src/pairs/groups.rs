@@ -12,6 +12,8 @@ pub(crate) struct PointTerm<const ENDS: usize> {
     pub(crate) nodes: [u32; 4],
     /// Sum n of the inclusion–exclusion numbers.
     pub(crate) multiplicity: i32,
+    /// Number of the first of the point's cells that contains the simplex.
+    pub(crate) home: u32,
     /// Closest points at each end.
     pub(crate) closest: [Closest; ENDS],
     /// Nodes of the closest feature at each end.
@@ -23,8 +25,24 @@ pub(crate) struct PointTerm<const ENDS: usize> {
 pub(crate) struct Group<const ENDS: usize> {
     /// The terms of the point against one body; no two have the same closest features.
     pub(crate) terms: Vec<PointTerm<ENDS>>,
-    edges: Vec<([u32; 2], i32)>,
-    nodes: Vec<(u32, i32)>,
+    edges: Vec<Shared<[u32; 2]>>,
+    nodes: Vec<Shared<u32>>,
+    order: Vec<u32>,
+}
+
+/// A simplex of several cells, the sum of their numbers, and the number of the first.
+type Shared<S> = (S, i32, u32);
+
+/// Sums the numbers of equal simplices. Sorted, as a ball sees thousands of cells at once.
+fn sum<S: Copy + Ord>(shared: &mut Vec<Shared<S>>) {
+    shared.sort_unstable();
+    shared.dedup_by(|next, kept| {
+        let is_same = next.0 == kept.0;
+        if is_same {
+            (kept.1, kept.2) = (kept.1 + next.1, kept.2.min(next.2));
+        }
+        is_same
+    });
 }
 
 /// Marks a missing node.
@@ -32,7 +50,7 @@ const NONE: u32 = u32::MAX;
 
 impl<const ENDS: usize> Group<ENDS> {
     pub(crate) fn new() -> Self {
-        Self { terms: Vec::new(), edges: Vec::new(), nodes: Vec::new() }
+        Self { terms: Vec::new(), edges: Vec::new(), nodes: Vec::new(), order: Vec::new() }
     }
 
     /// Finds the terms of a point against cells of one body, at positions x of each end.
@@ -49,10 +67,10 @@ impl<const ENDS: usize> Group<ENDS> {
     ) {
         self.terms.clear();
         let reach = gauge.reach_squared();
-        for &cell in cells {
-            let cell = &surface.cells[cell as usize];
+        for &home in cells {
+            let cell = &surface.cells[home as usize];
             let [a, b, c] = cell.nodes;
-            self.push(cell.shape(), [node, a, b, c], 1, reach, x);
+            self.push(cell.shape(), [node, a, b, c], (1, home), reach, x);
         }
         if self.terms.len() > 1 {
             self.share(node, reach, x);
@@ -62,45 +80,46 @@ impl<const ENDS: usize> Group<ENDS> {
 
     /// Adds a term if it is within reach at some end.
     #[inline]
-    fn push(&mut self, shape: Shape, nodes: [u32; 4], multiplicity: i32, reach: f64, x: [&[f64]; ENDS]) {
+    fn push(
+        &mut self,
+        shape: Shape,
+        nodes: [u32; 4],
+        (multiplicity, home): (i32, u32),
+        reach: f64,
+        x: [&[f64]; ENDS],
+    ) {
         let closest = x.map(|x| shape.closest(&nodes.map(|node| at(x, node))));
         if closest.iter().any(|closest| closest.squared < reach) {
             let features = closest.map(|closest| feature(&nodes, &closest));
-            self.terms.push(PointTerm { shape, nodes, multiplicity, closest, features });
+            self.terms.push(PointTerm { shape, nodes, multiplicity, home, closest, features });
         }
     }
 
     /// Adds the edges and nodes that several cells share, with their numbers n.
     fn share(&mut self, point: u32, reach: f64, x: [&[f64]; ENDS]) {
-        self.edges.clear();
-        self.nodes.clear();
-        for term in &self.terms {
-            match term.shape {
-                Shape::PointTriangle => {
-                    let [_, a, b, c] = term.nodes;
-                    for edge in [[a, b], [a, c], [b, c]] {
-                        match self.edges.iter_mut().find(|(other, _)| *other == edge) {
-                            Some((_, number)) => *number -= 1,
-                            None => self.edges.push((edge, 0)),
-                        }
-                    }
-                    [a, b, c].into_iter().for_each(|node| add(&mut self.nodes, node, 1));
-                }
-                // The edge of a wire is a cell, which already counts with n = 1.
-                Shape::PointEdge => self.edges.push(([term.nodes[1], term.nodes[2]], 0)),
-                _ => {}
-            }
+        let (mut edges, mut nodes) = (std::mem::take(&mut self.edges), std::mem::take(&mut self.nodes));
+        edges.clear();
+        nodes.clear();
+        for term in self.terms.iter().filter(|term| term.shape == Shape::PointTriangle) {
+            let [_, a, b, c] = term.nodes;
+            edges.extend([[a, b], [a, c], [b, c]].map(|edge| (edge, -1, term.home)));
+            nodes.extend([a, b, c].map(|node| (node, 1, term.home)));
         }
-        for &([a, b], _) in &self.edges {
-            add(&mut self.nodes, a, -1);
-            add(&mut self.nodes, b, -1);
+        sum(&mut edges);
+        edges.iter_mut().for_each(|edge| edge.1 += 1);
+        for term in self.terms.iter().filter(|term| term.shape == Shape::PointEdge) {
+            // A wire's edge is a cell: n = 1 is there already.
+            edges.push(([term.nodes[1], term.nodes[2]], 0, term.home));
         }
-        let (edges, nodes) = (std::mem::take(&mut self.edges), std::mem::take(&mut self.nodes));
-        for &([a, b], number) in edges.iter().filter(|&&(_, number)| number != 0) {
-            self.push(Shape::PointEdge, [point, a, b, b], number, reach, x);
+        for &(edge, _, home) in &edges {
+            nodes.extend(edge.map(|node| (node, -1, home)));
         }
-        for &(node, number) in nodes.iter().filter(|&&(_, number)| number != -1) {
-            self.push(Shape::PointPoint, [point, node, node, node], 1 + number, reach, x);
+        sum(&mut nodes);
+        for &([a, b], number, home) in edges.iter().filter(|edge| edge.1 != 0) {
+            self.push(Shape::PointEdge, [point, a, b, b], (number, home), reach, x);
+        }
+        for &(node, number, home) in nodes.iter().filter(|node| node.1 != -1) {
+            self.push(Shape::PointPoint, [point, node, node, node], (1 + number, home), reach, x);
         }
         (self.edges, self.nodes) = (edges, nodes);
     }
@@ -108,27 +127,19 @@ impl<const ENDS: usize> Group<ENDS> {
     /// Sums terms with the same closest features at every end: they have the same distances and hence the same
     /// energies.
     fn merge(&mut self) {
-        let terms = &mut self.terms;
-        let mut kept = 0;
-        for k in 0..terms.len() {
-            let term = terms[k];
-            match terms[..kept].iter_mut().find(|other| other.features == term.features) {
-                Some(other) => other.multiplicity += term.multiplicity,
-                None => {
-                    terms[kept] = term;
-                    kept += 1;
-                }
+        let Self { terms, order, .. } = self;
+        order.clear();
+        order.extend(0..terms.len() as u32);
+        order.sort_unstable_by_key(|&k| (terms[k as usize].features, k));
+        let mut kept = order.first().map_or(0, |&k| k as usize);
+        for k in order.iter().skip(1).map(|&k| k as usize) {
+            if terms[k].features == terms[kept].features {
+                terms[kept].multiplicity += std::mem::take(&mut terms[k].multiplicity);
+            } else {
+                kept = k;
             }
         }
-        terms.truncate(kept);
         terms.retain(|term| term.multiplicity != 0);
-    }
-}
-
-fn add(nodes: &mut Vec<(u32, i32)>, node: u32, number: i32) {
-    match nodes.iter_mut().find(|(other, _)| *other == node) {
-        Some((_, sum)) => *sum += number,
-        None => nodes.push((node, number)),
     }
 }
 

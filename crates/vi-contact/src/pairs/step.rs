@@ -35,6 +35,8 @@ pub struct StepPair {
     pub weights: [f64; 4],
     /// Unit vector between the closest points at the midpoint.
     pub normal: Vec3,
+    /// The discrete gradient N of the distance, and ∂d₁/∂x₁: ∂G/∂x₁ ≈ k N ⊗ ∂d₁/∂x₁.
+    pub distance: [[Vec3; 4]; 2],
     /// k of ∂G/∂x₁ ≈ k c̄ c̄ᵀ ⊗ n nᵀ, N/m; positive except for pairs that inclusion and exclusion subtracts.
     pub stiffness: f64,
     /// C₀ and C₁, J.
@@ -43,6 +45,8 @@ pub struct StepPair {
     pub dissipated: f64,
     /// The smaller gap of both ends, m.
     pub gap: f64,
+    /// Number of the first cell that contains the simplex which a point sees; zero for other pairs.
+    pub(crate) cell: u32,
 }
 
 impl StepPair {
@@ -111,8 +115,9 @@ impl Contact<'_> {
     /// sign.
     pub fn step(&self, x0: &[f64], x1: &[f64], settings: &StepSettings) -> Vec<StepPair> {
         let x = [x0, x1];
-        let mut pairs = in_order(self.surface.points.len(), Group::new, |point, group, out| {
-            self.step_of_point(point, x, settings, group, out);
+        let near = self.neighbours.near();
+        let mut pairs = in_order(near.len(), Group::new, |k, group, out| {
+            self.step_of_point(near[k] as usize, x, settings, group, out);
         });
         pairs.extend(in_order(
             self.neighbours.edges.len(),
@@ -148,7 +153,8 @@ impl Contact<'_> {
                 let strength = Strength { gauge, blend, multiplicity: f64::from(term.multiplicity) };
                 let quotient = Quotient::new(&strength, ends, change.change, rate);
                 let partners = Partners::PointBody(point as u32, body);
-                out.push(assemble(partners, term.shape.arity(), term.nodes, &change, &quotient));
+                let pair = assemble(partners, term.shape.arity(), term.nodes, &change, &quotient);
+                out.push(StepPair { cell: term.home, ..pair });
             }
         }
     }
@@ -213,6 +219,7 @@ impl Contact<'_> {
         let zero = Vec3::zeros();
         let change = DistanceChange {
             gradient: [normal, -normal, zero, zero],
+            at_end: [normal, -normal, zero, zero],
             change: normal.dot(&(step(part.node) - step(face.node))),
             weights: [1.0, -1.0, 0.0, 0.0],
             normal,
@@ -226,7 +233,7 @@ impl Contact<'_> {
     }
 
     /// Returns τ/h of two bodies.
-    fn damping_rate(&self, a: u32, b: u32, settings: &StepSettings) -> f64 {
+    pub(crate) fn damping_rate(&self, a: u32, b: u32, settings: &StepSettings) -> f64 {
         self.surface.law(a, b).map_or(0.0, |law| law.damping / settings.duration)
     }
 }
@@ -246,9 +253,11 @@ fn assemble(
         gradient: change.gradient.map(|gradient| gradient * quotient.slope),
         weights: change.weights,
         normal: change.normal,
+        distance: [change.gradient, change.at_end],
         stiffness: quotient.stiffness,
         energy: quotient.energy,
         dissipated: quotient.dissipated,
         gap: quotient.gap,
+        cell: 0,
     }
 }

@@ -6,10 +6,11 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use vi_core::{
-    Account, DiscreteGradient, HessianKind, Impulse, Live, Potential, Stencils, StepOutcome, Traits,
+    Account, Acting, DiscreteGradient, HessianKind, Impulse, Live, Potential, Stencils, StepOutcome, Traits,
     packed_len,
 };
 
+use super::acting::Sliding;
 use super::{ContactPotential, ContactTerm};
 use crate::distance::{Vec3, at};
 use crate::friction::{Anchors, RollingPair, Step};
@@ -39,17 +40,7 @@ impl Live for RollingTerm {
     }
 
     fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential> {
-        let contact = self.0.near_shared(x, reach);
-        let candidates = candidates(&contact);
-        let view = contact.contact();
-        let nodes =
-            candidates.iter().flat_map(|candidate| view.rolling_nodes(candidate.partners, candidate.cell));
-        Arc::new(RollingPotential {
-            nodes: nodes.collect(),
-            candidates: candidates.into(),
-            contact,
-            step: None,
-        })
+        Arc::new(RollingPotential::of(self.0.near_shared(x, reach)))
     }
 }
 
@@ -66,9 +57,9 @@ struct Candidate {
 fn candidates(contact: &ContactPotential) -> Vec<Candidate> {
     let (surface, view) = (contact.surface(), contact.contact());
     let mut all = Vec::new();
-    for point in 0..surface.points().len() {
-        for (body, cells) in view.bodies_of(point) {
-            let partners = Partners::PointBody(point as u32, body);
+    for &point in contact.neighbours().near() {
+        for (body, cells) in view.bodies_of(point as usize) {
+            let partners = Partners::PointBody(point, body);
             all.extend(cells.iter().map(|&cell| Candidate { partners, cell, number: 0 }));
         }
     }
@@ -94,6 +85,40 @@ struct RollingPotential {
 }
 
 impl RollingPotential {
+    fn of(contact: ContactPotential) -> Self {
+        let candidates = candidates(&contact);
+        let view = contact.contact();
+        let nodes =
+            candidates.iter().flat_map(|candidate| view.rolling_nodes(candidate.partners, candidate.cell));
+        Self { nodes: nodes.collect(), candidates: candidates.into(), contact, step: None }
+    }
+
+    /// Adds friction of the pairs of equal partners over the open step.
+    fn add_friction(&self, pairs: &[StepPair], x: [&[f64]; 2], step: &Step, out: &mut Acting) {
+        let (contact, surface) = (self.contact.contact(), self.contact.surface());
+        let partners = pairs[0].partners;
+        if !surface.rolls(partners) {
+            return;
+        }
+        let force: Vec3 = pairs.iter().map(StepPair::force).sum();
+        let limit = if out.sticks && force != Vec3::zeros() { f64::MAX } else { force.norm() };
+        let rubbing = contact.roll(partners, limit, x, &step.anchors, &step.settings);
+        let (Some(pair), Some(law)) = (rubbing, contact.law_of(partners)) else { return };
+        let nodes = contact.rolling_nodes(partners, pair.cell);
+        let spread = |vector: Vec3| pair.weights.map(|weight| vector * weight);
+        let gradient = spread(pair.held.traction);
+        out.add_gradient(nodes.into_iter().zip(gradient.map(|vector| vector.into())));
+        let along = pair.tangents.map(spread);
+        let sliding = Sliding {
+            nodes: &nodes,
+            along: [&along[0], &along[1]],
+            stiffness: pair.held.stiffness,
+            direction: pair.held.sliding,
+            coefficient: law.friction,
+        };
+        sliding.add_tangents(pairs, out);
+    }
+
     /// Calls `each` with the pairs that have friction between x₀ and x₁ in the stencils of `range`.
     fn for_each(&self, range: Range<usize>, x: [&[f64]; 2], mut each: impl FnMut(usize, &RollingPair)) {
         let Some(step) = &self.step else { return };
@@ -153,6 +178,10 @@ impl Potential for RollingPotential {
         Traits { hessian: HessianKind::Zero, time_dependent: false }
     }
 
+    fn energy(&self, _x: &[f64], _t: f64) -> Option<f64> {
+        Some(0.0)
+    }
+
     fn energies(&self, _range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
         out.fill(0.0);
     }
@@ -167,6 +196,10 @@ impl Potential for RollingPotential {
 
     fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {
         Some(self)
+    }
+
+    fn narrowed(&self, x: &[f64], reach: &[f64]) -> Option<Arc<dyn Potential>> {
+        Some(Arc::new(Self::of(self.contact.narrowed_to(x, reach))))
     }
 }
 
@@ -195,6 +228,16 @@ impl DiscreteGradient for RollingPotential {
                 out.iter_mut().zip(&block).for_each(|(out, entry)| *out += entry);
             }
         });
+    }
+
+    fn acting(&self, start: &[f64], end: &[f64], out: &mut Acting) -> bool {
+        if let Some(step) = &self.step {
+            // With the damping of the step in the normal forces.
+            let contact = ContactPotential { step: self.step.clone(), ..self.contact.clone() };
+            let x = [start, end];
+            contact.for_each_acting(x, out, |pairs, out| self.add_friction(pairs, x, step, out));
+        }
+        true
     }
 
     fn over_step(&self, duration: f64, memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{DiscreteGradient, Impulse, StepOutcome, packed_len};
+use vi_core::{Acting, DiscreteGradient, Impulse, StepOutcome, packed_len};
 
 use super::{ContactPotential, PACKED, SIZE, add_packed};
 use crate::distance::{Vec3, at};
@@ -13,15 +13,15 @@ use crate::friction::{Anchors, FrictionPair, Step};
 use crate::pairs::{Group, Partners, StepPair, StepSettings};
 
 /// Settings without damping, which is a separate force.
-const UNDAMPED: StepSettings = StepSettings { duration: f64::INFINITY };
+pub(super) const UNDAMPED: StepSettings = StepSettings { duration: f64::INFINITY };
 
 /// A force between x₀ and x₁: the normal force of a pair, or its friction.
-enum Acting<'a> {
+enum Force<'a> {
     Normal(&'a StepPair),
     Friction(&'a FrictionPair),
 }
 
-impl Acting<'_> {
+impl Force<'_> {
     fn nodes(&self) -> &[u32; 4] {
         match self {
             Self::Normal(pair) => &pair.nodes,
@@ -65,7 +65,7 @@ impl ContactPotential {
         &self,
         range: Range<usize>,
         x: [&[f64]; 2],
-        mut each: impl FnMut(usize, Acting<'_>, [usize; 4]),
+        mut each: impl FnMut(usize, Force<'_>, [usize; 4]),
     ) {
         let contact = self.contact();
         let settings = self.step.as_ref().map_or(&UNDAMPED, |step| &step.settings);
@@ -81,10 +81,14 @@ impl ContactPotential {
             pairs.clear();
             contact.step_of_point(point, x, settings, &mut group, &mut pairs);
             friction(&pairs, &mut rubbing);
-            let all = pairs.iter().map(Acting::Normal).chain(rubbing.iter().map(Acting::Friction));
+            let all = pairs.iter().map(Force::Normal).chain(rubbing.iter().map(Force::Friction));
             for acting in all {
-                let home = self.home(point, acting.nodes());
-                if let Some(stencil) = home.filter(|stencil| range.contains(stencil)) {
+                let cell = match &acting {
+                    Force::Normal(pair) => pair.cell,
+                    Force::Friction(pair) => pair.anchor.cell,
+                };
+                let stencil = self.candidate(point, cell);
+                if range.contains(&stencil) {
                     let places = self.places(stencil, acting.nodes());
                     each(stencil, acting, places);
                 }
@@ -100,8 +104,8 @@ impl ContactPotential {
             };
             if let Some(pair) = pair {
                 friction(std::slice::from_ref(&pair), &mut rubbing);
-                each(stencil, Acting::Normal(&pair), [0, 1, 2, 3]);
-                rubbing.iter().for_each(|pair| each(stencil, Acting::Friction(pair), [0, 1, 2, 3]));
+                each(stencil, Force::Normal(&pair), [0, 1, 2, 3]);
+                rubbing.iter().for_each(|pair| each(stencil, Force::Friction(pair), [0, 1, 2, 3]));
             }
         }
     }
@@ -133,6 +137,11 @@ impl DiscreteGradient for ContactPotential {
         });
     }
 
+    fn acting(&self, start: &[f64], end: &[f64], out: &mut Acting) -> bool {
+        self.add_acting([start, end], out);
+        true
+    }
+
     fn over_step(&self, duration: f64, memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
         let anchors = Anchors::from_numbers(memory, &self.surface)?;
         let step = Some(Step { settings: StepSettings { duration }, anchors });
@@ -150,8 +159,14 @@ impl DiscreteGradient for ContactPotential {
             let between = [first.min(second), first.max(second)];
             *impulses.entry(between).or_insert_with(Vec3::zeros) += acting.force() * (sign * duration);
             match acting {
-                Acting::Normal(pair) => outcome.damping += pair.dissipated,
-                Acting::Friction(pair) => {
+                Force::Normal(pair) => {
+                    outcome.damping += pair.dissipated;
+                    if pair.energy != [0.0; 2] {
+                        outcome.smallest_gap =
+                            Some(outcome.smallest_gap.map_or(pair.gap, |gap| gap.min(pair.gap)));
+                    }
+                }
+                Force::Friction(pair) => {
                     for (&node, gradient) in pair.nodes.iter().zip(acting.gradient()) {
                         work += gradient.dot(&(at(end, node) - at(start, node)));
                     }

@@ -1,5 +1,6 @@
 //! Tests contact between small bodies, proofs of separation, and friction.
 
+mod acting;
 mod bar;
 mod broad_phase;
 mod ccd;

@@ -19,6 +19,12 @@ pub trait DiscreteGradient: Send + Sync {
     /// same.
     fn tangents(&self, range: Range<usize>, start: &[f64], end: &[f64], out: &mut [f64]);
 
+    /// Appends what acts between `start` and `end`, pair by pair, to `out`. Returns false, and appends nothing, where the
+    /// term does not know its pairs.
+    fn acting(&self, _start: &[f64], _end: &[f64], _out: &mut Acting) -> bool {
+        false
+    }
+
     /// Returns the term for one step of `duration` (s), if it has dissipative forces in addition to V. These may
     /// depend on earlier steps, as dry friction does: `memory` comes from [`DiscreteGradient::outcome`] of the last
     /// step. The stencils are those of this term. Returns `None` if the term has no such forces.
@@ -29,6 +35,94 @@ pub trait DiscreteGradient: Send + Sync {
     /// Returns the work and the memory of the dissipative forces for a step from `start` to `end`.
     fn outcome(&self, _start: &[f64], _end: &[f64]) -> StepOutcome {
         StepOutcome::default()
+    }
+}
+
+/// Sparse covectors, one behind the other.
+#[derive(Debug, Clone, PartialEq, Default)]
+struct Covectors {
+    entries: Vec<(u32, [f64; 3])>,
+    ends: Vec<usize>,
+}
+
+impl Covectors {
+    fn push(&mut self, entries: impl IntoIterator<Item = (u32, [f64; 3])>) {
+        self.entries.extend(entries.into_iter().filter(|(_, value)| *value != [0.0; 3]));
+        self.ends.push(self.entries.len());
+    }
+
+    fn append(&mut self, other: &Self) {
+        let first = self.entries.len();
+        self.entries.extend_from_slice(&other.entries);
+        self.ends.extend(other.ends.iter().map(|end| first + end));
+    }
+
+    fn clear(&mut self) {
+        self.entries.clear();
+        self.ends.clear();
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &[(u32, [f64; 3])]> {
+        let mut start = 0;
+        self.ends.iter().map(move |&end| &self.entries[std::mem::replace(&mut start, end)..end])
+    }
+}
+
+/// What acts over a step, pair by pair: few numbers where most stencils do nothing. Covectors are lists of nodes, each
+/// with three numbers.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Acting {
+    /// Asks for tangents by secants of forces that have a kink, such as friction: Newton's method may go to and fro over
+    /// a kink for ever, while secants come nearer at every iteration, however slowly.
+    pub by_secants: bool,
+    /// Asks for friction that sticks however large it is: from where it sticks, Newton's method slides to the right side.
+    pub sticks: bool,
+    gradients: Covectors,
+    tangents: Covectors,
+}
+
+impl Acting {
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.gradients.clear();
+        self.tangents.clear();
+    }
+
+    /// Adds a covector (N) to G.
+    pub fn add_gradient(&mut self, covector: impl IntoIterator<Item = (u32, [f64; 3])>) {
+        self.gradients.push(covector);
+    }
+
+    /// Adds left ⊗ right (N/m) to ∂G/∂x₁. Both are different in general: friction depends on pressure, but pressure does
+    /// not depend on friction.
+    pub fn add_tangent(
+        &mut self,
+        left: impl IntoIterator<Item = (u32, [f64; 3])>,
+        right: impl IntoIterator<Item = (u32, [f64; 3])>,
+    ) {
+        self.tangents.push(left);
+        self.tangents.push(right);
+    }
+
+    /// Appends what another one holds.
+    pub fn append(&mut self, other: &Self) {
+        self.gradients.append(&other.gradients);
+        self.tangents.append(&other.tangents);
+    }
+
+    /// Number of covectors whose sum is G.
+    pub fn count(&self) -> usize {
+        self.gradients.ends.len()
+    }
+
+    /// The covectors whose sum is G.
+    pub fn gradients(&self) -> impl Iterator<Item = &[(u32, [f64; 3])]> {
+        self.gradients.iter()
+    }
+
+    /// Left and right factors of the parts of ∂G/∂x₁, in turn.
+    pub fn tangents(&self) -> impl Iterator<Item = &[(u32, [f64; 3])]> {
+        self.tangents.iter()
     }
 }
 
@@ -48,6 +142,8 @@ pub struct StepOutcome {
     pub damping: f64,
     /// Impulses between parts of the system.
     pub impulses: Vec<Impulse>,
+    /// The smallest gap of what acted, at both ends, m; none where nothing did.
+    pub smallest_gap: Option<f64>,
 }
 
 /// The impulse of the second of two parts on the first over a step.

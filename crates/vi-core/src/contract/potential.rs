@@ -5,6 +5,7 @@
 //! factor need.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
@@ -115,6 +116,11 @@ pub trait Potential: Send + Sync {
     /// Writes the energies V_s, J: one per stencil.
     fn energies(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]);
 
+    /// Σ V_s over all stencils, J, for terms that sum it with less work than stencil by stencil; none for others.
+    fn energy(&self, _x: &[f64], _t: f64) -> Option<f64> {
+        None
+    }
+
     /// Writes the gradients ∂V_s/∂x, N: n per stencil, n = `stencils().size()`.
     fn gradients(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]);
 
@@ -168,6 +174,22 @@ pub trait Potential: Send + Sync {
     /// applied.
     fn largest_step(&self, _x: &[f64], _dx: &[f64]) -> f64 {
         1.0
+    }
+
+    /// Lowers `parts`, one per node in [0, 1], where the straight path from `x` to `end` is not allowed in full: the part
+    /// of its path that each node may go. Where nodes go different parts of it, the new path is to be asked for again.
+    fn limit_nodes(&self, x: &[f64], end: &[f64], parts: &mut [f64]) {
+        if self.limits_steps() {
+            let dx: Vec<f64> = end.iter().zip(x).map(|(end, x)| end - x).collect();
+            let largest = self.largest_step(x, &dx);
+            parts.iter_mut().for_each(|part| *part = part.min(largest));
+        }
+    }
+
+    /// This term with those of its stencils that serve while no node is farther than its `reach` (m) from x. It must
+    /// itself serve there. None where a term does not know how to choose them.
+    fn narrowed(&self, _x: &[f64], _reach: &[f64]) -> Option<Arc<dyn Potential>> {
+        None
     }
 
     /// Returns the element of stencil `stencil`, in the numbering of its mesh.

@@ -68,6 +68,11 @@ impl Assembler {
         self.fixed.gather()
     }
 
+    /// Leaves live terms out from now on.
+    pub(crate) fn drop_live(&mut self) {
+        self.live = None;
+    }
+
     /// Returns the sum of the live terms for reading.
     pub(crate) fn shared_live(&self) -> Option<&LiveSum> {
         self.live.as_deref()

@@ -33,6 +33,17 @@ impl std::ops::AddAssign for Energies {
 }
 
 impl Energies {
+    /// Returns the energies with `value` (J) added to an account.
+    pub(crate) fn with(mut self, (account, value): (Account, f64)) -> Self {
+        match account {
+            Account::Elastic => self.elastic += value,
+            Account::Gravity => self.gravity += value,
+            Account::Load => self.load += value,
+            Account::Contact => self.contact += value,
+        }
+        self
+    }
+
     /// Returns V, J.
     pub fn total(&self) -> f64 {
         self.elastic + self.gravity + self.load + self.contact

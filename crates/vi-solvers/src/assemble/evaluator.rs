@@ -83,6 +83,13 @@ impl Evaluator {
         self
     }
 
+    /// The same without live terms, which act elsewhere.
+    #[must_use]
+    pub(crate) fn without_live(mut self) -> Self {
+        self.assembler.drop_live();
+        self
+    }
+
     /// Sets the ends of the step, (q, t) each, for the next evaluations.
     pub(crate) fn set_ends(&mut self, system: &System, start: (&[f64], f64), end: (&[f64], f64)) {
         if self.assembler.live().is_none() {
@@ -178,6 +185,11 @@ impl Evaluator {
     /// Returns the impulses between parts of live terms since the last call, N s.
     pub(crate) fn take_impulses(&mut self) -> Vec<Impulse> {
         self.assembler.live().map(|live| live.take_impulses()).unwrap_or_default()
+    }
+
+    /// The smallest gap of live terms in the steps since the last call, m; infinite where nothing acted.
+    pub(crate) fn take_smallest_gap(&mut self) -> f64 {
+        self.assembler.live().and_then(|live| live.take_smallest_gap()).unwrap_or(f64::INFINITY)
     }
 
     /// See [`Assembler::limits_steps`].

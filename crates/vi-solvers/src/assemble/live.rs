@@ -239,7 +239,14 @@ impl LiveSum {
     pub(crate) fn energies(&mut self, x: &[f64], t: f64) -> Energies {
         self.follow(x, None);
         match &mut self.near {
-            Some(near) => near.whole.energies(x, t),
+            Some(near) => {
+                let terms = near.whole.terms().fixed();
+                let of = |term: &Arc<dyn Potential>| Some((term.account(), term.energy(x, t)?));
+                match terms.iter().map(of).collect::<Option<Vec<_>>>() {
+                    Some(parts) => parts.into_iter().fold(Energies::default(), Energies::with),
+                    None => near.whole.energies(x, t),
+                }
+            }
             None => Energies { contact: f64::INFINITY, ..Energies::default() },
         }
     }
@@ -300,6 +307,11 @@ impl LiveSum {
     /// Returns the impulses between parts since the last call, N s.
     pub(crate) fn take_impulses(&mut self) -> Vec<Impulse> {
         self.passage.take_impulses()
+    }
+
+    /// The smallest gap of what acted in the steps since the last call, m.
+    pub(crate) fn take_smallest_gap(&mut self) -> Option<f64> {
+        self.passage.take_smallest_gap()
     }
 
     /// Returns whether all terms allow the straight path from `start` to `end`. A term may keep a margin relative to

@@ -25,7 +25,7 @@ impl Remembered {
         Self { memories: vec![Vec::new(); terms], ..Self::default() }
     }
 
-    pub(super) fn remember(&self, name: &str, memory: &mut StepperMemory) {
+    pub(crate) fn remember(&self, name: &str, memory: &mut StepperMemory) {
         memory.counts.push((format!("{name}.terms"), self.memories.len() as u64));
         for (number, values) in self.memories.iter().enumerate() {
             memory.arrays.push((format!("{name}.memory.{number}"), values.clone()));
@@ -34,7 +34,7 @@ impl Remembered {
     }
 
     /// Returns what [`Remembered::remember`] recorded; `None` if there is nothing.
-    pub(super) fn recall(name: &str, memory: &StepperMemory) -> Option<Self> {
+    pub(crate) fn recall(name: &str, memory: &StepperMemory) -> Option<Self> {
         let array = |part: &str| {
             let found = memory.arrays.iter().find(|(key, _)| *key == format!("{name}.{part}"));
             found.map(|(_, values)| values.clone())
@@ -48,7 +48,7 @@ impl Remembered {
 
 /// The memory of live terms over the steps.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Passage {
+pub(crate) struct Passage {
     /// The current memory, and the positions of all coordinates to which it belongs, m. Empty positions mean
     /// anywhere.
     now: Remembered,
@@ -62,25 +62,33 @@ pub(super) struct Passage {
     /// Impulses of the last step, and the sum of all earlier ones that were not yet taken, N s.
     impulses: Vec<Impulse>,
     earlier: Vec<Impulse>,
+    /// The smallest gap of the step that was closed last, and of all accepted steps whose gap was not yet taken, m.
+    next_gap: Option<f64>,
+    smallest_gap: Option<f64>,
+}
+
+/// The smaller of two gaps, of which any may be none.
+fn smaller(a: Option<f64>, b: Option<f64>) -> Option<f64> {
+    a.into_iter().chain(b).reduce(f64::min)
 }
 
 impl Passage {
-    pub(super) fn new(terms: usize) -> Self {
+    pub(crate) fn new(terms: usize) -> Self {
         Self { now: Remembered::new(terms), ..Self::default() }
     }
 
-    pub(super) fn now(&self) -> &Remembered {
+    pub(crate) fn now(&self) -> &Remembered {
         &self.now
     }
 
-    pub(super) fn go_to(&mut self, now: &Remembered) {
+    pub(crate) fn go_to(&mut self, now: &Remembered) {
         if now.memories.len() == self.now.memories.len() {
             *self = Self { now: now.clone(), ..Self::default() };
         }
     }
 
     /// Opens a step from positions x. Returns false if the terms act as they did over the last step.
-    pub(super) fn open(&mut self, x: &[f64], duration: f64) -> bool {
+    pub(crate) fn open(&mut self, x: &[f64], duration: f64) -> bool {
         if self.x != x && self.x_before == x {
             // The last step was rejected: return to the memory before it.
             self.now = self.before.clone();
@@ -93,7 +101,7 @@ impl Passage {
     }
 
     /// Returns the terms over the open step, as potentials of its end.
-    pub(super) fn paired(&self, discrete: &[(usize, Arc<dyn Potential>)]) -> Vec<Arc<dyn Potential>> {
+    pub(crate) fn paired(&self, discrete: &[(usize, Arc<dyn Potential>)]) -> Vec<Arc<dyn Potential>> {
         let of = |(number, term): &(usize, Arc<dyn Potential>)| {
             let (term, over) = (Arc::clone(term), self.over_step(*number, term));
             Arc::new(Paired { term, over }) as Arc<dyn Potential>
@@ -102,13 +110,17 @@ impl Passage {
     }
 
     /// Returns the discrete gradient over the open step, if the term has a special one for it.
-    fn over_step(&self, number: usize, term: &Arc<dyn Potential>) -> Option<Arc<dyn DiscreteGradient>> {
+    pub(crate) fn over_step(
+        &self,
+        number: usize,
+        term: &Arc<dyn Potential>,
+    ) -> Option<Arc<dyn DiscreteGradient>> {
         let Remembered { memories, duration, .. } = &self.now;
         term.discrete_gradient()?.over_step(*duration, &memories[number])
     }
 
     /// Closes the step and returns the effects of all terms together. [`Passage::accept`] makes the change permanent.
-    pub(super) fn close(
+    pub(crate) fn close(
         &mut self,
         discrete: &[(usize, Arc<dyn Potential>)],
         start: &[f64],
@@ -124,15 +136,17 @@ impl Passage {
             sum.friction += outcome.friction;
             sum.damping += outcome.damping;
             sum.impulses.extend(outcome.impulses);
+            sum.smallest_gap = smaller(sum.smallest_gap, outcome.smallest_gap);
             self.next.memories[*number] = outcome.memory;
         }
         self.next.stored = sum.stored;
         self.next_impulses.clone_from(&sum.impulses);
+        self.next_gap = sum.smallest_gap;
         sum
     }
 
     /// Accepts the step that was closed last, from positions `start` to `end`.
-    pub(super) fn accept(&mut self, start: &[f64], end: &[f64]) {
+    pub(crate) fn accept(&mut self, start: &[f64], end: &[f64]) {
         self.before = std::mem::replace(&mut self.now, std::mem::take(&mut self.next));
         self.x_before.clear();
         self.x_before.extend_from_slice(start);
@@ -140,22 +154,28 @@ impl Passage {
         self.x.extend_from_slice(end);
         let last = std::mem::replace(&mut self.impulses, std::mem::take(&mut self.next_impulses));
         add(&mut self.earlier, &last);
+        self.smallest_gap = smaller(self.smallest_gap, self.next_gap.take());
     }
 
     /// Returns the impulses since the last call.
-    pub(super) fn take_impulses(&mut self) -> Vec<Impulse> {
+    pub(crate) fn take_impulses(&mut self) -> Vec<Impulse> {
         let mut all = std::mem::take(&mut self.earlier);
         add(&mut all, &std::mem::take(&mut self.impulses));
         all
     }
 
+    /// Returns the smallest gap of what acted since the last call, m.
+    pub(crate) fn take_smallest_gap(&mut self) -> Option<f64> {
+        self.smallest_gap.take()
+    }
+
     /// Returns whether any term has a memory.
-    pub(super) fn remembers(&self) -> bool {
+    pub(crate) fn remembers(&self) -> bool {
         self.now.memories.iter().any(|memory| !memory.is_empty())
     }
 
     /// Returns the energy stored besides V, J.
-    pub(super) fn stored(&self) -> f64 {
+    pub(crate) fn stored(&self) -> f64 {
         self.now.stored
     }
 }

@@ -15,6 +15,7 @@ mod collisions;
 mod drift;
 mod forced;
 pub(crate) mod splitting;
+mod touching;
 
 use vi_core::{Impulse, State, StepEnergy, System};
 
@@ -66,7 +67,7 @@ impl KickDrift {
         // A drift backwards in time would meet obstacles that the body has already left.
         let takes_discrete = coefficients.drifts.iter().all(|&drift| drift >= 0.0);
         let collisions = if takes_discrete { Collisions::new(system, options)? } else { None };
-        let mut evaluator = Self::evaluator(system, collisions.is_some());
+        let mut evaluator = Self::evaluator(system, collisions.as_ref());
         Ok(Self {
             name,
             coefficients,
@@ -85,9 +86,14 @@ impl KickDrift {
         })
     }
 
-    fn evaluator(system: &System, takes_discrete: bool) -> Evaluator {
+    fn evaluator(system: &System, collisions: Option<&Collisions>) -> Evaluator {
         let evaluator = Evaluator::new(system);
-        if takes_discrete { evaluator.with_discrete_gradients() } else { evaluator }
+        match collisions {
+            // All live terms act there, and exchange their energy in the drift alone.
+            Some(collisions) if collisions.is_exact() => evaluator.without_live(),
+            Some(_) => evaluator.with_discrete_gradients(),
+            None => evaluator,
+        }
     }
 
     /// Computes p −= b h ∂V/∂q, then q += a h M⁻¹p. With a ledger, books the work that the kick does on the kinetic
@@ -296,6 +302,10 @@ impl Stepper for KickDrift {
         self.collisions.as_mut().map(Collisions::take_impulses).unwrap_or_default()
     }
 
+    fn take_smallest_gap(&mut self) -> Option<f64> {
+        self.collisions.as_mut().and_then(Collisions::take_smallest_gap)
+    }
+
     fn memory(&self) -> StepperMemory {
         // The last force is evaluated again at the same place, to the same bits.
         let mut memory = StepperMemory { method: self.name.to_owned(), ..Default::default() };
@@ -313,7 +323,7 @@ impl Stepper for KickDrift {
 
     fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
         expect_method(memory, self.name)?;
-        self.evaluator = Self::evaluator(system, self.collisions.is_some());
+        self.evaluator = Self::evaluator(system, self.collisions.as_ref());
         self.potential_energies = PotentialEnergies::restore(memory);
         if let Some(collisions) = &mut self.collisions {
             collisions.restore(memory)?;

@@ -278,6 +278,10 @@ impl<R: Rule> Stepper for OneStage<R> {
         self.evaluator.take_impulses()
     }
 
+    fn take_smallest_gap(&mut self) -> Option<f64> {
+        self.rule.takes_discrete_gradients().then(|| self.evaluator.take_smallest_gap())
+    }
+
     fn memory(&self) -> StepperMemory {
         let mut memory = StepperMemory { method: self.rule.name().to_owned(), ..Default::default() };
         for (name, history) in HISTORY.iter().zip(&self.stage.history) {

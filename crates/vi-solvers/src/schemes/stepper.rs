@@ -80,6 +80,12 @@ pub trait Stepper: Send {
         Vec::new()
     }
 
+    /// The smallest gap (m) of what pressed on each other in the steps since the last call, infinite where nothing did;
+    /// none where the scheme does not know.
+    fn take_smallest_gap(&mut self) -> Option<f64> {
+        None
+    }
+
     /// Returns messages for the user about the steps since the last call, e.g. about a limit point.
     fn take_findings(&mut self) -> Vec<String> {
         Vec::new()

@@ -16,9 +16,11 @@ use vi_core::{
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
 use crate::options::SolverOptions;
+use crate::schemes::kick_drift::touching::Touching;
 use crate::schemes::one_stage::OneStage;
 use crate::schemes::one_stage::rule::{Midpoint, MultiplierDirections, Rule};
 use crate::schemes::stepper::Stepper;
+use crate::vectors;
 use crate::work::Work;
 
 /// Prefix of the names of its memory in that of the scheme.
@@ -27,8 +29,16 @@ const PREFIX: &str = "collisions.";
 pub(super) struct Collisions {
     /// A system with the live terms alone.
     system: System,
-    stepper: OneStage<Drift>,
+    way: Way,
     state: State,
+}
+
+/// How a drift past something is made.
+enum Way {
+    /// On the coordinates that touch.
+    Touching(Box<Touching>),
+    /// On all, with constraints.
+    Whole(Box<OneStage<Drift>>),
 }
 
 /// A live term that acts in drifts if it has a discrete gradient. Otherwise it is empty here, and acts in the kicks
@@ -154,11 +164,16 @@ impl Collisions {
             .map_err(|_| SolverError::Memory { missing: "constraints of the system" })?;
         // The energy error is the work of the residual, which is linear in the residual.
         let tolerance = (1e-5 * options.tolerance).max(1e-14);
-        let rule = Drift(Midpoint::new());
-        let max_iterations = options.max_iterations.min(MOST_ITERATIONS);
-        let options = SolverOptions { tolerance, max_iterations, ..options.clone() };
-        let stepper = OneStage::new(rule, &system, &options)?;
-        Ok(Some(Self { system, stepper, state: State { t: 0.0, q: Vec::new(), p: Vec::new() } }))
+        let way = match Touching::new(&system, tolerance) {
+            Some(touching) => Way::Touching(Box::new(touching)),
+            None => {
+                let rule = Drift(Midpoint::new());
+                let max_iterations = options.max_iterations.min(MOST_ITERATIONS);
+                let options = SolverOptions { tolerance, max_iterations, ..options.clone() };
+                Way::Whole(Box::new(OneStage::new(rule, &system, &options)?))
+            }
+        };
+        Ok(Some(Self { system, way, state: State { t: 0.0, q: Vec::new(), p: Vec::new() } }))
     }
 
     /// Drifts from (q, p) at time t by h. Returns `None` if no term acts along the free drift; the caller then makes
@@ -176,16 +191,33 @@ impl Collisions {
         self.state.t = t;
         self.state.q.clone_from(q);
         self.state.p.clone_from(p);
-        let is_constrained = !self.system.constraints().is_empty();
-        if !is_constrained && !self.stepper.remembers() && self.stepper.is_free(&self.system, &self.state, h)
-        {
-            return Ok(None);
-        }
-        let remembered = self.stepper.live_state();
         let mut drifted = Drifted::default();
-        if let Err(error) = self.pass(h, HALVINGS, ledger, &mut drifted) {
-            self.stepper.go_to_live(&remembered);
-            return Err(error);
+        match &mut self.way {
+            Way::Whole(stepper) => {
+                let is_constrained = !self.system.constraints().is_empty();
+                if !is_constrained && !stepper.remembers() && stepper.is_free(&self.system, &self.state, h) {
+                    return Ok(None);
+                }
+                let remembered = stepper.live_state();
+                if let Err(error) = self.pass(h, HALVINGS, ledger, &mut drifted) {
+                    if let Way::Whole(stepper) = &mut self.way {
+                        stepper.go_to_live(&remembered);
+                    }
+                    return Err(error);
+                }
+            }
+            Way::Touching(touching) => {
+                let remembered = touching.passage();
+                match Self::pass_touching(touching, &self.system, &mut self.state, h, HALVINGS, &mut drifted)
+                {
+                    Ok(false) => return Ok(None),
+                    Ok(true) => {}
+                    Err(error) => {
+                        touching.go_to(remembered);
+                        return Err(error);
+                    }
+                }
+            }
         }
         drifted.work.steps = 0;
         std::mem::swap(q, &mut self.state.q);
@@ -193,9 +225,41 @@ impl Collisions {
         Ok(Some(drifted))
     }
 
+    /// Drifts by h, or twice by half of it where that fails; false where nothing acted.
+    fn pass_touching(
+        touching: &mut Touching,
+        system: &System,
+        state: &mut State,
+        h: f64,
+        halvings: u32,
+        sum: &mut Drifted,
+    ) -> Result<bool, SolverError> {
+        sum.solves += 1;
+        let outcome = touching.step(system, state, h);
+        sum.work += touching.work();
+        match outcome {
+            Ok(Some(energy)) => {
+                sum.energy += energy;
+                Ok(true)
+            }
+            Ok(None) if halvings == HALVINGS => Ok(false),
+            Ok(None) => {
+                let mass = system.free_mass();
+                vectors::update_pair(&mut state.q, &mut state.p, |k, q, p| *q += h * (*p / mass[k]));
+                state.t += h;
+                Ok(true)
+            }
+            Err(_) if halvings > 0 && sum.solves < MOST_SOLVES => {
+                Self::pass_touching(touching, system, state, 0.5 * h, halvings - 1, sum)?;
+                Self::pass_touching(touching, system, state, 0.5 * h, halvings - 1, sum)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
     /// Drifts by h, or by two halves of it if that fails.
     fn pass(&mut self, h: f64, halvings: u32, ledger: bool, sum: &mut Drifted) -> Result<(), SolverError> {
-        let Self { system, stepper, state } = self;
+        let Self { system, way: Way::Whole(stepper), state } = self else { return Ok(()) };
         let kinetic = |state: &State| if ledger { vi_core::kinetic_energy(system, state) } else { 0.0 };
         let before = kinetic(state);
         sum.solves += 1;
@@ -214,23 +278,52 @@ impl Collisions {
         }
     }
 
+    /// Do all live terms act in the drift, by pairs that they know?
+    pub(super) fn is_exact(&self) -> bool {
+        matches!(self.way, Way::Touching(_))
+    }
+
     /// Returns the energy that the terms store between steps besides V, J.
     pub(super) fn stored(&self) -> f64 {
-        self.stepper.stored_energy()
+        match &self.way {
+            Way::Touching(touching) => touching.stored(),
+            Way::Whole(stepper) => stepper.stored_energy(),
+        }
     }
 
     /// Returns the impulses between parts of the terms since the last call, N s.
     pub(super) fn take_impulses(&mut self) -> Vec<Impulse> {
-        self.stepper.take_impulses()
+        match &mut self.way {
+            Way::Touching(touching) => touching.take_impulses(),
+            Way::Whole(stepper) => stepper.take_impulses(),
+        }
+    }
+
+    /// The smallest gap in the steps since the last call, m; none where that is not known.
+    pub(super) fn take_smallest_gap(&mut self) -> Option<f64> {
+        match &mut self.way {
+            Way::Touching(touching) => Some(touching.take_smallest_gap().unwrap_or(f64::INFINITY)),
+            Way::Whole(stepper) => stepper.take_smallest_gap(),
+        }
     }
 
     /// Returns the number of times that the ordering and layout of a matrix were computed.
     pub(super) fn analyses(&self) -> u64 {
-        self.stepper.analyses()
+        match &self.way {
+            Way::Touching(_) => 0,
+            Way::Whole(stepper) => stepper.analyses(),
+        }
     }
 
     pub(super) fn save(&self, memory: &mut StepperMemory) {
-        let own = self.stepper.memory();
+        let own = match &self.way {
+            Way::Touching(touching) => {
+                let mut own = StepperMemory::default();
+                touching.save(&mut own);
+                own
+            }
+            Way::Whole(stepper) => stepper.memory(),
+        };
         let arrays = own.arrays.into_iter().map(|(name, values)| (format!("{PREFIX}{name}"), values));
         memory.arrays.extend(arrays);
         memory.counts.extend(own.counts.into_iter().map(|(name, count)| (format!("{PREFIX}{name}"), count)));
@@ -240,11 +333,17 @@ impl Collisions {
         let own = |name: &str| name.strip_prefix(PREFIX).map(str::to_owned);
         let arrays = memory.arrays.iter().filter_map(|(name, values)| Some((own(name)?, values.clone())));
         let counts = memory.counts.iter().filter_map(|(name, count)| Some((own(name)?, *count)));
-        let memory = StepperMemory {
-            method: self.stepper.memory().method,
-            arrays: arrays.collect(),
-            counts: counts.collect(),
-        };
-        self.stepper.restore(&self.system, &memory)
+        let mut memory =
+            StepperMemory { method: String::new(), arrays: arrays.collect(), counts: counts.collect() };
+        match &mut self.way {
+            Way::Touching(touching) => {
+                touching.restore(&memory);
+                Ok(())
+            }
+            Way::Whole(stepper) => {
+                memory.method = stepper.memory().method;
+                stepper.restore(&self.system, &memory)
+            }
+        }
     }
 }

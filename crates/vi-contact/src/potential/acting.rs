@@ -1,0 +1,153 @@
+//! What acts over a step, pair by pair, with complete tangents: normal forces by k N ⊗ ∂d₁/∂x₁, and friction, which
+//! depends on pressure, by products that are not symmetric.
+
+use vi_core::Acting;
+
+use super::ContactPotential;
+use super::step::UNDAMPED;
+use crate::distance::Vec3;
+use crate::friction::{FrictionPair, Step};
+use crate::pairs::{Group, StepPair, in_order};
+
+/// Nodes, each with a vector that is multiplied by `factor`.
+fn covector<'a>(
+    nodes: &'a [u32],
+    vectors: &'a [Vec3],
+    factor: f64,
+) -> impl Iterator<Item = (u32, [f64; 3])> + 'a {
+    nodes.iter().zip(vectors).map(move |(&node, vector)| (node, (vector * factor).into()))
+}
+
+/// The covectors of a sliding traction.
+pub(super) struct Sliding<'a> {
+    pub(super) nodes: &'a [u32],
+    /// With Σ_a (·)_a·Δx_a = t₁·u and t₂·u.
+    pub(super) along: [&'a [Vec3]; 2],
+    /// N/m.
+    pub(super) stiffness: f64,
+    /// Direction of the traction along t₁ and t₂ where it slides.
+    pub(super) direction: Option<[f64; 2]>,
+    /// μ.
+    pub(super) coefficient: f64,
+}
+
+impl Sliding<'_> {
+    /// Adds the tangents of friction under the force of `pairs`.
+    pub(super) fn add_tangents(&self, pairs: &[StepPair], out: &mut Acting) {
+        let Self { nodes, along: [first, second], stiffness, .. } = *self;
+        let combined = |a: f64, b: f64| -> Vec<Vec3> {
+            first.iter().zip(second).map(|(first, second)| first * a + second * b).collect()
+        };
+        let slides = self.direction.filter(|_| !out.by_secants);
+        if slides.is_none() {
+            // The secant of what slides is the whole of a lesser stiffness.
+            for along in self.along {
+                out.add_tangent(covector(nodes, along, stiffness), covector(nodes, along, 1.0));
+            }
+        }
+        let Some([a, b]) = self.direction else { return };
+        // What slides turns its traction with the slip, and lengthens it with the pressure.
+        if slides.is_some() {
+            let across = combined(-b, a);
+            out.add_tangent(covector(nodes, &across, stiffness), covector(nodes, &across, 1.0));
+        }
+        let traction = combined(a, b);
+        let force: Vec3 = pairs.iter().map(StepPair::force).sum();
+        let pressure = force.norm();
+        if pressure == 0.0 {
+            return;
+        }
+        for pair in pairs.iter().filter(|pair| pair.stiffness != 0.0) {
+            let [along, at_end] = &pair.distance;
+            let on_first: Vec3 = along[..pair.partners.first_count()].iter().sum();
+            let factor = -pair.stiffness * force.dot(&on_first) / pressure;
+            out.add_tangent(
+                covector(nodes, &traction, self.coefficient),
+                covector(&pair.nodes, at_end, factor),
+            );
+        }
+    }
+}
+
+impl ContactPotential {
+    /// Adds what acts between x₀ and x₁.
+    pub(super) fn add_acting(&self, x: [&[f64]; 2], out: &mut Acting) {
+        self.for_each_acting(x, out, |pairs, out| {
+            self.add_normal(pairs, out);
+            self.add_friction(pairs, x, out);
+        });
+    }
+
+    /// Calls `each` with the pairs of equal partners that act between x₀ and x₁, and appends in their order.
+    pub(super) fn for_each_acting(
+        &self,
+        x: [&[f64]; 2],
+        out: &mut Acting,
+        each: impl Fn(&[StepPair], &mut Acting) + Sync,
+    ) {
+        let contact = self.contact();
+        let settings = self.step.as_ref().map_or(&UNDAMPED, |step| &step.settings);
+        let (near, by_secants, sticks) = (self.neighbours.near(), out.by_secants, out.sticks);
+        let chunk = |pairs: &[StepPair], out: &mut Vec<Acting>| {
+            let mut acting = Acting::default();
+            (acting.by_secants, acting.sticks) = (by_secants, sticks);
+            pairs.chunk_by(|a, b| a.partners == b.partners).for_each(|pairs| each(pairs, &mut acting));
+            out.push(acting);
+        };
+        let space = || (Group::new(), Vec::new());
+        let of_points = in_order(near.len(), space, |k, (group, pairs), out| {
+            pairs.clear();
+            contact.step_of_point(near[k] as usize, x, settings, group, pairs);
+            if !pairs.is_empty() {
+                chunk(pairs, out);
+            }
+        });
+        let planes = self.neighbours.planes.len();
+        let of_others = in_order(
+            self.neighbours.edges.len() + planes,
+            || (),
+            |k, (), out| {
+                let pair = match k.checked_sub(planes) {
+                    Some(edges) => contact.step_of_edges(edges, x, settings),
+                    None => contact.step_of_plane(k, x, settings),
+                };
+                if let Some(pair) = pair {
+                    chunk(&[pair], out);
+                }
+            },
+        );
+        of_points.iter().chain(&of_others).for_each(|acting| out.append(acting));
+    }
+
+    fn add_normal(&self, pairs: &[StepPair], out: &mut Acting) {
+        for pair in pairs.iter().filter(|pair| pair.energy != [0.0; 2]) {
+            let [along, at_end] = &pair.distance;
+            let nodes = &pair.nodes;
+            out.add_gradient(covector(nodes, &pair.gradient, 1.0));
+            out.add_tangent(covector(nodes, along, pair.stiffness), covector(nodes, at_end, 1.0));
+        }
+    }
+
+    fn add_friction(&self, pairs: &[StepPair], x: [&[f64]; 2], out: &mut Acting) {
+        let Some(Step { anchors, settings }) = &self.step else { return };
+        let force: Vec3 = pairs.iter().map(StepPair::force).sum();
+        let limit = if out.sticks && force != Vec3::zeros() { f64::MAX } else { force.norm() };
+        let friction = self.contact().rub(pairs[0].partners, limit, x, anchors, settings);
+        let Some(FrictionPair { nodes, gradient, along, stiffness, sliding, coefficient, traction, .. }) =
+            &friction
+        else {
+            return;
+        };
+        if *traction != Vec3::zeros() || *stiffness != 0.0 {
+            out.add_gradient(covector(nodes, gradient, 1.0));
+            let sliding = Sliding {
+                nodes,
+                along: [&along[0], &along[1]],
+                stiffness: *stiffness,
+                direction: *sliding,
+                coefficient: *coefficient,
+            };
+            sliding.add_tangents(pairs, out);
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! Tests the pairs of a step as solvers read them: their sum is the discrete gradient, and their tangents are those of
+//! the forces.
+
+use std::sync::Arc;
+
+use crate::support::{Numbers, Sheet, body};
+use vi_contact::{ContactPotential, Surface, SurfaceBuilder};
+use vi_core::{Acting, DiscreteGradient, Potential};
+
+/// Returns two sheets half a layer apart, shifted against each other, and a motion that presses and slides them.
+fn sheets(friction: f64) -> (Arc<Surface>, [Vec<f64>; 2]) {
+    let (lower, upper) = (Sheet::grid(5, 0.0, 1.0, 0.0), Sheet::grid(4, 0.07, 0.93, 0.02));
+    let x: Vec<f64> = lower.x.iter().chain(&upper.x).copied().collect();
+    let count = (lower.x.len() / 3) as u32;
+    let mut builder = SurfaceBuilder::new(&x);
+    let bodies = [builder.body(body(0.04, 2e3)), builder.body(body(0.04, 2e3))];
+    builder.triangles(bodies[0], &lower.triangles);
+    let above: Vec<[u32; 3]> = upper.triangles.iter().map(|cell| cell.map(|node| node + count)).collect();
+    builder.triangles(bodies[1], &above);
+    builder.friction(friction);
+    let mut numbers = Numbers::new(11);
+    let moved = x.iter().enumerate().map(|(k, x)| {
+        let slide = if k % 3 == 0 && k >= lower.x.len() { 2e-3 } else { 0.0 };
+        x + slide + 1e-3 * (numbers.unit() - 0.5)
+    });
+    let end = moved.collect();
+    (Arc::new(builder.build().expect("a sound surface")), [x, end])
+}
+
+fn sum(acting: &Acting, count: usize) -> Vec<f64> {
+    let mut sum = vec![0.0; count];
+    for &(node, value) in acting.gradients().flatten() {
+        (0..3).for_each(|axis| sum[3 * node as usize + axis] += value[axis]);
+    }
+    sum
+}
+
+#[test]
+fn pairs_sum_to_the_discrete_gradient_with_friction_and_in_a_narrowed_list() {
+    let (surface, [start, end]) = sheets(0.4);
+    let wide = ContactPotential::near(surface, &start, 0.1);
+    let narrow = wide.narrowed(&start, &vec![3e-3; start.len() / 3]).expect("contact narrows");
+    assert!(narrow.stencils().count() < wide.stencils().count());
+    let over = wide.over_step(1e-3, &[]).expect("friction acts over a step");
+    let stencils = wide.stencils();
+    let mut blocks = vec![0.0; stencils.count() * stencils.size()];
+    over.gradients(0..stencils.count(), &start, &end, &mut blocks);
+    let mut expected = vec![0.0; start.len()];
+    for (stencil, block) in blocks.chunks_exact(stencils.size()).enumerate() {
+        for (&node, three) in stencils.of(stencil).iter().zip(block.chunks_exact(3)) {
+            (0..3).for_each(|axis| expected[3 * node as usize + axis] += three[axis]);
+        }
+    }
+    let narrow = narrow.discrete_gradient().and_then(|term| term.over_step(1e-3, &[]));
+    for term in [over, narrow.expect("friction acts over a step")] {
+        let mut acting = Acting::default();
+        assert!(term.acting(&start, &end, &mut acting) && acting.count() > 20);
+        let largest = expected.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+        for (found, expected) in sum(&acting, start.len()).iter().zip(&expected) {
+            assert!((found - expected).abs() <= 1e-13 * largest, "{found} {expected}");
+        }
+    }
+}
+
+/// The tangents leave out how normals turn, which is of the order of the slip over the size of triangles.
+#[test]
+fn tangents_are_those_of_the_forces_while_friction_slides() {
+    for friction in [0.0, 0.4] {
+        let (surface, [start, end]) = sheets(friction);
+        let contact = ContactPotential::near(surface, &start, 0.1);
+        let term = contact.over_step(1e-3, &[]).expect("contact acts over a step");
+        let at = |x: &[f64]| {
+            let mut acting = Acting::default();
+            term.acting(&start, x, &mut acting);
+            acting
+        };
+        let mut numbers = Numbers::new(3);
+        let direction: Vec<f64> = start.iter().map(|_| numbers.unit() - 0.5).collect();
+        let shifted = |by: f64| -> Vec<f64> { end.iter().zip(&direction).map(|(x, d)| x + by * d).collect() };
+        let [before, after] = [-1e-7, 1e-7].map(|by| sum(&at(&shifted(by)), start.len()));
+        let mut product = vec![0.0; start.len()];
+        let acting = at(&end);
+        let tangents: Vec<_> = acting.tangents().collect();
+        for pair in tangents.chunks_exact(2) {
+            let dot = |&(node, value): &(u32, [f64; 3])| -> f64 {
+                (0..3).map(|axis| value[axis] * direction[3 * node as usize + axis]).sum()
+            };
+            let along: f64 = pair[1].iter().map(dot).sum();
+            for &(node, value) in pair[0] {
+                (0..3).for_each(|axis| product[3 * node as usize + axis] += along * value[axis]);
+            }
+        }
+        let norm = |v: &mut dyn Iterator<Item = f64>| v.map(|v| v * v).sum::<f64>().sqrt();
+        let size = norm(&mut product.iter().copied());
+        let error = norm(
+            &mut product.iter().zip(before.iter().zip(&after)).map(|(p, (a, b))| p - (b - a) / 2e-7),
+        );
+        assert!(error < 0.1 * size, "μ = {friction}: {error:e} of {size:e}");
+    }
+}

@@ -1,0 +1,388 @@
+//! A drift past live terms that know their pairs (`DiscreteGradient::acting`), on the coordinates that touch alone:
+//! ```text
+//! R(y) = M (y − u) + ½h² G(x₀, y) = 0,   u = q₀ + h M⁻¹p₀,   p₁ = M (2 (y − q₀)/h − M⁻¹p₀).
+//! ```
+//! Mass is diagonal and pairs are few, so that a Newton step is a small system that is not symmetric, solved without a
+//! factor. Where a correction would carry pairs through each other, the nodes of these pairs go a part of it and all
+//! others go the whole.
+
+mod lists;
+mod newton;
+
+use std::sync::Arc;
+
+use vi_core::{Acting, DiscreteGradient, Impulse, Live, Potential, State, StepEnergy, StepOutcome, System};
+
+use crate::assemble::passage::{Passage, Remembered};
+use crate::error::SolverError;
+use crate::index::NONE;
+use crate::memory::StepperMemory;
+use crate::schemes::kick_drift::touching::lists::Lists;
+use crate::schemes::kick_drift::touching::newton::Small;
+use crate::vectors;
+use crate::work::Work;
+
+/// Newton iterations of one drift at most; what converges needs three to ten.
+const MOST_ITERATIONS: u32 = 40;
+/// A contraction above which iterations go on by secants, and how many of these there are at first. Friction between
+/// sticking and sliding both ways goes to and fro; a handful finds the side.
+const STALLED: f64 = 0.7;
+const SECANTS: u32 = 3;
+/// First iterations in which friction sticks.
+const STICKING: u32 = 2;
+/// Shortest part of a correction that a search along it tries.
+const SHORTEST: f64 = 1.0 / 64.0;
+/// Corrections are cut to so many times the longest way of a node in the free drift: a wild one would make everything a
+/// candidate of everything.
+const FARTHEST: f64 = 2.0;
+/// Rounds in which nodes are held back until no pair meets; those that are left then stay where they are.
+const ROUNDS: usize = 10;
+/// A distance beyond any that terms reach over, m.
+const FAR: f64 = 1e6;
+/// Estimates of the error below this part of the tolerance need no second iteration.
+const FIRST: f64 = 0.1;
+/// Of the resolution of positions: forces of a stiff layer carry their round-off several times over.
+const RESOLUTION: f64 = 8.0 * f64::EPSILON;
+
+pub(super) struct Touching {
+    lists: Lists,
+    passage: Passage,
+    tolerance: f64,
+    /// The free coordinate of each coordinate, or [`NONE`].
+    free_of: Vec<u32>,
+    acting: Acting,
+    small: Small,
+    y: Vec<f64>,
+    x_start: Vec<f64>,
+    x_end: Vec<f64>,
+    x_trial: Vec<f64>,
+    /// After the free drift.
+    x_free: Vec<f64>,
+    parts: Vec<f64>,
+    work: Work,
+}
+
+/// A part of a correction that is being tried.
+struct Trial {
+    base: Vec<f64>,
+    delta: Vec<f64>,
+    /// Size of the residual at its base.
+    size: f64,
+    part: f64,
+}
+
+impl Touching {
+    /// None where the system needs more than this: constraints, nodes with axes of their own, terms that do not know
+    /// their pairs.
+    pub(super) fn new(system: &System, tolerance: f64) -> Option<Self> {
+        let coordinates = system.coordinates();
+        let count = coordinates.dof_count();
+        if !system.constraints().is_empty() || !coordinates.node_axes().is_empty() || !count.is_multiple_of(3)
+        {
+            return None;
+        }
+        // All nodes so far from each other that nothing acts.
+        let x: Vec<f64> = (0..count).map(|k| FAR * k as f64).collect();
+        let knows_pairs = |term: &Arc<dyn Live>| {
+            let near = term.near(&x, 0.0);
+            near.discrete_gradient().is_some_and(|term| term.acting(&x, &x, &mut Acting::default()))
+        };
+        if !system.terms().live().iter().all(knows_pairs) {
+            return None;
+        }
+        let mut free_of = vec![NONE; count];
+        for (k, &dof) in (0..).zip(coordinates.free()) {
+            free_of[dof as usize] = k;
+        }
+        Some(Self {
+            lists: Lists::new(system.terms().live().to_vec()),
+            passage: Passage::new(system.terms().live().len()),
+            tolerance,
+            free_of,
+            acting: Acting::default(),
+            small: Small::new(count / 3),
+            y: Vec::new(),
+            x_start: vec![0.0; count],
+            x_end: vec![0.0; count],
+            x_trial: vec![0.0; count],
+            x_free: vec![0.0; count],
+            parts: vec![1.0; count / 3],
+            work: Work::default(),
+        })
+    }
+
+    /// Drifts `state` by h; returns none, with everything as before, where nothing acts along the free drift.
+    ///
+    /// # Errors
+    /// Where the equations are not solved, or the path is not free; everything is then as before.
+    pub(super) fn step(
+        &mut self,
+        system: &System,
+        state: &mut State,
+        h: f64,
+    ) -> Result<Option<StepEnergy>, SolverError> {
+        let (coordinates, mass) = (system.coordinates(), system.free_mass());
+        let mut u = std::mem::take(&mut self.small.drifted);
+        u.resize(mass.len(), 0.0);
+        vectors::fill(&mut u, |k| state.q[k] + h * state.p[k] / mass[k]);
+        coordinates.embed(&state.q, state.t, &mut self.x_start);
+        coordinates.embed(&u, state.t + h, &mut self.x_end);
+        self.small.drifted = u;
+        self.x_free.clone_from(&self.x_end);
+        let searches = self.lists.searches();
+        self.lists.follow(&self.x_start, &self.x_end);
+        self.work = Work { searches: self.lists.searches() - searches, ..Work::default() };
+        if self.lists.is_empty() && !self.passage.remembers() {
+            return Ok(None);
+        }
+        self.passage.open(&self.x_start, h);
+        let acts = self.solve(system, state, h)?;
+        self.work.searches += self.lists.searches() - searches - self.work.searches;
+        Ok(acts.then(|| self.close(system, state, h)))
+    }
+
+    /// The terms over the open step.
+    fn over_step(&self) -> Vec<Arc<dyn DiscreteGradient>> {
+        let over = |(number, term): (usize, &Arc<dyn Potential>)| self.passage.over_step(number, term);
+        self.lists.terms().iter().enumerate().filter_map(over).collect()
+    }
+
+    /// Finds y; false where nothing acts on the free drift.
+    fn solve(&mut self, system: &System, state: &State, h: f64) -> Result<bool, SolverError> {
+        let (coordinates, mass) = (system.coordinates(), system.free_mass());
+        let c = 0.5 * h * h;
+        let t = state.t + h;
+        self.y.clone_from(&self.small.drifted);
+        self.small.begin();
+        let mut terms = self.over_step();
+        // The free drift, as far as it is free.
+        let mut delta: Vec<f64> = self.y.iter().zip(&state.q).map(|(y, q)| y - q).collect();
+        let mut is_whole = self.shorten(system, &state.q, &mut delta, t, true);
+        vectors::update(&mut self.y, |k, y| *y = state.q[k] + delta[k]);
+        if is_whole {
+            self.y.clone_from(&self.small.drifted);
+        }
+        let longest = FARTHEST * self.farthest();
+        let mut last: Option<f64> = None;
+        // Iterations by secants that are left, and those to begin with where they are next needed.
+        let (mut secants, mut patience) = (0, SECANTS);
+        let (mut searches, mut trial): (bool, Option<Trial>) = (false, None);
+        for iteration in 1..=MOST_ITERATIONS {
+            coordinates.embed(&self.y, t, &mut self.x_end);
+            if self.lists.widen(&self.x_start, &self.x_end) {
+                terms = self.over_step();
+            }
+            self.acting.clear();
+            self.acting.by_secants = secants > 0;
+            self.acting.sticks = iteration <= STICKING;
+            for term in &terms {
+                term.acting(&self.x_start, &self.x_end, &mut self.acting);
+            }
+            self.work.pair_forces += self.acting.count() as u64;
+            if iteration == 1 && is_whole && self.acting.count() == 0 {
+                if !self.passage.remembers() {
+                    return Ok(false);
+                }
+                // Only memory is to be closed.
+                return Ok(true);
+            }
+            self.small.load(system, &self.free_of, &self.acting, c, &self.y);
+            let size = self.small.size(mass);
+            if let Some(Trial { base, delta, size: before, part }) = &mut trial {
+                if size > (1.0 - 1e-4 * *part) * *before && *part > SHORTEST {
+                    *part *= 0.5;
+                    vectors::update(&mut self.y, |k, y| *y = base[k] + *part * delta[k]);
+                    continue;
+                }
+                trial = None;
+            }
+            self.work.newton_iterations += 1;
+            let decrement = self.small.correct(mass)?;
+            let scale = self.small.scale(mass, &state.q);
+            let eta = (decrement.abs() / scale).sqrt();
+            if !eta.is_finite() {
+                return Err(stuck(iteration, eta, self.tolerance));
+            }
+            delta.fill(0.0);
+            let is_short = self.small.spread(&mut delta, longest);
+            let from = std::mem::take(&mut self.y);
+            is_whole = self.shorten(system, &from, &mut delta, t, false) && is_short;
+            self.y = from;
+            if searches && secants == 0 {
+                trial = Some(Trial { base: self.y.clone(), delta: delta.clone(), size, part: 1.0 });
+            }
+            vectors::update(&mut self.y, |k, y| *y += delta[k]);
+            let contraction = last.map(|last| eta / last);
+            let is_close = match contraction {
+                Some(theta) if theta < 1.0 => theta / (1.0 - theta) * eta <= self.tolerance,
+                _ => eta <= FIRST * self.tolerance,
+            };
+            let is_close = is_close && secants == 0 && iteration > STICKING;
+            let is_exact = iteration > STICKING && self.small.is_at_resolution(mass, &state.q, RESOLUTION);
+            if is_whole && (is_close || is_exact) {
+                coordinates.embed(&self.y, t, &mut self.x_end);
+                if self.lists.widen(&self.x_start, &self.x_end) {
+                    terms = self.over_step();
+                }
+                drop(terms);
+                return self.check_path().map(|()| true);
+            }
+            if secants > 0 {
+                secants -= 1;
+                last = None;
+                continue;
+            }
+            if iteration > STICKING + 1 && contraction.is_some_and(|theta| theta > STALLED) {
+                // To and fro over a kink.
+                (secants, patience) = (patience, 2 * patience);
+                searches = true;
+            }
+            last = is_whole.then_some(eta);
+        }
+        Err(stuck(MOST_ITERATIONS, last.unwrap_or(1.0), self.tolerance))
+    }
+
+    /// How far a node goes at most in the free drift, m.
+    fn farthest(&self) -> f64 {
+        let nodes = self.x_start.chunks_exact(3).zip(self.x_free.chunks_exact(3));
+        let square = |(a, b): (&[f64], &[f64])| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>();
+        nodes.map(square).fold(0.0, f64::max).sqrt()
+    }
+
+    /// The straight path from start to end must be free.
+    fn check_path(&mut self) -> Result<(), SolverError> {
+        self.parts.fill(1.0);
+        self.work.path_checks += self.lists.count();
+        for term in self.lists.terms() {
+            term.limit_nodes(&self.x_start, &self.x_end, &mut self.parts);
+        }
+        if self.parts.iter().any(|part| *part < 1.0) { Err(SolverError::Crossing) } else { Ok(()) }
+    }
+
+    /// Shortens the change `delta` of coordinates `from`, node by node, until no pair meets on the way; true where it
+    /// could stay as it was. Prescribed coordinates are at the end of their step, at time t, but before the change where it
+    /// starts `from_start`.
+    fn shorten(
+        &mut self,
+        system: &System,
+        from: &[f64],
+        delta: &mut [f64],
+        t: f64,
+        from_start: bool,
+    ) -> bool {
+        let coordinates = system.coordinates();
+        let free = coordinates.free();
+        let mut to = vec![0.0; from.len()];
+        let mut is_whole = true;
+        let mut before = Vec::new();
+        if !from_start {
+            before = vec![0.0; self.x_start.len()];
+            coordinates.embed(from, t, &mut before);
+        }
+        for round in 0..2 * ROUNDS {
+            vectors::fill(&mut to, |k| from[k] + delta[k]);
+            coordinates.embed(&to, t, &mut self.x_trial);
+            let start = if from_start { &self.x_start } else { &before };
+            self.lists.widen(&self.x_start, &self.x_trial);
+            self.parts.fill(1.0);
+            self.work.path_checks += self.lists.count();
+            for term in self.lists.terms() {
+                term.limit_nodes(start, &self.x_trial, &mut self.parts);
+            }
+            if self.parts.iter().all(|part| *part >= 1.0) {
+                return is_whole;
+            }
+            is_whole = false;
+            for (node, terms) in coordinates.combinations() {
+                let part = self.parts[node as usize];
+                if part < 1.0 {
+                    terms.iter().for_each(|&(k, _)| {
+                        self.parts[k as usize] = self.parts[k as usize].min(part);
+                    });
+                }
+            }
+            for (k, delta) in delta.iter_mut().enumerate() {
+                let part = self.parts[free[k] as usize / 3];
+                if part < 1.0 {
+                    *delta *= if round < ROUNDS { part } else { 0.0 };
+                    self.small.touch(free[k] / 3);
+                }
+            }
+        }
+        is_whole
+    }
+
+    /// Closes the step at y.
+    fn close(&mut self, system: &System, state: &mut State, h: f64) -> StepEnergy {
+        let (coordinates, mass) = (system.coordinates(), system.free_mass());
+        let c = 0.5 * h * h;
+        let numbered: Vec<(usize, Arc<dyn Potential>)> =
+            self.lists.terms().iter().cloned().enumerate().collect();
+        let StepOutcome { friction, damping, .. } = self.passage.close(&numbered, &self.x_start, &self.x_end);
+        self.passage.accept(&self.x_start, &self.x_end);
+        let mut energy =
+            StepEnergy { friction: -friction, contact_damping: -damping, ..StepEnergy::default() };
+        // Of the last iteration, one correction before the end.
+        let force = &self.small;
+        for (k, place) in self.small.coordinates() {
+            let change = self.y[k] - state.q[k];
+            let part = mass[k] * (self.y[k] - self.small.drifted[k]) * change / c;
+            energy.residual += part + force.force(place) * change;
+        }
+        for (dof, value) in self.small.prescribed(coordinates, &self.free_of, &self.acting) {
+            energy.prescribed += value * (self.x_end[dof] - self.x_start[dof]);
+        }
+        vectors::update_pair(&mut state.q, &mut state.p, |k, q, p| {
+            if self.y[k] == self.small.drifted[k] {
+                *q = self.y[k];
+            } else {
+                *p = mass[k] * (2.0 * (self.y[k] - *q) / h) - *p;
+                *q = self.y[k];
+            }
+        });
+        state.t += h;
+        energy
+    }
+
+    /// Work of the last step, made or not.
+    pub(super) fn work(&self) -> Work {
+        self.work
+    }
+
+    pub(super) fn stored(&self) -> f64 {
+        self.passage.stored()
+    }
+
+    pub(super) fn take_impulses(&mut self) -> Vec<Impulse> {
+        self.passage.take_impulses()
+    }
+
+    pub(super) fn take_smallest_gap(&mut self) -> Option<f64> {
+        self.passage.take_smallest_gap()
+    }
+
+    /// The passage of the terms, to be gone back to.
+    pub(super) fn passage(&self) -> Passage {
+        self.passage.clone()
+    }
+
+    pub(super) fn go_to(&mut self, passage: Passage) {
+        self.passage = passage;
+    }
+
+    pub(super) fn save(&self, memory: &mut StepperMemory) {
+        self.lists.save(memory);
+        self.passage.now().remember("touching", memory);
+    }
+
+    pub(super) fn restore(&mut self, memory: &StepperMemory) {
+        self.lists.restore(memory);
+        if let Some(now) = Remembered::recall("touching", memory) {
+            self.passage.go_to(&now);
+        }
+    }
+}
+
+fn stuck(iterations: u32, residual: f64, tolerance: f64) -> SolverError {
+    SolverError::NoConvergence { iterations, residual, tolerance }
+}
