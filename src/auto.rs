@@ -59,7 +59,7 @@ pub struct AutoReport {
 #[non_exhaustive]
 pub enum SettleError {
     /// The scene is invalid, or no scheme completed its trials.
-    #[error("the scene is wrong")]
+    #[error("the scene is invalid")]
     Scene(Vec<Problem>),
     /// The caller asked to stop.
     #[error("stopped during the trials of scheme \"auto\"")]

@@ -90,7 +90,7 @@ pub(super) fn coordinates(
         .map_err(|error: CoreError| Problem::new("fix", error.to_string()))
 }
 
-/// Holds nodes whose directions are global axes.
+/// Prescribes nodes whose directions are global axes.
 fn hold_along_axes(
     fixes: &[NodalFix],
     followers: &BTreeMap<u32, u32>,
@@ -127,7 +127,7 @@ fn hold_along_axes(
     Ok(())
 }
 
-/// Holds nodes with other directions, and returns their local axes.
+/// Prescribes nodes with other directions, and returns their local axes.
 fn hold_along_directions(
     fixes: &[NodalFix],
     followers: &BTreeMap<u32, u32>,

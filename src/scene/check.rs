@@ -111,7 +111,7 @@ fn time(check: &mut Checker, scene: &Scene) {
         check.say(
             "solver.mass",
             "\"consistent\" couples the nodes, and explicit schemes divide by the mass of each: make `time.scheme` \
-             implicit (implicit-midpoint, gauss, energy-momentum), or take `mass` out",
+             implicit (implicit-midpoint, gauss, energy-momentum), or remove `mass`",
         );
     }
     let tolerance = scene.solver.tolerance;

@@ -224,7 +224,7 @@ impl BenchReport {
 #[non_exhaustive]
 pub enum BenchError {
     /// The scene is invalid.
-    #[error("the scene is wrong")]
+    #[error("the scene is invalid")]
     Scene(Vec<Problem>),
     /// The caller asked to stop before anything could be compared.
     #[error("interrupted before anything could be compared; nothing was written")]

@@ -120,7 +120,7 @@ pub struct ConvergenceReport {
 #[non_exhaustive]
 pub enum ConvergenceError {
     /// The scene is invalid.
-    #[error("the scene is wrong")]
+    #[error("the scene is invalid")]
     Scene(Vec<Problem>),
     /// A run failed.
     #[error("{what}: {source}")]
@@ -235,7 +235,7 @@ pub fn convergence(
 
 fn locking_note(body: &str) -> String {
     format!(
-        "body '{body}' is nearly incompressible, where linear elements lock: no error bars are given in space; take \
+        "body '{body}' is nearly incompressible, where linear elements lock: no error bars are given in space; use \
          locking = \"mean-dilation\" (hex8, wedge6) or order = 2"
     )
 }

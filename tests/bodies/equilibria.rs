@@ -1,4 +1,4 @@
-//! Holds static reference cases with closed forms or digits of independent computations: uniaxial stretch (C6), thick
+//! Tests static reference cases with closed forms or digits of independent computations: uniaxial stretch (C6), thick
 //! shells under following pressure (C4), the elastica (C2), Cook's membrane (C1).
 
 use variational::core::{Coordinates, Fixed, Path, Potential, Prescribed, State, System};

@@ -30,7 +30,7 @@ fn statics(body: &str) -> Scene {
     parsed.scene.unwrap()
 }
 
-/// Holds the positions of all nodes (m) and the orientations of rigid bodies at the end.
+/// The positions of all nodes (m) and the orientations of rigid bodies at the end.
 #[derive(Debug, PartialEq)]
 struct End {
     places: Vec<[f64; 3]>,

@@ -3,7 +3,7 @@
 //! The energy of a point p against the cells of a body is, with the point's area w, the modulus κ and the activation
 //! distance d̂,
 //! ```text
-//! C_p = ½ w κ d̂ Σ_σ n_σ B((d(p, σ) − ξ)/d̂),
+//! C_p = ½ w κ d̂ Σ_σ n_σ B((d(p, σ) − ξ)/d̂).
 //! ```
 //! The sum is over all simplices σ of the body: triangles and wire edges with n = 1, other edges with n = 1 −
 //! (triangles at the edge), nodes with n = 1 + (triangles at it) − (edges at it). This is inclusion and exclusion:

@@ -174,7 +174,7 @@ pub enum SolverError {
     /// A term does not allow the displacement that a load increment requires, for example because the body would pass
     /// through another one.
     #[error(
-        "a term allows only {part} of the way to load factor {load_factor}; take smaller increments \
+        "a term allows only {part} of the way to load factor {load_factor}; use smaller increments \
          (`static.increment`)"
     )]
     Blocked {

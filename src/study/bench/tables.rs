@@ -116,7 +116,7 @@ impl BenchReport {
             reference.difference,
             reference.coarser_steps,
             if self.rows.iter().any(|row| row.at_reference) {
-                "; ≈: no better known than that"
+                "; ≈: the error is of the size of this difference, and not known better"
             } else {
                 ""
             }

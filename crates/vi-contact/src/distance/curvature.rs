@@ -4,7 +4,7 @@
 //! gives
 //! ```text
 //! ∂d²/∂x_a = 2 c_a r,
-//! ∂²d²/∂x_a∂x_b = 2 [c_a c_b I − Σ_kl (c_a E_k + c_{a,k} r)(A⁻¹)_kl (c_b E_l + c_{b,l} r)ᵀ],   A_kl = E_k·E_l,
+//! ∂²d²/∂x_a∂x_b = 2 [c_a c_b I − Σ_kl (c_a E_k + c_{a,k} r)(A⁻¹)_kl (c_b E_l + c_{b,l} r)ᵀ],   A_kl = E_k·E_l.
 //! ```
 //! Here β runs over the free parameters: two on a face or for two crossing edges, one on an edge.
 

@@ -10,7 +10,7 @@
 //! A and b are invariants of the pair, so u vanishes in rigid motion. Δb and ΔA are exact by the product rule with
 //! midpoint values. Hence, with y = Ā⁻¹ (T·E_k(x_m)),
 //! ```text
-//! T·u = Σ_k y_k (E_k·Δr + r·ΔE_k) + Σ_kl y_k ξ̄_l (E_k·ΔE_l + E_l·ΔE_k),   all at x_m,
+//! T·u = Σ_k y_k (E_k·Δr + r·ΔE_k) + Σ_kl y_k ξ̄_l (E_k·ΔE_l + E_l·ΔE_k),   all at x_m.
 //! ```
 //! The coefficients of Δx_a are forces without resultant or moment. The usual slip, the difference of two velocities
 //! at points a distance d apart, mistakes rotation for a slip d|ω| and produces the moment d × T.

@@ -1,6 +1,6 @@
 //! Particles with springs, gravity and contact, stepped by the energy–momentum rule
 //! ```text
-//! M (v₁ − v₀) = −h (G_springs + G_contact + G_friction − M g),   x₁ = x₀ + h (v₀ + v₁)/2,
+//! M (v₁ − v₀) = −h (G_springs + G_contact + G_friction − M g),   x₁ = x₀ + h (v₀ + v₁)/2.
 //! ```
 //! Newton's method solves for Δ = x₁ − x₀ with a dense matrix. Without springs and gravity this is the map by which
 //! explicit schemes drift the nodes in contact. Iterates whose straight path is not proved free are shortened.

@@ -1,4 +1,4 @@
-//! Holds the data read from a Gmsh file: points and cells by their tags, names, and groups from physical tags.
+//! The data read from a Gmsh file: points and cells by their tags, names, and groups from physical tags.
 
 use std::collections::{BTreeMap, HashMap};
 

@@ -1,4 +1,4 @@
-//! Holds the data read from an Abaqus input file: nodes, elements, and the definitions of sets and surfaces.
+//! The data read from an Abaqus input file: nodes, elements, and the definitions of sets and surfaces.
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 

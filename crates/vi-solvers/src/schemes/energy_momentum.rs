@@ -4,7 +4,7 @@
 //!
 //! For every part of the body that is connected by its stencils
 //! ```text
-//! G = ∂V/∂x(x_m) + λ M d,   λ = Σ_s (V_s(x₁) − V_s(x₀) − ∂V_s/∂x(x_m)·Δx) / dᵀM d,
+//! G = ∂V/∂x(x_m) + λ M d,   λ = Σ_s (V_s(x₁) − V_s(x₀) − ∂V_s/∂x(x_m)·Δx) / dᵀM d.
 //! ```
 //! Here x_m is the mean of x₀ and x₁, and d is Δx without its rigid part: it is orthogonal in M to those translations
 //! and rotations about x_m under which V is invariant, so Σ M d = 0 and Σ x_m × M d = 0. The method has order 2 and is

@@ -3,10 +3,9 @@
 //! Δ itself is discontinuous: when a hinge folds through itself, which is possible without contact, Δ jumps from π to
 //! −π. Then ½ Δ² has a kink, and a scheme that crosses it makes an energy error that no small step removes. Instead
 //! the energy is a function of sin Δ and x = sin²(Δ/2) that is analytic around the whole circle and equals ½ Δ² up to
-//! a relative error of Δ⁶/560: the series of arcsin²√x, cut after three terms,
-//! equals ½ Δ² to a part of Δ⁶/560: the series of arcsin²√x, cut after three terms,
+//! a relative error of Δ⁶/560. It is the series of arcsin²√x, cut after three terms:
 //! ```text
-//! V(Δ) = 2x + ⅔x² + 16/45 x³,    V′ = ψ(Δ) = sin Δ (1 + ⅔x + 8/15 x²),    ψ = Δ − Δ⁷/140 …,
+//! V(Δ) = 2x + ⅔x² + 16/45 x³,    V′ = ψ(Δ) = sin Δ (1 + ⅔x + 8/15 x²),    ψ = Δ − Δ⁷/140 ….
 //! ```
 //! The first term, sin²(Δ/2), is used by Bridson, Marino & Fedkiw 2003 and Tamstorf & Grinspun 2013, §2. There are
 //! two alternatives: 2 tan(Δ/2) (Gingold et al. 2004) diverges at π, so that a fold that closes at speed would
