@@ -83,8 +83,8 @@ pub fn warning(found: &Result<Option<StabilityNote>, SolverError>, method: Metho
 /// Returns the highest angular frequency of a scene at its start, rad/s, or `None` if no free coordinate feels a force
 /// that changes with position.
 ///
-/// The error of the first component with an unknown frequency.
-/// That of the first component whose frequency cannot be estimated.
+/// # Errors
+/// Returns the error of the first component whose frequency cannot be estimated.
 pub fn highest(simulation: &Simulation) -> Result<Option<f64>, SolverError> {
     let moving: Vec<(&System, &State)> = simulation
         .components()

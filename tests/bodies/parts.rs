@@ -271,9 +271,9 @@ fn normals_turn_with_the_body() {
     }
 }
 
-/// Nodes held along the radial and axial directions of a cylinder move in its hoop direction alone. Nodes held in
-/// another of these directions, or along the radius or the tangents of a sphere, do not move in it, and no reaction
-/// acts along the free directions.
+/// Nodes held along the radial and axial directions of a cylinder move in its hoop direction alone. Nodes held in the
+/// hoop direction, or along the radius or the tangents of a sphere, do not move along these. No reaction acts along
+/// the free directions.
 #[test]
 fn cylinders_and_spheres_hold_their_directions() {
     let shape = BoxMesh { origin: [0.5, -0.2, 0.1], ..block(CellKind::Tet4) };

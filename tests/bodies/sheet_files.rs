@@ -120,8 +120,8 @@ fn texture_coordinates_are_the_pattern_at_rest() {
         let history = Program::run(&scene(&file.1, keys)).history();
         (history.first("elastic"), file.mass(keys))
     };
-    // The shape as given stores no energy. With a flat rest shape it is the energy of a half cylinder of radius 1: ½ D
-    // L W κ².
+    // The shape as given stores no energy. With a flat rest shape the energy is that of a half cylinder
+    // of radius 1: ½ D L W κ².
     let modulus = 1e5 * 1e-9 / (12.0 * (1.0 - 0.09));
     let area = std::f64::consts::PI;
     let file = File::new("uv.obj", obj(24, true, true, Some(1.0)));
@@ -205,23 +205,23 @@ fn a_surface_group_of_a_solid_is_a_sheet_with_part() {
     assert!((mass / 0.2 - 1.0).abs() < 1e-9, "{mass}");
 }
 
-/// A unit square with a square hole consists of four trapezes of two triangles each.
+/// A unit square with a square hole consists of four trapezia of two triangles each.
 const POINTS: [[f64; 2]; 8] =
     [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.25, 0.25], [0.75, 0.25], [0.75, 0.75], [0.25, 0.75]];
 
-fn trapezes() -> Vec<[usize; 4]> {
+fn trapezia() -> Vec<[usize; 4]> {
     (0..4).map(|k| [k, (k + 1) % 4, 4 + (k + 1) % 4, 4 + k]).collect()
 }
 
 fn triangles() -> Vec<[usize; 3]> {
-    trapezes().iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect()
+    trapezia().iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect()
 }
 
 #[test]
 fn every_format_gives_the_same_sheet_with_its_hole() {
     let list = |of: &mut dyn Iterator<Item = String>| of.collect::<Vec<_>>().join("\n");
     let xyz = list(&mut POINTS.iter().map(|[x, y]| format!("{x} {y} 0")));
-    let quads = list(&mut trapezes().iter().map(|[a, b, c, d]| format!("4 {a} {b} {c} {d}")));
+    let quads = list(&mut trapezia().iter().map(|[a, b, c, d]| format!("4 {a} {b} {c} {d}")));
     let vtk = format!(
         "# vtk DataFile Version 3.0\nhole\nASCII\nDATASET POLYDATA\nPOINTS 8 double\n{xyz}\nPOLYGONS 4 20\n{quads}\n"
     );
@@ -269,7 +269,7 @@ fn every_format_gives_the_same_sheet_with_its_hole() {
         "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n2 7 \"hole\"\n$EndPhysicalNames\n$Nodes\n8\n\
          {nodes}\n$EndNodes\n$Elements\n8\n{elements}\n$EndElements\n"
     );
-    let faces = list(&mut trapezes().iter().map(|t| {
+    let faces = list(&mut trapezia().iter().map(|t| {
         let [a, b, c, d] = t.map(|k| k + 1);
         format!("f {a} {b} {c} {d}")
     }));

@@ -69,7 +69,7 @@ enum Section {
     Surface,
     /// Lines that are ignored.
     PassedOver,
-    /// Data lines are refused; the message contains this text, which names their effect.
+    /// Data lines are refused as an unsupported feature, which this text names.
     Empty(&'static str),
 }
 

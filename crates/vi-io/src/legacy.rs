@@ -58,7 +58,7 @@ struct Legacy<'a> {
     out: MeshFile,
     topologies: Vec<Topology>,
     types: Option<Vec<i64>>,
-    /// The site and the number of its tuples.
+    /// Where the following attributes belong, and their number of tuples.
     site: Option<(Site, usize)>,
 }
 

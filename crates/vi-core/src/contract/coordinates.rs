@@ -1,6 +1,7 @@
 //! Generalised coordinates of a body of points: x = x(q, t), where q are the free coordinates. The others follow a
-//! prescribed path or are weighted sums of these two (`combination.rs`). The coordinates of a node may be components
-//! along its own axes (`node_axes.rs`). All coordinates that are not free are eliminated, never penalised.
+//! prescribed path, or are weighted sums of free and prescribed coordinates (`combination.rs`). The coordinates of a
+//! node may be components along its own axes (`node_axes.rs`). All coordinates that are not free are eliminated, never
+//! penalised.
 
 use crate::contract::combination::{Combination, Combinations};
 use crate::contract::node_axes::{AllNodeAxes, NodeAxes};

@@ -45,7 +45,7 @@ fn the_rule_of_the_action_is_newtons_rule() {
             .collect();
         (before, now) = (now, next);
     }
-    // One step satisfies it to round-off.
+    // A single step satisfies this equation to round-off.
     let force = reference::gradient(&system, &states[7].q, 0.0);
     for i in 0..now.len() {
         let newton = 2.0 * states[7].q[i] - states[6].q[i] - h * h * force[i] / system.free_mass()[i];
