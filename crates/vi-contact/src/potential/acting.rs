@@ -1,5 +1,5 @@
-//! What acts over a step, pair by pair, with complete tangents: normal forces by k N ⊗ ∂d₁/∂x₁, and friction, which
-//! depends on pressure, by products that are not symmetric.
+//! The forces over a step, pair by pair, with complete tangents. Those of normal forces are k N ⊗ ∂d₁/∂x₁. Those of
+//! friction, which depends on pressure, are products that are not symmetric.
 
 use vi_core::Acting;
 
@@ -9,7 +9,7 @@ use crate::distance::Vec3;
 use crate::friction::{FrictionPair, Step};
 use crate::pairs::{Group, StepPair, in_order};
 
-/// Nodes, each with a vector that is multiplied by `factor`.
+/// Returns the nodes, each with its vector times `factor`.
 fn covector<'a>(
     nodes: &'a [u32],
     vectors: &'a [Vec3],
@@ -18,21 +18,21 @@ fn covector<'a>(
     nodes.iter().zip(vectors).map(move |(&node, vector)| (node, (vector * factor).into()))
 }
 
-/// The covectors of a sliding traction.
+/// The data of the tangents of a friction force.
 pub(super) struct Sliding<'a> {
     pub(super) nodes: &'a [u32],
-    /// With Σ_a (·)_a·Δx_a = t₁·u and t₂·u.
+    /// Covectors g¹ and g² with Σ_a gᵏ_a·Δx_a = t_k·u.
     pub(super) along: [&'a [Vec3]; 2],
-    /// N/m.
+    /// Stiffness k of the traction, N/m.
     pub(super) stiffness: f64,
-    /// Direction of the traction along t₁ and t₂ where it slides.
+    /// Components of the direction of the traction along t₁ and t₂ if the pair slides; `None` if it sticks.
     pub(super) direction: Option<[f64; 2]>,
-    /// μ.
+    /// Coefficient of friction μ.
     pub(super) coefficient: f64,
 }
 
 impl Sliding<'_> {
-    /// Adds the tangents of friction under the force of `pairs`.
+    /// Adds the tangents of friction under the normal force of `pairs`.
     pub(super) fn add_tangents(&self, pairs: &[StepPair], out: &mut Acting) {
         let Self { nodes, along: [first, second], stiffness, .. } = *self;
         let combined = |a: f64, b: f64| -> Vec<Vec3> {
@@ -40,13 +40,13 @@ impl Sliding<'_> {
         };
         let slides = self.direction.filter(|_| !out.by_secants);
         if slides.is_none() {
-            // The secant of what slides is the whole of a lesser stiffness.
+            // The secant of a sliding pair is that of a sticking pair with a smaller stiffness.
             for along in self.along {
                 out.add_tangent(covector(nodes, along, stiffness), covector(nodes, along, 1.0));
             }
         }
         let Some([a, b]) = self.direction else { return };
-        // What slides turns its traction with the slip, and lengthens it with the pressure.
+        // If a pair slides, its traction rotates with the slip and grows with the pressure.
         if slides.is_some() {
             let across = combined(-b, a);
             out.add_tangent(covector(nodes, &across, stiffness), covector(nodes, &across, 1.0));
@@ -70,7 +70,7 @@ impl Sliding<'_> {
 }
 
 impl ContactPotential {
-    /// Adds what acts between x₀ and x₁.
+    /// Adds the forces between x₀ and x₁ and their tangents.
     pub(super) fn add_acting(&self, x: [&[f64]; 2], out: &mut Acting) {
         self.for_each_acting(x, out, |pairs, out| {
             self.add_normal(pairs, out);
@@ -78,7 +78,8 @@ impl ContactPotential {
         });
     }
 
-    /// Calls `each` with the pairs of equal partners that act between x₀ and x₁, and appends in their order.
+    /// Calls `each` with each group of pairs of equal partners that act between x₀ and x₁. Appends the results in the
+    /// order of the groups.
     pub(super) fn for_each_acting(
         &self,
         x: [&[f64]; 2],

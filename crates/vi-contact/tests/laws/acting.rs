@@ -92,9 +92,8 @@ fn tangents_are_those_of_the_forces_while_friction_slides() {
         }
         let norm = |v: &mut dyn Iterator<Item = f64>| v.map(|v| v * v).sum::<f64>().sqrt();
         let size = norm(&mut product.iter().copied());
-        let error = norm(
-            &mut product.iter().zip(before.iter().zip(&after)).map(|(p, (a, b))| p - (b - a) / 2e-7),
-        );
+        let error =
+            norm(&mut product.iter().zip(before.iter().zip(&after)).map(|(p, (a, b))| p - (b - a) / 2e-7));
         assert!(error < 0.1 * size, "μ = {friction}: {error:e} of {size:e}");
     }
 }

@@ -19,8 +19,8 @@ pub trait DiscreteGradient: Send + Sync {
     /// same.
     fn tangents(&self, range: Range<usize>, start: &[f64], end: &[f64], out: &mut [f64]);
 
-    /// Appends what acts between `start` and `end`, pair by pair, to `out`. Returns false, and appends nothing, where the
-    /// term does not know its pairs.
+    /// Appends the forces that act between `start` and `end` to `out`, pair by pair. Returns false and appends nothing if
+    /// the term does not list its pairs.
     fn acting(&self, _start: &[f64], _end: &[f64], _out: &mut Acting) -> bool {
         false
     }
@@ -38,7 +38,7 @@ pub trait DiscreteGradient: Send + Sync {
     }
 }
 
-/// Sparse covectors, one behind the other.
+/// Sparse covectors, stored one after the other.
 #[derive(Debug, Clone, PartialEq, Default)]
 struct Covectors {
     entries: Vec<(u32, [f64; 3])>,
@@ -68,21 +68,22 @@ impl Covectors {
     }
 }
 
-/// What acts over a step, pair by pair: few numbers where most stencils do nothing. Covectors are lists of nodes, each
-/// with three numbers.
+/// The forces that act over a step and their tangents, pair by pair. They need little memory if most stencils do not act.
+/// Covectors are lists of nodes, each with three numbers.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Acting {
-    /// Asks for tangents by secants of forces that have a kink, such as friction: Newton's method may go to and fro over
-    /// a kink for ever, while secants come nearer at every iteration, however slowly.
+    /// Requests secants in place of tangents for forces with a kink, such as friction. Newton's method may alternate
+    /// across a kink without end, whereas secants reduce the error in every iteration, though slowly.
     pub by_secants: bool,
-    /// Asks for friction that sticks however large it is: from where it sticks, Newton's method slides to the right side.
+    /// Requests friction that sticks however large it is. From the state in which all pairs stick, Newton's method finds
+    /// the right direction of sliding.
     pub sticks: bool,
     gradients: Covectors,
     tangents: Covectors,
 }
 
 impl Acting {
-    /// Forgets everything.
+    /// Removes all forces and tangents.
     pub fn clear(&mut self) {
         self.gradients.clear();
         self.tangents.clear();
@@ -93,8 +94,8 @@ impl Acting {
         self.gradients.push(covector);
     }
 
-    /// Adds left ⊗ right (N/m) to ∂G/∂x₁. Both are different in general: friction depends on pressure, but pressure does
-    /// not depend on friction.
+    /// Adds left ⊗ right (N/m) to ∂G/∂x₁. The two factors differ in general: friction depends on pressure, but pressure
+    /// does not depend on friction.
     pub fn add_tangent(
         &mut self,
         left: impl IntoIterator<Item = (u32, [f64; 3])>,
@@ -104,23 +105,23 @@ impl Acting {
         self.tangents.push(right);
     }
 
-    /// Appends what another one holds.
+    /// Appends the forces and tangents of `other`.
     pub fn append(&mut self, other: &Self) {
         self.gradients.append(&other.gradients);
         self.tangents.append(&other.tangents);
     }
 
-    /// Number of covectors whose sum is G.
+    /// Returns the number of covectors whose sum is G.
     pub fn count(&self) -> usize {
         self.gradients.ends.len()
     }
 
-    /// The covectors whose sum is G.
+    /// Returns the covectors whose sum is G.
     pub fn gradients(&self) -> impl Iterator<Item = &[(u32, [f64; 3])]> {
         self.gradients.iter()
     }
 
-    /// Left and right factors of the parts of ∂G/∂x₁, in turn.
+    /// Returns the left and right factors of the terms of ∂G/∂x₁, alternately.
     pub fn tangents(&self) -> impl Iterator<Item = &[(u32, [f64; 3])]> {
         self.tangents.iter()
     }
@@ -142,7 +143,7 @@ pub struct StepOutcome {
     pub damping: f64,
     /// Impulses between parts of the system.
     pub impulses: Vec<Impulse>,
-    /// The smallest gap of what acted, at both ends, m; none where nothing did.
+    /// The smallest gap of the pairs that acted, at either end, m; `None` if no pair acted.
     pub smallest_gap: Option<f64>,
 }
 

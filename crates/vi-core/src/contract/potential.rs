@@ -116,7 +116,7 @@ pub trait Potential: Send + Sync {
     /// Writes the energies V_s, J: one per stencil.
     fn energies(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]);
 
-    /// Σ V_s over all stencils, J, for terms that sum it with less work than stencil by stencil; none for others.
+    /// Returns Σ V_s over all stencils, J, if the term can compute it with less work than stencil by stencil.
     fn energy(&self, _x: &[f64], _t: f64) -> Option<f64> {
         None
     }
@@ -176,8 +176,8 @@ pub trait Potential: Send + Sync {
         1.0
     }
 
-    /// Lowers `parts`, one per node in [0, 1], where the straight path from `x` to `end` is not allowed in full: the part
-    /// of its path that each node may go. Where nodes go different parts of it, the new path is to be asked for again.
+    /// Reduces `parts`, one number in [0, 1] per node, to the fraction of the straight path from `x` to `end` that each
+    /// node may move. If the fractions of nodes differ, the resulting path must be checked again.
     fn limit_nodes(&self, x: &[f64], end: &[f64], parts: &mut [f64]) {
         if self.limits_steps() {
             let dx: Vec<f64> = end.iter().zip(x).map(|(end, x)| end - x).collect();
@@ -186,8 +186,8 @@ pub trait Potential: Send + Sync {
         }
     }
 
-    /// This term with those of its stencils that serve while no node is farther than its `reach` (m) from x. It must
-    /// itself serve there. None where a term does not know how to choose them.
+    /// Returns this term with only those stencils that can act while no node is farther than its `reach` (m) from x. This
+    /// term must be valid there. Returns `None` if the term cannot choose them.
     fn narrowed(&self, _x: &[f64], _reach: &[f64]) -> Option<Arc<dyn Potential>> {
         None
     }

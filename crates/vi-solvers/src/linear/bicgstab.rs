@@ -1,9 +1,9 @@
-//! BiCGSTAB (H. A. van der Vorst, SIAM J. Sci. Stat. Comput. 13 (1992) 631–644) with a preconditioner from the right: for
-//! systems that are small, well conditioned and not symmetric.
+//! BiCGSTAB (H. A. van der Vorst, SIAM J. Sci. Stat. Comput. 13 (1992) 631–644) with a right preconditioner, for systems
+//! that are small, well conditioned and not symmetric.
 
-/// Solves A x = b to ‖b − Ax‖ ≤ `tolerance` ‖b‖ from x = 0, with `apply` for A and `precondition` for an approximate
-/// inverse in place. Returns the number of products with A; none where that is not reached with `most` of them, and x is
-/// then the last iterate.
+/// Solves A x = b to ‖b − Ax‖ ≤ `tolerance` ‖b‖ from x = 0. `apply` multiplies by A, and `precondition` by an approximate
+/// inverse, in place. Returns the number of products with A, or `None` if the tolerance is not reached with `most`
+/// products; x is then the last iterate.
 pub(crate) fn solve(
     apply: impl Fn(&[f64], &mut [f64]),
     precondition: impl Fn(&mut [f64]),

@@ -1,10 +1,11 @@
-//! A drift past live terms that know their pairs (`DiscreteGradient::acting`), on the coordinates that touch alone:
+//! A drift in which live terms act that list their pairs (`DiscreteGradient::acting`). It solves for the coordinates in
+//! contact only:
 //! ```text
 //! R(y) = M (y − u) + ½h² G(x₀, y) = 0,   u = q₀ + h M⁻¹p₀,   p₁ = M (2 (y − q₀)/h − M⁻¹p₀).
 //! ```
-//! Mass is diagonal and pairs are few, so that a Newton step is a small system that is not symmetric, solved without a
-//! factor. Where a correction would carry pairs through each other, the nodes of these pairs go a part of it and all
-//! others go the whole.
+//! The mass is diagonal and the pairs are few. So the system of a Newton step is small; it is not symmetric and is
+//! solved iteratively, without a factor. If a correction would move pairs through each other, the nodes of these pairs
+//! make only a part of it, and all others make the whole correction.
 
 mod lists;
 mod newton;
@@ -22,26 +23,28 @@ use crate::schemes::kick_drift::touching::newton::Small;
 use crate::vectors;
 use crate::work::Work;
 
-/// Newton iterations of one drift at most; what converges needs three to ten.
+/// Largest number of Newton iterations of one drift. Drifts that converge need three to ten.
 const MOST_ITERATIONS: u32 = 40;
-/// A contraction above which iterations go on by secants, and how many of these there are at first. Friction between
-/// sticking and sliding both ways goes to and fro; a handful finds the side.
+/// If the contraction is above this, the next iterations use secants. Friction can alternate between sticking and
+/// sliding in both directions; a few secant iterations find the right case.
 const STALLED: f64 = 0.7;
+/// Number of secant iterations, the first time.
 const SECANTS: u32 = 3;
-/// First iterations in which friction sticks.
+/// Number of iterations at the start in which friction sticks.
 const STICKING: u32 = 2;
-/// Shortest part of a correction that a search along it tries.
+/// Smallest fraction of a correction that the line search tries.
 const SHORTEST: f64 = 1.0 / 64.0;
-/// Corrections are cut to so many times the longest way of a node in the free drift: a wild one would make everything a
-/// candidate of everything.
+/// Largest length of a correction, as a multiple of the longest motion of a node in the free drift. A much longer
+/// correction would make candidates of all pairs.
 const FARTHEST: f64 = 2.0;
-/// Rounds in which nodes are held back until no pair meets; those that are left then stay where they are.
+/// Number of rounds in which the motions of nodes are shortened until no pair meets. After that, the nodes of pairs that
+/// still meet are not moved.
 const ROUNDS: usize = 10;
-/// A distance beyond any that terms reach over, m.
+/// A distance larger than the reach of every term, m.
 const FAR: f64 = 1e6;
-/// Estimates of the error below this part of the tolerance need no second iteration.
+/// If the first estimate of the error is below this fraction of the tolerance, no second iteration is made.
 const FIRST: f64 = 0.1;
-/// Of the resolution of positions: forces of a stiff layer carry their round-off several times over.
+/// Relative resolution of positions: forces of a stiff layer have several times the round-off of positions.
 const RESOLUTION: f64 = 8.0 * f64::EPSILON;
 
 pub(super) struct Touching {
@@ -56,24 +59,24 @@ pub(super) struct Touching {
     x_start: Vec<f64>,
     x_end: Vec<f64>,
     x_trial: Vec<f64>,
-    /// After the free drift.
+    /// Positions after the free drift, m.
     x_free: Vec<f64>,
     parts: Vec<f64>,
     work: Work,
 }
 
-/// A part of a correction that is being tried.
+/// A correction of which the line search tries a fraction.
 struct Trial {
     base: Vec<f64>,
     delta: Vec<f64>,
-    /// Size of the residual at its base.
+    /// Size of the residual at `base`.
     size: f64,
     part: f64,
 }
 
 impl Touching {
-    /// None where the system needs more than this: constraints, nodes with axes of their own, terms that do not know
-    /// their pairs.
+    /// Returns the drift of a system. Returns `None` if the system has constraints, nodes with their own axes, or terms
+    /// that do not list their pairs.
     pub(super) fn new(system: &System, tolerance: f64) -> Option<Self> {
         let coordinates = system.coordinates();
         let count = coordinates.dof_count();
@@ -81,7 +84,7 @@ impl Touching {
         {
             return None;
         }
-        // All nodes so far from each other that nothing acts.
+        // At these positions all nodes are so far apart that no term acts.
         let x: Vec<f64> = (0..count).map(|k| FAR * k as f64).collect();
         let knows_pairs = |term: &Arc<dyn Live>| {
             let near = term.near(&x, 0.0);
@@ -111,10 +114,10 @@ impl Touching {
         })
     }
 
-    /// Drifts `state` by h; returns none, with everything as before, where nothing acts along the free drift.
+    /// Drifts `state` by h. Returns `None` and changes nothing if no term acts along the free drift.
     ///
     /// # Errors
-    /// Where the equations are not solved, or the path is not free; everything is then as before.
+    /// Returns an error if the equations cannot be solved or the path is not free; nothing is then changed.
     pub(super) fn step(
         &mut self,
         system: &System,
@@ -141,13 +144,13 @@ impl Touching {
         Ok(acts.then(|| self.close(system, state, h)))
     }
 
-    /// The terms over the open step.
+    /// Returns the terms over the open step.
     fn over_step(&self) -> Vec<Arc<dyn DiscreteGradient>> {
         let over = |(number, term): (usize, &Arc<dyn Potential>)| self.passage.over_step(number, term);
         self.lists.terms().iter().enumerate().filter_map(over).collect()
     }
 
-    /// Finds y; false where nothing acts on the free drift.
+    /// Solves for y. Returns false if no term acts along the free drift.
     fn solve(&mut self, system: &System, state: &State, h: f64) -> Result<bool, SolverError> {
         let (coordinates, mass) = (system.coordinates(), system.free_mass());
         let c = 0.5 * h * h;
@@ -155,7 +158,7 @@ impl Touching {
         self.y.clone_from(&self.small.drifted);
         self.small.begin();
         let mut terms = self.over_step();
-        // The free drift, as far as it is free.
+        // Begin with the free drift, as far as its path is free.
         let mut delta: Vec<f64> = self.y.iter().zip(&state.q).map(|(y, q)| y - q).collect();
         let mut is_whole = self.shorten(system, &state.q, &mut delta, t, true);
         vectors::update(&mut self.y, |k, y| *y = state.q[k] + delta[k]);
@@ -164,7 +167,7 @@ impl Touching {
         }
         let longest = FARTHEST * self.farthest();
         let mut last: Option<f64> = None;
-        // Iterations by secants that are left, and those to begin with where they are next needed.
+        // The number of secant iterations left, and the number for the next time that they are needed.
         let (mut secants, mut patience) = (0, SECANTS);
         let (mut searches, mut trial): (bool, Option<Trial>) = (false, None);
         for iteration in 1..=MOST_ITERATIONS {
@@ -183,7 +186,7 @@ impl Touching {
                 if !self.passage.remembers() {
                     return Ok(false);
                 }
-                // Only memory is to be closed.
+                // Only the memory must be closed.
                 return Ok(true);
             }
             self.small.load(system, &self.free_of, &self.acting, c, &self.y);
@@ -233,7 +236,7 @@ impl Touching {
                 continue;
             }
             if iteration > STICKING + 1 && contraction.is_some_and(|theta| theta > STALLED) {
-                // To and fro over a kink.
+                // The iteration alternates across a kink.
                 (secants, patience) = (patience, 2 * patience);
                 searches = true;
             }
@@ -242,14 +245,14 @@ impl Touching {
         Err(stuck(MOST_ITERATIONS, last.unwrap_or(1.0), self.tolerance))
     }
 
-    /// How far a node goes at most in the free drift, m.
+    /// Returns the longest motion of a node in the free drift, m.
     fn farthest(&self) -> f64 {
         let nodes = self.x_start.chunks_exact(3).zip(self.x_free.chunks_exact(3));
         let square = |(a, b): (&[f64], &[f64])| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>();
         nodes.map(square).fold(0.0, f64::max).sqrt()
     }
 
-    /// The straight path from start to end must be free.
+    /// Checks that the straight path from the start to the end is free.
     fn check_path(&mut self) -> Result<(), SolverError> {
         self.parts.fill(1.0);
         self.work.path_checks += self.lists.count();
@@ -259,9 +262,9 @@ impl Touching {
         if self.parts.iter().any(|part| *part < 1.0) { Err(SolverError::Crossing) } else { Ok(()) }
     }
 
-    /// Shortens the change `delta` of coordinates `from`, node by node, until no pair meets on the way; true where it
-    /// could stay as it was. Prescribed coordinates are at the end of their step, at time t, but before the change where it
-    /// starts `from_start`.
+    /// Shortens the change `delta` of the coordinates `from`, node by node, until no pair meets on the path. Returns true
+    /// if it did not have to be shortened. Prescribed coordinates have their values at time t, the end of the step; if
+    /// `from_start`, the path begins with their values at the start of the step.
     fn shorten(
         &mut self,
         system: &System,
@@ -322,7 +325,7 @@ impl Touching {
         self.passage.accept(&self.x_start, &self.x_end);
         let mut energy =
             StepEnergy { friction: -friction, contact_damping: -damping, ..StepEnergy::default() };
-        // Of the last iteration, one correction before the end.
+        // The force is that of the last iteration, before the last correction.
         let force = &self.small;
         for (k, place) in self.small.coordinates() {
             let change = self.y[k] - state.q[k];
@@ -344,7 +347,7 @@ impl Touching {
         energy
     }
 
-    /// Work of the last step, made or not.
+    /// Returns the work of the last step, even if it failed.
     pub(super) fn work(&self) -> Work {
         self.work
     }
@@ -361,7 +364,7 @@ impl Touching {
         self.passage.take_smallest_gap()
     }
 
-    /// The passage of the terms, to be gone back to.
+    /// Returns the memory of the terms, for a return to this point.
     pub(super) fn passage(&self) -> Passage {
         self.passage.clone()
     }

@@ -1,5 +1,6 @@
-//! Lists of what may act, in three sizes: an outer one that is searched for rarely, an inner one that is chosen from it
-//! every few steps, and one of each step that is chosen from that. Iterations look at the last alone.
+//! Lists of the candidates of live terms, in three sizes. The outer list results from a search, which is rare. The inner
+//! list is chosen from it every few steps, and the list of a step is chosen from the inner list. Iterations use only
+//! the list of the step.
 
 use std::sync::Arc;
 
@@ -7,27 +8,29 @@ use vi_core::{Live, Potential};
 
 use crate::memory::StepperMemory;
 
-/// Steps that an outer and an inner list should serve, by the speed at which they are made.
+/// Numbers of steps for which an outer and an inner list should be valid, at the speed at which they are made.
 const OUTER: f64 = 50.0;
 const INNER: f64 = 2.0;
-/// What nodes may move in a step, of the free drift.
+/// Motion of a node for which the list of a step is valid, as a multiple of its free drift.
 const STEP: f64 = 1.5;
-/// Of the farthest motion, what every node of an inner list may move: a node at rest may be hit.
+/// Smallest motion of a node for which a list is valid, as a fraction of the largest motion of all nodes: a node at rest
+/// may be hit.
 const LEAST: f64 = 0.25;
-/// An outer list reaches at most so many times as far as its terms ask for: candidates grow with the square.
+/// Largest reach of an outer list, as a multiple of the reach that its terms request. The number of candidates grows with
+/// the square of the reach.
 const MOST: f64 = 1.5;
 
-/// Terms that serve while no node is farther than its reach from `about`.
+/// Terms that are valid while no node is farther than its reach from `about`.
 #[derive(Default)]
 struct List {
     about: Vec<f64>,
-    /// One of all nodes in the outer list, m.
+    /// The reach of each node, m; the outer list has one for all nodes.
     reach: Vec<f64>,
     terms: Vec<Arc<dyn Potential>>,
 }
 
 impl List {
-    /// Is every node of x within its reach?
+    /// Returns whether every node of x is within its reach.
     fn serves(&self, x: &[f64]) -> bool {
         let near = || self.about.chunks_exact(3).zip(x.chunks_exact(3)).zip(&self.reach);
         self.about.len() == x.len() && near().all(|((a, b), reach)| square(a, b) <= reach * reach)
@@ -38,7 +41,7 @@ fn square(a: &[f64], b: &[f64]) -> f64 {
     (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2)
 }
 
-/// How far each node is from where it was, m.
+/// Returns the distance of each node between two configurations, m.
 fn distances(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.chunks_exact(3).zip(b.chunks_exact(3)).map(|(a, b)| square(a, b).sqrt()).collect()
 }
@@ -58,7 +61,7 @@ pub(super) struct Lists {
     live: Vec<Arc<dyn Live>>,
     outer: List,
     inner: List,
-    /// Chosen from the inner list for one step.
+    /// The list of a step, chosen from the inner list.
     step: List,
     searches: u64,
 }
@@ -68,17 +71,17 @@ impl Lists {
         Self { live, outer: List::default(), inner: List::default(), step: List::default(), searches: 0 }
     }
 
-    /// The terms that serve between the positions that were followed last.
+    /// Returns the terms that are valid for the current step.
     pub(super) fn terms(&self) -> &[Arc<dyn Potential>] {
         &self.step.terms
     }
 
-    /// Has no term anything that may act?
+    /// Returns whether no term has a candidate.
     pub(super) fn is_empty(&self) -> bool {
         self.count() == 0
     }
 
-    /// Sees to it that the inner lists serve at `start`, and `end`.
+    /// Makes the lists valid at `start` and `end` of a step.
     pub(super) fn follow(&mut self, start: &[f64], end: &[f64]) {
         if !(self.inner.serves(start) && self.inner.serves(end)) {
             self.choose(start, distances(start, end), INNER);
@@ -86,14 +89,14 @@ impl Lists {
         self.begin_step(start, &distances(start, end));
     }
 
-    /// Chooses the list of a step from `start` in which nodes make these motions.
+    /// Chooses the list of a step from `start` in which the nodes make these motions (m).
     fn begin_step(&mut self, start: &[f64], motions: &[f64]) {
         let farthest = largest(motions);
         let reach = motions.iter().map(|motion| STEP * motion.max(LEAST * farthest)).collect();
         self.step = narrowed(&self.inner, start.to_vec(), reach);
     }
 
-    /// Sees to it that the inner lists of a step from `start` serve at `x` too; true where they changed.
+    /// Makes the lists of a step from `start` valid at `x` too. Returns true if they changed.
     pub(super) fn widen(&mut self, start: &[f64], x: &[f64]) -> bool {
         if self.step.serves(x) {
             return false;
@@ -109,7 +112,7 @@ impl Lists {
         true
     }
 
-    /// Chooses the inner lists for motions of `steps` times these, from `about`.
+    /// Chooses the inner list for motions from `about` of `steps` times these.
     fn choose(&mut self, about: &[f64], motions: Vec<f64>, steps: f64) {
         let farthest = largest(&motions);
         let reach: Vec<f64> = motions.iter().map(|motion| steps * motion.max(LEAST * farthest)).collect();
@@ -135,17 +138,17 @@ impl Lists {
         self.outer = List { about: about.to_vec(), reach: vec![reach], terms };
     }
 
-    /// How often the outer lists were searched for.
+    /// Returns the number of searches for outer lists.
     pub(super) fn searches(&self) -> u64 {
         self.searches
     }
 
-    /// Number of candidates of the step.
+    /// Returns the number of candidates of the step.
     pub(super) fn count(&self) -> u64 {
         self.step.terms.iter().map(|term| term.stencils().count() as u64).sum()
     }
 
-    /// Enters where the lists were made, so that a run that goes on makes the same ones.
+    /// Saves the positions at which the lists were made, so that a continued run makes the same lists.
     pub(super) fn save(&self, memory: &mut StepperMemory) {
         for (name, list) in [("outer", &self.outer), ("inner", &self.inner)] {
             memory.arrays.push((format!("{name}.about"), list.about.clone()));

@@ -1,4 +1,4 @@
-//! The small system of one Newton step: J δ = −R on the nodes that touch, J = M + ½h² Σ a ⊗ b.
+//! The small system of one Newton step, J δ = −R on the nodes in contact, with J = M + ½h² Σ a ⊗ b.
 
 use vi_core::{Acting, Coordinates, System};
 
@@ -6,11 +6,11 @@ use crate::error::SolverError;
 use crate::index::NONE;
 use crate::linear::bicgstab;
 
-/// J δ = −R is solved to this relative error: the tangents leave out more.
+/// Relative error to which J δ = −R is solved. The error of the approximate tangents is larger.
 const FORCING: f64 = 1e-5;
 const MOST_PRODUCTS: usize = 400;
 
-/// Sparse vectors side by side.
+/// Sparse vectors, stored one after the other.
 #[derive(Default)]
 struct Vectors {
     places: Vec<u32>,
@@ -37,16 +37,17 @@ impl Vectors {
 }
 
 pub(super) struct Small {
-    /// Free positions after the free drift.
+    /// The free coordinates after the free drift, m.
     pub(super) drifted: Vec<f64>,
-    /// Place of each node in the small system, or [`NONE`]; and the nodes there.
+    /// Index of each node in the small system, or [`NONE`].
     place_of: Vec<u32>,
+    /// The nodes of the small system.
     nodes: Vec<u32>,
-    /// Free coordinates of its places, three a node, or [`NONE`].
+    /// The free coordinate of each coordinate of the small system, three per node, or [`NONE`].
     free: Vec<u32>,
-    /// Left and right factors of the tangents in turn.
+    /// Left and right factors of the tangents, alternately.
     tangents: Vectors,
-    /// G at each place, N.
+    /// G at each coordinate of the small system, N.
     force: Vec<f64>,
     residual: Vec<f64>,
     delta: Vec<f64>,
@@ -68,7 +69,7 @@ impl Small {
         }
     }
 
-    /// Begins a solve without any node.
+    /// Begins a solve with an empty system.
     pub(super) fn begin(&mut self) {
         self.nodes.iter().for_each(|&node| self.place_of[node as usize] = NONE);
         self.nodes.clear();
@@ -76,7 +77,7 @@ impl Small {
         self.force.clear();
     }
 
-    /// Takes a node into the system; returns its place.
+    /// Adds a node to the system if it is not there yet; returns its index.
     pub(super) fn touch(&mut self, node: u32) -> u32 {
         let place = &mut self.place_of[node as usize];
         if *place == NONE {
@@ -86,7 +87,7 @@ impl Small {
         *place
     }
 
-    /// Calls `each` with the nodes that are not tied, and what a covector is at each.
+    /// Pulls a covector back to the nodes that are not tied; calls `each` with each node and its entry.
     fn pull_back(
         coordinates: &Coordinates,
         covector: &[(u32, [f64; 3])],
@@ -102,7 +103,7 @@ impl Small {
         }
     }
 
-    /// Takes in what acts at y.
+    /// Builds the system from the forces and tangents at y.
     pub(super) fn load(&mut self, system: &System, free_of: &[u32], acting: &Acting, c: f64, y: &[f64]) {
         let coordinates = system.coordinates();
         let is_free =
@@ -198,19 +199,19 @@ impl Small {
                 three.copy_from_slice(out.as_slice());
             }
         };
-        // The best that was found serves where the tolerance is not reached.
+        // If the tolerance is not reached, use the last iterate.
         bicgstab::solve(apply, precondition, &self.residual, &mut self.delta, FORCING, MOST_PRODUCTS);
         Ok(self.delta.iter().zip(&self.residual).map(|(a, b)| a * b).sum())
     }
 
-    /// √(RᵀM⁻¹R).
+    /// Returns √(RᵀM⁻¹R).
     pub(super) fn size(&self, mass: &[f64]) -> f64 {
         let parts = self.free.iter().zip(&self.residual).filter(|(k, _)| **k != NONE);
         parts.map(|(&k, residual)| residual * residual / mass[k as usize]).sum::<f64>().sqrt()
     }
 
-    /// Writes δ to free coordinates, shortened at nodes where it is longer than `longest` (m). Returns whether it is
-    /// nowhere.
+    /// Writes δ to the free coordinates, with length `longest` (m) at nodes where it is longer. Returns whether it was
+    /// longer at no node.
     pub(super) fn spread(&self, delta: &mut [f64], longest: f64) -> bool {
         let mut is_whole = true;
         for (free, values) in self.free.chunks_exact(3).zip(self.delta.chunks_exact(3)) {
@@ -224,13 +225,13 @@ impl Small {
         is_whole
     }
 
-    /// Σ m (u − q)² of the places: what δ·R is relative to.
+    /// Returns Σ m (u − q)² over the system, with which δ·R is compared.
     pub(super) fn scale(&self, mass: &[f64], q: &[f64]) -> f64 {
         let free = self.free.iter().filter(|&&k| k != NONE).map(|&k| k as usize);
         free.map(|k| mass[k] * (self.drifted[k] - q[k]).powi(2)).sum()
     }
 
-    /// Is δ below `resolution` of positions?
+    /// Returns whether δ is below the fraction `resolution` of the positions, both in the norm of mass.
     pub(super) fn is_at_resolution(&self, mass: &[f64], q: &[f64], resolution: f64) -> bool {
         let (mut change, mut place) = (0.0, 0.0);
         for (&k, delta) in self.free.iter().zip(&self.delta).filter(|(k, _)| **k != NONE) {
@@ -240,18 +241,18 @@ impl Small {
         change <= resolution * resolution * place
     }
 
-    /// Free coordinates with their places.
+    /// Returns the free coordinates with their indices in the system.
     pub(super) fn coordinates(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         let places = self.free.iter().enumerate().filter(|(_, k)| **k != NONE);
         places.map(|(place, &k)| (k as usize, place))
     }
 
-    /// G at a place, N.
+    /// Returns G at a coordinate of the system, N.
     pub(super) fn force(&self, place: usize) -> f64 {
         self.force[place]
     }
 
-    /// What acts on coordinates that are not free: coordinate and force, N.
+    /// Returns the forces on coordinates that are not free: coordinate and force, N.
     pub(super) fn prescribed(
         &self,
         coordinates: &Coordinates,
