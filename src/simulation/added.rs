@@ -43,7 +43,8 @@ impl AddedTerm {
 impl Simulation {
     /// Returns the simulation of a scene with additional terms; `add` receives the bodies, in the order of the scene.
     ///
-    /// # Errors Returns the errors of [`Simulation::new`], and an error if a term refers to a missing node. Scheme
+    /// # Errors
+    /// Returns the errors of [`Simulation::new`], and an error if a term refers to a missing node. Scheme
     /// `auto` is refused, because its trials would run the scene without these terms.
     pub fn with_terms(
         scene: Scene,

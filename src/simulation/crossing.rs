@@ -10,8 +10,8 @@ use crate::scene::Problem;
 
 impl Simulation {
     /// Returns the number of crossings, and the pairs of bodies whose surfaces cross although contact applies to
-    /// them. Bodies have their numbers in the scene; rigid ones follow the others. Both are empty in a scene without
-    /// contact.
+    /// them. Bodies have their numbers in the scene; rigid ones follow the others. In a scene without contact there
+    /// are none.
     pub fn crossings(&self) -> (usize, BTreeSet<[usize; 2]>) {
         if self.scene.contact.is_none() {
             return (0, BTreeSet::new());
