@@ -252,3 +252,45 @@ smallest_gap = 1e-9
         assert!(balance.abs() < 5e-3 * scale, "{i}: {balance:e} of {scale}");
     }
 }
+
+/// A bar that falls on a floor stays for 2L/c, presses with ρ c (v₀ + g t), and leaves as fast as it came.
+#[test]
+fn a_bar_dropped_on_a_floor_leaves_as_fast_as_it_came() {
+    let run = Program::run(
+        r#"
+gravity = [-9.81, 0.0, 0.0]
+[time]
+end = 0.2
+step = 2.5e-4
+scheme = "stormer-verlet"
+[contact]
+[[body]]
+name = "bar"
+box = { size = [1.0, 0.1, 0.1], cells = [100, 1, 1], element = "hex8", origin = [0.079638, 0, 0] }
+material = { law = "linear", young = 1e6, poisson = 0.0, density = 1000.0 }
+[[rigid]]
+name = "floor"
+shape = { kind = "plane", normal = [1, 0, 0] }
+fixed = true
+[[probe]]
+name = "floor"
+between = ["bar", "floor"]
+sum = "contact_force"
+"#,
+    )
+    .history();
+    let (t, pairs, force, p) =
+        (run.column("t"), run.column("pairs"), run.column("floor.fx"), run.column("px"));
+    let touching: Vec<usize> = (0..t.len()).filter(|&row| pairs[row] > 0.0).collect();
+    let [first, last] = [touching[0], touching[touching.len() - 1]];
+    let duration = t[last] - t[first];
+    assert!((duration / 63.246e-3 - 1.0).abs() < 0.02, "{duration}");
+    let inside = |row: &usize| (0.1..0.9).contains(&((t[*row] - t[first]) / duration));
+    let expected = |row: usize| 0.01 * 31.6228e3 * (1.25 + 9.81 * (t[row] - t[first]));
+    let rows: Vec<usize> = touching.iter().copied().filter(inside).collect();
+    let ratio =
+        rows.iter().map(|&row| force[row]).sum::<f64>() / rows.iter().map(|&row| expected(row)).sum::<f64>();
+    assert!((ratio - 1.0).abs() < 0.03, "{ratio}");
+    // The layer is entered before the wall is reached, at a speed of 1.241 m/s.
+    assert!((p[last + 1] / -p[first - 1] - 1.0).abs() < 0.01, "{} {}", p[last + 1], p[first - 1]);
+}
