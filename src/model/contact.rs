@@ -97,7 +97,8 @@ pub(super) fn contact(
     if !parts.iter().enumerate().any(any) {
         return Ok(None);
     }
-    // A part of the edges of what deforms: with a margin of whole edges every edge would be a candidate of its neighbours.
+    // The reach is a fraction of the edges of deformable bodies. With a whole edge as margin, every edge would be a
+    // candidate with its neighbours.
     let edges = parts.iter().filter(|part| part.stiffness.is_some());
     let edges = edges.filter_map(|part| median_edge(&part.triangles, rest));
     let reach = match edges.reduce(f64::min) {

@@ -212,8 +212,8 @@ fixed = true
     }
 }
 
-/// H15: a cloth that falls on a ball and rubs on it does not cross it or itself, and an explicit run keeps its balance
-/// with few iterations per step.
+/// Case H15: a cloth that falls on a ball and slides on it crosses neither the ball nor itself. The energy balance of an
+/// explicit run closes, with few iterations per step.
 #[test]
 fn a_cloth_falls_on_a_ball_explicitly() {
     let run = Program::run(

@@ -137,7 +137,7 @@ impl Contact<'_> {
         impacts.min_by(|a, b| a.time.total_cmp(&b.time).then_with(|| a.partners.cmp(&b.partners)))
     }
 
-    /// Every pair whose straight path from x₀ to x₁ is not proved free of touch, with its nodes.
+    /// Returns every pair whose straight path from x₀ to x₁ is not proved free of contact, with its nodes.
     pub(crate) fn impacts(&self, x0: &[f64], x1: &[f64]) -> Vec<(Impact, [u32; 4])> {
         let surface = self.surface;
         let near = self.neighbours.near();

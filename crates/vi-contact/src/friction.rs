@@ -56,11 +56,11 @@ pub struct FrictionPair {
     pub stiffness: f64,
     /// t₁ and t₂.
     pub tangents: [Vec3; 2],
-    /// Covectors with Σ_a (·)_a·Δx_a = t₁·u and t₂·u.
+    /// Covectors g¹ and g² with Σ_a gᵏ_a·Δx_a = t_k·u.
     pub along: [[Vec3; 4]; 2],
-    /// Direction of T along t₁ and t₂ where it slides; none while it sticks.
+    /// Components of the direction of T along t₁ and t₂ if the pair slides; `None` if it sticks.
     pub sliding: Option<[f64; 2]>,
-    /// μ.
+    /// Coefficient of friction μ.
     pub coefficient: f64,
     /// Dissipated energy, J: T·u minus the change of the stored energy; never negative.
     pub dissipated: f64,
@@ -77,7 +77,7 @@ pub(crate) struct Held {
     pub(crate) traction: Vec3,
     /// Half the stiffness of the bristle, less if it slides, N/m.
     pub(crate) stiffness: f64,
-    /// Direction of T along both tangents where it slides; none while it sticks.
+    /// Components of the direction of T along both tangents if the pair slides; `None` if it sticks.
     pub(crate) sliding: Option<[f64; 2]>,
     /// Dissipated energy, T·u minus the change of the stored energy, J; never negative.
     pub(crate) dissipated: f64,

@@ -135,7 +135,7 @@ impl ContactPotential {
         Self { surface, neighbours: Arc::new(neighbours), nodes: nodes.into(), step: None }
     }
 
-    /// The candidates that can act or meet while no node is farther than its reach from x.
+    /// Returns the contact of the candidates that can act or meet while no node is farther than its `reach` (m) from x.
     pub(crate) fn narrowed_to(&self, x: &[f64], reach: &[f64]) -> Self {
         let neighbours = self.neighbours.narrowed(&self.surface, x, reach);
         Self::on(Arc::clone(&self.surface), neighbours)
@@ -183,7 +183,7 @@ impl ContactPotential {
         (first..self.surface.points().len()).take_while(move |&point| (starts[point] as usize) < end)
     }
 
-    /// Number of the candidate of a point and a cell.
+    /// Returns the number of the candidate of a point and a cell.
     fn candidate(&self, point: usize, cell: u32) -> usize {
         let cells = self.neighbours.cells_of(point);
         self.neighbours.starts[point] as usize + cells.binary_search(&cell).unwrap_or(0)

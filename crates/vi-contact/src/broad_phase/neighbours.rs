@@ -24,7 +24,7 @@ pub struct EdgePair {
 pub struct Neighbours {
     reference: Vec<f64>,
     margin: f64,
-    /// Points near any cell.
+    /// The points that are near any cell, ascending.
     near: Vec<u32>,
     /// Index in `cells` of the first cell of each point, followed by the total number.
     pub(crate) starts: Vec<u32>,
@@ -56,12 +56,12 @@ impl Neighbours {
         Self { reference: x.to_vec(), margin, near, starts, cells, edges, planes }
     }
 
-    /// Those of these pairs that can act or meet while no node is farther than its `reach` (m) from x, where the list must
-    /// serve. The narrowed list has no margin of its own: it covers x alone.
+    /// Returns those of the pairs that can act or meet while no node is farther than its `reach` (m) from x. All such
+    /// configurations must be covered by this list. The returned list has no margin: it covers only x.
     pub fn narrowed(&self, surface: &Surface, x: &[f64], reach: &[f64]) -> Self {
         let margin_of = |nodes: &[u32]| nodes.iter().map(|&node| reach[node as usize]).fold(0.0, f64::max);
         let is_near = |shape: Shape, nodes: [u32; 4], gauge: &Gauge| {
-            // Both sides, with the largest reach of a node of each.
+            // The margin of a pair is the sum over both sides of the largest reach of their nodes.
             let (first, second) = nodes.split_at(if shape == Shape::EdgeEdge { 2 } else { 1 });
             let margin = margin_of(first) + margin_of(second);
             let reach = gauge.thickness + gauge.distance + margin;
@@ -99,7 +99,7 @@ impl Neighbours {
         Self { reference: x.to_vec(), margin: 0.0, near, starts, cells, edges, planes }
     }
 
-    /// Points near any cell, ascending.
+    /// Returns the points that are near any cell, ascending.
     pub(crate) fn near(&self) -> &[u32] {
         &self.near
     }
@@ -137,7 +137,7 @@ impl Neighbours {
     }
 }
 
-/// Points whose list of cells is not empty.
+/// Returns the points whose list of cells is not empty.
 fn with_cells(starts: &[u32]) -> Vec<u32> {
     (0..).zip(starts.windows(2)).filter(|(_, range)| range[0] < range[1]).map(|(point, _)| point).collect()
 }

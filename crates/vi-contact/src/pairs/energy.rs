@@ -60,7 +60,7 @@ pub struct ActivePair {
     pub curvature: f64,
     /// Gap g = d − ξ, m.
     pub gap: f64,
-    /// Number of the first cell that contains the simplex which a point sees; zero for other pairs.
+    /// For a point against a body, the first cell that contains the simplex of the pair; zero for other pairs.
     pub(crate) cell: u32,
     /// dC/dc, d²C/dc² and d²C/dd dc of nearly parallel edges, with c = |e_a × e_b|².
     parallel: Option<[f64; 3]>,

@@ -12,7 +12,7 @@ pub(crate) struct PointTerm<const ENDS: usize> {
     pub(crate) nodes: [u32; 4],
     /// Sum n of the inclusion–exclusion numbers.
     pub(crate) multiplicity: i32,
-    /// Number of the first of the point's cells that contains the simplex.
+    /// The first of the point's cells that contains the simplex.
     pub(crate) home: u32,
     /// Closest points at each end.
     pub(crate) closest: [Closest; ENDS],
@@ -30,10 +30,10 @@ pub(crate) struct Group<const ENDS: usize> {
     order: Vec<u32>,
 }
 
-/// A simplex of several cells, the sum of their numbers, and the number of the first.
+/// A simplex of several cells, the sum of their numbers n, and the first of these cells.
 type Shared<S> = (S, i32, u32);
 
-/// Sums the numbers of equal simplices. Sorted, as a ball sees thousands of cells at once.
+/// Sums the numbers n of equal simplices. It sorts them, because a ball can be near thousands of cells at once.
 fn sum<S: Copy + Ord>(shared: &mut Vec<Shared<S>>) {
     shared.sort_unstable();
     shared.dedup_by(|next, kept| {
@@ -108,7 +108,7 @@ impl<const ENDS: usize> Group<ENDS> {
         sum(&mut edges);
         edges.iter_mut().for_each(|edge| edge.1 += 1);
         for term in self.terms.iter().filter(|term| term.shape == Shape::PointEdge) {
-            // A wire's edge is a cell: n = 1 is there already.
+            // The edge of a wire is a cell, which already counts with n = 1.
             edges.push(([term.nodes[1], term.nodes[2]], 0, term.home));
         }
         for &(edge, _, home) in &edges {

@@ -35,7 +35,7 @@ pub struct StepPair {
     pub weights: [f64; 4],
     /// Unit vector between the closest points at the midpoint.
     pub normal: Vec3,
-    /// The discrete gradient N of the distance, and ∂d₁/∂x₁: ∂G/∂x₁ ≈ k N ⊗ ∂d₁/∂x₁.
+    /// The discrete gradient N of the distance, and ∂d₁/∂x₁. With them, ∂G/∂x₁ ≈ k N ⊗ ∂d₁/∂x₁.
     pub distance: [[Vec3; 4]; 2],
     /// k of ∂G/∂x₁ ≈ k c̄ c̄ᵀ ⊗ n nᵀ, N/m; positive except for pairs that inclusion and exclusion subtracts.
     pub stiffness: f64,
@@ -45,7 +45,7 @@ pub struct StepPair {
     pub dissipated: f64,
     /// The smaller gap of both ends, m.
     pub gap: f64,
-    /// Number of the first cell that contains the simplex which a point sees; zero for other pairs.
+    /// For a point against a body, the first cell that contains the simplex of the pair; zero for other pairs.
     pub(crate) cell: u32,
 }
 

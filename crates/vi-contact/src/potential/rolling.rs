@@ -93,7 +93,7 @@ impl RollingPotential {
         Self { nodes: nodes.collect(), candidates: candidates.into(), contact, step: None }
     }
 
-    /// Adds friction of the pairs of equal partners over the open step.
+    /// Adds the friction of pairs with equal partners over the open step.
     fn add_friction(&self, pairs: &[StepPair], x: [&[f64]; 2], step: &Step, out: &mut Acting) {
         let (contact, surface) = (self.contact.contact(), self.contact.surface());
         let partners = pairs[0].partners;
@@ -232,7 +232,7 @@ impl DiscreteGradient for RollingPotential {
 
     fn acting(&self, start: &[f64], end: &[f64], out: &mut Acting) -> bool {
         if let Some(step) = &self.step {
-            // With the damping of the step in the normal forces.
+            // The normal forces must include the damping of the step.
             let contact = ContactPotential { step: self.step.clone(), ..self.contact.clone() };
             let x = [start, end];
             contact.for_each_acting(x, out, |pairs, out| self.add_friction(pairs, x, step, out));

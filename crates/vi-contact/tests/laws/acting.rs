@@ -1,5 +1,5 @@
-//! Tests the pairs of a step as solvers read them: their sum is the discrete gradient, and their tangents are those of
-//! the forces.
+//! Tests the forces of a step, pair by pair: their sum is the discrete gradient, and their tangents are the derivatives
+//! of the forces.
 
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ fn sheets(friction: f64) -> (Arc<Surface>, [Vec<f64>; 2]) {
         x + slide + 1e-3 * (numbers.unit() - 0.5)
     });
     let end = moved.collect();
-    (Arc::new(builder.build().expect("a sound surface")), [x, end])
+    (Arc::new(builder.build().expect("a valid surface")), [x, end])
 }
 
 fn sum(acting: &Acting, count: usize) -> Vec<f64> {
@@ -62,7 +62,7 @@ fn pairs_sum_to_the_discrete_gradient_with_friction_and_in_a_narrowed_list() {
     }
 }
 
-/// The tangents leave out how normals turn, which is of the order of the slip over the size of triangles.
+/// The tangents neglect the rotation of normals, which is of the order of the slip divided by the size of triangles.
 #[test]
 fn tangents_are_those_of_the_forces_while_friction_slides() {
     for friction in [0.0, 0.4] {

@@ -68,7 +68,7 @@ impl Assembler {
         self.fixed.gather()
     }
 
-    /// Leaves live terms out from now on.
+    /// Removes the live terms from all further sums.
     pub(crate) fn drop_live(&mut self) {
         self.live = None;
     }

@@ -83,7 +83,7 @@ impl Evaluator {
         self
     }
 
-    /// The same without live terms, which act elsewhere.
+    /// Returns the evaluator without the live terms, for a scheme that treats them separately.
     #[must_use]
     pub(crate) fn without_live(mut self) -> Self {
         self.assembler.drop_live();
@@ -187,7 +187,7 @@ impl Evaluator {
         self.assembler.live().map(|live| live.take_impulses()).unwrap_or_default()
     }
 
-    /// The smallest gap of live terms in the steps since the last call, m; infinite where nothing acted.
+    /// Returns the smallest gap of live terms in the steps since the last call, m; infinite if no pair acted.
     pub(crate) fn take_smallest_gap(&mut self) -> f64 {
         self.assembler.live().and_then(|live| live.take_smallest_gap()).unwrap_or(f64::INFINITY)
     }

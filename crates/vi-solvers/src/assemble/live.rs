@@ -309,7 +309,7 @@ impl LiveSum {
         self.passage.take_impulses()
     }
 
-    /// The smallest gap of what acted in the steps since the last call, m.
+    /// Returns the smallest gap of the pairs that acted in the steps since the last call, m.
     pub(crate) fn take_smallest_gap(&mut self) -> Option<f64> {
         self.passage.take_smallest_gap()
     }

@@ -62,12 +62,13 @@ pub(crate) struct Passage {
     /// Impulses of the last step, and the sum of all earlier ones that were not yet taken, N s.
     impulses: Vec<Impulse>,
     earlier: Vec<Impulse>,
-    /// The smallest gap of the step that was closed last, and of all accepted steps whose gap was not yet taken, m.
+    /// The smallest gap of the step that was closed last, and that of all accepted steps since the last call of
+    /// [`Passage::take_smallest_gap`], m.
     next_gap: Option<f64>,
     smallest_gap: Option<f64>,
 }
 
-/// The smaller of two gaps, of which any may be none.
+/// Returns the smaller one of two gaps, either of which may be missing.
 fn smaller(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     a.into_iter().chain(b).reduce(f64::min)
 }
@@ -164,7 +165,7 @@ impl Passage {
         all
     }
 
-    /// Returns the smallest gap of what acted since the last call, m.
+    /// Returns the smallest gap of the pairs that acted since the last call, m.
     pub(crate) fn take_smallest_gap(&mut self) -> Option<f64> {
         self.smallest_gap.take()
     }

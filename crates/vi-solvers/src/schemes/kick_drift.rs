@@ -89,7 +89,7 @@ impl KickDrift {
     fn evaluator(system: &System, collisions: Option<&Collisions>) -> Evaluator {
         let evaluator = Evaluator::new(system);
         match collisions {
-            // All live terms act there, and exchange their energy in the drift alone.
+            // All live terms act in the drift only, and exchange their energy there.
             Some(collisions) if collisions.is_exact() => evaluator.without_live(),
             Some(_) => evaluator.with_discrete_gradients(),
             None => evaluator,

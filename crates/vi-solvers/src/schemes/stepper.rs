@@ -80,8 +80,8 @@ pub trait Stepper: Send {
         Vec::new()
     }
 
-    /// The smallest gap (m) of what pressed on each other in the steps since the last call, infinite where nothing did;
-    /// none where the scheme does not know.
+    /// Returns the smallest gap (m) of the pairs that acted in the steps since the last call: infinite if no pair acted,
+    /// `None` if the scheme does not know it.
     fn take_smallest_gap(&mut self) -> Option<f64> {
         None
     }

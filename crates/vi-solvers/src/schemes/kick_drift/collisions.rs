@@ -33,11 +33,11 @@ pub(super) struct Collisions {
     state: State,
 }
 
-/// How a drift past something is made.
+/// The method by which a drift with acting terms is made.
 enum Way {
-    /// On the coordinates that touch.
+    /// It solves for the coordinates in contact only.
     Touching(Box<Touching>),
-    /// On all, with constraints.
+    /// It solves for all coordinates, with constraints if there are any.
     Whole(Box<OneStage<Drift>>),
 }
 
@@ -225,7 +225,7 @@ impl Collisions {
         Ok(Some(drifted))
     }
 
-    /// Drifts by h, or twice by half of it where that fails; false where nothing acted.
+    /// Drifts by h, or by two halves of it if that fails. Returns false if no term acted.
     fn pass_touching(
         touching: &mut Touching,
         system: &System,
@@ -278,7 +278,7 @@ impl Collisions {
         }
     }
 
-    /// Do all live terms act in the drift, by pairs that they know?
+    /// Returns whether all live terms act in the drift, pair by pair.
     pub(super) fn is_exact(&self) -> bool {
         matches!(self.way, Way::Touching(_))
     }
@@ -299,7 +299,7 @@ impl Collisions {
         }
     }
 
-    /// The smallest gap in the steps since the last call, m; none where that is not known.
+    /// Returns the smallest gap in the steps since the last call, m; `None` if it is not known.
     pub(super) fn take_smallest_gap(&mut self) -> Option<f64> {
         match &mut self.way {
             Way::Touching(touching) => Some(touching.take_smallest_gap().unwrap_or(f64::INFINITY)),

@@ -29,7 +29,8 @@ impl KickDrift {
                 energy.friction += done.friction;
                 energy.contact_damping += done.contact_damping;
                 if self.collisions.as_ref().is_some_and(Collisions::is_exact) {
-                    // What the terms took or gave is their work, and their energy is not among that of the kicks.
+                    // The terms exchange exactly their change of energy, and the kicks do not evaluate them: nothing
+                    // remains to be booked.
                     return Ok(0.0);
                 }
                 let stored = self.stored_energy() - stored;
