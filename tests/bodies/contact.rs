@@ -155,8 +155,8 @@ fn what_is_not_built_is_refused_by_name() {
         assert_eq!(program.code(), Some(2), "{said}");
         assert!(words.iter().all(|word| said.contains(word)), "{words:?}: {said}");
     };
-    refused(&block("blanes-moan-4", ""), &["blanes-moan-4", "take stormer-verlet"]);
-    refused(&block("gauss", ""), &["gauss 2", "take stormer-verlet"]);
+    refused(&block("blanes-moan-4", ""), &["blanes-moan-4", "use stormer-verlet"]);
+    refused(&block("gauss", ""), &["gauss 2", "use stormer-verlet"]);
     let guarded = block("stormer-verlet", "") + "[guard]\naction = \"halve\"\n";
     refused(&guarded, &["guard.action", "explicit steps must not change"]);
     let resting = block("implicit-midpoint", "friction = 0.3") + "[static]\n";
