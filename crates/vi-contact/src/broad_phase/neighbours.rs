@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::tree::{Bounds, Tree};
 use crate::distance::{Shape, at};
-use crate::surface::{Gauge, Surface};
+use crate::surface::{Edge, Gauge, Surface};
 
 /// Number of queries per task.
 const CHUNK: usize = 1024;
@@ -204,14 +204,22 @@ fn near_edges(surface: &Surface, x: &[f64], margin: f64) -> Vec<EdgePair> {
         .collect();
     let tree = Tree::new(&bounds);
     let near = |first: u32, out: &mut Vec<EdgePair>| {
-        let [a, b] = surface.edges[first as usize].nodes;
+        let Edge { nodes: [a, b], body, .. } = surface.edges[first as usize];
         let (start, end) = (at(x, a), at(x, b));
+        let own = inflation(surface, body, margin);
         tree.visit(&bounds[first as usize], &mut |second| {
-            if second <= first || !surface.admits_edges(first as usize, second as usize) {
+            let Edge { nodes: [c, d], body, .. } = surface.edges[second as usize];
+            if second <= first || a == c || a == d || b == c || b == d {
                 return;
             }
-            let [c, d] = surface.edges[second as usize].nodes;
             let closest = Shape::EdgeEdge.closest(&[start, end, at(x, c), at(x, d)]);
+            // No gauge reaches farther than both boxes; most pairs that are left need none.
+            let most = own + inflation(surface, body, margin);
+            if closest.squared > 1.000_001 * most * most
+                || !surface.admits_edges(first as usize, second as usize)
+            {
+                return;
+            }
             let Some(gauge) = surface.edge_gauge(first as usize, second as usize) else { return };
             let reach = gauge.thickness + gauge.distance + margin;
             if closest.squared < reach * reach {

@@ -18,7 +18,7 @@ const STEP: f64 = 1.5;
 const LEAST: f64 = 0.25;
 /// Largest reach of an outer list, as a multiple of the reach that its terms request. The number of candidates grows with
 /// the square of the reach.
-const MOST: f64 = 1.5;
+const MOST: f64 = 3.0;
 
 /// Terms that are valid while no node is farther than its reach from `about`.
 #[derive(Default)]
