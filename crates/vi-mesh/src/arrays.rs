@@ -13,7 +13,7 @@ impl Mesh {
     /// ([`CellKind`](crate::CellKind)); cells are numbered consecutively through all blocks.
     ///
     /// # Errors
-    /// Every problem found: node lists whose length is not a whole number of cells, node numbers out of range,
+    /// Returns every problem found: node lists whose length is not a whole number of cells, node numbers out of range,
     /// coordinates that are not finite, and volume cells that are mirrored or have no volume.
     ///
     /// # Examples
@@ -43,8 +43,8 @@ impl Mesh {
     /// have its own material; a surface, curve or point region is a part of the boundary.
     ///
     /// # Errors
-    /// [`MeshError::Invalid`] without cells or for cells of several dimensions; [`MeshError::OutOfRange`] for a cell
-    /// that does not exist.
+    /// Returns [`MeshError::Invalid`] without cells or for cells of several dimensions; [`MeshError::OutOfRange`] for a
+    /// cell that does not exist.
     pub fn with_region(mut self, name: impl Into<String>, cells: &[u32]) -> Result<Self, MeshError> {
         let name = name.into();
         let mut dimensions = Vec::with_capacity(cells.len());

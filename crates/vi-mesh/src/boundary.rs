@@ -55,7 +55,7 @@ impl Surface {
     /// outwards; for 2 all elements with their own orientation.
     ///
     /// # Errors
-    /// [`MeshError::Unsupported`] for cells that are not surfaces or volumes.
+    /// Returns [`MeshError::Unsupported`] for cells that are not surfaces or volumes.
     pub fn of_body(mesh: &Mesh, dimension: usize) -> Result<Self, MeshError> {
         let mut blocks: Vec<(CellKind, Vec<u32>)> = Vec::new();
         let mut add = |kind: CellKind, nodes: &[u32]| {

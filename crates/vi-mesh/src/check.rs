@@ -12,7 +12,8 @@ impl Mesh {
     /// Checks that the cells of `dimension` can form a body: 3 for a solid, 2 for a sheet.
     ///
     /// # Errors
-    /// Every problem found: node numbers out of range, coordinates that are not finite, no cells, nodes without a cell.
+    /// Returns every problem found: node numbers out of range, coordinates that are not finite, no cells, nodes without
+    /// a cell.
     pub fn check(&self, dimension: usize) -> Result<(), Vec<MeshError>> {
         let mut problems = self.index_problems();
         problems.extend(self.coordinate_problems());

@@ -173,7 +173,8 @@ impl Surface {
     /// the order of their nodes in the mesh.
     ///
     /// # Errors
-    /// [`MeshError::UnknownRegion`] with the names that exist; [`MeshError::Invalid`] if the region has no facets.
+    /// Returns [`MeshError::UnknownRegion`] with the names that exist; [`MeshError::Invalid`] if the region has no
+    /// facets.
     pub fn of_region(mesh: &Mesh, name: &str) -> Result<Self, MeshError> {
         mesh.region(name)?;
         let regions = mesh.regions.iter().filter(|region| region.name == name && region.dimension == 2);

@@ -81,7 +81,7 @@ impl Mesh {
     /// Returns kind and nodes of the cell `element`; `what` names its user in an error.
     ///
     /// # Errors
-    /// [`MeshError::OutOfRange`] for a cell that does not exist.
+    /// Returns [`MeshError::OutOfRange`] for a cell that does not exist.
     pub fn element(&self, element: u32, what: &'static str) -> Result<(CellKind, &[u32]), MeshError> {
         let index = element as usize;
         let available = self.cell_count();
@@ -118,7 +118,7 @@ impl Mesh {
     /// Returns the region of this name.
     ///
     /// # Errors
-    /// [`MeshError::UnknownRegion`] with the names that exist.
+    /// Returns [`MeshError::UnknownRegion`] with the names that exist.
     pub fn region(&self, name: &str) -> Result<&Region, MeshError> {
         self.regions.iter().find(|region| region.name == name).ok_or_else(|| MeshError::UnknownRegion {
             name: name.into(),
@@ -130,7 +130,7 @@ impl Mesh {
     /// ascending, each once.
     ///
     /// # Errors
-    /// [`MeshError::UnknownRegion`] with the names that exist.
+    /// Returns [`MeshError::UnknownRegion`] with the names that exist.
     pub fn region_nodes(&self, name: &str) -> Result<Vec<u32>, MeshError> {
         self.region(name)?;
         let regions = self.regions.iter().filter(|region| region.name == name);

@@ -30,8 +30,8 @@ impl Mesh {
     /// extruded along the third keeps its layers; halved along one axis, only the layers along it are halved.
     ///
     /// # Errors
-    /// [`MeshError::Invalid`] if a cell has edges that are neither along the extrusion nor normal to it, or is a
-    /// tetrahedron or a pyramid.
+    /// Returns [`MeshError::Invalid`] if a cell has edges that are neither along the extrusion nor normal to it, or is
+    /// a tetrahedron or a pyramid.
     pub fn refined_along(&self, axes: &[usize]) -> Result<FinerMesh, MeshError> {
         let is_halved = |axis: usize| axes.contains(&axis);
         // The axis that differs from the two others.

@@ -33,7 +33,7 @@ impl Triangulation {
     /// Returns the triangulation of the cells `elements` of a mesh.
     ///
     /// # Errors
-    /// Cells that do not exist, cells that are not linear triangles, and triangles without area.
+    /// Returns an error for cells that do not exist, cells that are not linear triangles, and triangles without area.
     pub fn new(mesh: &Mesh, elements: &[u32]) -> Result<Self, MeshError> {
         let mut triangles = Vec::with_capacity(elements.len());
         for (index, &element) in elements.iter().enumerate() {
@@ -65,8 +65,8 @@ impl Triangulation {
     /// Returns the surface with the rest shape of a flat pattern, given by the corners (m) of every cell of the mesh.
     ///
     /// # Errors
-    /// A pattern with fewer cells than the mesh, triangles without area in it, and neighbours folded onto each other
-    /// in it.
+    /// Returns an error for a pattern with fewer cells than the mesh, triangles without area in it, and neighbours
+    /// folded onto each other in it.
     pub fn with_pattern(mut self, pattern: &[[[f64; 2]; 3]]) -> Result<Self, MeshError> {
         let invalid = |problem| MeshError::Invalid { what: "pattern of a sheet", problem };
         let Some(flat) = self.cells.iter().map(|&cell| pattern.get(cell as usize).copied()).collect() else {
@@ -227,7 +227,7 @@ impl Orientation {
 /// surface has two sides. In each piece the majority decides; a tie goes to the first triangle.
 ///
 /// # Errors
-/// Those of [`Triangulation::new`]: cells that are not triangles, or have no area.
+/// Returns the errors of [`Triangulation::new`]: cells that are not triangles, or have no area.
 pub fn orient_triangles(mesh: &mut Mesh, elements: &[u32]) -> Result<Orientation, MeshError> {
     let surface = Triangulation::new(mesh, elements)?;
     let count = surface.triangles.len();

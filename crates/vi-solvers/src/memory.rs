@@ -17,7 +17,7 @@ impl StepperMemory {
     /// Returns the array of this name.
     ///
     /// # Errors
-    /// [`SolverError::Memory`] if there is none.
+    /// Returns [`SolverError::Memory`] if there is none.
     pub fn array(&self, name: &'static str) -> Result<&[f64], SolverError> {
         let found = self.arrays.iter().find(|(key, _)| key == name);
         found.map(|(_, value)| value.as_slice()).ok_or(SolverError::Memory { missing: name })
@@ -26,7 +26,7 @@ impl StepperMemory {
     /// Returns the count of this name.
     ///
     /// # Errors
-    /// [`SolverError::Memory`] if there is none.
+    /// Returns [`SolverError::Memory`] if there is none.
     pub fn count(&self, name: &'static str) -> Result<u64, SolverError> {
         let found = self.counts.iter().find(|(key, _)| key == name);
         found.map(|&(_, value)| value).ok_or(SolverError::Memory { missing: name })

@@ -68,7 +68,7 @@ impl Mode {
 /// whose Hessians are blocks of M (consistent mass). If it is empty, M is the system's own mass.
 ///
 /// # Errors
-/// [`SolverError::Option`] for a count of zero; an error of a term or a factor; [`SolverError::NoConvergence`].
+/// Returns [`SolverError::Option`] for a count of zero; an error of a term or a factor; [`SolverError::NoConvergence`].
 pub fn modes(
     system: &System,
     state: &State,

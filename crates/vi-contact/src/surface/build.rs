@@ -143,8 +143,8 @@ impl SurfaceBuilder {
     /// Checks everything and builds the surface.
     ///
     /// # Errors
-    /// [`ContactError`] if a number is outside its domain, a node does not exist or belongs to two bodies, or a cell
-    /// has no extent.
+    /// Returns [`ContactError`] if a number is outside its domain, a node does not exist or belongs to two bodies, or a
+    /// cell has no extent.
     pub fn build(mut self) -> Result<Surface, ContactError> {
         self.laws.finish()?;
         // Make the cells of a body adjacent.

@@ -270,7 +270,7 @@ impl MassDamping {
     /// a + `node_offset` of the system.
     ///
     /// # Errors
-    /// [`FemError::Parameter`] for a rate that is negative or not finite.
+    /// Returns [`FemError::Parameter`] for a rate that is negative or not finite.
     pub fn new(masses: &[f64], rate: f64, node_offset: usize, name: &str) -> Result<Self, FemError> {
         if !(rate >= 0.0 && rate.is_finite()) {
             let requirement = "mass-proportional damping must not be negative (1/s)";

@@ -31,7 +31,7 @@ impl DeadLoad {
     /// Returns forces (N) on single nodes. Node a of the mesh is node a + `node_offset` of the system.
     ///
     /// # Errors
-    /// [`FemError::Mesh`] for nodes that do not exist.
+    /// Returns [`FemError::Mesh`] for nodes that do not exist.
     pub fn points(
         mesh: &Mesh,
         forces: &[(u32, [f64; 3])],
@@ -54,7 +54,7 @@ impl DeadLoad {
     /// Returns the nodal forces f_a = ∫ N_a T dA of a traction T (Pa, force per area at rest) on a surface.
     ///
     /// # Errors
-    /// [`FemError::Invalid`] if the field has no finite value on the surface.
+    /// Returns [`FemError::Invalid`] if the field has no finite value on the surface.
     pub fn traction(
         mesh: &Mesh,
         surface: &Surface,
@@ -86,8 +86,8 @@ impl DeadLoad {
     /// nodal forces sum to F, and their moment about `about` (default c) is M.
     ///
     /// # Errors
-    /// [`FemError::Invalid`] if the part is a straight line and the moment has a component along it, or if a value is
-    /// not finite.
+    /// Returns [`FemError::Invalid`] if the part is a straight line and the moment has a component along it, or if a
+    /// value is not finite.
     pub fn resultant_on(
         mesh: &Mesh,
         spread: &Spread,
@@ -111,7 +111,7 @@ impl DeadLoad {
     /// sheet. `volumes` holds each triangle's cell number and its volume h A (m³).
     ///
     /// # Errors
-    /// Those of [`DeadLoad::body_force`].
+    /// Returns the errors of [`DeadLoad::body_force`].
     pub fn body_force_on_sheet(
         mesh: &Mesh,
         volumes: &[(u32, f64)],
@@ -142,8 +142,8 @@ impl DeadLoad {
     /// Returns the nodal forces f_a = ∫ N_a b dV of a force b per volume at rest (N/m³) on solid elements.
     ///
     /// # Errors
-    /// [`FemError::Mesh`] and [`FemError::Unsupported`] for cells that are not solid elements; [`FemError::Invalid`]
-    /// if the field has no finite value in them.
+    /// Returns [`FemError::Mesh`] and [`FemError::Unsupported`] for cells that are not solid elements;
+    /// [`FemError::Invalid`] if the field has no finite value in them.
     pub fn body_force(
         mesh: &Mesh,
         elements: &[u32],

@@ -36,7 +36,7 @@ impl PointSpring {
     /// Returns a spring of stiffness k (N/m, positive) and rest length L (m, not negative).
     ///
     /// # Errors
-    /// [`FemError::Parameter`] for k ≤ 0 or L < 0; [`FemError::Invalid`] for a spring from a node to itself.
+    /// Returns [`FemError::Parameter`] for k ≤ 0 or L < 0; [`FemError::Invalid`] for a spring from a node to itself.
     pub fn new(
         name: &str,
         node: u32,

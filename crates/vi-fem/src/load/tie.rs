@@ -36,7 +36,7 @@ pub struct Tie {
 /// and whether their point moves.
 ///
 /// # Errors
-/// [`FemError::Parameter`] for k ≤ 0 or L < 0; [`FemError::Invalid`] for a node tied to itself.
+/// Returns [`FemError::Parameter`] for k ≤ 0 or L < 0; [`FemError::Invalid`] for a node tied to itself.
 pub fn ties(ties: &[Tie], name: &str) -> Result<Vec<Box<dyn Potential>>, FemError> {
     let mut groups: BTreeMap<(usize, bool, bool), Ties> = BTreeMap::new();
     for tie in ties {

@@ -50,7 +50,7 @@ impl Wind {
     /// system.
     ///
     /// # Errors
-    /// [`FemError::Parameter`] for coefficients that are negative or not finite; an error for cells that do not
+    /// Returns [`FemError::Parameter`] for coefficients that are negative or not finite; an error for cells that do not
     /// exist, are not triangles, or have no area.
     pub fn force(
         &self,

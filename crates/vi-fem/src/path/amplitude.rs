@@ -48,7 +48,7 @@ impl Amplitude {
     /// Returns a(t) from a formula of `t` (s).
     ///
     /// # Errors
-    /// [`FemError::Invalid`] if the formula does not parse.
+    /// Returns [`FemError::Invalid`] if the formula does not parse.
     pub fn expression(source: &str) -> Result<Self, FemError> {
         Ok(Self(Kind::Expression(Expression::parse(source, &["t"])?)))
     }
@@ -56,7 +56,8 @@ impl Amplitude {
     /// Returns a(t) that is linear between the points (t in s, a).
     ///
     /// # Errors
-    /// [`FemError::Invalid`] if the table is empty, holds a number that is not finite, or its times do not increase.
+    /// Returns [`FemError::Invalid`] if the table is empty, holds a number that is not finite, or its times do not
+    /// increase.
     pub fn table(points: Vec<[f64; 2]>) -> Result<Self, FemError> {
         let problem = if points.is_empty() {
             "the table is empty: give at least one pair [t, factor]".to_owned()

@@ -73,7 +73,7 @@ impl Expression {
     /// atan2 pow`; `step(x)` is 0 for x < 0 and 1 otherwise.
     ///
     /// # Errors
-    /// [`FemError::Invalid`] with the position in the formula and what is allowed there.
+    /// Returns [`FemError::Invalid`] with the position in the formula and what is allowed there.
     pub fn parse(source: &str, variables: &[&str]) -> Result<Self, FemError> {
         let mut parser = Parser { source, rest: source, variables, code: Vec::new(), depth: 0 };
         parser.sum()?;

@@ -23,7 +23,7 @@ impl VectorField {
     /// Returns a field whose components are formulas of `x y z`, the position at rest (m).
     ///
     /// # Errors
-    /// [`FemError::Invalid`] if a formula does not parse.
+    /// Returns [`FemError::Invalid`] if a formula does not parse.
     pub fn expressions(sources: [&str; 3]) -> Result<Self, FemError> {
         let [a, b, c] = sources.map(|source| Expression::parse(source, &["x", "y", "z"]));
         Ok(Self([a?, b?, c?].map(FieldComponent::Expression)))

@@ -96,8 +96,8 @@ impl Motion {
     /// Checks the parameters.
     ///
     /// # Errors
-    /// The first of: a value that is not finite, an axis of length zero, a frequency that is not positive, an end
-    /// before the start, a table of unequal lengths or whose times do not increase.
+    /// Returns the first problem found: a value that is not finite, an axis of length zero, a frequency that is not
+    /// positive, an end before the start, a table of unequal lengths or whose times do not increase.
     pub fn check(&self) -> Result<(), FemError> {
         match self {
             Self::Translate(motion) => {
@@ -135,7 +135,7 @@ impl Motion {
     /// 2), in the order of the list. A coordinate follows the component of its node's motion along this axis.
     ///
     /// # Errors
-    /// Those of [`Motion::check`], and [`FemError::Invalid`] for an axis above 2.
+    /// Returns the errors of [`Motion::check`], and [`FemError::Invalid`] for an axis above 2.
     pub fn path(&self, coordinates: Vec<([f64; 3], usize)>) -> Result<Box<dyn Path>, FemError> {
         self.check()?;
         if let Some(&(_, axis)) = coordinates.iter().find(|(_, axis)| *axis > 2) {

@@ -74,9 +74,9 @@ impl<'a> Sheet<'a> {
     /// size of stencil.
     ///
     /// # Errors
-    /// The first parameter out of its range ([`SheetLaw::check`] gives all); cells that do not exist, are not
-    /// triangles, or have no area; triangles folded onto each other at rest; clamped edges that are not on the
-    /// boundary; `quadratic` on a curved rest shape.
+    /// Returns the first parameter out of its range ([`SheetLaw::check`] gives all). Returns an error for cells that do
+    /// not exist, are not triangles, or have no area; for triangles folded onto each other at rest; for clamped edges
+    /// that are not on the boundary; and for `quadratic` on a curved rest shape.
     pub fn potentials(&self) -> Result<Vec<Box<dyn Potential>>, FemError> {
         if let Err(problems) = self.law.check()
             && let Some(first) = problems.into_iter().next()
@@ -115,7 +115,7 @@ impl<'a> Sheet<'a> {
     /// Adds the lumped mass (kg) of each node of the mesh to `masses`: a third of the mass of each of its triangles.
     ///
     /// # Errors
-    /// Those of [`Sheet::potentials`].
+    /// Returns the errors of [`Sheet::potentials`].
     pub fn add_lumped_mass(&self, masses: &mut [f64]) -> Result<(), FemError> {
         let surface = self.surface()?;
         for (triangle, nodes) in surface.triangles.iter().enumerate() {
@@ -131,7 +131,7 @@ impl<'a> Sheet<'a> {
     /// [`consistent_mass`](crate::consistent_mass).
     ///
     /// # Errors
-    /// Those of [`Sheet::potentials`].
+    /// Returns the errors of [`Sheet::potentials`].
     pub fn consistent_mass(&self) -> Result<Box<dyn Potential>, FemError> {
         let surface = self.surface()?;
         let moved = |nodes: &[u32; 3]| nodes.map(|node| node + self.node_offset as u32);
@@ -143,7 +143,7 @@ impl<'a> Sheet<'a> {
     /// Returns the volume at rest (thickness times area, m³) of each triangle with its cell number.
     ///
     /// # Errors
-    /// Those of [`Sheet::potentials`].
+    /// Returns the errors of [`Sheet::potentials`].
     pub fn volumes(&self) -> Result<Vec<(u32, f64)>, FemError> {
         let surface = self.surface()?;
         let thickness = self.law.parameters().common().thickness;

@@ -65,7 +65,8 @@ impl Direction {
     /// Returns the unit vector of the direction in the plane of each triangle at rest.
     ///
     /// # Errors
-    /// Formulas that do not parse; cell arrays that do not exist; directions normal to a triangle.
+    /// Returns an error for formulas that do not parse, cell arrays that do not exist, and directions normal to a
+    /// triangle.
     pub(crate) fn on(
         &self,
         surface: &Triangulation,

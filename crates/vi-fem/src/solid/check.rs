@@ -12,7 +12,7 @@ const NAMED: usize = 5;
 /// Checks that the cells of `dimension` form a body: 3 for a solid, 2 for a sheet.
 ///
 /// # Errors
-/// Every problem found: those of [`Mesh::check`], and solid elements whose Jacobian is not positive at every
+/// Returns every problem found: those of [`Mesh::check`], and solid elements whose Jacobian is not positive at every
 /// quadrature point.
 pub fn check_body(mesh: &Mesh, dimension: usize) -> Result<(), Vec<MeshError>> {
     let mut problems = mesh.check(dimension).err().unwrap_or_default();

@@ -20,7 +20,7 @@ const POINTS: usize = 5;
 /// A term is a potential of the velocities: its Hessians are the blocks of M.
 ///
 /// # Errors
-/// [`FemError::Mesh`] and [`FemError::Unsupported`] for cells that are not solid elements.
+/// Returns [`FemError::Mesh`] and [`FemError::Unsupported`] for cells that are not solid elements.
 pub fn consistent_mass(
     mesh: &Mesh,
     elements: &[u32],

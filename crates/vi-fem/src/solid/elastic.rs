@@ -36,8 +36,8 @@ pub(crate) const POINTS: usize = 32;
 /// There is one potential per element kind, in the order in which the kinds first occur.
 ///
 /// # Errors
-/// [`FemError::Mesh`] for elements that do not exist or have no positive volume; [`FemError::Unsupported`] for cells
-/// that are not solid elements; [`FemError::Parameter`] for the first parameter out of its range ([`Law::check`]
+/// Returns [`FemError::Mesh`] for elements that do not exist or have no positive volume; [`FemError::Unsupported`] for
+/// cells that are not solid elements; [`FemError::Parameter`] for the first parameter out of its range ([`Law::check`]
 /// gives all).
 pub fn elastic(
     mesh: &Mesh,
@@ -52,7 +52,7 @@ pub fn elastic(
 /// Returns the potentials of [`elastic`] on a chosen instruction set, to compare the sets.
 ///
 /// # Errors
-/// Those of [`elastic`], and [`FemError::Invalid`] if the machine lacks the instruction set.
+/// Returns the errors of [`elastic`], and [`FemError::Invalid`] if the machine lacks the instruction set.
 pub fn elastic_on(
     instructions: InstructionSet,
     mesh: &Mesh,

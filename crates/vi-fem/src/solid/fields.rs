@@ -55,7 +55,8 @@ impl ElementField {
 /// With mean dilation they are evaluated at F̄.
 ///
 /// # Errors
-/// [`FemError::Mesh`] for cells that do not exist; [`FemError::Unsupported`] for cells that are not solid elements.
+/// Returns [`FemError::Mesh`] for cells that do not exist; [`FemError::Unsupported`] for cells that are not solid
+/// elements.
 pub fn element_field(
     mesh: &Mesh,
     elements: &[u32],

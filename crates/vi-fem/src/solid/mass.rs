@@ -12,7 +12,8 @@ use vi_mesh::{CellKind, Mesh};
 /// the scaled diagonal of Hinton, Rock & Zienkiewicz (1976), which is positive for every kind.
 ///
 /// # Errors
-/// [`FemError::Mesh`] for cells that do not exist; [`FemError::Unsupported`] for cells that are not solid elements.
+/// Returns [`FemError::Mesh`] for cells that do not exist; [`FemError::Unsupported`] for cells that are not solid
+/// elements.
 pub fn add_lumped_mass(
     mesh: &Mesh,
     elements: &[u32],
@@ -26,7 +27,7 @@ pub fn add_lumped_mass(
 /// element. They may be negative (tet10, hex20) and are then no masses.
 ///
 /// # Errors
-/// Those of [`add_lumped_mass`].
+/// Returns the errors of [`add_lumped_mass`].
 pub fn add_row_sums(mesh: &Mesh, elements: &[u32], density: f64, sums: &mut [f64]) -> Result<(), FemError> {
     each_solid(mesh, elements, |kind, nodes| {
         visit_solid(kind, AddRowSums { kind, mesh, nodes, density, sums })
@@ -36,7 +37,7 @@ pub fn add_row_sums(mesh: &Mesh, elements: &[u32], density: f64, sums: &mut [f64
 /// Returns the volume at rest (m³) of each of `elements` (numbers of solid cells).
 ///
 /// # Errors
-/// Those of [`add_lumped_mass`].
+/// Returns the errors of [`add_lumped_mass`].
 pub fn volumes(mesh: &Mesh, elements: &[u32]) -> Result<Vec<f64>, FemError> {
     let mut volumes = Vec::with_capacity(elements.len());
     each_solid(mesh, elements, |kind, nodes| {

@@ -113,7 +113,7 @@ impl Law {
     /// Checks the parameters.
     ///
     /// # Errors
-    /// All [`FemError::Parameter`] problems at once.
+    /// Returns all [`FemError::Parameter`] problems at once.
     pub fn check(&self) -> Result<(), Vec<FemError>> {
         let problems = self.parameters().check();
         if problems.is_empty() { Ok(()) } else { Err(problems) }

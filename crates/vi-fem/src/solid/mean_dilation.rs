@@ -46,7 +46,7 @@ pub enum LockingCure {
 /// unchanged. Every law that is not linear then requires J = det F > 0.
 ///
 /// # Errors
-/// Those of [`crate::elastic`].
+/// Returns the errors of [`crate::elastic`].
 pub fn mean_dilation(
     mesh: &Mesh,
     elements: &[u32],

@@ -20,7 +20,7 @@ use vi_mesh::{CellKind, Mesh};
 /// is that of the smoothed stress.
 ///
 /// # Errors
-/// Those of [`crate::element_field`].
+/// Returns the errors of [`crate::element_field`].
 pub fn nodal_field(
     mesh: &Mesh,
     parts: &[(&[u32], &Law)],

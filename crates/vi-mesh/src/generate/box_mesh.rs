@@ -76,8 +76,8 @@ impl BoxMesh {
     /// + k nx ny). The volume region is `box`; the surface regions are `x-min x-max y-min y-max z-min z-max`.
     ///
     /// # Errors
-    /// [`MeshError::Parameter`] for a size that is not positive or for no cells; [`MeshError::Unsupported`] for a
-    /// kind of which a box cannot consist.
+    /// Returns [`MeshError::Parameter`] for a size that is not positive or for no cells; [`MeshError::Unsupported`] for
+    /// a kind of which a box cannot consist.
     pub fn build(&self) -> Result<Mesh, MeshError> {
         self.check()?;
         let kind = self.element;

@@ -53,8 +53,8 @@ impl SheetMesh {
     /// `x-min-y-min x-max-y-min x-min-y-max x-max-y-max`.
     ///
     /// # Errors
-    /// [`MeshError::Parameter`] for a size that is not positive, no cells, or directions that are zero or not at a
-    /// right angle.
+    /// Returns [`MeshError::Parameter`] for a size that is not positive, no cells, or directions that are zero or not
+    /// at a right angle.
     pub fn build(&self) -> Result<Mesh, MeshError> {
         let [u, v] = self.check()?;
         let [nx, ny] = self.cells.map(|count| count as usize);

@@ -88,7 +88,7 @@ impl Assembler {
     /// Terms with a constant Hessian are evaluated at the first call only.
     ///
     /// # Errors
-    /// The Hessians of live and fixed terms cannot be summed into one matrix.
+    /// Returns an error if the Hessians of live and fixed terms cannot be summed into one matrix.
     pub fn hessian(
         &mut self,
         x: &[f64],

@@ -143,7 +143,7 @@ impl Evaluator {
     /// those of their potential.
     ///
     /// # Errors
-    /// [`SolverError::Crossing`] if the path of the step is obstructed.
+    /// Returns [`SolverError::Crossing`] if the path of the step is obstructed.
     pub(crate) fn close_step(
         &mut self,
         system: &System,
@@ -442,7 +442,7 @@ impl Evaluator {
     /// Returns ∂²V/∂q² at the last configuration, with the tangents of forces without a potential.
     ///
     /// # Errors
-    /// The matrices cannot be summed into one.
+    /// Returns an error if the matrices cannot be summed into one.
     pub(crate) fn hessian(
         &mut self,
         system: &System,
@@ -486,7 +486,7 @@ impl Evaluator {
     /// Restores the place that [`Evaluator::save`] recorded.
     ///
     /// # Errors
-    /// [`SolverError::Memory`] if the memory belongs to another system.
+    /// Returns [`SolverError::Memory`] if the memory belongs to another system.
     pub(crate) fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
         let Ok(x) = memory.array("forces.x") else { return Ok(()) };
         let &[t] = memory.array("forces.t")? else {

@@ -127,7 +127,7 @@ impl Inertia {
     /// Restores what [`Inertia::save`] recorded.
     ///
     /// # Errors
-    /// [`SolverError::Memory`] if the memory belongs to another system.
+    /// Returns [`SolverError::Memory`] if the memory belongs to another system.
     pub(crate) fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
         if self.matrix.is_some() {
             let [velocity, momentum] =

@@ -68,7 +68,7 @@ impl<'a> Balance<'a> {
     /// Writes r(q, t), N.
     ///
     /// # Errors
-    /// [`SolverError::Term`] or [`SolverError::NotFinite`] outside the domain of a term.
+    /// Returns [`SolverError::Term`] or [`SolverError::NotFinite`] outside the domain of a term.
     pub(crate) fn residual(&mut self, q: &[f64], t: f64, out: &mut [f64]) -> Result<(), SolverError> {
         self.go_to(q, t);
         self.work.gradients += 1;
@@ -108,7 +108,7 @@ impl<'a> Balance<'a> {
     /// Checks that the terms allow the straight path from `from` to (q, t), including the prescribed coordinates.
     ///
     /// # Errors
-    /// [`SolverError::Blocked`].
+    /// Returns [`SolverError::Blocked`].
     pub(crate) fn check_move(&mut self, from: &State, q: &[f64], t: f64) -> Result<(), SolverError> {
         if !self.assembler.limits_steps() {
             return Ok(());
@@ -140,7 +140,7 @@ impl<'a> Balance<'a> {
     /// Returns K at (q, t).
     ///
     /// # Errors
-    /// The matrices of terms and forces cannot be summed into one.
+    /// Returns an error if the matrices of terms and forces cannot be summed into one.
     pub(crate) fn tangent(
         &mut self,
         q: &[f64],
@@ -201,7 +201,7 @@ impl<'a> Balance<'a> {
     /// Solves with the last factor, in place.
     ///
     /// # Errors
-    /// [`SolverError::Residual`] if the matrix is too close to singular.
+    /// Returns [`SolverError::Residual`] if the matrix is too close to singular.
     pub(crate) fn solve(&mut self, rhs_to_solution: &mut [f64]) -> Result<(), SolverError> {
         self.work.solves += 1;
         self.factor.as_mut().ok_or(SolverError::NotFactored)?.solve(rhs_to_solution)?;
@@ -211,7 +211,7 @@ impl<'a> Balance<'a> {
     /// Solves K x = b by minimal residuals, with the K of the last factorisation that had a shift.
     ///
     /// # Errors
-    /// [`SolverError::NoConvergence`] after `max_iterations`.
+    /// Returns [`SolverError::NoConvergence`] after `max_iterations`.
     pub(crate) fn solve_indefinite(
         &mut self,
         b: &[f64],
@@ -236,7 +236,7 @@ impl<'a> Balance<'a> {
 /// Refuses constraints in an analysis that does not support them.
 ///
 /// # Errors
-/// [`SolverError::ConstrainedAnalysis`].
+/// Returns [`SolverError::ConstrainedAnalysis`].
 pub(crate) fn refuse_constraints(analysis: &'static str, system: &System) -> Result<(), SolverError> {
     match system.constraints().first() {
         Some(constraint) => {

@@ -37,7 +37,7 @@ impl PathFunction {
     /// `rest` (m, one per coordinate).
     ///
     /// # Errors
-    /// [`SolverError::Memory`] if a term names a node that the system does not have.
+    /// Returns [`SolverError::Memory`] if a term names a node that the system does not have.
     pub fn new(system: &System, terms: Vec<Box<dyn Potential>>, rest: &[f64]) -> Result<Self, SolverError> {
         let mismatch = |_| SolverError::Memory { missing: "node of the function that controls the path" };
         // All coordinates are free here, so that no term counts as constant.

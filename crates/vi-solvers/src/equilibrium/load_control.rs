@@ -21,7 +21,7 @@ const SNAP_RATIO: f64 = 5.0;
 /// If state.t is already there, solves at that load factor.
 ///
 /// # Errors
-/// [`SolverError::Equilibrium`] with the load factor that was reached, if no increment succeeds;
+/// Returns [`SolverError::Equilibrium`] with the load factor that was reached, if no increment succeeds;
 /// [`SolverError::ArcStep`] if no arc step succeeds; [`SolverError::ArcSteps`] if they are used up; or the error of a
 /// term or factor. Then `state` is unchanged.
 pub fn equilibrium(
@@ -36,7 +36,7 @@ pub fn equilibrium(
 /// there.
 ///
 /// # Errors
-/// Those of [`equilibrium`].
+/// Returns the errors of [`equilibrium`].
 pub fn equilibrium_path(
     system: &System,
     state: &mut State,

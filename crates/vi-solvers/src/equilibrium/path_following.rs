@@ -52,7 +52,7 @@ struct PathFollowing {
 /// path, is booked as work of forces.
 ///
 /// # Errors
-/// [`SolverError::Option`], or [`SolverError::ConstrainedAnalysis`] if the system has constraints.
+/// Returns [`SolverError::Option`], or [`SolverError::ConstrainedAnalysis`] if the system has constraints.
 pub fn path_following(
     system: &System,
     options: StaticOptions,

@@ -17,7 +17,7 @@ const SMALLEST_STEP: f64 = 1e-5;
 /// Brings `q` to an equilibrium at t. If that fails, `q` is unchanged. Returns how often steps were halved.
 ///
 /// # Errors
-/// The error that stopped the last step.
+/// Returns the error that stopped the last step.
 pub(super) fn release(balance: &mut Balance, q: &mut [f64], t: f64, stop: &Stop) -> Result<u32, SolverError> {
     let n = q.len();
     let mut unbalanced = vec![0.0; n];

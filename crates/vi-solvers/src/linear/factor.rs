@@ -78,7 +78,7 @@ impl<T: Scalar> Cholesky<T> {
     /// Computes ordering and layout, once per pattern. The first factorisation allocates the memory of the factor.
     ///
     /// # Errors
-    /// The ordering failed, or a front exceeds the index type.
+    /// Returns an error if the ordering failed, or a front exceeds the index type.
     pub fn new(pattern: &SymmetricMatrix) -> Result<Self, SolverError> {
         let matrix = SymmetricMatrix::zeros(Arc::clone(&pattern.pattern));
         Ok(Self::with_tree(Tree::new(&matrix.pattern)?, matrix))
@@ -114,7 +114,7 @@ impl<T: Scalar> Cholesky<T> {
     /// Factors A = M + cK with M = diag(mass) on the free coordinates; an empty mass means zero.
     ///
     /// # Errors
-    /// A pivot is not positive; then the object holds no factor.
+    /// Returns an error if a pivot is not positive; then the object holds no factor.
     ///
     /// # Panics
     /// If the pattern of k differs from that for which the factor was made.
@@ -160,7 +160,7 @@ impl<T: Scalar> Cholesky<T> {
     /// to A (Higham, Accuracy and Stability, §7.1).
     ///
     /// # Errors
-    /// The backward error is above 1e-8 after one step of refinement, or nothing has been factored.
+    /// Returns an error if the backward error is above 1e-8 after one step of refinement, or nothing has been factored.
     pub fn solve(&mut self, rhs_to_solution: &mut [f64]) -> Result<f64, SolverError> {
         if !self.is_factored {
             return Err(SolverError::NotFactored);
@@ -193,7 +193,7 @@ impl<T: Scalar> Cholesky<T> {
     /// the number of solves.
     ///
     /// # Errors
-    /// Nothing has been factored.
+    /// Returns an error if nothing has been factored.
     pub(crate) fn solve_refined(
         &mut self,
         rhs_to_solution: &mut [f64],
@@ -222,7 +222,7 @@ impl<T: Scalar> Cholesky<T> {
     /// Solves A x = b in place without a check, for callers whose own residual is a check.
     ///
     /// # Errors
-    /// Nothing has been factored.
+    /// Returns an error if nothing has been factored.
     pub(crate) fn solve_unchecked(&mut self, rhs_to_solution: &mut [f64]) -> Result<(), SolverError> {
         if !self.is_factored {
             return Err(SolverError::NotFactored);
@@ -240,7 +240,7 @@ impl<T: Scalar> Cholesky<T> {
     /// about the relative error of a solve.
     ///
     /// # Errors
-    /// Nothing has been factored.
+    /// Returns an error if nothing has been factored.
     pub(crate) fn relative_residual(&mut self, load: &[f64]) -> Result<f64, SolverError> {
         let mut x = load.to_vec();
         self.solve_unchecked(&mut x)?;

@@ -18,7 +18,7 @@ impl MatrixSum {
     /// Builds the union of the patterns of these matrices, which all have the same free coordinates.
     ///
     /// # Errors
-    /// [`SolverError::Symbolic`] if their nodes have different numbers of coordinates.
+    /// Returns [`SolverError::Symbolic`] if their nodes have different numbers of coordinates.
     pub(crate) fn new(parts: &[&SymmetricMatrix]) -> Result<Self, SolverError> {
         let first = &parts[0].pattern;
         if parts.iter().any(|part| part.pattern.block != first.block || part.pattern.free_of != first.free_of)
@@ -72,7 +72,7 @@ impl MatrixSum {
     /// Returns the sum of these matrices. Builds the maps again if a summand has another pattern than before.
     ///
     /// # Errors
-    /// Those of [`MatrixSum::new`].
+    /// Returns the errors of [`MatrixSum::new`].
     pub(crate) fn of<'a>(
         sum: &'a mut Option<Self>,
         parts: &[(f64, &SymmetricMatrix)],

@@ -86,7 +86,7 @@ impl Pcg {
     /// built.
     ///
     /// # Errors
-    /// A diagonal block is not positive definite.
+    /// Returns an error if a diagonal block is not positive definite.
     ///
     /// # Panics
     /// If k has another pattern.
@@ -118,8 +118,8 @@ impl Pcg {
     /// relative error in the energy norm.
     ///
     /// # Errors
-    /// The iteration does not converge within `max_iterations`, or A is not positive definite. Then `x` holds the
-    /// last iterate, which is a descent direction.
+    /// Returns an error if the iteration does not converge within `max_iterations`, or A is not positive definite. Then
+    /// `x` holds the last iterate, which is a descent direction.
     pub fn solve(
         &mut self,
         rhs: &[f64],
@@ -137,7 +137,7 @@ impl Pcg {
     /// Solves like [`Pcg::solve`], with the factor of an earlier A as preconditioner.
     ///
     /// # Errors
-    /// Those of [`Pcg::solve`], and an empty factor.
+    /// Returns the errors of [`Pcg::solve`], and an empty factor.
     pub fn solve_with(
         &mut self,
         factor: &mut Factor,

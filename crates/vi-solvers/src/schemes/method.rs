@@ -258,8 +258,8 @@ impl Method {
     /// Checks that the scheme can step this system.
     ///
     /// # Errors
-    /// [`SolverError::Force`], [`SolverError::Constrained`] or [`SolverError::ConsistentMass`] with the part that it
-    /// does not accept, and the schemes that do.
+    /// Returns [`SolverError::Force`], [`SolverError::Constrained`] or [`SolverError::ConsistentMass`] with the part
+    /// that it does not accept, and the schemes that do.
     pub fn check(&self, system: &System) -> Result<(), SolverError> {
         let MethodFacts { name: scheme, accepts, .. } = self.facts();
         let (refused, reason) = match accepts.forces {
@@ -298,7 +298,7 @@ impl Method {
 /// Returns the stepper of the integrator `method` for `system`.
 ///
 /// # Errors
-/// [`SolverError::Option`] if a parameter of the method or an option is outside its domain, and the errors of
+/// Returns [`SolverError::Option`] if a parameter of the method or an option is outside its domain, and the errors of
 /// [`Method::check`].
 pub fn stepper(
     method: &Method,

@@ -38,8 +38,8 @@ pub struct HighestFrequency {
 /// Returns ω_max about `state`. The start vector is the same in every run.
 ///
 /// # Errors
-/// [`SolverError::Term`] or [`SolverError::NotFinite`] if the state has no finite force; [`SolverError::Unresolved`]
-/// if the coordinates are so large that their round-off hides the shape of the body.
+/// Returns [`SolverError::Term`] or [`SolverError::NotFinite`] if the state has no finite force;
+/// [`SolverError::Unresolved`] if the coordinates are so large that their round-off hides the shape of the body.
 pub fn highest_frequency(system: &System, state: &State) -> Result<HighestFrequency, SolverError> {
     let n = system.coordinates().free_count();
     if n == 0 {

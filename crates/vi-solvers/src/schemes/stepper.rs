@@ -13,7 +13,7 @@ pub trait Stepper: Send {
     /// Advances `state` by h (s, > 0).
     ///
     /// # Errors
-    /// A [`StepError`] with the facts; `state` is then unchanged to the bit.
+    /// Returns a [`StepError`] with the facts; `state` is then unchanged to the bit.
     fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError>;
 
     /// Returns whether several steps of this system are cheaper together, by [`Stepper::steps`], than one by one.
@@ -43,7 +43,7 @@ pub trait Stepper: Send {
     /// from zero.
     ///
     /// # Errors
-    /// [`SolverError::Memory`] if the memory does not belong to this scheme and system, or an error of the
+    /// Returns [`SolverError::Memory`] if the memory does not belong to this scheme and system, or an error of the
     /// factorisation that it requires.
     fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError>;
 

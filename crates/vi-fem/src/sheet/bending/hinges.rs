@@ -54,7 +54,7 @@ impl Hinge {
 /// order.
 ///
 /// # Errors
-/// Triangles folded flat onto each other at rest; held edges that are not on the boundary.
+/// Returns an error for triangles folded flat onto each other at rest, and for held edges that are not on the boundary.
 pub(super) fn hinges(sheet: &BentSheet) -> Result<Vec<Hinge>, FemError> {
     let surface = sheet.surface;
     let mut hinges = Vec::new();

@@ -24,7 +24,7 @@ pub trait Material: Send + Sync + 'static {
     /// Checks that Ψ is defined at F. A law that is defined for every F, including inverted ones, keeps this default.
     ///
     /// # Errors
-    /// The quantity that left its domain, for the message of a failed step.
+    /// Returns the quantity that left its domain, for the message of a failed step.
     fn inside(&self, f: &Mat3<f64>) -> Result<(), Outside> {
         let _ = f;
         Ok(())
@@ -47,7 +47,7 @@ pub struct Outside {
 /// Checks J = det F > 0, the domain of laws in ln J or in powers of J.
 ///
 /// # Errors
-/// J if it is not positive; −∞ if it is NaN.
+/// Returns J if it is not positive; −∞ if it is NaN.
 pub fn positive_determinant(f: &Mat3<f64>) -> Result<(), Outside> {
     let j = determinant(f);
     let value = if j.is_nan() { f64::NEG_INFINITY } else { j };

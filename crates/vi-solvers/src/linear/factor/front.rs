@@ -31,7 +31,7 @@ thread_local! {
 /// is overwritten.
 ///
 /// # Errors
-/// The column whose pivot is not positive.
+/// Returns the column whose pivot is not positive.
 pub(super) fn eliminate<T: Scalar>(
     panel: &mut [T],
     rows: usize,

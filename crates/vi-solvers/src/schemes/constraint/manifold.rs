@@ -255,7 +255,7 @@ impl ConstraintManifold {
     /// M⁻¹Nᵀλ with g(q) = 0. Adds λ to `lambda`, and returns the change of ½ pᵀM⁻¹p, J.
     ///
     /// # Errors
-    /// [`SolverError::ConstraintDefect`] if the iteration does not converge.
+    /// Returns [`SolverError::ConstraintDefect`] if the iteration does not converge.
     pub(crate) fn project_positions(
         &mut self,
         system: &System,
@@ -307,8 +307,8 @@ impl ConstraintManifold {
     /// change of ½ pᵀM⁻¹p and the work of prescribed motion, J.
     ///
     /// # Errors
-    /// [`SolverError::ConstraintDefect`] if constraints that were independent of each other depend on each other
-    /// here.
+    /// Returns [`SolverError::ConstraintDefect`] if constraints that were independent of each other depend on each
+    /// other here.
     pub(crate) fn project_momenta(
         &mut self,
         system: &System,
@@ -403,8 +403,8 @@ fn clusters<'a>(system: &'a System, free_of: &[u32]) -> Vec<Vec<&'a QuadraticCon
 /// run. Returns the change of the velocities relative to the velocities, both in the norm of the mass.
 ///
 /// # Errors
-/// [`SolverError::ConstraintDefect`] if the state is not on the manifold to 1e-9 of the terms that the constraints
-/// sum.
+/// Returns [`SolverError::ConstraintDefect`] if the state is not on the manifold to 1e-9 of the terms that the
+/// constraints sum.
 pub fn make_tangent(system: &System, state: &mut vi_core::State) -> Result<f64, SolverError> {
     let Some(mut manifold) = ConstraintManifold::new(system) else { return Ok(0.0) };
     manifold.set_directions(system, &state.q, state.t);

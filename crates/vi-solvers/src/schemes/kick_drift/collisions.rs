@@ -180,7 +180,7 @@ impl Collisions {
     /// that drift.
     ///
     /// # Errors
-    /// The equations cannot be solved even in small parts of the drift; q and p are then unchanged.
+    /// Returns an error if the equations cannot be solved even in small parts of the drift; q and p are then unchanged.
     pub(super) fn drift(
         &mut self,
         (q, p): (&mut Vec<f64>, &mut Vec<f64>),
