@@ -1,7 +1,8 @@
 //! Finds the pitch of a probe: the frequency of its strongest oscillation.
 
-use rustfft::FftPlanner;
+use rustfft::algorithm::Radix4;
 use rustfft::num_complex::Complex;
+use rustfft::{Fft, FftDirection};
 
 use serde_json::json;
 
@@ -119,7 +120,8 @@ pub fn pitch(samples: &[f64], interval: f64) -> Option<f64> {
         let window = (std::f64::consts::PI * (i as f64 + 0.5) / n as f64).sin().powi(2);
         spectrum[i].re = (sample - mean) * window;
     }
-    FftPlanner::new().plan_fft_forward(size).process(&mut spectrum);
+    // Not by a planner: its algorithms for every length and instruction set were a third of the code of this crate.
+    Radix4::new(size, FftDirection::Forward).process(&mut spectrum);
     let power: Vec<f64> = spectrum[..size / 2].iter().map(Complex::norm_sqr).collect();
     // An oscillation with fewer than two periods in the window cannot be distinguished from drift.
     let lowest = 2 * size / n;
