@@ -213,7 +213,7 @@ fn near_edges(surface: &Surface, x: &[f64], margin: f64) -> Vec<EdgePair> {
                 return;
             }
             let closest = Shape::EdgeEdge.closest(&[start, end, at(x, c), at(x, d)]);
-            // No gauge reaches farther than both boxes; most pairs that are left need none.
+            // The gauge of a pair reaches no farther than both inflations. This test spares most pairs their gauge.
             let most = own + inflation(surface, body, margin);
             if closest.squared > 1.000_001 * most * most
                 || !surface.admits_edges(first as usize, second as usize)

@@ -18,7 +18,7 @@ use crate::schemes::constraint::units::Units;
 
 /// Number of iterations for the multipliers after which a step fails.
 const MAX_ITERATIONS: u32 = 50;
-/// A defect of fewer units of its round-off counts as zero.
+/// A defect counts as zero if it is below this many units of its round-off.
 const NOISE: f64 = 4.0;
 
 /// Constraints that share free coordinates, with coordinates numbered from 0.
@@ -136,7 +136,7 @@ pub(crate) struct ConstraintManifold {
 }
 
 impl ConstraintManifold {
-    /// Returns `None` if the system has no constraints.
+    /// Returns the manifold of a system; `None` if the system has no constraints.
     pub(crate) fn new(system: &System) -> Option<Self> {
         if system.constraints().is_empty() {
             return None;
