@@ -120,7 +120,8 @@ pub fn pitch(samples: &[f64], interval: f64) -> Option<f64> {
         let window = (std::f64::consts::PI * (i as f64 + 0.5) / n as f64).sin().powi(2);
         spectrum[i].re = (sample - mean) * window;
     }
-    // Not by a planner: its algorithms for every length and instruction set were a third of the code of this crate.
+    // Calls one algorithm instead of a planner, whose algorithms for every length and instruction set made up a third of
+    // the code of this crate.
     Radix4::new(size, FftDirection::Forward).process(&mut spectrum);
     let power: Vec<f64> = spectrum[..size / 2].iter().map(Complex::norm_sqr).collect();
     // An oscillation with fewer than two periods in the window cannot be distinguished from drift.
