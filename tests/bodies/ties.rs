@@ -317,12 +317,12 @@ fn what_does_not_meet_cannot_be_held_exactly() {
         panels([2, 2], gap, "region = \"x-max\"\nto_region = \"x-min\"").replace("stiffness = 5.0\n", "")
     };
     let program = Program::check(&exact(0.1));
-    assert!(program.errors().contains("only edges that meet"), "{}", program.errors());
+    assert!(program.errors().contains("needs edges that meet"), "{}", program.errors());
     assert_eq!(Program::check(&exact(0.0)).code(), Some(0));
     for (joint, words) in [
         ("to = \"block\"\nregion = \"x-max\"", "from the surface"),
         ("region = \"x-max\"", "[[fix]]"),
-        ("to = \"block\"\nregion = \"x-min\"\nlength = 0.1", "need a `stiffness`"),
+        ("to = \"block\"\nregion = \"x-min\"\nlength = 0.1", "give a `stiffness`"),
     ] {
         let program =
             Program::check(&held("stormer-verlet", 1e-3, &format!("[[attach]]\nbody = \"cloth\"\n{joint}")));

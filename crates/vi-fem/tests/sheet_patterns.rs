@@ -181,7 +181,7 @@ fn a_direction_may_turn_over_the_sheet() {
     for (warp, words) in [
         (formulas(["0", "0", "1"]), "no part in the plane of element"),
         (formulas(["0", "0", "q"]), "expected"),
-        (serde_json::from_str(r#"{ "cell_data": "weft" }"#).unwrap(), "there are: warp"),
+        (serde_json::from_str(r#"{ "cell_data": "weft" }"#).unwrap(), "it has: warp"),
         (Direction::Constant([0.0; 3]), "warp"),
     ] {
         let law = woven(warp);

@@ -350,9 +350,10 @@ mod tests {
             let mut ends = [rest.clone(), rest.clone()];
             for x in &mut ends {
                 let mut turn = |size: f64| Rotation3::from_scaled_axis(numbers.vector() * size);
-                let turns = [turn(0.5), turn(0.02)];
-                moved(x, 1, &[0], turns[0], numbers.vector() * 0.01);
-                moved(x, 7, &[5, 6], turns[1], numbers.vector() * 0.002);
+                // Gaps of 10 and 5 mm stay open at the largest of these motions.
+                let turns = [turn(0.5), turn(0.01)];
+                moved(x, 1, &[0], turns[0], numbers.vector() * 0.005);
+                moved(x, 7, &[5, 6], turns[1], numbers.vector() * 0.001);
             }
             let x = [ends[0].as_slice(), ends[1].as_slice()];
             let pairs = rolling(&contact, x, &anchors);

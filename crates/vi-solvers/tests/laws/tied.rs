@@ -179,5 +179,5 @@ fn ties_that_make_no_sense_are_refused() {
     assert!(matches!(held.with_combinations(&fine, &[]), Err(CoreError::Combination { .. })));
     let coupled = all().with_combinations(&fine, &[]).unwrap();
     let error = System::new(vec![1.0; 12], vec![], coupled).err().unwrap();
-    assert!(error.to_string().contains("lumped"), "{error}");
+    assert!(error.to_string().contains("lump its mass"), "{error}");
 }
