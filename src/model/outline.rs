@@ -1,5 +1,7 @@
 //! Surfaces of bodies as triangles in one configuration, with exact tests of whether they cross or enclose each other.
 
+use vi_core::DisjointSets;
+
 use super::{BodyModel, RigidModel};
 use crate::intersections::{intersections, is_inside};
 
@@ -69,21 +71,12 @@ pub(super) fn outline(number: usize, bodies: &[BodyModel], rigids: &[RigidModel]
 
 /// Returns a node of each connected piece of a surface.
 fn pieces(count: usize, triangles: &[[u32; 3]]) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..count as u32).collect();
-    let root = |parent: &mut Vec<u32>, mut node: u32| {
-        while parent[node as usize] != node {
-            parent[node as usize] = parent[parent[node as usize] as usize];
-            node = parent[node as usize];
-        }
-        node
-    };
+    let mut sets = DisjointSets::new(count);
     for &[a, b, c] in triangles {
-        for other in [b, c] {
-            let (a, b) = (root(&mut parent, a), root(&mut parent, other));
-            parent[a.max(b) as usize] = a.min(b);
-        }
+        sets.join(a, b);
+        sets.join(a, c);
     }
-    let mut roots: Vec<u32> = triangles.iter().map(|triangle| root(&mut parent, triangle[0])).collect();
+    let mut roots: Vec<u32> = triangles.iter().map(|triangle| sets.root(triangle[0])).collect();
     roots.sort_unstable();
     roots.dedup();
     roots

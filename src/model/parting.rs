@@ -70,7 +70,7 @@ impl Start<'_> {
         group
     }
 
-    /// Returns the nodes of a group that are points in space, not directors.
+    /// Returns the nodes of a group that are points in space, not directors, in increasing order.
     fn nodes(&self, group: &[usize]) -> Vec<usize> {
         let of = |&part: &usize| -> Vec<usize> {
             let number = self.parts[part].0;
@@ -86,13 +86,15 @@ impl Start<'_> {
                 }
             }
         };
-        group.iter().flat_map(of).collect()
+        let mut nodes: Vec<usize> = group.iter().flat_map(of).collect();
+        nodes.sort_unstable();
+        nodes
     }
 
     /// Returns whether the group is free of prescribed coordinates.
     fn is_movable(&self, group: &[usize]) -> bool {
         let nodes = self.nodes(group);
-        let is_own = |dof: &u32| nodes.contains(&(*dof as usize / 3));
+        let is_own = |dof: &u32| nodes.binary_search(&(*dof as usize / 3)).is_ok();
         let prescribed = self.system.coordinates().prescribed().iter();
         let is_held = prescribed.flat_map(|group| &group.dofs).any(is_own);
         let names: Vec<&str> = group.iter().map(|&part| name_of(self.scene, self.parts[part].0)).collect();
@@ -219,7 +221,7 @@ impl Start<'_> {
             };
             let before = energy(&x);
             for (q, &dof) in state.q.iter_mut().zip(self.system.coordinates().free()) {
-                if nodes.contains(&(dof as usize / 3)) {
+                if nodes.binary_search(&(dof as usize / 3)).is_ok() {
                     *q += way[dof as usize % 3];
                 }
             }

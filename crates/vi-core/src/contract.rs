@@ -7,6 +7,7 @@ pub(crate) mod constraint;
 pub(crate) mod coordinates;
 pub(crate) mod dense;
 pub(crate) mod discrete_gradient;
+pub(crate) mod disjoint_sets;
 pub(crate) mod force;
 pub(crate) mod inertia;
 pub(crate) mod ledger;

@@ -1,5 +1,7 @@
 //! Clusters: sets of nodes that pairs connect.
 
+use vi_core::DisjointSets;
+
 /// Groups the nodes 0 … count − 1 into the sets that `pairs` connect, each in increasing order, in the order of their
 /// lowest node. Nodes without a pair are in no set. Nodes for which `is_free` is false connect nothing, so that two
 /// bodies on one fixed floor are two clusters.
@@ -8,23 +10,19 @@ pub fn clusters<'a>(
     pairs: impl IntoIterator<Item = &'a [u32]>,
     is_free: impl Fn(u32) -> bool,
 ) -> Vec<Vec<u32>> {
-    let mut parent: Vec<u32> = (0..count as u32).collect();
+    let mut sets = DisjointSets::new(count);
     let mut touched = vec![false; count];
     for pair in pairs {
         let mut first = None;
         for &node in pair.iter().filter(|&&node| is_free(node)) {
             touched[node as usize] = true;
-            let root = root_of(&mut parent, node);
-            let other = *first.get_or_insert(root);
-            let other = root_of(&mut parent, other);
-            // The lowest node is the root.
-            parent[root.max(other) as usize] = root.min(other);
+            sets.join(node, *first.get_or_insert(node));
         }
     }
     let mut number = vec![None; count];
     let mut clusters: Vec<Vec<u32>> = Vec::new();
     for node in (0..count as u32).filter(|&node| touched[node as usize]) {
-        let root = root_of(&mut parent, node) as usize;
+        let root = sets.root(node) as usize;
         let cluster = *number[root].get_or_insert_with(|| {
             clusters.push(Vec::new());
             clusters.len() - 1
@@ -32,14 +30,6 @@ pub fn clusters<'a>(
         clusters[cluster].push(node);
     }
     clusters
-}
-
-fn root_of(parent: &mut [u32], mut node: u32) -> u32 {
-    while parent[node as usize] != node {
-        parent[node as usize] = parent[parent[node as usize] as usize];
-        node = parent[node as usize];
-    }
-    node
 }
 
 #[cfg(test)]

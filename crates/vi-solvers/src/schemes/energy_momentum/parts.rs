@@ -2,7 +2,7 @@
 //! invariant.
 
 use nalgebra::Vector3;
-use vi_core::{HessianKind, Potential, System};
+use vi_core::{DisjointSets, HessianKind, Potential, System};
 
 use crate::index::NONE;
 
@@ -27,7 +27,7 @@ impl Parts {
         for (k, &dof) in coordinates.free().iter().enumerate() {
             free_of[dof as usize] = k as u32;
         }
-        let mut sets = Sets((0..coordinates.free_count() as u32).collect());
+        let mut sets = DisjointSets::new(coordinates.free_count());
         let terms: Vec<_> =
             system.potentials().iter().map(|term| (term, is_internal(term.as_ref()))).collect();
         let is_affine = |term: &dyn Potential| term.traits().hessian == HessianKind::Zero;
@@ -149,22 +149,4 @@ fn is_internal(term: &dyn Potential) -> bool {
         // Outside its domain a term gives no answer; hyperelastic terms are internal.
         !size.is_finite() || force.norm() + torque.norm() <= 1e-9 * size
     })
-}
-
-/// Disjoint sets.
-struct Sets(Vec<u32>);
-
-impl Sets {
-    fn root(&mut self, mut k: u32) -> u32 {
-        while self.0[k as usize] != k {
-            self.0[k as usize] = self.0[self.0[k as usize] as usize];
-            k = self.0[k as usize];
-        }
-        k
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
 }
