@@ -18,6 +18,16 @@ pub(crate) fn sum(n: usize, term: impl Fn(usize) -> f64 + Sync) -> f64 {
     if n <= LEAF { leaf(0..n) } else { tree(0..n, &leaf, |a, b| a + b) }
 }
 
+/// Returns a·b.
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    sum(a.len(), |k| a[k] * b[k])
+}
+
+/// Returns |a|.
+pub(crate) fn norm(a: &[f64]) -> f64 {
+    dot(a, a).sqrt()
+}
+
 /// Returns whether all numbers are finite.
 pub(crate) fn all_finite(values: &[f64]) -> bool {
     // 0 · x is zero for finite x, and NaN otherwise.

@@ -1,6 +1,8 @@
 //! BiCGSTAB (H. A. van der Vorst, SIAM J. Sci. Stat. Comput. 13 (1992) 631–644) with a right preconditioner, for systems
 //! that are small, well conditioned and not symmetric.
 
+use crate::vectors::{dot, norm};
+
 /// Solves A x = b to ‖b − Ax‖ ≤ `tolerance` ‖b‖ from x = 0. `apply` multiplies by A, and `precondition` by an approximate
 /// inverse, in place. Returns the number of products with A, or `None` if the tolerance is not reached with `most`
 /// products; x is then the last iterate.
@@ -59,14 +61,6 @@ pub(crate) fn solve(
         }
     }
     Some(products)
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn norm(a: &[f64]) -> f64 {
-    dot(a, a).sqrt()
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::error::SolverError;
 use crate::newton::equations::{Equations, Solve};
-use crate::vectors;
+use crate::vectors::{self, dot, norm};
 
 /// Largest number of products with J.
 const BASIS: usize = 25;
@@ -17,14 +17,6 @@ const FORCING: f64 = 1e-2;
 const DIFFERENCE: f64 = 1e-4;
 /// Shortest fraction of a step.
 const SHORTEST: f64 = 1e-2;
-
-fn norm(v: &[f64]) -> f64 {
-    vectors::sum(v.len(), |k| v[k] * v[k]).sqrt()
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    vectors::sum(a.len(), |k| a[k] * b[k])
-}
 
 /// Makes the step from the point of the last correction A⁻¹(−R); returns the fraction of the step that was made.
 pub(super) fn step<E: Equations>(solve: &mut Solve<'_, E>) -> Result<f64, SolverError> {

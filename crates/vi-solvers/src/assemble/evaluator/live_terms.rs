@@ -1,0 +1,131 @@
+//! The live terms of an evaluator: they act between the ends of a step, and may remember earlier steps.
+
+use vi_core::{Impulse, StepOutcome, System};
+
+use super::Evaluator;
+use crate::assemble::live::LiveState;
+use crate::error::SolverError;
+
+impl Evaluator {
+    /// Makes live terms that have a discrete gradient act by it alone, between the ends that [`Evaluator::set_ends`]
+    /// sets.
+    #[must_use]
+    pub(crate) fn with_discrete_gradients(mut self) -> Self {
+        self.assembler.split_live();
+        self
+    }
+
+    /// Returns the evaluator without the live terms, for a scheme that treats them separately.
+    #[must_use]
+    pub(crate) fn without_live(mut self) -> Self {
+        self.assembler.drop_live();
+        self
+    }
+
+    /// Sets the ends of the step, (q, t) each, for the next evaluations.
+    pub(crate) fn set_ends(&mut self, system: &System, start: (&[f64], f64), end: (&[f64], f64)) {
+        if self.assembler.live().is_none() {
+            return;
+        }
+        let count = self.x.len();
+        let [x_start, x_end] = self.ends.get_or_insert_with(|| [vec![0.0; count], vec![0.0; count]]);
+        system.coordinates().embed(start.0, start.1, x_start);
+        system.coordinates().embed(end.0, end.1, x_end);
+        self.gradient_is_of_x = false;
+    }
+
+    /// Returns the ends of the step, if they have been set.
+    pub(crate) fn ends(&self) -> Option<&[Vec<f64>; 2]> {
+        self.ends.as_ref()
+    }
+
+    /// Returns whether there are live terms.
+    pub(crate) fn has_live(&mut self) -> bool {
+        self.assembler.live().is_some()
+    }
+
+    /// Opens a step of duration h (s) from (q, t), for live terms with a memory of earlier steps.
+    pub(crate) fn open_step(
+        &mut self,
+        system: &System,
+        q: &[f64],
+        t: f64,
+        h: f64,
+    ) -> Result<(), SolverError> {
+        if self.assembler.live().is_none() {
+            return Ok(());
+        }
+        self.set_ends(system, (q, t), (q, t));
+        match (&self.ends, self.assembler.live()) {
+            (Some([start, _]), Some(live)) => live.open_step(start, h),
+            _ => Ok(()),
+        }
+    }
+
+    /// Closes a step from (q, t) to (q, t). Returns the work and impulses of live terms in this step, without
+    /// those of their potential.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::Crossing`] if the path of the step is obstructed.
+    pub(crate) fn close_step(
+        &mut self,
+        system: &System,
+        start: (&[f64], f64),
+        end: (&[f64], f64),
+    ) -> Result<StepOutcome, SolverError> {
+        self.set_ends(system, start, end);
+        let (Some([start, end]), Some(live)) = (&self.ends, self.assembler.live()) else {
+            return Ok(StepOutcome::default());
+        };
+        if !live.is_path_free(start, end) {
+            return Err(SolverError::Crossing);
+        }
+        Ok(live.close_step(start, end))
+    }
+
+    /// Accepts the step that was closed last.
+    pub(crate) fn accept_step(&mut self) {
+        if let (Some([start, end]), Some(live)) = (&self.ends, self.assembler.live()) {
+            live.accept_step(start, end);
+        }
+    }
+
+    /// Returns whether live terms act by discrete gradients.
+    pub(crate) fn has_discrete(&mut self) -> bool {
+        self.assembler.live().is_some_and(|live| live.has_discrete())
+    }
+
+    /// Returns whether live terms have a memory between steps.
+    pub(crate) fn remembers(&self) -> bool {
+        self.assembler.shared_live().is_some_and(|live| live.remembers())
+    }
+
+    /// Returns the energy that live terms store between steps besides V, J.
+    pub(crate) fn stored(&self) -> f64 {
+        self.assembler.shared_live().map_or(0.0, |live| live.stored())
+    }
+
+    /// Returns the impulses between parts of live terms since the last call, N s.
+    pub(crate) fn take_impulses(&mut self) -> Vec<Impulse> {
+        self.assembler.live().map(|live| live.take_impulses()).unwrap_or_default()
+    }
+
+    /// Returns the smallest gap of live terms in the steps since the last call, m; infinite if no pair acted.
+    pub(crate) fn take_smallest_gap(&mut self) -> f64 {
+        self.assembler.live().and_then(|live| live.take_smallest_gap()).unwrap_or(f64::INFINITY)
+    }
+
+    /// Returns the configurations from which the stencils of live terms come.
+    pub(crate) fn live_state(&mut self) -> Option<LiveState> {
+        self.assembler.live().map(|live| live.state())
+    }
+
+    /// Restores the stencils of live terms, and the ends of a step, of an earlier run.
+    pub(crate) fn go_to_live(&mut self, state: &Option<LiveState>, ends: &Option<[Vec<f64>; 2]>) {
+        if let (Some(live), Some(state)) = (self.assembler.live(), state) {
+            live.go_to(state);
+        }
+        self.ends.clone_from(ends);
+        self.gradient_is_of_x = false;
+    }
+}
