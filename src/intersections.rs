@@ -65,9 +65,6 @@ pub fn is_inside(place: [f64; 3], points: &[[f64; 3]], triangles: &[[u32; 3]]) -
         let mut crossings = 0;
         for triangle in triangles {
             let [a, b, c] = triangle.map(|node| points[node as usize]);
-            let side = |a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3]| {
-                sign(orient3d(solid(a), solid(b), solid(c), solid(d)))
-            };
             let (from, to) = (side(a, b, c, place), side(a, b, c, end));
             let turns = [side(place, end, a, b), side(place, end, b, c), side(place, end, c, a)];
             if turns.contains(&1) && turns.contains(&-1) || from * to > 0 {
@@ -98,9 +95,6 @@ fn places(points: &[[f64; 3]]) -> Vec<u32> {
 /// its edges do.
 fn meets(p: [f64; 3], q: [f64; 3], triangle: [[f64; 3]; 3]) -> bool {
     let [a, b, c] = triangle;
-    let side = |a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3]| {
-        sign(orient3d(solid(a), solid(b), solid(c), solid(d)))
-    };
     let (of_p, of_q) = (side(a, b, c, p), side(a, b, c, q));
     if of_p * of_q > 0 {
         return false;
@@ -129,6 +123,11 @@ fn meets_in_plane(p: [f64; 3], q: [f64; 3], triangle: [[f64; 3]; 3]) -> bool {
             |[a, b]: [Coord<f64>; 2]| turn(a, b, p) * turn(a, b, q) < 0 && turn(p, q, a) * turn(p, q, b) <= 0;
         inside(p) || inside(q) || edges.into_iter().any(crosses)
     })
+}
+
+/// Returns the side of the plane through a, b and c on which d lies: 1, −1, or 0 on the plane.
+fn side(a: [f64; 3], b: [f64; 3], c: [f64; 3], d: [f64; 3]) -> i32 {
+    sign(orient3d(solid(a), solid(b), solid(c), solid(d)))
 }
 
 fn solid([x, y, z]: [f64; 3]) -> Coord3D<f64> {

@@ -1,5 +1,5 @@
 //! Runs the program on a scene in a temporary directory and reads the files that it writes.
-#![allow(dead_code, reason = "each test binary uses a part of this room")]
+#![allow(dead_code, reason = "each test binary uses a part of this module")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

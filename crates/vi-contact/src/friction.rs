@@ -226,24 +226,7 @@ impl Contact<'_> {
         match partners {
             Partners::PointBody(point, body) => {
                 let node = surface.points[point as usize].node;
-                let (_, cells) = self.bodies_of(point as usize).find(|&(other, _)| other == body)?;
-                let distance = |cell: u32| {
-                    let [a, b, c] = surface.cells[cell as usize].nodes;
-                    let shape = surface.cells[cell as usize].shape();
-                    shape.closest(&[node, a, b, c].map(|node| at(x[0], node))).distance()
-                };
-                let mut nearest = (f64::INFINITY, 0);
-                for &cell in cells {
-                    let found = distance(cell);
-                    if found < nearest.0 {
-                        nearest = (found, cell);
-                    }
-                }
-                let kept = before.map(|anchor| anchor.cell).filter(|cell| cells.binary_search(cell).is_ok());
-                let cell = match kept {
-                    Some(kept) if distance(kept) <= nearest.0 * (1.0 + 1e-9) => kept,
-                    _ => nearest.1,
-                };
+                let cell = self.nearest_cell(point, body, x[0], before.map(|anchor| anchor.cell))?;
                 let [a, b, c] = surface.cells[cell as usize].nodes;
                 let shape = surface.cells[cell as usize].shape();
                 Some((cell, Slip::new(shape, [node, a, b, c], x)?))
@@ -263,6 +246,31 @@ impl Contact<'_> {
                 }
                 Some((0, Slip::new(Shape::EdgeEdge, nodes, x)?))
             }
+        }
+    }
+
+    /// Returns the cell of a body that is nearest to a point at x. The cell `kept` is preferred as long as no other one is
+    /// nearer, by more than round-off.
+    pub(crate) fn nearest_cell(&self, point: u32, body: u32, x: &[f64], kept: Option<u32>) -> Option<u32> {
+        let surface = self.surface;
+        let node = surface.points[point as usize].node;
+        let (_, cells) = self.bodies_of(point as usize).find(|&(other, _)| other == body)?;
+        let distance = |cell: u32| {
+            let [a, b, c] = surface.cells[cell as usize].nodes;
+            let shape = surface.cells[cell as usize].shape();
+            shape.closest(&[node, a, b, c].map(|node| at(x, node))).distance()
+        };
+        let mut nearest = (f64::INFINITY, None);
+        for &cell in cells {
+            let found = distance(cell);
+            if found < nearest.0 {
+                nearest = (found, Some(cell));
+            }
+        }
+        let kept = kept.filter(|cell| cells.binary_search(cell).is_ok());
+        match kept {
+            Some(kept) if distance(kept) <= nearest.0 * (1.0 + 1e-9) => Some(kept),
+            _ => nearest.1,
         }
     }
 

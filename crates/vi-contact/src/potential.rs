@@ -5,6 +5,7 @@
 //! candidate of its point that contains it, so that the block of a stencil depends on positions alone.
 
 mod acting;
+mod book;
 mod rolling;
 mod step;
 
@@ -97,6 +98,10 @@ impl Live for ContactTerm {
 
     fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential> {
         Arc::new(self.near_shared(x, reach))
+    }
+
+    fn lists_pairs(&self) -> bool {
+        true
     }
 }
 

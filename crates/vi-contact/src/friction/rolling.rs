@@ -31,7 +31,7 @@ pub(crate) struct RollingPair {
     /// Weights of the point of contact for the nodes of [`Contact::rolling_nodes`]: the force on node a is −w_a T.
     pub(crate) weights: [f64; 8],
     /// Slip u of the first side over the second, m.
-    #[cfg_attr(not(test), expect(dead_code, reason = "shown by the field slip"))]
+    #[cfg_attr(not(test), expect(dead_code, reason = "tests compare it with the work"))]
     pub(crate) slip: Vec3,
     /// Orthonormal directions normal to the axis.
     pub(crate) tangents: [Vec3; 2],
@@ -79,26 +79,6 @@ impl Contact<'_> {
             }
             Partners::Edges(a, b) => self.edge_nodes([a, b]),
         }
-    }
-
-    /// Returns the cell of a body nearest to a point at x; keeps the cell of the anchor as long as no other is
-    /// nearer.
-    fn nearest_cell(&self, point: u32, body: u32, x: &[f64], before: Option<&Anchor>) -> Option<u32> {
-        let (_, cells) = self.bodies_of(point as usize).find(|&(other, _)| other == body)?;
-        let distance = |cell: u32| {
-            let shape = self.surface.cells[cell as usize].shape();
-            let nodes = self.pair_nodes(Partners::PointBody(point, body), cell);
-            shape.closest(&nodes.map(|node| at(x, node))).distance()
-        };
-        let kept = before.map(|anchor| anchor.cell / 3).filter(|cell| cells.binary_search(cell).is_ok());
-        let mut nearest = kept.map_or((f64::INFINITY, None), |cell| (distance(cell), Some(cell)));
-        for &cell in cells {
-            let found = distance(cell);
-            if found < nearest.0 * (1.0 - 1e-9) {
-                nearest = (found, Some(cell));
-            }
-        }
-        nearest.1
     }
 
     fn axis(&self, partners: Partners, cell: u32, x: &impl Fn(u32) -> Vec3) -> Option<Axis> {
@@ -161,7 +141,9 @@ impl Contact<'_> {
         let law = self.law_of(partners)?;
         let before = anchors.of(partners);
         let cell = match partners {
-            Partners::PointBody(point, body) => self.nearest_cell(point, body, x[0], before)?,
+            Partners::PointBody(point, body) => {
+                self.nearest_cell(point, body, x[0], before.map(|anchor| anchor.cell / 3))?
+            }
             _ => 0,
         };
         let start = |node: u32| at(x[0], node);

@@ -18,6 +18,13 @@ fn covector<'a>(
     nodes.iter().zip(vectors).map(move |(&node, vector)| (node, (vector * factor).into()))
 }
 
+/// Returns the force that presses a group of pairs together, N. If friction is to stick, a force that is not zero counts
+/// as unlimited.
+pub(super) fn pressing(pairs: &[StepPair], sticks: bool) -> f64 {
+    let force: Vec3 = pairs.iter().map(StepPair::force).sum();
+    if sticks && force != Vec3::zeros() { f64::MAX } else { force.norm() }
+}
+
 /// The data of the tangents of a friction force.
 pub(super) struct Sliding<'a> {
     pub(super) nodes: &'a [u32],
@@ -131,8 +138,7 @@ impl ContactPotential {
 
     fn add_friction(&self, pairs: &[StepPair], x: [&[f64]; 2], out: &mut Acting) {
         let Some(Step { anchors, settings }) = &self.step else { return };
-        let force: Vec3 = pairs.iter().map(StepPair::force).sum();
-        let limit = if out.sticks && force != Vec3::zeros() { f64::MAX } else { force.norm() };
+        let limit = pressing(pairs, out.sticks);
         let friction = self.contact().rub(pairs[0].partners, limit, x, anchors, settings);
         let Some(FrictionPair { nodes, gradient, along, stiffness, sliding, coefficient, traction, .. }) =
             &friction

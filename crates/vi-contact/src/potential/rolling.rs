@@ -1,16 +1,16 @@
 //! Friction of round rigid bodies as a separate live term. Besides the nodes of a pair it reads frames, eight nodes
 //! together, and it has no energy. Its candidates are those of the contact with a round body.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
 use vi_core::{
-    Account, Acting, DiscreteGradient, HessianKind, Impulse, Live, Potential, Stencils, StepOutcome, Traits,
+    Account, Acting, DiscreteGradient, HessianKind, Live, Potential, Stencils, StepOutcome, Traits,
     packed_len,
 };
 
-use super::acting::Sliding;
+use super::acting::{Sliding, pressing};
+use super::book::Book;
 use super::{ContactPotential, ContactTerm};
 use crate::distance::{Vec3, at};
 use crate::friction::{Anchors, RollingPair, Step};
@@ -41,6 +41,10 @@ impl Live for RollingTerm {
 
     fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential> {
         Arc::new(RollingPotential::of(self.0.near_shared(x, reach)))
+    }
+
+    fn lists_pairs(&self) -> bool {
+        true
     }
 }
 
@@ -100,9 +104,7 @@ impl RollingPotential {
         if !surface.rolls(partners) {
             return;
         }
-        let force: Vec3 = pairs.iter().map(StepPair::force).sum();
-        let limit = if out.sticks && force != Vec3::zeros() { f64::MAX } else { force.norm() };
-        let rubbing = contact.roll(partners, limit, x, &step.anchors, &step.settings);
+        let rubbing = contact.roll(partners, pressing(pairs, out.sticks), x, &step.anchors, &step.settings);
         let (Some(pair), Some(law)) = (rubbing, contact.law_of(partners)) else { return };
         let nodes = contact.rolling_nodes(partners, pair.cell);
         let spread = |vector: Vec3| pair.weights.map(|weight| vector * weight);
@@ -230,14 +232,13 @@ impl DiscreteGradient for RollingPotential {
         });
     }
 
-    fn acting(&self, start: &[f64], end: &[f64], out: &mut Acting) -> bool {
+    fn acting(&self, start: &[f64], end: &[f64], out: &mut Acting) {
         if let Some(step) = &self.step {
             // The normal forces must include the damping of the step.
             let contact = ContactPotential { step: self.step.clone(), ..self.contact.clone() };
             let x = [start, end];
             contact.for_each_acting(x, out, |pairs, out| self.add_friction(pairs, x, step, out));
         }
-        true
     }
 
     fn over_step(&self, duration: f64, memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
@@ -248,30 +249,15 @@ impl DiscreteGradient for RollingPotential {
 
     fn outcome(&self, start: &[f64], end: &[f64]) -> StepOutcome {
         let surface = self.contact.surface();
-        let mut outcome = StepOutcome::default();
-        let mut impulses: BTreeMap<[u32; 2], Vec3> = BTreeMap::new();
-        let (mut anchors, mut work) = (Vec::new(), 0.0);
-        let duration = self.step.as_ref().map_or(0.0, |step| step.settings.duration);
+        let mut book = Book::new(self.step.as_ref());
         self.for_each(0..self.candidates.len(), [start, end], |stencil, pair| {
-            let [first, second] = surface.bodies_of(pair.partners);
-            let sign = if first <= second { -1.0 } else { 1.0 };
-            let between = [first.min(second), first.max(second)];
-            *impulses.entry(between).or_insert_with(Vec3::zeros) += pair.held.traction * (sign * duration);
+            book.push_force(surface.bodies_of(pair.partners), -pair.held.traction);
             let nodes = &self.nodes[ARITY * stencil..ARITY * (stencil + 1)];
             for (&node, weight) in nodes.iter().zip(pair.weights) {
-                work += weight * pair.held.traction.dot(&(at(end, node) - at(start, node)));
+                book.push_work(weight * pair.held.traction.dot(&(at(end, node) - at(start, node))));
             }
-            anchors.push(pair.anchor);
+            book.push_anchor(pair.anchor);
         });
-        anchors.sort_by_key(|anchor| anchor.partners);
-        let anchors = Anchors::stretched(anchors.into_iter());
-        let before = self.step.as_ref().map_or(0.0, |step| step.anchors.energy(surface));
-        outcome.stored = anchors.energy(surface);
-        // Include the energy of bristles whose pair has opened.
-        outcome.friction = work - (outcome.stored - before);
-        outcome.memory = anchors.to_numbers();
-        let exchanged = |(between, value): ([u32; 2], Vec3)| Impulse { between, value: value.into() };
-        outcome.impulses = impulses.into_iter().map(exchanged).collect();
-        outcome
+        book.close(surface, self.step.as_ref())
     }
 }

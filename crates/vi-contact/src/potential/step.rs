@@ -1,12 +1,12 @@
 //! Contact over a step, stencil by stencil: the discrete gradient of the contact energy, and with it friction and
 //! damping. Friction remembers the stretch of its bristles from step to step.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{Acting, DiscreteGradient, Impulse, StepOutcome, packed_len};
+use vi_core::{Acting, DiscreteGradient, StepOutcome, packed_len};
 
+use super::book::Book;
 use super::{ContactPotential, PACKED, SIZE, add_packed};
 use crate::distance::{Vec3, at};
 use crate::friction::{Anchors, FrictionPair, Step};
@@ -137,9 +137,8 @@ impl DiscreteGradient for ContactPotential {
         });
     }
 
-    fn acting(&self, start: &[f64], end: &[f64], out: &mut Acting) -> bool {
+    fn acting(&self, start: &[f64], end: &[f64], out: &mut Acting) {
         self.add_acting([start, end], out);
-        true
     }
 
     fn over_step(&self, duration: f64, memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
@@ -149,40 +148,25 @@ impl DiscreteGradient for ContactPotential {
     }
 
     fn outcome(&self, start: &[f64], end: &[f64]) -> StepOutcome {
-        let mut outcome = StepOutcome::default();
-        let mut impulses: BTreeMap<[u32; 2], Vec3> = BTreeMap::new();
-        let (mut rubbing, mut work) = (Vec::new(), 0.0);
-        let duration = self.step.as_ref().map_or(0.0, |step| step.settings.duration);
+        let mut book = Book::new(self.step.as_ref());
+        let (mut damping, mut smallest_gap) = (0.0, None);
         self.for_each_step(0..self.neighbours.count(), [start, end], |_, acting, _| {
-            let [first, second] = self.surface.bodies_of(acting.partners());
-            let sign = if first <= second { 1.0 } else { -1.0 };
-            let between = [first.min(second), first.max(second)];
-            *impulses.entry(between).or_insert_with(Vec3::zeros) += acting.force() * (sign * duration);
+            book.push_force(self.surface.bodies_of(acting.partners()), acting.force());
             match acting {
                 Force::Normal(pair) => {
-                    outcome.damping += pair.dissipated;
+                    damping += pair.dissipated;
                     if pair.energy != [0.0; 2] {
-                        outcome.smallest_gap =
-                            Some(outcome.smallest_gap.map_or(pair.gap, |gap| gap.min(pair.gap)));
+                        smallest_gap = Some(smallest_gap.map_or(pair.gap, |gap: f64| gap.min(pair.gap)));
                     }
                 }
                 Force::Friction(pair) => {
                     for (&node, gradient) in pair.nodes.iter().zip(acting.gradient()) {
-                        work += gradient.dot(&(at(end, node) - at(start, node)));
+                        book.push_work(gradient.dot(&(at(end, node) - at(start, node))));
                     }
-                    rubbing.push(*pair);
+                    book.push_anchor(pair.anchor);
                 }
             }
         });
-        rubbing.sort_by_key(|pair| pair.partners);
-        let anchors = Anchors::after(&rubbing);
-        let before = self.step.as_ref().map_or(0.0, |step| step.anchors.energy(&self.surface));
-        outcome.stored = anchors.energy(&self.surface);
-        // Include the energy of bristles whose pair has opened.
-        outcome.friction = work - (outcome.stored - before);
-        outcome.memory = anchors.to_numbers();
-        let exchanged = |(between, value): ([u32; 2], Vec3)| Impulse { between, value: value.into() };
-        outcome.impulses = impulses.into_iter().map(exchanged).collect();
-        outcome
+        StepOutcome { damping, smallest_gap, ..book.close(&self.surface, self.step.as_ref()) }
     }
 }

@@ -19,11 +19,9 @@ pub trait DiscreteGradient: Send + Sync {
     /// same.
     fn tangents(&self, range: Range<usize>, start: &[f64], end: &[f64], out: &mut [f64]);
 
-    /// Appends the forces that act between `start` and `end` to `out`, pair by pair. Returns false and appends nothing if
-    /// the term does not list its pairs.
-    fn acting(&self, _start: &[f64], _end: &[f64], _out: &mut Acting) -> bool {
-        false
-    }
+    /// Appends the forces that act between `start` and `end` to `out`, pair by pair, if the term belongs to a live term
+    /// that [lists its pairs](crate::Live::lists_pairs). Other terms append nothing.
+    fn acting(&self, _start: &[f64], _end: &[f64], _out: &mut Acting) {}
 
     /// Returns the term for one step of `duration` (s), if it has dissipative forces in addition to V. These may
     /// depend on earlier steps, as dry friction does: `memory` comes from [`DiscreteGradient::outcome`] of the last

@@ -107,6 +107,12 @@ pub trait Live: Send + Sync {
     ///
     /// Equal arguments must give the same stencils in the same order, on any number of threads.
     fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential>;
+
+    /// Returns whether the discrete gradients of this term list the forces of their pairs
+    /// ([`DiscreteGradient::acting`](crate::DiscreteGradient::acting)).
+    fn lists_pairs(&self) -> bool {
+        false
+    }
 }
 
 /// Checks that a term fits these coordinates.

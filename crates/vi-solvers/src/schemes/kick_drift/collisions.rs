@@ -43,9 +43,9 @@ enum Way {
 
 /// A live term that acts in drifts if it has a discrete gradient. Otherwise it is empty here, and acts in the kicks
 /// by its gradient.
-struct Acting(Arc<dyn Live>);
+struct InDrift(Arc<dyn Live>);
 
-impl Live for Acting {
+impl Live for InDrift {
     fn name(&self) -> &str {
         self.0.name()
     }
@@ -60,6 +60,10 @@ impl Live for Acting {
             Some(_) => near,
             None => Arc::new(Nothing { arity: near.stencils().arity, block: near.stencils().block }),
         }
+    }
+
+    fn lists_pairs(&self) -> bool {
+        self.0.lists_pairs()
     }
 }
 
@@ -154,7 +158,7 @@ impl Collisions {
         if system.terms().live().is_empty() {
             return Ok(None);
         }
-        let acting = |term: &Arc<dyn Live>| Arc::new(Acting(Arc::clone(term))) as Arc<dyn Live>;
+        let acting = |term: &Arc<dyn Live>| Arc::new(InDrift(Arc::clone(term))) as Arc<dyn Live>;
         let live = system.terms().live().iter().map(acting).collect();
         let constraints = system.constraints().to_vec();
         let system = system

@@ -12,7 +12,7 @@ mod newton;
 
 use std::sync::Arc;
 
-use vi_core::{Acting, DiscreteGradient, Impulse, Live, Potential, State, StepEnergy, StepOutcome, System};
+use vi_core::{Acting, DiscreteGradient, Impulse, Potential, State, StepEnergy, StepOutcome, System};
 
 use crate::assemble::passage::{Passage, Remembered};
 use crate::error::SolverError;
@@ -40,8 +40,6 @@ const FARTHEST: f64 = 2.0;
 /// Number of rounds in which the motions of nodes are shortened until no pair meets. After that, the nodes of pairs that
 /// still meet are not moved.
 const ROUNDS: usize = 10;
-/// A distance larger than the reach of every term, m.
-const FAR: f64 = 1e6;
 /// If the first estimate of the error is below this fraction of the tolerance, no second iteration is made.
 const FIRST: f64 = 0.1;
 /// Relative resolution of positions: forces of a stiff layer have several times the round-off of positions.
@@ -59,8 +57,6 @@ pub(super) struct Touching {
     x_start: Vec<f64>,
     x_end: Vec<f64>,
     x_trial: Vec<f64>,
-    /// Positions after the free drift, m.
-    x_free: Vec<f64>,
     parts: Vec<f64>,
     work: Work,
 }
@@ -84,13 +80,7 @@ impl Touching {
         {
             return None;
         }
-        // At these positions all nodes are so far apart that no term acts.
-        let x: Vec<f64> = (0..count).map(|k| FAR * k as f64).collect();
-        let knows_pairs = |term: &Arc<dyn Live>| {
-            let near = term.near(&x, 0.0);
-            near.discrete_gradient().is_some_and(|term| term.acting(&x, &x, &mut Acting::default()))
-        };
-        if !system.terms().live().iter().all(knows_pairs) {
+        if !system.terms().live().iter().all(|term| term.lists_pairs()) {
             return None;
         }
         let mut free_of = vec![NONE; count];
@@ -108,7 +98,6 @@ impl Touching {
             x_start: vec![0.0; count],
             x_end: vec![0.0; count],
             x_trial: vec![0.0; count],
-            x_free: vec![0.0; count],
             parts: vec![1.0; count / 3],
             work: Work::default(),
         })
@@ -131,7 +120,6 @@ impl Touching {
         coordinates.embed(&state.q, state.t, &mut self.x_start);
         coordinates.embed(&u, state.t + h, &mut self.x_end);
         self.small.drifted = u;
-        self.x_free.clone_from(&self.x_end);
         let searches = self.lists.searches();
         self.lists.follow(&self.x_start, &self.x_end);
         self.work = Work { searches: self.lists.searches() - searches, ..Work::default() };
@@ -140,7 +128,7 @@ impl Touching {
         }
         self.passage.open(&self.x_start, h);
         let acts = self.solve(system, state, h)?;
-        self.work.searches += self.lists.searches() - searches - self.work.searches;
+        self.work.searches = self.lists.searches() - searches;
         Ok(acts.then(|| self.close(system, state, h)))
     }
 
@@ -158,6 +146,8 @@ impl Touching {
         self.y.clone_from(&self.small.drifted);
         self.small.begin();
         let mut terms = self.over_step();
+        // The end of the step is still that of the free drift.
+        let longest = FARTHEST * self.farthest();
         // Begin with the free drift, as far as its path is free.
         let mut delta: Vec<f64> = self.y.iter().zip(&state.q).map(|(y, q)| y - q).collect();
         let mut is_whole = self.shorten(system, &state.q, &mut delta, t, true);
@@ -165,7 +155,6 @@ impl Touching {
         if is_whole {
             self.y.clone_from(&self.small.drifted);
         }
-        let longest = FARTHEST * self.farthest();
         let mut last: Option<f64> = None;
         // The number of secant iterations left, and the number for the next time that they are needed.
         let (mut secants, mut patience) = (0, SECANTS);
@@ -183,11 +172,8 @@ impl Touching {
             }
             self.work.pair_forces += self.acting.count() as u64;
             if iteration == 1 && is_whole && self.acting.count() == 0 {
-                if !self.passage.remembers() {
-                    return Ok(false);
-                }
-                // Only the memory must be closed.
-                return Ok(true);
+                // If the terms have a memory, only that must be closed.
+                return Ok(self.passage.remembers());
             }
             self.small.load(system, &self.free_of, &self.acting, c, &self.y);
             let size = self.small.size(mass);
@@ -245,9 +231,9 @@ impl Touching {
         Err(stuck(MOST_ITERATIONS, last.unwrap_or(1.0), self.tolerance))
     }
 
-    /// Returns the longest motion of a node in the free drift, m.
+    /// Returns the longest motion of a node from the start to the end, m.
     fn farthest(&self) -> f64 {
-        let nodes = self.x_start.chunks_exact(3).zip(self.x_free.chunks_exact(3));
+        let nodes = self.x_start.chunks_exact(3).zip(self.x_end.chunks_exact(3));
         let square = |(a, b): (&[f64], &[f64])| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>();
         nodes.map(square).fold(0.0, f64::max).sqrt()
     }
