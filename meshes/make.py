@@ -78,6 +78,15 @@ TAPERED = dict(length=10.0, widths=(5.0, 1.0), cells=(12, 6), half_thickness=0.0
 CYLINDER = dict(radii=(1.0, 2.0), cells=(8, 6), thickness=0.125)
 SPHERE = dict(radii=(1.0, 2.0), cells=(4, 5))
 MIXED = dict(size=(2.0, 1.0, 0.5), edge=0.34)
+# A ball of radius 1: cells from a pole to 45 degrees and on to the equator, and their growth from the pole.
+HALF_BALL = dict(angle=math.pi / 2, layers=8, poles=[-1], cells=(22, 5), growth=1.15)
+BALL_SLICE = dict(angle=math.pi / 18, layers=1, poles=[-1, 1], cells=(18, 5), growth=1.2)
+DRUM = dict(radius=0.3, edge=0.028)
+BALL = dict(edge=0.42)
+# A strap over a cylinder with a horizontal axis, and its two hanging ends.
+STRAP = dict(radius=0.1008, hanging=0.4, width=0.05, cells=(48, 50, 2))
+# A bolt for the pin hole of the bracket, with its axis along x.
+BOLT = dict(diameter=15.8 * MM, length=24.0 * MM, head=24.0 * MM, head_length=6.0 * MM, edge=3.0 * MM)
 # An input deck of Abaqus and CalculiX, in millimetres as these have it.
 BAR = {"size": (100, 20, 10), "cells": (8, 2, 1)}
 
@@ -542,6 +551,116 @@ def skirt(path):
     print(f"{path.name}: {around * along} quadrilaterals, {around * (along + 1)} nodes")
 
 
+def ball_about_axis(path, angle, layers, poles, cells, growth):
+    """The part of a ball of radius 1 between two planes through the axis z: hexahedra, and wedges at the axis. `poles`
+    holds the signs of z of its halves; cells grow from both poles, or from one."""
+    start()
+    geo, (towards, beyond) = gmsh.model.geo, cells
+    middle = math.sqrt(0.5)
+    shared = {name: geo.addPoint(x, 0, 0) for name, x in [("centre", 0), ("rim", 1), ("equator", 0.5)]}
+    on_equator = {pair: geo.addLine(shared[pair[0]], shared[pair[1]]) for pair in [("rim", "equator"), ("centre", "equator")]}
+    made, faces, axis = [], [], []
+    for sign in poles:
+        places = dict(pole=(0, 1), arc=(middle, middle), axis=(0, 0.5), inside=(0.42, 0.42))
+        points = shared | {name: geo.addPoint(x, 0, sign * z) for name, (x, z) in places.items()}
+        curves = {}
+        for a, b, count in [("pole", "axis", towards), ("pole", "arc", towards), ("arc", "inside", towards),
+                            ("axis", "inside", towards), ("arc", "rim", beyond), ("inside", "equator", beyond),
+                            ("axis", "centre", beyond), ("rim", "equator", towards), ("centre", "equator", towards)]:
+            if {a, b} <= {"pole", "arc", "rim"}:
+                curve = geo.addCircleArc(points[a], points["centre"], points[b])
+            else:
+                curve = on_equator.get((a, b)) or geo.addLine(points[a], points[b])
+            geo.mesh.setTransfiniteCurve(curve, count + 1, "Progression", growth if count == towards else 1.0)
+            curves[a, b], curves[b, a] = curve, -curve
+        axis += [abs(curves["pole", "axis"]), abs(curves["axis", "centre"])]
+        for corners in [("pole", "arc", "inside", "axis"), ("arc", "rim", "equator", "inside"),
+                        ("axis", "inside", "equator", "centre")]:
+            corners = corners[::-sign]
+            loop = [curves[a, b] for a, b in zip(corners, corners[1:] + corners[:1])]
+            faces.append(geo.addPlaneSurface([geo.addCurveLoop(loop)]))
+            geo.mesh.setTransfiniteSurface(faces[-1])
+            geo.mesh.setRecombine(2, faces[-1])
+    made = [geo.revolve([(2, face)], 0, 0, 0, 0, 0, 1, angle, numElements=[layers], recombine=True) for face in faces]
+    geo.synchronize()
+    group(3, [tag for part in made for d, tag in part if d == 3], "ball")
+    group(2, faces, "y0")
+    group(2, [part[0][1] for part in made], "turned")
+    if len(poles) == 1:
+        group(2, faces_in((-1, -1, 0), (1, 1, 0)), "equator")
+    group(1, axis, "axis")
+    gmsh.model.mesh.generate(3)
+    finish(path, binary=True)
+
+
+def ball(path):
+    """A ball of radius 1 about the origin, in tetrahedra."""
+    start()
+    gmsh.model.occ.addSphere(0, 0, 0, 1)
+    gmsh.model.occ.synchronize()
+    group(3, [1], "ball")
+    uniform_size(BALL["edge"])
+    generate(3)
+    finish(path)
+
+
+def drum(path):
+    """A disc about the origin in the plane z = 0."""
+    start()
+    geo, radius = gmsh.model.geo, DRUM["radius"]
+    centre = geo.addPoint(0, 0, 0)
+    points = [geo.addPoint(x, y, 0) for x, y in [(radius, 0), (0, radius), (-radius, 0), (0, -radius)]]
+    arcs = [geo.addCircleArc(points[i], centre, points[(i + 1) % 4]) for i in range(4)]
+    face = geo.addPlaneSurface([geo.addCurveLoop(arcs)])
+    geo.synchronize()
+    group(2, [face], "skin")
+    group(1, arcs, "rim")
+    uniform_size(DRUM["edge"])
+    gmsh.option.setNumber("Mesh.Algorithm", 5)
+    generate(2)
+    finish(path)
+
+
+def bolt(path):
+    """A bolt along x through the pin hole of the bracket; its head lies against the outer face of the upright leg."""
+    start()
+    occ, p = gmsh.model.occ, BOLT
+    shank = occ.addCylinder(0, 0, 0, p["length"], 0, 0, 0.5 * p["diameter"])
+    head = occ.addCylinder(0, 0, 0, -p["head_length"], 0, 0, 0.5 * p["head"])
+    occ.fuse([(3, shank)], [(3, head)])
+    occ.synchronize()
+    group(3, [tag for _, tag in gmsh.model.getEntities(3)], "bolt")
+    radius = p["diameter"]
+    group(2, faces_in((p["length"], -radius, -radius), (p["length"], radius, radius)), "end")
+    uniform_size(p["edge"])
+    generate(3)
+    finish(path)
+
+
+def strap(path):
+    """A strip over the upper half of a cylinder about the axis y, and straight down on both sides, as OBJ."""
+    path = path.with_suffix(".obj")
+    around, along, across = STRAP["cells"]
+    radius, hanging = STRAP["radius"], STRAP["hanging"]
+    down = [hanging * (1 - k / along) for k in range(along)]
+    arc = [math.pi * (1 - k / around) for k in range(around + 1)]
+    line = [(-radius, -z) for z in down] + [(radius * math.cos(a), radius * math.sin(a)) for a in arc]
+    line += [(radius, -z) for z in reversed(down)]
+    rows = [STRAP["width"] * (j / across - 0.5) for j in range(across + 1)]
+    lines = ["# made by meshes/make.py", "o strap"]
+    lines += [f"v {x:.9f} {y:.9f} {z:.9f}" for y in rows for x, z in line]
+    at = lambda i, j: i + j * len(line) + 1
+    for j in range(across):
+        for i in range(len(line) - 1):
+            a, b, c, d = at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)
+            # With all diagonals parallel, tension in the strip loads the nodes in proportion to their areas.
+            lines += ["f " + " ".join(map(str, triangle)) for triangle in [(a, b, c), (a, c, d)]]
+    for name, i in [("left", 0), ("top", len(line) // 2), ("right", len(line) - 1)]:
+        lines += [f"g {name}", "l " + " ".join(str(at(i, j)) for j in range(across + 1))]
+    path.write_text("\n".join(lines) + "\n")
+    print(f"{path.name}: {2 * (len(line) - 1) * across} triangles, {len(line) * len(rows)} nodes")
+
+
 # --- Gmsh -----------------------------------------------------------------------------------------
 
 
@@ -672,6 +791,12 @@ def main():
         "tablecloth": tablecloth,
         "roll": roll,
         "skirt": skirt,
+        "half-ball": lambda path: ball_about_axis(path, **HALF_BALL),
+        "ball-slice": lambda path: ball_about_axis(path, **BALL_SLICE),
+        "ball": ball,
+        "drum": drum,
+        "bolt": bolt,
+        "strap": strap,
     }
     parser = argparse.ArgumentParser(description="Makes the meshes of this directory.")
     parser.add_argument("--only", choices=made, help="make this one alone")

@@ -47,6 +47,8 @@ pub enum Field {
     ContactTraction,
     /// Its magnitude, Pa (points).
     ContactPressure,
+    /// Tangential velocity of the surface relative to the nearest opposite one, m/s; zero without contact (points).
+    Slip,
     /// Gap to the opposite surface, m; the thickness d̂ of the contact layer if the point has no contact (points).
     Gap,
     /// Number of the body in the scene, from 0 (cells).
@@ -75,6 +77,7 @@ impl Field {
         Self::NodalEnergyDensity,
         Self::ContactTraction,
         Self::ContactPressure,
+        Self::Slip,
         Self::Gap,
         Self::BodyId,
         Self::MaterialId,
@@ -100,6 +103,7 @@ impl Field {
             Self::NodalEnergyDensity => "nodal_energy_density",
             Self::ContactTraction => "contact_traction",
             Self::ContactPressure => "contact_pressure",
+            Self::Slip => "slip",
             Self::Gap => "gap",
             Self::BodyId => "body_id",
             Self::MaterialId => "material_id",
@@ -119,7 +123,7 @@ impl Field {
 
     /// Returns whether it needs a scene with contact.
     pub fn is_of_contact(self) -> bool {
-        matches!(self, Self::ContactTraction | Self::ContactPressure | Self::Gap)
+        matches!(self, Self::ContactTraction | Self::ContactPressure | Self::Slip | Self::Gap)
     }
 
     /// Returns whether it is a nodal force, which can be summed.

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 use vi_core::{State, System};
-use vi_solvers::{Assembler, SolverError, StepError};
+use vi_solvers::{Assembler, Method, SolverError, StepError};
 
 use super::march::{self, Cut, March, march};
 use super::pace::Pace;
@@ -88,11 +88,17 @@ impl Simulation {
     fn see_contact(&mut self, energy: &vi_core::StepEnergy) {
         self.contact.friction += energy.friction;
         self.contact.damping += energy.contact_damping;
+        let by_gradient = self.scene.statics.is_some()
+            || matches!(self.method, Method::BackwardEuler | Method::Bdf2 | Method::Newmark { .. });
         let mut facts = ContactFacts::default();
         for component in &mut self.components {
             let Component { system, state, stepper, contact, .. } = component;
             if let (Some(contact), Some(stepper)) = (contact, stepper) {
-                contact.enter(stepper.take_impulses(), self.h);
+                if by_gradient {
+                    contact.enter_forces_at(&system.positions(state));
+                } else {
+                    contact.enter(stepper.take_impulses(), self.h);
+                }
                 match stepper.take_smallest_gap() {
                     Some(gap) => facts.smallest_gap = facts.smallest_gap.min(gap),
                     None => facts.add(contact, &system.positions(state)),
@@ -121,6 +127,7 @@ impl Simulation {
         self.components.iter_mut().for_each(|component| component.state.t = load_factor);
         stepped.energy.force += std::mem::take(&mut self.given);
         self.steps += 1;
+        self.see_contact(&stepped.energy);
         Ok(stepped)
     }
 

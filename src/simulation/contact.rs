@@ -58,11 +58,27 @@ impl Default for ContactTotals {
     }
 }
 
-/// A force on a round rigid body: its point of action (m), the force (N), and the gap there (m).
-pub(super) struct Press {
-    pub(super) place: [f64; 3],
-    pub(super) force: [f64; 3],
+/// Contact at a node.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct ContactAt {
+    /// Force per area without friction, Pa.
+    pub(super) traction: [f64; 3],
+    /// Gap to the opposite surface, at most the reach of the search, m.
     pub(super) gap: f64,
+    /// Tangential velocity relative to the nearest opposite surface, m/s.
+    pub(super) slip: [f64; 3],
+}
+
+/// A force on a round rigid body.
+pub(super) struct Press {
+    /// Point of action, m.
+    pub(super) place: [f64; 3],
+    /// Force, N.
+    pub(super) force: [f64; 3],
+    /// Gap, m.
+    pub(super) gap: f64,
+    /// Tangential velocity relative to the opposite surface, m/s.
+    pub(super) slip: [f64; 3],
 }
 
 /// Observes the contact of a component.
@@ -100,6 +116,13 @@ impl ContactWatch {
         self.forces.iter_mut().for_each(|force| force.value.iter_mut().for_each(|value| *value /= h));
     }
 
+    /// Stores the forces at positions x of the component, for equilibria and for schemes that use the gradient at the
+    /// end of a step.
+    pub(crate) fn enter_forces_at(&mut self, x: &[f64]) {
+        let forces = self.term.at(x).forces(x).into_iter();
+        self.forces = forces.map(|(between, value)| Impulse { between, value }).collect();
+    }
+
     /// Returns the size of the search for report.json.
     pub(crate) fn report(&self) -> Value {
         let surface = self.term.surface();
@@ -132,8 +155,9 @@ impl ContactWatch {
         self.term.distance()
     }
 
-    /// Returns the contact forces on a round rigid body with the skeleton `nodes` at positions x of the component.
-    pub(super) fn presses(&self, x: &[f64], nodes: &Range<usize>) -> Vec<Press> {
+    /// Returns the contact forces on a round rigid body with the skeleton `nodes` at positions x and velocities v of the
+    /// component.
+    pub(super) fn presses(&self, x: &[f64], v: &[f64], nodes: &Range<usize>) -> Vec<Press> {
         let (near, surface) = (self.term.at(x), self.term.surface());
         let is_own = |node: &u32| nodes.contains(&(*node as usize));
         let mut presses = Vec::new();
@@ -157,31 +181,34 @@ impl ContactWatch {
             // one.
             let arm = pair.closest.vector * (-radius / pair.closest.distance());
             (0..3).for_each(|axis| place[axis] = sign * (place[axis] + arm[axis]));
-            presses.push(Press { place, force, gap: pair.gap });
+            let slip = near.sliding(&pair, x, v).map(|value| sign * value);
+            presses.push(Press { place, force, gap: pair.gap, slip });
         }
         presses
     }
 
-    /// Returns the contact force per area (Pa, without friction) at every node of the component at positions x, and
-    /// the gap to the opposite surface, at most the reach of the layer (m).
-    pub(super) fn fields(&self, x: &[f64]) -> (Vec<[f64; 3]>, Vec<f64>) {
+    /// Returns the contact at every node of the component at positions x (m) and velocities v (m/s).
+    pub(super) fn fields(&self, x: &[f64], v: &[f64]) -> Vec<ContactAt> {
         let (near, surface) = (self.term.at(x), self.term.surface());
-        let mut gaps = vec![self.term.distance(); x.len() / 3];
-        let mut tractions = vec![[0.0; 3]; x.len() / 3];
+        let mut all = vec![ContactAt { gap: self.term.distance(), ..ContactAt::default() }; x.len() / 3];
+        let mut nearest = vec![f64::INFINITY; x.len() / 3];
         for pair in near.contact().active(x) {
+            let (gradient, sliding) = (pair.gradient(x), near.sliding(&pair, x, v));
             for (k, &node) in pair.nodes.iter().enumerate().take(pair.shape.arity()) {
-                let gradient = pair.gradient(x)[k];
-                (0..3).for_each(|axis| tractions[node as usize][axis] -= gradient[axis]);
-                if pair.closest.weights[k] != 0.0 {
-                    gaps[node as usize] = pair.gap.min(gaps[node as usize]);
+                let (at, weight) = (&mut all[node as usize], pair.closest.weights[k]);
+                (0..3).for_each(|axis| at.traction[axis] -= gradient[k][axis]);
+                if weight != 0.0 && pair.gap < nearest[node as usize] {
+                    nearest[node as usize] = pair.gap;
+                    at.gap = pair.gap.min(at.gap);
+                    at.slip = sliding.map(|value| value * weight.signum());
                 }
             }
         }
         let mut areas = vec![f64::INFINITY; x.len() / 3];
         surface.points().iter().for_each(|point| areas[point.node as usize] = point.area);
-        for (traction, area) in tractions.iter_mut().zip(&areas) {
-            traction.iter_mut().for_each(|value| *value /= area);
+        for (at, area) in all.iter_mut().zip(&areas) {
+            at.traction.iter_mut().for_each(|value| *value /= area);
         }
-        (tractions, gaps)
+        all
     }
 }

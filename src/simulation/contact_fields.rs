@@ -1,9 +1,9 @@
-//! Fields of contact at nodes: traction, pressure and gap. This file does not change the state.
+//! Fields of contact at nodes: traction, pressure, gap and slip. This file does not change the state.
 
 use nalgebra::Vector3;
 
-use super::contact::{ContactWatch, Press};
-use super::{Component, Simulation};
+use super::Simulation;
+use super::contact::{ContactAt, Press};
 use crate::scene::Field;
 
 impl Simulation {
@@ -27,16 +27,20 @@ impl Simulation {
         let Some(form) = &rigid.form else { return Vec::new() };
         let (points, triangles) = (&form.points, &form.triangles);
         let places = self.carried(number, points);
-        let Component { system, state, contact, .. } = &self.components[rigid.component];
-        let mut tractions = vec![[0.0; 3]; points.len()];
-        let mut gaps = vec![contact.as_ref().map_or(0.0, ContactWatch::reach); points.len()];
-        let nodes = rigid.surface_nodes();
-        let presses = contact.iter().flat_map(|watch| watch.presses(&system.positions(state), &nodes));
-        for Press { place, force, gap } in presses {
+        let component = &self.components[rigid.component];
+        let Some(watch) = &component.contact else {
+            return vec![0.0; points.len() * field.component_count()];
+        };
+        let (x, v) = (component.system.positions(&component.state), component.velocities());
+        let mut all = vec![ContactAt { gap: watch.reach(), ..ContactAt::default() }; points.len()];
+        for Press { place, force, gap, slip } in watch.presses(&x, &v, &rigid.surface_nodes()) {
             let square = |k: usize| (0..3).map(|axis| (places[k][axis] - place[axis]).powi(2)).sum::<f64>();
             let nearest = (1..places.len()).fold(0, |a, b| if square(b) < square(a) { b } else { a });
-            (0..3).for_each(|axis| tractions[nearest][axis] += force[axis]);
-            gaps[nearest] = gap.min(gaps[nearest]);
+            let at = &mut all[nearest];
+            (0..3).for_each(|axis| at.traction[axis] += force[axis]);
+            if gap < at.gap {
+                (at.gap, at.slip) = (gap, slip);
+            }
         }
         let mut areas = vec![0.0; points.len()];
         for triangle in triangles {
@@ -44,10 +48,10 @@ impl Simulation {
             let area = (b - a).cross(&(c - a)).norm() / 6.0;
             triangle.iter().for_each(|&k| areas[k as usize] += area);
         }
-        for (traction, area) in tractions.iter_mut().zip(&areas) {
-            traction.iter_mut().for_each(|value| *value /= area);
+        for (at, area) in all.iter_mut().zip(&areas) {
+            at.traction.iter_mut().for_each(|value| *value /= area);
         }
-        of_field(field, tractions.into_iter().zip(gaps))
+        of_field(field, all.into_iter())
     }
 
     /// Returns a contact field at the nodes of body number `body`.
@@ -58,19 +62,20 @@ impl Simulation {
     }
 
     fn contact_values_at(&self, component: usize, nodes: &[usize], field: Field) -> Vec<f64> {
-        let Component { system, state, contact, .. } = &self.components[component];
-        let Some(watch) = contact else { return vec![0.0; nodes.len() * field.component_count()] };
-        let (tractions, gaps) = watch.fields(&system.positions(state));
-        of_field(field, nodes.iter().map(|&node| (tractions[node], gaps[node])))
+        let component = &self.components[component];
+        let Some(watch) = &component.contact else { return vec![0.0; nodes.len() * field.component_count()] };
+        let all = watch.fields(&component.system.positions(&component.state), &component.velocities());
+        of_field(field, nodes.iter().map(|&node| all[node]))
     }
 }
 
-/// Returns the values of a field from tractions and gaps.
-fn of_field(field: Field, values: impl Iterator<Item = ([f64; 3], f64)>) -> Vec<f64> {
+/// Returns the values of a field.
+fn of_field(field: Field, values: impl Iterator<Item = ContactAt>) -> Vec<f64> {
     let length = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
     match field {
-        Field::ContactTraction => values.flat_map(|(traction, _)| traction).collect(),
-        Field::ContactPressure => values.map(|(traction, _)| length(traction)).collect(),
-        _ => values.map(|(_, gap)| gap).collect(),
+        Field::ContactTraction => values.flat_map(|at| at.traction).collect(),
+        Field::ContactPressure => values.map(|at| length(at.traction)).collect(),
+        Field::Slip => values.flat_map(|at| at.slip).collect(),
+        _ => values.map(|at| at.gap).collect(),
     }
 }

@@ -1,0 +1,90 @@
+//! Tests scenes of scenes/contact that finish within seconds, and fields of contact.
+//!
+//! Cases H8 and H16 are described in docs/validation-contact.md, with the sources of the numbers.
+
+use crate::program::{History, Program};
+
+/// Runs a scene of scenes/contact, with further arguments; its assertions must hold.
+fn run(name: &str, arguments: &[&str]) -> Program {
+    let path = format!("{}/scenes/contact/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    Program::run_with(&std::fs::read_to_string(path).unwrap().replace("../../meshes", "MESHES"), arguments)
+}
+
+/// Case H8: a smooth cylinder carries the whole weight λ g (2 ℓ + π R) of a strap that hangs over it.
+#[test]
+fn a_strap_rests_on_a_cylinder_with_all_its_weight() {
+    let history = run("strap", &[]).history();
+    // The strap consists of 48 chords of half a circle, and of two ends.
+    let length = 0.8 + 96.0 * 0.1008 * (std::f64::consts::PI / 96.0).sin();
+    let weight = 0.5 * 9.81 * length;
+    assert!((history.last("push.fz") / weight - 1.0).abs() < 1e-6, "{}", history.last("push.fz"));
+    assert!(history.last("push.fx").abs() < 1e-6 * weight);
+}
+
+/// Case H16: the bar of H1 at 64 times the step in which a wave crosses an element, and 30 times the speed. The constants
+/// of the layer are unchanged; it does not close, and the energy is kept.
+#[test]
+fn a_hard_blow_in_large_steps_closes_no_gap() {
+    let program = run("bar-impact-large-step", &["--set", "time.end=0.30360"]);
+    let history: History = program.history();
+    let (total, p) = (history.column("total"), history.column("px"));
+    assert!(total.iter().all(|energy| (energy / total[0] - 1.0).abs() < 1e-9), "{total:?}");
+    assert!(history.column("smallest_gap").iter().all(|&gap| gap > 0.0));
+    assert!(history.column("pairs").iter().any(|&pairs| pairs > 0.0));
+    assert!(p[0] < 0.0 && *p.last().unwrap() > 0.0);
+}
+
+/// One ball comes in and one ball goes out, as high as the first one started.
+#[test]
+fn a_cradle_passes_its_momentum_on() {
+    let history = run("newtons-cradle", &["--set", "time.end=0.75"]).history();
+    let last = |ball: usize| history.last(&format!("ball {ball}.x"));
+    for ball in 1..5 {
+        assert!((last(ball) - 0.062 * (ball - 1) as f64).abs() < 5e-3, "{ball}: {}", last(ball));
+    }
+    let highest = history.column("ball 5.z").into_iter().fold(f64::NEG_INFINITY, f64::max);
+    let fall = 0.5 - 0.75_f64.sqrt() * 0.5;
+    assert!(((highest + 0.5) / fall - 1.0).abs() < 0.02, "{highest}");
+}
+
+/// The field `slip` is the velocity with which surfaces slide over each other: at first that of a ball that slides at
+/// 2 m/s, and zero once it rolls, although it still moves at 1.43 m/s.
+#[test]
+fn slip_vanishes_when_a_ball_rolls() {
+    let history = Program::run(
+        r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.12
+step = 5e-4
+scheme = "energy-momentum"
+[contact]
+friction = 0.9
+damping = 1e-3
+[[body]]
+name = "pad"
+box = { size = [1.0, 0.4, 0.1], cells = [10, 4, 1], element = "hex8", origin = [-0.2, -0.2, -0.1] }
+material = { law = "linear", young = 1e8, poisson = 0.3, density = 1000.0 }
+[[fix]]
+body = "pad"
+region = "box"
+[[rigid]]
+name = "ball"
+shape = { kind = "sphere", radius = 0.1 }
+density = 1000.0
+position = [0.0, 0.01, 0.1018]
+velocity = [2.0, 0, 0]
+[[probe]]
+name = "pad"
+body = "pad"
+max = "slip.magnitude"
+"#,
+    )
+    .history();
+    let (slip, momentum) = (history.column("pad.max.slip.magnitude"), history.column("px"));
+    let mass = momentum[0] / 2.0;
+    let largest = slip.iter().copied().fold(0.0, f64::max);
+    assert!((1.8..2.0 + 1e-9).contains(&largest), "{largest}");
+    let last = slip.len() - 1;
+    assert!(slip[last] < 1e-2 && momentum[last] / mass > 1.4, "{} {}", slip[last], momentum[last] / mass);
+}
