@@ -212,6 +212,47 @@ fixed = true
     }
 }
 
+/// A tall box tips over its edge with friction. While it slides, friction follows the pressure, which follows the motion;
+/// and it alternates between sticking and sliding. Every step is solved in one piece, and the balance closes.
+#[test]
+fn a_box_that_tips_with_friction_is_solved_in_whole_steps() {
+    for (scheme, bound) in [("energy-momentum", 1e-8), ("stormer-verlet", 1e-4)] {
+        let run = Program::run(&format!(
+            r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.3
+step = 1e-3
+scheme = "{scheme}"
+[contact]
+friction = 0.3
+damping = 1e-3
+[[rigid]]
+name = "floor"
+shape = {{ kind = "plane", normal = [0, 0, 1] }}
+fixed = true
+[[rigid]]
+name = "box"
+shape = {{ kind = "box", size = [0.02, 0.08, 0.16] }}
+density = 600.0
+position = [0.0, 0.0, 0.0802]
+angular_velocity = [0.0, 3.0, 0.0]
+"#
+        ))
+        .history();
+        let column = |name| run.column(name);
+        assert!(column("substeps").iter().all(|&cuts| cuts == 0.0), "{scheme}");
+        let iterations = column("newton_iterations").iter().sum::<f64>() / 300.0;
+        assert!(iterations < 20.0, "{scheme}: {iterations} iterations per step");
+        let (total, friction, damping) = (column("total"), column("friction"), column("contact_damping"));
+        let kinetic = column("kinetic").into_iter().fold(0.0, f64::max);
+        let balance = |i: usize| (total[i] - friction[i] - damping[i] - total[0]).abs();
+        let worst = (0..total.len()).map(balance).fold(0.0, f64::max);
+        assert!(worst < bound * kinetic, "{scheme}: {worst:e} of {kinetic}");
+        assert!(column("smallest_gap").iter().all(|&gap| gap > 0.0), "{scheme}");
+    }
+}
+
 /// Case H15: a cloth that falls on a ball and slides on it crosses neither the ball nor itself. The energy balance of an
 /// explicit run closes, with few iterations per step.
 #[test]

@@ -60,6 +60,22 @@ impl Barrier {
         }
     }
 
+    /// Returns B'''(s) ≤ 0.
+    pub fn third(self, s: f64) -> f64 {
+        if s >= 1.0 {
+            return 0.0;
+        }
+        if s <= 0.0 {
+            return f64::NEG_INFINITY;
+        }
+        let steep = -6.0 / (s * s * s * s);
+        match self {
+            Self::Cubic => steep,
+            // B is 1/s − 4 + 6s − 4s² + s³.
+            Self::Quartic => steep + 6.0,
+        }
+    }
+
     /// Returns the difference quotient (B(b) − B(a))/(b − a) ≤ 0, without cancellation if a is near b. For a, b < 1,
     /// with p = 1−a and q = 1−b, it is −(P_k − p q P_{k−1})/(a b), where P_k = Σ pⁱ q^{k−1−i}.
     pub fn quotient(self, a: f64, b: f64) -> f64 {
@@ -121,6 +137,8 @@ mod tests {
                 let curvature = (barrier.slope(s + h) - barrier.slope(s - h)) / (2.0 * h);
                 assert!((slope - barrier.slope(s)).abs() <= 1e-8 * (1.0 + slope.abs()), "{barrier:?} {s}");
                 assert!((curvature - barrier.curvature(s)).abs() <= 1e-8 * (1.0 + curvature.abs()));
+                let third = (barrier.curvature(s + h) - barrier.curvature(s - h)) / (2.0 * h);
+                assert!((third - barrier.third(s)).abs() <= 1e-8 * (1.0 + third.abs()));
             }
         }
     }

@@ -70,6 +70,21 @@ pub struct FrictionPair {
     pub anchor: Anchor,
 }
 
+/// How a pair is held together.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Pressed {
+    /// Force that presses the two parts together, N.
+    pub(crate) force: f64,
+    /// The fraction of the bristle's stiffness that resists slip; 1 but on the way to a solution.
+    pub(crate) stiffness: f64,
+}
+
+impl Pressed {
+    pub(crate) fn by(force: f64) -> Self {
+        Self { force, stiffness: 1.0 }
+    }
+}
+
 /// The bristle of a pair over a step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Held {
@@ -89,14 +104,24 @@ pub(crate) struct Held {
 
 impl Held {
     /// Returns the bristle after a slip. `start` holds the stretch and the energy at the start, k is the stiffness of
-    /// the bristle, `rate` is τ/h, and `limit` is μλ.
-    fn new(start: ([f64; 2], f64), slip: Vec3, tangents: &[Vec3; 2], k: f64, rate: f64, limit: f64) -> Self {
-        let bristle = stretch(start.0, tangents.map(|tangent| tangent.dot(&slip)), k, rate, limit);
+    /// the bristle, `rate` is τ/h.
+    fn new(
+        start: ([f64; 2], f64),
+        slip: Vec3,
+        tangents: &[Vec3; 2],
+        k: f64,
+        rate: f64,
+        coefficient: f64,
+        pressed: Pressed,
+    ) -> Self {
+        let response = pressed.stiffness * (0.5 + rate);
+        let limit = coefficient * pressed.force;
+        let bristle = stretch(start.0, tangents.map(|tangent| tangent.dot(&slip)), k, response, limit);
         let traction = tangents[0] * bristle.traction[0] + tangents[1] * bristle.traction[1];
         let stored = 0.5 * k * (bristle.end[0].powi(2) + bristle.end[1].powi(2));
         Self {
             traction,
-            stiffness: (0.5 + rate) * k * bristle.held,
+            stiffness: response * k * bristle.held,
             sliding: (bristle.held < 1.0).then(|| {
                 let size = bristle.traction[0].hypot(bristle.traction[1]);
                 if size > 0.0 { bristle.traction.map(|part| part / size) } else { [0.0; 2] }
@@ -152,7 +177,7 @@ impl Contact<'_> {
             *pressed.entry(pair.partners).or_insert_with(Vec3::zeros) += pair.force();
         }
         let rub = |(partners, force): (Partners, Vec3)| {
-            self.rub(partners, force.norm(), [x0, x1], anchors, settings)
+            self.rub(partners, Pressed::by(force.norm()), [x0, x1], anchors, settings)
         };
         pressed.into_iter().filter_map(rub).collect()
     }
@@ -168,14 +193,14 @@ impl Contact<'_> {
     ) -> impl Iterator<Item = FrictionPair> {
         pairs.chunk_by(|a, b| a.partners == b.partners).filter_map(move |pairs| {
             let force: Vec3 = pairs.iter().map(StepPair::force).sum();
-            self.rub(pairs[0].partners, force.norm(), x, anchors, settings)
+            self.rub(pairs[0].partners, Pressed::by(force.norm()), x, anchors, settings)
         })
     }
 
     pub(crate) fn rub(
         &self,
         partners: Partners,
-        normal_force: f64,
+        pressed: Pressed,
         x: [&[f64]; 2],
         anchors: &Anchors,
         settings: &StepSettings,
@@ -192,7 +217,7 @@ impl Contact<'_> {
             None => ([0.0; 2], 0.0),
         };
         let rate = law.damping / settings.duration;
-        let held = Held::new(start, slip.slip, &slip.tangents, stiffness, rate, law.friction * normal_force);
+        let held = Held::new(start, slip.slip, &slip.tangents, stiffness, rate, law.friction, pressed);
         Some(FrictionPair {
             partners,
             arity: slip.arity,
@@ -200,7 +225,7 @@ impl Contact<'_> {
             gradient: slip.gradient(held.traction),
             slip: slip.slip,
             traction: held.traction,
-            normal_force,
+            normal_force: pressed.force,
             weights: slip.weights,
             stiffness: held.stiffness,
             tangents: slip.tangents,

@@ -48,6 +48,16 @@ impl Partners {
     pub(crate) fn first_count(self) -> usize {
         if matches!(self, Self::Edges(..)) { 2 } else { 1 }
     }
+
+    /// Returns a number that no other pair has. A surface has fewer than 2³¹ parts of each kind.
+    pub(crate) fn number(self) -> u64 {
+        let (kind, a, b) = match self {
+            Self::PointBody(point, body) => (0, point, body),
+            Self::PointPlane(point, plane) => (1, point, plane),
+            Self::Edges(a, b) => (2, a, b),
+        };
+        kind << 62 | u64::from(a) << 31 | u64::from(b)
+    }
 }
 
 impl Surface {

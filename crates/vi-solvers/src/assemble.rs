@@ -11,6 +11,7 @@ mod gather;
 pub(crate) mod hessian;
 pub(crate) mod inertia;
 pub(crate) mod live;
+pub(crate) mod pairs;
 pub(crate) mod passage;
 mod spans;
 pub(crate) mod sweep;

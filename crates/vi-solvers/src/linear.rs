@@ -4,6 +4,7 @@ pub(crate) mod bicgstab;
 pub(crate) mod choice;
 pub(crate) mod cost;
 pub(crate) mod factor;
+pub(crate) mod gmres;
 pub(crate) mod lanczos;
 pub(crate) mod matrix;
 pub(crate) mod matrix_sum;

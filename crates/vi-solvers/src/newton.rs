@@ -8,6 +8,7 @@ pub(crate) mod equations;
 pub(crate) mod inverse;
 mod krylov;
 mod line_search;
+pub(crate) mod pairs;
 mod renewal;
 mod rotated_factor;
 pub(crate) mod solver;

@@ -76,6 +76,8 @@ work! {
     projections,
     /// Steps whose cheap iteration failed and that full Newton steps with an energy descent solved.
     descents,
+    /// Solves in which friction between sticking and sliding needed bristles that were soft at first.
+    softenings,
     /// Searches for pairs of live terms, such as contact, among all parts of their surfaces.
     searches,
     /// Candidates of live terms whose path was checked.

@@ -11,15 +11,15 @@ pub(super) struct Bristle {
     pub(super) held: f64,
 }
 
-/// Stretches a bristle of stiffness k from e₀ by the slip u, with |T| ≤ `limit` = μλ. `rate` is τ/h of contact
-/// damping; without damping a sticking bristle would oscillate for ever.
+/// Stretches a bristle of stiffness k from e₀ by the slip u, with |T| ≤ `limit` = μλ. `response` is
+/// ½ + τ/h with the time constant τ of contact damping; without damping a sticking bristle would oscillate for ever.
 ///
 /// The trial is T = k (e₀ + u/2) + k (τ/h) u and e₁ = e₀ + u, for which T·u = ½k(|e₁|² − |e₀|²) + k (τ/h) |u|².
 /// Beyond the cone T is shortened by a factor θ < 1, and e₁ = T/k is the stretch that T can hold. If that stored more
 /// energy than the work T·u = θ (E_trial − E₀) provides, e₁ is shortened until nothing is dissipated. This is
 /// possible because E₀ + T·u ≥ (1−θ) E₀ + θ E_trial ≥ 0.
-pub(super) fn stretch(start: [f64; 2], slip: [f64; 2], k: f64, rate: f64, limit: f64) -> Bristle {
-    let trial = [0, 1].map(|a: usize| k * (start[a] + (0.5 + rate) * slip[a]));
+pub(super) fn stretch(start: [f64; 2], slip: [f64; 2], k: f64, response: f64, limit: f64) -> Bristle {
+    let trial = [0, 1].map(|a: usize| k * (start[a] + response * slip[a]));
     let size = trial[0].hypot(trial[1]);
     if size <= limit {
         let end = [start[0] + slip[0], start[1] + slip[1]];
@@ -50,7 +50,7 @@ mod tests {
             let (start, slip) = ([start.x, start.y], [slip.x, slip.y]);
             let (k, limit) = (1.0 + numbers.unit(), 2.0 * numbers.unit());
             let rate = (2.0 * numbers.unit() - 1.0).max(0.0);
-            let found = stretch(start, slip, k, rate, limit);
+            let found = stretch(start, slip, k, 0.5 + rate, limit);
             let energy = |e: [f64; 2]| 0.5 * k * (e[0] * e[0] + e[1] * e[1]);
             let work = found.traction[0] * slip[0] + found.traction[1] * slip[1];
             let dissipated = work - (energy(found.end) - energy(start));

@@ -15,7 +15,7 @@
 
 use nalgebra::Matrix3;
 
-use super::{Anchor, Anchors, Held};
+use super::{Anchor, Anchors, Held, Pressed};
 use crate::distance::{Closest, Shape, Vec3, at};
 use crate::pairs::{Contact, Partners, StepSettings};
 
@@ -128,12 +128,11 @@ impl Contact<'_> {
         [one, two, one.cross(&two)]
     }
 
-    /// Returns the friction over a step from x₀ to x₁ of one pair that `normal_force` presses together; the point is
-    /// measured on `cell`.
+    /// Returns the friction over a step from x₀ to x₁ of one pair that is pressed together.
     pub(crate) fn roll(
         &self,
         partners: Partners,
-        normal_force: f64,
+        pressed: Pressed,
         x: [&[f64]; 2],
         anchors: &Anchors,
         settings: &StepSettings,
@@ -177,8 +176,7 @@ impl Contact<'_> {
         let stiffness = self.surface.bristle_stiffness(partners)?;
         let stored = before.map_or(0.0, |anchor| anchor.energy(stiffness));
         let rate = law.damping / settings.duration;
-        let held =
-            Held::new((stretch, stored), slip, &tangents, stiffness, rate, law.friction * normal_force);
+        let held = Held::new((stretch, stored), slip, &tangents, stiffness, rate, law.friction, pressed);
         let anchor = Anchor { partners, cell: frame, stretch: held.end };
         Some(RollingPair { partners, cell, weights, slip, tangents, held, anchor })
     }
@@ -316,8 +314,9 @@ mod tests {
         for pair in contact.step(x[0], x[1], &settings) {
             *pressed.entry(pair.partners).or_insert_with(Vec3::zeros) += StepPair::force(&pair);
         }
-        let roll =
-            |(partners, force): (Partners, Vec3)| contact.roll(partners, force.norm(), x, anchors, &settings);
+        let roll = |(partners, force): (Partners, Vec3)| {
+            contact.roll(partners, Pressed::by(force.norm()), x, anchors, &settings)
+        };
         pressed.into_iter().filter_map(roll).collect()
     }
 

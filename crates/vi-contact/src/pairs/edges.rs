@@ -68,6 +68,11 @@ impl Blend {
         self.sum(|barrier, reach| barrier.curvature(s / reach) / reach)
     }
 
+    /// Returns the third derivative by s.
+    pub fn third(self, s: f64) -> f64 {
+        self.sum(|barrier, reach| barrier.third(s / reach) / (reach * reach))
+    }
+
     /// Returns the difference quotient between a and b.
     pub fn quotient(self, a: f64, b: f64) -> f64 {
         self.sum(|barrier, reach| barrier.quotient(a / reach, b / reach))
@@ -120,6 +125,18 @@ impl Mollifier {
             0.0
         } else {
             (self.value(c1) - self.value(c0)) / (c1 - c0)
+        }
+    }
+
+    /// Returns the derivative of the quotient by its second argument.
+    pub(crate) fn quotient_slope(self, c0: f64, c1: f64) -> f64 {
+        let (u0, u1) = (c0 / self.scale, c1 / self.scale);
+        if u0 < 1.0 && u1 < 1.0 {
+            -1.0 / (self.scale * self.scale)
+        } else if u0 >= 1.0 && u1 >= 1.0 {
+            0.0
+        } else {
+            (self.slope(c1) - self.quotient(c0, c1)) / (c1 - c0)
         }
     }
 

@@ -35,9 +35,14 @@ pub struct StepPair {
     pub weights: [f64; 4],
     /// Unit vector between the closest points at the midpoint.
     pub normal: Vec3,
-    /// The discrete gradient N of the distance, and ∂d₁/∂x₁. With them, ∂G/∂x₁ ≈ k N ⊗ ∂d₁/∂x₁.
+    /// The discrete gradient N of the distance, and ∂d₁/∂x₁.
     pub distance: [[Vec3; 4]; 2],
-    /// k of ∂G/∂x₁ ≈ k c̄ c̄ᵀ ⊗ n nᵀ, N/m; positive except for pairs that inclusion and exclusion subtracts.
+    /// dQ/dd₁, N/m. Without a mollifier, ∂G/∂x₁ ≈ dQ/dd₁ N ⊗ ∂d₁/∂x₁. Damping can make it negative.
+    pub tangent: f64,
+    /// The mollifier of nearly parallel edges.
+    pub(crate) parallel: Option<Parallel>,
+    /// k of a symmetric part k c̄ c̄ᵀ ⊗ n nᵀ of ∂G/∂x₁, N/m; positive except for pairs that inclusion and
+    /// exclusion subtracts.
     pub stiffness: f64,
     /// C₀ and C₁, J.
     pub energy: [f64; 2],
@@ -60,6 +65,20 @@ impl StepPair {
         pack_rank_one(self.stiffness, &self.weights, self.normal, 3 * self.arity, out);
     }
 
+    /// Calls `each` with the factors a and b of ∂G/∂x₁ ≈ Σ a ⊗ b: the change of directions in space is omitted.
+    pub(crate) fn each_tangent(&self, mut each: impl FnMut(&[Vec3; 4], &[Vec3; 4])) {
+        let [along, at_end] = &self.distance;
+        match &self.parallel {
+            None if self.tangent != 0.0 => each(along, &at_end.map(|vector| vector * self.tangent)),
+            None => {}
+            Some(Parallel { change: [by_c, c_at_end], by: [force_by_c, by_d, by_c_of_c] }) => {
+                let both = |d: f64, c: f64| [0, 1, 2, 3].map(|a: usize| at_end[a] * d + c_at_end[a] * c);
+                each(along, &both(self.tangent, *force_by_c));
+                each(by_c, &both(*by_d, *by_c_of_c));
+            }
+        }
+    }
+
     /// Adds G to `out`, three numbers per node.
     pub fn add_gradient(&self, out: &mut [f64]) {
         for (node, gradient) in self.nodes.iter().zip(&self.gradient).take(self.arity) {
@@ -70,10 +89,20 @@ impl StepPair {
     }
 }
 
+/// The tangents of a pair of edges with a mollifier m(c), besides those of its distance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Parallel {
+    /// The discrete gradient of c, and ∂c₁/∂x₁.
+    change: [[Vec3; 4]; 2],
+    /// ∂(factor of N)/∂c₁, ∂(factor of the discrete gradient of c)/∂d₁ and the same by c₁.
+    by: [f64; 3],
+}
+
 /// The scalar part of a pair over a step.
 struct Quotient {
     slope: f64,
     stiffness: f64,
+    tangent: f64,
     energy: [f64; 2],
     dissipated: f64,
     gap: f64,
@@ -89,18 +118,23 @@ impl Quotient {
         let per_square = energy / (gauge.distance * gauge.distance);
         let elastic = energy / gauge.distance * blend.quotient(s0, s1);
         let mut stiffness = per_square * blend.quotient_slope(s0, s1);
+        let mut tangent = stiffness;
         let mut slope = elastic;
         if rate > 0.0 && n > 0.0 {
-            let viscosity = rate * per_square * blend.curvature(0.5 * (s0 + s1));
+            let middle = 0.5 * (s0 + s1);
+            let viscosity = rate * per_square * blend.curvature(middle);
             slope += viscosity * change;
             stiffness += viscosity;
+            let by_middle = rate * per_square * blend.third(middle);
+            tangent += viscosity + 0.5 * by_middle * change / gauge.distance;
             if slope > 0.0 {
-                (slope, stiffness) = (0.0, 0.0);
+                (slope, stiffness, tangent) = (0.0, 0.0, 0.0);
             }
         }
         Self {
             slope,
             stiffness,
+            tangent,
             energy: [energy * blend.value(s0), energy * blend.value(s1)],
             dissipated: (slope - elastic) * change,
             gap: s0.min(s1) * gauge.distance,
@@ -190,11 +224,23 @@ impl Contact<'_> {
         if m0 < 1.0 || m1 < 1.0 {
             // Δ(m B) = m̄ ΔB + B̄ Δm.
             let mean = 0.5 * (m0 + m1);
-            let by_c = 0.5 * (quotient.energy[0] + quotient.energy[1]) * mollifier.quotient(c0, c1);
-            for (gradient, c) in out.gradient.iter_mut().zip(Mollifier::discrete_gradient(&x0, &x1)) {
+            let energy = 0.5 * (quotient.energy[0] + quotient.energy[1]);
+            let by_c = energy * mollifier.quotient(c0, c1);
+            let change_c = Mollifier::discrete_gradient(&x0, &x1);
+            for (gradient, c) in out.gradient.iter_mut().zip(change_c) {
                 *gradient = *gradient * mean + c * by_c;
             }
+            let slope = pair.gauge.energy / pair.gauge.distance * blend.slope(pair.gauge.relative(ends[1]));
+            out.parallel = Some(Parallel {
+                change: [change_c, Mollifier::discrete_gradient(&x1, &x1)],
+                by: [
+                    0.5 * quotient.slope * mollifier.slope(c1),
+                    0.5 * slope * mollifier.quotient(c0, c1),
+                    energy * mollifier.quotient_slope(c0, c1),
+                ],
+            });
             out.stiffness *= mean;
+            out.tangent *= mean;
             out.dissipated *= mean;
             out.energy = [m0 * out.energy[0], m1 * out.energy[1]];
         }
@@ -254,6 +300,8 @@ fn assemble(
         weights: change.weights,
         normal: change.normal,
         distance: [change.gradient, change.at_end],
+        tangent: quotient.tangent,
+        parallel: None,
         stiffness: quotient.stiffness,
         energy: quotient.energy,
         dissipated: quotient.dissipated,

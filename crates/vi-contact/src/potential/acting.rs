@@ -1,4 +1,4 @@
-//! The forces over a step, pair by pair, with complete tangents. Those of normal forces are k N ⊗ ∂d₁/∂x₁. Those of
+//! The forces over a step, pair by pair, with complete tangents. Those of normal forces are dQ/dd₁ N ⊗ ∂d₁/∂x₁. Those of
 //! friction, which depends on pressure, are products that are not symmetric.
 
 use vi_core::Acting;
@@ -6,8 +6,8 @@ use vi_core::Acting;
 use super::ContactPotential;
 use super::step::UNDAMPED;
 use crate::distance::Vec3;
-use crate::friction::{FrictionPair, Step};
-use crate::pairs::{Group, StepPair, in_order};
+use crate::friction::{FrictionPair, Pressed, Step};
+use crate::pairs::{Group, Partners, StepPair, in_order};
 
 /// Returns the nodes, each with its vector times `factor`.
 fn covector<'a>(
@@ -23,6 +23,16 @@ fn covector<'a>(
 pub(super) fn pressing(pairs: &[StepPair], sticks: bool) -> f64 {
     let force: Vec3 = pairs.iter().map(StepPair::force).sum();
     if sticks && force != Vec3::zeros() { f64::MAX } else { force.norm() }
+}
+
+/// Returns whether friction slides in the direction opposite to that at the last evaluation.
+pub(super) fn reverses(
+    out: &mut Acting,
+    partners: Partners,
+    sliding: Option<[f64; 2]>,
+    traction: Vec3,
+) -> bool {
+    sliding.is_some() && !out.by_secants && out.reverses(partners.number(), traction.into())
 }
 
 /// The data of the tangents of a friction force.
@@ -64,14 +74,15 @@ impl Sliding<'_> {
         if pressure == 0.0 {
             return;
         }
-        for pair in pairs.iter().filter(|pair| pair.stiffness != 0.0) {
-            let [along, at_end] = &pair.distance;
-            let on_first: Vec3 = along[..pair.partners.first_count()].iter().sum();
-            let factor = -pair.stiffness * force.dot(&on_first) / pressure;
-            out.add_tangent(
-                covector(nodes, &traction, self.coefficient),
-                covector(&pair.nodes, at_end, factor),
-            );
+        for pair in pairs {
+            pair.each_tangent(|along, change| {
+                let on_first: Vec3 = along[..pair.partners.first_count()].iter().sum();
+                let factor = -force.dot(&on_first) / pressure;
+                out.add_tangent(
+                    covector(nodes, &traction, self.coefficient),
+                    covector(&pair.nodes, change, factor),
+                );
+            });
         }
     }
 }
@@ -95,10 +106,10 @@ impl ContactPotential {
     ) {
         let contact = self.contact();
         let settings = self.step.as_ref().map_or(&UNDAMPED, |step| &step.settings);
-        let (near, by_secants, sticks) = (self.neighbours.near(), out.by_secants, out.sticks);
+        let near = self.neighbours.near();
+        let empty = out.part();
         let chunk = |pairs: &[StepPair], out: &mut Vec<Acting>| {
-            let mut acting = Acting::default();
-            (acting.by_secants, acting.sticks) = (by_secants, sticks);
+            let mut acting = empty.part();
             pairs.chunk_by(|a, b| a.partners == b.partners).for_each(|pairs| each(pairs, &mut acting));
             out.push(acting);
         };
@@ -129,17 +140,24 @@ impl ContactPotential {
 
     fn add_normal(&self, pairs: &[StepPair], out: &mut Acting) {
         for pair in pairs.iter().filter(|pair| pair.energy != [0.0; 2]) {
-            let [along, at_end] = &pair.distance;
             let nodes = &pair.nodes;
             out.add_gradient(covector(nodes, &pair.gradient, 1.0));
-            out.add_tangent(covector(nodes, along, pair.stiffness), covector(nodes, at_end, 1.0));
+            pair.each_tangent(|along, change| {
+                out.add_tangent(covector(nodes, along, 1.0), covector(nodes, change, 1.0));
+            });
         }
     }
 
     fn add_friction(&self, pairs: &[StepPair], x: [&[f64]; 2], out: &mut Acting) {
         let Some(Step { anchors, settings }) = &self.step else { return };
-        let limit = pressing(pairs, out.sticks);
-        let friction = self.contact().rub(pairs[0].partners, limit, x, anchors, settings);
+        let partners = pairs[0].partners;
+        let stiffness = out.stiffness;
+        let rub =
+            |force: f64| self.contact().rub(partners, Pressed { force, stiffness }, x, anchors, settings);
+        let mut friction = rub(pressing(pairs, out.sticks));
+        if friction.as_ref().is_some_and(|pair| reverses(out, partners, pair.sliding, pair.traction)) {
+            friction = rub(pressing(pairs, true));
+        }
         let Some(FrictionPair { nodes, gradient, along, stiffness, sliding, coefficient, traction, .. }) =
             &friction
         else {

@@ -9,11 +9,11 @@ use vi_core::{
     packed_len,
 };
 
-use super::acting::{Sliding, pressing};
+use super::acting::{Sliding, pressing, reverses};
 use super::book::Book;
 use super::{ContactPotential, ContactTerm};
 use crate::distance::{Vec3, at};
-use crate::friction::{Anchors, RollingPair, Step};
+use crate::friction::{Anchors, Pressed, RollingPair, Step};
 use crate::pairs::{Group, Partners, StepPair, StepSettings, pack_rank_one};
 
 /// Number of nodes of a stencil, and size of its gradient.
@@ -104,7 +104,15 @@ impl RollingPotential {
         if !surface.rolls(partners) {
             return;
         }
-        let rubbing = contact.roll(partners, pressing(pairs, out.sticks), x, &step.anchors, &step.settings);
+        let stiffness = out.stiffness;
+        let roll = |force: f64| {
+            contact.roll(partners, Pressed { force, stiffness }, x, &step.anchors, &step.settings)
+        };
+        let mut rubbing = roll(pressing(pairs, out.sticks));
+        if rubbing.as_ref().is_some_and(|pair| reverses(out, partners, pair.held.sliding, pair.held.traction))
+        {
+            rubbing = roll(pressing(pairs, true));
+        }
         let (Some(pair), Some(law)) = (rubbing, contact.law_of(partners)) else { return };
         let nodes = contact.rolling_nodes(partners, pair.cell);
         let spread = |vector: Vec3| pair.weights.map(|weight| vector * weight);
@@ -135,7 +143,13 @@ impl RollingPotential {
                     let force: Vec3 = pairs.iter().map(StepPair::force).sum();
                     if contact.surface.rolls(pairs[0].partners) {
                         let Step { settings, anchors } = step;
-                        out.extend(contact.roll(pairs[0].partners, force.norm(), x, anchors, settings));
+                        out.extend(contact.roll(
+                            pairs[0].partners,
+                            Pressed::by(force.norm()),
+                            x,
+                            anchors,
+                            settings,
+                        ));
                     }
                 }
             };

@@ -68,7 +68,7 @@ impl Covectors {
 
 /// The forces that act over a step and their tangents, pair by pair. They need little memory if most stencils do not act.
 /// Covectors are lists of nodes, each with three numbers.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Acting {
     /// Requests secants in place of tangents for forces with a kink, such as friction. Newton's method may alternate
     /// across a kink without end, whereas secants reduce the error in every iteration, though slowly.
@@ -76,15 +76,75 @@ pub struct Acting {
     /// Requests friction that sticks however large it is. From the state in which all pairs stick, Newton's method finds
     /// the right direction of sliding.
     pub sticks: bool,
+    /// The fraction of their stiffness with which bristles of friction resist the slip of this step, in (0, 1]. With soft
+    /// bristles, the range of slip in which friction sticks is wide, so Newton's method finds it from afar.
+    pub stiffness: f64,
     gradients: Covectors,
     tangents: Covectors,
+    /// The directions in which pairs slide, by the number of the pair: at this evaluation and, in ascending order, at
+    /// the last one.
+    slides: Vec<(u64, [f64; 3])>,
+    slid: Arc<[(u64, [f64; 3])]>,
+    reversals: usize,
+}
+
+impl Default for Acting {
+    fn default() -> Self {
+        Self {
+            by_secants: false,
+            sticks: false,
+            stiffness: 1.0,
+            gradients: Covectors::default(),
+            tangents: Covectors::default(),
+            slides: Vec::new(),
+            slid: Arc::default(),
+            reversals: 0,
+        }
+    }
 }
 
 impl Acting {
-    /// Removes all forces and tangents.
+    /// Removes all forces and tangents, and keeps the directions of sliding for [`Acting::reverses`].
     pub fn clear(&mut self) {
         self.gradients.clear();
         self.tangents.clear();
+        self.slides.sort_unstable_by_key(|(pair, _)| *pair);
+        self.slid = std::mem::take(&mut self.slides).into();
+        self.reversals = 0;
+    }
+
+    /// Removes everything.
+    pub fn restart(&mut self) {
+        *self = Self::default();
+    }
+
+    /// Returns an empty list for some of the pairs; [`Acting::append`] adds it to this one.
+    #[must_use]
+    pub fn part(&self) -> Self {
+        let Self { by_secants, sticks, stiffness, ref slid, .. } = *self;
+        Self { by_secants, sticks, stiffness, slid: Arc::clone(slid), ..Self::default() }
+    }
+
+    /// Returns whether a pair that slides in the direction `traction` slid in the opposite direction at the last
+    /// evaluation. Newton's method may alternate between both; then the pair should be listed as sticking once.
+    /// Otherwise, this function records the direction.
+    pub fn reverses(&mut self, pair: u64, traction: [f64; 3]) -> bool {
+        let last = self.slid.binary_search_by_key(&pair, |(pair, _)| *pair);
+        let is_opposite = last.is_ok_and(|place| {
+            let (_, last) = self.slid[place];
+            last.iter().zip(traction).map(|(a, b)| a * b).sum::<f64>() < 0.0
+        });
+        if is_opposite {
+            self.reversals += 1;
+        } else {
+            self.slides.push((pair, traction));
+        }
+        is_opposite
+    }
+
+    /// Returns the number of pairs that are listed as sticking because their direction of sliding reversed.
+    pub fn reversals(&self) -> usize {
+        self.reversals
     }
 
     /// Adds a covector (N) to G.
@@ -107,6 +167,8 @@ impl Acting {
     pub fn append(&mut self, other: &Self) {
         self.gradients.append(&other.gradients);
         self.tangents.append(&other.tangents);
+        self.slides.extend_from_slice(&other.slides);
+        self.reversals += other.reversals;
     }
 
     /// Returns the number of covectors whose sum is G.

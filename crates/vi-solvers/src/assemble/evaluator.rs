@@ -10,6 +10,7 @@ use crate::assemble::finite::check_state;
 use crate::assemble::force_sum::ForceSum;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::assemble::live::LiveState;
+use crate::assemble::pairs::Pairs;
 use crate::assemble::sweep::{Arrays, Pass, Sweep};
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
@@ -37,6 +38,9 @@ pub(crate) struct Evaluator {
     nonconservative: Option<Nonconservative>,
     /// Positions of all coordinates at the ends of the step, between which discrete gradients act.
     ends: Option<[Vec<f64>; 2]>,
+    /// The forces of live terms pair by pair, and whether evaluations list them.
+    pairs: Option<Pairs>,
+    lists_pairs: bool,
     middle: Option<Middle>,
     pub(crate) work: Work,
 }
@@ -72,6 +76,8 @@ impl Evaluator {
             is_autonomous: !is_time_dependent && !system.coordinates().is_moving(),
             nonconservative: None,
             ends: None,
+            pairs: None,
+            lists_pairs: false,
             middle: None,
             work: Work::default(),
         }
@@ -269,9 +275,7 @@ impl Evaluator {
             return Ok(());
         }
         self.assembler.gradient(&self.x, t, &mut self.gradient);
-        if let (Some([start, end]), Some(live)) = (&self.ends, self.assembler.live()) {
-            live.add_discrete_gradient(start, end, &mut self.gradient);
-        }
+        self.add_discrete_gradient(system);
         self.work.gradients += 1;
         if let Some(forces) = &mut self.nonconservative {
             forces.sum.evaluate(&self.x, &forces.x_dot, t);

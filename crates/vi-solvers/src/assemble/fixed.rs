@@ -98,6 +98,11 @@ impl FixedSum {
         hessian.matrix()
     }
 
+    /// Returns the result of the last call of [`FixedSum::hessian`].
+    pub(crate) fn last_hessian(&self) -> Option<&SymmetricMatrix> {
+        self.hessian.as_ref().map(HessianSum::matrix)
+    }
+
     /// Writes Σ V_e F̄_e (m³, row-major) over the stencils around each node; returns false if no term provides it.
     pub(crate) fn mean_deformations(&mut self, x: &[f64], out: &mut [[f64; 9]]) -> bool {
         self.gather.node_tensors(&self.terms, x, out)

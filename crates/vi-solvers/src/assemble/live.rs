@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use vi_core::{Fault, Impulse, Potential, StepOutcome, Terms};
+use vi_core::{Acting, DiscreteGradient, Fault, Impulse, Potential, StepOutcome, Terms};
 
 use crate::assemble::energy::Energies;
 use crate::assemble::fixed::FixedSum;
@@ -65,6 +65,8 @@ struct Near {
     parts: Option<[FixedSum; 2]>,
     /// The terms with a discrete gradient, with their indices in the list.
     discrete: Vec<(usize, Arc<dyn Potential>)>,
+    /// Their discrete gradients over the open step; `None` if that of the term serves.
+    over: Vec<Option<Arc<dyn DiscreteGradient>>>,
 }
 
 impl Near {
@@ -211,21 +213,22 @@ impl LiveSum {
         } else {
             None
         };
-        Ok(Near { whole: assembler(potentials)?, parts, discrete })
+        let over = self.passage.over_each(&discrete);
+        Ok(Near { whole: assembler(potentials)?, parts, discrete, over })
     }
 
-    /// Ensures that the stencils are valid at positions `x`, and at `other` too.
-    fn follow(&mut self, x: &[f64], other: Option<&[f64]>) {
+    /// Ensures that the stencils are valid at positions `x`, and at all `others` too.
+    fn follow<'a>(&mut self, x: &[f64], others: impl IntoIterator<Item = &'a [f64]> + Clone) {
         let distance = |a: &[f64], b: &[f64]| {
             // The distance is at most √3 times the largest change of a coordinate, for nodes in space.
             3.0_f64.sqrt() * vectors::max_abs(a.len(), |k| a[k] - b[k])
         };
         let (about, reach) = (&self.state.about, self.state.reach);
         let serves = |x: &[f64]| about.len() == x.len() && distance(x, about) <= reach;
-        if serves(x) && other.is_none_or(serves) {
+        if serves(x) && others.clone().into_iter().all(serves) {
             return;
         }
-        let apart = other.map_or(0.0, |other| distance(x, other));
+        let apart = others.into_iter().map(|other| distance(x, other)).fold(0.0, f64::max);
         if !apart.is_finite() || !vectors::all_finite(x) {
             // Positions that are not finite have no energy; the fixed terms report this to the caller.
             return;
@@ -278,6 +281,7 @@ impl LiveSum {
         let Self { near: Some(near), passage, .. } = self else { return Ok(()) };
         if let Some([_, discrete]) = &mut near.parts {
             discrete.exchange(passage.paired(&near.discrete))?;
+            near.over = passage.over_each(&near.discrete);
         }
         Ok(())
     }
@@ -340,6 +344,45 @@ impl LiveSum {
             discrete.gradient(pair, 0.0, buffer);
             vectors::update(out, |k, out| *out += buffer[k]);
         }
+    }
+
+    /// Returns whether all terms list the forces of their pairs.
+    pub(crate) fn lists_pairs(&self) -> bool {
+        self.splits && self.terms.live().iter().all(|term| term.lists_pairs())
+    }
+
+    /// Returns whether any pair is near a step from `start` to `end`.
+    pub(crate) fn has_candidates(&mut self, start: &[f64], end: &[f64]) -> bool {
+        self.follow(start, Some(end));
+        let near = self.near.as_ref();
+        near.is_some_and(|near| near.discrete.iter().any(|(_, term)| term.stencils().count() > 0))
+    }
+
+    /// Appends the forces of the pairs over the open step to `out`. Returns false if a term cannot be used.
+    pub(crate) fn list_pairs(&mut self, start: &[f64], end: &[f64], out: &mut Acting) -> bool {
+        self.follow(start, Some(end));
+        let Some(near) = &self.near else { return false };
+        for ((_, term), over) in near.discrete.iter().zip(&near.over) {
+            if let Some(discrete) = over.as_deref().or(term.discrete_gradient()) {
+                discrete.acting(start, end, out);
+            }
+        }
+        true
+    }
+
+    /// Returns the tangents of discrete gradients that the last Hessian contains, and their factor in it.
+    pub(crate) fn last_tangents(&self) -> Option<(f64, &SymmetricMatrix)> {
+        let [_, discrete] = self.near.as_ref()?.parts.as_ref()?;
+        Some((END_PER_STAGE, discrete.last_hessian()?))
+    }
+
+    /// Reduces `parts`, one number per node, to the fraction of the path from `x` to `end` that each node may move in a
+    /// step from `start`. Returns the number of candidates that were checked.
+    pub(crate) fn limit_nodes(&mut self, start: &[f64], [x, end]: [&[f64]; 2], parts: &mut [f64]) -> usize {
+        self.follow(start, [x, end]);
+        let Some(near) = &self.near else { return 0 };
+        near.discrete.iter().for_each(|(_, term)| term.limit_nodes(x, end, parts));
+        near.discrete.iter().map(|(_, term)| term.stencils().count()).sum()
     }
 
     fn place(&mut self, start: &[f64], end: &[f64]) {
@@ -414,7 +457,7 @@ impl LiveSum {
             Some([x, dx]) => (x, dx),
             None => (x, dx),
         };
-        self.follow(from, Some(&sum(from, along)));
+        self.follow(from, Some(&sum(from, along)[..]));
         let Some(near) = &self.near else { return 1.0 };
         let least = |assembler: &FixedSum, x: &[f64], dx: &[f64]| {
             let terms = assembler.terms().fixed().iter().filter(|term| term.limits_steps());

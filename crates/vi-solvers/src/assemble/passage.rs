@@ -110,6 +110,14 @@ impl Passage {
         discrete.iter().map(of).collect()
     }
 
+    /// Returns [`Passage::over_step`] of each term.
+    pub(crate) fn over_each(
+        &self,
+        discrete: &[(usize, Arc<dyn Potential>)],
+    ) -> Vec<Option<Arc<dyn DiscreteGradient>>> {
+        discrete.iter().map(|(number, term)| self.over_step(*number, term)).collect()
+    }
+
     /// Returns the discrete gradient over the open step, if the term has a special one for it.
     pub(crate) fn over_step(
         &self,

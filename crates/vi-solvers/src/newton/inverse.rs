@@ -17,6 +17,7 @@ use crate::linear::matrix_sum::MatrixSum;
 use crate::memory::StepperMemory;
 use crate::newton::rotated_factor::RotatedFactor;
 use crate::options::SolverOptions;
+use crate::vectors;
 use crate::work::Work;
 
 /// The reason why a factor is made.
@@ -58,6 +59,8 @@ pub(crate) struct Inverse {
     summed: Option<Summed>,
     origin: Option<Origin>,
     rotated: Option<RotatedFactor>,
+    /// The tangents of discrete gradients in the factor, and their factor in K.
+    tangents: Option<(f64, SymmetricMatrix)>,
     /// Whether all Hessians are constant. Then a factor is never stale.
     is_linear: bool,
 }
@@ -69,7 +72,14 @@ impl Inverse {
             && system.potentials().iter().all(|term| term.traits().hessian != HessianKind::Varying);
         let rotated = if is_linear { None } else { RotatedFactor::new(system) };
         let summed = inertia.matrix().map(|mass| Summed { mass: Arc::clone(mass), sum: None });
-        Self { linear: ChosenSolver::new(options, is_linear), summed, origin: None, rotated, is_linear }
+        Self {
+            linear: ChosenSolver::new(options, is_linear),
+            summed,
+            origin: None,
+            rotated,
+            tangents: None,
+            is_linear,
+        }
     }
 
     /// Returns whether K is the same everywhere.
@@ -175,7 +185,25 @@ impl Inverse {
             }
         };
         evaluator.work += work;
+        self.tangents = evaluator.last_tangents().map(|(factor, matrix)| (factor, matrix.clone()));
         made
+    }
+
+    /// Computes out = S v with the part S of K that comes from the tangents of discrete gradients. Returns false, and
+    /// changes nothing, if there is no such part.
+    pub(crate) fn multiply_tangents(&self, v: &[f64], out: &mut [f64]) -> bool {
+        let Some((factor, matrix)) = &self.tangents else { return false };
+        match &self.rotated {
+            Some(rotated) => {
+                let mut at_origin = v.to_vec();
+                rotated.to_origin(&mut at_origin);
+                matrix.multiply(&at_origin, out);
+                rotated.to_now(out);
+            }
+            None => matrix.multiply(v, out),
+        }
+        vectors::update(out, |_, value| *value *= factor);
+        true
     }
 
     /// Rotates the factor with the material to the last configuration of `evaluator`.

@@ -1,13 +1,12 @@
 //! A full Newton step for equations whose Jacobian J differs from their model A: coupled stages, forces without a
-//! potential, discrete gradients. GMRES (Saad, Schultz 1986) solves J δ = −R, preconditioned by A⁻¹, with products
+//! potential, discrete gradients. GMRES solves J δ = −R, preconditioned by A⁻¹, with products
 //! with J by differences of R; it needs only residuals and corrections of the equations. The step is shortened until
 //! A⁻¹R decreases (Deuflhard's natural monotonicity test, Newton Methods for Nonlinear Problems, §3.3).
 
-use nalgebra::{DMatrix, DVector};
-
 use crate::error::SolverError;
+use crate::linear::gmres;
 use crate::newton::equations::{Equations, Solve};
-use crate::vectors::{self, dot, norm};
+use crate::vectors::norm;
 
 /// Largest number of products with J.
 const BASIS: usize = 25;
@@ -65,39 +64,10 @@ fn direction<E: Equations>(
     place: &[f64],
     first: &[f64],
 ) -> Result<Vec<f64>, SolverError> {
-    let size = norm(first);
-    let length = DIFFERENCE * norm(place).max(size);
-    let mut basis: Vec<Vec<f64>> = vec![first.iter().map(|value| value / size).collect()];
-    let mut hessenberg = DMatrix::zeros(BASIS + 1, BASIS);
-    let mut weights = DVector::zeros(0);
-    for column in 0..BASIS {
-        let there = correct_along(solve, place, &basis[column], length)?;
-        let mut image: Vec<f64> = first.iter().zip(there).map(|(a, b)| (a - b) / length).collect();
-        // Orthogonalising twice is enough (Kahan, Parlett).
-        for _ in 0..2 {
-            for (row, other) in basis.iter().enumerate() {
-                let part = dot(other, &image);
-                hessenberg[(row, column)] += part;
-                vectors::update(&mut image, |k, value| *value -= part * other[k]);
-            }
-        }
-        let rest = norm(&image);
-        hessenberg[(column + 1, column)] = rest;
-        let matrix = hessenberg.view((0, 0), (column + 2, column + 1)).into_owned();
-        let mut rhs = DVector::zeros(column + 2);
-        rhs[0] = size;
-        let Ok(found) = matrix.clone().svd(true, true).solve(&rhs, 1e-14) else { break };
-        let residual = (&matrix * &found - &rhs).norm();
-        weights = found;
-        if residual <= FORCING * size || rest <= 1e-14 * size {
-            break;
-        }
-        vectors::update(&mut image, |_, value| *value /= rest);
-        basis.push(image);
-    }
-    let mut delta = vec![0.0; first.len()];
-    for (weight, direction) in weights.iter().zip(&basis) {
-        vectors::update(&mut delta, |k, value| *value += weight * direction[k]);
-    }
-    Ok(delta)
+    let length = DIFFERENCE * norm(place).max(norm(first));
+    let product = |v: &[f64]| {
+        let there = correct_along(solve, place, v, length)?;
+        Ok(first.iter().zip(there).map(|(a, b)| (a - b) / length).collect())
+    };
+    gmres::solve(product, first, FORCING, BASIS).map(|(delta, _)| delta)
 }

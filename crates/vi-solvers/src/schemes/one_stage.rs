@@ -6,6 +6,7 @@
 //! with their full relative precision, and not from differences of positions. The solution minimises Φ(w) = ½ wᵀM w +
 //! c V(x(û + w, t_s)).
 
+mod pairs;
 pub(crate) mod rule;
 mod stage;
 
@@ -172,8 +173,11 @@ impl<R: Rule> OneStage<R> {
                 return Ok(0);
             }
         }
-        let equations = StageEquations { system, rule, inertia, stage };
-        Ok(newton.solve(&mut Solve { system, evaluator, inverse, equations })?.iterations)
+        let mut equations = StageEquations { system, rule, inertia, stage };
+        let meets_pairs = equations.meets_pairs(evaluator);
+        let mut solve = Solve { system, evaluator, inverse, equations };
+        let solved = if meets_pairs { newton.solve_pairs(&mut solve) } else { newton.solve(&mut solve) };
+        Ok(solved?.iterations)
     }
 
     /// Computes the parts of the step's change of energy. With ΔT = Δp·v̄ and g = ∂V/∂x at the stage they are: the

@@ -4,7 +4,9 @@ use vi_core::{Impulse, StepOutcome, System};
 
 use super::Evaluator;
 use crate::assemble::live::LiveState;
+use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
+use crate::linear::matrix::SymmetricMatrix;
 
 impl Evaluator {
     /// Makes live terms that have a discrete gradient act by it alone, between the ends that [`Evaluator::set_ends`]
@@ -32,6 +34,77 @@ impl Evaluator {
         system.coordinates().embed(start.0, start.1, x_start);
         system.coordinates().embed(end.0, end.1, x_end);
         self.gradient_is_of_x = false;
+    }
+
+    /// Adds the discrete gradients between the ends of the step to the gradient, pair by pair if that was requested.
+    pub(super) fn add_discrete_gradient(&mut self, system: &System) {
+        let Self { ends: Some([start, end]), assembler, gradient, lists_pairs, pairs, work, .. } = self
+        else {
+            return;
+        };
+        let Some(live) = assembler.live() else { return };
+        match pairs {
+            Some(pairs) if *lists_pairs => {
+                let acting = pairs.open();
+                if live.list_pairs(start, end, acting) {
+                    work.pair_forces += acting.count() as u64;
+                    pairs.close(system.coordinates(), gradient);
+                } else {
+                    gradient.fill(f64::NAN);
+                }
+            }
+            _ => live.add_discrete_gradient(start, end, gradient),
+        }
+    }
+
+    /// Returns whether live terms list the forces of pairs, and pairs are near a step between these ends, (q, t) each.
+    pub(crate) fn meets_pairs(&mut self, system: &System, start: (&[f64], f64), end: (&[f64], f64)) -> bool {
+        let is_plain = system.coordinates().node_axes().is_empty() && self.x.len().is_multiple_of(3);
+        if !is_plain || !self.assembler.live().is_some_and(|live| live.lists_pairs()) {
+            return false;
+        }
+        self.set_ends(system, start, end);
+        let (Some([start, end]), Some(live)) = (&self.ends, self.assembler.live()) else { return false };
+        live.has_candidates(start, end)
+    }
+
+    /// Makes further evaluations list the forces of live terms pair by pair.
+    pub(crate) fn begin_pairs(&mut self, system: &System) -> &mut Pairs {
+        self.lists_pairs = true;
+        self.gradient_is_of_x = false;
+        let pairs = self.pairs.get_or_insert_with(|| Pairs::new(system.coordinates()));
+        pairs.restart();
+        pairs
+    }
+
+    /// Makes further evaluations sum the forces of live terms as usual.
+    pub(crate) fn end_pairs(&mut self) {
+        self.lists_pairs = false;
+        self.gradient_is_of_x = false;
+    }
+
+    /// Returns the forces of pairs, to freeze or thaw pressures for the next evaluation.
+    pub(crate) fn change_pairs(&mut self) -> Option<&mut Pairs> {
+        self.gradient_is_of_x = false;
+        self.pairs.as_mut()
+    }
+
+    /// Returns the forces of pairs at the last evaluation that listed them.
+    pub(crate) fn pairs(&self) -> Option<&Pairs> {
+        self.pairs.as_ref()
+    }
+
+    /// Returns the tangents of discrete gradients that the last Hessian contains, and their factor in it.
+    pub(crate) fn last_tangents(&self) -> Option<(f64, &SymmetricMatrix)> {
+        self.assembler.shared_live()?.last_tangents()
+    }
+
+    /// Reduces `parts`, one number per node, to the fraction of the path from `x` to `end` that live terms let each node
+    /// move.
+    pub(crate) fn limit_nodes(&mut self, x: &[f64], end: &[f64], parts: &mut [f64]) {
+        if let (Some([start, _]), Some(live)) = (&self.ends, self.assembler.live()) {
+            self.work.path_checks += live.limit_nodes(start, [x, end], parts) as u64;
+        }
     }
 
     /// Returns the ends of the step, if they have been set.

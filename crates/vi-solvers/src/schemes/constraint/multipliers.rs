@@ -19,7 +19,7 @@ use crate::assemble::evaluator::Evaluator;
 use crate::error::SolverError;
 use crate::newton::inverse::Inverse;
 use crate::schemes::constraint::manifold::{ConstraintManifold, Row};
-use crate::schemes::constraint::units::Units;
+use crate::schemes::constraint::units::{Factored, Units};
 use crate::schemes::one_stage::rule::MultiplierDirections;
 
 pub(crate) struct Multipliers {
@@ -41,8 +41,21 @@ pub(crate) struct Multipliers {
     /// Z by columns, and the number of the factor and step for which it was computed.
     z: Vec<f64>,
     z_is_of: Option<u64>,
+    /// The factors of 2c G₁ Z since the last evaluation.
+    factored: Option<Factored>,
     q_end: Vec<f64>,
     p_scratch: Vec<f64>,
+}
+
+/// The part of a correction from which multipliers are eliminated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Part {
+    /// The whole correction, which also meets the constraints.
+    Whole,
+    /// A change of it.
+    Change,
+    /// A change that is not made.
+    Trial,
 }
 
 impl Multipliers {
@@ -63,6 +76,7 @@ impl Multipliers {
             end_work: 0.0,
             z: Vec::new(),
             z_is_of: None,
+            factored: None,
             q_end: vec![0.0; n],
             p_scratch: vec![0.0; n],
         })
@@ -102,6 +116,7 @@ impl Multipliers {
         }
         self.manifold.add_force(&self.forces, 1.0, added);
         self.q_end.iter_mut().enumerate().for_each(|(k, q)| *q = end(k));
+        self.factored = None;
         (self.defect, self.rows) = self.manifold.linearize(system, &self.q_end, self.end_t);
     }
 
@@ -114,27 +129,72 @@ impl Multipliers {
         residual: &[f64],
         correction: &mut [f64],
     ) -> Result<f64, SolverError> {
-        let (m, n) = (self.forces.len(), correction.len());
+        self.load.copy_from_slice(residual);
+        self.eliminate(c, inverse, evaluator, correction, Part::Whole)?;
+        Ok(self.load.iter().zip(&*correction).map(|(r, d)| r * d).sum::<f64>() / c)
+    }
+
+    /// Computes v ← v − c Z s such that the linearised constraints do not change along v. This is how a change of the
+    /// residual, for which v = A⁻¹r, changes δ.
+    pub(crate) fn project_change(
+        &mut self,
+        c: f64,
+        inverse: &mut Inverse,
+        evaluator: &mut Evaluator,
+        v: &mut [f64],
+    ) -> Result<(), SolverError> {
+        self.eliminate(c, inverse, evaluator, v, Part::Trial)
+    }
+
+    /// Adds the change of δ that a change r of the residual causes to `correction`; `change` = A⁻¹r. Returns δᵀAδ/c.
+    pub(crate) fn add_change(
+        &mut self,
+        c: f64,
+        inverse: &mut Inverse,
+        evaluator: &mut Evaluator,
+        (r, change): (&[f64], &mut [f64]),
+        correction: &mut [f64],
+    ) -> Result<f64, SolverError> {
+        self.load.iter_mut().zip(r).for_each(|(load, r)| *load += r);
+        self.eliminate(c, inverse, evaluator, change, Part::Change)?;
+        correction.iter_mut().zip(&*change).for_each(|(value, change)| *value += change);
+        Ok(self.load.iter().zip(&*correction).map(|(r, d)| r * d).sum::<f64>() / c)
+    }
+
+    /// Computes v ← v − c Z Δℓ.
+    fn eliminate(
+        &mut self,
+        c: f64,
+        inverse: &mut Inverse,
+        evaluator: &mut Evaluator,
+        v: &mut [f64],
+        part: Part,
+    ) -> Result<(), SolverError> {
+        let (m, n) = (self.forces.len(), v.len());
         self.refresh(inverse, evaluator, n)?;
         let along = |row: &Row, v: &[f64]| row.iter().map(|&(k, g)| g * v[k as usize]).sum::<f64>();
-        let rhs = DVector::from_fn(m, |i, _| self.defect[i] + 2.0 * along(&self.rows[i], correction));
-        let matrix =
-            DMatrix::from_fn(m, m, |i, j| 2.0 * c * along(&self.rows[i], &self.z[j * n..(j + 1) * n]));
-        let units = Units::of(&matrix.diagonal().map(f64::abs));
-        let solved = units.solve(matrix, &rhs, self.manifold.is_redundant());
+        let defect = |i: usize| if part == Part::Whole { self.defect[i] } else { 0.0 };
+        let rhs = DVector::from_fn(m, |i, _| defect(i) + 2.0 * along(&self.rows[i], v));
+        let (rows, z, is_redundant) = (&self.rows, &self.z, self.manifold.is_redundant());
+        let factored = self.factored.get_or_insert_with(|| {
+            let matrix = DMatrix::from_fn(m, m, |i, j| 2.0 * c * along(&rows[i], &z[j * n..(j + 1) * n]));
+            Units::of(&matrix.diagonal().map(f64::abs)).factor(matrix, is_redundant)
+        });
+        let solved = factored.solve(&rhs);
         // If constraints depend on each other, the projection at the end of the step reports it.
         let step = solved.unwrap_or_else(|| DVector::zeros(m));
-        // A δ = −R − c NᵀΔℓ.
-        self.load.copy_from_slice(residual);
-        self.manifold.add_force(step.as_slice(), -c, &mut self.load);
         for (j, change) in step.iter().enumerate() {
             let column = &self.z[j * n..(j + 1) * n];
-            for (value, z) in correction.iter_mut().zip(column) {
+            for (value, z) in v.iter_mut().zip(column) {
                 *value -= c * change * z;
             }
         }
-        self.forces.iter_mut().zip(&step).for_each(|(force, change)| *force += change);
-        Ok(self.load.iter().zip(&*correction).map(|(r, d)| r * d).sum::<f64>() / c)
+        if part != Part::Trial {
+            // A δ = −R − c NᵀΔℓ.
+            self.manifold.add_force(step.as_slice(), -c, &mut self.load);
+            self.forces.iter_mut().zip(&step).for_each(|(force, change)| *force += change);
+        }
+        Ok(())
     }
 
     /// Recomputes Z if the factor has changed.
@@ -148,6 +208,7 @@ impl Multipliers {
         if self.z_is_of == Some(factor) {
             return Ok(());
         }
+        self.factored = None;
         self.z.resize(n * self.forces.len(), 0.0);
         for (j, column) in self.z.chunks_exact_mut(n).enumerate() {
             self.manifold.direction(j, column);

@@ -1,7 +1,7 @@
 //! Units for the rows of a small symmetric matrix whose rows have different dimensions, such as S = G M⁻¹ Gᵀ of
 //! constraints. In these units the matrix can be judged and solved as if it were dimensionless.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Dyn, LU, SVD};
 use vi_core::binary_exponent;
 
 /// Rows count as dependent if the smallest eigenvalue is below this fraction of the largest, both in these units.
@@ -29,19 +29,23 @@ impl Units {
     /// Solves S λ = r with S scaled to these units; by least squares if `is_redundant`.
     pub(crate) fn solve(
         &self,
-        mut matrix: DMatrix<f64>,
+        matrix: DMatrix<f64>,
         rhs: &DVector<f64>,
         is_redundant: bool,
     ) -> Option<DVector<f64>> {
+        self.clone().factor(matrix, is_redundant).solve(rhs)
+    }
+
+    /// Factors S scaled to these units, for solutions by least squares if `is_redundant`.
+    pub(crate) fn factor(self, mut matrix: DMatrix<f64>, is_redundant: bool) -> Factored {
         self.scale(&mut matrix);
-        let rhs = DVector::from_fn(rhs.len(), |i, _| rhs[i] / self.0[i]);
-        let solved = if is_redundant {
+        let factor = if is_redundant {
             let limit = SINGULAR * matrix.amax();
-            matrix.svd(true, true).solve(&rhs, limit).ok()
+            Factor::Redundant(Box::new(matrix.svd(true, true)), limit)
         } else {
-            matrix.lu().solve(&rhs)
+            Factor::Independent(Box::new(matrix.lu()))
         };
-        solved.map(|solved| DVector::from_fn(rhs.len(), |i, _| solved[i] / self.0[i]))
+        Factored { units: self, factor }
     }
 
     /// Returns whether the rows of the symmetric S ≥ 0 depend on each other.
@@ -58,5 +62,30 @@ impl Units {
                 *value /= self.0[i] * self.0[j];
             }
         }
+    }
+}
+
+/// A factored matrix.
+pub(crate) struct Factored {
+    units: Units,
+    factor: Factor,
+}
+
+enum Factor {
+    Independent(Box<LU<f64, Dyn, Dyn>>),
+    /// Singular values below the limit count as zero.
+    Redundant(Box<SVD<f64, Dyn, Dyn>>, f64),
+}
+
+impl Factored {
+    /// Solves S λ = r; `None` if S is singular.
+    pub(crate) fn solve(&self, rhs: &DVector<f64>) -> Option<DVector<f64>> {
+        let Units(units) = &self.units;
+        let rhs = DVector::from_fn(rhs.len(), |i, _| rhs[i] / units[i]);
+        let solved = match &self.factor {
+            Factor::Independent(factor) => factor.solve(&rhs),
+            Factor::Redundant(factor, limit) => factor.solve(&rhs, *limit).ok(),
+        };
+        solved.map(|solved| DVector::from_fn(rhs.len(), |i, _| solved[i] / units[i]))
     }
 }

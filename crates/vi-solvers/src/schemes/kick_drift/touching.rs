@@ -145,6 +145,7 @@ impl Touching {
         let t = state.t + h;
         self.y.clone_from(&self.small.drifted);
         self.small.begin();
+        self.acting.restart();
         let mut terms = self.over_step();
         // The end of the step is still that of the free drift.
         let longest = FARTHEST * self.farthest();
@@ -206,8 +207,10 @@ impl Touching {
                 Some(theta) if theta < 1.0 => theta / (1.0 - theta) * eta <= self.tolerance,
                 _ => eta <= FIRST * self.tolerance,
             };
-            let is_close = is_close && secants == 0 && iteration > STICKING;
-            let is_exact = iteration > STICKING && self.small.is_at_resolution(mass, &state.q, RESOLUTION);
+            let reverses = self.acting.reversals() > 0;
+            let is_close = is_close && secants == 0 && iteration > STICKING && !reverses;
+            let is_exact =
+                !reverses && iteration > STICKING && self.small.is_at_resolution(mass, &state.q, RESOLUTION);
             if is_whole && (is_close || is_exact) {
                 coordinates.embed(&self.y, t, &mut self.x_end);
                 if self.lists.widen(&self.x_start, &self.x_end) {
@@ -226,7 +229,7 @@ impl Touching {
                 (secants, patience) = (patience, 2 * patience);
                 searches = true;
             }
-            last = is_whole.then_some(eta);
+            last = (is_whole && !reverses).then_some(eta);
         }
         Err(stuck(MOST_ITERATIONS, last.unwrap_or(1.0), self.tolerance))
     }

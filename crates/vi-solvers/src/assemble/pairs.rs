@@ -1,0 +1,103 @@
+//! The forces that live terms list pair by pair ([`DiscreteGradient::acting`](vi_core::DiscreteGradient::acting)), with
+//! their complete tangents on the free coordinates: ∂G/∂q₁ = Σ a ⊗ b. Friction follows pressure, but pressure does not
+//! follow friction, so this matrix is not symmetric.
+
+use vi_core::{Acting, Coordinates};
+
+use crate::index::NONE;
+
+/// The forces of pairs at the last evaluation.
+pub(crate) struct Pairs {
+    acting: Acting,
+    /// The free coordinate of each coordinate, or [`NONE`].
+    free_of: Vec<u32>,
+    /// Places and values of the factors a and b on the free coordinates, alternately, and the end of each.
+    entries: Vec<(u32, f64)>,
+    ends: Vec<u32>,
+}
+
+impl Pairs {
+    pub(crate) fn new(coordinates: &Coordinates) -> Self {
+        let mut free_of = vec![NONE; coordinates.dof_count()];
+        for (k, &dof) in (0..).zip(coordinates.free()) {
+            free_of[dof as usize] = k;
+        }
+        Self { acting: Acting::default(), free_of, entries: Vec::new(), ends: Vec::new() }
+    }
+
+    /// Returns an empty list to which terms append their forces.
+    pub(crate) fn open(&mut self) -> &mut Acting {
+        self.acting.clear();
+        &mut self.acting
+    }
+
+    /// Sets the fraction of their stiffness with which bristles resist slip; see [`Acting::stiffness`].
+    pub(crate) fn set_stiffness(&mut self, fraction: f64) {
+        self.acting.stiffness = fraction;
+    }
+
+    /// Adds the forces (N) to `gradient`, which has all coordinates, and collects the tangents on the free coordinates.
+    pub(crate) fn close(&mut self, coordinates: &Coordinates, gradient: &mut [f64]) {
+        let Self { acting, free_of, entries, ends } = self;
+        for covector in acting.gradients() {
+            pull_back(coordinates, covector, |node, value| {
+                (0..3).for_each(|axis| gradient[3 * node as usize + axis] += value[axis]);
+            });
+        }
+        entries.clear();
+        ends.clear();
+        for covector in acting.tangents() {
+            pull_back(coordinates, covector, |node, value| {
+                for axis in 0..3 {
+                    let free = free_of[3 * node as usize + axis];
+                    if free != NONE {
+                        entries.push((free, value[axis]));
+                    }
+                }
+            });
+            ends.push(entries.len() as u32);
+        }
+    }
+
+    /// Forgets in which directions pairs slid.
+    pub(crate) fn restart(&mut self) {
+        self.acting.restart();
+    }
+
+    /// Returns whether pairs stick for this evaluation only because their direction of sliding reversed.
+    pub(crate) fn has_reversals(&self) -> bool {
+        self.acting.reversals() > 0
+    }
+
+    /// Returns whether no force acts.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.acting.count() == 0
+    }
+
+    /// Adds factor · (Σ a ⊗ b) v to `out`.
+    pub(crate) fn add_product(&self, factor: f64, v: &[f64], out: &mut [f64]) {
+        let mut start = 0;
+        for pair in self.ends.chunks_exact(2) {
+            let [middle, end] = [pair[0] as usize, pair[1] as usize];
+            let along: f64 = self.entries[middle..end].iter().map(|&(k, value)| value * v[k as usize]).sum();
+            if along != 0.0 {
+                self.entries[start..middle]
+                    .iter()
+                    .for_each(|&(k, value)| out[k as usize] += factor * along * value);
+            }
+            start = end;
+        }
+    }
+}
+
+/// Pulls a covector back to nodes that are not tied; calls `each` with each node and its entry.
+fn pull_back(coordinates: &Coordinates, covector: &[(u32, [f64; 3])], mut each: impl FnMut(u32, [f64; 3])) {
+    for &(node, value) in covector {
+        match coordinates.combination(node) {
+            Some(terms) => {
+                terms.iter().for_each(|&(k, weight)| each(k, value.map(|value| weight * value)));
+            }
+            None => each(node, value),
+        }
+    }
+}

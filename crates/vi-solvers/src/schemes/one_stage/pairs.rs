@@ -1,0 +1,156 @@
+//! A stage whose live terms list their pairs: complete tangents, and corrections that end before pairs meet.
+
+use vi_core::System;
+
+use super::rule::Rule;
+use super::stage::{Stage, StageEquations};
+use crate::assemble::evaluator::Evaluator;
+use crate::error::SolverError;
+use crate::newton::inverse::Inverse;
+use crate::newton::pairs::PairEquations;
+use crate::vectors;
+
+/// ∂x₁/∂x for a stage x in the middle between x₀ and x₁.
+const END_PER_STAGE: f64 = 2.0;
+/// Largest length of a correction, as a multiple of the motion over the step without pairs.
+const FARTHEST: f64 = 2.0;
+/// Number of rounds in which the motions of nodes are shortened until no pair meets. After that, the nodes of pairs that
+/// still meet are not moved.
+const ROUNDS: usize = 10;
+
+impl<R: Rule> StageEquations<'_, R> {
+    /// Returns whether live terms list pairs that are near this step, as far as the velocities tell.
+    pub(super) fn meets_pairs(&mut self, evaluator: &mut Evaluator) -> bool {
+        let Stage { origin, offset, start_t, h, .. } = &*self.stage;
+        if !self.rule.takes_discrete_gradients() || !evaluator.has_live() {
+            return false;
+        }
+        let end: Vec<f64> = origin.iter().zip(offset).map(|(q, offset)| q + 2.0 * offset).collect();
+        evaluator.meets_pairs(self.system, (origin, *start_t), (&end, start_t + h))
+    }
+
+    /// Shortens the change `delta` of w, node by node, until no pair meets on the path of the end of the step from that
+    /// of `base`; if `from_start`, on its path from the beginning of the step. Returns whether it was not shortened.
+    fn shorten(&self, evaluator: &mut Evaluator, base: &[f64], delta: &mut [f64], from_start: bool) -> bool {
+        let Stage { origin, offset, start_t, h, .. } = &*self.stage;
+        let (coordinates, t_end) = (self.system.coordinates(), start_t + h);
+        let (free, count) = (coordinates.free(), coordinates.dof_count());
+        let mut end = vec![0.0; base.len()];
+        let mut place = |delta: &[f64], t: f64| {
+            vectors::fill(&mut end, |k| origin[k] + END_PER_STAGE * (offset[k] + base[k] + delta[k]));
+            let mut x = vec![0.0; count];
+            coordinates.embed(&end, t, &mut x);
+            x
+        };
+        let from = place(&vec![0.0; delta.len()], if from_start { *start_t } else { t_end });
+        let mut parts = vec![1.0; count / 3];
+        let mut is_whole = true;
+        for round in 0..2 * ROUNDS {
+            let to = place(delta, t_end);
+            parts.fill(1.0);
+            evaluator.limit_nodes(&from, &to, &mut parts);
+            if parts.iter().all(|part| *part >= 1.0) {
+                break;
+            }
+            is_whole = false;
+            for (node, terms) in coordinates.combinations() {
+                let part = parts[node as usize];
+                if part < 1.0 {
+                    terms.iter().for_each(|&(k, _)| parts[k as usize] = parts[k as usize].min(part));
+                }
+            }
+            for (k, delta) in delta.iter_mut().enumerate() {
+                let part = parts[free[k] as usize / 3];
+                if part < 1.0 {
+                    *delta *= if round < ROUNDS { part } else { 0.0 };
+                }
+            }
+        }
+        is_whole
+    }
+}
+
+impl<R: Rule> PairEquations for StageEquations<'_, R> {
+    fn pair_defect(&self, inverse: &Inverse, evaluator: &Evaluator, v: &[f64]) -> Option<Vec<f64>> {
+        let pairs = evaluator.pairs()?;
+        let mut out = vec![0.0; v.len()];
+        let is_in_model = inverse.multiply_tangents(v, &mut out);
+        if !is_in_model && pairs.is_empty() {
+            return None;
+        }
+        let c = self.stage.c;
+        vectors::update(&mut out, |_, value| *value *= -c);
+        pairs.add_product(END_PER_STAGE * c, v, &mut out);
+        Some(out)
+    }
+
+    fn solve_change(
+        &mut self,
+        inverse: &mut Inverse,
+        evaluator: &mut Evaluator,
+        v: &mut [f64],
+    ) -> Result<(), SolverError> {
+        inverse.apply(evaluator, v)?;
+        let Stage { c, multipliers, .. } = &mut *self.stage;
+        match multipliers {
+            Some(multipliers) => multipliers.project_change(*c, inverse, evaluator, v),
+            None => Ok(()),
+        }
+    }
+
+    fn add_change(
+        &mut self,
+        inverse: &mut Inverse,
+        evaluator: &mut Evaluator,
+        r: &[f64],
+    ) -> Result<f64, SolverError> {
+        let Stage { c, multipliers, correction, residual, .. } = &mut *self.stage;
+        let mut change = r.to_vec();
+        inverse.apply(evaluator, &mut change)?;
+        if let Some(multipliers) = multipliers {
+            return multipliers.add_change(*c, inverse, evaluator, (r, &mut change), correction);
+        }
+        vectors::update(correction, |k, value| *value += change[k]);
+        Ok(vectors::sum(r.len(), |k| (residual[k] + r[k]) * correction[k]) / *c)
+    }
+
+    fn limit_nodes(&mut self, system: &System, evaluator: &mut Evaluator, longest: f64) -> bool {
+        let mut delta = std::mem::take(&mut self.stage.correction);
+        let mut is_whole = true;
+        let free = system.coordinates().free();
+        let mut first = 0;
+        for node in free.chunk_by(|a, b| a / 3 == b / 3) {
+            let values = &mut delta[first..first + node.len()];
+            first += node.len();
+            let length = END_PER_STAGE * values.iter().map(|value| value * value).sum::<f64>().sqrt();
+            if length > longest {
+                values.iter_mut().for_each(|value| *value *= longest / length);
+                is_whole = false;
+            }
+        }
+        is_whole &= self.shorten(evaluator, &self.stage.base, &mut delta, false);
+        self.stage.correction = delta;
+        is_whole
+    }
+
+    fn limit_start(&mut self, _system: &System, evaluator: &mut Evaluator) -> bool {
+        let Stage { offset, w, .. } = &*self.stage;
+        let still: Vec<f64> = offset.iter().map(|offset| -offset).collect();
+        let mut delta: Vec<f64> = offset.iter().zip(w).map(|(offset, w)| offset + w).collect();
+        let is_whole = self.shorten(evaluator, &still, &mut delta, true);
+        if !is_whole {
+            let Stage { w, base, .. } = &mut *self.stage;
+            vectors::fill(w, |k| still[k] + delta[k]);
+            base.copy_from_slice(w);
+        }
+        is_whole
+    }
+
+    fn longest_correction(&self) -> f64 {
+        let Stage { offset, residual, .. } = &*self.stage;
+        let (mass, free) = (self.system.free_mass(), self.system.coordinates().free());
+        let of = |k: usize| offset[k].abs() + (residual[k] / mass[k]).abs();
+        let farthest = vectors::max_abs(free.len(), of);
+        3.0_f64.sqrt() * FARTHEST * END_PER_STAGE * farthest
+    }
+}
