@@ -21,6 +21,9 @@ use crate::vectors;
 /// ∂x₁/∂x for a stage x in the middle between x₀ and x₁.
 const END_PER_STAGE: f64 = 2.0;
 
+/// A matrix is not made of stencils whose reach is more than this multiple of the needed one.
+const LONGEST_REACH: f64 = 2.0;
+
 /// The configurations from which the stencils of live terms come. Two sums with equal values give equal bits.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct LiveState {
@@ -233,9 +236,23 @@ impl LiveSum {
             // Positions that are not finite have no energy; the fixed terms report this to the caller.
             return;
         }
-        let shortest = self.terms.live().iter().map(|term| term.reach()).fold(f64::INFINITY, f64::min);
         let x = x.to_vec();
-        self.renew(&x, shortest.max(1.0001 * apart));
+        self.renew(&x, self.shortest_reach().max(1.0001 * apart));
+    }
+
+    /// Requests stencils with a shorter reach if a step from `start` to `end` needs much less than the present one: the
+    /// matrix has an entry for every stencil.
+    fn tighten(&mut self, start: &[f64], end: &[f64]) {
+        let apart = 3.0_f64.sqrt() * vectors::max_abs(start.len(), |k| start[k] - end[k]);
+        let needed = self.shortest_reach().max(1.0001 * apart);
+        if self.near.is_some() && needed.is_finite() && self.state.reach > LONGEST_REACH * needed {
+            self.renew(start, needed);
+        }
+    }
+
+    /// Returns the shortest reach of the terms, m.
+    pub(crate) fn shortest_reach(&self) -> f64 {
+        self.terms.live().iter().map(|term| term.reach()).fold(f64::INFINITY, f64::min)
     }
 
     /// Returns Σ V of the live terms by account, J; infinite if a term cannot be used.
@@ -403,6 +420,7 @@ impl LiveSum {
     ) -> Result<&'a SymmetricMatrix, SolverError> {
         match ends {
             Some([start, end]) => {
+                self.tighten(start, end);
                 self.follow(start, Some(end));
                 self.place(start, end);
             }

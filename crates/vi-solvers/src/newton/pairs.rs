@@ -73,7 +73,7 @@ pub(crate) trait PairEquations: Equations {
     /// step. Returns whether it was not moved.
     fn limit_start(&mut self, system: &System, evaluator: &mut Evaluator) -> bool;
     /// Returns a bound on the length of sensible corrections, m. Much longer ones would make candidates of all pairs.
-    fn longest_correction(&self) -> f64;
+    fn longest_correction(&self, evaluator: &Evaluator) -> f64;
 }
 
 /// The aim of a series of iterations.
@@ -176,7 +176,7 @@ impl Newton {
         let (mut solves, mut eta) = (0, f64::INFINITY);
         let (mut least, mut idle) = ([f64::INFINITY; 2], 0);
         solve.evaluate()?;
-        let longest = solve.equations.longest_correction();
+        let longest = solve.equations.longest_correction(solve.evaluator);
         for _ in 0..aim.most {
             if let Some(reason) = wanted.take() {
                 solve.linearize()?;

@@ -83,7 +83,13 @@ impl Evaluator {
         self.gradient_is_of_x = false;
     }
 
-    /// Returns the forces of pairs, to freeze or thaw pressures for the next evaluation.
+    /// Returns the shortest distance that nodes move before stencils of live terms are requested again, m; zero without
+    /// live terms.
+    pub(crate) fn reach(&self) -> f64 {
+        self.assembler.shared_live().map_or(0.0, |live| live.shortest_reach())
+    }
+
+    /// Returns the forces of pairs, to change how the next evaluation lists them.
     pub(crate) fn change_pairs(&mut self) -> Option<&mut Pairs> {
         self.gradient_is_of_x = false;
         self.pairs.as_mut()

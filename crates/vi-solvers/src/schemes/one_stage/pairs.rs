@@ -12,8 +12,10 @@ use crate::vectors;
 
 /// ∂x₁/∂x for a stage x in the middle between x₀ and x₁.
 const END_PER_STAGE: f64 = 2.0;
-/// Largest length of a correction, as a multiple of the motion over the step without pairs.
+/// Largest length of a correction, as a multiple of the motion over the step without pairs, plus a multiple of the reach
+/// of the pairs for bodies that begin to move.
 const FARTHEST: f64 = 2.0;
+const REACHES: f64 = 20.0;
 /// Number of rounds in which the motions of nodes are shortened until no pair meets. After that, the nodes of pairs that
 /// still meet are not moved.
 const ROUNDS: usize = 10;
@@ -146,11 +148,12 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         is_whole
     }
 
-    fn longest_correction(&self) -> f64 {
-        let Stage { offset, residual, .. } = &*self.stage;
-        let (mass, free) = (self.system.free_mass(), self.system.coordinates().free());
-        let of = |k: usize| offset[k].abs() + (residual[k] / mass[k]).abs();
-        let farthest = vectors::max_abs(free.len(), of);
-        3.0_f64.sqrt() * FARTHEST * END_PER_STAGE * farthest
+    fn longest_correction(&self, evaluator: &Evaluator) -> f64 {
+        let Stage { offset, w, residual, .. } = &*self.stage;
+        let (mass, count) = (self.system.free_mass(), offset.len());
+        let motion = vectors::max_abs(count, |k| offset[k].abs().max((offset[k] + w[k]).abs()));
+        let pushed = vectors::max_abs(count, |k| residual[k] / mass[k]);
+        let bound = (3.0_f64.sqrt() * END_PER_STAGE * pushed).min(REACHES * evaluator.reach());
+        3.0_f64.sqrt() * FARTHEST * END_PER_STAGE * motion + bound
     }
 }
