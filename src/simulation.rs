@@ -361,6 +361,12 @@ impl Simulation {
         pairs.map(|[a, b]| ([a, b], self.meeting.reason_not(&self.scene, a, b)))
     }
 
+    /// Returns the constants of contact between two bodies by their numbers in the scene; `None` if they do not meet.
+    pub(crate) fn contact_law(&self, [first, second]: [usize; 2]) -> Option<vi_contact::Law> {
+        let mut watches = self.components.iter().filter_map(|component| component.contact.as_ref());
+        watches.find_map(|watch| watch.law(first, second))
+    }
+
     /// Returns the name of a body by its number in the scene. Rigid bodies are numbered after the others.
     pub(crate) fn name_of(&self, number: usize) -> &str {
         model::name_of(&self.scene, number)

@@ -60,6 +60,8 @@ struct SceneFacts {
     scheme: &'static str,
     bodies: Vec<BodyFacts>,
     systems: Vec<SystemFacts>,
+    /// All pairs of bodies of a scene with contact.
+    contact: Vec<MeetingFacts>,
     /// Limit of explicit steps, s, and the frequency that determines it, rad/s.
     step_limit: Option<f64>,
     highest_frequency: Option<f64>,
@@ -85,6 +87,20 @@ struct MaterialFacts {
     region: Option<String>,
     /// Thickness (m) and mass per area (kg/m²) of a sheet.
     sheet: Option<[f64; 2]>,
+}
+
+/// Describes the contact of two bodies, or of a body with itself.
+#[derive(Serialize)]
+struct MeetingFacts {
+    between: [String; 2],
+    /// Why they are not searched for contact; `None` if they are.
+    skipped: Option<&'static str>,
+    /// Thickness d̂ of the contact layer, m, and its modulus κ, Pa.
+    distance: Option<f64>,
+    stiffness: Option<f64>,
+    friction: Option<f64>,
+    /// Time constant of contact damping, s.
+    damping: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -261,10 +277,30 @@ fn scene(path: &Path) -> Result<SceneFacts, u8> {
         scheme: if is_open { "auto" } else { simulation.method().name() },
         bodies: simulation.bodies().iter().map(body).collect(),
         systems: components.iter().map(system).collect(),
+        contact: meetings(&simulation),
         step_limit: limit.as_ref().map(|limit| limit.step_limit),
         highest_frequency: limit.as_ref().map(|limit| limit.highest_frequency),
         notes: simulation.notes().iter().cloned().chain(unknown).collect(),
     })
+}
+
+/// Lists all pairs of bodies of a scene with contact.
+fn meetings(simulation: &Simulation) -> Vec<MeetingFacts> {
+    if simulation.scene().contact.is_none() {
+        return Vec::new();
+    }
+    let meeting = |(pair, skipped): ([usize; 2], Option<&'static str>)| {
+        let law = simulation.contact_law(pair).filter(|_| skipped.is_none());
+        MeetingFacts {
+            between: pair.map(|number| simulation.name_of(number).to_owned()),
+            skipped,
+            distance: law.map(|law| law.distance),
+            stiffness: law.map(|law| law.stiffness),
+            friction: law.map(|law| law.friction),
+            damping: law.map(|law| law.damping),
+        }
+    };
+    simulation.contact_pairs().map(meeting).collect()
 }
 
 fn say_scene(path: &Path, facts: &SceneFacts) {
@@ -297,6 +333,17 @@ fn say_scene(path: &Path, facts: &SceneFacts) {
         out!("system {number}: {} of {} coordinates are free", system.free, system.coordinates);
         for (name, stencils) in &system.terms {
             out!("term     '{name}': {stencils} stencils");
+        }
+    }
+    for MeetingFacts { between: [a, b], skipped, distance, stiffness, friction, .. } in &facts.contact {
+        let pair = if a == b { format!("'{a}' with itself") } else { format!("'{a}' with '{b}'") };
+        match (skipped, distance, stiffness) {
+            (Some(reason), ..) => out!("contact  {pair}: not searched, {reason}"),
+            (None, Some(distance), Some(stiffness)) => out!(
+                "contact  {pair}: layer {distance:.3e} m, {stiffness:.3e} Pa, friction {}",
+                friction.unwrap_or_default()
+            ),
+            _ => out!("contact  {pair}: searched"),
         }
     }
     if let (Some(limit), Some(highest)) = (facts.step_limit, facts.highest_frequency) {

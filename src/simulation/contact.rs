@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use serde_json::{Value, json};
-use vi_contact::{ContactPotential, ContactTerm};
+use vi_contact::{ContactPotential, ContactTerm, Law};
 use vi_core::Impulse;
 
 use crate::model::ContactModel;
@@ -148,6 +148,13 @@ impl ContactWatch {
             (0..3).for_each(|k| sum[k] += sign * value[k]);
         }
         sum
+    }
+
+    /// Returns the constants of contact between two bodies with these numbers in the scene; `None` if they do not meet
+    /// in this component.
+    pub(crate) fn law(&self, first: usize, second: usize) -> Option<Law> {
+        let number = |body| Some(self.bodies.iter().position(|&other| other == body)? as u32);
+        self.term.surface().law(number(first)?, number(second)?)
     }
 
     /// Returns the distance within which gaps are known, m.

@@ -37,7 +37,7 @@ fn a_hard_blow_in_large_steps_closes_no_gap() {
 /// One ball comes in and one ball goes out, as high as the first one started.
 #[test]
 fn a_cradle_passes_its_momentum_on() {
-    let history = run("newtons-cradle", &["--set", "time.end=0.75"]).history();
+    let history = run("newtons-cradle", &["--set", "time.end=0.75", "--set", "output.history=50"]).history();
     let last = |ball: usize| history.last(&format!("ball {ball}.x"));
     for ball in 1..5 {
         assert!((last(ball) - 0.062 * (ball - 1) as f64).abs() < 5e-3, "{ball}: {}", last(ball));
@@ -87,4 +87,23 @@ max = "slip.magnitude"
     assert!((1.8..2.0 + 1e-9).contains(&largest), "{largest}");
     let last = slip.len() - 1;
     assert!(slip[last] < 1e-2 && momentum[last] / mass > 1.4, "{} {}", slip[last], momentum[last] / mass);
+}
+
+/// `info` lists each pair of bodies with the constants of its contact, or the reason why it is not searched.
+#[test]
+fn info_lists_the_pairs_that_can_meet() {
+    let path = format!("{}/scenes/contact/gripper.toml", env!("CARGO_MANIFEST_DIR"));
+    let output = crate::program::command().args(["info", &path, "--json"]).output().unwrap();
+    let facts: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let pairs = facts["contact"].as_array().unwrap();
+    // A ball, two fingers and a table: ten pairs with those of a body with itself.
+    assert_eq!(pairs.len(), 10);
+    let searched: Vec<_> = pairs.iter().filter(|pair| pair["skipped"].is_null()).collect();
+    assert_eq!(searched.len(), 4, "{searched:?}");
+    for pair in searched {
+        assert_eq!(pair["between"][0], "ball");
+        assert_eq!(pair["friction"], 0.8);
+        // d̂ is at most 0.01 of the thickness of a finger or the table, 20 mm; κ is a tenth of Young's modulus.
+        assert!(pair["distance"].as_f64().unwrap() <= 5e-3 && pair["stiffness"] == 3e3, "{pair}");
+    }
 }
