@@ -63,15 +63,20 @@ enum Command {
 
 /// Runs the program with these arguments (the first is the program's name).
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    ExitCode::from(execute(arguments))
+}
+
+/// Runs the program as [`main`] does, and returns the exit code as a number, for a process that goes on.
+pub fn execute(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(error) => {
             let is_written = error.print().is_ok() && say::all_is_written();
-            return ExitCode::from(match (error.use_stderr(), is_written) {
+            return match (error.use_stderr(), is_written) {
                 (true, _) => exit::BAD_INPUT,
                 (false, true) => exit::DONE,
                 (false, false) => exit::INPUT_OUTPUT,
-            });
+            };
         }
     };
     let code = match arguments.command {
@@ -91,5 +96,5 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Info(arguments) => info::info(&arguments),
     };
     let is_lost = !say::all_is_written() && code == exit::DONE;
-    ExitCode::from(if is_lost { exit::INPUT_OUTPUT } else { code })
+    if is_lost { exit::INPUT_OUTPUT } else { code }
 }

@@ -40,7 +40,10 @@ pub(crate) use parting::Parted;
 pub use regions::RegionProbe;
 pub use rigid::{Pose, RigidModel};
 
+#[cfg(feature = "cli")]
+use crate::scene::Parsed;
 use crate::scene::{Problem, Scene};
+
 /// Reads all meshes of a scene and builds all systems.
 ///
 /// # Errors
@@ -50,8 +53,14 @@ pub(crate) fn build(scene: &Scene) -> Result<Model, Vec<Problem>> {
     assemble::assemble(scene, resolve::resolve(scene)?)
 }
 
-/// Returns all problems of the meshes of a scene and of the names that refer to them.
+/// Returns all problems of a scene that could not be parsed without problems: those of its text, and those of its
+/// meshes and of the names that refer to them, in the order of lines. Returns none if the text has none.
 #[cfg(feature = "cli")]
-pub(crate) fn mesh_problems(scene: &Scene) -> Vec<Problem> {
-    resolve::resolve(scene).err().unwrap_or_default()
+pub fn all_problems(parsed: &Parsed) -> Vec<Problem> {
+    let mut problems = parsed.problems.clone();
+    if let Some(scene) = parsed.scene.as_ref().filter(|_| !problems.is_empty()) {
+        problems.extend(parsed.relevant(resolve::resolve(scene).err().unwrap_or_default()));
+    }
+    problems.sort_by_key(|problem| problem.line);
+    problems
 }

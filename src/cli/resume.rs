@@ -8,7 +8,7 @@ use super::exit;
 use super::run::{RunSay, conclude, fail, thread_pool};
 use super::say::{message, out};
 use super::signals::Stop;
-use crate::run::checkpoint::{CheckpointError, Origin, newest};
+use crate::run::checkpoint::{Origin, newest};
 use crate::run::{RunError, resume as resume_run};
 use crate::scene::Scene;
 
@@ -76,17 +76,13 @@ fn finished(directory: &Path) -> Option<(String, u64)> {
 
 /// Returns the scene of the run, from its file, or from the checkpoint if the file does not exist.
 fn scene(origin: &Origin) -> Result<Scene, u8> {
-    let parsed = match &origin.file {
-        Some((file, overrides)) if file.exists() => Scene::read(file, overrides).map_err(|source| {
-            message!("error: {}", CheckpointError::Read { path: file.clone(), source });
-            exit::INPUT_OUTPUT
-        })?,
-        Some((file, _)) => {
-            message!("note: {} is gone; the scene is taken from the checkpoint", file.display());
-            origin.parse()
-        }
-        None => origin.parse(),
-    };
+    if let Some((file, _)) = origin.file.as_ref().filter(|(file, _)| !file.exists()) {
+        message!("note: {} is gone; the scene is taken from the checkpoint", file.display());
+    }
+    let parsed = origin.read_scene().map_err(|error| {
+        message!("error: {error}");
+        exit::INPUT_OUTPUT
+    })?;
     for problem in &parsed.problems {
         message!("error: {problem}");
     }

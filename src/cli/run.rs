@@ -9,6 +9,7 @@ use super::progress::Progress;
 use super::say::{self, Say, message};
 use super::signals::Stop;
 use super::summary::summary;
+use crate::model::all_problems;
 use crate::run::checkpoint::{CheckpointError, newest};
 use crate::run::claim::ClaimError;
 use crate::run::report::{Outcome, Report};
@@ -188,24 +189,17 @@ pub(super) fn accept(path: &Path, overrides: &[String]) -> Result<(Scene, Parsed
 /// Reads a scene and the headers of its meshes; returns all problems, if there are any.
 pub(super) fn read(path: &Path, overrides: &[String]) -> Result<(Scene, Parsed), Vec<Problem>> {
     let here = |problem: Problem| Problem { file: Some(path.to_owned()), ..problem };
-    let mut parsed = Scene::read(path, overrides).map_err(|error| {
+    let parsed = Scene::read(path, overrides).map_err(|error| {
         let why = match error.kind() {
             std::io::ErrorKind::InvalidData => "it is not UTF-8 text; save it as UTF-8".to_owned(),
             _ => error.to_string(),
         };
         vec![here(Problem::new("", format!("cannot read the scene: {why}")))]
     })?;
-    if parsed.problems.is_empty()
-        && let Some(scene) = parsed.scene.clone()
-    {
-        return Ok((scene, parsed));
+    match parsed.scene.clone().filter(|_| parsed.problems.is_empty()) {
+        Some(scene) => Ok((scene, parsed)),
+        None => Err(all_problems(&parsed).into_iter().map(here).collect()),
     }
-    let mut problems = std::mem::take(&mut parsed.problems);
-    if let Some(scene) = &parsed.scene {
-        problems.extend(parsed.relevant(crate::model::mesh_problems(scene)).into_iter().map(here));
-    }
-    problems.sort_by_key(|problem| problem.line);
-    Err(problems)
 }
 
 fn refuse(problems: Vec<Problem>, path: &Path, overrides: &[String]) -> u8 {

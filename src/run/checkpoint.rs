@@ -188,9 +188,22 @@ impl Origin {
         Ok(())
     }
 
+    /// Reads the scene of the run again: from its file, or from the checkpoint if there is no file (any more).
+    ///
+    /// # Errors
+    /// Returns [`CheckpointError::Read`] if the file exists and cannot be read.
+    #[cfg(feature = "cli")]
+    pub fn read_scene(&self) -> Result<crate::scene::Parsed, CheckpointError> {
+        match &self.file {
+            Some((file, overrides)) if file.exists() => Scene::read(file, overrides)
+                .map_err(|source| CheckpointError::Read { path: file.clone(), source }),
+            _ => Ok(self.parse()),
+        }
+    }
+
     /// Parses the recorded scene.
     #[cfg(feature = "cli")]
-    pub(crate) fn parse(&self) -> crate::scene::Parsed {
+    fn parse(&self) -> crate::scene::Parsed {
         let mut parsed = Scene::parse(&self.scene, &[]);
         // The text cannot represent paths that are not UTF-8.
         let mut paths = self.meshes.iter().map(|(path, _)| path);

@@ -29,6 +29,7 @@ pub use path::amplitude::Amplitude;
 pub use path::expression::Expression;
 pub use path::field::VectorField;
 pub use path::motion::{Motion, Rotate, Sine, Table, Translate};
+pub use path::own_motion::{NodalMotion, OwnMotion};
 pub use sheet::bending::Bending;
 pub use sheet::body::Sheet;
 pub use sheet::direction::{CellDirection, CellField, Direction, DirectionComponent};

@@ -4,3 +4,4 @@ pub(crate) mod amplitude;
 pub(crate) mod expression;
 pub(crate) mod field;
 pub(crate) mod motion;
+pub(crate) mod own_motion;

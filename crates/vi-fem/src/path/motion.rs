@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use vi_core::Path;
 
 use crate::error::FemError;
+use crate::path::own_motion::{NodalMotion, OwnMotion};
 use crate::small::tensor::{cross, dot};
 
 /// The prescribed motion of nodes, measured from their positions at the start: `motion = { kind = "sine", amplitude =
@@ -27,6 +28,10 @@ pub enum Motion {
     Sine(Sine),
     /// Displacement u(t) that is linear between given times.
     Table(Table),
+    /// A motion that a program defines itself; a scene file cannot name it.
+    #[serde(skip_deserializing, rename = "own")]
+    #[schemars(skip)]
+    Own(OwnMotion),
 }
 
 /// Translation at constant velocity.
@@ -93,6 +98,11 @@ pub struct Table {
 }
 
 impl Motion {
+    /// Makes a motion that a program defines itself; `name` appears in reports.
+    pub fn own(name: &str, motion: impl NodalMotion) -> Self {
+        Self::Own(OwnMotion::new(name, motion))
+    }
+
     /// Checks the parameters.
     ///
     /// # Errors
@@ -128,6 +138,7 @@ impl Motion {
                 window(motion.start, motion.end)
             }
             Self::Table(table) => table.check(),
+            Self::Own(_) => Ok(()),
         }
     }
 
@@ -142,7 +153,10 @@ impl Motion {
             let problem = format!("axis {axis} is not one of 0, 1, 2");
             return Err(FemError::Invalid { what: "motion", problem });
         }
-        Ok(Box::new(MovingPath { motion: self.clone(), coordinates }))
+        Ok(match self {
+            Self::Own(motion) => Box::new(motion.path(&coordinates)),
+            _ => Box::new(MovingPath { motion: self.clone(), coordinates }),
+        })
     }
 
     /// Returns the position (m) at time t (s) of the point that starts at x₀.
@@ -166,6 +180,7 @@ impl Motion {
                 let (displacement, _) = table.at(t);
                 [0, 1, 2].map(|i| x[i] + displacement[i])
             }
+            Self::Own(motion) => motion.position(x, t),
         }
     }
 
@@ -188,6 +203,7 @@ impl Motion {
                 motion.amplitude.map(|a| wave * a)
             }
             Self::Table(table) => table.at(t).1,
+            Self::Own(motion) => motion.velocity(x, t),
         }
     }
 
@@ -352,5 +368,36 @@ mod tests {
             )
             .is_err()
         );
+    }
+
+    /// Swings along z with the amplitude x.
+    struct Swing;
+
+    impl NodalMotion for Swing {
+        fn positions(&self, start: &[[f64; 3]], t: f64, out: &mut [[f64; 3]]) {
+            out.iter_mut().zip(start).for_each(|(out, x)| *out = [x[0], x[1], x[2] + x[0] * t.sin()]);
+        }
+        fn velocities(&self, start: &[[f64; 3]], t: f64, out: &mut [[f64; 3]]) {
+            out.iter_mut().zip(start).for_each(|(out, x)| *out = [0.0, 0.0, x[0] * t.cos()]);
+        }
+    }
+
+    #[test]
+    fn a_path_follows_the_motion_of_each_node() {
+        let motion = Motion::own("swing", Swing);
+        let starts = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]];
+        let coordinates: Vec<_> = starts.iter().flat_map(|&x| [0, 2].map(|axis| (x, axis))).collect();
+        let path = motion.path(coordinates.clone()).unwrap();
+        let (mut x, mut v) = ([0.0; 4], [0.0; 4]);
+        path.position(0.7, &mut x);
+        path.velocity(0.7, &mut v);
+        for (k, (start, axis)) in coordinates.into_iter().enumerate() {
+            assert_eq!(x[k], motion.position(start, 0.7)[axis]);
+            assert_eq!(v[k], motion.velocity(start, 0.7)[axis]);
+        }
+        assert!(!path.is_fixed());
+        let text = serde_json::to_string(&motion).unwrap();
+        assert_eq!(text, r#"{"kind":"own","name":"swing"}"#);
+        assert!(serde_json::from_str::<Motion>(&text).is_err());
     }
 }
