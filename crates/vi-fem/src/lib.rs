@@ -49,6 +49,7 @@ pub use solid::mass::{
 };
 pub use solid::material::Law;
 pub use solid::material::contract::{Material, Outside, positive_determinant};
+pub use solid::material::formula::{Formula, FormulaParameters};
 pub use solid::material::own::{Differentiated, EnergyDensity, OwnLaw, PointLaw};
 pub use solid::material::parameters::{Isotropic, Parameters};
 pub use solid::material::registered::*;

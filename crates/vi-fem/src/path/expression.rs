@@ -12,35 +12,75 @@ const MAX_DEPTH: usize = 100;
 /// Maximum number of intermediate values that a formula may need at the same time.
 const MAX_STACK: usize = 64;
 
-/// Functions of one argument and of two arguments.
-type Unary = fn(f64) -> f64;
-type Binary = fn(f64, f64) -> f64;
+/// A function of one argument.
+#[derive(Debug)]
+pub(crate) struct Unary {
+    pub(crate) name: &'static str,
+    pub(crate) value: fn(f64) -> f64,
+    /// First and second derivative at x; `None` for a function with jumps.
+    pub(crate) derivatives: Option<fn(f64) -> [f64; 2]>,
+}
+
+const fn smooth(name: &'static str, value: fn(f64) -> f64, derivatives: fn(f64) -> [f64; 2]) -> Unary {
+    Unary { name, value, derivatives: Some(derivatives) }
+}
+
+const fn jumping(name: &'static str, value: fn(f64) -> f64) -> Unary {
+    Unary { name, value, derivatives: None }
+}
 
 /// The functions of one argument that a formula may call.
-const UNARY: &[(&str, Unary)] = &[
-    ("sin", f64::sin),
-    ("cos", f64::cos),
-    ("tan", f64::tan),
-    ("asin", f64::asin),
-    ("acos", f64::acos),
-    ("atan", f64::atan),
-    ("sinh", f64::sinh),
-    ("cosh", f64::cosh),
-    ("tanh", f64::tanh),
-    ("exp", f64::exp),
-    ("log", f64::ln),
-    ("sqrt", f64::sqrt),
-    ("abs", f64::abs),
-    ("floor", f64::floor),
-    ("step", |x| if x >= 0.0 { 1.0 } else { 0.0 }),
+static UNARY: [Unary; 15] = [
+    smooth("sin", f64::sin, |x| [x.cos(), -x.sin()]),
+    smooth("cos", f64::cos, |x| [-x.sin(), -x.cos()]),
+    smooth("tan", f64::tan, |x| {
+        let first = 1.0 + x.tan() * x.tan();
+        [first, 2.0 * x.tan() * first]
+    }),
+    smooth("asin", f64::asin, |x| {
+        let first = 1.0 / (1.0 - x * x).sqrt();
+        [first, x * first * first * first]
+    }),
+    smooth("acos", f64::acos, |x| {
+        let first = -1.0 / (1.0 - x * x).sqrt();
+        [first, x * first * first * first]
+    }),
+    smooth("atan", f64::atan, |x| {
+        let first = 1.0 / (1.0 + x * x);
+        [first, -2.0 * x * first * first]
+    }),
+    smooth("sinh", f64::sinh, |x| [x.cosh(), x.sinh()]),
+    smooth("cosh", f64::cosh, |x| [x.sinh(), x.cosh()]),
+    smooth("tanh", f64::tanh, |x| {
+        let first = 1.0 - x.tanh() * x.tanh();
+        [first, -2.0 * x.tanh() * first]
+    }),
+    smooth("exp", f64::exp, |x| [x.exp(), x.exp()]),
+    smooth("log", f64::ln, |x| [1.0 / x, -1.0 / (x * x)]),
+    smooth("sqrt", f64::sqrt, |x| [0.5 / x.sqrt(), -0.25 / (x * x.sqrt())]),
+    smooth("abs", f64::abs, |x| [x.signum(), 0.0]),
+    jumping("floor", f64::floor),
+    jumping("step", |x| if x >= 0.0 { 1.0 } else { 0.0 }),
 ];
 
-/// The functions of two arguments that a formula may call.
-const BINARY: &[(&str, Binary)] =
-    &[("min", f64::min), ("max", f64::max), ("atan2", f64::atan2), ("pow", f64::powf)];
+/// A function of two arguments.
+#[derive(Debug)]
+pub(crate) struct Binary {
+    pub(crate) name: &'static str,
+    pub(crate) value: fn(f64, f64) -> f64,
+}
 
+/// The functions of two arguments that a formula may call.
+static BINARY: [Binary; 4] = [
+    Binary { name: "min", value: f64::min },
+    Binary { name: "max", value: f64::max },
+    Binary { name: "atan2", value: f64::atan2 },
+    Binary { name: "pow", value: f64::powf },
+];
+
+/// An operation of a formula in reverse Polish notation.
 #[derive(Debug, Clone, Copy)]
-enum Code {
+pub(crate) enum Code {
     Number(f64),
     Variable(usize),
     Negate,
@@ -49,8 +89,8 @@ enum Code {
     Multiply,
     Divide,
     Power,
-    Unary(Unary),
-    Binary(Binary),
+    Unary(&'static Unary),
+    Binary(&'static Binary),
 }
 
 /// A formula in named variables.
@@ -87,6 +127,11 @@ impl Expression {
         Ok(Self { source: source.into(), code: parser.code })
     }
 
+    /// Returns the operations in reverse Polish notation.
+    pub(crate) fn code(&self) -> &[Code] {
+        &self.code
+    }
+
     /// Returns the text that the formula was parsed from.
     pub fn source(&self) -> &str {
         &self.source
@@ -112,7 +157,7 @@ impl Expression {
                     top += 1;
                 }
                 Code::Negate => stack[top - 1] = -stack[top - 1],
-                Code::Unary(f) => stack[top - 1] = f(stack[top - 1]),
+                Code::Unary(f) => stack[top - 1] = (f.value)(stack[top - 1]),
                 binary => {
                     let (a, b) = (stack[top - 2], stack[top - 1]);
                     top -= 1;
@@ -121,7 +166,7 @@ impl Expression {
                         Code::Subtract => a - b,
                         Code::Multiply => a * b,
                         Code::Divide => a / b,
-                        Code::Binary(f) => f(a, b),
+                        Code::Binary(f) => (f.value)(a, b),
                         _ => a.powf(b),
                     };
                 }
@@ -294,22 +339,22 @@ impl<'a> Parser<'a> {
         } else if name == "pi" {
             self.rest = &self.rest[length..];
             self.code.push(Code::Number(std::f64::consts::PI));
-        } else if let Some((_, f)) = UNARY.iter().find(|(known, _)| *known == name) {
+        } else if let Some(f) = UNARY.iter().find(|known| known.name == name) {
             self.rest = &self.rest[length..];
             self.expect('(')?;
             self.sum()?;
             self.expect(')')?;
-            self.code.push(Code::Unary(*f));
-        } else if let Some((_, f)) = BINARY.iter().find(|(known, _)| *known == name) {
+            self.code.push(Code::Unary(f));
+        } else if let Some(f) = BINARY.iter().find(|known| known.name == name) {
             self.rest = &self.rest[length..];
             self.expect('(')?;
             self.sum()?;
             self.expect(',')?;
             self.sum()?;
             self.expect(')')?;
-            self.code.push(Code::Binary(*f));
+            self.code.push(Code::Binary(f));
         } else {
-            let functions = UNARY.iter().map(|(name, _)| *name).chain(BINARY.iter().map(|(name, _)| *name));
+            let functions = UNARY.iter().map(|f| f.name).chain(BINARY.iter().map(|f| f.name));
             let known: Vec<_> = self.variables.iter().copied().chain(["pi"]).chain(functions).collect();
             return Err(self.error(&format!("one of {}, not `{name}`", known.join(" "))));
         }

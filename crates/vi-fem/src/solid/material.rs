@@ -6,6 +6,8 @@
 pub(crate) mod batch;
 pub(crate) mod contract;
 pub(crate) mod eigensystem;
+pub(crate) mod formula;
+pub(crate) mod jet;
 #[cfg(test)]
 mod laws;
 pub(crate) mod own;
@@ -18,6 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::FemError;
 use contract::{LawVisitor, Material};
+use formula::{Formula, FormulaParameters};
 use own::{Own, OwnLaw};
 use parameters::Parameters;
 
@@ -38,6 +41,8 @@ macro_rules! materials {
         #[non_exhaustive]
         pub enum Law {
             $($(#[$doc])* #[serde(rename = $name)] $variant(<$variant as Material>::Parameters),)*
+            /// A law given by a formula for Ψ(I₁, I₂, J), which is differentiated exactly.
+            #[serde(rename = "formula")] Formula(FormulaParameters),
             /// A law that a program defines itself; a scene file cannot name it.
             #[serde(skip_deserializing, rename = "own")]
             #[schemars(skip)]
@@ -55,17 +60,22 @@ macro_rules! materials {
 
             /// Returns the scene name of this law.
             pub fn name(&self) -> &'static str {
-                match self { $(Self::$variant(_) => $name,)* Self::Own(_) => "own" }
+                match self { $(Self::$variant(_) => $name,)* Self::Formula(_) => "formula", Self::Own(_) => "own" }
             }
 
             /// Returns the parameters.
             pub fn parameters(&self) -> &dyn Parameters {
-                match self { $(Self::$variant(parameters) => parameters,)* Self::Own(law) => law }
+                match self {
+                    $(Self::$variant(parameters) => parameters,)*
+                    Self::Formula(parameters) => parameters,
+                    Self::Own(law) => law,
+                }
             }
 
             pub(crate) fn visit<V: LawVisitor>(&self, visitor: V) -> V::Output {
                 match self {
                     $(Self::$variant(parameters) => visitor.visit($variant::new(parameters)),)*
+                    Self::Formula(parameters) => visitor.visit(Formula::new(parameters)),
                     Self::Own(law) => visitor.visit(Own::new(law)),
                 }
             }
@@ -79,6 +89,11 @@ macro_rules! materials {
                     super::laws::check::<super::$variant>($name);
                 }
             )*
+
+            #[test]
+            fn formula() {
+                super::laws::check::<super::Formula>("formula");
+            }
         }
     };
 }
