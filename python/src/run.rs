@@ -1,0 +1,79 @@
+//! Runs that write files, as the command line does, and the command line itself.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use pyo3::prelude::*;
+use variational::run::checkpoint::{Found, newest};
+use variational::run::report::Report;
+use variational::run::{self as runs, RunError};
+
+use crate::callables::Raised;
+use crate::errors;
+use crate::scene::Scene;
+use crate::simulation::thread_pool;
+use crate::supervise::supervise;
+
+/// Runs a scene and writes its files into a directory; returns the report as JSON.
+#[pyfunction]
+pub(crate) fn run(
+    py: Python<'_>,
+    scene: &Scene,
+    name: &str,
+    directory: PathBuf,
+    threads: Option<usize>,
+    hear: Option<&Bound<'_, PyAny>>,
+) -> PyResult<String> {
+    let (pool, raised) = (thread_pool(threads)?, Raised::default());
+    let armed = scene.armed(py, &raised)?;
+    let source = scene.source.as_ref().map(|(path, keys)| (path.as_path(), keys.as_slice()));
+    let result = supervise(py, &pool, &raised, hear, |mut link| {
+        runs::run_from(source, armed, name, &directory, &mut link)
+    })?;
+    report(py, result)
+}
+
+/// Continues the run in a directory from its newest checkpoint; returns its name and the report as JSON.
+#[pyfunction]
+pub(crate) fn resume(
+    py: Python<'_>,
+    directory: PathBuf,
+    scene: Option<&Scene>,
+    threads: Option<usize>,
+    hear: Option<&Bound<'_, PyAny>>,
+) -> PyResult<(String, String)> {
+    let (pool, raised) = (thread_pool(threads)?, Raised::default());
+    let Found { checkpoint, damages, .. } =
+        newest(&directory).map_err(|error| errors::checkpoint(py, &error))?;
+    if let Some(hear) = hear {
+        for damage in damages {
+            hear.call1(("finding", format!("damaged checkpoint: {damage}")))?;
+        }
+    }
+    let armed = match scene {
+        Some(scene) => scene.armed(py, &raised)?,
+        None => {
+            let parsed = checkpoint.origin.read_scene().map_err(|error| errors::checkpoint(py, &error))?;
+            match parsed.scene.filter(|_| parsed.problems.is_empty()) {
+                Some(scene) => scene,
+                None => return Err(errors::scene(py, parsed.problems)),
+            }
+        }
+    };
+    let name = checkpoint.origin.name.clone();
+    let result = supervise(py, &pool, &raised, hear, |mut link| {
+        runs::resume(armed, &checkpoint, &directory, &mut link)
+    })?;
+    Ok((name, report(py, result)?))
+}
+
+fn report(py: Python<'_>, result: Result<Report, RunError>) -> PyResult<String> {
+    let report = result.map_err(|error| errors::run(py, error))?;
+    serde_json::to_string(&report).map_err(errors::value)
+}
+
+/// Runs the command `variational` with these arguments (the first is its name); returns the exit code.
+#[pyfunction]
+pub(crate) fn cli(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    py.detach(|| variational::cli::execute(arguments))
+}

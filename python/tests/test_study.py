@@ -1,0 +1,100 @@
+"""Studies: bench, convergence, modes, equilibria, sweeps; pictures."""
+
+from __future__ import annotations
+
+import math
+import pathlib
+import subprocess
+
+import numpy as np
+import pytest
+import variational_sim as vs
+from conftest import beam_keys
+
+
+def test_bench_compares_schemes(beam: vs.Scene) -> None:
+    report = vs.bench(beam.set({"time.end": 0.01}), budget=3.0, schemes=["stormer-verlet", "implicit-midpoint"], quiet=True)
+    assert {row.scheme for row in report.rows} == {"stormer-verlet", "implicit-midpoint"}
+    assert report.recommendation
+    with pytest.raises(vs.StudyError, match="unknown scheme"):
+        vs.bench(beam, schemes=["magic"], quiet=True)
+    with pytest.raises(ValueError, match="budget"):
+        vs.bench(beam, budget=-1.0)
+
+
+def test_convergence_finds_the_order_of_the_scheme(beam: vs.Scene) -> None:
+    report = vs.convergence(beam.set({"time.end": 0.01, "time.step": 5e-4}), space=False, quiet=True)
+    [study] = report.studies
+    assert study.of == "time" and len(study.levels) == 3
+    with pytest.raises(ValueError, match="levels"):
+        vs.convergence(beam, levels=1)
+
+
+def test_modes_of_a_bar_are_known() -> None:
+    """A clamped bar vibrates along its length with f = c/4L."""
+    keys = beam_keys()
+    keys["body"][0] = dict(
+        name="beam",
+        box=dict(size=[1.0, 0.02, 0.02], cells=[40, 1, 1], element="hex20"),
+        material=dict(law="linear", young=1e6, poisson=0.0, density=1000.0),
+    )
+    keys["probe"] = []
+    modes = vs.modes(vs.Scene(keys), 30)
+    along = [mode for mode in range(len(modes)) if modes.effective_masses[mode, 0] > 0.5 * modes.effective_masses[:, 0].sum()]
+    expected = math.sqrt(1e6 / 1000.0) / 4.0
+    assert modes[along[0]] == pytest.approx(expected, rel=1e-3)
+    nodes = len(vs.Simulation(vs.Scene(keys), threads=1)["beam"].x)
+    shape = modes.shape(along[0], "beam", nodes)
+    assert shape.shape == (nodes, 3) and abs(shape[:, 0]).max() > 100 * abs(shape[:, 1]).max()
+
+
+def test_an_equilibrium_carries_the_weight(beam: vs.Scene) -> None:
+    simulation = vs.static(beam.set({"time": {"end": 1.0, "step": 1.0}, "static": {}}), threads=1)
+    assert simulation.is_done
+    np.testing.assert_allclose(
+        simulation["beam"].reactions.sum(axis=0), [0.0, 9.81 * 40.0, 0.0], atol=1e-4
+    )
+
+
+def test_a_sweep_is_that_of_the_program(beam: vs.Scene, program: str, tmp_path: pathlib.Path) -> None:
+    values = [1e5, 1e6, -1.0]
+    over = {"body[0].material.young": values, "time.step": [1e-3, 5e-4]}
+    found = vs.sweep(beam, over, tmp_path / "a", jobs=2)
+    assert len(found) == 6 and found.done == 6 and found.failed == 2
+    assert "<table>" in found._repr_html_() and len(found.rows) == 6
+    assert found.run(0).report.outcome == "done"
+    for task in range(3):
+        vs.sweep(beam, over, tmp_path / "b", jobs=1, task=(task, 3))
+    axes = [f"{key}={','.join(map(repr, values))}" for key, values in over.items()]
+    command = [program, "sweep", tmp_path / "a" / "scene.toml", "--out", tmp_path / "c", "--quiet"]
+    subprocess.run([*command, "--over", axes[0], "--over", axes[1]], check=True)
+    tables = {(tmp_path / name / "sweep.csv").read_bytes() for name in "abc"}
+    assert len(tables) == 1
+
+
+def test_pictures_are_drawn(beam: vs.Scene, tmp_path: pathlib.Path) -> None:
+    pytest.importorskip("pyvista")
+    run = vs.run(beam.set({"output": {"fps": 50.0}}), tmp_path, quiet=True)
+    vs.picture(run, tmp_path / "a.png", size=(200, 150))
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    pixels = vs.picture(vs.Simulation(beam, threads=1), size=(200, 150))
+    assert pixels.shape[:2] == (150, 200) and pixels.std() > 0
+    with pytest.raises(ValueError, match="output.fps"):
+        vs.picture(vs.run(beam, quiet=True))
+
+
+def test_usd_holds_the_mesh_once_and_the_points_by_time(beam: vs.Scene, tmp_path: pathlib.Path) -> None:
+    pytest.importorskip("pyvista")
+    pxr = pytest.importorskip("pxr.UsdGeom")
+    from pxr import Usd
+
+    run = vs.run(beam.set({"output": {"fps": 50.0}}), tmp_path, quiet=True)
+    vs.write_usd(run, tmp_path / "beam.usda", fps=50.0)
+    stage = Usd.Stage.Open(str(tmp_path / "beam.usda"))
+    mesh = pxr.Mesh(stage.GetPrimAtPath("/bodies"))
+    points = mesh.GetPointsAttr()
+    assert points.GetNumTimeSamples() == 6 and mesh.GetFaceVertexIndicesAttr().GetNumTimeSamples() == 0
+    # The tip of the last sample is that of the history.
+    last = np.array(points.Get(5.0))
+    assert abs(last[:, 1].min() - (run.history["tip.uy"][-1])) < 0.05
+    assert len(mesh.GetFaceVertexCountsAttr().Get()) == 44

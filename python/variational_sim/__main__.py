@@ -1,0 +1,17 @@
+"""The command `variational`."""
+
+import signal
+import sys
+
+from ._core import cli
+
+
+def main() -> int:
+    """Runs the command with the arguments of the process; returns its exit code."""
+    # The program has its own signal handlers. Python's would raise KeyboardInterrupt after it has ended.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    return cli(["variational", *sys.argv[1:]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
