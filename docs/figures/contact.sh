@@ -7,7 +7,7 @@ binary=${BINARY:-target/release/variational}
 [ -n "${BINARY:-}${DRAW_ONLY:-}" ] || cargo build --release
 out=${OUT:-out/contact}
 draw() { "${PYTHON:-python3}" docs/figures/render_frame.py "$out/$1/$1.pvd" --by none --out "docs/images/contact/$1.png" "${@:2}"; }
-for scene in ${*:-folding-flag tablecloth skirt-on-body ball-on-drum twisted-mat newtons-cradle bolt \
+for scene in ${*:-folding-flag tablecloth skirt-on-body ball-on-drum dominoes cards twisted-mat newtons-cradle bolt \
         rope jelly-stack gripper}; do
     [ -n "${DRAW_ONLY:-}" ] || "$binary" run "scenes/contact/$scene.toml" --quiet --out "$out/$scene"
     case $scene in
@@ -16,6 +16,8 @@ for scene in ${*:-folding-flag tablecloth skirt-on-body ball-on-drum twisted-mat
         skirt-on-body) draw skirt-on-body --at 0.1 0.4 0.8 --view 0.2 -1.4 0.3 --size 1200 460 ;;
         ball-on-drum) draw ball-on-drum --at 0 0.25 0.5 --view 1 -1.4 0.5 --size 1200 300 ;;
         twisted-mat) draw twisted-mat --at 0.25 1.25 --view 0 -1.4 0.5 --size 1200 130 ;;
+        dominoes) draw dominoes --at 0.2 0.6 0.85 --no-edges --view 0.6 -1.4 0.5 --size 1200 280 ;;
+        cards) draw cards --no-edges --view 0.5 -1.4 0.4 --size 560 420 ;;
         newtons-cradle) draw newtons-cradle --at 0 0.4 0.75 --no-edges --view 0.2 -1.4 0.2 --size 1200 220 ;;
         bolt) draw bolt --exaggerate 20 --view 1.2 -0.9 0.8 --size 800 620 ;;
         rope) draw rope --at 0.2 0.7 1.2 --view 1 -1.4 0.7 --size 1200 480 ;;
