@@ -579,7 +579,7 @@ Cache = Union[Literal['pc2'], Literal['obj'], Literal['ply']]
 
 Encoding = Union[Literal['raw'], Literal['base64']]
 
-Field = Union[Literal['displacement'], Literal['velocity'], Literal['acceleration'], Literal['external_force'], Literal['reaction_force'], Literal['stress'], Literal['von_mises'], Literal['strain'], Literal['J'], Literal['energy_density'], Literal['nodal_stress'], Literal['nodal_von_mises'], Literal['nodal_strain'], Literal['nodal_J'], Literal['nodal_energy_density'], Literal['contact_traction'], Literal['contact_pressure'], Literal['gap'], Literal['body_id'], Literal['material_id']]
+Field = Union[Literal['displacement'], Literal['velocity'], Literal['acceleration'], Literal['external_force'], Literal['reaction_force'], Literal['stress'], Literal['von_mises'], Literal['strain'], Literal['J'], Literal['energy_density'], Literal['nodal_stress'], Literal['nodal_von_mises'], Literal['nodal_strain'], Literal['nodal_J'], Literal['nodal_energy_density'], Literal['contact_traction'], Literal['contact_pressure'], Literal['slip'], Literal['gap'], Literal['body_id'], Literal['material_id']]
 
 Precision = Union[Literal['f32'], Literal['f64']]
 
