@@ -124,13 +124,14 @@ fn rigid_and_quadratic_bodies_rub_and_their_accounts_close() {
 
 #[test]
 fn a_run_is_the_same_on_any_threads_and_after_a_resume_in_mid_slip() {
-    for scheme in ["implicit-midpoint", "stormer-verlet"] {
+    for scheme in ["energy-momentum", "implicit-midpoint", "stormer-verlet"] {
         let scene =
             heap(scheme, "[checkpoint]\ninterval = 0.02\nkeep = 9\n").replace("end = 0.1\n", "end = 0.06\n");
         let text = |program: &Program| std::fs::read(program.out().join("history.csv")).unwrap();
         let one = Program::run_with(&scene, &["--threads", "1"]);
         let two = Program::run_with(&scene, &["--threads", "2"]);
-        assert!(text(&one) == text(&two), "{scheme}");
+        let eight = Program::run_with(&scene, &["--threads", "8"]);
+        assert!(text(&one) == text(&two) && text(&one) == text(&eight), "{scheme}");
         // Interrupts a run after two thirds by deleting its newest checkpoints, and resumes it.
         let files = std::fs::read_dir(two.out()).unwrap().map(|entry| entry.unwrap().path());
         let is_saved = |file: &std::path::PathBuf| file.to_string_lossy().contains("checkpoint_");

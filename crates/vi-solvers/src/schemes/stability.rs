@@ -89,7 +89,10 @@ struct Operator {
 
 impl Operator {
     fn new(system: &System, state: &State) -> Result<Self, SolverError> {
-        let mut evaluator = Evaluator::new(system);
+        let evaluator = Evaluator::new(system);
+        // Terms that list pairs act in the drift of explicit schemes, where they do not limit the step.
+        let is_in_drift = system.terms().live().iter().all(|term| term.lists_pairs());
+        let mut evaluator = if is_in_drift { evaluator.without_live() } else { evaluator };
         evaluator.evaluate(system, &state.q, state.t, true)?;
         let coordinates = system.coordinates();
         let sizes = [displacement(system, evaluator.positions())?, DIFFERENCE];
