@@ -9,7 +9,7 @@ use vi_core::{Live, State, System};
 
 use super::meeting::{Meeting, name_of};
 use super::outline::outline;
-use super::parting::{Parted, Start};
+use super::parting::{Parted, Start, THINNEST};
 use super::{BodyModel, RigidModel};
 use crate::scene::{Contact, Problem, RigidShape, Scene, Substance};
 
@@ -149,11 +149,15 @@ pub(super) fn contact(
         x = system.positions(state);
     }
     let mut near = found.at(&x).smallest_gaps(&x);
-    if let Some(message) = touching(scene, &numbers, &near) {
-        return Err(wrong(message));
-    }
     // Bodies that start inside each other's layer would be pushed apart, so their layer is reduced to the initial gap.
     let layer = |[a, b]: [u32; 2]| parts[a as usize].distance.min(parts[b as usize].distance);
+    let thinnest = |pair: [u32; 2]| match contact.distance {
+        None if pair[0] != pair[1] => THINNEST * layer(pair),
+        _ => 0.0,
+    };
+    if let Some(message) = touching(scene, &numbers, &near, thinnest) {
+        return Err(wrong(message));
+    }
     near.retain(|&pair, gap| pair[0] != pair[1] && contact.distance.is_none() && *gap < layer(pair));
     if !near.is_empty() {
         found = term(&near, &x)?;
@@ -334,11 +338,21 @@ fn hold(
     }
 }
 
-/// Returns a message if surfaces touch at the start.
-fn touching(scene: &Scene, numbers: &[usize], gaps: &Distances) -> Option<String> {
-    let (pair, gap) = gaps.iter().find(|(_, gap)| **gap <= 0.0)?;
+/// Returns a message if surfaces touch at the start, or if their gap is not above `thinnest` (m) of the pair.
+fn touching(
+    scene: &Scene,
+    numbers: &[usize],
+    gaps: &Distances,
+    thinnest: impl Fn([u32; 2]) -> f64,
+) -> Option<String> {
+    let (&pair, gap) = gaps.iter().find(|(pair, gap)| **gap <= thinnest(**pair))?;
     let [a, b] = pair.map(|body| name_of(scene, numbers[body as usize]));
-    let who = if a == b { format!("'{a}' meets itself") } else { format!("'{a}' and '{b}' meet") };
+    let least = thinnest(pair);
+    let who = match a == b {
+        true => format!("'{a}' meets itself"),
+        false if *gap > 0.0 => format!("'{a}' and '{b}' are closer than {least:.3e} m"),
+        false => format!("'{a}' and '{b}' meet"),
+    };
     Some(format!(
         "{who} at the start (gap {gap:.3e} m, after the thickness of sheets): move them apart, let `contact.resolve = true` \
          do it, or list the pair in `contact.exclude`"

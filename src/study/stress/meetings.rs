@@ -64,6 +64,9 @@ pub fn meeting(seed: u64, index: u64) -> Result<Case, CaseError> {
     });
     let duration = step * count as f64;
     let (bodies, rigids, joints) = parts(random, violence, &matter, duration);
+    if matches!(violence, Violence::Close) && random.once_in(2) {
+        scene["contact"]["resolve"] = json!(true);
+    }
     scene["body"] = json!(bodies);
     scene["rigid"] = json!(rigids);
     if !joints.is_empty() {
