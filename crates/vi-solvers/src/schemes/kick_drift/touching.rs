@@ -189,7 +189,8 @@ impl Touching {
             self.work.newton_iterations += 1;
             let decrement = self.small.correct(mass)?;
             let scale = self.small.scale(mass, &state.q);
-            let eta = (decrement.abs() / scale).sqrt();
+            // Pairs that do not push yet give no correction, and may touch no free coordinate.
+            let eta = if decrement == 0.0 { 0.0 } else { (decrement.abs() / scale).sqrt() };
             if !eta.is_finite() {
                 return Err(stuck(iteration, eta, self.tolerance));
             }
