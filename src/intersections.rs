@@ -34,7 +34,11 @@ pub fn intersections(points: &[[f64; 3]], triangles: &[[u32; 3]], wires: &[[u32;
     let mut near = Vec::new();
     for &segment in &segments {
         grid.near(points, segment, &mut near);
+        let box_of_segment = bounds(points, &segment);
         for &triangle in &near {
+            if !overlap(&box_of_segment, &grid.boxes[triangle as usize]) {
+                continue;
+            }
             let nodes = triangles[triangle as usize];
             let joined = segment
                 .iter()
@@ -143,6 +147,8 @@ struct Grid {
     origin: [f64; 3],
     size: f64,
     cubes: HashMap<[i64; 3], Vec<u32>>,
+    /// The bounding box of each triangle.
+    boxes: Vec<[[f64; 3]; 2]>,
 }
 
 /// Largest number of cubes along the longest side.
@@ -163,12 +169,13 @@ impl Grid {
         let mean = boxes.iter().map(extent).sum::<f64>() / boxes.len().max(1) as f64;
         let size = mean.max(extent(&all) / FINEST);
         let size = if size > 0.0 && size.is_finite() { size } else { 1.0 };
-        let mut grid = Self { origin: all[0], size, cubes: HashMap::new() };
+        let mut grid = Self { origin: all[0], size, cubes: HashMap::new(), boxes: Vec::new() };
         for (number, item) in (0..).zip(&boxes) {
             for cube in grid.cubes_of(item) {
                 grid.cubes.entry(cube).or_default().push(number);
             }
         }
+        grid.boxes = boxes;
         grid
     }
 
@@ -192,6 +199,11 @@ impl Grid {
         out.sort_unstable();
         out.dedup();
     }
+}
+
+/// Returns whether two boxes have a common point.
+fn overlap([low, high]: &[[f64; 3]; 2], [other_low, other_high]: &[[f64; 3]; 2]) -> bool {
+    (0..3).all(|k| low[k] <= other_high[k] && other_low[k] <= high[k])
 }
 
 fn bounds(points: &[[f64; 3]], nodes: &[u32]) -> [[f64; 3]; 2] {
