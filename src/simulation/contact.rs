@@ -99,7 +99,7 @@ impl ContactWatch {
 
     /// Returns the number of active pairs at positions x of the component, and their smallest gap, m.
     fn pairs_and_gap(&mut self, x: &[f64]) -> (u64, f64) {
-        let serves = |near: &ContactPotential| near.neighbours().covers(near.surface(), x);
+        let serves = |near: &ContactPotential| near.neighbours().covers(x);
         let near = match self.near.take().filter(serves) {
             Some(near) => near,
             None => self.term.at(x),

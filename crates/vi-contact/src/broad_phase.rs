@@ -1,10 +1,13 @@
 //! Finds parts of surfaces that are near each other, with a tree of boxes and with lists of candidates that stay
 //! valid while nodes move little.
 
+mod margins;
 mod neighbours;
+mod search;
 mod tree;
 
 pub use neighbours::{EdgePair, Neighbours};
+pub(crate) use search::Search;
 
 use rayon::prelude::*;
 

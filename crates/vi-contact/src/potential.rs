@@ -14,11 +14,13 @@ pub use rolling::RollingTerm;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use vi_core::{Account, DiscreteGradient, Fault, HessianKind, Live, Potential, Stencils, Traits, packed_len};
+use vi_core::{
+    Account, DiscreteGradient, Fault, HessianKind, Live, Potential, Stencils, Traits, Tube, packed_len,
+};
 
-use crate::broad_phase::Neighbours;
+use crate::broad_phase::{Neighbours, Search};
 use crate::distance::at;
 use crate::friction::Step;
 use crate::pairs::{ActivePair, Contact, Group};
@@ -36,39 +38,60 @@ const MARGIN: f64 = 0.9;
 pub struct ContactTerm {
     surface: Arc<Surface>,
     reach: f64,
-    /// The last result with its positions and reach, because the friction of round bodies needs the same result again.
-    last: Option<Arc<Mutex<Last>>>,
-}
-
-#[derive(Debug, Default)]
-struct Last {
-    x: Vec<f64>,
-    reach: f64,
-    found: Option<ContactPotential>,
+    /// The last search along a path. The next one often differs at few nodes.
+    search: Arc<Mutex<Option<Search>>>,
+    /// The last result about one configuration, and its tube. Observers ask several times for the same one.
+    about: Arc<Mutex<Option<(Tube, ContactPotential)>>>,
 }
 
 impl ContactTerm {
     /// Returns the contact of surfaces. Nodes may move by `reach` (m) before candidates are searched again; half of
     /// the activation distance is a good choice.
     pub fn new(surface: Arc<Surface>, reach: f64) -> Self {
-        let last = surface.has_rolling().then(Arc::default);
-        Self { surface, reach, last }
+        Self { surface, reach, search: Arc::default(), about: Arc::default() }
     }
 
-    /// Returns the contact near x. Two consecutive requests for the same positions search only once.
-    fn near_shared(&self, x: &[f64], reach: f64) -> ContactPotential {
-        let find = || ContactPotential::near(Arc::clone(&self.surface), x, reach);
-        let Some(last) = &self.last else { return find() };
-        let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
-        match &last.found {
-            Some(found) if last.x == x && last.reach == reach => found.clone(),
-            _ => {
-                let found = find();
-                *last = Last { x: x.to_vec(), reach, found: Some(found.clone()) };
-                found
-            }
-        }
+    /// Returns the contact in a tube along a path.
+    fn along(&self, tube: &Tube) -> ContactPotential {
+        // Take the search out of its lock while it works, because it uses all threads.
+        let search = lock(&self.search).take();
+        let search = match search {
+            Some(search) if search.tube() == tube => search,
+            Some(mut search) => match search.update(&self.surface, tube.clone()) {
+                true => search,
+                false => Search::new(&self.surface, tube.clone()),
+            },
+            None => Search::new(&self.surface, tube.clone()),
+        };
+        let found = ContactPotential::on(Arc::clone(&self.surface), Arc::clone(search.found()));
+        *lock(&self.search) = Some(search);
+        found
     }
+
+    /// Returns the contact about x. If a known list is valid there, candidates are chosen from it; they are the same.
+    fn about(&self, x: &[f64], reach: f64) -> ContactPotential {
+        let tube = Tube::about(x, reach);
+        let known = lock(&self.search)
+            .as_ref()
+            .filter(|search| search.tube().contains_tube(&tube))
+            .map(|search| Arc::clone(search.found()));
+        if let Some(found) = known {
+            let found = found.narrowed(&self.surface, &tube, Some(tube.clone()));
+            return ContactPotential::on(Arc::clone(&self.surface), Arc::new(found));
+        }
+        if let Some((last, found)) = lock(&self.about).as_ref()
+            && *last == tube
+        {
+            return found.clone();
+        }
+        let found = ContactPotential::within(Arc::clone(&self.surface), tube.clone());
+        *lock(&self.about) = Some((tube, found.clone()));
+        found
+    }
+}
+
+fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl ContactTerm {
@@ -84,7 +107,7 @@ impl ContactTerm {
 
     /// Returns the contact near x, valid until a node is farther than the reach from there.
     pub fn at(&self, x: &[f64]) -> ContactPotential {
-        ContactPotential::near(Arc::clone(&self.surface), x, self.reach)
+        self.about(x, self.reach)
     }
 }
 
@@ -98,7 +121,11 @@ impl Live for ContactTerm {
     }
 
     fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential> {
-        Arc::new(self.near_shared(x, reach))
+        Arc::new(self.about(x, reach))
+    }
+
+    fn within(&self, tube: &Tube) -> Arc<dyn Potential> {
+        Arc::new(self.along(tube))
     }
 
     fn lists_pairs(&self) -> bool {
@@ -119,11 +146,16 @@ pub struct ContactPotential {
 impl ContactPotential {
     /// Returns the contact energy, exact as long as no node is farther than `reach` (m) from x.
     pub fn near(surface: Arc<Surface>, x: &[f64], reach: f64) -> Self {
-        let neighbours = Neighbours::find(&surface, x, 2.0 * reach);
-        Self::on(surface, neighbours)
+        Self::within(surface, Tube::about(x, reach))
     }
 
-    fn on(surface: Arc<Surface>, neighbours: Neighbours) -> Self {
+    /// Returns the contact energy, exact in a tube.
+    fn within(surface: Arc<Surface>, tube: Tube) -> Self {
+        let neighbours = Neighbours::within(&surface, tube);
+        Self::on(surface, Arc::new(neighbours))
+    }
+
+    fn on(surface: Arc<Surface>, neighbours: Arc<Neighbours>) -> Self {
         let contact = Contact { surface: &surface, neighbours: &neighbours };
         let mut nodes = Vec::with_capacity(4 * neighbours.count());
         for &point in neighbours.near() {
@@ -138,13 +170,20 @@ impl ContactPotential {
             let face = surface.half_spaces()[plane as usize].node;
             nodes.extend([surface.points()[point as usize].node, face, face, face]);
         }
-        Self { surface, neighbours: Arc::new(neighbours), nodes: nodes.into(), step: None }
+        Self { surface, neighbours, nodes: nodes.into(), step: None }
     }
 
-    /// Returns the contact of the candidates that can act or meet while no node is farther than its `reach` (m) from x.
-    pub(crate) fn narrowed_to(&self, x: &[f64], reach: &[f64]) -> Self {
-        let neighbours = self.neighbours.narrowed(&self.surface, x, reach);
-        Self::on(Arc::clone(&self.surface), neighbours)
+    /// Returns the contact of the candidates that can act or meet in a tube.
+    fn narrowed_to(&self, tube: &Tube) -> Self {
+        let neighbours = self.neighbours.narrowed(&self.surface, tube, None);
+        Self::on(Arc::clone(&self.surface), Arc::new(neighbours))
+    }
+
+    /// Returns the contact of the candidates with a round body.
+    fn of_round_bodies(&self) -> Self {
+        let is_round = |bodies: [u32; 2]| bodies.into_iter().any(|body| self.surface.is_round(body));
+        let neighbours = self.neighbours.between(&self.surface, is_round);
+        Self::on(Arc::clone(&self.surface), Arc::new(neighbours))
     }
 
     /// Returns the candidates.
@@ -185,8 +224,7 @@ impl ContactPotential {
     /// Returns the fraction in [0, 1] of the straight path from x to x + dx that is proved free of contact.
     pub fn free_path(&self, x: &[f64], dx: &[f64]) -> f64 {
         let end: Vec<f64> = x.iter().zip(dx).map(|(x, dx)| x + dx).collect();
-        let covers = |x: &[f64]| self.neighbours.covers(&self.surface, x);
-        let impact = if covers(x) && covers(&end) {
+        let impact = if self.neighbours.covers(x) && self.neighbours.covers(&end) {
             self.contact().first_impact(x, &end)
         } else {
             let far = self.surface.nodes().map(|node| at(dx, node).norm()).fold(0.0, f64::max);
@@ -341,15 +379,17 @@ impl Potential for ContactPotential {
     }
 
     fn limit_nodes(&self, x: &[f64], end: &[f64], parts: &mut [f64]) {
-        for (impact, nodes) in self.contact().impacts(x, end) {
+        let near = self.neighbours.near_path(&self.surface, [x, end], |gauge| gauge.thickness);
+        let contact = Contact { surface: &self.surface, neighbours: &near };
+        for (impact, nodes) in contact.impacts(x, end) {
             for node in nodes {
                 parts[node as usize] = parts[node as usize].min(MARGIN * impact.time);
             }
         }
     }
 
-    fn narrowed(&self, x: &[f64], reach: &[f64]) -> Option<Arc<dyn Potential>> {
-        Some(Arc::new(self.narrowed_to(x, reach)))
+    fn narrowed(&self, tube: &Tube) -> Option<Arc<dyn Potential>> {
+        Some(Arc::new(self.narrowed_to(tube)))
     }
 
     fn fault(&self, stencil: usize, x: &[f64], _t: f64) -> Option<Fault> {

@@ -169,6 +169,12 @@ impl Surface {
         self.laws.bodies[body as usize].radius
     }
 
+    /// Returns the radius of a body plus half of its largest activation distance, m. Parts of two bodies can act on each
+    /// other only if they are nearer than the sum for both.
+    pub(crate) fn reach(&self, body: u32) -> f64 {
+        self.laws.bodies[body as usize].radius + self.laws.half_reach[body as usize]
+    }
+
     /// Returns the constants of bodies `a` and `b` against each other; `None` if they form no pair.
     pub fn law(&self, a: u32, b: u32) -> Option<Law> {
         self.laws.of(a, b)

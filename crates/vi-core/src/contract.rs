@@ -19,3 +19,4 @@ pub(crate) mod quadrature;
 pub(crate) mod scheme;
 pub(crate) mod system;
 pub(crate) mod terms;
+pub(crate) mod tube;

@@ -26,6 +26,7 @@ pub use contract::quadrature::Quadrature;
 pub use contract::scheme::{Interpolation, Scheme};
 pub use contract::system::{State, System};
 pub use contract::terms::{Live, Terms};
+pub use contract::tube::Tube;
 pub use error::CoreError;
 pub use theory::derived::{Derived, LocalEnergy};
 pub use theory::{

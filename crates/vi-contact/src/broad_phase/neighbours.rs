@@ -1,14 +1,13 @@
-//! Verlet lists (Verlet 1967): all pairs nearer than their activation distance plus a margin, at one configuration.
-//! While no node has moved farther than half the margin, no pair outside the lists can act or meet.
+//! Verlet lists (Verlet 1967): all pairs that can act or meet in a tube of configurations.
 
-use rayon::prelude::*;
+use std::borrow::Cow;
 
-use super::tree::{Bounds, Tree};
+use vi_core::Tube;
+
+use super::margins::Margins;
+use super::search::Search;
 use crate::distance::{Shape, at};
-use crate::surface::{Edge, Gauge, Surface};
-
-/// Number of queries per task.
-const CHUNK: usize = 1024;
+use crate::surface::{Cell, Gauge, Surface};
 
 /// Two edges that may meet.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,11 +18,37 @@ pub struct EdgePair {
     pub gauge: Gauge,
 }
 
-/// Candidates for contact near one configuration, in the order of their numbers.
+/// The distances of the pairs of a point with a cell, and of two edges, at positions x, m.
+#[derive(Debug, Clone, Default)]
+struct Apart {
+    x: Vec<f64>,
+    cells: Vec<f64>,
+    edges: Vec<f64>,
+}
+
+impl Apart {
+    /// Returns the largest square of a change of the vector between a node of the first part and one of the second, from
+    /// the known positions to x, m².
+    #[inline]
+    fn largest_change(&self, x: &[f64], nodes: [u32; 4], first: usize) -> f64 {
+        let motion = nodes.map(|node| at(x, node) - at(&self.x, node));
+        let mut largest = 0.0_f64;
+        for i in 0..first {
+            for j in first..4 {
+                largest = largest.max((motion[i] - motion[j]).norm_squared());
+            }
+        }
+        largest
+    }
+}
+
+/// Candidates for contact in a tube of configurations, in the order of their numbers.
 #[derive(Debug, Clone, Default)]
 pub struct Neighbours {
-    reference: Vec<f64>,
-    margin: f64,
+    /// The tube, if the list shall know what it covers.
+    tube: Option<Tube>,
+    /// Distances of all pairs at one configuration, if they are known.
+    apart: Option<Apart>,
     /// The points that are near any cell, ascending.
     near: Vec<u32>,
     /// Index in `cells` of the first cell of each point, followed by the total number.
@@ -37,66 +62,123 @@ pub struct Neighbours {
 impl Neighbours {
     /// Returns all pairs nearer than their activation distance plus `margin` (m) at positions x.
     pub fn find(surface: &Surface, x: &[f64], margin: f64) -> Self {
-        let (starts, cells) = near_cells(surface, x, margin);
-        let edges = near_edges(surface, x, margin);
-        let mut planes = Vec::new();
-        for point in 0..surface.points.len() {
-            for plane in 0..surface.half_spaces.len() {
-                let (node, face) = (surface.points[point].node, &surface.half_spaces[plane]);
-                let Some(gauge) = surface.plane_gauge(point, plane) else { continue };
-                let height = face.normal.dot(&(at(x, node) - at(x, face.node)));
-                let is_pair =
-                    !surface.is_rigid(&[node, face.node]) && !surface.is_held_to_plane(point, plane);
-                if height < gauge.thickness + gauge.distance + margin && is_pair {
-                    planes.push([point as u32, plane as u32]);
+        Self::within(surface, Tube::about(x, 0.5 * margin))
+    }
+
+    /// Returns all pairs that can act or meet in a tube.
+    pub fn within(surface: &Surface, tube: Tube) -> Self {
+        Search::new(surface, tube).into_found()
+    }
+
+    /// Returns a list of these candidates; those of point i have the indices `starts[i]..starts[i + 1]` in `cells`.
+    pub(super) fn new(
+        starts: Vec<u32>,
+        cells: Vec<u32>,
+        edges: Vec<EdgePair>,
+        planes: Vec<[u32; 2]>,
+    ) -> Self {
+        let near = (0..).zip(starts.windows(2)).filter(|(_, range)| range[0] < range[1]);
+        let near = near.map(|(point, _)| point).collect();
+        Self { tube: None, apart: None, near, starts, cells, edges, planes }
+    }
+
+    /// Records the tube that the list covers.
+    pub(super) fn covering(mut self, tube: Tube) -> Self {
+        self.tube = Some(tube);
+        self
+    }
+
+    /// Returns those of the pairs that can act or meet in a tube, which must be inside the tube of this list. `known` is
+    /// the tube if the new list shall know what it covers.
+    pub(crate) fn narrowed(&self, surface: &Surface, tube: &Tube, known: Option<Tube>) -> Self {
+        let margins = Margins::new(surface, tube);
+        let mut apart = Apart::default();
+        let cells = self.cells_where(surface, |node, cell, gauge, _| {
+            let [a, b, c] = cell.nodes;
+            let distance = margins.distance_if_near(cell.shape(), [node, a, b, c], &gauge);
+            apart.cells.extend(distance);
+            distance.is_some()
+        });
+        let edges = self.edges.iter().filter(|pair| {
+            let [[i, j], [k, l]] = pair.edges.map(|edge| surface.edges[edge as usize].nodes);
+            let distance = margins.distance_if_near(Shape::EdgeEdge, [i, j, k, l], &pair.gauge);
+            apart.edges.extend(distance);
+            distance.is_some()
+        });
+        let edges = edges.copied().collect();
+        let planes =
+            self.planes.iter().filter(|&&[point, plane]| margins.is_near_plane(surface, point, plane));
+        let planes = planes.copied().collect();
+        apart.x = margins.into_middle();
+        Self { tube: known, apart: Some(apart), ..Self::new(cells.0, cells.1, edges, planes) }
+    }
+
+    /// Returns those of the pairs that may come nearer than a distance, m, on the straight path between two
+    /// configurations. The distance is a function of the constants of the pair. Bounds exclude most pairs without
+    /// computing their closest points: if the distance was d at one configuration, it is at least d − max |Δ_i − Δ_j|
+    /// after motions Δ of the nodes i of one part and j of the other.
+    pub(crate) fn near_path(
+        &self,
+        surface: &Surface,
+        x: [&[f64]; 2],
+        distance: impl Fn(&Gauge) -> f64,
+    ) -> Cow<'_, Self> {
+        let Some(apart) = &self.apart else { return Cow::Borrowed(self) };
+        let may_come = |nodes: [u32; 4], first: usize, known: f64, distance: f64| {
+            // Subtract far more than the round-off of the known distance.
+            let slack = known * (1.0 - 1e-9) - distance;
+            slack <= 0.0 || x.iter().any(|x| apart.largest_change(x, nodes, first) >= slack * slack)
+        };
+        let (starts, cells) = self.cells_where(surface, |node, cell, gauge, number| {
+            let [a, b, c] = cell.nodes;
+            may_come([node, a, b, c], 1, apart.cells[number], distance(&gauge))
+        });
+        let edges = self.edges.iter().zip(&apart.edges).filter(|(pair, known)| {
+            let [[i, j], [k, l]] = pair.edges.map(|edge| surface.edges[edge as usize].nodes);
+            may_come([i, j, k, l], 2, **known, distance(&pair.gauge))
+        });
+        let edges = edges.map(|(pair, _)| *pair).collect();
+        Cow::Owned(Self::new(starts, cells, edges, self.planes.clone()))
+    }
+
+    /// Returns the cells near each point that `keeps` accepts, given the node of the point, the cell, the constants of
+    /// the pair and its number.
+    fn cells_where(
+        &self,
+        surface: &Surface,
+        mut keeps: impl FnMut(u32, &Cell, Gauge, usize) -> bool,
+    ) -> (Vec<u32>, Vec<u32>) {
+        let (mut starts, mut cells) = (Vec::with_capacity(self.starts.len()), Vec::new());
+        starts.push(0);
+        for &point in &self.near {
+            starts.resize(point as usize + 1, cells.len() as u32);
+            let mut gauges = Gauges::of(surface, point as usize);
+            let first = self.starts[point as usize] as usize;
+            for (number, &cell) in (first..).zip(self.cells_of(point as usize)) {
+                let (node, part) = (surface.points[point as usize].node, &surface.cells[cell as usize]);
+                if gauges.against(part.body).is_some_and(|gauge| keeps(node, part, gauge, number)) {
+                    cells.push(cell);
                 }
             }
         }
-        let near = with_cells(&starts);
-        Self { reference: x.to_vec(), margin, near, starts, cells, edges, planes }
+        starts.resize(surface.points.len() + 1, cells.len() as u32);
+        (starts, cells)
     }
 
-    /// Returns those of the pairs that can act or meet while no node is farther than its `reach` (m) from x. All such
-    /// configurations must be covered by this list. The returned list has no margin: it covers only x.
-    pub fn narrowed(&self, surface: &Surface, x: &[f64], reach: &[f64]) -> Self {
-        let margin_of = |nodes: &[u32]| nodes.iter().map(|&node| reach[node as usize]).fold(0.0, f64::max);
-        let is_near = |shape: Shape, nodes: [u32; 4], gauge: &Gauge| {
-            // The margin of a pair is the sum over both sides of the largest reach of their nodes.
-            let (first, second) = nodes.split_at(if shape == Shape::EdgeEdge { 2 } else { 1 });
-            let margin = margin_of(first) + margin_of(second);
-            let reach = gauge.thickness + gauge.distance + margin;
-            shape.closest(&nodes.map(|node| at(x, node))).squared < reach * reach
-        };
-        let (mut starts, mut cells) = (Vec::with_capacity(self.starts.len()), Vec::new());
-        starts.push(0);
-        let mut near = self.near.iter().peekable();
-        for point in 0..surface.points.len() {
-            if near.next_if(|&&other| other as usize == point).is_some() {
-                cells.extend(self.cells_of(point).iter().filter(|&&cell| {
-                    let cell = &surface.cells[cell as usize];
-                    let [a, b, c] = cell.nodes;
-                    let gauge = surface.point_gauge(point, cell.body);
-                    gauge.is_some_and(|gauge| {
-                        is_near(cell.shape(), [surface.points[point].node, a, b, c], &gauge)
-                    })
-                }));
-            }
+    /// Returns those of the pairs that `keeps` accepts, given the numbers of both bodies.
+    pub(crate) fn between(&self, surface: &Surface, keeps: impl Fn([u32; 2]) -> bool) -> Self {
+        let (mut starts, mut cells) = (vec![0], Vec::new());
+        for (point, part) in surface.points.iter().enumerate() {
+            let of_point = self.cells_of(point).iter();
+            cells.extend(of_point.filter(|&&cell| keeps([part.body, surface.cells[cell as usize].body])));
             starts.push(cells.len() as u32);
         }
-        let edges = self.edges.iter().filter(|pair| {
-            let [[i, j], [k, l]] = pair.edges.map(|edge| surface.edges[edge as usize].nodes);
-            is_near(Shape::EdgeEdge, [i, j, k, l], &pair.gauge)
-        });
+        let edges =
+            self.edges.iter().filter(|pair| keeps(pair.edges.map(|edge| surface.edges[edge as usize].body)));
         let planes = self.planes.iter().filter(|&&[point, plane]| {
-            let (node, face) = (surface.points[point as usize].node, &surface.half_spaces[plane as usize]);
-            let height = face.normal.dot(&(at(x, node) - at(x, face.node)));
-            let gauge = surface.plane_gauge(point as usize, plane as usize);
-            let margin = margin_of(&[node, face.node]) + margin_of(&[face.node]);
-            gauge.is_some_and(|gauge| height < gauge.thickness + gauge.distance + margin)
+            keeps([surface.points[point as usize].body, surface.half_spaces[plane as usize].body])
         });
-        let (edges, planes) = (edges.copied().collect(), planes.copied().collect());
-        let near = with_cells(&starts);
-        Self { reference: x.to_vec(), margin: 0.0, near, starts, cells, edges, planes }
+        Self::new(starts, cells, edges.copied().collect(), planes.copied().collect())
     }
 
     /// Returns the points that are near any cell, ascending.
@@ -104,16 +186,10 @@ impl Neighbours {
         &self.near
     }
 
-    /// Returns whether every pair that can act or meet at x is among the candidates. This holds while 2 max|Δx| ≤
-    /// margin. The set of such x is convex: if it contains both ends of a straight path, it contains the path.
-    pub fn covers(&self, surface: &Surface, x: &[f64]) -> bool {
-        let limit = 0.25 * self.margin * self.margin;
-        surface.nodes().all(|node| (at(x, node) - at(&self.reference, node)).norm_squared() <= limit)
-    }
-
-    /// Returns the margin, m.
-    pub fn margin(&self) -> f64 {
-        self.margin
+    /// Returns whether every pair that can act or meet at x is known to be among the candidates. If this holds at both
+    /// ends of a straight path, it holds along the path.
+    pub fn covers(&self, x: &[f64]) -> bool {
+        self.tube.as_ref().is_some_and(|tube| tube.contains(x))
     }
 
     /// Returns the number of candidates of all kinds.
@@ -137,105 +213,27 @@ impl Neighbours {
     }
 }
 
-/// Returns the points whose list of cells is not empty.
-fn with_cells(starts: &[u32]) -> Vec<u32> {
-    (0..).zip(starts.windows(2)).filter(|(_, range)| range[0] < range[1]).map(|(point, _)| point).collect()
+/// The constants of one point against the bodies that it meets. The last one is kept, because the cells of a body follow
+/// each other.
+pub(super) struct Gauges<'a> {
+    surface: &'a Surface,
+    point: usize,
+    last: Option<(u32, Option<Gauge>)>,
 }
 
-/// Returns the distance by which the box of a part of a body is inflated, such that boxes overlap if a pair is nearer
-/// than its reach.
-fn inflation(surface: &Surface, body: u32, margin: f64) -> f64 {
-    surface.laws.bodies[body as usize].radius + surface.laws.half_reach[body as usize] + 0.5 * margin
-}
-
-/// Returns the cells near each point, in the order of points and of cells.
-fn near_cells(surface: &Surface, x: &[f64], margin: f64) -> (Vec<u32>, Vec<u32>) {
-    let bounds: Vec<Bounds> = surface
-        .cells
-        .par_iter()
-        .map(|cell| Bounds::of(cell.nodes(), x).inflated(inflation(surface, cell.body, margin)))
-        .collect();
-    let tree = Tree::new(&bounds);
-    let near = |point: usize, out: &mut Vec<u32>| {
-        let first = out.len();
-        let part = &surface.points[point];
-        let position = at(x, part.node);
-        let bounds = Bounds::of(&[part.node], x).inflated(inflation(surface, part.body, margin));
-        tree.visit(&bounds, &mut |cell| {
-            let other = &surface.cells[cell as usize];
-            let Some(gauge) = surface.point_gauge(point, other.body) else { return };
-            let [a, b, c] = other.nodes.map(|node| at(x, node));
-            let reach = gauge.thickness + gauge.distance + margin;
-            if !other.nodes.contains(&part.node)
-                && other.shape().closest(&[position, a, b, c]).squared < reach * reach
-                && surface.admits_point(point, cell as usize)
-            {
-                out.push(cell);
-            }
-        });
-        out[first..].sort_unstable();
-    };
-    let chunks: Vec<(Vec<u32>, Vec<u32>)> = (0..surface.points.len().div_ceil(CHUNK))
-        .into_par_iter()
-        .map(|chunk| {
-            let (mut ends, mut cells) = (Vec::new(), Vec::new());
-            for point in chunk * CHUNK..((chunk + 1) * CHUNK).min(surface.points.len()) {
-                near(point, &mut cells);
-                ends.push(cells.len() as u32);
-            }
-            (ends, cells)
-        })
-        .collect();
-    let (mut starts, mut cells) = (vec![0], Vec::new());
-    for (ends, found) in chunks {
-        let base = cells.len() as u32;
-        starts.extend(ends.into_iter().map(|end| base + end));
-        cells.extend(found);
+impl<'a> Gauges<'a> {
+    pub(super) fn of(surface: &'a Surface, point: usize) -> Self {
+        Self { surface, point, last: None }
     }
-    (starts, cells)
-}
 
-/// Returns the pairs of edges near each other, in the order of their numbers.
-fn near_edges(surface: &Surface, x: &[f64], margin: f64) -> Vec<EdgePair> {
-    let bounds: Vec<Bounds> = surface
-        .edges
-        .par_iter()
-        .map(|edge| Bounds::of(&edge.nodes, x).inflated(inflation(surface, edge.body, margin)))
-        .collect();
-    let tree = Tree::new(&bounds);
-    let near = |first: u32, out: &mut Vec<EdgePair>| {
-        let Edge { nodes: [a, b], body, .. } = surface.edges[first as usize];
-        let (start, end) = (at(x, a), at(x, b));
-        let own = inflation(surface, body, margin);
-        tree.visit(&bounds[first as usize], &mut |second| {
-            let Edge { nodes: [c, d], body, .. } = surface.edges[second as usize];
-            if second <= first || a == c || a == d || b == c || b == d {
-                return;
+    pub(super) fn against(&mut self, body: u32) -> Option<Gauge> {
+        match self.last {
+            Some((last, gauge)) if last == body => gauge,
+            _ => {
+                let gauge = self.surface.point_gauge(self.point, body);
+                self.last = Some((body, gauge));
+                gauge
             }
-            let closest = Shape::EdgeEdge.closest(&[start, end, at(x, c), at(x, d)]);
-            // The gauge of a pair reaches no farther than both inflations. This test spares most pairs their gauge.
-            let most = own + inflation(surface, body, margin);
-            if closest.squared > 1.000_001 * most * most
-                || !surface.admits_edges(first as usize, second as usize)
-            {
-                return;
-            }
-            let Some(gauge) = surface.edge_gauge(first as usize, second as usize) else { return };
-            let reach = gauge.thickness + gauge.distance + margin;
-            if closest.squared < reach * reach {
-                out.push(EdgePair { edges: [first, second], gauge });
-            }
-        });
-    };
-    let mut pairs: Vec<EdgePair> = tree
-        .order()
-        .par_chunks(CHUNK)
-        .flat_map_iter(|queries| {
-            let mut out = Vec::new();
-            queries.iter().for_each(|&edge| near(edge, &mut out));
-            out
-        })
-        .collect();
-    pairs.par_sort_unstable_by_key(|pair| pair.edges);
-    pairs
+        }
+    }
 }

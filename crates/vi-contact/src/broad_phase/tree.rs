@@ -59,12 +59,15 @@ impl Bounds {
 /// Number of items per leaf. Of 2, 4 and 8, 4 was the fastest for a rebuild of two folded sheets of 80 000 triangles.
 const LEAF: usize = 4;
 
+#[derive(Debug)]
 pub(crate) struct Tree {
     /// Boxes of the heap; the first is unused.
     boxes: Vec<Bounds>,
     /// Items in Morton order, and their boxes.
     items: Vec<u32>,
     item_boxes: Vec<Bounds>,
+    /// The place of each item in Morton order.
+    places: Vec<u32>,
     leaves: usize,
 }
 
@@ -88,7 +91,27 @@ impl Tree {
             joined.join(&boxes[2 * node + 1]);
             boxes[node] = joined;
         }
-        Self { boxes, items, item_boxes, leaves }
+        let mut places = vec![0; items.len()];
+        (0..).zip(&items).for_each(|(place, &item)| places[item as usize] = place);
+        Self { boxes, items, item_boxes, places, leaves }
+    }
+
+    /// Gives an item another box.
+    pub(crate) fn update(&mut self, item: u32, bounds: Bounds) {
+        let place = self.places[item as usize] as usize;
+        self.item_boxes[place] = bounds;
+        let leaf = place / LEAF;
+        let mut joined = Bounds::EMPTY;
+        let last = ((leaf + 1) * LEAF).min(self.items.len());
+        self.item_boxes[leaf * LEAF..last].iter().for_each(|item| joined.join(item));
+        let mut node = self.leaves + leaf;
+        self.boxes[node] = joined;
+        while node > 1 {
+            node /= 2;
+            let mut joined = self.boxes[2 * node];
+            joined.join(&self.boxes[2 * node + 1]);
+            self.boxes[node] = joined;
+        }
     }
 
     /// Calls `found` with every item whose box overlaps `bounds`.

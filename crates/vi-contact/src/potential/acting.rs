@@ -7,7 +7,7 @@ use super::ContactPotential;
 use super::step::UNDAMPED;
 use crate::distance::Vec3;
 use crate::friction::{FrictionPair, Pressed, Step};
-use crate::pairs::{Group, Partners, StepPair, in_order};
+use crate::pairs::{Contact, Group, Partners, StepPair, in_order};
 
 /// Returns the nodes, each with its vector times `factor`.
 fn covector<'a>(
@@ -104,14 +104,19 @@ impl ContactPotential {
         out: &mut Acting,
         each: impl Fn(&[StepPair], &mut Acting) + Sync,
     ) {
-        let contact = self.contact();
+        let neighbours =
+            self.neighbours.near_path(&self.surface, x, |gauge| gauge.thickness + gauge.distance);
+        let contact = Contact { surface: &self.surface, neighbours: &neighbours };
         let settings = self.step.as_ref().map_or(&UNDAMPED, |step| &step.settings);
-        let near = self.neighbours.near();
+        let near = neighbours.near();
         let empty = out.part();
         let chunk = |pairs: &[StepPair], out: &mut Vec<Acting>| {
-            let mut acting = empty.part();
-            pairs.chunk_by(|a, b| a.partners == b.partners).for_each(|pairs| each(pairs, &mut acting));
-            out.push(acting);
+            if out.is_empty() {
+                out.push(empty.part());
+            }
+            if let Some(acting) = out.last_mut() {
+                pairs.chunk_by(|a, b| a.partners == b.partners).for_each(|pairs| each(pairs, acting));
+            }
         };
         let space = || (Group::new(), Vec::new());
         let of_points = in_order(near.len(), space, |k, (group, pairs), out| {
@@ -121,9 +126,9 @@ impl ContactPotential {
                 chunk(pairs, out);
             }
         });
-        let planes = self.neighbours.planes.len();
+        let planes = neighbours.planes.len();
         let of_others = in_order(
-            self.neighbours.edges.len() + planes,
+            neighbours.edges.len() + planes,
             || (),
             |k, (), out| {
                 let pair = match k.checked_sub(planes) {

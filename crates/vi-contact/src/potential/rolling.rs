@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use vi_core::{
-    Account, Acting, DiscreteGradient, HessianKind, Live, Potential, Stencils, StepOutcome, Traits,
+    Account, Acting, DiscreteGradient, HessianKind, Live, Potential, Stencils, StepOutcome, Traits, Tube,
     packed_len,
 };
 
@@ -40,7 +40,11 @@ impl Live for RollingTerm {
     }
 
     fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential> {
-        Arc::new(RollingPotential::of(self.0.near_shared(x, reach)))
+        Arc::new(RollingPotential::of(self.0.about(x, reach).of_round_bodies()))
+    }
+
+    fn within(&self, tube: &Tube) -> Arc<dyn Potential> {
+        Arc::new(RollingPotential::of(self.0.along(tube).of_round_bodies()))
     }
 
     fn lists_pairs(&self) -> bool {
@@ -57,9 +61,9 @@ struct Candidate {
     number: usize,
 }
 
-/// Returns the candidates of a contact with a round body: points with the cells near them, edges, half-spaces.
+/// Returns the candidates of a contact: points with the cells near them, edges, half-spaces.
 fn candidates(contact: &ContactPotential) -> Vec<Candidate> {
-    let (surface, view) = (contact.surface(), contact.contact());
+    let view = contact.contact();
     let mut all = Vec::new();
     for &point in contact.neighbours().near() {
         for (body, cells) in view.bodies_of(point as usize) {
@@ -74,13 +78,13 @@ fn candidates(contact: &ContactPotential) -> Vec<Candidate> {
     for (number, &[point, plane]) in neighbours.plane_pairs().iter().enumerate() {
         all.push(Candidate { partners: Partners::PointPlane(point, plane), cell: 0, number });
     }
-    all.retain(|candidate| surface.rolls(candidate.partners));
     all
 }
 
 /// The friction of round bodies near one configuration.
 #[derive(Clone)]
 struct RollingPotential {
+    /// The contact of the round bodies.
     contact: ContactPotential,
     candidates: Arc<[Candidate]>,
     nodes: Arc<[u32]>,
@@ -99,11 +103,8 @@ impl RollingPotential {
 
     /// Adds the friction of pairs with equal partners over the open step.
     fn add_friction(&self, pairs: &[StepPair], x: [&[f64]; 2], step: &Step, out: &mut Acting) {
-        let (contact, surface) = (self.contact.contact(), self.contact.surface());
+        let contact = self.contact.contact();
         let partners = pairs[0].partners;
-        if !surface.rolls(partners) {
-            return;
-        }
         let stiffness = out.stiffness;
         let roll = |force: f64| {
             contact.roll(partners, Pressed { force, stiffness }, x, &step.anchors, &step.settings)
@@ -141,16 +142,8 @@ impl RollingPotential {
                 out.clear();
                 for pairs in normal.chunk_by(|a, b| a.partners == b.partners) {
                     let force: Vec3 = pairs.iter().map(StepPair::force).sum();
-                    if contact.surface.rolls(pairs[0].partners) {
-                        let Step { settings, anchors } = step;
-                        out.extend(contact.roll(
-                            pairs[0].partners,
-                            Pressed::by(force.norm()),
-                            x,
-                            anchors,
-                            settings,
-                        ));
-                    }
+                    let (pressed, Step { settings, anchors }) = (Pressed::by(force.norm()), step);
+                    out.extend(contact.roll(pairs[0].partners, pressed, x, anchors, settings));
                 }
             };
             match partners {
@@ -214,8 +207,8 @@ impl Potential for RollingPotential {
         Some(self)
     }
 
-    fn narrowed(&self, x: &[f64], reach: &[f64]) -> Option<Arc<dyn Potential>> {
-        Some(Arc::new(Self::of(self.contact.narrowed_to(x, reach))))
+    fn narrowed(&self, tube: &Tube) -> Option<Arc<dyn Potential>> {
+        Some(Arc::new(Self::of(self.contact.narrowed_to(tube))))
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::support::{Numbers, Sheet, body};
 use vi_contact::{ContactPotential, Surface, SurfaceBuilder};
-use vi_core::{Acting, DiscreteGradient, Potential};
+use vi_core::{Acting, DiscreteGradient, Potential, Tube};
 
 /// Returns two sheets half a layer apart, shifted against each other, and a motion that presses and slides them.
 fn sheets(friction: f64) -> (Arc<Surface>, [Vec<f64>; 2]) {
@@ -39,7 +39,7 @@ fn sum(acting: &Acting, count: usize) -> Vec<f64> {
 fn pairs_sum_to_the_discrete_gradient_with_friction_and_in_a_narrowed_list() {
     let (surface, [start, end]) = sheets(0.4);
     let wide = ContactPotential::near(surface, &start, 0.1);
-    let narrow = wide.narrowed(&start, &vec![3e-3; start.len() / 3]).expect("contact narrows");
+    let narrow = wide.narrowed(&Tube::about(&start, 3e-3)).expect("contact narrows");
     assert!(narrow.stencils().count() < wide.stencils().count());
     let over = wide.over_step(1e-3, &[]).expect("friction acts over a step");
     let stencils = wide.stencils();
@@ -61,6 +61,25 @@ fn pairs_sum_to_the_discrete_gradient_with_friction_and_in_a_narrowed_list() {
             assert!((found - expected).abs() <= 1e-13 * largest, "{found} {expected}");
         }
     }
+}
+
+/// Bounds spare most pairs of a narrowed list the check of their path, and limit the same nodes by the same parts.
+#[test]
+fn a_narrowed_list_limits_the_same_nodes() {
+    let (surface, [start, end]) = sheets(0.0);
+    let wide = ContactPotential::near(surface, &start, 0.1);
+    // The upper sheet, which has fewer than half of the nodes, falls through the lower one.
+    let falls = |k: usize| k % 3 == 2 && k >= start.len() * 6 / 11;
+    let end: Vec<f64> = (0..).zip(&end).map(|(k, x)| if falls(k) { x - 0.03 } else { *x }).collect();
+    let motion = end.iter().zip(&start).map(|(end, start)| end - start).collect();
+    let tube = Tube { start: start.clone(), motion, reach: vec![1e-6; start.len() / 3] };
+    let narrow = wide.narrowed(&tube).expect("contact narrows");
+    assert!(narrow.stencils().count() < wide.stencils().count());
+    let [mut expected, mut found] = [(); 2].map(|()| vec![1.0; start.len() / 3]);
+    wide.limit_nodes(&start, &end, &mut expected);
+    narrow.limit_nodes(&start, &end, &mut found);
+    assert!(expected.iter().any(|part| *part < 1.0), "sheets meet");
+    assert_eq!(found, expected);
 }
 
 /// The tangents neglect the rotation of normals, which is of the order of the slip divided by the size of triangles.

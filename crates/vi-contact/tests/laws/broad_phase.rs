@@ -1,8 +1,11 @@
-//! Tests candidates: complete compared with a search of all pairs, valid within the margin, and the same on any
-//! number of threads.
+//! Tests candidates: complete compared with a search of all pairs, valid within the margin and along a path, the same
+//! after a search of few nodes as after a search of all, and the same on any number of threads.
+
+use std::sync::Arc;
 
 use crate::support::{Numbers, Sheet, body};
-use vi_contact::{Body, Neighbours, Shape, Surface, SurfaceBuilder};
+use vi_contact::{Body, Contact, ContactTerm, Neighbours, Shape, Surface, SurfaceBuilder};
+use vi_core::{Live, Tube};
 
 fn folded(seed: u64, n: usize) -> (Surface, Vec<f64>, Numbers) {
     let mut numbers = Numbers::new(seed);
@@ -88,10 +91,71 @@ fn lists_stay_valid_within_half_the_margin() {
             [x[0] + step.x, x[1] + step.y, x[2] + step.z]
         })
         .collect();
-    assert!(neighbours.covers(&surface, &moved));
+    assert!(neighbours.covers(&moved));
     let fresh = Neighbours::find(&surface, &moved, 0.0);
     let [old, new] = [&neighbours, &fresh]
         .map(|neighbours| vi_contact::Contact { surface: &surface, neighbours }.active(&moved));
     assert!(new.len() > 20);
     assert_eq!(old, new);
+}
+
+/// A path along which both sheets move far, and neighbouring nodes a little differently.
+fn path(x: &[f64], numbers: &mut Numbers) -> Tube {
+    let motion = x.chunks_exact(3).enumerate().flat_map(|(node, _)| {
+        let common = if node < x.len() / 6 { [0.3, 0.0, -0.2] } else { [0.28, 0.02, -0.2] };
+        let own = numbers.vector() * 0.01;
+        [common[0] + own.x, common[1] + own.y, common[2] + own.z]
+    });
+    let motion: Vec<f64> = motion.collect();
+    let reach = (0..x.len() / 3).map(|_| 0.004 + 0.01 * numbers.unit()).collect();
+    Tube { start: x.to_vec(), motion, reach }
+}
+
+/// Near the path, no pair acts that is not listed, also if the list is chosen from one for a wider and longer path.
+#[test]
+fn lists_stay_valid_along_a_path() {
+    let (surface, x, mut numbers) = folded(4, 16);
+    let tube = path(&x, &mut numbers);
+    let whole = Neighbours::within(&surface, tube.clone());
+    for tau in [0.0, 0.4, 1.0] {
+        let moved: Vec<f64> = (0..x.len())
+            .collect::<Vec<_>>()
+            .chunks_exact(3)
+            .flat_map(|place| {
+                let shift = numbers.vector().normalize() * (0.9 * tube.reach[place[0] / 3]);
+                [0, 1, 2].map(|k: usize| x[place[k]] + tau * tube.motion[place[k]] + shift[k])
+            })
+            .collect();
+        assert!(whole.covers(&moved), "{tau}");
+        let fresh = Neighbours::find(&surface, &moved, 0.0);
+        let [old, new] =
+            [&whole, &fresh].map(|neighbours| Contact { surface: &surface, neighbours }.active(&moved));
+        assert!(new.len() > 20);
+        assert_eq!(old, new, "{tau}");
+    }
+}
+
+/// If few nodes change their paths, their pairs alone are searched again, with the result of a search of all pairs.
+#[test]
+fn a_search_of_few_nodes_finds_the_same_as_one_of_all() {
+    let (surface, x, mut numbers) = folded(5, 16);
+    let surface = Arc::new(surface);
+    let term = ContactTerm::new(Arc::clone(&surface), 0.01);
+    let mut tube = path(&x, &mut numbers);
+    let mut last = term.within(&tube).stencils().nodes.to_vec();
+    for round in 0..20 {
+        for _ in 0..5 {
+            let node = (numbers.unit() * (x.len() / 3) as f64) as usize;
+            tube.reach[node] *= 0.5 + numbers.unit();
+            for k in 3 * node..3 * node + 3 {
+                tube.start[k] += 0.04 * (numbers.unit() - 0.5);
+                tube.motion[k] *= 0.9;
+            }
+        }
+        let found = term.within(&tube).stencils().nodes.to_vec();
+        let fresh = ContactTerm::new(Arc::clone(&surface), 0.01).within(&tube).stencils().nodes.to_vec();
+        assert_eq!(found, fresh, "{round}");
+        assert_ne!(found, last, "{round}");
+        last = found;
+    }
 }

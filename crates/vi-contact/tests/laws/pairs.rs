@@ -111,7 +111,7 @@ fn work_over_a_step_is_the_change_of_energy_and_no_momentum_is_made() {
             .map(|(k, x)| if k / 3 == plane { *x } else { x + size * (2.0 * numbers.unit() - 1.0) })
             .collect();
         let neighbours = Neighbours::find(&surface, &x0, 0.2);
-        assert!(neighbours.covers(&surface, &x1));
+        assert!(neighbours.covers(&x1));
         let contact = Contact { surface: &surface, neighbours: &neighbours };
         let pairs = contact.step(&x0, &x1, &STEP);
         let mut gradient = vec![0.0; x0.len()];

@@ -115,9 +115,7 @@ impl Drift<'_> {
             let next = (0..30).find_map(|_| {
                 let mut next = trial.clone();
                 dofs.iter().zip(change.iter()).for_each(|(&k, c)| next[k] -= part * c);
-                if contact.neighbours.covers(contact.surface, &next)
-                    && contact.first_impact(x0, &next).is_none()
-                {
+                if contact.neighbours.covers(&next) && contact.first_impact(x0, &next).is_none() {
                     let (other, found) = residual_of(&next);
                     let least = found.iter().map(|pair| pair.gap).fold(f64::INFINITY, f64::min);
                     if (gap.is_infinite() || least > 0.1 * gap) && other.norm() < residual.norm() {

@@ -110,7 +110,7 @@ impl Particles {
     fn is_clear(&self, delta: &[f64]) -> Result<(), f64> {
         let x1: Vec<f64> = self.x.iter().zip(delta).map(|(x, d)| x + d).collect();
         let contact = Contact { surface: &self.surface, neighbours: &self.neighbours };
-        assert!(self.neighbours.covers(&self.surface, &x1), "the candidates cover the step");
+        assert!(self.neighbours.covers(&x1), "the candidates cover the step");
         contact.first_impact(&self.x, &x1).map_or(Ok(()), |impact| Err(impact.time))
     }
 

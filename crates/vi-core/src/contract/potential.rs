@@ -11,6 +11,7 @@ use nalgebra::DMatrix;
 
 use crate::contract::discrete_gradient::DiscreteGradient;
 use crate::contract::patch::Patch;
+use crate::contract::tube::Tube;
 
 /// The nodes of each local term: `arity` nodes per stencil, `block` coordinates per node.
 ///
@@ -186,9 +187,9 @@ pub trait Potential: Send + Sync {
         }
     }
 
-    /// Returns this term with only those stencils that can act while no node is farther than its `reach` (m) from x. This
-    /// term must be valid there. Returns `None` if the term cannot choose them.
-    fn narrowed(&self, _x: &[f64], _reach: &[f64]) -> Option<Arc<dyn Potential>> {
+    /// Returns this term with only those stencils that can act in a tube of configurations. This term must be valid there.
+    /// Returns `None` if the term cannot choose them.
+    fn narrowed(&self, _tube: &Tube) -> Option<Arc<dyn Potential>> {
         None
     }
 

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use crate::contract::coordinates::Coordinates;
 use crate::contract::potential::{Potential, Stencils};
+use crate::contract::tube::Tube;
 use crate::error::CoreError;
 
 /// A sum of local terms over one set of coordinates. A clone shares the terms.
@@ -107,6 +108,11 @@ pub trait Live: Send + Sync {
     ///
     /// Equal arguments must give the same stencils in the same order, on any number of threads.
     fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential>;
+
+    /// Returns a potential that equals this term at every configuration in a tube, with the same guarantee.
+    fn within(&self, tube: &Tube) -> Arc<dyn Potential> {
+        self.near(&tube.middle(), tube.largest_reach())
+    }
 
     /// Returns whether the discrete gradients of this term list the forces of their pairs
     /// ([`DiscreteGradient::acting`](crate::DiscreteGradient::acting)).

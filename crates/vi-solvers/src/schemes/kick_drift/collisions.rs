@@ -10,7 +10,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use vi_core::{
-    Account, HessianKind, Impulse, Live, Potential, State, Stencils, StepEnergy, System, Traits, packed_len,
+    Account, HessianKind, Impulse, Live, Potential, State, Stencils, StepEnergy, System, Traits, Tube,
+    packed_len,
 };
 
 use crate::error::SolverError;
@@ -45,6 +46,15 @@ enum Way {
 /// by its gradient.
 struct InDrift(Arc<dyn Live>);
 
+impl InDrift {
+    fn acting(near: Arc<dyn Potential>) -> Arc<dyn Potential> {
+        match near.discrete_gradient() {
+            Some(_) => near,
+            None => Arc::new(Nothing { arity: near.stencils().arity, block: near.stencils().block }),
+        }
+    }
+}
+
 impl Live for InDrift {
     fn name(&self) -> &str {
         self.0.name()
@@ -55,11 +65,11 @@ impl Live for InDrift {
     }
 
     fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential> {
-        let near = self.0.near(x, reach);
-        match near.discrete_gradient() {
-            Some(_) => near,
-            None => Arc::new(Nothing { arity: near.stencils().arity, block: near.stencils().block }),
-        }
+        Self::acting(self.0.near(x, reach))
+    }
+
+    fn within(&self, tube: &Tube) -> Arc<dyn Potential> {
+        Self::acting(self.0.within(tube))
     }
 
     fn lists_pairs(&self) -> bool {

@@ -162,7 +162,7 @@ impl Touching {
         let (mut searches, mut trial): (bool, Option<Trial>) = (false, None);
         for iteration in 1..=MOST_ITERATIONS {
             coordinates.embed(&self.y, t, &mut self.x_end);
-            if self.lists.widen(&self.x_start, &self.x_end) {
+            if self.lists.widen(&self.x_end) {
                 terms = self.over_step();
             }
             self.acting.clear();
@@ -214,7 +214,7 @@ impl Touching {
                 !reverses && iteration > STICKING && self.small.is_at_resolution(mass, &state.q, RESOLUTION);
             if is_whole && (is_close || is_exact) {
                 coordinates.embed(&self.y, t, &mut self.x_end);
-                if self.lists.widen(&self.x_start, &self.x_end) {
+                if self.lists.widen(&self.x_end) {
                     terms = self.over_step();
                 }
                 drop(terms);
@@ -276,7 +276,7 @@ impl Touching {
             vectors::fill(&mut to, |k| from[k] + delta[k]);
             coordinates.embed(&to, t, &mut self.x_trial);
             let start = if from_start { &self.x_start } else { &before };
-            self.lists.widen(&self.x_start, &self.x_trial);
+            self.lists.widen(&self.x_trial);
             self.parts.fill(1.0);
             self.work.path_checks += self.lists.count();
             for term in self.lists.terms() {

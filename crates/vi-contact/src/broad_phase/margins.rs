@@ -1,0 +1,121 @@
+//! How near a pair must be in the middle of a tube of configurations so that it can act or meet in the tube.
+//!
+//! Let m_i be the motion of node i along the path and r_i its reach. On the path, the vector between points of nodes i and
+//! j differs from that in the middle by at most ½|m_i − m_j|. So a distance changes by at most
+//! ```text
+//! max_i r_i + max_j r_j + ½ max_ij |m_i − m_j|.
+//! ```
+
+use vi_core::Tube;
+
+use super::tree::Bounds;
+use crate::distance::{Shape, Vec3, at};
+use crate::surface::{Gauge, Surface};
+
+/// Half a motion that all nodes have nearly in common, m. Boxes that are inflated with the same one can be compared.
+pub(super) type Common = Vec3;
+
+/// The margins of all pairs in a tube.
+pub(super) struct Margins<'a> {
+    /// Positions in the middle of the path, m.
+    middle: Vec<f64>,
+    tube: &'a Tube,
+    common: Common,
+    moves: bool,
+}
+
+impl<'a> Margins<'a> {
+    pub(super) fn new(surface: &Surface, tube: &'a Tube) -> Self {
+        let motion: Vec3 = surface.points.iter().map(|point| at(&tube.motion, point.node)).sum();
+        Self::with_common(tube, motion * (0.5 / surface.points.len().max(1) as f64))
+    }
+
+    pub(super) fn with_common(tube: &'a Tube, common: Common) -> Self {
+        let moves = tube.motion.iter().any(|motion| *motion != 0.0);
+        Self { middle: tube.middle(), tube, common, moves }
+    }
+
+    pub(super) fn common(&self) -> Common {
+        self.common
+    }
+
+    /// Returns the positions in the middle of the path, m.
+    pub(super) fn into_middle(self) -> Vec<f64> {
+        self.middle
+    }
+
+    fn reach(&self, nodes: &[u32]) -> f64 {
+        nodes.iter().map(|&node| self.tube.reach[node as usize]).fold(0.0, f64::max)
+    }
+
+    /// Returns the box around nodes of a body, inflated such that boxes overlap if a pair can act or meet.
+    pub(super) fn bounds(&self, surface: &Surface, nodes: &[u32], body: u32) -> Bounds {
+        let apart = |&node: &u32| (at(&self.tube.motion, node) * 0.5 - self.common).norm();
+        let apart = nodes.iter().map(apart).fold(0.0, f64::max);
+        Bounds::of(nodes, &self.middle).inflated(surface.reach(body) + self.reach(nodes) + apart)
+    }
+
+    /// Returns whether a pair can come within its activation distance.
+    #[inline]
+    pub(super) fn is_near(&self, shape: Shape, nodes: [u32; 4], gauge: &Gauge) -> bool {
+        self.distance_if_near(shape, nodes, gauge).is_some()
+    }
+
+    /// Returns the distance of a pair in the middle of the path, m, if it can come within its activation distance.
+    #[inline]
+    pub(super) fn distance_if_near(&self, shape: Shape, nodes: [u32; 4], gauge: &Gauge) -> Option<f64> {
+        self.distance_if_nearer(shape, nodes, gauge.thickness + gauge.distance)
+    }
+
+    /// Returns whether the distance of a pair can be less than `distance`.
+    #[inline]
+    pub(super) fn is_nearer(&self, shape: Shape, nodes: [u32; 4], distance: f64) -> bool {
+        self.distance_if_nearer(shape, nodes, distance).is_some()
+    }
+
+    #[inline]
+    fn distance_if_nearer(&self, shape: Shape, nodes: [u32; 4], distance: f64) -> Option<f64> {
+        let (first, second) = nodes.split_at(if shape == Shape::EdgeEdge { 2 } else { 1 });
+        let x = nodes.map(|node| at(&self.middle, node));
+        let mut relative = 0.0_f64;
+        if self.moves {
+            let motion = nodes.map(|node| at(&self.tube.motion, node));
+            for i in 0..first.len() {
+                for j in first.len()..4 {
+                    relative = relative.max((motion[i] - motion[j]).norm_squared());
+                }
+            }
+        }
+        let reach = distance + self.reach(first) + self.reach(second) + 0.5 * relative.sqrt();
+        if are_apart(&x, first.len(), reach) {
+            return None;
+        }
+        let squared = shape.closest(&x).squared;
+        (squared < reach * reach).then(|| squared.sqrt())
+    }
+
+    /// Returns whether a point can come within its activation distance of a half-space, or meet it.
+    pub(super) fn is_near_plane(&self, surface: &Surface, point: u32, plane: u32) -> bool {
+        let Some(gauge) = surface.plane_gauge(point as usize, plane as usize) else { return false };
+        let (node, face) = (surface.points[point as usize].node, &surface.half_spaces[plane as usize]);
+        let height = |x: &[f64]| face.normal.dot(&(at(x, node) - at(x, face.node)));
+        let margin = self.reach(&[node]) + self.reach(&[face.node]) + 0.5 * height(&self.tube.motion).abs();
+        height(&self.middle) < gauge.thickness + gauge.distance + margin
+    }
+}
+
+/// Returns whether the boxes around the first nodes and around the others are farther apart than `reach` along an axis.
+#[inline]
+fn are_apart(x: &[Vec3; 4], first: usize, reach: f64) -> bool {
+    let mut apart = f64::NEG_INFINITY;
+    for k in 0..3 {
+        let bounds = |nodes: &[Vec3]| {
+            nodes
+                .iter()
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x[k]), high.max(x[k])))
+        };
+        let ((low, high), (other_low, other_high)) = (bounds(&x[..first]), bounds(&x[first..]));
+        apart = apart.max(other_low - high).max(low - other_high);
+    }
+    apart >= reach
+}
