@@ -85,12 +85,13 @@ pub(crate) fn solve(
         balance.solve(&mut step)?;
         balance.work.newton_iterations += 1;
         let decrement = -vectors::sum(n, |k| step[k] * r[k]);
+        let longest = balance.largest_step(q, t, &step);
         if iteration == 1 {
-            stop.scale = stop.scale.max(decrement);
+            // A body that nothing supports yet would fall far; only the way until something supports it counts.
+            stop.scale = stop.scale.max(longest * decrement);
         }
         let relative = stop.relative(decrement);
         let is_round_off = relative < ROUND_OFF_BELOW && relative > 0.3 * last;
-        let longest = balance.largest_step(q, t, &step);
         let is_done = longest == 1.0 && (relative <= stop.tolerance || is_round_off);
         last = relative;
         if is_done || relative < WHOLE_STEPS_BELOW {
