@@ -5,7 +5,6 @@ use std::borrow::Cow;
 use vi_core::Tube;
 
 use super::margins::Margins;
-use super::search::Search;
 use crate::distance::{Shape, at};
 use crate::surface::{Cell, Gauge, Surface};
 
@@ -60,16 +59,6 @@ pub struct Neighbours {
 }
 
 impl Neighbours {
-    /// Returns all pairs nearer than their activation distance plus `margin` (m) at positions x.
-    pub fn find(surface: &Surface, x: &[f64], margin: f64) -> Self {
-        Self::within(surface, Tube::about(x, 0.5 * margin))
-    }
-
-    /// Returns all pairs that can act or meet in a tube.
-    pub fn within(surface: &Surface, tube: Tube) -> Self {
-        Search::new(surface, tube).into_found()
-    }
-
     /// Returns a list of these candidates; those of point i have the indices `starts[i]..starts[i + 1]` in `cells`.
     pub(super) fn new(
         starts: Vec<u32>,

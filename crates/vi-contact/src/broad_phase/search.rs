@@ -28,6 +28,18 @@ pub(crate) struct Search {
     found: Arc<Neighbours>,
 }
 
+impl Neighbours {
+    /// Returns all pairs nearer than their activation distance plus `margin` (m) at positions x.
+    pub fn find(surface: &Surface, x: &[f64], margin: f64) -> Self {
+        Self::within(surface, Tube::about(x, 0.5 * margin))
+    }
+
+    /// Returns all pairs that can act or meet in a tube.
+    pub fn within(surface: &Surface, tube: Tube) -> Self {
+        Arc::unwrap_or_clone(Search::new(surface, tube).found)
+    }
+}
+
 impl Search {
     /// Searches all pairs.
     pub(crate) fn new(surface: &Surface, tube: Tube) -> Self {
@@ -53,10 +65,6 @@ impl Search {
     /// Returns the pairs.
     pub(crate) fn found(&self) -> &Arc<Neighbours> {
         &self.found
-    }
-
-    pub(super) fn into_found(self) -> Neighbours {
-        Arc::unwrap_or_clone(self.found)
     }
 
     /// Searches the pairs in another tube, which differs at few nodes. Returns false and does nothing if it differs at
