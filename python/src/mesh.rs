@@ -10,6 +10,9 @@ use variational::mesh::{self, CellBlock, CellKind};
 use crate::arrays::{int_array, points_array};
 use crate::errors;
 
+/// A kind of cells and their nodes (m, nodes).
+type Block<'py> = (&'static str, Bound<'py, PyArray2<i64>>);
+
 /// Points, cells by kind, and named regions, which cannot change.
 #[pyclass(frozen, module = "variational_sim._core")]
 pub(crate) struct Mesh(pub(crate) Arc<mesh::Mesh>);
@@ -48,7 +51,7 @@ impl Mesh {
 
     /// Blocks of cells in order, [(kind, (m, nodes))].
     #[getter]
-    fn blocks<'py>(&self, py: Python<'py>) -> PyResult<Vec<(&'static str, Bound<'py, PyArray2<i64>>)>> {
+    fn blocks<'py>(&self, py: Python<'py>) -> PyResult<Vec<Block<'py>>> {
         let array = |block: &CellBlock| {
             let nodes = block.nodes.iter().map(|&node| i64::from(node)).collect();
             Ok((block.kind.name(), int_array(py, nodes, block.kind.node_count())?))
