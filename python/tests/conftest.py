@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pathlib
+import signal
 import shutil
 from typing import Any
 
@@ -48,3 +49,9 @@ def program() -> str:
     if found is None:
         pytest.skip("VARIATIONAL_PROGRAM does not name cargo's program")
     return found
+
+
+@pytest.fixture(autouse=True, scope="session")
+def interrupts() -> None:
+    """Python ignores SIGINT where a shell starts it in the background; the tests of Ctrl-C need it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)

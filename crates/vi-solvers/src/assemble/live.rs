@@ -4,6 +4,8 @@
 //! If a scheme uses discrete gradients, the terms that have one are kept apart from the others. They are summed from
 //! an array that holds the end of the step followed by its start.
 
+mod state;
+
 use std::sync::Arc;
 
 use vi_core::{Acting, DiscreteGradient, Fault, Impulse, Potential, StepOutcome, Terms};
@@ -11,54 +13,19 @@ use vi_core::{Acting, DiscreteGradient, Fault, Impulse, Potential, StepOutcome, 
 use crate::assemble::energy::Energies;
 use crate::assemble::fixed::FixedSum;
 use crate::assemble::hessian::HessianEvaluation;
-use crate::assemble::passage::{Passage, Remembered};
+use crate::assemble::passage::Passage;
 use crate::error::{SolverError, TermFault};
 use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::matrix_sum::MatrixSum;
-use crate::memory::StepperMemory;
 use crate::vectors;
+
+pub(crate) use state::LiveState;
 
 /// ∂x₁/∂x for a stage x in the middle between x₀ and x₁.
 const END_PER_STAGE: f64 = 2.0;
 
 /// A matrix is not made of stencils whose reach is more than this multiple of the needed one.
 const LONGEST_REACH: f64 = 2.0;
-
-/// The configurations from which the stencils of live terms come. Two sums with equal values give equal bits.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub(crate) struct LiveState {
-    /// Positions about which the stencils were requested, and their reach, m. Empty before the first call.
-    about: Vec<f64>,
-    reach: f64,
-    /// Positions and reach of the stencils from which the pattern of the sum of Hessians was built.
-    pattern_about: Vec<f64>,
-    pattern_reach: f64,
-    /// The memory of the terms in the current step.
-    step: Remembered,
-}
-
-impl LiveState {
-    pub(crate) fn save(&self, name: &str, memory: &mut StepperMemory) {
-        memory.arrays.push((format!("{name}.about"), self.about.clone()));
-        memory.arrays.push((format!("{name}.pattern_about"), self.pattern_about.clone()));
-        memory.arrays.push((format!("{name}.reaches"), vec![self.reach, self.pattern_reach]));
-        self.step.remember(name, memory);
-    }
-
-    /// Returns what [`LiveState::save`] recorded; `None` if it is not for `count` coordinates.
-    pub(crate) fn restore(name: &str, memory: &StepperMemory, count: usize) -> Option<Self> {
-        let array = |part: &str| {
-            let found = memory.arrays.iter().find(|(key, _)| *key == format!("{name}.{part}"));
-            found.map(|(_, values)| values.clone())
-        };
-        let (about, pattern_about) = (array("about")?, array("pattern_about")?);
-        let &[reach, pattern_reach] = array("reaches")?.as_slice() else { return None };
-        let fits = |values: &[f64]| values.is_empty() || values.len() == count;
-        let is_sound = fits(&about) && fits(&pattern_about);
-        let step = Remembered::recall(name, memory)?;
-        is_sound.then_some(Self { about, reach, pattern_about, pattern_reach, step })
-    }
-}
 
 /// The stencils near one configuration.
 struct Near {

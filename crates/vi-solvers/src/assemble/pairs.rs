@@ -91,7 +91,11 @@ impl Pairs {
 }
 
 /// Pulls a covector back to nodes that are not tied; calls `each` with each node and its entry.
-fn pull_back(coordinates: &Coordinates, covector: &[(u32, [f64; 3])], mut each: impl FnMut(u32, [f64; 3])) {
+pub(crate) fn pull_back(
+    coordinates: &Coordinates,
+    covector: &[(u32, [f64; 3])],
+    mut each: impl FnMut(u32, [f64; 3]),
+) {
     for &(node, value) in covector {
         match coordinates.combination(node) {
             Some(terms) => {

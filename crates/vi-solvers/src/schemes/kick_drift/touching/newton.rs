@@ -2,6 +2,7 @@
 
 use vi_core::{Acting, Coordinates, System};
 
+use crate::assemble::pairs::pull_back;
 use crate::error::SolverError;
 use crate::index::NONE;
 use crate::linear::bicgstab;
@@ -87,22 +88,6 @@ impl Small {
         *place
     }
 
-    /// Pulls a covector back to the nodes that are not tied; calls `each` with each node and its entry.
-    fn pull_back(
-        coordinates: &Coordinates,
-        covector: &[(u32, [f64; 3])],
-        mut each: impl FnMut(u32, [f64; 3]),
-    ) {
-        for &(node, value) in covector {
-            match coordinates.combination(node) {
-                Some(terms) => {
-                    terms.iter().for_each(|&(k, weight)| each(k, value.map(|value| weight * value)));
-                }
-                None => each(node, value),
-            }
-        }
-    }
-
     /// Builds the system from the forces and tangents at y.
     pub(super) fn load(&mut self, system: &System, free_of: &[u32], acting: &Acting, c: f64, y: &[f64]) {
         let coordinates = system.coordinates();
@@ -112,7 +97,7 @@ impl Small {
         self.force.clear();
         self.force.resize(3 * self.nodes.len(), 0.0);
         for gradient in acting.gradients() {
-            Self::pull_back(coordinates, gradient, |node, value| {
+            pull_back(coordinates, gradient, |node, value| {
                 if is_free(node) {
                     let place = 3 * self.touch(node) as usize;
                     self.force.resize(3 * self.nodes.len(), 0.0);
@@ -122,7 +107,7 @@ impl Small {
         }
         self.tangents.clear();
         for covector in acting.tangents() {
-            Self::pull_back(coordinates, covector, |node, value| {
+            pull_back(coordinates, covector, |node, value| {
                 if is_free(node) {
                     let place = 3 * self.touch(node);
                     for axis in 0..3 {
@@ -261,7 +246,7 @@ impl Small {
     ) -> Vec<(usize, f64)> {
         let mut out = Vec::new();
         for gradient in acting.gradients() {
-            Self::pull_back(coordinates, gradient, |node, value| {
+            pull_back(coordinates, gradient, |node, value| {
                 for axis in 0..3 {
                     let dof = 3 * node as usize + axis;
                     if free_of[dof] == NONE {
