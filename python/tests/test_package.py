@@ -18,10 +18,14 @@ def python(code: str, *options: str) -> str:
     return done.stdout
 
 
-def test_import_is_quick_and_needs_numpy_alone() -> None:
+@pytest.mark.timing
+def test_import_is_quick() -> None:
     # The processor's time, which other programs on the machine do not change.
     code = "import time; t = time.process_time(); import variational_sim; print(time.process_time() - t)"
     assert min(float(python(code)) for _ in range(5)) < 0.05
+
+
+def test_import_needs_numpy_alone() -> None:
     code = "import sys; before = set(sys.modules); import variational_sim; print(*set(sys.modules) - before)"
     outside = {name.split(".")[0] for name in python(code).split()} - set(sys.stdlib_module_names)
     assert outside <= {"variational_sim", "numpy"}

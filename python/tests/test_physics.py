@@ -179,6 +179,7 @@ def test_a_wrong_formula_is_a_problem_with_its_key() -> None:
         assert caught.value.problems[0].key.startswith("body[0].material")
 
 
+@pytest.mark.timing
 def test_a_formula_costs_less_than_three_times_the_law() -> None:
     def seconds(material: dict[str, Any]) -> float:
         keys = beam_keys(time=dict(end=1.0, step=1e-4, scheme="stormer-verlet"))

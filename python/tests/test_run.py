@@ -105,7 +105,6 @@ def test_ctrl_c_writes_everything_and_resume_gives_the_same_bits(tmp_path: pathl
 
     with pytest.raises(KeyboardInterrupt):
         vs.run(scene, tmp_path / "a", progress=progress)
-    assert time.perf_counter() - heard[-1] < 0.2
     report = json.loads((tmp_path / "a" / "report.json").read_text())
     assert report["outcome"] == "interrupted" and 0 < report["steps"] < 25000
     run = vs.resume(tmp_path / "a", quiet=True)
@@ -182,6 +181,7 @@ def test_other_processes_run_scenes(beam: vs.Scene) -> None:
     assert joblib.Parallel(2)(joblib.delayed(lowest)(beam, young) for young in values) == expected
 
 
+@pytest.mark.timing
 def test_two_threads_step_at_the_same_time(beam: vs.Scene) -> None:
     if (os.cpu_count() or 1) < 2 or os.getloadavg()[0] > 0.8:
         pytest.skip("the machine has no two free cores")
@@ -200,6 +200,7 @@ def test_two_threads_step_at_the_same_time(beam: vs.Scene) -> None:
     assert time.perf_counter() - begin < 1.2 * one
 
 
+@pytest.mark.timing
 def test_a_call_costs_less_than_fifty_microseconds(beam: vs.Scene) -> None:
     def seconds(calls: int, each: int) -> float:
         simulation = vs.Simulation(beam.set({"time.end": 10.0}), threads=1)

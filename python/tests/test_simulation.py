@@ -177,11 +177,10 @@ def test_a_failed_step_leaves_the_state_and_names_the_element() -> None:
 
 def test_ctrl_c_ends_between_steps() -> None:
     simulation = vs.Simulation(heavy(), threads=1)
-    begin = time.perf_counter()
     threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):
         simulation.step(simulation.step_count)
-    assert time.perf_counter() - begin < 0.3 + 0.2
+    assert 0 < simulation.steps < simulation.step_count
     other = vs.Simulation(simulation.scene, threads=2)
     other.step(simulation.steps)
     np.testing.assert_array_equal(other["beam"].x, simulation["beam"].x)
