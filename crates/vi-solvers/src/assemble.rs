@@ -7,6 +7,7 @@ pub(crate) mod evaluator;
 pub(crate) mod finite;
 pub(crate) mod fixed;
 pub(crate) mod force_sum;
+pub(crate) mod free_path;
 mod gather;
 pub(crate) mod hessian;
 pub(crate) mod inertia;

@@ -1,7 +1,18 @@
 //! Indices of nodes, rows and coordinates: the index that means "none", and grouping by a key.
 
+use vi_core::Coordinates;
+
 /// Stands for no index: a coordinate that is not free, or a node without a row.
 pub(crate) const NONE: u32 = u32::MAX;
+
+/// Returns the free coordinate of each coordinate, or [`NONE`].
+pub(crate) fn free_of(coordinates: &Coordinates) -> Vec<u32> {
+    let mut free_of = vec![NONE; coordinates.dof_count()];
+    for (k, &dof) in (0..).zip(coordinates.free()) {
+        free_of[dof as usize] = k;
+    }
+    free_of
+}
 
 /// Returns for each key below `key_count` the places where it occurs in `keys`, ascending, as (start, places).
 pub(crate) fn group_by(keys: &[u32], key_count: usize) -> (Vec<u32>, Vec<u32>) {

@@ -2,7 +2,7 @@
 //! the inverse of the model.
 
 mod anderson;
-mod attempt;
+pub(crate) mod attempt;
 mod descent;
 pub(crate) mod equations;
 pub(crate) mod inverse;

@@ -22,7 +22,7 @@ use crate::vectors;
 pub(crate) use state::LiveState;
 
 /// ∂x₁/∂x for a stage x in the middle between x₀ and x₁.
-const END_PER_STAGE: f64 = 2.0;
+pub(crate) const END_PER_STAGE: f64 = 2.0;
 
 /// A matrix is not made of stencils whose reach is more than this multiple of the needed one.
 const LONGEST_REACH: f64 = 2.0;
@@ -189,10 +189,6 @@ impl LiveSum {
 
     /// Ensures that the stencils are valid at positions `x`, and at all `others` too.
     fn follow<'a>(&mut self, x: &[f64], others: impl IntoIterator<Item = &'a [f64]> + Clone) {
-        let distance = |a: &[f64], b: &[f64]| {
-            // The distance is at most √3 times the largest change of a coordinate, for nodes in space.
-            3.0_f64.sqrt() * vectors::max_abs(a.len(), |k| a[k] - b[k])
-        };
         let (about, reach) = (&self.state.about, self.state.reach);
         let serves = |x: &[f64]| about.len() == x.len() && distance(x, about) <= reach;
         if serves(x) && others.clone().into_iter().all(serves) {
@@ -210,8 +206,7 @@ impl LiveSum {
     /// Requests stencils with a shorter reach if a step from `start` to `end` needs much less than the present one: the
     /// matrix has an entry for every stencil.
     fn tighten(&mut self, start: &[f64], end: &[f64]) {
-        let apart = 3.0_f64.sqrt() * vectors::max_abs(start.len(), |k| start[k] - end[k]);
-        let needed = self.shortest_reach().max(1.0001 * apart);
+        let needed = self.shortest_reach().max(1.0001 * distance(start, end));
         if self.near.is_some() && needed.is_finite() && self.state.reach > LONGEST_REACH * needed {
             self.renew(start, needed);
         }
@@ -465,4 +460,10 @@ impl LiveSum {
     pub(crate) fn fault(&self, x: &[f64], t: f64) -> Option<TermFault> {
         self.fault.clone().or_else(|| self.near.as_ref()?.whole.fault(x, t))
     }
+}
+
+/// Returns a bound on the distances of nodes between two configurations, m.
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    // The distance is at most √3 times the largest change of a coordinate, for nodes in space.
+    3.0_f64.sqrt() * vectors::max_abs(a.len(), |k| a[k] - b[k])
 }

@@ -4,7 +4,7 @@
 
 use vi_core::{Acting, Coordinates};
 
-use crate::index::NONE;
+use crate::index::{NONE, free_of};
 
 /// The forces of pairs at the last evaluation.
 pub(crate) struct Pairs {
@@ -18,10 +18,7 @@ pub(crate) struct Pairs {
 
 impl Pairs {
     pub(crate) fn new(coordinates: &Coordinates) -> Self {
-        let mut free_of = vec![NONE; coordinates.dof_count()];
-        for (k, &dof) in (0..).zip(coordinates.free()) {
-            free_of[dof as usize] = k;
-        }
+        let free_of = free_of(coordinates);
         Self { acting: Acting::default(), free_of, entries: Vec::new(), ends: Vec::new() }
     }
 

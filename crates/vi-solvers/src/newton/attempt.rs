@@ -6,6 +6,18 @@ use crate::newton::start::Start;
 /// Smaller tolerances mean "to round-off".
 pub(super) const ROUND_OFF: f64 = 1e-12;
 
+/// If the first estimate of the error is below this fraction of the tolerance, no second iteration is made.
+const FIRST: f64 = 0.1;
+
+/// Returns whether the error after a correction of size `eta` is within the tolerance. For a linear contraction θ, the
+/// remaining corrections sum to at most θ/(1 − θ) · `eta`.
+pub(crate) fn is_within(tolerance: f64, eta: f64, contraction: Option<f64>) -> bool {
+    match contraction {
+        Some(theta) if theta < 1.0 => theta / (1.0 - theta) * eta <= tolerance,
+        _ => eta <= FIRST * tolerance,
+    }
+}
+
 /// A converged solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Solved {

@@ -8,7 +8,7 @@
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::error::SolverError;
-use crate::newton::attempt::{Attempt, Course, ROUND_OFF, Solved};
+use crate::newton::attempt::{Attempt, Course, ROUND_OFF, Solved, is_within};
 use crate::newton::equations::{Equations, Solve};
 use crate::newton::inverse::Reason;
 use crate::newton::krylov;
@@ -76,14 +76,10 @@ impl Newton {
             solve.equations.advance(longest);
             eta = if decrement > 0.0 { (decrement / solve.equations.energy_scale()).sqrt() } else { 0.0 };
             let contraction = last.map(|last| eta / last);
-            let is_close = match contraction {
-                Some(theta) if theta < 1.0 => theta / (1.0 - theta) * eta <= tolerance,
-                _ => eta <= 0.1 * tolerance,
-            };
             let is_done = if to_round_off {
                 self.is_converged(solve, true, eta, contraction)
             } else {
-                is_close || eta == 0.0 || solve.equations.is_at_resolution()
+                is_within(tolerance, eta, contraction) || eta == 0.0 || solve.equations.is_at_resolution()
             };
             if is_done && longest == 1.0 {
                 return Ok(iteration);

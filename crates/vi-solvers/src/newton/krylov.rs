@@ -1,7 +1,6 @@
 //! A full Newton step for equations whose Jacobian J differs from their model A: coupled stages, forces without a
-//! potential, discrete gradients. GMRES solves J δ = −R, preconditioned by A⁻¹, with products
-//! with J by differences of R; it needs only residuals and corrections of the equations. The step is shortened until
-//! A⁻¹R decreases (Deuflhard's natural monotonicity test, Newton Methods for Nonlinear Problems, §3.3).
+//! potential, discrete gradients. GMRES solves J δ = −R, preconditioned by A⁻¹, with products with J by differences of R;
+//! it needs only residuals and corrections of the equations. The step is shortened until A⁻¹R decreases (Deuflhard's natural monotonicity test, Newton Methods for Nonlinear Problems, §3.3).
 
 use crate::error::SolverError;
 use crate::linear::gmres;

@@ -8,13 +8,11 @@
 //! ([`vi_core::Acting::reverses`]). If this is not enough, a second attempt begins with soft bristles, which stick over
 //! a wide range of slip, and makes them stiffer from stage to stage; and a third does so from the free motion.
 
-use vi_core::System;
-
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
 use crate::linear::gmres;
-use crate::newton::attempt::{ROUND_OFF, Solved};
+use crate::newton::attempt::{ROUND_OFF, Solved, is_within};
 use crate::newton::equations::{Equations, Solve};
 use crate::newton::inverse::{Inverse, Reason};
 use crate::newton::solver::Newton;
@@ -45,9 +43,6 @@ const IDLE: u32 = 4;
 const GAIN: f64 = 0.5;
 /// Smallest fraction of a correction that the line search tries.
 const SHORTEST: f64 = 1.0 / 64.0;
-/// If the first estimate of the error is below this fraction of the tolerance, no second iteration is made.
-const FIRST: f64 = 0.1;
-
 /// Equations in which live terms act pair by pair.
 pub(crate) trait PairEquations: Equations {
     /// Returns E v at the last evaluation, where A is the model that `inverse` holds; `None` if E is zero.
@@ -68,10 +63,10 @@ pub(crate) trait PairEquations: Equations {
     ) -> Result<f64, SolverError>;
     /// Shortens the last correction node by node: to the length `longest` (m), and until no pair meets on its path.
     /// Returns whether it was not shortened.
-    fn limit_nodes(&mut self, system: &System, evaluator: &mut Evaluator, longest: f64) -> bool;
+    fn limit_nodes(&mut self, evaluator: &mut Evaluator, longest: f64) -> bool;
     /// Moves the start of the iteration, node by node, to where no pair meets on the path from the beginning of the
-    /// step. Returns whether it was not moved.
-    fn limit_start(&mut self, system: &System, evaluator: &mut Evaluator) -> bool;
+    /// step.
+    fn limit_start(&mut self, evaluator: &mut Evaluator);
     /// Returns a bound on the length of sensible corrections, m. Much longer ones would make candidates of all pairs.
     fn longest_correction(&self, evaluator: &Evaluator) -> f64;
 }
@@ -137,9 +132,7 @@ impl Newton {
         let mut is_same = true;
         loop {
             let stiffness = (ratio * reached).min(1.0);
-            if let Some(pairs) = solve.evaluator.change_pairs() {
-                pairs.set_stiffness(stiffness);
-            }
+            solve.evaluator.set_bristle_stiffness(stiffness);
             let is_stage = stiffness < 1.0;
             let tolerance = if is_stage { STAGE_TOLERANCE } else { self.tolerance };
             let place = solve.equations.unknowns().to_vec();
@@ -161,7 +154,7 @@ impl Newton {
     fn begin_pairs<E: PairEquations>(&self, solve: &mut Solve<'_, E>, start: Start) {
         solve.evaluator.begin_pairs(solve.system);
         solve.equations.start(start);
-        solve.equations.limit_start(solve.system, solve.evaluator);
+        solve.equations.limit_start(solve.evaluator);
     }
 
     /// Iterates from the unknowns to the aim.
@@ -189,7 +182,7 @@ impl Newton {
             solves += products + 1;
             *done += 1;
             solve.evaluator.work.newton_iterations += 1;
-            let is_whole = solve.equations.limit_nodes(solve.system, solve.evaluator, longest);
+            let is_whole = solve.equations.limit_nodes(solve.evaluator, longest);
             solve.equations.advance(1.0);
             let scale = solve.equations.energy_scale();
             eta = if energy == 0.0 { 0.0 } else { (energy.abs() / scale).sqrt() };
@@ -253,15 +246,10 @@ fn approach<E: Equations>(solve: &mut Solve<'_, E>) -> Result<f64, SolverError> 
 
 /// Returns whether an error, with the ratio to that of the iteration before, meets the tolerance.
 fn is_close(eta: f64, contraction: Option<f64>, tolerance: f64) -> bool {
-    match contraction {
-        _ if eta == 0.0 => true,
-        Some(theta) if theta < 1.0 => {
-            // To round-off: until there is no more improvement.
-            let has_stalled = tolerance <= ROUND_OFF && eta < 1e-9 && theta > 0.5;
-            has_stalled || theta / (1.0 - theta) * eta <= tolerance
-        }
-        _ => eta <= FIRST * tolerance,
-    }
+    // To round-off: until there is no more improvement.
+    let has_stalled =
+        tolerance <= ROUND_OFF && eta < 1e-9 && contraction.is_some_and(|theta| theta > 0.5 && theta < 1.0);
+    eta == 0.0 || has_stalled || is_within(tolerance, eta, contraction)
 }
 
 /// Replaces the correction −A⁻¹R, whose energy is `first`, by δ = −(A + E)⁻¹R. Returns the energy δᵀJδ/c, J, and the

@@ -6,7 +6,7 @@
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
 use crate::newton::anderson::Anderson;
-use crate::newton::attempt::{Attempt, Course, ROUND_OFF, Solved};
+use crate::newton::attempt::{Attempt, Course, ROUND_OFF, Solved, is_within};
 use crate::newton::equations::{Equations, Solve};
 use crate::newton::inverse::Reason;
 use crate::newton::line_search::{self, SLOPE_KEPT};
@@ -201,11 +201,7 @@ impl Newton {
             // A solve of a linear system with its own factor is exact.
             return true;
         }
-        let theta = contraction.or_else(|| self.renewal.expected_contraction());
-        match theta {
-            Some(theta) if theta < 1.0 => theta / (1.0 - theta) * eta <= self.tolerance,
-            _ => eta <= 0.1 * self.tolerance,
-        }
+        is_within(self.tolerance, eta, contraction.or_else(|| self.renewal.expected_contraction()))
     }
 
     /// Evaluates at the fraction `longest` of the correction, or at less if that is too far; returns the fraction.

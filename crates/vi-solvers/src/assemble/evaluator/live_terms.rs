@@ -69,12 +69,10 @@ impl Evaluator {
     }
 
     /// Makes further evaluations list the forces of live terms pair by pair.
-    pub(crate) fn begin_pairs(&mut self, system: &System) -> &mut Pairs {
+    pub(crate) fn begin_pairs(&mut self, system: &System) {
         self.lists_pairs = true;
         self.gradient_is_of_x = false;
-        let pairs = self.pairs.get_or_insert_with(|| Pairs::new(system.coordinates()));
-        pairs.restart();
-        pairs
+        self.pairs.get_or_insert_with(|| Pairs::new(system.coordinates())).restart();
     }
 
     /// Makes further evaluations sum the forces of live terms as usual.
@@ -89,10 +87,12 @@ impl Evaluator {
         self.assembler.shared_live().map_or(0.0, |live| live.shortest_reach())
     }
 
-    /// Returns the forces of pairs, to change how the next evaluation lists them.
-    pub(crate) fn change_pairs(&mut self) -> Option<&mut Pairs> {
+    /// Sets the fraction of their stiffness with which bristles of friction resist slip, if pairs are listed.
+    pub(crate) fn set_bristle_stiffness(&mut self, fraction: f64) {
         self.gradient_is_of_x = false;
-        self.pairs.as_mut()
+        if let Some(pairs) = &mut self.pairs {
+            pairs.set_stiffness(fraction);
+        }
     }
 
     /// Returns the forces of pairs at the last evaluation that listed them.

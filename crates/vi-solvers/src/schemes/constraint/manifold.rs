@@ -13,7 +13,7 @@ use vi_core::System;
 use vi_core::constraints::QuadraticConstraint;
 
 use crate::error::SolverError;
-use crate::index::NONE;
+use crate::index::{NONE, free_of};
 use crate::schemes::constraint::units::Units;
 
 /// Number of iterations for the multipliers after which a step fails.
@@ -142,10 +142,7 @@ impl ConstraintManifold {
             return None;
         }
         let count = system.coordinates().dof_count();
-        let mut free_of = vec![NONE; count];
-        for (k, &dof) in system.coordinates().free().iter().enumerate() {
-            free_of[dof as usize] = k as u32;
-        }
+        let free_of = free_of(system.coordinates());
         let clusters: Vec<Cluster> = clusters(system, &free_of)
             .iter()
             .map(|members| Cluster::new(system, members, &free_of))

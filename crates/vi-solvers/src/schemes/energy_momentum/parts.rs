@@ -4,7 +4,7 @@
 use nalgebra::Vector3;
 use vi_core::{DisjointSets, HessianKind, Potential, System};
 
-use crate::index::NONE;
+use crate::index::{NONE, free_of};
 
 /// The parts of a body that are connected by stencils of terms that are not affine.
 pub(super) struct Parts {
@@ -23,10 +23,7 @@ pub(super) struct Parts {
 impl Parts {
     pub(super) fn new(system: &System) -> Self {
         let coordinates = system.coordinates();
-        let mut free_of = vec![NONE; coordinates.dof_count()];
-        for (k, &dof) in coordinates.free().iter().enumerate() {
-            free_of[dof as usize] = k as u32;
-        }
+        let free_of = free_of(coordinates);
         let mut sets = DisjointSets::new(coordinates.free_count());
         let terms: Vec<_> =
             system.potentials().iter().map(|term| (term, is_internal(term.as_ref()))).collect();

@@ -14,10 +14,12 @@ use std::sync::Arc;
 
 use vi_core::{Acting, DiscreteGradient, Impulse, Potential, State, StepEnergy, StepOutcome, System};
 
+use crate::assemble::free_path::shorten;
 use crate::assemble::passage::{Passage, Remembered};
 use crate::error::SolverError;
-use crate::index::NONE;
+use crate::index::free_of;
 use crate::memory::StepperMemory;
+use crate::newton::attempt::is_within;
 use crate::schemes::kick_drift::touching::lists::Lists;
 use crate::schemes::kick_drift::touching::newton::Small;
 use crate::vectors;
@@ -37,11 +39,6 @@ const SHORTEST: f64 = 1.0 / 64.0;
 /// Largest length of a correction, as a multiple of the longest motion of a node in the free drift. A much longer
 /// correction would make candidates of all pairs.
 const FARTHEST: f64 = 2.0;
-/// Number of rounds in which the motions of nodes are shortened until no pair meets. After that, the nodes of pairs that
-/// still meet are not moved.
-const ROUNDS: usize = 10;
-/// If the first estimate of the error is below this fraction of the tolerance, no second iteration is made.
-const FIRST: f64 = 0.1;
 /// Relative resolution of positions: forces of a stiff layer have several times the round-off of positions.
 const RESOLUTION: f64 = 8.0 * f64::EPSILON;
 
@@ -83,15 +80,11 @@ impl Touching {
         if !system.terms().live().iter().all(|term| term.lists_pairs()) {
             return None;
         }
-        let mut free_of = vec![NONE; count];
-        for (k, &dof) in (0..).zip(coordinates.free()) {
-            free_of[dof as usize] = k;
-        }
         Some(Self {
             lists: Lists::new(system.terms().live().to_vec()),
             passage: Passage::new(system.terms().live().len()),
             tolerance,
-            free_of,
+            free_of: free_of(coordinates),
             acting: Acting::default(),
             small: Small::new(count / 3),
             y: Vec::new(),
@@ -204,11 +197,8 @@ impl Touching {
             }
             vectors::update(&mut self.y, |k, y| *y += delta[k]);
             let contraction = last.map(|last| eta / last);
-            let is_close = match contraction {
-                Some(theta) if theta < 1.0 => theta / (1.0 - theta) * eta <= self.tolerance,
-                _ => eta <= FIRST * self.tolerance,
-            };
             let reverses = self.acting.reversals() > 0;
+            let is_close = is_within(self.tolerance, eta, contraction);
             let is_close = is_close && secants == 0 && iteration > STICKING && !reverses;
             let is_exact =
                 !reverses && iteration > STICKING && self.small.is_at_resolution(mass, &state.q, RESOLUTION);
@@ -264,45 +254,24 @@ impl Touching {
         from_start: bool,
     ) -> bool {
         let coordinates = system.coordinates();
-        let free = coordinates.free();
+        let Self { lists, parts, small, work, x_start, x_trial, .. } = self;
         let mut to = vec![0.0; from.len()];
-        let mut is_whole = true;
         let mut before = Vec::new();
         if !from_start {
-            before = vec![0.0; self.x_start.len()];
+            before = vec![0.0; x_start.len()];
             coordinates.embed(from, t, &mut before);
         }
-        for round in 0..2 * ROUNDS {
+        let start = if from_start { &*x_start } else { &before };
+        let limit = |delta: &[f64], parts: &mut [f64]| {
             vectors::fill(&mut to, |k| from[k] + delta[k]);
-            coordinates.embed(&to, t, &mut self.x_trial);
-            let start = if from_start { &self.x_start } else { &before };
-            self.lists.widen(&self.x_trial);
-            self.parts.fill(1.0);
-            self.work.path_checks += self.lists.count();
-            for term in self.lists.terms() {
-                term.limit_nodes(start, &self.x_trial, &mut self.parts);
-            }
-            if self.parts.iter().all(|part| *part >= 1.0) {
-                return is_whole;
-            }
-            is_whole = false;
-            for (node, terms) in coordinates.combinations() {
-                let part = self.parts[node as usize];
-                if part < 1.0 {
-                    terms.iter().for_each(|&(k, _)| {
-                        self.parts[k as usize] = self.parts[k as usize].min(part);
-                    });
-                }
-            }
-            for (k, delta) in delta.iter_mut().enumerate() {
-                let part = self.parts[free[k] as usize / 3];
-                if part < 1.0 {
-                    *delta *= if round < ROUNDS { part } else { 0.0 };
-                    self.small.touch(free[k] / 3);
-                }
-            }
-        }
-        is_whole
+            coordinates.embed(&to, t, x_trial);
+            lists.widen(x_trial);
+            work.path_checks += lists.count();
+            lists.terms().iter().for_each(|term| term.limit_nodes(start, x_trial, parts));
+        };
+        shorten(coordinates, delta, parts, limit, |node| {
+            small.touch(node);
+        })
     }
 
     /// Closes the step at y.

@@ -1,24 +1,19 @@
 //! A stage whose live terms list their pairs: complete tangents, and corrections that end before pairs meet.
 
-use vi_core::System;
-
 use super::rule::Rule;
 use super::stage::{Stage, StageEquations};
 use crate::assemble::evaluator::Evaluator;
+use crate::assemble::free_path::shorten;
+use crate::assemble::live::END_PER_STAGE;
 use crate::error::SolverError;
 use crate::newton::inverse::Inverse;
 use crate::newton::pairs::PairEquations;
 use crate::vectors;
 
-/// ∂x₁/∂x for a stage x in the middle between x₀ and x₁.
-const END_PER_STAGE: f64 = 2.0;
 /// Largest length of a correction, as a multiple of the motion over the step without pairs, plus a multiple of the reach
 /// of the pairs for bodies that begin to move.
 const FARTHEST: f64 = 2.0;
 const REACHES: f64 = 20.0;
-/// Number of rounds in which the motions of nodes are shortened until no pair meets. After that, the nodes of pairs that
-/// still meet are not moved.
-const ROUNDS: usize = 10;
 
 impl<R: Rule> StageEquations<'_, R> {
     /// Returns whether live terms list pairs that are near this step, as far as the velocities tell.
@@ -27,7 +22,7 @@ impl<R: Rule> StageEquations<'_, R> {
         if !self.rule.takes_discrete_gradients() || !evaluator.has_live() {
             return false;
         }
-        let end: Vec<f64> = origin.iter().zip(offset).map(|(q, offset)| q + 2.0 * offset).collect();
+        let end: Vec<f64> = origin.iter().zip(offset).map(|(q, offset)| q + END_PER_STAGE * offset).collect();
         evaluator.meets_pairs(self.system, (origin, *start_t), (&end, start_t + h))
     }
 
@@ -36,7 +31,7 @@ impl<R: Rule> StageEquations<'_, R> {
     fn shorten(&self, evaluator: &mut Evaluator, base: &[f64], delta: &mut [f64], from_start: bool) -> bool {
         let Stage { origin, offset, start_t, h, .. } = &*self.stage;
         let (coordinates, t_end) = (self.system.coordinates(), start_t + h);
-        let (free, count) = (coordinates.free(), coordinates.dof_count());
+        let count = coordinates.dof_count();
         let mut end = vec![0.0; base.len()];
         let mut place = |delta: &[f64], t: f64| {
             vectors::fill(&mut end, |k| origin[k] + END_PER_STAGE * (offset[k] + base[k] + delta[k]));
@@ -45,30 +40,10 @@ impl<R: Rule> StageEquations<'_, R> {
             x
         };
         let from = place(&vec![0.0; delta.len()], if from_start { *start_t } else { t_end });
-        let mut parts = vec![1.0; count / 3];
-        let mut is_whole = true;
-        for round in 0..2 * ROUNDS {
-            let to = place(delta, t_end);
-            parts.fill(1.0);
-            evaluator.limit_nodes(&from, &to, &mut parts);
-            if parts.iter().all(|part| *part >= 1.0) {
-                break;
-            }
-            is_whole = false;
-            for (node, terms) in coordinates.combinations() {
-                let part = parts[node as usize];
-                if part < 1.0 {
-                    terms.iter().for_each(|&(k, _)| parts[k as usize] = parts[k as usize].min(part));
-                }
-            }
-            for (k, delta) in delta.iter_mut().enumerate() {
-                let part = parts[free[k] as usize / 3];
-                if part < 1.0 {
-                    *delta *= if round < ROUNDS { part } else { 0.0 };
-                }
-            }
-        }
-        is_whole
+        let limit = |delta: &[f64], parts: &mut [f64]| {
+            evaluator.limit_nodes(&from, &place(delta, t_end), parts);
+        };
+        shorten(coordinates, delta, &mut vec![1.0; count / 3], limit, |_| ())
     }
 }
 
@@ -116,10 +91,10 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         Ok(vectors::sum(r.len(), |k| (residual[k] + r[k]) * correction[k]) / *c)
     }
 
-    fn limit_nodes(&mut self, system: &System, evaluator: &mut Evaluator, longest: f64) -> bool {
+    fn limit_nodes(&mut self, evaluator: &mut Evaluator, longest: f64) -> bool {
         let mut delta = std::mem::take(&mut self.stage.correction);
         let mut is_whole = true;
-        let free = system.coordinates().free();
+        let free = self.system.coordinates().free();
         let mut first = 0;
         for node in free.chunk_by(|a, b| a / 3 == b / 3) {
             let values = &mut delta[first..first + node.len()];
@@ -135,17 +110,15 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         is_whole
     }
 
-    fn limit_start(&mut self, _system: &System, evaluator: &mut Evaluator) -> bool {
+    fn limit_start(&mut self, evaluator: &mut Evaluator) {
         let Stage { offset, w, .. } = &*self.stage;
         let still: Vec<f64> = offset.iter().map(|offset| -offset).collect();
         let mut delta: Vec<f64> = offset.iter().zip(w).map(|(offset, w)| offset + w).collect();
-        let is_whole = self.shorten(evaluator, &still, &mut delta, true);
-        if !is_whole {
+        if !self.shorten(evaluator, &still, &mut delta, true) {
             let Stage { w, base, .. } = &mut *self.stage;
             vectors::fill(w, |k| still[k] + delta[k]);
             base.copy_from_slice(w);
         }
-        is_whole
     }
 
     fn longest_correction(&self, evaluator: &Evaluator) -> f64 {
