@@ -35,11 +35,6 @@ pub struct Certificate {
     pub to: f64,
 }
 
-/// Returns the number of nodes of the first simplex; the others up to the arity belong to the second.
-fn first_count(shape: Shape) -> usize {
-    if shape == Shape::EdgeEdge { 2 } else { 1 }
-}
-
 /// Returns a time s in [0, 1] such that the pair is proved to stay more than `thickness` apart on [0, s] while its
 /// nodes move straight from x₀ to x₁; zero if it is not apart at the start. `record` receives the certificates, whose
 /// consecutive intervals cover 0 to s.
@@ -89,7 +84,7 @@ fn plane_holds_until(
     time: f64,
 ) -> Option<f64> {
     const U: f64 = 0.5 * f64::EPSILON;
-    let (first, arity) = (first_count(shape), shape.arity());
+    let (first, arity) = (shape.first_count(), shape.arity());
     let size = w.x.abs() + w.y.abs() + w.z.abs();
     // |w| is 1 up to a few roundings.
     let apart = thickness * (1.0 + 16.0 * U);

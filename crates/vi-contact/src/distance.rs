@@ -79,6 +79,12 @@ impl Shape {
         }
     }
 
+    /// Returns the number of nodes of the first simplex; the others up to the arity belong to the second.
+    #[inline]
+    pub(crate) fn first_count(self) -> usize {
+        if self == Self::EdgeEdge { 2 } else { 1 }
+    }
+
     /// Returns the closest points at positions x. Entries of x beyond the arity are ignored. Of equally close
     /// features the one with the lowest index is chosen.
     #[inline]

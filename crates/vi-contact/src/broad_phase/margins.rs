@@ -75,7 +75,7 @@ impl<'a> Margins<'a> {
 
     #[inline]
     fn distance_if_nearer(&self, shape: Shape, nodes: [u32; 4], distance: f64) -> Option<f64> {
-        let (first, second) = nodes.split_at(if shape == Shape::EdgeEdge { 2 } else { 1 });
+        let (first, second) = nodes.split_at(shape.first_count());
         let x = nodes.map(|node| at(&self.middle, node));
         let mut relative = 0.0_f64;
         if self.moves {

@@ -115,7 +115,8 @@ impl Search {
             let part = &surface.cells[cell as usize];
             self.points.visit(&margins.bounds(surface, part.nodes(), part.body), &mut |point| {
                 let is_other = !changed[surface.points[point as usize].node as usize];
-                if is_other && is_near_cell(surface, &margins, point as usize, cell) {
+                let mut gauges = Gauges::of(surface, point as usize);
+                if is_other && is_near_cell(surface, &margins, point as usize, cell, &mut gauges) {
                     pairs.push([point, cell]);
                 }
             });
@@ -154,13 +155,19 @@ impl Search {
     }
 }
 
-/// Returns whether a point and a cell whose boxes overlap can act or meet.
-fn is_near_cell(surface: &Surface, margins: &Margins<'_>, point: usize, cell: u32) -> bool {
+/// Returns whether a point and a cell whose boxes overlap can act or meet, given the constants of the point.
+fn is_near_cell(
+    surface: &Surface,
+    margins: &Margins<'_>,
+    point: usize,
+    cell: u32,
+    gauges: &mut Gauges<'_>,
+) -> bool {
     let (part, other) = (&surface.points[point], &surface.cells[cell as usize]);
     if other.nodes.contains(&part.node) {
         return false;
     }
-    let Some(gauge) = surface.point_gauge(point, other.body) else { return false };
+    let Some(gauge) = gauges.against(other.body) else { return false };
     let [a, b, c] = other.nodes;
     margins.is_near(other.shape(), [part.node, a, b, c], &gauge) && surface.admits_point(point, cell as usize)
 }
@@ -171,15 +178,7 @@ fn cells_of_point(surface: &Surface, margins: &Margins<'_>, tree: &Tree, point: 
     let part = &surface.points[point];
     let mut gauges = Gauges::of(surface, point);
     tree.visit(&margins.bounds(surface, &[part.node], part.body), &mut |cell| {
-        let other = &surface.cells[cell as usize];
-        if other.nodes.contains(&part.node) {
-            return;
-        }
-        let Some(gauge) = gauges.against(other.body) else { return };
-        let [a, b, c] = other.nodes;
-        if margins.is_near(other.shape(), [part.node, a, b, c], &gauge)
-            && surface.admits_point(point, cell as usize)
-        {
+        if is_near_cell(surface, margins, point, cell, &mut gauges) {
             out.push(cell);
         }
     });
