@@ -186,6 +186,11 @@ impl SymmetricMatrix {
         })
     }
 
+    /// Returns whether all entries are zero.
+    pub(crate) fn is_zero(&self) -> bool {
+        self.values.iter().all(|value| *value == 0.0)
+    }
+
     /// Writes the diagonal.
     pub fn diagonal(&self, out: &mut [f64]) {
         let block = self.pattern.block;

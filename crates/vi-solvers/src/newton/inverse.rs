@@ -185,7 +185,9 @@ impl Inverse {
             }
         };
         evaluator.work += work;
-        self.tangents = evaluator.last_tangents().map(|(factor, matrix)| (factor, matrix.clone()));
+        // Without a pair that acts there is nothing to multiply by.
+        let tangents = evaluator.last_tangents().filter(|(_, matrix)| !matrix.is_zero());
+        self.tangents = tangents.map(|(factor, matrix)| (factor, matrix.clone()));
         made
     }
 
