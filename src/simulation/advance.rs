@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 use vi_core::{State, System};
-use vi_solvers::{Assembler, Method, SolverError, StepError};
+use vi_solvers::{Assembler, SolverError, StepError};
 
 use super::march::{self, Cut, March, march};
 use super::pace::Pace;
@@ -88,20 +88,24 @@ impl Simulation {
     fn see_contact(&mut self, energy: &vi_core::StepEnergy) {
         self.contact.friction += energy.friction;
         self.contact.damping += energy.contact_damping;
-        let by_gradient = self.scene.statics.is_some()
-            || matches!(self.method, Method::BackwardEuler | Method::Bdf2 | Method::Newmark { .. });
+        let asks_for_forces = self.scene.probes.iter().any(|probe| probe.between.is_some());
         let mut facts = ContactFacts::default();
         for component in &mut self.components {
             let Component { system, state, stepper, contact, .. } = component;
             if let (Some(contact), Some(stepper)) = (contact, stepper) {
-                if by_gradient {
-                    contact.enter_forces_at(&system.positions(state));
-                } else {
-                    contact.enter(stepper.take_impulses(), self.h);
-                }
+                // Only a scheme that does not act by discrete gradients leaves the gap to be measured.
                 match stepper.take_smallest_gap() {
-                    Some(gap) => facts.smallest_gap = facts.smallest_gap.min(gap),
-                    None => facts.add(contact, &system.positions(state)),
+                    Some(gap) => {
+                        contact.enter(stepper.take_impulses(), self.h);
+                        facts.smallest_gap = facts.smallest_gap.min(gap);
+                    }
+                    None => {
+                        let x = system.positions(state);
+                        facts.add(contact, &x);
+                        if asks_for_forces {
+                            contact.enter_forces_at(&x);
+                        }
+                    }
                 }
             }
         }

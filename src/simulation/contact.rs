@@ -99,15 +99,15 @@ impl ContactWatch {
 
     /// Returns the number of active pairs at positions x of the component, and their smallest gap, m.
     fn pairs_and_gap(&mut self, x: &[f64]) -> (u64, f64) {
-        let serves = |near: &ContactPotential| near.neighbours().covers(x);
-        let near = match self.near.take().filter(serves) {
-            Some(near) => near,
-            None => self.term.at(x),
-        };
-        let active = near.contact().active(x);
+        let active = self.near(x).contact().active(x);
         let smallest_gap = active.iter().map(|pair| pair.gap).fold(f64::INFINITY, f64::min);
-        self.near = Some(near);
         (active.len() as u64, smallest_gap)
+    }
+
+    /// Returns the contact near positions x of the component, with the candidates of the last search if they serve.
+    fn near(&mut self, x: &[f64]) -> &ContactPotential {
+        let near = self.near.take().filter(|near| near.neighbours().covers(x));
+        self.near.insert(near.unwrap_or_else(|| self.term.at(x)))
     }
 
     /// Stores the impulses of a step of h (s).
@@ -119,7 +119,7 @@ impl ContactWatch {
     /// Stores the forces at positions x of the component, for equilibria and for schemes that use the gradient at the
     /// end of a step.
     pub(crate) fn enter_forces_at(&mut self, x: &[f64]) {
-        let forces = self.term.at(x).forces(x).into_iter();
+        let forces = self.near(x).forces(x).into_iter();
         self.forces = forces.map(|(between, value)| Impulse { between, value }).collect();
     }
 
