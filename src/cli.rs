@@ -7,13 +7,17 @@ mod bench;
 mod check;
 mod check_frames;
 mod convergence;
+mod events;
 pub(crate) mod exit;
 mod info;
 mod modes;
+mod new;
 mod progress;
 mod resume;
 mod run;
 mod say;
+mod shell;
+mod show;
 mod signals;
 mod stress;
 mod study;
@@ -23,7 +27,7 @@ mod sweep;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::scene::Scene;
 
@@ -37,10 +41,18 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Write a starter scene, with the schema by which editors complete its keys
+    New(new::NewArguments),
     /// Run a scene and write history.csv, frames and report.json
     Run(run::RunArguments),
     /// Continue a run from its newest checkpoint, with bitwise the same results
     Resume(resume::ResumeArguments),
+    /// Show the frames of a run in a window (needs the Python package)
+    View(show::ViewArguments),
+    /// Draw a frame of a run, also without a display (needs the Python package)
+    Picture(show::PictureArguments),
+    /// Draw all frames of a run as a film, also without a display (needs the Python package)
+    Movie(show::MovieArguments),
     /// Measure schemes and steps on a scene: run time against error, with a recommendation
     Bench(bench::BenchArguments),
     /// Refine the mesh and the step of a scene: observed orders, and estimates of the exact values
@@ -59,6 +71,10 @@ enum Command {
     Schema,
     /// Print the contents of a scene or a mesh
     Info(info::InfoArguments),
+    /// Print the script by which a shell completes the command line
+    Completions(shell::CompletionsArguments),
+    /// Write the manual pages
+    Man(shell::ManArguments),
 }
 
 /// Runs the program with these arguments (the first is the program's name).
@@ -80,6 +96,12 @@ pub fn execute(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         }
     };
     let code = match arguments.command {
+        Command::New(arguments) => new::run(&arguments),
+        Command::View(arguments) => show::view(&arguments),
+        Command::Picture(arguments) => show::picture(&arguments),
+        Command::Movie(arguments) => show::movie(&arguments),
+        Command::Completions(arguments) => shell::completions(Arguments::command(), &arguments),
+        Command::Man(arguments) => shell::man(Arguments::command(), &arguments),
         Command::Run(arguments) => run::run(&arguments),
         Command::Resume(arguments) => resume::resume(&arguments),
         Command::Stress(arguments) => stress::run(&arguments),

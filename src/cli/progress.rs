@@ -25,8 +25,10 @@ impl Progress {
     pub(super) fn new(quiet: bool, explain: bool, stop: Stop) -> Self {
         Self { quiet, explain, stop, bar: None, tenths: 0 }
     }
+}
 
-    pub(super) fn finish(&self) {
+impl Drop for Progress {
+    fn drop(&mut self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }

@@ -24,11 +24,15 @@ pub(super) struct ResumeArguments {
 }
 
 pub(super) fn resume(arguments: &ResumeArguments) -> u8 {
+    arguments.output.end(resume_directory(arguments))
+}
+
+fn resume_directory(arguments: &ResumeArguments) -> u8 {
     let directory = &arguments.directory;
     if let Some((report, steps)) = finished(directory) {
         if arguments.output.say.json {
             out!("{}", report.trim_end());
-        } else if !arguments.output.say.quiet {
+        } else if !arguments.output.is_brief() {
             out!("{}: the run is finished, {steps} steps; there is nothing to resume", directory.display());
         }
         return exit::DONE;
@@ -52,13 +56,13 @@ pub(super) fn resume(arguments: &ResumeArguments) -> u8 {
         Ok(pool) => pool,
         Err(code) => return code,
     };
-    if !arguments.output.say.is_brief() {
+    if !arguments.output.is_brief() {
         message!("resuming {path} after step {step}");
     }
     let stop = Stop::on_signals();
-    let mut progress = arguments.output.progress(&stop);
-    let result = pool.install(|| resume_run(scene, &found.checkpoint, directory, &mut progress));
-    progress.finish();
+    let mut watch = arguments.output.watch(directory, &stop);
+    let result = pool.install(|| resume_run(scene, &found.checkpoint, directory, &mut *watch));
+    drop(watch);
     if let Err(RunError::Scene(problems)) = &result {
         problems.iter().for_each(|problem| message!("error: {problem}"));
         return exit::BAD_INPUT;

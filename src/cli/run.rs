@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
+use super::events::{self, Events};
 use super::exit;
 use super::progress::Progress;
 use super::say::{self, Say, message};
@@ -13,7 +14,7 @@ use crate::model::all_problems;
 use crate::run::checkpoint::{CheckpointError, newest};
 use crate::run::claim::ClaimError;
 use crate::run::report::{Outcome, Report};
-use crate::run::{RunError, run_from};
+use crate::run::{RunError, Watch, run_from};
 use crate::scene::{Parsed, Problem, Scene};
 
 #[derive(Debug, Args)]
@@ -44,16 +45,45 @@ pub(super) struct RunSay {
     /// Print what is built, evaluated once and skipped, with reasons; after the run, the work done
     #[arg(long)]
     explain: bool,
+    /// Form of the progress: text on standard error, or one JSON object per line on standard output
+    #[arg(long, value_enum, default_value_t = ProgressForm::Text, conflicts_with_all = ["json", "explain"])]
+    progress: ProgressForm,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ProgressForm {
+    Text,
+    Json,
 }
 
 impl RunSay {
+    /// Returns whether progress and text for a reader are omitted.
+    pub(super) fn is_brief(&self) -> bool {
+        self.say.is_brief() || self.progress == ProgressForm::Json
+    }
+
     /// Returns the watch of a run with this amount of output.
-    pub(super) fn progress(&self, stop: &Stop) -> Progress {
-        Progress::new(self.say.is_brief(), self.explain, stop.clone())
+    pub(super) fn watch<'a>(&self, directory: &'a Path, stop: &Stop) -> Box<dyn Watch + Send + 'a> {
+        match self.progress {
+            ProgressForm::Text => Box::new(Progress::new(self.is_brief(), self.explain, stop.clone())),
+            ProgressForm::Json => Box::new(Events::new(directory, stop.clone())),
+        }
+    }
+
+    /// Reports that the command ends with this exit code, and returns the code.
+    pub(super) fn end(&self, code: u8) -> u8 {
+        if self.progress == ProgressForm::Json {
+            events::end(code);
+        }
+        code
     }
 }
 
 pub(super) fn run(arguments: &RunArguments) -> u8 {
+    arguments.output.end(run_scene(arguments))
+}
+
+fn run_scene(arguments: &RunArguments) -> u8 {
     let mut overrides = arguments.overrides.clone();
     if arguments.chart {
         overrides.push("output.chart=true".to_owned());
@@ -76,10 +106,10 @@ pub(super) fn run(arguments: &RunArguments) -> u8 {
         return exit::BAD_INPUT;
     }
     let stop = Stop::on_signals();
-    let mut progress = arguments.output.progress(&stop);
+    let mut watch = arguments.output.watch(&directory, &stop);
     let source = (arguments.scene.as_path(), overrides.as_slice());
-    let result = pool.install(|| run_from(Some(source), scene, &name, &directory, &mut progress));
-    progress.finish();
+    let result = pool.install(|| run_from(Some(source), scene, &name, &directory, &mut *watch));
+    drop(watch);
     match result {
         Err(RunError::Scene(problems)) => refuse(problems, &arguments.scene, &overrides),
         other => conclude(other, &directory, &arguments.output, &stop),
@@ -126,7 +156,9 @@ pub(super) fn conclude(
         Err(error) => return fail(&error, directory),
     };
     let report = &report;
-    output.say.result(report, || summary(report, directory));
+    if output.progress == ProgressForm::Text {
+        output.say.result(report, || summary(report, directory));
+    }
     if let Some(warning) = &report.warning {
         message!("warning: {warning}");
     }

@@ -10,7 +10,7 @@ use super::observers::Observers;
 use super::report::Report;
 use crate::auto::AutoReport;
 use crate::simulation::stability::StabilityNote;
-use crate::simulation::{Simulation, Snapshot};
+use crate::simulation::{Observation, Simulation, Snapshot};
 
 /// A run in progress.
 pub(super) struct Run {
@@ -21,6 +21,8 @@ pub(super) struct Run {
     pub(super) store: Option<(Store, Origin)>,
     /// Findings of the steps so far, e.g. limit points.
     pub(super) findings: Vec<String>,
+    /// The newest row of history.csv and its step, until the watch has been told.
+    pub(super) row: Option<(u64, Observation)>,
     pub(super) report: Report,
     pub(super) auto: Option<AutoReport>,
     pub(super) stability: Result<Option<StabilityNote>, SolverError>,

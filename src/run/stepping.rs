@@ -47,7 +47,7 @@ impl Run {
             // Such a state cannot be written.
             return Err(run.refuse_start());
         }
-        run.observers.see_row(&run.simulation, &first)?;
+        run.write_row(first)?;
         if run.observers.frames.is_some() {
             run.observers.see_frame(&run.simulation)?;
         }
@@ -135,6 +135,7 @@ impl Run {
             report,
             directory: directory.to_owned(),
             findings: Vec::new(),
+            row: None,
             good: None,
             simulation,
             store,
@@ -153,6 +154,7 @@ impl Run {
         let mut failure = None;
         let mut interrupted = false;
         let mut said = self.findings.len();
+        let mut frames = self.tell(0, watch);
         while !self.simulation.is_done() && !interrupted {
             match self.advance() {
                 Ok(()) => {}
@@ -164,6 +166,7 @@ impl Run {
             }
             self.findings[said..].iter().for_each(|finding| watch.finding(finding));
             said = self.findings.len();
+            frames = self.tell(frames, watch);
             let go_on = watch.step(&self.simulation);
             interrupted = !go_on && !self.simulation.is_done();
         }
@@ -177,6 +180,7 @@ impl Run {
         watch.end(&self.simulation);
         if failure.is_some() || interrupted {
             self.leave()?;
+            self.tell(frames, watch);
         }
         let outcome = match &failure {
             Some(error) => Outcome::Failed(error.to_string()),
@@ -188,6 +192,25 @@ impl Run {
             Some(error) => Err(error),
             None => Ok(self.report),
         }
+    }
+
+    /// Writes a row of history.csv with what is seen at the current step.
+    fn write_row(&mut self, seen: Observation) -> Result<(), RunError> {
+        self.observers.see_row(&self.simulation, &seen)?;
+        self.row = Some((self.simulation.steps(), seen));
+        Ok(())
+    }
+
+    /// Tells the watch the newest row and the frames after the first `told`; returns the number of frames.
+    fn tell(&mut self, told: usize, watch: &mut dyn Watch) -> usize {
+        if let Some((step, seen)) = self.row.take() {
+            watch.row(step, &seen);
+        }
+        let frames = self.observers.frames.as_ref().map_or(&[][..], FrameWriter::frames);
+        for (t, file) in frames.iter().skip(told) {
+            watch.frame(*t, &self.directory.join(file));
+        }
+        frames.len()
     }
 
     /// Returns the number of steps to make together before something is due, at least one. A step with a frame inside
@@ -246,7 +269,7 @@ impl Run {
                 return self.answer();
             }
             if row_is_due {
-                self.observers.see_row(&self.simulation, &seen)?;
+                self.write_row(seen)?;
             }
         }
         self.show_frames(before.as_deref()).map_err(|error| match error {
@@ -283,7 +306,7 @@ impl Run {
         if seen.is_finite() {
             self.save()?;
             if self.observers.history.last_step() < self.simulation.steps() {
-                self.observers.see_row(&self.simulation, &seen)?;
+                self.write_row(seen)?;
             }
             self.observers.write_last_frame(&self.simulation)?;
         }

@@ -1,7 +1,9 @@
 //! The interface by which a caller follows a run.
 
+use std::path::Path;
+
 use crate::auto::AutoReport;
-use crate::simulation::Simulation;
+use crate::simulation::{Observation, Simulation};
 
 /// Follows a run. All methods are optional.
 pub trait Watch {
@@ -17,6 +19,10 @@ pub trait Watch {
     fn start(&mut self, _simulation: &Simulation, _notes: &[String]) {}
     /// Called when a step finds something that a reader should know, e.g. a limit point.
     fn finding(&mut self, _finding: &str) {}
+    /// Called when a row of history.csv has been written.
+    fn row(&mut self, _step: u64, _seen: &Observation) {}
+    /// Called when a frame of time t (s) has been written into this file.
+    fn frame(&mut self, _t: f64, _file: &Path) {}
     /// Called after every step, or after up to some 16 steps with nothing due between them. Return false to end the run
     /// there, with everything written.
     fn step(&mut self, _simulation: &Simulation) -> bool {

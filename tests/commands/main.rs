@@ -1,6 +1,7 @@
-//! Tests the command line: bad input, signals, sweeps.
+//! Tests the command line: bad input, doors to other programs, signals, sweeps.
 
 mod bad_input;
+mod doors;
 mod open_to_users;
 #[path = "../program/mod.rs"]
 mod program;
