@@ -19,8 +19,11 @@ mod parts;
 mod rigid;
 
 use rayon::prelude::*;
-use vi_core::{Potential, System};
+use vi_core::{Potential, State, System};
 
+use crate::assemble::evaluator::Evaluator;
+use crate::assemble::inertia::Inertia;
+use crate::error::SolverError;
 use crate::index::NONE;
 use crate::schemes::one_stage::rule::{Midpoint, MultiplierDirections, Rule, Trial};
 use parts::Parts;
@@ -45,6 +48,10 @@ pub(crate) struct EnergyMomentum {
     /// The energy defect of each part and its round-off, J.
     defects: Vec<[f64; 2]>,
     excess: Vec<[f64; 2]>,
+    /// Energy of each stencil at the start of the step, J; empty for affine terms.
+    before: Vec<Vec<f64>>,
+    /// Gradient of the affine terms, if coordinates belong to one part each.
+    affine: Vec<f64>,
 }
 
 impl EnergyMomentum {
@@ -62,27 +69,48 @@ impl EnergyMomentum {
             dx: Vec::new(),
             prescribed_work: 0.0,
             excess: Vec::new(),
+            before: Vec::new(),
+            affine: vec![0.0; count],
+        }
+    }
+
+    /// Evaluates the energies at the start of the step and the gradient of the affine terms, at the time t of the stage.
+    fn evaluate_start(&mut self, system: &System, t: f64) {
+        self.before.resize_with(system.potentials().len(), Vec::new);
+        self.affine.fill(0.0);
+        let start = &self.x_start;
+        for ((term, part_of), before) in
+            system.potentials().iter().zip(&self.parts.of_stencils).zip(&mut self.before)
+        {
+            if !part_of.is_empty() {
+                before.resize(part_of.len(), 0.0);
+                in_batches(before, |first, out| term.energies(first..first + out.len(), start, t, out));
+            } else if !self.parts.share_coordinates {
+                add_gradient(term.as_ref(), start, t, &mut self.affine);
+            }
         }
     }
 
     /// Sums V_s(x₁) − V_s(x₀) − ∂V_s/∂x(x_m)·Δx over the stencils of each part.
     fn sum_defects(&mut self, trial: &Trial<'_>) {
         self.defects.fill([0.0; 2]);
-        let (t, middle) = (trial.evaluator.time(), trial.evaluator.positions());
-        for (term, part_of) in trial.system.potentials().iter().zip(&self.parts.of_stencils) {
+        let t = trial.evaluator.time();
+        // The sum of ∂V_s/∂x·Δx over a part is its part of the gradient times Δx, if no coordinate belongs to two parts.
+        let middle = if self.parts.share_coordinates { Some(trial.evaluator.positions()) } else { None };
+        let terms = trial.system.potentials().iter().zip(&self.parts.of_stencils);
+        for ((term, part_of), before) in terms.zip(&self.before) {
             if part_of.is_empty() {
                 continue;
             }
             self.excess.resize(part_of.len(), [0.0; 2]);
             let (start, end) = (&self.x_start, &self.x_end);
-            let batch = |(index, excess): (usize, &mut [[f64; 2]])| {
-                defects_of(term.as_ref(), index * BATCH, [start, middle, end], t, excess);
-            };
-            if part_of.len() > 4 * BATCH {
-                self.excess.par_chunks_mut(BATCH).enumerate().for_each(batch);
-            } else {
-                self.excess.chunks_mut(BATCH).enumerate().for_each(batch);
-            }
+            in_batches(&mut self.excess, |first, excess| {
+                let before = &before[first..first + excess.len()];
+                changes_of(term.as_ref(), first, before, (end, t), excess);
+                if let Some(middle) = middle {
+                    subtract_work(term.as_ref(), first, [start, middle, end], t, excess);
+                }
+            });
             for (excess, &part) in self.excess.iter().zip(part_of) {
                 if part != NONE {
                     self.defects[part as usize][0] += excess[0];
@@ -90,29 +118,71 @@ impl EnergyMomentum {
                 }
             }
         }
+        if middle.is_none() {
+            let (gradient, free) = (trial.evaluator.gradient(), trial.system.coordinates().free());
+            let work = self.parts.sums(|k| {
+                let dof = free[k] as usize;
+                (gradient[dof] - self.affine[dof]) * self.dq[k]
+            });
+            self.defects.iter_mut().zip(work).for_each(|(defect, work)| defect[0] -= work);
+        }
     }
 }
 
-/// Writes the energy defects of the stencils from `first` on, and the sizes of the numbers that they are differences
-/// of.
-fn defects_of(term: &dyn Potential, first: usize, x: [&[f64]; 3], t: f64, out: &mut [[f64; 2]]) {
+/// Calls `batch` with consecutive parts of `out` and the index of the first entry of each.
+fn in_batches<T: Send>(out: &mut [T], batch: impl Fn(usize, &mut [T]) + Sync + Send) {
+    let each = |(index, out): (usize, &mut [T])| batch(index * BATCH, out);
+    if out.len() > 4 * BATCH {
+        out.par_chunks_mut(BATCH).enumerate().for_each(each);
+    } else {
+        out.chunks_mut(BATCH).enumerate().for_each(each);
+    }
+}
+
+/// Writes the changes of energy of the stencils from `first` on, from `before` to that at the positions of `end` and
+/// its time, and the sizes of the numbers that they are differences of.
+fn changes_of(
+    term: &dyn Potential,
+    first: usize,
+    before: &[f64],
+    (end, t): (&[f64], f64),
+    out: &mut [[f64; 2]],
+) {
+    let mut after = vec![0.0; out.len()];
+    term.energies(first..first + out.len(), end, t, &mut after);
+    for ((out, &before), &after) in out.iter_mut().zip(before).zip(&after) {
+        *out = [after - before, before.abs().max(after.abs())];
+    }
+}
+
+/// Adds the gradient of a term.
+fn add_gradient(term: &dyn Potential, x: &[f64], t: f64, sum: &mut [f64]) {
+    let stencils = term.stencils();
+    let (size, block) = (stencils.size(), stencils.block);
+    let mut gradients = vec![0.0; stencils.count() * size];
+    term.gradients(0..stencils.count(), x, t, &mut gradients);
+    for (stencil, gradient) in gradients.chunks_exact(size).enumerate() {
+        for (&node, gradient) in stencils.of(stencil).iter().zip(gradient.chunks_exact(block)) {
+            let dof = node as usize * block;
+            sum[dof..dof + block].iter_mut().zip(gradient).for_each(|(sum, gradient)| *sum += gradient);
+        }
+    }
+}
+
+/// Subtracts the work ∂V_s/∂x(x_m)·Δx of each stencil from `first` on.
+fn subtract_work(term: &dyn Potential, first: usize, x: [&[f64]; 3], t: f64, out: &mut [[f64; 2]]) {
     let [start, middle, end] = x;
     let stencils = term.stencils();
     let (size, block) = (stencils.size(), stencils.block);
     let range = first..first + out.len();
-    let mut before = vec![0.0; out.len()];
-    let mut after = vec![0.0; out.len()];
     let mut gradients = vec![0.0; out.len() * size];
-    term.energies(range.clone(), start, t, &mut before);
-    term.energies(range.clone(), end, t, &mut after);
     term.gradients(range.clone(), middle, t, &mut gradients);
     for (k, stencil) in range.enumerate() {
-        let mut work = 0.0;
+        let nodes = stencils.of(stencil);
         for (local, gradient) in gradients[k * size..(k + 1) * size].iter().enumerate() {
-            let dof = stencils.of(stencil)[local / block] as usize * block + local % block;
-            work += gradient * (end[dof] - start[dof]);
+            let dof = nodes[local / block] as usize * block + local % block;
+            out[k][0] -= gradient * (end[dof] - start[dof]);
         }
-        out[k] = [(after[k] - before[k]) - work, before[k].abs().max(after[k].abs())];
     }
 }
 
@@ -150,6 +220,20 @@ impl Rule for EnergyMomentum {
         true
     }
 
+    fn open(
+        &mut self,
+        system: &System,
+        evaluator: &mut Evaluator,
+        _: &Inertia,
+        state: &State,
+        h: f64,
+    ) -> Result<(), SolverError> {
+        system.coordinates().embed(&state.q, state.t, &mut self.x_start);
+        self.evaluate_start(system, state.t + self.time() * h);
+        evaluator.work.energies += 1;
+        Ok(())
+    }
+
     fn prescribed_work(&self) -> f64 {
         self.prescribed_work
     }
@@ -160,14 +244,13 @@ impl Rule for EnergyMomentum {
 
     fn correction(&mut self, trial: &Trial<'_>, out: &mut [f64]) {
         let coordinates = trial.system.coordinates();
-        let (t0, t1) = (trial.start_t, trial.start_t + trial.h);
+        let t1 = trial.start_t + trial.h;
         for (k, dq) in self.dq.iter_mut().enumerate() {
             *dq = 2.0 * trial.increment(k);
         }
         for (k, end) in out.iter_mut().enumerate() {
             *end = trial.start_q[k] + self.dq[k];
         }
-        coordinates.embed(trial.start_q, t0, &mut self.x_start);
         coordinates.embed(out, t1, &mut self.x_end);
         self.sum_defects(trial);
         let (mass, x) = (trial.system.free_mass(), trial.evaluator.positions());

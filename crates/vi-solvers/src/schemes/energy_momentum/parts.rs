@@ -18,6 +18,9 @@ pub(super) struct Parts {
     pub(super) rotations: Vec<bool>,
     /// Pairs of a part and a prescribed coordinate of its stencils; empty if no support moves.
     pub(super) prescribed: Vec<(u32, u32)>,
+    /// Whether coordinates that move may belong to several parts, or the gradient of the system contains more than the
+    /// gradients of its potentials in space.
+    pub(super) share_coordinates: bool,
 }
 
 impl Parts {
@@ -106,7 +109,12 @@ impl Parts {
         let of_free = (0..coordinates.free_count() as u32).map(|k| number[sets.root(k) as usize]).collect();
         prescribed.sort_unstable();
         prescribed.dedup();
-        Self { count: count as usize, of_free, of_stencils, translations, rotations, prescribed }
+        let share_coordinates = is_moving
+            || !coordinates.is_plain()
+            || !system.forces().is_empty()
+            || !system.terms().live().is_empty();
+        let count = count as usize;
+        Self { count, of_free, of_stencils, translations, rotations, prescribed, share_coordinates }
     }
 
     /// Returns the sums over the free coordinates of each part.
