@@ -1,7 +1,7 @@
 //! One component over one step of the run: as a whole, or in substeps of h/2, h/4 … h/1024 according to its pace.
 
 use vi_core::{State, StepEnergy, System};
-use vi_solvers::{SolverError, StepError, StepReport, Stepper};
+use vi_solvers::{Budget, SolverError, StepError, StepReport, Stepper};
 
 use super::pace::{FLOOR, Pace};
 
@@ -50,6 +50,16 @@ impl Checked<'_, '_> {
     }
 }
 
+/// Number of new factors inside a substep from which on shorter substeps may cost less.
+const DEAR: u64 = 2;
+
+/// Returns whether shorter substeps may cost less than a substep with this report. The factors of contact depend on the
+/// pairs that meet rather than on the length of the step.
+fn is_dear(report: &StepReport) -> bool {
+    let work = &report.work;
+    work.descents > 0 || (work.factorizations_slow >= DEAR && work.pair_forces == 0)
+}
+
 /// Advances `state` by h (s), to the time `end`.
 ///
 /// # Errors
@@ -75,6 +85,7 @@ pub(crate) fn march(
         if size < FLOOR && before.is_none() {
             before = Some(state.clone());
         }
+        stepper.stepper.set_budget(if cut.further { next.budget() } else { Budget::Unlimited });
         match stepper.step(system, state, h * (f64::from(size) / f64::from(FLOOR))) {
             Ok(report) => {
                 done.iterations += u64::from(report.iterations);
@@ -83,12 +94,11 @@ pub(crate) fn march(
                 done.finest = done.finest.max(FLOOR / size);
                 at += size;
                 state.t = start + h * (f64::from(at) / f64::from(FLOOR));
-                let is_hard = report.work.descents > 0;
-                let cost = match is_hard || next.compares() {
-                    true => stepper.stepper.unit_costs(system).seconds(&report.work),
-                    false => 0.0,
+                let cost = match report.iterations {
+                    0 => 0.0,
+                    _ => stepper.stepper.unit_costs(system).seconds(&report.work),
                 };
-                next.succeed(at, largest, is_hard, cost);
+                next.succeed(at, largest, is_dear(&report), cost);
             }
             Err(error) if cut.further && error.smaller_step_may_help() && next.fail() => {}
             Err(error) => {

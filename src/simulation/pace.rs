@@ -1,70 +1,77 @@
-//! The subdivision of the steps of a component, adapted to its last steps. A substep that fails is halved. If a
-//! substep needed the last fallbacks of Newton's method, further substeps are halved, provided that halves cost less.
-//! After several good substeps twice the length is tried again. Each time this fails, the next attempt waits longer.
+//! The subdivision of the steps of a component, adapted to the cost of its last substeps. A substep that fails, or that
+//! is given up because it exceeds its budget, is halved. If substeps take many iterations, halves are tried; from time
+//! to time twice the length is tried. The length with the smaller cost per length is kept, and each trial that did not
+//! pay makes the next one of its kind wait longer.
 //!
 //! Costs are counted, not measured, so that equal runs have equal subdivisions.
+
+use vi_solvers::Budget;
 
 use crate::record::record;
 
 /// Number of substeps of a step at the smallest length: 2¹⁰.
 pub(crate) const FLOOR: u32 = 1024;
 
-/// Number of good substeps before twice the length is tried: at first, and at most.
-const PATIENCE: [u64; 2] = [4, 128];
-/// Number of substeps after which the cost of a length is compared with that of the original length.
+/// Number of substeps before another length is tried: at first, and at most.
+const PATIENCE: [u64; 2] = [4, 256];
+/// Number of substeps of a trial, after which its cost is compared with that of the original length.
 const TRIAL: u64 = 4;
-/// To reduce its cost, a length is divided by at most this number.
+/// The mean cost is that of about this number of recent substeps.
+const RECENT: u64 = 16;
+/// A substep may cost this multiple of the mean cost of its length.
+const EXCESS: f64 = 2.0;
+/// Without a failure, a length is divided by at most this number because of budgets.
 const DEEPEST: u64 = 8;
-/// Number of substeps without further subdivision for cost, after one that did not reduce it.
-const HOLD: u64 = 64;
 
 /// The state of the subdivision, with lengths in h/1024 and costs in seconds of the reference core.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Pace {
     /// Length of the next substep.
     size: u64,
-    /// Number of consecutive substeps of that length, and their cost.
+    /// Number of recent substeps of that length, and their cost.
     count: u64,
     cost: f64,
-    /// Number of consecutive steps without the last fallbacks.
-    calm: u64,
-    /// Whether the last change doubled the length, and the new length is not confirmed yet.
-    has_grown: bool,
-    patience: u64,
-    /// The length that was reduced because of its cost, and its cost per length; 0 for none.
+    /// Length of the last completed substep.
+    last: u64,
+    /// The length from which a trial of another length began, and its cost per length; 0 without a trial.
     origin: u64,
     origin_rate: f64,
     /// Length to return to; 0 for none.
     goal: u64,
-    hold: u64,
+    /// Number of substeps since the last trial.
+    since: u64,
+    /// Number of substeps before shorter and longer substeps are tried.
+    shorter: u64,
+    longer: u64,
 }
 
 record!(Pace {
     size: u64,
     count: u64,
     cost: f64,
-    calm: u64,
-    has_grown: bool,
-    patience: u64,
+    last: u64,
     origin: u64,
     origin_rate: f64,
     goal: u64,
-    hold: u64,
+    since: u64,
+    shorter: u64,
+    longer: u64,
 });
 
 impl Default for Pace {
     fn default() -> Self {
+        let whole = u64::from(FLOOR);
         Self {
-            size: u64::from(FLOOR),
+            size: whole,
             count: 0,
             cost: 0.0,
-            calm: 0,
-            has_grown: false,
-            patience: PATIENCE[0],
+            last: whole,
             origin: 0,
             origin_rate: 0.0,
             goal: 0,
-            hold: 0,
+            since: 0,
+            shorter: 1,
+            longer: PATIENCE[0],
         }
     }
 }
@@ -73,11 +80,6 @@ impl Pace {
     /// Returns whether the values are valid, for a pace read from a snapshot.
     pub(crate) fn is_sound(&self) -> bool {
         self.size.is_power_of_two() && self.size <= u64::from(FLOOR)
-    }
-
-    /// Returns whether it compares the cost of good substeps.
-    pub(crate) fn compares(&self) -> bool {
-        self.origin > 0
     }
 
     /// Returns the length of the next substep, at most `largest`.
@@ -91,6 +93,21 @@ impl Pace {
         self.size == u64::from(FLOOR)
     }
 
+    /// Returns the budget of the next substep.
+    pub(crate) fn budget(&self) -> Budget {
+        if self.size == 1 || self.size * DEEPEST <= self.last {
+            return Budget::Unlimited;
+        }
+        let rate = if self.origin > 0 {
+            self.origin_rate
+        } else if self.count > 0 {
+            self.rate()
+        } else {
+            0.0
+        };
+        Budget::Seconds(EXCESS * rate * self.size as f64)
+    }
+
     /// Records `count` whole steps without difficulty.
     pub(crate) fn walk(&mut self, count: u32) {
         for _ in 0..count {
@@ -98,67 +115,76 @@ impl Pace {
         }
     }
 
-    /// Records a completed substep that ends at `end` of its step.
-    pub(crate) fn succeed(&mut self, end: u32, largest: u32, is_hard: bool, cost: f64) {
+    /// Records a completed substep of this cost that ends at `end` of its step. If it `is_dear`, shorter substeps may be
+    /// cheaper.
+    pub(crate) fn succeed(&mut self, end: u32, largest: u32, is_dear: bool, cost: f64) {
         self.count += 1;
         self.cost += cost;
-        self.calm = if is_hard { 0 } else { self.calm + 1 };
-        self.hold = self.hold.saturating_sub(1);
-        if self.count == TRIAL {
-            if self.origin > self.size && self.rate() >= self.origin_rate {
-                (self.goal, self.hold) = (self.origin, HOLD);
+        self.last = self.size;
+        self.since += 1;
+        let (largest, end) = (u64::from(largest), u64::from(end));
+        if self.origin > 0 && self.count >= TRIAL {
+            self.judge();
+        } else if self.origin == 0 && self.goal == 0 {
+            if self.count > RECENT {
+                self.cost *= 0.5;
+                self.count /= 2;
             }
-            self.origin = 0;
-        }
-        if is_hard && self.hold == 0 && self.goal == 0 && self.size > 1 {
-            if self.origin == 0 {
-                (self.origin, self.origin_rate) = (self.size, cost / self.size as f64);
-            }
-            if self.size * DEEPEST > self.origin {
-                self.halve();
+            if is_dear && self.size > 1 && self.since >= self.shorter {
+                self.try_length(self.size / 2);
                 return;
             }
         }
-        let wants_more = self.goal > self.size || self.calm >= self.patience;
-        if self.has_grown && self.calm >= self.patience {
-            // The doubled length is confirmed.
-            self.patience = (self.patience / 2).max(PATIENCE[0]);
-            self.has_grown = false;
-        }
-        if wants_more && self.size < u64::from(largest) && u64::from(end).is_multiple_of(2 * self.size) {
+        let can_grow = self.size < largest && end.is_multiple_of(2 * self.size);
+        if can_grow && self.goal > self.size {
             self.change(2 * self.size);
-            self.has_grown = true;
-            if self.size >= self.goal {
-                self.goal = 0;
-            }
+        } else if can_grow && self.origin == 0 && self.goal == 0 && self.since >= self.longer {
+            self.try_length(2 * self.size);
+        }
+        if self.size >= self.goal {
+            self.goal = 0;
         }
     }
 
-    /// Records a failed substep; returns false if it cannot be divided.
+    /// Records a substep that failed or was given up; returns false if it cannot be divided.
     pub(crate) fn fail(&mut self) -> bool {
         let can = self.size > 1;
         if can {
-            self.goal = 0;
-            self.halve();
+            if self.origin > 0 && self.size > self.origin {
+                self.longer = (2 * self.longer).min(PATIENCE[1]);
+            }
+            (self.origin, self.goal, self.since) = (0, 0, 0);
+            self.change(self.size / 2);
         }
         can
     }
 
-    /// Returns the cost of the substeps of this length per length.
+    /// Keeps the length of a trial if it is cheaper than the original one; otherwise returns to that.
+    fn judge(&mut self) {
+        let pays = self.rate() < self.origin_rate;
+        let patience = if self.size > self.origin { &mut self.longer } else { &mut self.shorter };
+        *patience = if pays { (*patience / 2).max(PATIENCE[0]) } else { (2 * *patience).min(PATIENCE[1]) };
+        let origin = std::mem::take(&mut self.origin);
+        self.since = 0;
+        if !pays && origin < self.size {
+            self.change(origin);
+        } else if !pays {
+            self.goal = origin;
+        }
+    }
+
+    fn try_length(&mut self, size: u64) {
+        (self.origin, self.origin_rate) = (self.size, self.rate());
+        self.change(size);
+    }
+
+    /// Returns the mean cost per length of the recent substeps of this length.
     fn rate(&self) -> f64 {
         self.cost / (self.count * self.size) as f64
     }
 
-    fn halve(&mut self) {
-        if self.has_grown {
-            self.patience = (2 * self.patience).min(PATIENCE[1]);
-        }
-        self.change(self.size / 2);
-        self.has_grown = false;
-    }
-
     fn change(&mut self, size: u64) {
-        (self.size, self.count, self.cost, self.calm) = (size, 0, 0.0, 0);
+        (self.size, self.count, self.cost) = (size, 0, 0.0);
     }
 }
 
@@ -166,55 +192,75 @@ impl Pace {
 mod tests {
     use super::*;
 
-    /// Makes steps of a component whose substeps fail above `limit` and are difficult above `easy`; returns the
-    /// numbers of substeps made and tried.
-    fn steps(pace: &mut Pace, count: u32, limit: u32, easy: u32, cost: impl Fn(u32) -> f64) -> (u32, u32) {
-        let (mut made, mut tried) = (0, 0);
+    /// The substeps of a component and their total cost.
+    struct Course {
+        made: u32,
+        tried: u32,
+        cost: f64,
+    }
+
+    /// Makes steps of a component whose substeps fail above `limit`, cost `cost` and are dear above a cost of 10.
+    fn steps(pace: &mut Pace, count: u32, limit: u32, cost: impl Fn(u32) -> f64) -> Course {
+        let mut course = Course { made: 0, tried: 0, cost: 0.0 };
         for _ in 0..count {
             let mut at = 0;
             while at < FLOOR {
                 let size = pace.size(FLOOR);
                 assert!(at + size <= FLOOR && at.is_multiple_of(size));
-                tried += 1;
+                course.tried += 1;
                 if size > limit {
+                    course.cost += cost(size);
                     assert!(pace.fail());
                     continue;
                 }
                 at += size;
-                made += 1;
-                pace.succeed(at, FLOOR, size > easy, cost(size));
+                course.made += 1;
+                course.cost += cost(size);
+                pace.succeed(at, FLOOR, cost(size) > 10.0, cost(size));
             }
         }
-        (made, tried)
+        course
     }
 
     #[test]
     fn whole_steps_stay_whole() {
         let mut pace = Pace::default();
-        assert_eq!(steps(&mut pace, 50, FLOOR, FLOOR, f64::from), (50, 50));
+        let course = steps(&mut pace, 50, FLOOR, |_| 5.0);
+        assert_eq!((course.made, course.tried), (50, 50));
     }
 
     #[test]
     fn lengths_that_fail_are_tried_ever_less() {
         let mut pace = Pace::default();
-        let (made, tried) = steps(&mut pace, 100, FLOOR / 8, FLOOR, f64::from);
-        assert_eq!(made, 800);
-        assert!(tried - made < 30, "{tried} {made}");
+        let course = steps(&mut pace, 100, FLOOR / 8, |_| 5.0);
+        assert_eq!(course.made, 800);
+        assert!(course.tried - course.made < 30, "{} {}", course.tried, course.made);
         // It returns to whole steps.
-        steps(&mut pace, 100, FLOOR, FLOOR, f64::from);
+        steps(&mut pace, 200, FLOOR, |_| 5.0);
         assert_eq!(pace.size(FLOOR), FLOOR);
     }
 
     #[test]
-    fn hard_steps_are_cut_where_it_pays() {
+    fn the_cheapest_length_is_found_from_either_side() {
+        // Whole steps cost 200, halves 60, quarters 12, shorter ones 8: quarters cost 48 per step, the least.
+        let cost = |size| match FLOOR / size {
+            1 => 200.0,
+            2 => 60.0,
+            4 => 12.0,
+            _ => 8.0,
+        };
         let mut pace = Pace::default();
-        // Whole steps and halves cost ten, quarters cost one.
-        let cost = |size| if size > FLOOR / 4 { 10.0 } else { 1.0 };
-        let (made, _) = steps(&mut pace, 100, FLOOR, FLOOR / 4, cost);
-        assert!(made > 350, "{made}");
+        let course = steps(&mut pace, 500, FLOOR, cost);
+        assert!(course.cost < 1.3 * 500.0 * 48.0, "{}", course.cost);
+        let mut pace = Pace { size: 8, last: 8, ..Pace::default() };
+        let course = steps(&mut pace, 500, FLOOR, cost);
+        assert!(course.cost < 1.5 * 500.0 * 48.0, "{}", course.cost);
+    }
+
+    #[test]
+    fn equally_dear_lengths_are_rarely_tried() {
         let mut pace = Pace::default();
-        // All lengths cost the same and are difficult.
-        let (made, _) = steps(&mut pace, 1000, FLOOR, 0, |_| 1.0);
-        assert!(made < 1400, "{made}");
+        let course = steps(&mut pace, 1000, FLOOR, |_| 20.0);
+        assert!(course.made < 1100, "{}", course.made);
     }
 }

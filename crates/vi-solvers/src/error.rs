@@ -106,6 +106,12 @@ pub enum SolverError {
         /// The required tolerance.
         tolerance: f64,
     },
+    /// The solve of a step would cost more than its [`Budget`](crate::Budget).
+    #[error("the step was given up after {iterations} iterations, because shorter steps cost less")]
+    Budget {
+        /// Number of Newton iterations made.
+        iterations: u32,
+    },
     /// The corrections of a step along a path of equilibria did not converge.
     #[error(
         "no convergence after {iterations} iterations: the last correction was {change:e} of the step, \

@@ -36,6 +36,7 @@ pub use linear::pcg::block::Preconditioner;
 pub use linear::pcg::{Pcg, PcgFacts, PcgReport};
 pub use memory::StepperMemory;
 pub use modes::{Mode, ModeOptions, Modes, modes};
+pub use newton::budget::Budget;
 pub use options::{LinearSolver, SolverOptions};
 pub use schemes::constraint::manifold::make_tangent;
 pub use schemes::method::{AcceptedForces, Accepts, Conserves, Method, MethodFacts, stepper};

@@ -3,6 +3,7 @@
 
 mod anderson;
 pub(crate) mod attempt;
+pub(crate) mod budget;
 mod descent;
 pub(crate) mod equations;
 pub(crate) mod inverse;

@@ -67,6 +67,7 @@ impl Newton {
         let mut eta = f64::INFINITY;
         let (mut least, mut idle) = (f64::INFINITY, 0);
         for iteration in 1..=self.max_iterations {
+            solve.check(self.budget)?;
             solve.linearize()?;
             solve.factorize_as(Reason::Newton, kind)?;
             solve.evaluate()?;

@@ -5,8 +5,10 @@ use vi_core::System;
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::error::SolverError;
+use crate::newton::budget::Budget;
 use crate::newton::inverse::{Inverse, Reason};
 use crate::newton::start::Start;
+use crate::work::Work;
 
 /// Equations R(w) = 0 with a symmetric positive definite model A ≈ ∂R/∂w.
 pub(crate) trait Equations {
@@ -72,9 +74,26 @@ pub(crate) struct Solve<'a, E> {
     pub(crate) evaluator: &'a mut Evaluator,
     pub(crate) inverse: &'a mut Inverse,
     pub(crate) equations: E,
+    /// All work of the evaluator before this solve.
+    before: Work,
 }
 
-impl<E: Equations> Solve<'_, E> {
+impl<'a, E: Equations> Solve<'a, E> {
+    pub(crate) fn new(
+        system: &'a System,
+        evaluator: &'a mut Evaluator,
+        inverse: &'a mut Inverse,
+        equations: E,
+    ) -> Self {
+        let before = evaluator.work;
+        Self { system, evaluator, inverse, equations, before }
+    }
+
+    /// Returns an error if the work of this solve exceeds a budget.
+    pub(super) fn check(&self, budget: Budget) -> Result<(), SolverError> {
+        budget.check(self.inverse.costs(), &(self.evaluator.work - self.before))
+    }
+
     /// Sets the unknowns to those of a start, or as near to it as the terms allow.
     pub(super) fn start(&mut self, start: Start) {
         self.equations.start(start);

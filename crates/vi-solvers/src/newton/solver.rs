@@ -7,6 +7,7 @@ use crate::error::SolverError;
 use crate::memory::StepperMemory;
 use crate::newton::anderson::Anderson;
 use crate::newton::attempt::{Attempt, Course, ROUND_OFF, Solved, is_within};
+use crate::newton::budget::Budget;
 use crate::newton::equations::{Equations, Solve};
 use crate::newton::inverse::Reason;
 use crate::newton::line_search::{self, SLOPE_KEPT};
@@ -29,6 +30,7 @@ pub(crate) struct Newton {
     pub(super) max_iterations: u32,
     pub(super) renewal: Renewal,
     anderson: Anderson,
+    pub(crate) budget: Budget,
 }
 
 impl Newton {
@@ -42,7 +44,13 @@ impl Newton {
             let allowed = "must be at least 1";
             return Err(SolverError::Option { option: "max_iterations", value: 0.0, allowed });
         }
-        Ok(Self { tolerance, max_iterations, renewal: Renewal::default(), anderson: Anderson::default() })
+        Ok(Self {
+            tolerance,
+            max_iterations,
+            renewal: Renewal::default(),
+            anderson: Anderson::default(),
+            budget: Budget::Unlimited,
+        })
     }
 
     pub(crate) fn tolerance(&self) -> f64 {
@@ -83,6 +91,7 @@ impl Newton {
         }
         let has_merit = solve.equations.has_merit();
         for iteration in 1..=self.max_iterations {
+            solve.check(self.budget)?;
             if let Some(reason) = attempt.wanted.take() {
                 if attempt.troubles > FACTORS_BEFORE_DESCENT {
                     return Ok(Course::Stuck(iteration - 1));

@@ -16,6 +16,7 @@ use crate::assemble::inertia::Inertia;
 use crate::error::SolverError;
 use crate::linear::cost::UnitCosts;
 use crate::memory::{StepperMemory, expect_method};
+use crate::newton::budget::Budget;
 use crate::newton::equations::Solve;
 use crate::newton::inverse::Inverse;
 use crate::newton::solver::Newton;
@@ -127,7 +128,7 @@ impl Gauss {
             }
         }
         let equations = GaussEquations { system, inertia, stages };
-        Ok(newton.solve(&mut Solve { system, evaluator, inverse, equations })?.iterations)
+        Ok(newton.solve(&mut Solve::new(system, evaluator, inverse, equations))?.iterations)
     }
 
     /// ΔT = h Σ b_i M a_i·V_i with stage velocities V_i = v₀ + h Σ A_ij a_j, because the method conserves quadratic
@@ -200,6 +201,10 @@ impl Stepper for Gauss {
 
     fn velocity(&self, state: &State) -> Option<&[f64]> {
         self.inertia.known_velocity(state)
+    }
+
+    fn set_budget(&mut self, budget: Budget) {
+        self.newton.budget = budget;
     }
 
     fn memory(&self) -> StepperMemory {

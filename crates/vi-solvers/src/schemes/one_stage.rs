@@ -19,6 +19,7 @@ use crate::assemble::live::LiveState;
 use crate::error::SolverError;
 use crate::linear::cost::UnitCosts;
 use crate::memory::{StepperMemory, expect_method};
+use crate::newton::budget::Budget;
 use crate::newton::equations::{Equations, Solve};
 use crate::newton::inverse::Inverse;
 use crate::newton::solver::Newton;
@@ -175,7 +176,7 @@ impl<R: Rule> OneStage<R> {
         }
         let mut equations = StageEquations { system, rule, inertia, stage };
         let meets_pairs = equations.meets_pairs(evaluator);
-        let mut solve = Solve { system, evaluator, inverse, equations };
+        let mut solve = Solve::new(system, evaluator, inverse, equations);
         let solved = if meets_pairs { newton.solve_pairs(&mut solve) } else { newton.solve(&mut solve) };
         Ok(solved?.iterations)
     }
@@ -284,6 +285,10 @@ impl<R: Rule> Stepper for OneStage<R> {
 
     fn take_smallest_gap(&mut self) -> Option<f64> {
         self.rule.takes_discrete_gradients().then(|| self.evaluator.take_smallest_gap())
+    }
+
+    fn set_budget(&mut self, budget: Budget) {
+        self.newton.budget = budget;
     }
 
     fn memory(&self) -> StepperMemory {

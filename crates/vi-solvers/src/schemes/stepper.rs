@@ -6,6 +6,7 @@ use vi_core::{Impulse, State, StepEnergy, System};
 use crate::error::SolverError;
 use crate::linear::cost::UnitCosts;
 use crate::memory::StepperMemory;
+use crate::newton::budget::Budget;
 use crate::work::Work;
 
 /// A time integrator with everything that it keeps between steps.
@@ -35,6 +36,9 @@ pub trait Stepper: Send {
     fn unit_costs(&self, system: &System) -> UnitCosts {
         UnitCosts::explicit(system)
     }
+
+    /// Sets the budget of the next steps. Schemes that solve no equations ignore it.
+    fn set_budget(&mut self, _budget: Budget) {}
 
     /// Returns everything besides (t, q, p) on which the bits of the next step depend.
     fn memory(&self) -> StepperMemory;
@@ -126,6 +130,7 @@ impl StepError {
             SolverError::Term { at_start: false, .. }
                 | SolverError::NotFinite { at_start: false, .. }
                 | SolverError::NoConvergence { .. }
+                | SolverError::Budget { .. }
                 | SolverError::Crossing
                 | SolverError::NotPositiveDefinite(_)
                 | SolverError::NegativeCurvature { .. }

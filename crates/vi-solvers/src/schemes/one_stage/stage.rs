@@ -137,6 +137,7 @@ impl Stage {
             let Self { origin, offset, w, added, start_t, h, .. } = self;
             let (start_t, h, start_q) = (*start_t, *h, &*origin);
             rule.correction(&Trial { system, evaluator, start_q, start_t, h, offset, w }, added);
+            evaluator.work.energies += 1;
         }
         let Self { multipliers, added, q, origin, offset, w, t, .. } = self;
         if let Some(multipliers) = multipliers {
