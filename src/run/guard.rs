@@ -59,9 +59,24 @@ struct Watched {
 
 record!(Watched { growth: Growth, events: Option<Vec<GuardEvent>> });
 
+/// Number of steps between states that a guard can go back to.
+pub(super) const STRIDE: u64 = 16;
+
+/// When and how a guard acts.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Watching {
+    pub(crate) rule: Guard,
+    /// Steps between observations, if it may act.
+    pub(crate) stride: u64,
+    /// Relative growth of which it warns.
+    pub(crate) warns_above: f64,
+}
+
 /// Monitors the energy of a run.
 pub(crate) struct EnergyGuard {
     pub(crate) rule: Guard,
+    stride: u64,
+    warns_above: f64,
     pub(crate) growth: Growth,
     events: Vec<GuardEvent>,
     /// Energy below which round-off dominates, J.
@@ -69,23 +84,27 @@ pub(crate) struct EnergyGuard {
     /// Steps before the guard judges. A body that starts from rest has exchanged almost no energy at first, and the
     /// energy of a scheme of order 1 has a relative error of 1/n in step n.
     grace: u64,
-    /// Steps between observations.
-    stride: u64,
 }
 
 impl EnergyGuard {
-    /// Makes the guard of a scheme of order `order` at the first observation. If it may act, it observes every `stride`
-    /// steps. Below the energy `resolution` (J) round-off dominates.
-    pub(crate) fn new(rule: Guard, stride: u64, order: usize, first: &Observation, resolution: f64) -> Self {
+    /// Makes the guard of a scheme of order `order` at the first observation. Below the energy `resolution` (J)
+    /// round-off dominates.
+    pub(crate) fn new(watching: Watching, order: usize, first: &Observation, resolution: f64) -> Self {
+        let Watching { rule, stride, warns_above } = watching;
         let grace = if order < 2 { (4.0 / rule.bound).ceil() as u64 } else { 2 };
         let exchange = (first.kinetic + first.elastic).max(resolution);
         let growth = Growth { exchange, ..Growth::default() };
-        Self { rule, growth, events: Vec::new(), resolution, grace, stride }
+        Self { rule, stride, warns_above, growth, events: Vec::new(), resolution, grace }
     }
 
     /// Returns whether the guard must observe after this step in order to act.
     pub(crate) fn is_due(&self, step: u64) -> bool {
         self.rule.acts() && step.is_multiple_of(self.stride)
+    }
+
+    /// Returns whether a state to go back to is kept after this step.
+    pub(crate) fn keeps(&self, step: u64) -> bool {
+        step.is_multiple_of(self.stride.max(STRIDE))
     }
 
     /// Records an observation and the energy ledger up to it.
@@ -125,13 +144,24 @@ impl EnergyGuard {
     /// Returns a warning if growth exceeded the bound and the run was not ended.
     pub(crate) fn warning(&self) -> Option<String> {
         let relative = self.relative();
-        if self.rule.action == GuardAction::Off || relative <= self.rule.bound {
+        if self.rule.action == GuardAction::Off || relative <= self.warns_above {
             return None;
         }
         let Growth { largest, exchange, .. } = self.growth;
         Some(format!(
             "the energy grew without a source by {largest:.3e} J, {relative:.1e} of the {exchange:.3e} J that motion \
              and deformation received; use a smaller step, or let [guard] act on it"
+        ))
+    }
+
+    /// Returns what would have been right, if the guard acted.
+    fn advice(&self) -> Option<String> {
+        let last = self.events.last()?;
+        let first = self.events.first()?;
+        Some(format!(
+            "the energy had grown without a source by {:.1e} of what motion and deformation received at t = {:e} s; \
+             the run went back and continued {}. Use such a step from the start, or scheme = \"energy-momentum\"",
+            first.relative, first.t, last.action
         ))
     }
 
@@ -173,5 +203,6 @@ impl Observer for EnergyGuard {
         report.guard = self.account();
         report.warning = self.warning();
         report.notes.extend(self.warning());
+        report.notes.extend(self.advice());
     }
 }

@@ -4,7 +4,7 @@ use super::checkpoint::{Checkpoint, CheckpointError};
 use super::error::RunError;
 use super::guard::Growth;
 use super::observer::Purpose;
-use super::state::{Good, Run, STRIDE};
+use super::state::{Good, Run};
 use crate::scene::GuardAction;
 
 impl Run {
@@ -12,7 +12,7 @@ impl Run {
     pub(super) fn keep_good(&mut self) {
         let can_go_back =
             matches!(self.observers.guard.rule.action, GuardAction::Halve | GuardAction::Switch);
-        if can_go_back && (self.good.is_none() || self.simulation.steps().is_multiple_of(STRIDE)) {
+        if can_go_back && (self.good.is_none() || self.observers.guard.keeps(self.simulation.steps())) {
             self.good = Some(Good {
                 simulation: self.simulation.snapshot(),
                 observers: self.observers.snapshots(Purpose::GoBack),

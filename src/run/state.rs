@@ -29,9 +29,6 @@ pub(super) struct Run {
     pub(super) claim: Claim,
 }
 
-/// Steps between states that the guard can go back to.
-pub(super) const STRIDE: u64 = 16;
-
 /// A state that the guard can go back to.
 pub(super) struct Good {
     pub(super) simulation: Snapshot,

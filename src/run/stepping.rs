@@ -14,19 +14,26 @@ use super::error::RunError;
 use super::estimate::Estimator;
 use super::extremes::Extremes;
 use super::frames::FrameWriter;
-use super::guard::EnergyGuard;
+use super::guard::{EnergyGuard, STRIDE, Watching};
 use super::history::{Columns, HistoryWriter};
 use super::ledger::LedgerKeeper;
 use super::momentum::MomentumLedger;
 use super::observers::Observers;
 use super::pitch::PitchFinder;
 use super::report::{Outcome, Report};
-use super::state::{Run, STRIDE};
+use super::state::Run;
 use super::watch::Watch;
 use crate::auto::AutoReport;
 use crate::scene::{Guard, GuardAction, history_columns};
 use crate::simulation::stability::stability;
 use crate::simulation::{Observation, Simulation, TOGETHER};
+
+/// Number of steps between the observations of a guard that nobody asked for. An observation costs about as much as an
+/// explicit step, and a tenth of an implicit one.
+const EXPLICIT_STRIDE: u64 = 64;
+const IMPLICIT_STRIDE: u64 = 4;
+/// Growth of which such a guard warns.
+const WARNS_ABOVE: f64 = 0.1;
 
 impl Run {
     /// Starts a run and writes its first row and frame.
@@ -110,19 +117,32 @@ impl Run {
         report.notes.extend(frames.iter().flat_map(|frames| frames.notes(&simulation)));
         // The program may halve a step that it chose itself.
         let is_auto = auto.is_some() || origin.as_ref().is_some_and(|origin| !origin.auto.is_empty());
-        let unasked = if is_auto { Guard::new(GuardAction::Halve) } else { Guard::silent() };
+        let unasked = if is_auto { Guard::new(GuardAction::Halve) } else { Guard::unasked() };
         let mut rule = scene.guard.unwrap_or(unasked);
-        let stride = if scene.guard.is_some() { 1 } else { STRIDE };
+        let method = simulation.method().facts();
+        let stride = match (scene.guard.is_some(), is_auto, method.is_explicit) {
+            (true, ..) => 1,
+            (_, true, _) => STRIDE,
+            (.., true) => EXPLICIT_STRIDE,
+            (.., false) => IMPLICIT_STRIDE,
+        };
+        let mut warns_above = rule.bound;
+        if scene.guard.is_none() && !is_auto {
+            warns_above = WARNS_ABOVE;
+            if scene.contact.is_some() && method.is_explicit {
+                // Each change of a step near the stability limit adds energy.
+                rule.action = GuardAction::Warn;
+            }
+        }
         if scene.statics.is_some() || !simulation.is_accounted() {
             // Growth cannot be determined without the external work.
             rule.action = GuardAction::Off;
         }
         let store = scene.checkpoint.as_ref().map(|rule| Store::new(directory, rule)).zip(origin);
-        let order = simulation.method().facts().order;
         let resolution = simulation.resolution();
         let observers = Observers {
             ledger: LedgerKeeper::new(&first, resolution),
-            guard: EnergyGuard::new(rule, stride, order, &first, resolution),
+            guard: EnergyGuard::new(Watching { rule, stride, warns_above }, method.order, &first, resolution),
             momentum: MomentumLedger::new(&simulation, &first),
             pitch: PitchFinder::new(scene.node_probes()),
             estimator,

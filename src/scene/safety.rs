@@ -45,7 +45,8 @@ pub enum GuardAction {
 }
 
 /// `[guard]`: watches the growth of total energy minus the work of loads, prescribed motion and damping. Without this
-/// table the guard warns of a growth of 0.1; with `scheme = "auto"` it checks every 16 steps and halves the step.
+/// table the guard warns of a growth of 0.1 and halves the step at a growth of 1 (explicit schemes with contact: only
+/// warns); with `scheme = "auto"` it halves the step at a growth of 1e-2.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Guard {
@@ -63,9 +64,9 @@ impl Guard {
         1e-2
     }
 
-    /// Returns the guard of a scene without the table `[guard]`.
-    pub(crate) fn silent() -> Self {
-        Self { action: GuardAction::Warn, bound: 0.1 }
+    /// Returns the guard of a scene without the table `[guard]`: beyond this growth the state means nothing.
+    pub(crate) fn unasked() -> Self {
+        Self { action: GuardAction::Halve, bound: 1.0 }
     }
 
     /// Makes a guard with the default bound.

@@ -25,6 +25,8 @@ region = "x-min"
 name = "tip"
 body = "beam"
 point = [1.0, 0.1, 0.1]
+[guard]
+action = "warn"
 [checkpoint]
 interval = 0.02
 "#;

@@ -116,8 +116,18 @@ fn ringing(scheme: &str, law: &str, guard: &str) -> Program {
 
 #[test]
 fn energy_from_nowhere_never_passes_in_silence() {
-    // Without a table `[guard]` the energy gain is a warning, on the console and in the report.
+    // Without a table `[guard]` a state that means nothing is not continued: the run halves the step and says which
+    // step would have been right.
     let run = ringing("stormer-verlet", "linear", "");
+    assert_eq!(run.code(), Some(0), "{}", run.errors());
+    let (first, last) = (run.history().first("total"), run.history().last("total"));
+    assert!(last < 2.0 * first, "{first} {last}");
+    assert_eq!(run.report()["guard"]["events"].as_array().unwrap().len(), 1);
+    let notes = run.report()["notes"].to_string();
+    assert!(notes.contains("on with steps of 1.1") && notes.contains("energy-momentum"), "{notes}");
+
+    // If it may only warn, the warning is on the console and in the report.
+    let run = ringing("stormer-verlet", "linear", "[guard]\naction = \"warn\"");
     assert_eq!(run.code(), Some(0), "{}", run.errors());
     assert!(run.errors().contains("warning: the energy grew without a source"), "{}", run.errors());
     let guard = &run.report()["guard"];
@@ -227,6 +237,8 @@ region = "x-min"
 body = "bar"
 region = "x-max"
 motion = {{ kind = "translate", velocity = [2.0, 0.0, 0.0] }}
+[guard]
+action = "warn"
 [output]
 history = 0
 "#
