@@ -16,6 +16,7 @@
 
 use crate::distance::{Shape, Vec3, at};
 use crate::pairs::{Contact, Partners, in_order};
+use crate::surface::Gauge;
 
 /// Largest number of directions tried for one pair. Far pairs need one; pairs nearer than 1e-2 of their size need six
 /// on average. A path along a thin capsule needs hundreds: with 24 directions, which proved 3e-4 of it, Newton's method
@@ -115,12 +116,10 @@ pub struct Impact {
     pub time: f64,
     /// The pair that meets there, or may meet.
     pub partners: Partners,
-}
-
-impl Impact {
-    fn before_end(time: f64, partners: Partners) -> Option<Self> {
-        (time < 1.0).then_some(Self { time, partners })
-    }
+    /// The nodes of the pair; the last one is repeated if there are fewer.
+    pub nodes: [u32; 4],
+    /// The gap at the start of the path, relative to the thickness of the layer.
+    pub gap: f64,
 }
 
 impl Contact<'_> {
@@ -129,12 +128,13 @@ impl Contact<'_> {
     ///
     /// The candidates must cover both ends. Of several pairs with the same time the first is returned.
     pub fn first_impact(&self, x0: &[f64], x1: &[f64]) -> Option<Impact> {
-        let impacts = self.impacts(x0, x1).into_iter().map(|(impact, _)| impact);
-        impacts.min_by(|a, b| a.time.total_cmp(&b.time).then_with(|| a.partners.cmp(&b.partners)))
+        self.impacts(x0, x1)
+            .into_iter()
+            .min_by(|a, b| a.time.total_cmp(&b.time).then_with(|| a.partners.cmp(&b.partners)))
     }
 
-    /// Returns every pair whose straight path from x₀ to x₁ is not proved free of contact, with its nodes.
-    pub(crate) fn impacts(&self, x0: &[f64], x1: &[f64]) -> Vec<(Impact, [u32; 4])> {
+    /// Returns every pair whose straight path from x₀ to x₁ is not proved free of contact.
+    pub(crate) fn impacts(&self, x0: &[f64], x1: &[f64]) -> Vec<Impact> {
         let surface = self.surface;
         let near = self.neighbours.near();
         let mut impacts = in_order(
@@ -148,10 +148,8 @@ impl Contact<'_> {
                     for &cell in cells {
                         let cell = &surface.cells[cell as usize];
                         let [a, b, c] = cell.nodes;
-                        let nodes = [node, a, b, c];
-                        let time = self.path(cell.shape(), nodes, x0, x1, gauge.thickness);
                         let partners = Partners::PointBody(point as u32, body);
-                        out.extend(Impact::before_end(time, partners).map(|impact| (impact, nodes)));
+                        out.extend(impact(partners, cell.shape(), [node, a, b, c], &gauge, [x0, x1]));
                     }
                 }
             },
@@ -162,36 +160,40 @@ impl Contact<'_> {
             |pair, (), out| {
                 let pair = &self.neighbours.edges[pair];
                 let nodes = self.edge_nodes(pair.edges);
-                let time = self.path(Shape::EdgeEdge, nodes, x0, x1, pair.gauge.thickness);
                 let partners = Partners::Edges(pair.edges[0], pair.edges[1]);
-                out.extend(Impact::before_end(time, partners).map(|impact| (impact, nodes)));
+                out.extend(impact(partners, Shape::EdgeEdge, nodes, &pair.gauge, [x0, x1]));
             },
         ));
         let of_planes = self.neighbours.planes.iter().filter_map(|&[point, plane]| {
-            let thickness = surface.plane_gauge(point as usize, plane as usize)?.thickness;
-            let time = self.path_over_plane(point, plane, x0, x1, thickness);
-            let [node, face] =
-                [surface.points[point as usize].node, surface.half_spaces[plane as usize].node];
-            let impact = Impact::before_end(time, Partners::PointPlane(point, plane))?;
-            Some((impact, [node, face, face, face]))
+            let gauge = surface.plane_gauge(point as usize, plane as usize)?;
+            let face = &surface.half_spaces[plane as usize];
+            let nodes = [surface.points[point as usize].node, face.node, face.node, face.node];
+            let [start, end] = [x0, x1].map(|x| nodes.map(|node| at(x, node)));
+            // The normal is the direction that separates.
+            let shape = Shape::PointPoint;
+            let time = plane_holds_until(shape, &start, &end, gauge.thickness, face.normal, 0.0);
+            let time = time.unwrap_or(0.0);
+            let gap = gauge.relative(face.normal.dot(&(start[0] - start[1])));
+            let partners = Partners::PointPlane(point, plane);
+            (time < 1.0).then_some(Impact { time, partners, nodes, gap })
         });
         impacts.extend(of_planes);
         impacts
     }
+}
 
-    fn path(&self, shape: Shape, nodes: [u32; 4], x0: &[f64], x1: &[f64], thickness: f64) -> f64 {
-        let [start, end] = [x0, x1].map(|x| nodes.map(|node| at(x, node)));
-        separated_until(shape, &start, &end, thickness, |_| {})
-    }
-
-    /// Proves the separation of a point from a half-space, with the normal as direction.
-    fn path_over_plane(&self, point: u32, plane: u32, x0: &[f64], x1: &[f64], thickness: f64) -> f64 {
-        let (node, face) =
-            (self.surface.points[point as usize].node, self.surface.half_spaces[plane as usize]);
-        let [start, end] = [x0, x1].map(|x| {
-            let (place, origin) = (at(x, node), at(x, face.node));
-            [place, origin, origin, origin]
-        });
-        plane_holds_until(Shape::PointPoint, &start, &end, thickness, face.normal, 0.0).unwrap_or(0.0)
-    }
+/// Returns the impact of a pair on the straight path from x₀ to x₁; `None` if that is proved free.
+fn impact(
+    partners: Partners,
+    shape: Shape,
+    nodes: [u32; 4],
+    gauge: &Gauge,
+    x: [&[f64]; 2],
+) -> Option<Impact> {
+    let [start, end] = x.map(|x| nodes.map(|node| at(x, node)));
+    let time = separated_until(shape, &start, &end, gauge.thickness, |_| {});
+    (time < 1.0).then(|| {
+        let gap = gauge.relative(shape.closest(&start).distance());
+        Impact { time, partners, nodes, gap }
+    })
 }

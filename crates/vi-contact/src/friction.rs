@@ -25,6 +25,9 @@ use crate::distance::{Shape, Vec3, at};
 use crate::pairs::{Contact, Partners, StepPair, StepSettings, pack_rank_one};
 use crate::surface::Law;
 
+/// Relative difference of distances that counts as round-off.
+const SAME_DISTANCE: f64 = 1e-9;
+
 /// A step with friction and damping.
 #[derive(Debug, Clone)]
 pub(crate) struct Step {
@@ -274,29 +277,34 @@ impl Contact<'_> {
         }
     }
 
-    /// Returns the cell of a body that is nearest to a point at x. The cell `kept` is preferred as long as no other one is
-    /// nearer, by more than round-off.
+    /// Returns the cell of a body that is nearest to a point at x. Of cells that are equally near up to round-off, such as
+    /// those of an edge, it is `kept`, or the one with the nearest centroid: the choice must not depend on numbers of
+    /// nodes and cells.
     pub(crate) fn nearest_cell(&self, point: u32, body: u32, x: &[f64], kept: Option<u32>) -> Option<u32> {
         let surface = self.surface;
         let node = surface.points[point as usize].node;
         let (_, cells) = self.bodies_of(point as usize).find(|&(other, _)| other == body)?;
-        let distance = |cell: u32| {
+        let place = |cell: u32| {
             let [a, b, c] = surface.cells[cell as usize].nodes;
             let shape = surface.cells[cell as usize].shape();
-            shape.closest(&[node, a, b, c].map(|node| at(x, node))).distance()
+            (shape, [node, a, b, c].map(|node| at(x, node)))
         };
-        let mut nearest = (f64::INFINITY, None);
-        for &cell in cells {
-            let found = distance(cell);
-            if found < nearest.0 {
-                nearest = (found, Some(cell));
-            }
-        }
-        let kept = kept.filter(|cell| cells.binary_search(cell).is_ok());
-        match kept {
-            Some(kept) if distance(kept) <= nearest.0 * (1.0 + 1e-9) => Some(kept),
-            _ => nearest.1,
-        }
+        let distance = |cell: u32| {
+            let (shape, x) = place(cell);
+            shape.closest(&x).distance()
+        };
+        let to_centroid = |cell: u32| {
+            let (shape, [point, corners @ ..]) = place(cell);
+            let corners = &corners[..shape.arity() - 1];
+            (point - corners.iter().sum::<Vec3>() / corners.len() as f64).norm()
+        };
+        let nearest = cells.iter().map(|&cell| distance(cell)).fold(f64::INFINITY, f64::min);
+        let is_nearest = |cell: u32| distance(cell) <= nearest * (1.0 + SAME_DISTANCE);
+        let kept = kept.filter(|&kept| cells.binary_search(&kept).is_ok() && is_nearest(kept));
+        kept.or_else(|| {
+            let ties = cells.iter().copied().filter(|&cell| is_nearest(cell));
+            ties.min_by(|&a, &b| to_centroid(a).total_cmp(&to_centroid(b)))
+        })
     }
 
     /// Returns the stretch of an anchor in the frame of `cell` at x₀: rotated into its plane, with the same length.

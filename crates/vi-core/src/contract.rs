@@ -11,6 +11,7 @@ pub(crate) mod disjoint_sets;
 pub(crate) mod force;
 pub(crate) mod inertia;
 pub(crate) mod ledger;
+pub(crate) mod meeting;
 pub(crate) mod node_axes;
 pub(crate) mod patch;
 pub(crate) mod potential;

@@ -18,6 +18,7 @@ pub use contract::disjoint_sets::DisjointSets;
 pub use contract::force::{Force, ForceAccount};
 pub use contract::inertia::solve_mass;
 pub use contract::ledger::{EnergyLedger, StepEnergy};
+pub use contract::meeting::Meeting;
 pub use contract::node_axes::NodeAxes;
 pub use contract::patch::{Padded, Patch, PatchArray, run_length};
 pub use contract::potential::{Account, Fault, HessianKind, Potential, Stencils, Traits, packed_len};

@@ -12,5 +12,6 @@ mod line_search;
 pub(crate) mod pairs;
 mod renewal;
 mod rotated_factor;
+pub(crate) mod soft_bristles;
 pub(crate) mod solver;
 pub(crate) mod start;

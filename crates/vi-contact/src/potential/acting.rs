@@ -18,21 +18,20 @@ fn covector<'a>(
     nodes.iter().zip(vectors).map(move |(&node, vector)| (node, (vector * factor).into()))
 }
 
-/// Returns the force that presses a group of pairs together, N. If friction is to stick, a force that is not zero counts
-/// as unlimited.
-pub(super) fn pressing(pairs: &[StepPair], sticks: bool) -> f64 {
-    let force: Vec3 = pairs.iter().map(StepPair::force).sum();
-    if sticks && force != Vec3::zeros() { f64::MAX } else { force.norm() }
+/// Returns the force that presses a group of pairs together, N.
+pub(super) fn pressing(pairs: &[StepPair]) -> f64 {
+    pairs.iter().map(StepPair::force).sum::<Vec3>().norm()
 }
 
-/// Returns whether friction slides in the direction opposite to that at the last evaluation.
+/// Returns whether friction slides in the direction opposite to that at the last evaluation. It should then stick for
+/// this evaluation, as if the normal force were unlimited.
 pub(super) fn reverses(
     out: &mut Acting,
     partners: Partners,
     sliding: Option<[f64; 2]>,
     traction: Vec3,
 ) -> bool {
-    sliding.is_some() && !out.by_secants && out.reverses(partners.number(), traction.into())
+    sliding.is_some() && out.reverses(partners.number(), traction.into())
 }
 
 /// The data of the tangents of a friction force.
@@ -55,19 +54,15 @@ impl Sliding<'_> {
         let combined = |a: f64, b: f64| -> Vec<Vec3> {
             first.iter().zip(second).map(|(first, second)| first * a + second * b).collect()
         };
-        let slides = self.direction.filter(|_| !out.by_secants);
-        if slides.is_none() {
-            // The secant of a sliding pair is that of a sticking pair with a smaller stiffness.
+        let Some([a, b]) = self.direction else {
             for along in self.along {
                 out.add_tangent(covector(nodes, along, stiffness), covector(nodes, along, 1.0));
             }
-        }
-        let Some([a, b]) = self.direction else { return };
+            return;
+        };
         // If a pair slides, its traction rotates with the slip and grows with the pressure.
-        if slides.is_some() {
-            let across = combined(-b, a);
-            out.add_tangent(covector(nodes, &across, stiffness), covector(nodes, &across, 1.0));
-        }
+        let across = combined(-b, a);
+        out.add_tangent(covector(nodes, &across, stiffness), covector(nodes, &across, 1.0));
         let traction = combined(a, b);
         let force: Vec3 = pairs.iter().map(StepPair::force).sum();
         let pressure = force.norm();
@@ -159,9 +154,9 @@ impl ContactPotential {
         let stiffness = out.stiffness;
         let rub =
             |force: f64| self.contact().rub(partners, Pressed { force, stiffness }, x, anchors, settings);
-        let mut friction = rub(pressing(pairs, out.sticks));
+        let mut friction = rub(pressing(pairs));
         if friction.as_ref().is_some_and(|pair| reverses(out, partners, pair.sliding, pair.traction)) {
-            friction = rub(pressing(pairs, true));
+            friction = rub(f64::MAX);
         }
         let Some(FrictionPair { nodes, gradient, along, stiffness, sliding, coefficient, traction, .. }) =
             &friction

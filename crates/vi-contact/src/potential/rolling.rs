@@ -109,10 +109,10 @@ impl RollingPotential {
         let roll = |force: f64| {
             contact.roll(partners, Pressed { force, stiffness }, x, &step.anchors, &step.settings)
         };
-        let mut rubbing = roll(pressing(pairs, out.sticks));
+        let mut rubbing = roll(pressing(pairs));
         if rubbing.as_ref().is_some_and(|pair| reverses(out, partners, pair.held.sliding, pair.held.traction))
         {
-            rubbing = roll(pressing(pairs, true));
+            rubbing = roll(f64::MAX);
         }
         let (Some(pair), Some(law)) = (rubbing, contact.law_of(partners)) else { return };
         let nodes = contact.rolling_nodes(partners, pair.cell);

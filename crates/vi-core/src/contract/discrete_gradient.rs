@@ -70,12 +70,6 @@ impl Covectors {
 /// Covectors are lists of nodes, each with three numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Acting {
-    /// Requests secants in place of tangents for forces with a kink, such as friction. Newton's method may alternate
-    /// across a kink without end, whereas secants reduce the error in every iteration, though slowly.
-    pub by_secants: bool,
-    /// Requests friction that sticks however large it is. From the state in which all pairs stick, Newton's method finds
-    /// the right direction of sliding.
-    pub sticks: bool,
     /// The fraction of their stiffness with which bristles of friction resist the slip of this step, in (0, 1]. With soft
     /// bristles, the range of slip in which friction sticks is wide, so Newton's method finds it from afar.
     pub stiffness: f64,
@@ -91,8 +85,6 @@ pub struct Acting {
 impl Default for Acting {
     fn default() -> Self {
         Self {
-            by_secants: false,
-            sticks: false,
             stiffness: 1.0,
             gradients: Covectors::default(),
             tangents: Covectors::default(),
@@ -121,8 +113,7 @@ impl Acting {
     /// Returns an empty list for some of the pairs; [`Acting::append`] adds it to this one.
     #[must_use]
     pub fn part(&self) -> Self {
-        let Self { by_secants, sticks, stiffness, ref slid, .. } = *self;
-        Self { by_secants, sticks, stiffness, slid: Arc::clone(slid), ..Self::default() }
+        Self { stiffness: self.stiffness, slid: Arc::clone(&self.slid), ..Self::default() }
     }
 
     /// Returns whether a pair that slides in the direction `traction` slid in the opposite direction at the last

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use nalgebra::DMatrix;
 
 use crate::contract::discrete_gradient::DiscreteGradient;
+use crate::contract::meeting::Meeting;
 use crate::contract::patch::Patch;
 use crate::contract::tube::Tube;
 
@@ -177,14 +178,13 @@ pub trait Potential: Send + Sync {
         1.0
     }
 
-    /// Reduces `parts`, one number in [0, 1] per node, to the fraction of the straight path from `x` to `end` that each
-    /// node may move. If the fractions of nodes differ, the resulting path must be checked again.
-    fn limit_nodes(&self, x: &[f64], end: &[f64], parts: &mut [f64]) {
-        if self.limits_steps() {
-            let dx: Vec<f64> = end.iter().zip(x).map(|(end, x)| end - x).collect();
-            let largest = self.largest_step(x, &dx);
-            parts.iter_mut().for_each(|part| *part = part.min(largest));
-        }
+    /// Returns the groups of nodes that meet on the straight path from `x` to `end`. If only the nodes of these groups are
+    /// stopped, the resulting path must be checked again.
+    fn meetings(&self, x: &[f64], end: &[f64]) -> Vec<Meeting> {
+        let dx: Vec<f64> = end.iter().zip(x).map(|(end, x)| end - x).collect();
+        let part = if self.limits_steps() { self.largest_step(x, &dx) } else { 1.0 };
+        let nodes = 0..(x.len() / self.stencils().block.max(1)) as u32;
+        nodes.filter(|_| part < 1.0).map(|node| Meeting { nodes: [node; 4], part }).collect()
     }
 
     /// Returns this term with only those stencils that can act in a tube of configurations. This term must be valid there.

@@ -8,7 +8,7 @@ mod state;
 
 use std::sync::Arc;
 
-use vi_core::{Acting, DiscreteGradient, Fault, Impulse, Potential, StepOutcome, Terms};
+use vi_core::{Acting, DiscreteGradient, Fault, Impulse, Meeting, Potential, StepOutcome, Terms};
 
 use crate::assemble::energy::Energies;
 use crate::assemble::fixed::FixedSum;
@@ -355,13 +355,14 @@ impl LiveSum {
         Some((END_PER_STAGE, discrete.last_hessian()?))
     }
 
-    /// Reduces `parts`, one number per node, to the fraction of the path from `x` to `end` that each node may move in a
-    /// step from `start`. Returns the number of candidates that were checked.
-    pub(crate) fn limit_nodes(&mut self, start: &[f64], [x, end]: [&[f64]; 2], parts: &mut [f64]) -> usize {
+    /// Returns the groups of nodes that meet on the path from `x` to `end` in a step from `start`, and the number of
+    /// candidates that were checked.
+    pub(crate) fn meetings(&mut self, start: &[f64], [x, end]: [&[f64]; 2]) -> (Vec<Meeting>, usize) {
         self.follow(start, [x, end]);
-        let Some(near) = &self.near else { return 0 };
-        near.discrete.iter().for_each(|(_, term)| term.limit_nodes(x, end, parts));
-        near.discrete.iter().map(|(_, term)| term.stencils().count()).sum()
+        let Some(near) = &self.near else { return (Vec::new(), 0) };
+        let terms = || near.discrete.iter().map(|(_, term)| term);
+        let meetings = terms().flat_map(|term| term.meetings(x, end)).collect();
+        (meetings, terms().map(|term| term.stencils().count()).sum())
     }
 
     fn place(&mut self, start: &[f64], end: &[f64]) {

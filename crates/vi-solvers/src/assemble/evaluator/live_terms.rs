@@ -1,6 +1,6 @@
 //! The live terms of an evaluator: they act between the ends of a step, and may remember earlier steps.
 
-use vi_core::{Impulse, StepOutcome, System};
+use vi_core::{Impulse, Meeting, StepOutcome, System};
 
 use super::Evaluator;
 use crate::assemble::live::LiveState;
@@ -105,12 +105,13 @@ impl Evaluator {
         self.assembler.shared_live()?.last_tangents()
     }
 
-    /// Reduces `parts`, one number per node, to the fraction of the path from `x` to `end` that live terms let each node
-    /// move.
-    pub(crate) fn limit_nodes(&mut self, x: &[f64], end: &[f64], parts: &mut [f64]) {
-        if let (Some([start, _]), Some(live)) = (&self.ends, self.assembler.live()) {
-            self.work.path_checks += live.limit_nodes(start, [x, end], parts) as u64;
-        }
+    /// Returns the groups of nodes that meet on the path from `x` to `end`.
+    pub(crate) fn meetings(&mut self, x: &[f64], end: &[f64]) -> Vec<Meeting> {
+        let Some(live) = self.assembler.live() else { return Vec::new() };
+        let start = self.ends.as_ref().map_or(x, |[start, _]| start);
+        let (meetings, checked) = live.meetings(start, [x, end]);
+        self.work.path_checks += checked as u64;
+        meetings
     }
 
     /// Returns the ends of the step, if they have been set.

@@ -14,28 +14,20 @@ use std::sync::Arc;
 
 use vi_core::{Acting, DiscreteGradient, Impulse, Potential, State, StepEnergy, StepOutcome, System};
 
-use crate::assemble::free_path::shorten;
+use crate::assemble::free_path::{FreePath, make_uniform};
 use crate::assemble::passage::{Passage, Remembered};
 use crate::error::SolverError;
 use crate::index::free_of;
 use crate::memory::StepperMemory;
-use crate::newton::attempt::is_within;
+use crate::newton::soft_bristles::{self, Aim, Attempt, Frictional, Iteration, Progress, Verdict};
+use crate::newton::start::Start;
 use crate::schemes::kick_drift::touching::lists::Lists;
 use crate::schemes::kick_drift::touching::newton::Small;
 use crate::vectors;
 use crate::work::Work;
 
-/// Largest number of Newton iterations of one drift. Drifts that converge need three to ten.
+/// Largest number of Newton iterations of one series. Drifts that converge need three to ten.
 const MOST_ITERATIONS: u32 = 40;
-/// If the contraction is above this, the next iterations use secants. Friction can alternate between sticking and
-/// sliding in both directions; a few secant iterations find the right case.
-const STALLED: f64 = 0.7;
-/// Number of secant iterations, the first time.
-const SECANTS: u32 = 3;
-/// Number of iterations at the start in which friction sticks.
-const STICKING: u32 = 2;
-/// Smallest fraction of a correction that the line search tries.
-const SHORTEST: f64 = 1.0 / 64.0;
 /// Largest length of a correction, as a multiple of the longest motion of a node in the free drift. A much longer
 /// correction would make candidates of all pairs.
 const FARTHEST: f64 = 2.0;
@@ -53,18 +45,22 @@ pub(super) struct Touching {
     y: Vec<f64>,
     x_start: Vec<f64>,
     x_end: Vec<f64>,
-    x_trial: Vec<f64>,
-    parts: Vec<f64>,
     work: Work,
 }
 
-/// A correction of which the line search tries a fraction.
-struct Trial {
-    base: Vec<f64>,
-    delta: Vec<f64>,
-    /// Size of the residual at `base`.
-    size: f64,
-    part: f64,
+/// A drift over h (s) that is being solved.
+struct Drift<'a> {
+    touching: &'a mut Touching,
+    system: &'a System,
+    state: &'a State,
+    h: f64,
+    /// Largest length of a correction, m.
+    longest: f64,
+    iterations: u32,
+    /// Whether the start is the free drift, on a free path.
+    is_free: bool,
+    /// Whether it was found that no term acts along the free drift.
+    acts: bool,
 }
 
 impl Touching {
@@ -90,8 +86,6 @@ impl Touching {
             y: Vec::new(),
             x_start: vec![0.0; count],
             x_end: vec![0.0; count],
-            x_trial: vec![0.0; count],
-            parts: vec![1.0; count / 3],
             work: Work::default(),
         })
     }
@@ -120,8 +114,9 @@ impl Touching {
             return Ok(None);
         }
         self.passage.open(&self.x_start, h);
-        let acts = self.solve(system, state, h)?;
+        let outcome = self.solve(system, state, h);
         self.work.searches = self.lists.searches() - searches;
+        let acts = outcome?;
         Ok(acts.then(|| self.close(system, state, h)))
     }
 
@@ -133,96 +128,22 @@ impl Touching {
 
     /// Solves for y. Returns false if no term acts along the free drift.
     fn solve(&mut self, system: &System, state: &State, h: f64) -> Result<bool, SolverError> {
-        let (coordinates, mass) = (system.coordinates(), system.free_mass());
-        let c = 0.5 * h * h;
-        let t = state.t + h;
-        self.y.clone_from(&self.small.drifted);
-        self.small.begin();
-        self.acting.restart();
-        let mut terms = self.over_step();
         // The end of the step is still that of the free drift.
-        let longest = FARTHEST * self.farthest();
-        // Begin with the free drift, as far as its path is free.
-        let mut delta: Vec<f64> = self.y.iter().zip(&state.q).map(|(y, q)| y - q).collect();
-        let mut is_whole = self.shorten(system, &state.q, &mut delta, t, true);
-        vectors::update(&mut self.y, |k, y| *y = state.q[k] + delta[k]);
-        if is_whole {
-            self.y.clone_from(&self.small.drifted);
+        let (longest, tolerance) = (FARTHEST * self.farthest(), self.tolerance);
+        let mut drift =
+            Drift { touching: self, system, state, h, longest, iterations: 0, is_free: false, acts: true };
+        if soft_bristles::solve_plainly(&mut drift, Start::Inertial, tolerance, MOST_ITERATIONS).is_err() {
+            drift.touching.work.softenings += 1;
+            let attempts = Attempt::all(Start::Inertial);
+            soft_bristles::solve_in_stages(&mut drift, attempts, tolerance, MOST_ITERATIONS)?;
         }
-        let mut last: Option<f64> = None;
-        // The number of secant iterations left, and the number for the next time that they are needed.
-        let (mut secants, mut patience) = (0, SECANTS);
-        let (mut searches, mut trial): (bool, Option<Trial>) = (false, None);
-        for iteration in 1..=MOST_ITERATIONS {
-            coordinates.embed(&self.y, t, &mut self.x_end);
-            if self.lists.widen(&self.x_end) {
-                terms = self.over_step();
-            }
-            self.acting.clear();
-            self.acting.by_secants = secants > 0;
-            self.acting.sticks = iteration <= STICKING;
-            for term in &terms {
-                term.acting(&self.x_start, &self.x_end, &mut self.acting);
-            }
-            self.work.pair_forces += self.acting.count() as u64;
-            if iteration == 1 && is_whole && self.acting.count() == 0 {
-                // If the terms have a memory, only that must be closed.
-                return Ok(self.passage.remembers());
-            }
-            self.small.load(system, &self.free_of, &self.acting, c, &self.y);
-            let size = self.small.size(mass);
-            if let Some(Trial { base, delta, size: before, part }) = &mut trial {
-                if size > (1.0 - 1e-4 * *part) * *before && *part > SHORTEST {
-                    *part *= 0.5;
-                    vectors::update(&mut self.y, |k, y| *y = base[k] + *part * delta[k]);
-                    continue;
-                }
-                trial = None;
-            }
-            self.work.newton_iterations += 1;
-            let decrement = self.small.correct(mass)?;
-            let scale = self.small.scale(mass, &state.q);
-            // Pairs that do not push yet give no correction, and may touch no free coordinate.
-            let eta = if decrement == 0.0 { 0.0 } else { (decrement.abs() / scale).sqrt() };
-            if !eta.is_finite() {
-                return Err(stuck(iteration, eta, self.tolerance));
-            }
-            delta.fill(0.0);
-            let is_short = self.small.spread(&mut delta, longest);
-            let from = std::mem::take(&mut self.y);
-            is_whole = self.shorten(system, &from, &mut delta, t, false) && is_short;
-            self.y = from;
-            if searches && secants == 0 {
-                trial = Some(Trial { base: self.y.clone(), delta: delta.clone(), size, part: 1.0 });
-            }
-            vectors::update(&mut self.y, |k, y| *y += delta[k]);
-            let contraction = last.map(|last| eta / last);
-            let reverses = self.acting.reversals() > 0;
-            let is_close = is_within(self.tolerance, eta, contraction);
-            let is_close = is_close && secants == 0 && iteration > STICKING && !reverses;
-            let is_exact =
-                !reverses && iteration > STICKING && self.small.is_at_resolution(mass, &state.q, RESOLUTION);
-            if is_whole && (is_close || is_exact) {
-                coordinates.embed(&self.y, t, &mut self.x_end);
-                if self.lists.widen(&self.x_end) {
-                    terms = self.over_step();
-                }
-                drop(terms);
-                return self.check_path().map(|()| true);
-            }
-            if secants > 0 {
-                secants -= 1;
-                last = None;
-                continue;
-            }
-            if iteration > STICKING + 1 && contraction.is_some_and(|theta| theta > STALLED) {
-                // The iteration alternates across a kink.
-                (secants, patience) = (patience, 2 * patience);
-                searches = true;
-            }
-            last = (is_whole && !reverses).then_some(eta);
+        if !drift.acts {
+            // If the terms have a memory, only that must be closed.
+            return Ok(self.passage.remembers());
         }
-        Err(stuck(MOST_ITERATIONS, last.unwrap_or(1.0), self.tolerance))
+        system.coordinates().embed(&self.y, state.t + h, &mut self.x_end);
+        self.lists.widen(&self.x_end);
+        self.check_path().map(|()| true)
     }
 
     /// Returns the longest motion of a node from the start to the end, m.
@@ -234,12 +155,9 @@ impl Touching {
 
     /// Checks that the straight path from the start to the end is free.
     fn check_path(&mut self) -> Result<(), SolverError> {
-        self.parts.fill(1.0);
         self.work.path_checks += self.lists.count();
-        for term in self.lists.terms() {
-            term.limit_nodes(&self.x_start, &self.x_end, &mut self.parts);
-        }
-        if self.parts.iter().any(|part| *part < 1.0) { Err(SolverError::Crossing) } else { Ok(()) }
+        let meets = |term: &Arc<dyn Potential>| !term.meetings(&self.x_start, &self.x_end).is_empty();
+        if self.lists.terms().iter().any(meets) { Err(SolverError::Crossing) } else { Ok(()) }
     }
 
     /// Shortens the change `delta` of the coordinates `from`, node by node, until no pair meets on the path. Returns true
@@ -254,24 +172,27 @@ impl Touching {
         from_start: bool,
     ) -> bool {
         let coordinates = system.coordinates();
-        let Self { lists, parts, small, work, x_start, x_trial, .. } = self;
-        let mut to = vec![0.0; from.len()];
-        let mut before = Vec::new();
-        if !from_start {
-            before = vec![0.0; x_start.len()];
-            coordinates.embed(from, t, &mut before);
-        }
-        let start = if from_start { &*x_start } else { &before };
-        let limit = |delta: &[f64], parts: &mut [f64]| {
-            vectors::fill(&mut to, |k| from[k] + delta[k]);
-            coordinates.embed(&to, t, x_trial);
-            lists.widen(x_trial);
-            work.path_checks += lists.count();
-            lists.terms().iter().for_each(|term| term.limit_nodes(start, x_trial, parts));
+        let Self { lists, small, work, x_start, .. } = self;
+        let place = |delta: &[f64]| {
+            let to: Vec<f64> = from.iter().zip(delta).map(|(from, delta)| from + delta).collect();
+            let mut x = vec![0.0; x_start.len()];
+            coordinates.embed(&to, t, &mut x);
+            x
         };
-        shorten(coordinates, delta, parts, limit, |node| {
+        let before = if from_start { x_start.clone() } else { place(&vec![0.0; from.len()]) };
+        let meetings = |from: &[f64], to: &[f64]| {
+            lists.widen(to);
+            work.path_checks += lists.count();
+            lists.terms().iter().flat_map(|term| term.meetings(from, to)).collect()
+        };
+        let mut path = FreePath { coordinates, from: &before, place, meetings };
+        let touch = |node| {
             small.touch(node);
-        })
+        };
+        match from_start && coordinates.is_moving() {
+            true => path.shorten_past_obstacles(delta, touch),
+            false => path.shorten(delta, touch),
+        }
     }
 
     /// Closes the step at y.
@@ -345,6 +266,88 @@ impl Touching {
     }
 }
 
-fn stuck(iterations: u32, residual: f64, tolerance: f64) -> SolverError {
-    SolverError::NoConvergence { iterations, residual, tolerance }
+impl Frictional for Drift<'_> {
+    /// Begins with the free drift, as far as its path is free.
+    fn begin(&mut self, _start: Start) {
+        let Self { touching, system, state, h, is_free, .. } = self;
+        touching.y.clone_from(&touching.small.drifted);
+        touching.small.begin();
+        touching.acting.restart();
+        let mut delta: Vec<f64> = touching.y.iter().zip(&state.q).map(|(y, q)| y - q).collect();
+        *is_free = touching.shorten(system, &state.q, &mut delta, state.t + *h, true);
+        if !*is_free {
+            vectors::update(&mut touching.y, |k, y| *y = state.q[k] + delta[k]);
+        }
+    }
+
+    fn unknowns(&self) -> Vec<f64> {
+        self.touching.y.clone()
+    }
+
+    fn go_to(&mut self, unknowns: &[f64]) {
+        self.touching.y.copy_from_slice(unknowns);
+    }
+
+    fn iterations(&self) -> u32 {
+        self.iterations
+    }
+
+    fn iterate(&mut self, aim: Aim) -> Result<(), SolverError> {
+        let Self { touching, system, state, h, longest, iterations, is_free, acts } = self;
+        let (coordinates, mass) = (system.coordinates(), system.free_mass());
+        let (c, t) = (0.5 * *h * *h, state.t + *h);
+        let mut terms = touching.over_step();
+        let mut progress = Progress::towards(aim);
+        let mut delta = vec![0.0; state.q.len()];
+        let mut eta = f64::INFINITY;
+        touching.acting.stiffness = aim.stiffness;
+        for _ in 0..aim.most {
+            coordinates.embed(&touching.y, t, &mut touching.x_end);
+            if touching.lists.widen(&touching.x_end) {
+                terms = touching.over_step();
+            }
+            touching.acting.clear();
+            for term in &terms {
+                term.acting(&touching.x_start, &touching.x_end, &mut touching.acting);
+            }
+            touching.work.pair_forces += touching.acting.count() as u64;
+            if std::mem::take(is_free) && touching.acting.count() == 0 {
+                *acts = false;
+                return Ok(());
+            }
+            let (small, acting) = (&mut touching.small, &touching.acting);
+            small.load(system, &touching.free_of, acting, c, &touching.y);
+            let size = small.size(mass);
+            touching.work.newton_iterations += 1;
+            *iterations += 1;
+            let decrement = small.correct(mass)?;
+            let scale = small.scale(mass, &state.q);
+            // Pairs that do not push yet give no correction, and may touch no free coordinate.
+            eta = if decrement == 0.0 { 0.0 } else { (decrement.abs() / scale).sqrt() };
+            if !eta.is_finite() {
+                break;
+            }
+            delta.fill(0.0);
+            let is_short = small.spread(&mut delta, *longest);
+            let mut whole = vec![0.0; if aim.is_uniform { delta.len() } else { 0 }];
+            if aim.is_uniform {
+                small.spread(&mut whole, f64::INFINITY);
+            }
+            let is_at_resolution = small.is_at_resolution(mass, &state.q, RESOLUTION);
+            let reverses = acting.reversals() > 0;
+            let from = std::mem::take(&mut touching.y);
+            let is_whole = touching.shorten(system, &from, &mut delta, t, false) && is_short;
+            touching.y = from;
+            if aim.is_uniform {
+                make_uniform(&whole, &mut delta);
+            }
+            vectors::update(&mut touching.y, |k, y| *y += delta[k]);
+            match progress.judge(&Iteration { eta, size, is_whole, reverses, is_at_resolution }) {
+                Verdict::Solved => return Ok(()),
+                Verdict::Hopeless => break,
+                Verdict::Continue => {}
+            }
+        }
+        Err(SolverError::NoConvergence { iterations: *iterations, residual: eta, tolerance: aim.tolerance })
+    }
 }

@@ -3,7 +3,7 @@
 use super::rule::Rule;
 use super::stage::{Stage, StageEquations};
 use crate::assemble::evaluator::Evaluator;
-use crate::assemble::free_path::shorten;
+use crate::assemble::free_path::{FreePath, make_uniform};
 use crate::assemble::live::END_PER_STAGE;
 use crate::error::SolverError;
 use crate::newton::inverse::Inverse;
@@ -30,20 +30,46 @@ impl<R: Rule> StageEquations<'_, R> {
     /// of `base`; if `from_start`, on its path from the beginning of the step. Returns whether it was not shortened.
     fn shorten(&self, evaluator: &mut Evaluator, base: &[f64], delta: &mut [f64], from_start: bool) -> bool {
         let Stage { origin, offset, start_t, h, .. } = &*self.stage;
-        let (coordinates, t_end) = (self.system.coordinates(), start_t + h);
+        let coordinates = self.system.coordinates();
+        // The path is that of the end of the step, or of the stage if pairs act there.
+        let (scale, t_end) = match self.rule.takes_discrete_gradients() {
+            true => (END_PER_STAGE, start_t + h),
+            false => (1.0, self.stage.t),
+        };
         let count = coordinates.dof_count();
-        let mut end = vec![0.0; base.len()];
-        let mut place = |delta: &[f64], t: f64| {
-            vectors::fill(&mut end, |k| origin[k] + END_PER_STAGE * (offset[k] + base[k] + delta[k]));
+        let place = |change: &[f64], t: f64| {
+            let end = |k: usize| origin[k] + scale * (offset[k] + base[k]) + change[k];
+            let end: Vec<f64> = (0..base.len()).map(end).collect();
             let mut x = vec![0.0; count];
             coordinates.embed(&end, t, &mut x);
             x
         };
         let from = place(&vec![0.0; delta.len()], if from_start { *start_t } else { t_end });
-        let limit = |delta: &[f64], parts: &mut [f64]| {
-            evaluator.limit_nodes(&from, &place(delta, t_end), parts);
+        let mut path = FreePath {
+            coordinates,
+            from: &from,
+            place: |change: &[f64]| place(change, t_end),
+            meetings: |from: &[f64], to: &[f64]| evaluator.meetings(from, to),
         };
-        shorten(coordinates, delta, &mut vec![1.0; count / 3], limit, |_| ())
+        vectors::update(delta, |_, delta| *delta *= scale);
+        let is_whole = match from_start && coordinates.is_moving() {
+            true => path.shorten_past_obstacles(delta, |_| ()),
+            false => path.shorten(delta, |_| ()),
+        };
+        vectors::update(delta, |_, delta| *delta /= scale);
+        is_whole
+    }
+
+    /// Shortens the way from the beginning of the step to the start of the iteration, node by node, until no pair meets on it.
+    pub(super) fn shorten_way(&mut self, evaluator: &mut Evaluator) {
+        let Stage { offset, w, .. } = &*self.stage;
+        let still: Vec<f64> = offset.iter().map(|offset| -offset).collect();
+        let mut delta: Vec<f64> = offset.iter().zip(w).map(|(offset, w)| offset + w).collect();
+        if !self.shorten(evaluator, &still, &mut delta, true) {
+            let Stage { w, base, .. } = &mut *self.stage;
+            vectors::fill(w, |k| still[k] + delta[k]);
+            base.copy_from_slice(w);
+        }
     }
 }
 
@@ -91,8 +117,9 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         Ok(vectors::sum(r.len(), |k| (residual[k] + r[k]) * correction[k]) / *c)
     }
 
-    fn limit_nodes(&mut self, evaluator: &mut Evaluator, longest: f64) -> bool {
+    fn limit(&mut self, evaluator: &mut Evaluator, longest: f64, is_uniform: bool) -> bool {
         let mut delta = std::mem::take(&mut self.stage.correction);
+        let whole = if is_uniform { delta.clone() } else { Vec::new() };
         let mut is_whole = true;
         let free = self.system.coordinates().free();
         let mut first = 0;
@@ -106,19 +133,15 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
             }
         }
         is_whole &= self.shorten(evaluator, &self.stage.base, &mut delta, false);
+        if is_uniform {
+            make_uniform(&whole, &mut delta);
+        }
         self.stage.correction = delta;
         is_whole
     }
 
     fn limit_start(&mut self, evaluator: &mut Evaluator) {
-        let Stage { offset, w, .. } = &*self.stage;
-        let still: Vec<f64> = offset.iter().map(|offset| -offset).collect();
-        let mut delta: Vec<f64> = offset.iter().zip(w).map(|(offset, w)| offset + w).collect();
-        if !self.shorten(evaluator, &still, &mut delta, true) {
-            let Stage { w, base, .. } = &mut *self.stage;
-            vectors::fill(w, |k| still[k] + delta[k]);
-            base.copy_from_slice(w);
-        }
+        self.shorten_way(evaluator);
     }
 
     fn longest_correction(&self, evaluator: &Evaluator) -> f64 {

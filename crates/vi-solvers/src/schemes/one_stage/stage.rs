@@ -182,30 +182,6 @@ impl Stage {
         evaluator.largest_step(&x, &dx, Some([&x_end, &dx_end]))
     }
 
-    /// Returns the largest of the fractions p, p/2, p/4 … of the way to the stage `goal` for which the path of the
-    /// whole step is free, with prescribed coordinates at their end; zero if there is none.
-    fn free_part(&self, system: &System, evaluator: &mut Evaluator, goal: &[f64], largest: f64) -> f64 {
-        const HALVINGS: usize = 6;
-        let coordinates = system.coordinates();
-        let place = |q: &[f64], t: f64| {
-            let mut x = vec![0.0; coordinates.dof_count()];
-            coordinates.embed(q, t, &mut x);
-            x
-        };
-        let start = place(&self.origin, self.start_t);
-        let mut part = largest;
-        for _ in 0..HALVINGS {
-            let end: Vec<f64> = self.origin.iter().zip(goal).map(|(q, goal)| q + 2.0 * part * goal).collect();
-            let end = place(&end, self.start_t + self.h);
-            let dx: Vec<f64> = start.iter().zip(&end).map(|(start, end)| end - start).collect();
-            if evaluator.largest_step(&start, &dx, Some([&start, &dx])) >= 1.0 {
-                return part;
-            }
-            part *= 0.5;
-        }
-        0.0
-    }
-
     /// Sets the velocity of the stage for the forces without a potential.
     pub(super) fn set_velocities(&self, system: &System, rule: &impl Rule, evaluator: &mut Evaluator) {
         if self.is_forced && !self.w.is_empty() {
@@ -288,15 +264,17 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn shorten_start(&mut self, system: &System, evaluator: &mut Evaluator) {
+        let coordinates = system.coordinates();
+        let is_plain = coordinates.node_axes().is_empty() && coordinates.dof_count().is_multiple_of(3);
+        if coordinates.is_moving() && is_plain && evaluator.has_live() {
+            return self.shorten_way(evaluator);
+        }
         // The path leads from the beginning of the step to the start of the iteration.
         let Self { rule, stage, .. } = self;
         let goal: Vec<f64> = stage.offset.iter().zip(&stage.w).map(|(offset, w)| offset + w).collect();
         let at_start = stage.offset.iter().map(|offset| -offset).collect();
         let wanted = std::mem::replace(&mut stage.w, at_start);
-        let mut part = stage.largest_step(system, *rule, evaluator, &goal);
-        if rule.takes_discrete_gradients() && system.coordinates().is_moving() && evaluator.has_live() {
-            part = stage.free_part(system, evaluator, &goal, part);
-        }
+        let part = stage.largest_step(system, *rule, evaluator, &goal);
         let Stage { w, base, offset, .. } = &mut **stage;
         w.copy_from_slice(&wanted);
         if part < 1.0 {

@@ -1,0 +1,217 @@
+//! Newton's method across the kink of friction between sticking and sliding. It can alternate without end between
+//! states in which friction slides to and fro. Three measures prevent this. A pair whose direction of sliding reverses
+//! from one iteration to the next is taken to stick in that iteration ([`vi_core::Acting::reverses`]). If this is not
+//! enough, a second attempt begins with soft bristles, which stick over a wide range of slip, and makes them stiffer from
+//! stage to stage. A third attempt does so from softer ones.
+//!
+//! Another obstacle is a path that cuts corrections short. Usually only the nodes of the pairs that would meet are stopped.
+//! If many pairs lie in a stiff layer, they are then brought too close in turn, without end. The last attempt
+//! therefore makes the same fraction of the correction at all nodes, which reduces all residuals by that fraction.
+
+use crate::error::SolverError;
+use crate::newton::attempt::{ROUND_OFF, is_within};
+use crate::newton::start::Start;
+
+/// Largest number of iterations of a plain attempt. Those that converge need two to eight, and more if paths cut
+/// corrections short.
+const PLAIN_ITERATIONS: u32 = 30;
+/// The stiffness of bristles in the first stage of the second attempt and of later ones, and the ratio of that of a stage to
+/// the one before it; after a failed stage the ratio is smaller.
+const SOFT: f64 = 1e-2;
+const SOFTEST: f64 = 1e-4;
+const LARGEST_RATIO: f64 = 10.0;
+const SMALLEST_RATIO: f64 = 1.2;
+/// Stages that need no more iterations than this did not change the state of friction.
+const SAME: u32 = 2;
+/// The error to which a stage is solved, and its largest number of iterations. Those that converge need two to five.
+const STAGE_TOLERANCE: f64 = 1e-3;
+const STAGE_ITERATIONS: u32 = 15;
+/// Largest number of iterations of a stage with equal fractions at all nodes.
+const UNIFORM_ITERATIONS: u32 = 60;
+/// A series ends without success after this many iterations whose errors and residuals are not below the fraction `GAIN`
+/// of the least ones before.
+const IDLE: u32 = 4;
+const GAIN: f64 = 0.5;
+
+/// The aim of a series of iterations.
+#[derive(Clone, Copy)]
+pub(crate) struct Aim {
+    pub(crate) tolerance: f64,
+    pub(crate) most: u32,
+    /// The fraction of their stiffness with which bristles resist slip. If it is below one, the solution is only a start
+    /// for the next stage.
+    pub(crate) stiffness: f64,
+    /// Whether the same fraction of a correction is made at all nodes if it is cut short.
+    pub(crate) is_uniform: bool,
+}
+
+/// An attempt to solve equations with friction in stages.
+#[derive(Clone, Copy)]
+pub(crate) struct Attempt {
+    pub(crate) start: Start,
+    /// The stiffness of bristles in the first stage.
+    pub(crate) softest: f64,
+    /// See [`Aim::is_uniform`].
+    pub(crate) is_uniform: bool,
+}
+
+impl Attempt {
+    /// Returns the attempts that are made one after the other, from a start.
+    pub(crate) fn all(start: Start) -> [Self; 3] {
+        [
+            Self { start, softest: SOFT, is_uniform: false },
+            Self { start, softest: SOFTEST, is_uniform: false },
+            Self { start: Start::Inertial, softest: SOFTEST, is_uniform: true },
+        ]
+    }
+}
+
+impl Aim {
+    fn is_stage(&self) -> bool {
+        self.stiffness < 1.0
+    }
+}
+
+/// Equations with friction, and the iteration that solves them.
+pub(crate) trait Frictional {
+    /// Goes to the start of an attempt.
+    fn begin(&mut self, start: Start);
+    fn unknowns(&self) -> Vec<f64>;
+    fn go_to(&mut self, unknowns: &[f64]);
+    /// Iterates from the unknowns to the aim.
+    fn iterate(&mut self, aim: Aim) -> Result<(), SolverError>;
+    /// Returns the number of iterations made so far.
+    fn iterations(&self) -> u32;
+}
+
+/// Solves the equations with bristles of full stiffness.
+pub(crate) fn solve_plainly(
+    series: &mut impl Frictional,
+    start: Start,
+    tolerance: f64,
+    most: u32,
+) -> Result<(), SolverError> {
+    series.begin(start);
+    series.iterate(Aim { tolerance, most: PLAIN_ITERATIONS.min(most), stiffness: 1.0, is_uniform: false })
+}
+
+/// Solves the equations with bristles that become stiffer from stage to stage, attempt by attempt until one succeeds. Returns whether the stages made no difference.
+///
+/// # Errors
+/// Returns the error of the last attempt.
+pub(crate) fn solve_in_stages(
+    series: &mut impl Frictional,
+    attempts: [Attempt; 3],
+    tolerance: f64,
+    most: u32,
+) -> Result<bool, SolverError> {
+    let mut outcome = Err(SolverError::NoConvergence { iterations: 0, residual: 1.0, tolerance });
+    for attempt in attempts {
+        outcome = stiffen(series, attempt, tolerance, most);
+        if outcome.is_ok() {
+            break;
+        }
+    }
+    outcome
+}
+
+fn stiffen(
+    series: &mut impl Frictional,
+    Attempt { start, softest, is_uniform }: Attempt,
+    tolerance: f64,
+    most: u32,
+) -> Result<bool, SolverError> {
+    let most = if is_uniform { UNIFORM_ITERATIONS } else { STAGE_ITERATIONS.min(most) };
+    series.begin(start);
+    // Stiffness of the last solution, and the ratio of the next to it.
+    let (mut reached, mut ratio) = (softest / LARGEST_RATIO, LARGEST_RATIO);
+    let mut is_same = true;
+    loop {
+        let stiffness = (ratio * reached).min(1.0);
+        let is_stage = stiffness < 1.0;
+        let tolerance = if is_stage { STAGE_TOLERANCE } else { tolerance };
+        let place = series.unknowns();
+        let before = series.iterations();
+        let outcome = series.iterate(Aim { tolerance, most, stiffness, is_uniform });
+        is_same &= reached < softest || series.iterations() - before <= SAME;
+        match outcome {
+            Ok(()) if !is_stage => return Ok(is_same),
+            Ok(()) => (reached, ratio) = (stiffness, (ratio * ratio).min(LARGEST_RATIO)),
+            Err(_) if reached >= softest && ratio > SMALLEST_RATIO => {
+                series.go_to(&place);
+                ratio = ratio.sqrt();
+            }
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+/// The results of one iteration.
+pub(crate) struct Iteration {
+    /// The error, relative, and the size of the residual.
+    pub(crate) eta: f64,
+    pub(crate) size: f64,
+    /// Whether the correction was made in full.
+    pub(crate) is_whole: bool,
+    /// Whether pairs stick only because their direction of sliding reversed.
+    pub(crate) reverses: bool,
+    /// Whether the correction is below the resolution of positions.
+    pub(crate) is_at_resolution: bool,
+}
+
+/// What follows from an iteration.
+#[derive(PartialEq)]
+pub(crate) enum Verdict {
+    Solved,
+    Continue,
+    Hopeless,
+}
+
+/// Judges the iterations of a series.
+pub(crate) struct Progress {
+    aim: Aim,
+    last: Option<f64>,
+    least: [f64; 2],
+    idle: u32,
+}
+
+impl Progress {
+    pub(crate) fn towards(aim: Aim) -> Self {
+        Self { aim, last: None, least: [f64::INFINITY; 2], idle: 0 }
+    }
+
+    pub(crate) fn judge(&mut self, iteration: &Iteration) -> Verdict {
+        let Iteration { eta, size, is_whole, reverses, is_at_resolution } = *iteration;
+        if !eta.is_finite() {
+            return Verdict::Hopeless;
+        }
+        let contraction = self.last.map(|last| eta / last);
+        let is_met = match self.aim.is_stage() {
+            true => eta <= self.aim.tolerance,
+            false => is_close(eta, contraction, self.aim.tolerance),
+        };
+        if is_whole && !reverses && (is_met || is_at_resolution) {
+            return Verdict::Solved;
+        }
+        // Out of a stiff layer, corrections grow at first while the residual decreases.
+        let gains = eta < GAIN * self.least[0] || size < GAIN * self.least[1];
+        self.least = [self.least[0].min(eta), self.least[1].min(size)];
+        // An iteration that a path cut short may lead far away from the solution without harm.
+        self.idle = if gains { 0 } else { self.idle + u32::from(is_whole) };
+        self.last = (is_whole && !reverses).then_some(eta);
+        if self.idle == IDLE { Verdict::Hopeless } else { Verdict::Continue }
+    }
+
+    /// Records that the last correction was not made in full after all, so that its error does not predict the next one.
+    pub(crate) fn interrupt(&mut self) {
+        self.last = None;
+    }
+}
+
+/// Returns whether an error, with the ratio to that of the iteration before, meets the tolerance.
+fn is_close(eta: f64, contraction: Option<f64>, tolerance: f64) -> bool {
+    // To round-off: until there is no more improvement.
+    let has_stalled =
+        tolerance <= ROUND_OFF && eta < 1e-9 && contraction.is_some_and(|theta| theta > 0.5 && theta < 1.0);
+    eta == 0.0 || has_stalled || is_within(tolerance, eta, contraction)
+}
