@@ -3,6 +3,22 @@
 //! A scene is a Lagrangian L = T − V. A time integrator is a choice of an interpolation of the trajectory × a
 //! quadrature of the action. The rest follows from Hamilton's principle.
 //!
+//! ```
+//! use variational::prelude::*;
+//!
+//! let rubber = Law::NeoHookean(Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 });
+//! let shape = BoxMesh { size: [1.0, 0.2, 0.2], cells: [5, 1, 1], element: CellKind::Tet4, origin: [0.0; 3] };
+//! let scene = Scene::new(Time::new(0.1, 1e-3, SchemeName::StormerVerlet))
+//!     .gravity([0.0, -9.81, 0.0])
+//!     .body(Body::from_box("beam", shape, rubber))
+//!     .fix(Fix::region("beam", "x-min"));
+//! let mut simulation = Simulation::new(scene).expect("a valid scene");
+//! while !simulation.is_done() {
+//!     simulation.step().expect("a stable step");
+//! }
+//! assert!(simulation.observe().elastic > 0.0);
+//! ```
+//!
 //! [`scene::Scene`] describes a scene, [`simulation::Simulation`] steps it, [`run::run`] writes the results.
 //! The layers below are re-exported as [`core`], [`mesh`], [`fem`], [`solvers`] and [`io`].
 

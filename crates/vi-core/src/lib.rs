@@ -1,9 +1,6 @@
-//! The theory in code: a scene is a Lagrangian L = T − V, and a time integrator is a choice of
-//! interpolation × quadrature. Everything else follows from Hamilton's principle.
+//! Potentials, Lagrangians, schemes and what they conserve.
 //!
-//! This crate defines potentials as sums of local terms, generalised coordinates, schemes as plain data, and their
-//! conserved quantities.
-
+#![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
 mod contract;

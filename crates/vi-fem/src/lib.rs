@@ -1,9 +1,6 @@
-//! Provides elements and materials; on a mesh they give a mass and potentials.
+//! Elements and materials: a mass and potentials for vi-core.
 //!
-//! This crate describes shapes at rest ([`vi_mesh::Mesh`]) and constitutive laws. It contains no sparse matrices, no
-//! time steps and no files. Start with [`Law`] and [`elastic`]. To add a law see [`Material`]; to add an element see
-//! [`Element`].
-
+#![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
 mod error;

@@ -1,9 +1,6 @@
-//! Reads and writes files: meshes and arrays, no physics.
+//! Mesh and array files.
 //!
-//! [`read_mesh`] reads every format into one [`MeshFile`]: a [`vi_mesh::Mesh`] and the arrays over it. The `parse_*`
-//! functions do so for bytes in memory. Memory is bounded by a small multiple of the file, whatever its headers claim.
-//! Every fault is an [`IoError`] that names the file, the line or byte, and the remedy.
-
+#![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
 mod cursor;

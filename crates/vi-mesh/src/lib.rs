@@ -1,9 +1,6 @@
-//! Meshes: points, cells of all dimensions, and named regions of them.
+//! Meshes: cells, nodes, regions, generators, refinement, boundaries.
 //!
-//! [`CellKind`] is the only table of cell kinds: corners, edges, sides, reference nodes, and codes in file formats.
-//! Readers, generators ([`BoxMesh`], [`SheetMesh`]), refinement ([`Mesh::refined`]), the boundary ([`Surface`]) and
-//! finite elements all use it. This crate has no physics and no file formats.
-
+#![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
 mod arrays;

@@ -1,8 +1,6 @@
-//! Time integrators, assembly, nonlinear and sparse solves for `vi-core` systems.
+//! Time integrators, assembly, Newton's method and sparse factors.
 //!
-//! This crate works on stencils, small dense blocks, sparse systems and time steps; elements and materials are in
-//! other crates. Each folder uses only those before it: `linear`, `assemble`, `newton`, `schemes`, `equilibrium`,
-//! `modes`.
+#![doc = include_str!("../README.md")]
 
 mod assemble;
 mod equilibrium;
