@@ -4,9 +4,9 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
+use variational::run as runs;
 use variational::run::checkpoint::{Found, newest};
 use variational::run::report::Report;
-use variational::run::{self as runs, RunError};
 
 use crate::callables::Raised;
 use crate::errors;
@@ -30,7 +30,7 @@ pub(crate) fn run(
     let result = supervise(py, &pool, &raised, hear, |mut link| {
         runs::run_from(source, armed, name, &directory, &mut link)
     })?;
-    report(py, result)
+    json(&result.map_err(|error| scene.failed(py, error))?)
 }
 
 /// Continues the run in a directory from its newest checkpoint; returns its name and the report as JSON.
@@ -64,12 +64,11 @@ pub(crate) fn resume(
     let result = supervise(py, &pool, &raised, hear, |mut link| {
         runs::resume(armed, &checkpoint, &directory, &mut link)
     })?;
-    Ok((name, report(py, result)?))
+    Ok((name, json(&result.map_err(|error| errors::run(py, error))?)?))
 }
 
-fn report(py: Python<'_>, result: Result<Report, RunError>) -> PyResult<String> {
-    let report = result.map_err(|error| errors::run(py, error))?;
-    serde_json::to_string(&report).map_err(errors::value)
+fn json(report: &Report) -> PyResult<String> {
+    serde_json::to_string(report).map_err(errors::value)
 }
 
 /// Runs the command `variational` with these arguments (the first is its name); returns the exit code.

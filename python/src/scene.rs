@@ -1,12 +1,13 @@
 //! Scenes: the value of the library, with the arrays and callables that a text cannot hold.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use pyo3::prelude::*;
 use variational::auto::stand_in;
 use variational::fem::Motion;
 use variational::model::all_problems;
+use variational::run::RunError;
 use variational::scene::{self, Parsed, Problem};
 
 use crate::callables::{CallableMotion, Raised};
@@ -24,6 +25,8 @@ pub(crate) struct Scene {
     motions: Vec<(usize, Py<PyAny>)>,
     /// The scene file, and the keys that were set in it.
     pub(crate) source: Option<(PathBuf, Vec<String>)>,
+    /// The text whose lines problems name, if the user has written one.
+    parsed: Option<Parsed>,
 }
 
 #[pymethods]
@@ -47,9 +50,9 @@ impl Scene {
                 }
             }
         }
-        let scene = accept(py, &parsed, lines)?;
+        let scene = accept(py, &parsed, lines, None)?;
         let here = std::env::current_dir().unwrap_or_default();
-        Ok(Self { scene: scene.relative_to(&here), motions, source: None })
+        Ok(Self { scene: scene.relative_to(&here), motions, source: None, parsed: lines.then_some(parsed) })
     }
 
     /// Reads a scene file.
@@ -57,8 +60,8 @@ impl Scene {
     fn read(py: Python<'_>, path: PathBuf, overrides: Vec<String>) -> PyResult<Self> {
         let parsed =
             scene::Scene::read(&path, &overrides).map_err(|error| errors::file(py, &path, &error))?;
-        let scene = accept(py, &parsed, true)?;
-        Ok(Self { scene, motions: Vec::new(), source: Some((path, overrides)) })
+        let scene = accept(py, &parsed, true, Some(&path))?;
+        Ok(Self { scene, motions: Vec::new(), source: Some((path, overrides)), parsed: Some(parsed) })
     }
 
     /// Returns the scene as TOML, with absolute paths. It does not hold the arrays and callables.
@@ -93,7 +96,7 @@ impl Scene {
     fn check(&self, py: Python<'_>) -> PyResult<()> {
         let scene = stand_in(&self.scene);
         let problems = py.detach(|| variational::simulation::Simulation::new(scene).err());
-        problems.map_or(Ok(()), |problems| Err(errors::scene(py, problems)))
+        problems.map_or(Ok(()), |problems| Err(self.refused(py, problems)))
     }
 }
 
@@ -114,6 +117,24 @@ impl Scene {
         Ok(scene)
     }
 
+    /// Makes `SceneError` from problems that were found after the text was read, with their lines.
+    pub(crate) fn refused(&self, py: Python<'_>, mut problems: Vec<Problem>) -> PyErr {
+        if let Some(parsed) = &self.parsed {
+            problems = problems.into_iter().map(|problem| parsed.locate(problem)).collect();
+        }
+        let file = self.source.as_ref().map(|(path, _)| path);
+        problems.iter_mut().for_each(|problem| problem.file = file.cloned());
+        errors::scene(py, problems)
+    }
+
+    /// Makes the exception for a run of this scene that ended early.
+    pub(crate) fn failed(&self, py: Python<'_>, error: RunError) -> PyErr {
+        match error {
+            RunError::Scene(problems) => self.refused(py, problems),
+            error => errors::run(py, error),
+        }
+    }
+
     /// Wraps a scene that a simulation holds, with the callables of this one.
     pub(crate) fn settled(&self, py: Python<'_>, mut scene: scene::Scene) -> Self {
         for (number, _) in &self.motions {
@@ -121,18 +142,19 @@ impl Scene {
                 fix.motion = None;
             }
         }
-        Self { scene, motions: self.motions(py), source: None }
+        Self { scene, motions: self.motions(py), source: None, parsed: None }
     }
 }
 
-/// Returns the scene of a text without problems.
-fn accept(py: Python<'_>, parsed: &Parsed, lines: bool) -> PyResult<scene::Scene> {
+/// Returns the scene of a text without problems, or all problems, with their lines and the file.
+fn accept(py: Python<'_>, parsed: &Parsed, lines: bool, file: Option<&Path>) -> PyResult<scene::Scene> {
     match parsed.scene.clone().filter(|_| parsed.problems.is_empty()) {
         Some(scene) => Ok(scene),
         None => {
             let mut problems = py.detach(|| all_problems(parsed));
-            if !lines {
-                problems.iter_mut().for_each(|problem| problem.line = None);
+            for problem in &mut problems {
+                problem.line = problem.line.filter(|_| lines);
+                problem.file = file.map(Path::to_owned);
             }
             Err(errors::scene(py, problems))
         }

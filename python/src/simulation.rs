@@ -191,7 +191,7 @@ impl Simulation {
         if let Some(error) = failure {
             return Err(error);
         }
-        let simulation = built?.map_err(|error| errors::run(py, error.into()))?;
+        let simulation = built?.map_err(|error| scene.failed(py, error.into()))?;
         let scene = scene.settled(py, simulation.scene().clone());
         let open = Open { simulation, pool, raised, has_callables };
         Ok(Self { open: Mutex::new(Some(open)), process: std::process::id(), scene })

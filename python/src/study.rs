@@ -42,7 +42,7 @@ pub(crate) fn bench(
     let options = BenchOptions { name, budget: Duration::from_secs_f64(budget), accuracy, schemes };
     let result = supervise(py, &pool, &raised, hear, |mut link| benches::bench(&armed, &options, &mut link))?;
     let report = result.map_err(|error| match error {
-        BenchError::Scene(problems) => errors::scene(py, problems),
+        BenchError::Scene(problems) => scene.refused(py, problems),
         error => errors::plain(py, "StudyError", &error.to_string()),
     })?;
     serde_json::to_string(&report).map_err(errors::value)
@@ -71,7 +71,7 @@ pub(crate) fn convergence(
     let result =
         supervise(py, &pool, &raised, hear, |mut link| refinement::convergence(&armed, &options, &mut link))?;
     let report = result.map_err(|error| match error {
-        ConvergenceError::Scene(problems) => errors::scene(py, problems),
+        ConvergenceError::Scene(problems) => scene.refused(py, problems),
         error => errors::plain(py, "StudyError", &error.to_string()),
     })?;
     serde_json::to_string(&report).map_err(errors::value)
@@ -101,7 +101,7 @@ pub(crate) fn modes<'py>(
             .collect();
         Ok((found, free))
     })?;
-    let (SceneModes { modes, .. }, free) = result.map_err(|error| errors::run(py, error))?;
+    let (SceneModes { modes, .. }, free) = result.map_err(|error| scene.failed(py, error))?;
     let squares = modes.iter().map(|mode| mode.mode.omega_squared).collect();
     let masses =
         modes.iter().flat_map(|mode| mode.mode.participation.map(|factor| factor * factor)).collect();

@@ -170,6 +170,19 @@ def test_a_law_as_a_formula_is_the_law() -> None:
     assert scene.set({"body[0].material.constants.mu": 2 * MU}).to_dict()["body"][0]["material"]["constants"]["mu"] == 2 * MU
 
 
+def test_a_formula_gives_the_stress_and_the_forces_of_the_law() -> None:
+    found = []
+    for material in (RUBBER, FORMULA):
+        keys = beam_keys()
+        keys["body"][0]["material"] = material
+        body = (simulation := vs.Simulation(vs.Scene(keys), threads=1))["beam"]
+        x = body.x
+        body.x = x + 0.05 * np.sin(7.0 * x[:, ::-1])
+        found.append([body.stress(), body.a, body.stress("energy_density"), simulation.observe().elastic])
+    for law, formula in zip(*found):
+        np.testing.assert_allclose(formula, law, rtol=0.0, atol=1e-12 * np.max(np.abs(law)))
+
+
 def test_a_wrong_formula_is_a_problem_with_its_key() -> None:
     for energy, words in [("mu*(I1 - 3", "expected"), ("mu*(I1 - 3)", "stress at rest"), ("nu*I1", "not `nu`")]:
         keys = beam_keys()

@@ -125,7 +125,7 @@ def test_wrong_meshes_are_refused() -> None:
     with pytest.raises(ValueError, match="shape"):
         vs.mesh([1.0, 2.0], {"tet4": CELLS})
     with pytest.raises(TypeError, match="pyvista"):
-        vs.Scene(beam_keys(body=[dict(name="a", mesh=3.0, material=RUBBER)]))
+        vs.Scene(beam_keys(body=[dict(name="a", mesh=object(), material=RUBBER)]))
 
 
 def test_scenes_pickle(beam: vs.Scene) -> None:

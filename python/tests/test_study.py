@@ -1,4 +1,4 @@
-"""Studies: bench, convergence, modes, equilibria, sweeps; pictures."""
+"""Studies: bench, convergence, modes, equilibria, sweeps."""
 
 from __future__ import annotations
 
@@ -70,31 +70,3 @@ def test_a_sweep_is_that_of_the_program(beam: vs.Scene, program: str, tmp_path: 
     subprocess.run([*command, "--over", axes[0], "--over", axes[1]], check=True)
     tables = {(tmp_path / name / "sweep.csv").read_bytes() for name in "abc"}
     assert len(tables) == 1
-
-
-def test_pictures_are_drawn(beam: vs.Scene, tmp_path: pathlib.Path) -> None:
-    pytest.importorskip("pyvista")
-    run = vs.run(beam.set({"output": {"fps": 50.0}}), tmp_path, quiet=True)
-    vs.picture(run, tmp_path / "a.png", size=(200, 150))
-    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
-    pixels = vs.picture(vs.Simulation(beam, threads=1), size=(200, 150))
-    assert pixels.shape[:2] == (150, 200) and pixels.std() > 0
-    with pytest.raises(ValueError, match="output.fps"):
-        vs.picture(vs.run(beam, quiet=True))
-
-
-def test_usd_holds_the_mesh_once_and_the_points_by_time(beam: vs.Scene, tmp_path: pathlib.Path) -> None:
-    pytest.importorskip("pyvista")
-    pxr = pytest.importorskip("pxr.UsdGeom")
-    from pxr import Usd
-
-    run = vs.run(beam.set({"output": {"fps": 50.0}}), tmp_path, quiet=True)
-    vs.write_usd(run, tmp_path / "beam.usda", fps=50.0)
-    stage = Usd.Stage.Open(str(tmp_path / "beam.usda"))
-    mesh = pxr.Mesh(stage.GetPrimAtPath("/bodies"))
-    points = mesh.GetPointsAttr()
-    assert points.GetNumTimeSamples() == 6 and mesh.GetFaceVertexIndicesAttr().GetNumTimeSamples() == 0
-    # The tip of the last sample is that of the history.
-    last = np.array(points.Get(5.0))
-    assert abs(last[:, 1].min() - (run.history["tip.uy"][-1])) < 0.05
-    assert len(mesh.GetFaceVertexCountsAttr().Get()) == 44

@@ -37,6 +37,7 @@ from .simulation import Simulation
 from .study import Modes, Sweep, bench, convergence, modes, static, sweep
 from .usd import write_usd
 from .view import movie, picture, view
+from .vtkhdf import write_vtkhdf
 
 __version__ = "0.1.0"
 
@@ -80,4 +81,5 @@ __all__ = [
     "sweep",
     "view",
     "write_usd",
+    "write_vtkhdf",
 ]

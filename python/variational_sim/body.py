@@ -76,6 +76,22 @@ class Body:
         """Forces of weight, loads and wind (n, 3), N."""
         return self._core.external_forces(self._index)
 
+    def read(self, name: str, out: Array | None = None) -> Array:
+        """Returns the array `x`, `v`, `u`, `a`, `reactions` or `external_forces`. With `out`, an array (n, 3) of float64
+        such as a part of a larger one, it is written there and `out` is returned."""
+        import numpy as np
+
+        if name not in ("x", "v", "u", "a", "reactions", "external_forces"):
+            raise ValueError(f"name: there is no array '{name}'; use x, v, u, a, reactions or external_forces")
+        found: Array = getattr(self, name)
+        if out is None:
+            return found
+        if not isinstance(out, np.ndarray) or out.shape != found.shape or out.dtype != np.float64:
+            kind = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
+            raise ValueError(f"out: expected an array of float64 and shape {found.shape}, found {kind}")
+        out[...] = found
+        return out
+
     def stress(self, name: str = "stress") -> Array:
         """Returns a field of a solid, one row per element in the order of its cells: the Cauchy `stress` (m, 3, 3), Pa;
         `von_mises` (m,), Pa; the Green–Lagrange `strain` (m, 3, 3); `J` (m,); `energy_density` (m,), J/m³."""
@@ -97,6 +113,7 @@ class Body:
             VTK_TYPES[kind]: nodes for kind, nodes in self.mesh.blocks if kind.startswith(kinds) and len(nodes) > 0
         }
         grid = pv.UnstructuredGrid(cells, np.asarray(self.x))
+        grid.field_data["name"] = [self.name]
         grid.point_data["displacement"] = self.u
         grid.point_data["velocity"] = self.v
         return grid

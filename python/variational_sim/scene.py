@@ -141,7 +141,8 @@ def _from_tree(tree: Mapping[str, Any]) -> _core.Scene:
         tree["body"] = list(bodies)
         for i, body in enumerate(tree["body"]):
             given = body.get("mesh") if isinstance(body, Mapping) else None
-            if given is not None and not isinstance(given, (str, os.PathLike)):
+            # Numbers are wrong, and reported with all other problems.
+            if given is not None and not isinstance(given, (str, os.PathLike, bool, int, float)):
                 meshes.append((i, as_mesh(given)))
                 tree["body"][i] = {**body, "mesh": _ARRAYS}
     fixes = tree.get("fix")

@@ -1,0 +1,138 @@
+"""Many runs: executors, sweeps that are killed, random scenes, memory."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import subprocess
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+import variational_sim as vs
+from conftest import beam_keys
+
+YOUNG = [1e5, 3e5, 1e6]
+
+
+def lowest(scene: vs.Scene, young: float) -> float:
+    return float(vs.run(scene.set({"body[0].material.young": young}), quiet=True, threads=1).history["tip.uy"].min())
+
+
+@pytest.fixture(scope="module")
+def scene() -> vs.Scene:
+    return vs.Scene(beam_keys(time=dict(end=0.02, step=1e-3, scheme="stormer-verlet")))
+
+
+@pytest.fixture(scope="module")
+def expected(scene: vs.Scene) -> list[float]:
+    return [lowest(scene, young) for young in YOUNG]
+
+
+def test_joblib(scene: vs.Scene, expected: list[float]) -> None:
+    joblib = pytest.importorskip("joblib")
+    assert joblib.Parallel(2)(joblib.delayed(lowest)(scene, young) for young in YOUNG) == expected
+
+
+def test_dask(scene: vs.Scene, expected: list[float], tmp_path: pathlib.Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    options: dict[str, Any] = dict(n_workers=2, threads_per_worker=1, dashboard_address=None)
+    with distributed.LocalCluster(**options, local_directory=str(tmp_path)) as cluster:
+        with distributed.Client(cluster) as client:
+            assert client.gather(client.map(lowest, [scene] * len(YOUNG), YOUNG)) == expected
+
+
+def test_submitit(scene: vs.Scene, expected: list[float], tmp_path: pathlib.Path) -> None:
+    submitit = pytest.importorskip("submitit")
+    executor = submitit.LocalExecutor(folder=tmp_path)
+    executor.update_parameters(timeout_min=2)
+    jobs = executor.map_array(lowest, [scene] * len(YOUNG), YOUNG)
+    assert [job.result() for job in jobs] == expected
+
+
+def test_ray(scene: vs.Scene, expected: list[float]) -> None:
+    ray = pytest.importorskip("ray")
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    try:
+        remote = ray.remote(lowest)
+        assert ray.get([remote.remote(scene, young) for young in YOUNG]) == expected
+    finally:
+        ray.shutdown()
+
+
+def test_a_sweep_that_is_killed_again_and_again_ends_with_the_same_bytes(program: str, tmp_path: pathlib.Path) -> None:
+    keys = beam_keys(time=dict(end=0.03, step=1e-4, scheme="stormer-verlet"), checkpoint=dict(interval=0.01))
+    (tmp_path / "scene.toml").write_text(vs.Scene(keys).to_toml())
+    command = [program, "sweep", "scene.toml", "--over", "body.0.material.young=1e4:1e7:log50"]
+    # A negative step is refused: 50 points are rows with a reason.
+    command += ["--over", "time.step=1e-4,-1.0", "--jobs", "2", "--quiet"]
+    subprocess.run([*command, "--out", "whole"], cwd=tmp_path, check=True)
+    random, kills = np.random.default_rng(3), 0
+    while True:
+        sweep = subprocess.Popen([*command, "--out", "killed"], cwd=tmp_path)
+        try:
+            assert sweep.wait(float(random.uniform(0.1, 0.3)) * (1 + kills)) == 0
+            break
+        except subprocess.TimeoutExpired:
+            sweep.kill()
+            sweep.wait()
+            kills += 1
+    assert kills > 0
+    table = (tmp_path / "whole" / "sweep.csv").read_bytes()
+    assert (tmp_path / "killed" / "sweep.csv").read_bytes() == table
+    lines = table.decode().splitlines()
+    assert len(lines) == 101 and sum("must be positive" in line for line in lines) == 50
+
+
+def test_violent_scenes_end_or_fail_by_name(program: str, tmp_path: pathlib.Path) -> None:
+    """The scenes of `variational stress`: each ends, is interrupted at its time limit, or fails with a named error."""
+    count = int(os.environ.get("VARIATIONAL_STRESS", "60"))
+    subprocess.run([program, "stress", "--count", str(count), "--write", tmp_path, "--quiet"], check=True)
+    paths = sorted(tmp_path.glob("*.toml"))
+    assert len(paths) == count
+
+    class Late(Exception):
+        pass
+
+    def watch(t: float, end: float, rate: float) -> None:
+        if time.monotonic() > limit:
+            raise Late
+
+    ends = dict(done=0, failed=0, refused=0, late=0)
+    for path in paths:
+        limit = time.monotonic() + 1.0
+        try:
+            vs.run(vs.Scene(path), progress=watch, threads=1)
+            ends["done"] += 1
+        except vs.SceneError as error:
+            assert error.problems
+            ends["refused"] += 1
+        except vs.StepError as error:
+            assert str(error)
+            ends["failed"] += 1
+        except Late:
+            ends["late"] += 1
+    print(ends)
+    assert ends["done"] > count // 3 and ends["refused"] < count // 10
+
+
+def test_memory_is_flat_over_a_thousand_simulations(beam: vs.Scene) -> None:
+    if not os.path.exists("/proc/self/statm"):
+        pytest.skip("/proc is not there")
+
+    def resident() -> int:
+        with open("/proc/self/statm", encoding="ascii") as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    def make(count: int) -> None:
+        for _ in range(count):
+            simulation = vs.Simulation(beam, threads=1)
+            simulation.step(2)
+            _ = simulation["beam"].x
+
+    make(200)
+    before = resident()
+    make(1000)
+    # The allocator's noise is 10 MB. A simulation of this beam holds 100 kB, so that a leak of each is 100 MB.
+    assert resident() - before < 30_000_000
