@@ -29,6 +29,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
+use crate::run::Team;
 use crate::scene::Scene;
 
 /// Simulates deformable bodies by finite elements and variational time integrators.
@@ -84,6 +85,24 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 /// Runs the program as [`main`] does, and returns the exit code as a number, for a process that goes on.
 pub fn execute(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    execute_by(&Team::default(), arguments)
+}
+
+/// Runs the program as [`execute`] does, on the first rank of a team, and ends the others. They call [`serve`].
+pub fn conduct(team: &Team, arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let code = execute_by(team, arguments);
+    team.dismiss(code);
+    code
+}
+
+/// Obeys the first rank of a team until it ends the program; returns its exit code.
+pub fn serve(team: &Team) -> u8 {
+    // The first rank receives the same signals, and ends the run.
+    let _stop = signals::Stop::on_signals();
+    team.serve()
+}
+
+fn execute_by(team: &Team, arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(error) => {
@@ -95,6 +114,11 @@ pub fn execute(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             };
         }
     };
+    let takes_ranks = matches!(arguments.command, Command::Run(_) | Command::Resume(_));
+    if team.size() > 1 && !takes_ranks {
+        say::message!("error: only `run` and `resume` use several ranks: start this command on one");
+        return exit::BAD_INPUT;
+    }
     let code = match arguments.command {
         Command::New(arguments) => new::run(&arguments),
         Command::View(arguments) => show::view(&arguments),
@@ -102,8 +126,8 @@ pub fn execute(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Movie(arguments) => show::movie(&arguments),
         Command::Completions(arguments) => shell::completions(Arguments::command(), &arguments),
         Command::Man(arguments) => shell::man(Arguments::command(), &arguments),
-        Command::Run(arguments) => run::run(&arguments),
-        Command::Resume(arguments) => resume::resume(&arguments),
+        Command::Run(arguments) => run::run(team, &arguments),
+        Command::Resume(arguments) => resume::resume(team, &arguments),
         Command::Stress(arguments) => stress::run(&arguments),
         Command::Sweep(arguments) => sweep::run(&arguments),
         Command::Bench(arguments) => bench::bench_scene(&arguments),

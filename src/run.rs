@@ -24,6 +24,7 @@ mod safety;
 mod state;
 mod stepping;
 mod surfaces;
+mod team;
 mod watch;
 
 use std::path::Path;
@@ -39,6 +40,7 @@ pub(crate) use directory::inputs_among;
 pub use error::RunError;
 pub use probe_estimate::ProbeEstimate;
 use state::Run;
+pub use team::Team;
 pub use watch::Watch;
 
 /// Forwards the progress of the trials before a run to the run's watch.
@@ -78,6 +80,22 @@ pub fn run_from(
     directory: &Path,
     watch: &mut dyn Watch,
 ) -> Result<Report, RunError> {
+    run_by(&Team::default(), file, scene, name, directory, watch)
+}
+
+/// Runs a scene as [`run_from`] does, by all ranks of a team; this is the first one, which writes all files. The results
+/// have the same bits for any number of ranks.
+///
+/// # Errors
+/// Returns the errors of [`run`], and [`RunError::Scene`] for what does not run on several ranks.
+pub fn run_by(
+    team: &Team,
+    file: Option<(&Path, &[String])>,
+    scene: Scene,
+    name: &str,
+    directory: &Path,
+    watch: &mut dyn Watch,
+) -> Result<Report, RunError> {
     let begin = Instant::now();
     if Path::new(name).file_name() != Some(name.as_ref()) || name.contains(char::is_control) {
         let message = format!("{name:?} cannot be part of the names of files; give the scene another name");
@@ -88,14 +106,15 @@ pub fn run_from(
     if let Some(auto) = &auto {
         watch.settled(auto);
     }
-    let simulation = Simulation::new(scene).map_err(RunError::Scene)?;
+    let mut simulation = Simulation::new(scene).map_err(RunError::Scene)?;
+    let note = team.join(&mut simulation, name)?;
     // If a mesh cannot be read, the problems of the scene already report it.
     let mut origin = origin.transpose()?;
     if let (Some(origin), Some((path, overrides))) = (&mut origin, file) {
         let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         origin.file = Some((path, overrides.to_vec()));
     }
-    Run::start(simulation, auto, name, directory, origin, begin)?.complete(watch)
+    Run::start(simulation, auto, name, directory, origin, begin)?.complete(note, watch)
 }
 
 /// Continues the run of `scene` in `directory` from one of its checkpoints, to the same bits as an uninterrupted run.
@@ -108,9 +127,24 @@ pub fn resume(
     directory: &Path,
     watch: &mut dyn Watch,
 ) -> Result<Report, RunError> {
+    resume_by(&Team::default(), scene, checkpoint, directory, watch)
+}
+
+/// Continues a run as [`resume`] does, by all ranks of a team. The checkpoint may be of any number of ranks.
+///
+/// # Errors
+/// Returns the errors of [`resume`], and [`RunError::Scene`] for what does not run on several ranks.
+pub fn resume_by(
+    team: &Team,
+    scene: Scene,
+    checkpoint: &Checkpoint,
+    directory: &Path,
+    watch: &mut dyn Watch,
+) -> Result<Report, RunError> {
     let begin = Instant::now();
     checkpoint.origin.check(&scene)?;
     let scene = checkpoint.origin.settle(scene)?;
-    let simulation = Simulation::new(scene).map_err(RunError::Scene)?;
-    Run::resume(simulation, checkpoint, directory, begin)?.complete(watch)
+    let mut simulation = Simulation::new(scene).map_err(RunError::Scene)?;
+    let note = team.join(&mut simulation, &checkpoint.origin.name)?;
+    Run::resume(simulation, checkpoint, directory, begin)?.complete(note, watch)
 }

@@ -11,6 +11,7 @@ pub mod matrices;
 mod measure;
 mod observe;
 mod pace;
+mod ranks;
 mod snapshot;
 pub mod stability;
 #[cfg(test)]
@@ -32,6 +33,7 @@ pub use contact::ContactFacts;
 use contact::{ContactTotals, ContactWatch};
 pub use observe::{Observation, ProbeValue};
 use pace::Pace;
+pub(crate) use ranks::members;
 pub use snapshot::{Snapshot, Substeps};
 
 /// Bodies that act on each other, as one Lagrangian system with its integrator.

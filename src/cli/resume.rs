@@ -9,7 +9,7 @@ use super::run::{RunSay, conclude, fail, thread_pool};
 use super::say::{message, out};
 use super::signals::Stop;
 use crate::run::checkpoint::{Origin, newest};
-use crate::run::{RunError, resume as resume_run};
+use crate::run::{RunError, Team, resume_by};
 use crate::scene::Scene;
 
 #[derive(Debug, Args)]
@@ -23,11 +23,11 @@ pub(super) struct ResumeArguments {
     output: RunSay,
 }
 
-pub(super) fn resume(arguments: &ResumeArguments) -> u8 {
-    arguments.output.end(resume_directory(arguments))
+pub(super) fn resume(team: &Team, arguments: &ResumeArguments) -> u8 {
+    arguments.output.end(resume_directory(team, arguments))
 }
 
-fn resume_directory(arguments: &ResumeArguments) -> u8 {
+fn resume_directory(team: &Team, arguments: &ResumeArguments) -> u8 {
     let directory = &arguments.directory;
     if let Some((report, steps)) = finished(directory) {
         if arguments.output.say.json {
@@ -52,7 +52,7 @@ fn resume_directory(arguments: &ResumeArguments) -> u8 {
         Ok(scene) => scene,
         Err(code) => return code,
     };
-    let pool = match thread_pool(arguments.threads) {
+    let pool = match thread_pool(arguments.threads.or(team.threads())) {
         Ok(pool) => pool,
         Err(code) => return code,
     };
@@ -61,7 +61,7 @@ fn resume_directory(arguments: &ResumeArguments) -> u8 {
     }
     let stop = Stop::on_signals();
     let mut watch = arguments.output.watch(directory, &stop);
-    let result = pool.install(|| resume_run(scene, &found.checkpoint, directory, &mut *watch));
+    let result = pool.install(|| resume_by(team, scene, &found.checkpoint, directory, &mut *watch));
     drop(watch);
     if let Err(RunError::Scene(problems)) = &result {
         problems.iter().for_each(|problem| message!("error: {problem}"));

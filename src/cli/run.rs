@@ -14,7 +14,7 @@ use crate::model::all_problems;
 use crate::run::checkpoint::{CheckpointError, newest};
 use crate::run::claim::ClaimError;
 use crate::run::report::{Outcome, Report};
-use crate::run::{RunError, Watch, run_from};
+use crate::run::{RunError, Team, Watch, run_by};
 use crate::scene::{Parsed, Problem, Scene};
 
 #[derive(Debug, Args)]
@@ -79,11 +79,11 @@ impl RunSay {
     }
 }
 
-pub(super) fn run(arguments: &RunArguments) -> u8 {
-    arguments.output.end(run_scene(arguments))
+pub(super) fn run(team: &Team, arguments: &RunArguments) -> u8 {
+    arguments.output.end(run_scene(team, arguments))
 }
 
-fn run_scene(arguments: &RunArguments) -> u8 {
+fn run_scene(team: &Team, arguments: &RunArguments) -> u8 {
     let mut overrides = arguments.overrides.clone();
     if arguments.chart {
         overrides.push("output.chart=true".to_owned());
@@ -92,7 +92,7 @@ fn run_scene(arguments: &RunArguments) -> u8 {
         Ok((scene, _)) => scene,
         Err(code) => return code,
     };
-    let pool = match thread_pool(arguments.threads) {
+    let pool = match thread_pool(arguments.threads.or(team.threads())) {
         Ok(pool) => pool,
         Err(code) => return code,
     };
@@ -108,7 +108,7 @@ fn run_scene(arguments: &RunArguments) -> u8 {
     let stop = Stop::on_signals();
     let mut watch = arguments.output.watch(&directory, &stop);
     let source = (arguments.scene.as_path(), overrides.as_slice());
-    let result = pool.install(|| run_from(Some(source), scene, &name, &directory, &mut *watch));
+    let result = pool.install(|| run_by(team, Some(source), scene, &name, &directory, &mut *watch));
     drop(watch);
     match result {
         Err(RunError::Scene(problems)) => refuse(problems, &arguments.scene, &overrides),

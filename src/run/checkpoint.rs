@@ -203,7 +203,7 @@ impl Origin {
 
     /// Parses the recorded scene.
     #[cfg(feature = "cli")]
-    fn parse(&self) -> crate::scene::Parsed {
+    pub(super) fn parse(&self) -> crate::scene::Parsed {
         let mut parsed = Scene::parse(&self.scene, &[]);
         // The text cannot represent paths that are not UTF-8.
         let mut paths = self.meshes.iter().map(|(path, _)| path);

@@ -166,10 +166,16 @@ impl Run {
         Ok((run, first))
     }
 
-    /// Steps to the end, or until the run fails or is stopped, and writes everything.
-    pub(super) fn complete(mut self, watch: &mut dyn Watch) -> Result<Report, RunError> {
+    /// Steps to the end, or until the run fails or is stopped, and writes everything. `note` is shown before the first
+    /// step.
+    pub(super) fn complete(
+        mut self,
+        note: Option<String>,
+        watch: &mut dyn Watch,
+    ) -> Result<Report, RunError> {
         let mut notes = self.report.notes.clone();
         notes.extend(self.claim.note());
+        notes.extend(note);
         watch.start(&self.simulation, &notes);
         let mut failure = None;
         let mut interrupted = false;

@@ -43,7 +43,7 @@ impl Simulation {
             match stepper {
                 Some(stepper) => {
                     // Not all schemes evaluate the end of a step: implicit midpoint only evaluates its middle.
-                    let unseen = *has_domain && !is_static && stepper.gradient().is_none();
+                    let unseen = *has_domain && !is_static && !stepper.sees_end();
                     let mut check = |system: &System, state: &State| {
                         let assembler = observer.get_or_insert_with(|| Assembler::new(system));
                         accepts(assembler, system, state)
@@ -180,7 +180,12 @@ fn on_all<T: Send, E: Send>(
         return vec![advance(component)];
     }
     let before: Vec<(State, Pace)> = components.iter().map(|c| (c.state.clone(), c.pace)).collect();
-    let results: Vec<_> = components.par_iter_mut().map(advance).collect();
+    let spans_ranks = |component: &Component| component.stepper.as_ref().is_some_and(|s| s.spans_ranks());
+    let results: Vec<_> = if components.iter().any(spans_ranks) {
+        components.iter_mut().map(advance).collect()
+    } else {
+        components.par_iter_mut().map(advance).collect()
+    };
     if results.iter().any(Result::is_err) {
         for (component, before) in components.iter_mut().zip(before) {
             (component.state, component.pace) = before;
@@ -193,7 +198,7 @@ fn on_all<T: Send, E: Send>(
 fn joins_steps(component: &Component) -> bool {
     let Component { system, stepper, pace, has_domain, .. } = component;
     stepper.as_ref().is_none_or(|stepper| {
-        let unseen = *has_domain && stepper.gradient().is_none();
+        let unseen = *has_domain && !stepper.sees_end();
         !unseen && pace.is_whole() && stepper.joins_steps(system)
     })
 }

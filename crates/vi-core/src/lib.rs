@@ -12,12 +12,14 @@ pub use contract::conserved::{angular_momentum, kinetic_energy, linear_momentum}
 pub use contract::coordinates::{Coordinates, Fixed, Path, Prescribed};
 pub use contract::discrete_gradient::{Acting, DiscreteGradient, Impulse, StepOutcome};
 pub use contract::disjoint_sets::DisjointSets;
+pub use contract::exchange::{Alone, Exchange, Message, ThreadRank};
 pub use contract::force::{Force, ForceAccount};
 pub use contract::inertia::solve_mass;
 pub use contract::ledger::{EnergyLedger, StepEnergy};
 pub use contract::meeting::Meeting;
 pub use contract::node_axes::NodeAxes;
 pub use contract::patch::{Padded, Patch, PatchArray, run_length};
+pub use contract::portion::{Portion, coordinates_of_nodes};
 pub use contract::potential::{Account, Fault, HessianKind, Potential, Stencils, Traits, packed_len};
 pub use contract::power_of_two::binary_exponent;
 pub use contract::quadrature::Quadrature;

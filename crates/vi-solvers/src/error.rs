@@ -273,6 +273,12 @@ pub enum SolverError {
         /// The entry that is missing or has the wrong size.
         missing: &'static str,
     },
+    /// Several ranks cannot step this system.
+    #[error("{reason}")]
+    Ranks {
+        /// The reason, and what to write instead.
+        reason: String,
+    },
 }
 
 /// A pivot of a matrix is not positive, so that no Cholesky factor exists.

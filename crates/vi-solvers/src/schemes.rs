@@ -6,7 +6,7 @@ mod comparison;
 pub(crate) mod constraint;
 mod energy_momentum;
 mod gauss;
-mod kick_drift;
+pub(crate) mod kick_drift;
 pub(crate) mod method;
 mod one_stage;
 pub(crate) mod stability;

@@ -11,7 +11,7 @@ use nalgebra::DMatrix;
 
 use crate::contract::discrete_gradient::DiscreteGradient;
 use crate::contract::meeting::Meeting;
-use crate::contract::patch::Patch;
+use crate::contract::patch::{Patch, run_length};
 use crate::contract::tube::Tube;
 
 /// The nodes of each local term: `arity` nodes per stencil, `block` coordinates per node.
@@ -112,6 +112,13 @@ pub trait Potential: Send + Sync {
     /// Returns the nodes of each local term. They do not change during the life of the value.
     fn stencils(&self) -> Stencils<'_>;
 
+    /// Returns the number of stencils that are summed together; the last run may be shorter. Sums have the same bits
+    /// only for the same runs.
+    fn run_length(&self) -> usize {
+        let stencils = self.stencils();
+        run_length(stencils.count(), stencils.size())
+    }
+
     /// Returns the properties that allow work to be skipped.
     fn traits(&self) -> Traits;
 
@@ -190,6 +197,12 @@ pub trait Potential: Send + Sync {
     /// Returns this term with only those stencils that can act in a tube of configurations. This term must be valid there.
     /// Returns `None` if the term cannot choose them.
     fn narrowed(&self, _tube: &Tube) -> Option<Arc<dyn Potential>> {
+        None
+    }
+
+    /// Returns a term with only the stencils `range`, on the same nodes, with less memory than this one. `range` begins at
+    /// a multiple of 64. Returns `None` if the term takes little memory; [`Portion`](crate::Portion) then keeps all of it.
+    fn portion(&self, _range: Range<usize>) -> Option<Arc<dyn Potential>> {
         None
     }
 

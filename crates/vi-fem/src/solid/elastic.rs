@@ -8,6 +8,7 @@ mod properties;
 use std::cell::RefCell;
 use std::marker::PhantomData;
 use std::ops::Range;
+use std::sync::Arc;
 
 use pulp::Arch;
 use vi_core::{Account, Fault, HessianKind, Patch, Potential, Stencils, Traits, packed_len, run_length};
@@ -152,14 +153,14 @@ impl Build for Plain {
         if E::IS_SIMPLEX && !law.is_linear() {
             solids.rotate_rest_shapes();
         }
-        Box::new(ElasticPotential { solids, law, elements, name })
+        Box::new(ElasticPotential { solids, law: law.into(), elements, name })
     }
 }
 
 /// The potential V = Σ_e Σ_q w_q det J_q Ψ(F_q), one stencil per element.
 struct ElasticPotential<E, const N: usize, const Q: usize> {
     solids: Solids<E, N, Q>,
-    law: Box<dyn LawKernels>,
+    law: Arc<dyn LawKernels>,
     /// The caller's number of each element.
     elements: Vec<u32>,
     name: String,
@@ -326,6 +327,12 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Potential for ElasticPote
             }
         });
         true
+    }
+
+    fn portion(&self, range: Range<usize>) -> Option<Arc<dyn Potential>> {
+        let (law, name) = (Arc::clone(&self.law), self.name.clone());
+        let elements = self.elements[range.clone()].to_vec();
+        Some(Arc::new(Self { solids: self.solids.portion(range)?, law, elements, name }))
     }
 
     fn element(&self, stencil: usize) -> usize {

@@ -27,6 +27,11 @@ impl Assembler {
         Self { fixed, live }
     }
 
+    /// Returns the sum of the terms that a rank of several computes, with the maps of its gradient.
+    pub(crate) fn of_portion(terms: Terms, gather: Gather) -> Self {
+        Self { fixed: FixedSum::of_portion(terms, gather), live: None }
+    }
+
     /// Makes live terms that have a discrete gradient act by it alone from now on, between the ends of a step.
     pub(crate) fn split_live(&mut self) {
         self.live = LiveSum::new(self.fixed.terms(), self.fixed.block(), true).map(Box::new);

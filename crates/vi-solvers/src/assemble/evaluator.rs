@@ -8,6 +8,7 @@ use vi_core::{State, System};
 use crate::assemble::assembler::Assembler;
 use crate::assemble::finite::check_state;
 use crate::assemble::force_sum::ForceSum;
+use crate::assemble::gather::Gather;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::assemble::live::LiveState;
 use crate::assemble::pairs::Pairs;
@@ -63,10 +64,19 @@ struct Nonconservative {
 
 impl Evaluator {
     pub(crate) fn new(system: &System) -> Self {
+        Self::with(Assembler::new(system), system)
+    }
+
+    /// Returns the evaluator of the portion of a system that a rank of several computes.
+    pub(crate) fn of_portion(system: &System, gather: Gather) -> Self {
+        Self::with(Assembler::of_portion(system.terms().clone(), gather), system)
+    }
+
+    fn with(assembler: Assembler, system: &System) -> Self {
         let count = system.coordinates().dof_count();
         let is_time_dependent = system.potentials().iter().any(|term| term.traits().time_dependent);
         Self {
-            assembler: Assembler::new(system),
+            assembler,
             x: vec![f64::NAN; count],
             q: Vec::new(),
             t: f64::NAN,
@@ -195,6 +205,11 @@ impl Evaluator {
     /// Returns whether the gradient is known at time t, for the positions of the last evaluation.
     pub(crate) fn knows_gradient_of(&self, t: f64) -> bool {
         self.gradient_is_of_x && self.is_at_time(t)
+    }
+
+    /// Returns whether several ranks share the system.
+    pub(crate) fn is_shared(&self) -> bool {
+        self.assembler.gather().is_shared()
     }
 
     /// Forgets the place of the last evaluation.

@@ -52,6 +52,11 @@ impl FixedSum {
         Self { energy: EnergySum::new(&terms), gather, hessian: None, work, terms }
     }
 
+    /// Returns the sum of the terms that a rank of several computes, with the maps of its gradient.
+    pub(crate) fn of_portion(terms: Terms, gather: Gather) -> Self {
+        Self { energy: EnergySum::new(&terms), gather, hessian: None, work: AssemblyWork::default(), terms }
+    }
+
     /// Replaces the terms by others with the same stencils.
     pub(crate) fn exchange(&mut self, terms: Vec<Arc<dyn Potential>>) -> Result<(), SolverError> {
         let coordinates = Arc::clone(self.terms.shared_coordinates());

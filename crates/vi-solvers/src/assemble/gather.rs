@@ -6,6 +6,12 @@
 //! parallel over nodes, the sums of the chunks around a node are added in the order of the chunks, through a map that
 //! is built once. The memory traffic is that of the nodes of the chunks (about .3 per tetrahedron), not of the
 //! blocks.
+//!
+//! If several ranks share a system, each computes some of the chunks (`division.rs`) and receives the sums of others
+//! at the nodes that it shares with them (`halo.rs`).
+
+pub(crate) mod division;
+mod halo;
 
 use std::cell::RefCell;
 use std::ops::Range;
@@ -13,6 +19,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 use vi_core::{HessianKind, Padded, Patch, PatchArray, Terms};
 
+use crate::assemble::gather::halo::Halo;
 use crate::assemble::spans::{Span, mobilities, mobility_of, parts, spans};
 use crate::index::group_by;
 use crate::scratch::with_scratch;
@@ -35,6 +42,8 @@ struct Chunk {
     span: Span,
     /// Index in `Gather::local` of the first entry of its stencils.
     local: usize,
+    /// Number of these entries.
+    local_len: usize,
     /// Range of its nodal sums in `Gather::partial`.
     slots: Range<usize>,
     /// Whether the term sums its stencils itself.
@@ -60,6 +69,8 @@ pub(crate) struct Gather {
     constant: Vec<Span>,
     /// The sum of their gradients, once it is computed.
     base: Option<Vec<f64>>,
+    /// The exchange with other ranks, if they share the system.
+    halo: Option<Halo>,
 }
 
 impl Gather {
@@ -97,7 +108,9 @@ impl Gather {
                     }
                 }
                 stencil_count += span.stencils.len();
-                chunks.push(Chunk { span, local: start, slots: first..slot_nodes.len(), patched });
+                let local_len = local.len() - start;
+                let slots = first..slot_nodes.len();
+                chunks.push(Chunk { span, local: start, local_len, slots, patched });
             }
         }
         local.shrink_to_fit();
@@ -115,7 +128,35 @@ impl Gather {
             stencil_count,
             constant,
             base: None,
+            halo: None,
         }
+    }
+
+    /// Returns the number of nodes.
+    fn node_count(&self) -> usize {
+        self.node_start.len() - 1
+    }
+
+    /// Returns the slots of a node, in the order of their chunks.
+    fn slots_of(&self, node: u32) -> &[u32] {
+        let starts = &self.node_start[node as usize..];
+        &self.node_slots[starts[0] as usize..starts[1] as usize]
+    }
+
+    /// Returns whether several ranks share the system.
+    pub(crate) fn is_shared(&self) -> bool {
+        self.halo.is_some()
+    }
+
+    /// Returns the number of bytes that this rank sends to others per gradient.
+    pub(crate) fn bytes_sent(&self) -> usize {
+        self.halo.as_ref().map_or(0, Halo::bytes)
+    }
+
+    /// Returns the sum of the gradients that never change, computed at positions `x` and time t; `None` if there are
+    /// none.
+    pub(crate) fn base(&self, terms: &Terms, x: &[f64], t: f64) -> Option<Vec<f64>> {
+        (!self.constant.is_empty()).then(|| sum_constant(&self.constant, terms, x, t))
     }
 
     /// Returns the number of coordinates per node.
@@ -156,12 +197,17 @@ impl Gather {
         if self.base.is_none() && !self.constant.is_empty() {
             self.base = Some(sum_constant(&self.constant, terms, x, t));
         }
-        let parallel = self.is_parallel();
-        let sum = PartialSums { local: &self.local, slot_nodes: &self.slot_nodes, terms, x, t, parallel };
-        match self.block {
-            3 => sum.chunks::<3>(&self.chunks, &mut self.partial),
-            2 => sum.chunks::<2>(&self.chunks, &mut self.partial),
-            _ => sum.chunks::<1>(&self.chunks, &mut self.partial),
+        let (parallel, block) = (self.is_parallel(), self.block);
+        let Self { chunks, local, slot_nodes, partial, halo, .. } = self;
+        let sum = PartialSums { local, slot_nodes, terms, x, t, parallel };
+        let sum = |chunks: &[Chunk], partial: &mut [Padded]| match block {
+            3 => sum.chunks::<3>(chunks, partial),
+            2 => sum.chunks::<2>(chunks, partial),
+            _ => sum.chunks::<1>(chunks, partial),
+        };
+        match halo {
+            None => sum(chunks, partial),
+            Some(halo) => halo.complete(chunks, partial, sum),
         }
     }
 

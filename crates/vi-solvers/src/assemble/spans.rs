@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use vi_core::{Potential, Terms, run_length};
+use vi_core::{Potential, Terms};
 
 /// Returns the number of coordinates per node of the nodal arrays: the largest of 3, 2, 1 that divides the block of
 /// every fixed term. Terms with larger blocks are treated as stencils of more, smaller nodes.
@@ -63,9 +63,7 @@ pub(crate) struct Span {
 
 /// Cuts a term into spans, in order.
 pub(crate) fn spans(term: usize, potential: &dyn Potential) -> impl Iterator<Item = Span> {
-    let stencils = potential.stencils();
-    let count = stencils.count();
-    let length = run_length(count, stencils.size());
+    let (count, length) = (potential.stencils().count(), potential.run_length());
     (0..count.div_ceil(length))
         .map(move |chunk| Span { term, stencils: chunk * length..count.min((chunk + 1) * length) })
 }

@@ -14,6 +14,7 @@
 mod collisions;
 mod drift;
 mod forced;
+pub(crate) mod portion;
 pub(crate) mod splitting;
 mod touching;
 
@@ -153,8 +154,13 @@ impl KickDrift {
         count: u32,
     ) -> Result<bool, SolverError> {
         let Splitting { kicks, drifts } = &self.coefficients;
+        // A rank of several does not stop, because others wait for its sums.
+        let (mut is_sound, is_shared) = (true, self.evaluator.is_shared());
         if kicks[0] != 0.0 && !self.evaluator.knows_gradient_of(state.t) {
-            self.evaluator.evaluate(system, &state.q, state.t, true)?;
+            match self.evaluator.evaluate(system, &state.q, state.t, true) {
+                Err(error) if !is_shared => return Err(error),
+                evaluated => is_sound = evaluated.is_ok(),
+            }
         }
         if self.evaluator.is_blank() {
             self.evaluator.go_to(system, &state.q, state.t);
@@ -170,9 +176,9 @@ impl KickDrift {
                     self.evaluator.sum_chunks(system, state.t + elapsed * h);
                 }
                 let arrays = (&mut self.q[..], &mut self.p[..]);
-                let is_sound =
+                is_sound &=
                     self.evaluator.sweep(&self.sweep, from.take(), sums, [closing, kick], drift * h, arrays);
-                if !is_sound {
+                if !is_sound && !is_shared {
                     return Ok(false);
                 }
                 elapsed += drift;
@@ -185,7 +191,7 @@ impl KickDrift {
             self.evaluator.sum_chunks(system, state.t + h);
         }
         let arrays = (&mut self.q[..], &mut self.p[..]);
-        Ok(self.evaluator.sweep(&self.sweep, None, sums, [0.0, last], 0.0, arrays))
+        Ok(self.evaluator.sweep(&self.sweep, None, sums, [0.0, last], 0.0, arrays) && is_sound)
     }
 
     fn advance(&mut self, system: &System, state: &State, h: f64) -> Result<StepEnergy, SolverError> {

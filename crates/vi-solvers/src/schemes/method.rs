@@ -234,6 +234,15 @@ impl Method {
         })
     }
 
+    /// Returns the kicks and drifts of the scheme; `None` if it does not consist of them.
+    pub(crate) fn splitting(&self) -> Option<Splitting> {
+        match self.source() {
+            Source::Scheme(scheme) => Splitting::of(&scheme),
+            Source::KickDrift(coefficients) => Some(coefficients),
+            Source::Own(_) => None,
+        }
+    }
+
     /// Returns the name in scene files.
     pub fn name(&self) -> &'static str {
         self.facts().name
@@ -339,12 +348,7 @@ mod tests {
     #[test]
     fn stability_limits_of_the_table_are_the_first_gaps() {
         for method in Method::ALL {
-            let coefficients = match method.source() {
-                Source::Scheme(scheme) => Splitting::of(&scheme),
-                Source::KickDrift(coefficients) => Some(coefficients),
-                Source::Own(_) => None,
-            };
-            let Some(coefficients) = coefficients else { continue };
+            let Some(coefficients) = method.splitting() else { continue };
             let facts = method.facts();
             let (stated, found) = (facts.stability_limit.unwrap(), first_gap(&coefficients));
             assert!(stated <= found && stated > found - 2e-4, "{}: {stated} {found}", facts.name);

@@ -68,6 +68,17 @@ pub trait Stepper: Send {
         None
     }
 
+    /// Returns whether it has evaluated the terms at the end of the last step. If not, the end may lie outside the domain
+    /// of a term.
+    fn sees_end(&self) -> bool {
+        self.gradient().is_some()
+    }
+
+    /// Returns whether its steps exchange data with other processes. Such steppers must not step at the same time.
+    fn spans_ranks(&self) -> bool {
+        false
+    }
+
     /// Returns q̇ at a state, if the scheme knows it and M⁻¹p would need a solve (consistent mass).
     fn velocity(&self, _state: &State) -> Option<&[f64]> {
         None

@@ -16,6 +16,7 @@ mod implicit;
 mod live;
 mod modes;
 mod pcg;
+mod ranks;
 mod single;
 #[path = "../springs/mod.rs"]
 mod springs;

@@ -106,6 +106,25 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
         &self.nodes
     }
 
+    /// Returns the elements `range`; `None` if it does not begin with a group.
+    pub(crate) fn portion(&self, range: Range<usize>) -> Option<Self> {
+        if !range.start.is_multiple_of(GROUP) {
+            return None;
+        }
+        let groups = range.start / GROUP..range.end.div_ceil(GROUP);
+        let rotated =
+            if self.rotated.is_empty() { Vec::new() } else { self.rotated[groups.clone()].to_vec() };
+        Some(Self {
+            arch: self.arch,
+            count: range.len(),
+            nodes: self.nodes[groups.start * GROUP * N..groups.end * GROUP * N].to_vec(),
+            geometry: self.geometry[groups.start * Q..groups.end * Q].to_vec(),
+            rotated,
+            gradients: self.gradients,
+            element: PhantomData,
+        })
+    }
+
     /// Adds `offset` to every node number.
     pub(crate) fn shift_nodes(&mut self, offset: u32) {
         for node in &mut self.nodes {

@@ -1,0 +1,141 @@
+//! Several processes (ranks) that compute one system together, and what they exchange.
+
+use std::sync::Mutex;
+use std::sync::mpsc::{Receiver, Sender, channel};
+
+/// Exchanges data between the ranks of one computation.
+///
+/// Every method is collective: all ranks call the same methods in the same order. A call returns after every rank
+/// involved has made it. If a rank is lost, the implementation ends the other processes, so no method returns an error.
+pub trait Exchange: Send + Sync {
+    /// Returns the number of this rank, below [`Exchange::size`].
+    fn rank(&self) -> usize;
+
+    /// Returns the number of ranks.
+    fn size(&self) -> usize;
+
+    /// Sends the numbers of each message to its rank, and fills its `receive` with those that the rank sends here.
+    /// Calls `meanwhile` once while the messages travel.
+    ///
+    /// There is at most one message per rank. The length of `receive` must be that of the `send` of the other rank.
+    fn slots(&self, messages: &mut [Message], meanwhile: &mut dyn FnMut());
+
+    /// Returns the bytes that each rank passes, in the order of the ranks.
+    fn pieces(&self, own: &[u8]) -> Vec<Vec<u8>>;
+
+    /// Returns whether any rank passes true.
+    fn any(&self, flag: bool) -> bool;
+}
+
+/// Numbers that this rank and another one send to each other.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Message {
+    /// The other rank.
+    pub rank: usize,
+    /// The numbers for the other rank.
+    pub send: Vec<f64>,
+    /// The numbers from the other rank.
+    pub receive: Vec<f64>,
+}
+
+/// A computation by one process: there is nobody to exchange data with.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Alone;
+
+impl Exchange for Alone {
+    fn rank(&self) -> usize {
+        0
+    }
+
+    fn size(&self) -> usize {
+        1
+    }
+
+    fn slots(&self, _messages: &mut [Message], meanwhile: &mut dyn FnMut()) {
+        meanwhile();
+    }
+
+    fn pieces(&self, own: &[u8]) -> Vec<Vec<u8>> {
+        vec![own.to_vec()]
+    }
+
+    fn any(&self, flag: bool) -> bool {
+        flag
+    }
+}
+
+/// A rank that is a thread of this process, for tests of code for several ranks.
+pub struct ThreadRank {
+    rank: usize,
+    /// The ends of the channels to and from each rank.
+    to: Vec<Sender<Parcel>>,
+    from: Vec<Mutex<Receiver<Parcel>>>,
+}
+
+/// What threads send to each other.
+enum Parcel {
+    Numbers(Vec<f64>),
+    Bytes(Vec<u8>),
+}
+
+impl ThreadRank {
+    /// Returns `size` ranks that exchange data with each other.
+    pub fn crew(size: usize) -> Vec<Self> {
+        let mut crew: Vec<Self> =
+            (0..size).map(|rank| Self { rank, to: Vec::new(), from: Vec::new() }).collect();
+        for sender in 0..size {
+            for receiver in 0..size {
+                let (to, from) = channel();
+                crew[sender].to.push(to);
+                crew[receiver].from.push(Mutex::new(from));
+            }
+        }
+        crew
+    }
+
+    fn send(&self, rank: usize, parcel: Parcel) {
+        // The receiver may have panicked: its own message is the one to read.
+        let _ = self.to[rank].send(parcel);
+    }
+
+    fn receive(&self, rank: usize) -> Parcel {
+        let from = self.from[rank].lock().expect("one thread per rank");
+        from.recv().unwrap_or_else(|_| panic!("rank {rank} has ended"))
+    }
+}
+
+impl Exchange for ThreadRank {
+    fn rank(&self) -> usize {
+        self.rank
+    }
+
+    fn size(&self) -> usize {
+        self.to.len()
+    }
+
+    fn slots(&self, messages: &mut [Message], meanwhile: &mut dyn FnMut()) {
+        for message in messages.iter() {
+            self.send(message.rank, Parcel::Numbers(message.send.clone()));
+        }
+        meanwhile();
+        for message in messages {
+            match self.receive(message.rank) {
+                Parcel::Numbers(numbers) => message.receive.copy_from_slice(&numbers),
+                Parcel::Bytes(_) => panic!("rank {} sends other data", message.rank),
+            }
+        }
+    }
+
+    fn pieces(&self, own: &[u8]) -> Vec<Vec<u8>> {
+        (0..self.size()).for_each(|rank| self.send(rank, Parcel::Bytes(own.to_vec())));
+        let piece = |rank| match self.receive(rank) {
+            Parcel::Bytes(bytes) => bytes,
+            Parcel::Numbers(_) => panic!("rank {rank} sends other data"),
+        };
+        (0..self.size()).map(piece).collect()
+    }
+
+    fn any(&self, flag: bool) -> bool {
+        self.pieces(&[u8::from(flag)]).iter().any(|piece| piece == &[1])
+    }
+}

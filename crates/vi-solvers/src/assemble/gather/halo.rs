@@ -1,0 +1,54 @@
+//! Exchanges the sums of chunks at nodes that several ranks hold.
+
+use std::sync::Arc;
+
+use vi_core::{Exchange, Message, Padded};
+
+use super::Chunk;
+
+/// The exchange of one rank.
+pub(super) struct Halo {
+    pub(super) exchange: Arc<dyn Exchange>,
+    /// Number of chunks with sums that other ranks need; they are the first ones.
+    pub(super) border_count: usize,
+    /// Number of their slots.
+    pub(super) border_slots: usize,
+    /// Number of slots of this rank; those of other ranks follow, in the order of the messages.
+    pub(super) own_slots: usize,
+    /// Number of coordinates per node.
+    pub(super) block: usize,
+    pub(super) messages: Vec<Message>,
+    /// The slots that each message sends.
+    pub(super) sends: Vec<Vec<u32>>,
+}
+
+impl Halo {
+    /// Computes the sums of the chunks with `sum` and receives those of other ranks, which fill the end of `partial`.
+    pub(super) fn complete(
+        &mut self,
+        chunks: &[Chunk],
+        partial: &mut [Padded],
+        sum: impl Fn(&[Chunk], &mut [Padded]),
+    ) {
+        let block = self.block;
+        let (border, inner) = chunks.split_at(self.border_count);
+        let (own, foreign) = partial.split_at_mut(self.own_slots);
+        let (border_sums, inner_sums) = own.split_at_mut(self.border_slots);
+        sum(border, border_sums);
+        for (message, slots) in self.messages.iter_mut().zip(&self.sends) {
+            for (out, &slot) in message.send.chunks_exact_mut(block).zip(slots) {
+                out.copy_from_slice(&border_sums[slot as usize].0[..block]);
+            }
+        }
+        self.exchange.slots(&mut self.messages, &mut || sum(inner, inner_sums));
+        let received = self.messages.iter().flat_map(|message| message.receive.chunks_exact(block));
+        for (sum, values) in foreign.iter_mut().zip(received) {
+            sum.0[..block].copy_from_slice(values);
+        }
+    }
+
+    /// Returns the number of bytes that this rank sends per gradient.
+    pub(super) fn bytes(&self) -> usize {
+        8 * self.messages.iter().map(|message| message.send.len()).sum::<usize>()
+    }
+}

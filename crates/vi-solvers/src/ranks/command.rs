@@ -1,0 +1,65 @@
+//! What the conductor tells the other ranks to do with a component.
+
+/// A command; its data follow in messages.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Command {
+    /// Take the state that follows.
+    Place {
+        /// If the evaluator was somewhere: its time, s, and whether it knows the gradient there. Its positions follow.
+        evaluated: Option<(f64, bool)>,
+    },
+    /// Make steps, and send the state back if all ranks succeed.
+    Steps {
+        /// The time at the start, s.
+        t: f64,
+        /// The step, s.
+        h: f64,
+        /// The number of steps.
+        count: u32,
+    },
+}
+
+const LENGTH: usize = 3;
+
+impl Command {
+    /// Returns the command to component number `component` as bytes.
+    pub(crate) fn encode(&self, component: usize) -> Vec<u8> {
+        let (tag, numbers): (u32, [f64; LENGTH]) = match *self {
+            Self::Place { evaluated: None } => (0, [0.0; LENGTH]),
+            Self::Place { evaluated: Some((t, knows)) } => (1, [t, f64::from(u8::from(knows)), 0.0]),
+            Self::Steps { t, h, count } => (2, [t, h, f64::from(count)]),
+        };
+        let head = [component as u32, tag].into_iter().flat_map(u32::to_le_bytes);
+        head.chain(numbers.into_iter().flat_map(f64::to_le_bytes)).collect()
+    }
+
+    /// Returns the component and the command of these bytes; `None` if they are none.
+    pub(crate) fn decode(bytes: &[u8]) -> Option<(usize, Self)> {
+        let (head, numbers) = bytes.split_at_checked(8)?;
+        let word = |k: usize| Some(u32::from_le_bytes(*head[4 * k..].first_chunk()?));
+        let number = |k: usize| Some(f64::from_le_bytes(*numbers.get(8 * k..)?.first_chunk()?));
+        let command = match word(1)? {
+            0 => Self::Place { evaluated: None },
+            1 => Self::Place { evaluated: Some((number(0)?, number(1)? == 1.0)) },
+            2 => Self::Steps { t: number(0)?, h: number(1)?, count: number(2)? as u32 },
+            _ => return None,
+        };
+        Some((word(0)? as usize, command))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_arrive_as_they_were_sent() {
+        let steps = Command::Steps { t: 0.1, h: 1e-3, count: 16 };
+        for command in
+            [Command::Place { evaluated: None }, Command::Place { evaluated: Some((0.3, true)) }, steps]
+        {
+            assert_eq!(Command::decode(&command.encode(7)), Some((7, command)));
+        }
+        assert_eq!(Command::decode(b"short"), None);
+    }
+}

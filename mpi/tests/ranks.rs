@@ -1,0 +1,377 @@
+//! Runs the program on 1 to 4 ranks, and compares its files and messages with those of one process.
+//!
+//! `MPIEXEC` names the launcher (default `mpiexec`) and its options; `VARIATIONAL_PROGRAM` the program of one process
+//! (default: this program without a launcher).
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_variational-mpi");
+
+/// A rubber block on a clamped end that falls and swings, with every kind of file.
+const BLOCK: &str = r#"
+gravity = [0.0, -9.81, 0.0]
+[time]
+end = 0.05
+step = 2.5e-4
+scheme = "stormer-verlet"
+[[body]]
+name = "block"
+box = { size = [1.0, 0.25, 0.25], cells = [24, 6, 6], element = "tet4" }
+material = { law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }
+angular_velocity = [1.0, 0.0, 2.0]
+[[fix]]
+body = "block"
+region = "x-min"
+[[probe]]
+name = "tip"
+body = "block"
+point = [1.0, 0.125, 0.125]
+[output]
+interval = 0.01
+history = 7
+fields = ["displacement", "velocity", "stress", "reaction_force"]
+"#;
+
+/// Cloth of two layers of terms (membrane and bending) that hangs from two corners.
+const CLOTH: &str = r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.02
+step = 1e-4
+scheme = "blanes-moan-4"
+[[body]]
+name = "cloth"
+sheet = { size = [1.0, 1.0], cells = [30, 30] }
+material = { law = "st-venant-kirchhoff", young = 1e5, poisson = 0.3, density = 200.0, thickness = 1e-3 }
+[[fix]]
+body = "cloth"
+box = { min = [-1e-9, -1e-9, -1.0], max = [1e-9, 1.1, 1.0] }
+[output]
+interval = 5e-3
+history = 20
+fields = ["displacement", "velocity"]
+"#;
+
+/// Two bodies of several laws and elements, joined by a spring, and a third one apart.
+const SEVERAL: &str = r#"
+[time]
+end = 0.02
+step = 1e-4
+scheme = "symplectic-euler-b"
+[[body]]
+name = "left"
+box = { size = [1.0, 0.2, 0.2], cells = [20, 4, 4], element = "hex8" }
+material = { law = "st-venant-kirchhoff", young = 1e6, poisson = 0.3, density = 1000.0 }
+velocity = [0.0, 1.0, 0.0]
+[[body]]
+name = "right"
+box = { size = [0.5, 0.2, 0.2], cells = [8, 3, 3], element = "tet10", origin = [1.5, 0.0, 0.0] }
+material = { law = "corotated", young = 5e5, poisson = 0.4, density = 1100.0 }
+[[body]]
+name = "apart"
+box = { size = [0.5, 0.2, 0.2], cells = [10, 4, 4], element = "tet4", origin = [3.0, 0.0, 0.0] }
+material = { law = "linear", young = 1e6, poisson = 0.3, density = 1000.0 }
+angular_velocity = [0.0, 0.0, 3.0]
+[[spring]]
+from = { body = "left", point = [1.0, 0.1, 0.1] }
+to = { body = "right", point = [1.5, 0.1, 0.1] }
+stiffness = 1e3
+[output]
+history = 10
+"#;
+
+/// A moving support and a load that grows.
+const DRIVEN: &str = r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.02
+step = 2e-4
+scheme = "stormer-verlet"
+[[body]]
+name = "beam"
+box = { size = [1.0, 0.2, 0.2], cells = [20, 4, 4], element = "tet4" }
+material = { law = "stable-neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }
+[[fix]]
+body = "beam"
+region = "x-min"
+motion = { translation = [0.0, 0.0, 0.05], amplitude = { frequency = 20.0 } }
+[output]
+history = 9
+ledger = false
+interval = 5e-3
+"#;
+
+/// A block that is thrown at its clamp so hard that its elements invert.
+const BREAKS: &str = r#"
+[time]
+end = 0.05
+step = 5e-4
+scheme = "stormer-verlet"
+substeps = false
+[[body]]
+name = "block"
+box = { size = [1.0, 0.2, 0.2], cells = [20, 4, 4], element = "tet4" }
+material = { law = "neo-hookean", young = 1e5, poisson = 0.3, density = 1000.0 }
+velocity = [-60.0, 0.0, 0.0]
+[[fix]]
+body = "block"
+region = "x-min"
+[output]
+history = 1
+"#;
+
+/// A directory for one test.
+fn room(name: &str) -> PathBuf {
+    let room = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&room);
+    std::fs::create_dir_all(&room).unwrap();
+    room
+}
+
+/// Writes a scene; returns its path.
+fn scene(room: &Path, text: &str) -> PathBuf {
+    let path = room.join("scene.toml");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// Returns the command of the program on `ranks` ranks; 0 for one process without MPI.
+fn program(ranks: usize) -> Command {
+    if ranks == 0 {
+        return Command::new(std::env::var("VARIATIONAL_PROGRAM").unwrap_or_else(|_| PROGRAM.to_owned()));
+    }
+    let mut command = launcher();
+    command.args(["-n", &ranks.to_string(), PROGRAM]);
+    command
+}
+
+fn launcher() -> Command {
+    let words = std::env::var("MPIEXEC").unwrap_or_else(|_| "mpiexec".to_owned());
+    let mut words = words.split_whitespace();
+    let mut command = Command::new(words.next().expect("a launcher"));
+    command.args(words);
+    command
+}
+
+fn run(ranks: usize, scene: &Path, out: &Path) -> Output {
+    let mut command = program(ranks);
+    command.arg("run").arg(scene).arg("--out").arg(out).args(["--threads", "1", "--quiet"]);
+    command.output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Returns the files of a directory by name, with clock times and places taken out of report.json.
+fn files(directory: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    for entry in std::fs::read_dir(directory).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let mut bytes = std::fs::read(&path).unwrap();
+        if name.ends_with(".vck") {
+            // Checkpoints hold the seconds so far.
+            continue;
+        }
+        if name == "report.json" {
+            let is_timeless = |line: &&str| {
+                !["seconds", "started", "date", "peak_memory"].iter().any(|key| line.contains(key))
+            };
+            bytes = text(&bytes).lines().filter(is_timeless).collect::<Vec<_>>().join("\n").into_bytes();
+        }
+        files.insert(name, bytes);
+    }
+    files
+}
+
+fn assert_same_files(found: &Path, expected: &Path, what: &str) {
+    let (found, expected) = (files(found), files(expected));
+    let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
+    assert_eq!(names(&found), names(&expected), "{what}");
+    for (name, bytes) in &found {
+        if *bytes != expected[name] {
+            let (a, b) = (text(bytes), text(&expected[name]));
+            let line = a.lines().zip(b.lines()).find(|(a, b)| a != b);
+            panic!("{what}: {name} differs: {line:?}");
+        }
+    }
+}
+
+fn same_files(name: &str, text_of_scene: &str) {
+    let room = room(name);
+    let scene = scene(&room, text_of_scene);
+    let expected = room.join("one");
+    let output = run(0, &scene, &expected);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(expected.join("history.csv").exists());
+    for ranks in 1..=4 {
+        let out = room.join(ranks.to_string());
+        let output = run(ranks, &scene, &out);
+        assert!(output.status.success(), "{ranks} ranks: {}", text(&output.stderr));
+        assert_same_files(&out, &expected, &format!("{name} on {ranks} ranks"));
+    }
+}
+
+#[test]
+fn a_block_has_the_files_of_one_process() {
+    same_files("block", BLOCK);
+}
+
+#[test]
+fn cloth_has_the_files_of_one_process() {
+    same_files("cloth", CLOTH);
+}
+
+#[test]
+fn several_bodies_have_the_files_of_one_process() {
+    same_files("several", SEVERAL);
+}
+
+#[test]
+fn a_moving_support_has_the_files_of_one_process() {
+    same_files("driven", DRIVEN);
+}
+
+#[test]
+fn a_step_that_fails_on_one_rank_ends_all_with_one_message() {
+    let room = room("breaks");
+    let scene = scene(&room, BREAKS);
+    let expected = run(0, &scene, &room.join("one"));
+    assert_eq!(expected.status.code(), Some(4), "{}", text(&expected.stderr));
+    let about = |output: &Output| -> Vec<String> {
+        text(&output.stderr).lines().filter(|line| line.starts_with("error")).map(str::to_owned).collect()
+    };
+    assert!(about(&expected)[0].contains("element"), "{:?}", about(&expected));
+    for ranks in [2, 4] {
+        let out = room.join(ranks.to_string());
+        let output = run(ranks, &scene, &out);
+        assert_eq!(output.status.code(), Some(4), "{}", text(&output.stderr));
+        assert_eq!(about(&output), about(&expected));
+        assert_same_files(&out, &room.join("one"), &format!("{ranks} ranks"));
+    }
+}
+
+/// A run that takes a while and saves checkpoints.
+fn long() -> String {
+    BLOCK.replace("end = 0.05", "end = 2.0").replace("interval = 0.01", "interval = 0.25")
+        + "[checkpoint]\ninterval = 0.05\n"
+}
+
+/// Waits until a run has written a checkpoint after its start.
+fn wait_for_checkpoint(directory: &Path, child: &mut Child) {
+    let begin = Instant::now();
+    loop {
+        let entries = std::fs::read_dir(directory).into_iter().flatten().flatten();
+        let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+        if names.filter(|name| name.ends_with(".vck") && !name.ends_with("_000000000000.vck")).count() > 0 {
+            return;
+        }
+        assert!(begin.elapsed() < Duration::from_secs(120), "no checkpoint");
+        assert!(child.try_wait().unwrap().is_none(), "the run has ended");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// Returns the processes that run `scene`, without the launcher and its helpers.
+fn ranks_of(scene: &Path) -> Vec<u32> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir("/proc").unwrap().flatten() {
+        let Ok(pid) = entry.file_name().to_string_lossy().parse::<u32>() else { continue };
+        let words = std::fs::read(entry.path().join("cmdline")).unwrap_or_default();
+        let words: Vec<String> = words.split(|&byte| byte == 0).map(text).collect();
+        if words[0] == PROGRAM && words.iter().any(|word| Path::new(word) == scene) {
+            found.push(pid);
+        }
+    }
+    found.sort_unstable();
+    found
+}
+
+fn resume(ranks: usize, directory: &Path) -> Output {
+    let mut command = program(ranks);
+    command.arg("resume").arg(directory).args(["--threads", "1", "--quiet"]).output().unwrap()
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_killed_rank_ends_all_and_any_number_of_ranks_resumes() {
+    let room = room("killed");
+    let scene = scene(&room, &long());
+    let expected = room.join("whole");
+    assert!(run(0, &scene, &expected).status.success());
+    // The number of ranks that are killed and that resume; 0 for one process without MPI.
+    for (killed, resumed) in [(4, 2), (2, 0), (3, 4)] {
+        let out = room.join(format!("{killed}-{resumed}"));
+        let mut command = program(killed);
+        command.arg("run").arg(&scene).arg("--out").arg(&out).args(["--threads", "1", "--quiet"]);
+        let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        wait_for_checkpoint(&out, &mut child);
+        let ranks = ranks_of(&scene);
+        assert_eq!(ranks.len(), killed);
+        assert!(
+            Command::new("kill").args(["-9", &ranks[killed - 1].to_string()]).status().unwrap().success()
+        );
+        let begin = Instant::now();
+        let status = child.wait().unwrap();
+        assert!(!status.success());
+        while !ranks_of(&scene).is_empty() {
+            assert!(begin.elapsed() < Duration::from_secs(5), "ranks are left: {:?}", ranks_of(&scene));
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let output = resume(resumed, &out);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let left = out.join("variational.lock");
+        assert!(!left.exists());
+        assert_same_files(&out, &expected, &format!("killed on {killed}, resumed on {resumed}"));
+    }
+}
+
+#[test]
+fn ranks_of_different_programs_are_refused() {
+    let room = room("programs");
+    let scene = scene(&room, BLOCK);
+    let other = room.join("variational-mpi");
+    let mut bytes = std::fs::read(PROGRAM).unwrap();
+    bytes.push(0);
+    std::fs::copy(PROGRAM, &other).unwrap();
+    std::fs::write(&other, bytes).unwrap();
+    let mut command = launcher();
+    let arguments = |command: &mut Command| {
+        command.arg("run").arg(&scene).arg("--out").arg(room.join("out")).arg("--quiet");
+    };
+    command.args(["-n", "1", PROGRAM]);
+    arguments(&mut command);
+    command.args([":", "-n", "1"]).arg(&other);
+    arguments(&mut command);
+    let output = command.output().unwrap();
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert_eq!(message.matches("error").count(), 1, "{message}");
+    assert!(message.contains("rank 1: its program has the checksum"), "{message}");
+    assert!(!room.join("out").exists());
+}
+
+#[test]
+fn what_does_not_run_on_ranks_is_refused_before_the_run() {
+    let room = room("refused");
+    let contact = BLOCK.to_owned() + "[contact]\n";
+    let wind = CLOTH.to_owned() + "[wind]\nvelocity = [1.0, 0.0, 0.0]\n";
+    let refused = [
+        (BLOCK.replace("stormer-verlet", "implicit-midpoint"), "scheme \"implicit-midpoint\""),
+        (contact, "contact does not run"),
+        (DRIVEN.replace("ledger = false", "ledger = true"), "output.ledger = false"),
+        (wind, "forces without a potential do not run"),
+    ];
+    for (text_of_scene, reason) in refused {
+        let scene = scene(&room, &text_of_scene);
+        let output = run(2, &scene, &room.join("out"));
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(message.contains(reason), "{message}");
+        assert!(!room.join("out").exists());
+    }
+}

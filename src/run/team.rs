@@ -1,0 +1,192 @@
+//! A run by several processes (ranks). The first rank runs the scene and writes all files, as one process does. The
+//! others build the same scene and step their portions of its bodies whenever the first rank says so.
+
+use std::sync::Arc;
+
+use vi_core::{Alone, Exchange};
+use vi_solvers::Member;
+
+use super::checkpoint::Origin;
+use super::error::RunError;
+use crate::record::{self, record};
+use crate::scene::{Problem, Scene};
+use crate::simulation::{Simulation, members};
+
+/// What the first rank sends before a run; a command to step has other first bytes.
+const START: &[u8; 8] = b"VI-START";
+/// What it sends at the end of the program, before the exit code.
+const END: &[u8; 8] = b"VI-ENDED";
+const FORMAT: u64 = 1;
+
+/// The ranks of a run.
+pub struct Team {
+    exchange: Arc<dyn Exchange>,
+    /// Number of threads of each rank unless the command line says otherwise.
+    threads: Option<usize>,
+}
+
+/// What all ranks must run alike.
+struct Order {
+    /// CRC-32 of the program.
+    program: u64,
+    threads: u64,
+    origin: Origin,
+}
+
+record!(Order { program: u64, threads: u64, origin: Origin });
+
+/// The answer of a rank to an order.
+struct Answer {
+    /// Why it cannot run the scene; empty if it can.
+    problem: String,
+    /// Number of bytes that it sends per evaluation of forces.
+    bytes: u64,
+}
+
+record!(Answer { problem: String, bytes: u64 });
+
+impl Default for Team {
+    fn default() -> Self {
+        Self::new(Arc::new(Alone))
+    }
+}
+
+impl Team {
+    /// Returns the team of all ranks of an exchange.
+    pub fn new(exchange: Arc<dyn Exchange>) -> Self {
+        Self { exchange, threads: None }
+    }
+
+    /// Returns the team with a number of threads for each rank, which the command line may replace.
+    #[must_use]
+    pub fn with_threads(self, threads: usize) -> Self {
+        Self { threads: Some(threads), ..self }
+    }
+
+    /// Returns the number of threads of each rank; `None` for one per core.
+    pub fn threads(&self) -> Option<usize> {
+        self.threads
+    }
+
+    /// Returns the number of ranks.
+    pub fn size(&self) -> usize {
+        self.exchange.size()
+    }
+
+    /// Makes all ranks step a simulation, from the first rank. Returns a note on what they exchange; `None` if there is
+    /// one rank.
+    ///
+    /// # Errors
+    /// Returns [`RunError::Scene`] with what does not run on several ranks, and with the first problem of another rank.
+    pub(super) fn join(&self, simulation: &mut Simulation, name: &str) -> Result<Option<String>, RunError> {
+        let size = self.size();
+        if size == 1 {
+            return Ok(None);
+        }
+        let problems = simulation.problems_of_ranks();
+        if !problems.is_empty() {
+            return Err(RunError::Scene(problems));
+        }
+        let threads = rayon::current_num_threads() as u64;
+        let origin = Origin::new(simulation.scene(), name)?;
+        self.exchange.pieces(&record::seal(START, FORMAT, &Order { program: program(), threads, origin }));
+        let conducted = simulation.conduct(&self.exchange);
+        let own = Answer { problem: String::new(), bytes: *conducted.as_ref().unwrap_or(&0) };
+        let answers = self.exchange.pieces(&record::seal(START, FORMAT, &own));
+        conducted.map_err(RunError::Scene)?;
+        let mut most = 0;
+        for (rank, bytes) in answers.iter().enumerate() {
+            let Answer { problem, bytes } = record::unseal(START, FORMAT, bytes)?;
+            if !problem.is_empty() {
+                return Err(RunError::Scene(vec![Problem::new("", format!("rank {rank}: {problem}"))]));
+            }
+            most = most.max(bytes);
+        }
+        Ok(Some(format!("{size} ranks of {threads} threads; a rank sends at most {most} bytes per force")))
+    }
+
+    /// Obeys the first rank until it ends the program; returns the exit code. For all ranks but the first.
+    pub fn serve(&self) -> u8 {
+        let mut members: Vec<Option<Member>> = Vec::new();
+        let mut pool = None;
+        loop {
+            let pieces = self.exchange.pieces(&[]);
+            let bytes = pieces.first().map_or(&[][..], Vec::as_slice);
+            if let Some(rest) = bytes.strip_prefix(END) {
+                return rest.first().copied().unwrap_or(0);
+            }
+            if bytes.starts_with(START) {
+                members.clear();
+                let prepared = self.prepare(bytes).map(|(found, threads)| {
+                    members = found;
+                    threads
+                });
+                let (problem, threads) = match prepared {
+                    Ok(threads) => (String::new(), threads),
+                    Err(problem) => (problem, 1),
+                };
+                // Without threads of its own, a rank uses those of the process.
+                pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok();
+                let sent = members.iter_mut().flatten().map(Member::bytes_sent);
+                let answer = Answer { problem, bytes: sent.sum::<usize>() as u64 };
+                self.exchange.pieces(&record::seal(START, FORMAT, &answer));
+                continue;
+            }
+            let mut obey = || Member::obey(&mut members, bytes);
+            let is_known = match &pool {
+                Some(pool) => pool.install(obey),
+                None => obey(),
+            };
+            assert!(is_known, "the first rank sent {} bytes that are no command", bytes.len());
+        }
+    }
+
+    /// Ends the program on all other ranks, with this exit code. For the first rank.
+    pub fn dismiss(&self, code: u8) {
+        self.exchange.pieces(&[&END[..], &[code]].concat());
+    }
+
+    /// Builds what this rank steps; returns it with the number of threads.
+    fn prepare(&self, order: &[u8]) -> Result<(Vec<Option<Member>>, usize), String> {
+        let order: Order = record::unseal(START, FORMAT, order).map_err(|error| error.to_string())?;
+        let own = program();
+        if own != order.program {
+            return Err(format!(
+                "its program has the checksum {own:08x}, that of the first rank {:08x}: start the same program on all \
+                 ranks",
+                order.program
+            ));
+        }
+        let scene = parse(&order.origin)?;
+        let here = Origin::new(&scene, &order.origin.name).map_err(|error| error.to_string())?;
+        for ((mesh, there), (_, here)) in order.origin.meshes.iter().zip(&here.meshes) {
+            if there != here {
+                return Err(format!(
+                    "{} has the checksum {here:08x} here and {there:08x} on the first rank: give all ranks the same file",
+                    mesh.display()
+                ));
+            }
+        }
+        let members = members(&scene, &self.exchange)
+            .map_err(|problems| problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))?;
+        Ok((members, order.threads as usize))
+    }
+}
+
+/// Returns the scene of an order.
+fn parse(origin: &Origin) -> Result<Scene, String> {
+    #[cfg(feature = "cli")]
+    {
+        let parsed = origin.parse();
+        let problem = parsed.problems.first().map(ToString::to_string);
+        parsed.scene.filter(|_| problem.is_none()).ok_or_else(|| problem.unwrap_or_default())
+    }
+    #[cfg(not(feature = "cli"))]
+    Err(format!("the scene '{}' is a text, which needs the feature `cli`", origin.name))
+}
+
+/// Returns the CRC-32 of this program; 0 if it cannot be read.
+fn program() -> u64 {
+    let bytes = std::env::current_exe().and_then(std::fs::read);
+    bytes.map_or(0, |bytes| u64::from(crc32fast::hash(&bytes)))
+}
