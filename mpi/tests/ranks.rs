@@ -166,7 +166,21 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// Returns the files of a directory by name, with clock times and places taken out of report.json.
+/// Returns a report without clock times, command line and place.
+fn timeless(report: &str) -> String {
+    let mut is_provenance = false;
+    let mut kept = Vec::new();
+    for line in report.lines() {
+        is_provenance |= line.starts_with("  \"provenance\"");
+        if !is_provenance && !line.contains("_seconds\"") {
+            kept.push(line);
+        }
+        is_provenance &= !line.starts_with("  }");
+    }
+    kept.join("\n")
+}
+
+/// Returns the files of a directory by name. Checkpoints, which hold the seconds so far, are left out.
 fn files(directory: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = BTreeMap::new();
     for entry in std::fs::read_dir(directory).unwrap() {
@@ -174,14 +188,10 @@ fn files(directory: &Path) -> BTreeMap<String, Vec<u8>> {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         let mut bytes = std::fs::read(&path).unwrap();
         if name.ends_with(".vck") {
-            // Checkpoints hold the seconds so far.
             continue;
         }
         if name == "report.json" {
-            let is_timeless = |line: &&str| {
-                !["seconds", "started", "date", "peak_memory"].iter().any(|key| line.contains(key))
-            };
-            bytes = text(&bytes).lines().filter(is_timeless).collect::<Vec<_>>().join("\n").into_bytes();
+            bytes = timeless(&text(&bytes)).into_bytes();
         }
         files.insert(name, bytes);
     }

@@ -47,17 +47,21 @@ pub(crate) struct Model {
     pub(crate) notes: Vec<String>,
 }
 
-/// Makes the model of a scene.
+/// Makes the model of a scene. If `in_portions`, this process evaluates only portions of the terms.
 ///
 /// # Errors
 /// Returns all problems of the bodies; if there are none, all problems of the other sections.
-pub(super) fn assemble(scene: &Scene, resolved: Resolved<'_>) -> Result<Model, Vec<Problem>> {
+pub(super) fn assemble(
+    scene: &Scene,
+    resolved: Resolved<'_>,
+    in_portions: bool,
+) -> Result<Model, Vec<Problem>> {
     let mut meeting = Meeting::new(joined(&resolved));
     let partition = Partition::new(scene, &resolved, &meeting);
     let Resolved {
         bodies, fixes, probes, region_probes, periodics, strikes, springs, rigids, joints, ..
     } = resolved;
-    let mut parts = Parts::new(scene, &partition);
+    let mut parts = Parts::new(scene, &partition, in_portions);
     parts.add_bodies(scene, bodies, &partition, &fixes);
     parts.check()?;
     parts.add_strikes(&strikes);
@@ -136,10 +140,10 @@ struct Parts {
 }
 
 impl Parts {
-    fn new(scene: &Scene, partition: &Partition) -> Self {
+    fn new(scene: &Scene, partition: &Partition, in_portions: bool) -> Self {
         let is_consistent = scene.solver.mass == Some(MassKind::Consistent);
         let sums_rows = scene.statics.is_some() || is_consistent;
-        let empty = |_| ComponentBuilder::new(sums_rows, is_consistent);
+        let empty = |_| ComponentBuilder::new(sums_rows, is_consistent, in_portions);
         Self {
             components: (0..partition.count()).map(empty).collect(),
             bodies: Vec::new(),

@@ -19,6 +19,8 @@ pub(super) struct ComponentBuilder {
     /// if nothing moves or the mass is consistent.
     pub(super) sums_rows: bool,
     pub(super) is_consistent: bool,
+    /// Whether this process evaluates only portions of the terms.
+    pub(super) in_portions: bool,
     /// Lumped mass per node, kg.
     pub(super) mass: Vec<f64>,
     /// Mass per node that weight acts on, kg.
@@ -42,8 +44,8 @@ pub(super) struct ComponentBuilder {
 }
 
 impl ComponentBuilder {
-    pub(super) fn new(sums_rows: bool, is_consistent: bool) -> Self {
-        Self { sums_rows, is_consistent, ..Self::default() }
+    pub(super) fn new(sums_rows: bool, is_consistent: bool, in_portions: bool) -> Self {
+        Self { sums_rows, is_consistent, in_portions, ..Self::default() }
     }
 
     /// Returns the number of nodes so far.

@@ -81,10 +81,13 @@ fn solid(
         add_row_sums(mesh, elements, density, &mut mass.row_sums)?;
     }
     add_lumped_mass(mesh, elements, density, &mut mass.lumped)?;
-    match body.scene.locking {
-        LockingCure::None => vi_fem::elastic(mesh, elements, law, node_offset, place),
-        LockingCure::MeanDilation => vi_fem::mean_dilation(mesh, elements, law, node_offset, place),
-    }
+    let build = match (body.scene.locking, component.in_portions) {
+        (LockingCure::None, false) => vi_fem::elastic,
+        (LockingCure::None, true) => vi_fem::elastic_in_portions,
+        (LockingCure::MeanDilation, false) => vi_fem::mean_dilation,
+        (LockingCure::MeanDilation, true) => vi_fem::mean_dilation_in_portions,
+    };
+    build(mesh, elements, law, node_offset, place)
 }
 
 /// Returns the strain energy of a sheet's triangles of one law, and adds their mass.

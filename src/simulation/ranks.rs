@@ -64,7 +64,7 @@ pub(crate) fn members(
 ) -> Result<Vec<Option<Member>>, Vec<Problem>> {
     let refused = |why: String| vec![Problem::new("time.scheme", why)];
     let method = scene.time.method().ok_or_else(|| refused("the scheme is not settled".to_owned()))?;
-    let components = model::build(scene)?.components.into_iter();
+    let components = model::build_in_portions(scene)?.into_iter();
     components
         .map(|(system, state)| {
             let keeps_ledger = scene.output.ledger.unwrap_or_else(|| is_worked_on(&system));

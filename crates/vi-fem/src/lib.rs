@@ -36,7 +36,7 @@ pub use sheet::material::{IsotropicSheet, SheetCommon, SheetMaterial, SheetParam
 pub use small::tensor;
 pub use solid::check::check_body;
 pub use solid::consistent_mass::consistent_mass;
-pub use solid::elastic::{elastic, elastic_on};
+pub use solid::elastic::{elastic, elastic_in_portions, elastic_on};
 pub use solid::element::SOLIDS;
 pub use solid::element::contract::Element;
 pub use solid::element::solids::*;
@@ -50,7 +50,7 @@ pub use solid::material::formula::{Formula, FormulaParameters};
 pub use solid::material::own::{Differentiated, EnergyDensity, OwnLaw, PointLaw};
 pub use solid::material::parameters::{Isotropic, Parameters};
 pub use solid::material::registered::*;
-pub use solid::mean_dilation::{LockingCure, mean_dilation};
+pub use solid::mean_dilation::{LockingCure, mean_dilation, mean_dilation_in_portions};
 pub use solid::nodal_fields::nodal_field;
 
 /// Configures property tests with a fixed seed, so that every run draws the same samples.

@@ -29,7 +29,7 @@ pub struct Portion {
 
 impl Portion {
     /// Returns the stencils `stencils` of `whole`, a term of a system with `dof_count` coordinates. `number` gives the
-    /// number that a node of these stencils has in the portion.
+    /// number that a node of these stencils has in the portion. It shares the data of `whole`.
     pub fn new(
         whole: Arc<dyn Potential>,
         stencils: Range<usize>,
@@ -40,9 +40,15 @@ impl Portion {
         let nodes = &all.nodes[stencils.start * all.arity..stencils.end * all.arity];
         let nodes = nodes.iter().map(|&node| number(node)).collect();
         let run_length = whole.run_length();
-        match whole.portion(stencils.clone()) {
-            Some(whole) => Self { whole, stencils: 0..stencils.len(), nodes, run_length, dof_count },
-            None => Self { whole, stencils, nodes, run_length, dof_count },
+        Self { whole, stencils, nodes, run_length, dof_count }
+    }
+
+    /// Returns the portion with data of its own, so that the whole potential can be dropped if it is large.
+    #[must_use]
+    pub fn detached(self) -> Self {
+        match self.whole.portion(self.stencils.clone()) {
+            Some(whole) => Self { whole, stencils: 0..self.stencils.len(), ..self },
+            None => self,
         }
     }
 

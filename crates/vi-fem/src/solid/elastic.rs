@@ -1,5 +1,7 @@
 //! The strain energy Σ_e ∫ Ψ(F) dV of a region. Elements and law are combined once into a `dyn Potential`.
 
+pub(crate) mod build;
+mod deferred;
 #[cfg(test)]
 mod laws;
 #[cfg(test)]
@@ -24,6 +26,8 @@ use crate::solid::law_kernels::{LawKernels, kernels_of};
 use crate::solid::material::Law;
 use crate::solid::material::batch::{PackedMat3, PackedTangent};
 use crate::solid::material::contract::Outside;
+use build::Build;
+use deferred::Deferred;
 use vi_mesh::sort_by_place;
 use vi_mesh::{CellKind, Mesh, MeshError};
 
@@ -62,22 +66,27 @@ pub fn elastic_on(
     node_offset: usize,
     name: &str,
 ) -> Result<Vec<Box<dyn Potential>>, FemError> {
-    by_kind::<Plain>(instructions, mesh, elements, law, node_offset, name)
+    by_kind::<Plain>((instructions, false), mesh, elements, law, node_offset, name)
 }
 
-/// Builds the potential of elements: it defines how their strain energy follows from their deformation.
-pub(crate) trait Build {
-    fn build<E: Element<N, Q>, const N: usize, const Q: usize>(
-        solids: Solids<E, N, Q>,
-        law: Box<dyn LawKernels>,
-        elements: Vec<u32>,
-        name: String,
-    ) -> Box<dyn Potential>;
+/// Returns the potentials of [`elastic`] without their shapes at rest, for a process that evaluates only portions of them
+/// ([`Potential::portion`]). The mesh must be one that [`elastic`] has accepted.
+///
+/// # Errors
+/// Returns the errors of [`elastic`], except for elements without volume.
+pub fn elastic_in_portions(
+    mesh: &Mesh,
+    elements: &[u32],
+    law: &Law,
+    node_offset: usize,
+    name: &str,
+) -> Result<Vec<Box<dyn Potential>>, FemError> {
+    by_kind::<Plain>((InstructionSet::Best, true), mesh, elements, law, node_offset, name)
 }
 
-/// Returns one potential per element kind, each built by `B`.
+/// Returns one potential per element kind, each built by `B`, at once or portion by portion.
 pub(crate) fn by_kind<B: Build>(
-    instructions: InstructionSet,
+    (instructions, in_portions): (InstructionSet, bool),
     mesh: &Mesh,
     elements: &[u32],
     law: &Law,
@@ -101,7 +110,8 @@ pub(crate) fn by_kind<B: Build>(
         .into_iter()
         .map(|(kind, elements)| {
             let name = label.clone();
-            let build = BuildElement::<B> { arch, mesh, elements, law, node_offset, name, form: PhantomData };
+            let form = PhantomData;
+            let build = BuildElement::<B> { arch, in_portions, mesh, elements, law, node_offset, name, form };
             visit_solid(kind, build).ok_or(FemError::Unsupported { kind, used: "solid elements" })?
         })
         .collect()
@@ -109,6 +119,7 @@ pub(crate) fn by_kind<B: Build>(
 
 struct BuildElement<'a, B> {
     arch: Arch,
+    in_portions: bool,
     mesh: &'a Mesh,
     elements: Vec<u32>,
     law: &'a Law,
@@ -121,11 +132,26 @@ impl<B: Build> SolidVisitor for BuildElement<'_, B> {
     type Output = Result<Box<dyn Potential>, FemError>;
 
     fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) -> Self::Output {
-        let Self { arch, mesh, mut elements, law, node_offset, name, .. } = self;
+        let Self { arch, in_portions, mesh, mut elements, law, node_offset, name, .. } = self;
         sort_by_place(mesh, &mut elements);
         interleave(run_length(elements.len(), 3 * N), &mut elements);
         let cells = elements.iter().filter_map(|&element| mesh.cell(element as usize));
-        let nodes: Vec<u32> = cells.flat_map(|(_, nodes)| nodes.iter().copied()).collect();
+        let mut nodes: Vec<u32> = cells.flat_map(|(_, nodes)| nodes.iter().copied()).collect();
+        if in_portions {
+            let node_offset = node_offset as u32;
+            nodes.iter_mut().for_each(|node| *node += node_offset);
+            let (points, law, form) = (mesh.points.clone(), law.clone(), PhantomData);
+            return Ok(Box::new(Deferred::<B, E, N, Q> {
+                arch,
+                points,
+                node_offset,
+                nodes,
+                elements,
+                law,
+                name,
+                form,
+            }));
+        }
         let total = elements.len();
         let mut solids = Solids::<E, N, Q>::new(arch, &mesh.points, nodes).map_err(|inverted| {
             let count = inverted.len();

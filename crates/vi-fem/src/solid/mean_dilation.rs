@@ -20,7 +20,8 @@ use self::points::{Curvature, Dilation};
 use crate::error::FemError;
 use crate::lanes::instructions::InstructionSet;
 use crate::lanes::pack::{GROUP, Pack};
-use crate::solid::elastic::{Build, by_kind, farthest_outside, fault};
+use crate::solid::elastic::build::Build;
+use crate::solid::elastic::{by_kind, farthest_outside, fault};
 use crate::solid::element::contract::Element;
 use crate::solid::element::kernel::Solids;
 use crate::solid::law_kernels::LawKernels;
@@ -54,7 +55,22 @@ pub fn mean_dilation(
     node_offset: usize,
     name: &str,
 ) -> Result<Vec<Box<dyn Potential>>, FemError> {
-    by_kind::<MeanDilation>(InstructionSet::Best, mesh, elements, law, node_offset, name)
+    by_kind::<MeanDilation>((InstructionSet::Best, false), mesh, elements, law, node_offset, name)
+}
+
+/// Returns the potentials of [`mean_dilation`] as [`elastic_in_portions`](crate::elastic_in_portions) does those of
+/// [`crate::elastic`].
+///
+/// # Errors
+/// Returns the errors of [`crate::elastic_in_portions`].
+pub fn mean_dilation_in_portions(
+    mesh: &Mesh,
+    elements: &[u32],
+    law: &Law,
+    node_offset: usize,
+    name: &str,
+) -> Result<Vec<Box<dyn Potential>>, FemError> {
+    by_kind::<MeanDilation>((InstructionSet::Best, true), mesh, elements, law, node_offset, name)
 }
 
 /// Builds the potential with mean dilation.

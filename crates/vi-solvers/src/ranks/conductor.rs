@@ -109,6 +109,7 @@ impl Conductor {
         self.talk(of_rank, |_| 0);
         self.member.place(&own, evaluated);
         self.there = Some(state.clone());
+        self.memory = StepperMemory { method: std::mem::take(&mut self.memory.method), ..Default::default() };
         Ok(())
     }
 

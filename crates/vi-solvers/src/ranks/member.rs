@@ -110,7 +110,9 @@ impl Member {
         let portion = |TermPortion { term, stencils }: TermPortion| {
             let whole = Arc::clone(&terms.fixed()[term]);
             let number = |node: u32| nodes.binary_search(&node).map_or(NONE, |own| own as u32);
-            Box::new(Portion::new(whole, stencils, mass.len(), number)) as Box<dyn Potential>
+            let portion = Portion::new(whole, stencils, mass.len(), number);
+            // The first rank keeps the whole system.
+            Box::new(if exchange.rank() == 0 { portion } else { portion.detached() }) as Box<dyn Potential>
         };
         let portions = portions.into_iter().map(portion).collect();
         let own_mass =
