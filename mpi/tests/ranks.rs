@@ -267,8 +267,8 @@ fn a_step_that_fails_on_one_rank_ends_all_with_one_message() {
 
 /// A run that takes a while and saves checkpoints.
 fn long() -> String {
-    BLOCK.replace("end = 0.05", "end = 2.0").replace("interval = 0.01", "interval = 0.25")
-        + "[checkpoint]\ninterval = 0.05\n"
+    BLOCK.replace("end = 0.05", "end = 0.3").replace("interval = 0.01", "interval = 0.1")
+        + "[checkpoint]\ninterval = 0.02\n"
 }
 
 /// Waits until a run has written a checkpoint after its start.
@@ -314,7 +314,7 @@ fn a_killed_rank_ends_all_and_any_number_of_ranks_resumes() {
     let expected = room.join("whole");
     assert!(run(0, &scene, &expected).status.success());
     // The number of ranks that are killed and that resume; 0 for one process without MPI.
-    for (killed, resumed) in [(4, 2), (2, 0), (3, 4)] {
+    for (killed, resumed) in [(4, 2), (2, 0)] {
         let out = room.join(format!("{killed}-{resumed}"));
         let mut command = program(killed);
         command.arg("run").arg(&scene).arg("--out").arg(&out).args(["--threads", "1", "--quiet"]);

@@ -207,7 +207,7 @@ impl Gather {
         };
         match halo {
             None => sum(chunks, partial),
-            Some(halo) => halo.complete(chunks, partial, sum),
+            Some(halo) => halo.complete(chunks.len(), partial, |run, partial| sum(&chunks[run], partial)),
         }
     }
 

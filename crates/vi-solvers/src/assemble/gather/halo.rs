@@ -1,10 +1,9 @@
 //! Exchanges the sums of chunks at nodes that several ranks hold.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use vi_core::{Exchange, Message, Padded};
-
-use super::Chunk;
 
 /// The exchange of one rank.
 pub(super) struct Halo {
@@ -23,15 +22,16 @@ pub(super) struct Halo {
 }
 
 impl Halo {
-    /// Computes the sums of the chunks with `sum` and receives those of other ranks, which fill the end of `partial`.
+    /// Computes the sums of all `chunk_count` chunks with `sum` and receives those of other ranks, which fill the end of
+    /// `partial`.
     pub(super) fn complete(
         &mut self,
-        chunks: &[Chunk],
+        chunk_count: usize,
         partial: &mut [Padded],
-        sum: impl Fn(&[Chunk], &mut [Padded]),
+        sum: impl Fn(Range<usize>, &mut [Padded]),
     ) {
         let block = self.block;
-        let (border, inner) = chunks.split_at(self.border_count);
+        let (border, inner) = (0..self.border_count, self.border_count..chunk_count);
         let (own, foreign) = partial.split_at_mut(self.own_slots);
         let (border_sums, inner_sums) = own.split_at_mut(self.border_slots);
         sum(border, border_sums);
@@ -40,7 +40,7 @@ impl Halo {
                 out.copy_from_slice(&border_sums[slot as usize].0[..block]);
             }
         }
-        self.exchange.slots(&mut self.messages, &mut || sum(inner, inner_sums));
+        self.exchange.slots(&mut self.messages, &mut || sum(inner.clone(), inner_sums));
         let received = self.messages.iter().flat_map(|message| message.receive.chunks_exact(block));
         for (sum, values) in foreign.iter_mut().zip(received) {
             sum.0[..block].copy_from_slice(values);
