@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import pathlib
+import shlex
+import shutil
 import subprocess
 import time
 from typing import Any
@@ -59,6 +61,19 @@ def test_ray(scene: vs.Scene, expected: list[float]) -> None:
         assert ray.get([remote.remote(scene, young) for young in YOUNG]) == expected
     finally:
         ray.shutdown()
+
+
+def test_a_slurm_array_gives_the_table_of_one_process(program: str, tmp_path: pathlib.Path) -> None:
+    """Needs sbatch and a running cluster, which may be slurmctld, slurmd and munged on one machine."""
+    if shutil.which("sbatch") is None:
+        pytest.skip("sbatch is not there")
+    (tmp_path / "scene.toml").write_text(vs.Scene(beam_keys()).to_toml())
+    command = [program, "sweep", "scene.toml", "--over", "body.0.material.young=1e4:1e7:log30", "--jobs", "1", "--quiet"]
+    subprocess.run([*command, "--out", "whole"], cwd=tmp_path, check=True)
+    task = shlex.join([*command, "--out", "array", "--task"]) + " $SLURM_ARRAY_TASK_ID/10"
+    subprocess.run(["sbatch", "--wait", "--array=0-9", "--wrap", task], cwd=tmp_path, check=True)
+    table = (tmp_path / "whole" / "sweep.csv").read_bytes()
+    assert (tmp_path / "array" / "sweep.csv").read_bytes() == table
 
 
 def test_a_sweep_that_is_killed_again_and_again_ends_with_the_same_bytes(program: str, tmp_path: pathlib.Path) -> None:

@@ -105,6 +105,19 @@ def test_meshes_from_arrays_and_from_other_libraries() -> None:
             assert simulation["tet"].mesh.regions == {"all": [0]}
 
 
+def test_a_mesh_is_written_and_read_with_the_same_numbers(tmp_path: pathlib.Path) -> None:
+    points = [[0.1, 0.0, 1e-17], [1.0 / 3.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.7]]
+    made = vs.mesh(points, {"tet4": CELLS, "tri3": [[0, 2, 1]]}, {"all": [0], 'a "side" & more': [1]})
+    vs.write_mesh(made, tmp_path / "a.vtu")
+    scene = vs.Scene(time=dict(end=0.1, step=1e-3, scheme="gauss"), body=[dict(name="a", mesh=str(tmp_path / "a.vtu"), material=RUBBER)])
+    read = vs.Simulation(scene, threads=1)["a"].mesh
+    np.testing.assert_array_equal(read.points, points)
+    assert read.regions == made.regions
+    assert [(kind, nodes.tolist()) for kind, nodes in read.blocks] == [(kind, nodes.tolist()) for kind, nodes in made.blocks]
+    with pytest.raises(ValueError, match="written as .vtu"):
+        vs.write_mesh(made, tmp_path / "a.msh")
+
+
 def test_a_pyvista_grid_is_a_mesh() -> None:
     pv = pytest.importorskip("pyvista")
     grid = pv.UnstructuredGrid({10: np.array(CELLS)}, np.array(POINTS))

@@ -70,3 +70,22 @@ def test_a_sweep_is_that_of_the_program(beam: vs.Scene, program: str, tmp_path: 
     subprocess.run([*command, "--over", axes[0], "--over", axes[1]], check=True)
     tables = {(tmp_path / name / "sweep.csv").read_bytes() for name in "abc"}
     assert len(tables) == 1
+
+
+def test_a_sweep_takes_meshes_from_arrays_and_gives_columns(tmp_path: pathlib.Path) -> None:
+    points = [[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    mesh = vs.mesh(points, {"tet4": [[0, 1, 2, 3]], "tri3": [[0, 2, 1]]}, {"floor": [1]})
+    keys = beam_keys(gravity=[0.0, 0.0, -9.81], fix=[dict(body="beam", region="floor")])
+    keys["body"][0] = dict(name="beam", mesh=mesh, material=keys["body"][0]["material"])
+    keys["probe"] = [dict(name="top", body="beam", node=3)]
+    scene = vs.Scene(keys)
+    values = [1e4, 1e5, -1.0]
+    found = vs.sweep(scene, {"body[0].material.young": values}, tmp_path / "a", jobs=1)
+    np.testing.assert_array_equal(found["body[0].material.young"], values)
+    lowest = found["top.uz.min"]
+    assert lowest[0] < lowest[1] < 0.0 and np.isnan(lowest[2])
+    alone = vs.run(scene.set({"body[0].material.young": 1e4}), quiet=True)
+    assert alone.history["top.uz"].min() == lowest[0]
+    assert "young" in found["reason"][2]
+    with pytest.raises(KeyError, match="there are: point"):
+        found["top"]

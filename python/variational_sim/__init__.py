@@ -29,7 +29,7 @@ from .errors import (
     StepError,
     StudyError,
 )
-from .meshes import mesh
+from .meshes import mesh, write_mesh
 from .observation import Contact, Observation, Pose, Probe
 from .run import Frame, History, Report, Run, load, resume, run
 from .scene import Scene
@@ -80,6 +80,7 @@ __all__ = [
     "static",
     "sweep",
     "view",
+    "write_mesh",
     "write_usd",
     "write_vtkhdf",
 ]

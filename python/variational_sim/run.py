@@ -137,7 +137,9 @@ class Report(Mapping[str, Any]):
         return dict(self._tree)
 
     def __repr__(self) -> str:
-        return f"<Report: {', '.join(self._tree)}>"
+        leaves = [f"{key}={value!r}" for key, value in self._tree.items() if not isinstance(value, (dict, list))]
+        parts = [key for key, value in self._tree.items() if isinstance(value, (dict, list))]
+        return f"<Report: {', '.join(leaves + parts)}>"
 
     def _repr_html_(self) -> str:
         from .html import table

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from . import _core, toml
+from .meshes import write_mesh
 from .progress import Listener, Progress
 from .run import Report, Run, load
 from .scene import Scene
@@ -120,7 +122,7 @@ def static(scene: Scene, *, threads: int | None = None) -> Simulation:
 
 
 class Sweep:
-    """The results of a sweep: `table` with one row per point, and the runs."""
+    """The results of a sweep: a table with one row per point, `sweep["tip.uz.min"]` a column of it, and the runs."""
 
     def __init__(self, directory: str, points: int, done: int, failed: int) -> None:
         self.directory = directory
@@ -138,6 +140,19 @@ class Sweep:
 
         with open(os.path.join(self.directory, "sweep.csv"), encoding="utf-8", newline="") as file:
             return list(csv.DictReader(file))
+
+    def __getitem__(self, column: str) -> Any:
+        """Returns a column as an array of float64, with NaN for points that failed; columns of texts as a list."""
+        import numpy as np
+
+        rows = self.rows
+        if rows and column not in rows[0]:
+            raise KeyError(f"there is no column '{column}'; there are: {', '.join(rows[0])}")
+        entries = [row[column] for row in rows]
+        try:
+            return np.array([float(entry or "nan") for entry in entries])
+        except ValueError:
+            return entries
 
     def run(self, point: int) -> Run:
         """Returns the results of a point."""
@@ -171,22 +186,42 @@ def sweep(
 
     Points that are done are not run again, and points with a checkpoint continue, so that a sweep can be ended at any
     time and called again. `task=(i, n)` runs every n-th point from number i: one task of an array of n. A point that
-    fails is a row of the table. The scene is written to `scene.toml` in the directory; it cannot have meshes from
-    arrays or callables. The files are those of `variational sweep`.
+    fails is a row of the table. The scene is written to `scene.toml` in the directory, and meshes from arrays to .vtu
+    files beside it. The files are those of `variational sweep`.
+
+    Raises ValueError if motions are callables, which no file holds.
     """
-    if scene._core.meshes or scene._core.motions:
-        raise ValueError("sweep: write the meshes to files and the motions as formulas; or use joblib with `run`")
-    directory = os.fspath(out)
+    if scene._core.motions:
+        raise ValueError("sweep: the motion of a fix is a callable: write it as a formula, or use joblib with `run`")
+    directory = os.path.abspath(out)
     os.makedirs(directory, exist_ok=True)
+    scene = _with_files(scene, directory)
     path, text = os.path.join(directory, f"{scene.name}.toml"), scene.to_toml()
     if not os.path.exists(path) or open(path, encoding="utf-8").read() != text:
-        # Other tasks of the sweep may read the file now.
-        temporary = f"{path}.{os.getpid()}"
-        with open(temporary, "w", encoding="utf-8") as file:
+        with _replaced(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
             file.write(text)
-        os.replace(temporary, path)
     axes = [(key, [toml.value(value) for value in values]) for key, values in over.items()]
     jobs = max(1, (os.cpu_count() or 1) // threads) if jobs is None else jobs
     with Listener(progress, quiet=True) as hear:
         counts = _core.sweep(path, [], axes, directory, jobs, threads, task, hear)
     return Sweep(directory, *counts)
+
+
+def _with_files(scene: Scene, directory: str) -> Scene:
+    """Writes meshes from arrays into the directory; returns the scene with their files."""
+    overrides = []
+    for body, mesh in scene._core.meshes:
+        path = os.path.join(directory, f"{scene.name}.{body}.vtu")
+        with _replaced(path) as temporary:
+            write_mesh(mesh, temporary)
+        overrides.append(f"body[{body}].mesh={toml.value(path)}")
+    return Scene._of(_core.Scene.parse(scene._core.to_toml(), overrides, [], [], False), scene.name)
+
+
+@contextmanager
+def _replaced(path: str) -> Iterator[str]:
+    """Gives a path for a new file, which then replaces that at `path` at once: other tasks of a sweep may read it."""
+    stem, ending = os.path.splitext(path)
+    temporary = f"{stem}.{os.getpid()}{ending}"
+    yield temporary
+    os.replace(temporary, path)
