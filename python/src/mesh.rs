@@ -68,6 +68,14 @@ impl Mesh {
         }
         Ok(regions)
     }
+
+    fn __repr__(&self) -> String {
+        let mesh = &self.0;
+        let cells = mesh.blocks.iter().map(|block| format!(", {} {}", block.cell_count(), block.kind.name()));
+        let regions: Vec<&str> = mesh.regions.iter().map(|region| region.name.as_str()).collect();
+        let regions = if regions.is_empty() { "no regions".to_owned() } else { regions.join(", ") };
+        format!("<Mesh: {} points{}; {regions}>", mesh.points.len(), cells.collect::<String>())
+    }
 }
 
 fn block(kind: &str, cells: &PyReadonlyArray2<'_, i64>) -> PyResult<CellBlock> {

@@ -108,6 +108,7 @@ def test_meshes_from_arrays_and_from_other_libraries() -> None:
 def test_a_mesh_is_written_and_read_with_the_same_numbers(tmp_path: pathlib.Path) -> None:
     points = [[0.1, 0.0, 1e-17], [1.0 / 3.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.7]]
     made = vs.mesh(points, {"tet4": CELLS, "tri3": [[0, 2, 1]]}, {"all": [0], 'a "side" & more': [1]})
+    assert repr(made) == "<Mesh: 4 points, 1 tet4, 1 tri3; all, a \"side\" & more>"
     vs.write_mesh(made, tmp_path / "a.vtu")
     scene = vs.Scene(time=dict(end=0.1, step=1e-3, scheme="gauss"), body=[dict(name="a", mesh=str(tmp_path / "a.vtu"), material=RUBBER)])
     read = vs.Simulation(scene, threads=1)["a"].mesh
