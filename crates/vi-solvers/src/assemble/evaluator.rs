@@ -67,9 +67,13 @@ impl Evaluator {
         Self::with(Assembler::new(system), system)
     }
 
-    /// Returns the evaluator of the portion of a system that a rank of several computes.
-    pub(crate) fn of_portion(system: &System, gather: Gather) -> Self {
-        Self::with(Assembler::of_portion(system.terms().clone(), gather), system)
+    /// Returns the evaluator of the portion of a system that a rank of several computes. All ranks must evaluate at the
+    /// same calls, so what depends on t is that of the whole system.
+    pub(crate) fn of_portion(system: &System, gather: Gather, whole: &System) -> Self {
+        let portion = Self::with(Assembler::of_portion(system.terms().clone(), gather), system);
+        let is_time_dependent = whole.potentials().iter().any(|term| term.traits().time_dependent);
+        let is_autonomous = !is_time_dependent && !whole.coordinates().is_moving();
+        Self { is_time_dependent, is_autonomous, ..portion }
     }
 
     fn with(assembler: Assembler, system: &System) -> Self {

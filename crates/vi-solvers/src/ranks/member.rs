@@ -122,7 +122,7 @@ impl Member {
             .map_err(|error| refused(error.to_string()))?;
         let zeros = vec![0.0; system.coordinates().free_count()];
         let state = State { t: start.t, q: zeros.clone(), p: zeros };
-        let stepper = KickDrift::of_portion(method.name(), splitting, &system, own);
+        let stepper = KickDrift::of_portion(method.name(), splitting, (&system, whole), own);
         let free_of = free_of(whole.coordinates());
         let held = division.nodes.into_iter().map(|nodes| {
             let held = Held { free: Vec::new(), nodes, block };

@@ -13,15 +13,15 @@ use crate::schemes::kick_drift::splitting::Splitting;
 use crate::work::Work;
 
 impl KickDrift {
-    /// Returns the stepper of a portion, which `gather` sums with the other ranks. It keeps no energy ledger.
+    /// Returns the stepper of the portion `system` of `whole`, which `gather` sums with the other ranks. It keeps no energy ledger.
     pub(crate) fn of_portion(
         name: &'static str,
         coefficients: Splitting,
-        system: &System,
+        (system, whole): (&System, &System),
         gather: Gather,
     ) -> Self {
         let n = system.coordinates().free_count();
-        let mut evaluator = Evaluator::of_portion(system, gather);
+        let mut evaluator = Evaluator::of_portion(system, gather, whole);
         Self {
             name,
             coefficients,
