@@ -256,8 +256,8 @@ impl Contact<'_> {
                 let node = surface.points[point as usize].node;
                 let cell = self.nearest_cell(point, body, x[0], before.map(|anchor| anchor.cell))?;
                 let [a, b, c] = surface.cells[cell as usize].nodes;
-                let shape = surface.cells[cell as usize].shape();
-                Some((cell, Slip::new(shape, [node, a, b, c], x)?))
+                let (shape, followed) = (surface.cells[cell as usize].shape(), self.followed(cell));
+                Some((cell, Slip::new(shape, [node, a, b, c], followed, x)?))
             }
             Partners::PointPlane(point, plane) => {
                 let face = &surface.half_spaces[plane as usize];
@@ -272,9 +272,14 @@ impl Contact<'_> {
                 if closest.support() != 0b1111 {
                     return None;
                 }
-                Some((0, Slip::new(Shape::EdgeEdge, nodes, x)?))
+                Some((0, Slip::new(Shape::EdgeEdge, nodes, [0, 1], x)?))
             }
         }
+    }
+
+    /// Returns the places, in a pair of a point and a cell, of the ends of the edge that bristles follow.
+    fn followed(&self, cell: u32) -> [usize; 2] {
+        self.surface.cells[cell as usize].followed.map(|place| 1 + place as usize)
     }
 
     /// Returns the cell of a body that is nearest to a point at x. Of cells that are equally near up to round-off, such as
@@ -316,8 +321,8 @@ impl Contact<'_> {
         let node = self.surface.points[point as usize].node;
         let tangents = |cell: u32| {
             let [a, b, c] = self.surface.cells[cell as usize].nodes;
-            Slip::new(self.surface.cells[cell as usize].shape(), [node, a, b, c], [x, x])
-                .map(|slip| slip.tangents)
+            let shape = self.surface.cells[cell as usize].shape();
+            Slip::new(shape, [node, a, b, c], self.followed(cell), [x, x]).map(|slip| slip.tangents)
         };
         let (Some(from), Some(to)) = (tangents(anchor.cell), tangents(cell)) else { return [0.0; 2] };
         let vector = from[0] * anchor.stretch[0] + from[1] * anchor.stretch[1];

@@ -41,6 +41,9 @@ pub struct Cell {
     pub count: u8,
     /// The body to which it belongs.
     pub body: u32,
+    /// Places in `nodes` of the ends of its edge that bristles follow: the longest one at rest, whatever the numbers of the
+    /// nodes are.
+    pub(crate) followed: [u8; 2],
 }
 
 impl Cell {

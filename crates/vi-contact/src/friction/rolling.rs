@@ -111,8 +111,8 @@ impl Contact<'_> {
         })
     }
 
-    /// Returns directions that move with the second side: the first two edges of its cell and their normal, or its
-    /// directors.
+    /// Returns directions that move with the second side: its directors, or the edge that bristles follow, the direction
+    /// across it, and the normal of its cell.
     fn directions(&self, partners: Partners, cell: u32, x: &impl Fn(u32) -> Vec3) -> [Vec3; 3] {
         let [_, second] = self.surface.bodies_of(partners);
         if let Some([_, directors @ ..]) = self.surface.frames[second as usize] {
@@ -124,8 +124,14 @@ impl Contact<'_> {
         if first == 2 {
             return [b - a, Vec3::zeros(), Vec3::zeros()];
         }
-        let (one, two) = (b - a, x(nodes[3]) - a);
-        [one, two, one.cross(&two)]
+        let normal = (b - a).cross(&(x(nodes[3]) - a));
+        let followed = match partners {
+            Partners::PointBody(..) => self.surface.cells[cell as usize].followed,
+            _ => [0, 1],
+        };
+        let [from, to] = followed.map(|place| x(nodes[first + place as usize]));
+        let along = to - from;
+        [along, normal.cross(&along), normal]
     }
 
     /// Returns the friction over a step from x₀ to x₁ of one pair that is pressed together.

@@ -70,8 +70,8 @@ fn multiply(a: &[[f64; 2]; 2], v: [f64; 2]) -> [f64; 2] {
 
 impl Slip {
     /// Returns the slip of a pair between the positions x₀ and x₁; `None` if it has no frame: a point against a
-    /// point, or parallel edges.
-    pub(super) fn new(shape: Shape, nodes: [u32; 4], x: [&[f64]; 2]) -> Option<Self> {
+    /// point, or parallel edges. The tangents follow the vector between two of its nodes.
+    pub(super) fn new(shape: Shape, nodes: [u32; 4], followed: [usize; 2], x: [&[f64]; 2]) -> Option<Self> {
         let (to_r, to_e, count) = pattern(shape);
         if count == 0 {
             return None;
@@ -97,8 +97,9 @@ impl Slip {
         }
         let inverse = invert(average, count)?;
         let slip = -(middle[0] * (xi[1][0] - xi[0][0]) + middle[1] * (xi[1][1] - xi[0][1]));
-        let first = middle[0].normalize();
-        let second = middle[1] - first * first.dot(&middle[1]);
+        let place = |k: usize| (ends[0][k] + ends[1][k]) * 0.5;
+        let first = (place(followed[1]) - place(followed[0])).normalize();
+        let second = middle[0].cross(&middle[1]).cross(&first);
         let second = if count == 2 { second.normalize() } else { Vec3::zeros() };
         let weights = [0, 1, 2, 3].map(|a: usize| to_r[a] + mean[0] * to_e[0][a] + mean[1] * to_e[1][a]);
         let frame = Frame::Convected { shape, r: (r[0] + r[1]) * 0.5, e: middle, inverse, mean };

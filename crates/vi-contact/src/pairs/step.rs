@@ -65,6 +65,16 @@ impl StepPair {
         pack_rank_one(self.stiffness, &self.weights, self.normal, 3 * self.arity, out);
     }
 
+    /// Multiplies the force and its tangents.
+    pub(crate) fn scale(&mut self, factor: f64) {
+        self.gradient.iter_mut().for_each(|gradient| *gradient *= factor);
+        self.tangent *= factor;
+        self.stiffness *= factor;
+        if let Some(Parallel { by, .. }) = &mut self.parallel {
+            by.iter_mut().for_each(|by| *by *= factor);
+        }
+    }
+
     /// Calls `each` with the factors a and b of ∂G/∂x₁ ≈ Σ a ⊗ b: the change of directions in space is omitted.
     pub(crate) fn each_tangent(&self, mut each: impl FnMut(&[Vec3; 4], &[Vec3; 4])) {
         let [along, at_end] = &self.distance;

@@ -9,6 +9,11 @@ use crate::distance::Vec3;
 use crate::friction::{FrictionPair, Pressed, Step};
 use crate::pairs::{Contact, Group, Partners, StepPair, in_order};
 
+/// The fraction of the stiffness of bristles below which the layer is stiffer than it is: see
+/// [`ContactPotential::for_each_acting`]. With a stiffer layer from the start, steps that fail only by the kink of friction take
+/// more iterations.
+const SOFT: f64 = 1e-2;
+
 /// Returns the nodes, each with its vector times `factor`.
 fn covector<'a>(
     nodes: &'a [u32],
@@ -93,6 +98,10 @@ impl ContactPotential {
 
     /// Calls `each` with each group of pairs of equal partners that act between x₀ and x₁. Appends the results in the
     /// order of the groups.
+    ///
+    /// While the bristles have less than the fraction [`SOFT`] of their stiffness, the layer is stiffer by the rest of the
+    /// factor. Hard blows that bring many pairs very close at once are then found from gaps that are all wide, and become
+    /// narrower together, as on the central path of interior-point methods.
     pub(super) fn for_each_acting(
         &self,
         x: [&[f64]; 2],
@@ -105,7 +114,11 @@ impl ContactPotential {
         let settings = self.step.as_ref().map_or(&UNDAMPED, |step| &step.settings);
         let near = neighbours.near();
         let empty = out.part();
-        let chunk = |pairs: &[StepPair], out: &mut Vec<Acting>| {
+        let layer = (SOFT / out.stiffness).max(1.0);
+        let chunk = |pairs: &mut [StepPair], out: &mut Vec<Acting>| {
+            if layer != 1.0 {
+                pairs.iter_mut().for_each(|pair| pair.scale(layer));
+            }
             if out.is_empty() {
                 out.push(empty.part());
             }
@@ -131,7 +144,7 @@ impl ContactPotential {
                     None => contact.step_of_plane(k, x, settings),
                 };
                 if let Some(pair) = pair {
-                    chunk(&[pair], out);
+                    chunk(&mut [pair], out);
                 }
             },
         );

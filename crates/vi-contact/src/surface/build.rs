@@ -1,5 +1,6 @@
 //! Builds a [`Surface`]: bodies first, then their cells, then the rules.
 
+use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::law::Laws;
@@ -7,8 +8,24 @@ use super::topology::edges_and_areas;
 use super::{Body, Cell, HalfSpace, PairRule, Point, Surface, within_rest};
 use crate::barrier::Barrier;
 use crate::broad_phase::nearest_own_cells;
-use crate::distance::Vec3;
+use crate::distance::{Vec3, at};
 use crate::error::ContactError;
+
+/// Returns the places of the ends of the longest edge; of equally long ones, of the one whose ends have the smallest sum of
+/// coordinates x, y or z, the first that differs.
+fn longest_edge(nodes: [u32; 3], x: &[f64]) -> [u8; 2] {
+    let key = |ends: [u8; 2]| {
+        let [a, b] = ends.map(|place| at(x, nodes[place as usize]));
+        let sum = a + b;
+        [(b - a).norm_squared(), -sum.x, -sum.y, -sum.z]
+    };
+    let compare = |a: [f64; 4], b: [f64; 4]| {
+        let unequal = a.iter().zip(&b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
+        unequal.unwrap_or(Ordering::Equal)
+    };
+    let edges = [[1, 2], [0, 2], [0, 1]];
+    edges.into_iter().max_by(|&a, &b| compare(key(a), key(b))).unwrap_or([0, 1])
+}
 
 /// Collects the parts of a [`Surface`].
 ///
@@ -120,7 +137,7 @@ impl SurfaceBuilder {
 
     fn cell(&mut self, body: u32, mut nodes: [u32; 3], count: u8) {
         nodes.sort_unstable();
-        self.cells.push(Cell { nodes, count, body });
+        self.cells.push(Cell { nodes, count, body, followed: [0, 1] });
     }
 
     /// Makes a body a half-space n·(x − x_node) < 0 with an outward normal n of any length.
@@ -151,6 +168,8 @@ impl SurfaceBuilder {
         self.cells.sort_by_key(|cell| (cell.body, cell.nodes, cell.count));
         self.cells.dedup();
         let owners = self.owners()?;
+        let rest = &self.rest;
+        self.cells.iter_mut().for_each(|cell| cell.followed = longest_edge(cell.nodes, rest));
         let widths: Vec<f64> =
             self.laws.bodies.iter().map(|body| body.distance.max(2.0 * body.radius)).collect();
         let (edges, mut areas) = edges_and_areas(&self.cells, &widths, &self.rest);

@@ -3,6 +3,8 @@
 
 use vi_core::{Coordinates, Meeting};
 
+use crate::assemble::pairs::in_own_axes;
+
 /// Number of rounds in which the motions of nodes are shortened until no pair meets. After that, the nodes of pairs that
 /// still meet are not moved.
 const ROUNDS: usize = 10;
@@ -123,7 +125,7 @@ where
         let nodes = self.coordinates.combination(node).unwrap_or(&own);
         let mut moves = false;
         for &(node, _) in nodes.iter().filter(|(node, _)| !self.coordinates.is_director(*node)) {
-            for (axis, by) in (0..3).zip(by) {
+            for (axis, by) in (0..3).zip(in_own_axes(self.coordinates, node, by)) {
                 if let Ok(k) = self.coordinates.free().binary_search(&(3 * node + axis)) {
                     pushed[k] = by;
                     moves |= by != 0.0;

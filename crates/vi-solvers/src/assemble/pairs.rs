@@ -87,12 +87,14 @@ impl Pairs {
     }
 }
 
-/// Pulls a covector back to nodes that are not tied; calls `each` with each node and its entry.
+/// Pulls a covector in space back to nodes that are not tied; calls `each` with each node and its entry in the node's own
+/// axes.
 pub(crate) fn pull_back(
     coordinates: &Coordinates,
     covector: &[(u32, [f64; 3])],
     mut each: impl FnMut(u32, [f64; 3]),
 ) {
+    let mut each = |node: u32, value: [f64; 3]| each(node, in_own_axes(coordinates, node, value));
     for &(node, value) in covector {
         match coordinates.combination(node) {
             Some(terms) => {
@@ -100,5 +102,13 @@ pub(crate) fn pull_back(
             }
             None => each(node, value),
         }
+    }
+}
+
+/// Returns the components of a vector in space along the own axes of a node.
+pub(crate) fn in_own_axes(coordinates: &Coordinates, node: u32, vector: [f64; 3]) -> [f64; 3] {
+    match coordinates.axes_of(node) {
+        Some(axes) => axes.map(|axis| axis.iter().zip(vector).map(|(e, v)| e * v).sum()),
+        None => vector,
     }
 }

@@ -2,7 +2,8 @@
 //! states in which friction slides to and fro. Three measures prevent this. A pair whose direction of sliding reverses
 //! from one iteration to the next is taken to stick in that iteration ([`vi_core::Acting::reverses`]). If this is not
 //! enough, a second attempt begins with soft bristles, which stick over a wide range of slip, and makes them stiffer from
-//! stage to stage. A third attempt does so from softer ones.
+//! stage to stage. A third attempt does so from still softer ones; below the stiffness with which the second one begins, terms
+//! make their forces stiffer instead, so that pairs that a hard blow brings very close are first found far apart.
 //!
 //! Another obstacle is a path that cuts corrections short. Usually only the nodes of the pairs that would meet are stopped.
 //! If many pairs lie in a stiff layer, they are then brought too close in turn, without end. The last attempt
@@ -18,7 +19,7 @@ const PLAIN_ITERATIONS: u32 = 30;
 /// The stiffness of bristles in the first stage of the second attempt and of later ones, and the ratio of that of a stage to
 /// the one before it; after a failed stage the ratio is smaller.
 const SOFT: f64 = 1e-2;
-const SOFTEST: f64 = 1e-4;
+const SOFTEST: f64 = 1e-6;
 const LARGEST_RATIO: f64 = 10.0;
 const SMALLEST_RATIO: f64 = 1.2;
 /// Stages that need no more iterations than this did not change the state of friction.

@@ -59,8 +59,8 @@ impl Evaluator {
 
     /// Returns whether live terms list the forces of pairs, and pairs are near a step between these ends, (q, t) each.
     pub(crate) fn meets_pairs(&mut self, system: &System, start: (&[f64], f64), end: (&[f64], f64)) -> bool {
-        let is_plain = system.coordinates().node_axes().is_empty() && self.x.len().is_multiple_of(3);
-        if !is_plain || !self.assembler.live().is_some_and(|live| live.lists_pairs()) {
+        let is_in_space = self.x.len().is_multiple_of(3);
+        if !is_in_space || !self.assembler.live().is_some_and(|live| live.lists_pairs()) {
             return false;
         }
         self.set_ends(system, start, end);

@@ -64,13 +64,11 @@ struct Drift<'a> {
 }
 
 impl Touching {
-    /// Returns the drift of a system. Returns `None` if the system has constraints, nodes with their own axes, or terms
-    /// that do not list their pairs.
+    /// Returns the drift of a system. Returns `None` if the system has constraints, or terms that do not list their pairs.
     pub(super) fn new(system: &System, tolerance: f64) -> Option<Self> {
         let coordinates = system.coordinates();
         let count = coordinates.dof_count();
-        if !system.constraints().is_empty() || !coordinates.node_axes().is_empty() || !count.is_multiple_of(3)
-        {
+        if !system.constraints().is_empty() || !count.is_multiple_of(3) {
             return None;
         }
         if !system.terms().live().iter().all(|term| term.lists_pairs()) {
@@ -212,8 +210,11 @@ impl Touching {
             let part = mass[k] * (self.y[k] - self.small.drifted[k]) * change / c;
             energy.residual += part + force.force(place) * change;
         }
+        let mut motion: Vec<f64> =
+            self.x_end.iter().zip(&self.x_start).map(|(end, start)| end - start).collect();
+        coordinates.to_own_axes(&mut motion);
         for (dof, value) in self.small.prescribed(coordinates, &self.free_of, &self.acting) {
-            energy.prescribed += value * (self.x_end[dof] - self.x_start[dof]);
+            energy.prescribed += value * motion[dof];
         }
         vectors::update_pair(&mut state.q, &mut state.p, |k, q, p| {
             if self.y[k] == self.small.drifted[k] {
