@@ -10,7 +10,7 @@ trap 'rm -rf "$room"' EXIT
 cat > "$room/count.py" <<'PYTHON'
 import resource, subprocess, sys
 
-code = subprocess.run(sys.argv[1:]).returncode
+code = subprocess.run(sys.argv[1:], close_fds=False).returncode
 used = resource.getrusage(resource.RUSAGE_CHILDREN)
 print(f"a rank: {used.ru_utime:.1f} s of processor time, {used.ru_maxrss / 1024:.0f} MiB", flush=True)
 sys.exit(code)
