@@ -13,14 +13,15 @@ use crate::record::record;
 pub(crate) const FLOOR: u32 = 1024;
 
 /// Number of substeps before another length is tried: at first, and at most.
-const PATIENCE: [u64; 2] = [4, 256];
+const PATIENCE: [u64; 2] = [4, 64];
 /// Number of substeps of a trial, after which its cost is compared with that of the original length.
 const TRIAL: u64 = 4;
 /// The mean cost is that of about this number of recent substeps.
 const RECENT: u64 = 16;
 /// A substep may cost this multiple of the mean cost of its length.
 const EXCESS: f64 = 2.0;
-/// Without a failure, a length is divided by at most this number because of budgets.
+/// To reduce cost alone, a step is divided into at most this number of substeps. Without this limit a flag of cloth with
+/// h = 17 ms was divided into 128: fast motion, once excited, takes as many iterations in short substeps as in long ones.
 const DEEPEST: u64 = 8;
 
 /// The state of the subdivision, with lengths in h/1024 and costs in seconds of the reference core.
@@ -31,8 +32,6 @@ pub(crate) struct Pace {
     /// Number of recent substeps of that length, and their cost.
     count: u64,
     cost: f64,
-    /// Length of the last completed substep.
-    last: u64,
     /// The length from which a trial of another length began, and its cost per length; 0 without a trial.
     origin: u64,
     origin_rate: f64,
@@ -49,7 +48,6 @@ record!(Pace {
     size: u64,
     count: u64,
     cost: f64,
-    last: u64,
     origin: u64,
     origin_rate: f64,
     goal: u64,
@@ -65,7 +63,6 @@ impl Default for Pace {
             size: whole,
             count: 0,
             cost: 0.0,
-            last: whole,
             origin: 0,
             origin_rate: 0.0,
             goal: 0,
@@ -95,8 +92,11 @@ impl Pace {
 
     /// Returns the budget of the next substep.
     pub(crate) fn budget(&self) -> Budget {
-        if self.size == 1 || self.size * DEEPEST <= self.last {
+        if self.size == 1 {
             return Budget::Unlimited;
+        }
+        if self.size * DEEPEST <= u64::from(FLOOR) {
+            return Budget::Seconds(f64::INFINITY);
         }
         let rate = if self.origin > 0 {
             self.origin_rate
@@ -120,7 +120,6 @@ impl Pace {
     pub(crate) fn succeed(&mut self, end: u32, largest: u32, is_dear: bool, cost: f64) {
         self.count += 1;
         self.cost += cost;
-        self.last = self.size;
         self.since += 1;
         let (largest, end) = (u64::from(largest), u64::from(end));
         if self.origin > 0 && self.count >= TRIAL {
@@ -130,7 +129,7 @@ impl Pace {
                 self.cost *= 0.5;
                 self.count /= 2;
             }
-            if is_dear && self.size > 1 && self.since >= self.shorter {
+            if is_dear && self.size * DEEPEST > u64::from(FLOOR) && self.since >= self.shorter {
                 self.try_length(self.size / 2);
                 return;
             }
@@ -252,7 +251,7 @@ mod tests {
         let mut pace = Pace::default();
         let course = steps(&mut pace, 500, FLOOR, cost);
         assert!(course.cost < 1.3 * 500.0 * 48.0, "{}", course.cost);
-        let mut pace = Pace { size: 8, last: 8, ..Pace::default() };
+        let mut pace = Pace { size: 8, ..Pace::default() };
         let course = steps(&mut pace, 500, FLOOR, cost);
         assert!(course.cost < 1.5 * 500.0 * 48.0, "{}", course.cost);
     }

@@ -12,3 +12,4 @@ pub(crate) mod minres;
 mod ordering;
 pub(crate) mod pcg;
 pub(crate) mod pencil;
+mod rivalry;

@@ -9,14 +9,13 @@ use crate::linear::factor::{Factor, FactorFacts, SingleFactor};
 use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::pcg::block::Preconditioner;
 use crate::linear::pcg::{Pcg, PcgFacts};
+use crate::linear::rivalry::{Rivalry, SOLVES_A_FACTOR};
 use crate::memory::StepperMemory;
 use crate::options::{LinearSolver, SolverOptions};
 use crate::work::Work;
 
 /// A factor with fewer operations is taken without comparing, since there is little to gain.
 const CONSIDER_FLOPS: f64 = 3e9;
-/// Number of solves that share the cost of one factor, as stale factors do.
-const SOLVES_A_FACTOR: f64 = 25.0;
 /// Largest fraction of the machine's memory that a factor may take.
 const MEMORY_SHARE: f64 = 0.5;
 /// Relative error of a solve by conjugate gradients in the energy norm. Newton's method corrects it.
@@ -69,6 +68,7 @@ pub(crate) struct ChosenSolver {
     /// Total iterations of all solves by conjugate gradients, and the number of these solves.
     iterations: [u64; 2],
     pcg: PcgFacts,
+    rivalry: Rivalry,
     /// Number of times that ordering and layout were computed.
     analyses: u64,
 }
@@ -88,6 +88,7 @@ impl ChosenSolver {
             x: Vec::new(),
             iterations: [0; 2],
             pcg: PcgFacts::default(),
+            rivalry: Rivalry::default(),
             analyses: 0,
         }
     }
@@ -99,6 +100,12 @@ impl ChosenSolver {
     /// Returns which solver was chosen and why; empty before the first A.
     pub(crate) fn reason(&self) -> &str {
         &self.reason
+    }
+
+    /// Returns whether a factor of a new matrix would be cheaper than to go on with conjugate gradients.
+    pub(crate) fn is_outdone(&self) -> bool {
+        matches!(self.path, Path::Gradients(_))
+            && self.rivalry.prefers_factor([self.costs.factor, self.costs.solve])
     }
 
     pub(crate) fn is_ready(&self) -> bool {
@@ -118,6 +125,7 @@ impl ChosenSolver {
         {
             memory.counts.push((name.to_owned(), value));
         }
+        self.rivalry.save(memory);
     }
 
     /// Returns to the state before the first A.
@@ -135,6 +143,7 @@ impl ChosenSolver {
         self.path = Path::Undecided;
         self.continued = Some([gradients? == 1, single? == 1]);
         self.iterations = [total?, solves?];
+        self.rivalry = Rivalry::restore(memory)?;
         Ok(())
     }
 
@@ -150,7 +159,10 @@ impl ChosenSolver {
         if !self.is_ready() {
             self.decide(system, mass, c, k, work)?;
             self.analyses += 1;
-        } else if !self.serves(k) {
+        } else if self.rivalry.is_due() && self.choice == LinearSolver::Auto && !self.is_exact {
+            self.compare(system, mass, c, k, work)?;
+        }
+        if !self.serves(k) {
             self.analyze(k)?;
             self.analyses += 1;
         }
@@ -240,6 +252,7 @@ impl ChosenSolver {
             (false, true) => (TIGHT, LONGEST),
             (false, false) => (FORCING, LONGEST),
         };
+        self.rivalry.solves += 1;
         match path {
             Path::Undecided => Err(SolverError::NotFactored),
             Path::Factor(factor) if *is_exact => factor.solve(v).map(|_| ()),
@@ -361,38 +374,94 @@ impl ChosenSolver {
         }
         // Facts and costs of the factor if it were made.
         let (facts, costs) = (self.facts(), self.costs);
+        self.rivalry.begin(Some(&costs));
         let (memory, gigabytes) = (memory_of_machine(), facts.bytes as f64 * 1e-9);
         if facts.bytes as f64 > MEMORY_SHARE * memory {
+            self.rivalry.begin(None);
             self.take_gradients(system, k, format!("a factor would take {gigabytes:.1} GB"));
             return Ok(());
         }
+        if facts.flops <= CONSIDER_FLOPS || self.is_exact {
+            self.rivalry.begin(None);
+            return Ok(());
+        }
         let direct = costs.factor / SOLVES_A_FACTOR + costs.solve;
-        if facts.flops > CONSIDER_FLOPS && !self.is_exact {
-            let mut pcg = Pcg::new(k, Preconditioner::BlockIncompleteCholesky);
-            let iteration = cost::bytes(pcg.facts().iteration_bytes);
-            let limit = (direct / iteration) as u32;
-            if limit > 0 && pcg.prepare(mass, c, k).is_ok() {
-                let load = rough_load(system.free_mass());
-                let mut x = vec![0.0; load.len()];
-                if let Ok(report) = pcg.solve(&load, &mut x, FORCING, limit) {
-                    work.pcg_iterations += u64::from(report.iterations);
-                    let iterations = report.iterations;
-                    let gradients = 1e3 * f64::from(iterations + 1) * iteration;
-                    let (direct, flops) = (1e3 * direct, 1e-9 * facts.flops);
-                    drop(pcg);
-                    let why = format!(
-                        "a solve takes {iterations} iterations, {gradients:.1} ms of the reference core, against \
-                         {direct:.1} ms with a factor of {flops:.0} Gflop"
-                    );
-                    self.take_gradients(system, k, why);
-                    return Ok(());
-                }
+        let flops = 1e-9 * facts.flops;
+        if let Some([iterations, gradients]) = try_gradients(system, mass, c, k, direct, work) {
+            let (gradients, direct) = (1e3 * gradients, 1e3 * direct);
+            let why = format!(
+                "a solve takes {iterations} iterations, {gradients:.1} ms of the reference core, against {direct:.1} ms \
+                 with a factor of {flops:.0} Gflop"
+            );
+            self.take_gradients(system, k, why);
+        }
+        Ok(())
+    }
+
+    /// Compares the current solver with its rival by the work so far, and changes to it if it is cheaper.
+    fn compare(
+        &mut self,
+        system: &System,
+        mass: &[f64],
+        c: f64,
+        k: &SymmetricMatrix,
+        work: &mut Work,
+    ) -> Result<(), SolverError> {
+        let factor = self.rivalry.factor;
+        let (matrices, solves) = (self.rivalry.matrices - 1, self.rivalry.solves);
+        let costs = UnitCosts { factor: factor[0], solve: factor[1], ..self.costs };
+        if matches!(self.path, Path::Gradients(_)) {
+            if self.rivalry.is_dearer([self.costs.factor, self.costs.solve]) {
+                let [total, count] = self.iterations;
+                let mean = total as f64 / count as f64;
+                let why = format!(
+                    "conjugate gradients took {mean:.0} iterations per solve, with {matrices} matrices for {solves} solves"
+                );
+                self.take_factor(system, k, &why)?;
+                self.rivalry.begin(Some(&costs));
+            }
+        } else {
+            let preconditioner =
+                cost::bytes(Pcg::new(k, Preconditioner::BlockIncompleteCholesky).facts().prepare_bytes);
+            let most = self.rivalry.largest_gradients(preconditioner);
+            if most > 0.0
+                && let Some([iterations, _]) = try_gradients(system, mass, c, k, most, work)
+            {
+                let why = format!(
+                    "a solve takes {iterations} iterations, and factors were made for {matrices} matrices in {solves} solves"
+                );
+                self.iterations = [0; 2];
+                self.take_gradients(system, k, why);
+                self.rivalry.begin(Some(&costs));
             }
         }
         Ok(())
     }
 }
 
+/// Solves with A = M + cK by conjugate gradients. Returns the number of iterations and the cost of a solve in seconds of
+/// the reference core, or `None` if it would exceed `most`.
+fn try_gradients(
+    system: &System,
+    mass: &[f64],
+    c: f64,
+    k: &SymmetricMatrix,
+    most: f64,
+    work: &mut Work,
+) -> Option<[f64; 2]> {
+    let mut pcg = Pcg::new(k, Preconditioner::BlockIncompleteCholesky);
+    let iteration = cost::bytes(pcg.facts().iteration_bytes);
+    let limit = (most / iteration) as u32;
+    if limit == 0 || pcg.prepare(mass, c, k).is_err() {
+        return None;
+    }
+    let load = rough_load(system.free_mass());
+    let mut x = vec![0.0; load.len()];
+    let report = pcg.solve(&load, &mut x, FORCING, limit).ok()?;
+    work.pcg_iterations += u64::from(report.iterations);
+    let iterations = f64::from(report.iterations);
+    Some([iterations, (iterations + 1.0) * iteration])
+}
 fn describe(facts: &FactorFacts, single: bool) -> String {
     let (flops, megabytes) = (1e-9 * facts.flops, 1e-6 * facts.bytes as f64);
     let precision = if single { "single" } else { "double" };

@@ -5,18 +5,21 @@ use crate::error::SolverError;
 use crate::linear::cost::UnitCosts;
 use crate::work::Work;
 
-/// Number of new factors inside a step up to which the step may pay, whatever it costs. Of the steps of a flag of cloth
-/// (h = 2.5 to 10 ms), those that halves did not beat took at most 3; those that failed took 20 to 30.
+/// Work up to which a step may always go on: this many iterations, and this many new factors. Of the steps of a flag of
+/// cloth (h = 2.5 to 17 ms), those that halves did not beat took at most 20 iterations and 6 factors; those that failed
+/// took 25 to 60 iterations and 20 to 30 factors. With half of this budget the flag took 4 times as long at h = 17 ms,
+/// because substeps of .5 ms needed as many iterations each as whole steps.
+const ITERATIONS: f64 = 20.0;
 const FACTORS: u64 = 4;
 
 /// The most that the solve of one step may cost.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Budget {
-    /// The solve uses every fallback before it fails.
+    /// The solve uses every fallback before it fails, and any solution is accepted.
     #[default]
     Unlimited,
-    /// The solve is given up if it needs more than 4 new factors and more than this cost, in seconds of the reference
-    /// core ([`UnitCosts::seconds`]).
+    /// The solve is given up if it needs more than 4 new factors, more than the cost of these and 20 iterations, and
+    /// more than this cost, in seconds of the reference core ([`UnitCosts::seconds`]).
     Seconds(f64),
 }
 
@@ -26,11 +29,15 @@ impl Budget {
         match self {
             Self::Seconds(most)
                 if done.factorizations_slow + done.factorizations_newton > FACTORS
-                    && costs.seconds(done) > most =>
+                    && costs.seconds(done) > most.max(usual(costs)) =>
             {
                 Err(SolverError::Budget { iterations: done.newton_iterations as u32 })
             }
             Self::Seconds(_) | Self::Unlimited => Ok(()),
         }
     }
+}
+
+fn usual(costs: &UnitCosts) -> f64 {
+    ITERATIONS * (costs.gradient + costs.solve) + FACTORS as f64 * (costs.hessian + costs.factor)
 }

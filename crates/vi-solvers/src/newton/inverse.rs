@@ -97,6 +97,11 @@ impl Inverse {
         if self.linear.is_ready() { *self.linear.costs() } else { UnitCosts::explicit(system) }
     }
 
+    /// Returns whether another linear solver is cheaper and waits for a new matrix.
+    pub(crate) fn is_outdone(&self) -> bool {
+        self.linear.is_outdone()
+    }
+
     pub(crate) fn costs(&self) -> &UnitCosts {
         self.linear.costs()
     }

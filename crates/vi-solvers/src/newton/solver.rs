@@ -84,7 +84,9 @@ impl Newton {
             // The attempt begins with a new factor.
         } else if !solve.inverse.is_for(solve.equations.coefficient()) {
             attempt.wanted = Some(Reason::New);
-        } else if !solve.inverse.is_linear() && self.renewal.is_stale(solve.inverse.costs()) {
+        } else if !solve.inverse.is_linear()
+            && (self.renewal.is_stale(solve.inverse.costs()) || solve.inverse.is_outdone())
+        {
             attempt.wanted = Some(Reason::Stale);
         } else {
             solve.inverse.rotate(solve.evaluator);

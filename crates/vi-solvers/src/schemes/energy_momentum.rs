@@ -234,6 +234,10 @@ impl Rule for EnergyMomentum {
         Ok(())
     }
 
+    fn corrected_energy(&self) -> f64 {
+        self.defects.iter().map(|[defect, _]| defect.abs()).sum()
+    }
+
     fn prescribed_work(&self) -> f64 {
         self.prescribed_work
     }

@@ -36,6 +36,11 @@ use crate::work::Work;
 /// Names of the stored accelerations.
 const HISTORY: [&str; 3] = ["stage.last", "stage.older", "stage.oldest"];
 
+/// Largest energy that the correction of a scheme may bring to a step that can be divided, relative to the energy to which
+/// errors are relative. Such a step is inaccurate, and what it excites costs more later: a flag of cloth with h = 17 ms
+/// took 25 s with steps that were corrected by up to 7 %.
+const LARGEST_CORRECTION: f64 = 1e-2;
+
 /// The stepper of a one-stage method.
 pub(crate) struct OneStage<R> {
     rule: R,
@@ -178,7 +183,14 @@ impl<R: Rule> OneStage<R> {
         let meets_pairs = equations.meets_pairs(evaluator);
         let mut solve = Solve::new(system, evaluator, inverse, equations);
         let solved = if meets_pairs { newton.solve_pairs(&mut solve) } else { newton.solve(&mut solve) };
-        Ok(solved?.iterations)
+        let iterations = solved?.iterations;
+        let StageEquations { rule, .. } = &solve.equations;
+        if newton.budget != Budget::Unlimited
+            && rule.corrected_energy() > LARGEST_CORRECTION * solve.equations.energy_scale()
+        {
+            return Err(SolverError::Budget { iterations });
+        }
+        Ok(iterations)
     }
 
     /// Computes the parts of the step's change of energy. With ΔT = Δp·v̄ and g = ∂V/∂x at the stage they are: the

@@ -51,6 +51,10 @@ pub(crate) trait Rule: Send + Sync {
     }
     /// Writes the addition to ∂V/∂q at the stage.
     fn correction(&mut self, _trial: &Trial<'_>, _out: &mut [f64]) {}
+    /// Returns the energy that the last correction brings to a step, J.
+    fn corrected_energy(&self) -> f64 {
+        0.0
+    }
     /// Returns the work of the last correction along the prescribed coordinates over the step, J.
     fn prescribed_work(&self) -> f64 {
         0.0
