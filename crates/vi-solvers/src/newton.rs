@@ -15,3 +15,4 @@ mod rotated_factor;
 pub(crate) mod soft_bristles;
 pub(crate) mod solver;
 pub(crate) mod start;
+mod truncated;

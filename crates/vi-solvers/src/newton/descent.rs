@@ -118,7 +118,7 @@ impl Newton {
 
 /// Moves along the correction as far as the merit decreases from `before`; returns the fraction of the correction
 /// that was used.
-fn full_step<E: Equations>(
+pub(super) fn full_step<E: Equations>(
     solve: &mut Solve<'_, E>,
     before: f64,
     decrement: f64,
@@ -132,7 +132,7 @@ fn full_step<E: Equations>(
 }
 
 /// Moves to the point with the smallest merit among the current one and the initial guesses.
-fn best_start<E: Equations>(solve: &mut Solve<'_, E>) -> Result<(), SolverError> {
+pub(super) fn best_start<E: Equations>(solve: &mut Solve<'_, E>) -> Result<(), SolverError> {
     let mut best: Option<(f64, Vec<f64>)> = None;
     let mut outcome = Ok(());
     for start in std::iter::once(None).chain(Start::ALL.map(Some)) {

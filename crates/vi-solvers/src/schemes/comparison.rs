@@ -7,9 +7,12 @@ mod carried;
 mod forward_euler;
 mod generalized_alpha;
 mod newmark;
+mod truncated_euler;
 
 pub(crate) use backward_euler::BackwardEuler;
+
 pub(crate) use bdf2::Bdf2;
 pub(crate) use forward_euler::ForwardEuler;
 pub(crate) use generalized_alpha::GeneralizedAlpha;
 pub(crate) use newmark::Newmark;
+pub(crate) use truncated_euler::TruncatedEuler;

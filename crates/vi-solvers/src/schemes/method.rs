@@ -5,7 +5,9 @@ use vi_core::{Scheme, System};
 
 use crate::error::SolverError;
 use crate::options::SolverOptions;
-use crate::schemes::comparison::{BackwardEuler, Bdf2, ForwardEuler, GeneralizedAlpha, Newmark};
+use crate::schemes::comparison::{
+    BackwardEuler, Bdf2, ForwardEuler, GeneralizedAlpha, Newmark, TruncatedEuler,
+};
 use crate::schemes::energy_momentum::EnergyMomentum;
 use crate::schemes::gauss::Gauss;
 use crate::schemes::gauss::collocation::stages_outside_domain;
@@ -210,6 +212,8 @@ macro_rules! methods {
                 [$(Self::$variant $({ $($parameter: $default,)+ })?),+];
 
             /// Returns the facts that are known before the scheme runs.
+            // Facts need not depend on the parameters.
+            #[allow(unused_variables)]
             pub fn facts(&self) -> MethodFacts {
                 match *self {
                     $(Self::$variant $({ $($parameter,)+ })? => MethodFacts { name: $name, ..$facts },)+

@@ -182,7 +182,11 @@ impl<R: Rule> OneStage<R> {
         let mut equations = StageEquations { system, rule, inertia, stage };
         let meets_pairs = equations.meets_pairs(evaluator);
         let mut solve = Solve::new(system, evaluator, inverse, equations);
-        let solved = if meets_pairs { newton.solve_pairs(&mut solve) } else { newton.solve(&mut solve) };
+        let solved = match solve.equations.rule.solves() {
+            Some(most) => newton.truncate(&mut solve, most),
+            None if meets_pairs => newton.solve_pairs(&mut solve),
+            None => newton.solve(&mut solve),
+        };
         let iterations = solved?.iterations;
         let StageEquations { rule, .. } = &solve.equations;
         if newton.budget != Budget::Unlimited

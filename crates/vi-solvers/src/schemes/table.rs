@@ -141,6 +141,20 @@ macro_rules! schemes {
                     ..COMPARISON
                 }
             }
+            /// Implicit Euler with a fixed number of linear solves per step, for looks: order 1, loses energy, and does not
+            /// converge if the solves are too few.
+            TruncatedEuler {
+                /// Linear solves per step.
+                solves: u32 = 8,
+            } = "truncated-euler" {
+                Source::own(move |system, options| one_stage(TruncatedEuler::new(solves)?, system, options));
+                MethodFacts {
+                    order: 1,
+                    conserves: Conserves { linear_momentum: false, ..COMPARISON.conserves },
+                    use_when: "looks, at a fixed price",
+                    ..COMPARISON
+                }
+            }
             /// Backward differences of order 2, for comparison: loses energy.
             Bdf2 = "bdf2" {
                 Source::own(|system, options| one_stage(Bdf2::default(), system, options));

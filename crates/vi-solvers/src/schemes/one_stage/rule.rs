@@ -51,6 +51,11 @@ pub(crate) trait Rule: Send + Sync {
     }
     /// Writes the addition to ∂V/∂q at the stage.
     fn correction(&mut self, _trial: &Trial<'_>, _out: &mut [f64]) {}
+    /// Returns the number of linear solves after which the solve of a step ends, whether it has converged or not; `None` to
+    /// solve to the tolerance.
+    fn solves(&self) -> Option<u32> {
+        None
+    }
     /// Returns the energy that the last correction brings to a step, J.
     fn corrected_energy(&self) -> f64 {
         0.0

@@ -1,0 +1,73 @@
+//! Newton's method that ends after a fixed number of linear solves, whether it has converged or not. The model is factored
+//! once per step, with a projected Hessian, and the merit decreases with each correction. So the result is at least as
+//! good as the start, whatever the step, at a price that is known beforehand.
+
+use crate::assemble::hessian::HessianEvaluation;
+use crate::error::SolverError;
+use crate::newton::attempt::{Solved, is_within};
+use crate::newton::descent::{best_start, full_step};
+use crate::newton::equations::{Equations, Solve};
+use crate::newton::inverse::Reason;
+use crate::newton::line_search::keep_inside;
+use crate::newton::solver::Newton;
+
+impl Newton {
+    /// Makes at most `most` corrections. On return the unknowns hold the last iterate.
+    pub(crate) fn truncate<E: Equations>(
+        &mut self,
+        solve: &mut Solve<'_, E>,
+        most: u32,
+    ) -> Result<Solved, SolverError> {
+        if solve.equations.has_merit() {
+            best_start(solve)?;
+        } else {
+            self.begin(solve, self.renewal.start)?;
+        }
+        solve.linearize()?;
+        solve.factorize_as(Reason::Newton, HessianEvaluation::Projected)?;
+        solve.evaluate()?;
+        let mut last: Option<f64> = None;
+        // Without a merit, the iterate before the last correction is kept: if the next correction is larger, the iteration
+        // diverges and ends there.
+        let mut before_last = Vec::new();
+        for iteration in 1..=most {
+            let decrement = solve.correct()?;
+            solve.evaluator.work.newton_iterations += 1;
+            let eta = if decrement > 0.0 { (decrement / solve.equations.energy_scale()).sqrt() } else { 0.0 };
+            if !solve.equations.has_merit() {
+                if last.is_some_and(|last| eta > last) {
+                    solve.equations.go_to(&before_last);
+                    solve.evaluate()?;
+                    return Ok(Solved { iterations: iteration });
+                }
+                before_last.clear();
+                before_last.extend_from_slice(solve.equations.unknowns());
+            }
+            let is_done = eta == 0.0
+                || solve.equations.is_at_resolution()
+                || is_within(self.tolerance, eta, last.map(|last| eta / last));
+            solve.equations.advance(0.0);
+            let fraction = match solve.merit() {
+                Some(before) => full_step(solve, before, decrement, 1.0),
+                None => {
+                    solve.equations.advance(1.0);
+                    keep_inside(solve, 1.0)
+                }
+            };
+            match fraction {
+                Ok(fraction) => last = (fraction == 1.0).then_some(eta),
+                Err(SolverError::NoConvergence { .. }) => {
+                    // Round-off hides any further decrease of the merit.
+                    solve.equations.advance(0.0);
+                    solve.evaluate()?;
+                    return Ok(Solved { iterations: iteration });
+                }
+                Err(error) => return Err(error),
+            }
+            if is_done {
+                return Ok(Solved { iterations: iteration });
+            }
+        }
+        Ok(Solved { iterations: most })
+    }
+}
