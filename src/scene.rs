@@ -52,7 +52,7 @@ pub use rigid::{Inertia, Joint, Rigid, RigidShape, Turn};
 pub use safety::{Checkpoints, Guard, GuardAction};
 pub use selection::{BoxRegion, PlaneRegion, Selection, SphereRegion};
 pub use statics::{Control, Static};
-pub use time::{LinearChoice, MassKind, SchemeName, Solver, Time};
+pub use time::{AdaptiveWord, LinearChoice, MassKind, SchemeName, Solver, Time, TimeStep};
 
 /// A scene. Its TOML form has the same names; unknown keys are errors.
 ///

@@ -1,5 +1,6 @@
 //! The simulation of a scene: systems with their states and steppers, stepped together.
 
+mod adaptive;
 mod added;
 mod advance;
 mod between;
@@ -20,12 +21,14 @@ mod tests;
 use std::collections::BTreeMap;
 
 use vi_core::{HessianKind, State, System};
-use vi_solvers::{Assembler, Method, SolverOptions, Stepper, Work};
+use vi_solvers::{Assembler, Frequencies, Method, SolverOptions, Stepper, Work};
 
 use crate::model::{
     self, BodyModel, Meeting, Model, NodeSet, Parted, ProbeTarget, RegionProbe, RigidModel, path_control,
 };
 use crate::scene::{Fix, Problem, Scene};
+use adaptive::Adaptive;
+pub use adaptive::AdaptiveCounts;
 pub use added::AddedTerm;
 pub use advance::Stepped;
 pub(crate) use advance::TOGETHER;
@@ -53,6 +56,8 @@ pub struct Component {
     /// Whether a configuration can lie outside the domain of a term.
     has_domain: bool,
     contact: Option<ContactWatch>,
+    /// The frequencies that adaptive steps follow; created at first use.
+    frequencies: Option<Frequencies>,
 }
 
 impl Component {
@@ -101,6 +106,9 @@ pub struct Simulation {
     parts: u32,
     switched: bool,
     substeps: Substeps,
+    /// The rule of adaptive steps, and their counts.
+    adaptive: Option<Adaptive>,
+    adaptive_counts: AdaptiveCounts,
     /// Work of replaced steppers, and of the run that this one continues.
     earlier_work: Work,
     /// Energy from [`Simulation::set_motion`] that no step has booked yet, J.
@@ -184,12 +192,17 @@ impl Simulation {
                 keeps_ledger,
                 has_domain,
                 contact: contact.map(ContactWatch::new),
+                frequencies: None,
             });
         }
         if !problems.is_empty() {
             return Err(problems);
         }
-        let (step_count, h) = scene.time.steps();
+        let adaptive = scene.time.is_adaptive().then(|| Adaptive::new(method, &scene.time));
+        let (step_count, h) = match scene.output.schedule() {
+            Some(schedule) if adaptive.is_some() => scene.time.intervals(schedule.interval()),
+            _ => scene.time.steps(),
+        };
         let arc_steps = scene.statics.as_ref().and_then(|statics| statics.arc_steps);
         let step_count = arc_steps.map_or(step_count, u64::from);
         let mut simulation = Self {
@@ -209,6 +222,8 @@ impl Simulation {
             parts: 1,
             switched: false,
             substeps: Substeps { finest: 1, ..Substeps::default() },
+            adaptive,
+            adaptive_counts: AdaptiveCounts::default(),
             earlier_work: Work::default(),
             given: 0.0,
             contact: ContactTotals::default(),
@@ -401,6 +416,11 @@ impl Simulation {
             "systems": systems,
             "parted_at_start": parted.collect::<Vec<_>>(),
         })
+    }
+
+    /// Returns the counts of adaptive steps so far; `None` if steps are equal.
+    pub fn adaptive_counts(&self) -> Option<AdaptiveCounts> {
+        self.adaptive.map(|_| self.adaptive_counts)
     }
 
     /// Returns the counts of steps that were cut into substeps so far.

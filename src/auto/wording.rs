@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::search::Search;
 use super::{AutoReport, Candidate, LEAST_BUDGET, activity};
-use crate::scene::{MassKind, Scene};
+use crate::scene::{MassKind, Scene, TimeStep};
 
 impl AutoReport {
     /// Returns the report for a scene without free motion.
@@ -63,7 +63,7 @@ impl AutoReport {
             " The trials took {:.2} s of {:.2} s allowed.",
             self.trial_seconds, self.budget_seconds
         );
-        if let Some(step) = scene.time.step {
+        if let Some(step) = scene.time.step.and_then(TimeStep::fixed) {
             let _ = write!(text, " The step of the scene, {step:e} s, is not used: `auto` chooses it.");
         }
         text

@@ -12,6 +12,16 @@ const MOST: usize = 10;
 /// Prints the work and the results of a run.
 pub(super) fn summary(report: &Report, directory: &Path) {
     let what = match report.scheme {
+        Some(scheme) if report.adaptive.is_object() => {
+            let number = |key: &str| report.adaptive[key].as_f64().unwrap_or(f64::NAN);
+            format!(
+                "{} steps of {:.3e} to {:.3e} s by {scheme}, in {} intervals",
+                report.adaptive["steps"],
+                number("smallest_step"),
+                number("largest_step"),
+                report.steps
+            )
+        }
         Some(scheme) => {
             format!("{} of {:.4e} s by {scheme}", counted(report.steps, "step", "steps"), report.h)
         }

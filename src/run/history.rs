@@ -182,7 +182,7 @@ impl Observer for HistoryWriter {
         match sight {
             Sight::Steps(stepped) => {
                 self.written.work.iterations += stepped.iterations;
-                self.written.work.substeps += stepped.substeps;
+                self.written.work.substeps += stepped.substeps + stepped.adaptive_steps;
             }
             Sight::Row(row) => self.write(row).map_err(RunError::output(&self.path))?,
             _ => {}

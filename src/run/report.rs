@@ -72,6 +72,8 @@ pub struct Report {
     pub estimate: Map<String, Value>,
     /// Number of steps that were cut, of their substeps, and the smallest substep, s.
     pub substeps: Value,
+    /// With `step = "adaptive"`: the intervals, and the steps made in them.
+    pub adaptive: Value,
     /// Growth of energy without a source, and the actions of the guard.
     pub guard: Value,
     /// Counted work.
@@ -144,6 +146,7 @@ impl Report {
             auto: json!(auto),
             estimate: Map::new(),
             substeps: Value::Null,
+            adaptive: Value::Null,
             guard: Value::Null,
             work: Map::new(),
             linear_solvers: Vec::new(),
@@ -164,6 +167,15 @@ impl Report {
         self.steps = simulation.steps();
         self.outcome = Some(outcome);
         self.work = simulation.work().iter().map(|(name, count)| (name.to_owned(), count.into())).collect();
+        if let Some(counts) = simulation.adaptive_counts() {
+            let h = simulation.step_size();
+            self.adaptive = json!({
+                "interval": h, "intervals": simulation.steps(), "steps": counts.steps,
+                "smallest_step": h / counts.most.max(1) as f64,
+                "largest_step": h / counts.fewest.clamp(1, counts.most.max(1)) as f64,
+                "intervals_repeated": counts.repeated,
+            });
+        }
         let cut = simulation.substeps();
         let is_symmetric = simulation.method().facts().is_symmetric && simulation.scene().statics.is_none();
         self.substeps = json!({ "steps_cut": cut.steps, "substeps": cut.substeps,

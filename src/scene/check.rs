@@ -11,7 +11,9 @@ use vi_fem::LockingCure;
 
 use super::names::Names;
 use super::problem::Problem;
-use super::{Body, MOST_REFINED, MassKind, Refine, RefineAlong, RestShape, Scene, SchemeName, Substance};
+use super::{
+    Body, MOST_REFINED, MassKind, Refine, RefineAlong, RestShape, Scene, SchemeName, Substance, TimeStep,
+};
 use super::{columns, contact, plain};
 use checker::Checker;
 
@@ -63,7 +65,8 @@ fn time(check: &mut Checker, scene: &Scene) {
     let time = &scene.time;
     check.positive("time.end", time.end, "s");
     match time.step {
-        Some(step) => {
+        Some(TimeStep::Adaptive(_)) => adaptive(check, scene),
+        Some(TimeStep::Fixed(step)) => {
             check.positive("time.step", step, "s");
             if step > time.end && time.end > 0.0 {
                 check.say("time.step", format!("must not exceed `end` ({} s), is {step} s", time.end));
@@ -76,6 +79,10 @@ fn time(check: &mut Checker, scene: &Scene) {
             check.say("time.step", "missing key `step`: a step in s (only scheme \"auto\" chooses it)");
         }
         None => {}
+    }
+    if time.largest_step.is_some() && !time.is_adaptive() {
+        check
+            .say("time.largest_step", "limits adaptive steps: write step = \"adaptive\", or remove this key");
     }
     if time.scheme.is_none() && scene.statics.is_none() {
         check.say(
@@ -106,6 +113,16 @@ fn time(check: &mut Checker, scene: &Scene) {
             check.say("time.spectral_radius", format!("must be 0 to 1, is {radius}"));
         }
     }
+    if let Some(solves) = time.solves {
+        if time.scheme != Some(SchemeName::TruncatedEuler) {
+            check.say(
+                "time.solves",
+                "only scheme \"truncated-euler\" has a fixed number of solves: remove this key",
+            );
+        } else if !(1..=1000).contains(&solves) {
+            check.say("time.solves", format!("must be 1 to 1000, is {solves}"));
+        }
+    }
     let is_explicit = time.method().is_some_and(|method| method.facts().is_explicit);
     if scene.solver.mass == Some(MassKind::Consistent) && is_explicit && scene.statics.is_none() {
         check.say(
@@ -117,6 +134,30 @@ fn time(check: &mut Checker, scene: &Scene) {
     let tolerance = scene.solver.tolerance;
     if !(1e-14..=0.1).contains(&tolerance) {
         check.say("solver.tolerance", format!("must be 1e-14 (to round-off) to 0.1, is {tolerance:e}"));
+    }
+}
+
+/// Adds the problems of adaptive steps.
+fn adaptive(check: &mut Checker, scene: &Scene) {
+    let time = &scene.time;
+    let without = [
+        (time.scheme == Some(SchemeName::Auto), "scheme \"auto\" chooses the step: remove `step`"),
+        (time.scheme == Some(SchemeName::Bdf2), "scheme \"bdf2\" needs equal steps: write a step in s"),
+        (scene.statics.is_some(), "[static] has no motion to follow: write a step in s"),
+        (
+            scene.contact.is_some(),
+            "\"adaptive\" is not possible with [contact], whose friction cannot be taken back: write a step in s",
+        ),
+        (time.estimate, "`estimate` compares equal steps: write a step in s, or remove `estimate`"),
+    ];
+    for (_, message) in without.into_iter().filter(|(is_so, _)| *is_so) {
+        check.say("time.step", message);
+    }
+    if let Some(largest) = time.largest_step {
+        check.positive("time.largest_step", largest, "s");
+        if largest > time.end && time.end > 0.0 {
+            check.say("time.largest_step", format!("must not exceed `end` ({} s), is {largest} s", time.end));
+        }
     }
 }
 

@@ -229,6 +229,9 @@ fn refused(method: &Method, contact: &Contact) -> Option<String> {
         Method::Gauss { stages } if *stages > 1 => Some(format!(
             "{name} does not evaluate the end of a step, where surfaces may have crossed; with [contact] {advice}"
         )),
+        Method::TruncatedEuler { .. } => Some(format!(
+            "{name} may end a step before surfaces that meet are apart; with [contact] {advice}"
+        )),
         Method::ForwardEuler | Method::GeneralizedAlpha { .. } => Some(format!(
             "{name} does not evaluate the end of a step, where surfaces may have crossed; with [contact] {advice}, or to \
              compare backward-euler, bdf2 or newmark"

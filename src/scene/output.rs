@@ -193,6 +193,14 @@ pub(crate) enum Schedule {
 }
 
 impl Schedule {
+    /// Returns the time between frames, s.
+    pub(crate) fn interval(self) -> f64 {
+        match self {
+            Self::Interval(interval) => interval,
+            Self::Rate(rate) => 1.0 / rate,
+        }
+    }
+
     /// Returns the time of frame number `frame`, s.
     pub(crate) fn time(self, frame: usize) -> f64 {
         match self {

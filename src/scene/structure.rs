@@ -172,7 +172,16 @@ impl Structure {
                 let names: Vec<&str> = fitting.iter().flat_map(|option| names(option.schema)).collect();
                 let is_free = fitting.iter().any(|option| names_nothing(option.schema));
                 if !is_free && !names.contains(&text) {
-                    let message = format!("unknown value \"{text}\"{}", suggestion(text, &names, "\"", "\""));
+                    let others = options.iter().filter(|option| !is_of_type(option.schema, "string"));
+                    let others: Vec<String> = others.map(|option| self.words(option.schema)).collect();
+                    let message = match others.is_empty() {
+                        true => format!("unknown value \"{text}\"{}", suggestion(text, &names, "\"", "\"")),
+                        false => format!(
+                            "must be {} or \"{}\", is the string \"{text}\"",
+                            others.join(" or "),
+                            names.join("\" or \"")
+                        ),
+                    };
                     found.flaws.push(self.wrong(place, shape.schema, message));
                 }
             }

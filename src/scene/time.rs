@@ -45,16 +45,80 @@ impl SchemeName {
     }
 }
 
+/// The step of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum TimeStep {
+    /// Equal steps of this length, s.
+    Fixed(f64),
+    /// Steps that follow the motion.
+    Adaptive(AdaptiveWord),
+}
+
+/// The word `adaptive`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum AdaptiveWord {
+    /// Steps that follow the motion by a symmetric rule.
+    Adaptive,
+}
+
+impl TimeStep {
+    /// Steps that follow the motion.
+    pub const ADAPTIVE: Self = Self::Adaptive(AdaptiveWord::Adaptive);
+
+    /// Returns the length of equal steps, s; `None` for adaptive ones.
+    pub fn fixed(self) -> Option<f64> {
+        match self {
+            Self::Fixed(step) => Some(step),
+            Self::Adaptive(_) => None,
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for TimeStep {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NumberOrWord;
+        impl serde::de::Visitor<'_> for NumberOrWord {
+            type Value = TimeStep;
+            fn expecting(&self, formatter: &mut std::fmt::Formatter) -> std::fmt::Result {
+                formatter.write_str("a step in s, or \"adaptive\"")
+            }
+            fn visit_f64<E>(self, step: f64) -> Result<TimeStep, E> {
+                Ok(TimeStep::Fixed(step))
+            }
+            fn visit_i64<E>(self, step: i64) -> Result<TimeStep, E> {
+                Ok(TimeStep::Fixed(step as f64))
+            }
+            fn visit_u64<E>(self, step: u64) -> Result<TimeStep, E> {
+                Ok(TimeStep::Fixed(step as f64))
+            }
+            fn visit_str<E: serde::de::Error>(self, word: &str) -> Result<TimeStep, E> {
+                match word {
+                    "adaptive" => Ok(TimeStep::ADAPTIVE),
+                    _ => Err(E::invalid_value(serde::de::Unexpected::Str(word), &self)),
+                }
+            }
+        }
+        deserializer.deserialize_any(NumberOrWord)
+    }
+}
+
 /// `[time]`: duration, steps and scheme.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Time {
     /// End of the run, s (> 0).
     pub end: f64,
-    /// Step h, s (> 0). It is adjusted to end/round(end/step), so that a step lands on `end`. Scheme `auto` chooses
-    /// it; there the key is optional and not used.
+    /// Step h, s (> 0), or "adaptive". A number is adjusted to end/round(end/step), so that a step lands on `end`. Scheme
+    /// `auto` chooses the step; there the key is optional and not used. Adaptive steps follow the motion by a symmetric
+    /// rule; `tolerance` and `largest_step` limit them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub step: Option<f64>,
+    pub step: Option<TimeStep>,
+    /// With `step = "adaptive"`: largest length of the intervals in which a body makes equal steps, s (> 0, default
+    /// end/100). It is adjusted so that frames fall on the ends of intervals.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub largest_step: Option<f64>,
     /// The time integrator. It is optional only in a scene with `[static]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scheme: Option<SchemeName>,
@@ -64,7 +128,11 @@ pub struct Time {
     /// Spectral radius at infinite frequency of `generalized-alpha`, 0 to 1 (default 0.8).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spectral_radius: Option<f64>,
-    /// Required relative error at `end`, 1e-9 to 0.5 (default 1e-4), for `auto` and `bench`.
+    /// Linear solves per step of `truncated-euler`, 1 to 1000 (default 8).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub solves: Option<u32>,
+    /// Required relative error at `end`, 1e-9 to 0.5 (default 1e-4), for `auto` and `bench`. With `step = "adaptive"`:
+    /// the relative error per radian of the mean frequency of the motion (default 1e-2).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<f64>,
     /// Estimate the error of every probe by companion runs with other steps (5 to 10 times the cost).
@@ -88,7 +156,21 @@ impl Time {
     /// Returns a run from 0 to `end` (s) in steps of `step` (s).
     pub fn new(end: f64, step: f64, scheme: SchemeName) -> Self {
         let none = Self::auto(end, 1e-4);
-        Self { step: Some(step), scheme: Some(scheme), tolerance: None, ..none }
+        Self { step: Some(TimeStep::Fixed(step)), scheme: Some(scheme), tolerance: None, ..none }
+    }
+
+    /// Returns a run from 0 to `end` (s) in steps that follow the motion, with this relative error per radian of its mean
+    /// frequency.
+    pub fn adaptive(end: f64, tolerance: f64, scheme: SchemeName) -> Self {
+        Self { step: Some(TimeStep::ADAPTIVE), scheme: Some(scheme), ..Self::auto(end, tolerance) }
+    }
+
+    /// Default tolerance of adaptive steps.
+    pub(crate) const ADAPTIVE_TOLERANCE: f64 = 1e-2;
+
+    /// Returns whether steps follow the motion.
+    pub fn is_adaptive(&self) -> bool {
+        self.step == Some(TimeStep::ADAPTIVE)
     }
 
     /// Returns a run from 0 to `end` (s) with a relative error of `tolerance` at the end. The program chooses scheme
@@ -97,9 +179,11 @@ impl Time {
         Self {
             end,
             step: None,
+            largest_step: None,
             scheme: Some(SchemeName::Auto),
             stages: None,
             spectral_radius: None,
+            solves: None,
             tolerance: Some(tolerance),
             estimate: false,
             substeps: true,
@@ -110,15 +194,35 @@ impl Time {
     pub fn choose(&mut self, scheme: SchemeName, stages: Option<usize>, steps: u64) {
         if Some(scheme) != self.scheme {
             self.spectral_radius = None;
+            self.solves = None;
         }
         self.scheme = Some(scheme);
         self.stages = stages;
-        self.step = Some(self.end / steps as f64);
+        self.step = Some(TimeStep::Fixed(self.end / steps as f64));
+        self.largest_step = None;
     }
 
-    /// Returns the number of steps, end/step rounded and at least one, and the step that lands on `end`, s.
+    /// Returns the number of steps, end/step rounded and at least one, and the step that lands on `end`, s. Adaptive steps
+    /// are counted by their intervals.
     pub fn steps(&self) -> (u64, f64) {
-        let count = (self.end / self.step.unwrap_or(self.end)).round().max(1.0);
+        let count = match self.step {
+            Some(TimeStep::Fixed(step)) => (self.end / step).round(),
+            // A ratio that is an integer up to round-off counts as one.
+            Some(TimeStep::Adaptive(_)) => (self.end / self.longest_interval() * (1.0 - 1e-12)).ceil(),
+            None => 1.0,
+        };
+        (count.max(1.0) as u64, self.end / count.max(1.0))
+    }
+
+    fn longest_interval(&self) -> f64 {
+        self.largest_step.unwrap_or(self.end / 100.0)
+    }
+
+    /// Returns the number and length (s) of the intervals of adaptive steps, such that frames every `frames` (s) fall on
+    /// their ends if they fall on the end of the run.
+    pub(crate) fn intervals(&self, frames: f64) -> (u64, f64) {
+        let per_frame = (frames / self.longest_interval() * (1.0 - 1e-12)).ceil().max(1.0);
+        let count = (self.end * per_frame / frames).round().max(1.0);
         (count as u64, self.end / count)
     }
 
@@ -128,6 +232,9 @@ impl Time {
             Method::Gauss { stages } => Method::Gauss { stages: self.stages.unwrap_or(stages) },
             Method::GeneralizedAlpha { spectral_radius } => {
                 Method::GeneralizedAlpha { spectral_radius: self.spectral_radius.unwrap_or(spectral_radius) }
+            }
+            Method::TruncatedEuler { solves } => {
+                Method::TruncatedEuler { solves: self.solves.unwrap_or(solves) }
             }
             other => other,
         })

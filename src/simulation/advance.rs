@@ -2,9 +2,10 @@
 
 use rayon::prelude::*;
 use vi_core::{State, System};
-use vi_solvers::{Assembler, SolverError, StepError};
+use vi_solvers::{Assembler, Frequencies, SolverError, StepError};
 
-use super::march::{self, Cut, March, march};
+use super::adaptive::AdaptiveCounts;
+use super::march::{self, Course, Cut, March, march};
 use super::pace::Pace;
 use super::{Component, ContactFacts, Simulation};
 use crate::model::BodyModel;
@@ -21,6 +22,8 @@ pub struct Stepped {
     pub energy: vi_core::StepEnergy,
     /// Substeps of all components; 0 if no step was divided.
     pub substeps: u64,
+    /// Adaptive steps of all components; 0 if steps are equal.
+    pub adaptive_steps: u64,
 }
 
 impl Simulation {
@@ -38,35 +41,39 @@ impl Simulation {
         // Explicit contact is not divided either: each change of a step near its stability limit adds energy.
         let further = self.scene.time.substeps && !is_static && !self.has_explicit_contact();
         let cut = Cut { parts: self.parts, further };
-        let advance = |component: &mut Component| -> Result<March, StepError> {
-            let Component { system, state, stepper, pace, observer, has_domain, .. } = component;
-            match stepper {
-                Some(stepper) => {
-                    // Not all schemes evaluate the end of a step: implicit midpoint only evaluates its middle.
-                    let unseen = *has_domain && !is_static && !stepper.sees_end();
-                    let mut check = |system: &System, state: &State| {
-                        let assembler = observer.get_or_insert_with(|| Assembler::new(system));
-                        accepts(assembler, system, state)
-                    };
-                    let check: Option<march::Check<'_>> = if unseen { Some(&mut check) } else { None };
-                    march(stepper.as_mut(), system, (state, pace), h, end, cut, check)
+        let adaptive = self.adaptive;
+        let advance = |component: &mut Component| -> Result<(March, AdaptiveCounts), StepError> {
+            let Component { system, state, stepper, pace, observer, has_domain, frequencies, .. } = component;
+            let Some(stepper) = stepper else {
+                state.t = end;
+                return Ok((March::default(), AdaptiveCounts::default()));
+            };
+            // Not all schemes evaluate the end of a step: implicit midpoint only evaluates its middle.
+            let unseen = *has_domain && !is_static && !stepper.sees_end();
+            let mut check = |system: &System, state: &State| {
+                let assembler = observer.get_or_insert_with(|| Assembler::new(system));
+                accepts(assembler, system, state)
+            };
+            let check: Option<march::Check<'_>> = if unseen { Some(&mut check) } else { None };
+            let course = Course { stepper: stepper.as_mut(), system, state, pace };
+            match &adaptive {
+                Some(rule) => {
+                    let frequencies = frequencies.get_or_insert_with(|| Frequencies::new(system));
+                    rule.advance(course, frequencies, (h, end), cut, check)
                 }
-                None => {
-                    state.t = end;
-                    Ok(March::default())
-                }
+                None => Ok((march(course, h, end, cut, check)?, AdaptiveCounts::default())),
             }
         };
         let mut total = Stepped::default();
         let mut finest = self.parts;
-        let mut enter = |done: March| {
+        for (number, result) in on_all(&mut self.components, advance).into_iter().enumerate() {
+            let (done, counts) = result.map_err(|error| in_numbers_of_meshes(&self.bodies, number, error))?;
             total.iterations += done.iterations;
             total.energy += done.energy;
             total.substeps += done.substeps;
             finest = finest.max(done.finest);
-        };
-        for (number, result) in on_all(&mut self.components, advance).into_iter().enumerate() {
-            enter(result.map_err(|error| in_numbers_of_meshes(&self.bodies, number, error))?);
+            total.adaptive_steps += counts.steps;
+            self.adaptive_counts.add(counts);
         }
         if total.substeps > 0 {
             self.substeps.steps += 1;
@@ -151,7 +158,11 @@ impl Simulation {
     /// Makes `count` steps together; returns false, without changes, if a component does not support this.
     fn steps_together(&mut self, count: u32) -> bool {
         let (h, end) = (self.h, (self.steps + u64::from(count)) as f64 * self.h);
-        if self.parts > 1 || self.given != 0.0 || !self.components.iter().all(joins_steps) {
+        if self.parts > 1
+            || self.given != 0.0
+            || self.adaptive.is_some()
+            || !self.components.iter().all(joins_steps)
+        {
             return false;
         }
         let advance = |component: &mut Component| -> Result<(), ()> {

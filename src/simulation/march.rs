@@ -16,6 +16,16 @@ pub(crate) struct March {
     pub(crate) finest: u32,
 }
 
+impl March {
+    /// Adds the course of another step.
+    pub(super) fn add(&mut self, other: Self) {
+        self.iterations += other.iterations;
+        self.energy += other.energy;
+        self.substeps += other.substeps;
+        self.finest = self.finest.max(other.finest);
+    }
+}
+
 /// Checks that the terms of the potential accept the state at the end of a step.
 pub(crate) type Check<'a> = &'a mut dyn FnMut(&System, &State) -> Result<(), SolverError>;
 
@@ -60,19 +70,26 @@ fn is_dear(report: &StepReport) -> bool {
     work.descents > 0 || (work.factorizations_slow >= DEAR && work.pair_forces == 0)
 }
 
-/// Advances `state` by h (s), to the time `end`.
+/// A component on its course.
+pub(crate) struct Course<'a> {
+    pub(crate) stepper: &'a mut dyn Stepper,
+    pub(crate) system: &'a System,
+    pub(crate) state: &'a mut State,
+    pub(crate) pace: &'a mut Pace,
+}
+
+/// Advances the state by h (s), to the time `end`.
 ///
 /// # Errors
 /// Returns the error of the smallest substep tried; state and pace are then unchanged.
 pub(crate) fn march(
-    stepper: &mut dyn Stepper,
-    system: &System,
-    (state, pace): (&mut State, &mut Pace),
+    course: Course<'_>,
     h: f64,
     end: f64,
     cut: Cut,
     check: Option<Check<'_>>,
 ) -> Result<March, StepError> {
+    let Course { stepper, system, state, pace } = course;
     let mut stepper = Checked { stepper, check };
     let mut done = March { finest: 1, ..March::default() };
     let (start, mut next) = (state.t, *pace);

@@ -4,6 +4,7 @@
 use vi_core::State;
 use vi_solvers::{Method, SolverError, SolverOptions, StepperMemory, Work};
 
+use super::adaptive::AdaptiveCounts;
 use super::contact::ContactTotals;
 use super::pace::{FLOOR, Pace};
 use super::{Component, Simulation};
@@ -11,7 +12,7 @@ use crate::record::{self, Damage, record};
 
 const MAGIC: &[u8; 8] = b"VI-STATE";
 /// Version of the record; increase it with every change of the record.
-const FORMAT: u64 = 1;
+const FORMAT: u64 = 2;
 
 /// Counts of steps that were cut into substeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -34,6 +35,7 @@ pub struct Snapshot {
     pub(super) paces: Vec<Pace>,
     pub(super) work: Work,
     pub(super) substeps: Substeps,
+    pub(super) adaptive: AdaptiveCounts,
     /// Energy from [`Simulation::set_motion`] that no step has booked yet, J.
     pub(super) given: f64,
     pub(super) contact: ContactTotals,
@@ -48,6 +50,7 @@ record!(Snapshot {
     paces: Vec<Pace>,
     work: Work,
     substeps: Substeps,
+    adaptive: AdaptiveCounts,
     given: f64,
     contact: ContactTotals,
 });
@@ -86,6 +89,7 @@ impl Simulation {
             paces: self.components.iter().map(|component| component.pace).collect(),
             work: self.work(),
             substeps: self.substeps,
+            adaptive: self.adaptive_counts,
             given: self.given,
             contact: self.contact,
         }
@@ -129,6 +133,7 @@ impl Simulation {
         self.steps = snapshot.steps;
         self.earlier_work = snapshot.work;
         self.substeps = snapshot.substeps;
+        self.adaptive_counts = snapshot.adaptive;
         self.given = snapshot.given;
         self.contact = snapshot.contact;
         Ok(())

@@ -45,3 +45,65 @@ fn gauss_runs_back_to_its_start() {
         }
     }
 }
+
+/// Returns a block of one cell that is thrown, spins and vibrates so much that its highest frequency doubles.
+fn stretched(scheme: SchemeName, end: f64, interval: f64, tolerance: f64) -> Simulation {
+    let shape =
+        BoxMesh { size: [1.0, 0.5, 0.5], cells: [1, 1, 1], element: CellKind::Tet4, origin: [0.0; 3] };
+    let law = Law::StVenantKirchhoff(Isotropic { young: 1e4, poisson: 0.3, density: 1000.0 });
+    let mut time = Time::adaptive(end, tolerance, scheme);
+    time.largest_step = Some(interval);
+    let scene = Scene::new(time)
+        .solver(Solver { tolerance: 1e-14, ..Solver::default() })
+        .body(Body::from_box("block", shape, law).angular_velocity([1.0, 2.0, 6.0]));
+    Simulation::new(scene).unwrap()
+}
+
+/// A run with adaptive steps runs back to its start: a reversed motion asks for the same numbers of steps.
+#[test]
+fn adaptive_steps_run_back_to_their_start() {
+    for scheme in [SchemeName::StormerVerlet, SchemeName::ImplicitMidpoint, SchemeName::EnergyMomentum] {
+        let mut simulation = stretched(scheme, 4.0, 0.1, 1e-4);
+        let start = simulation.components[0].state.q.clone();
+        let half = simulation.step_count() / 2;
+        let mut numbers = Vec::new();
+        let mut made = 0;
+        while !simulation.is_done() {
+            if simulation.steps() == half {
+                simulation.components[0].state.p.iter_mut().for_each(|p| *p = -*p);
+            }
+            made += simulation.step().unwrap().adaptive_steps;
+            numbers.push(made);
+        }
+        let counts = simulation.adaptive_counts().unwrap();
+        assert!(counts.most >= counts.fewest + 2, "{scheme:?}: {counts:?}");
+        let end = &simulation.components[0].state.q;
+        let off = start.iter().zip(end).fold(0.0_f64, |off, (a, b)| off.max((a - b).abs()));
+        assert!(off < 1e-8, "{scheme:?}: off by {off:e} m with {counts:?}");
+    }
+}
+
+/// Over 10⁵ steps the energy of a symmetric scheme does not drift with steps that follow the motion by the symmetric
+/// rule, as it does not with constant steps. It drifts if the start of an interval alone decides.
+#[test]
+fn adaptive_steps_do_not_let_the_energy_drift() {
+    let drift = |is_symmetric: bool| {
+        let mut simulation = stretched(SchemeName::StormerVerlet, 500.0, 0.05, 1e-4);
+        simulation.adaptive.as_mut().unwrap().is_symmetric = is_symmetric;
+        let energy = |simulation: &mut Simulation| simulation.observe().total();
+        let mut means = [0.0; 10];
+        let per_mean = simulation.step_count() / 10;
+        while !simulation.is_done() {
+            let slot = (simulation.steps() / per_mean) as usize;
+            simulation.step().unwrap();
+            means[slot.min(9)] += energy(&mut simulation) / per_mean as f64;
+        }
+        (simulation.adaptive_counts().unwrap(), (means[9] - means[0]) / means[0])
+    };
+    let (counts, symmetric) = drift(true);
+    let (_, plain) = drift(false);
+    assert!(counts.steps > 100_000 && counts.most > counts.fewest, "{counts:?}");
+    // The means of a chaotic motion differ by some 1e-4.
+    assert!(symmetric.abs() < 1e-3, "symmetric: {symmetric:e}, plain: {plain:e}, {counts:?}");
+    assert!(plain.abs() > 30.0 * symmetric.abs(), "symmetric: {symmetric:e}, plain: {plain:e}");
+}

@@ -116,7 +116,7 @@ fn sheets_and_weight_are_loaded_as_asked() {
         .fix(Fix::region("sheet", "sheet"))
         .load(load(serde_json::json!({ "kind": "force", "body": "sheet", "region": "x-max", "force": [1.0, 2.0, 3.0] })))
         .load(load(serde_json::json!({ "kind": "body-force", "body": "sheet", "force": [200.0, 0.0, "100*x"] })));
-    scene.time.step = Some(0.5);
+    scene.time.step = Some(variational::scene::TimeStep::Fixed(0.5));
     let mut simulation = Simulation::new(scene).unwrap();
     for factor in [0.5, 1.0] {
         simulation.step().unwrap();

@@ -138,6 +138,12 @@ fn damping_wind_companions_and_statics_continue_to_the_same_bits() {
     let mut estimated = driven(SchemeName::ImplicitMidpoint);
     estimated.time.estimate = true;
     continues(estimated, "with an error estimate");
+    for scheme in [SchemeName::StormerVerlet, SchemeName::ImplicitMidpoint, SchemeName::EnergyMomentum] {
+        let mut adaptive = driven(scheme);
+        adaptive.time =
+            Time { largest_step: Some(1.5e-3), ..Time::adaptive(adaptive.time.end, 1e-4, scheme) };
+        continues(adaptive, &format!("{scheme:?} with adaptive steps"));
+    }
     let cloth: Substance = serde_json::from_str::<SheetLaw>(
         r#"{ "law": "st-venant-kirchhoff", "young": 1e5, "poisson": 0.3, "density": 500.0, "thickness": 1e-3 }"#,
     )

@@ -41,6 +41,6 @@ pub use ranks::conductor::Conductor;
 pub use ranks::member::Member;
 pub use schemes::constraint::manifold::make_tangent;
 pub use schemes::method::{AcceptedForces, Accepts, Conserves, Method, MethodFacts, stepper};
-pub use schemes::stability::{HighestFrequency, highest_frequency};
+pub use schemes::stability::{Frequencies, HighestFrequency, highest_frequency};
 pub use schemes::stepper::{StepError, StepReport, Stepper};
 pub use work::Work;

@@ -62,6 +62,8 @@ const KEYS: &[(&str, Meaning)] = &[
     ("time.step", TIME),
     ("time.stages", NUMBER),
     ("time.spectral_radius", NUMBER),
+    ("time.solves", NUMBER),
+    ("time.largest_step", TIME),
     ("time.tolerance", NUMBER),
     ("body.weld", LENGTH),
     ("body.box.size", LENGTH),

@@ -5,7 +5,7 @@
 //! The result transforms as a frequency does. Translations of the body change it only by the round-off of its
 //! coordinates. A change of the units of length, mass and time by powers of two changes no bit of it.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Matrix3, Vector3};
 use vi_core::{State, System, binary_exponent};
 
 use crate::assemble::evaluator::Evaluator;
@@ -16,6 +16,8 @@ use crate::vectors;
 const MAX_ITERATIONS: u32 = 120;
 /// Relative error of λ_max below which the estimate is accurate enough.
 const ACCURACY: f64 = 0.01;
+/// The same for steps that keep a distance from their limit.
+const ROUGH: f64 = 0.1;
 /// Largest displacement of a difference, relative to the extent of the body. Its square and the round-off that it
 /// amplifies (1e-16/1e-7) are both far below [`ACCURACY`].
 const DIFFERENCE: f64 = 1e-7;
@@ -41,11 +43,91 @@ pub struct HighestFrequency {
 /// Returns [`SolverError::Term`] or [`SolverError::NotFinite`] if the state has no finite force;
 /// [`SolverError::Unresolved`] if the coordinates are so large that their round-off hides the shape of the body.
 pub fn highest_frequency(system: &System, state: &State) -> Result<HighestFrequency, SolverError> {
+    highest(&mut Operator::new(system), system, state, ACCURACY)
+}
+
+/// Frequencies of a system at states of its motion, for steps that follow it. They depend on the state alone and do not
+/// change if its velocity is reversed.
+pub struct Frequencies {
+    operator: Operator,
+}
+
+impl Frequencies {
+    /// Prepares for the states of a system.
+    pub fn new(system: &System) -> Self {
+        Self { operator: Operator::new(system) }
+    }
+
+    /// Returns a bound of the highest angular frequency about a state, rad/s: at most a tenth too high.
+    ///
+    /// # Errors
+    /// Returns the errors of [`highest_frequency`].
+    pub fn highest(&mut self, system: &System, state: &State) -> Result<f64, SolverError> {
+        Ok(highest(&mut self.operator, system, state, ROUGH)?.omega)
+    }
+
+    /// Returns the mean angular frequency of the motion of a state, rad/s: ω² = |vᵀKv|/vᵀMv + Ω² with the velocity v and
+    /// the rate Ω at which the system turns about its centre of mass. Zero at rest.
+    ///
+    /// # Errors
+    /// Returns the errors of [`highest_frequency`].
+    pub fn of_motion(&mut self, system: &System, state: &State) -> Result<f64, SolverError> {
+        let n = system.coordinates().free_count();
+        let velocity = system.velocity(&state.p);
+        self.operator.place(system, state)?;
+        let mut direction: Vec<f64> =
+            velocity.iter().zip(&self.operator.root_mass).map(|(v, root)| v * root).collect();
+        if n == 0 || normalize(&mut direction) == 0.0 {
+            return Ok(0.0);
+        }
+        let mut out = vec![0.0; n];
+        self.operator.apply(system, state, &direction, &mut out)?;
+        let square = vectors::sum(n, |k| direction[k] * out[k]).abs();
+        Ok((square + turning_rate(system, state).powi(2)).sqrt())
+    }
+}
+
+/// Returns the rate at which the nodes turn about their centre of mass, |I⁻¹L|, rad/s.
+fn turning_rate(system: &System, state: &State) -> f64 {
+    let coordinates = system.coordinates();
+    let (x, v, mass) = (system.positions(state), system.velocities(state), system.mass());
+    if !x.len().is_multiple_of(3) {
+        return 0.0;
+    }
+    let at = |values: &[f64], node: usize| Vector3::from_column_slice(&values[3 * node..3 * node + 3]);
+    let nodes = || (0..x.len() / 3).filter(|&node| !coordinates.is_director(node as u32));
+    let (mut total, mut centre, mut momentum) = (0.0, Vector3::zeros(), Vector3::zeros());
+    for node in nodes() {
+        total += mass[3 * node];
+        centre += mass[3 * node] * at(&x, node);
+        momentum += mass[3 * node] * at(&v, node);
+    }
+    if total <= 0.0 {
+        return 0.0;
+    }
+    let (centre, mean) = (centre / total, momentum / total);
+    let (mut spin, mut inertia) = (Vector3::zeros(), Matrix3::zeros());
+    for node in nodes() {
+        let (m, arm) = (mass[3 * node], at(&x, node) - centre);
+        spin += m * arm.cross(&(at(&v, node) - mean));
+        inertia += m * (arm.norm_squared() * Matrix3::identity() - arm * arm.transpose());
+    }
+    // A straight body has no inertia about its line.
+    let size = inertia.trace();
+    inertia.pseudo_inverse(1e-12 * size).map_or(0.0, |inverse| (inverse * spin).norm())
+}
+
+fn highest(
+    operator: &mut Operator,
+    system: &System,
+    state: &State,
+    accuracy: f64,
+) -> Result<HighestFrequency, SolverError> {
     let n = system.coordinates().free_count();
     if n == 0 {
         return Ok(HighestFrequency { omega: 0.0, iterations: 0 });
     }
-    let mut operator = Operator::new(system, state)?;
+    operator.place(system, state)?;
     let mut previous = vec![0.0; n];
     let mut current: Vec<f64> = (0..n as u64).map(noise).collect();
     normalize(&mut current);
@@ -61,7 +143,7 @@ pub fn highest_frequency(system: &System, state: &State) -> Result<HighestFreque
         beta = normalize(&mut next);
         let (ritz, residual) = largest_ritz_value(&diagonal, &off_diagonal, beta);
         bound = (ritz + residual).max(0.0);
-        if residual <= ACCURACY * ritz.abs() || beta == 0.0 || iteration as usize >= n {
+        if residual <= accuracy * ritz.abs() || beta == 0.0 || iteration as usize >= n {
             return Ok(HighestFrequency { omega: bound.sqrt(), iterations: iteration });
         }
         off_diagonal.push(beta);
@@ -88,21 +170,26 @@ struct Operator {
 }
 
 impl Operator {
-    fn new(system: &System, state: &State) -> Result<Self, SolverError> {
+    fn new(system: &System) -> Self {
         let evaluator = Evaluator::new(system);
         // Terms that list pairs act in the drift of explicit schemes, where they do not limit the step.
         let is_in_drift = system.terms().live().iter().all(|term| term.lists_pairs());
-        let mut evaluator = if is_in_drift { evaluator.without_live() } else { evaluator };
-        evaluator.evaluate(system, &state.q, state.t, true)?;
+        let evaluator = if is_in_drift { evaluator.without_live() } else { evaluator };
         let coordinates = system.coordinates();
-        let sizes = [displacement(system, evaluator.positions())?, DIFFERENCE];
         let kind = coordinates.free().iter().map(|&dof| u8::from(coordinates.is_director(dof / 3))).collect();
         let mass = system.free_mass();
-        let per_unit = 2.0_f64.powi(-binary_exponent(mass[0]));
+        let per_unit = mass.first().map_or(1.0, |mass| 2.0_f64.powi(-binary_exponent(*mass)));
         let root_mass: Vec<f64> = mass.iter().map(|m| (m * per_unit).sqrt()).collect();
         let n = root_mass.len();
         let (direction, q, ahead) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        Ok(Self { evaluator, root_mass, per_unit, sizes, kind, direction, q, ahead })
+        Self { evaluator, root_mass, per_unit, sizes: [DIFFERENCE; 2], kind, direction, q, ahead }
+    }
+
+    /// Prepares for products at a state.
+    fn place(&mut self, system: &System, state: &State) -> Result<(), SolverError> {
+        self.evaluator.evaluate(system, &state.q, state.t, true)?;
+        self.sizes = [displacement(system, self.evaluator.positions())?, DIFFERENCE];
+        Ok(())
     }
 
     fn apply(

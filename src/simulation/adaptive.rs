@@ -1,0 +1,163 @@
+//! Steps that follow the motion, by a symmetric rule. The run is divided into equal intervals of length H. In each interval
+//! a component makes n equal steps, with n from the density of steps Q (1/s) that the states at both ends ask for:
+//! ```text
+//! n ≥ H · ½ (Q(z₀) + Q(z₁)),   rounded up to 1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 19, 23 …
+//! ```
+//! Q depends on the state alone and is the same for a reversed velocity, so a run backwards finds the same n, and a
+//! symmetric scheme stays symmetric: its energy does not drift (P. Hut, J. Makino, S. McMillan, Astrophys. J. 443 (1995)
+//! L93; E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical Integration*, 2006, VIII.3.2). A rule that looks at the
+//! start of the interval alone is not symmetric, and its energy drifts. The integrating controller of E. Hairer and G.
+//! Söderlind (SIAM J. Sci. Comput. 26 (2005) 1838) needs dQ/dt; sampled once per interval it accumulates what fast
+//! oscillations contribute to it.
+
+use vi_core::{State, System};
+use vi_solvers::{Frequencies, Method, SolverError, StepError};
+
+use super::march::{Check, Course, Cut, March, march};
+use crate::record::record;
+use crate::scene::Time;
+
+/// Fraction of the stability limit that explicit steps use; the limit is known at the ends of an interval alone.
+const SHARE: f64 = 0.8;
+/// Largest number of times that an interval is made again because its end asks for another number of steps.
+const REPEATS: usize = 3;
+/// Largest number of steps per interval.
+const MOST: f64 = 1e6;
+
+/// Counts of adaptive steps of all components.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct AdaptiveCounts {
+    /// Steps made.
+    pub steps: u64,
+    /// Fewest steps in an interval.
+    pub fewest: u64,
+    /// Most steps in an interval.
+    pub most: u64,
+    /// Intervals that were made again, because their end asked for another number of steps.
+    pub repeated: u64,
+}
+
+record!(AdaptiveCounts { steps: u64, fewest: u64, most: u64, repeated: u64 });
+
+impl Default for AdaptiveCounts {
+    fn default() -> Self {
+        Self { steps: 0, fewest: u64::MAX, most: 0, repeated: 0 }
+    }
+}
+
+impl AdaptiveCounts {
+    /// Adds the counts of one interval of a component.
+    pub(super) fn add(&mut self, other: Self) {
+        self.steps += other.steps;
+        self.fewest = self.fewest.min(other.fewest);
+        self.most = self.most.max(other.most);
+        self.repeated += other.repeated;
+    }
+}
+
+/// The rule for the number of steps per interval.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Adaptive {
+    /// Largest hω with the mean frequency ω of the motion.
+    accuracy: f64,
+    /// Largest hω with the highest frequency ω, for explicit schemes.
+    stability: Option<f64>,
+    /// Whether the end of an interval counts; false only to show what happens without it.
+    pub(super) is_symmetric: bool,
+}
+
+impl Adaptive {
+    /// Returns the rule for a scheme and the tolerance of a scene. A motion of frequency ω has a relative error of about
+    /// (hω)^p/C per radian with a scheme of order p; C is that of implicit midpoint (p = 2) and of Gauss (p = 4, 6), and
+    /// 2 for schemes of order 1.
+    pub(super) fn new(method: Method, time: &Time) -> Self {
+        let facts = method.facts();
+        let tolerance = time.tolerance.unwrap_or(Time::ADAPTIVE_TOLERANCE);
+        let constant = match facts.order {
+            0 | 1 => 2.0,
+            2 | 3 => 12.0,
+            4 | 5 => 720.0,
+            _ => 100_800.0,
+        };
+        let accuracy = (constant * tolerance).powf(1.0 / facts.order.max(1) as f64);
+        Self { accuracy, stability: facts.stability_limit.map(|limit| SHARE * limit), is_symmetric: true }
+    }
+
+    /// Returns the density of steps that a state asks for, 1/s.
+    fn density(
+        &self,
+        frequencies: &mut Frequencies,
+        system: &System,
+        state: &State,
+    ) -> Result<f64, SolverError> {
+        let motion = frequencies.of_motion(system, state)?;
+        let stability = match self.stability {
+            Some(limit) => frequencies.highest(system, state)? / limit,
+            None => 0.0,
+        };
+        Ok((motion / self.accuracy).max(stability))
+    }
+
+    /// Advances a component by an interval of length h (s) to the time `end`, with `cut.parts` times as many steps as the
+    /// rule asks for.
+    ///
+    /// # Errors
+    /// Returns the error of the first step that failed; the state is then unchanged.
+    pub(super) fn advance(
+        &self,
+        course: Course<'_>,
+        frequencies: &mut Frequencies,
+        (h, end): (f64, f64),
+        cut: Cut,
+        mut check: Option<Check<'_>>,
+    ) -> Result<(March, AdaptiveCounts), StepError> {
+        let Course { stepper, system, state, pace } = course;
+        let before = (state.clone(), *pace);
+        let start = state.t;
+        let failed = |cause| StepError { t: start, h, cause };
+        let at_start = self.density(frequencies, system, state).map_err(failed)?;
+        let mut number = level(h * at_start);
+        let mut tried: Vec<u64> = Vec::new();
+        let mut counts = AdaptiveCounts::default();
+        loop {
+            tried.push(number);
+            let made = number * u64::from(cut.parts);
+            counts.steps += made;
+            let part = Cut { parts: 1, ..cut };
+            let mut done = March::default();
+            let outcome = (1..=made).try_for_each(|k| {
+                let to = if k == made { end } else { start + h * (k as f64 / made as f64) };
+                let course = Course { stepper: &mut *stepper, system, state: &mut *state, pace: &mut *pace };
+                let check: Option<Check<'_>> = match &mut check {
+                    Some(check) => Some(&mut **check),
+                    None => None,
+                };
+                done.add(march(course, h / made as f64, to, part, check)?);
+                Ok(())
+            });
+            let at_end = outcome.and_then(|()| self.density(frequencies, system, state).map_err(failed));
+            let at_end = at_end.inspect_err(|_| (*state, *pace) = before.clone())?;
+            let wanted = level(0.5 * h * (at_start + at_end));
+            let is_final = !self.is_symmetric || wanted == number || tried.len() > REPEATS;
+            // Of two numbers that ask for each other, the larger one is taken from either end.
+            if is_final || (tried.contains(&wanted) && wanted < number) {
+                (counts.fewest, counts.most) = (made, made);
+                return Ok((done, counts));
+            }
+            counts.repeated += 1;
+            number = wanted;
+            (*state, *pace) = before.clone();
+        }
+    }
+}
+
+/// Returns the smallest allowed number of steps that is not below `wanted`: the integers of which each is at most a
+/// fifth larger than the one before, from 8 on.
+fn level(wanted: f64) -> u64 {
+    let wanted = wanted.min(MOST);
+    let mut number: u64 = 1;
+    while (number as f64) < wanted {
+        number = if number < 8 { number + 1 } else { (number as f64 * 2.0_f64.powf(0.25)).round() as u64 };
+    }
+    number
+}
