@@ -17,6 +17,11 @@ impl Simulation {
         let refused = [
             (scene.statics.is_some(), "static", "equilibria do not run on several ranks yet"),
             (scene.contact.is_some(), "contact", "contact does not run on several ranks yet"),
+            (
+                scene.time.is_adaptive(),
+                "time.step",
+                "adaptive steps ask one rank for the frequencies of the whole body; write a step in s",
+            ),
             (scene.time.estimate, "time.estimate", "the run that estimates errors would use one rank only"),
             (
                 switches,
