@@ -20,8 +20,7 @@ const TRIAL: u64 = 4;
 const RECENT: u64 = 16;
 /// A substep may cost this multiple of the mean cost of its length.
 const EXCESS: f64 = 2.0;
-/// To reduce cost alone, a step is divided into at most this number of substeps. Without this limit a flag of cloth with
-/// h = 17 ms was divided into 128: fast motion, once excited, takes as many iterations in short substeps as in long ones.
+/// To reduce cost alone, a length is divided by at most this number before a substep succeeds.
 const DEEPEST: u64 = 8;
 
 /// The state of the subdivision, with lengths in h/1024 and costs in seconds of the reference core.
@@ -32,6 +31,8 @@ pub(crate) struct Pace {
     /// Number of recent substeps of that length, and their cost.
     count: u64,
     cost: f64,
+    /// Length of the last completed substep.
+    last: u64,
     /// The length from which a trial of another length began, and its cost per length; 0 without a trial.
     origin: u64,
     origin_rate: f64,
@@ -48,6 +49,7 @@ record!(Pace {
     size: u64,
     count: u64,
     cost: f64,
+    last: u64,
     origin: u64,
     origin_rate: f64,
     goal: u64,
@@ -63,6 +65,7 @@ impl Default for Pace {
             size: whole,
             count: 0,
             cost: 0.0,
+            last: whole,
             origin: 0,
             origin_rate: 0.0,
             goal: 0,
@@ -95,7 +98,7 @@ impl Pace {
         if self.size == 1 {
             return Budget::Unlimited;
         }
-        if self.size * DEEPEST <= u64::from(FLOOR) {
+        if self.size * DEEPEST <= self.last {
             return Budget::Seconds(f64::INFINITY);
         }
         let rate = if self.origin > 0 {
@@ -120,6 +123,7 @@ impl Pace {
     pub(crate) fn succeed(&mut self, end: u32, largest: u32, is_dear: bool, cost: f64) {
         self.count += 1;
         self.cost += cost;
+        self.last = self.size;
         self.since += 1;
         let (largest, end) = (u64::from(largest), u64::from(end));
         if self.origin > 0 && self.count >= TRIAL {
@@ -129,7 +133,7 @@ impl Pace {
                 self.cost *= 0.5;
                 self.count /= 2;
             }
-            if is_dear && self.size * DEEPEST > u64::from(FLOOR) && self.since >= self.shorter {
+            if is_dear && self.size > 1 && self.since >= self.shorter {
                 self.try_length(self.size / 2);
                 return;
             }
@@ -251,7 +255,7 @@ mod tests {
         let mut pace = Pace::default();
         let course = steps(&mut pace, 500, FLOOR, cost);
         assert!(course.cost < 1.3 * 500.0 * 48.0, "{}", course.cost);
-        let mut pace = Pace { size: 8, ..Pace::default() };
+        let mut pace = Pace { size: 8, last: 8, ..Pace::default() };
         let course = steps(&mut pace, 500, FLOOR, cost);
         assert!(course.cost < 1.5 * 500.0 * 48.0, "{}", course.cost);
     }
