@@ -21,7 +21,7 @@ mod wording;
 use serde::Serialize;
 
 use crate::auto::trial::{Choice, Norm, TrialWatch};
-use crate::scene::{MassKind, Problem, Scene, SchemeName};
+use crate::scene::{MassKind, Problem, Scene, SchemeName, Time};
 use crate::simulation::Simulation;
 use crate::simulation::stability::highest;
 pub use candidate::Candidate;
@@ -107,7 +107,7 @@ fn first_scheme(scene: &Scene) -> SchemeName {
 }
 
 fn choose(scene: &Scene, watch: &mut dyn TrialWatch) -> Result<(Choice, AutoReport), SettleError> {
-    let tolerance = scene.time.tolerance.unwrap_or(1e-4);
+    let tolerance = scene.time.tolerance.unwrap_or(Time::DEFAULT_TOLERANCE);
     let start = Choice { scheme: first_scheme(scene), stages: None, steps: 1 };
     let is_explicit = start.method().facts().is_explicit;
     let simulation = Simulation::new(start.apply(scene)).map_err(SettleError::Scene)?;

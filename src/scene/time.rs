@@ -131,8 +131,8 @@ pub struct Time {
     /// Linear solves per step of `truncated-euler`, 1 to 1000 (default 8).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub solves: Option<u32>,
-    /// Required relative error at `end`, 1e-9 to 0.5 (default 1e-4), for `auto` and `bench`. With `step = "adaptive"`:
-    /// the relative error per radian of the mean frequency of the motion (default 1e-2).
+    /// Required relative error at `end`, 1e-9 to 0.5 (default 1e-2), for `auto` and `bench`. With `step = "adaptive"`:
+    /// the relative error per radian of the mean frequency of the motion.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<f64>,
     /// Estimate the error of every probe by companion runs with other steps (5 to 10 times the cost).
@@ -165,8 +165,8 @@ impl Time {
         Self { step: Some(TimeStep::ADAPTIVE), scheme: Some(scheme), ..Self::auto(end, tolerance) }
     }
 
-    /// Default tolerance of adaptive steps.
-    pub(crate) const ADAPTIVE_TOLERANCE: f64 = 1e-2;
+    /// Default tolerance.
+    pub const DEFAULT_TOLERANCE: f64 = 1e-2;
 
     /// Returns whether steps follow the motion.
     pub fn is_adaptive(&self) -> bool {

@@ -72,7 +72,7 @@ impl Adaptive {
     /// 2 for schemes of order 1.
     pub(super) fn new(method: Method, time: &Time) -> Self {
         let facts = method.facts();
-        let tolerance = time.tolerance.unwrap_or(Time::ADAPTIVE_TOLERANCE);
+        let tolerance = time.tolerance.unwrap_or(Time::DEFAULT_TOLERANCE);
         let constant = match facts.order {
             0 | 1 => 2.0,
             2 | 3 => 12.0,
