@@ -174,7 +174,7 @@ impl Structure {
                 if !is_free && !names.contains(&text) {
                     let others = options.iter().filter(|option| !is_of_type(option.schema, "string"));
                     let others: Vec<String> = others.map(|option| self.words(option.schema)).collect();
-                    let message = match others.is_empty() {
+                    let message = match others.is_empty() || nearest(text, &names).is_some() {
                         true => format!("unknown value \"{text}\"{}", suggestion(text, &names, "\"", "\"")),
                         false => format!(
                             "must be {} or \"{}\", is the string \"{text}\"",

@@ -18,6 +18,10 @@ impl Newton {
         solve: &mut Solve<'_, E>,
         most: u32,
     ) -> Result<Solved, SolverError> {
+        if solve.inverse.is_linear() {
+            // One solve is exact.
+            return self.solve(solve);
+        }
         if solve.equations.has_merit() {
             best_start(solve)?;
         } else {

@@ -301,8 +301,7 @@ impl Method {
 
     /// Returns the names of the schemes that accept something, without the schemes for comparison.
     fn accepting(accepts: impl Fn(&Accepts) -> bool) -> Box<str> {
-        let is_proposed =
-            |facts: &MethodFacts| facts.made_of != COMPARISON.made_of && accepts(&facts.accepts);
+        let is_proposed = |facts: &MethodFacts| facts.conserves.angular_momentum && accepts(&facts.accepts);
         let names = Self::ALL.iter().map(Self::facts).filter(is_proposed).map(|facts| facts.name);
         names.collect::<Vec<_>>().join(", ").into()
     }
@@ -387,6 +386,7 @@ mod tests {
             let MethodFacts { name, made_of, order, is_explicit, conserves, use_when, .. } = method.facts();
             let (parameters, order) = match method {
                 Method::Gauss { .. } => (" (`stages` 1–5)", "2s".to_owned()),
+                Method::TruncatedEuler { .. } => (" (`solves`)", order.to_string()),
                 _ => ("", order.to_string()),
             };
             let (kind, conserves) = (if is_explicit { "explicit" } else { "implicit" }, conserves.words());

@@ -149,6 +149,7 @@ macro_rules! schemes {
             } = "truncated-euler" {
                 Source::own(move |system, options| one_stage(TruncatedEuler::new(solves)?, system, options));
                 MethodFacts {
+                    made_of: "backward Euler, unfinished",
                     order: 1,
                     conserves: Conserves { linear_momentum: false, ..COMPARISON.conserves },
                     use_when: "looks, at a fixed price",

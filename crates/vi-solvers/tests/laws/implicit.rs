@@ -193,7 +193,8 @@ fn a_failed_step_leaves_the_state_and_names_the_cause() {
     let chain = SpringChain::unit(6);
     let system = chain.system().unwrap();
     let options = SolverOptions { max_iterations: 1, tolerance: 1e-9, ..Default::default() };
-    for method in all() {
+    // A truncated solve need not converge.
+    for method in all().filter(|method| !matches!(method, Method::TruncatedEuler { .. })) {
         let mut state = chain.disturbed_state();
         let mut stepper = vi_solvers::stepper(&method, &system, &options).unwrap();
         let error = stepper.step(&system, &mut state, 1.0).unwrap_err();
