@@ -824,25 +824,33 @@ class Strike(TypedDict, total=False):
     sphere: Union[SphereRegion, None]
     """… or the nodes in a ball …"""
 
-SchemeName = Union[Literal['symplectic-euler-a'], Literal['symplectic-euler-b'], Literal['stormer-verlet'], Literal['blanes-moan-4'], Literal['blanes-moan-6'], Literal['implicit-midpoint'], Literal['gauss'], Literal['energy-momentum'], Literal['forward-euler'], Literal['backward-euler'], Literal['bdf2'], Literal['newmark'], Literal['generalized-alpha'], Literal['auto']]
+SchemeName = Union[Literal['symplectic-euler-a'], Literal['symplectic-euler-b'], Literal['stormer-verlet'], Literal['blanes-moan-4'], Literal['blanes-moan-6'], Literal['implicit-midpoint'], Literal['gauss'], Literal['energy-momentum'], Literal['forward-euler'], Literal['backward-euler'], Literal['truncated-euler'], Literal['bdf2'], Literal['newmark'], Literal['generalized-alpha'], Literal['auto']]
+
+AdaptiveWord = Literal['adaptive']
+
+TimeStep = Union[float, AdaptiveWord]
 
 class Time(TypedDict, total=False):
     end: float
     """End of the run, s (> 0)."""
     estimate: bool
     """Estimate the error of every probe by companion runs with other steps (5 to 10 times the cost)."""
+    largest_step: Union[float, None]
+    """With `step = 'adaptive'`: largest length of the intervals in which a body makes equal steps, s (> 0, default end/100). It is adjusted so that frames fall on the ends of intervals."""
     scheme: Union[SchemeName, None]
     """The time integrator. It is optional only in a scene with `[static]`."""
+    solves: Union[int, None]
+    """Linear solves per step of `truncated-euler`, 1 to 1000 (default 8)."""
     spectral_radius: Union[float, None]
     """Spectral radius at infinite frequency of `generalized-alpha`, 0 to 1 (default 0.8)."""
     stages: Union[int, None]
     """Stages of `gauss`, 1 to 5 (default 2)."""
-    step: Union[float, None]
-    """Step h, s (> 0). It is adjusted to end/round(end/step), so that a step lands on `end`. Scheme `auto` chooses it; there the key is optional and not used."""
+    step: Union[TimeStep, None]
+    """Step h, s (> 0), or 'adaptive'. A number is adjusted to end/round(end/step), so that a step lands on `end`. Scheme `auto` chooses the step; there the key is optional and not used. Adaptive steps follow the motion by a symmetric rule; `tolerance` and `largest_step` limit them."""
     substeps: bool
     """Cut a step that fails into halves, down to h/1024, and return to h after it (default true); false ends the run at the first step that fails."""
     tolerance: Union[float, None]
-    """Required relative error at `end`, 1e-9 to 0.5 (default 1e-4), for `auto` and `bench`."""
+    """Required relative error at `end`, 1e-9 to 0.5 (default 1e-2), for `auto` and `bench`. With `step = 'adaptive'`: the relative error per radian of the mean frequency of the motion."""
 
 class Wind(TypedDict, total=False):
     density: float
