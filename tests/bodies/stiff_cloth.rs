@@ -78,3 +78,24 @@ fn energy_momentum_keeps_the_energy_of_stiff_cloth() {
         assert!(steps <= 75 && drift < 1e-6, "{young}: {steps} steps, drift {drift:e}");
     }
 }
+
+/// A step never costs more than its halves by much: the counted cost of a second of a falling flag stays level as the
+/// step grows far beyond what Newton's method solves at once.
+#[test]
+fn larger_steps_do_not_cost_more() {
+    for scheme in [SchemeName::EnergyMomentum, SchemeName::BackwardEuler, SchemeName::ImplicitMidpoint] {
+        let cost = |step: f64| {
+            let scene = sheet(1e6).scene().clone();
+            let scene = Scene { time: Time::new(0.8, step, scheme), ..scene };
+            let mut simulation = Simulation::new(scene).unwrap();
+            while !simulation.is_done() {
+                simulation.step().unwrap();
+            }
+            simulation.counted_seconds()
+        };
+        let costs = [2.5e-3, 5e-3, 1e-2, 2e-2, 4e-2].map(cost);
+        let least = costs.into_iter().fold(f64::INFINITY, f64::min);
+        println!("{scheme:?} {costs:?}");
+        assert!(costs.iter().all(|&cost| cost < 2.0 * costs[0].min(2.0 * least)), "{scheme:?}: {costs:?}");
+    }
+}

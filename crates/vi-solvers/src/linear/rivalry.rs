@@ -86,3 +86,37 @@ impl Rivalry {
 }
 
 const NAMES: [&str; 4] = ["linear.rival", "linear.matrices", "linear.solves_so_far", "linear.look"];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rivalry(matrices: u64, solves: u64) -> Rivalry {
+        let mut rivalry = Rivalry::default();
+        rivalry.begin(Some(&UnitCosts { factor: 100.0, solve: 1.0, ..UnitCosts::default() }));
+        (1..matrices).for_each(|_| _ = rivalry.is_due());
+        rivalry.solves = solves;
+        rivalry
+    }
+
+    #[test]
+    fn the_solver_that_is_cheaper_by_the_work_so_far_is_preferred() {
+        // A factor that 25 solves share costs 100/25 + 1 = 5 per solve.
+        let few = rivalry(2, 20);
+        assert!(few.prefers_factor([0.1, 7.0]) && !few.prefers_factor([0.1, 5.0]));
+        // Factors for every second solve cost 51 per solve.
+        assert!(rivalry(10, 20).largest_gradients(0.0) > 40.0);
+        assert!(!rivalry(2, 5).prefers_factor([0.1, 70.0]), "too early to tell");
+    }
+
+    #[test]
+    fn comparisons_become_rarer() {
+        let mut rivalry = rivalry(1, 0);
+        let mut looks = 0;
+        for solves in 1..1000 {
+            rivalry.solves = solves;
+            looks += u32::from(rivalry.is_due());
+        }
+        assert!((5..=8).contains(&looks), "{looks}");
+    }
+}

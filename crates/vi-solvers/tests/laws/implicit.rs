@@ -305,3 +305,29 @@ fn options_outside_their_domain_are_refused() {
     let options = SolverOptions { tolerance: 0.0, ..Default::default() };
     assert!(vi_solvers::stepper(&Method::ImplicitMidpoint, &system, &options).is_err());
 }
+
+/// A truncated solve makes no more linear solves per step than it may, also where it is far from converged. With enough
+/// solves it is backward Euler.
+#[test]
+fn a_truncated_solve_keeps_its_price_and_converges_with_it() {
+    let chain = SpringChain::unit(12);
+    let system = chain.system().unwrap();
+    let end = |method: Method, h: f64| {
+        let mut state = chain.disturbed_state();
+        let mut stepper = stepper_of(method, &system);
+        for _ in 0..20 {
+            let work = stepper.step(&system, &mut state, h).unwrap().work;
+            if let Method::TruncatedEuler { solves } = method {
+                // A factor in single precision is checked by one more solve.
+                assert!(work.solves <= u64::from(solves) + 1 && work.factorizations <= 1, "{work:?}");
+            }
+        }
+        state
+    };
+    for solves in [1, 4] {
+        let state = end(Method::TruncatedEuler { solves }, 20.0);
+        assert!(state.q.iter().chain(&state.p).all(|value| value.is_finite()));
+    }
+    let (few, many) = (end(Method::TruncatedEuler { solves: 100 }, 0.5), end(Method::BackwardEuler, 0.5));
+    crate::bodies::assert_close(&few, &many, 1e-4, "100 solves");
+}
