@@ -105,7 +105,8 @@ impl Scene {
     pub(crate) fn armed(&self, py: Python<'_>, raised: &Raised) -> PyResult<scene::Scene> {
         let mut scene = self.scene.clone();
         // A step that "auto" chooses is not known yet.
-        let step = scene.time.step.and_then(variational::scene::TimeStep::fixed).unwrap_or(1e-3 * scene.time.end);
+        let step =
+            scene.time.step.and_then(variational::scene::TimeStep::fixed).unwrap_or(1e-3 * scene.time.end);
         for (number, motion) in &self.motions {
             let Some(fix) = scene.fixes.get_mut(*number) else {
                 let problem = Problem::new("fix", format!("there is no fix number {number}"));
