@@ -379,6 +379,7 @@ impl Simulation {
     }
 
     /// Returns the constants of contact between two bodies by their numbers in the scene; `None` if they do not meet.
+    #[cfg(feature = "cli")]
     pub(crate) fn contact_law(&self, [first, second]: [usize; 2]) -> Option<vi_contact::Law> {
         let mut watches = self.components.iter().filter_map(|component| component.contact.as_ref());
         watches.find_map(|watch| watch.law(first, second))

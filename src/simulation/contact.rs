@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use serde_json::{Value, json};
-use vi_contact::{ContactPotential, ContactTerm, Law};
+use vi_contact::{ContactPotential, ContactTerm};
 use vi_core::Impulse;
 
 use crate::model::ContactModel;
@@ -152,7 +152,8 @@ impl ContactWatch {
 
     /// Returns the constants of contact between two bodies with these numbers in the scene; `None` if they do not meet
     /// in this component.
-    pub(crate) fn law(&self, first: usize, second: usize) -> Option<Law> {
+    #[cfg(feature = "cli")]
+    pub(crate) fn law(&self, first: usize, second: usize) -> Option<vi_contact::Law> {
         let number = |body| Some(self.bodies.iter().position(|&other| other == body)? as u32);
         self.term.surface().law(number(first)?, number(second)?)
     }
