@@ -6,7 +6,7 @@
 
 A step never costs more than its halves, so the seconds fall or stay level along a row, up to the noise of the machine.
 Each entry is the processor time of the whole program on one thread over the simulated time, and below it the energy drift
-relative to the largest kinetic energy; "cut" counts the steps that were divided. Runs that exceed `--limit` seconds are
+relative to the largest kinetic energy; "cut" counts the steps that were divided. Runs that exceed `--limit` processor seconds are
 given up and shown as "> ...". Only the standard library is needed.
 """
 import argparse
@@ -102,12 +102,12 @@ def run(binary, path, sets, scheme, step, end, limit, out):
     for value in sets:
         command += ["--set", value]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    try:
-        _, said = child.communicate(timeout=limit)
-    except subprocess.TimeoutExpired:
-        child.send_signal(signal.SIGINT)
-        child.communicate()
+    child = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (int(limit), int(limit) + 1)),
+    )
+    _, said = child.communicate()
+    if child.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
         return f"> {limit / end:.3g}"
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
@@ -125,7 +125,7 @@ def main():
     parser.add_argument("--binary", default=str(ROOT / "target" / "release" / "variational"))
     parser.add_argument("--only", default="", help="comma-separated names of scenes")
     parser.add_argument("--schemes", default=",".join(SCHEMES))
-    parser.add_argument("--limit", type=float, default=60.0, help="seconds after which a run is given up")
+    parser.add_argument("--limit", type=float, default=60.0, help="processor seconds after which a run is given up")
     arguments = parser.parse_args()
     binary = os.path.abspath(arguments.binary)
     names = [name for name in arguments.only.split(",") if name] or list(SCENES)
