@@ -45,8 +45,12 @@ def test_dask(scene: vs.Scene, expected: list[float], tmp_path: pathlib.Path) ->
             assert client.gather(client.map(lowest, [scene] * len(YOUNG), YOUNG)) == expected
 
 
-def test_submitit(scene: vs.Scene, expected: list[float], tmp_path: pathlib.Path) -> None:
+def test_submitit(
+    scene: vs.Scene, expected: list[float], tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     submitit = pytest.importorskip("submitit")
+    # The processes of a job import this file.
+    monkeypatch.setenv("PYTHONPATH", str(pathlib.Path(__file__).parent))
     executor = submitit.LocalExecutor(folder=tmp_path)
     executor.update_parameters(timeout_min=2)
     jobs = executor.map_array(lowest, [scene] * len(YOUNG), YOUNG)
