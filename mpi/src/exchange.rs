@@ -67,7 +67,6 @@ impl Exchange for Mpi {
         let mut all = vec![0_u8; lengths.iter().map(|&length| length as usize).sum()];
         let mut parts = PartitionMut::new(&mut all[..], &lengths[..], &starts[..]);
         scope(|scope| wait(vec![world.immediate_all_gather_varcount_into(scope, own, &mut parts)]));
-        drop(parts);
         let piece =
             |(&start, &length): (&Count, &Count)| all[start as usize..(start + length) as usize].to_vec();
         starts.iter().zip(&lengths).map(piece).collect()
