@@ -21,14 +21,14 @@ mod tests;
 use std::collections::BTreeMap;
 
 use vi_core::{HessianKind, State, System};
-use vi_solvers::{Assembler, Frequencies, Method, SolverOptions, Stepper, Work};
+use vi_solvers::{Assembler, Method, SolverOptions, Stepper, Work};
 
 use crate::model::{
     self, BodyModel, Meeting, Model, NodeSet, Parted, ProbeTarget, RegionProbe, RigidModel, path_control,
 };
 use crate::scene::{Fix, Problem, Scene};
-use adaptive::Adaptive;
 pub use adaptive::AdaptiveCounts;
+use adaptive::{Adaptive, Asked};
 pub use added::AddedTerm;
 pub use advance::Stepped;
 pub(crate) use advance::TOGETHER;
@@ -56,8 +56,8 @@ pub struct Component {
     /// Whether a configuration can lie outside the domain of a term.
     has_domain: bool,
     contact: Option<ContactWatch>,
-    /// The frequencies that adaptive steps follow; created at first use.
-    frequencies: Option<Frequencies>,
+    /// What adaptive steps follow; created at first use.
+    asked: Option<Asked>,
 }
 
 impl Component {
@@ -192,7 +192,7 @@ impl Simulation {
                 keeps_ledger,
                 has_domain,
                 contact: contact.map(ContactWatch::new),
-                frequencies: None,
+                asked: None,
             });
         }
         if !problems.is_empty() {

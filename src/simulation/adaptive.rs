@@ -1,7 +1,7 @@
 //! Steps that follow the motion, by a symmetric rule. The run is divided into equal intervals of length H. In each interval
 //! a component makes n equal steps, with n from the density of steps Q (1/s) that the states at both ends ask for:
 //! ```text
-//! n ≥ H · ½ (Q(z₀) + Q(z₁)),   rounded up to 1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 19, 23 …
+//! n ≥ H · ½ (Q(z₀) + Q(z₁)),   rounded up to 1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24 …
 //! ```
 //! Q depends on the state alone and is the same for a reversed velocity, so a run backwards finds the same n, and a
 //! symmetric scheme stays symmetric: its energy does not drift (P. Hut, J. Makino, S. McMillan, Astrophys. J. 443 (1995)
@@ -55,6 +55,18 @@ impl AdaptiveCounts {
     }
 }
 
+/// What states of a component ask for. The end of an interval is the start of the next one, so the last is kept.
+pub(super) struct Asked {
+    frequencies: Frequencies,
+    last: Option<(State, f64)>,
+}
+
+impl Asked {
+    pub(super) fn new(system: &System) -> Self {
+        Self { frequencies: Frequencies::new(system), last: None }
+    }
+}
+
 /// The rule for the number of steps per interval.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Adaptive {
@@ -84,18 +96,20 @@ impl Adaptive {
     }
 
     /// Returns the density of steps that a state asks for, 1/s.
-    fn density(
-        &self,
-        frequencies: &mut Frequencies,
-        system: &System,
-        state: &State,
-    ) -> Result<f64, SolverError> {
-        let motion = frequencies.of_motion(system, state)?;
+    fn density(&self, asked: &mut Asked, system: &System, state: &State) -> Result<f64, SolverError> {
+        if let Some((known, density)) = &asked.last
+            && known == state
+        {
+            return Ok(*density);
+        }
+        let motion = asked.frequencies.of_motion(system, state)?;
         let stability = match self.stability {
-            Some(limit) => frequencies.highest(system, state)? / limit,
+            Some(limit) => asked.frequencies.highest(system, state)? / limit,
             None => 0.0,
         };
-        Ok((motion / self.accuracy).max(stability))
+        let density = (motion / self.accuracy).max(stability);
+        asked.last = Some((state.clone(), density));
+        Ok(density)
     }
 
     /// Advances a component by an interval of length h (s) to the time `end`, with `cut.parts` times as many steps as the
@@ -106,7 +120,7 @@ impl Adaptive {
     pub(super) fn advance(
         &self,
         course: Course<'_>,
-        frequencies: &mut Frequencies,
+        asked: &mut Asked,
         (h, end): (f64, f64),
         cut: Cut,
         mut check: Option<Check<'_>>,
@@ -115,7 +129,7 @@ impl Adaptive {
         let before = (state.clone(), *pace);
         let start = state.t;
         let failed = |cause| StepError { t: start, h, cause };
-        let at_start = self.density(frequencies, system, state).map_err(failed)?;
+        let at_start = self.density(asked, system, state).map_err(failed)?;
         let mut number = level(h * at_start);
         let mut tried: Vec<u64> = Vec::new();
         let mut counts = AdaptiveCounts::default();
@@ -135,7 +149,7 @@ impl Adaptive {
                 done.add(march(course, h / made as f64, to, part, check)?);
                 Ok(())
             });
-            let at_end = outcome.and_then(|()| self.density(frequencies, system, state).map_err(failed));
+            let at_end = outcome.and_then(|()| self.density(asked, system, state).map_err(failed));
             let at_end = at_end.inspect_err(|_| (*state, *pace) = before.clone())?;
             let wanted = level(0.5 * h * (at_start + at_end));
             let is_final = !self.is_symmetric || wanted == number || tried.len() > REPEATS;
@@ -151,8 +165,8 @@ impl Adaptive {
     }
 }
 
-/// Returns the smallest allowed number of steps that is not below `wanted`: the integers of which each is at most a
-/// fifth larger than the one before, from 8 on.
+/// Returns the smallest allowed number of steps that is not below `wanted`: all integers to 8, then integers of which
+/// each is about a fifth larger than the one before.
 fn level(wanted: f64) -> u64 {
     let wanted = wanted.min(MOST);
     let mut number: u64 = 1;

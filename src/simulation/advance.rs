@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 use vi_core::{State, System};
-use vi_solvers::{Assembler, Frequencies, SolverError, StepError};
+use vi_solvers::{Assembler, SolverError, StepError};
 
-use super::adaptive::AdaptiveCounts;
+use super::adaptive::{AdaptiveCounts, Asked};
 use super::march::{self, Course, Cut, March, march};
 use super::pace::Pace;
 use super::{Component, ContactFacts, Simulation};
@@ -43,7 +43,7 @@ impl Simulation {
         let cut = Cut { parts: self.parts, further };
         let adaptive = self.adaptive;
         let advance = |component: &mut Component| -> Result<(March, AdaptiveCounts), StepError> {
-            let Component { system, state, stepper, pace, observer, has_domain, frequencies, .. } = component;
+            let Component { system, state, stepper, pace, observer, has_domain, asked, .. } = component;
             let Some(stepper) = stepper else {
                 state.t = end;
                 return Ok((March::default(), AdaptiveCounts::default()));
@@ -58,8 +58,8 @@ impl Simulation {
             let course = Course { stepper: stepper.as_mut(), system, state, pace };
             match &adaptive {
                 Some(rule) => {
-                    let frequencies = frequencies.get_or_insert_with(|| Frequencies::new(system));
-                    rule.advance(course, frequencies, (h, end), cut, check)
+                    let asked = asked.get_or_insert_with(|| Asked::new(system));
+                    rule.advance(course, asked, (h, end), cut, check)
                 }
                 None => Ok((march(course, h, end, cut, check)?, AdaptiveCounts::default())),
             }
