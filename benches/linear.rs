@@ -123,6 +123,8 @@ fn measure(n: u32, threads: usize, step: f64, system: &System, x: &[f64]) {
     let mut rhs = vec![0.0; k.free_count()];
     system.coordinates().restrict(&gradient, &mut rhs);
     let mut out = rhs.clone();
+    let mut places = vec![0.0; k.free_count()];
+    system.coordinates().restrict(x, &mut places);
     let time = least(|| k.multiply(&rhs, &mut out));
     println!("  product   {:8.3} ms, {} entries", time * 1e3, k.nnz());
 
@@ -154,7 +156,7 @@ fn measure(n: u32, threads: usize, step: f64, system: &System, x: &[f64]) {
     for kind in [Preconditioner::BlockJacobi, Preconditioner::Ssor, Preconditioner::BlockIncompleteCholesky] {
         let mut pcg = Pcg::new(k, kind);
         let prepare = least(|| {
-            pcg.prepare(mass, c, k).expect("a positive definite matrix");
+            pcg.prepare(mass, c, k, &places).expect("a positive definite matrix");
         });
         let mut iterations = 0;
         let time =

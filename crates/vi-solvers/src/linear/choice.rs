@@ -147,20 +147,21 @@ impl ChosenSolver {
         Ok(())
     }
 
-    /// Takes A = M + cK with M = diag(mass); an empty mass means zero.
+    /// Takes A = M + cK with M = diag(mass) at these positions of the free coordinates, m; an empty mass means zero.
     pub(crate) fn make(
         &mut self,
         system: &System,
         mass: &[f64],
         c: f64,
         k: &SymmetricMatrix,
+        positions: &[f64],
         work: &mut Work,
     ) -> Result<(), SolverError> {
         if !self.is_ready() {
-            self.decide(system, mass, c, k, work)?;
+            self.decide(system, mass, c, k, positions, work)?;
             self.analyses += 1;
         } else if self.rivalry.is_due() && self.choice == LinearSolver::Auto && !self.is_exact {
-            self.compare(system, mass, c, k, work)?;
+            self.compare(system, mass, c, k, positions, work)?;
         }
         if !self.serves(k) {
             self.analyze(k)?;
@@ -178,15 +179,15 @@ impl ChosenSolver {
                 }
                 work.factorizations += 1;
                 self.double(&format!("in single precision a solve has a relative error of {left:.1e}"));
-                return self.make(system, mass, c, k, work);
+                return self.make(system, mass, c, k, positions, work);
             }
-            Path::Gradients(pcg) => pcg.prepare(mass, c, k).map(|_| ()).map_err(SolverError::from),
+            Path::Gradients(pcg) => pcg.prepare(mass, c, k, positions).map(|_| ()).map_err(SolverError::from),
         };
         match made {
             Err(SolverError::NotPositiveDefinite(_)) if self.choice == LinearSolver::Auto => {
                 // A pivot of the preconditioner failed. A factor shows whether A itself is indefinite.
                 self.take_factor(system, k, "conjugate gradients found no preconditioner")?;
-                self.make(system, mass, c, k, work)
+                self.make(system, mass, c, k, positions, work)
             }
             other => other,
         }
@@ -330,7 +331,7 @@ impl ChosenSolver {
         self.pcg = pcg.facts();
         self.costs = UnitCosts::new(system, &FactorFacts::default());
         self.costs.solve = self.mean_solve();
-        self.costs.factor = cost::bytes(self.pcg.prepare_bytes);
+        self.costs.factor = cost::preparation(&self.pcg);
         self.reason = format!("pcg: {why}");
         self.path = Path::Gradients(Box::new(pcg));
     }
@@ -343,6 +344,7 @@ impl ChosenSolver {
         mass: &[f64],
         c: f64,
         k: &SymmetricMatrix,
+        positions: &[f64],
         work: &mut Work,
     ) -> Result<(), SolverError> {
         match self.continued {
@@ -387,7 +389,7 @@ impl ChosenSolver {
         }
         let direct = costs.factor / SOLVES_A_FACTOR + costs.solve;
         let flops = 1e-9 * facts.flops;
-        if let Some([iterations, gradients]) = try_gradients(system, mass, c, k, direct, work) {
+        if let Some([iterations, gradients]) = try_gradients(system, (mass, c, k, positions), direct, work) {
             let (gradients, direct) = (1e3 * gradients, 1e3 * direct);
             let why = format!(
                 "a solve takes {iterations} iterations, {gradients:.1} ms of the reference core, against {direct:.1} ms \
@@ -405,6 +407,7 @@ impl ChosenSolver {
         mass: &[f64],
         c: f64,
         k: &SymmetricMatrix,
+        positions: &[f64],
         work: &mut Work,
     ) -> Result<(), SolverError> {
         let factor = self.rivalry.factor;
@@ -422,10 +425,10 @@ impl ChosenSolver {
             }
         } else {
             let preconditioner =
-                cost::bytes(Pcg::new(k, Preconditioner::BlockIncompleteCholesky).facts().prepare_bytes);
+                cost::preparation(&Pcg::new(k, Preconditioner::BlockIncompleteCholesky).facts());
             let most = self.rivalry.largest_gradients(preconditioner);
             if most > 0.0
-                && let Some([iterations, _]) = try_gradients(system, mass, c, k, most, work)
+                && let Some([iterations, _]) = try_gradients(system, (mass, c, k, positions), most, work)
             {
                 let why = format!(
                     "a solve takes {iterations} iterations, and factors were made for {matrices} matrices in {solves} solves"
@@ -439,20 +442,18 @@ impl ChosenSolver {
     }
 }
 
-/// Solves with A = M + cK by conjugate gradients. Returns the number of iterations and the cost of a solve in seconds of
+/// Solves with A = M + cK at these positions by conjugate gradients. Returns the number of iterations and the cost of a solve in seconds of
 /// the reference core, or `None` if it would exceed `most`.
 fn try_gradients(
     system: &System,
-    mass: &[f64],
-    c: f64,
-    k: &SymmetricMatrix,
+    (mass, c, k, positions): (&[f64], f64, &SymmetricMatrix, &[f64]),
     most: f64,
     work: &mut Work,
 ) -> Option<[f64; 2]> {
     let mut pcg = Pcg::new(k, Preconditioner::BlockIncompleteCholesky);
     let iteration = cost::bytes(pcg.facts().iteration_bytes);
     let limit = (most / iteration) as u32;
-    if limit == 0 || pcg.prepare(mass, c, k).is_err() {
+    if limit == 0 || pcg.prepare(mass, c, k, positions).is_err() {
         return None;
     }
     let load = rough_load(system.free_mass());

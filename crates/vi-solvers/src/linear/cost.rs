@@ -4,6 +4,7 @@
 use vi_core::{HessianKind, System, packed_len};
 
 use crate::linear::factor::FactorFacts;
+use crate::linear::pcg::PcgFacts;
 use crate::work::Work;
 
 /// Seconds of the reference core for one entry of a local gradient, and of a local Hessian.
@@ -19,6 +20,11 @@ const CALL: f64 = 1e-6;
 /// Returns the seconds that the reference core needs to move `count` bytes in sparse or triangular products.
 pub(crate) fn bytes(count: f64) -> f64 {
     count / SOLVE_RATE
+}
+
+/// Returns the seconds that the reference core needs to prepare conjugate gradients for a matrix.
+pub(crate) fn preparation(facts: &PcgFacts) -> f64 {
+    bytes(facts.prepare_bytes) + facts.coarse_flops / FACTOR_RATE
 }
 
 /// Costs of the parts of a step in seconds of one core of the reference machine. They are counted and are the same on

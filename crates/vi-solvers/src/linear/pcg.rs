@@ -3,6 +3,7 @@
 //! Scalar products are sums of fixed pieces in a fixed order, so the bits are the same on any number of threads.
 
 pub(crate) mod block;
+mod coarse;
 
 use std::sync::Arc;
 
@@ -10,9 +11,10 @@ use rayon::prelude::*;
 
 use crate::error::{NotPositiveDefinite, SolverError};
 use crate::index::NONE;
-use crate::linear::factor::Factor;
+use crate::linear::factor::{Factor, FactorFacts};
 use crate::linear::matrix::SymmetricMatrix;
 use block::{BlockPreconditioner, Preconditioner};
+use coarse::Coarse;
 
 /// Number of entries of a vector per task.
 const PIECE: usize = 8192;
@@ -25,6 +27,8 @@ pub struct Pcg {
     /// The matrix A.
     matrix: SymmetricMatrix,
     preconditioner: BlockPreconditioner,
+    /// The coarse space; `None` for small or scattered matrices.
+    coarse: Option<Coarse>,
     vectors: Vectors,
 }
 
@@ -58,6 +62,8 @@ pub struct PcgFacts {
     pub iteration_flops: f64,
     /// Bytes that the preparation moves.
     pub prepare_bytes: f64,
+    /// Floating-point operations of the factor of the coarse matrix.
+    pub coarse_flops: f64,
     /// Bytes of memory held.
     pub bytes: u64,
 }
@@ -70,6 +76,7 @@ impl Pcg {
         let zeros = || vec![0.0; length];
         Self {
             preconditioner: BlockPreconditioner::new(&matrix.pattern, preconditioner),
+            coarse: Coarse::new(&matrix.pattern),
             matrix,
             vectors: Vectors {
                 solution: zeros(),
@@ -83,20 +90,25 @@ impl Pcg {
     }
 
     /// Takes A = M + cK (M = diag(mass), zero if empty) and builds the preconditioner; returns the kind that was
-    /// built.
+    /// built. The coarse space consists of the rigid motions at `positions` of the free coordinates, m.
     ///
     /// # Errors
-    /// Returns an error if a diagonal block is not positive definite.
+    /// Returns an error if a diagonal block is not positive definite, or A is not positive definite on the coarse space.
     ///
     /// # Panics
-    /// If k has another pattern.
+    /// If k has another pattern, or `positions` has another length than its free coordinates.
     pub fn prepare(
         &mut self,
         mass: &[f64],
         c: f64,
         k: &SymmetricMatrix,
+        positions: &[f64],
     ) -> Result<Preconditioner, NotPositiveDefinite> {
+        assert_eq!(positions.len(), k.free_count(), "one position per free coordinate");
         self.set_matrix(mass, c, k);
+        if let Some(coarse) = &mut self.coarse {
+            coarse.prepare(&self.matrix, positions)?;
+        }
         self.preconditioner.prepare(&self.matrix).map_err(|row| {
             let block = self.matrix.pattern.block;
             let coordinates = &self.matrix.pattern.free_of[row * block..(row + 1) * block];
@@ -127,10 +139,14 @@ impl Pcg {
         tolerance: f64,
         max_iterations: u32,
     ) -> Result<PcgReport, SolverError> {
-        let Self { matrix, preconditioner, vectors } = self;
+        let Self { matrix, preconditioner, vectors, coarse } = self;
         let pattern = &matrix.pattern;
-        let apply =
-            |r: &[f64], z: &mut [f64], scratch: &mut [f64]| preconditioner.apply(pattern, r, z, scratch);
+        let apply = |r: &[f64], z: &mut [f64], scratch: &mut [f64]| {
+            preconditioner.apply(pattern, r, z, scratch);
+            if let Some(coarse) = coarse {
+                coarse.add_correction(r, z);
+            }
+        };
         iterate(matrix, vectors, apply, (rhs, x), tolerance, max_iterations)
     }
 
@@ -174,11 +190,23 @@ impl Pcg {
         let whole = 2.0 * entries - pattern.row_count() as f64;
         let preconditioner = self.preconditioner.bytes() as f64;
         let vectors = 5 * 8 * pattern.free_of.len();
+        let (factor, motions) = match &self.coarse {
+            Some(coarse) => (coarse.factor_facts(), coarse.bytes()),
+            None => (FactorFacts::default(), 0),
+        };
         PcgFacts {
-            iteration_bytes: whole * (8.0 * area + 8.0) + 2.0 * preconditioner + 12.0 * 8.0 * length,
-            iteration_flops: 2.0 * area * whole + 0.5 * preconditioner + 10.0 * length,
-            prepare_bytes: 16.0 * area * entries + 3.0 * preconditioner,
-            bytes: (self.matrix.bytes() + self.preconditioner.bytes() + vectors) as u64,
+            iteration_bytes: whole * (8.0 * area + 8.0)
+                + 2.0 * preconditioner
+                + 12.0 * 8.0 * length
+                + 2.0 * motions as f64
+                + factor.solve_bytes,
+            iteration_flops: 2.0 * area * whole
+                + 0.5 * (preconditioner + motions as f64 + factor.solve_bytes)
+                + 10.0 * length,
+            prepare_bytes: 16.0 * area * entries + 3.0 * preconditioner + 4.0 * motions as f64,
+            coarse_flops: factor.flops,
+            bytes: (self.matrix.bytes() + self.preconditioner.bytes() + vectors + motions) as u64
+                + factor.bytes,
         }
     }
 }

@@ -181,12 +181,14 @@ impl Inverse {
             Reason::Newton => count.factorizations_newton += 1,
         }
         let mut work = Work::default();
+        let mut positions = vec![0.0; system.coordinates().free_count()];
+        system.coordinates().coordinates_of(evaluator.positions(), &mut positions);
         let hessian = evaluator.hessian(system, kind)?;
         let made = match &mut self.summed {
-            None => self.linear.make(system, system.free_mass(), c, hessian, &mut work),
+            None => self.linear.make(system, system.free_mass(), c, hessian, &positions, &mut work),
             Some(Summed { mass, sum }) => {
                 let matrix = MatrixSum::of(sum, &[(1.0, mass), (c, hessian)])?;
-                self.linear.make(system, &[], 1.0, matrix, &mut work)
+                self.linear.make(system, &[], 1.0, matrix, &positions, &mut work)
             }
         };
         evaluator.work += work;

@@ -18,6 +18,13 @@ fn wave(n: usize) -> Vec<f64> {
     (0..n).map(|k| (1.3 * k as f64).sin()).collect()
 }
 
+/// Returns the positions of the free coordinates.
+fn places(system: &System, x: &[f64]) -> Vec<f64> {
+    let mut places = vec![0.0; system.coordinates().free_count()];
+    system.coordinates().restrict(x, &mut places);
+    places
+}
+
 fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     let scale = b.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     a.iter().zip(b).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs())) / scale
@@ -34,7 +41,7 @@ fn check(system: &System, x: &[f64], c: f64) {
     let mut counts = Vec::new();
     for kind in KINDS {
         let mut pcg = Pcg::new(&k, kind);
-        assert_eq!(pcg.prepare(system.free_mass(), c, &k).unwrap(), kind);
+        assert_eq!(pcg.prepare(system.free_mass(), c, &k, &places(system, x)).unwrap(), kind);
         let report = pcg.solve(&b, &mut solution, 1e-11, 1000).unwrap();
         assert!(largest_difference(&solution, &expected) < 1e-9, "{kind:?} {report:?}");
         counts.push(report.iterations);
@@ -121,12 +128,12 @@ fn what_does_not_converge_or_is_indefinite_is_an_error() {
     let b = wave(k.free_count());
     let mut solution = vec![0.0; b.len()];
     let mut pcg = Pcg::new(k, Preconditioner::BlockJacobi);
-    pcg.prepare(mass, 100.0, k).unwrap();
+    pcg.prepare(mass, 100.0, k, &places(&system, &x)).unwrap();
     let error = pcg.solve(&b, &mut solution, 1e-10, 3).unwrap_err();
     assert!(matches!(error, SolverError::ConjugateGradients { iterations: 3, .. }));
     let compressed: Vec<f64> = x.iter().map(|x| 0.3 * x).collect();
     let k = assembler.hessian(&compressed, 0.0, HessianEvaluation::Exact).unwrap();
-    assert!(pcg.prepare(mass, 100.0, k).is_err());
+    assert!(pcg.prepare(mass, 100.0, k, &places(&system, &compressed)).is_err());
     // A positive definite preconditioner does not hide an indefinite matrix.
     let k = assembler.hessian(&x, 0.0, HessianEvaluation::Exact).unwrap();
     let mut factor = Factor::new(k).unwrap();
@@ -146,7 +153,7 @@ fn bits_do_not_depend_on_threads() {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
                 let mut pcg = Pcg::new(&k, kind);
-                pcg.prepare(system.free_mass(), 5.0, &k).unwrap();
+                pcg.prepare(system.free_mass(), 5.0, &k, &places(&system, &x)).unwrap();
                 let mut solution = b.clone();
                 pcg.solve(&b, &mut solution, 1e-8, 500).unwrap();
                 solution.into_iter().map(f64::to_bits).collect::<Vec<_>>()
@@ -154,4 +161,57 @@ fn bits_do_not_depend_on_threads() {
         };
         assert!(run(1) == run(2), "{kind:?}");
     }
+}
+
+/// Returns the place of a cell of a grid on Morton's curve.
+fn morton(at: &[f64]) -> u64 {
+    (0..30).map(|bit| ((at[bit % 3] as u64 >> (bit / 3)) & 1) << bit).sum()
+}
+
+/// Returns the number of iterations for a clamped bar of 4n × n × n cells without mass, numbered along a curve.
+fn iterations(n: usize) -> u32 {
+    let (grid, mut nodes) = block([4 * n, n, n]);
+    let mut order: Vec<usize> = (0..grid.len() / 3).collect();
+    order.sort_by_key(|&node| morton(&grid[3 * node..3 * node + 3]));
+    let mut place = vec![0; order.len()];
+    order.iter().zip(0..).for_each(|(&node, k)| place[node] = k);
+    nodes.iter_mut().for_each(|node| *node = place[*node as usize]);
+    let x: Vec<f64> = order.iter().flat_map(|&node| grid[3 * node..3 * node + 3].to_vec()).collect();
+    let clamp = (0..x.len() as u32).filter(|&dof| x[dof as usize / 3 * 3] == 0.0).collect();
+    let coordinates = Coordinates::new(x.len(), fixed(&x, clamp)).unwrap();
+    let springs = Springs::new(4, nodes, 1.0, &x);
+    let system = System::new(vec![1.0; x.len()], vec![Box::new(springs)], coordinates).unwrap();
+    let k = hessian(&system, &x);
+    let mut pcg = Pcg::new(&k, Preconditioner::BlockIncompleteCholesky);
+    pcg.prepare(&[], 1.0, &k, &places(&system, &x)).unwrap();
+    let mut solution = vec![0.0; k.free_count()];
+    pcg.solve(&wave(k.free_count()), &mut solution, 1e-8, 1000).unwrap().iterations
+}
+
+#[test]
+fn iterations_stay_bounded_when_a_mesh_is_refined() {
+    let counts = [8, 12, 18, 24].map(iterations);
+    let [least, most] = [counts.iter().min().unwrap(), counts.iter().max().unwrap()];
+    assert!(4 * most <= 5 * least, "{counts:?}");
+}
+
+#[test]
+fn the_coarse_space_serves_bodies_that_are_not_connected() {
+    let (one, mut nodes) = block([10, 6, 6]);
+    let count = one.len() as u32 / 3;
+    let other: Vec<u32> = nodes.iter().map(|node| node + count).collect();
+    nodes.extend(other);
+    // The nodes of the two bodies alternate in the numbering.
+    let alternate = |node: u32| if node < count { 2 * node } else { 2 * (node - count) + 1 };
+    nodes.iter_mut().for_each(|node| *node = alternate(*node));
+    let mut x = Vec::new();
+    for node in one.chunks(3) {
+        x.extend_from_slice(node);
+        x.extend([node[0], node[1], node[2] + 20.0]);
+    }
+    let clamp = (0..x.len() as u32).filter(|&dof| x[dof as usize / 3 * 3] == 0.0).collect();
+    let coordinates = Coordinates::new(x.len(), fixed(&x, clamp)).unwrap();
+    let springs = Springs::new(4, nodes, 1.0, &x);
+    let system = System::new(vec![1.0; x.len()], vec![Box::new(springs)], coordinates).unwrap();
+    check(&system, &x, 1e4);
 }
