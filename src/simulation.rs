@@ -7,6 +7,7 @@ mod between;
 mod contact;
 mod contact_fields;
 mod crossing;
+mod failure;
 mod march;
 pub mod matrices;
 mod measure;

@@ -4,10 +4,11 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use vi_contact::{ContactTerm, PairRule, RollingTerm, SurfaceBuilder, median_edge};
+use vi_contact::{ContactTerm, Gap, PairRule, RollingTerm, SurfaceBuilder, median_edge};
 use vi_core::{Live, State, System};
 
 use super::meeting::{Meeting, name_of};
+use super::naming::part_in_words;
 use super::outline::outline;
 use super::parting::{Parted, Start, THINNEST};
 use super::{BodyModel, RigidModel};
@@ -148,15 +149,20 @@ pub(super) fn contact(
         parted.extend(moved);
         x = system.positions(state);
     }
-    let mut near = found.at(&x).smallest_gaps(&x);
+    let gaps = found.at(&x);
+    let mut near = gaps.smallest_gaps(&x);
     // Bodies that start inside each other's layer would be pushed apart, so their layer is reduced to the initial gap.
     let layer = |[a, b]: [u32; 2]| parts[a as usize].distance.min(parts[b as usize].distance);
     let thinnest = |pair: [u32; 2]| match contact.distance {
         None if pair[0] != pair[1] => THINNEST * layer(pair),
         _ => 0.0,
     };
-    if let Some(message) = touching(scene, &numbers, &near, thinnest) {
-        return Err(wrong(message));
+    let thin =
+        |gap: &Gap| gap.gap <= thinnest([gap.bodies[0].min(gap.bodies[1]), gap.bodies[0].max(gap.bodies[1])]);
+    if let Some(gap) = gaps.contact().gaps(&x).filter(thin).min_by(|a, b| a.gap.total_cmp(&b.gap)) {
+        let parts = [0, 1].map(|side: usize| part_in_words(bodies, rigids, component, &gap.nodes[side]));
+        let pair = gap.bodies.map(|body| name_of(scene, numbers[body as usize]));
+        return Err(wrong(touching(pair, &parts, gap.gap, thinnest(gap.bodies))));
     }
     near.retain(|&pair, gap| pair[0] != pair[1] && contact.distance.is_none() && *gap < layer(pair));
     if !near.is_empty() {
@@ -338,23 +344,20 @@ fn hold(
     }
 }
 
-/// Returns a message if surfaces touch at the start, or if their gap is not above `thinnest` (m) of the pair.
-fn touching(
-    scene: &Scene,
-    numbers: &[usize],
-    gaps: &Distances,
-    thinnest: impl Fn([u32; 2]) -> f64,
-) -> Option<String> {
-    let (&pair, gap) = gaps.iter().find(|(pair, gap)| **gap <= thinnest(**pair))?;
-    let [a, b] = pair.map(|body| name_of(scene, numbers[body as usize]));
-    let least = thinnest(pair);
+/// Returns the message for two parts that touch at the start, or whose gap is not above `least` (m).
+fn touching([a, b]: [&str; 2], [first, second]: &[String; 2], gap: f64, least: f64) -> String {
     let who = match a == b {
         true => format!("'{a}' meets itself"),
-        false if *gap > 0.0 => format!("'{a}' and '{b}' are closer than {least:.3e} m"),
+        false if gap > 0.0 => format!("'{a}' and '{b}' are closer than {least:.3e} m"),
         false => format!("'{a}' and '{b}' meet"),
     };
-    Some(format!(
-        "{who} at the start (gap {gap:.3e} m, after the thickness of sheets): move them apart, let `contact.resolve = true` \
-         do it, or list the pair in `contact.exclude`"
-    ))
+    let ways = match a == b {
+        true => "move its parts apart, or write `contact.self = false`".to_owned(),
+        false => format!(
+            "move them apart, let `contact.resolve = true` do it, or write `contact.exclude = [[\"{a}\", \"{b}\"]]`"
+        ),
+    };
+    format!(
+        "{who} at the start: the gap of {first} and {second} is {gap:.3e} m, after the thickness of sheets; {ways}"
+    )
 }

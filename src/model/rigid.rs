@@ -77,7 +77,7 @@ impl RigidModel {
     }
 
     /// Iterates over the nodes of the component that move with it.
-    pub(super) fn nodes(&self) -> impl Iterator<Item = u32> + use<> {
+    pub(super) fn nodes(&self) -> std::ops::Range<u32> {
         self.node as u32..(self.node + self.node_count) as u32
     }
 

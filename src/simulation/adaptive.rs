@@ -13,7 +13,7 @@
 use vi_core::{State, System};
 use vi_solvers::{Frequencies, Method, SolverError, StepError};
 
-use super::march::{Check, Course, Cut, March, march};
+use super::march::{Check, Course, Cut, Failure, March, march};
 use crate::record::record;
 use crate::scene::Time;
 
@@ -124,11 +124,12 @@ impl Adaptive {
         (h, end): (f64, f64),
         cut: Cut,
         mut check: Option<Check<'_>>,
-    ) -> Result<(March, AdaptiveCounts), StepError> {
+    ) -> Result<(March, AdaptiveCounts), Failure> {
         let Course { stepper, system, state, pace } = course;
         let before = (state.clone(), *pace);
         let start = state.t;
-        let failed = |cause| StepError { t: start, h, cause };
+        let failed =
+            |cause| Failure { error: StepError { t: start, h, cause }, from: Box::new(before.0.clone()) };
         let at_start = self.density(asked, system, state).map_err(failed)?;
         let mut number = level(h * at_start);
         let mut tried: Vec<u64> = Vec::new();

@@ -5,10 +5,9 @@ use vi_core::{State, System};
 use vi_solvers::{Assembler, SolverError, StepError};
 
 use super::adaptive::{AdaptiveCounts, Asked};
-use super::march::{self, Course, Cut, March, march};
+use super::march::{self, Course, Cut, Failure, March, march};
 use super::pace::Pace;
 use super::{Component, ContactFacts, Simulation};
-use crate::model::BodyModel;
 
 /// Largest number of steps that are made together, so that a caller can interrupt.
 pub(crate) const TOGETHER: u64 = 16;
@@ -42,7 +41,7 @@ impl Simulation {
         let further = self.scene.time.substeps && !is_static && !self.has_explicit_contact();
         let cut = Cut { parts: self.parts, further };
         let adaptive = self.adaptive;
-        let advance = |component: &mut Component| -> Result<(March, AdaptiveCounts), StepError> {
+        let advance = |component: &mut Component| -> Result<(March, AdaptiveCounts), Failure> {
             let Component { system, state, stepper, pace, observer, has_domain, asked, .. } = component;
             let Some(stepper) = stepper else {
                 state.t = end;
@@ -67,7 +66,8 @@ impl Simulation {
         let mut total = Stepped::default();
         let mut finest = self.parts;
         for (number, result) in on_all(&mut self.components, advance).into_iter().enumerate() {
-            let (done, counts) = result.map_err(|error| in_numbers_of_meshes(&self.bodies, number, error))?;
+            let (done, counts) =
+                result.map_err(|failure| self.explain(number, failure.error, &failure.from))?;
             total.iterations += done.iterations;
             total.energy += done.energy;
             total.substeps += done.substeps;
@@ -124,12 +124,16 @@ impl Simulation {
     fn step_along_path(&mut self) -> Result<Stepped, StepError> {
         let h = self.h;
         let mut stepped = Stepped::default();
-        for (number, component) in self.components.iter_mut().enumerate() {
-            let Component { system, state, stepper, .. } = component;
+        for number in 0..self.components.len() {
+            let Component { system, state, stepper, .. } = &mut self.components[number];
             if let Some(stepper) = stepper {
-                let report = stepper
-                    .step(system, state, h)
-                    .map_err(|error| in_numbers_of_meshes(&self.bodies, number, error))?;
+                let report = match stepper.step(system, state, h) {
+                    Ok(report) => report,
+                    Err(error) => {
+                        let from = state.clone();
+                        return Err(self.explain(number, error, &from));
+                    }
+                };
                 stepped.iterations += u64::from(report.iterations);
                 stepped.energy += report.energy;
             }
@@ -212,18 +216,6 @@ fn joins_steps(component: &Component) -> bool {
         let unseen = *has_domain && !stepper.sees_end();
         !unseen && pace.is_whole() && stepper.joins_steps(system)
     })
-}
-
-/// Converts the coordinate in a component's error to the numbering of the bodies' own meshes.
-fn in_numbers_of_meshes(bodies: &[BodyModel], component: usize, mut error: StepError) -> StepError {
-    if let SolverError::NotFinite { dof, .. } = &mut error.cause {
-        let body = bodies.iter().filter(|body| body.component == component).find_map(|body| {
-            let number = (*dof / 3).checked_sub(body.node_offset)? as u32;
-            Some(body.node_offset + body.numbering.node(number)? as usize)
-        });
-        *dof = body.map_or(*dof, |node| 3 * node + *dof % 3);
-    }
-    error
 }
 
 /// Checks that all terms have a finite energy at a state.

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use serde_json::{Value, json};
-use vi_contact::{ContactPotential, ContactTerm};
+use vi_contact::{ContactPotential, ContactTerm, Gap};
 use vi_core::Impulse;
 
 use crate::model::ContactModel;
@@ -150,9 +150,40 @@ impl ContactWatch {
         sum
     }
 
+    /// Returns the number in the scene of a body of the term.
+    pub(super) fn number_of(&self, body: u32) -> usize {
+        self.bodies[body as usize]
+    }
+
+    /// Returns the nodes of the pair that meets first if all nodes move straight from x to `end`; `None` if none meets.
+    pub(super) fn first_to_meet(&self, x: &[f64], end: &[f64]) -> Option<[u32; 4]> {
+        let farthest = x.iter().zip(end).map(|(x, end)| (end - x).abs()).fold(0.0, f64::max);
+        let near = self.term.about(x, 2.0 * farthest.max(self.term.distance()));
+        near.contact().first_impact(x, end).map(|impact| impact.nodes)
+    }
+
+    /// Returns the candidate with these nodes at positions x, or the one whose gap is the smallest fraction of its layer;
+    /// `None` if there are no candidates.
+    pub(super) fn tightest(&self, x: &[f64], nodes: Option<[u32; 4]>) -> Option<Gap> {
+        if let Some(nodes) = nodes {
+            let place = |node: u32| [0, 1, 2].map(|axis| x[3 * node as usize + axis]);
+            let apart = |node: u32| {
+                let (a, b) = (place(nodes[0]), place(node));
+                (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
+            };
+            let reach = nodes.into_iter().map(apart).fold(self.term.distance(), f64::max);
+            let near = self.term.about(x, reach);
+            let found = near.contact().gaps(x).find(|gap| gap.has_nodes(&nodes));
+            if found.is_some() {
+                return found;
+            }
+        }
+        let near = self.term.at(x);
+        near.contact().gaps(x).min_by(|a, b| (a.gap / a.distance).total_cmp(&(b.gap / b.distance)))
+    }
+
     /// Returns the constants of contact between two bodies with these numbers in the scene; `None` if they do not meet
     /// in this component.
-    #[cfg(feature = "cli")]
     pub(crate) fn law(&self, first: usize, second: usize) -> Option<vi_contact::Law> {
         let number = |body| Some(self.bodies.iter().position(|&other| other == body)? as u32);
         self.term.surface().law(number(first)?, number(second)?)

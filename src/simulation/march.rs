@@ -70,6 +70,13 @@ fn is_dear(report: &StepReport) -> bool {
     work.descents > 0 || (work.factorizations_slow >= DEAR && work.pair_forces == 0)
 }
 
+/// A step that failed, and the state from which its last part began.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    pub(crate) error: StepError,
+    pub(crate) from: Box<State>,
+}
+
 /// A component on its course.
 pub(crate) struct Course<'a> {
     pub(crate) stepper: &'a mut dyn Stepper,
@@ -81,14 +88,14 @@ pub(crate) struct Course<'a> {
 /// Advances the state by h (s), to the time `end`.
 ///
 /// # Errors
-/// Returns the error of the smallest substep tried; state and pace are then unchanged.
+/// Returns the failure of the smallest substep tried; state and pace are then unchanged.
 pub(crate) fn march(
     course: Course<'_>,
     h: f64,
     end: f64,
     cut: Cut,
     check: Option<Check<'_>>,
-) -> Result<March, StepError> {
+) -> Result<March, Failure> {
     let Course { stepper, system, state, pace } = course;
     let mut stepper = Checked { stepper, check };
     let mut done = March { finest: 1, ..March::default() };
@@ -119,10 +126,11 @@ pub(crate) fn march(
             }
             Err(error) if cut.further && error.smaller_step_may_help() && next.fail() => {}
             Err(error) => {
-                if let Some(before) = before {
-                    *state = before;
-                }
-                return Err(error);
+                let from = match before {
+                    Some(before) => std::mem::replace(state, before),
+                    None => state.clone(),
+                };
+                return Err(Failure { error, from: Box::new(from) });
             }
         }
     }

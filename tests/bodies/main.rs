@@ -4,6 +4,7 @@ mod consistent_mass;
 mod contact;
 mod contact_cases;
 mod contact_conformance;
+mod contact_failures;
 mod contact_scenes;
 mod equilibria;
 mod parts;

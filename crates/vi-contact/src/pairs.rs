@@ -18,11 +18,13 @@ mod chord;
 mod clusters;
 mod edges;
 mod energy;
+mod gaps;
 mod groups;
 mod step;
 
 pub use clusters::clusters;
 pub use energy::{ActivePair, Blend};
+pub use gaps::Gap;
 pub use step::{StepPair, StepSettings};
 
 use crate::broad_phase::Neighbours;

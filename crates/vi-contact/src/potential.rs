@@ -72,8 +72,9 @@ impl ContactTerm {
         found
     }
 
-    /// Returns the contact about x. If a known list is valid there, candidates are chosen from it; they are the same.
-    fn about(&self, x: &[f64], reach: f64) -> ContactPotential {
+    /// Returns the contact about x, valid until a node is farther than `reach` (m) from there. If a known list is valid
+    /// there, candidates are chosen from it; they are the same.
+    pub fn about(&self, x: &[f64], reach: f64) -> ContactPotential {
         let tube = Tube::about(x, reach);
         let known = lock(&self.search)
             .as_ref()

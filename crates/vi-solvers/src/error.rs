@@ -68,10 +68,11 @@ pub enum SolverError {
     },
     /// The straight path of a step would make surfaces pass through each other, and so would every other path that
     /// was tried.
-    #[error(
-        "surfaces would pass through each other in this step: something moves too far at once; a smaller step helps"
-    )]
-    Crossing,
+    #[error("surfaces would pass through each other in this step: something moves too far at once")]
+    Crossing {
+        /// The nodes of a pair that would; the last one is repeated if there are fewer.
+        nodes: [u32; 4],
+    },
     /// A number is not finite although no term reports a fault: the step is far too large.
     #[error("{what} is not finite (at coordinate {dof})")]
     NotFinite {
@@ -147,6 +148,8 @@ pub enum SolverError {
         increment: f64,
         /// Lowest ω² of the last equilibrium, 1/s²; it is near zero at a limit point.
         lowest: Option<f64>,
+        /// The last equilibrium.
+        last: Box<vi_core::State>,
         /// The reason why that increment failed.
         cause: Box<SolverError>,
     },
@@ -181,13 +184,24 @@ pub enum SolverError {
     /// through another one.
     #[error(
         "a term allows only {part} of the way to load factor {load_factor}; use smaller increments \
-         (`static.increment`)"
+         (`time.step`)"
     )]
     Blocked {
         /// The requested load factor.
         load_factor: f64,
         /// The fraction of the way that is allowed, below 1.
         part: f64,
+        /// The nodes of a pair that would meet on the way, if that is the reason; the last one is repeated if there are
+        /// fewer.
+        nodes: Option<[u32; 4]>,
+    },
+    /// A step of bodies in contact failed.
+    #[error("{cause}; {pair}")]
+    InContact {
+        /// The reason.
+        cause: Box<SolverError>,
+        /// The pair of surfaces at which it failed, and what to change.
+        pair: Box<PairInContact>,
     },
     /// No equilibrium was found for a new value of the quantity that controls the path, however little it changes.
     #[error(
@@ -279,6 +293,54 @@ pub enum SolverError {
         /// The reason, and what to write instead.
         reason: String,
     },
+}
+
+/// A pair of surfaces at which a step failed.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error(
+    "in contact, the gap of {} and {} at {} is {gap:.3e} m, of a layer of {layer:.3e} m: {way_out}",
+    .parts[0], .parts[1], in_metres(.place)
+)]
+pub struct PairInContact {
+    /// Names of both bodies.
+    pub bodies: [String; 2],
+    /// Both parts in words, with their nodes and bodies.
+    pub parts: [String; 2],
+    /// Position of a node of the first part, m.
+    pub place: [f64; 3],
+    /// The gap at the start of the step that failed, m.
+    pub gap: f64,
+    /// The distance d̂ below which the parts press on each other, m.
+    pub layer: f64,
+    /// What to write in the scene instead.
+    pub way_out: String,
+}
+
+impl SolverError {
+    /// Returns the nodes of the pair that stopped a path, if that is the cause.
+    pub fn obstacle(&self) -> Option<[u32; 4]> {
+        match self {
+            Self::Crossing { nodes } => Some(*nodes),
+            Self::Blocked { nodes, .. } => *nodes,
+            Self::Equilibrium { cause, .. }
+            | Self::ArcStep { cause, .. }
+            | Self::ControlStep { cause, .. }
+            | Self::InContact { cause, .. } => cause.obstacle(),
+            _ => None,
+        }
+    }
+
+    /// Returns the error without the pair in contact that was added to it.
+    pub fn without_contact(&self) -> &Self {
+        match self {
+            Self::InContact { cause, .. } => cause,
+            other => other,
+        }
+    }
+}
+
+fn in_metres([x, y, z]: &[f64; 3]) -> String {
+    format!("({x:.4}, {y:.4}, {z:.4}) m")
 }
 
 /// A pivot of a matrix is not positive, so that no Cholesky factor exists.

@@ -27,7 +27,7 @@ pub use equilibrium::nodal_forces::{accelerations, external_forces, net_forces, 
 pub use equilibrium::options::{CriticalKind, CriticalPoint, LoadStep, StaticOptions, StaticReport};
 pub use equilibrium::path_following::{PathControl, path_following};
 pub use equilibrium::quasi_static::quasi_static;
-pub use error::{NotPositiveDefinite, SolverError, TermFault};
+pub use error::{NotPositiveDefinite, PairInContact, SolverError, TermFault};
 pub use linear::cost::UnitCosts;
 pub use linear::factor::{Factor, FactorFacts, SingleFactor};
 pub use linear::matrix::SymmetricMatrix;

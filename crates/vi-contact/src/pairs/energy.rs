@@ -1,7 +1,5 @@
 //! The contact energy at one configuration, with gradient and Hessian of each acting pair.
 
-use std::collections::BTreeMap;
-
 use rayon::prelude::*;
 
 use super::edges::Mollifier;
@@ -203,44 +201,6 @@ impl Contact<'_> {
     /// Returns C(x), J; infinite if surfaces touch.
     pub fn energy(&self, x: &[f64]) -> f64 {
         self.active(x).iter().map(|pair| pair.energy).sum()
-    }
-
-    /// Returns the smallest gap of all candidates at x, m; infinite if there are none.
-    pub fn smallest_gap(&self, x: &[f64]) -> f64 {
-        self.smallest_gaps(x).into_values().fold(f64::INFINITY, f64::min)
-    }
-
-    /// Returns the smallest gap (m) of the candidates of each pair of bodies at x, by the numbers of both bodies.
-    pub fn smallest_gaps(&self, x: &[f64]) -> BTreeMap<[u32; 2], f64> {
-        let points = self.neighbours.starts.windows(2).enumerate().flat_map(|(point, range)| {
-            let part = self.surface.points[point];
-            self.neighbours.cells[range[0] as usize..range[1] as usize].iter().map(move |&cell| {
-                let cell = &self.surface.cells[cell as usize];
-                let [a, b, c] = cell.nodes;
-                let distance = cell.shape().closest(&[part.node, a, b, c].map(|node| at(x, node))).distance();
-                let gauge = self.surface.point_gauge(point, cell.body);
-                (distance - gauge.map_or(0.0, |gauge| gauge.thickness), [part.body, cell.body])
-            })
-        });
-        let edges = self.neighbours.edges.iter().map(|pair| {
-            let nodes = self.edge_nodes(pair.edges);
-            let distance = Shape::EdgeEdge.closest(&nodes.map(|node| at(x, node))).distance();
-            let bodies = pair.edges.map(|edge| self.surface.edges[edge as usize].body);
-            (distance - pair.gauge.thickness, bodies)
-        });
-        let planes = self.neighbours.planes.iter().map(|&[point, plane]| {
-            let gauge = self.surface.plane_gauge(point as usize, plane as usize);
-            let height = self.height(point, plane, x);
-            let bodies =
-                [self.surface.points[point as usize].body, self.surface.half_spaces[plane as usize].body];
-            (height - gauge.map_or(0.0, |gauge| gauge.thickness), bodies)
-        });
-        let mut smallest = BTreeMap::new();
-        for (gap, [a, b]) in points.chain(edges).chain(planes) {
-            let least = smallest.entry([a.min(b), a.max(b)]).or_insert(f64::INFINITY);
-            *least = gap.min(*least);
-        }
-        smallest
     }
 
     /// Adds the pairs that act on one point to `out`.

@@ -297,20 +297,23 @@ impl LiveSum {
         self.passage.take_smallest_gap()
     }
 
-    /// Returns whether all terms allow the straight path from `start` to `end`. A term may keep a margin relative to
-    /// the start of a step; then the rest of the path is checked again from the point that the term allows.
-    pub(crate) fn is_path_free(&mut self, start: &[f64], end: &[f64]) -> bool {
+    /// Returns the nodes of a pair that obstructs the straight path from `start` to `end`; `None` if all terms allow it. A
+    /// term may keep a margin relative to the start of a step; then the rest of the path is checked again from the point
+    /// that the term allows.
+    pub(crate) fn obstacle(&mut self, start: &[f64], end: &[f64]) -> Option<[u32; 4]> {
         const ASKED: usize = 4;
         let mut x = start.to_vec();
         for _ in 0..ASKED {
             let dx: Vec<f64> = x.iter().zip(end).map(|(x, end)| end - x).collect();
             let part = self.largest_step(&x, &dx, None);
             if part >= 1.0 {
-                return true;
+                return None;
             }
             x.iter_mut().zip(&dx).for_each(|(x, dx)| *x += part * dx);
         }
-        false
+        let (meetings, _) = self.meetings(&x, [&x, end]);
+        let first = meetings.into_iter().min_by(|a, b| a.part.total_cmp(&b.part));
+        Some(first.map_or([0; 4], |meeting| meeting.nodes))
     }
 
     /// Adds G(start, end) of the terms that act by a discrete gradient.

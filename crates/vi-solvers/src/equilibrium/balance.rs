@@ -118,7 +118,13 @@ impl<'a> Balance<'a> {
         self.go_to(&from.q, from.t);
         dx.iter_mut().zip(&self.x).for_each(|(dx, x)| *dx -= x);
         let part = self.assembler.largest_step(&self.x, &dx, None);
-        if part < 1.0 { Err(SolverError::Blocked { load_factor: t, part }) } else { Ok(()) }
+        if part >= 1.0 {
+            return Ok(());
+        }
+        let end: Vec<f64> = self.x.iter().zip(&dx).map(|(x, dx)| x + dx).collect();
+        let met = self.assembler.live().map(|live| live.meetings(&self.x, [&self.x, &end]).0);
+        let first = met.unwrap_or_default().into_iter().min_by(|a, b| a.part.total_cmp(&b.part));
+        Err(SolverError::Blocked { load_factor: t, part, nodes: first.map(|meeting| meeting.nodes) })
     }
 
     /// Returns V(q, t), J; infinite outside the domain of a term.

@@ -194,6 +194,7 @@ impl Search<'_> {
     fn no_equilibrium(&mut self, state: &State, increment: f64, cause: SolverError) -> SolverError {
         let t = state.t;
         let lowest = critical::lowest(&mut self.balance, &state.q, t).ok().map(|mode| mode.0);
-        SolverError::Equilibrium { load_factor: t, increment, lowest, cause: Box::new(cause) }
+        let last = Box::new(state.clone());
+        SolverError::Equilibrium { load_factor: t, increment, lowest, last, cause: Box::new(cause) }
     }
 }

@@ -142,7 +142,7 @@ impl StepError {
                 | SolverError::NotFinite { at_start: false, .. }
                 | SolverError::NoConvergence { .. }
                 | SolverError::Budget { .. }
-                | SolverError::Crossing
+                | SolverError::Crossing { .. }
                 | SolverError::NotPositiveDefinite(_)
                 | SolverError::NegativeCurvature { .. }
                 | SolverError::ConjugateGradients { .. }

@@ -157,8 +157,8 @@ impl Evaluator {
         let (Some([start, end]), Some(live)) = (&self.ends, self.assembler.live()) else {
             return Ok(StepOutcome::default());
         };
-        if !live.is_path_free(start, end) {
-            return Err(SolverError::Crossing);
+        if let Some(nodes) = live.obstacle(start, end) {
+            return Err(SolverError::Crossing { nodes });
         }
         Ok(live.close_step(start, end))
     }

@@ -154,8 +154,11 @@ impl Touching {
     /// Checks that the straight path from the start to the end is free.
     fn check_path(&mut self) -> Result<(), SolverError> {
         self.work.path_checks += self.lists.count();
-        let meets = |term: &Arc<dyn Potential>| !term.meetings(&self.x_start, &self.x_end).is_empty();
-        if self.lists.terms().iter().any(meets) { Err(SolverError::Crossing) } else { Ok(()) }
+        let terms = self.lists.terms().iter();
+        match terms.flat_map(|term| term.meetings(&self.x_start, &self.x_end)).next() {
+            Some(meeting) => Err(SolverError::Crossing { nodes: meeting.nodes }),
+            None => Ok(()),
+        }
     }
 
     /// Shortens the change `delta` of the coordinates `from`, node by node, until no pair meets on the path. Returns true
