@@ -167,7 +167,7 @@ impl Simulation {
             let made = if system.coordinates().free_count() == 0 {
                 Ok(None)
             } else if let Some(statics) = &scene.statics {
-                let statics = statics.options(&scene.time);
+                let statics = statics.options(&scene.time, &scene.solver);
                 match path.take() {
                     Some(control) => {
                         vi_solvers::path_following(&system, statics, control, options.ledger).map(Some)

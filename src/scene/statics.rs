@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vi_solvers::StaticOptions;
 
-use super::{Axis, Time};
+use super::{Axis, Solver, Time};
 
 /// Default of the smallest increment, as a fraction of the end.
 const SMALLEST_INCREMENT: f64 = 1e-6;
@@ -79,7 +79,7 @@ impl Static {
     }
 
     /// Returns the options of the solver. Steps with given load factors set their own end and increments.
-    pub fn options(&self, time: &Time) -> StaticOptions {
+    pub fn options(&self, time: &Time, solver: &Solver) -> StaticOptions {
         let increment = time.steps().1;
         StaticOptions {
             end: time.end,
@@ -89,6 +89,7 @@ impl Static {
             smallest_increment: self.smallest_increment.unwrap_or(SMALLEST_INCREMENT * time.end),
             arc_steps: self.arc_steps,
             push: self.push,
+            linear: solver.linear.solver(),
             ..StaticOptions::default()
         }
     }

@@ -241,7 +241,7 @@ impl Time {
     }
 }
 
-/// The linear solver of implicit steps.
+/// The linear solver of implicit steps and of equilibria.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LinearChoice {
@@ -254,6 +254,18 @@ pub enum LinearChoice {
     CholeskyDouble,
     /// Preconditioned conjugate gradients.
     Pcg,
+}
+
+impl LinearChoice {
+    /// Returns the linear solver of this name.
+    pub fn solver(self) -> LinearSolver {
+        match self {
+            Self::Auto => LinearSolver::Auto,
+            Self::Cholesky => LinearSolver::Cholesky,
+            Self::CholeskyDouble => LinearSolver::CholeskyDouble,
+            Self::Pcg => LinearSolver::Pcg,
+        }
+    }
 }
 
 /// `[solver]`: how implicit equations are solved.
@@ -291,13 +303,7 @@ impl Solver {
 
     /// Returns the options for the solvers.
     pub fn options(&self) -> SolverOptions {
-        let linear = match self.linear {
-            LinearChoice::Auto => LinearSolver::Auto,
-            LinearChoice::Cholesky => LinearSolver::Cholesky,
-            LinearChoice::CholeskyDouble => LinearSolver::CholeskyDouble,
-            LinearChoice::Pcg => LinearSolver::Pcg,
-        };
-        SolverOptions { tolerance: self.tolerance, linear, ..SolverOptions::default() }
+        SolverOptions { tolerance: self.tolerance, linear: self.linear.solver(), ..SolverOptions::default() }
     }
 }
 

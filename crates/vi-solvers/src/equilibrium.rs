@@ -13,3 +13,4 @@ pub(crate) mod path_following;
 pub(crate) mod quasi_static;
 mod release;
 mod search;
+mod tangent_solver;

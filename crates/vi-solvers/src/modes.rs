@@ -12,6 +12,7 @@ use crate::error::SolverError;
 use crate::linear::lanczos::lowest_pairs;
 use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::pencil::Pencil;
+use crate::options::LinearSolver;
 use crate::vectors;
 
 /// Number and accuracy of the modes.
@@ -81,7 +82,7 @@ pub fn modes(
     }
     refuse_constraints("a search for modes", system)?;
     check_state(state, system)?;
-    let mut balance = Balance::new(system);
+    let mut balance = Balance::new(system, LinearSolver::Cholesky);
     let mut residual = vec![0.0; state.q.len()];
     balance.residual(&state.q, state.t, &mut residual)?;
     let stiffness = balance.tangent(&state.q, state.t, HessianEvaluation::Exact)?;

@@ -3,7 +3,7 @@
 use super::checker::Checker;
 use crate::scene::names::Names;
 use crate::scene::problem::some_of;
-use crate::scene::{Control, Scene, Static};
+use crate::scene::{Control, LinearChoice, Scene, Static};
 
 pub(super) fn statics(check: &mut Checker, scene: &Scene, names: &Names<'_>) {
     let Some(statics) = &scene.statics else { return };
@@ -28,6 +28,11 @@ fn path_of_equilibria(check: &mut Checker, scene: &Scene, statics: &Static, name
     }
     if statics.follows_path() && statics.push.is_some() {
         check.say("static.push", "leaves the path that `arc_steps` and `control` follow: remove this key");
+    }
+    if statics.follows_path() && scene.solver.linear == LinearChoice::Pcg {
+        let message = "conjugate gradients cannot follow a path through limit points, where the tangent is indefinite; \
+                       write \"cholesky\" or remove this key";
+        check.say("solver.linear", message);
     }
     let Some(control) = &statics.control else { return };
     check.finite("static.control.to", &[control.to()]);

@@ -1,25 +1,27 @@
-//! The equilibrium of a body at a load factor: residual, energy, tangent and its factor.
+//! The equilibrium of a body at a load factor: residual, energy, tangent, and solves with it.
 
 use vi_core::{State, System};
 
 use crate::assemble::assembler::Assembler;
 use crate::assemble::force_sum::ForceSum;
 use crate::assemble::hessian::HessianEvaluation;
+use crate::equilibrium::tangent_solver::TangentSolver;
 use crate::error::{NotPositiveDefinite, SolverError};
-use crate::linear::factor::Factor;
 use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::matrix_sum::MatrixSum;
 use crate::linear::minres::minimal_residual;
+use crate::options::LinearSolver;
 use crate::vectors;
 use crate::work::Work;
 
-/// r(q, t) = ∂V/∂q − f(x, 0, t), its tangent K, and a factor of K + σM.
+/// r(q, t) = ∂V/∂q − f(x, 0, t), its tangent K, and a solver for K + σM.
 pub(crate) struct Balance<'a> {
     pub(crate) system: &'a System,
     assembler: Assembler,
     forces: Option<ForceSum>,
     sum: Option<MatrixSum>,
-    factor: Option<Factor>,
+    linear: LinearSolver,
+    solver: Option<TangentSolver>,
     x: Vec<f64>,
     t: f64,
     still: Vec<f64>,
@@ -35,14 +37,15 @@ pub(crate) struct Balance<'a> {
 }
 
 impl<'a> Balance<'a> {
-    pub(crate) fn new(system: &'a System) -> Self {
+    pub(crate) fn new(system: &'a System, linear: LinearSolver) -> Self {
         let count = system.coordinates().dof_count();
         Self {
             system,
             assembler: Assembler::new(system),
             forces: ForceSum::new(system),
             sum: None,
-            factor: None,
+            linear,
+            solver: None,
             x: vec![0.0; count],
             t: 0.0,
             still: vec![0.0; count],
@@ -154,16 +157,17 @@ impl<'a> Balance<'a> {
         kind: HessianEvaluation,
     ) -> Result<&SymmetricMatrix, SolverError> {
         self.go_to(q, t);
-        self.work.hessians += 1;
-        self.work.projections += u64::from(kind == HessianEvaluation::Projected);
-        let k = self.assembler.hessian(&self.x, t, kind)?;
-        let Some(forces) = &mut self.forces else { return Ok(k) };
-        forces.evaluate(&self.x, &self.still, t);
-        let Some(load) = forces.stiffness(self.system) else { return Ok(k) };
-        MatrixSum::of(&mut self.sum, &[(1.0, k), (1.0, load)])
+        self.count_tangent(kind);
+        let Self { system, assembler, forces, sum, x, still, .. } = self;
+        tangent(system, assembler, (forces, sum), (x, still, t), kind)
     }
 
-    /// Factors K + σM at (q, t), σ in 1/s².
+    fn count_tangent(&mut self, kind: HessianEvaluation) {
+        self.work.hessians += 1;
+        self.work.projections += u64::from(kind == HessianEvaluation::Projected);
+    }
+
+    /// Factors K + σM at (q, t), σ in 1/s², or prepares conjugate gradients for it.
     ///
     /// # Errors
     /// The outer error is fatal; the inner one means that the matrix is not positive definite.
@@ -174,26 +178,41 @@ impl<'a> Balance<'a> {
         kind: HessianEvaluation,
         shift: f64,
     ) -> Result<Result<(), NotPositiveDefinite>, SolverError> {
-        for (out, mass) in self.shifted_mass.iter_mut().zip(self.system.free_mass()) {
+        self.go_to(q, t);
+        self.count_tangent(kind);
+        let Self { system, assembler, forces, sum, solver, linear, x, still, work, .. } = self;
+        let mass = system.free_mass();
+        for (out, mass) in self.shifted_mass.iter_mut().zip(mass) {
             *out = shift * mass;
         }
-        let mut factor = self.factor.take();
-        let mass = std::mem::take(&mut self.shifted_mass);
-        let mut diagonal = std::mem::take(&mut self.diagonal);
-        let k = self.tangent(q, t, kind)?;
-        k.diagonal(&mut diagonal);
-        let made = match &mut factor {
-            Some(factor) if factor.serves(k) => factor,
-            other => other.insert(Factor::new(k)?),
+        let k = tangent(system, assembler, (forces, sum), (x, still, t), kind)?;
+        k.diagonal(&mut self.diagonal);
+        let made = match solver {
+            Some(solver) if solver.serves(k) => solver,
+            other => other.insert(TangentSolver::new(*linear, k, mass, q, work)?),
         };
-        let result = made.factorize(if shift == 0.0 { &[] } else { &mass }, 1.0, k);
+        let result = made.prepare(if shift == 0.0 { &[] } else { &self.shifted_mass }, k, q);
         self.unshifted = (shift != 0.0).then(|| k.clone());
-        self.factor = factor;
-        self.shifted_mass = mass;
-        self.diagonal = diagonal;
-        self.work.factorizations += 1;
-        self.work.factorizations_newton += 1;
+        work.factorizations += 1;
+        work.factorizations_newton += 1;
         Ok(result)
+    }
+
+    /// Returns whether K at (q, t) is positive definite, and leaves a solver for it.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Balance::factorize`] and of the search for negative curvature.
+    pub(crate) fn is_stable(&mut self, q: &[f64], t: f64) -> Result<bool, SolverError> {
+        if self.factorize(q, t, HessianEvaluation::Exact, 0.0)?.is_err() {
+            return Ok(false);
+        }
+        let mass = self.system.free_mass();
+        self.solver.as_mut().ok_or(SolverError::NotFactored)?.is_definite(mass, &mut self.work)
+    }
+
+    /// Returns whether solves are made with factors.
+    pub(crate) fn has_factor(&mut self) -> bool {
+        self.solver.as_mut().is_some_and(|solver| solver.factor().is_some())
     }
 
     /// Returns whether r is no larger than the round-off of positions, |r_i| ≤ 16 ε K_ii max |x|, with the K of the
@@ -204,14 +223,13 @@ impl<'a> Balance<'a> {
         r.iter().zip(&self.diagonal).all(|(r, k)| r.abs() <= noise * k.abs())
     }
 
-    /// Solves with the last factor, in place.
+    /// Solves with the last matrix, in place; conjugate gradients to the relative `accuracy` in the energy norm.
     ///
     /// # Errors
-    /// Returns [`SolverError::Residual`] if the matrix is too close to singular.
-    pub(crate) fn solve(&mut self, rhs_to_solution: &mut [f64]) -> Result<(), SolverError> {
-        self.work.solves += 1;
-        self.factor.as_mut().ok_or(SolverError::NotFactored)?.solve(rhs_to_solution)?;
-        Ok(())
+    /// Returns [`SolverError::Residual`] if the matrix is too close to singular; [`SolverError::NegativeCurvature`] if
+    /// conjugate gradients find that it is not positive definite, or [`SolverError::ConjugateGradients`].
+    pub(crate) fn solve(&mut self, rhs_to_solution: &mut [f64], accuracy: f64) -> Result<(), SolverError> {
+        self.solver.as_mut().ok_or(SolverError::NotFactored)?.solve(rhs_to_solution, accuracy, &mut self.work)
     }
 
     /// Solves K x = b by minimal residuals, with the K of the last factorisation that had a shift.
@@ -224,7 +242,8 @@ impl<'a> Balance<'a> {
         tolerance: f64,
         max_iterations: u32,
     ) -> Result<Vec<f64>, SolverError> {
-        let (Some(k), Some(factor)) = (&self.unshifted, &mut self.factor) else {
+        let factor = self.solver.as_mut().and_then(TangentSolver::factor);
+        let (Some(k), Some(factor)) = (&self.unshifted, factor) else {
             return Err(SolverError::NotFactored);
         };
         minimal_residual(k, factor, b, tolerance, max_iterations, &mut self.work.solves)
@@ -237,6 +256,21 @@ impl<'a> Balance<'a> {
         let mass = self.system.free_mass();
         Ok(diagonal.iter().zip(mass).map(|(k, m)| (k / m).abs()).fold(0.0, f64::max))
     }
+}
+
+/// Returns K of the terms and the forces at positions x and time t; `still` are zero velocities.
+fn tangent<'a>(
+    system: &System,
+    assembler: &'a mut Assembler,
+    (forces, sum): (&'a mut Option<ForceSum>, &'a mut Option<MatrixSum>),
+    (x, still, t): (&[f64], &[f64], f64),
+    kind: HessianEvaluation,
+) -> Result<&'a SymmetricMatrix, SolverError> {
+    let k = assembler.hessian(x, t, kind)?;
+    let Some(forces) = forces else { return Ok(k) };
+    forces.evaluate(x, still, t);
+    let Some(load) = forces.stiffness(system) else { return Ok(k) };
+    MatrixSum::of(sum, &[(1.0, k), (1.0, load)])
 }
 
 /// Refuses constraints in an analysis that does not support them.

@@ -96,6 +96,6 @@ impl Search<'_> {
         let mut stop = newton::Stop { max_iterations: 10 * self.stop.max_iterations, ..self.stop };
         newton::solve(&mut self.balance, &mut q, state.t, &mut stop)?;
         state.q = q;
-        Ok(self.balance.factorize(&state.q, state.t, HessianEvaluation::Exact, 0.0)?.is_ok())
+        self.balance.is_stable(&state.q, state.t)
     }
 }

@@ -7,7 +7,7 @@ use crate::assemble::finite::check_state;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::refuse_constraints;
 use crate::equilibrium::critical;
-use crate::equilibrium::newton::{self, Solved, Stop};
+use crate::equilibrium::newton::{self, PREDICTION, Solved, Stop};
 use crate::equilibrium::options::{LoadStep, StaticOptions, StaticReport};
 use crate::equilibrium::path::follow;
 use crate::equilibrium::search::Search;
@@ -107,8 +107,7 @@ impl Search<'_> {
                     let before =
                         State { t: state.t, q: std::mem::replace(&mut state.q, q.clone()), p: Vec::new() };
                     state.t = t;
-                    let mut is_stable =
-                        self.balance.factorize(&state.q, t, HessianEvaluation::Exact, 0.0)?.is_ok();
+                    let mut is_stable = self.balance.is_stable(&state.q, t)?;
                     if is_stable && may_have_snapped {
                         self.report.jumps.push(before.t);
                     }
@@ -187,13 +186,18 @@ impl Search<'_> {
         if self.balance.factorize(&state.q, state.t, HessianEvaluation::Exact, 0.0)?.is_err() {
             return Ok(false);
         }
-        Ok(self.balance.solve(out).is_ok())
+        Ok(self.balance.solve(out, PREDICTION).is_ok())
     }
 
     /// Returns the error for a load that cannot be carried, with the facts about the last equilibrium.
     fn no_equilibrium(&mut self, state: &State, increment: f64, cause: SolverError) -> SolverError {
         let t = state.t;
-        let lowest = critical::lowest(&mut self.balance, &state.q, t).ok().map(|mode| mode.0);
+        // A body that is too large for a factor is too large for its eigenvalues.
+        let has_factor = self.balance.has_factor();
+        let lowest = has_factor
+            .then(|| critical::lowest(&mut self.balance, &state.q, t).ok())
+            .flatten()
+            .map(|mode| mode.0);
         let last = Box::new(state.clone());
         SolverError::Equilibrium { load_factor: t, increment, lowest, last, cause: Box::new(cause) }
     }

@@ -13,6 +13,15 @@ const WHOLE_STEPS_BELOW: f64 = 1e-4;
 /// Below this relative energy norm a solve that stalls has reached round-off.
 const ROUND_OFF_BELOW: f64 = 1e-5;
 
+/// Relative accuracy in the energy norm of predicted changes by conjugate gradients.
+pub(super) const PREDICTION: f64 = 1e-3;
+
+/// Least and most accurate corrections by conjugate gradients, relative in the energy norm. Between them the accuracy follows
+/// the size of the correction before, so that Newton's method still converges superlinearly (Dembo, Eisenstat, Steihaug
+/// 1982).
+const ROUGH: f64 = 1e-2;
+const ACCURATE: f64 = 1e-4;
+
 /// The criteria for stopping a solve.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Stop {
@@ -38,23 +47,50 @@ pub(crate) struct Solved {
     pub(crate) stayed_definite: bool,
 }
 
-/// Factors the tangent, or a positive definite substitute for it; returns whether the tangent was positive definite.
+/// Prepares solves with the tangent, or a positive definite substitute for it; returns whether the tangent was found to be
+/// positive definite.
 fn factorize_somehow(balance: &mut Balance, q: &[f64], t: f64) -> Result<bool, SolverError> {
     if balance.factorize(q, t, HessianEvaluation::Exact, 0.0)?.is_ok() {
         return Ok(true);
     }
+    factorize_projected(balance, q, t).map(|()| false)
+}
+
+/// Prepares solves with a positive definite substitute for the tangent.
+fn factorize_projected(balance: &mut Balance, q: &[f64], t: f64) -> Result<(), SolverError> {
     let Err(mut failure) = balance.factorize(q, t, HessianEvaluation::Projected, 0.0)? else {
-        return Ok(false);
+        return Ok(());
     };
     // The matrix is semidefinite, e.g. for a string that is not yet taut; a little mass makes it definite.
     let stiffest = balance.stiffest(q, t)?;
     for exponent in [-10, -8, -6, -4, -2] {
         match balance.factorize(q, t, HessianEvaluation::Projected, stiffest * 10.0_f64.powi(exponent))? {
-            Ok(()) => return Ok(false),
+            Ok(()) => return Ok(()),
             Err(next) => failure = next,
         }
     }
     Err(failure.into())
+}
+
+/// Computes the correction −K⁻¹r to the relative `accuracy`, with the prepared K, or a positive definite substitute if
+/// conjugate gradients find that K is indefinite; returns whether they did not.
+fn correction(
+    balance: &mut Balance,
+    (q, t): (&[f64], f64),
+    r: &[f64],
+    accuracy: f64,
+    out: &mut [f64],
+) -> Result<bool, SolverError> {
+    vectors::fill(out, |k| -r[k]);
+    match balance.solve(out, accuracy) {
+        Ok(()) => Ok(true),
+        Err(SolverError::NegativeCurvature { .. }) => {
+            factorize_projected(balance, q, t)?;
+            vectors::fill(out, |k| -r[k]);
+            balance.solve(out, accuracy).map(|()| false)
+        }
+        Err(error) => Err(error),
+    }
 }
 
 /// Iterates from `q` to an equilibrium at t, minimising V if all forces are conservative. Overwrites `q` even if it
@@ -79,10 +115,8 @@ pub(crate) fn solve(
         if balance.is_round_off(&r) {
             return Ok(Solved { iterations: iteration - 1, stayed_definite });
         }
-        for (step, r) in step.iter_mut().zip(&r) {
-            *step = -r;
-        }
-        balance.solve(&mut step)?;
+        let accuracy = last.clamp(ACCURATE, ROUGH);
+        stayed_definite &= correction(balance, (q, t), &r, accuracy, &mut step)?;
         balance.work.newton_iterations += 1;
         let decrement = -vectors::sum(n, |k| step[k] * r[k]);
         let longest = balance.largest_step(q, t, &step);

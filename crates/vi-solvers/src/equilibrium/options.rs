@@ -1,6 +1,7 @@
 //! Options of a search for equilibria, and its report.
 
 use crate::error::SolverError;
+use crate::options::LinearSolver;
 use crate::work::Work;
 
 /// Options of a search for equilibria.
@@ -24,6 +25,9 @@ pub struct StaticOptions {
     pub arc_steps: Option<u32>,
     /// Whether to find the load factors at which an equilibrium becomes unstable.
     pub find_critical: bool,
+    /// Linear solver of load steps. Conjugate gradients take little memory; a tangent counts as stable if they find no direction
+    /// of negative curvature. Paths by arc length or control, and critical points, always use a factor.
+    pub linear: LinearSolver,
     /// If the path becomes unstable, leave it along the critical mode with this amplitude, m.
     pub push: Option<f64>,
 }
@@ -39,6 +43,7 @@ impl Default for StaticOptions {
             max_iterations: 25,
             arc_steps: None,
             find_critical: true,
+            linear: LinearSolver::Auto,
             push: None,
         }
     }

@@ -13,6 +13,7 @@ use crate::equilibrium::quasi_static::{findings, work_of_loads};
 use crate::equilibrium::search::Search;
 use crate::error::SolverError;
 use crate::memory::{StepperMemory, expect_method};
+use crate::options::LinearSolver;
 use crate::schemes::stepper::{StepError, StepReport, Stepper};
 use crate::work::Work;
 
@@ -61,6 +62,8 @@ pub fn path_following(
 ) -> Result<Box<dyn Stepper>, SolverError> {
     options.check()?;
     refuse_constraints("a static solve", system)?;
+    // Near limit points the tangent is indefinite, which conjugate gradients do not solve.
+    let options = StaticOptions { linear: LinearSolver::Cholesky, ..options };
     Ok(Box::new(PathFollowing {
         options,
         control,

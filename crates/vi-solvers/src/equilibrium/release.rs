@@ -6,7 +6,7 @@
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::Balance;
-use crate::equilibrium::newton::{self, Stop};
+use crate::equilibrium::newton::{self, PREDICTION, Stop};
 use crate::error::SolverError;
 
 /// First and largest step of s.
@@ -47,7 +47,7 @@ fn follow(
         // K dq/ds = −r₀.
         slope.iter_mut().zip(unbalanced).for_each(|(slope, r)| *slope = -r);
         let is_predicted = balance.factorize(q, t, HessianEvaluation::Exact, 0.0)?.is_ok()
-            && balance.solve(&mut slope).is_ok();
+            && balance.solve(&mut slope, PREDICTION).is_ok();
         slope.iter_mut().for_each(|slope| *slope *= next - s);
         let is_predicted = is_predicted && balance.largest_step(q, t, &slope) == 1.0;
         for (trial, (q, slope)) in trial.iter_mut().zip(q.iter().zip(&slope)) {

@@ -6,6 +6,7 @@ use crate::equilibrium::balance::Balance;
 use crate::equilibrium::newton::Stop;
 use crate::equilibrium::options::{LoadStep, StaticOptions, StaticReport};
 use crate::equilibrium::release;
+use crate::options::LinearSolver;
 
 /// A search for equilibria in progress.
 pub(crate) struct Search<'a> {
@@ -23,7 +24,8 @@ impl<'a> Search<'a> {
         watch: &'a mut dyn FnMut(&State, &LoadStep) -> bool,
     ) -> Self {
         let stop = Stop { tolerance: options.tolerance, max_iterations: options.max_iterations, scale: 0.0 };
-        Self { balance: Balance::new(system), options, stop, report: StaticReport::default(), watch }
+        let linear = if options.arc_steps.is_some() { LinearSolver::Cholesky } else { options.linear };
+        Self { balance: Balance::new(system, linear), options, stop, report: StaticReport::default(), watch }
     }
 
     /// Brings the start to equilibrium at its own load factor. If that fails, returns false and leaves the state

@@ -17,7 +17,7 @@ use crate::work::Work;
 /// A factor with fewer operations is taken without comparing, since there is little to gain.
 const CONSIDER_FLOPS: f64 = 3e9;
 /// Largest fraction of the machine's memory that a factor may take.
-const MEMORY_SHARE: f64 = 0.5;
+pub(crate) const FACTOR_MEMORY_SHARE: f64 = 0.5;
 /// Relative error of a solve by conjugate gradients in the energy norm. Newton's method corrects it.
 const FORCING: f64 = 0.05;
 /// Relative error of a solve while solutions are differenced.
@@ -378,7 +378,7 @@ impl ChosenSolver {
         let (facts, costs) = (self.facts(), self.costs);
         self.rivalry.begin(Some(&costs));
         let (memory, gigabytes) = (memory_of_machine(), facts.bytes as f64 * 1e-9);
-        if facts.bytes as f64 > MEMORY_SHARE * memory {
+        if facts.bytes as f64 > FACTOR_MEMORY_SHARE * memory {
             self.rivalry.begin(None);
             self.take_gradients(system, k, format!("a factor would take {gigabytes:.1} GB"));
             return Ok(());
@@ -389,7 +389,9 @@ impl ChosenSolver {
         }
         let direct = costs.factor / SOLVES_A_FACTOR + costs.solve;
         let flops = 1e-9 * facts.flops;
-        if let Some([iterations, gradients]) = try_gradients(system, (mass, c, k, positions), direct, work) {
+        if let Some([iterations, gradients]) =
+            try_gradients((system.free_mass(), mass, c, k, positions), FORCING, direct, work)
+        {
             let (gradients, direct) = (1e3 * gradients, 1e3 * direct);
             let why = format!(
                 "a solve takes {iterations} iterations, {gradients:.1} ms of the reference core, against {direct:.1} ms \
@@ -428,7 +430,8 @@ impl ChosenSolver {
                 cost::preparation(&Pcg::new(k, Preconditioner::BlockIncompleteCholesky).facts());
             let most = self.rivalry.largest_gradients(preconditioner);
             if most > 0.0
-                && let Some([iterations, _]) = try_gradients(system, (mass, c, k, positions), most, work)
+                && let Some([iterations, _]) =
+                    try_gradients((system.free_mass(), mass, c, k, positions), FORCING, most, work)
             {
                 let why = format!(
                     "a solve takes {iterations} iterations, and factors were made for {matrices} matrices in {solves} solves"
@@ -442,11 +445,12 @@ impl ChosenSolver {
     }
 }
 
-/// Solves with A = M + cK at these positions by conjugate gradients. Returns the number of iterations and the cost of a solve in seconds of
-/// the reference core, or `None` if it would exceed `most`.
-fn try_gradients(
-    system: &System,
-    (mass, c, k, positions): (&[f64], f64, &SymmetricMatrix, &[f64]),
+/// Solves with A = M + cK at these positions and a random load, weighted by the masses `weights`, by conjugate gradients to
+/// the relative `accuracy`. Returns the number of iterations and the cost of a solve in seconds of the reference core, or
+/// `None` if it would exceed `most`.
+pub(crate) fn try_gradients(
+    (weights, mass, c, k, positions): (&[f64], &[f64], f64, &SymmetricMatrix, &[f64]),
+    accuracy: f64,
     most: f64,
     work: &mut Work,
 ) -> Option<[f64; 2]> {
@@ -456,13 +460,14 @@ fn try_gradients(
     if limit == 0 || pcg.prepare(mass, c, k, positions).is_err() {
         return None;
     }
-    let load = rough_load(system.free_mass());
+    let load = rough_load(weights);
     let mut x = vec![0.0; load.len()];
-    let report = pcg.solve(&load, &mut x, FORCING, limit).ok()?;
+    let report = pcg.solve(&load, &mut x, accuracy, limit).ok()?;
     work.pcg_iterations += u64::from(report.iterations);
     let iterations = f64::from(report.iterations);
     Some([iterations, (iterations + 1.0) * iteration])
 }
+
 fn describe(facts: &FactorFacts, single: bool) -> String {
     let (flops, megabytes) = (1e-9 * facts.flops, 1e-6 * facts.bytes as f64);
     let precision = if single { "single" } else { "double" };
@@ -470,7 +475,7 @@ fn describe(facts: &FactorFacts, single: bool) -> String {
 }
 
 /// Returns a load with all frequencies, the same at every call.
-fn rough_load(mass: &[f64]) -> Vec<f64> {
+pub(crate) fn rough_load(mass: &[f64]) -> Vec<f64> {
     mass.iter().zip(0..).map(|(m, i)| m * rough(i)).collect()
 }
 
@@ -481,7 +486,7 @@ fn rough(k: u64) -> f64 {
 }
 
 /// Returns the machine's memory in bytes; 8 GB if it cannot be read.
-fn memory_of_machine() -> f64 {
+pub(crate) fn memory_of_machine() -> f64 {
     let told = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
         let line = text.lines().find(|line| line.starts_with("MemTotal:"))?;
         line.split_whitespace().nth(1)?.parse::<f64>().ok()

@@ -22,6 +22,11 @@ pub(crate) fn bytes(count: f64) -> f64 {
     count / SOLVE_RATE
 }
 
+/// Returns the seconds that the reference core needs for a factorisation.
+pub(crate) fn factorization(facts: &FactorFacts) -> f64 {
+    facts.flops / FACTOR_RATE
+}
+
 /// Returns the seconds that the reference core needs to prepare conjugate gradients for a matrix.
 pub(crate) fn preparation(facts: &PcgFacts) -> f64 {
     bytes(facts.prepare_bytes) + facts.coarse_flops / FACTOR_RATE
@@ -69,7 +74,7 @@ impl UnitCosts {
                 hessian += HESSIAN_ENTRY * count * packed_len(size) as f64;
             }
         }
-        let (factor, solve) = (facts.flops / FACTOR_RATE, facts.solve_bytes / SOLVE_RATE);
+        let (factor, solve) = (factorization(facts), bytes(facts.solve_bytes));
         Self { gradient, hessian, factor, solve }
     }
 

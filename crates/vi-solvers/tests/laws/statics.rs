@@ -1,11 +1,12 @@
 //! Tests equilibria against closed forms: snap-through, buckling, jumps, forces without a potential.
 
 use crate::forces::Linear;
+use crate::springs::{Springs, block};
 use vi_core::problems::{Jet, Term};
 use vi_core::{Coordinates, HessianKind, Path, Potential, Prescribed, State, Stencils, System, Traits};
 use vi_solvers::{
-    CriticalKind, PathControl, PathFunction, SolverError, StaticOptions, equilibrium, equilibrium_path,
-    path_following,
+    CriticalKind, LinearSolver, PathControl, PathFunction, SolverError, StaticOptions, equilibrium,
+    equilibrium_path, path_following,
 };
 
 /// One coordinate with V(x, t) = U(x) − t P x.
@@ -323,4 +324,63 @@ fn forces_without_a_potential_take_part() {
     let system = system.with_forces(vec![Linear::shared(1.0, 0.5, 0.0)]).unwrap();
     equilibrium(&system, &mut state, &StaticOptions::default()).unwrap();
     assert!((state.q[0] - 2.0).abs() < 1e-12, "{:?}", state.q);
+}
+
+/// The positions x + t d.
+struct Shift(Vec<f64>, Vec<f64>);
+
+impl Path for Shift {
+    fn position(&self, t: f64, out: &mut [f64]) {
+        out.iter_mut().enumerate().for_each(|(k, out)| *out = self.0[k] + t * self.1[k]);
+    }
+    fn velocity(&self, _: f64, out: &mut [f64]) {
+        out.copy_from_slice(&self.1);
+    }
+}
+
+/// Returns a bar of springs of 30 × 2 × 2 cells, clamped at one end; the other end moves by t `shift`.
+fn pulled_bar(shift: [f64; 3]) -> (System, State) {
+    let (x, nodes) = block([30, 2, 2]);
+    let held: Vec<u32> =
+        (0..x.len() as u32).filter(|&dof| [0.0, 30.0].contains(&x[dof as usize / 3 * 3])).collect();
+    let start = held.iter().map(|&dof| x[dof as usize]).collect();
+    let moves = |&dof: &u32| if x[dof as usize / 3 * 3] == 30.0 { shift[dof as usize % 3] } else { 0.0 };
+    let path = Shift(start, held.iter().map(moves).collect());
+    let coordinates =
+        Coordinates::new(x.len(), vec![Prescribed { dofs: held, path: Box::new(path) }]).unwrap();
+    let springs = Springs::new(4, nodes, 1.0, &x);
+    let system = System::new(vec![1.0; x.len()], vec![Box::new(springs)], coordinates).unwrap();
+    let mut q = vec![0.0; system.coordinates().free_count()];
+    system.coordinates().restrict(&x, &mut q);
+    let p = vec![0.0; q.len()];
+    (system, State { t: 0.0, q, p })
+}
+
+#[test]
+fn conjugate_gradients_find_the_equilibrium_and_the_stability_that_a_factor_finds() {
+    // Bending, and compression beyond the buckling load.
+    for (shift, is_stable) in [([0.0, 4.0, 0.0], true), ([-0.6, 0.0, 0.0], false)] {
+        let [direct, gradients] = [LinearSolver::Cholesky, LinearSolver::Pcg].map(|linear| {
+            let (system, mut state) = pulled_bar(shift);
+            let options = StaticOptions {
+                linear,
+                increment: 0.25,
+                largest_increment: 0.25,
+                tolerance: 1e-9,
+                find_critical: false,
+                ..StaticOptions::default()
+            };
+            let report = equilibrium(&system, &mut state, &options).unwrap();
+            assert_eq!(report.work.pcg_iterations > 0, linear == LinearSolver::Pcg);
+            assert_eq!(report.is_stable(), is_stable, "{shift:?} {linear:?}");
+            (state.q, report)
+        });
+        // The buckling mode has so little stiffness that it magnifies the error of the last correction.
+        let error = if is_stable { 1e-7 } else { 1e-4 };
+        for (a, b) in direct.0.iter().zip(&gradients.0) {
+            assert!((a - b).abs() < error, "{shift:?}: {a} {b}");
+        }
+        let [corrections, most] = [&gradients.1, &direct.1].map(|report| report.work.newton_iterations);
+        assert!(2 * corrections <= 3 * most, "{corrections} corrections instead of {most}");
+    }
 }

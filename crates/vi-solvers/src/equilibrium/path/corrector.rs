@@ -10,6 +10,9 @@ use crate::equilibrium::search::Search;
 use crate::error::SolverError;
 use crate::vectors;
 
+/// Relative accuracy of solves if they are not made with a factor.
+const EXACT: f64 = 1e-12;
+
 /// The equation that determines the load factor of a step.
 pub(super) enum Closure<'a> {
     /// The step has this length, m.
@@ -106,7 +109,7 @@ fn solve(
     let balance = &mut search.balance;
     if balance.factorize(q, t, HessianEvaluation::Exact, 0.0)?.is_ok() {
         for rhs in rhs {
-            balance.solve(rhs)?;
+            balance.solve(rhs, EXACT)?;
         }
         return Ok(true);
     }
