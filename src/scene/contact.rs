@@ -101,9 +101,17 @@ impl Contact {
 
     /// Returns whether there is friction or damping between any bodies.
     pub fn dissipates(&self) -> bool {
-        let given = |value: Option<f64>| value.is_some_and(|value| value > 0.0);
-        let any = |pair: &ContactPair| given(pair.friction) || given(pair.damping);
-        self.friction > 0.0 || self.damping > 0.0 || self.pairs.iter().any(any)
+        self.has_friction() || self.is_damped()
+    }
+
+    /// Returns whether there is friction between any bodies.
+    pub fn has_friction(&self) -> bool {
+        self.friction > 0.0 || self.pairs.iter().any(|pair| pair.friction.is_some_and(|value| value > 0.0))
+    }
+
+    /// Returns whether the contact of any bodies is damped.
+    pub fn is_damped(&self) -> bool {
+        self.damping > 0.0 || self.pairs.iter().any(|pair| pair.damping.is_some_and(|value| value > 0.0))
     }
 
     /// Returns whether bodies of these names may meet.
@@ -188,10 +196,17 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
                        energy; write action = \"stop\" or \"warn\", or use energy-momentum";
         problems.push(Problem::new("guard.action", message));
     }
-    if scene.statics.is_some() && contact.dissipates() {
-        let message = "friction and damping of contact in [static] are not built yet: an equilibrium with friction \
-                       depends on its path; set both to 0, or step time with damping until the bodies rest";
-        problems.push(Problem::new("contact", message));
+    if let Some(statics) = &scene.statics {
+        if contact.is_damped() {
+            let message =
+                "nothing is damped between equilibria: remove the damping of contact, or remove [static]";
+            problems.push(Problem::new("contact", message));
+        }
+        if contact.has_friction() && statics.follows_path() {
+            let message = "an equilibrium with friction depends on the order of loads, so its path cannot be followed \
+                           by `static.arc_steps` or `static.control`: remove that key, or set friction to 0";
+            problems.push(Problem::new("contact", message));
+        }
     }
     problems
 }

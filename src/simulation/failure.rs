@@ -86,13 +86,21 @@ impl Simulation {
                 ways.push(format!("give the motion of '{name}' more room or more time"));
             }
         }
+        let mut contacts = self.components.iter().filter_map(|component| component.contact.as_ref());
+        let law = contacts.find_map(|contact| contact.law(bodies[0], bodies[1]));
         if gap < PRESSED
-            && let Some(law) = self
-                .components
-                .iter()
-                .find_map(|component| component.contact.as_ref()?.law(bodies[0], bodies[1]))
+            && let Some(law) = law
         {
             ways.push(format!("make the layer stiffer (`contact.stiffness`, here {:.3e} Pa)", law.stiffness));
+        }
+        if self.scene.statics.is_some()
+            && let Some(law) = law.filter(|law| law.friction > 0.0)
+        {
+            ways.push(format!(
+                "if friction is to hold them, raise it (`contact.friction`, here {})",
+                law.friction
+            ));
+            ways.push("if they are to slide, step time instead (without [static])".to_owned());
         }
         ways.push(match self.scene.statics.is_some() {
             true => "load in smaller increments (`time.step`)".to_owned(),

@@ -6,6 +6,7 @@ mod contact_cases;
 mod contact_conformance;
 mod contact_failures;
 mod contact_scenes;
+mod contact_statics;
 mod equilibria;
 mod parts;
 mod paths;

@@ -107,17 +107,17 @@ pub(crate) struct Held {
 
 impl Held {
     /// Returns the bristle after a slip. `start` holds the stretch and the energy at the start, k is the stiffness of
-    /// the bristle, `rate` is τ/h.
+    /// the bristle, `response` is that of [`StepSettings::response`].
     fn new(
         start: ([f64; 2], f64),
         slip: Vec3,
         tangents: &[Vec3; 2],
         k: f64,
-        rate: f64,
+        response: f64,
         coefficient: f64,
         pressed: Pressed,
     ) -> Self {
-        let response = pressed.stiffness * (0.5 + rate);
+        let response = pressed.stiffness * response;
         let limit = coefficient * pressed.force;
         let bristle = stretch(start.0, tangents.map(|tangent| tangent.dot(&slip)), k, response, limit);
         let traction = tangents[0] * bristle.traction[0] + tangents[1] * bristle.traction[1];
@@ -219,8 +219,8 @@ impl Contact<'_> {
             Some(anchor) => (self.carry(anchor, cell, partners, x[0]), anchor.energy(stiffness)),
             None => ([0.0; 2], 0.0),
         };
-        let rate = law.damping / settings.duration;
-        let held = Held::new(start, slip.slip, &slip.tangents, stiffness, rate, law.friction, pressed);
+        let response = settings.response(law.damping);
+        let held = Held::new(start, slip.slip, &slip.tangents, stiffness, response, law.friction, pressed);
         Some(FrictionPair {
             partners,
             arity: slip.arity,

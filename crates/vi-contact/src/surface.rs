@@ -188,6 +188,12 @@ impl Surface {
         self.frames[body as usize].is_some() && self.laws.bodies[body as usize].radius > 0.0
     }
 
+    /// Returns whether any pair of bodies has friction.
+    pub(crate) fn has_friction(&self) -> bool {
+        let rules = self.laws.rules.values();
+        self.laws.friction > 0.0 || rules.into_iter().any(|rule| rule.friction.is_some_and(|mu| mu > 0.0))
+    }
+
     /// Returns whether there is friction between a round body and another one.
     pub(crate) fn has_rolling(&self) -> bool {
         let count = self.laws.bodies.len() as u32;

@@ -3,6 +3,7 @@
 
 pub(crate) mod balance;
 mod critical;
+pub(crate) mod friction;
 pub(crate) mod function;
 pub(crate) mod load_control;
 mod newton;
@@ -12,5 +13,6 @@ mod path;
 pub(crate) mod path_following;
 pub(crate) mod quasi_static;
 mod release;
+mod rubbing;
 mod search;
 mod tangent_solver;

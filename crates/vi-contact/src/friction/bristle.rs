@@ -12,7 +12,8 @@ pub(super) struct Bristle {
 }
 
 /// Stretches a bristle of stiffness k from e₀ by the slip u, with |T| ≤ `limit` = μλ. `response` is
-/// ½ + τ/h with the time constant τ of contact damping; without damping a sticking bristle would oscillate for ever.
+/// ½ + τ/h with the time constant τ of contact damping; without damping a sticking bristle would oscillate for ever. It is
+/// 1 between equilibria, where T is the force at the end; then sticking dissipates ½k|u|².
 ///
 /// The trial is T = k (e₀ + u/2) + k (τ/h) u and e₁ = e₀ + u, for which T·u = ½k(|e₁|² − |e₀|²) + k (τ/h) |u|².
 /// Beyond the cone T is shortened by a factor θ < 1, and e₁ = T/k is the stretch that T can hold. If that stored more

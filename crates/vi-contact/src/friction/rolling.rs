@@ -181,8 +181,8 @@ impl Contact<'_> {
         let slip = slip - axis.normal * axis.normal.dot(&slip);
         let stiffness = self.surface.bristle_stiffness(partners)?;
         let stored = before.map_or(0.0, |anchor| anchor.energy(stiffness));
-        let rate = law.damping / settings.duration;
-        let held = Held::new((stretch, stored), slip, &tangents, stiffness, rate, law.friction, pressed);
+        let response = settings.response(law.damping);
+        let held = Held::new((stretch, stored), slip, &tangents, stiffness, response, law.friction, pressed);
         let anchor = Anchor { partners, cell: frame, stretch: held.end };
         Some(RollingPair { partners, cell, weights, slip, tangents, held, anchor })
     }

@@ -16,8 +16,22 @@ use crate::distance::{Shape, Vec3, at};
 /// Parameters of the forces of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepSettings {
-    /// Duration of the step, s; that of the drift if contact acts in the drift.
+    /// Duration of the step, s; that of the drift if contact acts in the drift. It is infinite between two equilibria:
+    /// then nothing is damped, and bristles act with the force that they have at the end.
     pub duration: f64,
+}
+
+impl StepSettings {
+    /// Returns whether the step leads from one equilibrium to the next.
+    pub(crate) fn is_equilibrium(&self) -> bool {
+        self.duration.is_infinite()
+    }
+
+    /// Returns r of the traction k (e₀ + r u) of a bristle that sticks, with the damping time τ: ½ + τ/h over a step, and 1
+    /// at its end.
+    pub(crate) fn response(&self, damping: f64) -> f64 {
+        if self.is_equilibrium() { 1.0 } else { 0.5 + damping / self.duration }
+    }
 }
 
 /// A pair that acts over a step.
@@ -72,6 +86,14 @@ impl StepPair {
         self.stiffness *= factor;
         if let Some(Parallel { by, .. }) = &mut self.parallel {
             by.iter_mut().for_each(|by| *by *= factor);
+        }
+    }
+
+    /// Converts tangents from a step with equal ends, of which only the second one moves, to those of a motion of both.
+    pub(crate) fn move_both_ends(&mut self) {
+        self.tangent *= 2.0;
+        if let Some(Parallel { by, .. }) = &mut self.parallel {
+            by.iter_mut().for_each(|by| *by *= 2.0);
         }
     }
 

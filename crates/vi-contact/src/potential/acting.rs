@@ -91,7 +91,10 @@ impl ContactPotential {
     /// Adds the forces between x₀ and x₁ and their tangents.
     pub(super) fn add_acting(&self, x: [&[f64]; 2], out: &mut Acting) {
         self.for_each_acting(x, out, |pairs, out| {
-            self.add_normal(pairs, out);
+            // Between equilibria, the normal force is that of the potential.
+            if !self.is_equilibrium() {
+                self.add_normal(pairs, out);
+            }
             self.add_friction(pairs, x, out);
         });
     }
@@ -102,20 +105,27 @@ impl ContactPotential {
     /// While the bristles have less than the fraction [`SOFT`] of their stiffness, the layer is stiffer by the rest of the
     /// factor. Hard blows that bring many pairs very close at once are then found from gaps that are all wide, and become
     /// narrower together, as on the central path of interior-point methods.
+    ///
+    /// Between equilibria, the pairs are those that act at x₁, with the layer that they have.
     pub(super) fn for_each_acting(
         &self,
         x: [&[f64]; 2],
         out: &mut Acting,
         each: impl Fn(&[StepPair], &mut Acting) + Sync,
     ) {
+        let is_equilibrium = self.is_equilibrium();
+        let x = if is_equilibrium { [x[1], x[1]] } else { x };
         let neighbours =
             self.neighbours.near_path(&self.surface, x, |gauge| gauge.thickness + gauge.distance);
         let contact = Contact { surface: &self.surface, neighbours: &neighbours };
         let settings = self.step.as_ref().map_or(&UNDAMPED, |step| &step.settings);
         let near = neighbours.near();
         let empty = out.part();
-        let layer = (SOFT / out.stiffness).max(1.0);
+        let layer = if is_equilibrium { 1.0 } else { (SOFT / out.stiffness).max(1.0) };
         let chunk = |pairs: &mut [StepPair], out: &mut Vec<Acting>| {
+            if is_equilibrium {
+                pairs.iter_mut().for_each(StepPair::move_both_ends);
+            }
             if layer != 1.0 {
                 pairs.iter_mut().for_each(|pair| pair.scale(layer));
             }

@@ -17,9 +17,10 @@ pub(super) struct Book {
 }
 
 impl Book {
-    /// Opens the book of a step; without a step, impulses are zero.
+    /// Opens the book of a step; without a step, impulses are zero. Between equilibria they are those of one second.
     pub(super) fn new(step: Option<&Step>) -> Self {
         let duration = step.map_or(0.0, |step| step.settings.duration);
+        let duration = if duration.is_infinite() { 1.0 } else { duration };
         Self { duration, impulses: BTreeMap::new(), work: 0.0, anchors: Vec::new() }
     }
 

@@ -135,6 +135,7 @@ impl RollingPotential {
         let Some(step) = &self.step else { return };
         let contact = self.contact.contact();
         let (mut group, mut normal, mut rubbing) = (Group::new(), Vec::new(), Vec::<RollingPair>::new());
+        let of_normal = if step.settings.is_equilibrium() { [x[1], x[1]] } else { x };
         let mut known = None;
         for stencil in range {
             let Candidate { partners, cell, number } = self.candidates[stencil];
@@ -150,16 +151,22 @@ impl RollingPotential {
                 Partners::PointBody(point, _) => {
                     if known != Some(point) {
                         normal.clear();
-                        contact.step_of_point(point as usize, x, &step.settings, &mut group, &mut normal);
+                        contact.step_of_point(
+                            point as usize,
+                            of_normal,
+                            &step.settings,
+                            &mut group,
+                            &mut normal,
+                        );
                         of(&normal, &mut rubbing);
                         known = Some(point);
                     }
                 }
                 Partners::Edges(..) => {
-                    of(contact.step_of_edges(number, x, &step.settings).as_slice(), &mut rubbing);
+                    of(contact.step_of_edges(number, of_normal, &step.settings).as_slice(), &mut rubbing);
                 }
                 Partners::PointPlane(..) => {
-                    of(contact.step_of_plane(number, x, &step.settings).as_slice(), &mut rubbing);
+                    of(contact.step_of_plane(number, of_normal, &step.settings).as_slice(), &mut rubbing);
                 }
             }
             let found = rubbing.iter().find(|pair| pair.partners == partners && pair.cell == cell);

@@ -60,6 +60,16 @@ impl Force<'_> {
 }
 
 impl ContactPotential {
+    /// Returns whether the forces are those of friction at the end of a step between two equilibria.
+    pub(super) fn is_equilibrium(&self) -> bool {
+        self.step.as_ref().is_some_and(|step| step.settings.is_equilibrium())
+    }
+
+    /// Returns whether this is a force of the term over the step: between equilibria, normal forces come from the potential.
+    fn is_own(&self, force: &Force<'_>) -> bool {
+        matches!(force, Force::Friction(_)) || !self.is_equilibrium()
+    }
+
     /// Calls `each` with the forces of the stencils of `range` between x₀ and x₁, and the places of their nodes.
     fn for_each_step(
         &self,
@@ -75,11 +85,12 @@ impl ContactPotential {
                 out.extend(contact.friction_of_each(pairs, x, &step.anchors, settings));
             }
         };
+        let of_normal = if self.is_equilibrium() { [x[1], x[1]] } else { x };
         let cells = self.neighbours.cells.len();
         let (mut group, mut pairs, mut rubbing) = (Group::new(), Vec::new(), Vec::new());
         for point in self.points_from(&range) {
             pairs.clear();
-            contact.step_of_point(point, x, settings, &mut group, &mut pairs);
+            contact.step_of_point(point, of_normal, settings, &mut group, &mut pairs);
             friction(&pairs, &mut rubbing);
             let all = pairs.iter().map(Force::Normal).chain(rubbing.iter().map(Force::Friction));
             for acting in all {
@@ -98,9 +109,9 @@ impl ContactPotential {
             let number = stencil - cells;
             let edges = self.neighbours.edges.len();
             let pair = if number < edges {
-                contact.step_of_edges(number, x, settings)
+                contact.step_of_edges(number, of_normal, settings)
             } else {
-                contact.step_of_plane(number - edges, x, settings)
+                contact.step_of_plane(number - edges, of_normal, settings)
             };
             if let Some(pair) = pair {
                 friction(std::slice::from_ref(&pair), &mut rubbing);
@@ -118,6 +129,9 @@ impl DiscreteGradient for ContactPotential {
         out.fill(0.0);
         let first = range.start;
         self.for_each_step(range, [start, end], |stencil, acting, places| {
+            if !self.is_own(&acting) {
+                return;
+            }
             let out = &mut out[(stencil - first) * SIZE..(stencil - first + 1) * SIZE];
             for (place, gradient) in places.into_iter().zip(acting.gradient()) {
                 (0..3).for_each(|k| out[3 * place + k] += gradient[k]);
@@ -129,6 +143,9 @@ impl DiscreteGradient for ContactPotential {
         out.fill(0.0);
         let first = range.start;
         self.for_each_step(range, [start, end], |stencil, acting, places| {
+            if !self.is_own(&acting) {
+                return;
+            }
             let size = 3 * acting.gradient().len();
             let mut block = [0.0; PACKED];
             acting.add_packed_stiffness(&mut block[..packed_len(size)]);
@@ -142,6 +159,9 @@ impl DiscreteGradient for ContactPotential {
     }
 
     fn over_step(&self, duration: f64, memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
+        if duration.is_infinite() && !self.surface.has_friction() {
+            return None;
+        }
         let anchors = Anchors::from_numbers(memory, &self.surface)?;
         let step = Some(Step { settings: StepSettings { duration }, anchors });
         Some(Arc::new(Self { step, ..self.clone() }))

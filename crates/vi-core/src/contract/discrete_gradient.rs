@@ -26,6 +26,9 @@ pub trait DiscreteGradient: Send + Sync {
     /// Returns the term for one step of `duration` (s), if it has dissipative forces in addition to V. These may
     /// depend on earlier steps, as dry friction does: `memory` comes from [`DiscreteGradient::outcome`] of the last
     /// step. The stencils are those of this term. Returns `None` if the term has no such forces.
+    ///
+    /// An infinite duration leads from one equilibrium to the next. Then the forces are the dissipative ones alone, at the
+    /// end of the step, and [`StepOutcome::impulses`] are those of one second.
     fn over_step(&self, _duration: f64, _memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
         None
     }

@@ -37,6 +37,11 @@ impl Assembler {
         self.live = LiveSum::new(self.fixed.terms(), self.fixed.block(), true).map(Box::new);
     }
 
+    /// Returns another sum of the live terms, in which those with a discrete gradient are kept apart.
+    pub(crate) fn new_split_live(&self) -> Option<LiveSum> {
+        LiveSum::new(self.fixed.terms(), self.fixed.block(), true)
+    }
+
     /// Returns the list of terms.
     pub fn terms(&self) -> &Terms {
         self.fixed.terms()

@@ -352,6 +352,21 @@ impl LiveSum {
         true
     }
 
+    /// Returns whether any term dissipates energy over the open step near positions x.
+    pub(crate) fn dissipates(&mut self, x: &[f64]) -> bool {
+        self.follow(x, None);
+        self.near.as_ref().is_some_and(|near| near.over.iter().any(Option::is_some))
+    }
+
+    /// Returns the tangents of the discrete gradients over the open step; `None` if there are none.
+    pub(crate) fn tangents_over(&mut self, start: &[f64], end: &[f64]) -> Option<&SymmetricMatrix> {
+        self.follow(start, Some(end));
+        self.place(start, end);
+        let Self { near, pair, .. } = self;
+        let [_, discrete] = near.as_mut()?.parts.as_mut()?;
+        Some(discrete.hessian(pair, 0.0, HessianEvaluation::Exact))
+    }
+
     /// Returns the tangents of discrete gradients that the last Hessian contains, and their factor in it.
     pub(crate) fn last_tangents(&self) -> Option<(f64, &SymmetricMatrix)> {
         let [_, discrete] = self.near.as_ref()?.parts.as_ref()?;

@@ -5,6 +5,7 @@ use vi_core::{State, System};
 use crate::assemble::assembler::Assembler;
 use crate::assemble::force_sum::ForceSum;
 use crate::assemble::hessian::HessianEvaluation;
+use crate::equilibrium::friction::{Friction, Rubbed};
 use crate::equilibrium::tangent_solver::TangentSolver;
 use crate::error::{NotPositiveDefinite, SolverError};
 use crate::linear::matrix::SymmetricMatrix;
@@ -33,6 +34,7 @@ pub(crate) struct Balance<'a> {
     diagonal: Vec<f64>,
     /// Constant forces that are subtracted from the residual, N; empty for none.
     pub(crate) held: Vec<f64>,
+    pub(crate) friction: Option<Friction>,
     pub(crate) work: Work,
 }
 
@@ -54,13 +56,33 @@ impl<'a> Balance<'a> {
             unshifted: None,
             diagonal: vec![0.0; system.coordinates().free_count()],
             held: Vec::new(),
+            friction: None,
             work: Work::default(),
         }
     }
 
+    /// Adds the friction that acts from the equilibrium `from` on, after that of earlier equilibria.
+    ///
+    /// # Errors
+    /// Returns an error if its forces cannot be summed.
+    pub(crate) fn begin_friction(&mut self, from: &State, rubbed: &Rubbed) -> Result<(), SolverError> {
+        self.go_to(&from.q, from.t);
+        self.friction = Friction::new(self.system, &self.assembler, &self.x, rubbed)?;
+        Ok(())
+    }
+
+    /// Accepts the equilibrium (q, t): friction acts from it to the next.
+    ///
+    /// # Errors
+    /// Returns an error if the forces of friction cannot be summed.
+    pub(crate) fn accept(&mut self, q: &[f64], t: f64) -> Result<(), SolverError> {
+        self.go_to(q, t);
+        self.friction.as_mut().map_or(Ok(()), |friction| friction.accept(&self.x))
+    }
+
     /// Returns whether all forces have a potential, so that equilibria are stationary points of V.
     pub(crate) fn is_conservative(&self) -> bool {
-        self.forces.is_none()
+        self.forces.is_none() && self.friction.is_none()
     }
 
     fn go_to(&mut self, q: &[f64], t: f64) {
@@ -81,6 +103,9 @@ impl<'a> Balance<'a> {
             for (dof, gradient) in self.gradient.iter_mut().enumerate() {
                 *gradient -= forces.total(dof);
             }
+        }
+        if let Some(friction) = &mut self.friction {
+            friction.add_gradient(self.system.coordinates(), &self.x, &mut self.gradient);
         }
         let gradient = &self.gradient;
         if !vectors::all_finite(gradient) {
@@ -158,8 +183,8 @@ impl<'a> Balance<'a> {
     ) -> Result<&SymmetricMatrix, SolverError> {
         self.go_to(q, t);
         self.count_tangent(kind);
-        let Self { system, assembler, forces, sum, x, still, .. } = self;
-        tangent(system, assembler, (forces, sum), (x, still, t), kind)
+        let Self { system, assembler, forces, friction, sum, x, still, .. } = self;
+        tangent(system, assembler, (forces, friction, sum), (x, still, t), kind)
     }
 
     fn count_tangent(&mut self, kind: HessianEvaluation) {
@@ -180,12 +205,12 @@ impl<'a> Balance<'a> {
     ) -> Result<Result<(), NotPositiveDefinite>, SolverError> {
         self.go_to(q, t);
         self.count_tangent(kind);
-        let Self { system, assembler, forces, sum, solver, linear, x, still, work, .. } = self;
+        let Self { system, assembler, forces, friction, sum, solver, linear, x, still, work, .. } = self;
         let mass = system.free_mass();
         for (out, mass) in self.shifted_mass.iter_mut().zip(mass) {
             *out = shift * mass;
         }
-        let k = tangent(system, assembler, (forces, sum), (x, still, t), kind)?;
+        let k = tangent(system, assembler, (forces, friction, sum), (x, still, t), kind)?;
         k.diagonal(&mut self.diagonal);
         let made = match solver {
             Some(solver) if solver.serves(k) => solver,
@@ -223,6 +248,24 @@ impl<'a> Balance<'a> {
         r.iter().zip(&self.diagonal).all(|(r, k)| r.abs() <= noise * k.abs())
     }
 
+    /// Returns the extent of the bodies at the last configuration, m.
+    pub(crate) fn extent(&self) -> f64 {
+        self.system.coordinates().extent_and_reach(&self.x)[0]
+    }
+
+    /// Returns √Σ r_i²/|K_ii| of a residual, √J, with the K of the last factorisation.
+    pub(crate) fn scaled_norm(&self, r: &[f64]) -> f64 {
+        let stiffest = self.diagonal.iter().fold(0.0, |most: f64, k| most.max(k.abs()));
+        let least = 1e-12 * stiffest;
+        r.iter().zip(&self.diagonal).map(|(r, k)| r * r / k.abs().max(least)).sum::<f64>().sqrt()
+    }
+
+    /// Returns the shortest distance that nodes move before pairs of live terms are searched again, m; infinite without
+    /// live terms.
+    pub(crate) fn reach(&self) -> f64 {
+        self.assembler.shared_live().map_or(f64::INFINITY, |live| live.shortest_reach())
+    }
+
     /// Solves with the last matrix, in place; conjugate gradients to the relative `accuracy` in the energy norm.
     ///
     /// # Errors
@@ -258,19 +301,24 @@ impl<'a> Balance<'a> {
     }
 }
 
-/// Returns K of the terms and the forces at positions x and time t; `still` are zero velocities.
+/// Returns K of the terms, the forces and the model of friction at positions x and time t; `still` are zero velocities.
 fn tangent<'a>(
     system: &System,
     assembler: &'a mut Assembler,
-    (forces, sum): (&'a mut Option<ForceSum>, &'a mut Option<MatrixSum>),
+    (forces, friction, sum): (&'a mut Option<ForceSum>, &'a mut Option<Friction>, &'a mut Option<MatrixSum>),
     (x, still, t): (&[f64], &[f64], f64),
     kind: HessianEvaluation,
 ) -> Result<&'a SymmetricMatrix, SolverError> {
     let k = assembler.hessian(x, t, kind)?;
-    let Some(forces) = forces else { return Ok(k) };
-    forces.evaluate(x, still, t);
-    let Some(load) = forces.stiffness(system) else { return Ok(k) };
-    MatrixSum::of(sum, &[(1.0, k), (1.0, load)])
+    let mut parts = vec![(1.0, k)];
+    if let Some(forces) = forces {
+        forces.evaluate(x, still, t);
+        parts.extend(forces.stiffness(system).map(|load| (1.0, load)));
+    }
+    if let Some(friction) = friction {
+        parts.extend(friction.model(x).map(|model| (1.0, model)));
+    }
+    if parts.len() == 1 { Ok(k) } else { MatrixSum::of(sum, &parts) }
 }
 
 /// Refuses constraints in an analysis that does not support them.

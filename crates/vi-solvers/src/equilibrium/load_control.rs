@@ -7,6 +7,7 @@ use crate::assemble::finite::check_state;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::refuse_constraints;
 use crate::equilibrium::critical;
+use crate::equilibrium::friction::Rubbed;
 use crate::equilibrium::newton::{self, PREDICTION, Solved, Stop};
 use crate::equilibrium::options::{LoadStep, StaticOptions, StaticReport};
 use crate::equilibrium::path::follow;
@@ -43,10 +44,22 @@ pub fn equilibrium_path(
     options: &StaticOptions,
     watch: &mut dyn FnMut(&State, &LoadStep) -> bool,
 ) -> Result<StaticReport, SolverError> {
+    search(system, state, options, watch, &mut Rubbed::default())
+}
+
+/// Does the same as [`equilibrium_path`], after earlier equilibria that left friction in the state `rubbed`.
+pub(super) fn search(
+    system: &System,
+    state: &mut State,
+    options: &StaticOptions,
+    watch: &mut dyn FnMut(&State, &LoadStep) -> bool,
+    rubbed: &mut Rubbed,
+) -> Result<StaticReport, SolverError> {
     options.check()?;
     refuse_constraints("a static solve", system)?;
     check_state(state, system)?;
     let mut search = Search::new(system, options, watch);
+    search.balance.begin_friction(state, rubbed)?;
     let mut found = State { t: state.t, q: state.q.clone(), p: vec![0.0; state.p.len()] };
     if !found.q.is_empty() {
         match options.arc_steps {
@@ -58,6 +71,9 @@ pub fn equilibrium_path(
         search.report.steps.push(LoadStep { load_factor: options.end, iterations: 0, is_stable: true });
     }
     search.report.work = search.balance.work;
+    if let Some(friction) = &search.balance.friction {
+        *rubbed = friction.rubbed.clone();
+    }
     *state = found;
     Ok(search.report)
 }
@@ -74,6 +90,8 @@ impl Search<'_> {
         // Whether dq/dt is known from a tangent at `state`.
         let mut has_velocity = false;
         let mut may_release = true;
+        // Equilibria with friction are no stationary points of a potential, and a tangent does not tell where they lead.
+        let has_friction = self.balance.friction.is_some();
         loop {
             let t =
                 if (end - state.t).abs() <= 1.0000001 * increment.abs() { end } else { state.t + increment };
@@ -93,28 +111,38 @@ impl Search<'_> {
             let rate = self.distance(&q, &state.q) / tried;
             let lost_definiteness = result.as_ref().is_ok_and(|solved| !solved.stayed_definite);
             let has_leapt = last_rate > 0.0 && rate > SNAP_RATIO * last_rate;
-            let may_have_snapped =
-                was_stable && !self.report.steps.is_empty() && (lost_definiteness || has_leapt);
+            let may_have_snapped = !has_friction
+                && was_stable
+                && !self.report.steps.is_empty()
+                && (lost_definiteness || has_leapt);
             match result {
                 // The step may have gone to another equilibrium; refine it before accepting it.
                 Ok(_) if may_have_snapped && tried > self.closest(span) => {
                     increment = 0.25 * tried * span.signum();
                     self.report.halvings += 1;
                 }
-                Ok(Solved { iterations, .. }) => {
+                Ok(solved) => {
+                    let iterations = solved.iterations;
                     last_rate = rate;
                     self.stop.scale = stop.scale;
                     let before =
                         State { t: state.t, q: std::mem::replace(&mut state.q, q.clone()), p: Vec::new() };
                     state.t = t;
-                    let mut is_stable = self.balance.is_stable(&state.q, t)?;
+                    self.balance.accept(&state.q, t)?;
+                    let mut is_stable = match has_friction {
+                        true => solved.stayed_definite,
+                        false => self.balance.is_stable(&state.q, t)?,
+                    };
                     if is_stable && may_have_snapped {
                         self.report.jumps.push(before.t);
                     }
-                    if is_stable != was_stable && self.options.find_critical {
+                    if is_stable != was_stable && self.options.find_critical && !has_friction {
                         self.find_critical(&before, state)?;
                     }
-                    if !is_stable && let Some(push) = self.options.push {
+                    if !is_stable
+                        && !has_friction
+                        && let Some(push) = self.options.push
+                    {
                         is_stable = self.leave_branch(state, push)?;
                     }
                     let step = LoadStep { load_factor: t, iterations, is_stable };
@@ -126,7 +154,8 @@ impl Search<'_> {
                         increment *= 2.0;
                     }
                     increment = increment.abs().min(self.options.largest_increment) * span.signum();
-                    has_velocity = is_stable && self.velocity(state, increment, &mut velocity)?;
+                    has_velocity =
+                        is_stable && !has_friction && self.velocity(state, increment, &mut velocity)?;
                 }
                 Err(_)
                     if std::mem::take(&mut may_release)
@@ -192,9 +221,10 @@ impl Search<'_> {
     /// Returns the error for a load that cannot be carried, with the facts about the last equilibrium.
     fn no_equilibrium(&mut self, state: &State, increment: f64, cause: SolverError) -> SolverError {
         let t = state.t;
-        // A body that is too large for a factor is too large for its eigenvalues.
-        let has_factor = self.balance.has_factor();
-        let lowest = has_factor
+        // A body that is too large for a factor is too large for its eigenvalues. With friction, they tell nothing about the
+        // path.
+        let has_eigenvalues = self.balance.has_factor() && self.balance.friction.is_none();
+        let lowest = has_eigenvalues
             .then(|| critical::lowest(&mut self.balance, &state.q, t).ok())
             .flatten()
             .map(|mode| mode.0);

@@ -4,6 +4,7 @@
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::Balance;
+use crate::equilibrium::rubbing;
 use crate::error::SolverError;
 use crate::vectors;
 
@@ -49,7 +50,7 @@ pub(crate) struct Solved {
 
 /// Prepares solves with the tangent, or a positive definite substitute for it; returns whether the tangent was found to be
 /// positive definite.
-fn factorize_somehow(balance: &mut Balance, q: &[f64], t: f64) -> Result<bool, SolverError> {
+pub(super) fn factorize_somehow(balance: &mut Balance, q: &[f64], t: f64) -> Result<bool, SolverError> {
     if balance.factorize(q, t, HessianEvaluation::Exact, 0.0)?.is_ok() {
         return Ok(true);
     }
@@ -101,6 +102,9 @@ pub(crate) fn solve(
     t: f64,
     stop: &mut Stop,
 ) -> Result<Solved, SolverError> {
+    if balance.friction.is_some() {
+        return rubbing::solve(balance, q, t, stop);
+    }
     let n = q.len();
     let (mut r, mut step, mut trial) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     stop.scale = stop.scale.max(1e-12 * balance.energy_scale(q, t));

@@ -1,9 +1,11 @@
 //! A stepper that goes from one equilibrium to the next: t is the load factor, momenta are zero.
 
-use vi_core::{State, StepEnergy, System};
+use vi_core::{Impulse, State, StepEnergy, System};
 
 use crate::assemble::assembler::Assembler;
-use crate::equilibrium::load_control::equilibrium;
+use crate::assemble::live::LiveState;
+use crate::equilibrium::friction::Rubbed;
+use crate::equilibrium::load_control::search;
 use crate::equilibrium::options::{CriticalKind, StaticOptions, StaticReport};
 use crate::error::SolverError;
 use crate::memory::{StepperMemory, expect_method};
@@ -11,12 +13,18 @@ use crate::schemes::stepper::{StepError, StepReport, Stepper};
 use crate::work::Work;
 
 const NAME: &str = "static";
+/// Names of the state of friction in the memory.
+const FRICTION: &str = "friction";
+const STORED: &str = "friction.stored";
 
 struct QuasiStatic {
     options: StaticOptions,
     ledger: Option<Assembler>,
     work: Work,
     findings: Vec<String>,
+    friction: Rubbed,
+    /// Duration of the last step.
+    h: f64,
 }
 
 /// Returns descriptions of the critical points and snaps of a step.
@@ -45,6 +53,8 @@ pub fn quasi_static(system: &System, options: StaticOptions, ledger: bool) -> Bo
         ledger: ledger.then(|| Assembler::new(system)),
         work: Work::default(),
         findings: Vec::new(),
+        friction: Rubbed::default(),
+        h: 0.0,
     })
 }
 
@@ -57,11 +67,19 @@ impl Stepper for QuasiStatic {
             ..self.options.clone()
         };
         let before = state.clone();
-        let report =
-            equilibrium(system, state, &options).map_err(|cause| StepError { t: before.t, h, cause })?;
+        let mut rubbed = Rubbed { work: 0.0, ..self.friction.clone() };
+        let report = search(system, state, &options, &mut |_, _| true, &mut rubbed)
+            .map_err(|cause| StepError { t: before.t, h, cause })?;
         self.findings.extend(findings(&report));
-        let force = work_of_loads(self.ledger.as_mut(), system, &before, state);
-        let energy = StepEnergy { force, ..StepEnergy::default() };
+        let stored = rubbed.stored - self.friction.stored;
+        let friction = rubbed.work;
+        self.friction = rubbed;
+        self.h = h;
+        let mut force = work_of_loads(self.ledger.as_mut(), system, &before, state);
+        if self.ledger.is_some() {
+            force += stored - friction;
+        }
+        let energy = StepEnergy { force, friction, ..StepEnergy::default() };
         let mut work = report.work;
         work.steps = 1;
         self.work += work;
@@ -76,13 +94,35 @@ impl Stepper for QuasiStatic {
         std::mem::take(&mut self.findings)
     }
 
-    fn memory(&self) -> StepperMemory {
-        StepperMemory { method: NAME.to_owned(), ..Default::default() }
+    fn stored_energy(&self) -> f64 {
+        self.friction.stored
     }
 
-    fn restore(&mut self, _system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
+    fn take_impulses(&mut self) -> Vec<Impulse> {
+        let mut impulses = std::mem::take(&mut self.friction.forces);
+        impulses.iter_mut().for_each(|impulse| impulse.value.iter_mut().for_each(|value| *value *= self.h));
+        impulses
+    }
+
+    fn take_smallest_gap(&mut self) -> Option<f64> {
+        self.friction.smallest_gap.take()
+    }
+
+    fn memory(&self) -> StepperMemory {
+        let mut memory = StepperMemory { method: NAME.to_owned(), ..Default::default() };
+        self.friction.memory.save(FRICTION, &mut memory);
+        memory.arrays.push((STORED.to_owned(), vec![self.friction.stored]));
+        memory
+    }
+
+    fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
         self.work = Work::default();
-        expect_method(memory, NAME)
+        expect_method(memory, NAME)?;
+        let count = system.coordinates().dof_count();
+        let state = LiveState::restore(FRICTION, memory, count).unwrap_or_default();
+        let stored = memory.array(STORED)?.first().copied().unwrap_or(0.0);
+        self.friction = Rubbed { memory: state, stored, ..Rubbed::default() };
+        Ok(())
     }
 }
 

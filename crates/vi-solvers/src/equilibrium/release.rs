@@ -62,6 +62,7 @@ fn follow(
         match result {
             Ok(solved) => {
                 q.copy_from_slice(&trial);
+                balance.accept(q, t)?;
                 s = next;
                 if solved.iterations <= 6 {
                     step = f64::min(2.0 * step, STEP);

@@ -17,6 +17,11 @@ pub(crate) struct LiveState {
 }
 
 impl LiveState {
+    /// Returns the memory of the terms alone, without the configurations of the stencils.
+    pub(crate) fn of_memory(state: Self) -> Self {
+        Self { step: state.step, ..Self::default() }
+    }
+
     pub(crate) fn save(&self, name: &str, memory: &mut StepperMemory) {
         memory.arrays.push((format!("{name}.about"), self.about.clone()));
         memory.arrays.push((format!("{name}.pattern_about"), self.pattern_about.clone()));

@@ -1,0 +1,115 @@
+//! Dry friction in equilibria: forces without a potential, which depend on the equilibria before. From one equilibrium to
+//! the next, terms act over a step of infinite duration.
+
+use vi_core::{Coordinates, Impulse, System};
+
+use crate::assemble::assembler::Assembler;
+use crate::assemble::live::{LiveState, LiveSum};
+use crate::assemble::pairs::Pairs;
+use crate::error::SolverError;
+use crate::linear::matrix::SymmetricMatrix;
+
+/// The state of friction after an equilibrium.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Rubbed {
+    /// The stretched bristles.
+    pub(crate) memory: LiveState,
+    /// Energy stored in them, J.
+    pub(crate) stored: f64,
+    /// Work of friction since this was last set to zero, J (≤ 0).
+    pub(crate) work: f64,
+    /// Forces between bodies, N.
+    pub(crate) forces: Vec<Impulse>,
+    /// The smallest gap of the pairs that act, m.
+    pub(crate) smallest_gap: Option<f64>,
+}
+
+/// The friction between the last equilibrium and the next.
+pub(crate) struct Friction {
+    live: LiveSum,
+    pairs: Pairs,
+    /// Positions of the last equilibrium, m.
+    start: Vec<f64>,
+    /// The product of the model and a vector.
+    product: Vec<f64>,
+    pub(crate) rubbed: Rubbed,
+}
+
+impl Friction {
+    /// Returns the friction of a system from an equilibrium at positions x; `None` if it has none.
+    ///
+    /// # Errors
+    /// Returns an error if the forces cannot be summed.
+    pub(crate) fn new(
+        system: &System,
+        assembler: &Assembler,
+        x: &[f64],
+        rubbed: &Rubbed,
+    ) -> Result<Option<Self>, SolverError> {
+        let Some(mut live) = assembler.new_split_live() else { return Ok(None) };
+        live.go_to(&rubbed.memory);
+        live.open_step(x, f64::INFINITY)?;
+        if !live.dissipates(x) {
+            return Ok(None);
+        }
+        let pairs = Pairs::new(system.coordinates());
+        let product = vec![0.0; system.coordinates().free_count()];
+        Ok(Some(Self { live, pairs, start: x.to_vec(), product, rubbed: rubbed.clone() }))
+    }
+
+    /// Begins a series of iterations.
+    pub(crate) fn restart(&mut self) {
+        self.pairs.restart();
+    }
+
+    /// Sets the fraction of their stiffness with which bristles resist slip.
+    pub(crate) fn set_stiffness(&mut self, fraction: f64) {
+        self.pairs.set_stiffness(fraction);
+    }
+
+    /// Adds the forces of friction at positions x to `gradient`, both of all coordinates.
+    pub(crate) fn add_gradient(&mut self, coordinates: &Coordinates, x: &[f64], gradient: &mut [f64]) {
+        if self.live.list_pairs(&self.start, x, self.pairs.open()) {
+            self.pairs.close(coordinates, gradient);
+        } else {
+            gradient.fill(f64::NAN);
+        }
+    }
+
+    /// Returns a symmetric model of the tangent at positions x.
+    pub(crate) fn model(&mut self, x: &[f64]) -> Option<&SymmetricMatrix> {
+        self.live.tangents_over(&self.start, x)
+    }
+
+    /// Adds E v to `out`, where E is the tangent of the last forces minus the last model.
+    pub(crate) fn add_defect(&mut self, v: &[f64], out: &mut [f64]) {
+        if let Some((_, model)) = self.live.last_tangents() {
+            model.multiply(v, &mut self.product);
+            out.iter_mut().zip(&self.product).for_each(|(out, product)| *out -= product);
+        }
+        self.pairs.add_product(1.0, v, out);
+    }
+
+    /// Returns whether pairs stick only because their direction of sliding reversed.
+    pub(crate) fn has_reversals(&self) -> bool {
+        self.pairs.has_reversals()
+    }
+
+    /// Accepts an equilibrium at positions x, from which the next step begins.
+    ///
+    /// # Errors
+    /// Returns an error if the forces cannot be summed.
+    pub(crate) fn accept(&mut self, x: &[f64]) -> Result<(), SolverError> {
+        let outcome = self.live.close_step(&self.start, x);
+        self.live.accept_step(&self.start, x);
+        self.rubbed = Rubbed {
+            memory: LiveState::of_memory(self.live.state()),
+            stored: outcome.stored,
+            work: self.rubbed.work - outcome.friction,
+            forces: outcome.impulses,
+            smallest_gap: outcome.smallest_gap,
+        };
+        self.start.copy_from_slice(x);
+        self.live.open_step(x, f64::INFINITY)
+    }
+}

@@ -1,0 +1,164 @@
+//! Newton's method for an equilibrium with friction. The tangent J = A + E is not symmetric, because friction follows
+//! pressure: GMRES solves (I + A⁻¹E) δ = −A⁻¹r, where A is the symmetric model that is factored. There is no energy whose
+//! decrease could guide a line search. `soft_bristles` finds which pairs stick and which slide.
+
+use crate::equilibrium::balance::Balance;
+use crate::equilibrium::newton::{Solved, Stop, factorize_somehow};
+use crate::error::SolverError;
+use crate::linear::gmres;
+use crate::newton::soft_bristles::{self, Aim, Attempt, Frictional, Iteration, Progress, Verdict};
+use crate::newton::start::Start;
+use crate::vectors;
+
+/// Relative error to which J δ = −r is solved, and the largest number of products.
+const FORCING: f64 = 1e-6;
+const MOST_PRODUCTS: usize = 60;
+/// Relative accuracy of solves with A by conjugate gradients.
+const ACCURACY: f64 = 1e-8;
+/// Smallest fraction of a correction.
+const SHORTEST: f64 = 1.0 / 64.0;
+/// Largest growth of the residual, in the norm of the diagonal of A, that a correction may cause. Corrections into a layer
+/// may let it grow for a few iterations.
+const GROWTH: f64 = 1e4;
+/// Longest correction of a body that nothing holds, as a multiple of the distance after which pairs are searched again.
+const REACHES: f64 = 20.0;
+/// Longest correction as a fraction of the extent of the bodies. What slides farther than the extent in one increment finds
+/// no hold.
+const FARTHEST: f64 = 0.1;
+
+struct Rubbing<'a, 'b> {
+    balance: &'a mut Balance<'b>,
+    start: Vec<f64>,
+    q: Vec<f64>,
+    t: f64,
+    stop: &'a mut Stop,
+    done: u32,
+    stayed_definite: bool,
+}
+
+/// Iterates from `q` to an equilibrium at t. Leaves `q` unchanged if it fails.
+pub(super) fn solve(
+    balance: &mut Balance,
+    q: &mut [f64],
+    t: f64,
+    stop: &mut Stop,
+) -> Result<Solved, SolverError> {
+    let (tolerance, most) = (stop.tolerance, 2 * stop.max_iterations);
+    stop.scale = stop.scale.max(1e-12 * balance.energy_scale(q, t));
+    let start = q.to_vec();
+    let mut series = Rubbing { balance, q: start.clone(), start, t, stop, done: 0, stayed_definite: true };
+    if soft_bristles::solve_plainly(&mut series, Start::Still, tolerance, most).is_err() {
+        series.balance.work.softenings += 1;
+        soft_bristles::solve_in_stages(&mut series, Attempt::all(Start::Still), tolerance, most)?;
+    }
+    q.copy_from_slice(&series.q);
+    Ok(Solved { iterations: series.done, stayed_definite: series.stayed_definite })
+}
+
+impl Rubbing<'_, '_> {
+    /// Returns δ = −J⁻¹r and the energies −δᵀr of it and of −A⁻¹r, J.
+    fn correct(&mut self, r: &[f64]) -> Result<(Vec<f64>, f64, f64), SolverError> {
+        let balance = &mut *self.balance;
+        let n = r.len();
+        let mut first: Vec<f64> = r.iter().map(|r| -r).collect();
+        balance.solve(&mut first, ACCURACY)?;
+        balance.work.newton_iterations += 1;
+        let product = |v: &[f64]| -> Result<Vec<f64>, SolverError> {
+            let mut image = vec![0.0; n];
+            if let Some(friction) = &mut balance.friction {
+                friction.add_defect(v, &mut image);
+            }
+            balance.solve(&mut image, ACCURACY)?;
+            image.iter_mut().zip(v).for_each(|(image, v)| *image += v);
+            Ok(image)
+        };
+        let (delta, _) = gmres::solve(product, &first, FORCING, MOST_PRODUCTS)?;
+        let energy = |delta: &[f64]| -vectors::sum(n, |k| delta[k] * r[k]);
+        let energies = (energy(&delta), energy(&first));
+        Ok((delta, energies.0, energies.1))
+    }
+}
+
+impl Frictional for Rubbing<'_, '_> {
+    fn begin(&mut self, _start: Start) {
+        self.q.copy_from_slice(&self.start);
+        if let Some(friction) = &mut self.balance.friction {
+            friction.restart();
+        }
+    }
+
+    fn unknowns(&self) -> Vec<f64> {
+        self.q.clone()
+    }
+
+    fn go_to(&mut self, unknowns: &[f64]) {
+        self.q.copy_from_slice(unknowns);
+    }
+
+    fn iterations(&self) -> u32 {
+        self.done
+    }
+
+    fn iterate(&mut self, aim: Aim) -> Result<(), SolverError> {
+        if let Some(friction) = &mut self.balance.friction {
+            friction.set_stiffness(aim.stiffness);
+        }
+        let mut progress = Progress::towards(aim);
+        let t = self.t;
+        let mut r = vec![0.0; self.q.len()];
+        let mut eta = f64::INFINITY;
+        self.balance.residual(&self.q, t, &mut r)?;
+        for _ in 0..aim.most {
+            let is_definite = factorize_somehow(self.balance, &self.q, t)?;
+            let is_at_resolution = self.balance.is_round_off(&r);
+            let (mut delta, energy, size) = self.correct(&r)?;
+            self.done += 1;
+            self.stayed_definite &= is_definite;
+            let extent = self.balance.extent();
+            // A body that nothing holds yet would go far.
+            let allowed = if is_definite { f64::INFINITY } else { REACHES * self.balance.reach() };
+            let allowed = allowed.min(FARTHEST * extent);
+            let farthest = vectors::max_abs(delta.len(), |k| delta[k]);
+            let is_cut = farthest > allowed;
+            if is_cut {
+                delta.iter_mut().for_each(|delta| *delta *= allowed / farthest);
+            }
+            let longest = self.balance.largest_step(&self.q, t, &delta);
+            if self.done == 1 {
+                self.stop.scale = self.stop.scale.max(longest * energy.abs());
+            }
+            eta = (energy.abs() / self.stop.scale).sqrt();
+            let reverses = self.balance.friction.as_ref().is_some_and(|friction| friction.has_reversals());
+            let before = self.balance.scaled_norm(&r);
+            let place = self.q.clone();
+            let mut fraction = longest;
+            let outcome = loop {
+                vectors::fill(&mut self.q, |k| place[k] + fraction * delta[k]);
+                let outcome = self.balance.residual(&self.q, t, &mut r);
+                let grows = outcome.is_ok() && self.balance.scaled_norm(&r) > GROWTH * before;
+                if (outcome.is_ok() && !grows) || fraction <= SHORTEST * longest {
+                    break outcome;
+                }
+                self.balance.work.line_searches += 1;
+                fraction *= 0.5;
+            };
+            outcome?;
+            let iteration = Iteration {
+                eta,
+                size: size.abs(),
+                is_whole: fraction == 1.0 && !is_cut,
+                reverses,
+                is_at_resolution,
+            };
+            if vectors::max_abs(self.q.len(), |k| self.q[k] - self.start[k]) > extent {
+                break;
+            }
+            match progress.judge(&iteration) {
+                Verdict::Solved => return Ok(()),
+                Verdict::Hopeless => break,
+                Verdict::Continue => {}
+            }
+        }
+        Err(SolverError::NoConvergence { iterations: self.done, residual: eta, tolerance: aim.tolerance })
+    }
+}

@@ -1,0 +1,168 @@
+//! Tests equilibria with friction: Coulomb's limit, history dependence, accounts, and failures by name.
+
+use crate::program::Program;
+
+/// A soft block of 4 kg on a plane, under gravity that is tilted by `angle`.
+fn slope(angle: f64, friction: f64, element: &str) -> String {
+    let [x, z] = [9.81 * angle.sin(), -9.81 * angle.cos()];
+    format!(
+        r#"
+gravity = [{x}, 0.0, {z}]
+[time]
+end = 1.0
+step = 1.0
+[static]
+smallest_increment = 0.1
+[contact]
+friction = {friction}
+self = false
+[[body]]
+name = "block"
+box = {{ size = [0.2, 0.2, 0.1], cells = [3, 3, 2], element = "{element}", origin = [0.0, 0.0, 0.001] }}
+material = {{ law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }}
+[[rigid]]
+name = "slope"
+shape = {{ kind = "plane", normal = [0, 0, 1] }}
+position = [0.0, 0.0, 0.0]
+fixed = true
+[[probe]]
+name = "foot"
+between = ["block", "slope"]
+sum = "contact_force"
+[output]
+ledger = true
+"#
+    )
+}
+
+/// Below the angle of friction a block holds, and the slope carries its weight to round-off of the solve. Above, no
+/// equilibrium exists, and the run says so.
+#[test]
+fn a_block_holds_up_to_the_angle_of_friction() {
+    let angle = 20.0_f64.to_radians();
+    for element in ["hex8", "tet4"] {
+        let program = Program::run(&slope(angle, 1.01 * angle.tan(), element));
+        let history = program.history();
+        let last = |name: &str| *history.column(name).last().unwrap();
+        let weight = 1000.0 * 0.2 * 0.2 * 0.1 * 9.81;
+        assert!((last("foot.fx") + weight * angle.sin()).abs() < 1e-6 * weight, "{element}");
+        assert!((last("foot.fz") - weight * angle.cos()).abs() < 1e-6 * weight, "{element}");
+        assert!(last("friction") <= 0.0, "{element}: {}", last("friction"));
+    }
+    let program = Program::try_run(&slope(angle, 0.99 * angle.tan(), "hex8"), &[]);
+    let said = program.errors();
+    assert_eq!(program.code(), Some(4), "{said}");
+    for words in
+        ["no equilibrium beyond", "of 'block' and the half-space 'slope'", "contact.friction", "step time"]
+    {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+}
+
+/// A block that is pressed with 200 N and pulled sideways by up to `pull` times the limit μN, back to zero, and on to the
+/// same force in the other direction.
+fn pulled(pull: f64, checkpoint: &str) -> String {
+    let traction = pull * 0.4 * 200.0 / 0.04;
+    format!(
+        r#"
+[time]
+end = 1.0
+step = 0.05
+[static]
+[contact]
+friction = 0.4
+self = false
+[[body]]
+name = "block"
+box = {{ size = [0.2, 0.2, 0.1], cells = [4, 4, 2], element = "hex8", origin = [0.0, 0.0, 0.001] }}
+material = {{ law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }}
+[[rigid]]
+name = "floor"
+shape = {{ kind = "plane", normal = [0, 0, 1] }}
+position = [0.0, 0.0, 0.0]
+fixed = true
+[[load]]
+kind = "traction"
+body = "block"
+region = "z-max"
+traction = [0.0, 0.0, -5000.0]
+amplitude = "min(10*t, 1)"
+[[load]]
+kind = "traction"
+body = "block"
+region = "z-min"
+traction = [{traction}, 0.0, 0.0]
+amplitude = "sin(2*pi*max(0, t - 0.1)/0.9)"
+[[probe]]
+name = "foot"
+between = ["block", "floor"]
+sum = "contact_force"
+[[probe]]
+name = "corner"
+body = "block"
+point = [0.2, 0.1, 0.001]
+[output]
+ledger = true
+{checkpoint}
+"#
+    )
+}
+
+/// The reaction is opposite to the pull and within Coulomb's cone. The foot has slid where it was pressed least, so that it does
+/// not return to its place when the pull does; the work of the loads is what is stored and what friction takes.
+#[test]
+fn a_pull_to_and_fro_leaves_a_displacement() {
+    let program = Program::run(&pulled(0.95, ""));
+    let history = program.history();
+    let [fx, fz, t, work] = ["foot.fx", "foot.fz", "t", "friction"].map(|name| history.column(name));
+    for row in 3..t.len() {
+        let pull = 0.95 * 0.4 * 200.0 * (std::f64::consts::TAU * (t[row] - 0.1) / 0.9).sin();
+        assert!((fx[row] + pull).abs() < 1e-5 * 200.0, "{}: {} {pull}", t[row], fx[row]);
+        assert!((fz[row] - 200.0).abs() < 1e-5 * 200.0, "{}: {}", t[row], fz[row]);
+        assert!(fx[row].abs() <= 0.4 * fz[row] * (1.0 + 1e-6), "{}", t[row]);
+        assert!(work[row] <= work[row - 1] + 1e-12, "{}", t[row]);
+    }
+    let ux = history.column("corner.ux");
+    let row = |time: f64| t.iter().position(|t| (t - time).abs() < 1e-9).unwrap();
+    let most = ux.iter().copied().fold(0.0, f64::max);
+    // The pull is zero at .1 s and at .55 s.
+    let back = ux[row(0.55)] - ux[row(0.1)];
+    assert!(back > 0.01 * most, "{back:e} of {most:e}");
+    let unexplained = program.report()["energy"]["unexplained"].as_f64().unwrap();
+    assert!(unexplained.abs() < 1e-9, "{unexplained:e}");
+}
+
+/// Bristles are part of checkpoints, and results do not depend on the number of threads.
+#[test]
+fn equilibria_with_friction_resume_with_the_same_bits() {
+    let scene = pulled(0.8, "[checkpoint]\ninterval = 0.2\nkeep = 9\n");
+    let text = |program: &Program| std::fs::read(program.out().join("history.csv")).unwrap();
+    let one = Program::run_with(&scene, &["--threads", "1"]);
+    let two = Program::run_with(&scene, &["--threads", "2"]);
+    assert!(text(&one) == text(&two));
+    let files = std::fs::read_dir(two.out()).unwrap().map(|entry| entry.unwrap().path());
+    let is_saved = |file: &std::path::PathBuf| file.to_string_lossy().contains("checkpoint_");
+    let mut saved: Vec<_> = files.filter(is_saved).collect();
+    saved.sort();
+    assert!(saved.len() >= 4, "{saved:?}");
+    for newest in &saved[3..] {
+        std::fs::remove_file(newest).unwrap();
+    }
+    let resumed =
+        crate::program::command().current_dir(two.directory()).args(["resume", "out"]).output().unwrap();
+    assert!(resumed.status.success(), "{}", String::from_utf8_lossy(&resumed.stderr));
+    assert!(text(&one) == text(&two), "resumed");
+}
+
+/// What does not apply to equilibria is refused with the way out.
+#[test]
+fn damping_and_paths_are_refused_with_friction() {
+    for (from, to, words) in [
+        ("friction = 0.4", "damping = 1e-3", "nothing is damped between equilibria"),
+        ("[static]", "[static]\narc_steps = 10", "depends on the order of loads"),
+    ] {
+        let program = Program::try_run(&pulled(0.5, "").replace(from, to), &[]);
+        assert_eq!(program.code(), Some(2), "{}", program.errors());
+        assert!(program.errors().contains(words), "{}", program.errors());
+    }
+}
