@@ -232,7 +232,7 @@ impl ChosenSolver {
         }
         let facts = self.facts();
         self.costs.factor /= SINGLE_COST;
-        self.costs.solve = cost::bytes(facts.solve_bytes);
+        self.costs.solve = cost::substitution(&facts);
         self.reason = format!("{}; {why}", describe(&facts, false));
         true
     }
@@ -291,7 +291,7 @@ impl ChosenSolver {
             [_, 0] => FIRST_GUESS,
             [total, solves] => total as f64 / solves as f64,
         };
-        (mean + 1.0) * cost::bytes(self.pcg.iteration_bytes)
+        (mean + 1.0) * cost::iteration(&self.pcg)
     }
 
     fn take_factor(&mut self, system: &System, k: &SymmetricMatrix, why: &str) -> Result<(), SolverError> {
@@ -455,7 +455,7 @@ pub(crate) fn try_gradients(
     work: &mut Work,
 ) -> Option<[f64; 2]> {
     let mut pcg = Pcg::new(k, Preconditioner::BlockIncompleteCholesky);
-    let iteration = cost::bytes(pcg.facts().iteration_bytes);
+    let iteration = cost::iteration(&pcg.facts());
     let limit = (most / iteration) as u32;
     if limit == 0 || pcg.prepare(mass, c, k, positions).is_err() {
         return None;

@@ -13,13 +13,21 @@ const HESSIAN_ENTRY: f64 = 1.8e-9;
 /// Flops per second of a factorisation, and bytes per second of a solve.
 const FACTOR_RATE: f64 = 25e9;
 const SOLVE_RATE: f64 = 8e9;
+/// Bytes per second of conjugate gradients, whose products gather from many places: two thirds of those of a solve with a
+/// factor (P1 n16, one thread, `cargo bench --bench linear`: 10 and 15 GB/s).
+const GRADIENTS_RATE: f64 = SOLVE_RATE / 1.5;
 
 /// Seconds of the reference core for one call, however small the system.
 const CALL: f64 = 1e-6;
 
-/// Returns the seconds that the reference core needs to move `count` bytes in sparse or triangular products.
-pub(crate) fn bytes(count: f64) -> f64 {
-    count / SOLVE_RATE
+/// Returns the seconds that the reference core needs for a solve with a factor.
+pub(crate) fn substitution(facts: &FactorFacts) -> f64 {
+    facts.solve_bytes / SOLVE_RATE
+}
+
+/// Returns the seconds that the reference core needs for an iteration of conjugate gradients.
+pub(crate) fn iteration(facts: &PcgFacts) -> f64 {
+    facts.iteration_bytes / GRADIENTS_RATE
 }
 
 /// Returns the seconds that the reference core needs for a factorisation.
@@ -29,7 +37,7 @@ pub(crate) fn factorization(facts: &FactorFacts) -> f64 {
 
 /// Returns the seconds that the reference core needs to prepare conjugate gradients for a matrix.
 pub(crate) fn preparation(facts: &PcgFacts) -> f64 {
-    bytes(facts.prepare_bytes) + facts.coarse_flops / FACTOR_RATE
+    facts.prepare_bytes / GRADIENTS_RATE + facts.coarse_flops / FACTOR_RATE
 }
 
 /// Costs of the parts of a step in seconds of one core of the reference machine. They are counted and are the same on
@@ -74,7 +82,7 @@ impl UnitCosts {
                 hessian += HESSIAN_ENTRY * count * packed_len(size) as f64;
             }
         }
-        let (factor, solve) = (factorization(facts), bytes(facts.solve_bytes));
+        let (factor, solve) = (factorization(facts), substitution(facts));
         Self { gradient, hessian, factor, solve }
     }
 

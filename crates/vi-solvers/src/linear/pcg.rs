@@ -141,8 +141,8 @@ impl Pcg {
     ) -> Result<PcgReport, SolverError> {
         let Self { matrix, preconditioner, vectors, coarse } = self;
         let pattern = &matrix.pattern;
-        let apply = |r: &[f64], z: &mut [f64], scratch: &mut [f64]| {
-            preconditioner.apply(pattern, r, z, scratch);
+        let apply = |r: &[f64], z: &mut [f64], _: &mut [f64]| {
+            preconditioner.apply(pattern, r, z);
             if let Some(coarse) = coarse {
                 coarse.add_correction(r, z);
             }
