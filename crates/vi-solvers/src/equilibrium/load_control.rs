@@ -8,9 +8,10 @@ use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::refuse_constraints;
 use crate::equilibrium::critical;
 use crate::equilibrium::friction::Rubbed;
-use crate::equilibrium::newton::{self, PREDICTION, Solved, Stop};
+use crate::equilibrium::newton::{PREDICTION, Solved, Stop};
 use crate::equilibrium::options::{LoadStep, StaticOptions, StaticReport};
 use crate::equilibrium::path::follow;
+use crate::equilibrium::rubbing;
 use crate::equilibrium::search::Search;
 use crate::error::SolverError;
 use crate::vectors;
@@ -185,7 +186,7 @@ impl Search<'_> {
         stop: &mut Stop,
     ) -> Result<Solved, SolverError> {
         self.balance.check_move(state, q, t)?;
-        newton::solve(&mut self.balance, q, t, stop)
+        rubbing::solve(&mut self.balance, q, t, stop)
     }
 
     /// Returns the increment at which a step across an indefinite tangent is accepted.

@@ -4,7 +4,6 @@
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::Balance;
-use crate::equilibrium::rubbing;
 use crate::error::SolverError;
 use crate::vectors;
 
@@ -102,9 +101,6 @@ pub(crate) fn solve(
     t: f64,
     stop: &mut Stop,
 ) -> Result<Solved, SolverError> {
-    if balance.friction.is_some() {
-        return rubbing::solve(balance, q, t, stop);
-    }
     let n = q.len();
     let (mut r, mut step, mut trial) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     stop.scale = stop.scale.max(1e-12 * balance.energy_scale(q, t));

@@ -6,7 +6,8 @@
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::Balance;
-use crate::equilibrium::newton::{self, PREDICTION, Stop};
+use crate::equilibrium::newton::{PREDICTION, Stop};
+use crate::equilibrium::rubbing;
 use crate::error::SolverError;
 
 /// First and largest step of s.
@@ -53,11 +54,11 @@ fn follow(
         for (trial, (q, slope)) in trial.iter_mut().zip(q.iter().zip(&slope)) {
             *trial = q + if is_predicted { *slope } else { 0.0 };
         }
-        let mut result = newton::solve(balance, &mut trial, t, &mut { *stop });
+        let mut result = rubbing::solve(balance, &mut trial, t, &mut { *stop });
         if result.is_err() && is_predicted {
             // The prediction may be the cause; try without it.
             trial.copy_from_slice(q);
-            result = newton::solve(balance, &mut trial, t, &mut { *stop });
+            result = rubbing::solve(balance, &mut trial, t, &mut { *stop });
         }
         match result {
             Ok(solved) => {

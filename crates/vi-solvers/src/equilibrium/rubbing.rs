@@ -3,7 +3,7 @@
 //! decrease could guide a line search. `soft_bristles` finds which pairs stick and which slide.
 
 use crate::equilibrium::balance::Balance;
-use crate::equilibrium::newton::{Solved, Stop, factorize_somehow};
+use crate::equilibrium::newton::{self, Solved, Stop, factorize_somehow};
 use crate::error::SolverError;
 use crate::linear::gmres;
 use crate::newton::soft_bristles::{self, Aim, Attempt, Frictional, Iteration, Progress, Verdict};
@@ -36,13 +36,16 @@ struct Rubbing<'a, 'b> {
     stayed_definite: bool,
 }
 
-/// Iterates from `q` to an equilibrium at t. Leaves `q` unchanged if it fails.
+/// Iterates from `q` to an equilibrium at t, with friction if the bodies have any.
 pub(super) fn solve(
     balance: &mut Balance,
     q: &mut [f64],
     t: f64,
     stop: &mut Stop,
 ) -> Result<Solved, SolverError> {
+    if balance.friction.is_none() {
+        return newton::solve(balance, q, t, stop);
+    }
     let (tolerance, most) = (stop.tolerance, 2 * stop.max_iterations);
     stop.scale = stop.scale.max(1e-12 * balance.energy_scale(q, t));
     let start = q.to_vec();
