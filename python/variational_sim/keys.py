@@ -575,7 +575,7 @@ class Load4(TypedDict, total=False):
 
 Load = Union[Load0, Load1, Load2, Load3, Load4]
 
-Cache = Union[Literal['pc2'], Literal['obj'], Literal['ply']]
+Cache = Union[Literal['pc2'], Literal['mdd'], Literal['obj'], Literal['ply']]
 
 Encoding = Union[Literal['raw'], Literal['base64']]
 
@@ -585,7 +585,7 @@ Precision = Union[Literal['f32'], Literal['f64']]
 
 class Output(TypedDict, total=False):
     cache: Union[Cache, None]
-    """Also write the surface of every body for animation programs, at `fps`: 'pc2' (a point cache and one OBJ file), 'obj' or 'ply' (a sequence)."""
+    """Also write the surface of every body for animation programs, at `fps`: 'pc2' (a point cache and one OBJ file), 'mdd' (as 'pc2', and an MDD file at the end), 'obj' or 'ply' (a sequence)."""
     chart: bool
     """Draw the energies over time as `energy.svg` when the run ends (default false; `run --chart`)."""
     directory: Union[str, None]

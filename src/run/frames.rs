@@ -135,7 +135,7 @@ impl FrameWriter {
                  {rounding:.1e} m, and the smallest edge is {edge:.1e} m"
             ));
         }
-        if output.cache == Some(Cache::Pc2) {
+        if output.cache.is_some_and(Cache::is_point_cache) {
             notes.push(format!(
                 "point caches have 32 bits, which round positions by {rounding:.1e} m here, with a smallest edge of \
                  {edge:.1e} m: bring the bodies nearer to the origin with `translate`, or write `cache = \"ply\"`"
@@ -238,6 +238,17 @@ impl FrameWriter {
         }
         self.synced = self.count();
         Ok(())
+    }
+
+    /// Writes the files that need all frames, at the end of the run.
+    ///
+    /// # Errors
+    /// Returns an error if a file cannot be written.
+    pub(crate) fn finish(&self) -> Result<(), IoError> {
+        match (&self.cache, self.schedule) {
+            (Some(cache), Schedule::Rate(rate)) => cache.finish(rate),
+            _ => Ok(()),
+        }
     }
 
     /// Removes all frames after the first `count`.

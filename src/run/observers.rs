@@ -114,6 +114,12 @@ impl Observers {
         Ok(())
     }
 
+    /// Writes the files that need all frames, at the end of the run.
+    pub(super) fn finish(&self) -> Result<(), RunError> {
+        self.frames.as_ref().map_or(Ok(()), FrameWriter::finish)?;
+        Ok(())
+    }
+
     /// Writes the state at which a run ends early as a last frame, unless it has one.
     pub(super) fn write_last_frame(&mut self, simulation: &Simulation) -> Result<(), RunError> {
         let Some(frames) = &mut self.frames else { return Ok(()) };

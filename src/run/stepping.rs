@@ -348,6 +348,7 @@ impl Run {
             let drawn = super::chart::write(&self.directory, title, self.report.scheme.unwrap_or("statics"));
             drawn.map_err(RunError::output(&self.directory.join("energy.svg")))?;
         }
+        self.observers.finish()?;
         self.report.notes.append(&mut self.findings);
         self.observers.report(&self.simulation, &mut self.report);
         self.report.close(&self.simulation, outcome);

@@ -1,9 +1,9 @@
-//! Writes the surfaces of bodies for animation programs: per body a point cache with one OBJ file, or a sequence of OBJ
-//! or PLY files.
+//! Writes the surfaces of bodies for animation programs: per body a point cache (PC2, and MDD at the end of the run) with
+//! one OBJ file, or a sequence of OBJ or PLY files.
 
 use std::path::{Path, PathBuf};
 
-use vi_io::{IoError, Pc2File, TriangleSurface, write_obj, write_ply};
+use vi_io::{IoError, Pc2File, TriangleSurface, write_mdd, write_obj, write_ply};
 use vi_mesh::Surface;
 
 use crate::scene::{Cache, Scene};
@@ -88,12 +88,12 @@ impl SurfaceFiles {
         Self { stems: stems(name, scene).into_iter().map(with_cache).collect() }
     }
 
-    /// Returns whether a run of the scene wrote the file with this name. An OBJ file without a number belongs to a
-    /// point cache; otherwise it is not ours.
+    /// Returns whether a run of the scene wrote the file with this name. An OBJ file without a number and
+    /// an MDD file belong to a point cache; otherwise they are not ours.
     pub(crate) fn contain(&self, file: &str) -> bool {
         self.stems.iter().any(|(stem, has_cache)| match file.strip_prefix(stem.as_str()) {
             Some(".pc2") => true,
-            Some(".obj") => *has_cache,
+            Some(".obj" | ".mdd") => *has_cache,
             Some(_) => [".obj", ".ply"].iter().any(|ending| number_of(stem, file, ending).is_some()),
             None => false,
         })
@@ -140,7 +140,7 @@ impl SurfaceWriter {
         for part in &mut self.parts {
             let points = part.points(simulation);
             match self.cache {
-                Cache::Pc2 => {
+                Cache::Pc2 | Cache::Mdd => {
                     if part.file.is_none() {
                         write_obj(&place(format!("{}.obj", part.stem)), &part.surface(&points))?;
                         part.file =
@@ -165,7 +165,7 @@ impl SurfaceWriter {
     /// Returns the file that prevents continuing after the first `samples` of an earlier run, with the problem. A
     /// checkpoint cannot restore the samples of a point cache.
     pub(crate) fn obstacle(&self, samples: usize) -> Option<(PathBuf, String)> {
-        if self.cache != Cache::Pc2 || samples == 0 {
+        if !self.cache.is_point_cache() || samples == 0 {
             return None;
         }
         self.parts.iter().find_map(|part| {
@@ -186,7 +186,7 @@ impl SurfaceWriter {
     pub(crate) fn resume(&mut self, samples: usize) -> Result<(), IoError> {
         self.samples = samples;
         for part in &mut self.parts {
-            if self.cache != Cache::Pc2 {
+            if !self.cache.is_point_cache() {
                 continue;
             }
             match &mut part.file {
@@ -199,7 +199,7 @@ impl SurfaceWriter {
             }
         }
         let ending = match self.cache {
-            Cache::Pc2 => return Ok(()),
+            Cache::Pc2 | Cache::Mdd => return Ok(()),
             Cache::Obj => ".obj",
             Cache::Ply => ".ply",
         };
@@ -219,6 +219,21 @@ impl SurfaceWriter {
         Ok(())
     }
 
+    /// Writes the MDD files, if they are wanted, of `rate` samples per second.
+    ///
+    /// # Errors
+    /// Returns an error if a file cannot be written.
+    pub(crate) fn finish(&self, rate: f64) -> Result<(), IoError> {
+        if self.cache == Cache::Mdd {
+            for part in &self.parts {
+                if let Some(file) = &part.file {
+                    write_mdd(&self.directory.join(format!("{}.mdd", part.stem)), file, rate)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Waits until the samples from number `from` on are on disk.
     ///
     /// # Errors
@@ -231,7 +246,7 @@ impl SurfaceWriter {
         };
         for part in &self.parts {
             match self.cache {
-                Cache::Pc2 => {
+                Cache::Pc2 | Cache::Mdd => {
                     if let Some(file) = &part.file {
                         file.sync()?;
                         sync(format!("{}.obj", part.stem))?;

@@ -177,10 +177,19 @@ pub enum Encoding {
 pub enum Cache {
     /// A PC2 point cache per body, with one OBJ file that has its triangles and texture coordinates.
     Pc2,
+    /// As "pc2", and at the end of the run an MDD point cache per body with the same points.
+    Mdd,
     /// An OBJ file per body and frame.
     Obj,
     /// A binary PLY file per body and frame.
     Ply,
+}
+
+impl Cache {
+    /// Returns whether each body has one file with all samples.
+    pub(crate) fn is_point_cache(self) -> bool {
+        matches!(self, Self::Pc2 | Self::Mdd)
+    }
 }
 
 /// When frames are due.
@@ -244,7 +253,7 @@ pub struct Output {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fps: Option<f64>,
     /// Also write the surface of every body for animation programs, at `fps`: "pc2" (a point cache and one OBJ file),
-    /// "obj" or "ply" (a sequence).
+    /// "mdd" (as "pc2", and an MDD file at the end), "obj" or "ply" (a sequence).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cache: Option<Cache>,
     /// Write a row of history.csv every n steps, and always the first and the last (default 1; 0: those two only).

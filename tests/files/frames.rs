@@ -162,6 +162,33 @@ fn point_caches_hold_what_history_and_the_object_file_say() {
     assert!(!block.contains("vt "), "a solid has no texture coordinates");
 }
 
+/// An MDD file holds the samples of the point cache, with their times, also if the run ends early.
+#[test]
+fn mdd_files_hold_the_samples_of_the_point_caches() {
+    let failing =
+        scene("stormer-verlet", "fps = 50\ncache = \"mdd\"\n[guard]\naction = \"stop\"\nbound = 1e-9");
+    for (text, is_whole) in [(scene("stormer-verlet", "fps = 50\ncache = \"mdd\""), true), (failing, false)] {
+        let program = Program::try_run(&text, &[]);
+        assert_eq!(program.code() == Some(0), is_whole, "{}", program.errors());
+        for stem in ["scene.the_skirt", "scene.block"] {
+            let (points, samples) = point_cache(&program.out().join(format!("{stem}.pc2")));
+            assert_eq!(samples.len() == 6, is_whole);
+            let bytes = std::fs::read(program.out().join(format!("{stem}.mdd"))).unwrap();
+            let words = bytes.as_chunks::<4>().0;
+            let head = [words[0], words[1]].map(|word| i32::from_be_bytes(word) as usize);
+            assert_eq!(
+                (head, bytes.len()),
+                ([samples.len(), points], 4 * (2 + samples.len() * (1 + 3 * points)))
+            );
+            let mut values = words[2..].iter().map(|&word| f32::from_be_bytes(word));
+            for (k, time) in values.by_ref().take(samples.len()).enumerate() {
+                assert_eq!(time, (k as f64 / 50.0) as f32);
+            }
+            assert!(values.eq(samples.into_iter().flatten().flatten()), "{stem}");
+        }
+    }
+}
+
 /// Texture coordinates of a mesh file reach the cache with their seams, on a refined mesh too.
 #[test]
 fn texture_coordinates_of_a_mesh_file_are_kept() {
@@ -214,7 +241,7 @@ fn keys_of_output_are_checked_and_an_earlier_run_leaves_nothing() {
         let mut files: Vec<String> = std::fs::read_dir(directory.path())
             .unwrap()
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-            .filter(|name| [".obj", ".ply", ".pc2"].iter().any(|ending| name.ends_with(ending)))
+            .filter(|name| [".obj", ".ply", ".pc2", ".mdd"].iter().any(|ending| name.ends_with(ending)))
             .collect();
         files.sort();
         files
@@ -222,6 +249,7 @@ fn keys_of_output_are_checked_and_an_earlier_run_leaves_nothing() {
     std::fs::write(directory.path().join("scene.mine.obj"), "").unwrap();
     assert_eq!(once("fps = 30\ncache = \"ply\"").len(), 1 + 2 * 4);
     assert_eq!(once("fps = 30\ncache = \"obj\"").len(), 1 + 2 * 4);
+    assert_eq!(once("fps = 30\ncache = \"mdd\"").len(), 1 + 2 * 3);
     let kept = [
         "scene.block.obj",
         "scene.block.pc2",

@@ -165,7 +165,7 @@ fn damping_wind_companions_and_statics_continue_to_the_same_bits() {
 
 #[test]
 fn films_and_point_caches_continue_to_the_same_bytes() {
-    for cache in [Cache::Pc2, Cache::Obj, Cache::Ply] {
+    for cache in [Cache::Pc2, Cache::Mdd, Cache::Obj, Cache::Ply] {
         for scheme in [SchemeName::StormerVerlet, SchemeName::Gauss] {
             let mut scene = driven(scheme);
             scene.output =

@@ -82,7 +82,7 @@ body = "block"
 node = 7
 [output]
 fps = 50
-cache = "pc2"
+cache = "mdd"
 "#;
 
 #[test]
@@ -90,7 +90,12 @@ cache = "pc2"
 fn blender_shows_the_point_caches() {
     let python = python();
     let run = Program::run(FILM);
-    for arguments in [&["cloth", "corner", "0", "--textured"][..], &["block", "tip", "7"]] {
+    for arguments in [
+        &["pc2", "cloth", "corner", "0", "--textured"][..],
+        &["mdd", "cloth", "corner", "0", "--textured"],
+        &["pc2", "block", "tip", "7"],
+        &["mdd", "block", "tip", "7"],
+    ] {
         let mut check = Command::new(&python);
         check.arg(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/python/check_blender.py"));
         let output = check.arg(run.out()).args(arguments).output().unwrap();

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Blender shows the point caches of a run as docs/files.md says: check_blender.py DIRECTORY BODY PROBE POINT
+"""Blender shows the point caches of a run as docs/files.md says: check_blender.py DIRECTORY FORMAT BODY PROBE POINT
 
-Imports <scene>.BODY.obj, adds a Mesh Cache modifier with its .pc2 file, and compares point number POINT at every frame of
+Imports <scene>.BODY.obj, adds a Mesh Cache modifier with its file of FORMAT (pc2 or mdd), and compares point number POINT at every frame of
 the timeline with the columns PROBE.x, PROBE.y, PROBE.z of history.csv at the same time. Needs the package bpy.
 """
 
@@ -11,16 +11,16 @@ import sys
 
 import bpy
 
-directory, body, probe, point = pathlib.Path(sys.argv[1]), sys.argv[2], sys.argv[3], int(sys.argv[4])
+directory, kind, body, probe, point = pathlib.Path(sys.argv[1]), *sys.argv[2:5], int(sys.argv[5])
 rate = 50
 bpy.ops.wm.read_factory_settings(use_empty=True)
 scene = bpy.context.scene
 scene.render.fps = rate
-[cache] = directory.glob(f"*.{body}.pc2")
+[cache] = directory.glob(f"*.{body}.{kind}")
 bpy.ops.wm.obj_import(filepath=str(cache.with_suffix(".obj")), forward_axis="Y", up_axis="Z")
 [thing] = bpy.context.selected_objects
 modifier = thing.modifiers.new("cache", "MESH_CACHE")
-modifier.cache_format = "PC2"
+modifier.cache_format = kind.upper()
 modifier.filepath = str(cache)
 modifier.time_mode = "FRAME"
 modifier.play_mode = "SCENE"

@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 
 use crate::error::IoError;
 
-const HEADER: u64 = 32;
+/// Size of the header, bytes.
+pub(crate) const HEADER: u64 = 32;
 /// Offset of the number of samples.
 const COUNT: u64 = 28;
 
@@ -64,6 +65,18 @@ impl Pc2File {
         }
         cache.truncate(samples)?;
         Ok(cache)
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(crate) fn point_count(&self) -> usize {
+        self.points
+    }
+
+    pub(crate) fn sample_count(&self) -> usize {
+        self.samples
     }
 
     /// Returns the size of the header and the samples so far (bytes).
