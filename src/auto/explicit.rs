@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::Candidate;
 use super::activity::first_event;
-use super::search::{NoTrial, Search, Stopped, seconds_per_step};
+use super::search::{NoTrial, Search, Stopped, TENTH, seconds_per_step};
 use crate::auto::trial::{Choice, Trial};
 use crate::scene::SchemeName;
 
@@ -91,6 +91,7 @@ impl Search<'_> {
             }
         }
         self.window = Some(stretch.clone());
+        self.predict(&chain, &stretch);
         match found {
             Some((number, error)) => self.cheapest(&chain, number, error, &stretch),
             None => Ok(self.unreached(&chain, seconds, &stretch)),
@@ -149,7 +150,7 @@ impl Search<'_> {
         for coarse in &chain[..number] {
             let cheapest = found.iter().map(|c| c.predicted_seconds).fold(f64::INFINITY, f64::min);
             let error = self.error(coarse, exact, stretch);
-            let finer = self.finer(coarse.choice, error);
+            let finer = finer(coarse.choice, error, self.aim);
             let seconds = seconds_per_step(&coarse.trial) * finer.steps as f64;
             let tried = seconds * (stretch.end - stretch.start);
             // A trial that costs more than it saves is omitted.
@@ -167,13 +168,21 @@ impl Search<'_> {
         Ok(found)
     }
 
-    /// Returns the step with which a scheme with this error should reach the target, by its order.
-    fn finer(&self, choice: Choice, error: f64) -> Choice {
-        let order = choice.method().facts().order as f64;
-        let finer = (error / (0.8 * self.aim)).powf(1.0 / order).clamp(1.0, 1e3);
-        let parts = choice.steps & choice.steps.wrapping_neg();
-        let steps = (choice.steps as f64 * finer).ceil() as u64;
-        Choice { steps: steps.next_multiple_of(parts.min(512)), ..choice }
+    /// Predicts the steps with which the schemes of a chain would reach a tenth of the target error.
+    fn predict(&mut self, chain: &[Solution], stretch: &Range<f64>) {
+        let [coarser @ .., exact] = chain else { return };
+        for solution in coarser {
+            let error = FROM_DIFFERENCE * self.error(solution, exact, stretch);
+            if error.is_nan() || error > SMALL {
+                continue;
+            }
+            let choice = finer(solution.choice, error, TENTH * self.aim);
+            let halved = choice.steps as f64 / solution.choice.steps as f64;
+            let error = error / halved.powf(choice.method().facts().order as f64);
+            if error <= TENTH * self.aim {
+                self.tenth.push(Candidate::new(choice, seconds_per_step(&solution.trial), error, false));
+            }
+        }
     }
 
     /// Returns candidates when no trial reached the target within the budget, extrapolated by the orders of the
@@ -189,7 +198,7 @@ impl Search<'_> {
             if error.is_nan() || error > SMALL {
                 continue;
             }
-            let choice = self.finer(solution.choice, error);
+            let choice = finer(solution.choice, error, self.aim);
             let finer = choice.steps as f64 / solution.choice.steps as f64;
             let error = error / finer.powf(choice.method().facts().order as f64);
             found.push(Candidate::new(choice, seconds_per_step(&solution.trial), error, false));
@@ -207,6 +216,15 @@ impl Search<'_> {
         let choice = self.limit(SchemeName::StormerVerlet, 1);
         Candidate::new(choice, seconds / choice.steps as f64, f64::NAN, false)
     }
+}
+
+/// Returns the step with which a scheme with this error should reach the error `aim`, by its order.
+fn finer(choice: Choice, error: f64, aim: f64) -> Choice {
+    let order = choice.method().facts().order as f64;
+    let finer = (error / (0.8 * aim)).powf(1.0 / order).clamp(1.0, 1e3);
+    let parts = choice.steps & choice.steps.wrapping_neg();
+    let steps = (choice.steps as f64 * finer).ceil() as u64;
+    Choice { steps: steps.next_multiple_of(parts.min(512)), ..choice }
 }
 
 fn cost_per_force(solution: &Solution) -> f64 {

@@ -2,7 +2,7 @@
 //! measured error of the coarser one.
 
 use super::Candidate;
-use super::search::{COARSEST, FINEST, NoTrial, Search, Stopped};
+use super::search::{COARSEST, FINEST, NoTrial, Search, Stopped, TENTH};
 use crate::auto::trial::{Choice, Norm, Trial};
 use crate::scene::SchemeName;
 
@@ -76,6 +76,12 @@ impl Search<'_> {
         }
         let finest: Vec<&Rung> = ladders.iter().filter_map(|ladder| ladder.rungs.last()).collect();
         found.retain(|candidate| is_confirmed(candidate, &finest, &self.norm, &ladders, self.aim));
+        for ladder in &ladders {
+            let own = ladder.measured(self.aim);
+            if own.is_none_or(|own| found.iter().any(|confirmed| confirmed.choice == own.choice)) {
+                self.tenth.extend(ladder.predicted(TENTH * self.aim));
+            }
+        }
         if found.is_empty() {
             found.extend(ladders.iter().filter_map(|ladder| ladder.extrapolated(self.aim)));
             let rungs = ladders.iter().flat_map(|ladder| &ladder.rungs);
@@ -131,6 +137,24 @@ impl Ladder {
             [(coarse, fine.difference * gain / (gain - 1.0)), (fine, fine.difference / (reliable - 1.0))];
         let (rung, error) = errors.into_iter().find(|(_, error)| *error <= aim)?;
         Some(Candidate::new(rung.choice, rung.seconds / rung.choice.steps as f64, error, true))
+    }
+
+    /// Returns the first rung, also beyond the measured ones, that reaches `aim` if the order of the last rungs
+    /// continues.
+    fn predicted(&self, aim: f64) -> Option<Candidate> {
+        if let Some(candidate) = self.measured(aim) {
+            return Some(candidate);
+        }
+        let order = self.order()?;
+        let fine = self.rungs.last()?;
+        let error = fine.difference / (2.0_f64.powf(order.min(RELIABLE_ORDER)) - 1.0);
+        let halvings = ((error / aim).log2() / order).ceil().max(0.0);
+        if halvings.is_nan() || halvings > REACH.log2() {
+            return None;
+        }
+        let choice = Choice { steps: fine.choice.steps << halvings as u32, ..fine.choice };
+        let error = error / 2.0_f64.powf(halvings * order);
+        Some(Candidate::new(choice, fine.seconds / fine.choice.steps as f64, error, false))
     }
 
     /// Returns finer steps that reach `aim` if the order of three rungs continues.

@@ -12,6 +12,8 @@ use crate::scene::{Scene, SchemeName};
 pub(super) const COARSEST: u64 = 16;
 /// Number of steps of the finest trial.
 pub(super) const FINEST: u64 = COARSEST << 12;
+/// `auto` also predicts the cost of this fraction of the target error.
+pub(super) const TENTH: f64 = 0.1;
 /// Number of first steps from which the cost of a run is estimated: one in 64, within these bounds.
 const SAMPLE: [u64; 2] = [4, 64];
 
@@ -45,6 +47,8 @@ pub(super) struct Search<'a> {
     pub(super) is_exhausted: bool,
     /// The implicit scheme and step with the smallest difference from a coarser step, if none showed an order.
     pub(super) nearest: Option<Candidate>,
+    /// Ways to a tenth of the target error that the trials show.
+    pub(super) tenth: Vec<Candidate>,
     /// Factor by which errors grew in the second half of a window, if faster than t².
     pub(super) growth: Option<f64>,
 }
@@ -70,6 +74,7 @@ impl<'a> Search<'a> {
             window: None,
             is_exhausted: false,
             nearest: None,
+            tenth: Vec::new(),
             growth: None,
         }
     }

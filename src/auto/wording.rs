@@ -13,6 +13,7 @@ impl AutoReport {
             tolerance,
             highest_frequency: 0.0,
             candidates: Vec::new(),
+            tenth: None,
             trial_seconds: 0.0,
             budget_seconds: 0.0,
             reason: "no coordinate of the scene is free: any scheme and step will do".to_owned(),
@@ -57,6 +58,13 @@ impl AutoReport {
             text.push_str(" Its steps are cheap enough to outweigh their number.");
         } else if explicit.is_some() {
             text.push_str(" Its steps are dearer, but so much longer that they cost less.");
+        }
+        if let Some(tenth) = &self.tenth {
+            let _ = write!(
+                text,
+                " A tenth of the error would cost about {:.2} s, {} in {} steps.",
+                tenth.predicted_seconds, tenth.scheme, tenth.steps
+            );
         }
         let _ = write!(
             text,

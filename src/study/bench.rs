@@ -10,6 +10,7 @@ mod chart;
 mod reference;
 mod sweep;
 mod tables;
+mod tenth;
 
 use std::time::Duration;
 
@@ -21,6 +22,7 @@ use crate::run::provenance::Provenance;
 use crate::scene::{Problem, Scene};
 
 pub use sweep::bench;
+pub use tenth::Tenth;
 
 /// Options of a bench.
 #[derive(Debug, Clone, PartialEq)]
@@ -191,6 +193,8 @@ pub struct BenchReport {
     pub recommendation: String,
     /// Index of the recommended row.
     pub recommended: Option<usize>,
+    /// What a tenth of the required error would cost; `None` if the rows do not show it.
+    pub tenth: Option<Tenth>,
     /// Whether the bench was ended from outside. The rows are then those measured before.
     pub interrupted: bool,
     /// Wall time of the whole bench, s.

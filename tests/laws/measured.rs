@@ -53,6 +53,12 @@ fn the_recommended_combination_reaches_its_error_again() {
     let cheaper = report.rows.iter().filter(|other| other.error.is_some_and(|error| error <= 1e-3));
     assert!(cheaper.into_iter().all(|other| other.cost(report.ranked_by) >= row.cost(report.ranked_by)));
     assert!(report.rows[0].is_present);
+    // The ladders go far beyond a tenth of the error.
+    let tenth = report.tenth.as_ref().unwrap();
+    let reached =
+        report.rows.iter().find(|row| row.scheme == tenth.scheme && row.steps == tenth.steps).unwrap();
+    assert!(tenth.is_measured && reached.error.unwrap() <= 1e-4, "{tenth:?}");
+    assert!(report.table().contains("a tenth of the error, 1e-4, would take"), "{}", report.table());
     let csv = report.csv();
     assert!(csv.lines().count() == report.rows.len() + 1);
     let mut heads: Vec<_> = csv.lines().next().unwrap().split(',').collect();
@@ -93,6 +99,32 @@ fn auto_holds_its_tolerance() {
             assert!(error <= tolerance, "{error:e}; {}", auto.reason);
             assert!(auto.warning.is_none(), "{:?}", auto.warning);
         }
+    }
+}
+
+/// `auto` says what a tenth of the error would cost: within a factor of 2 of what `auto` then spends, and the predicted
+/// steps reach that error.
+#[test]
+fn a_tenth_of_the_error_costs_what_auto_predicts() {
+    let law = Law::NeoHookean(SOFT);
+    let end = exact(&cantilever(2, Time::new(1.0, 0.5, SchemeName::BlanesMoan6), law.clone()));
+    for tolerance in [1e-1, 1e-2, 1e-3, 1e-4, 1e-5] {
+        let scene = |tolerance| cantilever(2, Time::auto(1.0, tolerance), law.clone());
+        let report = settle(scene(tolerance), &mut ()).unwrap().1.unwrap();
+        let tenth = report.tenth.unwrap();
+        let (settled, _) = settle(scene(0.1 * tolerance), &mut ()).unwrap();
+        let run = |scene: Scene| trial::run(scene, 0.0..1.0, LONG, &mut || true).unwrap();
+        let spent = run(settled.clone());
+        let ratio = tenth.predicted_seconds / spent.counted_seconds;
+        println!("{tolerance:e}: {ratio:.2} {tenth:?} {:?}", Choice::of(&settled));
+        assert!((0.5..=2.0).contains(&ratio), "{tolerance:e}: {ratio} {tenth:?} {:?}", Choice::of(&settled));
+        if tenth.choice.scheme == settled.time.scheme.unwrap() {
+            let ratio = tenth.steps as f64 / spent.work.steps as f64;
+            assert!((0.5..=2.0).contains(&ratio), "{tolerance:e}: {ratio} {tenth:?}");
+        }
+        let error = error_of(&tenth.choice.apply(&settled), &end);
+        assert!(error <= 0.1 * tolerance, "{tolerance:e}: {error:e} {tenth:?}");
+        assert!(report.reason.contains("A tenth of the error would cost about"), "{}", report.reason);
     }
 }
 

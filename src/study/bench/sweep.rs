@@ -6,6 +6,7 @@ use vi_solvers::Method;
 
 use super::reference::{Reference, find};
 use super::tables::recommend;
+use super::tenth::tenth;
 use super::{BenchError, BenchOptions, BenchReport, BenchWatch, Measure, Row, Trials};
 use crate::auto::settle;
 use crate::auto::trial::{Choice, Limit, Norm, Trial, TrialError, run};
@@ -282,6 +283,7 @@ impl Sweep<'_> {
             waited_share: busy,
             accuracy: self.accuracy,
             reference: self.reference.facts,
+            tenth: tenth(&self.rows, ranked_by, self.accuracy),
             rows: self.rows,
             recommendation: String::new(),
             recommended: None,

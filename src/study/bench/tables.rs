@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{BenchReport, Row};
+use super::{BenchReport, Row, Tenth};
 
 /// Returns the cheapest row within the required error, and the recommendation in words.
 pub(super) fn recommend(report: &BenchReport) -> (Option<usize>, String) {
@@ -122,6 +122,15 @@ impl BenchReport {
             }
         );
         let _ = writeln!(text, "ranked by {}", self.ranked_by);
+        if let Some(Tenth { scheme, steps, seconds, is_measured }) = &self.tenth {
+            let _ = writeln!(
+                text,
+                "a tenth of the error, {}, would take {} {scheme}, {steps} steps, {}",
+                percent(0.1 * self.accuracy),
+                if *is_measured { "(measured)" } else { "(by the orders of the rows)" },
+                engineering(*seconds, "s"),
+            );
+        }
         text
     }
 
