@@ -13,6 +13,7 @@ mod scene;
 mod simulation;
 mod study;
 mod supervise;
+mod threads;
 
 use pyo3::prelude::*;
 

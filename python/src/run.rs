@@ -11,8 +11,8 @@ use variational::run::report::Report;
 use crate::callables::Raised;
 use crate::errors;
 use crate::scene::Scene;
-use crate::simulation::thread_pool;
 use crate::supervise::supervise;
+use crate::threads::Threads;
 
 /// Runs a scene and writes its files into a directory; returns the report as JSON.
 #[pyfunction]
@@ -24,10 +24,10 @@ pub(crate) fn run(
     threads: Option<usize>,
     hear: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
-    let (pool, raised) = (thread_pool(threads)?, Raised::default());
+    let (threads, raised) = (Threads::new(threads)?, Raised::default());
     let armed = scene.armed(py, &raised)?;
     let source = scene.source.as_ref().map(|(path, keys)| (path.as_path(), keys.as_slice()));
-    let result = supervise(py, &pool, &raised, hear, |mut link| {
+    let result = supervise(py, &threads, &raised, hear, |mut link| {
         runs::run_from(source, armed, name, &directory, &mut link)
     })?;
     json(&result.map_err(|error| scene.failed(py, error))?)
@@ -42,7 +42,7 @@ pub(crate) fn resume(
     threads: Option<usize>,
     hear: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<(String, String)> {
-    let (pool, raised) = (thread_pool(threads)?, Raised::default());
+    let (threads, raised) = (Threads::new(threads)?, Raised::default());
     let Found { checkpoint, damages, .. } =
         newest(&directory).map_err(|error| errors::checkpoint(py, &error))?;
     if let Some(hear) = hear {
@@ -61,7 +61,7 @@ pub(crate) fn resume(
         }
     };
     let name = checkpoint.origin.name.clone();
-    let result = supervise(py, &pool, &raised, hear, |mut link| {
+    let result = supervise(py, &threads, &raised, hear, |mut link| {
         runs::resume(armed, &checkpoint, &directory, &mut link)
     })?;
     Ok((name, json(&result.map_err(|error| errors::run(py, error))?)?))

@@ -6,8 +6,8 @@ use std::time::Instant;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use rayon::{ThreadPool, ThreadPoolBuilder};
 use variational::auto::settle;
+use variational::core::StepEnergy;
 use variational::fem::ElementField;
 use variational::model::BodyModel;
 use variational::scene::Problem;
@@ -20,14 +20,7 @@ use crate::mesh::Mesh;
 use crate::observation::{observation, triangle};
 use crate::scene::Scene;
 use crate::supervise::{QUANTUM, supervise};
-
-/// Returns the threads of a simulation or a run.
-pub(crate) fn thread_pool(threads: Option<usize>) -> PyResult<ThreadPool> {
-    if threads == Some(0) {
-        return Err(errors::value("threads must be at least 1"));
-    }
-    ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build().map_err(errors::value)
-}
+use crate::threads::Threads;
 
 /// A term written in Python: the number of its body, `potential` or `force`, and the object.
 type Term = (usize, String, Py<PyAny>);
@@ -35,8 +28,10 @@ type Term = (usize, String, Py<PyAny>);
 /// The parts of a simulation that is not closed.
 struct Open {
     simulation: simulation::Simulation,
-    pool: ThreadPool,
+    threads: Threads,
     raised: Raised,
+    /// The contributions to the change of energy of all steps since it was made or restored.
+    ledger: StepEnergy,
     /// Whether the scene has terms or motions written in Python.
     has_callables: bool,
 }
@@ -96,7 +91,7 @@ impl Simulation {
         py: Python<'_>,
         act: impl FnOnce(&mut simulation::Simulation) -> T + Send,
     ) -> PyResult<T> {
-        self.with(py, |Open { simulation, pool, .. }| pool.install(|| act(simulation)))
+        self.with(py, |Open { simulation, threads, .. }| threads.install(|| act(simulation)))
     }
 
     fn nodal<'py>(
@@ -133,8 +128,8 @@ enum End {
 impl Open {
     /// Makes steps up to the number `last` for at most one quantum of time.
     fn steps(&mut self, last: u64) -> End {
-        let Self { simulation, pool, raised, has_callables } = self;
-        pool.install(|| {
+        let Self { simulation, threads, raised, ledger, has_callables } = self;
+        threads.install(|| {
             let begin = Instant::now();
             while simulation.steps() < last && begin.elapsed() < QUANTUM && !raised.is_set() {
                 let left = last - simulation.steps();
@@ -146,11 +141,10 @@ impl Open {
                 match before {
                     // A step with an exception is undone. Its snapshot fits.
                     Some(before) if raised.is_set() => drop(simulation.restore(&before)),
-                    _ => {
-                        if let Err(error) = made {
-                            return End::Failed(simulation.steps() + 1, error);
-                        }
-                    }
+                    _ => match made {
+                        Ok(made) => *ledger += made.energy,
+                        Err(error) => return End::Failed(simulation.steps() + 1, error),
+                    },
                 }
             }
             End::Quantum
@@ -169,14 +163,14 @@ impl Simulation {
         terms: Vec<Term>,
         hear: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let (pool, raised) = (thread_pool(threads)?, Raised::default());
+        let (threads, raised) = (Threads::new(threads)?, Raised::default());
         let armed = scene.armed(py, &raised)?;
         let has_callables = !terms.is_empty() || !scene.motions(py).is_empty();
         let reported = raised.clone();
         let mut failure = None;
         let built = {
             let (terms, failure) = (&terms, &mut failure);
-            supervise(py, &pool, &raised, hear, move |mut link| {
+            supervise(py, &threads, &raised, hear, move |mut link| {
                 if terms.is_empty() {
                     let (scene, _) = settle(armed, &mut link)?;
                     return simulation::Simulation::new(scene).map_err(variational::auto::SettleError::Scene);
@@ -193,7 +187,7 @@ impl Simulation {
         }
         let simulation = built?.map_err(|error| scene.failed(py, error.into()))?;
         let scene = scene.settled(py, simulation.scene().clone());
-        let open = Open { simulation, pool, raised, has_callables };
+        let open = Open { simulation, threads, raised, ledger: StepEnergy::default(), has_callables };
         Ok(Self { open: Mutex::new(Some(open)), process: std::process::id(), scene })
     }
 
@@ -267,6 +261,21 @@ impl Simulation {
             open.simulation.work().iter().map(|(name, count)| (name.to_owned(), count)).collect()
         };
         self.with(py, of)
+    }
+
+    /// Returns the contributions to the change of energy since the simulation was made or restored, {name: J}.
+    fn ledger(&self, py: Python<'_>) -> PyResult<Vec<(&'static str, f64)>> {
+        let StepEnergy { prescribed, force, damping, friction, contact_damping, scheme, residual } =
+            self.with(py, |open| open.ledger)?;
+        Ok(vec![
+            ("prescribed", prescribed),
+            ("force", force),
+            ("damping", damping),
+            ("friction", friction),
+            ("contact_damping", contact_damping),
+            ("scheme", scheme),
+            ("residual", residual),
+        ])
     }
 
     /// Returns name and dimension (3 or 2) of the bodies.

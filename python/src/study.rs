@@ -18,8 +18,8 @@ use crate::arrays::{float_array, int_array};
 use crate::callables::Raised;
 use crate::errors;
 use crate::scene::Scene;
-use crate::simulation::thread_pool;
 use crate::supervise::{SweepLink, supervise};
+use crate::threads::Threads;
 
 /// Measures schemes and steps; returns the report as JSON.
 #[pyfunction]
@@ -37,10 +37,11 @@ pub(crate) fn bench(
     if !(budget > 0.0 && budget < 1e9) {
         return Err(errors::value(format!("budget must be positive (s), is {budget}")));
     }
-    let (pool, raised) = (thread_pool(threads)?, Raised::default());
+    let (threads, raised) = (Threads::new(threads)?, Raised::default());
     let armed = scene.armed(py, &raised)?;
     let options = BenchOptions { name, budget: Duration::from_secs_f64(budget), accuracy, schemes };
-    let result = supervise(py, &pool, &raised, hear, |mut link| benches::bench(&armed, &options, &mut link))?;
+    let result =
+        supervise(py, &threads, &raised, hear, |mut link| benches::bench(&armed, &options, &mut link))?;
     let report = result.map_err(|error| match error {
         BenchError::Scene(problems) => scene.refused(py, problems),
         error => errors::plain(py, "StudyError", &error.to_string()),
@@ -65,11 +66,12 @@ pub(crate) fn convergence(
     if !(2..=6).contains(&levels) {
         return Err(errors::value(format!("levels must be 2 to 6, is {levels}")));
     }
-    let (pool, raised) = (thread_pool(threads)?, Raised::default());
+    let (threads, raised) = (Threads::new(threads)?, Raised::default());
     let armed = scene.armed(py, &raised)?;
     let options = ConvergenceOptions { name, levels, space, time, modes };
-    let result =
-        supervise(py, &pool, &raised, hear, |mut link| refinement::convergence(&armed, &options, &mut link))?;
+    let result = supervise(py, &threads, &raised, hear, |mut link| {
+        refinement::convergence(&armed, &options, &mut link)
+    })?;
     let report = result.map_err(|error| match error {
         ConvergenceError::Scene(problems) => scene.refused(py, problems),
         error => errors::plain(py, "StudyError", &error.to_string()),
@@ -90,10 +92,10 @@ pub(crate) fn modes<'py>(
     lumped: bool,
     threads: Option<usize>,
 ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, Vec<usize>, Vec<Shapes<'py>>)> {
-    let (pool, raised) = (thread_pool(threads)?, Raised::default());
+    let (threads, raised) = (Threads::new(threads)?, Raised::default());
     let armed = stand_in(&scene.armed(py, &raised)?);
     let mass = if lumped { MassKind::Lumped } else { MassKind::Consistent };
-    let result = supervise(py, &pool, &raised, None, |_| -> Result<_, RunError> {
+    let result = supervise(py, &threads, &raised, None, |_| -> Result<_, RunError> {
         let mut simulation = Simulation::new(armed).map_err(RunError::Scene)?;
         let found = scene_modes(&mut simulation, count, mass)?;
         let free: Vec<_> = (0..simulation.components().len())
@@ -137,8 +139,9 @@ pub(crate) fn sweep(
     }
     let axes = axes.into_iter().map(|(key, values)| Axis { key, values }).collect();
     let options = SweepOptions { scene, overrides, axes, directory, jobs, threads, task };
-    let (pool, raised) = (thread_pool(Some(1))?, Raised::default());
-    let result = supervise(py, &pool, &raised, hear, |link| sweeps::sweep(&options, &SweepLink::new(link)))?;
+    let (threads, raised) = (Threads::new(Some(1))?, Raised::default());
+    let result =
+        supervise(py, &threads, &raised, hear, |link| sweeps::sweep(&options, &SweepLink::new(link)))?;
     let report = result.map_err(|error| match error {
         SweepError::Scene(problems) => errors::scene(py, problems),
         SweepError::Output { source, .. } => errors::run(py, source),

@@ -8,7 +8,6 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
-use rayon::ThreadPool;
 use variational::auto::AutoReport;
 use variational::auto::trial::TrialWatch;
 use variational::run::Watch;
@@ -18,6 +17,7 @@ use variational::study::sweep::SweepWatch;
 
 use crate::callables::{Raised, lock};
 use crate::errors;
+use crate::threads::Threads;
 
 /// Longest time between two looks at signals: Ctrl-C is heard after this time at most.
 pub(crate) const QUANTUM: Duration = Duration::from_millis(50);
@@ -124,11 +124,11 @@ impl SweepWatch for SweepLink<'_> {
     }
 }
 
-/// Runs `job` in the pool. Meanwhile the caller runs signal handlers and passes messages to `hear(kind, …)`. An
+/// Runs `job` on the threads. Meanwhile the caller runs signal handlers and passes messages to `hear(kind, …)`. An
 /// exception of either, or of a callable of the scene, asks the job to stop and is raised after it has.
 pub(crate) fn supervise<T: Send>(
     py: Python<'_>,
-    pool: &ThreadPool,
+    threads: &Threads,
     raised: &Raised,
     hear: Option<&Bound<'_, PyAny>>,
     job: impl FnOnce(Link<'_>) -> T + Send,
@@ -140,7 +140,7 @@ pub(crate) fn supervise<T: Send>(
     let link = Link { messages, stop: &stop, raised, begin: Instant::now(), last: None };
     let mut failure = None;
     let result = std::thread::scope(|scope| {
-        let worker = scope.spawn(|| pool.install(|| job(link)));
+        let worker = scope.spawn(|| threads.install(|| job(link)));
         loop {
             let inbox = &inbox;
             let heard = match py.detach(|| lock(inbox).recv_timeout(QUANTUM)) {

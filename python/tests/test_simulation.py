@@ -109,8 +109,11 @@ def test_assignment_is_checked_and_booked(beam: vs.Scene) -> None:
     simulation = vs.Simulation(beam, threads=1)
     body = simulation["beam"]
     simulation.step(20)
+    kinetic, before = simulation.observe().kinetic, simulation.ledger()["force"]
     body.v = 0.0 * body.v
     assert simulation.observe().kinetic == 0.0
+    simulation.step()
+    assert simulation.ledger()["force"] - before == pytest.approx(-kinetic, rel=1e-12)
     x = body.x
     free = x[:, 0] > 0.0
     moved = x + 0.01 * free[:, None]
@@ -129,6 +132,22 @@ def test_assignment_is_checked_and_booked(beam: vs.Scene) -> None:
         with pytest.raises(ValueError, match="^v: "):
             body.v = wrong
     np.testing.assert_allclose(body.x, moved, atol=1e-15)
+
+
+@pytest.mark.parametrize("scheme", ["stormer-verlet", "implicit-midpoint", "energy-momentum"])
+def test_the_ledger_explains_the_change_of_energy(scheme: str) -> None:
+    keys = beam_keys(time=dict(end=0.1, step=1e-3, scheme=scheme), output=dict(ledger=True))
+    simulation = vs.Simulation(vs.Scene(keys), threads=1)
+    start, most = simulation.observe().total, 0.0
+    for step in range(30):
+        if step == 10:
+            simulation["beam"].v = 2.0 * simulation["beam"].v
+        simulation.step()
+        seen = simulation.observe()
+        most = max(most, seen.kinetic)
+        assert abs(seen.total - start - sum(simulation.ledger().values())) < 1e-12 * most
+    assert simulation.ledger()["force"] > 0.0
+    assert not any(vs.Simulation.restore(simulation.snapshot()).ledger().values())
 
 
 def test_matrices_are_those_of_the_system(beam: vs.Scene) -> None:

@@ -141,6 +141,15 @@ class Simulation:
         seen["contact_facts"] = None if facts is None else Contact(*facts)
         return Observation(**seen)
 
+    def ledger(self) -> dict[str, float]:
+        """Returns the contributions to the change of the total energy since the simulation was made or restored, J.
+
+        `prescribed`: work of supports; `force`: work of forces, and the energy that assignments of `x` and `v` add, from
+        the next step on; `damping`, `friction`, `contact_damping` (≤ 0); `scheme` and `residual`: errors of scheme and
+        solver. With output=dict(ledger=True) their sum is the change; otherwise the last two may be left out.
+        """
+        return dict(self._core.ledger())
+
     def work(self) -> dict[str, int]:
         """Returns the counted work so far, such as force evaluations and factorisations."""
         return dict(self._core.work())
