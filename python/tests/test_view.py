@@ -36,6 +36,22 @@ def test_pictures_show_the_body(run: vs.Run, beam: vs.Scene, tmp_path: pathlib.P
         vs.picture(vs.run(beam, quiet=True))
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_pictures_are_upright(axis: int, tmp_path: pathlib.Path) -> None:
+    """A column that stands along gravity is drawn upright."""
+    size, gravity = [0.1, 0.1, 0.1], [0.0, 0.0, 0.0]
+    size[axis], gravity[axis] = 1.0, -9.81
+    box = dict(size=size, cells=[1, 1, 1])
+    keys = beam_keys(gravity=gravity, output=dict(fps=50.0), probe=[], fix=[dict(body="beam", region="xyz"[axis] + "-min")])
+    keys["body"][0]["box"] = box
+    scene = vs.Scene(keys)
+    for source in (vs.Simulation(scene, threads=1), vs.run(scene, tmp_path, quiet=True)):
+        pixels = vs.picture(source, scalars=None, size=(300, 300))
+        # Without the time above and the axes below.
+        rows, columns = np.nonzero((pixels[50:230] != 255).any(axis=2))
+        assert rows.max() - rows.min() > 3 * (columns.max() - columns.min()) > 0
+
+
 def test_films_have_all_frames(run: vs.Run, tmp_path: pathlib.Path) -> None:
     iio = pytest.importorskip("imageio.v3")
     pytest.importorskip("imageio_ffmpeg")

@@ -44,9 +44,10 @@ def picture(
     Writes the file `path` (.png, .jpg), or returns the pixels (height, width, 3) without it.
     """
     if isinstance(source, Simulation):
-        grids, time = [body.to_pyvista() for body in source], source.t
+        grids, time, up = [body.to_pyvista() for body in source], source.t, _up(source.scene.to_dict())
     else:
-        frames = frames_of(source).frames
+        run = frames_of(source)
+        frames, up = run.frames, _up(run.report["scene"])
         if not -len(frames) <= frame < len(frames):
             raise ValueError(f"frame: there are {len(frames)} frames, numbered from 0; {frame} is not one of them")
         grids, time = [frames[frame].to_pyvista()], frames[frame].t
@@ -54,7 +55,7 @@ def picture(
     with _plotter(size) as plotter:
         for grid in grids:
             _add(plotter, grid, scalars, limits)
-        _finish(plotter, time)
+        _finish(plotter, time, up)
         pixels = plotter.screenshot(None if path is None else os.fspath(path), return_img=True)
     return pixels if path is None else None
 
@@ -71,7 +72,8 @@ def movie(
 
     The film shows `fps` frames of the run per second. Camera and colours fit all frames.
     """
-    frames = frames_of(source).frames
+    run = frames_of(source)
+    frames, up = run.frames, _up(run.report["scene"])
     text = os.fspath(path)
     if not text.endswith((".gif", ".mp4")):
         raise ValueError(f"{text}: films are .mp4 or .gif; `write_usd` and `write_vtkhdf` write geometry")
@@ -93,7 +95,7 @@ def movie(
                 raise ImportError("films need imageio-ffmpeg: pip install 'variational-sim[view]'") from error
         for frame in frames:
             _add(plotter, frame.to_pyvista(), scalars, limits)
-            _finish(plotter, frame.t, bounds)
+            _finish(plotter, frame.t, up, bounds)
             plotter.write_frame()
 
 
@@ -105,17 +107,18 @@ def view(source: Run | Simulation | str | os.PathLike[str], *, scalars: str | No
         limits = _limits(grids, scalars)
         for grid in grids:
             _add(plotter, grid, scalars, limits)
-        _finish(plotter, source.t)
+        _finish(plotter, source.t, _up(source.scene.to_dict()))
         return plotter.show()
     run = frames_of(source)
     common: Sequence[float] | None = None
+    up = _up(run.report["scene"])
     for frame in run.frames:
         common = _joined(common, _limits([frame.to_pyvista()], scalars))
 
     def show(value: float) -> None:
         frame = run.frames[round(value)]
         _add(plotter, frame.to_pyvista(), scalars, common)
-        _finish(plotter, frame.t)
+        _finish(plotter, frame.t, up)
 
     if len(run.frames) > 1:
         last = len(run.frames) - 1
@@ -156,15 +159,42 @@ def _add(plotter: Any, grid: Any, scalars: str | None, limits: Sequence[float] |
         ambient=0.3,
         name=str(grid.field_data["name"][0]) if "name" in grid.field_data else "frame",
         reset_camera=False,
-        scalar_bar_args=dict(title=name, n_labels=3, fmt="%.3g", vertical=False),
+        scalar_bar_args=dict(
+            title=None if name is None else _title(name), n_labels=2, fmt="%.3g", vertical=False, title_font_size=18, label_font_size=16
+        ),
     )
 
 
-def _finish(plotter: Any, time: float, bounds: Sequence[float] | None = None) -> None:
-    """Adds axes and the time, and looks along (−1, −1, −1) at these bounds (default: everything), unless the camera has
-    been set."""
+UNITS = {
+    "displacement": "m",
+    "velocity": "m/s",
+    "acceleration": "m/s²",
+    "external_force": "N",
+    "reaction_force": "N",
+    "stress": "Pa",
+    "von_mises": "Pa",
+    "energy_density": "J/m³",
+}
+"""Units of fields; the others are numbers."""
+
+
+def _title(field: str) -> str:
+    unit = UNITS.get(field.removeprefix("nodal_"))
+    return field if unit is None else f"{field} ({unit})"
+
+
+def _up(scene: Any) -> int:
+    """Returns the axis (0, 1, 2) along which gravity acts; z without gravity."""
+    gravity = scene.get("gravity") or [0.0, 0.0, 0.0]
+    return max((2, 1, 0), key=lambda axis: abs(gravity[axis]))
+
+
+def _finish(plotter: Any, time: float, up: int, bounds: Sequence[float] | None = None) -> None:
+    """Adds axes and the time, and looks at these bounds (default: everything) from all three positive axes, with the
+    axis `up` upwards, unless the camera has been set."""
     if not plotter.renderer.camera_set:
         plotter.camera_position = "iso"
+        plotter.camera.up = [float(axis == up) for axis in range(3)]
         plotter.reset_camera(bounds=bounds)
     plotter.add_axes()
     plotter.add_text(f"t = {time:.3f} s", name="time", font_size=12)
