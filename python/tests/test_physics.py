@@ -164,7 +164,8 @@ def test_a_law_as_a_formula_is_the_law() -> None:
             simulation = vs.Simulation(vs.Scene(keys), threads=1)
             simulation.run()
             ends.append(simulation["beam"].u)
-        assert abs(ends[0] - ends[1]).max() < 1e-12 * abs(ends[0]).max() * 100
+        # Fifty steps amplify the round-off of 1e-14 per evaluation.
+        assert abs(ends[0] - ends[1]).max() < 1e-12 * abs(ends[0]).max()
     scene = vs.Scene(keys)
     assert pickle.loads(pickle.dumps(scene)) == scene
     assert scene.set({"body[0].material.constants.mu": 2 * MU}).to_dict()["body"][0]["material"]["constants"]["mu"] == 2 * MU

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import logging
 import os
@@ -10,8 +11,10 @@ import pickle
 import signal
 import subprocess
 import sys
+import sysconfig
 import threading
 import time
+import types
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from typing import Any
@@ -41,19 +44,19 @@ def test_a_run_is_that_of_the_program(program: str, tmp_path: pathlib.Path) -> N
     path = tmp_path / "beam.toml"
     path.write_text(vs.Scene(beam_keys(output=OUTPUT)).to_toml())
     module = [sys.executable, "-m", "variational_sim"]
-    for command, out in [([program], "a"), (module, "b")]:
+    script = [os.path.join(sysconfig.get_path("scripts"), "variational")]
+    for command, out in [([program], "a"), (module, "b"), (script, "d")]:
         subprocess.run([*command, "run", path, "--out", tmp_path / out, "--quiet"], check=True)
     vs.run(vs.Scene(path), tmp_path / "c", quiet=True)
-    assert content(tmp_path / "a") == content(tmp_path / "b") == content(tmp_path / "c")
+    assert content(tmp_path / "a") == content(tmp_path / "b") == content(tmp_path / "c") == content(tmp_path / "d")
     assert {"history.csv", "report.json", "beam.pvd"} <= set(content(tmp_path / "a"))
     # Messages and exit codes are also those of the program.
     for arguments in (["schema"], ["--help"], ["run", "no-such.toml"], ["nonsense"], ["info", path]):
         said = [
             subprocess.run([*command, *arguments], capture_output=True, text=True, check=False)
-            for command in ([program], module)
+            for command in ([program], module, script)
         ]
-        assert said[0].returncode == said[1].returncode
-        assert (said[0].stdout, said[0].stderr) == (said[1].stdout, said[1].stderr)
+        assert len({(end.returncode, end.stdout, end.stderr) for end in said}) == 1
 
 
 def test_the_bits_are_those_of_the_program_on_any_threads(program: str, tmp_path: pathlib.Path) -> None:
@@ -135,12 +138,12 @@ def test_ctrl_c_writes_everything_and_resume_gives_the_same_bits(tmp_path: pathl
         vs.resume(tmp_path / "nothing")
 
 
-def test_a_run_with_arrays_and_callables_resumes_with_its_scene(tmp_path: pathlib.Path) -> None:
+def test_a_run_with_arrays_formulas_and_callables_resumes_with_its_scene(tmp_path: pathlib.Path) -> None:
     points = [[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
     body = dict(
         name="a",
         mesh=(points, {"tet4": [[0, 1, 2, 3]]}),
-        material=dict(law="neo-hookean", young=1e4, poisson=0.3, density=1e3),
+        material=dict(law="formula", energy="mu/2*(I1 - 3 - 2*log(J))", constants=dict(mu=4e3), density=1e3),
     )
 
     def motion(x: Any, t: float) -> Any:
@@ -186,6 +189,35 @@ def test_notes_go_to_logging(beam: vs.Scene, caplog: pytest.LogCaptureFixture) -
     with caplog.at_level(logging.INFO, logger="variational"):
         vs.run(beam.set({"time.scheme": "auto"}), quiet=True)
     assert any("stormer-verlet" in record.message or "auto" in record.message for record in caplog.records)
+
+
+def test_a_bar_of_tqdm_follows_the_run(beam: vs.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Bar:
+        def __init__(self, total: float, **options: Any) -> None:
+            self.n, self.total, self.is_open = 0.0, total, True
+            bars.append(self)
+
+        def update(self, more: float) -> None:
+            self.n += more
+
+        def close(self) -> None:
+            self.is_open = False
+
+    bars: list[Bar] = []
+    module: Any = types.ModuleType("tqdm.auto")
+    module.tqdm = Bar
+    monkeypatch.setitem(sys.modules, "tqdm.auto", module)
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    scene = beam.set({"time.end": 5.0})
+    vs.run(scene)
+    assert not bars, "nobody looks at a pipe"
+    # A notebook.
+    monkeypatch.setitem(sys.modules, "ipykernel", types.ModuleType("ipykernel"))
+    vs.run(scene, quiet=True)
+    assert not bars
+    vs.run(scene)
+    [bar] = bars
+    assert bar.total == 5.0 and 0.0 < bar.n <= 5.0 and not bar.is_open
 
 
 def lowest(scene: vs.Scene, young: float) -> float:
