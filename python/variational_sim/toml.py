@@ -9,9 +9,19 @@ from typing import Any
 
 
 def document(tree: Mapping[str, Any]) -> str:
-    """Returns a TOML document with one line per key of the tree."""
-    lines = [f"{_key(key)} = {value(entry)}" for key, entry in tree.items() if entry is not None]
-    return "\n".join(lines) + "\n"
+    """Returns a TOML document. Lists of dicts become arrays of tables, so that problems name the entry: `load[0]`."""
+    lines, tables = [], []
+    for key, entry in tree.items():
+        if isinstance(entry, (list, tuple)) and entry and all(isinstance(part, Mapping) for part in entry):
+            for part in entry:
+                tables += [f"[[{_key(key)}]]", *_pairs(part)]
+        else:
+            lines += _pairs({key: entry})
+    return "\n".join(lines + tables) + "\n"
+
+
+def _pairs(table: Mapping[str, Any]) -> list[str]:
+    return [f"{_key(key)} = {value(entry)}" for key, entry in table.items() if entry is not None]
 
 
 def value(entry: Any) -> str:
@@ -30,8 +40,7 @@ def value(entry: Any) -> str:
     if isinstance(entry, os.PathLike):
         return _text(os.fsdecode(os.fspath(entry)))
     if isinstance(entry, Mapping):
-        parts = (f"{_key(key)} = {value(part)}" for key, part in entry.items() if part is not None)
-        return "{ " + ", ".join(parts) + " }"
+        return "{ " + ", ".join(_pairs(entry)) + " }"
     if isinstance(entry, (list, tuple)):
         return "[" + ", ".join(value(part) for part in entry) + "]"
     raise TypeError(
