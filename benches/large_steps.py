@@ -46,8 +46,8 @@ def block(n):
     return lambda directory: P1.format(end=1.0, mesh=mesh, material=f"{{ {SOFT} }}")
 
 
-def stiff_band(directory):
-    """P1 n4 with E x 1e4 for .3 < x < .5, as a mesh with two regions."""
+def band_mesh(path):
+    """Writes P1 n5 as a mesh with the regions "soft" and, for .3 < x < .5, "band"."""
     cells = (20, 5, 5)
     node = lambda i, j, k: 1 + i + (cells[0] + 1) * (j + (cells[1] + 1) * k)
     lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", "2", '3 1 "soft"', '3 2 "band"', "$EndPhysicalNames"]
@@ -67,7 +67,12 @@ def stiff_band(directory):
     lines += ["$Elements", str(len(elements))]
     lines += [f"{1 + i} 4 2 {e[0]} {e[0]} {e[1]} {e[2]} {e[3]} {e[4]}" for i, e in enumerate(elements)]
     lines += ["$EndElements", ""]
-    (directory / "band.msh").write_text("\n".join(lines))
+    path.write_text("\n".join(lines))
+
+
+def stiff_band(directory):
+    """P1 n5 with E x 1e4 for .3 < x < .5."""
+    band_mesh(directory / "band.msh")
     material = f'[{{ region = "soft", {SOFT} }}, {{ region = "band", {STIFF} }}]'
     return P1.format(end=1.0, mesh='mesh = "band.msh"', material=material)
 
@@ -94,11 +99,9 @@ SCENES = {
 SCHEMES = ["implicit-midpoint", "energy-momentum", "backward-euler", "bdf2", "gauss"]
 
 
-def run(binary, path, sets, scheme, step, end, limit, out):
+def launch(binary, path, sets, limit, out):
+    """Runs a scene on one thread; returns its processor seconds, and a text if it was given up or failed."""
     command = [binary, "run", path, "--out", out, "--threads", "1", "--quiet"]
-    sets = [*sets, f'time.scheme="{scheme}"', f"time.step={step!r}", f"time.end={end!r}"]
-    if scheme == "gauss":
-        sets.append("time.stages=2")
     for value in sets:
         command += ["--set", value]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -107,12 +110,22 @@ def run(binary, path, sets, scheme, step, end, limit, out):
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (int(limit), int(limit) + 1)),
     )
     _, said = child.communicate()
-    if child.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
-        return f"> {limit / end:.3g}"
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    if child.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
+        return seconds, f"> {limit:g} s"
     if child.returncode not in (0, 3):
-        return f"fails: {said.strip().splitlines()[-1][:60]}"
+        return seconds, f"fails: {said.strip().splitlines()[-1][:60]}"
+    return seconds, None
+
+
+def run(binary, path, sets, scheme, step, end, limit, out):
+    sets = [*sets, f'time.scheme="{scheme}"', f"time.step={step!r}", f"time.end={end!r}"]
+    if scheme == "gauss":
+        sets.append("time.stages=2")
+    seconds, problem = launch(binary, path, sets, limit, out)
+    if problem:
+        return f"> {limit / end:.3g}" if problem.startswith(">") else problem
     report = json.loads((Path(out) / "report.json").read_text())
     drift = report["energy"]["relative_drift"]
     cut = report["substeps"]["steps_cut"]

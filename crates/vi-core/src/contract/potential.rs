@@ -160,9 +160,11 @@ pub trait Potential: Send + Sync {
         }
     }
 
-    /// For terms that deform a body: writes the volume-weighted mean deformation gradient of each stencil, V_e F̄
-    /// (row-major 3 × 3, m³), 9 numbers per stencil, from which a solver finds the rotation of each node. Returns
-    /// false, and writes nothing, if the term has no deformation gradient.
+    /// For terms that deform a body: writes the mean deformation gradient of each stencil weighted by its volume and
+    /// stiffness, w V_e F̄ (row-major 3 × 3, J), 9 numbers per stencil, from which a solver finds the rotation of each node:
+    /// where materials meet, nodes turn with the stiffer one. w (Pa) is the power of two at or below the sum of the moduli
+    /// ∂²Ψ/∂F_ij² at rest ([`binary_exponent`](crate::binary_exponent)), so that the weight causes no rounding. Returns false, and
+    /// writes nothing, if the term has no deformation gradient.
     fn mean_deformations(&self, _range: Range<usize>, _x: &[f64], _out: &mut [f64]) -> bool {
         false
     }

@@ -91,6 +91,7 @@ impl<'a> Sheet<'a> {
         let membrane = BuildMembrane {
             surface: &surface,
             thickness: common.thickness,
+            moduli: parameters.moduli(),
             directions,
             tension_field: common.tension_field,
             node_offset: self.node_offset,

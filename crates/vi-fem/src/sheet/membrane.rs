@@ -5,7 +5,7 @@ mod kernel;
 use std::ops::Range;
 
 use pulp::Arch;
-use vi_core::{Account, Fault, HessianKind, Potential, Stencils, Traits};
+use vi_core::{Account, Fault, HessianKind, Potential, Stencils, Traits, binary_exponent};
 
 use crate::lanes::pack::GROUP;
 use crate::sheet::material::{SheetMaterial, SheetVisitor};
@@ -18,6 +18,8 @@ use vi_mesh::Triangulation;
 pub(crate) struct BuildMembrane<'a> {
     pub(crate) surface: &'a Triangulation,
     pub(crate) thickness: f64,
+    /// Plane-stress moduli at rest, Pa.
+    pub(crate) moduli: [[f64; 3]; 3],
     /// The first axis of the law in each triangle, if the law has axes.
     pub(crate) directions: Option<&'a [[f64; 3]]>,
     pub(crate) tension_field: bool,
@@ -54,6 +56,8 @@ impl SheetVisitor for BuildMembrane<'_> {
         let offset = self.node_offset as u32;
         let nodes =
             places.flat_map(|triangle| surface.triangles[triangle]).map(|node| node + offset).collect();
+        let moduli: f64 = (0..3).map(|k| self.moduli[k][k]).sum();
+        let weight = 2.0_f64.powi(binary_exponent(moduli));
         let (relaxed, cells) = (self.tension_field, surface.cells.clone());
         Box::new(Membrane {
             arch: Arch::new(),
@@ -63,6 +67,7 @@ impl SheetVisitor for BuildMembrane<'_> {
             frames,
             nodes,
             cells,
+            weight,
             name: self.name,
         })
     }
@@ -105,14 +110,14 @@ impl<M: SheetMaterial> Potential for Membrane<M> {
     fn mean_deformations(&self, range: Range<usize>, x: &[f64], out: &mut [f64]) -> bool {
         for (triangle, out) in range.zip(out.chunks_exact_mut(9)) {
             let (Deformed { f, .. }, _) = self.scalar(triangle, x);
-            let (frame, volume) =
-                (&self.frames[triangle], self.rest[triangle / GROUP].volume.0[triangle % GROUP]);
+            let frame = &self.frames[triangle];
+            let weight = self.weight * self.rest[triangle / GROUP].volume.0[triangle % GROUP];
             let normal = cross(f[0], f[1]);
             let length = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
             for i in 0..3 {
                 for j in 0..3 {
                     let value = f[0][i] * frame[0][j] + f[1][i] * frame[1][j];
-                    out[3 * i + j] = volume * (value + normal[i] / length * frame[2][j]);
+                    out[3 * i + j] = weight * (value + normal[i] / length * frame[2][j]);
                 }
             }
         }

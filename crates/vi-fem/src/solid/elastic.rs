@@ -22,7 +22,7 @@ use crate::lanes::pack::{GROUP, Pack};
 use crate::small::tensor::Mat3;
 use crate::solid::element::contract::{Element, SolidVisitor};
 use crate::solid::element::{kernel::Solids, patch::whole_groups, visit_solid};
-use crate::solid::law_kernels::{LawKernels, kernels_of};
+use crate::solid::law_kernels::{LawKernels, kernels_of, stiffness_weight};
 use crate::solid::material::Law;
 use crate::solid::material::batch::{PackedMat3, PackedTangent};
 use crate::solid::material::contract::Outside;
@@ -179,7 +179,8 @@ impl Build for Plain {
         if E::IS_SIMPLEX && !law.is_linear() {
             solids.rotate_rest_shapes();
         }
-        Box::new(ElasticPotential { solids, law: law.into(), elements, name })
+        let weight = stiffness_weight(law.as_ref());
+        Box::new(ElasticPotential { solids, law: law.into(), elements, weight, name })
     }
 }
 
@@ -189,6 +190,8 @@ struct ElasticPotential<E, const N: usize, const Q: usize> {
     law: Arc<dyn LawKernels>,
     /// The caller's number of each element.
     elements: Vec<u32>,
+    /// Weight of mean deformations, Pa.
+    weight: f64,
     name: String,
 }
 
@@ -347,7 +350,8 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Potential for ElasticPote
             for (group, points) in groups.zip(points.chunks_exact(Q)) {
                 let value = |lane: usize, k: usize| {
                     let weighted = self.solids.volumes(group).zip(points.iter());
-                    weighted.map(|(volume, f)| volume.0[lane] * f[k].0[lane]).sum()
+                    let sum: f64 = weighted.map(|(volume, f)| volume.0[lane] * f[k].0[lane]).sum();
+                    self.weight * sum
                 };
                 scatter(group, &range, 9, out, value);
             }
@@ -356,9 +360,9 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Potential for ElasticPote
     }
 
     fn portion(&self, range: Range<usize>) -> Option<Arc<dyn Potential>> {
-        let (law, name) = (Arc::clone(&self.law), self.name.clone());
+        let (law, weight, name) = (Arc::clone(&self.law), self.weight, self.name.clone());
         let elements = self.elements[range.clone()].to_vec();
-        Some(Arc::new(Self { solids: self.solids.portion(range)?, law, elements, name }))
+        Some(Arc::new(Self { solids: self.solids.portion(range)?, law, elements, weight, name }))
     }
 
     fn element(&self, stencil: usize) -> usize {

@@ -6,10 +6,10 @@
 use std::ops::Range;
 
 use pulp::Arch;
-use vi_core::PatchArray;
+use vi_core::{PatchArray, binary_exponent};
 
-use crate::lanes::pack::Pack;
-use crate::small::tensor::Mat3;
+use crate::lanes::pack::{GROUP, Pack};
+use crate::small::tensor::{Mat3, packed_index};
 use crate::solid::element::rest_shape::PointGeometry;
 use crate::solid::element::simplex::{self, Shapes};
 use crate::solid::material::Law;
@@ -98,6 +98,15 @@ impl<M: Material> LawKernels for M {
     ) {
         simplex::hessians(arch, self, geometry, nodes, range, x, out);
     }
+}
+
+/// Returns the power of two at or below the sum of the moduli ∂²Ψ/∂F_ij² at rest, Pa.
+pub(crate) fn stiffness_weight(law: &dyn LawKernels) -> f64 {
+    let rest: PackedMat3 = std::array::from_fn(|k| Pack([if k % 4 == 0 { 1.0 } else { 0.0 }; GROUP]));
+    let mut tangent: [PackedTangent; 1] = [std::array::from_fn(|_| Pack::default())];
+    law.tangents(Arch::new(), &[rest], &mut tangent);
+    let moduli: f64 = (0..9).map(|i| tangent[0][packed_index(i, i)].0[0]).sum();
+    2.0_f64.powi(binary_exponent(moduli))
 }
 
 /// Returns the kernels of a law.

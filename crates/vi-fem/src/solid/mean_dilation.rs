@@ -24,7 +24,7 @@ use crate::solid::elastic::build::Build;
 use crate::solid::elastic::{by_kind, farthest_outside, fault};
 use crate::solid::element::contract::Element;
 use crate::solid::element::kernel::Solids;
-use crate::solid::law_kernels::LawKernels;
+use crate::solid::law_kernels::{LawKernels, stiffness_weight};
 use crate::solid::material::Law;
 use crate::solid::material::batch::{PackedMat3, PackedTangent};
 use crate::solid::material::contract::positive_determinant;
@@ -83,7 +83,8 @@ impl Build for MeanDilation {
         elements: Vec<u32>,
         name: String,
     ) -> Box<dyn Potential> {
-        Box::new(MeanDilationPotential { solids, law, elements, name })
+        let weight = stiffness_weight(law.as_ref());
+        Box::new(MeanDilationPotential { solids, law, elements, weight, name })
     }
 }
 
@@ -93,6 +94,8 @@ struct MeanDilationPotential<E, const N: usize, const Q: usize> {
     law: Box<dyn LawKernels>,
     /// The caller's number of each element.
     elements: Vec<u32>,
+    /// Weight of mean deformations, Pa.
+    weight: f64,
     name: String,
 }
 
@@ -239,8 +242,9 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Potential for MeanDilatio
             for element in part {
                 for (k, out) in out[9 * (element - range.start)..][..9].iter_mut().enumerate() {
                     let weighted = self.solids.volumes(group).zip(&scratch.deformations);
-                    *out =
+                    let sum: f64 =
                         weighted.map(|(volume, f)| volume.0[element % GROUP] * f[k].0[element % GROUP]).sum();
+                    *out = self.weight * sum;
                 }
             }
         });

@@ -1,6 +1,7 @@
 //! Rotations of the material at the nodes, by which a factor made at one configuration is used at another: A⁻¹ ≈ R
 //! A₀⁻¹ Rᵀ. R is block diagonal over the nodes with the blocks polar(F̄_now) polar(F̄_then)ᵀ; F̄ is the
-//! volume-averaged deformation gradient around the node. A lumped mass commutes with R.
+//! deformation gradient around the node, averaged by volume and stiffness: if a node of a stiff part turned with its soft
+//! neighbours, the rotated A would resist rigid motions of the stiff part. A lumped mass commutes with R.
 
 use nalgebra::Matrix3;
 use vi_core::System;

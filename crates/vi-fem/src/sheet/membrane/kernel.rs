@@ -31,6 +31,8 @@ pub(super) struct Membrane<M> {
     /// Node numbers of whole groups, three per triangle.
     pub(super) nodes: Vec<u32>,
     pub(super) cells: Vec<u32>,
+    /// Weight of mean deformations, Pa.
+    pub(super) weight: f64,
     pub(super) name: String,
 }
 
