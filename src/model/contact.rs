@@ -37,6 +37,8 @@ struct Part {
     triangles: Vec<[u32; 3]>,
     /// The node and outward normal of a half-space.
     plane: Option<(u32, [f64; 3])>,
+    /// Two more nodes on the face of a half-space that rotates.
+    corners: Option<[u32; 2]>,
     /// The point of a ball or the ends of a capsule, and the area that each represents, m².
     skeleton: (Vec<u32>, f64),
     /// Nodes c, d₁, d₂, d₃ of a rigid body.
@@ -215,6 +217,9 @@ fn builder(
         }
         if let Some((node, normal)) = part.plane {
             builder.half_space(body, node, normal);
+            if let Some(corners) = part.corners {
+                builder.corners(corners);
+            }
         }
     }
     builder
@@ -246,8 +251,19 @@ fn of_body(scene: &Scene, number: usize, body: &BodyModel, rest: &[f64]) -> Resu
         }
     }
     let stiffness = Some(STIFFNESS * young);
-    let (plane, frame, skeleton) = (None, None, (Vec::new(), 0.0));
-    Ok(Part { number, triangles, plane, skeleton, frame, radius, distance, stiffness, pressure: 0.0 })
+    let (plane, corners, frame, skeleton) = (None, None, None, (Vec::new(), 0.0));
+    Ok(Part {
+        number,
+        triangles,
+        plane,
+        corners,
+        skeleton,
+        frame,
+        radius,
+        distance,
+        stiffness,
+        pressure: 0.0,
+    })
 }
 
 /// Returns the surface of a rigid body; `None` if it has no shape.
@@ -277,7 +293,9 @@ fn of_rigid(scene: &Scene, number: usize, model: &RigidModel, rest: &[f64]) -> O
     let speed = square(rigid.velocity.unwrap_or_default()) + 2.0 * gravity * extent(rest);
     let pressure = if shape.is_plane() { 0.0 } else { spread * density * (gravity * form.thickness + speed) };
     let (frame, radius, stiffness) = (Some(model.frame()), model.radius, None);
-    Some(Part { number, triangles, plane, skeleton, frame, radius, distance, stiffness, pressure })
+    let own = model.surface_nodes();
+    let corners = (plane.is_some() && own.len() == 2).then_some([own.start as u32, own.start as u32 + 1]);
+    Some(Part { number, triangles, plane, corners, skeleton, frame, radius, distance, stiffness, pressure })
 }
 
 /// Returns the area (m²) that each point of a round skeleton represents: the part of its surface within d̂ of a tangent

@@ -213,6 +213,8 @@ pub(super) fn build(
         }
     }
     let (points, triangles) = form.filter(|_| can_meet).map(|form| form.outside()).unwrap_or_default();
+    let corners = corners(rigid).unwrap_or_default();
+    let points = if can_meet && !corners.is_empty() { &corners } else { points };
     let (mut triangles, radius) = (triangles.to_vec(), form.map_or(0.0, |form| form.radius));
     let (first, surface_count) = ((node + x.len()) as u32, points.len());
     triangles.iter_mut().for_each(|triangle| *triangle = triangle.map(|k| first + k));
@@ -255,6 +257,17 @@ pub(super) fn build(
         motion: rigid.motion.clone(),
         frame,
     })
+}
+
+/// Returns two points on the face of a half-space that rotates, 1 m from its position, in its local axes: the cross product
+/// of the first and the second points outward.
+fn corners(rigid: &Rigid) -> Option<Vec<[f64; 3]>> {
+    let (Some(RigidShape::Plane { normal }), Some(Motion::Rotate(_))) = (&rigid.shape, &rigid.motion) else {
+        return None;
+    };
+    let normal = Vector3::from(*normal).normalize();
+    let first = normal.cross(&Vector3::ith(normal.iamin(), 1.0)).normalize();
+    Some(vec![first.into(), normal.cross(&first).into()])
 }
 
 /// Smallest Euler moment of a flat body, across its plane, relative to the largest. With zero the director across the

@@ -62,8 +62,8 @@ pub enum Inertia {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum RigidShape {
-    /// The half-space below a plane through the body's position: an infinite obstacle, fixed or moved without rotation.
-    /// It acts by contact alone and is not drawn.
+    /// The half-space below a plane through the body's position: an infinite obstacle, held, or moved and rotated by a
+    /// motion. It acts by contact alone and is not drawn.
     Plane {
         /// Direction out of the half-space in the body's local axes, of any length but zero.
         normal: [f64; 3],
@@ -222,9 +222,6 @@ impl Rigid {
         }
         if self.mass.is_some() || self.density.is_some() || self.inertia.is_some() {
             return Some(("shape", "a half-space has no mass: remove `mass`, `density` and `inertia`"));
-        }
-        if matches!(self.motion, Some(Motion::Rotate(_))) {
-            return Some(("motion", "a half-space cannot rotate; use a box as a rotating obstacle"));
         }
         None
     }

@@ -5,6 +5,7 @@ mod contact;
 mod contact_cases;
 mod contact_conformance;
 mod contact_failures;
+mod contact_planes;
 mod contact_scenes;
 mod contact_statics;
 mod equilibria;

@@ -167,13 +167,15 @@ impl Contact<'_> {
         let of_planes = self.neighbours.planes.iter().filter_map(|&[point, plane]| {
             let gauge = surface.plane_gauge(point as usize, plane as usize)?;
             let face = &surface.half_spaces[plane as usize];
-            let nodes = [surface.points[point as usize].node, face.node, face.node, face.node];
-            let [start, end] = [x0, x1].map(|x| nodes.map(|node| at(x, node)));
-            // The normal is the direction that separates.
-            let shape = Shape::PointPoint;
-            let time = plane_holds_until(shape, &start, &end, gauge.thickness, face.normal, 0.0);
-            let time = time.unwrap_or(0.0);
-            let gap = gauge.relative(face.normal.dot(&(start[0] - start[1])));
+            let [(nodes, start), (_, end)] = [x0, x1].map(|x| self.over_plane(point, plane, x));
+            let time = if face.corners.is_some() {
+                face.free_until(&start, &end, gauge.thickness)
+            } else {
+                // The normal is the direction that separates.
+                let shape = Shape::PointPoint;
+                plane_holds_until(shape, &start, &end, gauge.thickness, face.normal, 0.0).unwrap_or(0.0)
+            };
+            let gap = gauge.relative(face.height(&start));
             let partners = Partners::PointPlane(point, plane);
             (time < 1.0).then_some(Impact { time, partners, nodes, gap })
         });

@@ -261,8 +261,12 @@ impl Contact<'_> {
             }
             Partners::PointPlane(point, plane) => {
                 let face = &surface.half_spaces[plane as usize];
-                let nodes = [surface.points[point as usize].node, face.node, face.node, face.node];
-                Some((0, Slip::over_plane(nodes, face.normal, x)))
+                let nodes = face.nodes_with(surface.points[point as usize].node);
+                match face.corners {
+                    // Coordinates on the face are those on the triangle of its nodes.
+                    Some(_) => Some((0, Slip::new(face.shape(), nodes, [1, 2], x)?)),
+                    None => Some((0, Slip::over_plane(nodes, face.normal, x))),
+                }
             }
             Partners::Edges(a, b) => {
                 // If an end of one edge is nearest, that end is a point with its own friction; the crossing of both

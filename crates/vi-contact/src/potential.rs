@@ -172,8 +172,8 @@ impl ContactPotential {
         }
         nodes.extend(neighbours.edge_pairs().iter().flat_map(|pair| contact.edge_nodes(pair.edges)));
         for &[point, plane] in neighbours.plane_pairs() {
-            let face = surface.half_spaces()[plane as usize].node;
-            nodes.extend([surface.points()[point as usize].node, face, face, face]);
+            let face = &surface.half_spaces()[plane as usize];
+            nodes.extend(face.nodes_with(surface.points()[point as usize].node));
         }
         Self { surface, neighbours, nodes: nodes.into(), step: None }
     }

@@ -7,6 +7,7 @@
 //! a linear proxy of a curved surface are nodes too; the caller ties them to other nodes by weights.
 
 mod build;
+mod half_space;
 mod law;
 mod topology;
 
@@ -80,8 +81,10 @@ pub struct HalfSpace {
     pub node: u32,
     /// The body to which it belongs.
     pub body: u32,
-    /// Outward unit normal n, which is constant.
+    /// Outward unit normal n at the start.
     pub normal: Vec3,
+    /// Two more nodes a and b on its face if it rotates: n ∝ (x_a − x_o) × (x_b − x_o). Otherwise n is constant.
+    pub corners: Option<[u32; 2]>,
 }
 
 /// Constants of one pair.
@@ -317,7 +320,10 @@ impl Surface {
     /// Returns the nodes that contact reads.
     pub fn nodes(&self) -> impl Iterator<Item = u32> + '_ {
         let cells = self.cells.iter().flat_map(|cell| cell.nodes().iter().copied());
-        cells.chain(self.half_spaces.iter().map(|plane| plane.node))
+        let faces = self.half_spaces.iter();
+        let faces =
+            faces.flat_map(|plane| std::iter::once(plane.node).chain(plane.corners.into_iter().flatten()));
+        cells.chain(faces)
     }
 }
 

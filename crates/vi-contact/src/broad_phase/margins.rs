@@ -15,6 +15,11 @@ use crate::surface::{Gauge, Surface};
 /// Half a motion that all nodes have nearly in common, m. Boxes that are inflated with the same one can be compared.
 pub(super) type Common = Vec3;
 
+/// A bound on the angle (rad) by which the normal of a rotating half-space turns, above which all points count as near. The
+/// bound is twice the sum s of the relative motions of its corners; the true angle is below s (1 + s/4)/(1 − s), which is
+/// below 2s for s ≤ 0.3.
+const LARGEST_TURN: f64 = 0.6;
+
 /// The margins of all pairs in a tube.
 pub(super) struct Margins<'a> {
     /// Positions in the middle of the path, m.
@@ -98,9 +103,28 @@ impl<'a> Margins<'a> {
     pub(super) fn is_near_plane(&self, surface: &Surface, point: u32, plane: u32) -> bool {
         let Some(gauge) = surface.plane_gauge(point as usize, plane as usize) else { return false };
         let (node, face) = (surface.points[point as usize].node, &surface.half_spaces[plane as usize]);
-        let height = |x: &[f64]| face.normal.dot(&(at(x, node) - at(x, face.node)));
-        let margin = self.reach(&[node]) + self.reach(&[face.node]) + 0.5 * height(&self.tube.motion).abs();
-        height(&self.middle) < gauge.thickness + gauge.distance + margin
+        let nodes = face.nodes_with(node);
+        let middle = nodes.map(|node| at(&self.middle, node));
+        let motion = nodes.map(|node| at(&self.tube.motion, node));
+        let mut margin = self.reach(&[node]) + self.reach(&[face.node]);
+        margin += match face.corners {
+            None => 0.5 * face.normal.dot(&(motion[0] - motion[1])).abs(),
+            Some(corners) => {
+                // The normal turns by at most the motions of the corners relative to the face, over their distances.
+                let mut turn = 0.0;
+                for (k, corner) in (2..).zip(corners) {
+                    let relative = self.reach(&[corner])
+                        + self.reach(&[face.node])
+                        + 0.5 * (motion[k] - motion[1]).norm();
+                    turn += 2.0 * relative / (middle[k] - middle[1]).norm();
+                }
+                if turn > LARGEST_TURN {
+                    return true;
+                }
+                0.5 * (motion[0] - motion[1]).norm() + turn * (middle[0] - middle[1]).norm()
+            }
+        };
+        face.height(&middle) < gauge.thickness + gauge.distance + margin
     }
 }
 

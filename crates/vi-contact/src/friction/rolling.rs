@@ -86,7 +86,8 @@ impl Contact<'_> {
         let positions = nodes.map(x);
         let closest = match partners {
             Partners::PointPlane(_, plane) => {
-                let normal = self.surface.half_spaces[plane as usize].normal;
+                let face = &self.surface.half_spaces[plane as usize];
+                let normal = face.normal_at(&face.nodes_with(nodes[0]).map(x));
                 let height = normal.dot(&(positions[0] - positions[1]));
                 let weights = [1.0, -1.0, 0.0, 0.0];
                 Closest { squared: height * height, vector: normal * height, weights }

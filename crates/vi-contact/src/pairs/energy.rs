@@ -257,26 +257,29 @@ impl Contact<'_> {
     pub(crate) fn active_plane(&self, pair: usize, x: &[f64]) -> Option<ActivePair> {
         let [point, plane] = self.neighbours.planes[pair];
         let gauge = self.surface.plane_gauge(point as usize, plane as usize)?;
-        let height = self.height(point, plane, x);
+        let (nodes, places) = self.over_plane(point, plane, x);
+        let face = &self.surface.half_spaces[plane as usize];
+        let height = face.height(&places);
         if height >= gauge.thickness + gauge.distance {
             return None;
         }
-        let (node, face) =
-            (self.surface.points[point as usize].node, &self.surface.half_spaces[plane as usize]);
-        let vector = face.normal * height;
-        let closest = Closest { squared: height * height, vector, weights: [1.0, -1.0, 0.0, 0.0] };
-        let nodes = [node, face.node, face.node, face.node];
+        let closest = face.closest(&places);
         let blend = Blend::of_points(self.surface.barrier);
         let partners = Partners::PointPlane(point, plane);
         let strength = Strength { gauge, blend, multiplicity: 1.0 };
-        Some(ActivePair::new(partners, Shape::PointPoint, nodes, closest, height, &strength))
+        Some(ActivePair::new(partners, face.shape(), nodes, closest, height, &strength))
     }
 
     /// Returns the height of a point over a half-space, m.
     pub(crate) fn height(&self, point: u32, plane: u32, x: &[f64]) -> f64 {
-        let (node, face) =
-            (self.surface.points[point as usize].node, &self.surface.half_spaces[plane as usize]);
-        face.normal.dot(&(at(x, node) - at(x, face.node)))
+        self.surface.half_spaces[plane as usize].height(&self.over_plane(point, plane, x).1)
+    }
+
+    /// Returns the nodes of a point and a half-space, and their positions.
+    pub(crate) fn over_plane(&self, point: u32, plane: u32, x: &[f64]) -> ([u32; 4], [Vec3; 4]) {
+        let node = self.surface.points[point as usize].node;
+        let nodes = self.surface.half_spaces[plane as usize].nodes_with(node);
+        (nodes, nodes.map(|node| at(x, node)))
     }
 
     /// Returns the nodes of two edges.

@@ -287,27 +287,30 @@ impl Contact<'_> {
     ) -> Option<StepPair> {
         let [point, plane] = self.neighbours.planes[pair];
         let gauge = self.surface.plane_gauge(point as usize, plane as usize)?;
-        let ends = x.map(|x| self.height(point, plane, x));
+        let (part, face) = (self.surface.points[point as usize], &self.surface.half_spaces[plane as usize]);
+        let [(nodes, x0), (_, x1)] = x.map(|x| self.over_plane(point, plane, x));
+        let ends = [face.height(&x0), face.height(&x1)];
         if ends[0].min(ends[1]) >= gauge.thickness + gauge.distance {
             return None;
         }
-        let (part, face) = (self.surface.points[point as usize], &self.surface.half_spaces[plane as usize]);
-        let step = |node: u32| at(x[1], node) - at(x[0], node);
-        let normal = face.normal;
-        let zero = Vec3::zeros();
-        let change = DistanceChange {
-            gradient: [normal, -normal, zero, zero],
-            at_end: [normal, -normal, zero, zero],
-            change: normal.dot(&(step(part.node) - step(face.node))),
-            weights: [1.0, -1.0, 0.0, 0.0],
-            normal,
+        let change = if face.corners.is_some() {
+            DistanceChange::new(&face.closest(&x0), &face.closest(&x1), [&x0, &x1])
+        } else {
+            let (normal, zero) = (face.normal, Vec3::zeros());
+            DistanceChange {
+                gradient: [normal, -normal, zero, zero],
+                at_end: [normal, -normal, zero, zero],
+                change: normal.dot(&((x1[0] - x0[0]) - (x1[1] - x0[1]))),
+                weights: [1.0, -1.0, 0.0, 0.0],
+                normal,
+            }
         };
         let rate = self.damping_rate(part.body, face.body, settings);
         let blend = Blend::of_points(self.surface.barrier);
         let strength = Strength { gauge, blend, multiplicity: 1.0 };
         let quotient = Quotient::new(&strength, ends, change.change, rate);
-        let nodes = [part.node, face.node, face.node, face.node];
-        Some(assemble(Partners::PointPlane(point, plane), 2, nodes, &change, &quotient))
+        let arity = face.shape().arity();
+        Some(assemble(Partners::PointPlane(point, plane), arity, nodes, &change, &quotient))
     }
 
     /// Returns τ/h of two bodies.

@@ -143,7 +143,15 @@ impl SurfaceBuilder {
     /// Makes a body a half-space n·(x − x_node) < 0 with an outward normal n of any length.
     pub fn half_space(&mut self, body: u32, node: u32, normal: [f64; 3]) {
         let normal = Vec3::from(normal).normalize();
-        self.half_spaces.push(HalfSpace { node, body, normal });
+        self.half_spaces.push(HalfSpace { node, body, normal, corners: None });
+    }
+
+    /// Lets the last half-space rotate with its node and two more nodes a and b on its face, where (x_a − x_o) × (x_b − x_o)
+    /// points outward.
+    pub fn corners(&mut self, corners: [u32; 2]) {
+        if let Some(plane) = self.half_spaces.last_mut() {
+            plane.corners = Some(corners);
+        }
     }
 
     /// Sets the rule for the pair of bodies `a` and `b`.
@@ -220,7 +228,9 @@ impl SurfaceBuilder {
     fn owners(&self) -> Result<BTreeMap<u32, u32>, ContactError> {
         let count = self.rest.len() / 3;
         let mut owners = BTreeMap::new();
-        let planes = self.half_spaces.iter().map(|plane| plane.node);
+        let planes = self.half_spaces.iter();
+        let planes =
+            planes.flat_map(|plane| std::iter::once(plane.node).chain(plane.corners.into_iter().flatten()));
         let held = self.held.keys().copied().chain(self.frames.values().flatten().copied());
         if let Some(node) = planes.chain(held).find(|&node| node as usize >= count) {
             return Err(ContactError::Node { node, count });
