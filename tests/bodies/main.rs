@@ -17,5 +17,6 @@ mod rigid;
 mod sheet_files;
 mod sheets;
 mod stiff_cloth;
+mod stiff_parts;
 mod ties;
 mod vibrations;
