@@ -113,7 +113,7 @@ def test_assignment_is_checked_and_booked(beam: vs.Scene) -> None:
     body.v = 0.0 * body.v
     assert simulation.observe().kinetic == 0.0
     simulation.step()
-    assert simulation.ledger()["force"] - before == pytest.approx(-kinetic, rel=1e-12)
+    assert simulation.ledger()["force"] - before == pytest.approx(-kinetic, rel=1e-10)
     x = body.x
     free = x[:, 0] > 0.0
     moved = x + 0.01 * free[:, None]
@@ -145,7 +145,7 @@ def test_the_ledger_explains_the_change_of_energy(scheme: str) -> None:
         simulation.step()
         seen = simulation.observe()
         most = max(most, seen.kinetic)
-        assert abs(seen.total - start - sum(simulation.ledger().values())) < 1e-12 * most
+        assert abs(seen.total - start - sum(simulation.ledger().values())) < 1e-10 * most
     assert simulation.ledger()["force"] > 0.0
     assert not any(vs.Simulation.restore(simulation.snapshot()).ledger().values())
 
