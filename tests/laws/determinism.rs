@@ -26,11 +26,11 @@ interval = INTERVAL
 fields = ["displacement", "velocity"]
 "#;
 
-fn same_bits(scheme: &str, end: f64, step: f64) {
+fn same_bits(scheme: &str, end: f64, step: &str) {
     let scene = SCENE
         .replace("SCHEME", scheme)
         .replace("END", &end.to_string())
-        .replace("STEP", &step.to_string())
+        .replace("STEP", step)
         .replace("INTERVAL", &(end / 2.0).to_string());
     let runs = ["1", "2", "8"].map(|threads| Program::run_with(&scene, &["--threads", threads]));
     let mut files: Vec<_> =
@@ -45,13 +45,32 @@ fn same_bits(scheme: &str, end: f64, step: f64) {
 
 #[test]
 fn explicit_runs() {
-    same_bits("stormer-verlet", 2e-3, 1e-5);
+    same_bits("stormer-verlet", 2e-3, "1e-5");
 }
 
 #[test]
 fn implicit_runs() {
-    same_bits("implicit-midpoint", 0.02, 4e-3);
-    same_bits("gauss", 0.01, 5e-3);
+    same_bits("implicit-midpoint", 0.02, "4e-3");
+    same_bits("gauss", 0.01, "5e-3");
+}
+
+#[test]
+fn adaptive_runs() {
+    for (scheme, end) in [("stormer-verlet", 2e-3), ("energy-momentum", 0.02)] {
+        same_bits(scheme, end, "\"adaptive\"");
+    }
+}
+
+#[test]
+fn runs_with_conjugate_gradients() {
+    let pcg = SCENE.replace("[output]", "[solver]\nlinear = \"pcg\"\n[output]");
+    let scene = pcg.replace("SCHEME", "implicit-midpoint").replace("END", "0.01").replace("STEP", "5e-3");
+    let scene = scene.replace("INTERVAL", "0.005");
+    let [one, two] = ["1", "2"].map(|threads| {
+        let run = Program::run_with(&scene, &["--threads", threads]);
+        std::fs::read(run.out().join("history.csv")).unwrap()
+    });
+    assert!(one == two, "the history differs");
 }
 
 /// Makes a simulation of a held block and a spinning one, with 100 steps by `scheme`.
