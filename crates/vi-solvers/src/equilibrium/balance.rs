@@ -235,6 +235,11 @@ impl<'a> Balance<'a> {
         self.solver.as_mut().ok_or(SolverError::NotFactored)?.is_definite(mass, &mut self.work)
     }
 
+    /// Returns the linear solver that was chosen and the reason, once there is one.
+    pub(crate) fn linear_solver(&self) -> Option<(LinearSolver, &str)> {
+        self.solver.as_ref().map(TangentSolver::choice)
+    }
+
     /// Returns whether solves are made with factors.
     pub(crate) fn has_factor(&mut self) -> bool {
         self.solver.as_mut().is_some_and(|solver| solver.factor().is_some())

@@ -72,6 +72,7 @@ pub(super) fn search(
         search.report.steps.push(LoadStep { load_factor: options.end, iterations: 0, is_stable: true });
     }
     search.report.work = search.balance.work;
+    search.report.linear = search.balance.linear_solver().map(|(linear, reason)| (linear, reason.to_owned()));
     if let Some(friction) = &search.balance.friction {
         *rubbed = friction.rubbed.clone();
     }

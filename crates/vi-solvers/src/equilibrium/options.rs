@@ -92,6 +92,8 @@ pub struct StaticReport {
     pub jumps: Vec<f64>,
     /// Number of increments that failed and were halved.
     pub halvings: u32,
+    /// The linear solver that was chosen, and the reason; `None` if nothing was solved.
+    pub linear: Option<(LinearSolver, String)>,
     /// Work done.
     pub work: Work,
 }

@@ -8,7 +8,9 @@ use crate::equilibrium::friction::Rubbed;
 use crate::equilibrium::load_control::search;
 use crate::equilibrium::options::{CriticalKind, StaticOptions, StaticReport};
 use crate::error::SolverError;
+use crate::linear::choice::CONTINUED;
 use crate::memory::{StepperMemory, expect_method};
+use crate::options::LinearSolver;
 use crate::schemes::stepper::{StepError, StepReport, Stepper};
 use crate::work::Work;
 
@@ -16,12 +18,16 @@ const NAME: &str = "static";
 /// Names of the state of friction in the memory.
 const FRICTION: &str = "friction";
 const STORED: &str = "friction.stored";
+/// Name of the choice of conjugate gradients in the memory.
+const PCG: &str = "static.pcg";
 
 struct QuasiStatic {
     options: StaticOptions,
     ledger: Option<Assembler>,
     work: Work,
     findings: Vec<String>,
+    /// The linear solver of the first step and the reason for it; later steps keep it.
+    linear: Option<(LinearSolver, String)>,
     friction: Rubbed,
     /// Duration of the last step.
     h: f64,
@@ -53,6 +59,7 @@ pub fn quasi_static(system: &System, options: StaticOptions, ledger: bool) -> Bo
         ledger: ledger.then(|| Assembler::new(system)),
         work: Work::default(),
         findings: Vec::new(),
+        linear: None,
         friction: Rubbed::default(),
         h: 0.0,
     })
@@ -64,6 +71,7 @@ impl Stepper for QuasiStatic {
             end: state.t + h,
             increment: h.abs(),
             largest_increment: h.abs(),
+            linear: self.linear.as_ref().map_or(self.options.linear, |(linear, _)| *linear),
             ..self.options.clone()
         };
         let before = state.clone();
@@ -71,6 +79,9 @@ impl Stepper for QuasiStatic {
         let report = search(system, state, &options, &mut |_, _| true, &mut rubbed)
             .map_err(|cause| StepError { t: before.t, h, cause })?;
         self.findings.extend(findings(&report));
+        if self.linear.is_none() {
+            self.linear.clone_from(&report.linear);
+        }
         let stored = rubbed.stored - self.friction.stored;
         let friction = rubbed.work;
         self.friction = rubbed;
@@ -88,6 +99,10 @@ impl Stepper for QuasiStatic {
 
     fn work(&self) -> Work {
         self.work
+    }
+
+    fn linear_solver(&self) -> Option<&str> {
+        self.linear.as_ref().map(|(_, reason)| reason.as_str())
     }
 
     fn take_findings(&mut self) -> Vec<String> {
@@ -112,6 +127,8 @@ impl Stepper for QuasiStatic {
         let mut memory = StepperMemory { method: NAME.to_owned(), ..Default::default() };
         self.friction.memory.save(FRICTION, &mut memory);
         memory.arrays.push((STORED.to_owned(), vec![self.friction.stored]));
+        let chosen = self.linear.as_ref().map(|(linear, _)| u64::from(*linear == LinearSolver::Pcg));
+        memory.counts.extend(chosen.map(|is_pcg| (PCG.to_owned(), is_pcg)));
         memory
     }
 
@@ -119,6 +136,10 @@ impl Stepper for QuasiStatic {
         self.work = Work::default();
         expect_method(memory, NAME)?;
         let count = system.coordinates().dof_count();
+        self.linear = memory.count(PCG).ok().map(|is_pcg| {
+            let linear = if is_pcg == 1 { LinearSolver::Pcg } else { LinearSolver::Cholesky };
+            (linear, CONTINUED.to_owned())
+        });
         let state = LiveState::restore(FRICTION, memory, count).unwrap_or_default();
         let stored = memory.array(STORED)?.first().copied().unwrap_or(0.0);
         self.friction = Rubbed { memory: state, stored, ..Rubbed::default() };

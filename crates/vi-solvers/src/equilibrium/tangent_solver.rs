@@ -1,7 +1,7 @@
 //! Solves with the tangent of an equilibrium: a Cholesky factor, or conjugate gradients for large bodies.
 
 use crate::error::{NotPositiveDefinite, SolverError};
-use crate::linear::choice::{FACTOR_MEMORY_SHARE, memory_of_machine, rough_load, try_gradients};
+use crate::linear::choice::{FACTOR_MEMORY_SHARE, describe, memory_of_machine, rough_load, try_gradients};
 use crate::linear::cost;
 use crate::linear::factor::Factor;
 use crate::linear::matrix::SymmetricMatrix;
@@ -31,6 +31,8 @@ enum Kind {
 /// Solves with A = K + D of one pattern, with a diagonal D.
 pub(super) struct TangentSolver {
     kind: Kind,
+    /// The reason for this solver, in words.
+    reason: String,
     solution: Vec<f64>,
 }
 
@@ -47,29 +49,57 @@ impl TangentSolver {
         positions: &[f64],
         work: &mut Work,
     ) -> Result<Self, SolverError> {
-        let kind = match choice {
-            LinearSolver::Cholesky | LinearSolver::CholeskyDouble => Kind::Factor(Box::new(Factor::new(a)?)),
-            LinearSolver::Pcg => gradients(a),
+        let (kind, reason) = match choice {
+            LinearSolver::Cholesky | LinearSolver::CholeskyDouble => factored(Factor::new(a)?),
+            LinearSolver::Pcg => (gradients(a), "pcg: asked for".to_owned()),
             LinearSolver::Auto => match Factor::new(a) {
-                Ok(factor) => {
-                    let facts = factor.facts();
-                    let is_too_large = facts.bytes as f64 > FACTOR_MEMORY_SHARE * memory_of_machine();
-                    let matrix = (mass, [].as_slice(), 1.0, a, positions);
-                    let mut is_outdone = || {
-                        let cost = cost::factorization(&facts);
-                        try_gradients(matrix, TRIAL_ACCURACY, cost, work).is_some()
-                    };
-                    if is_too_large || (facts.flops > CONSIDER_FLOPS && is_outdone()) {
-                        gradients(a)
-                    } else {
-                        Kind::Factor(Box::new(factor))
-                    }
+                Ok(factor) => Self::compare(factor, a, mass, positions, work),
+                Err(error @ SolverError::Symbolic { .. }) => {
+                    (gradients(a), format!("pcg: a factor is not possible: {error}"))
                 }
-                Err(SolverError::Symbolic { .. }) => gradients(a),
                 Err(error) => return Err(error),
             },
         };
-        Ok(Self { kind, solution: Vec::new() })
+        Ok(Self { kind, reason, solution: Vec::new() })
+    }
+
+    /// Takes the factor, or conjugate gradients if they cost less for one solve or the factor is too large.
+    fn compare(
+        factor: Factor,
+        a: &SymmetricMatrix,
+        mass: &[f64],
+        positions: &[f64],
+        work: &mut Work,
+    ) -> (Kind, String) {
+        let facts = factor.facts();
+        if facts.bytes as f64 > FACTOR_MEMORY_SHARE * memory_of_machine() {
+            let gigabytes = facts.bytes as f64 * 1e-9;
+            return (gradients(a), format!("pcg: a factor would take {gigabytes:.1} GB"));
+        }
+        if facts.flops <= CONSIDER_FLOPS {
+            return factored(factor);
+        }
+        let cost = cost::factorization(&facts);
+        match try_gradients((mass, &[], 1.0, a, positions), TRIAL_ACCURACY, cost, work) {
+            Some([iterations, solve]) => {
+                let (solve, cost) = (1e3 * solve, 1e3 * cost);
+                let why = format!(
+                    "pcg: a solve takes {iterations} iterations, {solve:.0} ms of the reference core, against {cost:.0} ms for \
+                     a factor"
+                );
+                (gradients(a), why)
+            }
+            None => factored(factor),
+        }
+    }
+
+    /// Returns the solver that was chosen, [`LinearSolver::Cholesky`] or [`LinearSolver::Pcg`], and the reason.
+    pub(super) fn choice(&self) -> (LinearSolver, &str) {
+        let linear = match self.kind {
+            Kind::Factor(_) => LinearSolver::Cholesky,
+            Kind::Gradients(_) => LinearSolver::Pcg,
+        };
+        (linear, &self.reason)
     }
 
     /// Returns whether ordering and layout belong to the pattern of `a`.
@@ -143,6 +173,11 @@ impl TangentSolver {
             Err(error) => Err(error),
         }
     }
+}
+
+fn factored(factor: Factor) -> (Kind, String) {
+    let reason = describe(&factor.facts(), false);
+    (Kind::Factor(Box::new(factor)), reason)
 }
 
 fn gradients(a: &SymmetricMatrix) -> Kind {

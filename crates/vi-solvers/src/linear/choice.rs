@@ -34,7 +34,7 @@ const SINGLE_TOLERANCE: f64 = 1e-9;
 /// Cost of a factor in single precision relative to one in double precision.
 const SINGLE_COST: f64 = 0.55;
 /// The reason reported in a run that continues another.
-const CONTINUED: &str = "as in the run that this one continues";
+pub(crate) const CONTINUED: &str = "as in the run that this one continues";
 const NAMES: [&str; 4] = ["linear.pcg", "linear.single", "linear.iterations", "linear.solves"];
 /// Largest number of iterations of a solve that Newton's method corrects.
 const LONGEST: u32 = 400;
@@ -468,7 +468,8 @@ pub(crate) fn try_gradients(
     Some([iterations, (iterations + 1.0) * iteration])
 }
 
-fn describe(facts: &FactorFacts, single: bool) -> String {
+/// Describes a factor.
+pub(crate) fn describe(facts: &FactorFacts, single: bool) -> String {
     let (flops, megabytes) = (1e-9 * facts.flops, 1e-6 * facts.bytes as f64);
     let precision = if single { "single" } else { "double" };
     format!("cholesky: {flops:.2} Gflop per factor, {megabytes:.1} MB, {precision} precision")

@@ -372,6 +372,7 @@ fn conjugate_gradients_find_the_equilibrium_and_the_stability_that_a_factor_find
             };
             let report = equilibrium(&system, &mut state, &options).unwrap();
             assert_eq!(report.work.pcg_iterations > 0, linear == LinearSolver::Pcg);
+            assert_eq!(report.linear.as_ref().map(|(linear, _)| *linear), Some(linear));
             assert_eq!(report.is_stable(), is_stable, "{shift:?} {linear:?}");
             (state.q, report)
         });
