@@ -42,28 +42,17 @@ pub(crate) use parting::Parted;
 pub use regions::RegionProbe;
 pub use rigid::{Pose, RigidModel};
 
-use vi_core::{State, System};
-
 #[cfg(feature = "cli")]
 use crate::scene::Parsed;
 use crate::scene::{Problem, Scene};
 
-/// Reads all meshes of a scene and builds all systems.
+/// Reads all meshes of a scene and builds all systems. If `in_portions`, this process evaluates only portions of their terms.
 ///
 /// # Errors
 /// Returns all problems of the meshes and of the names that refer to them; if there are none, all problems of the
 /// systems.
-pub(crate) fn build(scene: &Scene) -> Result<Model, Vec<Problem>> {
-    assemble::assemble(scene, resolve::resolve(scene)?, false)
-}
-
-/// Builds all systems of a scene for a process that evaluates only portions of their terms. [`build`] must have accepted
-/// the scene, in this or another process.
-///
-/// # Errors
-/// Returns the errors of [`build`].
-pub(crate) fn build_in_portions(scene: &Scene) -> Result<Vec<(System, State)>, Vec<Problem>> {
-    Ok(assemble::assemble(scene, resolve::resolve(scene)?, true)?.components)
+pub(crate) fn build(scene: &Scene, in_portions: bool) -> Result<Model, Vec<Problem>> {
+    assemble::assemble(scene, resolve::resolve(scene)?, in_portions)
 }
 
 /// Returns all problems of a scene that could not be parsed without problems: those of its text, and those of its

@@ -35,7 +35,6 @@ use crate::auto::trial::TrialWatch;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::report::Report;
 use crate::scene::{Problem, Scene};
-use crate::simulation::Simulation;
 pub(crate) use directory::inputs_among;
 pub use error::RunError;
 pub use probe_estimate::ProbeEstimate;
@@ -106,8 +105,7 @@ pub fn run_by(
     if let Some(auto) = &auto {
         watch.settled(auto);
     }
-    let mut simulation = Simulation::new(scene).map_err(RunError::Scene)?;
-    let note = team.join(&mut simulation, name)?;
+    let (simulation, note) = team.build(scene, name)?;
     // If a mesh cannot be read, the problems of the scene already report it.
     let mut origin = origin.transpose()?;
     if let (Some(origin), Some((path, overrides))) = (&mut origin, file) {
@@ -144,7 +142,6 @@ pub fn resume_by(
     let begin = Instant::now();
     checkpoint.origin.check(&scene)?;
     let scene = checkpoint.origin.settle(scene)?;
-    let mut simulation = Simulation::new(scene).map_err(RunError::Scene)?;
-    let note = team.join(&mut simulation, &checkpoint.origin.name)?;
+    let (simulation, note) = team.build(scene, &checkpoint.origin.name)?;
     Run::resume(simulation, checkpoint, directory, begin)?.complete(note, watch)
 }

@@ -20,9 +20,10 @@ pub mod stability;
 mod tests;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
-use vi_core::{HessianKind, State, System};
-use vi_solvers::{Assembler, Method, SolverOptions, Stepper, Work};
+use vi_core::{Alone, Exchange, HessianKind, SharedTerms, State, System};
+use vi_solvers::{Assembler, Method, Partners, SolverOptions, Stepper, Work};
 
 use crate::model::{
     self, BodyModel, Meeting, Model, NodeSet, Parted, ProbeTarget, RegionProbe, RigidModel, path_control,
@@ -128,12 +129,23 @@ impl Simulation {
     /// # Errors
     /// Returns all problems of the scene and its meshes, at once.
     pub fn new(scene: Scene) -> Result<Self, Vec<Problem>> {
-        Self::build(scene, Ok)
+        Self::build(scene, &alone(), Ok)
+    }
+
+    /// Builds the simulation as [`Simulation::new`] does, with terms that all ranks of `exchange` share. This is the first
+    /// rank. Nothing may be evaluated before the others have made their [`members`].
+    ///
+    /// # Errors
+    /// Returns the errors of [`Simulation::new`], and what does not run on several ranks.
+    pub(crate) fn shared(scene: Scene, exchange: &Arc<dyn Exchange>) -> Result<Self, Vec<Problem>> {
+        let problems = ranks::problems(&scene);
+        if problems.is_empty() { Self::build(scene, exchange, Ok) } else { Err(problems) }
     }
 
     /// Builds the simulation after `extend` has changed the model of the scene.
     fn build(
         scene: Scene,
+        exchange: &Arc<dyn Exchange>,
         extend: impl FnOnce(Model) -> Result<Model, Vec<Problem>>,
     ) -> Result<Self, Vec<Problem>> {
         let problems = scene.problems();
@@ -150,7 +162,7 @@ impl Simulation {
                 return Err(vec![Problem::new("time.scheme", message)]);
             }
         };
-        let model = extend(model::build(&scene)?)?;
+        let model = extend(model::build(&scene, exchange.size() > 1)?)?;
         let mut problems = Vec::new();
         let followed = scene.statics.as_ref().filter(|statics| statics.follows_path());
         let mut path = followed
@@ -159,11 +171,28 @@ impl Simulation {
             .map_err(|problem| vec![problem])?;
         let mut options = scene.solver.options();
         let mut components = Vec::with_capacity(model.components.len());
-        for ((system, state), contact) in model.components.into_iter().zip(model.contacts) {
+        for (number, ((mut system, state), contact)) in
+            model.components.into_iter().zip(model.contacts).enumerate()
+        {
             options.ledger = match scene.output.ledger {
                 Some(asked) => asked,
                 None => scene.statics.is_none() && is_worked_on(&system),
             };
+            let mut partners = None;
+            if exchange.size() > 1 && system.coordinates().free_count() > 0 {
+                let run = (&method, options.ledger);
+                match Partners::new((number, &system, &state), run, Arc::clone(exchange)) {
+                    Ok(made) => {
+                        let made = Arc::new(made);
+                        system = system.with_shared(Arc::clone(&made) as Arc<dyn SharedTerms>);
+                        partners = Some(made);
+                    }
+                    Err(error) => {
+                        problems.push(Problem::new("time.scheme", error.to_string()));
+                        continue;
+                    }
+                }
+            }
             let made = if system.coordinates().free_count() == 0 {
                 Ok(None)
             } else if let Some(statics) = &scene.statics {
@@ -174,6 +203,8 @@ impl Simulation {
                     }
                     None => Ok(Some(vi_solvers::quasi_static(&system, statics, options.ledger))),
                 }
+            } else if let Some(partners) = &partners {
+                vi_solvers::stepper_of_ranks(&method, &system, &options, partners).map(Some)
             } else {
                 vi_solvers::stepper(&method, &system, &options).map(Some)
             };
@@ -438,6 +469,11 @@ impl Simulation {
         }
         total
     }
+}
+
+/// Returns the exchange of one process.
+fn alone() -> Arc<dyn Exchange> {
+    Arc::new(Alone)
 }
 
 /// Returns whether a configuration can lie outside the domain of a term. This is so if the first stencil has no

@@ -123,6 +123,59 @@ region = "x-min"
 history = 1
 "#;
 
+/// A soft bob on a rigid rod that hangs from a ball joint.
+const RIGID: &str = r#"
+gravity = [0.0, -9.81, 0.0]
+[time]
+end = 0.02
+step = 2e-3
+scheme = "implicit-midpoint"
+[[rigid]]
+name = "rod"
+shape = { kind = "rod", length = 1.0, radius = 0.01 }
+density = 7800.0
+position = [0.5, 0.0, 0.0]
+[[joint]]
+kind = "ball"
+body = "rod"
+point = [0.0, 0.0, 0.0]
+[[body]]
+name = "bob"
+box = { size = [0.3, 0.3, 0.3], cells = [6, 6, 6], element = "hex8", origin = [1.0, -0.15, -0.15] }
+material = { law = "neo-hookean", young = 2e5, poisson = 0.3, density = 400.0 }
+[[attach]]
+body = "bob"
+box = { min = [0.99, -0.06, -0.06], max = [1.01, 0.06, 0.06] }
+to = "rod"
+[output]
+interval = 0.01
+"#;
+
+/// A block that falls on another one.
+const CONTACT: &str = r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.02
+step = 5e-4
+scheme = "stormer-verlet"
+[contact]
+[[body]]
+name = "lower"
+box = { size = [0.4, 0.4, 0.1], cells = [8, 8, 2], element = "tet4" }
+material = { law = "stable-neo-hookean", young = 2e5, poisson = 0.3, density = 1000.0 }
+[[body]]
+name = "upper"
+box = { size = [0.2, 0.2, 0.2], cells = [6, 6, 6], element = "tet4", origin = [0.1, 0.1, 0.105] }
+material = { law = "stable-neo-hookean", young = 2e5, poisson = 0.3, density = 1000.0 }
+velocity = [0.0, 0.0, -1.0]
+[[fix]]
+body = "lower"
+region = "z-min"
+[output]
+history = 5
+interval = 0.01
+"#;
+
 /// A directory for one test.
 fn room(name: &str) -> PathBuf {
     let room = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
@@ -365,18 +418,153 @@ fn ranks_of_different_programs_are_refused() {
     assert!(!room.join("out").exists());
 }
 
+/// Runs a scene until no file may grow beyond `blocks` of 512 bytes.
+fn run_with_full_disk(ranks: usize, blocks: u32, scene: &Path, out: &Path) -> Output {
+    let program = program(ranks);
+    let mut command = Command::new("sh");
+    // Without the signal, the operating system refuses to write, as it does if a disk is full.
+    command.args(["-c", &format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$@\""), "sh"]);
+    command.arg(program.get_program()).args(program.get_args());
+    command.arg("run").arg(scene).arg("--out").arg(out).args(["--threads", "1", "--quiet"]).output().unwrap()
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_ends_all_with_one_message_and_the_run_can_be_resumed() {
+    let room = room("full");
+    // Only the history grows beyond the limit.
+    let text_of_scene = long().replace("interval = 0.1\nhistory = 7", "history = 1");
+    let scene = scene(&room, &text_of_scene);
+    let expected = room.join("whole");
+    assert!(run(0, &scene, &expected).status.success());
+    let blocks = 200;
+    let length = std::fs::metadata(expected.join("history.csv")).unwrap().len();
+    assert!(length > 512 * u64::from(blocks), "{length}");
+    let one = run_with_full_disk(0, blocks, &scene, &room.join("one"));
+    let begin = Instant::now();
+    let out = room.join("three");
+    let output = run_with_full_disk(3, blocks, &scene, &out);
+    let message = text(&output.stderr);
+    assert!(begin.elapsed() < Duration::from_secs(60));
+    assert!(!one.status.success());
+    assert_eq!(output.status.code(), one.status.code(), "{message}");
+    assert_eq!(message.matches("error").count(), 1, "{message}");
+    assert!(message.contains("history.csv"), "{message}");
+    assert_eq!(ranks_of(&scene), Vec::<u32>::new());
+    let output = resume(2, &out);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert_same_files(&out, &expected, "resumed after a full disk");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn ranks_with_different_meshes_are_refused() {
+    let room = room("meshes");
+    let mesh = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../meshes/ball.msh")).unwrap();
+    let directories = ["here", "there"].map(|name| room.join(name));
+    for (directory, end) in directories.iter().zip(["", "\n"]) {
+        std::fs::create_dir_all(directory).unwrap();
+        std::fs::write(directory.join("ball.msh"), [&mesh[..], end.as_bytes()].concat()).unwrap();
+    }
+    // Each rank finds its own file under this name.
+    let own = "mesh = \"/proc/self/cwd/ball.msh\"";
+    let a_box = "box = { size = [1.0, 0.25, 0.25], cells = [24, 6, 6], element = \"tet4\" }";
+    let with_mesh = BLOCK.replace(a_box, own).replace("region = \"x-min\"", "box = { max = [0.0, 9.0, 9.0] }");
+    assert!(with_mesh.contains(own));
+    let scene = scene(&room, &with_mesh);
+    let mut command = launcher();
+    for (k, directory) in directories.iter().enumerate() {
+        command.args(&[":"][..k]).args(["-n", "1", "-wdir"]).arg(directory).arg(PROGRAM);
+        command.arg("run").arg(&scene).arg("--out").arg(room.join("out")).arg("--quiet");
+    }
+    let output = command.output().unwrap();
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert_eq!(message.matches("error").count(), 1, "{message}");
+    assert!(message.contains("rank 1: /proc/self/cwd/ball.msh has the checksum"), "{message}");
+    assert!(!room.join("out").exists());
+}
+
+/// Numbers of ranks, and the memory that the first and another may need for a mesh, as parts of that of one process.
+#[cfg(target_os = "linux")]
+const LIMITS: [(usize, f64, f64); 2] = [(2, 0.8, 0.6), (4, 0.6, 0.4)];
+
+/// Returns the largest memory that each rank held while it ran a scene, in MiB, largest first.
+#[cfg(target_os = "linux")]
+fn peaks(ranks: usize, scene: &Path, out: &Path) -> Vec<f64> {
+    let mut command = program(ranks);
+    command.arg("run").arg(scene).arg("--out").arg(out).args(["--threads", "1", "--quiet"]);
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let mut peaks: BTreeMap<u32, f64> = BTreeMap::new();
+    while child.try_wait().unwrap().is_none() {
+        for rank in ranks_of(scene) {
+            let status = std::fs::read_to_string(format!("/proc/{rank}/status")).unwrap_or_default();
+            let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+            if let Some(kilobytes) = peak.and_then(|peak| peak.split_whitespace().next()?.parse::<f64>().ok()) {
+                peaks.insert(rank, kilobytes / 1024.0);
+            }
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(child.wait().unwrap().success());
+    let mut peaks: Vec<f64> = peaks.into_values().collect();
+    assert_eq!(peaks.len(), ranks);
+    peaks.sort_by(|a, b| b.total_cmp(a));
+    peaks
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn memory_per_rank_falls_with_the_number_of_ranks() {
+    let room = room("memory");
+    let of_cells = |cells: &str| {
+        let text_of_scene = BLOCK.replace("cells = [24, 6, 6]", cells).replace("end = 0.02", "end = 2e-3");
+        text_of_scene.replace("interval = 0.01\n", "").replace("step = 2.5e-4", "step = 2e-5")
+    };
+    let (small, large) = (room.join("small.toml"), room.join("large.toml"));
+    std::fs::write(&small, of_cells("cells = [2, 2, 2]")).unwrap();
+    // 165 888 tetrahedra.
+    std::fs::write(&large, of_cells("cells = [48, 24, 24]")).unwrap();
+    let mesh_needs = |ranks: usize| {
+        let (base, peaks) = (peaks(ranks, &small, &room.join("s")), peaks(ranks, &large, &room.join("l")));
+        (peaks[0] - base[0], peaks[ranks - 1] - base[ranks - 1])
+    };
+    let (one, _) = mesh_needs(1);
+    for (ranks, largest, smallest) in LIMITS {
+        let (first, other) = mesh_needs(ranks);
+        assert!(first <= largest * one, "{ranks} ranks: {first:.0} MiB on the first, {one:.0} MiB on one");
+        assert!(other <= smallest * one, "{ranks} ranks: {other:.0} MiB on another, {one:.0} MiB on one");
+    }
+}
+
+/// Scenes in which the first rank makes the steps, and all ranks sum energies and forces.
+#[test]
+fn schemes_and_forces_of_the_first_rank_have_the_files_of_one_process() {
+    let implicit = BLOCK.replace("stormer-verlet", "implicit-midpoint").replace("step = 1e-4", "step = 1e-3");
+    let pcg = implicit.clone() + "[solver]\nlinear = \"pcg\"\n";
+    let wind = CLOTH.replace("blanes-moan-4", "stormer-verlet") + "[wind]\nvelocity = [1.0, 0.0, 0.0]\n";
+    let ledger = DRIVEN.replace("ledger = false", "ledger = true");
+    for (name, text_of_scene) in [
+        ("euler", &implicit.replace("implicit-midpoint", "backward-euler")),
+        ("cholesky", &implicit),
+        ("pcg", &pcg),
+        ("implicit-cloth", &CLOTH.replace("blanes-moan-4", "implicit-midpoint")),
+        ("wind", &wind),
+        ("ledger", &ledger),
+        ("rigid", &RIGID.to_owned()),
+        ("contact", &CONTACT.to_owned()),
+    ] {
+        same_files(name, text_of_scene);
+    }
+}
+
 #[test]
 fn what_does_not_run_on_ranks_is_refused_before_the_run() {
     let room = room("refused");
-    let contact = BLOCK.to_owned() + "[contact]\n";
-    let wind = CLOTH.replace("blanes-moan-4", "stormer-verlet") + "[wind]\nvelocity = [1.0, 0.0, 0.0]\n";
-    let refused = [
-        (BLOCK.replace("stormer-verlet", "implicit-midpoint"), "scheme \"implicit-midpoint\""),
-        (contact, "contact does not run"),
-        (DRIVEN.replace("ledger = false", "ledger = true"), "output.ledger = false"),
-        (wind, "forces without a potential do not run"),
-    ];
-    for (text_of_scene, reason) in refused {
+    let statics = BLOCK.replace("[output]", "[static]\n[output]").replace("scheme = \"stormer-verlet\"", "");
+    let switch = BLOCK.to_owned() + "[guard]\naction = \"switch\"\n";
+    for (text_of_scene, reason) in [(statics, "equilibria do not run"), (switch, "use \"halve\" or \"stop\"")]
+    {
         let scene = scene(&room, &text_of_scene);
         let output = run(2, &scene, &room.join("out"));
         let message = text(&output.stderr);

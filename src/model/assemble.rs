@@ -5,7 +5,7 @@ use std::collections::HashSet;
 
 use vi_core::{State, System};
 use vi_fem::{Anchor, PointSpring, SpringEnd};
-use vi_mesh::Numbering;
+use vi_mesh::{Mesh, Numbering};
 
 use super::body::{BodyModel, NodeSet, ProbeTarget};
 use super::component::ComponentBuilder;
@@ -131,7 +131,7 @@ fn nodal_fixes<'a>(
 struct Parts {
     components: Vec<ComponentBuilder>,
     bodies: Vec<BodyModel>,
-    /// The mesh and initial fields of each body, in the numbering of its component.
+    /// The mesh and initial fields of each body, in the numbering of its component; empty if no section needs them.
     meshes: Vec<Imported>,
     notes: Vec<String>,
     problems: Vec<Problem>,
@@ -209,7 +209,9 @@ impl Parts {
                 numbering,
                 pattern: body.read.pattern.clone(),
             });
-            self.meshes.push(body.read);
+            // A large mesh is not kept longer than needed.
+            let is_needed = !scene.loads.is_empty() || scene.damping.is_some();
+            self.meshes.push(if is_needed { body.read } else { Imported::generated(Mesh::default()) });
         }
     }
 

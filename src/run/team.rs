@@ -1,6 +1,8 @@
 //! A run by several processes (ranks). The first rank runs the scene and writes all files, as one process does. The
 //! others build the same scene and step their portions of its bodies whenever the first rank says so.
 
+use std::fs::File;
+use std::io::Read;
 use std::sync::Arc;
 
 use vi_core::{Alone, Exchange};
@@ -73,27 +75,23 @@ impl Team {
         self.exchange.size()
     }
 
-    /// Makes all ranks step a simulation, from the first rank. Returns a note on what they exchange; `None` if there is
-    /// one rank.
+    /// Builds the simulation of a scene that all ranks share, on the first rank. Also returns a note on what they exchange;
+    /// `None` if there is one rank.
     ///
     /// # Errors
-    /// Returns [`RunError::Scene`] with what does not run on several ranks, and with the first problem of another rank.
-    pub(super) fn join(&self, simulation: &mut Simulation, name: &str) -> Result<Option<String>, RunError> {
+    /// Returns [`RunError::Scene`] with the problems of the scene, with what does not run on several ranks, and with the
+    /// first problem of another rank.
+    pub(super) fn build(&self, scene: Scene, name: &str) -> Result<(Simulation, Option<String>), RunError> {
         let size = self.size();
         if size == 1 {
-            return Ok(None);
+            return Ok((Simulation::new(scene).map_err(RunError::Scene)?, None));
         }
-        let problems = simulation.problems_of_ranks();
-        if !problems.is_empty() {
-            return Err(RunError::Scene(problems));
-        }
+        let simulation = Simulation::shared(scene, &self.exchange).map_err(RunError::Scene)?;
         let threads = rayon::current_num_threads() as u64;
         let origin = Origin::new(simulation.scene(), name)?;
         self.exchange.pieces(&record::seal(START, FORMAT, &Order { program: program(), threads, origin }));
-        let conducted = simulation.conduct(&self.exchange);
-        let own = Answer { problem: String::new(), bytes: *conducted.as_ref().unwrap_or(&0) };
+        let own = Answer { problem: String::new(), bytes: simulation.bytes_sent() };
         let answers = self.exchange.pieces(&record::seal(START, FORMAT, &own));
-        conducted.map_err(RunError::Scene)?;
         let mut most = 0;
         for (rank, bytes) in answers.iter().enumerate() {
             let Answer { problem, bytes } = record::unseal(START, FORMAT, bytes)?;
@@ -102,7 +100,8 @@ impl Team {
             }
             most = most.max(bytes);
         }
-        Ok(Some(format!("{size} ranks of {threads} threads; a rank sends at most {most} bytes per force")))
+        let note = format!("{size} ranks of {threads} threads; a rank sends at most {most} bytes per force");
+        Ok((simulation, Some(note)))
     }
 
     /// Obeys the first rank until it ends the program; returns the exit code. For all ranks but the first.
@@ -187,6 +186,16 @@ fn parse(origin: &Origin) -> Result<Scene, String> {
 
 /// Returns the CRC-32 of this program; 0 if it cannot be read.
 fn program() -> u64 {
-    let bytes = std::env::current_exe().and_then(std::fs::read);
-    bytes.map_or(0, |bytes| u64::from(crc32fast::hash(&bytes)))
+    let checksum = || -> std::io::Result<u32> {
+        let mut file = File::open(std::env::current_exe()?)?;
+        // The file may be larger than a rank's share of the mesh.
+        let (mut hasher, mut piece) = (crc32fast::Hasher::new(), vec![0; 1 << 16]);
+        loop {
+            match file.read(&mut piece)? {
+                0 => return Ok(hasher.finalize()),
+                length => hasher.update(&piece[..length]),
+            }
+        }
+    };
+    checksum().map_or(0, u64::from)
 }

@@ -195,8 +195,9 @@ fn on_all<T: Send, E: Send>(
         return vec![advance(component)];
     }
     let before: Vec<(State, Pace)> = components.iter().map(|c| (c.state.clone(), c.pace)).collect();
-    let spans_ranks = |component: &Component| component.stepper.as_ref().is_some_and(|s| s.spans_ranks());
-    let results: Vec<_> = if components.iter().any(spans_ranks) {
+    // Components whose terms other processes share must not be evaluated at the same time.
+    let is_shared = |component: &Component| component.system.terms().shared().is_some();
+    let results: Vec<_> = if components.iter().any(is_shared) {
         components.iter_mut().map(advance).collect()
     } else {
         components.par_iter_mut().map(advance).collect()

@@ -1,60 +1,37 @@
-//! Lets several ranks step the components of a simulation.
+//! Lets several ranks share the components of a simulation.
 
 use std::sync::Arc;
 
-use vi_core::Exchange;
-use vi_solvers::{Conductor, Member};
+use vi_core::{Exchange, State, System};
+use vi_solvers::Member;
 
 use super::{Simulation, is_worked_on};
 use crate::model;
 use crate::scene::{GuardAction, Problem, Scene};
 
-impl Simulation {
-    /// Returns the keys of the scene that do not run on several ranks.
-    pub(crate) fn problems_of_ranks(&self) -> Vec<Problem> {
-        let scene = &self.scene;
-        let switches = scene.guard.is_some_and(|guard| guard.action == GuardAction::Switch);
-        let refused = [
-            (scene.statics.is_some(), "static", "equilibria do not run on several ranks yet"),
-            (scene.contact.is_some(), "contact", "contact does not run on several ranks yet"),
-            (
-                scene.time.is_adaptive(),
-                "time.step",
-                "adaptive steps ask one rank for the frequencies of the whole body; write a step in s",
-            ),
-            (scene.time.estimate, "time.estimate", "the run that estimates errors would use one rank only"),
-            (
-                switches,
-                "guard.action",
-                "\"energy-momentum\" does not run on several ranks: use \"halve\" or \"stop\"",
-            ),
-        ];
-        let refused = refused.into_iter().filter(|(is_asked, ..)| *is_asked);
-        refused
-            .map(|(_, key, why)| Problem::new(key, format!("{why}; remove this key, or use one rank")))
-            .collect()
-    }
+/// Returns the keys of a scene that do not run on several ranks.
+pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
+    let switches = scene.guard.is_some_and(|guard| guard.action == GuardAction::Switch);
+    let refused = [
+        (scene.statics.is_some(), "static", "equilibria do not run on several ranks yet"),
+        (scene.time.estimate, "time.estimate", "the run that estimates errors would use one rank only"),
+        (
+            switches,
+            "guard.action",
+            "a change of the scheme is not sent to other ranks: use \"halve\" or \"stop\"",
+        ),
+    ];
+    let refused = refused.into_iter().filter(|(is_asked, ..)| *is_asked);
+    refused
+        .map(|(_, key, why)| Problem::new(key, format!("{why}; remove this key, or use one rank")))
+        .collect()
+}
 
-    /// Makes all ranks of `exchange` step the components; this is the first rank. Returns the number of bytes that it
-    /// sends to others per evaluation of forces. Exchanges nothing itself.
-    ///
-    /// # Errors
-    /// Returns the terms that do not run on several ranks; the simulation must not be used afterwards.
-    pub(crate) fn conduct(&mut self, exchange: &Arc<dyn Exchange>) -> Result<u64, Vec<Problem>> {
-        let method = self.method;
-        let (mut problems, mut bytes) = (Vec::new(), 0);
-        for (number, component) in self.components.iter_mut().enumerate() {
-            let Some(alone) = component.stepper.take() else { continue };
-            let place = (number, &component.system, &component.state);
-            match Conductor::new(alone, place, (&method, component.keeps_ledger), Arc::clone(exchange)) {
-                Ok(mut conductor) => {
-                    bytes += conductor.bytes_sent() as u64;
-                    component.stepper = Some(Box::new(conductor));
-                }
-                Err(error) => problems.push(Problem::new("time.scheme", error.to_string())),
-            }
-        }
-        if problems.is_empty() { Ok(bytes) } else { Err(problems) }
+impl Simulation {
+    /// Returns the number of bytes that the first rank sends to others per evaluation of forces.
+    pub(crate) fn bytes_sent(&self) -> u64 {
+        let shared = self.components.iter().filter_map(|component| component.system.terms().shared());
+        shared.map(|shared| shared.bytes_sent() as u64).sum()
     }
 }
 
@@ -69,9 +46,9 @@ pub(crate) fn members(
 ) -> Result<Vec<Option<Member>>, Vec<Problem>> {
     let refused = |why: String| vec![Problem::new("time.scheme", why)];
     let method = scene.time.method().ok_or_else(|| refused("the scheme is not settled".to_owned()))?;
-    let components = model::build_in_portions(scene)?.into_iter();
+    let components = model::build(scene, true)?.components.into_iter();
     components
-        .map(|(system, state)| {
+        .map(|(system, state): (System, State)| {
             let keeps_ledger = scene.output.ledger.unwrap_or_else(|| is_worked_on(&system));
             if system.coordinates().free_count() == 0 {
                 return Ok(None);

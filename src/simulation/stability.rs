@@ -94,6 +94,11 @@ pub fn highest(simulation: &Simulation) -> Result<Option<f64>, SolverError> {
         .collect();
     let frequency =
         |&(system, state): &(&System, &State)| highest_frequency(system, state).map(|found| found.omega);
-    let found: Vec<f64> = moving.par_iter().map(frequency).collect::<Result<_, _>>()?;
+    // Components whose terms other processes share must not be evaluated at the same time.
+    let found: Vec<f64> = if moving.iter().any(|(system, _)| system.terms().shared().is_some()) {
+        moving.iter().map(frequency).collect::<Result<_, _>>()?
+    } else {
+        moving.par_iter().map(frequency).collect::<Result<_, _>>()?
+    };
     Ok(found.into_iter().reduce(f64::max).filter(|omega| *omega > 0.0))
 }

@@ -20,6 +20,7 @@ pub(crate) mod potential;
 pub(crate) mod power_of_two;
 pub(crate) mod quadrature;
 pub(crate) mod scheme;
+pub(crate) mod shared;
 pub(crate) mod system;
 pub(crate) mod terms;
 pub(crate) mod tube;

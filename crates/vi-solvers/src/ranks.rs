@@ -1,8 +1,11 @@
-//! Explicit steps of one system by several processes (ranks).
+//! One system on several processes (ranks).
 //!
-//! The first rank conducts: it holds the whole system and its state, as one process does, and tells the others what to
-//! do (`conductor.rs`). Every rank, the first one too, steps a portion of the system (`member.rs`).
+//! The first rank keeps the state and tells the others what to do (`partners.rs`). Every rank, the first one too, holds a
+//! portion of the terms (`member.rs`). If nothing but terms acts on the nodes, the ranks make explicit steps of their
+//! portions themselves (`conductor.rs`). In all other cases the first rank makes the steps as one process does, and the
+//! ranks sum energies and gradients for it.
 
 pub(crate) mod command;
 pub(crate) mod conductor;
 pub(crate) mod member;
+pub(crate) mod partners;

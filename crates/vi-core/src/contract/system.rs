@@ -10,6 +10,7 @@ use crate::contract::dense;
 use crate::contract::force::Force;
 use crate::contract::inertia;
 use crate::contract::potential::{HessianKind, Potential};
+use crate::contract::shared::SharedTerms;
 use crate::contract::terms::{Live, Terms, check_stencils};
 use crate::error::CoreError;
 
@@ -78,6 +79,13 @@ impl System {
     #[must_use]
     pub fn with_live(mut self, live: Vec<Arc<dyn Live>>) -> Self {
         self.potential = self.potential.with_live(live);
+        self
+    }
+
+    /// Returns the system with potentials that several processes sum together.
+    #[must_use]
+    pub fn with_shared(mut self, shared: Arc<dyn SharedTerms>) -> Self {
+        self.potential = self.potential.with_shared(shared);
         self
     }
 

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use crate::contract::coordinates::Coordinates;
 use crate::contract::potential::{Potential, Stencils};
+use crate::contract::shared::SharedTerms;
 use crate::contract::tube::Tube;
 use crate::error::CoreError;
 
@@ -17,6 +18,8 @@ pub struct Terms {
     coordinates: Arc<Coordinates>,
     fixed: Vec<Arc<dyn Potential>>,
     live: Vec<Arc<dyn Live>>,
+    /// The sums of the fixed terms, if several processes compute them together.
+    shared: Option<Arc<dyn SharedTerms>>,
 }
 
 impl Terms {
@@ -29,12 +32,12 @@ impl Terms {
         for term in &fixed {
             check_term(term.as_ref(), &coordinates)?;
         }
-        Ok(Self { coordinates, fixed, live: Vec::new() })
+        Ok(Self { coordinates, fixed, live: Vec::new(), shared: None })
     }
 
     /// Returns an empty sum.
     pub(crate) fn of_nothing(coordinates: Arc<Coordinates>) -> Self {
-        Self { coordinates, fixed: Vec::new(), live: Vec::new() }
+        Self { coordinates, fixed: Vec::new(), live: Vec::new(), shared: None }
     }
 
     /// Returns a copy with these fixed terms added.
@@ -46,13 +49,25 @@ impl Terms {
             check_term(term.as_ref(), &self.coordinates)?;
         }
         self.fixed.extend(more);
-        Ok(self)
+        // The others know nothing of the added terms.
+        Ok(Self { shared: None, ..self })
     }
 
     /// Returns a copy with these live terms.
     #[must_use]
     pub fn with_live(self, live: Vec<Arc<dyn Live>>) -> Self {
         Self { live, ..self }
+    }
+
+    /// Returns a copy whose fixed terms several processes sum together.
+    #[must_use]
+    pub fn with_shared(self, shared: Arc<dyn SharedTerms>) -> Self {
+        Self { shared: Some(shared), ..self }
+    }
+
+    /// Returns the sums of the fixed terms, if several processes compute them together.
+    pub fn shared(&self) -> Option<&Arc<dyn SharedTerms>> {
+        self.shared.as_ref()
     }
 
     /// Returns the map x(q, t).

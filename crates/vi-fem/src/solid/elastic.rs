@@ -102,7 +102,12 @@ pub(crate) fn by_kind<B: Build>(
         let (kind, _) = mesh.element(element, "elastic region, element")?;
         match kinds.iter_mut().find(|(other, _)| *other == kind) {
             Some((_, list)) => list.push(element),
-            None => kinds.push((kind, vec![element])),
+            None => {
+                // Most regions have elements of one kind.
+                let mut list = Vec::with_capacity(elements.len());
+                list.push(element);
+                kinds.push((kind, list));
+            }
         }
     }
     let label = format!("{name}: {}", law.name());
@@ -136,7 +141,8 @@ impl<B: Build> SolidVisitor for BuildElement<'_, B> {
         sort_by_place(mesh, &mut elements);
         interleave(run_length(elements.len(), 3 * N), &mut elements);
         let cells = elements.iter().filter_map(|&element| mesh.cell(element as usize));
-        let mut nodes: Vec<u32> = cells.flat_map(|(_, nodes)| nodes.iter().copied()).collect();
+        let mut nodes: Vec<u32> = Vec::with_capacity(N * elements.len());
+        cells.for_each(|(_, of_element)| nodes.extend_from_slice(of_element));
         if in_portions {
             let node_offset = node_offset as u32;
             nodes.iter_mut().for_each(|node| *node += node_offset);

@@ -90,7 +90,9 @@ impl BoxMesh {
         let number = |cell, point: &LatticePoint| lattice.numbers[lattice.index(cell, *point)];
 
         let in_cell = |cell| elements.iter().flatten().map(move |point| number(cell, point));
-        let nodes: Vec<u32> = cells_of(counts, None).flat_map(in_cell).collect();
+        let per_cell: usize = elements.iter().map(Vec::len).sum();
+        let mut nodes: Vec<u32> = Vec::with_capacity(counts.iter().product::<usize>() * per_cell);
+        nodes.extend(cells_of(counts, None).flat_map(in_cell));
         let mut cell_count = nodes.len() / kind.node_count();
         let all = (0..cell_count as u32).collect();
         let mut regions = vec![Region { name: "box".into(), dimension: 3, cells: all }];

@@ -8,6 +8,7 @@ use crate::assemble::fixed::{AssemblyWork, FixedSum};
 use crate::assemble::gather::Gather;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::assemble::live::LiveSum;
+use crate::assemble::spans::Span;
 use crate::error::{SolverError, TermFault};
 use crate::linear::matrix::SymmetricMatrix;
 
@@ -74,8 +75,14 @@ impl Assembler {
         self.fixed.sum_chunks(x, t);
     }
 
-    pub(crate) fn gather(&self) -> &Gather {
+    /// Returns the maps of the gradient; `None` if several processes compute it for this one.
+    pub(crate) fn gather(&self) -> Option<&Gather> {
         self.fixed.gather()
+    }
+
+    /// Returns the energy of each span of the fixed terms, as the sum and its error.
+    pub(crate) fn energies_of_spans(&self, spans: &[Span], x: &[f64], t: f64) -> Vec<[f64; 2]> {
+        self.fixed.energies_of_spans(spans, x, t)
     }
 
     /// Removes the live terms from all further sums.

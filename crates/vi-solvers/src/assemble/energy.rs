@@ -5,7 +5,7 @@
 //! number of threads.
 
 use rayon::prelude::*;
-use vi_core::{Account, Terms};
+use vi_core::{Account, RunEnergy, Terms};
 
 use crate::assemble::spans::{Mobility, Span, mobilities, mobility_of, spans};
 use crate::scratch::with_scratch;
@@ -110,6 +110,8 @@ struct Part {
     total: Compensated,
     /// Whether the energy of this part can never change.
     constant: bool,
+    /// Whether another process has computed it.
+    known: bool,
 }
 
 /// The parts of the sum, in order.
@@ -130,17 +132,23 @@ impl EnergySum {
             for span in spans(term, potential.as_ref()) {
                 let constant = !time_dependent && all_fixed(&span, terms, &mobility);
                 stencil_count += if constant { 0 } else { span.stencils.len() };
-                parts.push(Part { span, total: Compensated::default(), constant });
+                parts.push(Part { span, total: Compensated::default(), constant, known: false });
             }
         }
         Self { parts, stencil_count, constant_known: false }
     }
 
-    /// Returns V(x, t) by account.
-    pub(crate) fn evaluate(&mut self, terms: &Terms, x: &[f64], t: f64) -> Energies {
+    /// Returns V(x, t) by account. `known` are the energies of parts that other processes have computed.
+    pub(crate) fn evaluate(&mut self, terms: &Terms, x: &[f64], t: f64, known: &[RunEnergy]) -> Energies {
         let skip = self.constant_known;
+        for &RunEnergy { term, first, sum, error } in known {
+            let place = |part: &Part| (part.span.term, part.span.stencils.start);
+            if let Ok(part) = self.parts.binary_search_by_key(&(term, first), place) {
+                (self.parts[part].total, self.parts[part].known) = (Compensated { sum, error }, true);
+            }
+        }
         let update = |part: &mut Part| {
-            if !(skip && part.constant) {
+            if !std::mem::take(&mut part.known) && !(skip && part.constant) {
                 part.total = sum_span(&part.span, terms, x, t);
             }
         };
@@ -164,6 +172,15 @@ impl EnergySum {
         let [elastic, gravity, load, contact] = accounts.map(Compensated::value);
         Energies { elastic, gravity, load, contact }
     }
+}
+
+/// Returns the energy of each span, as the sum and its error.
+pub(crate) fn energies_of_spans(spans: &[Span], terms: &Terms, x: &[f64], t: f64) -> Vec<[f64; 2]> {
+    let energy = |span: &Span| {
+        let Compensated { sum, error } = sum_span(span, terms, x, t);
+        [sum, error]
+    };
+    spans.par_iter().map(energy).collect()
 }
 
 fn all_fixed(span: &Span, terms: &Terms, mobility: &[Mobility]) -> bool {

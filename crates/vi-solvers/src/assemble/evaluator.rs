@@ -213,7 +213,12 @@ impl Evaluator {
 
     /// Returns whether several ranks share the system.
     pub(crate) fn is_shared(&self) -> bool {
-        self.assembler.gather().is_shared()
+        self.assembler.gather().is_some_and(Gather::is_shared)
+    }
+
+    /// Returns whether this process can make passes of explicit steps ([`Evaluator::sweep`]).
+    pub(crate) fn can_sweep(&self) -> bool {
+        self.assembler.gather().is_some()
     }
 
     /// Forgets the place of the last evaluation.
@@ -239,7 +244,7 @@ impl Evaluator {
         drift: f64,
         (q, p): (&mut [f64], &mut [f64]),
     ) -> bool {
-        let pass = Pass { from, sums: sums.then(|| self.assembler.gather()), closing, kick, drift };
+        let pass = Pass { from, sums: self.assembler.gather().filter(|_| sums), closing, kick, drift };
         let is_sound = sweep.pass(pass, Arrays { gradient: &mut self.gradient, x: &mut self.x, q, p });
         self.gradient_is_of_x = (sums || self.gradient_is_of_x) && drift == 0.0 && is_sound;
         is_sound

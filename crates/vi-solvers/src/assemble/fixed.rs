@@ -3,12 +3,12 @@
 
 use std::sync::Arc;
 
-use vi_core::{Fault, Potential, Terms};
+use vi_core::{Fault, Potential, SharedTerms, Terms};
 
-use crate::assemble::energy::{Energies, EnergySum};
-use crate::assemble::gather::Gather;
+use crate::assemble::energy::{Energies, EnergySum, energies_of_spans};
+use crate::assemble::gather::{Gather, node_tensors};
 use crate::assemble::hessian::{HessianEvaluation, HessianSum};
-use crate::assemble::spans::{common_block, spans};
+use crate::assemble::spans::{Span, common_block, spans};
 use crate::error::{SolverError, TermFault};
 use crate::linear::matrix::SymmetricMatrix;
 
@@ -31,11 +31,21 @@ pub struct AssemblyWork {
     pub live_patterns: u64,
 }
 
+/// The way to the gradient.
+enum GradientSum {
+    /// This process computes it, or its share of it.
+    Here(Gather),
+    /// Several processes compute it.
+    Shared(Arc<dyn SharedTerms>),
+}
+
 /// The sum of the fixed terms of a list; its live terms are left out.
 pub(crate) struct FixedSum {
     terms: Terms,
+    /// Number of coordinates per node of the nodal arrays.
+    block: usize,
     energy: EnergySum,
-    gather: Gather,
+    gradient: GradientSum,
     hessian: Option<HessianSum>,
     work: AssemblyWork,
 }
@@ -46,15 +56,22 @@ impl FixedSum {
     /// such number is used.
     pub(crate) fn new(terms: Terms, block: Option<usize>) -> Self {
         let block = block.unwrap_or_else(|| common_block(&terms));
-        let gather = Gather::new(&terms, block);
-        let work =
-            AssemblyWork { constant_stencils: gather.constant_stencils() as u64, ..Default::default() };
-        Self { energy: EnergySum::new(&terms), gather, hessian: None, work, terms }
+        let gradient = match terms.shared() {
+            Some(shared) => GradientSum::Shared(Arc::clone(shared)),
+            None => GradientSum::Here(Gather::new(&terms, block)),
+        };
+        let constant_stencils = match &gradient {
+            GradientSum::Here(gather) => gather.constant_stencils() as u64,
+            GradientSum::Shared(_) => 0,
+        };
+        let work = AssemblyWork { constant_stencils, ..Default::default() };
+        Self { energy: EnergySum::new(&terms), block, gradient, hessian: None, work, terms }
     }
 
     /// Returns the sum of the terms that a rank of several computes, with the maps of its gradient.
     pub(crate) fn of_portion(terms: Terms, gather: Gather) -> Self {
-        Self { energy: EnergySum::new(&terms), gather, hessian: None, work: AssemblyWork::default(), terms }
+        let (energy, block, work) = (EnergySum::new(&terms), gather.block(), AssemblyWork::default());
+        Self { energy, block, gradient: GradientSum::Here(gather), hessian: None, work, terms }
     }
 
     /// Replaces the terms by others with the same stencils.
@@ -72,30 +89,48 @@ impl FixedSum {
     /// Returns V(x, t) by account, J.
     pub(crate) fn energies(&mut self, x: &[f64], t: f64) -> Energies {
         self.work.energies += 1;
-        self.energy.evaluate(&self.terms, x, t)
+        let known = match &self.gradient {
+            GradientSum::Here(_) => Vec::new(),
+            GradientSum::Shared(shared) => shared.energies(x, t),
+        };
+        self.energy.evaluate(&self.terms, x, t, &known)
+    }
+
+    /// Returns the energy of each span, as the sum and its error.
+    pub(crate) fn energies_of_spans(&self, spans: &[Span], x: &[f64], t: f64) -> Vec<[f64; 2]> {
+        energies_of_spans(spans, &self.terms, x, t)
     }
 
     /// Writes ∂V/∂x of every coordinate, N, pulled back from tied nodes.
     pub(crate) fn gradient(&mut self, x: &[f64], t: f64, out: &mut [f64]) {
         self.work.gradients += 1;
-        self.gather.gradient(&self.terms, x, t, out);
+        match &mut self.gradient {
+            GradientSum::Here(gather) => gather.gradient(&self.terms, x, t, out),
+            GradientSum::Shared(shared) => shared.gradient(x, t, out),
+        }
         self.terms.coordinates().pull_back(out);
     }
 
     /// Performs the first phase of [`FixedSum::gradient`]; the caller then sums over nodes by [`FixedSum::gather`].
     pub(crate) fn sum_chunks(&mut self, x: &[f64], t: f64) {
         self.work.gradients += 1;
-        self.gather.sum_chunks(&self.terms, x, t);
+        if let GradientSum::Here(gather) = &mut self.gradient {
+            gather.sum_chunks(&self.terms, x, t);
+        }
     }
 
-    pub(crate) fn gather(&self) -> &Gather {
-        &self.gather
+    /// Returns the maps of the gradient; `None` if several processes compute it for this one.
+    pub(crate) fn gather(&self) -> Option<&Gather> {
+        match &self.gradient {
+            GradientSum::Here(gather) => Some(gather),
+            GradientSum::Shared(_) => None,
+        }
     }
 
     /// Returns ∂²V/∂q² on the free coordinates, N/m. Evaluates only what has changed.
     pub(crate) fn hessian(&mut self, x: &[f64], t: f64, kind: HessianEvaluation) -> &SymmetricMatrix {
-        let Self { terms, gather, hessian, work, .. } = self;
-        let hessian = hessian.get_or_insert_with(|| HessianSum::new(terms, gather.block()));
+        let Self { terms, block, hessian, work, .. } = self;
+        let hessian = hessian.get_or_insert_with(|| HessianSum::new(terms, *block));
         work.hessian_skipped_stencils = hessian.skipped_stencils() as u64;
         if hessian.evaluate(terms, x, t, kind) {
             work.hessians += 1;
@@ -110,7 +145,7 @@ impl FixedSum {
 
     /// Writes Σ V_e F̄_e (m³, row-major) over the stencils around each node; returns false if no term provides it.
     pub(crate) fn mean_deformations(&mut self, x: &[f64], out: &mut [[f64; 9]]) -> bool {
-        self.gather.node_tensors(&self.terms, x, out)
+        node_tensors(&self.terms, self.block, x, out)
     }
 
     /// Returns the first stencil without a finite energy or gradient, in the order of terms and stencils.
@@ -145,11 +180,11 @@ impl FixedSum {
 
     /// Returns the number of coordinates per node of the nodal arrays.
     pub(crate) fn block(&self) -> usize {
-        self.gather.block()
+        self.block
     }
 
     /// Returns the size of maps and buffers in bytes, without the terms' own data.
     pub(crate) fn bytes(&self) -> usize {
-        self.gather.bytes() + self.hessian.as_ref().map_or(0, HessianSum::bytes)
+        self.gather().map_or(0, Gather::bytes) + self.hessian.as_ref().map_or(0, HessianSum::bytes)
     }
 }

@@ -62,7 +62,7 @@ pub(crate) struct Gather {
     /// Node n is summed from the slots `node_slots[node_start[n]..node_start[n + 1]]`.
     node_start: Vec<u32>,
     node_slots: Vec<u32>,
-    /// The nodal sums of the chunks; only the first `block` numbers of each are used.
+    /// The nodal sums of the chunks; only the first `block` numbers of each are used. Empty before the first sum.
     partial: Vec<Padded>,
     stencil_count: usize,
     /// Spans whose gradient never changes: all coordinates are fixed, or V is affine and independent of t.
@@ -115,7 +115,6 @@ impl Gather {
         }
         local.shrink_to_fit();
         let (node_start, node_slots) = group_by(&slot_nodes, node_count);
-        let partial = vec![Padded::default(); slot_nodes.len()];
         slot_nodes.shrink_to_fit();
         Self {
             block,
@@ -124,7 +123,7 @@ impl Gather {
             slot_nodes,
             node_start,
             node_slots,
-            partial,
+            partial: Vec::new(),
             stencil_count,
             constant,
             base: None,
@@ -172,7 +171,7 @@ impl Gather {
     /// Returns the size of maps and buffers in bytes.
     pub(crate) fn bytes(&self) -> usize {
         let maps = self.slot_nodes.len() + self.node_start.len() + self.node_slots.len();
-        2 * self.local.len() + 4 * maps + size_of::<Padded>() * self.partial.len()
+        2 * self.local.len() + 4 * maps + size_of::<Padded>() * self.slot_nodes.len()
     }
 
     /// Returns whether the work is large enough for several threads.
@@ -196,6 +195,9 @@ impl Gather {
     pub(crate) fn sum_chunks(&mut self, terms: &Terms, x: &[f64], t: f64) {
         if self.base.is_none() && !self.constant.is_empty() {
             self.base = Some(sum_constant(&self.constant, terms, x, t));
+        }
+        if self.partial.is_empty() {
+            self.partial = vec![Padded::default(); self.slot_nodes.len()];
         }
         let (parallel, block) = (self.is_parallel(), self.block);
         let Self { chunks, local, slot_nodes, partial, halo, .. } = self;
@@ -237,40 +239,6 @@ impl Gather {
             }
             out.copy_from_slice(&total[..B]);
         }
-    }
-
-    /// Sums over the stencils around each node what `evaluate` writes for a batch, 9 numbers per stencil. Spans for
-    /// which it returns false are left out; returns whether any was included.
-    pub(crate) fn node_tensors(&mut self, terms: &Terms, x: &[f64], out: &mut [[f64; 9]]) -> bool {
-        out.fill([0.0; 9]);
-        let mut found = false;
-        for (term, potential) in terms.fixed().iter().enumerate() {
-            let stencils = potential.stencils();
-            for span in spans(term, potential.as_ref()) {
-                let batches = span.stencils.clone().step_by(BATCH);
-                for batch in batches.map(|first| first..span.stencils.end.min(first + BATCH)) {
-                    let wrote = with_scratch(9 * batch.len(), |tensors| {
-                        let wrote = potential.mean_deformations(batch.clone(), x, tensors);
-                        if wrote {
-                            for (stencil, tensor) in batch.zip(tensors.as_chunks::<9>().0) {
-                                for &node in stencils.of(stencil) {
-                                    let sum = &mut out[node as usize * stencils.block / self.block];
-                                    for k in 0..9 {
-                                        sum[k] += tensor[k];
-                                    }
-                                }
-                            }
-                        }
-                        wrote
-                    });
-                    found |= wrote;
-                    if !wrote {
-                        break;
-                    }
-                }
-            }
-        }
-        found
     }
 }
 
@@ -369,4 +337,38 @@ fn sum_constant(constant: &[Span], terms: &Terms, x: &[f64], t: f64) -> Vec<f64>
         }
     }
     base
+}
+
+/// Sums over the stencils around each node what `evaluate` writes for a batch, 9 numbers per stencil. Spans for
+/// which it returns false are left out; returns whether any was included.
+pub(crate) fn node_tensors(terms: &Terms, block: usize, x: &[f64], out: &mut [[f64; 9]]) -> bool {
+    out.fill([0.0; 9]);
+    let mut found = false;
+    for (term, potential) in terms.fixed().iter().enumerate() {
+        let stencils = potential.stencils();
+        for span in spans(term, potential.as_ref()) {
+            let batches = span.stencils.clone().step_by(BATCH);
+            for batch in batches.map(|first| first..span.stencils.end.min(first + BATCH)) {
+                let wrote = with_scratch(9 * batch.len(), |tensors| {
+                    let wrote = potential.mean_deformations(batch.clone(), x, tensors);
+                    if wrote {
+                        for (stencil, tensor) in batch.zip(tensors.as_chunks::<9>().0) {
+                            for &node in stencils.of(stencil) {
+                                let sum = &mut out[node as usize * stencils.block / block];
+                                for k in 0..9 {
+                                    sum[k] += tensor[k];
+                                }
+                            }
+                        }
+                    }
+                    wrote
+                });
+                found |= wrote;
+                if !wrote {
+                    break;
+                }
+            }
+        }
+    }
+    found
 }

@@ -75,16 +75,17 @@ pub(crate) struct Pass<'a> {
 }
 
 impl Sweep {
-    pub(crate) fn new(system: &System, gather: &Gather) -> Self {
+    /// Prepares passes in which `gather` sums the gradient; without it only 1/m is used.
+    pub(crate) fn new(system: &System, gather: Option<&Gather>) -> Self {
         let mut runs: Vec<Run> = Vec::new();
-        for (free, &dof) in system.coordinates().free().iter().enumerate() {
+        for (free, &dof) in system.coordinates().free().iter().enumerate().filter(|_| gather.is_some()) {
             let dof = dof as usize;
             match runs.last_mut() {
                 Some(run) if run.dof + run.length == dof => run.length += 1,
                 _ => runs.push(Run { dof, free, length: 1 }),
             }
         }
-        let block = gather.block();
+        let block = gather.map_or(1, Gather::block);
         Self {
             runs,
             inverse_mass: system.free_mass().iter().map(|m| 1.0 / m).collect(),
@@ -93,7 +94,7 @@ impl Sweep {
             // Cut at multiples of whole vectors, near the middle, so that the halves of the nodes match those of the
             // elements.
             grain: 8 * block,
-            parallel: gather.is_parallel(),
+            parallel: gather.is_some_and(Gather::is_parallel),
             arch: Arch::new(),
         }
     }

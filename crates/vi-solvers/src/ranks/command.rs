@@ -17,6 +17,16 @@ pub(crate) enum Command {
         /// The number of steps.
         count: u32,
     },
+    /// Sum energies at the positions that follow.
+    Energies {
+        /// The time, s.
+        t: f64,
+    },
+    /// Sum ∂V/∂x at the positions that follow, and send it back.
+    Gradient {
+        /// The time, s.
+        t: f64,
+    },
 }
 
 const LENGTH: usize = 3;
@@ -28,6 +38,8 @@ impl Command {
             Self::Place { evaluated: None } => (0, [0.0; LENGTH]),
             Self::Place { evaluated: Some((t, knows)) } => (1, [t, f64::from(u8::from(knows)), 0.0]),
             Self::Steps { t, h, count } => (2, [t, h, f64::from(count)]),
+            Self::Energies { t } => (3, [t, 0.0, 0.0]),
+            Self::Gradient { t } => (4, [t, 0.0, 0.0]),
         };
         let head = [component as u32, tag].into_iter().flat_map(u32::to_le_bytes);
         head.chain(numbers.into_iter().flat_map(f64::to_le_bytes)).collect()
@@ -42,6 +54,8 @@ impl Command {
             0 => Self::Place { evaluated: None },
             1 => Self::Place { evaluated: Some((number(0)?, number(1)? == 1.0)) },
             2 => Self::Steps { t: number(0)?, h: number(1)?, count: number(2)? as u32 },
+            3 => Self::Energies { t: number(0)? },
+            4 => Self::Gradient { t: number(0)? },
             _ => return None,
         };
         Some((word(0)? as usize, command))
@@ -54,10 +68,10 @@ mod tests {
 
     #[test]
     fn commands_arrive_as_they_were_sent() {
+        let placed = Command::Place { evaluated: Some((0.3, true)) };
         let steps = Command::Steps { t: 0.1, h: 1e-3, count: 16 };
-        for command in
-            [Command::Place { evaluated: None }, Command::Place { evaluated: Some((0.3, true)) }, steps]
-        {
+        let sums = [Command::Energies { t: 0.2 }, Command::Gradient { t: 0.4 }];
+        for command in [Command::Place { evaluated: None }, placed, steps].into_iter().chain(sums) {
             assert_eq!(Command::decode(&command.encode(7)), Some((7, command)));
         }
         assert_eq!(Command::decode(b"short"), None);

@@ -1,31 +1,59 @@
-//! The stepper of the first of several ranks: it looks like the stepper of one process.
+//! The stepper of the first of several ranks that make explicit steps together: it looks like the stepper of one process.
 //!
 //! It hands the state out to all ranks, lets them step, and collects the state. If a step fails on any rank, no state
 //! has changed, and the stepper of one process repeats the step: its error names the element that failed.
 
 use std::sync::Arc;
 
-use vi_core::{Coordinates, Exchange, Message, State, StepEnergy, System};
+use vi_core::{Coordinates, State, StepEnergy, System};
 
 use crate::error::SolverError;
-use crate::memory::StepperMemory;
+use crate::memory::{StepperMemory, expect_method};
+use crate::options::SolverOptions;
 use crate::ranks::command::Command;
-use crate::ranks::member::{Held, Member};
-use crate::schemes::method::Method;
+use crate::ranks::member::Held;
+use crate::ranks::partners::Partners;
+use crate::schemes::method::{Method, stepper};
 use crate::schemes::stepper::{StepError, StepReport, Stepper};
 use crate::work::Work;
 
+/// Returns the stepper of a system whose terms `partners` share, for the first rank.
+///
+/// # Errors
+/// Returns the errors of [`stepper`].
+pub fn stepper_of_ranks(
+    method: &Method,
+    system: &System,
+    options: &SolverOptions,
+    partners: &Arc<Partners>,
+) -> Result<Box<dyn Stepper>, SolverError> {
+    if !partners.make_steps() {
+        return stepper(method, system, options);
+    }
+    method.check(system)?;
+    let memory = StepperMemory { method: method.name().to_owned(), ..StepperMemory::default() };
+    let is_time_dependent = system.potentials().iter().any(|term| term.traits().time_dependent);
+    Ok(Box::new(Conductor {
+        method: *method,
+        options: options.clone(),
+        partners: Arc::clone(partners),
+        coordinates: Arc::clone(system.terms().shared_coordinates()),
+        is_autonomous: !is_time_dependent && !system.coordinates().is_moving(),
+        there: None,
+        memory,
+        repeated: Work::default(),
+        before: Work::default(),
+    }))
+}
+
 /// Steps a component by several ranks.
-pub struct Conductor {
-    /// The stepper of one process.
-    alone: Box<dyn Stepper>,
-    member: Member,
-    /// The coordinates of each rank.
-    held: Vec<Held>,
-    exchange: Arc<dyn Exchange>,
-    /// Number of the component.
-    component: usize,
+struct Conductor {
+    method: Method,
+    options: SolverOptions,
+    partners: Arc<Partners>,
     coordinates: Arc<Coordinates>,
+    /// Whether nothing depends on the time.
+    is_autonomous: bool,
     /// The state of the ranks; `None` if they have none yet.
     there: Option<State>,
     /// What the ranks must know beside their next state, if they have none.
@@ -36,57 +64,6 @@ pub struct Conductor {
 }
 
 impl Conductor {
-    /// Returns the stepper of component number `component`. `alone` is the stepper of one process for the same system
-    /// and method.
-    ///
-    /// # Errors
-    /// Returns [`SolverError::Ranks`] if several ranks cannot step the system by this method.
-    pub fn new(
-        alone: Box<dyn Stepper>,
-        (component, system, start): (usize, &System, &State),
-        (method, keeps_ledger): (&Method, bool),
-        exchange: Arc<dyn Exchange>,
-    ) -> Result<Self, SolverError> {
-        let (member, held) = Member::with_held(system, start, (method, keeps_ledger), Arc::clone(&exchange))?;
-        let memory = StepperMemory { method: method.name().to_owned(), ..StepperMemory::default() };
-        let coordinates = Arc::clone(system.terms().shared_coordinates());
-        let (repeated, before) = (Work::default(), Work::default());
-        Ok(Self {
-            alone,
-            member,
-            held,
-            exchange,
-            component,
-            coordinates,
-            there: None,
-            memory,
-            repeated,
-            before,
-        })
-    }
-
-    /// Returns the number of bytes that the first rank sends to others per evaluation of forces.
-    pub fn bytes_sent(&mut self) -> usize {
-        self.member.bytes_sent()
-    }
-
-    fn command(&self, command: Command) {
-        self.exchange.pieces(&command.encode(self.component));
-    }
-
-    /// Exchanges messages with all other ranks that hold something: sends what `send` gives for a rank, and receives as
-    /// many numbers as `receive` says.
-    fn talk(&self, send: impl Fn(&Held) -> Vec<f64>, receive: impl Fn(&Held) -> usize) -> Vec<Message> {
-        let message = |(rank, held): (usize, &Held)| Message {
-            rank,
-            send: send(held),
-            receive: vec![0.0; receive(held)],
-        };
-        let mut messages: Vec<Message> = self.held.iter().enumerate().skip(1).map(message).collect();
-        self.exchange.slots(&mut messages, &mut || {});
-        messages
-    }
-
     /// Gives the ranks their portions of a state.
     fn hand_out(&mut self, state: &State) -> Result<(), SolverError> {
         let memory = if self.there.is_some() { &StepperMemory::default() } else { &self.memory };
@@ -104,10 +81,11 @@ impl Conductor {
             let x = x.map_or_else(Vec::new, |x| held.dofs().map(|dof| x[dof]).collect());
             [of(&state.q), of(&state.p), x].concat()
         };
-        let own = of_rank(&self.held[0]);
-        self.command(Command::Place { evaluated });
-        self.talk(of_rank, |_| 0);
-        self.member.place(&own, evaluated);
+        let partners = &self.partners;
+        let own = of_rank(&partners.held()[0]);
+        partners.command(Command::Place { evaluated });
+        partners.talk(of_rank, |_| 0);
+        partners.member().place(&own, evaluated);
         self.there = Some(state.clone());
         self.memory = StepperMemory { method: std::mem::take(&mut self.memory.method), ..Default::default() };
         Ok(())
@@ -118,16 +96,17 @@ impl Conductor {
         if !self.there.as_ref().is_some_and(|there| there.q == state.q && there.p == state.p) {
             self.hand_out(state)?;
         }
-        let t = state.t;
-        self.command(Command::Steps { t, h, count });
-        if !self.member.steps(t, h, count) {
+        let (t, partners) = (state.t, &self.partners);
+        let mut member = partners.member();
+        partners.command(Command::Steps { t, h, count });
+        if !member.steps(t, h, count) {
             return Ok(false);
         }
-        let messages = self.talk(|_| Vec::new(), |held| 2 * held.free.len());
-        let own = self.member.state();
+        let messages = partners.talk(|_| Vec::new(), |held| 2 * held.free.len());
+        let own = member.state();
         let portions = std::iter::once((&own.q[..], &own.p[..]))
             .chain(messages.iter().map(|message| message.receive.split_at(message.receive.len() / 2)));
-        for (held, (q, p)) in self.held.iter().zip(portions) {
+        for (held, (q, p)) in partners.held().iter().zip(portions) {
             for ((&k, &q), &p) in held.free.iter().zip(q).zip(p) {
                 (state.q[k as usize], state.p[k as usize]) = (q, p);
             }
@@ -152,15 +131,20 @@ impl Stepper for Conductor {
         if self.together(state, h, 1).map_err(failed)? {
             return Ok(self.report(before));
         }
-        self.alone.restore(system, &self.memory()).map_err(failed)?;
-        let result = self.alone.step(system, state, h);
-        self.repeated += self.alone.work();
-        (self.there, self.memory) = (None, self.alone.memory());
+        let mut alone = stepper(&self.method, system, &self.options).map_err(failed)?;
+        alone.restore(system, &self.memory()).map_err(failed)?;
+        // One process makes two attempts before it looks for the cause; its counts of work include them.
+        let mut result = alone.step(system, state, h);
+        for _ in 0..2 {
+            result = result.or_else(|_| alone.step(system, state, h));
+        }
+        self.repeated += alone.work();
+        (self.there, self.memory) = (None, alone.memory());
         result
     }
 
-    fn joins_steps(&self, system: &System) -> bool {
-        self.alone.joins_steps(system)
+    fn joins_steps(&self, _system: &System) -> bool {
+        self.is_autonomous
     }
 
     fn steps(&mut self, system: &System, state: &mut State, h: f64, count: u32) -> Option<StepReport> {
@@ -170,7 +154,7 @@ impl Stepper for Conductor {
     }
 
     fn work(&self) -> Work {
-        let mut total = self.member.work() - self.before;
+        let mut total = self.partners.member().work() - self.before;
         total += self.repeated;
         total
     }
@@ -178,7 +162,7 @@ impl Stepper for Conductor {
     fn memory(&self) -> StepperMemory {
         let Some(there) = &self.there else { return self.memory.clone() };
         let mut memory = StepperMemory { method: self.memory.method.clone(), ..StepperMemory::default() };
-        if let Some((t, knows)) = self.member.evaluated() {
+        if let Some((t, knows)) = self.partners.member().evaluated() {
             // The ranks have moved the free coordinates to the end of the step, and the others to the time t.
             let mut x = vec![0.0; self.coordinates.dof_count()];
             self.coordinates.embed(&there.q, t, &mut x);
@@ -188,25 +172,21 @@ impl Stepper for Conductor {
         memory
     }
 
-    fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
-        let name = self.memory.method.clone();
-        if memory.method != name {
-            return Err(SolverError::Memory { missing: "method of the ranks" });
+    fn restore(&mut self, _system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
+        expect_method(memory, self.method.name())?;
+        let is_whole = |x: &[f64]| x.len() == self.coordinates.dof_count();
+        if !memory.array("forces.x").map_or(true, is_whole) {
+            return Err(SolverError::Memory { missing: "forces.x" });
         }
-        self.alone.restore(system, memory)?;
         (self.there, self.memory) = (None, memory.clone());
-        (self.repeated, self.before) = (Work::default(), self.member.work());
+        (self.repeated, self.before) = (Work::default(), self.partners.member().work());
         Ok(())
     }
 
     fn sees_end(&self) -> bool {
         match &self.there {
-            Some(_) => self.member.evaluated().is_some_and(|(_, knows)| knows),
-            None => self.alone.sees_end(),
+            Some(_) => self.partners.member().evaluated().is_some_and(|(_, knows)| knows),
+            None => self.memory.count("forces.gradient").is_ok_and(|count| count == 1),
         }
-    }
-
-    fn spans_ranks(&self) -> bool {
-        true
     }
 }

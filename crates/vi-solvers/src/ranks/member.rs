@@ -1,12 +1,15 @@
-//! The portion of a system that one rank steps.
+//! The portion of a system that one rank computes.
 
 use std::sync::Arc;
 
-use vi_core::{Exchange, Message, Portion, Potential, State, System, coordinates_of_nodes};
+use vi_core::{
+    Coordinates, CoreError, Exchange, Message, Portion, Potential, State, System, coordinates_of_nodes,
+};
 
+use crate::assemble::assembler::Assembler;
 use crate::assemble::gather::Gather;
-use crate::assemble::gather::division::{Division, TermPortion};
-use crate::assemble::spans::common_block;
+use crate::assemble::gather::division::{Division, Share, TermPortion};
+use crate::assemble::spans::{Span, common_block};
 use crate::error::SolverError;
 use crate::index::{NONE, free_of};
 use crate::memory::StepperMemory;
@@ -15,20 +18,35 @@ use crate::schemes::kick_drift::KickDrift;
 use crate::schemes::method::Method;
 use crate::work::Work;
 
-/// The portion of a system that one of several ranks steps by an explicit scheme.
+/// The portion of a system that one of several ranks computes.
 pub struct Member {
     system: System,
     state: State,
-    stepper: KickDrift,
+    task: Task,
+    /// The runs of stencils whose energies it sums, in the order of the whole system.
+    spans: Vec<Span>,
+    /// The nodes whose gradient it reports, in its own numbers.
+    reported: Vec<u32>,
+    block: usize,
     exchange: Arc<dyn Exchange>,
+}
+
+/// What a rank does with its portion.
+enum Task {
+    /// It makes explicit steps.
+    Steps(Box<KickDrift>),
+    /// It sums terms; the first rank makes the steps.
+    Sums(Box<Assembler>),
 }
 
 /// The coordinates of the portion of one rank, as numbers of the whole system.
 pub(crate) struct Held {
-    /// Its free coordinates.
+    /// Its free coordinates, if it makes steps.
     pub(crate) free: Vec<u32>,
     /// Its nodes.
     nodes: Vec<u32>,
+    /// Places in `nodes` of those whose gradient it reports.
+    reported: Vec<u32>,
     /// Coordinates per node.
     block: usize,
 }
@@ -39,101 +57,119 @@ impl Held {
         let block = self.block;
         self.nodes.iter().flat_map(move |&node| block * node as usize..block * (node as usize + 1))
     }
+
+    /// Returns the coordinates whose gradient it reports.
+    pub(crate) fn reported_dofs(&self) -> impl Iterator<Item = usize> {
+        let Self { nodes, reported, block, .. } = self;
+        let node = |&place: &u32| nodes[place as usize] as usize;
+        reported.iter().map(node).flat_map(move |node| block * node..block * (node + 1))
+    }
+
+    /// Returns the number of these coordinates.
+    pub(crate) fn reported_count(&self) -> usize {
+        self.block * self.reported.len()
+    }
 }
 
-/// Returns why several ranks cannot step a system by a method, and what to write instead; `None` if they can.
-fn refusal(system: &System, method: &Method, keeps_ledger: bool) -> Option<String> {
-    let name = method.name();
-    let (coordinates, block) = (system.coordinates(), common_block(system.terms()));
-    let live = system.terms().live().first();
-    let what = if method.splitting().is_none() {
-        return Some(format!(
-            "the scheme \"{name}\" does not run on several ranks: use \"stormer-verlet\", \"blanes-moan-4\", \
-             \"blanes-moan-6\" or a symplectic Euler scheme, or one rank"
-        ));
-    } else if let Some(live) = live {
-        format!("{}: terms whose stencils change do", live.name())
-    } else if let Some(force) = system.forces().first() {
-        format!("{}: forces without a potential do", force.name())
-    } else if !system.constraints().is_empty() {
-        "rigid bodies and joints do".to_owned()
-    } else if !coordinates.is_plain() {
-        "exact ties and supports along their own axes do".to_owned()
-    } else if let Some(term) = system.potentials().iter().find(|term| term.stencils().block != block) {
-        format!("{}: terms with {} coordinates per node do", term.name(), term.stencils().block)
-    } else if keeps_ledger {
-        return Some(
-            "the energy ledger of moving supports and loads that change in time is not kept on several ranks: set \
-             output.ledger = false, or use one rank"
-                .to_owned(),
-        );
-    } else {
-        return None;
-    };
-    Some(format!("{what} not run on several ranks yet: use one rank"))
+/// How a system is divided among ranks.
+pub(crate) struct Layout {
+    /// The coordinates of each rank.
+    pub(crate) held: Vec<Held>,
+    /// The runs of stencils that each rank sums: index of the term and first stencil.
+    pub(crate) runs: Vec<Vec<(usize, usize)>>,
+    /// Whether the ranks make steps themselves.
+    pub(crate) steps: bool,
+}
+
+/// Returns whether ranks can step their portions of a system themselves: q and p of a node must follow from the terms at
+/// the node alone.
+fn steps_apart(system: &System, method: &Method, keeps_ledger: bool) -> bool {
+    method.splitting().is_some()
+        && !keeps_ledger
+        && system.terms().live().is_empty()
+        && system.forces().is_empty()
+        && system.constraints().is_empty()
+        && system.coordinates().is_plain()
 }
 
 impl Member {
-    /// Returns the portion of `whole` that this rank steps. `start` is any state inside the domain of the terms.
+    /// Returns the portion of `whole` that this rank computes. `start` is any state inside the domain of the terms.
     ///
     /// # Errors
-    /// Returns [`SolverError::Ranks`] if several ranks cannot step the system by this method.
+    /// Returns [`SolverError::Ranks`] if several ranks cannot share the system.
     pub fn new(
         whole: &System,
         start: &State,
         (method, keeps_ledger): (&Method, bool),
         exchange: Arc<dyn Exchange>,
     ) -> Result<Self, SolverError> {
-        Self::with_held(whole, start, (method, keeps_ledger), exchange).map(|(member, _)| member)
+        Self::with_layout(whole, start, (method, keeps_ledger), exchange).map(|(member, _)| member)
     }
 
-    /// Returns the portion, and the coordinates of those of all ranks.
-    pub(crate) fn with_held(
+    /// Returns the portion, and those of all ranks.
+    pub(crate) fn with_layout(
         whole: &System,
         start: &State,
         (method, keeps_ledger): (&Method, bool),
         exchange: Arc<dyn Exchange>,
-    ) -> Result<(Self, Vec<Held>), SolverError> {
+    ) -> Result<(Self, Layout), SolverError> {
         let refused = |reason: String| SolverError::Ranks { reason };
-        if let Some(reason) = refusal(whole, method, keeps_ledger) {
-            return Err(refused(reason));
-        }
-        let Some(splitting) = method.splitting() else { return Err(refused(method.name().to_owned())) };
         let (terms, mass) = (whole.terms(), whole.mass());
         let block = common_block(terms);
+        if let Some(term) = terms.fixed().iter().find(|term| term.stencils().block != block) {
+            return Err(refused(format!(
+                "{}: terms with {} coordinates per node do not run on several ranks: use one rank",
+                term.name(),
+                term.stencils().block
+            )));
+        }
         let gather = Gather::new(terms, block);
         let division = Division::new(&gather, exchange.size());
         let base = gather.base(terms, &whole.positions(start), start.t);
-        let (own, portions) = division.portion(&gather, base.as_deref(), Arc::clone(&exchange));
+        let Share { gather: own, terms: portions, spans } =
+            division.portion(&gather, base.as_deref(), Arc::clone(&exchange));
+        let runs = division.runs(&gather);
         drop(gather);
-        let nodes = &division.nodes[exchange.rank()];
+        let rank = exchange.rank();
+        let nodes = &division.nodes[rank];
         let portion = |TermPortion { term, stencils }: TermPortion| {
-            let whole = Arc::clone(&terms.fixed()[term]);
             let number = |node: u32| nodes.binary_search(&node).map_or(NONE, |own| own as u32);
-            let portion = Portion::new(whole, stencils, mass.len(), number);
-            // The first rank keeps the whole system.
-            Box::new(if exchange.rank() == 0 { portion } else { portion.detached() }) as Box<dyn Potential>
+            let portion = Portion::new(Arc::clone(&terms.fixed()[term]), stencils, mass.len(), number);
+            Box::new(portion.detached()) as Box<dyn Potential>
         };
-        let portions = portions.into_iter().map(portion).collect();
-        let own_mass =
-            nodes.iter().flat_map(|&node| &mass[block * node as usize..][..block]).copied().collect();
-        let system = coordinates_of_nodes(terms.shared_coordinates(), nodes, block)
+        let portions: Vec<_> = portions.into_iter().map(portion).collect();
+        let splitting = method.splitting().filter(|_| steps_apart(whole, method, keeps_ledger));
+        let steps = splitting.is_some();
+        let own_mass = nodes.iter().flat_map(|&node| &mass[block * node as usize..][..block]).copied();
+        // Sums need no masses and know no supports.
+        let (own_mass, coordinates) = if steps {
+            (own_mass.collect(), coordinates_of_nodes(terms.shared_coordinates(), nodes, block))
+        } else {
+            (vec![1.0; block * nodes.len()], Coordinates::new(block * nodes.len(), Vec::new()))
+        };
+        let system = coordinates
             .and_then(|coordinates| System::new(own_mass, portions, coordinates))
-            .map_err(|error| refused(error.to_string()))?;
-        let zeros = vec![0.0; system.coordinates().free_count()];
+            .map_err(|error: CoreError| refused(error.to_string()))?;
+        let zeros = vec![0.0; if steps { system.coordinates().free_count() } else { 0 }];
         let state = State { t: start.t, q: zeros.clone(), p: zeros };
-        let stepper = KickDrift::of_portion(method.name(), splitting, (&system, whole), own);
+        let task = match splitting {
+            Some(splitting) => {
+                Task::Steps(Box::new(KickDrift::of_portion(method.name(), splitting, (&system, whole), own)))
+            }
+            None => Task::Sums(Box::new(Assembler::of_portion(system.terms().clone(), own))),
+        };
+        let reported = division.reported[rank].clone();
         let free_of = free_of(whole.coordinates());
-        let held = division.nodes.into_iter().map(|nodes| {
-            let held = Held { free: Vec::new(), nodes, block };
-            let free = held.dofs().map(|dof| free_of[dof]).filter(|&free| free != NONE).collect();
+        let held = division.nodes.into_iter().zip(division.reported).map(|(nodes, reported)| {
+            let held = Held { free: Vec::new(), nodes, reported, block };
+            let free = held.dofs().map(|dof| free_of[dof]).filter(|&free| steps && free != NONE).collect();
             Held { free, ..held }
         });
-        let held = held.collect();
-        Ok((Self { system, state, stepper, exchange }, held))
+        let layout = Layout { held: held.collect(), runs, steps };
+        Ok((Self { system, state, task, spans, reported, block, exchange }, layout))
     }
 
-    /// Obeys a command of the conductor; returns false if these bytes are none. `members` are those of this rank, by
+    /// Obeys a command of the first rank; returns false if these bytes are none. `members` are those of this rank, by
     /// component.
     pub fn obey(members: &mut [Option<Self>], bytes: &[u8]) -> bool {
         let Some((component, command)) = Command::decode(bytes) else { return false };
@@ -145,9 +181,9 @@ impl Member {
             let [message] = message;
             message.receive
         };
+        let (n, count) = (member.state.q.len(), member.system.coordinates().dof_count());
         match command {
             Command::Place { evaluated } => {
-                let (n, count) = (member.state.q.len(), member.system.coordinates().dof_count());
                 let received = first(Vec::new(), 2 * n + if evaluated.is_some() { count } else { 0 });
                 member.place(&received, evaluated);
             }
@@ -155,6 +191,15 @@ impl Member {
                 if member.steps(t, h, count) {
                     first([&member.state.q[..], &member.state.p].concat(), 0);
                 }
+            }
+            Command::Energies { t } => {
+                let x = first(Vec::new(), count);
+                member.energies(&x, t);
+            }
+            Command::Gradient { t } => {
+                let x = first(Vec::new(), count);
+                let gradient = member.gradient(&x, t);
+                first(gradient, 0);
             }
         }
         true
@@ -172,15 +217,48 @@ impl Member {
             memory.arrays = vec![("forces.x".into(), x.to_vec()), ("forces.t".into(), vec![t])];
             memory.counts = vec![("forces.gradient".into(), u64::from(knows))];
         }
-        // All entries are there, with the lengths of this portion.
-        let restored = self.stepper.restore_place(&memory);
-        debug_assert!(restored.is_ok(), "{restored:?}");
+        if let Task::Steps(stepper) = &mut self.task {
+            // All entries are there, with the lengths of this portion.
+            let restored = stepper.restore_place(&memory);
+            debug_assert!(restored.is_ok(), "{restored:?}");
+        }
     }
 
     /// Makes steps together with the other ranks; returns whether all succeeded. If not, the state is unchanged.
     pub(crate) fn steps(&mut self, t: f64, h: f64, count: u32) -> bool {
+        let Task::Steps(stepper) = &mut self.task else { return false };
         self.state.t = t;
-        self.stepper.steps_of_portion(&self.system, &mut self.state, (h, count), self.exchange.as_ref())
+        stepper.steps_of_portion(&self.system, &mut self.state, (h, count), self.exchange.as_ref())
+    }
+
+    /// Sums the energies of its runs at the positions of its coordinates, and returns those of all ranks: each run as the
+    /// sum and its error.
+    pub(crate) fn energies(&mut self, x: &[f64], t: f64) -> Vec<Vec<[f64; 2]>> {
+        let assembler = match &mut self.task {
+            Task::Steps(stepper) => stepper.assembler(),
+            Task::Sums(assembler) => assembler,
+        };
+        let own = assembler.energies_of_spans(&self.spans, x, t);
+        let bytes: Vec<u8> = own.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
+        let pieces = self.exchange.pieces(&bytes);
+        let numbers = |piece: &Vec<u8>| -> Vec<[f64; 2]> {
+            let numbers: Vec<f64> =
+                piece.as_chunks::<8>().0.iter().map(|&bytes| f64::from_le_bytes(bytes)).collect();
+            numbers.as_chunks::<2>().0.to_vec()
+        };
+        pieces.iter().map(numbers).collect()
+    }
+
+    /// Returns ∂V/∂x at the nodes that it reports, together with the other ranks.
+    pub(crate) fn gradient(&mut self, x: &[f64], t: f64) -> Vec<f64> {
+        let assembler = match &mut self.task {
+            Task::Steps(stepper) => stepper.assembler(),
+            Task::Sums(assembler) => assembler,
+        };
+        let mut gradient = vec![0.0; x.len()];
+        assembler.gradient(x, t, &mut gradient);
+        let of_node = |&place: &u32| &gradient[self.block * place as usize..][..self.block];
+        self.reported.iter().flat_map(of_node).copied().collect()
     }
 
     /// Returns the state of the portion.
@@ -188,18 +266,27 @@ impl Member {
         &self.state
     }
 
-    /// Returns the time of the last evaluation and whether its gradient is known, if there was one.
+    /// Returns the time of the last evaluation of its steps and whether its gradient is known, if there was one.
     pub(crate) fn evaluated(&self) -> Option<(f64, bool)> {
-        self.stepper.evaluated()
+        match &self.task {
+            Task::Steps(stepper) => stepper.evaluated(),
+            Task::Sums(_) => None,
+        }
     }
 
-    /// Returns the counts of its work.
+    /// Returns the counts of the work of its steps.
     pub(crate) fn work(&self) -> Work {
-        self.stepper.counted()
+        match &self.task {
+            Task::Steps(stepper) => stepper.counted(),
+            Task::Sums(_) => Work::default(),
+        }
     }
 
-    /// Returns the number of bytes that this rank sends to others per evaluation of forces.
+    /// Returns the number of bytes that this rank sends to others per gradient.
     pub fn bytes_sent(&mut self) -> usize {
-        self.stepper.bytes_sent()
+        match &mut self.task {
+            Task::Steps(stepper) => stepper.bytes_sent(),
+            Task::Sums(assembler) => assembler.gather().map_or(0, Gather::bytes_sent),
+        }
     }
 }

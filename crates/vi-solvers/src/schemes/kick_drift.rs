@@ -132,6 +132,7 @@ impl KickDrift {
     /// Returns whether only q and p are needed.
     fn is_plain(&self, system: &System) -> bool {
         !self.ledger
+            && self.evaluator.can_sweep()
             && self.nonconservative.is_none()
             && system.coordinates().is_plain()
             && system.constraints().is_empty()

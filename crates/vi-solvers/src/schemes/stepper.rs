@@ -74,11 +74,6 @@ pub trait Stepper: Send {
         self.gradient().is_some()
     }
 
-    /// Returns whether its steps exchange data with other processes. Such steppers must not step at the same time.
-    fn spans_ranks(&self) -> bool {
-        false
-    }
-
     /// Returns q̇ at a state, if the scheme knows it and M⁻¹p would need a solve (consistent mass).
     fn velocity(&self, _state: &State) -> Option<&[f64]> {
         None

@@ -3,24 +3,28 @@
 use std::sync::Arc;
 
 use crate::springs::{Springs, block, block_system, deformed, fixed};
-use vi_core::{Alone, Coordinates, Exchange, State, System, ThreadRank};
-use vi_solvers::{Conductor, Member, Method, SolverError, SolverOptions, Stepper};
+use vi_core::{Coordinates, Exchange, SharedTerms, State, System, ThreadRank};
+use vi_solvers::{Assembler, Member, Method, Partners, SolverOptions, Stepper, stepper_of_ranks};
 
 /// A byte string that no conductor sends.
 const END: &[u8] = b"end";
 
-/// Calls `conduct` with the stepper of `size` ranks for a system.
+/// Makes a system and its initial state.
+type Make<'a> = &'a (dyn Fn() -> (System, State) + Sync);
+
+/// Calls `conduct` with a system that `size` ranks share, and with its stepper.
 fn on_ranks<R: Send>(
     size: usize,
-    (method, system, start): (&Method, &System, &State),
-    conduct: impl FnOnce(&mut Conductor) -> R + Send,
+    (method, make, ledger): (&Method, Make<'_>, bool),
+    conduct: impl FnOnce(&System, &mut dyn Stepper) -> R + Send,
 ) -> R {
     std::thread::scope(|scope| {
         let mut crew = ThreadRank::crew(size).into_iter().map(|rank| Arc::new(rank) as Arc<dyn Exchange>);
         let first = crew.next().unwrap();
         for rank in crew {
             scope.spawn(move || {
-                let member = Member::new(system, start, (method, false), Arc::clone(&rank)).unwrap();
+                let (system, start) = make();
+                let member = Member::new(&system, &start, (method, ledger), Arc::clone(&rank)).unwrap();
                 let mut members = [Some(member)];
                 loop {
                     let bytes = &rank.pieces(&[])[0];
@@ -31,18 +35,27 @@ fn on_ranks<R: Send>(
                 }
             });
         }
-        let alone = alone(method, system);
-        let (component, run) = ((0, system, start), (method, false));
-        let mut conductor = Conductor::new(alone, component, run, Arc::clone(&first)).unwrap();
-        let result = conduct(&mut conductor);
+        let (system, start) = make();
+        let partners = Partners::new((0, &system, &start), (method, ledger), Arc::clone(&first)).unwrap();
+        let partners = Arc::new(partners);
+        let system = system.with_shared(Arc::clone(&partners) as Arc<dyn SharedTerms>);
+        let options = SolverOptions { ledger, ..SolverOptions::default() };
+        let mut stepper = stepper_of_ranks(method, &system, &options, &partners).unwrap();
+        let result = conduct(&system, stepper.as_mut());
         first.pieces(END);
         result
     })
 }
 
-fn alone(method: &Method, system: &System) -> Box<dyn Stepper> {
-    let options = SolverOptions { ledger: false, ..SolverOptions::default() };
-    vi_solvers::stepper(method, system, &options).unwrap()
+/// Calls `conduct` with a system of one process and its stepper.
+fn alone<R>(
+    (method, make, ledger): (&Method, Make<'_>, bool),
+    conduct: impl FnOnce(&System, &mut dyn Stepper) -> R,
+) -> R {
+    let (system, _) = make();
+    let options = SolverOptions { ledger, ..SolverOptions::default() };
+    let mut stepper = vi_solvers::stepper(method, &system, &options).unwrap();
+    conduct(&system, stepper.as_mut())
 }
 
 fn explicit() -> impl Iterator<Item = Method> {
@@ -55,31 +68,7 @@ fn clamped_block() -> (System, State) {
     (system, state)
 }
 
-#[test]
-fn ranks_step_to_the_bits_of_one_process() {
-    let (system, start) = clamped_block();
-    for method in explicit() {
-        let run = |stepper: &mut dyn Stepper| {
-            let mut state = start.clone();
-            for count in [1, 16, 1, 1, 5] {
-                match count {
-                    1 => stepper.step(&system, &mut state, 0.02).map(drop).unwrap(),
-                    _ => stepper.steps(&system, &mut state, 0.02, count).map(drop).unwrap(),
-                }
-            }
-            (state, stepper.work(), stepper.memory())
-        };
-        let expected = run(alone(&method, &system).as_mut());
-        // There are eight or more chunks; the last of eleven ranks may have none.
-        for size in [1, 2, 3, 4, 11] {
-            let found = on_ranks(size, (&method, &system, &start), |conductor| run(conductor));
-            assert_eq!(found, expected, "{} on {size} ranks", method.name());
-        }
-    }
-}
-
-#[test]
-fn several_terms_share_their_nodes() {
+fn two_terms() -> (System, State) {
     let (x, nodes) = block([6, 5, 4]);
     let ends = (0..x.len() as u32 / 3 - 70).flat_map(|node| [node, node + 70]).collect();
     let terms: Vec<Box<dyn vi_core::Potential>> =
@@ -88,74 +77,127 @@ fn several_terms_share_their_nodes() {
     let mass = (0..x.len()).map(|k| 1.0 + 0.1 * (k / 3) as f64).collect();
     let system = System::new(mass, terms, coordinates).unwrap();
     let start = system.state(0.0, &deformed(&x, 0.05), &x).unwrap();
-    let run = |stepper: &mut dyn Stepper| {
-        let mut state = start.clone();
-        stepper.steps(&system, &mut state, 0.01, 20).unwrap();
+    (system, start)
+}
+
+/// Makes some steps; returns the state, the counts of the work and the memory.
+fn some_steps(
+    system: &System,
+    stepper: &mut dyn Stepper,
+) -> (State, vi_solvers::Work, vi_solvers::StepperMemory) {
+    let mut state = clamped_block().1;
+    for count in [1, 16, 1, 1, 5] {
+        match count {
+            1 => stepper.step(system, &mut state, 0.02).map(drop).unwrap(),
+            _ => stepper.steps(system, &mut state, 0.02, count).map(drop).unwrap(),
+        }
+    }
+    (state, stepper.work(), stepper.memory())
+}
+
+#[test]
+fn ranks_step_to_the_bits_of_one_process() {
+    for method in explicit() {
+        let place: (_, Make<'_>, _) = (&method, &clamped_block, false);
+        let expected = alone(place, some_steps);
+        // There are eight or more chunks; the last of eleven ranks may have none.
+        for size in [1, 2, 3, 4, 11] {
+            assert_eq!(on_ranks(size, place, some_steps), expected, "{} on {size} ranks", method.name());
+        }
+    }
+}
+
+#[test]
+fn steps_of_the_first_rank_have_the_bits_of_one_process() {
+    let run = |system: &System, stepper: &mut dyn Stepper| {
+        let mut state = clamped_block().1;
+        let reports: Vec<_> =
+            (0..4).map(|_| stepper.step(system, &mut state, 0.05).unwrap()).map(|r| r.energy).collect();
+        (state, reports, stepper.work(), stepper.memory())
+    };
+    let others = Method::ALL.into_iter().filter(|method| !method.facts().is_explicit);
+    for (method, ledger) in others.map(|method| (method, false)).chain([(Method::StormerVerlet, true)]) {
+        let place: (_, Make<'_>, _) = (&method, &clamped_block, ledger);
+        let expected = alone(place, run);
+        for size in [2, 4] {
+            assert_eq!(on_ranks(size, place, run), expected, "{} on {size} ranks", method.name());
+        }
+    }
+}
+
+#[test]
+fn ranks_sum_energies_and_gradients_to_the_bits_of_one_process() {
+    for make in [&clamped_block as Make<'_>, &two_terms] {
+        let (_, start) = make();
+        let sums = |system: &System, _: &mut dyn Stepper| {
+            let (x, mut assembler) = (system.positions(&start), Assembler::new(system));
+            let mut gradient = vec![0.0; x.len()];
+            assembler.gradient(&x, 0.0, &mut gradient);
+            (assembler.energies(&x, 0.0), gradient)
+        };
+        for method in [Method::StormerVerlet, Method::ImplicitMidpoint] {
+            let expected = alone((&method, make, false), sums);
+            for size in [1, 3, 11] {
+                assert_eq!(on_ranks(size, (&method, make, false), sums), expected, "{size} ranks");
+            }
+        }
+    }
+}
+
+#[test]
+fn several_terms_share_their_nodes() {
+    let run = |system: &System, stepper: &mut dyn Stepper| {
+        let mut state = two_terms().1;
+        stepper.steps(system, &mut state, 0.01, 20).unwrap();
         state
     };
-    let expected = run(alone(&Method::StormerVerlet, &system).as_mut());
-    let found = on_ranks(4, (&Method::StormerVerlet, &system, &start), |conductor| run(conductor));
-    assert_eq!(found, expected);
+    let place: (_, Make<'_>, _) = (&Method::StormerVerlet, &two_terms, false);
+    assert_eq!(on_ranks(4, place, run), alone(place, run));
 }
 
 #[test]
 fn a_run_goes_on_with_any_number_of_ranks() {
-    let (system, start) = clamped_block();
-    let method = Method::BlanesMoan4;
-    let half = |stepper: &mut dyn Stepper, state: &mut State| {
-        stepper.steps(&system, state, 0.02, 7).unwrap();
+    let place: (_, Make<'_>, _) = (&Method::BlanesMoan4, &clamped_block, false);
+    let half = |system: &System, stepper: &mut dyn Stepper, state: &mut State| {
+        stepper.steps(system, state, 0.02, 7).unwrap();
         stepper.memory()
     };
-    let mut expected = start.clone();
-    let mut stepper = alone(&method, &system);
-    half(stepper.as_mut(), &mut expected);
-    let end = half(stepper.as_mut(), &mut expected);
+    let mut expected = clamped_block().1;
+    let end = alone(place, |system, stepper| {
+        half(system, stepper, &mut expected);
+        half(system, stepper, &mut expected)
+    });
     for sizes in [[4, 2], [1, 3], [3, 1]] {
-        let mut state = start.clone();
-        let place = (&method, &system, &start);
-        let memory = on_ranks(sizes[0], place, |conductor| half(conductor, &mut state));
-        let found = on_ranks(sizes[1], place, |conductor| {
-            conductor.restore(&system, &memory).unwrap();
-            half(conductor, &mut state)
+        let mut state = clamped_block().1;
+        let memory = on_ranks(sizes[0], place, |system, stepper| half(system, stepper, &mut state));
+        let found = on_ranks(sizes[1], place, |system, stepper| {
+            stepper.restore(system, &memory).unwrap();
+            half(system, stepper, &mut state)
         });
         assert_eq!((&state, &found), (&expected, &end), "{sizes:?}");
         // And in one process.
-        let mut stepper = alone(&method, &system);
-        stepper.restore(&system, &memory).unwrap();
+        alone(place, |system, stepper| stepper.restore(system, &memory).unwrap());
     }
 }
 
 #[test]
 fn a_step_that_fails_on_one_rank_fails_as_in_one_process() {
-    let (system, mut start) = clamped_block();
+    let mut start = clamped_block().1;
     // The nodes at one end, which one rank holds, fly away.
     start.p.iter_mut().rev().take(3).for_each(|p| *p = 1e200);
-    let method = Method::StormerVerlet;
-    let run = |stepper: &mut dyn Stepper| {
+    let run = |system: &System, stepper: &mut dyn Stepper| {
         let mut state = start.clone();
-        assert!(stepper.steps(&system, &mut state, 0.02, 4).is_none());
-        let error = stepper.step(&system, &mut state, 0.02).unwrap_err();
+        assert!(stepper.steps(system, &mut state, 0.02, 4).is_none());
+        let error = stepper.step(system, &mut state, 0.02).unwrap_err();
         assert_eq!(state, start);
         // Good steps are possible afterwards.
         let mut calm = State { p: vec![0.0; start.p.len()], ..start.clone() };
-        stepper.step(&system, &mut calm, 0.02).unwrap();
+        stepper.step(system, &mut calm, 0.02).unwrap();
         (error.to_string(), stepper.work(), calm)
     };
-    let expected = run(alone(&method, &system).as_mut());
+    let place: (_, Make<'_>, _) = (&Method::StormerVerlet, &clamped_block, false);
+    let expected = alone(place, run);
     for size in [2, 4] {
-        assert_eq!(on_ranks(size, (&method, &system, &start), |conductor| run(conductor)), expected);
+        assert_eq!(on_ranks(size, place, run), expected);
     }
-}
-
-#[test]
-fn what_ranks_cannot_step_is_refused_by_name() {
-    let (system, start) = clamped_block();
-    let refused =
-        |method: Method, ledger: bool| match Member::new(&system, &start, (&method, ledger), Arc::new(Alone))
-        {
-            Err(SolverError::Ranks { reason }) => reason,
-            _ => panic!("accepted"),
-        };
-    assert!(refused(Method::ImplicitMidpoint, false).contains("\"implicit-midpoint\" does not run"));
-    assert!(refused(Method::StormerVerlet, true).contains("output.ledger = false"));
 }

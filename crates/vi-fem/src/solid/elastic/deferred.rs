@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use pulp::Arch;
-use vi_core::{Account, HessianKind, Patch, Potential, Stencils, Traits};
+use vi_core::{Account, Fault, HessianKind, Patch, Potential, Stencils, Traits};
 
 use crate::solid::elastic::build::Build;
 use crate::solid::element::contract::Element;
@@ -80,11 +80,23 @@ impl<B: Build, E: Element<N, Q>, const N: usize, const Q: usize> Potential for D
         self.made(range.clone()).hessians(0..range.len(), x, t, out);
     }
 
+    fn projected_hessians(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        self.made(range.clone()).projected_hessians(0..range.len(), x, t, out);
+    }
+
+    fn mean_deformations(&self, range: Range<usize>, x: &[f64], out: &mut [f64]) -> bool {
+        self.made(range.clone()).mean_deformations(0..range.len(), x, out)
+    }
+
     fn portion(&self, range: Range<usize>) -> Option<Arc<dyn Potential>> {
         Some(self.made(range).into())
     }
 
     fn element(&self, stencil: usize) -> usize {
         self.elements.get(stencil).map_or(stencil, |&element| element as usize)
+    }
+
+    fn fault(&self, stencil: usize, x: &[f64], t: f64) -> Option<Fault> {
+        self.made(stencil..stencil + 1).fault(0, x, t)
     }
 }

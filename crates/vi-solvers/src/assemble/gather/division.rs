@@ -22,6 +22,18 @@ pub(crate) struct Division {
     chunk_ranks: Vec<u32>,
     /// The nodes that each rank holds, ascending. The first rank also holds the nodes without a chunk.
     pub(crate) nodes: Vec<Vec<u32>>,
+    /// Places in `nodes` of those that each rank reports: of the ranks that hold a node, the first reports it.
+    pub(crate) reported: Vec<Vec<u32>>,
+}
+
+/// The sum that a rank computes.
+pub(crate) struct Share {
+    /// The sum of its chunks on its own nodes.
+    pub(crate) gather: Gather,
+    /// The portions of the terms of the whole system that its terms must be.
+    pub(crate) terms: Vec<TermPortion>,
+    /// Its chunks in the order of the whole system, as spans of its own terms.
+    pub(crate) spans: Vec<Span>,
 }
 
 /// A run of stencils of a term of the whole system.
@@ -43,14 +55,27 @@ impl Division {
         for (chunk, &rank) in whole.chunks.iter().zip(&chunk_ranks) {
             slot_ranks[chunk.slots.clone()].fill(rank);
         }
-        let mut division = Self { slot_ranks, chunk_ranks, nodes: vec![Vec::new(); size] };
+        let (nodes, reported) = (vec![Vec::new(); size], vec![Vec::new(); size]);
+        let mut division = Self { slot_ranks, chunk_ranks, nodes, reported };
         for node in 0..whole.node_count() as u32 {
             let ranks = division.ranks_of(whole, node);
-            for rank in if ranks.is_empty() { vec![0] } else { ranks } {
+            let ranks = if ranks.is_empty() { vec![0] } else { ranks };
+            let first = ranks[0] as usize;
+            division.reported[first].push(division.nodes[first].len() as u32);
+            for rank in ranks {
                 division.nodes[rank as usize].push(node);
             }
         }
         division
+    }
+
+    /// Returns the chunks of each rank in order: index of the term and first stencil.
+    pub(crate) fn runs(&self, whole: &Gather) -> Vec<Vec<(usize, usize)>> {
+        let mut runs = vec![Vec::new(); self.nodes.len()];
+        for (Chunk { span, .. }, &rank) in whole.chunks.iter().zip(&self.chunk_ranks) {
+            runs[rank as usize].push((span.term, span.stencils.start));
+        }
+        runs
     }
 
     /// Returns the ranks with a chunk at a node, ascending.
@@ -62,14 +87,9 @@ impl Division {
         ranks
     }
 
-    /// Returns the sum that the rank of `exchange` computes, on its own nodes and terms, and the portions of the terms
-    /// of the whole system that its terms must be. `base` is the sum of the gradients that never change.
-    pub(crate) fn portion(
-        &self,
-        whole: &Gather,
-        base: Option<&[f64]>,
-        exchange: Arc<dyn Exchange>,
-    ) -> (Gather, Vec<TermPortion>) {
+    /// Returns the sum that the rank of `exchange` computes, on its own nodes and terms. `base` is the sum of the gradients
+    /// that never change.
+    pub(crate) fn portion(&self, whole: &Gather, base: Option<&[f64]>, exchange: Arc<dyn Exchange>) -> Share {
         let rank = exchange.rank() as u32;
         let block = whole.block;
         let nodes = &self.nodes[rank as usize];
@@ -83,6 +103,12 @@ impl Division {
                 _ => terms.push(TermPortion { term: span.term, stencils: span.stencils.clone() }),
             }
         }
+        let own_span = |span: &Span| {
+            let term = terms.iter().position(|portion| portion.term == span.term).unwrap_or(0);
+            let offset = terms[term].stencils.start;
+            Span { term, stencils: span.stencils.start - offset..span.stencils.end - offset }
+        };
+        let spans = own.iter().map(|chunk| own_span(&chunk.span)).collect();
 
         // The chunks at nodes of other ranks come first, so that their sums travel while the others are computed.
         let is_at_border = |chunk: &&Chunk| {
@@ -98,9 +124,6 @@ impl Division {
             if k == border_count {
                 border_slots = slot_nodes.len();
             }
-            let term = terms.iter().position(|portion| portion.term == chunk.span.term).unwrap_or(0);
-            let offset = terms[term].stencils.start;
-            let stencils = chunk.span.stencils.start - offset..chunk.span.stencils.end - offset;
             let (first, start) = (slot_nodes.len(), local.len());
             for slot in chunk.slots.clone() {
                 slot_of[slot] = slot_nodes.len() as u32;
@@ -110,7 +133,7 @@ impl Division {
             }
             local.extend_from_slice(&whole.local[chunk.local..chunk.local + chunk.local_len]);
             chunks.push(Chunk {
-                span: Span { term, stencils },
+                span: own_span(&chunk.span),
                 local: start,
                 local_len: chunk.local_len,
                 slots: first..slot_nodes.len(),
@@ -174,6 +197,6 @@ impl Division {
             base,
             halo: Some(halo),
         };
-        (gather, terms)
+        Share { gather, terms, spans }
     }
 }

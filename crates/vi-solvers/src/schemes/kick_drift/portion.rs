@@ -2,6 +2,7 @@
 
 use vi_core::{Exchange, State, System};
 
+use crate::assemble::assembler::Assembler;
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::gather::Gather;
 use crate::assemble::sweep::Sweep;
@@ -86,8 +87,13 @@ impl KickDrift {
         self.evaluator.work
     }
 
+    /// Returns the sums of the terms of the portion.
+    pub(crate) fn assembler(&mut self) -> &mut Assembler {
+        self.evaluator.assembler()
+    }
+
     /// Returns the number of bytes that this rank sends to others per evaluation of forces.
     pub(crate) fn bytes_sent(&mut self) -> usize {
-        self.evaluator.assembler().gather().bytes_sent()
+        self.evaluator.assembler().gather().map_or(0, Gather::bytes_sent)
     }
 }
