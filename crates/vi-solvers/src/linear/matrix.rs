@@ -5,6 +5,7 @@
 //! contiguous); rows find them through `places`. At a node with free coordinates, a prescribed coordinate has zero
 //! rows and columns.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -78,7 +79,7 @@ impl Pattern {
     }
 
     /// Returns the entries of a row, the diagonal last.
-    pub(crate) fn row(&self, row: usize) -> std::ops::Range<usize> {
+    pub(crate) fn row(&self, row: usize) -> Range<usize> {
         self.row_start[row] as usize..self.row_start[row + 1] as usize
     }
 
@@ -250,20 +251,27 @@ impl SymmetricMatrix {
 
     /// Computes y = K x in vectors of rows · block entries.
     pub(crate) fn multiply_padded(&self, x: &[f64], y: &mut [f64]) {
+        self.multiply_rows(0..self.pattern.row_count(), x, y);
+    }
+
+    /// Computes y = K x at some rows, in vectors of rows · block entries.
+    pub(crate) fn multiply_rows(&self, rows: Range<usize>, x: &[f64], y: &mut [f64]) {
+        let y = &mut y[rows.start * self.pattern.block..rows.end * self.pattern.block];
         match self.pattern.block {
-            3 => self.multiply_blocks::<3>(x, y),
-            2 => self.multiply_blocks::<2>(x, y),
-            _ => self.multiply_blocks::<1>(x, y),
+            3 => self.multiply_blocks::<3>(rows.start, x, y),
+            2 => self.multiply_blocks::<2>(rows.start, x, y),
+            _ => self.multiply_blocks::<1>(rows.start, x, y),
         }
     }
 
-    fn multiply_blocks<const B: usize>(&self, x: &[f64], y: &mut [f64]) {
+    /// Computes the rows of K x from `first` on, as many as fit in `y`.
+    fn multiply_blocks<const B: usize>(&self, first: usize, x: &[f64], y: &mut [f64]) {
         let pattern = &*self.pattern;
         let (values, _) = self.values.as_chunks::<B>();
         let (x, _) = x.as_chunks::<B>();
         let (y, _) = y.as_chunks_mut::<B>();
         let product = |(task, out): (usize, &mut [[f64; B]])| {
-            for (row, out) in (task * ROWS_PER_TASK..).zip(out) {
+            for (row, out) in (first + task * ROWS_PER_TASK..).zip(out) {
                 let mut sum = [0.0; B];
                 for entry in pattern.row(row) {
                     let place = pattern.places[entry] as usize * B;

@@ -1,22 +1,25 @@
 //! Preconditioned conjugate gradients for A = M + cK on nodal blocks (Hestenes, Stiefel 1952).
 //!
-//! Scalar products are sums of fixed pieces in a fixed order, so the bits are the same on any number of threads.
+//! Scalar products are sums of fixed pieces in a fixed order, so the bits are the same on any number of threads, and of
+//! processes that share the rows (`share.rs`).
 
 pub(crate) mod block;
 mod coarse;
+pub(crate) mod share;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use crate::error::{NotPositiveDefinite, SolverError};
-use crate::index::NONE;
 use crate::linear::factor::{Factor, FactorFacts};
 use crate::linear::matrix::SymmetricMatrix;
 use block::{BlockPreconditioner, Preconditioner};
 use coarse::Coarse;
+use share::Share;
 
-/// Number of entries of a vector per task.
+/// Number of entries of a vector per task of an update.
 const PIECE: usize = 8192;
 
 /// Shorter vectors are handled on the calling thread.
@@ -29,6 +32,8 @@ pub struct Pcg {
     preconditioner: BlockPreconditioner,
     /// The coarse space; `None` for small or scattered matrices.
     coarse: Option<Coarse>,
+    /// The rows that this process computes.
+    share: Share,
     vectors: Vectors,
 }
 
@@ -41,7 +46,6 @@ struct Vectors {
     direction: Vec<f64>,
     /// A times the direction; also scratch memory of the preconditioner.
     product: Vec<f64>,
-    pieces: Vec<f64>,
 }
 
 /// Iterations and residual of a solve.
@@ -71,12 +75,19 @@ pub struct PcgFacts {
 impl Pcg {
     /// Builds maps and buffers, once per pattern.
     pub fn new(pattern: &SymmetricMatrix, preconditioner: Preconditioner) -> Self {
+        Self::shared(pattern, preconditioner, Share::whole(&pattern.pattern))
+    }
+
+    /// Builds maps and buffers for the rows of a process. All processes must call all methods with the same arguments
+    /// apart from vectors, of which only the own rows count.
+    pub(crate) fn shared(pattern: &SymmetricMatrix, preconditioner: Preconditioner, share: Share) -> Self {
         let matrix = SymmetricMatrix::zeros(Arc::clone(&pattern.pattern));
         let length = matrix.pattern.free_of.len();
         let zeros = || vec![0.0; length];
         Self {
-            preconditioner: BlockPreconditioner::new(&matrix.pattern, preconditioner),
-            coarse: Coarse::new(&matrix.pattern),
+            preconditioner: BlockPreconditioner::new(&matrix.pattern, preconditioner, &share),
+            coarse: Coarse::new(&matrix.pattern, &share),
+            share,
             matrix,
             vectors: Vectors {
                 solution: zeros(),
@@ -84,7 +95,6 @@ impl Pcg {
                 improved: zeros(),
                 direction: zeros(),
                 product: zeros(),
-                pieces: vec![0.0; length.div_ceil(PIECE)],
             },
         }
     }
@@ -107,14 +117,9 @@ impl Pcg {
         assert_eq!(positions.len(), k.free_count(), "one position per free coordinate");
         self.set_matrix(mass, c, k);
         if let Some(coarse) = &mut self.coarse {
-            coarse.prepare(&self.matrix, positions)?;
+            coarse.prepare(&self.matrix, positions, &self.share)?;
         }
-        self.preconditioner.prepare(&self.matrix).map_err(|row| {
-            let block = self.matrix.pattern.block;
-            let coordinates = &self.matrix.pattern.free_of[row * block..(row + 1) * block];
-            let free = coordinates.iter().find(|&&free| free != NONE).copied().unwrap_or_default();
-            NotPositiveDefinite { free: free as usize }
-        })
+        self.preconditioner.prepare(&self.matrix, &self.share).map_err(|free| NotPositiveDefinite { free })
     }
 
     /// Takes A = M + cK for [`Pcg::solve_with`], without building a preconditioner.
@@ -139,15 +144,15 @@ impl Pcg {
         tolerance: f64,
         max_iterations: u32,
     ) -> Result<PcgReport, SolverError> {
-        let Self { matrix, preconditioner, vectors, coarse } = self;
+        let Self { matrix, preconditioner, vectors, coarse, share } = self;
         let pattern = &matrix.pattern;
         let apply = |r: &[f64], z: &mut [f64], _: &mut [f64]| {
-            preconditioner.apply(pattern, r, z);
+            preconditioner.apply((pattern, share), r, z);
             if let Some(coarse) = coarse {
-                coarse.add_correction(r, z);
+                coarse.add_correction(r, z, share);
             }
         };
-        iterate(matrix, vectors, apply, (rhs, x), tolerance, max_iterations)
+        iterate((matrix, share), vectors, apply, (rhs, x), tolerance, max_iterations)
     }
 
     /// Solves like [`Pcg::solve`], with the factor of an earlier A as preconditioner.
@@ -165,7 +170,7 @@ impl Pcg {
         if !factor.is_factored() {
             return Err(SolverError::NotFactored);
         }
-        let Self { matrix, vectors, .. } = self;
+        let Self { matrix, vectors, share, .. } = self;
         let pattern = &matrix.pattern;
         let apply = |r: &[f64], z: &mut [f64], scratch: &mut [f64]| {
             let scratch = &mut scratch[..pattern.free_count];
@@ -173,7 +178,7 @@ impl Pcg {
             factor.apply_inverse(scratch);
             pattern.spread(scratch, z);
         };
-        iterate(matrix, vectors, apply, (rhs, x), tolerance, max_iterations)
+        iterate((matrix, share), vectors, apply, (rhs, x), tolerance, max_iterations)
     }
 
     /// Returns whether this solver is for matrices with the pattern of k.
@@ -181,19 +186,22 @@ impl Pcg {
         self.matrix.has_pattern_of(k)
     }
 
-    /// Returns cost and size.
+    /// Returns cost and size, of all processes together.
     pub fn facts(&self) -> PcgFacts {
-        let pattern = &self.matrix.pattern;
-        let length = pattern.free_of.len() as f64;
-        let area = (pattern.block * pattern.block) as f64;
-        let entries = pattern.columns.len() as f64;
-        let whole = 2.0 * entries - pattern.row_count() as f64;
-        let preconditioner = self.preconditioner.bytes() as f64;
-        let vectors = 5 * 8 * pattern.free_of.len();
+        let (pattern, share) = (&self.matrix.pattern, &self.share);
+        let (rows, block) = (share.row_count(), pattern.block);
+        let own = &pattern.row_start[share.rows.start..=share.rows.end];
+        let (entries, _) = share.sum((own[share.rows.len()] - own[0]) as usize);
+        let (length, area) = ((rows * block) as f64, (block * block) as f64);
+        let preconditioner = self.preconditioner.bytes(block, rows, entries);
         let (factor, motions) = match &self.coarse {
-            Some(coarse) => (coarse.factor_facts(), coarse.bytes()),
+            Some(coarse) => (coarse.factor_facts(), coarse.bytes(block, rows)),
             None => (FactorFacts::default(), 0),
         };
+        let vectors = 5 * 8 * rows * block;
+        let bytes = 8 * entries * block * block + preconditioner + vectors + motions;
+        let (entries, preconditioner) = (entries as f64, preconditioner as f64);
+        let whole = 2.0 * entries - rows as f64;
         PcgFacts {
             iteration_bytes: whole * (8.0 * area + 8.0)
                 + 2.0 * preconditioner
@@ -205,26 +213,27 @@ impl Pcg {
                 + 10.0 * length,
             prepare_bytes: 16.0 * area * entries + 3.0 * preconditioner + 4.0 * motions as f64,
             coarse_flops: factor.flops,
-            bytes: (self.matrix.bytes() + self.preconditioner.bytes() + vectors + motions) as u64
-                + factor.bytes,
+            bytes: bytes as u64 + factor.bytes,
         }
     }
 }
 
 fn iterate(
-    matrix: &SymmetricMatrix,
+    (matrix, share): (&SymmetricMatrix, &Share),
     vectors: &mut Vectors,
     mut precondition: impl FnMut(&[f64], &mut [f64], &mut [f64]),
     (rhs, x): (&[f64], &mut [f64]),
     tolerance: f64,
     max_iterations: u32,
 ) -> Result<PcgReport, SolverError> {
-    let Vectors { solution, residual, improved, direction, product, pieces } = vectors;
+    let Vectors { solution, residual, improved, direction, product } = vectors;
+    let (block, own) = (matrix.pattern.block, share.entries(matrix.pattern.block));
+    let dot = |a: &[f64], b: &[f64]| dot(a, b, block, share);
     matrix.pattern.spread(rhs, residual);
     solution.fill(0.0);
     precondition(residual, improved, product);
     direction.copy_from_slice(improved);
-    let first = dot(residual, improved, pieces);
+    let first = dot(residual, improved);
     let mut square = first;
     let mut iterations = 0;
     while square > tolerance * tolerance * first {
@@ -234,8 +243,9 @@ fn iterate(
             return Err(SolverError::ConjugateGradients { iterations, residual, tolerance });
         }
         iterations += 1;
-        matrix.multiply_padded(direction, product);
-        let curvature = dot(direction, product, pieces);
+        share.exchange_rows(block, direction);
+        matrix.multiply_rows(share.rows.clone(), direction, product);
+        let curvature = dot(direction, product);
         if curvature.is_nan() || curvature <= 0.0 {
             // Return the iterate, which minimises the energy on a smaller space; in the first iteration return the
             // preconditioned load.
@@ -243,11 +253,11 @@ fn iterate(
             return Err(SolverError::NegativeCurvature { iterations, curvature });
         }
         let step = square / curvature;
-        add_scaled(solution, step, direction);
-        add_scaled(residual, -step, product);
+        add_scaled(&mut solution[own.clone()], step, &direction[own.clone()]);
+        add_scaled(&mut residual[own.clone()], -step, &product[own.clone()]);
         precondition(residual, improved, product);
-        let next = dot(residual, improved, pieces);
-        scale_and_add(direction, next / square, improved);
+        let next = dot(residual, improved);
+        scale_and_add(&mut direction[own.clone()], next / square, &improved[own.clone()]);
         square = next;
     }
     // The value is NaN, or the preconditioner is not positive definite.
@@ -259,14 +269,18 @@ fn iterate(
     Ok(PcgReport { iterations, residual })
 }
 
-fn dot(a: &[f64], b: &[f64], pieces: &mut [f64]) -> f64 {
-    let product = |(sum, (a, b)): (&mut f64, (&[f64], &[f64]))| *sum = dot_piece(a, b);
-    if a.len() >= PARALLEL_LENGTH {
-        pieces.par_iter_mut().zip(a.par_chunks(PIECE).zip(b.par_chunks(PIECE))).for_each(product);
+/// Returns the sum over the domains of all processes, in their order.
+fn dot(a: &[f64], b: &[f64], block: usize, share: &Share) -> f64 {
+    let product = |rows: &Range<usize>| {
+        let entries = rows.start * block..rows.end * block;
+        dot_piece(&a[entries.clone()], &b[entries])
+    };
+    let sums: Vec<f64> = if share.rows.len() * block >= PARALLEL_LENGTH {
+        share.domains.par_iter().map(product).collect()
     } else {
-        pieces.iter_mut().zip(a.chunks(PIECE).zip(b.chunks(PIECE))).for_each(product);
-    }
-    pieces.iter().sum()
+        share.domains.iter().map(product).collect()
+    };
+    share.gather(&sums).iter().sum()
 }
 
 /// Uses several partial sums, which the compiler can keep in registers.

@@ -2,8 +2,7 @@
 //!
 //! Block Jacobi has L = 0. Symmetric Gauss–Seidel (SSOR with ω = 1) takes D and LD from A. Incomplete Cholesky
 //! corrects both so that P = A on the pattern of A (Meijerink, van der Vorst 1977, in blocks). The rows are cut into
-//! domains, whose number depends on the size alone. Entries between domains are omitted from L, so that domains run
-//! in parallel.
+//! domains (`share.rs`). Entries between domains are omitted from L, so that domains run in parallel.
 //!
 //! L has no unit and is stored in single precision: P is positive definite whatever L is, and the rounding changes the number
 //! of iterations by less than one. D⁻¹ is stored in double precision.
@@ -14,10 +13,7 @@ use std::ops::Range;
 
 use crate::index::NONE;
 use crate::linear::matrix::{Pattern, SymmetricMatrix};
-
-/// Number of rows per domain: a smaller number gives more parallelism and more iterations.
-const ROWS_PER_DOMAIN: usize = 2500;
-const LARGEST_DOMAIN_COUNT: usize = 8;
+use crate::linear::pcg::share::Share;
 
 /// A pivot below this fraction of the diagonal of A counts as a breakdown.
 const SMALLEST_PIVOT: f64 = 1e-3;
@@ -35,14 +31,12 @@ pub enum Preconditioner {
 
 pub(super) struct BlockPreconditioner {
     kind: Preconditioner,
-    /// Row ranges of the domains.
-    domains: Vec<Range<usize>>,
     /// D⁻¹, one block per row.
     inverse: Vec<f64>,
     /// L, one block per entry of the pattern in row order, with rows of [`lanes`] numbers; the diagonal's block is not
     /// used.
     lower: Vec<f32>,
-    /// First entry of each row whose column lies in the domain of the row.
+    /// First entry of each row whose column lies in the domain of the row; zero for rows of other processes.
     first_inside: Vec<u32>,
     /// Scratch memory of a solve.
     padded: Vec<f64>,
@@ -61,48 +55,49 @@ struct Breakdown {
 type Block<const B: usize> = [[f64; B]; B];
 
 impl BlockPreconditioner {
-    pub(super) fn new(pattern: &Pattern, kind: Preconditioner) -> Self {
+    pub(super) fn new(pattern: &Pattern, kind: Preconditioner, share: &Share) -> Self {
         let rows = pattern.row_count();
-        let count = (rows / ROWS_PER_DOMAIN).clamp(1, LARGEST_DOMAIN_COUNT);
-        let domains: Vec<_> = (0..count).map(|d| rows * d / count..rows * (d + 1) / count).collect();
         let has_lower = kind != Preconditioner::BlockJacobi;
         let lanes = lanes(pattern.block);
-        let inside = |rows: &Range<usize>| -> Vec<u32> {
-            let first = rows.start as u32;
-            let first_inside = |row| {
+        let mut first_inside = vec![0; rows];
+        for domain in &share.domains {
+            for row in domain.clone() {
                 let entries = pattern.row(row);
                 let columns = &pattern.columns[entries.clone()];
-                (entries.start + columns.partition_point(|&column| column < first)) as u32
-            };
-            rows.clone().map(first_inside).collect()
-        };
+                let before = columns.partition_point(|&column| (column as usize) < domain.start);
+                first_inside[row] = (entries.start + before) as u32;
+            }
+        }
         Self {
             kind,
-            first_inside: domains.iter().flat_map(inside).collect(),
-            domains,
+            first_inside,
             inverse: vec![0.0; rows * pattern.block * pattern.block],
             lower: vec![0.0; if has_lower { pattern.columns.len() * pattern.block * lanes } else { 0 }],
-            padded: vec![0.0; if has_lower { 2 * rows * lanes } else { 0 }],
+            padded: vec![0.0; if has_lower { 2 * share.rows.len() * lanes } else { 0 }],
         }
     }
 
-    pub(super) fn bytes(&self) -> usize {
-        8 * (self.inverse.len() + self.padded.len()) + 4 * (self.lower.len() + self.first_inside.len())
+    /// Returns the number of bytes for a matrix of `rows` rows and `entries` entries in the lower triangle.
+    pub(super) fn bytes(&self, block: usize, rows: usize, entries: usize) -> usize {
+        let has_lower = usize::from(self.kind != Preconditioner::BlockJacobi);
+        let lanes = lanes(block);
+        8 * rows * (block * block + 2 * lanes * has_lower) + 4 * (entries * block * lanes * has_lower + rows)
     }
 
-    /// Builds P for A. Returns the kind that was built, or the first row whose diagonal block is not positive
-    /// definite.
-    pub(super) fn prepare(&mut self, a: &SymmetricMatrix) -> Result<Preconditioner, usize> {
+    /// Builds P for the rows of A that this process shares. Returns the kind that all built, or the first free coordinate
+    /// whose diagonal block is not positive definite.
+    pub(super) fn prepare(&mut self, a: &SymmetricMatrix, share: &Share) -> Result<Preconditioner, usize> {
         match a.pattern.block {
-            3 => self.prepare_blocks::<3, 4>(a),
-            2 => self.prepare_blocks::<2, 2>(a),
-            _ => self.prepare_blocks::<1, 1>(a),
+            3 => self.prepare_blocks::<3, 4>(a, share),
+            2 => self.prepare_blocks::<2, 2>(a, share),
+            _ => self.prepare_blocks::<1, 1>(a, share),
         }
     }
 
     fn prepare_blocks<const B: usize, const W: usize>(
         &mut self,
         a: &SymmetricMatrix,
+        share: &Share,
     ) -> Result<Preconditioner, usize> {
         let kinds = match self.kind {
             Preconditioner::BlockIncompleteCholesky => {
@@ -111,28 +106,39 @@ impl BlockPreconditioner {
             Preconditioner::BlockJacobi => &[Preconditioner::BlockJacobi],
             Preconditioner::Ssor => &[Preconditioner::Ssor],
         };
-        let mut broken = 0;
+        let mut broken = None;
+        let first_row = share.rows.start;
+        let first_entry = a.pattern.row_start[first_row] as usize;
         for &kind in kinds {
             let (inverse, _) = self.inverse.as_chunks_mut::<B>();
             let (lower, _) = self.lower.as_chunks_mut::<W>();
-            match make_domains(a, kind, (&self.domains, &self.first_inside), inverse, lower) {
-                Ok(()) => return Ok(kind),
-                Err(breakdown) => broken = breakdown.row,
+            let lower = if lower.is_empty() { lower } else { &mut lower[first_entry * B..] };
+            let domains = (&share.domains[..], &self.first_inside[..]);
+            let made = make_domains(a, kind, domains, &mut inverse[first_row * B..], lower);
+            if !share.any(made.is_err()) {
+                return Ok(kind);
             }
+            broken = made.err();
         }
-        Err(broken)
+        Err(share.first_free(broken.and_then(|Breakdown { row }| Share::free_in_row(&a.pattern, row))))
     }
 
-    /// Computes z = P⁻¹ r.
-    pub(super) fn apply(&mut self, pattern: &Pattern, r: &[f64], z: &mut [f64]) {
+    /// Computes z = P⁻¹ r at the rows that this process shares.
+    pub(super) fn apply(&mut self, (pattern, share): (&Pattern, &Share), r: &[f64], z: &mut [f64]) {
+        let z = &mut z[share.entries(pattern.block)];
         match pattern.block {
-            3 => self.apply_blocks::<3, 4>(pattern, r, z),
-            2 => self.apply_blocks::<2, 2>(pattern, r, z),
-            _ => self.apply_blocks::<1, 1>(pattern, r, z),
+            3 => self.apply_blocks::<3, 4>((pattern, share), r, z),
+            2 => self.apply_blocks::<2, 2>((pattern, share), r, z),
+            _ => self.apply_blocks::<1, 1>((pattern, share), r, z),
         }
     }
 
-    fn apply_blocks<const B: usize, const W: usize>(&mut self, pattern: &Pattern, r: &[f64], z: &mut [f64]) {
+    fn apply_blocks<const B: usize, const W: usize>(
+        &mut self,
+        (pattern, share): (&Pattern, &Share),
+        r: &[f64],
+        z: &mut [f64],
+    ) {
         let solve = triangular::Solve::<B, W> {
             pattern,
             inverse: self.inverse.as_chunks::<B>().0,
@@ -142,7 +148,7 @@ impl BlockPreconditioner {
         };
         let (padded, _) = self.padded.as_chunks_mut::<W>();
         let (y, sums) = padded.split_at_mut(padded.len() / 2);
-        solve.domains(&self.domains, z.as_chunks_mut::<B>().0, [y, sums]);
+        solve.domains(&share.domains, z.as_chunks_mut::<B>().0, [y, sums]);
     }
 }
 

@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use crate::error::NotPositiveDefinite;
 use crate::linear::factor::{Factor, FactorFacts};
 use crate::linear::matrix::{Pattern, SymmetricMatrix};
+use crate::linear::pcg::share::Share;
 use aggregates::Aggregates;
 
 /// Smallest numbers of rows and of aggregates per task.
@@ -39,10 +40,10 @@ pub(super) struct Coarse {
 impl Coarse {
     /// Aggregates the rows of a pattern. Returns `None` if there are too few rows to gain by it, or if the rows are too
     /// scattered for aggregates.
-    pub(super) fn new(pattern: &Pattern) -> Option<Self> {
-        let aggregates = Aggregates::new(pattern)?;
+    pub(super) fn new(pattern: &Pattern, share: &Share) -> Option<Self> {
+        let aggregates = Aggregates::new(pattern, share)?;
         let motion_count = rigid_motions::count(pattern.block);
-        let matrix = SymmetricMatrix::zeros(Arc::new(projection::pattern(pattern, &aggregates)));
+        let matrix = SymmetricMatrix::zeros(Arc::new(projection::pattern(pattern, &aggregates, share)));
         Some(Self {
             motions: vec![0.0; pattern.row_count() * pattern.block * motion_count],
             load: vec![0.0; aggregates.count() * motion_count],
@@ -57,9 +58,9 @@ impl Coarse {
         self.factor.facts()
     }
 
-    /// Returns the number of bytes of Z and A_c.
-    pub(super) fn bytes(&self) -> usize {
-        8 * self.motions.len() + self.matrix.bytes() + self.aggregates.bytes()
+    /// Returns the number of bytes of Z at `rows` rows, and of A_c.
+    pub(super) fn bytes(&self, block: usize, rows: usize) -> usize {
+        8 * rows * block * self.motion_count + self.matrix.bytes() + 4 * (2 * rows + self.aggregates.count())
     }
 
     /// Builds Z at these positions of the free coordinates, m, and factors Zᵀ A Z.
@@ -70,11 +71,12 @@ impl Coarse {
         &mut self,
         a: &SymmetricMatrix,
         positions: &[f64],
+        share: &Share,
     ) -> Result<(), NotPositiveDefinite> {
         match a.pattern.block {
-            3 => self.prepare_blocks::<3, 6>(a, positions),
-            2 => self.prepare_blocks::<2, 3>(a, positions),
-            _ => self.prepare_blocks::<1, 1>(a, positions),
+            3 => self.prepare_blocks::<3, 6>(a, positions, share),
+            2 => self.prepare_blocks::<2, 3>(a, positions, share),
+            _ => self.prepare_blocks::<1, 1>(a, positions, share),
         }
     }
 
@@ -82,34 +84,42 @@ impl Coarse {
         &mut self,
         a: &SymmetricMatrix,
         positions: &[f64],
+        share: &Share,
     ) -> Result<(), NotPositiveDefinite> {
         let (motions, _) = self.motions.as_chunks_mut::<M>();
-        let dependent: Vec<[bool; M]> = (0..self.aggregates.count())
+        let own = self.aggregates.own();
+        let dependent: Vec<[bool; M]> = own
+            .clone()
             .map(|k| rigid_motions::write::<B, M>(&a.pattern, self.aggregates.rows(k), positions, motions))
             .collect();
-        projection::project::<B, M>(a, &self.aggregates, motions, &dependent, &mut self.matrix);
+        share.exchange_rows(B * M, &mut self.motions);
+        let (motions, _) = self.motions.as_chunks::<M>();
+        projection::project::<B, M>(a, &self.aggregates, motions, &dependent, share, &mut self.matrix);
         self.factor.factorize(&[], 1.0, &self.matrix).map_err(|error| {
-            let row = self.aggregates.rows(error.free / M)[0] as usize;
-            let free = a.pattern.free_of[row * B..(row + 1) * B].iter().min();
-            NotPositiveDefinite { free: free.map_or(0, |&free| free as usize) }
+            let aggregate = error.free / M;
+            let row = own.contains(&aggregate).then(|| self.aggregates.rows(aggregate)[0] as usize);
+            let free = row.and_then(|row| Share::free_in_row(&a.pattern, row));
+            NotPositiveDefinite { free: share.first_free(free) }
         })
     }
 
     /// Computes z ← z + Z A_c⁻¹ Zᵀ r, in vectors of rows · block entries.
-    pub(super) fn add_correction(&mut self, r: &[f64], z: &mut [f64]) {
+    pub(super) fn add_correction(&mut self, r: &[f64], z: &mut [f64], share: &Share) {
         match self.motion_count {
-            6 => self.correct::<3, 6>(r, z),
-            3 => self.correct::<2, 3>(r, z),
-            _ => self.correct::<1, 1>(r, z),
+            6 => self.correct::<3, 6>(r, z, share),
+            3 => self.correct::<2, 3>(r, z, share),
+            _ => self.correct::<1, 1>(r, z, share),
         }
     }
 
-    fn correct<const B: usize, const M: usize>(&mut self, r: &[f64], z: &mut [f64]) {
+    fn correct<const B: usize, const M: usize>(&mut self, r: &[f64], z: &mut [f64], share: &Share) {
         let aggregates = &self.aggregates;
+        let own = aggregates.own();
         let (motions, _) = self.motions.as_chunks::<M>();
         let (r, _) = r.as_chunks::<B>();
         let (loads, _) = self.load.as_chunks_mut::<M>();
-        loads.par_iter_mut().enumerate().with_min_len(AGGREGATES_PER_TASK).for_each(|(k, load)| {
+        let loads = loads[own.clone()].par_iter_mut().zip(own.clone()).with_min_len(AGGREGATES_PER_TASK);
+        loads.for_each(|(load, k)| {
             *load = [0.0; M];
             for row in aggregates.rows(k).iter().map(|&row| row as usize) {
                 for (motion, r) in motions[row * B..(row + 1) * B].iter().zip(&r[row]) {
@@ -117,10 +127,11 @@ impl Coarse {
                 }
             }
         });
+        self.load = share.gather(&self.load[own.start * M..own.end * M]);
         self.factor.apply_inverse(&mut self.load);
         let (solution, _) = self.load.as_chunks::<M>();
-        let (z, _) = z.as_chunks_mut::<B>();
-        z.par_iter_mut().enumerate().with_min_len(ROWS_PER_TASK).for_each(|(row, z)| {
+        let (z, _) = z[share.entries(B)].as_chunks_mut::<B>();
+        z.par_iter_mut().zip(share.rows.clone()).with_min_len(ROWS_PER_TASK).for_each(|(z, row)| {
             let solution = &solution[aggregates.of(row)];
             for (z, motion) in z.iter_mut().zip(&motions[row * B..(row + 1) * B]) {
                 *z += (0..M).map(|m| motion[m] * solution[m]).sum::<f64>();
@@ -154,8 +165,9 @@ mod tests {
     #[test]
     fn the_correction_is_exact_for_rigid_motions_of_the_whole_body() {
         let (matrix, positions) = chain(2000);
-        let mut coarse = Coarse::new(&matrix.pattern).expect("enough rows");
-        coarse.prepare(&matrix, &positions).expect("a positive definite matrix");
+        let share = Share::whole(&matrix.pattern);
+        let mut coarse = Coarse::new(&matrix.pattern, &share).expect("enough rows");
+        coarse.prepare(&matrix, &positions, &share).expect("a positive definite matrix");
         // A translation with a turn about the third axis.
         let motion: Vec<f64> = (0..2000)
             .flat_map(|node| [0.3 - 0.01 * positions[3 * node + 1], 0.7 + 0.01 * positions[3 * node], -0.2])
@@ -163,7 +175,7 @@ mod tests {
         let mut load = vec![0.0; motion.len()];
         matrix.multiply(&motion, &mut load);
         let mut solution = vec![0.0; motion.len()];
-        coarse.add_correction(&load, &mut solution);
+        coarse.add_correction(&load, &mut solution, &share);
         let largest = motion.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
         for (found, expected) in solution.iter().zip(&motion) {
             assert!((found - expected).abs() < 1e-10 * largest, "{found} {expected}");
@@ -174,13 +186,15 @@ mod tests {
     fn turns_of_nodes_on_a_line_about_the_line_are_left_out() {
         let (matrix, _) = chain(2000);
         let positions: Vec<f64> = (0..6000).map(|k| if k % 3 == 0 { k as f64 } else { 0.0 }).collect();
-        let mut coarse = Coarse::new(&matrix.pattern).expect("enough rows");
-        coarse.prepare(&matrix, &positions).expect("a positive definite matrix");
+        let share = Share::whole(&matrix.pattern);
+        let mut coarse = Coarse::new(&matrix.pattern, &share).expect("enough rows");
+        coarse.prepare(&matrix, &positions, &share).expect("a positive definite matrix");
         assert!(coarse.motions.iter().all(|value| value.is_finite()));
     }
 
     #[test]
     fn few_rows_have_no_coarse_space() {
-        assert!(Coarse::new(&chain(100).0.pattern).is_none());
+        let pattern = chain(100).0.pattern;
+        assert!(Coarse::new(&pattern, &Share::whole(&pattern)).is_none());
     }
 }

@@ -2,14 +2,13 @@
 //!
 //! Consecutive rows lie close together, because meshes are numbered along a space-filling curve.
 
+use std::ops::Range;
+
 use vi_core::DisjointSets;
 
 use crate::index::{NONE, group_by};
 use crate::linear::matrix::Pattern;
-
-/// Number of rows per aggregate. Two steps of P1 n64 (1.1 million nodes) by implicit midpoint with h = 10 ms take 44 s with
-/// 256 and 49 s with 128 rows; n32 takes 123 and 111 iterations in three steps, and 536 without a coarse space.
-const ROWS_PER_AGGREGATE: usize = 256;
+use crate::linear::pcg::share::Share;
 
 /// With fewer aggregates a coarse space gains nothing: P1 n4 (425 nodes) takes as many iterations with it.
 const FEWEST_AGGREGATES: usize = 4;
@@ -18,25 +17,26 @@ const FEWEST_AGGREGATES: usize = 4;
 const FEWEST_ROWS: usize = 24;
 
 pub(super) struct Aggregates {
+    /// Number of all aggregates.
+    count: usize,
+    /// Number of the first aggregate of this process.
+    first: usize,
     /// Aggregate of each row.
     of_row: Vec<u32>,
-    /// The rows of aggregate a, ascending, are `rows[start[a]..start[a + 1]]`.
+    /// The rows of aggregate `first` + a, ascending, are `rows[start[a]..start[a + 1]]`.
     start: Vec<u32>,
     rows: Vec<u32>,
 }
 
 impl Aggregates {
     /// Returns `None` if there would be too few aggregates, or too small ones.
-    pub(super) fn new(pattern: &Pattern) -> Option<Self> {
-        let row_count = pattern.row_count();
-        let runs = (row_count / ROWS_PER_AGGREGATE).max(1);
-        let mut of_row = vec![NONE; row_count];
-        let mut count = 0;
-        for run in 0..runs {
-            let first = row_count * run / runs;
-            let length = row_count * (run + 1) / runs - first;
+    pub(super) fn new(pattern: &Pattern, share: &Share) -> Option<Self> {
+        let mut own = Vec::with_capacity(share.rows.len());
+        let mut own_count = 0;
+        for Range { start: first, end } in share.runs.iter().cloned() {
+            let length = end - first;
             let mut connected = DisjointSets::new(length);
-            for row in first..first + length {
+            for row in first..end {
                 for &column in &pattern.columns[pattern.row(row)] {
                     if column as usize >= first {
                         connected.join((row - first) as u32, column - first as u32);
@@ -47,22 +47,35 @@ impl Aggregates {
             for row in 0..length {
                 let aggregate = &mut aggregate_of_root[connected.root(row as u32) as usize];
                 if *aggregate == NONE {
-                    *aggregate = count;
-                    count += 1;
+                    *aggregate = own_count;
+                    own_count += 1;
                 }
-                of_row[first + row] = *aggregate;
+                own.push(*aggregate);
             }
         }
-        let count = count as usize;
-        if count < FEWEST_AGGREGATES || count * FEWEST_ROWS > row_count {
+        let (count, first) = share.sum(own_count as usize);
+        if count < FEWEST_AGGREGATES || count * FEWEST_ROWS > share.row_count() {
             return None;
         }
-        let (start, rows) = group_by(&of_row, count);
-        Some(Self { of_row, start, rows })
+        let (start, mut rows) = group_by(&own, own_count as usize);
+        rows.iter_mut().for_each(|row| *row += share.rows.start as u32);
+        let mut of_row = vec![f64::from(NONE); pattern.row_count()];
+        for (of_row, &aggregate) in of_row[share.rows.clone()].iter_mut().zip(&own) {
+            *of_row = f64::from(first as u32 + aggregate);
+        }
+        share.exchange_rows(1, &mut of_row);
+        let of_row = of_row.iter().map(|&aggregate| aggregate as u32).collect();
+        Some(Self { count, first, of_row, start, rows })
     }
 
+    /// Returns the number of all aggregates.
     pub(super) fn count(&self) -> usize {
-        self.start.len() - 1
+        self.count
+    }
+
+    /// Returns the aggregates of this process.
+    pub(super) fn own(&self) -> Range<usize> {
+        self.first..self.first + self.start.len() - 1
     }
 
     /// Returns the aggregate of a row.
@@ -70,12 +83,9 @@ impl Aggregates {
         self.of_row[row] as usize
     }
 
-    /// Returns the rows of an aggregate.
+    /// Returns the rows of an aggregate of this process.
     pub(super) fn rows(&self, aggregate: usize) -> &[u32] {
+        let aggregate = aggregate - self.first;
         &self.rows[self.start[aggregate] as usize..self.start[aggregate + 1] as usize]
-    }
-
-    pub(super) fn bytes(&self) -> usize {
-        4 * (self.of_row.len() + self.start.len() + self.rows.len())
     }
 }

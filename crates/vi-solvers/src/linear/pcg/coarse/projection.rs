@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::aggregates::Aggregates;
 use super::rigid_motions;
 use crate::linear::matrix::{Pattern, SymmetricMatrix};
+use crate::linear::pcg::share::Share;
 
 /// Returns the block of A_c for aggregates with `motion_count` motions, and the number of its rows per aggregate. Blocks have at
 /// most three coordinates.
@@ -16,15 +17,22 @@ fn layout(motion_count: usize) -> (usize, usize) {
 }
 
 /// Returns the pattern of A_c.
-pub(super) fn pattern(fine: &Pattern, aggregates: &Aggregates) -> Pattern {
+pub(super) fn pattern(fine: &Pattern, aggregates: &Aggregates, share: &Share) -> Pattern {
     let motion_count = rigid_motions::count(fine.block);
     let (block, rows_each) = layout(motion_count);
-    let mut pairs: Vec<(usize, usize)> = (0..fine.row_count())
+    let mut pairs: Vec<(usize, usize)> = share
+        .rows
+        .clone()
         .flat_map(|row| fine.row(row).map(move |entry| (row, entry)))
         .map(|(row, entry)| (aggregates.of(row), aggregates.of(fine.columns[entry] as usize)))
         .collect();
     pairs.sort_unstable();
     pairs.dedup();
+    let numbers: Vec<f64> = pairs.iter().flat_map(|&(row, column)| [row as f64, column as f64]).collect();
+    let all = share.gather(&numbers);
+    let mut pairs: Vec<(usize, usize)> =
+        all.as_chunks::<2>().0.iter().map(|&[row, column]| (row as usize, column as usize)).collect();
+    pairs.sort_unstable();
     let mut entries = Vec::new();
     for (row, column) in pairs {
         for i in row * rows_each..(row + 1) * rows_each {
@@ -47,6 +55,7 @@ pub(super) fn project<const B: usize, const M: usize>(
     aggregates: &Aggregates,
     motions: &[[f64; M]],
     dependent: &[[bool; M]],
+    share: &Share,
     out: &mut SymmetricMatrix,
 ) {
     let (block, rows_each) = layout(M);
@@ -54,22 +63,25 @@ pub(super) fn project<const B: usize, const M: usize>(
     let entries_of = |k: usize| -> Range<usize> {
         coarse.row_start[k * rows_each] as usize..coarse.row_start[(k + 1) * rows_each] as usize
     };
-    let mut rest = out.values.as_mut_slice();
-    let mut parts = Vec::with_capacity(aggregates.count());
-    for k in 0..aggregates.count() {
+    let (own, area) = (aggregates.own(), block * block);
+    let start_of = |k: usize| coarse.row_start[k * rows_each] as usize * area;
+    let range = start_of(own.start)..start_of(own.end);
+    let mut rest = &mut out.values[range.clone()];
+    let mut parts = Vec::with_capacity(own.len());
+    for k in own.clone() {
         let (part, others) = rest.split_at_mut(entries_of(k).len() * block * block);
         parts.push(part);
         rest = others;
     }
-    parts.into_par_iter().enumerate().for_each(|(k, part)| {
+    parts.into_par_iter().zip(own.clone()).for_each(|(part, k)| {
         let neighbours: Vec<usize> = coarse.columns[coarse.row(k * rows_each)]
             .iter()
             .step_by(rows_each)
             .map(|&column| column as usize / rows_each)
             .collect();
         let mut sums = sums::<B, M>(a, aggregates, motions, k, &neighbours);
-        if let Some(own) = sums.last_mut() {
-            (0..M).filter(|&m| dependent[k][m]).for_each(|m| own[m][m] = 1.0);
+        if let Some(diagonal) = sums.last_mut() {
+            (0..M).filter(|&m| dependent[k - own.start][m]).for_each(|m| diagonal[m][m] = 1.0);
         }
         let mut values = part.iter_mut();
         for i in 0..rows_each {
@@ -84,6 +96,7 @@ pub(super) fn project<const B: usize, const M: usize>(
             }
         }
     });
+    out.values = share.gather(&out.values[range]);
 }
 
 /// Returns Z_kᵀ A Z_b for each neighbour b of aggregate k; the last neighbour is k itself.
