@@ -180,7 +180,7 @@ impl Simulation {
             };
             let mut partners = None;
             if exchange.size() > 1 && system.coordinates().free_count() > 0 {
-                let run = (&method, options.ledger);
+                let run = (&method, &options);
                 match Partners::new((number, &system, &state), run, Arc::clone(exchange)) {
                     Ok(made) => {
                         let made = Arc::new(made);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use vi_core::{Exchange, State, System};
-use vi_solvers::Member;
+use vi_solvers::{Member, SolverOptions};
 
 use super::{Simulation, is_worked_on};
 use crate::model;
@@ -49,11 +49,12 @@ pub(crate) fn members(
     let components = model::build(scene, true)?.components.into_iter();
     components
         .map(|(system, state): (System, State)| {
-            let keeps_ledger = scene.output.ledger.unwrap_or_else(|| is_worked_on(&system));
+            let ledger = scene.output.ledger.unwrap_or_else(|| is_worked_on(&system));
+            let options = SolverOptions { ledger, ..scene.solver.options() };
             if system.coordinates().free_count() == 0 {
                 return Ok(None);
             }
-            let member = Member::new(&system, &state, (&method, keeps_ledger), Arc::clone(exchange));
+            let member = Member::new(&system, &state, (&method, &options), Arc::clone(exchange));
             member.map(Some).map_err(|error| refused(error.to_string()))
         })
         .collect()

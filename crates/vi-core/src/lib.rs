@@ -24,7 +24,7 @@ pub use contract::potential::{Account, Fault, HessianKind, Potential, Stencils, 
 pub use contract::power_of_two::binary_exponent;
 pub use contract::quadrature::Quadrature;
 pub use contract::scheme::{Interpolation, Scheme};
-pub use contract::shared::{RunEnergy, SharedTerms};
+pub use contract::shared::{RunEnergy, SharedSolve, SharedTerms, SolverFacts};
 pub use contract::system::{State, System};
 pub use contract::terms::{Live, Terms};
 pub use contract::tube::Tube;

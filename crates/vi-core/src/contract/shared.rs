@@ -13,8 +13,58 @@ pub trait SharedTerms: Send + Sync {
     /// Writes ∂V/∂x of every coordinate, N.
     fn gradient(&self, x: &[f64], t: f64, out: &mut [f64]);
 
+    /// Returns whether the ranks also solve linear systems with A = M + cK together, where K = ∂²V/∂q².
+    fn solves(&self) -> bool;
+
+    /// Prepares the solver for A at positions `x` (m, all coordinates) and time t (s). If `is_projected`, the negative
+    /// eigenvalues of the Hessian of every stencil are set to zero. Returns its costs, and a free coordinate at which A is
+    /// not positive definite, if there is one.
+    fn prepare(&self, x: &[f64], t: f64, c: f64, is_projected: bool) -> (SolverFacts, Option<usize>);
+
+    /// Computes v ← A⁻¹v (free coordinates) by preconditioned conjugate gradients, to a relative error in the energy norm.
+    fn solve(&self, v: &mut [f64], tolerance: f64, max_iterations: u32) -> SharedSolve;
+
     /// Returns the number of bytes that the first rank sends to others per gradient, without those of `x`.
     fn bytes_sent(&self) -> usize;
+}
+
+/// The outcome of a solve; only the first one has reached the tolerance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SharedSolve {
+    /// The solution is found.
+    Converged {
+        /// Number of iterations.
+        iterations: u32,
+    },
+    /// The iterations did not suffice; the last iterate is a descent direction.
+    TooMany {
+        /// Number of iterations.
+        iterations: u32,
+        /// The relative error that was reached.
+        residual: f64,
+    },
+    /// A is not positive definite; the last iterate is a descent direction.
+    Negative {
+        /// Number of iterations.
+        iterations: u32,
+        /// dᵀAd of the last direction d.
+        curvature: f64,
+    },
+}
+
+/// Cost of conjugate gradients, of all ranks together.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SolverFacts {
+    /// Bytes that one iteration moves.
+    pub iteration_bytes: f64,
+    /// Floating-point operations of one iteration.
+    pub iteration_flops: f64,
+    /// Bytes that the preparation moves.
+    pub prepare_bytes: f64,
+    /// Floating-point operations of the factor of the coarse matrix.
+    pub coarse_flops: f64,
+    /// Bytes of memory held.
+    pub bytes: u64,
 }
 
 /// The energy of a run of stencils.

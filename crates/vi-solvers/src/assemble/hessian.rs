@@ -79,7 +79,7 @@ pub(crate) struct HessianSum {
 
 /// Returns the row of each node, and the free index of each coordinate of each row. If `with_tied`, treats tied nodes
 /// and all coordinates of nodes with their own axes as free.
-fn rows(terms: &Terms, block: usize, with_tied: bool) -> (Vec<u32>, Vec<u32>) {
+pub(crate) fn rows(terms: &Terms, block: usize, with_tied: bool) -> (Vec<u32>, Vec<u32>) {
     let coordinates = terms.coordinates();
     let count = coordinates.dof_count();
     let mut free_index = vec![NONE; count];
@@ -355,7 +355,7 @@ impl HessianSum {
 }
 
 /// Returns the spans with a Hessian on free coordinates, and the number of stencils without one.
-fn varying_spans(terms: &Terms, mobility: &[Mobility]) -> (Vec<Span>, usize) {
+pub(crate) fn varying_spans(terms: &Terms, mobility: &[Mobility]) -> (Vec<Span>, usize) {
     let (mut included, mut skipped) = (Vec::new(), 0);
     for (term, potential) in terms.fixed().iter().enumerate() {
         let zero = potential.traits().hessian == HessianKind::Zero;

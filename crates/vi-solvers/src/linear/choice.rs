@@ -1,9 +1,11 @@
 //! Chooses the linear solver of an implicit step: a Cholesky factor or preconditioned conjugate gradients. The user
 //! or the counted work decides.
 
-use vi_core::System;
+use std::sync::Arc;
 
-use crate::error::SolverError;
+use vi_core::{SharedSolve, SharedTerms, SolverFacts, System};
+
+use crate::error::{NotPositiveDefinite, SolverError};
 use crate::linear::cost::{self, UnitCosts};
 use crate::linear::factor::{Factor, FactorFacts, SingleFactor};
 use crate::linear::matrix::SymmetricMatrix;
@@ -48,6 +50,8 @@ enum Path {
     /// A factor in single precision.
     Single(Box<SingleFactor>),
     Gradients(Box<Pcg>),
+    /// Conjugate gradients of several processes.
+    Shared(Arc<dyn SharedTerms>),
 }
 
 pub(crate) struct ChosenSolver {
@@ -118,7 +122,7 @@ impl ChosenSolver {
     }
 
     pub(crate) fn save(&self, memory: &mut StepperMemory) {
-        let gradients = u64::from(matches!(self.path, Path::Gradients(_)));
+        let gradients = u64::from(matches!(self.path, Path::Gradients(_) | Path::Shared(_)));
         let single = u64::from(matches!(self.path, Path::Single(_)));
         for (name, value) in
             NAMES.into_iter().zip([gradients, single, self.iterations[0], self.iterations[1]])
@@ -168,7 +172,7 @@ impl ChosenSolver {
             self.analyses += 1;
         }
         let made = match &mut self.path {
-            Path::Undecided => Err(SolverError::NotFactored),
+            Path::Undecided | Path::Shared(_) => Err(SolverError::NotFactored),
             Path::Factor(factor) => return Ok(factor.factorize(mass, c, k)?),
             Path::Single(factor) => {
                 factor.factorize(mass, c, k)?;
@@ -202,6 +206,7 @@ impl ChosenSolver {
             Path::Gradients(_) => {
                 Path::Gradients(Box::new(Pcg::new(k, Preconditioner::BlockIncompleteCholesky)))
             }
+            Path::Shared(shared) => Path::Shared(Arc::clone(shared)),
         };
         Ok(())
     }
@@ -213,6 +218,7 @@ impl ChosenSolver {
             Path::Factor(factor) => factor.serves(k),
             Path::Single(factor) => factor.serves(k),
             Path::Gradients(pcg) => pcg.serves(k),
+            Path::Shared(_) => true,
         }
     }
 
@@ -241,13 +247,13 @@ impl ChosenSolver {
         match &self.path {
             Path::Factor(factor) => factor.facts(),
             Path::Single(factor) => factor.facts(),
-            Path::Undecided | Path::Gradients(_) => FactorFacts::default(),
+            Path::Undecided | Path::Gradients(_) | Path::Shared(_) => FactorFacts::default(),
         }
     }
 
     /// Computes v ← A⁻¹v.
     pub(crate) fn apply(&mut self, v: &mut [f64], work: &mut Work) -> Result<(), SolverError> {
-        let Self { path, x, iterations, is_exact, is_tight, .. } = self;
+        let Self { path, x, is_exact, is_tight, .. } = self;
         let (tolerance, longest) = match (*is_exact, *is_tight) {
             (true, _) => (EXACT, LONGEST_EXACT),
             (false, true) => (TIGHT, LONGEST),
@@ -275,14 +281,68 @@ impl ChosenSolver {
                     ) if !*is_exact => iterations,
                     Err(error) => return Err(error),
                 };
-                work.pcg_iterations += u64::from(made);
-                iterations[0] += u64::from(made);
-                iterations[1] += 1;
-                self.costs.solve = self.mean_solve();
-                v.copy_from_slice(&self.x);
+                v.copy_from_slice(x);
+                self.count_iterations(made, work);
+                Ok(())
+            }
+            Path::Shared(shared) => {
+                let made = match shared.solve(v, tolerance, longest) {
+                    SharedSolve::Converged { iterations } => iterations,
+                    SharedSolve::Negative { iterations, .. } | SharedSolve::TooMany { iterations, .. }
+                        if !*is_exact =>
+                    {
+                        iterations
+                    }
+                    SharedSolve::Negative { iterations, curvature } => {
+                        return Err(SolverError::NegativeCurvature { iterations, curvature });
+                    }
+                    SharedSolve::TooMany { iterations, residual } => {
+                        return Err(SolverError::ConjugateGradients { iterations, residual, tolerance });
+                    }
+                };
+                self.count_iterations(made, work);
                 Ok(())
             }
         }
+    }
+
+    /// Counts a solve by conjugate gradients.
+    fn count_iterations(&mut self, made: u32, work: &mut Work) {
+        work.pcg_iterations += u64::from(made);
+        self.iterations[0] += u64::from(made);
+        self.iterations[1] += 1;
+        self.costs.solve = self.mean_solve();
+    }
+
+    /// Takes A = M + cK of terms that several processes share and solve with together, at positions `x` (m, all
+    /// coordinates) and time t. If `is_projected`, K is.
+    pub(crate) fn make_shared(
+        &mut self,
+        (system, shared): (&System, &Arc<dyn SharedTerms>),
+        (x, t): (&[f64], f64),
+        c: f64,
+        is_projected: bool,
+    ) -> Result<(), SolverError> {
+        let (facts, indefinite) = shared.prepare(x, t, c, is_projected);
+        if self.is_ready() {
+            self.rivalry.is_due();
+        } else {
+            let SolverFacts { iteration_bytes, iteration_flops, prepare_bytes, coarse_flops, bytes } = facts;
+            self.pcg = PcgFacts { iteration_bytes, iteration_flops, prepare_bytes, coarse_flops, bytes };
+            let why = if self.continued.take().is_some() { CONTINUED } else { "asked for" };
+            self.enter_gradients(system, why);
+            self.path = Path::Shared(Arc::clone(shared));
+            self.analyses += 1;
+        }
+        indefinite.map_or(Ok(()), |free| Err(NotPositiveDefinite { free }.into()))
+    }
+
+    /// Records the costs of conjugate gradients and the reason for them.
+    fn enter_gradients(&mut self, system: &System, why: &str) {
+        self.costs = UnitCosts::new(system, &FactorFacts::default());
+        self.costs.solve = self.mean_solve();
+        self.costs.factor = cost::preparation(&self.pcg);
+        self.reason = format!("pcg: {why}");
     }
 
     /// Returns the mean cost of a solve by conjugate gradients so far.
@@ -329,10 +389,7 @@ impl ChosenSolver {
     fn take_gradients(&mut self, system: &System, k: &SymmetricMatrix, why: String) {
         let pcg = Pcg::new(k, Preconditioner::BlockIncompleteCholesky);
         self.pcg = pcg.facts();
-        self.costs = UnitCosts::new(system, &FactorFacts::default());
-        self.costs.solve = self.mean_solve();
-        self.costs.factor = cost::preparation(&self.pcg);
-        self.reason = format!("pcg: {why}");
+        self.enter_gradients(system, &why);
         self.path = Path::Gradients(Box::new(pcg));
     }
 

@@ -180,6 +180,13 @@ impl Inverse {
             Reason::Slow => count.factorizations_slow += 1,
             Reason::Newton => count.factorizations_newton += 1,
         }
+        if let Some(shared) = system.terms().shared().filter(|shared| shared.solves()) {
+            let is_projected = kind == HessianEvaluation::Projected;
+            evaluator.work.hessians += 1;
+            evaluator.work.projections += u64::from(is_projected);
+            let place = (evaluator.positions(), evaluator.time());
+            return self.linear.make_shared((system, shared), place, c, is_projected);
+        }
         let mut work = Work::default();
         let mut positions = vec![0.0; system.coordinates().free_count()];
         system.coordinates().coordinates_of(evaluator.positions(), &mut positions);

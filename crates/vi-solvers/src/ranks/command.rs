@@ -22,6 +22,22 @@ pub(crate) enum Command {
         /// The time, s.
         t: f64,
     },
+    /// Assemble A = M + cK at the positions that follow, and prepare its solver.
+    Prepare {
+        /// The time, s.
+        t: f64,
+        /// The factor of K.
+        c: f64,
+        /// Whether negative eigenvalues of stencils are set to zero.
+        is_projected: bool,
+    },
+    /// Solve with A for the load that follows, and send the solution back.
+    Solve {
+        /// The relative error.
+        tolerance: f64,
+        /// The largest number of iterations.
+        most: u32,
+    },
     /// Sum ∂V/∂x at the positions that follow, and send it back.
     Gradient {
         /// The time, s.
@@ -40,6 +56,8 @@ impl Command {
             Self::Steps { t, h, count } => (2, [t, h, f64::from(count)]),
             Self::Energies { t } => (3, [t, 0.0, 0.0]),
             Self::Gradient { t } => (4, [t, 0.0, 0.0]),
+            Self::Prepare { t, c, is_projected } => (5, [t, c, f64::from(u8::from(is_projected))]),
+            Self::Solve { tolerance, most } => (6, [tolerance, f64::from(most), 0.0]),
         };
         let head = [component as u32, tag].into_iter().flat_map(u32::to_le_bytes);
         head.chain(numbers.into_iter().flat_map(f64::to_le_bytes)).collect()
@@ -56,6 +74,8 @@ impl Command {
             2 => Self::Steps { t: number(0)?, h: number(1)?, count: number(2)? as u32 },
             3 => Self::Energies { t: number(0)? },
             4 => Self::Gradient { t: number(0)? },
+            5 => Self::Prepare { t: number(0)?, c: number(1)?, is_projected: number(2)? == 1.0 },
+            6 => Self::Solve { tolerance: number(0)?, most: number(1)? as u32 },
             _ => return None,
         };
         Some((word(0)? as usize, command))
@@ -71,7 +91,12 @@ mod tests {
         let placed = Command::Place { evaluated: Some((0.3, true)) };
         let steps = Command::Steps { t: 0.1, h: 1e-3, count: 16 };
         let sums = [Command::Energies { t: 0.2 }, Command::Gradient { t: 0.4 }];
-        for command in [Command::Place { evaluated: None }, placed, steps].into_iter().chain(sums) {
+        let solves = [
+            Command::Prepare { t: 0.1, c: 2.0, is_projected: true },
+            Command::Solve { tolerance: 0.5, most: 9 },
+        ];
+        let others = [Command::Place { evaluated: None }, placed, steps];
+        for command in others.into_iter().chain(sums).chain(solves) {
             assert_eq!(Command::decode(&command.encode(7)), Some((7, command)));
         }
         assert_eq!(Command::decode(b"short"), None);

@@ -84,7 +84,7 @@ impl Conductor {
         let partners = &self.partners;
         let own = of_rank(&partners.held()[0]);
         partners.command(Command::Place { evaluated });
-        partners.talk(of_rank, |_| 0);
+        partners.talk(partners.held(), of_rank, |_| 0);
         partners.member().place(&own, evaluated);
         self.there = Some(state.clone());
         self.memory = StepperMemory { method: std::mem::take(&mut self.memory.method), ..Default::default() };
@@ -102,7 +102,7 @@ impl Conductor {
         if !member.steps(t, h, count) {
             return Ok(false);
         }
-        let messages = partners.talk(|_| Vec::new(), |held| 2 * held.free.len());
+        let messages = partners.talk(partners.held(), |_| Vec::new(), |held| 2 * held.free.len());
         let own = member.state();
         let portions = std::iter::once((&own.q[..], &own.p[..]))
             .chain(messages.iter().map(|message| message.receive.split_at(message.receive.len() / 2)));

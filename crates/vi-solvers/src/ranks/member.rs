@@ -13,7 +13,9 @@ use crate::assemble::spans::{Span, common_block};
 use crate::error::SolverError;
 use crate::index::{NONE, free_of};
 use crate::memory::StepperMemory;
+use crate::options::SolverOptions;
 use crate::ranks::command::Command;
+use crate::ranks::rows::{Rows, RowsLayout};
 use crate::schemes::kick_drift::KickDrift;
 use crate::schemes::method::Method;
 use crate::work::Work;
@@ -27,6 +29,8 @@ pub struct Member {
     spans: Vec<Span>,
     /// The nodes whose gradient it reports, in its own numbers.
     reported: Vec<u32>,
+    /// Its rows of the linear systems, if the ranks solve them together.
+    rows: Option<Rows>,
     block: usize,
     exchange: Arc<dyn Exchange>,
 }
@@ -77,6 +81,8 @@ pub(crate) struct Layout {
     pub(crate) held: Vec<Held>,
     /// The runs of stencils that each rank sums: index of the term and first stencil.
     pub(crate) runs: Vec<Vec<(usize, usize)>>,
+    /// The rows of each rank; empty if the first rank solves linear systems alone.
+    pub(crate) rows: Vec<RowsLayout>,
     /// Whether the ranks make steps themselves.
     pub(crate) steps: bool,
 }
@@ -100,17 +106,17 @@ impl Member {
     pub fn new(
         whole: &System,
         start: &State,
-        (method, keeps_ledger): (&Method, bool),
+        (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
     ) -> Result<Self, SolverError> {
-        Self::with_layout(whole, start, (method, keeps_ledger), exchange).map(|(member, _)| member)
+        Self::with_layout(whole, start, (method, options), exchange).map(|(member, _)| member)
     }
 
     /// Returns the portion, and those of all ranks.
     pub(crate) fn with_layout(
         whole: &System,
         start: &State,
-        (method, keeps_ledger): (&Method, bool),
+        (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
     ) -> Result<(Self, Layout), SolverError> {
         let refused = |reason: String| SolverError::Ranks { reason };
@@ -138,7 +144,7 @@ impl Member {
             Box::new(portion.detached()) as Box<dyn Potential>
         };
         let portions: Vec<_> = portions.into_iter().map(portion).collect();
-        let splitting = method.splitting().filter(|_| steps_apart(whole, method, keeps_ledger));
+        let splitting = method.splitting().filter(|_| steps_apart(whole, method, options.ledger));
         let steps = splitting.is_some();
         let own_mass = nodes.iter().flat_map(|&node| &mass[block * node as usize..][..block]).copied();
         // Sums need no masses and know no supports.
@@ -165,8 +171,10 @@ impl Member {
             let free = held.dofs().map(|dof| free_of[dof]).filter(|&free| steps && free != NONE).collect();
             Held { free, ..held }
         });
-        let layout = Layout { held: held.collect(), runs, steps };
-        Ok((Self { system, state, task, spans, reported, block, exchange }, layout))
+        let solved = if method.facts().is_explicit { None } else { Rows::new(whole, options, &exchange)? };
+        let (rows, of_ranks) = solved.map_or((None, Vec::new()), |(rows, of_ranks)| (Some(rows), of_ranks));
+        let layout = Layout { held: held.collect(), runs, rows: of_ranks, steps };
+        Ok((Self { system, state, task, spans, reported, rows, block, exchange }, layout))
     }
 
     /// Obeys a command of the first rank; returns false if these bytes are none. `members` are those of this rank, by
@@ -200,6 +208,18 @@ impl Member {
                 let x = first(Vec::new(), count);
                 let gradient = member.gradient(&x, t);
                 first(gradient, 0);
+            }
+            Command::Prepare { t, c, is_projected } => {
+                let Some(rows) = &mut member.rows else { return false };
+                let x = first(Vec::new(), rows.counts().0);
+                // The first rank finds the same.
+                rows.prepare(&x, t, c, is_projected);
+            }
+            Command::Solve { tolerance, most } => {
+                let Some(rows) = &mut member.rows else { return false };
+                let mut v = first(Vec::new(), rows.counts().1);
+                rows.solve(&mut v, tolerance, most);
+                first(v, 0);
             }
         }
         true
@@ -259,6 +279,11 @@ impl Member {
         assembler.gradient(x, t, &mut gradient);
         let of_node = |&place: &u32| &gradient[self.block * place as usize..][..self.block];
         self.reported.iter().flat_map(of_node).copied().collect()
+    }
+
+    /// Returns its rows of the linear systems, if the ranks solve them together.
+    pub(crate) fn rows(&mut self) -> Option<&mut Rows> {
+        self.rows.as_mut()
     }
 
     /// Returns the state of the portion.

@@ -2,11 +2,13 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use vi_core::{Exchange, Message, RunEnergy, SharedTerms, State, System};
+use vi_core::{Exchange, Message, RunEnergy, SharedSolve, SharedTerms, SolverFacts, State, System};
 
 use crate::error::SolverError;
+use crate::options::SolverOptions;
 use crate::ranks::command::Command;
 use crate::ranks::member::{Held, Layout, Member};
+use crate::ranks::rows::RowsLayout;
 use crate::schemes::method::Method;
 
 /// The ranks that share a component. The first rank has a portion of it as the others have, and tells them what to do.
@@ -27,11 +29,10 @@ impl Partners {
     /// Returns [`SolverError::Ranks`] if several ranks cannot share the system.
     pub fn new(
         (component, system, start): (usize, &System, &State),
-        (method, keeps_ledger): (&Method, bool),
+        (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
     ) -> Result<Self, SolverError> {
-        let (member, layout) =
-            Member::with_layout(system, start, (method, keeps_ledger), Arc::clone(&exchange))?;
+        let (member, layout) = Member::with_layout(system, start, (method, options), Arc::clone(&exchange))?;
         Ok(Self { exchange, component, member: Mutex::new(member), layout })
     }
 
@@ -57,17 +58,18 @@ impl Partners {
 
     /// Exchanges messages with all other ranks: sends what `send` gives for a rank, and receives as many numbers as
     /// `receive` says.
-    pub(crate) fn talk(
+    pub(crate) fn talk<T>(
         &self,
-        send: impl Fn(&Held) -> Vec<f64>,
-        receive: impl Fn(&Held) -> usize,
+        of_ranks: &[T],
+        send: impl Fn(&T) -> Vec<f64>,
+        receive: impl Fn(&T) -> usize,
     ) -> Vec<Message> {
-        let message = |(rank, held): (usize, &Held)| Message {
+        let message = |(rank, of_rank): (usize, &T)| Message {
             rank,
-            send: send(held),
-            receive: vec![0.0; receive(held)],
+            send: send(of_rank),
+            receive: vec![0.0; receive(of_rank)],
         };
-        let mut messages: Vec<Message> = self.held().iter().enumerate().skip(1).map(message).collect();
+        let mut messages: Vec<Message> = of_ranks.iter().enumerate().skip(1).map(message).collect();
         self.exchange.slots(&mut messages, &mut || {});
         messages
     }
@@ -75,7 +77,7 @@ impl Partners {
     /// Gives all ranks the positions of their coordinates; returns those of the first.
     fn hand_out(&self, x: &[f64]) -> Vec<f64> {
         let of_rank = |held: &Held| -> Vec<f64> { held.dofs().map(|dof| x[dof]).collect() };
-        self.talk(of_rank, |_| 0);
+        self.talk(self.held(), of_rank, |_| 0);
         of_rank(&self.held()[0])
     }
 }
@@ -100,11 +102,44 @@ impl SharedTerms for Partners {
         self.command(Command::Gradient { t });
         let own = self.hand_out(x);
         let own = member.gradient(&own, t);
-        let messages = self.talk(|_| Vec::new(), Held::reported_count);
+        let messages = self.talk(self.held(), |_| Vec::new(), Held::reported_count);
         let received = messages.iter().map(|message| &message.receive[..]);
         for (held, values) in self.held().iter().zip(std::iter::once(&own[..]).chain(received)) {
             held.reported_dofs().zip(values).for_each(|(dof, &value)| out[dof] = value);
         }
+    }
+
+    fn solves(&self) -> bool {
+        !self.layout.rows.is_empty()
+    }
+
+    fn prepare(&self, x: &[f64], t: f64, c: f64, is_projected: bool) -> (SolverFacts, Option<usize>) {
+        let mut member = self.member();
+        let (Some(rows), [first, ..]) = (member.rows(), &self.layout.rows[..]) else {
+            return (SolverFacts::default(), Some(0));
+        };
+        self.command(Command::Prepare { t, c, is_projected });
+        let of_rank = |rows: &RowsLayout| -> Vec<f64> { rows.dofs().map(|dof| x[dof]).collect() };
+        self.talk(&self.layout.rows, of_rank, |_| 0);
+        rows.prepare(&of_rank(first), t, c, is_projected)
+    }
+
+    fn solve(&self, v: &mut [f64], tolerance: f64, max_iterations: u32) -> SharedSolve {
+        let mut member = self.member();
+        let (Some(rows), [first, others @ ..]) = (member.rows(), &self.layout.rows[..]) else {
+            return SharedSolve::TooMany { iterations: 0, residual: f64::NAN };
+        };
+        self.command(Command::Solve { tolerance, most: max_iterations });
+        let of_rank = |rows: &RowsLayout| v[rows.free.clone()].to_vec();
+        self.talk(&self.layout.rows, of_rank, |_| 0);
+        let mut own = of_rank(first);
+        let solved = rows.solve(&mut own, tolerance, max_iterations);
+        let messages = self.talk(&self.layout.rows, |_| Vec::new(), |rows| rows.free.len());
+        v[first.free.clone()].copy_from_slice(&own);
+        for (rows, message) in others.iter().zip(&messages) {
+            v[rows.free.clone()].copy_from_slice(&message.receive);
+        }
+        solved
     }
 
     fn bytes_sent(&self) -> usize {

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use crate::springs::{Springs, block, block_system, deformed, fixed};
 use vi_core::{Coordinates, Exchange, SharedTerms, State, System, ThreadRank};
-use vi_solvers::{Assembler, Member, Method, Partners, SolverOptions, Stepper, stepper_of_ranks};
+use vi_solvers::{
+    Assembler, LinearSolver, Member, Method, Partners, SolverOptions, Stepper, stepper_of_ranks,
+};
 
 /// A byte string that no conductor sends.
 const END: &[u8] = b"end";
@@ -12,19 +14,25 @@ const END: &[u8] = b"end";
 /// Makes a system and its initial state.
 type Make<'a> = &'a (dyn Fn() -> (System, State) + Sync);
 
+/// A scheme, a system, whether to keep the ledger, and the linear solver.
+type Place<'a> = (&'a Method, Make<'a>, (bool, LinearSolver));
+
+const PLAIN: (bool, LinearSolver) = (false, LinearSolver::Auto);
+
 /// Calls `conduct` with a system that `size` ranks share, and with its stepper.
 fn on_ranks<R: Send>(
     size: usize,
-    (method, make, ledger): (&Method, Make<'_>, bool),
+    (method, make, (ledger, linear)): Place<'_>,
     conduct: impl FnOnce(&System, &mut dyn Stepper) -> R + Send,
 ) -> R {
+    let options = &SolverOptions { ledger, linear, ..SolverOptions::default() };
     std::thread::scope(|scope| {
         let mut crew = ThreadRank::crew(size).into_iter().map(|rank| Arc::new(rank) as Arc<dyn Exchange>);
         let first = crew.next().unwrap();
         for rank in crew {
             scope.spawn(move || {
                 let (system, start) = make();
-                let member = Member::new(&system, &start, (method, ledger), Arc::clone(&rank)).unwrap();
+                let member = Member::new(&system, &start, (method, options), Arc::clone(&rank)).unwrap();
                 let mut members = [Some(member)];
                 loop {
                     let bytes = &rank.pieces(&[])[0];
@@ -36,11 +44,10 @@ fn on_ranks<R: Send>(
             });
         }
         let (system, start) = make();
-        let partners = Partners::new((0, &system, &start), (method, ledger), Arc::clone(&first)).unwrap();
+        let partners = Partners::new((0, &system, &start), (method, options), Arc::clone(&first)).unwrap();
         let partners = Arc::new(partners);
         let system = system.with_shared(Arc::clone(&partners) as Arc<dyn SharedTerms>);
-        let options = SolverOptions { ledger, ..SolverOptions::default() };
-        let mut stepper = stepper_of_ranks(method, &system, &options, &partners).unwrap();
+        let mut stepper = stepper_of_ranks(method, &system, options, &partners).unwrap();
         let result = conduct(&system, stepper.as_mut());
         first.pieces(END);
         result
@@ -49,11 +56,11 @@ fn on_ranks<R: Send>(
 
 /// Calls `conduct` with a system of one process and its stepper.
 fn alone<R>(
-    (method, make, ledger): (&Method, Make<'_>, bool),
+    (method, make, (ledger, linear)): Place<'_>,
     conduct: impl FnOnce(&System, &mut dyn Stepper) -> R,
 ) -> R {
     let (system, _) = make();
-    let options = SolverOptions { ledger, ..SolverOptions::default() };
+    let options = SolverOptions { ledger, linear, ..SolverOptions::default() };
     let mut stepper = vi_solvers::stepper(method, &system, &options).unwrap();
     conduct(&system, stepper.as_mut())
 }
@@ -98,7 +105,7 @@ fn some_steps(
 #[test]
 fn ranks_step_to_the_bits_of_one_process() {
     for method in explicit() {
-        let place: (_, Make<'_>, _) = (&method, &clamped_block, false);
+        let place: Place<'_> = (&method, &clamped_block, PLAIN);
         let expected = alone(place, some_steps);
         // There are eight or more chunks; the last of eleven ranks may have none.
         for size in [1, 2, 3, 4, 11] {
@@ -115,13 +122,43 @@ fn steps_of_the_first_rank_have_the_bits_of_one_process() {
             (0..4).map(|_| stepper.step(system, &mut state, 0.05).unwrap()).map(|r| r.energy).collect();
         (state, reports, stepper.work(), stepper.memory())
     };
-    let others = Method::ALL.into_iter().filter(|method| !method.facts().is_explicit);
-    for (method, ledger) in others.map(|method| (method, false)).chain([(Method::StormerVerlet, true)]) {
-        let place: (_, Make<'_>, _) = (&method, &clamped_block, ledger);
+    let implicit: Vec<Method> =
+        Method::ALL.into_iter().filter(|method| !method.facts().is_explicit).collect();
+    let by = |linear: LinearSolver| implicit.iter().map(move |method| (*method, (false, linear)));
+    let ledger = [(Method::StormerVerlet, (true, LinearSolver::Auto))];
+    for (method, options) in by(LinearSolver::Auto).chain(by(LinearSolver::Pcg)).chain(ledger) {
+        let place: Place<'_> = (&method, &clamped_block, options);
         let expected = alone(place, run);
         for size in [2, 4] {
-            assert_eq!(on_ranks(size, place, run), expected, "{} on {size} ranks", method.name());
+            assert_eq!(
+                on_ranks(size, place, run),
+                expected,
+                "{} by {options:?} on {size} ranks",
+                method.name()
+            );
         }
+    }
+}
+
+#[test]
+fn ranks_solve_with_a_coarse_space_to_the_bits_of_one_process() {
+    let make = || {
+        let (system, x) = block_system([30, 18, 17], true);
+        let state = system.state(0.0, &deformed(&x, 0.05), &deformed(&vec![0.0; x.len()], 0.3)).unwrap();
+        (system, state)
+    };
+    let run = |system: &System, stepper: &mut dyn Stepper| {
+        let mut state = make().1;
+        stepper.step(system, &mut state, 0.5).unwrap();
+        (state, stepper.work(), stepper.memory())
+    };
+    let place: Place<'_> = (&Method::ImplicitMidpoint, &make, (false, LinearSolver::Pcg));
+    let expected = alone(place, run);
+    assert!(expected.1.pcg_iterations > 0);
+    for size in [2, 3, 5] {
+        let found = on_ranks(size, place, run);
+        assert_eq!(found.1, expected.1, "{size} ranks");
+        assert!(found.0 == expected.0 && found.2 == expected.2, "{size} ranks");
     }
 }
 
@@ -136,9 +173,9 @@ fn ranks_sum_energies_and_gradients_to_the_bits_of_one_process() {
             (assembler.energies(&x, 0.0), gradient)
         };
         for method in [Method::StormerVerlet, Method::ImplicitMidpoint] {
-            let expected = alone((&method, make, false), sums);
+            let expected = alone((&method, make, PLAIN), sums);
             for size in [1, 3, 11] {
-                assert_eq!(on_ranks(size, (&method, make, false), sums), expected, "{size} ranks");
+                assert_eq!(on_ranks(size, (&method, make, PLAIN), sums), expected, "{size} ranks");
             }
         }
     }
@@ -151,13 +188,13 @@ fn several_terms_share_their_nodes() {
         stepper.steps(system, &mut state, 0.01, 20).unwrap();
         state
     };
-    let place: (_, Make<'_>, _) = (&Method::StormerVerlet, &two_terms, false);
+    let place: Place<'_> = (&Method::StormerVerlet, &two_terms, PLAIN);
     assert_eq!(on_ranks(4, place, run), alone(place, run));
 }
 
 #[test]
 fn a_run_goes_on_with_any_number_of_ranks() {
-    let place: (_, Make<'_>, _) = (&Method::BlanesMoan4, &clamped_block, false);
+    let place: Place<'_> = (&Method::BlanesMoan4, &clamped_block, PLAIN);
     let half = |system: &System, stepper: &mut dyn Stepper, state: &mut State| {
         stepper.steps(system, state, 0.02, 7).unwrap();
         stepper.memory()
@@ -195,7 +232,7 @@ fn a_step_that_fails_on_one_rank_fails_as_in_one_process() {
         stepper.step(system, &mut calm, 0.02).unwrap();
         (error.to_string(), stepper.work(), calm)
     };
-    let place: (_, Make<'_>, _) = (&Method::StormerVerlet, &clamped_block, false);
+    let place: Place<'_> = (&Method::StormerVerlet, &clamped_block, PLAIN);
     let expected = alone(place, run);
     for size in [2, 4] {
         assert_eq!(on_ranks(size, place, run), expected);

@@ -1,0 +1,215 @@
+//! The rows of A = M + cK that one of several ranks assembles and solves.
+//!
+//! A rank has whole domains of rows (`linear/pcg/share.rs`). It evaluates all chunks of stencils at the nodes of its rows, also
+//! those at which others evaluate them too, so that no sums of Hessians have to be exchanged.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use vi_core::{Exchange, Portion, Potential, SharedSolve, SolverFacts, System, coordinates_of_nodes};
+
+use crate::assemble::hessian::{HessianEvaluation, HessianSum, rows, varying_spans};
+use crate::assemble::spans::{common_block, mobilities};
+use crate::error::SolverError;
+use crate::index::NONE;
+use crate::linear::pcg::block::Preconditioner;
+use crate::linear::pcg::share::{Share, rows_of_ranks};
+use crate::linear::pcg::{Pcg, PcgReport};
+use crate::options::{LinearSolver, SolverOptions};
+
+/// The rows of a rank, with the portion of the system that has entries in them.
+pub(crate) struct Rows {
+    system: System,
+    /// Number of each of its rows, and of those of others that it knows, among all rows.
+    numbers: Vec<u32>,
+    row_count: usize,
+    /// Number of each of its free coordinates among all.
+    free: Vec<u32>,
+    /// Its own among these free coordinates.
+    own: Range<usize>,
+    block: usize,
+    exchange: Arc<dyn Exchange>,
+    solver: Option<Box<Solver>>,
+}
+
+struct Solver {
+    hessian: HessianSum,
+    pcg: Pcg,
+    solution: Vec<f64>,
+}
+
+/// What the first rank must know of the rows of a rank.
+pub(crate) struct RowsLayout {
+    /// Its nodes, also those of rows of others.
+    nodes: Vec<u32>,
+    /// Its free coordinates.
+    pub(crate) free: Range<usize>,
+    /// Coordinates per node.
+    block: usize,
+}
+
+impl RowsLayout {
+    /// Returns all coordinates whose positions it needs.
+    pub(crate) fn dofs(&self) -> impl Iterator<Item = usize> {
+        let block = self.block;
+        self.nodes.iter().flat_map(move |&node| block * node as usize..block * (node as usize + 1))
+    }
+}
+
+/// Returns whether ranks can solve the linear systems of a scheme together.
+fn is_solved_together(system: &System, options: &SolverOptions) -> bool {
+    options.linear == LinearSolver::Pcg
+        && system.terms().live().is_empty()
+        && system.forces().is_empty()
+        && system.constraints().is_empty()
+        && system.kinetic().is_none()
+        && system.coordinates().is_plain()
+}
+
+impl Rows {
+    /// Returns the rows of this rank, and those of all ranks; `None` if the first rank solves alone.
+    pub(crate) fn new(
+        whole: &System,
+        options: &SolverOptions,
+        exchange: &Arc<dyn Exchange>,
+    ) -> Result<Option<(Self, Vec<RowsLayout>)>, SolverError> {
+        if !is_solved_together(whole, options) {
+            return Ok(None);
+        }
+        let (terms, mass) = (whole.terms(), whole.mass());
+        let (block, size) = (common_block(terms), exchange.size());
+        let (row_of, free_of) = rows(terms, block, false);
+        let row_count = free_of.len() / block;
+        let owned = rows_of_ranks(row_count, size);
+        let owner = |row: u32| owned.partition_point(|rows| rows.end <= row as usize);
+
+        // The spans of each rank, and the nodes that these and its rows have.
+        let mut spans = vec![Vec::new(); size];
+        let mut nodes: Vec<Vec<u32>> = vec![Vec::new(); size];
+        for (node, &row) in (0_u32..).zip(&row_of).filter(|(_, row)| **row != NONE) {
+            nodes[owner(row)].push(node);
+        }
+        for span in varying_spans(terms, &mobilities(terms)).0 {
+            let stencils = terms.fixed()[span.term].stencils();
+            let of_span =
+                &stencils.nodes[span.stencils.start * stencils.arity..span.stencils.end * stencils.arity];
+            let rows = of_span.iter().map(|&node| row_of[node as usize]).filter(|&row| row != NONE);
+            let mut ranks: Vec<usize> = rows.map(owner).collect();
+            ranks.sort_unstable();
+            ranks.dedup();
+            for rank in ranks {
+                nodes[rank].extend_from_slice(of_span);
+                spans[rank].push(span.clone());
+            }
+        }
+        for nodes in &mut nodes {
+            nodes.sort_unstable();
+            nodes.dedup();
+        }
+
+        let rank = exchange.rank();
+        let own_nodes = &nodes[rank];
+        let mut runs: Vec<(usize, Range<usize>)> = Vec::new();
+        for span in &spans[rank] {
+            match runs.last_mut() {
+                Some((term, run)) if *term == span.term && run.end == span.stencils.start => {
+                    run.end = span.stencils.end;
+                }
+                _ => runs.push((span.term, span.stencils.clone())),
+            }
+        }
+        let number = |node: u32| own_nodes.binary_search(&node).map_or(NONE, |own| own as u32);
+        let portion = |(term, run): (usize, Range<usize>)| {
+            let portion = Portion::new(Arc::clone(&terms.fixed()[term]), run, mass.len(), number);
+            Box::new(portion.detached()) as Box<dyn Potential>
+        };
+        let portions = runs.into_iter().map(portion).collect();
+        let own_mass = own_nodes.iter().flat_map(|&node| &mass[block * node as usize..][..block]).copied();
+        let system = coordinates_of_nodes(terms.shared_coordinates(), own_nodes, block)
+            .and_then(|coordinates| System::new(own_mass.collect(), portions, coordinates))
+            .map_err(|error| SolverError::Ranks { reason: error.to_string() })?;
+        let of_nodes = own_nodes.iter().map(|&node| row_of[node as usize]);
+        let numbers: Vec<u32> = of_nodes.filter(|&row| row != NONE).collect();
+        let free_in = |rows: &Range<usize>| {
+            let before = |row: usize| free_of[..row * block].iter().filter(|&&free| free != NONE).count();
+            before(rows.start)..before(rows.end)
+        };
+        let of_rows = numbers.iter().flat_map(|&row| &free_of[row as usize * block..][..block]);
+        let free: Vec<u32> = of_rows.copied().filter(|&free| free != NONE).collect();
+        let all = free_in(&owned[rank]);
+        let place = |free_coordinate: usize| free.partition_point(|&free| (free as usize) < free_coordinate);
+        let own = place(all.start)..place(all.end);
+        let layout = nodes.iter().cloned().zip(&owned);
+        let layout = layout.map(|(nodes, rows)| RowsLayout { nodes, free: free_in(rows), block }).collect();
+        let exchange = Arc::clone(exchange);
+        Ok(Some((Self { system, numbers, row_count, free, own, block, exchange, solver: None }, layout)))
+    }
+
+    /// Returns the number of coordinates whose positions it needs, and that of its own free ones.
+    pub(crate) fn counts(&self) -> (usize, usize) {
+        (self.system.coordinates().dof_count(), self.own.len())
+    }
+
+    /// Assembles A = M + cK at positions `x` of its coordinates and prepares the solver, together with the other ranks.
+    /// Returns its costs, and a free coordinate of the whole system at which A is not positive definite, if there is one.
+    pub(crate) fn prepare(
+        &mut self,
+        x: &[f64],
+        t: f64,
+        c: f64,
+        is_projected: bool,
+    ) -> (SolverFacts, Option<usize>) {
+        let terms = self.system.terms();
+        let kind = if is_projected { HessianEvaluation::Projected } else { HessianEvaluation::Exact };
+        let mut positions = vec![0.0; self.system.coordinates().free_count()];
+        self.system.coordinates().coordinates_of(x, &mut positions);
+        let solver = match &mut self.solver {
+            Some(solver) => {
+                solver.hessian.evaluate(terms, x, t, kind);
+                solver
+            }
+            unmade => {
+                let mut hessian = HessianSum::new(terms, self.block);
+                hessian.evaluate(terms, x, t, kind);
+                let pattern = &hessian.matrix().pattern;
+                let (exchange, free) = (Arc::clone(&self.exchange), self.free.clone());
+                let share = Share::new(pattern, exchange, &self.numbers, self.row_count, free);
+                let pcg = Pcg::shared(hessian.matrix(), Preconditioner::BlockIncompleteCholesky, share);
+                let solution = vec![0.0; self.free.len()];
+                unmade.insert(Box::new(Solver { hessian, pcg, solution }))
+            }
+        };
+        let made = solver.pcg.prepare(self.system.free_mass(), c, solver.hessian.matrix(), &positions);
+        let facts = solver.pcg.facts();
+        let facts = SolverFacts {
+            iteration_bytes: facts.iteration_bytes,
+            iteration_flops: facts.iteration_flops,
+            prepare_bytes: facts.prepare_bytes,
+            coarse_flops: facts.coarse_flops,
+            bytes: facts.bytes,
+        };
+        (facts, made.err().map(|error| error.free))
+    }
+
+    /// Solves A v = b together with the other ranks; `v` are the own coordinates of b, then of the solution.
+    pub(crate) fn solve(&mut self, v: &mut [f64], tolerance: f64, max_iterations: u32) -> SharedSolve {
+        let Some(solver) = &mut self.solver else {
+            return SharedSolve::TooMany { iterations: 0, residual: f64::NAN };
+        };
+        let mut load = vec![0.0; self.free.len()];
+        load[self.own.clone()].copy_from_slice(v);
+        let solved = solver.pcg.solve(&load, &mut solver.solution, tolerance, max_iterations);
+        v.copy_from_slice(&solver.solution[self.own.clone()]);
+        match solved {
+            Ok(PcgReport { iterations, .. }) => SharedSolve::Converged { iterations },
+            Err(SolverError::ConjugateGradients { iterations, residual, .. }) => {
+                SharedSolve::TooMany { iterations, residual }
+            }
+            Err(SolverError::NegativeCurvature { iterations, curvature }) => {
+                SharedSolve::Negative { iterations, curvature }
+            }
+            // Conjugate gradients have no other errors.
+            Err(_) => SharedSolve::TooMany { iterations: 0, residual: f64::NAN },
+        }
+    }
+}
