@@ -148,7 +148,8 @@ impl EnergySum {
             }
         }
         let update = |part: &mut Part| {
-            if !std::mem::take(&mut part.known) && !(skip && part.constant) {
+            let is_known = std::mem::take(&mut part.known) || (skip && part.constant);
+            if !is_known {
                 part.total = sum_span(&part.span, terms, x, t);
             }
         };

@@ -34,7 +34,7 @@ pub struct AssemblyWork {
 /// The way to the gradient.
 enum GradientSum {
     /// This process computes it, or its share of it.
-    Here(Gather),
+    Here(Box<Gather>),
     /// Several processes compute it.
     Shared(Arc<dyn SharedTerms>),
 }
@@ -58,7 +58,7 @@ impl FixedSum {
         let block = block.unwrap_or_else(|| common_block(&terms));
         let gradient = match terms.shared() {
             Some(shared) => GradientSum::Shared(Arc::clone(shared)),
-            None => GradientSum::Here(Gather::new(&terms, block)),
+            None => GradientSum::Here(Box::new(Gather::new(&terms, block))),
         };
         let constant_stencils = match &gradient {
             GradientSum::Here(gather) => gather.constant_stencils() as u64,
@@ -71,7 +71,7 @@ impl FixedSum {
     /// Returns the sum of the terms that a rank of several computes, with the maps of its gradient.
     pub(crate) fn of_portion(terms: Terms, gather: Gather) -> Self {
         let (energy, block, work) = (EnergySum::new(&terms), gather.block(), AssemblyWork::default());
-        Self { energy, block, gradient: GradientSum::Here(gather), hessian: None, work, terms }
+        Self { energy, block, gradient: GradientSum::Here(Box::new(gather)), hessian: None, work, terms }
     }
 
     /// Replaces the terms by others with the same stencils.
