@@ -548,12 +548,14 @@ fn schemes_and_forces_of_the_first_rank_have_the_files_of_one_process() {
     let implicit = BLOCK.replace("stormer-verlet", "implicit-midpoint").replace("step = 1e-4", "step = 1e-3");
     let pcg = implicit.clone() + "[solver]\nlinear = \"pcg\"\n";
     let wind = CLOTH.replace("blanes-moan-4", "stormer-verlet") + "[wind]\nvelocity = [1.0, 0.0, 0.0]\n";
+    let adaptive = BLOCK.replace("step = 2.5e-4", "step = \"adaptive\"");
     let ledger = DRIVEN.replace("ledger = false", "ledger = true");
     for (name, text_of_scene) in [
         ("euler", &implicit.replace("implicit-midpoint", "backward-euler")),
         ("cholesky", &implicit),
         ("pcg", &pcg),
         ("implicit-cloth", &CLOTH.replace("blanes-moan-4", "implicit-midpoint")),
+        ("adaptive", &adaptive),
         ("wind", &wind),
         ("ledger", &ledger),
         ("rigid", &RIGID.to_owned()),
