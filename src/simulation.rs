@@ -38,7 +38,7 @@ pub use contact::ContactFacts;
 use contact::{ContactTotals, ContactWatch};
 pub use observe::{Observation, ProbeValue};
 use pace::Pace;
-pub(crate) use ranks::members;
+pub(crate) use ranks::{members, problems_of_ranks};
 pub use snapshot::{Snapshot, Substeps};
 
 /// Bodies that act on each other, as one Lagrangian system with its integrator.
@@ -136,10 +136,9 @@ impl Simulation {
     /// rank. Nothing may be evaluated before the others have made their [`members`].
     ///
     /// # Errors
-    /// Returns the errors of [`Simulation::new`], and what does not run on several ranks.
+    /// Returns the errors of [`Simulation::new`], and terms that do not run on several ranks.
     pub(crate) fn shared(scene: Scene, exchange: &Arc<dyn Exchange>) -> Result<Self, Vec<Problem>> {
-        let problems = ranks::problems(&scene);
-        if problems.is_empty() { Self::build(scene, exchange, Ok) } else { Err(problems) }
+        Self::build(scene, exchange, Ok)
     }
 
     /// Builds the simulation after `extend` has changed the model of the scene.

@@ -12,7 +12,7 @@ use super::checkpoint::Origin;
 use super::error::RunError;
 use crate::record::{self, record};
 use crate::scene::{Problem, Scene};
-use crate::simulation::{Simulation, members};
+use crate::simulation::{Simulation, members, problems_of_ranks};
 
 /// What the first rank sends before a run; a command to step has other first bytes.
 const START: &[u8; 8] = b"VI-START";
@@ -85,6 +85,10 @@ impl Team {
         let size = self.size();
         if size == 1 {
             return Ok((Simulation::new(scene).map_err(RunError::Scene)?, None));
+        }
+        let problems = problems_of_ranks(&scene);
+        if !problems.is_empty() {
+            return Err(RunError::Scene(problems));
         }
         let simulation = Simulation::shared(scene, &self.exchange).map_err(RunError::Scene)?;
         let threads = rayon::current_num_threads() as u64;

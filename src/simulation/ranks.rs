@@ -10,7 +10,7 @@ use crate::model;
 use crate::scene::{GuardAction, Problem, Scene};
 
 /// Returns the keys of a scene that do not run on several ranks.
-pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
+pub(crate) fn problems_of_ranks(scene: &Scene) -> Vec<Problem> {
     let switches = scene.guard.is_some_and(|guard| guard.action == GuardAction::Switch);
     let refused = [
         (scene.statics.is_some(), "static", "equilibria do not run on several ranks yet"),
