@@ -16,7 +16,8 @@ use crate::linear::matrix::Pattern;
 /// 536 without a coarse space.
 const ROWS_PER_RUN: usize = 256;
 
-/// Number of rows per domain: a smaller number gives more parallelism and more iterations.
+/// Number of rows per domain: a smaller number gives more parallelism and more iterations. P1 of 96 × 24 × 24 cells (60 000
+/// rows), three steps by implicit midpoint with h = 10 ms: 82 iterations, and 77 with at most eight domains.
 const ROWS_PER_DOMAIN: usize = 2500;
 
 /// The rows of a process.
