@@ -59,6 +59,8 @@ const STIFFNESS: f64 = 0.1;
 /// Stiffness of a layer between rigid bodies, as a multiple of the expected pressure. The slope B' of the barrier is
 /// then 0.1 under this pressure, which leaves three quarters of the layer open.
 const STIFFNESS_OF_RIGID: f64 = 10.0;
+/// Stiffness of a layer between rigid bodies without mass of their own, whose pressure cannot be estimated, Pa.
+const STIFFNESS_WITHOUT_MASS: f64 = 1e5;
 /// Placeholder of d̂ and κ for a part that takes these values from the other body of a pair.
 const FROM_OTHERS: f64 = 1e300;
 
@@ -291,6 +293,8 @@ fn of_rigid(scene: &Scene, number: usize, model: &RigidModel, rest: &[f64]) -> O
     let gravity = square(scene.gravity).sqrt();
     let density = rigid.density.or(rigid.mass.map(|mass| mass / form.volume)).unwrap_or(0.0);
     let speed = square(rigid.velocity.unwrap_or_default()) + 2.0 * gravity * extent(rest);
+    // Without weight and velocity, something else moves bodies; it may cross the scene during the run.
+    let speed = if speed > 0.0 { speed } else { (extent(rest) / scene.time.end).powi(2) };
     let pressure = if shape.is_plane() { 0.0 } else { spread * density * (gravity * form.thickness + speed) };
     let (frame, radius, stiffness) = (Some(model.frame()), model.radius, None);
     let own = model.surface_nodes();
@@ -326,7 +330,7 @@ fn rule(scene: &Scene, a: &Part, b: &Part, may_meet: bool) -> PairRule {
     let said = contact.pair(name_of(scene, a.number), name_of(scene, b.number));
     let are_rigid = contact.stiffness.is_none() && a.stiffness.is_none() && b.stiffness.is_none();
     let expected = STIFFNESS_OF_RIGID * a.pressure.max(b.pressure);
-    let expected = if expected > 0.0 { expected } else { 1e5 };
+    let expected = if expected > 0.0 { expected } else { STIFFNESS_WITHOUT_MASS };
     PairRule {
         excluded: false,
         joined: false,

@@ -41,6 +41,7 @@ impl Simulation {
                 | SolverError::ConjugateGradients { .. }
                 | SolverError::Residual { .. }
                 | SolverError::Term { .. }
+                | SolverError::NotFinite { .. }
         );
         let component = &self.components[number];
         let contact = component.contact.as_ref().filter(|_| is_possible)?;
@@ -56,8 +57,13 @@ impl Simulation {
         let moves = self.scene.statics.is_none();
         let met = cause.obstacle().or_else(|| moves.then(|| contact.first_to_meet(&x, &end())).flatten());
         let Gap { gap, distance, bodies, nodes } = contact.tightest(&x, met)?;
-        // An element may leave the domain of its law for other reasons than contact.
-        if matches!(cause, SolverError::Term { term, .. } if term.term != "contact") && gap >= distance {
+        // An element may leave the domain of its law, or a number its range, for other reasons than contact.
+        let is_of_contact = match cause {
+            SolverError::Term { term, .. } => term.term == "contact" || gap < distance,
+            SolverError::NotFinite { .. } => met.is_some() || gap < distance,
+            _ => true,
+        };
+        if !is_of_contact {
             return None;
         }
         let place = 3 * nodes[0][0] as usize;

@@ -88,8 +88,7 @@ fn every_body_keeps_its_energy_and_momentum_under_every_scheme() {
     }
 }
 
-/// A cloth whose nodes and triangles have other numbers in its file moves as before to round-off. With friction this
-/// holds until a step in which motions that agree to round-off part by 1e-8: docs/validation-contact.md.
+/// A cloth whose nodes and triangles have other numbers in its file moves as before to round-off, with friction too.
 #[test]
 fn numbers_of_nodes_do_not_matter_to_contact() {
     let directory = tempfile::TempDir::new().unwrap();
@@ -142,7 +141,7 @@ fixed = true
     };
     let last = count * count - 1;
     let files = [file("plain.obj", &|k| k), file("shuffled.obj", &|k| last - (37 * k) % (last + 1))];
-    for (friction, end) in [(0.0, 0.12), (0.3, 0.028)] {
+    for (friction, end) in [(0.0, 0.12), (0.3, 0.08)] {
         let [plain, shuffled] = files.each_ref().map(|path| run(path, friction, end));
         assert!(plain.column("pairs").iter().any(|&pairs| pairs > 0.0));
         for name in ["total", "kinetic", "friction", "pz", "lx", "ly"] {
