@@ -160,8 +160,6 @@ fn what_is_not_built_is_refused_by_name() {
     refused(&block("gauss", ""), &["gauss 2", "use stormer-verlet"]);
     let guarded = block("stormer-verlet", "") + "[guard]\naction = \"halve\"\n";
     refused(&guarded, &["guard.action", "explicit steps must not change"]);
-    let resting = block("implicit-midpoint", "friction = 0.3") + "[static]\n";
-    refused(&resting, &["contact", "depends on its path"]);
     refused(&block("backward-euler", "friction = 0.1"), &["friction", "backward-euler"]);
     refused(
         &block("energy-momentum", "exclude = [[\"block\", \"flor\"]]"),
