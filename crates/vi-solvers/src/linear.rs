@@ -13,3 +13,4 @@ mod ordering;
 pub(crate) mod pcg;
 pub(crate) mod pencil;
 mod rivalry;
+pub(crate) mod trial;

@@ -1,17 +1,14 @@
 //! Solves with the tangent of an equilibrium: a Cholesky factor, or conjugate gradients for large bodies.
 
 use crate::error::{NotPositiveDefinite, SolverError};
-use crate::linear::choice::{FACTOR_MEMORY_SHARE, describe, memory_of_machine, rough_load, try_gradients};
 use crate::linear::cost;
 use crate::linear::factor::Factor;
 use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::pcg::Pcg;
 use crate::linear::pcg::block::Preconditioner;
+use crate::linear::trial::{CONSIDER_FLOPS, describe, rough_load, too_large, try_gradients};
 use crate::options::LinearSolver;
 use crate::work::Work;
-
-/// A factor with fewer operations is taken without comparing: .1 s of the reference core.
-const CONSIDER_FLOPS: f64 = 3e9;
 
 /// Relative error in the energy norm of the solve by which the solvers are compared.
 const TRIAL_ACCURACY: f64 = 1e-4;
@@ -72,9 +69,8 @@ impl TangentSolver {
         work: &mut Work,
     ) -> (Kind, String) {
         let facts = factor.facts();
-        if facts.bytes as f64 > FACTOR_MEMORY_SHARE * memory_of_machine() {
-            let gigabytes = facts.bytes as f64 * 1e-9;
-            return (gradients(a), format!("pcg: a factor would take {gigabytes:.1} GB"));
+        if let Some(why) = too_large(&facts) {
+            return (gradients(a), format!("pcg: {why}"));
         }
         if facts.flops <= CONSIDER_FLOPS {
             return factored(factor);

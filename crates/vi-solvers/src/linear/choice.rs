@@ -12,14 +12,11 @@ use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::pcg::block::Preconditioner;
 use crate::linear::pcg::{Pcg, PcgFacts};
 use crate::linear::rivalry::{Rivalry, SOLVES_A_FACTOR};
+use crate::linear::trial::{CONSIDER_FLOPS, describe, rough_load, too_large, try_gradients};
 use crate::memory::StepperMemory;
 use crate::options::{LinearSolver, SolverOptions};
 use crate::work::Work;
 
-/// A factor with fewer operations is taken without comparing, since there is little to gain.
-const CONSIDER_FLOPS: f64 = 3e9;
-/// Largest fraction of the machine's memory that a factor may take.
-pub(crate) const FACTOR_MEMORY_SHARE: f64 = 0.5;
 /// Relative error of a solve by conjugate gradients in the energy norm. Newton's method corrects it.
 const FORCING: f64 = 0.05;
 /// Relative error of a solve while solutions are differenced.
@@ -434,10 +431,9 @@ impl ChosenSolver {
         // Facts and costs of the factor if it were made.
         let (facts, costs) = (self.facts(), self.costs);
         self.rivalry.begin(Some(&costs));
-        let (memory, gigabytes) = (memory_of_machine(), facts.bytes as f64 * 1e-9);
-        if facts.bytes as f64 > FACTOR_MEMORY_SHARE * memory {
+        if let Some(why) = too_large(&facts) {
             self.rivalry.begin(None);
-            self.take_gradients(system, k, format!("a factor would take {gigabytes:.1} GB"));
+            self.take_gradients(system, k, why);
             return Ok(());
         }
         if facts.flops <= CONSIDER_FLOPS || self.is_exact {
@@ -500,54 +496,4 @@ impl ChosenSolver {
         }
         Ok(())
     }
-}
-
-/// Solves with A = M + cK at these positions and a random load, weighted by the masses `weights`, by conjugate gradients to
-/// the relative `accuracy`. Returns the number of iterations and the cost of a solve in seconds of the reference core, or
-/// `None` if it would exceed `most`.
-pub(crate) fn try_gradients(
-    (weights, mass, c, k, positions): (&[f64], &[f64], f64, &SymmetricMatrix, &[f64]),
-    accuracy: f64,
-    most: f64,
-    work: &mut Work,
-) -> Option<[f64; 2]> {
-    let mut pcg = Pcg::new(k, Preconditioner::BlockIncompleteCholesky);
-    let iteration = cost::iteration(&pcg.facts());
-    let limit = (most / iteration) as u32;
-    if limit == 0 || pcg.prepare(mass, c, k, positions).is_err() {
-        return None;
-    }
-    let load = rough_load(weights);
-    let mut x = vec![0.0; load.len()];
-    let report = pcg.solve(&load, &mut x, accuracy, limit).ok()?;
-    work.pcg_iterations += u64::from(report.iterations);
-    let iterations = f64::from(report.iterations);
-    Some([iterations, (iterations + 1.0) * iteration])
-}
-
-/// Describes a factor.
-pub(crate) fn describe(facts: &FactorFacts, single: bool) -> String {
-    let (flops, megabytes) = (1e-9 * facts.flops, 1e-6 * facts.bytes as f64);
-    let precision = if single { "single" } else { "double" };
-    format!("cholesky: {flops:.2} Gflop per factor, {megabytes:.1} MB, {precision} precision")
-}
-
-/// Returns a load with all frequencies, the same at every call.
-pub(crate) fn rough_load(mass: &[f64]) -> Vec<f64> {
-    mass.iter().zip(0..).map(|(m, i)| m * rough(i)).collect()
-}
-
-/// Returns a pseudo-random number from −1 to 1, the same at every call.
-fn rough(k: u64) -> f64 {
-    let mixed = (k + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-    (mixed >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-}
-
-/// Returns the machine's memory in bytes; 8 GB if it cannot be read.
-pub(crate) fn memory_of_machine() -> f64 {
-    let told = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
-        let line = text.lines().find(|line| line.starts_with("MemTotal:"))?;
-        line.split_whitespace().nth(1)?.parse::<f64>().ok()
-    });
-    told.map_or(8e9, |kilobytes| 1024.0 * kilobytes)
 }
