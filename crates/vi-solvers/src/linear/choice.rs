@@ -182,7 +182,12 @@ impl ChosenSolver {
                 self.double(&format!("in single precision a solve has a relative error of {left:.1e}"));
                 return self.make(system, mass, c, k, positions, work);
             }
-            Path::Gradients(pcg) => pcg.prepare(mass, c, k, positions).map(|_| ()).map_err(SolverError::from),
+            Path::Gradients(pcg) => {
+                let made = pcg.prepare(mass, c, k, positions).map(|_| ()).map_err(SolverError::from);
+                self.pcg = pcg.facts();
+                self.costs.factor = cost::preparation(&self.pcg);
+                made
+            }
         };
         match made {
             Err(SolverError::NotPositiveDefinite(_)) if self.choice == LinearSolver::Auto => {
@@ -321,11 +326,12 @@ impl ChosenSolver {
         is_projected: bool,
     ) -> Result<(), SolverError> {
         let (facts, indefinite) = shared.prepare(x, t, c, is_projected);
+        let SolverFacts { iteration_bytes, iteration_flops, prepare_bytes, coarse_flops, bytes } = facts;
+        self.pcg = PcgFacts { iteration_bytes, iteration_flops, prepare_bytes, coarse_flops, bytes };
         if self.is_ready() {
             self.rivalry.is_due();
+            self.costs.factor = cost::preparation(&self.pcg);
         } else {
-            let SolverFacts { iteration_bytes, iteration_flops, prepare_bytes, coarse_flops, bytes } = facts;
-            self.pcg = PcgFacts { iteration_bytes, iteration_flops, prepare_bytes, coarse_flops, bytes };
             let why = if self.continued.take().is_some() { CONTINUED } else { "asked for" };
             self.enter_gradients(system, why);
             self.path = Path::Shared(Arc::clone(shared));

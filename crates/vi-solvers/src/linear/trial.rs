@@ -23,11 +23,11 @@ pub(crate) fn try_gradients(
     work: &mut Work,
 ) -> Option<[f64; 2]> {
     let mut pcg = Pcg::new(k, Preconditioner::BlockIncompleteCholesky);
-    let iteration = cost::iteration(&pcg.facts());
-    let limit = (most / iteration) as u32;
-    if limit == 0 || pcg.prepare(mass, c, k, positions).is_err() {
+    if pcg.prepare(mass, c, k, positions).is_err() {
         return None;
     }
+    let iteration = cost::iteration(&pcg.facts());
+    let limit = (most / iteration) as u32;
     let load = rough_load(weights);
     let mut x = vec![0.0; load.len()];
     let report = pcg.solve(&load, &mut x, accuracy, limit).ok()?;

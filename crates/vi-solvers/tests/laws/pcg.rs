@@ -61,6 +61,29 @@ fn agrees_with_the_factor() {
 }
 
 #[test]
+fn a_loose_solve_has_the_error_that_was_asked_for() {
+    let (system, x) = block_system([30, 10, 10], true);
+    let k = hessian(&system, &deformed(&x, 0.02));
+    let b = wave(k.free_count());
+    let energy = |u: &[f64]| {
+        let mut product = vec![0.0; u.len()];
+        k.multiply(u, &mut product);
+        let masses = system.free_mass();
+        (0..u.len()).map(|i| u[i] * (masses[i] * u[i] + 10.0 * product[i])).sum::<f64>()
+    };
+    let mut pcg = Pcg::new(&k, Preconditioner::BlockIncompleteCholesky);
+    pcg.prepare(system.free_mass(), 10.0, &k, &places(&system, &x)).unwrap();
+    let [mut loose, mut exact] = [(); 2].map(|()| vec![0.0; b.len()]);
+    pcg.solve(&b, &mut exact, 1e-11, 1000).unwrap();
+    for tolerance in [0.3, 0.05, 0.01] {
+        pcg.solve(&b, &mut loose, tolerance, 1000).unwrap();
+        let error: Vec<f64> = loose.iter().zip(&exact).map(|(a, b)| a - b).collect();
+        let relative = (energy(&error) / energy(&exact)).sqrt();
+        assert!(relative < tolerance, "{tolerance}: {relative}");
+    }
+}
+
+#[test]
 fn prescribed_axes_do_not_enter() {
     let (x, nodes) = block([6, 4, 4]);
     let dofs = (0..x.len() as u32).filter(|dof| dof % 11 == 0 || dof % 13 == 1).collect();

@@ -33,7 +33,7 @@ pub(super) struct BlockPreconditioner {
     kind: Preconditioner,
     /// D⁻¹, one block per row.
     inverse: Vec<f64>,
-    /// L, one block per entry of the pattern in row order, with rows of [`lanes`] numbers; the diagonal's block is not
+    /// L, one block per entry of the pattern in row order, then numbers for loads of whole lanes; the diagonal's block is not
     /// used.
     lower: Vec<f32>,
     /// First entry of each row whose column lies in the domain of the row; zero for rows of other processes.
@@ -58,7 +58,7 @@ impl BlockPreconditioner {
     pub(super) fn new(pattern: &Pattern, kind: Preconditioner, share: &Share) -> Self {
         let rows = pattern.row_count();
         let has_lower = kind != Preconditioner::BlockJacobi;
-        let lanes = lanes(pattern.block);
+        let (area, lanes) = (pattern.block * pattern.block, lanes(pattern.block));
         let mut first_inside = vec![0; rows];
         for domain in &share.domains {
             for row in domain.clone() {
@@ -71,8 +71,11 @@ impl BlockPreconditioner {
         Self {
             kind,
             first_inside,
-            inverse: vec![0.0; rows * pattern.block * pattern.block],
-            lower: vec![0.0; if has_lower { pattern.columns.len() * pattern.block * lanes } else { 0 }],
+            inverse: vec![0.0; rows * area],
+            lower: vec![
+                0.0;
+                if has_lower { pattern.columns.len() * area + lanes - pattern.block } else { 0 }
+            ],
             padded: vec![0.0; if has_lower { 2 * share.rows.len() * lanes } else { 0 }],
         }
     }
@@ -81,20 +84,20 @@ impl BlockPreconditioner {
     pub(super) fn bytes(&self, block: usize, rows: usize, entries: usize) -> usize {
         let has_lower = usize::from(self.kind != Preconditioner::BlockJacobi);
         let lanes = lanes(block);
-        8 * rows * (block * block + 2 * lanes * has_lower) + 4 * (entries * block * lanes * has_lower + rows)
+        8 * rows * (block * block + 2 * lanes * has_lower) + 4 * (entries * block * block * has_lower + rows)
     }
 
     /// Builds P for the rows of A that this process shares. Returns the kind that all built, or the first free coordinate
     /// whose diagonal block is not positive definite.
     pub(super) fn prepare(&mut self, a: &SymmetricMatrix, share: &Share) -> Result<Preconditioner, usize> {
         match a.pattern.block {
-            3 => self.prepare_blocks::<3, 4>(a, share),
-            2 => self.prepare_blocks::<2, 2>(a, share),
-            _ => self.prepare_blocks::<1, 1>(a, share),
+            3 => self.prepare_blocks::<3>(a, share),
+            2 => self.prepare_blocks::<2>(a, share),
+            _ => self.prepare_blocks::<1>(a, share),
         }
     }
 
-    fn prepare_blocks<const B: usize, const W: usize>(
+    fn prepare_blocks<const B: usize>(
         &mut self,
         a: &SymmetricMatrix,
         share: &Share,
@@ -111,7 +114,7 @@ impl BlockPreconditioner {
         let first_entry = a.pattern.row_start[first_row] as usize;
         for &kind in kinds {
             let (inverse, _) = self.inverse.as_chunks_mut::<B>();
-            let (lower, _) = self.lower.as_chunks_mut::<W>();
+            let (lower, _) = self.lower.as_chunks_mut::<B>();
             let lower = if lower.is_empty() { lower } else { &mut lower[first_entry * B..] };
             let domains = (&share.domains[..], &self.first_inside[..]);
             let made = make_domains(a, kind, domains, &mut inverse[first_row * B..], lower);
@@ -142,7 +145,7 @@ impl BlockPreconditioner {
         let solve = triangular::Solve::<B, W> {
             pattern,
             inverse: self.inverse.as_chunks::<B>().0,
-            lower: self.lower.as_chunks::<W>().0,
+            lower: &self.lower,
             first_inside: &self.first_inside,
             r: r.as_chunks::<B>().0,
         };
@@ -201,12 +204,12 @@ fn invert<const B: usize>(a: &Block<B>, smallest: [f64; B]) -> Option<Block<B>> 
 
 /// Computes D⁻¹ and L of some domains, each on its own part of the arrays. `inside` are the domains and the first entries
 /// of rows inside them.
-fn make_domains<const B: usize, const W: usize>(
+fn make_domains<const B: usize>(
     a: &SymmetricMatrix,
     kind: Preconditioner,
     (domains, first_inside): (&[Range<usize>], &[u32]),
     inverse: &mut [[f64; B]],
-    lower: &mut [[f32; W]],
+    lower: &mut [[f32; B]],
 ) -> Result<(), Breakdown> {
     match domains {
         [] => Ok(()),
@@ -227,12 +230,12 @@ fn make_domains<const B: usize, const W: usize>(
     }
 }
 
-fn make_domain<const B: usize, const W: usize>(
+fn make_domain<const B: usize>(
     a: &SymmetricMatrix,
     kind: Preconditioner,
     (rows, first_inside): (Range<usize>, &[u32]),
     inverse: &mut [[f64; B]],
-    lower: &mut [[f32; W]],
+    lower: &mut [[f32; B]],
 ) -> Result<(), Breakdown> {
     let pattern = &*a.pattern;
     let (values, _) = a.values.as_chunks::<B>();

@@ -11,7 +11,7 @@ pub(super) struct Solve<'a, const B: usize, const W: usize> {
     pub(super) pattern: &'a Pattern,
     /// D⁻¹ by rows, and L by entries.
     pub(super) inverse: &'a [[f64; B]],
-    pub(super) lower: &'a [[f32; W]],
+    pub(super) lower: &'a [f32],
     /// First entry of each row inside its domain.
     pub(super) first_inside: &'a [u32],
     pub(super) r: &'a [[f64; B]],
@@ -50,7 +50,9 @@ impl<const B: usize, const W: usize> Solve<'_, B, W> {
         }
     }
 
-    /// Performs both sweeps. All loops over lanes have a fixed length, so that they become vector instructions.
+    /// Performs both sweeps. All loops over lanes have a fixed length, so that they become vector instructions. The lanes after
+    /// the last coordinate read numbers of the next block: the forward sweep multiplies them by zero, and nothing uses what
+    /// the backward sweep makes of them.
     #[inline(always)]
     fn sweeps(&self, rows: Range<usize>, z: &mut [[f64; B]], [y, sums]: [&mut [[f64; W]]; 2]) {
         let pattern = self.pattern;
@@ -60,11 +62,11 @@ impl<const B: usize, const W: usize> Solve<'_, B, W> {
         for row in rows.clone() {
             let mut products = [[0.0; W]; B];
             for entry in entries(row) {
-                let l = &self.lower[entry * B..entry * B + B];
+                let l = &self.lower[entry * B * B..][..B * (B - 1) + W];
                 let y = &y[pattern.columns[entry] as usize - first];
                 for i in 0..B {
                     for lane in 0..W {
-                        products[i][lane] += f64::from(l[i][lane]) * y[lane];
+                        products[i][lane] += f64::from(l[i * B + lane]) * y[lane];
                     }
                 }
             }
@@ -74,20 +76,22 @@ impl<const B: usize, const W: usize> Solve<'_, B, W> {
             }
             y[row - first] = value;
             let inverse = &self.inverse[row * B..row * B + B];
+            let mut improved = [0.0; W];
             for i in 0..B {
-                sums[row - first][i] = (0..B).map(|j| inverse[i][j] * value[j]).sum();
+                improved[i] = (0..B).map(|j| inverse[i][j] * value[j]).sum();
             }
+            sums[row - first] = improved;
         }
         // Backward: z_i = sums_i − Σ L_jiᵀ z_j. Each row, once known, is subtracted from the rows before it.
         for row in rows.rev() {
             let value = sums[row - first];
             z[row - first] = std::array::from_fn(|i| value[i]);
             for entry in entries(row) {
-                let l = &self.lower[entry * B..entry * B + B];
+                let l = &self.lower[entry * B * B..][..B * (B - 1) + W];
                 let sum = &mut sums[pattern.columns[entry] as usize - first];
                 for i in 0..B {
                     for lane in 0..W {
-                        sum[lane] -= f64::from(l[i][lane]) * value[i];
+                        sum[lane] -= f64::from(l[i * B + lane]) * value[i];
                     }
                 }
             }
