@@ -7,11 +7,12 @@ pub(crate) mod batch;
 pub(crate) mod contract;
 pub(crate) mod eigensystem;
 pub(crate) mod formula;
-pub(crate) mod jet;
+mod jet;
 #[cfg(test)]
 mod laws;
 pub(crate) mod own;
 pub(crate) mod parameters;
+mod program;
 #[cfg(test)]
 pub(crate) mod properties;
 

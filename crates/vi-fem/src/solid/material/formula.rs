@@ -6,8 +6,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::contract::{Material, Outside, positive_determinant};
-use super::jet::{Jet, Program};
+use super::jet::Jet;
 use super::parameters::{Parameters, require_positive};
+use super::program::Program;
 use crate::error::FemError;
 use crate::lanes::real::Real;
 use crate::path::expression::Expression;
@@ -156,7 +157,7 @@ impl Material for Formula {
     #[inline(always)]
     fn stress<R: Real>(&self, f: &Mat3<R>) -> Mat3<R> {
         let Invariants { values, first } = self.invariants(f);
-        let by = self.program.at::<R, 3, 0>(values).first;
+        let by = self.program.gradient(values);
         let valid = values[2].if_positive(by[2], by[2].constant(f64::NAN));
         let mut stress = mat3!(i j => by[0].mul_add(first[0][i][j], valid * first[2][i][j]));
         if self.program.uses_second {
