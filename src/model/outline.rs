@@ -37,15 +37,24 @@ impl Outline {
         Self::new(rigid.carry(x, &form.points), form.triangles.clone(), true)
     }
 
-    /// Returns whether a piece of `other` lies wholly within this body, provided that their surfaces do not cross.
-    pub(crate) fn encloses(&self, other: &Self) -> bool {
+    /// Returns a point of a piece of `other` that lies wholly within this body, provided that their surfaces do not cross;
+    /// `None` if there is none.
+    pub(crate) fn enclosed_point(&self, other: &Self) -> Option<u32> {
         let within = |&piece: &u32| is_inside(other.points[piece as usize], &self.points, &self.triangles);
-        self.is_filled && other.pieces.iter().any(within)
+        other.pieces.iter().copied().find(|piece| self.is_filled && within(piece))
+    }
+
+    /// Returns the point nearest to `place`, and its distance (m).
+    pub(crate) fn nearest_point(&self, place: [f64; 3]) -> Option<(usize, f64)> {
+        let distance =
+            |point: &[f64; 3]| point.iter().zip(place).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+        let on_surface = self.triangles.iter().flatten().map(|&point| point as usize);
+        on_surface.map(|point| (point, distance(&self.points[point]))).min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
     /// Returns whether the surfaces of two bodies cross, or one lies within the other.
     pub(crate) fn meets(&self, other: &Self) -> bool {
-        if self.encloses(other) || other.encloses(self) {
+        if self.enclosed_point(other).is_some() || other.enclosed_point(self).is_some() {
             return true;
         }
         let first = self.points.len() as u32;

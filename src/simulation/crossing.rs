@@ -75,14 +75,19 @@ impl Simulation {
         let mut problems = Vec::new();
         for (outer, around) in outlines.iter().enumerate() {
             for (inner, within) in outlines.iter().enumerate() {
-                if inner != outer
-                    && self.meeting.may_meet(&self.scene, inner, outer)
-                    && around.encloses(within)
-                {
+                if inner == outer || !self.meeting.may_meet(&self.scene, inner, outer) {
+                    continue;
+                }
+                if let Some(point) = around.enclosed_point(within) {
+                    let place = within.points[point as usize];
+                    let [x, y, z] = place;
+                    let nearest = around.nearest_point(place).map_or(String::new(), |(node, distance)| {
+                        format!(", {distance:.3e} m from point {node} of the surface around it")
+                    });
                     let [inner, outer] = [inner, outer].map(|number| name_of(&self.scene, number));
                     let message = format!(
-                        "'{inner}' starts within '{outer}': move it out, let `contact.resolve = true` do it, or list the \
-                         pair in `contact.exclude`"
+                        "'{inner}' starts within '{outer}': point {point} of '{inner}' is at ({x:.4e}, {y:.4e}, {z:.4e}) m{nearest}; \
+                         move it out, let `contact.resolve = true` do it, or list the pair in `contact.exclude`"
                     );
                     problems.push(Problem::new("contact", message));
                 }

@@ -272,7 +272,19 @@ position = [0.45, 0.52, 0.5]
     for shape in [r#"{ kind = "box", size = [0.1, 0.1, 0.1] }"#, r#"{ kind = "sphere", radius = 0.05 }"#] {
         let program = Program::try_run(&nested(shape, ""), &[]);
         assert_eq!(program.code(), Some(2), "{}", program.errors());
-        assert!(program.errors().contains("'stone' starts within 'jelly'"), "{}", program.errors());
+        let said = program.errors();
+        assert!(said.contains("'stone' starts within 'jelly': point "), "{said}");
+        // The named place lies in the stone, at the named distance from the nearest node of the jelly's surface.
+        let after = |word: &str| said.split_once(word).expect(&said).1;
+        let (place, rest) = after("is at (").split_once(") m, ").unwrap();
+        let place: Vec<f64> = place.split(", ").map(|number| number.parse().unwrap()).collect();
+        let distance: f64 = rest.split(' ').next().unwrap().parse().unwrap();
+        let from = |node: [f64; 3]| (0..3).map(|k| (place[k] - node[k]).powi(2)).sum::<f64>().sqrt();
+        assert!(from([0.45, 0.52, 0.5]) < 0.1, "{said}");
+        let nodes =
+            (0..27).filter(|&k| k != 13).map(|k| [k % 3, k / 3 % 3, k / 9].map(|i| 0.5 * f64::from(i)));
+        let nearest = nodes.map(from).fold(f64::INFINITY, f64::min);
+        assert!((distance / nearest - 1.0).abs() < 1e-3, "{said}: {nearest}");
         let parted = nested(shape, "").replace("[contact]", "[contact]\nresolve = true");
         let report = Program::run(&parted).report();
         let moved = &report["contact"]["parted_at_start"][0];

@@ -146,16 +146,16 @@ impl Multipliers {
         self.eliminate(c, inverse, evaluator, v, Part::Trial)
     }
 
-    /// Adds the change of δ that a change r of the residual causes to `correction`; `change` = A⁻¹r. Returns δᵀAδ/c.
+    /// Adds the change of δ that a change r of the residual causes to `correction`; `change` = A⁻¹r. Returns the energy
+    /// −R·δ/c with the forces of the multipliers in R, without that change.
     pub(crate) fn add_change(
         &mut self,
         c: f64,
         inverse: &mut Inverse,
         evaluator: &mut Evaluator,
-        (r, change): (&[f64], &mut [f64]),
+        change: &mut [f64],
         correction: &mut [f64],
     ) -> Result<f64, SolverError> {
-        self.load.iter_mut().zip(r).for_each(|(load, r)| *load += r);
         self.eliminate(c, inverse, evaluator, change, Part::Change)?;
         correction.iter_mut().zip(&*change).for_each(|(value, change)| *value += change);
         Ok(self.load.iter().zip(&*correction).map(|(r, d)| r * d).sum::<f64>() / c)

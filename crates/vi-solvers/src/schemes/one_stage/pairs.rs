@@ -111,10 +111,10 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         let mut change = r.to_vec();
         inverse.apply(evaluator, &mut change)?;
         if let Some(multipliers) = multipliers {
-            return multipliers.add_change(*c, inverse, evaluator, (r, &mut change), correction);
+            return multipliers.add_change(*c, inverse, evaluator, &mut change, correction);
         }
         vectors::update(correction, |k, value| *value += change[k]);
-        Ok(vectors::sum(r.len(), |k| (residual[k] + r[k]) * correction[k]) / *c)
+        Ok(vectors::dot(residual, correction) / *c)
     }
 
     fn limit(&mut self, evaluator: &mut Evaluator, longest: f64, is_uniform: bool) -> bool {
