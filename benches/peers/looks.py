@@ -1,0 +1,157 @@
+"""A sheet at large steps: run time against the error of its positions, compared with MuJoCo's flex and Newton's VBD.
+
+`looks.py [--cells 40] [--young 1e5] [--end 0.5] [--rate 60] [--binary target/release/variational]`
+
+The sheet of `flag.py` (StVK, no bending stiffness) is held along one edge and dropped from horizontal. All programs use one
+thread and steps of 1/rate s or the substeps that the table names. The error is the largest distance of a node of the free edge
+from a converged run (`stormer-verlet`), over its largest displacement, at `end` and halfway. Newton's VBD has its
+own law of membranes (stable neo-Hookean with the same moduli at rest; the sheet stretches by less than 3 %). The time is the
+processor's while stepping for the peers, after a first step that compiles kernels, and of the whole program for ours.
+"""
+import argparse
+import os
+import pathlib
+import resource
+import subprocess
+import tempfile
+import time
+
+import numpy as np
+from flag import DENSITY, G, POISSON, THICKNESS, Flag, mujoco_model
+
+
+def scene(arguments, scheme, step, count):
+    """Returns the sheet with a probe per node of the free edge, and rows at half time and at the end."""
+    cells = arguments.cells
+    probes = "".join(
+        f'[[probe]]\nname = "p{j}"\nbody = "flag"\npoint = [1.0, {j / cells!r}, 0.0]\n'
+        for j in range(cells + 1)
+    )
+    return f"""
+gravity = [0.0, 0.0, -{G}]
+[time]
+end = {arguments.end!r}
+step = {step!r}
+{scheme}
+[[body]]
+name = "flag"
+sheet = {{ size = [1.0, 1.0], cells = [{cells}, {cells}] }}
+material = {{ law = "st-venant-kirchhoff", young = {arguments.young!r}, poisson = {POISSON}, area_density = {DENSITY}, thickness = {THICKNESS}, bending = "none" }}
+[[fix]]
+body = "flag"
+region = "x-min"
+[output]
+history = {count // 2}
+{probes}"""
+
+
+def run_ours(arguments, scheme, count):
+    with tempfile.TemporaryDirectory() as directory:
+        path, out = pathlib.Path(directory, "sheet.toml"), pathlib.Path(directory, "out")
+        path.write_text(scene(arguments, scheme, arguments.end / count, count))
+        command = [arguments.binary, "run", str(path), "--out", str(out), "--threads", "1", "--quiet"]
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        done = subprocess.run(command, capture_output=True, text=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        if done.returncode not in (0, 3):
+            print(done.stderr)
+            return float("nan"), None
+        rows = np.genfromtxt(out / "history.csv", delimiter=",", names=True)
+        edge = [[rows[f"p{j}u{axis}"][1:] for axis in "xyz"] for j in range(arguments.cells + 1)]
+        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, np.array(edge).transpose(2, 0, 1)
+
+
+def halves(count, advance, edge):
+    """Calls `advance` for both halves of the steps; returns its processor time and the displacements of the free edge."""
+    seconds, found = 0.0, []
+    for half in range(2):
+        start = time.process_time()
+        advance(count // 2)
+        seconds += time.process_time() - start
+        found.append(edge())
+    return seconds, np.array(found)
+
+
+def run_mujoco(arguments, flag, integrator, count):
+    mujoco, model, data, dofs = mujoco_model(flag, arguments.young, integrator, arguments.end / count)
+    free_edge = np.flatnonzero(flag.points[flag.free, 0] == 1.0)
+    return halves(count, lambda steps: mujoco.mj_step(model, data, steps), lambda: data.qpos[dofs][free_edge].copy())
+
+
+def run_newton(arguments, flag, iterations, count):
+    import newton
+    import warp as wp
+
+    builder = newton.ModelBuilder()
+    builder.add_cloth_mesh(
+        pos=wp.vec3(0.0), rot=wp.quat_identity(), scale=1.0, vel=wp.vec3(0.0),
+        vertices=[wp.vec3(*point) for point in flag.points], indices=flag.triangles.ravel().tolist(), density=DENSITY,
+        tri_ke=flag.mu * THICKNESS, tri_ka=flag.lam * THICKNESS, tri_kd=0.0, edge_ke=0.0, edge_kd=0.0, tri_drag=0.0,
+        tri_lift=0.0, particle_radius=1e-4,
+    )
+    for node in flag.fixed:
+        builder.particle_mass[node] = 0.0
+    builder.color()
+    model = builder.finalize(device="cpu")
+    model.set_gravity((0.0, 0.0, -G))
+    solver = newton.solvers.SolverVBD(model, iterations=iterations, particle_enable_self_contact=False)
+    states, control = [model.state(), model.state()], model.control()
+    step = arguments.end / count
+    free_edge = flag.points[:, 0] == 1.0
+
+    def advance(steps):
+        for _ in range(steps):
+            states[0].clear_forces()
+            solver.step(states[0], states[1], control, None, step)
+            states.reverse()
+
+    # Compile the kernels, then return to the start.
+    first = [array.numpy().copy() for array in (states[0].particle_q, states[0].particle_qd)]
+    advance(2)
+    for state in states:
+        state.particle_q.assign(first[0])
+        state.particle_qd.assign(first[1])
+    solver = newton.solvers.SolverVBD(model, iterations=iterations, particle_enable_self_contact=False)
+    return halves(count, advance, lambda: states[0].particle_q.numpy()[free_edge] - flag.points[free_edge])
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cells", type=int, default=40)
+    parser.add_argument("--young", type=float, default=1e5)
+    parser.add_argument("--end", type=float, default=0.5)
+    parser.add_argument("--rate", type=int, default=60)
+    parser.add_argument("--binary", default="target/release/variational")
+    arguments = parser.parse_args()
+    arguments.binary = str(pathlib.Path(arguments.binary).absolute())
+    os.chdir(tempfile.mkdtemp())  # MuJoCo writes its log where it runs
+    flag = Flag(arguments.cells, arguments.young)
+    count = 2 * max(1, round(arguments.end * arguments.rate / 2))
+    speed = (arguments.young * THICKNESS / DENSITY / (1 - POISSON**2)) ** 0.5
+    fine = 2 * int(np.ceil(arguments.end * speed * arguments.cells / 0.15))
+    stable = 2 * int(np.ceil(arguments.end * speed * arguments.cells / 0.7))
+    _, exact = run_ours(arguments, 'scheme = "stormer-verlet"', fine)
+    largest = np.linalg.norm(exact, axis=2).max()
+
+    print("| program | scheme | step, s | processor s | s per step | error at half time | at the end |\n|---|---|--:|--:|--:|--:|--:|")
+
+    def enter(program, scheme, count, run):
+        seconds, edge = run
+        error = [float("nan")] * 2 if edge is None else np.linalg.norm(edge - exact, axis=2).max(axis=1) / largest
+        print(f"| {program} | {scheme} | {arguments.end / count:.2e} | {seconds:.2f} | {seconds / count:.4f} "
+              f"| {100 * error[0]:.1f} % | {100 * error[1]:.1f} % |", flush=True)
+
+    for solves in (2, 8, 32):
+        scheme = f'scheme = "truncated-euler"\nsolves = {solves}'
+        enter("variational", f"`truncated-euler`, {solves} solves", count, run_ours(arguments, scheme, count))
+    for name in ("backward-euler", "energy-momentum"):
+        enter("variational", f"`{name}`", count, run_ours(arguments, f'scheme = "{name}"', count))
+    enter("variational", "`stormer-verlet`", stable, run_ours(arguments, 'scheme = "stormer-verlet"', stable))
+    for iterations, parts in ((10, 1), (30, 1), (100, 1), (10, 10), (10, 30)):
+        enter("Newton", f"VBD, {iterations} iterations", count * parts, run_newton(arguments, flag, iterations, count * parts))
+    for parts in (1, 4, 16):
+        enter("MuJoCo", "`discrete`", count * parts, run_mujoco(arguments, flag, "discrete", count * parts))
+
+
+if __name__ == "__main__":
+    main()
