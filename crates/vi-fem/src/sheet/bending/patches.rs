@@ -191,15 +191,19 @@ impl<const F: usize> Patches<F> {
         &self.groups[self.group_of[range.start] as usize..=self.group_of[range.end - 1] as usize]
     }
 
-    /// Returns the corner positions of the stencils in one part of a group.
+    /// Reads the corner positions of the stencils in one part of a group.
     #[inline(always)]
-    fn gather<S: Simd>(&self, simd: S, group: &Group, part: usize, x: &[f64]) -> [[Lane<S>; 3]; MOST] {
-        let mut at = [[Lane::splat(simd, 0.0); 3]; MOST];
+    fn gather<S: Simd>(
+        &self,
+        simd: S,
+        (group, part): (&Group, usize),
+        x: &[f64],
+        at: &mut [[Lane<S>; 3]; MOST],
+    ) {
         let first = (group.first + part * S::F64_LANES) * self.arity;
         for a in 0..self.arity {
             at[a] = gather(simd, x, &self.nodes[first + a..], self.arity);
         }
-        at
     }
 
     /// Returns the fold of hinge b with its four corners. `held` counts the held corners of the hinges before it, and
@@ -243,11 +247,12 @@ impl<const F: usize> WithSimd for Energies<'_, F> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { patches, range, x, out } = self;
+        let zero = Lane::splat(simd, 0.0);
+        let mut at = [[zero; 3]; MOST];
         for group in patches.groups(&range) {
             let mut energy = [Pack::default()];
             for part in 0..parts::<S>() {
-                let zero = Lane::splat(simd, 0.0);
-                let at = patches.gather(simd, group, part, x);
+                patches.gather(simd, (group, part), x, &mut at);
                 let mut held = group.held;
                 let (mut y, mut surplus) = ([zero; F], zero);
                 for (b, &corners) in patches.patterns[group.pattern].iter().enumerate() {
@@ -282,17 +287,19 @@ impl<const F: usize> WithSimd for Gradients<'_, F> {
         let Self { patches, range, x, out } = self;
         let size = 3 * patches.arity;
         let mut local = [Pack::default(); 3 * MOST];
+        // These are written before they are read. To clear them for each group took 14 % of a step.
+        let zero = Lane::splat(simd, 0.0);
+        let (mut at, mut sum) = ([[zero; 3]; MOST], [[zero; 3]; MOST]);
+        let mut slopes = [[[zero; 3]; 4]; BENDS];
+        // ψ and 1 − ψ′ of each hinge.
+        let mut turns = [[zero; 2]; BENDS];
         for group in patches.groups(&range) {
             let pattern = &patches.patterns[group.pattern][..];
             let bends = &patches.bends[group.bends..][..pattern.len()];
             for part in 0..parts::<S>() {
-                let zero = Lane::splat(simd, 0.0);
-                let at = patches.gather(simd, group, part, x);
+                patches.gather(simd, (group, part), x, &mut at);
                 let mut held = group.held;
                 let mut y = [zero; F];
-                let mut slopes = [[[zero; 3]; 4]; BENDS];
-                // ψ and 1 − ψ′ of each hinge.
-                let mut turns = [[zero; 2]; BENDS];
                 for b in 0..pattern.len() {
                     let fold = patches.fold(simd, part, pattern[b], &mut held, &at);
                     let (turn, form) = (bends[b].turn(simd, part, &fold), bends[b].form(simd, part));
@@ -303,7 +310,7 @@ impl<const F: usize> WithSimd for Gradients<'_, F> {
                     turns[b] = [psi, turn.softening()];
                     slopes[b] = fold.gradient();
                 }
-                let mut sum = [[zero; 3]; MOST];
+                sum[..patches.arity].fill([zero; 3]);
                 for b in 0..pattern.len() {
                     let (form, [psi, softening]) = (bends[b].form(simd, part), turns[b]);
                     let coupled = dot_add(&form, &y, zero);
@@ -350,7 +357,8 @@ impl<const F: usize> WithSimd for Hessians<'_, F> {
             let bends = &patches.bends[group.bends..][..pattern.len()];
             for part in 0..parts::<S>() {
                 let zero = Lane::splat(simd, 0.0);
-                let at = patches.gather(simd, group, part, x);
+                let mut at = [[zero; 3]; MOST];
+                patches.gather(simd, (group, part), x, &mut at);
                 let mut held = group.held;
                 let mut y = [zero; F];
                 let mut slopes = [[zero; 3 * MOST]; F];
