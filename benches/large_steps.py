@@ -114,6 +114,8 @@ def launch(binary, path, sets, limit, out):
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     if child.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
         return seconds, f"> {limit:g} s"
+    if child.returncode == 2 and "does not" in said:
+        return seconds, "refused"
     if child.returncode not in (0, 3):
         return seconds, f"fails: {said.strip().splitlines()[-1][:60]}"
     return seconds, None
