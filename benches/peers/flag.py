@@ -133,15 +133,12 @@ def run_mujoco(flag, young, integrator, steps, end):
     return step, judge(energies), seconds
 
 
-def run_ours(binary, cells, young, scheme, steps, end):
-    per_sample = -(-steps // SAMPLES)
-    step = end / (per_sample * SAMPLES)
-    scene = f"""
+def sheet_scene(cells, young, time_keys, tail):
+    """Returns our scene of the sheet, with the keys of its time table and what follows the supports."""
+    return f"""
 gravity = [0.0, 0.0, -{G}]
 [time]
-end = {end}
-step = {step!r}
-scheme = "{scheme}"
+{time_keys}
 [[body]]
 name = "flag"
 sheet = {{ size = [1.0, 1.0], cells = [{cells}, {cells}] }}
@@ -149,22 +146,32 @@ material = {{ law = "st-venant-kirchhoff", young = {young!r}, poisson = {POISSON
 [[fix]]
 body = "flag"
 region = "x-min"
-[output]
-history = {per_sample}
-"""
+{tail}"""
+
+
+def run_scene(binary, scene):
+    """Runs a scene on one thread; returns the processor seconds of the program and history.csv, `None` if it failed."""
     with tempfile.TemporaryDirectory() as directory:
-        path = pathlib.Path(directory, "flag.toml")
+        path, out = pathlib.Path(directory, "flag.toml"), pathlib.Path(directory, "out")
         path.write_text(scene)
-        out = pathlib.Path(directory, "out")
         command = [binary, "run", str(path), "--out", str(out), "--threads", "1", "--quiet"]
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "NO_COLOR": "1"})
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         if done.returncode:
-            return step, float("nan"), float("nan")
-        rows = np.genfromtxt(pathlib.Path(out, "history.csv"), delimiter=",", names=True)
-        return step, judge(np.stack([rows["total"], rows["gravity"]], 1)), seconds
+            print(done.stderr)
+            return float("nan"), None
+        return seconds, np.genfromtxt(out / "history.csv", delimiter=",", names=True)
+
+
+def run_ours(binary, cells, young, scheme, steps, end):
+    per_sample = -(-steps // SAMPLES)
+    step = end / (per_sample * SAMPLES)
+    keys = f'end = {end}\nstep = {step!r}\nscheme = "{scheme}"'
+    seconds, rows = run_scene(binary, sheet_scene(cells, young, keys, f"[output]\nhistory = {per_sample}"))
+    error = float("nan") if rows is None else judge(np.stack([rows["total"], rows["gravity"]], 1))
+    return step, error, seconds
 
 
 def main():

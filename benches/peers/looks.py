@@ -11,54 +11,26 @@ processor's while stepping for the peers, after a first step that compiles kerne
 import argparse
 import os
 import pathlib
-import resource
-import subprocess
 import tempfile
 import time
 
 import numpy as np
-from flag import DENSITY, G, POISSON, THICKNESS, Flag, mujoco_model
-
-
-def scene(arguments, scheme, step, count):
-    """Returns the sheet with a probe per node of the free edge, and rows at half time and at the end."""
-    cells = arguments.cells
-    probes = "".join(
-        f'[[probe]]\nname = "p{j}"\nbody = "flag"\npoint = [1.0, {j / cells!r}, 0.0]\n'
-        for j in range(cells + 1)
-    )
-    return f"""
-gravity = [0.0, 0.0, -{G}]
-[time]
-end = {arguments.end!r}
-step = {step!r}
-{scheme}
-[[body]]
-name = "flag"
-sheet = {{ size = [1.0, 1.0], cells = [{cells}, {cells}] }}
-material = {{ law = "st-venant-kirchhoff", young = {arguments.young!r}, poisson = {POISSON}, area_density = {DENSITY}, thickness = {THICKNESS}, bending = "none" }}
-[[fix]]
-body = "flag"
-region = "x-min"
-[output]
-history = {count // 2}
-{probes}"""
+from flag import DENSITY, G, POISSON, THICKNESS, Flag, mujoco_model, run_scene, sheet_scene
 
 
 def run_ours(arguments, scheme, count):
-    with tempfile.TemporaryDirectory() as directory:
-        path, out = pathlib.Path(directory, "sheet.toml"), pathlib.Path(directory, "out")
-        path.write_text(scene(arguments, scheme, arguments.end / count, count))
-        command = [arguments.binary, "run", str(path), "--out", str(out), "--threads", "1", "--quiet"]
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        done = subprocess.run(command, capture_output=True, text=True)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        if done.returncode not in (0, 3):
-            print(done.stderr)
-            return float("nan"), None
-        rows = np.genfromtxt(out / "history.csv", delimiter=",", names=True)
-        edge = [[rows[f"p{j}u{axis}"][1:] for axis in "xyz"] for j in range(arguments.cells + 1)]
-        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, np.array(edge).transpose(2, 0, 1)
+    """Runs the sheet with a probe per node of the free edge, and rows at half time and at the end."""
+    cells = arguments.cells
+    probes = "".join(
+        f'[[probe]]\nname = "p{j}"\nbody = "flag"\npoint = [1.0, {j / cells!r}, 0.0]\n' for j in range(cells + 1)
+    )
+    keys = f"end = {arguments.end!r}\nstep = {arguments.end / count!r}\n{scheme}"
+    output = f"[output]\nhistory = {count // 2}\n"
+    seconds, rows = run_scene(arguments.binary, sheet_scene(cells, arguments.young, keys, output + probes))
+    if rows is None:
+        return seconds, None
+    edge = [[rows[f"p{j}u{axis}"][1:] for axis in "xyz"] for j in range(cells + 1)]
+    return seconds, np.array(edge).transpose(2, 0, 1)
 
 
 def halves(count, advance, edge):
