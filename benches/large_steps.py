@@ -99,6 +99,29 @@ SCENES = {
 SCHEMES = ["implicit-midpoint", "energy-momentum", "backward-euler", "bdf2", "gauss"]
 
 
+def written(scene, scratch):
+    """Returns the path of a scene that is a path or a text, which is written into `scratch`."""
+    if not isinstance(scene, str):
+        return scene
+    path = scratch / "scene.toml"
+    path.write_text(scene)
+    return path
+
+
+def options(doc, schemes):
+    """Returns the command line of a table."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
+    parser.add_argument("--binary", default=str(ROOT / "target" / "release" / "variational"))
+    parser.add_argument("--only", default="", help="comma-separated beginnings of names of rows or tables")
+    parser.add_argument("--schemes", default=",".join(schemes))
+    parser.add_argument("--limit", type=float, default=60.0, help="processor seconds after which a run is given up")
+    arguments = parser.parse_args()
+    arguments.binary = os.path.abspath(arguments.binary)
+    arguments.schemes = arguments.schemes.split(",")
+    arguments.only = tuple(arguments.only.split(","))
+    return arguments
+
+
 def launch(binary, path, sets, limit, out):
     """Runs a scene on one thread; returns its processor seconds, and a text if it was given up or failed."""
     command = [binary, "run", path, "--out", out, "--threads", "1", "--quiet"]
@@ -136,28 +159,19 @@ def run(binary, path, sets, scheme, step, end, limit, out):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--binary", default=str(ROOT / "target" / "release" / "variational"))
-    parser.add_argument("--only", default="", help="comma-separated names of scenes")
-    parser.add_argument("--schemes", default=",".join(SCHEMES))
-    parser.add_argument("--limit", type=float, default=60.0, help="processor seconds after which a run is given up")
-    arguments = parser.parse_args()
-    binary = os.path.abspath(arguments.binary)
-    names = [name for name in arguments.only.split(",") if name] or list(SCENES)
+    arguments = options(__doc__, SCHEMES)
     print("| scene | scheme | s per simulated s (energy drift, steps cut), by h from short to long | |||")
     print("|---|---|---|---|---|---|", flush=True)
     with tempfile.TemporaryDirectory() as scratch:
         scratch = Path(scratch)
-        for name in names:
-            make, sets, end, steps = SCENES[name]
-            path = make(scratch)
-            if isinstance(path, str):
-                text, path = path, scratch / "scene.toml"
-                path.write_text(text)
-            for scheme in arguments.schemes.split(","):
-                row = [run(binary, path, sets, scheme, h, end, arguments.limit, scratch / "out") for h in steps]
+        for name, (make, sets, end, steps) in SCENES.items():
+            if not name.startswith(arguments.only):
+                continue
+            path = written(make(scratch), scratch)
+            for scheme in arguments.schemes:
+                entry = lambda h: run(arguments.binary, path, sets, scheme, h, end, arguments.limit, scratch / "out")
                 steps_named = " ".join(f"{1e3 * h:.3g}" for h in steps)
-                print(f"| {name}, h = {steps_named} ms | {scheme} | {' | '.join(row)} |", flush=True)
+                print(f"| {name}, h = {steps_named} ms | {scheme} | {' | '.join(map(entry, steps))} |", flush=True)
 
 
 if __name__ == "__main__":

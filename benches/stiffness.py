@@ -8,13 +8,11 @@ Each entry is the mean number of iterations and of factorisations per solve, the
 energy, and how many of 50 steps were divided, e.g. because the scheme's own error was too large. Runs that exceed `--limit` processor
 seconds are given up and shown as "> ...". Only the standard library is needed.
 """
-import argparse
 import json
-import os
 import tempfile
 from pathlib import Path
 
-from large_steps import P1, ROOT, SOFT, band_mesh, launch
+from large_steps import P1, ROOT, SOFT, band_mesh, launch, options, written
 
 STEP = 5e-3
 SCHEMES = ["implicit-midpoint", "energy-momentum", "backward-euler"]
@@ -94,27 +92,20 @@ def entry(binary, path, sets, scheme, end, limit, out):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--binary", default=str(ROOT / "target" / "release" / "variational"))
-    parser.add_argument("--only", default="", help="comma-separated beginnings of names of series")
-    parser.add_argument("--schemes", default=",".join(SCHEMES))
-    parser.add_argument("--limit", type=float, default=60.0, help="processor seconds after which a run is given up")
-    arguments = parser.parse_args()
-    binary = os.path.abspath(arguments.binary)
+    arguments = options(__doc__, SCHEMES)
     with tempfile.TemporaryDirectory() as scratch:
         scratch = Path(scratch)
         for name, (scenes, end) in SERIES.items():
-            if arguments.only and not name.startswith(tuple(arguments.only.split(","))):
+            if not name.startswith(arguments.only):
                 continue
             print(f"\n| {name} | " + " | ".join(f"{value:g}" for value in scenes) + " |")
             print("|---|" + "---|" * len(scenes), flush=True)
-            for scheme in arguments.schemes.split(","):
+            for scheme in arguments.schemes:
                 row = []
                 for make in scenes.values():
                     text, sets = make(scratch)
-                    path = scratch / "scene.toml"
-                    path.write_text(text)
-                    row.append(entry(binary, path, sets, scheme, end, arguments.limit, scratch / "out"))
+                    path = written(text, scratch)
+                    row.append(entry(arguments.binary, path, sets, scheme, end, arguments.limit, scratch / "out"))
                 print(f"| {scheme} | {' | '.join(row)} |", flush=True)
 
 

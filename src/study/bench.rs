@@ -121,6 +121,28 @@ pub struct Row {
 }
 
 impl Row {
+    /// Returns the row of a choice over the time `end`, s, before its first run.
+    fn new(choice: Choice, end: f64) -> Self {
+        Self {
+            scheme: choice.label(),
+            choice,
+            steps: choice.steps,
+            step: end / choice.steps as f64,
+            seconds: None,
+            processor_seconds: None,
+            repeats: 1,
+            times: Vec::new(),
+            error: None,
+            observed_order: None,
+            energy_drift: None,
+            work: serde_json::Map::new(),
+            on_front: false,
+            is_present: false,
+            at_reference: false,
+            failure: None,
+        }
+    }
+
     /// Adds the times of a run.
     fn time(&mut self, trial: &Trial) {
         self.times.push([trial.seconds, trial.processor_seconds]);

@@ -135,24 +135,7 @@ impl Sweep<'_> {
     }
 
     fn row(&self, choice: Choice, done: Result<Trial, TrialError>) -> Row {
-        let mut row = Row {
-            scheme: choice.label(),
-            choice,
-            steps: choice.steps,
-            step: self.scene.time.end / choice.steps as f64,
-            seconds: None,
-            processor_seconds: None,
-            repeats: 1,
-            times: Vec::new(),
-            error: None,
-            observed_order: None,
-            energy_drift: None,
-            work: serde_json::Map::new(),
-            on_front: false,
-            is_present: false,
-            at_reference: false,
-            failure: None,
-        };
+        let mut row = Row::new(choice, self.scene.time.end);
         match done {
             Ok(trial) => {
                 let error = self.norm.error(&trial.end, &self.reference.end);

@@ -59,22 +59,11 @@ mod tests {
     fn row(steps: u64) -> Row {
         let choice = Choice { scheme: SchemeName::StormerVerlet, stages: None, steps };
         Row {
-            scheme: choice.label(),
-            choice,
-            steps,
-            step: 1.0 / steps as f64,
             seconds: Some(1e-3 * steps as f64),
             processor_seconds: Some(1e-3 * steps as f64),
-            times: Vec::new(),
-            repeats: 1,
             error: Some((steps as f64).powi(-2)),
             observed_order: Some(2.0),
-            energy_drift: None,
-            work: serde_json::Map::new(),
-            on_front: false,
-            is_present: false,
-            at_reference: false,
-            failure: None,
+            ..Row::new(choice, 1.0)
         }
     }
 
