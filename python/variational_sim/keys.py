@@ -602,6 +602,8 @@ class Output(TypedDict, total=False):
     """Time between frames, s (> 0); without it there are no frames. A frame is written at the nearest step."""
     ledger: Union[bool, None]
     """Keep the full energy ledger: the work, scheme error and residual work of every step, each computed on its own. It costs an energy evaluation per step, and an extra residual in implicit steps. Default: if external work is done on a body (moving supports, wind, damping, loads that follow or change), because without the ledger that work would look like drift."""
+    piece_points: int
+    """Largest number of points of a frame in one file (≥ 1; default 50 000 000). A larger frame is a .pvtu file and pieces of at most this many points."""
     precision: Precision
     """Precision of the frames."""
 

@@ -1,6 +1,7 @@
 //! Writes frames for viewing: all bodies at rest with their displacements, as a VTU series. Only fields that the scene
 //! names are computed.
 
+mod names;
 mod rounding;
 
 use std::path::{Path, PathBuf};
@@ -17,6 +18,8 @@ use crate::record::{Bytes, record};
 use crate::run::surfaces::SurfaceWriter;
 use crate::scene::{Cache, Encoding, Field, Precision, Schedule};
 use crate::simulation::Simulation;
+use names::frame_file;
+pub(crate) use names::frame_number;
 use rounding::{ROUNDING, largest, smallest_edge};
 
 /// Writes `<name>.pvd` and `<name>_000000.vtu` …
@@ -29,6 +32,8 @@ pub(crate) struct FrameWriter {
     synced: usize,
     schedule: Schedule,
     options: VtuOptions,
+    /// Largest number of points of a file.
+    piece_points: usize,
     /// Smallest distance between two nodes of a cell, m.
     smallest_edge: f64,
     cache: Option<SurfaceWriter>,
@@ -41,18 +46,6 @@ pub(crate) struct FrameWriter {
     blocks: Vec<CellBlock>,
     body_ids: Vec<i32>,
     material_ids: Vec<i32>,
-}
-
-/// Returns the file name of a frame of the run `name`.
-fn frame_file(name: &str, number: usize) -> String {
-    format!("{name}_{number:06}.vtu")
-}
-
-/// Returns the number of a frame of the run `name`, if `file` is the name of one.
-pub(crate) fn frame_number(name: &str, file: &str) -> Option<usize> {
-    let digits = file.strip_prefix(name)?.strip_prefix('_')?.strip_suffix(".vtu")?;
-    let is_number = digits.len() >= 6 && digits.bytes().all(|byte| byte.is_ascii_digit());
-    is_number.then(|| digits.parse().ok()).flatten()
 }
 
 impl FrameWriter {
@@ -87,6 +80,7 @@ impl FrameWriter {
             synced: 0,
             schedule,
             options,
+            piece_points: usize::try_from(output.piece_points).unwrap_or(usize::MAX),
             smallest_edge: f64::INFINITY,
             cache: output.cache.map(|cache| SurfaceWriter::new(directory, name, simulation, cache)),
             fields: output.fields.clone(),
@@ -212,15 +206,28 @@ impl FrameWriter {
             let file = file.to_owned();
             move |source| IoError::System { file, action, source }
         };
-        for entry in std::fs::read_dir(&self.directory).map_err(refused(&self.directory, "list"))? {
-            let entry = entry.map_err(refused(&self.directory, "list"))?;
-            let number = entry.file_name().to_str().and_then(|file| frame_number(&self.name, file));
-            if number.is_some_and(|number| number >= frames.len()) {
-                let file = entry.path();
-                std::fs::remove_file(&file).map_err(refused(&file, "remove"))?;
-            }
+        for file in self.files_from(frames.len())? {
+            std::fs::remove_file(&file).map_err(refused(&file, "remove"))?;
         }
         Ok(())
+    }
+
+    /// Returns the files of all frames from number `first` on, with their pieces.
+    fn files_from(&self, first: usize) -> Result<Vec<PathBuf>, IoError> {
+        let refused = |source| IoError::System { file: self.directory.clone(), action: "list", source };
+        let mut files = Vec::new();
+        for entry in std::fs::read_dir(&self.directory).map_err(refused)? {
+            let entry = entry.map_err(refused)?;
+            let number = entry.file_name().to_str().and_then(|file| frame_number(&self.name, file));
+            if number.is_some_and(|number| number >= first) {
+                files.push(entry.path());
+            }
+        }
+        Ok(files)
+    }
+
+    fn is_in_pieces(&self) -> bool {
+        self.points.len() > self.piece_points
     }
 
     /// Waits until every frame written so far, and the series that lists them, is on disk.
@@ -231,8 +238,14 @@ impl FrameWriter {
         if let Some(cache) = &self.cache {
             cache.sync(self.synced)?;
         }
-        let new = self.series.frames()[self.synced..].iter().map(|(_, name)| self.directory.join(name));
-        for file in new.chain((self.count() > 0).then(|| self.series_file.clone())) {
+        let new = match self.is_in_pieces() {
+            true => self.files_from(self.synced)?,
+            false => {
+                let new = self.series.frames()[self.synced..].iter();
+                new.map(|(_, name)| self.directory.join(name)).collect()
+            }
+        };
+        for file in new.into_iter().chain((self.count() > 0).then(|| self.series_file.clone())) {
             let synced = std::fs::File::options().write(true).open(&file).and_then(|file| file.sync_all());
             synced.map_err(|source| IoError::System { file, action: "write", source })?;
         }
@@ -385,7 +398,7 @@ impl FrameWriter {
             time: Some(time),
             field_data: &[],
         };
-        let file = frame_file(&self.name, self.count());
+        let file = frame_file(&self.name, self.count(), self.is_in_pieces());
         let mut options = self.options;
         // The displacement of a body that flies far may need 64 bits, too.
         let u = points.iter().filter(|(name, _)| *name == "displacement").flat_map(|(_, values)| values);
@@ -393,7 +406,11 @@ impl FrameWriter {
         if self.loses(longest) && longest <= f64::from(f32::MAX) {
             options.precision = vi_io::Precision::Double;
         }
-        vi_io::write_vtu(&self.directory.join(&file), &frame, options)?;
+        let path = self.directory.join(&file);
+        match self.is_in_pieces() {
+            true => vi_io::write_pvtu(&path, &frame, options, self.piece_points)?,
+            false => vi_io::write_vtu(&path, &frame, options)?,
+        }
         self.series.push(time, &file)
     }
 

@@ -318,6 +318,9 @@ fn output(check: &mut Checker, scene: &Scene) {
             "needs frames at regular times: give `fps`, e.g. fps = 24, instead of `interval`",
         );
     }
+    if output.piece_points == 0 {
+        check.say("output.piece_points", "must be at least 1");
+    }
     let mut fields = HashSet::new();
     for field in &scene.output.fields {
         if !fields.insert(*field as u8) {

@@ -268,6 +268,10 @@ pub struct Output {
     /// Encoding of the frames.
     #[serde(default)]
     pub encoding: Encoding,
+    /// Largest number of points of a frame in one file (≥ 1; default 50 000 000). A larger frame is a .pvtu file and pieces of
+    /// at most this many points.
+    #[serde(default = "Output::default_piece_points")]
+    pub piece_points: u64,
     /// Keep the full energy ledger: the work, scheme error and residual work of every step, each computed on its own.
     /// It costs an energy evaluation per step, and an extra residual in implicit steps. Default: if external work is
     /// done on a body (moving supports, wind, damping, loads that follow or change), because without the ledger that
@@ -289,6 +293,10 @@ impl Output {
         1
     }
 
+    fn default_piece_points() -> u64 {
+        50_000_000
+    }
+
     fn default_fields() -> Vec<Field> {
         vec![Field::Displacement]
     }
@@ -305,6 +313,7 @@ impl Default for Output {
             fields: Self::default_fields(),
             precision: Precision::default(),
             encoding: Encoding::default(),
+            piece_points: Self::default_piece_points(),
             ledger: None,
             chart: false,
         }

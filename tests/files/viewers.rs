@@ -1,7 +1,7 @@
 //! pyvista and meshio read every file that a run writes, and its values equal those of history.csv. Blender shows its
 //! point caches.
 //!
-//! Two of these tests need Python with the packages of tests/python/requirements.txt and are ignored by default: `cargo
+//! Three of these tests need Python with the packages of tests/python/requirements.txt and are ignored by default: `cargo
 //! test --test files viewers -- --ignored` runs them. `VARIATIONAL_PYTHON` names another interpreter.
 
 use std::process::Command;
@@ -53,6 +53,45 @@ fn python_reads_what_was_written() {
             String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{precision} {encoding}:\n{said}");
     }
+}
+
+/// Pieces that pyvista joins are the frame of one file: the same cells, with the same displacements at the same points.
+const JOINED: &str = r#"
+import pathlib, sys
+import numpy as np
+import pyvista
+
+whole, parted = (pyvista.get_reader(path) for path in sys.argv[1:3])
+assert whole.time_values == parted.time_values
+for time in whole.time_values:
+    grids = []
+    for reader in (whole, parted):
+        reader.set_active_time_value(time)
+        grids.append(reader.read().combine())
+    a, b = grids
+    assert a.n_cells == b.n_cells > 0 and b.n_points > a.n_points
+    for cell in range(a.n_cells):
+        one, other = (grid.get_cell(cell) for grid in grids)
+        assert np.array_equal(one.points, other.points)
+        for field in ("displacement", "velocity"):
+            one_values = a.point_data[field][one.point_ids]
+            assert np.array_equal(one_values, b.point_data[field][other.point_ids])
+    assert np.array_equal(a.cell_data["body_id"], b.cell_data["body_id"])
+"#;
+
+#[test]
+#[ignore = "needs Python with pyvista"]
+fn pyvista_joins_the_pieces_of_a_frame() {
+    let scene = SCENE.replace("PRECISION", "f64").replace("ENCODING", "raw");
+    let whole = Program::run(&scene);
+    let parted = Program::run(&scene.replace("interval = 0.005", "interval = 0.005\npiece_points = 10"));
+    let series = |run: &Program| {
+        let files = std::fs::read_dir(run.out()).unwrap().map(|entry| entry.unwrap().path());
+        files.into_iter().find(|file| file.extension().is_some_and(|found| found == "pvd")).unwrap()
+    };
+    let mut check = Command::new(python());
+    let output = check.args(["-c", JOINED]).args([series(&whole), series(&parted)]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
 /// A falling, spinning cloth with texture coordinates, and a moving block.

@@ -182,7 +182,7 @@ fn needs_64_bits(point_count: usize, node_count: usize) -> bool {
 }
 
 /// Checks that the parts of a frame match each other.
-fn check(frame: &VtuFrame, precision: Precision) -> Result<(), String> {
+pub(crate) fn check(frame: &VtuFrame, precision: Precision) -> Result<(), String> {
     let point_count = frame.points.len();
     let mut cell_count = 0;
     for block in frame.blocks {

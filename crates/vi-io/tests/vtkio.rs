@@ -40,6 +40,46 @@ fn sample() -> MeshFile {
     file
 }
 
+/// vtkio reads every piece of a frame; together they have its cells, and each has no more points than asked.
+#[test]
+fn vtkio_reads_the_pieces_of_a_frame() {
+    let points: Vec<[f64; 3]> = (0..9).map(|k| [f64::from(k % 3), f64::from(k / 3), 0.5]).collect();
+    let corners = [[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]];
+    let blocks = [CellBlock { kind: CellKind::Quad4, nodes: corners.concat() }];
+    let heights: Vec<f64> = points.iter().map(|x| x[0] + 10.0 * x[1]).collect();
+    let numbers = [5, 6, 7, 8];
+    let frame = VtuFrame {
+        points: &points,
+        blocks: &blocks,
+        point_data: &[VtuArray { name: "height", components: 1, values: VtuValues::Real(&heights) }],
+        cell_data: &[VtuArray { name: "number", components: 1, values: VtuValues::Integer(&numbers) }],
+        ..VtuFrame::default()
+    };
+    let options =
+        VtuOptions { encoding: VtuEncoding::InlineBase64, precision: Precision::Double, compression: 0 };
+    let directory = tempfile::tempdir().unwrap();
+    let list = directory.path().join("frame.pvtu");
+    vi_io::write_pvtu(&list, &frame, options, 6).unwrap();
+    let text = std::fs::read_to_string(&list).unwrap();
+    let pieces: Vec<&str> =
+        text.split("Source=\"").skip(1).map(|rest| rest.split('"').next().unwrap()).collect();
+    assert_eq!(pieces, ["frame_p000.vtu", "frame_p001.vtu"]);
+    let mut cells = Vec::new();
+    for piece in pieces {
+        let vtk = Vtk::import(directory.path().join(piece)).unwrap();
+        let MeshFile { mesh, point_data, cell_data, .. } = MeshFile::try_from(&vtk).unwrap();
+        assert!(mesh.points.len() <= 6);
+        for (cell, (_, nodes)) in mesh.cells().enumerate() {
+            let at = |&node: &u32| (mesh.points[node as usize], point_data[0].values[node as usize]);
+            cells.push((cell_data[0].values[cell], nodes.iter().map(at).collect::<Vec<_>>()));
+        }
+    }
+    let expected = corners.iter().zip([5.0, 6.0, 7.0, 8.0]).map(|(nodes, number)| {
+        (number, nodes.iter().map(|&node| (points[node as usize], heights[node as usize])).collect())
+    });
+    assert_eq!(cells, expected.collect::<Vec<_>>());
+}
+
 #[test]
 fn the_model_of_vtkio_holds_all_of_a_mesh() {
     let file = sample();
