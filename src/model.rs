@@ -17,6 +17,7 @@ mod naming;
 mod outline;
 mod parting;
 mod partition;
+pub(crate) mod parts;
 mod periodic;
 mod prescribe;
 mod read;
@@ -52,7 +53,7 @@ use crate::scene::{Problem, Scene};
 /// Returns all problems of the meshes and of the names that refer to them; if there are none, all problems of the
 /// systems.
 pub(crate) fn build(scene: &Scene, in_portions: bool) -> Result<Model, Vec<Problem>> {
-    assemble::assemble(scene, resolve::resolve(scene)?, in_portions)
+    assemble::assemble(scene, resolve::resolve(scene, None)?, in_portions)
 }
 
 /// Returns all problems of a scene that could not be parsed without problems: those of its text, and those of its
@@ -61,7 +62,7 @@ pub(crate) fn build(scene: &Scene, in_portions: bool) -> Result<Model, Vec<Probl
 pub fn all_problems(parsed: &Parsed) -> Vec<Problem> {
     let mut problems = parsed.problems.clone();
     if let Some(scene) = parsed.scene.as_ref().filter(|_| !problems.is_empty()) {
-        problems.extend(parsed.relevant(resolve::resolve(scene).err().unwrap_or_default()));
+        problems.extend(parsed.relevant(resolve::resolve(scene, None).err().unwrap_or_default()));
     }
     problems.sort_by_key(|problem| problem.line);
     problems

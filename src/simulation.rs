@@ -23,8 +23,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use vi_core::{Alone, Exchange, HessianKind, SharedTerms, State, System};
-use vi_solvers::{Assembler, Method, Partners, SolverOptions, Stepper, Work};
+use vi_solvers::{Assembler, Member, Method, Partners, SolverOptions, Stepper, Work};
 
+use crate::model::parts::is_separable;
 use crate::model::{
     self, BodyModel, Meeting, Model, NodeSet, Parted, ProbeTarget, RegionProbe, RigidModel, path_control,
 };
@@ -38,6 +39,7 @@ pub use contact::ContactFacts;
 use contact::{ContactTotals, ContactWatch};
 pub use observe::{Observation, ProbeValue};
 use pace::Pace;
+pub use ranks::RankFacts;
 pub(crate) use ranks::{members, problems_of_ranks};
 pub use snapshot::{Snapshot, Substeps};
 
@@ -60,6 +62,8 @@ pub struct Component {
     contact: Option<ContactWatch>,
     /// What adaptive steps follow; created at first use.
     asked: Option<Asked>,
+    /// Whether the ranks have made their portions from parts of the bodies.
+    is_of_parts: bool,
 }
 
 impl Component {
@@ -120,6 +124,8 @@ pub struct Simulation {
     meeting: Meeting,
     /// Bodies that `contact.resolve` moved before the start.
     parted: Vec<Parted>,
+    /// The ranks that share it, if there are several.
+    ranks: Option<RankFacts>,
 }
 
 impl Simulation {
@@ -129,7 +135,7 @@ impl Simulation {
     /// # Errors
     /// Returns all problems of the scene and its meshes, at once.
     pub fn new(scene: Scene) -> Result<Self, Vec<Problem>> {
-        Self::build(scene, &alone(), Ok)
+        Self::build(scene, (&alone(), Vec::new()), Ok)
     }
 
     /// Builds the simulation as [`Simulation::new`] does, with terms that all ranks of `exchange` share. This is the first
@@ -138,28 +144,27 @@ impl Simulation {
     /// # Errors
     /// Returns the errors of [`Simulation::new`], and terms that do not run on several ranks.
     pub(crate) fn shared(scene: Scene, exchange: &Arc<dyn Exchange>) -> Result<Self, Vec<Problem>> {
-        Self::build(scene, exchange, Ok)
+        // The first rank makes its portion from a part as the others do, without the maps of the whole sum.
+        let is_sound = scene.problems().is_empty() && is_separable(&scene);
+        let own = if is_sound { members(&scene, true, exchange).unwrap_or_default() } else { Vec::new() };
+        Self::build(scene, (exchange, own), Ok)
     }
 
-    /// Builds the simulation after `extend` has changed the model of the scene.
+    /// Builds the simulation after `extend` has changed the model of the scene. `own` are the portions of the components that
+    /// were made from parts.
     fn build(
         scene: Scene,
-        exchange: &Arc<dyn Exchange>,
+        (exchange, own): (&Arc<dyn Exchange>, Vec<Option<Member>>),
         extend: impl FnOnce(Model) -> Result<Model, Vec<Problem>>,
     ) -> Result<Self, Vec<Problem>> {
         let problems = scene.problems();
         if !problems.is_empty() {
             return Err(problems);
         }
-        let method = match (scene.time.method(), &scene.statics) {
-            (Some(method), _) => method,
-            // An equilibrium needs no scheme.
-            (None, Some(_)) => Method::ImplicitMidpoint,
-            (None, None) => {
-                let message = "\"auto\" is settled by trial runs before a simulation is made: pass the scene that \
-                               variational::auto::settle returns";
-                return Err(vec![Problem::new("time.scheme", message)]);
-            }
+        let Some(method) = method_of(&scene) else {
+            let message = "\"auto\" is settled by trial runs before a simulation is made: pass the scene that \
+                           variational::auto::settle returns";
+            return Err(vec![Problem::new("time.scheme", message)]);
         };
         let model = extend(model::build(&scene, exchange.size() > 1)?)?;
         let mut problems = Vec::new();
@@ -170,17 +175,21 @@ impl Simulation {
             .map_err(|problem| vec![problem])?;
         let mut options = scene.solver.options();
         let mut components = Vec::with_capacity(model.components.len());
+        let mut own = own.into_iter();
         for (number, ((mut system, state), contact)) in
             model.components.into_iter().zip(model.contacts).enumerate()
         {
-            options.ledger = match scene.output.ledger {
-                Some(asked) => asked,
-                None => scene.statics.is_none() && is_worked_on(&system),
-            };
+            options.ledger = keeps_ledger(&scene, &system);
             let mut partners = None;
+            let member = own.next().flatten();
+            let of_parts =
+                member.and_then(|member| Partners::of_parts((number, &system), member, Arc::clone(exchange)));
+            let is_of_parts = of_parts.is_some();
             if exchange.size() > 1 && system.coordinates().free_count() > 0 {
                 let run = (&method, &options);
-                match Partners::new((number, &system, &state), run, Arc::clone(exchange)) {
+                let made = of_parts
+                    .map_or_else(|| Partners::new((number, &system, &state), run, Arc::clone(exchange)), Ok);
+                match made {
                     Ok(made) => {
                         let made = Arc::new(made);
                         system = system.with_shared(Arc::clone(&made) as Arc<dyn SharedTerms>);
@@ -224,6 +233,7 @@ impl Simulation {
                 has_domain,
                 contact: contact.map(ContactWatch::new),
                 asked: None,
+                is_of_parts,
             });
         }
         if !problems.is_empty() {
@@ -260,6 +270,7 @@ impl Simulation {
             contact: ContactTotals::default(),
             meeting: model.meeting,
             parted: model.parted,
+            ranks: None,
         };
         simulation.tell_of_contact();
         let problems = simulation.crossing_start();
@@ -284,6 +295,11 @@ impl Simulation {
     /// Returns whether all work from outside is recorded, or there is none.
     pub(crate) fn is_accounted(&self) -> bool {
         self.components.iter().all(|component| component.keeps_ledger || !is_worked_on(&component.system))
+    }
+
+    /// Returns the ranks that share the simulation, if there are several.
+    pub fn ranks(&self) -> Option<&RankFacts> {
+        self.ranks.as_ref()
     }
 
     /// Returns the integrator.
@@ -487,6 +503,19 @@ fn has_domain(system: &System) -> bool {
         }
         !energy[0].is_finite()
     })
+}
+
+/// Returns the scheme of a scene; `None` if it is not settled. An equilibrium needs none.
+fn method_of(scene: &Scene) -> Option<Method> {
+    match &scene.statics {
+        Some(_) => Some(scene.time.method().unwrap_or(Method::ImplicitMidpoint)),
+        None => scene.time.method(),
+    }
+}
+
+/// Returns whether the stepper of a system keeps the full energy ledger.
+fn keeps_ledger(scene: &Scene, system: &System) -> bool {
+    scene.output.ledger.unwrap_or_else(|| scene.statics.is_none() && is_worked_on(system))
 }
 
 /// Returns whether something outside adds or removes energy: moving supports, forces without a potential, or loads

@@ -175,12 +175,13 @@ impl Parts {
         partition: &Partition,
         fixes: &[ResolvedFix<'_>],
     ) {
-        for body in bodies {
+        for mut body in bodies {
             let (id, name, dimension) = (body.id, body.scene.name.clone(), body.scene.dimension());
             let component = partition.of_body(id);
             let part = &mut self.components[component];
             let node_offset = part.node_count();
-            let numbering = Numbering::by_place(&body.read.mesh);
+            let of_part = body.part.as_mut().map(|part| std::mem::take(&mut part.numbering));
+            let numbering = of_part.unwrap_or_else(|| Numbering::by_place(&body.read.mesh));
             let (read, mesh) = body.read.renumbered(&numbering);
             let body = ReadBody { read, ..body };
             self.notes.extend(body.read.notes.iter().cloned());

@@ -81,6 +81,10 @@ fn solid(
         add_row_sums(mesh, elements, density, &mut mass.row_sums)?;
     }
     add_lumped_mass(mesh, elements, density, &mut mass.lumped)?;
+    if let Some(part) = &body.part {
+        let runs = (&part.elements[..], part.run_length);
+        return vi_fem::elastic_in_runs(mesh, runs, law, node_offset, place);
+    }
     let build = match (body.scene.locking, component.in_portions) {
         (LockingCure::None, false) => vi_fem::elastic,
         (LockingCure::None, true) => vi_fem::elastic_in_portions,

@@ -3,10 +3,11 @@
 use std::collections::HashMap;
 
 use vi_fem::LockingCure;
-use vi_mesh::{BoxMesh, CellKind, FinerMesh, Mesh, MeshError, SheetMesh};
+use vi_mesh::{BoxMesh, CellKind, FinerMesh, Mesh, MeshError, MeshPart, Numbering, SheetMesh};
 
 use super::body::MaterialPart;
 use super::import::{self, Imported};
+use super::parts::Share;
 use super::size::Budget;
 use crate::scene::{Body, BodyId, MOST_REFINED, MaterialEntry, Problem, Refine, RefineAlong, Scene};
 
@@ -17,13 +18,54 @@ pub(super) struct ReadBody<'a> {
     pub(super) scene: &'a Body,
     pub(super) read: Imported,
     pub(super) materials: Vec<MaterialPart>,
+    /// The order of the elements and nodes, if the mesh is a part of a larger one.
+    pub(super) part: Option<PartOrder>,
 }
 
-/// Reads all bodies, in the order of the scene. A body that cannot be read adds problems and gives `None`.
-pub(super) fn bodies<'a>(scene: &'a Scene, problems: &mut Vec<Problem>) -> Vec<Option<ReadBody<'a>>> {
+/// The order of a part of a mesh; see [`MeshPart`].
+pub(super) struct PartOrder {
+    pub(super) numbering: Numbering,
+    pub(super) elements: Vec<u32>,
+    pub(super) run_length: usize,
+    processes: Vec<u32>,
+}
+
+impl ReadBody<'_> {
+    /// Returns the processes that compute the runs of elements of a part.
+    pub(super) fn processes(&self) -> Vec<u32> {
+        self.part.as_ref().map_or_else(Vec::new, |part| part.processes.clone())
+    }
+}
+
+/// Reads all bodies, in the order of the scene, or the parts of them that a process needs. A body that cannot be read adds
+/// problems and gives `None`.
+pub(super) fn bodies<'a>(
+    scene: &'a Scene,
+    share: Option<Share>,
+    problems: &mut Vec<Problem>,
+) -> Vec<Option<ReadBody<'a>>> {
     let mut budget = Budget::of_machine();
-    let bodies = scene.bodies.iter().enumerate();
-    bodies.map(|(index, body)| read(BodyId::new(index), body, &mut budget, problems)).collect()
+    let bodies = scene.bodies.iter().enumerate().map(|(index, body)| (BodyId::new(index), body));
+    let mut read_body = |(id, body)| match share {
+        Some(share) => part(id, body, share).map_err(|problem| problems.push(problem)).ok(),
+        None => read(id, body, &mut budget, problems),
+    };
+    bodies.map(&mut read_body).collect()
+}
+
+/// Generates the part of a box that a process needs.
+fn part(id: BodyId, body: &Body, share: Share) -> Result<ReadBody<'_>, Problem> {
+    let wrong = |why: String| Problem::new(format!("body[{}].box", id.index()), why);
+    let placed = placed_box(body).ok_or_else(|| wrong("is no box".to_owned()))?;
+    let coordinates = 3 * placed.element.node_count();
+    let run_length = vi_core::run_length(placed.element_count() as usize, coordinates);
+    let made = placed.part((share.process, share.count), run_length);
+    let made = made.map_err(|error| wrong(error.to_string()))?;
+    let part = made.ok_or_else(|| wrong(format!("{} cannot be generated in parts", placed.element)))?;
+    let MeshPart { mesh, numbering, order, run_length, processes } = part;
+    let materials = materials(body, &mesh).map_err(wrong)?;
+    let part = Some(PartOrder { numbering, elements: order, run_length, processes });
+    Ok(ReadBody { id, scene: body, read: Imported::generated(mesh), materials, part })
 }
 
 fn read<'a>(
@@ -52,7 +94,7 @@ fn try_read<'a>(id: BodyId, body: &'a Body, budget: &mut Budget) -> Result<ReadB
     let mut read = refined(body, coarse).map_err(|message| wrong("refine", message))?;
     read.notes.extend(locking_note(body, &read.mesh).map_err(|message| wrong("locking", message))?);
     let materials = materials(body, &read.mesh).map_err(|message| wrong("material", message))?;
-    Ok(ReadBody { id, scene: body, read, materials })
+    Ok(ReadBody { id, scene: body, read, materials, part: None })
 }
 
 /// Returns the mesh of a body from its file or its shape, before refinement.
@@ -149,13 +191,19 @@ fn on(read: Imported, make: impl FnOnce(&Mesh) -> FinerMesh) -> Imported {
 
 /// Generates the mesh of a shape; also returns the shape's key.
 fn generate(body: &Body, scale: f64, translate: [f64; 3]) -> Option<(Result<Mesh, MeshError>, &'static str)> {
-    let place = |origin: [f64; 3]| std::array::from_fn(|k| scale * origin[k] + translate[k]);
-    if let Some(shape) = &body.box_shape {
-        let size = shape.size.map(|size| scale * size);
-        let placed = BoxMesh { origin: place(shape.origin), size, ..shape.clone() };
+    if let Some(placed) = placed_box(body) {
         return Some((placed.build(), "box"));
     }
     Some((placed(body.sheet.as_ref()?, scale, translate).build(), "sheet"))
+}
+
+/// Returns the box of a body, scaled and translated as the body requires.
+fn placed_box(body: &Body) -> Option<BoxMesh> {
+    let (scale, translate) = (body.scale.unwrap_or(1.0), body.translate.unwrap_or_default());
+    let shape = body.box_shape.as_ref()?;
+    let size = shape.size.map(|size| scale * size);
+    let origin = std::array::from_fn(|k| scale * shape.origin[k] + translate[k]);
+    Some(BoxMesh { origin, size, ..shape.clone() })
 }
 
 /// Scales and translates a generated sheet as its body requires.

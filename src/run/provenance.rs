@@ -5,6 +5,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::Serialize;
 
+use crate::simulation::RankFacts;
+
 /// Origin of a result: scene, program, machine, date and command line.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Provenance {
@@ -27,6 +29,9 @@ pub struct Provenance {
     pub hardware_threads: usize,
     /// Threads of the thread pool.
     pub threads: usize,
+    /// The ranks, if there were several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ranks: Option<RankFacts>,
     /// Date and time in UTC (RFC 3339).
     pub date: String,
     /// The command line.
@@ -47,6 +52,7 @@ impl Provenance {
             processor: processor(),
             hardware_threads: std::thread::available_parallelism().map_or(1, usize::from),
             threads: rayon::current_num_threads(),
+            ranks: None,
             date: date(seconds),
             command: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
         }

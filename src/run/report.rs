@@ -118,7 +118,10 @@ impl Report {
         notes.extend(stability::warning(found, method));
         notes.extend(auto.and_then(|auto| auto.warning.clone()));
         Self {
-            provenance: Provenance::new(name, simulation.free_coordinates()),
+            provenance: Provenance {
+                ranks: simulation.ranks().cloned(),
+                ..Provenance::new(name, simulation.free_coordinates())
+            },
             name: name.to_owned(),
             scene: scene.clone(),
             scheme: is_moving.then(|| method.name()),

@@ -5,14 +5,14 @@ use std::fs::File;
 use std::io::Read;
 use std::sync::Arc;
 
-use vi_core::{Alone, Exchange};
+use vi_core::{Alone, Exchange, Traffic};
 use vi_solvers::Member;
 
 use super::checkpoint::Origin;
 use super::error::RunError;
 use crate::record::{self, record};
 use crate::scene::{Problem, Scene};
-use crate::simulation::{Simulation, members, problems_of_ranks};
+use crate::simulation::{RankFacts, Simulation, members, problems_of_ranks};
 
 /// What the first rank sends before a run; a command to step has other first bytes.
 const START: &[u8; 8] = b"VI-START";
@@ -32,20 +32,23 @@ struct Order {
     /// CRC-32 of the program.
     program: u64,
     threads: u64,
+    /// 1 if the other ranks generate only the parts of the bodies that they need, else 0.
+    in_parts: u64,
     origin: Origin,
 }
 
-record!(Order { program: u64, threads: u64, origin: Origin });
+record!(Order { program: u64, threads: u64, in_parts: u64, origin: Origin });
 
 /// The answer of a rank to an order.
 struct Answer {
     /// Why it cannot run the scene; empty if it can.
     problem: String,
-    /// Number of bytes that it sends per evaluation of forces.
+    /// What it sends per evaluation of forces.
     bytes: u64,
+    node_sum_bytes: u64,
 }
 
-record!(Answer { problem: String, bytes: u64 });
+record!(Answer { problem: String, bytes: u64, node_sum_bytes: u64 });
 
 impl Default for Team {
     fn default() -> Self {
@@ -93,19 +96,31 @@ impl Team {
         let simulation = Simulation::shared(scene, &self.exchange).map_err(RunError::Scene)?;
         let threads = rayon::current_num_threads() as u64;
         let origin = Origin::new(simulation.scene(), name)?;
-        self.exchange.pieces(&record::seal(START, FORMAT, &Order { program: program(), threads, origin }));
-        let own = Answer { problem: String::new(), bytes: simulation.bytes_sent() };
+        let in_parts = u64::from(simulation.is_of_parts());
+        let order = Order { program: program(), threads, in_parts, origin };
+        self.exchange.pieces(&record::seal(START, FORMAT, &order));
+        let Traffic { bytes, node_sum_bytes } = simulation.traffic();
+        let own = Answer { problem: String::new(), bytes, node_sum_bytes };
         let answers = self.exchange.pieces(&record::seal(START, FORMAT, &own));
-        let mut most = 0;
+        let mut most = Traffic::default();
         for (rank, bytes) in answers.iter().enumerate() {
-            let Answer { problem, bytes } = record::unseal(START, FORMAT, bytes)?;
+            let Answer { problem, bytes, node_sum_bytes } = record::unseal(START, FORMAT, bytes)?;
             if !problem.is_empty() {
                 return Err(RunError::Scene(vec![Problem::new("", format!("rank {rank}: {problem}"))]));
             }
-            most = most.max(bytes);
+            if bytes > most.bytes {
+                most = Traffic { bytes, node_sum_bytes };
+            }
         }
-        let note = format!("{size} ranks of {threads} threads; a rank sends at most {most} bytes per force");
-        Ok((simulation, Some(note)))
+        let bytes = most.bytes;
+        let note = format!("{size} ranks of {threads} threads; a rank sends at most {bytes} bytes per force");
+        let facts = RankFacts {
+            count: size,
+            bytes_per_force: bytes,
+            bytes_per_force_of_node_sums: most.node_sum_bytes,
+            in_parts: in_parts == 1,
+        };
+        Ok((simulation.with_ranks(facts), Some(note)))
     }
 
     /// Obeys the first rank until it ends the program; returns the exit code. For all ranks but the first.
@@ -130,8 +145,10 @@ impl Team {
                 };
                 // Without threads of its own, a rank uses those of the process.
                 pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok();
-                let sent = members.iter_mut().flatten().map(Member::bytes_sent);
-                let answer = Answer { problem, bytes: sent.sum::<usize>() as u64 };
+                let mut sent = Traffic::default();
+                members.iter_mut().flatten().for_each(|member| sent += member.traffic());
+                let Traffic { bytes, node_sum_bytes } = sent;
+                let answer = Answer { problem, bytes, node_sum_bytes };
                 self.exchange.pieces(&record::seal(START, FORMAT, &answer));
                 continue;
             }
@@ -170,7 +187,7 @@ impl Team {
                 ));
             }
         }
-        let members = members(&scene, &self.exchange)
+        let members = members(&scene, order.in_parts == 1, &self.exchange)
             .map_err(|problems| problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))?;
         Ok((members, order.threads as usize))
     }

@@ -54,7 +54,7 @@ impl Simulation {
             let message = "\"auto\" would try the scene without the added terms; name a scheme and a step";
             return Err(vec![Problem::new("time.scheme", message)]);
         }
-        Self::build(scene, &alone(), |model| extend(model, add))
+        Self::build(scene, (&alone(), Vec::new()), |model| extend(model, add))
     }
 
     /// Sets the positions (m) and velocities (m/s) of the nodes of body number `body`, in the order of its mesh.

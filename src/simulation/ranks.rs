@@ -2,18 +2,32 @@
 
 use std::sync::Arc;
 
-use vi_core::{Exchange, State, System};
+use serde::Serialize;
+use vi_core::{Exchange, State, System, Traffic};
 use vi_solvers::{Member, SolverOptions};
 
-use super::{Simulation, is_worked_on};
+use super::{Simulation, keeps_ledger, method_of};
 use crate::model;
+use crate::model::parts::{Share, build_parts};
 use crate::scene::{GuardAction, Problem, Scene};
+
+/// The ranks of a run, and what they exchange.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RankFacts {
+    /// Number of ranks.
+    pub count: usize,
+    /// Largest number of bytes that a rank sends to others per evaluation of forces.
+    pub bytes_per_force: u64,
+    /// The same, if a rank sent one sum per node and rank. Then the results would depend on the number of ranks.
+    pub bytes_per_force_of_node_sums: u64,
+    /// Whether the ranks generated only the parts of the bodies that they need.
+    pub in_parts: bool,
+}
 
 /// Returns the keys of a scene that do not run on several ranks.
 pub(crate) fn problems_of_ranks(scene: &Scene) -> Vec<Problem> {
     let switches = scene.guard.is_some_and(|guard| guard.action == GuardAction::Switch);
     let refused = [
-        (scene.statics.is_some(), "static", "equilibria do not run on several ranks yet"),
         (scene.time.estimate, "time.estimate", "the run that estimates errors would use one rank only"),
         (
             switches,
@@ -28,34 +42,137 @@ pub(crate) fn problems_of_ranks(scene: &Scene) -> Vec<Problem> {
 }
 
 impl Simulation {
-    /// Returns the number of bytes that the first rank sends to others per evaluation of forces.
-    pub(crate) fn bytes_sent(&self) -> u64 {
+    /// Returns whether all ranks make their portions from the parts of the bodies that they need, instead of whole bodies.
+    pub(crate) fn is_of_parts(&self) -> bool {
+        self.components.iter().all(|component| component.is_of_parts)
+    }
+
+    /// Returns what the first rank sends to others per evaluation of forces.
+    pub(crate) fn traffic(&self) -> Traffic {
         let shared = self.components.iter().filter_map(|component| component.system.terms().shared());
-        shared.map(|shared| shared.bytes_sent() as u64).sum()
+        let mut total = Traffic::default();
+        shared.for_each(|shared| total += shared.traffic());
+        total
+    }
+
+    /// Records what the ranks exchange, for the report.
+    pub(crate) fn with_ranks(self, facts: RankFacts) -> Self {
+        Self { ranks: Some(facts), ..self }
     }
 }
 
 /// Returns the portions of the components of a scene that this rank steps; `None` for a component without a free
-/// coordinate.
+/// coordinate. If `in_parts`, this rank generates only the parts of the bodies that it needs
+/// ([`Simulation::is_of_parts`]).
 ///
 /// # Errors
 /// Returns all problems of the scene and its meshes.
 pub(crate) fn members(
     scene: &Scene,
+    in_parts: bool,
     exchange: &Arc<dyn Exchange>,
 ) -> Result<Vec<Option<Member>>, Vec<Problem>> {
     let refused = |why: String| vec![Problem::new("time.scheme", why)];
-    let method = scene.time.method().ok_or_else(|| refused("the scheme is not settled".to_owned()))?;
-    let components = model::build(scene, true)?.components.into_iter();
+    let method = method_of(scene).ok_or_else(|| refused("the scheme is not settled".to_owned()))?;
+    let components: Vec<_> = match in_parts {
+        true => {
+            let share = Share { process: exchange.rank(), count: exchange.size() };
+            let parts = build_parts(scene, share)?.into_iter();
+            parts.map(|(system, state, run_ranks)| (system, state, Some(run_ranks))).collect()
+        }
+        false => {
+            let whole = model::build(scene, true)?.components.into_iter();
+            whole.map(|(system, state)| (system, state, None)).collect()
+        }
+    };
     components
-        .map(|(system, state): (System, State)| {
-            let ledger = scene.output.ledger.unwrap_or_else(|| is_worked_on(&system));
+        .into_iter()
+        .map(|(system, state, run_ranks): (System, State, Option<Vec<Vec<u32>>>)| {
+            let ledger = keeps_ledger(scene, &system);
             let options = SolverOptions { ledger, ..scene.solver.options() };
             if system.coordinates().free_count() == 0 {
                 return Ok(None);
             }
-            let member = Member::new(&system, &state, (&method, &options), Arc::clone(exchange));
+            let (run, exchange) = ((&method, &options), Arc::clone(exchange));
+            let member = match &run_ranks {
+                Some(run_ranks) => Member::of_part((&system, run_ranks), &state, run, exchange),
+                None => Member::new(&system, &state, run, exchange),
+            };
             member.map(Some).map_err(|error| refused(error.to_string()))
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prelude::*;
+    use vi_core::ThreadRank;
+
+    /// A byte string that no first rank sends.
+    const END: &[u8] = b"end";
+
+    fn scene(element: CellKind, held: bool) -> Scene {
+        let shape = BoxMesh { size: [1.0, 0.3, 0.4], cells: [14, 6, 5], element, origin: [0.0; 3] };
+        let law = Law::NeoHookean(Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 });
+        let body = Body::from_box("block", shape, law).angular_velocity([1.0, 6.0, 3.0]);
+        let scene = Scene::new(Time::new(1e-3, 2e-4, SchemeName::StormerVerlet)).gravity([0.0, 0.0, -9.81]);
+        let scene = scene.body(body);
+        if held { scene.fix(Fix::region("block", "x-min")) } else { scene }
+    }
+
+    /// Ranks that generate only the parts that they need step to the bits of one process.
+    #[test]
+    fn parts_step_to_the_bits_of_the_whole() {
+        let kinds = [(CellKind::Tet4, true), (CellKind::Hex8, true), (CellKind::Wedge6, false)];
+        for (scene, size) in kinds.map(|(kind, held)| scene(kind, held)).iter().zip([2, 3, 4]) {
+            let mut alone = Simulation::new(scene.clone()).unwrap();
+            for _ in 0..5 {
+                alone.step().unwrap();
+            }
+            let crew = ThreadRank::crew(size).into_iter().map(|rank| Arc::new(rank) as Arc<dyn Exchange>);
+            let mut crew = crew.collect::<Vec<_>>().into_iter();
+            let first = crew.next().unwrap();
+            std::thread::scope(|scope| {
+                for rank in crew {
+                    scope.spawn(move || {
+                        let mut members = members(scene, true, &rank).unwrap();
+                        loop {
+                            let bytes = &rank.pieces(&[])[0];
+                            if bytes == END {
+                                return;
+                            }
+                            assert!(Member::obey(&mut members, bytes));
+                        }
+                    });
+                }
+                let mut shared = Simulation::shared(scene.clone(), &first).unwrap();
+                assert!(shared.is_of_parts());
+                for _ in 0..5 {
+                    shared.step().unwrap();
+                }
+                assert_eq!(shared.observe(), alone.observe());
+                assert_eq!(shared.components[0].state, alone.components[0].state);
+                first.pieces(END);
+            });
+        }
+    }
+
+    /// Bodies whose parts do not suffice are read whole by all ranks.
+    #[test]
+    fn only_plain_boxes_are_generated_in_parts() {
+        let plain = scene(CellKind::Tet4, true);
+        assert!(crate::model::parts::is_separable(&plain));
+        let mut refined = plain.clone();
+        refined.bodies[0].refine = Some(Refine::Levels(1));
+        let mut implicit = plain.clone();
+        implicit.time.scheme = Some(SchemeName::ImplicitMidpoint);
+        let mut finer = plain.clone();
+        finer.bodies[0].order = Some(2);
+        let mut touching = plain.clone();
+        touching.contact = Some(crate::scene::Contact::default());
+        for scene in [implicit, refined, finer, touching, scene(CellKind::Pyramid5, true)] {
+            assert!(!crate::model::parts::is_separable(&scene));
+        }
+    }
 }

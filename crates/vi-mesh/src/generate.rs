@@ -2,7 +2,9 @@
 
 mod box_cells;
 pub(crate) mod box_mesh;
+mod box_part;
 pub(crate) mod sheet_mesh;
 
 pub use box_mesh::BoxMesh;
+pub use box_part::MeshPart;
 pub use sheet_mesh::{SheetMesh, SheetPattern};

@@ -25,7 +25,7 @@ pub use check::volume_of_round_off;
 pub use error::MeshError;
 pub use facet::{FacetBlock, FacetPoint, Surface};
 pub use finer::FinerMesh;
-pub use generate::{BoxMesh, SheetMesh, SheetPattern};
+pub use generate::{BoxMesh, MeshPart, SheetMesh, SheetPattern};
 pub use mesh::{CellBlock, Mesh, Region, resolution};
 pub use nearest::{NearestPoints, SurfacePoint};
 pub use order::{Numbering, sort_by_place};

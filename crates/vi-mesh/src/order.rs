@@ -5,15 +5,17 @@ use crate::mesh::Mesh;
 
 /// Number of bits of each coordinate that are used.
 const BITS: u32 = 20;
+/// Number of bits of a place on the curve.
+pub(crate) const PLACE_BITS: u32 = 3 * BITS;
 
 /// Morton's curve through a box of points (G. M. Morton, 1966).
-struct Curve {
+pub(crate) struct Curve {
     low: [f64; 3],
     scale: f64,
 }
 
 impl Curve {
-    fn through(points: impl Iterator<Item = [f64; 3]>) -> Self {
+    pub(crate) fn through(points: impl Iterator<Item = [f64; 3]>) -> Self {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for point in points {
             for i in 0..3 {
@@ -25,31 +27,37 @@ impl Curve {
     }
 
     /// Returns the position of a point on the curve.
-    fn place(&self, point: [f64; 3]) -> u64 {
+    pub(crate) fn place(&self, point: [f64; 3]) -> u64 {
         (0..3).map(|i| spread(((point[i] - self.low[i]) * self.scale) as u64) << i).sum()
     }
 }
 
+/// Returns the mean of some points.
+pub(crate) fn centroid(points: impl ExactSizeIterator<Item = [f64; 3]>) -> [f64; 3] {
+    let count = points.len() as f64;
+    let mut sum = [0.0; 3];
+    for point in points {
+        for i in 0..3 {
+            sum[i] += point[i] / count;
+        }
+    }
+    sum
+}
+
 /// Sorts elements along Morton's curve through their centroids.
 pub fn sort_by_place(mesh: &Mesh, elements: &mut [u32]) {
-    let centroid = |element: u32| {
+    let centroid_of = |element: u32| {
         let nodes = mesh.cell(element as usize).map_or(&[][..], |(_, nodes)| nodes);
-        let mut sum = [0.0; 3];
-        for &node in nodes {
-            for i in 0..3 {
-                sum[i] += mesh.points[node as usize][i] / nodes.len() as f64;
-            }
-        }
-        sum
+        centroid(nodes.iter().map(|&node| mesh.points[node as usize]))
     };
-    let curve = Curve::through(elements.iter().map(|&element| centroid(element)));
-    elements.sort_by_cached_key(|&element| curve.place(centroid(element)));
+    let curve = Curve::through(elements.iter().map(|&element| centroid_of(element)));
+    elements.sort_by_cached_key(|&element| curve.place(centroid_of(element)));
 }
 
 /// A renumbering of the nodes of a mesh along Morton's curve, like that of the elements. Runs of elements and of
 /// nodes then lie together in space and in memory, whatever the order in a file, and a core mostly reads what it
 /// wrote itself.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Numbering {
     /// The new number of each node.
     number: Vec<u32>,
@@ -58,9 +66,13 @@ pub struct Numbering {
 impl Numbering {
     /// Returns the numbering along the curve.
     pub fn by_place(mesh: &Mesh) -> Self {
-        let curve = Curve::through(mesh.points.iter().copied());
-        let mut nodes: Vec<u32> = (0..mesh.points.len() as u32).collect();
-        nodes.sort_by_cached_key(|&node| curve.place(mesh.points[node as usize]));
+        Self::along(&Curve::through(mesh.points.iter().copied()), &mesh.points)
+    }
+
+    /// Returns the numbering of points along a curve.
+    pub(crate) fn along(curve: &Curve, points: &[[f64; 3]]) -> Self {
+        let mut nodes: Vec<u32> = (0..points.len() as u32).collect();
+        nodes.sort_by_cached_key(|&node| curve.place(points[node as usize]));
         let mut number = vec![0; nodes.len()];
         for (new, &node) in nodes.iter().enumerate() {
             number[node as usize] = new as u32;

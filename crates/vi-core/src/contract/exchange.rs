@@ -27,6 +27,22 @@ pub trait Exchange: Send + Sync {
     fn any(&self, flag: bool) -> bool;
 }
 
+/// What a rank sends to the others per gradient.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Traffic {
+    /// Number of bytes.
+    pub bytes: u64,
+    /// Number of bytes of one sum per node and rank that needs it, from which the bits of one process could not be kept.
+    pub node_sum_bytes: u64,
+}
+
+impl std::ops::AddAssign for Traffic {
+    fn add_assign(&mut self, other: Self) {
+        self.bytes += other.bytes;
+        self.node_sum_bytes += other.node_sum_bytes;
+    }
+}
+
 /// Numbers that this rank and another one send to each other.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Message {

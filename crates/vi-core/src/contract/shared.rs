@@ -1,5 +1,7 @@
 //! Terms whose stencils are divided among several processes (ranks).
 
+use crate::contract::exchange::Traffic;
+
 /// The sums of the fixed terms of a system that several ranks compute together. The first rank asks for them; the others
 /// wait for its questions.
 ///
@@ -13,19 +15,28 @@ pub trait SharedTerms: Send + Sync {
     /// Writes ∂V/∂x of every coordinate, N.
     fn gradient(&self, x: &[f64], t: f64, out: &mut [f64]);
 
-    /// Returns whether the ranks also solve linear systems with A = M + cK together, where K = ∂²V/∂q².
+    /// Returns whether the ranks also solve linear systems with A = aM + cK together, where K = ∂²V/∂q².
     fn solves(&self) -> bool;
 
-    /// Prepares the solver for A at positions `x` (m, all coordinates) and time t (s). If `is_projected`, the negative
-    /// eigenvalues of the Hessian of every stencil are set to zero. Returns its costs, and a free coordinate at which A is
-    /// not positive definite, if there is one.
-    fn prepare(&self, x: &[f64], t: f64, c: f64, is_projected: bool) -> (SolverFacts, Option<usize>);
+    /// Prepares the solver for A with the factors [a, c] at positions `x` (m, all coordinates) and time t (s). If
+    /// `is_projected`, the negative eigenvalues of the Hessian of every stencil are set to zero. Returns its costs, and a free
+    /// coordinate at which A is not positive definite, if there is one.
+    fn prepare(
+        &self,
+        x: &[f64],
+        t: f64,
+        factors: [f64; 2],
+        is_projected: bool,
+    ) -> (SolverFacts, Option<usize>);
+
+    /// Writes the diagonal of the last K (free coordinates), N/m.
+    fn diagonal(&self, out: &mut [f64]);
 
     /// Computes v ← A⁻¹v (free coordinates) by preconditioned conjugate gradients, to a relative error in the energy norm.
     fn solve(&self, v: &mut [f64], tolerance: f64, max_iterations: u32) -> SharedSolve;
 
-    /// Returns the number of bytes that the first rank sends to others per gradient, without those of `x`.
-    fn bytes_sent(&self) -> usize;
+    /// Returns what the first rank sends to others per gradient, without `x`.
+    fn traffic(&self) -> Traffic;
 }
 
 /// The outcome of a solve; only the first one has reached the tolerance.

@@ -66,7 +66,7 @@ pub fn elastic_on(
     node_offset: usize,
     name: &str,
 ) -> Result<Vec<Box<dyn Potential>>, FemError> {
-    by_kind::<Plain>((instructions, false), mesh, elements, law, node_offset, name)
+    by_kind::<Plain>((instructions, Storage::Whole), mesh, elements, law, node_offset, name)
 }
 
 /// Returns the potentials of [`elastic`] without their shapes at rest, for a process that evaluates only portions of them
@@ -81,12 +81,40 @@ pub fn elastic_in_portions(
     node_offset: usize,
     name: &str,
 ) -> Result<Vec<Box<dyn Potential>>, FemError> {
-    by_kind::<Plain>((InstructionSet::Best, true), mesh, elements, law, node_offset, name)
+    by_kind::<Plain>((InstructionSet::Best, Storage::Portions), mesh, elements, law, node_offset, name)
 }
 
-/// Returns one potential per element kind, each built by `B`, at once or portion by portion.
+/// Returns the potentials of [`elastic_in_portions`] for some runs of the elements of a larger mesh. `elements` are these runs
+/// in the order of [`sort_by_place`] in the larger mesh, each of `run_length` elements; the last one may be shorter. Every
+/// run has the bits that it has in the potential of the larger mesh.
+///
+/// # Errors
+/// Returns the errors of [`elastic_in_portions`].
+pub fn elastic_in_runs(
+    mesh: &Mesh,
+    (elements, run_length): (&[u32], usize),
+    law: &Law,
+    node_offset: usize,
+    name: &str,
+) -> Result<Vec<Box<dyn Potential>>, FemError> {
+    let storage = Storage::Runs(run_length);
+    by_kind::<Plain>((InstructionSet::Best, storage), mesh, elements, law, node_offset, name)
+}
+
+/// The elements of which a potential holds the shapes at rest.
+#[derive(Clone, Copy)]
+pub(crate) enum Storage {
+    /// All.
+    Whole,
+    /// Those of portions that are made later.
+    Portions,
+    /// The same, for elements that are in runs of this length already.
+    Runs(usize),
+}
+
+/// Returns one potential per element kind, each built by `B`.
 pub(crate) fn by_kind<B: Build>(
-    (instructions, in_portions): (InstructionSet, bool),
+    (instructions, storage): (InstructionSet, Storage),
     mesh: &Mesh,
     elements: &[u32],
     law: &Law,
@@ -116,7 +144,7 @@ pub(crate) fn by_kind<B: Build>(
         .map(|(kind, elements)| {
             let name = label.clone();
             let form = PhantomData;
-            let build = BuildElement::<B> { arch, in_portions, mesh, elements, law, node_offset, name, form };
+            let build = BuildElement::<B> { arch, storage, mesh, elements, law, node_offset, name, form };
             visit_solid(kind, build).ok_or(FemError::Unsupported { kind, used: "solid elements" })?
         })
         .collect()
@@ -124,7 +152,7 @@ pub(crate) fn by_kind<B: Build>(
 
 struct BuildElement<'a, B> {
     arch: Arch,
-    in_portions: bool,
+    storage: Storage,
     mesh: &'a Mesh,
     elements: Vec<u32>,
     law: &'a Law,
@@ -137,13 +165,19 @@ impl<B: Build> SolidVisitor for BuildElement<'_, B> {
     type Output = Result<Box<dyn Potential>, FemError>;
 
     fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) -> Self::Output {
-        let Self { arch, in_portions, mesh, mut elements, law, node_offset, name, .. } = self;
-        sort_by_place(mesh, &mut elements);
-        interleave(run_length(elements.len(), 3 * N), &mut elements);
+        let Self { arch, storage, mesh, mut elements, law, node_offset, name, .. } = self;
+        let run_length = match storage {
+            Storage::Runs(length) => length,
+            Storage::Whole | Storage::Portions => {
+                sort_by_place(mesh, &mut elements);
+                run_length(elements.len(), 3 * N)
+            }
+        };
+        interleave(run_length, &mut elements);
         let cells = elements.iter().filter_map(|&element| mesh.cell(element as usize));
         let mut nodes: Vec<u32> = Vec::with_capacity(N * elements.len());
         cells.for_each(|(_, of_element)| nodes.extend_from_slice(of_element));
-        if in_portions {
+        if !matches!(storage, Storage::Whole) {
             let node_offset = node_offset as u32;
             nodes.iter_mut().for_each(|node| *node += node_offset);
             let (points, law, form) = (mesh.points.clone(), law.clone(), PhantomData);
@@ -153,6 +187,7 @@ impl<B: Build> SolidVisitor for BuildElement<'_, B> {
                 node_offset,
                 nodes,
                 elements,
+                run_length,
                 law,
                 name,
                 form,

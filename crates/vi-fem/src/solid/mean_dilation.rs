@@ -21,7 +21,7 @@ use crate::error::FemError;
 use crate::lanes::instructions::InstructionSet;
 use crate::lanes::pack::{GROUP, Pack};
 use crate::solid::elastic::build::Build;
-use crate::solid::elastic::{by_kind, farthest_outside, fault};
+use crate::solid::elastic::{Storage, by_kind, farthest_outside, fault};
 use crate::solid::element::contract::Element;
 use crate::solid::element::kernel::Solids;
 use crate::solid::law_kernels::{LawKernels, stiffness_weight};
@@ -55,7 +55,7 @@ pub fn mean_dilation(
     node_offset: usize,
     name: &str,
 ) -> Result<Vec<Box<dyn Potential>>, FemError> {
-    by_kind::<MeanDilation>((InstructionSet::Best, false), mesh, elements, law, node_offset, name)
+    by_kind::<MeanDilation>((InstructionSet::Best, Storage::Whole), mesh, elements, law, node_offset, name)
 }
 
 /// Returns the potentials of [`mean_dilation`] as [`elastic_in_portions`](crate::elastic_in_portions) does those of
@@ -70,7 +70,7 @@ pub fn mean_dilation_in_portions(
     node_offset: usize,
     name: &str,
 ) -> Result<Vec<Box<dyn Potential>>, FemError> {
-    by_kind::<MeanDilation>((InstructionSet::Best, true), mesh, elements, law, node_offset, name)
+    by_kind::<MeanDilation>((InstructionSet::Best, Storage::Portions), mesh, elements, law, node_offset, name)
 }
 
 /// Builds the potential with mean dilation.

@@ -28,7 +28,7 @@ fn default_element() -> CellKind {
 }
 
 /// The faces of a box: name, the axis that is normal to it, and whether it is the far one.
-const FACES: [(&str, usize, bool); 6] = [
+pub(super) const FACES: [(&str, usize, bool); 6] = [
     ("x-min", 0, false),
     ("x-max", 0, true),
     ("y-min", 1, false),
@@ -52,7 +52,7 @@ impl Lattice {
 }
 
 /// Returns all cells (i, j, k) with i fastest; `held` = (axis, index) restricts them to one layer.
-fn cells_of(counts: [usize; 3], held: Option<(usize, usize)>) -> impl Iterator<Item = [usize; 3]> {
+pub(super) fn cells_of(counts: [usize; 3], held: Option<(usize, usize)>) -> impl Iterator<Item = [usize; 3]> {
     let range = move |axis: usize| match held {
         Some((held_axis, index)) if held_axis == axis => index..index + 1,
         _ => 0..counts[axis],
@@ -129,14 +129,17 @@ impl BoxMesh {
             lattice.numbers[index] = points.len() as u32;
             let [nx, ny, _] = lattice.counts;
             let at = [index % nx, index / nx % ny, index / (nx * ny)];
-            points.push([0, 1, 2].map(|axis| {
-                self.origin[axis] + self.size[axis] * (at[axis] as f64 / (2 * counts[axis]) as f64)
-            }));
+            points.push([0, 1, 2].map(|axis| self.place(axis, at[axis])));
         }
         points
     }
 
-    fn check(&self) -> Result<(), MeshError> {
+    /// Returns a coordinate of the points of the lattice whose index along an axis is `index`, m.
+    pub(super) fn place(&self, axis: usize, index: usize) -> f64 {
+        self.origin[axis] + self.size[axis] * (index as f64 / f64::from(2 * self.cells[axis]))
+    }
+
+    pub(super) fn check(&self) -> Result<(), MeshError> {
         for value in self.size {
             if !(value > 0.0 && value.is_finite()) {
                 let requirement = "every size of a box must be positive (m)";

@@ -17,7 +17,7 @@ use std::cell::RefCell;
 use std::ops::Range;
 
 use rayon::prelude::*;
-use vi_core::{HessianKind, Padded, Patch, PatchArray, Terms};
+use vi_core::{HessianKind, Padded, Patch, PatchArray, Terms, Traffic};
 
 use crate::assemble::gather::halo::Halo;
 use crate::assemble::spans::{Span, mobilities, mobility_of, parts, spans};
@@ -147,9 +147,9 @@ impl Gather {
         self.halo.is_some()
     }
 
-    /// Returns the number of bytes that this rank sends to others per gradient.
-    pub(crate) fn bytes_sent(&self) -> usize {
-        self.halo.as_ref().map_or(0, Halo::bytes)
+    /// Returns what this rank sends to others per gradient.
+    pub(crate) fn traffic(&self) -> Traffic {
+        self.halo.as_ref().map_or_else(Traffic::default, Halo::traffic)
     }
 
     /// Returns the sum of the gradients that never change, computed at positions `x` and time t; `None` if there are

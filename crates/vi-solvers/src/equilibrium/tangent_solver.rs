@@ -1,5 +1,9 @@
 //! Solves with the tangent of an equilibrium: a Cholesky factor, or conjugate gradients for large bodies.
 
+use std::sync::Arc;
+
+use vi_core::{SharedSolve, SharedTerms};
+
 use crate::error::{NotPositiveDefinite, SolverError};
 use crate::linear::cost;
 use crate::linear::factor::Factor;
@@ -23,6 +27,8 @@ const SEARCH_ACCURACY: f64 = 1e-6;
 enum Kind {
     Factor(Box<Factor>),
     Gradients(Box<Pcg>),
+    /// Conjugate gradients of several processes.
+    Shared(Arc<dyn SharedTerms>),
 }
 
 /// Solves with A = K + D of one pattern, with a diagonal D.
@@ -60,6 +66,12 @@ impl TangentSolver {
         Ok(Self { kind, reason, solution: Vec::new() })
     }
 
+    /// Returns the solver of processes that prepare and solve together by conjugate gradients.
+    pub(super) fn shared(shared: &Arc<dyn SharedTerms>) -> Self {
+        let kind = Kind::Shared(Arc::clone(shared));
+        Self { kind, reason: "pcg: asked for".to_owned(), solution: Vec::new() }
+    }
+
     /// Takes the factor, or conjugate gradients if they cost less for one solve or the factor is too large.
     fn compare(
         factor: Factor,
@@ -93,7 +105,7 @@ impl TangentSolver {
     pub(super) fn choice(&self) -> (LinearSolver, &str) {
         let linear = match self.kind {
             Kind::Factor(_) => LinearSolver::Cholesky,
-            Kind::Gradients(_) => LinearSolver::Pcg,
+            Kind::Gradients(_) | Kind::Shared(_) => LinearSolver::Pcg,
         };
         (linear, &self.reason)
     }
@@ -103,6 +115,7 @@ impl TangentSolver {
         match &self.kind {
             Kind::Factor(factor) => factor.serves(a),
             Kind::Gradients(pcg) => pcg.serves(a),
+            Kind::Shared(_) => true,
         }
     }
 
@@ -110,7 +123,7 @@ impl TangentSolver {
     pub(super) fn factor(&mut self) -> Option<&mut Factor> {
         match &mut self.kind {
             Kind::Factor(factor) => Some(factor),
-            Kind::Gradients(_) => None,
+            Kind::Gradients(_) | Kind::Shared(_) => None,
         }
     }
 
@@ -127,6 +140,8 @@ impl TangentSolver {
         match &mut self.kind {
             Kind::Factor(factor) => factor.factorize(d, 1.0, k),
             Kind::Gradients(pcg) => pcg.prepare(d, 1.0, k, positions).map(|_| ()),
+            // The processes have prepared it when they assembled the matrix.
+            Kind::Shared(_) => Ok(()),
         }
     }
 
@@ -151,6 +166,18 @@ impl TangentSolver {
                 b_to_x.copy_from_slice(&self.solution);
                 Ok(())
             }
+            Kind::Shared(shared) => match shared.solve(b_to_x, accuracy, LONGEST) {
+                SharedSolve::Converged { iterations } => {
+                    work.pcg_iterations += u64::from(iterations);
+                    Ok(())
+                }
+                SharedSolve::Negative { iterations, curvature } => {
+                    Err(SolverError::NegativeCurvature { iterations, curvature })
+                }
+                SharedSolve::TooMany { iterations, residual } => {
+                    Err(SolverError::ConjugateGradients { iterations, residual, tolerance: accuracy })
+                }
+            },
         }
     }
 

@@ -325,7 +325,7 @@ impl ChosenSolver {
         c: f64,
         is_projected: bool,
     ) -> Result<(), SolverError> {
-        let (facts, indefinite) = shared.prepare(x, t, c, is_projected);
+        let (facts, indefinite) = shared.prepare(x, t, [1.0, c], is_projected);
         let SolverFacts { iteration_bytes, iteration_flops, prepare_bytes, coarse_flops, bytes } = facts;
         self.pcg = PcgFacts { iteration_bytes, iteration_flops, prepare_bytes, coarse_flops, bytes };
         if self.is_ready() {

@@ -22,12 +22,12 @@ pub(crate) enum Command {
         /// The time, s.
         t: f64,
     },
-    /// Assemble A = M + cK at the positions that follow, and prepare its solver.
+    /// Assemble A = aM + cK at the positions that follow, and prepare its solver.
     Prepare {
         /// The time, s.
         t: f64,
-        /// The factor of K.
-        c: f64,
+        /// The factors a and c.
+        factors: [f64; 2],
         /// Whether negative eigenvalues of stencils are set to zero.
         is_projected: bool,
     },
@@ -38,6 +38,8 @@ pub(crate) enum Command {
         /// The largest number of iterations.
         most: u32,
     },
+    /// Send back the diagonal of the last K.
+    Diagonal,
     /// Sum ∂V/∂x at the positions that follow, and send it back.
     Gradient {
         /// The time, s.
@@ -45,19 +47,22 @@ pub(crate) enum Command {
     },
 }
 
-const LENGTH: usize = 3;
+const LENGTH: usize = 4;
 
 impl Command {
     /// Returns the command to component number `component` as bytes.
     pub(crate) fn encode(&self, component: usize) -> Vec<u8> {
         let (tag, numbers): (u32, [f64; LENGTH]) = match *self {
             Self::Place { evaluated: None } => (0, [0.0; LENGTH]),
-            Self::Place { evaluated: Some((t, knows)) } => (1, [t, f64::from(u8::from(knows)), 0.0]),
-            Self::Steps { t, h, count } => (2, [t, h, f64::from(count)]),
-            Self::Energies { t } => (3, [t, 0.0, 0.0]),
-            Self::Gradient { t } => (4, [t, 0.0, 0.0]),
-            Self::Prepare { t, c, is_projected } => (5, [t, c, f64::from(u8::from(is_projected))]),
-            Self::Solve { tolerance, most } => (6, [tolerance, f64::from(most), 0.0]),
+            Self::Place { evaluated: Some((t, knows)) } => (1, [t, f64::from(u8::from(knows)), 0.0, 0.0]),
+            Self::Steps { t, h, count } => (2, [t, h, f64::from(count), 0.0]),
+            Self::Energies { t } => (3, [t, 0.0, 0.0, 0.0]),
+            Self::Gradient { t } => (4, [t, 0.0, 0.0, 0.0]),
+            Self::Prepare { t, factors: [a, c], is_projected } => {
+                (5, [t, a, c, f64::from(u8::from(is_projected))])
+            }
+            Self::Solve { tolerance, most } => (6, [tolerance, f64::from(most), 0.0, 0.0]),
+            Self::Diagonal => (7, [0.0; LENGTH]),
         };
         let head = [component as u32, tag].into_iter().flat_map(u32::to_le_bytes);
         head.chain(numbers.into_iter().flat_map(f64::to_le_bytes)).collect()
@@ -74,8 +79,12 @@ impl Command {
             2 => Self::Steps { t: number(0)?, h: number(1)?, count: number(2)? as u32 },
             3 => Self::Energies { t: number(0)? },
             4 => Self::Gradient { t: number(0)? },
-            5 => Self::Prepare { t: number(0)?, c: number(1)?, is_projected: number(2)? == 1.0 },
+            5 => {
+                let factors = [number(1)?, number(2)?];
+                Self::Prepare { t: number(0)?, factors, is_projected: number(3)? == 1.0 }
+            }
             6 => Self::Solve { tolerance: number(0)?, most: number(1)? as u32 },
+            7 => Self::Diagonal,
             _ => return None,
         };
         Some((word(0)? as usize, command))
@@ -92,7 +101,8 @@ mod tests {
         let steps = Command::Steps { t: 0.1, h: 1e-3, count: 16 };
         let sums = [Command::Energies { t: 0.2 }, Command::Gradient { t: 0.4 }];
         let solves = [
-            Command::Prepare { t: 0.1, c: 2.0, is_projected: true },
+            Command::Prepare { t: 0.1, factors: [1.0, 2.0], is_projected: true },
+            Command::Diagonal,
             Command::Solve { tolerance: 0.5, most: 9 },
         ];
         let others = [Command::Place { evaluated: None }, placed, steps];

@@ -11,7 +11,7 @@ use crate::error::SolverError;
 use crate::memory::{StepperMemory, expect_method};
 use crate::options::SolverOptions;
 use crate::ranks::command::Command;
-use crate::ranks::member::Held;
+use crate::ranks::layout::Held;
 use crate::ranks::partners::Partners;
 use crate::schemes::method::{Method, stepper};
 use crate::schemes::stepper::{StepError, StepReport, Stepper};

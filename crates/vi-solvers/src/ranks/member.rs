@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use vi_core::{
-    Coordinates, CoreError, Exchange, Message, Portion, Potential, State, System, coordinates_of_nodes,
+    Coordinates, CoreError, Exchange, Message, Portion, Potential, State, System, Traffic,
+    coordinates_of_nodes,
 };
 
 use crate::assemble::assembler::Assembler;
@@ -11,11 +12,12 @@ use crate::assemble::gather::Gather;
 use crate::assemble::gather::division::{Division, Share, TermPortion};
 use crate::assemble::spans::{Span, common_block};
 use crate::error::SolverError;
-use crate::index::{NONE, free_of};
+use crate::index::NONE;
 use crate::memory::StepperMemory;
 use crate::options::SolverOptions;
 use crate::ranks::command::Command;
-use crate::ranks::rows::{Rows, RowsLayout};
+use crate::ranks::layout::Layout;
+use crate::ranks::rows::Rows;
 use crate::schemes::kick_drift::KickDrift;
 use crate::schemes::method::Method;
 use crate::work::Work;
@@ -43,50 +45,6 @@ enum Task {
     Sums(Box<Assembler>),
 }
 
-/// The coordinates of the portion of one rank, as numbers of the whole system.
-pub(crate) struct Held {
-    /// Its free coordinates, if it makes steps.
-    pub(crate) free: Vec<u32>,
-    /// Its nodes.
-    nodes: Vec<u32>,
-    /// Places in `nodes` of those whose gradient it reports.
-    reported: Vec<u32>,
-    /// Coordinates per node.
-    block: usize,
-}
-
-impl Held {
-    /// Returns all its coordinates.
-    pub(crate) fn dofs(&self) -> impl Iterator<Item = usize> {
-        let block = self.block;
-        self.nodes.iter().flat_map(move |&node| block * node as usize..block * (node as usize + 1))
-    }
-
-    /// Returns the coordinates whose gradient it reports.
-    pub(crate) fn reported_dofs(&self) -> impl Iterator<Item = usize> {
-        let Self { nodes, reported, block, .. } = self;
-        let node = |&place: &u32| nodes[place as usize] as usize;
-        reported.iter().map(node).flat_map(move |node| block * node..block * (node + 1))
-    }
-
-    /// Returns the number of these coordinates.
-    pub(crate) fn reported_count(&self) -> usize {
-        self.block * self.reported.len()
-    }
-}
-
-/// How a system is divided among ranks.
-pub(crate) struct Layout {
-    /// The coordinates of each rank.
-    pub(crate) held: Vec<Held>,
-    /// The runs of stencils that each rank sums: index of the term and first stencil.
-    pub(crate) runs: Vec<Vec<(usize, usize)>>,
-    /// The rows of each rank; empty if the first rank solves linear systems alone.
-    pub(crate) rows: Vec<RowsLayout>,
-    /// Whether the ranks make steps themselves.
-    pub(crate) steps: bool,
-}
-
 /// Returns whether ranks can step their portions of a system themselves: q and p of a node must follow from the terms at
 /// the node alone.
 fn steps_apart(system: &System, method: &Method, keeps_ledger: bool) -> bool {
@@ -109,15 +67,32 @@ impl Member {
         (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
     ) -> Result<Self, SolverError> {
-        Self::with_layout(whole, start, (method, options), exchange).map(|(member, _)| member)
+        Self::with_layout(whole, start, (method, options), exchange, None).map(|(member, _)| member)
     }
 
-    /// Returns the portion, and those of all ranks.
+    /// Returns the same portion, made from the part of the whole system that contains all stencils at its nodes, in whole runs.
+    /// `run_ranks` are the ranks of the runs of every term; affine terms need none. No run of the whole system may be without
+    /// a free coordinate.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Member::new`].
+    pub fn of_part(
+        (part, run_ranks): (&System, &[Vec<u32>]),
+        start: &State,
+        (method, options): (&Method, &SolverOptions),
+        exchange: Arc<dyn Exchange>,
+    ) -> Result<Self, SolverError> {
+        let made = Self::with_layout(part, start, (method, options), exchange, Some(run_ranks));
+        made.map(|(member, _)| member)
+    }
+
+    /// Returns the portion, and those of all ranks unless `whole` is a part.
     pub(crate) fn with_layout(
         whole: &System,
         start: &State,
         (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
+        run_ranks: Option<&[Vec<u32>]>,
     ) -> Result<(Self, Layout), SolverError> {
         let refused = |reason: String| SolverError::Ranks { reason };
         let (terms, mass) = (whole.terms(), whole.mass());
@@ -130,7 +105,10 @@ impl Member {
             )));
         }
         let gather = Gather::new(terms, block);
-        let division = Division::new(&gather, exchange.size());
+        let division = match run_ranks {
+            Some(run_ranks) => Division::of_part(&gather, terms, run_ranks, exchange.size()),
+            None => Division::new(&gather, exchange.size()),
+        };
         let base = gather.base(terms, &whole.positions(start), start.t);
         let Share { gather: own, terms: portions, spans } =
             division.portion(&gather, base.as_deref(), Arc::clone(&exchange));
@@ -165,15 +143,10 @@ impl Member {
             None => Task::Sums(Box::new(Assembler::of_portion(system.terms().clone(), own))),
         };
         let reported = division.reported[rank].clone();
-        let free_of = free_of(whole.coordinates());
-        let held = division.nodes.into_iter().zip(division.reported).map(|(nodes, reported)| {
-            let held = Held { free: Vec::new(), nodes, reported, block };
-            let free = held.dofs().map(|dof| free_of[dof]).filter(|&free| steps && free != NONE).collect();
-            Held { free, ..held }
-        });
         let solved = if method.facts().is_explicit { None } else { Rows::new(whole, options, &exchange)? };
         let (rows, of_ranks) = solved.map_or((None, Vec::new()), |(rows, of_ranks)| (Some(rows), of_ranks));
-        let layout = Layout { held: held.collect(), runs, rows: of_ranks, steps };
+        let nodes = (division.nodes, division.reported);
+        let layout = Layout::new(whole, nodes, runs, of_ranks, steps);
         Ok((Self { system, state, task, spans, reported, rows, block, exchange }, layout))
     }
 
@@ -209,11 +182,16 @@ impl Member {
                 let gradient = member.gradient(&x, t);
                 first(gradient, 0);
             }
-            Command::Prepare { t, c, is_projected } => {
+            Command::Prepare { t, factors, is_projected } => {
                 let Some(rows) = &mut member.rows else { return false };
                 let x = first(Vec::new(), rows.counts().0);
                 // The first rank finds the same.
-                rows.prepare(&x, t, c, is_projected);
+                rows.prepare(&x, t, factors, is_projected);
+            }
+            Command::Diagonal => {
+                let Some(rows) = &mut member.rows else { return false };
+                let diagonal = rows.diagonal();
+                first(diagonal, 0);
             }
             Command::Solve { tolerance, most } => {
                 let Some(rows) = &mut member.rows else { return false };
@@ -286,6 +264,11 @@ impl Member {
         self.rows.as_mut()
     }
 
+    /// Returns whether it makes steps.
+    pub(crate) fn makes_steps(&self) -> bool {
+        matches!(self.task, Task::Steps(_))
+    }
+
     /// Returns the state of the portion.
     pub(crate) fn state(&self) -> &State {
         &self.state
@@ -307,11 +290,11 @@ impl Member {
         }
     }
 
-    /// Returns the number of bytes that this rank sends to others per gradient.
-    pub fn bytes_sent(&mut self) -> usize {
+    /// Returns what this rank sends to others per gradient.
+    pub fn traffic(&mut self) -> Traffic {
         match &mut self.task {
-            Task::Steps(stepper) => stepper.bytes_sent(),
-            Task::Sums(assembler) => assembler.gather().map_or(0, Gather::bytes_sent),
+            Task::Steps(stepper) => stepper.traffic(),
+            Task::Sums(assembler) => assembler.gather().map_or_else(Traffic::default, Gather::traffic),
         }
     }
 }

@@ -2,12 +2,13 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use vi_core::{Exchange, Message, RunEnergy, SharedSolve, SharedTerms, SolverFacts, State, System};
+use vi_core::{Exchange, Message, RunEnergy, SharedSolve, SharedTerms, SolverFacts, State, System, Traffic};
 
 use crate::error::SolverError;
 use crate::options::SolverOptions;
 use crate::ranks::command::Command;
-use crate::ranks::member::{Held, Layout, Member};
+use crate::ranks::layout::{Held, Layout};
+use crate::ranks::member::Member;
 use crate::ranks::rows::RowsLayout;
 use crate::schemes::method::Method;
 
@@ -32,8 +33,20 @@ impl Partners {
         (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
     ) -> Result<Self, SolverError> {
-        let (member, layout) = Member::with_layout(system, start, (method, options), Arc::clone(&exchange))?;
+        let (member, layout) =
+            Member::with_layout(system, start, (method, options), Arc::clone(&exchange), None)?;
         Ok(Self { exchange, component, member: Mutex::new(member), layout })
+    }
+
+    /// Divides the component among ranks that make their [`Member`] from parts ([`Member::of_part`]); `member` is that of the
+    /// first. Returns `None` if this is not possible, because a run of stencils has no free coordinate or a rank has no run.
+    pub fn of_parts(
+        (component, system): (usize, &System),
+        member: Member,
+        exchange: Arc<dyn Exchange>,
+    ) -> Option<Self> {
+        let layout = Layout::of_parts(system, exchange.size(), member.makes_steps())?;
+        Some(Self { exchange, component, member: Mutex::new(member), layout })
     }
 
     /// Returns whether the ranks step their portions themselves.
@@ -113,15 +126,33 @@ impl SharedTerms for Partners {
         !self.layout.rows.is_empty()
     }
 
-    fn prepare(&self, x: &[f64], t: f64, c: f64, is_projected: bool) -> (SolverFacts, Option<usize>) {
+    fn prepare(
+        &self,
+        x: &[f64],
+        t: f64,
+        factors: [f64; 2],
+        is_projected: bool,
+    ) -> (SolverFacts, Option<usize>) {
         let mut member = self.member();
         let (Some(rows), [first, ..]) = (member.rows(), &self.layout.rows[..]) else {
             return (SolverFacts::default(), Some(0));
         };
-        self.command(Command::Prepare { t, c, is_projected });
+        self.command(Command::Prepare { t, factors, is_projected });
         let of_rank = |rows: &RowsLayout| -> Vec<f64> { rows.dofs().map(|dof| x[dof]).collect() };
         self.talk(&self.layout.rows, of_rank, |_| 0);
-        rows.prepare(&of_rank(first), t, c, is_projected)
+        rows.prepare(&of_rank(first), t, factors, is_projected)
+    }
+
+    fn diagonal(&self, out: &mut [f64]) {
+        let mut member = self.member();
+        let Some(rows) = member.rows() else { return };
+        self.command(Command::Diagonal);
+        let own = rows.diagonal();
+        let messages = self.talk(&self.layout.rows, |_| Vec::new(), |rows| rows.free.len());
+        let received = messages.iter().map(|message| &message.receive);
+        for (rows, values) in self.layout.rows.iter().zip(std::iter::once(&own).chain(received)) {
+            out[rows.free.clone()].copy_from_slice(values);
+        }
     }
 
     fn solve(&self, v: &mut [f64], tolerance: f64, max_iterations: u32) -> SharedSolve {
@@ -142,7 +173,7 @@ impl SharedTerms for Partners {
         solved
     }
 
-    fn bytes_sent(&self) -> usize {
-        self.member().bytes_sent()
+    fn traffic(&self) -> Traffic {
+        self.member().traffic()
     }
 }

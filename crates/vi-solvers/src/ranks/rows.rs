@@ -1,4 +1,4 @@
-//! The rows of A = M + cK that one of several ranks assembles and solves.
+//! The rows of A = aM + cK that one of several ranks assembles and solves.
 //!
 //! A rank has whole domains of rows (`linear/pcg/share.rs`). It evaluates all chunks of stencils at the nodes of its rows, also
 //! those at which others evaluate them too, so that no sums of Hessians have to be exchanged.
@@ -150,13 +150,13 @@ impl Rows {
         (self.system.coordinates().dof_count(), self.own.len())
     }
 
-    /// Assembles A = M + cK at positions `x` of its coordinates and prepares the solver, together with the other ranks.
+    /// Assembles A = aM + cK with the factors [a, c] at positions `x` of its coordinates and prepares the solver, together with the other ranks.
     /// Returns its costs, and a free coordinate of the whole system at which A is not positive definite, if there is one.
     pub(crate) fn prepare(
         &mut self,
         x: &[f64],
         t: f64,
-        c: f64,
+        [a, c]: [f64; 2],
         is_projected: bool,
     ) -> (SolverFacts, Option<usize>) {
         let terms = self.system.terms();
@@ -179,7 +179,12 @@ impl Rows {
                 unmade.insert(Box::new(Solver { hessian, pcg, solution }))
             }
         };
-        let made = solver.pcg.prepare(self.system.free_mass(), c, solver.hessian.matrix(), &positions);
+        let mass = self.system.free_mass();
+        let scaled: Vec<f64> =
+            if a == 0.0 || a == 1.0 { Vec::new() } else { mass.iter().map(|m| a * m).collect() };
+        // An empty mass means zero.
+        let mass = if a == 1.0 { mass } else { &scaled };
+        let made = solver.pcg.prepare(mass, c, solver.hessian.matrix(), &positions);
         let facts = solver.pcg.facts();
         let facts = SolverFacts {
             iteration_bytes: facts.iteration_bytes,
@@ -189,6 +194,14 @@ impl Rows {
             bytes: facts.bytes,
         };
         (facts, made.err().map(|error| error.free))
+    }
+
+    /// Returns the diagonal of the last K at its own coordinates, N/m.
+    pub(crate) fn diagonal(&self) -> Vec<f64> {
+        let Some(solver) = &self.solver else { return vec![0.0; self.own.len()] };
+        let mut all = vec![0.0; self.free.len()];
+        solver.hessian.matrix().diagonal(&mut all);
+        all[self.own.clone()].to_vec()
     }
 
     /// Solves A v = b together with the other ranks; `v` are the own coordinates of b, then of the solution.

@@ -25,6 +25,7 @@ pub(super) struct Deferred<B, E, const N: usize, const Q: usize> {
     pub(super) nodes: Vec<u32>,
     /// The caller's number of each element.
     pub(super) elements: Vec<u32>,
+    pub(super) run_length: usize,
     pub(super) law: Law,
     pub(super) name: String,
     pub(super) form: PhantomData<fn() -> (B, E)>,
@@ -52,6 +53,10 @@ impl<B: Build, E: Element<N, Q>, const N: usize, const Q: usize> Potential for D
 
     fn stencils(&self) -> Stencils<'_> {
         Stencils { arity: N, block: 3, nodes: &self.nodes }
+    }
+
+    fn run_length(&self) -> usize {
+        self.run_length
     }
 
     fn traits(&self) -> Traits {

@@ -7,7 +7,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{Exchange, Message, Padded};
+use vi_core::{Exchange, Message, Padded, Terms};
 
 use super::halo::Halo;
 use super::{Chunk, Gather};
@@ -51,6 +51,20 @@ impl Division {
         for of_term in whole.chunks.chunk_by(|a, b| a.span.term == b.span.term) {
             chunk_ranks.extend((0..of_term.len()).map(|k| (k * size / of_term.len()) as u32));
         }
+        Self::with_ranks(whole, chunk_ranks, size)
+    }
+
+    /// Divides the sum of the part of a system that one of `size` ranks needs. `run_ranks` are the ranks of the runs of every
+    /// term. Only what concerns that rank is complete.
+    pub(crate) fn of_part(part: &Gather, terms: &Terms, run_ranks: &[Vec<u32>], size: usize) -> Self {
+        let rank = |Chunk { span, .. }: &Chunk| {
+            run_ranks[span.term][span.stencils.start / terms.fixed()[span.term].run_length()]
+        };
+        Self::with_ranks(part, part.chunks.iter().map(rank).collect(), size)
+    }
+
+    /// Divides a sum whose chunks have these ranks.
+    fn with_ranks(whole: &Gather, chunk_ranks: Vec<u32>, size: usize) -> Self {
         let mut slot_ranks = vec![0; whole.slot_nodes.len()];
         for (chunk, &rank) in whole.chunks.iter().zip(&chunk_ranks) {
             slot_ranks[chunk.slots.clone()].fill(rank);
@@ -148,8 +162,10 @@ impl Division {
         let own_slots = slot_nodes.len();
         let mut sends: Vec<Vec<u32>> = vec![Vec::new(); self.nodes.len()];
         let mut receives: Vec<Vec<u32>> = vec![Vec::new(); self.nodes.len()];
+        let mut node_sums = 0;
         for &node in nodes {
             for other in self.ranks_of(whole, node).into_iter().filter(|&other| other != rank) {
+                node_sums += 1;
                 for &slot in whole.slots_of(node) {
                     let slot_rank = self.slot_ranks[slot as usize];
                     if slot_rank == rank {
@@ -183,7 +199,8 @@ impl Division {
             nodes.iter().flat_map(of_node).copied().collect()
         });
         let stencil_count = chunks.iter().map(|chunk| chunk.span.stencils.len()).sum();
-        let halo = Halo { exchange, border_count, border_slots, own_slots, block, messages, sends };
+        let halo =
+            Halo { exchange, border_count, border_slots, own_slots, block, messages, node_sums, sends };
         let gather = Gather {
             block,
             chunks,

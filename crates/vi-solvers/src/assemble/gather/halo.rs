@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{Exchange, Message, Padded};
+use vi_core::{Exchange, Message, Padded, Traffic};
 
 /// The exchange of one rank.
 pub(super) struct Halo {
@@ -17,6 +17,8 @@ pub(super) struct Halo {
     /// Number of coordinates per node.
     pub(super) block: usize,
     pub(super) messages: Vec<Message>,
+    /// Number of nodes of all messages.
+    pub(super) node_sums: usize,
     /// The slots that each message sends.
     pub(super) sends: Vec<Vec<u32>>,
 }
@@ -47,8 +49,9 @@ impl Halo {
         }
     }
 
-    /// Returns the number of bytes that this rank sends per gradient.
-    pub(super) fn bytes(&self) -> usize {
-        8 * self.messages.iter().map(|message| message.send.len()).sum::<usize>()
+    /// Returns what this rank sends per gradient.
+    pub(super) fn traffic(&self) -> Traffic {
+        let numbers = self.messages.iter().map(|message| message.send.len()).sum::<usize>();
+        Traffic { bytes: 8 * numbers as u64, node_sum_bytes: 8 * (self.block * self.node_sums) as u64 }
     }
 }

@@ -1,6 +1,6 @@
 //! Explicit steps of the portion of a system that one of several ranks computes.
 
-use vi_core::{Exchange, State, System};
+use vi_core::{Exchange, State, System, Traffic};
 
 use crate::assemble::assembler::Assembler;
 use crate::assemble::evaluator::Evaluator;
@@ -92,8 +92,8 @@ impl KickDrift {
         self.evaluator.assembler()
     }
 
-    /// Returns the number of bytes that this rank sends to others per evaluation of forces.
-    pub(crate) fn bytes_sent(&mut self) -> usize {
-        self.evaluator.assembler().gather().map_or(0, Gather::bytes_sent)
+    /// Returns what this rank sends to others per evaluation of forces.
+    pub(crate) fn traffic(&mut self) -> Traffic {
+        self.evaluator.assembler().gather().map_or_else(Traffic::default, Gather::traffic)
     }
 }

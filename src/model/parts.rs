@@ -1,0 +1,77 @@
+//! The parts of bodies that one of several processes needs. Boxes are generated part by part, so that a process never holds
+//! the elements of the others.
+
+use vi_core::{State, System};
+use vi_fem::LockingCure;
+use vi_mesh::CellKind;
+
+use super::{assemble, resolve};
+use crate::scene::{Body, Fix, HeldAxis, Problem, Scene, Selection};
+
+/// A process of several.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Share {
+    pub(crate) process: usize,
+    pub(crate) count: usize,
+}
+
+/// The part of a component, and the process that computes each run of elements of every term.
+pub(crate) type ComponentPart = (System, State, Vec<Vec<u32>>);
+
+/// Returns whether the systems of a scene can be built in parts: an explicit scheme, and bodies that do not act on each other,
+/// each a box of one material with nodes at the corners of its cells, held by regions, with nothing else that acts on them but
+/// constant gravity.
+pub(crate) fn is_separable(scene: &Scene) -> bool {
+    let acts = [
+        !scene.rigids.is_empty(),
+        !scene.joints.is_empty(),
+        !scene.springs.is_empty(),
+        !scene.attachments.is_empty(),
+        !scene.seams.is_empty(),
+        !scene.periodics.is_empty(),
+        !scene.loads.is_empty(),
+        scene.gravity_amplitude.is_some(),
+        scene.wind.is_some(),
+        scene.damping.is_some(),
+        scene.contact.is_some(),
+        scene.statics.is_some(),
+        scene.solver.mass.is_some(),
+    ];
+    let is_explicit = scene.time.method().is_some_and(|method| method.facts().is_explicit);
+    let are_plain = scene.bodies.iter().all(is_plain_box) && scene.fixes.iter().all(is_of_region);
+    is_explicit && are_plain && !acts.contains(&true)
+}
+
+fn is_plain_box(body: &Body) -> bool {
+    let kinds = [CellKind::Tet4, CellKind::Hex8, CellKind::Wedge6];
+    let has_kind = body.box_shape.as_ref().is_some_and(|shape| kinds.contains(&shape.element));
+    let has_one_material = matches!(&body.material.0[..], [entry] if entry.region.is_none());
+    let is_as_generated = body.order.is_none() && body.refine.is_none() && body.locking == LockingCure::None;
+    has_kind && has_one_material && is_as_generated
+}
+
+fn is_of_region(fix: &Fix) -> bool {
+    let on = Selection { region: fix.on.region.clone(), ..Selection::default() };
+    let has_axes = fix.axes.iter().all(|axis| matches!(axis, HeldAxis::Space(_)));
+    fix.on.region.is_some() && fix.on == on && has_axes && fix.motion.is_none() && !fix.symmetry
+}
+
+/// Builds the part of every component that a process needs. The scene must be separable ([`is_separable`]), and have been built
+/// as a whole without problems by another process. Velocities are left out.
+///
+/// # Errors
+/// Returns the problems of the systems.
+pub(crate) fn build_parts(scene: &Scene, share: Share) -> Result<Vec<ComponentPart>, Vec<Problem>> {
+    let mut scene = scene.clone();
+    scene.probes.clear();
+    scene.strikes.clear();
+    for body in &mut scene.bodies {
+        (body.velocity, body.angular_velocity) = (None, None);
+    }
+    let resolved = resolve::resolve(&scene, Some(share))?;
+    let processes: Vec<Vec<u32>> = resolved.bodies.iter().map(|body| body.processes()).collect();
+    let model = assemble::assemble(&scene, resolved, true)?;
+    // Every body is a component. Its first term is its strain energy, the other one gravity.
+    let parts = model.components.into_iter().zip(processes);
+    Ok(parts.map(|((system, state), processes)| (system, state, vec![processes])).collect())
+}
