@@ -1,9 +1,18 @@
 #!/usr/bin/env bash
-# Measures scenes/many-cells.toml on 1, 2 and 4 ranks of one thread for docs/scale.md: processor time and peak memory of
-# every rank, and the time of the steps.
+# Measures the program on 1, 2 and 4 ranks of one thread for docs/scale.md: processor time and peak memory of every rank, and
+# the time of the steps.
+#   docs/figures/scale.sh            one mesh of 1 029 000 tetrahedra (strong scaling)
+#   docs/figures/scale.sh weak       257 250 tetrahedra per rank
+#   docs/figures/scale.sh threads    one mesh, by two ranks of one thread and by one rank of two: for a quiet machine
+# Further arguments go to the program.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 program=${VARIATIONAL_MPI:-mpi/target/release/variational-mpi}
+kind=strong
+if [ $# -gt 0 ] && [[ $1 =~ ^(strong|weak|threads)$ ]]; then
+    kind=$1
+    shift
+fi
 room=$(mktemp -d)
 trap 'rm -rf "$room"' EXIT
 # Runs the program and prints what the operating system counted for it.
@@ -15,10 +24,25 @@ used = resource.getrusage(resource.RUSAGE_CHILDREN)
 print(f"a rank: {used.ru_utime:.1f} s of processor time, {used.ru_maxrss / 1024:.0f} MiB", flush=True)
 sys.exit(code)
 PYTHON
-for ranks in 1 2 4; do
-    echo "$ranks ranks"
+# measure RANKS THREADS CELLS ARGUMENTS…
+measure() {
+    echo "$1 ranks of $2 threads, cells = $3"
+    sed "s/cells = \[.*\], element/cells = $3, element/" scenes/many-cells.toml > "$room/scene.toml"
     # shellcheck disable=SC2086
-    ${MPIEXEC:-mpiexec} -n "$ranks" python3 "$room/count.py" \
-        "$program" run scenes/many-cells.toml --out "$room/out" --threads 1 --quiet "$@"
-    grep -o '"[a-z]*_seconds": [0-9.]*' "$room/out/report.json"
-done
+    ${MPIEXEC:-mpiexec} -n "$1" python3 "$room/count.py" \
+        "$program" run "$room/scene.toml" --out "$room/out" --threads "$2" --quiet "${@:4}"
+    grep -o '"[a-z]*_seconds": [0-9.]*\|"bytes_per_force": [0-9]*' "$room/out/report.json"
+}
+whole="[140, 35, 35]"
+case $kind in
+    strong) for ranks in 1 2 4; do measure $ranks 1 "$whole" "$@"; done ;;
+    weak)
+        measure 1 1 "[35, 35, 35]" "$@"
+        measure 2 1 "[70, 35, 35]" "$@"
+        measure 4 1 "$whole" "$@"
+        ;;
+    threads)
+        measure 2 1 "$whole" "$@"
+        measure 1 2 "$whole" "$@"
+        ;;
+esac
