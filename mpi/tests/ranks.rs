@@ -219,11 +219,15 @@ fn scene(room: &Path, text: &str) -> PathBuf {
 /// Returns the command of the program on `ranks` ranks; 0 for one process without MPI.
 fn program(ranks: usize) -> Command {
     if ranks == 0 {
-        return Command::new(std::env::var("VARIATIONAL_PROGRAM").unwrap_or_else(|_| PROGRAM.to_owned()));
+        return Command::new(program_of_one_process());
     }
     let mut command = launcher();
     command.args(["-n", &ranks.to_string(), PROGRAM]);
     command
+}
+
+fn program_of_one_process() -> String {
+    std::env::var("VARIATIONAL_PROGRAM").unwrap_or_else(|_| PROGRAM.to_owned())
 }
 
 fn launcher() -> Command {
@@ -447,11 +451,16 @@ fn ranks_of_different_programs_are_refused() {
 /// end.
 #[cfg(target_os = "linux")]
 fn run_until_the_disk_is_full(ranks: usize, scene: &Path, out: &Path) -> (Output, Duration) {
-    let program = program(ranks);
-    let mut command = Command::new("sh");
-    // Without the signal, the operating system refuses to write, as it does if a disk is full.
-    command.args(["-c", "trap '' XFSZ; exec \"$@\"", "sh"]).arg(program.get_program());
-    command.args(program.get_args()).arg("run").arg(scene).arg("--out").arg(out);
+    let (mut command, program) = match ranks {
+        0 => (Command::new("sh"), program_of_one_process()),
+        _ => (launcher(), PROGRAM.to_owned()),
+    };
+    if ranks > 0 {
+        command.args(["-n", &ranks.to_string(), "sh"]);
+    }
+    // Without the signal, the operating system refuses to write, as it does if a disk is full. Launchers may reset it.
+    command.args(["-c", "trap '' XFSZ; exec \"$@\"", "sh"]).arg(program);
+    command.arg("run").arg(scene).arg("--out").arg(out);
     command.args(["--threads", "1", "--quiet"]).stdout(Stdio::null()).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
     wait_for_checkpoint(out, &mut child);
