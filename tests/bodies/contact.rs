@@ -245,6 +245,42 @@ fixed = true
     );
 }
 
+/// A sheet without weight and at rest has no energy to which errors could be relative. A moved ball sets it in motion, from
+/// within the layer or in one step past it, and does all the work.
+#[test]
+fn a_body_at_rest_is_pushed_by_a_moved_one() {
+    for (scheme, speed, count) in
+        [("stormer-verlet", 0.3, 20), ("stormer-verlet", 3.0, 6), ("energy-momentum", 0.3, 20)]
+    {
+        let program = Program::run(&format!(
+            r#"
+[time]
+end = {end}
+step = 1e-3
+scheme = "{scheme}"
+[contact]
+[[body]]
+name = "sheet"
+sheet = {{ size = [0.4, 0.4], cells = [4, 4], origin = [-0.2, -0.2, 0.0] }}
+material = {{ law = "st-venant-kirchhoff", young = 3e4, poisson = 0.3, density = 900.0, thickness = 2.5e-3 }}
+[[rigid]]
+name = "ball"
+shape = {{ kind = "sphere", radius = 0.05 }}
+position = [0.0, 0.0, 0.0535]
+motion = {{ kind = "translate", velocity = [0.0, 0.0, -{speed}] }}
+[output]
+ledger = true
+"#,
+            end = f64::from(count) * 1e-3,
+        ));
+        let history = program.history();
+        assert!(history.last("pz") < 0.0 && history.last("kinetic") > 0.0, "{scheme} {speed}");
+        assert!(history.column("smallest_gap").iter().all(|&gap| gap > 0.0), "{scheme} {speed}");
+        let unexplained = program.report()["energy"]["unexplained"].as_f64().unwrap();
+        assert!(unexplained.abs() < 1e-9, "{scheme} {speed}: {unexplained:e}");
+    }
+}
+
 /// A body that starts entirely inside another one has no touching or crossing surfaces, but is still detected.
 #[test]
 fn a_start_within_another_body_names_the_pair() {

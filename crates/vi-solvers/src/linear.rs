@@ -12,5 +12,6 @@ pub(crate) mod minres;
 mod ordering;
 pub(crate) mod pcg;
 pub(crate) mod pencil;
+pub(crate) mod perturbed;
 mod rivalry;
 pub(crate) mod trial;

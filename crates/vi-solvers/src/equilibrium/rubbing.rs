@@ -5,14 +5,13 @@
 use crate::equilibrium::balance::Balance;
 use crate::equilibrium::newton::{self, Solved, Stop, factorize_somehow};
 use crate::error::SolverError;
-use crate::linear::gmres;
+use crate::linear::perturbed::{self, Perturbed};
 use crate::newton::soft_bristles::{self, Aim, Attempt, Frictional, Iteration, Progress, Verdict};
 use crate::newton::start::Start;
 use crate::vectors;
 
-/// Relative error to which J δ = −r is solved, and the largest number of products.
+/// Relative error to which J δ = −r is solved.
 const FORCING: f64 = 1e-6;
-const MOST_PRODUCTS: usize = 60;
 /// Relative accuracy of solves with A by conjugate gradients.
 const ACCURACY: f64 = 1e-8;
 /// Smallest fraction of a correction.
@@ -62,23 +61,46 @@ impl Rubbing<'_, '_> {
     /// Returns δ = −J⁻¹r and the energies −δᵀr of it and of −A⁻¹r, J.
     fn correct(&mut self, r: &[f64]) -> Result<(Vec<f64>, f64, f64), SolverError> {
         let balance = &mut *self.balance;
-        let n = r.len();
-        let mut first: Vec<f64> = r.iter().map(|r| -r).collect();
-        balance.solve(&mut first, ACCURACY)?;
+        let mut delta: Vec<f64> = r.iter().map(|r| -r).collect();
+        balance.solve(&mut delta, ACCURACY)?;
         balance.work.newton_iterations += 1;
-        let product = |v: &[f64]| -> Result<Vec<f64>, SolverError> {
-            let mut image = vec![0.0; n];
-            if let Some(friction) = &mut balance.friction {
-                friction.add_defect(v, &mut image);
-            }
-            balance.solve(&mut image, ACCURACY)?;
-            image.iter_mut().zip(v).for_each(|(image, v)| *image += v);
-            Ok(image)
-        };
-        let (delta, _) = gmres::solve(product, &first, FORCING, MOST_PRODUCTS)?;
-        let energy = |delta: &[f64]| -vectors::sum(n, |k| delta[k] * r[k]);
-        let energies = (energy(&delta), energy(&first));
-        Ok((delta, energies.0, energies.1))
+        let energy = |delta: &[f64]| -vectors::dot(delta, r);
+        let first = energy(&delta);
+        let mut correction = Correction { balance, delta };
+        perturbed::solve(&mut correction, vectors::norm(r), FORCING)?;
+        let own = energy(&correction.delta);
+        Ok((correction.delta, own, first))
+    }
+}
+
+/// The equations of a correction δ.
+struct Correction<'a, 'b> {
+    balance: &'a mut Balance<'b>,
+    delta: Vec<f64>,
+}
+
+impl Perturbed for Correction<'_, '_> {
+    type Error = SolverError;
+
+    fn defect(&mut self, v: &[f64]) -> Option<Vec<f64>> {
+        let mut image = vec![0.0; v.len()];
+        self.balance.friction.as_mut()?.add_defect(v, &mut image);
+        Some(image)
+    }
+
+    fn invert(&mut self, v: &mut [f64]) -> Result<(), SolverError> {
+        self.balance.solve(v, ACCURACY)
+    }
+
+    fn add(&mut self, r: &[f64]) -> Result<(), SolverError> {
+        let mut change = r.to_vec();
+        self.balance.solve(&mut change, ACCURACY)?;
+        vectors::update(&mut self.delta, |k, value| *value += change[k]);
+        Ok(())
+    }
+
+    fn solution(&mut self) -> &[f64] {
+        &self.delta
     }
 }
 

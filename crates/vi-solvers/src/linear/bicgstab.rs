@@ -5,7 +5,7 @@ use crate::vectors::{dot, norm};
 
 /// Solves A x = b to ‖b − Ax‖ ≤ `tolerance` ‖b‖ from x = 0. `apply` multiplies by A, and `precondition` by an approximate
 /// inverse, in place. Returns the number of products with A, or `None` if the tolerance is not reached with `most`
-/// products; x is then the last iterate.
+/// products, or if the recurrence breaks down; x is then the last iterate, which is finite.
 pub(crate) fn solve(
     apply: impl Fn(&[f64], &mut [f64]),
     precondition: impl Fn(&mut [f64]),
@@ -39,6 +39,9 @@ pub(crate) fn solve(
         precondition(&mut p_hat);
         apply(&p_hat, &mut v);
         alpha = rho / dot(&shadow, &v);
+        if !alpha.is_finite() {
+            return None;
+        }
         for k in 0..n {
             r[k] -= alpha * v[k];
             x[k] += alpha * p_hat[k];
@@ -51,20 +54,29 @@ pub(crate) fn solve(
         precondition(&mut s_hat);
         apply(&s_hat, &mut t);
         omega = dot(&t, &r) / dot(&t, &t);
+        if !omega.is_finite() || omega == 0.0 {
+            return None;
+        }
         for k in 0..n {
             x[k] += omega * s_hat[k];
             r[k] -= omega * t[k];
         }
         products += 1;
-        if !(alpha.is_finite() && omega.is_finite()) || omega == 0.0 {
-            return None;
-        }
     }
     Some(products)
 }
 
 #[cfg(test)]
 mod tests {
+    /// A skew-symmetric matrix makes the first quotient infinite.
+    #[test]
+    fn a_breakdown_leaves_a_finite_iterate() {
+        let apply = |x: &[f64], out: &mut [f64]| (out[0], out[1]) = (x[1], -x[0]);
+        let mut x = Vec::new();
+        assert_eq!(super::solve(apply, |_| (), &[1.0, 0.0], &mut x, 1e-12, 50), None);
+        assert!(x.iter().all(|value| value.is_finite()), "{x:?}");
+    }
+
     #[test]
     fn it_solves_a_system_that_is_not_symmetric() {
         let n = 40;

@@ -8,7 +8,7 @@
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
-use crate::linear::gmres;
+use crate::linear::perturbed::{self, Perturbed};
 use crate::newton::attempt::Solved;
 use crate::newton::equations::{Equations, Solve};
 use crate::newton::inverse::{Inverse, Reason};
@@ -19,11 +19,6 @@ use crate::vectors;
 
 /// Relative error to which J δ = −R is solved.
 const FORCING: f64 = 1e-4;
-/// Largest number of products with J per solve of this system.
-const MOST_PRODUCTS: usize = 60;
-/// Largest residual of J δ = −R, relative to R, and largest number of further solves that reduce it.
-const REST: f64 = 1e-3;
-const REFINEMENTS: u32 = 4;
 /// Smallest fraction of a correction that the line search tries.
 const SHORTEST: f64 = 1.0 / 64.0;
 
@@ -189,46 +184,41 @@ fn approach<E: Equations>(solve: &mut Solve<'_, E>) -> Result<f64, SolverError> 
     }
 }
 
+/// The equations of a correction, and the energy −R·δ/c of what is solved so far, J.
+struct Correction<'a, 'b, E> {
+    solve: &'a mut Solve<'b, E>,
+    energy: f64,
+}
+
+impl<E: PairEquations> Perturbed for Correction<'_, '_, E> {
+    type Error = SolverError;
+
+    fn defect(&mut self, v: &[f64]) -> Option<Vec<f64>> {
+        let Solve { evaluator, inverse, equations, .. } = &*self.solve;
+        equations.pair_defect(inverse, evaluator, v)
+    }
+
+    fn invert(&mut self, v: &mut [f64]) -> Result<(), SolverError> {
+        let Solve { evaluator, inverse, equations, .. } = &mut *self.solve;
+        equations.solve_change(inverse, evaluator, v)
+    }
+
+    fn add(&mut self, r: &[f64]) -> Result<(), SolverError> {
+        let Solve { evaluator, inverse, equations, .. } = &mut *self.solve;
+        self.energy = equations.add_change(inverse, evaluator, r)?;
+        Ok(())
+    }
+
+    fn solution(&mut self) -> &[f64] {
+        self.solve.equations.correction().0
+    }
+}
+
 /// Replaces the correction −A⁻¹R, whose energy is `first`, by δ = −(A + E)⁻¹R. Returns the energy δᵀJδ/c, J, and the
 /// number of products.
-///
-/// GMRES ends when the error is small relative to the whole correction. That may be much longer than the gap of a pair in a
-/// stiff layer, and the correction would then close this gap. So the residual R + Jδ must be small too; otherwise the
-/// rest is solved for in the same way. With d, the difference of the result of GMRES and of δ = −A⁻¹(R + E ·), it is −E d.
 fn complete<E: PairEquations>(solve: &mut Solve<'_, E>, first: f64) -> Result<(f64, usize), SolverError> {
-    let Solve { evaluator, inverse, equations, .. } = solve;
-    let (b, load) = equations.correction();
-    let goal = REST * vectors::norm(load);
-    let mut b = b.to_vec();
-    let (mut energy, mut products) = (first, 0);
-    // The solution so far, without the correction b with which the solve begins, and what is left of the residual.
-    let (mut solved, mut rest) = (vec![0.0; b.len()], vec![0.0; b.len()]);
-    for _ in 0..=REFINEMENTS {
-        let product = |v: &[f64]| {
-            let mut image = v.to_vec();
-            if let Some(mut change) = equations.pair_defect(inverse, evaluator, v) {
-                equations.solve_change(inverse, evaluator, &mut change)?;
-                vectors::update(&mut image, |k, value| *value += change[k]);
-            }
-            Ok::<_, SolverError>(image)
-        };
-        let (delta, count) = gmres::solve(product, &b, FORCING, MOST_PRODUCTS)?;
-        products += count;
-        let Some(defect) = equations.pair_defect(inverse, evaluator, &delta) else { break };
-        vectors::update(&mut rest, |k, rest| *rest -= defect[k]);
-        energy = equations.add_change(inverse, evaluator, &rest)?;
-        products += 1;
-        let mut difference = delta;
-        vectors::update(&mut difference, |k, value| *value += solved[k]);
-        solved.copy_from_slice(equations.correction().0);
-        vectors::update(&mut difference, |k, value| *value -= solved[k]);
-        let Some(left) = equations.pair_defect(inverse, evaluator, &difference) else { break };
-        if vectors::norm(&left) <= goal {
-            break;
-        }
-        b.copy_from_slice(&left);
-        equations.solve_change(inverse, evaluator, &mut b)?;
-        rest = left;
-    }
-    Ok((energy, products))
+    let size = vectors::norm(solve.equations.correction().1);
+    let mut correction = Correction { solve, energy: first };
+    let products = perturbed::solve(&mut correction, size, FORCING)?;
+    Ok((correction.energy, products))
 }

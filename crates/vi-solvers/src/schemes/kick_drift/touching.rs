@@ -325,7 +325,7 @@ impl Frictional for Drift<'_> {
             touching.work.newton_iterations += 1;
             *iterations += 1;
             let decrement = small.correct(mass)?;
-            let scale = small.scale(mass, &state.q);
+            let scale = small.scale(mass, &state.q, &touching.y);
             // Pairs that do not push yet give no correction, and may touch no free coordinate.
             eta = if decrement == 0.0 { 0.0 } else { (decrement.abs() / scale).sqrt() };
             if !eta.is_finite() {

@@ -184,8 +184,13 @@ impl Small {
                 three.copy_from_slice(out.as_slice());
             }
         };
-        // If the tolerance is not reached, use the last iterate.
-        bicgstab::solve(apply, precondition, &self.residual, &mut self.delta, FORCING, MOST_PRODUCTS);
+        // If the tolerance is not reached, use the last iterate, or what the diagonal blocks give if there is none.
+        let solved =
+            bicgstab::solve(apply, precondition, &self.residual, &mut self.delta, FORCING, MOST_PRODUCTS);
+        if solved.is_none() && self.delta.iter().all(|&value| value == 0.0) {
+            self.delta.copy_from_slice(&self.residual);
+            precondition(&mut self.delta);
+        }
         Ok(self.delta.iter().zip(&self.residual).map(|(a, b)| a * b).sum())
     }
 
@@ -210,10 +215,14 @@ impl Small {
         is_whole
     }
 
-    /// Returns Σ m (u − q)² over the system, with which δ·R is compared.
-    pub(super) fn scale(&self, mass: &[f64], q: &[f64]) -> f64 {
-        let free = self.free.iter().filter(|&&k| k != NONE).map(|&k| k as usize);
-        free.map(|k| mass[k] * (self.drifted[k] - q[k]).powi(2)).sum()
+    /// Returns Σ m ((u − q)² + (y + δ − u)²) over the system, with which δ·R is compared. The second part is what the pairs
+    /// do, for bodies at rest that are pushed.
+    pub(super) fn scale(&self, mass: &[f64], q: &[f64], y: &[f64]) -> f64 {
+        let term = |(k, place): (usize, usize)| {
+            let (free, pushed) = (self.drifted[k] - q[k], y[k] + self.delta[place] - self.drifted[k]);
+            mass[k] * (free * free + pushed * pushed)
+        };
+        self.coordinates().map(term).sum()
     }
 
     /// Returns whether δ is below the fraction `resolution` of the positions, both in the norm of mass.
