@@ -10,6 +10,8 @@ use crate::linear::bicgstab;
 /// Relative error to which J δ = −R is solved. The error of the approximate tangents is larger.
 const FORCING: f64 = 1e-5;
 const MOST_PRODUCTS: usize = 400;
+/// A body counts as at rest if its own motion has less than this fraction of the energy that pairs give it.
+const AT_REST: f64 = 1e-8;
 
 /// Sparse vectors, stored one after the other.
 #[derive(Default)]
@@ -215,14 +217,14 @@ impl Small {
         is_whole
     }
 
-    /// Returns Σ m ((u − q)² + (y + δ − u)²) over the system, with which δ·R is compared. The second part is what the pairs
-    /// do, for bodies at rest that are pushed.
+    /// Returns Σ m (u − q)² over the system, with which δ·R is compared; for bodies at rest that are pushed, Σ m (y + δ − u)².
     pub(super) fn scale(&self, mass: &[f64], q: &[f64], y: &[f64]) -> f64 {
-        let term = |(k, place): (usize, usize)| {
-            let (free, pushed) = (self.drifted[k] - q[k], y[k] + self.delta[place] - self.drifted[k]);
-            mass[k] * (free * free + pushed * pushed)
-        };
-        self.coordinates().map(term).sum()
+        let (mut free, mut pushed) = (0.0, 0.0);
+        for (k, place) in self.coordinates() {
+            free += mass[k] * (self.drifted[k] - q[k]).powi(2);
+            pushed += mass[k] * (y[k] + self.delta[place] - self.drifted[k]).powi(2);
+        }
+        if free > AT_REST * pushed { free } else { pushed }
     }
 
     /// Returns whether δ is below the fraction `resolution` of the positions, both in the norm of mass.
