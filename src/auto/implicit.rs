@@ -54,10 +54,11 @@ impl Search<'_> {
         loop {
             let cheapest = found.iter().map(|c| c.predicted_seconds).fold(f64::INFINITY, f64::min);
             let left = allowed - (self.spent() - begin);
+            let first = ladders[0].rungs.first().map_or(0.0, |rung| rung.seconds);
             let next = ladders
                 .iter_mut()
-                .filter(|ladder| !ladder.over && ladder.next_seconds() < left.min(cheapest))
-                .min_by(|a, b| a.next_seconds().total_cmp(&b.next_seconds()));
+                .filter(|ladder| !ladder.over && ladder.next_seconds(first) < left.min(cheapest))
+                .min_by(|a, b| a.next_seconds(first).total_cmp(&b.next_seconds(first)));
             let Some(ladder) = next else { break };
             match self.trial(ladder.choice, 0.0..1.0, left.min(2.0 * cheapest))? {
                 Ok(trial) => {
@@ -103,9 +104,14 @@ fn is_confirmed(candidate: &Candidate, finest: &[&Rung], norm: &Norm, ladders: &
 }
 
 impl Ladder {
-    /// Returns the expected cost of the next trial, s.
-    fn next_seconds(&self) -> f64 {
-        self.rungs.last().map_or(0.0, |rung| 2.0 * rung.seconds)
+    /// Returns the expected cost of the next trial, s, if the first one of implicit midpoint cost `first`. The first trial of
+    /// Gauss with 2 stages costs 6.5 to 7.5 times as much on a steel bracket of 11 632 tetrahedra.
+    fn next_seconds(&self, first: f64) -> f64 {
+        match (self.rungs.last(), self.choice.stages) {
+            (Some(rung), _) => 2.0 * rung.seconds,
+            (None, Some(stages)) => first * (stages as f64).powi(3),
+            (None, None) => 0.0,
+        }
     }
 
     fn enter(&mut self, trial: Trial, norm: &Norm) {

@@ -26,11 +26,14 @@ impl AutoReport {
     pub(super) fn explain(&self, scene: &Scene, explicit: Option<(u64, f64)>) -> String {
         let Some(best) = self.candidates.first() else { return String::new() };
         let is_explicit = |candidate: &Candidate| candidate.choice.method().facts().is_explicit;
-        let how = if best.measured { "measured" } else { "expected" };
+        let error = match (best.measured, best.predicted_error) {
+            (_, error) if error.is_nan() => "no estimate of the error".to_owned(),
+            (true, error) => format!("measured relative error at the end {error:.1e}"),
+            (false, error) => format!("expected relative error at the end {error:.1e}"),
+        };
         let mut text = format!(
-            "{} in {} steps: {how} relative error at the end {:.1e} (wanted: {:.0e}), {:.2} s of one core of the \
-             reference machine.",
-            best.scheme, best.steps, best.predicted_error, self.tolerance, best.predicted_seconds
+            "{} in {} steps: {error} (wanted: {:.0e}), {:.2} s of one core of the reference machine.",
+            best.scheme, best.steps, self.tolerance, best.predicted_seconds
         );
         // Writing to a string cannot fail.
         let _ = match explicit {
