@@ -307,12 +307,14 @@ impl Contact<'_> {
             let corners = &corners[..shape.arity() - 1];
             (point - corners.iter().sum::<Vec3>() / corners.len() as f64).norm()
         };
-        let nearest = cells.iter().map(|&cell| distance(cell)).fold(f64::INFINITY, f64::min);
-        let is_nearest = |cell: u32| distance(cell) <= nearest * (1.0 + SAME_DISTANCE);
-        let kept = kept.filter(|&kept| cells.binary_search(&kept).is_ok() && is_nearest(kept));
+        let distances: Vec<f64> = cells.iter().map(|&cell| distance(cell)).collect();
+        let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
+        let is_nearest = |distance: f64| distance <= nearest * (1.0 + SAME_DISTANCE);
+        let kept =
+            kept.filter(|kept| cells.binary_search(kept).is_ok_and(|place| is_nearest(distances[place])));
         kept.or_else(|| {
-            let ties = cells.iter().copied().filter(|&cell| is_nearest(cell));
-            ties.min_by(|&a, &b| to_centroid(a).total_cmp(&to_centroid(b)))
+            let ties = cells.iter().zip(&distances).filter(|(_, distance)| is_nearest(**distance));
+            ties.map(|(&cell, _)| cell).min_by(|&a, &b| to_centroid(a).total_cmp(&to_centroid(b)))
         })
     }
 

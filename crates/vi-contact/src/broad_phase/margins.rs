@@ -92,7 +92,7 @@ impl<'a> Margins<'a> {
             }
         }
         let reach = distance + self.reach(first) + self.reach(second) + 0.5 * relative.sqrt();
-        if are_apart(&x, first.len(), reach) {
+        if are_apart(shape, &x, reach) {
             return None;
         }
         let squared = shape.closest(&x).squared;
@@ -128,18 +128,18 @@ impl<'a> Margins<'a> {
     }
 }
 
-/// Returns whether the boxes around the first nodes and around the others are farther apart than `reach` along an axis.
+/// Returns whether both parts of a pair are farther apart than `reach` along the line between their centroids. This is
+/// much cheaper than their closest points, and finds most pairs of neighbours in a mesh apart.
 #[inline]
-fn are_apart(x: &[Vec3; 4], first: usize, reach: f64) -> bool {
-    let mut apart = f64::NEG_INFINITY;
-    for k in 0..3 {
-        let bounds = |nodes: &[Vec3]| {
-            nodes
-                .iter()
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x[k]), high.max(x[k])))
-        };
-        let ((low, high), (other_low, other_high)) = (bounds(&x[..first]), bounds(&x[first..]));
-        apart = apart.max(other_low - high).max(low - other_high);
-    }
-    apart >= reach
+fn are_apart(shape: Shape, x: &[Vec3; 4], reach: f64) -> bool {
+    let [a, b, c, d] = *x;
+    let (line, least, most) = if shape.first_count() == 2 {
+        let line = (a + b) - (c + d);
+        (line, line.dot(&a).min(line.dot(&b)), line.dot(&c).max(line.dot(&d)))
+    } else {
+        let line = a * 3.0 - (b + c + d);
+        (line, line.dot(&a), line.dot(&b).max(line.dot(&c)).max(line.dot(&d)))
+    };
+    let apart = least - most;
+    apart > 0.0 && apart * apart >= reach * reach * line.norm_squared()
 }

@@ -7,13 +7,11 @@ use rayon::prelude::*;
 use vi_core::Tube;
 
 use super::margins::{Common, Margins};
-use super::neighbours::{EdgePair, Gauges, Neighbours};
+use super::neighbours::{EdgePair, Neighbours};
 use super::tree::{Bounds, Tree};
 use crate::distance::Shape;
 use crate::surface::{Edge, Surface};
 
-/// Number of queries per task.
-const CHUNK: usize = 1024;
 /// Largest fraction of the nodes of a surface whose pairs are searched again without building new trees.
 const FEW: f64 = 0.25;
 
@@ -50,7 +48,7 @@ impl Search {
         let edges = surface.edges.par_iter().map(|edge| margins.bounds(surface, &edge.nodes, edge.body));
         let [points, cells, edges]: [Vec<Bounds>; 3] = [points.collect(), cells.collect(), edges.collect()];
         let [points, cells, edges] = [points, cells, edges].map(|bounds| Tree::new(&bounds));
-        let (starts, near) = near_cells(surface, &margins, &cells);
+        let (starts, near) = near_cells(surface, &margins, &points, &cells);
         let pairs = near_edges(surface, &margins, &edges);
         let planes = near_planes(surface, &margins);
         let common = margins.common();
@@ -115,8 +113,7 @@ impl Search {
             let part = &surface.cells[cell as usize];
             self.points.visit(&margins.bounds(surface, part.nodes(), part.body), &mut |point| {
                 let is_other = !changed[surface.points[point as usize].node as usize];
-                let mut gauges = Gauges::of(surface, point as usize);
-                if is_other && is_near_cell(surface, &margins, point as usize, cell, &mut gauges) {
+                if is_other && is_near_cell(surface, &margins, point, cell) {
                     pairs.push([point, cell]);
                 }
             });
@@ -155,30 +152,31 @@ impl Search {
     }
 }
 
-/// Returns whether a point and a cell whose boxes overlap can act or meet, given the constants of the point.
-fn is_near_cell(
-    surface: &Surface,
-    margins: &Margins<'_>,
-    point: usize,
-    cell: u32,
-    gauges: &mut Gauges<'_>,
-) -> bool {
-    let (part, other) = (&surface.points[point], &surface.cells[cell as usize]);
-    if other.nodes.contains(&part.node) {
+/// Returns whether a point and a cell whose boxes overlap can act or meet.
+#[inline]
+fn is_near_cell(surface: &Surface, margins: &Margins<'_>, point: u32, cell: u32) -> bool {
+    let (part, other) = (&surface.points[point as usize], &surface.cells[cell as usize]);
+    let [a, b, c] = other.nodes;
+    if a == part.node || b == part.node || c == part.node {
         return false;
     }
-    let Some(gauge) = gauges.against(other.body) else { return false };
-    let [a, b, c] = other.nodes;
-    margins.is_near(other.shape(), [part.node, a, b, c], &gauge) && surface.admits_point(point, cell as usize)
+    let nodes = [part.node, a, b, c];
+    // The gauge of a pair reaches no farther than both bodies. This test spares most pairs their gauge.
+    let most = surface.reach(part.body) + surface.reach(other.body);
+    if !margins.is_nearer(other.shape(), nodes, 1.000_001 * most) {
+        return false;
+    }
+    let gauge = surface.point_gauge(point as usize, other.body);
+    gauge.is_some_and(|gauge| margins.is_near(other.shape(), nodes, &gauge))
+        && surface.admits_point(point as usize, cell as usize)
 }
 
 /// Appends the cells near a point, in their order.
 fn cells_of_point(surface: &Surface, margins: &Margins<'_>, tree: &Tree, point: usize, out: &mut Vec<u32>) {
     let first = out.len();
     let part = &surface.points[point];
-    let mut gauges = Gauges::of(surface, point);
     tree.visit(&margins.bounds(surface, &[part.node], part.body), &mut |cell| {
-        if is_near_cell(surface, margins, point, cell, &mut gauges) {
+        if is_near_cell(surface, margins, point as u32, cell) {
             out.push(cell);
         }
     });
@@ -186,25 +184,24 @@ fn cells_of_point(surface: &Surface, margins: &Margins<'_>, tree: &Tree, point: 
 }
 
 /// Returns the cells near each point, in the order of points and of cells.
-fn near_cells(surface: &Surface, margins: &Margins<'_>, tree: &Tree) -> (Vec<u32>, Vec<u32>) {
-    let chunks: Vec<(Vec<u32>, Vec<u32>)> = (0..surface.points.len().div_ceil(CHUNK))
-        .into_par_iter()
-        .map(|chunk| {
-            let (mut ends, mut cells) = (Vec::new(), Vec::new());
-            for point in chunk * CHUNK..((chunk + 1) * CHUNK).min(surface.points.len()) {
-                cells_of_point(surface, margins, tree, point, &mut cells);
-                ends.push(cells.len() as u32);
+fn near_cells(surface: &Surface, margins: &Margins<'_>, points: &Tree, cells: &Tree) -> (Vec<u32>, Vec<u32>) {
+    let of_front = |front: &[u32; 2]| {
+        let mut pairs = Vec::new();
+        points.visit_pairs(cells, *front, &mut |point, cell| {
+            if is_near_cell(surface, margins, point, cell) {
+                pairs.push(u64::from(point) << 32 | u64::from(cell));
             }
-            (ends, cells)
-        })
-        .collect();
-    let (mut starts, mut cells) = (vec![0], Vec::new());
-    for (ends, found) in chunks {
-        let base = cells.len() as u32;
-        starts.extend(ends.into_iter().map(|end| base + end));
-        cells.extend(found);
+        });
+        pairs
+    };
+    let mut pairs: Vec<u64> = points.fronts(cells).par_iter().flat_map_iter(of_front).collect();
+    pairs.par_sort_unstable();
+    let mut starts = vec![0; surface.points.len() + 1];
+    pairs.iter().for_each(|pair| starts[(pair >> 32) as usize + 1] += 1);
+    for point in 0..surface.points.len() {
+        starts[point + 1] += starts[point];
     }
-    (starts, cells)
+    (starts, pairs.into_iter().map(|pair| pair as u32).collect())
 }
 
 /// Appends the pairs of an edge with the edges near it that `accepts` accepts.
@@ -216,42 +213,41 @@ fn edges_of_edge(
     accepts: impl Fn(u32) -> bool,
     out: &mut Vec<EdgePair>,
 ) {
-    let Edge { nodes: own_nodes, body: own, .. } = surface.edges[edge as usize];
-    tree.visit(&margins.bounds(surface, &own_nodes, own), &mut |other| {
-        let Edge { nodes, body, .. } = surface.edges[other as usize];
-        if !accepts(other) || nodes.iter().any(|node| own_nodes.contains(node)) {
-            return;
-        }
-        let (edges, [[a, b], [c, d]]) = match edge < other {
-            true => ([edge, other], [own_nodes, nodes]),
-            false => ([other, edge], [nodes, own_nodes]),
-        };
-        // The gauge of a pair reaches no farther than both bodies. This test spares most pairs their gauge.
-        let most = surface.reach(own) + surface.reach(body);
-        let nodes = [a, b, c, d];
-        let [first, second] = edges.map(|edge| edge as usize);
-        if !margins.is_nearer(Shape::EdgeEdge, nodes, 1.000_001 * most)
-            || !surface.admits_edges(first, second)
-        {
-            return;
-        }
-        let Some(gauge) = surface.edge_gauge(first, second) else { return };
-        if margins.is_near(Shape::EdgeEdge, nodes, &gauge) {
-            out.push(EdgePair { edges, gauge });
+    let Edge { nodes, body, .. } = surface.edges[edge as usize];
+    tree.visit(&margins.bounds(surface, &nodes, body), &mut |other| {
+        if accepts(other) {
+            out.extend(near_pair(surface, margins, [edge, other]));
         }
     });
 }
 
+/// Returns the pair of two edges whose boxes overlap, in any order, if they can act or meet.
+#[inline]
+fn near_pair(surface: &Surface, margins: &Margins<'_>, edges: [u32; 2]) -> Option<EdgePair> {
+    let edges = [edges[0].min(edges[1]), edges[0].max(edges[1])];
+    let [first, second] = edges.map(|edge| edge as usize);
+    let ([a, b], [c, d]) = (surface.edges[first].nodes, surface.edges[second].nodes);
+    if a == c || a == d || b == c || b == d {
+        return None;
+    }
+    // The gauge of a pair reaches no farther than both bodies. This test spares most pairs their gauge.
+    let most = surface.reach(surface.edges[first].body) + surface.reach(surface.edges[second].body);
+    let nodes = [a, b, c, d];
+    if !margins.is_nearer(Shape::EdgeEdge, nodes, 1.000_001 * most) || !surface.admits_edges(first, second) {
+        return None;
+    }
+    let gauge = surface.edge_gauge(first, second)?;
+    margins.is_near(Shape::EdgeEdge, nodes, &gauge).then_some(EdgePair { edges, gauge })
+}
+
 /// Returns the pairs of edges near each other, in the order of their numbers.
 fn near_edges(surface: &Surface, margins: &Margins<'_>, tree: &Tree) -> Vec<EdgePair> {
-    let of_chunk = |queries: &[u32]| {
-        let mut out = Vec::new();
-        for &edge in queries {
-            edges_of_edge(surface, margins, tree, edge, |other| other > edge, &mut out);
-        }
-        out
+    let of_front = |front: &[u32; 2]| {
+        let mut pairs = Vec::new();
+        tree.visit_pairs(tree, *front, &mut |a, b| pairs.extend(near_pair(surface, margins, [a, b])));
+        pairs
     };
-    let mut pairs: Vec<EdgePair> = tree.order().par_chunks(CHUNK).flat_map_iter(of_chunk).collect();
+    let mut pairs: Vec<EdgePair> = tree.fronts(tree).par_iter().flat_map_iter(of_front).collect();
     pairs.par_sort_unstable_by_key(|pair| pair.edges);
     pairs
 }
