@@ -40,6 +40,7 @@ pub(crate) use meeting::{Meeting, name_of};
 pub(crate) use naming::part_in_words;
 pub(crate) use outline::Outline;
 pub(crate) use parting::Parted;
+pub(crate) use read::Share;
 pub use regions::RegionProbe;
 pub use rigid::{Pose, RigidModel};
 

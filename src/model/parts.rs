@@ -5,15 +5,9 @@ use vi_core::{State, System};
 use vi_fem::LockingCure;
 use vi_mesh::CellKind;
 
+use super::read::Share;
 use super::{assemble, resolve};
 use crate::scene::{Body, Fix, HeldAxis, Problem, Scene, Selection};
-
-/// A process of several.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Share {
-    pub(crate) process: usize,
-    pub(crate) count: usize,
-}
 
 /// The part of a component, and the process that computes each run of elements of every term.
 pub(crate) type ComponentPart = (System, State, Vec<Vec<u32>>);

@@ -7,9 +7,15 @@ use vi_mesh::{BoxMesh, CellKind, FinerMesh, Mesh, MeshError, MeshPart, Numbering
 
 use super::body::MaterialPart;
 use super::import::{self, Imported};
-use super::parts::Share;
 use super::size::Budget;
 use crate::scene::{Body, BodyId, MOST_REFINED, MaterialEntry, Problem, Refine, RefineAlong, Scene};
+
+/// A process of several.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Share {
+    pub(crate) process: usize,
+    pub(crate) count: usize,
+}
 
 /// A body of the scene with its mesh.
 pub(super) struct ReadBody<'a> {

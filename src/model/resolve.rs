@@ -5,8 +5,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::body::{NodeSet, ProbeTarget};
-use super::parts::Share;
-use super::read::{self, ReadBody};
+use super::read::{self, ReadBody, Share};
 use super::regions::RegionProbe;
 use super::shape::{Form, form};
 use super::ties::{self, TieSet};

@@ -7,8 +7,8 @@ use vi_core::{Exchange, State, System, Traffic};
 use vi_solvers::{Member, SolverOptions};
 
 use super::{Simulation, keeps_ledger, method_of};
-use crate::model;
-use crate::model::parts::{Share, build_parts};
+use crate::model::parts::build_parts;
+use crate::model::{self, Share};
 use crate::scene::{GuardAction, Problem, Scene};
 
 /// The ranks of a run, and what they exchange.

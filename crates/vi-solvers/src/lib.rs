@@ -32,7 +32,7 @@ pub use linear::cost::UnitCosts;
 pub use linear::factor::{Factor, FactorFacts, SingleFactor};
 pub use linear::matrix::SymmetricMatrix;
 pub use linear::pcg::block::Preconditioner;
-pub use linear::pcg::{Pcg, PcgFacts, PcgReport};
+pub use linear::pcg::{Pcg, PcgReport};
 pub use memory::StepperMemory;
 pub use modes::{Mode, ModeOptions, Modes, modes};
 pub use newton::budget::Budget;

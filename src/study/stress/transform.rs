@@ -163,6 +163,7 @@ const KEYS: &[(&str, Meaning)] = &[
     ("output.interval", TIME),
     ("output.fps", RATE),
     ("output.history", NUMBER),
+    ("output.piece_points", NUMBER),
     ("checkpoint.interval", TIME),
     ("checkpoint.keep", NUMBER),
     ("guard.bound", NUMBER),

@@ -9,8 +9,8 @@ use crate::error::{NotPositiveDefinite, SolverError};
 use crate::linear::cost::{self, UnitCosts};
 use crate::linear::factor::{Factor, FactorFacts, SingleFactor};
 use crate::linear::matrix::SymmetricMatrix;
+use crate::linear::pcg::Pcg;
 use crate::linear::pcg::block::Preconditioner;
-use crate::linear::pcg::{Pcg, PcgFacts};
 use crate::linear::rivalry::{Rivalry, SOLVES_A_FACTOR};
 use crate::linear::trial::{CONSIDER_FLOPS, describe, rough_load, too_large, try_gradients};
 use crate::memory::StepperMemory;
@@ -68,7 +68,7 @@ pub(crate) struct ChosenSolver {
     x: Vec<f64>,
     /// Total iterations of all solves by conjugate gradients, and the number of these solves.
     iterations: [u64; 2],
-    pcg: PcgFacts,
+    pcg: SolverFacts,
     rivalry: Rivalry,
     /// Number of times that ordering and layout were computed.
     analyses: u64,
@@ -88,7 +88,7 @@ impl ChosenSolver {
             reason: String::new(),
             x: Vec::new(),
             iterations: [0; 2],
-            pcg: PcgFacts::default(),
+            pcg: SolverFacts::default(),
             rivalry: Rivalry::default(),
             analyses: 0,
         }
@@ -326,8 +326,7 @@ impl ChosenSolver {
         is_projected: bool,
     ) -> Result<(), SolverError> {
         let (facts, indefinite) = shared.prepare(x, t, [1.0, c], is_projected);
-        let SolverFacts { iteration_bytes, iteration_flops, prepare_bytes, coarse_flops, bytes } = facts;
-        self.pcg = PcgFacts { iteration_bytes, iteration_flops, prepare_bytes, coarse_flops, bytes };
+        self.pcg = facts;
         if self.is_ready() {
             self.rivalry.is_due();
             self.costs.factor = cost::preparation(&self.pcg);

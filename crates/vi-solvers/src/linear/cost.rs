@@ -1,10 +1,9 @@
 //! The costs of the parts of a step in fixed units: seconds of one reference core, from counts of flops and bytes.
 //! They are never measured with a clock, so that equal runs give bitwise equal results.
 
-use vi_core::{HessianKind, System, packed_len};
+use vi_core::{HessianKind, SolverFacts, System, packed_len};
 
 use crate::linear::factor::FactorFacts;
-use crate::linear::pcg::PcgFacts;
 use crate::work::Work;
 
 /// Seconds of the reference core for one entry of a local gradient, and of a local Hessian.
@@ -25,7 +24,7 @@ pub(crate) fn substitution(facts: &FactorFacts) -> f64 {
 }
 
 /// Returns the seconds that the reference core needs for an iteration of conjugate gradients.
-pub(crate) fn iteration(facts: &PcgFacts) -> f64 {
+pub(crate) fn iteration(facts: &SolverFacts) -> f64 {
     facts.iteration_bytes / GRADIENTS_RATE
 }
 
@@ -35,7 +34,7 @@ pub(crate) fn factorization(facts: &FactorFacts) -> f64 {
 }
 
 /// Returns the seconds that the reference core needs to prepare conjugate gradients for a matrix.
-pub(crate) fn preparation(facts: &PcgFacts) -> f64 {
+pub(crate) fn preparation(facts: &SolverFacts) -> f64 {
     facts.prepare_bytes / GRADIENTS_RATE + facts.coarse_flops / FACTOR_RATE
 }
 

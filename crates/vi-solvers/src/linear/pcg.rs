@@ -12,6 +12,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
+use vi_core::SolverFacts;
 
 use crate::error::{NotPositiveDefinite, SolverError};
 use crate::index::NONE;
@@ -80,21 +81,6 @@ pub struct PcgReport {
     pub iterations: u32,
     /// √(rᵀP⁻¹r) relative to its value at x = 0.
     pub residual: f64,
-}
-
-/// Cost of an iteration and of the preparation.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct PcgFacts {
-    /// Bytes that one iteration moves.
-    pub iteration_bytes: f64,
-    /// Floating-point operations of one iteration.
-    pub iteration_flops: f64,
-    /// Bytes that the preparation moves.
-    pub prepare_bytes: f64,
-    /// Floating-point operations of the factor of the coarse matrix.
-    pub coarse_flops: f64,
-    /// Bytes of memory held.
-    pub bytes: u64,
 }
 
 impl Pcg {
@@ -237,7 +223,7 @@ impl Pcg {
 
     /// Returns cost and size, of all processes together. Before the first matrix, assume that loose solves use single
     /// precision.
-    pub fn facts(&self) -> PcgFacts {
+    pub fn facts(&self) -> SolverFacts {
         let (pattern, share) = (&self.matrix.pattern, &self.share);
         let (rows, block) = (share.row_count(), pattern.block);
         let own = &pattern.row_start[share.rows.start..=share.rows.end];
@@ -254,7 +240,7 @@ impl Pcg {
         let (entries, preconditioner) = (entries as f64, preconditioner as f64);
         let whole = 2.0 * entries - rows as f64;
         let product = if self.may_be_single { single as f64 } else { SCATTERED * whole * (8.0 * area + 8.0) };
-        PcgFacts {
+        SolverFacts {
             iteration_bytes: product
                 + 2.0 * preconditioner
                 + 12.0 * 8.0 * length

@@ -186,13 +186,6 @@ impl Rows {
         let mass = if a == 1.0 { mass } else { &scaled };
         let made = solver.pcg.prepare(mass, c, solver.hessian.matrix(), &positions);
         let facts = solver.pcg.facts();
-        let facts = SolverFacts {
-            iteration_bytes: facts.iteration_bytes,
-            iteration_flops: facts.iteration_flops,
-            prepare_bytes: facts.prepare_bytes,
-            coarse_flops: facts.coarse_flops,
-            bytes: facts.bytes,
-        };
         (facts, made.err().map(|error| error.free))
     }
 
