@@ -9,8 +9,8 @@ use crate::error::{NotPositiveDefinite, SolverError};
 use crate::linear::cost::{self, UnitCosts};
 use crate::linear::factor::{Factor, FactorFacts, SingleFactor};
 use crate::linear::matrix::SymmetricMatrix;
-use crate::linear::pcg::Pcg;
 use crate::linear::pcg::block::Preconditioner;
+use crate::linear::pcg::{Pcg, usable};
 use crate::linear::rivalry::{Rivalry, SOLVES_A_FACTOR};
 use crate::linear::trial::{CONSIDER_FLOPS, describe, rough_load, too_large, try_gradients};
 use crate::memory::StepperMemory;
@@ -262,50 +262,38 @@ impl ChosenSolver {
             (false, false) => (FORCING, LONGEST),
         };
         self.rivalry.solves += 1;
-        match path {
-            Path::Undecided => Err(SolverError::NotFactored),
-            Path::Factor(factor) if *is_exact => factor.solve(v).map(|_| ()),
+        let made = match path {
+            Path::Undecided => return Err(SolverError::NotFactored),
+            Path::Factor(factor) if *is_exact => return factor.solve(v).map(|_| ()),
             // Newton's own residual serves as the check.
-            Path::Factor(factor) => factor.solve_unchecked(v),
+            Path::Factor(factor) => return factor.solve_unchecked(v),
             Path::Single(factor) if *is_tight => {
                 work.solves += factor.solve_refined(v, TIGHT)? - 1;
-                Ok(())
+                return Ok(());
             }
-            Path::Single(factor) => factor.solve_unchecked(v),
+            Path::Single(factor) => return factor.solve_unchecked(v),
             Path::Gradients(pcg) => {
                 x.resize(v.len(), 0.0);
-                let made = match pcg.solve(v, x, tolerance, longest) {
-                    Ok(report) => report.iterations,
-                    // The partial solution is a descent direction: Newton's method continues from it (Steihaug 1983).
-                    Err(
-                        SolverError::NegativeCurvature { iterations, .. }
-                        | SolverError::ConjugateGradients { iterations, .. },
-                    ) if !*is_exact => iterations,
-                    Err(error) => return Err(error),
-                };
+                let made = pcg.solve(v, x, tolerance, longest).map(|report| report.iterations);
+                let made = usable(made, *is_exact)?;
                 v.copy_from_slice(x);
-                self.count_iterations(made, work);
-                Ok(())
+                made
             }
             Path::Shared(shared) => {
                 let made = match shared.solve(v, tolerance, longest) {
-                    SharedSolve::Converged { iterations } => iterations,
-                    SharedSolve::Negative { iterations, .. } | SharedSolve::TooMany { iterations, .. }
-                        if !*is_exact =>
-                    {
-                        iterations
-                    }
+                    SharedSolve::Converged { iterations } => Ok(iterations),
                     SharedSolve::Negative { iterations, curvature } => {
-                        return Err(SolverError::NegativeCurvature { iterations, curvature });
+                        Err(SolverError::NegativeCurvature { iterations, curvature })
                     }
                     SharedSolve::TooMany { iterations, residual } => {
-                        return Err(SolverError::ConjugateGradients { iterations, residual, tolerance });
+                        Err(SolverError::ConjugateGradients { iterations, residual, tolerance })
                     }
                 };
-                self.count_iterations(made, work);
-                Ok(())
+                usable(made, *is_exact)?
             }
-        }
+        };
+        self.count_iterations(made, work);
+        Ok(())
     }
 
     /// Counts a solve by conjugate gradients.

@@ -49,11 +49,11 @@ pub struct Pcg {
     /// The matrix A.
     matrix: SymmetricMatrix,
     single: SingleRows,
-    /// Whether `single` may be used, and whether it holds A.
-    may_be_single: bool,
+    /// Whether `single` holds A.
     is_copied: bool,
-    /// Whether A needs a coarse space, and whether one has been tried.
-    needs_coarse: bool,
+    /// Largest ratio of a diagonal entry of A to the mass at its coordinate, of all processes.
+    ratio: f64,
+    /// Whether a coarse space has been tried.
     has_tried_coarse: bool,
     preconditioner: BlockPreconditioner,
     /// The coarse space; `None` for small or scattered matrices.
@@ -99,9 +99,8 @@ impl Pcg {
             preconditioner: BlockPreconditioner::new(&matrix.pattern, preconditioner, &share),
             coarse: None,
             single: SingleRows::default(),
-            may_be_single: true,
             is_copied: false,
-            needs_coarse: false,
+            ratio: 0.0,
             has_tried_coarse: false,
             share,
             matrix,
@@ -132,11 +131,12 @@ impl Pcg {
     ) -> Result<Preconditioner, NotPositiveDefinite> {
         assert_eq!(positions.len(), k.free_count(), "one position per free coordinate");
         self.set_matrix(mass, c, k);
-        if self.needs_coarse && !self.has_tried_coarse {
+        let needs_coarse = self.needs_coarse();
+        if needs_coarse && !self.has_tried_coarse {
             self.has_tried_coarse = true;
             self.coarse = Coarse::new(&self.matrix.pattern, &self.share);
         }
-        if let Some(coarse) = self.coarse.as_mut().filter(|_| self.needs_coarse) {
+        if let Some(coarse) = self.coarse.as_mut().filter(|_| needs_coarse) {
             coarse.prepare(&self.matrix, positions, &self.share)?;
         }
         self.preconditioner.prepare(&self.matrix, &self.share).map_err(|free| NotPositiveDefinite { free })
@@ -150,9 +150,18 @@ impl Pcg {
         assert!(self.matrix.has_pattern_of(k), "conjugate gradients serve one pattern");
         self.matrix.set_shifted(mass, c, k);
         let ratio = largest_ratio(&self.matrix, mass, self.share.rows.clone());
-        self.may_be_single = !self.share.any(ratio > LARGEST_SINGLE);
-        self.needs_coarse = self.share.any(ratio > SMALLEST_COARSE);
+        self.ratio = self.share.gather(&[ratio]).into_iter().fold(0.0, f64::max);
         self.is_copied = false;
+    }
+
+    /// Returns whether A needs a coarse space.
+    fn needs_coarse(&self) -> bool {
+        self.ratio > SMALLEST_COARSE
+    }
+
+    /// Returns whether loose solves use single precision.
+    fn may_be_single(&self) -> bool {
+        self.ratio <= LARGEST_SINGLE
     }
 
     /// Solves A x = b from x = 0 until √(rᵀP⁻¹r) is below `tolerance` times its first value, which estimates the
@@ -168,13 +177,13 @@ impl Pcg {
         tolerance: f64,
         max_iterations: u32,
     ) -> Result<PcgReport, SolverError> {
-        let is_single = self.may_be_single && tolerance >= LOOSE;
+        let (is_single, needs_coarse) = (self.may_be_single() && tolerance >= LOOSE, self.needs_coarse());
         if is_single && !self.is_copied {
             self.single.copy(&self.matrix, self.share.rows.clone());
             self.is_copied = true;
         }
-        let Self { matrix, preconditioner, vectors, coarse, share, single, needs_coarse, .. } = self;
-        let mut coarse = coarse.as_mut().filter(|_| *needs_coarse);
+        let Self { matrix, preconditioner, vectors, coarse, share, single, .. } = self;
+        let mut coarse = coarse.as_mut().filter(|_| needs_coarse);
         let pattern = &*matrix.pattern;
         let multiply = |x: &[f64], y: &mut [f64]| match is_single {
             true => single.multiply(pattern.block, x, &mut y[share.entries(pattern.block)]),
@@ -231,15 +240,16 @@ impl Pcg {
         let (length, area) = ((rows * block) as f64, (block * block) as f64);
         let preconditioner = self.preconditioner.bytes(block, rows, entries);
         let (factor, motions) = match &self.coarse {
-            Some(coarse) if self.needs_coarse => (coarse.factor_facts(), coarse.bytes(block, rows)),
+            Some(coarse) if self.needs_coarse() => (coarse.factor_facts(), coarse.bytes(block, rows)),
             _ => (FactorFacts::default(), 0),
         };
         let vectors = 5 * 8 * rows * block;
-        let single = if self.may_be_single { SingleRows::bytes(block, rows, entries) } else { 0 };
+        let single = if self.may_be_single() { SingleRows::bytes(block, rows, entries) } else { 0 };
         let bytes = 8 * entries * block * block + single + preconditioner + vectors + motions;
         let (entries, preconditioner) = (entries as f64, preconditioner as f64);
         let whole = 2.0 * entries - rows as f64;
-        let product = if self.may_be_single { single as f64 } else { SCATTERED * whole * (8.0 * area + 8.0) };
+        let product =
+            if self.may_be_single() { single as f64 } else { SCATTERED * whole * (8.0 * area + 8.0) };
         SolverFacts {
             iteration_bytes: product
                 + 2.0 * preconditioner
@@ -253,6 +263,18 @@ impl Pcg {
             coarse_flops: factor.flops,
             bytes: bytes as u64 + factor.bytes,
         }
+    }
+}
+
+/// Returns the iterations of a solve by conjugate gradients whose solution can be used. A partial solution is a descent direction:
+/// Newton's method continues from it (Steihaug 1983). If the solution must be exact, it is an error.
+pub(crate) fn usable(made: Result<u32, SolverError>, is_exact: bool) -> Result<u32, SolverError> {
+    match made {
+        Err(
+            SolverError::NegativeCurvature { iterations, .. }
+            | SolverError::ConjugateGradients { iterations, .. },
+        ) if !is_exact => Ok(iterations),
+        other => other,
     }
 }
 
