@@ -11,6 +11,7 @@ mod failure;
 mod march;
 pub mod matrices;
 mod measure;
+mod needs;
 mod observe;
 mod pace;
 mod ranks;
@@ -22,7 +23,7 @@ mod tests;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use vi_core::{Alone, Exchange, HessianKind, SharedTerms, State, System};
+use vi_core::{Alone, Exchange, SharedTerms, State, System};
 use vi_solvers::{Assembler, Member, Method, Partners, SolverOptions, Stepper, Work};
 
 use crate::model::parts::is_separable;
@@ -37,6 +38,7 @@ pub use advance::Stepped;
 pub(crate) use advance::TOGETHER;
 pub use contact::ContactFacts;
 use contact::{ContactTotals, ContactWatch};
+use needs::{has_domain, is_worked_on, keeps_ledger, method_of};
 pub use observe::{Observation, ProbeValue};
 use pace::Pace;
 pub use ranks::RankFacts;
@@ -489,39 +491,4 @@ impl Simulation {
 /// Returns the exchange of one process.
 fn alone() -> Arc<dyn Exchange> {
     Arc::new(Alone)
-}
-
-/// Returns whether a configuration can lie outside the domain of a term. This is so if the first stencil has no
-/// finite energy when all its nodes coincide.
-fn has_domain(system: &System) -> bool {
-    let collapsed = vec![0.0; system.coordinates().dof_count()];
-    system.potentials().iter().any(|term| {
-        let mut energy = [0.0];
-        let is_varying = term.traits().hessian == HessianKind::Varying && term.stencils().count() > 0;
-        if is_varying {
-            term.energies(0..1, &collapsed, 0.0, &mut energy);
-        }
-        !energy[0].is_finite()
-    })
-}
-
-/// Returns the scheme of a scene; `None` if it is not settled. An equilibrium needs none.
-fn method_of(scene: &Scene) -> Option<Method> {
-    match &scene.statics {
-        Some(_) => Some(scene.time.method().unwrap_or(Method::ImplicitMidpoint)),
-        None => scene.time.method(),
-    }
-}
-
-/// Returns whether the stepper of a system keeps the full energy ledger.
-fn keeps_ledger(scene: &Scene, system: &System) -> bool {
-    scene.output.ledger.unwrap_or_else(|| scene.statics.is_none() && is_worked_on(system))
-}
-
-/// Returns whether something outside adds or removes energy: moving supports, forces without a potential, or loads
-/// that change in time.
-fn is_worked_on(system: &System) -> bool {
-    system.coordinates().is_moving()
-        || !system.forces().is_empty()
-        || system.potentials().iter().any(|term| term.traits().time_dependent)
 }

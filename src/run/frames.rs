@@ -18,8 +18,8 @@ use crate::record::{Bytes, record};
 use crate::run::surfaces::SurfaceWriter;
 use crate::scene::{Cache, Encoding, Field, Precision, Schedule};
 use crate::simulation::Simulation;
-use names::frame_file;
 pub(crate) use names::frame_number;
+use names::{files_from, frame_file};
 use rounding::{ROUNDING, largest, smallest_edge};
 
 /// Writes `<name>.pvd` and `<name>_000000.vtu` …
@@ -206,24 +206,10 @@ impl FrameWriter {
             let file = file.to_owned();
             move |source| IoError::System { file, action, source }
         };
-        for file in self.files_from(frames.len())? {
+        for file in files_from(&self.directory, &self.name, frames.len())? {
             std::fs::remove_file(&file).map_err(refused(&file, "remove"))?;
         }
         Ok(())
-    }
-
-    /// Returns the files of all frames from number `first` on, with their pieces.
-    fn files_from(&self, first: usize) -> Result<Vec<PathBuf>, IoError> {
-        let refused = |source| IoError::System { file: self.directory.clone(), action: "list", source };
-        let mut files = Vec::new();
-        for entry in std::fs::read_dir(&self.directory).map_err(refused)? {
-            let entry = entry.map_err(refused)?;
-            let number = entry.file_name().to_str().and_then(|file| frame_number(&self.name, file));
-            if number.is_some_and(|number| number >= first) {
-                files.push(entry.path());
-            }
-        }
-        Ok(files)
     }
 
     fn is_in_pieces(&self) -> bool {
@@ -239,7 +225,7 @@ impl FrameWriter {
             cache.sync(self.synced)?;
         }
         let new = match self.is_in_pieces() {
-            true => self.files_from(self.synced)?,
+            true => files_from(&self.directory, &self.name, self.synced)?,
             false => {
                 let new = self.series.frames()[self.synced..].iter();
                 new.map(|(_, name)| self.directory.join(name)).collect()

@@ -6,7 +6,8 @@ use serde::Serialize;
 use vi_core::{Exchange, State, System, Traffic};
 use vi_solvers::{Member, SolverOptions};
 
-use super::{Simulation, keeps_ledger, method_of};
+use super::Simulation;
+use super::needs::{keeps_ledger, method_of};
 use crate::model::parts::build_parts;
 use crate::model::{self, Share};
 use crate::scene::{GuardAction, Problem, Scene};

@@ -1,5 +1,26 @@
 //! The names of the files of frames: `<name>_000012.vtu`, or `<name>_000012.pvtu` with pieces `<name>_000012_p000.vtu` ….
 
+use std::path::{Path, PathBuf};
+
+use vi_io::IoError;
+
+/// Returns the files of all frames of the run `name` from number `first` on, with their pieces.
+///
+/// # Errors
+/// Returns an error if the directory cannot be listed.
+pub(super) fn files_from(directory: &Path, name: &str, first: usize) -> Result<Vec<PathBuf>, IoError> {
+    let refused = |source| IoError::System { file: directory.to_owned(), action: "list", source };
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(directory).map_err(refused)? {
+        let entry = entry.map_err(refused)?;
+        let number = entry.file_name().to_str().and_then(|file| frame_number(name, file));
+        if number.is_some_and(|number| number >= first) {
+            files.push(entry.path());
+        }
+    }
+    Ok(files)
+}
+
 /// Returns the file name of a frame of the run `name`.
 pub(super) fn frame_file(name: &str, number: usize, is_in_pieces: bool) -> String {
     let extension = if is_in_pieces { "pvtu" } else { "vtu" };

@@ -1,0 +1,41 @@
+//! What the components of a scene need: a scheme, the full ledger of energy, and checks of the domains of their terms.
+
+use vi_core::{HessianKind, System};
+use vi_solvers::Method;
+
+use crate::scene::Scene;
+
+/// Returns whether a configuration can lie outside the domain of a term. This is so if the first stencil has no
+/// finite energy when all its nodes coincide.
+pub(super) fn has_domain(system: &System) -> bool {
+    let collapsed = vec![0.0; system.coordinates().dof_count()];
+    system.potentials().iter().any(|term| {
+        let mut energy = [0.0];
+        let is_varying = term.traits().hessian == HessianKind::Varying && term.stencils().count() > 0;
+        if is_varying {
+            term.energies(0..1, &collapsed, 0.0, &mut energy);
+        }
+        !energy[0].is_finite()
+    })
+}
+
+/// Returns the scheme of a scene; `None` if it is not settled. An equilibrium needs none.
+pub(super) fn method_of(scene: &Scene) -> Option<Method> {
+    match &scene.statics {
+        Some(_) => Some(scene.time.method().unwrap_or(Method::ImplicitMidpoint)),
+        None => scene.time.method(),
+    }
+}
+
+/// Returns whether the stepper of a system keeps the full energy ledger.
+pub(super) fn keeps_ledger(scene: &Scene, system: &System) -> bool {
+    scene.output.ledger.unwrap_or_else(|| scene.statics.is_none() && is_worked_on(system))
+}
+
+/// Returns whether something outside adds or removes energy: moving supports, forces without a potential, or loads
+/// that change in time.
+pub(super) fn is_worked_on(system: &System) -> bool {
+    system.coordinates().is_moving()
+        || !system.forces().is_empty()
+        || system.potentials().iter().any(|term| term.traits().time_dependent)
+}
