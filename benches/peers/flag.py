@@ -174,17 +174,24 @@ def run_ours(binary, cells, young, scheme, steps, end):
     return step, error, seconds
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cells", type=int, default=40)
+def options(doc, cells, end, more=()):
+    """Returns the options of a comparison and its sheet; `more` are further options with the keys of argparse."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cells", type=int, default=cells)
     parser.add_argument("--young", type=float, default=1e5)
-    parser.add_argument("--end", type=float, default=2.0)
-    parser.add_argument("--turns", type=int, default=4, help="how often steps are halved, 1 to 4")
+    parser.add_argument("--end", type=float, default=end)
     parser.add_argument("--binary", default="target/release/variational")
+    for name, keys in more:
+        parser.add_argument(name, **keys)
     arguments = parser.parse_args()
     arguments.binary = str(pathlib.Path(arguments.binary).absolute())
     os.chdir(tempfile.mkdtemp())  # MuJoCo writes its log where it runs
-    flag = Flag(arguments.cells, arguments.young)
+    return arguments, Flag(arguments.cells, arguments.young)
+
+
+def main():
+    turns = ("--turns", dict(type=int, default=4, help="how often steps are halved, 1 to 4"))
+    arguments, flag = options(__doc__, 40, 2.0, [turns])
     # Steps that keep explicit schemes stable: h = 0.4 of the time a wave takes across half a cell.
     speed = (arguments.young * THICKNESS / DENSITY / (1 - POISSON**2)) ** 0.5
     base = int(np.ceil(arguments.end * speed * arguments.cells / 0.2))

@@ -8,14 +8,10 @@ from a converged run (`stormer-verlet`), over its largest displacement, at `end`
 own law of membranes (stable neo-Hookean with the same moduli at rest; the sheet stretches by less than 3 %). The time is the
 processor's while stepping for the peers, after a first step that compiles kernels, and of the whole program for ours.
 """
-import argparse
-import os
-import pathlib
-import tempfile
 import time
 
 import numpy as np
-from flag import DENSITY, G, POISSON, THICKNESS, Flag, mujoco_model, run_scene, sheet_scene
+from flag import DENSITY, G, POISSON, THICKNESS, mujoco_model, options, run_scene, sheet_scene
 
 
 def run_ours(arguments, scheme, count):
@@ -88,16 +84,7 @@ def run_newton(arguments, flag, iterations, count):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cells", type=int, default=40)
-    parser.add_argument("--young", type=float, default=1e5)
-    parser.add_argument("--end", type=float, default=0.5)
-    parser.add_argument("--rate", type=int, default=60)
-    parser.add_argument("--binary", default="target/release/variational")
-    arguments = parser.parse_args()
-    arguments.binary = str(pathlib.Path(arguments.binary).absolute())
-    os.chdir(tempfile.mkdtemp())  # MuJoCo writes its log where it runs
-    flag = Flag(arguments.cells, arguments.young)
+    arguments, flag = options(__doc__, 40, 0.5, [("--rate", dict(type=int, default=60))])
     count = 2 * max(1, round(arguments.end * arguments.rate / 2))
     speed = (arguments.young * THICKNESS / DENSITY / (1 - POISSON**2)) ** 0.5
     fine = 2 * int(np.ceil(arguments.end * speed * arguments.cells / 0.15))

@@ -7,14 +7,10 @@ has none), with self-contact in ours and where MuJoCo supports it. One thread; t
 whole program. The error is the largest |E - E(0)| over 50 samples, over the largest kinetic energy, with E of MuJoCo
 computed here (elastic energy, weight, kinetic energy), without the energy in contact forces.
 """
-import argparse
-import os
-import pathlib
-import tempfile
 import time
 
 import numpy as np
-from flag import DENSITY, G, POISSON, THICKNESS, Flag, run_scene
+from flag import DENSITY, G, POISSON, THICKNESS, options, run_scene
 
 RADIUS, HEIGHT, SAMPLES = 0.3, 0.02, 50
 
@@ -87,17 +83,9 @@ def run_mujoco(arguments, flag, integrator, count, ipc):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cells", type=int, default=20)
-    parser.add_argument("--young", type=float, default=1e5)
-    parser.add_argument("--end", type=float, default=0.5)
-    parser.add_argument("--limit", type=float, default=300.0, help="processor seconds after which MuJoCo is given up")
-    parser.add_argument("--quick", action="store_true", help="only the longest step of each")
-    parser.add_argument("--binary", default="target/release/variational")
-    arguments = parser.parse_args()
-    arguments.binary = str(pathlib.Path(arguments.binary).absolute())
-    os.chdir(tempfile.mkdtemp())  # MuJoCo writes its log where it runs
-    flag = Flag(arguments.cells, arguments.young)
+    limit = ("--limit", dict(type=float, default=300.0, help="processor seconds after which MuJoCo is given up"))
+    quick = ("--quick", dict(action="store_true", help="only the longest step of each"))
+    arguments, flag = options(__doc__, 20, 0.5, [limit, quick])
     print("| program | scheme | step, s | processor s | energy error |\n|---|---|--:|--:|--:|")
 
     def enter(program, scheme, count, result):
