@@ -159,12 +159,10 @@ impl Contact<'_> {
         // Choose the direction that the tangents follow at x₀, so that it does not change while a solver varies x₁.
         let across =
             |number: usize, cell: u32| across(self.directions(partners, cell, &start)[number], first);
+        // Several directions may be equally good, up to round-off, so the largest sine would be a choice by chance.
+        let is_across = |number: &usize| across(*number, cell).norm() > ACROSS;
         let kept = before.map(|anchor| (anchor.cell % 3) as usize);
-        let kept = kept.filter(|&number| across(number, cell).norm() > ACROSS);
-        let number = kept.unwrap_or_else(|| {
-            let sine = |number: usize| across(number, cell).norm();
-            (1..3).fold(0, |best, other| if sine(other) > sine(best) { other } else { best })
-        });
+        let number = kept.filter(is_across).or_else(|| (0..3).find(is_across)).unwrap_or(0);
         let tangents = tangents(self.directions(partners, cell, &middle)[number], axis.normal)?;
         let frame = 3 * cell + number as u32;
         let stretch = match before {
