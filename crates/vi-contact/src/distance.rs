@@ -8,7 +8,7 @@ mod curvature;
 mod edge;
 mod triangle;
 
-pub(crate) use curvature::squared_hessian;
+pub(crate) use curvature::{free_motions, squared_hessian};
 pub(crate) use edge::edge_edge;
 pub(crate) use triangle::{point_edge, point_point, point_triangle};
 

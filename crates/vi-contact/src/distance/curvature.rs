@@ -41,8 +41,8 @@ fn free_directions(shape: Shape, closest: &Closest) -> ([[f64; 4]; 2], usize) {
     (directions, count)
 }
 
-/// Writes ∂²d²/∂x_a∂x_b of a pair as the packed lower triangle of its n = 3·arity coordinates, n(n+1)/2 entries.
-pub(crate) fn squared_hessian(shape: Shape, closest: &Closest, x: &[Vec3; 4], out: &mut [f64]) {
+/// Returns vectors v_k, up to two, with Σ_k v_k v_kᵀ = Σ_kl (c_a E_k + c_{a,k} r)(A⁻¹)_kl (c_b E_l + c_{b,l} r)ᵀ, and their number.
+pub(crate) fn free_motions(shape: Shape, closest: &Closest, x: &[Vec3; 4]) -> ([[Vec3; 4]; 2], usize) {
     let (directions, count) = free_directions(shape, closest);
     let (r, c) = (closest.vector, &closest.weights);
     let edges = directions.map(|weights| super::combine(&weights, x));
@@ -66,6 +66,13 @@ pub(crate) fn squared_hessian(shape: Shape, closest: &Closest, x: &[Vec3; 4], ou
             rows[1][a] = (rows[1][a] - rows[0][a] * along) / across;
         }
     }
+    (rows, count)
+}
+
+/// Writes ∂²d²/∂x_a∂x_b of a pair as the packed lower triangle of its n = 3·arity coordinates, n(n+1)/2 entries.
+pub(crate) fn squared_hessian(shape: Shape, closest: &Closest, x: &[Vec3; 4], out: &mut [f64]) {
+    let (rows, count) = free_motions(shape, closest, x);
+    let c = &closest.weights;
     let mut entry = out.iter_mut();
     for i in 0..3 * shape.arity() {
         let (a, axis) = (i / 3, i % 3);

@@ -11,7 +11,7 @@
 use super::edges::Mollifier;
 use super::energy::{Strength, in_order, pack_rank_one};
 use super::{Blend, Contact, DistanceChange, Group, Partners};
-use crate::distance::{Shape, Vec3, at};
+use crate::distance::{Closest, Shape, Vec3, at, combine, free_motions};
 
 /// Parameters of the forces of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,6 +55,8 @@ pub struct StepPair {
     pub tangent: f64,
     /// The mollifier of nearly parallel edges.
     pub(crate) parallel: Option<Parallel>,
+    /// Q, N, times the mollifier.
+    pub(crate) slope: f64,
     /// k of a symmetric part k c̄ c̄ᵀ ⊗ n nᵀ of ∂G/∂x₁, N/m; positive except for pairs that inclusion and
     /// exclusion subtracts.
     pub stiffness: f64,
@@ -83,6 +85,7 @@ impl StepPair {
     pub(crate) fn scale(&mut self, factor: f64) {
         self.gradient.iter_mut().for_each(|gradient| *gradient *= factor);
         self.tangent *= factor;
+        self.slope *= factor;
         self.stiffness *= factor;
         if let Some(Parallel { by, .. }) = &mut self.parallel {
             by.iter_mut().for_each(|by| *by *= factor);
@@ -92,12 +95,13 @@ impl StepPair {
     /// Converts tangents from a step with equal ends, of which only the second one moves, to those of a motion of both.
     pub(crate) fn move_both_ends(&mut self) {
         self.tangent *= 2.0;
+        self.slope *= 2.0;
         if let Some(Parallel { by, .. }) = &mut self.parallel {
             by.iter_mut().for_each(|by| *by *= 2.0);
         }
     }
 
-    /// Calls `each` with the factors a and b of ∂G/∂x₁ ≈ Σ a ⊗ b: the change of directions in space is omitted.
+    /// Calls `each` with the factors a and b of the change of the force with the distance, of ∂G/∂x₁ ≈ Σ a ⊗ b.
     pub(crate) fn each_tangent(&self, mut each: impl FnMut(&[Vec3; 4], &[Vec3; 4])) {
         let [along, at_end] = &self.distance;
         match &self.parallel {
@@ -109,6 +113,37 @@ impl StepPair {
                 each(by_c, &both(*by_d, *by_c_of_c));
             }
         }
+    }
+
+    /// Calls `each` with the factors a and b of the change of directions and weights, Q ∂N/∂x₁ ≈ ½ Q ∂²d/∂x² at the middle of
+    /// the step from x₀ to x₁. With the normal n, unit vectors t_k perpendicular to it, and the motions v_k of the closest points,
+    /// ```text
+    /// ∂²d/∂x² = (Σ_k (c ⊗ t_k)(c ⊗ t_k)ᵀ − Σ_k v_k v_kᵀ)/d.
+    /// ```
+    pub(crate) fn each_turn(&self, x: [&[f64]; 2], mut each: impl FnMut(&[Vec3; 4], &[Vec3; 4])) {
+        let shape = match (self.partners, self.arity) {
+            (Partners::PointPlane(..), _) => return,
+            (Partners::Edges(..), _) => Shape::EdgeEdge,
+            (Partners::PointBody(..), 2) => Shape::PointPoint,
+            (Partners::PointBody(..), 3) => Shape::PointEdge,
+            (Partners::PointBody(..), _) => Shape::PointTriangle,
+        };
+        let middle = self.nodes.map(|node| (at(x[0], node) + at(x[1], node)) * 0.5);
+        let vector = combine(&self.weights, &middle);
+        let squared = vector.norm_squared();
+        if self.slope == 0.0 || squared == 0.0 {
+            return;
+        }
+        let closest = Closest { squared, vector, weights: self.weights };
+        let factor = 0.5 * self.slope / closest.distance();
+        let mut add =
+            |vectors: &[Vec3; 4], factor: f64| each(vectors, &vectors.map(|vector| vector * factor));
+        let first = self.normal.cross(&Vec3::ith(self.normal.iamin(), 1.0)).normalize();
+        for across in [first, self.normal.cross(&first)] {
+            add(&self.weights.map(|weight| across * weight), factor);
+        }
+        let (motions, count) = free_motions(shape, &closest, &middle);
+        motions[..count].iter().for_each(|motion| add(motion, -factor));
     }
 
     /// Adds G to `out`, three numbers per node.
@@ -272,6 +307,7 @@ impl Contact<'_> {
                 ],
             });
             out.stiffness *= mean;
+            out.slope *= mean;
             out.tangent *= mean;
             out.dissipated *= mean;
             out.energy = [m0 * out.energy[0], m1 * out.energy[1]];
@@ -337,6 +373,7 @@ fn assemble(
         distance: [change.gradient, change.at_end],
         tangent: quotient.tangent,
         parallel: None,
+        slope: quotient.slope,
         stiffness: quotient.stiffness,
         energy: quotient.energy,
         dissipated: quotient.dissipated,

@@ -93,7 +93,7 @@ impl ContactPotential {
         self.for_each_acting(x, out, |pairs, out| {
             // Between equilibria, the normal force is that of the potential.
             if !self.is_equilibrium() {
-                self.add_normal(pairs, out);
+                self.add_normal(pairs, x, out);
             }
             self.add_friction(pairs, x, out);
         });
@@ -161,13 +161,18 @@ impl ContactPotential {
         of_points.iter().chain(&of_others).for_each(|acting| out.append(acting));
     }
 
-    fn add_normal(&self, pairs: &[StepPair], out: &mut Acting) {
+    fn add_normal(&self, pairs: &[StepPair], x: [&[f64]; 2], out: &mut Acting) {
         for pair in pairs.iter().filter(|pair| pair.energy != [0.0; 2]) {
             let nodes = &pair.nodes;
             out.add_gradient(covector(nodes, &pair.gradient, 1.0));
             pair.each_tangent(|along, change| {
                 out.add_tangent(covector(nodes, along, 1.0), covector(nodes, change, 1.0));
             });
+            if out.turns {
+                pair.each_turn(x, |left, right| {
+                    out.add_tangent(covector(nodes, left, 1.0), covector(nodes, right, 1.0));
+                });
+            }
         }
     }
 

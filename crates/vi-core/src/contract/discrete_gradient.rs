@@ -76,6 +76,9 @@ pub struct Acting {
     /// The fraction of their stiffness with which bristles of friction resist the slip of this step, in (0, 1]. With soft
     /// bristles, the range of slip in which friction sticks is wide, so Newton's method finds it from afar.
     pub stiffness: f64,
+    /// Whether the tangents shall include those of the directions of forces. They are not positive, so Newton's method needs them
+    /// near a solution and may be led astray by them far from it.
+    pub turns: bool,
     gradients: Covectors,
     tangents: Covectors,
     /// The directions in which pairs slide, by the number of the pair: at this evaluation and, in ascending order, at
@@ -89,6 +92,7 @@ impl Default for Acting {
     fn default() -> Self {
         Self {
             stiffness: 1.0,
+            turns: false,
             gradients: Covectors::default(),
             tangents: Covectors::default(),
             slides: Vec::new(),
@@ -116,7 +120,7 @@ impl Acting {
     /// Returns an empty list for some of the pairs; [`Acting::append`] adds it to this one.
     #[must_use]
     pub fn part(&self) -> Self {
-        Self { stiffness: self.stiffness, slid: Arc::clone(&self.slid), ..Self::default() }
+        Self { stiffness: self.stiffness, turns: self.turns, slid: Arc::clone(&self.slid), ..Self::default() }
     }
 
     /// Returns whether a pair that slides in the direction `traction` slid in the opposite direction at the last

@@ -31,6 +31,10 @@ const MOST_ITERATIONS: u32 = 40;
 /// Largest length of a correction, as a multiple of the longest motion of a node in the free drift. A much longer
 /// correction would make candidates of all pairs.
 const FARTHEST: f64 = 2.0;
+/// Relative error below which Newton's method uses the tangents of directions too, and solves its systems accurately. Without
+/// these tangents, errors decrease to a tenth per iteration, and a cloth of 40 × 40 cells on a sphere takes 20 202 iterations and
+/// 40 softenings in .5 s; with them, errors decrease to a few thousandths, and it takes 14 299 and 16.
+const NEAR: f64 = 0.3;
 /// Relative resolution of positions: forces of a stiff layer have several times the round-off of positions.
 const RESOLUTION: f64 = 8.0 * f64::EPSILON;
 
@@ -311,6 +315,8 @@ impl Frictional for Drift<'_> {
                 terms = touching.over_step();
             }
             touching.acting.clear();
+            let is_near = eta < NEAR;
+            touching.acting.turns = is_near;
             for term in &terms {
                 term.acting(&touching.x_start, &touching.x_end, &mut touching.acting);
             }
@@ -324,7 +330,7 @@ impl Frictional for Drift<'_> {
             let size = small.size(mass);
             touching.work.newton_iterations += 1;
             *iterations += 1;
-            let decrement = small.correct(mass)?;
+            let decrement = small.correct(mass, is_near && aim.stiffness == 1.0)?;
             let scale = small.scale(mass, &state.q, &touching.y);
             // Pairs that do not push yet give no correction, and may touch no free coordinate.
             eta = if decrement == 0.0 { 0.0 } else { (decrement.abs() / scale).sqrt() };

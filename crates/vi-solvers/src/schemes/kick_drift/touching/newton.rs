@@ -1,5 +1,6 @@
 //! The small system of one Newton step, J δ = −R on the nodes in contact, with J = M + ½h² Σ a ⊗ b.
 
+use nalgebra::{Matrix3, Vector3};
 use vi_core::{Acting, Coordinates, System};
 
 use crate::assemble::pairs::pull_back;
@@ -7,35 +8,42 @@ use crate::error::SolverError;
 use crate::index::NONE;
 use crate::linear::bicgstab;
 
-/// Relative error to which J δ = −R is solved. The error of the approximate tangents is larger.
-const FORCING: f64 = 1e-5;
+/// Relative error to which J δ = −R is solved far from the solution. With 1e-3, a cloth on a sphere takes 7 % more iterations,
+/// and 20 % more pairs act on the way.
+const COARSE: f64 = 1e-5;
+/// The same near the solution. With 1e-5 for all iterations, the linear solves determine the last ones: errors decrease to a few
+/// hundredths instead of thousandths, more than the iteration before predicts, so Newton's method ends too early, and nodes with
+/// other numbers move differently by 1e-9 of the energy. A cloth of 40 × 40 cells on a sphere takes 15 020 iterations with 1e-5,
+/// 14 581 with 1e-7, 14 299 with 1e-9, in equal times.
+const FINE: f64 = 1e-9;
 const MOST_PRODUCTS: usize = 400;
 /// A body counts as at rest if its own motion has less than this fraction of the energy that pairs give it.
 const AT_REST: f64 = 1e-8;
 
-/// Sparse vectors, stored one after the other.
+/// Sparse vectors, stored one after the other: places of nodes in the small system, each with three numbers.
 #[derive(Default)]
 struct Vectors {
-    places: Vec<u32>,
-    values: Vec<f64>,
+    entries: Vec<(u32, Vector3<f64>)>,
     starts: Vec<u32>,
 }
 
 impl Vectors {
     fn clear(&mut self) {
-        self.places.clear();
-        self.values.clear();
+        self.entries.clear();
         self.starts.clear();
         self.starts.push(0);
     }
 
-    fn close(&mut self) {
-        self.starts.push(self.places.len() as u32);
+    fn push(&mut self, place: u32, value: Vector3<f64>) {
+        self.entries.push((place, value));
     }
 
-    fn of(&self, number: usize) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
-        let range = self.starts[number] as usize..self.starts[number + 1] as usize;
-        self.places[range.clone()].iter().map(|&place| place as usize).zip(self.values[range].iter().copied())
+    fn close(&mut self) {
+        self.starts.push(self.entries.len() as u32);
+    }
+
+    fn of(&self, number: usize) -> &[(u32, Vector3<f64>)] {
+        &self.entries[self.starts[number] as usize..self.starts[number + 1] as usize]
     }
 }
 
@@ -111,13 +119,10 @@ impl Small {
         for covector in acting.tangents() {
             pull_back(coordinates, covector, |node, value| {
                 if is_free(node) {
-                    let place = 3 * self.touch(node);
-                    for axis in 0..3 {
-                        if free_of[3 * node as usize + axis] != NONE {
-                            self.tangents.places.push(place + axis as u32);
-                            self.tangents.values.push(value[axis]);
-                        }
-                    }
+                    let place = self.touch(node);
+                    let is_free = |axis: usize| free_of[3 * node as usize + axis] != NONE;
+                    let value = Vector3::from_fn(|axis, _| if is_free(axis) { value[axis] } else { 0.0 });
+                    self.tangents.push(place, value);
                 }
             });
             self.tangents.close();
@@ -137,58 +142,55 @@ impl Small {
         }
     }
 
-    /// Solves for δ; returns δ·(−R).
-    pub(super) fn correct(&mut self, mass: &[f64]) -> Result<f64, SolverError> {
-        let n = self.free.len();
+    /// Solves for δ, more accurately if `is_near` the solution; returns δ·(−R).
+    pub(super) fn correct(&mut self, mass: &[f64], is_near: bool) -> Result<f64, SolverError> {
         let mass: Vec<f64> =
             self.free.iter().map(|&k| if k == NONE { 1.0 } else { mass[k as usize] }).collect();
-        let mut blocks = vec![nalgebra::Matrix3::<f64>::zeros(); n / 3];
-        for (place, mass) in mass.iter().enumerate() {
-            blocks[place / 3][(place % 3, place % 3)] = *mass;
-        }
+        let diagonal = |node: usize| Matrix3::from_diagonal(&vector(&mass, node));
+        let mut blocks: Vec<Matrix3<f64>> = (0..self.nodes.len()).map(diagonal).collect();
         let (tangents, c) = (&self.tangents, self.c);
         let count = (tangents.starts.len() - 1) / 2;
         for number in 0..count {
             for (row, left) in tangents.of(2 * number) {
                 for (column, right) in tangents.of(2 * number + 1) {
-                    if row / 3 == column / 3 {
-                        blocks[row / 3][(row % 3, column % 3)] += c * left * right;
+                    if row == column {
+                        blocks[*row as usize] += left * right.transpose() * c;
                     }
                 }
             }
         }
-        let inverses: Vec<_> = blocks
+        let inverses: Vec<Matrix3<f64>> = blocks
             .into_iter()
             .enumerate()
             .map(|(node, block)| {
-                block.try_inverse().unwrap_or_else(|| {
-                    nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::from_fn(|axis, _| {
-                        1.0 / mass[3 * node + axis]
-                    }))
-                })
+                let of_mass = || Matrix3::from_diagonal(&vector(&mass, node).map(f64::recip));
+                block.try_inverse().unwrap_or_else(of_mass)
             })
             .collect();
         let apply = |v: &[f64], out: &mut [f64]| {
-            for k in 0..n {
-                out[k] = mass[k] * v[k];
+            for ((out, mass), v) in out.iter_mut().zip(&mass).zip(v) {
+                *out = mass * v;
             }
             for number in 0..count {
-                let along: f64 = tangents.of(2 * number + 1).map(|(place, value)| value * v[place]).sum();
-                if along != 0.0 {
-                    let along = c * along;
-                    tangents.of(2 * number).for_each(|(place, value)| out[place] += along * value);
+                let right = tangents.of(2 * number + 1).iter();
+                let along =
+                    c * right.map(|(place, value)| value.dot(&vector(v, *place as usize))).sum::<f64>();
+                for (place, value) in tangents.of(2 * number) {
+                    let out = &mut out[3 * *place as usize..3 * *place as usize + 3];
+                    (0..3).for_each(|axis| out[axis] += along * value[axis]);
                 }
             }
         };
         let precondition = |v: &mut [f64]| {
             for (three, inverse) in v.chunks_exact_mut(3).zip(&inverses) {
-                let out = inverse * nalgebra::Vector3::new(three[0], three[1], three[2]);
+                let out = inverse * vector(three, 0);
                 three.copy_from_slice(out.as_slice());
             }
         };
+        let forcing = if is_near { FINE } else { COARSE };
         // If the tolerance is not reached, use the last iterate, or what the diagonal blocks give if there is none.
         let solved =
-            bicgstab::solve(apply, precondition, &self.residual, &mut self.delta, FORCING, MOST_PRODUCTS);
+            bicgstab::solve(apply, precondition, &self.residual, &mut self.delta, forcing, MOST_PRODUCTS);
         if solved.is_none() && self.delta.iter().all(|&value| value == 0.0) {
             self.delta.copy_from_slice(&self.residual);
             precondition(&mut self.delta);
@@ -268,4 +270,9 @@ impl Small {
         }
         out
     }
+}
+
+/// Returns three numbers of a node.
+fn vector(values: &[f64], node: usize) -> Vector3<f64> {
+    Vector3::new(values[3 * node], values[3 * node + 1], values[3 * node + 2])
 }
