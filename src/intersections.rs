@@ -147,8 +147,9 @@ struct Grid {
     origin: [f64; 3],
     size: f64,
     cubes: HashMap<[i64; 3], Vec<u32>>,
-    /// The bounding box of each triangle.
+    /// The bounding box of each triangle, and the cube of its lower corner.
     boxes: Vec<[[f64; 3]; 2]>,
+    first: Vec<[i64; 3]>,
 }
 
 /// Largest number of cubes along the longest side.
@@ -169,35 +170,47 @@ impl Grid {
         let mean = boxes.iter().map(extent).sum::<f64>() / boxes.len().max(1) as f64;
         let size = mean.max(extent(&all) / FINEST);
         let size = if size > 0.0 && size.is_finite() { size } else { 1.0 };
-        let mut grid = Self { origin: all[0], size, cubes: HashMap::new(), boxes: Vec::new() };
+        let mut grid =
+            Self { origin: all[0], size, cubes: HashMap::new(), boxes: Vec::new(), first: Vec::new() };
         for (number, item) in (0..).zip(&boxes) {
             for cube in grid.cubes_of(item) {
                 grid.cubes.entry(cube).or_default().push(number);
             }
         }
+        grid.first = boxes.iter().map(|[low, _]| grid.cube(low)).collect();
         grid.boxes = boxes;
         grid
     }
 
     fn cubes_of(&self, [low, high]: &[[f64; 3]; 2]) -> Vec<[i64; 3]> {
-        let cube = |value: f64, k: usize| ((value - self.origin[k]) / self.size).floor() as i64;
+        let [first, last] = [self.cube(low), self.cube(high)];
         let mut cubes = Vec::new();
-        for i in cube(low[0], 0)..=cube(high[0], 0) {
-            for j in cube(low[1], 1)..=cube(high[1], 1) {
-                cubes.extend((cube(low[2], 2)..=cube(high[2], 2)).map(|k| [i, j, k]));
+        for i in first[0]..=last[0] {
+            for j in first[1]..=last[1] {
+                cubes.extend((first[2]..=last[2]).map(|k| [i, j, k]));
             }
         }
         cubes
     }
 
+    /// Returns the cube that contains a point.
+    fn cube(&self, point: &[f64; 3]) -> [i64; 3] {
+        [0, 1, 2].map(|k: usize| ((point[k] - self.origin[k]) / self.size).floor() as i64)
+    }
+
     /// Collects the triangles in the cubes that the bounding box of a segment intersects.
     fn near(&self, points: &[[f64; 3]], segment: [u32; 2], out: &mut Vec<u32>) {
         out.clear();
-        for cube in self.cubes_of(&bounds(points, &segment)) {
-            out.extend(self.cubes.get(&cube).into_iter().flatten());
+        let bounds = bounds(points, &segment);
+        let first = self.cube(&bounds[0]);
+        for cube in self.cubes_of(&bounds) {
+            // Two boxes have several cubes in common. Only the first one of these counts.
+            let is_first = |triangle: &&u32| {
+                let other = self.first[**triangle as usize];
+                cube == [0, 1, 2].map(|k: usize| first[k].max(other[k]))
+            };
+            out.extend(self.cubes.get(&cube).into_iter().flatten().filter(is_first));
         }
-        out.sort_unstable();
-        out.dedup();
     }
 }
 
