@@ -12,6 +12,9 @@ use crate::study::stress::{Case, Outcome, StressOptions, StressWatch, stress, wr
 
 #[derive(Debug, Args)]
 pub(super) struct StressArguments {
+    /// Number of the first scene
+    #[arg(long, default_value_t = 0)]
+    first: u64,
     /// Number of violent scenes
     #[arg(long, default_value_t = 1000)]
     count: u64,
@@ -45,6 +48,7 @@ pub(super) fn run(arguments: &StressArguments) -> u8 {
     let jobs = arguments.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     let keep = arguments.keep.clone();
     let options = StressOptions {
+        first: arguments.first,
         count: arguments.count,
         seed: arguments.seed,
         contact: arguments.contact,

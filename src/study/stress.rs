@@ -33,6 +33,8 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Options of a stress test.
 #[derive(Debug, Clone)]
 pub struct StressOptions {
+    /// Number of the first scene.
+    pub first: u64,
     /// Number of scenes.
     pub count: u64,
     /// Seed of the scenes.
@@ -45,6 +47,13 @@ pub struct StressOptions {
     pub limit: Duration,
     /// Directory for the scenes with forbidden outcomes.
     pub keep: PathBuf,
+}
+
+impl StressOptions {
+    /// Returns the number after that of the last scene.
+    fn end(&self) -> u64 {
+        self.first.saturating_add(self.count)
+    }
 }
 
 /// Follows a stress test, from several threads.
@@ -142,10 +151,11 @@ impl StressReport {
             false => options.count.to_string(),
         };
         let mut text = format!(
-            "Version {}, {scenes} scenes of seed {}.\n\n| what was done | scenes | done | with cut steps | warned or guarded \
+            "Version {}, {scenes} scenes of seed {}, from number {}.\n\n| what was done | scenes | done | with cut steps | warned or guarded \
              | failed, named | out of time | refused | forbidden |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|\n",
             env!("CARGO_PKG_VERSION"),
-            options.seed
+            options.seed,
+            options.first
         );
         let rows = self.tallies.iter().map(|(violence, tally)| (violence.words(), tally));
         for (words, tally) in rows.chain([("**all**", &total)]) {
@@ -164,7 +174,7 @@ impl StressReport {
         };
         let kinds: serde_json::Map<String, Value> =
             self.tallies.iter().map(|(kind, tally)| (format!("{kind:?}"), object(tally))).collect();
-        json!({ "provenance": Provenance::new("stress", 0), "seed": options.seed, "interrupted": self.interrupted,
+        json!({ "provenance": Provenance::new("stress", 0), "seed": options.seed, "first": options.first, "interrupted": self.interrupted,
                 "total": object(&self.total()), "kinds": kinds, "forbidden": self.forbidden,
                 "refused": self.refused })
     }
@@ -173,14 +183,14 @@ impl StressReport {
 /// Runs all scenes, or until `watch` ends the test.
 pub fn stress(options: &StressOptions, watch: &dyn StressWatch) -> StressReport {
     let report = Mutex::new(StressReport::default());
-    let next = AtomicU64::new(0);
+    let next = AtomicU64::new(options.first);
     let is_broken = AtomicBool::new(false);
     std::thread::scope(|scope| {
         for _ in 0..options.jobs.max(1) {
             scope.spawn(|| {
                 while !is_broken.load(Ordering::Relaxed) && watch.go_on() {
                     let index = next.fetch_add(1, Ordering::Relaxed);
-                    if index >= options.count {
+                    if index >= options.end() {
                         break;
                     }
                     let (case, outcome) = match trial(options, index, watch) {
@@ -299,7 +309,7 @@ fn keep(case: &Case, why: &str, options: &StressOptions) -> std::io::Result<()> 
 /// # Errors
 /// Returns an error if a file cannot be written.
 pub fn write_scenes(options: &StressOptions, directory: &Path) -> std::io::Result<()> {
-    for index in 0..options.count {
+    for index in options.first..options.end() {
         let scratch = tempfile::tempdir()?;
         let case = of_kind(options, index, scratch.path()).map_err(std::io::Error::other)?;
         write(&case, &format!("seed {}, scene {index}: {}", options.seed, case.violence.words()), directory)?;

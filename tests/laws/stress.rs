@@ -13,7 +13,8 @@ use variational::study::stress::{StressOptions, Violence, case, meeting, stress}
 fn violent_scenes_end_well_or_fail_by_name() {
     let keep = std::env::temp_dir().join("variational-stress-failures");
     let limit = Duration::from_secs(10);
-    let options = StressOptions { count: 300, seed: 300, contact: false, jobs: 2, limit, keep: keep.clone() };
+    let options =
+        StressOptions { first: 0, count: 300, seed: 300, contact: false, jobs: 2, limit, keep: keep.clone() };
     let report = stress(&options, &());
     let total = report.total();
     assert!(report.forbidden.is_empty(), "{:#?}, kept in {}", report.forbidden, keep.display());
