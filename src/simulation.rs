@@ -42,7 +42,7 @@ use needs::{has_domain, is_worked_on, keeps_ledger, method_of};
 pub use observe::{Observation, ProbeValue};
 use pace::Pace;
 pub use ranks::RankFacts;
-pub(crate) use ranks::{members, problems_of_ranks};
+pub(crate) use ranks::{is_shared, members, problems_of_ranks};
 pub use snapshot::{Snapshot, Substeps};
 
 /// Bodies that act on each other, as one Lagrangian system with its integrator.
@@ -168,7 +168,8 @@ impl Simulation {
                            variational::auto::settle returns";
             return Err(vec![Problem::new("time.scheme", message)]);
         };
-        let model = extend(model::build(&scene, exchange.size() > 1)?)?;
+        let is_shared = is_shared(&scene, exchange);
+        let model = extend(model::build(&scene, is_shared)?)?;
         let mut problems = Vec::new();
         let followed = scene.statics.as_ref().filter(|statics| statics.follows_path());
         let mut path = followed
@@ -187,7 +188,7 @@ impl Simulation {
             let of_parts =
                 member.and_then(|member| Partners::of_parts((number, &system), member, Arc::clone(exchange)));
             let is_of_parts = of_parts.is_some();
-            if exchange.size() > 1 && system.coordinates().free_count() > 0 {
+            if is_shared && system.coordinates().free_count() > 0 {
                 let run = (&method, &options);
                 let made = of_parts
                     .map_or_else(|| Partners::new((number, &system, &state), run, Arc::clone(exchange)), Ok);
@@ -198,7 +199,7 @@ impl Simulation {
                         partners = Some(made);
                     }
                     Err(error) => {
-                        problems.push(Problem::new("time.scheme", error.to_string()));
+                        problems.push(ranks::problem_of_ranks(&error));
                         continue;
                     }
                 }
@@ -346,8 +347,15 @@ impl Simulation {
 
     /// Returns the notes on the steps since the last call, e.g. on a limit point.
     pub fn take_findings(&mut self) -> Vec<String> {
-        let steppers = self.components.iter_mut().filter_map(|component| component.stepper.as_mut());
-        steppers.flat_map(|stepper| stepper.take_findings()).collect()
+        let of_component = |component: &mut Component| {
+            let mut found =
+                component.stepper.as_mut().map_or_else(Vec::new, |stepper| stepper.take_findings());
+            found.extend(
+                component.system.terms().shared().into_iter().flat_map(|shared| shared.take_findings()),
+            );
+            found
+        };
+        self.components.iter_mut().flat_map(of_component).collect()
     }
 
     /// Returns the step h that lands on the scene's end, s.

@@ -79,6 +79,11 @@ impl Exchange for Mpi {
         scope(|scope| wait(vec![world.immediate_all_reduce_into(scope, &own, &mut any, or)]));
         any > 0
     }
+
+    #[cfg(feature = "petsc")]
+    fn linear_solver(&self) -> Option<Box<dyn variational::core::RankSolver>> {
+        Some(Box::new(crate::petsc::Petsc::default()))
+    }
 }
 
 /// Waits for requests. MPI waits with full use of a core; this leaves it to others after a while, so that a rank that

@@ -2,6 +2,8 @@
 //! `mpiexec -n 4 variational-mpi run SCENE`. The first rank is the program itself, the others serve it.
 
 mod exchange;
+#[cfg(feature = "petsc")]
+mod petsc;
 
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -40,6 +42,8 @@ fn main() -> ExitCode {
     let is_first = exchange.rank() == 0;
     let team = Team::new(Arc::new(exchange)).with_threads(threads());
     let code = if is_first { cli::conduct(&team, std::env::args_os()) } else { cli::serve(&team) };
+    #[cfg(feature = "petsc")]
+    petsc::finish();
     drop(universe);
     ExitCode::from(code)
 }

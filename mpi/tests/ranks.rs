@@ -1,14 +1,13 @@
 //! Runs the program on 1 to 4 ranks, and compares its files and messages with those of one process.
-//!
-//! `MPIEXEC` names the launcher (default `mpiexec`) and its options; `VARIATIONAL_PROGRAM` the program of one process
-//! (default: this program without a launcher).
+
+mod launch;
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-const PROGRAM: &str = env!("CARGO_BIN_EXE_variational-mpi");
+use launch::{PROGRAM, launcher, program, program_of_one_process, room, run, scene, text};
 
 /// A rubber block on a clamped end that falls and swings, with every kind of file.
 const BLOCK: &str = r#"
@@ -200,53 +199,6 @@ fields = ["displacement", "reaction_force"]
 [solver]
 linear = "pcg"
 "#;
-
-/// A directory for one test.
-fn room(name: &str) -> PathBuf {
-    let room = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = std::fs::remove_dir_all(&room);
-    std::fs::create_dir_all(&room).unwrap();
-    room
-}
-
-/// Writes a scene; returns its path.
-fn scene(room: &Path, text: &str) -> PathBuf {
-    let path = room.join("scene.toml");
-    std::fs::write(&path, text).unwrap();
-    path
-}
-
-/// Returns the command of the program on `ranks` ranks; 0 for one process without MPI.
-fn program(ranks: usize) -> Command {
-    if ranks == 0 {
-        return Command::new(program_of_one_process());
-    }
-    let mut command = launcher();
-    command.args(["-n", &ranks.to_string(), PROGRAM]);
-    command
-}
-
-fn program_of_one_process() -> String {
-    std::env::var("VARIATIONAL_PROGRAM").unwrap_or_else(|_| PROGRAM.to_owned())
-}
-
-fn launcher() -> Command {
-    let words = std::env::var("MPIEXEC").unwrap_or_else(|_| "mpiexec".to_owned());
-    let mut words = words.split_whitespace();
-    let mut command = Command::new(words.next().expect("a launcher"));
-    command.args(words);
-    command
-}
-
-fn run(ranks: usize, scene: &Path, out: &Path) -> Output {
-    let mut command = program(ranks);
-    command.arg("run").arg(scene).arg("--out").arg(out).args(["--threads", "1", "--quiet"]);
-    command.output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
 
 /// Returns a report without clock times, command line and place.
 fn timeless(report: &str) -> String {
@@ -662,15 +614,22 @@ fn schemes_and_forces_of_the_first_rank_have_the_files_of_one_process() {
     }
 }
 
+/// Why `linear = "petsc"` is refused for this scene.
+const PETSC: &str = match cfg!(feature = "petsc") {
+    true => "\"petsc\" does not run with wind or damping; use \"pcg\"",
+    false => "\"petsc\" needs the program variational-mpi, built with its feature `petsc`; use \"pcg\"",
+};
+
 #[test]
 fn what_does_not_run_on_ranks_is_refused_before_the_run() {
     let room = room("refused");
     let estimate = BLOCK.replace("step = 2.5e-4", "step = 2.5e-4\nestimate = true");
-    let petsc = STATICS.replace("\"pcg\"", "\"petsc\"");
+    let petsc = BLOCK.replace("stormer-verlet", "implicit-midpoint")
+        + "[solver]\nlinear = \"petsc\"\n[wind]\nvelocity = [1.0, 0.0, 0.0]\n";
     let switch = BLOCK.to_owned() + "[guard]\naction = \"switch\"\n";
     for (text_of_scene, reason) in [
         (estimate, "the run that estimates errors would use one rank only"),
-        (petsc, "unknown value \"petsc\"; expected one of \"auto\""),
+        (petsc, PETSC),
         (switch, "use \"halve\" or \"stop\""),
     ] {
         let scene = scene(&room, &text_of_scene);

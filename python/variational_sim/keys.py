@@ -754,7 +754,7 @@ class Seam(TypedDict, total=False):
     to_region: Union[str, None]
     """A curve region of its mesh, with `region`."""
 
-LinearChoice = Union[Literal['auto'], Literal['cholesky'], Literal['cholesky-double'], Literal['pcg']]
+LinearChoice = Union[Literal['auto'], Literal['cholesky'], Literal['cholesky-double'], Literal['pcg'], Literal['petsc']]
 
 MassKind = Union[Literal['lumped'], Literal['consistent']]
 

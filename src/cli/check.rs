@@ -9,6 +9,7 @@ use super::exit;
 use super::run::{located, name_of, output_directory, read, writable};
 use super::say::{Say, message, out};
 use crate::auto::stand_in;
+use crate::run::Team;
 use crate::run::provenance::Provenance;
 use crate::scene::Problem;
 use crate::simulation::Simulation;
@@ -47,11 +48,11 @@ struct ProblemReport {
     message: String,
 }
 
-pub(super) fn run(arguments: &CheckArguments) -> u8 {
+pub(super) fn run(team: &Team, arguments: &CheckArguments) -> u8 {
     let mut scenes = Vec::new();
     let mut free_coordinates = 0;
     for path in &arguments.scenes {
-        let problems = match problems(path, &arguments.overrides) {
+        let problems = match problems(team, path, &arguments.overrides) {
             Ok(free) => {
                 free_coordinates += free;
                 Vec::new()
@@ -76,7 +77,7 @@ pub(super) fn run(arguments: &CheckArguments) -> u8 {
 
 /// Returns the number of free coordinates of a scene, or all problems of the scene, its meshes and its output
 /// directory.
-fn problems(path: &Path, overrides: &[String]) -> Result<usize, Vec<Problem>> {
+fn problems(team: &Team, path: &Path, overrides: &[String]) -> Result<usize, Vec<Problem>> {
     let (scene, parsed) = read(path, overrides)?;
     let directory = output_directory(&scene, &name_of(path), None);
     let mut problems = Vec::new();
@@ -85,6 +86,7 @@ fn problems(path: &Path, overrides: &[String]) -> Result<usize, Vec<Problem>> {
         Ok(simulation) => free_coordinates = simulation.free_coordinates(),
         Err(found) => problems = found,
     }
+    problems.extend(team.problems(&scene));
     if let Err(error) = writable(&directory) {
         let message = format!("{}: not writable: {error}", directory.display());
         problems.push(Problem::new("output.directory", message));

@@ -6,13 +6,13 @@ use std::io::Read;
 use std::sync::Arc;
 
 use vi_core::{Alone, Exchange, Traffic};
-use vi_solvers::Member;
+use vi_solvers::{Member, SolverError};
 
 use super::checkpoint::Origin;
 use super::error::RunError;
 use crate::record::{self, record};
-use crate::scene::{Problem, Scene};
-use crate::simulation::{RankFacts, Simulation, members, problems_of_ranks};
+use crate::scene::{LinearChoice, Problem, Scene};
+use crate::simulation::{RankFacts, Simulation, is_shared, members, problems_of_ranks};
 
 /// What the first rank sends before a run; a command to step has other first bytes.
 const START: &[u8; 8] = b"VI-START";
@@ -78,6 +78,18 @@ impl Team {
         self.exchange.size()
     }
 
+    /// Returns the keys of a scene that these ranks do not run.
+    pub(crate) fn problems(&self, scene: &Scene) -> Vec<Problem> {
+        let mut problems = Vec::new();
+        if scene.solver.linear == LinearChoice::Petsc && self.exchange.linear_solver().is_none() {
+            problems.push(Problem::new("solver.linear", SolverError::no_petsc().to_string()));
+        }
+        if is_shared(scene, &self.exchange) {
+            problems.extend(problems_of_ranks(scene));
+        }
+        problems
+    }
+
     /// Builds the simulation of a scene that all ranks share, on the first rank. Also returns a note on what they exchange;
     /// `None` if there is one rank.
     ///
@@ -86,12 +98,12 @@ impl Team {
     /// first problem of another rank.
     pub(super) fn build(&self, scene: Scene, name: &str) -> Result<(Simulation, Option<String>), RunError> {
         let size = self.size();
-        if size == 1 {
-            return Ok((Simulation::new(scene).map_err(RunError::Scene)?, None));
-        }
-        let problems = problems_of_ranks(&scene);
+        let problems = self.problems(&scene);
         if !problems.is_empty() {
             return Err(RunError::Scene(problems));
+        }
+        if !is_shared(&scene, &self.exchange) {
+            return Ok((Simulation::new(scene).map_err(RunError::Scene)?, None));
         }
         let simulation = Simulation::shared(scene, &self.exchange).map_err(RunError::Scene)?;
         let threads = rayon::current_num_threads() as u64;

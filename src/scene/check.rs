@@ -12,7 +12,8 @@ use vi_fem::LockingCure;
 use super::names::Names;
 use super::problem::Problem;
 use super::{
-    Body, MOST_REFINED, MassKind, Refine, RefineAlong, RestShape, Scene, SchemeName, Substance, TimeStep,
+    Body, LinearChoice, MOST_REFINED, MassKind, Refine, RefineAlong, RestShape, Scene, SchemeName, Substance,
+    TimeStep,
 };
 use super::{columns, contact, plain};
 use checker::Checker;
@@ -129,6 +130,15 @@ fn time(check: &mut Checker, scene: &Scene) {
             "solver.mass",
             "\"consistent\" couples the nodes, and explicit schemes divide by the mass of each: make `time.scheme` \
              implicit (implicit-midpoint, gauss, energy-momentum), or remove `mass`",
+        );
+    }
+    if scene.solver.linear == LinearChoice::Petsc
+        && time.scheme == Some(SchemeName::Auto)
+        && scene.statics.is_none()
+    {
+        check.say(
+            "solver.linear",
+            "the trial runs of scheme \"auto\" have no \"petsc\": name a scheme, or use \"pcg\"",
         );
     }
     let tolerance = scene.solver.tolerance;

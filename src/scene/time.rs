@@ -254,6 +254,8 @@ pub enum LinearChoice {
     CholeskyDouble,
     /// Preconditioned conjugate gradients.
     Pcg,
+    /// Conjugate gradients with algebraic multigrid of PETSc; only `variational-mpi`, built with its feature `petsc`.
+    Petsc,
 }
 
 impl LinearChoice {
@@ -264,6 +266,7 @@ impl LinearChoice {
             Self::Cholesky => LinearSolver::Cholesky,
             Self::CholeskyDouble => LinearSolver::CholeskyDouble,
             Self::Pcg => LinearSolver::Pcg,
+            Self::Petsc => LinearSolver::Petsc,
         }
     }
 }

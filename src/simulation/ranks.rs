@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use serde::Serialize;
 use vi_core::{Exchange, State, System, Traffic};
-use vi_solvers::{Member, SolverOptions};
+use vi_solvers::{Member, SolverError, SolverOptions};
 
 use super::Simulation;
 use super::needs::{keeps_ledger, method_of};
 use crate::model::parts::build_parts;
 use crate::model::{self, Share};
-use crate::scene::{GuardAction, Problem, Scene};
+use crate::scene::{GuardAction, LinearChoice, Problem, Scene};
 
 /// The ranks of a run, and what they exchange.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -40,6 +40,18 @@ pub(crate) fn problems_of_ranks(scene: &Scene) -> Vec<Problem> {
     refused
         .map(|(_, key, why)| Problem::new(key, format!("{why}; remove this key, or use one rank")))
         .collect()
+}
+
+/// Returns whether the ranks of an exchange share the terms of a scene. One rank does so only for a linear solver of the ranks.
+pub(crate) fn is_shared(scene: &Scene, exchange: &Arc<dyn Exchange>) -> bool {
+    let is_outside = scene.solver.linear == LinearChoice::Petsc;
+    exchange.size() > 1 || is_outside && exchange.linear_solver().is_some()
+}
+
+/// Returns the problem of a system that several ranks cannot share.
+pub(super) fn problem_of_ranks(error: &SolverError) -> Problem {
+    let key = if matches!(error, SolverError::Petsc { .. }) { "solver.linear" } else { "time.scheme" };
+    Problem::new(key, error.to_string())
 }
 
 impl Simulation {
@@ -99,7 +111,7 @@ pub(crate) fn members(
                 Some(run_ranks) => Member::of_part((&system, run_ranks), &state, run, exchange),
                 None => Member::new(&system, &state, run, exchange),
             };
-            member.map(Some).map_err(|error| refused(error.to_string()))
+            member.map(Some).map_err(|error| vec![problem_of_ranks(&error)])
         })
         .collect()
 }

@@ -19,6 +19,7 @@ pub(crate) mod portion;
 pub(crate) mod potential;
 pub(crate) mod power_of_two;
 pub(crate) mod quadrature;
+pub(crate) mod rank_solver;
 pub(crate) mod scheme;
 pub(crate) mod shared;
 pub(crate) mod system;

@@ -23,6 +23,7 @@ pub use contract::portion::{Portion, coordinates_of_nodes};
 pub use contract::potential::{Account, Fault, HessianKind, Potential, Stencils, Traits, packed_len};
 pub use contract::power_of_two::binary_exponent;
 pub use contract::quadrature::Quadrature;
+pub use contract::rank_solver::{BlockRows, RankSolver};
 pub use contract::scheme::{Interpolation, Scheme};
 pub use contract::shared::{RunEnergy, SharedSolve, SharedTerms, SolverFacts};
 pub use contract::system::{State, System};

@@ -287,6 +287,12 @@ pub enum SolverError {
         /// The entry that is missing or has the wrong size.
         missing: &'static str,
     },
+    /// The linear solver of PETSc cannot be used.
+    #[error("\"petsc\" {reason}; use \"pcg\"")]
+    Petsc {
+        /// The reason.
+        reason: String,
+    },
     /// Several ranks cannot step this system.
     #[error("{reason}")]
     Ranks {
@@ -317,6 +323,12 @@ pub struct PairInContact {
 }
 
 impl SolverError {
+    /// Returns the error of a program without PETSc.
+    pub fn no_petsc() -> Self {
+        let reason = "needs the program variational-mpi, built with its feature `petsc`".to_owned();
+        Self::Petsc { reason }
+    }
+
     /// Returns the nodes of the pair that stopped a path, if that is the cause.
     pub fn obstacle(&self) -> Option<[u32; 4]> {
         match self {

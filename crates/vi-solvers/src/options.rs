@@ -31,6 +31,8 @@ pub enum LinearSolver {
     CholeskyDouble,
     /// Preconditioned conjugate gradients.
     Pcg,
+    /// Conjugate gradients of the ranks' own solver ([`Exchange::linear_solver`](vi_core::Exchange::linear_solver)).
+    Petsc,
 }
 
 impl LinearSolver {
@@ -41,6 +43,12 @@ impl LinearSolver {
             Self::Cholesky => "cholesky",
             Self::CholeskyDouble => "cholesky-double",
             Self::Pcg => "pcg",
+            Self::Petsc => "petsc",
         }
+    }
+
+    /// Returns whether several ranks solve together.
+    pub(crate) fn is_shared(self) -> bool {
+        matches!(self, Self::Pcg | Self::Petsc)
     }
 }

@@ -3,6 +3,8 @@
 use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
+use crate::contract::rank_solver::RankSolver;
+
 /// Exchanges data between the ranks of one computation.
 ///
 /// Every method is collective: all ranks call the same methods in the same order. A call returns after every rank
@@ -25,6 +27,12 @@ pub trait Exchange: Send + Sync {
 
     /// Returns whether any rank passes true.
     fn any(&self, flag: bool) -> bool;
+
+    /// Returns a new solver of linear systems that works over the same ranks, for example that of PETSc; `None` if there is
+    /// none.
+    fn linear_solver(&self) -> Option<Box<dyn RankSolver>> {
+        None
+    }
 }
 
 /// What a rank sends to the others per gradient.

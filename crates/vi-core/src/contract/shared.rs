@@ -35,6 +35,9 @@ pub trait SharedTerms: Send + Sync {
     /// Computes v ← A⁻¹v (free coordinates) by preconditioned conjugate gradients, to a relative error in the energy norm.
     fn solve(&self, v: &mut [f64], tolerance: f64, max_iterations: u32) -> SharedSolve;
 
+    /// Returns what happened in solves since the last call that the user should know, in words.
+    fn take_findings(&self) -> Vec<String>;
+
     /// Returns what the first rank sends to others per gradient, without `x`.
     fn traffic(&self) -> Traffic;
 }

@@ -208,12 +208,12 @@ impl<'a> Balance<'a> {
         let Self { system, assembler, forces, friction, sum, solver, linear, x, still, work, .. } = self;
         let mass = system.free_mass();
         if let Some(shared) = system.terms().shared().filter(|shared| shared.solves())
-            && *linear == LinearSolver::Pcg
+            && linear.is_shared()
         {
             let is_projected = kind == HessianEvaluation::Projected;
             let (_, indefinite) = shared.prepare(x, t, [shift, 1.0], is_projected);
             shared.diagonal(&mut self.diagonal);
-            *solver = Some(TangentSolver::shared(shared));
+            *solver = Some(TangentSolver::shared(shared, *linear));
             work.factorizations += 1;
             work.factorizations_newton += 1;
             return Ok(indefinite.map_or(Ok(()), |free| Err(NotPositiveDefinite { free })));

@@ -127,8 +127,12 @@ impl Stepper for QuasiStatic {
         let mut memory = StepperMemory { method: NAME.to_owned(), ..Default::default() };
         self.friction.memory.save(FRICTION, &mut memory);
         memory.arrays.push((STORED.to_owned(), vec![self.friction.stored]));
-        let chosen = self.linear.as_ref().map(|(linear, _)| u64::from(*linear == LinearSolver::Pcg));
-        memory.counts.extend(chosen.map(|is_pcg| (PCG.to_owned(), is_pcg)));
+        let chosen = self.linear.as_ref().map(|(linear, _)| match linear {
+            LinearSolver::Petsc => 2,
+            LinearSolver::Pcg => 1,
+            _ => 0,
+        });
+        memory.counts.extend(chosen.map(|code| (PCG.to_owned(), code)));
         memory
     }
 
@@ -136,8 +140,12 @@ impl Stepper for QuasiStatic {
         self.work = Work::default();
         expect_method(memory, NAME)?;
         let count = system.coordinates().dof_count();
-        self.linear = memory.count(PCG).ok().map(|is_pcg| {
-            let linear = if is_pcg == 1 { LinearSolver::Pcg } else { LinearSolver::Cholesky };
+        self.linear = memory.count(PCG).ok().map(|code| {
+            let linear = match code {
+                2 => LinearSolver::Petsc,
+                1 => LinearSolver::Pcg,
+                _ => LinearSolver::Cholesky,
+            };
             (linear, CONTINUED.to_owned())
         });
         let state = LiveState::restore(FRICTION, memory, count).unwrap_or_default();

@@ -28,7 +28,7 @@ enum Kind {
     Factor(Box<Factor>),
     Gradients(Box<Pcg>),
     /// Conjugate gradients of several processes.
-    Shared(Arc<dyn SharedTerms>),
+    Shared(Arc<dyn SharedTerms>, LinearSolver),
 }
 
 /// Solves with A = K + D of one pattern, with a diagonal D.
@@ -55,6 +55,7 @@ impl TangentSolver {
         let (kind, reason) = match choice {
             LinearSolver::Cholesky | LinearSolver::CholeskyDouble => factored(Factor::new(a)?),
             LinearSolver::Pcg => (gradients(a), "pcg: asked for".to_owned()),
+            LinearSolver::Petsc => return Err(SolverError::no_petsc()),
             LinearSolver::Auto => match Factor::new(a) {
                 Ok(factor) => Self::compare(factor, a, mass, positions, work),
                 Err(error @ SolverError::Symbolic { .. }) => {
@@ -67,9 +68,9 @@ impl TangentSolver {
     }
 
     /// Returns the solver of processes that prepare and solve together by conjugate gradients.
-    pub(super) fn shared(shared: &Arc<dyn SharedTerms>) -> Self {
-        let kind = Kind::Shared(Arc::clone(shared));
-        Self { kind, reason: "pcg: asked for".to_owned(), solution: Vec::new() }
+    pub(super) fn shared(shared: &Arc<dyn SharedTerms>, linear: LinearSolver) -> Self {
+        let kind = Kind::Shared(Arc::clone(shared), linear);
+        Self { kind, reason: format!("{}: asked for", linear.name()), solution: Vec::new() }
     }
 
     /// Takes the factor, or conjugate gradients if they cost less for one solve or the factor is too large.
@@ -101,11 +102,12 @@ impl TangentSolver {
         }
     }
 
-    /// Returns the solver that was chosen, [`LinearSolver::Cholesky`] or [`LinearSolver::Pcg`], and the reason.
+    /// Returns the solver that was chosen, a factor or conjugate gradients, and the reason.
     pub(super) fn choice(&self) -> (LinearSolver, &str) {
-        let linear = match self.kind {
+        let linear = match &self.kind {
             Kind::Factor(_) => LinearSolver::Cholesky,
-            Kind::Gradients(_) | Kind::Shared(_) => LinearSolver::Pcg,
+            Kind::Gradients(_) => LinearSolver::Pcg,
+            Kind::Shared(_, linear) => *linear,
         };
         (linear, &self.reason)
     }
@@ -115,7 +117,7 @@ impl TangentSolver {
         match &self.kind {
             Kind::Factor(factor) => factor.serves(a),
             Kind::Gradients(pcg) => pcg.serves(a),
-            Kind::Shared(_) => true,
+            Kind::Shared(..) => true,
         }
     }
 
@@ -123,7 +125,7 @@ impl TangentSolver {
     pub(super) fn factor(&mut self) -> Option<&mut Factor> {
         match &mut self.kind {
             Kind::Factor(factor) => Some(factor),
-            Kind::Gradients(_) | Kind::Shared(_) => None,
+            Kind::Gradients(_) | Kind::Shared(..) => None,
         }
     }
 
@@ -141,7 +143,7 @@ impl TangentSolver {
             Kind::Factor(factor) => factor.factorize(d, 1.0, k),
             Kind::Gradients(pcg) => pcg.prepare(d, 1.0, k, positions).map(|_| ()),
             // The processes have prepared it when they assembled the matrix.
-            Kind::Shared(_) => Ok(()),
+            Kind::Shared(..) => Ok(()),
         }
     }
 
@@ -166,7 +168,7 @@ impl TangentSolver {
                 b_to_x.copy_from_slice(&self.solution);
                 Ok(())
             }
-            Kind::Shared(shared) => match shared.solve(b_to_x, accuracy, LONGEST) {
+            Kind::Shared(shared, _) => match shared.solve(b_to_x, accuracy, LONGEST) {
                 SharedSolve::Converged { iterations } => {
                     work.pcg_iterations += u64::from(iterations);
                     Ok(())

@@ -332,7 +332,8 @@ impl ChosenSolver {
         self.costs = UnitCosts::new(system, &FactorFacts::default());
         self.costs.solve = self.mean_solve();
         self.costs.factor = cost::preparation(&self.pcg);
-        self.reason = format!("pcg: {why}");
+        let name = if self.choice == LinearSolver::Petsc { self.choice } else { LinearSolver::Pcg }.name();
+        self.reason = format!("{name}: {why}");
     }
 
     /// Returns the mean cost of a solve by conjugate gradients so far.
@@ -411,6 +412,7 @@ impl ChosenSolver {
             LinearSolver::Cholesky | LinearSolver::CholeskyDouble => {
                 return self.take_factor(system, k, "asked for");
             }
+            LinearSolver::Petsc => return Err(SolverError::no_petsc()),
             LinearSolver::Auto => {}
         }
         match Factor::new(k) {

@@ -164,6 +164,16 @@ impl Pcg {
         self.ratio <= LARGEST_SINGLE
     }
 
+    /// Returns the matrix A.
+    pub(crate) fn matrix(&self) -> &SymmetricMatrix {
+        &self.matrix
+    }
+
+    /// Returns the rows that this process computes.
+    pub(crate) fn own_rows(&self) -> Range<usize> {
+        self.share.rows.clone()
+    }
+
     /// Solves A x = b from x = 0 until √(rᵀP⁻¹r) is below `tolerance` times its first value, which estimates the
     /// relative error in the energy norm.
     ///

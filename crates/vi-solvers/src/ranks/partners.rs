@@ -9,7 +9,7 @@ use crate::options::SolverOptions;
 use crate::ranks::command::Command;
 use crate::ranks::layout::{Held, Layout};
 use crate::ranks::member::Member;
-use crate::ranks::rows::RowsLayout;
+use crate::ranks::rows::{Rows, RowsLayout};
 use crate::schemes::method::Method;
 
 /// The ranks that share a component. The first rank has a portion of it as the others have, and tells them what to do.
@@ -171,6 +171,10 @@ impl SharedTerms for Partners {
             v[rows.free.clone()].copy_from_slice(&message.receive);
         }
         solved
+    }
+
+    fn take_findings(&self) -> Vec<String> {
+        self.member().rows().map_or_else(Vec::new, Rows::take_findings)
     }
 
     fn traffic(&self) -> Traffic {

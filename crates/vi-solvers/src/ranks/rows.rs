@@ -1,7 +1,8 @@
 //! The rows of A = aM + cK that one of several ranks assembles and solves.
 //!
 //! A rank has whole domains of rows (`linear/pcg/share.rs`). It evaluates all chunks of stencils at the nodes of its rows, also
-//! those at which others evaluate them too, so that no sums of Hessians have to be exchanged.
+//! those at which others evaluate them too, so that no sums of Hessians have to be exchanged. The solver is our own conjugate
+//! gradients, or one from outside (`outside.rs`), for which conjugate gradients stand in where it fails.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -16,12 +17,15 @@ use crate::linear::pcg::block::Preconditioner;
 use crate::linear::pcg::share::{Share, rows_of_ranks};
 use crate::linear::pcg::{Pcg, PcgReport};
 use crate::options::{LinearSolver, SolverOptions};
+use crate::ranks::outside::Outside;
 
 /// The rows of a rank, with the portion of the system that has entries in them.
 pub(crate) struct Rows {
     system: System,
     /// Number of each of its rows, and of those of others that it knows, among all rows.
     numbers: Vec<u32>,
+    /// The place of the node of each of these rows among the nodes of the portion.
+    places: Vec<u32>,
     row_count: usize,
     /// Number of each of its free coordinates among all.
     free: Vec<u32>,
@@ -30,6 +34,8 @@ pub(crate) struct Rows {
     block: usize,
     exchange: Arc<dyn Exchange>,
     solver: Option<Box<Solver>>,
+    /// A solver from outside, if it was asked for.
+    outside: Option<Outside>,
 }
 
 struct Solver {
@@ -56,14 +62,16 @@ impl RowsLayout {
     }
 }
 
-/// Returns whether ranks can solve the linear systems of a scheme together.
-fn is_solved_together(system: &System, options: &SolverOptions) -> bool {
-    options.linear == LinearSolver::Pcg
-        && system.terms().live().is_empty()
-        && system.forces().is_empty()
-        && system.constraints().is_empty()
-        && system.kinetic().is_none()
-        && system.coordinates().is_plain()
+/// Returns what prevents ranks from solving the linear systems of a scheme together; `None` if nothing does.
+fn obstacle(system: &System) -> Option<&'static str> {
+    let obstacles = [
+        (!system.terms().live().is_empty(), "contact"),
+        (!system.forces().is_empty(), "wind or damping"),
+        (!system.constraints().is_empty(), "rigid bodies or joints"),
+        (system.kinetic().is_some(), "consistent mass"),
+        (!system.coordinates().is_plain(), "ties, or supports along other axes than those of space"),
+    ];
+    obstacles.into_iter().find(|(is_there, _)| *is_there).map(|(_, name)| name)
 }
 
 impl Rows {
@@ -73,9 +81,16 @@ impl Rows {
         options: &SolverOptions,
         exchange: &Arc<dyn Exchange>,
     ) -> Result<Option<(Self, Vec<RowsLayout>)>, SolverError> {
-        if !is_solved_together(whole, options) {
-            return Ok(None);
-        }
+        let outside = match (options.linear, obstacle(whole)) {
+            (LinearSolver::Pcg, None) => None,
+            (LinearSolver::Petsc, None) => {
+                Some(Outside::new(exchange.linear_solver().ok_or_else(SolverError::no_petsc)?))
+            }
+            (LinearSolver::Petsc, Some(what)) => {
+                return Err(SolverError::Petsc { reason: format!("does not run with {what}") });
+            }
+            _ => return Ok(None),
+        };
         let (terms, mass) = (whole.terms(), whole.mass());
         let (block, size) = (common_block(terms), exchange.size());
         let (row_of, free_of) = rows(terms, block, false);
@@ -128,8 +143,8 @@ impl Rows {
         let system = coordinates_of_nodes(terms.shared_coordinates(), own_nodes, block)
             .and_then(|coordinates| System::new(own_mass.collect(), portions, coordinates))
             .map_err(|error| SolverError::Ranks { reason: error.to_string() })?;
-        let of_nodes = own_nodes.iter().map(|&node| row_of[node as usize]);
-        let numbers: Vec<u32> = of_nodes.filter(|&row| row != NONE).collect();
+        let of_nodes = (0..).zip(own_nodes.iter().map(|&node| row_of[node as usize]));
+        let (places, numbers): (Vec<u32>, Vec<u32>) = of_nodes.filter(|(_, row)| *row != NONE).unzip();
         let free_in = |rows: &Range<usize>| {
             let before = |row: usize| free_of[..row * block].iter().filter(|&&free| free != NONE).count();
             before(rows.start)..before(rows.end)
@@ -142,7 +157,10 @@ impl Rows {
         let layout = nodes.iter().cloned().zip(&owned);
         let layout = layout.map(|(nodes, rows)| RowsLayout { nodes, free: free_in(rows), block }).collect();
         let exchange = Arc::clone(exchange);
-        Ok(Some((Self { system, numbers, row_count, free, own, block, exchange, solver: None }, layout)))
+        Ok(Some((
+            Self { system, numbers, places, row_count, free, own, block, exchange, solver: None, outside },
+            layout,
+        )))
     }
 
     /// Returns the number of coordinates whose positions it needs, and that of its own free ones.
@@ -185,7 +203,17 @@ impl Rows {
         // An empty mass means zero.
         let mass = if a == 1.0 { mass } else { &scaled };
         let made = solver.pcg.prepare(mass, c, solver.hessian.matrix(), &positions);
-        let facts = solver.pcg.facts();
+        let mut facts = solver.pcg.facts();
+        if let Some(outside) = &mut self.outside {
+            facts = outside.facts(facts);
+            if made.is_ok() {
+                let places = &self.places[solver.pcg.own_rows()];
+                let of_node = |&place: &u32| x[self.block * place as usize..][..self.block].iter().copied();
+                outside.prepare(&solver.pcg, &self.numbers, places.iter().flat_map(of_node).collect());
+            } else {
+                outside.leave();
+            }
+        }
         (facts, made.err().map(|error| error.free))
     }
 
@@ -197,11 +225,21 @@ impl Rows {
         all[self.own.clone()].to_vec()
     }
 
+    /// Returns what happened in solves since the last call that the user should know, in words.
+    pub(crate) fn take_findings(&mut self) -> Vec<String> {
+        self.outside.as_mut().map_or_else(Vec::new, Outside::take_findings)
+    }
+
     /// Solves A v = b together with the other ranks; `v` are the own coordinates of b, then of the solution.
     pub(crate) fn solve(&mut self, v: &mut [f64], tolerance: f64, max_iterations: u32) -> SharedSolve {
         let Some(solver) = &mut self.solver else {
             return SharedSolve::TooMany { iterations: 0, residual: f64::NAN };
         };
+        if let Some(outside) = &mut self.outside
+            && let Some(iterations) = outside.solve(&solver.pcg, v, tolerance, max_iterations)
+        {
+            return SharedSolve::Converged { iterations };
+        }
         let mut load = vec![0.0; self.free.len()];
         load[self.own.clone()].copy_from_slice(v);
         let solved = solver.pcg.solve(&load, &mut solver.solution, tolerance, max_iterations);
