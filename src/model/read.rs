@@ -257,5 +257,7 @@ fn materials(body: &Body, mesh: &Mesh) -> Result<Vec<MaterialPart>, String> {
         }
         parts[entry].elements.push(element);
     }
+    // The bodies keep them.
+    parts.iter_mut().for_each(|part| part.elements.shrink_to_fit());
     Ok(parts)
 }

@@ -76,7 +76,7 @@ impl Frequencies {
         let velocity = system.velocity(&state.p);
         self.operator.place(system, state)?;
         let mut direction: Vec<f64> =
-            velocity.iter().zip(&self.operator.root_mass).map(|(v, root)| v * root).collect();
+            velocity.iter().enumerate().map(|(k, v)| v * self.operator.root_mass(system, k)).collect();
         if n == 0 || normalize(&mut direction) == 0.0 {
             return Ok(0.0);
         }
@@ -153,20 +153,17 @@ fn highest(
     Ok(HighestFrequency { omega: bound.sqrt(), iterations: MAX_ITERATIONS })
 }
 
-/// The operator v ↦ M^{-1/2} K M^{-1/2} v by central differences about a state.
+/// The operator v ↦ M^{-1/2} K M^{-1/2} v by central differences about a state. It keeps few vectors: the first of several ranks
+/// makes these differences of the whole body.
 struct Operator {
     evaluator: Evaluator,
-    /// √(m/unit) with a unit of mass that is a power of two, so that it has the same bits in every such unit.
-    root_mass: Vec<f64>,
-    /// The inverse of that unit.
+    /// The inverse of a unit of mass, which is a power of two.
     per_unit: f64,
     /// The displacement of a difference if the whole body moves equally, m; for directors, 1.
     sizes: [f64; 2],
     /// Index into `sizes` for each free coordinate: 1 for directors.
     kind: Vec<u8>,
-    direction: Vec<f64>,
     q: Vec<f64>,
-    ahead: Vec<f64>,
 }
 
 impl Operator {
@@ -179,10 +176,12 @@ impl Operator {
         let kind = coordinates.free().iter().map(|&dof| u8::from(coordinates.is_director(dof / 3))).collect();
         let mass = system.free_mass();
         let per_unit = mass.first().map_or(1.0, |mass| 2.0_f64.powi(-binary_exponent(*mass)));
-        let root_mass: Vec<f64> = mass.iter().map(|m| (m * per_unit).sqrt()).collect();
-        let n = root_mass.len();
-        let (direction, q, ahead) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        Self { evaluator, root_mass, per_unit, sizes: [DIFFERENCE; 2], kind, direction, q, ahead }
+        Self { evaluator, per_unit, sizes: [DIFFERENCE; 2], kind, q: vec![0.0; mass.len()] }
+    }
+
+    /// Returns √(m/unit) of a free coordinate, which has the same bits in every such unit.
+    fn root_mass(&self, system: &System, k: usize) -> f64 {
+        (system.free_mass()[k] * self.per_unit).sqrt()
     }
 
     /// Prepares for products at a state.
@@ -199,20 +198,21 @@ impl Operator {
         v: &[f64],
         out: &mut [f64],
     ) -> Result<(), SolverError> {
-        let Self { evaluator, root_mass, per_unit, sizes, kind, direction, q, ahead } = self;
-        let n = v.len();
+        let Self { evaluator, per_unit, sizes, kind, q } = self;
+        let (n, per_unit, mass) = (v.len(), *per_unit, system.free_mass());
         let free = system.coordinates().free();
-        vectors::fill(direction, |k| v[k] / root_mass[k]);
-        let epsilon = 1.0 / vectors::max_abs(n, |k| direction[k] / sizes[usize::from(kind[k])]);
-        vectors::fill(q, |k| state.q[k] + epsilon * direction[k]);
+        let root_mass = |k: usize| (mass[k] * per_unit).sqrt();
+        let direction = |k: usize| v[k] / root_mass(k);
+        let epsilon = 1.0 / vectors::max_abs(n, |k| direction(k) / sizes[usize::from(kind[k])]);
+        vectors::fill(q, |k| state.q[k] + epsilon * direction(k));
         evaluator.evaluate(system, q, state.t, true)?;
-        system.coordinates().restrict(evaluator.gradient(), ahead);
-        vectors::fill(q, |k| state.q[k] - epsilon * direction[k]);
+        // First the gradient ahead, then the difference.
+        system.coordinates().restrict(evaluator.gradient(), out);
+        vectors::fill(q, |k| state.q[k] - epsilon * direction(k));
         evaluator.evaluate(system, q, state.t, true)?;
         let behind = evaluator.gradient();
-        let per_unit = *per_unit;
-        vectors::fill(out, |k| {
-            (ahead[k] - behind[free[k] as usize]) / (2.0 * epsilon) / root_mass[k] * per_unit
+        vectors::update(out, |k, out| {
+            *out = (*out - behind[free[k] as usize]) / (2.0 * epsilon) / root_mass(k) * per_unit;
         });
         Ok(())
     }
