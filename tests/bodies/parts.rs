@@ -457,6 +457,43 @@ fn a_mirror_plane_stands_for_the_other_half() {
     }
 }
 
+/// A membrane that is flat at rest has no transverse stiffness there: its tangent is singular, or regular by round-off
+/// alone. It carries a load f per volume by its tension as a cable does, w³ = 3 f L⁴/(64 E) in the middle.
+#[test]
+fn a_slack_membrane_carries_its_load_by_tension() {
+    let (length, young) = (0.5_f64, 1e7);
+    let law: SheetLaw = serde_json::from_value(serde_json::json!({
+        "law": "st-venant-kirchhoff", "young": young, "poisson": 0.0, "density": 1000.0, "thickness": 0.004, "bending": "none"
+    }))
+    .unwrap();
+    let expected = (3.0 * length.powi(4) / (64.0 * young)).cbrt();
+    for ripple in [0.0, 1e-13, 1e-9] {
+        let mesh = SheetMesh {
+            size: [length, 0.1],
+            cells: [40, 2],
+            pattern: SheetPattern::Cross,
+            seed: 0,
+            origin: [0.0; 3],
+            directions: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        };
+        let mut mesh = mesh.build().unwrap();
+        for (n, p) in mesh.points.iter_mut().enumerate() {
+            p[2] = ripple * (n as f64 * 1.7).sin();
+        }
+        let scene = equilibrium()
+            .body(Body::from_arrays("strip", mesh, law.clone()))
+            .fix(Fix::region("strip", "x-min"))
+            .fix(Fix::region("strip", "x-max"))
+            .load(load(
+                serde_json::json!({ "kind": "body-force", "body": "strip", "force": [0.0, 0.0, 1.0] }),
+            ));
+        let simulation = run(scene);
+        let node = simulation.bodies()[0].mesh.nearest_node([0.5 * length, 0.05, 0.0]).unwrap();
+        let found = simulation.positions(0)[node as usize][2];
+        assert!((found / expected - 1.0).abs() < 0.01, "{ripple:e}: {found}, expected {expected}");
+    }
+}
+
 const TENSION: &str = r#"
 [time]
 end = 1.0

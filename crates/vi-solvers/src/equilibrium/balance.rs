@@ -163,6 +163,16 @@ impl<'a> Balance<'a> {
         self.assembler.energies(&self.x, t).total() - held
     }
 
+    /// Returns whether V at (`to`, t) is at most that at (`from`, t); true if forces have no potential. A prediction by an
+    /// almost singular tangent goes much too far, and a solve from there has no scale of energy.
+    pub(crate) fn lowers_energy(&mut self, from: &[f64], to: &[f64], t: f64) -> bool {
+        if !self.is_conservative() {
+            return true;
+        }
+        let before = self.energy(from, t);
+        self.energy(to, t) <= before
+    }
+
     /// Returns Σ |V| over the accounts at (q, t), J, as a scale of energy.
     pub(crate) fn energy_scale(&mut self, q: &[f64], t: f64) -> f64 {
         self.go_to(q, t);

@@ -98,7 +98,11 @@ impl Search<'_> {
             let t =
                 if (end - state.t).abs() <= 1.0000001 * increment.abs() { end } else { state.t + increment };
             for k in 0..q.len() {
-                q[k] = state.q[k] + if has_velocity { (t - state.t) * velocity[k] } else { 0.0 };
+                q[k] = state.q[k] + (t - state.t) * velocity[k];
+            }
+            has_velocity = has_velocity && self.balance.lowers_energy(&state.q, &q, t);
+            if !has_velocity {
+                q.copy_from_slice(&state.q);
             }
             let mut stop = self.stop;
             let mut result = self.solve_at(state, &mut q, t, &mut stop);

@@ -27,7 +27,7 @@ const ACCURATE: f64 = 1e-4;
 pub(crate) struct Stop {
     pub(crate) tolerance: f64,
     pub(crate) max_iterations: u32,
-    /// Energy to which the norm is relative, J; it grows with the first decrement of each solve.
+    /// Energy to which the norm is relative, J; it grows with what the first correction of each solve releases.
     pub(crate) scale: f64,
 }
 
@@ -58,22 +58,29 @@ pub(super) fn factorize_somehow(balance: &mut Balance, q: &[f64], t: f64) -> Res
 
 /// Prepares solves with a positive definite substitute for the tangent.
 fn factorize_projected(balance: &mut Balance, q: &[f64], t: f64) -> Result<(), SolverError> {
-    let Err(mut failure) = balance.factorize(q, t, HessianEvaluation::Projected, 0.0)? else {
+    if balance.factorize(q, t, HessianEvaluation::Projected, 0.0)?.is_ok() {
         return Ok(());
-    };
-    // The matrix is semidefinite, e.g. for a string that is not yet taut; a little mass makes it definite.
+    }
+    factorize_shifted(balance, q, t)
+}
+
+/// Prepares solves with the projected tangent and a little mass, which makes a semidefinite matrix definite, such as that of
+/// a string that is not yet taut.
+fn factorize_shifted(balance: &mut Balance, q: &[f64], t: f64) -> Result<(), SolverError> {
     let stiffest = balance.stiffest(q, t)?;
+    let mut failure = SolverError::NotFactored;
     for exponent in [-10, -8, -6, -4, -2] {
         match balance.factorize(q, t, HessianEvaluation::Projected, stiffest * 10.0_f64.powi(exponent))? {
             Ok(()) => return Ok(()),
-            Err(next) => failure = next,
+            Err(next) => failure = next.into(),
         }
     }
-    Err(failure.into())
+    Err(failure)
 }
 
-/// Computes the correction −K⁻¹r to the relative `accuracy`, with the prepared K, or a positive definite substitute if
-/// conjugate gradients find that K is indefinite; returns whether they did not.
+/// Computes the correction −K⁻¹r to the relative `accuracy`, with the prepared K. A positive definite substitute replaces K if
+/// conjugate gradients find that it is indefinite, or if it is singular up to round-off, so that energy does not decrease
+/// along the correction. Returns whether K was not replaced.
 fn correction(
     balance: &mut Balance,
     (q, t): (&[f64], f64),
@@ -81,16 +88,17 @@ fn correction(
     accuracy: f64,
     out: &mut [f64],
 ) -> Result<bool, SolverError> {
-    vectors::fill(out, |k| -r[k]);
-    match balance.solve(out, accuracy) {
-        Ok(()) => Ok(true),
-        Err(SolverError::NegativeCurvature { .. }) => {
-            factorize_projected(balance, q, t)?;
-            vectors::fill(out, |k| -r[k]);
-            balance.solve(out, accuracy).map(|()| false)
-        }
-        Err(error) => Err(error),
+    for attempt in 0..3 {
+        vectors::fill(out, |k| -r[k]);
+        let next = match balance.solve(out, accuracy) {
+            Ok(()) if vectors::dot(out, r) < 0.0 => return Ok(attempt == 0),
+            Ok(()) => factorize_shifted,
+            Err(SolverError::NegativeCurvature { .. }) if attempt == 0 => factorize_projected,
+            Err(error) => return Err(error),
+        };
+        next(balance, q, t)?;
     }
+    Err(SolverError::NoConvergence { iterations: 0, residual: 1.0, tolerance: accuracy })
 }
 
 /// Iterates from `q` to an equilibrium at t, minimising V if all forces are conservative. Overwrites `q` even if it
@@ -120,10 +128,6 @@ pub(crate) fn solve(
         balance.work.newton_iterations += 1;
         let decrement = -vectors::sum(n, |k| step[k] * r[k]);
         let longest = balance.largest_step(q, t, &step);
-        if iteration == 1 {
-            // A body that nothing supports yet would fall far; only the way until something supports it counts.
-            stop.scale = stop.scale.max(longest * decrement);
-        }
         let relative = stop.relative(decrement);
         let is_round_off = relative < ROUND_OFF_BELOW && relative > 0.3 * last;
         let is_done = longest == 1.0 && (relative <= stop.tolerance || is_round_off);
@@ -138,7 +142,13 @@ pub(crate) fn solve(
             }
             continue;
         }
-        line_search(balance, q, t, (&step, longest), &mut r, &mut trial)?;
+        let length = line_search(balance, q, t, (&step, longest), &mut r, &mut trial)?;
+        if iteration == 1 {
+            // If the tangent is almost singular, or nothing supports the body yet, the correction is far too long; only
+            // the way that it goes counts.
+            stop.scale = stop.scale.max(length * decrement);
+            last = stop.relative(decrement);
+        }
     }
     Err(SolverError::NoConvergence {
         iterations: stop.max_iterations,
@@ -148,7 +158,7 @@ pub(crate) fn solve(
 }
 
 /// Moves `q` along `step` as far as the energy decreases, by at most the fraction `longest` of it, and evaluates the
-/// residual there.
+/// residual there. Returns the fraction.
 fn line_search(
     balance: &mut Balance,
     q: &mut [f64],
@@ -156,7 +166,7 @@ fn line_search(
     (step, longest): (&[f64], f64),
     r: &mut [f64],
     trial: &mut [f64],
-) -> Result<(), SolverError> {
+) -> Result<f64, SolverError> {
     const TRIALS: usize = 25;
     let slope = vectors::sum(q.len(), |k| step[k] * r[k]);
     let energy = if balance.is_conservative() { balance.energy(q, t) } else { 0.0 };
@@ -175,7 +185,7 @@ fn line_search(
                 match balance.residual(trial, t, r) {
                     Ok(()) => {
                         q.copy_from_slice(trial);
-                        return Ok(());
+                        return Ok(length);
                     }
                     Err(error) => failure = error,
                 }
@@ -190,7 +200,7 @@ fn line_search(
                     let there = vectors::sum(q.len(), |k| step[k] * r[k]);
                     if there.abs() <= 0.9 * slope.abs() {
                         q.copy_from_slice(trial);
-                        return Ok(());
+                        return Ok(length);
                     }
                     next = (length * slope / (slope - there)).clamp(0.1 * length, 0.5 * length);
                 }

@@ -52,7 +52,11 @@ fn follow(
         slope.iter_mut().for_each(|slope| *slope *= next - s);
         let is_predicted = is_predicted && balance.largest_step(q, t, &slope) == 1.0;
         for (trial, (q, slope)) in trial.iter_mut().zip(q.iter().zip(&slope)) {
-            *trial = q + if is_predicted { *slope } else { 0.0 };
+            *trial = q + slope;
+        }
+        let is_predicted = is_predicted && balance.lowers_energy(q, &trial, t);
+        if !is_predicted {
+            trial.copy_from_slice(q);
         }
         let mut result = rubbing::solve(balance, &mut trial, t, &mut { *stop });
         if result.is_err() && is_predicted {
