@@ -2,5 +2,6 @@
 
 pub(crate) mod instructions;
 pub(crate) mod pack;
+pub(crate) mod places;
 pub(crate) mod real;
 pub(crate) mod transpose;

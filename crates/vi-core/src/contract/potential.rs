@@ -138,9 +138,9 @@ pub trait Potential: Send + Sync {
         false
     }
 
-    /// Adds the gradients of a run of stencils to the sums of its nodes. Terms of points in space (block 3) may
-    /// implement it if it is faster than one block per stencil. It is called only if [`Potential::adds_gradients`] is
-    /// true.
+    /// Adds the gradients of a run of [`Potential::run_length`] stencils to the sums of its nodes. Terms of points in
+    /// space (block 3) may implement it if it is faster than one block per stencil. It is called only if
+    /// [`Potential::adds_gradients`] is true.
     ///
     /// The order of additions at a node, and so their round-off, may depend on the run.
     fn add_gradients(&self, _range: Range<usize>, _t: f64, _patch: Patch<'_>) {}

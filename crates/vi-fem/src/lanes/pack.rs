@@ -1,6 +1,9 @@
 //! Stores eight numbers of eight elements (or points) side by side: the unit that kernels load and store.
 
+use std::ops::Range;
+
 use pulp::Simd;
+use vi_core::Patch;
 
 use crate::lanes::real::Lane;
 
@@ -32,7 +35,7 @@ pub(crate) const fn parts<S: Simd>() -> usize {
 }
 
 /// Returns the elements of a group. The range of the last group may reach past the last element.
-pub(crate) fn members(group: usize) -> std::ops::Range<usize> {
+pub(crate) fn members(group: usize) -> Range<usize> {
     group * GROUP..(group + 1) * GROUP
 }
 
@@ -46,6 +49,37 @@ pub(crate) fn interleave(run_length: usize, elements: &mut [u32]) {
             for (lane, element) in group.iter_mut().enumerate() {
                 *element = sorted[lane * (sorted.len() / GROUP) + k];
             }
+        }
+    }
+}
+
+/// Largest number of nodes of an element.
+const MOST_NODES: usize = 27;
+
+/// Calls `work` with groups and the places of the nodes of all their elements, `node_count` per element, for a range
+/// of elements. If only some lanes of the first or last group lie in the range, the places of the others are
+/// [`Patch::NOWHERE`].
+pub(crate) fn whole_groups(
+    range: Range<usize>,
+    places: &[u16],
+    node_count: usize,
+    mut work: impl FnMut(Range<usize>, &[u16]),
+) {
+    let mut element = range.start;
+    while element < range.end {
+        let group = element / GROUP;
+        let rest = &places[(element - range.start) * node_count..];
+        let end = if element.is_multiple_of(GROUP) { range.end / GROUP } else { group };
+        if group < end {
+            work(group..end, &rest[..(end - group) * GROUP * node_count]);
+            element = end * GROUP;
+        } else {
+            let stop = range.end.min((group + 1) * GROUP);
+            let mut padded = [Patch::NOWHERE; GROUP * MOST_NODES];
+            let (first, length) = ((element % GROUP) * node_count, (stop - element) * node_count);
+            padded[first..first + length].copy_from_slice(&rest[..length]);
+            work(group..group + 1, &padded[..GROUP * node_count]);
+            element = stop;
         }
     }
 }

@@ -9,7 +9,6 @@ use vi_core::PatchArray;
 
 use crate::lanes::pack::Pack;
 use crate::lanes::real::Lane;
-use crate::small::tensor::{Mat3, mat3};
 
 /// Runs `$v4` or `$v3` if the token is that of AVX-512 or AVX2.
 macro_rules! on_x86 {
@@ -94,14 +93,14 @@ pub(crate) fn add_to_places<S: Simd>(
 /// Returns the edges of `S::F64_LANES` tetrahedra from their first nodes as columns x₁ − x₀, x₂ − x₀, x₃ − x₀.
 /// `places` holds four per element.
 #[inline(always)]
-pub(crate) fn gather_edges<S: Simd>(simd: S, x: &PatchArray, places: &[u16]) -> Mat3<Lane<S>> {
+pub(crate) fn gather_edges<S: Simd>(simd: S, x: &PatchArray, places: &[u16]) -> [[Lane<S>; 3]; 3] {
     #[cfg(target_arch = "x86_64")]
     {
         let token: &dyn std::any::Any = &simd;
         if let Some(&v4) = token.downcast_ref::<pulp::x86::V4>() {
             let [a, b, c] = x86::edges_8(v4, x, places);
             let columns = [lanes(simd, a), lanes(simd, b), lanes(simd, c)];
-            return mat3!(i j => columns[j][i]);
+            return transposed(columns);
         }
     }
     let origin = gather_places(simd, x, places, 4);
@@ -110,7 +109,24 @@ pub(crate) fn gather_edges<S: Simd>(simd: S, x: &PatchArray, places: &[u16]) -> 
         gather_places(simd, x, &places[2..], 4),
         gather_places(simd, x, &places[3..], 4),
     ];
-    mat3!(i j => columns[j][i] - origin[i])
+    let mut edges = transposed(columns);
+    for i in 0..3 {
+        for j in 0..3 {
+            edges[i][j] = edges[i][j] - origin[i];
+        }
+    }
+    edges
+}
+
+#[inline(always)]
+fn transposed<S: Simd>(columns: [[Lane<S>; 3]; 3]) -> [[Lane<S>; 3]; 3] {
+    let mut rows = columns;
+    for i in 0..3 {
+        for j in 0..3 {
+            rows[i][j] = columns[j][i];
+        }
+    }
+    rows
 }
 
 /// Adds the forces of `S::F64_LANES` tetrahedra: the columns of `forces` to their last three nodes, and minus the sum
@@ -118,7 +134,7 @@ pub(crate) fn gather_edges<S: Simd>(simd: S, x: &PatchArray, places: &[u16]) -> 
 #[inline(always)]
 pub(crate) fn add_edge_forces<S: Simd>(
     simd: S,
-    forces: Mat3<Lane<S>>,
+    forces: [[Lane<S>; 3]; 3],
     places: &[u16],
     sums: &mut PatchArray,
 ) {

@@ -7,8 +7,10 @@ mod hinges;
 mod patches;
 mod quadratic;
 mod reconstruction;
+mod runs;
 mod sheet;
 mod shell;
+mod stencil;
 mod turn;
 
 use schemars::JsonSchema;

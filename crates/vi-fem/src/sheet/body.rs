@@ -9,8 +9,7 @@ use crate::sheet::law::SheetLaw;
 use crate::sheet::membrane::BuildMembrane;
 use crate::small::tensor::{cross, dot};
 use crate::solid::consistent_mass::triangle_mass;
-use vi_mesh::Mesh;
-use vi_mesh::Triangulation;
+use vi_mesh::{Mesh, Triangulation, sort_by_place};
 
 /// A sheet of triangles with a law for stretching and bending, and a rest shape.
 #[derive(Debug, Clone, Copy)]
@@ -63,7 +62,10 @@ impl<'a> Sheet<'a> {
     }
 
     fn surface(&self) -> Result<Triangulation, FemError> {
-        let surface = Triangulation::new(self.mesh, self.elements)?;
+        // Neighbours lie together in memory, whatever the order in the file.
+        let mut elements = self.elements.to_vec();
+        sort_by_place(self.mesh, &mut elements);
+        let surface = Triangulation::new(self.mesh, &elements)?;
         match self.pattern {
             Some(pattern) => Ok(surface.with_pattern(pattern)?),
             None => Ok(surface),

@@ -31,6 +31,25 @@ struct Wing<R> {
     factor: R,
 }
 
+/// ∂θ/∂x in eight numbers.
+pub(crate) struct Slopes<R> {
+    /// At the free corners, 1/m.
+    pub(crate) free: [[R; 3]; 2],
+    /// The projections of the free corners onto the edge: 0 at x₀, 1 at x₁.
+    pub(crate) s: [R; 2],
+}
+
+impl<R: Real> Slopes<R> {
+    /// Returns ∂θ/∂x at the four corners, 1/m.
+    #[inline(always)]
+    pub(crate) fn at_corners(&self) -> Corners<R> {
+        let ([one, two], [s, t]) = (self.free, self.s);
+        let at_start = vec3!(i => (s - 1.0) * one[i] + (t - 1.0) * two[i]);
+        let at_end = vec3!(i => -(s * one[i] + t * two[i]));
+        [at_start, at_end, one, two]
+    }
+}
+
 /// An edge with its two triangles.
 pub(crate) struct Fold<R> {
     e: [R; 3],
@@ -68,10 +87,13 @@ impl<R: Real> Fold<R> {
     /// Returns ∂θ/∂x, 1/m.
     #[inline(always)]
     pub(crate) fn gradient(&self) -> Corners<R> {
+        self.slopes().at_corners()
+    }
+
+    #[inline(always)]
+    pub(crate) fn slopes(&self) -> Slopes<R> {
         let [one, two] = self.wings;
-        let at_start = vec3!(i => (one.s - 1.0) * one.slope[i] + (two.s - 1.0) * two.slope[i]);
-        let at_end = vec3!(i => -(one.s * one.slope[i] + two.s * two.slope[i]));
-        [at_start, at_end, one.slope, two.slope]
+        Slopes { free: [one.slope, two.slope], s: [one.s, two.s] }
     }
 
     /// Returns the lower triangle of ∂²θ/∂x², 1/m².

@@ -5,13 +5,13 @@ mod kernel;
 use std::ops::Range;
 
 use pulp::Arch;
-use vi_core::{Account, Fault, HessianKind, Potential, Stencils, Traits, binary_exponent};
+use vi_core::{Account, Fault, HessianKind, Patch, Potential, Stencils, Traits, binary_exponent, run_length};
 
-use crate::lanes::pack::GROUP;
+use crate::lanes::pack::{GROUP, interleave, whole_groups};
 use crate::sheet::material::{SheetMaterial, SheetVisitor};
 use crate::sheet::triangle::{barycentric_gradients, flatten, frame};
 use crate::small::tensor::{cross, dot};
-use kernel::{Deformed, Energies, Gradients, Membrane, RestPack};
+use kernel::{Deformed, Energies, Gradients, Membrane, PatchForces, RestPack};
 use vi_mesh::Triangulation;
 
 /// Builds the potential of a law.
@@ -33,11 +33,14 @@ impl SheetVisitor for BuildMembrane<'_> {
     fn visit<M: SheetMaterial>(self, material: M) -> Self::Output {
         let surface = self.surface;
         let count = surface.triangles.len();
+        // Sum neighbours together, and put triangles that share nodes into different groups.
+        let mut order: Vec<u32> = (0..count as u32).collect();
+        interleave(run_length(count, 9), &mut order);
         let mut frames = Vec::with_capacity(count);
         let mut rest = vec![RestPack::default(); count.div_ceil(GROUP)];
         // Fill the last group with copies of the last triangle.
         for place in 0..rest.len() * GROUP {
-            let triangle = place.min(count - 1);
+            let triangle = order[place.min(count - 1)] as usize;
             let corners = surface.corners(triangle);
             let frame = frame(&corners, self.directions.map(|all| all[triangle]));
             let (gradients, area) = barycentric_gradients(&flatten(&corners, &frame));
@@ -52,13 +55,14 @@ impl SheetVisitor for BuildMembrane<'_> {
                 frames.push(frame);
             }
         }
-        let places = (0..rest.len() * GROUP).map(|place| place.min(count - 1));
+        let padded = (0..rest.len() * GROUP).map(|place| order[place.min(count - 1)] as usize);
         let offset = self.node_offset as u32;
         let nodes =
-            places.flat_map(|triangle| surface.triangles[triangle]).map(|node| node + offset).collect();
+            padded.flat_map(|triangle| surface.triangles[triangle]).map(|node| node + offset).collect();
         let moduli: f64 = (0..3).map(|k| self.moduli[k][k]).sum();
         let weight = 2.0_f64.powi(binary_exponent(moduli));
-        let (relaxed, cells) = (self.tension_field, surface.cells.clone());
+        let relaxed = self.tension_field;
+        let cells = order.iter().map(|&triangle| surface.cells[triangle as usize]).collect();
         Box::new(Membrane {
             arch: Arch::new(),
             material,
@@ -98,12 +102,27 @@ impl<M: SheetMaterial> Potential for Membrane<M> {
         self.arch.dispatch(Gradients { membrane: self, range, x, out });
     }
 
+    fn adds_gradients(&self) -> bool {
+        true
+    }
+
+    fn add_gradients(&self, range: Range<usize>, _t: f64, patch: Patch<'_>) {
+        let Patch { places, x, sums } = patch;
+        whole_groups(range, places, 3, |groups, places| {
+            self.arch.dispatch(PatchForces { membrane: self, groups, places, x, sums });
+        });
+    }
+
     fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         self.blocks(range, x, false, out);
     }
 
     fn projected_hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         self.blocks(range, x, true, out);
+    }
+
+    fn element(&self, stencil: usize) -> usize {
+        self.cells[stencil] as usize
     }
 
     /// Writes F, completed by the unit normal.

@@ -17,11 +17,10 @@ use vi_core::{Account, Fault, HessianKind, Patch, Potential, Stencils, Traits, p
 
 use crate::error::FemError;
 use crate::lanes::instructions::InstructionSet;
-use crate::lanes::pack::interleave;
-use crate::lanes::pack::{GROUP, Pack};
+use crate::lanes::pack::{GROUP, Pack, interleave, whole_groups};
 use crate::small::tensor::Mat3;
 use crate::solid::element::contract::{Element, SolidVisitor};
-use crate::solid::element::{kernel::Solids, patch::whole_groups, visit_solid};
+use crate::solid::element::{kernel::Solids, visit_solid};
 use crate::solid::law_kernels::{LawKernels, kernels_of, stiffness_weight};
 use crate::solid::material::Law;
 use crate::solid::material::batch::{PackedMat3, PackedTangent};

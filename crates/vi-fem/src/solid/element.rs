@@ -9,7 +9,6 @@ pub(crate) mod kernel;
 #[cfg(test)]
 mod laws;
 pub(crate) mod patch;
-mod places;
 pub(crate) mod rest_shape;
 mod rule;
 pub(crate) mod simplex;

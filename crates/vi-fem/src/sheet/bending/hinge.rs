@@ -10,8 +10,9 @@
 use vi_core::Potential;
 
 use super::hinges::{Hinge, Opposite, hinges};
-use super::patches::{Bend, CARRIED, HELD, Patch, patches};
+use super::patches::patches;
 use super::sheet::BentSheet;
+use super::stencil::{Bend, CARRIED, HELD, Stencil};
 use crate::error::FemError;
 
 pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, FemError> {
@@ -24,7 +25,7 @@ pub(super) fn from_hinges<'a>(
     hinges: impl IntoIterator<Item = &'a Hinge>,
 ) -> Vec<Box<dyn Potential>> {
     let (offset, unit) = (sheet.node_offset as u32, sheet.unit());
-    let patch = |hinge: &Hinge| {
+    let stencil = |(index, hinge): (usize, &Hinge)| {
         let stiffness = across(sheet, hinge) * hinge.length.powi(2) / hinge.area();
         let mut nodes: Vec<u32> = hinge.nodes.iter().map(|node| node + offset).collect();
         let (last, point) = match hinge.opposite {
@@ -36,9 +37,10 @@ pub(super) fn from_hinges<'a>(
             Opposite::Mirror(vector) => (CARRIED, vector),
         };
         let (corners, rest_angle) = ([0, 1, 2, last], hinge.rest_angle);
-        Patch { nodes, bends: vec![Bend { corners, point, rest_angle, form: [(stiffness / unit).sqrt()] }] }
+        let form = [(stiffness / unit).sqrt()];
+        Stencil { nodes, bends: vec![Bend { hinge: index as u32, corners, point, rest_angle, form }] }
     };
-    patches(hinges.into_iter().map(patch).collect(), sheet)
+    patches(hinges.into_iter().enumerate().map(stencil).collect(), sheet)
 }
 
 /// Returns the bending modulus across the edge, (m ⊗ m):D:(m ⊗ m), N m. Here m is normal to the edge in the plane of

@@ -130,12 +130,18 @@ fn hinge(
     };
     let rest_angle = dihedral::angle(&corners);
     if rest_angle.abs() > std::f64::consts::PI - 1e-3 {
+        let one = surface.cells[first.0 as usize];
+        let two = match opposite {
+            Opposite::Node(_, second) => surface.cells[second.0 as usize],
+            Opposite::Held(_) | Opposite::Mirror(_) => one,
+        };
         return Err(FemError::Invalid {
             what: "sheet",
             problem: format!(
-                "at rest, element {} is folded flat onto its neighbour across the edge of nodes {a} and {b}; \
+                "at rest, element {} is folded flat onto its neighbour, element {}, across the edge of nodes {a} and {b}; \
                  unfold the rest shape, or give the two layers nodes of their own",
-                surface.cells[first.0 as usize]
+                one.min(two),
+                one.max(two)
             ),
         });
     }

@@ -2,19 +2,21 @@
 //! the hinges of a stencil. It handles eight stencils at a time. The angle is replaced by a function that is smooth
 //! around the circle (see `turn`).
 //!
-//! Stencils whose hinges join the same local corners (the same "pattern") share a group, so that all work except
-//! gathering nodes is done in lanes. A group that is not full repeats its last stencil.
+//! Stencils of a run whose hinges join the same local corners (the same "pattern") share a group, so that all work except
+//! gathering nodes is done in lanes. A group that is not full repeats its last stencil. Sums of forces over a run are in
+//! `runs`.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
-use vi_core::{Account, HessianKind, Potential, Stencils, Traits, packed_len};
+use vi_core::{Account, HessianKind, Patch, Potential, Stencils, Traits, packed_len, run_length};
 
+use super::runs::Runs;
 use super::sheet::BentSheet;
-use super::turn::Turn;
-use crate::lanes::pack::{GROUP, Pack, parts};
+use super::stencil::{BENDS, Bend, CARRIED, FormPack, HELD, Stencil, dot_add, turn};
+use crate::lanes::pack::{GROUP, Pack, interleave, parts};
 use crate::lanes::real::{Lane, Real};
 use crate::lanes::transpose::{gather, put};
 use crate::sheet::dihedral::Fold;
@@ -23,50 +25,26 @@ use crate::small::tensor::{packed_index, vec3};
 /// Largest number of nodes of a stencil.
 const MOST: usize = 12;
 
-/// Largest number of hinges of a stencil: three of its triangle and two of each neighbour.
-const BENDS: usize = 9;
-
-/// Marks a fourth corner that is fixed in space.
-pub(super) const HELD: u8 = u8::MAX;
-
-/// Marks a fourth corner at a vector from the first that is fixed in space.
-pub(super) const CARRIED: u8 = u8::MAX - 1;
-
 /// Returns the local node with which corner c of a hinge moves; at least [`MOST`] if the corner is fixed.
 #[inline(always)]
 fn node_of(corners: &[u8; 4], c: usize) -> usize {
     usize::from(if corners[c] == CARRIED { corners[0] } else { corners[c] })
 }
 
-/// A hinge of a stencil.
-pub(super) struct Bend<const F: usize> {
-    /// The corners as local nodes of the stencil; the fourth may be [`HELD`] or [`CARRIED`].
-    pub(super) corners: [u8; 4],
-    /// The position of a [`HELD`] fourth corner, or the vector from the first to a [`CARRIED`] one, m.
-    pub(super) point: [f64; 3],
-    pub(super) rest_angle: f64,
-    /// The coefficients in the F forms: roots of energies in the unit of [`BentSheet::unit`].
-    pub(super) form: [f64; F],
-}
-
-/// A stencil: its nodes and hinges.
-pub(super) struct Patch<const F: usize> {
-    pub(super) nodes: Vec<u32>,
-    pub(super) bends: Vec<Bend<F>>,
-}
-
-/// Returns the potentials of the patches of a sheet, one for each number of nodes.
-pub(super) fn patches<const F: usize>(list: Vec<Patch<F>>, sheet: &BentSheet) -> Vec<Box<dyn Potential>> {
-    let mut by_pattern: BTreeMap<(usize, Vec<[u8; 4]>), Vec<Patch<F>>> = BTreeMap::new();
-    for patch in list {
-        let pattern = patch.bends.iter().map(|bend| bend.corners).collect();
-        by_pattern.entry((patch.nodes.len(), pattern)).or_default().push(patch);
+/// Returns the potentials of the stencils of a sheet, one for each number of nodes. Runs have the stencils in the given
+/// order.
+pub(super) fn patches<const F: usize>(
+    stencils: Vec<Stencil<F>>,
+    sheet: &BentSheet,
+) -> Vec<Box<dyn Potential>> {
+    let mut by_arity: BTreeMap<usize, Vec<Stencil<F>>> = BTreeMap::new();
+    for stencil in stencils {
+        by_arity.entry(stencil.nodes.len()).or_default().push(stencil);
     }
-    let mut potentials: BTreeMap<usize, Patches<F>> = BTreeMap::new();
-    for ((arity, pattern), patches) in by_pattern {
-        potentials.entry(arity).or_insert_with(|| Patches::new(arity, sheet)).add(pattern, &patches);
-    }
-    potentials.into_values().map(|potential| Box::new(potential.closed()) as Box<dyn Potential>).collect()
+    let potential = |(arity, stencils): (usize, Vec<Stencil<F>>)| {
+        Box::new(Patches::new(arity, &stencils, sheet)) as Box<dyn Potential>
+    };
+    by_arity.into_iter().map(potential).collect()
 }
 
 /// Up to eight stencils of one pattern.
@@ -85,40 +63,6 @@ impl Group {
     }
 }
 
-/// One hinge for each stencil of a group.
-struct BendPack<const F: usize> {
-    /// sin θ̄ and cos θ̄.
-    rest: [Pack; 2],
-    form: [Pack; F],
-}
-
-impl<const F: usize> BendPack<F> {
-    #[inline(always)]
-    fn turn<S: Simd>(&self, simd: S, part: usize, fold: &Fold<Lane<S>>) -> Turn<Lane<S>> {
-        let [sine, cosine] = &self.rest;
-        Turn::new(fold.direction(), [sine.load(simd, part), cosine.load(simd, part)])
-    }
-
-    #[inline(always)]
-    fn form<S: Simd>(&self, simd: S, part: usize) -> [Lane<S>; F] {
-        let mut form = [Lane::splat(simd, 0.0); F];
-        for f in 0..F {
-            form[f] = self.form[f].load(simd, part);
-        }
-        form
-    }
-}
-
-/// Returns a·b + c.
-#[inline(always)]
-fn dot_add<R: Real, const F: usize>(a: &[R; F], b: &[R; F], c: R) -> R {
-    let mut sum = c;
-    for f in 0..F {
-        sum = a[f].mul_add(b[f], sum);
-    }
-    sum
-}
-
 struct Patches<const F: usize> {
     arch: Arch,
     arity: usize,
@@ -129,16 +73,21 @@ struct Patches<const F: usize> {
     groups: Vec<Group>,
     /// The group of each stencil.
     group_of: Vec<u32>,
-    bends: Vec<BendPack<F>>,
+    /// The coefficients of each hinge of each group. They are apart from the rest angles, which sums of forces do not read:
+    /// large sheets wait for memory.
+    forms: Vec<FormPack<F>>,
+    /// sin θ̄ and cos θ̄ of each hinge of each group.
+    rests: Vec<[Pack; 2]>,
     held: Vec<[Pack; 3]>,
+    runs: Runs,
     /// The unit of energy for the squares of the forms, J.
     unit: f64,
     name: String,
 }
 
 impl<const F: usize> Patches<F> {
-    fn new(arity: usize, sheet: &BentSheet) -> Self {
-        Self {
+    fn new(arity: usize, stencils: &[Stencil<F>], sheet: &BentSheet) -> Self {
+        let mut patches = Self {
             arch: Arch::new(),
             arity,
             count: 0,
@@ -146,42 +95,71 @@ impl<const F: usize> Patches<F> {
             patterns: Vec::new(),
             groups: Vec::new(),
             group_of: Vec::new(),
-            bends: Vec::new(),
+            forms: Vec::new(),
+            rests: Vec::new(),
             held: Vec::new(),
+            // Stencils share most of their nodes and hinges with others of the run, as triangles do.
+            runs: Runs::new(run_length(stencils.len(), 9)),
             unit: sheet.unit(),
             name: sheet.name.clone(),
+        };
+        for run in stencils.chunks(patches.runs.length) {
+            patches.add_run(run);
         }
+        // Pad the nodes so that the last group can be gathered whole.
+        let last = patches.nodes[patches.nodes.len() - arity..].to_vec();
+        patches.nodes.extend(last.iter().cycle().take(GROUP * arity));
+        patches
     }
 
-    fn add(&mut self, pattern: Vec<[u8; 4]>, patches: &[Patch<F>]) {
-        for patches in patches.chunks(GROUP) {
-            let (bends, held, count) = (self.bends.len(), self.held.len(), patches.len());
-            let pattern = self.patterns.len();
-            self.group_of.extend(std::iter::repeat_n(self.groups.len() as u32, count));
-            self.groups.push(Group { first: self.count, count, pattern, bends, held });
-            let lane = |lane: usize| &patches[lane.min(count - 1)];
-            for (b, bend) in patches[0].bends.iter().enumerate() {
-                let pack =
-                    |value: &dyn Fn(&Bend<F>) -> f64| Pack(std::array::from_fn(|l| value(&lane(l).bends[b])));
-                self.bends.push(BendPack {
-                    rest: [pack(&|bend| bend.rest_angle.sin()), pack(&|bend| bend.rest_angle.cos())],
-                    form: std::array::from_fn(|f| pack(&|bend| bend.form[f])),
-                });
-                if bend.corners[3] >= CARRIED {
-                    self.held.push([0, 1, 2].map(|i| pack(&|bend| bend.point[i])));
-                }
+    fn add_run(&mut self, run: &[Stencil<F>]) {
+        let mut by_pattern: BTreeMap<Vec<[u8; 4]>, Vec<u32>> = BTreeMap::new();
+        for (index, stencil) in run.iter().enumerate() {
+            let pattern = stencil.bends.iter().map(|bend| bend.corners).collect();
+            by_pattern.entry(pattern).or_default().push(index as u32);
+        }
+        by_pattern.values_mut().for_each(|members| interleave(members.len(), members));
+        let in_order: Vec<_> = by_pattern.values().flatten().map(|&index| &run[index as usize]).collect();
+        let numbers = self.runs.begin(&in_order, self.arity);
+        let mut rest = &in_order[..];
+        for (pattern, members) in by_pattern {
+            let (stencils, after) = rest.split_at(members.len());
+            rest = after;
+            let known = self.patterns.iter().position(|known| *known == pattern);
+            let pattern = known.unwrap_or_else(|| {
+                self.patterns.push(pattern);
+                self.patterns.len() - 1
+            });
+            for stencils in stencils.chunks(GROUP) {
+                self.add_group(stencils, pattern);
+                self.runs.add_group(stencils, &numbers);
             }
-            self.nodes.extend(patches.iter().flat_map(|patch| &patch.nodes));
-            self.count += count;
         }
-        self.patterns.push(pattern);
     }
 
-    /// Pads the nodes so that the last group can be gathered whole.
-    fn closed(mut self) -> Self {
-        let last = self.nodes[self.nodes.len() - self.arity..].to_vec();
-        self.nodes.extend(last.iter().cycle().take(GROUP * self.arity));
-        self
+    fn add_group(&mut self, stencils: &[&Stencil<F>], pattern: usize) {
+        let (bends, held, count) = (self.forms.len(), self.held.len(), stencils.len());
+        self.group_of.extend(std::iter::repeat_n(self.groups.len() as u32, count));
+        self.groups.push(Group { first: self.count, count, pattern, bends, held });
+        let lane = |lane: usize| stencils[lane.min(count - 1)];
+        for (b, bend) in stencils[0].bends.iter().enumerate() {
+            let pack =
+                |value: &dyn Fn(&Bend<F>) -> f64| Pack(std::array::from_fn(|l| value(&lane(l).bends[b])));
+            self.forms.push(FormPack(std::array::from_fn(|f| pack(&|bend| bend.form[f]))));
+            self.rests.push([pack(&|bend| bend.rest_angle.sin()), pack(&|bend| bend.rest_angle.cos())]);
+            if bend.corners[3] >= CARRIED {
+                self.held.push([0, 1, 2].map(|i| pack(&|bend| bend.point[i])));
+            }
+        }
+        self.nodes.extend(stencils.iter().flat_map(|stencil| &stencil.nodes));
+        self.count += count;
+    }
+
+    /// Returns the coefficients and rest angles of the hinges of a group.
+    #[inline(always)]
+    fn bends(&self, group: &Group) -> (&[FormPack<F>], &[[Pack; 2]]) {
+        let count = self.patterns[group.pattern].len();
+        (&self.forms[group.bends..][..count], &self.rests[group.bends..][..count])
     }
 
     fn groups(&self, range: &Range<usize>) -> &[Group] {
@@ -256,9 +234,9 @@ impl<const F: usize> WithSimd for Energies<'_, F> {
                 let mut held = group.held;
                 let (mut y, mut surplus) = ([zero; F], zero);
                 for (b, &corners) in patches.patterns[group.pattern].iter().enumerate() {
-                    let bend = &patches.bends[group.bends + b];
+                    let (form, rest) = (&patches.forms[group.bends + b], &patches.rests[group.bends + b]);
                     let fold = patches.fold(simd, part, corners, &mut held, &at);
-                    let (turn, form) = (bend.turn(simd, part, &fold), bend.form(simd, part));
+                    let (turn, form) = (turn(simd, part, rest, &fold), form.load(simd, part));
                     let psi = turn.value();
                     for f in 0..F {
                         y[f] = form[f].mul_add(psi, y[f]);
@@ -295,14 +273,14 @@ impl<const F: usize> WithSimd for Gradients<'_, F> {
         let mut turns = [[zero; 2]; BENDS];
         for group in patches.groups(&range) {
             let pattern = &patches.patterns[group.pattern][..];
-            let bends = &patches.bends[group.bends..][..pattern.len()];
+            let (forms, rests) = patches.bends(group);
             for part in 0..parts::<S>() {
                 patches.gather(simd, (group, part), x, &mut at);
                 let mut held = group.held;
                 let mut y = [zero; F];
                 for b in 0..pattern.len() {
                     let fold = patches.fold(simd, part, pattern[b], &mut held, &at);
-                    let (turn, form) = (bends[b].turn(simd, part, &fold), bends[b].form(simd, part));
+                    let (turn, form) = (turn(simd, part, &rests[b], &fold), forms[b].load(simd, part));
                     let psi = turn.value();
                     for f in 0..F {
                         y[f] = form[f].mul_add(psi, y[f]);
@@ -312,7 +290,7 @@ impl<const F: usize> WithSimd for Gradients<'_, F> {
                 }
                 sum[..patches.arity].fill([zero; 3]);
                 for b in 0..pattern.len() {
-                    let (form, [psi, softening]) = (bends[b].form(simd, part), turns[b]);
+                    let (form, [psi, softening]) = (forms[b].load(simd, part), turns[b]);
                     let coupled = dot_add(&form, &y, zero);
                     let own = dot_add(&form, &form, zero) * psi;
                     // ∂V/∂Δ_a = ψ′ Kψ + (1 − ψ′) K_aa ψ_a.
@@ -354,7 +332,7 @@ impl<const F: usize> WithSimd for Hessians<'_, F> {
         let size = 3 * patches.arity;
         for group in patches.groups(&range) {
             let pattern = &patches.patterns[group.pattern][..];
-            let bends = &patches.bends[group.bends..][..pattern.len()];
+            let (forms, rests) = patches.bends(group);
             for part in 0..parts::<S>() {
                 let zero = Lane::splat(simd, 0.0);
                 let mut at = [[zero; 3]; MOST];
@@ -364,7 +342,7 @@ impl<const F: usize> WithSimd for Hessians<'_, F> {
                 let mut slopes = [[zero; 3 * MOST]; F];
                 for b in 0..pattern.len() {
                     let fold = patches.fold(simd, part, pattern[b], &mut held, &at);
-                    let (turn, form) = (bends[b].turn(simd, part, &fold), bends[b].form(simd, part));
+                    let (turn, form) = (turn(simd, part, &rests[b], &fold), forms[b].load(simd, part));
                     let (psi, slope, steepness) = (turn.value(), fold.gradient(), -turn.softening() + 1.0);
                     for f in 0..F {
                         y[f] = form[f].mul_add(psi, y[f]);
@@ -392,7 +370,7 @@ impl<const F: usize> WithSimd for Hessians<'_, F> {
                 let mut held = group.held;
                 for b in 0..pattern.len() {
                     let fold = patches.fold(simd, part, pattern[b], &mut held, &at);
-                    let (turn, form) = (bends[b].turn(simd, part, &fold), bends[b].form(simd, part));
+                    let (turn, form) = (turn(simd, part, &rests[b], &fold), forms[b].load(simd, part));
                     let (psi, softening) = (turn.value(), turn.softening());
                     let (coupled, stiffness) = (dot_add(&form, &y, zero), dot_add(&form, &form, zero));
                     let own = stiffness * psi;
@@ -471,6 +449,18 @@ impl<const F: usize> Potential for Patches<F> {
 
     fn gradients(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         self.arch.dispatch(Gradients { patches: self, range, x, out });
+    }
+
+    fn run_length(&self) -> usize {
+        self.runs.length
+    }
+
+    fn adds_gradients(&self) -> bool {
+        true
+    }
+
+    fn add_gradients(&self, range: Range<usize>, _t: f64, patch: Patch<'_>) {
+        self.runs.add_gradients((self.arch, &self.forms, self.unit), range.start, patch);
     }
 
     fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {

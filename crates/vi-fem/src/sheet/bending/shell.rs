@@ -16,9 +16,10 @@ use vi_core::Potential;
 
 use super::hinge::from_hinges;
 use super::hinges::{Hinge, Opposite, hinges};
-use super::patches::{Bend, CARRIED, HELD, Patch, patches};
+use super::patches::patches;
 use super::reconstruction::{Turn, edge_frames, turns};
 use super::sheet::BentSheet;
+use super::stencil::{Bend, CARRIED, HELD, Stencil};
 use crate::error::FemError;
 
 pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, FemError> {
@@ -33,12 +34,12 @@ pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, F
         let mut bends = Vec::with_capacity(forms.len());
         for (index, viewer) in in_order(&at, &hinges, triangle as u32) {
             if let Some(form) = forms.remove(&index) {
-                bends.push(bend(&hinges[index as usize], viewer, form, &mut nodes));
+                bends.push(bend((index, &hinges[index as usize]), viewer, form, &mut nodes));
             }
         }
         if !bends.is_empty() {
             nodes.iter_mut().for_each(|node| *node += sheet.node_offset as u32);
-            list.push(Patch { nodes, bends });
+            list.push(Stencil { nodes, bends });
         }
     }
     let branches = from_hinges(sheet, hinges.iter().filter(|hinge| !hinge.is_single));
@@ -116,7 +117,7 @@ fn forms(sheet: &BentSheet, triangle: usize, turns: &[Turn; 3]) -> BTreeMap<u32,
 }
 
 /// Returns a hinge of a stencil as seen from one of its triangles, and adds its new nodes to the stencil.
-fn bend(hinge: &Hinge, viewer: u32, form: [f64; 3], nodes: &mut Vec<u32>) -> Bend<3> {
+fn bend((index, hinge): (u32, &Hinge), viewer: u32, form: [f64; 3], nodes: &mut Vec<u32>) -> Bend<3> {
     let mut local = |node: u32| {
         nodes.iter().position(|&other| other == node).unwrap_or_else(|| {
             nodes.push(node);
@@ -137,5 +138,5 @@ fn bend(hinge: &Hinge, viewer: u32, form: [f64; 3], nodes: &mut Vec<u32>) -> Ben
             ([a, b, c, CARRIED], vector)
         }
     };
-    Bend { corners, point, rest_angle: hinge.rest_angle, form }
+    Bend { hinge: index, corners, point, rest_angle: hinge.rest_angle, form }
 }

@@ -4,9 +4,10 @@
 use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
-use vi_core::packed_len;
+use vi_core::{PatchArray, packed_len};
 
 use crate::lanes::pack::{GROUP, Pack, members, parts};
+use crate::lanes::places::{add_to_places, gather_places};
 use crate::lanes::real::{Lane, Real};
 use crate::lanes::transpose::{gather, put};
 use crate::sheet::material::{SheetMaterial, SheetResponse};
@@ -68,11 +69,37 @@ impl<M: SheetMaterial> Membrane<M> {
     #[inline(always)]
     fn deform<S: Simd>(&self, simd: S, group: usize, part: usize, x: &[f64]) -> Deformed<Lane<S>> {
         let nodes = &self.nodes[3 * (group * GROUP + part * S::F64_LANES)..];
-        let a = gather(simd, x, nodes, 3);
-        let b = gather(simd, x, &nodes[1..], 3);
-        let c = gather(simd, x, &nodes[2..], 3);
+        let corners = vec3!(k => gather(simd, x, &nodes[k..], 3));
+        self.deformed(simd, group, part, &corners)
+    }
+
+    #[inline(always)]
+    fn deformed<S: Simd>(
+        &self,
+        simd: S,
+        group: usize,
+        part: usize,
+        [a, b, c]: &[[Lane<S>; 3]; 3],
+    ) -> Deformed<Lane<S>> {
         let g = self.gradients_of(simd, group, part);
         Deformed::new(vec3!(i => b[i] - a[i]), vec3!(i => c[i] - a[i]), g)
+    }
+
+    /// Returns the forces on the second and third corner, N; that on the first is minus their sum.
+    #[inline(always)]
+    fn forces<S: Simd>(
+        &self,
+        simd: S,
+        group: usize,
+        part: usize,
+        Deformed { f, strain }: &Deformed<Lane<S>>,
+    ) -> [[Lane<S>; 3]; 2] {
+        let volume = self.rest[group].volume.load(simd, part);
+        let stress = self.respond(simd, strain).stress;
+        let [s11, s22, s12] = vec3!(k => stress[k] * volume);
+        let g = self.gradients_of(simd, group, part);
+        let p = [vec3!(i => f[0][i] * s11 + f[1][i] * s12), vec3!(i => f[0][i] * s12 + f[1][i] * s22)];
+        [vec3!(i => p[0][i] * g[0][0] + p[1][i] * g[0][1]), vec3!(i => p[0][i] * g[1][0] + p[1][i] * g[1][1])]
     }
 
     #[inline(always)]
@@ -179,21 +206,43 @@ impl<M: SheetMaterial> WithSimd for Gradients<'_, M> {
         let mut local = [Pack::default(); 9];
         for group in groups(&range) {
             for part in 0..parts::<S>() {
-                let Deformed { f, strain } = membrane.deform(simd, group, part, x);
-                let volume = membrane.rest[group].volume.load(simd, part);
-                let stress = membrane.respond(simd, &strain).stress;
-                let [s11, s22, s12] = vec3!(k => stress[k] * volume);
-                let g = membrane.gradients_of(simd, group, part);
+                let deformed = membrane.deform(simd, group, part, x);
+                let [second, third] = membrane.forces(simd, group, part, &deformed);
                 for i in 0..3 {
-                    let p = [f[0][i] * s11 + f[1][i] * s12, f[0][i] * s12 + f[1][i] * s22];
-                    let second = p[0] * g[0][0] + p[1] * g[0][1];
-                    let third = p[0] * g[1][0] + p[1] * g[1][1];
-                    local[i].store(part, -(second + third));
-                    local[3 + i].store(part, second);
-                    local[6 + i].store(part, third);
+                    local[i].store(part, -(second[i] + third[i]));
+                    local[3 + i].store(part, second[i]);
+                    local[6 + i].store(part, third[i]);
                 }
             }
             put(simd, &local, members(group), &range, out);
+        }
+    }
+}
+
+/// Adds the forces of whole groups to the sums of a patch; `places` holds three per triangle.
+pub(super) struct PatchForces<'a, M> {
+    pub(super) membrane: &'a Membrane<M>,
+    pub(super) groups: Range<usize>,
+    pub(super) places: &'a [u16],
+    pub(super) x: &'a PatchArray,
+    pub(super) sums: &'a mut PatchArray,
+}
+
+impl<M: SheetMaterial> WithSimd for PatchForces<'_, M> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { membrane, groups, places, x, sums } = self;
+        for (group, places) in groups.zip(places.chunks_exact(3 * GROUP)) {
+            for part in 0..parts::<S>() {
+                let places = &places[3 * part * S::F64_LANES..];
+                let corners = vec3!(k => gather_places(simd, x, &places[k..], 3));
+                let deformed = membrane.deformed(simd, group, part, &corners);
+                let [second, third] = membrane.forces(simd, group, part, &deformed);
+                add_to_places(simd, vec3!(i => -(second[i] + third[i])), places, 3, sums);
+                add_to_places(simd, second, &places[1..], 3, sums);
+                add_to_places(simd, third, &places[2..], 3, sums);
+            }
         }
     }
 }

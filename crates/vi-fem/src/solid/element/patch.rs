@@ -4,46 +4,15 @@
 use std::ops::Range;
 
 use pulp::{Simd, WithSimd};
-use vi_core::{Patch, PatchArray};
+use vi_core::PatchArray;
 
 use super::contract::Element;
 use super::kernel::Solids;
-use super::places::{add_to_places, gather_places};
 use crate::lanes::pack::{GROUP, parts};
+use crate::lanes::places::{add_to_places, gather_places};
 use crate::lanes::real::Lane;
 use crate::small::tensor::product;
 use crate::solid::material::batch::{PackedMat3, load_mat3, store_mat3};
-
-/// Largest number of nodes of an element.
-const MOST_NODES: usize = 27;
-
-/// Calls `work` with groups and the places of the nodes of all their elements, `node_count` per element, for a range
-/// of elements. If only some lanes of the first or last group lie in the range, the places of the others are
-/// [`Patch::NOWHERE`].
-pub(crate) fn whole_groups(
-    range: Range<usize>,
-    places: &[u16],
-    node_count: usize,
-    mut work: impl FnMut(Range<usize>, &[u16]),
-) {
-    let mut element = range.start;
-    while element < range.end {
-        let group = element / GROUP;
-        let rest = &places[(element - range.start) * node_count..];
-        let end = if element.is_multiple_of(GROUP) { range.end / GROUP } else { group };
-        if group < end {
-            work(group..end, &rest[..(end - group) * GROUP * node_count]);
-            element = end * GROUP;
-        } else {
-            let stop = range.end.min((group + 1) * GROUP);
-            let mut padded = [Patch::NOWHERE; GROUP * MOST_NODES];
-            let (first, length) = ((element % GROUP) * node_count, (stop - element) * node_count);
-            padded[first..first + length].copy_from_slice(&rest[..length]);
-            work(group..group + 1, &padded[..GROUP * node_count]);
-            element = stop;
-        }
-    }
-}
 
 impl<E: Element<N, Q>, const N: usize, const Q: usize> Solids<E, N, Q> {
     /// Writes F at the quadrature points of groups, Q per group.

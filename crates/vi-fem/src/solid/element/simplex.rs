@@ -8,9 +8,9 @@ use vi_core::PatchArray;
 
 use super::contract::Element;
 use super::kernel::Solids;
-use super::places::{add_edge_forces, gather_edges};
 use super::rest_shape::{PointGeometry, RestShape, RotatedGeometry};
 use crate::lanes::pack::{GROUP, Pack, members, parts};
+use crate::lanes::places::{add_edge_forces, gather_edges};
 use crate::lanes::real::Lane;
 use crate::lanes::transpose::gather;
 use crate::lanes::transpose::put;
