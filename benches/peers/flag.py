@@ -41,7 +41,12 @@ class Flag:
         self.mass = np.bincount(self.triangles.ravel(), np.repeat(DENSITY * area / 3, 3))
         self.fixed = np.flatnonzero(self.points[:, 0] == 0.0)
         self.free = np.flatnonzero(self.points[:, 0] != 0.0)
+        self.edge = np.flatnonzero(self.points[:, 0] == 1.0)
+        self.shortest, self.cells, self.young = 1.0 / cells, cells, young
         self.lam, self.mu = young * POISSON / (1 - POISSON**2), young / (2 * (1 + POISSON))
+
+    def scene(self, time_keys, tail):
+        return sheet_scene(self.cells, self.young, time_keys, tail)
 
     def strain(self, x):
         edges = (x[self.triangles[:, 1:]] - x[self.triangles[:, :1]]).transpose(0, 2, 1)
@@ -133,20 +138,26 @@ def run_mujoco(flag, young, integrator, steps, end):
     return step, judge(energies), seconds
 
 
-def sheet_scene(cells, young, time_keys, tail):
-    """Returns our scene of the sheet, with the keys of its time table and what follows the supports."""
+def cloth_scene(shape, held, young, time_keys, tail):
+    """Returns our scene of a cloth, from the keys of its shape, of its held nodes and of its time table, and what follows."""
     return f"""
 gravity = [0.0, 0.0, -{G}]
 [time]
 {time_keys}
 [[body]]
 name = "flag"
-sheet = {{ size = [1.0, 1.0], cells = [{cells}, {cells}] }}
+{shape}
 material = {{ law = "st-venant-kirchhoff", young = {young!r}, poisson = {POISSON}, area_density = {DENSITY}, thickness = {THICKNESS}, bending = "none" }}
 [[fix]]
 body = "flag"
-region = "x-min"
+{held}
 {tail}"""
+
+
+def sheet_scene(cells, young, time_keys, tail):
+    """Returns our scene of the sheet."""
+    shape = f"sheet = {{ size = [1.0, 1.0], cells = [{cells}, {cells}] }}"
+    return cloth_scene(shape, 'region = "x-min"', young, time_keys, tail)
 
 
 def run_scene(binary, scene):
