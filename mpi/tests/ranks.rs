@@ -476,7 +476,7 @@ fn ranks_with_different_meshes_are_refused() {
 }
 
 /// Numbers of ranks, and the memory that the first and another may need for a mesh, as parts of that of one process. Measured:
-/// .83 and .65 on two ranks, .63 and .37 on four; .82 and .54, .62 and .30 with 1 029 000 tetrahedra.
+/// .82 and .58 on two ranks, .63 and .36 on four; .82 and .54, .62 and .30 with 1 029 000 tetrahedra.
 #[cfg(target_os = "linux")]
 const LIMITS: [(usize, f64, f64); 2] = [(2, 0.9, 0.7), (4, 0.7, 0.45)];
 
@@ -509,14 +509,15 @@ fn peaks(ranks: usize, scene: &Path, out: &Path) -> Vec<f64> {
 #[cfg(target_os = "linux")]
 fn memory_per_rank_falls_with_the_number_of_ranks() {
     let room = room("memory");
-    let of_cells = |cells: &str| {
-        let text_of_scene = BLOCK.replace("cells = [24, 6, 6]", cells).replace("end = 0.02", "end = 2e-3");
+    let of_cells = |cells: &str, end: &str| {
+        let text_of_scene = BLOCK.replace("cells = [24, 6, 6]", cells).replace("end = 0.02", end);
         text_of_scene.replace("interval = 0.01\n", "").replace("step = 2.5e-4", "step = 2e-5")
     };
     let (small, large) = (room.join("small.toml"), room.join("large.toml"));
-    std::fs::write(&small, of_cells("cells = [2, 2, 2]")).unwrap();
-    // 165 888 tetrahedra.
-    std::fs::write(&large, of_cells("cells = [48, 24, 24]")).unwrap();
+    // It runs long enough to be seen at its peak.
+    std::fs::write(&small, of_cells("cells = [2, 2, 2]", "end = 0.1")).unwrap();
+    // 331 776 tetrahedra.
+    std::fs::write(&large, of_cells("cells = [72, 32, 24]", "end = 2e-3")).unwrap();
     let mesh_needs = |ranks: usize| {
         let (base, peaks) = (peaks(ranks, &small, &room.join("s")), peaks(ranks, &large, &room.join("l")));
         (peaks[0] - base[0], peaks[ranks - 1] - base[ranks - 1])
@@ -579,9 +580,9 @@ fn a_signal_ends_all_ranks_and_any_number_of_ranks_resumes() {
         command.arg("run").arg(&scene).arg("--out").arg(&out).args(["--threads", "1", "--quiet"]);
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         wait_for_checkpoint(&out, &mut child);
-        for rank in ranks_of(&scene) {
-            assert!(Command::new("kill").args(["-TERM", &rank.to_string()]).status().unwrap().success());
-        }
+        // By one command: a rank may end before a second one reaches it, because the first rank ends the others.
+        let ranks = ranks_of(&scene).into_iter().map(|rank| rank.to_string());
+        Command::new("kill").arg("-TERM").args(ranks).status().unwrap();
         assert!(!child.wait().unwrap().success());
         assert_eq!(ranks_of(&scene), Vec::<u32>::new());
         assert!(timeless(&text(&std::fs::read(out.join("report.json")).unwrap())).contains("interrupted"));
@@ -624,7 +625,7 @@ const PETSC: &str = match cfg!(feature = "petsc") {
 fn what_does_not_run_on_ranks_is_refused_before_the_run() {
     let room = room("refused");
     let estimate = BLOCK.replace("step = 2.5e-4", "step = 2.5e-4\nestimate = true");
-    let petsc = BLOCK.replace("stormer-verlet", "implicit-midpoint")
+    let petsc = CLOTH.replace("blanes-moan-4", "implicit-midpoint")
         + "[solver]\nlinear = \"petsc\"\n[wind]\nvelocity = [1.0, 0.0, 0.0]\n";
     let switch = BLOCK.to_owned() + "[guard]\naction = \"switch\"\n";
     for (text_of_scene, reason) in [
