@@ -2,6 +2,7 @@
 //! `mpiexec -n 4 variational-mpi run SCENE`. The first rank is the program itself, the others serve it.
 
 mod exchange;
+mod memory;
 #[cfg(feature = "petsc")]
 mod petsc;
 
@@ -21,6 +22,7 @@ use crate::exchange::Mpi;
 const PANICKED: i32 = 101;
 
 fn main() -> ExitCode {
+    memory::give_back_when_freed();
     // One thread at a time makes calls, not always the same one.
     let Some((universe, threading)) = initialize_with_threading(Threading::Serialized) else {
         eprintln!("error: MPI cannot be initialised");
