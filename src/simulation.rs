@@ -38,7 +38,7 @@ pub use advance::Stepped;
 pub(crate) use advance::TOGETHER;
 pub use contact::ContactFacts;
 use contact::{ContactTotals, ContactWatch};
-use needs::{has_domain, is_worked_on, keeps_ledger, method_of};
+use needs::{has_domain, is_worked_on, keeps_ledger, method_of, problem_of_ranks};
 pub use observe::{Observation, ProbeValue};
 use pace::Pace;
 pub use ranks::RankFacts;
@@ -199,7 +199,7 @@ impl Simulation {
                         partners = Some(made);
                     }
                     Err(error) => {
-                        problems.push(ranks::problem_of_ranks(&error));
+                        problems.push(problem_of_ranks(&error));
                         continue;
                     }
                 }

@@ -1,9 +1,10 @@
-//! What the components of a scene need: a scheme, the full ledger of energy, and checks of the domains of their terms.
+//! What the components of a scene need: a scheme, the full ledger of energy, and checks of the domains of their terms. What
+//! ranks cannot share becomes a problem of the scene.
 
 use vi_core::{HessianKind, System};
-use vi_solvers::Method;
+use vi_solvers::{Method, SolverError};
 
-use crate::scene::Scene;
+use crate::scene::{Problem, Scene};
 
 /// Returns whether a configuration can lie outside the domain of a term. This is so if the first stencil has no
 /// finite energy when all its nodes coincide.
@@ -38,4 +39,10 @@ pub(super) fn is_worked_on(system: &System) -> bool {
     system.coordinates().is_moving()
         || !system.forces().is_empty()
         || system.potentials().iter().any(|term| term.traits().time_dependent)
+}
+
+/// Returns the problem of a system that several ranks cannot share.
+pub(super) fn problem_of_ranks(error: &SolverError) -> Problem {
+    let key = if matches!(error, SolverError::Petsc { .. }) { "solver.linear" } else { "time.scheme" };
+    Problem::new(key, error.to_string())
 }

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use serde::Serialize;
 use vi_core::{Exchange, State, System, Traffic};
-use vi_solvers::{Member, SolverError, SolverOptions};
+use vi_solvers::{Member, SolverOptions};
 
 use super::Simulation;
-use super::needs::{keeps_ledger, method_of};
+use super::needs::{keeps_ledger, method_of, problem_of_ranks};
 use crate::model::parts::build_parts;
 use crate::model::{self, Share};
 use crate::scene::{GuardAction, LinearChoice, Problem, Scene};
@@ -46,12 +46,6 @@ pub(crate) fn problems_of_ranks(scene: &Scene) -> Vec<Problem> {
 pub(crate) fn is_shared(scene: &Scene, exchange: &Arc<dyn Exchange>) -> bool {
     let is_outside = scene.solver.linear == LinearChoice::Petsc;
     exchange.size() > 1 || is_outside && exchange.linear_solver().is_some()
-}
-
-/// Returns the problem of a system that several ranks cannot share.
-pub(super) fn problem_of_ranks(error: &SolverError) -> Problem {
-    let key = if matches!(error, SolverError::Petsc { .. }) { "solver.linear" } else { "time.scheme" };
-    Problem::new(key, error.to_string())
 }
 
 impl Simulation {
