@@ -476,9 +476,10 @@ fn ranks_with_different_meshes_are_refused() {
 }
 
 /// Numbers of ranks, and the memory that the first and another may need for a mesh, as parts of that of one process. Measured:
-/// .78 and .44 on two ranks, .60 and .26 on four; .76 and .45, .58 and .24 with 1 029 000 tetrahedra.
+/// .78 and .44 on two ranks, .60 and .26 on four; .76 and .45, .58 and .24 with 1 029 000 tetrahedra. Open MPI
+/// 4.1 has larger buffers: .80 and .57 on two ranks, .62 and .34 on four.
 #[cfg(target_os = "linux")]
-const LIMITS: [(usize, f64, f64); 2] = [(2, 0.9, 0.55), (4, 0.7, 0.35)];
+const LIMITS: [(usize, f64, f64); 2] = [(2, 0.9, 0.65), (4, 0.7, 0.42)];
 
 /// Returns the largest memory that each rank held while it ran a scene, in MiB, largest first.
 #[cfg(target_os = "linux")]
