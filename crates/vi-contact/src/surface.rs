@@ -105,11 +105,16 @@ impl Gauge {
         (distance - self.thickness) / self.distance
     }
 
+    /// Returns the distance from which on there is no force, m.
+    #[inline]
+    pub fn reach(&self) -> f64 {
+        self.thickness + self.distance
+    }
+
     /// Returns the squared distance from which on there is no force, m².
     #[inline]
     pub fn reach_squared(&self) -> f64 {
-        let reach = self.thickness + self.distance;
-        reach * reach
+        self.reach() * self.reach()
     }
 }
 

@@ -78,8 +78,9 @@ impl<'a> Margins<'a> {
         self.distance_if_nearer(shape, nodes, distance).is_some()
     }
 
+    /// Returns the distance of a pair in the middle of the path, m, if it can be less than `distance`.
     #[inline]
-    fn distance_if_nearer(&self, shape: Shape, nodes: [u32; 4], distance: f64) -> Option<f64> {
+    pub(super) fn distance_if_nearer(&self, shape: Shape, nodes: [u32; 4], distance: f64) -> Option<f64> {
         let (first, second) = nodes.split_at(shape.first_count());
         let x = nodes.map(|node| at(&self.middle, node));
         let mut relative = 0.0_f64;

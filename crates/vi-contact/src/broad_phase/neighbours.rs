@@ -15,6 +15,8 @@ pub struct EdgePair {
     pub edges: [u32; 2],
     /// Constants of the pair.
     pub gauge: Gauge,
+    /// The distance from which on the pair exerts no force, m: for flat edges, less than the thickness plus d̂.
+    pub reach: f64,
 }
 
 /// The distances of the pairs of a point with a cell, and of two edges, at positions x, m.
@@ -90,7 +92,9 @@ impl Neighbours {
         });
         let edges = self.edges.iter().filter(|pair| {
             let [[i, j], [k, l]] = pair.edges.map(|edge| surface.edges[edge as usize].nodes);
-            let distance = margins.distance_if_near(Shape::EdgeEdge, [i, j, k, l], &pair.gauge);
+            // Observers, who ask for a list that knows its tube, want all pairs nearer than d̂.
+            let reach = if known.is_some() { pair.gauge.reach() } else { pair.reach };
+            let distance = margins.distance_if_nearer(Shape::EdgeEdge, [i, j, k, l], reach);
             apart.edges.extend(distance);
             distance.is_some()
         });
@@ -124,7 +128,7 @@ impl Neighbours {
         });
         let edges = self.edges.iter().zip(&apart.edges).filter(|(pair, known)| {
             let [[i, j], [k, l]] = pair.edges.map(|edge| surface.edges[edge as usize].nodes);
-            may_come([i, j, k, l], 2, **known, distance(&pair.gauge))
+            may_come([i, j, k, l], 2, **known, distance(&pair.gauge).min(pair.reach))
         });
         let edges = edges.map(|(pair, _)| *pair).collect();
         Cow::Owned(Self::new(starts, cells, edges, self.planes.clone()))

@@ -237,7 +237,8 @@ fn near_pair(surface: &Surface, margins: &Margins<'_>, edges: [u32; 2]) -> Optio
         return None;
     }
     let gauge = surface.edge_gauge(first, second)?;
-    margins.is_near(Shape::EdgeEdge, nodes, &gauge).then_some(EdgePair { edges, gauge })
+    let is_near = margins.is_near(Shape::EdgeEdge, nodes, &gauge);
+    is_near.then(|| EdgePair { edges, gauge, reach: surface.edge_reach(edges, &gauge) })
 }
 
 /// Returns the pairs of edges near each other, in the order of their numbers.

@@ -2,7 +2,7 @@
 
 use crate::barrier::Barrier;
 use crate::distance::Vec3;
-use crate::surface::Edge;
+use crate::surface::{Edge, Gauge, Surface};
 
 /// Weight of the barrier that every pair of edges has below [`GUARD_REACH`] · d̂, sharp or flat. Points carry the
 /// pressure between flat meshes; without a guard, edges could cross if a flat mesh is folded over an edge.
@@ -48,6 +48,11 @@ impl Blend {
         sum
     }
 
+    /// Returns the relative gap from which on the pair exerts no force.
+    fn reach(self) -> f64 {
+        if self.full != 0.0 { 1.0 } else { GUARD_REACH }
+    }
+
     /// Returns the larger of both weights, which is the scale of the pair's forces.
     pub(crate) fn weight(self) -> f64 {
         self.full.max(self.guard)
@@ -81,6 +86,14 @@ impl Blend {
     /// Returns the derivative of the quotient by its second argument.
     pub fn quotient_slope(self, a: f64, b: f64) -> f64 {
         self.sum(|barrier, reach| barrier.quotient_slope(a / reach, b / reach) / reach)
+    }
+}
+
+impl Surface {
+    /// Returns the distance from which on a pair of edges exerts no force, m.
+    pub(crate) fn edge_reach(&self, edges: [u32; 2], gauge: &Gauge) -> f64 {
+        let [a, b] = edges.map(|edge| &self.edges[edge as usize]);
+        gauge.thickness + Blend::of_edges(self.barrier, a, b).reach() * gauge.distance
     }
 }
 

@@ -240,7 +240,7 @@ impl Contact<'_> {
         let nodes = self.edge_nodes(pair.edges);
         let positions = nodes.map(|node| at(x, node));
         let closest = Shape::EdgeEdge.closest(&positions);
-        if closest.squared >= pair.gauge.reach_squared() {
+        if closest.squared >= pair.reach * pair.reach {
             return None;
         }
         let [a, b] = pair.edges.map(|edge| &self.surface.edges[edge as usize]);

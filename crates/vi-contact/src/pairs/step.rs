@@ -270,7 +270,7 @@ impl Contact<'_> {
         let nodes = self.edge_nodes(pair.edges);
         let [x0, x1] = x.map(|x| nodes.map(|node| at(x, node)));
         let (start, end) = (Shape::EdgeEdge.closest(&x0), Shape::EdgeEdge.closest(&x1));
-        if start.squared.min(end.squared) >= pair.gauge.reach_squared() {
+        if start.squared.min(end.squared) >= pair.reach * pair.reach {
             return None;
         }
         let [a, b] = pair.edges.map(|edge| &self.surface.edges[edge as usize]);
