@@ -112,14 +112,13 @@ fn plane_holds_until(
 /// The first point of a path that is not proved free of contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Impact {
-    /// The fraction of the path that is proved free, in [0, 1).
+    /// The fraction of the path that is proved free, in [0, 1), or on which the pair keeps as much of its gap as
+    /// [`Contact::impacts`] says.
     pub time: f64,
     /// The pair that meets there, or may meet.
     pub partners: Partners,
     /// The nodes of the pair; the last one is repeated if there are fewer.
     pub nodes: [u32; 4],
-    /// The gap at the start of the path, relative to the thickness of the layer.
-    pub gap: f64,
 }
 
 impl Contact<'_> {
@@ -128,13 +127,19 @@ impl Contact<'_> {
     ///
     /// The candidates must cover both ends. Of several pairs with the same time the first is returned.
     pub fn first_impact(&self, x0: &[f64], x1: &[f64]) -> Option<Impact> {
-        self.impacts(x0, x1)
+        self.impacts(x0, x1, 0.0)
             .into_iter()
             .min_by(|a, b| a.time.total_cmp(&b.time).then_with(|| a.partners.cmp(&b.partners)))
     }
 
-    /// Returns every pair whose straight path from x₀ to x₁ is not proved free of contact.
-    pub(crate) fn impacts(&self, x0: &[f64], x1: &[f64]) -> Vec<Impact> {
+    /// Returns every pair whose straight path from x₀ to x₁ is not proved free of contact, or on which its gap is not proved to
+    /// stay above the fraction `kept` of what it is at x₀; a gap wider than the layer counts as that of the layer. Such a pair
+    /// may move until twice this fraction is left, so that it can keep enough if others stop its nodes one by one.
+    ///
+    /// Newton's method doubles a gap that is much too small in one iteration. With `kept` = ¼, a correction is undone as fast as
+    /// it is done. With a tenth, pairs of a knife on several edges became too small in turn, and no step converged, however
+    /// short.
+    pub(crate) fn impacts(&self, x0: &[f64], x1: &[f64], kept: f64) -> Vec<Impact> {
         let surface = self.surface;
         let near = self.neighbours.near();
         let mut impacts = in_order(
@@ -149,7 +154,7 @@ impl Contact<'_> {
                         let cell = &surface.cells[cell as usize];
                         let [a, b, c] = cell.nodes;
                         let partners = Partners::PointBody(point as u32, body);
-                        out.extend(impact(partners, cell.shape(), [node, a, b, c], &gauge, [x0, x1]));
+                        out.extend(impact(partners, cell.shape(), [node, a, b, c], &gauge, [x0, x1], kept));
                     }
                 }
             },
@@ -161,27 +166,38 @@ impl Contact<'_> {
                 let pair = &self.neighbours.edges[pair];
                 let nodes = self.edge_nodes(pair.edges);
                 let partners = Partners::Edges(pair.edges[0], pair.edges[1]);
-                out.extend(impact(partners, Shape::EdgeEdge, nodes, &pair.gauge, [x0, x1]));
+                out.extend(impact(partners, Shape::EdgeEdge, nodes, &pair.gauge, [x0, x1], kept));
             },
         ));
         let of_planes = self.neighbours.planes.iter().filter_map(|&[point, plane]| {
             let gauge = surface.plane_gauge(point as usize, plane as usize)?;
             let face = &surface.half_spaces[plane as usize];
             let [(nodes, start), (_, end)] = [x0, x1].map(|x| self.over_plane(point, plane, x));
-            let time = if face.corners.is_some() {
-                face.free_until(&start, &end, gauge.thickness)
-            } else {
-                // The normal is the direction that separates.
-                let shape = Shape::PointPoint;
-                plane_holds_until(shape, &start, &end, gauge.thickness, face.normal, 0.0).unwrap_or(0.0)
+            let free_until = |least: f64| {
+                if face.corners.is_some() {
+                    face.free_until(&start, &end, least)
+                } else {
+                    // The normal is the direction that separates.
+                    let shape = Shape::PointPoint;
+                    plane_holds_until(shape, &start, &end, least, face.normal, 0.0).unwrap_or(0.0)
+                }
             };
-            let gap = gauge.relative(face.height(&start));
-            let partners = Partners::PointPlane(point, plane);
-            (time < 1.0).then_some(Impact { time, partners, nodes, gap })
+            let time = time_of(&gauge, face.height(&start), kept, free_until)?;
+            Some(Impact { time, partners: Partners::PointPlane(point, plane), nodes })
         });
         impacts.extend(of_planes);
         impacts
     }
+}
+
+/// Returns the time until which a pair may move on a path where its distance is `distance` at the start, as
+/// [`Contact::impacts`] describes; `None` if it may make the whole path. `free_until` returns the time until which the pair is
+/// proved to stay farther apart than a distance.
+#[inline]
+fn time_of(gauge: &Gauge, distance: f64, kept: f64, free_until: impl Fn(f64) -> f64) -> Option<f64> {
+    let gap = (distance - gauge.thickness).clamp(0.0, gauge.distance);
+    let until = |kept: f64| free_until(gauge.thickness + kept * gap);
+    (until(kept) < 1.0).then(|| until(2.0 * kept))
 }
 
 /// Returns the impact of a pair on the straight path from x₀ to x₁; `None` if that is proved free.
@@ -191,11 +207,11 @@ fn impact(
     nodes: [u32; 4],
     gauge: &Gauge,
     x: [&[f64]; 2],
+    kept: f64,
 ) -> Option<Impact> {
     let [start, end] = x.map(|x| nodes.map(|node| at(x, node)));
-    let time = separated_until(shape, &start, &end, gauge.thickness, |_| {});
-    (time < 1.0).then(|| {
-        let gap = gauge.relative(shape.closest(&start).distance());
-        Impact { time, partners, nodes, gap }
-    })
+    let distance = if kept > 0.0 { shape.closest(&start).distance() } else { 0.0 };
+    let free_until = |least: f64| separated_until(shape, &start, &end, least, |_| {});
+    let time = time_of(gauge, distance, kept, free_until)?;
+    Some(Impact { time, partners, nodes })
 }

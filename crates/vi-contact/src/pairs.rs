@@ -28,6 +28,7 @@ pub use gaps::Gap;
 pub use step::{StepPair, StepSettings};
 
 use crate::broad_phase::Neighbours;
+use crate::distance::at;
 use crate::surface::Surface;
 
 pub(crate) use chord::DistanceChange;
@@ -71,6 +72,19 @@ impl Surface {
                 [self.points[point as usize].body, self.half_spaces[plane as usize].body]
             }
             Partners::Edges(a, b) => [self.edges[a as usize].body, self.edges[b as usize].body],
+        }
+    }
+
+    /// Returns the distance between neighbouring nodes at a pair, m: that of the finer side.
+    pub(crate) fn spacing(&self, partners: Partners, x: &[f64]) -> f64 {
+        let between = |[a, b]: [u32; 2]| (at(x, a) - at(x, b)).norm();
+        let around = |point: u32| self.points[point as usize].area.sqrt();
+        match partners {
+            Partners::PointBody(point, _) | Partners::PointPlane(point, _) => around(point),
+            Partners::Edges(a, b) => {
+                let [a, b] = [a, b].map(|edge| between(self.edges[edge as usize].nodes));
+                a.min(b)
+            }
         }
     }
 

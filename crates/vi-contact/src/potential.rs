@@ -26,14 +26,12 @@ use crate::ccd::Impact;
 use crate::distance::at;
 use crate::friction::Step;
 use crate::pairs::{ActivePair, Contact, Group};
-use crate::surface::Surface;
+use crate::surface::{Gauge, Surface};
 
 /// Sizes of the gradient and of the packed Hessian of a stencil.
 const SIZE: usize = 12;
 const PACKED: usize = packed_len(SIZE);
 
-/// Largest fraction of the proved free path that a correction of single nodes may use.
-const LONGEST: f64 = 0.99;
 /// Fraction of the proved free path that a correction of all nodes may use.
 const MARGIN: f64 = 0.9;
 
@@ -312,14 +310,6 @@ impl ContactPotential {
     }
 }
 
-/// Returns the fraction of the path to an impact that a correction may use, given the relative gap at its start. At the end
-/// of that fraction a gap inside the layer is half of what it was, and a wider one is half of the layer. Newton's
-/// method doubles a gap that is much too small in one iteration, so this is undone as fast as it is done. With a
-/// tenth, pairs of a knife on several edges became too small in turn, and no step converged, however short.
-fn until(gap: f64) -> f64 {
-    (1.0 - 0.5 / gap.max(1.0)).min(LONGEST)
-}
-
 /// Adds the packed block of a pair to the packed block of its stencil.
 fn add_packed(block: &[f64], size: usize, places: [usize; 4], out: &mut [f64]) {
     let place = |i: usize| 3 * places[i / 3] + i % 3;
@@ -391,11 +381,16 @@ impl Potential for ContactPotential {
         if free < 1.0 { (MARGIN * free).max(f64::MIN_POSITIVE) } else { 1.0 }
     }
 
-    fn meetings(&self, x: &[f64], end: &[f64]) -> Vec<Meeting> {
-        let near = self.neighbours.near_path(&self.surface, [x, end], |gauge| gauge.thickness);
+    fn meetings(&self, x: &[f64], end: &[f64], kept: f64) -> Vec<Meeting> {
+        let nearest = |gauge: &Gauge| gauge.thickness + kept * gauge.distance;
+        let near = self.neighbours.near_path(&self.surface, [x, end], nearest);
         let contact = Contact { surface: &self.surface, neighbours: &near };
-        let impacts = contact.impacts(x, end).into_iter();
-        impacts.map(|Impact { time, nodes, gap, .. }| Meeting { nodes, part: time * until(gap) }).collect()
+        let impacts = contact.impacts(x, end, kept).into_iter();
+        let meeting = |Impact { time, nodes, partners }| {
+            let size = self.surface.spacing(partners, x);
+            Meeting { nodes, part: time, size }
+        };
+        impacts.map(meeting).collect()
     }
 
     fn narrowed(&self, tube: &Tube) -> Option<Arc<dyn Potential>> {

@@ -76,7 +76,7 @@ fn a_narrowed_list_limits_the_same_nodes() {
     let narrow = wide.narrowed(&tube).expect("contact narrows");
     assert!(narrow.stencils().count() < wide.stencils().count());
     let [expected, found] =
-        [&wide as &dyn Potential, narrow.as_ref()].map(|term| term.meetings(&start, &end));
+        [&wide as &dyn Potential, narrow.as_ref()].map(|term| term.meetings(&start, &end, 0.25));
     assert!(!expected.is_empty(), "sheets meet");
     assert_eq!(found, expected);
 }
@@ -84,6 +84,27 @@ fn a_narrowed_list_limits_the_same_nodes() {
 /// Without those of directions, tangents neglect the rotation of normals and the motion of the closest points, which are of
 /// the order of the gap and of the slip divided by the size of triangles. With them, the error is of the order of the product of
 /// both, 2e-3 here.
+/// The upper sheet falls by more than the gap. A pair is limited where half of its gap is left, and only if less than a quarter
+/// would be left.
+#[test]
+fn a_limited_motion_leaves_a_part_of_each_gap() {
+    let (surface, [start, _]) = sheets(0.0);
+    let contact = ContactPotential::near(surface, &start, 0.1);
+    let falls = |k: usize| k % 3 == 2 && k >= start.len() * 6 / 11;
+    let to = |part: f64| -> Vec<f64> {
+        start.iter().enumerate().map(|(k, x)| if falls(k) { x - 0.03 * part } else { *x }).collect()
+    };
+    let least = |part: f64| {
+        let met = contact.meetings(&start, &to(part), 0.25);
+        met.iter().map(|meeting| meeting.part * part).fold(f64::INFINITY, f64::min)
+    };
+    let part = least(1.0);
+    assert!((0.3..=1.0 / 3.0).contains(&part), "{part}");
+    assert!(contact.meetings(&start, &to(1.0), 0.25).iter().all(|meeting| meeting.size > 0.05));
+    assert_eq!(least(0.49), f64::INFINITY);
+    assert!((least(0.51) - part).abs() < 0.05);
+}
+
 #[test]
 fn tangents_are_those_of_the_forces_while_friction_slides() {
     for (friction, turns, tolerance) in

@@ -7,4 +7,6 @@ pub struct Meeting {
     pub nodes: [u32; 4],
     /// The fraction of the path that they may move, in [0, 1).
     pub part: f64,
+    /// The distance between neighbouring nodes of the surface that meets, m; zero if there is no surface.
+    pub size: f64,
 }

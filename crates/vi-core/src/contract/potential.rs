@@ -187,13 +187,14 @@ pub trait Potential: Send + Sync {
         1.0
     }
 
-    /// Returns the groups of nodes that meet on the straight path from `x` to `end`. If only the nodes of these groups are
-    /// stopped, the resulting path must be checked again.
-    fn meetings(&self, x: &[f64], end: &[f64]) -> Vec<Meeting> {
+    /// Returns the groups of nodes that meet on the straight path from `x` to `end`, or that come nearer than the fraction `kept`
+    /// in [0, ½] of their gap at `x`; of gaps wider than the reach of the term, this is the fraction of that reach. If only the
+    /// nodes of these groups are stopped, the resulting path must be checked again.
+    fn meetings(&self, x: &[f64], end: &[f64], _kept: f64) -> Vec<Meeting> {
         let dx: Vec<f64> = end.iter().zip(x).map(|(end, x)| end - x).collect();
         let part = if self.limits_steps() { self.largest_step(x, &dx) } else { 1.0 };
         let nodes = 0..(x.len() / self.stencils().block.max(1)) as u32;
-        nodes.filter(|_| part < 1.0).map(|node| Meeting { nodes: [node; 4], part }).collect()
+        nodes.filter(|_| part < 1.0).map(|node| Meeting { nodes: [node; 4], part, size: 0.0 }).collect()
     }
 
     /// Returns this term with only those stencils that can act in a tube of configurations. This term must be valid there.

@@ -311,7 +311,7 @@ impl LiveSum {
             }
             x.iter_mut().zip(&dx).for_each(|(x, dx)| *x += part * dx);
         }
-        let (meetings, _) = self.meetings(&x, [&x, end]);
+        let (meetings, _) = self.meetings(&x, [&x, end], 0.0);
         let first = meetings.into_iter().min_by(|a, b| a.part.total_cmp(&b.part));
         Some(first.map_or([0; 4], |meeting| meeting.nodes))
     }
@@ -374,12 +374,17 @@ impl LiveSum {
     }
 
     /// Returns the groups of nodes that meet on the path from `x` to `end` in a step from `start`, and the number of
-    /// candidates that were checked.
-    pub(crate) fn meetings(&mut self, start: &[f64], [x, end]: [&[f64]; 2]) -> (Vec<Meeting>, usize) {
+    /// candidates that were checked; see [`Potential::meetings`](vi_core::Potential::meetings).
+    pub(crate) fn meetings(
+        &mut self,
+        start: &[f64],
+        [x, end]: [&[f64]; 2],
+        kept: f64,
+    ) -> (Vec<Meeting>, usize) {
         self.follow(start, [x, end]);
         let Some(near) = &self.near else { return (Vec::new(), 0) };
         let terms = || near.discrete.iter().map(|(_, term)| term);
-        let meetings = terms().flat_map(|term| term.meetings(x, end)).collect();
+        let meetings = terms().flat_map(|term| term.meetings(x, end, kept)).collect();
         (meetings, terms().map(|term| term.stencils().count()).sum())
     }
 

@@ -150,7 +150,7 @@ impl<'a> Balance<'a> {
             return Ok(());
         }
         let end: Vec<f64> = self.x.iter().zip(&dx).map(|(x, dx)| x + dx).collect();
-        let met = self.assembler.live().map(|live| live.meetings(&self.x, [&self.x, &end]).0);
+        let met = self.assembler.live().map(|live| live.meetings(&self.x, [&self.x, &end], 0.0).0);
         let first = met.unwrap_or_default().into_iter().min_by(|a, b| a.part.total_cmp(&b.part));
         Err(SolverError::Blocked { load_factor: t, part, nodes: first.map(|meeting| meeting.nodes) })
     }

@@ -51,7 +51,7 @@ pub(super) fn solve(
     let mut series = Rubbing { balance, q: start.clone(), start, t, stop, done: 0, stayed_definite: true };
     if soft_bristles::solve_plainly(&mut series, Start::Still, tolerance, most).is_err() {
         series.balance.work.softenings += 1;
-        soft_bristles::solve_in_stages(&mut series, Attempt::all(Start::Still), tolerance, most)?;
+        soft_bristles::solve_in_stages(&mut series, &Attempt::all(Start::Still), tolerance, most)?;
     }
     q.copy_from_slice(&series.q);
     Ok(Solved { iterations: series.done, stayed_definite: series.stayed_definite })

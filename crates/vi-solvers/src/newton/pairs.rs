@@ -93,7 +93,7 @@ impl<E: PairEquations> PairSeries<'_, '_, E> {
             return Ok(());
         }
         self.solve.evaluator.work.softenings += 1;
-        let is_same = soft_bristles::solve_in_stages(self, Attempt::all(start), tolerance, most)?;
+        let is_same = soft_bristles::solve_in_stages(self, &Attempt::all(start), tolerance, most)?;
         // If friction was as soft as it is stiff, the next step begins without softening.
         self.newton.renewal.has_descended = !is_same;
         Ok(())

@@ -33,6 +33,9 @@ const UNIFORM_ITERATIONS: u32 = 60;
 /// of the least ones before.
 const IDLE: u32 = 4;
 const GAIN: f64 = 0.5;
+/// An iteration that reduces the residual to this fraction is not idle. If a pair is much too near, Newton's method doubles its
+/// gap in each iteration, which halves the residual, however large it became when the pair came near.
+const RECOVERY: f64 = 0.6;
 
 /// The aim of a series of iterations.
 #[derive(Clone, Copy)]
@@ -102,13 +105,13 @@ pub(crate) fn solve_plainly(
 /// Returns the error of the last attempt.
 pub(crate) fn solve_in_stages(
     series: &mut impl Frictional,
-    attempts: [Attempt; 3],
+    attempts: &[Attempt],
     tolerance: f64,
     most: u32,
 ) -> Result<bool, SolverError> {
     let mut outcome = Err(SolverError::NoConvergence { iterations: 0, residual: 1.0, tolerance });
     for attempt in attempts {
-        outcome = stiffen(series, attempt, tolerance, most);
+        outcome = stiffen(series, *attempt, tolerance, most);
         if outcome.is_ok() {
             break;
         }
@@ -172,13 +175,14 @@ pub(crate) enum Verdict {
 pub(crate) struct Progress {
     aim: Aim,
     last: Option<f64>,
+    last_size: f64,
     least: [f64; 2],
     idle: u32,
 }
 
 impl Progress {
     pub(crate) fn towards(aim: Aim) -> Self {
-        Self { aim, last: None, least: [f64::INFINITY; 2], idle: 0 }
+        Self { aim, last: None, last_size: 0.0, least: [f64::INFINITY; 2], idle: 0 }
     }
 
     pub(crate) fn judge(&mut self, iteration: &Iteration) -> Verdict {
@@ -198,7 +202,9 @@ impl Progress {
         let gains = eta < GAIN * self.least[0] || size < GAIN * self.least[1];
         self.least = [self.least[0].min(eta), self.least[1].min(size)];
         // An iteration that a path cut short may lead far away from the solution without harm.
-        self.idle = if gains { 0 } else { self.idle + u32::from(is_whole) };
+        let recovers = size < RECOVERY * self.last_size;
+        self.idle = if gains { 0 } else { self.idle + u32::from(is_whole && !recovers) };
+        self.last_size = size;
         self.last = (is_whole && !reverses).then_some(eta);
         if self.idle == IDLE { Verdict::Hopeless } else { Verdict::Continue }
     }

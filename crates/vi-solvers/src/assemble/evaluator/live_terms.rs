@@ -3,6 +3,7 @@
 use vi_core::{Impulse, Meeting, StepOutcome, System};
 
 use super::Evaluator;
+use crate::assemble::free_path::KEPT;
 use crate::assemble::live::LiveState;
 use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
@@ -105,11 +106,11 @@ impl Evaluator {
         self.assembler.shared_live()?.last_tangents()
     }
 
-    /// Returns the groups of nodes that meet on the path from `x` to `end`.
+    /// Returns the groups of nodes that meet on the path from `x` to `end`, or keep too little of their gap.
     pub(crate) fn meetings(&mut self, x: &[f64], end: &[f64]) -> Vec<Meeting> {
         let Some(live) = self.assembler.live() else { return Vec::new() };
         let start = self.ends.as_ref().map_or(x, |[start, _]| start);
-        let (meetings, checked) = live.meetings(start, [x, end]);
+        let (meetings, checked) = live.meetings(start, [x, end], KEPT);
         self.work.path_checks += checked as u64;
         meetings
     }

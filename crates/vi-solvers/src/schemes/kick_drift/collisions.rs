@@ -250,7 +250,8 @@ impl Collisions {
         sum: &mut Drifted,
     ) -> Result<bool, SolverError> {
         sum.solves += 1;
-        let outcome = touching.step(system, state, h);
+        let may_divide = halvings > 0 && sum.solves < MOST_SOLVES;
+        let outcome = touching.step(system, state, h, may_divide);
         sum.work += touching.work();
         match outcome {
             Ok(Some(energy)) => {
@@ -264,7 +265,7 @@ impl Collisions {
                 state.t += h;
                 Ok(true)
             }
-            Err(_) if halvings > 0 && sum.solves < MOST_SOLVES => {
+            Err(_) if may_divide => {
                 Self::pass_touching(touching, system, state, 0.5 * h, halvings - 1, sum)?;
                 Self::pass_touching(touching, system, state, 0.5 * h, halvings - 1, sum)
             }

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use vi_core::{Acting, DiscreteGradient, Impulse, Potential, State, StepEnergy, StepOutcome, System};
 
-use crate::assemble::free_path::{FreePath, make_uniform};
+use crate::assemble::free_path::{FreePath, KEPT, make_uniform};
 use crate::assemble::passage::{Passage, Remembered};
 use crate::error::SolverError;
 use crate::index::free_of;
@@ -92,7 +92,8 @@ impl Touching {
         })
     }
 
-    /// Drifts `state` by h. Returns `None` and changes nothing if no term acts along the free drift.
+    /// Drifts `state` by h. Returns `None` and changes nothing if no term acts along the free drift. If `may_divide`, attempts
+    /// that are dearer than two drifts over h/2 are not made.
     ///
     /// # Errors
     /// Returns an error if the equations cannot be solved or the path is not free; nothing is then changed.
@@ -101,6 +102,7 @@ impl Touching {
         system: &System,
         state: &mut State,
         h: f64,
+        may_divide: bool,
     ) -> Result<Option<StepEnergy>, SolverError> {
         let (coordinates, mass) = (system.coordinates(), system.free_mass());
         let mut u = std::mem::take(&mut self.small.drifted);
@@ -116,7 +118,7 @@ impl Touching {
             return Ok(None);
         }
         self.passage.open(&self.x_start, h);
-        let outcome = self.solve(system, state, h);
+        let outcome = self.solve(system, state, h, may_divide);
         self.work.searches = self.lists.searches() - searches;
         let acts = outcome?;
         Ok(acts.then(|| self.close(system, state, h)))
@@ -129,7 +131,13 @@ impl Touching {
     }
 
     /// Solves for y. Returns false if no term acts along the free drift.
-    fn solve(&mut self, system: &System, state: &State, h: f64) -> Result<bool, SolverError> {
+    fn solve(
+        &mut self,
+        system: &System,
+        state: &State,
+        h: f64,
+        may_divide: bool,
+    ) -> Result<bool, SolverError> {
         // The end of the step is still that of the free drift.
         let (longest, tolerance) = (FARTHEST * self.farthest(), self.tolerance);
         let mut drift =
@@ -137,6 +145,7 @@ impl Touching {
         if soft_bristles::solve_plainly(&mut drift, Start::Inertial, tolerance, MOST_ITERATIONS).is_err() {
             drift.touching.work.softenings += 1;
             let attempts = Attempt::all(Start::Inertial);
+            let attempts = if may_divide { &attempts[..1] } else { &attempts[..] };
             soft_bristles::solve_in_stages(&mut drift, attempts, tolerance, MOST_ITERATIONS)?;
         }
         if !drift.acts {
@@ -159,7 +168,7 @@ impl Touching {
     fn check_path(&mut self) -> Result<(), SolverError> {
         self.work.path_checks += self.lists.count();
         let terms = self.lists.terms().iter();
-        match terms.flat_map(|term| term.meetings(&self.x_start, &self.x_end)).next() {
+        match terms.flat_map(|term| term.meetings(&self.x_start, &self.x_end, 0.0)).next() {
             Some(meeting) => Err(SolverError::Crossing { nodes: meeting.nodes }),
             None => Ok(()),
         }
@@ -188,7 +197,7 @@ impl Touching {
         let meetings = |from: &[f64], to: &[f64]| {
             lists.widen(to);
             work.path_checks += lists.count();
-            lists.terms().iter().flat_map(|term| term.meetings(from, to)).collect()
+            lists.terms().iter().flat_map(|term| term.meetings(from, to, KEPT)).collect()
         };
         let mut path = FreePath { coordinates, from: &before, place, meetings };
         let touch = |node| {
