@@ -112,8 +112,8 @@ fn plane_holds_until(
 /// The first point of a path that is not proved free of contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Impact {
-    /// The fraction of the path that is proved free, in [0, 1), or on which the pair keeps as much of its gap as
-    /// [`Contact::impacts`] says.
+    /// The fraction of the path that is proved free, in [0, 1), or on which the pair keeps the part of its gap that was asked
+    /// for.
     pub time: f64,
     /// The pair that meets there, or may meet.
     pub partners: Partners,
