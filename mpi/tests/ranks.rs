@@ -34,6 +34,32 @@ history = 7
 fields = ["displacement", "velocity", "stress", "reaction_force"]
 "#;
 
+/// A rubber bracket of 11 632 tetrahedra from a file.
+const BRACKET: &str = r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 2e-4
+step = 1e-5
+scheme = "stormer-verlet"
+[[body]]
+name = "bracket"
+mesh = "MESH"
+material = { law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }
+angular_velocity = [1.0, 0.0, 2.0]
+[[fix]]
+body = "bracket"
+region = "bolts"
+[[probe]]
+name = "pin"
+body = "bracket"
+region = "pin"
+mean = "displacement"
+[output]
+interval = 1e-4
+history = 7
+fields = ["displacement", "velocity", "stress", "reaction_force"]
+"#;
+
 /// Cloth of two layers of terms (membrane and bending) that hangs from two corners.
 const CLOTH: &str = r#"
 gravity = [0.0, 0.0, -9.81]
@@ -263,6 +289,19 @@ fn same_files(name: &str, text_of_scene: &str) {
 #[test]
 fn a_block_has_the_files_of_one_process() {
     same_files("block", BLOCK);
+}
+
+/// A body from a mesh file, of which every rank builds only the part that it needs.
+#[test]
+fn a_mesh_file_has_the_files_of_one_process() {
+    same_files(
+        "file",
+        &BRACKET.replace("MESH", concat!(env!("CARGO_MANIFEST_DIR"), "/../meshes/bracket.msh")),
+    );
+    let report =
+        std::fs::read_to_string(Path::new(env!("CARGO_TARGET_TMPDIR")).join("file").join("4/report.json"))
+            .unwrap();
+    assert!(report.contains("\"in_parts\": true"), "{report}");
 }
 
 #[test]

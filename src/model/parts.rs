@@ -1,11 +1,10 @@
 //! The parts of bodies that one of several processes needs. Boxes are generated part by part, so that a process never holds
-//! the elements of the others.
+//! the elements of the others. Meshes of files are read whole, and dropped before anything is built but the part.
 
 use vi_core::{State, System};
 use vi_fem::LockingCure;
-use vi_mesh::CellKind;
 
-use super::read::Share;
+use super::read::{IN_PARTS, Share};
 use super::{assemble, resolve};
 use crate::scene::{Body, Fix, HeldAxis, Problem, Scene, Selection};
 
@@ -13,8 +12,8 @@ use crate::scene::{Body, Fix, HeldAxis, Problem, Scene, Selection};
 pub(crate) type ComponentPart = (System, State, Vec<Vec<u32>>);
 
 /// Returns whether the systems of a scene can be built in parts: an explicit scheme, and bodies that do not act on each other,
-/// each a box of one material with nodes at the corners of its cells, held by regions, with nothing else that acts on them but
-/// constant gravity.
+/// each a box or a mesh file, of one material and one kind of elements with nodes at their corners, held by regions, with nothing
+/// else that acts on them but constant gravity. Whether a file has elements of one kind is known when it is read.
 pub(crate) fn is_separable(scene: &Scene) -> bool {
     let acts = [
         !scene.rigids.is_empty(),
@@ -32,13 +31,15 @@ pub(crate) fn is_separable(scene: &Scene) -> bool {
         scene.solver.mass.is_some(),
     ];
     let is_explicit = scene.time.method().is_some_and(|method| method.facts().is_explicit);
-    let are_plain = scene.bodies.iter().all(is_plain_box) && scene.fixes.iter().all(is_of_region);
+    let are_plain = scene.bodies.iter().all(is_plain) && scene.fixes.iter().all(is_of_region);
     is_explicit && are_plain && !acts.contains(&true)
 }
 
-fn is_plain_box(body: &Body) -> bool {
-    let kinds = [CellKind::Tet4, CellKind::Hex8, CellKind::Wedge6];
-    let has_kind = body.box_shape.as_ref().is_some_and(|shape| kinds.contains(&shape.element));
+fn is_plain(body: &Body) -> bool {
+    let has_kind = match &body.box_shape {
+        Some(shape) => IN_PARTS.contains(&shape.element),
+        None => body.mesh.is_some() && body.dimension() == 3,
+    };
     let has_one_material = matches!(&body.material.0[..], [entry] if entry.region.is_none());
     let is_as_generated = body.order.is_none() && body.refine.is_none() && body.locking == LockingCure::None;
     has_kind && has_one_material && is_as_generated

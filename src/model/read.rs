@@ -10,6 +10,9 @@ use super::import::{self, Imported};
 use super::size::Budget;
 use crate::scene::{Body, BodyId, MOST_REFINED, MaterialEntry, Problem, Refine, RefineAlong, Scene};
 
+/// The kinds of elements of which a process can build a part alone.
+pub(super) const IN_PARTS: [CellKind; 3] = [CellKind::Tet4, CellKind::Hex8, CellKind::Wedge6];
+
 /// A process of several.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Share {
@@ -59,19 +62,34 @@ pub(super) fn bodies<'a>(
     bodies.map(&mut read_body).collect()
 }
 
-/// Generates the part of a box that a process needs.
+/// Generates the part of a box that a process needs, or cuts it out of the mesh of a file, which is dropped.
 fn part(id: BodyId, body: &Body, share: Share) -> Result<ReadBody<'_>, Problem> {
-    let wrong = |why: String| Problem::new(format!("body[{}].box", id.index()), why);
-    let placed = placed_box(body).ok_or_else(|| wrong("is no box".to_owned()))?;
-    let coordinates = 3 * placed.element.node_count();
-    let run_length = vi_core::run_length(placed.element_count() as usize, coordinates);
-    let made = placed.part((share.process, share.count), run_length);
-    let made = made.map_err(|error| wrong(error.to_string()))?;
-    let part = made.ok_or_else(|| wrong(format!("{} cannot be generated in parts", placed.element)))?;
+    let key = if body.mesh.is_some() { "mesh" } else { "box" };
+    let wrong = |why: String| Problem::new(format!("body[{}].{key}", id.index()), why);
+    let of_process = (share.process, share.count);
+    let part = if let Some(placed) = placed_box(body) {
+        let run_length = run_length(placed.element, placed.element_count() as usize);
+        let made = placed.part(of_process, run_length).map_err(|error| wrong(error.to_string()))?;
+        made.ok_or_else(|| wrong(format!("{} cannot be generated in parts", placed.element)))?
+    } else {
+        let path = body.mesh.as_ref().ok_or_else(|| wrong("has neither shape nor file".to_owned()))?;
+        let mesh = import::read(path, body).map_err(|messages| wrong(messages.join("; ")))?.mesh;
+        let mut solids = mesh.blocks.iter().filter(|block| block.kind.dimension() == 3);
+        let kind = solids.next().map(|block| block.kind);
+        let kind = kind.filter(|kind| IN_PARTS.contains(kind) && solids.all(|block| block.kind == *kind));
+        let kind =
+            kind.ok_or_else(|| wrong("its elements cannot be divided before they are built".to_owned()))?;
+        MeshPart::of_mesh(&mesh, of_process, run_length(kind, mesh.cells_of_dimension(3).len()))
+    };
     let MeshPart { mesh, numbering, order, run_length, processes } = part;
     let materials = materials(body, &mesh).map_err(wrong)?;
     let part = Some(PartOrder { numbering, elements: order, run_length, processes });
     Ok(ReadBody { id, scene: body, read: Imported::generated(mesh), materials, part })
+}
+
+/// Returns the number of elements of the runs in which their forces are summed.
+fn run_length(kind: CellKind, element_count: usize) -> usize {
+    vi_core::run_length(element_count, 3 * kind.node_count())
 }
 
 fn read<'a>(

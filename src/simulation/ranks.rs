@@ -128,11 +128,22 @@ mod tests {
         if held { scene.fix(Fix::region("block", "x-min")) } else { scene }
     }
 
+    /// Returns a scene with a mesh file of 11 632 tetrahedra.
+    fn of_file() -> Scene {
+        let mesh = concat!(env!("CARGO_MANIFEST_DIR"), "/meshes/bracket.msh");
+        let law = Law::NeoHookean(Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 });
+        let body = Body::from_mesh("bracket", mesh, law).angular_velocity([1.0, 6.0, 3.0]);
+        let scene = Scene::new(Time::new(2.5e-6, 5e-7, SchemeName::StormerVerlet)).gravity([0.0, 0.0, -9.81]);
+        scene.body(body).fix(Fix::region("bracket", "bolts"))
+    }
+
     /// Ranks that generate only the parts that they need step to the bits of one process.
     #[test]
     fn parts_step_to_the_bits_of_the_whole() {
         let kinds = [(CellKind::Tet4, true), (CellKind::Hex8, true), (CellKind::Wedge6, false)];
-        for (scene, size) in kinds.map(|(kind, held)| scene(kind, held)).iter().zip([2, 3, 4]) {
+        let scenes = kinds.map(|(kind, held)| scene(kind, held)).into_iter().chain([of_file()]);
+        for (scene, size) in scenes.zip([2, 3, 4, 3]) {
+            let scene = &scene;
             let mut alone = Simulation::new(scene.clone()).unwrap();
             for _ in 0..5 {
                 alone.step().unwrap();
@@ -165,9 +176,9 @@ mod tests {
         }
     }
 
-    /// Bodies whose parts do not suffice are read whole by all ranks.
+    /// Bodies whose parts do not suffice are built whole by all ranks.
     #[test]
-    fn only_plain_boxes_are_generated_in_parts() {
+    fn only_plain_bodies_are_built_in_parts() {
         let plain = scene(CellKind::Tet4, true);
         assert!(crate::model::parts::is_separable(&plain));
         let mut refined = plain.clone();

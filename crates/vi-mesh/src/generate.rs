@@ -6,5 +6,4 @@ mod box_part;
 pub(crate) mod sheet_mesh;
 
 pub use box_mesh::BoxMesh;
-pub use box_part::MeshPart;
 pub use sheet_mesh::{SheetMesh, SheetPattern};

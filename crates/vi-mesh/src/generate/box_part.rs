@@ -7,25 +7,10 @@ use crate::cell::CellKind;
 use crate::error::MeshError;
 use crate::mesh::{CellBlock, Mesh, Region};
 use crate::order::{Curve, Numbering, PLACE_BITS, centroid};
+use crate::part::MeshPart;
 
 /// Number of leading bits of a place on the curve by which elements are counted.
 const BIN_BITS: u32 = 18;
-
-/// A part of a mesh: whole runs of its elements along Morton's curve. It contains all elements at the nodes of the runs that
-/// one process computes.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MeshPart {
-    /// Nodes, elements and facets, in their order in the whole mesh. It has all regions of the whole mesh.
-    pub mesh: Mesh,
-    /// The order of its nodes along the curve of the whole mesh.
-    pub numbering: Numbering,
-    /// Its elements in the order of the curve: its runs, one after the other.
-    pub order: Vec<u32>,
-    /// Number of elements per run; the last run of the whole mesh may be shorter.
-    pub run_length: usize,
-    /// The process that computes each run.
-    pub processes: Vec<u32>,
-}
 
 impl BoxMesh {
     /// Returns the part of [`BoxMesh::build`] that process number `process` of `count` needs: the runs k of `run_length`
@@ -248,6 +233,16 @@ mod tests {
             let mut computed = Vec::new();
             for process in 0..count {
                 let part = shape.part((process, count), run_length).unwrap().unwrap();
+                // The part that is cut out of the whole mesh has the same elements and the same order.
+                let cut = MeshPart::of_mesh(&whole, (process, count), run_length);
+                let volumes = cut.mesh.cells_of_dimension(3);
+                assert_eq!(cut.mesh.points, part.mesh.points);
+                assert!(volumes.iter().all(|&k| cut.mesh.cell(k as usize) == part.mesh.cell(k as usize)));
+                let same = |a: &MeshPart, b: &MeshPart| {
+                    (&a.numbering, &a.order, a.run_length, &a.processes)
+                        == (&b.numbering, &b.order, b.run_length, &b.processes)
+                };
+                assert!(same(&cut, &part) && volumes.len() == part.order.len());
                 let runs: Vec<&[u32]> = part.order.chunks(run_length).collect();
                 assert_eq!(runs.len(), part.processes.len());
                 let own = runs.iter().zip(&part.processes).filter(|(_, of)| **of == process as u32);
@@ -271,6 +266,7 @@ mod tests {
                             nodes.iter().any(|&node| mesh.points[node as usize] == at)
                         };
                         assert_eq!(is_in(&part.mesh), is_in(&whole), "{} {at:?}", region.name);
+                        assert_eq!(is_in(&cut.mesh), is_in(&whole), "{} {at:?}", region.name);
                     }
                 }
                 let node_of = |at: &[f64; 3]| whole.points.iter().position(|x| x == at).unwrap() as u32;

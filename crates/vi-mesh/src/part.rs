@@ -1,0 +1,86 @@
+//! The part of a mesh that one of several processes computes.
+
+use crate::cell::CellKind;
+use crate::mesh::{Mesh, Region};
+use crate::order::{Curve, Numbering, sort_by_place};
+
+/// A part of a mesh: whole runs of its elements along Morton's curve. It contains all elements at the nodes of the runs that
+/// one process computes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeshPart {
+    /// Nodes and elements in their order in the whole mesh. It has all regions of the whole mesh, with those of their nodes that
+    /// are nodes of the runs of the process.
+    pub mesh: Mesh,
+    /// The order of its nodes along the curve of the whole mesh.
+    pub numbering: Numbering,
+    /// Its elements in the order of the curve: its runs, one after the other.
+    pub order: Vec<u32>,
+    /// Number of elements per run; the last run of the whole mesh may be shorter.
+    pub run_length: usize,
+    /// The process that computes each run.
+    pub processes: Vec<u32>,
+}
+
+impl MeshPart {
+    /// Cuts the part that process number `process` of `count` needs out of a mesh of volumes: the runs k of `run_length`
+    /// elements with ⌊k · count / number of runs⌋ = `process`, and all runs that share nodes with these. Regions of facets, edges
+    /// and points become regions of points.
+    pub fn of_mesh(mesh: &Mesh, (process, count): (usize, usize), run_length: usize) -> Self {
+        let mut on_curve = mesh.cells_of_dimension(3);
+        sort_by_place(mesh, &mut on_curve);
+        let run_count = on_curve.len().div_ceil(run_length);
+        let process_of = |run: usize| run * count / run_count;
+        let cell = |cell: u32| mesh.cell(cell as usize).unwrap_or((CellKind::Point, &[]));
+        let nodes_of = |cells: &[u32]| -> Vec<u32> {
+            let mut nodes: Vec<u32> = cells.iter().flat_map(|&number| cell(number).1).copied().collect();
+            nodes.sort_unstable();
+            nodes.dedup();
+            nodes
+        };
+        let runs = || on_curve.chunks(run_length).enumerate();
+        let mut is_own_node = vec![false; mesh.points.len()];
+        for (_, run) in runs().filter(|(run, _)| process_of(*run) == process) {
+            nodes_of(run).into_iter().for_each(|node| is_own_node[node as usize] = true);
+        }
+        let touches =
+            |(_, run): &(usize, &[u32])| nodes_of(run).iter().any(|&node| is_own_node[node as usize]);
+        let needed: Vec<(usize, &[u32])> = runs().filter(touches).collect();
+        let processes = needed.iter().map(|(run, _)| process_of(*run) as u32).collect();
+        let in_runs: Vec<u32> = needed.iter().flat_map(|(_, run)| *run).copied().collect();
+
+        let mut elements = in_runs.clone();
+        elements.sort_unstable();
+        let order =
+            in_runs.iter().map(|of| elements.partition_point(|element| element < of) as u32).collect();
+        let nodes = nodes_of(&elements);
+        let number = |node: &u32| nodes.binary_search(node).ok().map(|own| own as u32);
+        let mut part = Mesh {
+            points: nodes.iter().map(|&node| mesh.points[node as usize]).collect(),
+            ..Mesh::default()
+        };
+        for &element in &elements {
+            let (kind, of_element) = cell(element);
+            let own: Vec<u32> = of_element.iter().filter_map(number).collect();
+            part.push_cell(kind, &own);
+        }
+        let mut next = elements.len() as u32;
+        for region in &mesh.regions {
+            let cells: Vec<u32> = if region.dimension == 3 {
+                let own = region.cells.iter().map(|cell| elements.binary_search(cell));
+                own.filter_map(|own| Some(own.ok()? as u32)).collect()
+            } else {
+                let of_region = nodes_of(&region.cells);
+                let own: Vec<u32> = of_region.iter().filter_map(number).collect();
+                own.iter().for_each(|&node| part.push_cell(CellKind::Point, &[node]));
+                let first = next;
+                next += own.len() as u32;
+                (first..next).collect()
+            };
+            let dimension = if region.dimension == 3 { 3 } else { 0 };
+            part.regions.push(Region { name: region.name.clone(), dimension, cells });
+        }
+        let curve = Curve::through(mesh.points.iter().copied());
+        let numbering = Numbering::along(&curve, &part.points);
+        Self { mesh: part, numbering, order, run_length, processes }
+    }
+}
