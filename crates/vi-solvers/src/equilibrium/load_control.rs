@@ -100,13 +100,13 @@ impl Search<'_> {
             for k in 0..q.len() {
                 q[k] = state.q[k] + (t - state.t) * velocity[k];
             }
-            has_velocity = has_velocity && self.balance.lowers_energy(&state.q, &q, t);
-            if !has_velocity {
+            let is_predicted = has_velocity && self.balance.lowers_energy(&state.q, &q, t);
+            if !is_predicted {
                 q.copy_from_slice(&state.q);
             }
             let mut stop = self.stop;
             let mut result = self.solve_at(state, &mut q, t, &mut stop);
-            if result.is_err() && has_velocity {
+            if result.is_err() && is_predicted {
                 // The prediction may be the cause; try without it.
                 q.copy_from_slice(&state.q);
                 stop = self.stop;
