@@ -347,15 +347,12 @@ impl Simulation {
 
     /// Returns the notes on the steps since the last call, e.g. on a limit point.
     pub fn take_findings(&mut self) -> Vec<String> {
-        let of_component = |component: &mut Component| {
-            let mut found =
-                component.stepper.as_mut().map_or_else(Vec::new, |stepper| stepper.take_findings());
-            found.extend(
-                component.system.terms().shared().into_iter().flat_map(|shared| shared.take_findings()),
-            );
-            found
-        };
-        self.components.iter_mut().flat_map(of_component).collect()
+        let mut found = Vec::new();
+        for component in &mut self.components {
+            found.extend(component.stepper.iter_mut().flat_map(|stepper| stepper.take_findings()));
+            found.extend(component.system.terms().shared().iter().flat_map(|shared| shared.take_findings()));
+        }
+        found
     }
 
     /// Returns the step h that lands on the scene's end, s.
