@@ -259,6 +259,7 @@ fn snap_through_is_followed_by_arc_length_from_a_scene() {
     let frame = VtuFrame {
         points: &mesh.points,
         blocks: &blocks,
+        far: &[],
         regions: &[],
         point_data: &[],
         cell_data: &[],

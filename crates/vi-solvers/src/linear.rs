@@ -15,3 +15,4 @@ pub(crate) mod pencil;
 pub(crate) mod perturbed;
 mod rivalry;
 pub(crate) mod trial;
+pub(crate) mod unsymmetric;

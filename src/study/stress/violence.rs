@@ -396,6 +396,7 @@ fn body(making: &Making, directory: &Path, index: u64) -> Result<Body, CaseError
     let frame = VtuFrame {
         points: &mesh.points,
         blocks: &blocks,
+        far: &[],
         regions: &regions,
         point_data: &[VtuArray { name: "displacement", components: 3, values }],
         cell_data: &[],

@@ -3,7 +3,7 @@
 //! Let m_i be the motion of node i along the path and r_i its reach. On the path, the vector between points of nodes i and
 //! j differs from that in the middle by at most ½|m_i − m_j|. So a distance changes by at most
 //! ```text
-//! max_i r_i + max_j r_j + ½ max_ij |m_i − m_j|.
+//! max_ij (r_i + r_j + ½ |m_i − m_j|).
 //! ```
 
 use vi_core::Tube;
@@ -26,6 +26,8 @@ pub(super) struct Margins<'a> {
     middle: Vec<f64>,
     tube: &'a Tube,
     common: Common,
+    /// For each node, its reach and half of its motion relative to the common one, m.
+    spreads: Vec<f64>,
     moves: bool,
 }
 
@@ -37,16 +39,37 @@ impl<'a> Margins<'a> {
 
     pub(super) fn with_common(tube: &'a Tube, common: Common) -> Self {
         let moves = tube.motion.iter().any(|motion| *motion != 0.0);
-        Self { middle: tube.middle(), tube, common, moves }
+        let spread = |(node, reach): (u32, &f64)| reach + (at(&tube.motion, node) * 0.5 - common).norm();
+        let spreads = (0..).zip(&tube.reach).map(spread).collect();
+        Self { middle: tube.middle(), tube, common, spreads, moves }
     }
 
     pub(super) fn common(&self) -> Common {
         self.common
     }
 
+    /// Returns the tube.
+    pub(super) fn tube(&self) -> &Tube {
+        self.tube
+    }
+
+    /// Returns the positions in the middle of the path, m.
+    pub(super) fn middle(&self) -> &[f64] {
+        &self.middle
+    }
+
+    /// Returns the largest distance of a node from its place in the middle of the path, besides the common motion, m.
+    pub(super) fn spread(&self, node: u32) -> f64 {
+        self.spreads[node as usize]
+    }
+
     /// Returns the positions in the middle of the path, m.
     pub(super) fn into_middle(self) -> Vec<f64> {
         self.middle
+    }
+
+    fn largest_spread(&self, nodes: &[u32]) -> f64 {
+        nodes.iter().map(|&node| self.spread(node)).fold(0.0, f64::max)
     }
 
     fn reach(&self, nodes: &[u32]) -> f64 {
@@ -55,9 +78,7 @@ impl<'a> Margins<'a> {
 
     /// Returns the box around nodes of a body, inflated such that boxes overlap if a pair can act or meet.
     pub(super) fn bounds(&self, surface: &Surface, nodes: &[u32], body: u32) -> Bounds {
-        let apart = |&node: &u32| (at(&self.tube.motion, node) * 0.5 - self.common).norm();
-        let apart = nodes.iter().map(apart).fold(0.0, f64::max);
-        Bounds::of(nodes, &self.middle).inflated(surface.reach(body) + self.reach(nodes) + apart)
+        Bounds::of(nodes, &self.middle).inflated(surface.reach(body) + self.largest_spread(nodes))
     }
 
     /// Returns whether a pair can come within its activation distance.
@@ -83,19 +104,22 @@ impl<'a> Margins<'a> {
     pub(super) fn distance_if_nearer(&self, shape: Shape, nodes: [u32; 4], distance: f64) -> Option<f64> {
         let (first, second) = nodes.split_at(shape.first_count());
         let x = nodes.map(|node| at(&self.middle, node));
-        let mut relative = 0.0_f64;
-        if self.moves {
-            let motion = nodes.map(|node| at(&self.tube.motion, node));
-            for i in 0..first.len() {
-                for j in first.len()..4 {
-                    relative = relative.max((motion[i] - motion[j]).norm_squared());
-                }
-            }
-        }
-        let reach = distance + self.reach(first) + self.reach(second) + 0.5 * relative.sqrt();
-        if are_apart(shape, &x, reach) {
+        // This bound is at least the reach, and most pairs need no better one.
+        let bound = distance + self.largest_spread(first) + self.largest_spread(second);
+        if are_apart(shape, &x, bound * (1.0 + 1e-9)) {
             return None;
         }
+        let mut reach = 0.0_f64;
+        for &i in first {
+            for &j in second {
+                let relative = match self.moves {
+                    true => 0.5 * (at(&self.tube.motion, i) - at(&self.tube.motion, j)).norm(),
+                    false => 0.0,
+                };
+                reach = reach.max(self.tube.reach[i as usize] + self.tube.reach[j as usize] + relative);
+            }
+        }
+        reach += distance;
         let squared = shape.closest(&x).squared;
         (squared < reach * reach).then(|| squared.sqrt())
     }

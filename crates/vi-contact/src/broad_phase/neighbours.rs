@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use vi_core::Tube;
 
 use super::margins::Margins;
-use crate::distance::{Shape, at};
+use crate::distance::{Shape, Vec3, at};
 use crate::surface::{Cell, Gauge, Surface};
 
 /// Two edges that may meet.
@@ -41,6 +41,17 @@ impl Apart {
         }
         largest
     }
+
+    /// Returns numbers w, one per node, m. A pair whose distance is d at the known positions is nowhere in the tube of `margins`
+    /// nearer than d − w_i − w_j, where i and j are the nodes of its two parts with the largest w. The bound is weak if the parts
+    /// move together but not with the mean of all points, and needs no vector of the pair.
+    fn largest_changes(&self, surface: &Surface, margins: &Margins<'_>) -> Vec<f64> {
+        let change = |node: u32| at(margins.middle(), node) - at(&self.x, node);
+        let points = surface.points.iter();
+        let mean = points.map(|point| change(point.node)).sum::<Vec3>() / surface.points.len().max(1) as f64;
+        let of_node = |node: u32| (change(node) - mean).norm() + margins.spread(node);
+        (0..self.x.len() as u32 / 3).map(of_node).collect()
+    }
 }
 
 /// Candidates for contact in a tube of configurations, in the order of their numbers.
@@ -73,9 +84,27 @@ impl Neighbours {
         Self { tube: None, apart: None, near, starts, cells, edges, planes }
     }
 
-    /// Records the tube that the list covers.
-    pub(super) fn covering(mut self, tube: Tube) -> Self {
-        self.tube = Some(tube);
+    /// Records the tube that the list covers, that of `margins`, and the distances of all pairs in the middle of its path.
+    pub(super) fn covering(mut self, surface: &Surface, margins: Margins<'_>) -> Self {
+        let x = margins.middle();
+        let place = |node: u32| at(x, node);
+        let of_point = |&point: &u32| {
+            let node = surface.points[point as usize].node;
+            let of_cell = move |&cell: &u32| {
+                let cell = &surface.cells[cell as usize];
+                let [a, b, c] = cell.nodes;
+                cell.shape().closest(&[node, a, b, c].map(place)).distance()
+            };
+            self.cells_of(point as usize).iter().map(of_cell)
+        };
+        let cells = self.near.iter().flat_map(of_point).collect();
+        let of_edges = |pair: &EdgePair| {
+            let [[i, j], [k, l]] = pair.edges.map(|edge| surface.edges[edge as usize].nodes);
+            Shape::EdgeEdge.closest(&[i, j, k, l].map(place)).distance()
+        };
+        let edges = self.edges.iter().map(of_edges).collect();
+        self.tube = Some(margins.tube().clone());
+        self.apart = Some(Apart { x: margins.into_middle(), cells, edges });
         self
     }
 
@@ -83,22 +112,39 @@ impl Neighbours {
     /// the tube if the new list shall know what it covers.
     pub(crate) fn narrowed(&self, surface: &Surface, tube: &Tube, known: Option<Tube>) -> Self {
         let margins = Margins::new(surface, tube);
+        let changes = self.apart.as_ref().map(|apart| apart.largest_changes(surface, &margins));
+        // Bounds exclude most pairs without computing their closest points.
+        let may_come = |nodes: [u32; 4], first: usize, known: Option<&f64>, distance: f64| {
+            let (Some(changes), Some(known)) = (&changes, known) else { return true };
+            let [a, b, c, d] = nodes.map(|node| changes[node as usize]);
+            let change = if first == 1 { a + b.max(c).max(d) } else { a.max(b) + c.max(d) };
+            // Subtract far more than the round-off of the known distance.
+            known * (1.0 - 1e-9) - distance <= change
+        };
+        let before = self.apart.as_ref();
         let mut apart = Apart::default();
-        let cells = self.cells_where(surface, |node, cell, gauge, _| {
+        let cells = self.cells_where(surface, |node, cell, gauge, number| {
             let [a, b, c] = cell.nodes;
+            let known = before.map(|before| &before.cells[number]);
+            if !may_come([node, a, b, c], 1, known, gauge.thickness + gauge.distance) {
+                return false;
+            }
             let distance = margins.distance_if_near(cell.shape(), [node, a, b, c], &gauge);
             apart.cells.extend(distance);
             distance.is_some()
         });
-        let edges = self.edges.iter().filter(|pair| {
+        let edges = self.edges.iter().enumerate().filter(|(number, pair)| {
             let [[i, j], [k, l]] = pair.edges.map(|edge| surface.edges[edge as usize].nodes);
             // Observers, who ask for a list that knows its tube, want all pairs nearer than d̂.
             let reach = if known.is_some() { pair.gauge.reach() } else { pair.reach };
+            if !may_come([i, j, k, l], 2, before.map(|before| &before.edges[*number]), reach) {
+                return false;
+            }
             let distance = margins.distance_if_nearer(Shape::EdgeEdge, [i, j, k, l], reach);
             apart.edges.extend(distance);
             distance.is_some()
         });
-        let edges = edges.copied().collect();
+        let edges = edges.map(|(_, pair)| *pair).collect();
         let planes =
             self.planes.iter().filter(|&&[point, plane]| margins.is_near_plane(surface, point, plane));
         let planes = planes.copied().collect();

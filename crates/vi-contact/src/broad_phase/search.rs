@@ -52,7 +52,7 @@ impl Search {
         let pairs = near_edges(surface, &margins, &edges);
         let planes = near_planes(surface, &margins);
         let common = margins.common();
-        let found = Neighbours::new(starts, near, pairs, planes).covering(tube.clone());
+        let found = Neighbours::new(starts, near, pairs, planes).covering(surface, margins);
         Self { tube, common, points, cells, edges, found: Arc::new(found) }
     }
 
@@ -146,7 +146,7 @@ impl Search {
         // A stable sort uses the order of the kept pairs.
         edge_pairs.sort_by_key(|pair| pair.edges);
         let planes = near_planes(surface, &margins);
-        let found = Neighbours::new(starts, all, edge_pairs, planes).covering(tube.clone());
+        let found = Neighbours::new(starts, all, edge_pairs, planes).covering(surface, margins);
         (self.tube, self.found) = (tube, Arc::new(found));
         true
     }

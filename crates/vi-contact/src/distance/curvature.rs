@@ -10,6 +10,10 @@
 
 use super::{Closest, Shape, Vec3};
 
+/// Below this sine of their angle, the second of two free parameters moves the closest points as the first one does, up to
+/// round-off, and is left out. Edges that are parallel in the middle of a step have two, if neither is at an end there.
+const PARALLEL: f64 = 1e-8;
+
 /// Returns the directions of the free parameters, as weights c_{a,k}, and their number.
 fn free_directions(shape: Shape, closest: &Closest) -> ([[f64; 4]; 2], usize) {
     let mut directions = [[0.0; 4]; 2];
@@ -43,7 +47,7 @@ fn free_directions(shape: Shape, closest: &Closest) -> ([[f64; 4]; 2], usize) {
 
 /// Returns vectors v_k, up to two, with Σ_k v_k v_kᵀ = Σ_kl (c_a E_k + c_{a,k} r)(A⁻¹)_kl (c_b E_l + c_{b,l} r)ᵀ, and their number.
 pub(crate) fn free_motions(shape: Shape, closest: &Closest, x: &[Vec3; 4]) -> ([[Vec3; 4]; 2], usize) {
-    let (directions, count) = free_directions(shape, closest);
+    let (directions, mut count) = free_directions(shape, closest);
     let (r, c) = (closest.vector, &closest.weights);
     let edges = directions.map(|weights| super::combine(&weights, x));
     // A⁻¹ = LᵀL for the one or two free parameters.
@@ -62,8 +66,12 @@ pub(crate) fn free_motions(shape: Shape, closest: &Closest, x: &[Vec3; 4]) -> ([
     if count > 1 {
         let along = first_edge.dot(&edges[1]);
         let across = (edges[1] - first_edge * along).norm();
-        for a in 0..4 {
-            rows[1][a] = (rows[1][a] - rows[0][a] * along) / across;
+        if across <= PARALLEL * edges[1].norm() {
+            count = 1;
+        } else {
+            for a in 0..4 {
+                rows[1][a] = (rows[1][a] - rows[0][a] * along) / across;
+            }
         }
     }
     (rows, count)
@@ -86,5 +94,25 @@ pub(crate) fn squared_hessian(shape: Shape, closest: &Closest, x: &[Vec3; 4], ou
                 *entry = 2.0 * value;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two parallel edges at a distance h slide along each other with free closest points; turning one of them is resisted
+    /// as by a point on an edge.
+    #[test]
+    fn parallel_edges_have_finite_motions() {
+        let x = [[0.0, 0.0, 0.1], [1.0, 0.0, 0.1], [0.0, 0.0, 0.0], [2.0, 0.0, 0.0]].map(Vec3::from);
+        let weights = [0.5, 0.5, -0.75, -0.25];
+        let vector = Vec3::new(0.0, 0.0, 0.1);
+        let closest = Closest { squared: vector.norm_squared(), vector, weights };
+        let (motions, count) = free_motions(Shape::EdgeEdge, &closest, &x);
+        assert_eq!(count, 1);
+        assert!(motions[0].iter().all(|motion| motion.iter().all(|value| value.is_finite())));
+        // A common translation changes no distance.
+        assert!(motions[0].iter().sum::<Vec3>().norm() < 1e-15);
     }
 }

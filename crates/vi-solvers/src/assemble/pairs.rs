@@ -5,6 +5,7 @@
 use vi_core::{Acting, Coordinates};
 
 use crate::index::{NONE, free_of};
+use crate::linear::unsymmetric::Unsymmetric;
 
 /// The forces of pairs at the last evaluation.
 pub(crate) struct Pairs {
@@ -71,17 +72,44 @@ impl Pairs {
         self.acting.count() == 0
     }
 
+    /// Makes the tangents include those of the directions of forces; see [`Acting::turns`].
+    pub(crate) fn set_turns(&mut self, turns: bool) {
+        self.acting.turns = turns;
+    }
+
+    /// Adds factor · (Σ |a| ⊗ |b|) |v| to `out`: a bound on how a change of coordinates by v changes the forces.
+    pub(crate) fn add_bound(&self, factor: f64, v: &[f64], out: &mut [f64]) {
+        self.for_each_tangent(|left, right| {
+            let along: f64 = right.iter().map(|&(k, value)| (value * v[k as usize]).abs()).sum();
+            left.iter().for_each(|&(k, value)| out[k as usize] += factor * along * value.abs());
+        });
+    }
+
+    /// Adds factor · Σ a ⊗ b to a matrix.
+    pub(crate) fn add_to(&self, factor: f64, matrix: &mut Unsymmetric) {
+        self.for_each_tangent(|left, right| {
+            for &(row, a) in left {
+                right.iter().for_each(|&(column, b)| matrix.add(row, column, factor * a * b));
+            }
+        });
+    }
+
     /// Adds factor · (Σ a ⊗ b) v to `out`.
     pub(crate) fn add_product(&self, factor: f64, v: &[f64], out: &mut [f64]) {
+        self.for_each_tangent(|left, right| {
+            let along: f64 = right.iter().map(|&(k, value)| value * v[k as usize]).sum();
+            if along != 0.0 {
+                left.iter().for_each(|&(k, value)| out[k as usize] += factor * along * value);
+            }
+        });
+    }
+
+    /// Calls `each` with the factors a and b of each tangent, as free coordinates and values.
+    fn for_each_tangent(&self, mut each: impl FnMut(&[(u32, f64)], &[(u32, f64)])) {
         let mut start = 0;
         for pair in self.ends.chunks_exact(2) {
             let [middle, end] = [pair[0] as usize, pair[1] as usize];
-            let along: f64 = self.entries[middle..end].iter().map(|&(k, value)| value * v[k as usize]).sum();
-            if along != 0.0 {
-                self.entries[start..middle]
-                    .iter()
-                    .for_each(|&(k, value)| out[k as usize] += factor * along * value);
-            }
+            each(&self.entries[start..middle], &self.entries[middle..end]);
             start = end;
         }
     }

@@ -198,6 +198,45 @@ impl ConstraintManifold {
         }
     }
 
+    /// Calls `each` with the entries of Nᵀ: free coordinate, multiplier and value.
+    pub(crate) fn for_each_direction(&self, mut each: impl FnMut(u32, u32, f64)) {
+        let mut first = 0;
+        for cluster in &self.clusters {
+            for (k, &free) in cluster.free.iter().enumerate().filter(|(_, free)| **free != NONE) {
+                for i in 0..cluster.constraints.len() {
+                    each(free, first + i as u32, cluster.normal[(i, k)]);
+                }
+            }
+            first += cluster.constraints.len() as u32;
+        }
+    }
+
+    /// Calls `each` with the entries of Σ λ_i ∂²g_i/∂q² on the free coordinates: row, column and value.
+    pub(crate) fn for_each_curvature(&self, lambda: &[f64], mut each: impl FnMut(u32, u32, f64)) {
+        let mut first = 0;
+        for cluster in &self.clusters {
+            let (m, count) = (cluster.constraints.len(), cluster.dofs.len());
+            let gradient = |y: &[f64]| {
+                let mut sum = vec![0.0; count];
+                let members = cluster.constraints.iter().zip(&lambda[first..first + m]);
+                members.for_each(|(constraint, &lambda)| constraint.add_gradient(y, lambda, &mut sum));
+                sum
+            };
+            // Gradients of quadratic constraints are affine, so unit differences are exact.
+            let mut y = vec![0.0; count];
+            let origin = gradient(&y);
+            for (j, &column) in cluster.free.iter().enumerate().filter(|(_, free)| **free != NONE) {
+                y[j] = 1.0;
+                let there = gradient(&y);
+                y[j] = 0.0;
+                for (i, &row) in cluster.free.iter().enumerate().filter(|(_, free)| **free != NONE) {
+                    each(row, column, there[i] - origin[i]);
+                }
+            }
+            first += m;
+        }
+    }
+
     /// Returns λᵀN d over prescribed coordinates with the current directions N, J: the work of prescribed motion
     /// along d against the multipliers λ.
     pub(crate) fn prescribed_work(&self, lambda: &[f64], d: &[f64]) -> f64 {

@@ -17,6 +17,7 @@ use vi_core::{State, System};
 
 use crate::assemble::evaluator::Evaluator;
 use crate::error::SolverError;
+use crate::linear::unsymmetric::Unsymmetric;
 use crate::newton::inverse::Inverse;
 use crate::schemes::constraint::manifold::{ConstraintManifold, Row};
 use crate::schemes::constraint::units::{Factored, Units};
@@ -159,6 +160,33 @@ impl Multipliers {
         self.eliminate(c, inverse, evaluator, change, Part::Change)?;
         correction.iter_mut().zip(&*change).for_each(|(value, change)| *value += change);
         Ok(self.load.iter().zip(&*correction).map(|(r, d)| r * d).sum::<f64>() / c)
+    }
+
+    /// Returns the number of multipliers; `None` if constraints depend on each other, so that no matrix with them has factors.
+    pub(crate) fn count_of_independent(&self) -> Option<usize> {
+        (!self.manifold.is_redundant()).then_some(self.forces.len())
+    }
+
+    /// Completes the matrix J of M w + c ∂V/∂q to that of the equations with the multipliers c Δℓ as further unknowns,
+    /// [J + c Σ ℓ ∂N/∂q, Nᵀ; G₁, 0], and appends −g/2 to the right side.
+    pub(crate) fn complete(&self, c: f64, matrix: &mut Unsymmetric, rhs: &mut Vec<f64>) {
+        let first = rhs.len() as u32;
+        self.manifold
+            .for_each_direction(|free, multiplier, value| matrix.add(free, first + multiplier, value));
+        if self.directions == MultiplierDirections::Middle {
+            self.manifold.for_each_curvature(&self.forces, |i, j, value| matrix.add(i, j, c * value));
+        }
+        for (multiplier, row) in self.rows.iter().enumerate() {
+            row.iter().for_each(|&(free, value)| matrix.add(first + multiplier as u32, free, value));
+        }
+        rhs.extend(self.defect.iter().map(|defect| -0.5 * defect));
+    }
+
+    /// Takes the change c Δℓ of a correction of the equations with this residual.
+    pub(crate) fn change(&mut self, c: f64, change: &[f64], residual: &[f64]) {
+        self.load.copy_from_slice(residual);
+        self.manifold.add_force(change, -1.0, &mut self.load);
+        self.forces.iter_mut().zip(change).for_each(|(force, change)| *force += change / c);
     }
 
     /// Computes v ← v − c Z Δℓ.

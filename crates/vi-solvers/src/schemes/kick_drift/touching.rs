@@ -176,8 +176,8 @@ impl Touching {
     }
 
     /// Shortens the change `delta` of the coordinates `from`, node by node, until no pair meets on the path. Returns true
-    /// if it did not have to be shortened. Prescribed coordinates have their values at time t, the end of the step; if
-    /// `from_start`, the path begins with their values at the start of the step.
+    /// if it did not have to be shortened. Prescribed coordinates have their values at time t, the end of the step. The path
+    /// begins at the start of the step if `from_start`, and otherwise at `x_end`, the positions for `from`.
     fn shorten(
         &mut self,
         system: &System,
@@ -187,14 +187,14 @@ impl Touching {
         from_start: bool,
     ) -> bool {
         let coordinates = system.coordinates();
-        let Self { lists, small, work, x_start, .. } = self;
+        let Self { lists, small, work, x_start, x_end, .. } = self;
         let place = |delta: &[f64]| {
             let to: Vec<f64> = from.iter().zip(delta).map(|(from, delta)| from + delta).collect();
             let mut x = vec![0.0; x_start.len()];
             coordinates.embed(&to, t, &mut x);
             x
         };
-        let before = if from_start { x_start.clone() } else { place(&vec![0.0; from.len()]) };
+        let before = if from_start { x_start.clone() } else { x_end.clone() };
         let meetings = |from: &[f64], to: &[f64]| {
             lists.widen(to);
             work.path_checks += lists.count();
@@ -314,6 +314,8 @@ impl Frictional for Drift<'_> {
         let Self { touching, system, state, h, longest, iterations, is_free, acts } = self;
         let (coordinates, mass) = (system.coordinates(), system.free_mass());
         let (c, t) = (0.5 * *h * *h, state.t + *h);
+        // The lists are valid at all iterates, because they were made valid for the checks of the paths to them.
+        let mut version = touching.lists.version();
         let mut terms = touching.over_step();
         let mut progress = Progress::towards(aim);
         let mut delta = vec![0.0; state.q.len()];
@@ -321,7 +323,8 @@ impl Frictional for Drift<'_> {
         touching.acting.stiffness = aim.stiffness;
         for _ in 0..aim.most {
             coordinates.embed(&touching.y, t, &mut touching.x_end);
-            if touching.lists.widen(&touching.x_end) {
+            if touching.lists.version() != version {
+                version = touching.lists.version();
                 terms = touching.over_step();
             }
             touching.acting.clear();

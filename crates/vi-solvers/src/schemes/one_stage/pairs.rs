@@ -1,13 +1,17 @@
 //! A stage whose live terms list their pairs: complete tangents, and corrections that end before pairs meet.
 
+use vi_core::System;
+
 use super::rule::Rule;
 use super::stage::{Stage, StageEquations};
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::free_path::{FreePath, make_uniform};
 use crate::assemble::live::END_PER_STAGE;
 use crate::error::SolverError;
+use crate::linear::unsymmetric::Unsymmetric;
 use crate::newton::inverse::Inverse;
 use crate::newton::pairs::PairEquations;
+use crate::schemes::constraint::multipliers::Multipliers;
 use crate::vectors;
 
 /// Largest length of a correction, as a multiple of the motion over the step without pairs, plus a multiple of the reach
@@ -117,6 +121,61 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         Ok(vectors::dot(residual, correction) / *c)
     }
 
+    fn complete_size(&self) -> Option<usize> {
+        let is_shared = self.system.terms().shared().is_some();
+        let multipliers = match &self.stage.multipliers {
+            Some(multipliers) => multipliers.count_of_independent()?,
+            None => 0,
+        };
+        (!is_shared).then_some(self.stage.w.len() + multipliers)
+    }
+
+    fn correct_completely(&mut self, evaluator: &mut Evaluator) -> Result<[f64; 2], SolverError> {
+        let size = self.complete_size().unwrap_or(0);
+        let Stage { c, w, base, correction, residual, multipliers, .. } = &mut *self.stage;
+        let (c, count) = (*c, w.len());
+        let mut matrix = Unsymmetric::zeros(size);
+        match self.inertia.matrix() {
+            Some(mass) => matrix.add_symmetric(1.0, mass),
+            None => {
+                let mass = self.system.free_mass().iter();
+                mass.enumerate().for_each(|(k, &mass)| matrix.add(k as u32, k as u32, mass));
+            }
+        }
+        evaluator.for_each_hessian(self.system, &mut |factor, k| matrix.add_symmetric(factor * c, k));
+        if let Some(pairs) = evaluator.pairs() {
+            pairs.add_to(END_PER_STAGE * c, &mut matrix);
+        }
+        let mut rhs = residual.clone();
+        if let Some(multipliers) = multipliers {
+            multipliers.complete(c, &mut matrix, &mut rhs);
+        }
+        matrix.solve(&mut rhs)?;
+        evaluator.work.factorizations += 1;
+        evaluator.work.factorizations_newton += 1;
+        evaluator.work.solves += 1;
+        base.copy_from_slice(w);
+        correction.copy_from_slice(&rhs[..count]);
+        if let Some(multipliers) = multipliers {
+            multipliers.change(c, &rhs[count..], residual);
+        }
+        let load = multipliers.as_ref().map_or(&residual[..], Multipliers::load);
+        Ok([vectors::dot(load, correction) / c, size_of(self.system, load)])
+    }
+
+    fn is_round_off(&self, evaluator: &Evaluator) -> bool {
+        let Some(pairs) = evaluator.pairs() else { return false };
+        let Stage { c, q, residual, multipliers, .. } = &*self.stage;
+        let load = multipliers.as_ref().map_or(&residual[..], Multipliers::load);
+        let mut bound = vec![0.0; load.len()];
+        pairs.add_bound(f64::EPSILON * c, q, &mut bound);
+        size_of(self.system, load) <= size_of(self.system, &bound)
+    }
+
+    fn residual_size(&self) -> f64 {
+        size_of(self.system, &self.stage.residual)
+    }
+
     fn limit(&mut self, evaluator: &mut Evaluator, longest: f64, is_uniform: bool) -> bool {
         let mut delta = std::mem::take(&mut self.stage.correction);
         let whole = if is_uniform { delta.clone() } else { Vec::new() };
@@ -152,4 +211,10 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         let bound = (3.0_f64.sqrt() * END_PER_STAGE * pushed).min(REACHES * evaluator.reach());
         3.0_f64.sqrt() * FARTHEST * END_PER_STAGE * motion + bound
     }
+}
+
+/// Returns the norm √(rᵀM⁻¹r) of a residual, with the lumped mass.
+fn size_of(system: &System, r: &[f64]) -> f64 {
+    let mass = system.free_mass();
+    vectors::sum(r.len(), |k| r[k] * r[k] / mass[k]).sqrt()
 }

@@ -12,20 +12,24 @@ use vi_core::{Live, Potential, Tube};
 
 use crate::memory::StepperMemory;
 
-/// Numbers of steps for which an outer and an inner list are planned.
-const OUTER: f64 = 48.0;
-const INNER: f64 = 6.0;
-/// Least reach of an outer and of an inner list, as a multiple of the reach that its terms request. For a cloth of 40 × 40
-/// cells on a sphere, an outer list then has 8000 candidates and serves 28 steps. With 2.5 times the reach it has 60 000
-/// and serves 71 steps, but its updates and the choice of inner lists take longer.
-const OUTER_REACH: f64 = 1.6;
-const INNER_REACH: f64 = 0.8;
+/// Least and largest number of steps for which an outer list is planned, and their ratio to the number of steps that the
+/// last one served: a long path is wide where nodes do not keep to it.
+const LEAST_OUTER: f64 = 6.0;
+const LARGEST_OUTER: f64 = 48.0;
+const LONGER: f64 = 1.25;
+/// Number of steps for which an inner list is planned.
+const INNER: f64 = 3.0;
+/// Least reach of an outer and of an inner list, as a multiple of the reach that its terms request. A cloth of 40 × 40 cells on a
+/// sphere takes 9.8 to 10.2 s with these reaches, inner lists for 3 steps, outer ones for at most 12, and `FEW` = .1; with 3 and 2,
+/// at most 24 steps, and .05, it takes 10.5 to 11.1 s; with 1.6 and .8, 6 steps, 48 steps, and .2, 11.2 to 11.5 s.
+const OUTER_REACH: f64 = 2.4;
+const INNER_REACH: f64 = 1.6;
 /// Reach of the list of a step, as a fraction of the longest motion of a node: a node at rest may be hit.
 const LEAST: f64 = 0.25;
 /// Reach of a node, as a multiple of its known distance from the path.
 const SPARE: f64 = 1.5;
 /// Largest fraction of the nodes whose paths are replaced in a list. If more have left it, all pairs are searched.
-const FEW: f64 = 0.2;
+const FEW: f64 = 0.1;
 /// Number of times that paths of nodes are replaced until a tube fits: each time changes the mean path a little.
 const ROUNDS: usize = 3;
 
@@ -105,11 +109,20 @@ pub(super) struct Lists {
     /// The list of a step, chosen from the inner list.
     step: List,
     searches: u64,
+    /// Number of lists of steps so far.
+    version: u64,
 }
 
 impl Lists {
     pub(super) fn new(live: Vec<Arc<dyn Live>>) -> Self {
-        Self { live, outer: List::default(), inner: List::default(), step: List::default(), searches: 0 }
+        Self {
+            live,
+            outer: List::default(),
+            inner: List::default(),
+            step: List::default(),
+            searches: 0,
+            version: 0,
+        }
     }
 
     /// Returns the terms that are valid for the current step.
@@ -132,10 +145,10 @@ impl Lists {
         self.outer.served += 1.0;
     }
 
-    /// Makes the lists of the step valid at `x` too. Returns true if they changed.
-    pub(super) fn widen(&mut self, x: &[f64]) -> bool {
+    /// Makes the lists of the step valid at `x` too.
+    pub(super) fn widen(&mut self, x: &[f64]) {
         if self.step.tube.contains(x) || !x.iter().all(|x| x.is_finite()) {
-            return false;
+            return;
         }
         let mut tube = std::mem::take(&mut self.step.tube);
         let distances: Vec<f64> = tube.distances(x).collect();
@@ -143,7 +156,6 @@ impl Lists {
             *reach = reach.max(SPARE * distance);
         }
         self.choose(tube);
-        true
     }
 
     /// Chooses the list of a step, and the larger lists if they are not valid there.
@@ -157,18 +169,29 @@ impl Lists {
                     Some(tube) => self.outer = List { served: self.outer.served, ..self.within(tube) },
                     None => {
                         self.searches += 1;
-                        self.outer = self.within(self.outer.next_tube(&inner, INNER, OUTER, least));
+                        let steps = if self.outer.served > 0.0 {
+                            (LONGER * self.outer.served).clamp(LEAST_OUTER, LARGEST_OUTER)
+                        } else {
+                            LARGEST_OUTER
+                        };
+                        self.outer = self.within(self.outer.next_tube(&inner, INNER, steps, least));
                     }
                 }
             }
             self.inner = narrowed(&self.outer, inner);
         }
         self.step = narrowed(&self.inner, step);
+        self.version += 1;
     }
 
     fn within(&self, tube: Tube) -> List {
         let terms = self.live.iter().map(|term| term.within(&tube)).collect();
         List { tube, terms, served: 0.0 }
+    }
+
+    /// Returns a number that changes with the list of the step.
+    pub(super) fn version(&self) -> u64 {
+        self.version
     }
 
     /// Returns the number of searches for outer lists.
