@@ -40,6 +40,7 @@ pub(crate) use meeting::{Meeting, name_of};
 pub(crate) use naming::part_in_words;
 pub(crate) use outline::Outline;
 pub(crate) use parting::Parted;
+use read::Reading;
 pub(crate) use read::Share;
 pub use regions::RegionProbe;
 pub use rigid::{Pose, RigidModel};
@@ -48,13 +49,25 @@ pub use rigid::{Pose, RigidModel};
 use crate::scene::Parsed;
 use crate::scene::{Problem, Scene};
 
-/// Reads all meshes of a scene and builds all systems. If `in_portions`, this process evaluates only portions of their terms.
+/// What a process holds of the bodies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Holding {
+    /// Everything.
+    Whole,
+    /// Everything but the shapes of elements, because it evaluates only portions of the terms.
+    Portions,
+    /// Everything but elements ([`parts::needs_no_elements`]).
+    Nodes,
+}
+
+/// Reads all meshes of a scene and builds all systems.
 ///
 /// # Errors
 /// Returns all problems of the meshes and of the names that refer to them; if there are none, all problems of the
 /// systems.
-pub(crate) fn build(scene: &Scene, in_portions: bool) -> Result<Model, Vec<Problem>> {
-    assemble::assemble(scene, resolve::resolve(scene, None)?, in_portions)
+pub(crate) fn build(scene: &Scene, holding: Holding) -> Result<Model, Vec<Problem>> {
+    let reading = if holding == Holding::Nodes { Reading::Nodes } else { Reading::Whole };
+    assemble::assemble(scene, resolve::resolve(scene, reading)?, holding != Holding::Whole)
 }
 
 /// Returns all problems of a scene that could not be parsed without problems: those of its text, and those of its
@@ -63,7 +76,7 @@ pub(crate) fn build(scene: &Scene, in_portions: bool) -> Result<Model, Vec<Probl
 pub fn all_problems(parsed: &Parsed) -> Vec<Problem> {
     let mut problems = parsed.problems.clone();
     if let Some(scene) = parsed.scene.as_ref().filter(|_| !problems.is_empty()) {
-        problems.extend(parsed.relevant(resolve::resolve(scene, None).err().unwrap_or_default()));
+        problems.extend(parsed.relevant(resolve::resolve(scene, Reading::Whole).err().unwrap_or_default()));
     }
     problems.sort_by_key(|problem| problem.line);
     problems

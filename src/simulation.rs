@@ -26,9 +26,10 @@ use std::sync::Arc;
 use vi_core::{Alone, Exchange, SharedTerms, State, System};
 use vi_solvers::{Assembler, Member, Method, Partners, SolverOptions, Stepper, Work};
 
-use crate::model::parts::is_separable;
+use crate::model::parts::needs_no_elements;
 use crate::model::{
-    self, BodyModel, Meeting, Model, NodeSet, Parted, ProbeTarget, RegionProbe, RigidModel, path_control,
+    self, BodyModel, Holding, Meeting, Model, NodeSet, Parted, ProbeTarget, RegionProbe, RigidModel,
+    path_control,
 };
 use crate::scene::{Fix, Problem, Scene};
 pub use adaptive::AdaptiveCounts;
@@ -42,7 +43,7 @@ use needs::{has_domain, is_worked_on, keeps_ledger, method_of, problem_of_ranks}
 pub use observe::{Observation, ProbeValue};
 use pace::Pace;
 pub use ranks::RankFacts;
-pub(crate) use ranks::{is_shared, members, problems_of_ranks};
+pub(crate) use ranks::{are_complete, far_nodes, is_shared, members, problems_of_ranks};
 pub use snapshot::{Snapshot, Substeps};
 
 /// Bodies that act on each other, as one Lagrangian system with its integrator.
@@ -140,18 +141,6 @@ impl Simulation {
         Self::build(scene, (&alone(), Vec::new()), Ok)
     }
 
-    /// Builds the simulation as [`Simulation::new`] does, with terms that all ranks of `exchange` share. This is the first
-    /// rank. Nothing may be evaluated before the others have made their [`members`].
-    ///
-    /// # Errors
-    /// Returns the errors of [`Simulation::new`], and terms that do not run on several ranks.
-    pub(crate) fn shared(scene: Scene, exchange: &Arc<dyn Exchange>) -> Result<Self, Vec<Problem>> {
-        // The first rank makes its portion from a part as the others do, without the maps of the whole sum.
-        let is_sound = scene.problems().is_empty() && is_separable(&scene);
-        let own = if is_sound { members(&scene, true, exchange).unwrap_or_default() } else { Vec::new() };
-        Self::build(scene, (exchange, own), Ok)
-    }
-
     /// Builds the simulation after `extend` has changed the model of the scene. `own` are the portions of the components that
     /// were made from parts.
     fn build(
@@ -169,7 +158,12 @@ impl Simulation {
             return Err(vec![Problem::new("time.scheme", message)]);
         };
         let is_shared = is_shared(&scene, exchange);
-        let model = extend(model::build(&scene, is_shared)?)?;
+        let holding = match is_shared {
+            true if !own.is_empty() && needs_no_elements(&scene) => Holding::Nodes,
+            true => Holding::Portions,
+            false => Holding::Whole,
+        };
+        let model = extend(model::build(&scene, holding)?)?;
         let mut problems = Vec::new();
         let followed = scene.statics.as_ref().filter(|statics| statics.follows_path());
         let mut path = followed
@@ -185,8 +179,9 @@ impl Simulation {
             options.ledger = keeps_ledger(&scene, &system);
             let mut partners = None;
             let member = own.next().flatten();
-            let of_parts =
-                member.and_then(|member| Partners::of_parts((number, &system), member, Arc::clone(exchange)));
+            let far = far_nodes(&model.bodies, number, exchange.size());
+            let of_parts = member
+                .and_then(|member| Partners::of_parts((number, &system), far, member, Arc::clone(exchange)));
             let is_of_parts = of_parts.is_some();
             if is_shared && system.coordinates().free_count() > 0 {
                 let run = (&method, &options);

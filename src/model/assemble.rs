@@ -2,6 +2,7 @@
 //! the components that it acts on.
 
 use std::collections::HashSet;
+use std::sync::Arc;
 
 use vi_core::{State, System};
 use vi_fem::{Anchor, PointSpring, SpringEnd};
@@ -181,11 +182,11 @@ impl Parts {
             let part = &mut self.components[component];
             let node_offset = part.node_count();
             let of_part = body.part.as_mut().map(|part| std::mem::take(&mut part.numbering));
-            let numbering = of_part.unwrap_or_else(|| Numbering::by_place(&body.read.mesh));
+            let numbering = Arc::new(of_part.unwrap_or_else(|| Numbering::by_place(&body.read.mesh)));
             let (read, mesh) = body.read.renumbered(&numbering);
             let body = ReadBody { read, ..body };
             self.notes.extend(body.read.notes.iter().cloned());
-            if let Err(message) = matter::add_body(part, &body, &edges(id, &numbering, fixes)) {
+            if let Err(message) = matter::add_body(part, &body, &edges(id, &numbering, fixes), &numbering) {
                 self.problems.push(Problem::new(format!("body[{}]", id.index()), message));
             }
             if let Some(wind) = &scene.wind
@@ -208,6 +209,7 @@ impl Parts {
                 component,
                 node_offset,
                 numbering,
+                far: body.far,
                 pattern: body.read.pattern.clone(),
             });
             // A large mesh is not kept longer than needed.

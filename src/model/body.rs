@@ -1,7 +1,9 @@
 //! Bodies of a scene with their meshes, and sets of their nodes.
 
+use std::sync::Arc;
+
 use vi_fem::{Law, LockingCure};
-use vi_mesh::{Mesh, Numbering};
+use vi_mesh::{FarElements, Mesh, Numbering};
 
 use crate::scene::{BodyId, Substance};
 
@@ -56,7 +58,9 @@ pub struct BodyModel {
     /// Number of the body's first node in the component.
     pub node_offset: usize,
     /// Numbers of the body's nodes in the component, relative to the first.
-    pub numbering: Numbering,
+    pub numbering: Arc<Numbering>,
+    /// The elements, if this process does not hold them. The mesh is then without them, and the body has one material.
+    pub(crate) far: Option<Arc<dyn FarElements>>,
     /// The flat pattern of a sheet, m: the corners of every cell.
     pub(crate) pattern: Option<Vec<[[f64; 2]; 3]>>,
 }
@@ -69,7 +73,18 @@ impl BodyModel {
 
     /// Iterates over the elements, material by material.
     pub fn elements(&self) -> impl Iterator<Item = u32> {
-        self.materials.iter().flat_map(|part| part.elements.iter().copied())
+        let far = 0..self.far.as_ref().map_or(0, |far| far.count() as u32);
+        far.chain(self.materials.iter().flat_map(|part| part.elements.iter().copied()))
+    }
+
+    /// Returns the nodes of an element.
+    pub(crate) fn nodes_of(&self, element: u32) -> Vec<u32> {
+        let mut nodes = Vec::new();
+        match &self.far {
+            Some(far) => far.add_nodes(element, &mut nodes),
+            None => nodes.extend(self.mesh.cell(element as usize).into_iter().flat_map(|(_, nodes)| nodes)),
+        }
+        nodes
     }
 
     /// Iterates over its solid materials: the elements and the law of each.
@@ -82,6 +97,7 @@ impl BodyModel {
 
     /// Returns the number of its elements.
     pub fn element_count(&self) -> usize {
-        self.materials.iter().map(|part| part.elements.len()).sum()
+        let of_materials = || self.materials.iter().map(|part| part.elements.len()).sum();
+        self.far.as_ref().map_or_else(of_materials, |far| far.count())
     }
 }

@@ -1,12 +1,14 @@
 //! Adds the matter of a body to a component: the mass, strain energy and initial state of its nodes.
 
 use std::collections::HashSet;
+use std::sync::Arc;
 
 use vi_core::Potential;
 use vi_fem::{
     FemError, Law, LockingCure, Sheet, SheetLaw, add_lumped_mass, add_row_sums, consistent_mass,
     mass_properties, rigid_velocities,
 };
+use vi_mesh::{FarElements, Numbering, Window};
 
 use super::body::MaterialPart;
 use super::component::ComponentBuilder;
@@ -31,6 +33,7 @@ struct NodalMass {
 }
 
 /// Adds a body whose mesh is in the numbering of the component. Its nodes follow those that the component already has.
+/// `numbering` leads to it from the numbering of the body's own mesh.
 ///
 /// # Errors
 /// Returns the problem of the body.
@@ -38,9 +41,17 @@ pub(super) fn add_body(
     component: &mut ComponentBuilder,
     body: &ReadBody<'_>,
     edges: &Edges,
+    numbering: &Arc<Numbering>,
 ) -> Result<(), String> {
     let node_count = body.read.mesh.points.len();
     let mut mass = NodalMass { lumped: vec![0.0; node_count], row_sums: vec![0.0; node_count] };
+    if let (Some(far), [MaterialPart { law: Substance::Solid(law), .. }]) = (&body.far, &body.materials[..]) {
+        let name = &body.scene.name;
+        let term = vi_fem::elastic_elsewhere(Arc::clone(far), law, Arc::clone(numbering), name);
+        component.potentials.push(Box::new(term.map_err(|error| error.to_string())?));
+        let made = add_far_mass(far.as_ref(), numbering, law.density(), &mut mass.lumped);
+        made.map_err(|error| error.to_string())?;
+    }
     for part in body.materials.iter().filter(|part| !part.elements.is_empty()) {
         let name = &body.scene.name;
         let place = part.region.as_ref().map_or_else(|| name.clone(), |region| format!("{name}/{region}"));
@@ -61,6 +72,24 @@ pub(super) fn add_body(
     component.mass.extend(lumped);
     component.x.extend(x);
     component.v.extend(v);
+    Ok(())
+}
+
+/// Adds the mass of elements that this process does not hold, in their order.
+fn add_far_mass(
+    far: &dyn FarElements,
+    numbering: &Numbering,
+    density: f64,
+    masses: &mut [f64],
+) -> Result<(), FemError> {
+    for range in far.ranges() {
+        let all: Vec<u32> = (0..range.len() as u32).collect();
+        let Window { mesh, nodes } = far.window(range);
+        let numbers = || nodes.iter().map(|&node| numbering.of(node) as usize);
+        let mut of_window: Vec<f64> = numbers().map(|node| masses[node]).collect();
+        add_lumped_mass(&mesh, &all, density, &mut of_window)?;
+        numbers().zip(of_window).for_each(|(node, mass)| masses[node] = mass);
+    }
     Ok(())
 }
 

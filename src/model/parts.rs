@@ -4,12 +4,16 @@
 use vi_core::{State, System};
 use vi_fem::LockingCure;
 
-use super::read::{IN_PARTS, Share};
+use super::read::{IN_PARTS, Reading, Share};
 use super::{assemble, resolve};
-use crate::scene::{Body, Fix, HeldAxis, Problem, Scene, Selection};
+use crate::scene::{Body, Fix, HeldAxis, Probe, Problem, Scene, Selection};
 
-/// The part of a component, and the process that computes each run of elements of every term.
-pub(crate) type ComponentPart = (System, State, Vec<Vec<u32>>);
+/// The part of a component. For every term: the numbers of its runs of elements in the whole component, and the processes that
+/// compute them.
+pub(crate) type ComponentPart = (System, State, Runs);
+
+/// The runs of every term.
+pub(crate) type Runs = Vec<Vec<(u32, u32)>>;
 
 /// Returns whether the systems of a scene can be built in parts: an explicit scheme, and bodies that do not act on each other,
 /// each a box or a mesh file, of one material and one kind of elements with nodes at their corners, held by regions, with nothing
@@ -33,6 +37,19 @@ pub(crate) fn is_separable(scene: &Scene) -> bool {
     let is_explicit = scene.time.method().is_some_and(|method| method.facts().is_explicit);
     let are_plain = scene.bodies.iter().all(is_plain) && scene.fixes.iter().all(is_of_region);
     is_explicit && are_plain && !acts.contains(&true)
+}
+
+/// Returns whether the first process needs no elements of a separable scene: all bodies are boxes, and nothing names volumes
+/// or elements.
+pub(crate) fn needs_no_elements(scene: &Scene) -> bool {
+    let names_volume = |on: &Selection| on.region.as_deref() == Some("box");
+    let are_boxes = scene.bodies.iter().all(|body| body.box_shape.is_some());
+    let are_of_nodes = scene.probes.iter().all(Probe::is_node);
+    let on_nodes = !scene.fixes.iter().any(|fix| names_volume(&fix.on))
+        && !scene.strikes.iter().any(|strike| names_volume(&strike.on));
+    let is_smoothed =
+        scene.output.fields.iter().filter_map(|field| field.of_elements()).any(|(_, nodal)| nodal);
+    are_boxes && are_of_nodes && on_nodes && !is_smoothed && scene.output.cache.is_none()
 }
 
 fn is_plain(body: &Body) -> bool {
@@ -63,10 +80,10 @@ pub(crate) fn build_parts(scene: &Scene, share: Share) -> Result<Vec<ComponentPa
     for body in &mut scene.bodies {
         (body.velocity, body.angular_velocity) = (None, None);
     }
-    let resolved = resolve::resolve(&scene, Some(share))?;
-    let processes: Vec<Vec<u32>> = resolved.bodies.iter().map(|body| body.processes()).collect();
+    let resolved = resolve::resolve(&scene, Reading::Part(share))?;
+    let runs: Vec<Vec<(u32, u32)>> = resolved.bodies.iter().map(|body| body.runs()).collect();
     let model = assemble::assemble(&scene, resolved, true)?;
     // Every body is a component. Its first term is its strain energy, the other one gravity.
-    let parts = model.components.into_iter().zip(processes);
-    Ok(parts.map(|((system, state), processes)| (system, state, vec![processes])).collect())
+    let parts = model.components.into_iter().zip(runs);
+    Ok(parts.map(|((system, state), runs)| (system, state, vec![runs])).collect())
 }

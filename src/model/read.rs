@@ -1,9 +1,10 @@
 //! Reads or generates the meshes of the bodies of a scene, and finds the elements of their materials.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use vi_fem::LockingCure;
-use vi_mesh::{BoxMesh, CellKind, FinerMesh, Mesh, MeshError, MeshPart, Numbering, SheetMesh};
+use vi_mesh::{BoxMesh, CellKind, FarElements, FinerMesh, Mesh, MeshError, MeshPart, Numbering, SheetMesh};
 
 use super::body::MaterialPart;
 use super::import::{self, Imported};
@@ -12,6 +13,17 @@ use crate::scene::{Body, BodyId, MOST_REFINED, MaterialEntry, Problem, Refine, R
 
 /// The kinds of elements of which a process can build a part alone.
 pub(super) const IN_PARTS: [CellKind; 3] = [CellKind::Tet4, CellKind::Hex8, CellKind::Wedge6];
+
+/// What a process reads of the bodies.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Reading {
+    /// Everything.
+    Whole,
+    /// The part that this process needs.
+    Part(Share),
+    /// Everything but the elements.
+    Nodes,
+}
 
 /// A process of several.
 #[derive(Debug, Clone, Copy)]
@@ -29,6 +41,8 @@ pub(super) struct ReadBody<'a> {
     pub(super) materials: Vec<MaterialPart>,
     /// The order of the elements and nodes, if the mesh is a part of a larger one.
     pub(super) part: Option<PartOrder>,
+    /// The elements, if the mesh is without them.
+    pub(super) far: Option<Arc<dyn FarElements>>,
 }
 
 /// The order of a part of a mesh; see [`MeshPart`].
@@ -36,28 +50,29 @@ pub(super) struct PartOrder {
     pub(super) numbering: Numbering,
     pub(super) elements: Vec<u32>,
     pub(super) run_length: usize,
-    processes: Vec<u32>,
+    runs: Vec<(u32, u32)>,
 }
 
 impl ReadBody<'_> {
-    /// Returns the processes that compute the runs of elements of a part.
-    pub(super) fn processes(&self) -> Vec<u32> {
-        self.part.as_ref().map_or_else(Vec::new, |part| part.processes.clone())
+    /// Returns the numbers of the runs of elements of a part in the whole mesh, and the processes that compute them.
+    pub(super) fn runs(&self) -> Vec<(u32, u32)> {
+        self.part.as_ref().map_or_else(Vec::new, |part| part.runs.clone())
     }
 }
 
-/// Reads all bodies, in the order of the scene, or the parts of them that a process needs. A body that cannot be read adds
+/// Reads all bodies, in the order of the scene, or what a process needs of them. A body that cannot be read adds
 /// problems and gives `None`.
 pub(super) fn bodies<'a>(
     scene: &'a Scene,
-    share: Option<Share>,
+    reading: Reading,
     problems: &mut Vec<Problem>,
 ) -> Vec<Option<ReadBody<'a>>> {
     let mut budget = Budget::of_machine();
     let bodies = scene.bodies.iter().enumerate().map(|(index, body)| (BodyId::new(index), body));
-    let mut read_body = |(id, body)| match share {
-        Some(share) => part(id, body, share).map_err(|problem| problems.push(problem)).ok(),
-        None => read(id, body, &mut budget, problems),
+    let mut read_body = |(id, body)| match reading {
+        Reading::Part(share) => part(id, body, share).map_err(|problem| problems.push(problem)).ok(),
+        Reading::Nodes => nodes(id, body).map_err(|problem| problems.push(problem)).ok(),
+        Reading::Whole => read(id, body, &mut budget, problems),
     };
     bodies.map(&mut read_body).collect()
 }
@@ -81,10 +96,21 @@ fn part(id: BodyId, body: &Body, share: Share) -> Result<ReadBody<'_>, Problem> 
             kind.ok_or_else(|| wrong("its elements cannot be divided before they are built".to_owned()))?;
         MeshPart::of_mesh(&mesh, of_process, run_length(kind, mesh.cells_of_dimension(3).len()))
     };
-    let MeshPart { mesh, numbering, order, run_length, processes } = part;
+    let MeshPart { mesh, numbering, order, run_length, runs } = part;
     let materials = materials(body, &mesh).map_err(wrong)?;
-    let part = Some(PartOrder { numbering, elements: order, run_length, processes });
-    Ok(ReadBody { id, scene: body, read: Imported::generated(mesh), materials, part })
+    let part = Some(PartOrder { numbering, elements: order, run_length, runs });
+    Ok(ReadBody { id, scene: body, read: Imported::generated(mesh), materials, part, far: None })
+}
+
+/// Generates the nodes of a box and the facets of its faces.
+fn nodes(id: BodyId, body: &Body) -> Result<ReadBody<'_>, Problem> {
+    let wrong = |why: String| Problem::new(format!("body[{}].box", id.index()), why);
+    let placed = placed_box(body).ok_or_else(|| wrong("is not there".to_owned()))?;
+    let made = placed.without_elements().map_err(|error| wrong(error.to_string()))?;
+    let (mesh, far) = made.ok_or_else(|| wrong(format!("{} has nodes elsewhere", placed.element)))?;
+    let materials = materials(body, &mesh).map_err(wrong)?;
+    let (read, far) = (Imported::generated(mesh), Some(far));
+    Ok(ReadBody { id, scene: body, read, materials, part: None, far })
 }
 
 /// Returns the number of elements of the runs in which their forces are summed.
@@ -118,7 +144,7 @@ fn try_read<'a>(id: BodyId, body: &'a Body, budget: &mut Budget) -> Result<ReadB
     let mut read = refined(body, coarse).map_err(|message| wrong("refine", message))?;
     read.notes.extend(locking_note(body, &read.mesh).map_err(|message| wrong("locking", message))?);
     let materials = materials(body, &read.mesh).map_err(|message| wrong("material", message))?;
-    Ok(ReadBody { id, scene: body, read, materials, part: None })
+    Ok(ReadBody { id, scene: body, read, materials, part: None, far: None })
 }
 
 /// Returns the mesh of a body from its file or its shape, before refinement.

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::body::{NodeSet, ProbeTarget};
-use super::read::{self, ReadBody, Share};
+use super::read::{self, ReadBody, Reading};
 use super::regions::RegionProbe;
 use super::shape::{Form, form};
 use super::ties::{self, TieSet};
@@ -101,14 +101,13 @@ pub(crate) enum ControlTarget {
     Volume(BodyId, String),
 }
 
-/// Reads the meshes of a scene, or the parts of them that a process needs, and resolves all names. Selections may be empty in a
-/// part.
+/// Reads the meshes of a scene, or what a process needs of them, and resolves all names. Selections may be empty in a part.
 ///
 /// # Errors
 /// Returns all problems at once. Entries that refer to a body that cannot be read are skipped.
-pub(super) fn resolve(scene: &Scene, share: Option<Share>) -> Result<Resolved<'_>, Vec<Problem>> {
+pub(super) fn resolve(scene: &Scene, reading: Reading) -> Result<Resolved<'_>, Vec<Problem>> {
     let mut problems = Vec::new();
-    let bodies = read::bodies(scene, share, &mut problems);
+    let bodies = read::bodies(scene, reading, &mut problems);
     let mut resolver =
         Resolver { names: Names::new(scene), bodies: &bodies, probes: HashMap::new(), problems };
     let fixes = resolver.fixes(&scene.fixes);

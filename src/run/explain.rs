@@ -186,7 +186,7 @@ fn term(text: &mut String, system: &System, potential: &dyn Potential, is_explic
         text,
         "  term '{}': {} stencils of {} nodes; {gradient}; {hessian}",
         potential.name(),
-        stencils.count(),
+        potential.elsewhere().map_or(stencils.count(), |elsewhere| elsewhere.count),
         stencils.arity
     );
     if still > 0 {

@@ -2,19 +2,18 @@
 //! names are computed.
 
 mod names;
+mod observe;
 mod rounding;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use vi_fem::{ElementField, nodal_field};
 use vi_io::{IoError, PvdSeries, VtuArray, VtuFrame, VtuOptions, VtuValues};
-use vi_mesh::{CellBlock, CellKind};
+use vi_mesh::{CellBlock, CellKind, FarBlock};
 
 use super::checkpoint::CheckpointError;
 use super::error::RunError;
-use super::observer::{Observer, Purpose, Sight};
-use super::report::Report;
-use crate::record::{Bytes, record};
 use crate::run::surfaces::SurfaceWriter;
 use crate::scene::{Cache, Encoding, Field, Precision, Schedule};
 use crate::simulation::Simulation;
@@ -44,8 +43,12 @@ pub(crate) struct FrameWriter {
     surfaces: Vec<Vec<[f64; 3]>>,
     surface_cells: usize,
     blocks: Vec<CellBlock>,
-    body_ids: Vec<i32>,
-    material_ids: Vec<i32>,
+    /// The cells of bodies whose elements this process does not hold. There are no others then.
+    far: Vec<FarBlock>,
+    cell_count: usize,
+    /// The number of the body and of the material of the cells, each with the number of cells in succession that have it.
+    body_ids: Vec<(i32, usize)>,
+    material_ids: Vec<(i32, usize)>,
 }
 
 impl FrameWriter {
@@ -88,6 +91,8 @@ impl FrameWriter {
             surfaces: Vec::new(),
             surface_cells: 0,
             blocks: Vec::new(),
+            far: Vec::new(),
+            cell_count: 0,
             body_ids: Vec::new(),
             material_ids: Vec::new(),
         };
@@ -102,7 +107,7 @@ impl FrameWriter {
                 format!("{} points of all bodies are more than 32 bits can number", writer.points.len());
             return Err(IoError::BadOutput { file: writer.series_file, what });
         }
-        writer.smallest_edge = smallest_edge(&writer.points, &writer.blocks);
+        writer.smallest_edge = smallest_edge(&writer.points, &writer.blocks, &writer.far);
         if writer.loses(largest(&writer.points)) {
             writer.options.precision = vi_io::Precision::Double;
         }
@@ -148,8 +153,7 @@ impl FrameWriter {
         self.surfaces.push(points);
         self.surface_cells += triangles.len();
         let body = (simulation.bodies().len() + id) as i32;
-        self.body_ids.resize(self.body_ids.len() + triangles.len(), body);
-        self.material_ids.resize(self.body_ids.len(), -1);
+        self.add_ids(body, -1, triangles.len());
         let nodes = triangles.into_iter().flatten().map(|node| node + offset);
         match self.blocks.last_mut() {
             Some(block) if block.kind == CellKind::Tri3 => block.nodes.extend(nodes),
@@ -161,7 +165,12 @@ impl FrameWriter {
     fn add(&mut self, id: i32, body: &crate::model::BodyModel) {
         let offset = self.points.len() as u32;
         self.points.extend_from_slice(&body.mesh.points);
+        if let Some(far) = &body.far {
+            self.far.push(FarBlock { elements: Arc::clone(far), first_node: offset });
+            self.add_ids(id, 0, far.count());
+        }
         for (material, part) in body.materials.iter().enumerate() {
+            self.add_ids(id, material as i32, part.elements.len());
             for &element in &part.elements {
                 let Some((kind, nodes)) = body.mesh.cell(element as usize) else { continue };
                 let nodes = nodes.iter().map(|node| node + offset);
@@ -169,10 +178,15 @@ impl FrameWriter {
                     Some(block) if block.kind == kind => block.nodes.extend(nodes),
                     _ => self.blocks.push(CellBlock { kind, nodes: nodes.collect() }),
                 }
-                self.body_ids.push(id);
-                self.material_ids.push(material as i32);
             }
         }
+    }
+
+    /// Enters the numbers of the body and of the material of the next cells.
+    fn add_ids(&mut self, body: i32, material: i32, count: usize) {
+        self.cell_count += count;
+        self.body_ids.push((body, count));
+        self.material_ids.push((material, count));
     }
 
     /// Returns the number of frames written.
@@ -302,7 +316,7 @@ impl FrameWriter {
     fn write_at(&mut self, simulation: &Simulation, time: f64) -> Result<(), IoError> {
         let bodies = 0..simulation.bodies().len();
         let mut points: Vec<(&str, Vec<f64>)> = Vec::new();
-        let mut cells: Vec<(&str, &[i32])> = Vec::new();
+        let mut cells: Vec<(&str, &[(i32, usize)])> = Vec::new();
         let mut real_cells: Vec<(ElementField, Vec<f64>)> = Vec::new();
         let mut nodal: Vec<(String, usize, Vec<f64>)> = Vec::new();
         for &field in &self.fields {
@@ -367,7 +381,7 @@ impl FrameWriter {
         let integers = cells.iter().map(|(name, values)| VtuArray {
             name,
             components: 1,
-            values: VtuValues::Integer(values),
+            values: VtuValues::Repeated { runs: values, skip: 0, count: self.cell_count },
         });
         let reals = real_cells.iter().map(|(field, values)| VtuArray {
             name: field.name(),
@@ -378,6 +392,7 @@ impl FrameWriter {
         let frame = VtuFrame {
             points: &self.points,
             blocks: &self.blocks,
+            far: &self.far,
             regions: &[],
             point_data: &point_data,
             cell_data: &cell_data,
@@ -402,7 +417,7 @@ impl FrameWriter {
 
     /// Returns a field of all elements, in the order of the cells.
     fn element_values(&self, simulation: &Simulation, field: ElementField) -> (ElementField, Vec<f64>) {
-        let mut values = Vec::with_capacity(self.body_ids.len() * field.component_count());
+        let mut values = Vec::with_capacity(self.cell_count * field.component_count());
         // The check of the scene refuses these fields in a scene with sheets.
         for body in 0..simulation.bodies().len() {
             values.extend(simulation.element_values(body, field));
@@ -446,6 +461,7 @@ impl FrameWriter {
         let frame = VtuFrame {
             points: &self.points,
             blocks: &self.blocks,
+            far: &self.far,
             regions: &[],
             point_data: &[VtuArray { name: "displacement", components: 3, values }],
             cell_data: &[],
@@ -453,45 +469,5 @@ impl FrameWriter {
             field_data,
         };
         vi_io::write_vtu(&self.directory.join(file), &frame, self.options)
-    }
-}
-
-/// The state of the writer: the frames that have been written.
-struct Written {
-    count: u64,
-    /// Time and file of each. `None` in a snapshot to go back to, which keeps the first `count` frames of the writer.
-    frames: Option<Vec<(f64, String)>>,
-}
-
-record!(Written { count: u64, frames: Option<Vec<(f64, String)>> });
-
-impl Observer for FrameWriter {
-    fn name(&self) -> &'static str {
-        "frames"
-    }
-
-    fn see(&mut self, sight: &Sight<'_>) -> Result<(), RunError> {
-        if let Sight::Frame(simulation) = sight {
-            self.write(simulation)?;
-        }
-        Ok(())
-    }
-
-    fn snapshot(&self, purpose: Purpose) -> Bytes {
-        let frames = (purpose == Purpose::Resume).then(|| self.frames().to_vec());
-        Bytes::of(&Written { count: self.count() as u64, frames })
-    }
-
-    fn restore(&mut self, snapshot: &Bytes) -> Result<(), RunError> {
-        let Written { count, frames } = snapshot.value()?;
-        match frames {
-            Some(frames) => self.resume(&frames)?,
-            None => self.truncate(count as usize)?,
-        }
-        Ok(())
-    }
-
-    fn report(&self, _: &Simulation, report: &mut Report) {
-        report.frames = self.count();
     }
 }

@@ -105,32 +105,44 @@ fn largest_displacement(simulation: &Simulation) -> Option<Peak> {
 fn largest_von_mises(simulation: &Simulation) -> Option<Peak> {
     let mut largest: Option<Peak> = None;
     for (number, body) in simulation.bodies().iter().enumerate() {
-        for (element, value) in body.elements().zip(simulation.element_values(number, ElementField::VonMises))
-        {
-            if value > largest.as_ref().map_or(f64::NEG_INFINITY, |peak| peak.value) {
-                let element = element as usize;
-                let nodes = body.mesh.cell(element).map_or(&[][..], |(_, nodes)| nodes);
-                let position = mean(nodes.iter().map(|&node| body.mesh.points[node as usize]));
-                let body = body.name.clone();
-                largest = Some(Peak { value, body, node: None, element: Some(element), position });
+        let mut elements = body.elements();
+        simulation.each_element_value(number, ElementField::VonMises, |values| {
+            for (&value, element) in values.iter().zip(elements.by_ref()) {
+                if value > largest.as_ref().map_or(f64::NEG_INFINITY, |peak| peak.value) {
+                    let nodes = body.nodes_of(element);
+                    let position = mean(nodes.iter().map(|&node| body.mesh.points[node as usize]));
+                    let (body, element) = (body.name.clone(), Some(element as usize));
+                    largest = Some(Peak { value, body, node: None, element, position });
+                }
             }
-        }
+        });
     }
     largest
 }
 
 fn reactions(simulation: &Simulation) -> Vec<Reaction> {
-    // Positions and reactions of the nodes of bodies with a fix.
-    let mut of_body: HashMap<usize, [Vec<[f64; 3]>; 2]> = HashMap::new();
+    // Reactions and positions of the nodes with a fix. Those of a whole large body take much memory: one after the other.
+    let mut of_body: HashMap<usize, HashMap<u32, [[f64; 3]; 2]>> = HashMap::new();
+    for (_, NodeSet { body, nodes }) in simulation.fixed_nodes() {
+        let of_nodes = of_body.entry(body.index()).or_default();
+        of_nodes.extend(nodes.iter().map(|&node| (node, [[0.0; 3]; 2])));
+    }
+    for (&body, of_nodes) in &mut of_body {
+        let held = simulation.reactions(body);
+        of_nodes.iter_mut().for_each(|(&node, [_, of_node])| *of_node = held[node as usize]);
+        drop(held);
+        let x = simulation.positions(body);
+        of_nodes.iter_mut().for_each(|(&node, [of_node, _])| *of_node = x[node as usize]);
+    }
     let mut counted: HashSet<(usize, u32, usize)> = HashSet::new();
     let mut all = Vec::new();
     for (fix, NodeSet { body, nodes }) in simulation.fixed_nodes() {
         let body = body.index();
-        let [x, held] =
-            of_body.entry(body).or_insert_with(|| [simulation.positions(body), simulation.reactions(body)]);
-        let centroid = mean(nodes.iter().map(|&node| x[node as usize]));
+        let of_nodes = &of_body[&body];
+        let centroid = mean(nodes.iter().map(|node| of_nodes[node][0]));
         let (mut force, mut moment) = ([0.0; 3], [0.0; 3]);
         for &node in nodes {
+            let [x, held] = of_nodes[&node];
             let mut own = [0.0; 3];
             // A node that is held along a local direction has one reaction, along it.
             let axes = match fix.space_axes() {
@@ -139,10 +151,10 @@ fn reactions(simulation: &Simulation) -> Vec<Reaction> {
             };
             for axis in axes {
                 if counted.insert((body, node, axis)) {
-                    own[axis] = held[node as usize][axis];
+                    own[axis] = held[axis];
                 }
             }
-            let arm = [0, 1, 2].map(|k| x[node as usize][k] - centroid[k]);
+            let arm = [0, 1, 2].map(|k| x[k] - centroid[k]);
             for k in 0..3 {
                 let (i, j) = ((k + 1) % 3, (k + 2) % 3);
                 force[k] += own[k];

@@ -12,13 +12,13 @@ use super::checkpoint::Origin;
 use super::error::RunError;
 use crate::record::{self, record};
 use crate::scene::{LinearChoice, Problem, Scene};
-use crate::simulation::{RankFacts, Simulation, is_shared, members, problems_of_ranks};
+use crate::simulation::{RankFacts, Simulation, are_complete, is_shared, members, problems_of_ranks};
 
 /// What the first rank sends before a run; a command to step has other first bytes.
 const START: &[u8; 8] = b"VI-START";
 /// What it sends at the end of the program, before the exit code.
 const END: &[u8; 8] = b"VI-ENDED";
-const FORMAT: u64 = 1;
+const FORMAT: u64 = 2;
 
 /// The ranks of a run.
 pub struct Team {
@@ -43,12 +43,23 @@ record!(Order { program: u64, threads: u64, in_parts: u64, origin: Origin });
 struct Answer {
     /// Why it cannot run the scene; empty if it can.
     problem: String,
+    /// 1 if its parts of the bodies do not suffice for its portion, else 0.
+    is_incomplete: u64,
     /// What it sends per evaluation of forces.
     bytes: u64,
     node_sum_bytes: u64,
 }
 
-record!(Answer { problem: String, bytes: u64, node_sum_bytes: u64 });
+record!(Answer { problem: String, is_incomplete: u64, bytes: u64, node_sum_bytes: u64 });
+
+/// A simulation that all ranks have built.
+struct Built {
+    simulation: Simulation,
+    /// What the rank that sends most sends per force.
+    most: Traffic,
+    /// Whether every rank could make its portion from a part of the bodies, if it should.
+    is_complete: bool,
+}
 
 impl Default for Team {
     fn default() -> Self {
@@ -105,34 +116,52 @@ impl Team {
         if !is_shared(&scene, &self.exchange) {
             return Ok((Simulation::new(scene).map_err(RunError::Scene)?, None));
         }
-        let simulation = Simulation::shared(scene, &self.exchange).map_err(RunError::Scene)?;
         let threads = rayon::current_num_threads() as u64;
+        let mut made = self.build_by_all((scene.clone(), name), threads, true)?;
+        if !made.is_complete {
+            // The part of a rank does not suffice: all build the whole bodies.
+            made = self.build_by_all((scene, name), threads, false)?;
+        }
+        let Built { simulation, most: Traffic { bytes, node_sum_bytes }, .. } = made;
+        let note = format!("{size} ranks of {threads} threads; a rank sends at most {bytes} bytes per force");
+        let facts = RankFacts {
+            count: size,
+            bytes_per_force: bytes,
+            bytes_per_force_of_node_sums: node_sum_bytes,
+            in_parts: simulation.is_of_parts(),
+        };
+        Ok((simulation.with_ranks(facts), Some(note)))
+    }
+
+    /// Builds the simulation of a scene by all ranks, in parts if it can.
+    fn build_by_all(
+        &self,
+        (scene, name): (Scene, &str),
+        threads: u64,
+        in_parts: bool,
+    ) -> Result<Built, RunError> {
+        let simulation = Simulation::shared(scene, in_parts, &self.exchange).map_err(RunError::Scene)?;
         let origin = Origin::new(simulation.scene(), name)?;
         let in_parts = u64::from(simulation.is_of_parts());
         let order = Order { program: program(), threads, in_parts, origin };
         self.exchange.pieces(&record::seal(START, FORMAT, &order));
         let Traffic { bytes, node_sum_bytes } = simulation.traffic();
-        let own = Answer { problem: String::new(), bytes, node_sum_bytes };
+        let own = Answer { problem: String::new(), is_incomplete: 0, bytes, node_sum_bytes };
         let answers = self.exchange.pieces(&record::seal(START, FORMAT, &own));
         let mut most = Traffic::default();
+        let mut is_complete = true;
         for (rank, bytes) in answers.iter().enumerate() {
-            let Answer { problem, bytes, node_sum_bytes } = record::unseal(START, FORMAT, bytes)?;
+            let Answer { problem, is_incomplete, bytes, node_sum_bytes } =
+                record::unseal(START, FORMAT, bytes)?;
             if !problem.is_empty() {
                 return Err(RunError::Scene(vec![Problem::new("", format!("rank {rank}: {problem}"))]));
             }
+            is_complete &= is_incomplete == 0;
             if bytes > most.bytes {
                 most = Traffic { bytes, node_sum_bytes };
             }
         }
-        let bytes = most.bytes;
-        let note = format!("{size} ranks of {threads} threads; a rank sends at most {bytes} bytes per force");
-        let facts = RankFacts {
-            count: size,
-            bytes_per_force: bytes,
-            bytes_per_force_of_node_sums: most.node_sum_bytes,
-            in_parts: in_parts == 1,
-        };
-        Ok((simulation.with_ranks(facts), Some(note)))
+        Ok(Built { simulation, most, is_complete })
     }
 
     /// Obeys the first rank until it ends the program; returns the exit code. For all ranks but the first.
@@ -147,20 +176,20 @@ impl Team {
             }
             if bytes.starts_with(START) {
                 members.clear();
-                let prepared = self.prepare(bytes).map(|(found, threads)| {
+                let prepared = self.prepare(bytes).map(|(found, in_parts, threads)| {
                     members = found;
-                    threads
+                    (u64::from(in_parts && !are_complete(&members)), threads)
                 });
-                let (problem, threads) = match prepared {
-                    Ok(threads) => (String::new(), threads),
-                    Err(problem) => (problem, 1),
+                let (problem, (is_incomplete, threads)) = match prepared {
+                    Ok(prepared) => (String::new(), prepared),
+                    Err(problem) => (problem, (0, 1)),
                 };
                 // Without threads of its own, a rank uses those of the process.
                 pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok();
                 let mut sent = Traffic::default();
                 members.iter_mut().flatten().for_each(|member| sent += member.traffic());
                 let Traffic { bytes, node_sum_bytes } = sent;
-                let answer = Answer { problem, bytes, node_sum_bytes };
+                let answer = Answer { problem, is_incomplete, bytes, node_sum_bytes };
                 self.exchange.pieces(&record::seal(START, FORMAT, &answer));
                 continue;
             }
@@ -178,8 +207,8 @@ impl Team {
         self.exchange.pieces(&[&END[..], &[code]].concat());
     }
 
-    /// Builds what this rank steps; returns it with the number of threads.
-    fn prepare(&self, order: &[u8]) -> Result<(Vec<Option<Member>>, usize), String> {
+    /// Builds what this rank steps; returns it with whether it is of parts, and the number of threads.
+    fn prepare(&self, order: &[u8]) -> Result<(Vec<Option<Member>>, bool, usize), String> {
         let order: Order = record::unseal(START, FORMAT, order).map_err(|error| error.to_string())?;
         let own = program();
         if own != order.program {
@@ -199,9 +228,10 @@ impl Team {
                 ));
             }
         }
-        let members = members(&scene, order.in_parts == 1, &self.exchange)
+        let in_parts = order.in_parts == 1;
+        let members = members(&scene, in_parts, &self.exchange)
             .map_err(|problems| problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))?;
-        Ok((members, order.threads as usize))
+        Ok((members, in_parts, order.threads as usize))
     }
 }
 

@@ -12,6 +12,8 @@ pub(super) fn has_domain(system: &System) -> bool {
     let collapsed = vec![0.0; system.coordinates().dof_count()];
     system.potentials().iter().any(|term| {
         let mut energy = [0.0];
+        let few = term.elsewhere().map(|elsewhere| (elsewhere.make)(&[0]));
+        let term = few.as_ref().map_or(term.as_ref(), |few| few.term.as_ref());
         let is_varying = term.traits().hessian == HessianKind::Varying && term.stencils().count() > 0;
         if is_varying {
             term.energies(0..1, &collapsed, 0.0, &mut energy);

@@ -2,7 +2,8 @@
 //! finite.
 
 use vi_core::{HessianKind, Potential, angular_momentum, kinetic_energy, linear_momentum};
-use vi_fem::{ElementField, element_field};
+use vi_fem::{ElementField, Law, element_field};
+use vi_mesh::{Mesh, Window};
 use vi_solvers::{Assembler, SolverError};
 
 use super::contact::ContactTotals;
@@ -129,13 +130,28 @@ impl Simulation {
     /// this energy at rest. D is the distance by which the coordinates exceed the extent of the component: far from
     /// the origin the coordinates have a larger round-off.
     pub(crate) fn resolution(&self) -> f64 {
-        let of_term = |term: &dyn Potential, x: &[f64], t: f64, beyond: f64| -> f64 {
-            let stencils = term.stencils();
-            let (count, size, block) = (stencils.count(), stencils.size(), stencils.block);
+        // The stencils of a term that are in the sample, and the number of those for which each of them stands.
+        let sample = |count: usize| {
             let stride = count.div_ceil(64).max(1);
+            ((0..count).step_by(stride).collect::<Vec<usize>>(), stride)
+        };
+        let of_term = |term: &dyn Potential, x: &[f64], (t, beyond): (f64, f64)| -> f64 {
+            let few = term.elsewhere().map(|elsewhere| {
+                let (stencils, stride) = sample(elsewhere.count);
+                ((elsewhere.make)(&stencils), stride)
+            });
+            let positions = few.as_ref().map(|(few, _)| few.positions(x));
+            let (term, x, (chosen, stride)) = match (&few, &positions) {
+                (Some((few, stride)), Some(x)) => {
+                    (few.term.as_ref(), &x[..], ((0..few.elements.len()).collect(), *stride))
+                }
+                _ => (term, x, sample(term.stencils().count())),
+            };
+            let stencils = term.stencils();
+            let (size, block) = (stencils.size(), stencils.block);
             let mut packed = vec![0.0; vi_core::packed_len(size)];
             let mut sum = 0.0;
-            for stencil in (0..count).step_by(stride) {
+            for stencil in chosen {
                 term.hessians(stencil..stencil + 1, x, t, &mut packed);
                 let trace: f64 = (0..size).map(|i| packed[vi_core::packed_len(i + 1) - 1].abs()).sum();
                 let nodes = stencils.of(stencil);
@@ -156,7 +172,7 @@ impl Simulation {
             let varying = terms.filter(|term| term.traits().hessian != HessianKind::Zero);
             let [extent, reach] = component.system.coordinates().extent_and_reach(&x);
             let beyond = (reach - extent).max(0.0);
-            total += varying.map(|term| of_term(term.as_ref(), &x, component.state.t, beyond)).sum::<f64>();
+            total += varying.map(|term| of_term(term.as_ref(), &x, (component.state.t, beyond))).sum::<f64>();
         }
         1e-16 * total
     }
@@ -207,16 +223,32 @@ impl Simulation {
 
     /// Returns a field on the solid elements of body number `body`, in the order of its material entries.
     pub fn element_values(&self, body: usize, field: ElementField) -> Vec<f64> {
+        let mut values = Vec::with_capacity(self.bodies[body].element_count() * field.component_count());
+        self.each_element_value(body, field, |part| values.extend_from_slice(part));
+        values
+    }
+
+    /// Calls `see` with these values of some elements after the other.
+    pub(crate) fn each_element_value(&self, body: usize, field: ElementField, mut see: impl FnMut(&[f64])) {
         let (x, body) = (self.positions(body), &self.bodies[body]);
-        let mut values = Vec::with_capacity(body.element_count() * field.component_count());
+        // These cells were accepted as solid elements of this mesh when the body was built.
+        let mut enter = |mesh: &Mesh, elements: &[u32], law: &Law, x: &[[f64; 3]]| {
+            if let Ok(part) = element_field(mesh, elements, law, body.locking, x.as_flattened(), field) {
+                see(&part);
+            }
+        };
         for (elements, law) in body.solids() {
-            // These cells were accepted as solid elements of this mesh when the body was built.
-            if let Ok(part) = element_field(&body.mesh, elements, law, body.locking, x.as_flattened(), field)
-            {
-                values.extend(part);
+            let Some(far) = &body.far else {
+                enter(&body.mesh, elements, law, &x);
+                continue;
+            };
+            for range in far.ranges() {
+                let all: Vec<u32> = (0..range.len() as u32).collect();
+                let Window { mesh, nodes } = far.window(range);
+                let of_window: Vec<[f64; 3]> = nodes.iter().map(|&node| x[node as usize]).collect();
+                enter(&mesh, &all, law, &of_window);
             }
         }
-        values
     }
 
     fn nodal(&self, body: usize, values: impl Fn(&Component) -> Vec<f64>) -> Vec<[f64; 3]> {

@@ -8,8 +8,8 @@ use vi_solvers::{Member, SolverOptions};
 
 use super::Simulation;
 use super::needs::{keeps_ledger, method_of, problem_of_ranks};
-use crate::model::parts::build_parts;
-use crate::model::{self, Share};
+use crate::model::parts::{Runs, build_parts, is_separable};
+use crate::model::{self, BodyModel, Holding, Share};
 use crate::scene::{GuardAction, LinearChoice, Problem, Scene};
 
 /// The ranks of a run, and what they exchange.
@@ -49,6 +49,24 @@ pub(crate) fn is_shared(scene: &Scene, exchange: &Arc<dyn Exchange>) -> bool {
 }
 
 impl Simulation {
+    /// Builds the simulation as [`Simulation::new`] does, with terms that all ranks of `exchange` share. This is the first
+    /// rank. Nothing may be evaluated before the others have made their [`members`]. With `in_parts`, ranks need only the parts
+    /// of the bodies that they compute, if the scene allows it ([`Simulation::is_of_parts`]).
+    ///
+    /// # Errors
+    /// Returns the errors of [`Simulation::new`], and terms that do not run on several ranks.
+    pub(crate) fn shared(
+        scene: Scene,
+        in_parts: bool,
+        exchange: &Arc<dyn Exchange>,
+    ) -> Result<Self, Vec<Problem>> {
+        // The first rank makes its portion from a part as the others do, without the maps of the whole sum.
+        let is_sound = in_parts && scene.problems().is_empty() && is_separable(&scene);
+        let own = if is_sound { members(&scene, true, exchange).unwrap_or_default() } else { Vec::new() };
+        let own = if are_complete(&own) { own } else { Vec::new() };
+        Self::build(scene, (exchange, own), Ok)
+    }
+
     /// Returns whether all ranks make their portions from the parts of the bodies that they need, instead of whole bodies.
     pub(crate) fn is_of_parts(&self) -> bool {
         self.components.iter().all(|component| component.is_of_parts)
@@ -68,6 +86,25 @@ impl Simulation {
     }
 }
 
+/// Returns whether these portions can be those of parts: every component has one, which is complete.
+pub(crate) fn are_complete(members: &[Option<Member>]) -> bool {
+    members.iter().all(|member| member.as_ref().is_some_and(Member::is_complete))
+}
+
+/// Returns the nodes of a component that each of several ranks holds, if this rank does not hold its elements.
+pub(crate) fn far_nodes(bodies: &[BodyModel], component: usize, size: usize) -> Option<Vec<Vec<u32>>> {
+    // Such a body is a component.
+    let body = bodies.iter().find(|body| body.component == component)?;
+    let far = body.far.as_ref()?;
+    let run_length = vi_core::run_length(far.count(), 3 * far.kind().node_count());
+    let mut nodes = far.nodes_of_processes(size, run_length);
+    for nodes in &mut nodes {
+        nodes.iter_mut().for_each(|node| *node = body.numbering.of(*node));
+        nodes.sort_unstable();
+    }
+    Some(nodes)
+}
+
 /// Returns the portions of the components of a scene that this rank steps; `None` for a component without a free
 /// coordinate. If `in_parts`, this rank generates only the parts of the bodies that it needs
 /// ([`Simulation::is_of_parts`]).
@@ -85,24 +122,24 @@ pub(crate) fn members(
         true => {
             let share = Share { process: exchange.rank(), count: exchange.size() };
             let parts = build_parts(scene, share)?.into_iter();
-            parts.map(|(system, state, run_ranks)| (system, state, Some(run_ranks))).collect()
+            parts.map(|(system, state, runs)| (system, state, Some(runs))).collect()
         }
         false => {
-            let whole = model::build(scene, true)?.components.into_iter();
+            let whole = model::build(scene, Holding::Portions)?.components.into_iter();
             whole.map(|(system, state)| (system, state, None)).collect()
         }
     };
     components
         .into_iter()
-        .map(|(system, state, run_ranks): (System, State, Option<Vec<Vec<u32>>>)| {
+        .map(|(system, state, runs): (System, State, Option<Runs>)| {
             let ledger = keeps_ledger(scene, &system);
             let options = SolverOptions { ledger, ..scene.solver.options() };
             if system.coordinates().free_count() == 0 {
                 return Ok(None);
             }
             let (run, exchange) = ((&method, &options), Arc::clone(exchange));
-            let member = match &run_ranks {
-                Some(run_ranks) => Member::of_part((&system, run_ranks), &state, run, exchange),
+            let member = match &runs {
+                Some(runs) => Member::of_part((&system, runs), &state, run, exchange),
                 None => Member::new(&system, &state, run, exchange),
             };
             member.map(Some).map_err(|error| vec![problem_of_ranks(&error)])
@@ -164,8 +201,9 @@ mod tests {
                         }
                     });
                 }
-                let mut shared = Simulation::shared(scene.clone(), &first).unwrap();
+                let mut shared = Simulation::shared(scene.clone(), true, &first).unwrap();
                 assert!(shared.is_of_parts());
+                assert_eq!(shared.bodies[0].far.is_some(), scene.bodies[0].box_shape.is_some());
                 for _ in 0..5 {
                     shared.step().unwrap();
                 }

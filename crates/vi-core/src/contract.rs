@@ -8,6 +8,7 @@ pub(crate) mod coordinates;
 pub(crate) mod dense;
 pub(crate) mod discrete_gradient;
 pub(crate) mod disjoint_sets;
+pub(crate) mod elsewhere;
 pub(crate) mod exchange;
 pub(crate) mod force;
 pub(crate) mod inertia;

@@ -12,6 +12,7 @@ pub use contract::conserved::{angular_momentum, kinetic_energy, linear_momentum}
 pub use contract::coordinates::{Coordinates, Fixed, Path, Prescribed};
 pub use contract::discrete_gradient::{Acting, DiscreteGradient, Impulse, StepOutcome};
 pub use contract::disjoint_sets::DisjointSets;
+pub use contract::elsewhere::Elsewhere;
 pub use contract::exchange::{Alone, Exchange, Message, ThreadRank, Traffic};
 pub use contract::force::{Force, ForceAccount};
 pub use contract::inertia::solve_mass;
@@ -20,12 +21,14 @@ pub use contract::meeting::Meeting;
 pub use contract::node_axes::NodeAxes;
 pub use contract::patch::{Padded, Patch, PatchArray, run_length};
 pub use contract::portion::{Portion, coordinates_of_nodes};
-pub use contract::potential::{Account, Fault, HessianKind, Potential, Stencils, Traits, packed_len};
+pub use contract::potential::{
+    Account, Far, Fault, Few, HessianKind, MakeFew, Potential, Stencils, Traits, packed_len,
+};
 pub use contract::power_of_two::binary_exponent;
 pub use contract::quadrature::Quadrature;
 pub use contract::rank_solver::{BlockRows, RankSolver};
 pub use contract::scheme::{Interpolation, Scheme};
-pub use contract::shared::{RunEnergy, SharedSolve, SharedTerms, SolverFacts};
+pub use contract::shared::{LanczosStart, RunEnergy, SharedSolve, SharedTerms, SolverFacts};
 pub use contract::system::{State, System};
 pub use contract::terms::{Live, Terms};
 pub use contract::tube::Tube;

@@ -36,6 +36,7 @@ pub use sheet::material::{IsotropicSheet, SheetCommon, SheetMaterial, SheetParam
 pub use small::tensor;
 pub use solid::check::check_body;
 pub use solid::consistent_mass::consistent_mass;
+pub use solid::elastic::elsewhere::elastic_elsewhere;
 pub use solid::elastic::{elastic, elastic_in_portions, elastic_in_runs, elastic_on};
 pub use solid::element::SOLIDS;
 pub use solid::element::contract::Element;

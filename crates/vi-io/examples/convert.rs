@@ -45,6 +45,7 @@ fn convert(input: &Path, output: &Path, options: VtuOptions) -> Result<(), IoErr
     let frame = VtuFrame {
         points: &file.mesh.points,
         blocks: &file.mesh.blocks,
+        far: &[],
         regions: &file.mesh.regions,
         point_data: &point_data,
         cell_data: &cell_data,

@@ -24,6 +24,7 @@ mod vtk;
 #[cfg(feature = "vtkio")]
 mod vtkio_model;
 mod vtu;
+mod vtu_frame;
 mod vtu_write;
 
 pub use error::{IoError, Place};
@@ -41,6 +42,5 @@ pub use replace::replace_file;
 pub use stl::parse_stl;
 pub use surface_write::{TriangleSurface, write_obj, write_ply};
 pub use vtu::parse_vtu;
-pub use vtu_write::{
-    Precision, VtuArray, VtuEncoding, VtuFrame, VtuOptions, VtuValues, encode_vtu, write_vtu,
-};
+pub use vtu_frame::{Precision, VtuArray, VtuFrame, VtuValues};
+pub use vtu_write::{VtuEncoding, VtuOptions, encode_vtu, write_vtu};

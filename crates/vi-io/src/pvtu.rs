@@ -11,7 +11,8 @@ use quick_xml::escape::escape;
 use crate::error::IoError;
 use crate::replace::replace_file;
 use crate::vtk::groups::array_of;
-use crate::vtu_write::{Precision, VtuArray, VtuFrame, VtuOptions, VtuValues, check, write_vtu};
+use crate::vtu_frame::{Precision, VtuArray, VtuFrame, VtuValues, check, repeated};
+use crate::vtu_write::{VtuOptions, write_vtu};
 use vi_mesh::{CellBlock, Region};
 
 /// Writes a frame to the PVTU file `path` and pieces `<stem>_p000.vtu` … beside it. A piece is a run of cells with at most
@@ -32,21 +33,20 @@ pub fn write_pvtu(
     let mut names = Vec::new();
     let mut piece = Piece { number_of: vec![NONE; frame.points.len()], ..Piece::default() };
     let mut cell = 0;
-    for block in frame.blocks {
-        for nodes in block.cells() {
-            let new = nodes.iter().filter(|&&node| piece.number_of[node as usize] == NONE).count();
-            if piece.points.len() + new > most_points && !piece.blocks.is_empty() {
-                names.push(format!("{stem}_p{:03}.vtu", names.len()));
-                piece.write(&sibling(path, &names[names.len() - 1]), frame, options, cell)?;
-            }
-            let nodes: Vec<u32> = nodes.iter().map(|&node| piece.number(node)).collect();
-            match piece.blocks.last_mut() {
-                Some(last) if last.kind == block.kind => last.nodes.extend(nodes),
-                _ => piece.blocks.push(CellBlock { kind: block.kind, nodes }),
-            }
-            cell += 1;
+    frame.cells().each(|kind, nodes| {
+        let new = nodes.iter().filter(|&&node| piece.number_of[node as usize] == NONE).count();
+        if piece.points.len() + new > most_points && !piece.blocks.is_empty() {
+            names.push(format!("{stem}_p{:03}.vtu", names.len()));
+            piece.write(&sibling(path, &names[names.len() - 1]), frame, options, cell)?;
         }
-    }
+        let nodes: Vec<u32> = nodes.iter().map(|&node| piece.number(node)).collect();
+        match piece.blocks.last_mut() {
+            Some(last) if last.kind == kind => last.nodes.extend(nodes),
+            _ => piece.blocks.push(CellBlock { kind, nodes }),
+        }
+        cell += 1;
+        Ok::<(), IoError>(())
+    })?;
     names.push(format!("{stem}_p{:03}.vtu", names.len()));
     piece.write(&sibling(path, &names[names.len() - 1]), frame, options, cell)?;
     replace_file(path, |out| out.write_all(list(frame, options, &names).as_bytes()))
@@ -100,6 +100,7 @@ impl Piece {
         let piece = VtuFrame {
             points: &points,
             blocks: &self.blocks,
+            far: &[],
             regions: &regions,
             point_data: &point_data,
             cell_data: &cell_data,
@@ -127,6 +128,10 @@ impl Values {
         match array.values {
             VtuValues::Real(values) => Self::Real(chosen(values, array.components, points)),
             VtuValues::Integer(values) => Self::Integer(chosen(values, array.components, points)),
+            VtuValues::Repeated { runs, skip, count } => {
+                let values: Vec<i32> = repeated(runs).skip(skip).take(count).collect();
+                Self::Integer(chosen(&values, array.components, points))
+            }
         }
     }
 
@@ -144,6 +149,9 @@ fn of_cells<'a>(array: &VtuArray<'a>, cells: &Range<usize>) -> VtuArray<'a> {
     let values = match array.values {
         VtuValues::Real(values) => VtuValues::Real(&values[range]),
         VtuValues::Integer(values) => VtuValues::Integer(&values[range]),
+        VtuValues::Repeated { runs, skip, .. } => {
+            VtuValues::Repeated { runs, skip: skip + range.start, count: range.len() }
+        }
     };
     VtuArray { values, ..*array }
 }

@@ -16,70 +16,12 @@ use quick_xml::escape::escape;
 use crate::error::IoError;
 use crate::replace::replace_file;
 use crate::vtk::groups::array_of;
-use vi_mesh::{CellBlock, Region};
+use crate::vtu_frame::{Cells, Precision, VtuFrame, VtuValues, check, repeated};
 
 /// Size of a block that is compressed separately, bytes.
 const BLOCK: usize = 1 << 17;
 /// Digits reserved for a 64-bit offset that is filled in later.
 const OFFSET_DIGITS: usize = 20;
-
-/// Contents of a VTU file to write.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct VtuFrame<'a> {
-    /// Coordinates in metres.
-    pub points: &'a [[f64; 3]],
-    /// The cells.
-    pub blocks: &'a [CellBlock],
-    /// Groups of cells. They become cell arrays `group:<name>` of 0 and 1, which the reader turns back into groups.
-    pub regions: &'a [Region],
-    /// Arrays over the points.
-    pub point_data: &'a [VtuArray<'a>],
-    /// Arrays over all cells, in the order of the blocks.
-    pub cell_data: &'a [VtuArray<'a>],
-    /// Time in seconds, written as `TimeValue`.
-    pub time: Option<f64>,
-    /// Further named numbers of the whole frame, all finite.
-    pub field_data: &'a [(&'a str, &'a [f64])],
-}
-
-/// A named array to write.
-#[derive(Clone, Copy, Debug)]
-pub struct VtuArray<'a> {
-    /// The name.
-    pub name: &'a str,
-    /// Values per point or cell, at least 1.
-    pub components: usize,
-    /// The values, tuple after tuple.
-    pub values: VtuValues<'a>,
-}
-
-/// Values of an array to write.
-#[derive(Clone, Copy, Debug)]
-pub enum VtuValues<'a> {
-    /// Real numbers, all finite, written in the precision of the options.
-    Real(&'a [f64]),
-    /// Integers such as `material_id`, written as Int32.
-    Integer(&'a [i32]),
-}
-
-impl VtuValues<'_> {
-    fn len(&self) -> usize {
-        match self {
-            Self::Real(values) => values.len(),
-            Self::Integer(values) => values.len(),
-        }
-    }
-}
-
-/// Precision of real numbers in a file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Precision {
-    /// Float32: for viewing.
-    Single,
-    /// Float64: bit for bit, for restarts.
-    #[default]
-    Double,
-}
 
 /// Position and encoding of the data in the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -125,9 +67,9 @@ pub fn write_vtu(path: &Path, frame: &VtuFrame, options: VtuOptions) -> Result<(
 /// Returns the errors of `out`, and [`io::ErrorKind::InvalidInput`] where [`write_vtu`] returns [`IoError::BadOutput`].
 pub fn encode_vtu<W: Write + Seek>(out: &mut W, frame: &VtuFrame, options: VtuOptions) -> io::Result<()> {
     check(frame, options.precision).map_err(|what| io::Error::new(io::ErrorKind::InvalidInput, what))?;
-    let cell_count: usize = frame.blocks.iter().map(CellBlock::cell_count).sum();
-    let node_count: usize = frame.blocks.iter().map(|block| block.nodes.len()).sum();
-    let wide = needs_64_bits(frame.points.len(), node_count);
+    let cells = frame.cells();
+    let cell_count = cells.count();
+    let wide = needs_64_bits(frame.points.len(), cells.node_count());
     let mut writer = Writer { out, options, later: Vec::new() };
     let compressor = if options.compression > 0 { " compressor=\"vtkZLibDataCompressor\"" } else { "" };
     writeln!(
@@ -167,9 +109,9 @@ pub fn encode_vtu<W: Write + Seek>(out: &mut W, frame: &VtuFrame, options: VtuOp
     writeln!(writer.out, "</CellData>\n<Points>")?;
     writer.array("Points", 3, Data::Values(VtuValues::Real(frame.points.as_flattened())))?;
     writeln!(writer.out, "</Points>\n<Cells>")?;
-    writer.array("connectivity", 1, Data::Connectivity { blocks: frame.blocks, wide })?;
-    writer.array("offsets", 1, Data::Offsets { blocks: frame.blocks, wide })?;
-    writer.array("types", 1, Data::Types(frame.blocks))?;
+    writer.array("connectivity", 1, Data::Connectivity { cells, wide })?;
+    writer.array("offsets", 1, Data::Offsets { cells, wide })?;
+    writer.array("types", 1, Data::Types(cells))?;
     writeln!(writer.out, "</Cells>\n</Piece>\n</UnstructuredGrid>")?;
     writer.appended()?;
     writeln!(writer.out, "</VTKFile>")
@@ -181,73 +123,14 @@ fn needs_64_bits(point_count: usize, node_count: usize) -> bool {
     node_count.max(point_count) > i32::MAX as usize
 }
 
-/// Checks that the parts of a frame match each other.
-pub(crate) fn check(frame: &VtuFrame, precision: Precision) -> Result<(), String> {
-    let point_count = frame.points.len();
-    let mut cell_count = 0;
-    for block in frame.blocks {
-        if block.nodes.len() % block.kind.node_count() != 0 {
-            return Err(format!(
-                "a block of {} has {} nodes, not a multiple of {}",
-                block.kind.name(),
-                block.nodes.len(),
-                block.kind.node_count()
-            ));
-        }
-        if let Some(node) = block.nodes.iter().find(|&&node| node as usize >= point_count) {
-            return Err(format!("a cell uses node {node} of {point_count}"));
-        }
-        cell_count += block.cell_count();
-    }
-    for region in frame.regions {
-        if let Some(cell) = region.cells.iter().find(|&&cell| cell as usize >= cell_count) {
-            return Err(format!("the group \"{}\" has cell {cell} of {cell_count}", region.name));
-        }
-    }
-    let greatest = if precision == Precision::Single { f64::from(f32::MAX) } else { f64::MAX };
-    let finite = |name: &str, values: &[f64]| match values
-        .iter()
-        .position(|value| value.is_nan() || value.abs() > greatest)
-    {
-        Some(i) => Err(format!("value {i} of \"{name}\" is {}, which this precision cannot hold", values[i])),
-        None => Ok(()),
-    };
-    finite("Points", frame.points.as_flattened())?;
-    if let Some(time) = frame.time.filter(|time| !time.is_finite()) {
-        return Err(format!("the time is {time}"));
-    }
-    for (name, values) in frame.field_data {
-        if let Some(value) = values.iter().find(|value| !value.is_finite()) {
-            return Err(format!("\"{name}\" holds {value}"));
-        }
-    }
-    for (arrays, count, site) in
-        [(frame.point_data, point_count, "points"), (frame.cell_data, cell_count, "cells")]
-    {
-        for array in arrays {
-            let (found, components) = (array.values.len(), array.components);
-            if components == 0 || found != count * components {
-                return Err(format!(
-                    "\"{}\" has {found} values for {count} {site} of {components} components",
-                    array.name
-                ));
-            }
-            if let VtuValues::Real(values) = array.values {
-                finite(array.name, values)?;
-            }
-        }
-    }
-    Ok(())
-}
-
 /// The data of one `DataArray`.
 #[derive(Clone, Copy)]
 enum Data<'a> {
     Values(VtuValues<'a>),
     Member { cells: &'a [u32], cell_count: usize },
-    Connectivity { blocks: &'a [CellBlock], wide: bool },
-    Offsets { blocks: &'a [CellBlock], wide: bool },
-    Types(&'a [CellBlock]),
+    Connectivity { cells: Cells<'a>, wide: bool },
+    Offsets { cells: Cells<'a>, wide: bool },
+    Types(Cells<'a>),
 }
 
 struct Writer<'a, W> {
@@ -262,7 +145,7 @@ impl<'a, W: Write + Seek> Writer<'a, W> {
         let kind = match data {
             Data::Values(VtuValues::Real(_)) if self.options.precision == Precision::Single => "Float32",
             Data::Values(VtuValues::Real(_)) => "Float64",
-            Data::Values(VtuValues::Integer(_)) => "Int32",
+            Data::Values(_) => "Int32",
             Data::Connectivity { wide, .. } | Data::Offsets { wide, .. } if wide => "Int64",
             Data::Connectivity { .. } | Data::Offsets { .. } => "Int32",
             Data::Member { .. } | Data::Types(_) => "UInt8",
@@ -310,20 +193,13 @@ impl<'a, W: Write + Seek> Writer<'a, W> {
     }
 
     fn payload(&mut self, data: Data) -> io::Result<()> {
-        fn nodes(blocks: &[CellBlock]) -> impl Iterator<Item = u32> {
-            blocks.iter().flat_map(|block| block.nodes.iter().copied())
-        }
-        fn ends(blocks: &[CellBlock]) -> impl Iterator<Item = u64> {
-            let sizes = blocks
-                .iter()
-                .flat_map(|block| std::iter::repeat_n(block.kind.node_count(), block.cell_count()));
+        fn ends(cells: Cells<'_>) -> impl Iterator<Item = u64> {
+            let sizes = cells.kinds().flat_map(|(kind, count)| std::iter::repeat_n(kind.node_count(), count));
             sizes.scan(0, |end, size| {
                 *end += size as u64;
                 Some(*end)
             })
         }
-        let cell_count = |blocks: &[CellBlock]| blocks.iter().map(CellBlock::cell_count).sum::<usize>();
-        let node_count = |blocks: &[CellBlock]| blocks.iter().map(|block| block.nodes.len()).sum::<usize>();
         match data {
             Data::Values(VtuValues::Real(values)) if self.options.precision == Precision::Single => {
                 self.items(values.len(), values.iter().map(|&value| (value as f32).to_le_bytes()))
@@ -334,6 +210,10 @@ impl<'a, W: Write + Seek> Writer<'a, W> {
             Data::Values(VtuValues::Integer(values)) => {
                 self.items(values.len(), values.iter().map(|value| value.to_le_bytes()))
             }
+            Data::Values(VtuValues::Repeated { runs, skip, count }) => {
+                let values = repeated(runs).skip(skip).take(count);
+                self.items(count, values.map(i32::to_le_bytes))
+            }
             Data::Member { cells, cell_count } => {
                 let mut is_member = vec![0u8; cell_count];
                 for &cell in cells {
@@ -341,23 +221,22 @@ impl<'a, W: Write + Seek> Writer<'a, W> {
                 }
                 self.items(cell_count, is_member.iter().map(|&byte| [byte]))
             }
-            Data::Connectivity { blocks, wide: false } => {
-                self.items(node_count(blocks), nodes(blocks).map(|node| (node as i32).to_le_bytes()))
+            Data::Connectivity { cells, wide: false } => {
+                self.items(cells.node_count(), cells.nodes().map(|node| (node as i32).to_le_bytes()))
             }
-            Data::Connectivity { blocks, wide: true } => {
-                self.items(node_count(blocks), nodes(blocks).map(|node| i64::from(node).to_le_bytes()))
+            Data::Connectivity { cells, wide: true } => {
+                self.items(cells.node_count(), cells.nodes().map(|node| i64::from(node).to_le_bytes()))
             }
-            Data::Offsets { blocks, wide: false } => {
-                self.items(cell_count(blocks), ends(blocks).map(|end| (end as i32).to_le_bytes()))
+            Data::Offsets { cells, wide: false } => {
+                self.items(cells.count(), ends(cells).map(|end| (end as i32).to_le_bytes()))
             }
-            Data::Offsets { blocks, wide: true } => {
-                self.items(cell_count(blocks), ends(blocks).map(|end| end.to_le_bytes()))
+            Data::Offsets { cells, wide: true } => {
+                self.items(cells.count(), ends(cells).map(|end| end.to_le_bytes()))
             }
-            Data::Types(blocks) => {
-                let codes = blocks
-                    .iter()
-                    .flat_map(|block| std::iter::repeat_n([block.kind.vtk_code()], block.cell_count()));
-                self.items(cell_count(blocks), codes)
+            Data::Types(cells) => {
+                let codes =
+                    cells.kinds().flat_map(|(kind, count)| std::iter::repeat_n([kind.vtk_code()], count));
+                self.items(cells.count(), codes)
             }
         }
     }
@@ -477,9 +356,10 @@ mod tests {
         let mut bytes = io::Cursor::new(Vec::new());
         let options = VtuOptions { compression: 0, ..VtuOptions::default() };
         let mut writer = Writer { out: &mut bytes, options, later: Vec::new() };
-        let blocks = [CellBlock { kind: vi_mesh::CellKind::Tri3, nodes: vec![0, 1, u32::MAX - 1] }];
-        writer.array("connectivity", 1, Data::Connectivity { blocks: &blocks, wide: true }).unwrap();
-        writer.array("offsets", 1, Data::Offsets { blocks: &blocks, wide: true }).unwrap();
+        let blocks = [vi_mesh::CellBlock { kind: vi_mesh::CellKind::Tri3, nodes: vec![0, 1, u32::MAX - 1] }];
+        let cells = Cells { blocks: &blocks, far: &[] };
+        writer.array("connectivity", 1, Data::Connectivity { cells, wide: true }).unwrap();
+        writer.array("offsets", 1, Data::Offsets { cells, wide: true }).unwrap();
         writer.appended().unwrap();
         let bytes = bytes.into_inner();
         let text = String::from_utf8_lossy(&bytes);

@@ -104,6 +104,7 @@ fn vtkio_reads_our_frames() {
         let frame = VtuFrame {
             points: &file.mesh.points,
             blocks: &file.mesh.blocks,
+            far: &[],
             regions: &file.mesh.regions,
             point_data: &[VtuArray {
                 name: displacement.0,

@@ -35,6 +35,7 @@ fn frames_come_back_bit_for_bit_in_every_encoding() {
         let frame = VtuFrame {
             points: &points,
             blocks: &blocks,
+            far: &[],
             regions: &groups,
             point_data: &[VtuArray {
                 name: "a \"b\" & <c>",

@@ -17,8 +17,8 @@ pub struct MeshPart {
     pub order: Vec<u32>,
     /// Number of elements per run; the last run of the whole mesh may be shorter.
     pub run_length: usize,
-    /// The process that computes each run.
-    pub processes: Vec<u32>,
+    /// The number of each run in the whole mesh, and the process that computes it.
+    pub runs: Vec<(u32, u32)>,
 }
 
 impl MeshPart {
@@ -45,7 +45,7 @@ impl MeshPart {
         let touches =
             |(_, run): &(usize, &[u32])| nodes_of(run).iter().any(|&node| is_own_node[node as usize]);
         let needed: Vec<(usize, &[u32])> = runs().filter(touches).collect();
-        let processes = needed.iter().map(|(run, _)| process_of(*run) as u32).collect();
+        let of_part = needed.iter().map(|&(run, _)| (run as u32, process_of(run) as u32)).collect();
         let in_runs: Vec<u32> = needed.iter().flat_map(|(_, run)| *run).copied().collect();
 
         let mut elements = in_runs.clone();
@@ -81,6 +81,6 @@ impl MeshPart {
         }
         let curve = Curve::through(mesh.points.iter().copied());
         let numbering = Numbering::along(&curve, &part.points);
-        Self { mesh: part, numbering, order, run_length, processes }
+        Self { mesh: part, numbering, order, run_length, runs: of_part }
     }
 }

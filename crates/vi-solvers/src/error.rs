@@ -28,6 +28,12 @@ pub enum SolverError {
     /// A solve was requested from a factor that holds no matrix yet.
     #[error("solve before the first factorisation: factorise a matrix first")]
     NotFactored,
+    /// A tangent that is not symmetric has no factors.
+    #[error("the tangent of {rows} equations and constraints is singular or not finite")]
+    Singular {
+        /// Number of equations and constraints.
+        rows: usize,
+    },
     /// A solve left a residual larger than round-off explains.
     #[error("linear solve left a backward error of {residual:e}, but {limit:e} is allowed")]
     Residual {

@@ -1,6 +1,6 @@
 //! Determines whether 32 bits suffice for the coordinates of a frame.
 
-use vi_mesh::CellBlock;
+use vi_mesh::{CellBlock, FarBlock};
 
 /// Relative rounding error of a 32-bit number: half a unit of its 24th binary digit.
 pub(super) const ROUNDING: f64 = 1.0 / 16_777_216.0;
@@ -11,9 +11,9 @@ pub(super) fn largest(points: &[[f64; 3]]) -> f64 {
 }
 
 /// Returns the smallest distance between two nodes of a cell, m; infinite if no two nodes of a cell are apart.
-pub(super) fn smallest_edge(points: &[[f64; 3]], blocks: &[CellBlock]) -> f64 {
+pub(super) fn smallest_edge(points: &[[f64; 3]], blocks: &[CellBlock], far: &[FarBlock]) -> f64 {
     let mut smallest = f64::INFINITY;
-    for nodes in blocks.iter().flat_map(CellBlock::cells) {
+    let mut see = |nodes: &[u32]| {
         for (i, &a) in nodes.iter().enumerate() {
             for &b in &nodes[..i] {
                 let (a, b) = (points[a as usize], points[b as usize]);
@@ -22,6 +22,15 @@ pub(super) fn smallest_edge(points: &[[f64; 3]], blocks: &[CellBlock]) -> f64 {
                     smallest = smallest.min(square);
                 }
             }
+        }
+    };
+    blocks.iter().flat_map(CellBlock::cells).for_each(&mut see);
+    for block in far {
+        let (mut nodes, mut cell) = (block.nodes(), Vec::new());
+        for _ in 0..block.elements.count() {
+            cell.clear();
+            cell.extend(nodes.by_ref().take(block.elements.kind().node_count()));
+            see(&cell);
         }
     }
     smallest.sqrt()

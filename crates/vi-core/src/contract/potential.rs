@@ -96,6 +96,36 @@ pub struct Fault {
     pub domain: &'static str,
 }
 
+/// Makes the stencils with these numbers.
+pub type MakeFew = dyn Fn(&[usize]) -> Few + Send + Sync;
+
+/// A few stencils of a term.
+pub struct Few {
+    /// The stencils, on nodes of their own.
+    pub term: Box<dyn Potential>,
+    /// The number of each of these nodes in the system.
+    pub nodes: Vec<u32>,
+    /// The element of each stencil in the caller's numbering.
+    pub elements: Vec<u32>,
+}
+
+impl Few {
+    /// Returns the positions of its nodes among those of all coordinates, m.
+    pub fn positions(&self, x: &[f64]) -> Vec<f64> {
+        self.nodes.iter().flat_map(|&node| &x[3 * node as usize..][..3]).copied().collect()
+    }
+}
+
+/// Stencils that other processes hold ([`Elsewhere`](crate::Elsewhere)).
+pub struct Far<'a> {
+    /// Number of stencils.
+    pub count: usize,
+    /// Number of stencils that are summed together.
+    pub run_length: usize,
+    /// Makes some of them.
+    pub make: &'a MakeFew,
+}
+
 /// V(x, t) as a sum of local terms V_s, one per stencil s.
 ///
 /// Every method fills `out` only for the stencils of `range`, so that the caller can choose batches that stay in
@@ -200,6 +230,11 @@ pub trait Potential: Send + Sync {
     /// Returns this term with only those stencils that can act in a tube of configurations. This term must be valid there.
     /// Returns `None` if the term cannot choose them.
     fn narrowed(&self, _tube: &Tube) -> Option<Arc<dyn Potential>> {
+        None
+    }
+
+    /// Returns what is known of the stencils if other processes hold them.
+    fn elsewhere(&self) -> Option<Far<'_>> {
         None
     }
 

@@ -15,6 +15,21 @@ pub trait SharedTerms: Send + Sync {
     /// Writes ∂V/∂x of every coordinate, N.
     fn gradient(&self, x: &[f64], t: f64, out: &mut [f64]);
 
+    /// Returns the first stencil without a finite energy or gradient that a rank sums: index of the term, and stencil.
+    fn first_fault(&self, x: &[f64], t: f64) -> Option<(usize, usize)>;
+
+    /// Starts Lanczos' method for M^{-1/2} K M^{-1/2} at the free coordinates `q` and time t, by vectors that the ranks keep. Returns
+    /// false if they do not know masses and supports.
+    fn start_lanczos(&self, q: &[f64], t: f64, start: &LanczosStart<'_>) -> bool;
+
+    /// Divides the last vector by its norm, which becomes the current one, and multiplies it. Writes the terms of the product of
+    /// both, one per free coordinate.
+    fn multiply_lanczos(&self, norm: f64, out: &mut [f64]);
+
+    /// Subtracts α times the current vector and β times the one before from the product, which becomes the last vector. Writes
+    /// the squares of its numbers.
+    fn subtract_lanczos(&self, factors: [f64; 2], out: &mut [f64]);
+
     /// Returns whether the ranks also solve linear systems with A = aM + cK together, where K = ∂²V/∂q².
     fn solves(&self) -> bool;
 
@@ -40,6 +55,16 @@ pub trait SharedTerms: Send + Sync {
 
     /// Returns what the first rank sends to others per gradient, without `x`.
     fn traffic(&self) -> Traffic;
+}
+
+/// The start of Lanczos' method by differences of gradients.
+pub struct LanczosStart<'a> {
+    /// The inverse of a unit of mass, which is a power of two, 1/kg.
+    pub per_unit: f64,
+    /// The largest displacement of a difference, m.
+    pub displacement: f64,
+    /// The first vector, by free coordinate.
+    pub vector: &'a dyn Fn(usize) -> f64,
 }
 
 /// The outcome of a solve; only the first one has reached the tolerance.

@@ -53,6 +53,12 @@ pub(crate) fn interleave(run_length: usize, elements: &mut [u32]) {
     }
 }
 
+/// Returns the place, before [`interleave`], of the element that is at `place` of a run of `length` elements after it.
+pub(crate) fn sorted_place(place: usize, length: usize) -> usize {
+    let groups = length / GROUP;
+    if place < groups * GROUP { place % GROUP * groups + place / GROUP } else { place }
+}
+
 /// Largest number of nodes of an element.
 const MOST_NODES: usize = 27;
 

@@ -2,6 +2,7 @@
 
 pub(crate) mod build;
 mod deferred;
+pub(crate) mod elsewhere;
 #[cfg(test)]
 mod laws;
 #[cfg(test)]

@@ -1,10 +1,13 @@
-//! The part of a box that one of several processes computes. It is generated in place: a process never holds the elements
-//! of the others.
+//! The part of a box that one of several processes computes, and the elements of a box as functions of their numbers. A process
+//! never holds the elements of the others.
+
+use std::sync::Arc;
 
 use super::box_cells::{LatticePoint, elements, facets};
 use super::box_mesh::{BoxMesh, FACES, cells_of};
 use crate::cell::CellKind;
 use crate::error::MeshError;
+use crate::far::{FarElements, FarMesh};
 use crate::mesh::{CellBlock, Mesh, Region};
 use crate::order::{Curve, Numbering, PLACE_BITS, centroid};
 use crate::part::MeshPart;
@@ -52,12 +55,27 @@ impl BoxMesh {
         let ends = [0, grid.node_count() as u32 - 1].map(|node| grid.point(node));
         let numbering = Numbering::along(&Curve::through(ends.into_iter()), &mesh.points);
         let runs = (0..run_count).filter(|&run| is_in_part[run]);
-        let processes = runs.map(|run| process_of(run) as u32).collect();
-        Ok(Some(MeshPart { mesh, numbering, order, run_length, processes }))
+        let runs = runs.map(|run| (run as u32, process_of(run) as u32)).collect();
+        Ok(Some(MeshPart { mesh, numbering, order, run_length, runs }))
+    }
+
+    /// Returns the nodes of [`BoxMesh::build`] with the facets of its faces, which are cells 0, 1 … here, and its elements. Returns
+    /// `None` for elements with nodes elsewhere than at the corners of the cells of the box.
+    ///
+    /// # Errors
+    /// Returns the errors of [`BoxMesh::build`].
+    pub fn without_elements(&self) -> Result<Option<FarMesh>, MeshError> {
+        self.check()?;
+        let Some(grid) = Grid::new(self) else { return Ok(None) };
+        let points = (0..grid.node_count() as u32).map(|node| grid.point(node)).collect();
+        let mut mesh = Mesh { points, ..Mesh::default() };
+        grid.add_faces(&mut mesh, Some);
+        Ok(Some((mesh, Arc::new(grid))))
     }
 }
 
 /// The nodes and elements of a box as functions of their numbers, which are those of [`BoxMesh::build`].
+#[derive(Debug)]
 struct Grid {
     kind: CellKind,
     /// Cells along each axis.
@@ -119,9 +137,19 @@ impl Grid {
         numbers.shrink_to_fit();
         let number = |node: u32| numbers.binary_search(&node).ok().map(|own| own as u32);
         let nodes = corners.into_iter().filter_map(number).collect();
-        let mut blocks = vec![CellBlock { kind: self.kind, nodes }];
-        let mut cell_count = part.len() as u32;
-        let mut regions = vec![Region { name: "box".into(), dimension: 3, cells: (0..cell_count).collect() }];
+        let cells = (0..part.len() as u32).collect();
+        let mut mesh = Mesh {
+            points: numbers.iter().map(|&node| self.point(node)).collect(),
+            blocks: vec![CellBlock { kind: self.kind, nodes }],
+            regions: vec![Region { name: "box".into(), dimension: 3, cells }],
+        };
+        self.add_faces(&mut mesh, number);
+        mesh
+    }
+
+    /// Adds the facets of the box whose nodes all have a number, and the regions of its faces.
+    fn add_faces(&self, mesh: &mut Mesh, number: impl Fn(u32) -> Option<u32>) {
+        let mut cell_count = mesh.cell_count() as u32;
         for (name, axis, far) in FACES {
             let (kind, of_cell) = facets(self.kind, &self.elements, axis, far);
             let mut nodes: Vec<u32> = Vec::new();
@@ -132,15 +160,81 @@ impl Grid {
                 }
             }
             let end = cell_count + (nodes.len() / kind.node_count()) as u32;
-            regions.push(Region { name: name.into(), dimension: 2, cells: (cell_count..end).collect() });
+            mesh.regions.push(Region { name: name.into(), dimension: 2, cells: (cell_count..end).collect() });
             cell_count = end;
-            match blocks.last_mut() {
+            match mesh.blocks.last_mut() {
                 Some(block) if block.kind == kind => block.nodes.extend(nodes),
-                _ => blocks.push(CellBlock { kind, nodes }),
+                _ => mesh.blocks.push(CellBlock { kind, nodes }),
             }
         }
-        let points = numbers.iter().map(|&node| self.point(node)).collect();
-        Mesh { points, blocks, regions }
+    }
+}
+
+/// Stands for a node of no process.
+const NONE: u32 = u32::MAX;
+
+impl FarElements for Grid {
+    fn kind(&self) -> CellKind {
+        self.kind
+    }
+
+    fn count(&self) -> usize {
+        self.element_count()
+    }
+
+    fn point(&self, node: u32) -> [f64; 3] {
+        Grid::point(self, node)
+    }
+
+    fn add_nodes(&self, element: u32, nodes: &mut Vec<u32>) {
+        nodes.extend(self.corners(element));
+    }
+
+    fn of_runs(&self, runs: &[usize], run_length: usize) -> Vec<u32> {
+        let mut is_wanted = vec![false; self.element_count().div_ceil(run_length)];
+        runs.iter().for_each(|&run| is_wanted[run] = true);
+        let found = Along::new(self).elements_of_runs(&is_wanted, run_length);
+        found.into_iter().map(|(_, element)| element).collect()
+    }
+
+    fn nodes_of_processes(&self, count: usize, run_length: usize) -> Vec<Vec<u32>> {
+        let along = Along::new(self);
+        let run_count = self.element_count().div_ceil(run_length);
+        let process_at = |position: usize| (position / run_length * count / run_count) as u32;
+        // Most bins belong to one process; the elements of the others must be sorted.
+        let ends = |bin: usize| along.before[bin]..along.before[bin + 1];
+        let process_of = |bin: usize| {
+            let positions = ends(bin);
+            let process = process_at(positions.start);
+            (process_at(positions.end - 1) == process).then_some(process)
+        };
+        let is_split = |bin: usize| !ends(bin).is_empty() && process_of(bin).is_none();
+        let split: Vec<bool> = (0..1 << BIN_BITS).map(is_split).collect();
+        let of_split = along.elements_of_bins(&split).into_iter();
+        let mut of_split: Vec<(u32, u32)> =
+            of_split.map(|(position, element)| (element, process_at(position as usize))).collect();
+        of_split.sort_unstable();
+
+        // The first process that is found at a node, and the others.
+        let (mut first, mut others) = (vec![NONE; self.node_count()], Vec::new());
+        for element in 0..self.element_count() as u32 {
+            let process = process_of(along.bin(along.place(element)))
+                .unwrap_or_else(|| of_split[of_split.partition_point(|&(other, _)| other < element)].1);
+            for node in self.corners(element) {
+                match &mut first[node as usize] {
+                    unknown if *unknown == NONE => *unknown = process,
+                    known if *known != process => others.push((node, process)),
+                    _ => {}
+                }
+            }
+        }
+        others.sort_unstable();
+        others.dedup();
+        let mut nodes = vec![Vec::new(); count];
+        (0..).zip(&first).for_each(|(node, &process)| nodes[process as usize].push(node));
+        others.into_iter().for_each(|(node, process)| nodes[process as usize].push(node));
+        nodes.iter_mut().for_each(|nodes| nodes.sort_unstable());
+        nodes
     }
 }
 
@@ -231,6 +325,18 @@ mod tests {
             };
             let (count, run_length) = (3, 64);
             let mut computed = Vec::new();
+            let (nodes, far) = shape.without_elements().unwrap().unwrap();
+            assert_eq!((&nodes.points, far.count()), (&whole.points, sorted.len()));
+            for region in &nodes.regions {
+                assert_eq!(nodes.region_nodes(&region.name), whole.region_nodes(&region.name));
+            }
+            let runs: Vec<&[u32]> = sorted.chunks(run_length).collect();
+            assert_eq!(far.of_runs(&[0, 2], run_length), [runs[0], runs[2]].concat());
+            let window = far.window(sorted.iter().copied());
+            for (cell, &element) in sorted.iter().enumerate() {
+                assert_eq!(places(&window.mesh, cell as u32), places(&whole, element));
+            }
+            let of_processes = far.nodes_of_processes(count, run_length);
             for process in 0..count {
                 let part = shape.part((process, count), run_length).unwrap().unwrap();
                 // The part that is cut out of the whole mesh has the same elements and the same order.
@@ -239,13 +345,13 @@ mod tests {
                 assert_eq!(cut.mesh.points, part.mesh.points);
                 assert!(volumes.iter().all(|&k| cut.mesh.cell(k as usize) == part.mesh.cell(k as usize)));
                 let same = |a: &MeshPart, b: &MeshPart| {
-                    (&a.numbering, &a.order, a.run_length, &a.processes)
-                        == (&b.numbering, &b.order, b.run_length, &b.processes)
+                    (&a.numbering, &a.order, a.run_length, &a.runs)
+                        == (&b.numbering, &b.order, b.run_length, &b.runs)
                 };
                 assert!(same(&cut, &part) && volumes.len() == part.order.len());
                 let runs: Vec<&[u32]> = part.order.chunks(run_length).collect();
-                assert_eq!(runs.len(), part.processes.len());
-                let own = runs.iter().zip(&part.processes).filter(|(_, of)| **of == process as u32);
+                assert_eq!(runs.len(), part.runs.len());
+                let own = runs.iter().zip(&part.runs).filter(|(_, of)| of.1 == process as u32);
                 let own: Vec<u32> = own.flat_map(|(run, _)| run.iter().copied()).collect();
                 computed.extend(own.iter().map(|&cell| places(&part.mesh, cell)));
                 // Whole nodes of this process, by place.
@@ -256,6 +362,11 @@ mod tests {
                     own.iter().flat_map(|&cell| part.mesh.cell(cell as usize).unwrap().1.to_vec()).collect();
                 nodes.sort_unstable();
                 nodes.dedup();
+                let number =
+                    |&node: &u32| whole.points.iter().position(|x| *x == part.mesh.points[node as usize]);
+                let mut numbers: Vec<u32> = nodes.iter().filter_map(number).map(|node| node as u32).collect();
+                numbers.sort_unstable();
+                assert_eq!(numbers, of_processes[process]);
                 for &node in nodes.iter().step_by(7) {
                     let at = part.mesh.points[node as usize];
                     let here = has(&mut (0..part.mesh.cell_count() as u32), &part.mesh, at);

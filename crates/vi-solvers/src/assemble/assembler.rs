@@ -131,6 +131,19 @@ impl Assembler {
         }
     }
 
+    /// Calls `each` with the Hessians whose sum is ∂²V/∂q² without the terms that act by discrete gradients.
+    pub(crate) fn for_each_hessian(
+        &mut self,
+        x: &[f64],
+        t: f64,
+        each: &mut dyn FnMut(f64, &SymmetricMatrix),
+    ) {
+        each(1.0, self.fixed.hessian(x, t, HessianEvaluation::Exact));
+        if let Some(hessian) = self.live.as_mut().and_then(|live| live.plain_hessian(x, t)) {
+            each(1.0, hessian);
+        }
+    }
+
     /// Returns whether a term may limit a displacement. If not, [`Assembler::largest_step`] is 1.
     pub(crate) fn limits_steps(&self) -> bool {
         self.live.is_some() || self.terms().fixed().iter().any(|term| term.limits_steps())
@@ -152,6 +165,11 @@ impl Assembler {
     /// Returns the first stencil without a finite energy or gradient, in the order of terms and stencils.
     pub fn fault(&self, x: &[f64], t: f64) -> Option<TermFault> {
         self.fixed.fault(x, t).or_else(|| self.live.as_ref()?.fault(x, t))
+    }
+
+    /// Returns the first of these spans with a stencil without a finite energy or gradient, and the stencil in it.
+    pub(crate) fn fault_in_spans(&self, spans: &[Span], x: &[f64], t: f64) -> Option<(usize, usize)> {
+        self.fixed.fault_in_spans(spans, x, t)
     }
 
     /// Returns the counts of evaluations so far.

@@ -143,9 +143,14 @@ impl EnergySum {
         let skip = self.constant_known;
         for &RunEnergy { term, first, sum, error } in known {
             let place = |part: &Part| (part.span.term, part.span.stencils.start);
-            if let Ok(part) = self.parts.binary_search_by_key(&(term, first), place) {
-                (self.parts[part].total, self.parts[part].known) = (Compensated { sum, error }, true);
-            }
+            let part = self.parts.binary_search_by_key(&(term, first), place).unwrap_or_else(|part| {
+                // This process does not have the stencils of the run.
+                let span = Span { term, stencils: first..first };
+                let total = Compensated::default();
+                self.parts.insert(part, Part { span, total, constant: false, known: true });
+                part
+            });
+            (self.parts[part].total, self.parts[part].known) = (Compensated { sum, error }, true);
         }
         let update = |part: &mut Part| {
             let is_known = std::mem::take(&mut part.known) || (skip && part.constant);

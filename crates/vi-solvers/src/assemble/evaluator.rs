@@ -373,6 +373,19 @@ impl Evaluator {
         MatrixSum::of(tangent, &parts)
     }
 
+    /// Calls `each` with matrices and factors whose sum is ∂²V/∂q² at the last configuration, with the tangents of forces
+    /// without a potential and without those of discrete gradients.
+    pub(crate) fn for_each_hessian(&mut self, system: &System, each: &mut dyn FnMut(f64, &SymmetricMatrix)) {
+        self.work.hessians += 1;
+        self.assembler.for_each_hessian(&self.x, self.t, each);
+        if let Some(Nonconservative { sum, x_dot, rate, .. }) = &mut self.nonconservative {
+            sum.evaluate(&self.x, x_dot, self.t);
+            let (stiffness, damping) = sum.tangents(system);
+            stiffness.into_iter().for_each(|matrix| each(1.0, matrix));
+            damping.into_iter().for_each(|matrix| each(*rate, matrix));
+        }
+    }
+
     /// Records the place of the last evaluation, so that a continued run evaluates no more than one that was never
     /// interrupted.
     pub(crate) fn save(&self, memory: &mut StepperMemory) {

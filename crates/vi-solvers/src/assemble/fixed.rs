@@ -1,6 +1,7 @@
 //! Energy, gradient and Hessian of the terms whose stencils never change, as sums over their stencils, and counts of
 //! the evaluations. The sums themselves are computed in `energy.rs`, `gather.rs` and `hessian.rs`.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use vi_core::{Fault, Potential, SharedTerms, Terms};
@@ -150,28 +151,36 @@ impl FixedSum {
 
     /// Returns the first stencil without a finite energy or gradient, in the order of terms and stencils.
     pub(crate) fn fault(&self, x: &[f64], t: f64) -> Option<TermFault> {
+        let is_far = self.terms.fixed().iter().any(|term| term.elsewhere().is_some());
+        let far = self.terms.shared().filter(|_| is_far).and_then(|shared| shared.first_fault(x, t));
         for (term, potential) in self.terms.fixed().iter().enumerate() {
-            let size = potential.stencils().size();
-            for span in spans(term, potential.as_ref()) {
-                let mut energies = vec![0.0; span.stencils.len()];
-                let mut gradients = vec![0.0; span.stencils.len() * size];
-                potential.energies(span.stencils.clone(), x, t, &mut energies);
-                potential.gradients(span.stencils.clone(), x, t, &mut gradients);
-                for (k, stencil) in span.stencils.enumerate() {
-                    let force = gradients[k * size..(k + 1) * size].iter().find(|value| !value.is_finite());
-                    let (quantity, value) = match (energies[k].is_finite(), force) {
-                        (false, _) => ("energy", energies[k]),
-                        (true, Some(&value)) => ("force", value),
-                        (true, None) => continue,
-                    };
-                    let element = potential.element(stencil);
-                    let unexplained = Fault { element, quantity, value, domain: "must be finite" };
-                    let fault = potential.fault(stencil, x, t).unwrap_or(unexplained);
-                    return Some(TermFault { term: potential.name().to_owned(), fault });
-                }
+            let name = || potential.name().to_owned();
+            if let (Some(elsewhere), Some((_, stencil))) =
+                (potential.elsewhere(), far.filter(|&(other, _)| other == term))
+            {
+                let few = (elsewhere.make)(&[stencil]);
+                let (_, fault) = first_fault(few.term.as_ref(), 0..1, &few.positions(x), t)?;
+                return Some(TermFault {
+                    term: name(),
+                    fault: Fault { element: few.elements[0] as usize, ..fault },
+                });
+            }
+            let mut spans = spans(term, potential.as_ref());
+            let fault = spans.find_map(|span| first_fault(potential.as_ref(), span.stencils, x, t));
+            if let Some((_, fault)) = fault {
+                return Some(TermFault { term: name(), fault });
             }
         }
         None
+    }
+
+    /// Returns the first of these spans with a stencil without a finite energy or gradient, and the stencil in it.
+    pub(crate) fn fault_in_spans(&self, spans: &[Span], x: &[f64], t: f64) -> Option<(usize, usize)> {
+        spans.iter().enumerate().find_map(|(number, span)| {
+            let potential = self.terms.fixed()[span.term].as_ref();
+            let (stencil, _) = first_fault(potential, span.stencils.clone(), x, t)?;
+            Some((number, stencil - span.stencils.start))
+        })
     }
 
     pub(crate) fn work(&self) -> AssemblyWork {
@@ -187,4 +196,29 @@ impl FixedSum {
     pub(crate) fn bytes(&self) -> usize {
         self.gather().map_or(0, Gather::bytes) + self.hessian.as_ref().map_or(0, HessianSum::bytes)
     }
+}
+
+/// Returns the first of some stencils without a finite energy or gradient, and why.
+fn first_fault(
+    potential: &dyn Potential,
+    stencils: Range<usize>,
+    x: &[f64],
+    t: f64,
+) -> Option<(usize, Fault)> {
+    let size = potential.stencils().size();
+    let mut energies = vec![0.0; stencils.len()];
+    let mut gradients = vec![0.0; stencils.len() * size];
+    potential.energies(stencils.clone(), x, t, &mut energies);
+    potential.gradients(stencils.clone(), x, t, &mut gradients);
+    stencils.enumerate().find_map(|(k, stencil)| {
+        let force = gradients[k * size..(k + 1) * size].iter().find(|value| !value.is_finite());
+        let (quantity, value) = match (energies[k].is_finite(), force) {
+            (false, _) => ("energy", energies[k]),
+            (true, Some(&value)) => ("force", value),
+            (true, None) => return None,
+        };
+        let element = potential.element(stencil);
+        let unexplained = Fault { element, quantity, value, domain: "must be finite" };
+        Some((stencil, potential.fault(stencil, x, t).unwrap_or(unexplained)))
+    })
 }

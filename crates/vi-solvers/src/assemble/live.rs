@@ -433,6 +433,13 @@ impl LiveSum {
         }
     }
 
+    /// Returns the Hessian of the terms that act by their gradient, if terms with a discrete gradient are kept apart.
+    pub(crate) fn plain_hessian(&mut self, x: &[f64], t: f64) -> Option<&SymmetricMatrix> {
+        self.follow(x, None);
+        let [plain, _] = self.near.as_mut()?.parts.as_mut()?;
+        Some(plain.hessian(x, t, HessianEvaluation::Exact))
+    }
+
     fn restore_pattern(
         &mut self,
         fixed: &SymmetricMatrix,

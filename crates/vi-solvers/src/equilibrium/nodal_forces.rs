@@ -82,11 +82,11 @@ pub fn external_forces(system: &System, state: &State) -> Vec<f64> {
 /// that do not accelerate, plus the inertia that consistent mass transfers to them, M_pf q̈; zero at free
 /// coordinates.
 pub fn reactions(system: &System, state: &State) -> Vec<f64> {
-    let (x, v) = (system.positions(state), system.velocities(state));
+    let x = system.positions(state);
     let mut out = vec![0.0; x.len()];
     Assembler::new(system).gradient(&x, state.t, &mut out);
     if let Some(mut forces) = ForceSum::new(system) {
-        forces.evaluate(&x, &v, state.t);
+        forces.evaluate(&x, &system.velocities(state), state.t);
         for (dof, out) in out.iter_mut().enumerate() {
             *out -= forces.total(dof);
         }

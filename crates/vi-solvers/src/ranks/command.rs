@@ -22,6 +22,25 @@ pub(crate) enum Command {
         /// The time, s.
         t: f64,
     },
+    /// Start Lanczos' method at the free coordinates that follow, with the vector after them.
+    StartLanczos {
+        /// The time, s.
+        t: f64,
+        /// The inverse of the unit of mass, 1/kg.
+        per_unit: f64,
+        /// The largest displacement of a difference, m.
+        displacement: f64,
+    },
+    /// Divide the last vector by its norm, multiply it, and send the terms of the product of both back.
+    MultiplyLanczos {
+        /// The norm.
+        norm: f64,
+    },
+    /// Subtract the current and the earlier vector from the product, and send the squares of its numbers back.
+    SubtractLanczos {
+        /// Their factors.
+        factors: [f64; 2],
+    },
     /// Assemble A = aM + cK at the positions that follow, and prepare its solver.
     Prepare {
         /// The time, s.
@@ -45,6 +64,11 @@ pub(crate) enum Command {
         /// The time, s.
         t: f64,
     },
+    /// Look for the first stencil without finite numbers at the positions that follow, and send it back.
+    Fault {
+        /// The time, s.
+        t: f64,
+    },
 }
 
 const LENGTH: usize = 4;
@@ -63,6 +87,10 @@ impl Command {
             }
             Self::Solve { tolerance, most } => (6, [tolerance, f64::from(most), 0.0, 0.0]),
             Self::Diagonal => (7, [0.0; LENGTH]),
+            Self::Fault { t } => (8, [t, 0.0, 0.0, 0.0]),
+            Self::StartLanczos { t, per_unit, displacement } => (9, [t, per_unit, displacement, 0.0]),
+            Self::MultiplyLanczos { norm } => (10, [norm, 0.0, 0.0, 0.0]),
+            Self::SubtractLanczos { factors: [alpha, beta] } => (11, [alpha, beta, 0.0, 0.0]),
         };
         let head = [component as u32, tag].into_iter().flat_map(u32::to_le_bytes);
         head.chain(numbers.into_iter().flat_map(f64::to_le_bytes)).collect()
@@ -85,6 +113,10 @@ impl Command {
             }
             6 => Self::Solve { tolerance: number(0)?, most: number(1)? as u32 },
             7 => Self::Diagonal,
+            8 => Self::Fault { t: number(0)? },
+            9 => Self::StartLanczos { t: number(0)?, per_unit: number(1)?, displacement: number(2)? },
+            10 => Self::MultiplyLanczos { norm: number(0)? },
+            11 => Self::SubtractLanczos { factors: [number(0)?, number(1)?] },
             _ => return None,
         };
         Some((word(0)? as usize, command))
@@ -99,14 +131,19 @@ mod tests {
     fn commands_arrive_as_they_were_sent() {
         let placed = Command::Place { evaluated: Some((0.3, true)) };
         let steps = Command::Steps { t: 0.1, h: 1e-3, count: 16 };
-        let sums = [Command::Energies { t: 0.2 }, Command::Gradient { t: 0.4 }];
+        let sums = [Command::Energies { t: 0.2 }, Command::Gradient { t: 0.4 }, Command::Fault { t: 0.6 }];
         let solves = [
             Command::Prepare { t: 0.1, factors: [1.0, 2.0], is_projected: true },
             Command::Diagonal,
             Command::Solve { tolerance: 0.5, most: 9 },
         ];
         let others = [Command::Place { evaluated: None }, placed, steps];
-        for command in others.into_iter().chain(sums).chain(solves) {
+        let lanczos = [
+            Command::StartLanczos { t: 0.1, per_unit: 2.0, displacement: 3.0 },
+            Command::MultiplyLanczos { norm: 0.7 },
+            Command::SubtractLanczos { factors: [4.0, 5.0] },
+        ];
+        for command in others.into_iter().chain(sums).chain(solves).chain(lanczos) {
             assert_eq!(Command::decode(&command.encode(7)), Some((7, command)));
         }
         assert_eq!(Command::decode(b"short"), None);

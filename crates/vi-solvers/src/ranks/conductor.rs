@@ -84,7 +84,7 @@ impl Conductor {
         let partners = &self.partners;
         let own = of_rank(&partners.held()[0]);
         partners.command(Command::Place { evaluated });
-        partners.talk(partners.held(), of_rank, |_| 0);
+        partners.send(partners.held(), of_rank);
         partners.member().place(&own, evaluated);
         self.there = Some(state.clone());
         self.memory = StepperMemory { method: std::mem::take(&mut self.memory.method), ..Default::default() };
@@ -102,15 +102,21 @@ impl Conductor {
         if !member.steps(t, h, count) {
             return Ok(false);
         }
-        let messages = partners.talk(partners.held(), |_| Vec::new(), |held| 2 * held.free.len());
-        let own = member.state();
-        let portions = std::iter::once((&own.q[..], &own.p[..]))
-            .chain(messages.iter().map(|message| message.receive.split_at(message.receive.len() / 2)));
-        for (held, (q, p)) in partners.held().iter().zip(portions) {
+        let mut enter = |held: &Held, q: &[f64], p: &[f64]| {
             for ((&k, &q), &p) in held.free.iter().zip(q).zip(p) {
                 (state.q[k as usize], state.p[k as usize]) = (q, p);
             }
-        }
+        };
+        let own = member.state();
+        enter(&partners.held()[0], &own.q, &own.p);
+        partners.receive(
+            partners.held(),
+            |held| 2 * held.free.len(),
+            |held, numbers| {
+                let (q, p) = numbers.split_at(held.free.len());
+                enter(held, q, p);
+            },
+        );
         state.t = own.t;
         if let Some(there) = &mut self.there {
             there.clone_from(state);

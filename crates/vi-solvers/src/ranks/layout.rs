@@ -10,6 +10,8 @@ use crate::ranks::rows::RowsLayout;
 pub(crate) struct Held {
     /// Its free coordinates, if it makes steps.
     pub(crate) free: Vec<u32>,
+    /// Those of its free coordinates that it reports.
+    pub(crate) reported_free: Vec<u32>,
     /// Its nodes.
     nodes: Vec<u32>,
     /// Places in `nodes` of those whose gradient it reports.
@@ -62,9 +64,11 @@ impl Layout {
         let block = common_block(system.terms());
         let free_of = free_of(system.coordinates());
         let held = nodes.into_iter().zip(reported).map(|(nodes, reported)| {
-            let held = Held { free: Vec::new(), nodes, reported, block };
-            let free = held.dofs().map(|dof| free_of[dof]).filter(|&free| steps && free != NONE).collect();
-            Held { free, ..held }
+            let held = Held { free: Vec::new(), reported_free: Vec::new(), nodes, reported, block };
+            let is_known = |free: &u32| steps && *free != NONE;
+            let free = held.dofs().map(|dof| free_of[dof]).filter(is_known).collect();
+            let reported_free = held.reported_dofs().map(|dof| free_of[dof]).filter(is_known).collect();
+            Held { free, reported_free, ..held }
         });
         Self { held: held.collect(), runs, rows, steps }
     }
@@ -96,12 +100,41 @@ impl Layout {
         if runs.iter().any(Vec::is_empty) {
             return None;
         }
-        let (mut nodes, mut reported) = (vec![Vec::new(); size], vec![Vec::new(); size]);
-        for node in 0..node_count {
-            let first = (0..size).find(|&rank| is_held[rank][node])?;
-            reported[first].push(nodes[first].len() as u32);
-            (first..size).filter(|&rank| is_held[rank][node]).for_each(|rank| nodes[rank].push(node as u32));
-        }
+        let of_rank = |held: &Vec<bool>| (0..node_count as u32).filter(|&node| held[node as usize]).collect();
+        let nodes: Vec<Vec<u32>> = is_held.iter().map(of_rank).collect();
+        let reported = reported(&nodes, node_count)?;
         Some(Self::new(system, (nodes, reported), runs, Vec::new(), steps))
     }
+
+    /// Returns the layout of a system with one term elsewhere, beside affine ones. `nodes` are those of the runs of each rank.
+    pub(crate) fn of_far_parts(system: &System, nodes: Vec<Vec<u32>>, steps: bool) -> Option<Self> {
+        let (terms, size) = (system.terms(), nodes.len());
+        let mut runs = vec![Vec::new(); size];
+        let far = terms
+            .fixed()
+            .iter()
+            .enumerate()
+            .filter_map(|(term, potential)| Some((term, potential.elsewhere()?)));
+        for (term, elsewhere) in far {
+            let count = elsewhere.count.div_ceil(elsewhere.run_length);
+            (0..count).for_each(|run| runs[run * size / count].push((term, run * elsewhere.run_length)));
+        }
+        let reported = reported(&nodes, terms.coordinates().dof_count() / common_block(terms))?;
+        Some(Self::new(system, (nodes, reported), runs, Vec::new(), steps))
+    }
+}
+
+/// Returns the places of the nodes that each rank reports: of the ranks that hold a node, the first reports it. Returns `None` if
+/// a node is held by no rank.
+fn reported(nodes: &[Vec<u32>], node_count: usize) -> Option<Vec<Vec<u32>>> {
+    let mut is_reported = vec![false; node_count];
+    let mut reported = vec![Vec::new(); nodes.len()];
+    for (nodes, reported) in nodes.iter().zip(&mut reported) {
+        for (place, &node) in (0..).zip(nodes) {
+            if !std::mem::replace(&mut is_reported[node as usize], true) {
+                reported.push(place);
+            }
+        }
+    }
+    is_reported.iter().all(|&is| is).then_some(reported)
 }

@@ -12,10 +12,11 @@ use crate::assemble::gather::Gather;
 use crate::assemble::gather::division::{Division, Share, TermPortion};
 use crate::assemble::spans::{Span, common_block};
 use crate::error::SolverError;
-use crate::index::NONE;
+use crate::index::{NONE, free_of};
 use crate::memory::StepperMemory;
 use crate::options::SolverOptions;
 use crate::ranks::command::Command;
+use crate::ranks::lanczos::Lanczos;
 use crate::ranks::layout::Layout;
 use crate::ranks::rows::Rows;
 use crate::schemes::kick_drift::KickDrift;
@@ -29,8 +30,16 @@ pub struct Member {
     task: Task,
     /// The runs of stencils whose energies it sums, in the order of the whole system.
     spans: Vec<Span>,
+    /// The term and the first stencil of each of them in the whole system.
+    places: Vec<(usize, usize)>,
+    /// Whether there are runs that it should sum, and all of them have a free coordinate.
+    is_complete: bool,
     /// The nodes whose gradient it reports, in its own numbers.
     reported: Vec<u32>,
+    /// The free coordinates that it reports: those of the nodes whose gradient it reports.
+    reported_free: Vec<u32>,
+    /// The vectors for the highest frequency, while it is being found.
+    lanczos: Option<Box<Lanczos>>,
     /// Its rows of the linear systems, if the ranks solve them together.
     rows: Option<Rows>,
     block: usize,
@@ -56,6 +65,13 @@ fn steps_apart(system: &System, method: &Method, keeps_ledger: bool) -> bool {
         && system.coordinates().is_plain()
 }
 
+/// Returns the free coordinates of some nodes.
+fn places_of_free(system: &System, nodes: &[u32], block: usize) -> Vec<u32> {
+    let free_of = free_of(system.coordinates());
+    let of_node = |&node: &u32| free_of[block * node as usize..][..block].iter().copied();
+    nodes.iter().flat_map(of_node).filter(|&free| free != NONE).collect()
+}
+
 impl Member {
     /// Returns the portion of `whole` that this rank computes. `start` is any state inside the domain of the terms.
     ///
@@ -71,18 +87,18 @@ impl Member {
     }
 
     /// Returns the same portion, made from the part of the whole system that contains all stencils at its nodes, in whole runs.
-    /// `run_ranks` are the ranks of the runs of every term; affine terms need none. No run of the whole system may be without
-    /// a free coordinate.
+    /// `runs` are the numbers of the runs of every term in the whole system, and their ranks; affine terms need none. It must
+    /// not be used unless the portions of all ranks are complete ([`Member::is_complete`]).
     ///
     /// # Errors
     /// Returns the errors of [`Member::new`].
     pub fn of_part(
-        (part, run_ranks): (&System, &[Vec<u32>]),
+        (part, runs): (&System, &[Vec<(u32, u32)>]),
         start: &State,
         (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
     ) -> Result<Self, SolverError> {
-        let made = Self::with_layout(part, start, (method, options), exchange, Some(run_ranks));
+        let made = Self::with_layout(part, start, (method, options), exchange, Some(runs));
         made.map(|(member, _)| member)
     }
 
@@ -92,7 +108,7 @@ impl Member {
         start: &State,
         (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
-        run_ranks: Option<&[Vec<u32>]>,
+        part_runs: Option<&[Vec<(u32, u32)>]>,
     ) -> Result<(Self, Layout), SolverError> {
         let refused = |reason: String| SolverError::Ranks { reason };
         let (terms, mass) = (whole.terms(), whole.mass());
@@ -105,8 +121,8 @@ impl Member {
             )));
         }
         let gather = Gather::new(terms, block);
-        let division = match run_ranks {
-            Some(run_ranks) => Division::of_part(&gather, terms, run_ranks, exchange.size()),
+        let division = match part_runs {
+            Some(part_runs) => Division::of_part(&gather, terms, part_runs, exchange.size()),
             None => Division::new(&gather, exchange.size()),
         };
         let base = gather.base(terms, &whole.positions(start), start.t);
@@ -115,6 +131,16 @@ impl Member {
         let runs = division.runs(&gather);
         drop(gather);
         let rank = exchange.rank();
+        let mut places = runs[rank].clone();
+        let mut is_complete = true;
+        if let Some(part_runs) = part_runs {
+            let own = part_runs.iter().flatten().filter(|(_, of)| *of as usize == rank);
+            is_complete = !places.is_empty() && own.count() == places.len();
+            for (term, first) in &mut places {
+                let length = terms.fixed()[*term].run_length();
+                *first = part_runs[*term][*first / length].0 as usize * length;
+            }
+        }
         let nodes = &division.nodes[rank];
         let portion = |TermPortion { term, stencils }: TermPortion| {
             let number = |node: u32| nodes.binary_search(&node).map_or(NONE, |own| own as u32);
@@ -143,11 +169,26 @@ impl Member {
             None => Task::Sums(Box::new(Assembler::of_portion(system.terms().clone(), own))),
         };
         let reported = division.reported[rank].clone();
+        let reported_free = if steps { places_of_free(&system, &reported, block) } else { Vec::new() };
         let solved = if method.facts().is_explicit { None } else { Rows::new(whole, options, &exchange)? };
         let (rows, of_ranks) = solved.map_or((None, Vec::new()), |(rows, of_ranks)| (Some(rows), of_ranks));
         let nodes = (division.nodes, division.reported);
         let layout = Layout::new(whole, nodes, runs, of_ranks, steps);
-        Ok((Self { system, state, task, spans, reported, rows, block, exchange }, layout))
+        let member = Self {
+            system,
+            state,
+            task,
+            spans,
+            places,
+            is_complete,
+            reported,
+            reported_free,
+            lanczos: None,
+            rows,
+            block,
+            exchange,
+        };
+        Ok((member, layout))
     }
 
     /// Obeys a command of the first rank; returns false if these bytes are none. `members` are those of this rank, by
@@ -182,6 +223,23 @@ impl Member {
                 let gradient = member.gradient(&x, t);
                 first(gradient, 0);
             }
+            Command::Fault { t } => {
+                let x = first(Vec::new(), count);
+                let [term, stencil] = member.first_fault(&x, t);
+                first(vec![term, stencil], 0);
+            }
+            Command::StartLanczos { t, per_unit, displacement } => {
+                let received = first(Vec::new(), 2 * n);
+                member.start_lanczos(t, [per_unit, displacement], &received);
+            }
+            Command::MultiplyLanczos { norm } => {
+                let terms = member.multiply_lanczos(norm);
+                first(terms, 0);
+            }
+            Command::SubtractLanczos { factors } => {
+                let squares = member.subtract_lanczos(factors);
+                first(squares, 0);
+            }
             Command::Prepare { t, factors, is_projected } => {
                 let Some(rows) = &mut member.rows else { return false };
                 let x = first(Vec::new(), rows.counts().0);
@@ -210,6 +268,7 @@ impl Member {
         let (p, x) = rest.split_at(n);
         self.state.q.copy_from_slice(q);
         self.state.p.copy_from_slice(p);
+        self.lanczos = None;
         let mut memory = StepperMemory::default();
         if let Some((t, knows)) = evaluated {
             memory.arrays = vec![("forces.x".into(), x.to_vec()), ("forces.t".into(), vec![t])];
@@ -257,6 +316,46 @@ impl Member {
         assembler.gradient(x, t, &mut gradient);
         let of_node = |&place: &u32| &gradient[self.block * place as usize..][..self.block];
         self.reported.iter().flat_map(of_node).copied().collect()
+    }
+
+    /// Returns the first stencil without a finite energy or gradient among those that it sums, as the term and the stencil of the
+    /// whole system; infinities if there is none.
+    pub(crate) fn first_fault(&mut self, x: &[f64], t: f64) -> [f64; 2] {
+        let assembler = match &mut self.task {
+            Task::Steps(stepper) => stepper.assembler(),
+            Task::Sums(assembler) => assembler,
+        };
+        let found = assembler.fault_in_spans(&self.spans, x, t);
+        found.map_or([f64::INFINITY; 2], |(span, stencil)| {
+            let (term, first) = self.places[span];
+            [term as f64, (first + stencil) as f64]
+        })
+    }
+
+    /// Returns whether there are runs that it should sum, and all of them have a free coordinate.
+    pub fn is_complete(&self) -> bool {
+        self.is_complete
+    }
+
+    /// Starts Lanczos' method with its free coordinates and the vector after them.
+    pub(crate) fn start_lanczos(&mut self, t: f64, scales: [f64; 2], numbers: &[f64]) {
+        let (q, vector) = numbers.split_at(self.state.q.len());
+        self.lanczos = Some(Box::new(Lanczos::new(t, scales, q.to_vec(), vector.to_vec())));
+    }
+
+    /// Multiplies a vector of Lanczos' method; returns the terms of the product of both at the coordinates that it reports.
+    pub(crate) fn multiply_lanczos(&mut self, norm: f64) -> Vec<f64> {
+        let (Some(lanczos), Task::Steps(stepper)) = (&mut self.lanczos, &mut self.task) else {
+            return Vec::new();
+        };
+        let terms = lanczos.multiply(norm, &self.system, stepper.assembler(), self.exchange.as_ref());
+        self.reported_free.iter().map(|&free| terms[free as usize]).collect()
+    }
+
+    /// Subtracts vectors of Lanczos' method; returns the squares of the rest at the coordinates that it reports.
+    pub(crate) fn subtract_lanczos(&mut self, factors: [f64; 2]) -> Vec<f64> {
+        let squares = self.lanczos.as_mut().map_or_else(Vec::new, |lanczos| lanczos.subtract(factors));
+        self.reported_free.iter().filter_map(|&free| squares.get(free as usize)).copied().collect()
     }
 
     /// Returns its rows of the linear systems, if the ranks solve them together.

@@ -2,7 +2,9 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use vi_core::{Exchange, Message, RunEnergy, SharedSolve, SharedTerms, SolverFacts, State, System, Traffic};
+use vi_core::{
+    Exchange, LanczosStart, Message, RunEnergy, SharedSolve, SharedTerms, SolverFacts, State, System, Traffic,
+};
 
 use crate::error::SolverError;
 use crate::options::SolverOptions;
@@ -39,13 +41,19 @@ impl Partners {
     }
 
     /// Divides the component among ranks that make their [`Member`] from parts ([`Member::of_part`]); `member` is that of the
-    /// first. Returns `None` if this is not possible, because a run of stencils has no free coordinate or a rank has no run.
+    /// first. `nodes` are the nodes (ascending) of the runs of each rank if this process does not hold the elements. Returns `None`
+    /// if this is not possible, because a run of stencils has no free coordinate or a rank has no run.
     pub fn of_parts(
         (component, system): (usize, &System),
+        nodes: Option<Vec<Vec<u32>>>,
         member: Member,
         exchange: Arc<dyn Exchange>,
     ) -> Option<Self> {
-        let layout = Layout::of_parts(system, exchange.size(), member.makes_steps())?;
+        let (size, steps) = (exchange.size(), member.makes_steps());
+        let layout = match nodes {
+            Some(nodes) => Layout::of_far_parts(system, nodes, steps)?,
+            None => Layout::of_parts(system, size, steps)?,
+        };
         Some(Self { exchange, component, member: Mutex::new(member), layout })
     }
 
@@ -69,28 +77,51 @@ impl Partners {
         self.exchange.pieces(&command.encode(self.component));
     }
 
-    /// Exchanges messages with all other ranks: sends what `send` gives for a rank, and receives as many numbers as
-    /// `receive` says.
+    /// Exchanges messages with the other ranks, one after the other, so that only one is in memory: sends what `send` gives for
+    /// a rank, receives as many numbers as `receive` says, and passes them to `take`.
     pub(crate) fn talk<T>(
         &self,
         of_ranks: &[T],
         send: impl Fn(&T) -> Vec<f64>,
         receive: impl Fn(&T) -> usize,
-    ) -> Vec<Message> {
-        let message = |(rank, of_rank): (usize, &T)| Message {
-            rank,
-            send: send(of_rank),
-            receive: vec![0.0; receive(of_rank)],
+        mut take: impl FnMut(&T, &[f64]),
+    ) {
+        for (rank, of_rank) in of_ranks.iter().enumerate().skip(1) {
+            let receive = vec![0.0; receive(of_rank)];
+            let mut message = [Message { rank, send: send(of_rank), receive }];
+            self.exchange.slots(&mut message, &mut || {});
+            take(of_rank, &message[0].receive);
+        }
+    }
+
+    /// Sends numbers to every other rank.
+    pub(crate) fn send<T>(&self, of_ranks: &[T], numbers: impl Fn(&T) -> Vec<f64>) {
+        self.talk(of_ranks, numbers, |_| 0, |_, _| {});
+    }
+
+    /// Receives numbers from every other rank, as many as `count` says.
+    pub(crate) fn receive<T>(
+        &self,
+        of_ranks: &[T],
+        count: impl Fn(&T) -> usize,
+        take: impl FnMut(&T, &[f64]),
+    ) {
+        self.talk(of_ranks, |_| Vec::new(), count, take);
+    }
+
+    /// Receives a number for each free coordinate that the others report; `own` are those of the first rank.
+    fn collect(&self, own: &[f64], out: &mut [f64]) {
+        let mut enter = |held: &Held, values: &[f64]| {
+            held.reported_free.iter().zip(values).for_each(|(&free, &value)| out[free as usize] = value);
         };
-        let mut messages: Vec<Message> = of_ranks.iter().enumerate().skip(1).map(message).collect();
-        self.exchange.slots(&mut messages, &mut || {});
-        messages
+        enter(&self.held()[0], own);
+        self.receive(self.held(), |held| held.reported_free.len(), enter);
     }
 
     /// Gives all ranks the positions of their coordinates; returns those of the first.
     fn hand_out(&self, x: &[f64]) -> Vec<f64> {
         let of_rank = |held: &Held| -> Vec<f64> { held.dofs().map(|dof| x[dof]).collect() };
-        self.talk(self.held(), of_rank, |_| 0);
+        self.send(self.held(), of_rank);
         of_rank(&self.held()[0])
     }
 }
@@ -115,11 +146,51 @@ impl SharedTerms for Partners {
         self.command(Command::Gradient { t });
         let own = self.hand_out(x);
         let own = member.gradient(&own, t);
-        let messages = self.talk(self.held(), |_| Vec::new(), Held::reported_count);
-        let received = messages.iter().map(|message| &message.receive[..]);
-        for (held, values) in self.held().iter().zip(std::iter::once(&own[..]).chain(received)) {
+        let mut enter = |held: &Held, values: &[f64]| {
             held.reported_dofs().zip(values).for_each(|(dof, &value)| out[dof] = value);
+        };
+        enter(&self.held()[0], &own);
+        self.receive(self.held(), Held::reported_count, enter);
+    }
+
+    fn first_fault(&self, x: &[f64], t: f64) -> Option<(usize, usize)> {
+        let mut member = self.member();
+        self.command(Command::Fault { t });
+        let own = self.hand_out(x);
+        let mut all = vec![member.first_fault(&own, t)];
+        self.receive(self.held(), |_| 2, |_, found| all.extend(found.first_chunk()));
+        let first = all.into_iter().min_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])))?;
+        first[0].is_finite().then_some((first[0] as usize, first[1] as usize))
+    }
+
+    fn start_lanczos(&self, q: &[f64], t: f64, start: &LanczosStart<'_>) -> bool {
+        if !self.make_steps() {
+            return false;
         }
+        let &LanczosStart { per_unit, displacement, vector } = start;
+        let mut member = self.member();
+        self.command(Command::StartLanczos { t, per_unit, displacement });
+        let of_rank = |held: &Held| -> Vec<f64> {
+            let free = || held.free.iter().map(|&k| k as usize);
+            free().map(|k| q[k]).chain(free().map(vector)).collect()
+        };
+        self.send(self.held(), of_rank);
+        member.start_lanczos(t, [per_unit, displacement], &of_rank(&self.held()[0]));
+        true
+    }
+
+    fn multiply_lanczos(&self, norm: f64, out: &mut [f64]) {
+        let mut member = self.member();
+        self.command(Command::MultiplyLanczos { norm });
+        let own = member.multiply_lanczos(norm);
+        self.collect(&own, out);
+    }
+
+    fn subtract_lanczos(&self, factors: [f64; 2], out: &mut [f64]) {
+        let mut member = self.member();
+        self.command(Command::SubtractLanczos { factors });
+        let own = member.subtract_lanczos(factors);
+        self.collect(&own, out);
     }
 
     fn solves(&self) -> bool {
@@ -139,7 +210,7 @@ impl SharedTerms for Partners {
         };
         self.command(Command::Prepare { t, factors, is_projected });
         let of_rank = |rows: &RowsLayout| -> Vec<f64> { rows.dofs().map(|dof| x[dof]).collect() };
-        self.talk(&self.layout.rows, of_rank, |_| 0);
+        self.send(&self.layout.rows, of_rank);
         rows.prepare(&of_rank(first), t, factors, is_projected)
     }
 
@@ -148,28 +219,24 @@ impl SharedTerms for Partners {
         let Some(rows) = member.rows() else { return };
         self.command(Command::Diagonal);
         let own = rows.diagonal();
-        let messages = self.talk(&self.layout.rows, |_| Vec::new(), |rows| rows.free.len());
-        let received = messages.iter().map(|message| &message.receive);
-        for (rows, values) in self.layout.rows.iter().zip(std::iter::once(&own).chain(received)) {
-            out[rows.free.clone()].copy_from_slice(values);
-        }
+        let mut enter = |rows: &RowsLayout, values: &[f64]| out[rows.free.clone()].copy_from_slice(values);
+        enter(&self.layout.rows[0], &own);
+        self.receive(&self.layout.rows, |rows| rows.free.len(), enter);
     }
 
     fn solve(&self, v: &mut [f64], tolerance: f64, max_iterations: u32) -> SharedSolve {
         let mut member = self.member();
-        let (Some(rows), [first, others @ ..]) = (member.rows(), &self.layout.rows[..]) else {
+        let (Some(rows), [first, ..]) = (member.rows(), &self.layout.rows[..]) else {
             return SharedSolve::TooMany { iterations: 0, residual: f64::NAN };
         };
         self.command(Command::Solve { tolerance, most: max_iterations });
         let of_rank = |rows: &RowsLayout| v[rows.free.clone()].to_vec();
-        self.talk(&self.layout.rows, of_rank, |_| 0);
+        self.send(&self.layout.rows, of_rank);
         let mut own = of_rank(first);
         let solved = rows.solve(&mut own, tolerance, max_iterations);
-        let messages = self.talk(&self.layout.rows, |_| Vec::new(), |rows| rows.free.len());
-        v[first.free.clone()].copy_from_slice(&own);
-        for (rows, message) in others.iter().zip(&messages) {
-            v[rows.free.clone()].copy_from_slice(&message.receive);
-        }
+        let mut enter = |rows: &RowsLayout, values: &[f64]| v[rows.free.clone()].copy_from_slice(values);
+        enter(first, &own);
+        self.receive(&self.layout.rows, |rows| rows.free.len(), enter);
         solved
     }
 

@@ -6,7 +6,7 @@
 //! coordinates. A change of the units of length, mass and time by powers of two changes no bit of it.
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
-use vi_core::{State, System, binary_exponent};
+use vi_core::{LanczosStart, State, System, binary_exponent};
 
 use crate::assemble::evaluator::Evaluator;
 use crate::error::SolverError;
@@ -43,6 +43,9 @@ pub struct HighestFrequency {
 /// Returns [`SolverError::Term`] or [`SolverError::NotFinite`] if the state has no finite force;
 /// [`SolverError::Unresolved`] if the coordinates are so large that their round-off hides the shape of the body.
 pub fn highest_frequency(system: &System, state: &State) -> Result<HighestFrequency, SolverError> {
+    if let Some(found) = highest_by_ranks(system, state) {
+        return Ok(found);
+    }
     highest(&mut Operator::new(system), system, state, ACCURACY)
 }
 
@@ -117,6 +120,70 @@ fn turning_rate(system: &System, state: &State) -> f64 {
     inertia.pseudo_inverse(1e-12 * size).map_or(0.0, |inverse| (inverse * spin).norm())
 }
 
+/// Returns ω_max as [`highest`] does, by ranks that share the system. Returns `None` if they cannot find it; then [`highest`] tells
+/// why.
+fn highest_by_ranks(system: &System, state: &State) -> Option<HighestFrequency> {
+    let shared = system.terms().shared()?;
+    let (n, t) = (system.coordinates().free_count(), state.t);
+    let displacement = displacement(system, &system.positions(state)).ok()?;
+    let per_unit = per_unit(system);
+    let norm = vectors::sum(n, |k| noise(k as u64) * noise(k as u64)).sqrt();
+    let vector = |k: usize| noise(k as u64) / norm;
+    if n == 0 || !shared.start_lanczos(&state.q, t, &LanczosStart { per_unit, displacement, vector: &vector })
+    {
+        return None;
+    }
+    let mut terms = vec![0.0; n];
+    let mut iteration = Lanczos::new(n);
+    let mut beta = 1.0;
+    loop {
+        shared.multiply_lanczos(beta, &mut terms);
+        let alpha = vectors::sum(n, |k| terms[k]);
+        shared.subtract_lanczos([alpha, iteration.beta], &mut terms);
+        beta = vectors::sum(n, |k| terms[k]).sqrt();
+        if !alpha.is_finite() || !beta.is_finite() {
+            return None;
+        }
+        if let Some(found) = iteration.enter(alpha, beta, ACCURACY) {
+            return Some(found);
+        }
+    }
+}
+
+/// The tridiagonal matrix of Lanczos' method for n unknowns.
+struct Lanczos {
+    n: usize,
+    diagonal: Vec<f64>,
+    off_diagonal: Vec<f64>,
+    /// The norm of the last vector; 0 at first.
+    beta: f64,
+}
+
+impl Lanczos {
+    fn new(n: usize) -> Self {
+        Self { n, diagonal: Vec::new(), off_diagonal: Vec::new(), beta: 0.0 }
+    }
+
+    /// Enters the numbers of an iteration; returns the frequency if they suffice.
+    fn enter(&mut self, alpha: f64, beta: f64, accuracy: f64) -> Option<HighestFrequency> {
+        self.diagonal.push(alpha);
+        self.beta = beta;
+        let (ritz, residual) = largest_ritz_value(&self.diagonal, &self.off_diagonal, beta);
+        let iterations = self.diagonal.len() as u32;
+        let is_enough = residual <= accuracy * ritz.abs()
+            || beta == 0.0
+            || self.diagonal.len() >= self.n
+            || iterations == MAX_ITERATIONS;
+        self.off_diagonal.push(beta);
+        is_enough.then(|| HighestFrequency { omega: (ritz + residual).max(0.0).sqrt(), iterations })
+    }
+}
+
+/// Returns the inverse of a unit of mass, which is a power of two.
+fn per_unit(system: &System) -> f64 {
+    system.free_mass().first().map_or(1.0, |mass| 2.0_f64.powi(-binary_exponent(*mass)))
+}
+
 fn highest(
     operator: &mut Operator,
     system: &System,
@@ -132,29 +199,22 @@ fn highest(
     let mut current: Vec<f64> = (0..n as u64).map(noise).collect();
     normalize(&mut current);
     let mut next = vec![0.0; n];
-    let (mut diagonal, mut off_diagonal) = (Vec::new(), Vec::new());
-    let mut beta = 0.0;
-    let mut bound = 0.0;
-    for iteration in 1..=MAX_ITERATIONS {
+    let mut iteration = Lanczos::new(n);
+    loop {
         operator.apply(system, state, &current, &mut next)?;
         let alpha = vectors::sum(n, |k| next[k] * current[k]);
+        let beta = iteration.beta;
         vectors::update(&mut next, |k, next| *next -= alpha * current[k] + beta * previous[k]);
-        diagonal.push(alpha);
-        beta = normalize(&mut next);
-        let (ritz, residual) = largest_ritz_value(&diagonal, &off_diagonal, beta);
-        bound = (ritz + residual).max(0.0);
-        if residual <= accuracy * ritz.abs() || beta == 0.0 || iteration as usize >= n {
-            return Ok(HighestFrequency { omega: bound.sqrt(), iterations: iteration });
+        let beta = normalize(&mut next);
+        if let Some(found) = iteration.enter(alpha, beta, accuracy) {
+            return Ok(found);
         }
-        off_diagonal.push(beta);
         std::mem::swap(&mut previous, &mut current);
         std::mem::swap(&mut current, &mut next);
     }
-    Ok(HighestFrequency { omega: bound.sqrt(), iterations: MAX_ITERATIONS })
 }
 
-/// The operator v ↦ M^{-1/2} K M^{-1/2} v by central differences about a state. It keeps few vectors: the first of several ranks
-/// makes these differences of the whole body.
+/// The operator v ↦ M^{-1/2} K M^{-1/2} v by central differences about a state.
 struct Operator {
     evaluator: Evaluator,
     /// The inverse of a unit of mass, which is a power of two.
@@ -174,9 +234,8 @@ impl Operator {
         let evaluator = if is_in_drift { evaluator.without_live() } else { evaluator };
         let coordinates = system.coordinates();
         let kind = coordinates.free().iter().map(|&dof| u8::from(coordinates.is_director(dof / 3))).collect();
-        let mass = system.free_mass();
-        let per_unit = mass.first().map_or(1.0, |mass| 2.0_f64.powi(-binary_exponent(*mass)));
-        Self { evaluator, per_unit, sizes: [DIFFERENCE; 2], kind, q: vec![0.0; mass.len()] }
+        let (per_unit, q) = (per_unit(system), vec![0.0; system.free_mass().len()]);
+        Self { evaluator, per_unit, sizes: [DIFFERENCE; 2], kind, q }
     }
 
     /// Returns √(m/unit) of a free coordinate, which has the same bits in every such unit.

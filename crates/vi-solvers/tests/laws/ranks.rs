@@ -5,7 +5,8 @@ use std::sync::Arc;
 use crate::springs::{Springs, block, block_system, deformed, fixed};
 use vi_core::{Coordinates, Exchange, SharedTerms, State, System, ThreadRank};
 use vi_solvers::{
-    Assembler, LinearSolver, Member, Method, Partners, SolverOptions, Stepper, stepper_of_ranks,
+    Assembler, LinearSolver, Member, Method, Partners, SolverOptions, Stepper, highest_frequency,
+    stepper_of_ranks,
 };
 
 /// A byte string that no conductor sends.
@@ -111,6 +112,17 @@ fn ranks_step_to_the_bits_of_one_process() {
         for size in [1, 2, 3, 4, 11] {
             assert_eq!(on_ranks(size, place, some_steps), expected, "{} on {size} ranks", method.name());
         }
+    }
+}
+
+#[test]
+fn ranks_find_the_highest_frequency_of_one_process() {
+    let place: Place<'_> = (&Method::StormerVerlet, &clamped_block, PLAIN);
+    let highest =
+        |system: &System, _: &mut dyn Stepper| highest_frequency(system, &clamped_block().1).unwrap();
+    let expected = alone(place, highest);
+    for size in [1, 2, 3, 4] {
+        assert_eq!(on_ranks(size, place, highest), expected, "{size} ranks");
     }
 }
 

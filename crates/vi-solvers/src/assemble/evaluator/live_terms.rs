@@ -96,6 +96,13 @@ impl Evaluator {
         }
     }
 
+    /// Makes the tangents of pairs include those of the directions of their forces.
+    pub(crate) fn set_turns(&mut self, turns: bool) {
+        if let Some(pairs) = &mut self.pairs {
+            pairs.set_turns(turns);
+        }
+    }
+
     /// Returns the forces of pairs at the last evaluation that listed them.
     pub(crate) fn pairs(&self) -> Option<&Pairs> {
         self.pairs.as_ref()

@@ -54,11 +54,11 @@ impl Division {
         Self::with_ranks(whole, chunk_ranks, size)
     }
 
-    /// Divides the sum of the part of a system that one of `size` ranks needs. `run_ranks` are the ranks of the runs of every
-    /// term. Only what concerns that rank is complete.
-    pub(crate) fn of_part(part: &Gather, terms: &Terms, run_ranks: &[Vec<u32>], size: usize) -> Self {
+    /// Divides the sum of the part of a system that one of `size` ranks needs. `runs` are the numbers of the runs of
+    /// every term in the whole system, and their ranks. Only what concerns that rank is complete.
+    pub(crate) fn of_part(part: &Gather, terms: &Terms, runs: &[Vec<(u32, u32)>], size: usize) -> Self {
         let rank = |Chunk { span, .. }: &Chunk| {
-            run_ranks[span.term][span.stencils.start / terms.fixed()[span.term].run_length()]
+            runs[span.term][span.stencils.start / terms.fixed()[span.term].run_length()].1
         };
         Self::with_ranks(part, part.chunks.iter().map(rank).collect(), size)
     }

@@ -1,0 +1,86 @@
+//! Elements of a large mesh that no process holds as a whole.
+
+use std::fmt::Debug;
+use std::ops::Range;
+use std::sync::Arc;
+
+use crate::cell::CellKind;
+use crate::mesh::{CellBlock, Mesh};
+
+/// Number of elements that are looked at together.
+const WINDOW: usize = 1 << 14;
+
+/// The elements of a mesh, all of one kind, as functions of their numbers. They are in runs along Morton's curve, as
+/// [`sort_by_place`](crate::sort_by_place) orders them.
+pub trait FarElements: Debug + Send + Sync {
+    /// Returns the kind of all elements.
+    fn kind(&self) -> CellKind;
+
+    /// Returns the number of elements.
+    fn count(&self) -> usize;
+
+    /// Returns the position of a node at rest, m.
+    fn point(&self, node: u32) -> [f64; 3];
+
+    /// Appends the nodes of an element.
+    fn add_nodes(&self, element: u32, nodes: &mut Vec<u32>);
+
+    /// Returns the elements of some runs of `run_length` elements (ascending), run after run.
+    fn of_runs(&self, runs: &[usize], run_length: usize) -> Vec<u32>;
+
+    /// Returns the nodes (ascending) of the runs of each of `count` processes; run k belongs to the process
+    /// ⌊k · `count` / number of runs⌋.
+    fn nodes_of_processes(&self, count: usize, run_length: usize) -> Vec<Vec<u32>>;
+}
+
+/// A mesh without its elements, and the elements.
+pub type FarMesh = (Mesh, Arc<dyn FarElements>);
+
+/// The elements of a large mesh among those of other meshes.
+#[derive(Debug, Clone)]
+pub struct FarBlock {
+    /// The elements.
+    pub elements: Arc<dyn FarElements>,
+    /// The number of the first node of their mesh.
+    pub first_node: u32,
+}
+
+impl FarBlock {
+    /// Returns the nodes of all elements, in order.
+    pub fn nodes(&self) -> impl Iterator<Item = u32> {
+        self.elements.ranges().flat_map(move |range| {
+            let mut nodes = Vec::with_capacity(range.len() * self.elements.kind().node_count());
+            range.for_each(|element| self.elements.add_nodes(element, &mut nodes));
+            nodes.into_iter().map(move |node| node + self.first_node)
+        })
+    }
+}
+
+/// Some elements of a large mesh.
+pub struct Window {
+    /// The elements in order, with their nodes alone.
+    pub mesh: Mesh,
+    /// The number of each node in the large mesh, ascending.
+    pub nodes: Vec<u32>,
+}
+
+impl dyn FarElements + '_ {
+    /// Returns some of the elements.
+    pub fn window(&self, elements: impl Iterator<Item = u32>) -> Window {
+        let mut corners = Vec::new();
+        elements.for_each(|element| self.add_nodes(element, &mut corners));
+        let mut nodes = corners.clone();
+        nodes.sort_unstable();
+        nodes.dedup();
+        corners.iter_mut().for_each(|node| *node = nodes.partition_point(|other| other < node) as u32);
+        let points = nodes.iter().map(|&node| self.point(node)).collect();
+        let blocks = vec![CellBlock { kind: self.kind(), nodes: corners }];
+        Window { mesh: Mesh { points, blocks, regions: Vec::new() }, nodes }
+    }
+
+    /// Returns ranges that together are all elements, each small enough for a [`Window`].
+    pub fn ranges(&self) -> impl Iterator<Item = Range<u32>> + use<> {
+        let count = self.count();
+        (0..count).step_by(WINDOW).map(move |first| first as u32..count.min(first + WINDOW) as u32)
+    }
+}
