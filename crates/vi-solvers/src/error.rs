@@ -119,6 +119,14 @@ pub enum SolverError {
         /// Number of Newton iterations made.
         iterations: u32,
     },
+    /// A step would bring a pair of surfaces so close that the next step would fail.
+    #[error(
+        "a pair of surfaces would end this step at {gap:.1e} of the gap from which on it acts; a smaller step helps"
+    )]
+    Narrow {
+        /// The gap, relative to that from which on the pair acts.
+        gap: f64,
+    },
     /// The corrections of a step along a path of equilibria did not converge.
     #[error(
         "no convergence after {iterations} iterations: the last correction was {change:e} of the step, \

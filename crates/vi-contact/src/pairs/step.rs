@@ -66,6 +66,8 @@ pub struct StepPair {
     pub dissipated: f64,
     /// The smaller gap of both ends, m.
     pub gap: f64,
+    /// The gaps of both ends, relative to d̂.
+    pub(crate) relative: [f64; 2],
     /// For a point against a body, the first cell that contains the simplex of the pair; zero for other pairs.
     pub(crate) cell: u32,
 }
@@ -173,6 +175,7 @@ struct Quotient {
     energy: [f64; 2],
     dissipated: f64,
     gap: f64,
+    relative: [f64; 2],
 }
 
 impl Quotient {
@@ -205,6 +208,7 @@ impl Quotient {
             energy: [energy * blend.value(s0), energy * blend.value(s1)],
             dissipated: (slope - elastic) * change,
             gap: s0.min(s1) * gauge.distance,
+            relative: [s0, s1],
         }
     }
 }
@@ -378,6 +382,7 @@ fn assemble(
         energy: quotient.energy,
         dissipated: quotient.dissipated,
         gap: quotient.gap,
+        relative: quotient.relative,
         cell: 0,
     }
 }

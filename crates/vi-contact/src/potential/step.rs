@@ -169,7 +169,7 @@ impl DiscreteGradient for ContactPotential {
 
     fn outcome(&self, start: &[f64], end: &[f64]) -> StepOutcome {
         let mut book = Book::new(self.step.as_ref());
-        let (mut damping, mut smallest_gap) = (0.0, None);
+        let (mut damping, mut smallest_gap, mut narrowest) = (0.0, None, None);
         self.for_each_step(0..self.neighbours.count(), [start, end], |_, acting, _| {
             book.push_force(self.surface.bodies_of(acting.partners()), acting.force());
             match acting {
@@ -177,6 +177,9 @@ impl DiscreteGradient for ContactPotential {
                     damping += pair.dissipated;
                     if pair.energy != [0.0; 2] {
                         smallest_gap = Some(smallest_gap.map_or(pair.gap, |gap: f64| gap.min(pair.gap)));
+                        let [start, end] = pair.relative;
+                        let least = |[a, b]: [f64; 2]| [a.min(start), b.min(end)];
+                        narrowest = Some(narrowest.map_or(pair.relative, least));
                     }
                 }
                 Force::Friction(pair) => {
@@ -187,6 +190,6 @@ impl DiscreteGradient for ContactPotential {
                 }
             }
         });
-        StepOutcome { damping, smallest_gap, ..book.close(&self.surface, self.step.as_ref()) }
+        StepOutcome { damping, smallest_gap, narrowest, ..book.close(&self.surface, self.step.as_ref()) }
     }
 }

@@ -203,6 +203,9 @@ pub struct StepOutcome {
     pub impulses: Vec<Impulse>,
     /// The smallest gap of the pairs that acted, at either end, m; `None` if no pair acted.
     pub smallest_gap: Option<f64>,
+    /// The smallest gaps of the pairs that acted, at the start and at the end of the step, relative to the gap from which on a
+    /// pair acts; `None` if no pair acted.
+    pub narrowest: Option<[f64; 2]>,
 }
 
 /// The impulse of the second of two parts on the first over a step.

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use vi_core::{Account, DiscreteGradient, HessianKind, Impulse, Potential, Stencils, StepOutcome, Traits};
 
+use crate::error::SolverError;
 use crate::memory::StepperMemory;
 
 /// The memory of all live terms at one configuration, and the duration of the current step.
@@ -66,6 +67,28 @@ pub(crate) struct Passage {
     /// [`Passage::take_smallest_gap`], m.
     next_gap: Option<f64>,
     smallest_gap: Option<f64>,
+}
+
+/// A step that can be divided fails if its smallest gap ends below the fraction `NARROW` of that from which on pairs act, and
+/// below the fraction `CLOSES` of what it was at the start.
+///
+/// A blow over many times the layer in one step ends with the energy of the whole body in the layer, because the force that
+/// stops the body does its work over the whole way. From a gap g, bodies that turn with the radius r in a step move no farther
+/// than about √(8 r g), or the straight path of the step would pass through them: at 1e-4 of the layer, the next step fails,
+/// however short. Of ten scenes of `stress --contact --seed 1` that failed by name (4, 41, 46, 122, 155, 161, 164, 172, 174, 196),
+/// seven run to their end with 1e-3. With 1e-2, 46 takes 1987 iterations instead of 1665, and 174 takes 214 instead of 186.
+const NARROW: f64 = 1e-3;
+const CLOSES: f64 = 0.5;
+
+/// Checks that a step with this outcome does not end with a gap from which the next step would fail.
+///
+/// # Errors
+/// Returns [`SolverError::Narrow`] if it does.
+pub(crate) fn check_narrowest(outcome: &StepOutcome) -> Result<(), SolverError> {
+    match outcome.narrowest {
+        Some([start, end]) if end < NARROW && end < CLOSES * start => Err(SolverError::Narrow { gap: end }),
+        _ => Ok(()),
+    }
 }
 
 /// Returns the smaller one of two gaps, either of which may be missing.
@@ -146,6 +169,8 @@ impl Passage {
             sum.damping += outcome.damping;
             sum.impulses.extend(outcome.impulses);
             sum.smallest_gap = smaller(sum.smallest_gap, outcome.smallest_gap);
+            let both = sum.narrowest.into_iter().chain(outcome.narrowest);
+            sum.narrowest = both.reduce(|[a, b], [c, d]| [a.min(c), b.min(d)]);
             self.next.memories[*number] = outcome.memory;
         }
         self.next.stored = sum.stored;

@@ -16,6 +16,7 @@ use crate::assemble::evaluator::Evaluator;
 use crate::assemble::finite::{check_finite, check_state};
 use crate::assemble::inertia::Inertia;
 use crate::assemble::live::LiveState;
+use crate::assemble::passage::check_narrowest;
 use crate::error::SolverError;
 use crate::linear::cost::UnitCosts;
 use crate::memory::{StepperMemory, expect_method};
@@ -117,6 +118,9 @@ impl<R: Rule> OneStage<R> {
         }
         check_finite(q, p, system)?;
         let outcome = self.evaluator.close_step(system, (&state.q, state.t), (q, *t))?;
+        if self.newton.budget != Budget::Unlimited {
+            check_narrowest(&outcome)?;
+        }
         let stored = outcome.stored - self.stored_energy();
         let mut energy = if self.ledger { self.account(system, state)? } else { StepEnergy::default() };
         energy.friction = -outcome.friction;

@@ -142,6 +142,8 @@ impl StepError {
                 | SolverError::NegativeCurvature { .. }
                 | SolverError::ConjugateGradients { .. }
                 | SolverError::Residual { .. }
+                | SolverError::Singular { .. }
+                | SolverError::Narrow { .. }
         )
     }
 }

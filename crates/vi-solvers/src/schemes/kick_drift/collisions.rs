@@ -16,6 +16,7 @@ use vi_core::{
 
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
+use crate::newton::budget::Budget;
 use crate::options::SolverOptions;
 use crate::schemes::kick_drift::touching::Touching;
 use crate::schemes::one_stage::OneStage;
@@ -279,6 +280,8 @@ impl Collisions {
         let kinetic = |state: &State| if ledger { vi_core::kinetic_energy(system, state) } else { 0.0 };
         let before = kinetic(state);
         sum.solves += 1;
+        let may_divide = halvings > 0 && sum.solves < MOST_SOLVES;
+        stepper.set_budget(if may_divide { Budget::Seconds(f64::INFINITY) } else { Budget::Unlimited });
         match stepper.step(system, state, h) {
             Ok(report) => {
                 sum.kinetic += kinetic(state) - before;
@@ -286,7 +289,7 @@ impl Collisions {
                 sum.work += report.work;
                 Ok(())
             }
-            Err(error) if halvings > 0 && sum.solves < MOST_SOLVES && error.smaller_step_may_help() => {
+            Err(error) if may_divide && error.smaller_step_may_help() => {
                 self.pass(0.5 * h, halvings - 1, ledger, sum)?;
                 self.pass(0.5 * h, halvings - 1, ledger, sum)
             }

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use vi_core::{Acting, DiscreteGradient, Impulse, Potential, State, StepEnergy, StepOutcome, System};
 
 use crate::assemble::free_path::{FreePath, KEPT, make_uniform};
-use crate::assemble::passage::{Passage, Remembered};
+use crate::assemble::passage::{Passage, Remembered, check_narrowest};
 use crate::error::SolverError;
 use crate::index::free_of;
 use crate::memory::StepperMemory;
@@ -122,7 +122,7 @@ impl Touching {
         let outcome = self.solve(system, state, h, may_divide);
         self.work.searches = self.lists.searches() - searches;
         let acts = outcome?;
-        Ok(acts.then(|| self.close(system, state, h)))
+        acts.then(|| self.close(system, state, h, may_divide)).transpose()
     }
 
     /// Returns the terms over the open step.
@@ -211,12 +211,25 @@ impl Touching {
     }
 
     /// Closes the step at y.
-    fn close(&mut self, system: &System, state: &mut State, h: f64) -> StepEnergy {
+    ///
+    /// # Errors
+    /// Returns an error, and changes nothing, if the drift may be divided and would end with too small a gap.
+    fn close(
+        &mut self,
+        system: &System,
+        state: &mut State,
+        h: f64,
+        may_divide: bool,
+    ) -> Result<StepEnergy, SolverError> {
         let (coordinates, mass) = (system.coordinates(), system.free_mass());
         let c = 0.5 * h * h;
         let numbered: Vec<(usize, Arc<dyn Potential>)> =
             self.lists.terms().iter().cloned().enumerate().collect();
-        let StepOutcome { friction, damping, .. } = self.passage.close(&numbered, &self.x_start, &self.x_end);
+        let outcome = self.passage.close(&numbered, &self.x_start, &self.x_end);
+        if may_divide {
+            check_narrowest(&outcome)?;
+        }
+        let StepOutcome { friction, damping, .. } = outcome;
         self.passage.accept(&self.x_start, &self.x_end);
         let mut energy =
             StepEnergy { friction: -friction, contact_damping: -damping, ..StepEnergy::default() };
@@ -242,7 +255,7 @@ impl Touching {
             }
         });
         state.t += h;
-        energy
+        Ok(energy)
     }
 
     /// Returns the work of the last step, even if it failed.
