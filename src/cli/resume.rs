@@ -9,6 +9,7 @@ use super::run::{RunSay, conclude, fail, thread_pool};
 use super::say::{message, out};
 use super::signals::Stop;
 use crate::run::checkpoint::{Origin, newest};
+use crate::run::claim::Claim;
 use crate::run::{RunError, Team, resume_by};
 use crate::scene::Scene;
 
@@ -30,6 +31,8 @@ pub(super) fn resume(team: &Team, arguments: &ResumeArguments) -> u8 {
 fn resume_directory(team: &Team, arguments: &ResumeArguments) -> u8 {
     let directory = &arguments.directory;
     if let Some((report, steps)) = finished(directory) {
+        // The run may have been killed between its report and the end of its claim.
+        Claim::remove_stale(directory);
         if arguments.output.say.json {
             out!("{}", report.trim_end());
         } else if !arguments.output.is_brief() {

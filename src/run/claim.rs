@@ -94,6 +94,14 @@ impl Claim {
         writeln!(file, "process {}", std::process::id())
     }
 
+    /// Removes the lock file that a killed process has left in a directory. Does nothing if there is none, or if a
+    /// process holds it.
+    pub(crate) fn remove_stale(directory: &Path) {
+        if directory.join(LOCK).exists() {
+            drop(Self::new(directory));
+        }
+    }
+
     /// Returns a note if the directory lies on a file system without locks.
     pub fn note(&self) -> Option<String> {
         let place = self.path.parent()?.display();
@@ -148,5 +156,17 @@ mod tests {
         fs::write(directory.path().join("kept"), "").unwrap();
         drop(claim);
         assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn only_a_stale_lock_file_is_removed() {
+        let directory = tempfile::tempdir().unwrap();
+        let claim = Claim::new(directory.path()).unwrap();
+        Claim::remove_stale(directory.path());
+        assert!(directory.path().join(LOCK).exists());
+        drop(claim);
+        fs::write(directory.path().join(LOCK), "process 1\n").unwrap();
+        Claim::remove_stale(directory.path());
+        assert!(!directory.path().join(LOCK).exists());
     }
 }

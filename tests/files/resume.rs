@@ -327,6 +327,18 @@ fn killed_at_any_moment() {
     assert!(unfinished > 10, "only {unfinished} of 50 kills met a run under way");
 }
 
+/// A run that is killed between its report and the end of its claim has ended, but leaves the lock file. The next command
+/// that meets the directory removes it.
+#[test]
+fn killed_after_its_report() {
+    let run = Kept::new(&SCENE.replace("SCHEME", "stormer-verlet"));
+    assert!(run.command(&RUN).status().unwrap().success());
+    let before = written(&run.out());
+    std::fs::write(run.out().join("variational.lock"), "process 1\n").unwrap();
+    assert!(run.command(&["resume", "out"]).status().unwrap().success());
+    assert!(before == written(&run.out()));
+}
+
 /// If files cannot grow, as on a full disk, the run ends with exit code 5 and names the last good state, which it
 /// keeps. It continues when there is space.
 #[cfg(unix)]
