@@ -5,17 +5,25 @@ use std::ops::Range;
 
 use crate::distance::at;
 
-/// An axis-aligned box.
+/// An axis-aligned box around parts of surfaces.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bounds {
     pub(crate) min: [f64; 3],
     pub(crate) max: [f64; 3],
+    /// The group of nodes that move as one, if all nodes in the box belong to the same; otherwise [`LOOSE`].
+    held: u32,
 }
 
-impl Bounds {
-    pub(crate) const EMPTY: Self = Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3] };
+/// The group of nodes that move by themselves.
+pub(crate) const LOOSE: u32 = 0;
+/// The group of an empty box.
+const NO_NODES: u32 = u32::MAX;
 
-    /// Returns the box around nodes.
+impl Bounds {
+    pub(crate) const EMPTY: Self =
+        Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3], held: NO_NODES };
+
+    /// Returns the box around nodes, as if each of them moved by itself.
     #[inline]
     pub(crate) fn of(nodes: &[u32], x: &[f64]) -> Self {
         let mut bounds = Self::EMPTY;
@@ -26,7 +34,14 @@ impl Bounds {
                 bounds.max[k] = bounds.max[k].max(x[k]);
             }
         }
+        bounds.held = LOOSE;
         bounds
+    }
+
+    /// Returns the box for nodes of a group that moves as one, or [`LOOSE`] ones.
+    #[inline]
+    pub(crate) fn of_group(self, held: u32) -> Self {
+        Self { held, ..self }
     }
 
     #[inline]
@@ -44,8 +59,14 @@ impl Bounds {
             self.min[k] = self.min[k].min(other.min[k]);
             self.max[k] = self.max[k].max(other.max[k]);
         }
+        self.held = match (self.held, other.held) {
+            (NO_NODES, held) | (held, NO_NODES) => held,
+            (one, other) if one == other => one,
+            _ => LOOSE,
+        };
     }
 
+    /// Returns whether the boxes overlap and do not move as one. Parts that move as one form no pair.
     #[inline]
     pub(crate) fn meets(&self, other: &Self) -> bool {
         // Compare all axes without a branch.
@@ -55,6 +76,7 @@ impl Bounds {
             & (other.min[1] <= self.max[1])
             & (self.min[2] <= other.max[2])
             & (other.min[2] <= self.max[2])
+            & ((self.held != other.held) | (self.held == LOOSE))
     }
 }
 
@@ -119,7 +141,7 @@ impl Tree {
         }
     }
 
-    /// Calls `found` with every item whose box overlaps `bounds`.
+    /// Calls `found` with every item whose box overlaps `bounds` and does not move as one with it.
     #[inline]
     pub(crate) fn visit(&self, bounds: &Bounds, found: &mut impl FnMut(u32)) {
         if !self.boxes[1].meets(bounds) {
@@ -236,4 +258,35 @@ fn spread(mut bits: u64) -> u64 {
     bits = (bits | (bits << 8)) & 0x100f_00f0_0f00_f00f;
     bits = (bits | (bits << 4)) & 0x10c3_0c30_c30c_30c3;
     (bits | (bits << 2)) & 0x1249_2492_4924_9249
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns overlapping boxes of three groups, the last of nodes that move by themselves.
+    fn boxes() -> Vec<Bounds> {
+        let x: Vec<f64> = (0..90).map(|k| 0.01 * f64::from(k % 30)).collect();
+        (0..30).map(|node| Bounds::of(&[node], &x).inflated(1.0).of_group(node / 10 % 3)).collect()
+    }
+
+    #[test]
+    fn parts_that_move_as_one_are_not_found() {
+        let boxes = boxes();
+        let tree = Tree::new(&boxes);
+        let mut pairs = Vec::new();
+        for front in tree.fronts(&tree) {
+            tree.visit_pairs(&tree, front, &mut |a, b| pairs.push([a.min(b), a.max(b)]));
+        }
+        pairs.sort_unstable();
+        let group = |item: u32| item / 10;
+        let all = (0..30).flat_map(|a| (a + 1..30).map(move |b| [a, b]));
+        let expected: Vec<[u32; 2]> =
+            all.filter(|&[a, b]| group(a) != group(b) || group(a) == LOOSE).collect();
+        assert_eq!(pairs, expected);
+        let mut found = Vec::new();
+        tree.visit(&boxes[15], &mut |item| found.push(item));
+        found.sort_unstable();
+        assert_eq!(found, (0..10).chain(20..30).collect::<Vec<u32>>());
+    }
 }

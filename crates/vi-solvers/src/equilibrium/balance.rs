@@ -98,6 +98,7 @@ impl<'a> Balance<'a> {
         self.go_to(q, t);
         self.work.gradients += 1;
         self.assembler.gradient(&self.x, t, &mut self.gradient);
+        self.work.searches = self.assembler.work().live_renewals;
         if let Some(forces) = &mut self.forces {
             forces.evaluate(&self.x, &self.still, t);
             for (dof, gradient) in self.gradient.iter_mut().enumerate() {

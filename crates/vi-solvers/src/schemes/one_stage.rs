@@ -264,8 +264,10 @@ fn evaluator_of(rule: &impl Rule, system: &System) -> Evaluator {
 
 impl<R: Rule> Stepper for OneStage<R> {
     fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
-        let before = self.evaluator.work;
-        let (iterations, energy) = self.advance(system, state, h).map_err(|error| {
+        let (before, searches) = (self.evaluator.work, self.evaluator.searches());
+        let advanced = self.advance(system, state, h);
+        self.evaluator.work.searches += self.evaluator.searches() - searches;
+        let (iterations, energy) = advanced.map_err(|error| {
             let cause = self.evaluator.explain(system, state, error);
             StepError { t: state.t, h, cause }
         })?;

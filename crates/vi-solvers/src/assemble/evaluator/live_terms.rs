@@ -127,6 +127,11 @@ impl Evaluator {
         self.ends.as_ref()
     }
 
+    /// Returns how often live terms have searched for their stencils.
+    pub(crate) fn searches(&self) -> u64 {
+        self.assembler.shared_live().map_or(0, |live| live.counts()[0])
+    }
+
     /// Returns whether there are live terms.
     pub(crate) fn has_live(&mut self) -> bool {
         self.assembler.live().is_some()
