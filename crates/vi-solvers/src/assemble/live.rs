@@ -4,11 +4,12 @@
 //! If a scheme uses discrete gradients, the terms that have one are kept apart from the others. They are summed from
 //! an array that holds the end of the step followed by its start.
 
+mod near;
 mod state;
 
 use std::sync::Arc;
 
-use vi_core::{Acting, DiscreteGradient, Fault, Impulse, Meeting, Potential, StepOutcome, Terms};
+use vi_core::{Acting, Fault, Impulse, Meeting, Potential, StepOutcome, Terms};
 
 use crate::assemble::energy::Energies;
 use crate::assemble::fixed::FixedSum;
@@ -19,51 +20,13 @@ use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::matrix_sum::MatrixSum;
 use crate::vectors;
 
-pub(crate) use state::LiveState;
+use near::Near;
 
-/// ∂x₁/∂x for a stage x in the middle between x₀ and x₁.
-pub(crate) const END_PER_STAGE: f64 = 2.0;
+pub(crate) use near::END_PER_STAGE;
+pub(crate) use state::LiveState;
 
 /// A matrix is not made of stencils whose reach is more than this multiple of the needed one.
 const LONGEST_REACH: f64 = 2.0;
-
-/// The stencils near one configuration.
-struct Near {
-    /// All terms.
-    whole: FixedSum,
-    /// The terms without and with a discrete gradient, if they are kept apart and both kinds may occur.
-    parts: Option<[FixedSum; 2]>,
-    /// The terms with a discrete gradient, with their indices in the list.
-    discrete: Vec<(usize, Arc<dyn Potential>)>,
-    /// Their discrete gradients over the open step; `None` if that of the term serves.
-    over: Vec<Option<Arc<dyn DiscreteGradient>>>,
-}
-
-impl Near {
-    /// Returns the Hessians to be summed, with their factors.
-    fn hessians<'a>(
-        &'a mut self,
-        fixed: &'a SymmetricMatrix,
-        x: &[f64],
-        pair: &[f64],
-        t: f64,
-        kind: HessianEvaluation,
-        has_ends: bool,
-    ) -> Vec<(f64, &'a SymmetricMatrix)> {
-        let Self { whole, parts, .. } = self;
-        let mut hessians = vec![(1.0, fixed)];
-        match parts {
-            Some([plain, discrete]) => {
-                hessians.push((1.0, plain.hessian(x, t, kind)));
-                if has_ends {
-                    hessians.push((END_PER_STAGE, discrete.hessian(pair, t, kind)));
-                }
-            }
-            None => hessians.push((1.0, whole.hessian(x, t, kind))),
-        }
-        hessians
-    }
-}
 
 /// The sum of the live terms of a list.
 pub(crate) struct LiveSum {
@@ -184,7 +147,7 @@ impl LiveSum {
             None
         };
         let over = self.passage.over_each(&discrete);
-        Ok(Near { whole: assembler(potentials)?, parts, discrete, over })
+        Ok(Near { whole: assembler(potentials)?, parts, discrete, over, close: None })
     }
 
     /// Ensures that the stencils are valid at positions `x`, and at all `others` too.
@@ -261,6 +224,7 @@ impl LiveSum {
         if let Some([_, discrete]) = &mut near.parts {
             discrete.exchange(passage.paired(&near.discrete))?;
             near.over = passage.over_each(&near.discrete);
+            near.close = None;
         }
         Ok(())
     }
@@ -343,8 +307,10 @@ impl LiveSum {
     /// Appends the forces of the pairs over the open step to `out`. Returns false if a term cannot be used.
     pub(crate) fn list_pairs(&mut self, start: &[f64], end: &[f64], out: &mut Acting) -> bool {
         self.follow(start, Some(end));
-        let Some(near) = &self.near else { return false };
-        for ((_, term), over) in near.discrete.iter().zip(&near.over) {
+        let Self { near: Some(near), passage, .. } = self else { return false };
+        near.choose(start, &[end], passage);
+        let (terms, over) = near.of_step();
+        for ((_, term), over) in terms.iter().zip(over) {
             if let Some(discrete) = over.as_deref().or(term.discrete_gradient()) {
                 discrete.acting(start, end, out);
             }
@@ -382,8 +348,9 @@ impl LiveSum {
         kept: f64,
     ) -> (Vec<Meeting>, usize) {
         self.follow(start, [x, end]);
-        let Some(near) = &self.near else { return (Vec::new(), 0) };
-        let terms = || near.discrete.iter().map(|(_, term)| term);
+        let Self { near: Some(near), passage, .. } = self else { return (Vec::new(), 0) };
+        near.choose(start, &[x, end], passage);
+        let terms = || near.of_step().0.iter().map(|(_, term)| term);
         let meetings = terms().flat_map(|term| term.meetings(x, end, kept)).collect();
         (meetings, terms().map(|term| term.stencils().count()).sum())
     }
