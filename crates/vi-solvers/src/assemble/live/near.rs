@@ -21,23 +21,28 @@ const FEW: usize = 500;
 const FIRST: f64 = 0.1;
 const SPARE: f64 = 2.0;
 
+/// A term with a discrete gradient, with its index in the list.
+type Numbered = (usize, Arc<dyn Potential>);
+/// The discrete gradient of a term over the open step; `None` if that of the term serves.
+type Over = Option<Arc<dyn DiscreteGradient>>;
+
 /// The stencils near one configuration.
 pub(super) struct Near {
     /// All terms.
     pub(super) whole: FixedSum,
     /// The terms without and with a discrete gradient, if they are kept apart and both kinds may occur.
     pub(super) parts: Option<[FixedSum; 2]>,
-    /// The terms with a discrete gradient, with their indices in the list.
-    pub(super) discrete: Vec<(usize, Arc<dyn Potential>)>,
-    /// Their discrete gradients over the open step; `None` if that of the term serves.
-    pub(super) over: Vec<Option<Arc<dyn DiscreteGradient>>>,
+    /// The terms with a discrete gradient.
+    pub(super) discrete: Vec<Numbered>,
+    /// Their discrete gradients over the open step.
+    pub(super) over: Vec<Over>,
     /// The pairs of the open step, if they were chosen from all.
     pub(super) close: Option<Close>,
 }
 
 impl Near {
     /// Returns the terms with the pairs of the open step, and their discrete gradients.
-    pub(super) fn of_step(&self) -> (&[(usize, Arc<dyn Potential>)], &[Option<Arc<dyn DiscreteGradient>>]) {
+    pub(super) fn of_step(&self) -> (&[Numbered], &[Over]) {
         match &self.close {
             Some(Close { terms, over, .. }) => (terms, over),
             None => (&self.discrete, &self.over),
@@ -78,7 +83,7 @@ impl Near {
             return;
         }
         let Some(tube) = tube(self.close.take(), start, places) else { return };
-        let narrowed = |(number, term): &(usize, Arc<dyn Potential>)| Some((*number, term.narrowed(&tube)?));
+        let narrowed = |(number, term): &Numbered| Some((*number, term.narrowed(&tube)?));
         let Some(terms) = self.discrete.iter().map(narrowed).collect::<Option<Vec<_>>>() else { return };
         let over = passage.over_each(&terms);
         self.close = Some(Close { tube, terms, over });
@@ -88,8 +93,8 @@ impl Near {
 /// Terms with the pairs that can act or meet in a tube about the path of a step, and their discrete gradients over the step.
 pub(super) struct Close {
     tube: Tube,
-    terms: Vec<(usize, Arc<dyn Potential>)>,
-    over: Vec<Option<Arc<dyn DiscreteGradient>>>,
+    terms: Vec<Numbered>,
+    over: Vec<Over>,
 }
 
 /// Returns a tube about the path of a step from `start` that contains all `places`; `None` if these are not finite positions in
