@@ -129,7 +129,7 @@ pub struct Surface {
     pub(crate) edges: Vec<Edge>,
     pub(crate) half_spaces: Vec<HalfSpace>,
     pub(crate) laws: Laws,
-    /// For each node, the group of nodes that move as one; 0 for none.
+    /// For each node, the group of nodes that move as one, or [`LOOSE`].
     pub(crate) held: Vec<u32>,
     /// The nodes c, d₁, d₂, d₃ of each body that is rigid.
     pub(crate) frames: Vec<Option<[u32; 4]>>,
@@ -138,6 +138,9 @@ pub struct Surface {
     /// Thickness and activation distance of each point against its own body.
     pub(crate) own: Vec<[f64; 2]>,
 }
+
+/// The group of nodes that move by themselves.
+pub(crate) const LOOSE: u32 = 0;
 
 /// If two places of a body are closer than this fraction of d̂ at rest, they are the same place (a seam, a doubled
 /// node) and form no pair.
@@ -210,10 +213,16 @@ impl Surface {
         round.into_iter().any(|a| (0..count).any(|b| a != b && rubs(a, b)))
     }
 
+    /// Returns the group to which all of these nodes belong, or [`LOOSE`].
+    pub(crate) fn group_of(&self, nodes: &[u32]) -> u32 {
+        let group = self.held[nodes[0] as usize];
+        let is_one = group != LOOSE && nodes[1..].iter().all(|&node| self.held[node as usize] == group);
+        if is_one { group } else { LOOSE }
+    }
+
     /// Returns whether these nodes move as one rigid body, so that distances between them never change.
     pub(crate) fn is_rigid(&self, nodes: &[u32]) -> bool {
-        let group = self.held[nodes[0] as usize];
-        group != 0 && nodes[1..].iter().all(|&node| self.held[node as usize] == group)
+        self.group_of(nodes) != LOOSE
     }
 
     /// Returns the constants of a point against a body. All cells of the body share one d̂; otherwise the features

@@ -8,7 +8,7 @@
 
 use vi_core::Tube;
 
-use super::tree::{Bounds, LOOSE};
+use super::tree::Bounds;
 use crate::distance::{Shape, Vec3, at};
 use crate::surface::{Gauge, Surface};
 
@@ -78,8 +78,7 @@ impl<'a> Margins<'a> {
 
     /// Returns the box around nodes of a body, inflated such that boxes overlap if a pair can act or meet.
     pub(super) fn bounds(&self, surface: &Surface, nodes: &[u32], body: u32) -> Bounds {
-        let held = if surface.is_rigid(nodes) { surface.held[nodes[0] as usize] } else { LOOSE };
-        let bounds = Bounds::of(nodes, &self.middle).of_group(held);
+        let bounds = Bounds::of(nodes, &self.middle).of_group(surface.group_of(nodes));
         bounds.inflated(surface.reach(body) + self.largest_spread(nodes))
     }
 

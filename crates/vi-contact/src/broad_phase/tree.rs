@@ -4,6 +4,7 @@
 use std::ops::Range;
 
 use crate::distance::at;
+use crate::surface::LOOSE;
 
 /// An axis-aligned box around parts of surfaces.
 #[derive(Debug, Clone, Copy)]
@@ -14,8 +15,6 @@ pub(crate) struct Bounds {
     held: u32,
 }
 
-/// The group of nodes that move by themselves.
-pub(crate) const LOOSE: u32 = 0;
 /// The group of an empty box.
 const NO_NODES: u32 = u32::MAX;
 
@@ -264,10 +263,10 @@ fn spread(mut bits: u64) -> u64 {
 mod tests {
     use super::*;
 
-    /// Returns overlapping boxes of three groups, the last of nodes that move by themselves.
+    /// Returns overlapping boxes of nodes that move by themselves, then of two groups that move as one.
     fn boxes() -> Vec<Bounds> {
         let x: Vec<f64> = (0..90).map(|k| 0.01 * f64::from(k % 30)).collect();
-        (0..30).map(|node| Bounds::of(&[node], &x).inflated(1.0).of_group(node / 10 % 3)).collect()
+        (0..30).map(|node| Bounds::of(&[node], &x).inflated(1.0).of_group(node / 10)).collect()
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::law::Laws;
 use super::topology::edges_and_areas;
-use super::{Body, Cell, HalfSpace, PairRule, Point, Surface, within_rest};
+use super::{Body, Cell, HalfSpace, LOOSE, PairRule, Point, Surface, within_rest};
 use crate::barrier::Barrier;
 use crate::broad_phase::nearest_own_cells;
 use crate::distance::{Vec3, at};
@@ -196,7 +196,7 @@ impl SurfaceBuilder {
                 domain,
             });
         }
-        let mut held = vec![0; self.rest.len() / 3];
+        let mut held = vec![LOOSE; self.rest.len() / 3];
         for (node, group) in self.held {
             held[node as usize] = group;
         }
