@@ -850,7 +850,7 @@ class Time(TypedDict, total=False):
     step: Union[TimeStep, None]
     """Step h, s (> 0), or 'adaptive'. A number is adjusted to end/round(end/step), so that a step lands on `end`. Scheme `auto` chooses the step; there the key is optional and not used. Adaptive steps follow the motion by a symmetric rule; `tolerance` and `largest_step` limit them."""
     substeps: bool
-    """Cut a step that fails into halves, down to h/1024, and return to h after it (default true); false ends the run at the first step that fails."""
+    """Cut a step that fails into halves, down to h/1024 (with contact h/16384), and return to h after it (default true); false ends the run at the first step that fails."""
     tolerance: Union[float, None]
     """Required relative error at `end`, 1e-9 to 0.5 (default 1e-2), for `auto` and `bench`. With `step = 'adaptive'`: the relative error per radian of the mean frequency of the motion."""
 

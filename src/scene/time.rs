@@ -138,8 +138,8 @@ pub struct Time {
     /// Estimate the error of every probe by companion runs with other steps (5 to 10 times the cost).
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub estimate: bool,
-    /// Cut a step that fails into halves, down to h/1024, and return to h after it (default true); false ends the run
-    /// at the first step that fails.
+    /// Cut a step that fails into halves, down to h/1024 (with contact h/16384), and return to h after it (default true);
+    /// false ends the run at the first step that fails.
     #[serde(default = "Time::default_substeps", skip_serializing_if = "Time::has_default_substeps")]
     pub substeps: bool,
 }

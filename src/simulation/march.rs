@@ -1,9 +1,10 @@
-//! One component over one step of the run: as a whole, or in substeps of h/2, h/4 … h/1024 according to its pace.
+//! One component over one step of the run: as a whole, or in substeps of h/2, h/4 … h/1024 according to its pace. If bodies are
+//! in contact, a substep of h/1024 that fails is divided further, down to h/2¹⁴.
 
 use vi_core::{State, StepEnergy, System};
 use vi_solvers::{Budget, SolverError, StepError, StepReport, Stepper};
 
-use super::pace::{FLOOR, Pace};
+use super::pace::{FLOOR, Pace, SMALLEST_APART};
 
 /// Course of one step.
 #[derive(Debug, Clone, Copy, Default)]
@@ -103,13 +104,14 @@ pub(crate) fn march(
     // A step that fails does not change the state, so a copy is needed only after a successful substep.
     let mut before: Option<State> = None;
     let largest = FLOOR / cut.parts;
+    let smallest = if system.terms().live().is_empty() { SMALLEST_APART } else { 1 };
     let mut at = 0;
     while at < FLOOR {
         let size = if cut.further { next.size(largest) } else { largest };
         if size < FLOOR && before.is_none() {
             before = Some(state.clone());
         }
-        stepper.stepper.set_budget(if cut.further { next.budget() } else { Budget::Unlimited });
+        stepper.stepper.set_budget(if cut.further { next.budget(smallest) } else { Budget::Unlimited });
         match stepper.step(system, state, h * (f64::from(size) / f64::from(FLOOR))) {
             Ok(report) => {
                 done.iterations += u64::from(report.iterations);
@@ -124,7 +126,7 @@ pub(crate) fn march(
                 };
                 next.succeed(at, largest, is_dear(&report), cost);
             }
-            Err(error) if cut.further && error.smaller_step_may_help() && next.fail() => {}
+            Err(error) if cut.further && error.smaller_step_may_help() && next.fail(smallest) => {}
             Err(error) => {
                 let from = match before {
                     Some(before) => std::mem::replace(state, before),

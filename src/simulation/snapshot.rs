@@ -6,13 +6,16 @@ use vi_solvers::{Method, SolverError, SolverOptions, StepperMemory, Work};
 
 use super::adaptive::AdaptiveCounts;
 use super::contact::ContactTotals;
-use super::pace::{FLOOR, Pace};
+use super::pace::Pace;
 use super::{Component, Simulation};
 use crate::record::{self, Damage, record};
 
 const MAGIC: &[u8; 8] = b"VI-STATE";
 /// Version of the record; increase it with every change of the record.
-const FORMAT: u64 = 2;
+const FORMAT: u64 = 3;
+
+/// Largest number of parts into which [`Simulation::halve`] divides a step.
+const MOST_PARTS: u32 = 1024;
 
 /// Counts of steps that were cut into substeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -107,9 +110,9 @@ impl Simulation {
         if !snapshot.paces.iter().all(Pace::is_sound) {
             return Err(SolverError::Memory { missing: "lengths of substeps" });
         }
-        let parts = u32::try_from(snapshot.parts)
-            .ok()
-            .filter(|&parts| parts.is_power_of_two() && parts <= FLOOR && snapshot.steps <= self.step_count);
+        let parts = u32::try_from(snapshot.parts).ok().filter(|&parts| {
+            parts.is_power_of_two() && parts <= MOST_PARTS && snapshot.steps <= self.step_count
+        });
         self.parts = parts.ok_or(SolverError::Memory { missing: "number of steps" })?;
         if snapshot.switched != self.switched {
             let method = if snapshot.switched { Method::EnergyMomentum } else { self.method };
@@ -152,7 +155,7 @@ impl Simulation {
 
     /// Divides every further step into twice as many parts; returns false if they are already h/1024.
     pub fn halve(&mut self) -> bool {
-        let can = self.parts < FLOOR;
+        let can = self.parts < MOST_PARTS;
         if can {
             self.parts *= 2;
         }

@@ -61,7 +61,7 @@ fn gap(said: &str) -> f64 {
     after.split(' ').next().unwrap().parse().unwrap()
 }
 
-/// The plate is moved through the block and the floor, by implicit steps down to h/1024, and by an explicit step that is
+/// The plate is moved through the block and the floor, by implicit steps down to h/16384, and by an explicit step that is
 /// not divided.
 #[test]
 fn a_squeezed_block_names_the_pair_and_the_way_out() {

@@ -18,6 +18,9 @@ pub enum Budget {
     /// The solve uses every fallback before it fails, and any solution is accepted.
     #[default]
     Unlimited,
+    /// The solve uses every fallback before it fails, but a step that ends with a gap with which the next one would fail is not
+    /// accepted.
+    Divisible,
     /// The solve is given up if it needs more than 4 new factors, more than the cost of these and 20 iterations, and
     /// more than this cost, in seconds of the reference core ([`UnitCosts::seconds`]).
     Seconds(f64),
@@ -33,7 +36,7 @@ impl Budget {
             {
                 Err(SolverError::Budget { iterations: done.newton_iterations as u32 })
             }
-            Self::Seconds(_) | Self::Unlimited => Ok(()),
+            Self::Seconds(_) | Self::Divisible | Self::Unlimited => Ok(()),
         }
     }
 }

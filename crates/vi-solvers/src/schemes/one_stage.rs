@@ -193,7 +193,7 @@ impl<R: Rule> OneStage<R> {
         };
         let iterations = solved?.iterations;
         let StageEquations { rule, .. } = &solve.equations;
-        if newton.budget != Budget::Unlimited
+        if matches!(newton.budget, Budget::Seconds(_))
             && rule.corrected_energy() > LARGEST_CORRECTION * solve.equations.energy_scale()
         {
             return Err(SolverError::Budget { iterations });

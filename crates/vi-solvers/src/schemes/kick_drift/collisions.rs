@@ -126,7 +126,7 @@ pub(super) struct Drifted {
 
 /// Largest number of times that a failed drift is halved. The step itself is not cut when a drift fails: near the
 /// stability limit, a change of the step exchanges one conserved energy for another (docs/contact.md).
-const HALVINGS: u32 = 10;
+const HALVINGS: u32 = 14;
 /// Largest number of solves of one drift, so that a run that has become unstable ends soon. An obstacle that moves by 14 d̂
 /// in a step needs up to 60.
 const MOST_SOLVES: u32 = 300;
