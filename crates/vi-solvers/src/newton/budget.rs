@@ -22,7 +22,8 @@ pub enum Budget {
     /// accepted.
     Divisible,
     /// The solve is given up if it needs more than 4 new factors, more than the cost of these and 20 iterations, and
-    /// more than this cost, in seconds of the reference core ([`UnitCosts::seconds`]).
+    /// more than this cost, in seconds of the reference core ([`UnitCosts::seconds`]). Fallbacks that cost more than two steps of
+    /// half the length are not used.
     Seconds(f64),
 }
 

@@ -15,6 +15,7 @@ use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
 use crate::linear::perturbed::{self, Perturbed};
 use crate::newton::attempt::Solved;
+use crate::newton::budget::Budget;
 use crate::newton::equations::{Equations, Solve};
 use crate::newton::inverse::{Inverse, Reason};
 use crate::newton::soft_bristles::{self, Aim, Attempt, Frictional, Iteration, Progress, Verdict};
@@ -32,6 +33,10 @@ const MOST_DIRECT: usize = 1000;
 const NEAR: f64 = 3e-3;
 /// Smallest fraction of a correction that the line search tries.
 const SHORTEST: f64 = 1.0 / 64.0;
+
+/// Number of attempts in stages that cost less than two steps over h/2. Only these are made if the step can be divided.
+/// Of the slow scenes of `stress --contact --seed 1`, 15 take 28 319 iterations and 115 s instead of 35 248 and 173 s with all three.
+const CHEAP: usize = 1;
 
 /// Equations in which live terms act pair by pair.
 pub(crate) trait PairEquations: Equations {
@@ -126,7 +131,12 @@ impl<E: PairEquations> PairSeries<'_, '_, E> {
             return Ok(());
         }
         self.solve.evaluator.work.softenings += 1;
-        let is_same = soft_bristles::solve_in_stages(self, &Attempt::all(start), tolerance, most)?;
+        let attempts = Attempt::all(start);
+        let attempts = match self.newton.budget {
+            Budget::Seconds(_) => &attempts[..CHEAP],
+            Budget::Divisible | Budget::Unlimited => &attempts[..],
+        };
+        let is_same = soft_bristles::solve_in_stages(self, attempts, tolerance, most)?;
         // If friction was as soft as it is stiff, the next step begins without softening.
         self.newton.renewal.has_descended = !is_same;
         Ok(())
