@@ -128,8 +128,8 @@ pub(super) struct Drifted {
 /// stability limit, a change of the step exchanges one conserved energy for another (docs/contact.md).
 const HALVINGS: u32 = 14;
 /// Largest number of solves of one drift, so that a run that has become unstable ends soon. An obstacle that moves by 14 d̂
-/// in a step needs up to 60.
-const MOST_SOLVES: u32 = 300;
+/// in a step needs up to 60. Scene 569 of `stress --contact --seed 1` fails with 300 and ends with 1000.
+const MOST_SOLVES: u32 = 1000;
 /// Largest number of Newton iterations of one solve.
 const MOST_ITERATIONS: u32 = 50;
 
