@@ -107,7 +107,7 @@ impl<'a> Margins<'a> {
         let x = nodes.map(|node| at(&self.middle, node));
         // This bound is at least the reach, and most pairs need no better one.
         let bound = distance + self.largest_spread(first) + self.largest_spread(second);
-        if are_apart(shape, &x, bound * (1.0 + 1e-9)) {
+        if shape.is_apart(&x, bound * bound) {
             return None;
         }
         let mut reach = 0.0_f64;
@@ -152,20 +152,4 @@ impl<'a> Margins<'a> {
         };
         face.height(&middle) < gauge.thickness + gauge.distance + margin
     }
-}
-
-/// Returns whether both parts of a pair are farther apart than `reach` along the line between their centroids. This is
-/// much cheaper than their closest points, and finds most pairs of neighbours in a mesh apart.
-#[inline]
-fn are_apart(shape: Shape, x: &[Vec3; 4], reach: f64) -> bool {
-    let [a, b, c, d] = *x;
-    let (line, least, most) = if shape.first_count() == 2 {
-        let line = (a + b) - (c + d);
-        (line, line.dot(&a).min(line.dot(&b)), line.dot(&c).max(line.dot(&d)))
-    } else {
-        let line = a * 3.0 - (b + c + d);
-        (line, line.dot(&a), line.dot(&b).max(line.dot(&c)).max(line.dot(&d)))
-    };
-    let apart = least - most;
-    apart > 0.0 && apart * apart >= reach * reach * line.norm_squared()
 }

@@ -239,8 +239,12 @@ impl Contact<'_> {
         let pair = &self.neighbours.edges[pair];
         let nodes = self.edge_nodes(pair.edges);
         let positions = nodes.map(|node| at(x, node));
+        let reach = pair.reach * pair.reach;
+        if Shape::EdgeEdge.is_apart(&positions, reach) {
+            return None;
+        }
         let closest = Shape::EdgeEdge.closest(&positions);
-        if closest.squared >= pair.reach * pair.reach {
+        if closest.squared >= reach {
             return None;
         }
         let [a, b] = pair.edges.map(|edge| &self.surface.edges[edge as usize]);

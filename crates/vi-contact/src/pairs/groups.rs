@@ -88,7 +88,11 @@ impl<const ENDS: usize> Group<ENDS> {
         reach: f64,
         x: [&[f64]; ENDS],
     ) {
-        let closest = x.map(|x| shape.closest(&nodes.map(|node| at(x, node))));
+        let x = x.map(|x| nodes.map(|node| at(x, node)));
+        if x.iter().all(|x| shape.is_apart(x, reach)) {
+            return;
+        }
+        let closest = x.map(|x| shape.closest(&x));
         if closest.iter().any(|closest| closest.squared < reach) {
             let features = closest.map(|closest| feature(&nodes, &closest));
             self.terms.push(PointTerm { shape, nodes, multiplicity, home, closest, features });

@@ -273,8 +273,12 @@ impl Contact<'_> {
         let pair = &self.neighbours.edges[pair];
         let nodes = self.edge_nodes(pair.edges);
         let [x0, x1] = x.map(|x| nodes.map(|node| at(x, node)));
+        let reach = pair.reach * pair.reach;
+        if Shape::EdgeEdge.is_apart(&x0, reach) && Shape::EdgeEdge.is_apart(&x1, reach) {
+            return None;
+        }
         let (start, end) = (Shape::EdgeEdge.closest(&x0), Shape::EdgeEdge.closest(&x1));
-        if start.squared.min(end.squared) >= pair.reach * pair.reach {
+        if start.squared.min(end.squared) >= reach {
             return None;
         }
         let [a, b] = pair.edges.map(|edge| &self.surface.edges[edge as usize]);
