@@ -12,6 +12,7 @@ pub(crate) mod exit;
 mod info;
 mod modes;
 mod new;
+mod part;
 mod progress;
 mod resume;
 mod run;
@@ -66,6 +67,8 @@ enum Command {
     Check(check::CheckArguments),
     /// Test the frames of a run exactly: does any edge intersect a triangle?
     CheckFrames(check_frames::CheckFramesArguments),
+    /// Part a mesh beforehand, so that each rank of a run reads only what it needs
+    Part(part::PartArguments),
     /// Compute the lowest vibration modes of a scene; write modes.csv and mode shapes
     Modes(modes::ModesArguments),
     /// Print the JSON schema of a scene
@@ -121,6 +124,7 @@ fn execute_by(team: &Team, arguments: impl IntoIterator<Item = OsString>) -> u8 
     }
     let code = match arguments.command {
         Command::New(arguments) => new::run(&arguments),
+        Command::Part(arguments) => part::run(&arguments),
         Command::View(arguments) => show::view(&arguments),
         Command::Picture(arguments) => show::picture(&arguments),
         Command::Movie(arguments) => show::movie(&arguments),

@@ -180,6 +180,11 @@ impl Simulation {
             let mut partners = None;
             let member = own.next().flatten();
             let far = far_nodes(&model.bodies, number, exchange.size());
+            let mut own_bodies = model.bodies.iter().filter(|body| body.component == number);
+            if let Some((id, fault)) = own_bodies.find_map(|body| Some((body.id, body.far_fault()?))) {
+                problems.push(Problem::new(format!("body[{}].mesh", id.index()), fault));
+                continue;
+            }
             let of_parts = member
                 .and_then(|member| Partners::of_parts((number, &system), far, member, Arc::clone(exchange)));
             let is_of_parts = of_parts.is_some();

@@ -2,11 +2,13 @@
 
 mod launch;
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use launch::files::{assert_same_files, files, timeless};
+#[cfg(target_os = "linux")]
+use launch::memory::{peaks, ranks_of};
 use launch::{PROGRAM, launcher, program, program_of_one_process, room, run, scene, text};
 
 /// A rubber block on a clamped end that falls and swings, with every kind of file.
@@ -226,51 +228,6 @@ fields = ["displacement", "reaction_force"]
 linear = "pcg"
 "#;
 
-/// Returns a report without clock times, command line and place.
-fn timeless(report: &str) -> String {
-    let mut is_provenance = false;
-    let mut kept = Vec::new();
-    for line in report.lines() {
-        is_provenance |= line.starts_with("  \"provenance\"");
-        if !is_provenance && !line.contains("_seconds\"") {
-            kept.push(line);
-        }
-        is_provenance &= !line.starts_with("  }");
-    }
-    kept.join("\n")
-}
-
-/// Returns the files of a directory by name. Checkpoints, which hold the seconds so far, are left out.
-fn files(directory: &Path) -> BTreeMap<String, Vec<u8>> {
-    let mut files = BTreeMap::new();
-    for entry in std::fs::read_dir(directory).unwrap() {
-        let path = entry.unwrap().path();
-        let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        let mut bytes = std::fs::read(&path).unwrap();
-        if name.ends_with(".vck") {
-            continue;
-        }
-        if name == "report.json" {
-            bytes = timeless(&text(&bytes)).into_bytes();
-        }
-        files.insert(name, bytes);
-    }
-    files
-}
-
-fn assert_same_files(found: &Path, expected: &Path, what: &str) {
-    let (found, expected) = (files(found), files(expected));
-    let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
-    assert_eq!(names(&found), names(&expected), "{what}");
-    for (name, bytes) in &found {
-        if *bytes != expected[name] {
-            let (a, b) = (text(bytes), text(&expected[name]));
-            let line = a.lines().zip(b.lines()).find(|(a, b)| a != b);
-            panic!("{what}: {name} differs: {line:?}");
-        }
-    }
-}
-
 fn same_files(name: &str, text_of_scene: &str) {
     let room = room(name);
     let scene = scene(&room, text_of_scene);
@@ -357,21 +314,6 @@ fn wait_for_checkpoint(directory: &Path, child: &mut Child) {
         assert!(child.try_wait().unwrap().is_none(), "the run has ended");
         std::thread::sleep(Duration::from_millis(20));
     }
-}
-
-/// Returns the processes that run `scene`, without the launcher and its helpers.
-fn ranks_of(scene: &Path) -> Vec<u32> {
-    let mut found = Vec::new();
-    for entry in std::fs::read_dir("/proc").unwrap().flatten() {
-        let Ok(pid) = entry.file_name().to_string_lossy().parse::<u32>() else { continue };
-        let words = std::fs::read(entry.path().join("cmdline")).unwrap_or_default();
-        let words: Vec<String> = words.split(|&byte| byte == 0).map(text).collect();
-        if words[0] == PROGRAM && words.iter().any(|word| Path::new(word) == scene) {
-            found.push(pid);
-        }
-    }
-    found.sort_unstable();
-    found
 }
 
 fn resume(ranks: usize, directory: &Path) -> Output {
@@ -521,31 +463,6 @@ fn ranks_with_different_meshes_are_refused() {
 /// 4.1 has larger buffers: .80 and .57 on two ranks, .62 and .34 on four.
 #[cfg(target_os = "linux")]
 const LIMITS: [(usize, f64, f64); 2] = [(2, 0.9, 0.65), (4, 0.7, 0.42)];
-
-/// Returns the largest memory that each rank held while it ran a scene, in MiB, largest first.
-#[cfg(target_os = "linux")]
-fn peaks(ranks: usize, scene: &Path, out: &Path) -> Vec<f64> {
-    let mut command = program(ranks);
-    command.arg("run").arg(scene).arg("--out").arg(out).args(["--threads", "1", "--quiet"]);
-    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-    let mut peaks: BTreeMap<u32, f64> = BTreeMap::new();
-    while child.try_wait().unwrap().is_none() {
-        for rank in ranks_of(scene) {
-            let status = std::fs::read_to_string(format!("/proc/{rank}/status")).unwrap_or_default();
-            let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-            if let Some(kilobytes) = peak.and_then(|peak| peak.split_whitespace().next()?.parse::<f64>().ok())
-            {
-                peaks.insert(rank, kilobytes / 1024.0);
-            }
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    assert!(child.wait().unwrap().success());
-    let mut peaks: Vec<f64> = peaks.into_values().collect();
-    assert_eq!(peaks.len(), ranks);
-    peaks.sort_by(|a, b| b.total_cmp(a));
-    peaks
-}
 
 #[test]
 #[cfg(target_os = "linux")]

@@ -71,7 +71,7 @@ impl BodyModel {
         self.node_offset + self.numbering.of(node as u32) as usize
     }
 
-    /// Iterates over the elements, material by material.
+    /// Iterates over the elements, material by material. They are cells of the mesh, unless other processes hold them.
     pub fn elements(&self) -> impl Iterator<Item = u32> {
         let far = 0..self.far.as_ref().map_or(0, |far| far.count() as u32);
         far.chain(self.materials.iter().flat_map(|part| part.elements.iter().copied()))
@@ -81,7 +81,7 @@ impl BodyModel {
     pub(crate) fn nodes_of(&self, element: u32) -> Vec<u32> {
         let mut nodes = Vec::new();
         match &self.far {
-            Some(far) => far.add_nodes(element, &mut nodes),
+            Some(far) => far.add_nodes(element..element + 1, &mut nodes),
             None => nodes.extend(self.mesh.cell(element as usize).into_iter().flat_map(|(_, nodes)| nodes)),
         }
         nodes
@@ -93,6 +93,16 @@ impl BodyModel {
             Substance::Solid(law) => Some((part.elements.as_slice(), law)),
             Substance::Sheet(_) => None,
         })
+    }
+
+    /// Returns the number of an element among all cells of its mesh.
+    pub(crate) fn cell(&self, element: u32) -> u32 {
+        self.far.as_ref().map_or(element, |far| far.cell(element))
+    }
+
+    /// Returns why elements that this process does not hold could not be read.
+    pub(crate) fn far_fault(&self) -> Option<String> {
+        self.far.as_ref()?.fault()
     }
 
     /// Returns the number of its elements.

@@ -80,18 +80,7 @@ fn import(mut file: MeshFile, body: &Body) -> Result<Imported, Vec<String>> {
     if problems.is_empty() && dimension == 2 {
         problems.extend(sheet::prepare(&mut file, body.weld.map(|weld| weld / scale)).err());
     }
-    let mut initial = |name: &str| match vector(&file, name) {
-        Ok(values) => values,
-        Err(problem) => {
-            problems.push(problem);
-            None
-        }
-    };
-    let displacement = initial("displacement").map(|mut u| {
-        u.iter_mut().for_each(|u| *u *= scale);
-        u
-    });
-    let velocity = initial("velocity");
+    let [displacement, velocity] = initial(&file, scale, &mut problems);
     if !problems.is_empty() {
         return Err(problems);
     }
@@ -123,6 +112,37 @@ fn import(mut file: MeshFile, body: &Body) -> Result<Imported, Vec<String>> {
     }
     notes.extend(unit_note(body, &mesh));
     Ok(Imported { mesh, displacement, velocity, pattern, texture, fields, notes })
+}
+
+/// Makes the mesh of a body from a file of which the elements were left out; they were checked when the mesh was parted.
+///
+/// # Errors
+/// Returns all problems of the arrays.
+pub(super) fn without_elements(mut file: MeshFile, body: &Body) -> Result<Imported, Vec<String>> {
+    let mut problems = Vec::new();
+    let [displacement, velocity] = initial(&file, 1.0, &mut problems);
+    if !problems.is_empty() {
+        return Err(problems);
+    }
+    let mut notes = std::mem::take(&mut file.notes);
+    notes.extend(unit_note(body, &file.mesh));
+    Ok(Imported { displacement, velocity, notes, ..Imported::generated(file.mesh) })
+}
+
+/// Returns the initial displacement (m, from the unit of a mesh) and velocity (m/s), if the file has them.
+fn initial(file: &MeshFile, scale: f64, problems: &mut Vec<String>) -> [Option<Vec<f64>>; 2] {
+    let mut read = |name: &str| match vector(file, name) {
+        Ok(values) => values,
+        Err(problem) => {
+            problems.push(problem);
+            None
+        }
+    };
+    let displacement = read("displacement").map(|mut u| {
+        u.iter_mut().for_each(|u| *u *= scale);
+        u
+    });
+    [displacement, read("velocity")]
 }
 
 /// Returns a note if the unit of a mesh seems to be the millimetre: the mesh is 50 m or larger, as dense as wood to

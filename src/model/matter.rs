@@ -51,6 +51,7 @@ pub(super) fn add_body(
         component.potentials.push(Box::new(term.map_err(|error| error.to_string())?));
         let made = add_far_mass(far.as_ref(), numbering, law.density(), &mut mass.lumped);
         made.map_err(|error| error.to_string())?;
+        far.fault().map_or(Ok(()), Err)?;
     }
     for part in body.materials.iter().filter(|part| !part.elements.is_empty()) {
         let name = &body.scene.name;

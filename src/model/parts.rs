@@ -1,11 +1,13 @@
 //! The parts of bodies that one of several processes needs. Boxes are generated part by part, so that a process never holds
-//! the elements of the others. Meshes of files are read whole, and dropped before anything is built but the part.
+//! the elements of the others. Of parted meshes it reads the pieces that it needs. Meshes of other files are read whole, and dropped
+//! before anything is built but the part.
 
 use vi_core::{State, System};
 use vi_fem::LockingCure;
 
-use super::read::{IN_PARTS, Reading, Share};
-use super::{assemble, resolve};
+use super::parted::IN_PARTS;
+use super::read::{Reading, Share};
+use super::{assemble, parted, resolve};
 use crate::scene::{Body, Fix, HeldAxis, Probe, Problem, Scene, Selection};
 
 /// The part of a component. For every term: the numbers of its runs of elements in the whole component, and the processes that
@@ -39,17 +41,36 @@ pub(crate) fn is_separable(scene: &Scene) -> bool {
     is_explicit && are_plain && !acts.contains(&true)
 }
 
-/// Returns whether the first process needs no elements of a separable scene: all bodies are boxes, and nothing names volumes
-/// or elements.
+/// Returns whether the first process needs no elements of a separable scene: all bodies are boxes or parted meshes, and nothing names
+/// volumes or elements.
 pub(crate) fn needs_no_elements(scene: &Scene) -> bool {
-    let names_volume = |on: &Selection| on.region.as_deref() == Some("box");
-    let are_boxes = scene.bodies.iter().all(|body| body.box_shape.is_some());
+    let volumes: Option<Vec<_>> = scene.bodies.iter().map(volumes).collect();
+    let Some(volumes) = volumes.map(|volumes| volumes.concat()) else { return false };
+    let names_volume = |on: &Selection| on.region.as_ref().is_some_and(|name| volumes.contains(name));
     let are_of_nodes = scene.probes.iter().all(Probe::is_node);
     let on_nodes = !scene.fixes.iter().any(|fix| names_volume(&fix.on))
         && !scene.strikes.iter().any(|strike| names_volume(&strike.on));
     let is_smoothed =
         scene.output.fields.iter().filter_map(|field| field.of_elements()).any(|(_, nodal)| nodal);
-    are_boxes && are_of_nodes && on_nodes && !is_smoothed && scene.output.cache.is_none()
+    are_of_nodes && on_nodes && !is_smoothed && scene.output.cache.is_none()
+}
+
+/// Returns the names of the regions of volumes of a body whose elements a process can do without.
+fn volumes(body: &Body) -> Option<Vec<String>> {
+    if body.box_shape.is_some() {
+        return Some(vec!["box".to_owned()]);
+    }
+    let parted = parted::open(body)?.ok()?;
+    let solids = parted.pieces().regions.iter().filter(|(_, dimension)| *dimension == 3);
+    Some(solids.map(|(name, _)| name.clone()).collect())
+}
+
+/// Returns those problems that concern the files of parted meshes. No other process could read them either.
+pub(crate) fn of_parted_meshes(scene: &Scene, problems: Vec<Problem>) -> Vec<Problem> {
+    let is_parted = |body: &Body| parted::open(body).is_some_and(|opened| opened.is_ok());
+    let parted = scene.bodies.iter().enumerate().filter(|(_, body)| is_parted(body));
+    let keys: Vec<String> = parted.map(|(number, _)| format!("body[{number}].mesh")).collect();
+    problems.into_iter().filter(|problem| keys.contains(&problem.key)).collect()
 }
 
 fn is_plain(body: &Body) -> bool {

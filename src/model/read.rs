@@ -4,15 +4,15 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use vi_fem::LockingCure;
-use vi_mesh::{BoxMesh, CellKind, FarElements, FinerMesh, Mesh, MeshError, MeshPart, Numbering, SheetMesh};
+use vi_mesh::{
+    BoxMesh, CellKind, FarElements, FinerMesh, Mesh, MeshError, MeshPart, MeshPieces, Numbering, SheetMesh,
+};
 
 use super::body::MaterialPart;
 use super::import::{self, Imported};
+use super::parted::{self, IN_PARTS, run_length};
 use super::size::Budget;
 use crate::scene::{Body, BodyId, MOST_REFINED, MaterialEntry, Problem, Refine, RefineAlong, Scene};
-
-/// The kinds of elements of which a process can build a part alone.
-pub(super) const IN_PARTS: [CellKind; 3] = [CellKind::Tet4, CellKind::Hex8, CellKind::Wedge6];
 
 /// What a process reads of the bodies.
 #[derive(Debug, Clone, Copy)]
@@ -77,7 +77,8 @@ pub(super) fn bodies<'a>(
     bodies.map(&mut read_body).collect()
 }
 
-/// Generates the part of a box that a process needs, or cuts it out of the mesh of a file, which is dropped.
+/// Generates the part of a box that a process needs, reads it from the pieces of a parted mesh, or cuts it out of the mesh of another
+/// file, which is dropped.
 fn part(id: BodyId, body: &Body, share: Share) -> Result<ReadBody<'_>, Problem> {
     let key = if body.mesh.is_some() { "mesh" } else { "box" };
     let wrong = |why: String| Problem::new(format!("body[{}].{key}", id.index()), why);
@@ -86,6 +87,14 @@ fn part(id: BodyId, body: &Body, share: Share) -> Result<ReadBody<'_>, Problem> 
         let run_length = run_length(placed.element, placed.element_count() as usize);
         let made = placed.part(of_process, run_length).map_err(|error| wrong(error.to_string()))?;
         made.ok_or_else(|| wrong(format!("{} cannot be generated in parts", placed.element)))?
+    } else if let Some(parted) = parted::open(body) {
+        let parted = parted.map_err(|error| wrong(error.to_string()))?;
+        let MeshPieces { kind, .. } = *parted.pieces();
+        if !IN_PARTS.contains(&kind) {
+            return Err(wrong(format!("{kind} cannot be divided before they are built")));
+        }
+        let run_length = run_length(kind, parted.pieces().element_count());
+        parted.part(of_process, run_length).map_err(|error| wrong(error.to_string()))?
     } else {
         let path = body.mesh.as_ref().ok_or_else(|| wrong("has neither shape nor file".to_owned()))?;
         let mesh = import::read(path, body).map_err(|messages| wrong(messages.join("; ")))?.mesh;
@@ -102,20 +111,25 @@ fn part(id: BodyId, body: &Body, share: Share) -> Result<ReadBody<'_>, Problem> 
     Ok(ReadBody { id, scene: body, read: Imported::generated(mesh), materials, part, far: None })
 }
 
-/// Generates the nodes of a box and the facets of its faces.
+/// Generates the nodes of a box and the facets of its faces, or reads those of a parted mesh.
 fn nodes(id: BodyId, body: &Body) -> Result<ReadBody<'_>, Problem> {
-    let wrong = |why: String| Problem::new(format!("body[{}].box", id.index()), why);
+    let key = if body.mesh.is_some() { "mesh" } else { "box" };
+    let wrong = |why: String| Problem::new(format!("body[{}].{key}", id.index()), why);
+    if let Some(parted) = parted::open(body) {
+        let opened = parted.and_then(|parted| parted.without_elements());
+        let (file, far) = opened.map_err(|error| wrong(error.to_string()))?;
+        let mut read = import::without_elements(file, body).map_err(|messages| wrong(messages.join("; ")))?;
+        let source = body.mesh.as_ref().map_or_else(String::new, |path| path.display().to_string());
+        read.notes.iter_mut().for_each(|note| *note = format!("{source}: {note}"));
+        let materials = materials(body, &read.mesh).map_err(wrong)?;
+        return Ok(ReadBody { id, scene: body, read, materials, part: None, far: Some(far) });
+    }
     let placed = placed_box(body).ok_or_else(|| wrong("is not there".to_owned()))?;
     let made = placed.without_elements().map_err(|error| wrong(error.to_string()))?;
     let (mesh, far) = made.ok_or_else(|| wrong(format!("{} has nodes elsewhere", placed.element)))?;
     let materials = materials(body, &mesh).map_err(wrong)?;
     let (read, far) = (Imported::generated(mesh), Some(far));
     Ok(ReadBody { id, scene: body, read, materials, part: None, far })
-}
-
-/// Returns the number of elements of the runs in which their forces are summed.
-fn run_length(kind: CellKind, element_count: usize) -> usize {
-    vi_core::run_length(element_count, 3 * kind.node_count())
 }
 
 fn read<'a>(

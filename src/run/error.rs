@@ -76,6 +76,9 @@ pub enum RunError {
         /// The other scene.
         name: String,
     },
+    /// Elements of a parted mesh could not be read during the run.
+    #[error("{0}")]
+    Mesh(String),
     /// A mesh file could not be written.
     #[error(transparent)]
     Frame(#[from] vi_io::IoError),

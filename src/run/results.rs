@@ -111,7 +111,7 @@ fn largest_von_mises(simulation: &Simulation) -> Option<Peak> {
                 if value > largest.as_ref().map_or(f64::NEG_INFINITY, |peak| peak.value) {
                     let nodes = body.nodes_of(element);
                     let position = mean(nodes.iter().map(|&node| body.mesh.points[node as usize]));
-                    let (body, element) = (body.name.clone(), Some(element as usize));
+                    let (body, element) = (body.name.clone(), Some(body.cell(element) as usize));
                     largest = Some(Peak { value, body, node: None, element, position });
                 }
             }

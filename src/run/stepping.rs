@@ -351,6 +351,9 @@ impl Run {
         self.observers.finish()?;
         self.report.notes.append(&mut self.findings);
         self.observers.report(&self.simulation, &mut self.report);
+        if let Some(fault) = self.simulation.mesh_fault() {
+            return Err(RunError::Mesh(fault));
+        }
         self.report.close(&self.simulation, outcome);
         let path = self.directory.join("report.json");
         self.report.write(&path).map_err(RunError::output(&path))

@@ -8,7 +8,7 @@ use vi_solvers::{Member, SolverOptions};
 
 use super::Simulation;
 use super::needs::{keeps_ledger, method_of, problem_of_ranks};
-use crate::model::parts::{Runs, build_parts, is_separable};
+use crate::model::parts::{Runs, build_parts, is_separable, of_parted_meshes};
 use crate::model::{self, BodyModel, Holding, Share};
 use crate::scene::{GuardAction, LinearChoice, Problem, Scene};
 
@@ -62,7 +62,12 @@ impl Simulation {
     ) -> Result<Self, Vec<Problem>> {
         // The first rank makes its portion from a part as the others do, without the maps of the whole sum.
         let is_sound = in_parts && scene.problems().is_empty() && is_separable(&scene);
-        let own = if is_sound { members(&scene, true, exchange).unwrap_or_default() } else { Vec::new() };
+        let own = if is_sound { members(&scene, true, exchange) } else { Ok(Vec::new()) };
+        let own = own.or_else(|problems| match of_parted_meshes(&scene, problems) {
+            // The whole bodies show what else is wrong.
+            wrong if wrong.is_empty() => Ok(Vec::new()),
+            wrong => Err(wrong),
+        })?;
         let own = if are_complete(&own) { own } else { Vec::new() };
         Self::build(scene, (exchange, own), Ok)
     }
@@ -70,6 +75,11 @@ impl Simulation {
     /// Returns whether all ranks make their portions from the parts of the bodies that they need, instead of whole bodies.
     pub(crate) fn is_of_parts(&self) -> bool {
         self.components.iter().all(|component| component.is_of_parts)
+    }
+
+    /// Returns why elements that no process holds as a whole could not be read since the start.
+    pub(crate) fn mesh_fault(&self) -> Option<String> {
+        self.bodies.iter().find_map(BodyModel::far_fault)
     }
 
     /// Returns what the first rank sends to others per evaluation of forces.
@@ -178,10 +188,16 @@ mod tests {
     #[test]
     fn parts_step_to_the_bits_of_the_whole() {
         let kinds = [(CellKind::Tet4, true), (CellKind::Hex8, true), (CellKind::Wedge6, false)];
-        let scenes = kinds.map(|(kind, held)| scene(kind, held)).into_iter().chain([of_file()]);
-        for (scene, size) in scenes.zip([2, 3, 4, 3]) {
+        let whole = kinds.map(|(kind, held)| scene(kind, held)).into_iter().chain([of_file(), of_file()]);
+        let place = tempfile::tempdir().unwrap();
+        let index = place.path().join("bracket.parted");
+        let mut of_parts = of_file();
+        crate::model::parted::part(&of_parts.bodies[0].mesh.clone().unwrap(), 5, 1.0, &index).unwrap();
+        of_parts.bodies[0].mesh = Some(index);
+        let scenes = whole.clone().take(4).chain([of_parts]);
+        for ((scene, whole), size) in scenes.zip(whole).zip([2, 3, 4, 3, 3]) {
             let scene = &scene;
-            let mut alone = Simulation::new(scene.clone()).unwrap();
+            let mut alone = Simulation::new(whole).unwrap();
             for _ in 0..5 {
                 alone.step().unwrap();
             }
@@ -203,7 +219,9 @@ mod tests {
                 }
                 let mut shared = Simulation::shared(scene.clone(), true, &first).unwrap();
                 assert!(shared.is_of_parts());
-                assert_eq!(shared.bodies[0].far.is_some(), scene.bodies[0].box_shape.is_some());
+                let holds_elements =
+                    scene.bodies[0].mesh.as_ref().is_some_and(|path| path.ends_with("bracket.msh"));
+                assert_eq!(shared.bodies[0].far.is_none(), holds_elements);
                 for _ in 0..5 {
                     shared.step().unwrap();
                 }

@@ -49,6 +49,8 @@ fn json_and_quiet_mean_the_same_for_every_command() {
         ("info scene.toml", 0),
         ("info scene.toml --matrices matrices", 0),
         ("info out/scene_000000.vtu", 0),
+        ("part out/scene_000000.vtu --parts 1 --out block.parted", 0),
+        ("info block.parted", 0),
         ("modes scene.toml --count 2 --out modes", 0),
         ("convergence scene.toml --time --levels 2 --out convergence", 0),
         ("bench scene.toml --budget 1 --schemes stormer-verlet --out bench", 0),

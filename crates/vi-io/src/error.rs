@@ -148,6 +148,28 @@ pub enum IoError {
         /// The remedy.
         remedy: &'static str,
     },
+    /// A file of a parted mesh is not the one that its index lists.
+    #[error("{}: it has {found}, but {} lists {listed}; it is damaged or belongs to another mesh: part the mesh again, or copy all its files together", file.display(), index.display())]
+    OtherPiece {
+        /// The file concerned.
+        file: PathBuf,
+        /// The index of the parted mesh.
+        index: PathBuf,
+        /// Length or checksum of the file.
+        found: String,
+        /// Length or checksum that the index lists.
+        listed: String,
+    },
+    /// An index of a parted mesh has a format that this version does not know.
+    #[error("{}: its format is {found:?}, and this version of the program reads format {known}; part the mesh again with this version", file.display())]
+    OtherFormat {
+        /// The index of the parted mesh.
+        file: PathBuf,
+        /// Format that the index states.
+        found: String,
+        /// Format that is read here.
+        known: u32,
+    },
     /// The data to write is inconsistent.
     #[error("{}: cannot write: {what}", file.display())]
     BadOutput {

@@ -49,7 +49,10 @@ pub fn write_pvtu(
     })?;
     names.push(format!("{stem}_p{:03}.vtu", names.len()));
     piece.write(&sibling(path, &names[names.len() - 1]), frame, options, cell)?;
-    replace_file(path, |out| out.write_all(list(frame, options, &names).as_bytes()))
+    replace_file(path, |out| {
+        frame.cells().are_read()?;
+        out.write_all(list(frame, options, &names).as_bytes())
+    })
 }
 
 fn sibling(path: &Path, name: &str) -> PathBuf {

@@ -3,20 +3,24 @@
 use std::path::Path;
 
 use crate::cursor::excerpt;
-use crate::error::IoError;
+use crate::error::{IoError, Place};
 use crate::gmsh::parse_msh;
 use crate::inp::parse_inp;
 use crate::legacy::parse_vtk;
 use crate::mesh::MeshFile;
 use crate::obj::parse_obj;
+use crate::parted::PartedMesh;
 use crate::stl::parse_stl;
 use crate::vtu::parse_vtu;
 
-/// Reads a mesh file of any supported format.
+/// Reads a mesh file of any supported format, or the whole of a parted mesh, whose index is given.
 ///
 /// # Errors
 /// Returns [`IoError::System`] if it cannot be opened or read, [`IoError::UnknownFormat`], or the fault in its content.
 pub fn read_mesh(path: &Path) -> Result<MeshFile, IoError> {
+    if let Some(parted) = PartedMesh::open(path)? {
+        return parted.read();
+    }
     let bytes = std::fs::read(path).map_err(|source| IoError::System {
         file: path.into(),
         action: "read",
@@ -30,6 +34,11 @@ pub fn read_mesh(path: &Path) -> Result<MeshFile, IoError> {
 /// # Errors
 /// Returns [`IoError::UnknownFormat`], or the fault in the content.
 pub fn parse_mesh(bytes: &[u8], file: &Path) -> Result<MeshFile, IoError> {
+    if bytes.starts_with(PartedMesh::START) {
+        let what = "the index of a parted mesh".to_owned();
+        let remedy = "give its path, so that the files beside it can be read";
+        return Err(IoError::Unsupported { file: file.into(), place: Place::Line(1), what, remedy });
+    }
     let extension =
         file.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
     // Editors put a byte order mark of UTF-8 before a text. The header of a binary STL file may begin with any bytes.

@@ -1,5 +1,7 @@
 //! The contents of a VTU file to write: points, cells and arrays over them.
 
+use std::io;
+
 use vi_mesh::{CellBlock, CellKind, FarBlock, Region};
 
 /// Precision of real numbers in a file.
@@ -66,6 +68,12 @@ impl<'a> Cells<'a> {
     pub(crate) fn nodes(self) -> impl Iterator<Item = u32> + use<'a> {
         let far = self.far.iter().flat_map(FarBlock::nodes);
         self.blocks.iter().flat_map(|block| block.nodes.iter().copied()).chain(far)
+    }
+
+    /// Returns an error if cells that are not held in memory could not be read.
+    pub(crate) fn are_read(self) -> io::Result<()> {
+        let fault = self.far.iter().find_map(|far| far.elements.fault());
+        fault.map_or(Ok(()), |fault| Err(io::Error::other(fault)))
     }
 
     /// Calls `see` with the kind and the nodes of every cell, until it returns an error.

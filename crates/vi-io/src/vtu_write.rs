@@ -58,7 +58,10 @@ impl Default for VtuOptions {
 pub fn write_vtu(path: &Path, frame: &VtuFrame, options: VtuOptions) -> Result<(), IoError> {
     let wrong = |what: String| IoError::BadOutput { file: path.into(), what };
     check(frame, options.precision).map_err(wrong)?;
-    replace_file(path, |file| encode_vtu(file, frame, options))
+    replace_file(path, |file| {
+        encode_vtu(file, frame, options)?;
+        frame.cells().are_read()
+    })
 }
 
 /// Writes the bytes of a VTU file. The current position of `out` becomes the first byte of the file.

@@ -22,8 +22,18 @@ pub trait FarElements: Debug + Send + Sync {
     /// Returns the position of a node at rest, m.
     fn point(&self, node: u32) -> [f64; 3];
 
-    /// Appends the nodes of an element.
-    fn add_nodes(&self, element: u32, nodes: &mut Vec<u32>);
+    /// Appends the nodes of some elements.
+    fn add_nodes(&self, elements: Range<u32>, nodes: &mut Vec<u32>);
+
+    /// Returns the number of an element among all cells of the mesh.
+    fn cell(&self, element: u32) -> u32 {
+        element
+    }
+
+    /// Returns why elements could not be read since the start, if they come from a file. What was returned since then is not the mesh.
+    fn fault(&self) -> Option<String> {
+        None
+    }
 
     /// Returns the elements of some runs of `run_length` elements (ascending), run after run.
     fn of_runs(&self, runs: &[usize], run_length: usize) -> Vec<u32>;
@@ -50,7 +60,7 @@ impl FarBlock {
     pub fn nodes(&self) -> impl Iterator<Item = u32> {
         self.elements.ranges().flat_map(move |range| {
             let mut nodes = Vec::with_capacity(range.len() * self.elements.kind().node_count());
-            range.for_each(|element| self.elements.add_nodes(element, &mut nodes));
+            self.elements.add_nodes(range, &mut nodes);
             nodes.into_iter().map(move |node| node + self.first_node)
         })
     }
@@ -68,7 +78,15 @@ impl dyn FarElements + '_ {
     /// Returns some of the elements.
     pub fn window(&self, elements: impl Iterator<Item = u32>) -> Window {
         let mut corners = Vec::new();
-        elements.for_each(|element| self.add_nodes(element, &mut corners));
+        let mut next = 0..0;
+        // Those that follow each other are looked at together.
+        for element in elements {
+            if element != next.end {
+                self.add_nodes(std::mem::replace(&mut next, element..element), &mut corners);
+            }
+            next.end = element + 1;
+        }
+        self.add_nodes(next, &mut corners);
         let mut nodes = corners.clone();
         nodes.sort_unstable();
         nodes.dedup();

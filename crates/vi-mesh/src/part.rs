@@ -1,8 +1,9 @@
 //! The part of a mesh that one of several processes computes.
 
 use crate::cell::CellKind;
-use crate::mesh::{Mesh, Region};
+use crate::mesh::Mesh;
 use crate::order::{Curve, Numbering, sort_by_place};
+use crate::piece::Selected;
 
 /// A part of a mesh: whole runs of its elements along Morton's curve. It contains all elements at the nodes of the runs that
 /// one process computes.
@@ -22,7 +23,7 @@ pub struct MeshPart {
 }
 
 impl MeshPart {
-    /// Cuts the part that process number `process` of `count` needs out of a mesh of volumes: the runs k of `run_length`
+    /// Cuts the part that process number `process` of `count` needs out of a mesh of volumes of one kind: the runs k of `run_length`
     /// elements with ⌊k · count / number of runs⌋ = `process`, and all runs that share nodes with these. Regions of facets, edges
     /// and points become regions of points.
     pub fn of_mesh(mesh: &Mesh, (process, count): (usize, usize), run_length: usize) -> Self {
@@ -46,39 +47,18 @@ impl MeshPart {
             |(_, run): &(usize, &[u32])| nodes_of(run).iter().any(|&node| is_own_node[node as usize]);
         let needed: Vec<(usize, &[u32])> = runs().filter(touches).collect();
         let of_part = needed.iter().map(|&(run, _)| (run as u32, process_of(run) as u32)).collect();
-        let in_runs: Vec<u32> = needed.iter().flat_map(|(_, run)| *run).copied().collect();
 
-        let mut elements = in_runs.clone();
-        elements.sort_unstable();
-        let order =
-            in_runs.iter().map(|of| elements.partition_point(|element| element < of) as u32).collect();
-        let nodes = nodes_of(&elements);
-        let number = |node: &u32| nodes.binary_search(node).ok().map(|own| own as u32);
-        let mut part = Mesh {
-            points: nodes.iter().map(|&node| mesh.points[node as usize]).collect(),
-            ..Mesh::default()
-        };
-        for &element in &elements {
-            let (kind, of_element) = cell(element);
-            let own: Vec<u32> = of_element.iter().filter_map(number).collect();
-            part.push_cell(kind, &own);
+        let kind = mesh.blocks.iter().map(|block| block.kind).find(|kind| kind.dimension() == 3);
+        let regions: Vec<_> = mesh.regions.iter().map(|of| (of.name.clone(), of.dimension)).collect();
+        let mut selected = Selected::new(kind.unwrap_or(CellKind::Tet4), &regions);
+        selected.elements = needed.iter().flat_map(|(_, run)| *run).copied().collect();
+        selected.corners = selected.elements.iter().flat_map(|&element| cell(element).1).copied().collect();
+        let nodes = nodes_of(&selected.elements).into_iter();
+        selected.nodes = nodes.map(|node| (node, mesh.points[node as usize])).collect();
+        for (members, region) in selected.members.iter_mut().zip(&mesh.regions) {
+            *members = if region.dimension == 3 { region.cells.clone() } else { nodes_of(&region.cells) };
         }
-        let mut next = elements.len() as u32;
-        for region in &mesh.regions {
-            let cells: Vec<u32> = if region.dimension == 3 {
-                let own = region.cells.iter().map(|cell| elements.binary_search(cell));
-                own.filter_map(|own| Some(own.ok()? as u32)).collect()
-            } else {
-                let of_region = nodes_of(&region.cells);
-                let own: Vec<u32> = of_region.iter().filter_map(number).collect();
-                own.iter().for_each(|&node| part.push_cell(CellKind::Point, &[node]));
-                let first = next;
-                next += own.len() as u32;
-                (first..next).collect()
-            };
-            let dimension = if region.dimension == 3 { 3 } else { 0 };
-            part.regions.push(Region { name: region.name.clone(), dimension, cells });
-        }
+        let (part, order) = selected.into_mesh();
         let curve = Curve::through(mesh.points.iter().copied());
         let numbering = Numbering::along(&curve, &part.points);
         Self { mesh: part, numbering, order, run_length, runs: of_part }

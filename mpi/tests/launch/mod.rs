@@ -6,6 +6,10 @@
 // Each test uses some of these.
 #![allow(dead_code)]
 
+pub(crate) mod files;
+#[cfg(target_os = "linux")]
+pub(crate) mod memory;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 

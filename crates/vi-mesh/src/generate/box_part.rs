@@ -1,6 +1,7 @@
 //! The part of a box that one of several processes computes, and the elements of a box as functions of their numbers. A process
 //! never holds the elements of the others.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::box_cells::{LatticePoint, elements, facets};
@@ -186,8 +187,8 @@ impl FarElements for Grid {
         Grid::point(self, node)
     }
 
-    fn add_nodes(&self, element: u32, nodes: &mut Vec<u32>) {
-        nodes.extend(self.corners(element));
+    fn add_nodes(&self, elements: Range<u32>, nodes: &mut Vec<u32>) {
+        nodes.extend(elements.flat_map(|element| self.corners(element)));
     }
 
     fn of_runs(&self, runs: &[usize], run_length: usize) -> Vec<u32> {
@@ -306,6 +307,8 @@ impl<'a> Along<'a> {
 mod tests {
     use super::*;
     use crate::order::sort_by_place;
+    use crate::pieces::CutMesh;
+    use std::convert::Infallible;
 
     /// Every part has the elements of its runs in the order of the whole mesh, at the same places, all elements at the nodes
     /// of its own runs, and the nodes of the regions there.
@@ -337,10 +340,13 @@ mod tests {
                 assert_eq!(places(&window.mesh, cell as u32), places(&whole, element));
             }
             let of_processes = far.nodes_of_processes(count, run_length);
+            let cut_mesh = CutMesh::new(&whole, 5, run_length).unwrap();
             for process in 0..count {
                 let part = shape.part((process, count), run_length).unwrap().unwrap();
                 // The part that is cut out of the whole mesh has the same elements and the same order.
                 let cut = MeshPart::of_mesh(&whole, (process, count), run_length);
+                let read = |piece| Ok::<_, Infallible>(cut_mesh.piece(piece));
+                assert_eq!(cut_mesh.pieces().part((process, count), run_length, read).unwrap(), cut);
                 let volumes = cut.mesh.cells_of_dimension(3);
                 assert_eq!(cut.mesh.points, part.mesh.points);
                 assert!(volumes.iter().all(|&k| cut.mesh.cell(k as usize) == part.mesh.cell(k as usize)));

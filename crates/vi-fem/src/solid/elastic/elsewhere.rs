@@ -38,7 +38,8 @@ pub fn elastic_elsewhere(
         let made = elastic_in_runs(&window.mesh, (&all, 1), &law, 0, &place);
         let term = made.ok().and_then(|mut terms| terms.pop()).expect("the law and the elements are sound");
         let nodes = window.nodes.iter().map(|&node| numbering.of(node)).collect();
-        Few { term, nodes, elements: elements_of }
+        let cells = elements_of.into_iter().map(|element| elements.cell(element)).collect();
+        Few { term, nodes, elements: cells }
     };
     Ok(Elsewhere {
         name: label,

@@ -1,0 +1,123 @@
+//! Meshes of volumes that were parted beforehand: an index (text), one file with the whole mesh in the order of its source, and
+//! pieces of its elements along Morton's curve. A process reads the pieces that it needs; `docs/files.md` describes the files.
+
+mod far;
+mod files;
+mod index;
+mod piece;
+mod sections;
+pub(crate) mod write;
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+use std::sync::Arc;
+
+use vi_mesh::{CellBlock, FarElements, Mesh, MeshPart, MeshPieces, Region};
+
+use crate::error::IoError;
+use crate::mesh::{DataArray, MeshFile};
+use far::FiledElements;
+use files::Files;
+use index::Index;
+use sections::Sections;
+
+/// A parted mesh on disk.
+#[derive(Debug, Clone)]
+pub struct PartedMesh {
+    files: Files,
+}
+
+impl PartedMesh {
+    /// The first bytes of an index.
+    pub(crate) const START: &'static [u8] = index::START;
+
+    /// Opens a parted mesh by the path of its index; returns `None` for a file of another kind.
+    ///
+    /// # Errors
+    /// Returns [`IoError::System`], [`IoError::OtherFormat`] or the fault in the index.
+    pub fn open(path: &Path) -> Result<Option<Self>, IoError> {
+        let failed = |action| move |source| IoError::System { file: path.into(), action, source };
+        let mut file = File::open(path).map_err(failed("read"))?;
+        let mut bytes = Vec::new();
+        file.by_ref().take(Self::START.len() as u64).read_to_end(&mut bytes).map_err(failed("read"))?;
+        if bytes != Self::START {
+            return Ok(None);
+        }
+        file.read_to_end(&mut bytes).map_err(failed("read"))?;
+        Ok(Some(Self { files: Files { path: path.into(), index: Index::parse(&bytes, path)? } }))
+    }
+
+    /// Returns what is known of the mesh beside its pieces.
+    pub fn pieces(&self) -> &MeshPieces {
+        &self.files.index.pieces
+    }
+
+    /// Reads the whole mesh, as it was parted.
+    ///
+    /// # Errors
+    /// Returns [`IoError::System`] or [`IoError::OtherPiece`].
+    pub fn read(&self) -> Result<MeshFile, IoError> {
+        self.read_whole(|_| true).map(|(file, _)| file)
+    }
+
+    /// Reads the part that process number `process` of `count` needs, from the pieces that have it.
+    ///
+    /// # Errors
+    /// Returns [`IoError::System`], [`IoError::OtherPiece`], or the fault in a piece.
+    pub fn part(&self, (process, count): (usize, usize), run_length: usize) -> Result<MeshPart, IoError> {
+        self.pieces().part((process, count), run_length, |number| self.files.piece(number))
+    }
+
+    /// Reads everything but the elements and the regions of volumes, which are left out, and returns the elements as functions of
+    /// their numbers. They are read from the files when they are needed.
+    ///
+    /// # Errors
+    /// Returns [`IoError::System`] or [`IoError::OtherPiece`].
+    pub fn without_elements(&self) -> Result<(MeshFile, Arc<dyn FarElements>), IoError> {
+        let (file, opened) = self.read_whole(|dimension| dimension < 3)?;
+        let far = FiledElements::new(self.files.clone(), opened, file.mesh.points.clone())?;
+        Ok((file, Arc::new(far)))
+    }
+
+    /// Reads the blocks and regions of some dimensions, the points, and the arrays over them.
+    fn read_whole(&self, is_wanted: impl Fn(usize) -> bool) -> Result<(MeshFile, File), IoError> {
+        let Index { pieces, node_count, blocks, region_cells, arrays, notes, whole, .. } = &self.files.index;
+        let path = self.files.path_of(whole);
+        let mut sections = Sections::open(&path, &self.files.path, whole)?;
+        let points = sections.reals(3 * node_count)?.as_chunks().0.to_vec();
+        let mut mesh = Mesh { points, ..Mesh::default() };
+        let cell_count = blocks.iter().map(|(_, count)| count).sum();
+        // The cells that were left out before each block, by its first cell.
+        let (mut first, mut left_out, mut moved) = (0, 0, Vec::new());
+        for &(kind, count) in blocks {
+            moved.push((first, left_out));
+            first += count as u32;
+            if is_wanted(kind.dimension()) {
+                let nodes = sections.integers(kind.node_count() * count, *node_count)?;
+                mesh.blocks.push(CellBlock { kind, nodes });
+            } else {
+                sections.skip(4 * (kind.node_count() * count) as u64)?;
+                left_out += count as u32;
+            }
+        }
+        let number = |cell: u32| {
+            let block = moved.partition_point(|&(first, _)| first <= cell);
+            cell - block.checked_sub(1).map_or(0, |block| moved[block].1)
+        };
+        for ((name, dimension), &count) in pieces.regions.iter().zip(region_cells) {
+            if is_wanted(*dimension) {
+                let cells = sections.integers(count, cell_count)?.into_iter().map(number).collect();
+                mesh.regions.push(Region { name: name.clone(), dimension: *dimension, cells });
+            } else {
+                sections.skip(4 * count as u64)?;
+            }
+        }
+        let mut file = MeshFile { mesh, notes: notes.clone(), ..MeshFile::default() };
+        for (name, components) in arrays {
+            let values = sections.reals(components * node_count)?;
+            file.point_data.push(DataArray { name: name.clone(), components: *components, values });
+        }
+        Ok((file, sections.finish()?))
+    }
+}
