@@ -13,23 +13,50 @@ use crate::linear::matrix::SymmetricMatrix;
 /// relative to its own entries.
 const REFINEMENTS: u32 = 1;
 
-/// A square matrix of moderate size, most of whose entries are zero. All entries are stored, because rigid bodies add to the
-/// same few ones thousands of times.
+/// A square matrix, most of whose entries are zero.
+#[derive(Default)]
 pub(crate) struct Unsymmetric {
-    size: usize,
-    /// The entries by columns.
-    entries: Vec<f64>,
+    columns: Vec<Column>,
+    /// The last pattern that was factored. Its elimination order serves all matrices with the same pattern.
+    pattern: Option<Pattern>,
+    /// The last factors, whose memory the next ones take.
+    numeric: NumericLu<u32, f64>,
+}
+
+/// The places of the entries that are not zero, by columns, with their elimination order.
+struct Pattern {
+    starts: Vec<u32>,
+    rows: Vec<u32>,
+    symbolic: SymbolicLu<u32>,
+}
+
+/// The entries of one column by ascending rows.
+#[derive(Default)]
+struct Column {
+    rows: Vec<u32>,
+    values: Vec<f64>,
 }
 
 impl Unsymmetric {
-    /// Returns the zero matrix with this number of rows.
-    pub(crate) fn zeros(size: usize) -> Self {
-        Self { size, entries: vec![0.0; size * size] }
+    /// Sets all entries to zero, and the number of rows to `size`.
+    pub(crate) fn clear(&mut self, size: usize) {
+        self.columns.resize_with(size, Column::default);
+        for Column { rows, values } in &mut self.columns {
+            rows.clear();
+            values.clear();
+        }
     }
 
     /// Adds a value to an entry.
     pub(crate) fn add(&mut self, row: u32, column: u32, value: f64) {
-        self.entries[column as usize * self.size + row as usize] += value;
+        let Column { rows, values } = &mut self.columns[column as usize];
+        match rows.binary_search(&row) {
+            Ok(place) => values[place] += value,
+            Err(place) => {
+                rows.insert(place, row);
+                values.insert(place, value);
+            }
+        }
     }
 
     /// Adds factor · S to the leading rows and columns.
@@ -47,12 +74,9 @@ impl Unsymmetric {
     ///
     /// # Errors
     /// Returns [`SolverError::Singular`] if the matrix is singular or not finite.
-    pub(crate) fn solve(mut self, b: &mut [f64]) -> Result<(), SolverError> {
+    pub(crate) fn solve(&mut self, b: &mut [f64]) -> Result<(), SolverError> {
         let [rows, columns] = self.scales()?;
-        for (column, scale) in self.entries.chunks_exact_mut(self.size).zip(&columns) {
-            column.iter_mut().zip(&rows).for_each(|(value, row)| *value *= row * scale);
-        }
-        let factored = Factored::new(&self)?;
+        let factored = self.factor(&rows, &columns)?;
         let mut rest: Vec<f64> = b.iter().zip(&rows).map(|(b, scale)| b * scale).collect();
         b.fill(0.0);
         for refinement in 0..=REFINEMENTS {
@@ -70,22 +94,70 @@ impl Unsymmetric {
     /// Returns factors of rows, then of columns, by which the largest entries of columns become one and those of rows at most
     /// one.
     fn scales(&self) -> Result<[Vec<f64>; 2], SolverError> {
+        let size = self.columns.len();
         let is_sound = |value: &f64| value.is_finite() && *value > 0.0;
         let inverse = |largest: Vec<f64>| match largest.iter().all(is_sound) {
             true => Ok(largest.iter().map(|value| 1.0 / value).collect::<Vec<f64>>()),
-            false => Err(SolverError::Singular { rows: self.size }),
+            false => Err(SolverError::Singular { rows: size }),
         };
-        let mut largest = vec![0.0_f64; self.size];
-        for column in self.entries.chunks_exact(self.size) {
-            largest.iter_mut().zip(column).for_each(|(largest, value)| *largest = larger(*largest, *value));
+        let mut largest = vec![0.0_f64; size];
+        for Column { rows, values } in &self.columns {
+            for (&row, &value) in rows.iter().zip(values) {
+                largest[row as usize] = larger(largest[row as usize], value);
+            }
         }
         let rows = inverse(largest)?;
-        let of_column = |column: &[f64]| {
-            column.iter().zip(&rows).fold(0.0, |largest, (value, row)| larger(largest, value * row))
+        let of_column = |column: &Column| {
+            let entries = column.rows.iter().zip(&column.values);
+            entries.fold(0.0, |largest, (&row, value)| larger(largest, value * rows[row as usize]))
         };
-        let columns = inverse(self.entries.chunks_exact(self.size).map(of_column).collect())?;
+        let columns = inverse(self.columns.iter().map(of_column).collect())?;
         Ok([rows, columns])
     }
+
+    /// Returns the factors of the scaled matrix.
+    fn factor(&mut self, scales: &[f64], of_columns: &[f64]) -> Result<Factored<'_>, SolverError> {
+        let size = self.columns.len();
+        let fault = || SolverError::Singular { rows: size };
+        let (mut starts, mut rows, mut values) = (vec![0_u32], Vec::new(), Vec::new());
+        for (column, scale) in self.columns.iter().zip(of_columns) {
+            let entries = column.rows.iter().zip(&column.values);
+            for (&row, &value) in entries.filter(|(_, value)| **value != 0.0) {
+                rows.push(row);
+                values.push(value * (scales[row as usize] * scale));
+            }
+            starts.push(rows.len() as u32);
+        }
+        self.pattern.take_if(|kept| kept.starts != starts || kept.rows != rows);
+        let pattern = match &mut self.pattern {
+            Some(pattern) => pattern,
+            none => none.insert(Pattern::new(starts, rows).ok_or_else(fault)?),
+        };
+        let numeric = &mut self.numeric;
+        let scratch = pattern.symbolic.factorize_numeric_lu_scratch::<f64>(Par::Seq, Default::default());
+        let mut memory = MemBuffer::try_new(scratch).map_err(|_| fault())?;
+        let matrix = SparseColMatRef::new(places(&pattern.starts, &pattern.rows), &values);
+        let stack = MemStack::new(&mut memory);
+        pattern
+            .symbolic
+            .factorize_numeric_lu(numeric, matrix, Par::Seq, stack, Default::default())
+            .map_err(|_| fault())?;
+        Ok(Factored { pattern, values, numeric })
+    }
+}
+
+impl Pattern {
+    /// Chooses the elimination order; `None` if memory does not suffice.
+    fn new(starts: Vec<u32>, rows: Vec<u32>) -> Option<Self> {
+        let symbolic = factorize_symbolic_lu(places(&starts, &rows), Default::default()).ok()?;
+        Some(Self { starts, rows, symbolic })
+    }
+}
+
+/// Returns the pattern of a square matrix as the solver of linear systems takes it.
+fn places<'a>(starts: &'a [u32], rows: &'a [u32]) -> SymbolicSparseColMatRef<'a, u32> {
+    let size = starts.len() - 1;
+    SymbolicSparseColMatRef::new_checked(size, size, starts, None, rows)
 }
 
 /// Returns the larger size; a value that is not a number counts as infinite.
@@ -94,47 +166,21 @@ fn larger(size: f64, value: f64) -> f64 {
 }
 
 /// A matrix by columns, with its factors.
-struct Factored {
-    starts: Vec<u32>,
-    rows: Vec<u32>,
+struct Factored<'a> {
+    pattern: &'a Pattern,
     values: Vec<f64>,
-    symbolic: SymbolicLu<u32>,
-    numeric: NumericLu<u32, f64>,
+    numeric: &'a NumericLu<u32, f64>,
 }
 
-impl Factored {
-    fn new(Unsymmetric { size, entries }: &Unsymmetric) -> Result<Self, SolverError> {
-        let size = *size;
-        let fault = || SolverError::Singular { rows: size };
-        let (mut starts, mut rows, mut values) = (vec![0_u32], Vec::new(), Vec::new());
-        for column in entries.chunks_exact(size) {
-            for (row, value) in column.iter().enumerate().filter(|(_, value)| **value != 0.0) {
-                rows.push(row as u32);
-                values.push(*value);
-            }
-            starts.push(rows.len() as u32);
-        }
-        let pattern = SymbolicSparseColMatRef::new_checked(size, size, &starts, None, &rows);
-        let symbolic = factorize_symbolic_lu(pattern, Default::default()).map_err(|_| fault())?;
-        let mut numeric = NumericLu::new();
-        let scratch = symbolic.factorize_numeric_lu_scratch::<f64>(Par::Seq, Default::default());
-        let mut memory = MemBuffer::try_new(scratch).map_err(|_| fault())?;
-        let matrix = SparseColMatRef::new(pattern, &values);
-        let stack = MemStack::new(&mut memory);
-        symbolic
-            .factorize_numeric_lu(&mut numeric, matrix, Par::Seq, stack, Default::default())
-            .map_err(|_| fault())?;
-        Ok(Self { starts, rows, values, symbolic, numeric })
-    }
-
+impl Factored<'_> {
     /// Replaces b by the solution of A x = b.
     fn solve(&self, b: &mut [f64]) -> Result<(), SolverError> {
-        let scratch = self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq);
+        let scratch = self.pattern.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq);
         let size = b.len();
         let fault = || SolverError::Singular { rows: size };
         let mut memory = MemBuffer::try_new(scratch).map_err(|_| fault())?;
         let column = MatMut::from_column_major_slice_mut(b, size, 1);
-        let factor = LuRef::new_unchecked(&self.symbolic, &self.numeric);
+        let factor = LuRef::new_unchecked(&self.pattern.symbolic, self.numeric);
         factor.solve_in_place_with_conj(Conj::No, column, Par::Seq, MemStack::new(&mut memory));
         match b.iter().all(|value| value.is_finite()) {
             true => Ok(()),
@@ -144,9 +190,10 @@ impl Factored {
 
     /// Subtracts A x from `rest`.
     fn subtract_product(&self, x: &[f64], rest: &mut [f64]) {
+        let Pattern { starts, rows, .. } = self.pattern;
         for (column, x) in x.iter().enumerate() {
-            for entry in self.starts[column] as usize..self.starts[column + 1] as usize {
-                rest[self.rows[entry] as usize] -= self.values[entry] * x;
+            for entry in starts[column] as usize..starts[column + 1] as usize {
+                rest[rows[entry] as usize] -= self.values[entry] * x;
             }
         }
     }
@@ -167,7 +214,8 @@ mod tests {
             _ => (f64::from(7 * i + 13 * j)).sin() / f64::from(1 + i.abs_diff(j)),
         };
         let x: Vec<f64> = (0..size).map(|k| f64::from(k).cos() / unit(k)).collect();
-        let mut matrix = Unsymmetric::zeros(size as usize);
+        let mut matrix = Unsymmetric::default();
+        matrix.clear(size as usize);
         let mut b = vec![0.0; size as usize];
         for i in 0..size {
             for j in 0..size {
@@ -183,9 +231,35 @@ mod tests {
         assert!(error < 1e-12, "{error:e}");
     }
 
+    /// The second system has other values and a further entry; the third one has the pattern of the second.
+    #[test]
+    fn a_kept_pattern_serves_other_values() {
+        let size = 30_u32;
+        let mut matrix = Unsymmetric::default();
+        for round in 0..3_u32 {
+            matrix.clear(size as usize);
+            let mut rows = vec![vec![0.0; size as usize]; size as usize];
+            for i in 0..size {
+                let next = (i + 1) % size;
+                let further = if round > 0 { (i + 7) % size } else { i };
+                for (j, value) in [(i, 3.0), (next, f64::from(i + round).sin()), (further, 0.3)] {
+                    matrix.add(i, j, value);
+                    rows[i as usize][j as usize] += value;
+                }
+            }
+            let x: Vec<f64> = (0..size).map(|k| f64::from(k + round).cos()).collect();
+            let product = |row: &Vec<f64>| row.iter().zip(&x).map(|(a, x)| a * x).sum::<f64>();
+            let mut b: Vec<f64> = rows.iter().map(product).collect();
+            matrix.solve(&mut b).unwrap();
+            let error = b.iter().zip(&x).map(|(b, x)| (b - x).abs()).fold(0.0, f64::max);
+            assert!(error < 1e-13, "{round}: {error:e}");
+        }
+    }
+
     #[test]
     fn a_singular_matrix_is_an_error() {
-        let mut matrix = Unsymmetric::zeros(2);
+        let mut matrix = Unsymmetric::default();
+        matrix.clear(2);
         matrix.add(0, 0, 1.0);
         assert!(matrix.solve(&mut [1.0, 1.0]).is_err());
     }

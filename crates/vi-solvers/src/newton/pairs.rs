@@ -1,7 +1,8 @@
 //! Newton's method for steps in which live terms act pair by pair, with the complete tangents of the pairs: J = A + E,
 //! where A is the symmetric model that has a factor, and E holds what A lacks: how friction follows pressure, and how
 //! pairs have changed since A was factored. GMRES solves (I + A⁻¹E) δ = −A⁻¹R. Small systems need none of this: J, with the
-//! exact K and the forces of constraints, is factored in every iteration.
+//! exact K and the forces of constraints, is factored in every iteration. So it is in later iterations of a step in which GMRES
+//! needed more work than such a factor.
 //!
 //! If a correction would move pairs through each other, the nodes of these pairs make only a part of it, and all others make
 //! the whole correction. The iteration ends when the error is within the tolerance, or when the residual is no larger than
@@ -29,6 +30,15 @@ const FORCING: f64 = 1e-4;
 /// third of the time of GMRES. Scenes of `stress --contact`, at most about this size, gain in robustness; where time is lost was not
 /// measured.
 const MOST_DIRECT: usize = 1000;
+/// Cost of a factor of the complete tangent relative to one of the symmetric model, with which the products of GMRES are compared.
+/// When one correction took more work in products, the later ones of the step are found by complete factors. Processor time of
+/// energy–momentum steps with friction: jelly, cloth and ball together (1450 equations) take 58 s with GMRES alone and 15.5, 13.5,
+/// 12.8, 12.3 and 12.7 s with 3, 8, 16, 24 and 32; a cube of 3993 equations 3.8 s with GMRES alone and 8.3, 4.0 and 3.4 s with 3, 8
+/// and 16; a cloth of 5043 equations on a ball 42 s with GMRES alone and 39, 65 and 51 s with 12, 16 and 24.
+const COMPLETE_FACTOR: f64 = 12.0;
+/// The largest number of equations for that: complete factors of more fill far more than those of the symmetric model. A factor of
+/// 10 000 equations takes .16 s for a sheet and .53 s for a cube.
+const MOST_AFTER_PRODUCTS: usize = 20_000;
 /// Relative error below which the complete tangent contains those of the directions of forces.
 const NEAR: f64 = 3e-3;
 /// Smallest fraction of a correction that the line search tries.
@@ -80,6 +90,8 @@ struct PairSeries<'a, 'b, E> {
     newton: &'a mut Newton,
     solve: &'a mut Solve<'b, E>,
     done: u32,
+    /// Whether corrections are found by factors of the complete tangent from now on.
+    becomes_direct: bool,
 }
 
 impl Newton {
@@ -88,7 +100,7 @@ impl Newton {
         &mut self,
         solve: &mut Solve<'_, E>,
     ) -> Result<Solved, SolverError> {
-        let mut series = PairSeries { newton: self, solve, done: 0 };
+        let mut series = PairSeries { newton: self, solve, done: 0, becomes_direct: false };
         let outcome = series.solve();
         let iterations = series.done;
         solve.evaluator.end_pairs();
@@ -166,10 +178,10 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
     }
 
     fn iterate(&mut self, aim: Aim) -> Result<(), SolverError> {
-        let Self { newton, solve, done } = self;
+        let Self { newton, solve, done, becomes_direct } = self;
         solve.evaluator.set_bristle_stiffness(aim.stiffness);
         let mut progress = Progress::towards(aim);
-        let is_direct = is_direct(solve);
+        let mut is_direct = *becomes_direct || is_direct(solve);
         let mut wanted = if is_direct { None } else { newton.factor_for_pairs(solve) };
         let (mut solves, mut products, mut eta) = (0, 0, f64::INFINITY);
         solve.evaluator.set_turns(false);
@@ -191,6 +203,9 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
                 (energy, products) = complete(solve, first)?;
                 size = first;
                 solves += products + 1;
+                if direct_pays(solve, products) {
+                    (*becomes_direct, is_direct) = (true, true);
+                }
             }
             *done += 1;
             solve.evaluator.work.newton_iterations += 1;
@@ -234,6 +249,13 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
 /// Returns whether corrections are found by factors of the complete tangent.
 fn is_direct<E: PairEquations>(solve: &Solve<'_, E>) -> bool {
     solve.equations.complete_size().is_some_and(|size| size <= MOST_DIRECT)
+}
+
+/// Returns whether a factor of the complete tangent costs less than a correction that took this number of products.
+fn direct_pays<E: PairEquations>(solve: &Solve<'_, E>, products: usize) -> bool {
+    let (costs, size) = (solve.inverse.costs(), solve.equations.complete_size());
+    let is_possible = size.is_some_and(|size| size <= MOST_AFTER_PRODUCTS);
+    is_possible && products as f64 * costs.solve > COMPLETE_FACTOR * costs.factor
 }
 
 /// Evaluates at the end of the correction, or at less of it if that is outside the domain of a term. Returns the fraction.

@@ -8,7 +8,6 @@ use crate::assemble::evaluator::Evaluator;
 use crate::assemble::free_path::{FreePath, make_uniform};
 use crate::assemble::live::END_PER_STAGE;
 use crate::error::SolverError;
-use crate::linear::unsymmetric::Unsymmetric;
 use crate::newton::inverse::Inverse;
 use crate::newton::pairs::PairEquations;
 use crate::schemes::constraint::multipliers::Multipliers;
@@ -132,9 +131,9 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
 
     fn correct_completely(&mut self, evaluator: &mut Evaluator) -> Result<[f64; 2], SolverError> {
         let size = self.complete_size().unwrap_or(0);
-        let Stage { c, w, base, correction, residual, multipliers, .. } = &mut *self.stage;
+        let Stage { c, w, base, correction, residual, multipliers, complete: matrix, .. } = &mut *self.stage;
         let (c, count) = (*c, w.len());
-        let mut matrix = Unsymmetric::zeros(size);
+        matrix.clear(size);
         match self.inertia.matrix() {
             Some(mass) => matrix.add_symmetric(1.0, mass),
             None => {
@@ -144,11 +143,11 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         }
         evaluator.for_each_hessian(self.system, &mut |factor, k| matrix.add_symmetric(factor * c, k));
         if let Some(pairs) = evaluator.pairs() {
-            pairs.add_to(END_PER_STAGE * c, &mut matrix);
+            pairs.add_to(END_PER_STAGE * c, matrix);
         }
         let mut rhs = residual.clone();
         if let Some(multipliers) = multipliers {
-            multipliers.complete(c, &mut matrix, &mut rhs);
+            multipliers.complete(c, matrix, &mut rhs);
         }
         matrix.solve(&mut rhs)?;
         evaluator.work.factorizations += 1;

@@ -5,6 +5,7 @@ use vi_core::{State, System};
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::inertia::Inertia;
 use crate::error::SolverError;
+use crate::linear::unsymmetric::Unsymmetric;
 use crate::newton::equations::Equations;
 use crate::newton::inverse::Inverse;
 use crate::newton::start::Start;
@@ -48,6 +49,8 @@ pub(super) struct Stage {
     pub(super) has_discrete: bool,
     /// The multipliers, if there are constraints.
     pub(super) multipliers: Option<Multipliers>,
+    /// The complete tangent of steps with pairs.
+    pub(super) complete: Unsymmetric,
 }
 
 impl Stage {
@@ -58,6 +61,7 @@ impl Stage {
             multipliers: rule
                 .multiplier_directions()
                 .and_then(|directions| Multipliers::new(system, directions)),
+            complete: Unsymmetric::default(),
             c: 0.0,
             t: 0.0,
             twice_kinetic: 0.0,
