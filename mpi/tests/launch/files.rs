@@ -49,3 +49,9 @@ pub(crate) fn assert_same_files(found: &Path, expected: &Path, what: &str) {
         }
     }
 }
+
+/// Asserts that ranks have built or read only the parts of the bodies that they need.
+pub(crate) fn assert_in_parts(directory: &Path) {
+    let report = std::fs::read_to_string(directory.join("report.json")).unwrap();
+    assert!(report.contains("\"in_parts\": true"), "{report}");
+}

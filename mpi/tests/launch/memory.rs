@@ -2,10 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::process::Stdio;
 use std::time::Duration;
 
-use super::{PROGRAM, program, text};
+use super::{PROGRAM, start, text};
 
 /// Returns the processes that run `scene`, without the launcher and its helpers.
 pub(crate) fn ranks_of(scene: &Path) -> Vec<u32> {
@@ -24,9 +23,7 @@ pub(crate) fn ranks_of(scene: &Path) -> Vec<u32> {
 
 /// Returns the largest memory that each rank held while it ran a scene, in MiB, largest first.
 pub(crate) fn peaks(ranks: usize, scene: &Path, out: &Path) -> Vec<f64> {
-    let mut command = program(ranks);
-    command.arg("run").arg(scene).arg("--out").arg(out).args(["--threads", "1", "--quiet"]);
-    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let mut child = start(ranks, scene, out);
     let mut peaks: BTreeMap<u32, f64> = BTreeMap::new();
     while child.try_wait().unwrap().is_none() {
         for rank in ranks_of(scene) {
