@@ -49,7 +49,8 @@ pub(super) fn add_body(
         let name = &body.scene.name;
         let term = vi_fem::elastic_elsewhere(Arc::clone(far), law, Arc::clone(numbering), name);
         component.potentials.push(Box::new(term.map_err(|error| error.to_string())?));
-        let made = add_far_mass(far.as_ref(), numbering, law.density(), &mut mass.lumped);
+        let rest = &body.read.mesh.points;
+        let made = add_far_mass((far.as_ref(), rest), numbering, law.density(), &mut mass.lumped);
         made.map_err(|error| error.to_string())?;
         far.fault().map_or(Ok(()), Err)?;
     }
@@ -76,16 +77,17 @@ pub(super) fn add_body(
     Ok(())
 }
 
-/// Adds the mass of elements that this process does not hold, in their order.
+/// Adds the mass of elements that this process does not hold, in their order. `rest` are the positions of the nodes in the numbering of
+/// the component.
 fn add_far_mass(
-    far: &dyn FarElements,
+    (far, rest): (&dyn FarElements, &[[f64; 3]]),
     numbering: &Numbering,
     density: f64,
     masses: &mut [f64],
 ) -> Result<(), FemError> {
     for range in far.ranges() {
         let all: Vec<u32> = (0..range.len() as u32).collect();
-        let Window { mesh, nodes } = far.window(range);
+        let Window { mesh, nodes } = far.window(range, |node| rest[numbering.of(node) as usize]);
         let numbers = || nodes.iter().map(|&node| numbering.of(node) as usize);
         let mut of_window: Vec<f64> = numbers().map(|node| masses[node]).collect();
         add_lumped_mass(&mesh, &all, density, &mut of_window)?;

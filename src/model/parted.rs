@@ -48,6 +48,25 @@ pub(super) fn open(body: &Body) -> Option<Result<PartedMesh, IoError>> {
     PartedMesh::open(body.mesh.as_ref()?).transpose()
 }
 
+/// Returns the kind of the elements of a mesh whose cells are of these kinds, if processes can build parts of it.
+///
+/// # Errors
+/// Returns what else there is.
+pub(super) fn kind_in_parts(cells: impl Iterator<Item = CellKind>) -> Result<CellKind, String> {
+    let mut kinds: Vec<CellKind> = cells.filter(|kind| kind.dimension() == 3).collect();
+    kinds.dedup();
+    match kinds[..] {
+        [kind] if IN_PARTS.contains(&kind) => Ok(kind),
+        _ => {
+            let found = kinds.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(", ");
+            let known = IN_PARTS.map(CellKind::name).join(", ");
+            Err(format!(
+                "elements of several processes must all be of one of the kinds {known}; there are: {found}"
+            ))
+        }
+    }
+}
+
 /// Returns the number of elements of the runs in which their forces are summed.
 pub(super) fn run_length(kind: CellKind, element_count: usize) -> usize {
     vi_core::run_length(element_count, 3 * kind.node_count())
@@ -66,15 +85,8 @@ pub(crate) fn part(source: &Path, count: usize, scale: f64, index: &Path) -> Res
         array.values.iter_mut().for_each(|u| *u *= scale);
     }
     check_body(&file.mesh, 3).map_err(|errors| wrong(errors.iter().map(ToString::to_string).collect()))?;
-    let mut kinds: Vec<CellKind> = file.mesh.blocks.iter().map(|block| block.kind).collect();
-    kinds.retain(|kind| kind.dimension() == 3);
-    if let Some(kind) = kinds.iter().find(|kind| !IN_PARTS.contains(kind)) {
-        let names = IN_PARTS.map(CellKind::name).join(", ");
-        return Err(wrong(vec![format!(
-            "{kind} cannot be divided before they are built; mesh with {names}"
-        )]));
-    }
-    let kind = kinds[0];
+    let kind =
+        kind_in_parts(file.mesh.blocks.iter().map(|block| block.kind)).map_err(|why| wrong(vec![why]))?;
     let elements = file.mesh.cells_of_dimension(3).len();
     let files = vi_io::write_parted(index, &file, count, run_length(kind, elements))?;
     Ok(PartFacts { kind, elements, nodes: file.mesh.points.len(), files })

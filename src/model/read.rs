@@ -4,13 +4,11 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use vi_fem::LockingCure;
-use vi_mesh::{
-    BoxMesh, CellKind, FarElements, FinerMesh, Mesh, MeshError, MeshPart, MeshPieces, Numbering, SheetMesh,
-};
+use vi_mesh::{BoxMesh, CellKind, FarElements, FinerMesh, Mesh, MeshError, MeshPart, Numbering, SheetMesh};
 
 use super::body::MaterialPart;
 use super::import::{self, Imported};
-use super::parted::{self, IN_PARTS, run_length};
+use super::parted::{self, kind_in_parts, run_length};
 use super::size::Budget;
 use crate::scene::{Body, BodyId, MOST_REFINED, MaterialEntry, Problem, Refine, RefineAlong, Scene};
 
@@ -80,8 +78,7 @@ pub(super) fn bodies<'a>(
 /// Generates the part of a box that a process needs, reads it from the pieces of a parted mesh, or cuts it out of the mesh of another
 /// file, which is dropped.
 fn part(id: BodyId, body: &Body, share: Share) -> Result<ReadBody<'_>, Problem> {
-    let key = if body.mesh.is_some() { "mesh" } else { "box" };
-    let wrong = |why: String| Problem::new(format!("body[{}].{key}", id.index()), why);
+    let wrong = |why: String| wrong_in_parts(id, body, why);
     let of_process = (share.process, share.count);
     let part = if let Some(placed) = placed_box(body) {
         let run_length = run_length(placed.element, placed.element_count() as usize);
@@ -89,20 +86,13 @@ fn part(id: BodyId, body: &Body, share: Share) -> Result<ReadBody<'_>, Problem> 
         made.ok_or_else(|| wrong(format!("{} cannot be generated in parts", placed.element)))?
     } else if let Some(parted) = parted::open(body) {
         let parted = parted.map_err(|error| wrong(error.to_string()))?;
-        let MeshPieces { kind, .. } = *parted.pieces();
-        if !IN_PARTS.contains(&kind) {
-            return Err(wrong(format!("{kind} cannot be divided before they are built")));
-        }
+        let kind = kind_in_parts([parted.pieces().kind].into_iter()).map_err(wrong)?;
         let run_length = run_length(kind, parted.pieces().element_count());
         parted.part(of_process, run_length).map_err(|error| wrong(error.to_string()))?
     } else {
         let path = body.mesh.as_ref().ok_or_else(|| wrong("has neither shape nor file".to_owned()))?;
         let mesh = import::read(path, body).map_err(|messages| wrong(messages.join("; ")))?.mesh;
-        let mut solids = mesh.blocks.iter().filter(|block| block.kind.dimension() == 3);
-        let kind = solids.next().map(|block| block.kind);
-        let kind = kind.filter(|kind| IN_PARTS.contains(kind) && solids.all(|block| block.kind == *kind));
-        let kind =
-            kind.ok_or_else(|| wrong("its elements cannot be divided before they are built".to_owned()))?;
+        let kind = kind_in_parts(mesh.blocks.iter().map(|block| block.kind)).map_err(wrong)?;
         MeshPart::of_mesh(&mesh, of_process, run_length(kind, mesh.cells_of_dimension(3).len()))
     };
     let MeshPart { mesh, numbering, order, run_length, runs } = part;
@@ -113,14 +103,12 @@ fn part(id: BodyId, body: &Body, share: Share) -> Result<ReadBody<'_>, Problem> 
 
 /// Generates the nodes of a box and the facets of its faces, or reads those of a parted mesh.
 fn nodes(id: BodyId, body: &Body) -> Result<ReadBody<'_>, Problem> {
-    let key = if body.mesh.is_some() { "mesh" } else { "box" };
-    let wrong = |why: String| Problem::new(format!("body[{}].{key}", id.index()), why);
+    let wrong = |why: String| wrong_in_parts(id, body, why);
     if let Some(parted) = parted::open(body) {
         let opened = parted.and_then(|parted| parted.without_elements());
         let (file, far) = opened.map_err(|error| wrong(error.to_string()))?;
         let mut read = import::without_elements(file, body).map_err(|messages| wrong(messages.join("; ")))?;
-        let source = body.mesh.as_ref().map_or_else(String::new, |path| path.display().to_string());
-        read.notes.iter_mut().for_each(|note| *note = format!("{source}: {note}"));
+        name_source(&mut read, body);
         let materials = materials(body, &read.mesh).map_err(wrong)?;
         return Ok(ReadBody { id, scene: body, read, materials, part: None, far: Some(far) });
     }
@@ -130,6 +118,18 @@ fn nodes(id: BodyId, body: &Body) -> Result<ReadBody<'_>, Problem> {
     let materials = materials(body, &mesh).map_err(wrong)?;
     let (read, far) = (Imported::generated(mesh), Some(far));
     Ok(ReadBody { id, scene: body, read, materials, part: None, far })
+}
+
+/// Returns a problem of the mesh or box of a body of which a process reads a part.
+fn wrong_in_parts(id: BodyId, body: &Body, why: String) -> Problem {
+    let key = if body.mesh.is_some() { "mesh" } else { "box" };
+    Problem::new(format!("body[{}].{key}", id.index()), why)
+}
+
+/// Names the file of a body, or the body, in the notes of the reader.
+fn name_source(read: &mut Imported, body: &Body) {
+    let source = body.mesh.as_ref().map_or_else(|| body.name.clone(), |path| path.display().to_string());
+    read.notes.iter_mut().for_each(|note| *note = format!("{source}: {note}"));
 }
 
 fn read<'a>(
@@ -170,16 +170,16 @@ fn mesh(id: BodyId, body: &Body, budget: &mut Budget) -> Result<Imported, Vec<Pr
     let scale = body.scale.unwrap_or(1.0);
     let translate = body.translate.unwrap_or_default();
     let imported = match (&body.mesh, &body.arrays) {
-        (Some(path), _) => Some((import::read(path, body), path.display().to_string())),
-        (None, Some(arrays)) => Some((import::from_arrays(arrays, body), body.name.clone())),
+        (Some(path), _) => Some(import::read(path, body)),
+        (None, Some(arrays)) => Some(import::from_arrays(arrays, body)),
         (None, None) => None,
     };
-    let mut read = if let Some((read, source)) = imported {
+    let mut read = if let Some(read) = imported {
         let mut read = read.map_err(|messages| {
             let key = format!("{key}.mesh");
             messages.into_iter().map(|message| Problem::new(key.clone(), message)).collect::<Vec<_>>()
         })?;
-        read.notes.iter_mut().for_each(|note| *note = format!("{source}: {note}"));
+        name_source(&mut read, body);
         let elements = read.mesh.blocks.iter().filter(|block| block.kind.dimension() == body.dimension());
         let counts: Vec<_> = elements.map(|block| (block.kind, block.cell_count())).collect();
         fits(&counts)?;

@@ -244,7 +244,7 @@ impl Simulation {
             };
             for range in far.ranges() {
                 let all: Vec<u32> = (0..range.len() as u32).collect();
-                let Window { mesh, nodes } = far.window(range);
+                let Window { mesh, nodes } = far.window(range, |node| body.mesh.points[node as usize]);
                 let of_window: Vec<[f64; 3]> = nodes.iter().map(|&node| x[node as usize]).collect();
                 enter(&mesh, &all, law, &of_window);
             }

@@ -4,6 +4,7 @@
 mod far;
 mod files;
 mod index;
+mod numbers;
 mod piece;
 mod sections;
 pub(crate) mod write;
@@ -76,28 +77,35 @@ impl PartedMesh {
     /// Returns [`IoError::System`] or [`IoError::OtherPiece`].
     pub fn without_elements(&self) -> Result<(MeshFile, Arc<dyn FarElements>), IoError> {
         let (file, opened) = self.read_whole(|dimension| dimension < 3)?;
-        let far = FiledElements::new(self.files.clone(), opened, file.mesh.points.clone())?;
+        let far = FiledElements::new(self.files.clone(), opened)?;
         Ok((file, Arc::new(far)))
     }
 
     /// Reads the blocks and regions of some dimensions, the points, and the arrays over them.
     fn read_whole(&self, is_wanted: impl Fn(usize) -> bool) -> Result<(MeshFile, File), IoError> {
-        let Index { pieces, node_count, blocks, region_cells, arrays, notes, whole, .. } = &self.files.index;
+        let whole = &self.files.index.whole;
         let path = self.files.path_of(whole);
         let mut sections = Sections::open(&path, &self.files.path, whole)?;
-        let points = sections.reals(3 * node_count)?.as_chunks().0.to_vec();
-        let mut mesh = Mesh { points, ..Mesh::default() };
+        let read = self.lists(&mut sections, is_wanted);
+        sections.finish(read)
+    }
+
+    /// Reads the lists of the whole mesh.
+    fn lists(&self, sections: &mut Sections, is_wanted: impl Fn(usize) -> bool) -> Result<MeshFile, IoError> {
+        let Index { pieces, node_count, blocks, region_cells, arrays, notes, .. } = &self.files.index;
+        let mut mesh = Mesh { points: sections.points(*node_count)?, ..Mesh::default() };
         let cell_count = blocks.iter().map(|(_, count)| count).sum();
         // The cells that were left out before each block, by its first cell.
         let (mut first, mut left_out, mut moved) = (0, 0, Vec::new());
         for &(kind, count) in blocks {
             moved.push((first, left_out));
             first += count as u32;
+            let of_block = (kind.node_count() * count, *node_count);
             if is_wanted(kind.dimension()) {
-                let nodes = sections.integers(kind.node_count() * count, *node_count)?;
+                let nodes = sections.integers(of_block, "the nodes of cells")?;
                 mesh.blocks.push(CellBlock { kind, nodes });
             } else {
-                sections.skip(4 * (kind.node_count() * count) as u64)?;
+                sections.pass_integers(of_block, "the nodes of cells")?;
                 left_out += count as u32;
             }
         }
@@ -107,17 +115,17 @@ impl PartedMesh {
         };
         for ((name, dimension), &count) in pieces.regions.iter().zip(region_cells) {
             if is_wanted(*dimension) {
-                let cells = sections.integers(count, cell_count)?.into_iter().map(number).collect();
+                let cells = sections.integers((count, cell_count), name)?.into_iter().map(number).collect();
                 mesh.regions.push(Region { name: name.clone(), dimension: *dimension, cells });
             } else {
-                sections.skip(4 * count as u64)?;
+                sections.pass_integers((count, cell_count), name)?;
             }
         }
         let mut file = MeshFile { mesh, notes: notes.clone(), ..MeshFile::default() };
         for (name, components) in arrays {
-            let values = sections.reals(components * node_count)?;
+            let values = sections.reals(components * node_count, name)?;
             file.point_data.push(DataArray { name: name.clone(), components: *components, values });
         }
-        Ok((file, sections.finish()?))
+        Ok(file)
     }
 }

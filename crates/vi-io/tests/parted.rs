@@ -147,6 +147,40 @@ fn files_that_do_not_belong_together_are_refused() {
     assert!(matches!(read_mesh(&index), Err(IoError::Syntax { .. })));
 }
 
+/// A piece whose bytes have the sum that the index lists, but contradict it or themselves, is refused.
+#[test]
+fn a_piece_with_wrong_lists_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let (_, index, files) = parted(directory.path(), 5);
+    let (bytes, text) = (fs::read(&files[0]).unwrap(), fs::read_to_string(&index).unwrap());
+    let sum_of = |bytes: &[u8]| {
+        let mut sum = flate2::Crc::new();
+        sum.update(bytes);
+        format!("{:08x}", sum.sum())
+    };
+    // Seven regions follow the number of nodes.
+    let first_element = 8 * 8;
+    let wrong = |at: usize, to: &[u8]| {
+        let mut other = bytes.clone();
+        other[at..at + to.len()].copy_from_slice(to);
+        fs::write(&files[0], &other).unwrap();
+        fs::write(&index, text.replace(&sum_of(&bytes), &sum_of(&other))).unwrap();
+        open(&index).part((0, 5), RUN_LENGTH).unwrap_err()
+    };
+    let error = wrong(first_element, &u32::MAX.to_le_bytes());
+    assert!(
+        matches!(&error, IoError::Inconsistent { what, .. } if what.starts_with("elements: ")),
+        "{error}"
+    );
+    // More nodes, and more or fewer members of the first region, than there are.
+    for (at, count) in [(0, u64::MAX), (8, u64::MAX)] {
+        let error = wrong(at, &count.to_le_bytes());
+        assert!(matches!(error, IoError::Truncated { .. }), "{error}");
+    }
+    let error = wrong(8, &0_u64.to_le_bytes());
+    assert!(matches!(error, IoError::Inconsistent { .. }), "{error}");
+}
+
 /// Any change of the index is refused or leads to an error of a file; nothing panics.
 #[test]
 fn a_damaged_index_is_refused() {

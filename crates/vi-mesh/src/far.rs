@@ -19,7 +19,7 @@ pub trait FarElements: Debug + Send + Sync {
     /// Returns the number of elements.
     fn count(&self) -> usize;
 
-    /// Returns the position of a node at rest, m.
+    /// Returns the position of a node at rest, m. It may be read from a file: for a few nodes, or if they are nowhere in memory.
     fn point(&self, node: u32) -> [f64; 3];
 
     /// Appends the nodes of some elements.
@@ -75,8 +75,8 @@ pub struct Window {
 }
 
 impl dyn FarElements + '_ {
-    /// Returns some of the elements.
-    pub fn window(&self, elements: impl Iterator<Item = u32>) -> Window {
+    /// Returns some of the elements. `point` gives the position of a node at rest, m, as [`FarElements::point`] does.
+    pub fn window(&self, elements: impl Iterator<Item = u32>, point: impl Fn(u32) -> [f64; 3]) -> Window {
         let mut corners = Vec::new();
         let mut next = 0..0;
         // Those that follow each other are looked at together.
@@ -91,7 +91,7 @@ impl dyn FarElements + '_ {
         nodes.sort_unstable();
         nodes.dedup();
         corners.iter_mut().for_each(|node| *node = nodes.partition_point(|other| other < node) as u32);
-        let points = nodes.iter().map(|&node| self.point(node)).collect();
+        let points = nodes.iter().map(|&node| point(node)).collect();
         let blocks = vec![CellBlock { kind: self.kind(), nodes: corners }];
         Window { mesh: Mesh { points, blocks, regions: Vec::new() }, nodes }
     }

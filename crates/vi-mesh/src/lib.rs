@@ -20,6 +20,7 @@ mod part;
 mod piece;
 mod pieces;
 mod refine;
+mod runs;
 mod triangulation;
 mod vector;
 mod volume;

@@ -115,6 +115,20 @@ impl Mesh {
         cells
     }
 
+    /// Returns the nodes of some cells, cell by cell.
+    pub(crate) fn corners_of(&self, cells: &[u32]) -> impl Iterator<Item = u32> {
+        let nodes_of = |&cell: &u32| self.cell(cell as usize).map_or(&[][..], |(_, nodes)| nodes);
+        cells.iter().flat_map(nodes_of).copied()
+    }
+
+    /// Returns the nodes of some cells, ascending, each once.
+    pub(crate) fn nodes_of(&self, cells: &[u32]) -> Vec<u32> {
+        let mut nodes: Vec<u32> = self.corners_of(cells).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        nodes
+    }
+
     /// Returns the region of this name.
     ///
     /// # Errors
@@ -134,11 +148,7 @@ impl Mesh {
     pub fn region_nodes(&self, name: &str) -> Result<Vec<u32>, MeshError> {
         self.region(name)?;
         let regions = self.regions.iter().filter(|region| region.name == name);
-        let cells = regions.flat_map(|region| &region.cells);
-        let mut nodes: Vec<u32> = cells
-            .filter_map(|&cell| self.cell(cell as usize))
-            .flat_map(|(_, nodes)| nodes.iter().copied())
-            .collect();
+        let mut nodes: Vec<u32> = regions.flat_map(|region| self.corners_of(&region.cells)).collect();
         nodes.sort_unstable();
         nodes.dedup();
         Ok(nodes)

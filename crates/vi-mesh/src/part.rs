@@ -4,6 +4,7 @@ use crate::cell::CellKind;
 use crate::mesh::Mesh;
 use crate::order::{Curve, Numbering, sort_by_place};
 use crate::piece::Selected;
+use crate::runs::Runs;
 
 /// A part of a mesh: whole runs of its elements along Morton's curve. It contains all elements at the nodes of the runs that
 /// one process computes.
@@ -29,38 +30,28 @@ impl MeshPart {
     pub fn of_mesh(mesh: &Mesh, (process, count): (usize, usize), run_length: usize) -> Self {
         let mut on_curve = mesh.cells_of_dimension(3);
         sort_by_place(mesh, &mut on_curve);
-        let run_count = on_curve.len().div_ceil(run_length);
-        let process_of = |run: usize| run * count / run_count;
-        let cell = |cell: u32| mesh.cell(cell as usize).unwrap_or((CellKind::Point, &[]));
-        let nodes_of = |cells: &[u32]| -> Vec<u32> {
-            let mut nodes: Vec<u32> = cells.iter().flat_map(|&number| cell(number).1).copied().collect();
-            nodes.sort_unstable();
-            nodes.dedup();
-            nodes
-        };
-        let runs = || on_curve.chunks(run_length).enumerate();
+        let runs = Runs { elements: on_curve.len(), length: run_length, processes: count };
         let mut is_own_node = vec![false; mesh.points.len()];
-        for (_, run) in runs().filter(|(run, _)| process_of(*run) == process) {
-            nodes_of(run).into_iter().for_each(|node| is_own_node[node as usize] = true);
-        }
-        let touches =
-            |(_, run): &(usize, &[u32])| nodes_of(run).iter().any(|&node| is_own_node[node as usize]);
-        let needed: Vec<(usize, &[u32])> = runs().filter(touches).collect();
-        let of_part = needed.iter().map(|&(run, _)| (run as u32, process_of(run) as u32)).collect();
+        let own = &on_curve[runs.positions_of(process)];
+        mesh.corners_of(own).for_each(|node| is_own_node[node as usize] = true);
+        let touches = |run: &[u32]| mesh.corners_of(run).any(|node| is_own_node[node as usize]);
+        let is_needed: Vec<bool> = on_curve.chunks(run_length).map(touches).collect();
+        let needed = on_curve.chunks(run_length).zip(&is_needed).filter(|(_, is_needed)| **is_needed);
 
         let kind = mesh.blocks.iter().map(|block| block.kind).find(|kind| kind.dimension() == 3);
         let regions: Vec<_> = mesh.regions.iter().map(|of| (of.name.clone(), of.dimension)).collect();
         let mut selected = Selected::new(kind.unwrap_or(CellKind::Tet4), &regions);
-        selected.elements = needed.iter().flat_map(|(_, run)| *run).copied().collect();
-        selected.corners = selected.elements.iter().flat_map(|&element| cell(element).1).copied().collect();
-        let nodes = nodes_of(&selected.elements).into_iter();
+        selected.elements = needed.flat_map(|(run, _)| run).copied().collect();
+        selected.corners = mesh.corners_of(&selected.elements).collect();
+        let nodes = mesh.nodes_of(&selected.elements).into_iter();
         selected.nodes = nodes.map(|node| (node, mesh.points[node as usize])).collect();
         for (members, region) in selected.members.iter_mut().zip(&mesh.regions) {
-            *members = if region.dimension == 3 { region.cells.clone() } else { nodes_of(&region.cells) };
+            *members =
+                if region.dimension == 3 { region.cells.clone() } else { mesh.nodes_of(&region.cells) };
         }
         let (part, order) = selected.into_mesh();
         let curve = Curve::through(mesh.points.iter().copied());
         let numbering = Numbering::along(&curve, &part.points);
-        Self { mesh: part, numbering, order, run_length, runs: of_part }
+        Self { mesh: part, numbering, order, run_length, runs: runs.listed(|run| is_needed[run]) }
     }
 }

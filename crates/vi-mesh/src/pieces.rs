@@ -9,6 +9,7 @@ use crate::mesh::Mesh;
 use crate::order::{Curve, Numbering, sort_by_place};
 use crate::part::MeshPart;
 use crate::piece::{Piece, Selected};
+use crate::runs::Runs;
 
 /// What is known of a mesh of volumes of one kind beside its pieces. An *element* is a volume; elements are numbered in the order
 /// of the mesh, without other cells.
@@ -20,8 +21,8 @@ pub struct MeshPieces {
     pub extent: [[f64; 3]; 2],
     /// Names and dimensions of the regions.
     pub regions: Vec<(String, usize)>,
-    /// The number of elements of each piece, in the order of the curve.
-    pub lengths: Vec<usize>,
+    /// The position on the curve behind the last element of each piece.
+    pub ends: Vec<usize>,
     /// The pieces that share nodes with each piece, ascending; itself is one of them.
     pub neighbours: Vec<Vec<usize>>,
 }
@@ -54,7 +55,9 @@ impl<'a> CutMesh<'a> {
             return Err(invalid(format!("all volumes must be of one kind; there are: {found}")));
         };
         let volumes = mesh.cells_of_dimension(3);
-        let run_count = volumes.len().div_ceil(run_length);
+        // A piece has the elements of one of `count` processes.
+        let runs = Runs { elements: volumes.len(), length: run_length, processes: count };
+        let run_count = runs.count();
         if count == 0 || count > run_count {
             return Err(invalid(format!(
                 "{count} pieces cannot be cut from {} elements, which are summed in {run_count} runs of {run_length}; \
@@ -64,8 +67,7 @@ impl<'a> CutMesh<'a> {
         }
         let mut on_curve = volumes.clone();
         sort_by_place(mesh, &mut on_curve);
-        let ends = |piece: usize| (piece * run_count).div_ceil(count) * run_length;
-        let lengths = (0..count).map(|piece| ends(piece + 1).min(volumes.len()) - ends(piece)).collect();
+        let ends = (0..count).map(|piece| runs.positions_of(piece).end).collect();
         let bound = |start: f64, pick: fn(f64, f64) -> f64| {
             [0, 1, 2].map(|k| mesh.points.iter().map(|x| x[k]).fold(start, pick))
         };
@@ -73,10 +75,10 @@ impl<'a> CutMesh<'a> {
         let regions = mesh.regions.iter().map(|region| (region.name.clone(), region.dimension)).collect();
         let members = mesh.regions.iter().map(|region| match region.dimension {
             3 => region.cells.clone(),
-            _ => nodes_of(mesh, &region.cells),
+            _ => mesh.nodes_of(&region.cells),
         });
         let members = members.collect();
-        let pieces = MeshPieces { kind, extent, regions, lengths, neighbours: vec![Vec::new(); count] };
+        let pieces = MeshPieces { kind, extent, regions, ends, neighbours: Vec::new() };
         let mut this = Self { mesh, volumes, on_curve, members, pieces };
         this.pieces.neighbours = this.neighbours();
         Ok(this)
@@ -90,9 +92,9 @@ impl<'a> CutMesh<'a> {
     /// Returns a piece.
     pub fn piece(&self, number: usize) -> Piece {
         let cells = self.cells(number);
-        let nodes = nodes_of(self.mesh, cells);
+        let nodes = self.mesh.nodes_of(cells);
         let place = |all: &[u32], one: u32| all.partition_point(|&other| other < one) as u32;
-        let corners = corners_of(self.mesh, cells).map(|node| place(&nodes, node)).collect();
+        let corners = self.mesh.corners_of(cells).map(|node| place(&nodes, node)).collect();
         let mut sorted = cells.to_vec();
         sorted.sort_unstable();
         let kinds = self.pieces.regions.iter().map(|(_, dimension)| *dimension);
@@ -115,10 +117,10 @@ impl<'a> CutMesh<'a> {
     }
 
     fn neighbours(&self) -> Vec<Vec<usize>> {
-        let count = self.pieces.lengths.len();
+        let count = self.pieces.ends.len();
         let mut users: Vec<(u32, u32)> = Vec::new();
         for piece in 0..count {
-            users.extend(nodes_of(self.mesh, self.cells(piece)).into_iter().map(|node| (node, piece as u32)));
+            users.extend(self.mesh.nodes_of(self.cells(piece)).into_iter().map(|node| (node, piece as u32)));
         }
         users.sort_unstable();
         let mut found: Vec<BTreeSet<usize>> = (0..count).map(|piece| BTreeSet::from([piece])).collect();
@@ -134,26 +136,26 @@ impl<'a> CutMesh<'a> {
 impl MeshPieces {
     /// Returns the number of all elements.
     pub fn element_count(&self) -> usize {
-        self.lengths.iter().sum()
+        self.ends.last().copied().unwrap_or(0)
     }
 
     /// Returns the positions of a piece's elements on the curve.
     pub fn range(&self, piece: usize) -> Range<usize> {
-        let first = self.lengths[..piece].iter().sum();
-        first..first + self.lengths[piece]
+        piece.checked_sub(1).map_or(0, |before| self.ends[before])..self.ends[piece]
     }
 
     /// Returns the pieces that have elements at some positions on the curve, with these positions of each.
-    pub fn overlapping(&self, positions: &Range<usize>) -> Vec<(usize, Range<usize>)> {
-        let within = |piece: usize| {
+    pub fn overlapping(&self, positions: Range<usize>) -> impl Iterator<Item = (usize, Range<usize>)> {
+        let first = self.ends.partition_point(|&end| end <= positions.start);
+        let within = move |piece: usize| {
             let of_piece = self.range(piece);
             (piece, of_piece.start.max(positions.start)..of_piece.end.min(positions.end))
         };
-        (0..self.lengths.len()).map(within).filter(|(_, range)| !range.is_empty()).collect()
+        (first..self.ends.len()).map(within).take_while(|(_, range)| !range.is_empty())
     }
 
-    /// Calls `see` with the piece, its first position on the curve, and the positions in it that belong to the runs of
-    /// `run_length` elements that process number `process` of `count` computes.
+    /// Reads the pieces with elements that process number `process` of `count` computes, in runs of `run_length` elements. Calls
+    /// `see` with each piece and the positions of these elements from its first one.
     ///
     /// # Errors
     /// Returns the errors of `read`, which returns a piece.
@@ -164,19 +166,16 @@ impl MeshPieces {
         mut read: impl FnMut(usize) -> Result<Piece, E>,
         mut see: impl FnMut(&Piece, Range<usize>),
     ) -> Result<(), E> {
-        for (number, positions) in self.overlapping(&self.own_positions((process, count), run_length)) {
+        for (number, positions) in self.overlapping(self.runs(run_length, count).positions_of(process)) {
             let first = self.range(number).start;
             see(&read(number)?, positions.start - first..positions.end - first);
         }
         Ok(())
     }
 
-    /// Returns the positions of the runs k with ⌊k · `count` / number of runs⌋ = `process`.
-    fn own_positions(&self, (process, count): (usize, usize), run_length: usize) -> Range<usize> {
-        let total = self.element_count();
-        let run_count = total.div_ceil(run_length);
-        let first = |process: usize| ((process * run_count).div_ceil(count) * run_length).min(total);
-        first(process)..first(process + 1)
+    /// Returns the runs of its elements.
+    fn runs(&self, length: usize, processes: usize) -> Runs {
+        Runs { elements: self.element_count(), length, processes }
     }
 
     /// Returns the part that process number `process` of `count` needs, as [`MeshPart::of_mesh`] cuts it out of the whole mesh. `read`
@@ -186,23 +185,22 @@ impl MeshPieces {
     /// Returns the errors of `read`.
     pub fn part<E>(
         &self,
-        of_process: (usize, usize),
+        (process, count): (usize, usize),
         run_length: usize,
         mut read: impl FnMut(usize) -> Result<Piece, E>,
     ) -> Result<MeshPart, E> {
         let arity = self.kind.node_count();
         let mut own_nodes: Vec<u32> = Vec::new();
-        self.each_own(of_process, run_length, &mut read, |piece, positions| {
+        self.each_own((process, count), run_length, &mut read, |piece, positions| {
             own_nodes.extend(piece.nodes_at(positions, arity));
         })?;
         own_nodes.sort_unstable();
         own_nodes.dedup();
 
-        let own = self.overlapping(&self.own_positions(of_process, run_length));
-        let near: BTreeSet<usize> =
-            own.iter().flat_map(|(piece, _)| &self.neighbours[*piece]).copied().collect();
-        let run_count = self.element_count().div_ceil(run_length);
-        let mut is_needed = vec![false; run_count];
+        let runs = self.runs(run_length, count);
+        let own = self.overlapping(runs.positions_of(process));
+        let near: BTreeSet<usize> = own.flat_map(|(piece, _)| &self.neighbours[piece]).copied().collect();
+        let mut is_needed = vec![false; runs.count()];
         for number in near {
             let (piece, first) = (read(number)?, self.range(number).start);
             let mut is_own = vec![false; piece.nodes.len()];
@@ -214,7 +212,7 @@ impl MeshPieces {
         drop(own_nodes);
 
         let mut selected = Selected::new(self.kind, &self.regions);
-        for number in 0..self.lengths.len() {
+        for number in 0..self.ends.len() {
             let positions = self.range(number);
             if !positions.clone().any(|position| is_needed[position / run_length]) {
                 continue;
@@ -222,26 +220,11 @@ impl MeshPieces {
             let piece = read(number)?;
             selected.add(&piece, positions.clone().map(|position| is_needed[position / run_length]));
         }
-        let process_of = |run: usize| run * of_process.1 / run_count;
-        let needed = (0..run_count).filter(|&run| is_needed[run]);
-        let runs = needed.map(|run| (run as u32, process_of(run) as u32)).collect();
+        let runs = runs.listed(|run| is_needed[run]);
         let (mesh, order) = selected.into_mesh();
         let numbering = Numbering::along(&Curve::through(self.extent.into_iter()), &mesh.points);
         Ok(MeshPart { mesh, numbering, order, run_length, runs })
     }
-}
-
-/// Returns the nodes of some cells, cell by cell.
-fn corners_of(mesh: &Mesh, cells: &[u32]) -> impl Iterator<Item = u32> {
-    cells.iter().flat_map(|&cell| mesh.cell(cell as usize).map_or(&[][..], |(_, nodes)| nodes)).copied()
-}
-
-/// Returns the nodes of some cells, ascending.
-fn nodes_of(mesh: &Mesh, cells: &[u32]) -> Vec<u32> {
-    let mut nodes: Vec<u32> = corners_of(mesh, cells).collect();
-    nodes.sort_unstable();
-    nodes.dedup();
-    nodes
 }
 
 /// Returns the numbers that two ascending lists have in common.

@@ -3,12 +3,14 @@
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
+use std::path::PathBuf;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use vi_mesh::{CellKind, FarElements, Piece};
 
 use super::files::Files;
-use crate::error::{IoError, Place};
+use super::sections::point;
+use crate::error::IoError;
 
 /// The elements of a parted mesh. Its whole mesh was read once to verify it; a later fault of the disk is kept, and the first element stands
 /// for those that cannot be read.
@@ -18,8 +20,6 @@ pub(super) struct FiledElements {
     /// The whole mesh.
     file: Mutex<File>,
     blocks: Vec<Volumes>,
-    /// Positions of the nodes at rest, m.
-    points: Vec<[f64; 3]>,
     /// The nodes of the first element.
     first: Vec<u32>,
     fault: OnceLock<String>,
@@ -36,9 +36,9 @@ struct Volumes {
 }
 
 impl FiledElements {
-    pub(super) fn new(files: Files, file: File, points: Vec<[f64; 3]>) -> Result<Self, IoError> {
+    pub(super) fn new(files: Files, file: File) -> Result<Self, IoError> {
         let mut blocks = Vec::new();
-        let (mut element, mut cell, mut offset) = (0, 0, 24 * points.len() as u64);
+        let (mut element, mut cell, mut offset) = (0, 0, 24 * files.index.node_count as u64);
         for &(kind, count) in &files.index.blocks {
             if kind.dimension() == 3 && count > 0 {
                 let elements = element..element + count as u32;
@@ -48,29 +48,15 @@ impl FiledElements {
             cell += count as u32;
             offset += 4 * (kind.node_count() * count) as u64;
         }
-        let path = files.path_of(&files.index.whole);
         let (fault, file) = (OnceLock::new(), Mutex::new(file));
-        let mut this = Self { files, file, blocks, points, first: Vec::new(), fault };
+        let this = Self { files, file, blocks, first: Vec::new(), fault };
         let mut first = Vec::new();
-        this.read(0..1, &mut first).map_err(|source| IoError::System {
-            file: path,
-            action: "read",
-            source,
-        })?;
-        if let Some(node) = first.iter().find(|node| **node as usize >= this.points.len()) {
-            let what = format!("element 0 has node {node}, and there are {} nodes", this.points.len());
-            let file = this.files.path_of(&this.files.index.whole);
-            return Err(IoError::Inconsistent {
-                file,
-                place: Place::Byte(this.blocks[0].offset as usize),
-                what,
-            });
-        }
-        this.first = first;
-        Ok(this)
+        let failed = |source| IoError::System { file: this.path(), action: "read", source };
+        this.read(0..1, &mut first).map_err(failed)?;
+        Ok(Self { first, ..this })
     }
 
-    /// Appends the nodes of some elements.
+    /// Appends the nodes of some elements. Their numbers were checked when the file was opened.
     fn read(&self, elements: Range<u32>, nodes: &mut Vec<u32>) -> io::Result<()> {
         let width = 4 * self.kind().node_count();
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
@@ -86,6 +72,26 @@ impl FiledElements {
             nodes.extend(bytes.as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes)));
         }
         Ok(())
+    }
+
+    /// Reads the position of a node at rest, m.
+    fn read_point(&self, node: u32) -> io::Result<[f64; 3]> {
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut bytes = [0; 24];
+        file.seek(SeekFrom::Start(24 * u64::from(node)))?;
+        file.read_exact(&mut bytes)?;
+        Ok(point(&bytes))
+    }
+
+    /// Returns an error if there is no node of one of these numbers.
+    fn checked(&self, nodes: &[u32]) -> io::Result<()> {
+        let is_known = nodes.iter().all(|node| (*node as usize) < self.files.index.node_count);
+        is_known.then_some(()).ok_or_else(|| io::Error::other("it has changed since it was checked"))
+    }
+
+    /// Returns the path of the whole mesh.
+    fn path(&self) -> PathBuf {
+        self.files.path_of(&self.files.index.whole)
     }
 
     fn piece(&self, number: usize) -> Option<Piece> {
@@ -107,18 +113,15 @@ impl FarElements for FiledElements {
     }
 
     fn point(&self, node: u32) -> [f64; 3] {
-        self.points[node as usize]
+        let read = self.read_point(node);
+        read.map_err(|error| self.record(&format!("{}: {error}", self.path().display()))).unwrap_or_default()
     }
 
     fn add_nodes(&self, elements: Range<u32>, nodes: &mut Vec<u32>) {
         let (before, count) = (nodes.len(), elements.len());
-        let mut problem = self.read(elements, nodes).err().map(|error| error.to_string());
-        if nodes[before..].iter().any(|node| *node as usize >= self.points.len()) {
-            problem = problem.or_else(|| Some("it has changed since it was opened".to_owned()));
-        }
-        if let Some(problem) = problem {
-            let path = self.files.path_of(&self.files.index.whole);
-            self.record(&format!("{}: {problem}", path.display()));
+        let read = self.read(elements, nodes).and_then(|()| self.checked(&nodes[before..]));
+        if let Err(error) = read {
+            self.record(&format!("{}: {error}", self.path().display()));
             nodes.truncate(before);
             nodes.extend(self.first.iter().cycle().take(count * self.first.len()));
         }
@@ -138,7 +141,7 @@ impl FarElements for FiledElements {
         let mut last: Option<(usize, Piece)> = None;
         for run in runs {
             let positions = run * run_length..((run + 1) * run_length).min(self.count());
-            for (number, of_piece) in self.files.index.pieces.overlapping(&positions) {
+            for (number, of_piece) in self.files.index.pieces.overlapping(positions) {
                 if last.as_ref().is_none_or(|(other, _)| *other != number) {
                     last = self.piece(number).map(|piece| (number, piece));
                 }

@@ -30,9 +30,6 @@ impl Files {
     pub(super) fn piece(&self, number: usize) -> Result<Piece, IoError> {
         let listed = &self.index.files[number];
         let path = self.path_of(listed);
-        let mut sections = Sections::open(&path, &self.path, listed)?;
-        let bytes = sections.bytes()?;
-        sections.finish()?;
-        piece::decode(&bytes, &path, (&self.index, number))
+        piece::decode(Sections::open(&path, &self.path, listed)?, (&self.index, number))
     }
 }

@@ -80,8 +80,9 @@ impl Index {
         }
         let Listed { name, bytes, sum } = &self.whole;
         line(format_args!("whole {bytes} {sum:08x} {name}"));
-        let pieces = self.pieces.lengths.iter().zip(&self.pieces.neighbours).zip(&self.files);
-        for ((elements, neighbours), Listed { name, bytes, sum }) in pieces {
+        let pieces = self.pieces.neighbours.iter().zip(&self.files).enumerate();
+        for (piece, (neighbours, Listed { name, bytes, sum })) in pieces {
+            let elements = self.pieces.range(piece).len();
             let neighbours: Vec<String> = neighbours.iter().map(ToString::to_string).collect();
             line(format_args!("piece {elements} {} {bytes} {sum:08x} {name}", neighbours.join(",")));
         }
@@ -101,16 +102,15 @@ impl Index {
             let found = String::from_utf8_lossy(&format[..format.len().min(40)]).into_owned();
             return Err(IoError::OtherFormat { file: file.into(), found, known: FORMAT });
         }
-        let mut pieces = MeshPieces {
+        let pieces = MeshPieces {
             kind: CellKind::Tet4,
             extent: [[0.0; 3]; 2],
             regions: Vec::new(),
-            lengths: Vec::new(),
+            ends: Vec::new(),
             neighbours: Vec::new(),
         };
-        let (mut found, mut at) = (Vec::new(), 0);
         let mut this = Self {
-            pieces: pieces.clone(),
+            pieces,
             node_count: 0,
             blocks: Vec::new(),
             region_cells: Vec::new(),
@@ -119,23 +119,24 @@ impl Index {
             whole: Listed::default(),
             files: Vec::new(),
         };
-        while found.last() != Some(&"end") {
-            at = cursor.position();
+        loop {
+            let at = cursor.position();
             let line = cursor.line().ok_or_else(|| cursor.truncated("the index of a parted mesh"))?;
             let text = std::str::from_utf8(line).unwrap_or_default();
             let (key, rest) = text.split_once(' ').unwrap_or((text, ""));
             let Some((key, form)) = LINES.iter().find(|(name, _)| *name == key) else {
                 return Err(cursor.syntax_at(at, "a line of the index of a parted mesh", line));
             };
-            this.enter(&mut pieces, key, rest).ok_or_else(|| cursor.syntax_at(at, *form, line))?;
-            found.push(*key);
+            this.enter(key, rest).ok_or_else(|| cursor.syntax_at(at, *form, line))?;
+            if *key == "end" {
+                return this.problem().map_or(Ok(this), |problem| Err(cursor.inconsistent_at(at, problem)));
+            }
         }
-        this.pieces = pieces;
-        this.problem().map_or(Ok(this), |problem| Err(cursor.inconsistent_at(at, problem)))
     }
 
     /// Enters a line; returns `None` if it has another form.
-    fn enter(&mut self, pieces: &mut MeshPieces, key: &str, rest: &str) -> Option<()> {
+    fn enter(&mut self, key: &str, rest: &str) -> Option<()> {
+        let pieces = &mut self.pieces;
         match key {
             "nodes" => self.node_count = small(rest)?,
             "extent" => {
@@ -167,7 +168,8 @@ impl Index {
             "whole" => self.whole = listed(rest)?,
             "piece" => {
                 let [elements, neighbours, rest] = words(rest)?;
-                pieces.lengths.push(small(elements)?);
+                let elements = small(elements).filter(|elements| *elements > 0)?;
+                pieces.ends.push(pieces.element_count() + elements);
                 pieces.neighbours.push(neighbours.split(',').map(small).collect::<Option<_>>()?);
                 self.files.push(listed(rest)?);
             }

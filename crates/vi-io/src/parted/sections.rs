@@ -9,8 +9,8 @@ use flate2::Crc;
 use super::index::Listed;
 use crate::error::{IoError, Place};
 
-/// Bytes that are read at once, a multiple of the length of a number.
-const CHUNK: usize = 1 << 16;
+/// Bytes that are read at once, a multiple of the length of a point and of a number.
+const CHUNK: usize = 24 << 11;
 
 /// A file of which some bytes have been read.
 pub(super) struct Sections {
@@ -20,7 +20,7 @@ pub(super) struct Sections {
     listed: Listed,
     sum: Crc,
     /// Bytes that have been read.
-    read: usize,
+    read: u64,
 }
 
 impl Sections {
@@ -37,53 +37,97 @@ impl Sections {
         Ok(Self { file, path, index, listed, sum: Crc::new(), read: 0 })
     }
 
-    /// Reads all bytes.
-    pub(super) fn bytes(&mut self) -> Result<Vec<u8>, IoError> {
-        let mut bytes = Vec::with_capacity(self.listed.bytes as usize);
-        self.each_chunk(self.listed.bytes, |chunk| bytes.extend_from_slice(chunk))?;
-        Ok(bytes)
+    /// Reads numbers of 64 bits.
+    pub(super) fn longs(&mut self, count: usize, what: &str) -> Result<Vec<u64>, IoError> {
+        self.records(count, what, |bytes| u64::from_le_bytes(*bytes))
     }
 
     /// Reads real numbers.
-    pub(super) fn reals(&mut self, count: usize) -> Result<Vec<f64>, IoError> {
-        let mut numbers = Vec::with_capacity(count);
-        self.each_chunk(8 * count as u64, |chunk| {
-            numbers.extend(chunk.as_chunks().0.iter().map(|bytes| f64::from_le_bytes(*bytes)));
-        })?;
+    pub(super) fn reals(&mut self, count: usize, what: &str) -> Result<Vec<f64>, IoError> {
+        self.records(count, what, |bytes| f64::from_le_bytes(*bytes))
+    }
+
+    /// Reads points.
+    pub(super) fn points(&mut self, count: usize) -> Result<Vec<[f64; 3]>, IoError> {
+        self.records(count, "points", point)
+    }
+
+    /// Reads numbers of 32 bits that are all below a bound.
+    pub(super) fn integers(&mut self, of: (usize, usize), what: &str) -> Result<Vec<u32>, IoError> {
+        let mut numbers = Vec::with_capacity(of.0.min(self.room(4)));
+        self.each_integer(of, what, |number| numbers.push(number))?;
         Ok(numbers)
     }
 
-    /// Reads whole numbers that are all below a bound.
-    pub(super) fn integers(&mut self, count: usize, below: usize) -> Result<Vec<u32>, IoError> {
-        let mut numbers: Vec<u32> = Vec::with_capacity(count);
-        self.each_chunk(4 * count as u64, |chunk| {
-            numbers.extend(chunk.as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes)));
-        })?;
-        match numbers.iter().find(|number| **number as usize >= below) {
-            Some(number) => {
-                let what = format!("the number {number} is out of range (there are {below})");
-                Err(IoError::Inconsistent { file: self.path.clone(), place: Place::Byte(self.read), what })
-            }
-            None => Ok(numbers),
-        }
+    /// Passes over numbers of 32 bits that are all below a bound.
+    pub(super) fn pass_integers(&mut self, of: (usize, usize), what: &str) -> Result<(), IoError> {
+        self.each_integer(of, what, |_| ())
     }
 
-    /// Passes over some bytes.
-    pub(super) fn skip(&mut self, count: u64) -> Result<(), IoError> {
-        self.each_chunk(count, |_| ())
-    }
-
-    /// Checks the sum of all bytes, which must have been read; returns the file.
-    pub(super) fn finish(self) -> Result<File, IoError> {
+    /// Reads what is left, and checks the sum of all bytes; returns the file with what was made of it. A wrong sum is reported before
+    /// any fault that the lists have because of it.
+    pub(super) fn finish<T>(mut self, made: Result<T, IoError>) -> Result<(T, File), IoError> {
+        let end = self.read;
+        self.each_chunk(self.listed.bytes - end, "the rest", |_| ())?;
         let (sum, listed) = (self.sum.sum(), self.listed.sum);
-        if sum == listed {
-            return Ok(self.file);
+        if sum != listed {
+            let (found, listed) = (format!("the checksum {sum:08x}"), format!("{listed:08x}"));
+            return Err(IoError::OtherPiece { file: self.path, index: self.index, found, listed });
         }
-        let (found, listed) = (format!("the checksum {sum:08x}"), format!("{listed:08x}"));
-        Err(IoError::OtherPiece { file: self.path, index: self.index, found, listed })
+        let made = made?;
+        if end < self.listed.bytes {
+            let what = "there are bytes behind the last list".to_owned();
+            return Err(IoError::Inconsistent { file: self.path, place: Place::Byte(end as usize), what });
+        }
+        Ok((made, self.file))
     }
 
-    fn each_chunk(&mut self, bytes: u64, mut see: impl FnMut(&[u8])) -> Result<(), IoError> {
+    /// Returns how many records of so many bytes the rest can hold: a damaged count is no reason to take memory.
+    fn room(&self, bytes_each: usize) -> usize {
+        (self.listed.bytes - self.read) as usize / bytes_each
+    }
+
+    fn each_integer(
+        &mut self,
+        (count, below): (usize, usize),
+        what: &str,
+        mut see: impl FnMut(u32),
+    ) -> Result<(), IoError> {
+        let (place, mut wrong) = (Place::Byte(self.read as usize), None);
+        self.each_chunk(4 * count as u64, what, |chunk| {
+            for bytes in chunk.as_chunks().0 {
+                let number = u32::from_le_bytes(*bytes);
+                if number as usize >= below {
+                    wrong = wrong.or(Some(number));
+                }
+                see(number);
+            }
+        })?;
+        wrong.map_or(Ok(()), |number| {
+            let what = format!("{what}: {number} is out of range (there are {below})");
+            Err(IoError::Inconsistent { file: self.path.clone(), place, what })
+        })
+    }
+
+    /// Reads records of N bytes, of which `CHUNK` is a multiple.
+    fn records<const N: usize, T>(
+        &mut self,
+        count: usize,
+        what: &str,
+        decode: impl Fn(&[u8; N]) -> T,
+    ) -> Result<Vec<T>, IoError> {
+        let mut records = Vec::with_capacity(count.min(self.room(N)));
+        self.each_chunk((N * count) as u64, what, |chunk| {
+            records.extend(chunk.as_chunks().0.iter().map(&decode));
+        })?;
+        Ok(records)
+    }
+
+    fn each_chunk(&mut self, bytes: u64, what: &str, mut see: impl FnMut(&[u8])) -> Result<(), IoError> {
+        if bytes > self.listed.bytes - self.read {
+            let place = Place::Byte(self.listed.bytes as usize);
+            return Err(IoError::Truncated { file: self.path.clone(), place, what: what.to_owned() });
+        }
         let (mut left, mut chunk) = (bytes, vec![0; bytes.min(CHUNK as u64) as usize]);
         while left > 0 {
             let length = left.min(CHUNK as u64) as usize;
@@ -92,15 +136,17 @@ impl Sections {
             self.sum.update(&chunk[..length]);
             see(&chunk[..length]);
             left -= length as u64;
-            self.read += length;
+            self.read += length as u64;
         }
         Ok(())
     }
 }
 
-/// Returns the CRC-32 of some bytes.
-pub(super) fn sum_of(bytes: &[u8]) -> u32 {
-    let mut sum = Crc::new();
-    sum.update(bytes);
-    sum.sum()
+/// Returns the point of these bytes.
+pub(super) fn point(bytes: &[u8; 24]) -> [f64; 3] {
+    let mut point = [0.0; 3];
+    for (x, bytes) in point.iter_mut().zip(bytes.as_chunks().0) {
+        *x = f64::from_le_bytes(*bytes);
+    }
+    point
 }

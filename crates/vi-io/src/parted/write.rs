@@ -7,8 +7,8 @@ use flate2::Crc;
 use vi_mesh::CutMesh;
 
 use super::index::{Index, Listed};
+use super::numbers::{put_integers, put_points, put_reals};
 use super::piece;
-use super::sections::sum_of;
 use crate::error::IoError;
 use crate::mesh::MeshFile;
 use crate::replace::replace_file;
@@ -32,22 +32,12 @@ pub fn write_parted(
         return Err(bad(format!("the name {name:?} is empty or has control characters; choose another")));
     }
     let cut = CutMesh::new(&file.mesh, count, run_length).map_err(|error| bad(error.to_string()))?;
-    let mut files = Vec::with_capacity(count);
-    let mut written = Vec::with_capacity(count + 2);
-    for number in 0..count {
-        let bytes = piece::encode(&cut.piece(number));
-        let name = format!("{stem}_p{number:03}.bin");
-        let own = path.with_file_name(&name);
-        replace_file(&own, |out| out.write_all(&bytes))?;
-        files.push(Listed { name, bytes: bytes.len() as u64, sum: sum_of(&bytes) });
-        written.push(own);
-    }
-    let name = format!("{stem}_whole.bin");
-    let own = path.with_file_name(&name);
-    let mut sum = Crc::new();
-    replace_file(&own, |out| write_whole(file, out, &mut sum))?;
-    written.push(own);
-    let bytes = whole_length(file);
+    let of_piece = |number| {
+        let piece = cut.piece(number);
+        write_listed(path, format!("{stem}_p{number:03}.bin"), |out| piece::encode(&piece, out))
+    };
+    let files = (0..count).map(of_piece).collect::<Result<Vec<_>, _>>()?;
+    let whole = write_listed(path, format!("{stem}_whole.bin"), |out| encode_whole(file, out))?;
     let index = Index {
         pieces: cut.pieces().clone(),
         node_count: file.mesh.points.len(),
@@ -55,33 +45,56 @@ pub fn write_parted(
         region_cells: file.mesh.regions.iter().map(|region| region.cells.len()).collect(),
         arrays: file.point_data.iter().map(|array| (array.name.clone(), array.components)).collect(),
         notes: file.notes.iter().map(|note| note.replace(char::is_control, " ")).collect(),
-        whole: Listed { name, bytes, sum: sum.sum() },
+        whole,
         files,
     };
     replace_file(path, |out| out.write_all(index.text().as_bytes()))?;
-    written.push(path.to_owned());
-    Ok(written)
+    let listed = index.files.iter().chain([&index.whole]).map(|listed| path.with_file_name(&listed.name));
+    Ok(listed.chain([path.to_owned()]).collect())
 }
 
-/// Returns the length of the whole mesh in bytes.
-fn whole_length(file: &MeshFile) -> u64 {
-    let mesh = &file.mesh;
-    let words = mesh.blocks.iter().map(|block| block.nodes.len()).sum::<usize>()
-        + mesh.regions.iter().map(|region| region.cells.len()).sum::<usize>();
-    let reals = 3 * mesh.points.len() + file.point_data.iter().map(|array| array.values.len()).sum::<usize>();
-    4 * words as u64 + 8 * reals as u64
+/// Writes a file beside the index, by the function `encode`; returns how the index lists it.
+fn write_listed(
+    index: &Path,
+    name: String,
+    encode: impl FnOnce(&mut Summed<'_>) -> io::Result<()>,
+) -> Result<Listed, IoError> {
+    let (mut bytes, mut sum) = (0, Crc::new());
+    replace_file(&index.with_file_name(&name), |out| {
+        let mut summed = Summed { out, bytes: 0, sum: Crc::new() };
+        encode(&mut summed)?;
+        (bytes, sum) = (summed.bytes, summed.sum);
+        Ok(())
+    })?;
+    Ok(Listed { name, bytes, sum: sum.sum() })
+}
+
+/// A file that counts and sums the bytes that are written to it.
+struct Summed<'a> {
+    out: &'a mut dyn Write,
+    bytes: u64,
+    /// CRC-32 of the bytes.
+    sum: Crc,
+}
+
+impl Write for Summed<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(bytes)?;
+        self.bytes += written as u64;
+        self.sum.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
 }
 
 /// Writes points, the nodes of all blocks, the cells of all regions, and the arrays over the points.
-fn write_whole(file: &MeshFile, out: &mut impl Write, sum: &mut Crc) -> io::Result<()> {
-    let mut put = |bytes: &[u8]| {
-        sum.update(bytes);
-        out.write_all(bytes)
-    };
+fn encode_whole(file: &MeshFile, out: &mut impl Write) -> io::Result<()> {
     let mesh = &file.mesh;
-    mesh.points.as_flattened().iter().try_for_each(|x| put(&x.to_le_bytes()))?;
-    let lists = mesh.blocks.iter().map(|block| &block.nodes);
-    let lists = lists.chain(mesh.regions.iter().map(|region| &region.cells));
-    lists.flatten().try_for_each(|number| put(&number.to_le_bytes()))?;
-    file.point_data.iter().flat_map(|array| &array.values).try_for_each(|value| put(&value.to_le_bytes()))
+    put_points(&mesh.points, out)?;
+    mesh.blocks.iter().try_for_each(|block| put_integers(&block.nodes, out))?;
+    mesh.regions.iter().try_for_each(|region| put_integers(&region.cells, out))?;
+    file.point_data.iter().try_for_each(|array| put_reals(&array.values, out))
 }

@@ -12,6 +12,7 @@ use crate::far::{FarElements, FarMesh};
 use crate::mesh::{CellBlock, Mesh, Region};
 use crate::order::{Curve, Numbering, PLACE_BITS, centroid};
 use crate::part::MeshPart;
+use crate::runs::Runs;
 
 /// Number of leading bits of a place on the curve by which elements are counted.
 const BIN_BITS: u32 = 18;
@@ -31,16 +32,15 @@ impl BoxMesh {
         self.check()?;
         let Some(grid) = Grid::new(self) else { return Ok(None) };
         let along = Along::new(&grid);
-        let run_count = grid.element_count().div_ceil(run_length);
-        let process_of = |run: usize| run * count / run_count;
-        let is_own: Vec<bool> = (0..run_count).map(|run| process_of(run) == process).collect();
+        let runs = Runs { elements: grid.element_count(), length: run_length, processes: count };
+        let is_own: Vec<bool> = (0..runs.count()).map(|run| runs.process_of(run) == process).collect();
 
         let mut is_own_node = vec![false; grid.node_count()];
         for (_, element) in along.elements_of_runs(&is_own, run_length) {
             grid.corners(element).for_each(|node| is_own_node[node as usize] = true);
         }
         let touches = |element: u32| grid.corners(element).any(|node| is_own_node[node as usize]);
-        let mut is_in_part = vec![false; run_count];
+        let mut is_in_part = vec![false; runs.count()];
         for (position, element) in along.elements_of_bins(&along.bins_with(touches)) {
             is_in_part[position as usize / run_length] |= touches(element);
         }
@@ -55,8 +55,7 @@ impl BoxMesh {
         let mesh = grid.mesh_of(&sorted);
         let ends = [0, grid.node_count() as u32 - 1].map(|node| grid.point(node));
         let numbering = Numbering::along(&Curve::through(ends.into_iter()), &mesh.points);
-        let runs = (0..run_count).filter(|&run| is_in_part[run]);
-        let runs = runs.map(|run| (run as u32, process_of(run) as u32)).collect();
+        let runs = runs.listed(|run| is_in_part[run]);
         Ok(Some(MeshPart { mesh, numbering, order, run_length, runs }))
     }
 
@@ -200,8 +199,8 @@ impl FarElements for Grid {
 
     fn nodes_of_processes(&self, count: usize, run_length: usize) -> Vec<Vec<u32>> {
         let along = Along::new(self);
-        let run_count = self.element_count().div_ceil(run_length);
-        let process_at = |position: usize| (position / run_length * count / run_count) as u32;
+        let runs = Runs { elements: self.element_count(), length: run_length, processes: count };
+        let process_at = |position: usize| runs.process_of(position / run_length) as u32;
         // Most bins belong to one process; the elements of the others must be sorted.
         let ends = |bin: usize| along.before[bin]..along.before[bin + 1];
         let process_of = |bin: usize| {
@@ -335,7 +334,7 @@ mod tests {
             }
             let runs: Vec<&[u32]> = sorted.chunks(run_length).collect();
             assert_eq!(far.of_runs(&[0, 2], run_length), [runs[0], runs[2]].concat());
-            let window = far.window(sorted.iter().copied());
+            let window = far.window(sorted.iter().copied(), |node| whole.points[node as usize]);
             for (cell, &element) in sorted.iter().enumerate() {
                 assert_eq!(places(&window.mesh, cell as u32), places(&whole, element));
             }

@@ -32,7 +32,7 @@ pub fn elastic_elsewhere(
     let (law, place) = (law.clone(), name.to_owned());
     let make = move |stencils: &[usize]| {
         let elements_of = elements_of(elements.as_ref(), stencils, run_length);
-        let window = elements.window(elements_of.iter().copied());
+        let window = elements.window(elements_of.iter().copied(), |node| elements.point(node));
         let all: Vec<u32> = (0..elements_of.len() as u32).collect();
         // Runs of one element keep their order.
         let made = elastic_in_runs(&window.mesh, (&all, 1), &law, 0, &place);
