@@ -125,6 +125,8 @@ impl ComponentBuilder {
         fixes: &[NodalFix],
     ) -> Result<(System, State), Problem> {
         let followers = self.tie_periodic()?;
+        // Nodes at rest are not needed any more. Large arrays are dropped one by one: this is where a component needs most memory.
+        self.rest = Vec::new();
         let coordinates = coordinates(fixes, self.prescribed, &followers, &self.x)?;
         let coordinates = if self.ties.is_empty() && self.directors.is_empty() {
             coordinates
@@ -145,7 +147,9 @@ impl ComponentBuilder {
                 amplitude,
             )));
         }
+        drop(self.gravity_mass);
         let mass = self.mass.iter().flat_map(|&m| [m; 3]).collect();
+        drop(self.mass);
         let system = System::new(mass, self.potentials, coordinates)
             .and_then(|system| system.with_forces(self.forces))
             .and_then(|system| system.with_constraints(self.constraints))

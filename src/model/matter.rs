@@ -72,9 +72,18 @@ pub(super) fn add_body(
     component.rest.extend_from_slice(&body.read.mesh.points);
     component.gravity_mass.extend(gravity_mass);
     component.mass.extend(lumped);
-    component.x.extend(x);
-    component.v.extend(v);
+    append(&mut component.x, x);
+    append(&mut component.v, v);
     Ok(())
+}
+
+/// Appends numbers, without a copy to an empty list.
+fn append(all: &mut Vec<f64>, more: Vec<f64>) {
+    if all.is_empty() {
+        *all = more;
+    } else {
+        all.extend(more);
+    }
 }
 
 /// Adds the mass of elements that this process does not hold, in their order. `rest` are the positions of the nodes in the numbering of
@@ -179,6 +188,6 @@ fn initial_state(body: &ReadBody<'_>, mass: &[f64]) -> Result<[Vec<f64>; 2], Str
     }
     let angular = scene.angular_velocity.unwrap_or_default();
     let rigid = rigid_velocities(positions, centre, linear.unwrap_or_default(), angular);
-    v.iter_mut().zip(&rigid).for_each(|(v, rigid)| *v += rigid);
+    v.iter_mut().zip(rigid).for_each(|(v, rigid)| *v += rigid);
     Ok([x, v])
 }

@@ -13,6 +13,8 @@ impl Run {
         let can_go_back =
             matches!(self.observers.guard.rule.action, GuardAction::Halve | GuardAction::Switch);
         if can_go_back && (self.good.is_none() || self.observers.guard.keeps(self.simulation.steps())) {
+            // Two states of a large mesh take much memory.
+            self.good = None;
             self.good = Some(Good {
                 simulation: self.simulation.snapshot(),
                 observers: self.observers.snapshots(Purpose::GoBack),

@@ -342,6 +342,8 @@ impl Run {
 
     fn finish(&mut self, outcome: Outcome) -> Result<(), RunError> {
         self.settle()?;
+        // The report takes memory; the run does not go back any more.
+        self.good = None;
         let scene = self.simulation.scene();
         if scene.output.chart {
             let title = if scene.title.is_empty() { &self.report.name } else { &scene.title };

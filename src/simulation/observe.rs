@@ -1,7 +1,7 @@
 //! Observations of a simulation: energies, momenta, probes and nodal quantities, and the cause if they are not
 //! finite.
 
-use vi_core::{HessianKind, Potential, angular_momentum, kinetic_energy, linear_momentum};
+use vi_core::{HessianKind, Potential, angular_momentum_at, kinetic_energy, linear_momentum};
 use vi_fem::{ElementField, Law, element_field};
 use vi_mesh::{Mesh, Window};
 use vi_solvers::{Assembler, SolverError};
@@ -87,7 +87,7 @@ impl Simulation {
                 Some(v) => 0.5 * state.p.iter().zip(v).map(|(p, v)| p * v).sum::<f64>(),
                 None => kinetic_energy(system, state),
             };
-            let (linear, angular) = (linear_momentum(system, state), angular_momentum(system, state));
+            let (linear, angular) = (linear_momentum(system, state), angular_momentum_at(system, state, &x));
             for k in 0..3 {
                 seen.momentum[k] += linear[k];
                 seen.angular_momentum[k] += angular[k];

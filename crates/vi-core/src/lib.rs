@@ -8,7 +8,7 @@ mod error;
 mod theory;
 
 pub use contract::combination::{Combination, TiedMass, redistribute_lumped_mass};
-pub use contract::conserved::{angular_momentum, kinetic_energy, linear_momentum};
+pub use contract::conserved::{angular_momentum, angular_momentum_at, kinetic_energy, linear_momentum};
 pub use contract::coordinates::{Coordinates, Fixed, Path, Prescribed};
 pub use contract::discrete_gradient::{Acting, DiscreteGradient, Impulse, StepOutcome};
 pub use contract::disjoint_sets::DisjointSets;

@@ -25,7 +25,11 @@ pub fn linear_momentum(system: &System, state: &State) -> [f64; 3] {
 
 /// Angular momentum L = Σ x × p about the origin for points in space, kg m²/s.
 pub fn angular_momentum(system: &System, state: &State) -> [f64; 3] {
-    let x = system.positions(state);
+    angular_momentum_at(system, state, &system.positions(state))
+}
+
+/// Returns the same, if the positions x of all coordinates (m) are known.
+pub fn angular_momentum_at(system: &System, state: &State, x: &[f64]) -> [f64; 3] {
     let mut total = [0.0; 3];
     each_momentum(system, state, &mut |dof, p| {
         // p along axis k adds x × e_k p, which has components along the other two axes.

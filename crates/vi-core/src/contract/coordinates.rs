@@ -80,7 +80,8 @@ impl Coordinates {
                 }
             }
         }
-        let free = (0..dof_count as u32).filter(|&dof| is_free[dof as usize]).collect();
+        let mut free = Vec::with_capacity(is_free.iter().filter(|&&is_free| is_free).count());
+        free.extend((0..dof_count as u32).filter(|&dof| is_free[dof as usize]));
         let axes = AllNodeAxes::default();
         Ok(Self { dof_count, free, prescribed, axes, combinations: None, directors: Vec::new() })
     }

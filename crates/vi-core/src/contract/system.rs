@@ -22,7 +22,8 @@ use crate::error::CoreError;
 /// −(∂g/∂q)ᵀλ.
 pub struct System {
     mass: Vec<f64>,
-    free_mass: Vec<f64>,
+    /// The mass of the free coordinates; `None` if it is that of all.
+    free_mass: Option<Vec<f64>>,
     /// V.
     potential: Terms,
     /// T as a function of the velocities of all coordinates, if the mass is consistent.
@@ -45,8 +46,9 @@ impl System {
         if mass.len() != count {
             return Err(CoreError::Length { what: "mass", expected: count, found: mass.len() });
         }
-        let free_mass = coordinates.free_mass(&mass)?;
-        for (&dof, &value) in coordinates.free().iter().zip(&free_mass) {
+        let are_all_free = coordinates.free_count() == count;
+        let free_mass = if are_all_free { None } else { Some(coordinates.free_mass(&mass)?) };
+        for (&dof, &value) in coordinates.free().iter().zip(free_mass.as_ref().unwrap_or(&mass)) {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(CoreError::Mass { dof: dof as usize, mass: value });
             }
@@ -179,7 +181,7 @@ impl System {
 
     /// Returns the lumped mass of every free coordinate q_k, kg: the diagonal of M, unless the mass is consistent.
     pub fn free_mass(&self) -> &[f64] {
-        &self.free_mass
+        self.free_mass.as_ref().unwrap_or(&self.mass)
     }
 
     /// Returns V as a sum of terms.
@@ -215,17 +217,21 @@ impl System {
             }
         }
         let mut q = vec![0.0; self.coordinates().free_count()];
-        let mut q_dot = q.clone();
+        let mut p = q.clone();
         self.coordinates().coordinates_of(x, &mut q);
-        self.coordinates().coordinates_of(v, &mut q_dot);
-        Ok(State { t, q, p: self.momentum(&q_dot) })
+        self.coordinates().coordinates_of(v, &mut p);
+        match &self.kinetic {
+            Some(kinetic) => p = inertia::momentum(kinetic, &p),
+            None => p.iter_mut().zip(self.free_mass()).for_each(|(p, m)| *p *= m),
+        }
+        Ok(State { t, q, p })
     }
 
     /// Returns p = M q̇, kg m/s, for velocities of the free coordinates, m/s.
     pub fn momentum(&self, q_dot: &[f64]) -> Vec<f64> {
         match &self.kinetic {
             Some(kinetic) => inertia::momentum(kinetic, q_dot),
-            None => q_dot.iter().zip(&self.free_mass).map(|(v, m)| v * m).collect(),
+            None => q_dot.iter().zip(self.free_mass()).map(|(v, m)| v * m).collect(),
         }
     }
 
@@ -233,13 +239,13 @@ impl System {
     pub fn velocity(&self, p: &[f64]) -> Vec<f64> {
         match &self.kinetic {
             Some(kinetic) => {
-                let mut q_dot: Vec<f64> = p.iter().zip(&self.free_mass).map(|(p, m)| p / m).collect();
+                let mut q_dot: Vec<f64> = p.iter().zip(self.free_mass()).map(|(p, m)| p / m).collect();
                 let multiply =
                     |v: &[f64], out: &mut [f64]| out.copy_from_slice(&inertia::momentum(kinetic, v));
-                inertia::solve_mass(multiply, &self.free_mass, p, &mut q_dot);
+                inertia::solve_mass(multiply, self.free_mass(), p, &mut q_dot);
                 q_dot
             }
-            None => p.iter().zip(&self.free_mass).map(|(p, m)| p / m).collect(),
+            None => p.iter().zip(self.free_mass()).map(|(p, m)| p / m).collect(),
         }
     }
 
@@ -251,7 +257,7 @@ impl System {
                 let free = self.coordinates().free();
                 DMatrix::from_fn(free.len(), free.len(), |i, j| full[(free[i] as usize, free[j] as usize)])
             }
-            None => DMatrix::from_diagonal(&DVector::from_column_slice(&self.free_mass)),
+            None => DMatrix::from_diagonal(&DVector::from_column_slice(self.free_mass())),
         }
     }
 

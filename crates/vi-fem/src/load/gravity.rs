@@ -13,8 +13,10 @@ pub struct Gravity {
     /// a(t).
     amplitude: Amplitude,
     nodes: Vec<u32>,
-    /// −m_a g, N.
-    gradients: Vec<[f64; 3]>,
+    /// m_a, kg.
+    masses: Vec<f64>,
+    /// g, m/s².
+    g: [f64; 3],
 }
 
 impl Gravity {
@@ -25,12 +27,18 @@ impl Gravity {
 
     /// Returns the weight of nodes with these masses (kg) in the field a(t) g (m/s²).
     pub fn with_amplitude(masses: &[f64], g: [f64; 3], amplitude: Amplitude) -> Self {
-        let with_mass = || masses.iter().enumerate().filter(|(_, mass)| **mass != 0.0);
-        Self {
-            amplitude,
-            nodes: with_mass().map(|(node, _)| node as u32).collect(),
-            gradients: with_mass().map(|(_, mass)| g.map(|g| -mass * g)).collect(),
+        let count = masses.iter().filter(|mass| **mass != 0.0).count();
+        let (mut nodes, mut own) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for (node, &mass) in masses.iter().enumerate().filter(|(_, mass)| **mass != 0.0) {
+            nodes.push(node as u32);
+            own.push(mass);
         }
+        Self { amplitude, nodes, masses: own, g }
+    }
+
+    /// Returns −m_a g of a stencil, N.
+    fn gradient(&self, stencil: usize) -> [f64; 3] {
+        self.g.map(|g| -self.masses[stencil] * g)
     }
 }
 
@@ -54,14 +62,14 @@ impl Potential for Gravity {
     fn energies(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
         let factor = self.amplitude.at(t);
         for (out, stencil) in out.iter_mut().zip(range) {
-            *out = factor * dot(self.gradients[stencil], position(x, self.nodes[stencil]));
+            *out = factor * dot(self.gradient(stencil), position(x, self.nodes[stencil]));
         }
     }
 
     fn gradients(&self, range: Range<usize>, _x: &[f64], t: f64, out: &mut [f64]) {
         let factor = self.amplitude.at(t);
-        for (out, gradient) in out.chunks_exact_mut(3).zip(&self.gradients[range]) {
-            for (out, gradient) in out.iter_mut().zip(gradient) {
+        for (out, stencil) in out.chunks_exact_mut(3).zip(range) {
+            for (out, gradient) in out.iter_mut().zip(self.gradient(stencil)) {
                 *out = factor * gradient;
             }
         }

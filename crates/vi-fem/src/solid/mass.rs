@@ -173,18 +173,18 @@ pub fn mass_properties(points: &[[f64; 3]], masses: &[f64]) -> MassProperties {
     MassProperties { mass, centre, inertia }
 }
 
-/// Returns the velocities v + ω × (x − centre) (m/s) of points (m) that move as one rigid body; flat, 3 per point.
+/// Returns the velocities v + ω × (x − centre) (m/s) of points (m) that move as one rigid body, 3 numbers per point.
 pub fn rigid_velocities(
     points: &[[f64; 3]],
     centre: [f64; 3],
     velocity: [f64; 3],
     angular_velocity: [f64; 3],
-) -> Vec<f64> {
-    let at = |point: &[f64; 3]| {
+) -> impl Iterator<Item = f64> {
+    let at = move |point: &[f64; 3]| {
         let spin = cross(angular_velocity, [0, 1, 2].map(|i| point[i] - centre[i]));
         [0, 1, 2].map(|i| velocity[i] + spin[i])
     };
-    points.iter().flat_map(at).collect()
+    points.iter().flat_map(at)
 }
 
 #[cfg(test)]

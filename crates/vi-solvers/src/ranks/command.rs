@@ -17,6 +17,8 @@ pub(crate) enum Command {
         /// The number of steps.
         count: u32,
     },
+    /// Send the state back.
+    State,
     /// Sum energies at the positions that follow.
     Energies {
         /// The time, s.
@@ -91,6 +93,7 @@ impl Command {
             Self::StartLanczos { t, per_unit, displacement } => (9, [t, per_unit, displacement, 0.0]),
             Self::MultiplyLanczos { norm } => (10, [norm, 0.0, 0.0, 0.0]),
             Self::SubtractLanczos { factors: [alpha, beta] } => (11, [alpha, beta, 0.0, 0.0]),
+            Self::State => (12, [0.0; LENGTH]),
         };
         let head = [component as u32, tag].into_iter().flat_map(u32::to_le_bytes);
         head.chain(numbers.into_iter().flat_map(f64::to_le_bytes)).collect()
@@ -117,6 +120,7 @@ impl Command {
             9 => Self::StartLanczos { t: number(0)?, per_unit: number(1)?, displacement: number(2)? },
             10 => Self::MultiplyLanczos { norm: number(0)? },
             11 => Self::SubtractLanczos { factors: [number(0)?, number(1)?] },
+            12 => Self::State,
             _ => return None,
         };
         Some((word(0)? as usize, command))
@@ -137,7 +141,7 @@ mod tests {
             Command::Diagonal,
             Command::Solve { tolerance: 0.5, most: 9 },
         ];
-        let others = [Command::Place { evaluated: None }, placed, steps];
+        let others = [Command::Place { evaluated: None }, placed, steps, Command::State];
         let lanczos = [
             Command::StartLanczos { t: 0.1, per_unit: 2.0, displacement: 3.0 },
             Command::MultiplyLanczos { norm: 0.7 },

@@ -1,21 +1,22 @@
 //! How a system is divided among ranks, as the first rank sees it.
 
-use vi_core::{HessianKind, System};
+use std::sync::Arc;
+
+use vi_core::{Coordinates, HessianKind, System};
 
 use crate::assemble::spans::{common_block, mobilities, mobility_of, spans};
-use crate::index::{NONE, free_of};
 use crate::ranks::rows::RowsLayout;
 
 /// The coordinates of the portion of one rank, as numbers of the whole system.
+///
+/// Free coordinates are counted when they are needed: lists of them would take three times the memory of the nodes.
 pub(crate) struct Held {
-    /// Its free coordinates, if it makes steps.
-    pub(crate) free: Vec<u32>,
-    /// Those of its free coordinates that it reports.
-    pub(crate) reported_free: Vec<u32>,
-    /// Its nodes.
+    /// Its nodes, ascending.
     nodes: Vec<u32>,
-    /// Places in `nodes` of those whose gradient it reports.
+    /// Places in `nodes` of those whose gradient it reports, ascending.
     reported: Vec<u32>,
+    /// The coordinates of the whole system that are not free, ascending, if it makes steps.
+    held_fast: Option<Arc<[u32]>>,
     /// Coordinates per node.
     block: usize,
 }
@@ -37,6 +38,26 @@ impl Held {
     /// Returns the number of these coordinates.
     pub(crate) fn reported_count(&self) -> usize {
         self.block * self.reported.len()
+    }
+
+    /// Returns its free coordinates, if it makes steps.
+    pub(crate) fn free(&self) -> impl Iterator<Item = usize> {
+        self.free_of(self.dofs())
+    }
+
+    /// Returns those of its free coordinates that it reports.
+    pub(crate) fn reported_free(&self) -> impl Iterator<Item = usize> {
+        self.free_of(self.reported_dofs())
+    }
+
+    /// Returns the free coordinates of ascending coordinates.
+    fn free_of(&self, dofs: impl Iterator<Item = usize>) -> impl Iterator<Item = usize> {
+        let (held_fast, mut before) = (self.held_fast.as_deref(), 0);
+        dofs.filter_map(move |dof| {
+            let held_fast = held_fast?;
+            before += held_fast[before..].iter().take_while(|&&other| (other as usize) < dof).count();
+            (held_fast.get(before).is_none_or(|&other| other as usize != dof)).then(|| dof - before)
+        })
     }
 }
 
@@ -62,13 +83,12 @@ impl Layout {
         steps: bool,
     ) -> Self {
         let block = common_block(system.terms());
-        let free_of = free_of(system.coordinates());
-        let held = nodes.into_iter().zip(reported).map(|(nodes, reported)| {
-            let held = Held { free: Vec::new(), reported_free: Vec::new(), nodes, reported, block };
-            let is_known = |free: &u32| steps && *free != NONE;
-            let free = held.dofs().map(|dof| free_of[dof]).filter(is_known).collect();
-            let reported_free = held.reported_dofs().map(|dof| free_of[dof]).filter(is_known).collect();
-            Held { free, reported_free, ..held }
+        let held_fast = steps.then(|| held_fast(system.coordinates()));
+        let held = nodes.into_iter().zip(reported).map(|(mut nodes, mut reported)| {
+            // The run keeps them.
+            nodes.shrink_to_fit();
+            reported.shrink_to_fit();
+            Held { nodes, reported, held_fast: held_fast.clone(), block }
         });
         Self { held: held.collect(), runs, rows, steps }
     }
@@ -122,6 +142,12 @@ impl Layout {
         let reported = reported(&nodes, terms.coordinates().dof_count() / common_block(terms))?;
         Some(Self::new(system, (nodes, reported), runs, Vec::new(), steps))
     }
+}
+
+/// Returns the coordinates that are not free, ascending.
+fn held_fast(coordinates: &Coordinates) -> Arc<[u32]> {
+    let mut free = coordinates.free().iter().peekable();
+    (0..coordinates.dof_count() as u32).filter(|dof| free.next_if_eq(&dof).is_none()).collect()
 }
 
 /// Returns the places of the nodes that each rank reports: of the ranks that hold a node, the first reports it. Returns `None` if

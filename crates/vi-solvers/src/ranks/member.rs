@@ -18,7 +18,7 @@ use crate::options::SolverOptions;
 use crate::ranks::command::Command;
 use crate::ranks::lanczos::Lanczos;
 use crate::ranks::layout::Layout;
-use crate::ranks::rows::Rows;
+use crate::ranks::rows::{Rows, RowsLayout};
 use crate::schemes::kick_drift::KickDrift;
 use crate::schemes::method::Method;
 use crate::work::Work;
@@ -44,6 +44,18 @@ pub struct Member {
     rows: Option<Rows>,
     block: usize,
     exchange: Arc<dyn Exchange>,
+}
+
+/// The places of the portions of all ranks in the whole system.
+struct Places {
+    /// The nodes of each rank.
+    nodes: Vec<Vec<u32>>,
+    /// Places in `nodes` of those whose gradient each rank reports.
+    reported: Vec<Vec<u32>>,
+    /// The runs of stencils of each rank: index of the term and first stencil.
+    runs: Vec<Vec<(usize, usize)>>,
+    /// The rows of each rank; empty if the first rank solves linear systems alone.
+    rows: Vec<RowsLayout>,
 }
 
 /// What a rank does with its portion.
@@ -83,7 +95,7 @@ impl Member {
         (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
     ) -> Result<Self, SolverError> {
-        Self::with_layout(whole, start, (method, options), exchange, None).map(|(member, _)| member)
+        Self::with_places(whole, start, (method, options), exchange, None).map(|(member, _)| member)
     }
 
     /// Returns the same portion, made from the part of the whole system that contains all stencils at its nodes, in whole runs.
@@ -98,18 +110,34 @@ impl Member {
         (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
     ) -> Result<Self, SolverError> {
-        let made = Self::with_layout(part, start, (method, options), exchange, Some(runs));
+        let made = Self::with_places(part, start, (method, options), exchange, Some(runs));
         made.map(|(member, _)| member)
     }
 
-    /// Returns the portion, and those of all ranks unless `whole` is a part.
+    /// Returns the portion, and the layout of all ranks of the whole system.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Member::new`].
     pub(crate) fn with_layout(
+        whole: &System,
+        start: &State,
+        run: (&Method, &SolverOptions),
+        exchange: Arc<dyn Exchange>,
+    ) -> Result<(Self, Layout), SolverError> {
+        let (member, places) = Self::with_places(whole, start, run, exchange, None)?;
+        let Places { nodes, reported, runs, rows } = places;
+        let layout = Layout::new(whole, (nodes, reported), runs, rows, member.makes_steps());
+        Ok((member, layout))
+    }
+
+    /// Returns the portion, and the places of those of all ranks unless `whole` is a part.
+    fn with_places(
         whole: &System,
         start: &State,
         (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
         part_runs: Option<&[Vec<(u32, u32)>]>,
-    ) -> Result<(Self, Layout), SolverError> {
+    ) -> Result<(Self, Places), SolverError> {
         let refused = |reason: String| SolverError::Ranks { reason };
         let (terms, mass) = (whole.terms(), whole.mass());
         let block = common_block(terms);
@@ -172,8 +200,8 @@ impl Member {
         let reported_free = if steps { places_of_free(&system, &reported, block) } else { Vec::new() };
         let solved = if method.facts().is_explicit { None } else { Rows::new(whole, options, &exchange)? };
         let (rows, of_ranks) = solved.map_or((None, Vec::new()), |(rows, of_ranks)| (Some(rows), of_ranks));
-        let nodes = (division.nodes, division.reported);
-        let layout = Layout::new(whole, nodes, runs, of_ranks, steps);
+        let Division { nodes, reported: of_nodes, .. } = division;
+        let of_all = Places { nodes, reported: of_nodes, runs, rows: of_ranks };
         let member = Self {
             system,
             state,
@@ -188,7 +216,7 @@ impl Member {
             block,
             exchange,
         };
-        Ok((member, layout))
+        Ok((member, of_all))
     }
 
     /// Obeys a command of the first rank; returns false if these bytes are none. `members` are those of this rank, by
@@ -211,8 +239,11 @@ impl Member {
             }
             Command::Steps { t, h, count } => {
                 if member.steps(t, h, count) {
-                    first([&member.state.q[..], &member.state.p].concat(), 0);
+                    first(member.numbers(), 0);
                 }
+            }
+            Command::State => {
+                first(member.numbers(), 0);
             }
             Command::Energies { t } => {
                 let x = first(Vec::new(), count);
@@ -366,6 +397,11 @@ impl Member {
     /// Returns whether it makes steps.
     pub(crate) fn makes_steps(&self) -> bool {
         matches!(self.task, Task::Steps(_))
+    }
+
+    /// Returns q and p of the portion.
+    fn numbers(&self) -> Vec<f64> {
+        [&self.state.q[..], &self.state.p].concat()
     }
 
     /// Returns the state of the portion.

@@ -35,8 +35,7 @@ impl Partners {
         (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
     ) -> Result<Self, SolverError> {
-        let (member, layout) =
-            Member::with_layout(system, start, (method, options), Arc::clone(&exchange), None)?;
+        let (member, layout) = Member::with_layout(system, start, (method, options), Arc::clone(&exchange))?;
         Ok(Self { exchange, component, member: Mutex::new(member), layout })
     }
 
@@ -112,10 +111,10 @@ impl Partners {
     /// Receives a number for each free coordinate that the others report; `own` are those of the first rank.
     fn collect(&self, own: &[f64], out: &mut [f64]) {
         let mut enter = |held: &Held, values: &[f64]| {
-            held.reported_free.iter().zip(values).for_each(|(&free, &value)| out[free as usize] = value);
+            held.reported_free().zip(values).for_each(|(free, &value)| out[free] = value);
         };
         enter(&self.held()[0], own);
-        self.receive(self.held(), |held| held.reported_free.len(), enter);
+        self.receive(self.held(), |held| held.reported_free().count(), enter);
     }
 
     /// Gives all ranks the positions of their coordinates; returns those of the first.
@@ -170,10 +169,8 @@ impl SharedTerms for Partners {
         let &LanczosStart { per_unit, displacement, vector } = start;
         let mut member = self.member();
         self.command(Command::StartLanczos { t, per_unit, displacement });
-        let of_rank = |held: &Held| -> Vec<f64> {
-            let free = || held.free.iter().map(|&k| k as usize);
-            free().map(|k| q[k]).chain(free().map(vector)).collect()
-        };
+        let of_rank =
+            |held: &Held| -> Vec<f64> { held.free().map(|k| q[k]).chain(held.free().map(vector)).collect() };
         self.send(self.held(), of_rank);
         member.start_lanczos(t, [per_unit, displacement], &of_rank(&self.held()[0]));
         true
