@@ -149,7 +149,7 @@ pub(crate) fn members(
             }
             let (run, exchange) = ((&method, &options), Arc::clone(exchange));
             let member = match &runs {
-                Some(runs) => Member::of_part((&system, runs), &state, run, exchange),
+                Some(runs) => Member::of_part((system, state), runs, run, exchange),
                 None => Member::new(&system, &state, run, exchange),
             };
             member.map(Some).map_err(|error| vec![problem_of_ranks(&error)])

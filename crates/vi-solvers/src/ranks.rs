@@ -14,3 +14,4 @@ pub(crate) mod member;
 mod outside;
 pub(crate) mod partners;
 mod rows;
+mod taken;

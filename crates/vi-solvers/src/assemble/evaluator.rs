@@ -32,9 +32,7 @@ pub(crate) struct Evaluator {
     gradient: Vec<f64>,
     /// Whether `gradient` belongs to `x` and `t`.
     gradient_is_of_x: bool,
-    is_time_dependent: bool,
-    /// Whether neither V nor x(q, t) depends on t.
-    is_autonomous: bool,
+    depends: TimeDependence,
     /// Forces without a potential, if the scheme uses them.
     nonconservative: Option<Nonconservative>,
     /// Positions of all coordinates at the ends of the step, between which discrete gradients act.
@@ -44,6 +42,23 @@ pub(crate) struct Evaluator {
     lists_pairs: bool,
     middle: Option<Middle>,
     pub(crate) work: Work,
+}
+
+/// How a system depends on the time.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TimeDependence {
+    /// Whether V depends on t at the same positions.
+    is_explicit: bool,
+    /// Whether neither V nor x(q, t) depends on t.
+    pub(crate) is_none: bool,
+}
+
+impl TimeDependence {
+    /// Returns how a system depends on the time.
+    pub(crate) fn of(system: &System) -> Self {
+        let is_explicit = system.potentials().iter().any(|term| term.traits().time_dependent);
+        Self { is_explicit, is_none: !is_explicit && !system.coordinates().is_moving() }
+    }
 }
 
 /// The middle of a step: at time t, prescribed coordinates are half-way between their ends.
@@ -68,17 +83,13 @@ impl Evaluator {
     }
 
     /// Returns the evaluator of the portion of a system that a rank of several computes. All ranks must evaluate at the
-    /// same calls, so what depends on t is that of the whole system.
-    pub(crate) fn of_portion(system: &System, gather: Gather, whole: &System) -> Self {
-        let portion = Self::with(Assembler::of_portion(system.terms().clone(), gather), system);
-        let is_time_dependent = whole.potentials().iter().any(|term| term.traits().time_dependent);
-        let is_autonomous = !is_time_dependent && !whole.coordinates().is_moving();
-        Self { is_time_dependent, is_autonomous, ..portion }
+    /// same calls, so `depends` is that of the whole system.
+    pub(crate) fn of_portion(system: &System, gather: Gather, depends: TimeDependence) -> Self {
+        Self { depends, ..Self::with(Assembler::of_portion(system.terms().clone(), gather), system) }
     }
 
     fn with(assembler: Assembler, system: &System) -> Self {
         let count = system.coordinates().dof_count();
-        let is_time_dependent = system.potentials().iter().any(|term| term.traits().time_dependent);
         Self {
             assembler,
             x: vec![f64::NAN; count],
@@ -86,8 +97,7 @@ impl Evaluator {
             t: f64::NAN,
             gradient: vec![0.0; count],
             gradient_is_of_x: false,
-            is_time_dependent,
-            is_autonomous: !is_time_dependent && !system.coordinates().is_moving(),
+            depends: TimeDependence::of(system),
             nonconservative: None,
             ends: None,
             pairs: None,
@@ -203,7 +213,7 @@ impl Evaluator {
     }
 
     fn is_at_time(&self, t: f64) -> bool {
-        self.t == t || (self.is_autonomous && !self.t.is_nan())
+        self.t == t || (self.depends.is_none && !self.t.is_nan())
     }
 
     /// Returns whether the gradient is known at time t, for the positions of the last evaluation.
@@ -339,12 +349,12 @@ impl Evaluator {
 
     /// Returns whether neither V nor x(q, t) depends on t.
     pub(crate) fn is_autonomous(&self) -> bool {
-        self.is_autonomous
+        self.depends.is_none
     }
 
     /// Returns whether V depends on t explicitly.
     pub(crate) fn is_time_dependent(&self) -> bool {
-        self.is_time_dependent
+        self.depends.is_explicit
     }
 
     /// Returns ∂²V/∂q² at the last configuration, with the tangents of forces without a potential.

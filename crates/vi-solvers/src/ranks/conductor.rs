@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use vi_core::{Coordinates, State, StepEnergy, System};
 
+use crate::assemble::evaluator::TimeDependence;
 use crate::error::SolverError;
 use crate::memory::{StepperMemory, expect_method};
 use crate::options::SolverOptions;
@@ -33,13 +34,12 @@ pub fn stepper_of_ranks(
     }
     method.check(system)?;
     let memory = StepperMemory { method: method.name().to_owned(), ..StepperMemory::default() };
-    let is_time_dependent = system.potentials().iter().any(|term| term.traits().time_dependent);
     Ok(Box::new(Conductor {
         method: *method,
         options: options.clone(),
         partners: Arc::clone(partners),
         coordinates: Arc::clone(system.terms().shared_coordinates()),
-        is_autonomous: !is_time_dependent && !system.coordinates().is_moving(),
+        is_autonomous: TimeDependence::of(system).is_none,
         there: None,
         memory,
         repeated: Work::default(),

@@ -2,15 +2,11 @@
 
 use std::sync::Arc;
 
-use vi_core::{
-    Coordinates, CoreError, Exchange, Message, Portion, Potential, State, System, Traffic,
-    coordinates_of_nodes,
-};
+use vi_core::{Exchange, Message, State, System, Traffic};
 
 use crate::assemble::assembler::Assembler;
 use crate::assemble::gather::Gather;
-use crate::assemble::gather::division::{Division, Share, TermPortion};
-use crate::assemble::spans::{Span, common_block};
+use crate::assemble::spans::Span;
 use crate::error::SolverError;
 use crate::index::{NONE, free_of};
 use crate::memory::StepperMemory;
@@ -18,7 +14,8 @@ use crate::options::SolverOptions;
 use crate::ranks::command::Command;
 use crate::ranks::lanczos::Lanczos;
 use crate::ranks::layout::Layout;
-use crate::ranks::rows::{Rows, RowsLayout};
+use crate::ranks::rows::Rows;
+use crate::ranks::taken::{Places, Taken};
 use crate::schemes::kick_drift::KickDrift;
 use crate::schemes::method::Method;
 use crate::work::Work;
@@ -46,35 +43,12 @@ pub struct Member {
     exchange: Arc<dyn Exchange>,
 }
 
-/// The places of the portions of all ranks in the whole system.
-struct Places {
-    /// The nodes of each rank.
-    nodes: Vec<Vec<u32>>,
-    /// Places in `nodes` of those whose gradient each rank reports.
-    reported: Vec<Vec<u32>>,
-    /// The runs of stencils of each rank: index of the term and first stencil.
-    runs: Vec<Vec<(usize, usize)>>,
-    /// The rows of each rank; empty if the first rank solves linear systems alone.
-    rows: Vec<RowsLayout>,
-}
-
 /// What a rank does with its portion.
 enum Task {
     /// It makes explicit steps.
     Steps(Box<KickDrift>),
     /// It sums terms; the first rank makes the steps.
     Sums(Box<Assembler>),
-}
-
-/// Returns whether ranks can step their portions of a system themselves: q and p of a node must follow from the terms at
-/// the node alone.
-fn steps_apart(system: &System, method: &Method, keeps_ledger: bool) -> bool {
-    method.splitting().is_some()
-        && !keeps_ledger
-        && system.terms().live().is_empty()
-        && system.forces().is_empty()
-        && system.constraints().is_empty()
-        && system.coordinates().is_plain()
 }
 
 /// Returns the free coordinates of some nodes.
@@ -92,116 +66,69 @@ impl Member {
     pub fn new(
         whole: &System,
         start: &State,
-        (method, options): (&Method, &SolverOptions),
+        run: (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
     ) -> Result<Self, SolverError> {
-        Self::with_places(whole, start, (method, options), exchange, None).map(|(member, _)| member)
+        Self::with_layout(whole, start, run, exchange).map(|(member, _)| member)
     }
 
-    /// Returns the same portion, made from the part of the whole system that contains all stencils at its nodes, in whole runs.
-    /// `runs` are the numbers of the runs of every term in the whole system, and their ranks; affine terms need none. It must
-    /// not be used unless the portions of all ranks are complete ([`Member::is_complete`]).
-    ///
-    /// # Errors
-    /// Returns the errors of [`Member::new`].
-    pub fn of_part(
-        (part, runs): (&System, &[Vec<(u32, u32)>]),
-        start: &State,
-        (method, options): (&Method, &SolverOptions),
-        exchange: Arc<dyn Exchange>,
-    ) -> Result<Self, SolverError> {
-        let made = Self::with_places(part, start, (method, options), exchange, Some(runs));
-        made.map(|(member, _)| member)
-    }
-
-    /// Returns the portion, and the layout of all ranks of the whole system.
+    /// Returns the portion, and the layout of all ranks.
     ///
     /// # Errors
     /// Returns the errors of [`Member::new`].
     pub(crate) fn with_layout(
         whole: &System,
         start: &State,
-        run: (&Method, &SolverOptions),
+        (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
     ) -> Result<(Self, Layout), SolverError> {
-        let (member, places) = Self::with_places(whole, start, run, exchange, None)?;
-        let Places { nodes, reported, runs, rows } = places;
-        let layout = Layout::new(whole, (nodes, reported), runs, rows, member.makes_steps());
+        let taken = Taken::new(whole, start, (method, options), &exchange, None)?;
+        let solved = if method.facts().is_explicit { None } else { Rows::new(whole, options, &exchange)? };
+        let (rows, rows_of_all) = solved.map_or((None, Vec::new()), |(rows, of_all)| (Some(rows), of_all));
+        let (member, Places { nodes, reported, runs }) = Self::of_taken(taken, method, rows, exchange);
+        let layout = Layout::new(whole, (nodes, reported), runs, rows_of_all, member.makes_steps());
         Ok((member, layout))
     }
 
-    /// Returns the portion, and the places of those of all ranks unless `whole` is a part.
-    fn with_places(
-        whole: &System,
-        start: &State,
+    /// Returns the same portion, made from the part of the whole system that contains all stencils at its nodes, in whole runs, and from
+    /// any state of it inside the domain of the terms. Both are dropped as soon as possible. `runs` are the numbers of the runs of
+    /// every term in the whole system, and their ranks; affine terms need none. The scheme must be explicit. The portion must not be
+    /// used unless those of all ranks are complete ([`Member::is_complete`]).
+    ///
+    /// # Errors
+    /// Returns the errors of [`Member::new`].
+    pub fn of_part(
+        (part, start): (System, State),
+        runs: &[Vec<(u32, u32)>],
         (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
-        part_runs: Option<&[Vec<(u32, u32)>]>,
-    ) -> Result<(Self, Places), SolverError> {
-        let refused = |reason: String| SolverError::Ranks { reason };
-        let (terms, mass) = (whole.terms(), whole.mass());
-        let block = common_block(terms);
-        if let Some(term) = terms.fixed().iter().find(|term| term.stencils().block != block) {
-            return Err(refused(format!(
-                "{}: terms with {} coordinates per node do not run on several ranks: use one rank",
-                term.name(),
-                term.stencils().block
-            )));
-        }
-        let gather = Gather::new(terms, block);
-        let division = match part_runs {
-            Some(part_runs) => Division::of_part(&gather, terms, part_runs, exchange.size()),
-            None => Division::new(&gather, exchange.size()),
-        };
-        let base = gather.base(terms, &whole.positions(start), start.t);
-        let Share { gather: own, terms: portions, spans } =
-            division.portion(&gather, base.as_deref(), Arc::clone(&exchange));
-        let runs = division.runs(&gather);
-        drop(gather);
-        let rank = exchange.rank();
-        let mut places = runs[rank].clone();
-        let mut is_complete = true;
-        if let Some(part_runs) = part_runs {
-            let own = part_runs.iter().flatten().filter(|(_, of)| *of as usize == rank);
-            is_complete = !places.is_empty() && own.count() == places.len();
-            for (term, first) in &mut places {
-                let length = terms.fixed()[*term].run_length();
-                *first = part_runs[*term][*first / length].0 as usize * length;
-            }
-        }
-        let nodes = &division.nodes[rank];
-        let portion = |TermPortion { term, stencils }: TermPortion| {
-            let number = |node: u32| nodes.binary_search(&node).map_or(NONE, |own| own as u32);
-            let portion = Portion::new(Arc::clone(&terms.fixed()[term]), stencils, mass.len(), number);
-            Box::new(portion.detached()) as Box<dyn Potential>
-        };
-        let portions: Vec<_> = portions.into_iter().map(portion).collect();
-        let splitting = method.splitting().filter(|_| steps_apart(whole, method, options.ledger));
-        let steps = splitting.is_some();
-        let own_mass = nodes.iter().flat_map(|&node| &mass[block * node as usize..][..block]).copied();
-        // Sums need no masses and know no supports.
-        let (own_mass, coordinates) = if steps {
-            (own_mass.collect(), coordinates_of_nodes(terms.shared_coordinates(), nodes, block))
-        } else {
-            (vec![1.0; block * nodes.len()], Coordinates::new(block * nodes.len(), Vec::new()))
-        };
-        let system = coordinates
-            .and_then(|coordinates| System::new(own_mass, portions, coordinates))
-            .map_err(|error: CoreError| refused(error.to_string()))?;
-        let zeros = vec![0.0; if steps { system.coordinates().free_count() } else { 0 }];
-        let state = State { t: start.t, q: zeros.clone(), p: zeros };
+    ) -> Result<Self, SolverError> {
+        let taken = Taken::new(&part, &start, (method, options), &exchange, Some(runs))?;
+        drop((part, start));
+        Ok(Self::of_taken(taken, method, None, exchange).0)
+    }
+
+    /// Makes a portion of what was taken for it.
+    fn of_taken(
+        taken: Taken,
+        method: &Method,
+        rows: Option<Rows>,
+        exchange: Arc<dyn Exchange>,
+    ) -> (Self, Places) {
+        let Taken { system, gather, splitting, depends, spans, places, is_complete, block, t, of_all } =
+            taken;
+        let reported = of_all.reported[exchange.rank()].clone();
+        let (mut zeros, mut reported_free) = (Vec::new(), Vec::new());
         let task = match splitting {
             Some(splitting) => {
-                Task::Steps(Box::new(KickDrift::of_portion(method.name(), splitting, (&system, whole), own)))
+                zeros = vec![0.0; system.coordinates().free_count()];
+                reported_free = places_of_free(&system, &reported, block);
+                let stepper = KickDrift::of_portion(method.name(), splitting, (&system, depends), gather);
+                Task::Steps(Box::new(stepper))
             }
-            None => Task::Sums(Box::new(Assembler::of_portion(system.terms().clone(), own))),
+            None => Task::Sums(Box::new(Assembler::of_portion(system.terms().clone(), gather))),
         };
-        let reported = division.reported[rank].clone();
-        let reported_free = if steps { places_of_free(&system, &reported, block) } else { Vec::new() };
-        let solved = if method.facts().is_explicit { None } else { Rows::new(whole, options, &exchange)? };
-        let (rows, of_ranks) = solved.map_or((None, Vec::new()), |(rows, of_ranks)| (Some(rows), of_ranks));
-        let Division { nodes, reported: of_nodes, .. } = division;
-        let of_all = Places { nodes, reported: of_nodes, runs, rows: of_ranks };
+        let state = State { t, q: zeros.clone(), p: zeros };
         let member = Self {
             system,
             state,
@@ -216,7 +143,7 @@ impl Member {
             block,
             exchange,
         };
-        Ok((member, of_all))
+        (member, of_all)
     }
 
     /// Obeys a command of the first rank; returns false if these bytes are none. `members` are those of this rank, by

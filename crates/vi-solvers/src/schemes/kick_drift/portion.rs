@@ -3,7 +3,7 @@
 use vi_core::{Exchange, State, System, Traffic};
 
 use crate::assemble::assembler::Assembler;
-use crate::assemble::evaluator::Evaluator;
+use crate::assemble::evaluator::{Evaluator, TimeDependence};
 use crate::assemble::gather::Gather;
 use crate::assemble::sweep::Sweep;
 use crate::error::SolverError;
@@ -14,15 +14,16 @@ use crate::schemes::kick_drift::splitting::Splitting;
 use crate::work::Work;
 
 impl KickDrift {
-    /// Returns the stepper of the portion `system` of `whole`, which `gather` sums with the other ranks. It keeps no energy ledger.
+    /// Returns the stepper of the portion `system` of a system that depends on the time in this way. `gather` sums it with the other
+    /// ranks. It keeps no energy ledger.
     pub(crate) fn of_portion(
         name: &'static str,
         coefficients: Splitting,
-        (system, whole): (&System, &System),
+        (system, depends): (&System, TimeDependence),
         gather: Gather,
     ) -> Self {
         let n = system.coordinates().free_count();
-        let mut evaluator = Evaluator::of_portion(system, gather, whole);
+        let mut evaluator = Evaluator::of_portion(system, gather, depends);
         Self {
             name,
             coefficients,
