@@ -10,7 +10,7 @@ use vi_core::Tube;
 
 use super::tree::Bounds;
 use crate::distance::{Shape, Vec3, at};
-use crate::surface::{Gauge, Surface};
+use crate::surface::Surface;
 
 /// Half a motion that all nodes have nearly in common, m. Boxes that are inflated with the same one can be compared.
 pub(super) type Common = Vec3;
@@ -31,6 +31,28 @@ pub(super) struct Margins<'a> {
     moves: bool,
 }
 
+/// How near a pair comes in a tube.
+pub(super) struct Approach {
+    /// Square of the distance in the middle of the path, m².
+    squared: f64,
+    /// Largest change of the distance in the tube, m.
+    change: f64,
+}
+
+impl Approach {
+    /// Returns the distance in the middle of the path, m.
+    pub(super) fn distance(&self) -> f64 {
+        self.squared.sqrt()
+    }
+
+    /// Returns whether the distance can be less than `distance`, m.
+    #[inline]
+    pub(super) fn is_nearer(&self, distance: f64) -> bool {
+        let reach = self.change + distance;
+        self.squared < reach * reach
+    }
+}
+
 impl<'a> Margins<'a> {
     pub(super) fn new(surface: &Surface, tube: &'a Tube) -> Self {
         let motion: Vec3 = surface.points.iter().map(|point| at(&tube.motion, point.node)).sum();
@@ -46,11 +68,6 @@ impl<'a> Margins<'a> {
 
     pub(super) fn common(&self) -> Common {
         self.common
-    }
-
-    /// Returns the tube.
-    pub(super) fn tube(&self) -> &Tube {
-        self.tube
     }
 
     /// Returns the positions in the middle of the path, m.
@@ -82,47 +99,34 @@ impl<'a> Margins<'a> {
         bounds.inflated(surface.reach(body) + self.largest_spread(nodes))
     }
 
-    /// Returns whether a pair can come within its activation distance.
-    #[inline]
-    pub(super) fn is_near(&self, shape: Shape, nodes: [u32; 4], gauge: &Gauge) -> bool {
-        self.distance_if_near(shape, nodes, gauge).is_some()
-    }
-
-    /// Returns the distance of a pair in the middle of the path, m, if it can come within its activation distance.
-    #[inline]
-    pub(super) fn distance_if_near(&self, shape: Shape, nodes: [u32; 4], gauge: &Gauge) -> Option<f64> {
-        self.distance_if_nearer(shape, nodes, gauge.thickness + gauge.distance)
-    }
-
-    /// Returns whether the distance of a pair can be less than `distance`.
-    #[inline]
-    pub(super) fn is_nearer(&self, shape: Shape, nodes: [u32; 4], distance: f64) -> bool {
-        self.distance_if_nearer(shape, nodes, distance).is_some()
-    }
-
     /// Returns the distance of a pair in the middle of the path, m, if it can be less than `distance`.
     #[inline]
     pub(super) fn distance_if_nearer(&self, shape: Shape, nodes: [u32; 4], distance: f64) -> Option<f64> {
+        Some(self.if_nearer(shape, nodes, distance)?.distance())
+    }
+
+    /// Returns how near a pair comes in the tube, if its distance can be less than `distance`, m.
+    #[inline]
+    pub(super) fn if_nearer(&self, shape: Shape, nodes: [u32; 4], distance: f64) -> Option<Approach> {
         let (first, second) = nodes.split_at(shape.first_count());
         let x = nodes.map(|node| at(&self.middle, node));
-        // This bound is at least the reach, and most pairs need no better one.
+        // This bound is at least the change, and most pairs need no better one.
         let bound = distance + self.largest_spread(first) + self.largest_spread(second);
         if shape.is_apart(&x, bound * bound) {
             return None;
         }
-        let mut reach = 0.0_f64;
+        let mut change = 0.0_f64;
         for &i in first {
             for &j in second {
                 let relative = match self.moves {
                     true => 0.5 * (at(&self.tube.motion, i) - at(&self.tube.motion, j)).norm(),
                     false => 0.0,
                 };
-                reach = reach.max(self.tube.reach[i as usize] + self.tube.reach[j as usize] + relative);
+                change = change.max(self.tube.reach[i as usize] + self.tube.reach[j as usize] + relative);
             }
         }
-        reach += distance;
-        let squared = shape.closest(&x).squared;
-        (squared < reach * reach).then(|| squared.sqrt())
+        let approach = Approach { squared: shape.closest(&x).squared, change };
+        approach.is_nearer(distance).then_some(approach)
     }
 
     /// Returns whether a point can come within its activation distance of a half-space, or meet it.

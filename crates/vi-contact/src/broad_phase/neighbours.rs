@@ -21,10 +21,10 @@ pub struct EdgePair {
 
 /// The distances of the pairs of a point with a cell, and of two edges, at positions x, m.
 #[derive(Debug, Clone, Default)]
-struct Apart {
-    x: Vec<f64>,
-    cells: Vec<f64>,
-    edges: Vec<f64>,
+pub(super) struct Apart {
+    pub(super) x: Vec<f64>,
+    pub(super) cells: Vec<f64>,
+    pub(super) edges: Vec<f64>,
 }
 
 impl Apart {
@@ -84,28 +84,14 @@ impl Neighbours {
         Self { tube: None, apart: None, near, starts, cells, edges, planes }
     }
 
-    /// Records the tube that the list covers, that of `margins`, and the distances of all pairs in the middle of its path.
-    pub(super) fn covering(mut self, surface: &Surface, margins: Margins<'_>) -> Self {
-        let x = margins.middle();
-        let place = |node: u32| at(x, node);
-        let of_point = |&point: &u32| {
-            let node = surface.points[point as usize].node;
-            let of_cell = move |&cell: &u32| {
-                let cell = &surface.cells[cell as usize];
-                let [a, b, c] = cell.nodes;
-                cell.shape().closest(&[node, a, b, c].map(place)).distance()
-            };
-            self.cells_of(point as usize).iter().map(of_cell)
-        };
-        let cells = self.near.iter().flat_map(of_point).collect();
-        let of_edges = |pair: &EdgePair| {
-            let [[i, j], [k, l]] = pair.edges.map(|edge| surface.edges[edge as usize].nodes);
-            Shape::EdgeEdge.closest(&[i, j, k, l].map(place)).distance()
-        };
-        let edges = self.edges.iter().map(of_edges).collect();
-        self.tube = Some(margins.tube().clone());
-        self.apart = Some(Apart { x: margins.into_middle(), cells, edges });
-        self
+    /// Records the tube that the list covers, and the distances of all pairs in the middle of its path.
+    pub(super) fn covering(self, tube: Tube, apart: Apart) -> Self {
+        Self { tube: Some(tube), apart: Some(apart), ..self }
+    }
+
+    /// Returns the distances of all pairs at one configuration, if they are known.
+    pub(super) fn apart(&self) -> Option<&Apart> {
+        self.apart.as_ref()
     }
 
     /// Returns those of the pairs that can act or meet in a tube, which must be inside the tube of this list. `known` is
@@ -126,10 +112,10 @@ impl Neighbours {
         let cells = self.cells_where(surface, |node, cell, gauge, number| {
             let [a, b, c] = cell.nodes;
             let known = before.map(|before| &before.cells[number]);
-            if !may_come([node, a, b, c], 1, known, gauge.thickness + gauge.distance) {
+            if !may_come([node, a, b, c], 1, known, gauge.reach()) {
                 return false;
             }
-            let distance = margins.distance_if_near(cell.shape(), [node, a, b, c], &gauge);
+            let distance = margins.distance_if_nearer(cell.shape(), [node, a, b, c], gauge.reach());
             apart.cells.extend(distance);
             distance.is_some()
         });
@@ -218,6 +204,13 @@ impl Neighbours {
             keeps([surface.points[point as usize].body, surface.half_spaces[plane as usize].body])
         });
         Self::new(starts, cells, edges.copied().collect(), planes.copied().collect())
+    }
+
+    /// Returns the numbers of the points and of the cells near them, in this order.
+    pub(super) fn cell_pairs(&self) -> impl Iterator<Item = [u32; 2]> + '_ {
+        self.near
+            .iter()
+            .flat_map(|&point| self.cells_of(point as usize).iter().map(move |&cell| [point, cell]))
     }
 
     /// Returns the points that are near any cell, ascending.

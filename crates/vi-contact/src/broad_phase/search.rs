@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use vi_core::Tube;
 
 use super::margins::{Common, Margins};
-use super::neighbours::{EdgePair, Neighbours};
+use super::neighbours::{Apart, EdgePair, Neighbours};
 use super::tree::{Bounds, Tree};
 use crate::distance::Shape;
 use crate::surface::{Edge, Surface};
@@ -48,11 +48,10 @@ impl Search {
         let edges = surface.edges.par_iter().map(|edge| margins.bounds(surface, &edge.nodes, edge.body));
         let [points, cells, edges]: [Vec<Bounds>; 3] = [points.collect(), cells.collect(), edges.collect()];
         let [points, cells, edges] = [points, cells, edges].map(|bounds| Tree::new(&bounds));
-        let (starts, near) = near_cells(surface, &margins, &points, &cells);
-        let pairs = near_edges(surface, &margins, &edges);
-        let planes = near_planes(surface, &margins);
+        let near_cells = near_cells(surface, &margins, &points, &cells);
+        let near_edges = near_edges(surface, &margins, &edges);
         let common = margins.common();
-        let found = Neighbours::new(starts, near, pairs, planes).covering(surface, margins);
+        let found = found(surface, &tube, margins, near_cells, near_edges);
         Self { tube, common, points, cells, edges, found: Arc::new(found) }
     }
 
@@ -68,9 +67,9 @@ impl Search {
     /// Searches the pairs in another tube, which differs at few nodes. Returns false and does nothing if it differs at
     /// many. The result is that of a search of all pairs.
     pub(crate) fn update(&mut self, surface: &Surface, tube: Tube) -> bool {
-        if self.tube.start.len() != tube.start.len() {
+        let Some(apart) = self.found.apart().filter(|_| self.tube.start.len() == tube.start.len()) else {
             return false;
-        }
+        };
         let differs = |node: usize| {
             let place = 3 * node..3 * node + 3;
             self.tube.reach[node] != tube.reach[node]
@@ -102,128 +101,125 @@ impl Search {
             let part = &surface.edges[edge as usize];
             self.edges.update(edge, margins.bounds(surface, &part.nodes, part.body));
         }
+        // Pairs of nodes that did not change are as far apart as before.
+        let kept = self.found.cell_pairs().zip(&apart.cells).filter(|([point, cell], _)| {
+            let node = surface.points[*point as usize].node;
+            !changed[node as usize] && !any(surface.cells[*cell as usize].nodes())
+        });
+        let mut near_cells: Vec<NearCell> =
+            kept.map(|(parts, &distance)| NearCell { parts, distance }).collect();
         // The new pairs: changed points with all cells, changed cells with all other points.
-        let mut pairs: Vec<[u32; 2]> = Vec::new();
-        let mut near = Vec::new();
         for &point in &points {
-            cells_of_point(surface, &margins, &self.cells, point as usize, &mut near);
-            pairs.extend(near.drain(..).map(|cell| [point, cell]));
+            let part = surface.points[point as usize];
+            self.cells.visit(&margins.bounds(surface, &[part.node], part.body), &mut |cell| {
+                near_cells.extend(near_cell(surface, &margins, [point, cell]));
+            });
         }
         for &cell in &cells {
             let part = &surface.cells[cell as usize];
             self.points.visit(&margins.bounds(surface, part.nodes(), part.body), &mut |point| {
-                let is_other = !changed[surface.points[point as usize].node as usize];
-                if is_other && is_near_cell(surface, &margins, point, cell) {
-                    pairs.push([point, cell]);
+                if !changed[surface.points[point as usize].node as usize] {
+                    near_cells.extend(near_cell(surface, &margins, [point, cell]));
                 }
             });
         }
-        pairs.sort_unstable();
-        let (mut starts, mut all) = (vec![0], Vec::new());
-        let mut pairs = pairs.into_iter().peekable();
-        for (point, part) in surface.points.iter().enumerate() {
-            let first = all.len();
-            if !changed[part.node as usize] {
-                let kept = self.found.cells_of(point).iter();
-                all.extend(kept.filter(|&&cell| !any(surface.cells[cell as usize].nodes())));
-            }
-            let kept = all.len();
-            while let Some([_, cell]) = pairs.next_if(|pair| pair[0] as usize == point) {
-                all.push(cell);
-            }
-            if kept > first && all.len() > kept {
-                all[first..].sort_unstable();
-            }
-            starts.push(all.len() as u32);
-        }
-        let changes = |edge: u32| any(&surface.edges[edge as usize].nodes);
-        let kept = self.found.edge_pairs().iter().filter(|pair| !pair.edges.into_iter().any(changes));
-        let mut edge_pairs: Vec<EdgePair> = kept.copied().collect();
-        for &edge in &edges {
-            let accepts = |other: u32| !changes(other) || other > edge;
-            edges_of_edge(surface, &margins, &self.edges, edge, accepts, &mut edge_pairs);
-        }
         // A stable sort uses the order of the kept pairs.
-        edge_pairs.sort_by_key(|pair| pair.edges);
-        let planes = near_planes(surface, &margins);
-        let found = Neighbours::new(starts, all, edge_pairs, planes).covering(surface, margins);
-        (self.tube, self.found) = (tube, Arc::new(found));
+        near_cells.sort_by_key(|near| near.parts);
+        let changes = |edge: u32| any(&surface.edges[edge as usize].nodes);
+        let kept = self.found.edge_pairs().iter().zip(&apart.edges);
+        let kept = kept.filter(|(pair, _)| !pair.edges.into_iter().any(changes));
+        let mut near_edges: Vec<NearEdges> =
+            kept.map(|(&pair, &distance)| NearEdges { pair, distance }).collect();
+        for &edge in &edges {
+            let Edge { nodes, body, .. } = surface.edges[edge as usize];
+            self.edges.visit(&margins.bounds(surface, &nodes, body), &mut |other| {
+                if !changes(other) || other > edge {
+                    near_edges.extend(near_edge(surface, &margins, [edge, other]));
+                }
+            });
+        }
+        near_edges.sort_by_key(|near| near.pair.edges);
+        self.found = Arc::new(found(surface, &tube, margins, near_cells, near_edges));
+        self.tube = tube;
         true
     }
 }
 
-/// Returns whether a point and a cell whose boxes overlap can act or meet.
-#[inline]
-fn is_near_cell(surface: &Surface, margins: &Margins<'_>, point: u32, cell: u32) -> bool {
-    let (part, other) = (&surface.points[point as usize], &surface.cells[cell as usize]);
-    let [a, b, c] = other.nodes;
-    if a == part.node || b == part.node || c == part.node {
-        return false;
-    }
-    let nodes = [part.node, a, b, c];
-    // The gauge of a pair reaches no farther than both bodies. This test spares most pairs their gauge.
-    let most = surface.reach(part.body) + surface.reach(other.body);
-    if !margins.is_nearer(other.shape(), nodes, 1.000_001 * most) {
-        return false;
-    }
-    let gauge = surface.point_gauge(point as usize, other.body);
-    gauge.is_some_and(|gauge| margins.is_near(other.shape(), nodes, &gauge))
-        && surface.admits_point(point as usize, cell as usize)
+/// A point and a cell that can act or meet.
+#[derive(Clone, Copy)]
+struct NearCell {
+    /// Numbers of both.
+    parts: [u32; 2],
+    /// Distance in the middle of the path, m.
+    distance: f64,
 }
 
-/// Appends the cells near a point, in their order.
-fn cells_of_point(surface: &Surface, margins: &Margins<'_>, tree: &Tree, point: usize, out: &mut Vec<u32>) {
-    let first = out.len();
-    let part = &surface.points[point];
-    tree.visit(&margins.bounds(surface, &[part.node], part.body), &mut |cell| {
-        if is_near_cell(surface, margins, point as u32, cell) {
-            out.push(cell);
-        }
-    });
-    out[first..].sort_unstable();
+/// Two edges that can act or meet.
+#[derive(Clone, Copy)]
+struct NearEdges {
+    pair: EdgePair,
+    /// Distance in the middle of the path, m.
+    distance: f64,
 }
 
-/// Returns the cells near each point, in the order of points and of cells.
-fn near_cells(surface: &Surface, margins: &Margins<'_>, points: &Tree, cells: &Tree) -> (Vec<u32>, Vec<u32>) {
-    let of_front = |front: &[u32; 2]| {
-        let mut pairs = Vec::new();
-        points.visit_pairs(cells, *front, &mut |point, cell| {
-            if is_near_cell(surface, margins, point, cell) {
-                pairs.push(u64::from(point) << 32 | u64::from(cell));
-            }
-        });
-        pairs
+/// Returns the list of pairs in the order of their numbers, and of the points near half-spaces.
+fn found(
+    surface: &Surface,
+    tube: &Tube,
+    margins: Margins<'_>,
+    cells: Vec<NearCell>,
+    edges: Vec<NearEdges>,
+) -> Neighbours {
+    let planes = near_planes(surface, &margins);
+    let apart = Apart {
+        x: margins.into_middle(),
+        cells: cells.iter().map(|near| near.distance).collect(),
+        edges: edges.iter().map(|near| near.distance).collect(),
     };
-    let mut pairs: Vec<u64> = points.fronts(cells).par_iter().flat_map_iter(of_front).collect();
-    pairs.par_sort_unstable();
     let mut starts = vec![0; surface.points.len() + 1];
-    pairs.iter().for_each(|pair| starts[(pair >> 32) as usize + 1] += 1);
+    cells.iter().for_each(|near| starts[near.parts[0] as usize + 1] += 1);
     for point in 0..surface.points.len() {
         starts[point + 1] += starts[point];
     }
-    (starts, pairs.into_iter().map(|pair| pair as u32).collect())
+    let cells = cells.into_iter().map(|near| near.parts[1]).collect();
+    let edges = edges.into_iter().map(|near| near.pair).collect();
+    Neighbours::new(starts, cells, edges, planes).covering(tube.clone(), apart)
 }
 
-/// Appends the pairs of an edge with the edges near it that `accepts` accepts.
-fn edges_of_edge(
-    surface: &Surface,
-    margins: &Margins<'_>,
-    tree: &Tree,
-    edge: u32,
-    accepts: impl Fn(u32) -> bool,
-    out: &mut Vec<EdgePair>,
-) {
-    let Edge { nodes, body, .. } = surface.edges[edge as usize];
-    tree.visit(&margins.bounds(surface, &nodes, body), &mut |other| {
-        if accepts(other) {
-            out.extend(near_pair(surface, margins, [edge, other]));
-        }
-    });
-}
-
-/// Returns the pair of two edges whose boxes overlap, in any order, if they can act or meet.
+/// Returns a point and a cell whose boxes overlap, if they can act or meet.
 #[inline]
-fn near_pair(surface: &Surface, margins: &Margins<'_>, edges: [u32; 2]) -> Option<EdgePair> {
+fn near_cell(surface: &Surface, margins: &Margins<'_>, parts: [u32; 2]) -> Option<NearCell> {
+    let [point, cell] = parts.map(|part| part as usize);
+    let (part, other) = (&surface.points[point], &surface.cells[cell]);
+    let [a, b, c] = other.nodes;
+    if a == part.node || b == part.node || c == part.node {
+        return None;
+    }
+    // The gauge of a pair reaches no farther than both bodies. This test spares most pairs their gauge.
+    let most = surface.reach(part.body) + surface.reach(other.body);
+    let approach = margins.if_nearer(other.shape(), [part.node, a, b, c], 1.000_001 * most)?;
+    let gauge = surface.point_gauge(point, other.body)?;
+    let is_near = approach.is_nearer(gauge.reach()) && surface.admits_point(point, cell);
+    is_near.then(|| NearCell { parts, distance: approach.distance() })
+}
+
+/// Returns the points and the cells near them, in the order of their numbers.
+fn near_cells(surface: &Surface, margins: &Margins<'_>, points: &Tree, cells: &Tree) -> Vec<NearCell> {
+    let of_front = |front: &[u32; 2]| {
+        let mut near = Vec::new();
+        points.visit_pairs(cells, *front, &mut |point, cell| {
+            near.extend(near_cell(surface, margins, [point, cell]));
+        });
+        near
+    };
+    let mut near: Vec<NearCell> = points.fronts(cells).par_iter().flat_map_iter(of_front).collect();
+    near.par_sort_unstable_by_key(|near| near.parts);
+    near
+}
+
+/// Returns two edges whose boxes overlap, given in any order, if they can act or meet.
+#[inline]
+fn near_edge(surface: &Surface, margins: &Margins<'_>, edges: [u32; 2]) -> Option<NearEdges> {
     let edges = [edges[0].min(edges[1]), edges[0].max(edges[1])];
     let [first, second] = edges.map(|edge| edge as usize);
     let ([a, b], [c, d]) = (surface.edges[first].nodes, surface.edges[second].nodes);
@@ -232,25 +228,23 @@ fn near_pair(surface: &Surface, margins: &Margins<'_>, edges: [u32; 2]) -> Optio
     }
     // The gauge of a pair reaches no farther than both bodies. This test spares most pairs their gauge.
     let most = surface.reach(surface.edges[first].body) + surface.reach(surface.edges[second].body);
-    let nodes = [a, b, c, d];
-    if !margins.is_nearer(Shape::EdgeEdge, nodes, 1.000_001 * most) || !surface.admits_edges(first, second) {
-        return None;
-    }
-    let gauge = surface.edge_gauge(first, second)?;
-    let is_near = margins.is_near(Shape::EdgeEdge, nodes, &gauge);
-    is_near.then(|| EdgePair { edges, gauge, reach: surface.edge_reach(edges, &gauge) })
+    let approach = margins.if_nearer(Shape::EdgeEdge, [a, b, c, d], 1.000_001 * most)?;
+    let gauge = surface.admits_edges(first, second).then(|| surface.edge_gauge(first, second))??;
+    let pair = || EdgePair { edges, gauge, reach: surface.edge_reach(edges, &gauge) };
+    let is_near = approach.is_nearer(gauge.reach());
+    is_near.then(|| NearEdges { pair: pair(), distance: approach.distance() })
 }
 
 /// Returns the pairs of edges near each other, in the order of their numbers.
-fn near_edges(surface: &Surface, margins: &Margins<'_>, tree: &Tree) -> Vec<EdgePair> {
+fn near_edges(surface: &Surface, margins: &Margins<'_>, tree: &Tree) -> Vec<NearEdges> {
     let of_front = |front: &[u32; 2]| {
-        let mut pairs = Vec::new();
-        tree.visit_pairs(tree, *front, &mut |a, b| pairs.extend(near_pair(surface, margins, [a, b])));
-        pairs
+        let mut near = Vec::new();
+        tree.visit_pairs(tree, *front, &mut |a, b| near.extend(near_edge(surface, margins, [a, b])));
+        near
     };
-    let mut pairs: Vec<EdgePair> = tree.fronts(tree).par_iter().flat_map_iter(of_front).collect();
-    pairs.par_sort_unstable_by_key(|pair| pair.edges);
-    pairs
+    let mut near: Vec<NearEdges> = tree.fronts(tree).par_iter().flat_map_iter(of_front).collect();
+    near.par_sort_unstable_by_key(|near| near.pair.edges);
+    near
 }
 
 /// Returns the points near half-spaces, as numbers of both.
