@@ -87,11 +87,7 @@ impl Pairs {
 
     /// Adds factor · Σ a ⊗ b to a matrix.
     pub(crate) fn add_to(&self, factor: f64, matrix: &mut Unsymmetric) {
-        self.for_each_tangent(|left, right| {
-            for &(row, a) in left {
-                right.iter().for_each(|&(column, b)| matrix.add(row, column, factor * a * b));
-            }
-        });
+        self.for_each_tangent(|left, right| matrix.add_outer(factor, left, right));
     }
 
     /// Adds factor · (Σ a ⊗ b) v to `out`.

@@ -37,6 +37,20 @@ struct Column {
     values: Vec<f64>,
 }
 
+impl Column {
+    /// Returns the place of the entry of a row; a new entry is zero.
+    fn place_of(&mut self, row: u32) -> usize {
+        match self.rows.binary_search(&row) {
+            Ok(place) => place,
+            Err(place) => {
+                self.rows.insert(place, row);
+                self.values.insert(place, 0.0);
+                place
+            }
+        }
+    }
+}
+
 impl Unsymmetric {
     /// Sets all entries to zero, and the number of rows to `size`.
     pub(crate) fn clear(&mut self, size: usize) {
@@ -49,12 +63,21 @@ impl Unsymmetric {
 
     /// Adds a value to an entry.
     pub(crate) fn add(&mut self, row: u32, column: u32, value: f64) {
-        let Column { rows, values } = &mut self.columns[column as usize];
-        match rows.binary_search(&row) {
-            Ok(place) => values[place] += value,
-            Err(place) => {
-                rows.insert(place, row);
-                values.insert(place, value);
+        let column = &mut self.columns[column as usize];
+        let place = column.place_of(row);
+        column.values[place] += value;
+    }
+
+    /// Adds factor · a ⊗ b, where a and b are lists of places and values.
+    pub(crate) fn add_outer(&mut self, factor: f64, a: &[(u32, f64)], b: &[(u32, f64)]) {
+        for &(column, b) in b {
+            let column = &mut self.columns[column as usize];
+            let mut next = 0;
+            for &(row, a) in a {
+                // The coordinates of a node follow each other, mostly also among the entries of the column.
+                let place = if column.rows.get(next) == Some(&row) { next } else { column.place_of(row) };
+                column.values[place] += factor * a * b;
+                next = place + 1;
             }
         }
     }
