@@ -192,7 +192,7 @@ impl ContactPotential {
             return;
         };
         if *traction != Vec3::zeros() || *stiffness != 0.0 {
-            out.add_gradient(covector(nodes, gradient, 1.0));
+            out.add_friction(covector(nodes, gradient, 1.0));
             let sliding = Sliding {
                 nodes,
                 along: [&along[0], &along[1]],

@@ -118,7 +118,7 @@ impl RollingPotential {
         let nodes = contact.rolling_nodes(partners, pair.cell);
         let spread = |vector: Vec3| pair.weights.map(|weight| vector * weight);
         let gradient = spread(pair.held.traction);
-        out.add_gradient(nodes.into_iter().zip(gradient.map(|vector| vector.into())));
+        out.add_friction(nodes.into_iter().zip(gradient.map(|vector| vector.into())));
         let along = pair.tangents.map(spread);
         let sliding = Sliding {
             nodes: &nodes,

@@ -86,6 +86,7 @@ pub struct Acting {
     slides: Vec<(u64, [f64; 3])>,
     slid: Arc<[(u64, [f64; 3])]>,
     reversals: usize,
+    has_friction: bool,
 }
 
 impl Default for Acting {
@@ -98,12 +99,13 @@ impl Default for Acting {
             slides: Vec::new(),
             slid: Arc::default(),
             reversals: 0,
+            has_friction: false,
         }
     }
 }
 
 impl Acting {
-    /// Removes all forces and tangents, and keeps the directions of sliding for [`Acting::reverses`].
+    /// Removes all forces and tangents, and keeps the directions of sliding for [`Acting::reverses`], and whether friction acted.
     pub fn clear(&mut self) {
         self.gradients.clear();
         self.tangents.clear();
@@ -150,6 +152,17 @@ impl Acting {
         self.gradients.push(covector);
     }
 
+    /// Adds a covector (N) of friction to G.
+    pub fn add_friction(&mut self, covector: impl IntoIterator<Item = (u32, [f64; 3])>) {
+        self.has_friction = true;
+        self.add_gradient(covector);
+    }
+
+    /// Returns whether friction has acted since the last [`Acting::restart`].
+    pub fn has_friction(&self) -> bool {
+        self.has_friction
+    }
+
     /// Adds left ⊗ right (N/m) to ∂G/∂x₁. The two factors differ in general: friction depends on pressure, but pressure
     /// does not depend on friction.
     pub fn add_tangent(
@@ -167,6 +180,7 @@ impl Acting {
         self.tangents.append(&other.tangents);
         self.slides.extend_from_slice(&other.slides);
         self.reversals += other.reversals;
+        self.has_friction |= other.has_friction;
     }
 
     /// Returns the number of covectors whose sum is G.

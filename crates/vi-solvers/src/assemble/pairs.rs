@@ -67,6 +67,11 @@ impl Pairs {
         self.acting.reversals() > 0
     }
 
+    /// Returns whether friction has acted since the last restart.
+    pub(crate) fn has_friction(&self) -> bool {
+        self.acting.has_friction()
+    }
+
     /// Returns whether no force acts.
     pub(crate) fn is_empty(&self) -> bool {
         self.acting.count() == 0

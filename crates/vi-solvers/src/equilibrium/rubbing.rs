@@ -49,9 +49,10 @@ pub(super) fn solve(
     stop.scale = stop.scale.max(1e-12 * balance.energy_scale(q, t));
     let start = q.to_vec();
     let mut series = Rubbing { balance, q: start.clone(), start, t, stop, done: 0, stayed_definite: true };
-    if soft_bristles::solve_plainly(&mut series, Start::Still, tolerance, most).is_err() {
+    if let Err(failed) = soft_bristles::solve_plainly(&mut series, Start::Still, tolerance, most) {
         series.balance.work.softenings += 1;
-        soft_bristles::solve_in_stages(&mut series, &Attempt::all(Start::Still), tolerance, most)?;
+        let attempts = Attempt::after_plain(Start::Still, false, true);
+        soft_bristles::solve_in_stages(&mut series, &attempts, failed, tolerance, most)?;
     }
     q.copy_from_slice(&series.q);
     Ok(Solved { iterations: series.done, stayed_definite: series.stayed_definite })

@@ -44,10 +44,6 @@ const NEAR: f64 = 3e-3;
 /// Smallest fraction of a correction that the line search tries.
 const SHORTEST: f64 = 1.0 / 64.0;
 
-/// Number of attempts in stages that cost less than two steps over h/2. Only these are made if the step can be divided.
-/// Of the slow scenes of `stress --contact --seed 1`, 15 take 28 319 iterations and 115 s instead of 35 248 and 173 s with all three.
-const CHEAP: usize = 1;
-
 /// Equations in which live terms act pair by pair.
 pub(crate) trait PairEquations: Equations {
     /// Returns E v at the last evaluation, where A is the model that `inverse` holds; `None` if E is zero.
@@ -137,18 +133,19 @@ impl<E: PairEquations> PairSeries<'_, '_, E> {
     fn solve(&mut self) -> Result<(), SolverError> {
         let (start, tolerance) = (self.newton.renewal.start, self.newton.tolerance);
         let most = self.newton.max_iterations;
-        if !self.newton.renewal.has_descended
-            && soft_bristles::solve_plainly(self, start, tolerance, most).is_ok()
-        {
-            return Ok(());
+        let mut failed = SolverError::NoConvergence { iterations: 0, residual: 1.0, tolerance };
+        let mut has_friction = true;
+        if !self.newton.renewal.has_descended {
+            match soft_bristles::solve_plainly(self, start, tolerance, most) {
+                Ok(()) => return Ok(()),
+                Err(error) => failed = error,
+            }
+            has_friction = self.solve.evaluator.pairs().is_some_and(Pairs::has_friction);
         }
-        self.solve.evaluator.work.softenings += 1;
-        let attempts = Attempt::all(start);
-        let attempts = match self.newton.budget {
-            Budget::Seconds(_) => &attempts[..CHEAP],
-            Budget::Divisible | Budget::Unlimited => &attempts[..],
-        };
-        let is_same = soft_bristles::solve_in_stages(self, attempts, tolerance, most)?;
+        let can_be_divided = matches!(self.newton.budget, Budget::Seconds(_));
+        let attempts = Attempt::after_plain(start, can_be_divided, has_friction);
+        self.solve.evaluator.work.softenings += u64::from(!attempts.is_empty());
+        let is_same = soft_bristles::solve_in_stages(self, &attempts, failed, tolerance, most)?;
         // If friction was as soft as it is stiff, the next step begins without softening.
         self.newton.renewal.has_descended = !is_same;
         Ok(())

@@ -143,11 +143,11 @@ impl Touching {
         let (longest, tolerance) = (FARTHEST * self.farthest(), self.tolerance);
         let mut drift =
             Drift { touching: self, system, state, h, longest, iterations: 0, is_free: false, acts: true };
-        if soft_bristles::solve_plainly(&mut drift, Start::Inertial, tolerance, MOST_ITERATIONS).is_err() {
-            drift.touching.work.softenings += 1;
-            let attempts = Attempt::all(Start::Inertial);
-            let attempts = if may_divide { &attempts[..1] } else { &attempts[..] };
-            soft_bristles::solve_in_stages(&mut drift, attempts, tolerance, MOST_ITERATIONS)?;
+        let (start, most) = (Start::Inertial, MOST_ITERATIONS);
+        if let Err(failed) = soft_bristles::solve_plainly(&mut drift, start, tolerance, most) {
+            let attempts = Attempt::after_plain(start, may_divide, drift.touching.acting.has_friction());
+            drift.touching.work.softenings += u64::from(!attempts.is_empty());
+            soft_bristles::solve_in_stages(&mut drift, &attempts, failed, tolerance, most)?;
         }
         if !drift.acts {
             // If the terms have a memory, only that must be closed.
