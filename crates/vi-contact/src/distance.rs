@@ -103,6 +103,21 @@ impl Shape {
         apart > 0.0 && apart * apart >= squared * (1.0 + 1e-9) * line.norm_squared()
     }
 
+    /// Returns the closest points at several positions of the nodes, if the square of their distance is below `squared` (m²) at
+    /// one of them.
+    #[inline]
+    pub(crate) fn closest_if_nearer<const N: usize>(
+        self,
+        x: &[[Vec3; 4]; N],
+        squared: f64,
+    ) -> Option<[Closest; N]> {
+        if x.iter().all(|x| self.is_apart(x, squared)) {
+            return None;
+        }
+        let closest = std::array::from_fn(|end| self.closest(&x[end]));
+        closest.iter().any(|closest: &Closest| closest.squared < squared).then_some(closest)
+    }
+
     /// Returns the closest points at positions x. Entries of x beyond the arity are ignored. Of equally close
     /// features the one with the lowest index is chosen.
     #[inline]

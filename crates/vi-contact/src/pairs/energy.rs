@@ -239,14 +239,7 @@ impl Contact<'_> {
         let pair = &self.neighbours.edges[pair];
         let nodes = self.edge_nodes(pair.edges);
         let positions = nodes.map(|node| at(x, node));
-        let reach = pair.reach * pair.reach;
-        if Shape::EdgeEdge.is_apart(&positions, reach) {
-            return None;
-        }
-        let closest = Shape::EdgeEdge.closest(&positions);
-        if closest.squared >= reach {
-            return None;
-        }
+        let [closest] = Shape::EdgeEdge.closest_if_nearer(&[positions], pair.reach * pair.reach)?;
         let [a, b] = pair.edges.map(|edge| &self.surface.edges[edge as usize]);
         let blend = Blend::of_edges(self.surface.barrier, a, b);
         let partners = Partners::Edges(pair.edges[0], pair.edges[1]);

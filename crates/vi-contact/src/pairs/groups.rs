@@ -89,11 +89,7 @@ impl<const ENDS: usize> Group<ENDS> {
         x: [&[f64]; ENDS],
     ) {
         let x = x.map(|x| nodes.map(|node| at(x, node)));
-        if x.iter().all(|x| shape.is_apart(x, reach)) {
-            return;
-        }
-        let closest = x.map(|x| shape.closest(&x));
-        if closest.iter().any(|closest| closest.squared < reach) {
+        if let Some(closest) = shape.closest_if_nearer(&x, reach) {
             let features = closest.map(|closest| feature(&nodes, &closest));
             self.terms.push(PointTerm { shape, nodes, multiplicity, home, closest, features });
         }

@@ -272,15 +272,9 @@ impl Contact<'_> {
     ) -> Option<StepPair> {
         let pair = &self.neighbours.edges[pair];
         let nodes = self.edge_nodes(pair.edges);
-        let [x0, x1] = x.map(|x| nodes.map(|node| at(x, node)));
-        let reach = pair.reach * pair.reach;
-        if Shape::EdgeEdge.is_apart(&x0, reach) && Shape::EdgeEdge.is_apart(&x1, reach) {
-            return None;
-        }
-        let (start, end) = (Shape::EdgeEdge.closest(&x0), Shape::EdgeEdge.closest(&x1));
-        if start.squared.min(end.squared) >= reach {
-            return None;
-        }
+        let x = x.map(|x| nodes.map(|node| at(x, node)));
+        let [start, end] = Shape::EdgeEdge.closest_if_nearer(&x, pair.reach * pair.reach)?;
+        let [x0, x1] = x;
         let [a, b] = pair.edges.map(|edge| &self.surface.edges[edge as usize]);
         let blend = Blend::of_edges(self.surface.barrier, a, b);
         let change = DistanceChange::new(&start, &end, [&x0, &x1]);
