@@ -154,6 +154,6 @@ impl<'a> Margins<'a> {
                 0.5 * (motion[0] - motion[1]).norm() + turn * (middle[0] - middle[1]).norm()
             }
         };
-        face.height(&middle) < gauge.thickness + gauge.distance + margin
+        face.height(&middle) < gauge.reach() + margin
     }
 }

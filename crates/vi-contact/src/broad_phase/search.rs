@@ -229,10 +229,14 @@ fn near_edge(surface: &Surface, margins: &Margins<'_>, edges: [u32; 2]) -> Optio
     // The gauge of a pair reaches no farther than both bodies. This test spares most pairs their gauge.
     let most = surface.reach(surface.edges[first].body) + surface.reach(surface.edges[second].body);
     let approach = margins.if_nearer(Shape::EdgeEdge, [a, b, c, d], 1.000_001 * most)?;
-    let gauge = surface.admits_edges(first, second).then(|| surface.edge_gauge(first, second))??;
-    let pair = || EdgePair { edges, gauge, reach: surface.edge_reach(edges, &gauge) };
-    let is_near = approach.is_nearer(gauge.reach());
-    is_near.then(|| NearEdges { pair: pair(), distance: approach.distance() })
+    if !surface.admits_edges(first, second) {
+        return None;
+    }
+    let gauge = surface.edge_gauge(first, second)?;
+    approach.is_nearer(gauge.reach()).then(|| NearEdges {
+        pair: EdgePair { edges, gauge, reach: surface.edge_reach(edges, &gauge) },
+        distance: approach.distance(),
+    })
 }
 
 /// Returns the pairs of edges near each other, in the order of their numbers.

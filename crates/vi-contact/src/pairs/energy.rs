@@ -257,7 +257,7 @@ impl Contact<'_> {
         let (nodes, places) = self.over_plane(point, plane, x);
         let face = &self.surface.half_spaces[plane as usize];
         let height = face.height(&places);
-        if height >= gauge.thickness + gauge.distance {
+        if height >= gauge.reach() {
             return None;
         }
         let closest = face.closest(&places);

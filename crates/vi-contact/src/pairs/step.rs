@@ -328,7 +328,7 @@ impl Contact<'_> {
         let (part, face) = (self.surface.points[point as usize], &self.surface.half_spaces[plane as usize]);
         let [(nodes, x0), (_, x1)] = x.map(|x| self.over_plane(point, plane, x));
         let ends = [face.height(&x0), face.height(&x1)];
-        if ends[0].min(ends[1]) >= gauge.thickness + gauge.distance {
+        if ends[0].min(ends[1]) >= gauge.reach() {
             return None;
         }
         let change = if face.corners.is_some() {

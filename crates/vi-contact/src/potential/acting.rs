@@ -8,6 +8,7 @@ use super::step::UNDAMPED;
 use crate::distance::Vec3;
 use crate::friction::{FrictionPair, Pressed, Step};
 use crate::pairs::{Contact, Group, Partners, StepPair, in_order};
+use crate::surface::Gauge;
 
 /// The fraction of the stiffness of bristles below which the layer is stiffer than it is: see
 /// [`ContactPotential::for_each_acting`]. With a stiffer layer from the start, steps that fail only by the kink of friction take
@@ -115,8 +116,7 @@ impl ContactPotential {
     ) {
         let is_equilibrium = self.is_equilibrium();
         let x = if is_equilibrium { [x[1], x[1]] } else { x };
-        let neighbours =
-            self.neighbours.near_path(&self.surface, x, |gauge| gauge.thickness + gauge.distance);
+        let neighbours = self.neighbours.near_path(&self.surface, x, Gauge::reach);
         let contact = Contact { surface: &self.surface, neighbours: &neighbours };
         let settings = self.step.as_ref().map_or(&UNDAMPED, |step| &step.settings);
         let near = neighbours.near();

@@ -28,7 +28,7 @@ pub fn angular_momentum(system: &System, state: &State) -> [f64; 3] {
     angular_momentum_at(system, state, &system.positions(state))
 }
 
-/// Returns the same, if the positions x of all coordinates (m) are known.
+/// Angular momentum L = Σ x × p about the origin for points in space at the known positions x of all coordinates (m), kg m²/s.
 pub fn angular_momentum_at(system: &System, state: &State, x: &[f64]) -> [f64; 3] {
     let mut total = [0.0; 3];
     each_momentum(system, state, &mut |dof, p| {

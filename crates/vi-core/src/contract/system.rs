@@ -220,18 +220,22 @@ impl System {
         let mut p = q.clone();
         self.coordinates().coordinates_of(x, &mut q);
         self.coordinates().coordinates_of(v, &mut p);
-        match &self.kinetic {
-            Some(kinetic) => p = inertia::momentum(kinetic, &p),
-            None => p.iter_mut().zip(self.free_mass()).for_each(|(p, m)| *p *= m),
-        }
-        Ok(State { t, q, p })
+        Ok(State { t, q, p: self.momentum_of(p) })
     }
 
     /// Returns p = M q̇, kg m/s, for velocities of the free coordinates, m/s.
     pub fn momentum(&self, q_dot: &[f64]) -> Vec<f64> {
+        self.momentum_of(q_dot.to_vec())
+    }
+
+    /// Returns p = M q̇, kg m/s, in the memory of the velocities q̇ if M is diagonal.
+    fn momentum_of(&self, mut q_dot: Vec<f64>) -> Vec<f64> {
         match &self.kinetic {
-            Some(kinetic) => inertia::momentum(kinetic, q_dot),
-            None => q_dot.iter().zip(self.free_mass()).map(|(v, m)| v * m).collect(),
+            Some(kinetic) => inertia::momentum(kinetic, &q_dot),
+            None => {
+                q_dot.iter_mut().zip(self.free_mass()).for_each(|(v, m)| *v *= m);
+                q_dot
+            }
         }
     }
 
