@@ -15,11 +15,13 @@ mod matter;
 mod meeting;
 mod naming;
 mod outline;
-pub(crate) mod parted;
+mod parted;
 mod parting;
 mod partition;
 pub(crate) mod parts;
 mod periodic;
+#[cfg(any(feature = "cli", test))]
+pub(crate) mod pieces;
 mod prescribe;
 mod read;
 mod regions;

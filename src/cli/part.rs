@@ -8,7 +8,7 @@ use vi_io::IoError;
 
 use super::exit;
 use super::say::{Say, message, out};
-use crate::model::parted::{PartError, part};
+use crate::model::pieces::{PartError, part};
 use crate::run::provenance::Provenance;
 
 #[derive(Debug, Args)]

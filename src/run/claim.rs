@@ -96,6 +96,7 @@ impl Claim {
 
     /// Removes the lock file that a killed process has left in a directory. Does nothing if there is none, or if a
     /// process holds it.
+    #[cfg(any(feature = "cli", test))]
     pub(crate) fn remove_stale(directory: &Path) {
         if directory.join(LOCK).exists() {
             drop(Self::new(directory));

@@ -192,7 +192,7 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let index = place.path().join("bracket.parted");
         let mut of_parts = of_file();
-        crate::model::parted::part(&of_parts.bodies[0].mesh.clone().unwrap(), 5, 1.0, &index).unwrap();
+        crate::model::pieces::part(&of_parts.bodies[0].mesh.clone().unwrap(), 5, 1.0, &index).unwrap();
         of_parts.bodies[0].mesh = Some(index);
         // The last scene has the mesh of the one before it, parted.
         let scenes = whole.clone().take(4).chain([of_parts]);
