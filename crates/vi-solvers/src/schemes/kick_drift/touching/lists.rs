@@ -2,9 +2,9 @@
 //! list is chosen from it as soon as nodes leave their surroundings, and the list of a step is chosen from the inner list.
 //! Iterations use only the list of the step.
 //!
-//! A list is valid in a tube of configurations about the path that the nodes are expected to take: that of their mean
-//! motion since the last list of the same size. So a body that falls or slides as a whole needs no new list. If few nodes
-//! leave the tube of the outer list, only their pairs are searched again.
+//! A list is valid in a tube of configurations about the path that the nodes are expected to take: for the outer list, that of
+//! their mean motion since the last one. So a body that falls or slides as a whole needs no new search. If few nodes leave the
+//! tube of the outer list, only their pairs are searched again.
 
 use std::sync::Arc;
 
@@ -42,20 +42,18 @@ const ROUNDS: usize = 3;
 struct List {
     tube: Tube,
     terms: Vec<Arc<dyn Potential>>,
-    /// Number of steps that it has served.
-    served: f64,
 }
 
 impl List {
-    /// Returns the tube of the list that follows this one, planned for a number of steps. It contains `inside`, the tube of
-    /// a smaller list for one step, and begins there.
+    /// Returns the tube of the list that follows this one, which has served `served` steps, planned for a number of steps. It
+    /// contains `inside`, the tube of a smaller list for one step, and begins there.
     ///
     /// The expected motion is the mean motion over about as many steps as planned: nodes that oscillate would leave a path
     /// along their momentary velocities.
-    fn next_tube(&self, inside: &Tube, steps: f64, least: f64) -> Tube {
+    fn next_tube(&self, served: f64, inside: &Tube, steps: f64, least: f64) -> Tube {
         let start = inside.start.clone();
-        let motion = if self.tube.start.len() == start.len() && self.served > 0.0 {
-            let (old, new) = match self.served / steps {
+        let motion = if self.tube.start.len() == start.len() && served > 0.0 {
+            let (old, new) = match served / steps {
                 part if part < 1.0 => (1.0 - part, 1.0),
                 part => (0.0, 1.0 / part),
             };
@@ -65,10 +63,8 @@ impl List {
             inside.motion.iter().map(|motion| motion * steps).collect()
         };
         let mut tube = Tube { start, motion, reach: Vec::new() };
-        let end = inside.end();
-        let apart = tube.distances(&inside.start).zip(tube.distances(&end));
-        let needed = apart.zip(&inside.reach).map(|((start, end), reach)| start.max(end) + reach);
-        tube.reach = needed.map(|needed| least.max(SPARE * needed)).collect();
+        let needed = needed(&tube, inside, &inside.end());
+        tube.reach = needed.into_iter().map(|needed| least.max(SPARE * needed)).collect();
         tube
     }
 
@@ -81,8 +77,7 @@ impl List {
         }
         let end = inside.end();
         for _ in 0..ROUNDS {
-            let apart = tube.distances(&inside.start).zip(tube.distances(&end));
-            let needed = apart.zip(&inside.reach).map(|((start, end), reach)| start.max(end) + reach);
+            let needed = needed(&tube, inside, &end).into_iter();
             let parts: Vec<f64> = needed.zip(&tube.reach).map(|(needed, reach)| needed / reach).collect();
             if parts.iter().all(|part| *part <= 1.0) {
                 return Some(tube);
@@ -106,9 +101,18 @@ impl List {
     }
 }
 
+/// Returns the reach, m, that each node needs so that a tube with the path of `tube` contains the tube `inside`, whose path ends
+/// at `end`.
+fn needed(tube: &Tube, inside: &Tube, end: &[f64]) -> Vec<f64> {
+    let apart = tube.distances(&inside.start).zip(tube.distances(end));
+    apart.zip(&inside.reach).map(|((start, end), reach)| start.max(end) + reach).collect()
+}
+
 pub(super) struct Lists {
     live: Vec<Arc<dyn Live>>,
     outer: List,
+    /// Number of steps that the outer list has served.
+    served: f64,
     inner: List,
     /// The list of a step, chosen from the inner list.
     step: List,
@@ -122,6 +126,7 @@ impl Lists {
         Self {
             live,
             outer: List::default(),
+            served: 0.0,
             inner: List::default(),
             step: List::default(),
             searches: 0,
@@ -145,7 +150,7 @@ impl Lists {
         let farthest = motion.chunks_exact(3).map(length).fold(0.0, f64::max);
         let reach = vec![LEAST * farthest; motion.len() / 3];
         self.choose(Tube { start: start.to_vec(), motion, reach });
-        self.outer.served += 1.0;
+        self.served += 1.0;
     }
 
     /// Makes the lists of the step valid at `x` too.
@@ -166,19 +171,20 @@ impl Lists {
         if !self.inner.tube.contains_tube(&step) {
             let asked = self.live.iter().map(|term| term.reach()).fold(f64::INFINITY, f64::min);
             let reach = step.reach.iter().map(|reach| reach.max(INNER_REACH * asked)).collect();
-            let inner = Tube { reach, ..step.clone() };
+            let inner = Tube { start: step.start.clone(), motion: step.motion.clone(), reach };
             if !self.outer.tube.contains_tube(&inner) {
                 let least = OUTER_REACH * asked;
                 match self.outer.repaired(&inner, least) {
-                    Some(tube) => self.outer = List { served: self.outer.served, ..self.within(tube) },
+                    Some(tube) => self.outer = self.within(tube),
                     None => {
                         self.searches += 1;
-                        let steps = if self.outer.served > 0.0 {
-                            (LONGER * self.outer.served).clamp(LEAST_OUTER, LARGEST_OUTER)
+                        let steps = if self.served > 0.0 {
+                            (LONGER * self.served).clamp(LEAST_OUTER, LARGEST_OUTER)
                         } else {
                             LARGEST_OUTER
                         };
-                        self.outer = self.within(self.outer.next_tube(&inner, steps, least));
+                        let tube = self.outer.next_tube(self.served, &inner, steps, least);
+                        (self.outer, self.served) = (self.within(tube), 0.0);
                     }
                 }
             }
@@ -190,7 +196,7 @@ impl Lists {
 
     fn within(&self, tube: Tube) -> List {
         let terms = self.live.iter().map(|term| term.within(&tube)).collect();
-        List { tube, terms, served: 0.0 }
+        List { tube, terms }
     }
 
     /// Returns a number that changes with the list of the step.
@@ -214,8 +220,8 @@ impl Lists {
             memory.arrays.push((format!("{name}.start"), list.tube.start.clone()));
             memory.arrays.push((format!("{name}.motion"), list.tube.motion.clone()));
             memory.arrays.push((format!("{name}.reach"), list.tube.reach.clone()));
-            memory.arrays.push((format!("{name}.served"), vec![list.served]));
         }
+        memory.arrays.push(("outer.served".to_owned(), vec![self.served]));
     }
 
     pub(super) fn restore(&mut self, memory: &StepperMemory) {
@@ -223,17 +229,15 @@ impl Lists {
         let saved = |name: &str| {
             let part = |part: &str| array(format!("{name}.{part}"));
             let tube = Tube { start: part("start")?, motion: part("motion")?, reach: part("reach")? };
-            let &[served] = part("served")?.as_slice() else { return None };
             let count = tube.start.len();
             let fits = count > 0 && tube.motion.len() == count && 3 * tube.reach.len() == count;
-            fits.then_some((tube, served))
+            fits.then_some(tube)
         };
-        (self.outer, self.inner) = (List::default(), List::default());
-        if let Some((tube, served)) = saved("outer") {
-            self.outer = List { served, ..self.within(tube) };
-            if let Some((tube, served)) = saved("inner") {
+        (self.outer, self.inner, self.served) = (List::default(), List::default(), 0.0);
+        if let (Some(tube), Some(&[served])) = (saved("outer"), array("outer.served".to_owned()).as_deref()) {
+            (self.outer, self.served) = (self.within(tube), served);
+            if let Some(tube) = saved("inner") {
                 self.inner = narrowed(&self.outer, tube);
-                self.inner.served = served;
             }
         }
     }
@@ -247,5 +251,5 @@ fn narrowed(list: &List, tube: Tube) -> List {
     let narrowed = |term: &Arc<dyn Potential>| term.narrowed(&tube);
     let terms = list.terms.iter().map(|term| narrowed(term).unwrap_or_else(|| Arc::clone(term)));
     let terms = terms.collect();
-    List { tube, terms, served: 0.0 }
+    List { tube, terms }
 }
