@@ -112,6 +112,27 @@ mod tests {
         assert!(serde_json::from_str::<SheetLaw>(&misspelt).is_err());
     }
 
+    /// Checks W = ½ e·C e at strains of 1e-6, to the strain: a sum that cancels is off by 1e-16/1e-12.
+    #[test]
+    fn small_strains_have_energies_without_cancellation() {
+        struct Energy([f64; 3]);
+        impl SheetVisitor for Energy {
+            type Output = f64;
+            fn visit<M: SheetMaterial>(self, material: M) -> f64 {
+                material.response(&self.0).energy
+            }
+        }
+        for law in SheetLaw::examples() {
+            let moduli = law.parameters().moduli();
+            for strain in [[1e-6, 1e-6, 0.0], [1e-6, -1e-6, 5e-7], [-1e-6, 3e-7, -2e-6]] {
+                let stress = moduli.map(|row| row.iter().zip(&strain).map(|(c, e)| c * e).sum::<f64>());
+                let expected = 0.5 * stress.iter().zip(&strain).map(|(s, e)| s * e).sum::<f64>();
+                let found = law.visit(Energy(strain));
+                assert!((found - expected).abs() <= 2e-5 * expected, "{}: {found} {expected}", law.name());
+            }
+        }
+    }
+
     #[test]
     fn zero_thickness_and_missing_mass_are_errors_with_a_way_out() {
         let text = r#"{ "law": "corotated", "young": 1e6, "poisson": 0.3, "thickness": 0.0 }"#;

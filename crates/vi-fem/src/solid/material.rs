@@ -10,6 +10,7 @@ pub(crate) mod formula;
 mod jet;
 #[cfg(test)]
 mod laws;
+mod near_rest;
 pub(crate) mod own;
 pub(crate) mod parameters;
 mod program;

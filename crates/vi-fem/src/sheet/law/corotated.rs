@@ -1,6 +1,6 @@
 //! Corotated linear elasticity in plane stress.
 
-use super::invariants::{Invariants, Uniaxial, from_invariants, invariants, relaxed};
+use super::invariants::{Invariants, Uniaxial, from_invariants, invariants, relaxed, small_invariants};
 use crate::lanes::real::Real;
 use crate::sheet::material::{IsotropicSheet, SheetMaterial, SheetResponse};
 
@@ -26,12 +26,18 @@ impl SheetMaterial for CorotatedSheet {
     fn response<R: Real>(&self, strain: &[R; 3]) -> SheetResponse<R> {
         let (i, j) = invariants(strain);
         let sum = (i + j * 2.0).sqrt();
+        // Σ (σ − 1)² = i − 2s + 2 without its terms of first order, which cancel: with t = i − 2 and j² = 1 + t + q,
+        // s − 2 = (t + 2 (j − 1))/(s + 2) and Σ (σ − 1)² = ((2t (j − 1) − 4q)/(j + 1) + t (s − 2))/(s + 2).
+        let [trace, excess] = small_invariants(strain);
+        let area = (trace + excess) / (j + 1.0);
+        let excess_sum = (area * 2.0 + trace) / (sum + 2.0);
+        let squares = ((trace * area * 2.0 - excess * 4.0) / (j + 1.0) + trace * excess_sum) / (sum + 2.0);
         // With D = μ (i − 2s + 2) + λ'/2 (s − 2)²: compute D_s, D_ss, and s_i = 1/(2s), s_j = 1/s.
         let slope = (sum - 2.0) * self.lambda - 2.0 * self.mu;
         let by_i = sum.constant(0.5) / sum;
         let curvature = by_i * by_i * self.lambda - slope * 0.25 / (sum * sum * sum);
         let law = Invariants {
-            energy: (i - sum * 2.0 + 2.0) * self.mu + (sum - 2.0) * (sum - 2.0) * (0.5 * self.lambda),
+            energy: squares * self.mu + excess_sum * excess_sum * (0.5 * self.lambda),
             first: [slope * by_i + self.mu, slope * by_i * 2.0],
             second: [curvature, curvature * 2.0, curvature * 4.0],
         };

@@ -22,6 +22,13 @@ pub(super) fn invariants<R: Real>(strain: &[R; 3]) -> (R, R) {
     (c11 + c22, square.if_positive(square, square.constant(0.0)).sqrt())
 }
 
+/// Returns t and q with i = 2 + t and j² = 1 + t + q: t is of first and q of second order in the strain.
+#[inline(always)]
+pub(super) fn small_invariants<R: Real>(strain: &[R; 3]) -> [R; 2] {
+    let trace = (strain[0] + strain[1]) * 2.0;
+    [trace, strain[0] * strain[1] * 4.0 - strain[2] * strain[2]]
+}
+
 /// Returns the response of W(i, j) at that strain.
 #[inline(always)]
 pub(super) fn from_invariants<R: Real>(strain: &[R; 3], j: R, law: Invariants<R>) -> SheetResponse<R> {

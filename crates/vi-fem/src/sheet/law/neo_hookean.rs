@@ -1,8 +1,9 @@
 //! Compressible neo-Hookean with logarithmic volume terms, in plane stress.
 
-use super::invariants::{Invariants, Uniaxial, from_invariants, invariants, relaxed};
+use super::invariants::{Invariants, Uniaxial, from_invariants, invariants, relaxed, small_invariants};
 use crate::lanes::real::Real;
 use crate::sheet::material::{IsotropicSheet, SheetMaterial, SheetResponse};
+use crate::small::logarithm::minus_logarithm;
 
 /// Ψ = μ/2 (I₁ − 3 − 2 ln J) + λ/2 ln²J (Bonet & Wood 2008, eq. 6.27) with the stretch s across the thickness
 /// eliminated: I₁ = i + s², J = j s, and P₃₃ = 0 gives μ (s² − 1) + λ ln(j s) = 0.
@@ -23,7 +24,7 @@ impl SheetMaterial for NeoHookeanSheet {
     #[inline(always)]
     fn response<R: Real>(&self, strain: &[R; 3]) -> SheetResponse<R> {
         let (lambda, mu) = (self.lambda, self.mu);
-        let (i, j) = invariants(strain);
+        let (_, j) = invariants(strain);
         // NaN outside the domain; it propagates to all that follows.
         let log_j = j.ln();
         let square = log_j.map(|log| self.thickness_square(log, 1.0));
@@ -31,7 +32,10 @@ impl SheetMaterial for NeoHookeanSheet {
         let slope = (log * lambda - mu) / j;
         // The energy is stationary in s, so only the second derivative contains ∂ ln s/∂ ln j.
         let stiffness = square * (2.0 * mu * lambda) / (square * (2.0 * mu) + lambda);
-        let energy = (i + square - 3.0 - log * 2.0) * (0.5 * mu) + log * log * (0.5 * lambda);
+        // I₁ − 3 − 2 ln J = (j² − 1 − q) − ln j² + (s² − 1) − ln s², without the terms of first order, which cancel.
+        let [trace, excess] = small_invariants(strain);
+        let shear = minus_logarithm(trace + excess) - excess + minus_logarithm(square - 1.0);
+        let energy = shear * (0.5 * mu) + log * log * (0.5 * lambda);
         let zero = j.constant(0.0);
         let law = Invariants {
             energy: j.if_positive(energy, j.constant(f64::INFINITY)),
@@ -73,7 +77,8 @@ impl NeoHookeanSheet {
         let slope = lambda * log - mu;
         let log_rate = 0.5 / c * mu * width / (mu * width + lambda);
         Uniaxial {
-            energy: 0.5 * mu * (c + 2.0 * width - 3.0 - 2.0 * log) + 0.5 * lambda * log * log,
+            energy: 0.5 * mu * (minus_logarithm(c - 1.0) + 2.0 * minus_logarithm(width - 1.0))
+                + 0.5 * lambda * log * log,
             first: 0.5 * mu + 0.5 * slope / c,
             second: 0.5 / c * (lambda * log_rate - slope / c),
             width,

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::contract::{Material, Outside, positive_determinant};
 use super::jet::Jet;
+use super::near_rest::or_work_of_stress;
 use super::parameters::{Parameters, require_positive};
 use super::program::Program;
 use crate::error::FemError;
@@ -81,7 +82,7 @@ impl Parameters for FormulaParameters {
         };
         let (lambda, mu) = self.lame();
         let stiffness = lambda + 2.0 * mu;
-        let (energy, stress) = (law.energy(&IDENTITY), law.stress(&IDENTITY)[0][0]);
+        let (energy, stress) = (law.sum(&IDENTITY), law.stress(&IDENTITY)[0][0]);
         if !(mu > 0.0 && lambda + 2.0 / 3.0 * mu > 0.0 && stiffness.is_finite()) {
             problems.push(wrong(format!(
                 "the moduli at rest are μ = {mu:e} Pa and λ = {lambda:e} Pa; μ and λ + 2μ/3 must be positive"
@@ -122,6 +123,14 @@ struct Invariants<R> {
 }
 
 impl Formula {
+    /// Returns the value of the formula, whose terms may cancel near rest; +∞ for J ≤ 0.
+    #[inline(always)]
+    fn sum<R: Real>(&self, f: &Mat3<R>) -> R {
+        let Invariants { values, .. } = self.invariants(f);
+        let Jet { value, .. } = self.program.at::<R, 0, 0>(values);
+        values[2].if_positive(value, value.constant(f64::INFINITY))
+    }
+
     #[inline(always)]
     fn invariants<R: Real>(&self, f: &Mat3<R>) -> Invariants<R> {
         let i1 = contract(f, f);
@@ -149,9 +158,7 @@ impl Material for Formula {
 
     #[inline(always)]
     fn energy<R: Real>(&self, f: &Mat3<R>) -> R {
-        let Invariants { values, .. } = self.invariants(f);
-        let Jet { value, .. } = self.program.at::<R, 0, 0>(values);
-        values[2].if_positive(value, value.constant(f64::INFINITY))
+        or_work_of_stress(self, f, self.sum(f))
     }
 
     #[inline(always)]

@@ -35,6 +35,7 @@ pub(super) fn check<M: Material>(name: &str) {
     samples.extend(EXTREME[..1].iter().filter(|f| material.inside(f).is_ok()));
     rests_without_energy_or_stress(&material, name);
     small_strains_see_lame(&material, &parameters, name);
+    small_strains_have_energies_without_cancellation(&material, &parameters, name);
     for f in &samples {
         stress_is_the_gradient_of_energy(&material, f, name);
         tangent_is_the_gradient_of_stress(&material, f, name);
@@ -79,6 +80,27 @@ fn small_strains_see_lame<M: Material>(material: &M, parameters: &M::Parameters,
                 + mu * (delta(i, k) * delta(j, l) + delta(i, l) * delta(j, k));
             let found = tangent.entry(row, column);
             assert!((found - expected).abs() <= 1e-13 * mu.max(lambda), "{name}: {row} {column}: {found}");
+        }
+    }
+}
+
+/// Checks Ψ = μ ε:ε + λ/2 (tr ε)² at strains of 1e-6, to the strain: a sum that cancels is off by 1e-16/1e-12.
+fn small_strains_have_energies_without_cancellation<M: Material>(
+    material: &M,
+    parameters: &M::Parameters,
+    name: &str,
+) {
+    let (lambda, mu) = parameters.lame();
+    let strain = [[0.7e-6, 0.2e-6, -0.4e-6], [0.2e-6, -0.9e-6, 0.3e-6], [-0.4e-6, 0.3e-6, 0.5e-6]];
+    for isotropic in [0.0, 1e-6, -1e-6] {
+        let strain = [0, 1, 2].map(|i| [0, 1, 2].map(|j| strain[i][j] + isotropic * IDENTITY[i][j]));
+        let f = [0, 1, 2].map(|i| [0, 1, 2].map(|j| strain[i][j] + IDENTITY[i][j]));
+        let trace: f64 = (0..3).map(|i| strain[i][i]).sum();
+        let expected = mu * contract(&strain, &strain) + 0.5 * lambda * trace * trace;
+        let angles: &[f64] = if M::LINEAR { &[0.0] } else { &[0.0, 0.3, 2.1] };
+        for angle in angles {
+            let found = material.energy(&product(&rotation([0.36, 0.48, 0.8], *angle), &f));
+            assert!((found - expected).abs() <= 2e-5 * expected, "{name} at {angle}: {found} {expected}");
         }
     }
 }

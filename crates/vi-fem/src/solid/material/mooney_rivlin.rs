@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::contract::{Material, Outside, positive_determinant};
+use super::near_rest::NearRest;
 use super::parameters::Parameters;
 use super::parameters::require_positive;
 use crate::error::FemError;
@@ -114,9 +115,17 @@ impl Material for MooneyRivlin {
     fn energy<R: Real>(&self, f: &Mat3<R>) -> R {
         let Invariants { i1, i2, j, power, .. } = invariants(f);
         let volume = j - 1.0;
-        let energy = (power * i1 - 3.0) * self.c10
-            + (power * power * i2 - 3.0) * self.c01
-            + volume * volume * (0.5 * self.bulk);
+        let far = (power * i1 - 3.0) * self.c10 + (power * power * i2 - 3.0) * self.c01;
+        // With p = J^(−2/3), p − 1 = −x/(1 + x)/(p² + p + 1). The sums below have no term of first order.
+        let rest = NearRest::of(f);
+        let change = -rest.x / ((rest.x + 1.0) * (power * power + power + 1.0));
+        let curved = change * 3.0 + rest.x;
+        let twice_trace = rest.trace * 2.0;
+        let first = change * twice_trace + curved - rest.excess;
+        let squared = change * (power + 1.0) * (twice_trace * 2.0 + rest.second * 4.0);
+        let second = squared + (curved - rest.excess + rest.second * 2.0) * 2.0 + change * change * 3.0;
+        let shear = rest.select(first * self.c10 + second * self.c01, far);
+        let energy = shear + volume * volume * (0.5 * self.bulk);
         j.if_positive(energy, j.constant(f64::INFINITY))
     }
 

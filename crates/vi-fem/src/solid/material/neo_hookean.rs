@@ -1,8 +1,10 @@
 //! Compressible neo-Hookean with logarithmic volume terms.
 
 use super::contract::{Material, Outside, positive_determinant};
+use super::near_rest::NearRest;
 use super::parameters::{Isotropic, Parameters};
 use crate::lanes::real::Real;
+use crate::small::logarithm::minus_logarithm;
 use crate::small::tensor::{Mat3, Tangent, cofactor, combine, contract, dot};
 
 /// Ψ = μ/2 (I₁ − 3 − 2 ln J) + λ/2 (ln J)² with I₁ = F:F and J = det F > 0 (Bonet & Wood 2008, eq. 6.27).
@@ -24,7 +26,11 @@ impl Material for NeoHookean {
     fn energy<R: Real>(&self, f: &Mat3<R>) -> R {
         let j = dot(f[0], cofactor(f)[0]);
         let log = j.ln();
-        let energy = (contract(f, f) - 3.0 - log * 2.0) * (0.5 * self.mu) + log * log * (0.5 * self.lambda);
+        let far = contract(f, f) - 3.0 - log * 2.0;
+        // I₁ − 3 = 2 tr E = x − (x − 2 tr E) and 2 ln J = ln(1 + x)
+        let rest = NearRest::of(f);
+        let shear = rest.select(minus_logarithm(rest.x) - rest.excess, far);
+        let energy = shear * (0.5 * self.mu) + log * log * (0.5 * self.lambda);
         j.if_positive(energy, j.constant(f64::INFINITY))
     }
 

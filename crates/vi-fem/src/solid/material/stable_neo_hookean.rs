@@ -1,8 +1,10 @@
 //! The inversion-safe neo-Hookean law of Smith, de Goes and Kim.
 
 use super::contract::Material;
+use super::near_rest::NearRest;
 use super::parameters::{Isotropic, Parameters};
 use crate::lanes::real::Real;
+use crate::small::logarithm::minus_logarithm;
 use crate::small::tensor::{Mat3, Tangent, cofactor, combine, contract, dot};
 
 /// Ψ = μ̂/2 (I₁ − 3) − μ̂/2 ln((I₁ + 1)/4) + λ̂/2 ((J − α)² − (1 − α)²) with α = 1 + 3 μ̂/(4 λ̂) (Smith, de Goes &
@@ -30,8 +32,16 @@ impl Material for StableNeoHookean {
         let i1 = contract(f, f);
         let j = dot(f[0], cofactor(f)[0]);
         // (J − α)² − (1 − α)² = (J − 1)(J + 1 − 2α)
-        (i1 - 3.0 - ((i1 + 1.0) * 0.25).ln()) * (0.5 * self.mu)
-            + (j - 1.0) * (j + (1.0 - 2.0 * self.alpha)) * (0.5 * self.lambda)
+        let far = (i1 - 3.0 - ((i1 + 1.0) * 0.25).ln()) * (0.5 * self.mu)
+            + (j - 1.0) * (j + (1.0 - 2.0 * self.alpha)) * (0.5 * self.lambda);
+        // With s = I₁ − 3 = 2 tr E, Ψ = μ̂/2 (s/4 − ln(1 + s/4)) + 3/8 μ̂ (s − 2 (J − 1)) + λ̂/2 (J − 1)².
+        let rest = NearRest::of(f);
+        let volume = rest.x / (j + 1.0);
+        let shear = (rest.trace * volume - rest.excess) * 2.0 / (j + 1.0);
+        let near = minus_logarithm(rest.trace * 0.5) * (0.5 * self.mu)
+            + shear * (0.375 * self.mu)
+            + volume * volume * (0.5 * self.lambda);
+        j.if_positive(rest.select(near, far), far)
     }
 
     /// Returns P = μ̂ (1 − 1/(I₁ + 1)) F + λ̂ (J − α) cof F.
