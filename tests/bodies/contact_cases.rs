@@ -104,7 +104,7 @@ fixed = true
     .history();
     let total = run.column("total");
     let drift = total.iter().map(|e| (e / total[0] - 1.0).abs()).fold(0.0, f64::max);
-    assert!(drift < 1e-8, "{drift:e}");
+    assert!(drift < 1e-10, "{drift:e}");
 }
 
 /// A solid ball that slides at v₀ = 2 m/s with μ = 0.3 rolls at 5 v₀/7 after the time 2 v₀/(7 μ g) and the distance

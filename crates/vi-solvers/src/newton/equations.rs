@@ -23,6 +23,11 @@ pub(crate) trait Equations {
     fn model_is_partial(&self) -> bool {
         false
     }
+    /// Returns whether A omits the curvature of constraints. Then the corrections of one step contract by ratios that differ
+    /// by orders of magnitude, and the last ratio does not bound the next one.
+    fn omits_curvature(&self) -> bool {
+        false
+    }
     /// Returns whether A stands for the coupled equations of several stages. Then the splitting limits convergence,
     /// however recent K is.
     fn splits_stages(&self) -> bool {

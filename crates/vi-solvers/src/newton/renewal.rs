@@ -6,7 +6,7 @@ use crate::memory::StepperMemory;
 use crate::newton::start::Start;
 
 /// Smallest contraction that is assumed before it has been observed in the step itself.
-const LEAST_CONTRACTION: f64 = 0.05;
+pub(super) const LEAST_CONTRACTION: f64 = 0.05;
 
 /// Number of iterations per step above which steps count as hard.
 const HARD: f64 = 4.0;

@@ -237,6 +237,10 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         self.stage.has_discrete
     }
 
+    fn omits_curvature(&self) -> bool {
+        self.stage.multipliers.is_some()
+    }
+
     fn simplify(&mut self, simple: bool) -> bool {
         let may_be = self.rule.has_correction() && !self.stage.is_forced && !self.stage.has_discrete;
         self.stage.is_simple = simple && may_be;
